@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+namespace cairn {
+
+// The number of threads to use for an option value: itself if positive, else all hardware threads.
+int EffectiveNumThreads(int num_threads);
+
+// Calls fn(i) once for every i in [0, n), on up to num_threads threads (<= 0: all), with dynamic
+// scheduling in blocks of `grain` indices. The first exception stops the loop (blocks already begun
+// are finished) and is thrown again in the caller. fn must write only what belongs to i: then the
+// result does not depend on the number of threads. This is the only place with threads in loops.
+void ParallelFor(int num_threads, int64_t n, const std::function<void(int64_t)>& fn,
+                 int64_t grain = 1);
+
+// The same, telling fn which worker runs it (0 .. num_threads-1): for scratch memory, never for
+// results.
+void ParallelForWorker(int num_threads, int64_t n,
+                       const std::function<void(int worker, int64_t i)>& fn, int64_t grain = 1);
+
+}  // namespace cairn

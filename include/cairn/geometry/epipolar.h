@@ -1,0 +1,39 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "cairn/geometry/rigid3d.h"
+
+namespace cairn {
+
+// E = [t]x R with |t| = 1, so that x2^T E x1 = 0 for normalized image points (third component 1).
+Eigen::Matrix3d EssentialFromPose(const Rigid3d& cam2_from_cam1);
+
+// The four poses (|t| = 1) of an essential matrix (Hartley and Zisserman, 9.6.2).
+std::vector<Rigid3d> PosesFromEssential(const Eigen::Matrix3d& E);
+
+// F = K2^-T E K1^-1 for pinhole matrices.
+Eigen::Matrix3d FundamentalFromEssential(const Eigen::Matrix3d& E, const Eigen::Matrix3d& K1,
+                                         const Eigen::Matrix3d& K2);
+
+// Squared Sampson error of normalized points (third component 1) under E or F, in squared units of
+// the points (Hartley and Zisserman, eq. 11.9).
+double SquaredSampsonError(const Eigen::Matrix3d& E, const Eigen::Vector2d& x1,
+                           const Eigen::Vector2d& x2);
+
+// Depths (along the rays (x, 1)) at which two rays come nearest, or false if the rays are parallel.
+// A point in front of both cameras has both positive.
+bool TriangulateDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector2d& x1,
+                       const Eigen::Vector2d& x2, double* depth1, double* depth2);
+
+// The pose among `poses` with the most points in front of both cameras, and how many those are.
+struct CheiralityResult {
+  Rigid3d cam2_from_cam1;
+  int num_in_front = 0;
+};
+CheiralityResult SelectPoseByCheirality(const std::vector<Rigid3d>& poses,
+                                        const std::vector<Eigen::Vector2d>& x1,
+                                        const std::vector<Eigen::Vector2d>& x2);
+
+}  // namespace cairn

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace cairn {
+
+// 8-bit image, row-major, channels interleaved: 1 (gray) or 3 (RGB).
+struct Bitmap {
+  int width = 0;
+  int height = 0;
+  int channels = 1;
+  std::vector<uint8_t> data;
+
+  const uint8_t* Pixel(int x, int y) const {
+    return &data[(static_cast<size_t>(y) * width + x) * channels];
+  }
+  uint8_t* Pixel(int x, int y) { return &data[(static_cast<size_t>(y) * width + x) * channels]; }
+};
+
+enum class BitmapColor { kGray, kRgb };
+
+// Decodes a photograph without rotating it by its EXIF orientation, as COLMAP does. Throws IoError
+// with the path and the reason (absent, empty, truncated, not an image).
+Bitmap ReadBitmap(const std::string& path, BitmapColor color);
+// Format by extension: .png, .jpg. Throws IoError.
+void WriteBitmap(const std::string& path, const Bitmap& bitmap, int jpeg_quality = 95);
+
+}  // namespace cairn

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cairn/base/types.h"
+#include "cairn/geometry/rigid3d.h"
+
+namespace cairn {
+
+// Why an edge was taken out of the view graph. Kept on the edge, so that it can be shown.
+enum class EdgeRemoval : int {
+  kNone = 0,  // The edge is in use.
+  kTooFewInliers,
+  kNoPose,                 // Verified, but without a relative pose (panoramic, watermark, ...).
+  kTripletInconsistent,    // Rotation loops through it do not close.
+  kRotationInconsistent,   // Disagrees with the global rotations.
+  kDirectionInconsistent,  // 1DSfM: its translation direction contradicts the others.
+  kOtherComponent,         // Not in the component that is reconstructed.
+  kAmbiguous,              // Contradicts many well-supported loops: repeated structure.
+  kWeakBridge,
+};
+
+std::string_view EdgeRemovalName(EdgeRemoval removal);
+
+// A verified pair, image_id1 < image_id2.
+struct ViewEdge {
+  image_t image_id1 = kInvalidImageId;
+  image_t image_id2 = kInvalidImageId;
+  Rigid3d cam2_from_cam1;  // |translation| = 1
+  int num_inliers = 0;
+  double residual_px = 0;              // median Sampson error of the inliers, 0 if unknown
+  double triangulation_angle_deg = 0;  // median over the inliers, 0 if unknown
+  std::string verifier;                // which one won, "" if unknown
+  EdgeRemoval removal = EdgeRemoval::kNone;
+
+  bool IsActive() const { return removal == EdgeRemoval::kNone; }
+  image_pair_t PairId() const { return ImagePairToPairId(image_id1, image_id2); }
+};
+
+// Images and the verified pairs between them. Both vectors are sorted by id (edges by pair), so
+// that every loop over them runs in the same order.
+struct ViewGraph {
+  std::vector<image_t> image_ids;
+  std::vector<ViewEdge> edges;
+
+  int NumActiveEdges() const;
+  // Sorts and checks: ids ordered within an edge, no duplicate edge, every edge's images present.
+  // Throws BugError.
+  void Normalize();
+};
+
+}  // namespace cairn

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+
+#include "cairn/camera/camera.h"
+#include "cairn/scene/features.h"
+#include "cairn/scene/two_view_geometry.h"
+#include "cairn/two_view/options.h"
+
+namespace cairn {
+
+// All that the verification of one pair may depend on: its result is a pure function of this and
+// the options.
+struct PairInput {
+  image_pair_t pair_id = 0;  // Seeds the pair's random numbers, together with `seed`.
+  uint64_t seed = 0;
+  const Camera* camera1 = nullptr;
+  const Camera* camera2 = nullptr;
+  std::span<const Keypoint> keypoints1;  // of the whole image; matches index into it
+  std::span<const Keypoint> keypoints2;
+  std::span<const DepthSample> depth1;  // one per keypoint, or empty: the image has no depth
+  std::span<const DepthSample> depth2;
+  std::span<const FeatureMatch> matches;
+};
+
+enum class PairStatus : int {
+  kVerified = 0,
+  kTooFewMatches,  // below TwoViewOptions::min_num_matches: not tried
+  kNoDepth,        // the 1AC+D verifier had no correspondence with depth in both images
+  kNoModel,        // no hypothesis survived
+  kTooFewInliers,  // the best model has too few inliers, or no more than chance gives
+  kDegenerate,     // an inlier set that fixes no pose (all points in one spot, ...)
+};
+std::string_view PairStatusName(PairStatus status);
+
+// What one verifier found.
+struct PairReport {
+  PairStatus status = PairStatus::kNoModel;
+  // Filled when status is kVerified; cam2_from_cam1 has |t| = 1.
+  TwoViewGeometry geometry;
+  std::string_view verifier;  // name of the verifier (of the winning step, in a cascade)
+  int num_inliers = 0;
+  int64_t num_iterations = 0;  // hypotheses generated
+  double score = 0;            // robust support, larger is better; comparable between verifiers
+  double residual_px = 0;      // median Sampson error of the inliers
+  double triangulation_angle_deg = 0;  // median over the inliers
+};
+
+// Verifies pairs one after the other. Owns its scratch memory, so use one instance a thread.
+class PairVerifier {
+ public:
+  virtual ~PairVerifier() = default;
+  virtual PairReport Verify(const PairInput& input) = 0;
+};
+
+enum class VerifierKind { kOneAcDepth, kFivePoint };
+std::unique_ptr<PairVerifier> MakePairVerifier(VerifierKind kind, const TwoViewOptions& options);
+
+}  // namespace cairn

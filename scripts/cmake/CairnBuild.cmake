@@ -1,0 +1,85 @@
+# Compiler settings, and the helpers that every module, program and test uses.
+include(GNUInstallDirs)
+
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE Release CACHE STRING "" FORCE)
+endif()
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
+set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")
+
+find_program(CAIRN_CCACHE ccache)
+if(CAIRN_CCACHE)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CAIRN_CCACHE})
+endif()
+find_program(CAIRN_MOLD mold)
+if(CAIRN_MOLD)
+  add_link_options(-fuse-ld=mold)
+endif()
+
+# No contraction into fused operations: the same source gives the same bytes on every x86-64.
+add_compile_options(-Wall -Wextra -Wno-unused-parameter -ffp-contract=off)
+if(CAIRN_WERROR)
+  add_compile_options(-Werror)
+endif()
+if(CAIRN_SANITIZE STREQUAL "address")
+  add_compile_options(-fsanitize=address,undefined -fno-omit-frame-pointer -g)
+  add_link_options(-fsanitize=address,undefined)
+elseif(CAIRN_SANITIZE STREQUAL "thread")
+  add_compile_options(-fsanitize=thread -g)
+  add_link_options(-fsanitize=thread)
+elseif(CAIRN_SANITIZE)
+  message(FATAL_ERROR "CAIRN_SANITIZE is '${CAIRN_SANITIZE}'; use 'address' or 'thread'")
+endif()
+
+# cairn_module(NAME SOURCES a.cc ... [PUBLIC lib ...] [PRIVATE lib ...])
+# One static library cairn_NAME (alias cairn::NAME). Without SOURCES, a header-only library.
+function(cairn_module name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  if(ARG_SOURCES)
+    add_library(cairn_${name} STATIC ${ARG_SOURCES})
+    set(scope PUBLIC)
+    target_link_libraries(cairn_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
+    target_include_directories(cairn_${name} PRIVATE ${PROJECT_SOURCE_DIR}/src)
+  else()
+    add_library(cairn_${name} INTERFACE)
+    set(scope INTERFACE)
+    target_link_libraries(cairn_${name} INTERFACE ${ARG_PUBLIC})
+  endif()
+  add_library(cairn::${name} ALIAS cairn_${name})
+  target_compile_features(cairn_${name} ${scope} cxx_std_20)
+  target_include_directories(cairn_${name} ${scope}
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  set_target_properties(cairn_${name} PROPERTIES EXPORT_NAME ${name})
+  set_property(GLOBAL APPEND PROPERTY CAIRN_MODULES cairn_${name})
+endfunction()
+
+# cairn_program(NAME SOURCES ... LIBS ...): an executable in build/bin, installed.
+function(cairn_program name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LIBS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_LIBS})
+  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endfunction()
+
+# cairn_test(NAME SOURCES ... LIBS ... [LABELS unit|slow|data ...]): one GoogleTest program;
+# every test case is registered with ctest under the labels (default: unit).
+function(cairn_test name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LIBS;LABELS" ${ARGN})
+  if(NOT ARG_LABELS)
+    set(ARG_LABELS unit)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR}/tests)
+  target_compile_definitions(${name} PRIVATE
+    CAIRN_SHARED_DIR="${PROJECT_SOURCE_DIR}/../shared" CAIRN_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    CAIRN_BINARY_DIR="${CMAKE_BINARY_DIR}")
+  target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gmock_main)
+  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 120
+    PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600)
+endfunction()

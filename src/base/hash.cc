@@ -1,0 +1,51 @@
+#include "cairn/base/hash.h"
+
+#include <xxhash.h>
+
+#include <cstdio>
+#include <fstream>
+#include <vector>
+
+#include "cairn/base/error.h"
+
+namespace cairn {
+
+struct Hasher::State {
+  XXH3_state_t* xxh = XXH3_createState();
+  ~State() { XXH3_freeState(xxh); }
+};
+
+Hasher::Hasher() : state_(std::make_unique<State>()) { XXH3_64bits_reset(state_->xxh); }
+Hasher::~Hasher() = default;
+
+Hasher& Hasher::AddBytes(const void* data, size_t num_bytes) {
+  XXH3_64bits_update(state_->xxh, data, num_bytes);
+  return *this;
+}
+
+Hasher& Hasher::Add(std::string_view text) {
+  return Add(static_cast<uint64_t>(text.size())).AddBytes(text.data(), text.size());
+}
+
+uint64_t Hasher::Digest() const { return XXH3_64bits_digest(state_->xxh); }
+
+std::string HashToHex(uint64_t hash) {
+  char text[17];
+  std::snprintf(text, sizeof(text), "%016llx", static_cast<unsigned long long>(hash));
+  return text;
+}
+
+uint64_t HashFile(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw IoError(path, "cannot be opened");
+  Hasher hasher;
+  std::vector<char> buffer(1 << 20);
+  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
+         file.gcount() > 0) {
+    hasher.AddBytes(buffer.data(), static_cast<size_t>(file.gcount()));
+  }
+  if (file.bad()) throw IoError(path, "cannot be read");
+  return hasher.Digest();
+}
+
+}  // namespace cairn

@@ -1,0 +1,113 @@
+#include "cairn/base/options.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <numeric>
+
+#include "cairn/base/error.h"
+
+namespace cairn {
+namespace {
+
+// The shortest text that reads back as the same number; always with a point or exponent, as TOML
+// wants.
+std::string FormatDouble(double value) {
+  if (std::isinf(value)) return value > 0 ? "inf" : "-inf";
+  if (std::isnan(value)) return "nan";
+  char buffer[32];
+  const auto result = std::to_chars(buffer, buffer + sizeof(buffer), value);
+  std::string text(buffer, result.ptr);
+  if (text.find_first_of(".e") == std::string::npos) text += ".0";
+  return text;
+}
+
+std::string Quote(std::string_view value) {
+  std::string text = "\"";
+  for (const char c : value) {
+    if (c == '"' || c == '\\') text += '\\';
+    text += c;
+  }
+  return text + "\"";
+}
+
+void CheckRange(const std::string& key, double value, OptionRange range) {
+  if (value >= range.min && value <= range.max) return;  // Also refuses NaN.
+  throw ConfigError(key, FormatDouble(value) + " is out of range [" + FormatDouble(range.min) +
+                             ", " + FormatDouble(range.max) + "]");
+}
+
+}  // namespace
+
+std::string OptionValidator::Key(std::string_view name) const {
+  return module_.empty() ? std::string(name) : module_ + "." + std::string(name);
+}
+void OptionValidator::Bool(std::string_view, bool&, std::string_view) {}
+void OptionValidator::Int(std::string_view name, int& value, OptionRange range, std::string_view) {
+  CheckRange(Key(name), value, range);
+}
+void OptionValidator::Double(std::string_view name, double& value, OptionRange range,
+                             std::string_view) {
+  CheckRange(Key(name), value, range);
+}
+void OptionValidator::String(std::string_view, std::string&, std::string_view) {}
+void OptionValidator::Doubles(std::string_view name, std::vector<double>& value, std::string_view) {
+  for (const double v : value) CheckRange(Key(name), v, {});
+}
+void OptionValidator::Choice(std::string_view name, std::string& value,
+                             const std::vector<std::string>& choices, std::string_view) {
+  if (std::find(choices.begin(), choices.end(), value) != choices.end()) return;
+  std::string allowed;
+  for (const std::string& choice : choices) allowed += (allowed.empty() ? "" : ", ") + choice;
+  throw ConfigError(Key(name), "'" + value + "' is not one of " + allowed);
+}
+
+void OptionDumper::Line(std::string_view name, const std::string& value) {
+  text_ += std::string(name) + " = " + value + "\n";
+}
+void OptionDumper::Bool(std::string_view name, bool& value, std::string_view) {
+  Line(name, value ? "true" : "false");
+}
+void OptionDumper::Int(std::string_view name, int& value, OptionRange, std::string_view) {
+  Line(name, std::to_string(value));
+}
+void OptionDumper::Double(std::string_view name, double& value, OptionRange, std::string_view) {
+  Line(name, FormatDouble(value));
+}
+void OptionDumper::String(std::string_view name, std::string& value, std::string_view) {
+  Line(name, Quote(value));
+}
+void OptionDumper::Doubles(std::string_view name, std::vector<double>& value, std::string_view) {
+  std::string text = "[";
+  for (const double v : value) text += (text.size() > 1 ? ", " : "") + FormatDouble(v);
+  Line(name, text + "]");
+}
+void OptionDumper::Choice(std::string_view name, std::string& value,
+                          const std::vector<std::string>&, std::string_view) {
+  Line(name, Quote(value));
+}
+
+std::string NearestName(std::string_view name, const std::vector<std::string>& candidates) {
+  std::string best;
+  size_t best_distance = std::max<size_t>(2, name.size() / 3) + 1;
+  for (const std::string& candidate : candidates) {
+    std::vector<size_t> row(candidate.size() + 1);  // Levenshtein distance, one row at a time.
+    std::iota(row.begin(), row.end(), size_t{0});
+    for (size_t i = 1; i <= name.size(); ++i) {
+      size_t diagonal = row[0];
+      row[0] = i;
+      for (size_t j = 1; j <= candidate.size(); ++j) {
+        const size_t replace = diagonal + (name[i - 1] != candidate[j - 1]);
+        diagonal = row[j];
+        row[j] = std::min({replace, row[j] + 1, row[j - 1] + 1});
+      }
+    }
+    if (row.back() < best_distance) {
+      best_distance = row.back();
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+}  // namespace cairn
