@@ -1,0 +1,74 @@
+#pragma once
+
+#include <set>
+#include <string>
+#include <string_view>
+
+#include "cairn/base/options.h"
+#include "cairn/base/progress.h"
+#include "cairn/scene/reconstruction.h"
+
+namespace cairn {
+
+struct BundleAdjustmentOptions {
+  // Robust loss on the reprojection error: "none", "soft_l1", "huber" or "cauchy".
+  std::string loss = "soft_l1";
+  // Error at which the loss leaves the square, pixels.
+  double loss_scale_px = 1.0;
+  int max_iterations = 50;
+  // Stop when the relative change of the cost in one iteration is below.
+  double function_tolerance = 1e-6;
+  // "auto" picks by the number of images: dense Schur complement up to max_dense_images, sparse up
+  // to max_sparse_images, conjugate gradients on the Schur complement beyond.
+  std::string solver = "auto";
+  int max_dense_images = 50;
+  int max_sparse_images = 1000;
+  // Threads; 0: all. One thread gives the same bytes every time; with more the order of sums, and
+  // so the last digits, differ from run to run (Ceres).
+  int num_threads = 0;
+
+  void VisitFields(OptionVisitor& v);
+};
+
+// What is adjusted; everything else is held. Principal points are never adjusted.
+struct BundleAdjustmentScope {
+  bool rotations = true;
+  bool positions = true;
+  bool points = true;
+  bool focal_lengths = false;
+  bool distortions = false;
+  std::set<camera_t> fixed_cameras;  // intrinsics held whatever the flags above say
+  std::set<image_t> fixed_images;    // poses held
+};
+
+enum class BundleAdjustmentStatus : int {
+  kConverged = 0,
+  kMaxIterations,   // still improving; the result is usable
+  kNoObservations,  // nothing to adjust
+  kFailed,          // the solver failed; the reconstruction is unchanged
+  kStopped,         // the user asked to stop; the reconstruction is as far as it got
+};
+std::string_view BundleAdjustmentStatusName(BundleAdjustmentStatus status);
+
+struct BundleAdjustmentReport {
+  BundleAdjustmentStatus status = BundleAdjustmentStatus::kNoObservations;
+  int64_t num_images = 0;
+  int64_t num_points = 0;
+  int64_t num_observations = 0;
+  int num_iterations = 0;
+  double initial_rmse_px = 0;  // root mean squared residual, after the robust loss
+  double final_rmse_px = 0;
+  double seconds = 0;
+  std::string solver;  // "dense_schur", "sparse_schur", "iterative_schur"
+};
+
+// Minimizes the robust reprojection error over `scope` (Levenberg-Marquardt by Ceres, analytic
+// Jacobians, points eliminated first). The seven degrees of freedom of the world frame stay free:
+// the damping holds them, and afterwards the frame is put back to the centroid, the orientation and
+// the scale that the camera centers had before. Points behind a camera contribute nothing.
+BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
+                                    const BundleAdjustmentScope& scope,
+                                    Reconstruction& reconstruction,
+                                    ProgressMonitor& monitor = NullMonitor());
+
+}  // namespace cairn

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cairn/base/options.h"
+#include "cairn/scene/reconstruction.h"
+
+namespace cairn {
+
+struct TrackOptions {
+  // Shortest track that is kept, in images.
+  int min_length = 2;
+  // What happens where a chain of matches joins two keypoints of one image. "split": a match that
+  // would join them is left out, matches of the best-supported pairs are joined first. "drop": the
+  // whole chain is left out.
+  std::string conflicts = "split";
+  // Tracks are picked, long ones first, until every image has this many (0: all are kept).
+  int max_per_image = 0;
+
+  void VisitFields(OptionVisitor& v);
+};
+
+// Inlier matches of one pair of images.
+struct PairMatches {
+  image_t image_id1 = kInvalidImageId;
+  image_t image_id2 = kInvalidImageId;
+  FeatureMatches matches;
+};
+
+struct TrackReport {
+  int64_t num_matches = 0;      // given
+  int64_t num_conflicting = 0;  // matches left out ("split"), chains left out ("drop")
+  int64_t num_too_short = 0;    // tracks
+  int64_t num_tracks_before_selection = 0;
+  int64_t num_tracks = 0;
+  int64_t num_observations = 0;
+  std::vector<Track> tracks;  // sorted by their first element, then the second, ...
+};
+
+// Joins matches to tracks by union-find. Every track has at most one keypoint of an image. The
+// result does not depend on the order of `pairs` or on the order of the matches within them.
+// Cost: O(m log m) in the number of matches.
+TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& options);
+
+// Indices (ascending) of a subset of `tracks` that gives every image, and every pair of images that
+// share tracks, enough of them: long tracks come first, a track is taken while one of its images
+// has fewer than `min_per_image`, or one of its pairs fewer than `min_per_pair`, taken tracks.
+std::vector<size_t> SelectTracks(std::span<const Track> tracks, int min_per_image,
+                                 int min_per_pair);
+
+// Detectors give one position several keypoints (one an orientation). For every keypoint, the first
+// keypoint of the image at the same position.
+std::vector<point2D_t> FirstKeypointsAtPosition(std::span<const Keypoint> keypoints);
+
+}  // namespace cairn

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <span>
+
+#include "cairn/base/progress.h"
+#include "cairn/scene/reconstruction.h"
+#include "cairn/triangulation/triangulation.h"
+
+namespace cairn {
+
+struct TriangulateTracksReport {
+  int64_t num_tracks = 0;         // given, with at least two registered images
+  int64_t num_triangulated = 0;   // tracks that gave a point
+  int64_t num_second_points = 0;  // tracks whose remaining observations gave another point
+  int64_t num_too_few_views = 0;  // tracks without a point, by reason
+  int64_t num_small_angle = 0;
+  int64_t num_ill_posed = 0;
+  int64_t num_points = 0;
+  int64_t num_observations = 0;
+};
+
+// Replaces the points of `reconstruction` by those triangulated from `tracks` under its present
+// poses and cameras. Observations of images that are not registered are passed over. Points are in
+// the order of the tracks, ids from 1. The result does not depend on num_threads.
+TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
+                                          const TriangulationOptions& options, int num_threads,
+                                          Reconstruction& reconstruction);
+
+struct FilterOptions {
+  double max_error_px = 4.0;   // reprojection error of an observation
+  double min_angle_deg = 1.5;  // largest angle between two rays of a point
+  int min_views = 2;
+};
+
+struct FilterReport {
+  int64_t num_observations_removed = 0;  // error too large, or behind the camera
+  int64_t num_points_removed = 0;        // too few observations left, or too small an angle
+};
+
+// Removes what does not fit the present poses.
+FilterReport FilterPoints(const FilterOptions& options, int num_threads,
+                          Reconstruction& reconstruction);
+
+}  // namespace cairn
