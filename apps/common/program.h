@@ -1,0 +1,93 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "cairn/base/options.h"
+
+namespace cairn {
+
+// Exit codes of every program (DESIGN.md, "Errors").
+enum ExitCode : int {
+  kExitSuccess = 0,
+  kExitNoUsableResult = 1,
+  kExitUsage = 2,
+  kExitIo = 3,
+  kExitBug = 4,
+};
+
+// One field of an options struct, bound to its flag and its TOML key.
+struct OptionField;
+
+// A program's only command, or one of its subcommands. It binds options structs to flags
+// `--module.field` and to the TOML tables `[module]` of `--config FILE`; precedence: default, file,
+// flag. Options with the module name "" are the top-level flags: `--image_path`, `--seed`.
+class Command {
+ public:
+  Command(CLI::App& app, std::string name);
+  ~Command();
+
+  // Binds the fields that options.VisitFields lists. `options` must outlive the program's Run.
+  template <class Options>
+  void AddOptions(const std::string& module, Options& options) {
+    const std::unique_ptr<OptionVisitor> binder = MakeBinder(module);
+    options.VisitFields(*binder);
+    validators_.push_back([module, &options] { ValidateOptions(options, module); });
+    dumpers_.push_back({module, [&options] { return DumpOptions(options); }});
+  }
+  // What the command does, after all options are read and valid; the result is the exit code.
+  void SetRun(std::function<int()> run);
+
+  // Was the option `key` ("seed", "matching.max_ratio") given, by file or flag?
+  bool IsSet(const std::string& key) const { return is_set_.count(key) > 0; }
+  // Throws ConfigError unless the option was given and is not empty.
+  void Require(const std::string& key) const;
+  // The options in force as TOML, with the program's name and version as comments.
+  std::string EffectiveToml() const;
+
+ private:
+  std::unique_ptr<OptionVisitor> MakeBinder(const std::string& module);
+  void ReadConfigFile(const std::string& path);
+  void Apply();
+
+  CLI::App& app_;
+  std::string name_;
+  std::string config_path_;
+  std::vector<std::unique_ptr<OptionField>> fields_;
+  std::vector<std::function<void()>> validators_;
+  struct Dumper {
+    std::string module;
+    std::function<std::string()> dump;
+  };
+  std::vector<Dumper> dumpers_;
+  std::set<std::string> is_set_;
+  std::function<int()> run_;
+  friend class Program;
+  int exit_code_ = kExitSuccess;
+};
+
+// A command-line program: parses, runs one command, catches once, and turns errors into exit codes
+// and one clear line on the error stream.
+class Program {
+ public:
+  Program(std::string name, const std::string& description);
+  ~Program();
+
+  // For a program without subcommands.
+  Command& MainCommand();
+  // For a program with subcommands.
+  Command& AddCommand(const std::string& name, const std::string& description);
+
+  int Run(int argc, char** argv);
+
+ private:
+  std::string name_;
+  CLI::App app_;
+  std::vector<std::unique_ptr<Command>> commands_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,145 @@
+#include "common/program.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "cairn/base/error.h"
+
+namespace cairn {
+namespace {
+
+struct TopOptions {
+  std::string image_path;
+  int seed = 0;
+  void VisitFields(OptionVisitor& v) {
+    v.String("image_path", image_path, "folder of photographs");
+    v.Int("seed", seed, {-5, 100}, "seed");
+  }
+};
+
+struct MatchOptions {
+  double max_ratio = 0.8;
+  bool cross_check = true;
+  std::vector<double> weights;
+  std::string kind = "fast";
+  void VisitFields(OptionVisitor& v) {
+    v.Double("max_ratio", max_ratio, {0, 1}, "ratio");
+    v.Bool("cross_check", cross_check, "mutual");
+    v.Doubles("weights", weights, "weights");
+    v.Choice("kind", kind, {"fast", "slow"}, "kind");
+  }
+};
+
+class ProgramTest : public testing::Test {
+ protected:
+  // Runs the program with the arguments; the options keep what was in force.
+  int Run(
+      std::vector<std::string> args, std::function<int()> run = [] { return 0; }) {
+    Program program("prog", "test program");
+    Command& command = program.MainCommand();
+    command.AddOptions("", top_);
+    command.AddOptions("matching", matching_);
+    command.SetRun([&] {
+      ++num_runs_;
+      toml_ = command.EffectiveToml();
+      seed_is_set_ = command.IsSet("seed");
+      return run();
+    });
+    args.insert(args.begin(), "prog");
+    std::vector<char*> argv;
+    for (std::string& arg : args) argv.push_back(arg.data());
+    testing::internal::CaptureStderr();
+    const int exit_code = program.Run(static_cast<int>(argv.size()), argv.data());
+    output_ = testing::internal::GetCapturedStderr();
+    return exit_code;
+  }
+
+  std::string WriteConfig(const std::string& text) {
+    const std::string path = testing::TempDir() + "/cairn_program_test.toml";
+    std::ofstream(path) << text;
+    return path;
+  }
+
+  TopOptions top_;
+  MatchOptions matching_;
+  std::string output_, toml_;
+  bool seed_is_set_ = false;
+  int num_runs_ = 0;
+};
+
+TEST_F(ProgramTest, FlagsSetFieldsOfEveryKind) {
+  EXPECT_EQ(Run({"--image_path", "a b", "--seed", "-3", "--matching.max_ratio=0.5",
+                 "--matching.cross_check", "0", "--matching.weights", "1,-2.5,3", "--matching.kind",
+                 "slow"}),
+            0);
+  EXPECT_EQ(top_.image_path, "a b");
+  EXPECT_EQ(top_.seed, -3);
+  EXPECT_EQ(matching_.max_ratio, 0.5);
+  EXPECT_FALSE(matching_.cross_check);
+  EXPECT_THAT(matching_.weights, testing::ElementsAre(1, -2.5, 3));
+  EXPECT_EQ(matching_.kind, "slow");
+  EXPECT_TRUE(seed_is_set_);
+}
+
+TEST_F(ProgramTest, BooleanFlagsAcceptNothingZeroAndOne) {
+  matching_.cross_check = false;
+  EXPECT_EQ(Run({"--matching.cross_check", "--seed", "1"}), 0);
+  EXPECT_TRUE(matching_.cross_check);
+  EXPECT_EQ(Run({"--matching.cross_check", "0"}), 0);
+  EXPECT_FALSE(matching_.cross_check);
+  EXPECT_EQ(Run({"--matching.cross_check", "1"}), 0);
+  EXPECT_TRUE(matching_.cross_check);
+  EXPECT_EQ(Run({"--matching.cross_check=2"}), kExitUsage);
+}
+
+TEST_F(ProgramTest, FlagsOverrideTheFileAndTheFileOverridesDefaults) {
+  const std::string path = WriteConfig(
+      "seed = 7\n[matching]\nmax_ratio = 0.6\ncross_check = false\nweights = [1, 2.5]\n");
+  EXPECT_EQ(Run({"--config", path, "--matching.max_ratio", "0.9"}), 0);
+  EXPECT_EQ(top_.seed, 7);
+  EXPECT_EQ(matching_.max_ratio, 0.9);
+  EXPECT_FALSE(matching_.cross_check);
+  EXPECT_THAT(matching_.weights, testing::ElementsAre(1, 2.5));
+}
+
+TEST_F(ProgramTest, EffectiveTomlReadsBackToTheSameOptions) {
+  EXPECT_EQ(Run({"--seed", "12", "--image_path", "x\"y\\z", "--matching.max_ratio", "0.1"}), 0);
+  const std::string first = toml_;
+  top_ = {};
+  matching_ = {};
+  EXPECT_EQ(Run({"--config", WriteConfig(first)}), 0);
+  EXPECT_EQ(toml_, first);
+  EXPECT_EQ(top_.image_path, "x\"y\\z");
+}
+
+TEST_F(ProgramTest, WrongInputIsAUsageErrorThatNamesTheKey) {
+  EXPECT_EQ(Run({"--sede", "1"}), kExitUsage);
+  EXPECT_THAT(output_, testing::AllOf(testing::HasSubstr("--sede"),
+                                      testing::HasSubstr("did you mean '--seed'")));
+  EXPECT_EQ(Run({"--seed", "x"}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("seed"));
+  EXPECT_EQ(Run({"--seed", "101"}), kExitUsage);
+  top_ = {};
+  EXPECT_EQ(Run({"--matching.kind", "other"}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("fast, slow"));
+  matching_ = {};
+  EXPECT_EQ(Run({"--config", WriteConfig("[matching]\nmax_ration = 1\n")}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("did you mean 'matching.max_ratio'"));
+  EXPECT_EQ(Run({"--config", WriteConfig("seed = \n")}), kExitUsage);
+  EXPECT_EQ(num_runs_, 0);
+}
+
+TEST_F(ProgramTest, ErrorsBecomeExitCodes) {
+  EXPECT_EQ(Run({}, [] { return int{kExitNoUsableResult}; }), kExitNoUsableResult);
+  EXPECT_EQ(Run({}, []() -> int { throw IoError("f.jpg", "is empty"); }), kExitIo);
+  EXPECT_THAT(output_, testing::HasSubstr("f.jpg: is empty"));
+  EXPECT_EQ(Run({}, []() -> int { throw ConfigError("k", "bad"); }), kExitUsage);
+  EXPECT_EQ(Run({}, []() -> int { throw BugError("oops"); }), kExitBug);
+  EXPECT_EQ(Run({"--config", "/nonexistent.toml"}), kExitIo);
+}
+
+}  // namespace
+}  // namespace cairn
