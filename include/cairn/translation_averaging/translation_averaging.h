@@ -1,0 +1,85 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cairn/base/progress.h"
+#include "cairn/base/types.h"
+#include "cairn/translation_averaging/options.h"
+
+namespace cairn {
+
+// A measured direction between two camera centers, in the world frame: c_2 - c_1 points along
+// `direction` (need not be normalized; not zero). With known rotations, it is
+// R_2^T * -t for the pose cam2_from_cam1 = (R, t) and the global rotation R_2 = cam2_from_world.
+struct DirectionEdge {
+  image_t image_id1 = kInvalidImageId;
+  image_t image_id2 = kInvalidImageId;
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
+  double weight = 1.0;  // > 0, relative to the other edges
+};
+
+// A viewing ray from a camera center to a scene point, in the world frame.
+struct PointRay {
+  image_t image_id = kInvalidImageId;
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
+};
+
+// The rays of all observations of one scene point (a track); at most one an image.
+struct PointDirections {
+  std::vector<PointRay> rays;
+};
+
+enum class TranslationAveragingStatus {
+  kSuccess,
+  kNoEdges,      // no direction between two different cameras, and no usable track
+  kCollapsed,    // the solution folds (see CollapseReport): no centers are given
+  kInterrupted,  // the monitor asked to stop; no centers
+};
+std::string_view TranslationAveragingStatusName(TranslationAveragingStatus status);
+
+// What of the measurements supports a camera's position.
+struct CameraSupport {
+  int num_edges = 0;            // camera-camera directions that agree with the solution
+  int num_points = 0;           // rays to points that agree with the solution
+  double median_error_deg = 0;  // of both
+};
+
+struct TranslationAveragingReport {
+  TranslationAveragingStatus status = TranslationAveragingStatus::kNoEdges;
+  // Up to one translation and one positive scale: the mean is zero, the median distance from it 1.
+  std::map<image_t, Eigen::Vector3d> centers;
+  std::map<image_t, CameraSupport> support;
+  // Images that have measurements but cannot be placed: not in the largest parallel-rigid part.
+  std::vector<image_t> not_rigid;
+  // One an input track: its position, where it could be found from at least two placed cameras.
+  std::vector<Eigen::Vector3d> points;
+  std::vector<char> point_is_valid;
+  // One an input edge: out by the 1DSfM filter; angle to the solution in degrees, -1 if an end was
+  // not placed.
+  std::vector<char> edge_is_filtered;
+  std::vector<double> edge_errors_deg;
+  int num_filtered = 0;
+  int num_iterations = 0;
+  double median_edge_error_deg = 0;
+  double median_ray_error_deg = 0;
+  // Why the result was refused, in words; empty if it was not.
+  std::string message;
+};
+
+// Camera centers (and points) from directions, with known rotations:
+// outlier filter of 1DSfM; parallel-rigidity check; a deterministic start by least unsquared
+// deviations (Ozyesil and Singer 2015); robust nonlinear fit over camera-camera and camera-point
+// directions, chordal (Wilson and Snavely 2014) or scale-free (BATA, Zhuang et al. 2018); refusal
+// of a collapsed solution.
+// Edge and track order do not matter, nor does the number of threads.
+TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
+                                               std::span<const PointDirections> tracks,
+                                               const TranslationAveragingOptions& options = {},
+                                               ProgressMonitor& monitor = NullMonitor());
+
+}  // namespace cairn

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "cairn/base/progress.h"
+#include "cairn/base/types.h"
+#include "cairn/scene/view_graph.h"
+#include "cairn/view_graph/options.h"
+
+namespace cairn {
+
+// What the filters did: how many edges each reason removed (EdgeRemoval as the key).
+struct ViewGraphReport {
+  int num_edges = 0;
+  int num_active_edges = 0;
+  std::map<EdgeRemoval, int> num_removed;
+  // Closing errors of the loops of three that were looked at.
+  int num_triplets = 0;
+  int num_consistent_triplets = 0;
+  double median_triplet_error_deg = 0;
+  // Connected components of the active edges with at least two images, largest first.
+  std::vector<std::vector<image_t>> components;
+};
+
+struct ViewGraphResult {
+  ViewGraph graph;
+  ViewGraphReport report;
+};
+
+// The view graph of verified pairs, with every edge kept and the reason on those that are out:
+// too few inliers, loops of three that do not close, repeated structure, weak bridges. Edges that
+// come with a removal reason keep it (kNoPose: set by the caller for pairs without a pose).
+// Components are not chosen here (see KeepComponent).
+ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewEdge> edges,
+                               const ViewGraphOptions& options = {},
+                               ProgressMonitor& monitor = NullMonitor());
+
+// The single steps. Each looks at active edges only and returns how many it removed.
+
+// Edges with fewer than min_num_inliers inliers (kTooFewInliers).
+int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph);
+
+// Edges that disagree with global rotations by more than max_error_deg, or that have an image
+// without one (kRotationInconsistent).
+int RemoveRotationOutliers(const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+                           double max_error_deg, ViewGraph& graph);
+
+// Bridges with fewer than min_num_inliers inliers whose two sides both have at least two edges more
+// (kWeakBridge).
+int RemoveWeakBridges(int min_num_inliers, ViewGraph& graph);
+
+// Connected components of the active edges, with at least two images, largest first.
+std::vector<std::vector<image_t>> ActiveComponents(const ViewGraph& graph);
+
+// Takes out all edges that do not lie among these images (kOtherComponent).
+int KeepImages(std::span<const image_t> image_ids, ViewGraph& graph);
+
+}  // namespace cairn
