@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "cairn/base/options.h"
+#include "cairn/scene/features.h"
+
+namespace cairn {
+
+struct MatchingOptions {
+  double max_ratio = 0.8;
+  double max_distance = 0.7;
+  bool cross_check = true;
+
+  void VisitFields(OptionVisitor& v) {
+    v.Double("max_ratio", max_ratio, {0.0, 1.0},
+             "largest ratio of the distances to the best and to the second best descriptor");
+    v.Double("max_distance", max_distance, {0.0, 2.0},
+             "largest distance of two descriptors of unit length");
+    v.Bool("cross_check", cross_check, "keep only pairs that are each other's best match");
+  }
+};
+
+// An image's descriptors in the layout that matching reads; make it once, use it for many pairs.
+// About one byte a descriptor element.
+class PreparedDescriptors {
+ public:
+  PreparedDescriptors() = default;
+  // n x 128 uint8 (or 0 rows).
+  explicit PreparedDescriptors(const Descriptors& descriptors);
+
+  int size() const { return size_; }
+  // Padded by rows of zeros to a multiple of 32 rows.
+  const uint8_t* Row(int i) const { return data_.data() + static_cast<size_t>(i) * 128; }
+  const std::vector<int32_t>& squared_norms() const { return squared_norms_; }
+  size_t NumBytes() const { return data_.size() + squared_norms_.size() * sizeof(int32_t); }
+
+ private:
+  int size_ = 0;
+  std::vector<uint8_t> data_;
+  std::vector<int32_t> squared_norms_;
+};
+
+// Exact nearest neighbours by Euclidean distance of all against all, with the ratio test and
+// (cross_check) mutual agreement, where the ratio test then holds in both directions. Distances are
+// integers, so the result is the same on every machine; of equal distances the smaller index
+// counts. A descriptor with no second neighbour passes the ratio test. Ascending by point1. Cost:
+// n1 * n2 * 128 multiplications, about 15 ms for 4096 x 4096 (AVX-512 VNNI).
+FeatureMatches MatchDescriptors(const PreparedDescriptors& descriptors1,
+                                const PreparedDescriptors& descriptors2,
+                                const MatchingOptions& options);
+FeatureMatches MatchDescriptors(const Descriptors& descriptors1, const Descriptors& descriptors2,
+                                const MatchingOptions& options);
+
+}  // namespace cairn
