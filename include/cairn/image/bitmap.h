@@ -24,7 +24,17 @@ enum class BitmapColor { kGray, kRgb };
 // Decodes a photograph without rotating it by its EXIF orientation, as COLMAP does. Throws IoError
 // with the path and the reason (absent, empty, truncated, not an image).
 Bitmap ReadBitmap(const std::string& path, BitmapColor color);
-// Format by extension: .png, .jpg. Throws IoError.
+// Format by extension: .png, .jpg, .jpeg, .ppm (RGB) or .pgm (gray), .bmp, .tif. Appears complete
+// or not at all. Throws IoError.
 void WriteBitmap(const std::string& path, const Bitmap& bitmap, int jpeg_quality = 95);
+
+struct ImageSize {
+  int width = 0;
+  int height = 0;
+  bool operator==(const ImageSize&) const = default;
+};
+// The size in pixels from the file's header (JPEG and PNG, some 10 microseconds; other formats are
+// decoded). Throws IoError as ReadBitmap does, except that a truncated body is not noticed.
+ImageSize ReadImageSize(const std::string& path);
 
 }  // namespace cairn

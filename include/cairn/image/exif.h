@@ -1,0 +1,23 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+namespace cairn {
+
+// What a photograph's EXIF block says about its camera.
+struct ExifInfo {
+  // In pixels of an image of the size given to ReadExif; absent where EXIF does not tell.
+  std::optional<double> focal_px;
+  std::string camera_make;   // "" if absent, without trailing blanks
+  std::string camera_model;  // "" if absent, without trailing blanks
+};
+
+// Reads EXIF of an image that is width x height pixels. The focal length as COLMAP computes it:
+// from the 35 mm equivalent, f35 / 43.27 * sqrt(w^2 + h^2), else from the focal length in mm with
+// the sensor's size by FocalPlaneXResolution, f_mm / sensor_mm * max(w, h). An image without EXIF,
+// or with EXIF that cannot be parsed, gives an empty result; throws IoError only where the file
+// cannot be read. Prints nothing. Thread-safe.
+ExifInfo ReadExif(const std::string& path, int width, int height);
+
+}  // namespace cairn

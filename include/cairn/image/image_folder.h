@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace cairn {
+
+// Names of all photographs in a folder and the folders in it, relative to it, with '/', sorted by
+// bytes. A photograph is a file with the extension jpg, jpeg, png, tif, tiff, bmp, ppm or webp, in
+// any case; hidden files and folders are left out. Symbolic links are followed (a link that leads
+// back to a folder it is in is visited once). Throws IoError if the folder is absent or no folder.
+std::vector<std::string> ListImages(const std::string& folder);
+
+}  // namespace cairn

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+
+#include "cairn/scene/reconstruction.h"
+
+namespace cairn {
+
+enum class ColmapModelFormat { kBinary, kText };
+
+// Reads cameras, images and points3D of a COLMAP model folder: the .bin files where cameras.bin is
+// there, else the .txt files. Quaternions are normalized, tracks sorted. Throws IoError that names
+// the file (text: and the line) and the reason: absent, truncated, a camera model cairn does not
+// have, an id twice, a reference to a camera, image or keypoint that is not there, a number that is
+// not finite.
+Reconstruction ReadColmapModel(const std::string& folder);
+Reconstruction ReadColmapModel(const std::string& folder, ColmapModelFormat format);
+
+// Whether the folder holds such a model.
+bool IsColmapModel(const std::string& folder);
+
+// Writes the three files (in the order of the ids), creating the folder; COLMAP 3.8 reads them, and
+// 4.x. Numbers in text files are the shortest that read back exactly, so write, read, write gives
+// equal bytes in both formats. The files replace older ones only when all three are complete.
+// Throws IoError.
+void WriteColmapModel(const Reconstruction& reconstruction, const std::string& folder,
+                      ColmapModelFormat format = ColmapModelFormat::kBinary);
+
+}  // namespace cairn
