@@ -1,0 +1,166 @@
+#include "cairn/tracks/tracks.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+#include "cairn/base/error.h"
+#include "cairn/base/rng.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+Track MakeTrack(std::initializer_list<std::pair<image_t, point2D_t>> elements) {
+  Track track;
+  for (const auto& [image_id, point] : elements) track.push_back({image_id, point});
+  return track;
+}
+
+TEST(BuildTracks, JoinsMatchesOfSeveralPairs) {
+  const std::vector<PairMatches> pairs = {
+      {1, 2, {{0, 5}, {1, 6}}}, {2, 3, {{5, 7}}}, {1, 3, {{0, 7}, {9, 8}}}};
+  const TrackReport report = BuildTracks(pairs, {});
+  EXPECT_THAT(report.tracks, ElementsAre(MakeTrack({{1, 0}, {2, 5}, {3, 7}}),
+                                         MakeTrack({{1, 1}, {2, 6}}), MakeTrack({{1, 9}, {3, 8}})));
+  EXPECT_EQ(report.num_matches, 5);
+  EXPECT_EQ(report.num_tracks, 3);
+  EXPECT_EQ(report.num_observations, 7);
+  EXPECT_EQ(report.num_conflicting, 0);
+}
+
+TEST(BuildTracks, AcceptsImagesInEitherOrder) {
+  const std::vector<PairMatches> forward = {{1, 2, {{0, 5}}}};
+  const std::vector<PairMatches> backward = {{2, 1, {{5, 0}}}};
+  EXPECT_EQ(BuildTracks(forward, {}).tracks, BuildTracks(backward, {}).tracks);
+}
+
+TEST(BuildTracks, EmptyInputGivesNoTracks) {
+  EXPECT_THAT(BuildTracks({}, {}).tracks, IsEmpty());
+  const std::vector<PairMatches> pairs = {{1, 2, {}}};
+  EXPECT_THAT(BuildTracks(pairs, {}).tracks, IsEmpty());
+}
+
+TEST(BuildTracks, RejectsAnImageMatchedWithItself) {
+  const std::vector<PairMatches> pairs = {{1, 1, {{0, 1}}}};
+  EXPECT_THROW(BuildTracks(pairs, {}), BugError);
+}
+
+// Keypoints 1 and 2 of image 1 are joined over image 3 by the pair with the least support.
+std::vector<PairMatches> ConflictingPairs() {
+  return {{1, 2, {{1, 1}, {2, 2}, {3, 3}}}, {2, 3, {{1, 1}, {3, 3}}}, {1, 3, {{2, 1}}}};
+}
+
+TEST(BuildTracks, SplitLeavesOutTheMatchOfTheWeakestPair) {
+  const TrackReport report = BuildTracks(ConflictingPairs(), {});
+  EXPECT_THAT(report.tracks,
+              ElementsAre(MakeTrack({{1, 1}, {2, 1}, {3, 1}}), MakeTrack({{1, 2}, {2, 2}}),
+                          MakeTrack({{1, 3}, {2, 3}, {3, 3}})));
+  EXPECT_EQ(report.num_conflicting, 1);
+}
+
+TEST(BuildTracks, DropLeavesOutTheWholeChain) {
+  TrackOptions options;
+  options.conflicts = "drop";
+  const TrackReport report = BuildTracks(ConflictingPairs(), options);
+  EXPECT_THAT(report.tracks, ElementsAre(MakeTrack({{1, 3}, {2, 3}, {3, 3}})));
+  EXPECT_EQ(report.num_conflicting, 1);
+}
+
+TEST(BuildTracks, MinLengthLeavesOutShortTracks) {
+  TrackOptions options;
+  options.min_length = 3;
+  const std::vector<PairMatches> pairs = {{1, 2, {{0, 5}, {1, 6}}}, {2, 3, {{5, 7}}}};
+  const TrackReport report = BuildTracks(pairs, options);
+  EXPECT_THAT(report.tracks, ElementsAre(MakeTrack({{1, 0}, {2, 5}, {3, 7}})));
+  EXPECT_EQ(report.num_too_short, 1);
+}
+
+TEST(BuildTracks, MaxPerImagePrefersLongTracks) {
+  TrackOptions options;
+  options.max_per_image = 1;
+  const std::vector<PairMatches> pairs = {{1, 2, {{0, 0}, {1, 1}, {2, 2}}}, {2, 3, {{1, 1}}}};
+  const TrackReport report = BuildTracks(pairs, options);
+  EXPECT_THAT(report.tracks, ElementsAre(MakeTrack({{1, 1}, {2, 1}, {3, 1}})));
+  EXPECT_EQ(report.num_tracks_before_selection, 3);
+}
+
+std::vector<PairMatches> RandomPairs(Rng& rng) {
+  std::vector<PairMatches> pairs;
+  for (image_t i = 1; i <= 8; ++i) {
+    for (image_t j = i + 1; j <= 8; ++j) {
+      PairMatches pair{i, j, {}};
+      const uint32_t n = rng.UniformInt(40);
+      for (uint32_t k = 0; k < n; ++k) {
+        // Mostly the same keypoint, so that tracks are long; now and then a wrong one.
+        const point2D_t point = rng.UniformInt(100);
+        pair.matches.push_back({point, rng.Uniform() < 0.9 ? point : rng.UniformInt(100)});
+      }
+      pairs.push_back(pair);
+    }
+  }
+  return pairs;
+}
+
+TEST(BuildTracks, TracksAreDisjointSortedAndWithoutConflicts) {
+  Rng rng(1);
+  for (int trial = 0; trial < 50; ++trial) {
+    const TrackReport report = BuildTracks(RandomPairs(rng), {});
+    std::vector<TrackElement> all;
+    for (const Track& track : report.tracks) {
+      for (size_t i = 1; i < track.size(); ++i) {
+        ASSERT_LT(track[i - 1].image_id, track[i].image_id);
+      }
+      all.insert(all.end(), track.begin(), track.end());
+    }
+    std::sort(all.begin(), all.end());
+    EXPECT_EQ(std::adjacent_find(all.begin(), all.end()), all.end());
+    EXPECT_TRUE(std::is_sorted(report.tracks.begin(), report.tracks.end()));
+  }
+}
+
+TEST(BuildTracks, DoesNotDependOnTheOrderOfTheInput) {
+  Rng rng(2);
+  for (int trial = 0; trial < 20; ++trial) {
+    std::vector<PairMatches> pairs = RandomPairs(rng);
+    const std::vector<Track> expected = BuildTracks(pairs, {}).tracks;
+    rng.Shuffle(pairs);
+    for (PairMatches& pair : pairs) rng.Shuffle(pair.matches);
+    EXPECT_EQ(BuildTracks(pairs, {}).tracks, expected);
+  }
+}
+
+TEST(SelectTracks, CoversEveryImageAndPair) {
+  Rng rng(3);
+  const std::vector<Track> tracks = BuildTracks(RandomPairs(rng), {}).tracks;
+  const auto count = [](const std::vector<Track>& all, image_t a, image_t b) {
+    return std::count_if(all.begin(), all.end(), [&](const Track& track) {
+      const auto has = [&](image_t id) {
+        return std::any_of(track.begin(), track.end(),
+                           [&](const TrackElement& e) { return e.image_id == id; });
+      };
+      return has(a) && has(b);
+    });
+  };
+  std::vector<Track> selected;
+  for (const size_t i : SelectTracks(tracks, 20, 3)) selected.push_back(tracks[i]);
+  EXPECT_LT(selected.size(), tracks.size());
+  for (image_t i = 1; i <= 8; ++i) {
+    EXPECT_GE(count(selected, i, i), std::min<int64_t>(20, count(tracks, i, i)));
+    for (image_t j = i + 1; j <= 8; ++j) {
+      EXPECT_GE(count(selected, i, j), std::min<int64_t>(3, count(tracks, i, j)));
+    }
+  }
+}
+
+TEST(FirstKeypointsAtPosition, MapsOrientationsOfOnePositionToTheFirst) {
+  const std::vector<Keypoint> keypoints = {
+      {.x = 3, .y = 4}, {.x = 1, .y = 2}, {.x = 3, .y = 4, .a11 = 2}, {.x = 3, .y = 5}};
+  EXPECT_THAT(FirstKeypointsAtPosition(keypoints), ElementsAre(0, 1, 0, 3));
+  EXPECT_THAT(FirstKeypointsAtPosition({}), IsEmpty());
+}
+
+}  // namespace
+}  // namespace cairn
