@@ -1,0 +1,10 @@
+#pragma once
+
+#include "common/program.h"
+
+namespace cairn {
+
+// A subcommand is one file with one function, declared here and called in main.cc. It adds itself
+// to the program: program.AddCommand(...), its options (kept alive by the run function), SetRun.
+
+}  // namespace cairn

@@ -1,0 +1,7 @@
+#include "global_sfm/commands.h"
+
+int main(int argc, char** argv) {
+  cairn::Program program("global_sfm",
+                         "Global structure-from-motion on the view graph of a database.");
+  return program.Run(argc, argv);
+}
