@@ -8,29 +8,41 @@
 #include <vector>
 
 #include "cairn/camera/camera.h"
+#include "cairn/database/records.h"
 #include "cairn/scene/features.h"
 #include "cairn/scene/image.h"
 #include "cairn/scene/two_view_geometry.h"
 
 namespace cairn {
 
-// A SQLite database with COLMAP's schema (3.8 is written, 3.8 to 4.x are read) and cairn's own
-// tables cairn_*. Every method throws IoError that names the file, the row and the reason. One
-// Database object belongs to one thread at a time. ":memory:" gives a private database, for tests.
+// A SQLite database with COLMAP's schema (3.8 is written, 3.8 to 4.x are read and extended) and
+// cairn's own tables cairn_*. Every method throws IoError that names the file, the row and the
+// reason. One Database object belongs to one thread at a time; several objects may have the same
+// file open, one of them writing (write-ahead log). ":memory:" gives a private database, for tests.
+//
+// Rows have keys that do not depend on the order of writing, so equal contents give equal dumps
+// (`sqlite3 scene.db .dump`); measured times are in cairn_timings alone.
 class Database {
  public:
+  // kReadOnly also opens files in folders that cannot be written to, and never changes the file.
   enum class Mode { kCreateOrOpen, kOpenExisting, kReadOnly };
   explicit Database(const std::string& path, Mode mode = Mode::kCreateOrOpen);
   ~Database();
   Database(Database&&) noexcept;
+  Database& operator=(Database&&) noexcept;
 
   const std::string& path() const;
+  // How long a write waits for another program's lock, before IoError; 10 s at first.
+  void SetBusyTimeout(int milliseconds);
 
-  // Cameras and images, in the order of their ids.
+  // Cameras and images, in the order of their ids. Cameras whose model cairn does not have are an
+  // error.
   std::vector<Camera> ReadCameras() const;
   std::vector<Image> ReadImages() const;
   void WriteCamera(const Camera& camera);  // camera_id must be set; replaces
   void WriteImage(const Image& image);     // image_id must be set; replaces
+  // Removes the image with its features, and its camera if no other image has it.
+  void DeleteImage(image_t image_id);
 
   // Features. A missing row is nullopt; rows with 2, 4 or 6 columns become affine frames.
   std::optional<std::vector<Keypoint>> ReadKeypoints(image_t image_id) const;
@@ -39,15 +51,51 @@ class Database {
   void WriteKeypoints(image_t image_id, const std::vector<Keypoint>& keypoints);
   void WriteDescriptors(image_t image_id, const Descriptors& descriptors);
   void WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples);
+  // Number of rows of every image that has the row, without reading the data.
+  std::map<image_t, int> ReadNumKeypoints() const;
+  std::map<image_t, int> ReadNumDescriptors() const;
+  std::map<image_t, int> ReadNumDepthSamples() const;
 
   // Matches and two-view geometries; always given and returned for the image order image_id1 <
-  // image_id2.
+  // image_id2. A pair that was tried without success has a row with 0 matches, as in COLMAP.
   std::vector<image_pair_t> ReadMatchedPairIds() const;  // ascending, rows with > 0 matches
   std::optional<FeatureMatches> ReadMatches(image_pair_t pair_id) const;
   void WriteMatches(image_pair_t pair_id, const FeatureMatches& matches);
   std::vector<image_pair_t> ReadTwoViewGeometryPairIds() const;  // ascending, rows with > 0 inliers
   std::optional<TwoViewGeometry> ReadTwoViewGeometry(image_pair_t pair_id) const;
   void WriteTwoViewGeometry(image_pair_t pair_id, const TwoViewGeometry& geometry);
+  // Number of (inlier) matches of every pair that has the row, 0 included, ascending by pair.
+  std::vector<std::pair<image_pair_t, int>> ReadNumMatches() const;
+  std::vector<std::pair<image_pair_t, int>> ReadNumInliers() const;
+
+  // What each verifier found, ascending by (pair, verifier).
+  std::vector<PairMetrics> ReadPairMetrics() const;
+  std::vector<PairMetrics> ReadPairMetrics(image_pair_t pair_id) const;
+  void WritePairMetrics(const PairMetrics& metrics);
+
+  // Measured times: of a pair and verifier (stage "verification"), or of a whole stage (item 0,
+  // label ""). AddTiming adds to what is there, for stages that were interrupted.
+  void WriteTiming(const std::string& stage, uint64_t item, const std::string& label,
+                   double seconds);
+  void AddTiming(const std::string& stage, uint64_t item, const std::string& label, double seconds);
+  std::optional<double> ReadTiming(const std::string& stage, uint64_t item,
+                                   const std::string& label) const;
+
+  // State of the stages, for continuing and for noticing changes (see pipeline/stage_state.h).
+  std::vector<PhotoRecord> ReadPhotos() const;  // in the order of the names
+  void WritePhoto(const PhotoRecord& photo);
+  std::vector<JobRecord> ReadJobs(const std::string& stage) const;  // ascending by item
+  std::optional<JobRecord> ReadJob(const std::string& stage, uint64_t item) const;
+  void WriteJob(const std::string& stage, const JobRecord& job);
+  std::optional<StageRecord> ReadStage(const std::string& stage) const;
+  void WriteStage(const StageRecord& record);
+
+  // Remove what a stage wrote, whoever wrote it, with its timings and its record.
+  void ClearFeatures();      // keypoints, descriptors
+  void ClearDepth();         // depth samples
+  void ClearMatches();       // matches
+  void ClearVerification();  // two-view geometries, pair metrics
+  void ClearStage(const std::string& stage);
 
   // Runs the writes between construction and Commit() as one transaction; rolled back if destroyed
   // before.
@@ -55,6 +103,8 @@ class Database {
    public:
     explicit Transaction(Database& database);
     ~Transaction();
+    Transaction(const Transaction&) = delete;
+    Transaction& operator=(const Transaction&) = delete;
     void Commit();
 
    private:
@@ -62,6 +112,7 @@ class Database {
   };
 
  private:
+  friend class Query;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

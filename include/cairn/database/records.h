@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "cairn/base/types.h"
+#include "cairn/geometry/rigid3d.h"
+
+namespace cairn {
+
+// Rows of cairn's own tables.
+
+// cairn_pair_metrics: what one verifier found for one pair. Key: (pair_id, verifier).
+struct PairMetrics {
+  image_pair_t pair_id = 0;
+  std::string verifier;    // the verifier that was run: "one_ac_depth", "five_point", ...
+  std::string status;      // PairStatusName: "verified", "no_model", ...
+  bool is_winner = false;  // its result is the pair's row in two_view_geometries
+  std::string step;        // the step that decided, for a verifier with several; else as `verifier`
+  int num_matches = 0;
+  int num_inliers = 0;
+  int64_t num_iterations = 0;
+  double score = 0;
+  double residual_px = 0;
+  double triangulation_angle_deg = 0;
+  std::optional<Rigid3d> cam2_from_cam1;  // where status is "verified" and a pose is known
+};
+
+// cairn_photos: a file of the image folder, and what became of it. Key: name.
+struct PhotoRecord {
+  std::string name;        // relative to the image folder
+  uint64_t file_hash = 0;  // of the file's bytes
+  std::string error;       // "": in use; else why it was skipped, and it has no row in `images`
+};
+
+// cairn_jobs: an item (an image or a pair id) that a stage has finished, and a hash of all that its
+// result was made from, options apart. Key: (stage, item).
+struct JobRecord {
+  uint64_t item = 0;
+  uint64_t input_hash = 0;
+  // "" or a note: "given" for rows that came from elsewhere, or why the item has no result.
+  std::string note;
+};
+
+// cairn_stages: a stage that was begun. Key: stage.
+struct StageRecord {
+  std::string stage;
+  std::string options;      // TOML lines of all options that its results depend on
+  uint64_t input_hash = 0;  // of options and all jobs; 0 while the stage is not complete
+  bool is_complete = false;
+};
+
+}  // namespace cairn
