@@ -1,0 +1,40 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cairn/base/rng.h"
+#include "cairn/geometry/rigid3d.h"
+
+namespace cairn {
+
+// The synthetic world: z up; the scene's center is the origin, its size about 1 (radius).
+// cam_from_world of a camera at `center` that looks at `target`, its y axis pointing down as far as
+// possible, then rolled by `roll` radians around its viewing direction. `center` must not lie
+// vertically above or below `target`.
+Rigid3d LookAt(const Eigen::Vector3d& center, const Eigen::Vector3d& target, double roll = 0.0);
+
+// A rotation drawn uniformly from SO(3).
+Eigen::Quaterniond RandomRotation(Rng& rng);
+// A direction drawn uniformly from the unit sphere.
+Eigen::Vector3d RandomDirection(Rng& rng);
+
+enum class CameraLayout {
+  kRing,      // evenly around the scene, at one distance: one long loop
+  kArc,       // on an arc of 100 degrees in front (negative y), in two heights
+  kGrid,      // on a vertical grid in front
+  kLine,      // along a straight walk past the front
+  kLandmark,  // as tourists: clusters around the scene, at different distances and heights
+};
+std::optional<CameraLayout> CameraLayoutFromName(std::string_view name);
+const std::vector<std::string>& CameraLayoutNames();
+
+// cam_from_world of `num_cameras` cameras, with small random deviations from the layout; `distance`
+// (world units) is the typical distance from the scene's center.
+std::vector<Rigid3d> MakeCameraPoses(CameraLayout layout, int num_cameras, double distance,
+                                     Rng& rng);
+
+}  // namespace cairn

@@ -1,0 +1,130 @@
+#include "cairn/synthetic/poses.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "cairn/base/check.h"
+#include "cairn/math/angles.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+// Where a camera stands and what it looks at.
+struct Placement {
+  Eigen::Vector3d center;
+  Eigen::Vector3d target = Eigen::Vector3d::Zero();
+};
+
+// From the front (negative y) at `angle` radians to the right.
+Eigen::Vector3d FrontCenter(double distance, double angle, double height) {
+  return {distance * std::sin(angle), -distance * std::cos(angle), height};
+}
+
+Placement Ring(int i, int n, double distance) {
+  return {FrontCenter(distance, 2.0 * kPi * i / n, 0.1 * distance)};
+}
+
+Placement Arc(int i, int n, double distance) {
+  const double along = n > 1 ? static_cast<double>(i) / (n - 1) - 0.5 : 0.0;
+  return {FrontCenter(distance, DegToRad(100.0) * along, (i % 2 == 0 ? 0.02 : 0.22) * distance)};
+}
+
+Placement Grid(int i, int n, double distance) {
+  const int columns = std::max(1, static_cast<int>(std::ceil(std::sqrt(1.5 * n))));
+  const int rows = (n + columns - 1) / columns;
+  const double x = (i % columns + 0.5) / columns - 0.5;
+  const double z = (i / columns + 0.5) / rows - 0.5;
+  const Eigen::Vector3d center(1.2 * distance * x, -distance, 0.7 * distance * z);
+  return {center, 0.3 * Eigen::Vector3d(center.x(), 0, center.z())};
+}
+
+Placement Line(int i, int n, double distance) {
+  const double x = distance * (n > 1 ? 2.0 * i / (n - 1) - 1.0 : 0.0);
+  return {{x, -distance, 0.05 * distance}, {0.5 * x, 0, 0}};
+}
+
+// A few spots where many stand; most of the cameras look straight at the landmark.
+Placement Landmark(int n, double distance, Rng& rng) {
+  const int num_spots = std::max(4, n / 60);
+  // Popularity falls with the spot's rank; spots are spread by the golden angle.
+  const double u = rng.Uniform();
+  const int spot = static_cast<int>(num_spots * u * u);
+  const double angle = spot * kPi * (3.0 - std::sqrt(5.0)) + 0.3 * rng.Gaussian();
+  const double d = std::max(1.5, distance * std::exp(0.3 * rng.Gaussian()));
+  const double height = distance * 0.08 * std::abs(rng.Gaussian());
+  Placement placement{FrontCenter(d, angle, height)};
+  placement.target = 0.2 * Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+  return placement;
+}
+
+}  // namespace
+
+Rigid3d LookAt(const Eigen::Vector3d& center, const Eigen::Vector3d& target, double roll) {
+  const Eigen::Vector3d z = (target - center).normalized();
+  Eigen::Vector3d x = z.cross(Eigen::Vector3d::UnitZ());
+  CAIRN_CHECK_GT(x.norm(), 1e-9);
+  x.normalize();
+  Eigen::Matrix3d R;
+  R.row(0) = x;
+  R.row(1) = z.cross(x);
+  R.row(2) = z;
+  R = Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()).toRotationMatrix() * R;
+  return {R, -R * center};
+}
+
+Eigen::Quaterniond RandomRotation(Rng& rng) {
+  Eigen::Quaterniond q(rng.Gaussian(), rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+  return q.normalized();
+}
+
+Eigen::Vector3d RandomDirection(Rng& rng) {
+  return Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()).normalized();
+}
+
+const std::vector<std::string>& CameraLayoutNames() {
+  static const std::vector<std::string> names = {"ring", "arc", "grid", "line", "landmark"};
+  return names;
+}
+
+std::optional<CameraLayout> CameraLayoutFromName(std::string_view name) {
+  const std::vector<std::string>& names = CameraLayoutNames();
+  const auto it = std::find(names.begin(), names.end(), name);
+  if (it == names.end()) return std::nullopt;
+  return static_cast<CameraLayout>(it - names.begin());
+}
+
+std::vector<Rigid3d> MakeCameraPoses(CameraLayout layout, int num_cameras, double distance,
+                                     Rng& rng) {
+  std::vector<Rigid3d> poses;
+  for (int i = 0; i < num_cameras; ++i) {
+    Placement placement;
+    switch (layout) {
+      case CameraLayout::kRing:
+        placement = Ring(i, num_cameras, distance);
+        break;
+      case CameraLayout::kArc:
+        placement = Arc(i, num_cameras, distance);
+        break;
+      case CameraLayout::kGrid:
+        placement = Grid(i, num_cameras, distance);
+        break;
+      case CameraLayout::kLine:
+        placement = Line(i, num_cameras, distance);
+        break;
+      case CameraLayout::kLandmark:
+        placement = Landmark(num_cameras, distance, rng);
+        break;
+    }
+    for (int k = 0; k < 3; ++k) {
+      placement.center[k] += 0.02 * distance * rng.Gaussian();
+      placement.target[k] += 0.05 * rng.Gaussian();
+    }
+    poses.push_back(LookAt(placement.center, placement.target, DegToRad(2.0) * rng.Gaussian()));
+  }
+  return poses;
+}
+
+}  // namespace cairn
