@@ -14,7 +14,7 @@ namespace cairn {
 // edge lies in exactly one component, two components share at most one node, and an edge that hangs
 // loosely is a component of two nodes.
 // Largest first (more nodes; then the smaller first node), nodes sorted; nodes without an edge are
-// in none. Self-loops are ignored. O(n^2 + m) time, n^2 / 8 bytes.
+// in none. Self-loops are ignored. O(n^2 + m) time.
 std::vector<std::vector<int>> ParallelRigidComponents(int num_nodes,
                                                       std::span<const GraphEdge> edges);
 

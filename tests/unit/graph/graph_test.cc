@@ -1,0 +1,138 @@
+#include "cairn/graph/graph.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+#include "cairn/base/rng.h"
+#include "cairn/graph/union_find.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+std::vector<GraphEdge> RandomEdges(int num_nodes, int num_edges, uint64_t seed) {
+  Rng rng(seed);
+  std::vector<GraphEdge> edges(num_edges);
+  for (GraphEdge& e : edges) {
+    e = {static_cast<int>(rng.UniformInt(num_nodes)), static_cast<int>(rng.UniformInt(num_nodes))};
+  }
+  return edges;
+}
+
+TEST(UnionFind, JoinsSetsOnce) {
+  UnionFind sets(5);
+  EXPECT_TRUE(sets.Union(0, 1));
+  EXPECT_TRUE(sets.Union(3, 4));
+  EXPECT_FALSE(sets.Union(1, 0));
+  EXPECT_TRUE(sets.Connected(0, 1));
+  EXPECT_FALSE(sets.Connected(1, 3));
+  EXPECT_TRUE(sets.Union(1, 4));
+  EXPECT_EQ(sets.SizeOf(3), 4);
+  EXPECT_EQ(sets.SizeOf(2), 1);
+}
+
+TEST(ConnectedComponents, SortsLargestFirstAndKeepsLonelyNodes) {
+  const std::vector<GraphEdge> edges = {{1, 0}, {3, 4}, {4, 6}, {3, 3}};
+  const GraphComponents components = ConnectedComponents(7, edges);
+  EXPECT_THAT(components.nodes,
+              ElementsAre(ElementsAre(3, 4, 6), ElementsAre(0, 1), ElementsAre(2), ElementsAre(5)));
+  EXPECT_THAT(components.component_of_node, ElementsAre(1, 1, 2, 0, 0, 3, 0));
+}
+
+TEST(ConnectedComponents, EmptyGraph) { EXPECT_EQ(ConnectedComponents(0, {}).Num(), 0); }
+
+TEST(MaximumSpanningForest, TakesTheHeaviestEdgesOfEachComponent) {
+  const std::vector<GraphEdge> edges = {{0, 1}, {1, 2}, {2, 0}, {3, 4}, {3, 4}};
+  const std::vector<double> weights = {1, 3, 2, 5, 5};
+  EXPECT_THAT(MaximumSpanningForest(6, edges, weights), ElementsAre(1, 2, 3));
+}
+
+// Cut property: no edge outside the forest is heavier than the lightest edge on the path between
+// its ends.
+TEST(MaximumSpanningForest, IsMaximalOnRandomGraphs) {
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    const std::vector<GraphEdge> edges = RandomEdges(20, 60, seed);
+    Rng rng(seed, "weights");
+    std::vector<double> weights(edges.size());
+    for (double& w : weights) w = rng.Uniform();
+    const std::vector<int> forest = MaximumSpanningForest(20, edges, weights);
+    for (size_t e = 0; e < edges.size(); ++e) {
+      UnionFind heavier(20);
+      for (const int f : forest) {
+        if (weights[f] >= weights[e]) heavier.Union(edges[f].node1, edges[f].node2);
+      }
+      EXPECT_TRUE(heavier.Connected(edges[e].node1, edges[e].node2));
+    }
+  }
+}
+
+TEST(WalkForest, VisitsEveryNodeAfterItsParent) {
+  const std::vector<GraphEdge> edges = RandomEdges(50, 60, 3);
+  const std::vector<double> weights(edges.size(), 1.0);
+  const std::vector<int> forest = MaximumSpanningForest(50, edges, weights);
+  const std::vector<ForestStep> steps = WalkForest(50, edges, forest);
+  ASSERT_EQ(steps.size(), 50u);
+  std::vector<char> seen(50, 0);
+  int num_roots = 0;
+  for (const ForestStep& step : steps) {
+    EXPECT_FALSE(seen[step.node]);
+    seen[step.node] = 1;
+    if (step.parent < 0) {
+      ++num_roots;
+      continue;
+    }
+    EXPECT_TRUE(seen[step.parent]);
+    const GraphEdge& e = edges[step.edge];
+    EXPECT_EQ(std::minmax(e.node1, e.node2), std::minmax(step.node, step.parent));
+  }
+  EXPECT_EQ(num_roots, ConnectedComponents(50, edges).Num());
+}
+
+TEST(WalkForest, BeginsAtTheNodeOfHighestDegree) {
+  const std::vector<GraphEdge> edges = {{0, 1}, {1, 2}, {1, 3}};
+  const std::vector<int> all = {0, 1, 2};
+  EXPECT_EQ(WalkForest(4, edges, all)[0].node, 1);
+}
+
+TEST(Bridges, FindsExactlyTheEdgesWhoseRemovalDisconnects) {
+  for (uint64_t seed = 0; seed < 50; ++seed) {
+    const std::vector<GraphEdge> edges = RandomEdges(20, 22, seed);
+    const int num_components = ConnectedComponents(20, edges).Num();
+    std::vector<int> expected;
+    for (size_t e = 0; e < edges.size(); ++e) {
+      std::vector<GraphEdge> rest = edges;
+      rest.erase(rest.begin() + e);
+      if (ConnectedComponents(20, rest).Num() > num_components) {
+        expected.push_back(static_cast<int>(e));
+      }
+    }
+    EXPECT_EQ(Bridges(20, edges), expected);
+  }
+}
+
+TEST(Bridges, ParallelEdgesAreNone) {
+  const std::vector<GraphEdge> edges = {{0, 1}, {1, 0}};
+  EXPECT_THAT(Bridges(2, edges), IsEmpty());
+}
+
+TEST(Bridges, LongChainDoesNotOverflowTheStack) {
+  const int n = 300000;
+  std::vector<GraphEdge> edges;
+  for (int v = 1; v < n; ++v) edges.push_back({v - 1, v});
+  EXPECT_EQ(Bridges(n, edges).size(), edges.size());
+}
+
+TEST(BuildAdjacency, ListsEdgesAndNeighbors) {
+  const std::vector<GraphEdge> edges = {{0, 1}, {2, 1}};
+  const GraphAdjacency adjacency = BuildAdjacency(4, edges);
+  EXPECT_THAT(adjacency.EdgesOf(1), ElementsAre(0, 1));
+  EXPECT_THAT(adjacency.NeighborsOf(1), ElementsAre(0, 2));
+  EXPECT_THAT(adjacency.NeighborsOf(2), ElementsAre(1));
+  EXPECT_THAT(adjacency.EdgesOf(3), IsEmpty());
+}
+
+}  // namespace
+}  // namespace cairn

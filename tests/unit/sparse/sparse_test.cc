@@ -1,0 +1,129 @@
+#include <gmock/gmock.h>
+
+#include <Eigen/Dense>
+#include <cstring>
+
+#include "cairn/base/rng.h"
+#include "cairn/sparse/blas_threads.h"
+#include "cairn/sparse/laplacian_solver.h"
+#include "cairn/sparse/sparse_cholesky.h"
+
+namespace cairn {
+namespace {
+
+using Edge = LaplacianSolver::Edge;
+
+struct Problem {
+  std::vector<Edge> edges;
+  std::vector<double> weights;
+  std::vector<char> is_gauge;
+};
+
+// A connected random graph: a path, and random edges (some parallel, some self-loops).
+Problem RandomProblem(int num_nodes, int num_extra, uint64_t seed) {
+  Rng rng(seed);
+  Problem p;
+  for (int v = 1; v < num_nodes; ++v) p.edges.push_back({v - 1, v});
+  for (int k = 0; k < num_extra; ++k) {
+    p.edges.push_back(
+        {static_cast<int>(rng.UniformInt(num_nodes)), static_cast<int>(rng.UniformInt(num_nodes))});
+  }
+  for (size_t e = 0; e < p.edges.size(); ++e) p.weights.push_back(rng.Uniform(0.1, 10));
+  p.is_gauge.assign(num_nodes, 0);
+  p.is_gauge[num_nodes / 3] = 1;
+  return p;
+}
+
+Eigen::MatrixXd DenseLaplacian(const Problem& p, const std::vector<double>& weights) {
+  const int n = static_cast<int>(p.is_gauge.size());
+  Eigen::MatrixXd L = Eigen::MatrixXd::Zero(n, n);
+  for (size_t e = 0; e < p.edges.size(); ++e) {
+    Eigen::VectorXd d = Eigen::VectorXd::Zero(n);
+    d[p.edges[e].node1] += 1;
+    d[p.edges[e].node2] -= 1;
+    L += weights[e] * d * d.transpose();
+  }
+  return L;
+}
+
+Eigen::MatrixXd RandomMatrix(int rows, int cols, uint64_t seed) {
+  Rng rng(seed, "matrix");
+  Eigen::MatrixXd m(rows, cols);
+  for (int i = 0; i < m.size(); ++i) m(i) = rng.Gaussian();
+  return m;
+}
+
+TEST(LaplacianSolver, SolvesWithGaugeForSparseAndDenseGraphs) {
+  for (const int num_extra : {0, 30, 3000}) {  // simplicial and supernodal
+    const Problem p = RandomProblem(120, num_extra, num_extra);
+    LaplacianSolver solver(120, p.edges, p.is_gauge);
+    const Eigen::MatrixXd B = RandomMatrix(120, 3, 1);
+    for (const double scale : {1.0, 5.0}) {  // one analysis, several factorizations
+      std::vector<double> weights = p.weights;
+      for (size_t e = 0; e < weights.size(); e += 2) weights[e] *= scale;
+      ASSERT_TRUE(solver.Factorize(weights));
+      const Eigen::MatrixXd X = solver.Solve(B);
+      Eigen::MatrixXd residual = DenseLaplacian(p, weights) * X - B;
+      residual.row(40).setZero();
+      EXPECT_LT(residual.norm(), 1e-9 * B.norm() * X.norm());
+      EXPECT_EQ(X.row(40).norm(), 0);
+    }
+  }
+}
+
+TEST(LaplacianSolver, DiagonalPullsToZero) {
+  const Problem p = RandomProblem(30, 20, 5);
+  const std::vector<char> no_gauge(30, 0);
+  LaplacianSolver solver(30, p.edges, no_gauge);
+  const std::vector<double> pull(30, 0.5);
+  ASSERT_TRUE(solver.Factorize(p.weights, pull));
+  const Eigen::MatrixXd B = RandomMatrix(30, 2, 2);
+  const Eigen::MatrixXd L = DenseLaplacian(p, p.weights) + 0.5 * Eigen::MatrixXd::Identity(30, 30);
+  EXPECT_LT((L * solver.Solve(B) - B).norm(), 1e-10);
+}
+
+TEST(LaplacianSolver, RefusesALooseGraph) {
+  const std::vector<Edge> edges = {{0, 1}, {2, 3}};
+  const std::vector<char> gauge = {1, 0, 0, 0};
+  LaplacianSolver solver(4, edges, gauge);
+  EXPECT_FALSE(solver.Factorize(std::vector<double>{1, 1}));
+  const std::vector<char> two_gauges = {1, 0, 0, 1};
+  LaplacianSolver fixed(4, edges, two_gauges);
+  EXPECT_TRUE(fixed.Factorize(std::vector<double>{1, 1}));
+  EXPECT_FALSE(fixed.Factorize(std::vector<double>{1, 0}));
+}
+
+TEST(LaplacianSolver, OnlyGaugeNodes) {
+  LaplacianSolver solver(1, {}, std::vector<char>{1});
+  ASSERT_TRUE(solver.Factorize({}));
+  EXPECT_EQ(solver.Solve(Eigen::MatrixXd::Ones(1, 3)).norm(), 0);
+}
+
+TEST(LaplacianSolver, SameBytesWhateverBlasThreadsWere) {
+  const Problem p = RandomProblem(400, 20000, 9);
+  const Eigen::MatrixXd B = RandomMatrix(400, 3, 3);
+  std::vector<Eigen::MatrixXd> results;
+  for (const int threads : {1, 2}) {
+    SetBlasNumThreads(threads);
+    LaplacianSolver solver(400, p.edges, p.is_gauge);
+    ASSERT_TRUE(solver.Factorize(p.weights));
+    results.push_back(solver.Solve(B));
+  }
+  EXPECT_EQ(std::memcmp(results[0].data(), results[1].data(), results[0].size() * 8), 0);
+}
+
+TEST(SparseCholesky, PredictsWorkAndRejectsIndefinite) {
+  SymmetricPattern pattern;  // [a b; b c]
+  pattern.begin = {0, 2, 3};
+  pattern.row = {0, 1, 1};
+  SparseCholesky cholesky(pattern);
+  EXPECT_GE(cholesky.FactorEntries(), 3);
+  EXPECT_GT(cholesky.FactorFlops(), 0);
+  EXPECT_FALSE(cholesky.Factorize(std::vector<double>{1, 2, 1}));
+  ASSERT_TRUE(cholesky.Factorize(std::vector<double>{2, 1, 2}));
+  const Eigen::MatrixXd X = cholesky.Solve(Eigen::Vector2d(3, 3));
+  EXPECT_NEAR((X - Eigen::Vector2d(1, 1)).norm(), 0, 1e-14);
+}
+
+}  // namespace
+}  // namespace cairn
