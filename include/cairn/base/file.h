@@ -1,8 +1,6 @@
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
-#include <fstream>
+#include <cstdio>
 #include <string>
 #include <string_view>
 
@@ -27,11 +25,10 @@ class AtomicFile {
   void Commit();
 
  private:
-  [[noreturn]] void Fail(const std::string& what, int error_number);
+  [[noreturn]] void Fail(const std::string& what);
   std::string path_;
   std::string temporary_path_;
-  std::ofstream stream_;
-  bool committed_ = false;
+  std::FILE* file_ = nullptr;
 };
 
 void WriteFileAtomically(const std::string& path, std::string_view content);

@@ -1,0 +1,105 @@
+#include "cairn/image/exif.h"
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <exiv2/exiv2.hpp>
+#include <fstream>
+#include <mutex>
+#include <string>
+
+#include "cairn/base/file.h"
+
+namespace cairn {
+namespace {
+
+// Exiv2's warnings go to the error stream unless its log is muted; its XMP parser is not
+// thread-safe unless initialized before.
+void InitializeExiv2() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    Exiv2::LogMsg::setLevel(Exiv2::LogMsg::mute);
+    Exiv2::XmpParser::initialize();
+  });
+}
+
+std::string Text(const Exiv2::ExifData& data, const char* key) {
+  const auto it = data.findKey(Exiv2::ExifKey(key));
+  if (it == data.end()) return "";
+  std::string text = it->toString();
+  text.resize(std::min(text.size(), text.find('\0')));
+  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
+  return text;
+}
+
+// A positive finite number, or nothing.
+std::optional<double> Number(const Exiv2::ExifData& data, const char* key) {
+  const auto it = data.findKey(Exiv2::ExifKey(key));
+  if (it == data.end() || it->count() == 0) return std::nullopt;
+  const Exiv2::Rational ratio = it->toRational();
+  if (ratio.second == 0) return std::nullopt;
+  const double value = static_cast<double>(ratio.first) / ratio.second;
+  if (!(value > 0) || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+// Length of one FocalPlaneResolutionUnit in mm (EXIF 2.32: inch, the default, or centimeter; mm
+// and micrometer are written by some cameras).
+double FocalPlaneUnitMm(const Exiv2::ExifData& data) {
+  const int unit =
+      static_cast<int>(Number(data, "Exif.Photo.FocalPlaneResolutionUnit").value_or(2));
+  switch (unit) {
+    case 3:
+      return 10.0;
+    case 4:
+      return 1.0;
+    case 5:
+      return 0.001;
+    default:
+      return 25.4;
+  }
+}
+
+// The longer side of the sensor. The resolution is that of the image as it left the camera, whose
+// size EXIF keeps, whatever the size of the file is now.
+std::optional<double> SensorLongSideMm(const Exiv2::ExifData& data) {
+  const auto x_resolution = Number(data, "Exif.Photo.FocalPlaneXResolution");
+  const auto y_resolution = Number(data, "Exif.Photo.FocalPlaneYResolution");
+  const auto width = Number(data, "Exif.Photo.PixelXDimension");
+  const auto height = Number(data, "Exif.Photo.PixelYDimension");
+  if (!x_resolution || !width || !height) return std::nullopt;
+  return FocalPlaneUnitMm(data) *
+         std::max(*width / *x_resolution, *height / y_resolution.value_or(*x_resolution));
+}
+
+std::optional<double> FocalPx(const Exiv2::ExifData& data, int width, int height) {
+  // 43.27 mm: the diagonal of 35 mm film, 36 mm x 24 mm.
+  if (const auto f35 = Number(data, "Exif.Photo.FocalLengthIn35mmFilm")) {
+    return *f35 / 43.27 * std::hypot(width, height);
+  }
+  const auto focal_mm = Number(data, "Exif.Photo.FocalLength");
+  const auto sensor_mm = SensorLongSideMm(data);
+  if (!focal_mm || !sensor_mm) return std::nullopt;
+  return *focal_mm / *sensor_mm * std::max(width, height);
+}
+
+}  // namespace
+
+ExifInfo ReadExif(const std::string& path, int width, int height) {
+  InitializeExiv2();
+  if (!std::ifstream(path)) ReadFile(path);  // throws with the reason
+  ExifInfo info;
+  try {
+    const auto image = Exiv2::ImageFactory::open(path);
+    image->readMetadata();
+    const Exiv2::ExifData& data = image->exifData();
+    info.camera_make = Text(data, "Exif.Image.Make");
+    info.camera_model = Text(data, "Exif.Image.Model");
+    info.focal_px = FocalPx(data, width, height);
+  } catch (const std::exception&) {
+    return {};  // no image that Exiv2 knows, or damaged metadata: EXIF is never required
+  }
+  return info;
+}
+
+}  // namespace cairn

@@ -1,0 +1,104 @@
+#include "image/image_container.h"
+
+#include <cstring>
+
+namespace cairn {
+namespace {
+
+uint32_t BigEndian(std::string_view bytes, size_t position, int num_bytes) {
+  uint32_t value = 0;
+  for (int i = 0; i < num_bytes; ++i) {
+    value = value << 8 | static_cast<uint8_t>(bytes[position + i]);
+  }
+  return value;
+}
+
+// Start of frame: the segments that hold the image's size (C4, C8 and CC are others).
+bool IsStartOfFrame(uint8_t marker) {
+  return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+}
+
+// The position of the next marker's 0xFF after `position`, within entropy-coded data, where 0xFF
+// is followed by 0 (a data byte) or by a restart marker. npos if the data end before.
+size_t SkipEntropyCodedData(std::string_view bytes, size_t position) {
+  while (true) {
+    position = bytes.find('\xFF', position);
+    if (position == std::string_view::npos || position + 1 >= bytes.size()) {
+      return std::string_view::npos;
+    }
+    const uint8_t next = static_cast<uint8_t>(bytes[position + 1]);
+    const bool is_data = next == 0 || (next >= 0xD0 && next <= 0xD7);
+    if (next == 0xFF) {
+      ++position;  // fill byte
+    } else if (is_data) {
+      position += 2;
+    } else {
+      return position;
+    }
+  }
+}
+
+ContainerInfo InspectJpeg(std::string_view bytes) {
+  ContainerInfo info{ContainerInfo::Format::kJpeg, std::nullopt, false};
+  size_t position = 2;  // after start of image
+  while (position + 1 < bytes.size()) {
+    if (bytes[position] != '\xFF') {
+      ++position;  // bytes between segments: decoders skip them too
+      continue;
+    }
+    const uint8_t marker = static_cast<uint8_t>(bytes[position + 1]);
+    if (marker == 0xD9) {  // end of image
+      info.is_complete = info.size.has_value();
+      return info;
+    }
+    if (marker == 0xFF) {
+      ++position;
+      continue;
+    }
+    position += 2;
+    if (marker <= 0x01 || (marker >= 0xD0 && marker <= 0xD8)) continue;  // no length follows
+    if (position + 2 > bytes.size()) return info;
+    const size_t length = BigEndian(bytes, position, 2);
+    if (IsStartOfFrame(marker) && position + 7 <= bytes.size() && !info.size) {
+      info.size = ImageSize{static_cast<int>(BigEndian(bytes, position + 5, 2)),
+                            static_cast<int>(BigEndian(bytes, position + 3, 2))};
+    }
+    position += length;
+    if (marker == 0xDA) {  // start of scan
+      if (position > bytes.size()) return info;
+      position = SkipEntropyCodedData(bytes, position);
+      if (position == std::string_view::npos) return info;
+    }
+  }
+  return info;
+}
+
+ContainerInfo InspectPng(std::string_view bytes) {
+  ContainerInfo info{ContainerInfo::Format::kPng, std::nullopt, false};
+  size_t position = 8;  // after the signature
+  while (position + 12 <= bytes.size()) {
+    const size_t length = BigEndian(bytes, position, 4);
+    const std::string_view type = bytes.substr(position + 4, 4);
+    if (length > bytes.size() - position - 12) return info;
+    if (type == "IHDR" && length >= 8) {
+      info.size = ImageSize{static_cast<int>(BigEndian(bytes, position + 8, 4)),
+                            static_cast<int>(BigEndian(bytes, position + 12, 4))};
+    }
+    if (type == "IEND") {
+      info.is_complete = info.size.has_value();
+      return info;
+    }
+    position += 12 + length;
+  }
+  return info;
+}
+
+}  // namespace
+
+ContainerInfo InspectContainer(std::string_view bytes) {
+  if (bytes.starts_with("\xFF\xD8\xFF")) return InspectJpeg(bytes);
+  if (bytes.starts_with("\x89PNG\r\n\x1A\n")) return InspectPng(bytes);
+  return {};
+}
+
+}  // namespace cairn

@@ -1,0 +1,88 @@
+#include "cairn/base/file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "cairn/base/error.h"
+#include "support/temp_folder.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::TempFolder;
+
+size_t NumFiles(const TempFolder& folder) {
+  return std::distance(std::filesystem::directory_iterator(folder.path()), {});
+}
+
+TEST(File, ContentComesBackWhateverTheBytes) {
+  const TempFolder folder;
+  std::string content = "a\0b\r\n\xFF";
+  content.resize(200000, 'x');
+  WriteFileAtomically(folder / "a", content);
+  EXPECT_EQ(ReadFile(folder / "a"), content);
+  WriteFileAtomically(folder / "a", "");
+  EXPECT_EQ(ReadFile(folder / "a"), "");
+  EXPECT_EQ(NumFiles(folder), 1u);
+}
+
+TEST(File, ReadsFilesWithoutASize) { EXPECT_THAT(ReadFile("/proc/self/status"), HasSubstr("Pid")); }
+
+TEST(File, NothingAppearsBeforeCommitAndTheOldFileStays) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a", "old");
+  {
+    AtomicFile file(folder / "a");
+    file.Write("new");
+    EXPECT_EQ(ReadFile(folder / "a"), "old");
+  }
+  EXPECT_EQ(ReadFile(folder / "a"), "old");
+  EXPECT_EQ(NumFiles(folder), 1u);
+  AtomicFile file(folder / "a");
+  file.Write("n");
+  file.Write("ew");
+  file.Commit();
+  EXPECT_EQ(ReadFile(folder / "a"), "new");
+  EXPECT_EQ(NumFiles(folder), 1u);
+}
+
+TEST(File, ErrorsNameThePathAndTheReason) {
+  const TempFolder folder;
+  try {
+    WriteFileAtomically(folder / "absent/a", "x");
+    FAIL();
+  } catch (const IoError& error) {
+    EXPECT_EQ(error.path(), folder / "absent/a");
+    EXPECT_THAT(error.reason(), HasSubstr("No such file or directory"));
+  }
+  EXPECT_THROW(ReadFile(folder / "absent"), IoError);
+  EXPECT_THROW(ReadFile(folder.path()), IoError);
+  EXPECT_THROW(WriteFileAtomically(folder.path(), "x"), IoError);  // a folder is in the way
+  WriteFileAtomically(folder / "a", "x");
+  EXPECT_THROW(CreateFolders(folder / "a"), IoError);
+  EXPECT_THROW(CreateFolders(folder / "a/b"), IoError);
+  CreateFolders(folder / "b/c");
+  CreateFolders(folder / "b/c");
+  EXPECT_EQ(NumFiles(folder), 2u);
+}
+
+TEST(File, ReadOnlyFolderIsAnError) {
+  const TempFolder folder;
+  std::filesystem::permissions(
+      folder.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec);
+  if (access(folder.path().c_str(), W_OK) == 0) GTEST_SKIP() << "running as root";
+  try {
+    WriteFileAtomically(folder / "a", "x");
+    FAIL();
+  } catch (const IoError& error) {
+    EXPECT_THAT(error.reason(), HasSubstr("Permission denied"));
+  }
+  std::filesystem::permissions(folder.path(), std::filesystem::perms::owner_all);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,162 @@
+#include "cairn/image/bitmap.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/base/rng.h"
+#include "image/image_container.h"
+#include "support/temp_folder.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::TempFolder;
+
+// Blocks of color with noise: large enough that every part of a JPEG carries data.
+Bitmap MakeBitmap(int width, int height, int channels) {
+  Bitmap bitmap{width, height, channels, {}};
+  bitmap.data.resize(static_cast<size_t>(width) * height * channels);
+  Rng rng(7);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      for (int c = 0; c < channels; ++c) {
+        bitmap.Pixel(x, y)[c] =
+            static_cast<uint8_t>((x / 8 * 13 + y / 8 * 29 + c * 71) % 200 + rng.UniformInt(40));
+      }
+    }
+  }
+  return bitmap;
+}
+
+std::string ReasonOf(const std::string& path) {
+  try {
+    ReadBitmap(path, BitmapColor::kRgb);
+  } catch (const IoError& error) {
+    EXPECT_EQ(error.path(), path);
+    return error.reason();
+  }
+  return "no error";
+}
+
+TEST(Bitmap, LosslessFormatsKeepEveryByte) {
+  const TempFolder folder;
+  for (const char* name : {"a.png", "a.bmp", "a.tif", "a.PNG"}) {
+    const Bitmap rgb = MakeBitmap(37, 23, 3);
+    WriteBitmap(folder / name, rgb);
+    const Bitmap read = ReadBitmap(folder / name, BitmapColor::kRgb);
+    EXPECT_EQ(read.width, 37);
+    EXPECT_EQ(read.height, 23);
+    EXPECT_EQ(read.channels, 3);
+    EXPECT_EQ(read.data, rgb.data) << name;
+
+    const Bitmap gray = MakeBitmap(37, 23, 1);
+    WriteBitmap(folder / name, gray);
+    EXPECT_EQ(ReadBitmap(folder / name, BitmapColor::kGray).data, gray.data) << name;
+  }
+}
+
+TEST(Bitmap, ChannelsAreRedGreenBlue) {
+  const TempFolder folder;
+  Bitmap red{16, 16, 3, std::vector<uint8_t>(16 * 16 * 3, 0)};
+  for (size_t i = 0; i < red.data.size(); i += 3) red.data[i] = 250;
+  WriteBitmap(folder / "red.jpg", red, 98);
+  const Bitmap read = ReadBitmap(folder / "red.jpg", BitmapColor::kRgb);
+  EXPECT_GT(read.Pixel(8, 8)[0], 240);
+  EXPECT_LT(read.Pixel(8, 8)[1], 10);
+  EXPECT_LT(read.Pixel(8, 8)[2], 10);
+}
+
+TEST(Bitmap, JpegQualityDecidesSize) {
+  const TempFolder folder;
+  const Bitmap bitmap = MakeBitmap(128, 96, 3);
+  WriteBitmap(folder / "low.jpg", bitmap, 40);
+  WriteBitmap(folder / "high.jpg", bitmap, 97);
+  EXPECT_LT(2 * std::filesystem::file_size(folder / "low.jpg"),
+            std::filesystem::file_size(folder / "high.jpg"));
+}
+
+TEST(Bitmap, FilesThatAreNoImagesAreNamedWithTheReason) {
+  const TempFolder folder;
+  EXPECT_THAT(ReasonOf(folder / "absent.jpg"), HasSubstr("No such file"));
+  EXPECT_THAT(ReasonOf(folder.path()), HasSubstr("folder"));
+  WriteFileAtomically(folder / "empty.jpg", "");
+  EXPECT_THAT(ReasonOf(folder / "empty.jpg"), HasSubstr("empty"));
+  WriteFileAtomically(folder / "text.jpg", "this is a text file, whatever its name says\n");
+  EXPECT_THAT(ReasonOf(folder / "text.jpg"), HasSubstr("cannot be decoded"));
+}
+
+TEST(Bitmap, EveryTruncatedJpegAndPngIsAnError) {
+  const TempFolder folder;
+  for (const char* name : {"a.jpg", "a.png"}) {
+    WriteBitmap(folder / name, MakeBitmap(96, 64, 3));
+    const std::string bytes = ReadFile(folder / name);
+    const std::string cut = folder / std::string("cut_").append(name);
+    ASSERT_TRUE(InspectContainer(bytes).is_complete);
+    for (size_t size = 9; size < bytes.size(); ++size) {
+      ASSERT_FALSE(InspectContainer(std::string_view(bytes).substr(0, size)).is_complete)
+          << name << " cut at " << size;
+    }
+    for (const size_t size : {1, 2, 5, 8, 20, 300, 1000}) {
+      WriteFileAtomically(cut, std::string_view(bytes).substr(0, size));
+      EXPECT_THROW(ReadBitmap(cut, BitmapColor::kRgb), IoError) << name << " cut at " << size;
+    }
+    for (const size_t missing : {1, 2, 3, 4, 5, 8, 12, 13}) {
+      WriteFileAtomically(cut, std::string_view(bytes).substr(0, bytes.size() - missing));
+      EXPECT_THROW(ReadBitmap(cut, BitmapColor::kRgb), IoError) << name << " without " << missing;
+    }
+    // A download whose rest was never written: the right size, zeros at the end.
+    std::string holes = bytes;
+    std::fill(holes.begin() + holes.size() / 2, holes.end(), '\0');
+    WriteFileAtomically(cut, holes);
+    EXPECT_THAT(ReasonOf(cut), HasSubstr("truncated")) << name;
+    // Bytes after the end are no reason to refuse.
+    WriteFileAtomically(cut, bytes + "trailer");
+    EXPECT_EQ(ReasonOf(cut), "no error");
+  }
+}
+
+TEST(Bitmap, OtherTruncatedFormatsAreErrors) {
+  const TempFolder folder;
+  for (const char* name : {"a.bmp", "a.tif", "a.ppm"}) {
+    WriteBitmap(folder / name, MakeBitmap(96, 64, 3));
+    const std::string bytes = ReadFile(folder / name);
+    WriteFileAtomically(folder / name, std::string_view(bytes).substr(0, bytes.size() / 2));
+    EXPECT_THROW(ReadBitmap(folder / name, BitmapColor::kRgb), IoError) << name;
+  }
+}
+
+TEST(Bitmap, SizeFromTheHeaderAgreesWithTheDecodedImage) {
+  const TempFolder folder;
+  for (const char* name : {"a.jpg", "a.png", "a.bmp", "a.ppm", "a.tif"}) {
+    WriteBitmap(folder / name, MakeBitmap(61, 45, 3));
+    EXPECT_EQ(ReadImageSize(folder / name), (ImageSize{61, 45})) << name;
+  }
+  WriteFileAtomically(folder / "text.jpg", "text");
+  EXPECT_THROW(ReadImageSize(folder / "text.jpg"), IoError);
+  EXPECT_THROW(ReadImageSize(folder / "absent.jpg"), IoError);
+  const std::string jpeg = ReadFile(folder / "a.jpg");
+  for (size_t size = 0; size < 100; size += 9) {
+    WriteFileAtomically(folder / "cut.jpg", std::string_view(jpeg).substr(0, size));
+    EXPECT_THROW(ReadImageSize(folder / "cut.jpg"), IoError) << size;
+  }
+}
+
+TEST(Bitmap, WritingWhereNothingCanBeWrittenIsAnError) {
+  const TempFolder folder;
+  const Bitmap bitmap = MakeBitmap(8, 8, 1);
+  EXPECT_THROW(WriteBitmap(folder / "absent/a.png", bitmap), IoError);
+  EXPECT_THROW(WriteBitmap(folder / "a.nothing", bitmap), IoError);
+  EXPECT_THROW(WriteBitmap(folder / "a", bitmap), IoError);
+  Bitmap broken = bitmap;
+  broken.data.pop_back();
+  EXPECT_THROW(WriteBitmap(folder / "a.png", broken), BugError);
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
+}  // namespace
+}  // namespace cairn

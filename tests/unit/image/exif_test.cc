@@ -1,0 +1,104 @@
+#include "cairn/image/exif.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <exiv2/exiv2.hpp>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/image/bitmap.h"
+#include "support/temp_folder.h"
+
+namespace cairn {
+namespace {
+
+using testing::TempFolder;
+
+using Tags = std::vector<std::pair<std::string, std::string>>;
+
+// A 120 x 80 JPEG with these tags; integers as numbers, fractions as "a/b", text as it is.
+void WriteJpegWithExif(const std::string& path, const Tags& tags) {
+  WriteBitmap(path, Bitmap{120, 80, 1, std::vector<uint8_t>(120 * 80, 128)});
+  auto image = Exiv2::ImageFactory::open(path);
+  image->readMetadata();
+  for (const auto& [key, value] : tags) image->exifData()[key] = value;
+  image->writeMetadata();
+}
+
+TEST(Exif, FocalFrom35mmEquivalentAsColmap) {
+  const TempFolder folder;
+  WriteJpegWithExif(folder / "a.jpg", {{"Exif.Photo.FocalLengthIn35mmFilm", "43"},
+                                       {"Exif.Photo.FocalLength", "29/1"},
+                                       {"Exif.Image.Make", "NIKON CORPORATION  "},
+                                       {"Exif.Image.Model", "NIKON D60"}});
+  const ExifInfo info = ReadExif(folder / "a.jpg", 1296, 1936);
+  ASSERT_TRUE(info.focal_px);
+  EXPECT_NEAR(*info.focal_px, 43 / 43.27 * std::hypot(1296, 1936), 1e-9);
+  EXPECT_EQ(info.camera_make, "NIKON CORPORATION");
+  EXPECT_EQ(info.camera_model, "NIKON D60");
+}
+
+TEST(Exif, FocalFromMillimetersAndSensorSize) {
+  const TempFolder folder;
+  // A sensor 22.2 mm x 14.8 mm, 3000 x 2000 pixels at first; the file was made smaller and turned.
+  Tags tags = {{"Exif.Photo.FocalLength", "50/2"},
+               {"Exif.Photo.PixelXDimension", "3000"},
+               {"Exif.Photo.PixelYDimension", "2000"},
+               {"Exif.Photo.FocalPlaneXResolution", "3000000/222"},
+               {"Exif.Photo.FocalPlaneYResolution", "2000000/148"},
+               {"Exif.Photo.FocalPlaneResolutionUnit", "3"}};
+  const double sensor_cm = 3000 / (3000000.0 / 222);
+  const auto expect_focal = [&](double sensor_mm) {
+    WriteJpegWithExif(folder / "a.jpg", tags);
+    const ExifInfo info = ReadExif(folder / "a.jpg", 1000, 1500);
+    ASSERT_TRUE(info.focal_px);
+    EXPECT_NEAR(*info.focal_px, 25.0 / sensor_mm * 1500, 1e-6);
+  };
+  expect_focal(10 * sensor_cm);
+  tags.back().second = std::string("2");
+  expect_focal(25.4 * sensor_cm);
+  tags.back().second = std::string("4");
+  expect_focal(sensor_cm);
+}
+
+TEST(Exif, NoUsableFocalIsAbsent) {
+  const TempFolder folder;
+  const auto focal = [&](const Tags& tags) {
+    WriteJpegWithExif(folder / "a.jpg", tags);
+    return ReadExif(folder / "a.jpg", 120, 80).focal_px;
+  };
+  EXPECT_FALSE(focal({}));
+  EXPECT_FALSE(focal({{"Exif.Photo.FocalLengthIn35mmFilm", "0"}}));
+  EXPECT_FALSE(focal({{"Exif.Photo.FocalLength", "50/1"}}));  // no sensor size
+  EXPECT_FALSE(focal({{"Exif.Photo.FocalLength", "0/0"},
+                      {"Exif.Photo.PixelXDimension", "3000"},
+                      {"Exif.Photo.PixelYDimension", "2000"},
+                      {"Exif.Photo.FocalPlaneXResolution", "1/0"}}));
+}
+
+TEST(Exif, DamagedOrAbsentExifIsEmptyAndSilent) {
+  const TempFolder folder;
+  ::testing::internal::CaptureStderr();
+  ::testing::internal::CaptureStdout();
+  WriteFileAtomically(folder / "text.jpg", "no image");
+  EXPECT_FALSE(ReadExif(folder / "text.jpg", 10, 10).focal_px);
+  WriteJpegWithExif(folder / "a.jpg", {{"Exif.Photo.FocalLengthIn35mmFilm", "28"},
+                                       {"Exif.Image.Model", "a camera with a name"}});
+  const std::string bytes = ReadFile(folder / "a.jpg");
+  for (size_t i = 2; i < 260 && i < bytes.size(); i += 3) {
+    std::string damaged = bytes;
+    damaged[i] = static_cast<char>(damaged[i] ^ 0x5A);
+    WriteFileAtomically(folder / "damaged.jpg", damaged);
+    ReadExif(folder / "damaged.jpg", 120, 80);
+    WriteFileAtomically(folder / "cut.jpg", bytes.substr(0, i));
+    ReadExif(folder / "cut.jpg", 120, 80);
+  }
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+  EXPECT_EQ(::testing::internal::GetCapturedStdout(), "");
+}
+
+TEST(Exif, AbsentFileIsAnError) { EXPECT_THROW(ReadExif("/nowhere/a.jpg", 10, 10), IoError); }
+
+}  // namespace
+}  // namespace cairn

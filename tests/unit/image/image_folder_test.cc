@@ -1,0 +1,53 @@
+#include "cairn/image/image_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "support/temp_folder.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using testing::TempFolder;
+
+TEST(ImageFolder, ListsPhotographsRecursivelySorted) {
+  const TempFolder folder;
+  for (const char* name : {"b", "a/deep", ".hidden"}) CreateFolders(folder / name);
+  for (const char* name :
+       {"z.jpg", "B.JPG", "b/1.jpeg", "b/2.Png", "a/deep/x.tif", "a/deep/y.TIFF", "c.bmp", "d.ppm",
+        "e.webp", "notes.txt", "f.jpg.npy", ".g.jpg", ".hidden/h.jpg", "jpg"}) {
+    WriteFileAtomically(folder / name, "");
+  }
+  EXPECT_THAT(ListImages(folder.path()),
+              ElementsAre("B.JPG", "a/deep/x.tif", "a/deep/y.TIFF", "b/1.jpeg", "b/2.Png", "c.bmp",
+                          "d.ppm", "e.webp", "z.jpg"));
+}
+
+TEST(ImageFolder, FollowsLinksOnceEvenInACycle) {
+  const TempFolder folder;
+  const TempFolder other;
+  CreateFolders(folder / "a");
+  WriteFileAtomically(other / "1.jpg", "");
+  std::filesystem::create_directory_symlink(other.path(), folder / "a/linked");
+  std::filesystem::create_directory_symlink(other.path(), folder / "again");
+  std::filesystem::create_symlink(other / "1.jpg", folder / "file.jpg");
+  std::filesystem::create_directory_symlink(folder.path(), folder / "a/up");
+  EXPECT_THAT(ListImages(folder.path()), ElementsAre("a/linked/1.jpg", "again/1.jpg", "file.jpg"));
+}
+
+TEST(ImageFolder, EmptyAndAbsent) {
+  const TempFolder folder;
+  EXPECT_THAT(ListImages(folder.path()), IsEmpty());
+  EXPECT_THROW(ListImages(folder / "absent"), IoError);
+  WriteFileAtomically(folder / "file", "");
+  EXPECT_THROW(ListImages(folder / "file"), IoError);
+}
+
+}  // namespace
+}  // namespace cairn
