@@ -51,9 +51,9 @@ struct TriangulationResult {
   double max_angle_deg = 0;                       // between any two inlier rays
 };
 
-// The point nearest to all rays in the sense of squared distances, each weighed so that distances
-// are angles once iterated (midpoint method; Hartley and Sturm 1997 discuss it). False if the rays
-// are parallel. The result may be behind a camera.
+// The point nearest to all rays, by squared distances (midpoint method), then once more with each
+// distance divided by the depth, which makes it an angle. False if the rays are parallel. The
+// result may be behind a camera.
 bool TriangulateMidpoint(std::span<const TriangulationView> views, Eigen::Vector3d* xyz);
 
 // Robust triangulation: a point from all views; where not all agree with it, from pairs of views,

@@ -1,0 +1,186 @@
+#include "cairn/triangulation/triangulate_tracks.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/base/parallel.h"
+
+namespace cairn {
+namespace {
+
+// Cameras, poses and undistorted rays of the registered images, ready for the inner loop.
+struct PreparedImage {
+  const RegisteredImage* image = nullptr;
+  TriangulationView pose;  // without a ray
+  // NaN: this keypoint is not in a track, or the distortion cannot be undone there.
+  std::vector<Eigen::Vector2d> rays;
+};
+
+std::map<image_t, PreparedImage> PrepareImages(std::span<const Track> tracks, int num_threads,
+                                               const Reconstruction& reconstruction) {
+  std::map<image_t, PreparedImage> prepared;
+  for (const auto& [image_id, image] : reconstruction.images) {
+    PreparedImage& p = prepared[image_id];
+    p.image = &image;
+    p.pose.cam_from_world_rotation = image.cam_from_world.RotationMatrix();
+    p.pose.cam_from_world_translation = image.cam_from_world.translation;
+    p.pose.focal_px = reconstruction.CameraOf(image).MeanFocal();
+    p.rays.assign(image.points2D.size(), Eigen::Vector2d::Constant(std::nan("")));
+  }
+  // Zero marks the keypoints that are needed.
+  for (const Track& track : tracks) {
+    for (const TrackElement& element : track) {
+      const auto it = prepared.find(element.image_id);
+      if (it != prepared.end()) it->second.rays.at(element.point2D).setZero();
+    }
+  }
+  std::vector<PreparedImage*> list;
+  for (auto& [image_id, p] : prepared) list.push_back(&p);
+  ParallelFor(num_threads, static_cast<int64_t>(list.size()), [&](int64_t i) {
+    PreparedImage& p = *list[i];
+    const Camera& camera = reconstruction.CameraOf(*p.image);
+    for (size_t k = 0; k < p.rays.size(); ++k) {
+      if (std::isnan(p.rays[k].x())) continue;
+      p.rays[k] =
+          camera.CamFromImg(p.image->points2D[k]).value_or(Eigen::Vector2d::Constant(std::nan("")));
+    }
+  });
+  return prepared;
+}
+
+// What one track gave: a point, and perhaps a second one from the observations left over.
+struct TrackOutcome {
+  TriangulationStatus status = TriangulationStatus::kTooFewViews;
+  bool has_two_views = false;
+  std::vector<Point3D> points;
+};
+
+TrackOutcome TriangulateTrack(const Track& track, const TriangulationOptions& options,
+                              const std::map<image_t, PreparedImage>& prepared) {
+  TrackOutcome outcome;
+  Track elements;
+  std::vector<TriangulationView> views;
+  for (const TrackElement& element : track) {
+    const auto it = prepared.find(element.image_id);
+    if (it == prepared.end()) continue;
+    const Eigen::Vector2d& ray = it->second.rays[element.point2D];
+    if (std::isnan(ray.x())) continue;
+    elements.push_back(element);
+    views.push_back(it->second.pose);
+    views.back().ray = ray;
+  }
+  outcome.has_two_views = views.size() >= 2;
+  // The second round looks at what the first point left over.
+  for (int round = 0; round < 2 && views.size() >= 2; ++round) {
+    const TriangulationResult result = Triangulate(views, options);
+    if (round == 0) outcome.status = result.status;
+    if (result.status != TriangulationStatus::kSuccess) break;
+    Point3D point;
+    point.xyz = result.xyz;
+    point.error_px = result.mean_error_px;
+    for (const int i : result.inliers) point.track.push_back(elements[i]);
+    outcome.points.push_back(std::move(point));
+    for (auto it = result.inliers.rbegin(); it != result.inliers.rend(); ++it) {
+      elements.erase(elements.begin() + *it);
+      views.erase(views.begin() + *it);
+    }
+  }
+  return outcome;
+}
+
+}  // namespace
+
+TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
+                                          const TriangulationOptions& options, int num_threads,
+                                          Reconstruction& reconstruction) {
+  for (auto& [image_id, image] : reconstruction.images) {
+    std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
+  }
+  reconstruction.points3D.clear();
+  const std::map<image_t, PreparedImage> prepared =
+      PrepareImages(tracks, num_threads, reconstruction);
+  std::vector<TrackOutcome> outcomes(tracks.size());
+  ParallelFor(
+      num_threads, static_cast<int64_t>(tracks.size()),
+      [&](int64_t i) { outcomes[i] = TriangulateTrack(tracks[i], options, prepared); }, 64);
+
+  TriangulateTracksReport report;
+  for (const TrackOutcome& outcome : outcomes) {
+    if (!outcome.has_two_views) continue;
+    ++report.num_tracks;
+    switch (outcome.status) {
+      case TriangulationStatus::kSuccess:
+        ++report.num_triangulated;
+        break;
+      case TriangulationStatus::kTooFewViews:
+        ++report.num_too_few_views;
+        break;
+      case TriangulationStatus::kSmallAngle:
+        ++report.num_small_angle;
+        break;
+      case TriangulationStatus::kIllPosed:
+        ++report.num_ill_posed;
+        break;
+    }
+    if (outcome.points.size() > 1) ++report.num_second_points;
+    for (const Point3D& point : outcome.points) {
+      reconstruction.AddPoint3D(point);
+      ++report.num_points;
+      report.num_observations += static_cast<int64_t>(point.track.size());
+    }
+  }
+  return report;
+}
+
+FilterReport FilterPoints(const FilterOptions& options, int num_threads,
+                          Reconstruction& reconstruction) {
+  std::map<image_t, Eigen::Vector3d> centers;
+  for (const auto& [image_id, image] : reconstruction.images) {
+    centers[image_id] = image.cam_from_world.Center();
+  }
+  std::vector<point3D_t> ids;
+  std::vector<const Point3D*> points;
+  for (const auto& [id, point] : reconstruction.points3D) {
+    ids.push_back(id);
+    points.push_back(&point);
+  }
+  struct Verdict {
+    bool keep = false;
+    Track bad;  // observations to remove from a point that is kept
+  };
+  std::vector<Verdict> verdicts(points.size());
+  const auto judge = [&](int64_t i) {
+    Verdict& verdict = verdicts[i];
+    std::vector<Eigen::Vector3d> good_centers;
+    for (const TrackElement& element : points[i]->track) {
+      const RegisteredImage& image = reconstruction.images.at(element.image_id);
+      const double error_px =
+          ReprojectionErrorPx(reconstruction.CameraOf(image), image.cam_from_world, points[i]->xyz,
+                              image.points2D[element.point2D]);
+      if (error_px <= options.max_error_px) {
+        good_centers.push_back(centers.at(element.image_id));
+      } else {
+        verdict.bad.push_back(element);
+      }
+    }
+    verdict.keep = static_cast<int>(good_centers.size()) >= std::max(2, options.min_views) &&
+                   MaxTriangulationAngleDeg(points[i]->xyz, good_centers) >= options.min_angle_deg;
+  };
+  ParallelFor(num_threads, static_cast<int64_t>(points.size()), judge, 64);
+
+  FilterReport report;
+  for (size_t i = 0; i < ids.size(); ++i) {
+    report.num_observations_removed += static_cast<int64_t>(verdicts[i].bad.size());
+    if (!verdicts[i].keep) {
+      reconstruction.RemovePoint3D(ids[i]);
+      ++report.num_points_removed;
+      continue;
+    }
+    for (const TrackElement& element : verdicts[i].bad) {
+      reconstruction.RemoveObservation(ids[i], element);
+    }
+  }
+  return report;
+}
+
+}  // namespace cairn

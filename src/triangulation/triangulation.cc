@@ -1,0 +1,235 @@
+#include "cairn/triangulation/triangulation.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "cairn/math/angles.h"
+
+namespace cairn {
+namespace {
+
+using Views = std::span<const TriangulationView>;
+
+Eigen::Vector3d Center(const TriangulationView& view) {
+  return view.cam_from_world_rotation.transpose() * -view.cam_from_world_translation;
+}
+
+Eigen::Vector3d PointInCamera(const TriangulationView& view, const Eigen::Vector3d& xyz) {
+  return view.cam_from_world_rotation * xyz + view.cam_from_world_translation;
+}
+
+// Infinite behind the camera.
+double SquaredErrorPx(const TriangulationView& view, const Eigen::Vector3d& xyz) {
+  const Eigen::Vector3d x = PointInCamera(view, xyz);
+  if (!(x.z() > 0)) return std::numeric_limits<double>::infinity();
+  return (x.hnormalized() - view.ray).squaredNorm() * view.focal_px * view.focal_px;
+}
+
+// Solves a symmetric 3x3 system; false if it is singular for practical purposes.
+bool SolvePositive(const Eigen::Matrix3d& A, const Eigen::Vector3d& b, Eigen::Vector3d* x) {
+  const Eigen::LDLT<Eigen::Matrix3d> ldlt(A);
+  const auto pivots = ldlt.vectorD().cwiseAbs();
+  if (!(pivots.minCoeff() > 1e-12 * pivots.maxCoeff())) return false;
+  *x = ldlt.solve(b);
+  return x->allFinite();
+}
+
+template <class Indices>
+bool Midpoint(Views views, const Indices& indices, Eigen::Vector3d* xyz) {
+  // First unweighted, then weighted by the inverse depths of the first point.
+  for (int round = 0; round < 2; ++round) {
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    for (const int i : indices) {
+      const Eigen::Vector3d direction =
+          views[i].cam_from_world_rotation.transpose() * views[i].ray.homogeneous().normalized();
+      const Eigen::Vector3d center = Center(views[i]);
+      double weight = 1.0;
+      if (round > 0) weight = 1.0 / std::max((*xyz - center).squaredNorm(), 1e-300);
+      const Eigen::Matrix3d across =
+          weight * (Eigen::Matrix3d::Identity() - direction * direction.transpose());
+      A += across;
+      b += across * center;
+    }
+    if (!SolvePositive(A, b, xyz)) return false;
+  }
+  return true;
+}
+
+double SumSquaredErrorPx(Views views, const std::vector<int>& indices, const Eigen::Vector3d& xyz) {
+  double sum = 0;
+  for (const int i : indices) sum += SquaredErrorPx(views[i], xyz);
+  return sum;
+}
+
+// Gauss-Newton on the squared reprojection error of the given views; stops where a step does not
+// lower it.
+void Refine(Views views, const std::vector<int>& indices, int max_steps, Eigen::Vector3d* xyz) {
+  double cost = SumSquaredErrorPx(views, indices, *xyz);
+  for (int step = 0; step < max_steps; ++step) {
+    Eigen::Matrix3d JtJ = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d Jtr = Eigen::Vector3d::Zero();
+    for (const int i : indices) {
+      const TriangulationView& view = views[i];
+      const Eigen::Vector3d x = PointInCamera(view, *xyz);
+      const double scale = view.focal_px / x.z();
+      const Eigen::Vector2d uv = x.hnormalized();
+      Eigen::Matrix<double, 2, 3> J_camera;
+      J_camera << scale, 0, -scale * uv.x(), 0, scale, -scale * uv.y();
+      const Eigen::Matrix<double, 2, 3> J = J_camera * view.cam_from_world_rotation;
+      JtJ += J.transpose() * J;
+      Jtr += J.transpose() * (view.focal_px * (uv - view.ray));
+    }
+    Eigen::Vector3d delta;
+    if (!SolvePositive(JtJ, -Jtr, &delta)) return;
+    const Eigen::Vector3d candidate = *xyz + delta;
+    const double candidate_cost = SumSquaredErrorPx(views, indices, candidate);
+    if (!(candidate_cost < cost)) return;
+    const bool converged = candidate_cost > (1.0 - 1e-9) * cost;
+    *xyz = candidate;
+    cost = candidate_cost;
+    if (converged) return;
+  }
+}
+
+std::vector<int> Agreeing(Views views, const Eigen::Vector3d& xyz, double max_error_px) {
+  std::vector<int> agreeing;
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (SquaredErrorPx(views[i], xyz) <= max_error_px * max_error_px) {
+      agreeing.push_back(static_cast<int>(i));
+    }
+  }
+  return agreeing;
+}
+
+// The best point from pairs of views by the sum of truncated squared errors. Where there are more
+// pairs than allowed, an even choice of them.
+bool SearchPairs(Views views, const TriangulationOptions& options, Eigen::Vector3d* best) {
+  const int n = static_cast<int>(views.size());
+  const int num_pairs = n * (n - 1) / 2;
+  const double truncation = options.max_error_px * options.max_error_px;
+  // Worse than this, fewer than min_views agree.
+  double best_score = truncation * (n - options.min_views + 1);
+  bool found = false;
+  int pair = 0;
+  for (int i = 0; i < n; ++i) {
+    for (int j = i + 1; j < n; ++j, ++pair) {
+      const auto slot = [&](int64_t p) { return p * options.max_pairs / num_pairs; };
+      if (num_pairs > options.max_pairs && slot(pair) == slot(pair + int64_t{1})) continue;
+      Eigen::Vector3d xyz;
+      if (!Midpoint(views, std::array<int, 2>{i, j}, &xyz)) continue;
+      double score = 0;
+      for (int k = 0; k < n && score < best_score; ++k) {
+        score += std::min(SquaredErrorPx(views[k], xyz), truncation);
+      }
+      if (!(score < best_score)) continue;
+      best_score = score;
+      *best = xyz;
+      found = true;
+    }
+  }
+  return found;
+}
+
+// Smallest cosine of an angle between two rays to the point.
+double MinCosine(const Eigen::Vector3d& xyz, std::span<const Eigen::Vector3d> centers) {
+  double min_cosine = 1.0;
+  for (size_t i = 0; i < centers.size(); ++i) {
+    const Eigen::Vector3d a = (xyz - centers[i]).normalized();
+    for (size_t j = 0; j < i; ++j) {
+      min_cosine = std::min(min_cosine, a.dot((xyz - centers[j]).normalized()));
+    }
+  }
+  return min_cosine;
+}
+
+}  // namespace
+
+void TriangulationOptions::VisitFields(OptionVisitor& v) {
+  v.Double("max_error_px", max_error_px, {0, 1e6}, "largest reprojection error, pixels");
+  v.Double("min_angle_deg", min_angle_deg, {0, 180},
+           "smallest angle that two rays of a point must reach, degrees");
+  v.Int("min_views", min_views, {2, 1000}, "views that must agree with a point");
+  v.Int("max_refinements", max_refinements, {0, 1000}, "Gauss-Newton steps of a point");
+  v.Int("max_pairs", max_pairs, {0, 1000000},
+        "pairs of views tried where not all views agree; 0: none");
+}
+
+std::string_view TriangulationStatusName(TriangulationStatus status) {
+  switch (status) {
+    case TriangulationStatus::kSuccess:
+      return "success";
+    case TriangulationStatus::kTooFewViews:
+      return "too_few_views";
+    case TriangulationStatus::kSmallAngle:
+      return "small_angle";
+    case TriangulationStatus::kIllPosed:
+      return "ill_posed";
+  }
+  return "unknown";
+}
+
+bool TriangulateMidpoint(std::span<const TriangulationView> views, Eigen::Vector3d* xyz) {
+  std::vector<int> all(views.size());
+  std::iota(all.begin(), all.end(), 0);
+  return Midpoint(views, all, xyz);
+}
+
+TriangulationResult Triangulate(std::span<const TriangulationView> views,
+                                const TriangulationOptions& options) {
+  TriangulationResult result;
+  const auto fail = [&](TriangulationStatus status) {
+    result.status = status;
+    result.inliers.clear();
+    return result;
+  };
+  const auto min_views = static_cast<size_t>(options.min_views);
+  if (views.size() < min_views) return fail(TriangulationStatus::kTooFewViews);
+
+  Eigen::Vector3d xyz;
+  const bool well_posed = TriangulateMidpoint(views, &xyz);
+  std::vector<int> inliers;
+  if (well_posed) inliers = Agreeing(views, xyz, options.max_error_px);
+  if (inliers.size() < views.size() && views.size() > 2 && options.max_pairs > 0 &&
+      SearchPairs(views, options, &xyz)) {
+    inliers = Agreeing(views, xyz, options.max_error_px);
+  } else if (!well_posed) {
+    return fail(TriangulationStatus::kIllPosed);
+  }
+  // Refining may bring in views that just missed, or lose some.
+  for (int round = 0; round < 3; ++round) {
+    if (inliers.size() < min_views) return fail(TriangulationStatus::kTooFewViews);
+    Refine(views, inliers, options.max_refinements, &xyz);
+    std::vector<int> agreeing = Agreeing(views, xyz, options.max_error_px);
+    const bool same = agreeing == inliers;
+    inliers = std::move(agreeing);
+    if (same) break;
+  }
+  if (inliers.size() < min_views) return fail(TriangulationStatus::kTooFewViews);
+
+  std::vector<Eigen::Vector3d> centers;
+  double sum_error = 0;
+  for (const int i : inliers) {
+    centers.push_back(Center(views[i]));
+    sum_error += std::sqrt(SquaredErrorPx(views[i], xyz));
+  }
+  const double max_angle_deg = MaxTriangulationAngleDeg(xyz, centers);
+  if (max_angle_deg < options.min_angle_deg) return fail(TriangulationStatus::kSmallAngle);
+  result.status = TriangulationStatus::kSuccess;
+  result.xyz = xyz;
+  result.mean_error_px = sum_error / static_cast<double>(inliers.size());
+  result.max_angle_deg = max_angle_deg;
+  result.inliers = std::move(inliers);
+  return result;
+}
+
+double MaxTriangulationAngleDeg(const Eigen::Vector3d& xyz,
+                                std::span<const Eigen::Vector3d> centers) {
+  return RadToDeg(std::acos(std::clamp(MinCosine(xyz, centers), -1.0, 1.0)));
+}
+
+}  // namespace cairn

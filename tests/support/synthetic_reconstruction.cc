@@ -1,0 +1,101 @@
+#include "support/synthetic_reconstruction.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/base/rng.h"
+#include "cairn/math/so3.h"
+
+namespace cairn::testing_support {
+namespace {
+
+Camera MakeCamera(camera_t id, const SyntheticOptions& options, Rng& rng) {
+  Camera camera = Camera::FromFocal(id, options.model, 800 + 50.0 * id, 1000, 800);
+  if (camera.FocalIndices().size() == 2) camera.params[1] *= 1.01;
+  const std::vector<int> distortion = camera.DistortionIndices();
+  const double values[4] = {-0.05, 0.01, 0.001, -0.0005};
+  for (size_t i = 0; i < distortion.size(); ++i) {
+    camera.params[distortion[i]] = values[i] * rng.Uniform(0.8, 1.2);
+  }
+  return camera;
+}
+
+}  // namespace
+
+SyntheticScene MakeSyntheticScene(const SyntheticOptions& options) {
+  Rng rng(options.seed, "synthetic scene");
+  SyntheticScene scene;
+  const auto random = [&](double size) {
+    return Eigen::Vector3d(
+        size * Eigen::Vector3d(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1)));
+  };
+  for (int i = 0; i < options.num_images; ++i) {
+    const camera_t camera_id = options.shared_camera ? 1 : static_cast<camera_t>(i + 1);
+    if (scene.truth.cameras.count(camera_id) == 0) {
+      scene.truth.cameras[camera_id] = MakeCamera(camera_id, options, rng);
+    }
+    RegisteredImage image;
+    image.image.image_id = static_cast<image_t>(i + 1);
+    image.image.name = "image" + std::to_string(i + 1);
+    image.image.camera_id = camera_id;
+    const double angle = 1.5 * (i / std::max(1.0, options.num_images - 1.0) - 0.5);
+    const Eigen::Vector3d center =
+        Eigen::Vector3d(8 * std::sin(angle), 0, -8 * std::cos(angle)) + random(0.5);
+    const Eigen::Quaterniond look = ExpSO3(random(0.05)) * Eigen::Quaterniond::FromTwoVectors(
+                                                               -center, Eigen::Vector3d::UnitZ());
+    image.cam_from_world = Rigid3d(look, look * -center);
+    scene.truth.images[image.image.image_id] = image;
+  }
+  for (int k = 0; k < options.num_points; ++k) {
+    Point3D point;
+    point.xyz = random(2);
+    std::vector<std::pair<image_t, Eigen::Vector2d>> seen;
+    for (const auto& [image_id, image] : scene.truth.images) {
+      const Camera& camera = scene.truth.CameraOf(image);
+      Eigen::Vector2d pixel = camera.ImgFromCam((image.cam_from_world * point.xyz).hnormalized());
+      pixel += options.noise_px * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+      const bool visible = rng.Uniform() < options.visible_share;
+      if (rng.Uniform() < options.outlier_share) {
+        const double direction = rng.Uniform(0, 6.28);
+        pixel += rng.Uniform(20, 200) * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+      }
+      if (visible) seen.emplace_back(image_id, pixel);
+    }
+    if (seen.size() < 2) continue;
+    for (const auto& [image_id, pixel] : seen) {
+      RegisteredImage& image = scene.truth.images.at(image_id);
+      point.track.push_back({image_id, static_cast<point2D_t>(image.points2D.size())});
+      image.points2D.push_back(pixel);
+      image.point3D_ids.push_back(kInvalidPoint3DId);
+    }
+    scene.tracks.push_back(point.track);
+    scene.truth.AddPoint3D(point);
+  }
+  return scene;
+}
+
+PoseDifference CompareAligned(const Reconstruction& estimate, const Reconstruction& truth) {
+  Eigen::Matrix3Xd src(3, estimate.images.size());
+  Eigen::Matrix3Xd dst(3, estimate.images.size());
+  int column = 0;
+  for (const auto& [image_id, image] : estimate.images) {
+    src.col(column) = image.cam_from_world.Center();
+    dst.col(column++) = truth.images.at(image_id).cam_from_world.Center();
+  }
+  const Eigen::Matrix4d similarity = Eigen::umeyama(src, dst, true);
+  const double scale = std::cbrt(similarity.topLeftCorner<3, 3>().determinant());
+  const Eigen::Quaterniond rotation(Eigen::Matrix3d(similarity.topLeftCorner<3, 3>() / scale));
+  PoseDifference difference;
+  column = 0;
+  for (const auto& [image_id, image] : estimate.images) {
+    const Eigen::Vector3d center = (similarity * src.col(column).homogeneous()).hnormalized();
+    difference.center = std::max(difference.center, (center - dst.col(column++)).norm());
+    difference.angle = std::max(difference.angle,
+                                AngleBetween(image.cam_from_world.rotation * rotation.conjugate(),
+                                             truth.images.at(image_id).cam_from_world.rotation));
+  }
+  return difference;
+}
+
+}  // namespace cairn::testing_support

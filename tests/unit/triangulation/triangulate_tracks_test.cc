@@ -1,0 +1,134 @@
+#include "cairn/triangulation/triangulate_tracks.h"
+
+#include <gtest/gtest.h>
+
+#include "support/synthetic_reconstruction.h"
+
+namespace cairn {
+namespace {
+
+using testing_support::MakeSyntheticScene;
+using testing_support::SyntheticOptions;
+using testing_support::SyntheticScene;
+
+TEST(TriangulateTracks, RecoversThePointsOfADistortedScene) {
+  for (const CameraModel model :
+       {CameraModel::kSimplePinhole, CameraModel::kPinhole, CameraModel::kSimpleRadial,
+        CameraModel::kRadial, CameraModel::kOpenCV}) {
+    SyntheticOptions synthetic;
+    synthetic.model = model;
+    const SyntheticScene scene = MakeSyntheticScene(synthetic);
+    Reconstruction estimate = scene.truth;
+    const TriangulateTracksReport report = TriangulateTracks(scene.tracks, {}, 1, estimate);
+    estimate.CheckConsistency();
+    EXPECT_EQ(report.num_triangulated, static_cast<int64_t>(scene.tracks.size()));
+    ASSERT_EQ(estimate.points3D.size(), scene.truth.points3D.size());
+    for (const auto& [id, point] : estimate.points3D) {
+      EXPECT_LT((point.xyz - scene.truth.points3D.at(id).xyz).norm(), 1e-7);
+      EXPECT_EQ(point.track, scene.truth.points3D.at(id).track);
+    }
+  }
+}
+
+TEST(TriangulateTracks, LeavesOutWrongObservations) {
+  SyntheticOptions synthetic;
+  synthetic.num_images = 10;
+  synthetic.noise_px = 0.5;
+  synthetic.outlier_share = 0.15;
+  const SyntheticScene scene = MakeSyntheticScene(synthetic);
+  Reconstruction estimate = scene.truth;
+  const TriangulateTracksReport report = TriangulateTracks(scene.tracks, {}, 2, estimate);
+  estimate.CheckConsistency();
+  EXPECT_GT(report.num_triangulated, 190);
+  int num_wrong = 0;
+  for (const auto& [id, point] : estimate.points3D) {
+    if (point.track.size() < 4) continue;
+    double nearest = 1e9;
+    for (const auto& [true_id, true_point] : scene.truth.points3D) {
+      nearest = std::min(nearest, (point.xyz - true_point.xyz).norm());
+    }
+    num_wrong += nearest > 0.1;
+  }
+  EXPECT_EQ(num_wrong, 0);
+  EXPECT_LT(estimate.MeanReprojectionErrorPx(), 1.0);
+}
+
+TEST(TriangulateTracks, DoesNotDependOnTheNumberOfThreads) {
+  SyntheticOptions synthetic;
+  synthetic.noise_px = 1;
+  synthetic.outlier_share = 0.1;
+  const SyntheticScene scene = MakeSyntheticScene(synthetic);
+  Reconstruction one = scene.truth;
+  Reconstruction eight = scene.truth;
+  TriangulateTracks(scene.tracks, {}, 1, one);
+  TriangulateTracks(scene.tracks, {}, 8, eight);
+  ASSERT_EQ(one.points3D.size(), eight.points3D.size());
+  for (const auto& [id, point] : one.points3D) {
+    EXPECT_EQ(point.xyz, eight.points3D.at(id).xyz);
+    EXPECT_EQ(point.track, eight.points3D.at(id).track);
+  }
+}
+
+TEST(TriangulateTracks, PassesOverImagesThatAreNotRegistered) {
+  SyntheticScene scene = MakeSyntheticScene({.num_images = 4});
+  Reconstruction estimate = scene.truth;
+  while (!estimate.points3D.empty()) estimate.RemovePoint3D(estimate.points3D.begin()->first);
+  estimate.images.erase(2);
+  TriangulateTracks(scene.tracks, {}, 1, estimate);
+  estimate.CheckConsistency();
+  EXPECT_GT(estimate.points3D.size(), 100u);
+  estimate.points3D.clear();
+  estimate.images.erase(1);
+  estimate.images.erase(3);
+  const TriangulateTracksReport report = TriangulateTracks(scene.tracks, {}, 1, estimate);
+  EXPECT_EQ(report.num_points, 0);
+  EXPECT_EQ(report.num_tracks, 0);
+}
+
+TEST(TriangulateTracks, RemainingObservationsGiveASecondPoint) {
+  // Two points, their observations falsely joined to one track.
+  const SyntheticScene scene =
+      MakeSyntheticScene({.num_images = 7, .num_points = 2, .visible_share = 1.0});
+  Track joined;
+  for (size_t i = 0; i < 7; ++i) joined.push_back(scene.tracks[i < 4 ? 0 : 1][i]);
+  Reconstruction estimate = scene.truth;
+  const TriangulateTracksReport report = TriangulateTracks(std::span(&joined, 1), {}, 1, estimate);
+  EXPECT_EQ(report.num_second_points, 1);
+  ASSERT_EQ(estimate.points3D.size(), 2u);
+  for (const auto& [id, point] : estimate.points3D) {
+    EXPECT_LT((point.xyz - scene.truth.points3D.at(id).xyz).norm(), 1e-7);
+  }
+}
+
+TEST(FilterPoints, RemovesWrongObservationsAndNarrowPoints) {
+  SyntheticScene scene = MakeSyntheticScene({.visible_share = 1.0});
+  Reconstruction& model = scene.truth;
+  // One wrong observation in point 1, all but one wrong in point 2, point 3 far behind.
+  model.images.at(1).points2D[0].x() += 10;
+  for (image_t i = 2; i <= 6; ++i) model.images.at(i).points2D[1].x() += 10.0 * i;
+  model.points3D.at(3).xyz = Eigen::Vector3d(0, 0, -1000);
+  const size_t num_points = model.points3D.size();
+  const FilterReport report = FilterPoints({}, 2, model);
+  model.CheckConsistency();
+  EXPECT_EQ(model.points3D.at(1).track.size(), 5u);
+  EXPECT_EQ(model.points3D.size(), num_points - 2);
+  EXPECT_EQ(report.num_points_removed, 2);
+  EXPECT_EQ(report.num_observations_removed, 1 + 5 + 6);
+
+  FilterOptions wide;
+  wide.min_angle_deg = 179;
+  FilterPoints(wide, 1, model);
+  EXPECT_TRUE(model.points3D.empty());
+}
+
+TEST(FilterPoints, MinViewsRemovesShortTracks) {
+  SyntheticScene scene = MakeSyntheticScene({.visible_share = 0.5});
+  FilterOptions options;
+  options.min_views = 4;
+  FilterPoints(options, 1, scene.truth);
+  EXPECT_FALSE(scene.truth.points3D.empty());
+  for (const auto& [id, point] : scene.truth.points3D) EXPECT_GE(point.track.size(), 4u);
+}
+
+}  // namespace
+}  // namespace cairn
