@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "cairn/base/options.h"
+#include "cairn/scene/reconstruction.h"
+#include "cairn/scene/two_view_geometry.h"
+#include "cairn/scene/view_graph.h"
+#include "cairn/synthetic/surface.h"
+
+namespace cairn {
+
+class Database;
+
+struct SceneOptions {
+  std::string layout = "ring";  // see CameraLayout
+  int num_images = 12;
+  int num_points = 2000;
+  int max_keypoints = 1500;  // an image; more visible points than that: a random choice
+  int num_cameras = 2;       // different focal lengths; images take turns
+  std::string camera_model = "SIMPLE_PINHOLE";
+  double radial_distortion = 0.0;  // first radial coefficient, where the model has one
+  int image_width = 1024;
+  int image_height = 768;
+  double distance = 3.0;        // of the cameras from the scene's center; the scene's radius is 1
+  double image_noise_px = 0.0;  // see ObservationNoise
+  double affine_noise = 0.0;
+  double depth_noise = 0.0;
+  double depth_gradient_noise = 0.0;
+  double missing_depth_ratio = 0.0;  // share of keypoints without depth
+  double outlier_ratio = 0.0;        // share of wrong matches in a pair that overlaps
+  int num_chance_matches = 0;        // wrong matches of a pair that does not overlap
+  int num_clutter_keypoints = 0;     // an image; keypoints that show no scene point
+  int num_distractor_images = 0;     // of another place, with keypoints of their own
+
+  void VisitFields(OptionVisitor& v);
+};
+
+// An abstract scene: what all stages up to matching would give, and the truth.
+struct SyntheticScene {
+  SceneOptions options;
+  uint64_t seed = 0;
+  // All images, distractors last. Ids start with 1.
+  std::vector<Image> images;
+  std::map<camera_t, Camera> cameras;
+  std::map<image_t, std::vector<Keypoint>> keypoints;
+  std::map<image_t, std::vector<DepthSample>> depth_samples;  // in the image's own unit
+  std::map<image_t, double> depth_scales;                     // depth map units per world unit
+  // Exact poses and points of all images but the distractors. points2D are the keypoints (with
+  // noise); points have the tracks of all images that show them, at least two.
+  Reconstruction truth;
+};
+
+SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed);
+
+// Only the truth of a scene, for tests of the later stages: exact poses and points, keypoints with
+// image_noise_px.
+Reconstruction MakeReconstruction(const SceneOptions& options, uint64_t seed);
+
+// Matches of a pair, image_id1 < image_id2: all correct ones that there are, outlier_ratio of wrong
+// ones among them (or num_chance_matches, if there are fewer than two correct ones), each keypoint
+// at most once, in a random order. The correct ones come with is_inlier.
+struct SyntheticMatches {
+  FeatureMatches matches;
+  std::vector<bool> is_inlier;
+};
+SyntheticMatches MakeMatches(const SyntheticScene& scene, image_t image_id1, image_t image_id2);
+
+// The exact relative pose (|t| = 1, config calibrated, E and F) of two images that are not
+// distractors, with the correct ones of the given matches.
+TwoViewGeometry TrueTwoViewGeometry(const SyntheticScene& scene, image_t image_id1,
+                                    image_t image_id2, const SyntheticMatches& matches);
+
+// The exact view graph: an edge for every pair with at least min_num_matches correct matches.
+ViewGraph MakeViewGraph(const SyntheticScene& scene, int min_num_matches = 20);
+
+// Descriptors (rows x 128) of an image's keypoints: the same scene point looks nearly the same in
+// all images.
+Descriptors MakeDescriptors(const SyntheticScene& scene, image_t image_id);
+
+// Up to which stage a database is filled. Each includes those before.
+enum class SceneContent { kFeatures, kDepth, kMatches, kTwoViewGeometries };
+
+// Writes the scene into a database, as the stages of build_view_graph would have.
+void WriteScene(const SyntheticScene& scene, SceneContent content, Database& database);
+
+}  // namespace cairn

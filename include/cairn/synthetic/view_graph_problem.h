@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "cairn/base/options.h"
+#include "cairn/geometry/rigid3d.h"
+#include "cairn/scene/view_graph.h"
+
+namespace cairn {
+
+// A view graph without images, like those of the 1DSfM data sets, of any size.
+struct ViewGraphOptions {
+  std::string layout = "landmark";  // see CameraLayout
+  int num_images = 200;
+  int num_edges = 4000;              // at least num_images - 1, at most all pairs
+  double rotation_noise_deg = 0.5;   // median angle of the error of a correct edge
+  double direction_noise_deg = 1.0;  // median angle between true and given translation direction
+  double heavy_tail = 0.0;  // 0: Rayleigh-like errors; 1: as the real edges of 1DSfM's Ellis Island
+  double outlier_ratio = 0.0;  // share of edges whose pose has nothing to do with the truth
+
+  void VisitFields(OptionVisitor& v);
+};
+
+struct ViewGraphProblem {
+  ViewGraph graph;                            // connected, normalized; ids 1 .. num_images
+  std::map<image_t, Rigid3d> cam_from_world;  // the truth
+  std::vector<bool> is_outlier;               // one an edge of graph, in its order
+};
+
+ViewGraphProblem MakeViewGraphProblem(const ViewGraphOptions& options, uint64_t seed);
+
+}  // namespace cairn

@@ -1,0 +1,254 @@
+#include "cairn/synthetic/scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
+#include "cairn/synthetic/poses.h"
+#include "synthetic/relief.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kReliefAmplitude = 0.15;  // world units
+constexpr double kMinFacingCosine = 0.25;  // an element is detected up to 75 degrees off its normal
+
+bool IsWallLayout(CameraLayout layout) {
+  return layout == CameraLayout::kArc || layout == CameraLayout::kGrid ||
+         layout == CameraLayout::kLine;
+}
+
+std::vector<SurfaceElement> MakeElements(CameraLayout layout, int n, Rng& rng) {
+  const Relief relief(rng);
+  std::vector<SurfaceElement> elements;
+  elements.reserve(n);
+  for (int i = 0; i < n; ++i) {
+    const double size = 0.005 * std::exp(rng.Uniform(0.0, 1.8));
+    elements.push_back(IsWallLayout(layout) ? SampleWall(relief, kReliefAmplitude, size, rng)
+                                            : SampleTower(relief, kReliefAmplitude, size, rng));
+  }
+  return elements;
+}
+
+std::map<camera_t, Camera> MakeCameras(const SceneOptions& options) {
+  std::map<camera_t, Camera> cameras;
+  for (int i = 0; i < options.num_cameras; ++i) {
+    // Focal lengths of 1.1 to 1.6 times the width; every second camera has smaller photographs.
+    const double zoom = 1.1 + (options.num_cameras > 1 ? 0.5 * i / (options.num_cameras - 1) : 0.0);
+    const double size = i % 2 == 0 ? 1.0 : 0.8;
+    const int width = static_cast<int>(std::lround(size * options.image_width));
+    const int height = static_cast<int>(std::lround(size * options.image_height));
+    const camera_t id = i + 1;
+    Camera camera = Camera::FromFocal(id, *CameraModelFromName(options.camera_model), zoom * width,
+                                      width, height);
+    const std::vector<int> distortion = camera.DistortionIndices();
+    if (!distortion.empty()) camera.params[distortion[0]] = options.radial_distortion;
+    camera.has_prior_focal_length = true;
+    cameras.emplace(id, camera);
+  }
+  return cameras;
+}
+
+// A keypoint before it got its place among the others.
+struct Detection {
+  AffineObservation observation;
+  int element = -1;  // -1: clutter
+};
+
+bool IsSeen(const Camera& camera, const Rigid3d& cam_from_world, const SurfaceElement& element,
+            AffineObservation* observation) {
+  const Eigen::Vector3d ray = cam_from_world.Center() - element.point;
+  if (ray.dot(element.Normal()) < kMinFacingCosine * ray.norm()) return false;
+  const auto view = Observe(camera, cam_from_world, element);
+  if (!view || !IsInImage(camera, view->pixel)) return false;
+  *observation = *view;
+  return true;
+}
+
+// What an image shows that no other does: frames and depth of a plausible size.
+Detection MakeClutter(const Camera& camera, double distance, Rng& rng) {
+  Detection detection;
+  AffineObservation& view = detection.observation;
+  view.pixel = {rng.Uniform(0.0, camera.width), rng.Uniform(0.0, camera.height)};
+  const double size = 2.0 * std::exp(rng.Uniform(0.0, 1.8));
+  const double angle = rng.Uniform(0.0, 2.0 * std::numbers::pi);
+  view.shape = size * Eigen::Rotation2Dd(angle).toRotationMatrix();
+  view.shape.row(1) *= rng.Uniform(0.5, 1.0);
+  view.depth = distance * rng.Uniform(0.7, 1.3);
+  view.depth_gradient = view.depth / camera.MeanFocal() *
+                        Eigen::RowVector2d(0.5 * rng.Gaussian(), 0.5 * rng.Gaussian());
+  return detection;
+}
+
+std::vector<Detection> Detect(const SceneOptions& options, const Camera& camera,
+                              const Rigid3d* cam_from_world,
+                              const std::vector<SurfaceElement>& elements, Rng& rng) {
+  std::vector<Detection> detections;
+  if (cam_from_world) {
+    for (size_t i = 0; i < elements.size(); ++i) {
+      AffineObservation view;
+      if (IsSeen(camera, *cam_from_world, elements[i], &view)) {
+        detections.push_back({view, static_cast<int>(i)});
+      }
+    }
+    rng.Shuffle(detections);
+    if (detections.size() > static_cast<size_t>(options.max_keypoints)) {
+      detections.resize(options.max_keypoints);
+    }
+  }
+  const int num_clutter = cam_from_world
+                              ? options.num_clutter_keypoints
+                              : options.num_clutter_keypoints + options.max_keypoints / 2;
+  for (int i = 0; i < num_clutter; ++i) {
+    detections.push_back(MakeClutter(camera, options.distance, rng));
+  }
+  rng.Shuffle(detections);
+  return detections;
+}
+
+// One image's part of the scene; made independently of all other images.
+struct ImageData {
+  std::vector<Keypoint> keypoints;
+  std::vector<DepthSample> depth_samples;
+  std::vector<int> elements;
+  double depth_scale = 1.0;
+};
+
+ImageData MakeImageData(const SceneOptions& options, const Camera& camera,
+                        const Rigid3d* cam_from_world, const std::vector<SurfaceElement>& elements,
+                        Rng rng) {
+  const ObservationNoise noise{options.image_noise_px, options.affine_noise, options.depth_noise,
+                               options.depth_gradient_noise};
+  ImageData data;
+  data.depth_scale = std::exp(0.7 * rng.Gaussian());
+  for (const Detection& detection : Detect(options, camera, cam_from_world, elements, rng)) {
+    const AffineObservation noisy = AddNoise(detection.observation, noise, camera.MeanFocal(), rng);
+    data.keypoints.push_back(noisy.ToKeypoint());
+    const bool has_depth = rng.Uniform() >= options.missing_depth_ratio;
+    data.depth_samples.push_back(has_depth ? noisy.ToDepthSample(data.depth_scale) : DepthSample{});
+    data.elements.push_back(detection.element);
+  }
+  return data;
+}
+
+std::string ImageName(bool is_distractor, int number) {
+  char name[32];
+  std::snprintf(name, sizeof(name), "%s%05d.jpg", is_distractor ? "other" : "image", number);
+  return name;
+}
+
+// Points with at least two observations, and each image's references to them. Point ids are element
+// indices + 1.
+void LinkPoints(const std::vector<SurfaceElement>& elements, const std::vector<ImageData>& data,
+                Reconstruction* truth) {
+  std::vector<Track> tracks(elements.size());
+  for (auto& [id, image] : truth->images) {
+    const std::vector<int>& image_elements = data[id - 1].elements;
+    for (size_t k = 0; k < image_elements.size(); ++k) {
+      if (image_elements[k] >= 0) {
+        tracks[image_elements[k]].push_back({id, static_cast<point2D_t>(k)});
+      }
+    }
+  }
+  for (size_t i = 0; i < elements.size(); ++i) {
+    if (tracks[i].size() < 2) continue;
+    Point3D point;
+    point.xyz = elements[i].point;
+    const double shade = 0.5 * (elements[i].Normal().z() + 1.0);
+    point.color = {static_cast<uint8_t>(80 + 120 * shade), static_cast<uint8_t>(90 + 90 * shade),
+                   120};
+    point.track = std::move(tracks[i]);
+    const point3D_t id = i + 1;
+    for (const TrackElement& e : point.track) {
+      truth->images.at(e.image_id).point3D_ids[e.point2D] = id;
+    }
+    truth->points3D.emplace_hint(truth->points3D.end(), id, std::move(point));
+  }
+  truth->UpdatePointErrors();
+}
+
+}  // namespace
+
+void SceneOptions::VisitFields(OptionVisitor& v) {
+  v.Choice("layout", layout, CameraLayoutNames(), "how the cameras stand around the scene");
+  v.Int("num_images", num_images, {1, 1e6}, "images of the scene");
+  v.Int("num_points", num_points, {0, 1e8}, "surface elements of an abstract scene");
+  v.Int("max_keypoints", max_keypoints, {0, 1e6}, "scene points that an image shows, at most");
+  v.Int("num_cameras", num_cameras, {1, 1000}, "cameras of different focal length");
+  v.Choice("camera_model", camera_model,
+           {"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"}, "camera model");
+  v.Double("radial_distortion", radial_distortion, {-0.3, 0.3}, "first radial coefficient");
+  v.Int("image_width", image_width, {16, 20000}, "pixels, of the first camera");
+  v.Int("image_height", image_height, {16, 20000}, "pixels, of the first camera");
+  v.Double("distance", distance, {1.5, 100.0}, "of the cameras; the scene's radius is 1");
+  v.Double("image_noise_px", image_noise_px, {0.0, 100.0}, "keypoint noise, standard deviation");
+  v.Double("affine_noise", affine_noise, {0.0, 1.0}, "noise of affine frames, relative");
+  v.Double("depth_noise", depth_noise, {0.0, 1.0}, "noise of depth, relative");
+  v.Double("depth_gradient_noise", depth_gradient_noise, {0.0, 10.0},
+           "noise of the depth gradient, as a slope");
+  v.Double("missing_depth_ratio", missing_depth_ratio, {0.0, 1.0},
+           "share of keypoints without depth");
+  v.Double("outlier_ratio", outlier_ratio, {0.0, 0.99}, "share of wrong matches in a pair");
+  v.Int("num_chance_matches", num_chance_matches, {0, 1e6},
+        "wrong matches of a pair that does not overlap");
+  v.Int("num_clutter_keypoints", num_clutter_keypoints, {0, 1e6},
+        "keypoints an image that show no scene point");
+  v.Int("num_distractor_images", num_distractor_images, {0, 1e6}, "images of another place");
+}
+
+SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
+  ValidateOptions(options, "synthetic");
+  const CameraLayout layout = *CameraLayoutFromName(options.layout);
+  SyntheticScene scene;
+  scene.options = options;
+  scene.seed = seed;
+  scene.cameras = MakeCameras(options);
+  Rng element_rng(seed, "scene_elements");
+  const std::vector<SurfaceElement> elements =
+      MakeElements(layout, options.num_points, element_rng);
+  Rng pose_rng(seed, "scene_poses");
+  const std::vector<Rigid3d> poses =
+      MakeCameraPoses(layout, options.num_images, options.distance, pose_rng);
+
+  const int num_images = options.num_images + options.num_distractor_images;
+  for (int i = 0; i < num_images; ++i) {
+    const bool is_distractor = i >= options.num_images;
+    const camera_t camera_id = 1 + i % options.num_cameras;
+    scene.images.push_back({static_cast<image_t>(i + 1),
+                            ImageName(is_distractor, is_distractor ? i - options.num_images : i),
+                            camera_id});
+  }
+  std::vector<ImageData> data(num_images);
+  ParallelFor(0, num_images, [&](int64_t i) {
+    const Rigid3d* pose = i < options.num_images ? &poses[i] : nullptr;
+    data[i] = MakeImageData(options, scene.cameras.at(scene.images[i].camera_id), pose, elements,
+                            Rng(seed, "scene_image", i + 1));
+  });
+
+  scene.truth.cameras = scene.cameras;
+  for (int i = 0; i < num_images; ++i) {
+    const image_t id = i + 1;
+    if (i < options.num_images) {
+      RegisteredImage image{scene.images[i], poses[i], {}, {}};
+      for (const Keypoint& keypoint : data[i].keypoints) {
+        image.points2D.push_back(keypoint.Position());
+      }
+      image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
+      scene.truth.images.emplace(id, std::move(image));
+    }
+    scene.depth_scales[id] = data[i].depth_scale;
+    scene.keypoints[id] = std::move(data[i].keypoints);
+    scene.depth_samples[id] = std::move(data[i].depth_samples);
+  }
+  LinkPoints(elements, data, &scene.truth);
+  return scene;
+}
+
+Reconstruction MakeReconstruction(const SceneOptions& options, uint64_t seed) {
+  return MakeScene(options, seed).truth;
+}
+
+}  // namespace cairn

@@ -1,0 +1,185 @@
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
+#include "cairn/geometry/epipolar.h"
+#include "cairn/math/angles.h"
+#include "cairn/synthetic/scene.h"
+#include "synthetic/visible_points.h"
+
+namespace cairn {
+namespace {
+
+// Correct matches in the order of the points' ids.
+FeatureMatches CommonPoints(const VisiblePoints& visible1, const VisiblePoints& visible2) {
+  FeatureMatches matches;
+  auto a = visible1.begin();
+  auto b = visible2.begin();
+  while (a != visible1.end() && b != visible2.end()) {
+    if (a->first < b->first) {
+      ++a;
+    } else if (b->first < a->first) {
+      ++b;
+    } else {
+      matches.push_back({(a++)->second, (b++)->second});
+    }
+  }
+  return matches;
+}
+
+// Keypoints that are in no match of `used`, in a random order.
+std::vector<point2D_t> FreeKeypoints(size_t num_keypoints, const FeatureMatches& used,
+                                     point2D_t FeatureMatch::*side, Rng& rng) {
+  std::vector<bool> is_used(num_keypoints, false);
+  for (const FeatureMatch& match : used) is_used[match.*side] = true;
+  std::vector<point2D_t> free;
+  for (size_t k = 0; k < num_keypoints; ++k) {
+    if (!is_used[k]) free.push_back(static_cast<point2D_t>(k));
+  }
+  rng.Shuffle(free);
+  return free;
+}
+
+// The scene point that a keypoint shows, or kInvalidPoint3DId.
+point3D_t PointOf(const SyntheticScene& scene, image_t image_id, point2D_t keypoint) {
+  const auto it = scene.truth.images.find(image_id);
+  return it == scene.truth.images.end() ? kInvalidPoint3DId : it->second.point3D_ids[keypoint];
+}
+
+double MedianTriangulationAngleDeg(const Reconstruction& truth, const RegisteredImage& image1,
+                                   const RegisteredImage& image2, const FeatureMatches& matches) {
+  std::vector<double> angles;
+  for (const FeatureMatch& match : matches) {
+    const Eigen::Vector3d& xyz = truth.points3D.at(image1.point3D_ids[match.point1]).xyz;
+    angles.push_back(AngleBetween(Eigen::Vector3d(image1.cam_from_world.Center() - xyz),
+                                  Eigen::Vector3d(image2.cam_from_world.Center() - xyz)));
+  }
+  if (angles.empty()) return 0.0;
+  const auto middle = angles.begin() + angles.size() / 2;
+  std::nth_element(angles.begin(), middle, angles.end());
+  return RadToDeg(*middle);
+}
+
+Rigid3d RelativePose(const RegisteredImage& image1, const RegisteredImage& image2) {
+  Rigid3d pose = image2.cam_from_world * Inverse(image1.cam_from_world);
+  const double length = pose.translation.norm();
+  if (length > 0) pose.translation /= length;
+  return pose;
+}
+
+}  // namespace
+
+VisiblePoints FindVisiblePoints(const SyntheticScene& scene, image_t image_id) {
+  VisiblePoints visible;
+  const auto it = scene.truth.images.find(image_id);
+  if (it == scene.truth.images.end()) return visible;  // a distractor
+  const std::vector<point3D_t>& ids = it->second.point3D_ids;
+  for (size_t k = 0; k < ids.size(); ++k) {
+    if (ids[k] != kInvalidPoint3DId) visible.emplace_back(ids[k], static_cast<point2D_t>(k));
+  }
+  std::sort(visible.begin(), visible.end());
+  return visible;
+}
+
+SyntheticMatches MakeMatches(const SyntheticScene& scene, image_t image_id1, image_t image_id2,
+                             const VisiblePoints& visible1, const VisiblePoints& visible2) {
+  CAIRN_CHECK_LT(image_id1, image_id2);
+  Rng rng(scene.seed, "scene_matches", ImagePairToPairId(image_id1, image_id2));
+  const size_t num_keypoints1 = scene.keypoints.at(image_id1).size();
+  const size_t num_keypoints2 = scene.keypoints.at(image_id2).size();
+  FeatureMatches correct = CommonPoints(visible1, visible2);
+  if (correct.size() < 2) correct.clear();
+  rng.Shuffle(correct);
+
+  // As many matches as the correct ones allow at this share; fewer if the keypoints do not suffice.
+  size_t num_outliers = scene.options.num_chance_matches;
+  if (!correct.empty()) {
+    const double ratio = scene.options.outlier_ratio;
+    const double total =
+        std::min({correct.size() / (1.0 - ratio), double(num_keypoints1), double(num_keypoints2)});
+    correct.resize(std::min<size_t>(correct.size(), std::lround((1.0 - ratio) * total)));
+    num_outliers = std::lround(ratio * total);
+  }
+  if (correct.empty() && num_outliers == 0) return {};
+  const auto free1 = FreeKeypoints(num_keypoints1, correct, &FeatureMatch::point1, rng);
+  const auto free2 = FreeKeypoints(num_keypoints2, correct, &FeatureMatch::point2, rng);
+
+  SyntheticMatches out;
+  out.matches = std::move(correct);
+  const size_t num_correct = out.matches.size();
+  for (size_t i = 0; i < std::min({num_outliers, free1.size(), free2.size()}); ++i) {
+    // By chance two free keypoints may show the same point: such a pair is left out.
+    const point3D_t point1 = PointOf(scene, image_id1, free1[i]);
+    if (point1 != kInvalidPoint3DId && point1 == PointOf(scene, image_id2, free2[i])) continue;
+    out.matches.push_back({free1[i], free2[i]});
+  }
+  std::vector<size_t> order(out.matches.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  rng.Shuffle(order);
+  FeatureMatches shuffled;
+  for (const size_t i : order) {
+    shuffled.push_back(out.matches[i]);
+    out.is_inlier.push_back(i < num_correct);
+  }
+  out.matches = std::move(shuffled);
+  return out;
+}
+
+SyntheticMatches MakeMatches(const SyntheticScene& scene, image_t image_id1, image_t image_id2) {
+  return MakeMatches(scene, image_id1, image_id2, FindVisiblePoints(scene, image_id1),
+                     FindVisiblePoints(scene, image_id2));
+}
+
+TwoViewGeometry TrueTwoViewGeometry(const SyntheticScene& scene, image_t image_id1,
+                                    image_t image_id2, const SyntheticMatches& matches) {
+  const RegisteredImage& image1 = scene.truth.images.at(image_id1);
+  const RegisteredImage& image2 = scene.truth.images.at(image_id2);
+  TwoViewGeometry geometry;
+  geometry.config = TwoViewConfig::kCalibrated;
+  geometry.cam2_from_cam1 = RelativePose(image1, image2);
+  geometry.E = EssentialFromPose(*geometry.cam2_from_cam1);
+  geometry.F =
+      FundamentalFromEssential(*geometry.E, scene.truth.CameraOf(image1).CalibrationMatrix(),
+                               scene.truth.CameraOf(image2).CalibrationMatrix());
+  for (size_t i = 0; i < matches.matches.size(); ++i) {
+    if (matches.is_inlier[i]) geometry.inlier_matches.push_back(matches.matches[i]);
+  }
+  return geometry;
+}
+
+ViewGraph MakeViewGraph(const SyntheticScene& scene, int min_num_matches) {
+  ViewGraph graph;
+  std::vector<VisiblePoints> visible;
+  for (const auto& [id, image] : scene.truth.images) {
+    graph.image_ids.push_back(id);
+    visible.push_back(FindVisiblePoints(scene, id));
+  }
+  const size_t n = graph.image_ids.size();
+  std::vector<std::vector<ViewEdge>> edges(n);  // by their first image
+  ParallelFor(0, static_cast<int64_t>(n), [&](int64_t i) {
+    const RegisteredImage& image1 = scene.truth.images.at(graph.image_ids[i]);
+    for (size_t j = i + 1; j < n; ++j) {
+      const FeatureMatches common = CommonPoints(visible[i], visible[j]);
+      if (common.empty() || static_cast<int>(common.size()) < min_num_matches) continue;
+      const RegisteredImage& image2 = scene.truth.images.at(graph.image_ids[j]);
+      ViewEdge edge;
+      edge.image_id1 = graph.image_ids[i];
+      edge.image_id2 = graph.image_ids[j];
+      edge.cam2_from_cam1 = RelativePose(image1, image2);
+      edge.num_inliers = static_cast<int>(common.size());
+      edge.residual_px = scene.options.image_noise_px;
+      edge.triangulation_angle_deg =
+          MedianTriangulationAngleDeg(scene.truth, image1, image2, common);
+      edges[i].push_back(edge);
+    }
+  });
+  for (const std::vector<ViewEdge>& part : edges) {
+    graph.edges.insert(graph.edges.end(), part.begin(), part.end());
+  }
+  graph.Normalize();
+  return graph;
+}
+
+}  // namespace cairn
