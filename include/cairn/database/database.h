@@ -111,9 +111,9 @@ class Database {
     Database* database_;
   };
 
+  struct Impl;  // defined in src/database/query.h
+
  private:
-  friend class Query;
-  struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 

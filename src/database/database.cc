@@ -1,0 +1,165 @@
+#include "cairn/database/database.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "cairn/base/check.h"
+#include "cairn/base/error.h"
+#include "database/connection.h"
+#include "database/sql.h"
+
+namespace cairn {
+namespace {
+
+// COLMAP 4.x: the camera's rig, made if there is none.
+int64_t RigOfCamera(Database::Impl& impl, camera_t camera_id) {
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    for (const char* sql : {sql::kReadRig, sql::kReadRigSensor}) {
+      Query query(impl, sql);
+      if (query.Bind(1, camera_id).Step()) return query.Int(0);
+    }
+    if (attempt == 0) Query(impl, sql::kWriteRig).Bind(1, camera_id).Run();
+  }
+  throw BugError("a rig was written and cannot be found");
+}
+
+struct FrameRow {
+  int64_t frame_id = 0;
+  int64_t sensor_id = 0;
+};
+
+std::optional<FrameRow> ReadFrame(Database::Impl& impl, image_t image_id) {
+  Query query(impl, sql::kReadFrame);
+  if (!query.Bind(1, image_id).Step()) return std::nullopt;
+  return FrameRow{query.Int(0), query.Int(1)};
+}
+
+// COLMAP 4.x: takes the image out of its frame, which must hold nothing else.
+void DeleteFrame(Database::Impl& impl, image_t image_id) {
+  const std::optional<FrameRow> frame = ReadFrame(impl, image_id);
+  if (!frame) return;
+  Query(impl, sql::kDeleteFrameData).Bind(1, frame->frame_id).Run();
+  Query(impl, sql::kDeleteFrame).Bind(1, frame->frame_id).Run();
+}
+
+// COLMAP 4.x: a frame of its own for the image, unless it has one.
+void EnsureFrame(Database::Impl& impl, const Image& image) {
+  const std::optional<FrameRow> frame = ReadFrame(impl, image.image_id);
+  if (frame && frame->sensor_id == image.camera_id) return;
+  DeleteFrame(impl, image.image_id);
+  Query(impl, sql::kWriteFrame).Bind(1, RigOfCamera(impl, image.camera_id)).Run();
+  Query(impl, sql::kWriteFrameData).Bind(1, image.image_id).Bind(2, image.camera_id).Run();
+}
+
+}  // namespace
+
+Database::Database(const std::string& path, Mode mode) : impl_(OpenConnection(path, mode)) {}
+Database::~Database() = default;
+Database::Database(Database&&) noexcept = default;
+Database& Database::operator=(Database&&) noexcept = default;
+
+const std::string& Database::path() const { return impl_->path; }
+
+void Database::SetBusyTimeout(int milliseconds) {
+  sqlite3_busy_timeout(impl_->connection, milliseconds);
+}
+
+std::vector<Camera> Database::ReadCameras() const {
+  std::vector<Camera> cameras;
+  Query query(*impl_, sql::kReadCameras);
+  while (query.Step()) {
+    Camera camera;
+    camera.camera_id = static_cast<camera_t>(query.Int(0));
+    const std::string row = "camera " + std::to_string(camera.camera_id);
+    const std::optional<CameraModel> model = CameraModelFromId(static_cast<int>(query.Int(1)));
+    if (!model) {
+      throw IoError(path(), row + ": camera model " + std::to_string(query.Int(1)) +
+                                " is not known (SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL "
+                                "and OPENCV are)");
+    }
+    camera.model = *model;
+    camera.width = static_cast<int>(query.Int(2));
+    camera.height = static_cast<int>(query.Int(3));
+    const std::span<const std::byte> blob = query.Blob(4);
+    const size_t expected = CameraModelNumParams(*model) * sizeof(double);
+    if (blob.size() != expected) {
+      throw IoError(path(), row + ": its params blob has " + std::to_string(blob.size()) +
+                                " bytes, its model needs " + std::to_string(expected));
+    }
+    camera.params.resize(blob.size() / sizeof(double));
+    std::memcpy(camera.params.data(), blob.data(), blob.size());
+    camera.has_prior_focal_length = query.Int(5) != 0;
+    const std::string reason = camera.Validate();
+    if (!reason.empty()) throw IoError(path(), row + ": " + reason);
+    cameras.push_back(std::move(camera));
+  }
+  return cameras;
+}
+
+std::vector<Image> Database::ReadImages() const {
+  std::vector<Image> images;
+  Query query(*impl_, sql::kReadImages);
+  while (query.Step()) {
+    images.push_back({.image_id = static_cast<image_t>(query.Int(0)),
+                      .name = query.Text(1),
+                      .camera_id = static_cast<camera_t>(query.Int(2))});
+  }
+  return images;
+}
+
+void Database::WriteCamera(const Camera& camera) {
+  CAIRN_CHECK(camera.camera_id != kInvalidCameraId);
+  Query(*impl_, sql::kWriteCamera)
+      .Bind(1, camera.camera_id)
+      .Bind(2, static_cast<int>(camera.model))
+      .Bind(3, camera.width)
+      .Bind(4, camera.height)
+      .BindBlob(5, camera.params.data(), camera.params.size() * sizeof(double))
+      .Bind(6, static_cast<int>(camera.has_prior_focal_length))
+      .Run();
+  if (impl_->has_rigs) RigOfCamera(*impl_, camera.camera_id);
+}
+
+void Database::WriteImage(const Image& image) {
+  CAIRN_CHECK(image.image_id != kInvalidImageId);
+  CAIRN_CHECK(image.camera_id != kInvalidCameraId);
+  Query(*impl_, sql::kWriteImage)
+      .Bind(1, image.image_id)
+      .Bind(2, std::string_view(image.name))
+      .Bind(3, image.camera_id)
+      .Run();
+  if (impl_->has_rigs) EnsureFrame(*impl_, image);
+}
+
+void Database::DeleteImage(image_t image_id) {
+  int64_t camera_id = 0;
+  {
+    Query query(*impl_, sql::kReadImageCamera);
+    if (!query.Bind(1, image_id).Step()) return;
+    camera_id = query.Int(0);
+  }
+  if (impl_->has_rigs) DeleteFrame(*impl_, image_id);
+  Query(*impl_, sql::kDeleteImage).Bind(1, image_id).Run();
+  if (Query(*impl_, sql::kCameraIsUsed).Bind(1, camera_id).Step()) return;
+  if (impl_->has_rigs) Query(*impl_, sql::kDeleteRig).Bind(1, camera_id).Run();
+  Query(*impl_, sql::kDeleteCamera).Bind(1, camera_id).Run();
+}
+
+Database::Transaction::Transaction(Database& database) : database_(&database) {
+  database.impl_->Execute(sql::kBegin);
+}
+
+Database::Transaction::~Transaction() {
+  // A failed statement may already have rolled back; then there is nothing left to do.
+  if (database_ && !sqlite3_get_autocommit(database_->impl_->connection)) {
+    sqlite3_exec(database_->impl_->connection, sql::kRollback, nullptr, nullptr, nullptr);
+  }
+}
+
+void Database::Transaction::Commit() {
+  CAIRN_CHECK(database_ != nullptr);
+  database_->impl_->Execute(sql::kCommit);
+  database_ = nullptr;
+}
+
+}  // namespace cairn

@@ -1,0 +1,139 @@
+#include <cmath>
+#include <cstring>
+
+#include "cairn/base/error.h"
+#include "cairn/database/database.h"
+#include "database/query.h"
+#include "database/sql.h"
+
+namespace cairn {
+namespace {
+
+std::string RowName(const char* table, image_t image_id) {
+  return std::string(table) + " of image " + std::to_string(image_id);
+}
+
+// A stored depth sample: depth, ddepth_dx, ddepth_dy, valid (1 or 0).
+constexpr int kDepthColumns = 4;
+
+// COLMAP's rows: x y | x y scale orientation | x y a11 a12 a21 a22.
+Keypoint KeypointFromRow(const float* row, int64_t cols) {
+  if (cols == 2) return {row[0], row[1]};
+  if (cols == 4) return Keypoint::FromScaleOrientation(row[0], row[1], row[2], row[3]);
+  return {row[0], row[1], row[2], row[3], row[4], row[5]};
+}
+
+std::map<image_t, int> ReadNumRows(Database::Impl& impl, const char* sql) {
+  std::map<image_t, int> num_rows;
+  Query query(impl, sql);
+  while (query.Step()) {
+    num_rows[static_cast<image_t>(query.Int(0))] = static_cast<int>(query.Int(1));
+  }
+  return num_rows;
+}
+
+}  // namespace
+
+std::optional<std::vector<Keypoint>> Database::ReadKeypoints(image_t image_id) const {
+  Query query(*impl_, sql::kReadKeypoints);
+  if (!query.Bind(1, image_id).Step()) return std::nullopt;
+  const std::string row = RowName("keypoints", image_id);
+  const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, 0, sizeof(float), row);
+  std::vector<Keypoint> keypoints(static_cast<size_t>(matrix.rows));
+  if (keypoints.empty()) return keypoints;
+  if (matrix.cols != 2 && matrix.cols != 4 && matrix.cols != 6) {
+    throw IoError(path(),
+                  row + ": " + std::to_string(matrix.cols) + " columns; 2, 4 or 6 are known");
+  }
+  std::vector<float> values(static_cast<size_t>(matrix.rows * matrix.cols));
+  std::memcpy(values.data(), matrix.data, values.size() * sizeof(float));
+  for (const float value : values) {
+    if (!std::isfinite(value)) throw IoError(path(), row + ": a value is not finite");
+  }
+  for (int64_t i = 0; i < matrix.rows; ++i) {
+    keypoints[i] = KeypointFromRow(&values[i * matrix.cols], matrix.cols);
+  }
+  return keypoints;
+}
+
+std::optional<Descriptors> Database::ReadDescriptors(image_t image_id) const {
+  Query query(*impl_, sql::kReadDescriptors);
+  if (!query.Bind(1, image_id).Step()) return std::nullopt;
+  const MatrixBlob matrix =
+      ReadMatrixBlob(*impl_, query, 0, sizeof(uint8_t), RowName("descriptors", image_id));
+  Descriptors descriptors(matrix.rows, matrix.cols);
+  if (descriptors.size() > 0) {
+    std::memcpy(descriptors.data(), matrix.data, static_cast<size_t>(descriptors.size()));
+  }
+  return descriptors;
+}
+
+std::optional<std::vector<DepthSample>> Database::ReadDepthSamples(image_t image_id) const {
+  if (!impl_->has_cairn_tables) return std::nullopt;
+  Query query(*impl_, sql::kReadDepthSamples);
+  if (!query.Bind(1, image_id).Step()) return std::nullopt;
+  const std::string row = RowName("cairn_depth_samples", image_id);
+  const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, 0, sizeof(float), row);
+  if (matrix.cols != kDepthColumns) {
+    throw IoError(path(), row + ": " + std::to_string(matrix.cols) + " columns instead of 4");
+  }
+  std::vector<DepthSample> samples(static_cast<size_t>(matrix.rows));
+  for (size_t i = 0; i < samples.size(); ++i) {
+    float values[kDepthColumns];
+    std::memcpy(values, matrix.data + i * sizeof(values), sizeof(values));
+    samples[i] = {values[0], values[1], values[2], values[3] != 0};
+  }
+  return samples;
+}
+
+void Database::WriteKeypoints(image_t image_id, const std::vector<Keypoint>& keypoints) {
+  Query(*impl_, sql::kWriteKeypoints)
+      .Bind(1, image_id)
+      .Bind(2, static_cast<uint64_t>(keypoints.size()))
+      .Bind(3, 6)
+      .BindBlob(4, keypoints.data(), keypoints.size() * sizeof(Keypoint))
+      .Run();
+}
+
+void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors) {
+  const bool typed = impl_->has_descriptor_types;
+  Query(*impl_, typed ? sql::kWriteTypedDescriptors : sql::kWriteDescriptors)
+      .Bind(1, image_id)
+      .Bind(2, static_cast<int64_t>(descriptors.rows()))
+      .Bind(3, static_cast<int64_t>(descriptors.cols()))
+      .BindBlob(4, descriptors.data(), static_cast<size_t>(descriptors.size()))
+      .Run();
+}
+
+void Database::WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples) {
+  std::vector<float> values;
+  values.reserve(samples.size() * kDepthColumns);
+  for (const DepthSample& s : samples) {
+    if (s.is_valid) {
+      values.insert(values.end(), {s.depth, s.ddepth_dx, s.ddepth_dy, 1.0f});
+    } else {
+      values.insert(values.end(), kDepthColumns, 0.0f);
+    }
+  }
+  Query(*impl_, sql::kWriteDepthSamples)
+      .Bind(1, image_id)
+      .Bind(2, static_cast<uint64_t>(samples.size()))
+      .Bind(3, kDepthColumns)
+      .BindBlob(4, values.data(), values.size() * sizeof(float))
+      .Run();
+}
+
+std::map<image_t, int> Database::ReadNumKeypoints() const {
+  return ReadNumRows(*impl_, sql::kReadNumKeypoints);
+}
+
+std::map<image_t, int> Database::ReadNumDescriptors() const {
+  return ReadNumRows(*impl_, sql::kReadNumDescriptors);
+}
+
+std::map<image_t, int> Database::ReadNumDepthSamples() const {
+  if (!impl_->has_cairn_tables) return {};
+  return ReadNumRows(*impl_, sql::kReadNumDepthSamples);
+}
+
+}  // namespace cairn

@@ -1,0 +1,240 @@
+#include <cstring>
+
+#include "cairn/base/error.h"
+#include "cairn/database/database.h"
+#include "database/query.h"
+#include "database/sql.h"
+
+namespace cairn {
+namespace {
+
+using RowMajorMatrix3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+
+std::string RowName(const char* table, image_pair_t pair_id) {
+  const auto [id1, id2] = PairIdToImagePair(pair_id);
+  return std::string(table) + " of pair " + std::to_string(pair_id) + " (images " +
+         std::to_string(id1) + ", " + std::to_string(id2) + ")";
+}
+
+FeatureMatches MatchesFromBlob(const Database::Impl& impl, const Query& query,
+                               const std::string& row_name) {
+  const MatrixBlob matrix = ReadMatrixBlob(impl, query, 0, sizeof(uint32_t), row_name);
+  FeatureMatches matches(static_cast<size_t>(matrix.rows));
+  if (matches.empty()) return matches;
+  if (matrix.cols != 2) {
+    throw IoError(impl.path,
+                  row_name + ": " + std::to_string(matrix.cols) + " columns instead of 2");
+  }
+  static_assert(sizeof(FeatureMatch) == 2 * sizeof(uint32_t));
+  std::memcpy(static_cast<void*>(matches.data()), matrix.data,
+              matches.size() * sizeof(FeatureMatch));
+  return matches;
+}
+
+// Fills `values` from the column's blob; false where it is NULL or empty.
+template <size_t n>
+bool ReadDoubles(const Database::Impl& impl, const Query& query, int column,
+                 const std::string& row_name, const char* column_name, double (&values)[n]) {
+  const std::span<const std::byte> blob = query.Blob(column);
+  if (blob.empty()) return false;
+  if (blob.size() != sizeof(values)) {
+    throw IoError(impl.path, row_name + ": " + column_name + " needs " +
+                                 std::to_string(sizeof(values)) + " bytes, but the blob has " +
+                                 std::to_string(blob.size()));
+  }
+  std::memcpy(values, blob.data(), sizeof(values));
+  return true;
+}
+
+std::optional<Eigen::Matrix3d> ReadMatrix3d(const Database::Impl& impl, const Query& query,
+                                            int column, const std::string& row_name,
+                                            const char* column_name) {
+  double values[9];
+  if (!ReadDoubles(impl, query, column, row_name, column_name, values)) return std::nullopt;
+  const Eigen::Matrix3d matrix = Eigen::Map<const RowMajorMatrix3d>(values);
+  // COLMAP 3.8 writes zeros for what it did not estimate.
+  if (matrix.isZero(0)) return std::nullopt;
+  return matrix;
+}
+
+std::optional<Rigid3d> ReadPose(const Database::Impl& impl, const Query& query, int qvec_column,
+                                const std::string& row_name) {
+  double q[4];
+  double t[3];
+  if (!ReadDoubles(impl, query, qvec_column, row_name, "qvec", q)) return std::nullopt;
+  if (!ReadDoubles(impl, query, qvec_column + 1, row_name, "tvec", t)) return std::nullopt;
+  const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
+  const Eigen::Vector3d translation(t[0], t[1], t[2]);
+  if (rotation.squaredNorm() == 0) return std::nullopt;
+  // Up to 3.13 COLMAP wrote the identity for a pose that it did not estimate.
+  if (rotation.vec().isZero(0) && translation.isZero(0)) return std::nullopt;
+  // Only what is not a unit quaternion is normalized, so that what we wrote is read to the bit.
+  const bool is_unit = std::abs(rotation.squaredNorm() - 1.0) < 1e-12;
+  return Rigid3d(is_unit ? rotation : rotation.normalized(), translation);
+}
+
+void BindMatrix3d(Query& query, int position, const std::optional<Eigen::Matrix3d>& matrix,
+                  RowMajorMatrix3d& storage) {
+  if (!matrix) {
+    query.BindNull(position);
+    return;
+  }
+  storage = *matrix;
+  query.BindBlob(position, storage.data(), 9 * sizeof(double));
+}
+
+// qvec at `position`, tvec after it.
+void BindPose(Query& query, int position, const std::optional<Rigid3d>& pose,
+              double (&storage)[7]) {
+  if (!pose) {
+    query.BindNull(position).BindNull(position + 1);
+    return;
+  }
+  const Eigen::Quaterniond& q = pose->rotation;
+  const Eigen::Vector3d& t = pose->translation;
+  const double values[7] = {q.w(), q.x(), q.y(), q.z(), t.x(), t.y(), t.z()};
+  std::memcpy(storage, values, sizeof(values));
+  query.BindBlob(position, storage, 4 * sizeof(double));
+  query.BindBlob(position + 1, storage + 4, 3 * sizeof(double));
+}
+
+// COLMAP 4.x knows 9, calibrated rig.
+TwoViewConfig ConfigFromInt(int64_t config) {
+  if (config >= 0 && config <= 8) return static_cast<TwoViewConfig>(config);
+  return config == 9 ? TwoViewConfig::kCalibrated : TwoViewConfig::kUndefined;
+}
+
+std::vector<std::pair<image_pair_t, int>> ReadNumRows(Database::Impl& impl, const char* sql) {
+  std::vector<std::pair<image_pair_t, int>> num_rows;
+  Query query(impl, sql);
+  while (query.Step()) {
+    num_rows.emplace_back(static_cast<image_pair_t>(query.Int(0)), static_cast<int>(query.Int(1)));
+  }
+  return num_rows;
+}
+
+std::vector<image_pair_t> IdsWithRows(const std::vector<std::pair<image_pair_t, int>>& num_rows) {
+  std::vector<image_pair_t> ids;
+  for (const auto& [pair_id, rows] : num_rows) {
+    if (rows > 0) ids.push_back(pair_id);
+  }
+  return ids;
+}
+
+PairMetrics MetricsFromRow(const Database::Impl& impl, const Query& query) {
+  PairMetrics m;
+  m.pair_id = static_cast<image_pair_t>(query.Int(0));
+  m.verifier = query.Text(1);
+  m.status = query.Text(2);
+  m.is_winner = query.Int(3) != 0;
+  m.step = query.Text(4);
+  m.num_matches = static_cast<int>(query.Int(5));
+  m.num_inliers = static_cast<int>(query.Int(6));
+  m.num_iterations = query.Int(7);
+  m.score = query.Double(8);
+  m.residual_px = query.Double(9);
+  m.triangulation_angle_deg = query.Double(10);
+  m.cam2_from_cam1 = ReadPose(impl, query, 11, RowName("cairn_pair_metrics", m.pair_id));
+  return m;
+}
+
+}  // namespace
+
+std::vector<std::pair<image_pair_t, int>> Database::ReadNumMatches() const {
+  return ReadNumRows(*impl_, sql::kReadNumMatches);
+}
+
+std::vector<std::pair<image_pair_t, int>> Database::ReadNumInliers() const {
+  return ReadNumRows(*impl_, sql::kReadNumInliers);
+}
+
+std::vector<image_pair_t> Database::ReadMatchedPairIds() const {
+  return IdsWithRows(ReadNumMatches());
+}
+
+std::vector<image_pair_t> Database::ReadTwoViewGeometryPairIds() const {
+  return IdsWithRows(ReadNumInliers());
+}
+
+std::optional<FeatureMatches> Database::ReadMatches(image_pair_t pair_id) const {
+  Query query(*impl_, sql::kReadMatches);
+  if (!query.Bind(1, pair_id).Step()) return std::nullopt;
+  return MatchesFromBlob(*impl_, query, RowName("matches", pair_id));
+}
+
+void Database::WriteMatches(image_pair_t pair_id, const FeatureMatches& matches) {
+  Query(*impl_, sql::kWriteMatches)
+      .Bind(1, pair_id)
+      .Bind(2, static_cast<uint64_t>(matches.size()))
+      .Bind(3, 2)
+      .BindBlob(4, matches.data(), matches.size() * sizeof(FeatureMatch))
+      .Run();
+}
+
+std::optional<TwoViewGeometry> Database::ReadTwoViewGeometry(image_pair_t pair_id) const {
+  Query query(*impl_, sql::kReadTwoViewGeometry);
+  if (!query.Bind(1, pair_id).Step()) return std::nullopt;
+  const std::string row = RowName("two_view_geometries", pair_id);
+  TwoViewGeometry geometry;
+  geometry.inlier_matches = MatchesFromBlob(*impl_, query, row);
+  geometry.config = ConfigFromInt(query.Int(3));
+  geometry.F = ReadMatrix3d(*impl_, query, 4, row, "F");
+  geometry.E = ReadMatrix3d(*impl_, query, 5, row, "E");
+  geometry.H = ReadMatrix3d(*impl_, query, 6, row, "H");
+  geometry.cam2_from_cam1 = ReadPose(*impl_, query, 7, row);
+  return geometry;
+}
+
+void Database::WriteTwoViewGeometry(image_pair_t pair_id, const TwoViewGeometry& geometry) {
+  RowMajorMatrix3d F, E, H;
+  double pose[7];
+  Query query(*impl_, sql::kWriteTwoViewGeometry);
+  query.Bind(1, pair_id)
+      .Bind(2, static_cast<uint64_t>(geometry.inlier_matches.size()))
+      .Bind(3, 2)
+      .BindBlob(4, geometry.inlier_matches.data(),
+                geometry.inlier_matches.size() * sizeof(FeatureMatch))
+      .Bind(5, static_cast<int>(geometry.config));
+  BindMatrix3d(query, 6, geometry.F, F);
+  BindMatrix3d(query, 7, geometry.E, E);
+  BindMatrix3d(query, 8, geometry.H, H);
+  BindPose(query, 9, geometry.cam2_from_cam1, pose);
+  query.Run();
+}
+
+std::vector<PairMetrics> Database::ReadPairMetrics() const {
+  std::vector<PairMetrics> metrics;
+  if (!impl_->has_cairn_tables) return metrics;
+  Query query(*impl_, sql::kReadAllPairMetrics);
+  while (query.Step()) metrics.push_back(MetricsFromRow(*impl_, query));
+  return metrics;
+}
+
+std::vector<PairMetrics> Database::ReadPairMetrics(image_pair_t pair_id) const {
+  std::vector<PairMetrics> metrics;
+  if (!impl_->has_cairn_tables) return metrics;
+  Query query(*impl_, sql::kReadPairMetrics);
+  query.Bind(1, pair_id);
+  while (query.Step()) metrics.push_back(MetricsFromRow(*impl_, query));
+  return metrics;
+}
+
+void Database::WritePairMetrics(const PairMetrics& metrics) {
+  double pose[7];
+  Query query(*impl_, sql::kWritePairMetrics);
+  query.Bind(1, metrics.pair_id)
+      .Bind(2, std::string_view(metrics.verifier))
+      .Bind(3, std::string_view(metrics.status))
+      .Bind(4, static_cast<int>(metrics.is_winner))
+      .Bind(5, std::string_view(metrics.step))
+      .Bind(6, metrics.num_matches)
+      .Bind(7, metrics.num_inliers)
+      .Bind(8, metrics.num_iterations)
+      .Bind(9, metrics.score)
+      .Bind(10, metrics.residual_px)
+      .Bind(11, metrics.triangulation_angle_deg);
+  BindPose(query, 12, metrics.cam2_from_cam1, pose);
+  query.Run();
+}
+
+}  // namespace cairn

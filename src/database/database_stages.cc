@@ -1,0 +1,121 @@
+#include "cairn/database/database.h"
+#include "database/query.h"
+#include "database/sql.h"
+
+namespace cairn {
+namespace {
+
+void BindTiming(Query& query, const std::string& stage, uint64_t item, const std::string& label) {
+  query.Bind(1, std::string_view(stage)).Bind(2, item).Bind(3, std::string_view(label));
+}
+
+JobRecord JobFromRow(const Query& query) {
+  return {static_cast<uint64_t>(query.Int(0)), static_cast<uint64_t>(query.Int(1)), query.Text(2)};
+}
+
+}  // namespace
+
+void Database::WriteTiming(const std::string& stage, uint64_t item, const std::string& label,
+                           double seconds) {
+  Query query(*impl_, sql::kWriteTiming);
+  BindTiming(query, stage, item, label);
+  query.Bind(4, seconds).Run();
+}
+
+void Database::AddTiming(const std::string& stage, uint64_t item, const std::string& label,
+                         double seconds) {
+  Query query(*impl_, sql::kAddTiming);
+  BindTiming(query, stage, item, label);
+  query.Bind(4, seconds).Run();
+}
+
+std::optional<double> Database::ReadTiming(const std::string& stage, uint64_t item,
+                                           const std::string& label) const {
+  if (!impl_->has_cairn_tables) return std::nullopt;
+  Query query(*impl_, sql::kReadTiming);
+  BindTiming(query, stage, item, label);
+  if (!query.Step()) return std::nullopt;
+  return query.Double(0);
+}
+
+std::vector<PhotoRecord> Database::ReadPhotos() const {
+  std::vector<PhotoRecord> photos;
+  if (!impl_->has_cairn_tables) return photos;
+  Query query(*impl_, sql::kReadPhotos);
+  while (query.Step()) {
+    photos.push_back({query.Text(0), static_cast<uint64_t>(query.Int(1)), query.Text(2)});
+  }
+  return photos;
+}
+
+void Database::WritePhoto(const PhotoRecord& photo) {
+  Query(*impl_, sql::kWritePhoto)
+      .Bind(1, std::string_view(photo.name))
+      .Bind(2, photo.file_hash)
+      .Bind(3, std::string_view(photo.error))
+      .Run();
+}
+
+std::vector<JobRecord> Database::ReadJobs(const std::string& stage) const {
+  std::vector<JobRecord> jobs;
+  if (!impl_->has_cairn_tables) return jobs;
+  Query query(*impl_, sql::kReadJobs);
+  query.Bind(1, std::string_view(stage));
+  while (query.Step()) jobs.push_back(JobFromRow(query));
+  return jobs;
+}
+
+std::optional<JobRecord> Database::ReadJob(const std::string& stage, uint64_t item) const {
+  if (!impl_->has_cairn_tables) return std::nullopt;
+  Query query(*impl_, sql::kReadJob);
+  if (!query.Bind(1, std::string_view(stage)).Bind(2, item).Step()) return std::nullopt;
+  return JobFromRow(query);
+}
+
+void Database::WriteJob(const std::string& stage, const JobRecord& job) {
+  Query(*impl_, sql::kWriteJob)
+      .Bind(1, std::string_view(stage))
+      .Bind(2, job.item)
+      .Bind(3, job.input_hash)
+      .Bind(4, std::string_view(job.note))
+      .Run();
+}
+
+std::optional<StageRecord> Database::ReadStage(const std::string& stage) const {
+  if (!impl_->has_cairn_tables) return std::nullopt;
+  Query query(*impl_, sql::kReadStage);
+  if (!query.Bind(1, std::string_view(stage)).Step()) return std::nullopt;
+  return StageRecord{query.Text(0), query.Text(1), static_cast<uint64_t>(query.Int(2)),
+                     query.Int(3) != 0};
+}
+
+void Database::WriteStage(const StageRecord& record) {
+  Query(*impl_, sql::kWriteStage)
+      .Bind(1, std::string_view(record.stage))
+      .Bind(2, std::string_view(record.options))
+      .Bind(3, record.input_hash)
+      .Bind(4, static_cast<int>(record.is_complete))
+      .Run();
+}
+
+void Database::ClearFeatures() {
+  Query(*impl_, sql::kClearKeypoints).Run();
+  Query(*impl_, sql::kClearDescriptors).Run();
+}
+
+void Database::ClearDepth() { Query(*impl_, sql::kClearDepthSamples).Run(); }
+
+void Database::ClearMatches() { Query(*impl_, sql::kClearMatches).Run(); }
+
+void Database::ClearVerification() {
+  Query(*impl_, sql::kClearTwoViewGeometries).Run();
+  Query(*impl_, sql::kClearPairMetrics).Run();
+}
+
+void Database::ClearStage(const std::string& stage) {
+  for (const char* sql : {sql::kClearJobs, sql::kClearTimings, sql::kClearStage}) {
+    Query(*impl_, sql).Bind(1, std::string_view(stage)).Run();
+  }
+}
+
+}  // namespace cairn

@@ -1,0 +1,164 @@
+// Files made by COLMAP are read and extended, ours are read by COLMAP.
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+#include "cairn/database/database.h"
+#include "support/database_dump.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+class ColmapFilesTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("cairn_colmap_test_" + std::to_string(getpid()));
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  fs::path folder_;
+};
+
+// COLMAP 4.2's tables that differ from 3.8's, shortened.
+constexpr const char* kColmap42 = R"(
+CREATE TABLE rigs(rig_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, ref_sensor_id INTEGER NOT NULL, ref_sensor_type INTEGER NOT NULL);
+CREATE TABLE rig_sensors(rig_id INTEGER NOT NULL, sensor_id INTEGER NOT NULL, sensor_type INTEGER NOT NULL, sensor_from_rig BLOB, FOREIGN KEY(rig_id) REFERENCES rigs(rig_id) ON DELETE CASCADE);
+CREATE TABLE cameras(camera_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, model INTEGER NOT NULL, width INTEGER NOT NULL, height INTEGER NOT NULL, params BLOB, prior_focal_length INTEGER NOT NULL);
+CREATE TABLE frames(frame_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, rig_id INTEGER NOT NULL, FOREIGN KEY(rig_id) REFERENCES rigs(rig_id) ON DELETE CASCADE);
+CREATE TABLE frame_data(frame_id INTEGER NOT NULL, data_id INTEGER NOT NULL, sensor_id INTEGER NOT NULL, sensor_type INTEGER NOT NULL, FOREIGN KEY(frame_id) REFERENCES frames(frame_id) ON DELETE CASCADE);
+CREATE TABLE images(image_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, name TEXT NOT NULL UNIQUE, camera_id INTEGER NOT NULL, FOREIGN KEY(camera_id) REFERENCES cameras(camera_id));
+CREATE TABLE keypoints(image_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB, FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE descriptors(image_id INTEGER PRIMARY KEY NOT NULL, type INTEGER NOT NULL, rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB, FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE matches(pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB);
+CREATE TABLE two_view_geometries(pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB, config INTEGER NOT NULL, F BLOB, E BLOB, H BLOB, qvec BLOB, tvec BLOB, camera1 BLOB, camera2 BLOB);
+CREATE UNIQUE INDEX rig_ref_sensor_assignment ON rigs(ref_sensor_id, ref_sensor_type);
+CREATE UNIQUE INDEX frame_sensor_assignment ON frame_data(data_id, sensor_type);
+PRAGMA user_version = 4020000;
+)";
+
+TEST_F(ColmapFilesTest, ImagesJoinAColmap4FileWithRigsAndFrames) {
+  const std::string path = folder_ / "v4.db";
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(path.c_str(), &db), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(db, kColmap42, nullptr, nullptr, nullptr), SQLITE_OK);
+  sqlite3_exec(db,
+               "INSERT INTO cameras VALUES(4, 0, 10, 10, X'000000000000F03F000000000000F03F"
+               "000000000000F03F', 1);"
+               "INSERT INTO rigs VALUES(9, 4, 0); INSERT INTO frames VALUES(6, 9);"
+               "INSERT INTO images VALUES(2, 'old.jpg', 4);"
+               "INSERT INTO frame_data VALUES(6, 2, 4, 0);",
+               nullptr, nullptr, nullptr);
+  sqlite3_close(db);
+  {
+    Database database(path);
+    database.WriteCamera(Camera::FromFocal(5, CameraModel::kSimpleRadial, 20, 10, 10));
+    database.WriteImage({3, "new.jpg", 5});
+    database.WriteImage({4, "same_camera.jpg", 4});
+    database.WriteImage({2, "old.jpg", 4});  // Keeps its frame.
+    database.WriteDescriptors(3, Descriptors::Random(2, 128));
+    EXPECT_EQ(database.ReadDescriptors(3)->rows(), 2);
+    database.WriteTwoViewGeometry(ImagePairToPairId(2, 3), {});
+    EXPECT_TRUE(database.ReadTwoViewGeometry(ImagePairToPairId(2, 3)));
+  }
+  using Rows = std::vector<std::vector<std::string>>;
+  EXPECT_EQ(RunSql(path, "SELECT * FROM rigs"), (Rows{{"9", "4", "0"}, {"10", "5", "0"}}));
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), (Rows{{"6", "9"}, {"7", "10"}, {"8", "9"}}));
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frame_data ORDER BY frame_id"),
+            (Rows{{"6", "2", "4", "0"}, {"7", "3", "5", "0"}, {"8", "4", "4", "0"}}));
+  EXPECT_EQ(RunSql(path, "SELECT type FROM descriptors"), (Rows{{"0"}}));
+  EXPECT_EQ(RunSql(path, "PRAGMA user_version"), (Rows{{"4020000"}}));
+  {
+    Database database(path);
+    database.DeleteImage(3);
+  }
+  EXPECT_EQ(RunSql(path, "SELECT * FROM rigs"), (Rows{{"9", "4", "0"}}));
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), (Rows{{"6", "9"}, {"8", "9"}}));
+  EXPECT_EQ(RunSql(path, "SELECT frame_id FROM frame_data"), (Rows{{"6"}, {"8"}}));
+}
+
+// Debian's COLMAP 3.8 opens our file, reads our rows, and goes on from our matches.
+TEST_F(ColmapFilesTest, Colmap38ReadsOurFile) {
+  if (std::system("command -v colmap > /dev/null") != 0) GTEST_SKIP() << "colmap is not installed";
+  const std::string path = folder_ / "ours.db";
+  {
+    Database database(path);
+    database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 800, 640, 480));
+    std::vector<Keypoint> keypoints(30);
+    for (int i = 0; i < 30; ++i) keypoints[i] = {10.0f * i, 5.0f * i};
+    FeatureMatches matches;
+    for (point2D_t i = 0; i < 30; ++i) matches.push_back({i, i});
+    for (image_t id = 1; id <= 3; ++id) {
+      database.WriteImage({id, "image" + std::to_string(id) + ".jpg", 1});
+      database.WriteKeypoints(id, keypoints);
+      database.WriteDescriptors(id, Descriptors::Constant(30, 128, 7));
+    }
+    TwoViewGeometry geometry;
+    geometry.config = TwoViewConfig::kCalibrated;
+    geometry.cam2_from_cam1 = Rigid3d(Eigen::Quaterniond::Identity(), Eigen::Vector3d::UnitX());
+    geometry.E = Eigen::Matrix3d::Identity();
+    geometry.inlier_matches = matches;
+    database.WriteMatches(ImagePairToPairId(1, 2), matches);
+    database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), geometry);
+    database.WriteMatches(ImagePairToPairId(1, 3), {});
+    database.WriteTwoViewGeometry(ImagePairToPairId(1, 3), {});
+    database.WriteDepthSamples(1, std::vector<DepthSample>(30));
+  }
+  const std::string dump = DumpDatabase(path);
+  const std::string log = folder_ / "log.txt";
+  fs::copy_file(path, folder_ / "other.db");
+  RunSql(folder_ / "other.db", "UPDATE images SET name = 'other_' || name");
+  const std::string merge = "colmap database_merger --database_path1 " + path +
+                            " --database_path2 " + (folder_ / "other.db").string() +
+                            " --merged_database_path " + (folder_ / "merged.db").string() + " > " +
+                            log + " 2>&1";
+  ASSERT_EQ(std::system(merge.c_str()), 0) << log;
+  // COLMAP read every row of both and wrote it again.
+  const Database merged(folder_ / "merged.db");
+  const Database ours(path);
+  EXPECT_EQ(merged.ReadImages().size(), 6u);
+  EXPECT_EQ(*merged.ReadKeypoints(1), *ours.ReadKeypoints(1));
+  EXPECT_EQ(*merged.ReadMatches(ImagePairToPairId(1, 2)),
+            *ours.ReadMatches(ImagePairToPairId(1, 2)));
+  const TwoViewGeometry geometry = *merged.ReadTwoViewGeometry(ImagePairToPairId(1, 2));
+  EXPECT_EQ(geometry.inlier_matches.size(), 30u);
+  EXPECT_EQ(geometry.E, ours.ReadTwoViewGeometry(ImagePairToPairId(1, 2))->E);
+  EXPECT_EQ(geometry.cam2_from_cam1->translation, Eigen::Vector3d::UnitX());
+  // Its merger leaves out the rows of failed pairs.
+  EXPECT_FALSE(merged.ReadTwoViewGeometry(ImagePairToPairId(1, 3)));
+  EXPECT_EQ(DumpDatabase(path), dump);
+}
+
+// The real file of COLMAP 4.2.
+TEST_F(ColmapFilesTest, ReadsAColmap42File) {
+  const char* shared = std::getenv("CAIRN_SHARED_DIR");
+  const fs::path original =
+      fs::path(shared ? shared : CAIRN_SHARED_DIR) / "data/strecha_29/colmap_loose_matches.db";
+  if (!fs::exists(original)) GTEST_SKIP() << original << " is absent";
+  {
+    const Database database(original, Database::Mode::kReadOnly);
+    EXPECT_EQ(database.ReadImages().size(), 29u);
+    EXPECT_EQ(database.ReadMatchedPairIds().size(), 406u);
+    EXPECT_EQ(database.ReadKeypoints(1)->size(), 5812u);
+    EXPECT_EQ(database.ReadMatches(ImagePairToPairId(1, 2))->size(), 1975u);
+    EXPECT_FALSE(database.ReadDescriptors(1));
+    EXPECT_FALSE(database.ReadDepthSamples(1));
+    EXPECT_FALSE(database.ReadTwoViewGeometry(ImagePairToPairId(1, 2)));
+    EXPECT_TRUE(database.ReadJobs("verification").empty());
+    EXPECT_EQ(database.ReadCameras()[0].model, CameraModel::kPinhole);
+  }
+  const fs::path copy = folder_ / "copy.db";
+  fs::copy_file(original, copy);
+  fs::permissions(copy, fs::perms::owner_all);
+  Database database(copy);
+  database.WriteDepthSamples(1, std::vector<DepthSample>(5812));
+  database.WriteImage({30, "new.jpg", 1});
+  EXPECT_EQ(database.ReadImages().size(), 30u);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,511 @@
+#include "cairn/database/database.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <regex>
+
+#include "cairn/base/error.h"
+#include "cairn/base/rng.h"
+#include "support/database_dump.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+class DatabaseTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() /
+              ("cairn_database_test_" + std::to_string(getpid()) + "_" +
+               ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::create_directories(folder_);
+  }
+  void TearDown() override {
+    fs::permissions(folder_, fs::perms::owner_all, fs::perm_options::add);
+    fs::remove_all(folder_);
+  }
+  std::string Path(const std::string& name = "scene.db") const { return folder_ / name; }
+
+  // The message of the IoError that fn throws.
+  template <class Fn>
+  static std::string IoMessage(const Fn& fn) {
+    try {
+      fn();
+    } catch (const IoError& error) {
+      return error.what();
+    }
+    return "no IoError";
+  }
+
+  fs::path folder_;
+};
+
+Camera TestCamera(camera_t id = 1) {
+  Camera camera = Camera::FromFocal(id, CameraModel::kOpenCV, 1234.5, 1536, 1024);
+  camera.params[4] = 0.01;
+  camera.has_prior_focal_length = true;
+  return camera;
+}
+
+void WriteImages(Database& database, int num_images) {
+  database.WriteCamera(TestCamera());
+  for (int i = 1; i <= num_images; ++i) {
+    database.WriteImage({static_cast<image_t>(i), "image" + std::to_string(i) + ".jpg", 1});
+  }
+}
+
+std::vector<Keypoint> RandomKeypoints(int n, uint64_t seed) {
+  Rng rng(seed);
+  std::vector<Keypoint> keypoints(n);
+  for (Keypoint& k : keypoints) {
+    const auto number = [&] { return static_cast<float>(rng.Gaussian()); };
+    k = {100 + number(), 100 + number(), number(), number(), number(), number()};
+  }
+  return keypoints;
+}
+
+TwoViewGeometry TestGeometry() {
+  TwoViewGeometry geometry;
+  geometry.config = TwoViewConfig::kCalibrated;
+  geometry.cam2_from_cam1 =
+      Rigid3d(Eigen::Quaterniond(0.9, 0.1, -0.2, 0.3).normalized(), {0.6, 0.0, -0.8});
+  geometry.E = (Eigen::Matrix3d() << 1, 2, 3, 4, 5, 6, 7, 8, 10).finished();
+  geometry.F = geometry.E->transpose();
+  geometry.inlier_matches = {{1, 2}, {3, 4}, {5, 0}};
+  return geometry;
+}
+
+void ExpectEqual(const TwoViewGeometry& a, const TwoViewGeometry& b) {
+  EXPECT_EQ(a.config, b.config);
+  EXPECT_EQ(a.E, b.E);
+  EXPECT_EQ(a.F, b.F);
+  EXPECT_EQ(a.H, b.H);
+  EXPECT_EQ(a.inlier_matches, b.inlier_matches);
+  ASSERT_EQ(a.cam2_from_cam1.has_value(), b.cam2_from_cam1.has_value());
+  if (!a.cam2_from_cam1) return;
+  EXPECT_EQ(a.cam2_from_cam1->rotation.coeffs(), b.cam2_from_cam1->rotation.coeffs());
+  EXPECT_EQ(a.cam2_from_cam1->translation, b.cam2_from_cam1->translation);
+}
+
+TEST_F(DatabaseTest, CamerasAndImagesRoundTripInOrderOfIds) {
+  Database database(":memory:");
+  database.WriteCamera(TestCamera(7));
+  Camera pinhole = Camera::FromFocal(3, CameraModel::kPinhole, 800, 640, 480);
+  database.WriteCamera(pinhole);
+  database.WriteImage({5, "b/ä.jpg", 7});
+  database.WriteImage({2, "a.jpg", 3});
+  const std::vector<Camera> cameras = database.ReadCameras();
+  ASSERT_EQ(cameras.size(), 2u);
+  EXPECT_EQ(cameras[0].camera_id, 3u);
+  EXPECT_EQ(cameras[0].model, CameraModel::kPinhole);
+  EXPECT_FALSE(cameras[0].has_prior_focal_length);
+  EXPECT_EQ(cameras[1].params, TestCamera().params);
+  EXPECT_TRUE(cameras[1].has_prior_focal_length);
+  EXPECT_EQ(cameras[1].width, 1536);
+  EXPECT_EQ(cameras[1].height, 1024);
+  const std::vector<Image> images = database.ReadImages();
+  ASSERT_EQ(images.size(), 2u);
+  EXPECT_EQ(images[0].name, "a.jpg");
+  EXPECT_EQ(images[1].name, "b/ä.jpg");
+  EXPECT_EQ(images[1].camera_id, 7u);
+}
+
+TEST_F(DatabaseTest, WritingAgainReplaces) {
+  Database database(":memory:");
+  WriteImages(database, 1);
+  database.WriteKeypoints(1, RandomKeypoints(3, 1));
+  Camera camera = TestCamera();
+  camera.params[0] = 99;
+  database.WriteCamera(camera);  // Keeps the rows that refer to it.
+  database.WriteImage({1, "renamed.jpg", 1});
+  EXPECT_EQ(database.ReadCameras()[0].params[0], 99);
+  EXPECT_EQ(database.ReadImages()[0].name, "renamed.jpg");
+  EXPECT_EQ(database.ReadKeypoints(1)->size(), 3u);
+  database.WriteKeypoints(1, RandomKeypoints(4, 2));
+  EXPECT_EQ(*database.ReadKeypoints(1), RandomKeypoints(4, 2));
+}
+
+TEST_F(DatabaseTest, FeaturesRoundTrip) {
+  Database database(":memory:");
+  WriteImages(database, 3);
+  EXPECT_FALSE(database.ReadKeypoints(1));
+  EXPECT_FALSE(database.ReadDescriptors(1));
+  EXPECT_FALSE(database.ReadDepthSamples(1));
+  const std::vector<Keypoint> keypoints = RandomKeypoints(50, 1);
+  Descriptors descriptors = Descriptors::Random(50, 128);
+  std::vector<DepthSample> depth(50);
+  depth[3] = {2.5f, 0.1f, -0.2f, true};
+  database.WriteKeypoints(1, keypoints);
+  database.WriteDescriptors(1, descriptors);
+  database.WriteDepthSamples(1, depth);
+  EXPECT_EQ(*database.ReadKeypoints(1), keypoints);
+  EXPECT_EQ(*database.ReadDescriptors(1), descriptors);
+  const std::vector<DepthSample> read = *database.ReadDepthSamples(1);
+  ASSERT_EQ(read.size(), 50u);
+  EXPECT_TRUE(read[3].is_valid);
+  EXPECT_EQ(read[3].depth, 2.5f);
+  EXPECT_EQ(read[3].ddepth_dx, 0.1f);
+  EXPECT_EQ(read[3].ddepth_dy, -0.2f);
+  EXPECT_FALSE(read[4].is_valid);
+  database.WriteKeypoints(2, {});  // An image without texture: a row, and nothing in it.
+  database.WriteDescriptors(2, Descriptors(0, 128));
+  EXPECT_TRUE(database.ReadKeypoints(2)->empty());
+  EXPECT_EQ(database.ReadDescriptors(2)->rows(), 0);
+  EXPECT_EQ(database.ReadNumKeypoints(), (std::map<image_t, int>{{1, 50}, {2, 0}}));
+  EXPECT_EQ(database.ReadNumDescriptors(), (std::map<image_t, int>{{1, 50}, {2, 0}}));
+  EXPECT_EQ(database.ReadNumDepthSamples(), (std::map<image_t, int>{{1, 50}}));
+}
+
+TEST_F(DatabaseTest, KeypointsWithTwoOrFourColumnsBecomeFrames) {
+  {
+    Database database(Path());
+    WriteImages(database, 2);
+  }
+  const float two[2] = {10.5f, 20.25f};
+  const float four[4] = {1.0f, 2.0f, 3.0f, static_cast<float>(M_PI / 2)};
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(Path().c_str(), &db), SQLITE_OK);
+  sqlite3_stmt* insert = nullptr;
+  sqlite3_prepare_v2(db, "INSERT INTO keypoints VALUES(?1, 1, ?2, ?3)", -1, &insert, nullptr);
+  for (int i = 1; i <= 2; ++i) {
+    sqlite3_reset(insert);
+    sqlite3_bind_int(insert, 1, i);
+    sqlite3_bind_int(insert, 2, 2 * i);
+    sqlite3_bind_blob(insert, 3, i == 1 ? two : four, 8 * i, SQLITE_STATIC);
+    ASSERT_EQ(sqlite3_step(insert), SQLITE_DONE);
+  }
+  sqlite3_finalize(insert);
+  sqlite3_close(db);
+  const Database database(Path(), Database::Mode::kReadOnly);
+  EXPECT_EQ((*database.ReadKeypoints(1))[0], (Keypoint{10.5f, 20.25f, 1, 0, 0, 1}));
+  const Keypoint k = (*database.ReadKeypoints(2))[0];
+  EXPECT_NEAR(k.a11, 0, 1e-6);
+  EXPECT_NEAR(k.a12, -3, 1e-6);
+  EXPECT_NEAR(k.a21, 3, 1e-6);
+  EXPECT_NEAR(k.a22, 0, 1e-6);
+}
+
+TEST_F(DatabaseTest, PairsRoundTripToTheBit) {
+  Database database(":memory:");
+  const image_pair_t pair = ImagePairToPairId(3, 2);
+  const FeatureMatches matches = {{0, 1}, {7, 4000000000u}};
+  database.WriteMatches(pair, matches);
+  database.WriteMatches(ImagePairToPairId(1, 9), {});
+  database.WriteTwoViewGeometry(pair, TestGeometry());
+  database.WriteTwoViewGeometry(ImagePairToPairId(1, 9), {});
+  EXPECT_EQ(*database.ReadMatches(pair), matches);
+  EXPECT_FALSE(database.ReadMatches(ImagePairToPairId(1, 2)));
+  EXPECT_TRUE(database.ReadMatches(ImagePairToPairId(1, 9))->empty());
+  ExpectEqual(*database.ReadTwoViewGeometry(pair), TestGeometry());
+  ExpectEqual(*database.ReadTwoViewGeometry(ImagePairToPairId(1, 9)), {});
+  EXPECT_EQ(database.ReadMatchedPairIds(), std::vector<image_pair_t>{pair});
+  EXPECT_EQ(database.ReadTwoViewGeometryPairIds(), std::vector<image_pair_t>{pair});
+  EXPECT_EQ(database.ReadNumMatches(),
+            (std::vector<std::pair<image_pair_t, int>>{{ImagePairToPairId(1, 9), 0}, {pair, 2}}));
+  EXPECT_EQ(database.ReadNumInliers().back().second, 3);
+}
+
+TEST_F(DatabaseTest, MatricesAreStoredRowMajorAndPosesAsWxyz) {
+  {
+    Database database(Path());
+    database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), TestGeometry());
+  }
+  const auto rows = RunSql(Path(), "SELECT config, E, H, qvec, tvec FROM two_view_geometries");
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows[0][0], "2");
+  EXPECT_EQ(rows[0][1].substr(0, 2 + 32), "X'000000000000F03F0000000000000040");  // 1.0, 2.0
+  EXPECT_EQ(rows[0][2], "NULL");
+  EXPECT_EQ(rows[0][3].size(), 3 + 2 * 32u);
+  const double w = Eigen::Quaterniond(0.9, 0.1, -0.2, 0.3).normalized().w();
+  char hex[17];
+  for (int i = 0; i < 8; ++i) {
+    std::snprintf(hex + 2 * i, 3, "%02X", reinterpret_cast<const unsigned char*>(&w)[i]);
+  }
+  EXPECT_EQ(rows[0][3].substr(2, 16), hex);
+}
+
+TEST_F(DatabaseTest, ColmapsStandInsForAnUnknownPoseAreNoPose) {
+  Database database(":memory:");
+  TwoViewGeometry geometry = TestGeometry();
+  geometry.cam2_from_cam1 = Rigid3d();  // The identity, up to COLMAP 3.13.
+  geometry.H = Eigen::Matrix3d::Zero();
+  database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), geometry);
+  EXPECT_FALSE(database.ReadTwoViewGeometry(ImagePairToPairId(1, 2))->cam2_from_cam1);
+  EXPECT_FALSE(database.ReadTwoViewGeometry(ImagePairToPairId(1, 2))->H);
+  // A pure rotation is a pose.
+  geometry.cam2_from_cam1 = Rigid3d(Eigen::Quaterniond(0.8, 0.6, 0, 0), Eigen::Vector3d::Zero());
+  database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), geometry);
+  EXPECT_TRUE(database.ReadTwoViewGeometry(ImagePairToPairId(1, 2))->cam2_from_cam1);
+}
+
+TEST_F(DatabaseTest, CairnTablesRoundTrip) {
+  Database database(":memory:");
+  PairMetrics metrics;
+  metrics.pair_id = ImagePairToPairId(1, 2);
+  metrics.verifier = "one_ac_depth";
+  metrics.status = "verified";
+  metrics.is_winner = true;
+  metrics.step = "two_ac";
+  metrics.num_matches = 100;
+  metrics.num_inliers = 60;
+  metrics.num_iterations = int64_t{1} << 40;
+  metrics.score = 55.25;
+  metrics.residual_px = 0.5;
+  metrics.triangulation_angle_deg = 12;
+  metrics.cam2_from_cam1 = TestGeometry().cam2_from_cam1;
+  database.WritePairMetrics(metrics);
+  metrics.verifier = "five_point";
+  metrics.is_winner = false;
+  metrics.cam2_from_cam1.reset();
+  database.WritePairMetrics(metrics);
+  const std::vector<PairMetrics> read = database.ReadPairMetrics();
+  ASSERT_EQ(read.size(), 2u);
+  EXPECT_EQ(read[0].verifier, "five_point");
+  EXPECT_FALSE(read[0].cam2_from_cam1);
+  EXPECT_EQ(read[1].verifier, "one_ac_depth");
+  EXPECT_TRUE(read[1].is_winner);
+  EXPECT_EQ(read[1].step, "two_ac");
+  EXPECT_EQ(read[1].num_iterations, int64_t{1} << 40);
+  EXPECT_EQ(read[1].score, 55.25);
+  EXPECT_EQ(read[1].cam2_from_cam1->translation, TestGeometry().cam2_from_cam1->translation);
+  EXPECT_EQ(database.ReadPairMetrics(metrics.pair_id).size(), 2u);
+  EXPECT_TRUE(database.ReadPairMetrics(77).empty());
+
+  database.WritePhoto({"b.jpg", ~uint64_t{0}, ""});
+  database.WritePhoto({"a.jpg", 5, "is truncated"});
+  const std::vector<PhotoRecord> photos = database.ReadPhotos();
+  ASSERT_EQ(photos.size(), 2u);
+  EXPECT_EQ(photos[0].error, "is truncated");
+  EXPECT_EQ(photos[1].file_hash, ~uint64_t{0});
+
+  database.WriteJob("matching", {7, ~uint64_t{0}, "given"});
+  database.WriteJob("matching", {3, 1, ""});
+  database.WriteJob("depth", {3, 2, ""});
+  EXPECT_EQ(database.ReadJobs("matching").size(), 2u);
+  EXPECT_EQ(database.ReadJobs("matching")[1].note, "given");
+  EXPECT_EQ(database.ReadJob("depth", 3)->input_hash, 2u);
+  EXPECT_FALSE(database.ReadJob("depth", 7));
+
+  database.WriteStage({"depth", "a = 1\n", 9, true});
+  EXPECT_EQ(database.ReadStage("depth")->options, "a = 1\n");
+  EXPECT_TRUE(database.ReadStage("depth")->is_complete);
+  EXPECT_FALSE(database.ReadStage("matching"));
+
+  database.WriteTiming("depth", 0, "", 1.5);
+  database.AddTiming("depth", 0, "", 2.0);
+  database.AddTiming("matching", 0, "", 2.0);
+  EXPECT_EQ(database.ReadTiming("depth", 0, ""), 3.5);
+  EXPECT_EQ(database.ReadTiming("matching", 0, ""), 2.0);
+  database.ClearStage("depth");
+  EXPECT_FALSE(database.ReadStage("depth"));
+  EXPECT_FALSE(database.ReadJob("depth", 3));
+  EXPECT_FALSE(database.ReadTiming("depth", 0, ""));
+  EXPECT_TRUE(database.ReadJob("matching", 3));
+}
+
+TEST_F(DatabaseTest, ClearRemovesOnlyItsOwnTables) {
+  Database database(":memory:");
+  WriteImages(database, 2);
+  const auto fill = [&] {
+    database.WriteKeypoints(1, RandomKeypoints(1, 1));
+    database.WriteDescriptors(1, Descriptors::Random(1, 128));
+    database.WriteDepthSamples(1, std::vector<DepthSample>(1));
+    database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
+    database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), TestGeometry());
+  };
+  fill();
+  database.ClearVerification();
+  EXPECT_FALSE(database.ReadTwoViewGeometry(ImagePairToPairId(1, 2)));
+  EXPECT_TRUE(database.ReadMatches(ImagePairToPairId(1, 2)));
+  fill();
+  database.ClearMatches();
+  EXPECT_FALSE(database.ReadMatches(ImagePairToPairId(1, 2)));
+  EXPECT_TRUE(database.ReadDepthSamples(1));
+  database.ClearDepth();
+  EXPECT_FALSE(database.ReadDepthSamples(1));
+  EXPECT_TRUE(database.ReadKeypoints(1));
+  database.ClearFeatures();
+  EXPECT_FALSE(database.ReadKeypoints(1));
+  EXPECT_FALSE(database.ReadDescriptors(1));
+  EXPECT_EQ(database.ReadImages().size(), 2u);
+}
+
+TEST_F(DatabaseTest, DeleteImageTakesItsFeaturesAndItsUnusedCamera) {
+  Database database(":memory:");
+  WriteImages(database, 2);
+  database.WriteCamera(TestCamera(2));
+  database.WriteImage({3, "c.jpg", 2});
+  database.WriteKeypoints(3, RandomKeypoints(1, 1));
+  database.DeleteImage(3);
+  database.DeleteImage(1);
+  EXPECT_EQ(database.ReadImages().size(), 1u);
+  EXPECT_FALSE(database.ReadKeypoints(3));
+  ASSERT_EQ(database.ReadCameras().size(), 1u);
+  EXPECT_EQ(database.ReadCameras()[0].camera_id, 1u);
+}
+
+TEST_F(DatabaseTest, OrderOfWritingDoesNotShowInTheDump) {
+  const auto write = [&](const std::string& name, std::vector<int> order) {
+    Database database(Path(name));
+    WriteImages(database, 4);
+    for (const int i : order) {
+      database.WriteKeypoints(i, RandomKeypoints(5, i));
+      database.WriteMatches(ImagePairToPairId(i, i + 1), {{0, 0}});
+      PairMetrics metrics;
+      metrics.pair_id = ImagePairToPairId(i, i + 1);
+      for (const char* verifier : {i % 2 ? "a" : "b", i % 2 ? "b" : "a"}) {
+        metrics.verifier = verifier;
+        database.WritePairMetrics(metrics);
+      }
+      database.WriteJob("verification", {metrics.pair_id, 1, ""});
+      database.WriteTiming("verification", metrics.pair_id, "a", order[0] * 0.1);
+    }
+    return Path(name);
+  };
+  const std::string dump = DumpDatabase(write("a.db", {1, 2, 3, 4}));
+  EXPECT_EQ(dump, DumpDatabase(write("b.db", {4, 2, 1, 3})));
+  EXPECT_THAT(dump, HasSubstr("cairn_pair_metrics:"));
+}
+
+TEST_F(DatabaseTest, ATransactionRollsBackUnlessCommitted) {
+  Database database(Path());
+  WriteImages(database, 1);
+  try {
+    Database::Transaction transaction(database);
+    database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
+    throw std::runtime_error("");
+  } catch (const std::runtime_error&) {
+  }
+  EXPECT_FALSE(database.ReadMatches(ImagePairToPairId(1, 2)));
+  {
+    Database::Transaction transaction(database);
+    database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
+    transaction.Commit();
+  }
+  EXPECT_TRUE(database.ReadMatches(ImagePairToPairId(1, 2)));
+}
+
+TEST_F(DatabaseTest, FilesThatAreNoColmapDatabaseAreNamed) {
+  std::ofstream(Path("text.db")) << std::string(2000, 'x');
+  EXPECT_EQ(IoMessage([&] { Database database(Path("text.db")); }),
+            Path("text.db") + ": is not an SQLite database");
+  RunSql(Path("other.db"), "CREATE TABLE bookmarks(x)");
+  EXPECT_THAT(IoMessage([&] { Database database(Path("other.db")); }),
+              HasSubstr("is not a COLMAP database: it has no table 'cameras'"));
+  EXPECT_EQ(RunSql(Path("other.db"), "SELECT name FROM sqlite_master").size(), 1u);  // Untouched.
+  EXPECT_EQ(IoMessage([&] { Database database(Path("no.db"), Database::Mode::kReadOnly); }),
+            Path("no.db") + ": no such file");
+  EXPECT_EQ(IoMessage([&] { Database database(folder_.string()); }),
+            folder_.string() + ": is a folder");
+  EXPECT_EQ(IoMessage([&] { Database database(Path("no/such/folder.db")); }),
+            Path("no/such/folder.db") + ": cannot be opened or created");
+}
+
+TEST_F(DatabaseTest, BlobsOfAWrongSizeAreNamed) {
+  {
+    Database database(Path());
+    WriteImages(database, 4);
+    database.WriteKeypoints(3, RandomKeypoints(5, 1));
+    database.WriteDescriptors(3, Descriptors::Random(5, 128));
+    database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
+    database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), TestGeometry());
+  }
+  RunSql(Path(), "UPDATE keypoints SET rows = 6");
+  RunSql(Path(), "UPDATE descriptors SET data = X'00'");
+  RunSql(Path(), "UPDATE matches SET cols = 3");
+  RunSql(Path(), "UPDATE two_view_geometries SET E = X'0011'");
+  RunSql(Path(), "UPDATE cameras SET params = X'0011'");
+  Database database(Path());
+  EXPECT_EQ(IoMessage([&] { database.ReadKeypoints(3); }),
+            Path() + ": keypoints of image 3: 6 x 6 values need 144 bytes, but the blob has 120");
+  EXPECT_THAT(IoMessage([&] { database.ReadDescriptors(3); }),
+              HasSubstr("descriptors of image 3: 5 x 128 values need 640 bytes"));
+  EXPECT_THAT(IoMessage([&] { database.ReadMatches(ImagePairToPairId(1, 2)); }),
+              HasSubstr("(images 1, 2): 1 x 3 values need 12 bytes, but the blob has 8"));
+  EXPECT_THAT(IoMessage([&] { database.ReadTwoViewGeometry(ImagePairToPairId(1, 2)); }),
+              HasSubstr("E needs 72 bytes, but the blob has 2"));
+  EXPECT_THAT(IoMessage([&] { database.ReadCameras(); }), HasSubstr("camera 1: its params blob"));
+  RunSql(Path(), "UPDATE keypoints SET rows = -1");
+  EXPECT_THAT(IoMessage([&] { database.ReadKeypoints(3); }), HasSubstr("keypoints of image 3"));
+  RunSql(Path(), "UPDATE keypoints SET rows = 10, cols = 3");
+  EXPECT_THAT(IoMessage([&] { database.ReadKeypoints(3); }), HasSubstr("3 columns"));
+}
+
+TEST_F(DatabaseTest, AnotherProgramsLockIsNamed) {
+  Database database(Path());
+  database.SetBusyTimeout(10);
+  sqlite3* other = nullptr;
+  ASSERT_EQ(sqlite3_open(Path().c_str(), &other), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(other, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
+  EXPECT_EQ(IoMessage([&] { WriteImages(database, 1); }),
+            Path() + ": is locked by another program");
+  EXPECT_EQ(IoMessage([&] { Database::Transaction transaction(database); }),
+            Path() + ": is locked by another program");
+  sqlite3_close(other);
+  WriteImages(database, 1);  // Goes on when the lock is gone.
+}
+
+TEST_F(DatabaseTest, ReadOnlyFoldersCanBeReadAndNotWritten) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
+  {
+    Database database(Path());
+    WriteImages(database, 2);
+  }
+  fs::permissions(Path(), fs::perms::owner_read);
+  fs::permissions(folder_, fs::perms::owner_read | fs::perms::owner_exec);
+  EXPECT_EQ(Database(Path(), Database::Mode::kReadOnly).ReadImages().size(), 2u);
+  EXPECT_THAT(IoMessage([&] { Database database(Path()); }), HasSubstr("read-only"));
+  EXPECT_THAT(IoMessage([&] { Database database(Path("new.db")); }), HasSubstr("cannot be opened"));
+}
+
+// Table definitions with white space made equal.
+std::string Normalized(std::string sql) {
+  sql = std::regex_replace(sql, std::regex("\\s+"), " ");
+  sql = std::regex_replace(sql, std::regex(" ?([(),]) ?"), "$1");
+  return std::regex_replace(sql, std::regex("IF NOT EXISTS "), "");
+}
+
+// As `colmap database_creator` of Debian's 3.8-1 makes them, white space apart.
+TEST_F(DatabaseTest, TheSchemaIsThatOfColmap38) {
+  { Database database(Path()); }
+  const std::vector<std::string> expected = {
+      "CREATE TABLE cameras(camera_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,model INTEGER NOT "
+      "NULL,width INTEGER NOT NULL,height INTEGER NOT NULL,params BLOB,prior_focal_length INTEGER "
+      "NOT NULL)",
+      "CREATE TABLE images(image_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,name TEXT NOT NULL "
+      "UNIQUE,camera_id INTEGER NOT NULL,prior_qw REAL,prior_qx REAL,prior_qy REAL,prior_qz "
+      "REAL,prior_tx REAL,prior_ty REAL,prior_tz REAL,CONSTRAINT image_id_check CHECK(image_id >= "
+      "0 and image_id < 2147483647),FOREIGN KEY(camera_id)REFERENCES cameras(camera_id))",
+      "CREATE UNIQUE INDEX index_name ON images(name)",
+      "CREATE TABLE keypoints(image_id INTEGER PRIMARY KEY NOT NULL,rows INTEGER NOT NULL,cols "
+      "INTEGER NOT NULL,data BLOB,FOREIGN KEY(image_id)REFERENCES images(image_id)ON DELETE "
+      "CASCADE)",
+      "CREATE TABLE descriptors(image_id INTEGER PRIMARY KEY NOT NULL,rows INTEGER NOT NULL,cols "
+      "INTEGER NOT NULL,data BLOB,FOREIGN KEY(image_id)REFERENCES images(image_id)ON DELETE "
+      "CASCADE)",
+      "CREATE TABLE matches(pair_id INTEGER PRIMARY KEY NOT NULL,rows INTEGER NOT NULL,cols "
+      "INTEGER NOT NULL,data BLOB)",
+      "CREATE TABLE two_view_geometries(pair_id INTEGER PRIMARY KEY NOT NULL,rows INTEGER NOT "
+      "NULL,cols INTEGER NOT NULL,data BLOB,config INTEGER NOT NULL,F BLOB,E BLOB,H BLOB,qvec "
+      "BLOB,tvec BLOB)"};
+  std::vector<std::string> actual;
+  for (const auto& row : RunSql(Path(),
+                                "SELECT sql FROM sqlite_master WHERE sql NOT NULL AND name NOT "
+                                "LIKE 'cairn%' AND name NOT LIKE 'sqlite%' ORDER BY rowid")) {
+    actual.push_back(Normalized(row[0]));
+  }
+  EXPECT_EQ(actual, expected);
+  EXPECT_EQ(RunSql(Path(), "PRAGMA user_version")[0][0], "3800");
+  EXPECT_EQ(RunSql(Path(), "PRAGMA application_id")[0][0], "0");
+  EXPECT_EQ(RunSql(Path(), "PRAGMA journal_mode")[0][0], "wal");
+}
+
+}  // namespace
+}  // namespace cairn

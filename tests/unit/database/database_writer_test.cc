@@ -1,0 +1,118 @@
+#include "cairn/database/database_writer.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <filesystem>
+
+#include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+class DatabaseWriterTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    path_ = fs::temp_directory_path() / ("cairn_writer_test_" + std::to_string(getpid()) + ".db");
+    Remove();
+    Database database(path_);
+  }
+  void TearDown() override { Remove(); }
+  void Remove() {
+    for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(path_ + suffix);
+  }
+  size_t NumPairs() { return Database(path_).ReadMatchedPairIds().size(); }
+
+  std::string path_;
+};
+
+DatabaseWriter::Options SmallOptions() {
+  DatabaseWriter::Options options;
+  options.max_queue_size = 2;
+  options.tasks_per_transaction = 7;
+  return options;
+}
+
+TEST_F(DatabaseWriterTest, WritesWhatManyThreadsPush) {
+  DatabaseWriter writer(path_, SmallOptions());
+  ParallelFor(8, 500, [&](int64_t i) {
+    writer.Push([i](Database& database) { database.WriteMatches(i + 1, {{0, 0}}); });
+  });
+  writer.Finish();
+  EXPECT_EQ(NumPairs(), 500u);
+  EXPECT_GT(writer.busy_seconds(), 0);
+}
+
+TEST_F(DatabaseWriterTest, CommitsWhileItWaitsForMore) {
+  DatabaseWriter::Options options;
+  options.seconds_per_transaction = 0.02;
+  DatabaseWriter writer(path_, options);
+  writer.Push([](Database& database) { database.WriteMatches(1, {{0, 0}}); });
+  for (int i = 0; i < 200 && NumPairs() == 0; ++i) usleep(10000);
+  EXPECT_EQ(NumPairs(), 1u);
+}
+
+TEST_F(DatabaseWriterTest, DropsUncommittedWorkWhenNotFinished) {
+  {
+    DatabaseWriter::Options options;
+    options.seconds_per_transaction = 100;
+    DatabaseWriter writer(path_, options);
+    writer.Push([](Database& database) { database.WriteMatches(1, {{0, 0}}); });
+  }
+  EXPECT_EQ(NumPairs(), 0u);
+}
+
+TEST_F(DatabaseWriterTest, ATaskThatThrowsRollsBackItsTransactionAndEndsTheWriter) {
+  DatabaseWriter writer(path_, SmallOptions());
+  bool thrown = false;
+  try {
+    for (int i = 0; i < 100; ++i) {
+      writer.Push([i](Database& database) {
+        database.WriteMatches(i + 1, {{0, 0}});
+        if (i == 17) throw IoError("x", "y");
+      });
+    }
+    writer.Finish();
+  } catch (const IoError& error) {
+    thrown = true;
+    EXPECT_EQ(error.path(), "x");
+  }
+  EXPECT_TRUE(thrown);
+  EXPECT_EQ(NumPairs(), 14u);  // Two transactions of 7.
+}
+
+// A program that is killed loses the transaction in which it was, and nothing else; no task is
+// half-written.
+TEST_F(DatabaseWriterTest, AKilledProgramLeavesWholeTasks) {
+  const pid_t child = fork();
+  if (child == 0) {
+    DatabaseWriter::Options options;
+    options.tasks_per_transaction = 10;
+    DatabaseWriter writer(path_, options);
+    for (uint64_t i = 1;; ++i) {
+      writer.Push([i](Database& database) {
+        database.WriteMatches(i, {{0, 0}});
+        database.WriteTwoViewGeometry(i, {});
+        database.WriteJob("verification", {i, i, ""});
+      });
+    }
+  }
+  for (int i = 0; i < 1000 && NumPairs() < 50; ++i) usleep(10000);
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  Database database(path_);
+  const size_t n = database.ReadJobs("verification").size();
+  EXPECT_GE(n, 50u);
+  EXPECT_EQ(n % 10, 0u);
+  EXPECT_EQ(database.ReadNumMatches().size(), n);
+  EXPECT_EQ(database.ReadNumInliers().size(), n);
+}
+
+}  // namespace
+}  // namespace cairn
