@@ -1,0 +1,44 @@
+#include "cairn/depth/depth_map.h"
+
+#include <cmath>
+#include <filesystem>
+#include <numeric>
+
+#include "cairn/base/check.h"
+
+namespace cairn {
+
+int DepthMap::NumValid() const { return std::accumulate(is_valid.begin(), is_valid.end(), 0); }
+
+DepthMap DepthMapFromValues(int width, int height, const std::vector<float>& values,
+                            const DepthOptions& options) {
+  CAIRN_CHECK_EQ(values.size(), static_cast<size_t>(width) * height);
+  DepthMap map;
+  map.width = width;
+  map.height = height;
+  map.depth.resize(values.size());
+  map.is_valid.resize(values.size());
+  for (size_t i = 0; i < values.size(); ++i) {
+    const double value = values[i] * options.scale;
+    double depth = value;
+    if (options.kind == "inverse") depth = 1.0 / value;
+    if (options.kind == "log") depth = std::exp(value);
+    const float stored = static_cast<float>(depth);
+    if (!std::isnormal(stored) || stored < 0) continue;
+    map.depth[i] = stored;
+    map.is_valid[i] = 1;
+  }
+  return map;
+}
+
+std::optional<std::string> FindDepthMap(const std::string& folder, const std::string& image_name) {
+  for (const char* extension :
+       {".npy", ".pfm", ".png", ".bin", ".geometric.bin", ".photometric.bin"}) {
+    const std::filesystem::path path = std::filesystem::path(folder) / (image_name + extension);
+    std::error_code error;
+    if (std::filesystem::exists(path, error)) return path.string();
+  }
+  return std::nullopt;
+}
+
+}  // namespace cairn

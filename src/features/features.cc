@@ -1,0 +1,50 @@
+#include "cairn/features/features.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "cairn/base/check.h"
+#include "features/extractors.h"
+
+namespace cairn {
+namespace {
+
+// Area averaging, so that nothing aliases and pixel areas map onto each other.
+Bitmap Reduce(const Bitmap& gray, double scale) {
+  Bitmap reduced;
+  reduced.width = std::max(1, static_cast<int>(std::lround(gray.width * scale)));
+  reduced.height = std::max(1, static_cast<int>(std::lround(gray.height * scale)));
+  reduced.data.resize(static_cast<size_t>(reduced.width) * reduced.height);
+  const cv::Mat source(gray.height, gray.width, CV_8UC1, const_cast<uint8_t*>(gray.data.data()));
+  cv::Mat target(reduced.height, reduced.width, CV_8UC1, reduced.data.data());
+  cv::resize(source, target, target.size(), 0, 0, cv::INTER_AREA);
+  return reduced;
+}
+
+}  // namespace
+
+Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options) {
+  ValidateOptions(options, "features");
+  CAIRN_CHECK_EQ(gray.channels, 1);
+  CAIRN_CHECK_EQ(gray.data.size(), static_cast<size_t>(gray.width) * gray.height);
+  const auto extract = options.type == "sift" ? ExtractSift : ExtractAffineDog;
+  const int size = std::max(gray.width, gray.height);
+  if (size <= options.max_image_size) return extract(gray, options);
+
+  const Bitmap reduced = Reduce(gray, static_cast<double>(options.max_image_size) / size);
+  Features features = extract(reduced, options);
+  const float scale_x = static_cast<float>(gray.width) / reduced.width;
+  const float scale_y = static_cast<float>(gray.height) / reduced.height;
+  for (Keypoint& keypoint : features.keypoints) {
+    keypoint.x *= scale_x;
+    keypoint.a11 *= scale_x;
+    keypoint.a12 *= scale_x;
+    keypoint.y *= scale_y;
+    keypoint.a21 *= scale_y;
+    keypoint.a22 *= scale_y;
+  }
+  return features;
+}
+
+}  // namespace cairn

@@ -1,0 +1,25 @@
+#include "features/root_sift.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cairn {
+
+void WriteRootSift(const float* histogram, uint8_t* descriptor) {
+  double sum = 0;
+  for (int i = 0; i < kSiftDim; ++i) sum += std::abs(histogram[i]);
+  const double factor = sum > 0 ? 1.0 / sum : 0.0;
+  for (int i = 0; i < kSiftDim; ++i) {
+    const double root = std::sqrt(std::abs(histogram[i]) * factor);
+    descriptor[i] = static_cast<uint8_t>(std::min(255.0, std::floor(512.0 * root + 0.5)));
+  }
+}
+
+void ReorderVlFeatBins(const float* vlfeat, float* lowe) {
+  constexpr int kOrder[8] = {0, 7, 6, 5, 4, 3, 2, 1};
+  for (int cell = 0; cell < kSiftDim; cell += 8) {
+    for (int k = 0; k < 8; ++k) lowe[cell + kOrder[k]] = vlfeat[cell + k];
+  }
+}
+
+}  // namespace cairn

@@ -1,0 +1,69 @@
+#include "cairn/matching/matching.h"
+
+#include <cmath>
+
+#include "cairn/base/check.h"
+#include "matching/nearest_two.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kDim = 128;
+constexpr double kUnitLength = 512.0;  // of a descriptor as stored
+
+bool Passes(const NearestTwo& nearest, const MatchingOptions& options) {
+  if (nearest.best == kNoNeighbor) return false;
+  const double max_distance = options.max_distance * kUnitLength;
+  if (nearest.best > max_distance * max_distance) return false;
+  if (nearest.second == kNoNeighbor) return true;
+  return nearest.best < options.max_ratio * options.max_ratio * nearest.second;
+}
+
+}  // namespace
+
+PreparedDescriptors::PreparedDescriptors(const Descriptors& descriptors)
+    : size_(static_cast<int>(descriptors.rows())) {
+  CAIRN_CHECK(descriptors.cols() == kDim || descriptors.rows() == 0);
+  data_.assign(descriptors.data(), descriptors.data() + descriptors.size());
+  squared_norms_.resize(size_);
+  for (int i = 0; i < size_; ++i) {
+    for (int k = 0; k < kDim; ++k) squared_norms_[i] += Row(i)[k] * Row(i)[k];
+  }
+}
+
+FeatureMatches MatchDescriptors(const PreparedDescriptors& descriptors1,
+                                const PreparedDescriptors& descriptors2,
+                                const MatchingOptions& options) {
+  FeatureMatches matches;
+  if (!options.cross_check) {
+    std::vector<NearestTwo> nearest;
+    FindNearestTwo(descriptors2, descriptors1, &nearest, nullptr);
+    for (point2D_t i = 0; i < nearest.size(); ++i) {
+      if (!Passes(nearest[i], options)) continue;
+      matches.push_back({i, static_cast<point2D_t>(nearest[i].index)});
+    }
+    return matches;
+  }
+  std::vector<NearestTwo> nearest1, nearest2;
+  FindNearestTwo(descriptors1, descriptors2, &nearest2, &nearest1);
+  // A passing row has one nearest column alone (a tie fails the ratio test), so equal distances
+  // mean that the two are each other's nearest.
+  std::vector<point2D_t> match_of(nearest1.size(), kInvalidPoint2D);
+  for (point2D_t j = 0; j < nearest2.size(); ++j) {
+    if (!Passes(nearest2[j], options)) continue;
+    const int i = nearest2[j].index;
+    if (Passes(nearest1[i], options) && nearest1[i].best == nearest2[j].best) match_of[i] = j;
+  }
+  for (point2D_t i = 0; i < match_of.size(); ++i) {
+    if (match_of[i] != kInvalidPoint2D) matches.push_back({i, match_of[i]});
+  }
+  return matches;
+}
+
+FeatureMatches MatchDescriptors(const Descriptors& descriptors1, const Descriptors& descriptors2,
+                                const MatchingOptions& options) {
+  return MatchDescriptors(PreparedDescriptors(descriptors1), PreparedDescriptors(descriptors2),
+                          options);
+}
+
+}  // namespace cairn
