@@ -292,6 +292,7 @@ void FindNearestTwo(const PreparedDescriptors& rows, const PreparedDescriptors& 
                     std::vector<NearestTwo>* row_neighbors) {
   column_neighbors->assign(columns.size(), {});
   if (row_neighbors != nullptr) row_neighbors->assign(rows.size(), {});
+  if (rows.size() == 0 || columns.size() == 0) return;
   HWY_DYNAMIC_DISPATCH(FindNearestTwoImpl)(rows, columns, column_neighbors, row_neighbors);
 }
 

@@ -1,0 +1,218 @@
+#include "cairn/matching/matching.h"
+
+#define HWY_WANT_AVX3_DL  // As in nearest_two.cc: it then counts as a target.
+#include <gmock/gmock.h>
+#include <hwy/highway.h>
+
+#include <cmath>
+
+#include "cairn/base/error.h"
+#include "cairn/base/rng.h"
+#include "matching/nearest_two.h"
+
+namespace cairn {
+namespace {
+
+using testing::IsEmpty;
+using testing::SizeIs;
+
+Descriptors RandomDescriptors(int n, uint64_t seed, int max_value = 255) {
+  Rng rng(seed, "descriptors");
+  Descriptors descriptors(n, 128);
+  for (int i = 0; i < n; ++i) {
+    for (int k = 0; k < 128; ++k) {
+      descriptors(i, k) = static_cast<uint8_t>(rng.UniformInt(max_value + 1));
+    }
+  }
+  return descriptors;
+}
+
+// Rows of `descriptors` in another order, each element moved by at most `noise`.
+Descriptors Shuffled(const Descriptors& descriptors, const std::vector<int>& order, int noise) {
+  Rng rng(7, "noise");
+  Descriptors result(order.size(), 128);
+  for (size_t i = 0; i < order.size(); ++i) {
+    for (int k = 0; k < 128; ++k) {
+      const int value =
+          descriptors(order[i], k) + static_cast<int>(rng.UniformInt(2 * noise + 1)) - noise;
+      result(i, k) = static_cast<uint8_t>(std::clamp(value, 0, 255));
+    }
+  }
+  return result;
+}
+
+int SquaredDistance(const Descriptors& a, int i, const Descriptors& b, int j) {
+  int sum = 0;
+  for (int k = 0; k < 128; ++k) sum += (a(i, k) - b(j, k)) * (a(i, k) - b(j, k));
+  return sum;
+}
+
+// The nearest two of row i of `a` among `b`.
+NearestTwo NaiveNearestTwo(const Descriptors& a, int i, const Descriptors& b) {
+  NearestTwo nearest;
+  for (int j = 0; j < b.rows(); ++j) {
+    const int distance = SquaredDistance(a, i, b, j);
+    if (distance < nearest.best) {
+      nearest = {distance, nearest.best, j};
+    } else {
+      nearest.second = std::min(nearest.second, distance);
+    }
+  }
+  return nearest;
+}
+
+FeatureMatches NaiveMatches(const Descriptors& a, const Descriptors& b,
+                            const MatchingOptions& options) {
+  const double max_squared = std::pow(512 * options.max_distance, 2);
+  const auto passes = [&](const NearestTwo& n) {
+    return n.index >= 0 && n.best <= max_squared &&
+           (n.second == kNoNeighbor || n.best < options.max_ratio * options.max_ratio * n.second);
+  };
+  FeatureMatches matches;
+  for (int i = 0; i < a.rows(); ++i) {
+    const NearestTwo forward = NaiveNearestTwo(a, i, b);
+    if (!passes(forward)) continue;
+    if (options.cross_check) {
+      const NearestTwo backward = NaiveNearestTwo(b, forward.index, a);
+      if (!passes(backward) || backward.index != i) continue;
+    }
+    matches.push_back({static_cast<point2D_t>(i), static_cast<point2D_t>(forward.index)});
+  }
+  return matches;
+}
+
+// Runs every SIMD target of this machine in turn.
+class EveryTarget : public testing::Test {
+ protected:
+  template <class Function>
+  void ForEachTarget(Function function) {
+    const auto supported = hwy::SupportedTargets();
+    int num_targets = 0;
+    for (auto left = supported; left != 0; left &= left - 1) {
+      const auto target = left & -left;
+      if ((target & HWY_TARGETS) == 0) continue;
+      hwy::SetSupportedTargetsForTest(target);
+      SCOPED_TRACE(hwy::TargetName(target));
+      function();
+      ++num_targets;
+    }
+    hwy::SetSupportedTargetsForTest(0);
+    EXPECT_GE(num_targets, 1);
+  }
+};
+
+TEST_F(EveryTarget, NearestTwoEqualTheNaiveSearch) {
+  // Sizes around tiles and blocks; few distinct values, so that many distances tie; the extremes.
+  for (const auto& [n1, n2] :
+       {std::pair{1, 1}, {1, 40}, {40, 1}, {5, 7}, {12, 32}, {13, 33}, {100, 257}, {259, 140}}) {
+    for (const int max_value : {1, 40, 255}) {
+      const Descriptors a = RandomDescriptors(n1, n1, max_value);
+      Descriptors b = RandomDescriptors(n2, 1000 + n2, max_value);
+      if (max_value == 255) b.row(0).setConstant(255);
+      const PreparedDescriptors rows(a), columns(b);
+      ForEachTarget([&, n1 = n1, n2 = n2] {
+        std::vector<NearestTwo> of_columns, of_rows, of_columns_alone;
+        FindNearestTwo(rows, columns, &of_columns, &of_rows);
+        FindNearestTwo(rows, columns, &of_columns_alone, nullptr);
+        ASSERT_EQ(of_columns.size(), static_cast<size_t>(n2));
+        ASSERT_EQ(of_rows.size(), static_cast<size_t>(n1));
+        EXPECT_EQ(of_columns, of_columns_alone);
+        for (int j = 0; j < n2; ++j) ASSERT_EQ(of_columns[j], NaiveNearestTwo(b, j, a)) << j;
+        for (int i = 0; i < n1; ++i) {
+          const NearestTwo expected = NaiveNearestTwo(a, i, b);
+          ASSERT_EQ(of_rows[i].best, expected.best) << i;
+          ASSERT_EQ(of_rows[i].second, expected.second) << i;
+        }
+      });
+    }
+  }
+}
+
+TEST_F(EveryTarget, MatchesEqualTheNaiveOnes) {
+  const Descriptors a = RandomDescriptors(150, 1, 120);
+  std::vector<int> order;
+  for (int i = 149; i >= 0; i -= 2) order.push_back(i);
+  order.insert(order.end(), {3, 3, 5, 7});  // Duplicates compete.
+  const Descriptors b = Shuffled(a, order, 30);
+  for (const bool cross_check : {false, true}) {
+    for (const double max_ratio : {0.5, 0.8, 1.0}) {
+      const MatchingOptions options{.max_ratio = max_ratio, .cross_check = cross_check};
+      const FeatureMatches expected = NaiveMatches(a, b, options);
+      EXPECT_THAT(expected, testing::Not(IsEmpty()));
+      ForEachTarget([&] { EXPECT_EQ(MatchDescriptors(a, b, options), expected); });
+    }
+  }
+}
+
+TEST(MatchDescriptors, FindsAPermutation) {
+  const Descriptors a = RandomDescriptors(200, 3, 120);
+  std::vector<int> order(200);
+  for (int i = 0; i < 200; ++i) order[i] = (i * 37 + 11) % 200;
+  const Descriptors b = Shuffled(a, order, 5);
+  const FeatureMatches matches = MatchDescriptors(b, a, {});
+  ASSERT_THAT(matches, SizeIs(200));
+  for (point2D_t i = 0; i < 200; ++i) {
+    EXPECT_EQ(matches[i].point1, i);
+    EXPECT_EQ(matches[i].point2, static_cast<point2D_t>(order[i]));
+  }
+}
+
+TEST(MatchDescriptors, SwappedImagesGiveSwappedMatchesUnderCrossCheck) {
+  const Descriptors a = RandomDescriptors(100, 5, 60), b = RandomDescriptors(130, 6, 60);
+  const MatchingOptions options{.max_ratio = 1.0, .max_distance = 2.0};
+  FeatureMatches forward = MatchDescriptors(a, b, options);
+  FeatureMatches backward = MatchDescriptors(b, a, options);
+  for (FeatureMatch& match : backward) std::swap(match.point1, match.point2);
+  std::sort(backward.begin(), backward.end(),
+            [](const auto& x, const auto& y) { return x.point1 < y.point1; });
+  EXPECT_THAT(forward, testing::Not(IsEmpty()));
+  EXPECT_EQ(forward, backward);
+}
+
+TEST(MatchDescriptors, EachOptionChangesTheResult) {
+  const Descriptors a = RandomDescriptors(200, 8, 60);
+  std::vector<int> order(200);
+  for (int i = 0; i < 200; ++i) order[i] = i / 2;
+  const Descriptors b = Shuffled(a, order, 12);
+  const MatchingOptions loose{.max_ratio = 1.0, .max_distance = 2.0, .cross_check = false};
+  const size_t num_loose = MatchDescriptors(a, b, loose).size();
+  MatchingOptions options = loose;
+  options.max_ratio = 0.9;
+  EXPECT_LT(MatchDescriptors(a, b, options).size(), num_loose);
+  options = loose;
+  options.max_distance = 0.3;
+  EXPECT_LT(MatchDescriptors(a, b, options).size(), num_loose);
+  options = loose;
+  options.cross_check = true;
+  EXPECT_LT(MatchDescriptors(a, b, options).size(), num_loose);
+}
+
+TEST(MatchDescriptors, DuplicatesAreAmbiguousAndALonelyNeighborIsNot) {
+  Descriptors a = RandomDescriptors(1, 9), b(2, 128);
+  b.row(0) = a.row(0);
+  b.row(1) = a.row(0);
+  EXPECT_THAT(MatchDescriptors(a, b, {}), IsEmpty());
+  EXPECT_THAT(MatchDescriptors(a, a, {}), SizeIs(1));
+}
+
+TEST(MatchDescriptors, EmptyImagesHaveNoMatches) {
+  const Descriptors none(0, 128), some = RandomDescriptors(10, 2);
+  for (const bool cross_check : {false, true}) {
+    const MatchingOptions options{.cross_check = cross_check};
+    EXPECT_THAT(MatchDescriptors(none, some, options), IsEmpty());
+    EXPECT_THAT(MatchDescriptors(some, none, options), IsEmpty());
+    EXPECT_THAT(MatchDescriptors(Descriptors(), Descriptors(), options), IsEmpty());
+  }
+}
+
+TEST(PreparedDescriptors, OtherDimensionsAreABug) {
+  EXPECT_THROW(PreparedDescriptors(Descriptors::Zero(3, 64)), BugError);
+}
+
+TEST(MatchingOptions, AreValidated) {
+  EXPECT_NO_THROW(ValidateOptions(MatchingOptions(), "matching"));
+  EXPECT_THROW(ValidateOptions(MatchingOptions{.max_ratio = 1.5}, "matching"), ConfigError);
+}
+
+}  // namespace
+}  // namespace cairn
