@@ -59,13 +59,16 @@ struct BundleAdjustmentReport {
   double initial_rmse_px = 0;  // root mean squared residual, after the robust loss
   double final_rmse_px = 0;
   double seconds = 0;
-  std::string solver;  // "dense_schur", "sparse_schur", "iterative_schur"
+  // "dense_schur", "sparse_schur", "iterative_schur", or "sparse_normal_cholesky" where only
+  // points, or no points, are adjusted.
+  std::string solver;
 };
 
-// Minimizes the robust reprojection error over `scope` (Levenberg-Marquardt by Ceres, analytic
-// Jacobians, points eliminated first). The seven degrees of freedom of the world frame stay free:
-// the damping holds them, and afterwards the frame is put back to the centroid, the orientation and
-// the scale that the camera centers had before. Points behind a camera contribute nothing.
+// Minimizes the robust reprojection error over `scope`: Levenberg-Marquardt by Ceres, analytic
+// Jacobians, points eliminated first (Schur complement; Triggs et al., "Bundle adjustment - a
+// modern synthesis", 2000). The seven degrees of freedom of the world frame stay free, since fixing
+// some of them slows convergence: the damping holds them. Observations that are behind their camera
+// at the start are left out. Throws nothing but BugError.
 BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
                                     const BundleAdjustmentScope& scope,
                                     Reconstruction& reconstruction,

@@ -1,0 +1,221 @@
+#include "cairn/bundle_adjustment/bundle_adjustment.h"
+
+#include <ceres/ceres.h>
+
+#include <cmath>
+#include <memory>
+
+#include "bundle_adjustment/bundle_state.h"
+#include "bundle_adjustment/reprojection_cost.h"
+#include "cairn/base/parallel.h"
+#include "cairn/base/timer.h"
+
+namespace cairn {
+namespace {
+
+std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleAdjustmentOptions& options) {
+  if (options.loss == "soft_l1") {
+    return std::make_unique<ceres::SoftLOneLoss>(options.loss_scale_px);
+  }
+  if (options.loss == "huber") return std::make_unique<ceres::HuberLoss>(options.loss_scale_px);
+  if (options.loss == "cauchy") return std::make_unique<ceres::CauchyLoss>(options.loss_scale_px);
+  return nullptr;  // "none"
+}
+
+std::string ChooseSolver(const BundleAdjustmentOptions& options, const BundleAdjustmentScope& scope,
+                         size_t num_images) {
+  // Without points, or with nothing but points, there is nothing to eliminate.
+  const bool has_others =
+      scope.rotations || scope.positions || scope.focal_lengths || scope.distortions;
+  if (!scope.points || !has_others) return "sparse_normal_cholesky";
+  if (options.solver != "auto") return options.solver;
+  if (num_images <= static_cast<size_t>(options.max_dense_images)) return "dense_schur";
+  if (num_images <= static_cast<size_t>(options.max_sparse_images)) return "sparse_schur";
+  return "iterative_schur";
+}
+
+ceres::LinearSolverType CeresSolverType(const std::string& name) {
+  if (name == "dense_schur") return ceres::DENSE_SCHUR;
+  if (name == "sparse_schur") return ceres::SPARSE_SCHUR;
+  if (name == "iterative_schur") return ceres::ITERATIVE_SCHUR;
+  return ceres::SPARSE_NORMAL_CHOLESKY;
+}
+
+class StopCallback : public ceres::IterationCallback {
+ public:
+  explicit StopCallback(ProgressMonitor& monitor) : monitor_(monitor) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
+    if (!monitor_.StopRequested()) return ceres::SOLVER_CONTINUE;
+    stopped_ = true;
+    return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+  }
+  bool stopped() const { return stopped_; }
+
+ private:
+  ProgressMonitor& monitor_;
+  bool stopped_ = false;
+};
+
+// The Ceres problem over a BundleState, with what it must not outlive.
+class BundleProblem {
+ public:
+  BundleProblem(const BundleAdjustmentOptions& options, const BundleAdjustmentScope& scope,
+                const Reconstruction& reconstruction)
+      : state_(scope, reconstruction), loss_(MakeLoss(options)), problem_(ProblemOptions()) {
+    ordering_ = std::make_shared<ceres::ParameterBlockOrdering>();
+    size_t index = 0;
+    for (const auto& [id, point] : reconstruction.points3D) {
+      AddPoint(scope, reconstruction, point, state_.Point(index++));
+    }
+  }
+
+  ceres::Solver::Summary Solve(ceres::Solver::Options options) {
+    if (options.linear_solver_type != ceres::SPARSE_NORMAL_CHOLESKY) {
+      options.linear_solver_ordering = ordering_;
+    }
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem_, &summary);
+    return summary;
+  }
+  int64_t num_observations() const { return num_observations_; }
+  int64_t num_points() const { return num_points_; }
+  const BundleState& state() const { return state_; }
+
+ private:
+  ceres::Problem::Options ProblemOptions() {
+    ceres::Problem::Options options;
+    options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    options.evaluation_callback = &state_;
+    options.disable_all_safety_checks = true;
+    return options;
+  }
+
+  void AddPoint(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
+                const Point3D& point, Eigen::Vector3d& xyz) {
+    int num_used = 0;
+    for (const TrackElement& element : point.track) {
+      const RegisteredImage& image = reconstruction.images.at(element.image_id);
+      if (!((image.cam_from_world * point.xyz).z() > 0)) continue;
+      PoseState& pose = state_.Pose(element.image_id);
+      IntrinsicsState& intrinsics = *pose.intrinsics;
+      const bool pose_is_free = scope.fixed_images.count(element.image_id) == 0;
+      const ReprojectionCost::Free free{.point = scope.points,
+                                        .rotation = scope.rotations && pose_is_free,
+                                        .position = scope.positions && pose_is_free};
+      parameters_.clear();
+      if (free.point) Use(0, xyz.data());
+      if (free.rotation || free.position) Use(1, pose.block.data() + (free.rotation ? 0 : 3));
+      if (intrinsics.num_free > 0) Use(1, intrinsics.free.data());
+      if (parameters_.empty()) continue;
+      auto cost =
+          std::make_unique<ReprojectionCost>(&pose, &xyz, image.points2D[element.point2D], free);
+      problem_.AddResidualBlock(cost.release(), loss_.get(), parameters_);
+      ++num_used;
+    }
+    num_observations_ += num_used;
+    num_points_ += num_used > 0;
+  }
+
+  void Use(int group, double* block) {
+    parameters_.push_back(block);
+    ordering_->AddElementToGroup(block, group);
+  }
+
+  BundleState state_;
+  std::unique_ptr<ceres::LossFunction> loss_;
+  ceres::Problem problem_;
+  std::shared_ptr<ceres::ParameterBlockOrdering> ordering_;
+  std::vector<double*> parameters_;
+  int64_t num_observations_ = 0;
+  int64_t num_points_ = 0;
+};
+
+ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options,
+                                     const std::string& solver) {
+  ceres::Solver::Options ceres_options;
+  ceres_options.linear_solver_type = CeresSolverType(solver);
+  ceres_options.preconditioner_type = ceres::SCHUR_JACOBI;
+  ceres_options.max_num_iterations = options.max_iterations;
+  ceres_options.function_tolerance = options.function_tolerance;
+  ceres_options.gradient_tolerance = 1e-12;
+  ceres_options.parameter_tolerance = 1e-10;
+  ceres_options.max_num_consecutive_invalid_steps = 10;
+  ceres_options.max_linear_solver_iterations = 200;
+  ceres_options.num_threads = EffectiveNumThreads(options.num_threads);
+  ceres_options.logging_type = ceres::SILENT;
+  return ceres_options;
+}
+
+}  // namespace
+
+void BundleAdjustmentOptions::VisitFields(OptionVisitor& v) {
+  v.Choice("loss", loss, {"none", "soft_l1", "huber", "cauchy"},
+           "robust loss on the reprojection error");
+  v.Double("loss_scale_px", loss_scale_px, {1e-6, 1e6},
+           "error at which the loss leaves the square, pixels");
+  v.Int("max_iterations", max_iterations, {0, 100000}, "iterations of one adjustment");
+  v.Double("function_tolerance", function_tolerance, {0, 1},
+           "stop when the cost changes relatively by less");
+  v.Choice("solver", solver, {"auto", "dense_schur", "sparse_schur", "iterative_schur"},
+           "linear solver; auto: by the number of images");
+  v.Int("max_dense_images", max_dense_images, {0, 1000000},
+        "images up to which auto takes dense_schur");
+  v.Int("max_sparse_images", max_sparse_images, {0, 1000000},
+        "images up to which auto takes sparse_schur");
+  v.Int("num_threads", num_threads, {0, 1024},
+        "threads; 0: all. One thread gives equal bytes in every run");
+}
+
+std::string_view BundleAdjustmentStatusName(BundleAdjustmentStatus status) {
+  switch (status) {
+    case BundleAdjustmentStatus::kConverged:
+      return "converged";
+    case BundleAdjustmentStatus::kMaxIterations:
+      return "max_iterations";
+    case BundleAdjustmentStatus::kNoObservations:
+      return "no_observations";
+    case BundleAdjustmentStatus::kFailed:
+      return "failed";
+    case BundleAdjustmentStatus::kStopped:
+      return "stopped";
+  }
+  return "unknown";
+}
+
+BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
+                                    const BundleAdjustmentScope& scope,
+                                    Reconstruction& reconstruction, ProgressMonitor& monitor) {
+  const Timer timer;
+  BundleAdjustmentReport report;
+  BundleProblem problem(options, scope, reconstruction);
+  report.num_images = static_cast<int64_t>(reconstruction.images.size());
+  report.num_points = problem.num_points();
+  report.num_observations = problem.num_observations();
+  if (report.num_observations == 0) return report;
+
+  report.solver = ChooseSolver(options, scope, reconstruction.images.size());
+  ceres::Solver::Options solver_options = SolverOptions(options, report.solver);
+  StopCallback stop(monitor);
+  solver_options.callbacks.push_back(&stop);
+  const ceres::Solver::Summary summary = problem.Solve(solver_options);
+
+  const auto rmse = [&](double cost) {
+    return std::sqrt(2.0 * cost / static_cast<double>(report.num_observations));
+  };
+  report.num_iterations = static_cast<int>(summary.iterations.size());
+  report.initial_rmse_px = rmse(summary.initial_cost);
+  report.final_rmse_px = rmse(summary.final_cost);
+  if (!summary.IsSolutionUsable()) {
+    report.status = BundleAdjustmentStatus::kFailed;
+  } else {
+    problem.state().Store(scope, reconstruction);
+    report.status = stop.stopped() ? BundleAdjustmentStatus::kStopped
+                    : summary.termination_type == ceres::CONVERGENCE
+                        ? BundleAdjustmentStatus::kConverged
+                        : BundleAdjustmentStatus::kMaxIterations;
+  }
+  report.seconds = timer.Seconds();
+  return report;
+}
+
+}  // namespace cairn

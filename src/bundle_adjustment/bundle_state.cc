@@ -1,0 +1,105 @@
+#include "bundle_adjustment/bundle_state.h"
+
+#include <cmath>
+
+#include "cairn/base/check.h"
+#include "cairn/math/so3.h"
+
+namespace cairn {
+
+Eigen::Matrix3d LeftJacobianSO3(const Eigen::Vector3d& omega) {
+  const double squared = omega.squaredNorm();
+  const double angle = std::sqrt(squared);
+  // (1 - cos a) / a^2 and (a - sin a) / a^3, by their series near zero.
+  double b = 0.5 - squared / 24.0;
+  double c = 1.0 / 6.0 - squared / 120.0;
+  if (angle > 1e-2) {
+    b = (1.0 - std::cos(angle)) / squared;
+    c = (angle - std::sin(angle)) / (squared * angle);
+  }
+  const Eigen::Matrix3d W = CrossMatrix(omega);
+  return Eigen::Matrix3d::Identity() + b * W + c * W * W;
+}
+
+void IntrinsicsState::Update() {
+  for (int i = 0; i < num_free; ++i) {
+    const int k = free_index[i];
+    params[k] = i < num_free_focal ? initial[k] * std::exp(free[i]) : free[i];
+  }
+}
+
+void PoseState::Update() {
+  const Eigen::Map<const Eigen::Vector3d> omega(block.data());
+  cam_from_world = ExpSO3(omega).toRotationMatrix() * initial_rotation;
+  left_jacobian = LeftJacobianSO3(omega);
+}
+
+BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction) {
+  std::map<camera_t, size_t> intrinsics_index;
+  intrinsics_.reserve(reconstruction.cameras.size());
+  for (const auto& [id, camera] : reconstruction.cameras) {
+    IntrinsicsState state;
+    state.model = camera.model;
+    state.num_params = static_cast<int>(camera.params.size());
+    CAIRN_CHECK_LE(state.num_params, IntrinsicsState::kMaxParams);
+    std::copy(camera.params.begin(), camera.params.end(), state.initial.begin());
+    state.params = state.initial;
+    if (scope.fixed_cameras.count(id) == 0) {
+      if (scope.focal_lengths) {
+        for (const int k : camera.FocalIndices()) state.free_index[state.num_free++] = k;
+        state.num_free_focal = state.num_free;
+      }
+      if (scope.distortions) {
+        for (const int k : camera.DistortionIndices()) {
+          state.free[state.num_free] = camera.params[k];
+          state.free_index[state.num_free++] = k;
+        }
+      }
+    }
+    intrinsics_index[id] = intrinsics_.size();
+    intrinsics_.push_back(state);
+  }
+  poses_.reserve(reconstruction.images.size());
+  for (const auto& [id, image] : reconstruction.images) {
+    PoseState pose;
+    pose.initial_rotation = image.cam_from_world.RotationMatrix();
+    Eigen::Map<Eigen::Vector3d>(pose.block.data() + 3) = image.cam_from_world.Center();
+    pose.intrinsics = &intrinsics_[intrinsics_index.at(image.image.camera_id)];
+    pose.Update();
+    pose_index_[id] = poses_.size();
+    poses_.push_back(pose);
+  }
+  points_.reserve(reconstruction.points3D.size());
+  for (const auto& [id, point] : reconstruction.points3D) points_.push_back(point.xyz);
+}
+
+void BundleState::PrepareForEvaluation(bool evaluate_jacobians, bool new_evaluation_point) {
+  if (!new_evaluation_point) return;
+  for (IntrinsicsState& intrinsics : intrinsics_) intrinsics.Update();
+  for (PoseState& pose : poses_) pose.Update();
+}
+
+void BundleState::Store(const BundleAdjustmentScope& scope, Reconstruction& reconstruction) const {
+  size_t i = 0;
+  for (auto& [id, camera] : reconstruction.cameras) {
+    IntrinsicsState intrinsics = intrinsics_[i++];
+    intrinsics.Update();
+    std::copy_n(intrinsics.params.begin(), intrinsics.num_params, camera.params.begin());
+  }
+  for (auto& [id, image] : reconstruction.images) {
+    if (scope.fixed_images.count(id) > 0) continue;
+    const PoseState& pose = poses_[pose_index_.at(id)];
+    Rigid3d& cam_from_world = image.cam_from_world;
+    if (scope.rotations) {
+      const Eigen::Vector3d omega(pose.block[0], pose.block[1], pose.block[2]);
+      cam_from_world.rotation = (ExpSO3(omega) * cam_from_world.rotation).normalized();
+    }
+    if (scope.rotations || scope.positions) {
+      cam_from_world.translation = cam_from_world.rotation * -pose.Center();
+    }
+  }
+  i = 0;
+  for (auto& [id, point] : reconstruction.points3D) point.xyz = points_[i++];
+}
+
+}  // namespace cairn

@@ -1,0 +1,91 @@
+#include "bundle_adjustment/reprojection_cost.h"
+
+#include "cairn/math/so3.h"
+
+namespace cairn {
+namespace {
+
+template <int kCols>
+using RowMajor2 = Eigen::Matrix<double, 2, kCols, Eigen::RowMajor>;
+
+}  // namespace
+
+ReprojectionCost::ReprojectionCost(const PoseState* pose, const Eigen::Vector3d* point,
+                                   const Eigen::Vector2d& pixel, const Free& free)
+    : pose_(pose), point_(point), pixel_(pixel), free_(free) {
+  set_num_residuals(2);
+  std::vector<int32_t>& sizes = *mutable_parameter_block_sizes();
+  if (free.point) sizes.push_back(3);
+  if (free.rotation || free.position) sizes.push_back(free.rotation && free.position ? 6 : 3);
+  if (pose->intrinsics->num_free > 0) sizes.push_back(pose->intrinsics->num_free);
+}
+
+bool ReprojectionCost::Evaluate(const double* const* parameters, double* residuals,
+                                double** jacobians) const {
+  // The state was brought up to date with `parameters` before (BundleState).
+  const IntrinsicsState& intrinsics = *pose_->intrinsics;
+  const Eigen::Vector3d x = pose_->cam_from_world * (*point_ - pose_->Center());
+  if (x.z() == 0) return false;
+  const double inverse_z = 1.0 / x.z();
+  const double uv[2] = {x.x() * inverse_z, x.y() * inverse_z};
+  double pixel[2];
+  if (!jacobians) {
+    ImgFromCam(intrinsics.model, intrinsics.params.data(), uv, pixel, nullptr, nullptr);
+    residuals[0] = pixel[0] - pixel_.x();
+    residuals[1] = pixel[1] - pixel_.y();
+    return true;
+  }
+  double J_uv[4];
+  double J_params[2 * IntrinsicsState::kMaxParams];
+  ImgFromCam(intrinsics.model, intrinsics.params.data(), uv, pixel, J_uv,
+             intrinsics.num_free > 0 ? J_params : nullptr);
+  residuals[0] = pixel[0] - pixel_.x();
+  residuals[1] = pixel[1] - pixel_.y();
+
+  // d(pixel)/d(x_cam), then along the world's axes.
+  RowMajor2<3> J_camera;
+  for (int row = 0; row < 2; ++row) {
+    const double a = J_uv[2 * row] * inverse_z;
+    const double b = J_uv[2 * row + 1] * inverse_z;
+    J_camera.row(row) << a, b, -(a * uv[0] + b * uv[1]);
+  }
+  const RowMajor2<3> J_world = J_camera * pose_->cam_from_world;
+  // -J_camera [x]x left_jacobian: row times cross matrix is a cross product.
+  RowMajor2<3> J_omega;
+  if (free_.rotation) {
+    for (int row = 0; row < 2; ++row) {
+      J_omega.row(row) = x.cross(J_camera.row(row).transpose()).transpose() * pose_->left_jacobian;
+    }
+  }
+  int block = 0;
+  if (free_.point) {
+    if (double* J = jacobians[block]) Eigen::Map<RowMajor2<3>>{J} = J_world;
+    ++block;
+  }
+  if (free_.rotation || free_.position) {
+    if (double* J = jacobians[block]) {
+      if (free_.rotation && free_.position) {
+        Eigen::Map<RowMajor2<6>> J_pose(J);
+        J_pose.leftCols<3>() = J_omega;
+        J_pose.rightCols<3>() = -J_world;
+      } else {
+        Eigen::Map<RowMajor2<3>>{J} = free_.rotation ? J_omega : RowMajor2<3>(-J_world);
+      }
+    }
+    ++block;
+  }
+  if (intrinsics.num_free > 0) {
+    if (double* J = jacobians[block]) {
+      for (int row = 0; row < 2; ++row) {
+        for (int i = 0; i < intrinsics.num_free; ++i) {
+          const int k = intrinsics.free_index[i];
+          const double factor = i < intrinsics.num_free_focal ? intrinsics.params[k] : 1.0;
+          J[row * intrinsics.num_free + i] = factor * J_params[row * intrinsics.num_params + k];
+        }
+      }
+    }
+  }
+  return true;
+}
+
+}  // namespace cairn

@@ -1,0 +1,275 @@
+#include "cairn/bundle_adjustment/bundle_adjustment.h"
+
+#include <gtest/gtest.h>
+
+#include "cairn/base/rng.h"
+#include "cairn/math/so3.h"
+#include "support/synthetic_reconstruction.h"
+
+namespace cairn {
+namespace {
+
+using testing_support::CompareAligned;
+using testing_support::MakeSyntheticScene;
+using testing_support::PoseDifference;
+using testing_support::SyntheticOptions;
+using testing_support::SyntheticScene;
+
+BundleAdjustmentOptions OneThread() {
+  BundleAdjustmentOptions options;
+  options.num_threads = 1;
+  options.max_iterations = 200;
+  options.function_tolerance = 1e-12;
+  return options;
+}
+
+struct Perturbation {
+  double rotation = 0.02;  // radians
+  double position = 0.1;
+  double point = 0.1;
+  double focal = 0;  // relative
+};
+
+Reconstruction Perturbed(const Reconstruction& truth, const Perturbation& by) {
+  Rng rng(7);
+  const auto random = [&](double size) {
+    return Eigen::Vector3d(size * Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()));
+  };
+  Reconstruction model = truth;
+  for (auto& [id, image] : model.images) {
+    const Eigen::Vector3d center = image.cam_from_world.Center() + random(by.position);
+    image.cam_from_world.rotation = ExpSO3(random(by.rotation)) * image.cam_from_world.rotation;
+    image.cam_from_world.translation = image.cam_from_world.rotation * -center;
+  }
+  for (auto& [id, point] : model.points3D) point.xyz += random(by.point);
+  for (auto& [id, camera] : model.cameras) {
+    camera.SetMeanFocal(camera.MeanFocal() * (1 + by.focal * rng.Uniform(-1, 1)));
+  }
+  return model;
+}
+
+TEST(AdjustBundle, RecoversAnExactSceneWithEverySolver) {
+  const SyntheticScene scene = MakeSyntheticScene({});
+  for (const char* solver : {"auto", "dense_schur", "sparse_schur", "iterative_schur"}) {
+    BundleAdjustmentOptions options = OneThread();
+    options.solver = solver;
+    Reconstruction model = Perturbed(scene.truth, {});
+    const BundleAdjustmentReport report = AdjustBundle(options, {}, model);
+    EXPECT_EQ(report.status, BundleAdjustmentStatus::kConverged) << solver;
+    EXPECT_GT(report.initial_rmse_px, 1.0);
+    EXPECT_LT(report.final_rmse_px, 1e-6);
+    EXPECT_EQ(report.num_images, 6);
+    EXPECT_EQ(report.num_observations, model.NumObservations());
+    const PoseDifference difference = CompareAligned(model, scene.truth);
+    EXPECT_LT(difference.center, 1e-6) << solver;
+    EXPECT_LT(difference.angle, 1e-6) << solver;
+  }
+}
+
+TEST(AdjustBundle, AutoChoosesTheSolverByTheNumberOfImages) {
+  const SyntheticScene scene = MakeSyntheticScene({.num_points = 50});
+  BundleAdjustmentOptions options = OneThread();
+  Reconstruction model = scene.truth;
+  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "dense_schur");
+  options.max_dense_images = 5;
+  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "sparse_schur");
+  options.max_sparse_images = 5;
+  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "iterative_schur");
+}
+
+TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
+  for (const CameraModel model_kind :
+       {CameraModel::kSimplePinhole, CameraModel::kPinhole, CameraModel::kSimpleRadial,
+        CameraModel::kRadial, CameraModel::kOpenCV}) {
+    for (const bool shared : {true, false}) {
+      SyntheticOptions synthetic{.num_images = 8, .model = model_kind, .shared_camera = shared};
+      const SyntheticScene scene = MakeSyntheticScene(synthetic);
+      Reconstruction model = Perturbed(scene.truth, {.focal = 0.05});
+      for (auto& [id, camera] : model.cameras) {
+        for (const int k : camera.DistortionIndices()) camera.params[k] = 0;
+      }
+      BundleAdjustmentScope scope;
+      scope.focal_lengths = true;
+      scope.distortions = true;
+      const BundleAdjustmentReport report = AdjustBundle(OneThread(), scope, model);
+      EXPECT_LT(report.final_rmse_px, 1e-5) << CameraModelName(model_kind);
+      for (const auto& [id, camera] : model.cameras) {
+        const Camera& truth = scene.truth.cameras.at(id);
+        for (size_t k = 0; k < camera.params.size(); ++k) {
+          EXPECT_NEAR(camera.params[k], truth.params[k], 1e-4 * (1 + std::abs(truth.params[k])))
+              << CameraModelName(model_kind) << " " << k;
+        }
+      }
+      EXPECT_LT(CompareAligned(model, scene.truth).center, 1e-4);
+    }
+  }
+}
+
+TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
+  const SyntheticScene scene =
+      MakeSyntheticScene({.model = CameraModel::kRadial, .shared_camera = false});
+  const Reconstruction start = Perturbed(scene.truth, {.focal = 0.02});
+  const auto adjust = [&](const BundleAdjustmentScope& scope) {
+    Reconstruction model = start;
+    BundleAdjustmentOptions options = OneThread();
+    options.max_iterations = 3;
+    EXPECT_NE(AdjustBundle(options, scope, model).status, BundleAdjustmentStatus::kFailed);
+    return model;
+  };
+  {
+    const Reconstruction model = adjust({.rotations = false});
+    for (const auto& [id, image] : start.images) {
+      EXPECT_EQ(model.images.at(id).cam_from_world.rotation.coeffs(),
+                image.cam_from_world.rotation.coeffs());
+      EXPECT_NE(model.images.at(id).cam_from_world.translation, image.cam_from_world.translation);
+      EXPECT_EQ(model.cameras.at(id).params, start.cameras.at(id).params);
+    }
+  }
+  {
+    const Reconstruction model = adjust({.positions = false});
+    for (const auto& [id, image] : start.images) {
+      EXPECT_LT(
+          (model.images.at(id).cam_from_world.Center() - image.cam_from_world.Center()).norm(),
+          1e-12);
+      EXPECT_NE(model.images.at(id).cam_from_world.rotation.coeffs(),
+                image.cam_from_world.rotation.coeffs());
+    }
+  }
+  {
+    const Reconstruction model = adjust({.points = false});
+    for (const auto& [id, point] : start.points3D) EXPECT_EQ(model.points3D.at(id).xyz, point.xyz);
+    EXPECT_NE(model.images.at(1).cam_from_world.translation,
+              start.images.at(1).cam_from_world.translation);
+  }
+  {
+    const Reconstruction model = adjust({.rotations = false, .positions = false});
+    EXPECT_EQ(model.images.at(1).cam_from_world.translation,
+              start.images.at(1).cam_from_world.translation);
+    EXPECT_NE(model.points3D.at(1).xyz, start.points3D.at(1).xyz);
+  }
+  {
+    const Reconstruction model = adjust({.focal_lengths = true, .fixed_cameras = {2}});
+    EXPECT_EQ(model.cameras.at(2).params, start.cameras.at(2).params);
+    const std::vector<double>& before = start.cameras.at(1).params;
+    const std::vector<double>& after = model.cameras.at(1).params;
+    EXPECT_NE(after[0], before[0]);
+    for (size_t k = 1; k < before.size(); ++k) EXPECT_EQ(after[k], before[k]);
+  }
+  {
+    const Reconstruction model = adjust({.distortions = true, .fixed_images = {1, 3}});
+    EXPECT_EQ(model.images.at(3).cam_from_world.translation,
+              start.images.at(3).cam_from_world.translation);
+    EXPECT_NE(model.images.at(2).cam_from_world.translation,
+              start.images.at(2).cam_from_world.translation);
+    for (size_t k = 0; k < 3; ++k) {
+      EXPECT_EQ(model.cameras.at(1).params[k], start.cameras.at(1).params[k]);
+    }
+    EXPECT_NE(model.cameras.at(1).params[3], start.cameras.at(1).params[3]);
+  }
+}
+
+TEST(AdjustBundle, RobustLossesWithstandOutliers) {
+  SyntheticOptions synthetic{.num_points = 400, .noise_px = 0.3, .outlier_share = 0.05};
+  const SyntheticScene scene = MakeSyntheticScene(synthetic);
+  std::map<std::string, double> error;
+  for (const char* loss : {"none", "soft_l1", "huber", "cauchy"}) {
+    BundleAdjustmentOptions options = OneThread();
+    options.loss = loss;
+    Reconstruction model = Perturbed(scene.truth, {0.005, 0.02, 0.02});
+    AdjustBundle(options, {}, model);
+    error[loss] = CompareAligned(model, scene.truth).center;
+  }
+  for (const char* loss : {"soft_l1", "huber", "cauchy"}) {
+    EXPECT_LT(error[loss], 0.2 * error["none"]) << loss;
+  }
+  EXPECT_LT(error["cauchy"], error["huber"]);
+}
+
+TEST(AdjustBundle, LossScaleAndIterationsAndToleranceMatter) {
+  const SyntheticScene scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.05});
+  const auto run = [&](const BundleAdjustmentOptions& options, BundleAdjustmentReport* report) {
+    Reconstruction model = Perturbed(scene.truth, {});
+    *report = AdjustBundle(options, {}, model);
+    return model.images.at(3).cam_from_world.translation;
+  };
+  BundleAdjustmentReport report, other;
+  BundleAdjustmentOptions options = OneThread();
+  const Eigen::Vector3d reference = run(options, &report);
+  options.loss_scale_px = 5;
+  EXPECT_GT((run(options, &other) - reference).norm(), 1e-6);
+  options = OneThread();
+  options.max_iterations = 2;
+  run(options, &other);
+  EXPECT_EQ(other.status, BundleAdjustmentStatus::kMaxIterations);
+  EXPECT_LT(other.num_iterations, report.num_iterations);
+  options = OneThread();
+  options.function_tolerance = 0.1;
+  run(options, &other);
+  EXPECT_EQ(other.status, BundleAdjustmentStatus::kConverged);
+  EXPECT_LT(other.num_iterations, report.num_iterations);
+}
+
+TEST(AdjustBundle, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
+  const SyntheticScene scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.02});
+  const Reconstruction start = Perturbed(scene.truth, {});
+  const auto run = [&](int num_threads) {
+    Reconstruction model = start;
+    BundleAdjustmentOptions options = OneThread();
+    options.num_threads = num_threads;
+    // The gauge is held, so that differences are those of the solution.
+    AdjustBundle(options, {.fixed_images = {1, 6}}, model);
+    return model;
+  };
+  const Reconstruction first = run(1);
+  const Reconstruction second = run(1);
+  const Reconstruction third = run(4);
+  for (const auto& [id, image] : first.images) {
+    EXPECT_EQ(image.cam_from_world.translation, second.images.at(id).cam_from_world.translation);
+    EXPECT_EQ(image.cam_from_world.rotation.coeffs(),
+              second.images.at(id).cam_from_world.rotation.coeffs());
+    EXPECT_LT(
+        (image.cam_from_world.translation - third.images.at(id).cam_from_world.translation).norm(),
+        1e-6 * image.cam_from_world.translation.norm());
+  }
+  for (const auto& [id, point] : first.points3D) {
+    EXPECT_EQ(point.xyz, second.points3D.at(id).xyz);
+  }
+}
+
+TEST(AdjustBundle, TwoImagesAreEnough) {
+  const SyntheticScene scene = MakeSyntheticScene({.num_images = 2, .visible_share = 1.0});
+  Reconstruction model =
+      Perturbed(scene.truth, {.rotation = 0.01, .position = 0.05, .point = 0.05});
+  EXPECT_LT(AdjustBundle(OneThread(), {}, model).final_rmse_px, 1e-4);
+}
+
+TEST(AdjustBundle, NothingToAdjustIsSaidAndChangesNothing) {
+  Reconstruction empty;
+  EXPECT_EQ(AdjustBundle(OneThread(), {}, empty).status, BundleAdjustmentStatus::kNoObservations);
+
+  // All points behind all cameras.
+  SyntheticScene scene = MakeSyntheticScene({});
+  for (auto& [id, point] : scene.truth.points3D) point.xyz = Eigen::Vector3d(0, 0, -100);
+  Reconstruction model = scene.truth;
+  EXPECT_EQ(AdjustBundle(OneThread(), {}, model).status, BundleAdjustmentStatus::kNoObservations);
+  EXPECT_EQ(model.images.at(1).cam_from_world.translation,
+            scene.truth.images.at(1).cam_from_world.translation);
+
+  // Nothing is free.
+  model = MakeSyntheticScene({}).truth;
+  const BundleAdjustmentScope nothing{.rotations = false, .positions = false, .points = false};
+  EXPECT_EQ(AdjustBundle(OneThread(), nothing, model).status,
+            BundleAdjustmentStatus::kNoObservations);
+}
+
+TEST(AdjustBundle, StopsWhenAsked) {
+  class Stopper : public ProgressMonitor {
+   public:
+    bool StopRequested() const override { return true; }
+  } stopper;
+  Reconstruction model = Perturbed(MakeSyntheticScene({}).truth, {});
+  EXPECT_EQ(AdjustBundle(OneThread(), {}, model, stopper).status, BundleAdjustmentStatus::kStopped);
+}
+
+}  // namespace
+}  // namespace cairn
