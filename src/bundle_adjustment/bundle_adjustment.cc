@@ -2,6 +2,7 @@
 
 #include <ceres/ceres.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -141,7 +142,11 @@ ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options,
   ceres_options.parameter_tolerance = 1e-10;
   ceres_options.max_num_consecutive_invalid_steps = 10;
   ceres_options.max_linear_solver_iterations = 200;
-  ceres_options.num_threads = EffectiveNumThreads(options.num_threads);
+  // The damping never vanishes, since it alone holds the world frame.
+  ceres_options.max_trust_region_radius = 1e9;
+  // Ceres warns when asked for more threads than there are.
+  ceres_options.num_threads =
+      std::min(EffectiveNumThreads(options.num_threads), EffectiveNumThreads(0));
   ceres_options.logging_type = ceres::SILENT;
   return ceres_options;
 }

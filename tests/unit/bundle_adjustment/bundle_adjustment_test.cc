@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "support/synthetic_reconstruction.h"
@@ -14,6 +16,12 @@ using testing_support::MakeSyntheticScene;
 using testing_support::PoseDifference;
 using testing_support::SyntheticOptions;
 using testing_support::SyntheticScene;
+
+BundleAdjustmentScope Scope(const std::function<void(BundleAdjustmentScope&)>& change) {
+  BundleAdjustmentScope scope;
+  change(scope);
+  return scope;
+}
 
 BundleAdjustmentOptions OneThread() {
   BundleAdjustmentOptions options;
@@ -117,7 +125,7 @@ TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
     return model;
   };
   {
-    const Reconstruction model = adjust({.rotations = false});
+    const Reconstruction model = adjust(Scope([](auto& s) { s.rotations = false; }));
     for (const auto& [id, image] : start.images) {
       EXPECT_EQ(model.images.at(id).cam_from_world.rotation.coeffs(),
                 image.cam_from_world.rotation.coeffs());
@@ -126,7 +134,7 @@ TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
     }
   }
   {
-    const Reconstruction model = adjust({.positions = false});
+    const Reconstruction model = adjust(Scope([](auto& s) { s.positions = false; }));
     for (const auto& [id, image] : start.images) {
       EXPECT_LT(
           (model.images.at(id).cam_from_world.Center() - image.cam_from_world.Center()).norm(),
@@ -136,19 +144,20 @@ TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
     }
   }
   {
-    const Reconstruction model = adjust({.points = false});
+    const Reconstruction model = adjust(Scope([](auto& s) { s.points = false; }));
     for (const auto& [id, point] : start.points3D) EXPECT_EQ(model.points3D.at(id).xyz, point.xyz);
     EXPECT_NE(model.images.at(1).cam_from_world.translation,
               start.images.at(1).cam_from_world.translation);
   }
   {
-    const Reconstruction model = adjust({.rotations = false, .positions = false});
+    const Reconstruction model = adjust(Scope([](auto& s) { s.rotations = s.positions = false; }));
     EXPECT_EQ(model.images.at(1).cam_from_world.translation,
               start.images.at(1).cam_from_world.translation);
     EXPECT_NE(model.points3D.at(1).xyz, start.points3D.at(1).xyz);
   }
   {
-    const Reconstruction model = adjust({.focal_lengths = true, .fixed_cameras = {2}});
+    const Reconstruction model =
+        adjust(Scope([](auto& s) { s.focal_lengths = true, s.fixed_cameras = {2}; }));
     EXPECT_EQ(model.cameras.at(2).params, start.cameras.at(2).params);
     const std::vector<double>& before = start.cameras.at(1).params;
     const std::vector<double>& after = model.cameras.at(1).params;
@@ -156,7 +165,9 @@ TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
     for (size_t k = 1; k < before.size(); ++k) EXPECT_EQ(after[k], before[k]);
   }
   {
-    const Reconstruction model = adjust({.distortions = true, .fixed_images = {1, 3}});
+    const Reconstruction model = adjust(Scope([](auto& s) {
+      s.distortions = true, s.fixed_images = {1, 3};
+    }));
     EXPECT_EQ(model.images.at(3).cam_from_world.translation,
               start.images.at(3).cam_from_world.translation);
     EXPECT_NE(model.images.at(2).cam_from_world.translation,
@@ -217,7 +228,7 @@ TEST(AdjustBundle, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
     BundleAdjustmentOptions options = OneThread();
     options.num_threads = num_threads;
     // The gauge is held, so that differences are those of the solution.
-    AdjustBundle(options, {.fixed_images = {1, 6}}, model);
+    AdjustBundle(options, Scope([](auto& s) { s.fixed_images = {1, 6}; }), model);
     return model;
   };
   const Reconstruction first = run(1);
@@ -257,7 +268,8 @@ TEST(AdjustBundle, NothingToAdjustIsSaidAndChangesNothing) {
 
   // Nothing is free.
   model = MakeSyntheticScene({}).truth;
-  const BundleAdjustmentScope nothing{.rotations = false, .positions = false, .points = false};
+  const BundleAdjustmentScope nothing =
+      Scope([](auto& s) { s.rotations = s.positions = s.points = false; });
   EXPECT_EQ(AdjustBundle(OneThread(), nothing, model).status,
             BundleAdjustmentStatus::kNoObservations);
 }
