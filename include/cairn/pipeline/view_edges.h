@@ -1,0 +1,24 @@
+#pragma once
+
+#include <vector>
+
+#include "cairn/database/database.h"
+#include "cairn/scene/view_graph.h"
+
+namespace cairn {
+
+// Every pair of two_view_geometries that has inliers or a pose as an edge, ascending by pair, with
+// residual, angle and verifier from cairn_pair_metrics where they are.
+// A pair without a stored pose (COLMAP up to 3.13 stores none) gets it from its E, or its F and the
+// cameras, by the cheirality of its inliers. Pairs that have no pose, or none with a translation
+// (panoramic, watermark, ...), come with the removal reason kNoPose. Edges imported from a 1DSfM
+// data set without keypoints have 0 inliers (see HasImportedEdges). Throws IoError.
+std::vector<ViewEdge> ReadViewEdges(const Database& database);
+
+// The view graph was imported from relative poses: inlier counts say nothing.
+bool HasImportedEdges(const Database& database);
+
+// The cameras were given by --camera_params, so their intrinsics are not to be refined.
+bool CamerasWereGiven(const Database& database);
+
+}  // namespace cairn
