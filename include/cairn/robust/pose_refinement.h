@@ -1,0 +1,30 @@
+#pragma once
+
+#include "cairn/geometry/rigid3d.h"
+#include "cairn/robust/sampson_kernels.h"
+
+namespace cairn {
+
+struct PoseRefinementOptions {
+  RobustLoss loss = RobustLoss::kTruncated;
+  double scale_px = 1.0;
+  int max_iterations = 25;
+  // Stops when a step is shorter than this (radians), or gains less than this share of the cost.
+  double min_step = 1e-7;
+  double min_relative_gain = 1e-6;
+};
+
+struct PoseRefinementReport {
+  Rigid3d cam2_from_cam1;  // |t| = 1
+  double cost = 0.0;       // sum of losses, each at most 1
+  int num_iterations = 0;
+  // The Gauss-Newton hessian at the result, px^-2 units: its inverse is the covariance of
+  // (rotation 3, translation 2) for unit noise.
+  Eigen::Matrix<double, 5, 5> hessian;
+};
+
+// Levenberg-Marquardt over SO(3) x S2 on the robust Sampson error, no heap. `start` needs t != 0.
+PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
+                                const PoseRefinementOptions& options);
+
+}  // namespace cairn

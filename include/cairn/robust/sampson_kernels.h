@@ -1,0 +1,56 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+
+#include "cairn/robust/point_pairs.h"
+
+namespace cairn {
+
+// Kernels over blocks of 16 correspondences, with the instruction set chosen at run time (Google
+// Highway). Sums run in 16 fixed lanes and products are never fused with sums, so every x86-64
+// machine gives the same bits.
+//
+// The error of a correspondence is the Sampson distance in pixels (Hartley and Zisserman, 11.9),
+// |x2^T E x1| / sqrt((a^2 + b^2) / f2^2 + (c^2 + d^2) / f1^2) with (a, b, .) = E x1 and
+// (c, d, .) = E^T x2, for E of normalized points; F of normalized points is as good.
+
+// MSAC support, sum of max(0, 1 - (error / max_error_px)^2): larger is better, one correspondence
+// adds at most 1. Returns -1 as soon as the support cannot exceed `bound` any more.
+double ScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double max_error_px,
+                    double bound = -1.0);
+
+// Soft support, sum of s^2 / (s^2 + error^2) with scale s: it tells rough models apart that MSAC
+// sees as equally bad.
+double SoftScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double scale_px);
+
+// errors_px[i] for every i < size(); must have room for num_blocks() * 16 values.
+void SampsonErrors(const PointPairs& points, const Eigen::Matrix3d& E, float* errors_px);
+
+// Symmetric transfer error of a homography of normalized points x2 ~ H x1,
+// sqrt((|x2 - H x1|^2 f2^2 + |x1 - H^-1 x2|^2 f1^2) / 2), in pixels; infinite behind the horizon.
+void HomographyErrors(const PointPairs& points, const Eigen::Matrix3d& H, float* errors_px);
+
+// Robust losses of an error e at a scale s (IRLS weights as derivatives of the loss by e^2 s^2):
+enum class RobustLoss {
+  kTruncated,     // min(e^2 / s^2, 1)
+  kGemanMcClure,  // e^2 / (s^2 + e^2): smooth, and reaches far beyond its scale
+};
+
+// Gauss-Newton terms of the Sampson errors at a pose, over (rotation: R <- Exp(w) R, 3;
+// translation: t <- t + B b, 2). Weighted: hessian = sum w J^T J, gradient = sum w J^T e.
+struct SampsonNormalEquations {
+  Eigen::Matrix<double, 5, 5> hessian;
+  Eigen::Matrix<double, 5, 1> gradient;
+  double cost = 0.0;  // sum of losses, each at most 1
+};
+// tangent: two directions B orthogonal to t. Errors in pixels.
+SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,
+                                         const Eigen::Vector3d& t,
+                                         const Eigen::Matrix<double, 3, 2>& tangent,
+                                         RobustLoss loss, double scale_px);
+
+// Name of the instruction set in use, for reports.
+const char* KernelTargetName();
+
+}  // namespace cairn

@@ -1,0 +1,69 @@
+#include "cairn/robust/pose_refinement.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+
+#include "cairn/base/check.h"
+#include "cairn/math/so3.h"
+
+namespace cairn {
+namespace {
+
+// Two unit vectors orthogonal to the unit vector t.
+Eigen::Matrix<double, 3, 2> TangentBasis(const Eigen::Vector3d& t) {
+  int smallest;
+  t.cwiseAbs().minCoeff(&smallest);
+  Eigen::Matrix<double, 3, 2> basis;
+  basis.col(0) = t.cross(Eigen::Vector3d::Unit(smallest)).normalized();
+  basis.col(1) = t.cross(basis.col(0));
+  return basis;
+}
+
+}  // namespace
+
+PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
+                                const PoseRefinementOptions& options) {
+  const double norm = start.translation.norm();
+  CAIRN_CHECK_GT(norm, 0.0);
+  Eigen::Quaterniond rotation = start.rotation.normalized();
+  Eigen::Vector3d t = start.translation / norm;
+  Eigen::Matrix<double, 3, 2> tangent = TangentBasis(t);
+  SampsonNormalEquations equations = AccumulateSampson(points, rotation.toRotationMatrix(), t,
+                                                       tangent, options.loss, options.scale_px);
+  PoseRefinementReport report;
+  double lambda = 1e-3;
+  while (report.num_iterations < options.max_iterations) {
+    ++report.num_iterations;
+    Eigen::Matrix<double, 5, 5> damped = equations.hessian;
+    const double floor = 1e-9 * damped.diagonal().maxCoeff();
+    for (int i = 0; i < 5; ++i) damped(i, i) += lambda * std::max(damped(i, i), floor);
+    const Eigen::Matrix<double, 5, 1> step = -damped.ldlt().solve(equations.gradient);
+    const double length = step.norm();
+    if (!(length > options.min_step)) break;  // also when not finite
+    const Eigen::Quaterniond next_rotation = (ExpSO3(step.head<3>()) * rotation).normalized();
+    const Eigen::Vector3d next_t = (t + tangent * step.tail<2>()).normalized();
+    const Eigen::Matrix<double, 3, 2> next_tangent = TangentBasis(next_t);
+    const SampsonNormalEquations next =
+        AccumulateSampson(points, next_rotation.toRotationMatrix(), next_t, next_tangent,
+                          options.loss, options.scale_px);
+    const double gain = equations.cost - next.cost;
+    if (gain > 0.0) {
+      rotation = next_rotation;
+      t = next_t;
+      tangent = next_tangent;
+      equations = next;
+      lambda = std::max(lambda * 0.1, 1e-8);
+      if (gain < options.min_relative_gain * equations.cost) break;
+    } else {
+      lambda *= 10.0;
+      if (lambda > 1e6) break;
+    }
+  }
+  report.cam2_from_cam1 = Rigid3d(rotation, t);
+  report.cost = equations.cost;
+  report.hessian = equations.hessian;
+  return report;
+}
+
+}  // namespace cairn

@@ -1,0 +1,265 @@
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <vector>
+
+#include "cairn/geometry/epipolar.h"
+#include "cairn/robust/pose_refinement.h"
+#include "cairn/robust/sampson_kernels.h"
+#include "support/random_two_view.h"
+
+namespace cairn {
+namespace {
+
+using test::RandomScene;
+using test::TwoViewScene;
+
+// The scene's points with noise (pixels) in both images; the first `num_outliers` are random.
+PointPairs MakePoints(const TwoViewScene& scene, double focal1, double focal2, double noise_px,
+                      int num_outliers, Rng& rng) {
+  PointPairs points;
+  points.Reset(static_cast<int>(scene.patches.size()), focal1, focal2);
+  for (int i = 0; i < points.size(); ++i) {
+    PointCorrespondence p = scene.patches[i].points();
+    if (i < num_outliers) p.x2 = {rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5)};
+    p.x1 += noise_px / focal1 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    p.x2 += noise_px / focal2 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    points.Set(i, p.x1, p.x2);
+  }
+  return points;
+}
+
+// Sampson error in pixels, in double, through the fundamental matrix of focal-scaled points.
+double Error(const PointPairs& points, const Eigen::Matrix3d& E, int i) {
+  const Eigen::Vector3d scale1(points.focal1_px(), points.focal1_px(), 1.0);
+  const Eigen::Vector3d scale2(points.focal2_px(), points.focal2_px(), 1.0);
+  const Eigen::Matrix3d F =
+      scale2.cwiseInverse().asDiagonal() * E * scale1.cwiseInverse().asDiagonal();
+  return std::sqrt(SquaredSampsonError(F, points.focal1_px() * points.Point1(i),
+                                       points.focal2_px() * points.Point2(i)));
+}
+
+TEST(SampsonKernels, AgreeWithTheDefinitionForEverySize) {
+  Rng rng(1);
+  const TwoViewScene scene = RandomScene(rng, 200);
+  const Eigen::Matrix3d E = EssentialFromPose(scene.cam2_from_cam1);
+  for (int n = 0; n <= 200; n += n < 40 ? 1 : 37) {
+    TwoViewScene part = scene;
+    part.patches.resize(n);
+    const PointPairs points = MakePoints(part, 900.0, 1300.0, 1.0, n / 4, rng);
+    std::vector<float> errors(points.num_blocks() * PointPairs::kBlock + 16);
+    SampsonErrors(points, E, errors.data());
+    double support = 0.0, soft = 0.0;
+    for (int i = 0; i < n; ++i) {
+      const double error = Error(points, E, i);
+      EXPECT_NEAR(errors[i], error, 2e-3 + 1e-4 * error);
+      support += std::max(0.0, 1.0 - error * error / 4.0);
+      soft += 9.0 / (9.0 + error * error);
+    }
+    EXPECT_NEAR(ScoreSampson(points, E, 2.0), n == 0 ? -1.0 + 1.0 : support, 1e-3 * (1 + n));
+    EXPECT_NEAR(SoftScoreSampson(points, E, 3.0), soft, 1e-3 * (1 + n));
+  }
+}
+
+TEST(SampsonKernels, StopEarlyOnlyBelowTheBound) {
+  Rng rng(2);
+  const TwoViewScene scene = RandomScene(rng, 500);
+  const PointPairs points = MakePoints(scene, 1000.0, 1000.0, 1.0, 250, rng);
+  const Eigen::Matrix3d E = EssentialFromPose(scene.cam2_from_cam1);
+  const double score = ScoreSampson(points, E, 2.0);
+  EXPECT_GT(score, 100.0);
+  EXPECT_EQ(ScoreSampson(points, E, 2.0, score - 0.5), score);
+  EXPECT_EQ(ScoreSampson(points, E, 2.0, score + 0.5), -1.0);
+  const Eigen::Matrix3d other = EssentialFromPose(RandomScene(rng, 1).cam2_from_cam1);
+  EXPECT_EQ(ScoreSampson(points, other, 2.0, score), -1.0);
+}
+
+TEST(SampsonKernels, BothPointsAtTheirEpipolesAreNoError) {
+  PointPairs points;
+  points.Reset(1, 500.0, 500.0);
+  points.Set(0, Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero());
+  const Eigen::Matrix3d E =
+      EssentialFromPose(Rigid3d(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, 1)));
+  EXPECT_EQ(ScoreSampson(points, E, 1.0), 1.0);
+}
+
+TEST(HomographyErrors, AgreeWithTheDefinition) {
+  Rng rng(3);
+  Eigen::Matrix3d H = Eigen::Matrix3d::Identity() + 0.1 * Eigen::Matrix3d::Random();
+  H(2, 0) = 0.3;
+  PointPairs points;
+  points.Reset(30, 800.0, 1100.0);
+  for (int i = 0; i < 30; ++i) {
+    const Eigen::Vector2d x1(rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5));
+    const Eigen::Vector2d x2 = (H * x1.homogeneous()).hnormalized();
+    points.Set(i, x1, x2 + 1e-3 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian()));
+  }
+  std::vector<float> errors(32), flipped(32);
+  HomographyErrors(points, H, errors.data());
+  HomographyErrors(points, -3.0 * H, flipped.data());
+  for (int i = 0; i < 30; ++i) {
+    const double d2 =
+        1100.0 * ((H * points.Point1(i).homogeneous()).hnormalized() - points.Point2(i)).norm();
+    const double d1 =
+        800.0 *
+        ((H.inverse() * points.Point2(i).homogeneous()).hnormalized() - points.Point1(i)).norm();
+    EXPECT_NEAR(errors[i], std::sqrt(0.5 * (d1 * d1 + d2 * d2)), 1e-2);
+    EXPECT_NEAR(errors[i], flipped[i], 1e-3);
+  }
+  HomographyErrors(points, Eigen::Matrix3d::Zero(), errors.data());
+  EXPECT_TRUE(std::isinf(errors[0]));
+}
+
+Eigen::Matrix<double, 3, 2> Tangent(const Eigen::Vector3d& t) {
+  Eigen::Matrix<double, 3, 2> basis;
+  basis.col(0) = t.cross(Eigen::Vector3d(0.3, 1.0, -0.2)).normalized();
+  basis.col(1) = t.cross(basis.col(0));
+  return basis;
+}
+
+// Gradient and hessian against central differences of the errors themselves.
+TEST(AccumulateSampson, AgreesWithCentralDifferences) {
+  Rng rng(4);
+  const TwoViewScene scene = RandomScene(rng, 45);
+  const PointPairs points = MakePoints(scene, 700.0, 900.0, 2.0, 5, rng);
+  const Eigen::Quaterniond R =
+      ExpSO3(0.01 * test::RandomDirection(rng)) * scene.cam2_from_cam1.rotation;
+  const Eigen::Vector3d t = scene.cam2_from_cam1.translation.normalized();
+  const auto B = Tangent(t);
+  auto signed_error = [&](const Eigen::Matrix<double, 5, 1>& p, int i) {
+    const Rigid3d pose(ExpSO3(p.head<3>()) * R, t + B * p.tail<2>());
+    const Eigen::Matrix3d E = CrossMatrix(pose.translation) * pose.RotationMatrix();
+    const double sign = points.Point2(i).homogeneous().dot(E * points.Point1(i).homogeneous());
+    return std::copysign(Error(points, E, i), sign);
+  };
+  for (const RobustLoss loss : {RobustLoss::kTruncated, RobustLoss::kGemanMcClure}) {
+    constexpr double kScale = 5.0, kStep = 1e-6;
+    Eigen::Matrix<double, 5, 5> hessian = Eigen::Matrix<double, 5, 5>::Zero();
+    Eigen::Matrix<double, 5, 1> gradient = Eigen::Matrix<double, 5, 1>::Zero();
+    double cost = 0.0;
+    for (int i = 0; i < points.size(); ++i) {
+      Eigen::Matrix<double, 5, 1> J, zero = Eigen::Matrix<double, 5, 1>::Zero();
+      for (int k = 0; k < 5; ++k) {
+        const Eigen::Matrix<double, 5, 1> h = kStep * Eigen::Matrix<double, 5, 1>::Unit(k);
+        J[k] = (signed_error(h, i) - signed_error(-h, i)) / (2.0 * kStep);
+      }
+      const double e = signed_error(zero, i);
+      const double s2 = kScale * kScale;
+      double weight = e * e < s2 ? 1.0 : 0.0;
+      double value = std::min(e * e / s2, 1.0);
+      if (loss == RobustLoss::kGemanMcClure) {
+        weight = std::pow(s2 / (s2 + e * e), 2);
+        value = e * e / (s2 + e * e);
+      }
+      hessian += weight * J * J.transpose();
+      gradient += weight * J * e;
+      cost += value;
+    }
+    const SampsonNormalEquations equations =
+        AccumulateSampson(points, R.toRotationMatrix(), t, B, loss, kScale);
+    EXPECT_LT((equations.hessian - hessian).norm(), 1e-3 * hessian.norm());
+    EXPECT_LT((equations.gradient - gradient).norm(), 1e-3 * gradient.norm() + 1.0);
+    EXPECT_NEAR(equations.cost, cost, 1e-3 * cost);
+  }
+}
+
+// The same bits with every instruction set of this machine.
+TEST(SampsonKernels, DoNotDependOnTheInstructionSet) {
+  Rng rng(5);
+  const TwoViewScene scene = RandomScene(rng, 333);
+  const PointPairs points = MakePoints(scene, 700.0, 900.0, 2.0, 100, rng);
+  const Eigen::Matrix3d E = EssentialFromPose(scene.cam2_from_cam1);
+  const Eigen::Vector3d t = scene.cam2_from_cam1.translation.normalized();
+  struct Result {
+    double score, soft;
+    Eigen::Matrix<double, 5, 5> hessian;
+    std::vector<float> errors;
+  };
+  auto compute = [&] {
+    Result result;
+    result.score = ScoreSampson(points, E, 2.0);
+    result.soft = SoftScoreSampson(points, E, 2.0);
+    result.hessian = AccumulateSampson(points, scene.cam2_from_cam1.RotationMatrix(), t, Tangent(t),
+                                       RobustLoss::kGemanMcClure, 2.0)
+                         .hessian;
+    result.errors.resize(336);
+    SampsonErrors(points, E, result.errors.data());
+    return result;
+  };
+  const Result expected = compute();
+  const int64_t all = hwy::SupportedTargets();
+  for (int64_t remaining = all; remaining != 0; remaining &= remaining - 1) {
+    hwy::SetSupportedTargetsForTest(remaining & -remaining);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    const Result result = compute();
+    EXPECT_EQ(result.score, expected.score) << KernelTargetName();
+    EXPECT_EQ(result.soft, expected.soft);
+    EXPECT_EQ(result.hessian, expected.hessian);
+    EXPECT_EQ(result.errors, expected.errors);
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+}
+
+TEST(RefinePose, RecoversTheTruthFromARoughStart) {
+  Rng rng(6);
+  int num_found = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    const TwoViewScene scene = RandomScene(rng, 100);
+    const PointPairs points = MakePoints(scene, 1000.0, 1000.0, 0.0, 0, rng);
+    const Rigid3d start(
+        ExpSO3(0.05 * test::RandomDirection(rng)) * scene.cam2_from_cam1.rotation,
+        scene.cam2_from_cam1.translation.normalized() + 0.1 * test::RandomDirection(rng));
+    PoseRefinementOptions options;
+    options.loss = RobustLoss::kGemanMcClure;
+    options.scale_px = 20.0;
+    options.max_iterations = 50;
+    const PoseRefinementReport report = RefinePose(points, start, options);
+    num_found += test::PoseError(report.cam2_from_cam1, scene.cam2_from_cam1) < 1e-5;
+  }
+  EXPECT_GE(num_found, 190);
+}
+
+TEST(RefinePose, IgnoresOutliersBeyondItsScale) {
+  Rng rng(7);
+  const TwoViewScene scene = RandomScene(rng, 200);
+  const PointPairs points = MakePoints(scene, 1000.0, 1000.0, 0.3, 60, rng);
+  PoseRefinementOptions options;
+  options.scale_px = 2.0;
+  const PoseRefinementReport report = RefinePose(points, scene.cam2_from_cam1, options);
+  EXPECT_LT(test::PoseError(report.cam2_from_cam1, scene.cam2_from_cam1), 0.005);
+  options.max_iterations = 0;
+  EXPECT_GE(RefinePose(points, scene.cam2_from_cam1, options).cost, report.cost);
+}
+
+TEST(RefinePose, SwappedImagesInvertThePose) {
+  Rng rng(8);
+  const TwoViewScene scene = RandomScene(rng, 100);
+  const PointPairs points = MakePoints(scene, 800.0, 1100.0, 0.5, 20, rng);
+  PointPairs swapped;
+  swapped.Reset(points.size(), 1100.0, 800.0);
+  for (int i = 0; i < points.size(); ++i) swapped.Set(i, points.Point2(i), points.Point1(i));
+  PoseRefinementOptions options;
+  options.scale_px = 3.0;
+  const auto there = RefinePose(points, scene.cam2_from_cam1, options);
+  const auto back = RefinePose(swapped, Inverse(scene.cam2_from_cam1), options);
+  EXPECT_LT(test::PoseError(Inverse(there.cam2_from_cam1), back.cam2_from_cam1), 1e-5);
+}
+
+TEST(PointPairs, SubsetsKeepOrderAndPadding) {
+  Rng rng(9);
+  const PointPairs points = MakePoints(RandomScene(rng, 40), 800.0, 1100.0, 0.0, 0, rng);
+  const int32_t indices[3] = {17, 3, 39};
+  PointPairs subset;
+  subset.Reset(1000, 1.0, 1.0);
+  subset.SetSubset(points, indices, 3);
+  ASSERT_EQ(subset.size(), 3);
+  EXPECT_EQ(subset.focal2_px(), 1100.0f);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(subset.Point2(i), points.Point2(indices[i]));
+  EXPECT_EQ(subset.x1()[15], 0.0f);
+}
+
+}  // namespace
+}  // namespace cairn
