@@ -7,4 +7,6 @@ namespace cairn {
 // A subcommand is one file with one function, declared here and called in main.cc. It adds itself
 // to the program: program.AddCommand(...), its options (kept alive by the run function), SetRun.
 
+void AddRotationAveragingCommand(Program& program);
+
 }  // namespace cairn

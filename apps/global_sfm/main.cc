@@ -3,5 +3,6 @@
 int main(int argc, char** argv) {
   cairn::Program program("global_sfm",
                          "Global structure-from-motion on the view graph of a database.");
+  cairn::AddRotationAveragingCommand(program);
   return program.Run(argc, argv);
 }

@@ -27,6 +27,7 @@ struct RotationEdge {
 struct RotationAveragingOptions {
   std::string kernel = "geman_mcclure";
   int max_l1_iterations = 5;
+  int max_consensus_rounds = 8;
   int max_irls_iterations = 60;
   double sigma_start_deg = 5.0;
   double sigma_end_deg = 1.0;
@@ -34,6 +35,7 @@ struct RotationAveragingOptions {
   double convergence_deg = 1e-3;
   double max_error_deg = 10.0;
   double weight_power = 0.0;
+  // Of the whole program (--num_threads), no field: 0 means all. No result depends on it.
   int num_threads = 1;
 
   void VisitFields(OptionVisitor& v) {
@@ -41,6 +43,9 @@ struct RotationAveragingOptions {
              "robust weight of the reweighted stage: 1 / (r^2 + sigma^2)^2 or r^-3/2");
     v.Int("max_l1_iterations", max_l1_iterations, {0, 1000},
           "outer iterations of the L1 stage (ADMM); 0 skips it");
+    v.Int("max_consensus_rounds", max_consensus_rounds, {0, 1000},
+          "rounds in which single cameras may jump to the rotation that most of their edges agree "
+          "on; 0 skips them");
     v.Int("max_irls_iterations", max_irls_iterations, {0, 1000},
           "iterations of the reweighted least-squares stage; 0 skips it");
     v.Double("sigma_start_deg", sigma_start_deg, {1e-6, 180},
@@ -80,6 +85,8 @@ struct RotationAveragingReport {
   std::vector<char> edge_rejected;  // residual > max_error_deg
   int num_rejected = 0;
   int num_l1_iterations = 0;
+  int num_consensus_rounds = 0;
+  int num_consensus_moves = 0;
   int num_irls_iterations = 0;
   // Of the edges that were kept / of all.
   double median_residual_deg = 0;
@@ -90,6 +97,7 @@ struct RotationAveragingReport {
 // least squares with the kernel's scale annealed (Chatterjee and Govindu, "Efficient and Robust
 // Large-Scale Rotation Averaging", 2013; "Robust Relative Rotation Averaging", 2018). Every step
 // solves three right-hand sides with the n x n weighted Laplacian and updates on the manifold.
+// Between the two, cameras in a wrong local minimum are moved by a vote of their edges.
 // The result does not depend on the order of the edges or on the number of threads.
 RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
                                          const RotationAveragingOptions& options = {},

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "cairn/base/options.h"
@@ -16,7 +17,9 @@ struct TranslationAveragingOptions {
   bool use_points = true;
   int max_iterations = 100;
   double min_spread = 1e-3;
-  int seed = 0;
+  // Of the whole program (--seed), no field.
+  uint64_t seed = 0;
+  // Of the whole program (--num_threads), no field: 0 means all. No result depends on it.
   int num_threads = 1;
 
   void VisitFields(OptionVisitor& v) {
@@ -33,7 +36,6 @@ struct TranslationAveragingOptions {
     v.Int("max_iterations", max_iterations, {1, 10000}, "iterations of the nonlinear fit");
     v.Double("min_spread", min_spread, {0, 1},
              "refuse the result when half of the cameras lie within this fraction of the extent");
-    v.Int("seed", seed, {0, 2147483647}, "of the random axes");
     v.Int("num_threads", num_threads, {0, 1024},
           "threads; 0: all. The result does not depend on it");
   }

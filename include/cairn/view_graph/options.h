@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-struct ViewGraphOptions {
+struct ViewGraphBuilderOptions {
   int min_num_inliers = 15;
   bool filter_triplets = true;
   double max_triplet_error_deg = 5.0;
@@ -14,6 +14,7 @@ struct ViewGraphOptions {
   double max_rotation_error_deg = 10.0;
   bool filter_weak_bridges = true;
   int min_bridge_inliers = 50;
+  // Of the whole program (--num_threads), no field: 0 means all. No result depends on it.
   int num_threads = 1;
 
   void VisitFields(OptionVisitor& v) {

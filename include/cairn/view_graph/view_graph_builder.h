@@ -35,7 +35,7 @@ struct ViewGraphResult {
 // come with a removal reason keep it (kNoPose: set by the caller for pairs without a pose).
 // Components are not chosen here (see KeepComponent).
 ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewEdge> edges,
-                               const ViewGraphOptions& options = {},
+                               const ViewGraphBuilderOptions& options = {},
                                ProgressMonitor& monitor = NullMonitor());
 
 // The single steps. Each looks at active edges only and returns how many it removed.

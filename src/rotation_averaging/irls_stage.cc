@@ -1,0 +1,54 @@
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/base/check.h"
+#include "cairn/math/angles.h"
+#include "rotation_averaging/stages.h"
+
+namespace cairn {
+namespace {
+
+// No edge counts less than this, relative to a perfect one, so that a part of the graph that only
+// bad edges hold does not come loose numerically.
+constexpr double kMinWeight = 1e-8;
+
+// Weight of an error of norm r in the next least-squares solve, 1 at r = 0.
+double KernelWeight(bool geman_mcclure, double squared_error, double sigma) {
+  // Geman-McClure: rho = r^2 / (r^2 + sigma^2); sum |r|^(1/2) smoothed at sigma (L half).
+  const double u = 1.0 / (1.0 + squared_error / (sigma * sigma));
+  return std::max(kMinWeight, geman_mcclure ? u * u : std::pow(u, 0.75));
+}
+
+}  // namespace
+
+StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveragingOptions& options,
+                         ProgressMonitor& monitor, LaplacianSolver& solver,
+                         std::vector<Eigen::Quaterniond>& cam_from_world) {
+  StageResult result;
+  const bool geman_mcclure = options.kernel == "geman_mcclure";
+  const double sigma_end = DegToRad(std::min(options.sigma_end_deg, options.sigma_start_deg));
+  double sigma = DegToRad(options.sigma_start_deg);
+  std::vector<double> weights(problem.NumEdges());
+  while (result.num_iterations < options.max_irls_iterations && !monitor.StopRequested()) {
+    const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, options.num_threads);
+    Eigen::MatrixXd rhs = Eigen::MatrixXd::Zero(problem.NumNodes(), 3);
+    for (int e = 0; e < problem.NumEdges(); ++e) {
+      weights[e] =
+          problem.trust[e] * KernelWeight(geman_mcclure, errors.col(e).squaredNorm(), sigma);
+      const Eigen::RowVector3d target = weights[e] * errors.col(e).transpose();
+      rhs.row(problem.edges[e].node2) += target;
+      rhs.row(problem.edges[e].node1) -= target;
+    }
+    CAIRN_CHECK(solver.Factorize(weights));
+    const double moved = ApplyRotationUpdate(solver.Solve(rhs), cam_from_world);
+    ++result.num_iterations;
+    if (sigma <= sigma_end && moved < DegToRad(options.convergence_deg)) {
+      result.converged = true;
+      break;
+    }
+    sigma = std::max(sigma_end, sigma * options.sigma_decay);
+  }
+  return result;
+}
+
+}  // namespace cairn

@@ -1,0 +1,101 @@
+#include "cairn/rotation_averaging/rotation_averaging.h"
+
+#include <algorithm>
+
+#include "cairn/base/check.h"
+#include "cairn/math/angles.h"
+#include "cairn/sparse/laplacian_solver.h"
+#include "rotation_averaging/rotation_problem.h"
+#include "rotation_averaging/spanning_tree.h"
+#include "rotation_averaging/stages.h"
+
+namespace cairn {
+namespace {
+
+LaplacianSolver MakeSolver(const RotationProblem& problem, const std::vector<char>& is_gauge) {
+  std::vector<LaplacianSolver::Edge> edges;
+  edges.reserve(problem.edges.size());
+  for (const GraphEdge& edge : problem.edges) edges.push_back({edge.node1, edge.node2});
+  return LaplacianSolver(problem.NumNodes(), edges, is_gauge);
+}
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+  return values[values.size() / 2];
+}
+
+void FillResiduals(const RotationProblem& problem, const RotationAveragingOptions& options,
+                   const std::vector<Eigen::Quaterniond>& cam_from_world,
+                   RotationAveragingReport& report) {
+  const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, options.num_threads);
+  double sum_kept = 0;
+  for (const int e : problem.edge_of_input) {
+    const double residual_deg = RadToDeg(errors.col(e).norm());
+    const bool rejected = residual_deg > options.max_error_deg;
+    report.edge_residuals_deg.push_back(residual_deg);
+    report.edge_rejected.push_back(rejected);
+    report.num_rejected += rejected;
+    if (!rejected) sum_kept += residual_deg;
+  }
+  const int num_kept = problem.NumEdges() - report.num_rejected;
+  report.mean_kept_residual_deg = num_kept > 0 ? sum_kept / num_kept : 0;
+  report.median_residual_deg = Median(report.edge_residuals_deg);
+}
+
+}  // namespace
+
+std::string_view RotationAveragingStatusName(RotationAveragingStatus status) {
+  switch (status) {
+    case RotationAveragingStatus::kSuccess:
+      return "success";
+    case RotationAveragingStatus::kNoEdges:
+      return "no_edges";
+    case RotationAveragingStatus::kNotConverged:
+      return "not_converged";
+    case RotationAveragingStatus::kInterrupted:
+      return "interrupted";
+  }
+  return "unknown";
+}
+
+RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
+                                         const RotationAveragingOptions& options,
+                                         ProgressMonitor& monitor) {
+  ValidateOptions(options, "rotation_averaging");
+  RotationAveragingReport report;
+  const RotationProblem problem = MakeRotationProblem(edges, options.weight_power);
+  if (problem.NumEdges() == 0) return report;
+
+  for (const std::vector<int>& nodes :
+       ConnectedComponents(problem.NumNodes(), problem.edges).nodes) {
+    report.components.emplace_back();
+    for (const int v : nodes) report.components.back().push_back(problem.image_ids[v]);
+  }
+  SpanningTreeRotations tree = InitializeBySpanningTree(problem, options.num_threads);
+  LaplacianSolver solver = MakeSolver(problem, tree.is_root);
+  const StageResult l1 = RunL1Stage(problem, options, monitor, solver, tree.cam_from_world);
+  while (report.num_consensus_rounds < options.max_consensus_rounds && !monitor.StopRequested()) {
+    const int num_moved = RunConsensusRound(problem, options.sigma_start_deg, tree.cam_from_world);
+    ++report.num_consensus_rounds;
+    report.num_consensus_moves += num_moved;
+    if (num_moved == 0) break;
+  }
+  const StageResult irls = RunIrlsStage(problem, options, monitor, solver, tree.cam_from_world);
+  report.num_l1_iterations = l1.num_iterations;
+  report.num_irls_iterations = irls.num_iterations;
+  if (monitor.StopRequested()) {
+    report.status = RotationAveragingStatus::kInterrupted;
+    return report;
+  }
+  const bool converged = options.max_irls_iterations > 0 ? irls.converged : l1.converged;
+  report.status =
+      converged ? RotationAveragingStatus::kSuccess : RotationAveragingStatus::kNotConverged;
+  for (int v = 0; v < problem.NumNodes(); ++v) {
+    report.cam_from_world[problem.image_ids[v]] = tree.cam_from_world[v];
+  }
+  FillResiduals(problem, options, tree.cam_from_world, report);
+  return report;
+}
+
+}  // namespace cairn

@@ -1,0 +1,106 @@
+#include "rotation_averaging/rotation_problem.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <tuple>
+
+#include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
+#include "cairn/math/so3.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kBlock = 2048;  // edges a task
+
+// node1 < node2, and one sign of the quaternion.
+RotationEdge Canonical(const RotationEdge& edge) {
+  CAIRN_CHECK_NE(edge.image_id1, edge.image_id2);
+  CAIRN_CHECK(edge.weight > 0 && std::isfinite(edge.weight));
+  CAIRN_CHECK(edge.cam2_from_cam1.coeffs().allFinite() && edge.cam2_from_cam1.norm() > 0);
+  RotationEdge result = edge;
+  result.cam2_from_cam1.normalize();
+  if (result.image_id1 > result.image_id2) {
+    std::swap(result.image_id1, result.image_id2);
+    result.cam2_from_cam1 = result.cam2_from_cam1.conjugate();
+  }
+  if (result.cam2_from_cam1.w() < 0) result.cam2_from_cam1.coeffs() *= -1;
+  return result;
+}
+
+std::vector<double> Trust(const std::vector<double>& weights, double power) {
+  std::vector<double> trust(weights.size(), 1.0);
+  if (power == 0 || weights.empty()) return trust;
+  std::vector<double> sorted = weights;
+  std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
+  const double median = sorted[sorted.size() / 2];
+  for (size_t e = 0; e < trust.size(); ++e) trust[e] = std::pow(weights[e] / median, power);
+  return trust;
+}
+
+}  // namespace
+
+RotationProblem MakeRotationProblem(std::span<const RotationEdge> input, double weight_power) {
+  std::vector<RotationEdge> edges;
+  edges.reserve(input.size());
+  for (const RotationEdge& edge : input) edges.push_back(Canonical(edge));
+  std::vector<int> order(edges.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto key = [&](int e) {
+    const Eigen::Quaterniond& q = edges[e].cam2_from_cam1;
+    return std::make_tuple(edges[e].image_id1, edges[e].image_id2, edges[e].weight, q.w(), q.x(),
+                           q.y(), q.z());
+  };
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return key(a) < key(b); });
+
+  RotationProblem problem;
+  for (const RotationEdge& edge : edges) {
+    problem.image_ids.push_back(edge.image_id1);
+    problem.image_ids.push_back(edge.image_id2);
+  }
+  std::vector<image_t>& ids = problem.image_ids;
+  std::sort(ids.begin(), ids.end());
+  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  const auto node_of = [&](image_t id) {
+    return static_cast<int>(std::lower_bound(ids.begin(), ids.end(), id) - ids.begin());
+  };
+  problem.edge_of_input.resize(edges.size());
+  for (const int e : order) {
+    problem.edge_of_input[e] = problem.NumEdges();
+    problem.edges.push_back({node_of(edges[e].image_id1), node_of(edges[e].image_id2)});
+    problem.relative.push_back(edges[e].cam2_from_cam1);
+    problem.weights.push_back(edges[e].weight);
+  }
+  problem.trust = Trust(problem.weights, weight_power);
+  return problem;
+}
+
+Eigen::Matrix3Xd RotationErrors(const RotationProblem& problem,
+                                const std::vector<Eigen::Quaterniond>& cam_from_world,
+                                int num_threads) {
+  const int num_edges = problem.NumEdges();
+  Eigen::Matrix3Xd errors(3, num_edges);
+  ParallelFor(num_threads, (num_edges + kBlock - 1) / kBlock, [&](int64_t block) {
+    const int end = std::min<int>(num_edges, static_cast<int>(block + 1) * kBlock);
+    for (int e = static_cast<int>(block) * kBlock; e < end; ++e) {
+      const GraphEdge& edge = problem.edges[e];
+      errors.col(e) = LogSO3(cam_from_world[edge.node2].conjugate() * problem.relative[e] *
+                             cam_from_world[edge.node1]);
+    }
+  });
+  return errors;
+}
+
+double ApplyRotationUpdate(const Eigen::MatrixXd& delta,
+                           std::vector<Eigen::Quaterniond>& cam_from_world) {
+  double sum = 0;
+  for (size_t v = 0; v < cam_from_world.size(); ++v) {
+    const Eigen::Vector3d step = delta.row(static_cast<Eigen::Index>(v)).transpose();
+    cam_from_world[v] = (cam_from_world[v] * ExpSO3(step)).normalized();
+    sum += step.norm();
+  }
+  return cam_from_world.empty() ? 0.0 : sum / static_cast<double>(cam_from_world.size());
+}
+
+}  // namespace cairn

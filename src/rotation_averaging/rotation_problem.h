@@ -1,0 +1,39 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <span>
+#include <vector>
+
+#include "cairn/graph/graph.h"
+#include "cairn/rotation_averaging/rotation_averaging.h"
+
+namespace cairn {
+
+// Rotation averaging over nodes 0 .. n-1 (the images that have an edge, by increasing id) and edges
+// in an order that depends on their content alone: sorted by their nodes, node1 < node2.
+struct RotationProblem {
+  std::vector<image_t> image_ids;
+  std::vector<GraphEdge> edges;
+  std::vector<Eigen::Quaterniond> relative;  // cam2_from_cam1 of each edge
+  std::vector<double> weights;               // as given
+  std::vector<double> trust;                 // weight^weight_power, 1 in the median
+  std::vector<int> edge_of_input;            // index in `edges` of each edge given
+
+  int NumNodes() const { return static_cast<int>(image_ids.size()); }
+  int NumEdges() const { return static_cast<int>(edges.size()); }
+};
+
+RotationProblem MakeRotationProblem(std::span<const RotationEdge> edges, double weight_power);
+
+// World-frame errors: Log(R_2^T * cam2_from_cam1 * R_1) of each edge (3 x m, radians). With
+// R <- R Exp(delta), the error becomes error - (delta_2 - delta_1) to first order.
+Eigen::Matrix3Xd RotationErrors(const RotationProblem& problem,
+                                const std::vector<Eigen::Quaterniond>& cam_from_world,
+                                int num_threads);
+
+// R <- R Exp(delta), delta n x 3; returns the mean angle moved, radians.
+double ApplyRotationUpdate(const Eigen::MatrixXd& delta,
+                           std::vector<Eigen::Quaterniond>& cam_from_world);
+
+}  // namespace cairn

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <vector>
+
+#include "cairn/base/progress.h"
+#include "cairn/rotation_averaging/rotation_averaging.h"
+#include "cairn/sparse/laplacian_solver.h"
+#include "rotation_averaging/rotation_problem.h"
+
+namespace cairn {
+
+struct StageResult {
+  int num_iterations = 0;
+  bool converged = false;
+};
+
+// Every camera in turn goes to the rotation that most of its edges agree on (within about sigma),
+// among those that single edges propose: out of wrong minima that a step by least squares cannot
+// leave. Returns how many cameras moved.
+int RunConsensusRound(const RotationProblem& problem, double sigma_deg,
+                      std::vector<Eigen::Quaterniond>& cam_from_world);
+
+// Minimizes the sum of unsquared errors: each iteration solves min sum_e trust_e |delta_2 - delta_1
+// - error_e| by ADMM (Boyd et al. 2011, 6.1; the norm of a whole 3-vector, so that the result does
+// not depend on the world frame), with one factorization for all of them.
+StageResult RunL1Stage(const RotationProblem& problem, const RotationAveragingOptions& options,
+                       ProgressMonitor& monitor, LaplacianSolver& solver,
+                       std::vector<Eigen::Quaterniond>& cam_from_world);
+
+// Iteratively reweighted least squares with the kernel's scale going from sigma_start to sigma_end.
+StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveragingOptions& options,
+                         ProgressMonitor& monitor, LaplacianSolver& solver,
+                         std::vector<Eigen::Quaterniond>& cam_from_world);
+
+}  // namespace cairn
