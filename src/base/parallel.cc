@@ -1,15 +1,13 @@
 #include "cairn/base/parallel.h"
 
+#include <omp.h>
+
 #include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
 #include <thread>
 #include <vector>
-
-#if !defined(__SANITIZE_THREAD__)
-#include <omp.h>
-#endif
 
 namespace cairn {
 namespace {
@@ -65,6 +63,13 @@ void ParallelForWorker(int num_threads, int64_t n, const std::function<void(int,
   });
   if (error) std::rethrow_exception(error);
 }
+
+// The number of nested active regions is a property of the calling thread.
+SerialOpenMpScope::SerialOpenMpScope() : max_active_levels_(omp_get_max_active_levels()) {
+  omp_set_max_active_levels(0);
+}
+
+SerialOpenMpScope::~SerialOpenMpScope() { omp_set_max_active_levels(max_active_levels_); }
 
 void ParallelFor(int num_threads, int64_t n, const std::function<void(int64_t)>& fn,
                  int64_t grain) {

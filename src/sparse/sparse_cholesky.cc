@@ -1,29 +1,14 @@
 #include "cairn/sparse/sparse_cholesky.h"
 
 #include <cholmod.h>
-#include <omp.h>
 
 #include <algorithm>
 
 #include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
 #include "cairn/sparse/blas_threads.h"
 
 namespace cairn {
-namespace {
-
-// CHOLMOD opens OpenMP regions of four threads for loops of microseconds; on small systems waking
-// them costs more than the factorization. Within this scope they run on the calling thread alone.
-class SerialOpenMp {
- public:
-  SerialOpenMp() : max_levels_(omp_get_max_active_levels()) { omp_set_max_active_levels(0); }
-  ~SerialOpenMp() { omp_set_max_active_levels(max_levels_); }
-
- private:
-  int max_levels_;
-};
-
-}  // namespace
-
 struct SparseCholesky::Impl {
   explicit Impl(const SymmetricPattern& pattern) : begin(pattern.begin), row(pattern.row) {
     cholmod_start(&common);
@@ -84,7 +69,7 @@ bool SparseCholesky::Factorize(std::span<const double> values) {
   matrix.x = const_cast<double*>(values.data());
   matrix.xtype = CHOLMOD_REAL;
   impl_->common.status = CHOLMOD_OK;
-  const SerialOpenMp serial;
+  const SerialOpenMpScope serial;  // waking threads costs more than a small factorization
   const int ok = cholmod_factorize(&matrix, impl_->factor, &impl_->common);
   impl_->is_factorized = ok && impl_->common.status == CHOLMOD_OK &&
                          impl_->factor->minor == static_cast<size_t>(impl_->factor->n);
@@ -103,7 +88,7 @@ Eigen::MatrixXd SparseCholesky::Solve(const Eigen::MatrixXd& B) const {
   rhs.x = const_cast<double*>(B.data());
   rhs.xtype = CHOLMOD_REAL;
   rhs.dtype = CHOLMOD_DOUBLE;
-  const SerialOpenMp serial;
+  const SerialOpenMpScope serial;
   cholmod_dense* solution = cholmod_solve(CHOLMOD_A, impl_->factor, &rhs, &impl_->common);
   CAIRN_CHECK(solution != nullptr);
   std::copy_n(static_cast<const double*>(solution->x), B.size(), X.data());

@@ -20,4 +20,17 @@ void ParallelFor(int num_threads, int64_t n, const std::function<void(int64_t)>&
 void ParallelForWorker(int num_threads, int64_t n,
                        const std::function<void(int worker, int64_t i)>& fn, int64_t grain = 1);
 
+// Within its scope, OpenMP regions that libraries open (CHOLMOD: four threads for loops of
+// microseconds) run on the calling thread alone.
+class SerialOpenMpScope {
+ public:
+  SerialOpenMpScope();
+  ~SerialOpenMpScope();
+  SerialOpenMpScope(const SerialOpenMpScope&) = delete;
+  SerialOpenMpScope& operator=(const SerialOpenMpScope&) = delete;
+
+ private:
+  int max_active_levels_;
+};
+
 }  // namespace cairn
