@@ -2,16 +2,17 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <span>
 
 #include "cairn/geometry/rigid3d.h"
 
 namespace cairn {
 
-// Camera pose from three points: minimal, up to four solutions.
-// Persson and Nordberg, "Lambda Twist: An Accurate Fast Robust Perspective Three Point (P3P)
-// Solver", ECCV 2018: the three quadrics in the depths are intersected through one real root of a
-// cubic, which splits a quadric into two planes; each depth triple gives one pose.
+// Camera pose from three points: minimal, up to four solutions. The three law-of-cosines quadrics
+// in the unknown distances give two homogeneous conics; one member of their pencil (a real root of
+// a cubic) is a pair of lines, and each line meets a conic in up to two points (Persson and
+// Nordberg, "Lambda Twist: An Accurate Fast Robust Perspective Three Point (P3P) Solver", ECCV
+// 2018; Ding et al., "Revisiting the P3P Problem", CVPR 2023). Distances are polished by Newton's
+// method.
 struct P3pSample {
   Eigen::Vector3d ray;  // camera frame, unit length
   Eigen::Vector3d xyz;  // world
@@ -26,8 +27,8 @@ class P3pSolver {
 
   // Writes the poses with all three points in front of the camera; returns how many. Collinear or
   // coincident points give 0.
-  int Solve(std::span<const Sample, kSampleSize> samples,
-            std::span<Model, kMaxSolutions> models) const;
+  int Solve(const std::array<Sample, kSampleSize>& samples,
+            std::array<Model, kMaxSolutions>& models) const;
 };
 
 }  // namespace cairn

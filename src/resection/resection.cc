@@ -1,0 +1,201 @@
+#include "cairn/resection/resection.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "cairn/base/check.h"
+#include "cairn/base/rng.h"
+#include "cairn/resection/p3p.h"
+#include "cairn/robust/ransac.h"
+#include "resection/pose_refinement.h"
+
+namespace cairn {
+namespace {
+
+// Pixels with a world point, and their rays under one camera.
+class ResectionEstimator {
+ public:
+  static constexpr int kSampleSize = P3pSolver::kSampleSize;
+  static constexpr int kMaxSolutions = P3pSolver::kMaxSolutions;
+  using Model = Rigid3d;
+
+  ResectionEstimator(const Camera& camera, std::span<const Eigen::Vector2d> pixels,
+                     std::span<const Eigen::Vector3d> xyz, double max_error_px)
+      : camera_(camera), pixels_(pixels), xyz_(xyz), max_error_px_(max_error_px) {
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      const std::optional<Eigen::Vector2d> ray = camera.CamFromImg(pixels[i]);
+      if (!ray) continue;
+      usable_.push_back(static_cast<int>(i));
+      rays_.push_back(*ray);
+    }
+  }
+
+  int NumData() const { return static_cast<int>(usable_.size()); }
+
+  int Solve(const uint32_t* sample, Model* models) const {
+    std::array<P3pSample, kSampleSize> samples;
+    for (int k = 0; k < kSampleSize; ++k) {
+      samples[k] = {rays_[sample[k]].homogeneous().normalized(), xyz_[usable_[sample[k]]]};
+    }
+    std::array<Model, kMaxSolutions> solutions;
+    const int num = solver_.Solve(samples, solutions);
+    std::copy_n(solutions.begin(), num, models);
+    return num;
+  }
+
+  // MSAC (Torr and Zisserman 2000): the sum of 1 - (error / max_error)^2 over the inliers.
+  double Score(const Model& model, double bound) const {
+    const Eigen::Matrix3d R = model.RotationMatrix();
+    const double factor = std::pow(camera_.MeanFocal() / max_error_px_, 2);
+    double score = 0;
+    for (size_t i = 0; i < usable_.size(); ++i) {
+      // What is left cannot reach the bound.
+      if (score + static_cast<double>(usable_.size() - i) <= bound) return bound;
+      const Eigen::Vector3d x = R * xyz_[usable_[i]] + model.translation;
+      if (!(x.z() > 0)) continue;
+      const double squared = factor * (x.hnormalized() - rays_[i]).squaredNorm();
+      if (squared < 1.0) score += 1.0 - squared;
+    }
+    return score;
+  }
+
+  double Optimize(Model& model, int* num_inliers) const {
+    double score = Score(model, -1.0);
+    for (int round = 0; round < 3; ++round) {
+      const std::vector<int> inliers = Inliers(model);
+      if (inliers.size() < kSampleSize) break;
+      Camera camera = camera_;
+      Model candidate = model;
+      RefinePose(pixels_, xyz_, inliers, false, 0.5 * max_error_px_, 10, camera, candidate);
+      const double candidate_score = Score(candidate, -1.0);
+      if (!(candidate_score > score)) break;
+      score = candidate_score;
+      model = candidate;
+    }
+    *num_inliers = static_cast<int>(Inliers(model).size());
+    return score;
+  }
+
+  // Indices of the correspondences with an error (undistorted pixels) up to the threshold.
+  std::vector<int> Inliers(const Model& model) const {
+    std::vector<int> inliers;
+    const Eigen::Matrix3d R = model.RotationMatrix();
+    for (size_t i = 0; i < usable_.size(); ++i) {
+      const Eigen::Vector3d x = R * xyz_[usable_[i]] + model.translation;
+      if (!(x.z() > 0)) continue;
+      const double error_px = camera_.MeanFocal() * (x.hnormalized() - rays_[i]).norm();
+      if (error_px <= max_error_px_) inliers.push_back(usable_[i]);
+    }
+    return inliers;
+  }
+
+ private:
+  Camera camera_;
+  std::span<const Eigen::Vector2d> pixels_;
+  std::span<const Eigen::Vector3d> xyz_;
+  double max_error_px_;
+  std::vector<int> usable_;  // correspondences whose distortion can be undone
+  std::vector<Eigen::Vector2d> rays_;
+  P3pSolver solver_;
+};
+
+// The guess itself, then lengths between a half and twice of it, evenly in the logarithm.
+std::vector<double> FocalFactors(bool estimate_focal, int num_guesses) {
+  std::vector<double> factors = {1.0};
+  if (!estimate_focal) return factors;
+  for (int i = 0; i < num_guesses; ++i) {
+    factors.push_back(std::pow(2.0, 2.0 * (i + 0.5) / num_guesses - 1.0));
+  }
+  return factors;
+}
+
+}  // namespace
+
+void ResectionOptions::VisitFields(OptionVisitor& v) {
+  v.Double("max_error_px", max_error_px, {1e-6, 1e6}, "largest error of an inlier, pixels");
+  v.Int("min_num_inliers", min_num_inliers, {4, 1000000}, "inliers that a pose needs");
+  v.Double("min_inlier_ratio", min_inlier_ratio, {0, 1},
+           "share of the correspondences that must be inliers");
+  v.Int("max_iterations", max_iterations, {1, 100000000}, "largest number of samples");
+  v.Double("confidence", confidence, {0, 0.9999999999},
+           "probability of having drawn a sample without outliers");
+  v.Int("num_focal_guesses", num_focal_guesses, {0, 1000},
+        "other focal lengths tried where it is only a guess");
+}
+
+std::string_view ResectionStatusName(ResectionStatus status) {
+  switch (status) {
+    case ResectionStatus::kSuccess:
+      return "success";
+    case ResectionStatus::kTooFewPoints:
+      return "too_few_points";
+    case ResectionStatus::kNoModel:
+      return "no_model";
+    case ResectionStatus::kTooFewInliers:
+      return "too_few_inliers";
+  }
+  return "unknown";
+}
+
+ResectionReport EstimateAbsolutePose(const Camera& camera, std::span<const Eigen::Vector2d> pixels,
+                                     std::span<const Eigen::Vector3d> xyz, bool estimate_focal,
+                                     const ResectionOptions& options, uint64_t seed, uint64_t id) {
+  CAIRN_CHECK_EQ(pixels.size(), xyz.size());
+  ResectionReport report;
+  if (static_cast<int>(pixels.size()) < options.min_num_inliers) {
+    report.status = ResectionStatus::kTooFewPoints;
+    return report;
+  }
+  RansacOptions ransac_options;
+  ransac_options.confidence = options.confidence;
+  ransac_options.max_iterations = options.max_iterations;
+  ransac_options.min_iterations =
+      std::min(ransac_options.min_iterations, ransac_options.max_iterations);
+  bool found = false;
+  for (const double factor : FocalFactors(estimate_focal, options.num_focal_guesses)) {
+    Camera candidate = camera;
+    candidate.SetMeanFocal(factor * camera.MeanFocal());
+    ResectionEstimator estimator(candidate, pixels, xyz, options.max_error_px);
+    Rng rng(seed, "resection", id);
+    const auto ransac = Ransac(estimator, ransac_options, rng);
+    report.num_iterations += static_cast<int>(ransac.num_iterations);
+    if (ransac.status == RansacStatus::kNoModel || ransac.status == RansacStatus::kTooFewSamples) {
+      continue;
+    }
+    found = true;
+    ransac_options.initial_score = ransac.score;
+    report.camera = candidate;
+    report.cam_from_world = ransac.model;
+  }
+  if (!found) return report;
+
+  // Refine on the inliers, with the focal length where it is open; they may become more.
+  for (int round = 0; round < 3; ++round) {
+    const ResectionEstimator estimator(report.camera, pixels, xyz, options.max_error_px);
+    std::vector<int> inliers = estimator.Inliers(report.cam_from_world);
+    const bool same = round > 0 && inliers == report.inliers;
+    report.inliers = std::move(inliers);
+    if (same || report.inliers.size() < 4) break;
+    RefinePose(pixels, xyz, report.inliers, estimate_focal, 0.25 * options.max_error_px, 50,
+               report.camera, report.cam_from_world);
+  }
+  const ResectionEstimator estimator(report.camera, pixels, xyz, options.max_error_px);
+  report.inliers = estimator.Inliers(report.cam_from_world);
+  const auto num_inliers = static_cast<double>(report.inliers.size());
+  if (num_inliers < options.min_num_inliers ||
+      num_inliers < options.min_inlier_ratio * static_cast<double>(pixels.size())) {
+    report.status = ResectionStatus::kTooFewInliers;
+    return report;
+  }
+  for (const int i : report.inliers) {
+    const Eigen::Vector3d x = report.cam_from_world * xyz[i];
+    report.mean_error_px +=
+        (report.camera.ImgFromCam(x.hnormalized()) - pixels[i]).norm() / num_inliers;
+  }
+  report.status = ResectionStatus::kSuccess;
+  return report;
+}
+
+}  // namespace cairn

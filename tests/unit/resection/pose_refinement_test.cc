@@ -1,0 +1,73 @@
+#include "resection/pose_refinement.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "cairn/base/rng.h"
+#include "cairn/math/so3.h"
+
+namespace cairn {
+namespace {
+
+struct Problem {
+  Camera camera;
+  Rigid3d pose;
+  std::vector<Eigen::Vector3d> xyz;
+  std::vector<Eigen::Vector2d> pixels;
+  std::vector<int> all;
+};
+
+Problem MakeProblem(CameraModel model, uint64_t seed) {
+  Rng rng(seed);
+  Problem problem;
+  problem.camera = Camera::FromFocal(1, model, 900, 1200, 800);
+  for (const int k : problem.camera.DistortionIndices()) {
+    problem.camera.params[k] = rng.Uniform(-0.01, 0.01);
+  }
+  problem.pose = Rigid3d(ExpSO3(Eigen::Vector3d(0.3, -2, 0.5)), Eigen::Vector3d(0.5, 0.2, 1));
+  for (int i = 0; i < 40; ++i) {
+    const Eigen::Vector2d pixel(rng.Uniform(0, 1200), rng.Uniform(0, 800));
+    const Eigen::Vector3d x =
+        rng.Uniform(2, 8) * problem.camera.CamFromImg(pixel).value().homogeneous();
+    problem.xyz.push_back(Inverse(problem.pose) * x);
+    problem.pixels.push_back(pixel);
+  }
+  problem.all.resize(40);
+  std::iota(problem.all.begin(), problem.all.end(), 0);
+  return problem;
+}
+
+TEST(RefinePose, ConvergesToTheExactPoseAndFocalLength) {
+  for (const CameraModel model :
+       {CameraModel::kSimplePinhole, CameraModel::kPinhole, CameraModel::kSimpleRadial,
+        CameraModel::kRadial, CameraModel::kOpenCV}) {
+    for (const bool refine_focal : {false, true}) {
+      const Problem problem = MakeProblem(model, 1);
+      Camera camera = problem.camera;
+      if (refine_focal) camera.SetMeanFocal(1.15 * camera.MeanFocal());
+      Rigid3d pose = problem.pose;
+      pose.rotation = ExpSO3(Eigen::Vector3d(0.02, -0.03, 0.01)) * pose.rotation;
+      pose.translation += Eigen::Vector3d(0.1, -0.05, 0.1);
+      EXPECT_GT(
+          RefinePose(problem.pixels, problem.xyz, problem.all, refine_focal, 50, 200, camera, pose),
+          2);
+      EXPECT_LT(AngleBetween(pose.rotation, problem.pose.rotation), 1e-7);
+      EXPECT_LT((pose.translation - problem.pose.translation).norm(), 1e-6);
+      EXPECT_NEAR(camera.MeanFocal(), problem.camera.MeanFocal(), 1e-3);
+    }
+  }
+}
+
+TEST(RefinePose, LeavesAPoseWithPointsBehindAlone) {
+  const Problem problem = MakeProblem(CameraModel::kPinhole, 2);
+  Camera camera = problem.camera;
+  Rigid3d pose = problem.pose;
+  pose.translation.z() -= 20;
+  const Rigid3d before = pose;
+  EXPECT_EQ(RefinePose(problem.pixels, problem.xyz, problem.all, false, 5, 50, camera, pose), 0);
+  EXPECT_EQ(pose.translation, before.translation);
+}
+
+}  // namespace
+}  // namespace cairn
