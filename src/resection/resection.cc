@@ -166,6 +166,13 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, std::span<const Eigen
     }
     found = true;
     ransac_options.initial_score = ransac.score;
+    // Another length has to beat this one, so it has at least about as many inliers.
+    ransac_options.max_iterations =
+        std::min(ransac_options.max_iterations,
+                 NumRansacIterations(ransac.score / static_cast<double>(pixels.size()),
+                                     P3pSolver::kSampleSize, options.confidence));
+    ransac_options.min_iterations =
+        std::min(ransac_options.min_iterations, ransac_options.max_iterations);
     report.camera = candidate;
     report.cam_from_world = ransac.model;
   }
