@@ -60,6 +60,15 @@ Distorted Distort(double u, double v, double k1, double k2, double p1, double p2
   return out;
 }
 
+// Whether the distorted radius grows all the way from the center to the squared radius r2, so that
+// the point there is the only one of its pixel: 1 + 3 k1 s + 5 k2 s^2 > 0 for s in [0, r2].
+bool IsBeforeFold(double r2, double k1, double k2) {
+  const auto slope = [&](double s) { return 1.0 + 3.0 * k1 * s + 5.0 * k2 * s * s; };
+  if (slope(r2) <= 0) return false;
+  const double lowest = k2 > 0 ? -0.3 * k1 / k2 : 0.0;  // where the slope is smallest
+  return lowest <= 0 || lowest >= r2 || slope(lowest) > 0;
+}
+
 double Param(const double* params, int index) { return index < 0 ? 0.0 : params[index]; }
 
 }  // namespace
@@ -208,6 +217,11 @@ std::optional<Eigen::Vector2d> Camera::CamFromImg(const Eigen::Vector2d& pixel,
       uv += step;
       converged = step.squaredNorm() < 1e-26 * (1.0 + uv.squaredNorm());
       if (iteration == 49 && step.squaredNorm() > 1e-18) return std::nullopt;
+    }
+    // Newton's method may have stepped across the fold, to a branch that shows nothing.
+    if (!IsBeforeFold(uv.squaredNorm(), Param(params.data(), info.k1),
+                      Param(params.data(), info.k2))) {
+      return std::nullopt;
     }
   }
   if (J) {
