@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
+#include <cstdio>
 #include <numeric>
 
 #include "cairn/base/error.h"
@@ -22,19 +24,37 @@ std::string FormatDouble(double value) {
   return text;
 }
 
+// A TOML basic string.
 std::string Quote(std::string_view value) {
   std::string text = "\"";
   for (const char c : value) {
-    if (c == '"' || c == '\\') text += '\\';
-    text += c;
+    if (c == '"' || c == '\\') {
+      text += {'\\', c};
+    } else if (c == '\n') {
+      text += "\\n";
+    } else if (c == '\t') {
+      text += "\\t";
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
+      char buffer[8];
+      std::snprintf(buffer, sizeof(buffer), "\\u%04X", static_cast<unsigned>(c));
+      text += buffer;
+    } else {
+      text += c;
+    }
   }
   return text + "\"";
 }
 
-void CheckRange(const std::string& key, double value, OptionRange range) {
+// `format` writes a bound or value: integers without a point, though ranges are doubles.
+void CheckRange(const std::string& key, double value, OptionRange range,
+                std::string (*format)(double)) {
   if (value >= range.min && value <= range.max) return;  // Also refuses NaN.
-  throw ConfigError(key, FormatDouble(value) + " is out of range [" + FormatDouble(range.min) +
-                             ", " + FormatDouble(range.max) + "]");
+  throw ConfigError(key, format(value) + " is out of range [" + format(range.min) + ", " +
+                             format(range.max) + "]");
+}
+
+std::string FormatInt(double value) {
+  return std::isinf(value) ? FormatDouble(value) : std::to_string(static_cast<int64_t>(value));
 }
 
 }  // namespace
@@ -44,15 +64,15 @@ std::string OptionValidator::Key(std::string_view name) const {
 }
 void OptionValidator::Bool(std::string_view, bool&, std::string_view) {}
 void OptionValidator::Int(std::string_view name, int& value, OptionRange range, std::string_view) {
-  CheckRange(Key(name), value, range);
+  CheckRange(Key(name), value, range, FormatInt);
 }
 void OptionValidator::Double(std::string_view name, double& value, OptionRange range,
                              std::string_view) {
-  CheckRange(Key(name), value, range);
+  CheckRange(Key(name), value, range, FormatDouble);
 }
 void OptionValidator::String(std::string_view, std::string&, std::string_view) {}
 void OptionValidator::Doubles(std::string_view name, std::vector<double>& value, std::string_view) {
-  for (const double v : value) CheckRange(Key(name), v, {});
+  for (const double v : value) CheckRange(Key(name), v, {}, FormatDouble);
 }
 void OptionValidator::Choice(std::string_view name, std::string& value,
                              const std::vector<std::string>& choices, std::string_view) {

@@ -1,0 +1,94 @@
+#include "cairn/base/options.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "cairn/base/error.h"
+
+namespace cairn {
+namespace {
+
+struct TestOptions {
+  bool on = true;
+  int count = 5;
+  double ratio = 0.8;
+  std::string path = "a \"b\" \\ c";
+  std::vector<double> mean = {0.5, 1.0};
+  std::string type = "fast";
+
+  void VisitFields(OptionVisitor& v) {
+    v.Bool("on", on, "");
+    v.Int("count", count, {0, 10}, "");
+    v.Double("ratio", ratio, {0.0, 1.0}, "");
+    v.String("path", path, "");
+    v.Doubles("mean", mean, "");
+    v.Choice("type", type, {"fast", "exact"}, "");
+  }
+};
+
+std::string ValidationError(const TestOptions& options) {
+  try {
+    ValidateOptions(options, "test");
+  } catch (const ConfigError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Options, DefaultsAreValidAndDumpAsToml) {
+  EXPECT_EQ(ValidationError({}), "");
+  EXPECT_EQ(DumpOptions(TestOptions{}),
+            "on = true\ncount = 5\nratio = 0.8\npath = \"a \\\"b\\\" \\\\ c\"\n"
+            "mean = [0.5, 1.0]\ntype = \"fast\"\n");
+}
+
+TEST(Options, ErrorsNameTheKeyTheValueAndWhatIsAllowed) {
+  TestOptions options;
+  options.count = 11;
+  EXPECT_EQ(ValidationError(options), "test.count: 11 is out of range [0, 10]");
+  options = {};
+  options.ratio = -0.5;
+  EXPECT_EQ(ValidationError(options), "test.ratio: -0.5 is out of range [0.0, 1.0]");
+  options = {};
+  options.ratio = std::nan("");
+  EXPECT_NE(ValidationError(options), "");
+  options = {};
+  options.type = "slow";
+  EXPECT_EQ(ValidationError(options), "test.type: 'slow' is not one of fast, exact");
+  options = {};
+  options.mean = {1.0, std::nan("")};
+  EXPECT_NE(ValidationError(options), "");
+}
+
+// TOML forbids raw control characters in strings.
+TEST(Options, DumpEscapesControlCharacters) {
+  TestOptions options;
+  options.path = "line\nbreak\ttab\x01";
+  EXPECT_NE(DumpOptions(options).find("path = \"line\\nbreak\\ttab\\u0001\"\n"), std::string::npos);
+}
+
+TEST(Options, DumpedNumbersReadBackExactly) {
+  for (const double value : {0.1, 1.0 / 3.0, 1e300, 123456789.0, 1e22, -0.0}) {
+    TestOptions options;
+    options.ratio = value;
+    const std::string text = DumpOptions(options);
+    const size_t at = text.find("ratio = ") + 8;
+    const std::string number = text.substr(at, text.find('\n', at) - at);
+    EXPECT_EQ(std::stod(number), value);
+    EXPECT_NE(number.find_first_of(".e"), std::string::npos) << number;
+  }
+}
+
+TEST(Options, NearestNameFindsTyposAndNothingElse) {
+  const std::vector<std::string> names = {"max_ratio", "cross_check", "max_num_features"};
+  EXPECT_EQ(NearestName("max_rato", names), "max_ratio");
+  EXPECT_EQ(NearestName("crosscheck", names), "cross_check");
+  EXPECT_EQ(NearestName("max_num_featrues", names), "max_num_features");
+  EXPECT_EQ(NearestName("colour", names), "");
+  EXPECT_EQ(NearestName("", names), "");
+  EXPECT_EQ(NearestName("x", {}), "");
+}
+
+}  // namespace
+}  // namespace cairn

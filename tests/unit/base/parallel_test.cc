@@ -1,0 +1,76 @@
+#include "cairn/base/parallel.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+namespace cairn {
+namespace {
+
+TEST(Parallel, EveryIndexOnceForAnyThreadsAndGrain) {
+  for (const int threads : {1, 2, 8}) {
+    for (const int64_t grain : {1, 7, 1000}) {
+      for (const int64_t n : {0, 1, 5, 503}) {
+        std::vector<std::atomic<int>> visits(n);
+        ParallelFor(
+            threads, n, [&](int64_t i) { ++visits[i]; }, grain);
+        for (const auto& v : visits) EXPECT_EQ(v.load(), 1);
+      }
+    }
+  }
+  ParallelFor(2, -3, [](int64_t) { FAIL(); });
+}
+
+TEST(Parallel, SlotsDoNotDependOnTheNumberOfThreads) {
+  const auto run = [](int threads) {
+    std::vector<double> values(1000);
+    ParallelFor(
+        threads, 1000, [&](int64_t i) { values[i] = std::sin(i) * i; }, 3);
+    return values;
+  };
+  EXPECT_EQ(run(1), run(2));
+  EXPECT_EQ(run(1), run(8));
+}
+
+TEST(Parallel, WorkerIndicesAreInRange) {
+  std::atomic<bool> in_range{true};
+  ParallelForWorker(4, 1000, [&](int worker, int64_t) {
+    if (worker < 0 || worker >= 4) in_range = false;
+  });
+  EXPECT_TRUE(in_range);
+}
+
+TEST(Parallel, FirstExceptionReachesTheCallerAndStopsTheLoop) {
+  for (const int threads : {1, 2, 8}) {
+    std::atomic<int64_t> num_run{0};
+    const int64_t n = 1'000'000;
+    try {
+      ParallelFor(threads, n, [&](int64_t i) {
+        ++num_run;
+        if (i == 10) throw std::runtime_error("index 10");
+      });
+      FAIL() << "no exception";
+    } catch (const std::runtime_error& error) {
+      EXPECT_STREQ(error.what(), "index 10");
+    }
+    EXPECT_LT(num_run.load(), n);
+  }
+}
+
+TEST(Parallel, NestedLoopsRunCompletely) {
+  std::atomic<int> sum{0};
+  ParallelFor(2, 10, [&](int64_t) { ParallelFor(4, 10, [&](int64_t) { ++sum; }); });
+  EXPECT_EQ(sum.load(), 100);
+}
+
+TEST(Parallel, EffectiveNumThreads) {
+  EXPECT_EQ(EffectiveNumThreads(3), 3);
+  EXPECT_GE(EffectiveNumThreads(0), 1);
+  EXPECT_EQ(EffectiveNumThreads(-1), EffectiveNumThreads(0));
+}
+
+}  // namespace
+}  // namespace cairn
