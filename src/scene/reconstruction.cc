@@ -17,7 +17,10 @@ double ReprojectionErrorPx(const Camera& camera, const Rigid3d& cam_from_world,
 point3D_t Reconstruction::AddPoint3D(const Point3D& point) {
   const point3D_t id = points3D.empty() ? 1 : points3D.rbegin()->first + 1;
   for (const TrackElement& element : point.track) {
-    images.at(element.image_id).point3D_ids.at(element.point2D) = id;
+    CAIRN_CHECK_EQ(images.at(element.image_id).point3D_ids.at(element.point2D), kInvalidPoint3DId);
+  }
+  for (const TrackElement& element : point.track) {
+    images.at(element.image_id).point3D_ids[element.point2D] = id;
   }
   points3D.emplace(id, point);
   return id;
@@ -106,6 +109,9 @@ void Reconstruction::CheckConsistency() const {
   for (const auto& [id, point] : points3D) {
     CAIRN_CHECK(point.xyz.allFinite());
     CAIRN_CHECK_GE(point.track.size(), size_t{2});
+    for (size_t i = 1; i < point.track.size(); ++i) {
+      CAIRN_CHECK_LT(point.track[i - 1].image_id, point.track[i].image_id);
+    }
     for (const TrackElement& element : point.track) {
       CAIRN_CHECK_EQ(images.at(element.image_id).point3D_ids.at(element.point2D), id);
     }

@@ -50,7 +50,8 @@ struct Reconstruction {
     return cameras.at(image.image.camera_id);
   }
 
-  // Adds a point with a new id, and sets the references of its track's images to it.
+  // Adds a point with a new id, and sets the references of its track's images to it. The track's
+  // keypoints must not show another point.
   point3D_t AddPoint3D(const Point3D& point);
   // Removes a point and every reference to it.
   void RemovePoint3D(point3D_t id);
@@ -65,8 +66,8 @@ struct Reconstruction {
   void UpdatePointErrors();
   // Applies new_from_old_world to every pose and point.
   void Transform(const Sim3d& new_from_old_world);
-  // Points refer to observations that refer back, poses and points are finite, cameras exist.
-  // Throws BugError.
+  // Points refer to observations that refer back, tracks are sorted with one keypoint an image,
+  // poses and points are finite, cameras exist. Throws BugError.
   void CheckConsistency() const;
 };
 

@@ -1,0 +1,124 @@
+#include "cairn/geometry/epipolar.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/base/error.h"
+#include "cairn/base/rng.h"
+#include "cairn/math/so3.h"
+
+namespace cairn {
+namespace {
+
+Eigen::Vector3d RandomVector(Rng& rng) { return {rng.Gaussian(), rng.Gaussian(), rng.Gaussian()}; }
+
+// A pose with points in front of both cameras.
+struct Problem {
+  Rigid3d cam2_from_cam1;
+  std::vector<Eigen::Vector3d> points1;  // in camera 1
+  std::vector<Eigen::Vector2d> x1, x2;
+
+  explicit Problem(uint64_t seed) {
+    Rng rng(seed);
+    cam2_from_cam1 = {ExpSO3(0.3 * RandomVector(rng)), 0.5 * RandomVector(rng)};
+    while (x1.size() < 20) {
+      const Eigen::Vector3d p1 = RandomVector(rng) + Eigen::Vector3d(0, 0, 5);
+      const Eigen::Vector3d p2 = cam2_from_cam1 * p1;
+      if (p1.z() < 1 || p2.z() < 1) continue;
+      points1.push_back(p1);
+      x1.push_back(p1.hnormalized());
+      x2.push_back(p2.hnormalized());
+    }
+  }
+};
+
+TEST(Epipolar, EssentialMatrixAnnulsTruePoints) {
+  for (int seed = 0; seed < 50; ++seed) {
+    const Problem p(seed);
+    const Eigen::Matrix3d E = EssentialFromPose(p.cam2_from_cam1);
+    EXPECT_NEAR(E.norm(), std::sqrt(2.0), 1e-14);
+    for (size_t i = 0; i < p.x1.size(); ++i) {
+      EXPECT_NEAR(p.x2[i].homogeneous().dot(E * p.x1[i].homogeneous()), 0, 1e-14);
+      EXPECT_LT(SquaredSampsonError(E, p.x1[i], p.x2[i]), 1e-28);
+    }
+  }
+}
+
+TEST(Epipolar, OneOfTheFourPosesIsTheTruthAndCheiralitySelectsIt) {
+  for (int seed = 0; seed < 50; ++seed) {
+    const Problem p(seed);
+    const Eigen::Matrix3d E = -2.5 * EssentialFromPose(p.cam2_from_cam1);
+    const std::vector<Rigid3d> poses = PosesFromEssential(E);
+    ASSERT_EQ(poses.size(), 4u);
+    for (const Rigid3d& pose : poses) {
+      EXPECT_NEAR(pose.translation.norm(), 1, 1e-13);
+      EXPECT_NEAR(pose.RotationMatrix().determinant(), 1, 1e-13);
+      const Eigen::Matrix3d again = EssentialFromPose(pose);
+      const double sign = again.cwiseProduct(E).sum() > 0 ? 1 : -1;
+      EXPECT_LT((sign * again * 2.5 - E).norm(), 1e-12);
+    }
+    const CheiralityResult best = SelectPoseByCheirality(poses, p.x1, p.x2);
+    EXPECT_EQ(best.num_in_front, 20);
+    EXPECT_LT(AngleBetween(best.cam2_from_cam1.rotation, p.cam2_from_cam1.rotation), 1e-12);
+    EXPECT_LT(AngleBetween(best.cam2_from_cam1.translation, p.cam2_from_cam1.translation), 1e-12);
+  }
+  EXPECT_THROW(SelectPoseByCheirality({}, {}, {}), BugError);
+}
+
+TEST(Epipolar, FundamentalMatrixAnnulsPixels) {
+  const Problem p(1);
+  Eigen::Matrix3d K1, K2;
+  K1 << 800, 0, 500, 0, 810, 380, 0, 0, 1;
+  K2 << 1200, 0, 640, 0, 1190, 470, 0, 0, 1;
+  const Eigen::Matrix3d F = FundamentalFromEssential(EssentialFromPose(p.cam2_from_cam1), K1, K2);
+  for (size_t i = 0; i < p.x1.size(); ++i) {
+    const Eigen::Vector3d u1 = K1 * p.x1[i].homogeneous(), u2 = K2 * p.x2[i].homogeneous();
+    EXPECT_NEAR(u2.dot(F * u1), 0, 1e-10);
+  }
+}
+
+// For small displacements it is the distance to the nearest pair of points that fits exactly.
+TEST(Epipolar, SampsonErrorIsTheDistanceToTheNearestExactPair) {
+  Rng rng(5);
+  for (int seed = 0; seed < 50; ++seed) {
+    const Problem p(seed);
+    const Eigen::Matrix3d E = EssentialFromPose(p.cam2_from_cam1);
+    const Eigen::Vector2d x1 = p.x1[0] + 1e-4 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    const Eigen::Vector2d x2 = p.x2[0] + 1e-4 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    // Gradient of the constraint over (x1, x2): the exact pair lies along it.
+    Eigen::Vector4d gradient;
+    gradient << (E.transpose() * x2.homogeneous()).head<2>(), (E * x1.homogeneous()).head<2>();
+    const double value = x2.homogeneous().dot(E * x1.homogeneous());
+    const double squared_error = SquaredSampsonError(E, x1, x2);
+    EXPECT_NEAR(squared_error, value * value / gradient.squaredNorm(), 1e-18);
+    const Eigen::Vector4d step = -value / gradient.squaredNorm() * gradient;
+    EXPECT_NEAR(step.squaredNorm(), squared_error, 1e-18);
+    EXPECT_LT(SquaredSampsonError(E, x1 + step.head<2>(), x2 + step.tail<2>()),
+              1e-4 * squared_error + 1e-24);
+  }
+  EXPECT_EQ(SquaredSampsonError(Eigen::Matrix3d::Zero(), {0, 0}, {0, 0}), 0);
+}
+
+TEST(Epipolar, TriangulatedDepthsAreExact) {
+  for (int seed = 0; seed < 50; ++seed) {
+    const Problem p(seed);
+    for (size_t i = 0; i < p.x1.size(); ++i) {
+      double depth1, depth2;
+      ASSERT_TRUE(TriangulateDepths(p.cam2_from_cam1, p.x1[i], p.x2[i], &depth1, &depth2));
+      EXPECT_NEAR(depth1, p.points1[i].z(), 1e-9);
+      EXPECT_NEAR(depth2, (p.cam2_from_cam1 * p.points1[i]).z(), 1e-9);
+    }
+  }
+  double depth1, depth2;
+  const Rigid3d sideways(Eigen::Quaterniond::Identity(), Eigen::Vector3d(1, 0, 0));
+  EXPECT_FALSE(TriangulateDepths(sideways, {0.1, 0.2}, {0.1, 0.2}, &depth1, &depth2));
+  // The camera moved right, but the point did too: the rays meet behind.
+  ASSERT_TRUE(TriangulateDepths(sideways, {0.1, 0.0}, {0.0, 0.0}, &depth1, &depth2));
+  EXPECT_LT(depth1, 0);
+}
+
+}  // namespace
+}  // namespace cairn

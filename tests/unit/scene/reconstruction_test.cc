@@ -1,0 +1,148 @@
+#include "cairn/scene/reconstruction.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "cairn/base/error.h"
+#include "cairn/math/so3.h"
+#include "cairn/synthetic/scene.h"
+
+namespace cairn {
+namespace {
+
+Reconstruction MakeSmall() {
+  SceneOptions options;
+  options.num_images = 5;
+  options.num_points = 200;
+  options.layout = "grid";
+  options.image_noise_px = 1.0;
+  return MakeReconstruction(options, 1);
+}
+
+int64_t NumReferences(const Reconstruction& reconstruction) {
+  int64_t n = 0;
+  for (const auto& [id, image] : reconstruction.images) {
+    for (const point3D_t point : image.point3D_ids) n += point != kInvalidPoint3DId;
+  }
+  return n;
+}
+
+TEST(Reconstruction, AddAndRemovePointsKeepBothSides) {
+  Reconstruction r = MakeSmall();
+  r.CheckConsistency();
+  EXPECT_EQ(NumReferences(r), r.NumObservations());
+  EXPECT_DOUBLE_EQ(r.MeanTrackLength(), double(r.NumObservations()) / r.points3D.size());
+
+  const auto [old_id, old_point] = *r.points3D.begin();
+  const int64_t before = r.NumObservations();
+  r.RemovePoint3D(old_id);
+  r.CheckConsistency();
+  EXPECT_EQ(r.NumObservations(), before - static_cast<int64_t>(old_point.track.size()));
+  const point3D_t new_id = r.AddPoint3D(old_point);
+  r.CheckConsistency();
+  EXPECT_EQ(r.NumObservations(), before);
+  EXPECT_EQ(new_id, r.points3D.rbegin()->first);
+  EXPECT_EQ(NumReferences(r), before);
+  EXPECT_THROW(r.RemovePoint3D(123456789), BugError);
+}
+
+TEST(Reconstruction, AKeypointShowsOnePointOnly) {
+  Reconstruction r = MakeSmall();
+  const Point3D point = r.points3D.begin()->second;
+  EXPECT_THROW(r.AddPoint3D(point), BugError);
+  r.CheckConsistency();  // nothing was changed
+}
+
+TEST(Reconstruction, RemoveObservationDropsShortTracks) {
+  Reconstruction r = MakeSmall();
+  for (const auto& [id, point] : std::map(r.points3D)) {
+    Track rest = point.track;
+    while (r.points3D.count(id)) {
+      const TrackElement element = rest.back();
+      rest.pop_back();
+      r.RemoveObservation(id, element);
+      EXPECT_EQ(r.images.at(element.image_id).point3D_ids[element.point2D], kInvalidPoint3DId);
+    }
+    EXPECT_LE(rest.size(), 1u);
+  }
+  r.CheckConsistency();
+  EXPECT_EQ(NumReferences(r), 0);
+}
+
+TEST(Reconstruction, ErrorsAreMeansOverObservations) {
+  Reconstruction r = MakeSmall();
+  r.UpdatePointErrors();
+  double sum = 0;
+  for (const auto& [id, point] : r.points3D) {
+    double expected = 0;
+    for (const TrackElement& e : point.track) {
+      const RegisteredImage& image = r.images.at(e.image_id);
+      const Eigen::Vector3d x = image.cam_from_world * point.xyz;
+      expected +=
+          (r.CameraOf(image).ImgFromCam(x.hnormalized()) - image.points2D[e.point2D]).norm();
+    }
+    EXPECT_NEAR(point.error_px * point.track.size(), expected, 1e-9);
+    sum += expected;
+  }
+  EXPECT_NEAR(r.MeanReprojectionErrorPx(), sum / r.NumObservations(), 1e-12);
+}
+
+TEST(Reconstruction, BehindTheCameraIsInfinite) {
+  const Camera camera = Camera::FromFocal(1, CameraModel::kPinhole, 100, 200, 200);
+  EXPECT_EQ(ReprojectionErrorPx(camera, {}, {0, 0, -1}, {100, 100}),
+            std::numeric_limits<double>::infinity());
+  EXPECT_EQ(ReprojectionErrorPx(camera, {}, {0, 0, 0}, {100, 100}),
+            std::numeric_limits<double>::infinity());
+  EXPECT_NEAR(ReprojectionErrorPx(camera, {}, {0.3, 0.4, 10}, {100, 100}), 5, 1e-12);
+}
+
+TEST(Reconstruction, ASimilarityChangesNoReprojection) {
+  Reconstruction r = MakeSmall();
+  const double before = r.MeanReprojectionErrorPx();
+  const Sim3d new_from_old{2.5, ExpSO3({0.4, -1.0, 0.3}), {10, -20, 30}};
+  const Eigen::Vector3d center = r.images.at(1).cam_from_world.Center();
+  r.Transform(new_from_old);
+  EXPECT_NEAR(r.MeanReprojectionErrorPx(), before, 1e-10);
+  EXPECT_LT((r.images.at(1).cam_from_world.Center() - new_from_old * center).norm(), 1e-12);
+  r.CheckConsistency();
+}
+
+TEST(Reconstruction, CheckConsistencyFindsEachDefect) {
+  using Defect = std::function<void(Reconstruction&)>;
+  const std::vector<Defect> defects = {
+      [](Reconstruction& r) { r.cameras.erase(1); },
+      [](Reconstruction& r) { r.images.at(1).image.image_id = 7; },
+      [](Reconstruction& r) { r.images.at(1).points2D.pop_back(); },
+      [](Reconstruction& r) { r.images.at(2).cam_from_world.translation.x() = std::nan(""); },
+      [](Reconstruction& r) { r.images.at(2).cam_from_world.rotation.x() = std::nan(""); },
+      [](Reconstruction& r) { r.points3D.begin()->second.xyz.z() = std::nan(""); },
+      [](Reconstruction& r) { r.points3D.begin()->second.track.resize(1); },
+      [](Reconstruction& r) { r.points3D.begin()->second.track[0].point2D += 1; },
+      [](Reconstruction& r) { r.points3D.erase(r.points3D.begin()); },
+      [](Reconstruction& r) { r.images.erase(3); },
+      [](Reconstruction& r) {
+        Track& track = r.points3D.begin()->second.track;
+        std::swap(track.front(), track.back());
+      },
+  };
+  for (size_t i = 0; i < defects.size(); ++i) {
+    Reconstruction r = MakeSmall();
+    defects[i](r);
+    EXPECT_ANY_THROW(r.CheckConsistency()) << "defect " << i;
+  }
+}
+
+TEST(Reconstruction, EmptyIsFine) {
+  Reconstruction r;
+  r.CheckConsistency();
+  EXPECT_EQ(r.MeanTrackLength(), 0);
+  EXPECT_EQ(r.MeanReprojectionErrorPx(), 0);
+  EXPECT_EQ(r.NumObservations(), 0);
+  r.Transform({});
+}
+
+}  // namespace
+}  // namespace cairn
