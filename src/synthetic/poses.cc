@@ -37,7 +37,7 @@ Placement Grid(int i, int n, double distance) {
   const int rows = (n + columns - 1) / columns;
   const double x = (i % columns + 0.5) / columns - 0.5;
   const double z = (i / columns + 0.5) / rows - 0.5;
-  const Eigen::Vector3d center(1.2 * distance * x, -distance, 0.7 * distance * z);
+  const Eigen::Vector3d center(1.2 * distance * x, -distance, 0.6 * distance * (z + 0.2));
   return {center, 0.3 * Eigen::Vector3d(center.x(), 0, center.z())};
 }
 

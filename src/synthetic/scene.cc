@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "cairn/base/check.h"
@@ -31,25 +30,6 @@ std::vector<SurfaceElement> MakeElements(CameraLayout layout, int n, Rng& rng) {
                                             : SampleTower(relief, kReliefAmplitude, size, rng));
   }
   return elements;
-}
-
-std::map<camera_t, Camera> MakeCameras(const SceneOptions& options) {
-  std::map<camera_t, Camera> cameras;
-  for (int i = 0; i < options.num_cameras; ++i) {
-    // Focal lengths of 1.1 to 1.6 times the width; every second camera has smaller photographs.
-    const double zoom = 1.1 + (options.num_cameras > 1 ? 0.5 * i / (options.num_cameras - 1) : 0.0);
-    const double size = i % 2 == 0 ? 1.0 : 0.8;
-    const int width = static_cast<int>(std::lround(size * options.image_width));
-    const int height = static_cast<int>(std::lround(size * options.image_height));
-    const camera_t id = i + 1;
-    Camera camera = Camera::FromFocal(id, *CameraModelFromName(options.camera_model), zoom * width,
-                                      width, height);
-    const std::vector<int> distortion = camera.DistortionIndices();
-    if (!distortion.empty()) camera.params[distortion[0]] = options.radial_distortion;
-    camera.has_prior_focal_length = true;
-    cameras.emplace(id, camera);
-  }
-  return cameras;
 }
 
 // A keypoint before it got its place among the others.
@@ -134,12 +114,6 @@ ImageData MakeImageData(const SceneOptions& options, const Camera& camera,
   return data;
 }
 
-std::string ImageName(bool is_distractor, int number) {
-  char name[32];
-  std::snprintf(name, sizeof(name), "%s%05d.jpg", is_distractor ? "other" : "image", number);
-  return name;
-}
-
 // Points with at least two observations, and each image's references to them. Point ids are element
 // indices + 1.
 void LinkPoints(const std::vector<SurfaceElement>& elements, const std::vector<ImageData>& data,
@@ -173,17 +147,8 @@ void LinkPoints(const std::vector<SurfaceElement>& elements, const std::vector<I
 }  // namespace
 
 void SceneOptions::VisitFields(OptionVisitor& v) {
-  v.Choice("layout", layout, CameraLayoutNames(), "how the cameras stand around the scene");
-  v.Int("num_images", num_images, {1, 1e6}, "images of the scene");
   v.Int("num_points", num_points, {0, 1e8}, "surface elements of an abstract scene");
   v.Int("max_keypoints", max_keypoints, {0, 1e6}, "scene points that an image shows, at most");
-  v.Int("num_cameras", num_cameras, {1, 1000}, "cameras of different focal length");
-  v.Choice("camera_model", camera_model,
-           {"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"}, "camera model");
-  v.Double("radial_distortion", radial_distortion, {-0.3, 0.3}, "first radial coefficient");
-  v.Int("image_width", image_width, {16, 20000}, "pixels, of the first camera");
-  v.Int("image_height", image_height, {16, 20000}, "pixels, of the first camera");
-  v.Double("distance", distance, {1.5, 100.0}, "of the cameras; the scene's radius is 1");
   v.Double("image_noise_px", image_noise_px, {0.0, 100.0}, "keypoint noise, standard deviation");
   v.Double("affine_noise", affine_noise, {0.0, 1.0}, "noise of affine frames, relative");
   v.Double("depth_noise", depth_noise, {0.0, 1.0}, "noise of depth, relative");
@@ -196,16 +161,17 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
         "wrong matches of a pair that does not overlap");
   v.Int("num_clutter_keypoints", num_clutter_keypoints, {0, 1e6},
         "keypoints an image that show no scene point");
-  v.Int("num_distractor_images", num_distractor_images, {0, 1e6}, "images of another place");
 }
 
 SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
-  ValidateOptions(options, "synthetic");
+  ValidateOptions(static_cast<const RigOptions&>(options), "");
+  ValidateOptions(options, "scene");
   const CameraLayout layout = *CameraLayoutFromName(options.layout);
   SyntheticScene scene;
   scene.options = options;
   scene.seed = seed;
   scene.cameras = MakeCameras(options);
+  scene.images = MakeImages(options);
   Rng element_rng(seed, "scene_elements");
   const std::vector<SurfaceElement> elements =
       MakeElements(layout, options.num_points, element_rng);
@@ -213,14 +179,7 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   const std::vector<Rigid3d> poses =
       MakeCameraPoses(layout, options.num_images, options.distance, pose_rng);
 
-  const int num_images = options.num_images + options.num_distractor_images;
-  for (int i = 0; i < num_images; ++i) {
-    const bool is_distractor = i >= options.num_images;
-    const camera_t camera_id = 1 + i % options.num_cameras;
-    scene.images.push_back({static_cast<image_t>(i + 1),
-                            ImageName(is_distractor, is_distractor ? i - options.num_images : i),
-                            camera_id});
-  }
+  const int num_images = static_cast<int>(scene.images.size());
   std::vector<ImageData> data(num_images);
   ParallelFor(0, num_images, [&](int64_t i) {
     const Rigid3d* pose = i < options.num_images ? &poses[i] : nullptr;

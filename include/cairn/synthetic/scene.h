@@ -9,23 +9,16 @@
 #include "cairn/scene/reconstruction.h"
 #include "cairn/scene/two_view_geometry.h"
 #include "cairn/scene/view_graph.h"
+#include "cairn/synthetic/rig.h"
 #include "cairn/synthetic/surface.h"
 
 namespace cairn {
 
 class Database;
 
-struct SceneOptions {
-  std::string layout = "ring";  // see CameraLayout
-  int num_images = 12;
+struct SceneOptions : RigOptions {
   int num_points = 2000;
-  int max_keypoints = 1500;  // an image; more visible points than that: a random choice
-  int num_cameras = 2;       // different focal lengths; images take turns
-  std::string camera_model = "SIMPLE_PINHOLE";
-  double radial_distortion = 0.0;  // first radial coefficient, where the model has one
-  int image_width = 1024;
-  int image_height = 768;
-  double distance = 3.0;        // of the cameras from the scene's center; the scene's radius is 1
+  int max_keypoints = 1500;     // an image; more visible points than that: a random choice
   double image_noise_px = 0.0;  // see ObservationNoise
   double affine_noise = 0.0;
   double depth_noise = 0.0;
@@ -34,8 +27,8 @@ struct SceneOptions {
   double outlier_ratio = 0.0;        // share of wrong matches in a pair that overlaps
   int num_chance_matches = 0;        // wrong matches of a pair that does not overlap
   int num_clutter_keypoints = 0;     // an image; keypoints that show no scene point
-  int num_distractor_images = 0;     // of another place, with keypoints of their own
 
+  // The fields above; RigOptions has its own list.
   void VisitFields(OptionVisitor& v);
 };
 

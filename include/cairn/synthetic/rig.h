@@ -1,0 +1,39 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "cairn/base/options.h"
+#include "cairn/camera/camera.h"
+#include "cairn/scene/image.h"
+
+namespace cairn {
+
+// What abstract scenes and photographs have in common: which cameras there are and where they
+// stand.
+struct RigOptions {
+  std::string layout = "ring";  // see CameraLayout
+  int num_images = 12;
+  int num_distractor_images = 0;  // of another place
+  int num_cameras = 2;            // different focal lengths and sizes; images take turns
+  std::string camera_model = "SIMPLE_PINHOLE";
+  double radial_distortion = 0.0;  // first radial coefficient, where the model has one
+  int image_width = 1024;          // of the first camera; every second camera has 0.8 of it
+  int image_height = 768;
+  double distance = 3.0;  // of the cameras from the scene's center; the scene's radius is 1
+
+  void VisitFields(OptionVisitor& v);
+};
+
+// The focal length of a camera in 35 mm equivalents: whole numbers from 36 to 56, since EXIF holds
+// no others.
+int FocalLength35mm(const RigOptions& options, int camera_index);
+
+// Cameras 1 .. num_cameras, with focal lengths as EXIF would tell them.
+std::map<camera_t, Camera> MakeCameras(const RigOptions& options);
+
+// Images of the scene, then the distractors, ids from 1: "image00000.jpg", "other00000.jpg".
+std::vector<Image> MakeImages(const RigOptions& options);
+
+}  // namespace cairn

@@ -1,0 +1,61 @@
+#include "cairn/synthetic/rig.h"
+
+#include <cmath>
+#include <cstdio>
+
+#include "cairn/synthetic/poses.h"
+
+namespace cairn {
+
+void RigOptions::VisitFields(OptionVisitor& v) {
+  v.Choice("layout", layout, CameraLayoutNames(), "how the cameras stand around the scene");
+  v.Int("num_images", num_images, {1, 1e6}, "images of the scene");
+  v.Int("num_distractor_images", num_distractor_images, {0, 1e6}, "images of another place");
+  v.Int("num_cameras", num_cameras, {1, 1000}, "cameras of different focal length");
+  v.Choice("camera_model", camera_model,
+           {"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"}, "camera model");
+  v.Double("radial_distortion", radial_distortion, {-0.2, 0.2},
+           "first radial coefficient, where the model has one");
+  v.Int("image_width", image_width, {16, 20000},
+        "pixels; every second camera has four fifths of it");
+  v.Int("image_height", image_height, {16, 20000},
+        "pixels; every second camera has four fifths of it");
+  v.Double("distance", distance, {1.5, 100.0}, "of the cameras; the scene's radius is 1");
+}
+
+int FocalLength35mm(const RigOptions& options, int camera_index) {
+  if (options.num_cameras == 1) return 40;
+  return static_cast<int>(std::lround(36.0 + 20.0 * camera_index / (options.num_cameras - 1)));
+}
+
+std::map<camera_t, Camera> MakeCameras(const RigOptions& options) {
+  std::map<camera_t, Camera> cameras;
+  for (int i = 0; i < options.num_cameras; ++i) {
+    const double size = i % 2 == 0 ? 1.0 : 0.8;
+    const int width = static_cast<int>(std::lround(size * options.image_width));
+    const int height = static_cast<int>(std::lround(size * options.image_height));
+    const double focal_px = FocalLength35mm(options, i) / 43.27 * std::hypot(width, height);
+    Camera camera = Camera::FromFocal(i + 1, *CameraModelFromName(options.camera_model), focal_px,
+                                      width, height);
+    const std::vector<int> distortion = camera.DistortionIndices();
+    if (!distortion.empty()) camera.params[distortion[0]] = options.radial_distortion;
+    camera.has_prior_focal_length = true;
+    cameras.emplace(i + 1, camera);
+  }
+  return cameras;
+}
+
+std::vector<Image> MakeImages(const RigOptions& options) {
+  std::vector<Image> images;
+  for (int i = 0; i < options.num_images + options.num_distractor_images; ++i) {
+    const bool is_distractor = i >= options.num_images;
+    char name[32];
+    std::snprintf(name, sizeof(name), is_distractor ? "other%05d.jpg" : "image%05d.jpg",
+                  is_distractor ? i - options.num_images : i);
+    images.push_back(
+        {static_cast<image_t>(i + 1), name, static_cast<camera_t>(1 + i % options.num_cameras)});
+  }
+  return images;
+}
+
+}  // namespace cairn
