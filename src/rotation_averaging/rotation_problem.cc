@@ -12,7 +12,9 @@
 namespace cairn {
 namespace {
 
-constexpr int kBlock = 2048;  // edges a task
+constexpr int kBlock = 4096;  // edges a task
+// Below, a pass over the edges is over before a second thread is awake.
+constexpr int kMinParallelEdges = 50000;
 
 // node1 < node2, and one sign of the quaternion.
 RotationEdge Canonical(const RotationEdge& edge) {
@@ -80,6 +82,7 @@ Eigen::Matrix3Xd RotationErrors(const RotationProblem& problem,
                                 const std::vector<Eigen::Quaterniond>& cam_from_world,
                                 int num_threads) {
   const int num_edges = problem.NumEdges();
+  if (num_edges < kMinParallelEdges) num_threads = 1;
   Eigen::Matrix3Xd errors(3, num_edges);
   ParallelFor(num_threads, (num_edges + kBlock - 1) / kBlock, [&](int64_t block) {
     const int end = std::min<int>(num_edges, static_cast<int>(block + 1) * kBlock);
