@@ -140,4 +140,36 @@ std::vector<int> Bridges(int num_nodes, std::span<const GraphEdge> edges) {
   return bridges;
 }
 
+LoopFinder::LoopFinder(int num_nodes, std::span<const GraphEdge> edges) : neighbors_(num_nodes) {
+  for (size_t e = 0; e < edges.size(); ++e) {
+    const auto [node1, node2] = edges[e];
+    if (node1 == node2) continue;
+    neighbors_[node1].push_back({node2, static_cast<int>(e)});
+    neighbors_[node2].push_back({node1, static_cast<int>(e)});
+  }
+  for (std::vector<Neighbor>& list : neighbors_) {
+    std::stable_sort(list.begin(), list.end(),
+                     [](const Neighbor& a, const Neighbor& b) { return a.node < b.node; });
+    const auto is_same = [](const Neighbor& a, const Neighbor& b) { return a.node == b.node; };
+    list.erase(std::unique(list.begin(), list.end(), is_same), list.end());
+  }
+}
+
+std::vector<LoopFinder::Corner> LoopFinder::Find(int node1, int node2, int max_corners) const {
+  std::vector<Corner> corners;
+  auto a = neighbors_[node1].begin();
+  auto b = neighbors_[node2].begin();
+  while (a != neighbors_[node1].end() && b != neighbors_[node2].end()) {
+    if (a->node == b->node) corners.push_back({a->node, a->edge, b->edge});
+    const bool advance_a = a->node <= b->node;
+    const bool advance_b = b->node <= a->node;
+    a += advance_a;
+    b += advance_b;
+  }
+  const size_t num = std::min<size_t>(corners.size(), max_corners);
+  for (size_t k = 0; k < num; ++k) corners[k] = corners[k * corners.size() / num];
+  corners.resize(num);
+  return corners;
+}
+
 }  // namespace cairn

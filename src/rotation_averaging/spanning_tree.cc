@@ -1,6 +1,5 @@
 #include "rotation_averaging/spanning_tree.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "cairn/base/parallel.h"
@@ -12,25 +11,6 @@ namespace {
 constexpr double kLoopErrorDeg = 5.0;
 constexpr int kMaxLoops = 32;
 
-// Neighbors of each node by increasing index, with the edge that leads there. Of parallel edges
-// only the first counts.
-struct SortedNeighbors {
-  std::vector<std::vector<std::pair<int, int>>> of;  // (neighbor, edge)
-
-  explicit SortedNeighbors(const RotationProblem& problem) : of(problem.NumNodes()) {
-    for (int e = 0; e < problem.NumEdges(); ++e) {
-      of[problem.edges[e].node1].push_back({problem.edges[e].node2, e});
-      of[problem.edges[e].node2].push_back({problem.edges[e].node1, e});
-    }
-    for (auto& list : of) {
-      std::sort(list.begin(), list.end());
-      list.erase(std::unique(list.begin(), list.end(),
-                             [](const auto& a, const auto& b) { return a.first == b.first; }),
-                 list.end());
-    }
-  }
-};
-
 Eigen::Quaterniond To(const RotationProblem& problem, int edge, int node) {
   const Eigen::Quaterniond& q = problem.relative[edge];
   return problem.edges[edge].node2 == node ? q : q.conjugate();
@@ -40,26 +20,14 @@ Eigen::Quaterniond To(const RotationProblem& problem, int edge, int node) {
 
 std::vector<int> CountConsistentLoops(const RotationProblem& problem, double max_error_deg,
                                       int max_loops, int num_threads) {
-  const SortedNeighbors neighbors(problem);
+  const LoopFinder finder(problem.NumNodes(), problem.edges);
   const double min_cos_half = std::cos(0.5 * DegToRad(max_error_deg));
   std::vector<int> counts(problem.NumEdges(), 0);
   const auto count = [&](int64_t e) {
     const auto [node1, node2] = problem.edges[e];
-    std::vector<std::pair<int, int>> loops;  // edges node1 - k and k - node2
-    auto a = neighbors.of[node1].begin();
-    auto b = neighbors.of[node2].begin();
-    while (a != neighbors.of[node1].end() && b != neighbors.of[node2].end()) {
-      if (a->first == b->first) loops.push_back({a->second, b->second});
-      const bool step_a = a->first <= b->first;
-      const bool step_b = b->first <= a->first;
-      a += step_a;
-      b += step_b;
-    }
-    const size_t num = std::min<size_t>(loops.size(), max_loops);
-    for (size_t k = 0; k < num; ++k) {
-      const auto [edge1, edge2] = loops[k * loops.size() / num];
-      const int middle = problem.edges[edge1].node1 + problem.edges[edge1].node2 - node1;
-      const Eigen::Quaterniond detour = To(problem, edge2, node2) * To(problem, edge1, middle);
+    for (const LoopFinder::Corner& corner : finder.Find(node1, node2, max_loops)) {
+      const Eigen::Quaterniond detour =
+          To(problem, corner.edge2, node2) * To(problem, corner.edge1, corner.node);
       counts[e] += std::abs(detour.dot(problem.relative[e])) >= min_cos_half;
     }
   };

@@ -61,4 +61,26 @@ struct GraphAdjacency {
 };
 GraphAdjacency BuildAdjacency(int num_nodes, std::span<const GraphEdge> edges);
 
+// Loops of three: the nodes that two nodes both have an edge to.
+class LoopFinder {
+ public:
+  LoopFinder(int num_nodes, std::span<const GraphEdge> edges);
+
+  struct Corner {
+    int node = 0;
+    int edge1 = 0;  // to the first node
+    int edge2 = 0;  // to the second node
+  };
+  // By increasing node; of parallel edges only that with the smallest index counts. At most
+  // max_corners of them, spread evenly. O(degree of both).
+  std::vector<Corner> Find(int node1, int node2, int max_corners) const;
+
+ private:
+  struct Neighbor {
+    int node;
+    int edge;
+  };
+  std::vector<std::vector<Neighbor>> neighbors_;  // sorted by node
+};
+
 }  // namespace cairn

@@ -11,28 +11,31 @@ struct ViewGraphBuilderOptions {
   bool filter_triplets = true;
   double max_triplet_error_deg = 5.0;
   bool filter_ambiguous = true;
-  double max_rotation_error_deg = 10.0;
+  int min_contradicting_loops = 5;
+  double min_loop_agreement = 0.2;
   bool filter_weak_bridges = true;
-  int min_bridge_inliers = 50;
+  int min_bridge_inliers = 30;
+  double max_rotation_error_deg = 10.0;
   // Of the whole program (--num_threads), no field: 0 means all. No result depends on it.
   int num_threads = 1;
 
   void VisitFields(OptionVisitor& v) {
     v.Int("min_num_inliers", min_num_inliers, {0, 1e9}, "pairs with fewer inliers are left out");
     v.Bool("filter_triplets", filter_triplets,
-           "drop edges whose rotations close in no loop of three but could");
-    v.Double(
-        "max_triplet_error_deg", max_triplet_error_deg, {0, 180},
-        "largest closing error of a loop of three rotations that counts as consistent, degrees");
+           "drop pairs whose rotation closes in no loop of three with trusted pairs");
+    v.Double("max_triplet_error_deg", max_triplet_error_deg, {0, 180},
+             "largest closing error of a consistent loop of three rotations, degrees");
     v.Bool("filter_ambiguous", filter_ambiguous,
-           "drop edges that contradict many well-supported loops (repeated structure)");
-    v.Double("max_rotation_error_deg", max_rotation_error_deg, {0, 180},
-             "largest angle between an edge and the global rotations, degrees");
+           "drop pairs that contradict many well-supported loops (repeated structure)");
+    v.Int("min_contradicting_loops", min_contradicting_loops, {1, 1e9},
+          "loops of trusted pairs that must contradict an ambiguous pair");
+    v.Double("min_loop_agreement", min_loop_agreement, {0, 1},
+             "a pair of which a smaller share of such loops agrees is ambiguous");
     v.Bool("filter_weak_bridges", filter_weak_bridges,
-           "drop a bridge between two parts of the graph that rests on few inliers");
-    v.Int("min_bridge_inliers", min_bridge_inliers, {0, 1e9}, "inliers that a bridge needs");
-    v.Int("num_threads", num_threads, {0, 1024},
-          "threads; 0: all. The result does not depend on it");
+           "drop a single pair that joins two parts of the graph and rests on few inliers");
+    v.Int("min_bridge_inliers", min_bridge_inliers, {0, 1e9}, "inliers that such a pair needs");
+    v.Double("max_rotation_error_deg", max_rotation_error_deg, {0, 180},
+             "largest angle between a pair and the global rotations, degrees");
   }
 };
 

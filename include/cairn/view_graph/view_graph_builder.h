@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <map>
 #include <span>
 #include <vector>
@@ -17,10 +18,10 @@ struct ViewGraphReport {
   int num_edges = 0;
   int num_active_edges = 0;
   std::map<EdgeRemoval, int> num_removed;
-  // Closing errors of the loops of three that were looked at.
-  int num_triplets = 0;
-  int num_consistent_triplets = 0;
-  double median_triplet_error_deg = 0;
+  // Loops of three, counted once at each of their edges (at most 64 an edge).
+  int64_t num_loops = 0;
+  int64_t num_closed_loops = 0;
+  double median_loop_error_deg = 0;
   // Connected components of the active edges with at least two images, largest first.
   std::vector<std::vector<image_t>> components;
 };
@@ -33,7 +34,7 @@ struct ViewGraphResult {
 // The view graph of verified pairs, with every edge kept and the reason on those that are out:
 // too few inliers, loops of three that do not close, repeated structure, weak bridges. Edges that
 // come with a removal reason keep it (kNoPose: set by the caller for pairs without a pose).
-// Components are not chosen here (see KeepComponent).
+// Components are not chosen here (see KeepImages).
 ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewEdge> edges,
                                const ViewGraphBuilderOptions& options = {},
                                ProgressMonitor& monitor = NullMonitor());
@@ -48,7 +49,15 @@ int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph);
 int RemoveRotationOutliers(const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
                            double max_error_deg, ViewGraph& graph);
 
-// Bridges with fewer than min_num_inliers inliers whose two sides both have at least two edges more
+// Loops of three rotations. An edge that closes in no loop, though in some of them the other two
+// edges do close in loops elsewhere, goes (kTripletInconsistent): of a lonely loop that does not
+// close nobody knows which edge is wrong, so it stays. With filter_ambiguous, so does one that
+// closes in some loops but is contradicted by many more, all of edges better supported than itself
+// (kAmbiguous). The number of loops and their errors go to the report.
+int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, ViewGraph& graph,
+                               ViewGraphReport& report);
+
+// Bridges with fewer than min_num_inliers inliers, unless one of the sides is a single image
 // (kWeakBridge).
 int RemoveWeakBridges(int min_num_inliers, ViewGraph& graph);
 

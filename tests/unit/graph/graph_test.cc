@@ -134,5 +134,42 @@ TEST(BuildAdjacency, ListsEdgesAndNeighbors) {
   EXPECT_THAT(adjacency.EdgesOf(3), IsEmpty());
 }
 
+TEST(LoopFinder, FindsEveryLoopOfThree) {
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    const std::vector<GraphEdge> edges = RandomEdges(12, 40, seed);
+    const LoopFinder finder(12, edges);
+    const auto joined = [&](int a, int b) {
+      return a != b && std::any_of(edges.begin(), edges.end(), [&](const GraphEdge& e) {
+               return std::minmax(e.node1, e.node2) == std::minmax(a, b);
+             });
+    };
+    for (int a = 0; a < 12; ++a) {
+      for (int b = 0; b < 12; ++b) {
+        std::vector<int> expected, found;
+        for (int c = 0; c < 12; ++c) {
+          if (joined(a, c) && joined(b, c)) expected.push_back(c);
+        }
+        for (const LoopFinder::Corner& corner : finder.Find(a, b, 100)) {
+          found.push_back(corner.node);
+          EXPECT_EQ(edges[corner.edge1].node1 + edges[corner.edge1].node2, a + corner.node);
+          EXPECT_EQ(edges[corner.edge2].node1 + edges[corner.edge2].node2, b + corner.node);
+        }
+        EXPECT_EQ(found, expected);
+      }
+    }
+  }
+}
+
+TEST(LoopFinder, SpreadsALimitedNumberEvenly) {
+  std::vector<GraphEdge> edges;
+  for (int c = 2; c < 12; ++c) {
+    edges.push_back({0, c});
+    edges.push_back({c, 1});
+  }
+  const auto corners = LoopFinder(12, edges).Find(0, 1, 5);
+  ASSERT_EQ(corners.size(), 5u);
+  for (int k = 0; k < 5; ++k) EXPECT_EQ(corners[k].node, 2 + 2 * k);
+}
+
 }  // namespace
 }  // namespace cairn

@@ -1,0 +1,130 @@
+#include <algorithm>
+#include <cstdint>
+
+#include "cairn/base/parallel.h"
+#include "cairn/geometry/rigid3d.h"
+#include "cairn/math/angles.h"
+#include "cairn/view_graph/view_graph_builder.h"
+#include "view_graph/active_edges.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kMaxLoops = 64;  // of an edge that are looked at
+constexpr int kGrain = 64;
+
+// The loops of three through each active edge, and how well they close.
+class Triplets {
+ public:
+  Triplets(const ViewGraph& graph, double max_error_deg, int num_threads)
+      : graph_(graph), active_(graph), loops_of_(active_.edges.size()) {
+    const LoopFinder finder(static_cast<int>(graph.image_ids.size()), active_.edges);
+    ParallelFor(
+        num_threads, static_cast<int64_t>(loops_of_.size()),
+        [&](int64_t e) {
+          const auto [node1, node2] = active_.edges[e];
+          for (const LoopFinder::Corner& corner : finder.Find(node1, node2, kMaxLoops)) {
+            const Eigen::Quaterniond detour =
+                To(corner.edge2, node2) * To(corner.edge1, corner.node);
+            const double error_deg = RadToDeg(AngleBetween(detour, To(static_cast<int>(e), node2)));
+            loops_of_[e].push_back(
+                {corner.edge1, corner.edge2, error_deg, error_deg <= max_error_deg});
+          }
+        },
+        kGrain);
+    for (const std::vector<Loop>& loops : loops_of_) {
+      num_closed_.push_back(static_cast<int>(
+          std::count_if(loops.begin(), loops.end(), [](const Loop& loop) { return loop.closes; })));
+    }
+  }
+
+  struct Loop {
+    int edge1, edge2;  // the other two
+    double error_deg;
+    bool closes;
+  };
+  int NumEdges() const { return static_cast<int>(loops_of_.size()); }
+  const std::vector<Loop>& LoopsOf(int e) const { return loops_of_[e]; }
+  int NumClosed(int e) const { return num_closed_[e]; }
+  // Share of its loops that close.
+  double Agreement(int e) const {
+    return loops_of_[e].empty()
+               ? 0.0
+               : static_cast<double>(num_closed_[e]) / static_cast<double>(loops_of_[e].size());
+  }
+  int GraphIndex(int e) const { return active_.index[e]; }
+
+ private:
+  // The rotation of an edge towards one of its ends.
+  Eigen::Quaterniond To(int e, int node) const {
+    const Eigen::Quaterniond& q = graph_.edges[active_.index[e]].cam2_from_cam1.rotation;
+    return active_.edges[e].node2 == node ? q : q.conjugate();
+  }
+
+  const ViewGraph& graph_;
+  ActiveEdges active_;
+  std::vector<std::vector<Loop>> loops_of_;
+  std::vector<int> num_closed_;
+};
+
+// Should the edge go, and why?
+EdgeRemoval Judge(const Triplets& triplets, int e, const ViewGraphBuilderOptions& options) {
+  int num_agreeing = 0;
+  int num_contradicting = 0;
+  bool is_contradicted = false;
+  for (const Triplets::Loop& loop : triplets.LoopsOf(e)) {
+    const int support = std::min(triplets.NumClosed(loop.edge1), triplets.NumClosed(loop.edge2));
+    const double agreement =
+        std::min(triplets.Agreement(loop.edge1), triplets.Agreement(loop.edge2));
+    if (loop.closes) {
+      ++num_agreeing;
+    } else if (support > 0) {
+      is_contradicted = true;
+      if (support > triplets.NumClosed(e) && agreement > triplets.Agreement(e)) {
+        ++num_contradicting;
+      }
+    }
+  }
+  if (num_agreeing == 0) {
+    const bool removed = options.filter_triplets && is_contradicted;
+    return removed ? EdgeRemoval::kTripletInconsistent : EdgeRemoval::kNone;
+  }
+  const int num_judges = num_agreeing + num_contradicting;
+  const bool removed = options.filter_ambiguous &&
+                       num_contradicting >= options.min_contradicting_loops &&
+                       num_agreeing < options.min_loop_agreement * num_judges;
+  return removed ? EdgeRemoval::kAmbiguous : EdgeRemoval::kNone;
+}
+
+}  // namespace
+
+int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, ViewGraph& graph,
+                               ViewGraphReport& report) {
+  const Triplets triplets(graph, options.max_triplet_error_deg, options.num_threads);
+  std::vector<double> errors_deg;
+  std::vector<EdgeRemoval> verdicts;
+  int64_t num_loops = 0;
+  int64_t num_closed = 0;
+  for (int e = 0; e < triplets.NumEdges(); ++e) {
+    for (const Triplets::Loop& loop : triplets.LoopsOf(e)) errors_deg.push_back(loop.error_deg);
+    num_loops += static_cast<int64_t>(triplets.LoopsOf(e).size());
+    num_closed += triplets.NumClosed(e);
+    verdicts.push_back(Judge(triplets, e, options));
+  }
+  report.num_loops = num_loops;
+  report.num_closed_loops = num_closed;
+  if (!errors_deg.empty()) {
+    const auto middle = errors_deg.begin() + static_cast<int64_t>(errors_deg.size() / 2);
+    std::nth_element(errors_deg.begin(), middle, errors_deg.end());
+    report.median_loop_error_deg = *middle;
+  }
+  int num_removed = 0;
+  for (int e = 0; e < triplets.NumEdges(); ++e) {
+    if (verdicts[e] == EdgeRemoval::kNone) continue;
+    graph.edges[triplets.GraphIndex(e)].removal = verdicts[e];
+    ++num_removed;
+  }
+  return num_removed;
+}
+
+}  // namespace cairn

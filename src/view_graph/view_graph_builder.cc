@@ -1,0 +1,130 @@
+#include "cairn/view_graph/view_graph_builder.h"
+
+#include <algorithm>
+
+#include "cairn/base/check.h"
+#include "cairn/graph/graph.h"
+#include "cairn/math/angles.h"
+#include "view_graph/active_edges.h"
+
+namespace cairn {
+namespace {
+
+// Nodes that can be reached from `start` without one edge.
+int NumReachable(const GraphAdjacency& adjacency, int start, int without_edge, int limit) {
+  std::vector<char> seen(adjacency.begin.size() - 1, 0);
+  std::vector<int> queue = {start};
+  seen[start] = 1;
+  for (size_t k = 0; k < queue.size() && static_cast<int>(queue.size()) < limit; ++k) {
+    for (int a = adjacency.begin[queue[k]]; a < adjacency.begin[queue[k] + 1]; ++a) {
+      const int neighbor = adjacency.neighbor[a];
+      if (adjacency.edge[a] == without_edge || seen[neighbor]) continue;
+      seen[neighbor] = 1;
+      queue.push_back(neighbor);
+    }
+  }
+  return static_cast<int>(queue.size());
+}
+
+}  // namespace
+
+int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph) {
+  int num_removed = 0;
+  for (ViewEdge& edge : graph.edges) {
+    if (!edge.IsActive() || edge.num_inliers >= min_num_inliers) continue;
+    edge.removal = EdgeRemoval::kTooFewInliers;
+    ++num_removed;
+  }
+  return num_removed;
+}
+
+int RemoveRotationOutliers(const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+                           double max_error_deg, ViewGraph& graph) {
+  int num_removed = 0;
+  for (ViewEdge& edge : graph.edges) {
+    if (!edge.IsActive()) continue;
+    const auto rotation1 = cam_from_world.find(edge.image_id1);
+    const auto rotation2 = cam_from_world.find(edge.image_id2);
+    if (rotation1 != cam_from_world.end() && rotation2 != cam_from_world.end()) {
+      const double error = AngleBetween(rotation2->second * rotation1->second.conjugate(),
+                                        edge.cam2_from_cam1.rotation);
+      if (RadToDeg(error) <= max_error_deg) continue;
+    }
+    edge.removal = EdgeRemoval::kRotationInconsistent;
+    ++num_removed;
+  }
+  return num_removed;
+}
+
+int RemoveWeakBridges(int min_num_inliers, ViewGraph& graph) {
+  const int num_nodes = static_cast<int>(graph.image_ids.size());
+  const ActiveEdges active(graph);
+  const GraphAdjacency adjacency = BuildAdjacency(num_nodes, active.edges);
+  int num_removed = 0;
+  for (const int e : Bridges(num_nodes, active.edges)) {
+    ViewEdge& edge = graph.edges[active.index[e]];
+    if (edge.num_inliers >= min_num_inliers) continue;
+    const auto [node1, node2] = active.edges[e];
+    if (NumReachable(adjacency, node1, e, 2) < 2 || NumReachable(adjacency, node2, e, 2) < 2) {
+      continue;
+    }
+    edge.removal = EdgeRemoval::kWeakBridge;
+    ++num_removed;
+  }
+  return num_removed;
+}
+
+std::vector<std::vector<image_t>> ActiveComponents(const ViewGraph& graph) {
+  const GraphComponents components =
+      ConnectedComponents(static_cast<int>(graph.image_ids.size()), ActiveEdges(graph).edges);
+  std::vector<std::vector<image_t>> result;
+  for (const std::vector<int>& nodes : components.nodes) {
+    if (nodes.size() < 2) break;
+    result.emplace_back();
+    for (const int node : nodes) result.back().push_back(graph.image_ids[node]);
+  }
+  return result;
+}
+
+int KeepImages(std::span<const image_t> image_ids, ViewGraph& graph) {
+  std::vector<image_t> kept(image_ids.begin(), image_ids.end());
+  std::sort(kept.begin(), kept.end());
+  const auto is_kept = [&](image_t id) { return std::binary_search(kept.begin(), kept.end(), id); };
+  int num_removed = 0;
+  for (ViewEdge& edge : graph.edges) {
+    if (!edge.IsActive() || (is_kept(edge.image_id1) && is_kept(edge.image_id2))) continue;
+    edge.removal = EdgeRemoval::kOtherComponent;
+    ++num_removed;
+  }
+  return num_removed;
+}
+
+ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewEdge> edges,
+                               const ViewGraphBuilderOptions& options, ProgressMonitor& monitor) {
+  ValidateOptions(options, "view_graph");
+  ViewGraphResult result;
+  ViewGraph& graph = result.graph;
+  ViewGraphReport& report = result.report;
+  graph.image_ids = std::move(image_ids);
+  graph.edges = std::move(edges);
+  graph.Normalize();
+
+  RemoveWeakEdges(options.min_num_inliers, graph);
+  if (options.filter_triplets || options.filter_ambiguous) {
+    RemoveInconsistentTriplets(options, graph, report);
+  }
+  if (options.filter_weak_bridges) RemoveWeakBridges(options.min_bridge_inliers, graph);
+
+  report.num_edges = static_cast<int>(graph.edges.size());
+  report.num_active_edges = graph.NumActiveEdges();
+  for (const ViewEdge& edge : graph.edges) {
+    if (!edge.IsActive()) ++report.num_removed[edge.removal];
+  }
+  report.components = ActiveComponents(graph);
+  monitor.Info("view graph: " + std::to_string(report.num_active_edges) + " of " +
+               std::to_string(report.num_edges) + " pairs in use, " +
+               std::to_string(report.components.size()) + " component(s)");
+  return result;
+}
+
+}  // namespace cairn
