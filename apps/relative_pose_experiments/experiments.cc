@@ -1,0 +1,85 @@
+#include "relative_pose_experiments/experiments.h"
+
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "cairn/base/file.h"
+#include "relative_pose_experiments/complexity.h"
+#include "relative_pose_experiments/errata.h"
+#include "relative_pose_experiments/noise.h"
+#include "relative_pose_experiments/stability.h"
+
+namespace cairn::experiments {
+namespace {
+
+void Append(std::vector<FigureCheck> added, std::vector<FigureCheck>* checks) {
+  std::move(added.begin(), added.end(), std::back_inserter(*checks));
+}
+
+void WriteChecks(const std::vector<FigureCheck>& checks, const std::string& path) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const FigureCheck& check : checks) {
+    json.push_back({{"name", check.name},
+                    {"value", check.value},
+                    {"min", check.min},
+                    {"max", check.max},
+                    {"holds", check.Holds()}});
+  }
+  WriteFileAtomically(path, json.dump(1) + "\n");
+}
+
+}  // namespace
+
+std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
+                                        ProgressMonitor& monitor) {
+  const auto wanted = [&](const char* name) {
+    return (options.experiment == name || options.experiment == "synthetic") &&
+           !monitor.StopRequested();
+  };
+  const auto path = [&](const char* name) { return options.output_path + "/" + name; };
+  const auto seed = static_cast<uint64_t>(options.seed);
+  CreateFolders(options.output_path);
+  std::vector<FigureCheck> checks;
+
+  if (wanted("errata")) {
+    const ErrataReport report = RunErrata(seed, 2000, options.num_threads);
+    ToTable(report).Write(path("errata.csv"));
+    Append(Checks(report), &checks);
+  }
+  if (wanted("complexity")) {
+    monitor.Info("counting operations");
+    const ComplexityReport report = RunComplexity(seed, 1000, options.quick ? 2 : 50);
+    ToTable(report).Write(path("complexity.csv"));
+    IterationTable(report).Write(path("iterations.csv"));
+    Append(Checks(report), &checks);
+  }
+  if (wanted("timings")) {
+    monitor.Info("timing the solvers");
+    const auto times = TimeSolvers(seed, 1000, options.quick ? 10 : 100);
+    ToTable(times).Write(path("timings.csv"));
+    Append(Checks(times), &checks);
+  }
+  const bool needs_instances = wanted("stability") || wanted("noise");
+  const auto instances =
+      needs_instances ? MakeInstances(seed, options.quick ? 1000 : 30000, options.num_threads)
+                      : std::vector<Instance>();
+  if (wanted("stability")) {
+    monitor.Info("stability of the solvers");
+    const auto figures = RunStability(instances, options.num_threads);
+    ToTable(figures).Write(path("stability.csv"));
+    HistogramTable(figures).Write(path("stability_histograms.csv"));
+    Append(Checks(figures), &checks);
+  }
+  if (wanted("noise")) {
+    const NoiseReport report = RunNoise(instances, seed, options.num_threads, monitor);
+    if (!monitor.StopRequested()) {
+      CurveTable(report).Write(path("noise_curves.csv"));
+      HeatMapTable(report).Write(path("noise_heat_maps.csv"));
+      Append(Checks(report), &checks);
+    }
+  }
+  WriteChecks(checks, path("checks.json"));
+  return checks;
+}
+
+}  // namespace cairn::experiments

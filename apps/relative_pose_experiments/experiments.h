@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cairn/base/options.h"
+#include "cairn/base/progress.h"
+#include "relative_pose_experiments/table.h"
+
+namespace cairn::experiments {
+
+struct ExperimentOptions {
+  std::string output_path;
+  std::string experiment = "synthetic";
+  bool quick = false;
+  int seed = 0;
+  int num_threads = -1;
+
+  void VisitFields(OptionVisitor& v) {
+    v.String("output_path", output_path, "folder for the tables (CSV) and checks.json");
+    v.Choice("experiment", experiment,
+             {"synthetic", "errata", "complexity", "timings", "stability", "noise"},
+             "one experiment, or all that need no photographs");
+    v.Bool("quick", quick, "fewer instances: under two minutes");
+    v.Int("seed", seed, {0, 1e9}, "seed of all random numbers");
+    v.Int("num_threads", num_threads, {-1, 1024}, "threads; -1: all");
+  }
+};
+
+// Runs the experiments that the options name and writes their tables and checks.json. Everything
+// but timings.csv depends on the seed alone, not on the number of threads. Throws IoError.
+std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options, ProgressMonitor& monitor);
+
+}  // namespace cairn::experiments

@@ -1,0 +1,34 @@
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "common/console_monitor.h"
+#include "common/program.h"
+#include "relative_pose_experiments/experiments.h"
+
+int main(int argc, char** argv) {
+  using namespace cairn;
+  Program program("relative_pose_experiments",
+                  "Recomputes the tables and figures of Eichhardt and Barath, ECCV 2020.");
+  Command& command = program.MainCommand();
+  experiments::ExperimentOptions options;
+  command.AddOptions("", options);
+  command.SetRun([&] {
+    command.Require("output_path");
+    ConsoleMonitor monitor;
+    CreateFolders(options.output_path);
+    WriteFileAtomically(options.output_path + "/effective.toml", command.EffectiveToml());
+    const auto checks = experiments::RunExperiments(options, monitor);
+    int num_failed = 0;
+    for (const experiments::FigureCheck& check : checks) {
+      if (check.Holds()) continue;
+      ++num_failed;
+      monitor.Warning(check.name + " is " + experiments::FormatNumber(check.value) + ", not in [" +
+                      experiments::FormatNumber(check.min) + ", " +
+                      experiments::FormatNumber(check.max) + "]");
+    }
+    monitor.Info(std::to_string(checks.size() - num_failed) + " of " +
+                 std::to_string(checks.size()) +
+                 " figures are within their bounds; tables are in " + options.output_path);
+    return int{num_failed == 0 ? kExitSuccess : kExitNoUsableResult};
+  });
+  return program.Run(argc, argv);
+}

@@ -1,0 +1,91 @@
+#include "relative_pose_experiments/solver_runs.h"
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "cairn/geometry/epipolar.h"
+#include "cairn/math/angles.h"
+#include "cairn/solvers/essential.h"
+
+namespace cairn::experiments {
+namespace {
+
+constexpr int kNumAll = kNumSampled + kNumOthers;
+
+double MeanSampsonPx(const Eigen::Matrix3d& E, const Instance& instance, int begin) {
+  double sum = 0;
+  for (int i = begin; i < kNumAll; ++i) {
+    const PointCorrespondence points = PointsOf(instance, i);
+    sum += std::sqrt(SquaredSampsonError(E, points.x1, points.x2));
+  }
+  return sum / (kNumAll - begin) * instance.camera.MeanFocal();
+}
+
+Rigid3d PoseInFront(const Eigen::Matrix3d& E, const Instance& instance) {
+  const EssentialDecomposition d = DecomposeEssential(E);
+  std::vector<Eigen::Vector2d> x1, x2;
+  for (int i = 0; i < kNumAll; ++i) {
+    const PointCorrespondence points = PointsOf(instance, i);
+    x1.push_back(points.x1);
+    x2.push_back(points.x2);
+  }
+  return SelectPoseByCheirality({{d.R1, d.t}, {d.R1, -d.t}, {d.R2, d.t}, {d.R2, -d.t}}, x1, x2)
+      .cam2_from_cam1;
+}
+
+std::optional<Rigid3d> SelectPose(const Eigen::Matrix3d* models, int count, bool are_essential,
+                                  const Instance& instance) {
+  std::optional<Eigen::Matrix3d> best;
+  double least_error = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < count; ++i) {
+    const Eigen::Matrix3d E = are_essential ? models[i] : NearestEssential(models[i]);
+    const double error = MeanSampsonPx(E, instance, kNumSampled);
+    if (error < least_error) {
+      least_error = error;
+      best = E;
+    }
+  }
+  if (!best) return std::nullopt;
+  return PoseInFront(*best, instance);
+}
+
+}  // namespace
+
+std::string_view SolverName(Solver solver) {
+  static constexpr std::string_view kNames[kNumSolvers] = {"5PT", "2AC", "1AC+D (Umeyama)",
+                                                           "1AC+D (Proposed)", "2AC+5PT"};
+  return kNames[static_cast<int>(solver)];
+}
+
+int SampleSize(Solver solver) {
+  return WithSolverType(solver, [](auto type) { return decltype(type)::type::kSampleSize; });
+}
+
+std::optional<Rigid3d> EstimatePose(Solver solver, const Instance& noisy) {
+  return WithSolverType(solver, [&](auto type) -> std::optional<Rigid3d> {
+    using SolverType = typename decltype(type)::type;
+    const auto sample = SampleOf<SolverType>(noisy);
+    typename SolverType::Model models[SolverType::kMaxSolutions];
+    const int count = SolverType::Solve(sample.data(), models);
+    if constexpr (std::is_same_v<typename SolverType::Model, ScaledPose>) {
+      if (count == 0) return std::nullopt;
+      return models[0].cam2_from_cam1;
+    } else {
+      // 2AC's linear form returns a matrix that is essential only for exact data.
+      return SelectPose(models, count, solver != Solver::kTwoAffine, noisy);
+    }
+  });
+}
+
+PoseErrors ErrorsOf(const Rigid3d& cam2_from_cam1, const Instance& exact) {
+  PoseErrors errors;
+  errors.rotation_deg =
+      RadToDeg(AngleBetween(cam2_from_cam1.rotation, exact.cam2_from_cam1.rotation));
+  errors.translation_deg =
+      RadToDeg(AngleBetween(cam2_from_cam1.translation, exact.cam2_from_cam1.translation));
+  errors.sampson_px = MeanSampsonPx(EssentialFromPose(cam2_from_cam1), exact, 0);
+  return errors;
+}
+
+}  // namespace cairn::experiments

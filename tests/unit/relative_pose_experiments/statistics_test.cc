@@ -1,0 +1,49 @@
+#include "relative_pose_experiments/statistics.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "cairn/base/error.h"
+#include "relative_pose_experiments/table.h"
+
+namespace cairn::experiments {
+namespace {
+
+TEST(Statistics, QuantilesAreTheNearestRank) {
+  const std::vector<double> values = {5, 1, 4, 2, 3};
+  EXPECT_EQ(Median(values), 3);
+  EXPECT_EQ(Quantile(values, 0.0), 1);
+  EXPECT_EQ(Quantile(values, 0.2), 1);
+  EXPECT_EQ(Quantile(values, 0.21), 2);
+  EXPECT_EQ(Quantile(values, 1.0), 5);
+  EXPECT_TRUE(std::isnan(Median({})));
+  EXPECT_EQ(Mean(values), 3);
+  EXPECT_EQ(ShareBelow(values, 3), 0.4);
+  EXPECT_EQ(ShareBelow({}, 3), 0);
+}
+
+TEST(Statistics, HistogramHoldsEveryValue) {
+  const LogHistogram histogram = MakeLogHistogram({0, 1e-30, 1e-3, 2e-3, 1.0, 1e9});
+  EXPECT_EQ(std::accumulate(histogram.counts.begin(), histogram.counts.end(), int64_t{0}), 6);
+  EXPECT_EQ(histogram.counts.front(), 2);
+  EXPECT_EQ(histogram.counts.back(), 1);
+  EXPECT_EQ(histogram.counts[(0 + 18) * 2], 1);
+  EXPECT_EQ(histogram.counts[(-3 + 18) * 2], 2);
+}
+
+TEST(Table, WritesCsvAndRefusesBrokenRows) {
+  Table table({"a", "b"});
+  table.Row().Add("x y").Add(0.1);
+  table.Row().Add(int64_t{7}).Add(1e-20);
+  EXPECT_EQ(table.ToCsv(), "a,b\nx y,0.1\n7,1e-20\n");
+  table.Row().Add("short");
+  EXPECT_THROW(table.ToCsv(), BugError);
+  Table comma({"a"});
+  comma.Row().Add("1,2");
+  EXPECT_THROW(comma.ToCsv(), BugError);
+}
+
+}  // namespace
+}  // namespace cairn::experiments
