@@ -6,9 +6,16 @@
 
 namespace cairn {
 
+struct ReadModelOptions {
+  // The list of a Bundler file; "": the file list.txt beside it.
+  std::string list_path = "";
+  // false: poses and intrinsics are enough (points of Bundler files are not read; those of 1DSfM's
+  // references cannot be, see bundler.h).
+  bool read_points = true;
+};
+
 // Reads whatever holds camera poses: a COLMAP model folder, a folder of Strecha .camera files, or a
-// Bundler file (a path that ends in .out) with its list. `list_path` "" means the file list.txt
-// beside the Bundler file. Throws IoError.
-Reconstruction ReadModel(const std::string& path, const std::string& list_path = "");
+// Bundler file (a path that ends in .out) with its list. Throws IoError.
+Reconstruction ReadModel(const std::string& path, const ReadModelOptions& options = {});
 
 }  // namespace cairn

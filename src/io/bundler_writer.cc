@@ -1,0 +1,155 @@
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <functional>
+#include <map>
+
+#include "cairn/base/check.h"
+#include "cairn/base/error.h"
+#include "cairn/io/bundler.h"
+#include "io/bundler_frame.h"
+#include "io/text_writer.h"
+
+namespace cairn {
+namespace {
+
+struct BundlerIntrinsics {
+  double focal_px = 0, k1 = 0, k2 = 0;
+};
+
+BundlerIntrinsics IntrinsicsOf(const Camera& camera) {
+  BundlerIntrinsics intrinsics{camera.MeanFocal()};
+  const std::vector<int> distortion = camera.DistortionIndices();
+  if (!distortion.empty()) intrinsics.k1 = camera.params[distortion[0]];
+  if (distortion.size() >= 2) intrinsics.k2 = camera.params[distortion[1]];
+  return intrinsics;
+}
+
+// Bundler's origin: the image center, or (for cameras of unknown size, read from Bundler) zero.
+Eigen::Vector2d CenterOf(const Camera& camera) {
+  return 0.5 * Eigen::Vector2d(camera.width, camera.height);
+}
+
+double TangentialOf(const Camera& camera) {
+  const std::vector<int> distortion = camera.DistortionIndices();
+  double largest = 0;
+  for (size_t i = 2; i < distortion.size(); ++i) {
+    largest = std::max(largest, std::abs(camera.params[distortion[i]]));
+  }
+  return largest;
+}
+
+std::string Rounded(double value) {
+  char digits[32];
+  return {digits, std::to_chars(digits, digits + 32, value, std::chars_format::general, 3).ptr};
+}
+
+// "<n> of <m> cameras have <what> of up to <largest><unit>: <consequence>", if any has.
+void Warn(const Reconstruction& reconstruction, const std::function<double(const Camera&)>& measure,
+          double negligible, const std::string& what, const std::string& unit,
+          const std::string& consequence, std::vector<std::string>& warnings) {
+  int count = 0;
+  double largest = 0;
+  for (const auto& [id, camera] : reconstruction.cameras) {
+    const double value = measure(camera);
+    count += value > negligible;
+    largest = std::max(largest, value);
+  }
+  if (count == 0) return;
+  warnings.push_back("Bundler: " + std::to_string(count) + " of " +
+                     std::to_string(reconstruction.cameras.size()) + " cameras have " + what +
+                     " of up to " + Rounded(largest) + unit + ": " + consequence);
+}
+
+std::vector<std::string> Approximations(const Reconstruction& reconstruction,
+                                        const std::vector<Image>& images) {
+  std::vector<std::string> warnings;
+  Warn(
+      reconstruction,
+      [](const Camera& c) { return 100 * std::abs(c.FocalX() - c.FocalY()) / c.MeanFocal(); }, 1e-9,
+      "a difference between fx and fy", " %", "their mean is written", warnings);
+  Warn(
+      reconstruction, [](const Camera& c) { return (c.PrincipalPoint() - CenterOf(c)).norm(); },
+      1e-6, "a distance between principal point and image center", " px",
+      "the format has none, keys stay relative to the image center", warnings);
+  Warn(reconstruction, TangentialOf, 0, "a tangential distortion", "", "it is left out", warnings);
+  const auto has_blank = [](const Image& i) {
+    return i.name.find_first_of(" \t") != std::string::npos;
+  };
+  const auto num_blank = std::count_if(images.begin(), images.end(), has_blank);
+  if (num_blank > 0) {
+    warnings.push_back("Bundler: " + std::to_string(num_blank) +
+                       " image names contain blanks, which other programs cannot read");
+  }
+  return warnings;
+}
+
+void WriteCamera(const Reconstruction& reconstruction, image_t image_id, TextWriter& out) {
+  const auto it = reconstruction.images.find(image_id);
+  if (it == reconstruction.images.end()) {
+    for (int line = 0; line < 5; ++line) out << "0 0 0\n";
+    return;
+  }
+  const BundlerIntrinsics intrinsics = IntrinsicsOf(reconstruction.CameraOf(it->second));
+  out << intrinsics.focal_px << " " << intrinsics.k1 << " " << intrinsics.k2 << "\n";
+  const Eigen::Matrix3d R = FlipYZ() * it->second.cam_from_world.RotationMatrix();
+  for (int row = 0; row < 3; ++row) out.Row(R.row(row)) << "\n";
+  const Eigen::Vector3d t = FlipYZ() * it->second.cam_from_world.translation;
+  out.Row(t) << "\n";
+}
+
+void WritePoint(const Reconstruction& reconstruction, const Point3D& point,
+                const std::map<image_t, size_t>& camera_index, TextWriter& out) {
+  out.Row(point.xyz) << "\n";
+  out << int{point.color[0]} << " " << int{point.color[1]} << " " << int{point.color[2]} << "\n";
+  out << point.track.size();
+  for (const TrackElement& element : point.track) {
+    const RegisteredImage& image = reconstruction.images.at(element.image_id);
+    const Eigen::Vector2d offset =
+        image.points2D.at(element.point2D) - CenterOf(reconstruction.CameraOf(image));
+    out << " " << camera_index.at(element.image_id) << " " << element.point2D << " " << offset.x()
+        << " " << -offset.y();
+  }
+  out << "\n";
+}
+
+std::vector<Image> RegisteredImages(const Reconstruction& reconstruction) {
+  std::vector<Image> images;
+  for (const auto& [id, image] : reconstruction.images) images.push_back(image.image);
+  return images;
+}
+
+}  // namespace
+
+std::vector<std::string> WriteBundler(const Reconstruction& reconstruction,
+                                      const std::string& bundle_path, const std::string& list_path,
+                                      const std::vector<Image>& all_images) {
+  const std::vector<Image> images =
+      all_images.empty() ? RegisteredImages(reconstruction) : all_images;
+  std::map<image_t, size_t> camera_index;
+  for (size_t i = 0; i < images.size(); ++i) camera_index.emplace(images[i].image_id, i);
+  for (const auto& [id, image] : reconstruction.images) {
+    CAIRN_CHECK(camera_index.count(id) == 1);
+  }
+
+  TextWriter list(list_path);
+  for (const Image& image : images) {
+    if (image.name.find('\n') != std::string::npos) {
+      throw IoError(list_path, "'" + image.name + "' cannot be a name in a list");
+    }
+    list << image.name << "\n";
+  }
+  TextWriter out(bundle_path);
+  out << "# Bundle file v0.3\n" << images.size() << " " << reconstruction.points3D.size() << "\n";
+  for (const Image& image : images) WriteCamera(reconstruction, image.image_id, out);
+  for (const auto& [id, point] : reconstruction.points3D) {
+    WritePoint(reconstruction, point, camera_index, out);
+  }
+  list.Flush();
+  out.Flush();
+  list.Commit();
+  out.Commit();
+  return Approximations(reconstruction, images);
+}
+
+}  // namespace cairn

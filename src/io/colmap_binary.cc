@@ -1,0 +1,165 @@
+// Layout: src/base/reconstruction.cc of COLMAP 3.8 documents it in code only; see
+// third_party_notes/colmap.md.
+#include "io/byte_reader.h"
+#include "io/byte_writer.h"
+#include "io/colmap_files.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kMinCameraSize = 4 + 4 + 8 + 8 + 3 * 8;
+constexpr size_t kMinImageSize = 4 + 7 * 8 + 4 + 1 + 8;
+constexpr size_t kPoint2DSize = 3 * 8;
+constexpr size_t kMinPoint3DSize = 8 + 3 * 8 + 3 + 8 + 8;
+constexpr size_t kTrackElementSize = 2 * 4;
+
+Camera ReadCamera(ByteReader& reader) {
+  Camera camera;
+  camera.camera_id = reader.Read<uint32_t>();
+  const std::string name = "camera " + std::to_string(camera.camera_id);
+  const int32_t model_id = reader.Read<int32_t>();
+  const std::optional<CameraModel> model = CameraModelFromId(model_id);
+  if (!model) {
+    reader.Fail(name + " has the model " + std::to_string(model_id) +
+                ", which is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV");
+  }
+  camera.model = *model;
+  const uint64_t width = reader.Read<uint64_t>();
+  const uint64_t height = reader.Read<uint64_t>();
+  if (width > INT32_MAX || height > INT32_MAX) reader.Fail(name + " has an impossible size");
+  camera.width = static_cast<int>(width);
+  camera.height = static_cast<int>(height);
+  camera.params.resize(CameraModelNumParams(*model));
+  for (double& param : camera.params) param = reader.Read<double>();
+  const std::string reason = camera.Validate();
+  if (!reason.empty()) reader.Fail(name + ": " + reason);
+  return camera;
+}
+
+RegisteredImage ReadImage(ByteReader& reader) {
+  RegisteredImage image;
+  image.image.image_id = reader.Read<uint32_t>();
+  double pose[7];
+  for (double& value : pose) value = reader.Read<double>();
+  image.cam_from_world.rotation = UnitQuaternion(pose[0], pose[1], pose[2], pose[3]);
+  image.cam_from_world.translation << pose[4], pose[5], pose[6];
+  if (image.cam_from_world.rotation.squaredNorm() == 0 ||
+      !image.cam_from_world.translation.allFinite()) {
+    reader.Fail("image " + std::to_string(image.image.image_id) + " has an impossible pose");
+  }
+  image.image.camera_id = reader.Read<uint32_t>();
+  image.image.name = reader.ReadCString();
+  const size_t num_points = reader.ReadCount(kPoint2DSize);
+  image.points2D.resize(num_points);
+  image.point3D_ids.resize(num_points);
+  for (size_t i = 0; i < num_points; ++i) {
+    image.points2D[i].x() = reader.Read<double>();
+    image.points2D[i].y() = reader.Read<double>();
+    image.point3D_ids[i] = reader.Read<uint64_t>();
+  }
+  return image;
+}
+
+Point3D ReadPoint(ByteReader& reader, point3D_t id) {
+  Point3D point;
+  for (int i = 0; i < 3; ++i) point.xyz[i] = reader.Read<double>();
+  for (uint8_t& channel : point.color) channel = reader.Read<uint8_t>();
+  point.error_px = reader.Read<double>();
+  if (!point.xyz.allFinite()) reader.Fail("point " + std::to_string(id) + " is not finite");
+  point.track.resize(reader.ReadCount(kTrackElementSize));
+  for (TrackElement& element : point.track) {
+    element.image_id = reader.Read<uint32_t>();
+    element.point2D = reader.Read<uint32_t>();
+  }
+  return point;
+}
+
+void ReadCameras(const std::string& path, Reconstruction& reconstruction) {
+  ByteReader reader(path);
+  for (size_t n = reader.ReadCount(kMinCameraSize); n > 0; --n) {
+    const Camera camera = ReadCamera(reader);
+    if (!reconstruction.cameras.emplace(camera.camera_id, camera).second) {
+      reader.Fail("camera " + std::to_string(camera.camera_id) + " is there twice");
+    }
+  }
+  reader.ExpectEnd();
+}
+
+void ReadImages(const std::string& path, Reconstruction& reconstruction) {
+  ByteReader reader(path);
+  for (size_t n = reader.ReadCount(kMinImageSize); n > 0; --n) {
+    RegisteredImage image = ReadImage(reader);
+    const image_t id = image.image.image_id;
+    if (!reconstruction.images.emplace(id, std::move(image)).second) {
+      reader.Fail("image " + std::to_string(id) + " is there twice");
+    }
+  }
+  reader.ExpectEnd();
+}
+
+void ReadPoints(const std::string& path, Reconstruction& reconstruction) {
+  ByteReader reader(path);
+  for (size_t n = reader.ReadCount(kMinPoint3DSize); n > 0; --n) {
+    const point3D_t id = reader.Read<uint64_t>();
+    if (!reconstruction.points3D.emplace(id, ReadPoint(reader, id)).second) {
+      reader.Fail("point " + std::to_string(id) + " is there twice");
+    }
+  }
+  reader.ExpectEnd();
+}
+
+void WriteCameras(const Reconstruction& reconstruction, ByteWriter& out) {
+  out << uint64_t{reconstruction.cameras.size()};
+  for (const auto& [id, camera] : reconstruction.cameras) {
+    out << id << static_cast<int32_t>(camera.model) << static_cast<uint64_t>(camera.width)
+        << static_cast<uint64_t>(camera.height);
+    for (const double param : camera.params) out << param;
+  }
+}
+
+void WriteImages(const Reconstruction& reconstruction, ByteWriter& out) {
+  out << uint64_t{reconstruction.images.size()};
+  for (const auto& [id, image] : reconstruction.images) {
+    const Eigen::Quaterniond& q = image.cam_from_world.rotation;
+    const Eigen::Vector3d& t = image.cam_from_world.translation;
+    out << id << q.w() << q.x() << q.y() << q.z() << t.x() << t.y() << t.z()
+        << image.image.camera_id
+        << std::string_view(image.image.name.c_str(), image.image.name.size() + 1)
+        << uint64_t{image.points2D.size()};
+    for (size_t i = 0; i < image.points2D.size(); ++i) {
+      out << image.points2D[i].x() << image.points2D[i].y() << image.point3D_ids[i];
+    }
+  }
+}
+
+void WritePoints(const Reconstruction& reconstruction, ByteWriter& out) {
+  out << uint64_t{reconstruction.points3D.size()};
+  for (const auto& [id, point] : reconstruction.points3D) {
+    out << id << point.xyz.x() << point.xyz.y() << point.xyz.z() << point.color[0] << point.color[1]
+        << point.color[2] << StoredError(point) << uint64_t{point.track.size()};
+    for (const TrackElement& element : point.track) out << element.image_id << element.point2D;
+  }
+}
+
+}  // namespace
+
+Reconstruction ReadColmapBinary(const std::string& folder) {
+  Reconstruction reconstruction;
+  ReadCameras(folder + "/cameras.bin", reconstruction);
+  ReadImages(folder + "/images.bin", reconstruction);
+  ReadPoints(folder + "/points3D.bin", reconstruction);
+  return reconstruction;
+}
+
+void WriteColmapBinary(const Reconstruction& reconstruction, const std::string& folder) {
+  ByteWriter cameras(folder + "/cameras.bin");
+  ByteWriter images(folder + "/images.bin");
+  ByteWriter points(folder + "/points3D.bin");
+  WriteCameras(reconstruction, cameras);
+  WriteImages(reconstruction, images);
+  WritePoints(reconstruction, points);
+  for (ByteWriter* file : {&cameras, &images, &points}) file->Flush();
+  for (ByteWriter* file : {&cameras, &images, &points}) file->Commit();
+}
+
+}  // namespace cairn

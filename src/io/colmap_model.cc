@@ -1,0 +1,113 @@
+#include "cairn/io/colmap_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "cairn/base/check.h"
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "io/colmap_files.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool HasFile(const std::string& folder, const char* name) {
+  std::error_code ignored;
+  return fs::is_regular_file(fs::path(folder) / name, ignored);
+}
+
+std::string IdText(const char* kind, uint64_t id) {
+  return std::string(kind) + " " + std::to_string(id);
+}
+
+void CheckImages(const Reconstruction& r, const std::string& folder) {
+  for (const auto& [id, image] : r.images) {
+    if (r.cameras.count(image.image.camera_id) == 0) {
+      throw IoError(folder, IdText("image", id) + " refers to " +
+                                IdText("camera", image.image.camera_id) + ", which is not there");
+    }
+    for (const point3D_t point_id : image.point3D_ids) {
+      if (point_id != kInvalidPoint3DId && r.points3D.count(point_id) == 0) {
+        throw IoError(folder, IdText("image", id) + " refers to " + IdText("point", point_id) +
+                                  ", which is not there");
+      }
+    }
+  }
+}
+
+void CheckTracks(const Reconstruction& r, const std::string& folder) {
+  int64_t num_references = 0;
+  for (const auto& [id, image] : r.images) {
+    num_references += std::count_if(image.point3D_ids.begin(), image.point3D_ids.end(),
+                                    [](point3D_t p) { return p != kInvalidPoint3DId; });
+  }
+  for (const auto& [id, point] : r.points3D) {
+    for (const TrackElement& element : point.track) {
+      const auto image = r.images.find(element.image_id);
+      if (image == r.images.end() || element.point2D >= image->second.point3D_ids.size() ||
+          image->second.point3D_ids[element.point2D] != id) {
+        throw IoError(
+            folder, IdText("point", id) + " refers to " + IdText("keypoint", element.point2D) +
+                        " of " + IdText("image", element.image_id) + ", which does not refer back");
+      }
+    }
+  }
+  if (num_references != r.NumObservations()) {
+    throw IoError(folder, "images refer to points that do not refer back");
+  }
+}
+
+}  // namespace
+
+Eigen::Quaterniond UnitQuaternion(double w, double x, double y, double z) {
+  Eigen::Quaterniond q(w, x, y, z);
+  const double squared_norm = q.squaredNorm();
+  if (!(squared_norm > 1e-20) || !std::isfinite(squared_norm))
+    return Eigen::Quaterniond(0, 0, 0, 0);
+  if (std::abs(squared_norm - 1.0) > 1e-14) q.coeffs() /= std::sqrt(squared_norm);
+  return q;
+}
+
+bool IsColmapModel(const std::string& folder) {
+  return HasFile(folder, "cameras.bin") || HasFile(folder, "cameras.txt");
+}
+
+Reconstruction ReadColmapModel(const std::string& folder) {
+  const bool is_binary = HasFile(folder, "cameras.bin") || !HasFile(folder, "cameras.txt");
+  return ReadColmapModel(folder, is_binary ? ColmapModelFormat::kBinary : ColmapModelFormat::kText);
+}
+
+Reconstruction ReadColmapModel(const std::string& folder, ColmapModelFormat format) {
+  Reconstruction reconstruction =
+      format == ColmapModelFormat::kBinary ? ReadColmapBinary(folder) : ReadColmapText(folder);
+  for (auto& [id, point] : reconstruction.points3D) {
+    std::sort(point.track.begin(), point.track.end());
+  }
+  CheckImages(reconstruction, folder);
+  CheckTracks(reconstruction, folder);
+  return reconstruction;
+}
+
+void WriteColmapModel(const Reconstruction& reconstruction, const std::string& folder,
+                      ColmapModelFormat format) {
+  for (const auto& [id, image] : reconstruction.images) {
+    CAIRN_CHECK_EQ(id, image.image.image_id);
+    CAIRN_CHECK_EQ(image.points2D.size(), image.point3D_ids.size());
+    CAIRN_CHECK(reconstruction.cameras.count(image.image.camera_id) == 1);
+    if (image.image.name.empty() ||
+        image.image.name.find_first_of(std::string_view("\0\n\r", 3)) != std::string::npos) {
+      throw IoError(folder, "'" + image.image.name + "' cannot be an image's name in a model");
+    }
+  }
+  CreateFolders(folder);
+  if (format == ColmapModelFormat::kBinary) {
+    WriteColmapBinary(reconstruction, folder);
+  } else {
+    WriteColmapText(reconstruction, folder);
+  }
+}
+
+}  // namespace cairn

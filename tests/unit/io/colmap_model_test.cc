@@ -1,0 +1,278 @@
+#include "cairn/io/colmap_model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "random_reconstruction.h"
+#include "support/temp_folder.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::RandomReconstruction;
+using testing::TempFolder;
+
+std::array<std::string, 3> Names(ColmapModelFormat format) {
+  const std::string extension = format == ColmapModelFormat::kBinary ? ".bin" : ".txt";
+  return {"cameras" + extension, "images" + extension, "points3D" + extension};
+}
+
+void ExpectEqual(const Reconstruction& a, const Reconstruction& b) {
+  ASSERT_EQ(a.cameras.size(), b.cameras.size());
+  for (const auto& [id, camera] : a.cameras) {
+    const Camera& other = b.cameras.at(id);
+    EXPECT_EQ(camera.model, other.model);
+    EXPECT_EQ(camera.width, other.width);
+    EXPECT_EQ(camera.height, other.height);
+    EXPECT_EQ(camera.params, other.params);
+  }
+  ASSERT_EQ(a.images.size(), b.images.size());
+  for (const auto& [id, image] : a.images) {
+    const RegisteredImage& other = b.images.at(id);
+    EXPECT_EQ(image.image.name, other.image.name);
+    EXPECT_EQ(image.image.camera_id, other.image.camera_id);
+    EXPECT_EQ(image.cam_from_world.rotation.coeffs(), other.cam_from_world.rotation.coeffs());
+    EXPECT_EQ(image.cam_from_world.translation, other.cam_from_world.translation);
+    EXPECT_EQ(image.points2D, other.points2D);
+    EXPECT_EQ(image.point3D_ids, other.point3D_ids);
+  }
+  ASSERT_EQ(a.points3D.size(), b.points3D.size());
+  for (const auto& [id, point] : a.points3D) {
+    const Point3D& other = b.points3D.at(id);
+    EXPECT_EQ(point.xyz, other.xyz);
+    EXPECT_EQ(point.color, other.color);
+    EXPECT_EQ(point.error_px, other.error_px);
+    EXPECT_EQ(point.track, other.track);
+  }
+}
+
+std::string ReadError(const std::string& folder, ColmapModelFormat format) {
+  try {
+    ReadColmapModel(folder, format);
+  } catch (const IoError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+class ColmapModel : public ::testing::TestWithParam<ColmapModelFormat> {};
+INSTANTIATE_TEST_SUITE_P(Formats, ColmapModel,
+                         ::testing::Values(ColmapModelFormat::kBinary, ColmapModelFormat::kText),
+                         [](const auto& info) {
+                           return info.param == ColmapModelFormat::kBinary ? "Binary" : "Text";
+                         });
+
+TEST_P(ColmapModel, ComesBackExactlyAndInEqualBytes) {
+  const TempFolder folder;
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    const Reconstruction written = RandomReconstruction(seed);
+    WriteColmapModel(written, folder / "a", GetParam());
+    const Reconstruction read = ReadColmapModel(folder / "a");
+    read.CheckConsistency();
+    ExpectEqual(written, read);
+    WriteColmapModel(read, folder / "b/c", GetParam());
+    for (const std::string& name : Names(GetParam())) {
+      EXPECT_EQ(ReadFile(folder / ("a/" + name)), ReadFile(folder / ("b/c/" + name))) << name;
+    }
+  }
+}
+
+TEST_P(ColmapModel, EmptyModelAndImagesWithoutKeypoints) {
+  const TempFolder folder;
+  WriteColmapModel({}, folder / "a", GetParam());
+  EXPECT_TRUE(ReadColmapModel(folder / "a").images.empty());
+  Reconstruction r = RandomReconstruction(1, {.num_points = 0});
+  WriteColmapModel(r, folder / "a", GetParam());
+  ExpectEqual(r, ReadColmapModel(folder / "a"));
+}
+
+TEST_P(ColmapModel, ErrorsThatAreNotFiniteAreWrittenAsUnknown) {
+  const TempFolder folder;
+  Reconstruction r = RandomReconstruction(1);
+  r.points3D.begin()->second.error_px = std::numeric_limits<double>::infinity();
+  WriteColmapModel(r, folder / "a", GetParam());
+  EXPECT_EQ(ReadColmapModel(folder / "a").points3D.begin()->second.error_px, -1);
+}
+
+TEST_P(ColmapModel, EveryTruncatedFileIsAnErrorOrASmallerText) {
+  const TempFolder folder;
+  WriteColmapModel(RandomReconstruction(3, {.num_images = 2, .num_points = 2}), folder.path(),
+                   GetParam());
+  for (const std::string& name : Names(GetParam())) {
+    const std::string bytes = ReadFile(folder / name);
+    const size_t step = GetParam() == ColmapModelFormat::kBinary ? 1 : 5;
+    for (size_t size = 0; size < bytes.size(); size += step) {
+      std::ofstream(folder / name, std::ios::binary) << std::string_view(bytes).substr(0, size);
+      if (GetParam() == ColmapModelFormat::kBinary) {
+        EXPECT_THROW(ReadColmapModel(folder.path()), IoError) << name << " cut at " << size;
+      } else {
+        try {  // A text can end anywhere; a cut last number cannot be told from a whole one.
+          ReadColmapModel(folder.path());
+        } catch (const IoError&) {
+        }
+      }
+    }
+    WriteFileAtomically(folder / name,
+                        bytes + (GetParam() == ColmapModelFormat::kBinary ? std::string("\0", 1)
+                                                                          : std::string("1 x\n")));
+    EXPECT_THROW(ReadColmapModel(folder.path()), IoError);
+    WriteFileAtomically(folder / name, bytes);
+  }
+  EXPECT_NO_THROW(ReadColmapModel(folder.path()));
+}
+
+TEST_P(ColmapModel, DamagedBytesNeverCrashOrAskForMuchMemory) {
+  const TempFolder folder;
+  WriteColmapModel(RandomReconstruction(3, {.num_images = 2, .num_points = 2}), folder.path(),
+                   GetParam());
+  Rng rng(5);
+  for (const std::string& name : Names(GetParam())) {
+    const std::string bytes = ReadFile(folder / name);
+    for (int i = 0; i < 150; ++i) {
+      std::string damaged = bytes;
+      for (uint32_t n = 1 + rng.UniformInt(8); n > 0; --n) {
+        damaged[rng.UniformInt(static_cast<uint32_t>(damaged.size()))] =
+            static_cast<char>(rng.UniformInt(256));
+      }
+      std::ofstream(folder / name, std::ios::binary) << damaged;
+      try {
+        ReadColmapModel(folder.path());
+      } catch (const IoError&) {
+      }
+    }
+    WriteFileAtomically(folder / name, bytes);
+  }
+}
+
+TEST_P(ColmapModel, AbsentFilesAndFoldersAreNamed) {
+  const TempFolder folder;
+  EXPECT_FALSE(IsColmapModel(folder.path()));
+  EXPECT_THROW(ReadColmapModel(folder / "absent"), IoError);
+  WriteColmapModel(RandomReconstruction(3), folder.path(), GetParam());
+  EXPECT_TRUE(IsColmapModel(folder.path()));
+  const std::string points = Names(GetParam())[2];
+  std::filesystem::remove(folder / points);
+  EXPECT_THAT(ReadError(folder.path(), GetParam()), HasSubstr(points + ": No such file"));
+}
+
+TEST_P(ColmapModel, FilesThatContradictEachOtherAreErrors) {
+  const TempFolder folder;
+  const auto expect_error = [&](const char* reason, auto change) {
+    Reconstruction r = RandomReconstruction(3);
+    change(r);
+    WriteColmapModel(r, folder.path(), GetParam());
+    EXPECT_THAT(ReadError(folder.path(), GetParam()), HasSubstr(reason));
+  };
+  expect_error("no error", [](Reconstruction&) {});
+  expect_error("which is not there",
+               [](Reconstruction& r) { r.points3D.erase(r.points3D.begin()); });
+  expect_error("does not refer back",
+               [](Reconstruction& r) { r.points3D.begin()->second.track[0].image_id = 1000; });
+  expect_error("does not refer back",
+               [](Reconstruction& r) { r.points3D.begin()->second.track[0].point2D = 1000000; });
+  expect_error("do not refer back",
+               [](Reconstruction& r) { r.points3D.begin()->second.track.pop_back(); });
+}
+
+TEST_P(ColmapModel, BrokenReconstructionsAreNotWritten) {
+  const TempFolder folder;
+  Reconstruction r = RandomReconstruction(3);
+  r.images.begin()->second.image.camera_id = 77;
+  EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), BugError);
+  r = RandomReconstruction(3);
+  r.images.begin()->second.image.name = "two\nlines";
+  EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), IoError);
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  // A file where the folder should be.
+  WriteFileAtomically(folder / "file", "");
+  EXPECT_THROW(WriteColmapModel(RandomReconstruction(3), folder / "file", GetParam()), IoError);
+}
+
+TEST(ColmapBinary, LayoutByHand) {
+  const TempFolder folder;
+  Reconstruction r;
+  r.cameras[3] = Camera::FromFocal(3, CameraModel::kSimplePinhole, 500, 640, 480);
+  r.images[7].image = {7, "a.jpg", 3};
+  r.images[7].cam_from_world =
+      Rigid3d(Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5), Eigen::Vector3d(1, 2, 3));
+  WriteColmapModel(r, folder.path());
+  const std::string cameras = ReadFile(folder / "cameras.bin");
+  ASSERT_EQ(cameras.size(), 8u + 4 + 4 + 8 + 8 + 3 * 8);
+  double focal;
+  std::memcpy(&focal, &cameras[32], 8);
+  EXPECT_EQ(focal, 500);
+  const std::string images = ReadFile(folder / "images.bin");
+  ASSERT_EQ(images.size(), 8u + 4 + 7 * 8 + 4 + 6 + 8);
+  double pose[7];
+  std::memcpy(pose, &images[12], sizeof(pose));
+  EXPECT_THAT(pose, ::testing::ElementsAre(0.5, -0.5, 0.5, -0.5, 1, 2, 3));
+  EXPECT_EQ(images.substr(72, 6), std::string("a.jpg\0", 6));
+}
+
+TEST(ColmapBinary, UnknownCameraModelsAndTwoOfAKindAreNamed) {
+  const TempFolder folder;
+  WriteColmapModel(RandomReconstruction(3), folder.path());
+  const std::string bytes = ReadFile(folder / "cameras.bin");
+  std::string changed = bytes;
+  changed[12] = 5;  // OPENCV_FISHEYE
+  WriteFileAtomically(folder / "cameras.bin", changed);
+  EXPECT_THAT(ReadError(folder.path(), ColmapModelFormat::kBinary),
+              HasSubstr("camera 1 has the model 5"));
+  WriteFileAtomically(folder / "cameras.bin", bytes);
+  std::string images = ReadFile(folder / "images.bin");
+  images[8] = 2;  // the id of the second image
+  WriteFileAtomically(folder / "images.bin", images);
+  EXPECT_THAT(ReadError(folder.path(), ColmapModelFormat::kBinary),
+              HasSubstr("images.bin: image 2 is there twice"));
+}
+
+TEST(ColmapText, ErrorsNameTheLine) {
+  const TempFolder folder;
+  WriteColmapModel(RandomReconstruction(3), folder.path(), ColmapModelFormat::kText);
+  const auto error_with = [&](const std::string& name, const std::string& text) {
+    const std::string good = ReadFile(folder / name);
+    WriteFileAtomically(folder / name, text);
+    const std::string error = ReadError(folder.path(), ColmapModelFormat::kText);
+    WriteFileAtomically(folder / name, good);
+    return error;
+  };
+  EXPECT_THAT(error_with("cameras.txt", "# c\n\n1 FISHEYE 10 10 1 1 1\n"),
+              HasSubstr("cameras.txt:3: 'FISHEYE' is none of"));
+  EXPECT_THAT(error_with("cameras.txt", "1 PINHOLE 10 10 1 1 1\n"),
+              HasSubstr("cameras.txt:1: the line is too short"));
+  EXPECT_THAT(error_with("cameras.txt", "1 PINHOLE 10 10 1 1 1 1 1\n"),
+              HasSubstr("cameras.txt:1: the line is too long"));
+  EXPECT_THAT(error_with("cameras.txt", "1 PINHOLE 10 10 1 -1 1 1\n"),
+              HasSubstr("cameras.txt:1: the focal length must be positive"));
+  EXPECT_THAT(error_with("images.txt", "1 1 0 0 nan 0 0 0 1 a.jpg\n\n"),
+              HasSubstr("images.txt:1: quaternion expected, not 'nan'"));
+  EXPECT_THAT(error_with("images.txt", "1 0 0 0 0 0 0 0 1 a.jpg\n\n"),
+              HasSubstr("images.txt:1: the quaternion is zero"));
+  EXPECT_THAT(error_with("images.txt", "1 1 0 0 0 0 0 0 1\n\n"),
+              HasSubstr("images.txt:1: the line is too short: the name"));
+  EXPECT_THAT(error_with("images.txt", "1 1 0 0 0 0 0 0 1 a.jpg\n1 2\n"),
+              HasSubstr("images.txt:2: the line is too short: 3D point id"));
+  EXPECT_THAT(error_with("points3D.txt", "1 0 0 0 256 0 0 1 1 0\n"),
+              HasSubstr("points3D.txt:1: color 256 is not in"));
+}
+
+TEST(ColmapText, QuaternionsAreNormalizedAndCarriageReturnsIgnored) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "cameras.txt", "1 SIMPLE_PINHOLE 10 10 5 5 5\r\n");
+  WriteFileAtomically(folder / "images.txt", "4 2 0 0 0 1 2 3 1 a b.jpg\r\n\r\n");
+  WriteFileAtomically(folder / "points3D.txt", "");
+  const Reconstruction r = ReadColmapModel(folder.path());
+  EXPECT_EQ(r.images.at(4).image.name, "a b.jpg");
+  EXPECT_EQ(r.images.at(4).cam_from_world.rotation.w(), 1.0);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,138 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/io/model.h"
+#include "cairn/io/ply.h"
+#include "cairn/io/transforms_json.h"
+#include "random_reconstruction.h"
+#include "support/temp_folder.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::RandomReconstruction;
+using testing::TempFolder;
+
+struct PlyFile {
+  std::string header;
+  std::string body;
+  Eigen::Vector3f Vertex(size_t i) const {
+    Eigen::Vector3f v;
+    std::memcpy(v.data(), &body[15 * i], 12);
+    return v;
+  }
+};
+
+PlyFile ReadPly(const std::string& path) {
+  const std::string bytes = ReadFile(path);
+  const size_t end = bytes.find("end_header\n") + 11;
+  return {bytes.substr(0, end), bytes.substr(end)};
+}
+
+TEST(Ply, PointsAndFrusta) {
+  const TempFolder folder;
+  const Reconstruction r = RandomReconstruction(4, {.num_images = 2, .num_points = 10});
+  WritePly(r, folder / "a.ply", {.frustum_depth = 0.5});
+  const PlyFile ply = ReadPly(folder / "a.ply");
+  EXPECT_THAT(ply.header, HasSubstr("element vertex 20\n"));  // 10 points + 2 * (center + corners)
+  EXPECT_THAT(ply.header, HasSubstr("element edge 16\n"));
+  ASSERT_EQ(ply.body.size(), 20u * 15 + 16 * 11);
+  EXPECT_EQ(ply.Vertex(3), r.points3D.at(4).xyz.cast<float>());
+  const RegisteredImage& image = r.images.at(1);
+  EXPECT_LT((ply.Vertex(10).cast<double>() - image.cam_from_world.Center()).norm(), 1e-5);
+  for (int corner = 0; corner < 4; ++corner) {
+    const Eigen::Vector3d x =
+        image.cam_from_world * Eigen::Vector3d(ply.Vertex(11 + corner).cast<double>());
+    EXPECT_NEAR(x.z(), 0.5, 1e-5);
+    EXPECT_NEAR(std::abs(x.x() / x.z()), 400 / r.CameraOf(image).FocalX(), 1e-5);
+    EXPECT_NEAR(std::abs(x.y() / x.z()), 300 / r.CameraOf(image).FocalY(), 1e-5);
+  }
+}
+
+TEST(Ply, EachPartCanBeLeftOut) {
+  const TempFolder folder;
+  const Reconstruction r = RandomReconstruction(4, {.num_images = 3, .num_points = 10});
+  WritePly(r, folder / "a.ply", {.cameras = false});
+  EXPECT_EQ(ReadPly(folder / "a.ply").body.size(), 10u * 15);
+  WritePly(r, folder / "a.ply", {.points = false});
+  EXPECT_EQ(ReadPly(folder / "a.ply").body.size(), 15u * 15 + 24 * 11);
+  WritePly({}, folder / "a.ply");
+  EXPECT_EQ(ReadPly(folder / "a.ply").body.size(), 0u);
+}
+
+TEST(Ply, FrustaScaleWithTheScene) {
+  const TempFolder folder;
+  Reconstruction r = RandomReconstruction(4, {.num_images = 5, .num_points = 0});
+  const auto depth = [&] {
+    WritePly(r, folder / "a.ply");
+    const PlyFile ply = ReadPly(folder / "a.ply");
+    return (r.images.at(1).cam_from_world * Eigen::Vector3d(ply.Vertex(1).cast<double>())).z();
+  };
+  const double before = depth();
+  EXPECT_GT(before, 0);
+  r.Transform({.scale = 10});
+  EXPECT_NEAR(depth(), 10 * before, 1e-4 * before);
+}
+
+TEST(TransformsJson, ProjectsAsOpenGlCameras) {
+  const TempFolder folder;
+  const Reconstruction r = RandomReconstruction(4, {.pixel_noise = 0.0});
+  WriteTransformsJson(r, folder / "transforms.json", "../images", "points.ply");
+  const auto json = nlohmann::json::parse(ReadFile(folder / "transforms.json"));
+  EXPECT_EQ(json["camera_model"], "OPENCV");
+  EXPECT_EQ(json["ply_file_path"], "points.ply");
+  ASSERT_EQ(json["frames"].size(), r.images.size());
+  size_t i = 0;
+  for (const auto& [id, image] : r.images) {
+    const auto& frame = json["frames"][i++];
+    EXPECT_EQ(frame["file_path"], "../images/" + image.image.name);
+    EXPECT_EQ(frame["w"], 800);
+    Eigen::Matrix4d world_from_gl;
+    for (int k = 0; k < 16; ++k)
+      world_from_gl(k / 4, k % 4) = frame["transform_matrix"][k / 4][k % 4];
+    for (size_t p = 0; p < image.points2D.size(); ++p) {
+      if (image.point3D_ids[p] == kInvalidPoint3DId) continue;
+      const Eigen::Vector3d x =
+          (world_from_gl.inverse() * r.points3D.at(image.point3D_ids[p]).xyz.homogeneous())
+              .head<3>();
+      const double u = x.x() / -x.z(), v = -x.y() / -x.z(), r2 = u * u + v * v;
+      const double k1 = frame["k1"], k2 = frame["k2"], p1 = frame["p1"], p2 = frame["p2"];
+      const double radial = 1 + k1 * r2 + k2 * r2 * r2;
+      const Eigen::Vector2d pixel(
+          frame["fl_x"].get<double>() * (u * radial + 2 * p1 * u * v + p2 * (r2 + 2 * u * u)) +
+              frame["cx"].get<double>(),
+          frame["fl_y"].get<double>() * (v * radial + 2 * p2 * u * v + p1 * (r2 + 2 * v * v)) +
+              frame["cy"].get<double>());
+      EXPECT_LT((pixel - image.points2D[p]).norm(), 1e-8);
+    }
+  }
+}
+
+TEST(Export, UnwritablePlacesAreErrorsAndLeaveNothing) {
+  const TempFolder folder;
+  const Reconstruction r = RandomReconstruction(4);
+  EXPECT_THROW(WritePly(r, folder / "absent/a.ply"), IoError);
+  EXPECT_THROW(WriteTransformsJson(r, folder / "absent/a.json", ""), IoError);
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
+TEST(ReadModel, WhatIsNoModelIsNamed) {
+  const TempFolder folder;
+  EXPECT_THROW(ReadModel(folder / "absent"), IoError);
+  try {
+    ReadModel(folder.path());
+    FAIL();
+  } catch (const IoError& error) {
+    EXPECT_THAT(error.reason(), HasSubstr("neither a COLMAP model"));
+  }
+}
+
+}  // namespace
+}  // namespace cairn
