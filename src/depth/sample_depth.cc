@@ -20,10 +20,8 @@ std::vector<DepthSample> SampleDepth(const DepthMap& map, int image_width, int i
       static_cast<double>(map.width) / image_width;  // map pixels per image pixel
   const double scale_y = static_cast<double>(map.height) / image_height;
   const double image_size = std::max(image_width, image_height);
-  std::vector<double> values(num_pixels);
-  for (size_t i = 0; i < num_pixels; ++i) values[i] = map.is_valid[i] ? map.depth[i] : 0.0;
   const auto make_planes = [&](double window) {
-    return WeightedPlanes(map, values, window * image_size * scale_x,
+    return WeightedPlanes(map, map.depth, window * image_size * scale_x,
                           window * image_size * scale_y);
   };
   const WeightedPlanes value_planes = make_planes(options.value_window);

@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-// v = value + gradient . (p - position), in map pixels (the map's top-left pixel has its center at
+// v = value at a point, and its gradient, in map pixels (the map's top-left pixel has its center at
 // (0.5, 0.5)).
 struct LocalPlane {
   double value = 0;
@@ -16,13 +16,14 @@ struct LocalPlane {
 };
 
 // Planes fitted to a scalar map by least squares with Gaussian weights around any point, over the
-// valid pixels alone (normalized convolution of first order; Knutsson and Westin 1993). All moments
-// are blurred once over the map; an exact plane is found exactly, next to holes and the border too.
+// valid pixels alone (normalized convolution of first order; Knutsson and Westin 1993). An exact
+// plane is found exactly, next to holes and the border too. For a wide window the pixels are first
+// gathered in cells that keep their moments, so that a fit looks at a few hundred cells at most.
 class WeightedPlanes {
  public:
-  // sigma: standard deviation of the weights in map pixels, along x and y. At least half a pixel
-  // is used.
-  WeightedPlanes(const DepthMap& map, const std::vector<double>& values, double sigma_x,
+  // sigma: standard deviation of the weights in map pixels, along x and y; at least 0.7 is used.
+  // `map` and `values` (one a pixel) must outlive this object.
+  WeightedPlanes(const DepthMap& map, const std::vector<float>& values, double sigma_x,
                  double sigma_y);
 
   // The plane around (x, y), or false where the valid pixels fix none.
@@ -33,10 +34,21 @@ class WeightedPlanes {
   static constexpr int kNumMoments = 9;
   using Moments = std::array<double, kNumMoments>;
 
-  int cells_x_ = 0, cells_y_ = 0;
-  int cell_width_ = 1, cell_height_ = 1;  // map pixels per cell
-  double center_x_ = 0, center_y_ = 0;    // map pixels
-  std::vector<Moments> moments_;          // cells_y x cells_x
+  // Cells first .. first + weights.size() - 1 of one axis, and their Gaussian weights.
+  struct Window {
+    int first = 0;
+    std::vector<double> weights;
+  };
+  static Window MakeWindow(double position, double sigma, int cell_size, int num_cells);
+  Moments PixelMoments(int column, int row) const;
+  Moments WindowMoments(double x, double y) const;
+
+  const DepthMap* map_;
+  const std::vector<float>* values_;
+  double sigma_x_, sigma_y_;
+  int cell_width_, cell_height_;  // map pixels per cell
+  int cells_x_, cells_y_;
+  std::vector<Moments> cells_;  // cells_y x cells_x; empty where a cell is a pixel
 };
 
 }  // namespace cairn
