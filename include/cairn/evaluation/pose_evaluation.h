@@ -6,25 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "cairn/evaluation/error_statistics.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/scene/reconstruction.h"
 
 namespace cairn {
-
-// Area under the recall curve of `errors` up to `threshold`, as a share of the best possible, in
-// [0, 1] (METHOD.md section 9). An error may be infinite: never recalled. 0 for no errors.
-double RecallAuc(std::vector<double> errors, double threshold);
-
-// Middle element, or mean of the two; 0 if empty.
-double Median(std::vector<double> values);
-
-struct ErrorStatistics {
-  double mean = 0;
-  double median = 0;
-  double standard_deviation = 0;  // divided by n
-  int count = 0;
-};
-ErrorStatistics ComputeErrorStatistics(const std::vector<double>& errors);
 
 // A camera as an evaluation sees it.
 struct PosedCamera {
@@ -74,8 +60,12 @@ struct PoseEvaluation {
 // number of images.
 PoseEvaluation EvaluatePoses(const PosedCameras& estimate, const PosedCameras& reference);
 
-// As a table for people, and as JSON.
+// As a table for people.
 std::string FormatPoseEvaluation(const PoseEvaluation& evaluation);
+// As JSON, AUC in percent, absent values null: registered, gt, extra, auc@1 ... auc@20,
+// rel_rot_med_deg, rel_trans_med_deg, center_{med,mean,std,med_rel},
+// orientation_{med,mean,std}_deg, focal_rel_{med,mean,std}, and per image {name, registered,
+// orientation_deg, center, focal_rel}.
 std::string PoseEvaluationToJson(const PoseEvaluation& evaluation);
 
 }  // namespace cairn

@@ -1,0 +1,169 @@
+#include "cairn/evaluation/pose_evaluation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cairn/evaluation/alignment.h"
+#include "cairn/math/angles.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+std::string BaseName(const std::string& name) { return name.substr(name.rfind('/') + 1); }
+
+// An image of the reference with its counterpart, if it was registered.
+struct Match {
+  const std::string* name;
+  const PosedCamera* reference;
+  const PosedCamera* estimate;  // null: not registered
+};
+
+std::vector<Match> MatchNames(const PosedCameras& estimate, const PosedCameras& reference) {
+  std::map<std::string, const PosedCamera*> by_base_name;
+  for (const auto& [name, camera] : estimate) by_base_name[BaseName(name)] = &camera;
+  std::vector<Match> matches;
+  for (const auto& [name, camera] : reference) {
+    const auto exact = estimate.find(name);
+    const auto base = by_base_name.find(BaseName(name));
+    const PosedCamera* found = exact != estimate.end()      ? &exact->second
+                               : base != by_base_name.end() ? base->second
+                                                            : nullptr;
+    matches.push_back({&name, &camera, found});
+  }
+  return matches;
+}
+
+// As METHOD.md section 9: two cameras in one place have no direction, which is right if they are
+// in one place in both.
+double DirectionErrorDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  constexpr double kZero = 1e-12;
+  if (a.norm() < kZero || b.norm() < kZero) {
+    return a.norm() < kZero && b.norm() < kZero ? 0.0 : 180.0;
+  }
+  return RadToDeg(AngleBetween(a, b));
+}
+
+Eigen::Vector3d CenterInFrameOf(const PosedCamera& other, const PosedCamera& camera) {
+  return camera.cam_from_world.rotation *
+         (other.cam_from_world.Center() - camera.cam_from_world.Center());
+}
+
+void EvaluatePairs(const std::vector<Match>& matches, PoseEvaluation& evaluation) {
+  std::vector<double> rotation, translation, pose;
+  for (size_t i = 0; i < matches.size(); ++i) {
+    for (size_t j = i + 1; j < matches.size(); ++j) {
+      if (!matches[i].estimate || !matches[j].estimate) {
+        pose.push_back(kInfinity);
+        continue;
+      }
+      const auto relative = [](const PosedCamera* a, const PosedCamera* b) {
+        return b->cam_from_world.rotation * a->cam_from_world.rotation.conjugate();
+      };
+      rotation.push_back(
+          RadToDeg(AngleBetween(relative(matches[i].reference, matches[j].reference),
+                                relative(matches[i].estimate, matches[j].estimate))));
+      translation.push_back(
+          DirectionErrorDeg(CenterInFrameOf(*matches[j].reference, *matches[i].reference),
+                            CenterInFrameOf(*matches[j].estimate, *matches[i].estimate)));
+      pose.push_back(std::max(rotation.back(), translation.back()));
+    }
+  }
+  for (size_t k = 0; k < kAucThresholdsDeg.size(); ++k) {
+    evaluation.auc[k] = RecallAuc(pose, kAucThresholdsDeg[k]);
+  }
+  if (rotation.empty()) return;
+  evaluation.relative_rotation_median_deg = Median(rotation);
+  evaluation.relative_translation_median_deg = Median(translation);
+}
+
+void EvaluateCenters(const std::vector<Match>& matches, PoseEvaluation& evaluation) {
+  std::vector<Eigen::Vector3d> estimate, reference;
+  for (const Match& match : matches) {
+    if (!match.estimate) continue;
+    estimate.push_back(match.estimate->cam_from_world.Center());
+    reference.push_back(match.reference->cam_from_world.Center());
+  }
+  const std::optional<Sim3d> reference_from_estimate = AlignSimilarityRobust(estimate, reference);
+  if (!reference_from_estimate) return;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& center : reference) mean += center / double(reference.size());
+  double extent = 0;
+  std::vector<double> errors;
+  for (size_t i = 0, k = 0; i < matches.size(); ++i) {
+    if (!matches[i].estimate) continue;
+    errors.push_back((*reference_from_estimate * estimate[k] - reference[k]).norm());
+    extent = std::max(extent, (reference[k] - mean).norm());
+    evaluation.images[i].center = errors.back();
+    ++k;
+  }
+  evaluation.center = ComputeErrorStatistics(errors);
+  evaluation.extent = extent;
+}
+
+void EvaluateOrientations(const std::vector<Match>& matches, PoseEvaluation& evaluation) {
+  std::vector<Eigen::Quaterniond> estimate, reference;
+  for (const Match& match : matches) {
+    if (!match.estimate) continue;
+    estimate.push_back(match.estimate->cam_from_world.rotation);
+    reference.push_back(match.reference->cam_from_world.rotation);
+  }
+  const auto reference_from_estimate = AlignRotationsL1(estimate, reference);
+  if (!reference_from_estimate) return;
+  std::vector<double> errors;
+  for (size_t i = 0, k = 0; i < matches.size(); ++i) {
+    if (!matches[i].estimate) continue;
+    const Eigen::Quaterniond aligned = estimate[k] * reference_from_estimate->conjugate();
+    errors.push_back(RadToDeg(AngleBetween(aligned, reference[k])));
+    evaluation.images[i].orientation_deg = errors.back();
+    ++k;
+  }
+  evaluation.orientation_deg = ComputeErrorStatistics(errors);
+}
+
+void EvaluateFocals(const std::vector<Match>& matches, PoseEvaluation& evaluation) {
+  std::vector<double> errors;
+  for (size_t i = 0; i < matches.size(); ++i) {
+    const auto& [name, reference, estimate] = matches[i];
+    if (!estimate || reference->focal_px <= 0 || estimate->focal_px <= 0) continue;
+    const bool sizes_known = reference->width > 0 && estimate->width > 0;
+    const double scale = sizes_known ? double(estimate->width) / reference->width : 1.0;
+    const double expected = scale * reference->focal_px;
+    errors.push_back(std::abs(estimate->focal_px - expected) / expected);
+    evaluation.images[i].focal_relative = errors.back();
+  }
+  if (!errors.empty()) evaluation.focal_relative = ComputeErrorStatistics(errors);
+}
+
+}  // namespace
+
+PosedCameras PosedCamerasOf(const Reconstruction& reconstruction) {
+  PosedCameras cameras;
+  for (const auto& [id, image] : reconstruction.images) {
+    const Camera& camera = reconstruction.CameraOf(image);
+    cameras[image.image.name] = {image.cam_from_world, camera.MeanFocal(), camera.width};
+  }
+  return cameras;
+}
+
+PoseEvaluation EvaluatePoses(const PosedCameras& estimate, const PosedCameras& reference) {
+  const std::vector<Match> matches = MatchNames(estimate, reference);
+  PoseEvaluation evaluation;
+  evaluation.num_reference = static_cast<int>(matches.size());
+  for (const Match& match : matches) {
+    ImageErrors& errors = evaluation.images.emplace_back();
+    errors.name = *match.name;
+    errors.registered = match.estimate != nullptr;
+    evaluation.num_registered += match.estimate != nullptr;
+  }
+  evaluation.num_extra = static_cast<int>(estimate.size()) - evaluation.num_registered;
+  EvaluatePairs(matches, evaluation);
+  EvaluateCenters(matches, evaluation);
+  EvaluateOrientations(matches, evaluation);
+  EvaluateFocals(matches, evaluation);
+  return evaluation;
+}
+
+}  // namespace cairn
