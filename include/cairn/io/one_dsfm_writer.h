@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cairn/io/one_dsfm.h"
+
+namespace cairn {
+
+// What the text files of a 1DSfM data set say, in cairn's frames (one_dsfm.h).
+struct OneDsfmFiles {
+  std::vector<BundlerListEntry> images;  // list.txt: names as there ("images/<file>")
+  std::vector<int> component;            // cc.txt
+  std::vector<OneDsfmEdge> edges;        // EGs.txt; `line` is not used
+  std::vector<OneDsfmImageKeys> coords;  // coords.txt
+  std::vector<std::vector<OneDsfmObservation>> tracks;  // tracks.txt
+};
+
+// Writes list.txt, cc.txt, EGs.txt, coords.txt and tracks.txt, creating the folder; the readers of
+// one_dsfm.h give the same values back. Indices must be those of `images`. Throws IoError, also for
+// a name that the format cannot hold (empty, or with a blank in it).
+void WriteOneDsfmFiles(const std::string& folder, const OneDsfmFiles& files);
+
+}  // namespace cairn
