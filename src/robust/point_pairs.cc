@@ -24,9 +24,29 @@ void PointPairs::Reset(int n, double focal1_px, double focal2_px) {
   size_ = n;
   focal1_px_ = static_cast<float>(focal1_px);
   focal2_px_ = static_cast<float>(focal2_px);
+  ZeroPadding();
+}
+
+void PointPairs::ZeroPadding() {
   for (int k = 0; k < 4; ++k) {
     float* begin = data_.get() + k * capacity_;
-    std::fill(begin + n, begin + column, 0.0f);
+    std::fill(begin + size_, begin + num_blocks() * kBlock, 0.0f);
+  }
+}
+
+void PointPairs::Truncate(int n) {
+  CAIRN_CHECK(n >= 0 && n <= size_);
+  size_ = n;
+  ZeroPadding();
+}
+
+void PointPairs::SetShifted(const PointPairs& all, int shift) {
+  CAIRN_CHECK(shift >= 0 && shift <= all.size_);
+  Reset(all.size_, all.focal1_px_, all.focal2_px_);
+  for (int k = 0; k < 4; ++k) {
+    const float* from = all.data_.get() + k * all.capacity_;
+    float* to = data_.get() + k * capacity_;
+    std::rotate_copy(from, from + (k < 2 ? 0 : shift), from + size_, to);
   }
 }
 

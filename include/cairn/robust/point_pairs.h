@@ -33,10 +33,18 @@ class PointPairs {
   const float* x2() const { return data_.get() + 2 * capacity_; }
   const float* y2() const { return data_.get() + 3 * capacity_; }
 
+  // Drops the pairs from n on.
+  void Truncate(int n);
+
+  // The first points of `all` with its second points moved on cyclically by `shift`: pairs of
+  // points that have nothing to do with each other.
+  void SetShifted(const PointPairs& all, int shift);
+
   // The pairs picked by indices[0..n), in that order.
   void SetSubset(const PointPairs& all, const int32_t* indices, int n);
 
  private:
+  void ZeroPadding();
   struct Free {
     void operator()(float* pointer) const;
   };

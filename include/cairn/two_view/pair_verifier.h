@@ -56,7 +56,15 @@ class PairVerifier {
   virtual PairReport Verify(const PairInput& input) = 0;
 };
 
-enum class VerifierKind { kOneAcDepth, kFivePoint };
+enum class VerifierKind {
+  kOneAcDepth,  // one affine correspondence with depth a hypothesis: every match gives one
+  kFivePoint,   // five-point LO-RANSAC
+};
+std::string_view VerifierKindName(VerifierKind kind);  // "one_ac_depth", "five_point"
+// Throws ConfigError for an unknown name.
+VerifierKind VerifierKindFromName(std::string_view name);
+
+// Throws ConfigError for options out of range.
 std::unique_ptr<PairVerifier> MakePairVerifier(VerifierKind kind, const TwoViewOptions& options);
 
 }  // namespace cairn

@@ -1,0 +1,34 @@
+#include "two_view/five_point_verifier.h"
+
+#include "cairn/base/rng.h"
+#include "cairn/solvers/essential.h"
+#include "two_view/essential_estimator.h"
+
+namespace cairn::internal {
+
+PairReport FivePointVerifier::Verify(const PairInput& input) {
+  PairReport report;
+  report.verifier = "five_point";
+  if (static_cast<int>(input.matches.size()) < options_.min_num_matches) {
+    report.status = PairStatus::kTooFewMatches;
+    return report;
+  }
+  PreparePair(input, options_, &pair_);
+  FivePointEstimator estimator(pair_);
+  RansacOptions ransac_options;
+  ransac_options.confidence = options_.confidence;
+  ransac_options.min_iterations = options_.min_iterations;
+  ransac_options.max_iterations = options_.max_iterations;
+  Rng rng(input.seed, "five_point", input.pair_id);
+  const auto ransac = Ransac(estimator, ransac_options, rng);
+  report.num_iterations = ransac.num_iterations;
+  if (ransac.status == RansacStatus::kNoModel || ransac.status == RansacStatus::kTooFewSamples) {
+    report.status = PairStatus::kNoModel;
+    return report;
+  }
+  const EssentialDecomposition parts = DecomposeEssential(ransac.model);
+  FinishPair(input, pair_, options_, Rigid3d(parts.R1, parts.t), &scratch_, &report);
+  return report;
+}
+
+}  // namespace cairn::internal

@@ -1,0 +1,21 @@
+#pragma once
+
+#include "cairn/two_view/pair_verifier.h"
+#include "two_view/pair_outcome.h"
+#include "two_view/prepared_pair.h"
+
+namespace cairn::internal {
+
+// Five-point LO-RANSAC over all matches: needs neither depth nor affine frames.
+class FivePointVerifier : public PairVerifier {
+ public:
+  explicit FivePointVerifier(const TwoViewOptions& options) : options_(options) {}
+  PairReport Verify(const PairInput& input) override;
+
+ private:
+  TwoViewOptions options_;
+  PreparedPair pair_;
+  OutcomeScratch scratch_;
+};
+
+}  // namespace cairn::internal

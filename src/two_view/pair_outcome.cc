@@ -1,0 +1,301 @@
+#include "two_view/pair_outcome.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cairn/geometry/epipolar.h"
+#include "cairn/math/angles.h"
+#include "cairn/robust/pose_refinement.h"
+#include "cairn/solvers/essential.h"
+#include "cairn/solvers/homography.h"
+#include "two_view/evidence.h"
+
+namespace cairn::internal {
+namespace {
+
+// In front of both cameras, or so far away that noise decides the sign of the depths.
+bool IsInFront(const Rigid3d& pose, const Eigen::Matrix3d& R, const Eigen::Vector2d& x1,
+               const Eigen::Vector2d& x2, double squared_far_angle) {
+  const Eigen::Vector3d a = R * x1.homogeneous(), b = x2.homogeneous();
+  const Eigen::Vector3d& t = pose.translation;
+  const double aa = a.squaredNorm(), bb = b.squaredNorm(), ab = a.dot(b);
+  const double det = aa * bb - ab * ab;  // aa bb sin^2 of the angle between the rays
+  if (ab > 0.0 && det < squared_far_angle * aa * bb) return true;
+  const double at = a.dot(t), bt = b.dot(t);
+  return ab * bt - bb * at > 0.0 && aa * bt - ab * at > 0.0;
+}
+
+class PairFinisher {
+ public:
+  PairFinisher(const PairInput& input, const PreparedPair& pair, const TwoViewOptions& options,
+               OutcomeScratch* scratch)
+      : input_(input), pair_(pair), options_(options), scratch_(*scratch) {
+    const double angle =
+        2.0 * pair.max_error_px / std::min(pair.points.focal1_px(), pair.points.focal2_px());
+    squared_far_angle_ = angle * angle;
+  }
+
+  void Run(const Rigid3d& start, PairReport* report) {
+    Rigid3d pose = ChooseByCheirality(start);
+    CollectInliers(pose);
+    SetSupport(pose, report);
+    report->status = Accept(pose, *report);
+    if (report->status != PairStatus::kVerified) return;
+
+    const SpecialPair special =
+        ClassifyPair(input_, pair_, scratch_.inliers, options_, &scratch_.special);
+    TwoViewConfig config = special.config;
+    if (config == TwoViewConfig::kWatermark) {
+      report->geometry.config = config;
+      FillInliers(report);
+      return;
+    }
+    if (config == TwoViewConfig::kPlanar) {
+      pose = BestMotionOfPlane(pose, special.H);
+      CollectInliers(pose);
+      SetSupport(pose, report);
+    }
+    Eigen::Quaterniond rotation = special.rotation;
+    const double max_sigma = DegToRad(options_.max_pose_sigma_deg);
+    if (config != TwoViewConfig::kPanoramic) {
+      const auto [rotation_sigma, translation_sigma] = PoseSigmas(pose);
+      if (rotation_sigma > max_sigma) {
+        report->status = PairStatus::kDegenerate;
+        return;
+      }
+      if (translation_sigma > max_sigma) {
+        config = TwoViewConfig::kPanoramic;
+        rotation = pose.rotation;
+      }
+    }
+    if (config == TwoViewConfig::kPanoramic && PureRotationSigma() > max_sigma) {
+      report->status = PairStatus::kDegenerate;
+      return;
+    }
+    report->geometry.config = config;
+    if (config == TwoViewConfig::kPanoramic) {
+      FillPanoramic(rotation, report);
+    } else {
+      FillPose(pose, report);
+      if (config == TwoViewConfig::kPlanar) FillHomography(special.H, report);
+    }
+    FillInliers(report);
+  }
+
+ private:
+  int CountInFront(const Rigid3d& pose, int step) const {
+    const Eigen::Matrix3d R = pose.RotationMatrix();
+    int count = 0;
+    for (size_t k = 0; k < scratch_.inliers.size(); k += step) {
+      const int i = scratch_.inliers[k];
+      count +=
+          IsInFront(pose, R, pair_.points.Point1(i), pair_.points.Point2(i), squared_far_angle_);
+    }
+    return count;
+  }
+
+  // Of the four poses of the essential matrix, the one with the most inliers in front.
+  Rigid3d ChooseByCheirality(const Rigid3d& start) {
+    const Eigen::Matrix3d E = EssentialFromPose(start);
+    FindSampsonInliers(E);
+    const EssentialDecomposition parts = DecomposeEssential(E);
+    const int step = 1 + static_cast<int>(scratch_.inliers.size()) / 100;
+    Rigid3d best = start;
+    int best_count = -1;
+    for (const Eigen::Matrix3d& R : {parts.R1, parts.R2}) {
+      for (const double sign : {1.0, -1.0}) {
+        const Rigid3d pose(R, sign * parts.t);
+        const int count = CountInFront(pose, step);
+        if (count > best_count) {
+          best_count = count;
+          best = pose;
+        }
+      }
+    }
+    return best;
+  }
+
+  void FindSampsonInliers(const Eigen::Matrix3d& E) {
+    scratch_.errors.resize(pair_.points.num_blocks() * PointPairs::kBlock);
+    SampsonErrors(pair_.points, E, scratch_.errors.data());
+    scratch_.inliers.clear();
+    const float max_error = static_cast<float>(pair_.max_error_px);
+    for (int i = 0; i < pair_.size(); ++i) {
+      if (scratch_.errors[i] < max_error) scratch_.inliers.push_back(i);
+    }
+  }
+
+  void CollectInliers(const Rigid3d& pose) {
+    FindSampsonInliers(EssentialFromPose(pose));
+    const Eigen::Matrix3d R = pose.RotationMatrix();
+    std::erase_if(scratch_.inliers, [&](int32_t i) {
+      return !IsInFront(pose, R, pair_.points.Point1(i), pair_.points.Point2(i),
+                        squared_far_angle_);
+    });
+  }
+
+  void SetSupport(const Rigid3d& pose, PairReport* report) const {
+    report->num_inliers = static_cast<int>(scratch_.inliers.size());
+    report->score = 0.0;
+    for (const int32_t i : scratch_.inliers) {
+      const double e = scratch_.errors[i] / pair_.max_error_px;
+      report->score += 1.0 - e * e;
+    }
+  }
+
+  PairStatus Accept(const Rigid3d& pose, const PairReport& report) {
+    if (report.num_inliers < options_.min_num_inliers) return PairStatus::kTooFewInliers;
+    // Points in front of both cameras are half of those near their epipolar lines, or fewer.
+    const double chance =
+        0.5 * ChanceOfInlier(pair_, EssentialFromPose(pose), pair_.max_error_px, &scratch_.shifted);
+    // Matches of the same two spots are one piece of evidence, however many there are.
+    const int num_distinct = CountDistinct(pair_, scratch_.inliers, &scratch_.cells);
+    constexpr int kSampleSize = 5, kNumModels = 10;
+    const double log10_nfa = Log10NumFalseAlarms(pair_.size() - report.num_inliers + num_distinct,
+                                                 num_distinct, kSampleSize, kNumModels, chance);
+    return log10_nfa < -options_.min_log10_evidence ? PairStatus::kVerified
+                                                    : PairStatus::kTooFewInliers;
+  }
+
+  // A plane leaves two motions; with points off the plane, they differ in support. Each is refined
+  // on all points and compared with the pose so far.
+  Rigid3d BestMotionOfPlane(const Rigid3d& pose, const Eigen::Matrix3d& H) {
+    PlaneMotion motions[4];
+    const int num_motions = DecomposeHomography(H, motions);
+    Rigid3d best = pose;
+    double best_score = ScoreInFront(pose);
+    for (int k = 0; k < num_motions; ++k) {
+      if (motions[k].cam2_from_cam1.translation.norm() < 1e-6) continue;
+      const Rigid3d refined =
+          RefinePose(pair_.points, motions[k].cam2_from_cam1, {.scale_px = pair_.max_error_px})
+              .cam2_from_cam1;
+      const double score = ScoreInFront(refined);
+      if (score > best_score) {
+        best_score = score;
+        best = refined;
+      }
+    }
+    return best;
+  }
+
+  double ScoreInFront(const Rigid3d& pose) {
+    CollectInliers(pose);
+    PairReport support;
+    SetSupport(pose, &support);
+    return support.score;
+  }
+
+  // Largest standard deviations of rotation and translation direction, radians, for errors of a
+  // third of the threshold.
+  std::pair<double, double> PoseSigmas(const Rigid3d& pose) const {
+    const PoseRefinementReport at_pose =
+        RefinePose(pair_.points, pose, {.scale_px = pair_.max_error_px, .max_iterations = 0});
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>> eigen(at_pose.hessian);
+    const double floor = 1e-12 * eigen.eigenvalues()[4];
+    const Eigen::Matrix<double, 5, 5> covariance =
+        eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
+        eigen.eigenvectors().transpose();
+    auto largest = [](const auto& block) {
+      return Eigen::SelfAdjointEigenSolver<std::decay_t<decltype(block)>>(block)
+          .eigenvalues()
+          .maxCoeff();
+    };
+    const double sigma_px = pair_.max_error_px / 3.0;
+    const Eigen::Matrix3d rotation = covariance.topLeftCorner<3, 3>();
+    const Eigen::Matrix2d translation = covariance.bottomRightCorner<2, 2>();
+    return {sigma_px * std::sqrt(largest(rotation)), sigma_px * std::sqrt(largest(translation))};
+  }
+
+  // Largest standard deviation of a rotation that aligns the inliers' rays, radians.
+  double PureRotationSigma() const {
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    for (const int32_t i : scratch_.inliers) {
+      const Eigen::Vector3d ray = pair_.points.Point2(i).homogeneous().normalized();
+      information += Eigen::Matrix3d::Identity() - ray * ray.transpose();
+    }
+    const double smallest =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information).eigenvalues()[0];
+    const double sigma = pair_.max_error_px / 3.0 / pair_.points.focal2_px();
+    return smallest > 0.0 ? sigma / std::sqrt(smallest) : std::numeric_limits<double>::infinity();
+  }
+
+  void FillPose(const Rigid3d& pose, PairReport* report) {
+    TwoViewGeometry& geometry = report->geometry;
+    geometry.cam2_from_cam1 = Rigid3d(pose.rotation.normalized(), pose.translation.normalized());
+    const Eigen::Matrix3d E = EssentialFromPose(pose);
+    geometry.E = E;
+    geometry.F = FundamentalFromEssential(E, input_.camera1->CalibrationMatrix(),
+                                          input_.camera2->CalibrationMatrix());
+    std::vector<float>& values = scratch_.special.errors;
+    values.clear();
+    const Eigen::Matrix3d R = pose.RotationMatrix();
+    for (const int32_t i : scratch_.inliers) {
+      const Eigen::Vector3d a = R * pair_.points.Point1(i).homogeneous();
+      const Eigen::Vector3d b = pair_.points.Point2(i).homogeneous();
+      values.push_back(static_cast<float>(std::atan2(a.cross(b).norm(), a.dot(b))));
+    }
+    report->triangulation_angle_deg = RadToDeg(Median(&values));
+    values.clear();
+    for (const int32_t i : scratch_.inliers) values.push_back(scratch_.errors[i]);
+    report->residual_px = Median(&values);
+  }
+
+  static double Median(std::vector<float>* values) {
+    if (values->empty()) return 0.0;
+    const auto middle = values->begin() + values->size() / 2;
+    std::nth_element(values->begin(), middle, values->end());
+    return *middle;
+  }
+
+  void FillHomography(const Eigen::Matrix3d& H, PairReport* report) const {
+    report->geometry.H =
+        input_.camera2->CalibrationMatrix() * H * input_.camera1->CalibrationMatrix().inverse();
+  }
+
+  // No translation: inliers are those of the rotation.
+  void FillPanoramic(const Eigen::Quaterniond& rotation, PairReport* report) {
+    report->geometry.cam2_from_cam1 = Rigid3d(rotation.normalized(), Eigen::Vector3d::Zero());
+    FillHomography(rotation.toRotationMatrix(), report);
+    scratch_.errors.resize(pair_.points.num_blocks() * PointPairs::kBlock);
+    HomographyErrors(pair_.points, rotation.toRotationMatrix(), scratch_.errors.data());
+    scratch_.inliers.clear();
+    const double max_error = std::sqrt(2.0) * pair_.max_error_px;
+    for (int i = 0; i < pair_.size(); ++i) {
+      if (scratch_.errors[i] < max_error) scratch_.inliers.push_back(i);
+    }
+    SetSupport(*report->geometry.cam2_from_cam1, report);
+    std::vector<float>& values = scratch_.special.errors;
+    values.clear();
+    for (const int32_t i : scratch_.inliers) values.push_back(scratch_.errors[i]);
+    report->residual_px = Median(&values);
+    report->triangulation_angle_deg = 0.0;
+  }
+
+  void FillInliers(PairReport* report) const {
+    report->num_inliers = static_cast<int>(scratch_.inliers.size());
+    report->geometry.inlier_matches.clear();
+    report->geometry.inlier_matches.reserve(scratch_.inliers.size());
+    for (const int32_t i : scratch_.inliers) {
+      report->geometry.inlier_matches.push_back(input_.matches[pair_.match_index[i]]);
+    }
+  }
+
+  const PairInput& input_;
+  const PreparedPair& pair_;
+  const TwoViewOptions& options_;
+  OutcomeScratch& scratch_;
+  double squared_far_angle_;
+};
+
+}  // namespace
+
+void FinishPair(const PairInput& input, const PreparedPair& pair, const TwoViewOptions& options,
+                const Rigid3d& pose, OutcomeScratch* scratch, PairReport* report) {
+  PairFinisher(input, pair, options, scratch).Run(pose, report);
+}
+
+}  // namespace cairn::internal

@@ -1,0 +1,136 @@
+#include "bench/pair_truth.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+
+#include "cairn/base/error.h"
+#include "cairn/math/angles.h"
+
+namespace cairn::bench {
+namespace {
+
+std::string SceneOf(const std::string& name) { return name.substr(0, name.rfind('_')); }
+
+std::string SiteOf(const std::string& scene) {
+  const std::string site = scene.substr(0, scene.find('-'));
+  return site == "entry" || site == "castle" ? "fountain" : site;
+}
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  std::sort(values.begin(), values.end());
+  const size_t n = values.size();
+  return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
+}
+
+// Area under the recall curve up to a threshold, percent.
+double Auc(std::vector<double> errors, double threshold) {
+  if (errors.empty()) return 0.0;
+  std::sort(errors.begin(), errors.end());
+  double area = 0.0, last_error = 0.0, last_recall = 0.0;
+  for (size_t i = 0; i < errors.size() && errors[i] <= threshold; ++i) {
+    const double recall = static_cast<double>(i + 1) / static_cast<double>(errors.size());
+    area += 0.5 * (recall + last_recall) * (errors[i] - last_error);
+    last_error = errors[i];
+    last_recall = recall;
+  }
+  area += last_recall * (threshold - last_error);
+  return 100.0 * area / threshold;
+}
+
+}  // namespace
+
+std::map<std::string, Rigid3d> ReadStrechaPoses(const std::string& folder) {
+  std::map<std::string, Rigid3d> poses;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (entry.path().extension() != ".camera") continue;
+    std::ifstream file(entry.path());
+    double v[26];
+    for (double& value : v) {
+      if (!(file >> value)) throw IoError(entry.path().string(), "truncated");
+    }
+    Eigen::Matrix3d world_from_cam;
+    for (int i = 0; i < 9; ++i) world_from_cam(i / 3, i % 3) = v[12 + i];
+    const Eigen::Vector3d center(v[21], v[22], v[23]);
+    const Eigen::Matrix3d R = world_from_cam.transpose();
+    poses[entry.path().stem().string()] = Rigid3d(R, -R * center);
+  }
+  return poses;
+}
+
+PairKind KindOfPair(const std::string& name1, const std::string& name2) {
+  const std::string scene1 = SceneOf(name1), scene2 = SceneOf(name2);
+  if (scene1 == scene2) return PairKind::kTrue;
+  return SiteOf(scene1) == SiteOf(scene2) ? PairKind::kUnknown : PairKind::kFalse;
+}
+
+Scores ScoreResults(const std::map<std::string, Rigid3d>& truth, int min_inliers,
+                    std::vector<PairResult>* results) {
+  Scores scores;
+  std::vector<double> errors, ms_true, ms_false;
+  for (PairResult& result : *results) {
+    scores.total_seconds += result.seconds;
+    const bool accepted = result.cam2_from_cam1 && result.num_inliers >= min_inliers;
+    if (result.kind == PairKind::kUnknown) continue;
+    if (result.kind == PairKind::kFalse) {
+      ++scores.num_false;
+      scores.accepted_false += accepted;
+      ms_false.push_back(1e3 * result.seconds);
+      continue;
+    }
+    ++scores.num_true;
+    scores.accepted_true += accepted;
+    ms_true.push_back(1e3 * result.seconds);
+    result.error_deg = 180.0;
+    if (accepted) {
+      const Rigid3d expected = truth.at(result.name2) * Inverse(truth.at(result.name1));
+      result.error_deg = RadToDeg(
+          std::max(AngleBetween(expected.rotation, result.cam2_from_cam1->rotation),
+                   AngleBetween(expected.translation, result.cam2_from_cam1->translation)));
+    }
+    errors.push_back(result.error_deg);
+  }
+  scores.auc1 = Auc(errors, 1.0);
+  scores.auc5 = Auc(errors, 5.0);
+  scores.auc10 = Auc(errors, 10.0);
+  scores.auc20 = Auc(errors, 20.0);
+  scores.median_ms_true = Median(ms_true);
+  scores.median_ms_false = Median(ms_false);
+  return scores;
+}
+
+std::string ScoresHeader() {
+  return "verifier                         AUC@1   @5    @10   @20   true accepted  false accepted "
+         " "
+         "median ms true  false   total s";
+}
+
+std::string FormatScores(const std::string& label, const Scores& s) {
+  char line[256];
+  std::snprintf(line, sizeof(line),
+                "%-32s %5.2f %5.2f %5.2f %5.2f   %5d / %-5d  %5d / %-5d   %10.3f  %8.3f  %8.3f",
+                label.c_str(), s.auc1, s.auc5, s.auc10, s.auc20, s.accepted_true, s.num_true,
+                s.accepted_false, s.num_false, s.median_ms_true, s.median_ms_false,
+                s.total_seconds);
+  return line;
+}
+
+void WriteCsv(const std::string& path, const std::vector<PairResult>& results) {
+  std::ofstream file(path);
+  if (!file) throw IoError(path, "cannot be written");
+  file << "name1,name2,matches,inliers,iterations,ms,qw,qx,qy,qz,tx,ty,tz,error_deg,note\n";
+  file.precision(10);
+  for (const PairResult& r : results) {
+    const Rigid3d pose = r.cam2_from_cam1.value_or(Rigid3d());
+    const auto& q = pose.rotation;
+    const auto& t = pose.translation;
+    file << r.name1 << ',' << r.name2 << ',' << r.num_matches << ','
+         << (r.cam2_from_cam1 ? r.num_inliers : 0) << ',' << r.num_iterations << ','
+         << 1e3 * r.seconds << ',' << q.w() << ',' << q.x() << ',' << q.y() << ',' << q.z() << ','
+         << t.x() << ',' << t.y() << ',' << t.z() << ',' << r.error_deg << ',' << r.note << '\n';
+  }
+}
+
+}  // namespace cairn::bench

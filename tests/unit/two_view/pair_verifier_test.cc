@@ -1,0 +1,190 @@
+#include "cairn/two_view/pair_verifier.h"
+
+#include <gtest/gtest.h>
+
+#include "cairn/base/error.h"
+#include "two_view/pair_fixture.h"
+
+namespace cairn {
+namespace {
+
+using test::MakePair;
+using test::Pair;
+using test::PairSettings;
+using test::PoseErrorDeg;
+
+class Verifiers : public ::testing::TestWithParam<VerifierKind> {
+ protected:
+  std::unique_ptr<PairVerifier> Make(const TwoViewOptions& options = {}) const {
+    return MakePairVerifier(GetParam(), options);
+  }
+};
+INSTANTIATE_TEST_SUITE_P(All, Verifiers,
+                         ::testing::Values(VerifierKind::kOneAcDepth, VerifierKind::kFivePoint),
+                         [](const auto& info) {
+                           return std::string(VerifierKindName(info.param));
+                         });
+
+TEST_P(Verifiers, FindPoseAndInliers) {
+  const auto verifier = Make();
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    const Pair pair = MakePair({}, seed);
+    const PairReport report = verifier->Verify(pair.Input());
+    ASSERT_EQ(report.status, PairStatus::kVerified) << seed;
+    EXPECT_EQ(report.verifier, VerifierKindName(GetParam()));
+    const TwoViewGeometry& geometry = report.geometry;
+    EXPECT_EQ(geometry.config, TwoViewConfig::kCalibrated);
+    EXPECT_LT(PoseErrorDeg(report, pair), 1.0);
+    EXPECT_NEAR(geometry.cam2_from_cam1->translation.norm(), 1.0, 1e-12);
+    EXPECT_EQ(report.num_inliers, static_cast<int>(geometry.inlier_matches.size()));
+    EXPECT_GE(report.num_inliers, 140);
+    EXPECT_LE(report.num_inliers, 157);
+    EXPECT_GT(report.score, 100.0);
+    EXPECT_LE(report.score, report.num_inliers);
+    EXPECT_GT(report.residual_px, 0.05);
+    EXPECT_LT(report.residual_px, 0.5);
+    EXPECT_GT(report.triangulation_angle_deg, 1.0);
+    EXPECT_GT(report.num_iterations, 0);
+    EXPECT_FALSE(geometry.H.has_value());
+    // E and F of the same pose, F in pixels.
+    EXPECT_LT(test::HomogeneousError(*geometry.E, EssentialFromPose(*geometry.cam2_from_cam1)),
+              1e-9);
+    const auto& match = geometry.inlier_matches.front();
+    EXPECT_LT(SquaredSampsonError(*geometry.F, pair.keypoints1[match.point1].Position(),
+                                  pair.keypoints2[match.point2].Position()),
+              1.2);
+  }
+}
+
+TEST_P(Verifiers, SwappedImagesInvertThePose) {
+  const Pair pair = MakePair({}, 3);
+  const Pair swapped = pair.Swapped();
+  const auto verifier = Make();
+  const PairReport there = verifier->Verify(pair.Input());
+  const PairReport back = verifier->Verify(swapped.Input());
+  ASSERT_EQ(there.status, PairStatus::kVerified);
+  ASSERT_EQ(back.status, PairStatus::kVerified);
+  EXPECT_LT(test::PoseError(Inverse(*there.geometry.cam2_from_cam1), *back.geometry.cam2_from_cam1),
+            1e-3);
+  EXPECT_EQ(there.num_inliers, back.num_inliers);
+}
+
+TEST_P(Verifiers, ResultDoesNotDependOnWhatWasVerifiedBefore) {
+  const Pair pair = MakePair({}, 4);
+  const auto fresh = Make(), used = Make();
+  used->Verify(MakePair({.num_inliers = 400}, 5).Input());
+  const PairReport a = fresh->Verify(pair.Input()), b = used->Verify(pair.Input());
+  EXPECT_EQ(a.geometry.cam2_from_cam1->translation, b.geometry.cam2_from_cam1->translation);
+  EXPECT_EQ(a.geometry.cam2_from_cam1->rotation.coeffs(),
+            b.geometry.cam2_from_cam1->rotation.coeffs());
+  EXPECT_EQ(a.geometry.inlier_matches, b.geometry.inlier_matches);
+  EXPECT_EQ(a.score, b.score);
+}
+
+TEST_P(Verifiers, UndistortPoints) {
+  const Pair pair = MakePair({.noise_px = 0.2, .distortion = -0.15}, 6);
+  const PairReport report = Make()->Verify(pair.Input());
+  ASSERT_EQ(report.status, PairStatus::kVerified);
+  EXPECT_LT(PoseErrorDeg(report, pair), 0.5);
+}
+
+TEST_P(Verifiers, RejectUnrelatedImagesAndKeepGoodSmallSets) {
+  const auto verifier = Make();
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    const Pair unrelated = MakePair({.num_inliers = 0, .num_outliers = 600}, seed);
+    EXPECT_EQ(verifier->Verify(unrelated.Input()).status, PairStatus::kTooFewInliers);
+    const Pair small = MakePair({.num_inliers = 18, .num_outliers = 4}, seed);
+    const PairReport report = verifier->Verify(small.Input());
+    EXPECT_EQ(report.status, PairStatus::kVerified);
+    EXPECT_GE(report.num_inliers, 15);
+  }
+}
+
+TEST_P(Verifiers, SayWhyAPairWasNotTried) {
+  const Pair few = MakePair({.num_inliers = 19, .num_outliers = 0}, 1);
+  EXPECT_EQ(Make()->Verify(few.Input()).status, PairStatus::kTooFewMatches);
+  EXPECT_EQ(Make({.min_num_matches = 10})->Verify(few.Input()).status, PairStatus::kVerified);
+  Pair none = few;
+  none.matches.clear();
+  EXPECT_EQ(Make()->Verify(none.Input()).status, PairStatus::kTooFewMatches);
+}
+
+TEST_P(Verifiers, CoincidentPointsAreNoModel) {
+  Pair pair = MakePair({}, 1);
+  for (auto& keypoint : pair.keypoints1) keypoint.x = keypoint.y = 700.0f;
+  for (auto& keypoint : pair.keypoints2) keypoint.x = keypoint.y = 600.0f;
+  EXPECT_NE(Make()->Verify(pair.Input()).status, PairStatus::kVerified);
+}
+
+TEST_P(Verifiers, OptionsDecideWhatIsAccepted) {
+  const Pair pair = MakePair({}, 8);
+  EXPECT_EQ(Make({.min_num_inliers = 180})->Verify(pair.Input()).status,
+            PairStatus::kTooFewInliers);
+  const Pair small = MakePair({.num_inliers = 40, .num_outliers = 40}, 8);
+  EXPECT_EQ(Make()->Verify(small.Input()).status, PairStatus::kVerified);
+  EXPECT_EQ(Make({.min_log10_evidence = 300.0})->Verify(small.Input()).status,
+            PairStatus::kTooFewInliers);
+  EXPECT_EQ(Make({.max_pose_sigma_deg = 0.0})->Verify(pair.Input()).status,
+            PairStatus::kDegenerate);
+  EXPECT_LT(Make({.max_error_px = 0.2})->Verify(pair.Input()).num_inliers,
+            Make({.max_error_px = 2.0})->Verify(pair.Input()).num_inliers);
+}
+
+TEST(OneAcDepthVerifier, NeedsDepthInBothImages) {
+  Pair pair = MakePair({}, 1);
+  const auto verifier = MakePairVerifier(VerifierKind::kOneAcDepth, {});
+  EXPECT_EQ(verifier->Verify(pair.Input(false)).status, PairStatus::kNoDepth);
+  for (auto& sample : pair.depth2) sample.is_valid = false;
+  EXPECT_EQ(verifier->Verify(pair.Input()).status, PairStatus::kNoDepth);
+}
+
+TEST(OneAcDepthVerifier, WorksWhenMostDepthsAreMissing) {
+  Pair pair = MakePair({}, 2);
+  for (size_t i = 0; i < pair.depth1.size(); ++i) pair.depth1[i].is_valid = i % 10 == 0;
+  const auto verifier = MakePairVerifier(VerifierKind::kOneAcDepth, {});
+  const PairReport report = verifier->Verify(pair.Input());
+  ASSERT_EQ(report.status, PairStatus::kVerified);
+  EXPECT_LT(PoseErrorDeg(report, pair), 0.5);
+}
+
+TEST(OneAcDepthVerifier, ItsOptionsChangeWhatItDoes) {
+  const Pair pair = MakePair({.depth_noise = 0.2}, 3);
+  auto score = [&](const TwoViewOptions& options) {
+    return MakePairVerifier(VerifierKind::kOneAcDepth, options)->Verify(pair.Input()).score;
+  };
+  // One refinement of the best of many differently ranked or solved hypotheses ends elsewhere.
+  TwoViewOptions one;
+  one.max_num_refined = 1;
+  TwoViewOptions umeyama = one, rough = one;
+  umeyama.depth_solver = "umeyama";
+  rough.rough_error_ratio = 100.0;
+  EXPECT_NE(score(one), score(umeyama));
+  EXPECT_NE(score(one), score(rough));
+  EXPECT_GE(score({}), score(one));
+}
+
+TEST(FivePointVerifier, ItsOptionsChangeWhatItDoes) {
+  const Pair pair = MakePair({}, 4);
+  auto iterations = [&](const TwoViewOptions& options) {
+    return MakePairVerifier(VerifierKind::kFivePoint, options)->Verify(pair.Input()).num_iterations;
+  };
+  EXPECT_EQ(iterations({.max_iterations = 7, .min_iterations = 1}), 7);
+  EXPECT_EQ(iterations({.min_iterations = 500}), 500);
+  EXPECT_GT(iterations({.confidence = 0.999999, .min_iterations = 1}),
+            iterations({.confidence = 0.5, .min_iterations = 1}));
+}
+
+TEST(MakePairVerifier, RefusesWrongOptionsAndNames) {
+  EXPECT_THROW(MakePairVerifier(VerifierKind::kFivePoint, {.confidence = 2.0}), ConfigError);
+  EXPECT_THROW(MakePairVerifier(VerifierKind::kFivePoint, {.depth_solver = "best"}), ConfigError);
+  EXPECT_EQ(VerifierKindFromName("five_point"), VerifierKind::kFivePoint);
+  EXPECT_THROW(VerifierKindFromName("six_point"), ConfigError);
+}
+
+TEST(PairStatusName, IsDistinct) {
+  EXPECT_EQ(PairStatusName(PairStatus::kVerified), "verified");
+  EXPECT_EQ(PairStatusName(PairStatus::kDegenerate), "degenerate");
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,129 @@
+#include <gtest/gtest.h>
+
+#include "cairn/two_view/pair_verifier.h"
+#include "two_view/pair_fixture.h"
+
+namespace cairn {
+namespace {
+
+using test::MakePair;
+using test::MakePlanarPair;
+using test::Pair;
+using test::PoseErrorDeg;
+
+PairReport VerifyFivePoint(const Pair& pair, const TwoViewOptions& options = {}) {
+  return MakePairVerifier(VerifierKind::kFivePoint, options)->Verify(pair.Input(false));
+}
+
+Rigid3d SomeMotion() {
+  return Rigid3d(ExpSO3(Eigen::Vector3d(0.05, -0.15, 0.1)), Eigen::Vector3d(0.9, 0.2, -0.3));
+}
+
+TEST(SpecialPairs, AllPointsOfOnePlane) {
+  Pair pair = MakePlanarPair(SomeMotion(), false, 150, 0.2, 1);
+  pair.cam2_from_cam1.translation.normalize();
+  const PairReport report = VerifyFivePoint(pair);
+  ASSERT_EQ(report.status, PairStatus::kVerified);
+  EXPECT_EQ(report.geometry.config, TwoViewConfig::kPlanar);
+  ASSERT_TRUE(report.geometry.H.has_value());
+  for (const FeatureMatch& match : report.geometry.inlier_matches) {
+    const Eigen::Vector2d x2 =
+        (*report.geometry.H * pair.keypoints1[match.point1].Position().homogeneous()).hnormalized();
+    EXPECT_LT((x2 - pair.keypoints2[match.point2].Position()).norm(), 4.0);
+  }
+  // One of the two motions that a plane leaves; its rotation need not be the true one.
+  EXPECT_TRUE(report.geometry.cam2_from_cam1.has_value());
+}
+
+TEST(SpecialPairs, SomePointsOffThePlaneDecideBetweenItsMotions) {
+  int num_right = 0;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    Pair plane = MakePlanarPair(SomeMotion(), false, 150, 0.2, seed);
+    plane.cam2_from_cam1.translation.normalize();
+    Rng rng(seed);
+    for (int i = 0; i < 25; ++i) {
+      Eigen::Vector3d X(rng.Uniform(-1.0, 1.0), rng.Uniform(-1.0, 1.0), rng.Uniform(2.5, 3.5));
+      const Eigen::Vector3d X2 = SomeMotion() * X;
+      const auto k = static_cast<point2D_t>(plane.matches.size());
+      auto add = [](const Camera& camera, const Eigen::Vector3d& Y, std::vector<Keypoint>* out) {
+        const Eigen::Vector2d pixel = camera.ImgFromCam(Y.hnormalized());
+        out->push_back(Keypoint::FromScaleOrientation(static_cast<float>(pixel.x()),
+                                                      static_cast<float>(pixel.y()), 3.0f, 0.0f));
+      };
+      add(plane.camera1, X, &plane.keypoints1);
+      add(plane.camera2, X2, &plane.keypoints2);
+      plane.matches.push_back({k, k});
+    }
+    const PairReport report = VerifyFivePoint(plane);
+    ASSERT_EQ(report.status, PairStatus::kVerified);
+    EXPECT_EQ(report.geometry.config, TwoViewConfig::kPlanar);
+    num_right += PoseErrorDeg(report, plane) < 1.0;
+  }
+  EXPECT_GE(num_right, 19);
+}
+
+TEST(SpecialPairs, PureRotationHasNoTranslation) {
+  const Pair pair = MakePlanarPair(SomeMotion(), true, 150, 0.3, 2);
+  const PairReport report = VerifyFivePoint(pair);
+  ASSERT_EQ(report.status, PairStatus::kVerified);
+  EXPECT_EQ(report.geometry.config, TwoViewConfig::kPanoramic);
+  ASSERT_TRUE(report.geometry.cam2_from_cam1.has_value());
+  EXPECT_TRUE(report.geometry.cam2_from_cam1->translation.isZero());
+  EXPECT_LT(AngleBetween(report.geometry.cam2_from_cam1->rotation, pair.cam2_from_cam1.rotation),
+            0.002);
+  EXPECT_GE(report.num_inliers, 140);
+  EXPECT_TRUE(report.geometry.H.has_value());
+  EXPECT_EQ(report.triangulation_angle_deg, 0.0);
+}
+
+TEST(SpecialPairs, AGeneralSceneIsNone) {
+  const PairReport report = VerifyFivePoint(MakePair({}, 1));
+  EXPECT_EQ(report.geometry.config, TwoViewConfig::kCalibrated);
+  const PairReport forced = VerifyFivePoint(MakePair({}, 1), {.min_special_share = 0.0});
+  EXPECT_NE(forced.geometry.config, TwoViewConfig::kCalibrated);
+}
+
+// Marks in the frame of both images at the same pixels.
+TEST(SpecialPairs, Watermark) {
+  Pair pair = MakePair({.num_inliers = 0, .num_outliers = 60}, 3);
+  Rng rng(3);
+  for (int i = 0; i < 80; ++i) {
+    const Eigen::Vector2d pixel(rng.Uniform(1000.0, 1590.0), rng.Uniform(1480.0, 1590.0));
+    const auto k = static_cast<point2D_t>(pair.keypoints1.size());
+    for (auto* keypoints : {&pair.keypoints1, &pair.keypoints2}) {
+      keypoints->push_back(Keypoint::FromScaleOrientation(
+          static_cast<float>(pixel.x() + 0.1 * rng.Gaussian()),
+          static_cast<float>(pixel.y() + 0.1 * rng.Gaussian()), 3.0f, 0.0f));
+    }
+    pair.matches.push_back({k, k});
+  }
+  const PairReport report = VerifyFivePoint(pair);
+  ASSERT_EQ(report.status, PairStatus::kVerified);
+  EXPECT_EQ(report.geometry.config, TwoViewConfig::kWatermark);
+  EXPECT_FALSE(report.geometry.cam2_from_cam1.has_value());
+  const PairReport other = VerifyFivePoint(pair, {.detect_watermark = false});
+  EXPECT_NE(other.geometry.config, TwoViewConfig::kWatermark);
+}
+
+TEST(SpecialPairs, ATinyPatchFixesNoPose) {
+  Pair pair = MakePair({.num_inliers = 0, .num_outliers = 30}, 4);
+  Rng rng(4);
+  for (int i = 0; i < 60; ++i) {
+    const auto k = static_cast<point2D_t>(pair.keypoints1.size());
+    const Eigen::Vector2d offset(rng.Uniform(-4.0, 4.0), rng.Uniform(-4.0, 4.0));
+    for (auto* keypoints : {&pair.keypoints1, &pair.keypoints2}) {
+      keypoints->push_back(Keypoint::FromScaleOrientation(
+          static_cast<float>(800.0 + offset.x() + 0.2 * rng.Gaussian()),
+          static_cast<float>(700.0 + offset.y() + 0.2 * rng.Gaussian()), 3.0f, 0.0f));
+    }
+    pair.matches.push_back({k, k});
+  }
+  const PairReport report = VerifyFivePoint(pair);
+  EXPECT_TRUE(report.status == PairStatus::kDegenerate ||
+              report.geometry.config == TwoViewConfig::kPanoramic ||
+              report.status == PairStatus::kTooFewInliers)
+      << PairStatusName(report.status) << TwoViewConfigName(report.geometry.config);
+}
+
+}  // namespace
+}  // namespace cairn
