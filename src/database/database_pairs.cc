@@ -219,6 +219,14 @@ std::vector<PairMetrics> Database::ReadPairMetrics(image_pair_t pair_id) const {
   return metrics;
 }
 
+std::map<std::string, int64_t> Database::CountWinners() const {
+  std::map<std::string, int64_t> counts;
+  if (!impl_->has_cairn_tables) return counts;
+  Query query(*impl_, sql::kCountWinners);
+  while (query.Step()) counts[query.Text(0)] = query.Int(1);
+  return counts;
+}
+
 void Database::WritePairMetrics(const PairMetrics& metrics) {
   double pose[7];
   Query query(*impl_, sql::kWritePairMetrics);

@@ -56,6 +56,8 @@ void Database::WritePhoto(const PhotoRecord& photo) {
       .Run();
 }
 
+void Database::ClearPhotos() { Query(*impl_, sql::kClearPhotos).Run(); }
+
 std::vector<JobRecord> Database::ReadJobs(const std::string& stage) const {
   std::vector<JobRecord> jobs;
   if (!impl_->has_cairn_tables) return jobs;
@@ -79,6 +81,15 @@ void Database::WriteJob(const std::string& stage, const JobRecord& job) {
       .Bind(3, job.input_hash)
       .Bind(4, std::string_view(job.note))
       .Run();
+}
+
+std::map<std::string, int64_t> Database::CountJobNotes(const std::string& stage) const {
+  std::map<std::string, int64_t> counts;
+  if (!impl_->has_cairn_tables) return counts;
+  Query query(*impl_, sql::kCountJobNotes);
+  query.Bind(1, std::string_view(stage));
+  while (query.Step()) counts[query.Text(0)] = query.Int(1);
+  return counts;
 }
 
 std::optional<StageRecord> Database::ReadStage(const std::string& stage) const {

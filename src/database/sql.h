@@ -148,6 +148,9 @@ inline constexpr const char* kWritePairMetrics =
     "num_matches, num_inliers, num_iterations, score, residual_px, triangulation_angle_deg, qvec, "
     "tvec) VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13);";
 
+inline constexpr const char* kCountWinners =
+    "SELECT verifier, COUNT(*) FROM cairn_pair_metrics WHERE is_winner GROUP BY verifier;";
+
 inline constexpr const char* kWriteTiming =
     "INSERT OR REPLACE INTO cairn_timings(stage, item, label, seconds) VALUES(?1, ?2, ?3, ?4);";
 inline constexpr const char* kAddTiming =
@@ -166,12 +169,15 @@ inline constexpr const char* kReadJob =
     "SELECT item, input_hash, note FROM cairn_jobs WHERE stage = ?1 AND item = ?2;";
 inline constexpr const char* kWriteJob =
     "INSERT OR REPLACE INTO cairn_jobs(stage, item, input_hash, note) VALUES(?1, ?2, ?3, ?4);";
+inline constexpr const char* kCountJobNotes =
+    "SELECT note, COUNT(*) FROM cairn_jobs WHERE stage = ?1 GROUP BY note;";
 inline constexpr const char* kReadStage =
     "SELECT stage, options, input_hash, is_complete FROM cairn_stages WHERE stage = ?1;";
 inline constexpr const char* kWriteStage =
     "INSERT OR REPLACE INTO cairn_stages(stage, options, input_hash, is_complete) "
     "VALUES(?1, ?2, ?3, ?4);";
 
+inline constexpr const char* kClearPhotos = "DELETE FROM cairn_photos;";
 inline constexpr const char* kClearKeypoints = "DELETE FROM keypoints;";
 inline constexpr const char* kClearDescriptors = "DELETE FROM descriptors;";
 inline constexpr const char* kClearDepthSamples = "DELETE FROM cairn_depth_samples;";

@@ -1,15 +1,17 @@
 #pragma once
 
+#include <string>
+
 namespace cairn {
 
 // Keys of cairn_stages, cairn_jobs and cairn_timings.
-inline constexpr const char* kStageCameras = "cameras";
-inline constexpr const char* kStageFeatures = "features";
-inline constexpr const char* kStageDepth = "depth";
-inline constexpr const char* kStageMatching = "matching";
-inline constexpr const char* kStageVerification = "verification";
+inline const std::string kStageCameras = "cameras";
+inline const std::string kStageFeatures = "features";
+inline const std::string kStageDepth = "depth";
+inline const std::string kStageMatching = "matching";
+inline const std::string kStageVerification = "verification";
 
 // Verifier name of poses that were imported from a 1DSfM data set.
-inline constexpr const char* kImportedVerifier = "imported";
+inline const std::string kImportedVerifier = "imported";
 
 }  // namespace cairn

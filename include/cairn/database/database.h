@@ -72,6 +72,8 @@ class Database {
   std::vector<PairMetrics> ReadPairMetrics() const;
   std::vector<PairMetrics> ReadPairMetrics(image_pair_t pair_id) const;
   void WritePairMetrics(const PairMetrics& metrics);
+  // Pairs won by each verifier.
+  std::map<std::string, int64_t> CountWinners() const;
 
   // Measured times: of a pair and verifier (stage "verification"), or of a whole stage (item 0,
   // label ""). AddTiming adds to what is there, for stages that were interrupted.
@@ -84,9 +86,12 @@ class Database {
   // State of the stages, for continuing and for noticing changes (see pipeline/stage_state.h).
   std::vector<PhotoRecord> ReadPhotos() const;  // in the order of the names
   void WritePhoto(const PhotoRecord& photo);
+  void ClearPhotos();
   std::vector<JobRecord> ReadJobs(const std::string& stage) const;  // ascending by item
   std::optional<JobRecord> ReadJob(const std::string& stage, uint64_t item) const;
   void WriteJob(const std::string& stage, const JobRecord& job);
+  // Jobs of the stage with each note.
+  std::map<std::string, int64_t> CountJobNotes(const std::string& stage) const;
   std::optional<StageRecord> ReadStage(const std::string& stage) const;
   void WriteStage(const StageRecord& record);
 

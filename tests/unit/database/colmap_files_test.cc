@@ -1,13 +1,14 @@
 // Files made by COLMAP are read and extended, ours are read by COLMAP.
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
 
 #include "cairn/database/database.h"
 #include "support/database_dump.h"
+#include "support/shared_data.h"
+#include "support/temp_folder.h"
 
 namespace cairn {
 namespace {
@@ -16,12 +17,8 @@ namespace fs = std::filesystem;
 
 class ColmapFilesTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("cairn_colmap_test_" + std::to_string(getpid()));
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-  fs::path folder_;
+  testing::TempFolder temp_;
+  const fs::path folder_ = temp_.path();
 };
 
 // COLMAP 4.2's tables that differ from 3.8's, shortened.
@@ -135,9 +132,7 @@ TEST_F(ColmapFilesTest, Colmap38ReadsOurFile) {
 
 // The real file of COLMAP 4.2.
 TEST_F(ColmapFilesTest, ReadsAColmap42File) {
-  const char* shared = std::getenv("CAIRN_SHARED_DIR");
-  const fs::path original =
-      fs::path(shared ? shared : CAIRN_SHARED_DIR) / "data/strecha_29/colmap_loose_matches.db";
+  const fs::path original = testing::SharedDataPath("strecha_29/colmap_loose_matches.db");
   if (!fs::exists(original)) GTEST_SKIP() << original << " is absent";
   {
     const Database database(original, Database::Mode::kReadOnly);

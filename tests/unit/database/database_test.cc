@@ -12,6 +12,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "support/database_dump.h"
+#include "support/temp_folder.h"
 
 namespace cairn {
 namespace {
@@ -21,15 +22,8 @@ using ::testing::HasSubstr;
 
 class DatabaseTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() /
-              ("cairn_database_test_" + std::to_string(getpid()) + "_" +
-               ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::create_directories(folder_);
-  }
   void TearDown() override {
     fs::permissions(folder_, fs::perms::owner_all, fs::perm_options::add);
-    fs::remove_all(folder_);
   }
   std::string Path(const std::string& name = "scene.db") const { return folder_ / name; }
 
@@ -44,7 +38,8 @@ class DatabaseTest : public ::testing::Test {
     return "no IoError";
   }
 
-  fs::path folder_;
+  testing::TempFolder temp_;
+  const fs::path folder_ = temp_.path();
 };
 
 Camera TestCamera(camera_t id = 1) {

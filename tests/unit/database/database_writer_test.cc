@@ -6,30 +6,21 @@
 #include <unistd.h>
 
 #include <atomic>
-#include <filesystem>
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "support/temp_folder.h"
 
 namespace cairn {
 namespace {
 
-namespace fs = std::filesystem;
-
 class DatabaseWriterTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    path_ = fs::temp_directory_path() / ("cairn_writer_test_" + std::to_string(getpid()) + ".db");
-    Remove();
-    Database database(path_);
-  }
-  void TearDown() override { Remove(); }
-  void Remove() {
-    for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(path_ + suffix);
-  }
+  void SetUp() override { Database database(path_); }
   size_t NumPairs() { return Database(path_).ReadMatchedPairIds().size(); }
 
-  std::string path_;
+  testing::TempFolder folder_;
+  const std::string path_ = folder_ / "scene.db";
 };
 
 DatabaseWriter::Options SmallOptions() {

@@ -1,0 +1,48 @@
+#include <spdlog/spdlog.h>
+
+#include <iostream>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/pipeline/build_pipeline.h"
+#include "common/console_monitor.h"
+#include "common/program.h"
+
+namespace {
+
+using namespace cairn;
+
+int Build(const BuildPipelineOptions& options, const std::string& effective_toml) {
+  ConsoleMonitor monitor;
+  const BuildPipelineReport report = RunBuildPipeline(options, monitor);
+  const std::string& database_path = options.inputs.database_path;
+  WriteFileAtomically(database_path + ".effective.toml", effective_toml);
+  WriteFileAtomically(database_path + ".report.json", ToJson(report.run));
+  std::cout << SummaryText(report.summary, report.run) << std::flush;
+  if (report.run.Succeeded()) return kExitSuccess;
+  spdlog::error("{}", report.run.failure);
+  return kExitNoUsableResult;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Program program(
+      "build_view_graph",
+      "Photographs to features, depth, matches and verified pairs, in one database that "
+      "COLMAP reads.");
+  Command& command = program.MainCommand();
+  BuildPipelineOptions options;
+  command.AddOptions("", options.inputs);
+  command.AddOptions("", options.cameras);
+  command.AddOptions("features", options.features);
+  command.AddOptions("depth", options.depth);
+  command.AddOptions("matching", options.matching);
+  command.AddOptions("verification", options.verification);
+  command.AddOptions("scheduler", options.scheduler);
+  command.SetRun([&] {
+    command.Require("database_path");
+    return Build(options, command.EffectiveToml());
+  });
+  return program.Run(argc, argv);
+}

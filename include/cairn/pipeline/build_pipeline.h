@@ -1,0 +1,95 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "cairn/depth/options.h"
+#include "cairn/features/features.h"
+#include "cairn/matching/matching.h"
+#include "cairn/pipeline/pair_scheduler.h"
+#include "cairn/pipeline/run_report.h"
+#include "cairn/pipeline/stages.h"
+#include "cairn/two_view/options.h"
+
+namespace cairn {
+
+// What build_view_graph works on; the options of the modules follow in BuildPipelineOptions.
+struct BuildInputs {
+  std::string image_path;
+  std::string database_path;
+  std::string dataset_path;
+  std::string depth_path;
+  std::string depth_model;
+  std::string pairs_path;
+  std::string verifier = "both";
+  std::string stop_after = "verification";
+  std::string recompute = "none";
+  int num_threads = 0;
+  int seed = 0;
+
+  void VisitFields(OptionVisitor& v) {
+    v.String("image_path", image_path, "folder of photographs");
+    v.String("database_path", database_path, "database to make, or to continue (required)");
+    v.String("dataset_path", dataset_path, "folder of a 1DSfM data set, instead of image_path");
+    v.String("depth_path", depth_path,
+             "folder of depth maps, <image name>.npy, .pfm, .png or .bin");
+    v.String("depth_model", depth_model, "ONNX network that gives depth, instead of depth_path");
+    v.String("pairs_path", pairs_path, "file with two image names a line; without, all pairs");
+    v.Choice("verifier", verifier, {"both", "one_ac_depth", "five_point"},
+             "which verifiers are run on every pair");
+    v.Choice("stop_after", stop_after, {"features", "depth", "matching", "verification"},
+             "last stage of this run; a later run continues");
+    v.Choice("recompute", recompute,
+             {"none", "cameras", "features", "depth", "matching", "verification"},
+             "stage to compute again, with those that depend on it");
+    v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
+    v.Int("seed", seed, {0, 2147483647}, "seed of all random numbers");
+  }
+};
+
+struct BuildPipelineOptions {
+  BuildInputs inputs;
+  CameraOptions cameras;
+  FeatureOptions features;
+  DepthOptions depth;
+  MatchingOptions matching;
+  TwoViewOptions verification;
+  SchedulerOptions scheduler;
+};
+
+// What the database has after a run, whoever computed it.
+struct ViewGraphSummary {
+  int num_images = 0;
+  int num_images_with_features = 0;
+  int num_images_with_depth = 0;
+  int num_skipped_photos = 0;
+  int64_t num_pairs = 0;                       // with a row in matches
+  int64_t num_tried = 0;                       // by us
+  int64_t num_too_few = 0;                     // not tried: too few matches
+  int64_t num_verified = 0;                    // with inliers, or with an imported pose
+  std::map<std::string, int64_t> verified_by;  // verifier -> pairs; "given": by another program
+  std::map<std::string, int64_t> rejected_by;  // reason -> pairs
+  int num_components = 0;                      // of the graph of verified pairs, with >= 2 images
+  int largest_component = 0;                   // images in it
+};
+ViewGraphSummary SummarizeDatabase(const Database& database);
+// A few lines for the terminal.
+std::string SummaryText(const ViewGraphSummary& summary, const RunReport& report);
+
+struct BuildPipelineReport {
+  RunReport run;
+  ViewGraphSummary summary;
+  bool was_stopped = false;  // the monitor wanted to stop; the database is ready to continue
+};
+
+// The whole of build_view_graph: photographs and cameras, features, depth, matches, verified pairs,
+// all in the database, which may have some of it already. Throws ConfigError for options that
+// contradict each other or the database, IoError when the run cannot go on. Where there is no
+// usable result (nothing verified, or no features with stop_after features), report.run.failure
+// says so.
+BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
+                                     ProgressMonitor& monitor = NullMonitor());
+
+}  // namespace cairn

@@ -1,0 +1,106 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/base/options.h"
+#include "cairn/base/progress.h"
+#include "cairn/database/database.h"
+#include "cairn/depth/options.h"
+#include "cairn/features/features.h"
+#include "cairn/matching/matching.h"
+#include "cairn/pipeline/run_report.h"
+
+namespace cairn {
+
+// The stages of build_view_graph up to matching. Each reads what it needs from the database, writes
+// what is missing, and can be run again: rows that are there are reused, and a stage that was made
+// with other options or from other inputs is an error (ConfigError) that says what differs. Rows of
+// other programs (COLMAP) are taken as they are. An item that fails (a damaged photograph, a
+// missing depth map) is recorded, reported by one Warning, and skipped. All return early, keeping
+// what is done, when the monitor wants to stop; then report.status is kFailed and
+// StoppedEarly(report) true. The rows that a stage writes do not depend on num_threads, nor on
+// whether it was interrupted.
+bool StoppedEarly(const StageReport& report);
+
+struct CameraOptions {
+  std::string camera_model = "SIMPLE_RADIAL";
+  std::vector<double> camera_params;
+  bool single_camera = false;
+
+  void VisitFields(OptionVisitor& v) {
+    v.Choice("camera_model", camera_model,
+             {"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"},
+             "model of new cameras");
+    v.Doubles("camera_params", camera_params,
+              "parameters of new cameras, in COLMAP's order; without, the focal length comes from "
+              "EXIF, or is 1.2 times the larger side");
+    v.Bool("single_camera", single_camera, "all images were taken by one camera");
+  }
+};
+
+// Photographs of a folder that a caller selects or knows more about than EXIF says.
+struct PhotoSelection {
+  struct Photo {
+    std::string name;                // relative to the folder
+    std::optional<double> focal_px;  // instead of EXIF's
+  };
+  std::vector<Photo> photos;
+};
+
+// Adds the photographs below image_path that the database does not have, with their cameras, in the
+// order of their names. Cameras as COLMAP 3.8 makes them: one for all (single_camera), else one for
+// all new images with equal EXIF make, model, focal length and size, else one an image. Throws
+// IoError when the folder cannot be read or neither it nor the database has an image.
+StageReport ImportPhotos(Database& database, const std::string& image_path,
+                         const CameraOptions& options, int num_threads,
+                         ProgressMonitor& monitor = NullMonitor(),
+                         const std::optional<PhotoSelection>& selection = std::nullopt);
+
+// Features of every image without keypoints. An image that cannot be decoded leaves the database.
+// image_path "": nothing can be computed, images without keypoints are counted.
+StageReport ExtractImageFeatures(Database& database, const std::string& image_path,
+                                 const FeatureOptions& options, int num_threads,
+                                 ProgressMonitor& monitor = NullMonitor());
+
+// Where depth comes from; at most one of the two.
+struct DepthSource {
+  std::string depth_path;   // a folder of depth maps, `<image name>.npy` ...
+  std::string depth_model;  // an ONNX network, run on the photographs
+};
+// Depth and its gradient at the keypoints of every image without depth samples. Without a source,
+// nothing.
+StageReport SampleImageDepth(Database& database, const std::string& image_path,
+                             const DepthSource& source, const DepthOptions& options,
+                             int num_threads, ProgressMonitor& monitor = NullMonitor());
+
+// What the stages over pairs may use; the memory is for features and matches that are loaded at
+// once.
+struct SchedulerOptions {
+  double max_memory_gib = 2.0;
+
+  void VisitFields(OptionVisitor& v) {
+    v.Double("max_memory_gib", max_memory_gib, {0.001, 1e6},
+             "memory for the features and matches that are loaded at once, GiB");
+  }
+};
+
+// Pairs of images by name, two a line; '#' begins a comment. Lines with a name that the database
+// does not have are reported by Warning and left out. Ascending by pair id. Throws IoError with
+// file and line.
+std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vector<Image>& images,
+                                       ProgressMonitor& monitor = NullMonitor());
+
+// Matches of the given pairs, or (nullopt) of all pairs of images, where they are missing. When
+// matches were made by another program, pairs between its images count as chosen by it: they are
+// matched only if `pairs` names them.
+StageReport MatchImagePairs(Database& database,
+                            const std::optional<std::vector<image_pair_t>>& pairs,
+                            const MatchingOptions& options, const SchedulerOptions& scheduler,
+                            int num_threads, ProgressMonitor& monitor = NullMonitor());
+
+}  // namespace cairn

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "cairn/camera/camera.h"
+#include "cairn/image/bitmap.h"
+#include "cairn/image/exif.h"
+#include "cairn/pipeline/stages.h"
+
+namespace cairn {
+
+// A file of the folder on its way into the database.
+struct Photo {
+  std::string name;
+  std::optional<double> given_focal_px;
+  uint64_t file_hash = 0;
+  std::string error;  // why it cannot be used
+  ImageSize size;
+  ExifInfo exif;
+};
+
+// Throws ConfigError when camera_params do not fit camera_model.
+void CheckCameraOptions(const CameraOptions& options);
+
+// Gives photos their cameras, making new ones with ids from first_id on. `shared` is the single
+// camera, if there is one already.
+class CameraMaker {
+ public:
+  CameraMaker(const CameraOptions& options, camera_t first_id, std::optional<Camera> shared);
+
+  // The camera of the photo; nullopt, with photo.error set, if the single camera does not fit.
+  std::optional<camera_t> CameraOf(Photo& photo);
+  const std::vector<Camera>& cameras() const { return cameras_; }
+
+ private:
+  std::optional<camera_t> SingleCamera(Photo& photo);
+  const Camera& Make(const Photo& photo);
+
+  const CameraOptions options_;
+  camera_t next_id_;
+  std::optional<Camera> shared_;
+  std::map<std::tuple<std::string, std::string, double, int, int>, camera_t> by_exif_;
+  std::vector<Camera> cameras_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,64 @@
+#include <algorithm>
+#include <fstream>
+#include <map>
+
+#include "cairn/base/error.h"
+#include "cairn/pipeline/stages.h"
+
+namespace cairn {
+namespace {
+
+// Names may contain blanks, so the line is split where both parts are names of images.
+std::optional<std::pair<std::string, std::string>> SplitLine(
+    const std::string& line, const std::map<std::string, image_t>& ids) {
+  std::optional<std::pair<std::string, std::string>> first;
+  for (size_t end = line.find_first_of(" \t"); end != std::string::npos;
+       end = line.find_first_of(" \t", line.find_first_not_of(" \t", end))) {
+    const size_t begin = line.find_first_not_of(" \t", end);
+    std::pair<std::string, std::string> names(line.substr(0, end), line.substr(begin));
+    if (ids.count(names.first) > 0 && ids.count(names.second) > 0) return names;
+    if (!first) first = std::move(names);
+  }
+  return first;
+}
+
+std::string Trimmed(const std::string& line) {
+  const size_t begin = line.find_first_not_of(" \t\r");
+  if (begin == std::string::npos || line[begin] == '#') return "";
+  return line.substr(begin, line.find_last_not_of(" \t\r") - begin + 1);
+}
+
+}  // namespace
+
+std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vector<Image>& images,
+                                       ProgressMonitor& monitor) {
+  std::ifstream file(path);
+  if (!file) throw IoError(path, "cannot be opened");
+  std::map<std::string, image_t> ids;
+  for (const Image& image : images) ids[image.name] = image.image_id;
+  std::vector<image_pair_t> pairs;
+  std::string line;
+  for (int number = 1; std::getline(file, line); ++number) {
+    line = Trimmed(line);
+    if (line.empty()) continue;
+    const std::string where = path + ":" + std::to_string(number);
+    const auto names = SplitLine(line, ids);
+    if (!names) throw IoError(where, "'" + line + "' is not two image names");
+    const auto id1 = ids.find(names->first);
+    const auto id2 = ids.find(names->second);
+    if (id1 == ids.end() || id2 == ids.end()) {
+      monitor.Warning(where + ": no image '" + (id1 == ids.end() ? names->first : names->second) +
+                      "' in the database; the pair is skipped");
+    } else if (id1->second == id2->second) {
+      monitor.Warning(where + ": '" + names->first + "' paired with itself; skipped");
+    } else {
+      pairs.push_back(ImagePairToPairId(id1->second, id2->second));
+    }
+  }
+  if (file.bad()) throw IoError(path, "cannot be read");
+  std::sort(pairs.begin(), pairs.end());
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  return pairs;
+}
+
+}  // namespace cairn

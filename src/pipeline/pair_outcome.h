@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "cairn/database/database.h"
+#include "cairn/two_view/pair_verifier.h"
+
+namespace cairn {
+
+// What the verifiers found for one pair, ready to be written.
+struct PairOutcome {
+  image_pair_t pair_id = 0;
+  uint64_t input_hash = 0;
+  int num_matches = 0;
+  struct Run {
+    std::string verifier;
+    PairReport report;
+    double seconds = 0;
+  };
+  std::vector<Run> runs;  // empty: not tried
+  int winner = -1;        // index into runs, -1: no verifier accepted
+
+  // Why it was rejected: the reason of the run that came nearest.
+  std::string RejectionReason() const;
+};
+
+// The verified run with the largest score; of equal ones the first. -1 if there is none.
+int ChooseWinner(const std::vector<PairOutcome::Run>& runs);
+
+// Writes the pair's rows; the note of its job is the reason of a rejection.
+void WriteOutcome(Database& database, const PairOutcome& outcome);
+
+}  // namespace cairn

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <vector>
+
+#include "cairn/base/types.h"
+
+namespace cairn {
+
+// Pairs that are done while the features of `images` are in memory.
+struct PairTile {
+  std::vector<image_t> images;      // sorted
+  std::vector<image_pair_t> pairs;  // sorted
+};
+
+// Orders pairs so that every image is loaded few times with at most max_bytes of image data in
+// memory at once: consecutive images form groups of at most max_bytes / 2, and a tile has the pairs
+// between two groups. Tiles follow each other in serpentine order, so that neighbors share a group.
+// Images that are absent from image_bytes count nothing. A single pair may exceed the limit, since
+// it must be done.
+std::vector<PairTile> PlanPairTiles(const std::vector<image_pair_t>& pairs,
+                                    const std::map<image_t, int64_t>& image_bytes,
+                                    int64_t max_bytes);
+
+}  // namespace cairn

@@ -1,0 +1,290 @@
+#include "cairn/pipeline/pair_scheduler.h"
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include "cairn/base/check.h"
+#include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
+#include "cairn/base/timer.h"
+#include "cairn/database/database_writer.h"
+#include "pipeline/content_hash.h"
+#include "pipeline/pair_feed.h"
+#include "pipeline/pair_outcome.h"
+#include "pipeline/stage_ledger.h"
+#include "pipeline/stage_names.h"
+#include "pipeline/stage_report.h"
+
+namespace cairn {
+namespace {
+
+// A keypoint with its depth sample in memory.
+constexpr int64_t kBytesPerKeypoint = sizeof(Keypoint) + sizeof(DepthSample);
+
+// Pairs that are given to the reading thread: those with matches, but not those that another
+// program verified.
+std::vector<image_pair_t> FindPairs(const Database& database, const VerificationInput& input,
+                                    const StageLedger& ledger) {
+  std::vector<image_pair_t> given;
+  for (const auto& [pair, num] : database.ReadNumInliers()) {
+    if (ledger.Find(pair) == nullptr) given.push_back(pair);
+  }
+  std::vector<image_pair_t> pairs;
+  for (const auto& [pair, num] : database.ReadNumMatches()) {
+    if (std::binary_search(given.begin(), given.end(), pair)) continue;
+    if (input.pairs && !std::binary_search(input.pairs->begin(), input.pairs->end(), pair))
+      continue;
+    pairs.push_back(pair);
+  }
+  return pairs;
+}
+
+// Loads what the verifiers need; runs in the reading thread with a connection of its own.
+class Loader {
+ public:
+  Loader(const std::string& database_path, const VerificationInput& input,
+         const StageLedger& ledger)
+      : database_(database_path, Database::Mode::kReadOnly), input_(input), ledger_(ledger) {
+    for (Camera& camera : database_.ReadCameras()) cameras_[camera.camera_id] = camera;
+    for (Image& image : database_.ReadImages()) images_[image.image_id] = std::move(image);
+  }
+
+  PairImage LoadImage(image_t id) {
+    const auto image = images_.find(id);
+    if (image == images_.end()) {
+      throw IoError(database_.path(),
+                    "a pair refers to image " + std::to_string(id) + ", which is not there");
+    }
+    const auto camera = cameras_.find(image->second.camera_id);
+    if (camera == cameras_.end()) {
+      throw IoError(database_.path(), "image " + image->second.name + " has no camera");
+    }
+    PairImage loaded;
+    loaded.camera = camera->second;
+    auto keypoints = database_.ReadKeypoints(id);
+    if (!keypoints) {
+      throw IoError(database_.path(), "image " + image->second.name + " has matches, no keypoints");
+    }
+    loaded.keypoints = std::move(*keypoints);
+    loaded.depth = database_.ReadDepthSamples(id).value_or(std::vector<DepthSample>());
+    if (!loaded.depth.empty() && loaded.depth.size() != loaded.keypoints.size()) {
+      throw IoError(database_.path(), "image " + image->second.name + " has " +
+                                          std::to_string(loaded.keypoints.size()) +
+                                          " keypoints, but " + std::to_string(loaded.depth.size()) +
+                                          " depth samples; use --recompute depth");
+    }
+    Hasher hasher;
+    hasher.Add(HashCamera(loaded.camera)).Add(HashKeypoints(loaded.keypoints));
+    loaded.content_hash = hasher.Add(HashDepth(loaded.depth)).Digest();
+    return loaded;
+  }
+
+  // False: the pair is done.
+  bool LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image) {
+    const auto [id1, id2] = PairIdToImagePair(task.pair_id);
+    task.matches = *database_.ReadMatches(task.pair_id);
+    Hasher hasher;
+    hasher.Add(HashMatches(task.matches));
+    if (static_cast<int>(task.matches.size()) >= input_.min_num_matches) {
+      task.image1 = image(id1);
+      task.image2 = image(id2);
+      hasher.Add(task.image1->content_hash).Add(task.image2->content_hash);
+      CheckMatches(task, id1, id2);
+    }
+    task.input_hash = hasher.Digest();
+    const JobRecord* job = ledger_.Find(task.pair_id);
+    if (job == nullptr) return true;
+    if (job->input_hash != task.input_hash) {
+      ledger_.ThrowChanged("the features, depth, cameras or matches of " + Name(id1) + " and " +
+                           Name(id2));
+    }
+    return false;
+  }
+
+ private:
+  std::string Name(image_t id) const {
+    const auto image = images_.find(id);
+    return image == images_.end() ? "image " + std::to_string(id) : image->second.name;
+  }
+
+  void CheckMatches(const PairTask& task, image_t id1, image_t id2) const {
+    for (const FeatureMatch& match : task.matches) {
+      if (match.point1 < task.image1->keypoints.size() &&
+          match.point2 < task.image2->keypoints.size()) {
+        continue;
+      }
+      throw IoError(database_.path(), "matches of " + Name(id1) + " and " + Name(id2) +
+                                          " refer to keypoints that are not there");
+    }
+  }
+
+  Database database_;
+  const VerificationInput& input_;
+  const StageLedger& ledger_;
+  std::map<camera_t, Camera> cameras_;
+  std::map<image_t, Image> images_;
+};
+
+// One thread's verifiers.
+class Worker {
+ public:
+  Worker(const std::vector<NamedVerifier>& verifiers, const VerificationInput& input)
+      : input_(input) {
+    for (const NamedVerifier& verifier : verifiers) {
+      names_.push_back(verifier.name);
+      verifiers_.push_back(verifier.make());
+    }
+  }
+
+  PairOutcome Run(const PairTask& task) {
+    PairOutcome outcome;
+    outcome.pair_id = task.pair_id;
+    outcome.input_hash = task.input_hash;
+    outcome.num_matches = static_cast<int>(task.matches.size());
+    if (!task.image1) return outcome;  // Too few matches.
+    PairInput pair;
+    pair.pair_id = task.pair_id;
+    pair.seed = input_.seed;
+    pair.camera1 = &task.image1->camera;
+    pair.camera2 = &task.image2->camera;
+    pair.keypoints1 = task.image1->keypoints;
+    pair.keypoints2 = task.image2->keypoints;
+    pair.depth1 = task.image1->depth;
+    pair.depth2 = task.image2->depth;
+    pair.matches = task.matches;
+    for (size_t i = 0; i < verifiers_.size(); ++i) {
+      const Timer timer;
+      PairReport report = verifiers_[i]->Verify(pair);
+      const double seconds = timer.Seconds();
+      verifying_seconds += seconds;
+      outcome.runs.push_back({names_[i], std::move(report), seconds});
+    }
+    outcome.winner = ChooseWinner(outcome.runs);
+    return outcome;
+  }
+
+  double verifying_seconds = 0;
+
+ private:
+  const VerificationInput& input_;
+  std::vector<std::string> names_;
+  std::vector<std::unique_ptr<PairVerifier>> verifiers_;
+};
+
+void Count(const PairOutcome& outcome, VerificationCounts& counts) {
+  ++counts.num_pairs;
+  if (outcome.runs.empty()) {
+    ++counts.num_too_few;
+  } else {
+    ++counts.num_tried;
+  }
+  if (outcome.winner >= 0) {
+    ++counts.num_verified;
+    ++counts.verified_by[outcome.runs[outcome.winner].verifier];
+  } else {
+    ++counts.rejected_by[outcome.RejectionReason()];
+  }
+}
+
+std::map<image_t, int64_t> ImageBytes(const Database& database) {
+  std::map<image_t, int64_t> bytes;
+  for (const auto& [id, num] : database.ReadNumKeypoints()) bytes[id] = num * kBytesPerKeypoint;
+  return bytes;
+}
+
+// Verifies the pairs of the plan; fills counts and times.
+void VerifyAll(const std::string& database_path, const std::vector<NamedVerifier>& verifiers,
+               const VerificationInput& input, const StageLedger& ledger,
+               std::vector<PairTile> plan, int64_t num_pairs, int64_t max_queue_bytes,
+               int num_threads, ProgressMonitor& monitor, VerificationReport& report) {
+  Loader loader(database_path, input, ledger);
+  DatabaseWriter writer(database_path);
+  PairFeed feed(
+      std::move(plan), [&loader](image_t id) { return loader.LoadImage(id); },
+      [&loader](PairTask& task, const auto& image) { return loader.LoadPair(task, image); },
+      max_queue_bytes);
+  const int num_workers = EffectiveNumThreads(num_threads);
+  std::vector<std::unique_ptr<Worker>> workers(num_workers);
+  std::mutex counts_mutex;
+  ParallelForWorker(num_workers, num_pairs, [&](int worker, int64_t) {
+    if (monitor.StopRequested()) feed.Stop();
+    const std::optional<PairTask> task = feed.Next();
+    if (!task) return;
+    if (!workers[worker]) workers[worker] = std::make_unique<Worker>(verifiers, input);
+    auto outcome = std::make_shared<PairOutcome>(workers[worker]->Run(*task));
+    {
+      const std::lock_guard<std::mutex> lock(counts_mutex);
+      Count(*outcome, report.counts);
+    }
+    writer.Push([outcome](Database& db) { WriteOutcome(db, *outcome); });
+    monitor.Advance(1);
+  });
+  writer.Finish();
+  report.writing_seconds = writer.busy_seconds();
+  for (const auto& worker : workers) {
+    if (worker) report.verifying_seconds += worker->verifying_seconds;
+  }
+}
+
+void FillStageReport(const VerificationCounts& counts, StageReport& stage) {
+  stage.Add("pairs", static_cast<double>(counts.num_pairs));
+  stage.Add("tried", static_cast<double>(counts.num_tried));
+  stage.Add("verified", static_cast<double>(counts.num_verified));
+  for (const auto& [verifier, num] : counts.verified_by) {
+    stage.Add("verified_by_" + verifier, static_cast<double>(num));
+  }
+  for (const auto& [reason, num] : counts.rejected_by) {
+    stage.Add("rejected_" + reason, static_cast<double>(num));
+  }
+}
+
+}  // namespace
+
+VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
+                               const VerificationInput& input, const SchedulerOptions& scheduler,
+                               int num_threads, ProgressMonitor& monitor) {
+  CAIRN_CHECK(!verifiers.empty());
+  const Timer timer;
+  VerificationReport report;
+  report.stage.name = kStageVerification;
+  StageLedger ledger(database, kStageVerification, input.options);
+  const std::vector<image_pair_t> pairs = FindPairs(database, input, ledger);
+  const auto num_new =
+      static_cast<int64_t>(std::count_if(pairs.begin(), pairs.end(), [&ledger](image_pair_t pair) {
+        return ledger.Find(pair) == nullptr;
+      }));
+  if (!pairs.empty()) {
+    if (num_new > 0) ledger.Begin(database);
+    // Half for the present tile; tasks that still hold images of the last one have the rest.
+    const auto max_bytes = static_cast<int64_t>(scheduler.max_memory_gib * (int64_t{1} << 30)) / 2;
+    monitor.BeginStage("verifying pairs", num_new);
+    VerifyAll(database.path(), verifiers, input, ledger,
+              PlanPairTiles(pairs, ImageBytes(database), max_bytes),
+              static_cast<int64_t>(pairs.size()), max_bytes / 8, num_threads, monitor, report);
+    monitor.EndStage();
+  }
+  if (monitor.StopRequested()) {
+    MarkStopped(report.stage);
+  } else if (num_new > 0) {
+    ledger.Complete(database);
+  }
+  FillStageReport(report.counts, report.stage);
+  report.stage.seconds = timer.Seconds();
+  database.AddTiming(kStageVerification, 0, "", report.stage.seconds);
+  return report;
+}
+
+std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options) {
+  const NamedVerifier one_ac_depth = {
+      "one_ac_depth", [options] { return MakePairVerifier(VerifierKind::kOneAcDepth, options); }};
+  const NamedVerifier five_point = {
+      "five_point", [options] { return MakePairVerifier(VerifierKind::kFivePoint, options); }};
+  if (choice == "both") return {one_ac_depth, five_point};
+  if (choice == "one_ac_depth") return {one_ac_depth};
+  if (choice == "five_point") return {five_point};
+  throw ConfigError("verifier", "'" + choice + "' is not known");
+}
+
+}  // namespace cairn

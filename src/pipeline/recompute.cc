@@ -1,0 +1,62 @@
+#include "pipeline/recompute.h"
+
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "cairn/base/error.h"
+#include "pipeline/stage_ledger.h"
+#include "pipeline/stage_names.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Features that were made elsewhere from photographs that are not here must not be lost.
+void CheckPhotographs(const Database& database, const std::string& stage,
+                      const std::string& image_path) {
+  if (image_path.empty()) throw ConfigError("recompute", stage + " needs --image_path");
+  const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
+  for (const Image& image : database.ReadImages()) {
+    if (num_keypoints.count(image.image_id) == 0) continue;
+    if (!fs::exists(fs::path(image_path) / image.name)) {
+      throw ConfigError("recompute", image.name + " has features, but is not in " + image_path +
+                                         "; its features would be lost");
+    }
+  }
+}
+
+void CheckDescriptors(const Database& database) {
+  const std::map<image_t, int> num_descriptors = database.ReadNumDescriptors();
+  for (const image_pair_t pair : database.ReadMatchedPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    if (num_descriptors.count(id1) > 0 && num_descriptors.count(id2) > 0) continue;
+    throw ConfigError("recompute",
+                      "image " + std::to_string(num_descriptors.count(id1) ? id2 : id1) +
+                          " has matches, but no descriptors; its matches would be lost");
+  }
+}
+
+// Images that we added are added anew, with other ids if others stay.
+void DeleteOurImages(Database& database) {
+  for (const JobRecord& job : database.ReadJobs(kStageCameras)) {
+    database.DeleteImage(static_cast<image_t>(job.item));
+  }
+  database.ClearPhotos();
+  database.ClearStage(kStageCameras);
+}
+
+}  // namespace
+
+void PrepareRecompute(Database& database, const std::string& stage, const std::string& image_path) {
+  if (stage == "none") return;
+  if (stage == kStageFeatures) CheckPhotographs(database, stage, image_path);
+  if (stage == kStageMatching) CheckDescriptors(database);
+  Database::Transaction transaction(database);
+  ClearStageAndDependents(database, stage);
+  if (stage == kStageFeatures) DeleteOurImages(database);
+  transaction.Commit();
+}
+
+}  // namespace cairn

@@ -1,0 +1,121 @@
+#include "pipeline/stage_ledger.h"
+
+#include <map>
+#include <sstream>
+
+#include "cairn/base/error.h"
+#include "cairn/base/hash.h"
+#include "pipeline/stage_names.h"
+
+namespace cairn {
+namespace {
+
+// "key = value" lines.
+std::map<std::string, std::string> ParseOptions(const std::string& text) {
+  std::map<std::string, std::string> values;
+  std::istringstream lines(text);
+  std::string line;
+  while (std::getline(lines, line)) {
+    const size_t equals = line.find(" = ");
+    if (equals != std::string::npos) values[line.substr(0, equals)] = line.substr(equals + 3);
+  }
+  return values;
+}
+
+// Throws ConfigError for the first option, in the order of the present ones, that differs.
+void CheckOptions(const std::string& stage, const std::string& stored, const std::string& present) {
+  if (stored == present) return;
+  const std::map<std::string, std::string> old_values = ParseOptions(stored);
+  const std::string advice = "; use the same, or --recompute " + stage;
+  std::istringstream lines(present);
+  std::string line;
+  while (std::getline(lines, line)) {
+    const size_t equals = line.find(" = ");
+    const std::string key = line.substr(0, equals);
+    const std::string value = line.substr(equals + 3);
+    const auto old_value = old_values.find(key);
+    if (old_value == old_values.end()) {
+      throw ConfigError(key, "the database's stage '" + stage +
+                                 "' was made by a version without this option; use --recompute " +
+                                 stage);
+    }
+    if (old_value->second != value) {
+      throw ConfigError(key, "is " + value + ", but the database's stage '" + stage +
+                                 "' was made with " + old_value->second + advice);
+    }
+  }
+  throw ConfigError(stage,
+                    "the database's stage was made by another version; use --recompute " + stage);
+}
+
+}  // namespace
+
+std::string QualifiedOptions(std::string_view module, const std::string& dumped) {
+  std::string text;
+  std::istringstream lines(dumped);
+  std::string line;
+  while (std::getline(lines, line)) text += std::string(module) + "." + line + "\n";
+  return text;
+}
+
+StageLedger::StageLedger(Database& database, const std::string& stage, const std::string& options)
+    : stage_(stage), options_(options) {
+  const std::optional<StageRecord> record = database.ReadStage(stage);
+  if (!record) return;
+  CheckOptions(stage, record->options, options);
+  was_begun_ = true;
+  for (JobRecord& job : database.ReadJobs(stage)) {
+    const uint64_t item = job.item;
+    jobs_.emplace(item, std::move(job));
+  }
+}
+
+const JobRecord* StageLedger::Find(uint64_t item) const {
+  const auto it = jobs_.find(item);
+  return it == jobs_.end() ? nullptr : &it->second;
+}
+
+bool StageLedger::IsDone(uint64_t item, uint64_t input_hash, const std::string& what) const {
+  const JobRecord* job = Find(item);
+  if (job == nullptr) return false;
+  if (job->input_hash != input_hash) ThrowChanged(what);
+  return true;
+}
+
+void StageLedger::ThrowChanged(const std::string& what) const {
+  throw ConfigError("database", what + " changed since the stage '" + stage_ +
+                                    "' was computed; use --recompute " + stage_);
+}
+
+void StageLedger::Begin(Database& database) {
+  database.WriteStage({stage_, options_, 0, false});
+  was_begun_ = true;
+}
+
+void StageLedger::Complete(Database& database) {
+  if (!was_begun_) return;
+  Hasher hasher;
+  hasher.Add(options_);
+  for (const JobRecord& job : database.ReadJobs(stage_)) {
+    hasher.Add(job.item).Add(job.input_hash).Add(job.note);
+  }
+  database.WriteStage({stage_, options_, hasher.Digest(), true});
+}
+
+void ClearStageAndDependents(Database& database, const std::string& stage) {
+  if (stage == kStageFeatures) {
+    database.ClearFeatures();
+    ClearStageAndDependents(database, kStageDepth);
+    ClearStageAndDependents(database, kStageMatching);
+  }
+  if (stage == kStageDepth) database.ClearDepth();
+  if (stage == kStageMatching) database.ClearMatches();
+  if (stage == kStageVerification) {
+    database.ClearVerification();
+  } else {
+    ClearStageAndDependents(database, kStageVerification);
+  }
+  database.ClearStage(stage);
+}
+
+}  // namespace cairn

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+
+#include "cairn/base/options.h"
+#include "cairn/database/database.h"
+
+namespace cairn {
+
+// The fields of an options struct as lines "module.field = value", the names of their flags.
+std::string QualifiedOptions(std::string_view module, const std::string& dumped);
+
+template <class Options>
+std::string DumpQualified(std::string_view module, const Options& options) {
+  return QualifiedOptions(module, DumpOptions(options));
+}
+
+// The state of one stage in the database: with which options it ran, and which items it finished
+// from which inputs. Written only once there is something to do, so that rows of other programs
+// need no record.
+class StageLedger {
+ public:
+  // Reads the stage's rows. Throws ConfigError, naming the option, if the stage ran with other
+  // options.
+  StageLedger(Database& database, const std::string& stage, const std::string& options);
+
+  bool WasBegun() const { return was_begun_; }
+  size_t NumDone() const { return jobs_.size(); }
+  // The item's record, or nullptr.
+  const JobRecord* Find(uint64_t item) const;
+  // True if the item is done from the same inputs, false if it is not done. Throws ConfigError if
+  // it was done from others; `what` says what differs ("the photograph a.jpg").
+  bool IsDone(uint64_t item, uint64_t input_hash, const std::string& what) const;
+  [[noreturn]] void ThrowChanged(const std::string& what) const;
+
+  // Writes the record as incomplete: work is about to begin.
+  void Begin(Database& database);
+  // Writes the record as complete, with a hash of the options and all jobs. Nothing, if the stage
+  // never began.
+  void Complete(Database& database);
+
+ private:
+  std::string stage_;
+  std::string options_;
+  bool was_begun_ = false;
+  std::unordered_map<uint64_t, JobRecord> jobs_;
+};
+
+// Removes what the stage and those that depend on it wrote (rows of other programs too).
+// cameras -> verification; features -> depth, matching, verification; depth -> verification;
+// matching -> verification.
+void ClearStageAndDependents(Database& database, const std::string& stage);
+
+}  // namespace cairn

@@ -1,0 +1,131 @@
+#include "pipeline/stage_ledger.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/base/error.h"
+#include "cairn/matching/matching.h"
+#include "pipeline/stage_names.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+template <class Fn>
+std::string ConfigMessage(const Fn& fn) {
+  try {
+    fn();
+  } catch (const ConfigError& error) {
+    return error.what();
+  }
+  return "no ConfigError";
+}
+
+std::string Text(const MatchingOptions& options) { return DumpQualified("matching", options); }
+
+TEST(StageLedger, OptionsTextHasTheNamesOfTheFlags) {
+  MatchingOptions options;
+  options.max_ratio = 0.75;
+  EXPECT_THAT(Text(options), HasSubstr("matching.max_ratio = 0.75\n"));
+  EXPECT_THAT(Text(options), HasSubstr("matching.cross_check = true\n"));
+}
+
+TEST(StageLedger, NamesTheOptionThatDiffers) {
+  Database database(":memory:");
+  MatchingOptions options;
+  StageLedger ledger(database, kStageMatching, Text(options));
+  EXPECT_FALSE(ledger.WasBegun());
+  ledger.Begin(database);
+  EXPECT_TRUE(StageLedger(database, kStageMatching, Text(options)).WasBegun());
+  options.max_ratio = 0.5;
+  EXPECT_EQ(ConfigMessage([&] { StageLedger(database, kStageMatching, Text(options)); }),
+            "matching.max_ratio: is 0.5, but the database's stage 'matching' was made with 0.8; "
+            "use the same, or --recompute matching");
+  EXPECT_THAT(ConfigMessage([&] {
+                StageLedger(database, kStageMatching, Text(options) + "matching.new = 1\n");
+              }),
+              HasSubstr("matching.max_ratio"));
+  EXPECT_THAT(ConfigMessage(
+                  [&] { StageLedger(database, kStageMatching, Text({}) + "matching.new = 1\n"); }),
+              HasSubstr("matching.new: the database's stage 'matching' was made by a version"));
+  EXPECT_THAT(ConfigMessage([&] { StageLedger(database, kStageMatching, ""); }),
+              HasSubstr("another version"));
+}
+
+TEST(StageLedger, KnowsWhatIsDoneFromWhichInputs) {
+  Database database(":memory:");
+  {
+    StageLedger ledger(database, kStageDepth, "a = 1\n");
+    ledger.Begin(database);
+    database.WriteJob(kStageDepth, {3, 77, ""});
+  }
+  const StageLedger ledger(database, kStageDepth, "a = 1\n");
+  EXPECT_EQ(ledger.NumDone(), 1u);
+  EXPECT_TRUE(ledger.IsDone(3, 77, "x"));
+  EXPECT_FALSE(ledger.IsDone(4, 77, "x"));
+  EXPECT_EQ(ledger.Find(4), nullptr);
+  EXPECT_EQ(ConfigMessage([&] { ledger.IsDone(3, 78, "the photograph a.jpg"); }),
+            "database: the photograph a.jpg changed since the stage 'depth' was computed; use "
+            "--recompute depth");
+}
+
+TEST(StageLedger, TheRecordsHashCoversOptionsAndJobs) {
+  const auto hash = [](const std::string& options, std::vector<JobRecord> jobs) {
+    Database database(":memory:");
+    StageLedger ledger(database, kStageDepth, options);
+    ledger.Begin(database);
+    EXPECT_FALSE(database.ReadStage(kStageDepth)->is_complete);
+    EXPECT_EQ(database.ReadStage(kStageDepth)->input_hash, 0u);
+    for (const JobRecord& job : jobs) database.WriteJob(kStageDepth, job);
+    ledger.Complete(database);
+    EXPECT_TRUE(database.ReadStage(kStageDepth)->is_complete);
+    return database.ReadStage(kStageDepth)->input_hash;
+  };
+  const uint64_t reference = hash("a = 1\n", {{1, 2, ""}, {3, 4, ""}});
+  EXPECT_EQ(hash("a = 1\n", {{3, 4, ""}, {1, 2, ""}}), reference);
+  EXPECT_NE(hash("a = 2\n", {{1, 2, ""}, {3, 4, ""}}), reference);
+  EXPECT_NE(hash("a = 1\n", {{1, 2, ""}, {3, 5, ""}}), reference);
+  EXPECT_NE(hash("a = 1\n", {{1, 2, ""}, {3, 4, "given"}}), reference);
+}
+
+TEST(StageLedger, AStageThatNeverBeganLeavesNoRecord) {
+  Database database(":memory:");
+  StageLedger(database, kStageDepth, "a = 1\n").Complete(database);
+  EXPECT_FALSE(database.ReadStage(kStageDepth));
+}
+
+TEST(StageLedger, ClearingAStageClearsWhatDependsOnIt) {
+  const auto stages_left = [](const std::string& cleared) {
+    Database database(":memory:");
+    database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 10, 10, 10));
+    database.WriteImage({1, "a", 1});
+    database.WriteKeypoints(1, std::vector<Keypoint>(1));
+    database.WriteDepthSamples(1, std::vector<DepthSample>(1));
+    database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
+    database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), {});
+    for (const std::string& stage :
+         {kStageCameras, kStageFeatures, kStageDepth, kStageMatching, kStageVerification}) {
+      database.WriteStage({stage, "", 0, true});
+    }
+    ClearStageAndDependents(database, cleared);
+    std::string left;
+    if (database.ReadKeypoints(1)) left += "features ";
+    if (database.ReadDepthSamples(1)) left += "depth ";
+    if (database.ReadMatches(ImagePairToPairId(1, 2))) left += "matching ";
+    if (database.ReadTwoViewGeometry(ImagePairToPairId(1, 2))) left += "verification ";
+    for (const std::string& stage :
+         {kStageFeatures, kStageDepth, kStageMatching, kStageVerification}) {
+      EXPECT_EQ(database.ReadStage(stage).has_value(), left.find(stage) != std::string::npos);
+    }
+    return left;
+  };
+  EXPECT_EQ(stages_left(kStageFeatures), "");
+  EXPECT_EQ(stages_left(kStageDepth), "features matching ");
+  EXPECT_EQ(stages_left(kStageMatching), "features depth ");
+  EXPECT_EQ(stages_left(kStageVerification), "features depth matching ");
+  EXPECT_EQ(stages_left(kStageCameras), "features depth matching ");
+}
+
+}  // namespace
+}  // namespace cairn
