@@ -8,6 +8,7 @@
 #include <mutex>
 #include <string>
 
+#include "cairn/base/error.h"
 #include "cairn/base/file.h"
 
 namespace cairn {
@@ -100,6 +101,21 @@ ExifInfo ReadExif(const std::string& path, int width, int height) {
     return {};  // no image that Exiv2 knows, or damaged metadata: EXIF is never required
   }
   return info;
+}
+
+void WriteExif(const std::string& path, const ExifTags& tags) {
+  InitializeExiv2();
+  try {
+    const auto image = Exiv2::ImageFactory::open(path);
+    image->readMetadata();
+    Exiv2::ExifData& data = image->exifData();
+    data["Exif.Image.Make"] = tags.camera_make;
+    data["Exif.Image.Model"] = tags.camera_model;
+    data["Exif.Photo.FocalLengthIn35mmFilm"] = static_cast<uint16_t>(tags.focal_length_35mm);
+    image->writeMetadata();
+  } catch (const Exiv2::Error& error) {
+    throw IoError(path, std::string("EXIF cannot be written: ") + error.what());
+  }
 }
 
 }  // namespace cairn

@@ -20,4 +20,14 @@ struct ExifInfo {
 // cannot be read. Prints nothing. Thread-safe.
 ExifInfo ReadExif(const std::string& path, int width, int height);
 
+// What WriteExif puts into a JPEG or PNG file that is there.
+struct ExifTags {
+  int focal_length_35mm = 0;  // 35 mm equivalent, mm
+  std::string camera_make;
+  std::string camera_model;
+};
+
+// Adds the tags to the image's EXIF block; tags of other names stay. Throws IoError.
+void WriteExif(const std::string& path, const ExifTags& tags);
+
 }  // namespace cairn

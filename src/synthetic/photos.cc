@@ -1,0 +1,196 @@
+#include "cairn/synthetic/photos.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
+#include "cairn/base/rng.h"
+#include "cairn/synthetic/poses.h"
+#include "synthetic/world.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kTileSize = 32;  // pixels; candidates for a ray are found once a tile
+
+bool IsDistractor(const PhotoScene& scene, int index) { return index >= scene.options.num_images; }
+
+World MakeWorld(const PhotoScene& scene, int index) {
+  return World(Rng(scene.seed, "photo_place", IsDistractor(scene, index)).NextU64());
+}
+
+const Camera& CameraOf(const PhotoScene& scene, int index) {
+  return scene.truth.cameras.at(scene.images[index].camera_id);
+}
+
+// Rays of one image in the world; their direction has z-depth 1, so that a hit's t is its depth.
+class RayCaster {
+ public:
+  RayCaster(const Camera& camera, const Rigid3d& cam_from_world)
+      : camera_(camera),
+        world_from_cam_(cam_from_world.RotationMatrix().transpose()),
+        center_(cam_from_world.Center()) {}
+
+  Ray At(double x, double y) const {
+    const auto uv = camera_.CamFromImg({x, y});
+    CAIRN_CHECK(uv.has_value());
+    return {center_, world_from_cam_ * uv->homogeneous()};
+  }
+
+  // Solids that any ray through the rectangle may hit.
+  std::vector<int> Candidates(const World& world, double x0, double y0, double x1,
+                              double y1) const {
+    const Eigen::Vector3d axis = At(0.5 * (x0 + x1), 0.5 * (y0 + y1)).direction.normalized();
+    double radius = 0;
+    for (const double x : {x0, x1}) {
+      for (const double y : {y0, y1}) {
+        radius = std::max(radius, AngleBetween(axis, At(x, y).direction));
+      }
+    }
+    return world.SolidsInCone(center_, axis, 1.05 * radius);
+  }
+
+  // Size of a pixel on the surface that was hit, world units.
+  double Footprint(const Ray& ray, const Hit& hit) const {
+    const double cosine = std::abs(hit.normal.dot(ray.direction)) / ray.direction.norm();
+    return hit.t / camera_.MeanFocal() / std::max(cosine, 0.1);
+  }
+
+ private:
+  const Camera& camera_;
+  Eigen::Matrix3d world_from_cam_;
+  Eigen::Vector3d center_;
+};
+
+// Calls fn(x0, y0, x1, y1) for every tile of a width x height grid.
+template <class Function>
+void ForEachTile(int num_threads, int width, int height, const Function& fn) {
+  const int columns = (width + kTileSize - 1) / kTileSize;
+  const int rows = (height + kTileSize - 1) / kTileSize;
+  ParallelFor(num_threads, static_cast<int64_t>(columns) * rows, [&](int64_t tile) {
+    const int x0 = static_cast<int>(tile % columns) * kTileSize;
+    const int y0 = static_cast<int>(tile / columns) * kTileSize;
+    fn(x0, y0, std::min(width, x0 + kTileSize), std::min(height, y0 + kTileSize));
+  });
+}
+
+Eigen::Vector3f PixelColor(const World& world, const RayCaster& caster, int x, int y,
+                           int supersampling, std::span<const int> solids) {
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  for (int sy = 0; sy < supersampling; ++sy) {
+    for (int sx = 0; sx < supersampling; ++sx) {
+      const Ray ray = caster.At(x + (sx + 0.5) / supersampling, y + (sy + 0.5) / supersampling);
+      const std::optional<Hit> hit = world.Cast(ray, solids);
+      sum += hit ? world.Shade(ray, *hit, 0.7 * caster.Footprint(ray, *hit))
+                 : world.SkyColor(ray.direction);
+    }
+  }
+  return sum / static_cast<float>(supersampling * supersampling);
+}
+
+// Slowly varying relative error of a depth map at (x, y) in [0, 1]^2; deviation about 1.
+double SmoothDepthError(uint64_t seed, double x, double y) {
+  double error = 0;
+  double amplitude = 1.0;
+  double frequency = 2.0;
+  for (int octave = 0; octave < 3; ++octave) {
+    error += amplitude * ValueNoise(seed + octave, {frequency * x, frequency * y, 0.5});
+    amplitude *= 0.6;
+    frequency *= 2.0;
+  }
+  return 3.0 * error;
+}
+
+}  // namespace
+
+void PhotoOptions::VisitFields(OptionVisitor& v) {
+  v.Int("supersampling", supersampling, {1, 8}, "rays a pixel in x and in y");
+  v.Double("sensor_noise", sensor_noise, {0.0, 50.0}, "standard deviation, gray levels of 255");
+  v.Double("depth_noise", depth_noise, {0.0, 0.5}, "relative error of depth maps");
+  v.Int("depth_downscale", depth_downscale, {1, 64}, "image pixels a depth map's pixel covers");
+}
+
+PhotoScene MakePhotoScene(const PhotoOptions& options, uint64_t seed) {
+  ValidateOptions(static_cast<const RigOptions&>(options), "");
+  ValidateOptions(options, "photos");
+  PhotoScene scene;
+  scene.options = options;
+  scene.seed = seed;
+  scene.images = MakeImages(options);
+  scene.truth.cameras = MakeCameras(options);
+  const CameraLayout layout = *CameraLayoutFromName(options.layout);
+  Rng rng(seed, "photo_poses");
+  scene.cam_from_world = MakeCameraPoses(layout, options.num_images, options.distance, rng);
+  Rng other_rng(seed, "photo_distractor_poses");
+  for (const Rigid3d& pose :
+       MakeCameraPoses(layout, options.num_distractor_images, options.distance, other_rng)) {
+    scene.cam_from_world.push_back(pose);
+  }
+  for (size_t i = 0; i < scene.images.size(); ++i) {
+    scene.depth_units.push_back(std::exp(0.5 * Rng(seed, "photo_depth_unit", i).Gaussian()));
+  }
+  for (int i = 0; i < options.num_images; ++i) {
+    scene.truth.images.emplace(scene.images[i].image_id,
+                               RegisteredImage{scene.images[i], scene.cam_from_world[i], {}, {}});
+  }
+  return scene;
+}
+
+Bitmap RenderPhoto(const PhotoScene& scene, int index, int num_threads) {
+  const Camera& camera = CameraOf(scene, index);
+  const World world = MakeWorld(scene, index);
+  const RayCaster caster(camera, scene.cam_from_world[index]);
+  Bitmap bitmap{camera.width, camera.height, 3, {}};
+  bitmap.data.resize(static_cast<size_t>(3) * camera.width * camera.height);
+  ForEachTile(num_threads, camera.width, camera.height, [&](int x0, int y0, int x1, int y1) {
+    const std::vector<int> solids = caster.Candidates(world, x0, y0, x1, y1);
+    for (int y = y0; y < y1; ++y) {
+      Rng noise(scene.seed, "photo_noise", (static_cast<uint64_t>(index) << 32) + (y << 16) + x0);
+      for (int x = x0; x < x1; ++x) {
+        const Eigen::Vector3f color =
+            PixelColor(world, caster, x, y, scene.options.supersampling, solids);
+        for (int k = 0; k < 3; ++k) {
+          const double value = 255.0 * color[k] + scene.options.sensor_noise * noise.Gaussian();
+          bitmap.Pixel(x, y)[k] = static_cast<uint8_t>(std::clamp(value + 0.5, 0.0, 255.0));
+        }
+      }
+    }
+  });
+  return bitmap;
+}
+
+SyntheticDepthMap RenderDepthMap(const PhotoScene& scene, int index, int num_threads) {
+  const Camera& camera = CameraOf(scene, index);
+  const World world = MakeWorld(scene, index);
+  const RayCaster caster(camera, scene.cam_from_world[index]);
+  const int step = scene.options.depth_downscale;
+  SyntheticDepthMap map{(camera.width + step - 1) / step, (camera.height + step - 1) / step, {}};
+  map.depth.assign(static_cast<size_t>(map.width) * map.height, 0.0f);
+  const double pixel_width = static_cast<double>(camera.width) / map.width;
+  const double pixel_height = static_cast<double>(camera.height) / map.height;
+  const double unit = scene.depth_units[index];
+  const uint64_t error_seed = Rng(scene.seed, "photo_depth_error", index).NextU64();
+  ForEachTile(num_threads, map.width, map.height, [&](int x0, int y0, int x1, int y1) {
+    const std::vector<int> solids = caster.Candidates(world, x0 * pixel_width, y0 * pixel_height,
+                                                      x1 * pixel_width, y1 * pixel_height);
+    for (int y = y0; y < y1; ++y) {
+      Rng noise(error_seed, "row", (static_cast<uint64_t>(y) << 32) + x0);
+      for (int x = x0; x < x1; ++x) {
+        const Ray ray = caster.At((x + 0.5) * pixel_width, (y + 0.5) * pixel_height);
+        const double fine = noise.Gaussian();
+        const std::optional<Hit> hit = world.Cast(ray, solids);
+        if (!hit) continue;
+        const double smooth =
+            SmoothDepthError(error_seed, (x + 0.5) / map.width, (y + 0.5) / map.height);
+        const double error = scene.options.depth_noise * (0.97 * smooth + 0.25 * fine);
+        map.depth[static_cast<size_t>(y) * map.width + x] =
+            static_cast<float>(unit * hit->t * std::max(0.1, 1.0 + error));
+      }
+    }
+  });
+  return map;
+}
+
+}  // namespace cairn

@@ -1,0 +1,196 @@
+#include "synthetic/world.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include "cairn/base/rng.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kGroundHeight = -0.75;
+constexpr double kGroundRadius = 15.0;
+constexpr int kGroundMaterial = 3;
+constexpr double kNearest = 1e-9;
+
+Eigen::Vector3d RotatedZ(const Eigen::Vector3d& v, double angle) {
+  const double c = std::cos(angle), s = std::sin(angle);
+  return {c * v.x() - s * v.y(), s * v.x() + c * v.y(), v.z()};
+}
+
+// Slabs (Kay and Kajiya 1986), in the box's frame.
+void IntersectBox(const Eigen::Vector3d& o, const Eigen::Vector3d& d, const Eigen::Vector3d& half,
+                  double* t, Eigen::Vector3d* normal) {
+  double near = -std::numeric_limits<double>::infinity();
+  double far = std::numeric_limits<double>::infinity();
+  int axis = 0;
+  for (int k = 0; k < 3; ++k) {
+    if (d[k] == 0.0) {
+      if (std::abs(o[k]) > half[k]) return;
+      continue;
+    }
+    const double center = -o[k] / d[k];
+    const double reach = half[k] / std::abs(d[k]);
+    if (center - reach > near) {
+      near = center - reach;
+      axis = k;
+    }
+    far = std::min(far, center + reach);
+  }
+  if (near > far || near < kNearest || near >= *t) return;
+  *t = near;
+  *normal = Eigen::Vector3d::Zero();
+  (*normal)[axis] = d[axis] > 0 ? -1.0 : 1.0;
+}
+
+// An upright cylinder with a lid, in its own frame.
+void IntersectCylinder(const Eigen::Vector3d& o, const Eigen::Vector3d& d, double radius,
+                       double half_height, double* t, Eigen::Vector3d* normal) {
+  const double a = d.head<2>().squaredNorm();
+  const double b = o.head<2>().dot(d.head<2>());
+  const double c = o.head<2>().squaredNorm() - radius * radius;
+  const double discriminant = b * b - a * c;
+  if (a > 0 && discriminant > 0) {
+    const double near = (-b - std::sqrt(discriminant)) / a;
+    if (near > kNearest && near < *t && std::abs(o.z() + near * d.z()) <= half_height) {
+      *t = near;
+      *normal = Eigen::Vector3d(o.x() + near * d.x(), o.y() + near * d.y(), 0) / radius;
+    }
+  }
+  if (d.z() >= 0) return;  // the lid is seen from above only
+  const double lid = (half_height - o.z()) / d.z();
+  if (lid > kNearest && lid < *t && (o + lid * d).head<2>().norm() <= radius) {
+    *t = lid;
+    *normal = Eigen::Vector3d::UnitZ();
+  }
+}
+
+// Something of size `half` on the wall with the outward direction `side` * pi/2.
+Solid OnWall(int side, double along, double up, const Eigen::Vector3d& half,
+             const Eigen::Vector3d& building, int material) {
+  Solid solid;
+  const bool is_front = side % 2 == 0;  // front and back walls run along x
+  const double wall = is_front ? building.y() : building.x();
+  solid.half = half;
+  solid.angle = side * 0.5 * std::numbers::pi;
+  solid.center = RotatedZ({along, -wall, up}, solid.angle);
+  solid.material = material;
+  return solid;
+}
+
+void AddBuilding(Rng& rng, std::vector<Solid>* solids) {
+  const Eigen::Vector3d half(rng.Uniform(0.7, 0.8), rng.Uniform(0.45, 0.6), 0.65);
+  Solid body;
+  body.center = {0, 0, kGroundHeight + half.z()};
+  body.half = half;
+  body.material = static_cast<int>(rng.UniformInt(3));
+  solids->push_back(body);
+  Solid roof;
+  roof.half = {0.7 * half.x(), 0.7 * half.y(), rng.Uniform(0.08, 0.2)};
+  roof.center = {0.1 * rng.Gaussian(), 0, body.center.z() + half.z() + roof.half.z()};
+  roof.material = body.material + 1;
+  solids->push_back(roof);
+  for (int side = 0; side < 4; ++side) {
+    const double width = side % 2 == 0 ? half.x() : half.y();
+    for (int k = 0; k < 9; ++k) {
+      const Eigen::Vector3d size(rng.Uniform(0.05, 0.16), rng.Uniform(0.02, 0.13),
+                                 rng.Uniform(0.04, 0.2));
+      solids->push_back(OnWall(side, rng.Uniform(-0.85, 0.85) * width, rng.Uniform(-0.6, 0.5), size,
+                               half, body.material + 1 + static_cast<int>(rng.UniformInt(2))));
+    }
+    for (int k = 0; k < 3; ++k) {
+      Solid column = OnWall(side, rng.Uniform(-0.9, 0.9) * width, 0, {0.04, 0.04, 0}, half, k);
+      column.kind = Solid::Kind::kCylinder;
+      column.half = {rng.Uniform(0.03, 0.06), 0, rng.Uniform(0.3, 0.6)};
+      column.center += RotatedZ({0, -rng.Uniform(0.1, 0.25), 0}, column.angle);
+      column.center.z() = kGroundHeight + column.half.z();
+      solids->push_back(column);
+    }
+  }
+}
+
+void AddSurroundings(Rng& rng, std::vector<Solid>* solids) {
+  for (int k = 0; k < 14; ++k) {
+    Solid thing;
+    thing.kind = k % 3 == 0 ? Solid::Kind::kCylinder : Solid::Kind::kBox;
+    thing.half = {rng.Uniform(0.06, 0.15), rng.Uniform(0.06, 0.15), rng.Uniform(0.05, 0.2)};
+    const double direction = 2.0 * std::numbers::pi * (k + rng.Uniform()) / 14.0;
+    const double distance = rng.Uniform(1.1, 1.6);
+    thing.center = {distance * std::cos(direction), distance * std::sin(direction),
+                    kGroundHeight + thing.half.z()};
+    thing.angle = rng.Uniform(0.0, std::numbers::pi);
+    thing.material = static_cast<int>(rng.UniformInt(4));
+    solids->push_back(thing);
+  }
+}
+
+}  // namespace
+
+double Solid::BoundingRadius() const {
+  return kind == Kind::kBox ? half.norm() : std::hypot(half.x(), half.z());
+}
+
+void Solid::Intersect(const Ray& ray, Hit* hit) const {
+  const Eigen::Vector3d o = RotatedZ(ray.origin - center, -angle);
+  const Eigen::Vector3d d = RotatedZ(ray.direction, -angle);
+  double t = hit->t;
+  Eigen::Vector3d normal;
+  if (kind == Kind::kBox) {
+    IntersectBox(o, d, half, &t, &normal);
+  } else {
+    IntersectCylinder(o, d, half.x(), half.z(), &t, &normal);
+  }
+  if (t < hit->t) *hit = {t, RotatedZ(normal, angle), material};
+}
+
+World::World(uint64_t seed) : texture_(Rng(seed, "world_texture").NextU64()) {
+  Rng rng(seed, "world");
+  AddBuilding(rng, &solids_);
+  AddSurroundings(rng, &solids_);
+}
+
+std::optional<Hit> World::Cast(const Ray& ray, std::span<const int> solids) const {
+  Hit hit;
+  if (ray.direction.z() < 0) {
+    const double t = (kGroundHeight - ray.origin.z()) / ray.direction.z();
+    const Eigen::Vector3d point = ray.origin + t * ray.direction;
+    if (t > kNearest && point.head<2>().norm() < kGroundRadius) {
+      hit = {t, Eigen::Vector3d::UnitZ(), kGroundMaterial};
+    }
+  }
+  for (const int i : solids) solids_[i].Intersect(ray, &hit);
+  if (std::isinf(hit.t)) return std::nullopt;
+  return hit;
+}
+
+std::vector<int> World::SolidsInCone(const Eigen::Vector3d& origin, const Eigen::Vector3d& axis,
+                                     double radius) const {
+  std::vector<int> candidates;
+  for (size_t i = 0; i < solids_.size(); ++i) {
+    const Eigen::Vector3d to_center = solids_[i].center - origin;
+    const double distance = to_center.norm();
+    const double size = solids_[i].BoundingRadius();
+    if (distance > size) {
+      const double angle = std::atan2(axis.cross(to_center).norm(), axis.dot(to_center));
+      if (angle > radius + std::asin(size / distance)) continue;
+    }
+    candidates.push_back(static_cast<int>(i));
+  }
+  return candidates;
+}
+
+Eigen::Vector3f World::Shade(const Ray& ray, const Hit& hit, double footprint) const {
+  static const Eigen::Vector3d sun = Eigen::Vector3d(0.35, -0.75, 0.6).normalized();
+  const float light = 0.75f + 0.35f * static_cast<float>(hit.normal.dot(sun));
+  return light * texture_.Color(ray.origin + hit.t * ray.direction, hit.material, footprint);
+}
+
+Eigen::Vector3f World::SkyColor(const Eigen::Vector3d& direction) const {
+  const float up = static_cast<float>(std::clamp(direction.normalized().z(), 0.0, 1.0));
+  return {0.80f - 0.3f * up, 0.86f - 0.2f * up, 0.95f};
+}
+
+}  // namespace cairn

@@ -1,0 +1,169 @@
+#include "cairn/synthetic/photos.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "cairn/base/error.h"
+#include "cairn/math/so3.h"
+
+namespace cairn {
+namespace {
+
+PhotoOptions SmallOptions() {
+  PhotoOptions options;
+  options.layout = "arc";
+  options.num_images = 3;
+  options.image_width = 240;
+  options.image_height = 180;
+  options.sensor_noise = 0;
+  options.depth_noise = 0;
+  options.depth_downscale = 1;
+  return options;
+}
+
+// Of the surface points that image `a` shows: how many fall into image `b`, how many of them have
+// the depth that image b shows there (the others are hidden), and how much these differ in colour.
+struct Agreement {
+  int num_in_both = 0;
+  int num_same_depth = 0;
+  double color_difference = 0;  // mean, gray levels
+};
+
+Agreement Compare(const PhotoScene& scene, int a, int b, const Rigid3d& b_from_a) {
+  const Bitmap image_a = RenderPhoto(scene, a), image_b = RenderPhoto(scene, b);
+  const SyntheticDepthMap depth_a = RenderDepthMap(scene, a), depth_b = RenderDepthMap(scene, b);
+  const Camera& camera_a = scene.truth.cameras.at(scene.images[a].camera_id);
+  const Camera& camera_b = scene.truth.cameras.at(scene.images[b].camera_id);
+  Agreement result;
+  for (int y = 0; y < depth_a.height; y += 3) {
+    for (int x = 0; x < depth_a.width; x += 3) {
+      const double depth = depth_a.depth[y * depth_a.width + x] / scene.depth_units[a];
+      if (depth == 0) continue;
+      const Eigen::Vector3d point =
+          b_from_a * (depth * camera_a.CamFromImg({x + 0.5, y + 0.5})->homogeneous());
+      const Eigen::Vector2d pixel = camera_b.ImgFromCam(point.hnormalized());
+      if (point.z() <= 0 || pixel.minCoeff() < 0 || pixel.x() >= camera_b.width ||
+          pixel.y() >= camera_b.height) {
+        continue;
+      }
+      ++result.num_in_both;
+      const int xb = static_cast<int>(pixel.x()), yb = static_cast<int>(pixel.y());
+      const double depth_b_here = depth_b.depth[yb * depth_b.width + xb] / scene.depth_units[b];
+      if (std::abs(depth_b_here - point.z()) > 0.01 * point.z()) continue;
+      ++result.num_same_depth;
+      for (int k = 0; k < 3; ++k) {
+        result.color_difference +=
+            std::abs(image_a.Pixel(x, y)[k] - image_b.Pixel(xb, yb)[k]) / 3.0;
+      }
+    }
+  }
+  result.color_difference /= std::max(1, result.num_same_depth);
+  return result;
+}
+
+TEST(Photos, ImagesShowTheSamePointsWithTheSameDepth) {
+  for (const std::string model : {"SIMPLE_PINHOLE", "RADIAL"}) {
+    PhotoOptions options = SmallOptions();
+    options.num_images = 8;
+    options.camera_model = model;
+    options.radial_distortion = -0.1;
+    const PhotoScene scene = MakePhotoScene(options, 1);
+    const Rigid3d b_from_a = scene.cam_from_world[3] * Inverse(scene.cam_from_world[2]);
+    const Agreement agreement = Compare(scene, 2, 3, b_from_a);
+    EXPECT_GT(agreement.num_same_depth, 0.6 * agreement.num_in_both) << model;
+    EXPECT_LT(agreement.color_difference, 15) << model;
+    const Rigid3d wrong = b_from_a * Rigid3d(ExpSO3({0, 0.05, 0}), Eigen::Vector3d::Zero());
+    const Agreement broken = Compare(scene, 2, 3, wrong);
+    EXPECT_GT(broken.color_difference, 1.5 * agreement.color_difference) << model;
+  }
+}
+
+TEST(Photos, TexturesAreRichAtFineAndCoarseScales) {
+  const PhotoScene scene = MakePhotoScene(SmallOptions(), 2);
+  const Bitmap image = RenderPhoto(scene, 1);
+  // Mean difference of pixels 1 and 16 apart, over the lower two thirds (no sky).
+  for (const int step : {1, 16}) {
+    double difference = 0;
+    int n = 0;
+    for (int y = image.height / 3; y < image.height; ++y) {
+      for (int x = 0; x + step < image.width; ++x, ++n) {
+        difference += std::abs(image.Pixel(x, y)[1] - image.Pixel(x + step, y)[1]);
+      }
+    }
+    EXPECT_GT(difference / n, step == 1 ? 5 : 15) << step;
+  }
+}
+
+TEST(Photos, BytesDoNotDependOnThreads) {
+  PhotoOptions options = SmallOptions();
+  options.sensor_noise = 2;
+  options.depth_noise = 0.05;
+  const PhotoScene scene = MakePhotoScene(options, 3);
+  EXPECT_EQ(RenderPhoto(scene, 1, 1).data, RenderPhoto(scene, 1, 8).data);
+  EXPECT_EQ(RenderDepthMap(scene, 1, 1).depth, RenderDepthMap(scene, 1, 8).depth);
+  EXPECT_NE(RenderPhoto(scene, 1).data, RenderPhoto(MakePhotoScene(options, 4), 1).data);
+}
+
+TEST(Photos, DepthNoiseIsAboutTheStatedDeviation) {
+  PhotoOptions options = SmallOptions();
+  options.num_images = 8;
+  const PhotoScene exact = MakePhotoScene(options, 5);
+  options.depth_noise = 0.05;
+  const PhotoScene noisy = MakePhotoScene(options, 5);
+  double sum = 0;
+  int n = 0, num_sky = 0;
+  for (int i = 0; i < 8; ++i) {
+    const SyntheticDepthMap a = RenderDepthMap(exact, i), b = RenderDepthMap(noisy, i);
+    for (size_t k = 0; k < a.depth.size(); ++k) {
+      EXPECT_EQ(a.depth[k] == 0, b.depth[k] == 0);
+      num_sky += a.depth[k] == 0;
+      if (a.depth[k] == 0) continue;
+      sum += std::pow(b.depth[k] / a.depth[k] - 1.0, 2);
+      ++n;
+    }
+  }
+  EXPECT_NEAR(std::sqrt(sum / n), 0.05, 0.02);
+  EXPECT_GT(num_sky, 0);
+}
+
+TEST(Photos, DistractorsShowAnotherPlace) {
+  PhotoOptions options = SmallOptions();
+  options.num_distractor_images = 3;
+  const PhotoScene scene = MakePhotoScene(options, 6);
+  ASSERT_EQ(scene.images.size(), 6u);
+  EXPECT_EQ(scene.truth.images.size(), 3u);
+  const Rigid3d b_from_a = scene.cam_from_world[4] * Inverse(scene.cam_from_world[1]);
+  const Agreement agreement = Compare(scene, 1, 4, b_from_a);
+  EXPECT_LT(agreement.num_same_depth, 0.8 * agreement.num_in_both);
+  EXPECT_GT(agreement.color_difference, 15);
+}
+
+TEST(Photos, EveryOptionHasAnEffect) {
+  const std::vector<std::function<void(PhotoOptions&)>> changes = {
+      [](PhotoOptions& o) { o.supersampling = 1; },
+      [](PhotoOptions& o) { o.sensor_noise = 3; },
+      [](PhotoOptions& o) { o.depth_noise = 0.1; },
+      [](PhotoOptions& o) { o.depth_downscale = 2; },
+  };
+  const auto render = [](const PhotoOptions& options) {
+    const PhotoScene scene = MakePhotoScene(options, 7);
+    return std::pair(RenderPhoto(scene, 0).data, RenderDepthMap(scene, 0).depth);
+  };
+  PhotoOptions options = SmallOptions();
+  options.image_width = 80;
+  options.image_height = 60;
+  const auto reference = render(options);
+  for (size_t i = 0; i < changes.size(); ++i) {
+    PhotoOptions changed = options;
+    changes[i](changed);
+    EXPECT_NE(render(changed), reference) << "change " << i;
+  }
+  options.depth_downscale = 0;
+  EXPECT_THROW(MakePhotoScene(options, 1), ConfigError);
+}
+
+}  // namespace
+}  // namespace cairn
