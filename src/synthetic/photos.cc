@@ -76,16 +76,41 @@ void ForEachTile(int num_threads, int width, int height, const Function& fn) {
   });
 }
 
+// Rays of one pixel that hit the same surface.
+struct SurfacePart {
+  Hit hit;  // the first one
+  Eigen::Vector3d point_sum = Eigen::Vector3d::Zero();
+  double footprint_sum = 0;
+  int num_rays = 0;
+};
+
+// Averages over the pixel's rays. Texture is evaluated once a surface, at the rays' mean point: it
+// fades detail below a pixel by itself, and it is what takes the time.
 Eigen::Vector3f PixelColor(const World& world, const RayCaster& caster, int x, int y,
-                           int supersampling, std::span<const int> solids) {
+                           int supersampling, std::span<const int> solids,
+                           std::vector<SurfacePart>& parts) {
+  parts.clear();
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   for (int sy = 0; sy < supersampling; ++sy) {
     for (int sx = 0; sx < supersampling; ++sx) {
       const Ray ray = caster.At(x + (sx + 0.5) / supersampling, y + (sy + 0.5) / supersampling);
       const std::optional<Hit> hit = world.Cast(ray, solids);
-      sum += hit ? world.Shade(ray, *hit, 0.7 * caster.Footprint(ray, *hit))
-                 : world.SkyColor(ray.direction);
+      if (!hit) {
+        sum += world.SkyColor(ray.direction);
+        continue;
+      }
+      auto part = std::find_if(parts.begin(), parts.end(), [&](const SurfacePart& p) {
+        return p.hit.solid == hit->solid && p.hit.normal.dot(hit->normal) > 0.95;
+      });
+      if (part == parts.end()) part = parts.insert(parts.end(), SurfacePart{*hit});
+      part->point_sum += ray.origin + hit->t * ray.direction;
+      part->footprint_sum += caster.Footprint(ray, *hit);
+      ++part->num_rays;
     }
+  }
+  for (const SurfacePart& part : parts) {
+    sum += part.num_rays * world.Shade(part.hit, part.point_sum / part.num_rays,
+                                       part.footprint_sum / part.num_rays);
   }
   return sum / static_cast<float>(supersampling * supersampling);
 }
@@ -146,11 +171,12 @@ Bitmap RenderPhoto(const PhotoScene& scene, int index, int num_threads) {
   bitmap.data.resize(static_cast<size_t>(3) * camera.width * camera.height);
   ForEachTile(num_threads, camera.width, camera.height, [&](int x0, int y0, int x1, int y1) {
     const std::vector<int> solids = caster.Candidates(world, x0, y0, x1, y1);
+    std::vector<SurfacePart> parts;
     for (int y = y0; y < y1; ++y) {
       Rng noise(scene.seed, "photo_noise", (static_cast<uint64_t>(index) << 32) + (y << 16) + x0);
       for (int x = x0; x < x1; ++x) {
         const Eigen::Vector3f color =
-            PixelColor(world, caster, x, y, scene.options.supersampling, solids);
+            PixelColor(world, caster, x, y, scene.options.supersampling, solids, parts);
         for (int k = 0; k < 3; ++k) {
           const double value = 255.0 * color[k] + scene.options.sensor_noise * noise.Gaussian();
           bitmap.Pixel(x, y)[k] = static_cast<uint8_t>(std::clamp(value + 0.5, 0.0, 255.0));

@@ -143,7 +143,7 @@ void Solid::Intersect(const Ray& ray, Hit* hit) const {
   } else {
     IntersectCylinder(o, d, half.x(), half.z(), &t, &normal);
   }
-  if (t < hit->t) *hit = {t, RotatedZ(normal, angle), material};
+  if (t < hit->t) *hit = {t, RotatedZ(normal, angle), material, -1};
 }
 
 World::World(uint64_t seed) : texture_(Rng(seed, "world_texture").NextU64()) {
@@ -158,10 +158,14 @@ std::optional<Hit> World::Cast(const Ray& ray, std::span<const int> solids) cons
     const double t = (kGroundHeight - ray.origin.z()) / ray.direction.z();
     const Eigen::Vector3d point = ray.origin + t * ray.direction;
     if (t > kNearest && point.head<2>().norm() < kGroundRadius) {
-      hit = {t, Eigen::Vector3d::UnitZ(), kGroundMaterial};
+      hit = {t, Eigen::Vector3d::UnitZ(), kGroundMaterial, -1};
     }
   }
-  for (const int i : solids) solids_[i].Intersect(ray, &hit);
+  for (const int i : solids) {
+    const double before = hit.t;
+    solids_[i].Intersect(ray, &hit);
+    if (hit.t < before) hit.solid = i;
+  }
   if (std::isinf(hit.t)) return std::nullopt;
   return hit;
 }
@@ -182,10 +186,10 @@ std::vector<int> World::SolidsInCone(const Eigen::Vector3d& origin, const Eigen:
   return candidates;
 }
 
-Eigen::Vector3f World::Shade(const Ray& ray, const Hit& hit, double footprint) const {
+Eigen::Vector3f World::Shade(const Hit& hit, const Eigen::Vector3d& point, double footprint) const {
   static const Eigen::Vector3d sun = Eigen::Vector3d(0.35, -0.75, 0.6).normalized();
   const float light = 0.75f + 0.35f * static_cast<float>(hit.normal.dot(sun));
-  return light * texture_.Color(ray.origin + hit.t * ray.direction, hit.material, footprint);
+  return light * texture_.Color(point, hit.material, footprint);
 }
 
 Eigen::Vector3f World::SkyColor(const Eigen::Vector3d& direction) const {

@@ -21,6 +21,7 @@ struct Hit {
   double t = std::numeric_limits<double>::infinity();
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // outward, length 1
   int material = 0;
+  int solid = -1;  // index; -1: the ground
 };
 
 // A box or an upright cylinder, standing upright, turned around the vertical.
@@ -48,8 +49,9 @@ class World {
   // Solids that rays from `origin` within `radius` (radians) of `axis` (length 1) may hit.
   std::vector<int> SolidsInCone(const Eigen::Vector3d& origin, const Eigen::Vector3d& axis,
                                 double radius) const;
-  // Surface colour at a hit, with light from a fixed sun, averaged over `footprint` world units.
-  Eigen::Vector3f Shade(const Ray& ray, const Hit& hit, double footprint) const;
+  // Colour of the surface that was hit, at `point` on it, with light from a fixed sun, averaged
+  // over `footprint` world units.
+  Eigen::Vector3f Shade(const Hit& hit, const Eigen::Vector3d& point, double footprint) const;
   Eigen::Vector3f SkyColor(const Eigen::Vector3d& direction) const;
 
   const std::vector<Solid>& solids() const { return solids_; }

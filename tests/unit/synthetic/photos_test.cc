@@ -7,7 +7,12 @@
 #include <functional>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/depth/depth_map.h"
+#include "cairn/image/exif.h"
+#include "cairn/io/colmap_model.h"
 #include "cairn/math/so3.h"
+#include "support/temp_folder.h"
 
 namespace cairn {
 namespace {
@@ -16,8 +21,8 @@ PhotoOptions SmallOptions() {
   PhotoOptions options;
   options.layout = "arc";
   options.num_images = 3;
-  options.image_width = 240;
-  options.image_height = 180;
+  options.image_width = 200;
+  options.image_height = 150;
   options.sensor_noise = 0;
   options.depth_noise = 0;
   options.depth_downscale = 1;
@@ -163,6 +168,48 @@ TEST(Photos, EveryOptionHasAnEffect) {
   }
   options.depth_downscale = 0;
   EXPECT_THROW(MakePhotoScene(options, 1), ConfigError);
+}
+
+TEST(Photos, WrittenFilesAreWhatTheProgramsRead) {
+  const testing::TempFolder folder;
+  PhotoOptions options = SmallOptions();
+  options.num_distractor_images = 1;
+  const PhotoScene scene = MakePhotoScene(options, 8);
+  WritePhotoScene(scene, folder / "scene", 0, NullMonitor());
+
+  const Reconstruction truth = ReadColmapModel(folder / "scene/truth");
+  ASSERT_EQ(truth.images.size(), 3u);
+  for (const auto& [id, image] : truth.images) {
+    EXPECT_EQ(image.image.name, scene.images[id - 1].name);
+    EXPECT_LT((image.cam_from_world.Center() - scene.cam_from_world[id - 1].Center()).norm(),
+              1e-12);
+  }
+  for (const Image& image : scene.images) {
+    const Camera& camera = scene.truth.cameras.at(image.camera_id);
+    const std::string path = folder / ("scene/images/" + image.name);
+    const Bitmap bitmap = ReadBitmap(path, BitmapColor::kRgb);
+    EXPECT_EQ(bitmap.width, camera.width);
+    EXPECT_EQ(bitmap.height, camera.height);
+    const ExifInfo exif = ReadExif(path, camera.width, camera.height);
+    ASSERT_TRUE(exif.focal_px.has_value());
+    EXPECT_NEAR(*exif.focal_px, camera.MeanFocal(), 1e-9);
+    EXPECT_EQ(exif.camera_model, "synthetic camera " + std::to_string(image.camera_id));
+  }
+  const auto path = FindDepthMap(folder / "scene/depth", scene.images[1].name);
+  ASSERT_TRUE(path.has_value());
+  const DepthMap map = ReadDepthMap(*path, {});
+  const SyntheticDepthMap rendered = RenderDepthMap(scene, 1);
+  EXPECT_EQ(map.width, rendered.width);
+  EXPECT_EQ(map.depth, rendered.depth);
+  EXPECT_LT(map.NumValid(), map.width * map.height);  // the sky has no depth
+}
+
+TEST(Photos, AFileInPlaceOfTheFolderIsAnError) {
+  const testing::TempFolder folder;
+  WriteFileAtomically(folder / "scene", "a file");
+  EXPECT_THROW(
+      WritePhotoScene(MakePhotoScene(SmallOptions(), 8), folder / "scene", 0, NullMonitor()),
+      IoError);
 }
 
 }  // namespace
