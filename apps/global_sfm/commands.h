@@ -8,5 +8,6 @@ namespace cairn {
 // to the program: program.AddCommand(...), its options (kept alive by the run function), SetRun.
 
 void AddRotationAveragingCommand(Program& program);
+void AddSynthesizeCommand(Program& program);
 
 }  // namespace cairn

@@ -4,5 +4,6 @@ int main(int argc, char** argv) {
   cairn::Program program("global_sfm",
                          "Global structure-from-motion on the view graph of a database.");
   cairn::AddRotationAveragingCommand(program);
+  cairn::AddSynthesizeCommand(program);
   return program.Run(argc, argv);
 }

@@ -5,11 +5,12 @@
 #include <limits>
 #include <numeric>
 
-#include "cairn/base/check.h"
+#include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 #include "cairn/synthetic/poses.h"
+#include "cairn/synthetic/rig.h"
 
 namespace cairn {
 namespace {
@@ -134,12 +135,24 @@ int NumInliers(float cost, double rotation_error_rad, bool is_outlier, Rng& rng)
   return 15 + static_cast<int>(expected * std::exp(0.4 * rng.Gaussian()));
 }
 
+size_t NumEdges(const ViewGraphOptions& options) {
+  const int64_t n = options.num_images;
+  const int64_t num_pairs = n * (n - 1) / 2;
+  if (options.num_edges == 0) return std::min(20 * n, num_pairs);
+  if (options.num_edges < n - 1 || options.num_edges > num_pairs) {
+    throw ConfigError("graph.num_edges", std::to_string(options.num_edges) + " for " +
+                                             std::to_string(n) + " images; from " +
+                                             std::to_string(n - 1) + " to " +
+                                             std::to_string(num_pairs) + " are possible");
+  }
+  return options.num_edges;
+}
+
 }  // namespace
 
 void ViewGraphOptions::VisitFields(OptionVisitor& v) {
-  v.Choice("layout", layout, CameraLayoutNames(), "how the cameras stand around the scene");
-  v.Int("num_images", num_images, {2, 20000}, "nodes of the graph");
-  v.Int("num_edges", num_edges, {1, 2e8}, "edges of the graph");
+  v.Int("num_edges", num_edges, {0, 2e8},
+        "edges of the graph; 0: 20 an image, or all pairs where there are fewer");
   v.Double("rotation_noise_deg", rotation_noise_deg, {0.0, 180.0},
            "median rotation error of an edge");
   v.Double("direction_noise_deg", direction_noise_deg, {0.0, 180.0},
@@ -150,11 +163,13 @@ void ViewGraphOptions::VisitFields(OptionVisitor& v) {
 }
 
 ViewGraphProblem MakeViewGraphProblem(const ViewGraphOptions& options, uint64_t seed) {
-  ValidateOptions(options, "synthetic");
+  ValidateOptions(options, "graph");
+  RigOptions rig;
+  rig.layout = options.layout;
+  rig.num_images = options.num_images;
+  ValidateOptions(rig, "");
   const size_t n = options.num_images;
-  const size_t num_edges = options.num_edges;
-  CAIRN_CHECK_GE(num_edges, n - 1);
-  CAIRN_CHECK_LE(num_edges, n * (n - 1) / 2);
+  const size_t num_edges = NumEdges(options);
   Rng pose_rng(seed, "view_graph_poses");
   const std::vector<Rigid3d> poses =
       MakeCameraPoses(*CameraLayoutFromName(options.layout), options.num_images, 3.0, pose_rng);

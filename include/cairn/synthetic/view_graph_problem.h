@@ -15,12 +15,13 @@ namespace cairn {
 struct ViewGraphOptions {
   std::string layout = "landmark";  // see CameraLayout
   int num_images = 200;
-  int num_edges = 4000;              // at least num_images - 1, at most all pairs
+  int num_edges = 0;                 // 0: 20 an image, or all pairs where there are fewer
   double rotation_noise_deg = 0.5;   // median angle of the error of a correct edge
   double direction_noise_deg = 1.0;  // median angle between true and given translation direction
-  double heavy_tail = 0.0;  // 0: Rayleigh-like errors; 1: as the real edges of 1DSfM's Ellis Island
+  double heavy_tail = 0.0;     // 0: Rayleigh-like errors; 1: as real edges (1DSfM's Ellis Island)
   double outlier_ratio = 0.0;  // share of edges whose pose has nothing to do with the truth
 
+  // All but layout and num_images, which RigOptions lists.
   void VisitFields(OptionVisitor& v);
 };
 
@@ -30,6 +31,7 @@ struct ViewGraphProblem {
   std::vector<bool> is_outlier;               // one an edge of graph, in its order
 };
 
+// Throws ConfigError if num_edges is too small for a connected graph, or too large.
 ViewGraphProblem MakeViewGraphProblem(const ViewGraphOptions& options, uint64_t seed);
 
 }  // namespace cairn

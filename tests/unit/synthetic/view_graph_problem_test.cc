@@ -138,7 +138,9 @@ TEST(ViewGraphProblem, WrongOptionsAreNamed) {
   EXPECT_THROW(MakeViewGraphProblem(options, 1), ConfigError);
   options = {};
   options.num_edges = options.num_images - 2;
-  EXPECT_THROW(MakeViewGraphProblem(options, 1), BugError);
+  EXPECT_THROW(MakeViewGraphProblem(options, 1), ConfigError);
+  options.num_edges = options.num_images * options.num_images;
+  EXPECT_THROW(MakeViewGraphProblem(options, 1), ConfigError);
 }
 
 }  // namespace
