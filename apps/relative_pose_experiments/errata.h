@@ -16,9 +16,9 @@ namespace cairn::experiments {
 // (R, Lambda, t) maps view 2 into view 1: corrected, or with one passage as printed (ERRATA.md).
 enum class PaperForm : int {
   kCorrected = 0,
-  kRotation,          // R = R_A^T R_B, with frames returned as columns (eq. 9, algorithm 1)
-  kScale,             // Lambda = -tr(A^T R B) / tr(B^T B) (eq. 11, algorithm 1)
-  kTranslation,       // t = Lambda R b - a (substitution above eq. 7)
+  kRotation,          // R = R_A^T R_B, with frames returned as columns (eq. 12, algorithm 1)
+  kScale,             // Lambda = -tr(A^T R B) / tr(B^T B) (eq. 14, algorithm 1)
+  kTranslation,       // t = Lambda R b - a (substitution below eq. 8)
   kChainRule,         // column k of A is d_k lambda q + lambda d_k q d_k x (eq. 3), with dx = M
   kGradientPerPixel,  // A = q grad(lambda) + lambda grad(q) M (eq. 4), grad(lambda) per pixel
 };
