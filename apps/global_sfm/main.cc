@@ -3,6 +3,9 @@
 int main(int argc, char** argv) {
   cairn::Program program("global_sfm",
                          "Global structure-from-motion on the view graph of a database.");
+  cairn::AddEvaluateCommand(program);
+  cairn::AddExportCommand(program);
+  cairn::AddInspectCommand(program);
   cairn::AddRotationAveragingCommand(program);
   cairn::AddSynthesizeCommand(program);
   return program.Run(argc, argv);

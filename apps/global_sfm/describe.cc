@@ -1,0 +1,152 @@
+#include "global_sfm/describe.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <map>
+
+namespace cairn {
+namespace {
+
+template <class Counts>
+int64_t Sum(const Counts& counts) {
+  int64_t sum = 0;
+  for (const auto& [key, n] : counts) sum += n;
+  return sum;
+}
+
+std::string CountsLine(const char* name, const std::map<image_t, int>& counts, size_t num_images) {
+  if (counts.empty()) return fmt::format("{:<18} none\n", name);
+  return fmt::format("{:<18} {} in {} of {} images, {:.0f} an image\n", name, Sum(counts),
+                     counts.size(), num_images,
+                     static_cast<double>(Sum(counts)) / static_cast<double>(counts.size()));
+}
+
+std::string PairsLine(const char* name, const std::vector<std::pair<image_pair_t, int>>& counts,
+                      const char* of_what) {
+  if (counts.empty()) return fmt::format("{:<18} none\n", name);
+  const auto is_positive = [](const auto& c) { return c.second > 0; };
+  const auto num_positive = std::count_if(counts.begin(), counts.end(), is_positive);
+  return fmt::format("{:<18} {} of {} tried, {} {}\n", name, num_positive, counts.size(),
+                     Sum(counts), of_what);
+}
+
+std::string CameraLines(const std::vector<Camera>& cameras) {
+  std::map<std::string, int> kinds;
+  for (const Camera& camera : cameras) {
+    ++kinds[fmt::format("{}, focal length {}", CameraModelName(camera.model),
+                        camera.has_prior_focal_length ? "given or from EXIF" : "guessed")];
+  }
+  std::string text = fmt::format("{:<18} {}\n", "cameras", cameras.size());
+  for (const auto& [kind, n] : kinds) text += fmt::format("  {:<16} {}\n", n, kind);
+  return text;
+}
+
+std::string VerifierLines(const std::vector<PairMetrics>& metrics) {
+  std::map<std::string, std::map<std::string, int>> statuses;
+  std::map<std::string, int> wins;
+  for (const PairMetrics& m : metrics) {
+    ++statuses[m.verifier][m.status];
+    wins[m.verifier] += m.is_winner;
+  }
+  std::string text;
+  for (const auto& [verifier, counts] : statuses) {
+    text +=
+        fmt::format("verifier {:<9} {} pairs, {} chosen:", verifier, Sum(counts), wins[verifier]);
+    for (const auto& [status, n] : counts) text += fmt::format(" {} {}", n, status);
+    text += "\n";
+  }
+  return text;
+}
+
+std::string SkippedLines(const std::vector<PhotoRecord>& photos) {
+  std::string text;
+  for (const PhotoRecord& photo : photos) {
+    if (!photo.error.empty())
+      text += fmt::format("skipped            {}: {}\n", photo.name, photo.error);
+  }
+  return text;
+}
+
+std::string CameraText(const Camera& camera) {
+  std::string text =
+      fmt::format("{} {}x{}", CameraModelName(camera.model), camera.width, camera.height);
+  for (const double param : camera.params) text += fmt::format(" {:.6g}", param);
+  return text;
+}
+
+// Number of points and mean reprojection error of an image.
+std::string ImageLine(const Reconstruction& reconstruction, const RegisteredImage& image) {
+  const Camera& camera = reconstruction.CameraOf(image);
+  double sum_px = 0;
+  int num_points = 0;
+  for (size_t i = 0; i < image.points2D.size(); ++i) {
+    if (image.point3D_ids[i] == kInvalidPoint3DId) continue;
+    sum_px += ReprojectionErrorPx(camera, image.cam_from_world,
+                                  reconstruction.points3D.at(image.point3D_ids[i]).xyz,
+                                  image.points2D[i]);
+    ++num_points;
+  }
+  const Eigen::Vector3d center = image.cam_from_world.Center();
+  return fmt::format(
+      "  {:<40} camera {:<4} {:>6} points {:>8.3f} px   center {:.5g} {:.5g} {:.5g}\n",
+      image.image.name, image.image.camera_id, num_points,
+      num_points > 0 ? sum_px / num_points : 0.0, center.x(), center.y(), center.z());
+}
+
+}  // namespace
+
+std::string DescribeDatabase(const Database& database) {
+  const size_t num_images = database.ReadImages().size();
+  std::string text = fmt::format("{:<18} {}\n", "images", num_images);
+  text += SkippedLines(database.ReadPhotos());
+  text += CameraLines(database.ReadCameras());
+  text += CountsLine("keypoints", database.ReadNumKeypoints(), num_images);
+  text += CountsLine("descriptors", database.ReadNumDescriptors(), num_images);
+  text += CountsLine("depth samples", database.ReadNumDepthSamples(), num_images);
+  text += PairsLine("matched pairs", database.ReadNumMatches(), "matches");
+  text += PairsLine("verified pairs", database.ReadNumInliers(), "inliers");
+  text += VerifierLines(database.ReadPairMetrics());
+  return text;
+}
+
+std::string DescribeViewGraph(const ViewGraph& graph, const ViewGraphReport& report) {
+  std::string text =
+      fmt::format("{:<18} {} images, {} edges, {} in use\n", "view graph", graph.image_ids.size(),
+                  graph.edges.size(), report.num_active_edges);
+  for (const auto& [reason, n] : report.num_removed) {
+    if (n > 0) text += fmt::format("  {:<16} {}\n", n, EdgeRemovalName(reason));
+  }
+  text += fmt::format("{:<18} {}", "components", report.components.size());
+  for (size_t i = 0; i < report.components.size() && i < 10; ++i) {
+    text += fmt::format("{}{}", i == 0 ? ", images: " : ", ", report.components[i].size());
+  }
+  text += "\n";
+  if (report.num_loops > 0) {
+    text += fmt::format("{:<18} {} of {} close, median error {:.3f} deg\n", "loops of three",
+                        report.num_closed_loops, report.num_loops, report.median_loop_error_deg);
+  }
+  return text;
+}
+
+std::string DescribeModel(const Reconstruction& reconstruction) {
+  std::string text;
+  text += fmt::format("{:<18} {}\n", "cameras", reconstruction.cameras.size());
+  text += fmt::format("{:<18} {}\n", "images", reconstruction.images.size());
+  text += fmt::format("{:<18} {}\n", "points", reconstruction.points3D.size());
+  text += fmt::format("{:<18} {}\n", "observations", reconstruction.NumObservations());
+  text += fmt::format("{:<18} {:.3f}\n", "track length", reconstruction.MeanTrackLength());
+  text += fmt::format("{:<18} {:.4f} px\n", "reprojection error",
+                      reconstruction.MeanReprojectionErrorPx());
+  for (const auto& [id, camera] : reconstruction.cameras) {
+    text += fmt::format("camera {:<11} {}\n", id, CameraText(camera));
+  }
+  std::map<std::string, image_t> by_name;
+  for (const auto& [id, image] : reconstruction.images) by_name[image.image.name] = id;
+  for (const auto& [name, id] : by_name) {
+    text += ImageLine(reconstruction, reconstruction.images.at(id));
+  }
+  return text;
+}
+
+}  // namespace cairn

@@ -1,0 +1,105 @@
+#include <filesystem>
+
+#include "cairn/base/file.h"
+#include "cairn/io/bundler.h"
+#include "cairn/io/colmap_model.h"
+#include "cairn/io/model.h"
+#include "cairn/io/ply.h"
+#include "cairn/io/transforms_json.h"
+#include "common/console_monitor.h"
+#include "global_sfm/commands.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ExportFlags {
+  std::string model_path;
+  std::string model_list;
+  std::string output_path;
+  std::string output_type = "colmap_bin";
+  std::string image_path;
+  void VisitFields(OptionVisitor& v) {
+    v.String(
+        "model_path", model_path,
+        "COLMAP model folder (binary or text), Bundler file (.out) or folder of .camera files");
+    v.String("model_list", model_list,
+             "list of a Bundler model's images; default: list.txt beside it");
+    v.String("output_path", output_path,
+             "folder to write into, created if absent; for ply and nerfstudio also a file");
+    v.Choice("output_type", output_type,
+             {"colmap_bin", "colmap_txt", "bundler", "ply", "nerfstudio"},
+             "what to write: a COLMAP model, bundle.out with list.txt, points.ply (with camera "
+             "frusta), or transforms.json with points.ply");
+    v.String("image_path", image_path,
+             "folder of the photographs, which nerfstudio's file refers to; default: images");
+  }
+};
+
+// `path` itself if it ends in the extension, else `name` in the folder `path`.
+std::string FileIn(const std::string& path, const std::string& extension, const std::string& name) {
+  if (path.ends_with(extension)) {
+    const fs::path folder = fs::path(path).parent_path();
+    if (!folder.empty()) CreateFolders(folder.string());
+    return path;
+  }
+  CreateFolders(path);
+  return (fs::path(path) / name).string();
+}
+
+void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& flags) {
+  const std::string path = FileIn(flags.output_path, ".json", "transforms.json");
+  const fs::path folder = fs::absolute(path).parent_path();
+  const std::string images =
+      flags.image_path.empty()
+          ? "images"
+          : fs::proximate(fs::absolute(flags.image_path), folder).generic_string();
+  std::string points;
+  if (!reconstruction.points3D.empty()) {
+    points = "points.ply";
+    WritePly(reconstruction, (folder / points).string(), {.cameras = false});
+  }
+  WriteTransformsJson(reconstruction, path, images, points);
+}
+
+int Run(const ExportFlags& flags) {
+  ConsoleMonitor monitor;
+  const Reconstruction reconstruction =
+      ReadModel(flags.model_path, {.list_path = flags.model_list});
+  if (flags.output_type == "colmap_bin") {
+    WriteColmapModel(reconstruction, flags.output_path, ColmapModelFormat::kBinary);
+  } else if (flags.output_type == "colmap_txt") {
+    WriteColmapModel(reconstruction, flags.output_path, ColmapModelFormat::kText);
+  } else if (flags.output_type == "bundler") {
+    CreateFolders(flags.output_path);
+    const std::string folder = flags.output_path + "/";
+    for (const std::string& warning :
+         WriteBundler(reconstruction, folder + "bundle.out", folder + "list.txt")) {
+      monitor.Warning(warning);
+    }
+  } else if (flags.output_type == "ply") {
+    WritePly(reconstruction, FileIn(flags.output_path, ".ply", "points.ply"));
+  } else {
+    ExportNerfstudio(reconstruction, flags);
+  }
+  monitor.Info(std::to_string(reconstruction.images.size()) + " images and " +
+               std::to_string(reconstruction.points3D.size()) + " points written as " +
+               flags.output_type + " to " + flags.output_path);
+  return kExitSuccess;
+}
+
+}  // namespace
+
+void AddExportCommand(Program& program) {
+  Command& command = program.AddCommand("export", "Writes a model in another format.");
+  const auto flags = std::make_shared<ExportFlags>();
+  command.AddOptions("", *flags);
+  command.SetRun([&command, flags] {
+    command.Require("model_path");
+    command.Require("output_path");
+    return Run(*flags);
+  });
+}
+
+}  // namespace cairn
