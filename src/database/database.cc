@@ -51,6 +51,11 @@ void EnsureFrame(Database::Impl& impl, const Image& image) {
   Query(impl, sql::kWriteFrameData).Bind(1, image.image_id).Bind(2, image.camera_id).Run();
 }
 
+void DeleteCamera(Database::Impl& impl, int64_t camera_id) {
+  if (impl.has_rigs) Query(impl, sql::kDeleteRig).Bind(1, camera_id).Run();
+  Query(impl, sql::kDeleteCamera).Bind(1, camera_id).Run();
+}
+
 }  // namespace
 
 Database::Database(const std::string& path, Mode mode) : impl_(OpenConnection(path, mode)) {}
@@ -140,9 +145,17 @@ void Database::DeleteImage(image_t image_id) {
   }
   if (impl_->has_rigs) DeleteFrame(*impl_, image_id);
   Query(*impl_, sql::kDeleteImage).Bind(1, image_id).Run();
-  if (Query(*impl_, sql::kCameraIsUsed).Bind(1, camera_id).Step()) return;
-  if (impl_->has_rigs) Query(*impl_, sql::kDeleteRig).Bind(1, camera_id).Run();
-  Query(*impl_, sql::kDeleteCamera).Bind(1, camera_id).Run();
+  const bool is_used = Query(*impl_, sql::kCameraIsUsed).Bind(1, camera_id).Step();
+  if (!is_used) DeleteCamera(*impl_, camera_id);
+}
+
+void Database::DeleteUnusedCameras() {
+  std::vector<int64_t> unused;
+  {
+    Query query(*impl_, sql::kReadUnusedCameras);
+    while (query.Step()) unused.push_back(query.Int(0));
+  }
+  for (const int64_t camera_id : unused) DeleteCamera(*impl_, camera_id);
 }
 
 Database::Transaction::Transaction(Database& database) : database_(&database) {

@@ -76,6 +76,8 @@ inline constexpr const char* kWriteImage =
 inline constexpr const char* kReadImageCamera = "SELECT camera_id FROM images WHERE image_id = ?1;";
 inline constexpr const char* kDeleteImage = "DELETE FROM images WHERE image_id = ?1;";
 inline constexpr const char* kCameraIsUsed = "SELECT 1 FROM images WHERE camera_id = ?1 LIMIT 1;";
+inline constexpr const char* kReadUnusedCameras =
+    "SELECT camera_id FROM cameras WHERE camera_id NOT IN (SELECT camera_id FROM images);";
 inline constexpr const char* kDeleteCamera = "DELETE FROM cameras WHERE camera_id = ?1;";
 
 // COLMAP 4.x: each camera is the reference sensor (type 0) of a rig of its own, each image a frame.

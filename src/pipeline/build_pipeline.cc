@@ -1,9 +1,7 @@
 #include "cairn/pipeline/build_pipeline.h"
 
-#include <cstdio>
-
 #include "cairn/base/error.h"
-#include "cairn/graph/graph.h"
+#include "pipeline/import_dataset.h"
 #include "pipeline/recompute.h"
 #include "pipeline/stage_ledger.h"
 #include "pipeline/stage_names.h"
@@ -44,37 +42,70 @@ void CheckStageOptions(Database& database, const BuildPipelineOptions& options) 
   }
 }
 
+// Without images there is nothing to begin with, so the database must be there.
 Database OpenDatabase(const BuildInputs& inputs) {
-  // Without images there is nothing to begin with, so the database must be there.
-  const bool may_create = !inputs.image_path.empty();
+  const bool may_create = !inputs.image_path.empty() || !inputs.dataset_path.empty();
   return Database(inputs.database_path,
                   may_create ? Database::Mode::kCreateOrOpen : Database::Mode::kOpenExisting);
 }
 
+// The photographs and pairs of a run: those of the folder and the pair list, or of a data set.
+struct Sources {
+  std::string image_path;
+  std::optional<OneDsfmDataset> dataset;
+};
+
+Sources FindSources(const BuildInputs& inputs) {
+  Sources sources;
+  sources.image_path = inputs.image_path;
+  if (inputs.dataset_path.empty()) return sources;
+  if (!inputs.image_path.empty() || !inputs.pairs_path.empty()) {
+    throw ConfigError("dataset_path",
+                      "brings its own photographs and pairs; image_path and "
+                      "pairs_path cannot be given too");
+  }
+  sources.dataset = ReadOneDsfmDataset(inputs.dataset_path);
+  if (sources.dataset->has_photographs) sources.image_path = inputs.dataset_path + "/images";
+  return sources;
+}
+
+std::optional<std::vector<image_pair_t>> FindPairs(const Database& database,
+                                                   const BuildInputs& inputs,
+                                                   const Sources& sources,
+                                                   ProgressMonitor& monitor) {
+  if (sources.dataset) return FindDatasetPairs(*sources.dataset, database.ReadImages());
+  if (inputs.pairs_path.empty()) return std::nullopt;
+  return ReadPairList(inputs.pairs_path, database.ReadImages(), monitor);
+}
+
 // Runs the stages one after the other; false: the user stopped one.
-bool RunStages(Database& database, const BuildPipelineOptions& options, ProgressMonitor& monitor,
-               RunReport& run) {
+bool RunStages(Database& database, const BuildPipelineOptions& options, const Sources& sources,
+               ProgressMonitor& monitor, RunReport& run) {
   const BuildInputs& in = options.inputs;
   const int last = StageIndex(in.stop_after);
   const auto keep_going = [&run](StageReport stage) {
     run.stages.push_back(std::move(stage));
     return !StoppedEarly(run.stages.back());
   };
-  if (!keep_going(
-          ImportPhotos(database, in.image_path, options.cameras, in.num_threads, monitor)) ||
-      !keep_going(ExtractImageFeatures(database, in.image_path, options.features, in.num_threads,
-                                       monitor))) {
+  if (sources.dataset && !sources.dataset->has_photographs) {
+    return keep_going(ImportDataset(database, *sources.dataset, options.cameras, monitor));
+  }
+  std::optional<PhotoSelection> selection;
+  if (sources.dataset) selection = SelectDatasetPhotos(*sources.dataset);
+  if (!keep_going(ImportPhotos(database, sources.image_path, options.cameras, in.num_threads,
+                               monitor, selection)) ||
+      !keep_going(ExtractImageFeatures(database, sources.image_path, options.features,
+                                       in.num_threads, monitor))) {
     return false;
   }
   if (last >= StageIndex(kStageDepth) &&
-      !keep_going(SampleImageDepth(database, in.image_path, {in.depth_path, in.depth_model},
+      !keep_going(SampleImageDepth(database, sources.image_path, {in.depth_path, in.depth_model},
                                    options.depth, in.num_threads, monitor))) {
     return false;
   }
-  std::optional<std::vector<image_pair_t>> pairs;
-  if (!in.pairs_path.empty()) pairs = ReadPairList(in.pairs_path, database.ReadImages(), monitor);
-  if (last >= StageIndex(kStageMatching) &&
-      !keep_going(MatchImagePairs(database, pairs, options.matching, options.scheduler,
+  if (last < StageIndex(kStageMatching)) return true;
+  const auto pairs = FindPairs(database, in, sources, monitor);
+  if (!keep_going(MatchImagePairs(database, pairs, options.matching, options.scheduler,
                                   in.num_threads, monitor))) {
     return false;
   }
@@ -90,103 +121,18 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, Progress
 }
 
 std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) {
+  if (summary.num_verified > 0) return "";
   if (summary.num_images_with_features == 0) {
     return "features: no image has features; look at the warnings above";
   }
-  if (inputs.stop_after == kStageVerification && summary.num_verified == 0) {
+  if (inputs.stop_after == kStageVerification) {
     return "verification: of " + std::to_string(summary.num_pairs) +
            " pairs none was verified; do the photographs overlap, and are the cameras right?";
   }
   return "";
 }
 
-void CountComponents(const std::vector<std::pair<image_pair_t, int>>& pairs,
-                     const std::vector<Image>& images, ViewGraphSummary& summary) {
-  std::map<image_t, int> nodes;
-  for (const Image& image : images) nodes.emplace(image.image_id, static_cast<int>(nodes.size()));
-  std::vector<GraphEdge> edges;
-  for (const auto& [pair, num_inliers] : pairs) {
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    if (num_inliers > 0 && nodes.count(id1) > 0 && nodes.count(id2) > 0) {
-      edges.push_back({nodes[id1], nodes[id2]});
-    }
-  }
-  for (const auto& component : ConnectedComponents(static_cast<int>(nodes.size()), edges).nodes) {
-    if (component.size() < 2) continue;
-    ++summary.num_components;
-    summary.largest_component =
-        std::max(summary.largest_component, static_cast<int>(component.size()));
-  }
-}
-
-// "12 (a 10, b 2)".
-std::string WithParts(int64_t total, const std::map<std::string, int64_t>& parts) {
-  std::string text = std::to_string(total);
-  std::string list;
-  for (const auto& [name, count] : parts) {
-    list += (list.empty() ? "" : ", ") + name + " " + std::to_string(count);
-  }
-  return list.empty() ? text : text + " (" + list + ")";
-}
-
 }  // namespace
-
-ViewGraphSummary SummarizeDatabase(const Database& database) {
-  ViewGraphSummary summary;
-  const std::vector<Image> images = database.ReadImages();
-  summary.num_images = static_cast<int>(images.size());
-  summary.num_images_with_features = static_cast<int>(database.ReadNumKeypoints().size());
-  summary.num_images_with_depth = static_cast<int>(database.ReadNumDepthSamples().size());
-  for (const PhotoRecord& photo : database.ReadPhotos()) {
-    summary.num_skipped_photos += !photo.error.empty();
-  }
-  summary.num_pairs = static_cast<int64_t>(database.ReadNumMatches().size());
-  const auto num_inliers = database.ReadNumInliers();
-  for (const auto& [pair, num] : num_inliers) summary.num_verified += num > 0;
-  summary.verified_by = database.CountWinners();
-  int64_t num_ours = 0;
-  for (const auto& [verifier, num] : summary.verified_by) num_ours += num;
-  summary.num_verified = std::max(summary.num_verified, num_ours);  // Imported ones lack inliers.
-  if (summary.num_verified > num_ours) {
-    summary.verified_by["given"] = summary.num_verified - num_ours;
-  }
-  summary.num_tried = num_ours;
-  for (const auto& [reason, num] : database.CountJobNotes(kStageVerification)) {
-    if (reason.empty()) continue;
-    if (reason == PairStatusName(PairStatus::kTooFewMatches)) {
-      summary.num_too_few = num;
-    } else {
-      summary.rejected_by[reason] = num;
-      summary.num_tried += num;
-    }
-  }
-  CountComponents(num_inliers, images, summary);
-  return summary;
-}
-
-std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
-  int64_t num_rejected = 0;
-  for (const auto& [reason, num] : s.rejected_by) num_rejected += num;
-  std::string text;
-  text += "images    " + std::to_string(s.num_images) + " (" +
-          std::to_string(s.num_images_with_features) + " with features, " +
-          std::to_string(s.num_images_with_depth) + " with depth), " +
-          std::to_string(s.num_skipped_photos) + " photographs skipped\n";
-  text += "pairs     " + std::to_string(s.num_pairs) + ", " + std::to_string(s.num_too_few) +
-          " with too few matches, " + std::to_string(s.num_tried) + " tried\n";
-  text += "verified  " + WithParts(s.num_verified, s.verified_by) + "\n";
-  text += "rejected  " + WithParts(num_rejected, s.rejected_by) + "\n";
-  text += "graph     " + std::to_string(s.num_components) + " component" +
-          (s.num_components == 1 ? "" : "s") + ", the largest with " +
-          std::to_string(s.largest_component) + " images\n";
-  text += "seconds  ";
-  for (const StageReport& stage : report.stages) {
-    char item[80];
-    std::snprintf(item, sizeof(item), " %s %.2f", stage.name.c_str(), stage.seconds);
-    text += item;
-  }
-  return text + "\n";
-}
 
 BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
                                      ProgressMonitor& monitor) {
@@ -195,10 +141,11 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
   report.run.program = "build_view_graph";
   report.run.seed = static_cast<uint64_t>(inputs.seed);
   report.run.num_threads = inputs.num_threads;
+  const Sources sources = FindSources(inputs);
   Database database = OpenDatabase(inputs);
-  PrepareRecompute(database, inputs.recompute, inputs.image_path);
+  PrepareRecompute(database, inputs.recompute, sources.image_path);
   CheckStageOptions(database, options);
-  report.was_stopped = !RunStages(database, options, monitor, report.run);
+  report.was_stopped = !RunStages(database, options, sources, monitor, report.run);
   report.summary = SummarizeDatabase(database);
   report.run.failure = report.was_stopped ? report.run.stages.back().name + ": " +
                                                 report.run.stages.back().messages.back()

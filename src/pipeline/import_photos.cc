@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
-#include <set>
 
 #include "cairn/base/error.h"
 #include "cairn/base/hash.h"
@@ -69,16 +68,37 @@ void ReadHeaders(const std::string& image_path, int num_threads, std::vector<Pho
   });
 }
 
+bool IsPending(const StageLedger& ledger, image_t id) {
+  const JobRecord* job = ledger.Find(id);
+  return job != nullptr && job->note == kPendingCamera;
+}
+
 // With single_camera, photos that join later share the camera of our first image.
 std::optional<Camera> SharedCamera(const std::vector<Image>& images,
                                    const std::vector<Camera>& cameras, const StageLedger& ledger) {
   for (const Image& image : images) {
-    if (ledger.Find(image.image_id) == nullptr) continue;
+    if (ledger.Find(image.image_id) == nullptr || IsPending(ledger, image.image_id)) continue;
     for (const Camera& camera : cameras) {
       if (camera.camera_id == image.camera_id) return camera;
     }
   }
   return std::nullopt;
+}
+
+// After all cameras but those that only images waiting for a new one have.
+camera_t FirstFreeCameraId(const std::vector<Image>& images, const std::vector<Camera>& cameras,
+                           const StageLedger& ledger) {
+  std::map<camera_t, bool> is_pending;
+  for (const Image& image : images) {
+    is_pending.try_emplace(image.camera_id, true).first->second &=
+        IsPending(ledger, image.image_id);
+  }
+  camera_t id = 1;
+  for (const Camera& camera : cameras) {
+    const auto it = is_pending.find(camera.camera_id);
+    if (it == is_pending.end() || !it->second) id = std::max(id, camera.camera_id + 1);
+  }
+  return id;
 }
 
 uint64_t CameraInputHash(const Photo& photo) {
@@ -91,8 +111,8 @@ uint64_t CameraInputHash(const Photo& photo) {
 
 // Sorts out which photos are new; throws ConfigError if one changed that has results.
 std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos,
-                             const std::vector<Image>& images, StageReport& report,
-                             ProgressMonitor& monitor) {
+                             const std::vector<Image>& images, const StageLedger& ledger,
+                             StageReport& report, ProgressMonitor& monitor) {
   std::map<std::string, PhotoRecord> records;
   for (PhotoRecord& record : database.ReadPhotos()) records[record.name] = record;
   std::map<std::string, image_t> image_ids;
@@ -109,7 +129,11 @@ std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos
                                             " changed since its features were computed; use "
                                             "--recompute features");
       }
-      if (record->second.error.empty()) continue;
+      if (record->second.error.empty()) {
+        const bool is_pending = image != image_ids.end() && IsPending(ledger, image->second);
+        if (is_pending) fresh.push_back(std::move(photo));
+        continue;
+      }
       if (is_same) {
         const std::string line = photo.name + ": " + record->second.error + "; still skipped";
         monitor.Warning(line);
@@ -129,22 +153,32 @@ struct NewImages {
   std::vector<Image> images;
   std::vector<uint64_t> input_hashes;
   std::vector<Camera> cameras;
+  bool has_reassigned = false;  // some are old images whose cameras are made anew
 };
 
 NewImages MakeImages(const std::vector<Image>& images, const std::vector<Camera>& cameras,
                      const CameraOptions& options, const StageLedger& ledger,
                      std::vector<Photo>& photos) {
-  CameraMaker maker(options, cameras.empty() ? 1 : cameras.back().camera_id + 1,
+  CameraMaker maker(options, FirstFreeCameraId(images, cameras, ledger),
                     SharedCamera(images, cameras, ledger));
-  std::set<std::string> known;
-  for (const Image& image : images) known.insert(image.name);
+  std::map<std::string, image_t> known;
+  for (const Image& image : images) known[image.name] = image.image_id;
   image_t next_id = images.empty() ? 1 : images.back().image_id + 1;
   NewImages added;
   for (Photo& photo : photos) {
-    if (!photo.error.empty() || known.count(photo.name) > 0) continue;
+    if (!photo.error.empty()) continue;
+    const auto old = known.find(photo.name);
+    if (old != known.end() && !IsPending(ledger, old->second)) continue;
+    const bool is_reassigned = old != known.end();
     const std::optional<camera_t> camera_id = maker.CameraOf(photo);
+    if (!camera_id && is_reassigned) {
+      throw ConfigError("single_camera", photo.name + " " + photo.error +
+                                             "; use --recompute features to leave it out");
+    }
     if (!camera_id) continue;
-    added.images.push_back({next_id++, photo.name, *camera_id});
+    added.has_reassigned |= is_reassigned;
+    const image_t id = is_reassigned ? old->second : next_id++;
+    added.images.push_back({id, photo.name, *camera_id});
     added.input_hashes.push_back(CameraInputHash(photo));
   }
   added.cameras = maker.cameras();
@@ -160,6 +194,7 @@ void WriteImages(Database& database, const NewImages& added, const std::vector<P
     database.WriteImage(added.images[i]);
     database.WriteJob(kStageCameras, {added.images[i].image_id, added.input_hashes[i], ""});
   }
+  if (added.has_reassigned) database.DeleteUnusedCameras();
   for (const Photo& photo : photos) {
     database.WritePhoto({photo.name, photo.file_hash, photo.error});
   }
@@ -188,7 +223,7 @@ StageReport ImportPhotos(Database& database, const std::string& image_path,
   monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));
   HashPhotos(image_path, num_threads, photos, monitor);
   if (!monitor.StopRequested()) {
-    photos = SelectNew(database, std::move(photos), images, report, monitor);
+    photos = SelectNew(database, std::move(photos), images, ledger, report, monitor);
     ReadHeaders(image_path, num_threads, photos, monitor);
   }
   monitor.EndStage();

@@ -22,7 +22,7 @@ void CheckPhotographs(const Database& database, const std::string& stage,
     if (num_keypoints.count(image.image_id) == 0) continue;
     if (!fs::exists(fs::path(image_path) / image.name)) {
       throw ConfigError("recompute", image.name + " has features, but is not in " + image_path +
-                                         "; its features would be lost");
+                                         "; what was made from it would be lost");
     }
   }
 }
@@ -47,15 +47,30 @@ void DeleteOurImages(Database& database) {
   database.ClearStage(kStageCameras);
 }
 
+// Our images keep their features; ImportPhotos gives them new cameras, and looks again at
+// photographs that it refused.
+void MarkCamerasAsPending(Database& database, const std::vector<JobRecord>& jobs) {
+  for (const JobRecord& job : jobs) {
+    database.WriteJob(kStageCameras, {job.item, job.input_hash, kPendingCamera});
+  }
+  for (const PhotoRecord& photo : database.ReadPhotos()) {
+    if (!photo.error.empty()) database.WritePhoto({photo.name, 0, photo.error});
+  }
+}
+
 }  // namespace
 
 void PrepareRecompute(Database& database, const std::string& stage, const std::string& image_path) {
   if (stage == "none") return;
-  if (stage == kStageFeatures) CheckPhotographs(database, stage, image_path);
+  const std::vector<JobRecord> our_images = database.ReadJobs(kStageCameras);
+  if (stage == kStageFeatures || stage == kStageCameras) {
+    CheckPhotographs(database, stage, image_path);
+  }
   if (stage == kStageMatching) CheckDescriptors(database);
   Database::Transaction transaction(database);
   ClearStageAndDependents(database, stage);
   if (stage == kStageFeatures) DeleteOurImages(database);
+  if (stage == kStageCameras) MarkCamerasAsPending(database, our_images);
   transaction.Commit();
 }
 

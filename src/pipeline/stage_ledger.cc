@@ -61,9 +61,8 @@ std::string QualifiedOptions(std::string_view module, const std::string& dumped)
 StageLedger::StageLedger(Database& database, const std::string& stage, const std::string& options)
     : stage_(stage), options_(options) {
   const std::optional<StageRecord> record = database.ReadStage(stage);
-  if (!record) return;
-  CheckOptions(stage, record->options, options);
-  was_begun_ = true;
+  if (record) CheckOptions(stage, record->options, options);
+  was_begun_ = record.has_value();
   for (JobRecord& job : database.ReadJobs(stage)) {
     const uint64_t item = job.item;
     jobs_.emplace(item, std::move(job));

@@ -11,6 +11,12 @@ inline const std::string kStageDepth = "depth";
 inline const std::string kStageMatching = "matching";
 inline const std::string kStageVerification = "verification";
 
+// Import of a 1DSfM data set without photographs.
+inline const std::string kStageDataset = "dataset";
+
+// Note of a job of the stage "cameras": the image is to get a new camera.
+inline const std::string kPendingCamera = "pending";
+
 // Verifier name of poses that were imported from a 1DSfM data set.
 inline const std::string kImportedVerifier = "imported";
 

@@ -43,6 +43,8 @@ class Database {
   void WriteImage(const Image& image);     // image_id must be set; replaces
   // Removes the image with its features, and its camera if no other image has it.
   void DeleteImage(image_t image_id);
+  // Removes cameras that no image has.
+  void DeleteUnusedCameras();
 
   // Features. A missing row is nullopt; rows with 2, 4 or 6 columns become affine frames.
   std::optional<std::vector<Keypoint>> ReadKeypoints(image_t image_id) const;

@@ -344,6 +344,9 @@ TEST_F(DatabaseTest, DeleteImageTakesItsFeaturesAndItsUnusedCamera) {
   EXPECT_FALSE(database.ReadKeypoints(3));
   ASSERT_EQ(database.ReadCameras().size(), 1u);
   EXPECT_EQ(database.ReadCameras()[0].camera_id, 1u);
+  database.WriteCamera(TestCamera(9));
+  database.DeleteUnusedCameras();
+  ASSERT_EQ(database.ReadCameras().size(), 1u);
 }
 
 TEST_F(DatabaseTest, OrderOfWritingDoesNotShowInTheDump) {

@@ -1,0 +1,100 @@
+#include <algorithm>
+#include <cstdio>
+#include <map>
+
+#include "cairn/graph/graph.h"
+#include "cairn/pipeline/build_pipeline.h"
+#include "pipeline/stage_names.h"
+
+namespace cairn {
+namespace {
+
+void CountComponents(const std::vector<std::pair<image_pair_t, int>>& pairs,
+                     const std::vector<Image>& images, ViewGraphSummary& summary) {
+  std::map<image_t, int> nodes;
+  for (const Image& image : images) nodes.emplace(image.image_id, static_cast<int>(nodes.size()));
+  std::vector<GraphEdge> edges;
+  for (const auto& [pair, num_inliers] : pairs) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    if (num_inliers > 0 && nodes.count(id1) > 0 && nodes.count(id2) > 0) {
+      edges.push_back({nodes[id1], nodes[id2]});
+    }
+  }
+  for (const auto& component : ConnectedComponents(static_cast<int>(nodes.size()), edges).nodes) {
+    if (component.size() < 2) continue;
+    ++summary.num_components;
+    summary.largest_component =
+        std::max(summary.largest_component, static_cast<int>(component.size()));
+  }
+}
+
+// "12 (a 10, b 2)".
+std::string WithParts(int64_t total, const std::map<std::string, int64_t>& parts) {
+  std::string text = std::to_string(total);
+  std::string list;
+  for (const auto& [name, count] : parts) {
+    list += (list.empty() ? "" : ", ") + name + " " + std::to_string(count);
+  }
+  return list.empty() ? text : text + " (" + list + ")";
+}
+
+}  // namespace
+
+ViewGraphSummary SummarizeDatabase(const Database& database) {
+  ViewGraphSummary summary;
+  const std::vector<Image> images = database.ReadImages();
+  summary.num_images = static_cast<int>(images.size());
+  summary.num_images_with_features = static_cast<int>(database.ReadNumKeypoints().size());
+  summary.num_images_with_depth = static_cast<int>(database.ReadNumDepthSamples().size());
+  for (const PhotoRecord& photo : database.ReadPhotos()) {
+    summary.num_skipped_photos += !photo.error.empty();
+  }
+  summary.num_pairs = static_cast<int64_t>(database.ReadNumMatches().size());
+  const auto num_inliers = database.ReadNumInliers();
+  for (const auto& [pair, num] : num_inliers) summary.num_verified += num > 0;
+  summary.verified_by = database.CountWinners();
+  int64_t num_ours = 0;
+  for (const auto& [verifier, num] : summary.verified_by) num_ours += num;
+  summary.num_verified = std::max(summary.num_verified, num_ours);  // Imported ones lack inliers.
+  if (summary.num_verified > num_ours) {
+    summary.verified_by["given"] = summary.num_verified - num_ours;
+  }
+  summary.num_tried = num_ours;
+  for (const auto& [reason, num] : database.CountJobNotes(kStageVerification)) {
+    if (reason.empty()) continue;
+    if (reason == PairStatusName(PairStatus::kTooFewMatches)) {
+      summary.num_too_few = num;
+    } else {
+      summary.rejected_by[reason] = num;
+      summary.num_tried += num;
+    }
+  }
+  CountComponents(num_inliers, images, summary);
+  return summary;
+}
+
+std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
+  int64_t num_rejected = 0;
+  for (const auto& [reason, num] : s.rejected_by) num_rejected += num;
+  std::string text;
+  text += "images    " + std::to_string(s.num_images) + " (" +
+          std::to_string(s.num_images_with_features) + " with features, " +
+          std::to_string(s.num_images_with_depth) + " with depth), " +
+          std::to_string(s.num_skipped_photos) + " photographs skipped\n";
+  text += "pairs     " + std::to_string(s.num_pairs) + ", " + std::to_string(s.num_too_few) +
+          " with too few matches, " + std::to_string(s.num_tried) + " tried\n";
+  text += "verified  " + WithParts(s.num_verified, s.verified_by) + "\n";
+  text += "rejected  " + WithParts(num_rejected, s.rejected_by) + "\n";
+  text += "graph     " + std::to_string(s.num_components) + " component" +
+          (s.num_components == 1 ? "" : "s") + ", the largest with " +
+          std::to_string(s.largest_component) + " images\n";
+  text += "seconds  ";
+  for (const StageReport& stage : report.stages) {
+    char item[80];
+    std::snprintf(item, sizeof(item), " %s %.2f", stage.name.c_str(), stage.seconds);
+    text += item;
+  }
+  return text + "\n";
+}
+
+}  // namespace cairn
