@@ -78,19 +78,6 @@ TEST(Failure, ADatabaseThatIsNone) {
   ExpectEnd(scene.BuildViewGraph(scene.database()), 3, "scene.db", "damaged");
 }
 
-TEST(Failure, AKeypointsBlobOfWrongSize) {
-  const SceneFiles scene;
-  RunSql(scene.database(), "UPDATE keypoints SET data = substr(data, 1, 100) WHERE image_id = 2");
-  const ProgramResult result =
-      scene.BuildViewGraph(scene.database(), {"--recompute", "verification"});
-  EXPECT_EQ(result.exit_code, 0) << result.output;
-  const std::vector<std::string> lines = LinesWith(result.output, "keypoints");
-  ASSERT_FALSE(lines.empty()) << result.output;
-  EXPECT_THAT(lines[0], AllOf(HasSubstr("scene.db"), HasSubstr("image_id 2")));
-  const Database database(scene.database(), Database::Mode::kReadOnly);
-  EXPECT_FALSE(database.ReadTwoViewGeometryPairIds().empty());
-}
-
 TEST(Failure, OutputThatCannotBeWritten) {
   const SceneFiles scene;
   WriteText(scene / "file", "a file in place of a folder");
@@ -122,7 +109,8 @@ TEST(Failure, UnknownFlagsAndKeysSuggestTheNearestName) {
             "broken.toml", ":1");
   ExpectEnd(scene.BuildViewGraph(scene.database(), {"--matching.max_ratio", "7"}), 2,
             "matching.max_ratio", "out of range");
-  ExpectEnd(RunProgram("global_sfm", {"reconstrukt"}), 2, "reconstrukt", "");
+  ExpectEnd(RunProgram("global_sfm", {"reconstrukt"}), 2, "reconstrukt", "unknown command");
+  ExpectEnd(RunProgram("global_sfm", {"synthesise"}), 2, "synthesise", "'synthesize'");
 }
 
 }  // namespace
