@@ -147,6 +147,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
   CheckStageOptions(database, options);
   report.was_stopped = !RunStages(database, options, sources, monitor, report.run);
   report.summary = SummarizeDatabase(database);
+  report.run.values = SummaryValues(report.summary);
   report.run.failure = report.was_stopped ? report.run.stages.back().name + ": " +
                                                 report.run.stages.back().messages.back()
                                           : Failure(inputs, report.summary);

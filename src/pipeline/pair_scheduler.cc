@@ -267,7 +267,7 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
   }
   if (monitor.StopRequested()) {
     MarkStopped(report.stage);
-  } else if (num_new > 0) {
+  } else {
     ledger.Complete(database);
   }
   FillStageReport(report.counts, report.stage);

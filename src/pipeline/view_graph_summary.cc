@@ -16,7 +16,8 @@ void CountComponents(const std::vector<std::pair<image_pair_t, int>>& pairs,
   std::vector<GraphEdge> edges;
   for (const auto& [pair, num_inliers] : pairs) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    if (num_inliers > 0 && nodes.count(id1) > 0 && nodes.count(id2) > 0) {
+    const bool is_edge = num_inliers > 0 || summary.verified_by.count(kImportedVerifier) > 0;
+    if (is_edge && nodes.count(id1) > 0 && nodes.count(id2) > 0) {
       edges.push_back({nodes[id1], nodes[id2]});
     }
   }
@@ -59,7 +60,7 @@ ViewGraphSummary SummarizeDatabase(const Database& database) {
   if (summary.num_verified > num_ours) {
     summary.verified_by["given"] = summary.num_verified - num_ours;
   }
-  summary.num_tried = num_ours;
+  if (summary.verified_by.count(kImportedVerifier) == 0) summary.num_tried = num_ours;
   for (const auto& [reason, num] : database.CountJobNotes(kStageVerification)) {
     if (reason.empty()) continue;
     if (reason == PairStatusName(PairStatus::kTooFewMatches)) {
@@ -71,6 +72,27 @@ ViewGraphSummary SummarizeDatabase(const Database& database) {
   }
   CountComponents(num_inliers, images, summary);
   return summary;
+}
+
+std::vector<std::pair<std::string, double>> SummaryValues(const ViewGraphSummary& s) {
+  std::vector<std::pair<std::string, double>> values = {
+      {"images", s.num_images},
+      {"images_with_features", s.num_images_with_features},
+      {"images_with_depth", s.num_images_with_depth},
+      {"skipped_photographs", s.num_skipped_photos},
+      {"pairs", static_cast<double>(s.num_pairs)},
+      {"pairs_with_too_few_matches", static_cast<double>(s.num_too_few)},
+      {"tried", static_cast<double>(s.num_tried)},
+      {"verified", static_cast<double>(s.num_verified)}};
+  for (const auto& [verifier, num] : s.verified_by) {
+    values.emplace_back("verified_by_" + verifier, static_cast<double>(num));
+  }
+  for (const auto& [reason, num] : s.rejected_by) {
+    values.emplace_back("rejected_" + reason, static_cast<double>(num));
+  }
+  values.emplace_back("components", s.num_components);
+  values.emplace_back("images_in_largest_component", s.largest_component);
+  return values;
 }
 
 std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {

@@ -75,6 +75,8 @@ struct ViewGraphSummary {
   int largest_component = 0;                   // images in it
 };
 ViewGraphSummary SummarizeDatabase(const Database& database);
+// The same as names and numbers, for the run's report.
+std::vector<std::pair<std::string, double>> SummaryValues(const ViewGraphSummary& summary);
 // A few lines for the terminal.
 std::string SummaryText(const ViewGraphSummary& summary, const RunReport& report);
 

@@ -1,0 +1,276 @@
+// All stages together, with the real verifiers.
+
+#include "cairn/pipeline/build_pipeline.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "cairn/base/error.h"
+#include "cairn/io/one_dsfm_writer.h"
+#include "cairn/pipeline/view_edges.h"
+#include "support/database_dump.h"
+#include "support/temp_folder.h"
+#include "support/test_monitor.h"
+#include "support/test_photos.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class BuildPipelineTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    fs::create_directories(Images());
+    fs::create_directories(folder_ / "depth");
+    for (int i = 0; i < 4; ++i) AddPhoto(i);
+  }
+  std::string Images() const { return folder_ / "images"; }
+  void AddPhoto(int i) {
+    const std::string name = "photo" + std::to_string(i) + ".png";
+    WriteBitmap(Images() + "/" + name, testing::WallPhoto(160, 120, 8 * i));
+    if (i == 2) return;  // One image without depth.
+    testing::WriteNpy(folder_ / ("depth/" + name + ".npy"), 16, 12,
+                      std::vector<float>(16 * 12, 2.0f + 0.1f * i));
+  }
+  BuildPipelineOptions Options(const std::string& database) const {
+    BuildPipelineOptions options;
+    options.inputs.image_path = Images();
+    options.inputs.database_path = folder_ / database;
+    options.inputs.depth_path = folder_ / "depth";
+    options.inputs.num_threads = 2;
+    options.features.type = "sift";
+    options.features.first_octave = 0;
+    options.verification.max_iterations = 200;
+    return options;
+  }
+  std::string Dump(const std::string& database) const { return DumpDatabase(folder_ / database); }
+  template <class Fn>
+  static std::string ConfigMessage(const Fn& fn) {
+    try {
+      fn();
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "no ConfigError";
+  }
+
+  testing::TempFolder folder_;
+};
+
+TEST_F(BuildPipelineTest, FromPhotographsToVerifiedPairs) {
+  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"));
+  EXPECT_FALSE(report.was_stopped);
+  ASSERT_EQ(report.run.stages.size(), 5u);
+  EXPECT_EQ(report.summary.num_images, 4);
+  EXPECT_EQ(report.summary.num_images_with_features, 4);
+  EXPECT_EQ(report.summary.num_images_with_depth, 3);
+  EXPECT_EQ(report.summary.num_pairs, 6);
+  EXPECT_EQ(report.summary.num_tried + report.summary.num_too_few, 6);
+  const Database database(folder_ / "a.db", Database::Mode::kReadOnly);
+  EXPECT_EQ(database.ReadNumInliers().size(), 6u);
+  EXPECT_EQ(database.ReadPairMetrics().size(), 2u * report.summary.num_tried);
+  EXPECT_THAT(SummaryText(report.summary, report.run),
+              HasSubstr("4 (4 with features, 3 with depth)"));
+  EXPECT_FALSE(CamerasWereGiven(database));
+  EXPECT_FALSE(HasImportedEdges(database));
+}
+
+TEST_F(BuildPipelineTest, DumpsAreEqualForAnyNumberOfThreads) {
+  for (const int num_threads : {1, 2, 8}) {
+    BuildPipelineOptions options = Options(std::to_string(num_threads) + ".db");
+    options.inputs.num_threads = num_threads;
+    RunBuildPipeline(options);
+  }
+  const std::string dump = Dump("1.db");
+  EXPECT_THAT(dump, HasSubstr("two_view_geometries: "));
+  EXPECT_EQ(Dump("2.db"), dump);
+  EXPECT_EQ(Dump("8.db"), dump);
+}
+
+// Stopped after every few items, whatever the stage, then continued.
+TEST_F(BuildPipelineTest, InterruptedRunsEndInTheSameDump) {
+  RunBuildPipeline(Options("whole.db"));
+  int num_stops = 0;
+  for (; num_stops < 50; ++num_stops) {
+    TestMonitor monitor(5);
+    if (!RunBuildPipeline(Options("parts.db"), monitor).was_stopped) break;
+  }
+  EXPECT_GE(num_stops, 3);
+  EXPECT_LT(num_stops, 50);
+  EXPECT_EQ(Dump("parts.db"), Dump("whole.db"));
+}
+
+TEST_F(BuildPipelineTest, StopAfterAndContinue) {
+  RunBuildPipeline(Options("whole.db"));
+  size_t num_stages = 2;
+  for (const std::string stage : {"features", "depth", "matching", "verification"}) {
+    BuildPipelineOptions options = Options("parts.db");
+    options.inputs.stop_after = stage;
+    EXPECT_EQ(RunBuildPipeline(options).run.stages.size(), num_stages++);
+  }
+  EXPECT_EQ(Dump("parts.db"), Dump("whole.db"));
+}
+
+TEST_F(BuildPipelineTest, OptionsThatDifferAreNamedAndRecomputedOnRequest) {
+  RunBuildPipeline(Options("a.db"));
+  const auto expect = [&](const std::string& stage, const std::string& option, auto change) {
+    BuildPipelineOptions options = Options("a.db");
+    change(options);
+    EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr(option + ": is"));
+    options.inputs.recompute = stage;
+    RunBuildPipeline(options);
+    BuildPipelineOptions fresh = options;
+    fresh.inputs.recompute = "none";
+    fresh.inputs.database_path = folder_ / "fresh.db";
+    fs::remove(folder_ / "fresh.db");
+    RunBuildPipeline(fresh);
+    EXPECT_EQ(Dump("a.db"), Dump("fresh.db")) << stage;
+    options = Options("a.db");
+    options.inputs.recompute = stage;
+    RunBuildPipeline(options);
+  };
+  expect("features", "features.max_num_features",
+         [](BuildPipelineOptions& o) { o.features.max_num_features = 60; });
+  expect("depth", "depth.scale", [](BuildPipelineOptions& o) { o.depth.scale = 2; });
+  expect("matching", "matching.max_ratio",
+         [](BuildPipelineOptions& o) { o.matching.max_ratio = 0.6; });
+  expect("verification", "verification.min_num_inliers",
+         [](BuildPipelineOptions& o) { o.verification.min_num_inliers = 30; });
+  expect("verification", "seed", [](BuildPipelineOptions& o) { o.inputs.seed = 1; });
+  expect("verification", "verifier",
+         [](BuildPipelineOptions& o) { o.inputs.verifier = "five_point"; });
+  expect("cameras", "camera_model",
+         [](BuildPipelineOptions& o) { o.cameras.camera_model = "PINHOLE"; });
+}
+
+TEST_F(BuildPipelineTest, NewPhotographsJoin) {
+  RunBuildPipeline(Options("a.db"));
+  const Database before(folder_ / "a.db");
+  const std::vector<Keypoint> keypoints = *before.ReadKeypoints(1);
+  AddPhoto(4);
+  TestMonitor monitor;
+  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"), monitor);
+  EXPECT_EQ(report.summary.num_images, 5);
+  EXPECT_EQ(report.summary.num_pairs, 10);
+  EXPECT_THAT(monitor.totals(), ElementsAre(5, 1, 1, 4, 4));
+  EXPECT_EQ(*Database(folder_ / "a.db").ReadKeypoints(1), keypoints);
+}
+
+TEST_F(BuildPipelineTest, DepthThatComesAfterVerificationIsAnError) {
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.depth_path = "";
+  RunBuildPipeline(options);
+  options.inputs.depth_path = folder_ / "depth";
+  EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr("without depth"));
+  options.inputs.recompute = "verification";
+  EXPECT_EQ(RunBuildPipeline(options).summary.num_images_with_depth, 3);
+}
+
+TEST_F(BuildPipelineTest, RecomputeRefusesToLoseWhatItCannotMake) {
+  RunBuildPipeline(Options("a.db"));
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.recompute = "features";
+  fs::remove(Images() + "/photo1.png");
+  EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr("photo1.png"));
+  options.inputs.image_path = "";
+  EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr("needs --image_path"));
+  {
+    Database database(folder_ / "a.db");
+    database.DeleteImage(2);  // Its matches stay.
+  }
+  options.inputs.recompute = "matching";
+  EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr("no descriptors"));
+}
+
+TEST_F(BuildPipelineTest, NothingVerifiedIsNoUsableResult) {
+  BuildPipelineOptions options = Options("a.db");
+  options.verification.min_num_matches = 100000;
+  const BuildPipelineReport report = RunBuildPipeline(options);
+  EXPECT_THAT(report.run.failure, HasSubstr("verification: of 6 pairs none was verified"));
+  EXPECT_EQ(report.summary.num_too_few, 6);
+}
+
+TEST_F(BuildPipelineTest, WithoutImagesTheDatabaseMustBeThere) {
+  BuildPipelineOptions options = Options("absent.db");
+  options.inputs.image_path = "";
+  EXPECT_THROW(RunBuildPipeline(options), IoError);
+  EXPECT_FALSE(fs::exists(folder_ / "absent.db"));
+}
+
+// A 1DSfM data set of the photographs, with or without them.
+OneDsfmFiles Dataset() {
+  OneDsfmFiles files;
+  for (int i = 0; i < 4; ++i) {
+    files.images.push_back({"images/photo" + std::to_string(i) + ".png", 150.0 + i});
+    OneDsfmImageKeys keys;
+    keys.index = i;
+    keys.name = files.images.back().name;
+    keys.principal_point = {80, 60};
+    for (int k = 0; k < 30; ++k) keys.keys.push_back({2 * k, {10.5 + k, 20.5 + i}, {0, 0, 0}});
+    files.coords.push_back(keys);
+  }
+  files.component = {0, 1, 3};
+  const Rigid3d pose(Eigen::Quaterniond(0.8, 0.6, 0, 0), {0, 0.6, 0.8});
+  files.edges = {{0, 1, pose, 0}, {3, 1, pose, 0}, {0, 2, pose, 0}};
+  for (int k = 0; k < 25; ++k) files.tracks.push_back({{0, 2 * k}, {1, 2 * k}, {2, 0}});
+  return files;
+}
+
+TEST_F(BuildPipelineTest, ADatasetWithoutPhotographsIsImported) {
+  WriteOneDsfmFiles(folder_ / "set", Dataset());
+  BuildPipelineOptions options;
+  options.inputs.dataset_path = folder_ / "set";
+  options.inputs.database_path = folder_ / "a.db";
+  const BuildPipelineReport report = RunBuildPipeline(options);
+  EXPECT_EQ(report.run.failure, "");
+  EXPECT_EQ(report.summary.num_images, 3);
+  EXPECT_EQ(report.summary.num_verified, 2);
+  EXPECT_EQ(report.summary.largest_component, 3);
+  const Database database(folder_ / "a.db");
+  EXPECT_TRUE(HasImportedEdges(database));
+  EXPECT_EQ(database.ReadImages()[2].name, "photo3.png");
+  EXPECT_EQ(database.ReadImages()[2].image_id, 4u);
+  EXPECT_EQ(database.ReadCameras()[0].width, 160);
+  EXPECT_EQ(database.ReadCameras()[0].FocalX(), 150);
+  EXPECT_FLOAT_EQ((*database.ReadKeypoints(1))[3].x, 13.5f);
+  EXPECT_EQ(database.ReadMatches(ImagePairToPairId(1, 2))->size(), 25u);
+  EXPECT_EQ((*database.ReadMatches(ImagePairToPairId(1, 2)))[7], (FeatureMatch{7, 7}));
+  const std::vector<ViewEdge> edges = ReadViewEdges(database);
+  ASSERT_EQ(edges.size(), 2u);
+  const Rigid3d pose(Eigen::Quaterniond(0.8, 0.6, 0, 0), {0, 0.6, 0.8});
+  EXPECT_LT(edges[0].cam2_from_cam1.rotation.angularDistance(pose.rotation), 1e-9);
+  EXPECT_EQ(edges[0].num_inliers, 25);
+  EXPECT_EQ(edges[1].image_id1, 2u);  // Stored as (3, 1).
+  EXPECT_LT(edges[1].cam2_from_cam1.rotation.angularDistance(pose.rotation.conjugate()), 1e-9);
+  EXPECT_EQ(edges[1].num_inliers, 0);
+  EXPECT_EQ(edges[1].removal, EdgeRemoval::kNone);
+  const std::string dump = Dump("a.db");
+  RunBuildPipeline(options);
+  EXPECT_EQ(Dump("a.db"), dump);
+}
+
+TEST_F(BuildPipelineTest, ADatasetWithPhotographsHasItsPairsMatched) {
+  WriteOneDsfmFiles(folder_ / "set", Dataset());
+  fs::rename(Images(), folder_ / "set/images");
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.image_path = "";
+  options.inputs.dataset_path = folder_ / "set";
+  const BuildPipelineReport report = RunBuildPipeline(options);
+  EXPECT_EQ(report.summary.num_images, 3);
+  const Database database(folder_ / "a.db");
+  EXPECT_EQ(database.ReadCameras()[2].FocalX(), 153);
+  std::vector<image_pair_t> pairs;
+  for (const auto& [pair, num] : database.ReadNumMatches()) pairs.push_back(pair);
+  EXPECT_THAT(pairs, ElementsAre(ImagePairToPairId(1, 2), ImagePairToPairId(2, 3)));
+  EXPECT_EQ(report.summary.num_tried + report.summary.num_too_few, 2);
+  options.inputs.image_path = folder_ / "set/images";
+  EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr("dataset_path"));
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,234 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "cairn/base/error.h"
+#include "cairn/image/exif.h"
+#include "cairn/pipeline/stages.h"
+#include "pipeline/recompute.h"
+#include "support/database_dump.h"
+#include "support/shared_data.h"
+#include "support/temp_folder.h"
+#include "support/test_monitor.h"
+#include "support/test_photos.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class ImportPhotosTest : public ::testing::Test {
+ protected:
+  void SetUp() override { fs::create_directories(images_); }
+
+  void AddPhoto(const std::string& name, int width = 64, int height = 48) {
+    fs::create_directories(fs::path(images_ + "/" + name).parent_path());
+    WriteBitmap(images_ + "/" + name, testing::WallPhoto(width, height, 0));
+  }
+  void AddFile(const std::string& name, const std::string& content) {
+    std::ofstream(images_ + "/" + name, std::ios::binary) << content;
+  }
+  StageReport Import(const CameraOptions& options = {}, ProgressMonitor& monitor = NullMonitor()) {
+    return ImportPhotos(database_, images_, options, 2, monitor);
+  }
+  std::vector<std::string> Names() const {
+    std::vector<std::string> names;
+    for (const Image& image : database_.ReadImages()) names.push_back(image.name);
+    return names;
+  }
+  template <class Fn>
+  static std::string ConfigMessage(const Fn& fn) {
+    try {
+      fn();
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "no ConfigError";
+  }
+
+  testing::TempFolder folder_;
+  const std::string images_ = folder_ / "images";
+  Database database_{":memory:"};
+};
+
+TEST_F(ImportPhotosTest, ImagesAreInTheOrderOfTheirNamesWithACameraEach) {
+  AddPhoto("b.png", 80, 60);
+  AddPhoto("a/z.png");
+  AddPhoto("c.png");
+  const StageReport report = Import();
+  EXPECT_EQ(report.status, StageStatus::kOk);
+  EXPECT_THAT(Names(), ElementsAre("a/z.png", "b.png", "c.png"));
+  const std::vector<Camera> cameras = database_.ReadCameras();
+  ASSERT_EQ(cameras.size(), 3u);
+  EXPECT_EQ(cameras[1].model, CameraModel::kSimpleRadial);
+  EXPECT_EQ(cameras[1].width, 80);
+  EXPECT_EQ(cameras[1].height, 60);
+  EXPECT_FALSE(cameras[1].has_prior_focal_length);
+  EXPECT_EQ(cameras[1].params, (std::vector<double>{1.2 * 80, 40, 30, 0}));
+  EXPECT_EQ(database_.ReadImages()[2].camera_id, 3u);
+}
+
+TEST_F(ImportPhotosTest, CameraParamsAndSingleCamera) {
+  AddPhoto("a.png");
+  AddPhoto("b.png");
+  CameraOptions options;
+  options.camera_model = "PINHOLE";
+  options.camera_params = {70, 71, 32, 24};
+  options.single_camera = true;
+  Import(options);
+  const std::vector<Camera> cameras = database_.ReadCameras();
+  ASSERT_EQ(cameras.size(), 1u);
+  EXPECT_EQ(cameras[0].params, options.camera_params);
+  EXPECT_TRUE(cameras[0].has_prior_focal_length);
+  // Photographs that join later have the same camera.
+  AddPhoto("c.png");
+  Import(options);
+  EXPECT_EQ(database_.ReadCameras().size(), 1u);
+  EXPECT_EQ(database_.ReadImages()[2].camera_id, 1u);
+}
+
+TEST_F(ImportPhotosTest, WrongCameraParamsAreNamed) {
+  AddPhoto("a.png");
+  CameraOptions options;
+  options.camera_params = {1, 2, 3};
+  EXPECT_EQ(ConfigMessage([&] { Import(options); }),
+            "camera_params: SIMPLE_RADIAL has 4 parameters, 3 are given");
+  options.camera_params = {-1, 2, 3, 0};
+  EXPECT_THAT(ConfigMessage([&] { Import(options); }), HasSubstr("camera_params: "));
+  EXPECT_TRUE(database_.ReadImages().empty());
+}
+
+TEST_F(ImportPhotosTest, EqualExifSharesACamera) {
+  const auto add = [&](const std::string& name, int focal_mm, const std::string& model) {
+    AddPhoto(name, 64, 48);
+    WriteExif(images_ + "/" + name, {focal_mm, "Maker", model});
+  };
+  add("a.jpg", 35, "One");
+  add("b.jpg", 50, "One");
+  add("c.jpg", 35, "One");
+  add("d.jpg", 35, "Two");
+  AddPhoto("e.jpg");
+  AddPhoto("f.jpg");
+  Import();
+  std::vector<camera_t> ids;
+  for (const Image& image : database_.ReadImages()) ids.push_back(image.camera_id);
+  EXPECT_THAT(ids, ElementsAre(1, 2, 1, 3, 4, 5));
+  const Camera camera = database_.ReadCameras()[0];
+  EXPECT_TRUE(camera.has_prior_focal_length);
+  EXPECT_NEAR(camera.FocalX(), 35 / 43.27 * 80, 0.05);
+}
+
+TEST_F(ImportPhotosTest, FilesThatAreNoPhotographsAreSkippedWithOneLineEach) {
+  AddPhoto("good.png");
+  AddFile("empty.jpg", "");
+  AddFile("text.jpg", "this is not a photograph\n");
+  TestMonitor monitor;
+  const StageReport report = Import({}, monitor);
+  EXPECT_EQ(report.status, StageStatus::kWarning);
+  EXPECT_THAT(Names(), ElementsAre("good.png"));
+  EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("empty.jpg: "), HasSubstr("text.jpg: ")));
+  const std::vector<PhotoRecord> photos = database_.ReadPhotos();
+  ASSERT_EQ(photos.size(), 3u);
+  EXPECT_NE(photos[0].error, "");
+  EXPECT_EQ(photos[1].error, "");
+  // Again: they are named again, and nothing changes.
+  TestMonitor again;
+  Import({}, again);
+  EXPECT_THAT(again.warnings(),
+              ElementsAre(HasSubstr("still skipped"), HasSubstr("still skipped")));
+  // Once the file is good, it joins.
+  AddPhoto("text.png");
+  fs::rename(images_ + "/text.png", images_ + "/text.jpg");
+  Import();
+  EXPECT_THAT(Names(), ElementsAre("good.png", "text.jpg"));
+}
+
+TEST_F(ImportPhotosTest, AChangedPhotographIsNoticed) {
+  AddPhoto("a.png");
+  Import();
+  WriteBitmap(images_ + "/a.png", testing::WallPhoto(64, 48, 5));
+  EXPECT_THAT(ConfigMessage([&] { Import(); }), HasSubstr("a.png changed since"));
+}
+
+TEST_F(ImportPhotosTest, PhotographsOfAnotherSizeDoNotFitTheSingleCamera) {
+  AddPhoto("a.png");
+  AddPhoto("b.png", 32, 32);
+  CameraOptions options;
+  options.single_camera = true;
+  TestMonitor monitor;
+  Import(options, monitor);
+  EXPECT_THAT(Names(), ElementsAre("a.png"));
+  EXPECT_THAT(monitor.warnings(),
+              ElementsAre("b.png: is 32 x 32 pixels, the single camera 64 x 48; skipped"));
+}
+
+TEST_F(ImportPhotosTest, OtherCameraOptionsAreAnErrorUnlessCamerasAreRecomputed) {
+  AddPhoto("a.png");
+  AddPhoto("b.png");
+  Import();
+  database_.WriteKeypoints(1, std::vector<Keypoint>(3));
+  CameraOptions options;
+  options.camera_model = "PINHOLE";
+  EXPECT_THAT(ConfigMessage([&] { Import(options); }), HasSubstr("camera_model: is \"PINHOLE\""));
+  PrepareRecompute(database_, "cameras", images_);
+  options.single_camera = true;
+  Import(options);
+  ASSERT_EQ(database_.ReadCameras().size(), 1u);
+  EXPECT_EQ(database_.ReadCameras()[0].model, CameraModel::kPinhole);
+  EXPECT_EQ(database_.ReadImages()[1].camera_id, 1u);
+  EXPECT_EQ(database_.ReadKeypoints(1)->size(), 3u);
+}
+
+TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
+  AddPhoto("a.png");
+  AddPhoto("b.png");
+  database_.WriteCamera(Camera::FromFocal(5, CameraModel::kOpenCV, 99, 64, 48));
+  database_.WriteImage({7, "a.png", 5});
+  database_.WriteKeypoints(7, std::vector<Keypoint>(3));
+  Import();
+  EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
+  EXPECT_EQ(database_.ReadImages()[0].camera_id, 5u);
+  EXPECT_EQ(database_.ReadImages()[1].image_id, 8u);
+  EXPECT_EQ(database_.ReadImages()[1].camera_id, 6u);
+  PrepareRecompute(database_, "cameras", images_);
+  CameraOptions options;
+  options.camera_model = "PINHOLE";
+  Import(options);
+  EXPECT_EQ(database_.ReadImages()[0].camera_id, 5u);
+  EXPECT_EQ(database_.ReadCameras()[0].model, CameraModel::kOpenCV);
+  EXPECT_EQ(database_.ReadCameras()[1].model, CameraModel::kPinhole);
+}
+
+TEST_F(ImportPhotosTest, NoPhotographsAtAllIsAnError) {
+  EXPECT_THROW(Import(), IoError);
+  EXPECT_THROW(ImportPhotos(database_, folder_ / "no_such_folder", {}, 1), IoError);
+}
+
+TEST_F(ImportPhotosTest, ASelectionTakesNamedPhotosAndTheirFocalLengths) {
+  AddPhoto("a.png");
+  AddPhoto("b.png");
+  const PhotoSelection selection{{{"b.png", 123.0}, {"missing.png", std::nullopt}}};
+  TestMonitor monitor;
+  ImportPhotos(database_, images_, {}, 1, monitor, selection);
+  EXPECT_THAT(Names(), ElementsAre("b.png"));
+  EXPECT_EQ(database_.ReadCameras()[0].FocalX(), 123);
+  EXPECT_TRUE(database_.ReadCameras()[0].has_prior_focal_length);
+  EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("missing.png: ")));
+}
+
+// As COLMAP 3.8 does on these photographs of one camera.
+TEST_F(ImportPhotosTest, LundDoorHasOneCameraFromExif) {
+  const std::string photos = testing::SharedDataPath("lund_door/images");
+  if (!fs::exists(photos)) GTEST_SKIP() << photos << " is absent";
+  ImportPhotos(database_, photos, {}, 2);
+  EXPECT_EQ(database_.ReadImages().size(), 12u);
+  ASSERT_EQ(database_.ReadCameras().size(), 1u);
+  EXPECT_TRUE(database_.ReadCameras()[0].has_prior_focal_length);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,270 @@
+// Features, depth and matching, each alone.
+
+#include "cairn/pipeline/stages.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "cairn/base/error.h"
+#include "support/temp_folder.h"
+#include "support/test_monitor.h"
+#include "support/test_photos.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+constexpr int kWidth = 160;
+constexpr int kHeight = 120;
+
+FeatureOptions FastFeatures() {
+  FeatureOptions options;
+  options.type = "sift";
+  options.first_octave = 0;
+  return options;
+}
+
+class StagesTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    fs::create_directories(images_);
+    fs::create_directories(depth_);
+    for (int i = 0; i < 4; ++i) AddPhoto(i);
+  }
+
+  void AddPhoto(int i) {
+    WriteBitmap(images_ + "/" + Name(i), testing::WallPhoto(kWidth, kHeight, 10 * i));
+  }
+  static std::string Name(int i) { return "photo" + std::to_string(i) + ".png"; }
+  void AddDepth(int i, float depth = 2) {
+    testing::WriteNpy(depth_ + "/" + Name(i) + ".npy", 16, 12, std::vector<float>(16 * 12, depth));
+  }
+  StageReport Extract(ProgressMonitor& monitor = NullMonitor()) {
+    ImportPhotos(database_, images_, {}, 2);
+    return ExtractImageFeatures(database_, images_, FastFeatures(), 2, monitor);
+  }
+  StageReport Depth(ProgressMonitor& monitor = NullMonitor(), const DepthOptions& options = {}) {
+    return SampleImageDepth(database_, images_, {depth_, ""}, options, 2, monitor);
+  }
+  StageReport Match(const std::optional<std::vector<image_pair_t>>& pairs = std::nullopt) {
+    return MatchImagePairs(database_, pairs, {}, {}, 2);
+  }
+  template <class Error, class Fn>
+  static std::string Message(const Fn& fn) {
+    try {
+      fn();
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "no error";
+  }
+
+  testing::TempFolder folder_;
+  const std::string images_ = folder_ / "images";
+  const std::string depth_ = folder_ / "depth";
+  Database database_{folder_ / "scene.db"};
+};
+
+TEST_F(StagesTest, FeaturesAreThoseOfTheExtractor) {
+  const StageReport report = Extract();
+  EXPECT_EQ(report.status, StageStatus::kOk);
+  const Features features =
+      ExtractFeatures(testing::WallPhoto(kWidth, kHeight, 10), FastFeatures());
+  EXPECT_GT(features.keypoints.size(), 50u);
+  EXPECT_EQ(*database_.ReadKeypoints(2), features.keypoints);
+  EXPECT_EQ(*database_.ReadDescriptors(2), features.descriptors);
+  EXPECT_TRUE(database_.ReadStage("features")->is_complete);
+}
+
+TEST_F(StagesTest, FeaturesThatAreThereAreNotComputed) {
+  database_.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 100, kWidth, kHeight));
+  database_.WriteImage({1, Name(2), 1});
+  database_.WriteKeypoints(1, std::vector<Keypoint>(7));
+  Extract();
+  EXPECT_EQ(database_.ReadKeypoints(1)->size(), 7u);
+  EXPECT_EQ(database_.ReadNumKeypoints().size(), 4u);
+  TestMonitor monitor;
+  Extract(monitor);
+  EXPECT_EQ(monitor.num_done(), 0);
+}
+
+TEST_F(StagesTest, ATruncatedPhotographLeavesTheDatabaseAndTheRestGoesOn) {
+  const auto size = fs::file_size(images_ + "/" + Name(1));
+  fs::resize_file(images_ + "/" + Name(1), size / 2);
+  TestMonitor monitor;
+  const StageReport report = Extract(monitor);
+  EXPECT_EQ(report.status, StageStatus::kWarning);
+  EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr(Name(1) + ": ")));
+  EXPECT_EQ(database_.ReadImages().size(), 3u);
+  EXPECT_EQ(database_.ReadCameras().size(), 3u);
+  EXPECT_EQ(database_.ReadNumKeypoints().size(), 3u);
+  // Repaired, it joins.
+  AddPhoto(1);
+  EXPECT_EQ(Extract().status, StageStatus::kOk);
+  EXPECT_EQ(database_.ReadNumKeypoints().size(), 4u);
+}
+
+TEST_F(StagesTest, APhotographThatDoesNotFitItsGivenCameraIsSkipped) {
+  database_.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 100, 10, 10));
+  database_.WriteImage({1, Name(0), 1});
+  TestMonitor monitor;
+  Extract(monitor);
+  EXPECT_THAT(monitor.warnings(),
+              ElementsAre(Name(0) + ": is 160 x 120 pixels, its camera 10 x 10; skipped"));
+  EXPECT_EQ(database_.ReadImages().size(), 4u);  // It is not ours to remove.
+}
+
+TEST_F(StagesTest, WithoutImagePathNothingIsExtracted) {
+  ImportPhotos(database_, images_, {}, 2);
+  const StageReport report = ExtractImageFeatures(database_, "", FastFeatures(), 2);
+  EXPECT_EQ(report.status, StageStatus::kOk);
+  EXPECT_TRUE(database_.ReadNumKeypoints().empty());
+}
+
+TEST_F(StagesTest, DepthIsSampledAtTheKeypoints) {
+  Extract();
+  for (int i = 0; i < 4; ++i) AddDepth(i, 2.0f + i);
+  EXPECT_EQ(Depth().status, StageStatus::kOk);
+  const std::vector<DepthSample> samples = *database_.ReadDepthSamples(3);
+  ASSERT_EQ(samples.size(), database_.ReadKeypoints(3)->size());
+  for (const DepthSample& sample : samples) {
+    EXPECT_TRUE(sample.is_valid);
+    EXPECT_NEAR(sample.depth, 4, 1e-4);
+    EXPECT_NEAR(sample.ddepth_dx, 0, 1e-4);
+  }
+}
+
+TEST_F(StagesTest, AnImageWithoutADepthMapIsNamedOnceAndGetsItLater) {
+  Extract();
+  for (int i = 0; i < 3; ++i) AddDepth(i);
+  std::ofstream(depth_ + "/" + Name(2) + ".npy") << "broken";
+  TestMonitor monitor;
+  EXPECT_EQ(Depth(monitor).status, StageStatus::kWarning);
+  EXPECT_THAT(monitor.warnings(),
+              ElementsAre(HasSubstr(Name(2) + ": "), Name(3) + ": no depth map; it has no depth"));
+  EXPECT_EQ(database_.ReadNumDepthSamples().size(), 2u);
+  TestMonitor again;
+  Depth(again);
+  EXPECT_EQ(again.num_done(), 0);
+  AddDepth(2);
+  AddDepth(3);
+  Depth();
+  EXPECT_EQ(database_.ReadNumDepthSamples().size(), 4u);
+}
+
+TEST_F(StagesTest, ChangedDepthAndChangedDepthOptionsAreNoticed) {
+  Extract();
+  for (int i = 0; i < 4; ++i) AddDepth(i);
+  Depth();
+  DepthOptions options;
+  options.kind = "inverse";
+  EXPECT_THAT(Message<ConfigError>([&] { Depth(NullMonitor(), options); }),
+              HasSubstr("depth.kind: is \"inverse\""));
+  AddDepth(1, 7);
+  EXPECT_THAT(Message<ConfigError>([&] { Depth(); }), HasSubstr(Name(1)));
+}
+
+TEST_F(StagesTest, WrongDepthSourcesAreNamed) {
+  Extract();
+  const auto sample = [&](const DepthSource& source, const std::string& image_path) {
+    SampleImageDepth(database_, image_path, source, {}, 2);
+  };
+  EXPECT_THAT(Message<IoError>([&] {
+                sample({folder_ / "no", ""}, images_);
+              }),
+              HasSubstr("no such folder"));
+  EXPECT_THAT(Message<ConfigError>([&] {
+                sample({depth_, "net.onnx"}, images_);
+              }),
+              HasSubstr("cannot be given together"));
+  EXPECT_THAT(Message<ConfigError>([&] {
+                sample({"", "net.onnx"}, "");
+              }),
+              HasSubstr("depth_model: needs --image_path"));
+  EXPECT_THAT(Message<IoError>([&] {
+                sample({"", folder_ / "net.onnx"}, images_);
+              }),
+              HasSubstr("net.onnx"));
+  database_.WriteJob("verification", {1, 1, ""});
+  EXPECT_THAT(Message<ConfigError>([&] { Depth(); }), HasSubstr("verified without depth"));
+}
+
+TEST_F(StagesTest, NoDepthSourceIsFine) {
+  Extract();
+  const StageReport report = SampleImageDepth(database_, images_, {}, {}, 2);
+  EXPECT_EQ(report.status, StageStatus::kSkipped);
+  EXPECT_FALSE(database_.ReadStage("depth"));
+}
+
+TEST_F(StagesTest, AllPairsAreMatchedAsByTheMatcher) {
+  Extract();
+  EXPECT_EQ(Match().status, StageStatus::kOk);
+  EXPECT_EQ(database_.ReadNumMatches().size(), 6u);
+  const FeatureMatches matches =
+      MatchDescriptors(*database_.ReadDescriptors(1), *database_.ReadDescriptors(2), {});
+  EXPECT_GT(matches.size(), 20u);
+  EXPECT_EQ(*database_.ReadMatches(ImagePairToPairId(1, 2)), matches);
+}
+
+TEST_F(StagesTest, OnlyListedPairsAreMatched) {
+  Extract();
+  std::ofstream(folder_ / "pairs.txt") << "# pairs\n"
+                                       << Name(0) << " " << Name(3) << "\n\n"
+                                       << Name(2) << "\t" << Name(1) << "\n"
+                                       << Name(3) << " " << Name(0) << "\n"
+                                       << Name(1) << " " << Name(1) << "\n"
+                                       << Name(1) << " unknown.png\n";
+  TestMonitor monitor;
+  const auto pairs = ReadPairList(folder_ / "pairs.txt", database_.ReadImages(), monitor);
+  EXPECT_THAT(pairs, ElementsAre(ImagePairToPairId(1, 4), ImagePairToPairId(2, 3)));
+  EXPECT_THAT(monitor.warnings(),
+              ElementsAre(HasSubstr("pairs.txt:6: "), HasSubstr("no image 'unknown.png'")));
+  Match(pairs);
+  EXPECT_EQ(database_.ReadNumMatches().size(), 2u);
+  Match();  // The others join.
+  EXPECT_EQ(database_.ReadNumMatches().size(), 6u);
+}
+
+TEST_F(StagesTest, PairListsWithBlanksInNamesAndBrokenLines) {
+  const std::vector<Image> images = {{1, "a b.png", 1}, {2, "c d.png", 1}};
+  std::ofstream(folder_ / "pairs.txt") << "a b.png c d.png\r\n";
+  EXPECT_THAT(ReadPairList(folder_ / "pairs.txt", images), ElementsAre(ImagePairToPairId(1, 2)));
+  std::ofstream(folder_ / "pairs.txt") << "\nlonely.png\n";
+  EXPECT_THAT(Message<IoError>([&] { ReadPairList(folder_ / "pairs.txt", images); }),
+              HasSubstr("pairs.txt:2: 'lonely.png' is not two image names"));
+  EXPECT_THROW(ReadPairList(folder_ / "no.txt", images), IoError);
+}
+
+TEST_F(StagesTest, PairsChosenByAnotherProgramAreNotCompleted) {
+  Extract();
+  database_.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
+  database_.WriteMatches(ImagePairToPairId(2, 3), {{1, 1}});
+  Match();
+  // 1, 2, 3 were matched elsewhere, so only pairs with the new image 4 are added.
+  std::vector<image_pair_t> pairs;
+  for (const auto& [pair, num] : database_.ReadNumMatches()) pairs.push_back(pair);
+  EXPECT_THAT(pairs,
+              ElementsAre(ImagePairToPairId(1, 2), ImagePairToPairId(1, 4), ImagePairToPairId(2, 3),
+                          ImagePairToPairId(2, 4), ImagePairToPairId(3, 4)));
+  EXPECT_EQ(*database_.ReadMatches(ImagePairToPairId(1, 2)), (FeatureMatches{{0, 0}}));
+  Match();  // Nor the next time.
+  EXPECT_EQ(database_.ReadNumMatches().size(), 5u);
+  Match(std::vector<image_pair_t>{ImagePairToPairId(1, 3)});  // Unless named.
+  EXPECT_EQ(database_.ReadNumMatches().size(), 6u);
+}
+
+TEST_F(StagesTest, ChangedFeaturesAreNoticedByMatching) {
+  Extract();
+  Match();
+  database_.WriteDescriptors(2, Descriptors::Constant(5, 128, 1));
+  EXPECT_THAT(Message<ConfigError>([&] { Match(); }), HasSubstr("the features of " + Name(1)));
+}
+
+}  // namespace
+}  // namespace cairn
