@@ -258,6 +258,14 @@ namespace {
 
 // CLI11 reports unknown flags as "extras"; add the nearest flag of the command that was meant.
 std::string DescribeParseError(const CLI::App& app, const CLI::ParseError& error) {
+  const std::vector<std::string> words = app.remaining();
+  if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError) &&
+      app.get_subcommands().empty() && !words.empty()) {
+    std::vector<std::string> names;
+    for (const CLI::App* command : app.get_subcommands(nullptr))
+      names.push_back(command->get_name());
+    return "unknown command '" + words.front() + "'" + DidYouMean(words.front(), names);
+  }
   if (error.get_exit_code() != static_cast<int>(CLI::ExitCodes::ExtrasError)) return error.what();
   const CLI::App* command = &app;
   if (!app.get_subcommands().empty()) command = app.get_subcommands().front();

@@ -8,6 +8,7 @@
 #include "cairn/io/transforms_json.h"
 #include "common/console_monitor.h"
 #include "global_sfm/commands.h"
+#include "global_sfm/one_dsfm_export.h"
 
 namespace cairn {
 namespace {
@@ -20,6 +21,8 @@ struct ExportFlags {
   std::string output_path;
   std::string output_type = "colmap_bin";
   std::string image_path;
+  std::string database_path;
+  int num_threads = 0;
   void VisitFields(OptionVisitor& v) {
     v.String(
         "model_path", model_path,
@@ -29,11 +32,14 @@ struct ExportFlags {
     v.String("output_path", output_path,
              "folder to write into, created if absent; for ply and nerfstudio also a file");
     v.Choice("output_type", output_type,
-             {"colmap_bin", "colmap_txt", "bundler", "ply", "nerfstudio"},
+             {"colmap_bin", "colmap_txt", "bundler", "ply", "nerfstudio", "1dsfm"},
              "what to write: a COLMAP model, bundle.out with list.txt, points.ply (with camera "
-             "frusta), or transforms.json with points.ply");
+             "frusta), transforms.json with points.ply, or a 1DSfM data set with photographs");
     v.String("image_path", image_path,
-             "folder of the photographs, which nerfstudio's file refers to; default: images");
+             "folder of the photographs, which nerfstudio's file refers to (default: images), and "
+             "1dsfm resamples");
+    v.String("database_path", database_path, "database of the model, whose pairs 1dsfm writes");
+    v.Int("num_threads", num_threads, {0, 1024}, "threads that resample photographs; 0: all");
   }
 };
 
@@ -63,11 +69,26 @@ void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& f
   WriteTransformsJson(reconstruction, path, images, points);
 }
 
+void ExportOneDsfmDataset(const Reconstruction& reconstruction, const ExportFlags& flags,
+                          ProgressMonitor& monitor) {
+  const Database database(flags.database_path, Database::Mode::kReadOnly);
+  const OneDsfmExportReport report = ExportOneDsfm(reconstruction, database, flags.image_path,
+                                                   flags.output_path, flags.num_threads, monitor);
+  monitor.Info("data set of " + std::to_string(report.num_images) + " images, " +
+               std::to_string(report.num_registered) + " in cc.txt, " +
+               std::to_string(report.num_edges) + " edges, " + std::to_string(report.num_tracks) +
+               " tracks; photographs: " + std::to_string(report.num_resampled) + " resampled, " +
+               std::to_string(report.num_copied) + " copied, " +
+               std::to_string(report.num_without_photo) + " missing");
+}
+
 int Run(const ExportFlags& flags) {
   ConsoleMonitor monitor;
   const Reconstruction reconstruction =
       ReadModel(flags.model_path, {.list_path = flags.model_list});
-  if (flags.output_type == "colmap_bin") {
+  if (flags.output_type == "1dsfm") {
+    ExportOneDsfmDataset(reconstruction, flags, monitor);
+  } else if (flags.output_type == "colmap_bin") {
     WriteColmapModel(reconstruction, flags.output_path, ColmapModelFormat::kBinary);
   } else if (flags.output_type == "colmap_txt") {
     WriteColmapModel(reconstruction, flags.output_path, ColmapModelFormat::kText);
@@ -98,6 +119,10 @@ void AddExportCommand(Program& program) {
   command.SetRun([&command, flags] {
     command.Require("model_path");
     command.Require("output_path");
+    if (flags->output_type == "1dsfm") {
+      command.Require("database_path");
+      command.Require("image_path");
+    }
     return Run(*flags);
   });
 }

@@ -7,6 +7,7 @@
 #include "relative_pose_experiments/complexity.h"
 #include "relative_pose_experiments/errata.h"
 #include "relative_pose_experiments/noise.h"
+#include "relative_pose_experiments/real_pairs.h"
 #include "relative_pose_experiments/stability.h"
 
 namespace cairn::experiments {
@@ -28,10 +29,34 @@ void WriteChecks(const std::vector<FigureCheck>& checks, const std::string& path
   WriteFileAtomically(path, json.dump(1) + "\n");
 }
 
+// Tables are named by scene and depth source, so that runs can share a folder.
+std::vector<FigureCheck> RunOnPhotographs(const ExperimentOptions& options,
+                                          const RealExperimentOptions& real,
+                                          ProgressMonitor& monitor) {
+  const RealScene scene =
+      LoadRealScene(real.data, real.depth, real.verification.min_num_matches, monitor);
+  const std::string prefix =
+      options.output_path + "/" + real.data.scene + "." + real.data.depth_name;
+  CreateFolders(options.output_path);
+  const SingleReport single = RunSingleCorrespondences(scene, options.num_threads);
+  SingleSummaryTable(single, real.data).Write(prefix + ".single.csv");
+  SingleDistributionTable(single, real.data).Write(prefix + ".single_distribution.csv");
+  const auto results =
+      RunRealPairs(scene, real.verification, static_cast<uint64_t>(options.seed), monitor);
+  if (monitor.StopRequested()) return {};
+  PairTable(results, real.data).Write(prefix + ".pairs.csv");
+  PairSummaryTable(results, real.data).Write(prefix + ".pairs_summary.csv");
+  PairTimeTable(results, real.data).Write(prefix + ".pair_timings.csv");
+  return {};
+}
+
 }  // namespace
 
 std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
+                                        const RealExperimentOptions& real,
                                         ProgressMonitor& monitor) {
+  if (options.experiment == "real_pairs") return RunOnPhotographs(options, real, monitor);
+
   const auto wanted = [&](const char* name) {
     return (options.experiment == name || options.experiment == "synthetic") &&
            !monitor.StopRequested();

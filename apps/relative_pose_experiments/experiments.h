@@ -5,6 +5,9 @@
 
 #include "cairn/base/options.h"
 #include "cairn/base/progress.h"
+#include "cairn/depth/options.h"
+#include "cairn/two_view/options.h"
+#include "relative_pose_experiments/real_scene.h"
 #include "relative_pose_experiments/table.h"
 
 namespace cairn::experiments {
@@ -19,7 +22,7 @@ struct ExperimentOptions {
   void VisitFields(OptionVisitor& v) {
     v.String("output_path", output_path, "folder for the tables (CSV) and checks.json");
     v.Choice("experiment", experiment,
-             {"synthetic", "errata", "complexity", "timings", "stability", "noise"},
+             {"synthetic", "errata", "complexity", "timings", "stability", "noise", "real_pairs"},
              "one experiment, or all that need no photographs");
     v.Bool("quick", quick, "fewer instances: under two minutes");
     v.Int("seed", seed, {0, 1e9}, "seed of all random numbers");
@@ -27,8 +30,17 @@ struct ExperimentOptions {
   }
 };
 
+// What the experiments on photographs (real_pairs) work on.
+struct RealExperimentOptions {
+  RealDataOptions data;
+  DepthOptions depth;
+  TwoViewOptions verification;
+};
+
 // Runs the experiments that the options name and writes their tables and checks.json. Everything
-// but timings.csv depends on the seed alone, not on the number of threads. Throws IoError.
-std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options, ProgressMonitor& monitor);
+// but *timings.csv depends on the seed alone, not on the number of threads. Throws IoError.
+std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
+                                        const RealExperimentOptions& real,
+                                        ProgressMonitor& monitor);
 
 }  // namespace cairn::experiments

@@ -11,12 +11,14 @@ struct TranslationAveragingOptions {
   bool filter_directions = true;
   int filter_num_axes = 48;
   double filter_max_inconsistency = 0.1;
-  std::string method = "scale_free";
+  std::string method = "chordal";
   double huber_deg = 1.0;
-  double point_weight = 1.0;
   bool use_points = true;
+  double point_weight = 10.0;
+  int num_reweightings = 1;
   int max_iterations = 100;
   double min_spread = 1e-3;
+  double max_median_error_deg = 20.0;
   // Of the whole program (--seed), no field.
   uint64_t seed = 0;
   // Of the whole program (--num_threads), no field: 0 means all. No result depends on it.
@@ -26,18 +28,23 @@ struct TranslationAveragingOptions {
     v.Bool("filter_directions", filter_directions, "drop inconsistent directions first (1DSfM)");
     v.Int("filter_num_axes", filter_num_axes, {1, 10000}, "random axes of the 1DSfM filter");
     v.Double("filter_max_inconsistency", filter_max_inconsistency, {0, 1},
-             "an edge goes whose mean inconsistency over the axes is larger (1DSfM: 0.1)");
-    v.Choice("method", method, {"scale_free", "chordal"}, "cost of the nonlinear fit");
-    v.Double("huber_deg", huber_deg, {1e-6, 180},
-             "angle from which errors count linearly, degrees");
-    v.Double("point_weight", point_weight, {0, 1e6},
-             "weight of all rays of a camera relative to its camera-camera directions");
+             "a direction goes whose mean inconsistency over the axes is larger (1DSfM: 0.1)");
+    v.Choice("method", method, {"chordal", "scale_free"},
+             "cost of the nonlinear fit: chord between directions, or BATA");
+    v.Double("huber_deg", huber_deg, {1e-6, 179},
+             "angle from which errors count linearly in the first fit, degrees");
     v.Bool("use_points", use_points, "fit camera-point directions too");
-    v.Int("max_iterations", max_iterations, {1, 10000}, "iterations of the nonlinear fit");
+    v.Double(
+        "point_weight", point_weight, {0, 1e6},
+        "weight of all rays to points relative to all camera-camera directions in the first fit");
+    v.Int("num_reweightings", num_reweightings, {0, 100},
+          "further fits with weights from the errors of the one before: inverse variances of "
+          "directions and rays, gross errors out");
+    v.Int("max_iterations", max_iterations, {1, 10000}, "iterations of each fit");
     v.Double("min_spread", min_spread, {0, 1},
-             "refuse the result when half of the cameras lie within this fraction of the extent");
-    v.Int("num_threads", num_threads, {0, 1024},
-          "threads; 0: all. The result does not depend on it");
+             "refuse the result when half of the cameras lie within this share of its extent");
+    v.Double("max_median_error_deg", max_median_error_deg, {0, 180},
+             "refuse the result when the median angle to the directions is larger, degrees");
   }
 };
 

@@ -36,9 +36,10 @@ struct PointDirections {
 
 enum class TranslationAveragingStatus {
   kSuccess,
-  kNoEdges,      // no direction between two different cameras, and no usable track
-  kCollapsed,    // the solution folds (see CollapseReport): no centers are given
-  kInterrupted,  // the monitor asked to stop; no centers
+  kNoEdges,       // no two cameras that directions join (see not_rigid)
+  kCollapsed,     // the solution has folded into a point and a few far cameras: no centers
+  kInconsistent,  // the solution contradicts most of the directions: no centers
+  kInterrupted,   // the monitor asked to stop: no centers
 };
 std::string_view TranslationAveragingStatusName(TranslationAveragingStatus status);
 
@@ -46,36 +47,38 @@ std::string_view TranslationAveragingStatusName(TranslationAveragingStatus statu
 struct CameraSupport {
   int num_edges = 0;            // camera-camera directions that agree with the solution
   int num_points = 0;           // rays to points that agree with the solution
-  double median_error_deg = 0;  // of both
+  double median_error_deg = 0;  // of all its edges and rays
 };
 
 struct TranslationAveragingReport {
   TranslationAveragingStatus status = TranslationAveragingStatus::kNoEdges;
+  // Why the result was refused, in words; empty if it was not.
+  std::string message;
   // Up to one translation and one positive scale: the mean is zero, the median distance from it 1.
   std::map<image_t, Eigen::Vector3d> centers;
   std::map<image_t, CameraSupport> support;
-  // Images that have measurements but cannot be placed: not in the largest parallel-rigid part.
+  // Images with measurements that were left out: not in the largest parallel-rigid part, or thrown
+  // far away by directions that hardly hold them.
   std::vector<image_t> not_rigid;
-  // One an input track: its position, where it could be found from at least two placed cameras.
+  std::vector<image_t> thrown_away;
+  // One an input track: its position, if at least two placed cameras see it in front of them.
   std::vector<Eigen::Vector3d> points;
   std::vector<char> point_is_valid;
-  // One an input edge: out by the 1DSfM filter; angle to the solution in degrees, -1 if an end was
-  // not placed.
+  // One an input edge: whether the 1DSfM filter took it out; its angle to the solution in degrees,
+  // -1 if an end was not placed.
   std::vector<char> edge_is_filtered;
   std::vector<double> edge_errors_deg;
   int num_filtered = 0;
   int num_iterations = 0;
-  double median_edge_error_deg = 0;
+  double median_edge_error_deg = 0;  // of the edges in use
   double median_ray_error_deg = 0;
-  // Why the result was refused, in words; empty if it was not.
-  std::string message;
 };
 
 // Camera centers (and points) from directions, with known rotations:
-// outlier filter of 1DSfM; parallel-rigidity check; a deterministic start by least unsquared
-// deviations (Ozyesil and Singer 2015); robust nonlinear fit over camera-camera and camera-point
-// directions, chordal (Wilson and Snavely 2014) or scale-free (BATA, Zhuang et al. 2018); refusal
-// of a collapsed solution.
+// outlier filter of 1DSfM (Wilson and Snavely 2014); parallel-rigidity check; a deterministic start
+// by least unsquared deviations (Ozyesil and Singer 2015); robust nonlinear fit over camera-camera
+// and camera-point directions, chordal or scale-free (BATA, Zhuang, Cheong, Lee 2018); refusal of a
+// collapsed solution.
 // Edge and track order do not matter, nor does the number of threads.
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,

@@ -1,0 +1,129 @@
+#include "relative_pose_experiments/real_pairs.h"
+
+#include <algorithm>
+
+#include "cairn/base/timer.h"
+#include "cairn/evaluation/pose_evaluation.h"
+#include "relative_pose_experiments/statistics.h"
+
+namespace cairn::experiments {
+namespace {
+
+PairResult RunPaperEstimator(const std::string& name, const RealPair& pair, uint64_t seed) {
+  PairResult result{.pair = &pair, .estimator = name};
+  const MinimalSolver solver =
+      name == "5PT" ? MinimalSolver::kFivePoint : MinimalSolver::kOneAffineDepth;
+  const Timer timer;
+  const PaperEstimate estimate = EstimateAsPaper(InputOf(pair, seed), solver, {});
+  result.ms = 1e3 * timer.Seconds();
+  result.num_inliers = estimate.num_inliers;
+  result.num_iterations = estimate.num_iterations;
+  result.has_pose = estimate.cam2_from_cam1.has_value();
+  if (result.has_pose) result.errors = ErrorsOf(*estimate.cam2_from_cam1, pair);
+  return result;
+}
+
+PairResult RunVerifier(const std::string& name, const RealPair& pair, uint64_t seed,
+                       TwoViewOptions options) {
+  PairResult result{.pair = &pair, .estimator = name};
+  const PairInput input = InputOf(pair, seed);
+  if (options.max_error_px == 0) options.max_error_px = PaperThresholdPx(input, {});
+  const auto verifier = MakePairVerifier(VerifierKindFromName(name), options);
+  const Timer timer;
+  const PairReport report = verifier->Verify(input);
+  result.ms = 1e3 * timer.Seconds();
+  result.num_inliers = report.num_inliers;
+  result.num_iterations = report.num_iterations;
+  result.has_pose =
+      report.status == PairStatus::kVerified && report.geometry.cam2_from_cam1.has_value();
+  if (result.has_pose) result.errors = ErrorsOf(*report.geometry.cam2_from_cam1, pair);
+  return result;
+}
+
+std::vector<std::string> EstimatorsOf(const std::vector<PairResult>& results) {
+  std::vector<std::string> names;
+  for (const PairResult& result : results) {
+    if (std::find(names.begin(), names.end(), result.estimator) == names.end()) {
+      names.push_back(result.estimator);
+    }
+  }
+  return names;
+}
+
+}  // namespace
+
+std::vector<PairResult> RunRealPairs(const RealScene& scene, TwoViewOptions verification,
+                                     uint64_t seed, ProgressMonitor& monitor) {
+  std::vector<PairResult> results;
+  monitor.BeginStage("pairs", static_cast<int64_t>(scene.pairs.size()));
+  for (const RealPair& pair : scene.pairs) {
+    if (monitor.StopRequested()) break;
+    for (const std::string& name : kRealEstimators) {
+      const bool is_papers = name == "1AC+D" || name == "5PT";
+      results.push_back(is_papers ? RunPaperEstimator(name, pair, seed)
+                                  : RunVerifier(name, pair, seed, verification));
+    }
+    monitor.Advance(1);
+  }
+  monitor.EndStage();
+  return results;
+}
+
+Table PairTable(const std::vector<PairResult>& results, const RealDataOptions& data) {
+  Table table({"scene", "depth", "estimator", "name1", "name2", "matches", "inliers", "iterations",
+               "has_pose", "rotation_deg", "translation_deg"});
+  for (const PairResult& r : results) {
+    table.Row()
+        .Add(data.scene)
+        .Add(data.depth_name)
+        .Add(r.estimator)
+        .Add(r.pair->image1->name)
+        .Add(r.pair->image2->name)
+        .Add(static_cast<int64_t>(r.pair->matches.size()))
+        .Add(r.num_inliers)
+        .Add(r.num_iterations)
+        .Add(int{r.has_pose})
+        .Add(r.errors.rotation_deg)
+        .Add(r.errors.translation_deg);
+  }
+  return table;
+}
+
+Table PairSummaryTable(const std::vector<PairResult>& results, const RealDataOptions& data) {
+  Table table({"scene", "depth", "estimator", "pairs", "with_pose", "rotation_median_deg",
+               "translation_median_deg", "auc_5", "auc_10", "auc_20", "iterations_median"});
+  for (const std::string& name : EstimatorsOf(results)) {
+    std::vector<double> rotation, translation, pose, iterations;
+    int64_t num_with_pose = 0;
+    for (const PairResult& r : results) {
+      if (r.estimator != name) continue;
+      num_with_pose += r.has_pose;
+      rotation.push_back(r.errors.rotation_deg);
+      translation.push_back(r.errors.translation_deg);
+      pose.push_back(std::max(r.errors.rotation_deg, r.errors.translation_deg));
+      iterations.push_back(static_cast<double>(r.num_iterations));
+    }
+    table.Row().Add(data.scene).Add(data.depth_name).Add(name);
+    table.Add(static_cast<int64_t>(pose.size())).Add(num_with_pose);
+    table.Add(Median(rotation)).Add(Median(translation));
+    for (const double threshold : {5.0, 10.0, 20.0}) table.Add(100 * RecallAuc(pose, threshold));
+    table.Add(Median(iterations));
+  }
+  return table;
+}
+
+Table PairTimeTable(const std::vector<PairResult>& results, const RealDataOptions& data) {
+  Table table({"scene", "depth", "estimator", "name1", "name2", "ms"});
+  for (const PairResult& r : results) {
+    table.Row()
+        .Add(data.scene)
+        .Add(data.depth_name)
+        .Add(r.estimator)
+        .Add(r.pair->image1->name)
+        .Add(r.pair->image2->name)
+        .Add(r.ms);
+  }
+  return table;
+}
+
+}  // namespace cairn::experiments

@@ -1,0 +1,168 @@
+#include "translation_averaging/nonlinear_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cairn/base/parallel.h"
+#include "cairn/math/angles.h"
+#include "translation_averaging/term_cost.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kBlock = 4096;  // terms a task; sums run over blocks in their order
+constexpr double kInitialDamping = 1e-4;
+constexpr double kMaxDamping = 1e10;
+
+// Length of the chord between two directions.
+double Chord(double angle_deg) { return 2 * std::sin(0.5 * DegToRad(std::min(angle_deg, 180.0))); }
+
+class Fit {
+ public:
+  Fit(const DirectionProblem& problem, const TranslationAveragingOptions& options,
+      const FitWeights& weights)
+      : problem_(problem),
+        weights_(weights),
+        scale_free_(options.method == "scale_free"),
+        edge_huber_(Chord(weights.edge_huber_deg)),
+        ray_huber_(Chord(weights.ray_huber_deg)),
+        num_threads_(options.num_threads) {
+    for (int k = 0; k < problem.NumTracks(); ++k) {
+      track_of_ray_.insert(track_of_ray_.end(), problem.RaysOf(k).size(), k);
+    }
+    models_[0].resize(problem.edges.size());
+    models_[1].resize(problem.rays.size());
+  }
+
+  // Scales of all terms, edges before rays; empty for the chordal cost.
+  using Scales = std::vector<double>;
+
+  Scales InitialScales(const Positions& x) const {
+    Scales scales(scale_free_ ? NumTerms() : 0);
+    for (size_t t = 0; t < scales.size(); ++t) {
+      scales[t] = BestScale(DirectionOf(t), DifferenceOf(t, x));
+    }
+    return scales;
+  }
+
+  double Cost(const Positions& x, const Scales& scales) const {
+    const size_t num_blocks = (NumTerms() + kBlock - 1) / kBlock;
+    std::vector<double> sums(num_blocks, 0.0);
+    ParallelFor(num_threads_, static_cast<int64_t>(num_blocks), [&](int64_t b) {
+      for (size_t t = b * kBlock; t < std::min<size_t>(NumTerms(), (b + 1) * kBlock); ++t) {
+        const Eigen::Vector3d D = DifferenceOf(t, x);
+        sums[b] +=
+            WeightOf(t) * (scale_free_ ? ScaleFreeCost(DirectionOf(t), D, scales[t], HuberOf(t))
+                                       : ChordalCost(DirectionOf(t), D, HuberOf(t)));
+      }
+    });
+    double cost = 0;
+    for (const double sum : sums) cost += sum;
+    return cost;
+  }
+
+  void Linearize(const Positions& x, const Scales& scales, double damping) {
+    const size_t num_blocks = (NumTerms() + kBlock - 1) / kBlock;
+    ParallelFor(num_threads_, static_cast<int64_t>(num_blocks), [&](int64_t b) {
+      for (size_t t = b * kBlock; t < std::min<size_t>(NumTerms(), (b + 1) * kBlock); ++t) {
+        const Eigen::Vector3d D = DifferenceOf(t, x);
+        TermModel model = scale_free_
+                              ? ScaleFreeModel(DirectionOf(t), D, scales[t], HuberOf(t), damping)
+                              : ChordalModel(DirectionOf(t), D, HuberOf(t));
+        model.curvature *= WeightOf(t);
+        model.gradient *= WeightOf(t);
+        (t < NumEdges() ? models_[0][t] : models_[1][t - NumEdges()]) = model;
+      }
+    });
+  }
+
+  Scales MovedScales(const Positions& x, const Scales& scales, const Positions& step,
+                     double damping) const {
+    Scales moved(scales.size());
+    for (size_t t = 0; t < scales.size(); ++t) {
+      moved[t] = ScaleFreeUpdate(DirectionOf(t), DifferenceOf(t, x), scales[t],
+                                 DifferenceOf(t, step), damping);
+    }
+    return moved;
+  }
+
+  const std::vector<TermModel>& EdgeModels() const { return models_[0]; }
+  const std::vector<TermModel>& RayModels() const { return models_[1]; }
+
+ private:
+  size_t NumEdges() const { return problem_.edges.size(); }
+  size_t NumTerms() const { return NumEdges() + problem_.rays.size(); }
+  const Eigen::Vector3d& DirectionOf(size_t t) const {
+    return t < NumEdges() ? problem_.edges[t].direction : problem_.rays[t - NumEdges()].direction;
+  }
+  double HuberOf(size_t t) const { return t < NumEdges() ? edge_huber_ : ray_huber_; }
+  double WeightOf(size_t t) const {
+    return t < NumEdges() ? weights_.edges[t] : weights_.rays[t - NumEdges()];
+  }
+  Eigen::Vector3d DifferenceOf(size_t t, const Positions& x) const {
+    if (t < NumEdges()) {
+      return x.cameras.col(problem_.edges[t].camera2) - x.cameras.col(problem_.edges[t].camera1);
+    }
+    const size_t r = t - NumEdges();
+    return x.points.col(track_of_ray_[r]) - x.cameras.col(problem_.rays[r].camera);
+  }
+
+  const DirectionProblem& problem_;
+  const FitWeights& weights_;
+  bool scale_free_;
+  double edge_huber_;
+  double ray_huber_;
+  int num_threads_;
+  std::vector<int> track_of_ray_;
+  std::vector<TermModel> models_[2];
+};
+
+}  // namespace
+
+FitResult FitPositions(const DirectionProblem& problem, const TranslationAveragingOptions& options,
+                       const FitWeights& weights, PositionSystem& system, Positions& positions,
+                       ProgressMonitor& monitor) {
+  Fit fit(problem, options, weights);
+  Fit::Scales scales = fit.InitialScales(positions);
+  FitResult result;
+  double cost = result.initial_cost = fit.Cost(positions, scales);
+  double damping = kInitialDamping;
+  double growth = 2;
+  while (result.num_iterations < options.max_iterations && !monitor.StopRequested()) {
+    ++result.num_iterations;
+    fit.Linearize(positions, scales, damping);
+    Positions step;
+    double next_cost = std::numeric_limits<double>::infinity();
+    Positions next;
+    Fit::Scales next_scales;
+    if (system.Solve(fit.EdgeModels(), fit.RayModels(), damping, step)) {
+      next = {positions.cameras + step.cameras, positions.points + step.points};
+      next_scales = fit.MovedScales(positions, scales, step, damping);
+      next_cost = fit.Cost(next, next_scales);
+    }
+    if (!(next_cost <= cost)) {  // Nielsen 1999: damping grows ever faster
+      damping *= growth;
+      growth *= 2;
+      if (damping > kMaxDamping) {
+        result.converged = true;  // no step makes it better
+        break;
+      }
+      continue;
+    }
+    const double decrease = cost - next_cost;
+    positions = std::move(next);
+    scales = std::move(next_scales);
+    cost = next_cost;
+    damping = std::max(damping / 5, 1e-9);
+    growth = 2;
+    if (decrease <= weights.tolerance * cost || cost < 1e-20) {
+      result.converged = true;
+      break;
+    }
+  }
+  result.final_cost = cost;
+  return result;
+}
+
+}  // namespace cairn

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <vector>
+
+#include "cairn/base/progress.h"
+#include "cairn/translation_averaging/options.h"
+#include "translation_averaging/direction_problem.h"
+#include "translation_averaging/position_system.h"
+
+namespace cairn {
+
+// How every edge and ray counts, and the angles from which their errors count linearly.
+struct FitWeights {
+  std::vector<double> edges;
+  std::vector<double> rays;
+  double edge_huber_deg = 1.0;
+  double ray_huber_deg = 1.0;
+  double tolerance = 1e-6;  // the fit ends when its cost falls by less than this share
+};
+
+struct FitResult {
+  double initial_cost = 0;
+  double final_cost = 0;
+  int num_iterations = 0;
+  bool converged = false;
+};
+
+// Levenberg-Marquardt over cameras and points from a given start. Of each term, with the difference
+// of positions D = c2 - c1 or X - c and its measured direction v:
+//   chordal     rho(|v - D / |D||)               (Wilson and Snavely 2014, eq. 5)
+//   scale_free  rho(|v - s D|), s >= 0 a variable  (BATA: Zhuang, Cheong, Lee 2018, eq. 9)
+// rho is Huber's function. The scales s are eliminated first, then points, then cameras.
+FitResult FitPositions(const DirectionProblem& problem, const TranslationAveragingOptions& options,
+                       const FitWeights& weights, PositionSystem& system, Positions& positions,
+                       ProgressMonitor& monitor);
+
+}  // namespace cairn

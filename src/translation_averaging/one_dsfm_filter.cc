@@ -1,0 +1,101 @@
+#include "translation_averaging/one_dsfm_filter.h"
+
+#include <cmath>
+#include <limits>
+#include <queue>
+
+#include "cairn/base/parallel.h"
+#include "cairn/base/rng.h"
+#include "cairn/graph/graph.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kZeroWeight = 1e-9;  // what subtractions leave of a sum of projections
+
+Eigen::Vector3d RandomAxis(uint64_t seed, int index) {
+  Rng rng(seed, "1dsfm axis", index);
+  while (true) {
+    const Eigen::Vector3d axis(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+    if (axis.norm() > 1e-3) return axis.normalized();
+  }
+}
+
+// Positions of the cameras in an order that breaks few of the projected edges. Cameras are taken
+// one by one, always the one with the largest (1 + weight out) / (1 + weight in) among those left
+// (Wilson and Snavely 2014, section 4.2).
+std::vector<int> OrderAlongAxis(const DirectionProblem& problem, const GraphAdjacency& adjacency,
+                                const Eigen::Vector3d& axis) {
+  const int n = problem.NumCameras();
+  std::vector<double> weight_in(n, 0.0), weight_out(n, 0.0);
+  // Projection of edge e, positive when it leads away from `camera`.
+  const auto projection = [&](int e, int camera) {
+    const double p = axis.dot(problem.edges[e].direction);
+    return problem.edges[e].camera1 == camera ? p : -p;
+  };
+  for (int v = 0; v < n; ++v) {
+    for (const int e : adjacency.EdgesOf(v)) {
+      const double p = projection(e, v);
+      (p > 0 ? weight_out : weight_in)[v] += std::abs(p);
+    }
+  }
+  struct Candidate {
+    double score;
+    int camera;
+    bool operator<(const Candidate& other) const {
+      return score != other.score ? score < other.score : camera > other.camera;
+    }
+  };
+  std::vector<double> score(n);
+  std::priority_queue<Candidate> queue;  // out-of-date entries are skipped
+  const auto push = [&](int v) {
+    score[v] = weight_in[v] < kZeroWeight ? std::numeric_limits<double>::infinity()
+                                          : (1 + weight_out[v]) / (1 + weight_in[v]);
+    queue.push({score[v], v});
+  };
+  for (int v = 0; v < n; ++v) push(v);
+  std::vector<int> position(n, -1);
+  int num_placed = 0;
+  while (!queue.empty()) {
+    const auto [candidate_score, v] = queue.top();
+    queue.pop();
+    if (position[v] >= 0 || candidate_score != score[v]) continue;
+    position[v] = num_placed++;
+    for (int k = adjacency.begin[v]; k < adjacency.begin[v + 1]; ++k) {
+      const int u = adjacency.neighbor[k];
+      if (position[u] >= 0) continue;
+      const double p = projection(adjacency.edge[k], v);
+      (p > 0 ? weight_in : weight_out)[u] -= std::abs(p);
+      push(u);
+    }
+  }
+  return position;
+}
+
+}  // namespace
+
+std::vector<double> OneDsfmInconsistency(const DirectionProblem& problem, int num_axes,
+                                         uint64_t seed, int num_threads) {
+  std::vector<GraphEdge> edges;
+  for (const DirectionProblem::Edge& edge : problem.edges) {
+    edges.push_back({edge.camera1, edge.camera2});
+  }
+  const GraphAdjacency adjacency = BuildAdjacency(problem.NumCameras(), edges);
+  std::vector<Eigen::Vector3d> axes(num_axes);
+  std::vector<std::vector<int>> positions(num_axes);
+  ParallelFor(num_threads, num_axes, [&](int64_t a) {
+    axes[a] = RandomAxis(seed, static_cast<int>(a));
+    positions[a] = OrderAlongAxis(problem, adjacency, axes[a]);
+  });
+  std::vector<double> inconsistency(edges.size(), 0.0);
+  for (size_t e = 0; e < edges.size(); ++e) {
+    for (int a = 0; a < num_axes; ++a) {
+      const double p = axes[a].dot(problem.edges[e].direction);
+      const int step = positions[a][edges[e].node2] - positions[a][edges[e].node1];
+      if ((p > 0) != (step > 0)) inconsistency[e] += std::abs(p) / num_axes;
+    }
+  }
+  return inconsistency;
+}
+
+}  // namespace cairn

@@ -1,0 +1,224 @@
+#include "translation_averaging/position_system.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+
+#include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kMaxCgIterations = 300;
+constexpr double kCgTolerance = 1e-6;
+// Keeps the gauge (translation and scale) and loose nodes solvable.
+constexpr double kMinDamping = 1e-9;
+
+Eigen::Matrix3d Damped(const Eigen::Matrix3d& curvature, double damping) {
+  const double mean = curvature.trace() / 3.0;
+  return curvature +
+         std::max(damping, kMinDamping) * (mean > 0 ? mean : 1.0) * Eigen::Matrix3d::Identity();
+}
+
+}  // namespace
+
+PositionSystem::PositionSystem(const DirectionProblem& problem, int num_threads,
+                               double max_cholesky_flops)
+    : problem_(problem), num_threads_(num_threads) {
+  edges_of_.resize(problem.NumCameras());
+  rays_of_.resize(problem.NumCameras());
+  for (size_t e = 0; e < problem.edges.size(); ++e) {
+    edges_of_[problem.edges[e].camera1].push_back(static_cast<int>(e));
+    edges_of_[problem.edges[e].camera2].push_back(static_cast<int>(e));
+  }
+  for (int k = 0; k < problem.NumTracks(); ++k) {
+    for (int r = problem.track_begin[k]; r < problem.track_begin[k + 1]; ++r) {
+      rays_of_[problem.rays[r].camera].push_back(r);
+      track_of_ray_.push_back(k);
+    }
+  }
+  BuildPattern();
+  BuildCholesky(max_cholesky_flops);
+}
+
+void PositionSystem::BuildPattern() {
+  const int n = problem_.NumCameras();
+  std::vector<std::vector<int>> columns(n);
+  ParallelFor(num_threads_, n, [&](int64_t i) {
+    std::vector<char> is_joined(n, 0);
+    is_joined[i] = 1;
+    for (const int e : edges_of_[i]) {
+      is_joined[problem_.edges[e].camera1] = is_joined[problem_.edges[e].camera2] = 1;
+    }
+    for (const int r : rays_of_[i]) {
+      for (const DirectionProblem::Ray& ray : problem_.RaysOf(track_of_ray_[r])) {
+        is_joined[ray.camera] = 1;
+      }
+    }
+    for (int j = static_cast<int>(i); j < n; ++j) {
+      if (is_joined[j]) columns[i].push_back(j);
+    }
+  });
+  row_begin_ = {0};
+  for (const std::vector<int>& row : columns) {
+    column_.insert(column_.end(), row.begin(), row.end());
+    row_begin_.push_back(static_cast<int>(column_.size()));
+  }
+  blocks_.resize(column_.size());
+}
+
+// A row of upper blocks is a column of lower ones: scalar column 3 i + a holds the scalar rows of
+// all blocks of row i, from 3 i + a on.
+void PositionSystem::BuildCholesky(double max_flops) {
+  SymmetricPattern pattern;
+  for (int i = 0; i < problem_.NumCameras(); ++i) {
+    for (int a = 0; a < 3; ++a) {
+      for (int k = row_begin_[i]; k < row_begin_[i + 1]; ++k) {
+        for (int b = column_[k] == i ? a : 0; b < 3; ++b) pattern.row.push_back(3 * column_[k] + b);
+      }
+      pattern.begin.push_back(static_cast<int>(pattern.row.size()));
+    }
+  }
+  cholesky_ = std::make_unique<SparseCholesky>(pattern);
+  cholesky_values_.resize(pattern.row.size());
+  if (cholesky_->FactorFlops() > max_flops) cholesky_.reset();
+}
+
+bool PositionSystem::Solve(const std::vector<TermModel>& edge_models,
+                           const std::vector<TermModel>& ray_models, double damping,
+                           Positions& step) {
+  CAIRN_CHECK_EQ(edge_models.size(), problem_.edges.size());
+  CAIRN_CHECK_EQ(ray_models.size(), problem_.rays.size());
+  const int n = problem_.NumCameras();
+  EliminatePoints(ray_models, damping);
+  rhs_.resize(3, n);
+  std::vector<std::vector<Eigen::Matrix3d>> scratch(EffectiveNumThreads(num_threads_));
+  ParallelForWorker(num_threads_, n, [&](int worker, int64_t i) {
+    AssembleRow(static_cast<int>(i), edge_models, ray_models, damping, scratch[worker]);
+  });
+  if (!SolveCameras(step.cameras)) return false;
+
+  step.points.resize(3, problem_.NumTracks());
+  for (int k = 0; k < problem_.NumTracks(); ++k) {
+    Eigen::Vector3d rhs = point_rhs_.col(k);
+    for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
+      rhs += ray_models[r].curvature * step.cameras.col(problem_.rays[r].camera);
+    }
+    step.points.col(k) = point_inverse_[k] * rhs;
+  }
+  return step.cameras.allFinite() && step.points.allFinite();
+}
+
+void PositionSystem::EliminatePoints(const std::vector<TermModel>& ray_models, double damping) {
+  point_inverse_.resize(problem_.NumTracks());
+  point_rhs_.resize(3, problem_.NumTracks());
+  for (int k = 0; k < problem_.NumTracks(); ++k) {
+    Eigen::Matrix3d curvature = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
+      curvature += ray_models[r].curvature;
+      gradient += ray_models[r].gradient;
+    }
+    point_inverse_[k] = Damped(curvature, damping).inverse();
+    point_rhs_.col(k) = -gradient;
+  }
+}
+
+void PositionSystem::AssembleRow(int camera, const std::vector<TermModel>& edge_models,
+                                 const std::vector<TermModel>& ray_models, double damping,
+                                 std::vector<Eigen::Matrix3d>& scratch) {
+  scratch.resize(problem_.NumCameras());
+  for (int k = row_begin_[camera]; k < row_begin_[camera + 1]; ++k) scratch[column_[k]].setZero();
+  Eigen::Matrix3d diagonal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
+  for (const int e : edges_of_[camera]) {
+    const bool is_first = problem_.edges[e].camera1 == camera;
+    const int other = is_first ? problem_.edges[e].camera2 : problem_.edges[e].camera1;
+    diagonal += edge_models[e].curvature;
+    if (other > camera) scratch[other] -= edge_models[e].curvature;
+    rhs += is_first ? edge_models[e].gradient : Eigen::Vector3d(-edge_models[e].gradient);
+  }
+  Eigen::Matrix3d fill = Eigen::Matrix3d::Zero();  // of the diagonal, by the points eliminated
+  for (const int r : rays_of_[camera]) {
+    const int k = track_of_ray_[r];
+    diagonal += ray_models[r].curvature;
+    const Eigen::Matrix3d weighted = ray_models[r].curvature * point_inverse_[k];
+    rhs += ray_models[r].gradient + weighted * point_rhs_.col(k);
+    fill += weighted * ray_models[r].curvature;
+    for (int s = r + 1; s < problem_.track_begin[k + 1]; ++s) {
+      scratch[problem_.rays[s].camera] -= weighted * ray_models[s].curvature;
+    }
+  }
+  scratch[camera] = Damped(diagonal, damping) - fill;
+  rhs_.col(camera) = rhs;
+  for (int k = row_begin_[camera]; k < row_begin_[camera + 1]; ++k) {
+    blocks_[k] = scratch[column_[k]];
+  }
+}
+
+bool PositionSystem::SolveCameras(Eigen::Matrix3Xd& step) {
+  return cholesky_ ? SolveByCholesky(step) : SolveByConjugateGradients(step);
+}
+
+bool PositionSystem::SolveByCholesky(Eigen::Matrix3Xd& step) {
+  size_t next = 0;
+  for (int i = 0; i < problem_.NumCameras(); ++i) {
+    for (int a = 0; a < 3; ++a) {
+      for (int k = row_begin_[i]; k < row_begin_[i + 1]; ++k) {
+        for (int b = column_[k] == i ? a : 0; b < 3; ++b)
+          cholesky_values_[next++] = blocks_[k](a, b);
+      }
+    }
+  }
+  if (!cholesky_->Factorize(cholesky_values_)) return false;
+  const Eigen::MatrixXd solution =
+      cholesky_->Solve(Eigen::Map<const Eigen::VectorXd>(rhs_.data(), rhs_.size()));
+  step = Eigen::Map<const Eigen::Matrix3Xd>(solution.data(), 3, rhs_.cols());
+  return true;
+}
+
+Eigen::Matrix3Xd PositionSystem::Multiply(const Eigen::Matrix3Xd& x) const {
+  Eigen::Matrix3Xd y = Eigen::Matrix3Xd::Zero(3, x.cols());
+  for (int i = 0; i < problem_.NumCameras(); ++i) {
+    Eigen::Vector3d sum = blocks_[row_begin_[i]] * x.col(i);
+    const Eigen::Vector3d xi = x.col(i);
+    for (int k = row_begin_[i] + 1; k < row_begin_[i + 1]; ++k) {
+      sum += blocks_[k] * x.col(column_[k]);
+      y.col(column_[k]) += blocks_[k].transpose() * xi;
+    }
+    y.col(i) += sum;
+  }
+  return y;
+}
+
+bool PositionSystem::SolveByConjugateGradients(Eigen::Matrix3Xd& step) const {
+  const int n = problem_.NumCameras();
+  std::vector<Eigen::Matrix3d> preconditioner(n);
+  for (int i = 0; i < n; ++i) preconditioner[i] = blocks_[row_begin_[i]].inverse();
+  const auto precondition = [&](const Eigen::Matrix3Xd& residual) {
+    Eigen::Matrix3Xd result(3, n);
+    for (int i = 0; i < n; ++i) result.col(i) = preconditioner[i] * residual.col(i);
+    return result;
+  };
+  step = Eigen::Matrix3Xd::Zero(3, n);
+  Eigen::Matrix3Xd residual = rhs_;
+  Eigen::Matrix3Xd z = precondition(residual);
+  Eigen::Matrix3Xd direction = z;
+  double rho = residual.cwiseProduct(z).sum();
+  const double target = kCgTolerance * kCgTolerance * rho;
+  for (int iteration = 0; iteration < kMaxCgIterations && rho > target; ++iteration) {
+    const Eigen::Matrix3Xd image = Multiply(direction);
+    const double curvature = direction.cwiseProduct(image).sum();
+    if (!(curvature > 0)) break;
+    const double length = rho / curvature;
+    step += length * direction;
+    residual -= length * image;
+    z = precondition(residual);
+    const double next_rho = residual.cwiseProduct(z).sum();
+    direction = z + (next_rho / rho) * direction;
+    rho = next_rho;
+  }
+  return true;
+}
+
+}  // namespace cairn

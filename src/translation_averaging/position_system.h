@@ -1,0 +1,71 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <vector>
+
+#include "cairn/sparse/sparse_cholesky.h"
+#include "translation_averaging/direction_problem.h"
+
+namespace cairn {
+
+// Quadratic model of one term in the difference of its two positions: cost(delta + step) = cost +
+// gradient' step + step' curvature step / 2.
+struct TermModel {
+  Eigen::Matrix3d curvature;  // symmetric, positive semidefinite
+  Eigen::Vector3d gradient;
+};
+
+// Positions of cameras (3 x n) and points (3 x number of tracks).
+struct Positions {
+  Eigen::Matrix3Xd cameras;
+  Eigen::Matrix3Xd points;
+};
+
+// The linear systems of a fit of cameras and points whose terms are functions of c2 - c1 (edges)
+// and X - c (rays). Points are eliminated first (Schur complement, explicit), the cameras' system
+// is solved by sparse Cholesky with a pattern analyzed once, or by conjugate gradients with
+// block-Jacobi preconditioning where the factor would be too expensive.
+class PositionSystem {
+ public:
+  // Beyond max_cholesky_flops a factorization takes longer than a few hundred iterations.
+  PositionSystem(const DirectionProblem& problem, int num_threads,
+                 double max_cholesky_flops = 2e10);
+
+  // The step that minimizes the sum of all models plus damping times half the squared step, weighed
+  // at every node with the mean curvature there. False if the system is singular.
+  bool Solve(const std::vector<TermModel>& edge_models, const std::vector<TermModel>& ray_models,
+             double damping, Positions& step);
+
+  bool UsesCholesky() const { return cholesky_ != nullptr; }
+
+ private:
+  void BuildPattern();
+  void BuildCholesky(double max_flops);
+  void EliminatePoints(const std::vector<TermModel>& ray_models, double damping);
+  void AssembleRow(int camera, const std::vector<TermModel>& edge_models,
+                   const std::vector<TermModel>& ray_models, double damping,
+                   std::vector<Eigen::Matrix3d>& scratch);
+  bool SolveCameras(Eigen::Matrix3Xd& step);
+  bool SolveByCholesky(Eigen::Matrix3Xd& step);
+  bool SolveByConjugateGradients(Eigen::Matrix3Xd& step) const;
+  Eigen::Matrix3Xd Multiply(const Eigen::Matrix3Xd& x) const;
+
+  const DirectionProblem& problem_;
+  int num_threads_;
+  std::vector<std::vector<int>> edges_of_;  // of each camera
+  std::vector<std::vector<int>> rays_of_;
+  std::vector<int> track_of_ray_;
+  // Upper triangle of the reduced system by rows of blocks: row i holds column_[k] for k in
+  // [row_begin_[i], row_begin_[i + 1]), increasing, the first one i itself.
+  std::vector<int> row_begin_;
+  std::vector<int> column_;
+  std::vector<Eigen::Matrix3d> blocks_;
+  Eigen::Matrix3Xd rhs_;
+  std::vector<Eigen::Matrix3d> point_inverse_;
+  Eigen::Matrix3Xd point_rhs_;
+  std::unique_ptr<SparseCholesky> cholesky_;
+  std::vector<double> cholesky_values_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,120 @@
+#include "translation_averaging/start.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+
+#include "cairn/base/check.h"
+#include "cairn/sparse/laplacian_solver.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kNumIterations = 200;
+
+// min sum |x_2 - x_1 - l v|, l >= 1, over nodes 0 .. n-1 and a connected graph.
+Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<LaplacianSolver::Edge>& edges,
+                         const std::vector<Eigen::Vector3d>& directions) {
+  std::vector<char> is_gauge(num_nodes, 0);
+  is_gauge[0] = 1;
+  LaplacianSolver solver(num_nodes, edges, is_gauge);
+  CAIRN_CHECK(solver.Factorize(std::vector<double>(edges.size(), 1.0)));
+
+  const size_t m = edges.size();
+  Eigen::MatrixXd x;
+  std::vector<Eigen::Vector3d> slack(m, Eigen::Vector3d::Zero());  // allowed error of each edge
+  std::vector<Eigen::Vector3d> dual(m, Eigen::Vector3d::Zero());
+  std::vector<double> length(m, 1.0);
+  for (int iteration = 0; iteration < kNumIterations; ++iteration) {
+    Eigen::MatrixXd rhs = Eigen::MatrixXd::Zero(num_nodes, 3);
+    for (size_t e = 0; e < m; ++e) {
+      const Eigen::RowVector3d target =
+          (length[e] * directions[e] + slack[e] - dual[e]).transpose();
+      rhs.row(edges[e].node2) += target;
+      rhs.row(edges[e].node1) -= target;
+    }
+    x = solver.Solve(rhs);
+    // Errors beyond the threshold count as outliers: the shortest edges have length 1.
+    constexpr double kThreshold = 1.0;
+    for (size_t e = 0; e < m; ++e) {
+      const Eigen::Vector3d difference =
+          (x.row(edges[e].node2) - x.row(edges[e].node1)).transpose();
+      length[e] = std::max(1.0, directions[e].dot(difference - slack[e] + dual[e]));
+      const Eigen::Vector3d shifted = difference - length[e] * directions[e] + dual[e];
+      const double norm = shifted.norm();
+      slack[e] = norm <= kThreshold ? Eigen::Vector3d(0, 0, 0)
+                                    : Eigen::Vector3d((1 - kThreshold / norm) * shifted);
+      dual[e] = shifted - slack[e];
+    }
+  }
+  return x;
+}
+
+double SceneScale(const Eigen::Matrix3Xd& cameras) {
+  const Eigen::Vector3d center = cameras.rowwise().mean();
+  return (cameras.colwise() - center).colwise().norm().mean();
+}
+
+bool EdgesConnectAll(const DirectionProblem& problem) {
+  std::vector<GraphEdge> edges;
+  for (const DirectionProblem::Edge& e : problem.edges) edges.push_back({e.camera1, e.camera2});
+  return ConnectedComponents(problem.NumCameras(), edges).Num() == 1;
+}
+
+}  // namespace
+
+Positions LeastUnsquaredDeviations(const DirectionProblem& problem) {
+  const int n = problem.NumCameras();
+  const bool cameras_only = EdgesConnectAll(problem);
+  std::vector<LaplacianSolver::Edge> edges;
+  std::vector<Eigen::Vector3d> directions;
+  for (const DirectionProblem::Edge& edge : problem.edges) {
+    edges.push_back({edge.camera1, edge.camera2});
+    directions.push_back(edge.direction);
+  }
+  for (int k = 0; k < problem.NumTracks() && !cameras_only; ++k) {
+    for (const DirectionProblem::Ray& ray : problem.RaysOf(k)) {
+      edges.push_back({ray.camera, n + k});
+      directions.push_back(ray.direction);
+    }
+  }
+  const Eigen::MatrixXd x = SolveLud(cameras_only ? n : n + problem.NumTracks(), edges, directions);
+  Positions positions;
+  positions.cameras = x.topRows(n).transpose();
+  positions.points.resize(3, problem.NumTracks());
+  const double scale = SceneScale(positions.cameras);
+  for (int k = 0; k < problem.NumTracks(); ++k) {
+    positions.points.col(k) = PointFromRays(problem.RaysOf(k), positions.cameras, scale);
+  }
+  return positions;
+}
+
+Eigen::Vector3d PointFromRays(std::span<const DirectionProblem::Ray> rays,
+                              const Eigen::Matrix3Xd& cameras, double scale) {
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();
+  Eigen::Vector3d mean_direction = Eigen::Vector3d::Zero();
+  for (const DirectionProblem::Ray& ray : rays) {
+    const Eigen::Matrix3d P =
+        Eigen::Matrix3d::Identity() - ray.direction * ray.direction.transpose();
+    A += P;
+    b += P * cameras.col(ray.camera);
+    center += cameras.col(ray.camera) / static_cast<double>(rays.size());
+    mean_direction += ray.direction;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(A);
+  constexpr double kMinSquaredSine = 1e-6;  // rays within about 0.1 degrees
+  if (eigen.eigenvalues()[0] > kMinSquaredSine * static_cast<double>(rays.size())) {
+    const Eigen::Vector3d X = A.inverse() * b;
+    const bool in_front = std::all_of(rays.begin(), rays.end(), [&](const auto& ray) {
+      return ray.direction.dot(X - cameras.col(ray.camera)) > 0;
+    });
+    if (in_front) return X;
+  }
+  constexpr double kFar = 5.0;
+  if (mean_direction.norm() < 1e-9) mean_direction = rays.front().direction;
+  return center + kFar * std::max(scale, 1e-12) * mean_direction.normalized();
+}
+
+}  // namespace cairn

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "translation_averaging/position_system.h"
+
+namespace cairn {
+
+// Huber's function of a residual of norm r (equal to r^2 / 2 up to `scale`) and its weight.
+double HuberCost(double residual, double scale);
+double HuberWeight(double residual, double scale);
+
+// One direction v of length 1 against the difference of positions D.
+
+// |v - D / |D||: twice the sine of half of the angle between them.
+double ChordalCost(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double huber);
+TermModel ChordalModel(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double huber);
+
+// |v - s D| with the scale s as a variable that is eliminated with the damping of the step.
+double ScaleFreeCost(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double s, double huber);
+TermModel ScaleFreeModel(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double s, double huber,
+                         double damping);
+// The scale after D has moved by `step`.
+double ScaleFreeUpdate(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double s,
+                       const Eigen::Vector3d& step, double damping);
+// The best scale for D alone.
+double BestScale(const Eigen::Vector3d& v, const Eigen::Vector3d& D);
+
+}  // namespace cairn

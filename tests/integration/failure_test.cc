@@ -1,0 +1,117 @@
+// Each kind of broken input gives one clear line with the file and the reason, and the rest goes
+// on.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "cairn/database/database.h"
+#include "integration/scene_files.h"
+#include "support/database_dump.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::LinesWith;
+using testing::ProgramResult;
+using testing::RunProgram;
+using testing::SceneFiles;
+using ::testing::SizeIs;
+
+void WriteText(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+// The program goes on (exit code 0), and exactly one line names the file, with the reason.
+void ExpectSkipped(const ProgramResult& result, const std::string& file,
+                   const std::string& reason) {
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  const std::vector<std::string> lines = LinesWith(result.output, file);
+  ASSERT_THAT(lines, SizeIs(1)) << result.output;
+  EXPECT_THAT(lines[0], AllOf(HasSubstr("warning"), HasSubstr(reason)));
+}
+
+// The program ends with the exit code, and its last line names the file, with the reason.
+void ExpectEnd(const ProgramResult& result, int exit_code, const std::string& name,
+               const std::string& reason) {
+  EXPECT_EQ(result.exit_code, exit_code) << result.output;
+  const std::vector<std::string> lines = LinesWith(result.output, " error ");
+  ASSERT_THAT(lines, SizeIs(1)) << result.output;
+  EXPECT_THAT(lines[0], AllOf(HasSubstr(name), HasSubstr(reason)));
+}
+
+TEST(Failure, BrokenImagesAreSkipped) {
+  const SceneFiles scene;
+  std::filesystem::resize_file(scene / "images/image00003.jpg", 20000);
+  WriteText(scene / "images/zero.jpg", "");
+  WriteText(scene / "images/text.jpg", "This is no photograph.\n");
+  const std::string database = scene / "new.db";
+  const ProgramResult result = scene.BuildViewGraph(database, {"--stop_after", "features"});
+  ExpectSkipped(result, "image00003.jpg", "truncated");
+  ExpectSkipped(result, "zero.jpg", "empty");
+  ExpectSkipped(result, "text.jpg", "not an image");
+  const Database features(database, Database::Mode::kReadOnly);
+  EXPECT_EQ(features.ReadNumKeypoints().size(), 9u);  // 10 photographs, 1 of them truncated
+}
+
+TEST(Failure, MissingAndBrokenDepthMapsLeaveTheImageWithoutDepth) {
+  const SceneFiles scene;
+  std::filesystem::remove(scene / "depth/image00002.jpg.npy");
+  WriteText(scene / "depth/image00004.jpg.npy", "no array");
+  const ProgramResult result = scene.BuildViewGraph(
+      scene.database(), {"--recompute", "depth", "--stop_after", "verification"});
+  ExpectSkipped(result, "image00002.jpg", "no depth map");
+  ExpectSkipped(result, "image00004.jpg", "not a .npy file");
+  const Database database(scene.database(), Database::Mode::kReadOnly);
+  EXPECT_EQ(database.ReadTwoViewGeometryPairIds().empty(), false);
+}
+
+TEST(Failure, ADatabaseThatIsNone) {
+  const SceneFiles scene;
+  WriteText(scene / "bad.db", "This is no database.\n");
+  ExpectEnd(scene.BuildViewGraph(scene / "bad.db"), 3, "bad.db", "not an SQLite database");
+  ExpectEnd(RunProgram("global_sfm", {"inspect", "--database_path", scene / "bad.db"}), 3, "bad.db",
+            "not an SQLite database");
+  std::filesystem::resize_file(scene.database(), 5000);
+  ExpectEnd(scene.BuildViewGraph(scene.database()), 3, "scene.db", "damaged");
+}
+
+TEST(Failure, OutputThatCannotBeWritten) {
+  const SceneFiles scene;
+  WriteText(scene / "file", "a file in place of a folder");
+  ExpectEnd(scene.BuildViewGraph(scene / "file/new.db"), 3, "file/new.db", "cannot be");
+  ExpectEnd(RunProgram("global_sfm", {"synthesize", "--output_path", scene / "file/x"}), 3,
+            "file/x", "cannot be created");
+}
+
+TEST(Failure, InputThatIsAbsent) {
+  const SceneFiles scene;
+  ExpectEnd(RunProgram("build_view_graph",
+                       {"--image_path", scene / "nowhere", "--database_path", scene / "new.db"}),
+            3, "nowhere", "no such folder");
+  std::filesystem::create_directory(scene / "empty");
+  ExpectEnd(RunProgram("build_view_graph",
+                       {"--image_path", scene / "empty", "--database_path", scene / "new.db"}),
+            3, "empty", "no photograph");
+}
+
+TEST(Failure, UnknownFlagsAndKeysSuggestTheNearestName) {
+  const SceneFiles scene;
+  ExpectEnd(scene.BuildViewGraph(scene.database(), {"--matching.max_rato", "0.7"}), 2,
+            "--matching.max_rato", "--matching.max_ratio");
+  WriteText(scene / "options.toml", "[matching]\nmax_rato = 0.7\n");
+  ExpectEnd(scene.BuildViewGraph(scene.database(), {"--config", scene / "options.toml"}), 2,
+            "matching.max_rato", "matching.max_ratio");
+  WriteText(scene / "broken.toml", "[matching\n");
+  ExpectEnd(scene.BuildViewGraph(scene.database(), {"--config", scene / "broken.toml"}), 2,
+            "broken.toml", ":1");
+  ExpectEnd(scene.BuildViewGraph(scene.database(), {"--matching.max_ratio", "7"}), 2,
+            "matching.max_ratio", "out of range");
+  ExpectEnd(RunProgram("global_sfm", {"reconstrukt"}), 2, "reconstrukt", "unknown command");
+  ExpectEnd(RunProgram("global_sfm", {"synthesise"}), 2, "synthesise", "'synthesize'");
+}
+
+}  // namespace
+}  // namespace cairn

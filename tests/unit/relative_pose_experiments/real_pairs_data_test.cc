@@ -1,0 +1,53 @@
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "relative_pose_experiments/real_pairs.h"
+#include "support/shared_data.h"
+#include "support/temp_folder.h"
+
+namespace cairn::experiments {
+namespace {
+
+using cairn::testing::SharedDataPath;
+
+// The ten photographs of one scene with loose matches; bounds are wide.
+class RealPairsData : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string folder = SharedDataPath("strecha_29");
+    if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is absent";
+    std::ofstream pairs(folder_ / "pairs.txt");
+    for (int i = 0; i < 8; ++i) {
+      for (int j = i + 1; j < 8; ++j) {
+        pairs << "Herz-Jesus-P8_000" << i << ".jpg Herz-Jesus-P8_000" << j << ".jpg\n";
+      }
+    }
+    pairs.close();
+    options_.database_path = folder + "/colmap_loose_matches.db";
+    options_.reference_path = folder + "/gt";
+    options_.pairs_path = folder_ / "pairs.txt";
+    options_.depth_path = folder + "/depth_good";
+  }
+  cairn::testing::TempFolder folder_;
+  RealDataOptions options_;
+};
+
+TEST_F(RealPairsData, OneCorrespondenceWithDepthFindsMostPoses) {
+  const RealScene scene = LoadRealScene(options_, {}, 20, NullMonitor());
+  EXPECT_EQ(scene.pairs.size(), 28u);
+  const SingleReport single = RunSingleCorrespondences(scene, 2);
+  EXPECT_GT(single.share_within_20_15, 0.1);
+  EXPECT_GT(single.share_six_inliers, 0.5);
+  const auto results = RunRealPairs(scene, {}, 0, NullMonitor());
+  int num_good[4] = {};
+  for (size_t i = 0; i < results.size(); ++i) {
+    const RelativeErrors& e = results[i].errors;
+    num_good[i % 4] += e.rotation_deg < 5 && e.translation_deg < 5;
+  }
+  for (int k = 0; k < 4; ++k) EXPECT_GE(num_good[k], 20) << kRealEstimators[k];
+}
+
+}  // namespace
+}  // namespace cairn::experiments

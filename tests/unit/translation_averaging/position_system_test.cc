@@ -1,0 +1,105 @@
+#include "translation_averaging/position_system.h"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/Dense>
+
+#include "unit/translation_averaging/direction_test_util.h"
+
+namespace cairn {
+namespace {
+
+struct Fixture {
+  explicit Fixture(int num_cameras) {
+    Rng rng(4);
+    testing::DirectionScene scene;
+    std::vector<Eigen::Vector3d> centers;
+    for (int k = 0; k < num_cameras; ++k) centers.push_back(RandomDirection(rng) * 3);
+    scene.AddCenters(centers);
+    scene.AddChain(3, 1, 0, rng);
+    scene.AddPoints(30, 4, 2, 1, 0, rng);
+    problem = MakeDirectionProblem(scene.edges, scene.tracks);
+    const auto models = [&](size_t num) {
+      std::vector<TermModel> result(num);
+      for (TermModel& m : result) {
+        Eigen::Matrix3d A;
+        for (int k = 0; k < 9; ++k) A(k) = rng.Gaussian();
+        m.curvature = A * A.transpose();
+        m.gradient = Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+      }
+      return result;
+    };
+    edge_models = models(problem.edges.size());
+    ray_models = models(problem.rays.size());
+  }
+
+  // The whole system, points not eliminated.
+  Positions SolveDensely(double damping) const {
+    const int n = problem.NumCameras(), p = problem.NumTracks();
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(3 * (n + p), 3 * (n + p));
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(3 * (n + p));
+    const auto add = [&](int i, int j, const TermModel& m) {
+      H.block<3, 3>(3 * i, 3 * i) += m.curvature;
+      H.block<3, 3>(3 * j, 3 * j) += m.curvature;
+      H.block<3, 3>(3 * i, 3 * j) -= m.curvature;
+      H.block<3, 3>(3 * j, 3 * i) -= m.curvature;
+      b.segment<3>(3 * i) += m.gradient;
+      b.segment<3>(3 * j) -= m.gradient;
+    };
+    for (size_t e = 0; e < problem.edges.size(); ++e) {
+      add(problem.edges[e].camera1, problem.edges[e].camera2, edge_models[e]);
+    }
+    for (int k = 0; k < p; ++k) {
+      for (int r = problem.track_begin[k]; r < problem.track_begin[k + 1]; ++r) {
+        add(problem.rays[r].camera, n + k, ray_models[r]);
+      }
+    }
+    for (int i = 0; i < n + p; ++i) {
+      const double mean = H.block<3, 3>(3 * i, 3 * i).trace() / 3;
+      H.block<3, 3>(3 * i, 3 * i) += damping * mean * Eigen::Matrix3d::Identity();
+    }
+    const Eigen::VectorXd x = H.ldlt().solve(b);
+    return {Eigen::Map<const Eigen::Matrix3Xd>(x.data(), 3, n),
+            Eigen::Map<const Eigen::Matrix3Xd>(x.data() + 3 * n, 3, p)};
+  }
+
+  DirectionProblem problem;
+  std::vector<TermModel> edge_models, ray_models;
+};
+
+TEST(PositionSystem, EliminatingPointsChangesNothing) {
+  const Fixture f(12);
+  for (const double damping : {1e-3, 1.0}) {
+    PositionSystem system(f.problem, 1);
+    EXPECT_TRUE(system.UsesCholesky());
+    Positions step;
+    ASSERT_TRUE(system.Solve(f.edge_models, f.ray_models, damping, step));
+    const Positions expected = f.SolveDensely(damping);
+    EXPECT_LT((step.cameras - expected.cameras).norm(), 1e-9 * expected.cameras.norm());
+    EXPECT_LT((step.points - expected.points).norm(), 1e-9 * expected.points.norm());
+  }
+}
+
+TEST(PositionSystem, ConjugateGradientsAgreeWithCholesky) {
+  const Fixture f(30);
+  PositionSystem direct(f.problem, 1);
+  PositionSystem iterative(f.problem, 1, 0.0);
+  EXPECT_FALSE(iterative.UsesCholesky());
+  Positions a, b;
+  ASSERT_TRUE(direct.Solve(f.edge_models, f.ray_models, 1e-2, a));
+  ASSERT_TRUE(iterative.Solve(f.edge_models, f.ray_models, 1e-2, b));
+  EXPECT_LT((a.cameras - b.cameras).norm(), 1e-4 * a.cameras.norm());
+}
+
+TEST(PositionSystem, SameBytesForAnyNumberOfThreads) {
+  const Fixture f(20);
+  PositionSystem one(f.problem, 1), eight(f.problem, 8);
+  Positions a, b;
+  ASSERT_TRUE(one.Solve(f.edge_models, f.ray_models, 1e-2, a));
+  ASSERT_TRUE(eight.Solve(f.edge_models, f.ray_models, 1e-2, b));
+  EXPECT_EQ(a.cameras, b.cameras);
+  EXPECT_EQ(a.points, b.points);
+}
+
+}  // namespace
+}  // namespace cairn

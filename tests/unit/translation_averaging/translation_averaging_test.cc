@@ -1,0 +1,328 @@
+#include "cairn/translation_averaging/translation_averaging.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "cairn/base/error.h"
+#include "unit/translation_averaging/direction_test_util.h"
+
+namespace cairn {
+namespace {
+
+using testing::Centers;
+using testing::DirectionScene;
+using ::testing::AnyOf;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using testing::MaxError;
+using testing::RelativeCenterErrors;
+
+constexpr const char* kMethods[] = {"chordal", "scale_free"};
+
+std::vector<Eigen::Vector3d> Ring(int n) {
+  std::vector<Eigen::Vector3d> centers;
+  for (int k = 0; k < n; ++k) {
+    const double angle = 2 * std::numbers::pi * k / n;
+    centers.push_back({std::cos(angle), std::sin(angle), 0.1 * std::sin(5 * angle)});
+  }
+  return centers;
+}
+
+std::vector<Eigen::Vector3d> Grid(int rows, int columns) {
+  std::vector<Eigen::Vector3d> centers;
+  for (int r = 0; r < rows; ++r) {
+    for (int c = 0; c < columns; ++c) {
+      centers.push_back({0.3 * c, 0.3 * r, 0.05 * std::sin(c + 2.0 * r)});
+    }
+  }
+  return centers;
+}
+
+std::vector<Eigen::Vector3d> Line(int n, uint64_t seed) {
+  Rng rng(seed);
+  std::vector<Eigen::Vector3d> centers;
+  double x = 0;
+  for (int k = 0; k < n; ++k) centers.push_back({x += rng.Uniform(0.3, 1.7), 0, 0});
+  return centers;
+}
+
+bool SameBytes(const Centers& a, const Centers& b) { return a == b; }
+
+TEST(TranslationAveraging, ExactWithoutNoise) {
+  for (const char* method : kMethods) {
+    TranslationAveragingOptions options;
+    options.method = method;
+    for (const bool with_points : {false, true}) {
+      for (const auto& centers : {Ring(12), Grid(4, 5), Ring(100)}) {
+        Rng rng(1);
+        DirectionScene scene;
+        scene.AddCenters(centers);
+        scene.AddChain(5, 0, 0, rng);
+        if (with_points) scene.AddPoints(100, 4, 1.0, 0, 0, rng);
+        const auto report = AverageTranslations(scene.edges, scene.tracks, options);
+        ASSERT_EQ(report.status, TranslationAveragingStatus::kSuccess);
+        ASSERT_EQ(report.centers.size(), centers.size());
+        EXPECT_LT(MaxError(RelativeCenterErrors(report.centers, scene.truth)), 1e-4)
+            << method << " " << centers.size() << " points: " << with_points;
+      }
+    }
+  }
+}
+
+// Directions between collinear cameras do not tell their distances; rays to points do.
+TEST(TranslationAveraging, PointsPlaceCollinearCameras) {
+  for (const char* method : kMethods) {
+    TranslationAveragingOptions options;
+    options.method = method;
+    Rng rng(2);
+    DirectionScene scene;
+    scene.AddCenters(Line(30, 5));
+    scene.AddChain(3, 0, 0, rng);
+    scene.AddPoints(400, 5, 2.0, 0, 0, rng);
+    const auto report = AverageTranslations(scene.edges, scene.tracks, options);
+    ASSERT_EQ(report.centers.size(), 30u);
+    EXPECT_LT(MaxError(RelativeCenterErrors(report.centers, scene.truth)), 1e-3) << method;
+  }
+}
+
+TEST(TranslationAveraging, PointsAloneWithoutAnyEdge) {
+  Rng rng(3);
+  DirectionScene scene;
+  scene.AddCenters(Ring(10));
+  scene.AddPoints(200, 4, 1.0, 0, 0, rng);
+  const auto report = AverageTranslations({}, scene.tracks);
+  ASSERT_EQ(report.status, TranslationAveragingStatus::kSuccess);
+  ASSERT_EQ(report.centers.size(), 10u);
+  EXPECT_LT(MaxError(RelativeCenterErrors(report.centers, scene.truth)), 1e-3);
+}
+
+TEST(TranslationAveraging, NoiseAndOutliers) {
+  for (const char* method : kMethods) {
+    TranslationAveragingOptions options;
+    options.method = method;
+    for (uint64_t seed = 0; seed < 5; ++seed) {
+      Rng rng(seed, "noise");
+      DirectionScene scene;
+      scene.AddCenters(Ring(40));
+      for (image_t a = 1; a <= 40; ++a) {
+        for (image_t b = a + 1; b <= 40; ++b) {
+          if (rng.Uniform() < 0.4) scene.AddEdge(a, b, 1.0, 0.2, rng);
+        }
+      }
+      scene.AddPoints(600, 5, 1.0, 0.2, 0.1, rng);
+      const auto report = AverageTranslations(scene.edges, scene.tracks, options);
+      ASSERT_EQ(report.status, TranslationAveragingStatus::kSuccess);
+      ASSERT_EQ(report.centers.size(), 40u);
+      EXPECT_LT(MaxError(RelativeCenterErrors(report.centers, scene.truth)), 0.05)
+          << method << " seed " << seed;
+      EXPECT_GT(report.num_filtered, 20);
+    }
+  }
+}
+
+TEST(TranslationAveraging, FewPhotos) {
+  for (const int n : {3, 5, 8}) {
+    Rng rng(n);
+    DirectionScene scene;
+    std::vector<Eigen::Vector3d> centers = Ring(4 * n);
+    centers.resize(n);
+    scene.AddCenters(centers);
+    scene.AddChain(n, 0.5, 0, rng);
+    scene.AddPoints(300, n, 1.0, 0.05, 0.05, rng);
+    const auto report = AverageTranslations(scene.edges, scene.tracks);
+    ASSERT_EQ(report.centers.size(), static_cast<size_t>(n));
+    EXPECT_LT(MaxError(RelativeCenterErrors(report.centers, scene.truth)), 0.03) << n;
+  }
+}
+
+TEST(TranslationAveraging, TwoImages) {
+  const std::vector<DirectionEdge> edges = {{7, 3, {0, 2, 0}, 1.0}};
+  const auto report = AverageTranslations(edges, {});
+  ASSERT_EQ(report.status, TranslationAveragingStatus::kSuccess);
+  const Eigen::Vector3d d = (report.centers.at(3) - report.centers.at(7)).normalized();
+  EXPECT_LT((d - Eigen::Vector3d(0, 1, 0)).norm(), 1e-9);
+}
+
+TEST(TranslationAveraging, NothingToAverage) {
+  EXPECT_EQ(AverageTranslations({}, {}).status, TranslationAveragingStatus::kNoEdges);
+  PointDirections single;
+  single.rays = {{1, {0, 0, 1}}};
+  const auto report = AverageTranslations({}, std::vector{single});
+  EXPECT_EQ(report.status, TranslationAveragingStatus::kNoEdges);
+  EXPECT_THAT(report.point_is_valid, ElementsAre(0));
+}
+
+TEST(TranslationAveraging, NamesWhatCannotBePlaced) {
+  Rng rng(5);
+  DirectionScene scene;
+  scene.AddCenters(Ring(12));
+  for (image_t a = 1; a <= 10; ++a) {
+    for (image_t b = a + 1; b <= 10; ++b) scene.AddEdge(a, b, 0.2, 0, rng);
+  }
+  scene.AddEdge(10, 11, 0.2, 0, rng);
+  scene.AddEdge(11, 12, 0.2, 0, rng);
+  const auto report = AverageTranslations(scene.edges, {});
+  EXPECT_EQ(report.centers.size(), 10u);
+  EXPECT_THAT(report.not_rigid, ElementsAre(11, 12));
+  EXPECT_EQ(report.edge_errors_deg.back(), -1);
+  EXPECT_GE(report.edge_errors_deg.front(), 0);
+}
+
+TEST(TranslationAveraging, RefusesDirectionsWithoutASolution) {
+  Rng rng(6);
+  DirectionScene scene;
+  scene.AddCenters(Ring(20));
+  scene.AddChain(20, 0, 1.0, rng);
+  TranslationAveragingOptions options;
+  options.filter_directions = false;
+  const auto report = AverageTranslations(scene.edges, {}, options);
+  EXPECT_THAT(report.status, AnyOf(TranslationAveragingStatus::kInconsistent,
+                                   TranslationAveragingStatus::kCollapsed));
+  EXPECT_THAT(report.centers, IsEmpty());
+  EXPECT_FALSE(report.message.empty());
+}
+
+// Ten cameras in one spot and two far off: the shape of a collapsed solution.
+TEST(TranslationAveraging, RefusesACollapsedSolution) {
+  Rng rng(7);
+  DirectionScene scene;
+  std::vector<Eigen::Vector3d> centers = Ring(10);
+  for (Eigen::Vector3d& c : centers) c *= 1e-6;
+  centers.push_back({1, 0, 0});
+  centers.push_back({0, 1, 0.5});
+  centers.push_back({0, -1, 0.2});
+  scene.AddCenters(centers);
+  scene.AddChain(13, 0, 0, rng);
+  TranslationAveragingOptions options;
+  const auto report = AverageTranslations(scene.edges, {}, options);
+  EXPECT_EQ(report.status, TranslationAveragingStatus::kCollapsed) << report.message;
+  EXPECT_THAT(report.centers, IsEmpty());
+  options.min_spread = 0;
+  EXPECT_EQ(AverageTranslations(scene.edges, {}, options).status,
+            TranslationAveragingStatus::kSuccess);
+}
+
+TEST(TranslationAveraging, SameBytesForAnyOrderDirectionAndThreads) {
+  Rng rng(8);
+  DirectionScene scene;
+  scene.AddCenters(Ring(30));
+  scene.AddChain(8, 1.0, 0.1, rng);
+  scene.AddPoints(300, 5, 1.0, 0.2, 0.1, rng);
+  const auto reference = AverageTranslations(scene.edges, scene.tracks);
+  for (DirectionEdge& e : scene.edges) {
+    if (rng.Uniform() < 0.5) continue;
+    std::swap(e.image_id1, e.image_id2);
+    e.direction = -e.direction;
+  }
+  rng.Shuffle(scene.edges);
+  for (PointDirections& track : scene.tracks) rng.Shuffle(track.rays);
+  rng.Shuffle(scene.tracks);
+  for (const int num_threads : {1, 2, 8}) {
+    TranslationAveragingOptions options;
+    options.num_threads = num_threads;
+    EXPECT_TRUE(SameBytes(AverageTranslations(scene.edges, scene.tracks, options).centers,
+                          reference.centers));
+  }
+}
+
+TEST(TranslationAveraging, RelabelingImagesChangesNothingButTheGauge) {
+  Rng rng(9);
+  DirectionScene scene;
+  scene.AddCenters(Ring(30));
+  scene.AddChain(8, 0.5, 0.0, rng);
+  const auto reference = AverageTranslations(scene.edges, {});
+  Centers relabeled;
+  for (const auto& [id, c] : reference.centers) relabeled[100 - id] = c;
+  for (DirectionEdge& e : scene.edges) {
+    e.image_id1 = 100 - e.image_id1;
+    e.image_id2 = 100 - e.image_id2;
+  }
+  const auto report = AverageTranslations(scene.edges, {});
+  EXPECT_LT(MaxError(RelativeCenterErrors(report.centers, relabeled)), 1e-3);
+}
+
+TEST(TranslationAveraging, ReportsPointsErrorsAndSupport) {
+  Rng rng(10);
+  DirectionScene scene;
+  scene.AddCenters(Ring(12));
+  scene.AddChain(12, 0, 0, rng);
+  scene.AddPoints(50, 4, 1.0, 0, 0, rng);
+  const auto report = AverageTranslations(scene.edges, scene.tracks);
+  ASSERT_EQ(report.points.size(), 50u);
+  std::map<image_t, Eigen::Vector3d> estimate = report.centers, truth = scene.truth;
+  for (size_t k = 0; k < 50; ++k) {  // points fit the same similarity as the cameras
+    EXPECT_TRUE(report.point_is_valid[k]);
+    estimate[1000 + k] = report.points[k];
+    truth[1000 + k] = scene.true_points[k];
+  }
+  EXPECT_LT(MaxError(RelativeCenterErrors(estimate, truth)), 1e-3);
+  for (const double error : report.edge_errors_deg) EXPECT_LT(error, 0.01);
+  for (const auto& [id, support] : report.support) {
+    EXPECT_EQ(support.num_edges, 11);
+    EXPECT_LT(support.median_error_deg, 0.01);
+  }
+  EXPECT_GT(report.support.at(6).num_points, 5);
+}
+
+TEST(TranslationAveraging, EveryOptionChangesTheResult) {
+  Rng rng(11);
+  DirectionScene scene;
+  scene.AddCenters(Ring(20));
+  scene.AddChain(6, 2.0, 0.15, rng);
+  scene.AddPoints(100, 4, 1.0, 0.5, 0.1, rng);
+  const auto reference = AverageTranslations(scene.edges, scene.tracks);
+  ASSERT_EQ(reference.status, TranslationAveragingStatus::kSuccess);
+  const auto run = [&](auto change) {
+    TranslationAveragingOptions options;
+    change(options);
+    return AverageTranslations(scene.edges, scene.tracks, options);
+  };
+  const auto differs = [&](auto change) {
+    return !SameBytes(run(change).centers, reference.centers);
+  };
+  using O = TranslationAveragingOptions;
+  EXPECT_FALSE(differs([](O& o) {}));
+  EXPECT_TRUE(differs([](O& o) { o.filter_directions = false; }));
+  EXPECT_TRUE(differs([](O& o) { o.filter_num_axes = 2; }));
+  EXPECT_TRUE(differs([](O& o) { o.filter_max_inconsistency = 0.01; }));
+  EXPECT_TRUE(differs([](O& o) { o.method = o.method == "chordal" ? "scale_free" : "chordal"; }));
+  EXPECT_TRUE(differs([](O& o) { o.huber_deg = 0.2; }));
+  EXPECT_TRUE(differs([](O& o) { o.use_points = false; }));
+  EXPECT_TRUE(differs([](O& o) { o.point_weight = 7; }));
+  EXPECT_TRUE(differs([](O& o) { o.num_reweightings = 0; }));
+  EXPECT_TRUE(differs([](O& o) { o.max_iterations = 1; }));
+  EXPECT_EQ(run([](O& o) { o.max_median_error_deg = 0.01; }).status,
+            TranslationAveragingStatus::kInconsistent);
+  EXPECT_EQ(run([](O& o) { o.min_spread = 1; }).status, TranslationAveragingStatus::kCollapsed);
+}
+
+TEST(TranslationAveraging, StopsWhenAsked) {
+  struct Stopper : ProgressMonitor {
+    bool StopRequested() const override { return true; }
+  } stopper;
+  Rng rng(12);
+  DirectionScene scene;
+  scene.AddCenters(Ring(10));
+  scene.AddChain(5, 1, 0, rng);
+  const auto report = AverageTranslations(scene.edges, {}, {}, stopper);
+  EXPECT_EQ(report.status, TranslationAveragingStatus::kInterrupted);
+  EXPECT_THAT(report.centers, IsEmpty());
+}
+
+TEST(TranslationAveraging, RefusesMeaninglessInput) {
+  const auto run = [](const DirectionEdge& edge) { AverageTranslations(std::vector{edge}, {}); };
+  EXPECT_THROW(run({1, 1, {0, 0, 1}, 1.0}), BugError);
+  EXPECT_THROW(run({1, 2, {0, 0, 0}, 1.0}), BugError);
+  EXPECT_THROW(run({1, 2, {0, 0, 1}, 0.0}), BugError);
+  PointDirections twice;
+  twice.rays = {{1, {0, 0, 1}}, {1, {0, 1, 0}}};
+  EXPECT_THROW(AverageTranslations({}, std::vector{twice}), BugError);
+  TranslationAveragingOptions options;
+  options.method = "random";
+  EXPECT_THROW(AverageTranslations({}, {}, options), ConfigError);
+}
+
+}  // namespace
+}  // namespace cairn
