@@ -11,9 +11,9 @@
 namespace cairn {
 namespace {
 
+using ::testing::AnyOf;
 using testing::Centers;
 using testing::DirectionScene;
-using ::testing::AnyOf;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using testing::MaxError;
