@@ -10,6 +10,7 @@ namespace cairn {
 void AddEvaluateCommand(Program& program);
 void AddExportCommand(Program& program);
 void AddInspectCommand(Program& program);
+void AddReconstructCommand(Program& program);
 void AddRotationAveragingCommand(Program& program);
 void AddSynthesizeCommand(Program& program);
 

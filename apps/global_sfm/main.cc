@@ -6,6 +6,7 @@ int main(int argc, char** argv) {
   cairn::AddEvaluateCommand(program);
   cairn::AddExportCommand(program);
   cairn::AddInspectCommand(program);
+  cairn::AddReconstructCommand(program);
   cairn::AddRotationAveragingCommand(program);
   cairn::AddSynthesizeCommand(program);
   return program.Run(argc, argv);

@@ -106,7 +106,7 @@ class BundleProblem {
       parameters_.clear();
       if (free.point) Use(0, xyz.data());
       if (free.rotation || free.position) Use(1, pose.block.data() + (free.rotation ? 0 : 3));
-      if (intrinsics.num_free > 0) Use(1, intrinsics.free.data());
+      if (intrinsics.num_free > 0) Use(2, intrinsics.free.data());
       if (parameters_.empty()) continue;
       auto cost =
           std::make_unique<ReprojectionCost>(&pose, &xyz, image.points2D[element.point2D], free);
@@ -117,6 +117,7 @@ class BundleProblem {
     num_points_ += num_used > 0;
   }
 
+  // Within a group Ceres orders blocks by address: so a group is one array (see BundleState).
   void Use(int group, double* block) {
     parameters_.push_back(block);
     ordering_->AddElementToGroup(block, group);
@@ -167,8 +168,6 @@ void BundleAdjustmentOptions::VisitFields(OptionVisitor& v) {
         "images up to which auto takes dense_schur");
   v.Int("max_sparse_images", max_sparse_images, {0, 1000000},
         "images up to which auto takes sparse_schur");
-  v.Int("num_threads", num_threads, {0, 1024},
-        "threads; 0: all. One thread gives equal bytes in every run");
 }
 
 std::string_view BundleAdjustmentStatusName(BundleAdjustmentStatus status) {

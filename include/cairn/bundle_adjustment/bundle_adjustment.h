@@ -23,8 +23,8 @@ struct BundleAdjustmentOptions {
   std::string solver = "auto";
   int max_dense_images = 50;
   int max_sparse_images = 1000;
-  // Threads; 0: all. One thread gives the same bytes every time; with more the order of sums, and
-  // so the last digits, differ from run to run (Ceres).
+  // Of the whole program (--num_threads), no field; 0: all. One thread gives the same bytes every
+  // time; with more the order of sums, and so the last digits, differ from run to run (Ceres).
   int num_threads = 0;
 
   void VisitFields(OptionVisitor& v);

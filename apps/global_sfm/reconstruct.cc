@@ -1,0 +1,93 @@
+#include "cairn/pipeline/reconstruct.h"
+
+#include <spdlog/spdlog.h>
+
+#include <memory>
+
+#include "cairn/base/file.h"
+#include "common/console_monitor.h"
+#include "global_sfm/commands.h"
+
+namespace cairn {
+namespace {
+
+struct ReconstructFlags {
+  std::string database_path;
+  std::string image_path;
+  std::string output_path;
+  bool refine_intrinsics = true;
+  int num_threads = 0;
+  int seed = 0;
+
+  void VisitFields(OptionVisitor& v) {
+    v.String("database_path", database_path, "database with verified pairs");
+    v.String("image_path", image_path, "folder of the photographs, for colors");
+    v.String("output_path", output_path, "folder for the results, made if absent");
+    v.Bool("refine_intrinsics", refine_intrinsics,
+           "refine focal lengths and distortions; not given: 0 for cameras given by "
+           "--camera_params or calibrated otherwise, else 1");
+    v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
+    v.Int("seed", seed, {0, 2147483647}, "of all random numbers");
+  }
+};
+
+// What the run function needs; it owns the options that the command binds.
+struct State {
+  ReconstructFlags flags;
+  ReconstructSettings settings;
+};
+
+int Run(const Command& command, State& state) {
+  for (const char* key : {"database_path", "image_path", "output_path"}) command.Require(key);
+  const ReconstructFlags& flags = state.flags;
+  ReconstructSettings& settings = state.settings;
+  settings.seed = static_cast<uint64_t>(flags.seed);
+  settings.num_threads = flags.num_threads;
+  if (command.IsSet("refine_intrinsics")) settings.refine_intrinsics = flags.refine_intrinsics;
+  settings.view_graph.num_threads = flags.num_threads;
+  settings.rotation_averaging.num_threads = flags.num_threads;
+  settings.translation_averaging.num_threads = flags.num_threads;
+  settings.translation_averaging.seed = flags.seed;
+  settings.bundle_adjustment.num_threads = flags.num_threads;
+
+  // A folder that cannot be written to is noticed before the work, not after it.
+  CreateFolders(flags.output_path);
+  WriteFileAtomically(flags.output_path + "/effective.toml", command.EffectiveToml());
+  ConsoleMonitor monitor;
+  const Database database(flags.database_path, Database::Mode::kReadOnly);
+  ReconstructResult result = ReconstructScene(database, flags.image_path, settings, monitor);
+  WriteReconstructResult(result, flags.output_path, command.EffectiveToml());
+  spdlog::info("stages:\n{}", Summary(result.report));
+  if (!result.report.Succeeded()) {
+    spdlog::error("{}", result.report.failure);
+    spdlog::error("{}/report.json says what each stage did", flags.output_path);
+    return kExitNoUsableResult;
+  }
+  for (size_t k = 0; k < result.models.size(); ++k) {
+    const Reconstruction& model = result.models[k];
+    spdlog::info("{}/sparse/{}: {} of {} images, {} points, mean reprojection error {:.3f} px",
+                 flags.output_path, k, model.images.size(), result.images.size(),
+                 model.points3D.size(), model.MeanReprojectionErrorPx());
+  }
+  return kExitSuccess;
+}
+
+}  // namespace
+
+void AddReconstructCommand(Program& program) {
+  Command& command = program.AddCommand(
+      "reconstruct", "Cameras and points from the verified pairs of a database.");
+  auto state = std::make_shared<State>();
+  command.AddOptions("", state->flags);
+  command.AddOptions("reconstruct", state->settings.reconstruct);
+  command.AddOptions("view_graph", state->settings.view_graph);
+  command.AddOptions("rotation_averaging", state->settings.rotation_averaging);
+  command.AddOptions("translation_averaging", state->settings.translation_averaging);
+  command.AddOptions("tracks", state->settings.tracks);
+  command.AddOptions("triangulation", state->settings.triangulation);
+  command.AddOptions("bundle_adjustment", state->settings.bundle_adjustment);
+  command.AddOptions("resection", state->settings.resection);
+  command.SetRun([&command, state] { return Run(command, *state); });
+}
+
+}  // namespace cairn

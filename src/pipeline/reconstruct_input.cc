@@ -1,0 +1,127 @@
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/base/error.h"
+#include "cairn/pipeline/view_edges.h"
+#include "pipeline/reconstruct_stages.h"
+
+namespace cairn {
+namespace {
+
+void ReadImagesAndKeypoints(const Database& database, SceneData& scene, Stage& stage,
+                            std::map<image_t, std::vector<point2D_t>>& first_keypoint) {
+  for (Camera& camera : database.ReadCameras()) {
+    scene.cameras[camera.camera_id] = std::move(camera);
+  }
+  for (const Image& image : database.ReadImages()) {
+    scene.images[image.image_id] = image;
+    const auto skip = [&](const std::string& reason) {
+      scene.bad_images.insert(image.image_id);
+      stage.Warn(image.name + ": left out: " + reason);
+    };
+    const auto camera = scene.cameras.find(image.camera_id);
+    if (camera == scene.cameras.end()) {
+      skip("the database has no camera " + std::to_string(image.camera_id));
+      continue;
+    }
+    if (const std::string reason = camera->second.Validate(); !reason.empty()) {
+      skip("camera " + std::to_string(image.camera_id) + ": " + reason);
+      continue;
+    }
+    std::vector<Keypoint> keypoints;
+    try {
+      keypoints = database.ReadKeypoints(image.image_id).value_or(std::vector<Keypoint>());
+    } catch (const IoError& error) {
+      skip(error.reason());
+      continue;
+    }
+    std::vector<Eigen::Vector2d>& pixels = scene.pixels[image.image_id];
+    pixels.reserve(keypoints.size());
+    for (const Keypoint& keypoint : keypoints) pixels.push_back(keypoint.Position());
+    first_keypoint[image.image_id] = FirstKeypointsAtPosition(keypoints);
+  }
+}
+
+// Inlier matches with every keypoint replaced by the first one at its position.
+FeatureMatches MergeMatches(FeatureMatches matches, const std::vector<point2D_t>& first1,
+                            const std::vector<point2D_t>& first2) {
+  std::erase_if(matches, [&](const FeatureMatch& match) {
+    return match.point1 >= first1.size() || match.point2 >= first2.size();
+  });
+  for (FeatureMatch& match : matches) {
+    match = {first1[match.point1], first2[match.point2]};
+  }
+  const auto less = [](const FeatureMatch& a, const FeatureMatch& b) {
+    return std::pair(a.point1, a.point2) < std::pair(b.point1, b.point2);
+  };
+  std::sort(matches.begin(), matches.end(), less);
+  matches.erase(std::unique(matches.begin(), matches.end()), matches.end());
+  return matches;
+}
+
+}  // namespace
+
+std::set<camera_t> CamerasToHold(const std::map<camera_t, Camera>& cameras) {
+  std::set<camera_t> held;
+  for (const auto& [id, camera] : cameras) {
+    const Eigen::Vector2d center(0.5 * camera.width, 0.5 * camera.height);
+    // COLMAP rounds the center of an odd size down in some versions.
+    const bool off_center = (camera.PrincipalPoint() - center).cwiseAbs().maxCoeff() > 0.5 + 1e-9;
+    const bool two_focals = camera.FocalX() != camera.FocalY();
+    bool distorted = false;
+    for (const int k : camera.DistortionIndices()) distorted |= camera.params[k] != 0.0;
+    if (off_center || two_focals || distorted) held.insert(id);
+  }
+  return held;
+}
+
+SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
+                        ProgressMonitor& monitor, RunReport& report) {
+  Stage stage(report, monitor, "read");
+  SceneData scene;
+  std::map<image_t, std::vector<point2D_t>> first_keypoint;
+  ReadImagesAndKeypoints(database, scene, stage, first_keypoint);
+
+  int64_t num_matches = 0;
+  std::map<image_pair_t, TwoViewGeometry> foreign;
+  for (ViewEdge& edge : ReadViewEdges(database)) {
+    if (scene.pixels.count(edge.image_id1) == 0 || scene.pixels.count(edge.image_id2) == 0) {
+      continue;
+    }
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(edge.PairId()).value();
+    FeatureMatches matches =
+        MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
+                     first_keypoint.at(edge.image_id2));
+    num_matches += static_cast<int64_t>(matches.size());
+    scene.matches[edge.PairId()] = std::move(matches);
+    if (edge.verifier.empty()) foreign[edge.PairId()] = std::move(geometry);
+    scene.edges.push_back(std::move(edge));
+  }
+  ImproveRelativePoses(foreign, settings.num_threads, scene);
+
+  for (const auto& [id, camera] : scene.cameras) scene.held_cameras.insert(id);
+  if (settings.refine_intrinsics) {
+    if (*settings.refine_intrinsics) scene.held_cameras.clear();
+  } else if (!CamerasWereGiven(database)) {
+    scene.held_cameras = CamerasToHold(scene.cameras);
+  }
+  stage.Add("cameras", static_cast<double>(scene.cameras.size()));
+  stage.Add("cameras_held", static_cast<double>(scene.held_cameras.size()));
+  stage.Add("images", static_cast<double>(scene.pixels.size()));
+  stage.Add("pairs", static_cast<double>(scene.edges.size()));
+  stage.Add("matches", static_cast<double>(num_matches));
+  stage.Note("intrinsics of " + std::to_string(scene.held_cameras.size()) + " of " +
+             std::to_string(scene.cameras.size()) + " cameras are held (--refine_intrinsics)");
+  if (scene.pixels.empty()) {
+    stage.Fail("the database has no image with keypoints",
+               "run build_view_graph with --image_path first");
+  } else if (scene.edges.empty()) {
+    stage.Fail(
+        "the database has " + std::to_string(scene.pixels.size()) + " images and no verified pair",
+        "run build_view_graph up to verification, or try a larger --matching.max_ratio or "
+        "--features.max_num_features");
+  }
+  return scene;
+}
+
+}  // namespace cairn

@@ -1,0 +1,54 @@
+#include <filesystem>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/io/bundler.h"
+#include "cairn/io/colmap_model.h"
+#include "cairn/io/ply.h"
+#include "cairn/pipeline/reconstruct.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Models with a larger number than this run has, from an earlier run.
+void RemoveOlderModels(const fs::path& sparse, size_t first) {
+  for (size_t k = first; fs::exists(sparse / std::to_string(k) / "cameras.bin"); ++k) {
+    const fs::path folder = sparse / std::to_string(k);
+    std::error_code error;
+    for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
+      fs::remove(folder / name, error);
+      if (error) throw IoError((folder / name).string(), error.message());
+    }
+    fs::remove(folder, error);  // stays if the user keeps something there
+  }
+}
+
+}  // namespace
+
+void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
+                            const std::string& effective_toml) {
+  const fs::path output(output_path);
+  CreateFolders(output_path);
+  WriteFileAtomically((output / "effective.toml").string(), effective_toml);
+  if (!result.models.empty()) {
+    for (size_t k = 0; k < result.models.size(); ++k) {
+      WriteColmapModel(result.models[k], (output / "sparse" / std::to_string(k)).string());
+    }
+    RemoveOlderModels(output / "sparse", result.models.size());
+    const Reconstruction& largest = result.models.front();
+    const std::vector<std::string> warnings = WriteBundler(
+        largest, (output / "bundle.out").string(), (output / "list.txt").string(), result.images);
+    if (!warnings.empty()) {
+      StageReport stage;
+      stage.name = "bundler";
+      stage.messages = warnings;
+      result.report.stages.push_back(std::move(stage));
+    }
+    WritePly(largest, (output / "points.ply").string());
+  }
+  WriteFileAtomically((output / "report.json").string(), ToJson(result.report));
+}
+
+}  // namespace cairn

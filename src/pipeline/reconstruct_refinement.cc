@@ -1,0 +1,158 @@
+#include <algorithm>
+#include <limits>
+
+#include "cairn/triangulation/triangulate_tracks.h"
+#include "pipeline/reconstruct_stages.h"
+
+namespace cairn {
+namespace {
+
+// One round: triangulate, adjust, filter.
+struct Round {
+  std::string name;
+  std::span<const Track> tracks;
+  double error_factor = 1.0;     // of triangulation.max_error_px
+  bool positions_first = false;  // a stage with fixed rotations and intrinsics before
+  bool focal_lengths = true;
+  bool distortions = true;
+  int max_iterations = 0;
+};
+
+void Adjust(StageContext& context, const Round& round, bool everything, Reconstruction& model) {
+  const ReconstructSettings& settings = context.settings;
+  Stage stage(context, everything ? "bundle_adjustment" : "bundle_adjustment_positions");
+  BundleAdjustmentOptions options = settings.bundle_adjustment;
+  options.max_iterations = std::min(options.max_iterations, round.max_iterations);
+  BundleAdjustmentScope scope;
+  scope.rotations = everything;
+  scope.focal_lengths = everything && round.focal_lengths;
+  scope.distortions = everything && round.distortions;
+  scope.fixed_cameras = context.scene.held_cameras;
+  const BundleAdjustmentReport report = AdjustBundle(options, scope, model, context.monitor);
+  stage.Add("images_in", static_cast<double>(report.num_images));
+  stage.Add("points_in", static_cast<double>(report.num_points));
+  stage.Add("observations_in", static_cast<double>(report.num_observations));
+  stage.Add("iterations", report.num_iterations);
+  stage.Add("initial_rmse_px", report.initial_rmse_px);
+  stage.Add("final_rmse_px", report.final_rmse_px);
+  if (report.status == BundleAdjustmentStatus::kFailed) {
+    stage.Warn("bundle adjustment failed in round " + round.name + "; poses are as before it");
+  }
+}
+
+// Takes images with too few points out; their points go with them if fewer than two views remain.
+int RemoveWeakImages(const StageContext& context, Stage& stage, Reconstruction& model) {
+  std::vector<image_t> weak;
+  for (const auto& [id, image] : model.images) {
+    const auto num_points =
+        std::count_if(image.point3D_ids.begin(), image.point3D_ids.end(),
+                      [](point3D_t point) { return point != kInvalidPoint3DId; });
+    if (num_points < context.settings.reconstruct.min_image_points) weak.push_back(id);
+  }
+  for (const image_t id : weak) {
+    RegisteredImage& image = model.images.at(id);
+    stage.Note(image.image.name + ": taken out, it sees too few points");
+    for (size_t i = 0; i < image.point3D_ids.size(); ++i) {
+      if (image.point3D_ids[i] == kInvalidPoint3DId) continue;
+      model.RemoveObservation(image.point3D_ids[i], {id, static_cast<point2D_t>(i)});
+    }
+    model.images.erase(id);
+  }
+  return static_cast<int>(weak.size());
+}
+
+void TriangulateRound(StageContext& context, const Round& round, Reconstruction& model) {
+  Stage stage(context, "triangulation");
+  TriangulationOptions options = context.settings.triangulation;
+  options.max_error_px *= round.error_factor;
+  const TriangulateTracksReport report =
+      TriangulateTracks(round.tracks, options, context.settings.num_threads, model);
+  stage.Add("tracks_in", static_cast<double>(report.num_tracks));
+  stage.Add("points_out", static_cast<double>(report.num_points));
+  stage.Add("observations_out", static_cast<double>(report.num_observations));
+  stage.Add("small_angle", static_cast<double>(report.num_small_angle));
+  stage.Add("inconsistent", static_cast<double>(report.num_too_few_views + report.num_ill_posed));
+}
+
+void FilterRound(StageContext& context, const Round& round, Reconstruction& model) {
+  Stage stage(context, "filter");
+  const TriangulationOptions& triangulation = context.settings.triangulation;
+  FilterOptions options;
+  options.max_error_px = triangulation.max_error_px * round.error_factor;
+  options.min_angle_deg = triangulation.min_angle_deg;
+  options.min_views = triangulation.min_views;
+  const FilterReport report = FilterPoints(options, context.settings.num_threads, model);
+  stage.Add("observations_removed", static_cast<double>(report.num_observations_removed));
+  stage.Add("points_removed", static_cast<double>(report.num_points_removed));
+  stage.Add("images_removed", RemoveWeakImages(context, stage, model));
+  stage.Add("points_out", static_cast<double>(model.points3D.size()));
+  stage.Add("observations_out", static_cast<double>(model.NumObservations()));
+}
+
+void RunRound(StageContext& context, const Round& round, Reconstruction& model) {
+  TriangulateRound(context, round, model);
+  if (round.positions_first) Adjust(context, round, false, model);
+  Adjust(context, round, true, model);
+  FilterRound(context, round, model);
+}
+
+}  // namespace
+
+Reconstruction MakeReconstruction(const SceneData& scene,
+                                  const std::map<image_t, Rigid3d>& cam_from_world) {
+  Reconstruction model;
+  for (const auto& [id, pose] : cam_from_world) {
+    RegisteredImage image;
+    image.image = scene.images.at(id);
+    image.cam_from_world = pose;
+    image.points2D = scene.pixels.at(id);
+    image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
+    model.cameras[image.image.camera_id] = scene.cameras.at(image.image.camera_id);
+    model.images[id] = std::move(image);
+  }
+  return model;
+}
+
+void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
+                 Reconstruction& model) {
+  const ReconstructOptions& options = context.settings.reconstruct;
+  std::vector<Track> coarse_tracks;
+  if (from_averaging) {
+    if (options.coarse_tracks_per_image > 0) {
+      for (const size_t i : SelectTracks(tracks, options.coarse_tracks_per_image, 0)) {
+        coarse_tracks.push_back(tracks[i]);
+      }
+    } else {
+      coarse_tracks.assign(tracks.begin(), tracks.end());
+    }
+    RunRound(context,
+             {.name = "coarse",
+              .tracks = coarse_tracks,
+              .error_factor = options.coarse_error_factor,
+              .positions_first = true,
+              .distortions = false,
+              .max_iterations = 20},
+             model);
+    RunRound(context,
+             {.name = "middle",
+              .tracks = coarse_tracks,
+              .error_factor = std::max(1.0, 0.25 * options.coarse_error_factor),
+              .max_iterations = 20},
+             model);
+  }
+  int64_t num_observations = 0;
+  for (int i = 0; i < options.max_rounds && !context.monitor.StopRequested(); ++i) {
+    RunRound(context,
+             {.name = std::to_string(i + 1),
+              .tracks = tracks,
+              .max_iterations = std::numeric_limits<int>::max()},
+             model);
+    const int64_t now = model.NumObservations();
+    const bool gained =
+        static_cast<double>(now) > (1.0 + options.min_gain) * static_cast<double>(num_observations);
+    num_observations = now;
+    if (!gained) break;
+  }
+}
+
+}  // namespace cairn

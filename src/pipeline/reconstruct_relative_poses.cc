@@ -1,0 +1,153 @@
+#include <Eigen/LU>
+#include <algorithm>
+#include <numeric>
+
+#include "cairn/base/parallel.h"
+#include "cairn/geometry/epipolar.h"
+#include "cairn/math/angles.h"
+#include "cairn/robust/pose_refinement.h"
+#include "cairn/solvers/essential.h"
+#include "cairn/solvers/homography.h"
+#include "pipeline/reconstruct_stages.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kWidePx = 8.0;  // a pose from a decomposition is rough
+constexpr double kFinePx = 2.0;
+// Inliers whose rays differ by less than this after the rotation say nothing about the direction.
+constexpr double kMinParallaxPx = 4.0;
+
+// Rays of the matches whose distortion can be undone.
+struct PairRays {
+  std::vector<Eigen::Vector2d> x1, x2;
+  PointPairs points;
+};
+
+void FillRays(const SceneData& scene, const ViewEdge& edge, PairRays* rays) {
+  const Camera& camera1 = scene.cameras.at(scene.images.at(edge.image_id1).camera_id);
+  const Camera& camera2 = scene.cameras.at(scene.images.at(edge.image_id2).camera_id);
+  const std::vector<Eigen::Vector2d>& pixels1 = scene.pixels.at(edge.image_id1);
+  const std::vector<Eigen::Vector2d>& pixels2 = scene.pixels.at(edge.image_id2);
+  for (const FeatureMatch& match : scene.matches.at(edge.PairId())) {
+    const auto x1 = camera1.CamFromImg(pixels1[match.point1]);
+    const auto x2 = camera2.CamFromImg(pixels2[match.point2]);
+    if (!x1 || !x2) continue;
+    rays->x1.push_back(*x1);
+    rays->x2.push_back(*x2);
+  }
+  rays->points.Reset(static_cast<int>(rays->x1.size()), camera1.MeanFocal(), camera2.MeanFocal());
+  for (size_t i = 0; i < rays->x1.size(); ++i) {
+    rays->points.Set(static_cast<int>(i), rays->x1[i], rays->x2[i]);
+  }
+}
+
+// Poses to start from: what is stored, and what E, F and H decompose to.
+std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
+                                const TwoViewGeometry& geometry) {
+  const Eigen::Matrix3d K1 =
+      scene.cameras.at(scene.images.at(edge.image_id1).camera_id).CalibrationMatrix();
+  const Eigen::Matrix3d K2 =
+      scene.cameras.at(scene.images.at(edge.image_id2).camera_id).CalibrationMatrix();
+  std::vector<Rigid3d> candidates;
+  if (edge.IsActive()) candidates.push_back(edge.cam2_from_cam1);
+  const auto add_essential = [&](const Eigen::Matrix3d& E) {
+    // Any of its four poses: they have the same epipolar errors.
+    const EssentialDecomposition d = DecomposeEssential(NearestEssential(E));
+    candidates.emplace_back(d.R1, d.t);
+  };
+  if (geometry.E && geometry.E->allFinite() && geometry.E->norm() > 0) add_essential(*geometry.E);
+  if (geometry.F && geometry.F->allFinite() && geometry.F->norm() > 0) {
+    add_essential(K2.transpose() * *geometry.F * K1);
+  }
+  if (geometry.H && geometry.H->allFinite() && std::abs(geometry.H->determinant()) > 0) {
+    PlaneMotion motions[4];
+    const int n = DecomposeHomography(K2.inverse() * *geometry.H * K1, motions);
+    for (int i = 0; i < n; ++i) {
+      Rigid3d pose = motions[i].cam2_from_cam1;
+      if (!(pose.translation.norm() > 1e-9)) continue;
+      pose.translation.normalize();
+      candidates.push_back(pose);
+    }
+  }
+  return candidates;
+}
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<int64_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// The pose that the inliers support best; the edge is without one if there is none, or if they
+// show no parallax.
+void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEdge& edge) {
+  PairRays rays;
+  FillRays(scene, edge, &rays);
+  std::vector<Rigid3d> candidates = Candidates(scene, edge, geometry);
+  edge.removal = EdgeRemoval::kNoPose;
+  if (rays.x1.size() < 8 || candidates.empty()) return;
+
+  // The best two by soft support are refined, first with a wide scale.
+  std::vector<std::pair<double, size_t>> order;
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    order.emplace_back(-SoftScoreSampson(rays.points, EssentialFromPose(candidates[i]), kWidePx),
+                       i);
+  }
+  std::sort(order.begin(), order.end());
+  double best_score = -1;
+  Rigid3d best;
+  for (size_t k = 0; k < std::min<size_t>(2, order.size()); ++k) {
+    PoseRefinementOptions options;
+    options.loss = RobustLoss::kGemanMcClure;
+    options.scale_px = kWidePx;
+    Rigid3d pose = RefinePose(rays.points, candidates[order[k].second], options).cam2_from_cam1;
+    options.scale_px = kFinePx;
+    pose = RefinePose(rays.points, pose, options).cam2_from_cam1;
+    const double score = ScoreSampson(rays.points, EssentialFromPose(pose), kFinePx);
+    if (score > best_score) {
+      best_score = score;
+      best = pose;
+    }
+  }
+  std::vector<float> errors(static_cast<size_t>(rays.points.num_blocks()) * PointPairs::kBlock);
+  SampsonErrors(rays.points, EssentialFromPose(best), errors.data());
+  std::vector<Eigen::Vector2d> inliers1, inliers2;
+  std::vector<double> parallaxes, inlier_errors;
+  for (size_t i = 0; i < rays.x1.size(); ++i) {
+    if (errors[i] > 2 * kFinePx) continue;
+    inliers1.push_back(rays.x1[i]);
+    inliers2.push_back(rays.x2[i]);
+    inlier_errors.push_back(errors[i]);
+  }
+  if (inliers1.size() < 8) return;
+  // The epipolar error does not tell the four poses of an essential matrix apart.
+  const CheiralityResult front =
+      SelectPoseByCheirality(PosesFromEssential(EssentialFromPose(best)), inliers1, inliers2);
+  if (2 * front.num_in_front < static_cast<int>(inliers1.size())) return;
+  for (size_t i = 0; i < inliers1.size(); ++i) {
+    const Eigen::Vector3d x = front.cam2_from_cam1.rotation * inliers1[i].homogeneous();
+    parallaxes.push_back(rays.points.focal2_px() *
+                         AngleBetween(x, Eigen::Vector3d(inliers2[i].homogeneous())));
+  }
+  const double parallax_px = Median(parallaxes);
+  if (parallax_px < kMinParallaxPx) return;
+  edge.cam2_from_cam1 = front.cam2_from_cam1;
+  edge.residual_px = Median(inlier_errors);
+  edge.triangulation_angle_deg = RadToDeg(parallax_px / rays.points.focal2_px());
+  edge.removal = EdgeRemoval::kNone;
+}
+
+}  // namespace
+
+void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
+                          int num_threads, SceneData& scene) {
+  std::vector<ViewEdge*> edges;
+  for (ViewEdge& edge : scene.edges) {
+    if (geometries.count(edge.PairId()) > 0) edges.push_back(&edge);
+  }
+  ParallelFor(num_threads, static_cast<int64_t>(edges.size()),
+              [&](int64_t i) { ImproveEdge(scene, geometries.at(edges[i]->PairId()), *edges[i]); });
+}
+
+}  // namespace cairn

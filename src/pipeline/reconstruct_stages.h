@@ -1,0 +1,106 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cairn/base/timer.h"
+#include "cairn/pipeline/reconstruct.h"
+#include "cairn/scene/view_graph.h"
+
+namespace cairn {
+
+// What the database holds, ready for the stages.
+struct SceneData {
+  std::map<camera_t, Camera> cameras;
+  std::map<image_t, Image> images;
+  std::map<image_t, std::vector<Eigen::Vector2d>> pixels;  // of the keypoints
+  std::vector<ViewEdge> edges;
+  // Inlier matches of the edges; keypoints at one position are replaced by the first of them.
+  std::map<image_pair_t, FeatureMatches> matches;
+  std::set<camera_t> held_cameras;  // intrinsics are not refined
+  std::set<image_t> bad_images;     // without a camera or keypoints that can be read
+};
+
+// What every stage needs beside its data. One a run.
+struct StageContext {
+  const SceneData& scene;
+  const ReconstructSettings& settings;
+  ProgressMonitor& monitor;
+  RunReport& report;
+  int model = 0;              // index of the model that is being built
+  std::set<image_t> taken{};  // images of the models that are done
+};
+
+// One stage of the run: shown by the monitor, timed, and put in the report when it ends.
+class Stage {
+ public:
+  Stage(RunReport& report, ProgressMonitor& monitor, const std::string& name, int64_t total = 0);
+  explicit Stage(StageContext& context, const std::string& name, int64_t total = 0);
+  ~Stage();
+  Stage(const Stage&) = delete;
+
+  StageReport& Add(const std::string& key, double value) { return report_.Add(key, value); }
+  // A line for the user, kept in the report.
+  void Note(const std::string& message);
+  void Warn(const std::string& message);
+  // Ends the run: what was there, what the user can try.
+  void Fail(const std::string& what_was_there, const std::string& what_to_try);
+
+ private:
+  RunReport& run_;
+  ProgressMonitor& monitor_;
+  StageReport report_;
+  Timer timer_;
+};
+
+// reconstruct_input.cc
+// Cameras whose intrinsics look measured: a principal point off the image's center, two different
+// focal lengths, or distortion. Neither EXIF nor a guess gives these.
+std::set<camera_t> CamerasToHold(const std::map<camera_t, Camera>& cameras);
+SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
+                        ProgressMonitor& monitor, RunReport& report);
+
+// reconstruct_relative_poses.cc
+// Refines the poses of edges that another program verified, on their inlier matches, and finds
+// those that it did not store or left open (COLMAP's planar-or-panoramic pairs). Edges whose
+// matches show no parallax end with the reason kNoPose.
+void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
+                          int num_threads, SceneData& scene);
+
+// reconstruct_averaging.cc
+struct InitialModel {
+  std::map<image_t, Rigid3d> cam_from_world;
+  std::vector<Track> tracks;
+};
+// Global rotations and positions of one component of the graph, and its tracks. Edges that are
+// dropped get their reason. nullopt: the report's failure says why.
+std::optional<InitialModel> AverageComponent(StageContext& context,
+                                             std::span<const image_t> component, ViewGraph& graph);
+// Tracks over the graph's active edges.
+TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph);
+
+// reconstruct_refinement.cc
+// Cameras and keypoints of the images with a pose, no points.
+Reconstruction MakeReconstruction(const SceneData& scene,
+                                  const std::map<image_t, Rigid3d>& cam_from_world);
+// Triangulation, bundle adjustment and filtering from coarse to fine.
+void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
+                 Reconstruction& model);
+
+// reconstruct_registration.cc
+// Poses for images that are in no model yet, from the points; activates the edges that
+// agree with them. Returns the number of new images.
+int RegisterLeftOut(StageContext& context, Reconstruction& model, ViewGraph& graph);
+
+// reconstruct_checks.cc
+// "" or why the model is not fit to be written.
+std::string ReasonToRefuse(const Reconstruction& model);
+
+// reconstruct_colors.cc
+void ColorPoints(StageContext& context, const std::string& image_path, Reconstruction& model);
+
+}  // namespace cairn

@@ -1,0 +1,331 @@
+#include "cairn/pipeline/reconstruct.h"
+
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <set>
+
+#include "cairn/base/file.h"
+#include "cairn/image/bitmap.h"
+#include "cairn/io/colmap_model.h"
+#include "cairn/synthetic/scene.h"
+#include "pipeline/reconstruct_stages.h"
+#include "support/synthetic_reconstruction.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+SceneOptions SmallScene() {
+  SceneOptions options;
+  options.num_images = 10;
+  options.num_points = 600;
+  options.max_keypoints = 400;
+  options.image_noise_px = 0.3;
+  options.outlier_ratio = 0.1;
+  return options;
+}
+
+Database MakeDatabase(const SyntheticScene& scene) {
+  Database database(":memory:");
+  WriteScene(scene, SceneContent::kTwoViewGeometries, database);
+  return database;
+}
+
+ReconstructSettings Settings(int num_threads = 1) {
+  ReconstructSettings settings;
+  settings.num_threads = num_threads;
+  settings.bundle_adjustment.num_threads = num_threads;
+  settings.reconstruct.colors = false;
+  return settings;
+}
+
+const StageReport* FindStage(const RunReport& report, const std::string& name) {
+  for (const StageReport& stage : report.stages) {
+    if (stage.name == name) return &stage;
+  }
+  return nullptr;
+}
+
+double Value(const StageReport& stage, const std::string& key) {
+  for (const auto& [name, value] : stage.values) {
+    if (name == key) return value;
+  }
+  ADD_FAILURE() << stage.name << " has no value " << key;
+  return 0;
+}
+
+double Extent(const Reconstruction& model) {
+  double extent = 0;
+  for (const auto& [id, image] : model.images) {
+    extent = std::max(extent, (image.cam_from_world.Center() -
+                               model.images.begin()->second.cam_from_world.Center())
+                                  .norm());
+  }
+  return extent;
+}
+
+TEST(ReconstructScene, RecoversAScene) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 1);
+  const ReconstructResult result = ReconstructScene(MakeDatabase(scene), "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  ASSERT_EQ(result.models.size(), 1u);
+  const Reconstruction& model = result.models.front();
+  model.CheckConsistency();
+  EXPECT_EQ(model.images.size(), 10u);
+  EXPECT_GT(model.points3D.size(), 300u);
+  const auto difference = testing_support::CompareAligned(model, scene.truth);
+  EXPECT_LT(difference.center, 2e-3 * Extent(scene.truth));
+  EXPECT_LT(difference.angle, 2e-3);
+  EXPECT_LT(model.MeanReprojectionErrorPx(), 0.5);
+}
+
+TEST(ReconstructScene, ReportsEveryStage) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 2);
+  const ReconstructResult result = ReconstructScene(MakeDatabase(scene), "", Settings());
+  for (const char* name :
+       {"read", "view_graph", "rotation_averaging", "tracks", "translation_averaging",
+        "triangulation", "bundle_adjustment_positions", "bundle_adjustment", "filter", "checks"}) {
+    const StageReport* stage = FindStage(result.report, name);
+    ASSERT_NE(stage, nullptr) << name;
+    EXPECT_GE(stage->seconds, 0) << name;
+    EXPECT_FALSE(stage->values.empty()) << name;
+  }
+  EXPECT_THAT(ToJson(result.report), HasSubstr("\"succeeded\": true"));
+}
+
+TEST(ReconstructScene, RefinesUnknownFocalLengths) {
+  SyntheticScene scene = MakeScene(SmallScene(), 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.SetMeanFocal(1.04 * camera.MeanFocal());
+    camera.has_prior_focal_length = false;
+    database.WriteCamera(camera);
+  }
+  const ReconstructResult refined = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(refined.report.Succeeded()) << refined.report.failure;
+  for (const auto& [id, camera] : refined.models.front().cameras) {
+    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), 1.0, 0.01);
+  }
+  ReconstructSettings held = Settings();
+  held.refine_intrinsics = false;
+  const ReconstructResult fixed = ReconstructScene(database, "", held);
+  ASSERT_TRUE(fixed.report.Succeeded());
+  for (const auto& [id, camera] : fixed.models.front().cameras) {
+    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), 1.04, 1e-9);
+  }
+}
+
+TEST(ReconstructScene, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 4);
+  const Database database = MakeDatabase(scene);
+  const Reconstruction a = ReconstructScene(database, "", Settings(1)).models.at(0);
+  const Reconstruction b = ReconstructScene(database, "", Settings(1)).models.at(0);
+  const Reconstruction c = ReconstructScene(database, "", Settings(2)).models.at(0);
+  ASSERT_EQ(a.points3D.size(), b.points3D.size());
+  for (const auto& [id, image] : a.images) {
+    EXPECT_EQ(image.cam_from_world.translation, b.images.at(id).cam_from_world.translation);
+    EXPECT_EQ(image.point3D_ids, b.images.at(id).point3D_ids);
+    EXPECT_LT(
+        (image.cam_from_world.translation - c.images.at(id).cam_from_world.translation).norm(),
+        1e-5);
+  }
+  for (const auto& [id, point] : a.points3D) EXPECT_EQ(point.xyz, b.points3D.at(id).xyz);
+}
+
+TEST(ReconstructScene, TwoPlacesGiveTwoModels) {
+  SceneOptions options = SmallScene();
+  options.num_images = 6;
+  const SyntheticScene first = MakeScene(options, 5);
+  options.num_images = 8;
+  const SyntheticScene second = MakeScene(options, 6);
+  Database database = MakeDatabase(first);
+  // The second place under ids from 101.
+  for (auto [id, camera] : second.cameras) {
+    camera.camera_id = id + 100;
+    database.WriteCamera(camera);
+  }
+  for (Image image : second.images) {
+    const image_t id = image.image_id;
+    image.image_id += 100;
+    image.camera_id += 100;
+    image.name = "second/" + image.name;
+    database.WriteImage(image);
+    database.WriteKeypoints(image.image_id, second.keypoints.at(id));
+  }
+  for (image_t i = 1; i <= 8; ++i) {
+    for (image_t j = i + 1; j <= 8; ++j) {
+      const SyntheticMatches matches = MakeMatches(second, i, j);
+      const TwoViewGeometry geometry = TrueTwoViewGeometry(second, i, j, matches);
+      if (geometry.inlier_matches.size() < 20) continue;
+      database.WriteTwoViewGeometry(ImagePairToPairId(i + 100, j + 100), geometry);
+    }
+  }
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_EQ(result.models.size(), 2u);
+  EXPECT_EQ(result.models[0].images.size(), 8u);
+  EXPECT_EQ(result.models[1].images.size(), 6u) << ToJson(result.report);
+
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.max_models = 1;
+  EXPECT_EQ(ReconstructScene(database, "", settings).models.size(), 1u);
+  settings = Settings();
+  settings.reconstruct.min_model_images = 7;
+  EXPECT_EQ(ReconstructScene(database, "", settings).models.size(), 1u);
+}
+
+// Image 10 keeps its matches but the poses of its pairs are lost.
+TEST(ReconstructScene, ImagesWithoutRelativePoseAreRegisteredByResection) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 7);
+  Database database = MakeDatabase(scene);
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    if (PairIdToImagePair(pair_id).second != 10) continue;
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    geometry.cam2_from_cam1.reset();
+    geometry.E.reset();
+    geometry.F.reset();
+    geometry.config = TwoViewConfig::kPanoramic;
+    database.WriteTwoViewGeometry(pair_id, geometry);
+  }
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.register_left_out = false;
+  EXPECT_EQ(ReconstructScene(database, "", settings).models.at(0).images.size(), 9u);
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_EQ(result.models.at(0).images.size(), 10u) << ToJson(result.report);
+  EXPECT_LT(testing_support::CompareAligned(result.models[0], scene.truth).center,
+            5e-3 * Extent(scene.truth));
+}
+
+TEST(ReconstructScene, SaysWhatIsMissing) {
+  Database empty(":memory:");
+  const ReconstructResult nothing = ReconstructScene(empty, "", Settings());
+  EXPECT_TRUE(nothing.models.empty());
+  EXPECT_THAT(nothing.report.failure, HasSubstr("no image with keypoints"));
+
+  const SyntheticScene scene = MakeScene(SmallScene(), 8);
+  Database unverified(":memory:");
+  WriteScene(scene, SceneContent::kMatches, unverified);
+  EXPECT_THAT(ReconstructScene(unverified, "", Settings()).report.failure,
+              HasSubstr("no verified pair"));
+
+  ReconstructSettings settings = Settings();
+  settings.view_graph.min_num_inliers = 100000;
+  EXPECT_THAT(ReconstructScene(MakeDatabase(scene), "", settings).report.failure,
+              HasSubstr("view_graph: "));
+}
+
+TEST(ReconstructScene, TwoImagesGiveAModel) {
+  SceneOptions options = SmallScene();
+  options.num_images = 2;
+  options.layout = "arc";
+  const SyntheticScene scene = MakeScene(SmallScene(), 9);
+  Database database(":memory:");
+  for (const auto& [id, camera] : scene.cameras) database.WriteCamera(camera);
+  for (image_t id = 1; id <= 2; ++id) {
+    database.WriteImage(scene.images[id - 1]);
+    database.WriteKeypoints(id, scene.keypoints.at(id));
+  }
+  database.WriteTwoViewGeometry(
+      ImagePairToPairId(1, 2), TrueTwoViewGeometry(scene, 1, 2, MakeMatches(scene, 1, 2)));
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  EXPECT_EQ(result.models.at(0).images.size(), 2u);
+}
+
+TEST(ReasonToRefuse, KnowsCollapsedModels) {
+  testing_support::SyntheticScene scene = testing_support::MakeSyntheticScene({});
+  EXPECT_EQ(ReasonToRefuse(scene.truth), "");
+  Reconstruction collapsed = scene.truth;
+  for (auto& [id, image] : collapsed.images) {
+    if (id > 1) image.cam_from_world.translation = image.cam_from_world.rotation *
+                                                   Eigen::Vector3d(0, 0, 5);
+  }
+  EXPECT_THAT(ReasonToRefuse(collapsed), HasSubstr("collapsed"));
+  Reconstruction far = scene.truth;
+  for (auto& [id, point] : far.points3D) point.xyz *= 1e5;
+  EXPECT_THAT(ReasonToRefuse(far), HasSubstr("collapsed"));
+  Reconstruction poor = scene.truth;
+  while (poor.points3D.size() > 10) poor.RemovePoint3D(poor.points3D.begin()->first);
+  EXPECT_THAT(ReasonToRefuse(poor), HasSubstr("only 10 points"));
+}
+
+TEST(CamerasToHold, HoldsWhatLooksMeasured) {
+  std::map<camera_t, Camera> cameras;
+  for (camera_t id = 1; id <= 4; ++id) {
+    cameras[id] = Camera::FromFocal(id, CameraModel::kOpenCV, 900, 1001, 800);
+    cameras[id].has_prior_focal_length = true;
+  }
+  cameras[2].params[3] += 3;     // principal point
+  cameras[3].params[1] += 1;     // second focal length
+  cameras[4].params[4] = -0.01;  // distortion
+  EXPECT_EQ(CamerasToHold(cameras), (std::set<camera_t>{2, 3, 4}));
+}
+
+class OutputTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("cairn_reconstruct_" + std::to_string(::getpid()));
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_ / "images");
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::filesystem::path folder_;
+};
+
+TEST_F(OutputTest, WritesAndReplacesAllFiles) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 10);
+  ReconstructResult result = ReconstructScene(MakeDatabase(scene), "", Settings());
+  result.models.push_back(result.models.front());
+  const std::string output = (folder_ / "new" / "out").string();
+  WriteReconstructResult(result, output, "# options\n");
+  for (const char* name : {"sparse/0/cameras.bin", "sparse/1/points3D.bin", "bundle.out",
+                           "list.txt", "points.ply", "report.json", "effective.toml"}) {
+    EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(output) / name)) << name;
+  }
+  const Reconstruction read = ReadColmapModel(output + "/sparse/0");
+  EXPECT_EQ(read.images.size(), result.models[0].images.size());
+  EXPECT_EQ(read.points3D.size(), result.models[0].points3D.size());
+
+  result.models.pop_back();
+  WriteReconstructResult(result, output, "# options\n");
+  EXPECT_FALSE(std::filesystem::exists(output + "/sparse/1"));
+
+  // A failure leaves the older model alone and says so in the report.
+  result.models.clear();
+  result.report.failure = "stage: reason; advice";
+  WriteReconstructResult(result, output, "# options\n");
+  EXPECT_TRUE(std::filesystem::exists(output + "/sparse/0/images.bin"));
+  EXPECT_THAT(ReadFile(output + "/report.json"), HasSubstr("stage: reason; advice"));
+}
+
+TEST_F(OutputTest, ColorsComeFromThePhotographs) {
+  SyntheticScene scene = MakeScene(SmallScene(), 11);
+  for (const Image& image : scene.images) {
+    if (image.image_id == 3) continue;  // one photograph is missing
+    const Camera& camera = scene.cameras.at(image.camera_id);
+    Bitmap bitmap{camera.width, camera.height, 3, {}};
+    for (int i = 0; i < camera.width * camera.height; ++i) {
+      bitmap.data.insert(bitmap.data.end(), {10, 200, 30});
+    }
+    const std::string path = (folder_ / "images" / image.name).string();
+    WriteBitmap(path, bitmap, 100);
+  }
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.colors = true;
+  const ReconstructResult result =
+      ReconstructScene(MakeDatabase(scene), (folder_ / "images").string(), settings);
+  ASSERT_TRUE(result.report.Succeeded());
+  for (const auto& [id, point] : result.models[0].points3D) {
+    EXPECT_NEAR(point.color[0], 10, 6);
+    EXPECT_NEAR(point.color[1], 200, 6);
+  }
+  const StageReport* stage = FindStage(result.report, "colors");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(Value(*stage, "images_read"), 9);
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+}
+
+}  // namespace
+}  // namespace cairn
