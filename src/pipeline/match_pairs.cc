@@ -64,11 +64,31 @@ std::vector<image_pair_t> ExhaustivePairs(const std::map<image_t, int>& num_desc
   return pairs;
 }
 
+// Hash of every image's descriptors. Images whose row cannot be read are reported and left out of
+// num_descriptors.
+std::map<image_t, uint64_t> HashAllDescriptors(const Database& database,
+                                               std::map<image_t, int>& num_descriptors,
+                                               StageReport& report, ProgressMonitor& monitor) {
+  std::map<image_t, uint64_t> hashes;
+  for (const auto& [id, num] : num_descriptors) {
+    try {
+      hashes[id] = HashDescriptors(*database.ReadDescriptors(id));
+    } catch (const IoError& error) {
+      report.messages.push_back(std::string(error.what()) + "; the image is not matched");
+      monitor.Warning(report.messages.back());
+    }
+  }
+  std::erase_if(num_descriptors, [&](const auto& entry) { return hashes.count(entry.first) == 0; });
+  return hashes;
+}
+
 MatchingWork FindWork(const Database& database,
                       const std::optional<std::vector<image_pair_t>>& chosen,
-                      const StageLedger& ledger) {
+                      const StageLedger& ledger, StageReport& report, ProgressMonitor& monitor) {
   MatchingWork work;
   work.num_descriptors = database.ReadNumDescriptors();
+  const std::map<image_t, int> all_descriptors = work.num_descriptors;
+  const auto hashes = HashAllDescriptors(database, work.num_descriptors, report, monitor);
   std::map<image_t, std::string> names;
   for (const Image& image : database.ReadImages()) names[image.image_id] = image.name;
   std::vector<image_pair_t> present;
@@ -80,7 +100,7 @@ MatchingWork FindWork(const Database& database,
     matched.insert({id1, id2});
   }
   for (const auto& [id, name] : names) {
-    work.num_left_out += work.num_descriptors.count(id) == 0 && matched.count(id) == 0;
+    work.num_left_out += all_descriptors.count(id) == 0 && matched.count(id) == 0;
   }
 
   std::vector<image_pair_t> wanted =
@@ -102,7 +122,7 @@ MatchingWork FindWork(const Database& database,
   for (const auto& [id, num] : work.num_descriptors) {
     const JobRecord* job = ledger.Find(id);
     if (job == nullptr && taking_part.count(id) == 0) continue;
-    const uint64_t hash = HashDescriptors(*database.ReadDescriptors(id));
+    const uint64_t hash = hashes.at(id);
     if (ledger.IsDone(id, hash, "the features of " + names[id])) continue;
     work.new_jobs.push_back({id, {id, hash, given.count(id) > 0 ? kGiven : ""}});
   }
@@ -173,7 +193,7 @@ StageReport MatchImagePairs(Database& database,
   StageReport report;
   report.name = kStageMatching;
   StageLedger ledger(database, kStageMatching, DumpQualified("matching", options));
-  const MatchingWork work = FindWork(database, pairs, ledger);
+  const MatchingWork work = FindWork(database, pairs, ledger, report, monitor);
   int64_t num_matches = 0;
   if (!work.pairs.empty()) {
     BeginStage(database, work, ledger);
@@ -184,11 +204,11 @@ StageReport MatchImagePairs(Database& database,
   } else {
     ledger.Complete(database);
     if (work.num_left_out > 0) {
-      report.messages.push_back(std::to_string(work.num_left_out) +
-                                " images have no features and take part in no pair");
+      report.messages.push_back("images without features, which take part in no pair: " +
+                                std::to_string(work.num_left_out));
       monitor.Warning(report.messages.back());
-      report.status = StageStatus::kWarning;
     }
+    if (!report.messages.empty()) report.status = StageStatus::kWarning;
   }
   report.Add("pairs", static_cast<double>(database.ReadNumMatches().size()));
   report.Add("computed", static_cast<double>(work.pairs.size()));

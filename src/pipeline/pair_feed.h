@@ -28,6 +28,7 @@ struct PairImage {
   std::vector<DepthSample> depth;  // empty: the image has no depth
   PreparedDescriptors descriptors;
   uint64_t content_hash = 0;
+  bool is_damaged = false;  // a row of it cannot be read: its pairs are left out
 };
 
 // A pair with everything that its computation needs.

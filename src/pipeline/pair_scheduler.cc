@@ -10,8 +10,8 @@
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
 #include "cairn/database/database_writer.h"
-#include "pipeline/content_hash.h"
 #include "pipeline/pair_feed.h"
+#include "pipeline/pair_loader.h"
 #include "pipeline/pair_outcome.h"
 #include "pipeline/stage_ledger.h"
 #include "pipeline/stage_names.h"
@@ -40,92 +40,6 @@ std::vector<image_pair_t> FindPairs(const Database& database, const Verification
   }
   return pairs;
 }
-
-// Loads what the verifiers need; runs in the reading thread with a connection of its own.
-class Loader {
- public:
-  Loader(const std::string& database_path, const VerificationInput& input,
-         const StageLedger& ledger)
-      : database_(database_path, Database::Mode::kReadOnly), input_(input), ledger_(ledger) {
-    for (Camera& camera : database_.ReadCameras()) cameras_[camera.camera_id] = camera;
-    for (Image& image : database_.ReadImages()) images_[image.image_id] = std::move(image);
-  }
-
-  PairImage LoadImage(image_t id) {
-    const auto image = images_.find(id);
-    if (image == images_.end()) {
-      throw IoError(database_.path(),
-                    "a pair refers to image " + std::to_string(id) + ", which is not there");
-    }
-    const auto camera = cameras_.find(image->second.camera_id);
-    if (camera == cameras_.end()) {
-      throw IoError(database_.path(), "image " + image->second.name + " has no camera");
-    }
-    PairImage loaded;
-    loaded.camera = camera->second;
-    auto keypoints = database_.ReadKeypoints(id);
-    if (!keypoints) {
-      throw IoError(database_.path(), "image " + image->second.name + " has matches, no keypoints");
-    }
-    loaded.keypoints = std::move(*keypoints);
-    loaded.depth = database_.ReadDepthSamples(id).value_or(std::vector<DepthSample>());
-    if (!loaded.depth.empty() && loaded.depth.size() != loaded.keypoints.size()) {
-      throw IoError(database_.path(), "image " + image->second.name + " has " +
-                                          std::to_string(loaded.keypoints.size()) +
-                                          " keypoints, but " + std::to_string(loaded.depth.size()) +
-                                          " depth samples; use --recompute depth");
-    }
-    Hasher hasher;
-    hasher.Add(HashCamera(loaded.camera)).Add(HashKeypoints(loaded.keypoints));
-    loaded.content_hash = hasher.Add(HashDepth(loaded.depth)).Digest();
-    return loaded;
-  }
-
-  // False: the pair is done.
-  bool LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image) {
-    const auto [id1, id2] = PairIdToImagePair(task.pair_id);
-    task.matches = *database_.ReadMatches(task.pair_id);
-    Hasher hasher;
-    hasher.Add(HashMatches(task.matches));
-    if (static_cast<int>(task.matches.size()) >= input_.min_num_matches) {
-      task.image1 = image(id1);
-      task.image2 = image(id2);
-      hasher.Add(task.image1->content_hash).Add(task.image2->content_hash);
-      CheckMatches(task, id1, id2);
-    }
-    task.input_hash = hasher.Digest();
-    const JobRecord* job = ledger_.Find(task.pair_id);
-    if (job == nullptr) return true;
-    if (job->input_hash != task.input_hash) {
-      ledger_.ThrowChanged("the features, depth, cameras or matches of " + Name(id1) + " and " +
-                           Name(id2));
-    }
-    return false;
-  }
-
- private:
-  std::string Name(image_t id) const {
-    const auto image = images_.find(id);
-    return image == images_.end() ? "image " + std::to_string(id) : image->second.name;
-  }
-
-  void CheckMatches(const PairTask& task, image_t id1, image_t id2) const {
-    for (const FeatureMatch& match : task.matches) {
-      if (match.point1 < task.image1->keypoints.size() &&
-          match.point2 < task.image2->keypoints.size()) {
-        continue;
-      }
-      throw IoError(database_.path(), "matches of " + Name(id1) + " and " + Name(id2) +
-                                          " refer to keypoints that are not there");
-    }
-  }
-
-  Database database_;
-  const VerificationInput& input_;
-  const StageLedger& ledger_;
-  std::map<camera_t, Camera> cameras_;
-  std::map<image_t, Image> images_;
-};
 
 // One thread's verifiers.
 class Worker {
@@ -199,7 +113,7 @@ void VerifyAll(const std::string& database_path, const std::vector<NamedVerifier
                const VerificationInput& input, const StageLedger& ledger,
                std::vector<PairTile> plan, int64_t num_pairs, int64_t max_queue_bytes,
                int num_threads, ProgressMonitor& monitor, VerificationReport& report) {
-  Loader loader(database_path, input, ledger);
+  PairLoader loader(database_path, input.min_num_matches, ledger, monitor);
   DatabaseWriter writer(database_path);
   PairFeed feed(
       std::move(plan), [&loader](image_t id) { return loader.LoadImage(id); },
@@ -222,13 +136,17 @@ void VerifyAll(const std::string& database_path, const std::vector<NamedVerifier
     monitor.Advance(1);
   });
   writer.Finish();
+  report.stage.messages = loader.messages();
+  report.reading_seconds = loader.busy_seconds();
   report.writing_seconds = writer.busy_seconds();
   for (const auto& worker : workers) {
     if (worker) report.verifying_seconds += worker->verifying_seconds;
   }
 }
 
-void FillStageReport(const VerificationCounts& counts, StageReport& stage) {
+void FillStageReport(VerificationReport& report) {
+  const VerificationCounts& counts = report.counts;
+  StageReport& stage = report.stage;
   stage.Add("pairs", static_cast<double>(counts.num_pairs));
   stage.Add("tried", static_cast<double>(counts.num_tried));
   stage.Add("verified", static_cast<double>(counts.num_verified));
@@ -238,6 +156,9 @@ void FillStageReport(const VerificationCounts& counts, StageReport& stage) {
   for (const auto& [reason, num] : counts.rejected_by) {
     stage.Add("rejected_" + reason, static_cast<double>(num));
   }
+  stage.Add("verifying_seconds", report.verifying_seconds);
+  stage.Add("reading_seconds", report.reading_seconds);
+  stage.Add("writing_seconds", report.writing_seconds);
 }
 
 }  // namespace
@@ -269,8 +190,9 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
     MarkStopped(report.stage);
   } else {
     ledger.Complete(database);
+    if (!report.stage.messages.empty()) report.stage.status = StageStatus::kWarning;
   }
-  FillStageReport(report.counts, report.stage);
+  FillStageReport(report);
   report.stage.seconds = timer.Seconds();
   database.AddTiming(kStageVerification, 0, "", report.stage.seconds);
   return report;

@@ -93,6 +93,7 @@ std::vector<DepthItem> ListImagesWithKeypoints(const Database& database,
 struct Work {
   std::vector<DepthItem> items;
   std::vector<uint64_t> hashes;
+  std::vector<std::string> damaged;  // rows and files that cannot be read
 };
 
 Work FindWork(const Database& database, std::vector<DepthItem> items, const StageLedger& ledger,
@@ -102,7 +103,13 @@ Work FindWork(const Database& database, std::vector<DepthItem> items, const Stag
   for (DepthItem& item : items) {
     const JobRecord* job = ledger.Find(item.image.image_id);
     if (job == nullptr && num_samples.count(item.image.image_id) > 0) continue;  // Given.
-    const uint64_t hash = InputHash(database, item, source_hash);
+    uint64_t hash = 0;
+    try {
+      hash = InputHash(database, item, source_hash);
+    } catch (const IoError& error) {  // Keypoints or a map that cannot be read.
+      work.damaged.push_back(error.what());
+      continue;
+    }
     if (job != nullptr && job->input_hash == hash) continue;
     // An image that had no depth may get it; depth that was there must not change.
     if (job != nullptr && job->note.empty()) {
@@ -213,9 +220,15 @@ StageReport SampleImageDepth(Database& database, const std::string& image_path,
     monitor.Warning(report.messages.back());
     report.status = StageStatus::kWarning;
   }
+  for (const std::string& reason : work.damaged) {
+    report.messages.push_back(reason + "; the image has no depth");
+    monitor.Warning(report.messages.back());
+    report.status = StageStatus::kWarning;
+  }
+  const size_t num_failed = report.messages.size() - work.damaged.size();
   if (has_source && monitor.StopRequested()) MarkStopped(report);
   report.Add("images_with_depth", static_cast<double>(database.ReadNumDepthSamples().size()));
-  report.Add("computed", static_cast<double>(work.items.size() - report.messages.size()));
+  report.Add("computed", static_cast<double>(work.items.size() - num_failed));
   report.seconds = timer.Seconds();
   database.AddTiming(kStageDepth, 0, "", report.seconds);
   return report;

@@ -43,8 +43,9 @@ struct VerificationCounts {
 struct VerificationReport {
   StageReport stage;
   VerificationCounts counts;
-  // Sums over all threads, for measuring the scheduler's own share.
+  // Summed over all threads, for measuring the scheduler's own share.
   double verifying_seconds = 0;
+  double reading_seconds = 0;
   double writing_seconds = 0;
 };
 
@@ -57,7 +58,8 @@ struct VerificationReport {
 // Pairs are ordered so that features are read once a block and stay within the memory limit; one
 // thread reads ahead, one writes. What a pair yields depends on its own features, depth, cameras,
 // matches, the options and the seed, and on nothing else. Pairs that are done are not done again;
-// if their inputs have changed, ConfigError names the pair.
+// if their inputs have changed, ConfigError names the pair. Pairs with a row that cannot be read
+// are left out, with one Warning a row.
 VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
                                const VerificationInput& input, const SchedulerOptions& scheduler,
                                int num_threads, ProgressMonitor& monitor = NullMonitor());

@@ -15,6 +15,7 @@ namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::UnorderedElementsAre;
 
 constexpr int kNumImages = 12;
 constexpr int kNumPairs = kNumImages * (kNumImages - 1) / 2;
@@ -296,29 +297,33 @@ TEST_F(PairSchedulerTest, SeedAndMinNumMatchesMatter) {
   EXPECT_EQ(Verify(MakeDatabase("c.db"), 2, NullMonitor(), input).counts.num_tried, 0);
 }
 
-TEST_F(PairSchedulerTest, DamagedRowsAreNamed) {
-  const auto message = [&](const std::string& name, const std::function<void(Database&)>& damage) {
-    const std::string path = MakeDatabase(name);
-    {
-      Database database(path);
-      damage(database);
-    }
-    try {
-      Verify(path);
-    } catch (const IoError& error) {
-      return std::string(error.what());
-    }
-    return std::string("not noticed");
-  };
-  EXPECT_THAT(message("a.db", [](Database& db) { db.WriteKeypoints(9, std::vector<Keypoint>(5)); }),
-              HasSubstr("keypoints"));
-  EXPECT_THAT(
-      message("b.db", [](Database& db) { db.WriteDepthSamples(9, std::vector<DepthSample>(5)); }),
-      HasSubstr("image9 has 40 keypoints, but 5 depth samples"));
-  EXPECT_THAT(
-      message("c.db",
-              [](Database& db) { db.WriteMatches(ImagePairToPairId(9, 100), FeatureMatches(30)); }),
-      HasSubstr("image 100, which is not there"));
+TEST_F(PairSchedulerTest, DamagedRowsAreNamedAndTheRestGoesOn) {
+  const std::string path = MakeDatabase("a.db");
+  {
+    Database database(path);
+    database.WriteDepthSamples(9, std::vector<DepthSample>(5));
+    database.WriteMatches(ImagePairToPairId(10, 100), FeatureMatches(30));
+    database.WriteMatches(ImagePairToPairId(11, 12), FeatureMatches(30, {39, 40}));
+  }
+  RunSql(path, "UPDATE keypoints SET rows = 41 WHERE image_id = 8");
+  RunSql(path, "UPDATE matches SET rows = 1 WHERE pair_id = " +
+                   std::to_string(ImagePairToPairId(10, 11)));
+  TestMonitor monitor;
+  const VerificationReport report = Verify(path, 2, monitor);
+  EXPECT_EQ(report.stage.status, StageStatus::kWarning);
+  EXPECT_THAT(monitor.warnings(),
+              UnorderedElementsAre(
+                  HasSubstr("keypoints of image 8: 41 x 6 values need 984 bytes"),
+                  HasSubstr("40 keypoints of image9, but 5 depth samples; its depth is not used"),
+                  HasSubstr("no image 100"), HasSubstr("(images 10, 11): 1 x 2 values"),
+                  HasSubstr("matches of image11 and image12 refer to keypoints")));
+  // All pairs of image 8 that are tried, and two others.
+  const int num_left_out = 10 + 2;
+  EXPECT_EQ(report.counts.num_pairs, kNumPairs - num_left_out);
+  EXPECT_EQ(Database(path).ReadNumInliers().size(), static_cast<size_t>(kNumPairs - num_left_out));
+  // Repaired, they join.
+  RunSql(path, "UPDATE keypoints SET rows = 40 WHERE image_id = 8");
+  EXPECT_EQ(Verify(path).counts.num_pairs, 10);
 }
 
 TEST_F(PairSchedulerTest, AVerifierThatThrowsEndsTheRunAndKeepsTheDatabaseUsable) {

@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "cairn/base/error.h"
+#include "support/database_dump.h"
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
 #include "support/test_photos.h"
@@ -257,6 +258,21 @@ TEST_F(StagesTest, PairsChosenByAnotherProgramAreNotCompleted) {
   EXPECT_EQ(database_.ReadNumMatches().size(), 5u);
   Match(std::vector<image_pair_t>{ImagePairToPairId(1, 3)});  // Unless named.
   EXPECT_EQ(database_.ReadNumMatches().size(), 6u);
+}
+
+TEST_F(StagesTest, DamagedRowsAreNamedAndTheRestGoesOn) {
+  Extract();
+  for (int i = 0; i < 4; ++i) AddDepth(i);
+  RunSql(database_.path(), "UPDATE keypoints SET rows = 1 WHERE image_id = 2");
+  RunSql(database_.path(), "UPDATE descriptors SET rows = 1 WHERE image_id = 2");
+  TestMonitor monitor;
+  EXPECT_EQ(Depth(monitor).status, StageStatus::kWarning);
+  EXPECT_EQ(MatchImagePairs(database_, std::nullopt, {}, {}, 2, monitor).status,
+            StageStatus::kWarning);
+  EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("keypoints of image 2: 1 x 6 values"),
+                                              HasSubstr("descriptors of image 2: 1 x 128")));
+  EXPECT_EQ(database_.ReadNumDepthSamples().size(), 3u);
+  EXPECT_EQ(database_.ReadNumMatches().size(), 3u);
 }
 
 TEST_F(StagesTest, ChangedFeaturesAreNoticedByMatching) {
