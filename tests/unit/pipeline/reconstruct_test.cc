@@ -226,8 +226,8 @@ TEST(ReconstructScene, TwoImagesGiveAModel) {
     database.WriteImage(scene.images[id - 1]);
     database.WriteKeypoints(id, scene.keypoints.at(id));
   }
-  database.WriteTwoViewGeometry(
-      ImagePairToPairId(1, 2), TrueTwoViewGeometry(scene, 1, 2, MakeMatches(scene, 1, 2)));
+  database.WriteTwoViewGeometry(ImagePairToPairId(1, 2),
+                                TrueTwoViewGeometry(scene, 1, 2, MakeMatches(scene, 1, 2)));
   const ReconstructResult result = ReconstructScene(database, "", Settings());
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   EXPECT_EQ(result.models.at(0).images.size(), 2u);
@@ -238,8 +238,8 @@ TEST(ReasonToRefuse, KnowsCollapsedModels) {
   EXPECT_EQ(ReasonToRefuse(scene.truth), "");
   Reconstruction collapsed = scene.truth;
   for (auto& [id, image] : collapsed.images) {
-    if (id > 1) image.cam_from_world.translation = image.cam_from_world.rotation *
-                                                   Eigen::Vector3d(0, 0, 5);
+    if (id > 1)
+      image.cam_from_world.translation = image.cam_from_world.rotation * Eigen::Vector3d(0, 0, 5);
   }
   EXPECT_THAT(ReasonToRefuse(collapsed), HasSubstr("collapsed"));
   Reconstruction far = scene.truth;
