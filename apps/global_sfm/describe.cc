@@ -94,6 +94,17 @@ std::string ImageLine(const Reconstruction& reconstruction, const RegisteredImag
       num_points > 0 ? sum_px / num_points : 0.0, center.x(), center.y(), center.z());
 }
 
+// At a glance: a long list is cut.
+std::string FirstLines(const std::vector<std::string>& lines, const char* of_what) {
+  constexpr size_t kMaxLines = 50;
+  std::string text;
+  for (size_t i = 0; i < lines.size() && i < kMaxLines; ++i) text += lines[i];
+  if (lines.size() > kMaxLines) {
+    text += fmt::format("  ... and {} more {}\n", lines.size() - kMaxLines, of_what);
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string DescribeDatabase(const Database& database) {
@@ -138,14 +149,17 @@ std::string DescribeModel(const Reconstruction& reconstruction) {
   text += fmt::format("{:<18} {:.3f}\n", "track length", reconstruction.MeanTrackLength());
   text += fmt::format("{:<18} {:.4f} px\n", "reprojection error",
                       reconstruction.MeanReprojectionErrorPx());
+  std::vector<std::string> lines;
   for (const auto& [id, camera] : reconstruction.cameras) {
-    text += fmt::format("camera {:<11} {}\n", id, CameraText(camera));
+    lines.push_back(fmt::format("camera {:<11} {}\n", id, CameraText(camera)));
   }
-  std::map<std::string, image_t> by_name;
-  for (const auto& [id, image] : reconstruction.images) by_name[image.image.name] = id;
-  for (const auto& [name, id] : by_name) {
-    text += ImageLine(reconstruction, reconstruction.images.at(id));
+  text += FirstLines(lines, "cameras");
+  lines.clear();
+  for (const auto& [id, image] : reconstruction.images) {
+    lines.push_back(ImageLine(reconstruction, image));
   }
+  std::sort(lines.begin(), lines.end());  // by name
+  text += FirstLines(lines, "images");
   return text;
 }
 

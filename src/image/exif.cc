@@ -14,13 +14,24 @@
 namespace cairn {
 namespace {
 
-// Exiv2's warnings go to the error stream unless its log is muted; its XMP parser is not
-// thread-safe unless initialized before.
+// Focal lengths in units of the longer side that a photograph can have: 4 mm to 1100 mm of 35 mm
+// film.
+constexpr double kMinFocal = 0.1;
+constexpr double kMaxFocal = 30.0;
+
+// Exiv2's warnings go to the error stream unless its log is muted; its XMP parser is thread-safe
+// only with a lock.
 void InitializeExiv2() {
+  static std::recursive_mutex xmp_mutex;
   static std::once_flag once;
   std::call_once(once, [] {
     Exiv2::LogMsg::setLevel(Exiv2::LogMsg::mute);
-    Exiv2::XmpParser::initialize();
+    Exiv2::XmpParser::initialize(
+        [](void* mutex, bool lock) {
+          auto* const m = static_cast<std::recursive_mutex*>(mutex);
+          lock ? m->lock() : m->unlock();
+        },
+        &xmp_mutex);
   });
 }
 
@@ -73,6 +84,7 @@ std::optional<double> SensorLongSideMm(const Exiv2::ExifData& data) {
          std::max(*width / *x_resolution, *height / y_resolution.value_or(*x_resolution));
 }
 
+// As ReadExif says, without the check of what comes out.
 std::optional<double> FocalPx(const Exiv2::ExifData& data, int width, int height) {
   // 43.27 mm: the diagonal of 35 mm film, 36 mm x 24 mm.
   if (const auto f35 = Number(data, "Exif.Photo.FocalLengthIn35mmFilm")) {
@@ -97,6 +109,8 @@ ExifInfo ReadExif(const std::string& path, int width, int height) {
     info.camera_make = Text(data, "Exif.Image.Make");
     info.camera_model = Text(data, "Exif.Image.Model");
     info.focal_px = FocalPx(data, width, height);
+    const double relative = info.focal_px.value_or(1.0) / std::max(width, height);
+    if (info.focal_px && (relative < kMinFocal || relative > kMaxFocal)) info.focal_px.reset();
   } catch (const std::exception&) {
     return {};  // no image that Exiv2 knows, or damaged metadata: EXIF is never required
   }

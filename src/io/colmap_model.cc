@@ -60,6 +60,16 @@ void CheckTracks(const Reconstruction& r, const std::string& folder) {
   }
 }
 
+// COLMAP 4.x keeps rigs and frames beside the three files; those of the model that was replaced
+// would contradict the new one. Without them 4.x makes its own from cameras and images.
+void RemoveRigFiles(const std::string& folder, ColmapModelFormat format) {
+  const char* const extension = format == ColmapModelFormat::kBinary ? ".bin" : ".txt";
+  for (const char* name : {"rigs", "frames"}) {
+    std::error_code ignored;
+    fs::remove(fs::path(folder) / (std::string(name) + extension), ignored);
+  }
+}
+
 }  // namespace
 
 Eigen::Quaterniond UnitQuaternion(double w, double x, double y, double z) {
@@ -108,6 +118,7 @@ void WriteColmapModel(const Reconstruction& reconstruction, const std::string& f
   } else {
     WriteColmapText(reconstruction, folder);
   }
+  RemoveRigFiles(folder, format);
 }
 
 }  // namespace cairn

@@ -19,6 +19,9 @@ Reconstruction ReadModel(const std::string& path, const ReadModelOptions& option
   }
   if (IsColmapModel(path)) return ReadColmapModel(path);
   if (IsStrechaFolder(path)) return ReadStrecha(path);
+  const std::string below = path + "/sparse/0";
+  if (IsColmapModel(below))
+    throw IoError(path, "holds no model itself; did you mean " + below + "?");
   throw IoError(path,
                 "is neither a COLMAP model (cameras.bin or cameras.txt), nor a folder of .camera "
                 "files, nor a Bundler file (.out)");

@@ -15,9 +15,10 @@ struct ExifInfo {
 
 // Reads EXIF of an image that is width x height pixels. The focal length as COLMAP computes it:
 // from the 35 mm equivalent, f35 / 43.27 * sqrt(w^2 + h^2), else from the focal length in mm with
-// the sensor's size by FocalPlaneXResolution, f_mm / sensor_mm * max(w, h). An image without EXIF,
-// or with EXIF that cannot be parsed, gives an empty result; throws IoError only where the file
-// cannot be read. Prints nothing. Thread-safe.
+// the sensor's size by FocalPlaneXResolution, f_mm / sensor_mm * max(w, h). A focal
+// length that no photograph has (shorter than a tenth of the longer side, or longer than 30 of
+// them) is taken as absent. An image without EXIF, or with EXIF that cannot be parsed, gives an
+// empty result; throws IoError only where the file cannot be read. Prints nothing. Thread-safe.
 ExifInfo ReadExif(const std::string& path, int width, int height);
 
 // What WriteExif puts into a JPEG or PNG file that is there.

@@ -1,5 +1,6 @@
 #include "cairn/image/exif.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,6 +8,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/base/parallel.h"
 #include "cairn/image/bitmap.h"
 #include "support/temp_folder.h"
 
@@ -96,6 +98,32 @@ TEST(Exif, DamagedOrAbsentExifIsEmptyAndSilent) {
   }
   EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
   EXPECT_EQ(::testing::internal::GetCapturedStdout(), "");
+}
+
+TEST(Exif, FocalLengthsThatNoPhotographHasAreAbsent) {
+  const TempFolder folder;
+  const auto has_focal = [&](const char* f35) {
+    WriteJpegWithExif(folder / "a.jpg", {{"Exif.Photo.FocalLengthIn35mmFilm", f35}});
+    return ReadExif(folder / "a.jpg", 120, 80).focal_px.has_value();
+  };
+  EXPECT_FALSE(has_focal("2"));
+  EXPECT_TRUE(has_focal("8"));
+  EXPECT_TRUE(has_focal("800"));
+  EXPECT_FALSE(has_focal("65000"));
+}
+
+TEST(Exif, ThreadsReadAtTheSameTime) {
+  const TempFolder folder;
+  WriteJpegWithExif(folder / "a.jpg", {{"Exif.Photo.FocalLengthIn35mmFilm", "28"}});
+  auto image = Exiv2::ImageFactory::open(folder / "a.jpg");
+  image->readMetadata();
+  image->xmpData()["Xmp.dc.creator"] = "somebody";
+  image->writeMetadata();
+  std::vector<double> focals(64);
+  ParallelFor(8, 64, [&](int64_t i) {
+    focals[i] = ReadExif(folder / "a.jpg", 120, 80).focal_px.value_or(0);
+  });
+  EXPECT_THAT(focals, ::testing::Each(28 / 43.27 * std::hypot(120, 80)));
 }
 
 TEST(Exif, AbsentFileIsAnError) { EXPECT_THROW(ReadExif("/nowhere/a.jpg", 10, 10), IoError); }

@@ -196,6 +196,20 @@ TEST_P(ColmapModel, BrokenReconstructionsAreNotWritten) {
   EXPECT_THROW(WriteColmapModel(RandomReconstruction(3), folder / "file", GetParam()), IoError);
 }
 
+TEST(ColmapModelFiles, RigsOfTheReplacedModelGoOthersStay) {
+  const TempFolder folder;
+  for (const char* name : {"rigs.bin", "frames.bin", "rigs.txt", "notes.txt"}) {
+    WriteFileAtomically(folder / name, "");
+  }
+  WriteColmapModel(RandomReconstruction(3), folder.path());
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {
+    names.push_back(entry.path().filename().string());
+  }
+  EXPECT_THAT(names, ::testing::UnorderedElementsAre("cameras.bin", "images.bin", "points3D.bin",
+                                                     "rigs.txt", "notes.txt"));
+}
+
 TEST(ColmapBinary, LayoutByHand) {
   const TempFolder folder;
   Reconstruction r;

@@ -7,6 +7,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "cairn/io/ply.h"
 #include "cairn/io/transforms_json.h"
@@ -131,6 +132,13 @@ TEST(ReadModel, WhatIsNoModelIsNamed) {
     FAIL();
   } catch (const IoError& error) {
     EXPECT_THAT(error.reason(), HasSubstr("neither a COLMAP model"));
+  }
+  WriteColmapModel({}, folder / "sparse/0");
+  try {
+    ReadModel(folder.path());
+    FAIL();
+  } catch (const IoError& error) {
+    EXPECT_THAT(error.reason(), HasSubstr("did you mean " + (folder / "sparse/0")));
   }
 }
 
