@@ -126,13 +126,12 @@ TEST(Bitmap, DamagedHeadersAreReadOrRefused) {
   for (const char* name : {"a.jpg", "a.png"}) {
     WriteBitmap(folder / name, MakeBitmap(24, 16, 3));
     const std::string bytes = ReadFile(folder / name);
-    for (int i = 0; i < 20000; ++i) {
+    for (int i = 0; i < 5000; ++i) {
       std::string damaged = bytes;
       for (uint32_t n = 1 + rng.UniformInt(4); n > 0; --n) {
         damaged[2 + rng.UniformInt(200)] = static_cast<char>(rng.UniformInt(256));
       }
-      const ContainerInfo info = InspectContainer(damaged);
-      if (info.size) ASSERT_GE(info.size->width, INT32_MIN);
+      EXPECT_NO_THROW(InspectContainer(damaged));
     }
   }
 }

@@ -47,10 +47,10 @@ TEST(Exif, FocalFromMillimetersAndSensorSize) {
   Tags tags = {{"Exif.Photo.FocalLength", "50/2"},
                {"Exif.Photo.PixelXDimension", "3000"},
                {"Exif.Photo.PixelYDimension", "2000"},
-               {"Exif.Photo.FocalPlaneXResolution", "3000000/222"},
-               {"Exif.Photo.FocalPlaneYResolution", "2000000/148"},
+               {"Exif.Photo.FocalPlaneXResolution", "300000/222"},
+               {"Exif.Photo.FocalPlaneYResolution", "200000/148"},
                {"Exif.Photo.FocalPlaneResolutionUnit", "3"}};
-  const double sensor_cm = 3000 / (3000000.0 / 222);
+  const double sensor_cm = 3000 / (300000.0 / 222);
   const auto expect_focal = [&](double sensor_mm) {
     WriteJpegWithExif(folder / "a.jpg", tags);
     const ExifInfo info = ReadExif(folder / "a.jpg", 1000, 1500);

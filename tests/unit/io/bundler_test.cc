@@ -232,7 +232,7 @@ TEST(Bundler, BrokenFilesAreNamedWithTheLine) {
 }
 
 TEST(Bundler, EveryPrefixIsReadOrRefused) {
-  const TempFolder folder;
+  const TempFolder folder(TempFolder::Place::kMemory);
   const Reconstruction r =
       RandomReconstruction(2, {.num_images = 3, .num_points = 4, .all_camera_models = false});
   WriteBundler(r, folder / "bundle.out", folder / "list.txt");

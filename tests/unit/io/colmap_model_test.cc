@@ -103,7 +103,7 @@ TEST_P(ColmapModel, ErrorsThatAreNotFiniteAreWrittenAsUnknown) {
 }
 
 TEST_P(ColmapModel, EveryTruncatedFileIsAnErrorOrASmallerText) {
-  const TempFolder folder;
+  const TempFolder folder(TempFolder::Place::kMemory);
   WriteColmapModel(RandomReconstruction(3, {.num_images = 2, .num_points = 2}), folder.path(),
                    GetParam());
   for (const std::string& name : Names(GetParam())) {
@@ -130,7 +130,7 @@ TEST_P(ColmapModel, EveryTruncatedFileIsAnErrorOrASmallerText) {
 }
 
 TEST_P(ColmapModel, DamagedBytesNeverCrashOrAskForMuchMemory) {
-  const TempFolder folder;
+  const TempFolder folder(TempFolder::Place::kMemory);
   WriteColmapModel(RandomReconstruction(3, {.num_images = 2, .num_points = 2}), folder.path(),
                    GetParam());
   Rng rng(5);
