@@ -57,32 +57,30 @@ double Reconstruction::MeanTrackLength() const {
              : static_cast<double>(NumObservations()) / static_cast<double>(points3D.size());
 }
 
+double Reconstruction::PointErrorPx(const Point3D& point) const {
+  double sum = 0;
+  for (const TrackElement& element : point.track) {
+    const RegisteredImage& image = images.at(element.image_id);
+    sum += ReprojectionErrorPx(CameraOf(image), image.cam_from_world, point.xyz,
+                               image.points2D[element.point2D]);
+  }
+  return sum / static_cast<double>(point.track.size());
+}
+
 double Reconstruction::MeanReprojectionErrorPx() const {
   double sum = 0;
   int64_t n = 0;
   for (const auto& [id, point] : points3D) {
-    for (const TrackElement& element : point.track) {
-      const RegisteredImage& image = images.at(element.image_id);
-      const double error = ReprojectionErrorPx(CameraOf(image), image.cam_from_world, point.xyz,
-                                               image.points2D[element.point2D]);
-      if (error == std::numeric_limits<double>::infinity()) continue;
-      sum += error;
-      ++n;
-    }
+    const double error = PointErrorPx(point);
+    if (error == std::numeric_limits<double>::infinity()) continue;
+    sum += error;
+    ++n;
   }
   return n == 0 ? 0.0 : sum / static_cast<double>(n);
 }
 
 void Reconstruction::UpdatePointErrors() {
-  for (auto& [id, point] : points3D) {
-    double sum = 0;
-    for (const TrackElement& element : point.track) {
-      const RegisteredImage& image = images.at(element.image_id);
-      sum += ReprojectionErrorPx(CameraOf(image), image.cam_from_world, point.xyz,
-                                 image.points2D[element.point2D]);
-    }
-    point.error_px = sum / static_cast<double>(point.track.size());
-  }
+  for (auto& [id, point] : points3D) point.error_px = PointErrorPx(point);
 }
 
 void Reconstruction::Transform(const Sim3d& new_from_old_world) {
@@ -110,7 +108,7 @@ void Reconstruction::CheckConsistency() const {
     CAIRN_CHECK(point.xyz.allFinite());
     CAIRN_CHECK_GE(point.track.size(), size_t{2});
     for (size_t i = 1; i < point.track.size(); ++i) {
-      CAIRN_CHECK_LT(point.track[i - 1].image_id, point.track[i].image_id);
+      CAIRN_CHECK(point.track[i - 1] < point.track[i]);
     }
     for (const TrackElement& element : point.track) {
       CAIRN_CHECK_EQ(images.at(element.image_id).point3D_ids.at(element.point2D), id);

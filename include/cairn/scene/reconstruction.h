@@ -22,7 +22,8 @@ struct TrackElement {
   auto operator<=>(const TrackElement&) const = default;
 };
 
-// Keypoints that show the same scene point, sorted, at most one an image.
+// Keypoints that show the same scene point, sorted and distinct. cairn makes tracks with at most
+// one an image; models of others may have several.
 using Track = std::vector<TrackElement>;
 
 struct Point3D {
@@ -60,13 +61,17 @@ struct Reconstruction {
 
   int64_t NumObservations() const;
   double MeanTrackLength() const;
-  double MeanReprojectionErrorPx()
-      const;  // over observations; recomputed, points behind a camera skipped
+  // Mean reprojection error of a point's observations; infinite if one camera does not have it in
+  // front.
+  double PointErrorPx(const Point3D& point) const;
+  // Mean over the points of their errors, as COLMAP's model_analyzer states it; points with an
+  // infinite error are left out.
+  double MeanReprojectionErrorPx() const;
   // Recomputes error_px of every point.
   void UpdatePointErrors();
   // Applies new_from_old_world to every pose and point.
   void Transform(const Sim3d& new_from_old_world);
-  // Points refer to observations that refer back, tracks are sorted with one keypoint an image,
+  // Points refer to observations that refer back, tracks are sorted and distinct,
   // poses and points are finite, cameras exist. Throws BugError.
   void CheckConsistency() const;
 };

@@ -72,7 +72,7 @@ TEST(Reconstruction, RemoveObservationDropsShortTracks) {
   EXPECT_EQ(NumReferences(r), 0);
 }
 
-TEST(Reconstruction, ErrorsAreMeansOverObservations) {
+TEST(Reconstruction, ErrorsAreMeansOverObservationsThenOverPoints) {
   Reconstruction r = MakeSmall();
   r.UpdatePointErrors();
   double sum = 0;
@@ -85,9 +85,9 @@ TEST(Reconstruction, ErrorsAreMeansOverObservations) {
           (r.CameraOf(image).ImgFromCam(x.hnormalized()) - image.points2D[e.point2D]).norm();
     }
     EXPECT_NEAR(point.error_px * point.track.size(), expected, 1e-9);
-    sum += expected;
+    sum += point.error_px;
   }
-  EXPECT_NEAR(r.MeanReprojectionErrorPx(), sum / r.NumObservations(), 1e-12);
+  EXPECT_NEAR(r.MeanReprojectionErrorPx(), sum / static_cast<double>(r.points3D.size()), 1e-12);
 }
 
 TEST(Reconstruction, BehindTheCameraIsInfinite) {
