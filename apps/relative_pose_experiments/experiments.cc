@@ -2,14 +2,12 @@
 
 #include <iterator>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "cairn/base/file.h"
 #include "relative_pose_experiments/complexity.h"
 #include "relative_pose_experiments/errata.h"
 #include "relative_pose_experiments/noise.h"
 #include "relative_pose_experiments/real_pairs.h"
-#include "relative_pose_experiments/reconstruction_table.h"
 #include "relative_pose_experiments/stability.h"
 
 namespace cairn::experiments {
@@ -17,13 +15,6 @@ namespace {
 
 void Append(std::vector<FigureCheck> added, std::vector<FigureCheck>* checks) {
   std::move(added.begin(), added.end(), std::back_inserter(*checks));
-}
-
-std::vector<std::string> SplitAtCommas(const std::string& text) {
-  std::vector<std::string> parts;
-  std::istringstream stream(text);
-  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
-  return parts;
 }
 
 void WriteChecks(const std::vector<FigureCheck>& checks, const std::string& path) {
@@ -39,37 +30,24 @@ void WriteChecks(const std::vector<FigureCheck>& checks, const std::string& path
 }
 
 // Tables are named by scene and depth source, so that runs can share a folder.
-std::string TablePrefix(const ExperimentOptions& options, const RealDataOptions& data) {
-  return options.output_path + "/" + data.scene + "." + data.depth_name;
-}
-
-void RunPairExperiment(const ExperimentOptions& options, const RealExperimentOptions& real,
-                       ProgressMonitor& monitor) {
+std::vector<FigureCheck> RunOnPhotographs(const ExperimentOptions& options,
+                                          const RealExperimentOptions& real,
+                                          ProgressMonitor& monitor) {
   const RealScene scene =
       LoadRealScene(real.data, real.depth, real.verification.min_num_matches, monitor);
-  const std::string prefix = TablePrefix(options, real.data);
+  const std::string prefix =
+      options.output_path + "/" + real.data.scene + "." + real.data.depth_name;
+  CreateFolders(options.output_path);
   const SingleReport single = RunSingleCorrespondences(scene, options.num_threads);
   SingleSummaryTable(single, real.data).Write(prefix + ".single.csv");
   SingleDistributionTable(single, real.data).Write(prefix + ".single_distribution.csv");
   const auto results =
       RunRealPairs(scene, real.verification, static_cast<uint64_t>(options.seed), monitor);
-  if (monitor.StopRequested()) return;
+  if (monitor.StopRequested()) return {};
   PairTable(results, real.data).Write(prefix + ".pairs.csv");
   PairSummaryTable(results, real.data).Write(prefix + ".pairs_summary.csv");
   PairTimeTable(results, real.data).Write(prefix + ".pair_timings.csv");
-}
-
-void RunReconstructionExperiment(const ExperimentOptions& options,
-                                 const RealExperimentOptions& real, ProgressMonitor& monitor) {
-  const auto results = RunReconstructions(
-      real.data, real.depth, real.verification, SplitAtCommas(options.verifiers),
-      options.output_path, static_cast<uint64_t>(options.seed), options.num_threads, monitor);
-  for (const ReconstructionResult& result : results) {
-    if (!result.failure.empty()) monitor.Warning(result.verifier + ": " + result.failure);
-  }
-  const std::string prefix = TablePrefix(options, real.data);
-  ReconstructionTable(results, real.data).Write(prefix + ".reconstruction.csv");
-  ReconstructionTimeTable(results, real.data).Write(prefix + ".reconstruction_timings.csv");
+  return {};
 }
 
 }  // namespace
@@ -77,6 +55,8 @@ void RunReconstructionExperiment(const ExperimentOptions& options,
 std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
                                         const RealExperimentOptions& real,
                                         ProgressMonitor& monitor) {
+  if (options.experiment == "real_pairs") return RunOnPhotographs(options, real, monitor);
+
   const auto wanted = [&](const char* name) {
     return (options.experiment == name || options.experiment == "synthetic") &&
            !monitor.StopRequested();
@@ -85,8 +65,6 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
   const auto seed = static_cast<uint64_t>(options.seed);
   CreateFolders(options.output_path);
   std::vector<FigureCheck> checks;
-  if (options.experiment == "real_pairs") RunPairExperiment(options, real, monitor);
-  if (options.experiment == "reconstruction") RunReconstructionExperiment(options, real, monitor);
 
   if (wanted("errata")) {
     const ErrataReport report = RunErrata(seed, 2000, options.num_threads);
@@ -125,7 +103,7 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
       Append(Checks(report), &checks);
     }
   }
-  if (!checks.empty()) WriteChecks(checks, path("checks.json"));
+  WriteChecks(checks, path("checks.json"));
   return checks;
 }
 

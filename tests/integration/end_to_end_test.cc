@@ -1,0 +1,106 @@
+// The whole road through the programs: rendered photographs with distractors, to a model near the
+// truth.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "cairn/base/file.h"
+#include "cairn/io/colmap_model.h"
+#include "integration/scene_files.h"
+
+namespace cairn {
+namespace {
+
+using testing::ProgramResult;
+using testing::RunProgram;
+using testing::SceneFiles;
+
+ProgramResult Reconstruct(const SceneFiles& scene, const std::string& output,
+                          const std::vector<std::string>& others = {}) {
+  std::vector<std::string> arguments = {"reconstruct",  "--database_path", scene.database(),
+                                        "--image_path", scene.images(),    "--output_path",
+                                        output};
+  arguments.insert(arguments.end(), others.begin(), others.end());
+  return RunProgram("global_sfm", arguments);
+}
+
+nlohmann::json Evaluate(const std::string& model, const std::string& json_path) {
+  const ProgramResult result =
+      RunProgram("global_sfm", {"evaluate", "--model_path", model, "--reference_path",
+                                SceneFiles::truth(), "--output_path", json_path});
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  return nlohmann::json::parse(ReadFile(json_path));
+}
+
+TEST(EndToEnd, TheModelIsNearTheTruthAndHasNoDistractor) {
+  const SceneFiles scene;
+  const std::string output = scene / "out";
+  const ProgramResult result = Reconstruct(scene, output);
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  for (const std::string file :
+       {"sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin", "bundle.out",
+        "list.txt", "points.ply", "report.json", "effective.toml"}) {
+    EXPECT_TRUE(std::filesystem::exists(output + "/" + file)) << file;
+  }
+  const Reconstruction model = ReadColmapModel(output + "/sparse/0");
+  model.CheckConsistency();
+  EXPECT_EQ(model.images.size(), 8u);
+  for (const auto& [id, image] : model.images) {
+    EXPECT_EQ(image.image.name.rfind("image", 0), 0u) << image.image.name << " is a distractor";
+  }
+  EXPECT_GT(model.points3D.size(), 500u);
+  EXPECT_LT(model.MeanReprojectionErrorPx(), 1.0);
+  const auto gray = [](const Point3D& p) { return p.color[0] == 0 && p.color[1] == 0; };
+  int num_black = 0;
+  for (const auto& [id, point] : model.points3D) num_black += gray(point);
+  EXPECT_LT(num_black, 0.1 * model.points3D.size()) << "points have the photographs' colours";
+
+  const nlohmann::json figures = Evaluate(output + "/sparse/0", scene / "figures.json");
+  std::cout << figures.dump(1) << std::endl;
+}
+
+TEST(EndToEnd, OneThreadGivesTheSameBytesTwice) {
+  const SceneFiles scene;
+  for (const std::string run : {"a", "b"}) {
+    const ProgramResult result = Reconstruct(scene, scene / run, {"--num_threads", "1"});
+    ASSERT_EQ(result.exit_code, 0) << result.output;
+  }
+  for (const std::string file : {"cameras.bin", "images.bin", "points3D.bin"}) {
+    EXPECT_TRUE(ReadFile(scene / ("a/sparse/0/" + file)) ==
+                ReadFile(scene / ("b/sparse/0/" + file)))
+        << file;
+  }
+}
+
+TEST(EndToEnd, ExportWritesEveryType) {
+  const SceneFiles scene;
+  ASSERT_EQ(Reconstruct(scene, scene / "out").exit_code, 0);
+  for (const std::string type : {"colmap_bin", "colmap_txt", "bundler", "ply"}) {
+    const std::string path = scene / ("export_" + type + (type == "ply" ? ".ply" : ""));
+    const ProgramResult result =
+        RunProgram("global_sfm", {"export", "--model_path", scene / "out/sparse/0", "--output_path",
+                                  path, "--output_type", type});
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    EXPECT_TRUE(std::filesystem::exists(path));
+  }
+  const Reconstruction binary = ReadColmapModel(scene / "out/sparse/0");
+  const Reconstruction text = ReadColmapModel(scene / "export_colmap_txt");
+  EXPECT_EQ(binary.images.size(), text.images.size());
+  EXPECT_EQ(binary.points3D.size(), text.points3D.size());
+}
+
+TEST(EndToEnd, NothingToReconstructIsExitCodeOne) {
+  const SceneFiles scene;
+  const std::string database = scene / "features.db";
+  ASSERT_EQ(scene.BuildViewGraph(database, {"--stop_after", "features"}).exit_code, 0);
+  const ProgramResult result =
+      RunProgram("global_sfm", {"reconstruct", "--database_path", database, "--image_path",
+                                scene.images(), "--output_path", scene / "out"});
+  EXPECT_EQ(result.exit_code, 1) << result.output;
+  EXPECT_FALSE(std::filesystem::exists(scene / "out/sparse/0/images.bin"));
+}
+
+}  // namespace
+}  // namespace cairn
