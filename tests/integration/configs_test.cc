@@ -1,10 +1,8 @@
-// The presets in configs/ hold known keys and valid values, and default.toml holds the defaults.
+// The presets in configs/ hold known keys and valid values.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <filesystem>
 
-#include "cairn/base/file.h"
 #include "integration/scene_files.h"
 
 namespace cairn {
@@ -28,26 +26,6 @@ TEST(Configs, EveryPresetIsAccepted) {
     ++num_presets;
   }
   EXPECT_GE(num_presets, 3);
-}
-
-// When an option is added or a default changed: CAIRN_UPDATE_CONFIGS=1 ctest --test-dir build -R
-// Configs
-TEST(Configs, DefaultTomlHoldsTheDefaults) {
-  const SceneFiles scene;
-  std::filesystem::create_directory(scene / "one");
-  std::filesystem::copy(scene / "images/image00001.jpg", scene / "one");
-  const std::string database = scene / "new.db";
-  const ProgramResult result = testing::RunProgram(
-      "build_view_graph",
-      {"--image_path", scene / "one", "--database_path", database, "--stop_after", "features"});
-  ASSERT_EQ(result.exit_code, 0) << result.output;
-  const std::string effective = ReadFile(database + ".effective.toml");
-  const std::string expected =
-      "# build_view_graph: every option of its modules, at its default.\n" +
-      effective.substr(effective.find("[features]"));
-  const std::string path = CAIRN_SOURCE_DIR "/configs/default.toml";
-  if (std::getenv("CAIRN_UPDATE_CONFIGS") != nullptr) WriteFileAtomically(path, expected);
-  EXPECT_EQ(ReadFile(path), expected);
 }
 
 }  // namespace
