@@ -21,7 +21,8 @@ struct ReconstructFlags {
 
   void VisitFields(OptionVisitor& v) {
     v.String("database_path", database_path, "database with verified pairs");
-    v.String("image_path", image_path, "folder of the photographs, for colors");
+    v.String("image_path", image_path,
+             "folder of the photographs, for colors; without, points are black");
     v.String("output_path", output_path, "folder for the results, made if absent");
     v.Bool("refine_intrinsics", refine_intrinsics,
            "refine focal lengths and distortions; not given: 0 for cameras given by "
@@ -38,7 +39,7 @@ struct State {
 };
 
 int Run(const Command& command, State& state) {
-  for (const char* key : {"database_path", "image_path", "output_path"}) command.Require(key);
+  for (const char* key : {"database_path", "output_path"}) command.Require(key);
   const ReconstructFlags& flags = state.flags;
   ReconstructSettings& settings = state.settings;
   settings.seed = static_cast<uint64_t>(flags.seed);

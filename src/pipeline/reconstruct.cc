@@ -14,7 +14,9 @@ ViewGraphResult BuildGraph(const SceneData& scene, const ReconstructSettings& se
   Stage stage(report, monitor, "view_graph");
   std::vector<image_t> image_ids;
   for (const auto& [id, pixels] : scene.pixels) image_ids.push_back(id);
-  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, settings.view_graph, monitor);
+  ViewGraphBuilderOptions options = settings.view_graph;
+  if (scene.poses_imported) options.min_num_inliers = options.min_bridge_inliers = 0;
+  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, options, monitor);
   stage.Add("edges_in", result.report.num_edges);
   stage.Add("edges_out", result.report.num_active_edges);
   for (const auto& [reason, count] : result.report.num_removed) {
@@ -67,6 +69,11 @@ std::optional<Reconstruction> BuildModel(StageContext& context, std::span<const 
   const auto initial = AverageComponent(context, component, graph);
   if (!initial) return std::nullopt;
   Reconstruction model = MakeReconstruction(context.scene, initial->cam_from_world);
+  if (context.scene.poses_alone) {
+    ReportAgreement(context, model);
+    NormalizeFrame(model);
+    return model;
+  }
   RefineModel(context, initial->tracks, true, model);
   if (context.settings.reconstruct.register_left_out &&
       RegisterLeftOut(context, model, graph) > 0) {
@@ -145,7 +152,9 @@ ReconstructResult ReconstructScene(const Database& database, const std::string& 
     context.model = static_cast<int>(result.models.size());
     std::optional<Reconstruction> model = BuildModel(context, component, image_path, graph.graph);
     if (model) {
-      if (options.colors) ColorPoints(context, image_path, *model);
+      if (options.colors && !image_path.empty() && !model->points3D.empty()) {
+        ColorPoints(context, image_path, *model);
+      }
       for (const auto& [id, image] : model->images) context.taken.insert(id);
       result.models.push_back(std::move(*model));
     } else if (!is_first) {

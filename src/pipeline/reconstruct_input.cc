@@ -4,6 +4,7 @@
 #include "cairn/base/error.h"
 #include "cairn/pipeline/view_edges.h"
 #include "pipeline/reconstruct_stages.h"
+#include "pipeline/stage_names.h"
 
 namespace cairn {
 namespace {
@@ -94,10 +95,16 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
                      first_keypoint.at(edge.image_id2));
     num_matches += static_cast<int64_t>(matches.size());
     scene.matches[edge.PairId()] = std::move(matches);
+    scene.poses_imported |= edge.verifier == kImportedVerifier;
     if (edge.verifier.empty()) foreign[edge.PairId()] = std::move(geometry);
     scene.edges.push_back(std::move(edge));
   }
-  ImproveRelativePoses(foreign, settings.num_threads, scene);
+  scene.poses_alone = scene.poses_imported && num_matches == 0;
+  if (scene.poses_alone) {
+    stage.Note("the pairs have poses and no matches: only poses are averaged, there are no points");
+  } else {
+    ImproveRelativePoses(foreign, settings.num_threads, scene);
+  }
 
   for (const auto& [id, camera] : scene.cameras) scene.held_cameras.insert(id);
   if (settings.refine_intrinsics) {

@@ -23,6 +23,10 @@ struct SceneData {
   std::map<image_pair_t, FeatureMatches> matches;
   std::set<camera_t> held_cameras;  // intrinsics are not refined
   std::set<image_t> bad_images;     // without a camera or keypoints that can be read
+  // The relative poses are those of a 1DSfM data set, whose inliers nobody counted; without tracks,
+  // they come without a single match, and no point can be had.
+  bool poses_imported = false;
+  bool poses_alone = false;
 };
 
 // What every stage needs beside its data. One a run.
@@ -90,6 +94,10 @@ Reconstruction MakeReconstruction(const SceneData& scene,
 // Triangulation, bundle adjustment and filtering from coarse to fine.
 void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
                  Reconstruction& model);
+
+// reconstruct_poses_alone.cc
+// How far all relative poses, those that were filtered out among them, agree with the model.
+void ReportAgreement(StageContext& context, const Reconstruction& model);
 
 // reconstruct_registration.cc
 // Poses for images that are in no model yet, from the points; activates the edges that

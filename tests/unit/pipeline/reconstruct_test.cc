@@ -10,6 +10,7 @@
 #include "cairn/io/colmap_model.h"
 #include "cairn/synthetic/scene.h"
 #include "pipeline/reconstruct_stages.h"
+#include "pipeline/stage_names.h"
 #include "support/synthetic_reconstruction.h"
 
 namespace cairn {
@@ -213,6 +214,45 @@ TEST(ReconstructScene, SaysWhatIsMissing) {
   settings.view_graph.min_num_inliers = 100000;
   EXPECT_THAT(ReconstructScene(MakeDatabase(scene), "", settings).report.failure,
               HasSubstr("view_graph: "));
+}
+
+// As a 1DSfM data set without photographs and tracks; a twentieth of the poses is wrong.
+TEST(ReconstructScene, PosesWithoutMatchesGiveCamerasAlone) {
+  SceneOptions options = SmallScene();
+  options.num_images = 12;
+  const SyntheticScene scene = MakeScene(options, 10);
+  const Database full = MakeDatabase(scene);
+  Database database(":memory:");
+  for (const auto& [id, camera] : scene.cameras) database.WriteCamera(camera);
+  for (const Image& image : scene.images) database.WriteImage(image);
+  int num_pairs = 0;
+  for (const image_pair_t pair_id : full.ReadTwoViewGeometryPairIds()) {
+    TwoViewGeometry geometry = full.ReadTwoViewGeometry(pair_id).value();
+    geometry.inlier_matches.clear();
+    if (++num_pairs % 20 == 0) {
+      geometry.cam2_from_cam1->rotation = Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitX());
+    }
+    database.WriteTwoViewGeometry(pair_id, geometry);
+    PairMetrics metrics;
+    metrics.pair_id = pair_id;
+    metrics.verifier = metrics.step = kImportedVerifier;
+    metrics.is_winner = true;
+    database.WritePairMetrics(metrics);
+  }
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << ToJson(result.report);
+  const Reconstruction& model = result.models.at(0);
+  EXPECT_EQ(model.images.size(), 12u);
+  EXPECT_TRUE(model.points3D.empty());
+  const auto difference = testing_support::CompareAligned(model, scene.truth);
+  EXPECT_LT(difference.center, 1e-2 * Extent(scene.truth));
+  EXPECT_LT(difference.angle, 1e-2);
+  const StageReport* agreement = FindStage(result.report, "agreement");
+  ASSERT_NE(agreement, nullptr);
+  EXPECT_EQ(Value(*agreement, "pairs"), num_pairs);
+  const double share_right = 1.0 - num_pairs / 20 / static_cast<double>(num_pairs);
+  EXPECT_NEAR(Value(*agreement, "rotation_within_5_deg"), share_right, 1e-9);
+  EXPECT_EQ(FindStage(result.report, "triangulation"), nullptr);
 }
 
 TEST(ReconstructScene, TwoImagesGiveAModel) {
