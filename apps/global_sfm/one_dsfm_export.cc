@@ -1,6 +1,8 @@
 #include "global_sfm/one_dsfm_export.h"
 
 #include <algorithm>
+#include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -9,6 +11,7 @@
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
 #include "cairn/image/bitmap.h"
+#include "cairn/image/exif.h"
 #include "cairn/image/resample.h"
 #include "cairn/io/bundler.h"
 #include "cairn/io/one_dsfm_writer.h"
@@ -17,6 +20,7 @@ namespace cairn {
 namespace {
 
 constexpr int kJpegQuality = 98;  // features are detected again
+constexpr double kDiagonal35Mm = 43.27;
 
 // An image of the list: index = position in it.
 struct Entry {
@@ -27,6 +31,12 @@ struct Entry {
   std::vector<std::optional<Eigen::Vector2d>> pixels;  // the same after resampling
   std::vector<std::array<uint8_t, 3>> colors;          // by key; empty without a photograph
 };
+
+std::string LowerCase(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
 
 std::vector<Entry> MakeEntries(const Reconstruction& model, const Database& database,
                                const std::string& output_path) {
@@ -69,6 +79,25 @@ void PlaceKeys(const Database& database, Entry* entry) {
   }
 }
 
+// Photographs of one camera say so by equal make and model, as build_view_graph expects: those of
+// the source where it has them.
+void WriteCameraTags(const Entry& entry, const std::string& source_path, bool is_copy,
+                     const std::string& path) {
+  const std::string extension = LowerCase(std::filesystem::path(path).extension().string());
+  if (extension != ".jpg" && extension != ".jpeg" && extension != ".png") return;
+  if (!entry.target.has_prior_focal_length) return;
+  const ExifInfo exif = ReadExif(source_path, entry.source.width, entry.source.height);
+  const bool is_known = !exif.camera_make.empty() && !exif.camera_model.empty();
+  if (is_copy && is_known) return;
+  ExifTags tags;
+  tags.focal_length_35mm = static_cast<int>(
+      std::lround(entry.target.MeanFocal() / entry.target.DiagonalPx() * kDiagonal35Mm));
+  tags.camera_make = is_known ? exif.camera_make : "cairn";
+  tags.camera_model =
+      is_known ? exif.camera_model : "camera " + std::to_string(entry.source.camera_id);
+  WriteExif(path, tags);
+}
+
 enum class PhotoOutcome { kMissing, kCopied, kResampled };
 
 PhotoOutcome WritePhotograph(const std::string& source_path, const std::string& target_path,
@@ -87,9 +116,11 @@ PhotoOutcome WritePhotograph(const std::string& source_path, const std::string& 
   CreateFolders(std::filesystem::path(target_path).parent_path().string());
   if (resampled.data == bitmap.data) {
     WriteFileAtomically(target_path, ReadFile(source_path));
+    WriteCameraTags(*entry, source_path, true, target_path);
     return PhotoOutcome::kCopied;
   }
   WriteBitmap(target_path, resampled, kJpegQuality);
+  WriteCameraTags(*entry, source_path, false, target_path);
   return PhotoOutcome::kResampled;
 }
 

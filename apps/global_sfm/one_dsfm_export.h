@@ -26,9 +26,10 @@ struct OneDsfmExportReport {
 //
 // The format holds one focal length a camera and a central principal point. So each image becomes
 // one of a SIMPLE_PINHOLE camera (image/resample.h), keypoints move along, and what cannot be
-// expressed (a key where the distortion has no inverse) is left out. Model and database meet by the
-// images' names. Throws IoError: a model image that the database does not have, a name with a
-// blank, a folder that cannot be written.
+// expressed (a key where the distortion has no inverse) is left out. The list knows no shared
+// cameras, so resampled photographs of one camera get equal EXIF make and model. Model and database
+// meet by the images' names. Throws IoError: a model image that the database does not have, a name
+// with a blank, a folder that cannot be written.
 OneDsfmExportReport ExportOneDsfm(const Reconstruction& model, const Database& database,
                                   const std::string& image_path, const std::string& output_path,
                                   int num_threads, ProgressMonitor& monitor);

@@ -2,12 +2,14 @@
 
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "cairn/base/file.h"
 #include "relative_pose_experiments/complexity.h"
 #include "relative_pose_experiments/errata.h"
 #include "relative_pose_experiments/noise.h"
 #include "relative_pose_experiments/real_pairs.h"
+#include "relative_pose_experiments/reconstruction_table.h"
 #include "relative_pose_experiments/stability.h"
 
 namespace cairn::experiments {
@@ -15,6 +17,13 @@ namespace {
 
 void Append(std::vector<FigureCheck> added, std::vector<FigureCheck>* checks) {
   std::move(added.begin(), added.end(), std::back_inserter(*checks));
+}
+
+std::vector<std::string> SplitAtCommas(const std::string& text) {
+  std::vector<std::string> parts;
+  std::istringstream stream(text);
+  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
+  return parts;
 }
 
 void WriteChecks(const std::vector<FigureCheck>& checks, const std::string& path) {
@@ -30,24 +39,37 @@ void WriteChecks(const std::vector<FigureCheck>& checks, const std::string& path
 }
 
 // Tables are named by scene and depth source, so that runs can share a folder.
-std::vector<FigureCheck> RunOnPhotographs(const ExperimentOptions& options,
-                                          const RealExperimentOptions& real,
-                                          ProgressMonitor& monitor) {
+std::string TablePrefix(const ExperimentOptions& options, const RealDataOptions& data) {
+  return options.output_path + "/" + data.scene + "." + data.depth_name;
+}
+
+void RunPairExperiment(const ExperimentOptions& options, const RealExperimentOptions& real,
+                       ProgressMonitor& monitor) {
   const RealScene scene =
       LoadRealScene(real.data, real.depth, real.verification.min_num_matches, monitor);
-  const std::string prefix =
-      options.output_path + "/" + real.data.scene + "." + real.data.depth_name;
-  CreateFolders(options.output_path);
+  const std::string prefix = TablePrefix(options, real.data);
   const SingleReport single = RunSingleCorrespondences(scene, options.num_threads);
   SingleSummaryTable(single, real.data).Write(prefix + ".single.csv");
   SingleDistributionTable(single, real.data).Write(prefix + ".single_distribution.csv");
   const auto results =
       RunRealPairs(scene, real.verification, static_cast<uint64_t>(options.seed), monitor);
-  if (monitor.StopRequested()) return {};
+  if (monitor.StopRequested()) return;
   PairTable(results, real.data).Write(prefix + ".pairs.csv");
   PairSummaryTable(results, real.data).Write(prefix + ".pairs_summary.csv");
   PairTimeTable(results, real.data).Write(prefix + ".pair_timings.csv");
-  return {};
+}
+
+void RunReconstructionExperiment(const ExperimentOptions& options,
+                                 const RealExperimentOptions& real, ProgressMonitor& monitor) {
+  const auto results = RunReconstructions(
+      real.data, real.depth, real.verification, SplitAtCommas(options.verifiers),
+      options.output_path, static_cast<uint64_t>(options.seed), options.num_threads, monitor);
+  for (const ReconstructionResult& result : results) {
+    if (!result.failure.empty()) monitor.Warning(result.verifier + ": " + result.failure);
+  }
+  const std::string prefix = TablePrefix(options, real.data);
+  ReconstructionTable(results, real.data).Write(prefix + ".reconstruction.csv");
+  ReconstructionTimeTable(results, real.data).Write(prefix + ".reconstruction_timings.csv");
 }
 
 }  // namespace
@@ -55,8 +77,6 @@ std::vector<FigureCheck> RunOnPhotographs(const ExperimentOptions& options,
 std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
                                         const RealExperimentOptions& real,
                                         ProgressMonitor& monitor) {
-  if (options.experiment == "real_pairs") return RunOnPhotographs(options, real, monitor);
-
   const auto wanted = [&](const char* name) {
     return (options.experiment == name || options.experiment == "synthetic") &&
            !monitor.StopRequested();
@@ -65,6 +85,8 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
   const auto seed = static_cast<uint64_t>(options.seed);
   CreateFolders(options.output_path);
   std::vector<FigureCheck> checks;
+  if (options.experiment == "real_pairs") RunPairExperiment(options, real, monitor);
+  if (options.experiment == "reconstruction") RunReconstructionExperiment(options, real, monitor);
 
   if (wanted("errata")) {
     const ErrataReport report = RunErrata(seed, 2000, options.num_threads);
@@ -103,7 +125,7 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
       Append(Checks(report), &checks);
     }
   }
-  WriteChecks(checks, path("checks.json"));
+  if (!checks.empty()) WriteChecks(checks, path("checks.json"));
   return checks;
 }
 

@@ -18,19 +18,23 @@ struct ExperimentOptions {
   bool quick = false;
   int seed = 0;
   int num_threads = -1;
+  std::string verifiers = "one_ac_depth,five_point,both";
 
   void VisitFields(OptionVisitor& v) {
     v.String("output_path", output_path, "folder for the tables (CSV) and checks.json");
     v.Choice("experiment", experiment,
-             {"synthetic", "errata", "complexity", "timings", "stability", "noise", "real_pairs"},
+             {"synthetic", "errata", "complexity", "timings", "stability", "noise", "real_pairs",
+              "reconstruction"},
              "one experiment, or all that need no photographs");
     v.Bool("quick", quick, "fewer instances: under two minutes");
     v.Int("seed", seed, {0, 1e9}, "seed of all random numbers");
     v.Int("num_threads", num_threads, {-1, 1024}, "threads; -1: all");
+    v.String("verifiers", verifiers,
+             "experiment reconstruction: verifiers to compare, with commas between them");
   }
 };
 
-// What the experiments on photographs (real_pairs) work on.
+// What the experiments on photographs (real_pairs, reconstruction) work on.
 struct RealExperimentOptions {
   RealDataOptions data;
   DepthOptions depth;

@@ -17,7 +17,7 @@ struct PairResult {
   RelativeErrors errors = {};
   int num_inliers = 0;
   int64_t num_iterations = 0;
-  double ms = 0;
+  double ms = 0;  // the least of three runs
 };
 
 // "1AC+D" and "5PT" are the paper's comparison (paper_estimator.h); the others are cairn's

@@ -69,9 +69,13 @@ class Reference {
   std::set<image_pair_t> connected_;
 };
 
+bool HasDepthSource(const RealDataOptions& options) {
+  return !options.depth_path.empty() || !options.depth_model.empty();
+}
+
 void SampleDepths(const RealDataOptions& options, const DepthOptions& depth_options,
                   ProgressMonitor& monitor, std::map<image_t, RealImage>* images) {
-  if (options.depth_path.empty() && options.depth_model.empty()) return;
+  if (!HasDepthSource(options)) return;
   std::unique_ptr<DepthNetwork> network;
   if (!options.depth_model.empty()) {
     network = std::make_unique<DepthNetwork>(options.depth_model, depth_options);
@@ -98,14 +102,18 @@ void SampleDepths(const RealDataOptions& options, const DepthOptions& depth_opti
   monitor.EndStage();
 }
 
-std::map<image_t, RealImage> ReadRealImages(const Database& database) {
+std::map<image_t, RealImage> ReadRealImages(const Database& database, bool read_depth) {
   std::map<camera_t, Camera> cameras;
   for (const Camera& camera : database.ReadCameras()) cameras[camera.camera_id] = camera;
   std::map<image_t, RealImage> images;
   for (const Image& image : database.ReadImages()) {
     auto keypoints = database.ReadKeypoints(image.image_id);
     if (!keypoints) continue;
-    images[image.image_id] = {image.name, cameras.at(image.camera_id), std::move(*keypoints), {}};
+    RealImage& out = images[image.image_id];
+    out = {image.name, cameras.at(image.camera_id), std::move(*keypoints), {}};
+    if (read_depth) {
+      out.depth = database.ReadDepthSamples(image.image_id).value_or(std::vector<DepthSample>());
+    }
   }
   return images;
 }
@@ -121,7 +129,7 @@ RealScene LoadRealScene(const RealDataOptions& options, const DepthOptions& dept
   }
   const Database database(options.database_path, Database::Mode::kReadOnly);
   RealScene scene;
-  scene.images = ReadRealImages(database);
+  scene.images = ReadRealImages(database, !HasDepthSource(options));
   const Reference reference(options.reference_path, scene.images);
   const std::vector<image_pair_t> pair_ids =
       options.pairs_path.empty() ? database.ReadMatchedPairIds()

@@ -60,9 +60,9 @@ struct RealScene {
 
 // The database's pairs with at least min_num_matches matches that the reference connects: both
 // images have a pose at different places, and, where the reference has points, see one in common.
-// Depth is sampled from the given source; an image without depth is named in a warning. Images meet
-// by name, or by the last part of their path. Throws IoError, and ConfigError where a path is
-// missing or nothing is left.
+// Depth is sampled from the given source, where an image without depth is named in a warning;
+// without a source, the database's own depth is taken. Images meet by name, or by the last part of
+// their path. Throws IoError, and ConfigError where a path is missing or nothing is left.
 RealScene LoadRealScene(const RealDataOptions& options, const DepthOptions& depth_options,
                         int min_num_matches, ProgressMonitor& monitor);
 

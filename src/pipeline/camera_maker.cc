@@ -32,12 +32,12 @@ CameraMaker::CameraMaker(const CameraOptions& options, camera_t first_id,
 std::optional<camera_t> CameraMaker::CameraOf(Photo& photo) {
   if (options_.single_camera) return SingleCamera(photo);
   const ExifInfo& exif = photo.exif;
-  if (exif.camera_make.empty() || exif.camera_model.empty() || !exif.focal_px ||
-      photo.given_focal_px) {
+  const std::optional<double> focal = photo.given_focal_px ? photo.given_focal_px : exif.focal_px;
+  if (exif.camera_make.empty() || exif.camera_model.empty() || !focal) {
     return Make(photo).camera_id;
   }
-  const auto key = std::make_tuple(exif.camera_make, exif.camera_model, *exif.focal_px,
-                                   photo.size.width, photo.size.height);
+  const auto key = std::make_tuple(exif.camera_make, exif.camera_model, *focal, photo.size.width,
+                                   photo.size.height);
   const auto it = by_exif_.find(key);
   if (it != by_exif_.end()) return it->second;
   return by_exif_[key] = Make(photo).camera_id;

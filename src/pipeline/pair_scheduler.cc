@@ -199,14 +199,12 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
 }
 
 std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options) {
-  const NamedVerifier one_ac_depth = {
-      "one_ac_depth", [options] { return MakePairVerifier(VerifierKind::kOneAcDepth, options); }};
-  const NamedVerifier five_point = {
-      "five_point", [options] { return MakePairVerifier(VerifierKind::kFivePoint, options); }};
-  if (choice == "both") return {one_ac_depth, five_point};
-  if (choice == "one_ac_depth") return {one_ac_depth};
-  if (choice == "five_point") return {five_point};
-  throw ConfigError("verifier", "'" + choice + "' is not known");
+  auto make = [&options](const std::string& name) {
+    const VerifierKind kind = VerifierKindFromName(name);
+    return NamedVerifier{name, [kind, options] { return MakePairVerifier(kind, options); }};
+  };
+  if (choice == "both") return {make("one_ac_depth"), make("five_point")};
+  return {make(choice)};
 }
 
 }  // namespace cairn

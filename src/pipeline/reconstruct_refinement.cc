@@ -140,18 +140,17 @@ void RefineModel(StageContext& context, std::span<const Track> tracks, bool from
               .max_iterations = 20},
              model);
   }
-  int64_t num_observations = 0;
+  Round round{.name = "", .tracks = tracks, .max_iterations = std::numeric_limits<int>::max()};
   for (int i = 0; i < options.max_rounds && !context.monitor.StopRequested(); ++i) {
-    RunRound(context,
-             {.name = std::to_string(i + 1),
-              .tracks = tracks,
-              .max_iterations = std::numeric_limits<int>::max()},
-             model);
-    const int64_t now = model.NumObservations();
-    const bool gained =
-        static_cast<double>(now) > (1.0 + options.min_gain) * static_cast<double>(num_observations);
-    num_observations = now;
-    if (!gained) break;
+    round.name = std::to_string(i + 1);
+    // Better poses may bring more observations in; where they do not, the model stays as it is.
+    Reconstruction candidate = model;
+    TriangulateRound(context, round, candidate);
+    const auto needed = (1.0 + options.min_gain) * static_cast<double>(model.NumObservations());
+    if (i > 0 && static_cast<double>(candidate.NumObservations()) < needed) break;
+    model = std::move(candidate);
+    Adjust(context, round, true, model);
+    FilterRound(context, round, model);
   }
 }
 

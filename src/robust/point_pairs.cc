@@ -59,6 +59,15 @@ void PointPairs::Set(int i, const Eigen::Vector2d& x1, const Eigen::Vector2d& x2
   p[3 * capacity_] = static_cast<float>(x2.y());
 }
 
+void PointPairs::SetPrefix(const PointPairs& all, int n) {
+  CAIRN_CHECK(n >= 0 && n <= all.size_);
+  Reset(n, all.focal1_px_, all.focal2_px_);
+  for (int k = 0; k < 4; ++k) {
+    const float* from = all.data_.get() + k * all.capacity_;
+    std::copy(from, from + n, data_.get() + k * capacity_);
+  }
+}
+
 void PointPairs::SetSubset(const PointPairs& all, const int32_t* indices, int n) {
   Reset(n, all.focal1_px_, all.focal2_px_);
   for (int k = 0; k < 4; ++k) {

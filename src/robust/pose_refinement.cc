@@ -1,8 +1,8 @@
 #include "cairn/robust/pose_refinement.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 
 #include "cairn/base/check.h"
 #include "cairn/math/so3.h"
@@ -20,6 +20,35 @@ Eigen::Matrix<double, 3, 2> TangentBasis(const Eigen::Vector3d& t) {
   return basis;
 }
 
+using Vector5d = Eigen::Matrix<double, 5, 1>;
+using Matrix5d = Eigen::Matrix<double, 5, 5>;
+
+// Solves A x = b by Cholesky's decomposition of the lower triangle. False if A is not positive.
+bool SolveCholesky(Matrix5d A, Vector5d b, Vector5d* x) {
+  for (int j = 0; j < 5; ++j) {
+    double d = A(j, j);
+    for (int k = 0; k < j; ++k) d -= A(j, k) * A(j, k);
+    if (!(d > 0.0)) return false;
+    const double inverse = 1.0 / std::sqrt(d);
+    A(j, j) = inverse;
+    for (int i = j + 1; i < 5; ++i) {
+      double sum = A(i, j);
+      for (int k = 0; k < j; ++k) sum -= A(i, k) * A(j, k);
+      A(i, j) = sum * inverse;
+    }
+  }
+  for (int i = 0; i < 5; ++i) {
+    for (int k = 0; k < i; ++k) b[i] -= A(i, k) * b[k];
+    b[i] *= A(i, i);
+  }
+  for (int i = 4; i >= 0; --i) {
+    for (int k = i + 1; k < 5; ++k) b[i] -= A(k, i) * b[k];
+    b[i] *= A(i, i);
+  }
+  *x = b;
+  return true;
+}
+
 }  // namespace
 
 PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
@@ -35,10 +64,11 @@ PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
   double lambda = 1e-3;
   while (report.num_iterations < options.max_iterations) {
     ++report.num_iterations;
-    Eigen::Matrix<double, 5, 5> damped = equations.hessian;
+    Matrix5d damped = equations.hessian;
     const double floor = 1e-9 * damped.diagonal().maxCoeff();
     for (int i = 0; i < 5; ++i) damped(i, i) += lambda * std::max(damped(i, i), floor);
-    const Eigen::Matrix<double, 5, 1> step = -damped.ldlt().solve(equations.gradient);
+    Vector5d step;
+    if (!SolveCholesky(damped, -equations.gradient, &step)) break;
     const double length = step.norm();
     if (!(length > options.min_step)) break;  // also when not finite
     const Eigen::Quaterniond next_rotation = (ExpSO3(step.head<3>()) * rotation).normalized();

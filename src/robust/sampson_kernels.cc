@@ -2,16 +2,17 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <limits>
 
-// Instruction sets between the baseline and AVX2 would only cost compile time.
-#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SSE4 | HWY_AVX3_DL)
+// These would only cost compile time.
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "robust/sampson_kernels.cc"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#include "robust/simd16-inl.h"
+#include "base/simd16-inl.h"
 
 #ifndef CAIRN_ROBUST_KERNEL_ARGUMENTS_
 #define CAIRN_ROBUST_KERNEL_ARGUMENTS_
@@ -146,23 +147,55 @@ HWY_INLINE V SquaredTransfer(const V* M, V x, V y, V target_x, V target_y, V squ
   return hn::IfThenElse(in_front, (du * du + dv * dv) * squared_focal, Const(1e30f));
 }
 
-// `H` and `inverse` have the sign that puts the points in front. Weights are squared focals.
-void SquaredHomographyErrorsKernel(const PointPairs& points, const Matrix9f& H,
-                                   const Matrix9f& inverse, SampsonWeights weights,
-                                   float* squared_errors) {
-  V F[9], B[9];
+// A homography and its inverse, with the sign that puts the points in front, and squared focals
+// over the squared unit of the errors.
+struct Transfers {
+  V forward[9], backward[9];
+  V w1, w2;
+};
+
+HWY_INLINE Transfers LoadTransfers(const Matrix9f& H, const Matrix9f& inverse,
+                                   SampsonWeights weights) {
+  Transfers transfers;
   for (int k = 0; k < 9; ++k) {
-    F[k] = Const(H.v[k]);
-    B[k] = Const(inverse.v[k]);
+    transfers.forward[k] = Const(H.v[k]);
+    transfers.backward[k] = Const(inverse.v[k]);
   }
-  const V w1 = Const(weights.w1), w2 = Const(weights.w2), half = Const(0.5f);
+  transfers.w1 = Const(weights.w1);
+  transfers.w2 = Const(weights.w2);
+  return transfers;
+}
+
+HWY_INLINE V SquaredHomographyError(const PointPairs& points, int i, const Transfers& transfers) {
+  const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
+  const V x2 = Load(points.x2() + i), y2 = Load(points.y2() + i);
+  return Const(0.5f) * (SquaredTransfer(transfers.forward, x1, y1, x2, y2, transfers.w2) +
+                        SquaredTransfer(transfers.backward, x2, y2, x1, y1, transfers.w1));
+}
+
+void HomographyErrorsKernel(const PointPairs& points, const Matrix9f& H, const Matrix9f& inverse,
+                            SampsonWeights weights, float* errors) {
+  const Transfers transfers = LoadTransfers(H, inverse, weights);
   for (int i = 0; i < points.num_blocks() * 16; i += kLanes) {
-    const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
-    const V x2 = Load(points.x2() + i), y2 = Load(points.y2() + i);
-    hn::StoreU(
-        half * (SquaredTransfer(F, x1, y1, x2, y2, w2) + SquaredTransfer(B, x2, y2, x1, y1, w1)),
-        kTag, squared_errors + i);
+    hn::StoreU(hn::Sqrt(SquaredHomographyError(points, i, transfers)), kTag, errors + i);
   }
+}
+
+double ScoreHomographyKernel(const PointPairs& points, const Matrix9f& H, const Matrix9f& inverse,
+                             SampsonWeights weights) {
+  const Transfers transfers = LoadTransfers(H, inverse, weights);
+  const V one = Const(1.0f), zero = Const(0.0f);
+  V sums[kParts];
+  for (int k = 0; k < kParts; ++k) sums[k] = zero;
+  const int n = points.size();
+  for (int i = 0; i < n; i += 16) {
+    for (int k = 0; k < kParts; ++k) {
+      const int first = i + k * kLanes;
+      const V support = hn::Max(one - SquaredHomographyError(points, first, transfers), zero);
+      sums[k] = sums[k] + (i + 16 <= n ? support : support * LaneMask(first, n));
+    }
+  }
+  return SumLanes(sums);
 }
 
 struct V3 {
@@ -277,7 +310,8 @@ namespace cairn {
 HWY_EXPORT(ScoreSampsonKernel);
 HWY_EXPORT(SoftScoreSampsonKernel);
 HWY_EXPORT(SampsonErrorsKernel);
-HWY_EXPORT(SquaredHomographyErrorsKernel);
+HWY_EXPORT(HomographyErrorsKernel);
+HWY_EXPORT(ScoreHomographyKernel);
 HWY_EXPORT(AccumulateTruncated);
 HWY_EXPORT(AccumulateGemanMcClure);
 HWY_EXPORT(TargetName);
@@ -296,19 +330,23 @@ SampsonWeights WeightsInUnits(const PointPairs& points, double unit_px) {
   return {weight(points.focal1_px()), weight(points.focal2_px())};
 }
 
-SampsonWeights SquaredFocals(const PointPairs& points) {
-  return {points.focal1_px() * points.focal1_px(), points.focal2_px() * points.focal2_px()};
+// Factors that turn squared normalized distances into squared ones in units of `unit_px`.
+SampsonWeights SquaredFocals(const PointPairs& points, double unit_px) {
+  const auto f1 = static_cast<float>(points.focal1_px() / unit_px);
+  const auto f2 = static_cast<float>(points.focal2_px() / unit_px);
+  return {f1 * f1, f2 * f2};
 }
 
 // The sign of H for which most points have positive third coordinate: that of its value at the
-// centroid.
+// centroid of the first ones.
 Eigen::Matrix3d WithSignOfPoints(const PointPairs& points, const Eigen::Matrix3d& H) {
+  const int n = std::min(points.size(), 16);
   double sum_x = 0.0, sum_y = 0.0;
-  for (int i = 0; i < points.size(); ++i) {
+  for (int i = 0; i < n; ++i) {
     sum_x += points.x1()[i];
     sum_y += points.y1()[i];
   }
-  const double w = H(2, 0) * sum_x + H(2, 1) * sum_y + H(2, 2) * points.size();
+  const double w = H(2, 0) * sum_x + H(2, 1) * sum_y + H(2, 2) * n;
   return w < 0.0 ? Eigen::Matrix3d(-H) : H;
 }
 
@@ -338,9 +376,16 @@ void HomographyErrors(const PointPairs& points, const Eigen::Matrix3d& H, float*
     std::fill(errors_px, errors_px + n, std::numeric_limits<float>::infinity());
     return;
   }
-  HWY_DYNAMIC_DISPATCH(SquaredHomographyErrorsKernel)
-  (points, Matrix9f(oriented), Matrix9f(inverse), SquaredFocals(points), errors_px);
-  for (int i = 0; i < n; ++i) errors_px[i] = std::sqrt(errors_px[i]);
+  HWY_DYNAMIC_DISPATCH(HomographyErrorsKernel)
+  (points, Matrix9f(oriented), Matrix9f(inverse), SquaredFocals(points, 1.0), errors_px);
+}
+
+double ScoreHomography(const PointPairs& points, const Eigen::Matrix3d& H, double max_error_px) {
+  const Eigen::Matrix3d oriented = WithSignOfPoints(points, H);
+  const Eigen::Matrix3d inverse = oriented.inverse();
+  if (!inverse.allFinite()) return 0.0;
+  return HWY_DYNAMIC_DISPATCH(ScoreHomographyKernel)(points, Matrix9f(oriented), Matrix9f(inverse),
+                                                     SquaredFocals(points, max_error_px));
 }
 
 SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,

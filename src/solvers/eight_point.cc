@@ -26,7 +26,7 @@ bool LinearSolution(std::span<const PointCorrespondence> samples, PointNormaliza
     const Eigen::Vector3d p2 = T2->Apply(sample.x2).homogeneous();
     Eigen::Matrix<double, 9, 1> row;
     row << p2.x() * p1, p2.y() * p1, p1;
-    AtA.selfadjointView<Eigen::Lower>().rankUpdate(row);
+    AtA += row.lazyProduct(row.transpose());
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> eigen(AtA);
   if (eigen.info() != Eigen::Success) return false;

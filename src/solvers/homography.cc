@@ -66,7 +66,7 @@ bool HomographyFromPoints(std::span<const PointCorrespondence> samples, Eigen::M
     const Eigen::Vector2d q = T2.Apply(sample.x2);
     Eigen::Matrix<double, 2, 9> rows;
     rows << p, 0.0, 0.0, 0.0, -q.x() * p, 0.0, 0.0, 0.0, p, -q.y() * p;
-    AtA.selfadjointView<Eigen::Lower>().rankUpdate(rows.transpose());
+    AtA += rows.transpose().lazyProduct(rows);
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> eigen(AtA);
   if (eigen.info() != Eigen::Success) return false;

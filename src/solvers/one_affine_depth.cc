@@ -71,8 +71,9 @@ int OneAffineDepthUmeyama::Solve(const Sample* samples, Model* models) {
   Eigen::Vector3d normal1, normal2;
   if (!Normal(frame1.derivative, &normal1) || !Normal(frame2.derivative, &normal2)) return 0;
   if (!CanBeOneSurface(frame1, frame2, normal1, normal2)) return 0;
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(frame2.derivative * frame1.derivative.transpose(),
-                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::Matrix3d covariance = frame2.derivative * frame1.derivative.transpose();
+  Eigen::JacobiSVD<Eigen::Matrix3d> svd;
+  svd.compute(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Eigen::Matrix3d UVt = svd.matrixU() * svd.matrixV().transpose();
   const Eigen::Vector3d d(1.0, 1.0, UVt.determinant() < 0 ? -1.0 : 1.0);
   const Eigen::Matrix3d R = svd.matrixU() * d.asDiagonal() * svd.matrixV().transpose();

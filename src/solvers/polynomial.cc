@@ -58,22 +58,30 @@ class SturmChain {
     last_ = b[0];
   }
 
-  // Number of sign changes of the chain at x.
-  int SignChanges(double x) const {
-    double next = 0.0;
-    double value = last_;
+  // Numbers of sign changes of the chain at kWidth points side by side: the chain is a long
+  // dependency, so several points take hardly more time than one.
+  static constexpr int kWidth = 4;
+  void SignChanges(const double* x, int* changes) const {
+    double next[kWidth], value[kWidth];
+    for (int k = 0; k < kWidth; ++k) {
+      next[k] = 0.0;
+      value[k] = last_;
+      changes[k] = 0;
+    }
     if (common_degree_ > 0) {
-      value = common_[common_degree_];
-      for (int i = common_degree_ - 1; i >= 0; --i) value = value * x + common_[i];
+      for (int k = 0; k < kWidth; ++k) {
+        value[k] = common_[common_degree_];
+        for (int i = common_degree_ - 1; i >= 0; --i) value[k] = value[k] * x[k] + common_[i];
+      }
     }
-    int changes = 0;
     for (int i = length_ - 1; i >= 0; --i) {
-      const double previous = (slope_[i] * x + offset_[i]) * value - next;
-      changes += std::signbit(previous) != std::signbit(value);
-      next = value;
-      value = previous;
+      for (int k = 0; k < kWidth; ++k) {
+        const double previous = (slope_[i] * x[k] + offset_[i]) * value[k] - next[k];
+        changes[k] += std::signbit(previous) != std::signbit(value[k]);
+        next[k] = value[k];
+        value[k] = previous;
+      }
     }
-    return changes;
   }
 
  private:
@@ -84,37 +92,58 @@ class SturmChain {
   int common_degree_ = 0;
 };
 
-struct Value {
-  double p;
-  double derivative;
+double Evaluate(const double* c, int degree, double x) {
+  double value = c[degree];
+  for (int i = degree - 1; i >= 0; --i) value = value * x + c[i];
+  return value;
+}
+
+// Brackets that hold one root each; all are refined side by side.
+class Brackets {
+ public:
+  void Add(double low, double high, bool negative_low) {
+    low_[count_] = low;
+    high_[count_] = high;
+    negative_low_[count_] = negative_low;
+    ++count_;
+  }
+  int count() const { return count_; }
+
+  // Newton's method, bisection where it leaves the bracket.
+  void Refine(const double* c, int degree, double* roots) {
+    double step[kMaxDegree], p[kMaxDegree], derivative[kMaxDegree];
+    for (int k = 0; k < count_; ++k) roots[k] = 0.5 * (low_[k] + high_[k]);
+    for (int iteration = 0; iteration < 60; ++iteration) {
+      for (int k = 0; k < count_; ++k) {
+        p[k] = c[degree];
+        derivative[k] = 0.0;
+      }
+      for (int i = degree - 1; i >= 0; --i) {
+        for (int k = 0; k < count_; ++k) {
+          derivative[k] = derivative[k] * roots[k] + p[k];
+          p[k] = p[k] * roots[k] + c[i];
+        }
+      }
+      double largest_step = 0.0;
+      for (int k = 0; k < count_; ++k) {
+        const double x = roots[k];
+        (std::signbit(p[k]) == negative_low_[k] ? low_[k] : high_[k]) = x;
+        double next = p[k] == 0.0 ? x : x - p[k] / derivative[k];
+        if (!(next >= low_[k] && next <= high_[k])) next = 0.5 * (low_[k] + high_[k]);
+        step[k] = std::abs(next - x) / (1.0 + std::abs(x));
+        roots[k] = next;
+        largest_step = std::max(largest_step, step[k]);
+      }
+      // Newton's steps square: after one this short, the next would be below rounding.
+      if (largest_step < 1e-9) break;
+    }
+  }
+
+ private:
+  double low_[kMaxDegree], high_[kMaxDegree];
+  bool negative_low_[kMaxDegree];
+  int count_ = 0;
 };
-
-Value Evaluate(const double* c, int degree, double x) {
-  Value v{c[degree], 0.0};
-  for (int i = degree - 1; i >= 0; --i) {
-    v.derivative = v.derivative * x + v.p;
-    v.p = v.p * x + c[i];
-  }
-  return v;
-}
-
-// The root in [low, high], which holds exactly one: Newton's method, bisection where it leaves the
-// bracket or stalls.
-double RefineRoot(const double* c, int degree, double low, double high) {
-  const bool negative_low = std::signbit(Evaluate(c, degree, low).p);
-  double x = 0.5 * (low + high);
-  for (int i = 0; i < 60; ++i) {
-    const Value v = Evaluate(c, degree, x);
-    if (v.p == 0.0) return x;
-    (std::signbit(v.p) == negative_low ? low : high) = x;
-    double next = x - v.p / v.derivative;
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
-    const double step = std::abs(next - x);
-    x = next;
-    if (step <= 1e-15 * (1.0 + std::abs(x))) break;
-  }
-  return x;
-}
 
 int RootsOfQuadratic(double a, double b, double c, double* roots) {
   const double discriminant = b * b - 4.0 * a * c;
@@ -135,8 +164,11 @@ int RootsOfQuadratic(double a, double b, double c, double* roots) {
 int RealRoots(const double* coefficients, int degree, double* roots) {
   CAIRN_DCHECK(degree <= kMaxDegree);
   double largest = 0.0;
-  for (int i = 0; i <= degree; ++i) largest = std::max(largest, std::abs(coefficients[i]));
-  if (!(largest > 0.0) || !std::isfinite(largest)) return 0;
+  for (int i = 0; i <= degree; ++i) {
+    if (!std::isfinite(coefficients[i])) return 0;
+    largest = std::max(largest, std::abs(coefficients[i]));
+  }
+  if (!(largest > 0.0)) return 0;
   while (degree > 0 && std::abs(coefficients[degree]) <= 1e-15 * largest) --degree;
   if (degree == 0) return 0;
   if (degree == 1) {
@@ -163,33 +195,59 @@ int RealRoots(const double* coefficients, int degree, double* roots) {
     int changes_low, changes_high;
     int depth;
   };
-  Interval stack[64];
+  constexpr int kParts = SturmChain::kWidth + 1;
+  Interval stack[200 * kParts + kParts];
   int size = 0;
-  stack[size++] = {-bound, bound, chain.SignChanges(-bound), chain.SignChanges(bound), 0};
-  int count = 0;
-  while (size > 0 && count < degree) {
+  // Splits an interval at kParts - 1 points; the lowest part goes on top of the stack, so that
+  // roots come out in increasing order.
+  auto push_parts = [&](const Interval& interval, const double* points, const int* changes) {
+    for (int k = kParts - 1; k >= 0; --k) {
+      const Interval part = {
+          k == 0 ? interval.low : points[k - 1], k == kParts - 1 ? interval.high : points[k],
+          k == 0 ? interval.changes_low : changes[k - 1],
+          k == kParts - 1 ? interval.changes_high : changes[k], interval.depth + 1};
+      if (part.changes_low > part.changes_high) stack[size++] = part;
+    }
+  };
+  double points[SturmChain::kWidth] = {-bound, bound, 0.0, 0.0};
+  int changes[SturmChain::kWidth];
+  chain.SignChanges(points, changes);
+  const Interval all = {-bound, bound, changes[0], changes[1], 0};
+  if (all.changes_low <= all.changes_high) return 0;
+  // Roots of well-scaled problems have sizes around one, whatever the bound.
+  for (int k = 0; k < SturmChain::kWidth; ++k) {
+    static constexpr double kFirst[SturmChain::kWidth] = {-1.7, -0.4, 0.4, 1.7};
+    points[k] = bound > 2.0 ? kFirst[k] : bound * (2.0 * (k + 1) / kParts - 1.0);
+  }
+  chain.SignChanges(points, changes);
+  push_parts(all, points, changes);
+  Brackets brackets;
+  // Where rounding spoils the chain its counts are no longer monotone, and intervals could breed.
+  constexpr int kMaxSplits = 200;
+  for (int num_splits = 0; size > 0 && brackets.count() < degree && num_splits < kMaxSplits;) {
     const Interval interval = stack[--size];
-    const int inside = interval.changes_low - interval.changes_high;
-    if (inside <= 0) continue;
-    if (inside == 1) {
-      const double at_low = Evaluate(c, degree, interval.low).p;
-      const double at_high = Evaluate(c, degree, interval.high).p;
-      if (std::signbit(at_low) != std::signbit(at_high)) {
-        roots[count++] = RefineRoot(c, degree, interval.low, interval.high);
+    if (interval.changes_low - interval.changes_high == 1) {
+      const bool negative_low = std::signbit(Evaluate(c, degree, interval.low));
+      if (negative_low != std::signbit(Evaluate(c, degree, interval.high))) {
+        brackets.Add(interval.low, interval.high, negative_low);
         continue;
       }
     }
-    const double middle = 0.5 * (interval.low + interval.high);
-    if (interval.depth >= 55 || !(middle > interval.low && middle < interval.high)) {
-      roots[count++] = middle;  // Several roots closer than can be told apart.
+    const double width = interval.high - interval.low;
+    if (interval.depth >= 25 || !(width > 1e-15 * (1.0 + std::abs(interval.low)))) {
+      // Too close to be told apart: one root at their place.
+      brackets.Add(interval.low, interval.low, false);
       continue;
     }
-    const int changes = chain.SignChanges(middle);
-    // The lower half goes on top, so that roots come out in increasing order.
-    stack[size++] = {middle, interval.high, changes, interval.changes_high, interval.depth + 1};
-    stack[size++] = {interval.low, middle, interval.changes_low, changes, interval.depth + 1};
+    for (int k = 0; k < SturmChain::kWidth; ++k) {
+      points[k] = interval.low + width * (k + 1) / kParts;
+    }
+    chain.SignChanges(points, changes);
+    push_parts(interval, points, changes);
+    ++num_splits;
   }
-  return count;
+  brackets.Refine(c, degree, roots);
+  return brackets.count();
 }
 
 }  // namespace cairn

@@ -43,8 +43,8 @@ double ChanceOfInlier(const PreparedPair& pair, const Eigen::Matrix3d& E, double
   return (num_close + kPriorWeight * prior) / (num_tried + kPriorWeight);
 }
 
-int CountDistinct(const PreparedPair& pair, std::span<const int32_t> matches,
-                  std::vector<uint64_t>* scratch) {
+int EstimateNumDistinct(const PreparedPair& pair, std::span<const int32_t> matches,
+                        std::vector<uint64_t>* scratch) {
   constexpr double kCell = 3.0;  // thresholds
   const double scale1 = pair.points.focal1_px() / (kCell * pair.max_error_px);
   const double scale2 = pair.points.focal2_px() / (kCell * pair.max_error_px);
@@ -52,14 +52,19 @@ int CountDistinct(const PreparedPair& pair, std::span<const int32_t> matches,
   auto cell = [](double scaled) {
     return static_cast<uint64_t>(static_cast<int64_t>(std::floor(scaled)) & 0xffff);
   };
+  if (matches.empty()) return 0;
   scratch->clear();
-  for (const int32_t i : matches) {
+  constexpr size_t kMaxSample = 256;
+  const size_t step = 1 + (matches.size() - 1) / kMaxSample;
+  for (size_t k = 0; k < matches.size(); k += step) {
+    const int32_t i = matches[k];
     const Eigen::Vector2d x1 = scale1 * pair.points.Point1(i);
     const Eigen::Vector2d x2 = scale2 * pair.points.Point2(i);
     scratch->push_back(cell(x1.x()) << 48 | cell(x1.y()) << 32 | cell(x2.x()) << 16 | cell(x2.y()));
   }
   std::sort(scratch->begin(), scratch->end());
-  return static_cast<int>(std::unique(scratch->begin(), scratch->end()) - scratch->begin());
+  const auto num_distinct = std::unique(scratch->begin(), scratch->end()) - scratch->begin();
+  return static_cast<int>(static_cast<size_t>(num_distinct) * matches.size() / scratch->size());
 }
 
 }  // namespace cairn::internal

@@ -22,8 +22,8 @@ double ChanceOfInlier(const PreparedPair& pair, const Eigen::Matrix3d& E, double
                       PointPairs* scratch);
 
 // The number of matches (indices into pair.points) that differ in position, by cells of a few
-// thresholds in both images.
-int CountDistinct(const PreparedPair& pair, std::span<const int32_t> matches,
-                  std::vector<uint64_t>* scratch);
+// thresholds in both images; of many matches, some hundreds are looked at.
+int EstimateNumDistinct(const PreparedPair& pair, std::span<const int32_t> matches,
+                        std::vector<uint64_t>* scratch);
 
 }  // namespace cairn::internal

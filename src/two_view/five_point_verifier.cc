@@ -13,7 +13,7 @@ PairReport FivePointVerifier::Verify(const PairInput& input) {
     report.status = PairStatus::kTooFewMatches;
     return report;
   }
-  PreparePair(input, options_, &pair_);
+  PreparePair(input, options_, MatchOrder::kRandom, &pair_);
   FivePointEstimator estimator(pair_);
   RansacOptions ransac_options;
   ransac_options.confidence = options_.confidence;

@@ -40,7 +40,7 @@ class PairFinisher {
   }
 
   void Run(const Rigid3d& start, PairReport* report) {
-    Rigid3d pose = ChooseByCheirality(start);
+    Rigid3d pose = ChooseByCheirality(RefineToNoise(start));
     CollectInliers(pose);
     SetSupport(pose, report);
     report->status = Accept(pose, *report);
@@ -98,6 +98,23 @@ class PairFinisher {
     return count;
   }
 
+  // The most accurate pose near one refined at the threshold: a smooth robust loss whose scale
+  // follows the noise of this pair. The threshold that separates inliers is several times the
+  // noise, and at that scale the loss would let their far ones pull.
+  Rigid3d RefineToNoise(const Rigid3d& start) {
+    PoseRefinementOptions refinement;
+    refinement.loss = RobustLoss::kGemanMcClure;
+    FindSampsonInliers(EssentialFromPose(start));
+    std::vector<float>& values = scratch_.special.errors;
+    values.clear();
+    for (const int32_t i : scratch_.inliers) values.push_back(scratch_.errors[i]);
+    constexpr double kScaleOfMedian = 2.0, kMinScale = 0.25;  // three sigmas; of the threshold
+    refinement.scale_px = std::clamp(kScaleOfMedian * Median(&values),
+                                     kMinScale * pair_.max_error_px, pair_.max_error_px);
+    refinement.min_relative_gain = 1e-5;
+    return RefinePose(pair_.points, start, refinement).cam2_from_cam1;
+  }
+
   // Of the four poses of the essential matrix, the one with the most inliers in front.
   Rigid3d ChooseByCheirality(const Rigid3d& start) {
     const Eigen::Matrix3d E = EssentialFromPose(start);
@@ -153,7 +170,7 @@ class PairFinisher {
     const double chance =
         0.5 * ChanceOfInlier(pair_, EssentialFromPose(pose), pair_.max_error_px, &scratch_.shifted);
     // Matches of the same two spots are one piece of evidence, however many there are.
-    const int num_distinct = CountDistinct(pair_, scratch_.inliers, &scratch_.cells);
+    const int num_distinct = EstimateNumDistinct(pair_, scratch_.inliers, &scratch_.cells);
     constexpr int kSampleSize = 5, kNumModels = 10;
     const double log10_nfa = Log10NumFalseAlarms(pair_.size() - report.num_inliers + num_distinct,
                                                  num_distinct, kSampleSize, kNumModels, chance);

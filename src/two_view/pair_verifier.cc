@@ -2,8 +2,8 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
+#include "two_view/cascade_verifier.h"
 #include "two_view/five_point_verifier.h"
-#include "two_view/one_ac_depth_verifier.h"
 
 namespace cairn {
 
@@ -27,8 +27,14 @@ std::string_view PairStatusName(PairStatus status) {
 
 std::string_view VerifierKindName(VerifierKind kind) {
   switch (kind) {
+    case VerifierKind::kCascade:
+      return "cascade";
+    case VerifierKind::kFast:
+      return "fast";
     case VerifierKind::kOneAcDepth:
       return "one_ac_depth";
+    case VerifierKind::kTwoAc:
+      return "two_ac";
     case VerifierKind::kFivePoint:
       return "five_point";
   }
@@ -36,7 +42,9 @@ std::string_view VerifierKindName(VerifierKind kind) {
 }
 
 VerifierKind VerifierKindFromName(std::string_view name) {
-  for (const VerifierKind kind : {VerifierKind::kOneAcDepth, VerifierKind::kFivePoint}) {
+  for (const VerifierKind kind :
+       {VerifierKind::kCascade, VerifierKind::kFast, VerifierKind::kOneAcDepth,
+        VerifierKind::kTwoAc, VerifierKind::kFivePoint}) {
     if (name == VerifierKindName(kind)) return kind;
   }
   throw ConfigError("verifier", "unknown name '" + std::string(name) + "'");
@@ -44,14 +52,14 @@ VerifierKind VerifierKindFromName(std::string_view name) {
 
 std::unique_ptr<PairVerifier> MakePairVerifier(VerifierKind kind, const TwoViewOptions& options) {
   ValidateOptions(options, "verification");
-  switch (kind) {
-    case VerifierKind::kOneAcDepth:
-      return std::make_unique<internal::OneAcDepthVerifier>(options);
-    case VerifierKind::kFivePoint:
-      return std::make_unique<internal::FivePointVerifier>(options);
+  if (kind == VerifierKind::kFivePoint) {
+    return std::make_unique<internal::FivePointVerifier>(options);
   }
-  CAIRN_CHECK(false);
-  return nullptr;
+  internal::CascadeSteps steps;
+  steps.one_ac_depth = kind != VerifierKind::kTwoAc;
+  steps.two_ac = kind != VerifierKind::kOneAcDepth;
+  steps.five_point = kind == VerifierKind::kCascade;
+  return std::make_unique<internal::CascadeVerifier>(steps, VerifierKindName(kind), options);
 }
 
 }  // namespace cairn

@@ -1,8 +1,12 @@
 #include "two_view/prepared_pair.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <span>
 
 #include "cairn/base/check.h"
+#include "cairn/base/rng.h"
 
 namespace cairn::internal {
 namespace {
@@ -17,9 +21,33 @@ double BandPerPx(const Camera& camera) {
   return 2.0 * camera.DiagonalPx() / (static_cast<double>(camera.width) * camera.height);
 }
 
+// Votes are counted among so many matches: enough to find right ones where there are more.
+constexpr int kMaxVoters = 512;
+
+void OrderByConsensus(const PairInput& input, PreparedPair* pair) {
+  std::vector<int32_t>& order = pair->order;
+  const size_t num_voters = std::min<size_t>(order.size(), kMaxVoters);
+  pair->consensus.Count(input, std::span<const int32_t>(order).first(num_voters));
+  const LocalConsensus& consensus = pair->consensus;
+  // Classes 0, 1, 2-3, 4 and more votes: beyond that, many votes only tell where matches are dense.
+  auto class_of = [](int votes) { return votes < 2 ? votes : votes < 4 ? 2 : 3; };
+  std::vector<int32_t>& sorted = pair->match_index;  // filled for good later
+  sorted.clear();
+  for (int c = 3; c >= 0; --c) {
+    for (size_t k = 0; k < num_voters; ++k) {
+      if (class_of(consensus.votes()[k]) == c) sorted.push_back(order[k]);
+    }
+    if (c == 1) pair->num_supported = static_cast<int>(sorted.size());
+  }
+  std::copy(sorted.begin(), sorted.end(), order.begin());
+  const double by_chance = consensus.num_votes_by_chance();
+  pair->consensus_sigmas = (consensus.num_votes() - by_chance) / std::sqrt(by_chance + 1.0);
+}
+
 }  // namespace
 
-void PreparePair(const PairInput& input, const TwoViewOptions& options, PreparedPair* pair) {
+void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrder order,
+                 PreparedPair* pair) {
   CAIRN_CHECK(input.camera1 != nullptr && input.camera2 != nullptr);
   const Camera& camera1 = *input.camera1;
   const Camera& camera2 = *input.camera2;
@@ -28,17 +56,31 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, Prepared
   pair->chance_per_px = 0.5 * (BandPerPx(camera1) + BandPerPx(camera2));
   const int num_matches = static_cast<int>(input.matches.size());
   pair->points.Reset(num_matches, camera1.MeanFocal(), camera2.MeanFocal());
-  pair->match_index.clear();
-  for (int i = 0; i < num_matches; ++i) {
-    const FeatureMatch& match = input.matches[i];
+  for (const FeatureMatch& match : input.matches) {
     CAIRN_CHECK_LT(match.point1, input.keypoints1.size());
     CAIRN_CHECK_LT(match.point2, input.keypoints2.size());
+  }
+  pair->order.resize(num_matches);
+  std::iota(pair->order.begin(), pair->order.end(), 0);
+  Rng(input.seed, "order", input.pair_id).Shuffle(pair->order);
+  pair->num_supported = 0;
+  pair->consensus_sigmas = 0.0;
+  if (order == MatchOrder::kByConsensus) OrderByConsensus(input, pair);
+  pair->match_index.clear();
+  int num_supported = pair->num_supported;
+  for (int k = 0; k < num_matches; ++k) {
+    const int32_t i = pair->order[k];
+    const FeatureMatch& match = input.matches[i];
     const auto x1 = camera1.CamFromImg(input.keypoints1[match.point1].Position());
     const auto x2 = camera2.CamFromImg(input.keypoints2[match.point2].Position());
-    if (!x1 || !x2) continue;
+    if (!x1 || !x2) {
+      num_supported -= k < pair->num_supported;
+      continue;
+    }
     pair->points.Set(static_cast<int>(pair->match_index.size()), *x1, *x2);
     pair->match_index.push_back(i);
   }
+  pair->num_supported = num_supported;
   pair->points.Truncate(static_cast<int>(pair->match_index.size()));
 }
 

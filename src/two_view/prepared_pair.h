@@ -3,10 +3,15 @@
 #include <vector>
 
 #include "cairn/robust/point_pairs.h"
-#include "cairn/solvers/one_affine_depth.h"
 #include "cairn/two_view/pair_verifier.h"
+#include "two_view/local_consensus.h"
 
 namespace cairn::internal {
+
+enum class MatchOrder {
+  kRandom,
+  kByConsensus,  // matches with more votes of their neighbours first, random among equals
+};
 
 // The matches of a pair in normalized coordinates, in the order that verifiers work with. Owned by
 // a verifier and refilled for every pair.
@@ -20,10 +25,20 @@ struct PreparedPair {
   // the image area, the mean of both images.
   double chance_per_px = 1e-3;
 
+  // The first num_supported matches have votes of their neighbours (kByConsensus only), and how far
+  // the number of votes is above chance, in standard deviations.
+  int num_supported = 0;
+  double consensus_sigmas = 0.0;
+
   int size() const { return points.size(); }
+
+  // Scratch.
+  LocalConsensus consensus;
+  std::vector<int32_t> order;
 };
 
-// Normalizes the matched keypoints.
-void PreparePair(const PairInput& input, const TwoViewOptions& options, PreparedPair* pair);
+// Orders and normalizes the matched keypoints.
+void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrder order,
+                 PreparedPair* pair);
 
 }  // namespace cairn::internal

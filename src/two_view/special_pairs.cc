@@ -59,19 +59,12 @@ class PlaneEstimator {
     }
     return HomographyFourPoint::Solve(samples, models);
   }
-  double Score(const Model& H, double) {
-    HomographyErrors(points_, H, errors_.data());
-    double support = 0.0;
-    for (int i = 0; i < points_.size(); ++i) {
-      const double e = errors_[i] / max_error_px_;
-      support += std::max(0.0, 1.0 - e * e);
-    }
-    return support;
-  }
+  double Score(const Model& H, double) const { return ScoreHomography(points_, H, max_error_px_); }
   double Optimize(Model& H, int* num_inliers) {
     double score = Score(H, 0.0);
     std::vector<PointCorrespondence>& inliers = inliers_;
     for (int round = 0; round < 2; ++round) {
+      HomographyErrors(points_, H, errors_.data());
       inliers.clear();
       for (int i = 0; i < points_.size(); ++i) {
         if (errors_[i] < max_error_px_) {
@@ -85,7 +78,7 @@ class PlaneEstimator {
       score = refined_score;
       H = refined;
     }
-    Score(H, 0.0);
+    HomographyErrors(points_, H, errors_.data());
     *num_inliers = CountBelow(errors_, points_.size(), max_error_px_);
     return score;
   }
@@ -145,9 +138,14 @@ SpecialPair ClassifyPair(const PairInput& input, const PreparedPair& pair,
     special.config = TwoViewConfig::kWatermark;
     return special;
   }
-  const int n = static_cast<int>(inliers.size());
+  // A share is known well enough from some hundreds of the inliers, spread over all of them.
+  constexpr int kMaxSample = 256;
+  const int step = 1 + (static_cast<int>(inliers.size()) - 1) / kMaxSample;
+  scratch->indices.clear();
+  for (size_t k = 0; k < inliers.size(); k += step) scratch->indices.push_back(inliers[k]);
+  const int n = static_cast<int>(scratch->indices.size());
   const double needed = options.min_special_share * n;
-  scratch->inliers.SetSubset(pair.points, inliers.data(), n);
+  scratch->inliers.SetSubset(pair.points, scratch->indices.data(), n);
   const PointPairs& points = scratch->inliers;
   // Two-dimensional errors: the same noise per coordinate gives sqrt(2) times the error.
   const double max_error_px = std::sqrt(2.0) * pair.max_error_px;

@@ -23,7 +23,7 @@ struct BuildInputs {
   std::string depth_path;
   std::string depth_model;
   std::string pairs_path;
-  std::string verifier = "both";
+  std::string verifier = "cascade";
   std::string stop_after = "verification";
   std::string recompute = "none";
   int num_threads = 0;
@@ -37,7 +37,8 @@ struct BuildInputs {
              "folder of depth maps, <image name>.npy, .pfm, .png or .bin");
     v.String("depth_model", depth_model, "ONNX network that gives depth, instead of depth_path");
     v.String("pairs_path", pairs_path, "file with two image names a line; without, all pairs");
-    v.Choice("verifier", verifier, {"both", "one_ac_depth", "five_point"},
+    v.Choice("verifier", verifier,
+             {"cascade", "fast", "one_ac_depth", "two_ac", "five_point", "both"},
              "which verifiers are run on every pair");
     v.Choice("stop_after", stop_after, {"features", "depth", "matching", "verification"},
              "last stage of this run; a later run continues");

@@ -40,6 +40,9 @@ class PointPairs {
   // points that have nothing to do with each other.
   void SetShifted(const PointPairs& all, int shift);
 
+  // The first n pairs of `all`.
+  void SetPrefix(const PointPairs& all, int n);
+
   // The pairs picked by indices[0..n), in that order.
   void SetSubset(const PointPairs& all, const int32_t* indices, int n);
 

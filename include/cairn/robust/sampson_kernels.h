@@ -30,6 +30,8 @@ void SampsonErrors(const PointPairs& points, const Eigen::Matrix3d& E, float* er
 // Symmetric transfer error of a homography of normalized points x2 ~ H x1,
 // sqrt((|x2 - H x1|^2 f2^2 + |x1 - H^-1 x2|^2 f1^2) / 2), in pixels; infinite behind the horizon.
 void HomographyErrors(const PointPairs& points, const Eigen::Matrix3d& H, float* errors_px);
+// MSAC support of these errors, sum of max(0, 1 - (error / max_error_px)^2).
+double ScoreHomography(const PointPairs& points, const Eigen::Matrix3d& H, double max_error_px);
 
 // Robust losses of an error e at a scale s (IRLS weights as derivatives of the loss by e^2 s^2):
 enum class RobustLoss {

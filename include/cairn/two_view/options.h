@@ -29,22 +29,31 @@ struct TwoViewOptions {
   double min_special_share = 0.8;
   // Label pairs whose inliers are marks in the frame of the images, and give them no pose.
   bool detect_watermark = true;
-  // Limits of the sampling verifier.
+  // Limits of the five-point verifier.
   int max_iterations = 10000;
   int min_iterations = 100;
   // The solver of the 1AC+D verifier.
   std::string depth_solver = "proposed";
-  // Hypotheses of the 1AC+D verifier are ranked by a soft support at this multiple of the
-  // threshold, and so many of them are refined.
-  double rough_error_ratio = 6.0;
+  // Rough hypotheses are ranked by a soft support at this multiple of the threshold, and refined
+  // from it down to the threshold.
+  double rough_error_ratio = 7.0;
+  // Budgets of a pair: hypotheses of one affine correspondence with depth that are refined, samples
+  // of two affine correspondences, and samples of five points after these.
   int max_num_refined = 60;
+  int max_affine_samples = 300;
+  int max_fallback_samples = 2000;
+  // The share of these budgets for a pair whose matches are not borne out by the affine frames of
+  // their neighbours, as those of unrelated images are not.
+  double unsupported_budget = 0.2;
+  // Five-point samples a round among what the final model explains, against local optima.
+  int num_resamples = 12;
 
   void VisitFields(OptionVisitor& v) {
     v.Double(
         "max_error_px", max_error_px, {0.0, 1000.0},
         "inlier threshold on the Sampson error, px; 0: 0.05 % of the image diagonal, at least 1");
     v.Double("confidence", confidence, {0.0, 0.999999999},
-             "chance that the best model was found before sampling stops");
+             "chance that the best model was found before five-point sampling stops");
     v.Int("min_num_matches", min_num_matches, {5, 1e9}, "pairs with fewer matches are not tried");
     v.Int("min_num_inliers", min_num_inliers, {5, 1e9},
           "pairs with fewer inliers are never accepted");
@@ -55,13 +64,23 @@ struct TwoViewOptions {
     v.Double("min_special_share", min_special_share, {0.0, 1.0},
              "share of inliers on one homography, rotation or shift of a special pair");
     v.Bool("detect_watermark", detect_watermark, "give pairs of frame marks no pose");
-    v.Int("max_iterations", max_iterations, {1, 1e9}, "most samples drawn for a pair");
-    v.Int("min_iterations", min_iterations, {1, 1e9}, "fewest samples drawn for a pair");
+    v.Int("max_iterations", max_iterations, {1, 1e9}, "most samples the five-point verifier draws");
+    v.Int("min_iterations", min_iterations, {1, 1e9},
+          "fewest samples the five-point verifier draws");
     v.Choice("depth_solver", depth_solver, {"proposed", "umeyama"},
              "solver for one affine correspondence with depth");
     v.Double("rough_error_ratio", rough_error_ratio, {1.0, 1000.0},
-             "scale of the support that ranks rough hypotheses, in units of max_error_px");
-    v.Int("max_num_refined", max_num_refined, {1, 1e9}, "most hypotheses refined for a pair");
+             "scale at which rough hypotheses are ranked and first refined, in thresholds");
+    v.Int("max_num_refined", max_num_refined, {1, 1e9},
+          "most 1AC+D hypotheses of a pair that are refined");
+    v.Int("max_affine_samples", max_affine_samples, {1, 1e9},
+          "most samples of two affine correspondences of a pair");
+    v.Int("max_fallback_samples", max_fallback_samples, {0, 1e9},
+          "most five-point samples of a pair after the other steps of the cascade");
+    v.Double("unsupported_budget", unsupported_budget, {0.0, 1.0},
+             "share of the budgets for pairs whose affine frames do not support each other");
+    v.Int("num_resamples", num_resamples, {0, 1e9},
+          "five-point samples a round among the final model's inliers; 0: none");
   }
 };
 

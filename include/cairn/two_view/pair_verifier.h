@@ -57,10 +57,13 @@ class PairVerifier {
 };
 
 enum class VerifierKind {
+  kCascade,     // 1AC+D, then two affine frames, then five points, each only where evidence lacks
+  kFast,        // the cascade without five points
   kOneAcDepth,  // one affine correspondence with depth a hypothesis: every match gives one
+  kTwoAc,       // two affine correspondences without depth
   kFivePoint,   // five-point LO-RANSAC
 };
-std::string_view VerifierKindName(VerifierKind kind);  // "one_ac_depth", "five_point"
+std::string_view VerifierKindName(VerifierKind kind);  // "cascade", "fast", ...
 // Throws ConfigError for an unknown name.
 VerifierKind VerifierKindFromName(std::string_view name);
 

@@ -8,6 +8,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/image/bitmap.h"
+#include "cairn/image/exif.h"
 #include "cairn/io/one_dsfm.h"
 #include "support/temp_folder.h"
 #include "unit/io/random_reconstruction.h"
@@ -153,6 +154,22 @@ TEST_F(OneDsfmExport, PhotographsShowWhatTheKeysSay) {
       for (int c = 0; c < 3; ++c) EXPECT_NEAR(rgb[c], key.color[c], 2);
     }
   }
+}
+
+TEST_F(OneDsfmExport, PhotographsOfOneCameraSayWhichItIs) {
+  // Image 2 was taken by the camera of image 1.
+  model_.images.at(2).image.camera_id = 1;
+  database_.WriteImage(model_.images.at(2).image);
+  Export();
+  const auto tags = [&](int id) {
+    return ReadExif(Output() + "/images/view/" + std::to_string(id) + ".png", 800, 600);
+  };
+  EXPECT_EQ(tags(1).camera_model, tags(2).camera_model);
+  EXPECT_EQ(tags(1).camera_make, tags(2).camera_make);
+  EXPECT_NE(tags(1).camera_model, tags(3).camera_model);
+  ASSERT_TRUE(tags(1).focal_px);
+  EXPECT_NEAR(*tags(1).focal_px, model_.cameras.at(1).MeanFocal(), 15);  // whole millimeters
+  EXPECT_EQ(ReadExif(Output() + "/images/other.png", 800, 600).camera_make, "");
 }
 
 TEST_F(OneDsfmExport, NamesBrokenPhotographsAndGoesOn) {

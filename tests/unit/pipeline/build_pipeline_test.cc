@@ -73,7 +73,7 @@ TEST_F(BuildPipelineTest, FromPhotographsToVerifiedPairs) {
   EXPECT_EQ(report.summary.num_tried + report.summary.num_too_few, 6);
   const Database database(folder_ / "a.db", Database::Mode::kReadOnly);
   EXPECT_EQ(database.ReadNumInliers().size(), 6u);
-  EXPECT_EQ(database.ReadPairMetrics().size(), 2u * report.summary.num_tried);
+  EXPECT_EQ(database.ReadPairMetrics().size(), 1u * report.summary.num_tried);
   EXPECT_THAT(SummaryText(report.summary, report.run),
               HasSubstr("4 (4 with features, 3 with depth)"));
   EXPECT_FALSE(CamerasWereGiven(database));
@@ -90,6 +90,14 @@ TEST_F(BuildPipelineTest, DumpsAreEqualForAnyNumberOfThreads) {
   EXPECT_THAT(dump, HasSubstr("two_view_geometries: "));
   EXPECT_EQ(Dump("2.db"), dump);
   EXPECT_EQ(Dump("8.db"), dump);
+}
+
+TEST_F(BuildPipelineTest, BothVerifiersRunOnEveryPair) {
+  BuildPipelineOptions options = Options("both.db");
+  options.inputs.verifier = "both";
+  const BuildPipelineReport report = RunBuildPipeline(options);
+  const Database database(folder_ / "both.db", Database::Mode::kReadOnly);
+  EXPECT_EQ(database.ReadPairMetrics().size(), 2u * report.summary.num_tried);
 }
 
 // Stopped after every few items, whatever the stage, then continued.

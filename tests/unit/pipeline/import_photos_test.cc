@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 
 #include "cairn/base/error.h"
 #include "cairn/image/exif.h"
@@ -218,6 +219,21 @@ TEST_F(ImportPhotosTest, ASelectionTakesNamedPhotosAndTheirFocalLengths) {
   EXPECT_EQ(database_.ReadCameras()[0].FocalX(), 123);
   EXPECT_TRUE(database_.ReadCameras()[0].has_prior_focal_length);
   EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("missing.png: ")));
+}
+
+TEST_F(ImportPhotosTest, EqualExifAndEqualGivenFocalShareACamera) {
+  PhotoSelection selection;
+  for (const auto& [name, focal_px] : std::map<std::string, double>{
+           {"a.jpg", 70.5}, {"b.jpg", 70.5}, {"c.jpg", 71.0}, {"d.jpg", 70.5}}) {
+    AddPhoto(name, 64, 48);
+    if (name != "d.jpg") WriteExif(images_ + "/" + name, {35, "Maker", "One"});
+    selection.photos.push_back({name, focal_px});
+  }
+  ImportPhotos(database_, images_, {}, 1, NullMonitor(), selection);
+  std::vector<camera_t> ids;
+  for (const Image& image : database_.ReadImages()) ids.push_back(image.camera_id);
+  EXPECT_THAT(ids, ElementsAre(1, 1, 2, 3));
+  EXPECT_EQ(database_.ReadCameras()[0].FocalX(), 70.5);
 }
 
 // As COLMAP 3.8 does on these photographs of one camera.

@@ -108,6 +108,10 @@ TEST(HomographyErrors, AgreeWithTheDefinition) {
     EXPECT_NEAR(errors[i], std::sqrt(0.5 * (d1 * d1 + d2 * d2)), 1e-2);
     EXPECT_NEAR(errors[i], flipped[i], 1e-3);
   }
+  double support = 0.0;
+  for (int i = 0; i < 30; ++i) support += std::max(0.0, 1.0 - errors[i] * errors[i] / 4.0);
+  EXPECT_NEAR(ScoreHomography(points, -H, 2.0), support, 1e-2);
+  EXPECT_EQ(ScoreHomography(points, Eigen::Matrix3d::Zero(), 2.0), 0.0);
   HomographyErrors(points, Eigen::Matrix3d::Zero(), errors.data());
   EXPECT_TRUE(std::isinf(errors[0]));
 }
@@ -259,6 +263,17 @@ TEST(PointPairs, SubsetsKeepOrderAndPadding) {
   EXPECT_EQ(subset.focal2_px(), 1100.0f);
   for (int i = 0; i < 3; ++i) EXPECT_EQ(subset.Point2(i), points.Point2(indices[i]));
   EXPECT_EQ(subset.x1()[15], 0.0f);
+  subset.SetPrefix(points, 20);
+  ASSERT_EQ(subset.size(), 20);
+  EXPECT_EQ(subset.Point1(19), points.Point1(19));
+  EXPECT_EQ(subset.y2()[20], 0.0f);
+  subset.SetShifted(points, 15);
+  EXPECT_EQ(subset.Point1(3), points.Point1(3));
+  EXPECT_EQ(subset.Point2(3), points.Point2(18));
+  EXPECT_EQ(subset.Point2(30), points.Point2(5));
+  subset.Truncate(7);
+  EXPECT_EQ(subset.size(), 7);
+  EXPECT_EQ(subset.x2()[7], 0.0f);
 }
 
 }  // namespace

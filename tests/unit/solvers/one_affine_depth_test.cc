@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <vector>
 
+#include "cairn/solvers/one_affine_depth_batch.h"
 #include "support/random_two_view.h"
 
 namespace cairn {
@@ -105,6 +107,33 @@ TEST(OneAffineDepthUmeyama, IsTheLeastSquaresFit) {
     const Eigen::Quaterniond R =
         ExpSO3(1e-3 * test::RandomDirection(rng)) * model.cam2_from_cam1.rotation;
     EXPECT_GE(cost(R, model.scale * (1.0 + rng.Uniform(-1e-3, 1e-3))), best);
+  }
+}
+
+TEST(OneAffineDepthBatch, AgreesWithTheSolverOneByOne) {
+  Rng rng(7);
+  OneAffineDepthBatch batch;
+  for (const int n : {0, 1, 15, 16, 100, 33}) {
+    batch.Reset(n);
+    std::vector<LiftedCorrespondence> samples;
+    for (int i = 0; i < n; ++i) {
+      samples.push_back(RandomScene(rng, 1, 3.1).patches[0].lifted);
+      if (i % 7 == 3) samples.back().frame2.derivative.col(0) *= -1.0;
+      if (i % 7 == 4) samples.back().frame1.point *= -1.0;
+      if (i % 7 == 5) samples.back().frame1.derivative.setZero();
+      batch.Set(i, samples.back().frame1, samples.back().frame2);
+    }
+    batch.Solve();
+    for (int i = 0; i < n; ++i) {
+      ScaledPose expected;
+      Eigen::Matrix3d R;
+      Eigen::Vector3d t;
+      const bool is_good = batch.Get(i, &R, &t);
+      ASSERT_EQ(is_good, OneAffineDepthProposed::Solve(&samples[i], &expected) == 1);
+      if (!is_good) continue;
+      EXPECT_LT((R - expected.cam2_from_cam1.RotationMatrix()).norm(), 1e-5);
+      EXPECT_LT((t - expected.cam2_from_cam1.translation.normalized()).norm(), 1e-4);
+    }
   }
 }
 

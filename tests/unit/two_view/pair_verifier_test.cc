@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "cairn/base/error.h"
 #include "two_view/pair_fixture.h"
 
@@ -20,7 +22,9 @@ class Verifiers : public ::testing::TestWithParam<VerifierKind> {
   }
 };
 INSTANTIATE_TEST_SUITE_P(All, Verifiers,
-                         ::testing::Values(VerifierKind::kOneAcDepth, VerifierKind::kFivePoint),
+                         ::testing::Values(VerifierKind::kCascade, VerifierKind::kFast,
+                                           VerifierKind::kOneAcDepth, VerifierKind::kTwoAc,
+                                           VerifierKind::kFivePoint),
                          [](const auto& info) {
                            return std::string(VerifierKindName(info.param));
                          });
@@ -31,7 +35,10 @@ TEST_P(Verifiers, FindPoseAndInliers) {
     const Pair pair = MakePair({}, seed);
     const PairReport report = verifier->Verify(pair.Input());
     ASSERT_EQ(report.status, PairStatus::kVerified) << seed;
-    EXPECT_EQ(report.verifier, VerifierKindName(GetParam()));
+    // A cascade says which step won.
+    const bool is_cascade =
+        GetParam() == VerifierKind::kCascade || GetParam() == VerifierKind::kFast;
+    EXPECT_EQ(report.verifier, is_cascade ? "one_ac_depth" : VerifierKindName(GetParam()));
     const TwoViewGeometry& geometry = report.geometry;
     EXPECT_EQ(geometry.config, TwoViewConfig::kCalibrated);
     EXPECT_LT(PoseErrorDeg(report, pair), 1.0);
@@ -147,20 +154,50 @@ TEST(OneAcDepthVerifier, WorksWhenMostDepthsAreMissing) {
   EXPECT_LT(PoseErrorDeg(report, pair), 0.5);
 }
 
-TEST(OneAcDepthVerifier, ItsOptionsChangeWhatItDoes) {
-  const Pair pair = MakePair({.depth_noise = 0.2}, 3);
-  auto score = [&](const TwoViewOptions& options) {
-    return MakePairVerifier(VerifierKind::kOneAcDepth, options)->Verify(pair.Input()).score;
+TEST(CascadeVerifier, EachStepTakesOverWhereTheOneBeforeHasNothing) {
+  const Pair pair = MakePair({}, 5);
+  const auto verifier = MakePairVerifier(VerifierKind::kCascade, {});
+  EXPECT_EQ(verifier->Verify(pair.Input(true)).verifier, "one_ac_depth");
+  EXPECT_EQ(verifier->Verify(pair.Input(false)).verifier, "two_ac");
+  Pair without_frames = pair;
+  Rng rng(1);
+  for (auto* keypoints : {&without_frames.keypoints1, &without_frames.keypoints2}) {
+    for (Keypoint& k : *keypoints) {
+      k = Keypoint::FromScaleOrientation(k.x, k.y, 3.0f, static_cast<float>(rng.Uniform(0.0, 6.0)));
+    }
+  }
+  const PairReport report = verifier->Verify(without_frames.Input(false));
+  EXPECT_EQ(report.verifier, "five_point");
+  EXPECT_EQ(report.status, PairStatus::kVerified);
+  EXPECT_LT(PoseErrorDeg(report, pair), 0.5);
+  const auto fast = MakePairVerifier(VerifierKind::kFast, {.max_affine_samples = 5});
+  EXPECT_NE(fast->Verify(without_frames.Input(false)).status, PairStatus::kVerified);
+}
+
+TEST(CascadeVerifier, BudgetsBoundTheNumberOfHypotheses) {
+  const Pair unrelated = MakePair({.num_inliers = 0, .num_outliers = 200}, 6);
+  auto iterations = [&](const TwoViewOptions& options) {
+    return MakePairVerifier(VerifierKind::kCascade, options)
+        ->Verify(unrelated.Input())
+        .num_iterations;
   };
-  // One refinement of the best of many differently ranked or solved hypotheses ends elsewhere.
-  TwoViewOptions one;
-  one.max_num_refined = 1;
-  TwoViewOptions umeyama = one, rough = one;
-  umeyama.depth_solver = "umeyama";
-  rough.rough_error_ratio = 100.0;
-  EXPECT_NE(score(one), score(umeyama));
-  EXPECT_NE(score(one), score(rough));
-  EXPECT_GE(score({}), score(one));
+  const int64_t all = iterations({});
+  EXPECT_LT(iterations({.max_affine_samples = 30}), all);
+  EXPECT_LT(iterations({.max_fallback_samples = 0}), all);
+  EXPECT_GT(iterations({.unsupported_budget = 1.0}), 2 * all);
+}
+
+TEST(FivePointVerifier, IsDeterministicAndDependsOnTheSeed) {
+  const Pair pair = MakePair({.num_inliers = 60, .num_outliers = 140}, 4);
+  const auto verifier =
+      MakePairVerifier(VerifierKind::kFivePoint, {.confidence = 0.1, .min_iterations = 1});
+  PairInput input = pair.Input();
+  EXPECT_EQ(verifier->Verify(input).num_iterations, verifier->Verify(input).num_iterations);
+  std::set<int64_t> iterations;
+  for (input.seed = 0; input.seed < 10; ++input.seed) {
+    iterations.insert(verifier->Verify(input).num_iterations);
+  }
+  EXPECT_GT(iterations.size(), 1u);
 }
 
 TEST(FivePointVerifier, ItsOptionsChangeWhatItDoes) {

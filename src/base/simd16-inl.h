@@ -1,10 +1,10 @@
 // Sixteen float lanes on any target: included once for each instruction set (no include guard in
 // the ordinary sense; see Highway's quick reference, "foreach_target").
-#if defined(CAIRN_ROBUST_SIMD16_INL_H_) == defined(HWY_TARGET_TOGGLE)
-#ifdef CAIRN_ROBUST_SIMD16_INL_H_
-#undef CAIRN_ROBUST_SIMD16_INL_H_
+#if defined(CAIRN_BASE_SIMD16_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef CAIRN_BASE_SIMD16_INL_H_
+#undef CAIRN_BASE_SIMD16_INL_H_
 #else
-#define CAIRN_ROBUST_SIMD16_INL_H_
+#define CAIRN_BASE_SIMD16_INL_H_
 #endif
 
 #include <hwy/highway.h>

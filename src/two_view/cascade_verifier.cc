@@ -1,0 +1,61 @@
+#include "two_view/cascade_verifier.h"
+
+#include <cmath>
+
+#include "cairn/base/rng.h"
+
+namespace cairn::internal {
+
+PairReport CascadeVerifier::Verify(const PairInput& input) {
+  PairReport report;
+  report.verifier = name_;
+  if (static_cast<int>(input.matches.size()) < options_.min_num_matches) {
+    report.status = PairStatus::kTooFewMatches;
+    return report;
+  }
+  PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
+  search_.Reset(pair_);
+  auto budget = [this](int full) {
+    return IsSupported() ? full : static_cast<int>(std::ceil(options_.unsupported_budget * full));
+  };
+  int num_with_depth = 0;
+  if (steps_.one_ac_depth) {
+    num_with_depth = one_ac_depth_.Run(input, pair_, budget(options_.max_num_refined), &search_);
+    if (search_.HasConverged()) report.verifier = "one_ac_depth";
+  }
+  if (steps_.two_ac && !search_.HasConverged()) {
+    RunTwoAcStep(input, pair_, budget(options_.max_affine_samples), &search_);
+    if (search_.HasConverged()) report.verifier = "two_ac";
+  }
+  if (steps_.five_point && !search_.HasConverged()) {
+    RunFivePointStep(input, pair_, budget(options_.max_fallback_samples), &search_);
+    if (search_.HasConverged()) report.verifier = "five_point";
+  }
+  if (search_.HasEvidence() && options_.num_resamples > 0) Resample(input);
+  report.num_iterations = search_.num_hypotheses();
+  if (!search_.HasModel()) {
+    const bool only_depth = steps_.one_ac_depth && !steps_.two_ac && !steps_.five_point;
+    report.status = only_depth && num_with_depth == 0 ? PairStatus::kNoDepth : PairStatus::kNoModel;
+    return report;
+  }
+  FinishPair(input, pair_, options_, search_.pose(), &scratch_, &report);
+  return report;
+}
+
+bool CascadeVerifier::IsSupported() const {
+  constexpr double kMinSigmas = 5.0;
+  return pair_.consensus_sigmas > kMinSigmas;
+}
+
+void CascadeVerifier::Resample(const PairInput& input) {
+  PoseSearch::ResampleOptions resample;
+  resample.num_samples = options_.num_resamples;
+  if (steps_.five_point) {  // The whole cascade spares less effort.
+    resample.num_refined = 3;
+    resample.patience = 3;
+  }
+  Rng rng(input.seed, "resample", input.pair_id);
+  search_.Resample(resample, &rng);
+}
+
+}  // namespace cairn::internal

@@ -1,0 +1,38 @@
+#pragma once
+
+#include "two_view/pair_outcome.h"
+#include "two_view/pose_search.h"
+#include "two_view/search_steps.h"
+
+namespace cairn::internal {
+
+// Which steps a search takes, in this order.
+struct CascadeSteps {
+  bool one_ac_depth = true;
+  bool two_ac = true;
+  bool five_point = true;
+};
+
+// The cascade and the parts of it: cheap and mostly sufficient first, each step only while evidence
+// is missing.
+class CascadeVerifier : public PairVerifier {
+ public:
+  CascadeVerifier(const CascadeSteps& steps, std::string_view name, const TwoViewOptions& options)
+      : steps_(steps), name_(name), options_(options), one_ac_depth_(options), search_(options) {}
+  PairReport Verify(const PairInput& input) override;
+
+ private:
+  // Do the matches bear each other out, by their frames?
+  bool IsSupported() const;
+  void Resample(const PairInput& input);
+
+  CascadeSteps steps_;
+  std::string_view name_;
+  TwoViewOptions options_;
+  PreparedPair pair_;
+  OneAcDepthStep one_ac_depth_;
+  PoseSearch search_;
+  OutcomeScratch scratch_;
+};
+
+}  // namespace cairn::internal

@@ -1,0 +1,166 @@
+#include "two_view/pose_search.h"
+
+#include <algorithm>
+
+#include "cairn/geometry/epipolar.h"
+#include "cairn/robust/sampson_kernels.h"
+#include "cairn/solvers/essential.h"
+#include "cairn/solvers/five_point.h"
+#include "two_view/evidence.h"
+
+namespace cairn::internal {
+namespace {
+
+// Hypotheses are ranked and roughly refined on so many matches.
+constexpr int kSubsetSize = 192;
+// The scale between the rough one and the threshold itself, in thresholds.
+constexpr double kMiddleScale = 3.0;
+// A refined hypothesis goes on while its support is at least this share of the best so far.
+constexpr double kPromising = 0.7;
+// Refined models agree when their support does, and their matrices (|E|^2 = 2; 0.05 is about 2
+// degrees).
+constexpr double kEqualSupport = 0.9, kEqualMatrix = 0.05;
+
+double Distance(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
+  return std::min((a - b).norm(), (a + b).norm());
+}
+
+}  // namespace
+
+void PoseSearch::Reset(const PreparedPair& pair) {
+  pair_ = &pair;
+  subset_.SetPrefix(pair.points, std::min(pair.size(), kSubsetSize));
+  hypotheses_.clear();
+  num_hypotheses_ = 0;
+  best_score_ = best_subset_score_ = 0.0;
+  num_agreeing_ = 0;
+  has_converged_ = has_evidence_ = false;
+}
+
+void PoseSearch::Add(const Eigen::Matrix3d& E) {
+  ++num_hypotheses_;
+  hypotheses_.push_back(
+      {E, SoftScoreSampson(subset_, E, options_.rough_error_ratio * pair_->max_error_px)});
+}
+
+void PoseSearch::RefineBest(int max_num_refined) {
+  const int count = MoveBestToFront(max_num_refined);
+  for (int k = 0; k < count && !has_converged_; ++k) Refine(hypotheses_[k].E);
+  hypotheses_.clear();
+}
+
+int PoseSearch::MoveBestToFront(int max_count) {
+  const auto by_support = [](const Hypothesis& a, const Hypothesis& b) {
+    return a.support > b.support;
+  };
+  const auto count = std::min<ptrdiff_t>(max_count, std::ssize(hypotheses_));
+  std::partial_sort(hypotheses_.begin(), hypotheses_.begin() + count, hypotheses_.end(),
+                    by_support);
+  return static_cast<int>(count);
+}
+
+void PoseSearch::Resample(const ResampleOptions& options, Rng* rng) {
+  constexpr double kGain = 1.005;  // of the support: less is no progress
+  int num_stale_rounds = 0;
+  for (int round = 0; round < options.max_num_rounds && HasModel(); ++round) {
+    if (num_stale_rounds >= options.patience) break;
+    const double score_before = best_score_;
+    SampleExplained(options.num_samples, rng);
+    const int num_refined = MoveBestToFront(options.num_refined);
+    for (int k = 0; k < num_refined; ++k) {
+      const EssentialDecomposition parts = DecomposeEssential(hypotheses_[k].E);
+      AddRefined(RefineOnAll(Rigid3d(parts.R1, parts.t), 10));
+    }
+    hypotheses_.clear();
+    num_stale_rounds = best_score_ < kGain * score_before ? num_stale_rounds + 1 : 0;
+  }
+}
+
+void PoseSearch::SampleExplained(int num_samples, Rng* rng) {
+  constexpr int kSampleSize = FivePoint::kSampleSize;
+  constexpr double kReach = 2.0, kScoreScale = 1.5;  // thresholds
+  errors_.resize(pair_->points.num_blocks() * PointPairs::kBlock);
+  SampsonErrors(pair_->points, best_E_, errors_.data());
+  explained_.clear();
+  for (int i = 0; i < pair_->size(); ++i) {
+    if (errors_[i] < kReach * pair_->max_error_px) explained_.push_back(i);
+  }
+  const auto n = static_cast<uint32_t>(explained_.size());
+  if (n < kSampleSize) return;
+  Eigen::Matrix3d models[FivePoint::kMaxSolutions];
+  for (int k = 0; k < num_samples; ++k) {
+    uint32_t sample[kSampleSize];
+    rng->Sample(n, kSampleSize, sample);
+    PointCorrespondence points[kSampleSize];
+    for (int m = 0; m < kSampleSize; ++m) {
+      const int i = explained_[sample[m]];
+      points[m] = {pair_->points.Point1(i), pair_->points.Point2(i)};
+    }
+    const int count = FivePoint::Solve(points, models);
+    num_hypotheses_ += count;
+    // Models of right matches far apart are good: all matches, at nearly the final threshold, tell
+    // them apart.
+    for (int m = 0; m < count; ++m) {
+      const double score =
+          ScoreSampson(pair_->points, models[m], kScoreScale * pair_->max_error_px);
+      hypotheses_.push_back({models[m], score});
+    }
+  }
+}
+
+void PoseSearch::Refine(const Eigen::Matrix3d& E) {
+  const double threshold = pair_->max_error_px;
+  const EssentialDecomposition parts = DecomposeEssential(E);
+  Rigid3d pose(parts.R1, parts.t);
+  PoseRefinementOptions refinement;
+  refinement.loss = RobustLoss::kGemanMcClure;
+  refinement.min_relative_gain = 1e-3;
+  auto refine = [&](const PointPairs& points, double scale, int max_iterations) {
+    refinement.scale_px = scale * threshold;
+    refinement.max_iterations = max_iterations;
+    pose = RefinePose(points, pose, refinement).cam2_from_cam1;
+  };
+  refine(subset_, options_.rough_error_ratio, 8);
+  refine(subset_, std::min(kMiddleScale, options_.rough_error_ratio), 6);
+  const double subset_score = ScoreSampson(subset_, EssentialFromPose(pose), 2.0 * threshold);
+  if (subset_score < kPromising * best_subset_score_) return;
+  best_subset_score_ = std::max(best_subset_score_, subset_score);
+  refine(subset_, 1.0, 8);
+  if (pair_->size() > subset_.size()) pose = RefineOnAll(pose, 4);
+  AddRefined(pose);
+}
+
+Rigid3d PoseSearch::RefineOnAll(const Rigid3d& start, int max_iterations) const {
+  PoseRefinementOptions refinement;
+  refinement.loss = RobustLoss::kGemanMcClure;
+  refinement.min_relative_gain = 1e-3;
+  refinement.max_iterations = max_iterations;
+  refinement.scale_px = pair_->max_error_px;
+  return RefinePose(pair_->points, start, refinement).cam2_from_cam1;
+}
+
+void PoseSearch::AddRefined(const Rigid3d& pose) {
+  const Eigen::Matrix3d E = EssentialFromPose(pose);
+  const double score = ScoreSampson(pair_->points, E, pair_->max_error_px);
+  if (score < kEqualSupport * best_score_) return;
+  const bool agrees = num_agreeing_ > 0 && Distance(E, best_E_) < kEqualMatrix;
+  if (agrees) {
+    ++num_agreeing_;
+  } else if (score > best_score_) {
+    num_agreeing_ = 1;
+  }
+  if (score > best_score_) {
+    best_score_ = score;
+    best_pose_ = pose;
+    best_E_ = E;
+  }
+  // Support is about two thirds of the number of inliers; to be convinced takes more than to
+  // accept.
+  const int num_inliers = static_cast<int>(best_score_);
+  const double chance = 0.5 * pair_->chance_per_px * pair_->max_error_px;
+  has_evidence_ = num_inliers >= 8 && Log10NumFalseAlarms(pair_->size(), num_inliers, 5, 10,
+                                                          chance) < -options_.min_log10_evidence;
+  has_converged_ = has_evidence_ && (num_agreeing_ >= 2 || best_score_ > 0.5 * pair_->size());
+}
+
+}  // namespace cairn::internal

@@ -1,0 +1,236 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "cairn/geometry/epipolar.h"
+#include "two_view/evidence.h"
+#include "two_view/local_consensus.h"
+#include "two_view/pair_fixture.h"
+#include "two_view/pose_search.h"
+#include "two_view/search_steps.h"
+
+namespace cairn::internal {
+namespace {
+
+using test::MakePair;
+using test::Pair;
+
+// Matches of one smooth surface: a plane seen by two cameras, with the plane's affine frames, and
+// wrong matches after them.
+Pair MakeSmoothPair(int num_right, int num_wrong, uint64_t seed) {
+  const Rigid3d motion(ExpSO3(Eigen::Vector3d(0.05, -0.15, 0.4)), Eigen::Vector3d(0.9, 0.2, -0.3));
+  Pair pair = test::MakePlanarPair(motion, false, num_right + num_wrong, 0.3, seed);
+  const Eigen::Vector3d normal = Eigen::Vector3d(0.2, -0.3, 1.0).normalized();
+  const Eigen::Matrix3d H =
+      pair.camera2.CalibrationMatrix() *
+      (motion.RotationMatrix() + motion.translation * normal.transpose() / 4.0) *
+      pair.camera1.CalibrationMatrix().inverse();
+  for (size_t i = 0; i < pair.keypoints1.size(); ++i) {
+    Keypoint& k2 = pair.keypoints2[i];
+    const Eigen::Vector2d x = pair.keypoints1[i].Position();
+    const Eigen::Vector3d y = H * x.homogeneous();
+    Eigen::Matrix2d A;
+    for (int r = 0; r < 2; ++r) {
+      for (int c = 0; c < 2; ++c) A(r, c) = (H(r, c) - y[r] / y.z() * H(2, c)) / y.z();
+    }
+    const Eigen::Matrix2d shape = A * pair.keypoints1[i].Shape();
+    k2.a11 = static_cast<float>(shape(0, 0)), k2.a12 = static_cast<float>(shape(0, 1));
+    k2.a21 = static_cast<float>(shape(1, 0)), k2.a22 = static_cast<float>(shape(1, 1));
+  }
+  for (int i = 0; i < num_wrong; ++i) {
+    pair.matches[num_right + i].point2 =
+        static_cast<point2D_t>(num_right + (i + num_wrong / 2) % num_wrong);
+    pair.is_inlier[num_right + i] = false;
+  }
+  return pair;
+}
+
+TEST(LocalConsensus, TellsRightMatchesFromWrongOnes) {
+  const Pair pair = MakeSmoothPair(100, 300, 1);
+  std::vector<int32_t> indices(pair.matches.size());
+  std::iota(indices.begin(), indices.end(), 0);
+  LocalConsensus consensus;
+  consensus.Count(pair.Input(), indices);
+  int right = 0, wrong = 0;
+  for (size_t i = 0; i < indices.size(); ++i) {
+    (pair.is_inlier[i] ? right : wrong) += consensus.votes()[i] >= 2;
+  }
+  EXPECT_GE(right, 90);
+  EXPECT_LE(wrong, 60);
+  EXPECT_GT(consensus.num_votes(), 5.0 * consensus.num_votes_by_chance());
+}
+
+TEST(LocalConsensus, CountsWhatChanceGives) {
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    const Pair pair = MakeSmoothPair(0, 400, seed);
+    std::vector<int32_t> indices(pair.matches.size());
+    std::iota(indices.begin(), indices.end(), 0);
+    LocalConsensus consensus;
+    consensus.Count(pair.Input(), indices);
+    EXPECT_GT(consensus.num_votes_by_chance(), 1.0);
+    EXPECT_LT(consensus.num_votes(), 3.0 * consensus.num_votes_by_chance() + 5.0);
+  }
+}
+
+TEST(LocalConsensus, DoesNotDependOnTheOrderOfMatches) {
+  const Pair pair = MakeSmoothPair(60, 60, 2);
+  std::vector<int32_t> indices(pair.matches.size()), shuffled;
+  std::iota(indices.begin(), indices.end(), 0);
+  shuffled = indices;
+  Rng(3).Shuffle(shuffled);
+  LocalConsensus a, b;
+  a.Count(pair.Input(), indices);
+  b.Count(pair.Input(), shuffled);
+  for (size_t k = 0; k < shuffled.size(); ++k) EXPECT_EQ(b.votes()[k], a.votes()[shuffled[k]]);
+}
+
+TEST(PreparePair, PutsSupportedMatchesFirst) {
+  const Pair pair = MakeSmoothPair(100, 300, 4);
+  PreparedPair prepared;
+  PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
+  ASSERT_EQ(prepared.size(), 400);
+  EXPECT_GE(prepared.num_supported, 90);
+  EXPECT_GT(prepared.consensus_sigmas, 10.0);
+  int right = 0;
+  for (int i = 0; i < 80; ++i) right += pair.is_inlier[prepared.match_index[i]];
+  EXPECT_GE(right, 75);
+  // A permutation of all matches.
+  std::vector<int32_t> sorted = prepared.match_index;
+  std::sort(sorted.begin(), sorted.end());
+  for (int i = 0; i < 400; ++i) EXPECT_EQ(sorted[i], i);
+}
+
+TEST(PreparePair, LeavesOutWhatTheCameraCannotSee) {
+  Pair pair = MakePair({}, 1);
+  pair.camera2.params.back() = -2.0;  // folds over within the image
+  PreparedPair prepared;
+  PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
+  EXPECT_LT(prepared.size(), static_cast<int>(pair.matches.size()));
+  EXPECT_EQ(prepared.size(), static_cast<int>(prepared.match_index.size()));
+  EXPECT_LE(prepared.num_supported, prepared.size());
+}
+
+TEST(PreparePair, ThresholdFollowsTheImageSize) {
+  Pair pair = MakePair({}, 1);
+  PreparedPair prepared;
+  PreparePair(pair.Input(), {}, MatchOrder::kRandom, &prepared);
+  EXPECT_NEAR(prepared.max_error_px, 0.0005 * pair.camera1.DiagonalPx(), 1e-9);
+  pair.camera1.width = pair.camera2.width = 320;
+  pair.camera1.height = pair.camera2.height = 240;
+  PreparePair(pair.Input(), {}, MatchOrder::kRandom, &prepared);
+  EXPECT_EQ(prepared.max_error_px, 1.0);
+  PreparePair(pair.Input(), {.max_error_px = 2.5}, MatchOrder::kRandom, &prepared);
+  EXPECT_EQ(prepared.max_error_px, 2.5);
+}
+
+class SearchTest : public ::testing::Test {
+ protected:
+  void Prepare(const Pair& pair, const TwoViewOptions& options = {}) {
+    PreparePair(pair.Input(), options, MatchOrder::kByConsensus, &prepared_);
+  }
+  PreparedPair prepared_;
+};
+
+TEST_F(SearchTest, ConvergesFromARoughHypothesis) {
+  const Pair pair = MakePair({.num_inliers = 150, .num_outliers = 100}, 7);
+  Prepare(pair);
+  PoseSearch search{TwoViewOptions{}};
+  search.Reset(prepared_);
+  EXPECT_FALSE(search.HasModel());
+  Rng rng(7);
+  for (int k = 0; k < 10; ++k) {
+    const Rigid3d rough(ExpSO3(0.06 * test::RandomDirection(rng)) * pair.cam2_from_cam1.rotation,
+                        pair.cam2_from_cam1.translation + 0.15 * test::RandomDirection(rng));
+    search.Add(EssentialFromPose(rough));
+  }
+  search.RefineBest(10);
+  EXPECT_TRUE(search.HasConverged());
+  EXPECT_TRUE(search.HasEvidence());
+  EXPECT_EQ(search.num_hypotheses(), 10);
+  EXPECT_GT(search.score(), 80.0);
+  EXPECT_LT(test::HomogeneousError(EssentialFromPose(search.pose()),
+                                   EssentialFromPose(pair.cam2_from_cam1)),
+            0.01);
+}
+
+TEST_F(SearchTest, DoesNotConvergeOnChance) {
+  const Pair pair = MakePair({.num_inliers = 0, .num_outliers = 300}, 8);
+  Prepare(pair);
+  PoseSearch search{TwoViewOptions{}};
+  search.Reset(prepared_);
+  RunFivePointStep(pair.Input(), prepared_, 100, &search);
+  EXPECT_TRUE(search.HasModel());
+  EXPECT_FALSE(search.HasEvidence());
+  EXPECT_FALSE(search.HasConverged());
+}
+
+TEST_F(SearchTest, ResamplingNeverLosesSupport) {
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    const Pair pair = MakePair({.num_inliers = 80, .num_outliers = 100, .noise_px = 0.6}, seed);
+    Prepare(pair);
+    PoseSearch search{TwoViewOptions{}};
+    search.Reset(prepared_);
+    RunTwoAcStep(pair.Input(), prepared_, 200, &search);
+    const double before = search.score();
+    Rng rng(seed);
+    search.Resample({}, &rng);
+    EXPECT_GE(search.score(), before);
+  }
+}
+
+TEST_F(SearchTest, DepthSolverAndRoughScaleDecideWhatIsRefined) {
+  const Pair pair = MakePair({.noise_px = 1.0, .depth_noise = 0.2}, 9);
+  Prepare(pair);
+  auto first_pose = [&](const TwoViewOptions& options) {
+    OneAcDepthStep step(options);
+    PoseSearch search(options);
+    search.Reset(prepared_);
+    EXPECT_GT(step.Run(pair.Input(), prepared_, 1, &search), 100);
+    return search.pose().translation;
+  };
+  const Eigen::Vector3d pose = first_pose({});
+  EXPECT_EQ(first_pose({}), pose);
+  EXPECT_NE(first_pose({.depth_solver = "umeyama"}), pose);
+  EXPECT_NE(first_pose({.rough_error_ratio = 50.0}), pose);
+}
+
+TEST(Evidence, GrowsWithInliersAndFallsWithMatches) {
+  const double chance = 0.0012;
+  auto nfa = [&](int n, int k) { return Log10NumFalseAlarms(n, k, 5, 10, chance); };
+  EXPECT_LT(nfa(20, 15), -6.0);  // 15 of 20 good ones are kept
+  EXPECT_GT(nfa(600, 15), 0.0);  // 15 chance inliers among 600 are not
+  EXPECT_LT(nfa(600, 40), -6.0);
+  EXPECT_LT(nfa(100, 20), nfa(100, 19));
+  EXPECT_LT(nfa(100, 20), nfa(200, 20));
+  EXPECT_GT(nfa(100, 5), 0.0);
+}
+
+TEST(Evidence, MatchesOfOneSpotCountOnce) {
+  const Pair pair = MakePair({.num_inliers = 50, .num_outliers = 0}, 1);
+  Pair repeated = pair;
+  for (int k = 0; k < 30; ++k) repeated.matches.push_back(pair.matches[0]);
+  PreparedPair prepared;
+  PreparePair(repeated.Input(), {}, MatchOrder::kRandom, &prepared);
+  std::vector<int32_t> all(prepared.size());
+  std::iota(all.begin(), all.end(), 0);
+  std::vector<uint64_t> scratch;
+  EXPECT_LE(EstimateNumDistinct(prepared, all, &scratch), 50);
+  EXPECT_GE(EstimateNumDistinct(prepared, all, &scratch), 48);
+  EXPECT_EQ(EstimateNumDistinct(prepared, {}, &scratch), 0);
+}
+
+TEST(Evidence, ChanceIsMeasuredOnTheImageItself) {
+  const Pair pair = MakePair({.num_inliers = 400, .num_outliers = 0}, 1);
+  PreparedPair prepared;
+  PreparePair(pair.Input(), {}, MatchOrder::kRandom, &prepared);
+  PointPairs scratch;
+  const Eigen::Matrix3d E = EssentialFromPose(pair.cam2_from_cam1);
+  const double chance = ChanceOfInlier(prepared, E, 1.0, &scratch);
+  EXPECT_GT(chance, 2e-4);
+  EXPECT_LT(chance, 1e-2);
+  EXPECT_GT(ChanceOfInlier(prepared, E, 20.0, &scratch), 5.0 * chance);
+}
+
+}  // namespace
+}  // namespace cairn::internal
