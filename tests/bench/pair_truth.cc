@@ -71,9 +71,10 @@ Scores ScoreResults(const std::map<std::string, Rigid3d>& truth, int min_inliers
   Scores scores;
   std::vector<double> errors, ms_true, ms_false;
   for (PairResult& result : *results) {
-    scores.total_seconds += result.seconds;
+    scores.all_seconds += result.seconds;
     const bool accepted = result.cam2_from_cam1 && result.num_inliers >= min_inliers;
     if (result.kind == PairKind::kUnknown) continue;
+    scores.total_seconds += result.seconds;
     if (result.kind == PairKind::kFalse) {
       ++scores.num_false;
       scores.accepted_false += accepted;
@@ -102,18 +103,17 @@ Scores ScoreResults(const std::map<std::string, Rigid3d>& truth, int min_inliers
 }
 
 std::string ScoresHeader() {
-  return "verifier                         AUC@1   @5    @10   @20   true accepted  false accepted "
-         " "
-         "median ms true  false   total s";
+  return "verifier, depth                         AUC@1    @5   @10   @20  true acc.  false acc.  "
+         "ms true  ms false  total s  all s";
 }
 
 std::string FormatScores(const std::string& label, const Scores& s) {
   char line[256];
   std::snprintf(line, sizeof(line),
-                "%-32s %5.2f %5.2f %5.2f %5.2f   %5d / %-5d  %5d / %-5d   %10.3f  %8.3f  %8.3f",
+                "%-38s %6.2f %5.2f %5.2f %5.2f  %3d / %-3d   %3d / %-3d  %7.3f  %8.3f  %7.3f %6.3f",
                 label.c_str(), s.auc1, s.auc5, s.auc10, s.auc20, s.accepted_true, s.num_true,
-                s.accepted_false, s.num_false, s.median_ms_true, s.median_ms_false,
-                s.total_seconds);
+                s.accepted_false, s.num_false, s.median_ms_true, s.median_ms_false, s.total_seconds,
+                s.all_seconds);
   return line;
 }
 

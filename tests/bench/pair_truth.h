@@ -34,7 +34,8 @@ struct Scores {
   int num_true = 0, num_false = 0, accepted_true = 0, accepted_false = 0;
   double auc1 = 0, auc5 = 0, auc10 = 0, auc20 = 0;  // percent
   double median_ms_true = 0, median_ms_false = 0;
-  double total_seconds = 0;  // all pairs
+  double total_seconds = 0;  // true and false pairs
+  double all_seconds = 0;    // and those of which the truth is not known
 };
 
 // The same measure as shared/tools/eval_pairs.py; a pair with fewer than `min_inliers` counts as
