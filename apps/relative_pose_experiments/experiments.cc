@@ -11,6 +11,7 @@
 #include "relative_pose_experiments/real_pairs.h"
 #include "relative_pose_experiments/reconstruction_table.h"
 #include "relative_pose_experiments/stability.h"
+#include "relative_pose_experiments/synthetic_scene.h"
 
 namespace cairn::experiments {
 namespace {
@@ -43,8 +44,10 @@ std::string TablePrefix(const ExperimentOptions& options, const RealDataOptions&
   return options.output_path + "/" + data.scene + "." + data.depth_name;
 }
 
-void RunPairExperiment(const ExperimentOptions& options, const RealExperimentOptions& real,
-                       ProgressMonitor& monitor) {
+// Figure 6 and the appendix. The bounds are those of the synthetic scene.
+std::vector<FigureCheck> RunPairExperiment(const ExperimentOptions& options,
+                                           const RealExperimentOptions& real,
+                                           ProgressMonitor& monitor) {
   const RealScene scene =
       LoadRealScene(real.data, real.depth, real.verification.min_num_matches, monitor);
   const std::string prefix = TablePrefix(options, real.data);
@@ -53,23 +56,49 @@ void RunPairExperiment(const ExperimentOptions& options, const RealExperimentOpt
   SingleDistributionTable(single, real.data).Write(prefix + ".single_distribution.csv");
   const auto results =
       RunRealPairs(scene, real.verification, static_cast<uint64_t>(options.seed), monitor);
-  if (monitor.StopRequested()) return;
+  if (monitor.StopRequested()) return {};
   PairTable(results, real.data).Write(prefix + ".pairs.csv");
   PairSummaryTable(results, real.data).Write(prefix + ".pairs_summary.csv");
   PairTimeTable(results, real.data).Write(prefix + ".pair_timings.csv");
+  std::vector<FigureCheck> checks = Checks(single);
+  Append(Checks(results), &checks);
+  return checks;
 }
 
-void RunReconstructionExperiment(const ExperimentOptions& options,
-                                 const RealExperimentOptions& real, ProgressMonitor& monitor) {
-  const auto results = RunReconstructions(
-      real.data, real.depth, real.verification, SplitAtCommas(options.verifiers),
-      options.output_path, static_cast<uint64_t>(options.seed), options.num_threads, monitor);
+// Table 2. The bounds are those of the synthetic scene.
+std::vector<FigureCheck> RunReconstructionExperiment(const ExperimentOptions& options,
+                                                     const RealExperimentOptions& real,
+                                                     ProgressMonitor& monitor) {
+  ReconstructionSettings settings;
+  settings.verifiers = SplitAtCommas(options.verifiers);
+  settings.verification = real.verification;
+  settings.refine_intrinsics = options.refine_intrinsics;
+  settings.work_path = options.output_path;
+  settings.seed = static_cast<uint64_t>(options.seed);
+  settings.num_threads = options.num_threads;
+  const auto results = RunReconstructions(real.data, real.depth, settings, monitor);
   for (const ReconstructionResult& result : results) {
     if (!result.failure.empty()) monitor.Warning(result.verifier + ": " + result.failure);
   }
   const std::string prefix = TablePrefix(options, real.data);
   ReconstructionTable(results, real.data).Write(prefix + ".reconstruction.csv");
   ReconstructionTimeTable(results, real.data).Write(prefix + ".reconstruction_timings.csv");
+  return Checks(results);
+}
+
+// Both, on the photographs that the options name, or else on a synthetic scene.
+std::vector<FigureCheck> RunSceneExperiments(const ExperimentOptions& options,
+                                             RealExperimentOptions real, bool wants_pairs,
+                                             bool wants_reconstruction, ProgressMonitor& monitor) {
+  const bool is_synthetic = real.data.database_path.empty();
+  if (is_synthetic) {
+    real.data = WriteSyntheticScene(options.output_path, options.quick,
+                                    static_cast<uint64_t>(options.seed));
+  }
+  std::vector<FigureCheck> checks;
+  if (wants_pairs) Append(RunPairExperiment(options, real, monitor), &checks);
+  if (wants_reconstruction) Append(RunReconstructionExperiment(options, real, monitor), &checks);
+  return is_synthetic ? checks : std::vector<FigureCheck>();
 }
 
 }  // namespace
@@ -78,15 +107,12 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
                                         const RealExperimentOptions& real,
                                         ProgressMonitor& monitor) {
   const auto wanted = [&](const char* name) {
-    return (options.experiment == name || options.experiment == "synthetic") &&
-           !monitor.StopRequested();
+    return (options.experiment == name || options.experiment == "all") && !monitor.StopRequested();
   };
   const auto path = [&](const char* name) { return options.output_path + "/" + name; };
   const auto seed = static_cast<uint64_t>(options.seed);
   CreateFolders(options.output_path);
   std::vector<FigureCheck> checks;
-  if (options.experiment == "real_pairs") RunPairExperiment(options, real, monitor);
-  if (options.experiment == "reconstruction") RunReconstructionExperiment(options, real, monitor);
 
   if (wanted("errata")) {
     const ErrataReport report = RunErrata(seed, 2000, options.num_threads);
@@ -124,6 +150,10 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
       HeatMapTable(report).Write(path("noise_heat_maps.csv"));
       Append(Checks(report), &checks);
     }
+  }
+  const bool wants_pairs = wanted("pairs"), wants_reconstruction = wanted("reconstruction");
+  if (wants_pairs || wants_reconstruction) {
+    Append(RunSceneExperiments(options, real, wants_pairs, wants_reconstruction, monitor), &checks);
   }
   if (!checks.empty()) WriteChecks(checks, path("checks.json"));
   return checks;

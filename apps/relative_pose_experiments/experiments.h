@@ -14,27 +14,31 @@ namespace cairn::experiments {
 
 struct ExperimentOptions {
   std::string output_path;
-  std::string experiment = "synthetic";
+  std::string experiment = "all";
   bool quick = false;
   int seed = 0;
   int num_threads = -1;
-  std::string verifiers = "one_ac_depth,five_point,both";
+  std::string verifiers = "one_ac_depth,five_point,cascade";
+  bool refine_intrinsics = true;
 
   void VisitFields(OptionVisitor& v) {
     v.String("output_path", output_path, "folder for the tables (CSV) and checks.json");
-    v.Choice("experiment", experiment,
-             {"synthetic", "errata", "complexity", "timings", "stability", "noise", "real_pairs",
-              "reconstruction"},
-             "one experiment, or all that need no photographs");
+    v.Choice(
+        "experiment", experiment,
+        {"all", "errata", "complexity", "timings", "stability", "noise", "pairs", "reconstruction"},
+        "one experiment, or all");
     v.Bool("quick", quick, "fewer instances: under two minutes");
     v.Int("seed", seed, {0, 1e9}, "seed of all random numbers");
     v.Int("num_threads", num_threads, {-1, 1024}, "threads; -1: all");
     v.String("verifiers", verifiers,
              "experiment reconstruction: verifiers to compare, with commas between them");
+    v.Bool("refine_intrinsics", refine_intrinsics,
+           "experiment reconstruction: refine focal lengths and distortions");
   }
 };
 
-// What the experiments on photographs (real_pairs, reconstruction) work on.
+// What the experiments pairs and reconstruction work on; without data.database_path, on a synthetic
+// scene.
 struct RealExperimentOptions {
   RealDataOptions data;
   DepthOptions depth;

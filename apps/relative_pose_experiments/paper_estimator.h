@@ -12,11 +12,12 @@ namespace cairn::experiments {
 // The paper's comparison on real pairs: two minimal solvers in one and the same robust estimator,
 // LO-RANSAC with MSAC over the Sampson error, the number of iterations by the confidence and the
 // share of inliers, and one local optimization for both (nonlinear, with a shrinking scale). The
-// paper has GC-RANSAC with eight points as local optimization.
+// paper has GC-RANSAC with eight points as local optimization, and its default values, of which the
+// fewest iterations matter here.
 struct PaperEstimatorOptions {
   double confidence = 0.99;
   double max_error_over_diagonal = 0.0005;  // threshold, as a share of the mean image diagonal
-  int64_t min_iterations = 1;
+  int64_t min_iterations = 20;
   int64_t max_iterations = 10000;
 };
 

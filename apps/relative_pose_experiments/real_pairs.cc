@@ -1,33 +1,21 @@
 #include "relative_pose_experiments/real_pairs.h"
 
 #include <algorithm>
-#include <limits>
 
-#include "cairn/base/timer.h"
 #include "cairn/evaluation/pose_evaluation.h"
+#include "relative_pose_experiments/least_time.h"
 #include "relative_pose_experiments/statistics.h"
 
 namespace cairn::experiments {
 namespace {
-
-// The time of a call without what else the machine does: the least of three.
-template <class Fn>
-double LeastMs(const Fn& fn) {
-  double least = std::numeric_limits<double>::infinity();
-  for (int run = 0; run < 3; ++run) {
-    const Timer timer;
-    fn();
-    least = std::min(least, 1e3 * timer.Seconds());
-  }
-  return least;
-}
 
 PairResult RunPaperEstimator(const std::string& name, const RealPair& pair, uint64_t seed) {
   PairResult result{.pair = &pair, .estimator = name};
   const MinimalSolver solver =
       name == "5PT" ? MinimalSolver::kFivePoint : MinimalSolver::kOneAffineDepth;
   PaperEstimate estimate;
-  result.ms = LeastMs([&] { estimate = EstimateAsPaper(InputOf(pair, seed), solver, {}); });
+  result.ms =
+      1e3 * LeastSeconds([&] { estimate = EstimateAsPaper(InputOf(pair, seed), solver, {}); });
   result.num_inliers = estimate.num_inliers;
   result.num_iterations = estimate.num_iterations;
   result.has_pose = estimate.cam2_from_cam1.has_value();
@@ -42,7 +30,7 @@ PairResult RunVerifier(const std::string& name, const RealPair& pair, uint64_t s
   if (options.max_error_px == 0) options.max_error_px = PaperThresholdPx(input, {});
   const auto verifier = MakePairVerifier(VerifierKindFromName(name), options);
   PairReport report;
-  result.ms = LeastMs([&] { report = verifier->Verify(input); });
+  result.ms = 1e3 * LeastSeconds([&] { report = verifier->Verify(input); });
   result.num_inliers = report.num_inliers;
   result.num_iterations = report.num_iterations;
   result.has_pose =
@@ -135,6 +123,21 @@ Table PairTimeTable(const std::vector<PairResult>& results, const RealDataOption
         .Add(r.ms);
   }
   return table;
+}
+
+std::vector<FigureCheck> Checks(const std::vector<PairResult>& results) {
+  std::vector<FigureCheck> checks;
+  for (const std::string& name : EstimatorsOf(results)) {
+    std::vector<double> rotation, translation;
+    for (const PairResult& r : results) {
+      if (r.estimator != name) continue;
+      rotation.push_back(r.errors.rotation_deg);
+      translation.push_back(r.errors.translation_deg);
+    }
+    checks.push_back({"pairs." + name + ".rotation_median_deg", Median(rotation), 0, 1});
+    checks.push_back({"pairs." + name + ".translation_median_deg", Median(translation), 0, 1});
+  }
+  return checks;
 }
 
 }  // namespace cairn::experiments

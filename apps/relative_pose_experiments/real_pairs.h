@@ -23,7 +23,7 @@ struct PairResult {
 // "1AC+D" and "5PT" are the paper's comparison (paper_estimator.h); the others are cairn's
 // verifiers with the options given and the paper's threshold, if theirs is the automatic one.
 inline const std::vector<std::string> kRealEstimators = {"1AC+D", "5PT", "one_ac_depth",
-                                                         "five_point"};
+                                                         "five_point", "cascade"};
 
 // Runs every estimator on every pair, one pair after the other, so that times mean something.
 std::vector<PairResult> RunRealPairs(const RealScene& scene, TwoViewOptions verification,
@@ -33,6 +33,8 @@ std::vector<PairResult> RunRealPairs(const RealScene& scene, TwoViewOptions veri
 Table PairTable(const std::vector<PairResult>& results, const RealDataOptions& data);
 Table PairSummaryTable(const std::vector<PairResult>& results, const RealDataOptions& data);
 Table PairTimeTable(const std::vector<PairResult>& results, const RealDataOptions& data);
+// For the synthetic scene.
+std::vector<FigureCheck> Checks(const std::vector<PairResult>& results);
 
 // The paper's appendix: what one correspondence alone gives.
 struct SingleReport {
@@ -44,6 +46,7 @@ struct SingleReport {
   std::vector<double> rotation_deg, translation_deg;  // of the hypotheses
 };
 SingleReport RunSingleCorrespondences(const RealScene& scene, int num_threads);
+std::vector<FigureCheck> Checks(const SingleReport& report);
 Table SingleSummaryTable(const SingleReport& report, const RealDataOptions& data);
 // Share of all correspondences with an error below 1, 2, ... 180 degrees.
 Table SingleDistributionTable(const SingleReport& report, const RealDataOptions& data);

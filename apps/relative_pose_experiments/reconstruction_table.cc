@@ -1,13 +1,13 @@
 #include "relative_pose_experiments/reconstruction_table.h"
 
-#include <filesystem>
-
 #include "cairn/base/file.h"
 #include "cairn/base/timer.h"
 #include "cairn/database/database.h"
 #include "cairn/io/model.h"
 #include "cairn/pipeline/pair_scheduler.h"
 #include "cairn/pipeline/reconstruct.h"
+#include "relative_pose_experiments/least_time.h"
+#include "relative_pose_experiments/remove_database.h"
 
 namespace cairn::experiments {
 namespace {
@@ -29,8 +29,35 @@ void CopyInputs(const Database& from, const RealScene& scene, Database* to) {
   transaction.Commit();
 }
 
-void RemoveDatabase(const std::string& path) {
-  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path + suffix);
+ReconstructionResult VerifyAndReconstruct(const std::string& verifier,
+                                          const ReconstructionSettings& settings,
+                                          const PosedCameras& reference, Database& database,
+                                          ProgressMonitor& monitor) {
+  ReconstructionResult result;
+  result.verifier = verifier;
+  VerificationInput input;
+  input.seed = settings.seed;
+  input.min_num_matches = settings.verification.min_num_matches;
+  const Timer timer;
+  const VerificationReport report =
+      VerifyPairs(database, MakeVerifiers(verifier, settings.verification), input, {},
+                  settings.num_threads, monitor);
+  result.verification_seconds = timer.Seconds();
+  result.num_verified_pairs = static_cast<int>(report.counts.num_verified);
+
+  ReconstructSettings reconstruct;
+  reconstruct.seed = settings.seed;
+  reconstruct.num_threads = settings.num_threads;
+  reconstruct.refine_intrinsics = settings.refine_intrinsics;
+  reconstruct.reconstruct.colors = false;
+  ReconstructResult reconstructed;
+  result.reconstruction_seconds = LeastSeconds(
+      [&] { reconstructed = ReconstructScene(database, "", reconstruct, NullMonitor()); });
+  result.failure = reconstructed.report.failure;
+  if (!reconstructed.models.empty()) {
+    result.evaluation = EvaluatePoses(PosedCamerasOf(reconstructed.models[0]), reference);
+  }
+  return result;
 }
 
 void AddStatistics(const std::optional<ErrorStatistics>& statistics, double factor, Table* table) {
@@ -47,47 +74,26 @@ void AddStatistics(const std::optional<ErrorStatistics>& statistics, double fact
 
 std::vector<ReconstructionResult> RunReconstructions(const RealDataOptions& options,
                                                      const DepthOptions& depth_options,
-                                                     const TwoViewOptions& verification,
-                                                     const std::vector<std::string>& verifiers,
-                                                     const std::string& work_path, uint64_t seed,
-                                                     int num_threads, ProgressMonitor& monitor) {
+                                                     const ReconstructionSettings& settings,
+                                                     ProgressMonitor& monitor) {
   const RealScene scene =
-      LoadRealScene(options, depth_options, verification.min_num_matches, monitor);
+      LoadRealScene(options, depth_options, settings.verification.min_num_matches, monitor);
   const Database source(options.database_path, Database::Mode::kReadOnly);
+  // Points of 1DSfM's references cannot be read (io/bundler.h).
   const PosedCameras reference =
       PosedCamerasOf(ReadModel(options.reference_path, {.read_points = false}));
-  CreateFolders(work_path);
+  CreateFolders(settings.work_path);
   std::vector<ReconstructionResult> results;
-  for (const std::string& verifier : verifiers) {
-    ReconstructionResult result;
-    result.verifier = verifier;
-    const std::string path = work_path + "/" + options.scene + "." + verifier + ".db";
+  for (const std::string& verifier : settings.verifiers) {
+    if (monitor.StopRequested()) break;
+    const std::string path = settings.work_path + "/" + options.scene + "." + verifier + ".db";
     RemoveDatabase(path);
     {
       Database database(path);
       CopyInputs(source, scene, &database);
-      VerificationInput input;
-      input.seed = seed;
-      input.min_num_matches = verification.min_num_matches;
-      const Timer timer;
-      const VerificationReport report = VerifyPairs(database, MakeVerifiers(verifier, verification),
-                                                    input, {}, num_threads, monitor);
-      result.verification_seconds = timer.Seconds();
-      result.num_verified_pairs = static_cast<int>(report.counts.num_verified);
-      ReconstructSettings settings;
-      settings.seed = seed;
-      settings.num_threads = num_threads;
-      settings.reconstruct.colors = false;
-      const Timer reconstruction_timer;
-      const ReconstructResult reconstructed = ReconstructScene(database, "", settings, monitor);
-      result.reconstruction_seconds = reconstruction_timer.Seconds();
-      result.failure = reconstructed.report.failure;
-      if (!reconstructed.models.empty()) {
-        result.evaluation = EvaluatePoses(PosedCamerasOf(reconstructed.models[0]), reference);
-      }
+      results.push_back(VerifyAndReconstruct(verifier, settings, reference, database, monitor));
     }
     RemoveDatabase(path);
-    results.push_back(std::move(result));
   }
   return results;
 }
@@ -122,6 +128,22 @@ Table ReconstructionTimeTable(const std::vector<ReconstructionResult>& results,
         .Add(r.reconstruction_seconds);
   }
   return table;
+}
+
+std::vector<FigureCheck> Checks(const std::vector<ReconstructionResult>& results) {
+  std::vector<FigureCheck> checks;
+  for (const ReconstructionResult& r : results) {
+    const PoseEvaluation& e = r.evaluation;
+    const auto add = [&](const std::string& figure, double value, double min, double max) {
+      checks.push_back({"reconstruction." + r.verifier + "." + figure, value, min, max});
+    };
+    const auto median = [](const std::optional<ErrorStatistics>& s) { return s ? s->median : 1e9; };
+    add("registered", e.num_registered, e.num_reference, e.num_reference);
+    add("orientation_med_deg", median(e.orientation_deg), 0, 0.2);
+    add("position_med", median(e.center), 0, 0.02);  // the scene's radius is 1
+    add("focal_med", median(e.focal_relative), 0, 0.02);
+  }
+  return checks;
 }
 
 }  // namespace cairn::experiments

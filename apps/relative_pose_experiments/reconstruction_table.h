@@ -18,19 +18,26 @@ struct ReconstructionResult {
   PoseEvaluation evaluation;  // of the largest model
   int num_verified_pairs = 0;
   double verification_seconds = 0;
-  double reconstruction_seconds = 0;  // given the view graph
+  double reconstruction_seconds = 0;  // given the view graph; the least of three runs
+};
+
+struct ReconstructionSettings {
+  std::vector<std::string> verifiers;
+  TwoViewOptions verification;
+  bool refine_intrinsics = true;
+  std::string work_path;  // folder for databases that do not stay
+  uint64_t seed = 0;
+  int num_threads = 0;
 };
 
 // For each verifier: a database with the features and matches of options.database_path and the
-// depth of the given source (depth_path, depth_model, else the database's own) is made in
-// work_path, its pairs are verified, and it is reconstructed and compared with the reference.
-// Throws ConfigError for an unknown verifier, IoError.
+// depth of the given source (depth_path, depth_model, else the database's own) is made, its pairs
+// are verified, and it is reconstructed and compared with the reference. Throws ConfigError for an
+// unknown verifier, IoError.
 std::vector<ReconstructionResult> RunReconstructions(const RealDataOptions& options,
                                                      const DepthOptions& depth_options,
-                                                     const TwoViewOptions& verification,
-                                                     const std::vector<std::string>& verifiers,
-                                                     const std::string& work_path, uint64_t seed,
-                                                     int num_threads, ProgressMonitor& monitor);
+                                                     const ReconstructionSettings& settings,
+                                                     ProgressMonitor& monitor);
 
 // The paper's layout: orientation in degrees, position in the reference's unit, focal length in
 // 0.01 of itself, each AVG, MED, STD.
@@ -38,5 +45,7 @@ Table ReconstructionTable(const std::vector<ReconstructionResult>& results,
                           const RealDataOptions& data);
 Table ReconstructionTimeTable(const std::vector<ReconstructionResult>& results,
                               const RealDataOptions& data);
+// For the synthetic scene.
+std::vector<FigureCheck> Checks(const std::vector<ReconstructionResult>& results);
 
 }  // namespace cairn::experiments

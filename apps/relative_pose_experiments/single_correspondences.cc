@@ -58,6 +58,11 @@ SingleReport RunSingleCorrespondences(const RealScene& scene, int num_threads) {
   return report;
 }
 
+std::vector<FigureCheck> Checks(const SingleReport& report) {
+  return {{"single.share_six_inliers", report.share_six_inliers, 0.03, 1},
+          {"single.share_within_20_15", report.share_within_20_15, 0.05, 0.5}};
+}
+
 Table SingleSummaryTable(const SingleReport& report, const RealDataOptions& data) {
   Table table({"scene", "depth", "matches", "hypotheses", "share_six_inliers", "share_within_20_15",
                "share_within_10_10"});
