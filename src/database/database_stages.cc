@@ -121,6 +121,8 @@ void Database::ClearMatches() { Query(*impl_, sql::kClearMatches).Run(); }
 void Database::ClearVerification() {
   Query(*impl_, sql::kClearTwoViewGeometries).Run();
   Query(*impl_, sql::kClearPairMetrics).Run();
+  Query(*impl_, sql::kClearPairDepthVotes).Run();
+  Query(*impl_, sql::kClearImageDepthVotes).Run();
 }
 
 void Database::ClearStage(const std::string& stage) {

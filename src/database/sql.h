@@ -43,6 +43,13 @@ CREATE TABLE IF NOT EXISTS cairn_pair_metrics
    num_inliers INTEGER NOT NULL, num_iterations INTEGER NOT NULL, score REAL NOT NULL,
    residual_px REAL NOT NULL, triangulation_angle_deg REAL NOT NULL, qvec BLOB, tvec BLOB,
    PRIMARY KEY(pair_id, verifier)) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS cairn_pair_depth_votes
+  (pair_id INTEGER PRIMARY KEY NOT NULL, num_hypotheses INTEGER NOT NULL,
+   num_right INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS cairn_image_depth_votes
+  (image_id INTEGER PRIMARY KEY NOT NULL, num_hypotheses INTEGER NOT NULL,
+   num_right INTEGER NOT NULL,
+   FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS cairn_photos
   (name TEXT PRIMARY KEY NOT NULL, file_hash INTEGER NOT NULL, error TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS cairn_jobs
@@ -185,6 +192,18 @@ inline constexpr const char* kClearDescriptors = "DELETE FROM descriptors;";
 inline constexpr const char* kClearDepthSamples = "DELETE FROM cairn_depth_samples;";
 inline constexpr const char* kClearMatches = "DELETE FROM matches;";
 inline constexpr const char* kClearTwoViewGeometries = "DELETE FROM two_view_geometries;";
+inline constexpr const char* kReadPairDepthVotes =
+    "SELECT pair_id, num_hypotheses, num_right FROM cairn_pair_depth_votes ORDER BY pair_id;";
+inline constexpr const char* kWritePairDepthVotes =
+    "INSERT OR REPLACE INTO cairn_pair_depth_votes(pair_id, num_hypotheses, num_right) "
+    "VALUES(?1, ?2, ?3);";
+inline constexpr const char* kClearPairDepthVotes = "DELETE FROM cairn_pair_depth_votes;";
+inline constexpr const char* kReadImageDepthVotes =
+    "SELECT image_id, num_hypotheses, num_right FROM cairn_image_depth_votes ORDER BY image_id;";
+inline constexpr const char* kWriteImageDepthVotes =
+    "INSERT OR REPLACE INTO cairn_image_depth_votes(image_id, num_hypotheses, num_right) "
+    "VALUES(?1, ?2, ?3);";
+inline constexpr const char* kClearImageDepthVotes = "DELETE FROM cairn_image_depth_votes;";
 inline constexpr const char* kClearPairMetrics = "DELETE FROM cairn_pair_metrics;";
 inline constexpr const char* kClearJobs = "DELETE FROM cairn_jobs WHERE stage = ?1;";
 inline constexpr const char* kClearTimings = "DELETE FROM cairn_timings WHERE stage = ?1;";

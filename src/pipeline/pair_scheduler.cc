@@ -16,12 +16,16 @@
 #include "pipeline/stage_ledger.h"
 #include "pipeline/stage_names.h"
 #include "pipeline/stage_report.h"
+#include "pipeline/verification_rounds.h"
 
 namespace cairn {
 namespace {
 
 // A keypoint with its depth sample in memory.
 constexpr int64_t kBytesPerKeypoint = sizeof(Keypoint) + sizeof(DepthSample);
+
+// So many of an image's most-matched pairs are in the first round.
+constexpr int kLikelyPairsPerImage = 5;
 
 // Pairs that are given to the reading thread: those with matches, but not those that another
 // program verified.
@@ -44,8 +48,9 @@ std::vector<image_pair_t> FindPairs(const Database& database, const Verification
 // One thread's verifiers.
 class Worker {
  public:
-  Worker(const std::vector<NamedVerifier>& verifiers, const VerificationInput& input)
-      : input_(input) {
+  Worker(const std::vector<NamedVerifier>& verifiers, const VerificationInput& input,
+         const std::map<image_t, DepthVotes>& depth_votes)
+      : input_(input), depth_votes_(depth_votes) {
     for (const NamedVerifier& verifier : verifiers) {
       names_.push_back(verifier.name);
       verifiers_.push_back(verifier.make());
@@ -68,6 +73,9 @@ class Worker {
     pair.depth1 = task.image1->depth;
     pair.depth2 = task.image2->depth;
     pair.matches = task.matches;
+    const auto [id1, id2] = PairIdToImagePair(task.pair_id);
+    pair.depth_trust1 = DepthTrust(id1);
+    pair.depth_trust2 = DepthTrust(id2);
     for (size_t i = 0; i < verifiers_.size(); ++i) {
       const Timer timer;
       PairReport report = verifiers_[i]->Verify(pair);
@@ -82,7 +90,16 @@ class Worker {
   double verifying_seconds = 0;
 
  private:
+  // 1 where nothing is known; one right hypothesis more than seen, as the next may be one.
+  double DepthTrust(image_t id) const {
+    const auto votes = depth_votes_.find(id);
+    if (votes == depth_votes_.end()) return 1.0;
+    return static_cast<double>(votes->second.num_right + 1) /
+           static_cast<double>(votes->second.num_hypotheses + 1);
+  }
+
   const VerificationInput& input_;
+  const std::map<image_t, DepthVotes>& depth_votes_;
   std::vector<std::string> names_;
   std::vector<std::unique_ptr<PairVerifier>> verifiers_;
 };
@@ -108,13 +125,13 @@ std::map<image_t, int64_t> ImageBytes(const Database& database) {
   return bytes;
 }
 
-// Verifies the pairs of the plan; fills counts and times.
-void VerifyAll(const std::string& database_path, const std::vector<NamedVerifier>& verifiers,
-               const VerificationInput& input, const StageLedger& ledger,
-               std::vector<PairTile> plan, int64_t num_pairs, int64_t max_queue_bytes,
-               int num_threads, ProgressMonitor& monitor, VerificationReport& report) {
-  PairLoader loader(database_path, input.min_num_matches, ledger, monitor);
-  DatabaseWriter writer(database_path);
+// Verifies the pairs of the plan; adds to the counts and times.
+void RunRound(Database& database, const std::vector<NamedVerifier>& verifiers,
+              const VerificationInput& input, PairLoader& loader, std::vector<PairTile> plan,
+              int64_t num_pairs, int64_t max_queue_bytes, int num_threads, ProgressMonitor& monitor,
+              VerificationReport& report) {
+  const std::map<image_t, DepthVotes> depth_votes = database.ReadImageDepthVotes();
+  DatabaseWriter writer(database.path());
   PairFeed feed(
       std::move(plan), [&loader](image_t id) { return loader.LoadImage(id); },
       [&loader](PairTask& task, const auto& image) { return loader.LoadPair(task, image); },
@@ -126,7 +143,9 @@ void VerifyAll(const std::string& database_path, const std::vector<NamedVerifier
     if (monitor.StopRequested()) feed.Stop();
     const std::optional<PairTask> task = feed.Next();
     if (!task) return;
-    if (!workers[worker]) workers[worker] = std::make_unique<Worker>(verifiers, input);
+    if (!workers[worker]) {
+      workers[worker] = std::make_unique<Worker>(verifiers, input, depth_votes);
+    }
     auto outcome = std::make_shared<PairOutcome>(workers[worker]->Run(*task));
     {
       const std::lock_guard<std::mutex> lock(counts_mutex);
@@ -136,12 +155,35 @@ void VerifyAll(const std::string& database_path, const std::vector<NamedVerifier
     monitor.Advance(1);
   });
   writer.Finish();
-  report.stage.messages = loader.messages();
-  report.reading_seconds = loader.busy_seconds();
-  report.writing_seconds = writer.busy_seconds();
+  report.writing_seconds += writer.busy_seconds();
   for (const auto& worker : workers) {
     if (worker) report.verifying_seconds += worker->verifying_seconds;
   }
+}
+
+// The likely pairs first, then the others.
+void RunRounds(Database& database, const std::vector<NamedVerifier>& verifiers,
+               const VerificationInput& input, const SchedulerOptions& scheduler,
+               const StageLedger& ledger, const std::vector<image_pair_t>& pairs, int num_threads,
+               ProgressMonitor& monitor, VerificationReport& report) {
+  const std::vector<image_pair_t> likely =
+      LikelyPairs(database.ReadNumMatches(), kLikelyPairsPerImage);
+  std::vector<image_pair_t> rounds[2];
+  for (const image_pair_t pair : pairs) {
+    rounds[std::binary_search(likely.begin(), likely.end(), pair) ? 0 : 1].push_back(pair);
+  }
+  // Half for the present tile; tasks that still hold images of the last one have the rest.
+  const auto max_bytes = static_cast<int64_t>(scheduler.max_memory_gib * (int64_t{1} << 30)) / 2;
+  const std::map<image_t, int64_t> image_bytes = ImageBytes(database);
+  PairLoader loader(database.path(), input.min_num_matches, ledger, monitor);
+  for (const std::vector<image_pair_t>& round : rounds) {
+    RunRound(database, verifiers, input, loader, PlanPairTiles(round, image_bytes, max_bytes),
+             static_cast<int64_t>(round.size()), max_bytes / 8, num_threads, monitor, report);
+    if (monitor.StopRequested()) break;
+    if (&round == rounds) LearnDepthVotes(database, likely);
+  }
+  report.stage.messages = loader.messages();
+  report.reading_seconds = loader.busy_seconds();
 }
 
 void FillStageReport(VerificationReport& report) {
@@ -178,12 +220,8 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
       }));
   if (!pairs.empty()) {
     if (num_new > 0) ledger.Begin(database);
-    // Half for the present tile; tasks that still hold images of the last one have the rest.
-    const auto max_bytes = static_cast<int64_t>(scheduler.max_memory_gib * (int64_t{1} << 30)) / 2;
     monitor.BeginStage("verifying pairs", num_new);
-    VerifyAll(database.path(), verifiers, input, ledger,
-              PlanPairTiles(pairs, ImageBytes(database), max_bytes),
-              static_cast<int64_t>(pairs.size()), max_bytes / 8, num_threads, monitor, report);
+    RunRounds(database, verifiers, input, scheduler, ledger, pairs, num_threads, monitor, report);
     monitor.EndStage();
   }
   if (monitor.StopRequested()) {

@@ -19,7 +19,7 @@ PairReport CascadeVerifier::Verify(const PairInput& input) {
     return IsSupported() ? full : static_cast<int>(std::ceil(options_.unsupported_budget * full));
   };
   int num_with_depth = 0;
-  if (steps_.one_ac_depth) {
+  if (steps_.one_ac_depth && CanTrustDepth(input)) {
     num_with_depth = one_ac_depth_.Run(input, pair_, budget(options_.max_num_refined), &search_);
     if (search_.HasConverged()) report.verifier = "one_ac_depth";
   }
@@ -39,7 +39,21 @@ PairReport CascadeVerifier::Verify(const PairInput& input) {
     return report;
   }
   FinishPair(input, pair_, options_, search_.pose(), &scratch_, &report);
+  if (report.status == PairStatus::kVerified && report.geometry.cam2_from_cam1) {
+    report.num_depth_hypotheses = num_with_depth;
+    if (num_with_depth > 0) {
+      report.num_right_depth_hypotheses = one_ac_depth_.CountRight(*report.geometry.cam2_from_cam1);
+    }
+  }
   return report;
+}
+
+bool CascadeVerifier::CanTrustDepth(const PairInput& input) const {
+  if (!steps_.two_ac && !steps_.five_point) return true;
+  constexpr double kMinExpectedRight = 0.5;
+  const double trust = std::min(input.depth_trust1, input.depth_trust2);
+  const int num_hypotheses = std::min(pair_.size(), OneAcDepthStep::kMaxHypotheses);
+  return trust * num_hypotheses >= kMinExpectedRight;
 }
 
 bool CascadeVerifier::IsSupported() const {

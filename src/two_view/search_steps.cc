@@ -47,10 +47,10 @@ LiftedFrame Lift(const Camera& camera, const Keypoint& keypoint, const Eigen::Ve
 int OneAcDepthStep::Run(const PairInput& input, const PreparedPair& pair, int max_num_refined,
                         PoseSearch* search) {
   if (input.depth1.empty() || input.depth2.empty()) return 0;
-  constexpr int kMaxHypotheses = 256;
   batch_.Reset(std::min(pair.size(), kMaxHypotheses));
   const bool umeyama = options_.depth_solver == "umeyama";
   int count = 0;
+  hypotheses_.clear();
   for (int i = 0; i < pair.size() && count < batch_.size(); ++i) {
     const FeatureMatch& match = input.matches[pair.match_index[i]];
     const DepthSample& depth1 = input.depth1[match.point1];
@@ -69,7 +69,7 @@ int OneAcDepthStep::Run(const PairInput& input, const PreparedPair& pair, int ma
     ++count;
     if (OneAffineDepthUmeyama::Solve(&sample, &model) == 1 &&
         model.cam2_from_cam1.translation.norm() > 0.0) {
-      search->Add(EssentialFromPose(model.cam2_from_cam1));
+      hypotheses_.push_back(model.cam2_from_cam1);
     }
   }
   if (!umeyama) {
@@ -78,11 +78,21 @@ int OneAcDepthStep::Run(const PairInput& input, const PreparedPair& pair, int ma
     Eigen::Matrix3d R;
     Eigen::Vector3d t;
     for (int i = 0; i < count; ++i) {
-      if (batch_.Get(i, &R, &t)) search->Add(CrossMatrix(t) * R);
+      if (batch_.Get(i, &R, &t)) hypotheses_.emplace_back(R, t);
     }
   }
+  for (const Rigid3d& pose : hypotheses_) search->Add(EssentialFromPose(pose));
   search->RefineBest(max_num_refined);
   return count;
+}
+
+int OneAcDepthStep::CountRight(const Rigid3d& pose) const {
+  constexpr double kRotation = 20.0 * M_PI / 180.0, kTranslation = 15.0 * M_PI / 180.0;
+  return static_cast<int>(
+      std::count_if(hypotheses_.begin(), hypotheses_.end(), [&pose](const Rigid3d& hypothesis) {
+        return AngleBetween(hypothesis.rotation, pose.rotation) < kRotation &&
+               AngleBetween(hypothesis.translation, pose.translation) < kTranslation;
+      }));
 }
 
 void RunTwoAcStep(const PairInput& input, const PreparedPair& pair, int max_num_samples,

@@ -10,16 +10,20 @@ namespace cairn::internal {
 // budget is spent. Pairs must be ordered by consensus.
 
 // One affine correspondence with depth a hypothesis, for every match with depth in both images (at
-// most the first `max_num_hypotheses`). Returns the number of hypotheses.
+// most the first kMaxHypotheses). Returns the number of hypotheses.
 class OneAcDepthStep {
  public:
+  static constexpr int kMaxHypotheses = 256;
   explicit OneAcDepthStep(const TwoViewOptions& options) : options_(options) {}
   int Run(const PairInput& input, const PreparedPair& pair, int max_num_refined,
           PoseSearch* search);
+  // Of the last run's hypotheses, those that are near `pose`.
+  int CountRight(const Rigid3d& pose) const;
 
  private:
   TwoViewOptions options_;
   OneAffineDepthBatch batch_;
+  std::vector<Rigid3d> hypotheses_;
 };
 
 // Two affine correspondences without depth a sample.

@@ -74,6 +74,11 @@ class Database {
   std::vector<PairMetrics> ReadPairMetrics() const;
   std::vector<PairMetrics> ReadPairMetrics(image_pair_t pair_id) const;
   void WritePairMetrics(const PairMetrics& metrics);
+  // How far depth could be relied on, by pair and by image.
+  std::map<image_pair_t, DepthVotes> ReadPairDepthVotes() const;
+  void WritePairDepthVotes(image_pair_t pair_id, const DepthVotes& votes);
+  std::map<image_t, DepthVotes> ReadImageDepthVotes() const;
+  void WriteImageDepthVotes(image_t image_id, const DepthVotes& votes);
   // Pairs won by each verifier.
   std::map<std::string, int64_t> CountWinners() const;
 
@@ -101,7 +106,7 @@ class Database {
   void ClearFeatures();      // keypoints, descriptors
   void ClearDepth();         // depth samples
   void ClearMatches();       // matches
-  void ClearVerification();  // two-view geometries, pair metrics
+  void ClearVerification();  // two-view geometries, pair metrics, depth votes
   void ClearStage(const std::string& stage);
 
   // Runs the writes between construction and Commit() as one transaction; rolled back if destroyed

@@ -27,6 +27,14 @@ struct PairMetrics {
   std::optional<Rigid3d> cam2_from_cam1;  // where status is "verified" and a pose is known
 };
 
+// Of the 1AC+D hypotheses that depth gave, how many were near the pose that the pair was verified
+// with. cairn_pair_depth_votes: of a pair; cairn_image_depth_votes: what the scheduler learned about
+// an image from its likely pairs.
+struct DepthVotes {
+  int64_t num_hypotheses = 0;
+  int64_t num_right = 0;
+};
+
 // cairn_photos: a file of the image folder, and what became of it. Key: name.
 struct PhotoRecord {
   std::string name;        // relative to the image folder

@@ -55,11 +55,13 @@ struct VerificationReport {
 // two_view_geometries (of equal ones the earlier in `verifiers`). A pair that no verifier accepts,
 // or that was not tried, gets an empty row, as from COLMAP.
 //
-// Pairs are ordered so that features are read once a block and stay within the memory limit; one
+// Likely pairs come first, in a round of their own (pipeline/verification_rounds.h), after which
+// each image's trust in its depth is learned and stored. Within a round, pairs are ordered so that
+// features are read once a block and stay within the memory limit; one
 // thread reads ahead, one writes. What a pair yields depends on its own features, depth, cameras,
-// matches, the options and the seed, and on nothing else. Pairs that are done are not done again;
-// if their inputs have changed, ConfigError names the pair. Pairs with a row that cannot be read
-// are left out, with one Warning a row.
+// matches, the options, the seed and what the first round learned, and on nothing else. Pairs that
+// are done are not done again; if their inputs have changed, ConfigError names the pair. Pairs with
+// a row that cannot be read are left out, with one Warning a row.
 VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
                                const VerificationInput& input, const SchedulerOptions& scheduler,
                                int num_threads, ProgressMonitor& monitor = NullMonitor());

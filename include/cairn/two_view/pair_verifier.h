@@ -24,6 +24,10 @@ struct PairInput {
   std::span<const DepthSample> depth1;  // one per keypoint, or empty: the image has no depth
   std::span<const DepthSample> depth2;
   std::span<const FeatureMatch> matches;
+  // Share of the 1AC+D hypotheses of each image that proved right in other pairs; 1: not known. The
+  // cascade leaves 1AC+D out where no hypothesis of this pair can be expected to be right.
+  double depth_trust1 = 1.0;
+  double depth_trust2 = 1.0;
 };
 
 enum class PairStatus : int {
@@ -47,6 +51,10 @@ struct PairReport {
   double score = 0;            // robust support, larger is better; comparable between verifiers
   double residual_px = 0;      // median Sampson error of the inliers
   double triangulation_angle_deg = 0;  // median over the inliers
+  // Of a verified pair: hypotheses from depth, and those within 20 degrees of its rotation and 15
+  // of its translation direction, from where local optimization reaches it (paper, appendix).
+  int num_depth_hypotheses = 0;
+  int num_right_depth_hypotheses = 0;
 };
 
 // Verifies pairs one after the other. Owns its scratch memory, so use one instance a thread.

@@ -7,6 +7,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
+#include "pipeline/verification_rounds.h"
 #include "support/database_dump.h"
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
@@ -50,6 +51,11 @@ class MockVerifier : public PairVerifier {
         Rigid3d(Eigen::Quaterniond::Identity(), Eigen::Vector3d(rng.Uniform(), 1, 2).normalized());
     report.geometry.inlier_matches = {input.matches.begin(), input.matches.begin() + 15};
     report.num_inliers = 15;
+    if (!input.depth1.empty() || !input.depth2.empty()) {
+      report.num_depth_hypotheses = 10;
+      report.num_right_depth_hypotheses = 4;
+    }
+    report.triangulation_angle_deg = input.depth_trust1 + 10 * input.depth_trust2;
     return report;
   }
 
@@ -189,8 +195,7 @@ TEST_F(PairSchedulerTest, AnInterruptedRunContinuesToTheSameDump) {
   Verify(MakeDatabase("whole.db"));
   const std::string path = MakeDatabase("parts.db");
   int num_runs = 0;
-  for (int calls = -1; calls != MockVerifier::num_calls && num_runs < 100; ++num_runs) {
-    calls = MockVerifier::num_calls;
+  for (; num_runs < 100; ++num_runs) {
     TestMonitor monitor(9);
     const VerificationReport report = Verify(path, 2, monitor);
     if (!StoppedEarly(report.stage)) break;
@@ -199,6 +204,41 @@ TEST_F(PairSchedulerTest, AnInterruptedRunContinuesToTheSameDump) {
   EXPECT_GT(num_runs, 4);
   EXPECT_LT(num_runs, 10);
   EXPECT_EQ(DumpDatabase(path), DumpDatabase(Path("whole.db")));
+}
+
+TEST_F(PairSchedulerTest, TheSecondRoundKnowsWhatTheFirstLearned) {
+  const std::string path = MakeDatabase("a.db");
+  Verify(path);
+  const Database database(path);
+  const std::vector<image_pair_t> likely = LikelyPairs(database.ReadNumMatches(), 5);
+  std::map<image_t, DepthVotes> expected;
+  for (const auto& [pair, votes] : database.ReadPairDepthVotes()) {
+    if (!std::binary_search(likely.begin(), likely.end(), pair)) continue;
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    for (const image_t id : {id1, id2}) expected[id].num_hypotheses += votes.num_hypotheses;
+  }
+  const auto learned = database.ReadImageDepthVotes();
+  EXPECT_EQ(learned.size(), expected.size());
+  for (const auto& [id, votes] : learned) {
+    EXPECT_EQ(votes.num_hypotheses, expected[id].num_hypotheses);
+    EXPECT_EQ(votes.num_right * 10, votes.num_hypotheses * 4);
+  }
+  const auto trust = [&learned](image_t id) {
+    const auto votes = learned.find(id);
+    return votes == learned.end()
+               ? 1.0
+               : (votes->second.num_right + 1.0) / (votes->second.num_hypotheses + 1.0);
+  };
+  int num_later = 0;
+  for (const PairMetrics& metrics : database.ReadPairMetrics()) {
+    if (metrics.status != "verified") continue;
+    const bool is_likely = std::binary_search(likely.begin(), likely.end(), metrics.pair_id);
+    const auto [id1, id2] = PairIdToImagePair(metrics.pair_id);
+    EXPECT_DOUBLE_EQ(metrics.triangulation_angle_deg,
+                     is_likely ? 11.0 : trust(id1) + 10 * trust(id2));
+    num_later += !is_likely;
+  }
+  EXPECT_GT(num_later, 0);
 }
 
 TEST_F(PairSchedulerTest, NothingIsDoneTwice) {
