@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 
 #include "cairn/io/one_dsfm.h"
 #include "io/text_reader.h"
@@ -37,10 +39,11 @@ OneDsfmImageKeys ReadHeader(TextReader& reader, int num_images, int64_t& num_key
   if (!line.starts_with("#index") || !index || !keys || !px || !py || image.name.empty()) {
     reader.Fail("a line '#index = , name = , keys = , px = , py = , focal = ' is expected");
   }
-  if (*keys < 0 || *keys > INT32_MAX) reader.Fail("an impossible number of keys");
+  if (!(*keys >= 0 && *keys <= INT32_MAX)) reader.Fail("an impossible number of keys");
+  if (!(std::abs(*index) <= INT32_MAX)) reader.Fail("an impossible image index");
   if (*index < 0 || *index >= num_images) {
-    reader.Fail("image index " + std::to_string(*index) + " is not in list.txt, which has " +
-                std::to_string(num_images) + " images");
+    reader.Fail("image index " + std::to_string(static_cast<int64_t>(*index)) +
+                " is not in list.txt, which has " + std::to_string(num_images) + " images");
   }
   image.index = static_cast<int>(*index);
   image.principal_point << *px, *py;

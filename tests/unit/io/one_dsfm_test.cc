@@ -169,7 +169,9 @@ TEST(OneDsfm, Coords) {
   EXPECT_THAT(error(header + header), HasSubstr("coords.txt:2: key expected, not '#index'"));
   EXPECT_THAT(error("0 1 1 0 0 1 2 3\n"), HasSubstr("coords.txt:1: a line '#index"));
   EXPECT_THAT(error("#index = 3, name = a keys = 0, px = 1, py = 1\n"),
-              HasSubstr("coords.txt:1: image index 3"));
+              HasSubstr("coords.txt:1: image index 3 is not in list.txt, which has 3 images"));
+  EXPECT_THAT(error("#index = nan, name = a keys = 0, px = 1, py = 1\n"),
+              HasSubstr("coords.txt:1: "));
   EXPECT_THAT(error("#index = 1, name = a keys = 1e300, px = 1, py = 1\n"),
               HasSubstr("coords.txt:1: an impossible number of keys"));
 }
