@@ -112,7 +112,7 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
   const auto path = [&](const char* name) { return options.output_path + "/" + name; };
   const auto seed = static_cast<uint64_t>(options.seed);
   CreateFolders(options.output_path);
-  std::vector<FigureCheck> checks;
+  std::vector<FigureCheck> checks, time_checks;
 
   if (wanted("errata")) {
     const ErrataReport report = RunErrata(seed, 2000, options.num_threads);
@@ -130,7 +130,7 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
     monitor.Info("timing the solvers");
     const auto times = TimeSolvers(seed, 1000, options.quick ? 10 : 100);
     ToTable(times).Write(path("timings.csv"));
-    Append(Checks(times), &checks);
+    time_checks = Checks(times);
   }
   const bool needs_instances = wanted("stability") || wanted("noise");
   const auto instances =
@@ -156,6 +156,8 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
     Append(RunSceneExperiments(options, real, wants_pairs, wants_reconstruction, monitor), &checks);
   }
   if (!checks.empty()) WriteChecks(checks, path("checks.json"));
+  if (!time_checks.empty()) WriteChecks(time_checks, path("checks_of_timings.json"));
+  Append(std::move(time_checks), &checks);
   return checks;
 }
 

@@ -46,7 +46,8 @@ struct RealExperimentOptions {
 };
 
 // Runs the experiments that the options name and writes their tables and checks.json. Everything
-// but *timings.csv depends on the seed alone, not on the number of threads. Throws IoError.
+// but *timings.csv and checks_of_timings.json depends on the seed alone, not on the number of
+// threads. Throws IoError.
 std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
                                         const RealExperimentOptions& real,
                                         ProgressMonitor& monitor);

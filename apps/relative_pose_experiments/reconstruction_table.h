@@ -27,7 +27,7 @@ struct ReconstructionSettings {
   bool refine_intrinsics = true;
   std::string work_path;  // folder for databases that do not stay
   uint64_t seed = 0;
-  int num_threads = 0;
+  int num_threads = 0;  // of verification; reconstruction has one
 };
 
 // For each verifier: a database with the features and matches of options.database_path and the

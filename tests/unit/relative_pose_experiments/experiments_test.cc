@@ -1,0 +1,66 @@
+#include "relative_pose_experiments/experiments.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "support/temp_folder.h"
+
+namespace cairn::experiments {
+namespace {
+
+using cairn::testing::TempFolder;
+using ::testing::HasSubstr;
+
+std::vector<FigureCheck> RunQuickly(const std::string& experiment, const std::string& output_path,
+                                    int num_threads = 1) {
+  ExperimentOptions options;
+  options.experiment = experiment;
+  options.output_path = output_path;
+  options.quick = true;
+  options.num_threads = num_threads;
+  options.verifiers = "cascade";
+  return RunExperiments(options, {}, NullMonitor());
+}
+
+// Figure 6 and Table 2 on the synthetic scene.
+TEST(SceneExperiments, TablesDoNotDependOnTheNumberOfThreads) {
+  const TempFolder folder;
+  for (const char* experiment : {"pairs", "reconstruction"}) {
+    const auto checks = RunQuickly(experiment, folder / "one", 1);
+    EXPECT_FALSE(checks.empty());
+    for (const FigureCheck& check : checks) {
+      EXPECT_TRUE(check.Holds()) << check.name << " = " << check.value;
+    }
+    RunQuickly(experiment, folder / "two", 2);
+  }
+  int num_tables = 0;
+  for (const auto& file : std::filesystem::directory_iterator(folder / "one")) {
+    const std::string name = file.path().filename().string();
+    if (!name.ends_with(".csv") || name.ends_with("timings.csv")) continue;
+    ++num_tables;
+    EXPECT_EQ(ReadFile(file.path().string()), ReadFile(folder / "two/" + name)) << name;
+  }
+  EXPECT_EQ(num_tables, 5);
+}
+
+TEST(SceneExperiments, AnUnknownVerifierIsNamed) {
+  const TempFolder folder;
+  ExperimentOptions options;
+  options.experiment = "reconstruction";
+  options.output_path = folder.path();
+  options.quick = true;
+  options.verifiers = "five_points";
+  try {
+    RunExperiments(options, {}, NullMonitor());
+    FAIL() << "no error";
+  } catch (const ConfigError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("five_points"));
+  }
+}
+
+}  // namespace
+}  // namespace cairn::experiments
