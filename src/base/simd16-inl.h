@@ -29,10 +29,14 @@ HWY_INLINE V Load(const float* p) { return hn::Load(kTag, p); }
 HWY_INLINE float SumLanes(const V* parts) {
   HWY_ALIGN float lanes[16];
   for (int k = 0; k < kParts; ++k) hn::Store(parts[k], kTag, lanes + k * kLanes);
-  for (int half = 8; half > 0; half /= 2) {
-    for (int i = 0; i < half; ++i) lanes[i] += lanes[i + half];
+  const hn::CappedTag<float, 4> four;
+  constexpr int kStep = static_cast<int>(hn::MaxLanes(four));  // less without vectors
+  for (int i = 0; i < 4; i += kStep) {
+    const auto low = hn::Load(four, lanes + i) + hn::Load(four, lanes + i + 8);
+    const auto high = hn::Load(four, lanes + i + 4) + hn::Load(four, lanes + i + 12);
+    hn::Store(low + high, four, lanes + i);
   }
-  return lanes[0];
+  return (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
 }
 
 // 1 for the lanes of [first, first + kLanes) below n, else 0.

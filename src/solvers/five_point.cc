@@ -2,12 +2,12 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
 #include "cairn/solvers/polynomial.h"
+#include "solvers/complement.h"
 #include "solvers/essential_constraints.h"
 
 namespace cairn {
@@ -190,17 +190,13 @@ int SolveEssentialInSpace(const Eigen::Matrix<double, 9, 4>& basis, Eigen::Matri
 }
 
 int FivePoint::Solve(const Sample* samples, Model* models) {
-  // The space is the orthogonal complement of the five equations, by Householder reflections.
   Eigen::Matrix<double, 9, 5> equations;
   for (int i = 0; i < 5; ++i) {
     const double x1 = samples[i].x1.x(), y1 = samples[i].x1.y();
     const double x2 = samples[i].x2.x(), y2 = samples[i].x2.y();
     equations.col(i) << x2 * x1, x2 * y1, x2, y2 * x1, y2 * y1, y2, x1, y1, 1.0;
   }
-  const Eigen::HouseholderQR<Eigen::Matrix<double, 9, 5>> qr(equations);
-  Eigen::Matrix<double, 9, 4> basis = Eigen::Matrix<double, 9, 9>::Identity().rightCols<4>();
-  basis.applyOnTheLeft(qr.householderQ());
-  return SolveEssentialInSpace(basis, models);
+  return SolveEssentialInSpace(internal::ComplementOfFive(equations), models);
 }
 
 }  // namespace cairn

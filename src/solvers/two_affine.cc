@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "cairn/solvers/five_point.h"
+#include "solvers/complement.h"
 #include "solvers/essential_constraints.h"
 
 namespace cairn {
@@ -37,24 +38,22 @@ bool FillEquations(const AffineCorrespondence& c, Eigen::Matrix<double, 6, 9>* e
   return true;
 }
 
-// Eigenvectors of A^T A, the smallest eigenvalue first: the space that fulfils the equations best.
-bool NullSpace(const AffineCorrespondence* samples, Eigen::Matrix<double, 9, 9>* vectors) {
-  Eigen::Matrix<double, 6, 9> equations;
-  if (!FillEquations(samples[0], &equations, 0) || !FillEquations(samples[1], &equations, 3)) {
-    return false;
-  }
-  // Orthonormal rows first, from the most to the least important direction: A^T = Q R with column
-  // pivoting. The last column of Q belonging to the rows is the one that the rows determine least.
-  const Eigen::ColPivHouseholderQR<Eigen::Matrix<double, 9, 6>> qr(equations.transpose());
-  *vectors = qr.householderQ();
-  return std::abs(qr.maxPivot()) > 0.0;
+// Six equations, as columns.
+using Equations = Eigen::Matrix<double, 9, 6>;
+bool FillEquations(const AffineCorrespondence* samples, Equations* columns) {
+  Eigen::Matrix<double, 6, 9> rows;
+  if (!FillEquations(samples[0], &rows, 0) || !FillEquations(samples[1], &rows, 3)) return false;
+  *columns = rows.transpose();
+  return rows.squaredNorm() > 0.0;
 }
 
 }  // namespace
 
 int TwoAffine::Solve(const Sample* samples, Model* models) {
-  Eigen::Matrix<double, 9, 9> Q;
-  if (!NullSpace(samples, &Q)) return 0;
+  Equations equations;
+  if (!FillEquations(samples, &equations)) return 0;
+  const Eigen::HouseholderQR<Equations> equations_qr(equations);
+  const Eigen::Matrix<double, 9, 9> Q = equations_qr.householderQ();
   // E = x X + y Y + W in the last three columns: the monomials without z.
   Eigen::Matrix<double, 9, 4> basis;
   basis << Q.col(6), Q.col(7), Eigen::Matrix<double, 9, 1>::Zero(), Q.col(8);
@@ -74,9 +73,9 @@ int TwoAffine::Solve(const Sample* samples, Model* models) {
 }
 
 int TwoAffineFivePoint::Solve(const Sample* samples, Model* models) {
-  Eigen::Matrix<double, 9, 9> Q;
-  if (!NullSpace(samples, &Q)) return 0;
-  return SolveEssentialInSpace(Q.rightCols<4>(), models);
+  Equations equations;
+  if (!FillEquations(samples, &equations)) return 0;
+  return SolveEssentialInSpace(internal::ComplementOfFive(equations), models);
 }
 
 }  // namespace cairn
