@@ -155,8 +155,9 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
   if (wants_pairs || wants_reconstruction) {
     Append(RunSceneExperiments(options, real, wants_pairs, wants_reconstruction, monitor), &checks);
   }
-  if (!checks.empty()) WriteChecks(checks, path("checks.json"));
-  if (!time_checks.empty()) WriteChecks(time_checks, path("checks_of_timings.json"));
+  const std::string checks_path = path("checks.") + options.experiment;
+  if (!checks.empty()) WriteChecks(checks, checks_path + ".json");
+  if (!time_checks.empty()) WriteChecks(time_checks, checks_path + ".timings.json");
   Append(std::move(time_checks), &checks);
   return checks;
 }

@@ -22,7 +22,7 @@ struct ExperimentOptions {
   bool refine_intrinsics = true;
 
   void VisitFields(OptionVisitor& v) {
-    v.String("output_path", output_path, "folder for the tables (CSV) and checks.json");
+    v.String("output_path", output_path, "folder for the tables (CSV) and the checks");
     v.Choice(
         "experiment", experiment,
         {"all", "errata", "complexity", "timings", "stability", "noise", "pairs", "reconstruction"},
@@ -45,8 +45,8 @@ struct RealExperimentOptions {
   TwoViewOptions verification;
 };
 
-// Runs the experiments that the options name and writes their tables and checks.json. Everything
-// but *timings.csv and checks_of_timings.json depends on the seed alone, not on the number of
+// Runs the experiments that the options name and writes their tables and checks.<experiment>.json.
+// Everything but *timings.csv and *.timings.json depends on the seed alone, not on the number of
 // threads. Throws IoError.
 std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
                                         const RealExperimentOptions& real,
