@@ -10,7 +10,7 @@ namespace cairn::experiments {
 
 RealDataOptions WriteSyntheticScene(const std::string& folder, bool quick, uint64_t seed) {
   SceneOptions options;
-  options.num_images = quick ? 10 : 24;
+  options.num_images = quick ? 8 : 24;
   options.num_points = 1500;
   options.max_keypoints = 600;
   options.image_noise_px = 0.3;

@@ -14,6 +14,7 @@ namespace {
 
 using cairn::testing::TempFolder;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 std::vector<FigureCheck> RunQuickly(const std::string& experiment, const std::string& output_path,
                                     int num_threads = 1) {
@@ -45,6 +46,41 @@ TEST(SceneExperiments, TablesDoNotDependOnTheNumberOfThreads) {
     EXPECT_EQ(ReadFile(file.path().string()), ReadFile(folder / "two/" + name)) << name;
   }
   EXPECT_EQ(num_tables, 5);
+}
+
+// The synthetic scene's focal lengths are given without error.
+TEST(SceneExperiments, FocalLengthsStayWhereTheyAreNotRefined) {
+  const TempFolder folder;
+  ExperimentOptions options;
+  options.experiment = "reconstruction";
+  options.output_path = folder.path();
+  options.quick = true;
+  options.verifiers = "five_point";
+  std::string tables[2];
+  for (const bool refine : {false, true}) {
+    options.refine_intrinsics = refine;
+    RunExperiments(options, {}, NullMonitor());
+    tables[refine] = ReadFile(folder / "synthetic.simulated.reconstruction.csv");
+  }
+  EXPECT_THAT(tables[0], HasSubstr(",0,0,0,"));
+  EXPECT_THAT(tables[1], Not(HasSubstr(",0,0,0,")));
+}
+
+TEST(SceneExperiments, AnotherSeedIsAnotherScene) {
+  const TempFolder folder;
+  ExperimentOptions options;
+  options.experiment = "pairs";
+  options.quick = true;
+  std::string tables[2];
+  for (const int seed : {0, 1}) {
+    options.seed = seed;
+    options.output_path = folder / std::to_string(seed);
+    for (const FigureCheck& check : RunExperiments(options, {}, NullMonitor())) {
+      EXPECT_TRUE(check.Holds()) << check.name << " = " << check.value << ", seed " << seed;
+    }
+    tables[seed] = ReadFile(options.output_path + "/synthetic.simulated.pairs.csv");
+  }
+  EXPECT_NE(tables[0], tables[1]);
 }
 
 TEST(SceneExperiments, AnUnknownVerifierIsNamed) {
