@@ -1,81 +1,17 @@
 #include "cairn/database/database.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sqlite3.h>
-#include <unistd.h>
 
-#include <filesystem>
-#include <fstream>
 #include <regex>
 
-#include "cairn/base/error.h"
-#include "cairn/base/rng.h"
 #include "support/database_dump.h"
-#include "support/temp_folder.h"
+#include "unit/database/database_fixture.h"
 
 namespace cairn {
 namespace {
 
-namespace fs = std::filesystem;
 using ::testing::HasSubstr;
-
-class DatabaseTest : public ::testing::Test {
- protected:
-  void TearDown() override {
-    fs::permissions(folder_, fs::perms::owner_all, fs::perm_options::add);
-  }
-  std::string Path(const std::string& name = "scene.db") const { return folder_ / name; }
-
-  // The message of the IoError that fn throws.
-  template <class Fn>
-  static std::string IoMessage(const Fn& fn) {
-    try {
-      fn();
-    } catch (const IoError& error) {
-      return error.what();
-    }
-    return "no IoError";
-  }
-
-  testing::TempFolder temp_;
-  const fs::path folder_ = temp_.path();
-};
-
-Camera TestCamera(camera_t id = 1) {
-  Camera camera = Camera::FromFocal(id, CameraModel::kOpenCV, 1234.5, 1536, 1024);
-  camera.params[4] = 0.01;
-  camera.has_prior_focal_length = true;
-  return camera;
-}
-
-void WriteImages(Database& database, int num_images) {
-  database.WriteCamera(TestCamera());
-  for (int i = 1; i <= num_images; ++i) {
-    database.WriteImage({static_cast<image_t>(i), "image" + std::to_string(i) + ".jpg", 1});
-  }
-}
-
-std::vector<Keypoint> RandomKeypoints(int n, uint64_t seed) {
-  Rng rng(seed);
-  std::vector<Keypoint> keypoints(n);
-  for (Keypoint& k : keypoints) {
-    const auto number = [&] { return static_cast<float>(rng.Gaussian()); };
-    k = {100 + number(), 100 + number(), number(), number(), number(), number()};
-  }
-  return keypoints;
-}
-
-TwoViewGeometry TestGeometry() {
-  TwoViewGeometry geometry;
-  geometry.config = TwoViewConfig::kCalibrated;
-  geometry.cam2_from_cam1 =
-      Rigid3d(Eigen::Quaterniond(0.9, 0.1, -0.2, 0.3).normalized(), {0.6, 0.0, -0.8});
-  geometry.E = (Eigen::Matrix3d() << 1, 2, 3, 4, 5, 6, 7, 8, 10).finished();
-  geometry.F = geometry.E->transpose();
-  geometry.inlier_matches = {{1, 2}, {3, 4}, {5, 0}};
-  return geometry;
-}
 
 void ExpectEqual(const TwoViewGeometry& a, const TwoViewGeometry& b) {
   EXPECT_EQ(a.config, b.config);
@@ -388,79 +324,6 @@ TEST_F(DatabaseTest, ATransactionRollsBackUnlessCommitted) {
     transaction.Commit();
   }
   EXPECT_TRUE(database.ReadMatches(ImagePairToPairId(1, 2)));
-}
-
-TEST_F(DatabaseTest, FilesThatAreNoColmapDatabaseAreNamed) {
-  std::ofstream(Path("text.db")) << std::string(2000, 'x');
-  EXPECT_EQ(IoMessage([&] { Database database(Path("text.db")); }),
-            Path("text.db") + ": is not an SQLite database");
-  RunSql(Path("other.db"), "CREATE TABLE bookmarks(x)");
-  EXPECT_THAT(IoMessage([&] { Database database(Path("other.db")); }),
-              HasSubstr("is not a COLMAP database: it has no table 'cameras'"));
-  EXPECT_EQ(RunSql(Path("other.db"), "SELECT name FROM sqlite_master").size(), 1u);  // Untouched.
-  EXPECT_EQ(IoMessage([&] { Database database(Path("no.db"), Database::Mode::kReadOnly); }),
-            Path("no.db") + ": no such file");
-  EXPECT_EQ(IoMessage([&] { Database database(folder_.string()); }),
-            folder_.string() + ": is a folder");
-  EXPECT_EQ(IoMessage([&] { Database database(Path("no/such/folder.db")); }),
-            Path("no/such/folder.db") + ": cannot be opened or created");
-}
-
-TEST_F(DatabaseTest, BlobsOfAWrongSizeAreNamed) {
-  {
-    Database database(Path());
-    WriteImages(database, 4);
-    database.WriteKeypoints(3, RandomKeypoints(5, 1));
-    database.WriteDescriptors(3, Descriptors::Random(5, 128));
-    database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
-    database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), TestGeometry());
-  }
-  RunSql(Path(), "UPDATE keypoints SET rows = 6");
-  RunSql(Path(), "UPDATE descriptors SET data = X'00'");
-  RunSql(Path(), "UPDATE matches SET cols = 3");
-  RunSql(Path(), "UPDATE two_view_geometries SET E = X'0011'");
-  RunSql(Path(), "UPDATE cameras SET params = X'0011'");
-  Database database(Path());
-  EXPECT_EQ(IoMessage([&] { database.ReadKeypoints(3); }),
-            Path() + ": keypoints of image 3: 6 x 6 values need 144 bytes, but the blob has 120");
-  EXPECT_THAT(IoMessage([&] { database.ReadDescriptors(3); }),
-              HasSubstr("descriptors of image 3: 5 x 128 values need 640 bytes"));
-  EXPECT_THAT(IoMessage([&] { database.ReadMatches(ImagePairToPairId(1, 2)); }),
-              HasSubstr("(images 1, 2): 1 x 3 values need 12 bytes, but the blob has 8"));
-  EXPECT_THAT(IoMessage([&] { database.ReadTwoViewGeometry(ImagePairToPairId(1, 2)); }),
-              HasSubstr("E needs 72 bytes, but the blob has 2"));
-  EXPECT_THAT(IoMessage([&] { database.ReadCameras(); }), HasSubstr("camera 1: its params blob"));
-  RunSql(Path(), "UPDATE keypoints SET rows = -1");
-  EXPECT_THAT(IoMessage([&] { database.ReadKeypoints(3); }), HasSubstr("keypoints of image 3"));
-  RunSql(Path(), "UPDATE keypoints SET rows = 10, cols = 3");
-  EXPECT_THAT(IoMessage([&] { database.ReadKeypoints(3); }), HasSubstr("3 columns"));
-}
-
-TEST_F(DatabaseTest, AnotherProgramsLockIsNamed) {
-  Database database(Path());
-  database.SetBusyTimeout(10);
-  sqlite3* other = nullptr;
-  ASSERT_EQ(sqlite3_open(Path().c_str(), &other), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(other, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
-  EXPECT_EQ(IoMessage([&] { WriteImages(database, 1); }),
-            Path() + ": is locked by another program");
-  EXPECT_EQ(IoMessage([&] { Database::Transaction transaction(database); }),
-            Path() + ": is locked by another program");
-  sqlite3_close(other);
-  WriteImages(database, 1);  // Goes on when the lock is gone.
-}
-
-TEST_F(DatabaseTest, ReadOnlyFoldersCanBeReadAndNotWritten) {
-  if (geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
-  {
-    Database database(Path());
-    WriteImages(database, 2);
-  }
-  fs::permissions(Path(), fs::perms::owner_read);
-  fs::permissions(folder_, fs::perms::owner_read | fs::perms::owner_exec);
-  EXPECT_EQ(Database(Path(), Database::Mode::kReadOnly).ReadImages().size(), 2u);
-  EXPECT_THAT(IoMessage([&] { Database database(Path()); }), HasSubstr("read-only"));
-  EXPECT_THAT(IoMessage([&] { Database database(Path("new.db")); }), HasSubstr("cannot be opened"));
 }
 
 // Table definitions with white space made equal.

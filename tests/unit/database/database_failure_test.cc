@@ -1,0 +1,92 @@
+// Databases that are damaged, locked or none at all are named, with the reason.
+#include <gmock/gmock.h>
+#include <sqlite3.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "support/database_dump.h"
+#include "unit/database/database_fixture.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+class DatabaseFailureTest : public DatabaseTest {};
+
+TEST_F(DatabaseFailureTest, FilesThatAreNoColmapDatabaseAreNamed) {
+  std::ofstream(Path("text.db")) << std::string(2000, 'x');
+  EXPECT_EQ(IoMessage([&] { Database database(Path("text.db")); }),
+            Path("text.db") + ": is not an SQLite database");
+  RunSql(Path("other.db"), "CREATE TABLE bookmarks(x)");
+  EXPECT_THAT(IoMessage([&] { Database database(Path("other.db")); }),
+              HasSubstr("is not a COLMAP database: it has no table 'cameras'"));
+  EXPECT_EQ(RunSql(Path("other.db"), "SELECT name FROM sqlite_master").size(), 1u);  // Untouched.
+  EXPECT_EQ(IoMessage([&] { Database database(Path("no.db"), Database::Mode::kReadOnly); }),
+            Path("no.db") + ": no such file");
+  EXPECT_EQ(IoMessage([&] { Database database(folder_.string()); }),
+            folder_.string() + ": is a folder");
+  EXPECT_EQ(IoMessage([&] { Database database(Path("no/such/folder.db")); }),
+            Path("no/such/folder.db") + ": cannot be opened or created");
+}
+
+TEST_F(DatabaseFailureTest, BlobsOfAWrongSizeAreNamed) {
+  {
+    Database database(Path());
+    WriteImages(database, 4);
+    database.WriteKeypoints(3, RandomKeypoints(5, 1));
+    database.WriteDescriptors(3, Descriptors::Random(5, 128));
+    database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
+    database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), TestGeometry());
+  }
+  RunSql(Path(), "UPDATE keypoints SET rows = 6");
+  RunSql(Path(), "UPDATE descriptors SET data = X'00'");
+  RunSql(Path(), "UPDATE matches SET cols = 3");
+  RunSql(Path(), "UPDATE two_view_geometries SET E = X'0011'");
+  RunSql(Path(), "UPDATE cameras SET params = X'0011'");
+  Database database(Path());
+  EXPECT_EQ(IoMessage([&] { database.ReadKeypoints(3); }),
+            Path() + ": keypoints of image 3: 6 x 6 values need 144 bytes, but the blob has 120");
+  EXPECT_THAT(IoMessage([&] { database.ReadDescriptors(3); }),
+              HasSubstr("descriptors of image 3: 5 x 128 values need 640 bytes"));
+  EXPECT_THAT(IoMessage([&] { database.ReadMatches(ImagePairToPairId(1, 2)); }),
+              HasSubstr("(images 1, 2): 1 x 3 values need 12 bytes, but the blob has 8"));
+  EXPECT_THAT(IoMessage([&] { database.ReadTwoViewGeometry(ImagePairToPairId(1, 2)); }),
+              HasSubstr("E needs 72 bytes, but the blob has 2"));
+  EXPECT_THAT(IoMessage([&] { database.ReadCameras(); }), HasSubstr("camera 1: its params blob"));
+  RunSql(Path(), "UPDATE keypoints SET rows = -1");
+  EXPECT_THAT(IoMessage([&] { database.ReadKeypoints(3); }), HasSubstr("keypoints of image 3"));
+  RunSql(Path(), "UPDATE keypoints SET rows = 10, cols = 3");
+  EXPECT_THAT(IoMessage([&] { database.ReadKeypoints(3); }), HasSubstr("3 columns"));
+}
+
+TEST_F(DatabaseFailureTest, AnotherProgramsLockIsNamed) {
+  Database database(Path());
+  database.SetBusyTimeout(10);
+  sqlite3* other = nullptr;
+  ASSERT_EQ(sqlite3_open(Path().c_str(), &other), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(other, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
+  EXPECT_EQ(IoMessage([&] { WriteImages(database, 1); }),
+            Path() + ": is locked by another program");
+  EXPECT_EQ(IoMessage([&] { Database::Transaction transaction(database); }),
+            Path() + ": is locked by another program");
+  sqlite3_close(other);
+  WriteImages(database, 1);  // Goes on when the lock is gone.
+}
+
+TEST_F(DatabaseFailureTest, ReadOnlyFoldersCanBeReadAndNotWritten) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
+  {
+    Database database(Path());
+    WriteImages(database, 2);
+  }
+  fs::permissions(Path(), fs::perms::owner_read);
+  fs::permissions(folder_, fs::perms::owner_read | fs::perms::owner_exec);
+  EXPECT_EQ(Database(Path(), Database::Mode::kReadOnly).ReadImages().size(), 2u);
+  EXPECT_THAT(IoMessage([&] { Database database(Path()); }), HasSubstr("read-only"));
+  EXPECT_THAT(IoMessage([&] { Database database(Path("new.db")); }), HasSubstr("cannot be opened"));
+}
+
+}  // namespace
+}  // namespace cairn
