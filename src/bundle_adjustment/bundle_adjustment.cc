@@ -16,10 +16,10 @@ namespace {
 
 std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleAdjustmentOptions& options) {
   if (options.loss == "soft_l1") {
-    return std::make_unique<ceres::SoftLOneLoss>(options.loss_scale_px);
+    return std::make_unique<ceres::SoftLOneLoss>(options.loss_scale);
   }
-  if (options.loss == "huber") return std::make_unique<ceres::HuberLoss>(options.loss_scale_px);
-  if (options.loss == "cauchy") return std::make_unique<ceres::CauchyLoss>(options.loss_scale_px);
+  if (options.loss == "huber") return std::make_unique<ceres::HuberLoss>(options.loss_scale);
+  if (options.loss == "cauchy") return std::make_unique<ceres::CauchyLoss>(options.loss_scale);
   return nullptr;  // "none"
 }
 
@@ -108,8 +108,9 @@ class BundleProblem {
       if (free.rotation || free.position) Use(1, pose.block.data() + (free.rotation ? 0 : 3));
       if (intrinsics.num_free > 0) Use(2, intrinsics.free.data());
       if (parameters_.empty()) continue;
-      auto cost =
-          std::make_unique<ReprojectionCost>(&pose, &xyz, image.points2D[element.point2D], free);
+      const double sigma_px = image.sigmas_px.empty() ? 1.0 : image.sigmas_px[element.point2D];
+      auto cost = std::make_unique<ReprojectionCost>(&pose, &xyz, image.points2D[element.point2D],
+                                                     sigma_px, free);
       problem_.AddResidualBlock(cost.release(), loss_.get(), parameters_);
       ++num_used;
     }
@@ -157,8 +158,8 @@ ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options,
 void BundleAdjustmentOptions::VisitFields(OptionVisitor& v) {
   v.Choice("loss", loss, {"none", "soft_l1", "huber", "cauchy"},
            "robust loss on the reprojection error");
-  v.Double("loss_scale_px", loss_scale_px, {1e-6, 1e6},
-           "error at which the loss leaves the square, pixels");
+  v.Double("loss_scale", loss_scale, {1e-6, 1e6},
+           "error at which the loss leaves the square, in standard deviations of the observation");
   v.Int("max_iterations", max_iterations, {0, 100000}, "iterations of one adjustment");
   v.Double("function_tolerance", function_tolerance, {0, 1},
            "stop when the cost changes relatively by less");
@@ -207,8 +208,8 @@ BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
     return std::sqrt(2.0 * cost / static_cast<double>(report.num_observations));
   };
   report.num_iterations = static_cast<int>(summary.iterations.size());
-  report.initial_rmse_px = rmse(summary.initial_cost);
-  report.final_rmse_px = rmse(summary.final_cost);
+  report.initial_rmse = rmse(summary.initial_cost);
+  report.final_rmse = rmse(summary.final_cost);
   if (!summary.IsSolutionUsable()) {
     report.status = BundleAdjustmentStatus::kFailed;
   } else {

@@ -11,8 +11,8 @@ using RowMajor2 = Eigen::Matrix<double, 2, kCols, Eigen::RowMajor>;
 }  // namespace
 
 ReprojectionCost::ReprojectionCost(const PoseState* pose, const Eigen::Vector3d* point,
-                                   const Eigen::Vector2d& pixel, const Free& free)
-    : pose_(pose), point_(point), pixel_(pixel), free_(free) {
+                                   const Eigen::Vector2d& pixel, double sigma_px, const Free& free)
+    : pose_(pose), point_(point), pixel_(pixel), precision_(1.0 / sigma_px), free_(free) {
   set_num_residuals(2);
   std::vector<int32_t>& sizes = *mutable_parameter_block_sizes();
   if (free.point) sizes.push_back(3);
@@ -31,22 +31,22 @@ bool ReprojectionCost::Evaluate(const double* const* parameters, double* residua
   double pixel[2];
   if (!jacobians) {
     ImgFromCam(intrinsics.model, intrinsics.params.data(), uv, pixel, nullptr, nullptr);
-    residuals[0] = pixel[0] - pixel_.x();
-    residuals[1] = pixel[1] - pixel_.y();
+    residuals[0] = precision_ * (pixel[0] - pixel_.x());
+    residuals[1] = precision_ * (pixel[1] - pixel_.y());
     return true;
   }
   double J_uv[4];
   double J_params[2 * IntrinsicsState::kMaxParams];
   ImgFromCam(intrinsics.model, intrinsics.params.data(), uv, pixel, J_uv,
              intrinsics.num_free > 0 ? J_params : nullptr);
-  residuals[0] = pixel[0] - pixel_.x();
-  residuals[1] = pixel[1] - pixel_.y();
+  residuals[0] = precision_ * (pixel[0] - pixel_.x());
+  residuals[1] = precision_ * (pixel[1] - pixel_.y());
 
   // d(pixel)/d(x_cam), then along the world's axes.
   RowMajor2<3> J_camera;
   for (int row = 0; row < 2; ++row) {
-    const double a = J_uv[2 * row] * inverse_z;
-    const double b = J_uv[2 * row + 1] * inverse_z;
+    const double a = precision_ * J_uv[2 * row] * inverse_z;
+    const double b = precision_ * J_uv[2 * row + 1] * inverse_z;
     J_camera.row(row) << a, b, -(a * uv[0] + b * uv[1]);
   }
   const RowMajor2<3> J_world = J_camera * pose_->cam_from_world;
@@ -79,7 +79,8 @@ bool ReprojectionCost::Evaluate(const double* const* parameters, double* residua
       for (int row = 0; row < 2; ++row) {
         for (int i = 0; i < intrinsics.num_free; ++i) {
           const int k = intrinsics.free_index[i];
-          const double factor = i < intrinsics.num_free_focal ? intrinsics.params[k] : 1.0;
+          const double factor =
+              precision_ * (i < intrinsics.num_free_focal ? intrinsics.params[k] : 1.0);
           J[row * intrinsics.num_free + i] = factor * J_params[row * intrinsics.num_params + k];
         }
       }

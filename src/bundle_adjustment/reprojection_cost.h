@@ -6,8 +6,9 @@
 
 namespace cairn {
 
-// Reprojection error (pixels) of one observation. Its parameter blocks are those that are free, in
-// this order: point (3), pose (omega and center, 6, or one of them, 3), intrinsics.
+// Reprojection error of one observation, in its standard deviations. Its parameter blocks are those
+// that are free, in this order: point (3), pose (omega and center, 6, or one of them, 3),
+// intrinsics.
 class ReprojectionCost : public ceres::CostFunction {
  public:
   struct Free {
@@ -17,7 +18,7 @@ class ReprojectionCost : public ceres::CostFunction {
   };
 
   ReprojectionCost(const PoseState* pose, const Eigen::Vector3d* point,
-                   const Eigen::Vector2d& pixel, const Free& free);
+                   const Eigen::Vector2d& pixel, double sigma_px, const Free& free);
 
   bool Evaluate(const double* const* parameters, double* residuals,
                 double** jacobians) const override;
@@ -26,6 +27,7 @@ class ReprojectionCost : public ceres::CostFunction {
   const PoseState* pose_;
   const Eigen::Vector3d* point_;
   Eigen::Vector2d pixel_;
+  double precision_;  // 1 / sigma_px
   Free free_;
 };
 

@@ -9,6 +9,15 @@
 namespace cairn {
 namespace {
 
+// The smaller singular value of the frame.
+float ShorterAxis(const Keypoint& k) {
+  const double squares = k.a11 * k.a11 + k.a12 * k.a12 + k.a21 * k.a21 + k.a22 * k.a22;
+  const double det = std::abs(k.a11 * k.a22 - k.a12 * k.a21);
+  const double sum = std::sqrt(squares + 2 * det);  // of the singular values
+  const double difference = std::sqrt(std::max(0.0, squares - 2 * det));
+  return static_cast<float>(0.5 * (sum - difference));
+}
+
 void ReadImagesAndKeypoints(const Database& database, SceneData& scene, Stage& stage,
                             std::map<image_t, std::vector<point2D_t>>& first_keypoint) {
   for (Camera& camera : database.ReadCameras()) {
@@ -38,7 +47,12 @@ void ReadImagesAndKeypoints(const Database& database, SceneData& scene, Stage& s
     }
     std::vector<Eigen::Vector2d>& pixels = scene.pixels[image.image_id];
     pixels.reserve(keypoints.size());
-    for (const Keypoint& keypoint : keypoints) pixels.push_back(keypoint.Position());
+    std::vector<float>& scales = scene.scales[image.image_id];
+    scales.reserve(keypoints.size());
+    for (const Keypoint& keypoint : keypoints) {
+      pixels.push_back(keypoint.Position());
+      scales.push_back(ShorterAxis(keypoint));
+    }
     first_keypoint[image.image_id] = FirstKeypointsAtPosition(keypoints);
   }
 }

@@ -15,8 +15,22 @@ struct Round {
   bool positions_first = false;  // a stage with fixed rotations and intrinsics before
   bool focal_lengths = true;
   bool distortions = true;
+  bool weigh = true;  // observations by their precision: errors of rough poses do not show it
   int max_iterations = 0;
 };
+
+// Gives every keypoint the standard deviation that the errors of its like show.
+void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& model) {
+  const KeypointNoise noise = EstimateKeypointNoise(model, context.scene.scales);
+  stage.Add("noise_floor_px", noise.floor_px);
+  stage.Add("noise_per_scale", noise.per_scale);
+  for (auto& [id, image] : model.images) {
+    image.sigmas_px.clear();
+    for (const float scale : context.scene.scales.at(id)) {
+      image.sigmas_px.push_back(static_cast<float>(noise.SigmaPx(scale)));
+    }
+  }
+}
 
 void Adjust(StageContext& context, const Round& round, bool everything, Reconstruction& model) {
   const ReconstructSettings& settings = context.settings;
@@ -28,13 +42,14 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   scope.focal_lengths = everything && round.focal_lengths;
   scope.distortions = everything && round.distortions;
   scope.fixed_cameras = context.scene.held_cameras;
+  if (round.weigh) EstimateSigmas(context, stage, model);
   const BundleAdjustmentReport report = AdjustBundle(options, scope, model, context.monitor);
   stage.Add("images_in", static_cast<double>(report.num_images));
   stage.Add("points_in", static_cast<double>(report.num_points));
   stage.Add("observations_in", static_cast<double>(report.num_observations));
   stage.Add("iterations", report.num_iterations);
-  stage.Add("initial_rmse_px", report.initial_rmse_px);
-  stage.Add("final_rmse_px", report.final_rmse_px);
+  stage.Add("initial_rmse", report.initial_rmse);
+  stage.Add("final_rmse", report.final_rmse);
   if (report.status == BundleAdjustmentStatus::kFailed) {
     stage.Warn("bundle adjustment failed in round " + round.name + "; poses are as before it");
   }
@@ -65,6 +80,7 @@ void TriangulateRound(StageContext& context, const Round& round, Reconstruction&
   Stage stage(context, "triangulation");
   TriangulationOptions options = context.settings.triangulation;
   options.max_error_px *= round.error_factor;
+  options.max_error_sigmas *= round.error_factor;
   const TriangulateTracksReport report =
       TriangulateTracks(round.tracks, options, context.settings.num_threads, model);
   stage.Add("tracks_in", static_cast<double>(report.num_tracks));
@@ -79,6 +95,7 @@ void FilterRound(StageContext& context, const Round& round, Reconstruction& mode
   const TriangulationOptions& triangulation = context.settings.triangulation;
   FilterOptions options;
   options.max_error_px = triangulation.max_error_px * round.error_factor;
+  options.max_error_sigmas = triangulation.max_error_sigmas * round.error_factor;
   options.min_angle_deg = triangulation.min_angle_deg;
   options.min_views = triangulation.min_views;
   const FilterReport report = FilterPoints(options, context.settings.num_threads, model);
@@ -131,6 +148,7 @@ void RefineModel(StageContext& context, std::span<const Track> tracks, bool from
               .error_factor = options.coarse_error_factor,
               .positions_first = true,
               .distortions = false,
+              .weigh = false,
               .max_iterations = 20},
              model);
     RunRound(context,
@@ -141,13 +159,15 @@ void RefineModel(StageContext& context, std::span<const Track> tracks, bool from
              model);
   }
   Round round{.name = "", .tracks = tracks, .max_iterations = std::numeric_limits<int>::max()};
+  double num_triangulated = 0;
   for (int i = 0; i < options.max_rounds && !context.monitor.StopRequested(); ++i) {
     round.name = std::to_string(i + 1);
     // Better poses may bring more observations in; where they do not, the model stays as it is.
     Reconstruction candidate = model;
     TriangulateRound(context, round, candidate);
-    const auto needed = (1.0 + options.min_gain) * static_cast<double>(model.NumObservations());
-    if (i > 0 && static_cast<double>(candidate.NumObservations()) < needed) break;
+    const auto num_observations = static_cast<double>(candidate.NumObservations());
+    if (i > 0 && num_observations < (1.0 + options.min_gain) * num_triangulated) break;
+    num_triangulated = num_observations;
     model = std::move(candidate);
     Adjust(context, round, true, model);
     FilterRound(context, round, model);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cairn/base/timer.h"
+#include "cairn/bundle_adjustment/keypoint_noise.h"
 #include "cairn/pipeline/reconstruct.h"
 #include "cairn/scene/view_graph.h"
 
@@ -18,6 +19,7 @@ struct SceneData {
   std::map<camera_t, Camera> cameras;
   std::map<image_t, Image> images;
   std::map<image_t, std::vector<Eigen::Vector2d>> pixels;  // of the keypoints
+  KeypointScales scales;
   std::vector<ViewEdge> edges;
   // Inlier matches of the edges; keypoints at one position are replaced by the first of them.
   std::map<image_pair_t, FeatureMatches> matches;

@@ -68,6 +68,8 @@ TrackOutcome TriangulateTrack(const Track& track, const TriangulationOptions& op
     elements.push_back(element);
     views.push_back(it->second.pose);
     views.back().ray = ray;
+    const std::vector<float>& sigmas_px = it->second.image->sigmas_px;
+    if (!sigmas_px.empty()) views.back().sigma_px = sigmas_px[element.point2D];
   }
   outcome.has_two_views = views.size() >= 2;
   // The second round looks at what the first point left over.
@@ -157,7 +159,12 @@ FilterReport FilterPoints(const FilterOptions& options, int num_threads,
       const double error_px =
           ReprojectionErrorPx(reconstruction.CameraOf(image), image.cam_from_world, points[i]->xyz,
                               image.points2D[element.point2D]);
-      if (error_px <= options.max_error_px) {
+      const double max_error_px =
+          image.sigmas_px.empty()
+              ? options.max_error_px
+              : std::min(options.max_error_px,
+                         options.max_error_sigmas * image.sigmas_px[element.point2D]);
+      if (error_px <= max_error_px) {
         good_centers.push_back(centers.at(element.image_id));
       } else {
         verdict.bad.push_back(element);

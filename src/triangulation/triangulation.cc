@@ -29,6 +29,17 @@ double SquaredErrorPx(const TriangulationView& view, const Eigen::Vector3d& xyz)
   return (x.hnormalized() - view.ray).squaredNorm() * view.focal_px * view.focal_px;
 }
 
+// Inverse variance.
+double Precision(const TriangulationView& view) {
+  return view.sigma_px > 0 ? 1.0 / (view.sigma_px * view.sigma_px) : 1.0;
+}
+
+double MaxErrorPx(const TriangulationView& view, const TriangulationOptions& options) {
+  return view.sigma_px > 0
+             ? std::min(options.max_error_px, options.max_error_sigmas * view.sigma_px)
+             : options.max_error_px;
+}
+
 // Solves a symmetric 3x3 system; false if it is singular for practical purposes.
 bool SolvePositive(const Eigen::Matrix3d& A, const Eigen::Vector3d& b, Eigen::Vector3d* x) {
   const Eigen::LDLT<Eigen::Matrix3d> ldlt(A);
@@ -60,16 +71,16 @@ bool Midpoint(Views views, const Indices& indices, Eigen::Vector3d* xyz) {
   return true;
 }
 
-double SumSquaredErrorPx(Views views, const std::vector<int>& indices, const Eigen::Vector3d& xyz) {
+double WeighedError(Views views, const std::vector<int>& indices, const Eigen::Vector3d& xyz) {
   double sum = 0;
-  for (const int i : indices) sum += SquaredErrorPx(views[i], xyz);
+  for (const int i : indices) sum += Precision(views[i]) * SquaredErrorPx(views[i], xyz);
   return sum;
 }
 
 // Gauss-Newton on the squared reprojection error of the given views; stops where a step does not
 // lower it.
 void Refine(Views views, const std::vector<int>& indices, int max_steps, Eigen::Vector3d* xyz) {
-  double cost = SumSquaredErrorPx(views, indices, *xyz);
+  double cost = WeighedError(views, indices, *xyz);
   for (int step = 0; step < max_steps; ++step) {
     Eigen::Matrix3d JtJ = Eigen::Matrix3d::Zero();
     Eigen::Vector3d Jtr = Eigen::Vector3d::Zero();
@@ -81,13 +92,13 @@ void Refine(Views views, const std::vector<int>& indices, int max_steps, Eigen::
       Eigen::Matrix<double, 2, 3> J_camera;
       J_camera << scale, 0, -scale * uv.x(), 0, scale, -scale * uv.y();
       const Eigen::Matrix<double, 2, 3> J = J_camera * view.cam_from_world_rotation;
-      JtJ += J.transpose() * J;
-      Jtr += J.transpose() * (view.focal_px * (uv - view.ray));
+      JtJ += Precision(view) * J.transpose() * J;
+      Jtr += J.transpose() * (Precision(view) * view.focal_px * (uv - view.ray));
     }
     Eigen::Vector3d delta;
     if (!SolvePositive(JtJ, -Jtr, &delta)) return;
     const Eigen::Vector3d candidate = *xyz + delta;
-    const double candidate_cost = SumSquaredErrorPx(views, indices, candidate);
+    const double candidate_cost = WeighedError(views, indices, candidate);
     if (!(candidate_cost < cost)) return;
     const bool converged = candidate_cost > (1.0 - 1e-9) * cost;
     *xyz = candidate;
@@ -96,9 +107,11 @@ void Refine(Views views, const std::vector<int>& indices, int max_steps, Eigen::
   }
 }
 
-std::vector<int> Agreeing(Views views, const Eigen::Vector3d& xyz, double max_error_px) {
+std::vector<int> Agreeing(Views views, const Eigen::Vector3d& xyz,
+                          const TriangulationOptions& options) {
   std::vector<int> agreeing;
   for (size_t i = 0; i < views.size(); ++i) {
+    const double max_error_px = MaxErrorPx(views[i], options);
     if (SquaredErrorPx(views[i], xyz) <= max_error_px * max_error_px) {
       agreeing.push_back(static_cast<int>(i));
     }
@@ -106,14 +119,19 @@ std::vector<int> Agreeing(Views views, const Eigen::Vector3d& xyz, double max_er
   return agreeing;
 }
 
-// The best point from pairs of views by the sum of truncated squared errors. Where there are more
+// The best point from pairs of views by the sum of squared errors, each in units of the largest
+// that is allowed and truncated there. Where there are more
 // pairs than allowed, an even choice of them.
 bool SearchPairs(Views views, const TriangulationOptions& options, Eigen::Vector3d* best) {
   const int n = static_cast<int>(views.size());
   const int num_pairs = n * (n - 1) / 2;
-  const double truncation = options.max_error_px * options.max_error_px;
+  std::vector<double> units;
+  for (const TriangulationView& view : views) {
+    const double max_error_px = MaxErrorPx(view, options);
+    units.push_back(1.0 / (max_error_px * max_error_px));
+  }
   // Worse than this, fewer than min_views agree.
-  double best_score = truncation * (n - options.min_views + 1);
+  double best_score = n - options.min_views + 1;
   bool found = false;
   int pair = 0;
   for (int i = 0; i < n; ++i) {
@@ -124,7 +142,7 @@ bool SearchPairs(Views views, const TriangulationOptions& options, Eigen::Vector
       if (!Midpoint(views, std::array<int, 2>{i, j}, &xyz)) continue;
       double score = 0;
       for (int k = 0; k < n && score < best_score; ++k) {
-        score += std::min(SquaredErrorPx(views[k], xyz), truncation);
+        score += std::min(units[k] * SquaredErrorPx(views[k], xyz), 1.0);
       }
       if (!(score < best_score)) continue;
       best_score = score;
@@ -151,6 +169,8 @@ double MinCosine(const Eigen::Vector3d& xyz, std::span<const Eigen::Vector3d> ce
 
 void TriangulationOptions::VisitFields(OptionVisitor& v) {
   v.Double("max_error_px", max_error_px, {0, 1e6}, "largest reprojection error, pixels");
+  v.Double("max_error_sigmas", max_error_sigmas, {0, 1e6},
+           "and in standard deviations of the observation, once they are known");
   v.Double("min_angle_deg", min_angle_deg, {0, 180},
            "smallest angle that two rays of a point must reach, degrees");
   v.Int("min_views", min_views, {2, 1000}, "views that must agree with a point");
@@ -193,10 +213,10 @@ TriangulationResult Triangulate(std::span<const TriangulationView> views,
   Eigen::Vector3d xyz;
   const bool well_posed = TriangulateMidpoint(views, &xyz);
   std::vector<int> inliers;
-  if (well_posed) inliers = Agreeing(views, xyz, options.max_error_px);
+  if (well_posed) inliers = Agreeing(views, xyz, options);
   if (inliers.size() < views.size() && views.size() > 2 && options.max_pairs > 0 &&
       SearchPairs(views, options, &xyz)) {
-    inliers = Agreeing(views, xyz, options.max_error_px);
+    inliers = Agreeing(views, xyz, options);
   } else if (!well_posed) {
     return fail(TriangulationStatus::kIllPosed);
   }
@@ -204,7 +224,7 @@ TriangulationResult Triangulate(std::span<const TriangulationView> views,
   for (int round = 0; round < 3; ++round) {
     if (inliers.size() < min_views) return fail(TriangulationStatus::kTooFewViews);
     Refine(views, inliers, options.max_refinements, &xyz);
-    std::vector<int> agreeing = Agreeing(views, xyz, options.max_error_px);
+    std::vector<int> agreeing = Agreeing(views, xyz, options);
     const bool same = agreeing == inliers;
     inliers = std::move(agreeing);
     if (same) break;

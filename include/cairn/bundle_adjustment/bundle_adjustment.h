@@ -13,8 +13,9 @@ namespace cairn {
 struct BundleAdjustmentOptions {
   // Robust loss on the reprojection error: "none", "soft_l1", "huber" or "cauchy".
   std::string loss = "soft_l1";
-  // Error at which the loss leaves the square, pixels.
-  double loss_scale_px = 1.0;
+  // Error at which the loss leaves the square, in standard deviations of the observation (see
+  // RegisteredImage::sigmas_px).
+  double loss_scale = 1.0;
   int max_iterations = 50;
   // Stop when the relative change of the cost in one iteration is below.
   double function_tolerance = 1e-6;
@@ -56,19 +57,20 @@ struct BundleAdjustmentReport {
   int64_t num_points = 0;
   int64_t num_observations = 0;
   int num_iterations = 0;
-  double initial_rmse_px = 0;  // root mean squared residual, after the robust loss
-  double final_rmse_px = 0;
+  // Root mean squared residual after the robust loss, in standard deviations.
+  double initial_rmse = 0;
+  double final_rmse = 0;
   double seconds = 0;
   // "dense_schur", "sparse_schur", "iterative_schur", or "sparse_normal_cholesky" where only
   // points, or no points, are adjusted.
   std::string solver;
 };
 
-// Minimizes the robust reprojection error over `scope`: Levenberg-Marquardt by Ceres, analytic
-// Jacobians, points eliminated first (Schur complement; Triggs et al., "Bundle adjustment - a
-// modern synthesis", 2000). The seven degrees of freedom of the world frame stay free, since fixing
-// some of them slows convergence: the damping holds them. Observations that are behind their camera
-// at the start are left out. Throws nothing but BugError.
+// Minimizes the robust reprojection error, weighed by the observations' precision, over `scope`:
+// Levenberg-Marquardt by Ceres, analytic Jacobians, points eliminated first (Schur complement;
+// Triggs et al., "Bundle adjustment - a modern synthesis", 2000). The seven degrees of freedom of
+// the world frame stay free, since fixing some of them slows convergence: the damping holds them.
+// Observations that are behind their camera at the start are left out. Throws nothing but BugError.
 BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
                                     const BundleAdjustmentScope& scope,
                                     Reconstruction& reconstruction,

@@ -39,6 +39,8 @@ struct RegisteredImage {
   Rigid3d cam_from_world;
   std::vector<Eigen::Vector2d> points2D;  // pixels
   std::vector<point3D_t> point3D_ids;     // kInvalidPoint3DId: none; same size as points2D
+  // Standard deviation of each keypoint's position, pixels; empty: not known, 1 is assumed.
+  std::vector<float> sigmas_px = {};
 };
 
 // Cameras, registered images and 3D points. Ordered maps: every loop runs in the order of the ids.

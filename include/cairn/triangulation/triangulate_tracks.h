@@ -27,8 +27,9 @@ TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
                                           Reconstruction& reconstruction);
 
 struct FilterOptions {
-  double max_error_px = 4.0;   // reprojection error of an observation
-  double min_angle_deg = 1.5;  // largest angle between two rays of a point
+  double max_error_px = 4.0;      // reprojection error of an observation
+  double max_error_sigmas = 6.0;  // and in its standard deviations, where they are known
+  double min_angle_deg = 1.5;     // largest angle between two rays of a point
   int min_views = 2;
 };
 

@@ -13,6 +13,8 @@ namespace cairn {
 struct TriangulationOptions {
   // Largest reprojection error of an observation, pixels (of the undistorted image).
   double max_error_px = 4.0;
+  // And in standard deviations of the observation, where its noise is known.
+  double max_error_sigmas = 6.0;
   // Smallest angle that two rays of a point must reach, degrees.
   double min_angle_deg = 1.5;
   // Views that must agree with a point.
@@ -26,12 +28,14 @@ struct TriangulationOptions {
 };
 
 // One observation: the camera's pose, the ray (u, v, 1) of the pixel with the distortion removed,
-// and the focal length (pixels) that turns differences of rays into pixels.
+// the focal length (pixels) that turns differences of rays into pixels, and the standard deviation
+// of the pixel (0: not known, all alike).
 struct TriangulationView {
   Eigen::Matrix3d cam_from_world_rotation = Eigen::Matrix3d::Identity();
   Eigen::Vector3d cam_from_world_translation = Eigen::Vector3d::Zero();
   Eigen::Vector2d ray = Eigen::Vector2d::Zero();
   double focal_px = 1.0;
+  double sigma_px = 0.0;
 };
 
 enum class TriangulationStatus : int {

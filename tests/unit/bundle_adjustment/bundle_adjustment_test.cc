@@ -64,8 +64,8 @@ TEST(AdjustBundle, RecoversAnExactSceneWithEverySolver) {
     Reconstruction model = Perturbed(scene.truth, {});
     const BundleAdjustmentReport report = AdjustBundle(options, {}, model);
     EXPECT_EQ(report.status, BundleAdjustmentStatus::kConverged) << solver;
-    EXPECT_GT(report.initial_rmse_px, 1.0);
-    EXPECT_LT(report.final_rmse_px, 1e-6);
+    EXPECT_GT(report.initial_rmse, 1.0);
+    EXPECT_LT(report.final_rmse, 1e-6);
     EXPECT_EQ(report.num_images, 6);
     EXPECT_EQ(report.num_observations, model.NumObservations());
     const PoseDifference difference = CompareAligned(model, scene.truth);
@@ -100,7 +100,7 @@ TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
       scope.focal_lengths = true;
       scope.distortions = true;
       const BundleAdjustmentReport report = AdjustBundle(OneThread(), scope, model);
-      EXPECT_LT(report.final_rmse_px, 1e-5) << CameraModelName(model_kind);
+      EXPECT_LT(report.final_rmse, 1e-5) << CameraModelName(model_kind);
       for (const auto& [id, camera] : model.cameras) {
         const Camera& truth = scene.truth.cameras.at(id);
         for (size_t k = 0; k < camera.params.size(); ++k) {
@@ -206,7 +206,7 @@ TEST(AdjustBundle, LossScaleAndIterationsAndToleranceMatter) {
   BundleAdjustmentReport report, other;
   BundleAdjustmentOptions options = OneThread();
   const Eigen::Vector3d reference = run(options, &report);
-  options.loss_scale_px = 5;
+  options.loss_scale = 5;
   EXPECT_GT((run(options, &other) - reference).norm(), 1e-6);
   options = OneThread();
   options.max_iterations = 2;
@@ -251,7 +251,7 @@ TEST(AdjustBundle, TwoImagesAreEnough) {
   const SyntheticScene scene = MakeSyntheticScene({.num_images = 2, .visible_share = 1.0});
   Reconstruction model =
       Perturbed(scene.truth, {.rotation = 0.01, .position = 0.05, .point = 0.05});
-  EXPECT_LT(AdjustBundle(OneThread(), {}, model).final_rmse_px, 1e-4);
+  EXPECT_LT(AdjustBundle(OneThread(), {}, model).final_rmse, 1e-4);
 }
 
 TEST(AdjustBundle, NothingToAdjustIsSaidAndChangesNothing) {

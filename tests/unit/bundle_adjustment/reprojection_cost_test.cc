@@ -27,7 +27,7 @@ class CostUnderTest {
     if (pose.intrinsics->num_free_focal > 0) pose.intrinsics->free[0] = 0.1;
     state_.PrepareForEvaluation(true, true);
     cost_ = std::make_unique<ReprojectionCost>(&pose, &state_.Point(0), Eigen::Vector2d(300, 500),
-                                               free_);
+                                               0.4, free_);
   }
 
   const std::vector<int32_t>& sizes() const { return cost_->parameter_block_sizes(); }

@@ -53,6 +53,37 @@ TEST(TriangulateTracks, LeavesOutWrongObservations) {
   EXPECT_LT(estimate.MeanReprojectionErrorPx(), 1.0);
 }
 
+// 3 pixels off is much for a keypoint that is known within 0.2 and little for one within 2.
+TEST(TriangulateTracks, AllowsErrorsInStandardDeviationsWhereTheyAreKnown) {
+  const SyntheticScene scene = MakeSyntheticScene({.num_images = 8});
+  Reconstruction estimate = scene.truth;
+  const Point3D& point = scene.truth.points3D.begin()->second;
+  ASSERT_GE(point.track.size(), 4u);
+  const TrackElement moved = point.track.front();
+  estimate.images.at(moved.image_id).points2D[moved.point2D].x() += 3;
+  for (auto& [id, image] : estimate.images) image.sigmas_px.assign(image.points2D.size(), 0.2f);
+  const auto is_observed = [&](const Reconstruction& model) {
+    return model.images.at(moved.image_id).point3D_ids[moved.point2D] != kInvalidPoint3DId;
+  };
+  FilterOptions filter;
+  Reconstruction filtered = estimate;
+  FilterPoints(filter, 1, filtered);
+  EXPECT_FALSE(is_observed(filtered));
+  TriangulateTracks(scene.tracks, {}, 1, estimate);
+  EXPECT_FALSE(is_observed(estimate));
+
+  estimate.images.at(moved.image_id)
+      .sigmas_px.assign(estimate.images.at(moved.image_id).points2D.size(), 2.0f);
+  TriangulateTracks(scene.tracks, {}, 1, estimate);
+  EXPECT_TRUE(is_observed(estimate));
+  filtered = estimate;
+  FilterPoints(filter, 1, filtered);
+  EXPECT_TRUE(is_observed(filtered));
+  filter.max_error_sigmas = 1;
+  FilterPoints(filter, 1, filtered);
+  EXPECT_FALSE(is_observed(filtered));
+}
+
 TEST(TriangulateTracks, DoesNotDependOnTheNumberOfThreads) {
   SyntheticOptions synthetic;
   synthetic.noise_px = 1;

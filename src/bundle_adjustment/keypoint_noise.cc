@@ -1,0 +1,99 @@
+#include "cairn/bundle_adjustment/keypoint_noise.h"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+namespace cairn {
+namespace {
+
+constexpr int kNumBins = 16;
+constexpr size_t kMinObservationsPerBin = 30;
+// Errors of an observation that alone decides where its point lies tell nothing.
+constexpr double kMaxLeverage = 0.8;
+// No detector is more exact than this; exact data would have no scale otherwise.
+constexpr double kMinSigmaPx = 0.05;
+// Median of a length whose two coordinates are standard normal.
+constexpr double kRayleighMedian = 1.17741;
+
+struct Sample {
+  double scale;
+  double error_px;  // as it would be if the point were known exactly
+};
+
+std::vector<Sample> CollectSamples(const Reconstruction& reconstruction,
+                                   const KeypointScales& scales) {
+  std::vector<Sample> samples;
+  const auto precision = [](const RegisteredImage& image, point2D_t point2D) {
+    const double sigma = image.sigmas_px.empty() ? 1.0 : image.sigmas_px[point2D];
+    return 1.0 / (sigma * sigma);
+  };
+  for (const auto& [id, point] : reconstruction.points3D) {
+    double total = 0;
+    for (const TrackElement& element : point.track) {
+      total += precision(reconstruction.images.at(element.image_id), element.point2D);
+    }
+    for (const TrackElement& element : point.track) {
+      const RegisteredImage& image = reconstruction.images.at(element.image_id);
+      const double error_px =
+          ReprojectionErrorPx(reconstruction.CameraOf(image), image.cam_from_world, point.xyz,
+                              image.points2D[element.point2D]);
+      if (!std::isfinite(error_px)) continue;
+      // The point's 3 coordinates adapt to the 2n coordinates of its errors, most to the precise
+      // ones.
+      const double leverage = 1.5 * precision(image, element.point2D) / total;
+      if (leverage > kMaxLeverage) continue;
+      samples.push_back(
+          {scales.at(element.image_id)[element.point2D], error_px / std::sqrt(1.0 - leverage)});
+    }
+  }
+  return samples;
+}
+
+// Of one bin: its median scale and the standard deviation that the median error shows.
+Sample Summarize(std::span<Sample> bin) {
+  const auto middle = bin.begin() + static_cast<int64_t>(bin.size() / 2);
+  std::nth_element(bin.begin(), middle, bin.end(),
+                   [](const Sample& a, const Sample& b) { return a.scale < b.scale; });
+  const double scale = middle->scale;
+  std::nth_element(bin.begin(), middle, bin.end(),
+                   [](const Sample& a, const Sample& b) { return a.error_px < b.error_px; });
+  return {scale, std::max(kMinSigmaPx, middle->error_px / kRayleighMedian)};
+}
+
+}  // namespace
+
+double KeypointNoise::SigmaPx(double scale) const {
+  return std::max(kMinSigmaPx, std::hypot(floor_px, per_scale * scale));
+}
+
+KeypointNoise EstimateKeypointNoise(const Reconstruction& reconstruction,
+                                    const KeypointScales& scales) {
+  std::vector<Sample> samples = CollectSamples(reconstruction, scales);
+  if (samples.size() < kNumBins * kMinObservationsPerBin) return {};
+  std::sort(samples.begin(), samples.end(),
+            [](const Sample& a, const Sample& b) { return a.scale < b.scale; });
+  // Least squares in sigma^2 = x + y scale^2 with relative errors, x and y not negative.
+  double s11 = 0, s12 = 0, s22 = 0, b1 = 0, b2 = 0;
+  for (int bin = 0; bin < kNumBins; ++bin) {
+    const size_t begin = samples.size() * bin / kNumBins;
+    const size_t end = samples.size() * (bin + 1) / kNumBins;
+    const auto [scale, sigma] = Summarize(std::span(samples).subspan(begin, end - begin));
+    const double weight = 1.0 / (sigma * sigma);
+    const double a1 = weight;
+    const double a2 = weight * scale * scale;
+    s11 += a1 * a1, s12 += a1 * a2, s22 += a2 * a2, b1 += a1, b2 += a2;
+  }
+  const double determinant = s11 * s22 - s12 * s12;
+  double x = b1 / s11;
+  double y = 0;
+  if (determinant > 1e-9 * s11 * s22) {
+    x = (s22 * b1 - s12 * b2) / determinant;
+    y = (s11 * b2 - s12 * b1) / determinant;
+    if (y < 0) x = b1 / s11, y = 0;
+    if (x < 0) x = 0, y = b2 / s22;
+  }
+  return {std::sqrt(x), std::sqrt(y)};
+}
+
+}  // namespace cairn

@@ -1,0 +1,96 @@
+#include "cairn/bundle_adjustment/keypoint_noise.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "cairn/base/rng.h"
+#include "cairn/bundle_adjustment/bundle_adjustment.h"
+#include "support/synthetic_reconstruction.h"
+
+namespace cairn {
+namespace {
+
+using testing_support::CompareAligned;
+using testing_support::MakeSyntheticScene;
+using testing_support::SyntheticScene;
+
+constexpr double kFloorPx = 0.2;
+constexpr double kPerScale = 0.1;
+
+// An exact scene whose keypoints have scales from 1 to 20 and the noise that goes with them.
+struct NoisyScene {
+  Reconstruction model;
+  KeypointScales scales;
+};
+NoisyScene MakeNoisyScene(int num_points, uint64_t seed = 0) {
+  NoisyScene scene{
+      MakeSyntheticScene({.num_images = 8, .num_points = num_points, .seed = seed}).truth, {}};
+  Rng rng(seed, "keypoint_noise_test");
+  for (auto& [id, image] : scene.model.images) {
+    for (Eigen::Vector2d& pixel : image.points2D) {
+      const double scale = std::exp(rng.Uniform(0.0, 3.0));
+      const double sigma = std::hypot(kFloorPx, kPerScale * scale);
+      pixel += sigma * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+      scene.scales[id].push_back(static_cast<float>(scale));
+    }
+  }
+  return scene;
+}
+
+void SetSigmas(const KeypointNoise& noise, NoisyScene& scene) {
+  for (auto& [id, image] : scene.model.images) {
+    image.sigmas_px.clear();
+    for (const float scale : scene.scales.at(id)) {
+      image.sigmas_px.push_back(static_cast<float>(noise.SigmaPx(scale)));
+    }
+  }
+}
+
+TEST(KeypointNoise, IsFoundFromTheErrorsAfterAnAdjustment) {
+  NoisyScene scene = MakeNoisyScene(2000);
+  KeypointNoise noise;
+  // Without weights, the errors of large keypoints spoil those of small ones.
+  for (int round = 0; round < 3; ++round) {
+    SetSigmas(noise, scene);
+    AdjustBundle({.num_threads = 1}, {}, scene.model);
+    noise = EstimateKeypointNoise(scene.model, scene.scales);
+  }
+  EXPECT_NEAR(noise.floor_px, kFloorPx, 0.05);
+  EXPECT_NEAR(noise.per_scale, kPerScale, 0.015);
+}
+
+TEST(KeypointNoise, IsOnePixelWhereThereIsTooLittleToTell) {
+  const NoisyScene scene = MakeNoisyScene(30);
+  const KeypointNoise noise = EstimateKeypointNoise(scene.model, scene.scales);
+  EXPECT_EQ(noise.SigmaPx(1), 1.0);
+  EXPECT_EQ(noise.SigmaPx(100), 1.0);
+}
+
+TEST(KeypointNoise, ExactKeypointsStillHaveSomeAndOneScaleNeedsNoSlope) {
+  const SyntheticScene exact = MakeSyntheticScene({.num_points = 500});
+  KeypointScales scales;
+  for (const auto& [id, image] : exact.truth.images) scales[id].assign(image.points2D.size(), 2.0f);
+  const KeypointNoise noise = EstimateKeypointNoise(exact.truth, scales);
+  EXPECT_EQ(noise.SigmaPx(2), 0.05);
+}
+
+TEST(KeypointNoise, WeighingMakesPosesMoreExact) {
+  double with = 0, without = 0;
+  for (uint64_t seed = 1; seed <= 5; ++seed) {
+    NoisyScene scene = MakeNoisyScene(400, seed);
+    const Reconstruction truth =
+        MakeSyntheticScene({.num_images = 8, .num_points = 400, .seed = seed}).truth;
+    const BundleAdjustmentOptions options{.loss = "none", .num_threads = 1};
+    NoisyScene plain = scene;
+    AdjustBundle(options, {}, plain.model);
+    without += CompareAligned(plain.model, truth).center;
+    SetSigmas({kFloorPx, kPerScale}, scene);
+    AdjustBundle(options, {}, scene.model);
+    with += CompareAligned(scene.model, truth).center;
+  }
+  EXPECT_LT(with, 0.7 * without);
+}
+
+}  // namespace
+}  // namespace cairn
