@@ -63,17 +63,51 @@ Detection MakeClutter(const Camera& camera, double distance, Rng& rng) {
   return detection;
 }
 
+// What there is to see, and how readily it is noticed: a logarithm, the same for all images.
+struct Surface {
+  std::vector<SurfaceElement> elements;
+  std::vector<double> salience;
+};
+
+Surface MakeSurface(const SceneOptions& options, uint64_t seed) {
+  Rng element_rng(seed, "scene_elements");
+  Surface surface{
+      MakeElements(*CameraLayoutFromName(options.layout), options.num_points, element_rng), {}};
+  Rng salience_rng(seed, "scene_salience");
+  for (int i = 0; i < options.num_points; ++i) {
+    surface.salience.push_back(-options.salience * std::log(1.0 - salience_rng.Uniform()));
+  }
+  return surface;
+}
+
+// A random choice without replacement where an element's chances are exp(salience) (Gumbel's
+// trick); the rest goes.
+void KeepNoticed(const Surface& surface, size_t max_keypoints, Rng& rng,
+                 std::vector<Detection>* detections) {
+  if (detections->size() <= max_keypoints) return;
+  std::vector<std::pair<double, size_t>> keys;
+  for (size_t k = 0; k < detections->size(); ++k) {
+    const double gumbel = -std::log(-std::log(1.0 - rng.Uniform()));
+    keys.emplace_back(-surface.salience[(*detections)[k].element] - gumbel, k);
+  }
+  std::nth_element(keys.begin(), keys.begin() + static_cast<int64_t>(max_keypoints), keys.end());
+  keys.resize(max_keypoints);
+  std::vector<Detection> kept;
+  for (const auto& [key, k] : keys) kept.push_back((*detections)[k]);
+  *detections = std::move(kept);
+}
+
 std::vector<Detection> Detect(const SceneOptions& options, const Camera& camera,
-                              const Rigid3d* cam_from_world,
-                              const std::vector<SurfaceElement>& elements, Rng& rng) {
+                              const Rigid3d* cam_from_world, const Surface& surface, Rng& rng) {
   std::vector<Detection> detections;
   if (cam_from_world) {
-    for (size_t i = 0; i < elements.size(); ++i) {
+    for (size_t i = 0; i < surface.elements.size(); ++i) {
       AffineObservation view;
-      if (IsSeen(camera, *cam_from_world, elements[i], &view)) {
+      if (IsSeen(camera, *cam_from_world, surface.elements[i], &view)) {
         detections.push_back({view, static_cast<int>(i)});
       }
     }
+    if (options.salience > 0) KeepNoticed(surface, options.max_keypoints, rng, &detections);
     rng.Shuffle(detections);
     if (detections.size() > static_cast<size_t>(options.max_keypoints)) {
       detections.resize(options.max_keypoints);
@@ -98,13 +132,12 @@ struct ImageData {
 };
 
 ImageData MakeImageData(const SceneOptions& options, const Camera& camera,
-                        const Rigid3d* cam_from_world, const std::vector<SurfaceElement>& elements,
-                        Rng rng) {
+                        const Rigid3d* cam_from_world, const Surface& surface, Rng rng) {
   const ObservationNoise noise{options.image_noise_px, options.affine_noise, options.depth_noise,
                                options.depth_gradient_noise};
   ImageData data;
   data.depth_scale = std::exp(0.7 * rng.Gaussian());
-  for (const Detection& detection : Detect(options, camera, cam_from_world, elements, rng)) {
+  for (const Detection& detection : Detect(options, camera, cam_from_world, surface, rng)) {
     const AffineObservation noisy = AddNoise(detection.observation, noise, camera.MeanFocal(), rng);
     data.keypoints.push_back(noisy.ToKeypoint());
     const bool has_depth = rng.Uniform() >= options.missing_depth_ratio;
@@ -149,6 +182,9 @@ void LinkPoints(const std::vector<SurfaceElement>& elements, const std::vector<I
 void SceneOptions::VisitFields(OptionVisitor& v) {
   v.Int("num_points", num_points, {0, 1e8}, "surface elements of an abstract scene");
   v.Int("max_keypoints", max_keypoints, {0, 1e6}, "scene points that an image shows, at most");
+  v.Double("salience", salience, {0.0, 10.0},
+           "0: images show a random choice of what is visible; larger: the same points more often, "
+           "as detectors do");
   v.Double("image_noise_px", image_noise_px, {0.0, 100.0}, "keypoint noise, standard deviation");
   v.Double("affine_noise", affine_noise, {0.0, 1.0}, "noise of affine frames, relative");
   v.Double("depth_noise", depth_noise, {0.0, 1.0}, "noise of depth, relative");
@@ -161,6 +197,19 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
         "wrong matches of a pair that does not overlap");
   v.Int("num_clutter_keypoints", num_clutter_keypoints, {0, 1e6},
         "keypoints an image that show no scene point");
+  v.Int("num_pairs", num_pairs, {0, 2e8},
+        "pairs in a database: those with the most points in common; 0: all");
+  v.Double("pair_outlier_ratio", pair_outlier_ratio, {0.0, 1.0},
+           "share of verified pairs whose pose and matches mean nothing");
+  v.Double("rotation_noise_deg", rotation_noise_deg, {0.0, 180.0},
+           "median rotation error of a verified pair");
+  v.Double("direction_noise_deg", direction_noise_deg, {0.0, 180.0},
+           "median error of a verified pair's translation direction");
+  v.Double("heavy_tail", heavy_tail, {0.0, 1.0},
+           "of these errors; 0: light; 1: as in real 1DSfM edges");
+  v.Bool("descriptors", descriptors, "write descriptors to a database");
+  v.Bool("pair_metrics", pair_metrics,
+         "verified pairs as build_view_graph leaves them; 0: as COLMAP does");
 }
 
 SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
@@ -172,9 +221,7 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   scene.seed = seed;
   scene.cameras = MakeCameras(options);
   scene.images = MakeImages(options);
-  Rng element_rng(seed, "scene_elements");
-  const std::vector<SurfaceElement> elements =
-      MakeElements(layout, options.num_points, element_rng);
+  const Surface surface = MakeSurface(options, seed);
   Rng pose_rng(seed, "scene_poses");
   const std::vector<Rigid3d> poses =
       MakeCameraPoses(layout, options.num_images, options.distance, pose_rng);
@@ -183,7 +230,7 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   std::vector<ImageData> data(num_images);
   ParallelFor(0, num_images, [&](int64_t i) {
     const Rigid3d* pose = i < options.num_images ? &poses[i] : nullptr;
-    data[i] = MakeImageData(options, scene.cameras.at(scene.images[i].camera_id), pose, elements,
+    data[i] = MakeImageData(options, scene.cameras.at(scene.images[i].camera_id), pose, surface,
                             Rng(seed, "scene_image", i + 1));
   });
 
@@ -202,7 +249,7 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
     scene.keypoints[id] = std::move(data[i].keypoints);
     scene.depth_samples[id] = std::move(data[i].depth_samples);
   }
-  LinkPoints(elements, data, &scene.truth);
+  LinkPoints(surface.elements, data, &scene.truth);
   return scene;
 }
 

@@ -1,59 +1,169 @@
 #include <algorithm>
+#include <cmath>
+#include <memory>
+#include <set>
 
 #include "cairn/base/parallel.h"
 #include "cairn/database/database.h"
+#include "cairn/synthetic/poses.h"
 #include "cairn/synthetic/scene.h"
+#include "synthetic/edge_errors.h"
+#include "synthetic/pair_choice.h"
 #include "synthetic/visible_points.h"
 
 namespace cairn {
 namespace {
 
-constexpr int kPairsPerTransaction = 1000;
+constexpr size_t kPairsPerTransaction = 1000;
 
 // One pair's rows, made in parallel, written in order.
 struct PairRows {
   FeatureMatches matches;
   TwoViewGeometry geometry;
+  PairMetrics metrics;
+};
+
+// The pairs of images, and what is wrong with some of them.
+struct PairPlan {
+  std::vector<std::pair<int64_t, int64_t>> pairs;  // indices of images
+  std::vector<char> is_outlier;
+};
+
+std::vector<VisiblePoints> FindAllVisiblePoints(const SyntheticScene& scene) {
+  std::vector<VisiblePoints> visible(scene.images.size());
+  ParallelFor(0, static_cast<int64_t>(visible.size()),
+              [&](int64_t i) { visible[i] = FindVisiblePoints(scene, scene.images[i].image_id); });
+  return visible;
+}
+
+PairPlan PlanPairs(const SyntheticScene& scene, const std::vector<VisiblePoints>& visible) {
+  const auto n = static_cast<int64_t>(scene.images.size());
+  const auto wanted = static_cast<size_t>(scene.options.num_pairs);
+  std::vector<bool> chosen;
+  if (wanted > 0 && wanted < static_cast<size_t>(n * (n - 1) / 2)) {
+    PairCosts costs(n);
+    ParallelFor(0, n, [&](int64_t i) {
+      for (int64_t j = i + 1; j < n; ++j) {
+        costs[costs.Pair(i, j)] = -static_cast<float>(NumCommonPoints(visible[i], visible[j]));
+      }
+    });
+    chosen = ChoosePairs(costs, std::max<size_t>(wanted, n - 1));
+  }
+  PairPlan plan;
+  size_t pair = 0;
+  for (int64_t i = 0; i < n; ++i) {
+    for (int64_t j = i + 1; j < n; ++j, ++pair) {
+      if (chosen.empty() || chosen[pair]) plan.pairs.emplace_back(i, j);
+    }
+  }
+  plan.is_outlier.assign(plan.pairs.size(), 0);
+  const double ratio = scene.options.pair_outlier_ratio;
+  std::fill_n(plan.is_outlier.begin(), std::lround(ratio * static_cast<double>(plan.pairs.size())),
+              1);
+  Rng(scene.seed, "scene_pair_outliers").Shuffle(plan.is_outlier);
+  return plan;
+}
+
+// A pair that was verified by mistake.
+PairRows MakeOutlierPair(const SyntheticScene& scene, image_t id1, image_t id2) {
+  Rng rng(scene.seed, "scene_outlier_pair", ImagePairToPairId(id1, id2));
+  PairRows rows;
+  const size_t n1 = scene.keypoints.at(id1).size();
+  const size_t n2 = scene.keypoints.at(id2).size();
+  std::set<point2D_t> used1, used2;
+  for (int k = NumChanceInliers(rng); k > 0 && n1 > 0 && n2 > 0; --k) {
+    const FeatureMatch match{rng.UniformInt(static_cast<uint32_t>(n1)),
+                             rng.UniformInt(static_cast<uint32_t>(n2))};
+    if (used1.insert(match.point1).second && used2.insert(match.point2).second) {
+      rows.matches.push_back(match);
+    }
+  }
+  rows.geometry.config = TwoViewConfig::kCalibrated;
+  rows.geometry.inlier_matches = rows.matches;
+  const Eigen::Quaterniond rotation = RandomRotation(rng);
+  rows.geometry.cam2_from_cam1 = Rigid3d(rotation, RandomDirection(rng));
+  return rows;
+}
+
+class PairMaker {
+ public:
+  explicit PairMaker(const SyntheticScene& scene)
+      : scene_(scene), visible_(FindAllVisiblePoints(scene)), plan_(PlanPairs(scene, visible_)) {
+    const SceneOptions& options = scene.options;
+    Rng rng(scene.seed, "scene_edge_errors");
+    errors_ = std::make_unique<EdgeErrors>(
+        EdgeErrors::Options{options.rotation_noise_deg, options.direction_noise_deg,
+                            options.heavy_tail},
+        static_cast<int>(scene.images.size()), rng);
+  }
+
+  size_t NumPairs() const { return plan_.pairs.size(); }
+  image_pair_t PairId(size_t pair) const {
+    const auto [i, j] = plan_.pairs[pair];
+    return ImagePairToPairId(scene_.images[i].image_id, scene_.images[j].image_id);
+  }
+
+  PairRows Make(size_t pair, bool with_geometry) const {
+    const auto [i, j] = plan_.pairs[pair];
+    const auto [id1, id2] = PairIdToImagePair(PairId(pair));
+    PairRows rows;
+    if (plan_.is_outlier[pair]) {
+      rows = MakeOutlierPair(scene_, id1, id2);
+    } else {
+      const SyntheticMatches matches = MakeMatches(scene_, id1, id2, visible_[i], visible_[j]);
+      rows.matches = matches.matches;
+      if (with_geometry && std::count(matches.is_inlier.begin(), matches.is_inlier.end(), true)) {
+        rows.geometry = TrueTwoViewGeometry(scene_, id1, id2, matches);
+        Disturb(i, j, &rows.geometry);
+      }
+    }
+    FillMetrics(PairId(pair), &rows);
+    return rows;
+  }
+
+ private:
+  void Disturb(size_t i, size_t j, TwoViewGeometry* geometry) const {
+    const SceneOptions& options = scene_.options;
+    if (options.rotation_noise_deg == 0 && options.direction_noise_deg == 0) return;
+    Rng rng(scene_.seed, "scene_pair_errors", ImagePairToPairId(i + 1, j + 1));
+    errors_->Perturb(i, j, rng, &*geometry->cam2_from_cam1);
+    geometry->E.reset();
+    geometry->F.reset();
+  }
+
+  static void FillMetrics(image_pair_t pair_id, PairRows* rows) {
+    PairMetrics& metrics = rows->metrics;
+    metrics.pair_id = pair_id;
+    metrics.verifier = metrics.step = "synthetic";
+    metrics.num_matches = static_cast<int>(rows->matches.size());
+    metrics.num_inliers = static_cast<int>(rows->geometry.inlier_matches.size());
+    metrics.is_winner = rows->geometry.cam2_from_cam1.has_value();
+    metrics.status = metrics.is_winner ? "verified" : "no_model";
+    metrics.cam2_from_cam1 = rows->geometry.cam2_from_cam1;
+  }
+
+  const SyntheticScene& scene_;
+  std::vector<VisiblePoints> visible_;
+  PairPlan plan_;
+  std::unique_ptr<EdgeErrors> errors_;
 };
 
 void WritePairs(const SyntheticScene& scene, bool with_geometries, Database& database) {
-  std::vector<VisiblePoints> visible;
-  for (const Image& image : scene.images) {
-    visible.push_back(FindVisiblePoints(scene, image.image_id));
-  }
-  const int64_t n = static_cast<int64_t>(scene.images.size());
-  std::vector<std::pair<int64_t, int64_t>> pairs;
-  const auto write = [&] {
-    std::vector<PairRows> rows(pairs.size());
-    ParallelFor(0, static_cast<int64_t>(pairs.size()), [&](int64_t k) {
-      const auto [i, j] = pairs[k];
-      const image_t id1 = scene.images[i].image_id;
-      const image_t id2 = scene.images[j].image_id;
-      const SyntheticMatches matches = MakeMatches(scene, id1, id2, visible[i], visible[j]);
-      if (with_geometries &&
-          std::count(matches.is_inlier.begin(), matches.is_inlier.end(), true) > 0) {
-        rows[k].geometry = TrueTwoViewGeometry(scene, id1, id2, matches);
-      }
-      rows[k].matches = matches.matches;
-    });
+  const PairMaker maker(scene);
+  for (size_t begin = 0; begin < maker.NumPairs(); begin += kPairsPerTransaction) {
+    std::vector<PairRows> rows(std::min(kPairsPerTransaction, maker.NumPairs() - begin));
+    ParallelFor(0, static_cast<int64_t>(rows.size()),
+                [&](int64_t k) { rows[k] = maker.Make(begin + k, with_geometries); });
     Database::Transaction transaction(database);
-    for (size_t k = 0; k < pairs.size(); ++k) {
-      const image_pair_t pair_id = ImagePairToPairId(scene.images[pairs[k].first].image_id,
-                                                     scene.images[pairs[k].second].image_id);
+    for (size_t k = 0; k < rows.size(); ++k) {
       if (rows[k].matches.empty()) continue;
-      database.WriteMatches(pair_id, rows[k].matches);
-      if (with_geometries) database.WriteTwoViewGeometry(pair_id, rows[k].geometry);
+      database.WriteMatches(maker.PairId(begin + k), rows[k].matches);
+      if (!with_geometries) continue;
+      database.WriteTwoViewGeometry(maker.PairId(begin + k), rows[k].geometry);
+      if (scene.options.pair_metrics) database.WritePairMetrics(rows[k].metrics);
     }
     transaction.Commit();
-    pairs.clear();
-  };
-  for (int64_t i = 0; i < n; ++i) {
-    for (int64_t j = i + 1; j < n; ++j) {
-      pairs.emplace_back(i, j);
-      if (pairs.size() == kPairsPerTransaction) write();
-    }
   }
-  write();
 }
 
 }  // namespace
@@ -64,7 +174,9 @@ void WriteScene(const SyntheticScene& scene, SceneContent content, Database& dat
   for (const Image& image : scene.images) {
     database.WriteImage(image);
     database.WriteKeypoints(image.image_id, scene.keypoints.at(image.image_id));
-    database.WriteDescriptors(image.image_id, MakeDescriptors(scene, image.image_id));
+    if (scene.options.descriptors) {
+      database.WriteDescriptors(image.image_id, MakeDescriptors(scene, image.image_id));
+    }
     if (content >= SceneContent::kDepth) {
       database.WriteDepthSamples(image.image_id, scene.depth_samples.at(image.image_id));
     }

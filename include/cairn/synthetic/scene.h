@@ -19,6 +19,7 @@ class Database;
 struct SceneOptions : RigOptions {
   int num_points = 2000;
   int max_keypoints = 1500;     // an image; more visible points than that: a random choice
+  double salience = 0.0;        // 0: chosen evenly; 1: by chances that follow Zipf's law
   double image_noise_px = 0.0;  // see ObservationNoise
   double affine_noise = 0.0;
   double depth_noise = 0.0;
@@ -27,6 +28,15 @@ struct SceneOptions : RigOptions {
   double outlier_ratio = 0.0;        // share of wrong matches in a pair that overlaps
   int num_chance_matches = 0;        // wrong matches of a pair that does not overlap
   int num_clutter_keypoints = 0;     // an image; keypoints that show no scene point
+
+  // Of a database alone: which pairs it has, and how wrong they are.
+  int num_pairs = 0;                // those with the most points in common; 0: all
+  double pair_outlier_ratio = 0.0;  // share of pairs whose pose and matches mean nothing
+  double rotation_noise_deg = 0.0;  // errors of verified pairs, as in ViewGraphOptions
+  double direction_noise_deg = 0.0;
+  double heavy_tail = 0.0;
+  bool descriptors = true;
+  bool pair_metrics = false;  // write the verifier's record of each pair; COLMAP has none
 
   // The fields above; RigOptions has its own list.
   void VisitFields(OptionVisitor& v);
