@@ -68,9 +68,9 @@ struct ReconstructResult {
 
 // View graph, rotation averaging, 1DSfM filter and translation averaging, tracks, triangulation,
 // bundle adjustment with filtering and retriangulation, resection of images left out, colors from
-// the photographs under image_path (skipped where they are absent; "": no colors). Where the pairs have poses but
-// no matches, the models are cameras alone: graph, rotations, translations. An expected failure is
-// in report.failure; throws IoError where the database cannot be read.
+// the photographs under image_path (skipped where they are absent; "": no colors). Where the pairs
+// have poses but no matches, the models are cameras alone: graph, rotations, translations. An
+// expected failure is in report.failure; throws IoError where the database cannot be read.
 ReconstructResult ReconstructScene(const Database& database, const std::string& image_path,
                                    const ReconstructSettings& settings,
                                    ProgressMonitor& monitor = NullMonitor());
