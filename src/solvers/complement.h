@@ -6,57 +6,60 @@
 
 namespace cairn::internal {
 
-// Four orthonormal vectors orthogonal to the five most important directions of the given columns
-// (all of them when N = 5): Householder reflections with column pivoting (Golub and Van Loan, 5.4).
-// Rank-deficient columns give a space that has more than the wanted vectors to choose from; any is
-// returned.
+// Four orthonormal vectors orthogonal to the five most important directions of N columns (all of
+// them when N = 5): Householder reflections with column pivoting (Golub and Van Loan, 5.4). Columns
+// of lower rank leave more than one such space; any is returned. Sums run over all columns at once,
+// which hides their latency.
 template <int N>
-Eigen::Matrix<double, 9, 4> ComplementOfFive(Eigen::Matrix<double, 9, N> A) {
+Eigen::Matrix<double, 9, 4> ComplementOfFive(const Eigen::Matrix<double, 9, N>& columns) {
   static_assert(N >= 5);
   constexpr int kRows = 9, kSteps = 5;
-  double reflectors[kSteps][kRows];  // v, with H = I - v v^T
+  double A[kRows][N];
+  double squared_norms[N] = {};
+  for (int i = 0; i < kRows; ++i) {
+    for (int j = 0; j < N; ++j) {
+      A[i][j] = columns(i, j);
+      squared_norms[j] += A[i][j] * A[i][j];
+    }
+  }
+  double reflectors[kSteps][kRows] = {};  // v, with H = I - v v^T
   for (int k = 0; k < kSteps; ++k) {
-    int pivot = k;
-    double largest = -1.0;
-    for (int j = k; j < N; ++j) {
-      double squared_norm = 0.0;
-      for (int i = k; i < kRows; ++i) squared_norm += A(i, j) * A(i, j);
-      if (squared_norm > largest) {
-        largest = squared_norm;
-        pivot = j;
-      }
-    }
-    double* x = A.data() + kRows * k;
-    double* p = A.data() + kRows * pivot;
+    const auto pivot = std::max_element(squared_norms + k, squared_norms + N) - squared_norms;
+    std::swap(squared_norms[k], squared_norms[pivot]);
+    for (int i = 0; i < kRows; ++i) std::swap(A[i][k], A[i][pivot]);
     double* v = reflectors[k];
+    double squared_norm = 0.0;
     for (int i = k; i < kRows; ++i) {
-      v[i] = p[i];
-      p[i] = x[i];
+      v[i] = A[i][k];
+      squared_norm += v[i] * v[i];
     }
-    const double norm = std::sqrt(largest);
+    const double norm = std::sqrt(squared_norm);
     v[k] += std::copysign(norm, v[k]);
-    // |v|^2 = 2 norm |v_k|: scaled so that H = I - v v^T.
+    // |v|^2 = 2 norm |v_k|.
     const double scale = norm > 0.0 ? 1.0 / std::sqrt(norm * std::abs(v[k])) : 0.0;
     for (int i = k; i < kRows; ++i) v[i] *= scale;
-    for (int j = k + 1; j < N; ++j) {
-      double* a = A.data() + kRows * j;
-      double dot = 0.0;
-      for (int i = k; i < kRows; ++i) dot += v[i] * a[i];
-      for (int i = k; i < kRows; ++i) a[i] -= dot * v[i];
+    double dots[N] = {};
+    for (int i = k; i < kRows; ++i) {
+      for (int j = 0; j < N; ++j) dots[j] += v[i] * A[i][j];
+    }
+    for (int i = k; i < kRows; ++i) {
+      for (int j = 0; j < N; ++j) A[i][j] -= dots[j] * v[i];
+    }
+    for (int j = k + 1; j < N; ++j) squared_norms[j] -= A[k][j] * A[k][j];
+  }
+  double basis[kRows][4] = {};
+  for (int j = 0; j < 4; ++j) basis[kSteps + j][j] = 1.0;
+  for (int k = kSteps - 1; k >= 0; --k) {
+    const double* v = reflectors[k];
+    double dots[4] = {};
+    for (int i = k; i < kRows; ++i) {
+      for (int j = 0; j < 4; ++j) dots[j] += v[i] * basis[i][j];
+    }
+    for (int i = k; i < kRows; ++i) {
+      for (int j = 0; j < 4; ++j) basis[i][j] -= dots[j] * v[i];
     }
   }
-  Eigen::Matrix<double, 9, 4> basis = Eigen::Matrix<double, 9, 4>::Zero();
-  for (int column = 0; column < 4; ++column) {
-    double* b = basis.data() + kRows * column;
-    b[kSteps + column] = 1.0;
-    for (int k = kSteps - 1; k >= 0; --k) {
-      const double* v = reflectors[k];
-      double dot = 0.0;
-      for (int i = k; i < kRows; ++i) dot += v[i] * b[i];
-      for (int i = k; i < kRows; ++i) b[i] -= dot * v[i];
-    }
-  }
-  return basis;
+  return Eigen::Map<const Eigen::Matrix<double, kRows, 4, Eigen::RowMajor>>(&basis[0][0]);
 }
 
 }  // namespace cairn::internal

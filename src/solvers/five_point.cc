@@ -144,7 +144,7 @@ Eigen::Matrix3d ToMatrix(const Eigen::Matrix<double, 9, 1>& v) {
 // Gauss-Newton over the unit vectors of the four-dimensional space, until the constraints hold to
 // rounding. False if the point is not a root of them.
 bool Polish(const Eigen::Matrix<double, 9, 4>& basis, Eigen::Vector4d v, Eigen::Matrix3d* E) {
-  constexpr double kExact = 1e-13;
+  constexpr double kExact = 1e-12;
   constexpr double kAcceptable = 1e-7;
   *E = ToMatrix(basis * v);
   Vector10d r = Residuals(*E);

@@ -1,5 +1,6 @@
 #include "cairn/solvers/polynomial.h"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
@@ -111,35 +112,49 @@ class Brackets {
 
   // Newton's method, bisection where it leaves the bracket.
   void Refine(const double* c, int degree, double* roots) {
-    double step[kMaxDegree], p[kMaxDegree], derivative[kMaxDegree];
-    for (int k = 0; k < count_; ++k) roots[k] = 0.5 * (low_[k] + high_[k]);
-    for (int iteration = 0; iteration < 60; ++iteration) {
-      for (int k = 0; k < count_; ++k) {
-        p[k] = c[degree];
-        derivative[k] = 0.0;
-      }
-      for (int i = degree - 1; i >= 0; --i) {
-        for (int k = 0; k < count_; ++k) {
-          derivative[k] = derivative[k] * roots[k] + p[k];
-          p[k] = p[k] * roots[k] + c[i];
-        }
-      }
-      double largest_step = 0.0;
-      for (int k = 0; k < count_; ++k) {
-        const double x = roots[k];
-        (std::signbit(p[k]) == negative_low_[k] ? low_[k] : high_[k]) = x;
-        double next = p[k] == 0.0 ? x : x - p[k] / derivative[k];
-        if (!(next >= low_[k] && next <= high_[k])) next = 0.5 * (low_[k] + high_[k]);
-        step[k] = std::abs(next - x) / (1.0 + std::abs(x));
-        roots[k] = next;
-        largest_step = std::max(largest_step, step[k]);
-      }
-      // Newton's steps square: after one this short, the next would be below rounding.
-      if (largest_step < 1e-9) break;
+    for (int first = 0; first < count_; first += kWidth) {
+      double refined[kWidth];
+      RefineGroup(c, degree, first, refined);
+      for (int k = first; k < std::min(first + kWidth, count_); ++k) roots[k] = refined[k - first];
     }
   }
 
  private:
+  // As many at a time as hide the latency of Horner's rule.
+  static constexpr int kWidth = 6;
+
+  void RefineGroup(const double* c, int degree, int first, double* roots) const {
+    using Values = Eigen::Array<double, kWidth, 1>;
+    Values low, high, sign_low;
+    for (int k = 0; k < kWidth; ++k) {
+      const int from = std::min(first + k, count_ - 1);  // A short group repeats its last one.
+      low[k] = low_[from];
+      high[k] = high_[from];
+      sign_low[k] = negative_low_[from] ? -1.0 : 1.0;
+    }
+    Values x = 0.5 * (low + high);
+    for (int iteration = 0; iteration < 60; ++iteration) {
+      Values p = Values::Constant(c[degree]), derivative = Values::Zero();
+      for (int i = degree - 1; i >= 0; --i) {
+        derivative = derivative * x + p;
+        p = p * x + c[i];
+      }
+      double largest_step = 0.0;
+      const Values newton = x - p / derivative;
+      for (int k = 0; k < kWidth; ++k) {
+        (p[k] * sign_low[k] > 0.0 ? low : high)[k] = x[k];
+        double next = newton[k];
+        if (!(next >= low[k] && next <= high[k])) next = 0.5 * (low[k] + high[k]);
+        if (p[k] == 0.0) next = x[k];
+        largest_step = std::max(largest_step, std::abs(next - x[k]) / (1.0 + std::abs(x[k])));
+        x[k] = next;
+      }
+      // Newton's steps square: after one this short, the next would be below rounding.
+      if (largest_step < 1e-8) break;
+    }
+    for (int k = 0; k < kWidth; ++k) roots[k] = x[k];
+  }
+
   double low_[kMaxDegree], high_[kMaxDegree];
   bool negative_low_[kMaxDegree];
   int count_ = 0;
@@ -181,13 +196,15 @@ int RealRoots(const double* coefficients, int degree, double* roots) {
 
   double c[kMaxDegree + 1];
   for (int i = 0; i <= degree; ++i) c[i] = coefficients[i] / coefficients[degree];
-  // Fujiwara's bound on the size of the roots.
-  double bound = 0.0;
+  // Fujiwara's bound on the size of the roots, 2 max |c|^(1 / i), rounded up to a power of two.
+  int exponent = -1000;
   for (int i = 1; i <= degree; ++i) {
-    const double a = std::abs(c[degree - i]);
-    if (a > 0.0) bound = std::max(bound, std::pow(a, 1.0 / i));
+    if (c[degree - i] == 0.0) continue;
+    int e;
+    std::frexp(c[degree - i], &e);  // |c| < 2^e
+    exponent = std::max(exponent, e > 0 ? (e + i - 1) / i : -(-e / i));
   }
-  bound = 2.0 * bound * (1.0 + 1e-12) + 1e-300;
+  const double bound = std::ldexp(2.0, exponent);
 
   const SturmChain chain(c, degree);
   struct Interval {

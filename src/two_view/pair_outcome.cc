@@ -104,21 +104,28 @@ class PairFinisher {
   Rigid3d RefineToNoise(const Rigid3d& start) {
     PoseRefinementOptions refinement;
     refinement.loss = RobustLoss::kGemanMcClure;
-    FindSampsonInliers(EssentialFromPose(start));
+    // Matches farther away have no weight.
+    constexpr double kReach = 10.0;
+    FindSampsonInliers(EssentialFromPose(start), kReach * pair_.max_error_px);
+    PointPairs& near = scratch_.near;
+    near.SetSubset(pair_.points, scratch_.inliers.data(),
+                   static_cast<int>(scratch_.inliers.size()));
     std::vector<float>& values = scratch_.special.errors;
     values.clear();
-    for (const int32_t i : scratch_.inliers) values.push_back(scratch_.errors[i]);
+    for (const int32_t i : scratch_.inliers) {
+      if (scratch_.errors[i] < pair_.max_error_px) values.push_back(scratch_.errors[i]);
+    }
     constexpr double kScaleOfMedian = 2.0, kMinScale = 0.25;  // three sigmas; of the threshold
     refinement.scale_px = std::clamp(kScaleOfMedian * Median(&values),
                                      kMinScale * pair_.max_error_px, pair_.max_error_px);
-    refinement.min_relative_gain = 1e-5;
-    return RefinePose(pair_.points, start, refinement).cam2_from_cam1;
+    refinement.min_relative_gain = 1e-4;
+    return RefinePose(near, start, refinement).cam2_from_cam1;
   }
 
   // Of the four poses of the essential matrix, the one with the most inliers in front.
   Rigid3d ChooseByCheirality(const Rigid3d& start) {
     const Eigen::Matrix3d E = EssentialFromPose(start);
-    FindSampsonInliers(E);
+    FindSampsonInliers(E, pair_.max_error_px);
     const EssentialDecomposition parts = DecomposeEssential(E);
     const int step = 1 + static_cast<int>(scratch_.inliers.size()) / 100;
     Rigid3d best = start;
@@ -136,18 +143,17 @@ class PairFinisher {
     return best;
   }
 
-  void FindSampsonInliers(const Eigen::Matrix3d& E) {
+  void FindSampsonInliers(const Eigen::Matrix3d& E, double max_error_px) {
     scratch_.errors.resize(pair_.points.num_blocks() * PointPairs::kBlock);
     SampsonErrors(pair_.points, E, scratch_.errors.data());
     scratch_.inliers.clear();
-    const float max_error = static_cast<float>(pair_.max_error_px);
     for (int i = 0; i < pair_.size(); ++i) {
-      if (scratch_.errors[i] < max_error) scratch_.inliers.push_back(i);
+      if (scratch_.errors[i] < max_error_px) scratch_.inliers.push_back(i);
     }
   }
 
   void CollectInliers(const Rigid3d& pose) {
-    FindSampsonInliers(EssentialFromPose(pose));
+    FindSampsonInliers(EssentialFromPose(pose), pair_.max_error_px);
     const Eigen::Matrix3d R = pose.RotationMatrix();
     std::erase_if(scratch_.inliers, [&](int32_t i) {
       return !IsInFront(pose, R, pair_.points.Point1(i), pair_.points.Point2(i),
@@ -249,13 +255,16 @@ class PairFinisher {
                                           input_.camera2->CalibrationMatrix());
     std::vector<float>& values = scratch_.special.errors;
     values.clear();
+    // The median of the angles is that of their squared tangents (below a right angle).
     const Eigen::Matrix3d R = pose.RotationMatrix();
     for (const int32_t i : scratch_.inliers) {
       const Eigen::Vector3d a = R * pair_.points.Point1(i).homogeneous();
       const Eigen::Vector3d b = pair_.points.Point2(i).homogeneous();
-      values.push_back(static_cast<float>(std::atan2(a.cross(b).norm(), a.dot(b))));
+      const double dot = a.dot(b);
+      values.push_back(dot > 0.0 ? static_cast<float>(a.cross(b).squaredNorm() / (dot * dot))
+                                 : std::numeric_limits<float>::infinity());
     }
-    report->triangulation_angle_deg = RadToDeg(Median(&values));
+    report->triangulation_angle_deg = RadToDeg(std::atan(std::sqrt(Median(&values))));
     values.clear();
     for (const int32_t i : scratch_.inliers) values.push_back(scratch_.errors[i]);
     report->residual_px = Median(&values);

@@ -11,7 +11,7 @@ namespace cairn::internal {
 struct OutcomeScratch {
   std::vector<float> errors;
   std::vector<int32_t> inliers;
-  PointPairs shifted;
+  PointPairs shifted, near;
   std::vector<uint64_t> cells;
   SpecialPairScratch special;
 };

@@ -15,6 +15,8 @@ namespace {
 constexpr int kSubsetSize = 192;
 // The scale between the rough one and the threshold itself, in thresholds.
 constexpr double kMiddleScale = 3.0;
+// Hypotheses are refined in groups: a few steps tell which of a group is worth more.
+constexpr int kGroupSize = 3, kNumFirstSteps = 2;
 // A refined hypothesis goes on while its support is at least this share of the best so far.
 constexpr double kPromising = 0.7;
 // Refined models agree when their support does, and their matrices (|E|^2 = 2; 0.05 is about 2
@@ -23,6 +25,20 @@ constexpr double kEqualSupport = 0.9, kEqualMatrix = 0.05;
 
 double Distance(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
   return std::min((a - b).norm(), (a + b).norm());
+}
+
+PoseRefinementOptions Refinement(double scale_px, int max_iterations) {
+  PoseRefinementOptions options;
+  options.loss = RobustLoss::kGemanMcClure;
+  options.min_relative_gain = 1e-3;
+  options.scale_px = scale_px;
+  options.max_iterations = max_iterations;
+  return options;
+}
+
+template <class T>
+bool BySupport(const T& a, const T& b) {
+  return a.support > b.support;
 }
 
 }  // namespace
@@ -45,17 +61,18 @@ void PoseSearch::Add(const Eigen::Matrix3d& E) {
 
 void PoseSearch::RefineBest(int max_num_refined) {
   const int count = MoveBestToFront(max_num_refined);
-  for (int k = 0; k < count && !has_converged_; ++k) Refine(hypotheses_[k].E);
+  for (int first = 0; first < count && !has_converged_; first += kGroupSize) {
+    started_.clear();
+    for (int k = first; k < std::min(first + kGroupSize, count); ++k) Start(hypotheses_[k].E);
+    Finish(std::min_element(started_.begin(), started_.end(), BySupport<Started>)->pose);
+  }
   hypotheses_.clear();
 }
 
 int PoseSearch::MoveBestToFront(int max_count) {
-  const auto by_support = [](const Hypothesis& a, const Hypothesis& b) {
-    return a.support > b.support;
-  };
   const auto count = std::min<ptrdiff_t>(max_count, std::ssize(hypotheses_));
   std::partial_sort(hypotheses_.begin(), hypotheses_.begin() + count, hypotheses_.end(),
-                    by_support);
+                    BySupport<Hypothesis>);
   return static_cast<int>(count);
 }
 
@@ -65,26 +82,35 @@ void PoseSearch::Resample(const ResampleOptions& options, Rng* rng) {
   for (int round = 0; round < options.max_num_rounds && HasModel(); ++round) {
     if (num_stale_rounds >= options.patience) break;
     const double score_before = best_score_;
+    FindReach();
     SampleExplained(options.num_samples, rng);
     const int num_refined = MoveBestToFront(options.num_refined);
     for (int k = 0; k < num_refined; ++k) {
       const EssentialDecomposition parts = DecomposeEssential(hypotheses_[k].E);
-      AddRefined(RefineOnAll(Rigid3d(parts.R1, parts.t), 10));
+      AddRefined(RefinePose(reach_, Rigid3d(parts.R1, parts.t), Refinement(pair_->max_error_px, 10))
+                     .cam2_from_cam1);
     }
     hypotheses_.clear();
     num_stale_rounds = best_score_ < kGain * score_before ? num_stale_rounds + 1 : 0;
   }
 }
 
-void PoseSearch::SampleExplained(int num_samples, Rng* rng) {
-  constexpr int kSampleSize = FivePoint::kSampleSize;
-  constexpr double kReach = 2.0, kScoreScale = 1.5;  // thresholds
+void PoseSearch::FindReach() {
+  constexpr double kExplained = 2.0, kReach = 16.0;  // thresholds
   errors_.resize(pair_->points.num_blocks() * PointPairs::kBlock);
   SampsonErrors(pair_->points, best_E_, errors_.data());
   explained_.clear();
+  reach_indices_.clear();
   for (int i = 0; i < pair_->size(); ++i) {
-    if (errors_[i] < kReach * pair_->max_error_px) explained_.push_back(i);
+    if (errors_[i] < kReach * pair_->max_error_px) reach_indices_.push_back(i);
+    if (errors_[i] < kExplained * pair_->max_error_px) explained_.push_back(i);
   }
+  reach_.SetSubset(pair_->points, reach_indices_.data(), static_cast<int>(reach_indices_.size()));
+}
+
+void PoseSearch::SampleExplained(int num_samples, Rng* rng) {
+  constexpr int kSampleSize = FivePoint::kSampleSize;
+  constexpr double kScoreScale = 1.5;  // thresholds
   const auto n = static_cast<uint32_t>(explained_.size());
   if (n < kSampleSize) return;
   Eigen::Matrix3d models[FivePoint::kMaxSolutions];
@@ -98,45 +124,46 @@ void PoseSearch::SampleExplained(int num_samples, Rng* rng) {
     }
     const int count = FivePoint::Solve(points, models);
     num_hypotheses_ += count;
-    // Models of right matches far apart are good: all matches, at nearly the final threshold, tell
-    // them apart.
+    // Models of right matches far apart are good: all matches that matter, at nearly the final
+    // threshold, tell them apart.
     for (int m = 0; m < count; ++m) {
-      const double score =
-          ScoreSampson(pair_->points, models[m], kScoreScale * pair_->max_error_px);
+      const double score = ScoreSampson(reach_, models[m], kScoreScale * pair_->max_error_px);
       hypotheses_.push_back({models[m], score});
     }
   }
 }
 
-void PoseSearch::Refine(const Eigen::Matrix3d& E) {
-  const double threshold = pair_->max_error_px;
+void PoseSearch::Start(const Eigen::Matrix3d& E) {
   const EssentialDecomposition parts = DecomposeEssential(E);
-  Rigid3d pose(parts.R1, parts.t);
-  PoseRefinementOptions refinement;
-  refinement.loss = RobustLoss::kGemanMcClure;
-  refinement.min_relative_gain = 1e-3;
-  auto refine = [&](const PointPairs& points, double scale, int max_iterations) {
-    refinement.scale_px = scale * threshold;
-    refinement.max_iterations = max_iterations;
-    pose = RefinePose(points, pose, refinement).cam2_from_cam1;
-  };
-  refine(subset_, options_.rough_error_ratio, 8);
-  refine(subset_, std::min(kMiddleScale, options_.rough_error_ratio), 6);
-  const double subset_score = ScoreSampson(subset_, EssentialFromPose(pose), 2.0 * threshold);
-  if (subset_score < kPromising * best_subset_score_) return;
-  best_subset_score_ = std::max(best_subset_score_, subset_score);
-  refine(subset_, 1.0, 8);
+  const Rigid3d pose =
+      RefineOnSubset(Rigid3d(parts.R1, parts.t), options_.rough_error_ratio, kNumFirstSteps);
+  started_.push_back({pose, SoftScoreSampson(subset_, EssentialFromPose(pose),
+                                             MiddleScale() * pair_->max_error_px)});
+}
+
+void PoseSearch::Finish(const Rigid3d& started) {
+  Rigid3d pose = RefineOnSubset(started, options_.rough_error_ratio, 8 - kNumFirstSteps);
+  pose = RefineOnSubset(pose, MiddleScale(), 6);
+  const double score = ScoreSampson(subset_, EssentialFromPose(pose), 2.0 * pair_->max_error_px);
+  if (score < kPromising * best_subset_score_) return;
+  best_subset_score_ = std::max(best_subset_score_, score);
+  pose = RefineOnSubset(pose, 1.0, 8);
   if (pair_->size() > subset_.size()) pose = RefineOnAll(pose, 4);
   AddRefined(pose);
 }
 
+double PoseSearch::MiddleScale() const {
+  return std::min(kMiddleScale, options_.rough_error_ratio);
+}
+
+Rigid3d PoseSearch::RefineOnSubset(const Rigid3d& start, double scale, int max_iterations) const {
+  return RefinePose(subset_, start, Refinement(scale * pair_->max_error_px, max_iterations))
+      .cam2_from_cam1;
+}
+
 Rigid3d PoseSearch::RefineOnAll(const Rigid3d& start, int max_iterations) const {
-  PoseRefinementOptions refinement;
-  refinement.loss = RobustLoss::kGemanMcClure;
-  refinement.min_relative_gain = 1e-3;
-  refinement.max_iterations = max_iterations;
-  refinement.scale_px = pair_->max_error_px;
-  return RefinePose(pair_->points, start, refinement).cam2_from_cam1;
+  return RefinePose(pair_->points, start, Refinement(pair_->max_error_px, max_iterations))
+      .cam2_from_cam1;
 }
 
 void PoseSearch::AddRefined(const Rigid3d& pose) {

@@ -50,9 +50,19 @@ class PoseSearch {
     double support;
   };
 
+  struct Started {
+    Rigid3d pose;
+    double support;
+  };
+
   int MoveBestToFront(int max_count);  // returns how many there are
-  void Refine(const Eigen::Matrix3d& E);
+  void Start(const Eigen::Matrix3d& E);
+  void Finish(const Rigid3d& started);
+  double MiddleScale() const;
+  Rigid3d RefineOnSubset(const Rigid3d& start, double scale, int max_iterations) const;
   Rigid3d RefineOnAll(const Rigid3d& start, int max_iterations) const;
+  // Matches that the best model explains, and those that a model near it might.
+  void FindReach();
   void SampleExplained(int num_samples, Rng* rng);
   void AddRefined(const Rigid3d& pose);
 
@@ -60,8 +70,10 @@ class PoseSearch {
   const PreparedPair* pair_ = nullptr;
   PointPairs subset_;
   std::vector<Hypothesis> hypotheses_;
+  std::vector<Started> started_;
   std::vector<float> errors_;
-  std::vector<int32_t> explained_;
+  std::vector<int32_t> explained_, reach_indices_;
+  PointPairs reach_;
   int64_t num_hypotheses_ = 0;
 
   Rigid3d best_pose_;

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "cairn/geometry/epipolar.h"
+#include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 #include "cairn/solvers/five_point.h"
 #include "cairn/solvers/two_affine.h"
@@ -69,36 +70,41 @@ int OneAcDepthStep::Run(const PairInput& input, const PreparedPair& pair, int ma
     ++count;
     if (OneAffineDepthUmeyama::Solve(&sample, &model) == 1 &&
         model.cam2_from_cam1.translation.norm() > 0.0) {
-      hypotheses_.push_back(model.cam2_from_cam1);
+      hypotheses_.push_back(
+          {model.cam2_from_cam1.RotationMatrix(), model.cam2_from_cam1.translation});
     }
   }
   if (!umeyama) {
     for (int i = count; i < batch_.size(); ++i) batch_.Set(i, {}, {});
     batch_.Solve();
-    Eigen::Matrix3d R;
-    Eigen::Vector3d t;
+    Hypothesis hypothesis;
     for (int i = 0; i < count; ++i) {
-      if (batch_.Get(i, &R, &t)) hypotheses_.emplace_back(R, t);
+      if (batch_.Get(i, &hypothesis.R, &hypothesis.t)) hypotheses_.push_back(hypothesis);
     }
   }
-  for (const Rigid3d& pose : hypotheses_) search->Add(EssentialFromPose(pose));
+  for (const Hypothesis& hypothesis : hypotheses_) {
+    search->Add(CrossMatrix(hypothesis.t) * hypothesis.R);
+  }
   search->RefineBest(max_num_refined);
   return count;
 }
 
 int OneAcDepthStep::CountRight(const Rigid3d& pose) const {
-  constexpr double kRotation = 20.0 * M_PI / 180.0, kTranslation = 15.0 * M_PI / 180.0;
+  const double min_trace = 1.0 + 2.0 * std::cos(DegToRad(20.0)),
+               min_cosine = std::cos(DegToRad(15.0));
+  const Eigen::Matrix3d R = pose.RotationMatrix();
+  const Eigen::Vector3d direction = pose.translation.normalized();
   return static_cast<int>(
-      std::count_if(hypotheses_.begin(), hypotheses_.end(), [&pose](const Rigid3d& hypothesis) {
-        return AngleBetween(hypothesis.rotation, pose.rotation) < kRotation &&
-               AngleBetween(hypothesis.translation, pose.translation) < kTranslation;
+      std::count_if(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& hypothesis) {
+        return hypothesis.R.cwiseProduct(R).sum() > min_trace &&
+               hypothesis.t.dot(direction) > min_cosine * hypothesis.t.norm();
       }));
 }
 
 void RunTwoAcStep(const PairInput& input, const PreparedPair& pair, int max_num_samples,
                   PoseSearch* search) {
   if (pair.size() < TwoAffineFivePoint::kSampleSize) return;
-  constexpr int kBatch = 10, kNumRefined = 2;
+  constexpr int kBatch = 10, kNumRefined = 3;
   Rng rng(input.seed, "two_ac", input.pair_id);
   Eigen::Matrix3d models[TwoAffineFivePoint::kMaxSolutions];
   for (int turn = 0; turn < max_num_samples && !search->HasConverged(); ++turn) {

@@ -23,7 +23,11 @@ class OneAcDepthStep {
  private:
   TwoViewOptions options_;
   OneAffineDepthBatch batch_;
-  std::vector<Rigid3d> hypotheses_;
+  struct Hypothesis {
+    Eigen::Matrix3d R;
+    Eigen::Vector3d t;
+  };
+  std::vector<Hypothesis> hypotheses_;
 };
 
 // Two affine correspondences without depth a sample.
