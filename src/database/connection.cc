@@ -1,5 +1,6 @@
 #include "database/connection.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <array>
@@ -26,7 +27,8 @@ bool TableExists(Database::Impl& impl, const char* table) {
 // left beside it.
 bool MustOpenImmutable(const std::string& path) {
   const fs::path folder = fs::absolute(path).parent_path();
-  return access(folder.c_str(), W_OK) != 0 && !fs::exists(path + "-wal");
+  const bool is_writable = faccessat(AT_FDCWD, folder.c_str(), W_OK, AT_EACCESS) == 0;
+  return !is_writable && !fs::exists(path + "-wal");
 }
 
 // "file:" URI of a path.

@@ -8,6 +8,7 @@
 
 #include "cairn/base/error.h"
 #include "support/temp_folder.h"
+#include "support/unprivileged.h"
 
 namespace cairn {
 namespace {
@@ -72,10 +73,9 @@ TEST(File, ErrorsNameThePathAndTheReason) {
 
 TEST(File, ReadOnlyFolderIsAnError) {
   const TempFolder folder;
-  std::filesystem::permissions(
-      folder.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec);
-  if (access(folder.path().c_str(), W_OK) == 0) GTEST_SKIP() << "running as root";
+  testing::ReadOnly(folder.path());
   try {
+    const testing::Unprivileged unprivileged;
     WriteFileAtomically(folder / "a", "x");
     FAIL();
   } catch (const IoError& error) {

@@ -1,11 +1,11 @@
 // Databases that are damaged, locked or none at all are named, with the reason.
 #include <gmock/gmock.h>
 #include <sqlite3.h>
-#include <unistd.h>
 
 #include <fstream>
 
 #include "support/database_dump.h"
+#include "support/unprivileged.h"
 #include "unit/database/database_fixture.h"
 
 namespace cairn {
@@ -76,13 +76,13 @@ TEST_F(DatabaseFailureTest, AnotherProgramsLockIsNamed) {
 }
 
 TEST_F(DatabaseFailureTest, ReadOnlyFoldersCanBeReadAndNotWritten) {
-  if (geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
   {
     Database database(Path());
     WriteImages(database, 2);
   }
-  fs::permissions(Path(), fs::perms::owner_read);
-  fs::permissions(folder_, fs::perms::owner_read | fs::perms::owner_exec);
+  testing::ReadOnly(Path());
+  testing::ReadOnly(folder_);
+  const testing::Unprivileged unprivileged;
   EXPECT_EQ(Database(Path(), Database::Mode::kReadOnly).ReadImages().size(), 2u);
   EXPECT_THAT(IoMessage([&] { Database database(Path()); }), HasSubstr("read-only"));
   EXPECT_THAT(IoMessage([&] { Database database(Path("new.db")); }), HasSubstr("cannot be opened"));
