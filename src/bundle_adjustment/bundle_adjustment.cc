@@ -14,6 +14,8 @@
 namespace cairn {
 namespace {
 
+constexpr double kMaxSparseCovisibility = 20.0;
+
 std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleAdjustmentOptions& options) {
   if (options.loss == "soft_l1") {
     return std::make_unique<ceres::SoftLOneLoss>(options.loss_scale);
@@ -23,16 +25,34 @@ std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleAdjustmentOptions& opt
   return nullptr;  // "none"
 }
 
+// Other images that see an observation's point, on average: how many blocks of the cameras' system
+// one observation takes part in.
+double MeanCovisibility(const Reconstruction& reconstruction) {
+  double observations = 0, pairs = 0;
+  for (const auto& [id, point] : reconstruction.points3D) {
+    const auto n = static_cast<double>(point.track.size());
+    observations += n;
+    pairs += n * n;
+  }
+  return observations > 0 ? pairs / observations : 0.0;
+}
+
 std::string ChooseSolver(const BundleAdjustmentOptions& options, const BundleAdjustmentScope& scope,
-                         size_t num_images) {
+                         const Reconstruction& reconstruction) {
+  const size_t num_images = reconstruction.images.size();
   // Without points, or with nothing but points, there is nothing to eliminate.
   const bool has_others =
       scope.rotations || scope.positions || scope.focal_lengths || scope.distortions;
   if (!scope.points || !has_others) return "sparse_normal_cholesky";
   if (options.solver != "auto") return options.solver;
   if (num_images <= static_cast<size_t>(options.max_dense_images)) return "dense_schur";
-  if (num_images <= static_cast<size_t>(options.max_sparse_images)) return "sparse_schur";
-  return "iterative_schur";
+  // Where many images see the same points, their system is nearly full: forming and factorizing it
+  // costs more than conjugate gradients take.
+  const bool is_sparse = num_images <= 3 * static_cast<size_t>(options.max_dense_images) ||
+                         MeanCovisibility(reconstruction) <= kMaxSparseCovisibility;
+  return num_images <= static_cast<size_t>(options.max_sparse_images) && is_sparse
+             ? "sparse_schur"
+             : "iterative_schur";
 }
 
 ceres::LinearSolverType CeresSolverType(const std::string& name) {
@@ -198,7 +218,7 @@ BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
   report.num_observations = problem.num_observations();
   if (report.num_observations == 0) return report;
 
-  report.solver = ChooseSolver(options, scope, reconstruction.images.size());
+  report.solver = ChooseSolver(options, scope, reconstruction);
   ceres::Solver::Options solver_options = SolverOptions(options, report.solver);
   StopCallback stop(monitor);
   solver_options.callbacks.push_back(&stop);

@@ -34,72 +34,137 @@ ViewGraphResult BuildGraph(const SceneData& scene, const ReconstructSettings& se
   return result;
 }
 
-// The frame: centroid of the camera centers at the origin, their median distance from it 1, the
-// first camera's rotation the identity. So it does not depend on the gauge that the stages left.
-void NormalizeFrame(Reconstruction& model) {
-  std::vector<Eigen::Vector3d> centers;
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const auto& [id, image] : model.images) centers.push_back(image.cam_from_world.Center());
-  for (const Eigen::Vector3d& c : centers) mean += c / static_cast<double>(centers.size());
-  std::vector<double> distances;
-  for (const Eigen::Vector3d& c : centers) distances.push_back((c - mean).norm());
-  std::nth_element(distances.begin(),
-                   distances.begin() + static_cast<int64_t>(distances.size() / 2), distances.end());
-  const double median = distances[distances.size() / 2];
-  Sim3d new_from_old;
-  new_from_old.scale = median > 0 ? 1.0 / median : 1.0;
-  new_from_old.rotation = model.images.begin()->second.cam_from_world.rotation;
-  new_from_old.translation = -new_from_old.scale * (new_from_old.rotation * mean);
-  model.Transform(new_from_old);
-}
+// Components that wait for their model, the largest first.
+class ComponentQueue {
+ public:
+  struct Component {
+    std::vector<image_t> images;
+    int num_splits = 0;  // how often twin places were found on the way to it
+  };
 
-// Ids 1, 2, ... without gaps.
-void RenumberPoints(Reconstruction& model) {
-  std::map<point3D_t, Point3D> points = std::move(model.points3D);
-  model.points3D.clear();
-  for (auto& [id, image] : model.images) {
-    std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
+  bool empty() const { return components_.empty(); }
+  void Add(Component component) {
+    const auto is_smaller = [&](const Component& other) {
+      return other.images.size() < component.images.size();
+    };
+    components_.insert(std::find_if(components_.begin(), components_.end(), is_smaller),
+                       std::move(component));
   }
-  for (auto& [id, point] : points) model.AddPoint3D(point);
-}
+  // Those that the active edges among these images form.
+  void AddPartsOf(std::span<const image_t> images, int num_splits, ViewGraph graph) {
+    KeepImages(images, graph);
+    for (std::vector<image_t>& part : ActiveComponents(graph)) Add({std::move(part), num_splits});
+  }
+  Component Pop() {
+    Component component = std::move(components_.front());
+    components_.erase(components_.begin());
+    return component;
+  }
 
-// One component from averaging to colors; nothing if the report's failure says why.
-std::optional<Reconstruction> BuildModel(StageContext& context, std::span<const image_t> component,
-                                         const std::string& image_path, ViewGraph graph) {
-  const auto initial = AverageComponent(context, component, graph);
-  if (!initial) return std::nullopt;
-  Reconstruction model = MakeReconstruction(context.scene, initial->cam_from_world);
-  if (context.scene.poses_alone) {
-    ReportAgreement(context, model);
-    NormalizeFrame(model);
-    return model;
-  }
-  RefineModel(context, initial->tracks, true, model);
-  if (context.settings.reconstruct.register_left_out &&
-      RegisterLeftOut(context, model, graph) > 0) {
-    RefineModel(context, TracksOfGraph(context, graph).tracks, false, model);
-  }
-  Stage stage(context, "checks");
-  model.UpdatePointErrors();
-  stage.Add("images", static_cast<double>(model.images.size()));
-  stage.Add("images_of_component", static_cast<double>(component.size()));
-  stage.Add("points", static_cast<double>(model.points3D.size()));
-  stage.Add("observations", static_cast<double>(model.NumObservations()));
-  stage.Add("mean_track_length", model.MeanTrackLength());
-  stage.Add("mean_reprojection_error_px", model.MeanReprojectionErrorPx());
-  if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
-    stage.Fail("the model was refused: " + reason,
-               "look at the view graph with global_sfm inspect, and add photos that overlap more");
-    return std::nullopt;
-  }
-  for (const image_t id : component) {
-    if (model.images.count(id) == 0) {
-      stage.Warn(context.scene.images.at(id).name + ": not registered");
+ private:
+  std::vector<Component> components_;
+};
+
+// Keeps what became of the component's edges. Those between a part that was reconstructed and what
+// was cut off from it stay as they were.
+void TakeOver(const ViewGraph& from, ViewGraph& graph) {
+  for (size_t e = 0; e < graph.edges.size(); ++e) {
+    if (from.edges[e].removal != EdgeRemoval::kOtherComponent) {
+      graph.edges[e].removal = from.edges[e].removal;
     }
   }
-  NormalizeFrame(model);
-  RenumberPoints(model);
-  return model;
+}
+
+std::string Names(const StageContext& context, std::span<const image_t> images) {
+  constexpr size_t kMaxNames = 20;
+  std::string text;
+  for (size_t i = 0; i < std::min(images.size(), kMaxNames); ++i) {
+    text += (i > 0 ? ", " : "") + context.scene.images.at(images[i]).name;
+  }
+  if (images.size() > kMaxNames) {
+    text += " and " + std::to_string(images.size() - kMaxNames) + " more";
+  }
+  return text;
+}
+
+// Names what is in no model.
+void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>>& small) {
+  Stage stage(context.report, context.monitor, "left_out");
+  std::set<image_t> named = context.taken;
+  for (const std::vector<image_t>& images : small) {
+    stage.Note("no model of " + std::to_string(images.size()) +
+               " connected images (--reconstruct.min_model_images, --reconstruct.max_models): " +
+               Names(context, images));
+    named.insert(images.begin(), images.end());
+  }
+  std::vector<image_t> others;
+  for (const auto& [id, image] : context.scene.images) {
+    if (named.count(id) == 0) others.push_back(id);
+  }
+  if (!others.empty()) {
+    stage.Note("images in no model, since no pair or too little joins them to others: " +
+               Names(context, others));
+  }
+  stage.Add("small_components", static_cast<double>(small.size()));
+  stage.Add("images", static_cast<double>(context.scene.images.size() - context.taken.size()));
+}
+
+// Models of all components, into result.
+void BuildModels(StageContext& context, ViewGraphResult& view_graph, const std::string& image_path,
+                 ReconstructResult& result) {
+  constexpr int kMaxSplits = 4;
+  const ReconstructOptions& options = context.settings.reconstruct;
+  ViewGraph& graph = view_graph.graph;
+  ComponentQueue queue;
+  for (const std::vector<image_t>& images : view_graph.report.components) queue.Add({images});
+  std::vector<std::vector<image_t>> small;
+  std::string first_failure;
+  for (bool is_first = true; !queue.empty(); is_first = false) {
+    if (context.monitor.StopRequested()) {
+      context.report.failure = "stopped by the user after " + std::to_string(result.models.size()) +
+                               " models; run again to reconstruct";
+      break;
+    }
+    const ComponentQueue::Component component = queue.Pop();
+    const bool is_small = static_cast<int>(component.images.size()) < options.min_model_images;
+    if ((is_small && !is_first) || static_cast<int>(result.models.size()) == options.max_models) {
+      small.push_back(component.images);
+      continue;
+    }
+    BuiltModel built = BuildModel(context, component.images, graph);
+    TakeOver(built.graph, graph);
+    for (const size_t e : built.twin_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
+    if (built.model) {
+      if (options.colors) ColorPoints(context, image_path, *built.model);
+      for (const auto& [id, image] : built.model->images) context.taken.insert(id);
+      std::vector<image_t> rest;
+      for (const image_t id : component.images) {
+        if (context.taken.count(id) == 0) rest.push_back(id);
+      }
+      if (rest.size() >= 2) queue.AddPartsOf(rest, component.num_splits, graph);
+      result.models.push_back(std::move(*built.model));
+    } else if (!built.twin_edges.empty() && component.num_splits < kMaxSplits) {
+      queue.AddPartsOf(component.images, component.num_splits + 1, graph);
+    } else {
+      if (!built.twin_edges.empty()) {
+        context.report.failure =
+            "twins: places that look alike could not be told apart; give their photos to separate "
+            "runs";
+      }
+      // A component that fails does not spoil the models that there are.
+      context.monitor.Warning(context.report.failure);
+      if (first_failure.empty()) first_failure = context.report.failure;
+      context.report.failure.clear();
+      small.push_back(component.images);
+    }
+    context.model = static_cast<int>(result.models.size());
+  }
+  if (result.models.empty() && context.report.Succeeded()) context.report.failure = first_failure;
+  ReportLeftOut(context, small);
+  std::stable_sort(result.models.begin(), result.models.end(),
+                   [](const Reconstruction& a, const Reconstruction& b) {
+                     return a.images.size() > b.images.size();
+                   });
 }
 
 }  // namespace
@@ -121,6 +186,9 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
         "an image with fewer points is taken out");
   v.Bool("register_left_out", register_left_out,
          "try images that were left out again, by resection");
+  v.Bool(
+      "separate_twins", separate_twins,
+      "find places that look alike and were put on top of each other, and reconstruct them apart");
   v.Bool("colors", colors, "color the points from the photographs");
 }
 
@@ -135,36 +203,12 @@ ReconstructResult ReconstructScene(const Database& database, const std::string& 
   const SceneData scene = ReadSceneData(database, settings, monitor, report);
   for (const auto& [id, image] : scene.images) result.images.push_back(image);
   if (!report.Succeeded()) return result;
-  const ViewGraphResult graph = BuildGraph(scene, settings, monitor, report);
+  ViewGraphResult graph = BuildGraph(scene, settings, monitor, report);
   if (!report.Succeeded()) return result;
 
-  const ReconstructOptions& options = settings.reconstruct;
   StageContext context{scene, settings, monitor, report};
-  for (const std::vector<image_t>& component : graph.report.components) {
-    const bool is_first = &component == &graph.report.components.front();
-    if (static_cast<int>(result.models.size()) == options.max_models) break;
-    if (!is_first && static_cast<int>(component.size()) < options.min_model_images) break;
-    if (monitor.StopRequested()) {
-      report.failure = "stopped by the user after " + std::to_string(result.models.size()) +
-                       " models; run again to reconstruct";
-      break;
-    }
-    context.model = static_cast<int>(result.models.size());
-    std::optional<Reconstruction> model = BuildModel(context, component, image_path, graph.graph);
-    if (model) {
-      if (options.colors && !image_path.empty() && !model->points3D.empty()) {
-        ColorPoints(context, image_path, *model);
-      }
-      for (const auto& [id, image] : model->images) context.taken.insert(id);
-      result.models.push_back(std::move(*model));
-    } else if (!is_first) {
-      // A smaller component that fails does not spoil the models that there are.
-      monitor.Warning(report.failure);
-      report.failure.clear();
-    } else {
-      break;
-    }
-  }
+  BuildModels(context, graph, image_path, result);
+  result.graph = std::move(graph.graph);
   size_t num_registered = 0;
   for (const Reconstruction& model : result.models) num_registered += model.images.size();
   report.values = {{"images", static_cast<double>(scene.images.size())},

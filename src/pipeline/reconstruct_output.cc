@@ -6,6 +6,7 @@
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/ply.h"
 #include "cairn/pipeline/reconstruct.h"
+#include "cairn/view_graph/view_graph_text.h"
 
 namespace cairn {
 namespace {
@@ -48,6 +49,10 @@ void WriteReconstructResult(ReconstructResult& result, const std::string& output
     }
     WritePly(largest, (output / "points.ply").string());
   }
+  std::map<image_t, std::string> names;
+  for (const Image& image : result.images) names[image.image_id] = image.name;
+  WriteFileAtomically((output / "view_graph.json").string(), ViewGraphToJson(result.graph, names));
+  WriteFileAtomically((output / "view_graph.dot").string(), ViewGraphToDot(result.graph, names));
   WriteFileAtomically((output / "report.json").string(), ToJson(result.report));
 }
 

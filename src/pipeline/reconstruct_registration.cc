@@ -19,6 +19,7 @@ Correspondences FindCorrespondences(const SceneData& scene, const ViewGraph& gra
   for (const ViewEdge& edge : graph.edges) {
     const bool is_first = edge.image_id1 == image_id;
     if (!is_first && edge.image_id2 != image_id) continue;
+    if (edge.removal == EdgeRemoval::kAmbiguous) continue;  // leads to another place
     const auto other = model.images.find(is_first ? edge.image_id2 : edge.image_id1);
     if (other == model.images.end()) continue;
     for (const FeatureMatch& match : scene.matches.at(edge.PairId())) {
@@ -96,6 +97,7 @@ void UpdateEdges(const StageContext& context, image_t image_id, const Reconstruc
                  ViewGraph& graph) {
   for (ViewEdge& edge : graph.edges) {
     if (edge.image_id1 != image_id && edge.image_id2 != image_id) continue;
+    if (edge.removal == EdgeRemoval::kAmbiguous) continue;
     if (model.images.count(edge.image_id1) == 0 || model.images.count(edge.image_id2) == 0) {
       continue;
     }

@@ -110,6 +110,26 @@ int RegisterLeftOut(StageContext& context, Reconstruction& model, ViewGraph& gra
 // "" or why the model is not fit to be written.
 std::string ReasonToRefuse(const Reconstruction& model);
 
+// reconstruct_twins.cc
+// Active edges between groups of images that look at different places which look alike in part, so
+// that the model shows one on top of the other: what lies around the common part is matched within
+// the groups and, although images of both show it, never across (missing correspondences; Zach,
+// Irschara, Bischof, "What can missing correspondences tell us about 3D structure and motion?",
+// 2008; Heinly, Dunn, Frahm, "Correcting for duplicate scene structure in sparse 3D
+// reconstruction", 2014). Indices in graph.edges, ascending; empty: one place.
+std::vector<size_t> EdgesBetweenTwins(const Reconstruction& model, const ViewGraph& graph,
+                                      int num_threads);
+
+// reconstruct_model.cc
+struct BuiltModel {
+  std::optional<Reconstruction> model;  // absent: the report's failure, or twin_edges, say why
+  ViewGraph graph;                      // with what became of the component's edges
+  std::vector<size_t> twin_edges;       // they show two places as one: out with them, and again
+};
+// One component of the graph from averaging to the finished model.
+BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
+                      const ViewGraph& graph);
+
 // reconstruct_colors.cc
 void ColorPoints(StageContext& context, const std::string& image_path, Reconstruction& model);
 

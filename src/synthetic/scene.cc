@@ -97,14 +97,22 @@ void KeepNoticed(const Surface& surface, size_t max_keypoints, Rng& rng,
   *detections = std::move(kept);
 }
 
-std::vector<Detection> Detect(const SceneOptions& options, const Camera& camera,
+// Of the twin places, the middle belongs to both and the rest to one of them.
+bool IsInPlace(const SurfaceElement& element, int index, int place) {
+  constexpr double kHalfWidth = 0.5;
+  return std::abs(element.point.x()) < kHalfWidth || index % 2 == place;
+}
+
+std::vector<Detection> Detect(const SceneOptions& options, int place, const Camera& camera,
                               const Rigid3d* cam_from_world, const Surface& surface, Rng& rng) {
   std::vector<Detection> detections;
   if (cam_from_world) {
     for (size_t i = 0; i < surface.elements.size(); ++i) {
       AffineObservation view;
+      const int index = static_cast<int>(i);
+      if (options.twin_places && !IsInPlace(surface.elements[i], index, place)) continue;
       if (IsSeen(camera, *cam_from_world, surface.elements[i], &view)) {
-        detections.push_back({view, static_cast<int>(i)});
+        detections.push_back({view, index});
       }
     }
     if (options.salience > 0) KeepNoticed(surface, options.max_keypoints, rng, &detections);
@@ -131,13 +139,13 @@ struct ImageData {
   double depth_scale = 1.0;
 };
 
-ImageData MakeImageData(const SceneOptions& options, const Camera& camera,
+ImageData MakeImageData(const SceneOptions& options, int place, const Camera& camera,
                         const Rigid3d* cam_from_world, const Surface& surface, Rng rng) {
   const ObservationNoise noise{options.image_noise_px, options.affine_noise, options.depth_noise,
                                options.depth_gradient_noise};
   ImageData data;
   data.depth_scale = std::exp(0.7 * rng.Gaussian());
-  for (const Detection& detection : Detect(options, camera, cam_from_world, surface, rng)) {
+  for (const Detection& detection : Detect(options, place, camera, cam_from_world, surface, rng)) {
     const AffineObservation noisy = AddNoise(detection.observation, noise, camera.MeanFocal(), rng);
     data.keypoints.push_back(noisy.ToKeypoint());
     const bool has_depth = rng.Uniform() >= options.missing_depth_ratio;
@@ -197,6 +205,8 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
         "wrong matches of a pair that does not overlap");
   v.Int("num_clutter_keypoints", num_clutter_keypoints, {0, 1e6},
         "keypoints an image that show no scene point");
+  v.Bool("twin_places", twin_places,
+         "every second image is of another place whose middle looks the same");
   v.Int("num_pairs", num_pairs, {0, 2e8},
         "pairs in a database: those with the most points in common; 0: all");
   v.Double("pair_outlier_ratio", pair_outlier_ratio, {0.0, 1.0},
@@ -230,8 +240,9 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   std::vector<ImageData> data(num_images);
   ParallelFor(0, num_images, [&](int64_t i) {
     const Rigid3d* pose = i < options.num_images ? &poses[i] : nullptr;
-    data[i] = MakeImageData(options, scene.cameras.at(scene.images[i].camera_id), pose, surface,
-                            Rng(seed, "scene_image", i + 1));
+    data[i] =
+        MakeImageData(options, static_cast<int>(i % 2), scene.cameras.at(scene.images[i].camera_id),
+                      pose, surface, Rng(seed, "scene_image", i + 1));
   });
 
   scene.truth.cameras = scene.cameras;

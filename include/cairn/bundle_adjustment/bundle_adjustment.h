@@ -20,7 +20,8 @@ struct BundleAdjustmentOptions {
   // Stop when the relative change of the cost in one iteration is below.
   double function_tolerance = 1e-6;
   // "auto" picks by the number of images: dense Schur complement up to max_dense_images, sparse up
-  // to max_sparse_images, conjugate gradients on the Schur complement beyond.
+  // to max_sparse_images, conjugate gradients on the Schur complement beyond, and from three times
+  // max_dense_images on where so many images see the same points that it is nearly full.
   std::string solver = "auto";
   int max_dense_images = 50;
   int max_sparse_images = 1000;

@@ -12,6 +12,7 @@
 #include "cairn/resection/resection.h"
 #include "cairn/rotation_averaging/rotation_averaging.h"
 #include "cairn/scene/reconstruction.h"
+#include "cairn/scene/view_graph.h"
 #include "cairn/tracks/tracks.h"
 #include "cairn/translation_averaging/options.h"
 #include "cairn/triangulation/triangulation.h"
@@ -37,6 +38,7 @@ struct ReconstructOptions {
   // An image with fewer points is taken out of the model.
   int min_image_points = 15;
   bool register_left_out = true;
+  bool separate_twins = true;
   bool colors = true;
 
   void VisitFields(OptionVisitor& v);
@@ -63,6 +65,7 @@ struct ReconstructResult {
   // Largest first; empty when report.failure says why.
   std::vector<Reconstruction> models;
   std::vector<Image> images;  // all images of the database, by id
+  ViewGraph graph;            // all verified pairs, with the reasons of those that were taken out
   RunReport report;
 };
 
@@ -76,7 +79,8 @@ ReconstructResult ReconstructScene(const Database& database, const std::string& 
                                    ProgressMonitor& monitor = NullMonitor());
 
 // Writes sparse/<k>/{cameras,images,points3D}.bin for every model, bundle.out with list.txt and
-// points.ply of the largest, report.json and effective.toml; replaces an earlier run's files. After
+// points.ply of the largest, the view graph as view_graph.json and view_graph.dot (Graphviz),
+// report.json and effective.toml; replaces an earlier run's files. After
 // a failure only the last two are written. Adds what a format cannot hold to the report's messages.
 // Throws IoError.
 void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,

@@ -29,6 +29,10 @@ struct SceneOptions : RigOptions {
   int num_chance_matches = 0;        // wrong matches of a pair that does not overlap
   int num_clutter_keypoints = 0;     // an image; keypoints that show no scene point
 
+  // Every second image is of another place, where the middle of the scene looks the same and what is
+  // beside it does not: the truth then has both places on top of each other.
+  bool twin_places = false;
+
   // Of a database alone: which pairs it has, and how wrong they are.
   int num_pairs = 0;                // those with the most points in common; 0: all
   double pair_outlier_ratio = 0.0;  // share of pairs whose pose and matches mean nothing

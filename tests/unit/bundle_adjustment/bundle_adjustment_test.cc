@@ -83,6 +83,14 @@ TEST(AdjustBundle, AutoChoosesTheSolverByTheNumberOfImages) {
   EXPECT_EQ(AdjustBundle(options, {}, model).solver, "sparse_schur");
   options.max_sparse_images = 5;
   EXPECT_EQ(AdjustBundle(options, {}, model).solver, "iterative_schur");
+  // Of 40 images that all see the same points nothing is sparse.
+  options = OneThread();
+  options.max_iterations = 0;
+  options.max_dense_images = 10;
+  model = MakeSyntheticScene({.num_images = 40, .num_points = 20}).truth;
+  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "iterative_schur");
+  options.max_dense_images = 20;
+  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "sparse_schur");
 }
 
 TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {

@@ -173,7 +173,57 @@ TEST(ReconstructScene, TwoPlacesGiveTwoModels) {
   EXPECT_EQ(ReconstructScene(database, "", settings).models.size(), 1u);
   settings = Settings();
   settings.reconstruct.min_model_images = 7;
-  EXPECT_EQ(ReconstructScene(database, "", settings).models.size(), 1u);
+  const ReconstructResult one = ReconstructScene(database, "", settings);
+  EXPECT_EQ(one.models.size(), 1u);
+  const StageReport* left_out = FindStage(one.report, "left_out");
+  ASSERT_NE(left_out, nullptr);
+  EXPECT_EQ(Value(*left_out, "small_components"), 1);
+  EXPECT_EQ(Value(*left_out, "images"), 6);
+  ASSERT_EQ(left_out->messages.size(), 1u);
+  EXPECT_THAT(left_out->messages[0], HasSubstr("6 connected images"));
+  EXPECT_THAT(left_out->messages[0], HasSubstr(first.images[0].name));
+}
+
+// Two places whose facades are the same; images of one show none of what surrounds the other.
+TEST(ReconstructScene, TellsTwinPlacesApart) {
+  SceneOptions options;
+  options.layout = "arc";
+  options.num_images = 12;
+  options.num_points = 2000;
+  options.image_noise_px = 0.3;
+  options.outlier_ratio = 0.2;
+  options.twin_places = true;
+  const auto places = [](const Reconstruction& model) {
+    std::set<int> found;
+    for (const auto& [id, image] : model.images) found.insert(static_cast<int>(id % 2));
+    return found.size();
+  };
+  for (const uint64_t seed : {1, 2, 3}) {
+    const Database database = MakeDatabase(MakeScene(options, seed));
+    ReconstructSettings settings = Settings();
+    settings.reconstruct.separate_twins = false;
+    const ReconstructResult folded = ReconstructScene(database, "", settings);
+    EXPECT_EQ(places(folded.models.at(0)), 2u);
+
+    const ReconstructResult result = ReconstructScene(database, "", Settings());
+    ASSERT_EQ(result.models.size(), 2u);
+    for (const Reconstruction& model : result.models) {
+      EXPECT_EQ(places(model), 1u);
+      EXPECT_EQ(model.images.size(), 6u);
+    }
+    int num_ambiguous = 0;
+    for (const ViewEdge& edge : result.graph.edges) {
+      const bool is_between = edge.image_id1 % 2 != edge.image_id2 % 2;
+      num_ambiguous += edge.removal == EdgeRemoval::kAmbiguous;
+      EXPECT_EQ(edge.IsActive(), !is_between);
+    }
+    EXPECT_GT(num_ambiguous, 20);
+  }
+  // One place is not torn apart, however many wrong matches there are.
+  options.twin_places = false;
+  options.outlier_ratio = 0.5;
+  EXPECT_EQ(ReconstructScene(MakeDatabase(MakeScene(options, 4)), "", Settings()).models.size(),
+            1u);
 }
 
 // Image 10 keeps its matches but the poses of its pairs are lost.
