@@ -29,8 +29,8 @@ struct SceneOptions : RigOptions {
   int num_chance_matches = 0;        // wrong matches of a pair that does not overlap
   int num_clutter_keypoints = 0;     // an image; keypoints that show no scene point
 
-  // Every second image is of another place, where the middle of the scene looks the same and what is
-  // beside it does not: the truth then has both places on top of each other.
+  // Every second image is of another place, where the middle of the scene looks the same and what
+  // is beside it does not: the truth then has both places on top of each other.
   bool twin_places = false;
 
   // Of a database alone: which pairs it has, and how wrong they are.
