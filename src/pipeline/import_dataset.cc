@@ -48,7 +48,20 @@ DatasetKeys ReadKeys(const OneDsfmDataset& dataset) {
   return keys;
 }
 
-// Matches that the tracks give, for pairs of the data set; sorted, each keypoint at most once.
+// Where the key of a track went. `track` counts from 0; the first line of the file is their number.
+point2D_t PointOfKey(const OneDsfmDataset& dataset, const DatasetKeys& keys,
+                     const OneDsfmObservation& observation, size_t track) {
+  const auto image = keys.point_of_key.find(observation.image);
+  if (image != keys.point_of_key.end()) {
+    const auto point = image->second.find(observation.key);
+    if (point != image->second.end()) return point->second;
+  }
+  throw IoError(dataset.tracks_path + ":" + std::to_string(track + 2),
+                "coords.txt has no key " + std::to_string(observation.key) + " of image " +
+                    std::to_string(observation.image));
+}
+
+// Matches that the tracks give, for pairs of the data set; sorted.
 std::map<image_pair_t, FeatureMatches> ReadTrackMatches(const OneDsfmDataset& dataset,
                                                         const DatasetKeys& keys,
                                                         const std::vector<image_pair_t>& pairs) {
@@ -56,7 +69,8 @@ std::map<image_pair_t, FeatureMatches> ReadTrackMatches(const OneDsfmDataset& da
   if (dataset.tracks_path.empty() || dataset.coords_path.empty()) return matches;
   const auto tracks =
       ReadOneDsfmTracks(dataset.tracks_path, static_cast<int>(dataset.images.size()));
-  for (std::vector<OneDsfmObservation> track : tracks) {
+  for (size_t t = 0; t < tracks.size(); ++t) {
+    std::vector<OneDsfmObservation> track = tracks[t];
     std::sort(track.begin(), track.end());
     for (size_t a = 0; a < track.size(); ++a) {
       for (size_t b = a + 1; b < track.size(); ++b) {
@@ -64,17 +78,8 @@ std::map<image_pair_t, FeatureMatches> ReadTrackMatches(const OneDsfmDataset& da
         const image_pair_t pair =
             ImagePairToPairId(ImageId(track[a].image), ImageId(track[b].image));
         if (!std::binary_search(pairs.begin(), pairs.end(), pair)) continue;
-        const auto point1 = keys.point_of_key.at(track[a].image).find(track[a].key);
-        const auto point2 = keys.point_of_key.at(track[b].image).find(track[b].key);
-        if (point1 == keys.point_of_key.at(track[a].image).end() ||
-            point2 == keys.point_of_key.at(track[b].image).end()) {
-          throw IoError(dataset.tracks_path, "a track has key " + std::to_string(track[a].key) +
-                                                 " of image " + std::to_string(track[a].image) +
-                                                 " or key " + std::to_string(track[b].key) +
-                                                 " of image " + std::to_string(track[b].image) +
-                                                 ", which coords.txt does not have");
-        }
-        matches[pair].push_back({point1->second, point2->second});
+        matches[pair].push_back(
+            {PointOfKey(dataset, keys, track[a], t), PointOfKey(dataset, keys, track[b], t)});
       }
     }
   }

@@ -262,6 +262,28 @@ TEST_F(BuildPipelineTest, ADatasetWithoutPhotographsIsImported) {
   EXPECT_EQ(Dump("a.db"), dump);
 }
 
+TEST_F(BuildPipelineTest, ATrackWithoutItsKeyIsNamedWithItsLine) {
+  const auto message = [&](const OneDsfmFiles& files) -> std::string {
+    WriteOneDsfmFiles(folder_ / "set", files);
+    BuildPipelineOptions options;
+    options.inputs.dataset_path = folder_ / "set";
+    options.inputs.database_path = folder_ / "a.db";
+    try {
+      RunBuildPipeline(options);
+    } catch (const IoError& error) {
+      return error.what();
+    }
+    return "no error";
+  };
+  OneDsfmFiles odd_key = Dataset();
+  odd_key.tracks[3][1].key = 7;
+  EXPECT_THAT(message(odd_key), HasSubstr("tracks.txt:5: coords.txt has no key 7 of image 1"));
+  OneDsfmFiles no_image = Dataset();
+  no_image.coords.erase(no_image.coords.begin());
+  EXPECT_THAT(message(no_image), HasSubstr("tracks.txt:2: coords.txt has no key 0 of image 0"));
+  EXPECT_EQ(message(Dataset()), "no error");
+}
+
 TEST_F(BuildPipelineTest, ADatasetWithPhotographsHasItsPairsMatched) {
   WriteOneDsfmFiles(folder_ / "set", Dataset());
   fs::rename(Images(), folder_ / "set/images");
