@@ -135,7 +135,9 @@ void BuildModels(StageContext& context, ViewGraphResult& view_graph, const std::
     TakeOver(built.graph, graph);
     for (const size_t e : built.twin_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {
-      if (options.colors) ColorPoints(context, image_path, *built.model);
+      if (options.colors && !image_path.empty() && !built.model->points3D.empty()) {
+        ColorPoints(context, image_path, *built.model);
+      }
       for (const auto& [id, image] : built.model->images) context.taken.insert(id);
       std::vector<image_t> rest;
       for (const image_t id : component.images) {

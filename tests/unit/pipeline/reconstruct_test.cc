@@ -94,6 +94,10 @@ TEST(ReconstructScene, ReportsEveryStage) {
     EXPECT_FALSE(stage->values.empty()) << name;
   }
   EXPECT_THAT(ToJson(result.report), HasSubstr("\"succeeded\": true"));
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.colors = true;  // but no photographs are named
+  const ReconstructResult uncolored = ReconstructScene(MakeDatabase(scene), "", settings);
+  EXPECT_EQ(FindStage(uncolored.report, "colors"), nullptr);
 }
 
 TEST(ReconstructScene, RefinesUnknownFocalLengths) {
@@ -289,7 +293,9 @@ TEST(ReconstructScene, PosesWithoutMatchesGiveCamerasAlone) {
     metrics.is_winner = true;
     database.WritePairMetrics(metrics);
   }
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.colors = true;
+  const ReconstructResult result = ReconstructScene(database, "nowhere", settings);
   ASSERT_TRUE(result.report.Succeeded()) << ToJson(result.report);
   const Reconstruction& model = result.models.at(0);
   EXPECT_EQ(model.images.size(), 12u);
@@ -303,6 +309,7 @@ TEST(ReconstructScene, PosesWithoutMatchesGiveCamerasAlone) {
   const double share_right = 1.0 - num_pairs / 20 / static_cast<double>(num_pairs);
   EXPECT_NEAR(Value(*agreement, "rotation_within_5_deg"), share_right, 1e-9);
   EXPECT_EQ(FindStage(result.report, "triangulation"), nullptr);
+  EXPECT_EQ(FindStage(result.report, "colors"), nullptr);  // nothing to color
 }
 
 TEST(ReconstructScene, TwoImagesGiveAModel) {
