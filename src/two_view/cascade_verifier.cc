@@ -16,7 +16,8 @@ PairReport CascadeVerifier::Verify(const PairInput& input) {
   PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
   search_.Reset(pair_);
   auto budget = [this](int full) {
-    return IsSupported() ? full : static_cast<int>(std::ceil(options_.unsupported_budget * full));
+    return pair_.IsSupported() ? full
+                               : static_cast<int>(std::ceil(options_.unsupported_budget * full));
   };
   int num_with_depth = 0;
   if (steps_.one_ac_depth && CanTrustDepth(input)) {
@@ -54,11 +55,6 @@ bool CascadeVerifier::CanTrustDepth(const PairInput& input) const {
   const double trust = std::min(input.depth_trust1, input.depth_trust2);
   const int num_hypotheses = std::min(pair_.size(), OneAcDepthStep::kMaxHypotheses);
   return trust * num_hypotheses >= kMinExpectedRight;
-}
-
-bool CascadeVerifier::IsSupported() const {
-  constexpr double kMinSigmas = 5.0;
-  return pair_.consensus_sigmas > kMinSigmas;
 }
 
 void CascadeVerifier::Resample(const PairInput& input) {

@@ -22,8 +22,6 @@ class CascadeVerifier : public PairVerifier {
   PairReport Verify(const PairInput& input) override;
 
  private:
-  // Do the matches bear each other out, by their frames?
-  bool IsSupported() const;
   // Can one of the 1AC+D hypotheses be expected to be right, or is no other step to follow?
   bool CanTrustDepth(const PairInput& input) const;
   void Resample(const PairInput& input);

@@ -44,6 +44,7 @@ class PairFinisher {
     CollectInliers(pose);
     SetSupport(pose, report);
     report->status = Accept(pose, *report);
+    report->may_have_wrong_focal = MayHaveWrongFocal(*report);
     if (report->status != PairStatus::kVerified) return;
 
     const SpecialPair special =
@@ -182,6 +183,19 @@ class PairFinisher {
                                                  num_distinct, kSampleSize, kNumModels, chance);
     return log10_nfa < -options_.min_log10_evidence ? PairStatus::kVerified
                                                     : PairStatus::kTooFewInliers;
+  }
+
+  // A model that is wrong by its focal lengths leaves many matches just outside the threshold.
+  bool MayHaveWrongFocal(const PairReport& report) const {
+    if (report.status != PairStatus::kVerified) return pair_.IsSupported();
+    constexpr double kNear = 4.0;
+    const double max_error_px = kNear * pair_.max_error_px;
+    const auto num_near =
+        std::count_if(scratch_.errors.begin(), scratch_.errors.begin() + pair_.size(),
+                      [max_error_px](float error) { return error < max_error_px; });
+    const double by_chance = pair_.chance_per_px * max_error_px * pair_.size();
+    return report.num_inliers <
+           options_.min_calibrated_share * (static_cast<double>(num_near) - by_chance);
   }
 
   // A plane leaves two motions; with points off the plane, they differ in support. Each is refined

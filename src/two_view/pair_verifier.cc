@@ -4,6 +4,7 @@
 #include "cairn/base/error.h"
 #include "two_view/cascade_verifier.h"
 #include "two_view/five_point_verifier.h"
+#include "two_view/focal_verifier.h"
 
 namespace cairn {
 
@@ -52,14 +53,19 @@ VerifierKind VerifierKindFromName(std::string_view name) {
 
 std::unique_ptr<PairVerifier> MakePairVerifier(VerifierKind kind, const TwoViewOptions& options) {
   ValidateOptions(options, "verification");
+  std::unique_ptr<PairVerifier> verifier;
   if (kind == VerifierKind::kFivePoint) {
-    return std::make_unique<internal::FivePointVerifier>(options);
+    verifier = std::make_unique<internal::FivePointVerifier>(options);
+  } else {
+    internal::CascadeSteps steps;
+    steps.one_ac_depth = kind != VerifierKind::kTwoAc;
+    steps.two_ac = kind != VerifierKind::kOneAcDepth;
+    steps.five_point = kind == VerifierKind::kCascade;
+    verifier = std::make_unique<internal::CascadeVerifier>(steps, VerifierKindName(kind), options);
   }
-  internal::CascadeSteps steps;
-  steps.one_ac_depth = kind != VerifierKind::kTwoAc;
-  steps.two_ac = kind != VerifierKind::kOneAcDepth;
-  steps.five_point = kind == VerifierKind::kCascade;
-  return std::make_unique<internal::CascadeVerifier>(steps, VerifierKindName(kind), options);
+  // The single steps stay what they are, to be compared.
+  if (kind == VerifierKind::kOneAcDepth || kind == VerifierKind::kTwoAc) return verifier;
+  return std::make_unique<internal::FocalVerifier>(std::move(verifier), options);
 }
 
 }  // namespace cairn

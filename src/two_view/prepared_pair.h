@@ -31,6 +31,8 @@ struct PreparedPair {
   double consensus_sigmas = 0.0;
 
   int size() const { return points.size(); }
+  // Do the matches bear each other out, by their frames (kByConsensus only)?
+  bool IsSupported() const { return consensus_sigmas > 5.0; }
 
   // Scratch.
   LocalConsensus consensus;

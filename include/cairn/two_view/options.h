@@ -27,6 +27,9 @@ struct TwoViewOptions {
   // Share of the inliers that must follow one homography, rotation or shift for a planar, panoramic
   // or watermark pair.
   double min_special_share = 0.8;
+  // An essential matrix that explains less than this share of what a fundamental matrix explains is
+  // wrong by its focal lengths (COLMAP's ratio is 0.95).
+  double min_calibrated_share = 0.8;
   // Label pairs whose inliers are marks in the frame of the images, and give them no pose.
   bool detect_watermark = true;
   // Limits of the five-point verifier.
@@ -63,6 +66,8 @@ struct TwoViewOptions {
              "pairs whose rotation is more uncertain are degenerate, translation: panoramic");
     v.Double("min_special_share", min_special_share, {0.0, 1.0},
              "share of inliers on one homography, rotation or shift of a special pair");
+    v.Double("min_calibrated_share", min_calibrated_share, {0.0, 1.0},
+             "E with a smaller share of F's inliers is wrong by its focal lengths");
     v.Bool("detect_watermark", detect_watermark, "give pairs of frame marks no pose");
     v.Int("max_iterations", max_iterations, {1, 1e9}, "most samples the five-point verifier draws");
     v.Int("min_iterations", min_iterations, {1, 1e9},

@@ -1,0 +1,94 @@
+#include "two_view/focal_verifier.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+
+#include "cairn/robust/sampson_kernels.h"
+
+namespace cairn::internal {
+namespace {
+
+// The pair's scale was unknown to this extent: from wide-angle lenses to short telephoto ones
+// around COLMAP's guess of 1.2 times the larger side.
+constexpr double kFocalFactors[] = {0.5, 0.7, 1.4, 2.0};
+
+bool HasPose(const PairReport& report) {
+  return report.status == PairStatus::kVerified &&
+         report.geometry.config == TwoViewConfig::kCalibrated;
+}
+
+}  // namespace
+
+PairReport FocalVerifier::Verify(const PairInput& input) {
+  PairReport report = calibrated_->Verify(input);
+  if (report.status == PairStatus::kTooFewMatches || report.status == PairStatus::kDegenerate) {
+    return report;
+  }
+  // Planes and rotations have no fundamental matrix of their own.
+  if (report.status == PairStatus::kVerified && !HasPose(report)) return report;
+  const bool is_trusted =
+      input.camera1->has_prior_focal_length && input.camera2->has_prior_focal_length;
+  if (is_trusted && !report.may_have_wrong_focal) return report;
+  PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
+  const std::optional<FundamentalModel> model = Find(input, report);
+  if (!model) return report;
+  const bool is_wrong = report.num_inliers <
+                        options_.min_calibrated_share * static_cast<double>(model->inliers.size());
+  if (is_trusted && !is_wrong) return report;
+  if (is_wrong) report = TryFocals(input, report);
+  Fill(input, *model, &report);
+  return report;
+}
+
+std::optional<FundamentalModel> FocalVerifier::Find(const PairInput& input,
+                                                    const PairReport& report) const {
+  auto model = HasPose(report) ? RefineFundamental(pair_, *report.geometry.E)
+                               : FindFundamental(input, pair_, options_);
+  if (!model || static_cast<int>(model->inliers.size()) < options_.min_num_inliers ||
+      !(model->log10_nfa < -options_.min_log10_evidence)) {
+    return std::nullopt;
+  }
+  return model;
+}
+
+PairReport FocalVerifier::TryFocals(const PairInput& input, const PairReport& guess) {
+  // Two trusted cameras: either may be wrong.
+  const bool both = input.camera1->has_prior_focal_length == input.camera2->has_prior_focal_length;
+  PairReport best = guess;
+  int64_t num_iterations = guess.num_iterations;
+  for (const double factor : kFocalFactors) {
+    Camera camera1 = *input.camera1, camera2 = *input.camera2;
+    if (both || !camera1.has_prior_focal_length) {
+      camera1.SetMeanFocal(factor * camera1.MeanFocal());
+    }
+    if (both || !camera2.has_prior_focal_length) {
+      camera2.SetMeanFocal(factor * camera2.MeanFocal());
+    }
+    PairInput scaled = input;
+    scaled.camera1 = &camera1;
+    scaled.camera2 = &camera2;
+    PairReport report = calibrated_->Verify(scaled);
+    num_iterations += report.num_iterations;
+    if (HasPose(report) && (!HasPose(best) || report.score > best.score)) best = std::move(report);
+  }
+  best.num_iterations = num_iterations;
+  return best;
+}
+
+void FocalVerifier::Fill(const PairInput& input, const FundamentalModel& model,
+                         PairReport* report) const {
+  TwoViewGeometry& geometry = report->geometry;
+  report->status = PairStatus::kVerified;
+  geometry.config = TwoViewConfig::kUncalibrated;
+  geometry.E.reset();  // It stands and falls with the focal lengths.
+  geometry.F = input.camera2->CalibrationMatrix().inverse().transpose() * model.F *
+               input.camera1->CalibrationMatrix().inverse();
+  geometry.inlier_matches.clear();
+  for (const int32_t i : model.inliers) {
+    geometry.inlier_matches.push_back(input.matches[pair_.match_index[i]]);
+  }
+  report->num_inliers = static_cast<int>(model.inliers.size());
+  report->score = ScoreSampson(pair_.points, model.F, pair_.max_error_px);
+}
+
+}  // namespace cairn::internal

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "two_view/fundamental_search.h"
+
+namespace cairn::internal {
+
+// Adds to a verifier of calibrated pairs what it cannot know: whether the focal lengths are right.
+// A pair with a camera of unknown focal length gets a fundamental matrix and the config
+// kUncalibrated; where the guessed focal length explains far less than that matrix, a few other
+// plausible ones are tried. A pair of trusted cameras keeps its essential matrix, unless the
+// fundamental one explains far more: then its focal lengths are wrong, and it is kUncalibrated,
+// too.
+class FocalVerifier : public PairVerifier {
+ public:
+  FocalVerifier(std::unique_ptr<PairVerifier> calibrated, const TwoViewOptions& options)
+      : calibrated_(std::move(calibrated)), options_(options) {}
+  PairReport Verify(const PairInput& input) override;
+
+ private:
+  std::optional<FundamentalModel> Find(const PairInput& input, const PairReport& report) const;
+  PairReport TryFocals(const PairInput& input, const PairReport& guess);
+  void Fill(const PairInput& input, const FundamentalModel& model, PairReport* report) const;
+
+  std::unique_ptr<PairVerifier> calibrated_;
+  TwoViewOptions options_;
+  PreparedPair pair_;
+};
+
+}  // namespace cairn::internal

@@ -1,0 +1,102 @@
+// Pairs whose focal lengths are unknown or wrong.
+#include <gtest/gtest.h>
+
+#include "unit/two_view/pair_fixture.h"
+
+namespace cairn {
+namespace {
+
+using test::MakePair;
+using test::Pair;
+
+// How well F explains the right matches: their largest error in pixels.
+double MedianErrorPx(const Pair& pair, const Eigen::Matrix3d& F) {
+  std::vector<double> errors;
+  for (size_t i = 0; i < pair.matches.size(); ++i) {
+    if (!pair.is_inlier[i]) continue;
+    errors.push_back(
+        std::sqrt(SquaredSampsonError(F, pair.keypoints1[pair.matches[i].point1].Position(),
+                                      pair.keypoints2[pair.matches[i].point2].Position())));
+  }
+  std::sort(errors.begin(), errors.end());
+  return errors[errors.size() / 2];
+}
+
+// The pair as it is seen when both focal lengths were taken for `factor` times the right ones.
+Pair WithFocals(Pair pair, double factor, bool has_prior) {
+  for (Camera* camera : {&pair.camera1, &pair.camera2}) {
+    camera->SetMeanFocal(factor * camera->MeanFocal());
+    camera->has_prior_focal_length = has_prior;
+  }
+  return pair;
+}
+
+PairReport Verify(const Pair& pair, VerifierKind kind = VerifierKind::kCascade,
+                  const TwoViewOptions& options = {}) {
+  return MakePairVerifier(kind, options)->Verify(pair.Input());
+}
+
+TEST(FocalVerifier, TrustedCamerasKeepTheirEssentialMatrix) {
+  for (uint64_t seed = 0; seed < 5; ++seed) {
+    const PairReport report = Verify(MakePair({.num_inliers = 200}, seed));
+    ASSERT_EQ(report.status, PairStatus::kVerified);
+    EXPECT_EQ(report.geometry.config, TwoViewConfig::kCalibrated);
+    EXPECT_TRUE(report.geometry.E.has_value());
+  }
+}
+
+TEST(FocalVerifier, UnknownFocalLengthsGiveAFundamentalMatrix) {
+  for (const VerifierKind kind :
+       {VerifierKind::kCascade, VerifierKind::kFast, VerifierKind::kFivePoint}) {
+    const Pair pair = WithFocals(MakePair({.num_inliers = 200}, 1), 1.0, false);
+    const PairReport report = Verify(pair, kind);
+    ASSERT_EQ(report.status, PairStatus::kVerified);
+    EXPECT_EQ(report.geometry.config, TwoViewConfig::kUncalibrated);
+    ASSERT_TRUE(report.geometry.F.has_value());
+    EXPECT_FALSE(report.geometry.E.has_value());
+    EXPECT_LT(MedianErrorPx(pair, *report.geometry.F), 0.5);
+    EXPECT_EQ(report.num_inliers, static_cast<int>(report.geometry.inlier_matches.size()));
+    EXPECT_GE(report.num_inliers, 180);
+    EXPECT_LT(test::PoseErrorDeg(report, pair), 1.0);
+  }
+}
+
+// The guess explains little; another plausible focal length is nearer to the truth.
+TEST(FocalVerifier, OtherFocalLengthsAreTriedWhereTheGuessFails) {
+  int num_good = 0;
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    const Pair pair = WithFocals(MakePair({.num_inliers = 200}, seed), 2.0, false);
+    const PairReport report = Verify(pair);
+    ASSERT_EQ(report.status, PairStatus::kVerified) << seed;
+    EXPECT_EQ(report.geometry.config, TwoViewConfig::kUncalibrated);
+    EXPECT_LT(MedianErrorPx(pair, *report.geometry.F), 0.5) << seed;
+    num_good += test::PoseErrorDeg(report, pair) < 5.0;
+  }
+  EXPECT_GE(num_good, 8);
+}
+
+TEST(FocalVerifier, WrongPriorsAreNoticed) {
+  int num_noticed = 0;
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    const PairReport report = Verify(WithFocals(MakePair({.num_inliers = 300}, seed), 1.8, true));
+    num_noticed += report.geometry.config == TwoViewConfig::kUncalibrated;
+  }
+  EXPECT_GE(num_noticed, 6);
+}
+
+TEST(FocalVerifier, TheShareDecidesWhatIsWrong) {
+  const Pair pair = WithFocals(MakePair({.num_inliers = 300}, 3), 1.8, true);
+  EXPECT_NE(Verify(pair, VerifierKind::kCascade, {.min_calibrated_share = 0.0}).geometry.config,
+            TwoViewConfig::kUncalibrated);
+}
+
+TEST(FocalVerifier, UnrelatedImagesStayRejected) {
+  for (uint64_t seed = 0; seed < 5; ++seed) {
+    const Pair pair =
+        WithFocals(MakePair({.num_inliers = 0, .num_outliers = 300}, seed), 1.0, false);
+    EXPECT_NE(Verify(pair).status, PairStatus::kVerified);
+  }
+}
+
+}  // namespace
+}  // namespace cairn
