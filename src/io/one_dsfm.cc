@@ -38,6 +38,15 @@ OneDsfmEdge ReadEdge(TextReader& reader, int num_images) {
   return edge;
 }
 
+// A list that any program may have written can have blanks in a name; here that is a broken line.
+void CheckNames(const std::vector<BundlerListEntry>& images, const std::string& path) {
+  for (size_t i = 0; i < images.size(); ++i) {
+    if (images[i].name.find_first_of(" \t") == std::string::npos) continue;
+    throw IoError(path + ":" + std::to_string(i + 1),
+                  "'<name>' or '<name> 0 <focal length>' expected, not '" + images[i].name + "'");
+  }
+}
+
 std::string PathIfPresent(const std::string& folder, const char* name) {
   std::error_code ignored;
   const std::string path = folder + "/" + name;
@@ -79,8 +88,10 @@ OneDsfmDataset ReadOneDsfmDataset(const std::string& folder) {
   OneDsfmDataset dataset;
   dataset.folder = folder;
   dataset.images = ReadBundlerList(folder + "/list.txt");
+  CheckNames(dataset.images, folder + "/list.txt");
   const int num_images = static_cast<int>(dataset.images.size());
   dataset.component = ReadOneDsfmComponent(folder + "/cc.txt", num_images);
+  if (dataset.component.empty()) throw IoError(folder + "/cc.txt", "names no image");
   dataset.edges = ReadOneDsfmEdges(folder + "/EGs.txt", num_images);
   dataset.has_photographs = std::filesystem::is_directory(folder + "/images", ignored);
   dataset.coords_path = PathIfPresent(folder, "coords.txt");

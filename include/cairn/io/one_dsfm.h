@@ -57,8 +57,8 @@ struct OneDsfmDataset {
 };
 
 // list.txt, cc.txt and EGs.txt, checked against each other: an index in cc.txt or EGs.txt that
-// list.txt does not have, an index or a pair given twice, and a matrix that is no rotation are
-// errors.
+// list.txt does not have, an index or a pair given twice, a name with a blank, a matrix that is no
+// rotation, and an empty cc.txt are errors.
 OneDsfmDataset ReadOneDsfmDataset(const std::string& folder);
 
 std::vector<int> ReadOneDsfmComponent(const std::string& path, int num_images);

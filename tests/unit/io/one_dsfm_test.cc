@@ -113,6 +113,11 @@ TEST(OneDsfm, BrokenFilesAreNamedWithTheLine) {
   EXPECT_THAT(ErrorOf({.cc = "0\n-1\n"}), HasSubstr("cc.txt:2: image index -1 is not in"));
   EXPECT_THAT(ErrorOf({.cc = "0\n\n0\n"}), HasSubstr("cc.txt:3: image index 0 is there twice"));
   EXPECT_THAT(ErrorOf({.cc = "x\n"}), HasSubstr("cc.txt:1: image index expected, not 'x'"));
+  EXPECT_THAT(ErrorOf({.cc = "\n"}), HasSubstr("cc.txt: names no image"));
+  EXPECT_THAT(ErrorOf({.list = "images/a.jpg\nimages/b.jpg 0\nimages/c.jpg\n"}),
+              HasSubstr("list.txt:2: '<name>' or '<name> 0 <focal length>' expected"));
+  EXPECT_THAT(ErrorOf({.list = "images/a.jpg\nimages/b.jpg 0 abc\nimages/c.jpg\n"}),
+              HasSubstr("list.txt:2: "));
   const std::string edge = Files().egs;
   EXPECT_THAT(ErrorOf({.egs = edge + "1 2 1 0 0 0 1 0 0 0 1 0 0\n"}),
               HasSubstr("EGs.txt:2: the line is too short: direction is missing"));
