@@ -46,7 +46,20 @@ PairReport CascadeVerifier::Verify(const PairInput& input) {
       report.num_right_depth_hypotheses = one_ac_depth_.CountRight(*report.geometry.cam2_from_cam1);
     }
   }
+  if (report.geometry.config == TwoViewConfig::kCalibrated) MarkCompeting(input, &report);
   return report;
+}
+
+void CascadeVerifier::MarkCompeting(const PairInput& input, PairReport* report) {
+  TwoViewGeometry& geometry = report->geometry;
+  const FeatureMatches others = competing_.Find(input, pair_, *geometry.E);
+  if (others.empty()) return;
+  geometry.inlier_matches.insert(geometry.inlier_matches.end(), others.begin(), others.end());
+  geometry.config = TwoViewConfig::kMultiple;
+  geometry.cam2_from_cam1.reset();
+  geometry.E.reset();
+  geometry.F.reset();
+  report->num_inliers = static_cast<int>(geometry.inlier_matches.size());
 }
 
 bool CascadeVerifier::CanTrustDepth(const PairInput& input) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "two_view/competing_model.h"
 #include "two_view/pair_outcome.h"
 #include "two_view/pose_search.h"
 #include "two_view/search_steps.h"
@@ -18,13 +19,20 @@ struct CascadeSteps {
 class CascadeVerifier : public PairVerifier {
  public:
   CascadeVerifier(const CascadeSteps& steps, std::string_view name, const TwoViewOptions& options)
-      : steps_(steps), name_(name), options_(options), one_ac_depth_(options), search_(options) {}
+      : steps_(steps),
+        name_(name),
+        options_(options),
+        one_ac_depth_(options),
+        search_(options),
+        competing_(options) {}
   PairReport Verify(const PairInput& input) override;
 
  private:
   // Can one of the 1AC+D hypotheses be expected to be right, or is no other step to follow?
   bool CanTrustDepth(const PairInput& input) const;
   void Resample(const PairInput& input);
+  // Takes the pose from a pair that has a second model as good (COLMAP's kMultiple).
+  void MarkCompeting(const PairInput& input, PairReport* report);
 
   CascadeSteps steps_;
   std::string_view name_;
@@ -32,6 +40,7 @@ class CascadeVerifier : public PairVerifier {
   PreparedPair pair_;
   OneAcDepthStep one_ac_depth_;
   PoseSearch search_;
+  CompetingModelSearch competing_;
   OutcomeScratch scratch_;
 };
 

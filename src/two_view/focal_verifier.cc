@@ -24,18 +24,24 @@ PairReport FocalVerifier::Verify(const PairInput& input) {
   if (report.status == PairStatus::kTooFewMatches || report.status == PairStatus::kDegenerate) {
     return report;
   }
-  // Planes and rotations have no fundamental matrix of their own.
-  if (report.status == PairStatus::kVerified && !HasPose(report)) return report;
+  // Planes and rotations have no fundamental matrix of their own; two models may be one.
+  const bool is_ambiguous = report.geometry.config == TwoViewConfig::kMultiple;
+  if (report.status == PairStatus::kVerified && !HasPose(report) && !is_ambiguous) return report;
   const bool is_trusted =
       input.camera1->has_prior_focal_length && input.camera2->has_prior_focal_length;
-  if (is_trusted && !report.may_have_wrong_focal) return report;
+  if (is_trusted && !is_ambiguous && !report.may_have_wrong_focal) return report;
   PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
   const std::optional<FundamentalModel> model = Find(input, report);
   if (!model) return report;
-  const bool is_wrong = report.num_inliers <
-                        options_.min_calibrated_share * static_cast<double>(model->inliers.size());
+  const auto num_inliers = static_cast<double>(model->inliers.size());
+  if (is_ambiguous && num_inliers < options_.min_calibrated_share * report.num_inliers) {
+    return report;
+  }
+  const bool is_wrong =
+      is_ambiguous || report.num_inliers < options_.min_calibrated_share * num_inliers;
   if (is_trusted && !is_wrong) return report;
-  if (is_wrong) report = TryFocals(input, report);
+  // A pose at other focal lengths would mean nothing beside cameras that are trusted.
+  if (is_wrong && !is_trusted) report = TryFocals(input, report);
   Fill(input, *model, &report);
   return report;
 }
@@ -52,16 +58,14 @@ std::optional<FundamentalModel> FocalVerifier::Find(const PairInput& input,
 }
 
 PairReport FocalVerifier::TryFocals(const PairInput& input, const PairReport& guess) {
-  // Two trusted cameras: either may be wrong.
-  const bool both = input.camera1->has_prior_focal_length == input.camera2->has_prior_focal_length;
   PairReport best = guess;
   int64_t num_iterations = guess.num_iterations;
   for (const double factor : kFocalFactors) {
     Camera camera1 = *input.camera1, camera2 = *input.camera2;
-    if (both || !camera1.has_prior_focal_length) {
+    if (!camera1.has_prior_focal_length) {
       camera1.SetMeanFocal(factor * camera1.MeanFocal());
     }
-    if (both || !camera2.has_prior_focal_length) {
+    if (!camera2.has_prior_focal_length) {
       camera2.SetMeanFocal(factor * camera2.MeanFocal());
     }
     PairInput scaled = input;

@@ -10,9 +10,8 @@ namespace cairn::internal {
 // Adds to a verifier of calibrated pairs what it cannot know: whether the focal lengths are right.
 // A pair with a camera of unknown focal length gets a fundamental matrix and the config
 // kUncalibrated; where the guessed focal length explains far less than that matrix, a few other
-// plausible ones are tried. A pair of trusted cameras keeps its essential matrix, unless the
-// fundamental one explains far more: then its focal lengths are wrong, and it is kUncalibrated,
-// too.
+// plausible ones are tried, and the pose is that of the best. A pair of trusted cameras keeps its
+// essential matrix, unless the fundamental one explains far more: then it is kUncalibrated, too.
 class FocalVerifier : public PairVerifier {
  public:
   FocalVerifier(std::unique_ptr<PairVerifier> calibrated, const TwoViewOptions& options)

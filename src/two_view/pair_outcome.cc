@@ -187,7 +187,7 @@ class PairFinisher {
 
   // A model that is wrong by its focal lengths leaves many matches just outside the threshold.
   bool MayHaveWrongFocal(const PairReport& report) const {
-    if (report.status != PairStatus::kVerified) return pair_.IsSupported();
+    if (report.status != PairStatus::kVerified) return false;
     constexpr double kNear = 4.0;
     const double max_error_px = kNear * pair_.max_error_px;
     const auto num_near =

@@ -30,6 +30,9 @@ struct TwoViewOptions {
   // An essential matrix that explains less than this share of what a fundamental matrix explains is
   // wrong by its focal lengths (COLMAP's ratio is 0.95).
   double min_calibrated_share = 0.8;
+  // A second model of other matches with this share of the first one's support competes with it:
+  // repeated structure, and no pose.
+  double min_competing_share = 0.5;
   // Label pairs whose inliers are marks in the frame of the images, and give them no pose.
   bool detect_watermark = true;
   // Limits of the five-point verifier.
@@ -68,6 +71,8 @@ struct TwoViewOptions {
              "share of inliers on one homography, rotation or shift of a special pair");
     v.Double("min_calibrated_share", min_calibrated_share, {0.0, 1.0},
              "E with a smaller share of F's inliers is wrong by its focal lengths");
+    v.Double("min_competing_share", min_competing_share, {0.01, 10.0},
+             "a second model with this share of the first one's support makes a pair ambiguous");
     v.Bool("detect_watermark", detect_watermark, "give pairs of frame marks no pose");
     v.Int("max_iterations", max_iterations, {1, 1e9}, "most samples the five-point verifier draws");
     v.Int("min_iterations", min_iterations, {1, 1e9},

@@ -51,8 +51,8 @@ struct PairReport {
   double score = 0;            // robust support, larger is better; comparable between verifiers
   double residual_px = 0;      // median Sampson error of the inliers
   double triangulation_angle_deg = 0;  // median over the inliers
-  // Many matches lie just outside the threshold of an accepted model, or a rejected pair's matches
-  // bear each other out: the focal lengths may be wrong.
+  // Many matches lie just outside the threshold of an accepted model: the focal lengths may be
+  // wrong.
   bool may_have_wrong_focal = false;
   // Of a verified pair: hypotheses from depth, and those within 20 degrees of its rotation and 15
   // of its translation direction, from where local optimization reaches it (paper, appendix).

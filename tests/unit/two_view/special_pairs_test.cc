@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "cairn/synthetic/two_view_problem.h"
 #include "cairn/two_view/pair_verifier.h"
 #include "two_view/pair_fixture.h"
 
@@ -123,6 +124,47 @@ TEST(SpecialPairs, ATinyPatchFixesNoPose) {
               report.geometry.config == TwoViewConfig::kPanoramic ||
               report.status == PairStatus::kTooFewInliers)
       << PairStatusName(report.status) << TwoViewConfigName(report.geometry.config);
+}
+
+// A wall seen twice in one pair, as two identical facades are: `num_second` matches tell of another
+// motion than the first 200.
+PairReport VerifyTwoWalls(int num_second, const TwoViewOptions& options = {}) {
+  TwoViewProblemOptions wall;
+  wall.num_matches = 200;
+  wall.noise.image_px = 0.3;
+  TwoViewProblem first = MakeTwoViewProblem(wall, 1);
+  wall.num_matches = num_second;
+  const TwoViewProblem second = MakeTwoViewProblem(wall, 2);
+  const auto offset = static_cast<point2D_t>(first.keypoints1.size());
+  first.keypoints1.insert(first.keypoints1.end(), second.keypoints1.begin(),
+                          second.keypoints1.end());
+  first.keypoints2.insert(first.keypoints2.end(), second.keypoints2.begin(),
+                          second.keypoints2.end());
+  for (const FeatureMatch& match : second.matches) {
+    first.matches.push_back({match.point1 + offset, match.point2 + offset});
+  }
+  PairInput input;
+  input.camera1 = &first.camera1;
+  input.camera2 = &first.camera2;
+  input.keypoints1 = first.keypoints1;
+  input.keypoints2 = first.keypoints2;
+  input.matches = first.matches;
+  return MakePairVerifier(VerifierKind::kCascade, options)->Verify(input);
+}
+
+TEST(SpecialPairs, TwoModelsOfRepeatedStructureGiveNoPose) {
+  const PairReport ambiguous = VerifyTwoWalls(160);
+  ASSERT_EQ(ambiguous.status, PairStatus::kVerified);
+  EXPECT_EQ(ambiguous.geometry.config, TwoViewConfig::kMultiple);
+  EXPECT_FALSE(ambiguous.geometry.cam2_from_cam1.has_value());
+  EXPECT_GT(ambiguous.num_inliers, 300);
+  // A few wrong ones do no harm, and how many these are is an option.
+  const PairReport clear = VerifyTwoWalls(40);
+  ASSERT_EQ(clear.status, PairStatus::kVerified);
+  EXPECT_EQ(clear.geometry.config, TwoViewConfig::kCalibrated);
+  EXPECT_TRUE(clear.geometry.cam2_from_cam1.has_value());
+  EXPECT_EQ(VerifyTwoWalls(160, {.min_competing_share = 2.0}).geometry.config,
+            TwoViewConfig::kCalibrated);
 }
 
 }  // namespace

@@ -1,0 +1,56 @@
+#include "two_view/competing_model.h"
+
+#include "cairn/geometry/epipolar.h"
+#include "cairn/robust/sampson_kernels.h"
+#include "two_view/search_steps.h"
+
+namespace cairn::internal {
+
+bool CompetingModelSearch::CollectRest(const PreparedPair& pair, const Eigen::Matrix3d& E) {
+  constexpr double kFar = 8.0;  // thresholds: not merely the noise of the first model
+  errors_.resize(pair.points.num_blocks() * PointPairs::kBlock);
+  SampsonErrors(pair.points, E, errors_.data());
+  indices_.clear();
+  rest_.match_index.clear();
+  rest_.num_supported = 0;
+  int num_supported_inliers = 0;
+  for (int i = 0; i < pair.size(); ++i) {
+    const bool is_supported = i < pair.num_supported;
+    num_supported_inliers += is_supported && errors_[i] < pair.max_error_px;
+    if (errors_[i] < kFar * pair.max_error_px) continue;
+    rest_.num_supported += is_supported;
+    indices_.push_back(i);
+    rest_.match_index.push_back(pair.match_index[i]);
+  }
+  if (rest_.num_supported < options_.min_num_inliers ||
+      rest_.num_supported < options_.min_competing_share * num_supported_inliers) {
+    return false;
+  }
+  rest_.points.SetSubset(pair.points, indices_.data(), static_cast<int>(indices_.size()));
+  rest_.max_error_px = pair.max_error_px;
+  rest_.chance_per_px = pair.chance_per_px;
+  rest_.consensus_sigmas = pair.consensus_sigmas;
+  return true;
+}
+
+FeatureMatches CompetingModelSearch::Find(const PairInput& input, const PreparedPair& pair,
+                                          const Eigen::Matrix3d& E) {
+  if (!CollectRest(pair, E)) return {};
+  search_.Reset(rest_);
+  RunTwoAcStep(input, rest_, options_.max_affine_samples, &search_);
+  const double first_score = ScoreSampson(pair.points, E, pair.max_error_px);
+  if (!search_.HasEvidence() || search_.score() < options_.min_num_inliers ||
+      search_.score() < options_.min_competing_share * first_score) {
+    return {};
+  }
+  FeatureMatches matches;
+  SampsonErrors(rest_.points, EssentialFromPose(search_.pose()), errors_.data());
+  for (int i = 0; i < rest_.size(); ++i) {
+    if (errors_[i] < rest_.max_error_px) {
+      matches.push_back(input.matches[rest_.match_index[i]]);
+    }
+  }
+  return matches;
+}
+
+}  // namespace cairn::internal
