@@ -28,8 +28,8 @@ struct PairMetrics {
 };
 
 // Of the 1AC+D hypotheses that depth gave, how many were near the pose that the pair was verified
-// with. cairn_pair_depth_votes: of a pair; cairn_image_depth_votes: what the scheduler learned about
-// an image from its likely pairs.
+// with. cairn_pair_depth_votes: of a pair; cairn_image_depth_votes: what the scheduler learned
+// about an image from its likely pairs.
 struct DepthVotes {
   int64_t num_hypotheses = 0;
   int64_t num_right = 0;
