@@ -1,7 +1,9 @@
+#include <cstdio>
 #include <filesystem>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/io/bundler.h"
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/ply.h"
@@ -26,6 +28,30 @@ void RemoveOlderModels(const fs::path& sparse, size_t first) {
   }
 }
 
+// One line an image: what holds its pose.
+std::string ConfidenceCsv(const ReconstructResult& result) {
+  std::string text = "image,model,pairs,points,rotation_sigma_deg,position_sigma\n";
+  for (size_t k = 0; k < result.models.size(); ++k) {
+    const Reconstruction& model = result.models[k];
+    std::map<image_t, int> num_pairs;
+    for (const ViewEdge& edge : result.graph.edges) {
+      const bool is_inside =
+          model.images.count(edge.image_id1) && model.images.count(edge.image_id2);
+      if (!edge.IsActive() || !is_inside) continue;
+      ++num_pairs[edge.image_id1];
+      ++num_pairs[edge.image_id2];
+    }
+    for (const auto& [id, confidence] : EstimatePoseConfidence(model)) {
+      char line[128];
+      std::snprintf(line, sizeof(line), ",%zu,%d,%d,%.6g,%.6g\n", k, num_pairs[id],
+                    confidence.num_points, confidence.rotation_sigma_deg,
+                    confidence.position_sigma);
+      text += model.images.at(id).image.name + line;
+    }
+  }
+  return text;
+}
+
 }  // namespace
 
 void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
@@ -47,6 +73,7 @@ void WriteReconstructResult(ReconstructResult& result, const std::string& output
       stage.messages = warnings;
       result.report.stages.push_back(std::move(stage));
     }
+    WriteFileAtomically((output / "confidence.csv").string(), ConfidenceCsv(result));
     WritePly(largest, (output / "points.ply").string());
   }
   std::map<image_t, std::string> names;

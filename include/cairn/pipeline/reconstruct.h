@@ -79,10 +79,11 @@ ReconstructResult ReconstructScene(const Database& database, const std::string& 
                                    ProgressMonitor& monitor = NullMonitor());
 
 // Writes sparse/<k>/{cameras,images,points3D}.bin for every model, bundle.out with list.txt and
-// points.ply of the largest, the view graph as view_graph.json and view_graph.dot (Graphviz),
-// report.json and effective.toml; replaces an earlier run's files. After
-// a failure only the last two are written. Adds what a format cannot hold to the report's messages.
-// Throws IoError.
+// points.ply of the largest, confidence.csv (a line an image: pairs in use, points, standard
+// deviations of its pose; see EstimatePoseConfidence), the view graph as view_graph.json and
+// view_graph.dot (Graphviz), report.json and effective.toml; replaces an earlier run's files. After
+// a failure only the last four are written. Adds what a format cannot hold to the report's
+// messages. Throws IoError.
 void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
                             const std::string& effective_toml);
 

@@ -377,10 +377,14 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   result.models.push_back(result.models.front());
   const std::string output = (folder_ / "new" / "out").string();
   WriteReconstructResult(result, output, "# options\n");
-  for (const char* name : {"sparse/0/cameras.bin", "sparse/1/points3D.bin", "bundle.out",
-                           "list.txt", "points.ply", "report.json", "effective.toml"}) {
+  for (const char* name :
+       {"sparse/0/cameras.bin", "sparse/1/points3D.bin", "bundle.out", "list.txt", "points.ply",
+        "confidence.csv", "view_graph.json", "view_graph.dot", "report.json", "effective.toml"}) {
     EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(output) / name)) << name;
   }
+  const std::string confidence = ReadFile(output + "/confidence.csv");
+  EXPECT_EQ(std::count(confidence.begin(), confidence.end(), '\n'), 21);
+  EXPECT_THAT(confidence, HasSubstr(scene.images[9].name + ",1,5,"));
   const Reconstruction read = ReadColmapModel(output + "/sparse/0");
   EXPECT_EQ(read.images.size(), result.models[0].images.size());
   EXPECT_EQ(read.points3D.size(), result.models[0].points3D.size());

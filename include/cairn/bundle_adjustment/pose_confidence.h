@@ -1,0 +1,23 @@
+#pragma once
+
+#include <map>
+
+#include "cairn/scene/reconstruction.h"
+
+namespace cairn {
+
+// How well an image's observations hold its pose.
+struct PoseConfidence {
+  int num_points = 0;
+  // Standard deviations (root of the sum of the variances of three axes); infinite where the points
+  // do not determine the pose.
+  double rotation_sigma_deg = 0;
+  double position_sigma = 0;  // world units
+};
+
+// From the diagonal blocks of the reduced camera system: the covariance of each pose with the
+// points free and the other cameras held, for observations with RegisteredImage::sigmas_px. A lower
+// bound, linear in the observations: errors that many cameras share do not show in it.
+std::map<image_t, PoseConfidence> EstimatePoseConfidence(const Reconstruction& reconstruction);
+
+}  // namespace cairn
