@@ -101,6 +101,7 @@ void FilterRound(StageContext& context, const Round& round, Reconstruction& mode
   const FilterReport report = FilterPoints(options, context.settings.num_threads, model);
   stage.Add("observations_removed", static_cast<double>(report.num_observations_removed));
   stage.Add("points_removed", static_cast<double>(report.num_points_removed));
+  stage.Add("undecided", static_cast<double>(report.num_undecided));
   stage.Add("images_removed", RemoveWeakImages(context, stage, model));
   stage.Add("points_out", static_cast<double>(model.points3D.size()));
   stage.Add("observations_out", static_cast<double>(model.NumObservations()));

@@ -149,6 +149,10 @@ FilterReport FilterPoints(const FilterOptions& options, int num_threads,
   struct Verdict {
     bool keep = false;
     Track bad;  // observations to remove from a point that is kept
+    int num_undecided = 0;
+  };
+  const auto is_undecided = [](double value, double limit) {
+    return std::abs(value - limit) <= 1e-6 * limit;
   };
   std::vector<Verdict> verdicts(points.size());
   const auto judge = [&](int64_t i) {
@@ -164,20 +168,24 @@ FilterReport FilterPoints(const FilterOptions& options, int num_threads,
               ? options.max_error_px
               : std::min(options.max_error_px,
                          options.max_error_sigmas * image.sigmas_px[element.point2D]);
+      verdict.num_undecided += is_undecided(error_px, max_error_px);
       if (error_px <= max_error_px) {
         good_centers.push_back(centers.at(element.image_id));
       } else {
         verdict.bad.push_back(element);
       }
     }
-    verdict.keep = static_cast<int>(good_centers.size()) >= std::max(2, options.min_views) &&
-                   MaxTriangulationAngleDeg(points[i]->xyz, good_centers) >= options.min_angle_deg;
+    if (static_cast<int>(good_centers.size()) < std::max(2, options.min_views)) return;
+    const double angle_deg = MaxTriangulationAngleDeg(points[i]->xyz, good_centers);
+    verdict.num_undecided += is_undecided(angle_deg, options.min_angle_deg);
+    verdict.keep = angle_deg >= options.min_angle_deg;
   };
   ParallelFor(num_threads, static_cast<int64_t>(points.size()), judge, 64);
 
   FilterReport report;
   for (size_t i = 0; i < ids.size(); ++i) {
     report.num_observations_removed += static_cast<int64_t>(verdicts[i].bad.size());
+    report.num_undecided += verdicts[i].num_undecided;
     if (!verdicts[i].keep) {
       reconstruction.RemovePoint3D(ids[i]);
       ++report.num_points_removed;

@@ -134,7 +134,7 @@ TEST(ReconstructScene, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
     EXPECT_EQ(image.point3D_ids, b.images.at(id).point3D_ids);
     EXPECT_LT(
         (image.cam_from_world.translation - c.images.at(id).cam_from_world.translation).norm(),
-        1e-5);
+        1e-6 * Extent(a));
   }
   for (const auto& [id, point] : a.points3D) EXPECT_EQ(point.xyz, b.points3D.at(id).xyz);
 }

@@ -84,6 +84,17 @@ TEST(TriangulateTracks, AllowsErrorsInStandardDeviationsWhereTheyAreKnown) {
   EXPECT_FALSE(is_observed(filtered));
 }
 
+TEST(FilterPoints, CountsWhatRoundingMayDecide) {
+  const SyntheticScene scene = MakeSyntheticScene({});
+  Reconstruction model = scene.truth;
+  FilterOptions options;
+  EXPECT_EQ(FilterPoints(options, 1, model).num_undecided, 0);
+  const auto& [id, point] = *model.points3D.begin();
+  const TrackElement moved = point.track.front();
+  model.images.at(moved.image_id).points2D[moved.point2D].x() += options.max_error_px;
+  EXPECT_EQ(FilterPoints(options, 1, model).num_undecided, 1);
+}
+
 TEST(TriangulateTracks, DoesNotDependOnTheNumberOfThreads) {
   SyntheticOptions synthetic;
   synthetic.noise_px = 1;
