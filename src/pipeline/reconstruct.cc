@@ -206,6 +206,7 @@ ReconstructResult ReconstructScene(const Database& database, const std::string& 
   for (const auto& [id, image] : scene.images) result.images.push_back(image);
   if (!report.Succeeded()) return result;
   ViewGraphResult graph = BuildGraph(scene, settings, monitor, report);
+  result.graph = graph.graph;
   if (!report.Succeeded()) return result;
 
   StageContext context{scene, settings, monitor, report};

@@ -11,7 +11,7 @@ namespace {
 // Cells of an image's longer side.
 constexpr int kCells = 10;
 // Points of an image that are looked at.
-constexpr size_t kMaxPoints = 600;
+constexpr size_t kMaxPoints = 400;
 // A point should look the same from the other camera: directions and distances are similar.
 const double kMinCosine = std::cos(25.0 * 3.14159265358979 / 180.0);
 constexpr double kMaxDistanceRatio = 1.6;
@@ -25,26 +25,16 @@ constexpr double kMaxConflict = 0.1;
 // Images that make a place.
 constexpr int kMinGroup = 3;
 
-using Observations = std::vector<std::pair<point2D_t, point3D_t>>;
-
-Observations ObservationsOf(const RegisteredImage& image) {
-  Observations all;
-  for (size_t k = 0; k < image.point3D_ids.size(); ++k) {
-    if (image.point3D_ids[k] != kInvalidPoint3DId) {
-      all.emplace_back(static_cast<point2D_t>(k), image.point3D_ids[k]);
-    }
-  }
-  return all;
-}
-
 // An image, ready to be compared with others.
 struct View {
   const RegisteredImage* image = nullptr;
   const Camera* camera = nullptr;
   Eigen::Vector3d center;
-  Observations observations;
   int columns = 0;
   int rows = 0;
+  std::vector<point3D_t> seen;                                 // all of its points, ascending
+  std::vector<std::pair<point3D_t, Eigen::Vector3d>> samples;  // at most kMaxPoints of them
+  std::vector<int> present;                                    // points in each cell
 
   int CellOf(const Eigen::Vector2d& pixel) const {
     if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera->width &&
@@ -57,11 +47,27 @@ struct View {
 };
 
 View MakeView(const Reconstruction& model, const RegisteredImage& image) {
-  View view{&image, &model.CameraOf(image), image.cam_from_world.Center(), ObservationsOf(image)};
+  View view;
+  view.image = &image;
+  view.camera = &model.CameraOf(image);
+  view.center = image.cam_from_world.Center();
   const double cell =
       static_cast<double>(std::max(view.camera->width, view.camera->height)) / kCells;
   view.columns = std::max(1, static_cast<int>(std::lround(view.camera->width / cell)));
   view.rows = std::max(1, static_cast<int>(std::lround(view.camera->height / cell)));
+  view.present.assign(static_cast<size_t>(view.columns) * view.rows, 0);
+  for (size_t k = 0; k < image.point3D_ids.size(); ++k) {
+    if (image.point3D_ids[k] == kInvalidPoint3DId) continue;
+    view.seen.push_back(image.point3D_ids[k]);
+    const int cell = view.CellOf(image.points2D[k]);
+    if (cell >= 0) ++view.present[cell];
+  }
+  const size_t num_samples = std::min(view.seen.size(), kMaxPoints);
+  for (size_t k = 0; k < num_samples; ++k) {
+    const point3D_t id = view.seen[k * view.seen.size() / num_samples];
+    view.samples.emplace_back(id, model.points3D.at(id).xyz);
+  }
+  std::sort(view.seen.begin(), view.seen.end());
   return view;
 }
 
@@ -74,33 +80,26 @@ struct Comparison {
 // Points of `a` that `b` should see as well, against those that it does, cell by cell. A pair that
 // matches badly misses points everywhere; one of twin places matches in some cells as well as any,
 // and in others, where both have points, not at all.
-Comparison CompareInto(const Reconstruction& model, const View& a, const View& b) {
+Comparison CompareInto(const View& a, const View& b) {
   struct Cell {
     int expected = 0, present = 0, common = 0;
   };
-  std::vector<Cell> cells(static_cast<size_t>(b.columns) * b.rows);
-  const size_t step = std::max<size_t>(1, a.observations.size() / kMaxPoints);
-  std::vector<point3D_t> seen_by_b;
-  for (const auto& [keypoint, point] : b.observations) {
-    seen_by_b.push_back(point);
-    const int cell = b.CellOf(b.image->points2D[keypoint]);
-    if (cell >= 0) ++cells[cell].present;
-  }
-  std::sort(seen_by_b.begin(), seen_by_b.end());
-  for (size_t k = 0; k < a.observations.size(); k += step) {
-    const Eigen::Vector3d& xyz = model.points3D.at(a.observations[k].second).xyz;
+  std::vector<Cell> cells(b.present.size());
+  for (size_t k = 0; k < cells.size(); ++k) cells[k].present = b.present[k];
+  for (const auto& [id, xyz] : a.samples) {
     const Eigen::Vector3d from_a = xyz - a.center;
     const Eigen::Vector3d from_b = xyz - b.center;
-    const double ratio = from_a.norm() / from_b.norm();
-    if (from_a.dot(from_b) < kMinCosine * from_a.norm() * from_b.norm()) continue;
-    if (ratio > kMaxDistanceRatio || ratio < 1 / kMaxDistanceRatio) continue;
+    const double distance_a = from_a.norm();
+    const double distance_b = from_b.norm();
+    if (from_a.dot(from_b) < kMinCosine * distance_a * distance_b) continue;
+    if (distance_a > kMaxDistanceRatio * distance_b) continue;
+    if (distance_b > kMaxDistanceRatio * distance_a) continue;
     const Eigen::Vector3d x = b.image->cam_from_world * xyz;
     if (!(x.z() > 0)) continue;
     const int cell = b.CellOf(b.camera->ImgFromCam(x.hnormalized()));
     if (cell < 0) continue;
     ++cells[cell].expected;
-    cells[cell].common +=
-        std::binary_search(seen_by_b.begin(), seen_by_b.end(), a.observations[k].second);
+    cells[cell].common += std::binary_search(b.seen.begin(), b.seen.end(), id);
   }
   double matched_expected = 0, matched_common = 0;
   for (const Cell& cell : cells) {
@@ -123,9 +122,9 @@ Comparison CompareInto(const Reconstruction& model, const View& a, const View& b
   return result;
 }
 
-Comparison Compare(const Reconstruction& model, const View& a, const View& b) {
-  const Comparison ab = CompareInto(model, a, b);
-  const Comparison ba = CompareInto(model, b, a);
+Comparison Compare(const View& a, const View& b) {
+  const Comparison ab = CompareInto(a, b);
+  const Comparison ba = CompareInto(b, a);
   return {std::min(ab.evidence, ba.evidence), std::min(ab.conflict, ba.conflict)};
 }
 
@@ -159,7 +158,7 @@ std::vector<Pair> ComparePairs(const Reconstruction& model, const ViewGraph& gra
     pairs.push_back({e, image1->second, image2->second, {}});
   }
   ParallelFor(num_threads, static_cast<int64_t>(pairs.size()), [&](int64_t i) {
-    pairs[i].comparison = Compare(model, views[pairs[i].image1], views[pairs[i].image2]);
+    pairs[i].comparison = Compare(views[pairs[i].image1], views[pairs[i].image2]);
   });
   return pairs;
 }

@@ -266,8 +266,10 @@ TEST(ReconstructScene, SaysWhatIsMissing) {
 
   ReconstructSettings settings = Settings();
   settings.view_graph.min_num_inliers = 100000;
-  EXPECT_THAT(ReconstructScene(MakeDatabase(scene), "", settings).report.failure,
-              HasSubstr("view_graph: "));
+  const ReconstructResult weak = ReconstructScene(MakeDatabase(scene), "", settings);
+  EXPECT_THAT(weak.report.failure, HasSubstr("view_graph: "));
+  ASSERT_FALSE(weak.graph.edges.empty());
+  EXPECT_EQ(weak.graph.edges[0].removal, EdgeRemoval::kTooFewInliers);
 }
 
 // As a 1DSfM data set without photographs and tracks; a twentieth of the poses is wrong.
