@@ -62,11 +62,16 @@ JpegOutcome RunJpegDecoder(std::string_view bytes, bool is_gray, JpegError* erro
   return JpegOutcome::kDecoded;
 }
 
-// The plugin, beside the programs of the build or where it is installed.
+// The plugin, beside the running program (PREFIX/bin, with the plugin under PREFIX) or where it was
+// built or installed.
 void* LoadPlugin() {
-  for (const char* path : {CAIRN_IMAGE_PLUGIN_BUILT, CAIRN_IMAGE_PLUGIN_INSTALLED}) {
-    if (!std::filesystem::exists(path)) continue;
-    if (void* plugin = dlopen(path, RTLD_NOW | RTLD_LOCAL)) return plugin;
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  const fs::path prefix = fs::read_symlink("/proc/self/exe", ignored).parent_path().parent_path();
+  for (const fs::path& path : {prefix / CAIRN_IMAGE_PLUGIN, fs::path(CAIRN_IMAGE_PLUGIN_BUILT),
+                               fs::path(CAIRN_IMAGE_PLUGIN_INSTALLED)}) {
+    if (!fs::exists(path, ignored)) continue;
+    if (void* plugin = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL)) return plugin;
   }
   return nullptr;
 }
