@@ -114,6 +114,7 @@ void PoseSearch::SampleExplained(int num_samples, Rng* rng) {
   const auto n = static_cast<uint32_t>(explained_.size());
   if (n < kSampleSize) return;
   Eigen::Matrix3d models[FivePoint::kMaxSolutions];
+  double best_sample_score = 0.0;
   for (int k = 0; k < num_samples; ++k) {
     uint32_t sample[kSampleSize];
     rng->Sample(n, kSampleSize, sample);
@@ -127,7 +128,10 @@ void PoseSearch::SampleExplained(int num_samples, Rng* rng) {
     // Models of right matches far apart are good: all matches that matter, at nearly the final
     // threshold, tell them apart.
     for (int m = 0; m < count; ++m) {
-      const double score = ScoreSampson(reach_, models[m], kScoreScale * pair_->max_error_px);
+      const double score = ScoreSampson(reach_, models[m], kScoreScale * pair_->max_error_px,
+                                        kPromising * best_sample_score);
+      if (score < 0.0) continue;
+      best_sample_score = std::max(best_sample_score, score);
       hypotheses_.push_back({models[m], score});
     }
   }
