@@ -17,7 +17,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kNumInstances = 1000;
+constexpr int kNumInstances = 10000;
 
 struct Instance {
   Rigid3d cam2_from_cam1;
@@ -84,22 +84,26 @@ void BM_Solver(benchmark::State& state) {
     index = (index + 1) % kNumInstances;
   }
   int num_solutions = 0, num_valid = 0, num_found = 0;
+  double worst_error = 0.0;  // of the truths that were found
   for (int k = 0; k < kNumInstances; ++k) {
     const Instance& instance = Instances()[k];
     const int count = Solver::Solve(&samples[k * Solver::kSampleSize], models);
     const Eigen::Matrix3d truth = EssentialFromPose(instance.cam2_from_cam1);
-    bool found = false;
+    double error = 1.0;
     for (int i = 0; i < count; ++i) {
       const Eigen::Matrix3d M = MatrixOf(models[i]);
       num_valid += IsValid(M, instance, Solver::kSampleSize);
-      found = found || test::HomogeneousError(M, truth) < 1e-6;
+      error = std::min(error, test::HomogeneousError(M, truth));
     }
     num_solutions += count;
-    num_found += found;
+    if (!(error < 1e-6)) continue;
+    ++num_found;
+    worst_error = std::max(worst_error, error);
   }
   state.counters["inputs"] = Solver::kSampleSize;
   state.counters["solutions"] = static_cast<double>(num_solutions) / kNumInstances;
   state.counters["valid_%"] = 100.0 * num_valid / std::max(1, num_solutions);
+  state.counters["worst_error"] = worst_error;
   state.counters["found_%"] = 100.0 * num_found / kNumInstances;
 }
 BENCHMARK(BM_Solver<OneAffineDepthProposed>);

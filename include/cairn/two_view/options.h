@@ -53,6 +53,9 @@ struct TwoViewOptions {
   double unsupported_budget = 0.1;
   // Five-point samples a round among what the final model explains, against local optima.
   int num_resamples = 12;
+  // How the final model's inliers are told apart for these samples: by their errors, or by a graph
+  // cut over neighbours (GC-RANSAC: Barath and Matas, 2018), which measured no better and slower.
+  std::string local_optimization = "threshold";
 
   void VisitFields(OptionVisitor& v) {
     v.Double(
@@ -89,6 +92,8 @@ struct TwoViewOptions {
           "most five-point samples of a pair after the other steps of the cascade");
     v.Double("unsupported_budget", unsupported_budget, {0.0, 1.0},
              "share of the budgets for pairs whose affine frames do not support each other");
+    v.Choice("local_optimization", local_optimization, {"threshold", "graph_cut"},
+             "how inliers are told apart for five-point samples among them");
     v.Int("num_resamples", num_resamples, {0, 1e9},
           "five-point samples a round among the final model's inliers; 0: none");
   }
