@@ -1,10 +1,17 @@
 #include "two_view/competing_model.h"
 
+#include <algorithm>
+
 #include "cairn/geometry/epipolar.h"
 #include "cairn/robust/sampson_kernels.h"
 #include "two_view/search_steps.h"
 
 namespace cairn::internal {
+namespace {
+
+constexpr int kMaxSamples = 60;
+
+}  // namespace
 
 bool CompetingModelSearch::CollectRest(const PreparedPair& pair, const Eigen::Matrix3d& E) {
   constexpr double kFar = 8.0;  // thresholds: not merely the noise of the first model
@@ -37,7 +44,8 @@ FeatureMatches CompetingModelSearch::Find(const PairInput& input, const Prepared
                                           const Eigen::Matrix3d& E) {
   if (!CollectRest(pair, E)) return {};
   search_.Reset(rest_);
-  RunTwoAcStep(input, rest_, options_.max_affine_samples, &search_);
+  // A model with that much support is found soon.
+  RunTwoAcStep(input, rest_, std::min(kMaxSamples, options_.max_affine_samples), &search_);
   const double first_score = ScoreSampson(pair.points, E, pair.max_error_px);
   if (!search_.HasEvidence() || search_.score() < options_.min_num_inliers ||
       search_.score() < options_.min_competing_share * first_score) {
