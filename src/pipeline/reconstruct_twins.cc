@@ -77,6 +77,22 @@ struct Comparison {
   double conflict = 0;  // share of the evidence, 0 to 1
 };
 
+// The rate at which expected points are matched, from cells that have a match (binomial without
+// zero: a cell of n points has n rate / (1 - (1 - rate)^n) matches on average).
+double MatchingRate(const std::vector<std::pair<int, int>>& matched) {
+  double common = 0;
+  for (const auto& [n, c] : matched) common += c;
+  double rate = 0.95;
+  for (int iteration = 0; iteration < 30; ++iteration) {
+    double expected = 0;
+    for (const auto& [n, c] : matched) {
+      expected += n / std::max(1e-6, 1 - std::pow(1 - rate, n));
+    }
+    rate = std::min(0.95, common / expected);
+  }
+  return rate;
+}
+
 // Points of `a` that `b` should see as well, against those that it does, cell by cell. A pair that
 // matches badly misses points everywhere; one of twin places matches in some cells as well as any,
 // and in others, where both have points, not at all.
@@ -101,16 +117,14 @@ Comparison CompareInto(const View& a, const View& b) {
     ++cells[cell].expected;
     cells[cell].common += std::binary_search(b.seen.begin(), b.seen.end(), id);
   }
-  double matched_expected = 0, matched_common = 0;
+  std::vector<std::pair<int, int>> matched;  // expected and common points of cells with matches
   for (const Cell& cell : cells) {
-    if (cell.common == 0) continue;
-    matched_expected += cell.expected;
-    matched_common += cell.common;
+    if (cell.common > 0) matched.emplace_back(cell.expected, cell.common);
   }
   Comparison result;
-  if (matched_common == 0) return result;
+  if (matched.empty()) return result;
   // A cell without matches is no surprise where few are expected.
-  const double rate = std::min(0.95, matched_common / matched_expected);
+  const double rate = MatchingRate(matched);
   for (const Cell& cell : cells) {
     if (cell.expected < kMinInCell || cell.present < kMinInCell) continue;
     const double weight = std::min(cell.expected, cell.present);

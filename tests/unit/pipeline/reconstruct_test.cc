@@ -230,6 +230,22 @@ TEST(ReconstructScene, TellsTwinPlacesApart) {
             1u);
 }
 
+// Where images share few of the many points that they could, misses are no sign of twins.
+TEST(ReconstructScene, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
+  SceneOptions options;
+  options.layout = "landmark";
+  options.num_images = 40;
+  options.num_points = 8000;
+  options.max_keypoints = 500;
+  options.salience = 0.7;
+  options.image_noise_px = 0.5;
+  const ReconstructResult result =
+      ReconstructScene(MakeDatabase(MakeScene(options, 1)), "", Settings());
+  const StageReport* twins = FindStage(result.report, "twins");
+  ASSERT_NE(twins, nullptr);
+  EXPECT_EQ(Value(*twins, "edges_removed"), 0);
+}
+
 // Image 10 keeps its matches but the poses of its pairs are lost.
 TEST(ReconstructScene, ImagesWithoutRelativePoseAreRegisteredByResection) {
   const SyntheticScene scene = MakeScene(SmallScene(), 7);
