@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/math/median.h"
 #include "io/byte_writer.h"
 
 namespace cairn {
@@ -33,8 +34,7 @@ double DefaultFrustumDepth(const Reconstruction& reconstruction) {
     distances.push_back(nearest);
   }
   if (distances.size() < 2) return 1.0;
-  std::nth_element(distances.begin(), distances.begin() + distances.size() / 2, distances.end());
-  const double median = distances[distances.size() / 2];
+  const double median = UpperMedian(std::move(distances));
   return median > 0 ? 0.2 * median : 1.0;
 }
 

@@ -29,14 +29,15 @@ constexpr int kLikelyPairsPerImage = 5;
 
 // Pairs that are given to the reading thread: those with matches, but not those that another
 // program verified.
-std::vector<image_pair_t> FindPairs(const Database& database, const VerificationInput& input,
-                                    const StageLedger& ledger) {
+std::vector<image_pair_t> FindPairs(const Database& database,
+                                    const std::vector<std::pair<image_pair_t, int>>& num_matches,
+                                    const VerificationInput& input, const StageLedger& ledger) {
   std::vector<image_pair_t> given;
   for (const auto& [pair, num] : database.ReadNumInliers()) {
     if (ledger.Find(pair) == nullptr) given.push_back(pair);
   }
   std::vector<image_pair_t> pairs;
-  for (const auto& [pair, num] : database.ReadNumMatches()) {
+  for (const auto& [pair, num] : num_matches) {
     if (std::binary_search(given.begin(), given.end(), pair)) continue;
     if (input.pairs && !std::binary_search(input.pairs->begin(), input.pairs->end(), pair))
       continue;
@@ -164,10 +165,9 @@ void RunRound(Database& database, const std::vector<NamedVerifier>& verifiers,
 // The likely pairs first, then the others.
 void RunRounds(Database& database, const std::vector<NamedVerifier>& verifiers,
                const VerificationInput& input, const SchedulerOptions& scheduler,
-               const StageLedger& ledger, const std::vector<image_pair_t>& pairs, int num_threads,
-               ProgressMonitor& monitor, VerificationReport& report) {
-  const std::vector<image_pair_t> likely =
-      LikelyPairs(database.ReadNumMatches(), kLikelyPairsPerImage);
+               const StageLedger& ledger, const std::vector<image_pair_t>& pairs,
+               const std::vector<image_pair_t>& likely, int num_threads, ProgressMonitor& monitor,
+               VerificationReport& report) {
   std::vector<image_pair_t> rounds[2];
   for (const image_pair_t pair : pairs) {
     rounds[std::binary_search(likely.begin(), likely.end(), pair) ? 0 : 1].push_back(pair);
@@ -213,7 +213,8 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
   VerificationReport report;
   report.stage.name = kStageVerification;
   StageLedger ledger(database, kStageVerification, input.options);
-  const std::vector<image_pair_t> pairs = FindPairs(database, input, ledger);
+  const auto num_matches = database.ReadNumMatches();
+  const std::vector<image_pair_t> pairs = FindPairs(database, num_matches, input, ledger);
   const auto num_new =
       static_cast<int64_t>(std::count_if(pairs.begin(), pairs.end(), [&ledger](image_pair_t pair) {
         return ledger.Find(pair) == nullptr;
@@ -221,7 +222,8 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
   if (!pairs.empty()) {
     if (num_new > 0) ledger.Begin(database);
     monitor.BeginStage("verifying pairs", num_new);
-    RunRounds(database, verifiers, input, scheduler, ledger, pairs, num_threads, monitor, report);
+    RunRounds(database, verifiers, input, scheduler, ledger, pairs,
+              LikelyPairs(num_matches, kLikelyPairsPerImage), num_threads, monitor, report);
     monitor.EndStage();
   }
   if (monitor.StopRequested()) {

@@ -1,16 +1,11 @@
 #include <algorithm>
 
+#include "cairn/math/median.h"
 #include "cairn/triangulation/triangulation.h"
 #include "pipeline/reconstruct_stages.h"
 
 namespace cairn {
 namespace {
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<int64_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Half of the cameras within this share of the extent of all of them, or of the distance to the
 // points they see, means that the positions carry nothing.
@@ -34,8 +29,8 @@ std::string ReasonToRefuse(const Reconstruction& model) {
     for (int k = 0; k < 3; ++k) coordinates[k].push_back(centers[id][k]);
   }
   // Not the mean: a few cameras far away must not hide that the others are in one place.
-  const Eigen::Vector3d middle(Median(coordinates[0]), Median(coordinates[1]),
-                               Median(coordinates[2]));
+  const Eigen::Vector3d middle(UpperMedian(coordinates[0]), UpperMedian(coordinates[1]),
+                               UpperMedian(coordinates[2]));
   std::vector<double> from_middle;
   for (const auto& [id, center] : centers) from_middle.push_back((center - middle).norm());
   std::vector<double> depths;
@@ -43,11 +38,11 @@ std::string ReasonToRefuse(const Reconstruction& model) {
     depths.push_back((point.xyz - centers.at(point.track.front().image_id)).norm());
   }
   const double extent = *std::max_element(from_middle.begin(), from_middle.end());
-  const double spread = Median(from_middle);
-  if (!(spread > kMinSpread * extent) || !(extent > kMinSpread * Median(depths))) {
+  const double spread = UpperMedian(from_middle);
+  if (!(spread > kMinSpread * extent) || !(extent > kMinSpread * UpperMedian(depths))) {
     return "the camera positions are collapsed: half of them lie within " +
            std::to_string(spread / std::max(extent, 1e-300)) + " of their extent, which is " +
-           std::to_string(extent / std::max(Median(depths), 1e-300)) +
+           std::to_string(extent / std::max(UpperMedian(depths), 1e-300)) +
            " of the distance to the points";
   }
   return "";

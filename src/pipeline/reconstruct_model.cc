@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "cairn/math/median.h"
 #include "pipeline/reconstruct_stages.h"
 
 namespace cairn {
@@ -14,9 +15,7 @@ void NormalizeFrame(Reconstruction& model) {
   for (const Eigen::Vector3d& c : centers) mean += c / static_cast<double>(centers.size());
   std::vector<double> distances;
   for (const Eigen::Vector3d& c : centers) distances.push_back((c - mean).norm());
-  std::nth_element(distances.begin(),
-                   distances.begin() + static_cast<int64_t>(distances.size() / 2), distances.end());
-  const double median = distances[distances.size() / 2];
+  const double median = UpperMedian(distances);
   Sim3d new_from_old;
   new_from_old.scale = median > 0 ? 1.0 / median : 1.0;
   new_from_old.rotation = model.images.begin()->second.cam_from_world.rotation;

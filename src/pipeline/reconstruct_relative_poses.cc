@@ -5,6 +5,7 @@
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
+#include "cairn/math/median.h"
 #include "cairn/robust/pose_refinement.h"
 #include "cairn/solvers/essential.h"
 #include "cairn/solvers/homography.h"
@@ -73,12 +74,6 @@ std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
   return candidates;
 }
 
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<int64_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // The pose that the inliers support best; the edge is without one if there is none, or if they
 // show no parallax.
 void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEdge& edge) {
@@ -130,10 +125,10 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
     parallaxes.push_back(rays.points.focal2_px() *
                          AngleBetween(x, Eigen::Vector3d(inliers2[i].homogeneous())));
   }
-  const double parallax_px = Median(parallaxes);
+  const double parallax_px = UpperMedian(parallaxes);
   if (parallax_px < kMinParallaxPx) return;
   edge.cam2_from_cam1 = front.cam2_from_cam1;
-  edge.residual_px = Median(inlier_errors);
+  edge.residual_px = UpperMedian(inlier_errors);
   edge.triangulation_angle_deg = RadToDeg(parallax_px / rays.points.focal2_px());
   edge.removal = EdgeRemoval::kNone;
 }

@@ -1,8 +1,9 @@
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "cairn/base/parallel.h"
+#include "cairn/graph/union_find.h"
+#include "cairn/math/angles.h"
 #include "pipeline/reconstruct_stages.h"
 
 namespace cairn {
@@ -13,7 +14,7 @@ constexpr int kCells = 10;
 // Points of an image that are looked at.
 constexpr size_t kMaxPoints = 400;
 // A point should look the same from the other camera: directions and distances are similar.
-const double kMinCosine = std::cos(25.0 * 3.14159265358979 / 180.0);
+const double kMinCosine = std::cos(DegToRad(25.0));
 constexpr double kMaxDistanceRatio = 1.6;
 // Points of either image that a cell must have to say anything.
 constexpr int kMinInCell = 3;
@@ -182,8 +183,7 @@ std::vector<Pair> ComparePairs(const Reconstruction& model, const ViewGraph& gra
 class Groups {
  public:
   Groups(int num_images, const std::vector<Pair>& pairs)
-      : pairs_(pairs), parent_(num_images), size_(num_images, 1), pairs_of_(num_images) {
-    std::iota(parent_.begin(), parent_.end(), 0);
+      : pairs_(pairs), sets_(num_images), pairs_of_(num_images) {
     std::vector<int> order;
     for (size_t k = 0; k < pairs.size(); ++k) {
       order.push_back(static_cast<int>(k));
@@ -200,15 +200,13 @@ class Groups {
     // An image or two that fit nowhere are not a place: they go where most of their pairs lead.
     for (const int k : order) {
       const Pair& pair = pairs[k];
-      if (std::min(SizeOf(pair.image1), SizeOf(pair.image2)) < kMinGroup) JoinPair(pair);
+      if (std::min(sets_.SizeOf(pair.image1), sets_.SizeOf(pair.image2)) < kMinGroup) {
+        JoinPair(pair);
+      }
     }
   }
 
-  int Root(int i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  int SizeOf(int i) { return size_[Root(i)]; }
+  int Root(int i) { return sets_.Find(i); }
 
  private:
   // Votes of the pairs between two groups.
@@ -226,20 +224,17 @@ class Groups {
     return balance;
   }
   void JoinPair(const Pair& pair) {
-    int root1 = Root(pair.image1);
-    int root2 = Root(pair.image2);
-    if (root1 == root2) return;
-    if (pairs_of_[root1].size() > pairs_of_[root2].size()) std::swap(root1, root2);
-    parent_[root1] = root2;
-    size_[root2] += size_[root1];
-    pairs_of_[root2].insert(pairs_of_[root2].end(), pairs_of_[root1].begin(),
-                            pairs_of_[root1].end());
-    pairs_of_[root1] = {};
+    const int root1 = Root(pair.image1);
+    const int root2 = Root(pair.image2);
+    if (!sets_.Union(root1, root2)) return;
+    const int root = Root(root1);
+    std::vector<int>& absorbed = pairs_of_[root == root1 ? root2 : root1];
+    pairs_of_[root].insert(pairs_of_[root].end(), absorbed.begin(), absorbed.end());
+    absorbed = {};
   }
 
   const std::vector<Pair>& pairs_;
-  std::vector<int> parent_;
-  std::vector<int> size_;
+  UnionFind sets_;
   std::vector<std::vector<int>> pairs_of_;  // of roots
 };
 

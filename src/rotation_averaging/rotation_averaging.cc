@@ -4,6 +4,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/math/angles.h"
+#include "cairn/math/median.h"
 #include "cairn/sparse/laplacian_solver.h"
 #include "rotation_averaging/rotation_problem.h"
 #include "rotation_averaging/spanning_tree.h"
@@ -17,12 +18,6 @@ LaplacianSolver MakeSolver(const RotationProblem& problem, const std::vector<cha
   edges.reserve(problem.edges.size());
   for (const GraphEdge& edge : problem.edges) edges.push_back({edge.node1, edge.node2});
   return LaplacianSolver(problem.NumNodes(), edges, is_gauge);
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
 }
 
 void FillResiduals(const RotationProblem& problem, const RotationAveragingOptions& options,
@@ -40,7 +35,7 @@ void FillResiduals(const RotationProblem& problem, const RotationAveragingOption
   }
   const int num_kept = problem.NumEdges() - report.num_rejected;
   report.mean_kept_residual_deg = num_kept > 0 ? sum_kept / num_kept : 0;
-  report.median_residual_deg = Median(report.edge_residuals_deg);
+  report.median_residual_deg = UpperMedian(report.edge_residuals_deg);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
+#include "cairn/math/median.h"
 #include "cairn/math/so3.h"
 
 namespace cairn {
@@ -34,9 +35,7 @@ RotationEdge Canonical(const RotationEdge& edge) {
 std::vector<double> Trust(const std::vector<double>& weights, double power) {
   std::vector<double> trust(weights.size(), 1.0);
   if (power == 0 || weights.empty()) return trust;
-  std::vector<double> sorted = weights;
-  std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-  const double median = sorted[sorted.size() / 2];
+  const double median = UpperMedian(weights);
   for (size_t e = 0; e < trust.size(); ++e) trust[e] = std::pow(weights[e] / median, power);
   return trust;
 }

@@ -6,6 +6,7 @@
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
+#include "cairn/math/median.h"
 #include "cairn/synthetic/scene.h"
 #include "synthetic/visible_points.h"
 
@@ -56,10 +57,7 @@ double MedianTriangulationAngleDeg(const Reconstruction& truth, const Registered
     angles.push_back(AngleBetween(Eigen::Vector3d(image1.cam_from_world.Center() - xyz),
                                   Eigen::Vector3d(image2.cam_from_world.Center() - xyz)));
   }
-  if (angles.empty()) return 0.0;
-  const auto middle = angles.begin() + angles.size() / 2;
-  std::nth_element(angles.begin(), middle, angles.end());
-  return RadToDeg(*middle);
+  return RadToDeg(UpperMedian(std::move(angles)));
 }
 
 Rigid3d RelativePose(const RegisteredImage& image1, const RegisteredImage& image2) {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "cairn/math/median.h"
+
 namespace cairn {
 namespace {
 
@@ -12,13 +14,6 @@ double QuantileOf(const std::vector<double>& sorted, double q) {
 
 }  // namespace
 
-double MedianOf(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 SpreadReport AnalyzeSpread(const Eigen::Matrix3Xd& centers, double min_spread) {
   SpreadReport report;
   if (centers.cols() < 3) return report;
@@ -26,7 +21,7 @@ SpreadReport AnalyzeSpread(const Eigen::Matrix3Xd& centers, double min_spread) {
   for (int axis = 0; axis < 3; ++axis) {
     std::vector<double> values(centers.cols());
     for (Eigen::Index i = 0; i < centers.cols(); ++i) values[i] = centers(axis, i);
-    median[axis] = MedianOf(values);
+    median[axis] = UpperMedian(values);
   }
   std::vector<double> distances(centers.cols());
   for (Eigen::Index i = 0; i < centers.cols(); ++i) {

@@ -15,6 +15,5 @@ struct SpreadReport {
 };
 SpreadReport AnalyzeSpread(const Eigen::Matrix3Xd& centers, double min_spread);
 
-double MedianOf(std::vector<double> values);  // 0 if empty
 
 }  // namespace cairn

@@ -5,6 +5,7 @@
 
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/math/angles.h"
+#include "cairn/math/median.h"
 #include "translation_averaging/direction_problem.h"
 #include "translation_averaging/nonlinear_fit.h"
 #include "translation_averaging/one_dsfm_filter.h"
@@ -32,7 +33,7 @@ void Normalize(Positions& x) {
   x.points.colwise() -= center;
   std::vector<double> distances(x.cameras.cols());
   for (Eigen::Index i = 0; i < x.cameras.cols(); ++i) distances[i] = x.cameras.col(i).norm();
-  const double scale = MedianOf(distances);
+  const double scale = UpperMedian(distances);
   if (scale <= 0) return;
   x.cameras /= scale;
   x.points /= scale;
@@ -85,8 +86,8 @@ double TukeyWeight(double error, double noise) {
 // out.
 FitWeights WeightsFromErrors(const DirectionProblem& problem, const Errors& errors,
                              const TranslationAveragingOptions& options) {
-  const double edge_noise = std::max(MedianOf(errors.edges_deg), kMinEdgeNoiseDeg);
-  const double ray_noise = std::max(MedianOf(errors.rays_deg), kMinRayNoiseDeg);
+  const double edge_noise = std::max(UpperMedian(errors.edges_deg), kMinEdgeNoiseDeg);
+  const double ray_noise = std::max(UpperMedian(errors.rays_deg), kMinRayNoiseDeg);
   FitWeights weights = BalancedWeights(problem, options);
   weights.edge_huber_deg = 2 * edge_noise;
   weights.ray_huber_deg = 2 * ray_noise;
@@ -119,7 +120,7 @@ void ReportSupport(const DirectionProblem& problem, const Errors& errors, double
     }
   }
   for (int i = 0; i < problem.NumCameras(); ++i) {
-    report.support[problem.image_ids[i]].median_error_deg = MedianOf(of_camera[i]);
+    report.support[problem.image_ids[i]].median_error_deg = UpperMedian(of_camera[i]);
   }
 }
 
@@ -165,8 +166,8 @@ void FillReport(const DirectionProblem& whole, const DirectionSubproblem& part, 
 bool Accept(const DirectionProblem& problem, const Positions& x, const SpreadReport& spread,
             const TranslationAveragingOptions& options, TranslationAveragingReport& report) {
   const Errors errors = MeasureErrors(problem, x);
-  report.median_edge_error_deg = MedianOf(errors.edges_deg);
-  report.median_ray_error_deg = MedianOf(errors.rays_deg);
+  report.median_edge_error_deg = UpperMedian(errors.edges_deg);
+  report.median_ray_error_deg = UpperMedian(errors.rays_deg);
   if (spread.half_over_most < options.min_spread) {
     report.status = TranslationAveragingStatus::kCollapsed;
     report.message = "half of the cameras lie within " + std::to_string(spread.half_over_most) +

@@ -4,6 +4,7 @@
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/math/angles.h"
+#include "cairn/math/median.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "view_graph/active_edges.h"
 
@@ -113,11 +114,7 @@ int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, ViewGraph
   }
   report.num_loops = num_loops;
   report.num_closed_loops = num_closed;
-  if (!errors_deg.empty()) {
-    const auto middle = errors_deg.begin() + static_cast<int64_t>(errors_deg.size() / 2);
-    std::nth_element(errors_deg.begin(), middle, errors_deg.end());
-    report.median_loop_error_deg = *middle;
-  }
+  report.median_loop_error_deg = UpperMedian(std::move(errors_deg));
   int num_removed = 0;
   for (int e = 0; e < triplets.NumEdges(); ++e) {
     if (verdicts[e] == EdgeRemoval::kNone) continue;

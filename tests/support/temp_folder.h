@@ -16,7 +16,7 @@ class TempFolder {
     const bool in_memory = place == Place::kMemory && access("/dev/shm", W_OK) == 0;
     const std::filesystem::path parent =
         in_memory ? "/dev/shm" : std::filesystem::temp_directory_path();
-    std::string name = (parent / "cairn_test_XXXXXX").string();
+    std::string name = (parent / "cairn_test_").string() + std::string(6, 'X');
     path_ = mkdtemp(name.data());
   }
   ~TempFolder() {
