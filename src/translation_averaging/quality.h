@@ -15,5 +15,4 @@ struct SpreadReport {
 };
 SpreadReport AnalyzeSpread(const Eigen::Matrix3Xd& centers, double min_spread);
 
-
 }  // namespace cairn
