@@ -1,23 +1,21 @@
 #pragma once
 
 #include <charconv>
-#include <string>
 #include <string_view>
 #include <type_traits>
 
-#include "cairn/base/file.h"
+#include "io/block_writer.h"
 
 namespace cairn {
 
 // Appends text and numbers to a file that appears on Commit. Floating-point numbers are the
 // shortest text that reads back as the same number, whatever the locale.
-class TextWriter {
+class TextWriter : public BlockWriter {
  public:
-  explicit TextWriter(const std::string& path) : file_(path) {}
+  using BlockWriter::BlockWriter;
 
   TextWriter& operator<<(std::string_view text) {
-    buffer_ += text;
-    if (buffer_.size() > kBlockSize) Flush();
+    Append(text);
     return *this;
   }
   template <class T>
@@ -35,20 +33,6 @@ class TextWriter {
     }
     return *this;
   }
-  void Commit() {
-    Flush();
-    file_.Commit();
-  }
-  // Writes what is buffered, so that Commit needs no space.
-  void Flush() {
-    file_.Write(buffer_);
-    buffer_.clear();
-  }
-
- private:
-  static constexpr size_t kBlockSize = 1 << 20;
-  AtomicFile file_;
-  std::string buffer_;
 };
 
 }  // namespace cairn

@@ -11,6 +11,7 @@
 #include "cairn/image/exif.h"
 #include "cairn/io/one_dsfm.h"
 #include "support/temp_folder.h"
+#include "support/thrown_message.h"
 #include "unit/io/random_reconstruction.h"
 
 namespace cairn {
@@ -19,6 +20,7 @@ namespace {
 using ::testing::HasSubstr;
 using testing::RandomReconstruction;
 using testing::TempFolder;
+using testing::ThrownMessage;
 
 struct Warnings : ProgressMonitor {
   void Warning(const std::string& message) override { text += message + "\n"; }
@@ -184,12 +186,7 @@ TEST_F(OneDsfmExport, NamesBrokenPhotographsAndGoesOn) {
 
 TEST_F(OneDsfmExport, RefusesAModelOfAnotherDatabase) {
   model_.images.at(2).image.name = "elsewhere.png";
-  try {
-    Export();
-    FAIL();
-  } catch (const IoError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("elsewhere.png"));
-  }
+  EXPECT_THAT(ThrownMessage<IoError>([&] { Export(); }), HasSubstr("elsewhere.png"));
 }
 
 }  // namespace

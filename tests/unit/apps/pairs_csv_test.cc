@@ -6,11 +6,13 @@
 #include "cairn/base/error.h"
 #include "cairn/math/so3.h"
 #include "global_sfm/describe.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
+using testing::ThrownMessage;
 
 Rigid3d Pose(double angle) {
   return {ExpSO3(Eigen::Vector3d(0, angle, 0)), Eigen::Vector3d(0.6, 0, 0.8)};
@@ -86,13 +88,9 @@ TEST_F(PairsCsv, ResultsOfOneVerifier) {
   EXPECT_NEAR(rows[0].milliseconds, 10, 1e-9);
   EXPECT_LT(AngleBetween(rows[0].cam2_from_cam1.rotation, Pose(0.3).rotation), 1e-12);
   EXPECT_EQ(rows[1].num_inliers, 0);
-  try {
-    ReadPairRows(database_, "two_ac");
-    FAIL();
-  } catch (const ConfigError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("'two_ac' was not run; the database has five_point, "
-                                        "one_ac_depth"));
-  }
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { ReadPairRows(database_, "two_ac"); }),
+              HasSubstr("'two_ac' was not run; the database has five_point, "
+                        "one_ac_depth"));
 }
 
 TEST_F(PairsCsv, TextIsWhatOthersExpect) {

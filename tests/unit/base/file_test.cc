@@ -8,6 +8,7 @@
 
 #include "cairn/base/error.h"
 #include "support/temp_folder.h"
+#include "support/thrown_message.h"
 #include "support/unprivileged.h"
 
 namespace cairn {
@@ -15,6 +16,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using testing::TempFolder;
+using testing::ThrownMessage;
 
 size_t NumFiles(const TempFolder& folder) {
   return std::distance(std::filesystem::directory_iterator(folder.path()), {});
@@ -74,13 +76,11 @@ TEST(File, ErrorsNameThePathAndTheReason) {
 TEST(File, ReadOnlyFolderIsAnError) {
   const TempFolder folder;
   testing::ReadOnly(folder.path());
-  try {
-    const testing::Unprivileged unprivileged;
-    WriteFileAtomically(folder / "a", "x");
-    FAIL();
-  } catch (const IoError& error) {
-    EXPECT_THAT(error.reason(), HasSubstr("Permission denied"));
-  }
+  EXPECT_THAT(ThrownMessage<IoError>([&] {
+                const testing::Unprivileged unprivileged;
+                WriteFileAtomically(folder / "a", "x");
+              }),
+              HasSubstr("Permission denied"));
   std::filesystem::permissions(folder.path(), std::filesystem::perms::owner_all);
 }
 

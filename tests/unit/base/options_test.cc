@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "cairn/base/error.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
@@ -28,16 +29,11 @@ struct TestOptions {
 };
 
 std::string ValidationError(const TestOptions& options) {
-  try {
-    ValidateOptions(options, "test");
-  } catch (const ConfigError& error) {
-    return error.what();
-  }
-  return "";
+  return testing::ThrownMessage<ConfigError>([&] { ValidateOptions(options, "test"); });
 }
 
 TEST(Options, DefaultsAreValidAndDumpAsToml) {
-  EXPECT_EQ(ValidationError({}), "");
+  EXPECT_EQ(ValidationError({}), "no error");
   EXPECT_EQ(DumpOptions(TestOptions{}),
             "on = true\ncount = 5\nratio = 0.8\npath = \"a \\\"b\\\" \\\\ c\"\n"
             "mean = [0.5, 1.0]\ntype = \"fast\"\n");
@@ -52,13 +48,13 @@ TEST(Options, ErrorsNameTheKeyTheValueAndWhatIsAllowed) {
   EXPECT_EQ(ValidationError(options), "test.ratio: -0.5 is out of range [0.0, 1.0]");
   options = {};
   options.ratio = std::nan("");
-  EXPECT_NE(ValidationError(options), "");
+  EXPECT_NE(ValidationError(options), "no error");
   options = {};
   options.type = "slow";
   EXPECT_EQ(ValidationError(options), "test.type: 'slow' is not one of fast, exact");
   options = {};
   options.mean = {1.0, std::nan("")};
-  EXPECT_NE(ValidationError(options), "");
+  EXPECT_NE(ValidationError(options), "no error");
 }
 
 // TOML forbids raw control characters in strings.

@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "support/database_dump.h"
+#include "support/thrown_message.h"
 #include "support/unprivileged.h"
 #include "unit/database/database_fixture.h"
 
@@ -12,22 +13,24 @@ namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
+using testing::ThrownMessage;
 
 class DatabaseFailureTest : public DatabaseTest {};
 
 TEST_F(DatabaseFailureTest, FilesThatAreNoColmapDatabaseAreNamed) {
   std::ofstream(Path("text.db")) << std::string(2000, 'x');
-  EXPECT_EQ(IoMessage([&] { Database database(Path("text.db")); }),
+  EXPECT_EQ(ThrownMessage<IoError>([&] { Database database(Path("text.db")); }),
             Path("text.db") + ": is not an SQLite database");
   RunSql(Path("other.db"), "CREATE TABLE bookmarks(x)");
-  EXPECT_THAT(IoMessage([&] { Database database(Path("other.db")); }),
+  EXPECT_THAT(ThrownMessage<IoError>([&] { Database database(Path("other.db")); }),
               HasSubstr("is not a COLMAP database: it has no table 'cameras'"));
   EXPECT_EQ(RunSql(Path("other.db"), "SELECT name FROM sqlite_master").size(), 1u);  // Untouched.
-  EXPECT_EQ(IoMessage([&] { Database database(Path("no.db"), Database::Mode::kReadOnly); }),
-            Path("no.db") + ": no such file");
-  EXPECT_EQ(IoMessage([&] { Database database(folder_.string()); }),
+  EXPECT_EQ(
+      ThrownMessage<IoError>([&] { Database database(Path("no.db"), Database::Mode::kReadOnly); }),
+      Path("no.db") + ": no such file");
+  EXPECT_EQ(ThrownMessage<IoError>([&] { Database database(folder_.string()); }),
             folder_.string() + ": is a folder");
-  EXPECT_EQ(IoMessage([&] { Database database(Path("no/such/folder.db")); }),
+  EXPECT_EQ(ThrownMessage<IoError>([&] { Database database(Path("no/such/folder.db")); }),
             Path("no/such/folder.db") + ": cannot be opened or created");
 }
 
@@ -46,19 +49,22 @@ TEST_F(DatabaseFailureTest, BlobsOfAWrongSizeAreNamed) {
   RunSql(Path(), "UPDATE two_view_geometries SET E = X'0011'");
   RunSql(Path(), "UPDATE cameras SET params = X'0011'");
   Database database(Path());
-  EXPECT_EQ(IoMessage([&] { database.ReadKeypoints(3); }),
+  EXPECT_EQ(ThrownMessage<IoError>([&] { database.ReadKeypoints(3); }),
             Path() + ": keypoints of image 3: 6 x 6 values need 144 bytes, but the blob has 120");
-  EXPECT_THAT(IoMessage([&] { database.ReadDescriptors(3); }),
+  EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadDescriptors(3); }),
               HasSubstr("descriptors of image 3: 5 x 128 values need 640 bytes"));
-  EXPECT_THAT(IoMessage([&] { database.ReadMatches(ImagePairToPairId(1, 2)); }),
+  EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadMatches(ImagePairToPairId(1, 2)); }),
               HasSubstr("(images 1, 2): 1 x 3 values need 12 bytes, but the blob has 8"));
-  EXPECT_THAT(IoMessage([&] { database.ReadTwoViewGeometry(ImagePairToPairId(1, 2)); }),
-              HasSubstr("E needs 72 bytes, but the blob has 2"));
-  EXPECT_THAT(IoMessage([&] { database.ReadCameras(); }), HasSubstr("camera 1: its params blob"));
+  EXPECT_THAT(
+      ThrownMessage<IoError>([&] { database.ReadTwoViewGeometry(ImagePairToPairId(1, 2)); }),
+      HasSubstr("E needs 72 bytes, but the blob has 2"));
+  EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadCameras(); }),
+              HasSubstr("camera 1: its params blob"));
   RunSql(Path(), "UPDATE keypoints SET rows = -1");
-  EXPECT_THAT(IoMessage([&] { database.ReadKeypoints(3); }), HasSubstr("keypoints of image 3"));
+  EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadKeypoints(3); }),
+              HasSubstr("keypoints of image 3"));
   RunSql(Path(), "UPDATE keypoints SET rows = 10, cols = 3");
-  EXPECT_THAT(IoMessage([&] { database.ReadKeypoints(3); }), HasSubstr("3 columns"));
+  EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadKeypoints(3); }), HasSubstr("3 columns"));
 }
 
 TEST_F(DatabaseFailureTest, AnotherProgramsLockIsNamed) {
@@ -67,9 +73,9 @@ TEST_F(DatabaseFailureTest, AnotherProgramsLockIsNamed) {
   sqlite3* other = nullptr;
   ASSERT_EQ(sqlite3_open(Path().c_str(), &other), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(other, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
-  EXPECT_EQ(IoMessage([&] { WriteImages(database, 1); }),
+  EXPECT_EQ(ThrownMessage<IoError>([&] { WriteImages(database, 1); }),
             Path() + ": is locked by another program");
-  EXPECT_EQ(IoMessage([&] { Database::Transaction transaction(database); }),
+  EXPECT_EQ(ThrownMessage<IoError>([&] { Database::Transaction transaction(database); }),
             Path() + ": is locked by another program");
   sqlite3_close(other);
   WriteImages(database, 1);  // Goes on when the lock is gone.
@@ -84,8 +90,9 @@ TEST_F(DatabaseFailureTest, ReadOnlyFoldersCanBeReadAndNotWritten) {
   testing::ReadOnly(folder_);
   const testing::Unprivileged unprivileged;
   EXPECT_EQ(Database(Path(), Database::Mode::kReadOnly).ReadImages().size(), 2u);
-  EXPECT_THAT(IoMessage([&] { Database database(Path()); }), HasSubstr("read-only"));
-  EXPECT_THAT(IoMessage([&] { Database database(Path("new.db")); }), HasSubstr("cannot be opened"));
+  EXPECT_THAT(ThrownMessage<IoError>([&] { Database database(Path()); }), HasSubstr("read-only"));
+  EXPECT_THAT(ThrownMessage<IoError>([&] { Database database(Path("new.db")); }),
+              HasSubstr("cannot be opened"));
 }
 
 }  // namespace

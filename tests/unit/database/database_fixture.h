@@ -21,17 +21,6 @@ class DatabaseTest : public ::testing::Test {
   }
   std::string Path(const std::string& name = "scene.db") const { return folder_ / name; }
 
-  // The message of the IoError that fn throws.
-  template <class Fn>
-  static std::string IoMessage(const Fn& fn) {
-    try {
-      fn();
-    } catch (const IoError& error) {
-      return error.what();
-    }
-    return "no IoError";
-  }
-
   testing::TempFolder temp_;
   const fs::path folder_ = temp_.path();
 };

@@ -10,6 +10,7 @@
 #include "cairn/io/model.h"
 #include "random_reconstruction.h"
 #include "support/temp_folder.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
@@ -19,14 +20,10 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using testing::RandomReconstruction;
 using testing::TempFolder;
+using testing::ThrownMessage;
 
 std::string ErrorOf(const std::string& bundle, const std::string& list) {
-  try {
-    ReadBundler(bundle, list);
-  } catch (const IoError& error) {
-    return error.what();
-  }
-  return "no error";
+  return ThrownMessage<IoError>([&] { ReadBundler(bundle, list); });
 }
 
 // The camera of Bundler's manual: P = RX + t, p = -P/P.z, p' = f (1 + k1 p^2 + k2 p^4) p.
@@ -174,12 +171,8 @@ TEST(BundlerList, NamesAndFocalLengths) {
   EXPECT_EQ(list[4].name, "g.jpg");
   EXPECT_FALSE(list[4].focal_px);
   WriteFileAtomically(folder / "gap.txt", "a.jpg\n\nb.jpg\n");
-  try {
-    ReadBundlerList(folder / "gap.txt");
-    FAIL();
-  } catch (const IoError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("gap.txt:3: an image follows after an empty line"));
-  }
+  EXPECT_THAT(ThrownMessage<IoError>([&] { ReadBundlerList(folder / "gap.txt"); }),
+              HasSubstr("gap.txt:3: an image follows after an empty line"));
 }
 
 constexpr char kOneCamera[] = "500 0 0\n1 0 0\n0 1 0\n0 0 1\n1 2 3\n";

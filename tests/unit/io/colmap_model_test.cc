@@ -12,6 +12,7 @@
 #include "cairn/base/file.h"
 #include "random_reconstruction.h"
 #include "support/temp_folder.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
@@ -19,6 +20,7 @@ namespace {
 using ::testing::HasSubstr;
 using testing::RandomReconstruction;
 using testing::TempFolder;
+using testing::ThrownMessage;
 
 std::array<std::string, 3> Names(ColmapModelFormat format) {
   const std::string extension = format == ColmapModelFormat::kBinary ? ".bin" : ".txt";
@@ -55,12 +57,7 @@ void ExpectEqual(const Reconstruction& a, const Reconstruction& b) {
 }
 
 std::string ReadError(const std::string& folder, ColmapModelFormat format) {
-  try {
-    ReadColmapModel(folder, format);
-  } catch (const IoError& error) {
-    return error.what();
-  }
-  return "no error";
+  return ThrownMessage<IoError>([&] { ReadColmapModel(folder, format); });
 }
 
 class ColmapModel : public ::testing::TestWithParam<ColmapModelFormat> {};

@@ -13,6 +13,7 @@
 #include "cairn/io/transforms_json.h"
 #include "random_reconstruction.h"
 #include "support/temp_folder.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
@@ -20,6 +21,7 @@ namespace {
 using ::testing::HasSubstr;
 using testing::RandomReconstruction;
 using testing::TempFolder;
+using testing::ThrownMessage;
 
 struct PlyFile {
   std::string header;
@@ -127,19 +129,11 @@ TEST(Export, UnwritablePlacesAreErrorsAndLeaveNothing) {
 TEST(ReadModel, WhatIsNoModelIsNamed) {
   const TempFolder folder;
   EXPECT_THROW(ReadModel(folder / "absent"), IoError);
-  try {
-    ReadModel(folder.path());
-    FAIL();
-  } catch (const IoError& error) {
-    EXPECT_THAT(error.reason(), HasSubstr("neither a COLMAP model"));
-  }
+  EXPECT_THAT(ThrownMessage<IoError>([&] { ReadModel(folder.path()); }),
+              HasSubstr("neither a COLMAP model"));
   WriteColmapModel({}, folder / "sparse/0");
-  try {
-    ReadModel(folder.path());
-    FAIL();
-  } catch (const IoError& error) {
-    EXPECT_THAT(error.reason(), HasSubstr("did you mean " + (folder / "sparse/0")));
-  }
+  EXPECT_THAT(ThrownMessage<IoError>([&] { ReadModel(folder.path()); }),
+              HasSubstr("did you mean " + (folder / "sparse/0")));
 }
 
 }  // namespace

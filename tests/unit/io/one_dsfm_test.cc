@@ -8,6 +8,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "support/temp_folder.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
@@ -15,6 +16,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using testing::TempFolder;
+using testing::ThrownMessage;
 
 Eigen::Matrix3d BundlerFlip() { return Eigen::Vector3d(1, -1, -1).asDiagonal(); }
 
@@ -74,12 +76,7 @@ void Write(const TempFolder& folder, const Files& files) {
 std::string ErrorOf(const Files& files) {
   const TempFolder folder;
   Write(folder, files);
-  try {
-    ReadOneDsfmDataset(folder.path());
-  } catch (const IoError& error) {
-    return error.what();
-  }
-  return "no error";
+  return ThrownMessage<IoError>([&] { ReadOneDsfmDataset(folder.path()); });
 }
 
 TEST(OneDsfm, FolderAsAWhole) {
@@ -159,12 +156,7 @@ TEST(OneDsfm, Coords) {
 
   const auto error = [&](const std::string& text) -> std::string {
     WriteFileAtomically(folder / "coords.txt", text);
-    try {
-      ReadOneDsfmCoords(folder / "coords.txt", 3);
-    } catch (const IoError& e) {
-      return e.what();
-    }
-    return "no error";
+    return ThrownMessage<IoError>([&] { ReadOneDsfmCoords(folder / "coords.txt", 3); });
   };
   const std::string header = "#index = 1, name = a keys = 2, px = 1, py = 1, focal = 1\n";
   EXPECT_THAT(error(header + "0 1 1 0 0 1 2 3\n"),
@@ -190,12 +182,7 @@ TEST(OneDsfm, Tracks) {
   EXPECT_EQ(tracks[1][2], (OneDsfmObservation{2, 3}));
   const auto error = [&](const std::string& text) -> std::string {
     WriteFileAtomically(folder / "tracks.txt", text);
-    try {
-      ReadOneDsfmTracks(folder / "tracks.txt", 3);
-    } catch (const IoError& e) {
-      return e.what();
-    }
-    return "no error";
+    return ThrownMessage<IoError>([&] { ReadOneDsfmTracks(folder / "tracks.txt", 3); });
   };
   EXPECT_THAT(error("2\n1 0 1\n"), HasSubstr("tracks.txt:2: the file ends before track 2 of 2"));
   EXPECT_THAT(error("1\n2 0 1 1\n"), HasSubstr("tracks.txt:2: the line is too short: key"));

@@ -8,12 +8,14 @@
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "support/temp_folder.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
 using testing::TempFolder;
+using testing::ThrownMessage;
 
 Eigen::Vector3d RandomVector(Rng& rng) { return {rng.Gaussian(), rng.Gaussian(), rng.Gaussian()}; }
 
@@ -110,13 +112,8 @@ TEST(OneDsfmWriter, RefusesWhatTheFormatCannotHold) {
   const TempFolder folder;
   OneDsfmFiles files;
   files.images = {{"images/my photo.jpg", {}}};
-  try {
-    WriteOneDsfmFiles(folder.path(), files);
-    FAIL();
-  } catch (const IoError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("list.txt"));
-    EXPECT_THAT(error.what(), HasSubstr("my photo.jpg"));
-  }
+  EXPECT_THAT(ThrownMessage<IoError>([&] { WriteOneDsfmFiles(folder.path(), files); }),
+              ::testing::AllOf(HasSubstr("list.txt"), HasSubstr("my photo.jpg")));
   files.images = {{"images/a.jpg", {}}};
   files.component = {1};
   EXPECT_THROW(WriteOneDsfmFiles(folder.path(), files), BugError);

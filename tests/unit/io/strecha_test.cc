@@ -7,12 +7,14 @@
 #include "cairn/base/file.h"
 #include "cairn/io/model.h"
 #include "support/temp_folder.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
 using testing::TempFolder;
+using testing::ThrownMessage;
 
 // Camera to world: x right = world y, y down = world -z, z forward = world -x... as columns.
 constexpr char kCamera[] =
@@ -48,12 +50,7 @@ TEST(Strecha, BrokenFilesAreNamed) {
   EXPECT_THROW(ReadStrecha(folder / "absent"), IoError);
   const auto error = [&](const std::string& text) -> std::string {
     WriteFileAtomically(folder / "a.camera", text);
-    try {
-      ReadStrecha(folder.path());
-    } catch (const IoError& e) {
-      return e.what();
-    }
-    return "no error";
+    return ThrownMessage<IoError>([&] { ReadStrecha(folder.path()); });
   };
   const std::string good = kCamera;
   EXPECT_EQ(error(good), "no error");

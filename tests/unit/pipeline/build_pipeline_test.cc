@@ -14,6 +14,7 @@
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
 #include "support/test_photos.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
@@ -21,6 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using testing::ThrownMessage;
 
 class BuildPipelineTest : public ::testing::Test {
  protected:
@@ -49,16 +51,6 @@ class BuildPipelineTest : public ::testing::Test {
     return options;
   }
   std::string Dump(const std::string& database) const { return DumpDatabase(folder_ / database); }
-  template <class Fn>
-  static std::string ConfigMessage(const Fn& fn) {
-    try {
-      fn();
-    } catch (const ConfigError& error) {
-      return error.what();
-    }
-    return "no ConfigError";
-  }
-
   testing::TempFolder folder_;
 };
 
@@ -129,7 +121,8 @@ TEST_F(BuildPipelineTest, OptionsThatDifferAreNamedAndRecomputedOnRequest) {
   const auto expect = [&](const std::string& stage, const std::string& option, auto change) {
     BuildPipelineOptions options = Options("a.db");
     change(options);
-    EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr(option + ": is"));
+    EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+                HasSubstr(option + ": is"));
     options.inputs.recompute = stage;
     RunBuildPipeline(options);
     BuildPipelineOptions fresh = options;
@@ -174,7 +167,8 @@ TEST_F(BuildPipelineTest, DepthThatComesAfterVerificationIsAnError) {
   options.inputs.depth_path = "";
   RunBuildPipeline(options);
   options.inputs.depth_path = folder_ / "depth";
-  EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr("without depth"));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("without depth"));
   options.inputs.recompute = "verification";
   EXPECT_EQ(RunBuildPipeline(options).summary.num_images_with_depth, 3);
 }
@@ -184,15 +178,18 @@ TEST_F(BuildPipelineTest, RecomputeRefusesToLoseWhatItCannotMake) {
   BuildPipelineOptions options = Options("a.db");
   options.inputs.recompute = "features";
   fs::remove(Images() + "/photo1.png");
-  EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr("photo1.png"));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("photo1.png"));
   options.inputs.image_path = "";
-  EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr("needs --image_path"));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("needs --image_path"));
   {
     Database database(folder_ / "a.db");
     database.DeleteImage(2);  // Its matches stay.
   }
   options.inputs.recompute = "matching";
-  EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr("no descriptors"));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("no descriptors"));
 }
 
 TEST_F(BuildPipelineTest, NothingVerifiedIsNoUsableResult) {
@@ -268,12 +265,7 @@ TEST_F(BuildPipelineTest, ATrackWithoutItsKeyIsNamedWithItsLine) {
     BuildPipelineOptions options;
     options.inputs.dataset_path = folder_ / "set";
     options.inputs.database_path = folder_ / "a.db";
-    try {
-      RunBuildPipeline(options);
-    } catch (const IoError& error) {
-      return error.what();
-    }
-    return "no error";
+    return ThrownMessage<IoError>([&] { RunBuildPipeline(options); });
   };
   OneDsfmFiles odd_key = Dataset();
   odd_key.tracks[3][1].key = 7;
@@ -299,7 +291,8 @@ TEST_F(BuildPipelineTest, ADatasetWithPhotographsHasItsPairsMatched) {
   EXPECT_THAT(pairs, ElementsAre(ImagePairToPairId(1, 2), ImagePairToPairId(2, 3)));
   EXPECT_EQ(report.summary.num_tried + report.summary.num_too_few, 2);
   options.inputs.image_path = folder_ / "set/images";
-  EXPECT_THAT(ConfigMessage([&] { RunBuildPipeline(options); }), HasSubstr("dataset_path"));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("dataset_path"));
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
 #include "support/test_photos.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
@@ -21,6 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using testing::ThrownMessage;
 
 class ImportPhotosTest : public ::testing::Test {
  protected:
@@ -41,16 +43,6 @@ class ImportPhotosTest : public ::testing::Test {
     for (const Image& image : database_.ReadImages()) names.push_back(image.name);
     return names;
   }
-  template <class Fn>
-  static std::string ConfigMessage(const Fn& fn) {
-    try {
-      fn();
-    } catch (const ConfigError& error) {
-      return error.what();
-    }
-    return "no ConfigError";
-  }
-
   testing::TempFolder folder_;
   const std::string images_ = folder_ / "images";
   Database database_{":memory:"};
@@ -96,10 +88,10 @@ TEST_F(ImportPhotosTest, WrongCameraParamsAreNamed) {
   AddPhoto("a.png");
   CameraOptions options;
   options.camera_params = {1, 2, 3};
-  EXPECT_EQ(ConfigMessage([&] { Import(options); }),
+  EXPECT_EQ(ThrownMessage<ConfigError>([&] { Import(options); }),
             "camera_params: SIMPLE_RADIAL has 4 parameters, 3 are given");
   options.camera_params = {-1, 2, 3, 0};
-  EXPECT_THAT(ConfigMessage([&] { Import(options); }), HasSubstr("camera_params: "));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(options); }), HasSubstr("camera_params: "));
   EXPECT_TRUE(database_.ReadImages().empty());
 }
 
@@ -152,7 +144,7 @@ TEST_F(ImportPhotosTest, AChangedPhotographIsNoticed) {
   AddPhoto("a.png");
   Import();
   WriteBitmap(images_ + "/a.png", testing::WallPhoto(64, 48, 5));
-  EXPECT_THAT(ConfigMessage([&] { Import(); }), HasSubstr("a.png changed since"));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(); }), HasSubstr("a.png changed since"));
 }
 
 TEST_F(ImportPhotosTest, PhotographsOfAnotherSizeDoNotFitTheSingleCamera) {
@@ -174,7 +166,8 @@ TEST_F(ImportPhotosTest, OtherCameraOptionsAreAnErrorUnlessCamerasAreRecomputed)
   database_.WriteKeypoints(1, std::vector<Keypoint>(3));
   CameraOptions options;
   options.camera_model = "PINHOLE";
-  EXPECT_THAT(ConfigMessage([&] { Import(options); }), HasSubstr("camera_model: is \"PINHOLE\""));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(options); }),
+              HasSubstr("camera_model: is \"PINHOLE\""));
   PrepareRecompute(database_, "cameras", images_);
   options.single_camera = true;
   Import(options);

@@ -6,21 +6,13 @@
 #include "cairn/base/error.h"
 #include "cairn/matching/matching.h"
 #include "pipeline/stage_names.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
-
-template <class Fn>
-std::string ConfigMessage(const Fn& fn) {
-  try {
-    fn();
-  } catch (const ConfigError& error) {
-    return error.what();
-  }
-  return "no ConfigError";
-}
+using testing::ThrownMessage;
 
 std::string Text(const MatchingOptions& options) { return DumpQualified("matching", options); }
 
@@ -39,17 +31,18 @@ TEST(StageLedger, NamesTheOptionThatDiffers) {
   ledger.Begin(database);
   EXPECT_TRUE(StageLedger(database, kStageMatching, Text(options)).WasBegun());
   options.max_ratio = 0.5;
-  EXPECT_EQ(ConfigMessage([&] { StageLedger(database, kStageMatching, Text(options)); }),
-            "matching.max_ratio: is 0.5, but the database's stage 'matching' was made with 0.8; "
-            "use the same, or --recompute matching");
-  EXPECT_THAT(ConfigMessage([&] {
+  EXPECT_EQ(
+      ThrownMessage<ConfigError>([&] { StageLedger(database, kStageMatching, Text(options)); }),
+      "matching.max_ratio: is 0.5, but the database's stage 'matching' was made with 0.8; "
+      "use the same, or --recompute matching");
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] {
                 StageLedger(database, kStageMatching, Text(options) + "matching.new = 1\n");
               }),
               HasSubstr("matching.max_ratio"));
-  EXPECT_THAT(ConfigMessage(
+  EXPECT_THAT(ThrownMessage<ConfigError>(
                   [&] { StageLedger(database, kStageMatching, Text({}) + "matching.new = 1\n"); }),
               HasSubstr("matching.new: the database's stage 'matching' was made by a version"));
-  EXPECT_THAT(ConfigMessage([&] { StageLedger(database, kStageMatching, ""); }),
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { StageLedger(database, kStageMatching, ""); }),
               HasSubstr("another version"));
 }
 
@@ -65,7 +58,7 @@ TEST(StageLedger, KnowsWhatIsDoneFromWhichInputs) {
   EXPECT_TRUE(ledger.IsDone(3, 77, "x"));
   EXPECT_FALSE(ledger.IsDone(4, 77, "x"));
   EXPECT_EQ(ledger.Find(4), nullptr);
-  EXPECT_EQ(ConfigMessage([&] { ledger.IsDone(3, 78, "the photograph a.jpg"); }),
+  EXPECT_EQ(ThrownMessage<ConfigError>([&] { ledger.IsDone(3, 78, "the photograph a.jpg"); }),
             "database: the photograph a.jpg changed since the stage 'depth' was computed; use "
             "--recompute depth");
 }

@@ -13,6 +13,7 @@
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
 #include "support/test_photos.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
@@ -20,6 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using testing::ThrownMessage;
 
 constexpr int kWidth = 160;
 constexpr int kHeight = 120;
@@ -56,16 +58,6 @@ class StagesTest : public ::testing::Test {
   StageReport Match(const std::optional<std::vector<image_pair_t>>& pairs = std::nullopt) {
     return MatchImagePairs(database_, pairs, {}, {}, 2);
   }
-  template <class Error, class Fn>
-  static std::string Message(const Fn& fn) {
-    try {
-      fn();
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return "no error";
-  }
-
   testing::TempFolder folder_;
   const std::string images_ = folder_ / "images";
   const std::string depth_ = folder_ / "depth";
@@ -165,10 +157,10 @@ TEST_F(StagesTest, ChangedDepthAndChangedDepthOptionsAreNoticed) {
   Depth();
   DepthOptions options;
   options.kind = "inverse";
-  EXPECT_THAT(Message<ConfigError>([&] { Depth(NullMonitor(), options); }),
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Depth(NullMonitor(), options); }),
               HasSubstr("depth.kind: is \"inverse\""));
   AddDepth(1, 7);
-  EXPECT_THAT(Message<ConfigError>([&] { Depth(); }), HasSubstr(Name(1)));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Depth(); }), HasSubstr(Name(1)));
 }
 
 TEST_F(StagesTest, WrongDepthSourcesAreNamed) {
@@ -176,24 +168,24 @@ TEST_F(StagesTest, WrongDepthSourcesAreNamed) {
   const auto sample = [&](const DepthSource& source, const std::string& image_path) {
     SampleImageDepth(database_, image_path, source, {}, 2);
   };
-  EXPECT_THAT(Message<IoError>([&] {
+  EXPECT_THAT(ThrownMessage<IoError>([&] {
                 sample({folder_ / "no", ""}, images_);
               }),
               HasSubstr("no such folder"));
-  EXPECT_THAT(Message<ConfigError>([&] {
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] {
                 sample({depth_, "net.onnx"}, images_);
               }),
               HasSubstr("cannot be given together"));
-  EXPECT_THAT(Message<ConfigError>([&] {
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] {
                 sample({"", "net.onnx"}, "");
               }),
               HasSubstr("depth_model: needs --image_path"));
-  EXPECT_THAT(Message<IoError>([&] {
+  EXPECT_THAT(ThrownMessage<IoError>([&] {
                 sample({"", folder_ / "net.onnx"}, images_);
               }),
               HasSubstr("net.onnx"));
   database_.WriteJob("verification", {1, 1, ""});
-  EXPECT_THAT(Message<ConfigError>([&] { Depth(); }), HasSubstr("verified without depth"));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Depth(); }), HasSubstr("verified without depth"));
 }
 
 TEST_F(StagesTest, NoDepthSourceIsFine) {
@@ -237,7 +229,7 @@ TEST_F(StagesTest, PairListsWithBlanksInNamesAndBrokenLines) {
   std::ofstream(folder_ / "pairs.txt") << "a b.png c d.png\r\n";
   EXPECT_THAT(ReadPairList(folder_ / "pairs.txt", images), ElementsAre(ImagePairToPairId(1, 2)));
   std::ofstream(folder_ / "pairs.txt") << "\nlonely.png\n";
-  EXPECT_THAT(Message<IoError>([&] { ReadPairList(folder_ / "pairs.txt", images); }),
+  EXPECT_THAT(ThrownMessage<IoError>([&] { ReadPairList(folder_ / "pairs.txt", images); }),
               HasSubstr("pairs.txt:2: 'lonely.png' is not two image names"));
   EXPECT_THROW(ReadPairList(folder_ / "no.txt", images), IoError);
 }
@@ -279,7 +271,8 @@ TEST_F(StagesTest, ChangedFeaturesAreNoticedByMatching) {
   Extract();
   Match();
   database_.WriteDescriptors(2, Descriptors::Constant(5, 128, 1));
-  EXPECT_THAT(Message<ConfigError>([&] { Match(); }), HasSubstr("the features of " + Name(1)));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Match(); }),
+              HasSubstr("the features of " + Name(1)));
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "support/temp_folder.h"
+#include "support/thrown_message.h"
 
 namespace cairn::experiments {
 namespace {
@@ -15,6 +16,7 @@ namespace {
 using cairn::testing::TempFolder;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using testing::ThrownMessage;
 
 std::vector<FigureCheck> RunQuickly(const std::string& experiment, const std::string& output_path,
                                     int num_threads = 1) {
@@ -90,12 +92,8 @@ TEST(SceneExperiments, AnUnknownVerifierIsNamed) {
   options.output_path = folder.path();
   options.quick = true;
   options.verifiers = "five_points";
-  try {
-    RunExperiments(options, {}, NullMonitor());
-    FAIL() << "no error";
-  } catch (const ConfigError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("five_points"));
-  }
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunExperiments(options, {}, NullMonitor()); }),
+              HasSubstr("five_points"));
 }
 
 }  // namespace
