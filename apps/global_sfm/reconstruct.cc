@@ -81,6 +81,7 @@ void AddReconstructCommand(Program& program) {
   auto state = std::make_shared<State>();
   command.AddOptions("", state->flags);
   command.AddOptions("reconstruct", state->settings.reconstruct);
+  command.AddOptions("focal_calibration", state->settings.focal_calibration);
   command.AddOptions("view_graph", state->settings.view_graph);
   command.AddOptions("rotation_averaging", state->settings.rotation_averaging);
   command.AddOptions("translation_averaging", state->settings.translation_averaging);

@@ -90,58 +90,95 @@ std::set<camera_t> CamerasToHold(const std::map<camera_t, Camera>& cameras) {
   return held;
 }
 
-SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
-                        ProgressMonitor& monitor, RunReport& report) {
-  Stage stage(report, monitor, "read");
-  SceneData scene;
-  std::map<image_t, std::vector<point2D_t>> first_keypoint;
-  ReadImagesAndKeypoints(database, scene, stage, first_keypoint);
+namespace {
 
-  int64_t num_matches = 0;
-  std::map<image_pair_t, TwoViewGeometry> foreign;
+// Edges with their merged inlier matches; geometries of those that another program verified.
+void ReadEdges(const Database& database,
+               const std::map<image_t, std::vector<point2D_t>>& first_keypoint, SceneData& scene,
+               std::map<image_pair_t, TwoViewGeometry>& foreign) {
   for (ViewEdge& edge : ReadViewEdges(database)) {
     if (scene.pixels.count(edge.image_id1) == 0 || scene.pixels.count(edge.image_id2) == 0) {
       continue;
     }
     TwoViewGeometry geometry = database.ReadTwoViewGeometry(edge.PairId()).value();
-    FeatureMatches matches =
+    scene.matches[edge.PairId()] =
         MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
                      first_keypoint.at(edge.image_id2));
-    num_matches += static_cast<int64_t>(matches.size());
-    scene.matches[edge.PairId()] = std::move(matches);
     scene.poses_imported |= edge.verifier == kImportedVerifier;
     if (edge.verifier.empty()) foreign[edge.PairId()] = std::move(geometry);
     scene.edges.push_back(std::move(edge));
   }
-  scene.poses_alone = scene.poses_imported && num_matches == 0;
-  if (scene.poses_alone) {
-    stage.Note("the pairs have poses and no matches: only poses are averaged, there are no points");
-  } else {
-    ImproveRelativePoses(foreign, settings.num_threads, scene);
-  }
+}
 
+void ChooseHeldCameras(const Database& database, const ReconstructSettings& settings,
+                       SceneData& scene) {
   for (const auto& [id, camera] : scene.cameras) scene.held_cameras.insert(id);
   if (settings.refine_intrinsics) {
     if (*settings.refine_intrinsics) scene.held_cameras.clear();
   } else if (!CamerasWereGiven(database)) {
     scene.held_cameras = CamerasToHold(scene.cameras);
   }
-  stage.Add("cameras", static_cast<double>(scene.cameras.size()));
-  stage.Add("cameras_held", static_cast<double>(scene.held_cameras.size()));
-  stage.Add("images", static_cast<double>(scene.pixels.size()));
-  stage.Add("pairs", static_cast<double>(scene.edges.size()));
-  stage.Add("matches", static_cast<double>(num_matches));
-  stage.Note("intrinsics of " + std::to_string(scene.held_cameras.size()) + " of " +
-             std::to_string(scene.cameras.size()) + " cameras are held (--refine_intrinsics)");
-  if (scene.pixels.empty()) {
-    stage.Fail("the database has no image with keypoints",
-               "run build_view_graph with --image_path first");
-  } else if (scene.edges.empty()) {
-    stage.Fail(
-        "the database has " + std::to_string(scene.pixels.size()) + " images and no verified pair",
-        "run build_view_graph up to verification, or try a larger --matching.max_ratio or "
-        "--features.max_num_features");
+}
+
+// Focal lengths that are not known, and the pairs whose poses change with them.
+void CalibrateScene(const Database& database, const ReconstructSettings& settings,
+                    ProgressMonitor& monitor, RunReport& report, SceneData& scene,
+                    std::map<image_pair_t, TwoViewGeometry>& changed_geometries) {
+  Stage stage(report, monitor, "focal_calibration");
+  const GeometryReader read = [&](image_pair_t pair_id) {
+    return database.ReadTwoViewGeometry(pair_id).value();
+  };
+  const std::set<camera_t> changed = CalibrateSceneFocals(read, settings, stage, scene);
+  for (const ViewEdge& edge : scene.edges) {
+    if (changed.count(scene.images.at(edge.image_id1).camera_id) == 0 &&
+        changed.count(scene.images.at(edge.image_id2).camera_id) == 0) {
+      continue;
+    }
+    changed_geometries.try_emplace(edge.PairId(), read(edge.PairId()));
   }
+}
+
+}  // namespace
+
+SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
+                        ProgressMonitor& monitor, RunReport& report) {
+  SceneData scene;
+  std::map<image_pair_t, TwoViewGeometry> to_improve;
+  {
+    Stage stage(report, monitor, "read");
+    std::map<image_t, std::vector<point2D_t>> first_keypoint;
+    ReadImagesAndKeypoints(database, scene, stage, first_keypoint);
+    ReadEdges(database, first_keypoint, scene, to_improve);
+    size_t num_matches = 0;
+    for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
+    scene.poses_alone = scene.poses_imported && num_matches == 0;
+    ChooseHeldCameras(database, settings, scene);
+    stage.Add("cameras", static_cast<double>(scene.cameras.size()));
+    stage.Add("cameras_held", static_cast<double>(scene.held_cameras.size()));
+    stage.Add("images", static_cast<double>(scene.pixels.size()));
+    stage.Add("pairs", static_cast<double>(scene.edges.size()));
+    stage.Add("matches", static_cast<double>(num_matches));
+    stage.Note("intrinsics of " + std::to_string(scene.held_cameras.size()) + " of " +
+               std::to_string(scene.cameras.size()) + " cameras are held (--refine_intrinsics)");
+    if (scene.pixels.empty()) {
+      stage.Fail("the database has no image with keypoints",
+                 "run build_view_graph with --image_path first");
+    } else if (scene.edges.empty()) {
+      stage.Fail("the database has " + std::to_string(scene.pixels.size()) +
+                     " images and no verified pair",
+                 "run build_view_graph up to verification, or try a larger --matching.max_ratio or "
+                 "--features.max_num_features");
+    }
+    if (scene.poses_alone) {
+      stage.Note(
+          "the pairs have poses and no matches: only poses are averaged, there are no points");
+    }
+  }
+  if (!report.Succeeded() || scene.poses_alone) return scene;
+  if (settings.focal_calibration.enabled && scene.held_cameras.size() < scene.cameras.size()) {
+    CalibrateScene(database, settings, monitor, report, scene, to_improve);
+  }
+  ImproveRelativePoses(to_improve, settings.num_threads, scene);
   return scene;
 }
 

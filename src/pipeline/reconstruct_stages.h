@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <map>
 #include <set>
 #include <span>
@@ -70,9 +71,18 @@ std::set<camera_t> CamerasToHold(const std::map<camera_t, Camera>& cameras);
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
                         ProgressMonitor& monitor, RunReport& report);
 
+// reconstruct_focals.cc
+using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
+// Gives cameras that are not held the focal lengths that the pairs' fundamental matrices determine,
+// and says what became of each. Returns the cameras that changed.
+std::set<camera_t> CalibrateSceneFocals(const GeometryReader& read,
+                                        const ReconstructSettings& settings, Stage& stage,
+                                        SceneData& scene);
+
 // reconstruct_relative_poses.cc
-// Refines the poses of edges that another program verified, on their inlier matches, and finds
-// those that it did not store or left open (COLMAP's planar-or-panoramic pairs). Edges whose
+// Refines the poses of edges that another program verified, or whose focal lengths changed, on
+// their inlier matches, and finds those that were not stored or left open (COLMAP's
+// planar-or-panoramic pairs). Edges whose
 // matches show no parallax end with the reason kNoPose.
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
                           int num_threads, SceneData& scene);

@@ -16,6 +16,7 @@
 #include "cairn/tracks/tracks.h"
 #include "cairn/translation_averaging/options.h"
 #include "cairn/triangulation/triangulation.h"
+#include "cairn/view_graph/focal_calibration.h"
 #include "cairn/view_graph/options.h"
 
 namespace cairn {
@@ -47,6 +48,7 @@ struct ReconstructOptions {
 // The options of every stage.
 struct ReconstructSettings {
   ReconstructOptions reconstruct;
+  FocalCalibrationOptions focal_calibration;
   ViewGraphBuilderOptions view_graph;
   RotationAveragingOptions rotation_averaging;
   TranslationAveragingOptions translation_averaging;

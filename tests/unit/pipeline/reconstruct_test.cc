@@ -122,6 +122,60 @@ TEST(ReconstructScene, RefinesUnknownFocalLengths) {
   }
 }
 
+// Wide-angle cameras of which nothing is known but a guess far off.
+TEST(ReconstructScene, CalibratesFocalLengthsFromThePairs) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.SetMeanFocal(1.7 * camera.MeanFocal());
+    camera.has_prior_focal_length = false;
+    database.WriteCamera(camera);
+  }
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  EXPECT_EQ(result.models.front().images.size(), 10u);
+  for (const auto& [id, camera] : result.models.front().cameras) {
+    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), 1.0, 0.01);
+  }
+  const StageReport* stage = FindStage(result.report, "focal_calibration");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(stage->status, StageStatus::kOk);
+  EXPECT_EQ(Value(*stage, "calibrated"), 2);
+  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("camera 1: focal length "),
+                                                      HasSubstr("camera 2: focal length ")));
+
+  ReconstructSettings settings = Settings();
+  settings.focal_calibration.max_sigma = 1e-6;
+  const RunReport refused = ReconstructScene(database, "", settings).report;
+  stage = FindStage(refused, "focal_calibration");
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+  EXPECT_EQ(Value(*stage, "undetermined"), 2);
+  EXPECT_THAT(stage->messages[0], HasSubstr("undetermined; the guess is kept"));
+
+  settings.focal_calibration.enabled = false;
+  EXPECT_EQ(FindStage(ReconstructScene(database, "", settings).report, "focal_calibration"),
+            nullptr);
+}
+
+TEST(ReconstructScene, OverrulesExifThatIsFarOff) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.SetMeanFocal((id == 1 ? 1.5 : 1.02) * camera.MeanFocal());
+    camera.has_prior_focal_length = true;
+    database.WriteCamera(camera);
+  }
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  const StageReport* stage = FindStage(result.report, "focal_calibration");
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("calibrated; EXIF is overruled"),
+                                                      HasSubstr("confirmed")));
+  for (const auto& [id, camera] : result.models.front().cameras) {
+    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), 1.0, 0.01);
+  }
+}
+
 TEST(ReconstructScene, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
   const SyntheticScene scene = MakeScene(SmallScene(), 4);
   const Database database = MakeDatabase(scene);
