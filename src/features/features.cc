@@ -28,6 +28,7 @@ Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options) {
   ValidateOptions(options, "features");
   CAIRN_CHECK_EQ(gray.channels, 1);
   CAIRN_CHECK_EQ(gray.data.size(), static_cast<size_t>(gray.width) * gray.height);
+  cv::setNumThreads(1);  // Callers have an image a thread; OpenCV would add its own to each.
   const auto extract = options.type == "sift" ? ExtractSift : ExtractAffineDog;
   const int size = std::max(gray.width, gray.height);
   if (size <= options.max_image_size) return extract(gray, options);

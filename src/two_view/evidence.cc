@@ -9,8 +9,14 @@
 namespace cairn::internal {
 namespace {
 
+// std::lgamma writes a global variable, the sign.
+double LogFactorial(int n) {
+  int sign;
+  return lgamma_r(n + 1.0, &sign);
+}
+
 double Log10Binomial(int n, int k) {
-  return (std::lgamma(n + 1.0) - std::lgamma(k + 1.0) - std::lgamma(n - k + 1.0)) / std::log(10.0);
+  return (LogFactorial(n) - LogFactorial(k) - LogFactorial(n - k)) / std::log(10.0);
 }
 
 }  // namespace
