@@ -92,8 +92,8 @@ void SampleDepths(const RealDataOptions& options, const DepthOptions& depth_opti
         if (!path) throw IoError(options.depth_path, "no depth map of " + image.name);
         map = ReadDepthMap(*path, depth_options);
       }
-      image.depth =
-          SampleDepth(map, image.camera.width, image.camera.height, image.keypoints, depth_options);
+      image.depth = SampleDepth(map, image.camera.width, image.camera.height, image.keypoints,
+                                depth_options.Scales().front());
     } catch (const IoError& error) {
       monitor.Warning(std::string(error.what()) + "; the image has no depth");
     }

@@ -13,9 +13,6 @@ std::string RowName(const char* table, image_t image_id) {
   return std::string(table) + " of image " + std::to_string(image_id);
 }
 
-// A stored depth sample: depth, ddepth_dx, ddepth_dy, valid (1 or 0).
-constexpr int kDepthColumns = 4;
-
 // COLMAP's rows: x y | x y scale orientation | x y a11 a12 a21 a22.
 Keypoint KeypointFromRow(const float* row, int64_t cols) {
   if (cols == 2) return {row[0], row[1]};
@@ -68,24 +65,6 @@ std::optional<Descriptors> Database::ReadDescriptors(image_t image_id) const {
   return descriptors;
 }
 
-std::optional<std::vector<DepthSample>> Database::ReadDepthSamples(image_t image_id) const {
-  if (!impl_->has_cairn_tables) return std::nullopt;
-  Query query(*impl_, sql::kReadDepthSamples);
-  if (!query.Bind(1, image_id).Step()) return std::nullopt;
-  const std::string row = RowName("cairn_depth_samples", image_id);
-  const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, 0, sizeof(float), row);
-  if (matrix.cols != kDepthColumns) {
-    throw IoError(path(), row + ": " + std::to_string(matrix.cols) + " columns instead of 4");
-  }
-  std::vector<DepthSample> samples(static_cast<size_t>(matrix.rows));
-  for (size_t i = 0; i < samples.size(); ++i) {
-    float values[kDepthColumns];
-    std::memcpy(values, matrix.data + i * sizeof(values), sizeof(values));
-    samples[i] = {values[0], values[1], values[2], values[3] != 0};
-  }
-  return samples;
-}
-
 void Database::WriteKeypoints(image_t image_id, const std::vector<Keypoint>& keypoints) {
   Query(*impl_, sql::kWriteKeypoints)
       .Bind(1, image_id)
@@ -105,35 +84,12 @@ void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors
       .Run();
 }
 
-void Database::WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples) {
-  std::vector<float> values;
-  values.reserve(samples.size() * kDepthColumns);
-  for (const DepthSample& s : samples) {
-    if (s.is_valid) {
-      values.insert(values.end(), {s.depth, s.ddepth_dx, s.ddepth_dy, 1.0f});
-    } else {
-      values.insert(values.end(), kDepthColumns, 0.0f);
-    }
-  }
-  Query(*impl_, sql::kWriteDepthSamples)
-      .Bind(1, image_id)
-      .Bind(2, static_cast<uint64_t>(samples.size()))
-      .Bind(3, kDepthColumns)
-      .BindBlob(4, values.data(), values.size() * sizeof(float))
-      .Run();
-}
-
 std::map<image_t, int> Database::ReadNumKeypoints() const {
   return ReadNumRows(*impl_, sql::kReadNumKeypoints);
 }
 
 std::map<image_t, int> Database::ReadNumDescriptors() const {
   return ReadNumRows(*impl_, sql::kReadNumDescriptors);
-}
-
-std::map<image_t, int> Database::ReadNumDepthSamples() const {
-  if (!impl_->has_cairn_tables) return {};
-  return ReadNumRows(*impl_, sql::kReadNumDepthSamples);
 }
 
 }  // namespace cairn

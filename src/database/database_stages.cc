@@ -121,8 +121,7 @@ void Database::ClearMatches() { Query(*impl_, sql::kClearMatches).Run(); }
 void Database::ClearVerification() {
   Query(*impl_, sql::kClearTwoViewGeometries).Run();
   Query(*impl_, sql::kClearPairMetrics).Run();
-  Query(*impl_, sql::kClearPairDepthVotes).Run();
-  Query(*impl_, sql::kClearImageDepthVotes).Run();
+  Query(*impl_, sql::kClearImageDepth).Run();
 }
 
 void Database::ClearStage(const std::string& stage) {

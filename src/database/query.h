@@ -19,6 +19,7 @@ struct Database::Impl {
   sqlite3* connection = nullptr;
   std::unordered_map<const char*, sqlite3_stmt*> statements;  // by address of the SQL constant
   bool has_cairn_tables = false;
+  bool has_depth_tables = false;      // cairn_depth_scales, cairn_image_depth
   bool has_rigs = false;              // COLMAP 4.x: rigs, frames
   bool has_descriptor_types = false;  // COLMAP 4.x: descriptors.type
 

@@ -34,21 +34,19 @@ CREATE TABLE IF NOT EXISTS two_view_geometries
 
 // Ours. WITHOUT ROWID: the order in a dump is that of the key, not of writing.
 inline constexpr const char* kCairnSchema = R"(
-CREATE TABLE IF NOT EXISTS cairn_depth_samples
-  (image_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB,
-   FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE IF NOT EXISTS cairn_depth_scales
+  (image_id INTEGER NOT NULL, scale INTEGER NOT NULL, hash INTEGER NOT NULL,
+   rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB, PRIMARY KEY(image_id, scale),
+   FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS cairn_pair_metrics
   (pair_id INTEGER NOT NULL, verifier TEXT NOT NULL, status TEXT NOT NULL,
    is_winner INTEGER NOT NULL, step TEXT NOT NULL, num_matches INTEGER NOT NULL,
    num_inliers INTEGER NOT NULL, num_iterations INTEGER NOT NULL, score REAL NOT NULL,
    residual_px REAL NOT NULL, triangulation_angle_deg REAL NOT NULL, qvec BLOB, tvec BLOB,
    PRIMARY KEY(pair_id, verifier)) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS cairn_pair_depth_votes
-  (pair_id INTEGER PRIMARY KEY NOT NULL, num_hypotheses INTEGER NOT NULL,
-   num_right INTEGER NOT NULL) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS cairn_image_depth_votes
-  (image_id INTEGER PRIMARY KEY NOT NULL, num_hypotheses INTEGER NOT NULL,
-   num_right INTEGER NOT NULL,
+CREATE TABLE IF NOT EXISTS cairn_image_depth
+  (image_id INTEGER PRIMARY KEY NOT NULL, scale INTEGER NOT NULL, shift REAL NOT NULL,
+   num_hypotheses INTEGER NOT NULL, num_right INTEGER NOT NULL,
    FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS cairn_photos
   (name TEXT PRIMARY KEY NOT NULL, file_hash INTEGER NOT NULL, error TEXT NOT NULL) WITHOUT ROWID;
@@ -113,7 +111,9 @@ inline constexpr const char* kReadKeypoints =
 inline constexpr const char* kReadDescriptors =
     "SELECT rows, cols, data FROM descriptors WHERE image_id = ?1;";
 inline constexpr const char* kReadDepthSamples =
-    "SELECT rows, cols, data FROM cairn_depth_samples WHERE image_id = ?1;";
+    "SELECT rows, cols, data FROM cairn_depth_scales WHERE image_id = ?1 AND scale = ?2;";
+inline constexpr const char* kReadDepthHash =
+    "SELECT hash FROM cairn_depth_scales WHERE image_id = ?1 AND scale = 0;";
 inline constexpr const char* kWriteKeypoints =
     "INSERT OR REPLACE INTO keypoints(image_id, rows, cols, data) VALUES(?1, ?2, ?3, ?4);";
 inline constexpr const char* kWriteDescriptors =
@@ -122,12 +122,14 @@ inline constexpr const char* kWriteTypedDescriptors =  // COLMAP 4.x; type 0 is 
     "INSERT OR REPLACE INTO descriptors(image_id, rows, cols, data, type) "
     "VALUES(?1, ?2, ?3, ?4, 0);";
 inline constexpr const char* kWriteDepthSamples =
-    "INSERT OR REPLACE INTO cairn_depth_samples(image_id, rows, cols, data) "
-    "VALUES(?1, ?2, ?3, ?4);";
+    "INSERT INTO cairn_depth_scales(image_id, scale, hash, rows, cols, data) "
+    "VALUES(?1, ?2, ?3, ?4, ?5, ?6);";
+inline constexpr const char* kDeleteDepthSamples =
+    "DELETE FROM cairn_depth_scales WHERE image_id = ?1;";
 inline constexpr const char* kReadNumKeypoints = "SELECT image_id, rows FROM keypoints;";
 inline constexpr const char* kReadNumDescriptors = "SELECT image_id, rows FROM descriptors;";
 inline constexpr const char* kReadNumDepthSamples =
-    "SELECT image_id, rows FROM cairn_depth_samples;";
+    "SELECT image_id, rows FROM cairn_depth_scales WHERE scale = 0;";
 
 inline constexpr const char* kReadNumMatches =
     "SELECT pair_id, rows FROM matches ORDER BY pair_id;";
@@ -189,21 +191,16 @@ inline constexpr const char* kWriteStage =
 inline constexpr const char* kClearPhotos = "DELETE FROM cairn_photos;";
 inline constexpr const char* kClearKeypoints = "DELETE FROM keypoints;";
 inline constexpr const char* kClearDescriptors = "DELETE FROM descriptors;";
-inline constexpr const char* kClearDepthSamples = "DELETE FROM cairn_depth_samples;";
+inline constexpr const char* kClearDepthSamples = "DELETE FROM cairn_depth_scales;";
 inline constexpr const char* kClearMatches = "DELETE FROM matches;";
 inline constexpr const char* kClearTwoViewGeometries = "DELETE FROM two_view_geometries;";
-inline constexpr const char* kReadPairDepthVotes =
-    "SELECT pair_id, num_hypotheses, num_right FROM cairn_pair_depth_votes ORDER BY pair_id;";
-inline constexpr const char* kWritePairDepthVotes =
-    "INSERT OR REPLACE INTO cairn_pair_depth_votes(pair_id, num_hypotheses, num_right) "
-    "VALUES(?1, ?2, ?3);";
-inline constexpr const char* kClearPairDepthVotes = "DELETE FROM cairn_pair_depth_votes;";
-inline constexpr const char* kReadImageDepthVotes =
-    "SELECT image_id, num_hypotheses, num_right FROM cairn_image_depth_votes ORDER BY image_id;";
-inline constexpr const char* kWriteImageDepthVotes =
-    "INSERT OR REPLACE INTO cairn_image_depth_votes(image_id, num_hypotheses, num_right) "
-    "VALUES(?1, ?2, ?3);";
-inline constexpr const char* kClearImageDepthVotes = "DELETE FROM cairn_image_depth_votes;";
+inline constexpr const char* kReadImageDepth =
+    "SELECT image_id, scale, shift, num_hypotheses, num_right FROM cairn_image_depth "
+    "ORDER BY image_id;";
+inline constexpr const char* kWriteImageDepth =
+    "INSERT OR REPLACE INTO cairn_image_depth(image_id, scale, shift, num_hypotheses, num_right) "
+    "VALUES(?1, ?2, ?3, ?4, ?5);";
+inline constexpr const char* kClearImageDepth = "DELETE FROM cairn_image_depth;";
 inline constexpr const char* kClearPairMetrics = "DELETE FROM cairn_pair_metrics;";
 inline constexpr const char* kClearJobs = "DELETE FROM cairn_jobs WHERE stage = ?1;";
 inline constexpr const char* kClearTimings = "DELETE FROM cairn_timings WHERE stage = ?1;";

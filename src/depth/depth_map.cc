@@ -16,16 +16,14 @@ DepthMap DepthMapFromValues(int width, int height, const std::vector<float>& val
   DepthMap map;
   map.width = width;
   map.height = height;
-  map.depth.resize(values.size());
+  map.is_inverse = options.kind == "inverse";
+  map.values.resize(values.size());
   map.is_valid.resize(values.size());
   for (size_t i = 0; i < values.size(); ++i) {
-    const double value = values[i] * options.scale;
-    double depth = value;
-    if (options.kind == "inverse") depth = 1.0 / value;
-    if (options.kind == "log") depth = std::exp(value);
-    const float stored = static_cast<float>(depth);
-    if (!std::isnormal(stored) || stored < 0) continue;
-    map.depth[i] = stored;
+    const double scaled = values[i] * options.scale;
+    const auto value = static_cast<float>(options.kind == "log" ? std::exp(scaled) : scaled);
+    if (!std::isnormal(value) || (value < 0 && !map.is_inverse)) continue;
+    map.values[i] = value;
     map.is_valid[i] = 1;
   }
   return map;

@@ -10,10 +10,10 @@ namespace cairn {
 
 std::vector<DepthSample> SampleDepth(const DepthMap& map, int image_width, int image_height,
                                      std::span<const Keypoint> keypoints,
-                                     const DepthOptions& options) {
+                                     const DepthWindows& windows) {
   CAIRN_CHECK(image_width > 0 && image_height > 0);
   const size_t num_pixels = static_cast<size_t>(map.width) * map.height;
-  CAIRN_CHECK(num_pixels > 0 && map.depth.size() == num_pixels);
+  CAIRN_CHECK(num_pixels > 0 && map.values.size() == num_pixels);
   CAIRN_CHECK_EQ(map.is_valid.size(), num_pixels);
 
   const double scale_x =
@@ -21,11 +21,10 @@ std::vector<DepthSample> SampleDepth(const DepthMap& map, int image_width, int i
   const double scale_y = static_cast<double>(map.height) / image_height;
   const double image_size = std::max(image_width, image_height);
   const auto make_planes = [&](double window) {
-    return WeightedPlanes(map, map.depth, window * image_size * scale_x,
-                          window * image_size * scale_y);
+    return WeightedPlanes(map, window * image_size * scale_x, window * image_size * scale_y);
   };
-  const WeightedPlanes value_planes = make_planes(options.value_window);
-  const WeightedPlanes gradient_planes = make_planes(options.gradient_window);
+  const WeightedPlanes value_planes = make_planes(windows.value);
+  const WeightedPlanes gradient_planes = make_planes(windows.gradient);
 
   std::vector<DepthSample> samples(keypoints.size());
   for (size_t i = 0; i < keypoints.size(); ++i) {
@@ -34,12 +33,16 @@ std::vector<DepthSample> SampleDepth(const DepthMap& map, int image_width, int i
     if (!map.is_valid[static_cast<size_t>(y) * map.width + static_cast<size_t>(x)]) continue;
     LocalPlane value, gradient;
     if (!value_planes.Fit(x, y, &value) || !gradient_planes.Fit(x, y, &gradient)) continue;
-    const float depth = static_cast<float>(value.value);
-    if (!std::isnormal(depth) || depth < 0) continue;
-    samples[i] = {.depth = depth,
-                  .ddepth_dx = static_cast<float>(gradient.gradient_x * scale_x),
-                  .ddepth_dy = static_cast<float>(gradient.gradient_y * scale_y),
-                  .is_valid = true};
+    const double depth = map.is_inverse ? 1.0 / value.value : value.value;
+    const double ddepth_dvalue = map.is_inverse ? -depth * depth : 1.0;
+    const DepthSample sample = {
+        .depth = static_cast<float>(depth),
+        .ddepth_dx = static_cast<float>(ddepth_dvalue * gradient.gradient_x * scale_x),
+        .ddepth_dy = static_cast<float>(ddepth_dvalue * gradient.gradient_y * scale_y),
+        .is_valid = depth > 0};
+    const bool is_known = std::isnormal(sample.depth) && std::isfinite(sample.ddepth_dx) &&
+                          std::isfinite(sample.ddepth_dy);
+    if (is_known && (sample.is_valid || map.is_inverse)) samples[i] = sample;
   }
   return samples;
 }

@@ -13,10 +13,8 @@ constexpr double kTruncation = 3.0;     // standard deviations
 
 }  // namespace
 
-WeightedPlanes::WeightedPlanes(const DepthMap& map, const std::vector<float>& values,
-                               double sigma_x, double sigma_y)
+WeightedPlanes::WeightedPlanes(const DepthMap& map, double sigma_x, double sigma_y)
     : map_(&map),
-      values_(&values),
       sigma_x_(std::max(sigma_x, kMinSigma)),
       sigma_y_(std::max(sigma_y, kMinSigma)),
       cell_width_(std::max(1, static_cast<int>(sigma_x_ / kCellsPerSigma))),
@@ -40,7 +38,7 @@ WeightedPlanes::Moments WeightedPlanes::PixelMoments(int column, int row) const 
   if (!map_->is_valid[pixel]) return {};
   const double x = column + 0.5 - 0.5 * map_->width;
   const double y = row + 0.5 - 0.5 * map_->height;
-  const double v = (*values_)[pixel];
+  const double v = map_->values[pixel];
   return {1, x, y, x * x, x * y, y * y, v, v * x, v * y};
 }
 

@@ -15,16 +15,16 @@ struct LocalPlane {
   double gradient_y = 0;
 };
 
-// Planes fitted to a scalar map by least squares with Gaussian weights around any point, over the
-// valid pixels alone (normalized convolution of first order; Knutsson and Westin 1993). An exact
-// plane is found exactly, next to holes and the border too. For a wide window the pixels are first
-// gathered in cells that keep their moments, so that a fit looks at a few hundred cells at most.
+// Planes fitted to the values of a map by least squares with Gaussian weights around any point,
+// over the valid pixels alone (normalized convolution of first order; Knutsson and Westin 1993). An
+// exact plane is found exactly, next to holes and the border too. For a wide window the pixels are
+// first gathered in cells that keep their moments, so that a fit looks at a few hundred cells at
+// most.
 class WeightedPlanes {
  public:
   // sigma: standard deviation of the weights in map pixels, along x and y; at least 0.7 is used.
-  // `map` and `values` (one a pixel) must outlive this object.
-  WeightedPlanes(const DepthMap& map, const std::vector<float>& values, double sigma_x,
-                 double sigma_y);
+  // `map` must outlive this object.
+  WeightedPlanes(const DepthMap& map, double sigma_x, double sigma_y);
 
   // The plane around (x, y), or false where the valid pixels fix none.
   bool Fit(double x, double y, LocalPlane* plane) const;
@@ -44,7 +44,6 @@ class WeightedPlanes {
   Moments WindowMoments(double x, double y) const;
 
   const DepthMap* map_;
-  const std::vector<float>* values_;
   double sigma_x_, sigma_y_;
   int cell_width_, cell_height_;  // map pixels per cell
   int cells_x_, cells_y_;

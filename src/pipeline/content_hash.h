@@ -19,15 +19,6 @@ inline uint64_t HashDescriptors(const Descriptors& descriptors) {
   return Hasher().AddBytes(descriptors.data(), static_cast<size_t>(descriptors.size())).Digest();
 }
 
-inline uint64_t HashDepth(std::span<const DepthSample> samples) {
-  Hasher hasher;
-  for (const DepthSample& s : samples) {
-    hasher.Add(s.is_valid ? 1 : 0);
-    if (s.is_valid) hasher.Add(s.depth).Add(s.ddepth_dx).Add(s.ddepth_dy);
-  }
-  return hasher.Digest();
-}
-
 inline uint64_t HashMatches(const FeatureMatches& matches) {
   return Hasher().AddBytes(matches.data(), matches.size() * sizeof(FeatureMatch)).Digest();
 }

@@ -15,6 +15,7 @@
 
 #include "cairn/base/types.h"
 #include "cairn/camera/camera.h"
+#include "cairn/geometry/rigid3d.h"
 #include "cairn/matching/matching.h"
 #include "cairn/scene/features.h"
 #include "pipeline/pair_plan.h"
@@ -26,17 +27,19 @@ struct PairImage {
   Camera camera;
   std::vector<Keypoint> keypoints;
   std::vector<DepthSample> depth;  // empty: the image has no depth
+  std::vector<std::vector<DepthSample>> depth_scales;
   PreparedDescriptors descriptors;
   uint64_t content_hash = 0;
   bool is_damaged = false;  // a row of it cannot be read: its pairs are left out
 };
 
-// A pair with everything that its computation needs.
+// A pair with everything that its computation needs; each stage fills what it uses.
 struct PairTask {
   image_pair_t pair_id = 0;
   std::shared_ptr<const PairImage> image1;
   std::shared_ptr<const PairImage> image2;
   FeatureMatches matches;
+  Rigid3d cam2_from_cam1;
   uint64_t input_hash = 0;
 };
 

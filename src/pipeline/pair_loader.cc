@@ -60,11 +60,16 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
   if (!keypoints) throw IoError(database_.path(), "has matches, but no keypoints of " + Name(id));
   loaded.keypoints = std::move(*keypoints);
   try {
-    loaded.depth = database_.ReadDepthSamples(id).value_or(std::vector<DepthSample>());
+    const auto learned = learned_.find(id);
+    const ImageDepth how = learned == learned_.end() ? ImageDepth() : learned->second;
+    loaded.depth = database_.ReadDepthSamples(id, how.scale).value_or(std::vector<DepthSample>());
     if (!loaded.depth.empty() && loaded.depth.size() != loaded.keypoints.size()) {
       throw IoError(database_.path(), "has " + std::to_string(loaded.keypoints.size()) +
                                           " keypoints of " + Name(id) + ", but " +
                                           std::to_string(loaded.depth.size()) + " depth samples");
+    }
+    if (how.shift != 0.0) {
+      for (DepthSample& sample : loaded.depth) sample = ShiftInverseDepth(sample, how.shift);
     }
   } catch (const IoError& error) {
     if (is_damaged_.count(id) == 0) Report(std::string(error.what()) + "; its depth is not used");
@@ -72,7 +77,8 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
   }
   Hasher hasher;
   hasher.Add(HashCamera(loaded.camera)).Add(HashKeypoints(loaded.keypoints));
-  loaded.content_hash = hasher.Add(HashDepth(loaded.depth)).Digest();
+  if (!loaded.depth.empty()) hasher.Add(*database_.ReadDepthHash(id));
+  loaded.content_hash = hasher.Digest();
 }
 
 bool PairLoader::LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image) {

@@ -21,6 +21,9 @@ class PairLoader {
   PairLoader(const std::string& database_path, int min_num_matches, const StageLedger& ledger,
              ProgressMonitor& monitor);
 
+  // How the depth of images is to be read from now on; the first scale as it is, at first.
+  void UseLearnedDepth(std::map<image_t, ImageDepth> learned) { learned_ = std::move(learned); }
+
   PairImage LoadImage(image_t id);
   // False: the pair is done, or left out. Pairs with fewer than min_num_matches come without
   // images. Throws ConfigError if the pair was done from other inputs.
@@ -44,6 +47,7 @@ class PairLoader {
   ProgressMonitor& monitor_;
   std::map<camera_t, Camera> cameras_;
   std::map<image_t, Image> images_;
+  std::map<image_t, ImageDepth> learned_;
   std::map<image_t, bool> is_damaged_;  // images that were looked at; reported once
   std::vector<std::string> messages_;
   double busy_seconds_ = 0;

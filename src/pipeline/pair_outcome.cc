@@ -44,10 +44,6 @@ void WriteOutcome(Database& database, const PairOutcome& outcome) {
       metrics.cam2_from_cam1 = report.geometry.cam2_from_cam1;
     }
     database.WritePairMetrics(metrics);
-    if (report.num_depth_hypotheses > 0) {
-      database.WritePairDepthVotes(
-          outcome.pair_id, {report.num_depth_hypotheses, report.num_right_depth_hypotheses});
-    }
     database.WriteTiming(kStageVerification, outcome.pair_id, run.verifier, run.seconds);
   }
   const bool is_verified = outcome.winner >= 0;

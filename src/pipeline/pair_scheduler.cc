@@ -10,6 +10,8 @@
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
 #include "cairn/database/database_writer.h"
+#include "pipeline/depth_choice.h"
+#include "pipeline/depth_learning.h"
 #include "pipeline/pair_feed.h"
 #include "pipeline/pair_loader.h"
 #include "pipeline/pair_outcome.h"
@@ -50,8 +52,8 @@ std::vector<image_pair_t> FindPairs(const Database& database,
 class Worker {
  public:
   Worker(const std::vector<NamedVerifier>& verifiers, const VerificationInput& input,
-         const std::map<image_t, DepthVotes>& depth_votes)
-      : input_(input), depth_votes_(depth_votes) {
+         const std::map<image_t, ImageDepth>& learned_depth)
+      : input_(input), learned_depth_(learned_depth) {
     for (const NamedVerifier& verifier : verifiers) {
       names_.push_back(verifier.name);
       verifiers_.push_back(verifier.make());
@@ -75,8 +77,8 @@ class Worker {
     pair.depth2 = task.image2->depth;
     pair.matches = task.matches;
     const auto [id1, id2] = PairIdToImagePair(task.pair_id);
-    pair.depth_trust1 = DepthTrust(id1);
-    pair.depth_trust2 = DepthTrust(id2);
+    pair.depth_trust1 = TrustIn(id1);
+    pair.depth_trust2 = TrustIn(id2);
     for (size_t i = 0; i < verifiers_.size(); ++i) {
       const Timer timer;
       PairReport report = verifiers_[i]->Verify(pair);
@@ -91,16 +93,14 @@ class Worker {
   double verifying_seconds = 0;
 
  private:
-  // 1 where nothing is known; one right hypothesis more than seen, as the next may be one.
-  double DepthTrust(image_t id) const {
-    const auto votes = depth_votes_.find(id);
-    if (votes == depth_votes_.end()) return 1.0;
-    return static_cast<double>(votes->second.num_right + 1) /
-           static_cast<double>(votes->second.num_hypotheses + 1);
+  // 1 where nothing is known.
+  double TrustIn(image_t id) const {
+    const auto learned = learned_depth_.find(id);
+    return learned == learned_depth_.end() ? 1.0 : DepthTrust(learned->second);
   }
 
   const VerificationInput& input_;
-  const std::map<image_t, DepthVotes>& depth_votes_;
+  const std::map<image_t, ImageDepth>& learned_depth_;
   std::vector<std::string> names_;
   std::vector<std::unique_ptr<PairVerifier>> verifiers_;
 };
@@ -131,7 +131,8 @@ void RunRound(Database& database, const std::vector<NamedVerifier>& verifiers,
               const VerificationInput& input, PairLoader& loader, std::vector<PairTile> plan,
               int64_t num_pairs, int64_t max_queue_bytes, int num_threads, ProgressMonitor& monitor,
               VerificationReport& report) {
-  const std::map<image_t, DepthVotes> depth_votes = database.ReadImageDepthVotes();
+  const std::map<image_t, ImageDepth> learned_depth = database.ReadImageDepth();
+  loader.UseLearnedDepth(learned_depth);
   DatabaseWriter writer(database.path());
   PairFeed feed(
       std::move(plan), [&loader](image_t id) { return loader.LoadImage(id); },
@@ -145,7 +146,7 @@ void RunRound(Database& database, const std::vector<NamedVerifier>& verifiers,
     const std::optional<PairTask> task = feed.Next();
     if (!task) return;
     if (!workers[worker]) {
-      workers[worker] = std::make_unique<Worker>(verifiers, input, depth_votes);
+      workers[worker] = std::make_unique<Worker>(verifiers, input, learned_depth);
     }
     auto outcome = std::make_shared<PairOutcome>(workers[worker]->Run(*task));
     {
@@ -166,8 +167,9 @@ void RunRound(Database& database, const std::vector<NamedVerifier>& verifiers,
 void RunRounds(Database& database, const std::vector<NamedVerifier>& verifiers,
                const VerificationInput& input, const SchedulerOptions& scheduler,
                const StageLedger& ledger, const std::vector<image_pair_t>& pairs,
-               const std::vector<image_pair_t>& likely, int num_threads, ProgressMonitor& monitor,
-               VerificationReport& report) {
+               const std::vector<std::pair<image_pair_t, int>>& num_matches, int num_threads,
+               ProgressMonitor& monitor, VerificationReport& report) {
+  const std::vector<image_pair_t> likely = LikelyPairs(num_matches, kLikelyPairsPerImage);
   std::vector<image_pair_t> rounds[2];
   for (const image_pair_t pair : pairs) {
     rounds[std::binary_search(likely.begin(), likely.end(), pair) ? 0 : 1].push_back(pair);
@@ -180,7 +182,11 @@ void RunRounds(Database& database, const std::vector<NamedVerifier>& verifiers,
     RunRound(database, verifiers, input, loader, PlanPairTiles(round, image_bytes, max_bytes),
              static_cast<int64_t>(round.size()), max_bytes / 8, num_threads, monitor, report);
     if (monitor.StopRequested()) break;
-    if (&round == rounds) LearnDepthVotes(database, likely);
+    if (&round == rounds) {
+      const Timer timer;
+      LearnDepth(database, likely, num_matches, max_bytes, num_threads, monitor);
+      report.learning_seconds = timer.Seconds();
+    }
   }
   report.stage.messages = loader.messages();
   report.reading_seconds = loader.busy_seconds();
@@ -198,6 +204,7 @@ void FillStageReport(VerificationReport& report) {
   for (const auto& [reason, num] : counts.rejected_by) {
     stage.Add("rejected_" + reason, static_cast<double>(num));
   }
+  stage.Add("learning_seconds", report.learning_seconds);
   stage.Add("verifying_seconds", report.verifying_seconds);
   stage.Add("reading_seconds", report.reading_seconds);
   stage.Add("writing_seconds", report.writing_seconds);
@@ -222,8 +229,8 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
   if (!pairs.empty()) {
     if (num_new > 0) ledger.Begin(database);
     monitor.BeginStage("verifying pairs", num_new);
-    RunRounds(database, verifiers, input, scheduler, ledger, pairs,
-              LikelyPairs(num_matches, kLikelyPairsPerImage), num_threads, monitor, report);
+    RunRounds(database, verifiers, input, scheduler, ledger, pairs, num_matches, num_threads,
+              monitor, report);
     monitor.EndStage();
   }
   if (monitor.StopRequested()) {

@@ -32,8 +32,9 @@ struct DepthItem {
   std::string error;  // why the image has no depth
 };
 
-void CheckSource(const Database& database, const std::string& image_path,
-                 const DepthSource& source) {
+void CheckSource(const Database& database, const std::string& image_path, const DepthSource& source,
+                 const DepthOptions& options) {
+  options.Scales();  // Throws where the windows do not go together.
   if (!source.depth_path.empty() && !source.depth_model.empty()) {
     throw ConfigError("depth_path", "and depth_model cannot be given together");
   }
@@ -151,18 +152,20 @@ class MapMaker {
 // One item, from its map to rows for the writer.
 void ComputeItem(int worker, DepthItem& item, uint64_t hash, const DepthOptions& options,
                  const std::vector<Keypoint>& keypoints, MapMaker& maps, DatabaseWriter& writer) {
-  std::vector<DepthSample> samples;
+  std::vector<std::vector<DepthSample>> scales;
   if (item.error.empty()) {
     try {
-      samples = SampleDepth(maps.Make(worker, item), item.size.width, item.size.height, keypoints,
-                            options);
+      const DepthMap map = maps.Make(worker, item);
+      for (const DepthWindows& windows : options.Scales()) {
+        scales.push_back(SampleDepth(map, item.size.width, item.size.height, keypoints, windows));
+      }
     } catch (const IoError& error) {
       item.error = error.reason();
     }
   }
   const bool has_depth = item.error.empty();
-  writer.Push([&item, hash, has_depth, samples = std::move(samples)](Database& db) {
-    if (has_depth) db.WriteDepthSamples(item.image.image_id, samples);
+  writer.Push([&item, hash, has_depth, scales = std::move(scales)](Database& db) {
+    if (has_depth) db.WriteDepthScales(item.image.image_id, scales);
     db.WriteJob(kStageDepth, {item.image.image_id, hash, item.error});
   });
 }
@@ -183,7 +186,7 @@ StageReport SampleImageDepth(Database& database, const std::string& image_path,
   const bool has_source = !source.depth_path.empty() || !source.depth_model.empty();
   Work work;
   if (has_source) {
-    CheckSource(database, image_path, source);
+    CheckSource(database, image_path, source, options);
     StageLedger ledger(database, kStageDepth, DepthStageOptions(source, options));
     const uint64_t source_hash = source.depth_model.empty() ? 0 : HashFile(source.depth_model);
     work = FindWork(database, ListImagesWithKeypoints(database, image_path, source), ledger,

@@ -26,22 +26,4 @@ std::vector<image_pair_t> LikelyPairs(const std::vector<std::pair<image_pair_t, 
   return {likely.begin(), likely.end()};
 }
 
-void LearnDepthVotes(Database& database, const std::vector<image_pair_t>& likely_pairs) {
-  const std::map<image_t, DepthVotes> known = database.ReadImageDepthVotes();
-  std::map<image_t, DepthVotes> learned;
-  for (const auto& [pair, votes] : database.ReadPairDepthVotes()) {
-    if (!std::binary_search(likely_pairs.begin(), likely_pairs.end(), pair)) continue;
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    for (const image_t id : {id1, id2}) {
-      learned[id].num_hypotheses += votes.num_hypotheses;
-      learned[id].num_right += votes.num_right;
-    }
-  }
-  Database::Transaction transaction(database);
-  for (const auto& [id, votes] : learned) {
-    if (known.count(id) == 0) database.WriteImageDepthVotes(id, votes);
-  }
-  transaction.Commit();
-}
-
 }  // namespace cairn

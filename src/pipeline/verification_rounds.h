@@ -6,22 +6,18 @@
 #include <vector>
 
 #include "cairn/base/types.h"
-#include "cairn/database/database.h"
 
 namespace cairn {
 
 // Verification goes over the pairs in two rounds. The first has the likely pairs: those among the
-// most-matched ones of either image. They give a connected view graph early, and show how far each
-// image's depth can be relied on, which the second round then knows. The rounds are fixed sets, so
+// most-matched ones of either image. They give a connected view graph early, and show how each
+// image's depth is best read and how far it can be relied on (depth_learning.h), which the second
+// round then knows. The rounds are fixed sets, so
 // that a pair's result depends on no order of work.
 
 // Of `num_matches` (ascending by pair), the pairs that are among the `per_image` with the most
 // matches of one of their images, ascending; of equal ones the smaller pair id comes first.
 std::vector<image_pair_t> LikelyPairs(const std::vector<std::pair<image_pair_t, int>>& num_matches,
                                       int per_image);
-
-// Adds up the votes of the likely pairs for each of their images, and stores them for images that
-// have none yet.
-void LearnDepthVotes(Database& database, const std::vector<image_pair_t>& likely_pairs);
 
 }  // namespace cairn

@@ -40,12 +40,6 @@ PairReport CascadeVerifier::Verify(const PairInput& input) {
     return report;
   }
   FinishPair(input, pair_, options_, search_.pose(), &scratch_, &report);
-  if (report.status == PairStatus::kVerified && report.geometry.cam2_from_cam1) {
-    report.num_depth_hypotheses = num_with_depth;
-    if (num_with_depth > 0) {
-      report.num_right_depth_hypotheses = one_ac_depth_.CountRight(*report.geometry.cam2_from_cam1);
-    }
-  }
   if (report.geometry.config == TwoViewConfig::kCalibrated) MarkCompeting(input, &report);
   return report;
 }

@@ -1,14 +1,13 @@
 #include "two_view/search_steps.h"
 
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 #include "cairn/solvers/five_point.h"
 #include "cairn/solvers/two_affine.h"
+#include "two_view/lifting.h"
 
 namespace cairn::internal {
 namespace {
@@ -19,28 +18,6 @@ void DrawSample(const PreparedPair& pair, int64_t turn, int sample_size, Rng* rn
   const bool supported = turn % 2 == 0 && pair.num_supported >= 2 * sample_size;
   const int n = supported ? pair.num_supported : pair.size();
   rng->Sample(static_cast<uint32_t>(n), static_cast<uint32_t>(sample_size), sample);
-}
-
-// In normalized coordinates, at the undistorted position x of the keypoint.
-NormalizedFrame NormalizeFrame(const Camera& camera, const Keypoint& keypoint,
-                               const Eigen::Vector2d& x) {
-  Eigen::Matrix2d dpixel_dx;
-  camera.ImgFromCam(x, &dpixel_dx);
-  return {x, dpixel_dx.inverse() * keypoint.Shape()};
-}
-
-// LiftFrame for a position that is known in normalized coordinates already.
-LiftedFrame Lift(const Camera& camera, const Keypoint& keypoint, const Eigen::Vector2d& x,
-                 const DepthSample& sample) {
-  const Eigen::Matrix2d shape = NormalizeFrame(camera, keypoint, x).shape;
-  const double gradient1 = sample.ddepth_dx * keypoint.a11 + sample.ddepth_dy * keypoint.a21;
-  const double gradient2 = sample.ddepth_dx * keypoint.a12 + sample.ddepth_dy * keypoint.a22;
-  LiftedFrame lifted;
-  lifted.point = sample.depth * x.homogeneous();
-  lifted.derivative.col(0) = gradient1 * x.homogeneous();
-  lifted.derivative.col(1) = gradient2 * x.homogeneous();
-  lifted.derivative.topRows<2>() += sample.depth * shape;
-  return lifted;
 }
 
 }  // namespace
@@ -59,8 +36,10 @@ int OneAcDepthStep::Run(const PairInput& input, const PreparedPair& pair, int ma
     if (!depth1.is_valid || !depth2.is_valid) continue;
     const Keypoint& keypoint1 = input.keypoints1[match.point1];
     const Keypoint& keypoint2 = input.keypoints2[match.point2];
-    const LiftedFrame frame1 = Lift(*input.camera1, keypoint1, pair.points.Point1(i), depth1);
-    const LiftedFrame frame2 = Lift(*input.camera2, keypoint2, pair.points.Point2(i), depth2);
+    const LiftedFrame frame1 = LiftNormalized(
+        NormalizeFrame(*input.camera1, keypoint1, pair.points.Point1(i)), keypoint1, depth1);
+    const LiftedFrame frame2 = LiftNormalized(
+        NormalizeFrame(*input.camera2, keypoint2, pair.points.Point2(i)), keypoint2, depth2);
     if (!umeyama) {
       batch_.Set(count++, frame1, frame2);
       continue;
@@ -87,18 +66,6 @@ int OneAcDepthStep::Run(const PairInput& input, const PreparedPair& pair, int ma
   }
   search->RefineBest(max_num_refined);
   return count;
-}
-
-int OneAcDepthStep::CountRight(const Rigid3d& pose) const {
-  const double min_trace = 1.0 + 2.0 * std::cos(DegToRad(20.0)),
-               min_cosine = std::cos(DegToRad(15.0));
-  const Eigen::Matrix3d R = pose.RotationMatrix();
-  const Eigen::Vector3d direction = pose.translation.normalized();
-  return static_cast<int>(
-      std::count_if(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& hypothesis) {
-        return hypothesis.R.cwiseProduct(R).sum() > min_trace &&
-               hypothesis.t.dot(direction) > min_cosine * hypothesis.t.norm();
-      }));
 }
 
 void RunTwoAcStep(const PairInput& input, const PreparedPair& pair, int max_num_samples,

@@ -17,8 +17,6 @@ class OneAcDepthStep {
   explicit OneAcDepthStep(const TwoViewOptions& options) : options_(options) {}
   int Run(const PairInput& input, const PreparedPair& pair, int max_num_refined,
           PoseSearch* search);
-  // Of the last run's hypotheses, those that are near `pose`.
-  int CountRight(const Rigid3d& pose) const;
 
  private:
   TwoViewOptions options_;

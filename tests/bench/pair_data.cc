@@ -61,8 +61,8 @@ void ReadDepth(const std::string& source, const std::string& image_path,
       if (!path) continue;
       map = ReadDepthMap(*path, options);
     }
-    image.depth =
-        SampleDepth(map, image.camera.width, image.camera.height, image.keypoints, options);
+    image.depth = SampleDepth(map, image.camera.width, image.camera.height, image.keypoints,
+                              options.Scales().front());
   }
 }
 

@@ -49,10 +49,14 @@ class Database {
   // Features. A missing row is nullopt; rows with 2, 4 or 6 columns become affine frames.
   std::optional<std::vector<Keypoint>> ReadKeypoints(image_t image_id) const;
   std::optional<Descriptors> ReadDescriptors(image_t image_id) const;
-  std::optional<std::vector<DepthSample>> ReadDepthSamples(image_t image_id) const;
+  // Depth samples come at several scales, 0 being that of an image about which nothing is known;
+  // the hash is of all of them.
+  std::optional<std::vector<DepthSample>> ReadDepthSamples(image_t image_id, int scale = 0) const;
+  std::optional<uint64_t> ReadDepthHash(image_t image_id) const;
   void WriteKeypoints(image_t image_id, const std::vector<Keypoint>& keypoints);
   void WriteDescriptors(image_t image_id, const Descriptors& descriptors);
   void WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples);
+  void WriteDepthScales(image_t image_id, const std::vector<std::vector<DepthSample>>& scales);
   // Number of rows of every image that has the row, without reading the data.
   std::map<image_t, int> ReadNumKeypoints() const;
   std::map<image_t, int> ReadNumDescriptors() const;
@@ -74,11 +78,9 @@ class Database {
   std::vector<PairMetrics> ReadPairMetrics() const;
   std::vector<PairMetrics> ReadPairMetrics(image_pair_t pair_id) const;
   void WritePairMetrics(const PairMetrics& metrics);
-  // How far depth could be relied on, by pair and by image.
-  std::map<image_pair_t, DepthVotes> ReadPairDepthVotes() const;
-  void WritePairDepthVotes(image_pair_t pair_id, const DepthVotes& votes);
-  std::map<image_t, DepthVotes> ReadImageDepthVotes() const;
-  void WriteImageDepthVotes(image_t image_id, const DepthVotes& votes);
+  // What was learned about the depth of images.
+  std::map<image_t, ImageDepth> ReadImageDepth() const;
+  void WriteImageDepth(image_t image_id, const ImageDepth& depth);
   // Pairs won by each verifier.
   std::map<std::string, int64_t> CountWinners() const;
 
@@ -106,7 +108,7 @@ class Database {
   void ClearFeatures();      // keypoints, descriptors
   void ClearDepth();         // depth samples
   void ClearMatches();       // matches
-  void ClearVerification();  // two-view geometries, pair metrics, depth votes
+  void ClearVerification();  // two-view geometries, pair metrics, what was learned about depth
   void ClearStage(const std::string& stage);
 
   // Runs the writes between construction and Commit() as one transaction; rolled back if destroyed

@@ -27,10 +27,12 @@ struct PairMetrics {
   std::optional<Rigid3d> cam2_from_cam1;  // where status is "verified" and a pose is known
 };
 
-// Of the 1AC+D hypotheses that depth gave, how many were near the pose that the pair was verified
-// with. cairn_pair_depth_votes: of a pair; cairn_image_depth_votes: what the scheduler learned
-// about an image from its likely pairs.
-struct DepthVotes {
+// cairn_image_depth: how an image's depth is to be read, and how far it can be relied on, as its
+// verified pairs taught. Key: image_id.
+struct ImageDepth {
+  int scale = 0;       // of cairn_depth_scales
+  double shift = 0.0;  // to be added to the inverse depth
+  // Of the 1AC+D hypotheses that depth gives for those pairs, and those near their poses.
   int64_t num_hypotheses = 0;
   int64_t num_right = 0;
 };

@@ -9,19 +9,21 @@
 
 namespace cairn {
 
-// z-depth over an image, row-major, in its own unknown unit. The map is stretched over its image:
-// the map's corners are the image's corners, whatever the two sizes.
+// z-depth over an image, row-major, in its own unknown unit, or inverse depth, which may lack an
+// unknown shift. The map is stretched over its image: the map's corners are the image's corners,
+// whatever the two sizes.
 struct DepthMap {
   int width = 0;
   int height = 0;
-  std::vector<float> depth;       // > 0 and finite where valid, else 0
+  bool is_inverse = false;
+  std::vector<float> values;      // where valid: z-depth > 0, or inverse depth of any sign; else 0
   std::vector<uint8_t> is_valid;  // 0 or 1
 
   int NumValid() const;
 };
 
-// Turns raw values (row-major, width * height) into depth as options.kind and options.scale say.
-// Values that are not finite, and those whose depth is not positive and finite, become missing.
+// Takes raw values (row-major, width * height) as options.kind and options.scale say. Values that
+// are not finite, depths that are not positive, and inverse depths of exactly 0 become missing.
 DepthMap DepthMapFromValues(int width, int height, const std::vector<float>& values,
                             const DepthOptions& options);
 

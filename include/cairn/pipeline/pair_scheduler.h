@@ -47,6 +47,7 @@ struct VerificationReport {
   double verifying_seconds = 0;
   double reading_seconds = 0;
   double writing_seconds = 0;
+  double learning_seconds = 0;  // wall clock, between the rounds
 };
 
 // Verifies every pair with matches that has no row in two_view_geometries, on num_threads threads.
@@ -55,8 +56,9 @@ struct VerificationReport {
 // two_view_geometries (of equal ones the earlier in `verifiers`). A pair that no verifier accepts,
 // or that was not tried, gets an empty row, as from COLMAP.
 //
-// Likely pairs come first, in a round of their own (pipeline/verification_rounds.h), after which
-// each image's trust in its depth is learned and stored. Within a round, pairs are ordered so that
+// Likely pairs come first, in a round of their own (pipeline/verification_rounds.h), after which it
+// is learned and stored how each image's depth is best read, and how far it can be trusted
+// (pipeline/depth_learning.h). Within a round, pairs are ordered so that
 // features are read once a block and stay within the memory limit; one
 // thread reads ahead, one writes. What a pair yields depends on its own features, depth, cameras,
 // matches, the options, the seed and what the first round learned, and on nothing else. Pairs that
@@ -65,6 +67,9 @@ struct VerificationReport {
 VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
                                const VerificationInput& input, const SchedulerOptions& scheduler,
                                int num_threads, ProgressMonitor& monitor = NullMonitor());
+
+// One line on what was learned about the depth of images (Database::ReadImageDepth).
+std::string LearnedDepthText(const std::map<image_t, ImageDepth>& learned);
 
 // The verifiers of --verifier, in the order of precedence. Throws ConfigError.
 std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options);

@@ -54,10 +54,6 @@ struct PairReport {
   // Many matches lie just outside the threshold of an accepted model: the focal lengths may be
   // wrong.
   bool may_have_wrong_focal = false;
-  // Of a verified pair: hypotheses from depth, and those within 20 degrees of its rotation and 15
-  // of its translation direction, from where local optimization reaches it (paper, appendix).
-  int num_depth_hypotheses = 0;
-  int num_right_depth_hypotheses = 0;
 };
 
 // Verifies pairs one after the other. Owns its scratch memory, so use one instance a thread.

@@ -31,7 +31,7 @@ class DepthNetworkTest : public testing::Test {
 
 double MeanDepth(const DepthMap& map) {
   double sum = 0;
-  for (const float depth : map.depth) sum += depth;
+  for (const float depth : map.values) sum += depth;
   return sum / map.NumValid();
 }
 
@@ -44,7 +44,7 @@ TEST_F(DepthNetworkTest, FastDepthGivesAPlausibleMap) {
   EXPECT_EQ(map.NumValid(), 224 * 224);
   EXPECT_GT(MeanDepth(map), 0.5);
   EXPECT_LT(MeanDepth(map), 10.0);
-  EXPECT_EQ(network.Compute(photo).depth, map.depth);  // Again, the same bytes.
+  EXPECT_EQ(network.Compute(photo).values, map.values);  // Again, the same bytes.
 
   const std::vector<Keypoint> keypoints = {{.x = 700.f, .y = 500.f}};
   EXPECT_TRUE(SampleDepth(map, photo.width, photo.height, keypoints, {})[0].is_valid);
@@ -55,13 +55,13 @@ TEST_F(DepthNetworkTest, EachInputOptionChangesTheMap) {
   const DepthMap reference = DepthNetwork(model_, {}).Compute(photo);
   DepthOptions options;
   options.mean = {0.3, 0.3, 0.3};
-  EXPECT_NE(DepthNetwork(model_, options).Compute(photo).depth, reference.depth);
+  EXPECT_NE(DepthNetwork(model_, options).Compute(photo).values, reference.values);
   options = {};
   options.std = {0.5, 0.5, 0.5};
-  EXPECT_NE(DepthNetwork(model_, options).Compute(photo).depth, reference.depth);
+  EXPECT_NE(DepthNetwork(model_, options).Compute(photo).values, reference.values);
   options = {};
   options.kind = "inverse";
-  EXPECT_NE(DepthNetwork(model_, options).Compute(photo).depth, reference.depth);
+  EXPECT_NE(DepthNetwork(model_, options).Compute(photo).is_inverse, reference.is_inverse);
 }
 
 TEST_F(DepthNetworkTest, ASizeThatTheNetworkRefusesIsAnError) {

@@ -13,6 +13,8 @@ namespace {
 constexpr int kImageWidth = 1500, kImageHeight = 800;
 constexpr int kMapWidth = 60, kMapHeight = 80;  // 25 and 10 image pixels a map pixel
 
+constexpr DepthWindows kWindows = {0.026, 0.1};
+
 // value(x, y) over image pixels, sampled at the centers of the map's pixels.
 template <class Function>
 DepthMap MakeMap(int width, int height, Function value, const DepthOptions& options = {}) {
@@ -57,13 +59,9 @@ TEST(SampleDepth, PlaneIsExactForAnyWindowAndMapSize) {
        {std::pair{kMapWidth, kMapHeight}, {192, 128}, {15, 20}, {1500, 800}}) {
     const DepthMap map = MakeMap(width, height, Plane);
     for (const double window : {0.0, 0.003, 0.03, 0.2}) {
-      DepthOptions options;
-      options.value_window = window;
-      options.gradient_window = 0.1;
-      ExpectPlane(keypoints, SampleDepth(map, kImageWidth, kImageHeight, keypoints, options));
-      options.value_window = 0.02;
-      options.gradient_window = window;
-      ExpectPlane(keypoints, SampleDepth(map, kImageWidth, kImageHeight, keypoints, options));
+      for (const DepthWindows windows : {DepthWindows{window, 0.1}, {0.02, window}}) {
+        ExpectPlane(keypoints, SampleDepth(map, kImageWidth, kImageHeight, keypoints, windows));
+      }
     }
   }
 }
@@ -75,11 +73,11 @@ TEST(SampleDepth, PlaneIsExactBesideMissingValues) {
     const bool stripe = i % kMapWidth > 20 && i % kMapWidth < 30;
     if (!stripe && rng.Uniform() > 0.3) continue;
     map.is_valid[i] = 0;
-    map.depth[i] = NAN;  // Must not be read.
+    map.values[i] = NAN;  // Must not be read.
   }
   const std::vector<Keypoint> keypoints = RandomKeypoints(500);
   const std::vector<DepthSample> samples =
-      SampleDepth(map, kImageWidth, kImageHeight, keypoints, {});
+      SampleDepth(map, kImageWidth, kImageHeight, keypoints, kWindows);
   int num_missing = 0;
   for (size_t i = 0; i < samples.size(); ++i) {
     const int column = static_cast<int>(keypoints[i].x / 25),
@@ -91,40 +89,92 @@ TEST(SampleDepth, PlaneIsExactBesideMissingValues) {
   EXPECT_GT(num_missing, 100);
 }
 
-TEST(SampleDepth, KindIsConvertedBeforeSampling) {
+TEST(SampleDepth, EveryKindGivesTheSameDepth) {
   const auto smooth = [](double x, double y) { return 4 + 0.5 * std::sin(x / 300 + y / 500); };
   const std::vector<Keypoint> keypoints = RandomKeypoints(100);
   DepthOptions options;
-  options.value_window = options.gradient_window = 0.005;
+  const DepthWindows windows = {0.005, 0.005};
   const auto reference = SampleDepth(MakeMap(300, 160, smooth, options), kImageWidth, kImageHeight,
-                                     keypoints, options);
+                                     keypoints, windows);
   options.kind = "inverse";
   const auto inverse =
       SampleDepth(MakeMap(
                       300, 160, [&](double x, double y) { return 1 / smooth(x, y); }, options),
-                  kImageWidth, kImageHeight, keypoints, options);
+                  kImageWidth, kImageHeight, keypoints, windows);
   options.kind = "log";
   const auto log = SampleDepth(
       MakeMap(
           300, 160, [&](double x, double y) { return std::log(smooth(x, y)); }, options),
-      kImageWidth, kImageHeight, keypoints, options);
+      kImageWidth, kImageHeight, keypoints, windows);
   for (size_t i = 0; i < keypoints.size(); ++i) {
     EXPECT_NEAR(reference[i].depth, smooth(keypoints[i].x, keypoints[i].y), 1e-3);
     for (const auto& other : {inverse[i], log[i]}) {
-      EXPECT_NEAR(other.depth, reference[i].depth, 1e-5);
-      EXPECT_NEAR(other.ddepth_dx, reference[i].ddepth_dx, 1e-7);
-      EXPECT_NEAR(other.ddepth_dy, reference[i].ddepth_dy, 1e-7);
+      EXPECT_NEAR(other.depth, reference[i].depth, 3e-4);
+      EXPECT_NEAR(other.ddepth_dx, reference[i].ddepth_dx, 3e-5);
+      EXPECT_NEAR(other.ddepth_dy, reference[i].ddepth_dy, 3e-5);
     }
   }
 }
 
+// Planes in space have a linear inverse depth.
+TEST(SampleDepth, InverseDepthOfAPlaneIsExactForAnyWindowAndShift) {
+  const auto inverse = [](double x, double y) { return 0.2 + 1e-4 * x - 2e-4 * y; };  // > 0.04
+  const std::vector<Keypoint> keypoints = RandomKeypoints(300);
+  DepthOptions options;
+  options.kind = "inverse";
+  for (const double shift : {0.0, 0.1, -0.3}) {
+    const DepthMap map = MakeMap(
+        kMapWidth, kMapHeight, [&](double x, double y) { return inverse(x, y) - shift; }, options);
+    for (const DepthWindows windows : {DepthWindows{0.0, 0.003}, {0.02, 0.3}}) {
+      const auto samples = SampleDepth(map, kImageWidth, kImageHeight, keypoints, windows);
+      int num_negative = 0;
+      for (size_t i = 0; i < samples.size(); ++i) {
+        const double v = inverse(keypoints[i].x, keypoints[i].y);
+        ASSERT_EQ(samples[i].is_valid, v > shift);
+        num_negative += !samples[i].is_valid;
+        if (std::abs(v - shift) < 1e-3) continue;  // infinitely far
+        const DepthSample sample = ShiftInverseDepth(samples[i], shift);
+        ASSERT_TRUE(sample.is_valid);
+        ASSERT_NEAR(sample.depth * v, 1.0, 1e-4);
+        ASSERT_NEAR(sample.ddepth_dx * v * v, -1e-4, 1e-7);
+        ASSERT_NEAR(sample.ddepth_dy * v * v, 2e-4, 1e-7);
+      }
+      EXPECT_EQ(num_negative > 10, shift == 0.1);
+    }
+  }
+}
+
+TEST(SampleDepth, WindowsMustGoTogether) {
+  DepthOptions options;
+  EXPECT_EQ(options.Scales().size(), 3u);
+  options.value_window = {0.01};
+  EXPECT_THROW(options.Scales(), ConfigError);
+  options.gradient_window = {0.05};
+  ASSERT_EQ(options.Scales().size(), 1u);
+  EXPECT_EQ(options.Scales()[0].value, 0.01);
+  EXPECT_EQ(options.Scales()[0].gradient, 0.05);
+  options.gradient_window = {1.5};
+  EXPECT_THROW(options.Scales(), ConfigError);
+  options.value_window = options.gradient_window = {};
+  EXPECT_THROW(options.Scales(), ConfigError);
+}
+
+TEST(ShiftInverseDepth, OnlyWhatIsKnownMoves) {
+  const DepthSample missing = ShiftInverseDepth({}, 0.5);
+  EXPECT_FALSE(missing.is_valid);
+  EXPECT_FALSE(ShiftInverseDepth({4.0f, 1.0f, 0.0f, false}, 0.5).is_valid);  // means nothing
+  const DepthSample nearer = ShiftInverseDepth({4.0f, 0.9f, 0.0f, true}, 0.5);
+  EXPECT_FLOAT_EQ(nearer.depth, 4.0f / 3);
+  EXPECT_FLOAT_EQ(nearer.ddepth_dx, 0.1f);
+  EXPECT_FALSE(ShiftInverseDepth({4.0f, 0.9f, 0.0f, true}, -0.5).is_valid);
+  EXPECT_TRUE(ShiftInverseDepth({-4.0f, 0.9f, 0.0f, false}, 0.5).is_valid);
+}
+
 TEST(SampleDepth, GradientIsTheDerivativeOfASmoothSurface) {
   const auto surface = [](double x, double y) { return 3 + std::sin(x / 400) + std::cos(y / 350); };
-  DepthOptions options;
-  options.value_window = options.gradient_window = 0.004;
   const std::vector<Keypoint> keypoints = RandomKeypoints(200);
   const auto samples =
-      SampleDepth(MakeMap(300, 200, surface), kImageWidth, kImageHeight, keypoints, options);
+      SampleDepth(MakeMap(300, 200, surface), kImageWidth, kImageHeight, keypoints, {0.004, 0.004});
   for (size_t i = 0; i < keypoints.size(); ++i) {
     EXPECT_NEAR(samples[i].ddepth_dx, std::cos(keypoints[i].x / 400) / 400, 1e-4);
     EXPECT_NEAR(samples[i].ddepth_dy, -std::sin(keypoints[i].y / 350) / 350, 1e-4);
@@ -137,11 +187,9 @@ TEST(SampleDepth, EachWindowActsOnItsOwnResult) {
       MakeMap(kMapWidth, kMapHeight, [&](double, double) { return 5 + rng.Gaussian() * 0.3; });
   const std::vector<Keypoint> keypoints = RandomKeypoints(300);
   const auto spread = [&](double value_window, double gradient_window) {
-    DepthOptions options;
-    options.value_window = value_window;
-    options.gradient_window = gradient_window;
     double value = 0, gradient = 0;
-    for (const auto& s : SampleDepth(map, kImageWidth, kImageHeight, keypoints, options)) {
+    for (const auto& s :
+         SampleDepth(map, kImageWidth, kImageHeight, keypoints, {value_window, gradient_window})) {
       value += std::abs(s.depth - 5);
       gradient += std::hypot(s.ddepth_dx, s.ddepth_dy);
     }
@@ -162,7 +210,7 @@ TEST(SampleDepth, PointsOutsideTheImageAreInvalid) {
                                            {.x = NAN, .y = 5.f},
                                            {.x = 1e30f, .y = 5.f},
                                            {.x = 5.f, .y = 5.f}};
-  const auto samples = SampleDepth(map, kImageWidth, kImageHeight, keypoints, {});
+  const auto samples = SampleDepth(map, kImageWidth, kImageHeight, keypoints, kWindows);
   EXPECT_FALSE(samples[0].is_valid || samples[1].is_valid || samples[2].is_valid ||
                samples[3].is_valid);
   EXPECT_TRUE(samples[4].is_valid);
@@ -172,18 +220,18 @@ TEST(SampleDepth, AMapThatFixesNoPlaneGivesNothing) {
   const std::vector<Keypoint> keypoints = RandomKeypoints(20);
   DepthMap map = MakeMap(kMapWidth, kMapHeight, Plane);
   std::fill(map.is_valid.begin(), map.is_valid.end(), 0);
-  for (const auto& s : SampleDepth(map, kImageWidth, kImageHeight, keypoints, {})) {
+  for (const auto& s : SampleDepth(map, kImageWidth, kImageHeight, keypoints, kWindows)) {
     EXPECT_FALSE(s.is_valid);
   }
   for (int row = 0; row < kMapHeight; ++row) map.is_valid[row * kMapWidth + 7] = 1;  // a line
   const std::vector<Keypoint> on_line = {{.x = 7.5f * 25, .y = 100.f}};
-  EXPECT_FALSE(SampleDepth(map, kImageWidth, kImageHeight, on_line, {})[0].is_valid);
+  EXPECT_FALSE(SampleDepth(map, kImageWidth, kImageHeight, on_line, kWindows)[0].is_valid);
 }
 
 TEST(SampleDepth, WrongSizesAreABug) {
   DepthMap map = MakeMap(kMapWidth, kMapHeight, Plane);
   EXPECT_THROW(SampleDepth(map, 0, 10, {}, {}), BugError);
-  map.depth.pop_back();
+  map.values.pop_back();
   EXPECT_THROW(SampleDepth(map, 10, 10, {}, {}), BugError);
   EXPECT_THROW(SampleDepth({}, 10, 10, {}, {}), BugError);
 }

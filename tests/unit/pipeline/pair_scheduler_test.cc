@@ -7,7 +7,6 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
-#include "pipeline/verification_rounds.h"
 #include "support/database_dump.h"
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
@@ -51,10 +50,6 @@ class MockVerifier : public PairVerifier {
         Rigid3d(Eigen::Quaterniond::Identity(), Eigen::Vector3d(rng.Uniform(), 1, 2).normalized());
     report.geometry.inlier_matches = {input.matches.begin(), input.matches.begin() + 15};
     report.num_inliers = 15;
-    if (!input.depth1.empty() || !input.depth2.empty()) {
-      report.num_depth_hypotheses = 10;
-      report.num_right_depth_hypotheses = 4;
-    }
     report.triangulation_angle_deg = input.depth_trust1 + 10 * input.depth_trust2;
     return report;
   }
@@ -206,39 +201,33 @@ TEST_F(PairSchedulerTest, AnInterruptedRunContinuesToTheSameDump) {
   EXPECT_EQ(DumpDatabase(path), DumpDatabase(Path("whole.db")));
 }
 
-TEST_F(PairSchedulerTest, TheSecondRoundKnowsWhatTheFirstLearned) {
+TEST_F(PairSchedulerTest, VerifiersSeeTheDepthThatWasLearned) {
   const std::string path = MakeDatabase("a.db");
+  {
+    Database database(path);
+    for (image_t i = 1; i <= kNumImages; i += 2) {
+      const std::vector<DepthSample> first = *database.ReadDepthSamples(i);
+      database.WriteDepthScales(i, {first, std::vector<DepthSample>(40, {-2.0f, 0, 0, false})});
+    }
+    database.WriteImageDepth(3, {1, 0.75, 99, 9});  // 1 / (1 / -2 + 0.75) = 4
+  }
   Verify(path);
   const Database database(path);
-  const std::vector<image_pair_t> likely = LikelyPairs(database.ReadNumMatches(), 5);
-  std::map<image_t, DepthVotes> expected;
-  for (const auto& [pair, votes] : database.ReadPairDepthVotes()) {
-    if (!std::binary_search(likely.begin(), likely.end(), pair)) continue;
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    for (const image_t id : {id1, id2}) expected[id].num_hypotheses += votes.num_hypotheses;
-  }
-  const auto learned = database.ReadImageDepthVotes();
-  EXPECT_EQ(learned.size(), expected.size());
-  for (const auto& [id, votes] : learned) {
-    EXPECT_EQ(votes.num_hypotheses, expected[id].num_hypotheses);
-    EXPECT_EQ(votes.num_right * 10, votes.num_hypotheses * 4);
-  }
-  const auto trust = [&learned](image_t id) {
-    const auto votes = learned.find(id);
-    return votes == learned.end()
-               ? 1.0
-               : (votes->second.num_right + 1.0) / (votes->second.num_hypotheses + 1.0);
-  };
-  int num_later = 0;
+  int num_pairs = 0;
   for (const PairMetrics& metrics : database.ReadPairMetrics()) {
     if (metrics.status != "verified") continue;
-    const bool is_likely = std::binary_search(likely.begin(), likely.end(), metrics.pair_id);
     const auto [id1, id2] = PairIdToImagePair(metrics.pair_id);
     EXPECT_DOUBLE_EQ(metrics.triangulation_angle_deg,
-                     is_likely ? 11.0 : trust(id1) + 10 * trust(id2));
-    num_later += !is_likely;
+                     (id1 == 3 ? 0.1 : 1.0) + 10 * (id2 == 3 ? 0.1 : 1.0));
+    if (id1 != 3 || id2 % 2 == 1) continue;
+    // 4 a match, and what the mock adds up besides: focal lengths, and coordinates below 1.
+    const int num_matches = metrics.num_matches;
+    const double cameras = 100.0 * (1 + id1 % 2) + 100.0 * (1 + id2 % 2);
+    EXPECT_GT(metrics.residual_px, cameras + 4 * num_matches);
+    EXPECT_LT(metrics.residual_px, cameras + 6 * num_matches);
+    ++num_pairs;
   }
-  EXPECT_GT(num_later, 0);
+  EXPECT_GT(num_pairs, 1);
 }
 
 TEST_F(PairSchedulerTest, NothingIsDoneTwice) {

@@ -3,8 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "support/temp_folder.h"
-
 namespace cairn {
 namespace {
 
@@ -25,25 +23,6 @@ TEST(LikelyPairs, OfEqualOnesTheSmallerIdComesFirst) {
   const std::vector<std::pair<image_pair_t, int>> num_matches = {
       {Pair(1, 2), 7}, {Pair(1, 3), 7}, {Pair(2, 3), 7}};
   EXPECT_THAT(LikelyPairs(num_matches, 1), ElementsAre(Pair(1, 2), Pair(1, 3)));
-}
-
-TEST(LearnDepthVotes, AddsUpLikelyPairsAndKeepsWhatIsKnown) {
-  const testing::TempFolder folder;
-  Database database(folder / "a.db");
-  database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 100, 640, 480));
-  for (image_t id = 1; id <= 4; ++id) database.WriteImage({id, "image" + std::to_string(id), 1});
-  database.WritePairDepthVotes(Pair(1, 2), {100, 10});
-  database.WritePairDepthVotes(Pair(2, 3), {50, 0});
-  database.WritePairDepthVotes(Pair(3, 4), {70, 70});
-  database.WriteImageDepthVotes(1, {8, 8});
-  LearnDepthVotes(database, {Pair(1, 2), Pair(2, 3)});
-  const auto votes = database.ReadImageDepthVotes();
-  ASSERT_EQ(votes.size(), 3u);
-  EXPECT_EQ(votes.at(1).num_hypotheses, 8);
-  EXPECT_EQ(votes.at(2).num_hypotheses, 150);
-  EXPECT_EQ(votes.at(2).num_right, 10);
-  EXPECT_EQ(votes.at(3).num_hypotheses, 50);
-  EXPECT_EQ(votes.at(3).num_right, 0);
 }
 
 }  // namespace

@@ -200,7 +200,7 @@ TEST(Photos, WrittenFilesAreWhatTheProgramsRead) {
   const DepthMap map = ReadDepthMap(*path, {});
   const SyntheticDepthMap rendered = RenderDepthMap(scene, 1);
   EXPECT_EQ(map.width, rendered.width);
-  EXPECT_EQ(map.depth, rendered.depth);
+  EXPECT_EQ(map.values, rendered.depth);
   EXPECT_LT(map.NumValid(), map.width * map.height);  // the sky has no depth
 }
 

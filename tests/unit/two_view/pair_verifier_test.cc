@@ -144,14 +144,10 @@ TEST(Cascade, LeavesOneAcDepthOutWhereDepthProvedUseless) {
   const PairReport trusting = cascade->Verify(input);
   ASSERT_EQ(trusting.status, PairStatus::kVerified);
   EXPECT_EQ(trusting.verifier, "one_ac_depth");
-  EXPECT_GT(trusting.num_depth_hypotheses, 100);
-  // Depth is exact, so about every right match gives a right hypothesis.
-  EXPECT_GT(trusting.num_right_depth_hypotheses, trusting.num_depth_hypotheses / 3);
   input.depth_trust2 = 1e-4;
   const PairReport wary = cascade->Verify(input);
   ASSERT_EQ(wary.status, PairStatus::kVerified);
   EXPECT_NE(wary.verifier, "one_ac_depth");
-  EXPECT_EQ(wary.num_depth_hypotheses, 0);
   // Alone it has nothing else to try.
   EXPECT_EQ(MakePairVerifier(VerifierKind::kOneAcDepth, {})->Verify(input).status,
             PairStatus::kVerified);

@@ -1,0 +1,27 @@
+#include "two_view/lifting.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+namespace cairn::internal {
+
+NormalizedFrame NormalizeFrame(const Camera& camera, const Keypoint& keypoint,
+                               const Eigen::Vector2d& x) {
+  Eigen::Matrix2d dpixel_dx;
+  camera.ImgFromCam(x, &dpixel_dx);
+  return {x, dpixel_dx.inverse() * keypoint.Shape()};
+}
+
+LiftedFrame LiftNormalized(const NormalizedFrame& frame, const Keypoint& keypoint,
+                           const DepthSample& sample) {
+  const double gradient1 = sample.ddepth_dx * keypoint.a11 + sample.ddepth_dy * keypoint.a21;
+  const double gradient2 = sample.ddepth_dx * keypoint.a12 + sample.ddepth_dy * keypoint.a22;
+  LiftedFrame lifted;
+  lifted.point = sample.depth * frame.point.homogeneous();
+  lifted.derivative.col(0) = gradient1 * frame.point.homogeneous();
+  lifted.derivative.col(1) = gradient2 * frame.point.homogeneous();
+  lifted.derivative.topRows<2>() += sample.depth * frame.shape;
+  return lifted;
+}
+
+}  // namespace cairn::internal
