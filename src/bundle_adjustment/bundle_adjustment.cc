@@ -8,13 +8,12 @@
 
 #include "bundle_adjustment/bundle_state.h"
 #include "bundle_adjustment/reprojection_cost.h"
+#include "bundle_adjustment/schur_solver.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
 
 namespace cairn {
 namespace {
-
-constexpr double kMaxSparseCovisibility = 20.0;
 
 std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleAdjustmentOptions& options) {
   if (options.loss == "soft_l1") {
@@ -39,20 +38,12 @@ double MeanCovisibility(const Reconstruction& reconstruction) {
 
 std::string ChooseSolver(const BundleAdjustmentOptions& options, const BundleAdjustmentScope& scope,
                          const Reconstruction& reconstruction) {
-  const size_t num_images = reconstruction.images.size();
   // Without points, or with nothing but points, there is nothing to eliminate.
   const bool has_others =
       scope.rotations || scope.positions || scope.focal_lengths || scope.distortions;
   if (!scope.points || !has_others) return "sparse_normal_cholesky";
-  if (options.solver != "auto") return options.solver;
-  if (num_images <= static_cast<size_t>(options.max_dense_images)) return "dense_schur";
-  // Where many images see the same points, their system is nearly full: forming and factorizing it
-  // costs more than conjugate gradients take.
-  const bool is_sparse = num_images <= 3 * static_cast<size_t>(options.max_dense_images) ||
-                         MeanCovisibility(reconstruction) <= kMaxSparseCovisibility;
-  return num_images <= static_cast<size_t>(options.max_sparse_images) && is_sparse
-             ? "sparse_schur"
-             : "iterative_schur";
+  return SchurSolver(options, static_cast<int64_t>(reconstruction.images.size()),
+                     MeanCovisibility(reconstruction));
 }
 
 ceres::LinearSolverType CeresSolverType(const std::string& name) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "cairn/base/memory.h"
 #include "cairn/base/timer.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "pipeline/reconstruct_stages.h"
@@ -186,6 +187,9 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
   v.Double("min_gain", min_gain, {0, 1}, "rounds end when one adds relatively fewer observations");
   v.Int("min_image_points", min_image_points, {3, 1000000},
         "an image with fewer points is taken out");
+  v.Double("max_memory_gib", max_memory_gib, {0, 1e6},
+           "memory of the whole program; where bundle adjustment would take more, it gets fewer "
+           "tracks; 0: what the machine has left");
   v.Bool("register_left_out", register_left_out,
          "try images that were left out again, by resection");
   v.Bool(
@@ -217,7 +221,8 @@ ReconstructResult ReconstructScene(const Database& database, const std::string& 
   report.values = {{"images", static_cast<double>(scene.images.size())},
                    {"registered", static_cast<double>(num_registered)},
                    {"models", static_cast<double>(result.models.size())},
-                   {"seconds", timer.Seconds()}};
+                   {"seconds", timer.Seconds()},
+                   {"peak_memory_gib", BytesToGib(std::max<int64_t>(0, ReadMemoryUse().peak))}};
   return result;
 }
 

@@ -75,7 +75,7 @@ bool CheckModel(StageContext& context, std::span<const image_t> component, Recon
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph) {
   BuiltModel built{std::nullopt, graph, {}};
-  const auto initial = AverageComponent(context, component, built.graph);
+  auto initial = AverageComponent(context, component, built.graph);
   if (!initial) return built;
   Reconstruction model = MakeReconstruction(context.scene, initial->cam_from_world);
   if (context.scene.poses_alone) {
@@ -84,10 +84,13 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
     built.model = std::move(model);
     return built;
   }
+  if (!FitTracksToMemory(context, model, initial->tracks)) return built;
   RefineModel(context, initial->tracks, true, model);
   if (context.settings.reconstruct.register_left_out &&
       RegisterLeftOut(context, model, built.graph) > 0) {
-    RefineModel(context, TracksOfGraph(context, built.graph).tracks, false, model);
+    std::vector<Track> tracks = TracksOfGraph(context, built.graph).tracks;
+    if (!FitTracksToMemory(context, model, tracks)) return built;
+    RefineModel(context, tracks, false, model);
   }
   if (context.settings.reconstruct.separate_twins) {
     built.twin_edges = FindTwins(context, model, built.graph);

@@ -99,6 +99,13 @@ std::optional<InitialModel> AverageComponent(StageContext& context,
 // Tracks over the graph's active edges.
 TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph);
 
+// reconstruct_memory.cc
+// Estimates the peak memory of RefineModel with these tracks, and says it. Where it is more than
+// there is (ReconstructOptions::max_memory_gib), takes fewer tracks, long ones first. False: not
+// even the least that a model needs would fit, and the report's failure says so.
+bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
+                       std::vector<Track>& tracks);
+
 // reconstruct_refinement.cc
 // Cameras and keypoints of the images with a pose, no points.
 Reconstruction MakeReconstruction(const SceneData& scene,

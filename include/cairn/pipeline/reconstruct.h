@@ -38,6 +38,9 @@ struct ReconstructOptions {
   double min_gain = 0.005;
   // An image with fewer points is taken out of the model.
   int min_image_points = 15;
+  // Memory that the whole program may take; 0: what the machine has left when it is needed. Where
+  // bundle adjustment would take more, it gets fewer tracks.
+  double max_memory_gib = 0.0;
   bool register_left_out = true;
   bool separate_twins = true;
   bool colors = true;

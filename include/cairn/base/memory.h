@@ -1,0 +1,18 @@
+#pragma once
+
+#include <cstdint>
+
+namespace cairn {
+
+// Memory of this process and of the machine, bytes; -1 where the system does not tell.
+struct MemoryUse {
+  int64_t resident = -1;
+  int64_t peak = -1;  // largest resident size until now
+  // What this process can still take: the machine's, or what is left of its control group's limit.
+  int64_t available = -1;
+};
+MemoryUse ReadMemoryUse();
+
+constexpr double BytesToGib(int64_t bytes) { return static_cast<double>(bytes) / (1 << 30); }
+
+}  // namespace cairn

@@ -1,0 +1,47 @@
+#include "cairn/bundle_adjustment/memory_estimate.h"
+
+#include "bundle_adjustment/bundle_state.h"
+#include "bundle_adjustment/reprojection_cost.h"
+#include "bundle_adjustment/schur_solver.h"
+
+namespace cairn {
+namespace {
+
+constexpr int64_t kMalloc = 16;   // what an allocation costs beside its content
+constexpr int64_t kMapNode = 48;  // of a std::map or std::set, without its content
+constexpr int64_t kPointer = 8;
+constexpr int64_t kPoseSize = 6;
+constexpr int64_t kPointSize = 3;
+
+// Cost function, with the sizes of its blocks; Ceres' residual block and its list of parameters;
+// residuals and Jacobian (two rows of point and pose) with the structure of its rows.
+constexpr int64_t kBytesPerObservation = sizeof(TrackElement) + sizeof(ReprojectionCost) + kMalloc +
+                                         2 * sizeof(int32_t) + kMalloc +
+                                         (32 + kMalloc + 2 * kPointer + kMalloc + 3 * kPointer) +
+                                         2 * (kPointSize + kPoseSize) * sizeof(double) +
+                                         (40 + 2 * kPointer + kMalloc) + 2 * 4 * sizeof(double);
+
+// Point3D in its map with its track; Ceres' parameter block, its entries in two maps and an
+// ordering; its share of a dozen vectors; inverse of its block.
+constexpr int64_t kBytesPerPoint =
+    kMapNode + sizeof(point3D_t) + sizeof(Point3D) + 2 * kMalloc + kPointSize * sizeof(double) +
+    (160 + kMalloc) + 3 * (kMapNode + 2 * kPointer + kMalloc) + 12 * kPointSize * sizeof(double) +
+    2 * kPointSize * kPointSize * sizeof(double);
+
+constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t) + sizeof(float);
+
+}  // namespace
+
+int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const BundleSize& size) {
+  const int64_t rows = kPoseSize * size.num_images;
+  int64_t schur = rows * kPoseSize * static_cast<int64_t>(sizeof(double));
+  const bool is_iterative =
+      SchurSolver(options, size.num_images, size.covisibility) == "iterative_schur";
+  // The complement and its factor.
+  if (!is_iterative) schur = 2 * rows * rows * static_cast<int64_t>(sizeof(double)) / 2;
+  return size.num_keypoints * kBytesPerKeypoint + size.num_observations * kBytesPerObservation +
+         size.num_points * kBytesPerPoint + schur +
+         size.num_images * static_cast<int64_t>(sizeof(PoseState));
+}
+
+}  // namespace cairn

@@ -1,0 +1,76 @@
+#include "cairn/bundle_adjustment/memory_estimate.h"
+
+#include <gtest/gtest.h>
+#include <malloc.h>
+
+#include <fstream>
+
+#include "cairn/base/memory.h"
+#include "cairn/synthetic/scene.h"
+
+namespace cairn {
+namespace {
+
+TEST(EstimateBundleBytes, GrowsWithWhatThereIs) {
+  const BundleAdjustmentOptions options;
+  const BundleSize size{.num_images = 100,
+                        .num_keypoints = 100000,
+                        .num_points = 10000,
+                        .num_observations = 50000,
+                        .covisibility = 5};
+  const int64_t bytes = EstimateBundleBytes(options, size);
+  for (int64_t BundleSize::*field : {&BundleSize::num_images, &BundleSize::num_keypoints,
+                                     &BundleSize::num_points, &BundleSize::num_observations}) {
+    BundleSize larger = size;
+    larger.*field *= 2;
+    EXPECT_GT(EstimateBundleBytes(options, larger), bytes);
+  }
+  // A full Schur complement of thousands of images, or none at all.
+  BundleSize many = size;
+  many.num_images = 5000;
+  BundleAdjustmentOptions dense;
+  dense.solver = "dense_schur";
+  EXPECT_GT(EstimateBundleBytes(dense, many), 3 * EstimateBundleBytes(options, many));
+}
+
+TEST(ReadMemoryUse, KnowsThisProcess) {
+  const MemoryUse use = ReadMemoryUse();
+  EXPECT_GT(use.resident, 1 << 20);
+  EXPECT_GE(use.peak, use.resident);
+  EXPECT_GT(use.available, 0);
+}
+
+// The kernel can forget the largest size until now, so that what a few lines take can be measured.
+TEST(EstimateBundleBytes, IsWithinThirtyPercentOfWhatIsTaken) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers take memory of their own";
+#endif
+  SceneOptions scene;
+  scene.num_images = 40;
+  scene.num_points = 30000;
+  scene.max_keypoints = 4000;
+  scene.image_noise_px = 0.5;
+  const Reconstruction truth = MakeReconstruction(scene, 1);
+  malloc_trim(0);
+  std::ofstream("/proc/self/clear_refs") << "5";
+  const MemoryUse before = ReadMemoryUse();
+  if (before.peak > before.resident + (1 << 22)) GTEST_SKIP() << "the peak cannot be reset";
+  Reconstruction model = truth;
+  BundleAdjustmentOptions options;
+  options.num_threads = 1;
+  options.max_iterations = 3;
+  AdjustBundle(options, {}, model);
+  const auto taken = static_cast<double>(ReadMemoryUse().peak - before.resident);
+  BundleSize size;
+  size.num_images = static_cast<int64_t>(model.images.size());
+  for (const auto& [id, image] : model.images) {
+    size.num_keypoints += static_cast<int64_t>(image.points2D.size());
+  }
+  size.num_points = static_cast<int64_t>(model.points3D.size());
+  size.num_observations = model.NumObservations();
+  ASSERT_GT(taken, 3e7);
+  EXPECT_NEAR(static_cast<double>(EstimateBundleBytes(options, size)) / taken, 1.0, 0.3);
+}
+
+}  // namespace
+}  // namespace cairn
