@@ -1,7 +1,13 @@
 #include <Eigen/LU>
+#include <algorithm>
 #include <cstdio>
+#include <iterator>
 
 #include "cairn/geometry/epipolar.h"
+#include "cairn/geometry/rigid3d.h"
+#include "cairn/graph/graph.h"
+#include "cairn/math/angles.h"
+#include "cairn/math/median.h"
 #include "cairn/view_graph/focal_calibration.h"
 #include "pipeline/reconstruct_stages.h"
 
@@ -59,6 +65,84 @@ std::vector<FocalPair> CollectPairs(const SceneData& scene, const GeometryReader
   return pairs;
 }
 
+// Where loops close this well, they do not tell focal lengths apart.
+constexpr double kGoodLoopDeg = 0.1;
+// On photographs, right focal lengths leave less than this share of the closing errors; wrong ones,
+// found where planes and few good matches say little, leave about all.
+constexpr double kMaxLoopRatio = 0.7;
+constexpr int kMaxLoops = 64;  // of an edge
+
+constexpr size_t kMinLoops = 3;  // of a camera that tell something
+
+// Cameras that are connected by pairs, and the closing errors of their loops of three rotations.
+struct LoopErrors {
+  std::set<camera_t> cameras;
+  std::vector<double> before_deg, after_deg;
+};
+
+// Of loops whose edges have poses in both `before` and `after`, which are alike in all but poses.
+std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<ViewEdge>& before,
+                                     const std::vector<ViewEdge>& after) {
+  std::map<camera_t, int> node_of;  // a node a camera: an image's edges are its camera's
+  std::map<image_t, int> image_node;
+  std::vector<GraphEdge> image_graph, camera_graph;
+  std::vector<size_t> index;
+  for (const auto& [id, camera] : scene.cameras) {
+    node_of.try_emplace(id, static_cast<int>(node_of.size()));
+  }
+  for (const auto& [id, image] : scene.images) {
+    image_node.try_emplace(id, static_cast<int>(image_node.size()));
+  }
+  for (size_t i = 0; i < after.size(); ++i) {
+    if (!before[i].IsActive() || !after[i].IsActive()) continue;
+    const auto [id1, id2] = std::pair(after[i].image_id1, after[i].image_id2);
+    image_graph.push_back({image_node.at(id1), image_node.at(id2)});
+    camera_graph.push_back(
+        {node_of.at(scene.images.at(id1).camera_id), node_of.at(scene.images.at(id2).camera_id)});
+    index.push_back(i);
+  }
+  const GraphComponents components =
+      ConnectedComponents(static_cast<int>(node_of.size()), camera_graph);
+  std::vector<LoopErrors> errors(components.Num());
+  for (const auto& [id, node] : node_of) {
+    errors[components.component_of_node[node]].cameras.insert(id);
+  }
+  const auto rotation_to = [&](const std::vector<ViewEdge>& edges, size_t e, int node) {
+    const Eigen::Quaterniond& R = edges[index[e]].cam2_from_cam1.rotation;
+    return image_graph[e].node2 == node ? R : R.conjugate();
+  };
+  const LoopFinder finder(static_cast<int>(image_node.size()), image_graph);
+  for (size_t e = 0; e < image_graph.size(); ++e) {
+    const auto [node1, node2] = image_graph[e];
+    LoopErrors& loops = errors[components.component_of_node[camera_graph[e].node1]];
+    for (const LoopFinder::Corner& corner : finder.Find(node1, node2, kMaxLoops)) {
+      if (corner.node < std::max(node1, node2)) continue;  // It is another edge's.
+      const auto error_deg = [&](const std::vector<ViewEdge>& edges) {
+        return RadToDeg(AngleBetween(
+            rotation_to(edges, corner.edge2, node2) * rotation_to(edges, corner.edge1, corner.node),
+            rotation_to(edges, e, node2)));
+      };
+      loops.before_deg.push_back(error_deg(before));
+      loops.after_deg.push_back(error_deg(after));
+    }
+  }
+  return errors;
+}
+
+// The geometries of the edges of these cameras.
+std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
+                                                         const SceneData& scene,
+                                                         const GeometryReader& read) {
+  std::map<image_pair_t, TwoViewGeometry> geometries;
+  for (const ViewEdge& edge : scene.edges) {
+    if (cameras.count(scene.images.at(edge.image_id1).camera_id) > 0 ||
+        cameras.count(scene.images.at(edge.image_id2).camera_id) > 0) {
+      geometries[edge.PairId()] = read(edge.PairId());
+    }
+  }
+  return geometries;
+}
+
 std::string Describe(camera_t id, const Camera& camera, const CalibratedFocal& focal) {
   char text[200];
   std::snprintf(
@@ -70,40 +154,83 @@ std::string Describe(camera_t id, const Camera& camera, const CalibratedFocal& f
   return text;
 }
 
-}  // namespace
-
-std::set<camera_t> CalibrateSceneFocals(const GeometryReader& read,
-                                        const ReconstructSettings& settings, Stage& stage,
-                                        SceneData& scene) {
-  std::set<camera_t> changed;
-  const std::vector<FocalPair> pairs =
-      CollectPairs(scene, read, settings.focal_calibration.max_pairs);
-  const FocalCalibrationReport report = CalibrateFocals(
-      scene.cameras, scene.held_cameras, pairs, settings.focal_calibration, settings.num_threads);
+// Says what became of each camera; returns those that change.
+std::set<camera_t> Report(const FocalCalibrationReport& report,
+                          const std::map<camera_t, Camera>& cameras, Stage& stage) {
+  std::set<camera_t> calibrated;
   std::map<FocalStatus, int> num_of;
   for (const auto& [id, focal] : report.cameras) {
-    Camera& camera = scene.cameras.at(id);
-    const std::string text = Describe(id, camera, focal);
+    const bool is_exif = cameras.at(id).has_prior_focal_length;
+    const bool is_calibrated = focal.status == FocalStatus::kCalibrated;
+    const std::string text = Describe(id, cameras.at(id), focal);
     ++num_of[focal.status];
-    if (focal.status == FocalStatus::kCalibrated) {
-      camera.SetMeanFocal(focal.focal_px);
-      changed.insert(id);
-    }
-    const bool is_overruled =
-        camera.has_prior_focal_length && focal.status == FocalStatus::kCalibrated;
-    const bool is_unknown =
-        !camera.has_prior_focal_length && focal.status != FocalStatus::kCalibrated;
-    if (is_overruled || is_unknown) {
-      stage.Warn(text + (is_unknown ? "; the guess is kept" : "; EXIF is overruled"));
+    if (is_calibrated) calibrated.insert(id);
+    if (is_exif == is_calibrated) {
+      stage.Warn(text + (is_exif ? "; EXIF is overruled" : "; the guess is kept"));
     } else {
       stage.Note(text);
     }
   }
+  for (const auto& [status, count] : num_of) stage.Add(std::string(FocalStatusName(status)), count);
+  return calibrated;
+}
+
+// Takes the focal lengths that the pairs gave back, for connected cameras together, where the loops
+// do not close better with them than `before`.
+void TakeBackRefuted(const std::map<camera_t, CalibratedFocal>& focals,
+                     const std::vector<ViewEdge>& before, const std::set<camera_t>& changed,
+                     Stage& stage, SceneData& scene) {
+  std::set<camera_t> refuted;
+  for (const LoopErrors& loops : CompareLoops(scene, before, scene.edges)) {
+    std::set<camera_t> cameras;
+    std::set_intersection(loops.cameras.begin(), loops.cameras.end(), changed.begin(),
+                          changed.end(), std::inserter(cameras, cameras.end()));
+    if (cameras.empty() || loops.before_deg.size() < kMinLoops) continue;
+    const double before_deg = UpperMedian(loops.before_deg);
+    const double after_deg = UpperMedian(loops.after_deg);
+    if (after_deg <= std::max(kGoodLoopDeg, kMaxLoopRatio * before_deg)) continue;
+    refuted.insert(cameras.begin(), cameras.end());
+    char text[160];
+    std::snprintf(text, sizeof(text),
+                  "%zu loops of rotations close to %.2f deg with calibrated focal lengths, to %.2f "
+                  "deg without: those of %zu cameras are not taken over",
+                  loops.before_deg.size(), after_deg, before_deg, cameras.size());
+    stage.Warn(text);
+  }
+  for (const camera_t id : refuted) {
+    scene.cameras.at(id).SetMeanFocal(focals.at(id).focal_before_px);
+  }
+  for (size_t i = 0; i < before.size(); ++i) {
+    if (refuted.count(scene.images.at(before[i].image_id1).camera_id) > 0 ||
+        refuted.count(scene.images.at(before[i].image_id2).camera_id) > 0) {
+      scene.edges[i] = before[i];
+    }
+  }
+  stage.Add("refuted_by_loops", static_cast<double>(refuted.size()));
+}
+
+}  // namespace
+
+void CalibrateSceneFocals(const GeometryReader& read,
+                          const std::map<image_pair_t, TwoViewGeometry>& foreign,
+                          const ReconstructSettings& settings, Stage& stage, SceneData& scene) {
+  const std::vector<FocalPair> pairs =
+      CollectPairs(scene, read, settings.focal_calibration.max_pairs);
+  const FocalCalibrationReport report = CalibrateFocals(
+      scene.cameras, scene.held_cameras, pairs, settings.focal_calibration, settings.num_threads);
   stage.Add("pairs_in", static_cast<double>(pairs.size()));
   stage.Add("pairs_used", report.num_pairs);
   stage.Add("pairs_agreeing", report.num_pairs_agreeing);
-  for (const auto& [status, count] : num_of) stage.Add(std::string(FocalStatusName(status)), count);
-  return changed;
+  const std::set<camera_t> calibrated = Report(report, scene.cameras, stage);
+  ImproveRelativePoses(foreign, settings.num_threads, scene);
+  if (calibrated.empty()) return;
+
+  const std::vector<ViewEdge> before = scene.edges;
+  for (const camera_t id : calibrated) {
+    scene.cameras.at(id).SetMeanFocal(report.cameras.at(id).focal_px);
+  }
+  ImproveRelativePoses(ReadGeometriesOf(calibrated, scene, read), settings.num_threads, scene);
+  TakeBackRefuted(report.cameras, before, calibrated, stage, scene);
 }
 
 }  // namespace cairn

@@ -120,35 +120,17 @@ void ChooseHeldCameras(const Database& database, const ReconstructSettings& sett
   }
 }
 
-// Focal lengths that are not known, and the pairs whose poses change with them.
-void CalibrateScene(const Database& database, const ReconstructSettings& settings,
-                    ProgressMonitor& monitor, RunReport& report, SceneData& scene,
-                    std::map<image_pair_t, TwoViewGeometry>& changed_geometries) {
-  Stage stage(report, monitor, "focal_calibration");
-  const GeometryReader read = [&](image_pair_t pair_id) {
-    return database.ReadTwoViewGeometry(pair_id).value();
-  };
-  const std::set<camera_t> changed = CalibrateSceneFocals(read, settings, stage, scene);
-  for (const ViewEdge& edge : scene.edges) {
-    if (changed.count(scene.images.at(edge.image_id1).camera_id) == 0 &&
-        changed.count(scene.images.at(edge.image_id2).camera_id) == 0) {
-      continue;
-    }
-    changed_geometries.try_emplace(edge.PairId(), read(edge.PairId()));
-  }
-}
-
 }  // namespace
 
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
                         ProgressMonitor& monitor, RunReport& report) {
   SceneData scene;
-  std::map<image_pair_t, TwoViewGeometry> to_improve;
+  std::map<image_pair_t, TwoViewGeometry> foreign;
   {
     Stage stage(report, monitor, "read");
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     ReadImagesAndKeypoints(database, scene, stage, first_keypoint);
-    ReadEdges(database, first_keypoint, scene, to_improve);
+    ReadEdges(database, first_keypoint, scene, foreign);
     size_t num_matches = 0;
     for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
     scene.poses_alone = scene.poses_imported && num_matches == 0;
@@ -176,9 +158,14 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
   }
   if (!report.Succeeded() || scene.poses_alone) return scene;
   if (settings.focal_calibration.enabled && scene.held_cameras.size() < scene.cameras.size()) {
-    CalibrateScene(database, settings, monitor, report, scene, to_improve);
+    Stage stage(report, monitor, "focal_calibration");
+    const GeometryReader read = [&](image_pair_t pair_id) {
+      return database.ReadTwoViewGeometry(pair_id).value();
+    };
+    CalibrateSceneFocals(read, foreign, settings, stage, scene);
+  } else {
+    ImproveRelativePoses(foreign, settings.num_threads, scene);
   }
-  ImproveRelativePoses(to_improve, settings.num_threads, scene);
   return scene;
 }
 

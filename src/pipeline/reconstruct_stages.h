@@ -74,10 +74,11 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
 // reconstruct_focals.cc
 using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
 // Gives cameras that are not held the focal lengths that the pairs' fundamental matrices determine,
-// and says what became of each. Returns the cameras that changed.
-std::set<camera_t> CalibrateSceneFocals(const GeometryReader& read,
-                                        const ReconstructSettings& settings, Stage& stage,
-                                        SceneData& scene);
+// unless loops of rotations then close no better than before, and says what became of each camera.
+// Improves the poses of the `foreign` edges, and of all whose focal lengths changed.
+void CalibrateSceneFocals(const GeometryReader& read,
+                          const std::map<image_pair_t, TwoViewGeometry>& foreign,
+                          const ReconstructSettings& settings, Stage& stage, SceneData& scene);
 
 // reconstruct_relative_poses.cc
 // Refines the poses of edges that another program verified, or whose focal lengths changed, on

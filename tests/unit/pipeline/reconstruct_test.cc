@@ -157,6 +157,29 @@ TEST(ReconstructScene, CalibratesFocalLengthsFromThePairs) {
             nullptr);
 }
 
+// What the pairs' matches say must bear out in loops of rotations: here the stored poses, of the
+// true focal lengths, close better than those that noisy matches give.
+TEST(ReconstructScene, TakesNoFocalLengthsWithWhichLoopsCloseNoBetter) {
+  SceneOptions options = SmallScene();
+  options.image_noise_px = 2.0;
+  const SyntheticScene scene = MakeScene(options, 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.SetMeanFocal(1.3 * camera.MeanFocal());
+    camera.has_prior_focal_length = false;
+    database.WriteCamera(camera);
+  }
+  ReconstructSettings settings = Settings();
+  settings.focal_calibration.max_sigma = 0.3;
+  const RunReport report = ReconstructScene(database, "", settings).report;
+  const StageReport* stage = FindStage(report, "focal_calibration");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+  EXPECT_EQ(Value(*stage, "calibrated"), 2);
+  EXPECT_EQ(Value(*stage, "refuted_by_loops"), 2);
+  EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are not taken over"));
+}
+
 TEST(ReconstructScene, OverrulesExifThatIsFarOff) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   Database database = MakeDatabase(scene);
