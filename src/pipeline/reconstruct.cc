@@ -56,6 +56,17 @@ class ComponentQueue {
     KeepImages(images, graph);
     for (std::vector<image_t>& part : ActiveComponents(graph)) Add({std::move(part), num_splits});
   }
+  // Images that twin places on their way to a model hold.
+  std::set<image_t> Reserved(int min_images) const {
+    std::set<image_t> reserved;
+    for (const Component& component : components_) {
+      if (component.num_splits == 0 || static_cast<int>(component.images.size()) < min_images) {
+        continue;
+      }
+      reserved.insert(component.images.begin(), component.images.end());
+    }
+    return reserved;
+  }
   Component Pop() {
     Component component = std::move(components_.front());
     components_.erase(components_.begin());
@@ -132,6 +143,7 @@ void BuildModels(StageContext& context, ViewGraphResult& view_graph, const std::
       small.push_back(component.images);
       continue;
     }
+    context.reserved = queue.Reserved(options.min_model_images);
     BuiltModel built = BuildModel(context, component.images, graph);
     TakeOver(built.graph, graph);
     for (const size_t e : built.twin_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
@@ -195,6 +207,10 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
   v.Bool(
       "separate_twins", separate_twins,
       "find places that look alike and were put on top of each other, and reconstruct them apart");
+  v.Bool(
+      "refuse_symmetric", refuse_symmetric,
+      "refuse a model if many pairs that contradict it agree on one rotation of the scene: equal "
+      "sides of a building shown as one");
   v.Bool("colors", colors, "color the points from the photographs");
 }
 

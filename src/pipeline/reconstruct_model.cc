@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "cairn/math/median.h"
 #include "pipeline/reconstruct_stages.h"
@@ -48,7 +49,8 @@ std::vector<size_t> FindTwins(StageContext& context, const Reconstruction& model
 }
 
 // False: the model is not fit to be written, and the report's failure says why.
-bool CheckModel(StageContext& context, std::span<const image_t> component, Reconstruction& model) {
+bool CheckModel(StageContext& context, std::span<const image_t> component, const ViewGraph& graph,
+                Reconstruction& model) {
   Stage stage(context, "checks");
   model.UpdatePointErrors();
   stage.Add("images", static_cast<double>(model.images.size()));
@@ -57,9 +59,21 @@ bool CheckModel(StageContext& context, std::span<const image_t> component, Recon
   stage.Add("observations", static_cast<double>(model.NumObservations()));
   stage.Add("mean_track_length", model.MeanTrackLength());
   stage.Add("mean_reprojection_error_px", model.MeanReprojectionErrorPx());
+  const Symmetry symmetry = FindSymmetry(model, graph);
+  stage.Add("symmetric_pairs", symmetry.num_pairs);
   if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
     stage.Fail("the model was refused: " + reason,
                "look at the view graph with global_sfm inspect, and add photos that overlap more");
+    return false;
+  }
+  if (context.settings.reconstruct.refuse_symmetric && symmetry.IsFold()) {
+    stage.Fail(std::to_string(symmetry.num_pairs) +
+                   " pairs that were taken out agree with each other that the scene turned by " +
+                   std::to_string(std::lround(symmetry.angle_deg)) + " degrees looks the same, " +
+                   std::to_string(symmetry.num_active) +
+                   " agree with the model: it may show equal sides of a building as one",
+               "give the photos of each side to a run of their own, add photos with more of the "
+               "surroundings, or accept the model with --reconstruct.refuse_symmetric 0");
     return false;
   }
   for (const image_t id : component) {
@@ -96,7 +110,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
     built.twin_edges = FindTwins(context, model, built.graph);
     if (!built.twin_edges.empty()) return built;
   }
-  if (!CheckModel(context, component, model)) return built;
+  if (!CheckModel(context, component, built.graph, model)) return built;
   NormalizeFrame(model);
   RenumberPoints(model);
   built.model = std::move(model);

@@ -119,7 +119,10 @@ int RegisterLeftOut(StageContext& context, Reconstruction& model, ViewGraph& gra
   std::vector<std::pair<int64_t, image_t>> candidates;
   std::map<image_t, Correspondences> correspondences;
   for (const auto& [id, pixels] : context.scene.pixels) {
-    if (model.images.count(id) > 0 || context.taken.count(id) > 0) continue;
+    if (model.images.count(id) > 0 || context.taken.count(id) > 0 ||
+        context.reserved.count(id) > 0) {
+      continue;
+    }
     Correspondences found = FindCorrespondences(context.scene, graph, model, id);
     if (static_cast<int>(found.points.size()) < context.settings.resection.min_num_inliers) {
       continue;

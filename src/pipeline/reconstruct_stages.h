@@ -40,6 +40,8 @@ struct StageContext {
   RunReport& report;
   int model = 0;              // index of the model that is being built
   std::set<image_t> taken{};  // images of the models that are done
+  // Images of other places that look like this one, which wait for a model of their own.
+  std::set<image_t> reserved{};
 };
 
 // One stage of the run: shown by the monitor, timed, and put in the report when it ends.
@@ -137,6 +139,18 @@ std::string ReasonToRefuse(const Reconstruction& model);
 // reconstruction", 2014). Indices in graph.edges, ascending; empty: one place.
 std::vector<size_t> EdgesBetweenTwins(const Reconstruction& model, const ViewGraph& graph,
                                       int num_threads);
+
+// reconstruct_symmetry.cc
+// Pairs that were taken out, and yet agree with each other on one rotation of the scene: what a
+// building with several equal sides does when the model shows one side in place of all.
+struct Symmetry {
+  int num_pairs = 0;     // that agree with each other, against the model
+  int num_active = 0;    // pairs that agree with the model
+  double angle_deg = 0;  // of the rotation
+
+  bool IsFold() const { return num_pairs >= 6 && num_pairs > 0.15 * num_active; }
+};
+Symmetry FindSymmetry(const Reconstruction& model, const ViewGraph& graph);
 
 // reconstruct_model.cc
 struct BuiltModel {

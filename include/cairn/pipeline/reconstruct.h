@@ -43,6 +43,7 @@ struct ReconstructOptions {
   double max_memory_gib = 0.0;
   bool register_left_out = true;
   bool separate_twins = true;
+  bool refuse_symmetric = true;
   bool colors = true;
 
   void VisitFields(OptionVisitor& v);
