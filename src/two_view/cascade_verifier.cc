@@ -5,6 +5,11 @@
 #include "cairn/base/rng.h"
 
 namespace cairn::internal {
+namespace {
+
+constexpr int kMaxTrianglesRefined = 24;
+
+}  // namespace
 
 PairReport CascadeVerifier::Verify(const PairInput& input) {
   PairReport report;
@@ -15,14 +20,23 @@ PairReport CascadeVerifier::Verify(const PairInput& input) {
   }
   PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
   search_.Reset(pair_);
-  auto budget = [this](int full) {
-    return pair_.IsSupported() ? full
-                               : static_cast<int>(std::ceil(options_.unsupported_budget * full));
+  const bool use_depth =
+      steps_.one_ac_depth && !input.depth1.empty() && !input.depth2.empty() && CanTrustDepth(input);
+  // Without depth more rests on the other steps.
+  constexpr double kWithoutDepth = 3.0;
+  const double share =
+      std::min(1.0, options_.unsupported_budget * (use_depth ? 1.0 : kWithoutDepth));
+  auto budget = [&](int full) {
+    return pair_.IsSupported() ? full : static_cast<int>(std::ceil(share * full));
   };
   int num_with_depth = 0;
-  if (steps_.one_ac_depth && CanTrustDepth(input)) {
+  if (use_depth) {
     num_with_depth = one_ac_depth_.Run(input, pair_, budget(options_.max_num_refined), &search_);
     if (search_.HasConverged()) report.verifier = "one_ac_depth";
+  }
+  if (steps_.triangles && use_depth && !search_.HasConverged()) {
+    triangles_.Run(input, pair_, options_.max_depth_triangles, kMaxTrianglesRefined, &search_);
+    if (search_.HasConverged()) report.verifier = "triangles";
   }
   if (steps_.two_ac && !search_.HasConverged()) {
     RunTwoAcStep(input, pair_, budget(options_.max_affine_samples), &search_);

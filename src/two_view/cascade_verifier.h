@@ -4,12 +4,14 @@
 #include "two_view/pair_outcome.h"
 #include "two_view/pose_search.h"
 #include "two_view/search_steps.h"
+#include "two_view/triangle_step.h"
 
 namespace cairn::internal {
 
 // Which steps a search takes, in this order.
 struct CascadeSteps {
   bool one_ac_depth = true;
+  bool triangles = true;
   bool two_ac = true;
   bool five_point = true;
 };
@@ -39,6 +41,7 @@ class CascadeVerifier : public PairVerifier {
   TwoViewOptions options_;
   PreparedPair pair_;
   OneAcDepthStep one_ac_depth_;
+  TriangleDepthStep triangles_;
   PoseSearch search_;
   CompetingModelSearch competing_;
   OutcomeScratch scratch_;

@@ -27,7 +27,14 @@ PairReport FivePointVerifier::Verify(const PairInput& input) {
     return report;
   }
   const EssentialDecomposition parts = DecomposeEssential(ransac.model);
-  FinishPair(input, pair_, options_, Rigid3d(parts.R1, parts.t), &scratch_, &report);
+  search_.Reset(pair_);
+  search_.AddRefined(Rigid3d(parts.R1, parts.t));
+  if (search_.HasEvidence() && options_.num_resamples > 0) {
+    PoseSearch::ResampleOptions resample;
+    resample.num_samples = options_.num_resamples;
+    search_.Resample(resample, &rng);
+  }
+  FinishPair(input, pair_, options_, search_.pose(), &scratch_, &report);
   return report;
 }
 

@@ -2,6 +2,7 @@
 
 #include "cairn/two_view/pair_verifier.h"
 #include "two_view/pair_outcome.h"
+#include "two_view/pose_search.h"
 #include "two_view/prepared_pair.h"
 
 namespace cairn::internal {
@@ -9,12 +10,13 @@ namespace cairn::internal {
 // Five-point LO-RANSAC over all matches: needs neither depth nor affine frames.
 class FivePointVerifier : public PairVerifier {
  public:
-  explicit FivePointVerifier(const TwoViewOptions& options) : options_(options) {}
+  explicit FivePointVerifier(const TwoViewOptions& options) : options_(options), search_(options) {}
   PairReport Verify(const PairInput& input) override;
 
  private:
   TwoViewOptions options_;
   PreparedPair pair_;
+  PoseSearch search_;
   OutcomeScratch scratch_;
 };
 

@@ -13,6 +13,7 @@
 #include "cairn/solvers/essential.h"
 #include "cairn/solvers/homography.h"
 #include "two_view/evidence.h"
+#include "two_view/pair_noise.h"
 
 namespace cairn::internal {
 namespace {
@@ -111,29 +112,11 @@ class PairFinisher {
     PointPairs& near = scratch_.near;
     near.SetSubset(pair_.points, scratch_.inliers.data(),
                    static_cast<int>(scratch_.inliers.size()));
-    constexpr double kScaleOfMedian = 2.0, kMinScale = 0.25;  // three sigmas; of the threshold
+    constexpr double kScaleOfMedian = 2.0;  // 1.35 sigmas
     refinement.scale_px =
-        std::clamp(kScaleOfMedian * MedianErrorOfRight(), kMinScale * pair_.max_error_px,
-                   kMaxScale * pair_.max_error_px);
+        NoiseScalePx(pair_, scratch_.errors, kScaleOfMedian, &scratch_.special.errors);
     refinement.min_relative_gain = 1e-4;
     return RefinePose(near, start, refinement).cam2_from_cam1;
-  }
-
-  // The median error of right matches: of those within a few thresholds, less as many as chance
-  // puts there, evenly.
-  double MedianErrorOfRight() {
-    std::vector<float>& values = scratch_.special.errors;
-    values.clear();
-    const double max_error_px = kMaxScale * pair_.max_error_px;
-    for (const int32_t i : scratch_.inliers) {
-      if (scratch_.errors[i] < max_error_px) values.push_back(scratch_.errors[i]);
-    }
-    const double by_chance = pair_.chance_per_px * max_error_px * pair_.size();
-    const double num_right = static_cast<double>(values.size()) - by_chance;
-    if (!(num_right > 1.0)) return 0.0;
-    const auto middle = values.begin() + static_cast<ptrdiff_t>(0.5 * num_right);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
   }
 
   // Of the four poses of the essential matrix, the one with the most inliers in front.
@@ -336,9 +319,6 @@ class PairFinisher {
       report->geometry.inlier_matches.push_back(input_.matches[pair_.match_index[i]]);
     }
   }
-
-  // The noise that the last refinement allows for, in thresholds.
-  static constexpr double kMaxScale = 3.0;
 
   const PairInput& input_;
   const PreparedPair& pair_;

@@ -59,6 +59,7 @@ std::unique_ptr<PairVerifier> MakePairVerifier(VerifierKind kind, const TwoViewO
   } else {
     internal::CascadeSteps steps;
     steps.one_ac_depth = kind != VerifierKind::kTwoAc;
+    steps.triangles = kind == VerifierKind::kCascade;
     steps.two_ac = kind != VerifierKind::kOneAcDepth;
     steps.five_point = kind == VerifierKind::kCascade;
     verifier = std::make_unique<internal::CascadeVerifier>(steps, VerifierKindName(kind), options);

@@ -9,6 +9,7 @@
 #include "cairn/solvers/five_point.h"
 #include "two_view/evidence.h"
 #include "two_view/graph_cut.h"
+#include "two_view/pair_noise.h"
 
 namespace cairn::internal {
 namespace {
@@ -80,21 +81,43 @@ int PoseSearch::MoveBestToFront(int max_count) {
 
 void PoseSearch::Resample(const ResampleOptions& options, Rng* rng) {
   constexpr double kGain = 1.005;  // of the support: less is no progress
+  // Matches that their neighbours bear out are more often right: they count twice.
+  supported_.SetPrefix(pair_->points, pair_->IsSupported() ? pair_->num_supported : 0);
   int num_stale_rounds = 0;
   for (int round = 0; round < options.max_num_rounds && HasModel(); ++round) {
     if (num_stale_rounds >= options.patience) break;
-    const double score_before = best_score_;
     FindReach();
+    // Models near each other differ in how closely they fit, which only the noise's own scale
+    // tells.
+    constexpr double kSigmaOfMedian = 1.4826;  // of normal errors
+    const double sigma_px = NoiseScalePx(*pair_, errors_, kSigmaOfMedian, &scratch_);
+    const double support_before = SupportAt(best_E_, sigma_px);
+    double best_support = support_before;
     SampleExplained(options.num_samples, rng);
     const int num_refined = MoveBestToFront(options.num_refined);
     for (int k = 0; k < num_refined; ++k) {
       const EssentialDecomposition parts = DecomposeEssential(hypotheses_[k].E);
-      AddRefined(RefinePose(reach_, Rigid3d(parts.R1, parts.t), Refinement(pair_->max_error_px, 10))
-                     .cam2_from_cam1);
+      const Rigid3d pose =
+          RefinePose(reach_, Rigid3d(parts.R1, parts.t), Refinement(pair_->max_error_px, 10))
+              .cam2_from_cam1;
+      const Eigen::Matrix3d E = EssentialFromPose(pose);
+      const double support = SupportAt(E, sigma_px);
+      if (!(support > best_support)) continue;
+      const double score = ScoreSampson(pair_->points, E, pair_->max_error_px);
+      if (score < kEqualSupport * best_score_) continue;
+      best_score_ = std::max(best_score_, score);
+      best_support = support;
+      best_pose_ = pose;
+      best_E_ = E;
     }
     hypotheses_.clear();
-    num_stale_rounds = best_score_ < kGain * score_before ? num_stale_rounds + 1 : 0;
+    num_stale_rounds = best_support < kGain * support_before ? num_stale_rounds + 1 : 0;
   }
+  if (HasModel()) best_score_ = ScoreSampson(pair_->points, best_E_, pair_->max_error_px);
+}
+
+double PoseSearch::SupportAt(const Eigen::Matrix3d& E, double sigma_px) const {
+  return SoftScoreSampson(pair_->points, E, sigma_px) + SoftScoreSampson(supported_, E, sigma_px);
 }
 
 void PoseSearch::FindReach() {

@@ -24,12 +24,14 @@ class PoseSearch {
   // Refines the best hypotheses added since the last call, at most `max_num_refined`, until
   // HasConverged(); the others are forgotten.
   void RefineBest(int max_num_refined);
+  // A pose that was refined at the threshold elsewhere.
+  void AddRefined(const Rigid3d& pose);
 
   // Escapes local optima: rounds of five-point samples drawn from what the best model explains, the
-  // best of which are refined on all matches, until rounds bring nothing (the inner sampling of
-  // LO-RANSAC: Chum, Matas and Kittler, 2003).
+  // best of which are refined on all matches and compared at the scale of the pair's noise, until
+  // rounds bring nothing (the inner sampling of LO-RANSAC: Chum, Matas and Kittler, 2003).
   struct ResampleOptions {
-    int num_samples = 12;  // a round
+    int num_samples = 10;  // a round
     int num_refined = 2;   // a round
     int patience = 2;      // rounds without gain before the end
     int max_num_rounds = 10;
@@ -63,16 +65,17 @@ class PoseSearch {
   Rigid3d RefineOnAll(const Rigid3d& start, int max_iterations) const;
   // Matches that the best model explains, and those that a model near it might.
   void FindReach();
+  // Soft support at the scale of the noise.
+  double SupportAt(const Eigen::Matrix3d& E, double sigma_px) const;
   void CutReach();  // the former by a graph cut
   void SampleExplained(int num_samples, Rng* rng);
-  void AddRefined(const Rigid3d& pose);
 
   TwoViewOptions options_;
   const PreparedPair* pair_ = nullptr;
-  PointPairs subset_;
+  PointPairs subset_, supported_;
   std::vector<Hypothesis> hypotheses_;
   std::vector<Started> started_;
-  std::vector<float> errors_;
+  std::vector<float> errors_, scratch_;
   std::vector<int32_t> explained_, reach_indices_;
   PointPairs reach_;
   int64_t num_hypotheses_ = 0;

@@ -44,15 +44,16 @@ struct TwoViewOptions {
   // from it down to the threshold.
   double rough_error_ratio = 7.0;
   // Budgets of a pair: hypotheses of one affine correspondence with depth that are refined, samples
-  // of two affine correspondences, and samples of five points after these.
+  // of three matches with depth, of two affine correspondences, and of five points after these.
   int max_num_refined = 60;
+  int max_depth_triangles = 4096;
   int max_affine_samples = 300;
   int max_fallback_samples = 2000;
   // The share of these budgets for a pair whose matches are not borne out by the affine frames of
-  // their neighbours, as those of unrelated images are not.
+  // their neighbours, as those of unrelated images are not; three times as much without depth.
   double unsupported_budget = 0.1;
   // Five-point samples a round among what the final model explains, against local optima.
-  int num_resamples = 12;
+  int num_resamples = 10;
   // How the final model's inliers are told apart for these samples: by their errors, or by a graph
   // cut over neighbours (GC-RANSAC: Barath and Matas, 2018), which measured no better and slower.
   std::string local_optimization = "threshold";
@@ -86,6 +87,8 @@ struct TwoViewOptions {
              "scale at which rough hypotheses are ranked and first refined, in thresholds");
     v.Int("max_num_refined", max_num_refined, {1, 1e9},
           "most 1AC+D hypotheses of a pair that are refined");
+    v.Int("max_depth_triangles", max_depth_triangles, {1, 1e9},
+          "samples of three matches with depth of a pair");
     v.Int("max_affine_samples", max_affine_samples, {1, 1e9},
           "most samples of two affine correspondences of a pair");
     v.Int("max_fallback_samples", max_fallback_samples, {0, 1e9},

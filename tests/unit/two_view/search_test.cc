@@ -7,8 +7,10 @@
 #include "two_view/evidence.h"
 #include "two_view/local_consensus.h"
 #include "two_view/pair_fixture.h"
+#include "two_view/pair_noise.h"
 #include "two_view/pose_search.h"
 #include "two_view/search_steps.h"
+#include "two_view/triangle_step.h"
 
 namespace cairn::internal {
 namespace {
@@ -165,7 +167,17 @@ TEST_F(SearchTest, DoesNotConvergeOnChance) {
   EXPECT_FALSE(search.HasConverged());
 }
 
-TEST_F(SearchTest, ResamplingNeverLosesSupport) {
+// Any of the four poses of an essential matrix may stand for it.
+double EssentialError(const Rigid3d& pose, const Pair& pair) {
+  const Rigid3d& truth = pair.cam2_from_cam1;
+  const Eigen::Matrix3d E = EssentialFromPose(pose);
+  const Eigen::Matrix3d expected =
+      EssentialFromPose(Rigid3d(truth.rotation, truth.translation.normalized()));
+  return std::min((E - expected).norm(), (E + expected).norm());
+}
+
+TEST_F(SearchTest, ResamplingTradesLittleSupportForAccuracy) {
+  double sum_before = 0.0, sum_after = 0.0;
   for (uint64_t seed = 0; seed < 10; ++seed) {
     const Pair pair = MakePair({.num_inliers = 80, .num_outliers = 100, .noise_px = 0.6}, seed);
     Prepare(pair);
@@ -173,10 +185,14 @@ TEST_F(SearchTest, ResamplingNeverLosesSupport) {
     search.Reset(prepared_);
     RunTwoAcStep(pair.Input(), prepared_, 200, &search);
     const double before = search.score();
+    const double error_before = EssentialError(search.pose(), pair);
     Rng rng(seed);
     search.Resample({}, &rng);
-    EXPECT_GE(search.score(), before);
+    EXPECT_GE(search.score(), 0.9 * before);
+    sum_before += error_before;
+    sum_after += EssentialError(search.pose(), pair);
   }
+  EXPECT_LE(sum_after, sum_before);
 }
 
 TEST_F(SearchTest, DepthSolverAndRoughScaleDecideWhatIsRefined) {
@@ -230,6 +246,76 @@ TEST(Evidence, ChanceIsMeasuredOnTheImageItself) {
   EXPECT_GT(chance, 2e-4);
   EXPECT_LT(chance, 1e-2);
   EXPECT_GT(ChanceOfInlier(prepared, E, 20.0, &scratch), 5.0 * chance);
+}
+
+// Frames that say nothing: only positions and depths are left.
+Pair MakeFramelessPair(const test::PairSettings& settings, uint64_t seed) {
+  Pair pair = MakePair(settings, seed);
+  Rng rng(seed, "shapes");
+  for (auto* keypoints : {&pair.keypoints1, &pair.keypoints2}) {
+    for (Keypoint& k : *keypoints) {
+      for (float* a : {&k.a11, &k.a12, &k.a21, &k.a22}) *a = static_cast<float>(rng.Gaussian());
+    }
+  }
+  return pair;
+}
+
+TEST(TriangleDepthStep, FindsThePoseAmongManyWrongMatchesWithoutFrames) {
+  int num_found = 0;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    const Pair pair = MakeFramelessPair({.num_inliers = 40, .num_outliers = 160}, seed);
+    PreparedPair prepared;
+    PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
+    PoseSearch search((TwoViewOptions()));
+    search.Reset(prepared);
+    TriangleDepthStep step;
+    EXPECT_EQ(step.Run(pair.Input(), prepared, 4000, 24, &search), 4000);
+    num_found += search.HasEvidence() && EssentialError(search.pose(), pair) < 0.05;
+  }
+  EXPECT_GE(num_found, 16);
+}
+
+TEST(TriangleDepthStep, NeedsDepthInBothImages) {
+  Pair pair = MakeFramelessPair({}, 1);
+  PreparedPair prepared;
+  PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
+  PoseSearch search((TwoViewOptions()));
+  search.Reset(prepared);
+  TriangleDepthStep step;
+  EXPECT_EQ(step.Run(pair.Input(false), prepared, 100, 10, &search), 0);
+  for (DepthSample& sample : pair.depth2) sample.is_valid = false;
+  EXPECT_EQ(step.Run(pair.Input(), prepared, 100, 10, &search), 0);
+  EXPECT_FALSE(search.HasModel());
+}
+
+TEST(TriangleDepthStep, ItsBudgetDecidesWhatTheCascadeFinds) {
+  auto num_verified = [](int max_depth_triangles) {
+    TwoViewOptions options;
+    options.max_depth_triangles = max_depth_triangles;
+    options.max_fallback_samples = 0;
+    const auto verifier = MakePairVerifier(VerifierKind::kCascade, options);
+    int count = 0;
+    for (uint64_t seed = 0; seed < 10; ++seed) {
+      const Pair pair = MakeFramelessPair({.num_inliers = 40, .num_outliers = 160}, seed);
+      count += verifier->Verify(pair.Input()).status == PairStatus::kVerified;
+    }
+    return count;
+  };
+  EXPECT_GT(num_verified(4000), num_verified(1) + 5);
+}
+
+TEST(PairNoise, IsThatOfTheRightMatches) {
+  for (const double noise_px : {0.2, 0.5, 1.0}) {
+    const Pair pair =
+        MakePair({.num_inliers = 2000, .num_outliers = 2000, .noise_px = noise_px}, 3);
+    PreparedPair prepared;
+    PreparePair(pair.Input(), {.max_error_px = 1.0}, MatchOrder::kRandom, &prepared);
+    std::vector<float> errors(prepared.points.num_blocks() * PointPairs::kBlock), scratch;
+    SampsonErrors(prepared.points, EssentialFromPose(pair.cam2_from_cam1), errors.data());
+    // Noise of both points adds up to noise_px across the epipolar line.
+    EXPECT_NEAR(NoiseScalePx(prepared, errors, 1.4826, &scratch), std::max(0.25, noise_px),
+                0.15 * noise_px);
+  }
 }
 
 }  // namespace
