@@ -20,12 +20,12 @@ PairReport CascadeVerifier::Verify(const PairInput& input) {
   }
   PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
   search_.Reset(pair_);
-  const bool use_depth =
-      steps_.one_ac_depth && !input.depth1.empty() && !input.depth2.empty() && CanTrustDepth(input);
+  const bool has_depth = steps_.one_ac_depth && !input.depth1.empty() && !input.depth2.empty();
+  const bool use_depth = has_depth && CanTrustDepth(input);
   // Without depth more rests on the other steps.
   constexpr double kWithoutDepth = 3.0;
   const double share =
-      std::min(1.0, options_.unsupported_budget * (use_depth ? 1.0 : kWithoutDepth));
+      std::min(1.0, options_.unsupported_budget * (has_depth ? 1.0 : kWithoutDepth));
   auto budget = [&](int full) {
     return pair_.IsSupported() ? full : static_cast<int>(std::ceil(share * full));
   };
