@@ -10,6 +10,24 @@
 namespace cairn {
 namespace {
 
+// What to try where the most frequent reason took all pairs out.
+std::string AdviceFor(const std::map<EdgeRemoval, int>& num_removed) {
+  const auto most =
+      std::max_element(num_removed.begin(), num_removed.end(),
+                       [](const auto& a, const auto& b) { return a.second < b.second; });
+  switch (most == num_removed.end() ? EdgeRemoval::kNone : most->first) {
+    case EdgeRemoval::kNoPose:
+      return "the camera seems to have turned without moving, or only a plane is seen: add photos "
+             "from other places";
+    case EdgeRemoval::kTripletInconsistent:
+    case EdgeRemoval::kAmbiguous:
+      return "the pairs contradict each other: raise --view_graph.max_triplet_error_deg, or match "
+             "with a smaller --matching.max_ratio";
+    default:
+      return "lower --view_graph.min_num_inliers, or match more features";
+  }
+}
+
 ViewGraphResult BuildGraph(const SceneData& scene, const ReconstructSettings& settings,
                            ProgressMonitor& monitor, RunReport& report) {
   Stage stage(report, monitor, "view_graph");
@@ -28,9 +46,14 @@ ViewGraphResult BuildGraph(const SceneData& scene, const ReconstructSettings& se
   stage.Add("median_loop_error_deg", result.report.median_loop_error_deg);
   stage.Add("components", static_cast<double>(result.report.components.size()));
   if (result.report.components.empty()) {
-    stage.Fail(
-        "of " + std::to_string(result.report.num_edges) + " verified pairs none is fit for use",
-        "lower --view_graph.min_num_inliers, or match more features");
+    std::string reasons;
+    for (const auto& [reason, count] : result.report.num_removed) {
+      reasons += (reasons.empty() ? "" : ", ") + std::to_string(count) + " " +
+                 std::string(EdgeRemovalName(reason));
+    }
+    stage.Fail("of " + std::to_string(result.report.num_edges) +
+                   " verified pairs none is fit for use (" + reasons + ")",
+               AdviceFor(result.report.num_removed));
   }
   return result;
 }

@@ -97,6 +97,45 @@ TEST(Failure, InputThatIsAbsent) {
             3, "empty", "no photograph");
 }
 
+// A run without a usable result: exit code 1, one line that says where and what to try, the report
+// and the graph; the database stays as it is, and the next run with it succeeds.
+TEST(Failure, ReconstructionThatFailsLeavesWhatThereIs) {
+  const SceneFiles scene;
+  const auto reconstruct = [&](std::vector<std::string> others) {
+    std::vector<std::string> arguments = {"reconstruct", "--database_path", scene.database(),
+                                          "--output_path", scene / "model"};
+    arguments.insert(arguments.end(), others.begin(), others.end());
+    return RunProgram("global_sfm", arguments);
+  };
+  const std::string before = DumpDatabase(scene.database());
+  struct Case {
+    std::vector<std::string> options;
+    std::string stage, advice;
+  };
+  for (const Case& c :
+       {Case{{"--view_graph.min_num_inliers", "100000"}, "view_graph: of ", "too_few_inliers"},
+        Case{{"--view_graph.max_rotation_error_deg", "0"},
+             "rotation_averaging: no edge agrees",
+             "--view_graph.max_rotation_error_deg"},
+        Case{{"--reconstruct.max_memory_gib", "0.001"},
+             "memory: even with 50 tracks",
+             "--reconstruct.max_memory_gib"}}) {
+    const ProgramResult result = reconstruct(c.options);
+    EXPECT_EQ(result.exit_code, 1) << result.output;
+    const std::vector<std::string> lines = LinesWith(result.output, " error " + c.stage);
+    ASSERT_THAT(lines, SizeIs(1)) << result.output;
+    EXPECT_THAT(lines[0], HasSubstr(c.advice));
+    for (const char* file :
+         {"model/report.json", "model/view_graph.json", "model/effective.toml"}) {
+      EXPECT_TRUE(std::filesystem::exists(scene / file)) << file;
+    }
+    EXPECT_FALSE(std::filesystem::exists(scene / "model/sparse/0"));
+  }
+  EXPECT_EQ(DumpDatabase(scene.database()), before);
+  EXPECT_EQ(reconstruct({}).exit_code, 0);
+  EXPECT_TRUE(std::filesystem::exists(scene / "model/sparse/0"));
+}
+
 TEST(Failure, UnknownFlagsAndKeysSuggestTheNearestName) {
   const SceneFiles scene;
   ExpectEnd(scene.BuildViewGraph(scene.database(), {"--matching.max_rato", "0.7"}), 2,

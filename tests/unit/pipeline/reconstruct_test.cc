@@ -6,8 +6,10 @@
 #include <set>
 
 #include "cairn/base/file.h"
+#include "cairn/base/rng.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/io/colmap_model.h"
+#include "cairn/synthetic/poses.h"
 #include "cairn/synthetic/scene.h"
 #include "pipeline/reconstruct_stages.h"
 #include "pipeline/stage_names.h"
@@ -16,6 +18,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 SceneOptions SmallScene() {
@@ -366,6 +369,55 @@ TEST(ReconstructScene, SaysWhatIsMissing) {
 }
 
 // As a 1DSfM data set without photographs and tracks; a twentieth of the poses is wrong.
+// What each stage says that cannot go on: its name, what was there, what to try.
+TEST(ReconstructScene, SaysWhichStageFailedAndWhatToTry) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 8);
+  const auto failure_of = [](const Database& database, const ReconstructSettings& settings) {
+    const ReconstructResult result = ReconstructScene(database, "", settings);
+    EXPECT_TRUE(result.models.empty());
+    EXPECT_FALSE(result.graph.edges.empty());
+    return result.report.failure;
+  };
+  {
+    // Every pair turned at random: the loops leave a tree, and that no positions.
+    Database database = MakeDatabase(scene);
+    Rng rng(1);
+    for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+      TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+      geometry.cam2_from_cam1->rotation = RandomRotation(rng);
+      database.WriteTwoViewGeometry(pair_id, geometry);
+      PairMetrics metrics;  // so that it is not improved
+      metrics.pair_id = pair_id;
+      metrics.verifier = metrics.step = "test";
+      metrics.is_winner = true;
+      database.WritePairMetrics(metrics);
+    }
+    EXPECT_THAT(failure_of(database, Settings()),
+                AllOf(HasSubstr("translation_averaging: collapsed: "), HasSubstr(" directions, "),
+                      HasSubstr("--translation_averaging.filter_max_inconsistency")));
+    ReconstructSettings settings = Settings();
+    settings.view_graph.filter_triplets = settings.view_graph.filter_ambiguous = false;
+    settings.view_graph.max_rotation_error_deg = 0;
+    EXPECT_THAT(failure_of(database, settings),
+                AllOf(HasSubstr("rotation_averaging: no edge agrees"),
+                      HasSubstr("--view_graph.max_rotation_error_deg")));
+  }
+  {
+    // All pairs are pure rotations.
+    Database database = MakeDatabase(scene);
+    for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+      TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+      geometry.config = TwoViewConfig::kPanoramic;
+      geometry.cam2_from_cam1.reset();
+      geometry.E.reset();
+      geometry.F.reset();
+      database.WriteTwoViewGeometry(pair_id, geometry);
+    }
+    EXPECT_THAT(failure_of(database, Settings()),
+                AllOf(HasSubstr(" no_pose"), HasSubstr("turned without moving")));
+  }
+}
+
 TEST(ReconstructScene, PosesWithoutMatchesGiveCamerasAlone) {
   SceneOptions options = SmallScene();
   options.num_images = 12;
