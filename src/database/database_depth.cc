@@ -9,15 +9,15 @@
 namespace cairn {
 namespace {
 
-// A stored depth sample: depth, ddepth_dx, ddepth_dy, valid (1 or 0).
-constexpr int kDepthColumns = 4;
+// A stored depth sample: depth, ddepth_dx, ddepth_dy. Valid where depth is positive; 0: missing.
+constexpr int kDepthColumns = 3;
 
 std::vector<float> DepthRows(const std::vector<DepthSample>& samples) {
   std::vector<float> rows;
   rows.reserve(samples.size() * kDepthColumns);
   for (const DepthSample& s : samples) {
     if (s.is_valid || s.depth < 0) {
-      rows.insert(rows.end(), {s.depth, s.ddepth_dx, s.ddepth_dy, s.is_valid ? 1.0f : 0.0f});
+      rows.insert(rows.end(), {s.depth, s.ddepth_dx, s.ddepth_dy});
     } else {
       rows.insert(rows.end(), kDepthColumns, 0.0f);
     }
@@ -35,13 +35,13 @@ std::optional<std::vector<DepthSample>> Database::ReadDepthSamples(image_t image
   const std::string row = "cairn_depth_scales of image " + std::to_string(image_id);
   const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, 0, sizeof(float), row);
   if (matrix.cols != kDepthColumns) {
-    throw IoError(path(), row + ": " + std::to_string(matrix.cols) + " columns instead of 4");
+    throw IoError(path(), row + ": " + std::to_string(matrix.cols) + " columns instead of 3");
   }
   std::vector<DepthSample> samples(static_cast<size_t>(matrix.rows));
   for (size_t i = 0; i < samples.size(); ++i) {
     float values[kDepthColumns];
     std::memcpy(values, matrix.data + i * sizeof(values), sizeof(values));
-    samples[i] = {values[0], values[1], values[2], values[3] != 0};
+    samples[i] = {values[0], values[1], values[2], values[0] > 0};
   }
   return samples;
 }

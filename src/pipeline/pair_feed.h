@@ -15,19 +15,18 @@
 
 #include "cairn/base/types.h"
 #include "cairn/camera/camera.h"
-#include "cairn/geometry/rigid3d.h"
 #include "cairn/matching/matching.h"
 #include "cairn/scene/features.h"
 #include "pipeline/pair_plan.h"
 
 namespace cairn {
 
-// What a stage over pairs needs of one image; each stage fills what it uses.
+// What a stage over pairs needs of one image.
 struct PairImage {
   Camera camera;
   std::vector<Keypoint> keypoints;
   std::vector<DepthSample> depth;  // empty: the image has no depth
-  std::vector<std::vector<DepthSample>> depth_scales;
+  std::vector<std::vector<DepthSample>> depth_scales;  // likewise
   PreparedDescriptors descriptors;
   uint64_t content_hash = 0;
   bool is_damaged = false;  // a row of it cannot be read: its pairs are left out
@@ -39,7 +38,6 @@ struct PairTask {
   std::shared_ptr<const PairImage> image1;
   std::shared_ptr<const PairImage> image2;
   FeatureMatches matches;
-  Rigid3d cam2_from_cam1;
   uint64_t input_hash = 0;
 };
 
