@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 #include <vector>
 
+#include "cairn/math/median.h"
 #include "cairn/pipeline/pair_scheduler.h"
 
 namespace cairn {
@@ -13,24 +15,46 @@ namespace {
 
 constexpr int kMinPairs = 2;
 constexpr int kMinSamples = 50;
+constexpr double kMinShiftSigmas = 3.0;  // of the median over the pairs
 constexpr int kMaxSweeps = 10;
 
-// Is the count larger than another one by more than chance gives (two standard deviations of the
-// difference of two Poisson variables)?
-bool IsClearlyMore(int64_t count, int64_t other) {
-  const auto difference = static_cast<double>(count - other);
-  return difference > 2.0 * std::sqrt(static_cast<double>(count + other));
+// Right hypotheses of each pair, for one reading.
+using Counts = std::vector<int>;
+
+int64_t Sum(const Counts& counts) {
+  return std::accumulate(counts.begin(), counts.end(), int64_t{0});
 }
 
-// The reading with the most right hypotheses, but a move from the present one, and then from the
-// best scale as it is to a shifted one, must be worth it.
-int BestReading(const std::vector<int64_t>& totals, int present) {
-  const auto middle = totals.begin() + std::ssize(totals) / 2;
-  for (const auto best :
-       {std::max_element(totals.begin(), middle), std::max_element(middle, totals.end())}) {
-    if (IsClearlyMore(*best, totals[present])) present = static_cast<int>(best - totals.begin());
+// Is the sum larger than another one by more than chance gives? By two standard deviations: of
+// independent Poisson variables, or as the pairs differ, whichever is less.
+bool IsClearlyMore(const Counts& counts, const Counts& others) {
+  int64_t squared_differences = 0;
+  for (size_t i = 0; i < counts.size(); ++i) {
+    squared_differences += int64_t{counts[i] - others[i]} * (counts[i] - others[i]);
   }
-  return present;
+  const int64_t sum = Sum(counts), other_sum = Sum(others);
+  const auto variance = static_cast<double>(std::min(sum + other_sum, squared_differences));
+  return static_cast<double>(sum - other_sum) > 2.0 * std::sqrt(variance);
+}
+
+// Of the readings from `first` on, the one with the most right hypotheses; a move from the present
+// one must be worth it.
+int BestScale(const std::vector<Counts>& readings, int first, int num_scales, int present) {
+  int best = present;
+  for (int k = first; k < first + num_scales; ++k) {
+    if (Sum(readings[k]) > Sum(readings[best])) best = k;
+  }
+  return IsClearlyMore(readings[best], readings[present]) ? best : present;
+}
+
+// A shift that is sure need not show in the few pairs that teach, which see much the same: it is
+// taken if it does no harm there. Shifted readings without counts are not to be had.
+int BestReading(const std::vector<Counts>& readings, int present) {
+  const int num_scales = static_cast<int>(readings.size()) / 2;
+  const int plain = BestScale(readings, 0, num_scales, present % num_scales);
+  if (readings[num_scales].empty()) return plain;
+  const int shifted = BestScale(readings, num_scales, num_scales, plain + num_scales);
+  return IsClearlyMore(readings[plain], readings[shifted]) ? plain : shifted;
 }
 
 // A pair, as one of its images sees it.
@@ -91,7 +115,7 @@ class DepthChooser {
       ImageDepth& depth = result[id];
       depth.scale = node.reading % node.num_scales();
       if (node.reading >= node.num_scales()) depth.shift = node.shift;
-      depth.num_right = Total(node, node.reading);
+      depth.num_right = Sum(CountRight(node, node.reading));
       for (const Half& half : node.halves) depth.num_hypotheses += half.pair->num_hypotheses;
     }
     return result;
@@ -112,17 +136,18 @@ class DepthChooser {
     CombineShifts(node);
   }
 
-  // The median over the pairs, weighted by how sure each is.
+  // The median over the pairs, weighted by how sure each is, if it is sure.
   static void CombineShifts(Node& node) {
     std::vector<std::pair<double, double>> values;  // value, weight
+    std::vector<double> sigmas, deviations;
     double sum = 0.0;
     for (const Half& half : node.halves) {
       if (!std::isfinite(half.shift().sigma)) continue;
       values.emplace_back(half.shift().value, 1.0 / half.shift().sigma);
+      sigmas.push_back(half.shift().sigma);
       sum += values.back().second;
     }
-    node.has_shift = std::ssize(values) >= kMinPairs;
-    if (!node.has_shift) return;
+    if (std::ssize(values) < kMinPairs) return;
     std::sort(values.begin(), values.end());
     double below = 0.0;
     for (const auto& [value, weight] : values) {
@@ -130,40 +155,46 @@ class DepthChooser {
       node.shift = value;
       if (below >= 0.5 * sum) break;
     }
+    for (const auto& [value, weight] : values) deviations.push_back(std::abs(value - node.shift));
+    const double sigma = std::max(UpperMedian(sigmas), 1.4826 * UpperMedian(deviations)) /
+                         std::sqrt(static_cast<double>(values.size()));
+    node.has_shift = std::abs(node.shift) > kMinShiftSigmas * sigma;
   }
 
-  // Right hypotheses of the image's pairs if it has this reading and the others keep theirs.
-  int64_t Total(const Node& node, int reading) const {
-    int64_t total = 0;
+  // Of the image's pairs if it has this reading and the others keep theirs.
+  Counts CountRight(const Node& node, int reading) const {
+    Counts counts;
     for (const Half& half : node.halves) {
-      total += half.NumRight(reading, nodes_.at(half.other).reading);
+      counts.push_back(half.NumRight(reading, nodes_.at(half.other).reading));
     }
-    return total;
+    return counts;
   }
 
   // All that may move take the reading that is best for all pairs alike.
   void MoveAllAlike() {
     int num_readings = std::numeric_limits<int>::max();
     for (const auto& [id, node] : nodes_) num_readings = std::min(num_readings, node.num_readings);
-    std::vector<int64_t> totals(num_readings);
+    std::vector<Counts> readings(num_readings);
     for (const auto& [id, node] : nodes_) {
       for (const Half& half : node.halves) {
-        for (int k = 0; half.is_first && k < num_readings; ++k) totals[k] += half.NumRight(k, k);
+        if (!half.is_first) continue;
+        for (int k = 0; k < num_readings; ++k) readings[k].push_back(half.NumRight(k, k));
       }
     }
-    const int best = BestReading(totals, 0);
+    const int plain = BestScale(readings, 0, num_readings / 2, 0);
+    const int best = BestReading(readings, 0);
     for (auto& [id, node] : nodes_) {
-      if (!node.is_fixed && node.MayRead(best)) node.reading = best;
+      if (!node.is_fixed) node.reading = node.MayRead(best) ? best : plain;
     }
   }
 
   bool MoveOne(Node& node) const {
     if (node.is_fixed) return false;
-    std::vector<int64_t> totals;
+    std::vector<Counts> readings;
     for (int k = 0; k < node.num_readings; ++k) {
-      totals.push_back(node.MayRead(k) ? Total(node, k) : 0);
+      readings.push_back(node.MayRead(k) ? CountRight(node, k) : Counts());
     }
-    const int best = BestReading(totals, node.reading);
+    const int best = BestReading(readings, node.reading);
     return std::exchange(node.reading, best) != best;
   }
 

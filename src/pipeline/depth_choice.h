@@ -15,11 +15,11 @@ struct PairDepthEvidence {
 };
 
 // How the depth of each image is best read, from the evidence of pairs: the scale that gives the
-// most right hypotheses, with a shift of the inverse depth where that gives more, its value the
-// weighted median over the pairs. An image leaves the first scale without shift only where the
-// gain is no chance. First all images alike move (maps have one source, and a shift helps most
-// where both images have it), then each in turn, until none does. Images in `known` stay as they
-// are and are not in the result, nor are images with fewer than two pairs or 50 samples.
+// most right hypotheses, and a shift of the inverse depth, the weighted median over the pairs,
+// where that is three standard deviations from zero and does not cost right hypotheses. An image
+// leaves the first scale only for a gain that is no chance. First all images alike move (maps have
+// one source), then each in turn, until none does. Images in `known` stay as they are and are not
+// in the result, nor are images with fewer than two pairs or 50 samples.
 std::map<image_t, ImageDepth> ChooseDepth(const std::map<image_pair_t, PairDepthEvidence>& evidence,
                                           const std::map<image_t, ImageDepth>& known);
 

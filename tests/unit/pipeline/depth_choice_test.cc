@@ -32,7 +32,9 @@ PairDepthEvidence MakeEvidence(const std::vector<double>& chance1,
 
 const std::vector<double> kFineIsBest = {0.3, 0.9, 0.2, 0.3, 0.9, 0.2};
 const std::vector<double> kCoarseIsBest = {0.3, 0.1, 0.9, 0.3, 0.1, 0.9};
-const std::vector<double> kAllAlike = {0.5, 0.5, 0.55, 0.55, 0.5, 0.5};
+const std::vector<double> kAlike = {0.8, 0.7, 0.85, 0.83, 0.7, 0.84};
+const std::vector<double> kAlikeToo = {0.8, 0.7, 0.77, 0.78, 0.7, 0.79};
+const std::vector<double> kShiftHarms = {0.8, 0.4, 0.5, 0.4, 0.3, 0.4};
 const std::vector<double> kShiftHelps = {0.2, 0.1, 0.3, 0.8, 0.4, 0.5};
 
 image_pair_t Pair(image_t a, image_t b) { return ImagePairToPairId(a, b); }
@@ -75,12 +77,22 @@ TEST(ChooseDepth, EachImageHasItsOwnScale) {
 }
 
 TEST(ChooseDepth, AGainThatMayBeChanceChangesNothing) {
-  const auto chosen = ChooseDepth(AllPairs(4, kAllAlike, 0.1), {});
+  auto evidence = AllPairs(4, kAlike);
+  for (const auto pair : {Pair(1, 2), Pair(3, 4)}) {
+    evidence[pair] = MakeEvidence(kAlikeToo, kAlikeToo);
+  }
+  const auto chosen = ChooseDepth(evidence, {});
   ASSERT_EQ(chosen.size(), 4u);
   for (const auto& [id, depth] : chosen) {
     EXPECT_EQ(depth.scale, 0);
     EXPECT_EQ(depth.shift, 0.0);
   }
+}
+
+TEST(ChooseDepth, ASmallGainOfEveryPairIsNoChance) {
+  const auto chosen = ChooseDepth(AllPairs(4, kAlike), {});
+  ASSERT_EQ(chosen.size(), 4u);
+  for (const auto& [id, depth] : chosen) EXPECT_EQ(depth.scale, 2);
 }
 
 TEST(ChooseDepth, TooLittleEvidenceTeachesNothing) {
@@ -99,9 +111,27 @@ TEST(ChooseDepth, TheShiftIsTheWeightedMedianWhereItHelps) {
     EXPECT_EQ(depth.scale, 0);
     EXPECT_EQ(depth.shift, id == 1 ? 0.3 : 0.2);
   }
+}
+
+TEST(ChooseDepth, AShiftThatIsNotSureOrDoesHarmIsNotTaken) {
+  for (const auto& [id, depth] : ChooseDepth(AllPairs(5, kShiftHarms, 0.2), {})) {
+    EXPECT_EQ(depth.shift, 0.0);
+  }
+  for (const auto& [id, depth] : ChooseDepth(AllPairs(5, kShiftHelps, 0.01), {})) {
+    EXPECT_EQ(depth.shift, 0.0) << "a standard deviation, of five pairs";
+  }
+  auto evidence = AllPairs(5, kShiftHelps, 0.2);
+  int k = 0;
+  for (auto& [pair, e] : evidence) {
+    e.evidence.shift1.value = e.evidence.shift2.value = 0.2 * (k++ % 4) - 0.3;
+  }
+  for (const auto& [id, depth] : ChooseDepth(evidence, {})) EXPECT_EQ(depth.shift, 0.0);
+}
+
+TEST(ChooseDepth, AShiftThatIsSureIsTakenWhereItDoesNoHarm) {
   for (const auto& [id, depth] : ChooseDepth(AllPairs(5, kCoarseIsBest, 0.2), {})) {
     EXPECT_EQ(depth.scale, 2);
-    EXPECT_EQ(depth.shift, 0.0) << "it brings nothing";
+    EXPECT_EQ(depth.shift, 0.2);
   }
 }
 
