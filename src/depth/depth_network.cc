@@ -64,7 +64,8 @@ DepthNetwork::DepthNetwork(const std::string& path, const DepthOptions& options)
   ValidateOptions(options, "depth");
   CheckNormalization(options);
   if (!std::filesystem::exists(path)) throw IoError(path, "no such file");
-  cv::setNumThreads(1);
+  // Once only: it crashes while another network is running.
+  [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
   impl_->path = path;
   impl_->options = options;
   const QuietOpenCv quiet;

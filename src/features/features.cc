@@ -22,13 +22,19 @@ Bitmap Reduce(const Bitmap& gray, double scale) {
   return reduced;
 }
 
+// Callers have an image a thread; OpenCV would add its own to each. Once only: setNumThreads
+// crashes while another thread is inside OpenCV.
+void KeepOpenCvToTheCallersThread() {
+  [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
+}
+
 }  // namespace
 
 Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options) {
   ValidateOptions(options, "features");
   CAIRN_CHECK_EQ(gray.channels, 1);
   CAIRN_CHECK_EQ(gray.data.size(), static_cast<size_t>(gray.width) * gray.height);
-  cv::setNumThreads(1);  // Callers have an image a thread; OpenCV would add its own to each.
+  KeepOpenCvToTheCallersThread();
   const auto extract = options.type == "sift" ? ExtractSift : ExtractAffineDog;
   const int size = std::max(gray.width, gray.height);
   if (size <= options.max_image_size) return extract(gray, options);
