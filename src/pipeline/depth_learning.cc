@@ -94,7 +94,7 @@ class WitnessLoader {
     std::map<camera_t, Camera> cameras;
     for (const Camera& camera : database_.ReadCameras()) cameras[camera.camera_id] = camera;
     for (const Image& image : database_.ReadImages()) {
-      cameras_[image.image_id] = cameras.at(image.camera_id);
+      cameras_[image.image_id] = cameras[image.camera_id];
     }
   }
 
@@ -110,9 +110,11 @@ class WitnessLoader {
     PairImage loaded;
     const std::vector<point2D_t>& needed = needed_.at(id);
     try {
-      loaded.camera = cameras_.at(id);
-      loaded.keypoints = Select(database_.ReadKeypoints(id).value(), needed);
-      loaded.is_damaged = loaded.keypoints.empty();
+      const auto camera = cameras_.find(id);
+      const auto keypoints = database_.ReadKeypoints(id);
+      if (camera != cameras_.end()) loaded.camera = camera->second;
+      if (keypoints) loaded.keypoints = Select(*keypoints, needed);
+      loaded.is_damaged = loaded.keypoints.empty() || loaded.camera.params.empty();
       for (int scale = 0; const auto samples = database_.ReadDepthSamples(id, scale); ++scale) {
         loaded.depth_scales.push_back(Select(*samples, needed));
         loaded.is_damaged |= loaded.depth_scales.back().empty();
