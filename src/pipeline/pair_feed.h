@@ -25,7 +25,7 @@ namespace cairn {
 struct PairImage {
   Camera camera;
   std::vector<Keypoint> keypoints;
-  std::vector<DepthSample> depth;  // empty: the image has no depth
+  std::vector<DepthSample> depth;                      // empty: the image has no depth
   std::vector<std::vector<DepthSample>> depth_scales;  // likewise
   PreparedDescriptors descriptors;
   uint64_t content_hash = 0;
