@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -42,13 +43,14 @@ std::optional<std::vector<Keypoint>> Database::ReadKeypoints(image_t image_id) c
     throw IoError(path(),
                   row + ": " + std::to_string(matrix.cols) + " columns; 2, 4 or 6 are known");
   }
-  std::vector<float> values(static_cast<size_t>(matrix.rows * matrix.cols));
-  std::memcpy(values.data(), matrix.data, values.size() * sizeof(float));
-  for (const float value : values) {
-    if (!std::isfinite(value)) throw IoError(path(), row + ": a value is not finite");
-  }
   for (int64_t i = 0; i < matrix.rows; ++i) {
-    keypoints[i] = KeypointFromRow(&values[i * matrix.cols], matrix.cols);
+    float values[6];
+    const size_t num_bytes = static_cast<size_t>(matrix.cols) * sizeof(float);
+    std::memcpy(values, matrix.data + i * num_bytes, num_bytes);
+    const bool is_finite =
+        std::all_of(values, values + matrix.cols, [](float value) { return std::isfinite(value); });
+    if (!is_finite) throw IoError(path(), row + ": a value is not finite");
+    keypoints[i] = KeypointFromRow(values, matrix.cols);
   }
   return keypoints;
 }
