@@ -82,8 +82,8 @@ void CascadeVerifier::Resample(const PairInput& input) {
   PoseSearch::ResampleOptions resample;
   resample.num_samples = options_.num_resamples;
   if (steps_.five_point) {  // The whole cascade spares less effort.
-    resample.num_refined = 3;
-    resample.patience = 3;
+    resample.num_refined = 4;
+    resample.patience = 4;
   }
   Rng rng(input.seed, "resample", input.pair_id);
   search_.Resample(resample, &rng);

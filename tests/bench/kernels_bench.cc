@@ -1,6 +1,11 @@
 // The kernels of robust estimation by number of correspondences; the counters give the time a
-// correspondence (and model), and of an iteration.
+// correspondence (and model), and of an iteration. CAIRN_BENCH_TARGET=AVX2 (or SSE4) in the
+// environment leaves out what is newer.
 #include <benchmark/benchmark.h>
+#include <hwy/targets.h>
+
+#include <cstdlib>
+#include <string_view>
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/robust/pose_refinement.h"
@@ -106,6 +111,15 @@ void BM_OneAffineDepthBatch(benchmark::State& state) {
   SetPerItem(state, n);
 }
 BENCHMARK(BM_OneAffineDepthBatch)->Arg(256)->Arg(1024);
+
+// Newer instruction sets have lower bits.
+const bool kTargetIsChosen = [] {
+  const char* name = std::getenv("CAIRN_BENCH_TARGET");
+  if (name == nullptr) return false;
+  const int64_t newest = std::string_view(name) == "AVX2" ? HWY_AVX2 : HWY_SSE4;
+  hwy::DisableTargets(newest - 1);
+  return true;
+}();
 
 }  // namespace
 }  // namespace cairn
