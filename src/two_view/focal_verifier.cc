@@ -2,6 +2,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <utility>
 
 #include "cairn/robust/sampson_kernels.h"
 
@@ -50,6 +51,13 @@ std::optional<FundamentalModel> FocalVerifier::Find(const PairInput& input,
                                                     const PairReport& report) const {
   auto model = HasPose(report) ? RefineFundamental(pair_, *report.geometry.E)
                                : FindFundamental(input, pair_, options_);
+  // An essential matrix at wrong focal lengths may be too far away to start from.
+  if (HasPose(report) && report.may_have_wrong_focal) {
+    auto found = FindFundamental(input, pair_, options_);
+    if (found && (!model || found->inliers.size() > model->inliers.size())) {
+      model = std::move(found);
+    }
+  }
   if (!model || static_cast<int>(model->inliers.size()) < options_.min_num_inliers ||
       !(model->log10_nfa < -options_.min_log10_evidence)) {
     return std::nullopt;
