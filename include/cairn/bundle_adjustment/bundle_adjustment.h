@@ -20,8 +20,9 @@ struct BundleAdjustmentOptions {
   // RegisteredImage::sigmas_px).
   double loss_scale = 2.0;
   int max_iterations = 50;
-  // Stop when the relative change of the cost in one iteration is below.
-  double function_tolerance = 1e-6;
+  // Stop when the relative change of the cost in one iteration is below. On photographs, 1e-6 takes
+  // three times the iterations and changes AUC@1 by 0.02 at most.
+  double function_tolerance = 1e-4;
   // "auto" picks by the number of images: dense Schur complement up to max_dense_images, sparse up
   // to max_sparse_images, conjugate gradients on the Schur complement beyond, and from three times
   // max_dense_images on where so many images see the same points that it is nearly full.
