@@ -51,8 +51,11 @@ std::optional<FundamentalModel> FocalVerifier::Find(const PairInput& input,
                                                     const PairReport& report) const {
   auto model = HasPose(report) ? RefineFundamental(pair_, *report.geometry.E)
                                : FindFundamental(input, pair_, options_);
-  // An essential matrix at wrong focal lengths may be too far away to start from.
-  if (HasPose(report) && report.may_have_wrong_focal) {
+  // An essential matrix at a guessed focal length may be too far away to start from. (Trusted ones
+  // keep it: among right matches of one surface, a search from scratch finds an F that fits more.)
+  const bool is_trusted =
+      input.camera1->has_prior_focal_length && input.camera2->has_prior_focal_length;
+  if (HasPose(report) && report.may_have_wrong_focal && !is_trusted) {
     auto found = FindFundamental(input, pair_, options_);
     if (found && (!model || found->inliers.size() > model->inliers.size())) {
       model = std::move(found);
