@@ -16,6 +16,7 @@ namespace {
 
 struct BenchOptions {
   int num_seeds = 100;
+  int first_seed = 0;
   int num_matches = 300;
   int num_threads = 1;
   std::string layout = "relief";
@@ -23,6 +24,7 @@ struct BenchOptions {
 
   void VisitFields(OptionVisitor& v) {
     v.Int("num_seeds", num_seeds, {1, 100000}, "problems a cell");
+    v.Int("first_seed", first_seed, {0, 1000000}, "of the problems");
     v.Int("num_matches", num_matches, {20, 100000}, "of a problem, with the outliers");
     v.Int("num_threads", num_threads, {0, 1024}, "threads");
     v.Choice("layout", layout, {"paper", "relief"},
@@ -86,7 +88,8 @@ std::vector<int> CountSuccesses(const BenchOptions& options,
     problem_options.outlier_ratio = outlier_ratio;
     problem_options.noise = noise;
     problem_options.depth2_scale = 1.7;
-    const TwoViewProblem problem = MakeTwoViewProblem(problem_options, static_cast<uint64_t>(seed));
+    const TwoViewProblem problem =
+        MakeTwoViewProblem(problem_options, static_cast<uint64_t>(options.first_seed + seed));
     for (const VerifierKind kind : verifiers) {
       const auto verifier = MakePairVerifier(kind, verification);
       succeeds[seed].push_back(Succeeds(problem, static_cast<int>(seed), *verifier));
