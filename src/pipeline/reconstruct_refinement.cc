@@ -13,7 +13,6 @@ struct Round {
   std::span<const Track> tracks;
   double error_factor = 1.0;     // of triangulation.max_error_px
   bool positions_first = false;  // a stage with fixed rotations and intrinsics before
-  bool focal_lengths = true;
   bool distortions = true;
   bool weigh = true;  // observations by their precision: errors of rough poses do not show it
   int max_iterations = 0;
@@ -39,7 +38,7 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   options.max_iterations = std::min(options.max_iterations, round.max_iterations);
   BundleAdjustmentScope scope;
   scope.rotations = everything;
-  scope.focal_lengths = everything && round.focal_lengths;
+  scope.focal_lengths = everything;
   scope.distortions = everything && round.distortions;
   scope.fixed_cameras = context.scene.held_cameras;
   if (round.weigh) EstimateSigmas(context, stage, model);
