@@ -12,9 +12,8 @@
 namespace cairn::internal {
 namespace {
 
-// Where Cauchy's loss turns, and the squared residual up to which a pair agrees (99 % of right
-// ones, two equations), both in standard deviations.
-constexpr double kSquaredLossScale = 4.0;
+// The squared residual, in standard deviations, up to which a pair agrees: 99 % of right ones (two
+// equations).
 constexpr double kMaxSquaredError = 9.21;
 // What F's covariance does not know: distortion, matches that hang together.
 constexpr double kModelSigma = 0.005;

@@ -83,9 +83,9 @@ std::vector<size_t> SelectFocalPairs(std::span<const FocalPairCount> pairs, int 
 // auto-calibration from fundamental matrices of devices with uncorrelated camera parameters",
 // 2020). Both equations of a pair are weighed by the covariance that its matches, and an uncertain
 // principal point, give them: planes, pure rotations and parallel axes weigh nothing by themselves.
-// A Cauchy loss takes wrong pairs; one focal length a camera, however many images it took; cameras
-// in `trusted` keep theirs. Levenberg-Marquardt over logarithms of focal lengths from several
-// starts. Distortion is not modelled. The result does not depend on num_threads.
+// Geman and McClure's loss takes wrong pairs; one focal length a camera, however many images it
+// took; cameras in `trusted` keep theirs. Levenberg-Marquardt over logarithms of focal lengths from
+// several starts. Distortion is not modelled. The result does not depend on num_threads.
 FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras,
                                        const std::set<camera_t>& trusted,
                                        std::span<const FocalPair> pairs,
