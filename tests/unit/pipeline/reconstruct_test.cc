@@ -14,51 +14,13 @@
 #include "pipeline/reconstruct_stages.h"
 #include "pipeline/stage_names.h"
 #include "support/synthetic_reconstruction.h"
+#include "unit/pipeline/reconstruct_fixture.h"
 
 namespace cairn {
 namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-
-SceneOptions SmallScene() {
-  SceneOptions options;
-  options.num_images = 10;
-  options.num_points = 600;
-  options.max_keypoints = 400;
-  options.image_noise_px = 0.3;
-  options.outlier_ratio = 0.1;
-  return options;
-}
-
-Database MakeDatabase(const SyntheticScene& scene) {
-  Database database(":memory:");
-  WriteScene(scene, SceneContent::kTwoViewGeometries, database);
-  return database;
-}
-
-ReconstructSettings Settings(int num_threads = 1) {
-  ReconstructSettings settings;
-  settings.num_threads = num_threads;
-  settings.bundle_adjustment.num_threads = num_threads;
-  settings.reconstruct.colors = false;
-  return settings;
-}
-
-const StageReport* FindStage(const RunReport& report, const std::string& name) {
-  for (const StageReport& stage : report.stages) {
-    if (stage.name == name) return &stage;
-  }
-  return nullptr;
-}
-
-double Value(const StageReport& stage, const std::string& key) {
-  for (const auto& [name, value] : stage.values) {
-    if (name == key) return value;
-  }
-  ADD_FAILURE() << stage.name << " has no value " << key;
-  return 0;
-}
 
 double Extent(const Reconstruction& model) {
   double extent = 0;
@@ -101,105 +63,6 @@ TEST(ReconstructScene, ReportsEveryStage) {
   settings.reconstruct.colors = true;  // but no photographs are named
   const ReconstructResult uncolored = ReconstructScene(MakeDatabase(scene), "", settings);
   EXPECT_EQ(FindStage(uncolored.report, "colors"), nullptr);
-}
-
-TEST(ReconstructScene, RefinesUnknownFocalLengths) {
-  SyntheticScene scene = MakeScene(SmallScene(), 3);
-  Database database = MakeDatabase(scene);
-  for (auto [id, camera] : scene.cameras) {
-    camera.SetMeanFocal(1.04 * camera.MeanFocal());
-    camera.has_prior_focal_length = false;
-    database.WriteCamera(camera);
-  }
-  const ReconstructResult refined = ReconstructScene(database, "", Settings());
-  ASSERT_TRUE(refined.report.Succeeded()) << refined.report.failure;
-  for (const auto& [id, camera] : refined.models.front().cameras) {
-    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), 1.0, 0.01);
-  }
-  ReconstructSettings held = Settings();
-  held.refine_intrinsics = false;
-  const ReconstructResult fixed = ReconstructScene(database, "", held);
-  ASSERT_TRUE(fixed.report.Succeeded());
-  for (const auto& [id, camera] : fixed.models.front().cameras) {
-    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), 1.04, 1e-9);
-  }
-}
-
-// Wide-angle cameras of which nothing is known but a guess far off.
-TEST(ReconstructScene, CalibratesFocalLengthsFromThePairs) {
-  const SyntheticScene scene = MakeScene(SmallScene(), 3);
-  Database database = MakeDatabase(scene);
-  for (auto [id, camera] : scene.cameras) {
-    camera.SetMeanFocal(1.7 * camera.MeanFocal());
-    camera.has_prior_focal_length = false;
-    database.WriteCamera(camera);
-  }
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
-  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
-  EXPECT_EQ(result.models.front().images.size(), 10u);
-  for (const auto& [id, camera] : result.models.front().cameras) {
-    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), 1.0, 0.01);
-  }
-  const StageReport* stage = FindStage(result.report, "focal_calibration");
-  ASSERT_NE(stage, nullptr);
-  EXPECT_EQ(stage->status, StageStatus::kOk);
-  EXPECT_EQ(Value(*stage, "calibrated"), 2);
-  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("camera 1: focal length "),
-                                                      HasSubstr("camera 2: focal length ")));
-
-  ReconstructSettings settings = Settings();
-  settings.focal_calibration.max_sigma = 1e-6;
-  const RunReport refused = ReconstructScene(database, "", settings).report;
-  stage = FindStage(refused, "focal_calibration");
-  EXPECT_EQ(stage->status, StageStatus::kWarning);
-  EXPECT_EQ(Value(*stage, "undetermined"), 2);
-  EXPECT_THAT(stage->messages[0], HasSubstr("undetermined; the guess is kept"));
-
-  settings.focal_calibration.enabled = false;
-  EXPECT_EQ(FindStage(ReconstructScene(database, "", settings).report, "focal_calibration"),
-            nullptr);
-}
-
-// What the pairs' matches say must bear out in loops of rotations: here the stored poses, of the
-// true focal lengths, close better than those that noisy matches give.
-TEST(ReconstructScene, TakesNoFocalLengthsWithWhichLoopsCloseNoBetter) {
-  SceneOptions options = SmallScene();
-  options.image_noise_px = 2.0;
-  const SyntheticScene scene = MakeScene(options, 3);
-  Database database = MakeDatabase(scene);
-  for (auto [id, camera] : scene.cameras) {
-    camera.SetMeanFocal(1.3 * camera.MeanFocal());
-    camera.has_prior_focal_length = false;
-    database.WriteCamera(camera);
-  }
-  ReconstructSettings settings = Settings();
-  settings.focal_calibration.max_sigma = 0.3;
-  const RunReport report = ReconstructScene(database, "", settings).report;
-  const StageReport* stage = FindStage(report, "focal_calibration");
-  ASSERT_NE(stage, nullptr);
-  EXPECT_EQ(stage->status, StageStatus::kWarning);
-  EXPECT_EQ(Value(*stage, "calibrated"), 2);
-  EXPECT_EQ(Value(*stage, "refuted_by_loops"), 2);
-  EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are not taken over"));
-}
-
-TEST(ReconstructScene, OverrulesExifThatIsFarOff) {
-  const SyntheticScene scene = MakeScene(SmallScene(), 3);
-  Database database = MakeDatabase(scene);
-  for (auto [id, camera] : scene.cameras) {
-    camera.SetMeanFocal((id == 1 ? 1.5 : 1.02) * camera.MeanFocal());
-    camera.has_prior_focal_length = true;
-    database.WriteCamera(camera);
-  }
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
-  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
-  const StageReport* stage = FindStage(result.report, "focal_calibration");
-  EXPECT_EQ(stage->status, StageStatus::kWarning);
-  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("calibrated; EXIF is overruled"),
-                                                      HasSubstr("confirmed")));
-  for (const auto& [id, camera] : result.models.front().cameras) {
-    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), 1.0, 0.01);
-  }
 }
 
 TEST(ReconstructScene, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
@@ -460,9 +323,6 @@ TEST(ReconstructScene, PosesWithoutMatchesGiveCamerasAlone) {
 }
 
 TEST(ReconstructScene, TwoImagesGiveAModel) {
-  SceneOptions options = SmallScene();
-  options.num_images = 2;
-  options.layout = "arc";
   const SyntheticScene scene = MakeScene(SmallScene(), 9);
   Database database(":memory:");
   for (const auto& [id, camera] : scene.cameras) database.WriteCamera(camera);
@@ -475,84 +335,6 @@ TEST(ReconstructScene, TwoImagesGiveAModel) {
   const ReconstructResult result = ReconstructScene(database, "", Settings());
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   EXPECT_EQ(result.models.at(0).images.size(), 2u);
-}
-
-// 10 images and as many long tracks as need some hundred megabytes.
-struct MemoryFixture {
-  MemoryFixture() {
-    constexpr point2D_t kNumTracks = 60000;
-    for (image_t id = 1; id <= 10; ++id) {
-      RegisteredImage image;
-      image.points2D.assign(kNumTracks, Eigen::Vector2d::Zero());
-      model.images[id] = image;
-    }
-    for (point2D_t k = 0; k < kNumTracks; ++k) {
-      tracks.emplace_back();
-      for (image_t id = 1 + k % 5; id <= 5 + k % 5; ++id) tracks.back().push_back({id, k});
-    }
-  }
-  bool Fit(double max_memory_gib) {
-    settings.reconstruct.max_memory_gib = max_memory_gib;
-    fitted = tracks;
-    return FitTracksToMemory(context, model, fitted);
-  }
-  SceneData scene;
-  ReconstructSettings settings;
-  RunReport report;
-  StageContext context{scene, settings, NullMonitor(), report};
-  Reconstruction model;
-  std::vector<Track> tracks, fitted;
-};
-
-TEST(FitTracksToMemory, TakesAllThatFit) {
-  MemoryFixture fixture;
-  ASSERT_TRUE(fixture.Fit(0));
-  EXPECT_EQ(fixture.fitted, fixture.tracks);
-  const StageReport& stage = fixture.report.stages.back();
-  EXPECT_EQ(stage.name, "memory");
-  EXPECT_GT(Value(stage, "limit_gib"), 0.2);
-  EXPECT_GT(Value(stage, "estimated_peak_gib"), Value(stage, "resident_gib") + 0.1);
-  EXPECT_THAT(stage.messages[0], HasSubstr("10 images and 60000 tracks: about "));
-}
-
-TEST(FitTracksToMemory, TakesFewerWhereTheyDoNot) {
-  MemoryFixture fixture;
-  ASSERT_TRUE(fixture.Fit(0));
-  const double resident = Value(fixture.report.stages.back(), "resident_gib");
-  const double needed = Value(fixture.report.stages.back(), "estimated_peak_gib") - resident;
-  ASSERT_TRUE(fixture.Fit(resident + 0.6 * needed));
-  const StageReport& stage = fixture.report.stages.back();
-  EXPECT_EQ(stage.status, StageStatus::kWarning);
-  EXPECT_LT(fixture.fitted.size(), 45000u);
-  EXPECT_GT(fixture.fitted.size(), 10000u);
-  EXPECT_LE(Value(stage, "reduced_peak_gib"), Value(stage, "limit_gib"));
-  EXPECT_EQ(Value(stage, "tracks_out"), static_cast<double>(fixture.fitted.size()));
-  std::map<image_t, int> per_image;
-  for (const Track& track : fixture.fitted) {
-    for (const TrackElement& element : track) ++per_image[element.image_id];
-  }
-  EXPECT_EQ(per_image.size(), 9u);  // as many as have tracks
-}
-
-TEST(FitTracksToMemory, RefusesWhatCannotFit) {
-  MemoryFixture fixture;
-  EXPECT_FALSE(fixture.Fit(0.001));
-  EXPECT_THAT(fixture.report.failure, HasSubstr("memory: even with 50 tracks an image, "));
-  EXPECT_THAT(fixture.report.failure, HasSubstr("raise --reconstruct.max_memory_gib"));
-}
-
-TEST(ReconstructScene, SaysWhatItWillTakeAndRefusesWithoutMemory) {
-  const Database database = MakeDatabase(MakeScene(SmallScene(), 1));
-  ReconstructSettings settings = Settings();
-  const RunReport report = ReconstructScene(database, "", settings).report;
-  const StageReport* stage = FindStage(report, "memory");
-  ASSERT_NE(stage, nullptr);
-  EXPECT_EQ(Value(*stage, "tracks_in"), Value(*stage, "tracks_out"));
-  settings.reconstruct.max_memory_gib = 0.001;
-  const ReconstructResult refused = ReconstructScene(database, "", settings);
-  EXPECT_TRUE(refused.models.empty());
-  EXPECT_THAT(refused.report.failure, HasSubstr("memory: "));
-  EXPECT_EQ(FindStage(refused.report, "bundle_adjustment"), nullptr);
 }
 
 TEST(ReasonToRefuse, KnowsCollapsedModels) {
@@ -570,18 +352,6 @@ TEST(ReasonToRefuse, KnowsCollapsedModels) {
   Reconstruction poor = scene.truth;
   while (poor.points3D.size() > 10) poor.RemovePoint3D(poor.points3D.begin()->first);
   EXPECT_THAT(ReasonToRefuse(poor), HasSubstr("only 10 points"));
-}
-
-TEST(CamerasToHold, HoldsWhatLooksMeasured) {
-  std::map<camera_t, Camera> cameras;
-  for (camera_t id = 1; id <= 4; ++id) {
-    cameras[id] = Camera::FromFocal(id, CameraModel::kOpenCV, 900, 1001, 800);
-    cameras[id].has_prior_focal_length = true;
-  }
-  cameras[2].params[3] += 3;     // principal point
-  cameras[3].params[1] += 1;     // second focal length
-  cameras[4].params[4] = -0.01;  // distortion
-  EXPECT_EQ(CamerasToHold(cameras), (std::set<camera_t>{2, 3, 4}));
 }
 
 class OutputTest : public ::testing::Test {

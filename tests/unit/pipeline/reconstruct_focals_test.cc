@@ -1,0 +1,122 @@
+#include <gmock/gmock.h>
+
+#include <map>
+#include <set>
+
+#include "pipeline/reconstruct_stages.h"
+#include "unit/pipeline/reconstruct_fixture.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+// The scene's database, in which focal lengths are guesses, off by a factor.
+Database MakeDatabaseWithGuesses(const SyntheticScene& scene, double factor) {
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.SetMeanFocal(factor * camera.MeanFocal());
+    camera.has_prior_focal_length = false;
+    database.WriteCamera(camera);
+  }
+  return database;
+}
+
+// Focal lengths are the true ones times a factor.
+void ExpectFocals(const Reconstruction& model, const SyntheticScene& scene, double factor,
+                  double tolerance) {
+  for (const auto& [id, camera] : model.cameras) {
+    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), factor, tolerance);
+  }
+}
+
+TEST(CamerasToHold, HoldsWhatLooksMeasured) {
+  std::map<camera_t, Camera> cameras;
+  for (camera_t id = 1; id <= 4; ++id) {
+    cameras[id] = Camera::FromFocal(id, CameraModel::kOpenCV, 900, 1001, 800);
+    cameras[id].has_prior_focal_length = true;
+  }
+  cameras[2].params[3] += 3;     // principal point
+  cameras[3].params[1] += 1;     // second focal length
+  cameras[4].params[4] = -0.01;  // distortion
+  EXPECT_EQ(CamerasToHold(cameras), (std::set<camera_t>{2, 3, 4}));
+}
+
+TEST(ReconstructScene, RefinesUnknownFocalLengths) {
+  SyntheticScene scene = MakeScene(SmallScene(), 3);
+  const Database database = MakeDatabaseWithGuesses(scene, 1.04);
+  const ReconstructResult refined = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(refined.report.Succeeded()) << refined.report.failure;
+  ExpectFocals(refined.models.front(), scene, 1.0, 0.01);
+  ReconstructSettings held = Settings();
+  held.refine_intrinsics = false;
+  const ReconstructResult fixed = ReconstructScene(database, "", held);
+  ASSERT_TRUE(fixed.report.Succeeded());
+  ExpectFocals(fixed.models.front(), scene, 1.04, 1e-9);
+}
+
+// Wide-angle cameras of which nothing is known but a guess far off.
+TEST(ReconstructScene, CalibratesFocalLengthsFromThePairs) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  const Database database = MakeDatabaseWithGuesses(scene, 1.7);
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  EXPECT_EQ(result.models.front().images.size(), 10u);
+  ExpectFocals(result.models.front(), scene, 1.0, 0.01);
+  const StageReport* stage = FindStage(result.report, "focal_calibration");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(stage->status, StageStatus::kOk);
+  EXPECT_EQ(Value(*stage, "calibrated"), 2);
+  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("camera 1: focal length "),
+                                                      HasSubstr("camera 2: focal length ")));
+
+  ReconstructSettings settings = Settings();
+  settings.focal_calibration.max_sigma = 1e-6;
+  const RunReport refused = ReconstructScene(database, "", settings).report;
+  stage = FindStage(refused, "focal_calibration");
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+  EXPECT_EQ(Value(*stage, "undetermined"), 2);
+  EXPECT_THAT(stage->messages[0], HasSubstr("undetermined; the guess is kept"));
+
+  settings.focal_calibration.enabled = false;
+  EXPECT_EQ(FindStage(ReconstructScene(database, "", settings).report, "focal_calibration"),
+            nullptr);
+}
+
+// What the pairs' matches say must bear out in loops of rotations: here the stored poses, of the
+// true focal lengths, close better than those that noisy matches give.
+TEST(ReconstructScene, TakesNoFocalLengthsWithWhichLoopsCloseNoBetter) {
+  SceneOptions options = SmallScene();
+  options.image_noise_px = 2.0;
+  const SyntheticScene scene = MakeScene(options, 3);
+  const Database database = MakeDatabaseWithGuesses(scene, 1.3);
+  ReconstructSettings settings = Settings();
+  settings.focal_calibration.max_sigma = 0.3;
+  const RunReport report = ReconstructScene(database, "", settings).report;
+  const StageReport* stage = FindStage(report, "focal_calibration");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+  EXPECT_EQ(Value(*stage, "calibrated"), 2);
+  EXPECT_EQ(Value(*stage, "refuted_by_loops"), 2);
+  EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are not taken over"));
+}
+
+TEST(ReconstructScene, OverrulesExifThatIsFarOff) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.SetMeanFocal((id == 1 ? 1.5 : 1.02) * camera.MeanFocal());
+    camera.has_prior_focal_length = true;
+    database.WriteCamera(camera);
+  }
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  const StageReport* stage = FindStage(result.report, "focal_calibration");
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("calibrated; EXIF is overruled"),
+                                                      HasSubstr("confirmed")));
+  ExpectFocals(result.models.front(), scene, 1.0, 0.01);
+}
+
+}  // namespace
+}  // namespace cairn
