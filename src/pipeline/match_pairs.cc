@@ -4,6 +4,7 @@
 #include <set>
 
 #include "cairn/base/error.h"
+#include "cairn/base/memory.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
 #include "cairn/database/database_writer.h"
@@ -136,9 +137,7 @@ void BeginStage(Database& database, const MatchingWork& work, StageLedger& ledge
   transaction.Commit();
 }
 
-int64_t MaxBytes(const SchedulerOptions& options) {
-  return static_cast<int64_t>(options.max_memory_gib * (int64_t{1} << 30));
-}
+int64_t MaxBytes(const SchedulerOptions& options) { return GibToBytes(options.max_memory_gib); }
 
 // Matches all pairs of the work; returns the number of matches found.
 int64_t MatchAll(const std::string& database_path, const MatchingWork& work,

@@ -7,6 +7,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
+#include "cairn/base/memory.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
 #include "cairn/database/database_writer.h"
@@ -175,7 +176,7 @@ void RunRounds(Database& database, const std::vector<NamedVerifier>& verifiers,
     rounds[std::binary_search(likely.begin(), likely.end(), pair) ? 0 : 1].push_back(pair);
   }
   // Half for the present tile; tasks that still hold images of the last one have the rest.
-  const auto max_bytes = static_cast<int64_t>(scheduler.max_memory_gib * (int64_t{1} << 30)) / 2;
+  const auto max_bytes = GibToBytes(scheduler.max_memory_gib) / 2;
   const std::map<image_t, int64_t> image_bytes = ImageBytes(database);
   PairLoader loader(database.path(), input.min_num_matches, ledger, monitor);
   for (const std::vector<image_pair_t>& round : rounds) {

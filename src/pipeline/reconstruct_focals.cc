@@ -4,11 +4,10 @@
 #include <iterator>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/geometry/rigid3d.h"
 #include "cairn/graph/graph.h"
-#include "cairn/math/angles.h"
 #include "cairn/math/median.h"
 #include "cairn/view_graph/focal_calibration.h"
+#include "cairn/view_graph/view_graph_builder.h"
 #include "pipeline/reconstruct_stages.h"
 
 namespace cairn {
@@ -107,10 +106,6 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<V
   for (const auto& [id, node] : node_of) {
     errors[components.component_of_node[node]].cameras.insert(id);
   }
-  const auto rotation_to = [&](const std::vector<ViewEdge>& edges, size_t e, int node) {
-    const Eigen::Quaterniond& R = edges[index[e]].cam2_from_cam1.rotation;
-    return image_graph[e].node2 == node ? R : R.conjugate();
-  };
   const LoopFinder finder(static_cast<int>(image_node.size()), image_graph);
   for (size_t e = 0; e < image_graph.size(); ++e) {
     const auto [node1, node2] = image_graph[e];
@@ -118,9 +113,8 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<V
     for (const LoopFinder::Corner& corner : finder.Find(node1, node2, kMaxLoops)) {
       if (corner.node < std::max(node1, node2)) continue;  // It is another edge's.
       const auto error_deg = [&](const std::vector<ViewEdge>& edges) {
-        return RadToDeg(AngleBetween(
-            rotation_to(edges, corner.edge2, node2) * rotation_to(edges, corner.edge1, corner.node),
-            rotation_to(edges, e, node2)));
+        return LoopErrorDeg(edges[index[e]], edges[index[corner.edge1]],
+                            edges[index[corner.edge2]]);
       };
       loops.before_deg.push_back(error_deg(before));
       loops.after_deg.push_back(error_deg(after));

@@ -55,7 +55,7 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
   const int64_t resident = std::max<int64_t>(0, use.resident);
   int64_t limit = std::numeric_limits<int64_t>::max();
   if (limit_gib > 0) {
-    limit = static_cast<int64_t>(limit_gib * (1 << 30));
+    limit = GibToBytes(limit_gib);
   } else if (use.available >= 0) {
     limit = resident + use.available;
   }

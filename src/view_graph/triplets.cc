@@ -14,6 +14,12 @@ namespace {
 constexpr int kMaxLoops = 64;  // of an edge that are looked at
 constexpr int kGrain = 64;
 
+// The rotation of an edge towards one of its images.
+Eigen::Quaterniond RotationTo(const ViewEdge& edge, image_t image) {
+  const Eigen::Quaterniond& R = edge.cam2_from_cam1.rotation;
+  return edge.image_id2 == image ? R : R.conjugate();
+}
+
 // The loops of three through each active edge, and how well they close.
 class Triplets {
  public:
@@ -25,9 +31,8 @@ class Triplets {
         [&](int64_t e) {
           const auto [node1, node2] = active_.edges[e];
           for (const LoopFinder::Corner& corner : finder.Find(node1, node2, kMaxLoops)) {
-            const Eigen::Quaterniond detour =
-                To(corner.edge2, node2) * To(corner.edge1, corner.node);
-            const double error_deg = RadToDeg(AngleBetween(detour, To(static_cast<int>(e), node2)));
+            const double error_deg =
+                LoopErrorDeg(Edge(static_cast<int>(e)), Edge(corner.edge1), Edge(corner.edge2));
             loops_of_[e].push_back(
                 {corner.edge1, corner.edge2, error_deg, error_deg <= max_error_deg});
           }
@@ -56,11 +61,7 @@ class Triplets {
   int GraphIndex(int e) const { return active_.index[e]; }
 
  private:
-  // The rotation of an edge towards one of its ends.
-  Eigen::Quaterniond To(int e, int node) const {
-    const Eigen::Quaterniond& q = graph_.edges[active_.index[e]].cam2_from_cam1.rotation;
-    return active_.edges[e].node2 == node ? q : q.conjugate();
-  }
+  const ViewEdge& Edge(int e) const { return graph_.edges[active_.index[e]]; }
 
   const ViewGraph& graph_;
   ActiveEdges active_;
@@ -98,6 +99,14 @@ EdgeRemoval Judge(const Triplets& triplets, int e, const ViewGraphBuilderOptions
 }
 
 }  // namespace
+
+double LoopErrorDeg(const ViewEdge& edge, const ViewEdge& from_first, const ViewEdge& from_second) {
+  const image_t third =
+      from_first.image_id1 == edge.image_id1 ? from_first.image_id2 : from_first.image_id1;
+  const Eigen::Quaterniond detour =
+      RotationTo(from_second, edge.image_id2) * RotationTo(from_first, third);
+  return RadToDeg(AngleBetween(detour, RotationTo(edge, edge.image_id2)));
+}
 
 int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, ViewGraph& graph,
                                ViewGraphReport& report) {

@@ -13,6 +13,7 @@ struct MemoryUse {
 };
 MemoryUse ReadMemoryUse();
 
+constexpr int64_t GibToBytes(double gib) { return static_cast<int64_t>(gib * (1 << 30)); }
 constexpr double BytesToGib(int64_t bytes) { return static_cast<double>(bytes) / (1 << 30); }
 
 }  // namespace cairn

@@ -49,6 +49,10 @@ int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph);
 int RemoveRotationOutliers(const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
                            double max_error_deg, ViewGraph& graph);
 
+// By how much the rotations of a loop of three edges miss each other, degrees: those of `edge`, of
+// the one that goes on from its first image, and of the one from its second.
+double LoopErrorDeg(const ViewEdge& edge, const ViewEdge& from_first, const ViewEdge& from_second);
+
 // Loops of three rotations. An edge that closes in no loop, though in some of them the other two
 // edges do close in loops elsewhere, goes (kTripletInconsistent): of a lonely loop that does not
 // close nobody knows which edge is wrong, so it stays. With filter_ambiguous, so does one that
