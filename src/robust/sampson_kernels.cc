@@ -26,9 +26,22 @@ struct Matrix9f {
   float v[9];
 };
 
-// Weights of the squared gradients: 1 / f^2 / scale_px^2 would be folded in here by the caller.
-struct SampsonWeights {
-  float w1, w2;
+// The squared error in units is C^2 / (unit S) = f2 C^2 / S, with the algebraic error C = x2^T E x1
+// and the squared gradient S = a^2 + b^2 + ratio (c^2 + d^2).
+struct SampsonUnits {
+  SampsonUnits(const PointPairs& points, double unit_px) {
+    auto square = [](float x) { return x * x; };
+    const auto unit_float = static_cast<float>(unit_px);
+    ratio = square(points.focal2_px() / points.focal1_px());
+    unit = square(unit_float / points.focal2_px());
+    f2 = square(points.focal2_px() / unit_float);
+  }
+  float ratio, unit, f2;
+};
+
+// Squared focal lengths, over the squared unit of the errors.
+struct SquaredFocals {
+  float f1, f2;
 };
 
 // A pose and the directions in which its translation may move, as floats.
@@ -50,14 +63,15 @@ namespace cairn::HWY_NAMESPACE {
 using internal::kNumSums;
 using internal::Matrix9f;
 using internal::PoseArguments;
-using internal::SampsonWeights;
+using internal::SampsonUnits;
+using internal::SquaredFocals;
 
-// Algebraic error C = x2^T E x1 and the weighted squared gradient S of 16 / kParts pairs.
+// Algebraic error and squared gradient of 16 / kParts pairs.
 struct EpipolarTerms {
   V C, S;
 };
 
-HWY_INLINE EpipolarTerms Epipolar(const PointPairs& points, int i, const V* E, V w1, V w2) {
+HWY_INLINE EpipolarTerms Epipolar(const PointPairs& points, int i, const V* E, V ratio) {
   const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
   const V x2 = Load(points.x2() + i), y2 = Load(points.y2() + i);
   const V a = E[0] * x1 + E[1] * y1 + E[2];
@@ -65,74 +79,94 @@ HWY_INLINE EpipolarTerms Epipolar(const PointPairs& points, int i, const V* E, V
   const V e = E[6] * x1 + E[7] * y1 + E[8];
   const V c = E[0] * x2 + E[3] * y2 + E[6];
   const V d = E[1] * x2 + E[4] * y2 + E[7];
-  return {x2 * a + y2 * b + e, w2 * (a * a + b * b) + w1 * (c * c + d * d)};
+  return {x2 * a + y2 * b + e, (a * a + b * b) + ratio * (c * c + d * d)};
 }
 
 // Smallest squared gradient: keeps 0 / 0 (both points at their epipoles) from being an error.
 constexpr float kTiny = 1e-30f;
 
-double ScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix, SampsonWeights weights,
-                          float bound) {
-  // Weights hold the squared threshold, so that C^2 / S is the error in thresholds, squared.
+// Sum of support(terms) over all pairs, each lane for itself; should_stop(sums, n) may end it from
+// time to time, with the lanes' sums over the first n pairs. Returns whether the end was reached.
+//
+// The supports of a block, which wait for a division, are taken while the next block is computed,
+// and the lanes are looked at a block after they were stored: the processor has too few registers
+// to look ahead over these waits by itself.
+template <class Support, class ShouldStop>
+HWY_INLINE bool SumSupports(const PointPairs& points, const Matrix9f& matrix, float ratio_value,
+                            const Support& support, const ShouldStop& should_stop, V* sums) {
   V E[9];
   for (int k = 0; k < 9; ++k) E[k] = Const(matrix.v[k]);
-  const V w1 = Const(weights.w1), w2 = Const(weights.w2);
-  const V one = Const(1.0f), zero = Const(0.0f), tiny = Const(kTiny);
-  V sums[kParts];
-  for (int k = 0; k < kParts; ++k) sums[k] = zero;
-  const int n = points.size();
-  const int num_full = n / 16 * 16;
-  constexpr int kCheckEvery = 16 * 8;
-  for (int i = 0; i < num_full; i += 16) {
-    for (int k = 0; k < kParts; ++k) {
-      const EpipolarTerms terms = Epipolar(points, i + k * kLanes, E, w1, w2);
-      const V support = one - terms.C * terms.C / hn::Max(terms.S, tiny);
-      sums[k] = sums[k] + hn::Max(support, zero);
-    }
-    if ((i & (kCheckEvery - 1)) == kCheckEvery - 16 &&
-        SumLanes(sums) + static_cast<float>(n - i - 16) <= bound) {
-      return -1.0;
-    }
+  const V ratio = Const(ratio_value);
+  EpipolarTerms last[kParts];  // at first those of infinite errors
+  for (int k = 0; k < kParts; ++k) {
+    sums[k] = Const(0.0f);
+    last[k] = {Const(1.0f), Const(0.0f)};
   }
-  if (num_full < n) {
-    for (int k = 0; k < kParts; ++k) {
-      const int first = num_full + k * kLanes;
-      const EpipolarTerms terms = Epipolar(points, first, E, w1, w2);
-      const V support = one - terms.C * terms.C / hn::Max(terms.S, tiny);
-      sums[k] = sums[k] + hn::Max(support, zero) * LaneMask(first, n);
-    }
-  }
-  const float sum = SumLanes(sums);
-  return sum <= bound ? -1.0 : sum;
-}
-
-double SoftScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
-                              SampsonWeights weights) {
-  V E[9];
-  for (int k = 0; k < 9; ++k) E[k] = Const(matrix.v[k]);
-  const V w1 = Const(weights.w1), w2 = Const(weights.w2), tiny = Const(kTiny);
-  V sums[kParts];
-  for (int k = 0; k < kParts; ++k) sums[k] = Const(0.0f);
+  constexpr int kStopEvery = 16 * 8;
+  HWY_ALIGN float lanes[16];
   const int n = points.size();
   for (int i = 0; i < n; i += 16) {
     for (int k = 0; k < kParts; ++k) {
-      const int first = i + k * kLanes;
-      const EpipolarTerms terms = Epipolar(points, first, E, w1, w2);
-      const V support = terms.S / hn::Max(terms.S + terms.C * terms.C, tiny);
-      sums[k] = sums[k] + (i + 16 <= n ? support : support * LaneMask(first, n));
+      const V value = support(last[k]);
+      last[k] = Epipolar(points, i + k * kLanes, E, ratio);
+      sums[k] = sums[k] + value;
+    }
+    const int phase = i & (kStopEvery - 1);
+    if (phase == kStopEvery - 16) {
+      for (int k = 0; k < kParts; ++k) hn::Store(sums[k], kTag, lanes + k * kLanes);
+    } else if (phase == 0 && i > 0 && should_stop(lanes, i - 16)) {
+      return false;
     }
   }
+  const int first = (n - 1) / 16 * 16;
+  for (int k = 0; k < kParts; ++k) {
+    sums[k] = sums[k] + support(last[k]) * LaneMask(first + k * kLanes, n);
+  }
+  return true;
+}
+
+double ScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
+                          const SampsonUnits& units, float bound) {
+  // All supports are times `limit`, the quotient C^2 / S at the threshold.
+  const float limit_value = units.unit;
+  const V limit = Const(limit_value), zero = Const(0.0f), tiny = Const(kTiny);
+  const auto support = [=](const EpipolarTerms& terms) HWY_ATTR {
+    return hn::Max(limit - terms.C * terms.C / hn::Max(terms.S, tiny), zero);
+  };
+  const float scaled_bound = bound * limit_value;
+  const int n = points.size();
+  const auto should_stop = [=](const float* lanes, int num_done) HWY_ATTR {
+    V parts[kParts];
+    for (int k = 0; k < kParts; ++k) parts[k] = Load(lanes + k * kLanes);
+    return SumLanes(parts) + static_cast<float>(n - num_done) * limit_value <= scaled_bound;
+  };
+  V sums[kParts];
+  if (!SumSupports(points, matrix, units.ratio, support, should_stop, sums)) return -1.0;
+  const float score = SumLanes(sums) / limit_value;
+  return score <= bound ? -1.0 : score;
+}
+
+double SoftScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
+                              const SampsonUnits& units) {
+  const V f2 = Const(units.f2), tiny = Const(kTiny);
+  const auto support = [=](const EpipolarTerms& terms) HWY_ATTR {
+    return terms.S / hn::Max(terms.S + f2 * (terms.C * terms.C), tiny);
+  };
+  const auto never = [](const float*, int) { return false; };
+  V sums[kParts];
+  SumSupports(points, matrix, units.ratio, support, never, sums);
   return SumLanes(sums);
 }
 
-void SampsonErrorsKernel(const PointPairs& points, const Matrix9f& matrix, SampsonWeights weights,
-                         float* errors) {
+void SampsonErrorsKernel(const PointPairs& points, const Matrix9f& matrix,
+                         const SampsonUnits& units, float* errors) {
   V E[9];
   for (int k = 0; k < 9; ++k) E[k] = Const(matrix.v[k]);
-  const V w1 = Const(weights.w1), w2 = Const(weights.w2), tiny = Const(kTiny);
+  const V ratio = Const(units.ratio), f2 = Const(units.f2), tiny = Const(kTiny);
   for (int i = 0; i < points.num_blocks() * 16; i += kLanes) {
-    const EpipolarTerms terms = Epipolar(points, i, E, w1, w2);
-    hn::StoreU(hn::Sqrt(terms.C * terms.C / hn::Max(terms.S, tiny)), kTag, errors + i);
+    const EpipolarTerms terms = Epipolar(points, i, E, ratio);
+    const V squared = f2 * (terms.C * terms.C) / hn::Max(terms.S, tiny);
+    hn::StoreU(hn::Sqrt(squared), kTag, errors + i);
   }
 }
 
@@ -151,39 +185,39 @@ HWY_INLINE V SquaredTransfer(const V* M, V x, V y, V target_x, V target_y, V squ
 // over the squared unit of the errors.
 struct Transfers {
   V forward[9], backward[9];
-  V w1, w2;
+  V f1, f2;
 };
 
 HWY_INLINE Transfers LoadTransfers(const Matrix9f& H, const Matrix9f& inverse,
-                                   SampsonWeights weights) {
+                                   const SquaredFocals& focals) {
   Transfers transfers;
   for (int k = 0; k < 9; ++k) {
     transfers.forward[k] = Const(H.v[k]);
     transfers.backward[k] = Const(inverse.v[k]);
   }
-  transfers.w1 = Const(weights.w1);
-  transfers.w2 = Const(weights.w2);
+  transfers.f1 = Const(focals.f1);
+  transfers.f2 = Const(focals.f2);
   return transfers;
 }
 
 HWY_INLINE V SquaredHomographyError(const PointPairs& points, int i, const Transfers& transfers) {
   const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
   const V x2 = Load(points.x2() + i), y2 = Load(points.y2() + i);
-  return Const(0.5f) * (SquaredTransfer(transfers.forward, x1, y1, x2, y2, transfers.w2) +
-                        SquaredTransfer(transfers.backward, x2, y2, x1, y1, transfers.w1));
+  return Const(0.5f) * (SquaredTransfer(transfers.forward, x1, y1, x2, y2, transfers.f2) +
+                        SquaredTransfer(transfers.backward, x2, y2, x1, y1, transfers.f1));
 }
 
 void HomographyErrorsKernel(const PointPairs& points, const Matrix9f& H, const Matrix9f& inverse,
-                            SampsonWeights weights, float* errors) {
-  const Transfers transfers = LoadTransfers(H, inverse, weights);
+                            const SquaredFocals& focals, float* errors) {
+  const Transfers transfers = LoadTransfers(H, inverse, focals);
   for (int i = 0; i < points.num_blocks() * 16; i += kLanes) {
     hn::StoreU(hn::Sqrt(SquaredHomographyError(points, i, transfers)), kTag, errors + i);
   }
 }
 
 double ScoreHomographyKernel(const PointPairs& points, const Matrix9f& H, const Matrix9f& inverse,
-                             SampsonWeights weights) {
-  const Transfers transfers = LoadTransfers(H, inverse, weights);
+                             const SquaredFocals& focals) {
+  const Transfers transfers = LoadTransfers(H, inverse, focals);
   const V one = Const(1.0f), zero = Const(0.0f);
   V sums[kParts];
   for (int k = 0; k < kParts; ++k) sums[k] = zero;
@@ -208,11 +242,11 @@ HWY_INLINE V3 Subtract(const V3& a, const V3& b) { return {a.x - b.x, a.y - b.y,
 
 // See the derivation in third_party_notes/two_view_refinement.md.
 template <RobustLoss kLoss>
-void AccumulateKernel(const PointPairs& points, const PoseArguments& pose, SampsonWeights weights,
-                      float squared_scale, double* sums) {
+void AccumulateKernel(const PointPairs& points, const PoseArguments& pose,
+                      const SquaredFocals& focals, float squared_scale, double* sums) {
   const float* R = pose.R;
   const V3 t = {Const(pose.t[0]), Const(pose.t[1]), Const(pose.t[2])};
-  const V w1 = Const(weights.w1), w2 = Const(weights.w2), tiny = Const(kTiny);
+  const V w1 = Const(1.0f / focals.f1), w2 = Const(1.0f / focals.f2), tiny = Const(kTiny);
   const V zero = Const(0.0f), one = Const(1.0f), s2 = Const(squared_scale);
   const int n = points.size();
   V lane_sums[kNumSums][kParts];
@@ -290,13 +324,13 @@ void AccumulateKernel(const PointPairs& points, const PoseArguments& pose, Samps
 }
 
 void AccumulateTruncated(const PointPairs& points, const PoseArguments& pose,
-                         SampsonWeights weights, float squared_scale, double* sums) {
-  AccumulateKernel<RobustLoss::kTruncated>(points, pose, weights, squared_scale, sums);
+                         const SquaredFocals& focals, float squared_scale, double* sums) {
+  AccumulateKernel<RobustLoss::kTruncated>(points, pose, focals, squared_scale, sums);
 }
 
 void AccumulateGemanMcClure(const PointPairs& points, const PoseArguments& pose,
-                            SampsonWeights weights, float squared_scale, double* sums) {
-  AccumulateKernel<RobustLoss::kGemanMcClure>(points, pose, weights, squared_scale, sums);
+                            const SquaredFocals& focals, float squared_scale, double* sums) {
+  AccumulateKernel<RobustLoss::kGemanMcClure>(points, pose, focals, squared_scale, sums);
 }
 
 const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
@@ -319,19 +353,11 @@ HWY_EXPORT(TargetName);
 namespace {
 
 using internal::Matrix9f;
-using internal::SampsonWeights;
+using internal::SampsonUnits;
+using internal::SquaredFocals;
 
-// Weights that turn C^2 / S into the squared error in units of `unit_px`.
-SampsonWeights WeightsInUnits(const PointPairs& points, double unit_px) {
-  auto weight = [unit_px](float focal_px) {
-    const double w = unit_px / focal_px;
-    return static_cast<float>(w * w);
-  };
-  return {weight(points.focal1_px()), weight(points.focal2_px())};
-}
-
-// Factors that turn squared normalized distances into squared ones in units of `unit_px`.
-SampsonWeights SquaredFocals(const PointPairs& points, double unit_px) {
+// Focal lengths in units of `unit_px`, squared.
+SquaredFocals FocalsInUnits(const PointPairs& points, double unit_px) {
   const auto f1 = static_cast<float>(points.focal1_px() / unit_px);
   const auto f2 = static_cast<float>(points.focal2_px() / unit_px);
   return {f1 * f1, f2 * f2};
@@ -355,17 +381,17 @@ Eigen::Matrix3d WithSignOfPoints(const PointPairs& points, const Eigen::Matrix3d
 double ScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double max_error_px,
                     double bound) {
   return HWY_DYNAMIC_DISPATCH(ScoreSampsonKernel)(
-      points, Matrix9f(E), WeightsInUnits(points, max_error_px), static_cast<float>(bound));
+      points, Matrix9f(E), SampsonUnits(points, max_error_px), static_cast<float>(bound));
 }
 
 double SoftScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double scale_px) {
   return HWY_DYNAMIC_DISPATCH(SoftScoreSampsonKernel)(points, Matrix9f(E),
-                                                      WeightsInUnits(points, scale_px));
+                                                      SampsonUnits(points, scale_px));
 }
 
 void SampsonErrors(const PointPairs& points, const Eigen::Matrix3d& E, float* errors_px) {
   HWY_DYNAMIC_DISPATCH(SampsonErrorsKernel)
-  (points, Matrix9f(E), WeightsInUnits(points, 1.0), errors_px);
+  (points, Matrix9f(E), SampsonUnits(points, 1.0), errors_px);
 }
 
 void HomographyErrors(const PointPairs& points, const Eigen::Matrix3d& H, float* errors_px) {
@@ -377,7 +403,7 @@ void HomographyErrors(const PointPairs& points, const Eigen::Matrix3d& H, float*
     return;
   }
   HWY_DYNAMIC_DISPATCH(HomographyErrorsKernel)
-  (points, Matrix9f(oriented), Matrix9f(inverse), SquaredFocals(points, 1.0), errors_px);
+  (points, Matrix9f(oriented), Matrix9f(inverse), FocalsInUnits(points, 1.0), errors_px);
 }
 
 double ScoreHomography(const PointPairs& points, const Eigen::Matrix3d& H, double max_error_px) {
@@ -385,7 +411,7 @@ double ScoreHomography(const PointPairs& points, const Eigen::Matrix3d& H, doubl
   const Eigen::Matrix3d inverse = oriented.inverse();
   if (!inverse.allFinite()) return 0.0;
   return HWY_DYNAMIC_DISPATCH(ScoreHomographyKernel)(points, Matrix9f(oriented), Matrix9f(inverse),
-                                                     SquaredFocals(points, max_error_px));
+                                                     FocalsInUnits(points, max_error_px));
 }
 
 SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,
@@ -396,13 +422,13 @@ SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::
   for (int i = 0; i < 9; ++i) pose.R[i] = static_cast<float>(R(i / 3, i % 3));
   for (int i = 0; i < 3; ++i) pose.t[i] = static_cast<float>(t[i]);
   for (int i = 0; i < 6; ++i) pose.tangent[i] = static_cast<float>(tangent(i / 2, i % 2));
-  const SampsonWeights weights = WeightsInUnits(points, 1.0);
+  const SquaredFocals focals = FocalsInUnits(points, 1.0);
   const float squared_scale = static_cast<float>(scale_px * scale_px);
   double sums[internal::kNumSums];
   if (loss == RobustLoss::kTruncated) {
-    HWY_DYNAMIC_DISPATCH(AccumulateTruncated)(points, pose, weights, squared_scale, sums);
+    HWY_DYNAMIC_DISPATCH(AccumulateTruncated)(points, pose, focals, squared_scale, sums);
   } else {
-    HWY_DYNAMIC_DISPATCH(AccumulateGemanMcClure)(points, pose, weights, squared_scale, sums);
+    HWY_DYNAMIC_DISPATCH(AccumulateGemanMcClure)(points, pose, focals, squared_scale, sums);
   }
   SampsonNormalEquations equations;
   int index = 0;
