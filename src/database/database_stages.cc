@@ -83,6 +83,10 @@ void Database::WriteJob(const std::string& stage, const JobRecord& job) {
       .Run();
 }
 
+void Database::DeleteJob(const std::string& stage, uint64_t item) {
+  Query(*impl_, sql::kDeleteJob).Bind(1, std::string_view(stage)).Bind(2, item).Run();
+}
+
 std::map<std::string, int64_t> Database::CountJobNotes(const std::string& stage) const {
   std::map<std::string, int64_t> counts;
   if (!impl_->has_cairn_tables) return counts;
@@ -122,6 +126,8 @@ void Database::ClearVerification() {
   Query(*impl_, sql::kClearTwoViewGeometries).Run();
   Query(*impl_, sql::kClearPairMetrics).Run();
   Query(*impl_, sql::kClearImageDepth).Run();
+  Query(*impl_, sql::kClearFocalEvidence).Run();
+  Query(*impl_, sql::kClearCameraFocals).Run();
 }
 
 void Database::ClearStage(const std::string& stage) {

@@ -48,6 +48,13 @@ CREATE TABLE IF NOT EXISTS cairn_image_depth
   (image_id INTEGER PRIMARY KEY NOT NULL, scale INTEGER NOT NULL, shift REAL NOT NULL,
    num_hypotheses INTEGER NOT NULL, num_right INTEGER NOT NULL,
    FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS cairn_focal_evidence
+  (pair_id INTEGER PRIMARY KEY NOT NULL, num_matches INTEGER NOT NULL,
+   num_by_essential INTEGER NOT NULL, num_by_fundamental INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS cairn_camera_focals
+  (camera_id INTEGER PRIMARY KEY NOT NULL, is_refuted INTEGER NOT NULL,
+   num_pairs INTEGER NOT NULL, num_refuting INTEGER NOT NULL,
+   FOREIGN KEY(camera_id) REFERENCES cameras(camera_id) ON DELETE CASCADE) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS cairn_photos
   (name TEXT PRIMARY KEY NOT NULL, file_hash INTEGER NOT NULL, error TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS cairn_jobs
@@ -201,6 +208,27 @@ inline constexpr const char* kWriteImageDepth =
     "INSERT OR REPLACE INTO cairn_image_depth(image_id, scale, shift, num_hypotheses, num_right) "
     "VALUES(?1, ?2, ?3, ?4, ?5);";
 inline constexpr const char* kClearImageDepth = "DELETE FROM cairn_image_depth;";
+inline constexpr const char* kReadFocalEvidence =
+    "SELECT pair_id, num_matches, num_by_essential, num_by_fundamental FROM cairn_focal_evidence "
+    "ORDER BY pair_id;";
+inline constexpr const char* kWriteFocalEvidence =
+    "INSERT OR REPLACE INTO cairn_focal_evidence(pair_id, num_matches, num_by_essential, "
+    "num_by_fundamental) VALUES(?1, ?2, ?3, ?4);";
+inline constexpr const char* kClearFocalEvidence = "DELETE FROM cairn_focal_evidence;";
+inline constexpr const char* kReadCameraFocals =
+    "SELECT camera_id, is_refuted, num_pairs, num_refuting FROM cairn_camera_focals "
+    "ORDER BY camera_id;";
+inline constexpr const char* kWriteCameraFocal =
+    "INSERT OR REPLACE INTO cairn_camera_focals(camera_id, is_refuted, num_pairs, num_refuting) "
+    "VALUES(?1, ?2, ?3, ?4);";
+inline constexpr const char* kClearCameraFocals = "DELETE FROM cairn_camera_focals;";
+inline constexpr const char* kDeleteTwoViewGeometry =
+    "DELETE FROM two_view_geometries WHERE pair_id = ?1;";
+inline constexpr const char* kDeletePairMetrics =
+    "DELETE FROM cairn_pair_metrics WHERE pair_id = ?1;";
+inline constexpr const char* kDeleteFocalEvidence =
+    "DELETE FROM cairn_focal_evidence WHERE pair_id = ?1;";
+inline constexpr const char* kDeleteJob = "DELETE FROM cairn_jobs WHERE stage = ?1 AND item = ?2;";
 inline constexpr const char* kClearPairMetrics = "DELETE FROM cairn_pair_metrics;";
 inline constexpr const char* kClearJobs = "DELETE FROM cairn_jobs WHERE stage = ?1;";
 inline constexpr const char* kClearTimings = "DELETE FROM cairn_timings WHERE stage = ?1;";

@@ -79,6 +79,7 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
   hasher.Add(HashCamera(loaded.camera)).Add(HashKeypoints(loaded.keypoints));
   if (!loaded.depth.empty()) hasher.Add(*database_.ReadDepthHash(id));
   loaded.content_hash = hasher.Digest();
+  if (distrusted_.count(camera->first) > 0) loaded.camera.has_prior_focal_length = false;
 }
 
 bool PairLoader::LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image) {

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,9 @@ class PairLoader {
 
   // How the depth of images is to be read from now on; the first scale as it is, at first.
   void UseLearnedDepth(std::map<image_t, ImageDepth> learned) { learned_ = std::move(learned); }
+
+  // Cameras whose focal lengths are not trusted from now on, whatever the database says.
+  void DistrustFocals(std::set<camera_t> cameras) { distrusted_ = std::move(cameras); }
 
   PairImage LoadImage(image_t id);
   // False: the pair is done, or left out. Pairs with fewer than min_num_matches come without
@@ -48,6 +52,7 @@ class PairLoader {
   std::map<camera_t, Camera> cameras_;
   std::map<image_t, Image> images_;
   std::map<image_t, ImageDepth> learned_;
+  std::set<camera_t> distrusted_;
   std::map<image_t, bool> is_damaged_;  // images that were looked at; reported once
   std::vector<std::string> messages_;
   double busy_seconds_ = 0;

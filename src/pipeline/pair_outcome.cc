@@ -46,6 +46,11 @@ void WriteOutcome(Database& database, const PairOutcome& outcome) {
     database.WritePairMetrics(metrics);
     database.WriteTiming(kStageVerification, outcome.pair_id, run.verifier, run.seconds);
   }
+  if (outcome.focal_evidence) {
+    database.WriteFocalEvidence({outcome.pair_id, outcome.focal_evidence->num_matches,
+                                 outcome.focal_evidence->num_by_essential,
+                                 outcome.focal_evidence->num_by_fundamental});
+  }
   const bool is_verified = outcome.winner >= 0;
   database.WriteTwoViewGeometry(outcome.pair_id, is_verified
                                                      ? outcome.runs[outcome.winner].report.geometry

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,8 +20,9 @@ struct PairOutcome {
     PairReport report;
     double seconds = 0;
   };
-  std::vector<Run> runs;  // empty: not tried
-  int winner = -1;        // index into runs, -1: no verifier accepted
+  std::vector<Run> runs;                        // empty: not tried
+  int winner = -1;                              // index into runs, -1: no verifier accepted
+  std::optional<FocalEvidence> focal_evidence;  // of the first run that has it
 
   // Why it was rejected: the reason of the run that came nearest.
   std::string RejectionReason() const;

@@ -13,6 +13,7 @@
 #include "cairn/database/database_writer.h"
 #include "pipeline/depth_choice.h"
 #include "pipeline/depth_learning.h"
+#include "pipeline/focal_learning.h"
 #include "pipeline/pair_feed.h"
 #include "pipeline/pair_loader.h"
 #include "pipeline/pair_outcome.h"
@@ -53,8 +54,9 @@ std::vector<image_pair_t> FindPairs(const Database& database,
 class Worker {
  public:
   Worker(const std::vector<NamedVerifier>& verifiers, const VerificationInput& input,
-         const std::map<image_t, ImageDepth>& learned_depth)
-      : input_(input), learned_depth_(learned_depth) {
+         const std::map<image_t, ImageDepth>& learned_depth,
+         const std::vector<image_pair_t>& to_weigh)
+      : input_(input), learned_depth_(learned_depth), to_weigh_(to_weigh) {
     for (const NamedVerifier& verifier : verifiers) {
       names_.push_back(verifier.name);
       verifiers_.push_back(verifier.make());
@@ -80,9 +82,11 @@ class Worker {
     const auto [id1, id2] = PairIdToImagePair(task.pair_id);
     pair.depth_trust1 = TrustIn(id1);
     pair.depth_trust2 = TrustIn(id2);
+    pair.weigh_focals = std::binary_search(to_weigh_.begin(), to_weigh_.end(), task.pair_id);
     for (size_t i = 0; i < verifiers_.size(); ++i) {
       const Timer timer;
       PairReport report = verifiers_[i]->Verify(pair);
+      if (!outcome.focal_evidence) outcome.focal_evidence = report.focal_evidence;
       const double seconds = timer.Seconds();
       verifying_seconds += seconds;
       outcome.runs.push_back({names_[i], std::move(report), seconds});
@@ -102,24 +106,46 @@ class Worker {
 
   const VerificationInput& input_;
   const std::map<image_t, ImageDepth>& learned_depth_;
+  const std::vector<image_pair_t>& to_weigh_;
   std::vector<std::string> names_;
   std::vector<std::unique_ptr<PairVerifier>> verifiers_;
 };
 
-void Count(const PairOutcome& outcome, VerificationCounts& counts) {
-  ++counts.num_pairs;
-  if (outcome.runs.empty()) {
-    ++counts.num_too_few;
-  } else {
-    ++counts.num_tried;
+// Counts each pair once, by what was found last.
+class OutcomeCounter {
+ public:
+  explicit OutcomeCounter(VerificationCounts* counts) : counts_(*counts) {}
+
+  // False: the pair was there before. Only pairs that are `remembered` may come again.
+  bool Add(const PairOutcome& outcome, bool remembered) {
+    Entry entry = {!outcome.runs.empty(), outcome.winner >= 0, {}};
+    entry.name =
+        entry.is_verified ? outcome.runs[outcome.winner].verifier : outcome.RejectionReason();
+    const auto before = entries_.find(outcome.pair_id);
+    const bool is_new = before == entries_.end();
+    if (!is_new) Count(before->second, -1);
+    Count(entry, 1);
+    if (remembered) entries_[outcome.pair_id] = std::move(entry);
+    return is_new;
   }
-  if (outcome.winner >= 0) {
-    ++counts.num_verified;
-    ++counts.verified_by[outcome.runs[outcome.winner].verifier];
-  } else {
-    ++counts.rejected_by[outcome.RejectionReason()];
+
+ private:
+  struct Entry {
+    bool is_tried, is_verified;
+    std::string name;  // of the verifier, or the reason
+  };
+
+  void Count(const Entry& entry, int sign) {
+    counts_.num_pairs += sign;
+    (entry.is_tried ? counts_.num_tried : counts_.num_too_few) += sign;
+    if (entry.is_verified) counts_.num_verified += sign;
+    auto& counts = entry.is_verified ? counts_.verified_by : counts_.rejected_by;
+    if ((counts[entry.name] += sign) == 0) counts.erase(entry.name);
   }
-}
+
+  VerificationCounts& counts_;
+  std::map<image_pair_t, Entry> entries_;
+};
 
 std::map<image_t, int64_t> ImageBytes(const Database& database) {
   std::map<image_t, int64_t> bytes;
@@ -127,71 +153,119 @@ std::map<image_t, int64_t> ImageBytes(const Database& database) {
   return bytes;
 }
 
-// Verifies the pairs of the plan; adds to the counts and times.
-void RunRound(Database& database, const std::vector<NamedVerifier>& verifiers,
-              const VerificationInput& input, PairLoader& loader, std::vector<PairTile> plan,
-              int64_t num_pairs, int64_t max_queue_bytes, int num_threads, ProgressMonitor& monitor,
-              VerificationReport& report) {
-  const std::map<image_t, ImageDepth> learned_depth = database.ReadImageDepth();
-  loader.UseLearnedDepth(learned_depth);
-  DatabaseWriter writer(database.path());
-  PairFeed feed(
-      std::move(plan), [&loader](image_t id) { return loader.LoadImage(id); },
-      [&loader](PairTask& task, const auto& image) { return loader.LoadPair(task, image); },
-      max_queue_bytes);
-  const int num_workers = EffectiveNumThreads(num_threads);
-  std::vector<std::unique_ptr<Worker>> workers(num_workers);
-  std::mutex counts_mutex;
-  ParallelForWorker(num_workers, num_pairs, [&](int worker, int64_t) {
-    if (monitor.StopRequested()) feed.Stop();
-    const std::optional<PairTask> task = feed.Next();
-    if (!task) return;
-    if (!workers[worker]) {
-      workers[worker] = std::make_unique<Worker>(verifiers, input, learned_depth);
-    }
-    auto outcome = std::make_shared<PairOutcome>(workers[worker]->Run(*task));
-    {
-      const std::lock_guard<std::mutex> lock(counts_mutex);
-      Count(*outcome, report.counts);
-    }
-    writer.Push([outcome](Database& db) { WriteOutcome(db, *outcome); });
-    monitor.Advance(1);
-  });
-  writer.Finish();
-  report.writing_seconds += writer.busy_seconds();
-  for (const auto& worker : workers) {
-    if (worker) report.verifying_seconds += worker->verifying_seconds;
-  }
-}
+// The rounds of a run: what they share, and what they leave behind.
+class Rounds {
+ public:
+  Rounds(Database& database, const std::vector<NamedVerifier>& verifiers,
+         const VerificationInput& input, const SchedulerOptions& scheduler, StageLedger& ledger,
+         int num_threads, ProgressMonitor& monitor, VerificationReport& report)
+      : database_(database),
+        verifiers_(verifiers),
+        input_(input),
+        ledger_(ledger),
+        num_threads_(num_threads),
+        monitor_(monitor),
+        report_(report),
+        counter_(&report.counts),
+        // Half for the present tile; tasks that still hold images of the last one have the rest.
+        max_bytes_(GibToBytes(scheduler.max_memory_gib) / 2),
+        image_bytes_(ImageBytes(database)),
+        loader_(database.path(), input.min_num_matches, ledger, monitor) {}
 
-// The likely pairs first, then the others.
-void RunRounds(Database& database, const std::vector<NamedVerifier>& verifiers,
-               const VerificationInput& input, const SchedulerOptions& scheduler,
-               const StageLedger& ledger, const std::vector<image_pair_t>& pairs,
-               const std::vector<std::pair<image_pair_t, int>>& num_matches, int num_threads,
-               ProgressMonitor& monitor, VerificationReport& report) {
-  const std::vector<image_pair_t> likely = LikelyPairs(num_matches, kLikelyPairsPerImage);
-  std::vector<image_pair_t> rounds[2];
-  for (const image_pair_t pair : pairs) {
-    rounds[std::binary_search(likely.begin(), likely.end(), pair) ? 0 : 1].push_back(pair);
-  }
-  // Half for the present tile; tasks that still hold images of the last one have the rest.
-  const auto max_bytes = GibToBytes(scheduler.max_memory_gib) / 2;
-  const std::map<image_t, int64_t> image_bytes = ImageBytes(database);
-  PairLoader loader(database.path(), input.min_num_matches, ledger, monitor);
-  for (const std::vector<image_pair_t>& round : rounds) {
-    RunRound(database, verifiers, input, loader, PlanPairTiles(round, image_bytes, max_bytes),
-             static_cast<int64_t>(round.size()), max_bytes / 8, num_threads, monitor, report);
-    if (monitor.StopRequested()) break;
-    if (&round == rounds) {
+  // The likely pairs first, then the others.
+  void Run(const std::vector<image_pair_t>& pairs,
+           const std::vector<std::pair<image_pair_t, int>>& num_matches) {
+    const std::vector<image_pair_t> likely = LikelyPairs(num_matches, kLikelyPairsPerImage);
+    std::vector<image_pair_t> first, second;
+    for (const image_pair_t pair : pairs) {
+      (std::binary_search(likely.begin(), likely.end(), pair) ? first : second).push_back(pair);
+    }
+    to_weigh_ = PairsToWeigh(database_, likely);
+    RunRound(first, true);
+    to_weigh_.clear();
+    if (!monitor_.StopRequested()) {
+      const std::vector<image_pair_t> undone = Refute();
+      std::vector<image_pair_t> again;
+      std::set_intersection(first.begin(), first.end(), undone.begin(), undone.end(),
+                            std::back_inserter(again));
+      if (!again.empty()) RunRound(again, true);
+    }
+    if (!monitor_.StopRequested()) {
       const Timer timer;
-      LearnDepth(database, likely, num_matches, max_bytes, num_threads, monitor);
-      report.learning_seconds = timer.Seconds();
+      LearnDepth(database_, likely, num_matches, max_bytes_, num_threads_, monitor_);
+      report_.learning_seconds += timer.Seconds();
+    }
+    if (!monitor_.StopRequested()) RunRound(second, false);
+    report_.stage.messages.insert(report_.stage.messages.end(), loader_.messages().begin(),
+                                  loader_.messages().end());
+    report_.reading_seconds = loader_.busy_seconds();
+  }
+
+ private:
+  // Verifies pairs; adds to the counts and times.
+  void RunRound(const std::vector<image_pair_t>& pairs, bool may_come_again) {
+    const std::map<image_t, ImageDepth> learned_depth = database_.ReadImageDepth();
+    loader_.UseLearnedDepth(learned_depth);
+    loader_.DistrustFocals(RefutedCameras(database_.ReadCameraFocals()));
+    DatabaseWriter writer(database_.path());
+    PairFeed feed(
+        PlanPairTiles(pairs, image_bytes_, max_bytes_),
+        [this](image_t id) { return loader_.LoadImage(id); },
+        [this](PairTask& task, const auto& image) { return loader_.LoadPair(task, image); },
+        max_bytes_ / 8);
+    const int num_workers = EffectiveNumThreads(num_threads_);
+    std::vector<std::unique_ptr<Worker>> workers(num_workers);
+    std::mutex counts_mutex;
+    ParallelForWorker(num_workers, std::ssize(pairs), [&](int worker, int64_t) {
+      if (monitor_.StopRequested()) feed.Stop();
+      const std::optional<PairTask> task = feed.Next();
+      if (!task) return;
+      if (!workers[worker]) {
+        workers[worker] = std::make_unique<Worker>(verifiers_, input_, learned_depth, to_weigh_);
+      }
+      auto outcome = std::make_shared<PairOutcome>(workers[worker]->Run(*task));
+      bool is_new = true;
+      {
+        const std::lock_guard<std::mutex> lock(counts_mutex);
+        is_new = counter_.Add(*outcome, may_come_again);
+      }
+      writer.Push([outcome](Database& db) { WriteOutcome(db, *outcome); });
+      if (is_new) monitor_.Advance(1);
+    });
+    writer.Finish();
+    report_.writing_seconds += writer.busy_seconds();
+    for (const auto& worker : workers) {
+      if (worker) report_.verifying_seconds += worker->verifying_seconds;
     }
   }
-  report.stage.messages = loader.messages();
-  report.reading_seconds = loader.busy_seconds();
-}
+
+  // Learns which trusted focal lengths are wrong; returns the pairs to be verified again.
+  std::vector<image_pair_t> Refute() {
+    const Timer timer;
+    const LearnedFocals learned = LearnFocals(database_);
+    for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
+    for (std::string& text : RefutedFocalTexts(database_, learned.refuted)) {
+      monitor_.Warning(text);
+      report_.stage.messages.push_back(std::move(text));
+    }
+    report_.num_refuted_focals = static_cast<int>(learned.refuted.size());
+    report_.learning_seconds += timer.Seconds();
+    return learned.undone;
+  }
+
+  Database& database_;
+  const std::vector<NamedVerifier>& verifiers_;
+  const VerificationInput& input_;
+  StageLedger& ledger_;
+  const int num_threads_;
+  ProgressMonitor& monitor_;
+  VerificationReport& report_;
+  OutcomeCounter counter_;
+  const int64_t max_bytes_;
+  const std::map<image_t, int64_t> image_bytes_;
+  PairLoader loader_;
+  std::vector<image_pair_t> to_weigh_;
+};
 
 void FillStageReport(VerificationReport& report) {
   const VerificationCounts& counts = report.counts;
@@ -205,6 +279,7 @@ void FillStageReport(VerificationReport& report) {
   for (const auto& [reason, num] : counts.rejected_by) {
     stage.Add("rejected_" + reason, static_cast<double>(num));
   }
+  stage.Add("refuted_focals", report.num_refuted_focals);
   stage.Add("learning_seconds", report.learning_seconds);
   stage.Add("verifying_seconds", report.verifying_seconds);
   stage.Add("reading_seconds", report.reading_seconds);
@@ -230,8 +305,8 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
   if (!pairs.empty()) {
     if (num_new > 0) ledger.Begin(database);
     monitor.BeginStage("verifying pairs", num_new);
-    RunRounds(database, verifiers, input, scheduler, ledger, pairs, num_matches, num_threads,
-              monitor, report);
+    Rounds(database, verifiers, input, scheduler, ledger, num_threads, monitor, report)
+        .Run(pairs, num_matches);
     monitor.EndStage();
   }
   if (monitor.StopRequested()) {

@@ -20,7 +20,10 @@ float ShorterAxis(const Keypoint& k) {
 
 void ReadImagesAndKeypoints(const Database& database, SceneData& scene, Stage& stage,
                             std::map<image_t, std::vector<point2D_t>>& first_keypoint) {
+  const std::map<camera_t, CameraFocal> focals = database.ReadCameraFocals();
   for (Camera& camera : database.ReadCameras()) {
+    const auto focal = focals.find(camera.camera_id);
+    if (focal != focals.end() && focal->second.is_refuted) camera.has_prior_focal_length = false;
     scene.cameras[camera.camera_id] = std::move(camera);
   }
   for (const Image& image : database.ReadImages()) {

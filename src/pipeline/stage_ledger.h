@@ -34,6 +34,8 @@ class StageLedger {
   // True if the item is done from the same inputs, false if it is not done. Throws ConfigError if
   // it was done from others; `what` says what differs ("the photograph a.jpg").
   bool IsDone(uint64_t item, uint64_t input_hash, const std::string& what) const;
+  // The item's record is gone from the database.
+  void Forget(uint64_t item) { jobs_.erase(item); }
   [[noreturn]] void ThrowChanged(const std::string& what) const;
 
   // Writes the record as incomplete: work is about to begin.

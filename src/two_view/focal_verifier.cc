@@ -22,14 +22,19 @@ bool HasPose(const PairReport& report) {
 
 PairReport FocalVerifier::Verify(const PairInput& input) {
   PairReport report = calibrated_->Verify(input);
+  const bool is_trusted =
+      input.camera1->has_prior_focal_length && input.camera2->has_prior_focal_length;
+  // (At wrong focal lengths, what E explains of a scene may be one of its planes.)
+  if (input.weigh_focals && is_trusted && report.geometry.E) {
+    PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
+    report.focal_evidence = weigher_.Weigh(input, pair_, *report.geometry.E);
+  }
   if (report.status == PairStatus::kTooFewMatches || report.status == PairStatus::kDegenerate) {
     return report;
   }
   // Planes and rotations have no fundamental matrix of their own; two models may be one.
   const bool is_ambiguous = report.geometry.config == TwoViewConfig::kMultiple;
   if (report.status == PairStatus::kVerified && !HasPose(report) && !is_ambiguous) return report;
-  const bool is_trusted =
-      input.camera1->has_prior_focal_length && input.camera2->has_prior_focal_length;
   if (is_trusted && !is_ambiguous && !report.may_have_wrong_focal) return report;
   PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
   const std::optional<FundamentalModel> model = Find(input, report);

@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 
+#include "two_view/focal_evidence.h"
 #include "two_view/fundamental_search.h"
 
 namespace cairn::internal {
@@ -15,7 +16,7 @@ namespace cairn::internal {
 class FocalVerifier : public PairVerifier {
  public:
   FocalVerifier(std::unique_ptr<PairVerifier> calibrated, const TwoViewOptions& options)
-      : calibrated_(std::move(calibrated)), options_(options) {}
+      : calibrated_(std::move(calibrated)), options_(options), weigher_(options) {}
   PairReport Verify(const PairInput& input) override;
 
  private:
@@ -25,6 +26,7 @@ class FocalVerifier : public PairVerifier {
 
   std::unique_ptr<PairVerifier> calibrated_;
   TwoViewOptions options_;
+  FocalWeigher weigher_;
   PreparedPair pair_;
 };
 

@@ -11,7 +11,11 @@
 namespace cairn::bench {
 namespace {
 
-std::string SceneOf(const std::string& name) { return name.substr(0, name.rfind('_')); }
+// Names without '_' are of one scene.
+std::string SceneOf(const std::string& name) {
+  const size_t cut = name.rfind('_');
+  return cut == std::string::npos ? "" : name.substr(0, cut);
+}
 
 std::string SiteOf(const std::string& scene) {
   const std::string site = scene.substr(0, scene.find('-'));

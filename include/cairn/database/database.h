@@ -81,6 +81,13 @@ class Database {
   // What was learned about the depth of images.
   std::map<image_t, ImageDepth> ReadImageDepth() const;
   void WriteImageDepth(image_t image_id, const ImageDepth& depth);
+  // Evidence about trusted focal lengths, ascending by pair, and what was learned from it.
+  std::vector<PairFocalEvidence> ReadFocalEvidence() const;
+  void WriteFocalEvidence(const PairFocalEvidence& evidence);
+  std::map<camera_t, CameraFocal> ReadCameraFocals() const;
+  void WriteCameraFocal(camera_t camera_id, const CameraFocal& focal);
+  // Removes what verification wrote about a pair; its job stays.
+  void DeletePairResults(image_pair_t pair_id);
   // Pairs won by each verifier.
   std::map<std::string, int64_t> CountWinners() const;
 
@@ -99,6 +106,7 @@ class Database {
   std::vector<JobRecord> ReadJobs(const std::string& stage) const;  // ascending by item
   std::optional<JobRecord> ReadJob(const std::string& stage, uint64_t item) const;
   void WriteJob(const std::string& stage, const JobRecord& job);
+  void DeleteJob(const std::string& stage, uint64_t item);
   // Jobs of the stage with each note.
   std::map<std::string, int64_t> CountJobNotes(const std::string& stage) const;
   std::optional<StageRecord> ReadStage(const std::string& stage) const;
@@ -108,7 +116,7 @@ class Database {
   void ClearFeatures();      // keypoints, descriptors
   void ClearDepth();         // depth samples
   void ClearMatches();       // matches
-  void ClearVerification();  // two-view geometries, pair metrics, what was learned about depth
+  void ClearVerification();  // two-view geometries, pair metrics, what was learned from them
   void ClearStage(const std::string& stage);
 
   // Runs the writes between construction and Commit() as one transaction; rolled back if destroyed

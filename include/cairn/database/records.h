@@ -37,6 +37,22 @@ struct ImageDepth {
   int64_t num_right = 0;
 };
 
+// cairn_focal_evidence: of the matches of a pair that affine frames bear out, those that E
+// explains, at trusted focal lengths, and those that F does. Key: pair_id.
+struct PairFocalEvidence {
+  image_pair_t pair_id = 0;
+  int num_matches = 0;
+  int num_by_essential = 0;
+  int num_by_fundamental = 0;
+};
+
+// cairn_camera_focals: what its pairs say of a camera's trusted focal length. Key: camera_id.
+struct CameraFocal {
+  bool is_refuted = false;  // its pairs are verified as though it was not trusted
+  int num_pairs = 0;        // with evidence
+  int num_refuting = 0;
+};
+
 // cairn_photos: a file of the image folder, and what became of it. Key: name.
 struct PhotoRecord {
   std::string name;        // relative to the image folder

@@ -48,6 +48,7 @@ struct VerificationReport {
   double reading_seconds = 0;
   double writing_seconds = 0;
   double learning_seconds = 0;  // wall clock, between the rounds
+  int num_refuted_focals = 0;   // cameras whose trusted focal lengths this run found to be wrong
 };
 
 // Verifies every pair with matches that has no row in two_view_geometries, on num_threads threads.
@@ -57,8 +58,9 @@ struct VerificationReport {
 // or that was not tried, gets an empty row, as from COLMAP.
 //
 // Likely pairs come first, in a round of their own (pipeline/verification_rounds.h), after which it
-// is learned and stored how each image's depth is best read, and how far it can be trusted
-// (pipeline/depth_learning.h). Within a round, pairs are ordered so that
+// is learned and stored which trusted focal lengths are wrong (pipeline/focal_learning.h; the pairs
+// of these cameras are verified again, without them), and how each image's depth is best read, and
+// how far it can be trusted (pipeline/depth_learning.h). Within a round, pairs are ordered so that
 // features are read once a block and stay within the memory limit; one
 // thread reads ahead, one writes. What a pair yields depends on its own features, depth, cameras,
 // matches, the options, the seed and what the first round learned, and on nothing else. Pairs that

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -28,6 +29,8 @@ struct PairInput {
   // cascade leaves 1AC+D out where no hypothesis of this pair can be expected to be right.
   double depth_trust1 = 1.0;
   double depth_trust2 = 1.0;
+  // Weigh the trusted focal lengths of this pair: fills PairReport::focal_evidence.
+  bool weigh_focals = false;
 };
 
 enum class PairStatus : int {
@@ -39,6 +42,15 @@ enum class PairStatus : int {
   kDegenerate,     // an inlier set that fixes no pose (all points in one spot, ...)
 };
 std::string_view PairStatusName(PairStatus status);
+
+// Of matches that their neighbours' affine frames bear out, those that the essential matrix
+// explains, and those that the best fundamental matrix does: equally many, if the focal lengths are
+// right.
+struct FocalEvidence {
+  int num_matches = 0;
+  int num_by_essential = 0;
+  int num_by_fundamental = 0;  // not fewer
+};
 
 // What one verifier found.
 struct PairReport {
@@ -54,6 +66,9 @@ struct PairReport {
   // Many matches lie just outside the threshold of an accepted model: the focal lengths may be
   // wrong.
   bool may_have_wrong_focal = false;
+  // Where it was asked for, both focal lengths are trusted, and the pair has a pose by them (the
+  // cascade, `fast` and five points only).
+  std::optional<FocalEvidence> focal_evidence;
 };
 
 // Verifies pairs one after the other. Owns its scratch memory, so use one instance a thread.

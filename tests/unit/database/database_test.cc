@@ -134,6 +134,42 @@ TEST_F(DatabaseTest, LearnedDepthRoundTrips) {
   EXPECT_TRUE(database.ReadImageDepth().empty());
 }
 
+TEST_F(DatabaseTest, LearnedFocalsRoundTrip) {
+  Database database(":memory:");
+  WriteImages(database, 2);
+  const image_pair_t pair = ImagePairToPairId(1, 2);
+  EXPECT_TRUE(database.ReadFocalEvidence().empty());
+  EXPECT_TRUE(database.ReadCameraFocals().empty());
+  const auto fill = [&] {
+    database.WriteTwoViewGeometry(pair, TestGeometry());
+    database.WriteFocalEvidence({pair, 100, 60, 90});
+    database.WriteJob("verification", {pair, 1, ""});
+    database.WriteCameraFocal(database.ReadCameras()[0].camera_id, {true, 5, 4});
+  };
+  fill();
+  const PairFocalEvidence evidence = database.ReadFocalEvidence().at(0);
+  EXPECT_EQ(evidence.pair_id, pair);
+  EXPECT_EQ(evidence.num_matches, 100);
+  EXPECT_EQ(evidence.num_by_essential, 60);
+  EXPECT_EQ(evidence.num_by_fundamental, 90);
+  const CameraFocal focal = database.ReadCameraFocals().begin()->second;
+  EXPECT_TRUE(focal.is_refuted);
+  EXPECT_EQ(focal.num_pairs, 5);
+  EXPECT_EQ(focal.num_refuting, 4);
+
+  database.DeletePairResults(pair);
+  EXPECT_FALSE(database.ReadTwoViewGeometry(pair));
+  EXPECT_TRUE(database.ReadFocalEvidence().empty());
+  EXPECT_TRUE(database.ReadJob("verification", pair));
+  database.DeleteJob("verification", pair);
+  EXPECT_FALSE(database.ReadJob("verification", pair));
+  EXPECT_EQ(database.ReadCameraFocals().size(), 1u);
+  fill();
+  database.ClearVerification();
+  EXPECT_TRUE(database.ReadFocalEvidence().empty());
+  EXPECT_TRUE(database.ReadCameraFocals().empty());
+}
+
 TEST_F(DatabaseTest, KeypointsWithTwoOrFourColumnsBecomeFrames) {
   {
     Database database(Path());

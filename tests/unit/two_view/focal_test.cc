@@ -1,6 +1,7 @@
 // Pairs whose focal lengths are unknown or wrong.
 #include <gtest/gtest.h>
 
+#include "cairn/synthetic/two_view_problem.h"
 #include "unit/two_view/pair_fixture.h"
 
 namespace cairn {
@@ -96,6 +97,75 @@ TEST(FocalVerifier, UnrelatedImagesStayRejected) {
         WithFocals(MakePair({.num_inliers = 0, .num_outliers = 300}, seed), 1.0, false);
     EXPECT_NE(Verify(pair).status, PairStatus::kVerified);
   }
+}
+
+// A rough wall, on which the affine frames of neighbours bear each other out.
+TwoViewProblem MakeWall(TwoViewLayout layout, uint64_t seed) {
+  TwoViewProblemOptions options;
+  options.layout = layout;
+  options.num_matches = 300;
+  options.outlier_ratio = 0.3;
+  options.noise.image_px = 0.3;
+  TwoViewProblem problem = MakeTwoViewProblem(options, seed);
+  problem.camera1.has_prior_focal_length = problem.camera2.has_prior_focal_length = true;
+  return problem;
+}
+
+std::optional<FocalEvidence> Weigh(TwoViewProblem problem, double factor1, double factor2,
+                                   VerifierKind kind = VerifierKind::kCascade) {
+  problem.camera1.SetMeanFocal(factor1 * problem.camera1.MeanFocal());
+  problem.camera2.SetMeanFocal(factor2 * problem.camera2.MeanFocal());
+  PairInput input;
+  input.camera1 = &problem.camera1;
+  input.camera2 = &problem.camera2;
+  input.keypoints1 = problem.keypoints1;
+  input.keypoints2 = problem.keypoints2;
+  input.matches = problem.matches;
+  input.weigh_focals = true;
+  return MakePairVerifier(kind, {})->Verify(input).focal_evidence;
+}
+
+TEST(FocalEvidence, RightFocalLengthsExplainWhatAFundamentalMatrixDoes) {
+  for (const VerifierKind kind :
+       {VerifierKind::kCascade, VerifierKind::kFast, VerifierKind::kFivePoint}) {
+    for (uint64_t seed = 0; seed < 5; ++seed) {
+      const auto evidence = Weigh(MakeWall(TwoViewLayout::kRelief, seed), 1.0, 1.0, kind);
+      ASSERT_TRUE(evidence.has_value()) << seed;
+      EXPECT_GE(evidence->num_by_essential, 0.96 * evidence->num_by_fundamental) << seed;
+      EXPECT_GE(evidence->num_by_essential, 0.9 * evidence->num_matches) << seed;
+    }
+  }
+}
+
+TEST(FocalEvidence, WrongFocalLengthsExplainLess) {
+  int num_less = 0;
+  for (uint64_t seed = 0; seed < 5; ++seed) {
+    const TwoViewProblem wall = MakeWall(TwoViewLayout::kRelief, seed);
+    for (const auto& [factor1, factor2] :
+         {std::pair(2.0, 1.0), std::pair(0.5, 1.0), std::pair(1.0, 0.5), std::pair(0.4, 0.4)}) {
+      const auto evidence = Weigh(wall, factor1, factor2);
+      if (!evidence) continue;  // no pose
+      EXPECT_GE(evidence->num_by_fundamental, 0.9 * evidence->num_matches) << seed;
+      num_less += evidence->num_by_essential < 0.9 * evidence->num_by_fundamental;
+    }
+  }
+  EXPECT_GE(num_less, 16);
+}
+
+// A plane is explained by any focal length: it does not refute the right one.
+TEST(FocalEvidence, APlaneRefutesNothing) {
+  for (uint64_t seed = 0; seed < 5; ++seed) {
+    const auto evidence = Weigh(MakeWall(TwoViewLayout::kPlane, seed), 1.0, 1.0);
+    if (!evidence) continue;
+    EXPECT_GE(evidence->num_by_essential, 0.96 * evidence->num_by_fundamental) << seed;
+  }
+}
+
+TEST(FocalEvidence, IsOfTrustedCamerasThatAskForIt) {
+  TwoViewProblem wall = MakeWall(TwoViewLayout::kRelief, 1);
+  wall.camera2.has_prior_focal_length = false;
+  EXPECT_FALSE(Weigh(wall, 1.0, 1.0).has_value());
+  EXPECT_FALSE(Verify(MakePair({.num_inliers = 200}, 1)).focal_evidence.has_value());
 }
 
 }  // namespace

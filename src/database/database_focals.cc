@@ -1,0 +1,54 @@
+#include "cairn/database/database.h"
+#include "database/query.h"
+#include "database/sql.h"
+
+namespace cairn {
+
+std::vector<PairFocalEvidence> Database::ReadFocalEvidence() const {
+  std::vector<PairFocalEvidence> evidence;
+  if (!impl_->has_focal_tables) return evidence;
+  Query query(*impl_, sql::kReadFocalEvidence);
+  while (query.Step()) {
+    evidence.push_back({static_cast<image_pair_t>(query.Int(0)), static_cast<int>(query.Int(1)),
+                        static_cast<int>(query.Int(2)), static_cast<int>(query.Int(3))});
+  }
+  return evidence;
+}
+
+void Database::WriteFocalEvidence(const PairFocalEvidence& evidence) {
+  Query(*impl_, sql::kWriteFocalEvidence)
+      .Bind(1, evidence.pair_id)
+      .Bind(2, evidence.num_matches)
+      .Bind(3, evidence.num_by_essential)
+      .Bind(4, evidence.num_by_fundamental)
+      .Run();
+}
+
+std::map<camera_t, CameraFocal> Database::ReadCameraFocals() const {
+  std::map<camera_t, CameraFocal> focals;
+  if (!impl_->has_focal_tables) return focals;
+  Query query(*impl_, sql::kReadCameraFocals);
+  while (query.Step()) {
+    focals[static_cast<camera_t>(query.Int(0))] = {
+        query.Int(1) != 0, static_cast<int>(query.Int(2)), static_cast<int>(query.Int(3))};
+  }
+  return focals;
+}
+
+void Database::WriteCameraFocal(camera_t camera_id, const CameraFocal& focal) {
+  Query(*impl_, sql::kWriteCameraFocal)
+      .Bind(1, camera_id)
+      .Bind(2, static_cast<int>(focal.is_refuted))
+      .Bind(3, focal.num_pairs)
+      .Bind(4, focal.num_refuting)
+      .Run();
+}
+
+void Database::DeletePairResults(image_pair_t pair_id) {
+  for (const char* sql :
+       {sql::kDeleteTwoViewGeometry, sql::kDeletePairMetrics, sql::kDeleteFocalEvidence}) {
+    Query(*impl_, sql).Bind(1, pair_id).Run();
+  }
+}
+
+}  // namespace cairn

@@ -1,0 +1,218 @@
+#include "pipeline/focal_learning.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "cairn/base/hash.h"
+#include "pipeline/stage_names.h"
+
+namespace cairn {
+namespace {
+
+// Where focal lengths are right, a tenth of the pairs of photographs explain less than this share
+// of what F explains; where one is off by half or twice as long, most pairs do.
+constexpr double kMinShare = 0.93;
+constexpr int kMinExplained = 40;
+constexpr int kMaxPairs = 12;    // of a camera
+constexpr int kMinRefuting = 3;  // pairs
+
+std::map<image_t, camera_t> CamerasOfImages(const Database& database) {
+  std::map<image_t, camera_t> cameras;
+  for (const Image& image : database.ReadImages()) cameras[image.image_id] = image.camera_id;
+  return cameras;
+}
+
+// Pairs are drawn in the order of this.
+uint64_t DrawingOrder(image_pair_t pair) { return Hasher().Add(pair).Digest(); }
+
+struct CameraPair {
+  camera_t camera_id1, camera_id2;
+  image_pair_t pair_id;
+};
+
+struct Tally {
+  int num_pairs = 0;
+  int num_refuting = 0;
+  bool IsRefuted() const { return num_refuting >= kMinRefuting && 2 * num_refuting >= num_pairs; }
+};
+
+// Of each camera's pairs the first ones that were drawn. (Those beyond were drawn for the sake of
+// the other camera.)
+std::map<camera_t, Tally> Count(const std::vector<CameraPairEvidence>& pairs) {
+  std::map<camera_t, Tally> tallies;
+  for (const CameraPairEvidence& pair : pairs) {
+    for (const camera_t id : std::set<camera_t>{pair.camera_id1, pair.camera_id2}) {
+      Tally& tally = tallies[id];
+      if (tally.num_pairs == kMaxPairs) continue;
+      ++tally.num_pairs;
+      tally.num_refuting += pair.is_refuting;
+    }
+  }
+  return tallies;
+}
+
+// The refuted camera with the largest share of refuting pairs, of equal ones with the most, of
+// equal ones the first.
+camera_t FindWorst(const std::map<camera_t, Tally>& tallies) {
+  camera_t worst = kInvalidCameraId;
+  for (const auto& [id, tally] : tallies) {
+    if (!tally.IsRefuted()) continue;
+    if (worst == kInvalidCameraId) {
+      worst = id;
+      continue;
+    }
+    const Tally& best = tallies.at(worst);
+    const int64_t share = int64_t{tally.num_refuting} * best.num_pairs;
+    const int64_t best_share = int64_t{best.num_refuting} * tally.num_pairs;
+    if (share > best_share || (share == best_share && tally.num_refuting > best.num_refuting)) {
+      worst = id;
+    }
+  }
+  return worst;
+}
+
+// For each camera, so many of its pairs: some by chance, since those with the most matches are near
+// each other and explained by almost any focal length.
+std::vector<image_pair_t> DrawPairs(std::vector<CameraPair> pairs) {
+  std::sort(pairs.begin(), pairs.end(), [](const CameraPair& a, const CameraPair& b) {
+    return DrawingOrder(a.pair_id) < DrawingOrder(b.pair_id);
+  });
+  std::map<camera_t, int> counts;
+  std::vector<image_pair_t> drawn;
+  for (const CameraPair& pair : pairs) {
+    int& count1 = counts[pair.camera_id1];
+    int& count2 = counts[pair.camera_id2];
+    if (count1 >= kMaxPairs && count2 >= kMaxPairs) continue;
+    ++count1;
+    if (&count1 != &count2) ++count2;
+    drawn.push_back(pair.pair_id);
+  }
+  std::sort(drawn.begin(), drawn.end());
+  return drawn;
+}
+
+}  // namespace
+
+std::vector<image_pair_t> PairsToWeigh(const Database& database,
+                                       const std::vector<image_pair_t>& pairs) {
+  const std::map<camera_t, CameraFocal> known = database.ReadCameraFocals();
+  const std::map<image_t, camera_t> camera_of = CamerasOfImages(database);
+  std::set<camera_t> trusted;
+  for (const Camera& camera : database.ReadCameras()) {
+    const auto focal = known.find(camera.camera_id);
+    const bool is_refuted = focal != known.end() && focal->second.is_refuted;
+    if (camera.has_prior_focal_length && !is_refuted) trusted.insert(camera.camera_id);
+  }
+  std::vector<CameraPair> candidates;
+  for (const image_pair_t pair : pairs) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    const auto camera1 = camera_of.find(id1), camera2 = camera_of.find(id2);
+    if (camera1 == camera_of.end() || camera2 == camera_of.end()) continue;
+    if (trusted.count(camera1->second) == 0 || trusted.count(camera2->second) == 0) continue;
+    if (known.count(camera1->second) > 0 && known.count(camera2->second) > 0) continue;
+    candidates.push_back({camera1->second, camera2->second, pair});
+  }
+  return DrawPairs(std::move(candidates));
+}
+
+bool IsRefuting(const PairFocalEvidence& evidence) {
+  return evidence.num_by_fundamental >= kMinExplained &&
+         evidence.num_by_essential < kMinShare * evidence.num_by_fundamental;
+}
+
+std::map<camera_t, CameraFocal> JudgeFocals(std::vector<CameraPairEvidence> pairs) {
+  std::map<camera_t, CameraFocal> judged;
+  const std::map<camera_t, Tally> all = Count(pairs);
+  std::map<camera_t, Tally> tallies = all;
+  for (camera_t worst = FindWorst(tallies); worst != kInvalidCameraId; worst = FindWorst(tallies)) {
+    judged[worst] = {true, tallies[worst].num_pairs, tallies[worst].num_refuting};
+    std::erase_if(pairs, [worst](const CameraPairEvidence& pair) {
+      return pair.camera_id1 == worst || pair.camera_id2 == worst;
+    });
+    tallies = Count(pairs);
+  }
+  for (const auto& [id, tally] : all) {
+    if (judged.count(id) > 0) continue;
+    const Tally& rest = tallies[id];
+    // Where all are wrong, few pairs are left of the last ones, and none that speak for them.
+    const bool is_refuted = tally.IsRefuted() && 2 * rest.num_refuting >= rest.num_pairs;
+    if (is_refuted || rest.num_pairs >= kMinRefuting) {
+      const Tally& shown = is_refuted ? tally : rest;
+      judged[id] = {is_refuted, shown.num_pairs, shown.num_refuting};
+    }
+  }
+  return judged;
+}
+
+LearnedFocals LearnFocals(Database& database) {
+  const std::map<camera_t, CameraFocal> known = database.ReadCameraFocals();
+  const std::map<image_t, camera_t> camera_of = CamerasOfImages(database);
+  std::vector<PairFocalEvidence> all = database.ReadFocalEvidence();
+  std::sort(all.begin(), all.end(), [](const PairFocalEvidence& a, const PairFocalEvidence& b) {
+    return DrawingOrder(a.pair_id) < DrawingOrder(b.pair_id);
+  });
+  std::vector<CameraPairEvidence> pairs;
+  for (const PairFocalEvidence& evidence : all) {
+    if (evidence.num_by_fundamental < kMinExplained) continue;
+    const auto [id1, id2] = PairIdToImagePair(evidence.pair_id);
+    pairs.push_back({camera_of.at(id1), camera_of.at(id2), IsRefuting(evidence)});
+  }
+  std::map<camera_t, CameraFocal> judged = JudgeFocals(std::move(pairs));
+  std::erase_if(judged, [&](const auto& entry) { return known.count(entry.first) > 0; });
+  LearnedFocals learned;
+  if (judged.empty()) return learned;
+  learned.refuted = RefutedCameras(judged);
+  Database::Transaction transaction(database);
+  for (const auto& [id, focal] : judged) database.WriteCameraFocal(id, focal);
+  const auto is_refuted = [&](image_t id) {
+    const auto camera = camera_of.find(id);
+    return camera != camera_of.end() && learned.refuted.count(camera->second) > 0;
+  };
+  if (!learned.refuted.empty()) {
+    for (const JobRecord& job : database.ReadJobs(kStageVerification)) {
+      const auto [id1, id2] = PairIdToImagePair(job.item);
+      if (is_refuted(id1) || is_refuted(id2)) learned.undone.push_back(job.item);
+    }
+  }
+  for (const image_pair_t pair : learned.undone) {
+    database.DeletePairResults(pair);
+    database.DeleteJob(kStageVerification, pair);
+  }
+  transaction.Commit();
+  return learned;
+}
+
+std::set<camera_t> RefutedCameras(const std::map<camera_t, CameraFocal>& focals) {
+  std::set<camera_t> refuted;
+  for (const auto& [id, focal] : focals) {
+    if (focal.is_refuted) refuted.insert(id);
+  }
+  return refuted;
+}
+
+std::vector<std::string> RefutedFocalTexts(const Database& database,
+                                           const std::set<camera_t>& cameras) {
+  std::map<camera_t, std::pair<std::string, int>> images;  // the first one's name, and how many
+  for (const Image& image : database.ReadImages()) {
+    auto& [name, count] = images[image.camera_id];
+    if (count++ == 0) name = image.name;
+  }
+  const std::map<camera_t, CameraFocal> focals = database.ReadCameraFocals();
+  std::vector<std::string> texts;
+  for (const Camera& camera : database.ReadCameras()) {
+    if (cameras.count(camera.camera_id) == 0) continue;
+    const auto& [name, count] = images[camera.camera_id];
+    const CameraFocal& focal = focals.at(camera.camera_id);
+    char text[200];
+    std::snprintf(text, sizeof(text),
+                  "focal length %.1f px, which was trusted: in %d of %d pairs a fundamental matrix "
+                  "explains far more; its pairs are verified without it",
+                  camera.MeanFocal(), focal.num_refuting, focal.num_pairs);
+    texts.push_back("camera " + std::to_string(camera.camera_id) + " (" + name +
+                    (count > 1 ? " and " + std::to_string(count - 1) + " more" : "") +
+                    "): " + text);
+  }
+  return texts;
+}
+
+}  // namespace cairn
