@@ -41,9 +41,8 @@ HWY_INLINE float SumLanes(const V* parts) {
 
 // 1 for the lanes of [first, first + kLanes) below n, else 0.
 HWY_INLINE V LaneMask(int first, int n) {
-  HWY_ALIGN float mask[16];
-  for (int i = 0; i < kLanes; ++i) mask[i] = first + i < n ? 1.0f : 0.0f;
-  return Load(mask);
+  const int count = n < first ? 0 : n - first < kLanes ? n - first : kLanes;
+  return hn::IfThenElseZero(hn::FirstN(kTag, static_cast<size_t>(count)), Const(1.0f));
 }
 
 }  // namespace cairn::HWY_NAMESPACE

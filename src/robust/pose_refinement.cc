@@ -49,6 +49,15 @@ bool SolveCholesky(Matrix5d A, Vector5d b, Vector5d* x) {
   return true;
 }
 
+// A step whose gain would end the refinement if the cost were quadratic, or nearly so.
+bool IsProbablyLast(const SampsonNormalEquations& equations, const Vector5d& step,
+                    const PoseRefinementOptions& options) {
+  constexpr double kMargin = 2.0;
+  const double squared_scale = options.scale_px * options.scale_px;
+  const double expected_gain = -equations.gradient.dot(step) / squared_scale;
+  return expected_gain < kMargin * options.min_relative_gain * equations.cost;
+}
+
 }  // namespace
 
 PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
@@ -72,28 +81,50 @@ PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
     const double length = step.norm();
     if (!(length > options.min_step)) break;  // also when not finite
     const Eigen::Quaterniond next_rotation = (ExpSO3(step.head<3>()) * rotation).normalized();
+    const Eigen::Matrix3d next_R = next_rotation.toRotationMatrix();
     const Eigen::Vector3d next_t = (t + tangent * step.tail<2>()).normalized();
     const Eigen::Matrix<double, 3, 2> next_tangent = TangentBasis(next_t);
-    const SampsonNormalEquations next =
-        AccumulateSampson(points, next_rotation.toRotationMatrix(), next_t, next_tangent,
-                          options.loss, options.scale_px);
-    const double gain = equations.cost - next.cost;
-    if (gain > 0.0) {
-      rotation = next_rotation;
-      t = next_t;
-      tangent = next_tangent;
-      equations = next;
-      lambda = std::max(lambda * 0.1, 1e-8);
-      if (gain < options.min_relative_gain * equations.cost) break;
+    auto linearize = [&] {
+      return AccumulateSampson(points, next_R, next_t, next_tangent, options.loss,
+                               options.scale_px);
+    };
+    // Nobody needs the derivatives at the end.
+    const bool only_cost =
+        report.num_iterations == options.max_iterations || IsProbablyLast(equations, step, options);
+    SampsonNormalEquations next;
+    if (only_cost) {
+      next.cost = SampsonCost(points, next_R, next_t, options.loss, options.scale_px);
     } else {
+      next = linearize();
+    }
+    const double gain = equations.cost - next.cost;
+    if (!(gain > 0.0)) {
       lambda *= 10.0;
       if (lambda > 1e6) break;
+      continue;
     }
+    const bool is_end = gain < options.min_relative_gain * equations.cost ||
+                        report.num_iterations == options.max_iterations;
+    rotation = next_rotation;
+    t = next_t;
+    tangent = next_tangent;
+    lambda = std::max(lambda * 0.1, 1e-8);
+    equations = only_cost && !is_end ? linearize() : next;
+    if (is_end) break;
   }
   report.cam2_from_cam1 = Rigid3d(rotation, t);
   report.cost = equations.cost;
-  report.hessian = equations.hessian;
   return report;
+}
+
+Eigen::Matrix<double, 5, 5> PoseInformation(const PointPairs& points, const Rigid3d& pose,
+                                            double scale_px) {
+  const double norm = pose.translation.norm();
+  CAIRN_CHECK_GT(norm, 0.0);
+  const Eigen::Vector3d t = pose.translation / norm;
+  return AccumulateSampson(points, pose.rotation.normalized().toRotationMatrix(), t,
+                           TangentBasis(t), RobustLoss::kTruncated, scale_px)
+      .hessian;
 }
 
 }  // namespace cairn

@@ -44,25 +44,13 @@ struct SquaredFocals {
   float f1, f2;
 };
 
-// A pose and the directions in which its translation may move, as floats.
-struct PoseArguments {
-  float R[9];
-  float t[3];
-  float tangent[6];  // two columns
-};
-
-// Sums of AccumulateSampson: lower triangle of the hessian by rows, gradient, cost.
-inline constexpr int kNumSums = 15 + 5 + 1;
-
 }  // namespace cairn::internal
 #endif
 
 HWY_BEFORE_NAMESPACE();
 namespace cairn::HWY_NAMESPACE {
 
-using internal::kNumSums;
 using internal::Matrix9f;
-using internal::PoseArguments;
 using internal::SampsonUnits;
 using internal::SquaredFocals;
 
@@ -232,107 +220,6 @@ double ScoreHomographyKernel(const PointPairs& points, const Matrix9f& H, const 
   return SumLanes(sums);
 }
 
-struct V3 {
-  V x, y, z;
-};
-HWY_INLINE V3 Cross(const V3& a, const V3& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-HWY_INLINE V3 Subtract(const V3& a, const V3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-
-// See the derivation in third_party_notes/two_view_refinement.md.
-template <RobustLoss kLoss>
-void AccumulateKernel(const PointPairs& points, const PoseArguments& pose,
-                      const SquaredFocals& focals, float squared_scale, double* sums) {
-  const float* R = pose.R;
-  const V3 t = {Const(pose.t[0]), Const(pose.t[1]), Const(pose.t[2])};
-  const V w1 = Const(1.0f / focals.f1), w2 = Const(1.0f / focals.f2), tiny = Const(kTiny);
-  const V zero = Const(0.0f), one = Const(1.0f), s2 = Const(squared_scale);
-  const int n = points.size();
-  V lane_sums[kNumSums][kParts];
-  for (int k = 0; k < kNumSums; ++k) {
-    for (int part = 0; part < kParts; ++part) lane_sums[k][part] = zero;
-  }
-  // Part by part, so that the sums of one part stay in registers.
-  for (int part = 0; part < kParts; ++part) {
-    V sum[kNumSums];
-    for (int k = 0; k < kNumSums; ++k) sum[k] = zero;
-    for (int i = part * kLanes; i < n; i += 16) {
-      const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
-      const V x2 = Load(points.x2() + i), y2 = Load(points.y2() + i);
-      const V3 p2 = {x2, y2, one};
-      const V3 y = {Const(R[0]) * x1 + Const(R[1]) * y1 + Const(R[2]),
-                    Const(R[3]) * x1 + Const(R[4]) * y1 + Const(R[5]),
-                    Const(R[6]) * x1 + Const(R[7]) * y1 + Const(R[8])};
-      const V a = t.y * y.z - t.z * y.y;  // (a, b): line of x1 in image 2
-      const V b = t.z * y.x - t.x * y.z;
-      const V3 u = Cross(p2, t);
-      const V c = Const(R[0]) * u.x + Const(R[3]) * u.y + Const(R[6]) * u.z;  // line of x2
-      const V d = Const(R[1]) * u.x + Const(R[4]) * u.y + Const(R[7]) * u.z;
-      const V C = u.x * y.x + u.y * y.y + u.z * y.z;
-      const V S = hn::Max(w2 * (a * a + b * b) + w1 * (c * c + d * d), tiny);
-      const V inverse_S = one / S;
-      const V squared_error = C * C * inverse_S;
-
-      V weight, loss;
-      if (kLoss == RobustLoss::kTruncated) {
-        const auto inlier = squared_error < s2;
-        weight = hn::IfThenElse(inlier, one, zero);
-        loss = hn::IfThenElse(inlier, squared_error, s2);
-      } else {
-        const V ratio = s2 / (s2 + squared_error);
-        weight = ratio * ratio;
-        loss = squared_error * ratio;
-      }
-      if (i + kLanes > n) {
-        const V mask = LaneMask(i, n);
-        weight = weight * mask;
-        loss = loss * mask;
-      }
-
-      // J sqrt(S): rotation y x q - k w1 z x u, translation y x p - k w1 z x x2.
-      const V k = C * inverse_S;
-      const V k2 = k * w2, k1 = k * w1;
-      const V3 p = {x2 - k2 * a, y2 - k2 * b, one};
-      const V3 q = Cross(p, t);
-      const V kc = k1 * c, kd = k1 * d;
-      const V3 z = {kc * Const(R[0]) + kd * Const(R[1]), kc * Const(R[3]) + kd * Const(R[4]),
-                    kc * Const(R[6]) + kd * Const(R[7])};
-      const V3 rotation = Subtract(Cross(y, q), Cross(z, u));
-      const V3 translation = Subtract(Cross(y, p), Cross(z, p2));
-      V J[5] = {rotation.x, rotation.y, rotation.z, zero, zero};
-      for (int m = 0; m < 2; ++m) {
-        J[3 + m] = translation.x * Const(pose.tangent[m]) +
-                   translation.y * Const(pose.tangent[2 + m]) +
-                   translation.z * Const(pose.tangent[4 + m]);
-      }
-      // J carries a factor sqrt(S), as does C: both products below need weight / S.
-      const V scaled_weight = weight * inverse_S;
-      int index = 0;
-      for (int row = 0; row < 5; ++row) {
-        const V wJ = scaled_weight * J[row];
-        for (int column = 0; column <= row; ++column, ++index) {
-          sum[index] = sum[index] + wJ * J[column];
-        }
-        sum[15 + row] = sum[15 + row] + wJ * C;
-      }
-      sum[20] = sum[20] + loss;
-    }
-    for (int k = 0; k < kNumSums; ++k) lane_sums[k][part] = sum[k];
-  }
-  for (int k = 0; k < kNumSums; ++k) sums[k] = SumLanes(lane_sums[k]);
-}
-
-void AccumulateTruncated(const PointPairs& points, const PoseArguments& pose,
-                         const SquaredFocals& focals, float squared_scale, double* sums) {
-  AccumulateKernel<RobustLoss::kTruncated>(points, pose, focals, squared_scale, sums);
-}
-
-void AccumulateGemanMcClure(const PointPairs& points, const PoseArguments& pose,
-                            const SquaredFocals& focals, float squared_scale, double* sums) {
-  AccumulateKernel<RobustLoss::kGemanMcClure>(points, pose, focals, squared_scale, sums);
-}
-
 const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace cairn::HWY_NAMESPACE
@@ -346,8 +233,6 @@ HWY_EXPORT(SoftScoreSampsonKernel);
 HWY_EXPORT(SampsonErrorsKernel);
 HWY_EXPORT(HomographyErrorsKernel);
 HWY_EXPORT(ScoreHomographyKernel);
-HWY_EXPORT(AccumulateTruncated);
-HWY_EXPORT(AccumulateGemanMcClure);
 HWY_EXPORT(TargetName);
 
 namespace {
@@ -412,34 +297,6 @@ double ScoreHomography(const PointPairs& points, const Eigen::Matrix3d& H, doubl
   if (!inverse.allFinite()) return 0.0;
   return HWY_DYNAMIC_DISPATCH(ScoreHomographyKernel)(points, Matrix9f(oriented), Matrix9f(inverse),
                                                      FocalsInUnits(points, max_error_px));
-}
-
-SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,
-                                         const Eigen::Vector3d& t,
-                                         const Eigen::Matrix<double, 3, 2>& tangent,
-                                         RobustLoss loss, double scale_px) {
-  internal::PoseArguments pose;
-  for (int i = 0; i < 9; ++i) pose.R[i] = static_cast<float>(R(i / 3, i % 3));
-  for (int i = 0; i < 3; ++i) pose.t[i] = static_cast<float>(t[i]);
-  for (int i = 0; i < 6; ++i) pose.tangent[i] = static_cast<float>(tangent(i / 2, i % 2));
-  const SquaredFocals focals = FocalsInUnits(points, 1.0);
-  const float squared_scale = static_cast<float>(scale_px * scale_px);
-  double sums[internal::kNumSums];
-  if (loss == RobustLoss::kTruncated) {
-    HWY_DYNAMIC_DISPATCH(AccumulateTruncated)(points, pose, focals, squared_scale, sums);
-  } else {
-    HWY_DYNAMIC_DISPATCH(AccumulateGemanMcClure)(points, pose, focals, squared_scale, sums);
-  }
-  SampsonNormalEquations equations;
-  int index = 0;
-  for (int row = 0; row < 5; ++row) {
-    for (int column = 0; column <= row; ++column, ++index) {
-      equations.hessian(row, column) = equations.hessian(column, row) = sums[index];
-    }
-    equations.gradient[row] = sums[15 + row];
-  }
-  equations.cost = sums[20] / squared_scale;
-  return equations;
 }
 
 const char* KernelTargetName() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }

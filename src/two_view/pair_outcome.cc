@@ -225,9 +225,8 @@ class PairFinisher {
   // Largest standard deviations of rotation and translation direction, radians, for errors of a
   // third of the threshold.
   std::pair<double, double> PoseSigmas(const Rigid3d& pose) const {
-    const PoseRefinementReport at_pose =
-        RefinePose(pair_.points, pose, {.scale_px = pair_.max_error_px, .max_iterations = 0});
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>> eigen(at_pose.hessian);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>> eigen(
+        PoseInformation(pair_.points, pose, pair_.max_error_px));
     const double floor = 1e-12 * eigen.eigenvalues()[4];
     const Eigen::Matrix<double, 5, 5> covariance =
         eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *

@@ -18,13 +18,15 @@ struct PoseRefinementReport {
   Rigid3d cam2_from_cam1;  // |t| = 1
   double cost = 0.0;       // sum of losses, each at most 1
   int num_iterations = 0;
-  // The Gauss-Newton hessian at the result, px^-2 units: its inverse is the covariance of
-  // (rotation 3, translation 2) for unit noise.
-  Eigen::Matrix<double, 5, 5> hessian;
 };
 
 // Levenberg-Marquardt over SO(3) x S2 on the robust Sampson error, no heap. `start` needs t != 0.
 PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
                                 const PoseRefinementOptions& options);
+
+// The Gauss-Newton hessian of the truncated loss at a pose, px^-2 units: its inverse is the
+// covariance of (rotation 3, translation 2) for unit noise.
+Eigen::Matrix<double, 5, 5> PoseInformation(const PointPairs& points, const Rigid3d& pose,
+                                            double scale_px);
 
 }  // namespace cairn

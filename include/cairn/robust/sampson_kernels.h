@@ -52,6 +52,10 @@ SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::
                                          const Eigen::Matrix<double, 3, 2>& tangent,
                                          RobustLoss loss, double scale_px);
 
+// The cost alone, to the bit.
+double SampsonCost(const PointPairs& points, const Eigen::Matrix3d& R, const Eigen::Vector3d& t,
+                   RobustLoss loss, double scale_px);
+
 // Name of the instruction set in use, for reports.
 const char* KernelTargetName();
 

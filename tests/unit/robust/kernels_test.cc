@@ -166,6 +166,7 @@ TEST(AccumulateSampson, AgreesWithCentralDifferences) {
     EXPECT_LT((equations.hessian - hessian).norm(), 1e-3 * hessian.norm());
     EXPECT_LT((equations.gradient - gradient).norm(), 1e-3 * gradient.norm() + 1.0);
     EXPECT_NEAR(equations.cost, cost, 1e-3 * cost);
+    EXPECT_EQ(equations.cost, SampsonCost(points, R.toRotationMatrix(), t, loss, kScale));
   }
 }
 
@@ -177,7 +178,7 @@ TEST(SampsonKernels, DoNotDependOnTheInstructionSet) {
   const Eigen::Matrix3d E = EssentialFromPose(scene.cam2_from_cam1);
   const Eigen::Vector3d t = scene.cam2_from_cam1.translation.normalized();
   struct Result {
-    double score, soft;
+    double score, soft, cost;
     Eigen::Matrix<double, 5, 5> hessian;
     std::vector<float> errors;
   };
@@ -188,6 +189,8 @@ TEST(SampsonKernels, DoNotDependOnTheInstructionSet) {
     result.hessian = AccumulateSampson(points, scene.cam2_from_cam1.RotationMatrix(), t, Tangent(t),
                                        RobustLoss::kGemanMcClure, 2.0)
                          .hessian;
+    result.cost =
+        SampsonCost(points, scene.cam2_from_cam1.RotationMatrix(), t, RobustLoss::kTruncated, 2.0);
     result.errors.resize(336);
     SampsonErrors(points, E, result.errors.data());
     return result;
@@ -200,6 +203,7 @@ TEST(SampsonKernels, DoNotDependOnTheInstructionSet) {
     const Result result = compute();
     EXPECT_EQ(result.score, expected.score) << KernelTargetName();
     EXPECT_EQ(result.soft, expected.soft);
+    EXPECT_EQ(result.cost, expected.cost);
     EXPECT_EQ(result.hessian, expected.hessian);
     EXPECT_EQ(result.errors, expected.errors);
   }

@@ -1,0 +1,258 @@
+#include <Eigen/Core>
+#include <algorithm>
+
+#include "cairn/robust/sampson_kernels.h"
+
+// These would only cost compile time.
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "robust/normal_equations.cc"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include "base/simd16-inl.h"
+
+#ifndef CAIRN_ROBUST_POSE_ARGUMENTS_
+#define CAIRN_ROBUST_POSE_ARGUMENTS_
+namespace cairn::internal {
+
+// A pose, weights of squared gradients (1 / f^2) and the squared scale of the loss, as floats.
+struct PoseArguments {
+  float R[9];
+  float t[3];
+  float w1, w2, squared_scale;
+};
+
+// The directions in which the translation may move: two columns, row-major.
+struct TangentArguments {
+  float v[6];
+};
+
+// Lower triangle of the hessian by rows, gradient, sum of losses in squared pixels.
+inline constexpr int kCostIndex = 15 + 5;
+inline constexpr int kNumSums = kCostIndex + 1;
+
+}  // namespace cairn::internal
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace cairn::HWY_NAMESPACE {
+
+using internal::kCostIndex;
+using internal::kNumSums;
+using internal::PoseArguments;
+using internal::TangentArguments;
+
+struct V3 {
+  V x, y, z;
+};
+HWY_INLINE V3 Cross(const V3& a, const V3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+HWY_INLINE V3 Subtract(const V3& a, const V3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+
+// What the derivatives of 16 / kParts pairs are made of; names as in
+// third_party_notes/two_view_refinement.md. k2, k1: k times w2, w1; the weight is divided by S.
+struct SampsonTerms {
+  V y_x, y_y, y_z, u_x, u_y, u_z;  // (GCC copies nested vectors through memory.)
+  V C, k2_a, k2_b, k1_c, k1_d;
+  V scaled_weight;
+};
+
+// Fills the terms of the pairs from i on; returns their losses in squared pixels.
+template <RobustLoss kLoss>
+HWY_INLINE V ComputeTerms(const PointPairs& points, int i, const PoseArguments& pose,
+                          SampsonTerms* terms) {
+  const float* R = pose.R;
+  const V3 t = {Const(pose.t[0]), Const(pose.t[1]), Const(pose.t[2])};
+  const V w1 = Const(pose.w1), w2 = Const(pose.w2), s2 = Const(pose.squared_scale);
+  const V zero = Const(0.0f), one = Const(1.0f);
+  const V tiny = Const(1e-30f);  // keeps both points at their epipoles from being 0 / 0
+  const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
+  const V3 p2 = {Load(points.x2() + i), Load(points.y2() + i), one};
+  const V3 y = {Const(R[0]) * x1 + Const(R[1]) * y1 + Const(R[2]),
+                Const(R[3]) * x1 + Const(R[4]) * y1 + Const(R[5]),
+                Const(R[6]) * x1 + Const(R[7]) * y1 + Const(R[8])};
+  const V a = t.y * y.z - t.z * y.y;  // (a, b): line of x1 in image 2
+  const V b = t.z * y.x - t.x * y.z;
+  const V3 u = Cross(p2, t);
+  const V c = Const(R[0]) * u.x + Const(R[3]) * u.y + Const(R[6]) * u.z;  // line of x2
+  const V d = Const(R[1]) * u.x + Const(R[4]) * u.y + Const(R[7]) * u.z;
+  const V C = u.x * y.x + u.y * y.y + u.z * y.z;
+  const V S = hn::Max(w2 * (a * a + b * b) + w1 * (c * c + d * d), tiny);
+  const V inverse_S = one / S;
+  const V squared_error = C * C * inverse_S;
+
+  V weight, loss;
+  if (kLoss == RobustLoss::kTruncated) {
+    const auto inlier = squared_error < s2;
+    weight = hn::IfThenElse(inlier, one, zero);
+    loss = hn::IfThenElse(inlier, squared_error, s2);
+  } else {
+    const V ratio = s2 / (s2 + squared_error);
+    weight = ratio * ratio;
+    loss = squared_error * ratio;
+  }
+  if (i + kLanes > points.size()) {
+    const V mask = LaneMask(i, points.size());
+    weight = weight * mask;
+    loss = loss * mask;
+  }
+  const V k = C * inverse_S;
+  const V k2 = k * w2, k1 = k * w1;
+  *terms = {y.x, y.y, y.z, u.x, u.y, u.z, C, k2 * a, k2 * b, k1 * c, k1 * d, weight * inverse_S};
+  return loss;
+}
+
+// Adds hessian and gradient of the pairs from i on.
+HWY_INLINE void AddDerivatives(const PointPairs& points, int i, const PoseArguments& pose,
+                               const TangentArguments& tangent, const SampsonTerms& terms, V* sum) {
+  const float* R = pose.R;
+  const V3 t = {Const(pose.t[0]), Const(pose.t[1]), Const(pose.t[2])};
+  const V3 p2 = {Load(points.x2() + i), Load(points.y2() + i), Const(1.0f)};
+  const V3 y = {terms.y_x, terms.y_y, terms.y_z}, u = {terms.u_x, terms.u_y, terms.u_z};
+  const V3 p = {p2.x - terms.k2_a, p2.y - terms.k2_b, p2.z};
+  const V3 q = Cross(p, t);
+  const V3 z = {terms.k1_c * Const(R[0]) + terms.k1_d * Const(R[1]),
+                terms.k1_c * Const(R[3]) + terms.k1_d * Const(R[4]),
+                terms.k1_c * Const(R[6]) + terms.k1_d * Const(R[7])};
+  const V3 rotation = Subtract(Cross(y, q), Cross(z, u));
+  const V3 translation = Subtract(Cross(y, p), Cross(z, p2));
+  V J[5] = {rotation.x, rotation.y, rotation.z};
+  for (int m = 0; m < 2; ++m) {
+    J[3 + m] = translation.x * Const(tangent.v[m]) + translation.y * Const(tangent.v[2 + m]) +
+               translation.z * Const(tangent.v[4 + m]);
+  }
+  // J carries a factor sqrt(S), as does C: both products below need weight / S.
+  int index = 0;
+  for (int row = 0; row < 5; ++row) {
+    const V wJ = terms.scaled_weight * J[row];
+    for (int column = 0; column <= row; ++column, ++index) {
+      sum[index] = sum[index] + wJ * J[column];
+    }
+    sum[15 + row] = sum[15 + row] + wJ * terms.C;
+  }
+}
+
+template <RobustLoss kLoss>
+void AccumulateKernel(const PointPairs& points, const PoseArguments& pose,
+                      const TangentArguments& tangent, double* sums) {
+  // Divisions of several blocks wait at the same time, before all derivatives of these blocks.
+  constexpr int kNumBlocks = 8;
+  SampsonTerms terms[kNumBlocks];
+  const int n = points.size();
+  V lane_sums[kNumSums][kParts];
+  // Part by part, so that the sums of one part stay in registers.
+  for (int part = 0; part < kParts; ++part) {
+    V sum[kNumSums];
+    for (int k = 0; k < kNumSums; ++k) sum[k] = Const(0.0f);
+    for (int first = part * kLanes; first < n; first += 16 * kNumBlocks) {
+      const int end = std::min(first + 16 * kNumBlocks, n);
+      for (int i = first, block = 0; i < end; i += 16, ++block) {
+        sum[kCostIndex] = sum[kCostIndex] + ComputeTerms<kLoss>(points, i, pose, &terms[block]);
+      }
+      for (int i = first, block = 0; i < end; i += 16, ++block) {
+        AddDerivatives(points, i, pose, tangent, terms[block], sum);
+      }
+    }
+    for (int k = 0; k < kNumSums; ++k) lane_sums[k][part] = sum[k];
+  }
+  for (int k = 0; k < kNumSums; ++k) sums[k] = SumLanes(lane_sums[k]);
+}
+
+// The last of the sums alone.
+template <RobustLoss kLoss>
+double CostKernel(const PointPairs& points, const PoseArguments& pose) {
+  V sum[kParts];
+  for (int part = 0; part < kParts; ++part) sum[part] = Const(0.0f);
+  for (int i = 0; i < points.size(); i += 16) {
+    for (int part = 0; part < kParts; ++part) {
+      const int first = i + part * kLanes;
+      if (first >= points.size()) break;
+      SampsonTerms unused;
+      sum[part] = sum[part] + ComputeTerms<kLoss>(points, first, pose, &unused);
+    }
+  }
+  return SumLanes(sum);
+}
+
+void AccumulateTruncated(const PointPairs& points, const PoseArguments& pose,
+                         const TangentArguments& tangent, double* sums) {
+  AccumulateKernel<RobustLoss::kTruncated>(points, pose, tangent, sums);
+}
+
+void AccumulateGemanMcClure(const PointPairs& points, const PoseArguments& pose,
+                            const TangentArguments& tangent, double* sums) {
+  AccumulateKernel<RobustLoss::kGemanMcClure>(points, pose, tangent, sums);
+}
+
+double CostTruncated(const PointPairs& points, const PoseArguments& pose) {
+  return CostKernel<RobustLoss::kTruncated>(points, pose);
+}
+
+double CostGemanMcClure(const PointPairs& points, const PoseArguments& pose) {
+  return CostKernel<RobustLoss::kGemanMcClure>(points, pose);
+}
+
+}  // namespace cairn::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace cairn {
+
+HWY_EXPORT(AccumulateTruncated);
+HWY_EXPORT(AccumulateGemanMcClure);
+HWY_EXPORT(CostTruncated);
+HWY_EXPORT(CostGemanMcClure);
+
+namespace {
+
+internal::PoseArguments MakeArguments(const PointPairs& points, const Eigen::Matrix3d& R,
+                                      const Eigen::Vector3d& t, double scale_px) {
+  internal::PoseArguments pose;
+  for (int i = 0; i < 9; ++i) pose.R[i] = static_cast<float>(R(i / 3, i % 3));
+  for (int i = 0; i < 3; ++i) pose.t[i] = static_cast<float>(t[i]);
+  pose.w1 = 1.0f / (points.focal1_px() * points.focal1_px());
+  pose.w2 = 1.0f / (points.focal2_px() * points.focal2_px());
+  pose.squared_scale = static_cast<float>(scale_px * scale_px);
+  return pose;
+}
+
+}  // namespace
+
+SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,
+                                         const Eigen::Vector3d& t,
+                                         const Eigen::Matrix<double, 3, 2>& tangent,
+                                         RobustLoss loss, double scale_px) {
+  const internal::PoseArguments pose = MakeArguments(points, R, t, scale_px);
+  internal::TangentArguments directions;
+  for (int i = 0; i < 6; ++i) directions.v[i] = static_cast<float>(tangent(i / 2, i % 2));
+  double sums[internal::kNumSums];
+  if (loss == RobustLoss::kTruncated) {
+    HWY_DYNAMIC_DISPATCH(AccumulateTruncated)(points, pose, directions, sums);
+  } else {
+    HWY_DYNAMIC_DISPATCH(AccumulateGemanMcClure)(points, pose, directions, sums);
+  }
+  SampsonNormalEquations equations;
+  int index = 0;
+  for (int row = 0; row < 5; ++row) {
+    for (int column = 0; column <= row; ++column, ++index) {
+      equations.hessian(row, column) = equations.hessian(column, row) = sums[index];
+    }
+    equations.gradient[row] = sums[15 + row];
+  }
+  equations.cost = sums[internal::kCostIndex] / pose.squared_scale;
+  return equations;
+}
+
+double SampsonCost(const PointPairs& points, const Eigen::Matrix3d& R, const Eigen::Vector3d& t,
+                   RobustLoss loss, double scale_px) {
+  const internal::PoseArguments pose = MakeArguments(points, R, t, scale_px);
+  const double sum = loss == RobustLoss::kTruncated
+                         ? HWY_DYNAMIC_DISPATCH(CostTruncated)(points, pose)
+                         : HWY_DYNAMIC_DISPATCH(CostGemanMcClure)(points, pose);
+  return sum / pose.squared_scale;
+}
+
+}  // namespace cairn
+#endif
