@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "cairn/robust/sampson_kernels.h"
+#include "two_view/evidence.h"
 
 namespace cairn::internal {
 namespace {
@@ -32,13 +33,18 @@ PairReport FocalVerifier::Verify(const PairInput& input) {
   if (report.status == PairStatus::kTooFewMatches || report.status == PairStatus::kDegenerate) {
     return report;
   }
-  // Planes and rotations have no fundamental matrix of their own; two models may be one.
+  // Planes and rotations have no fundamental matrix of their own, but things before a plane give
+  // one, and without focal lengths nothing else tells the motion; two models may be one.
   const bool is_ambiguous = report.geometry.config == TwoViewConfig::kMultiple;
-  if (report.status == PairStatus::kVerified && !HasPose(report) && !is_ambiguous) return report;
+  const bool is_planar = report.geometry.config == TwoViewConfig::kPlanar && !is_trusted;
+  if (report.status == PairStatus::kVerified && !HasPose(report) && !is_ambiguous && !is_planar) {
+    return report;
+  }
   if (is_trusted && !is_ambiguous && !report.may_have_wrong_focal) return report;
   PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
-  const std::optional<FundamentalModel> model = Find(input, report);
+  std::optional<FundamentalModel> model = Find(input, report);
   if (!model) return report;
+  if (is_planar && !HasParallax(input, *model, *report.geometry.H)) return report;
   const auto num_inliers = static_cast<double>(model->inliers.size());
   if (is_ambiguous && num_inliers < options_.min_calibrated_share * report.num_inliers) {
     return report;
@@ -46,6 +52,10 @@ PairReport FocalVerifier::Verify(const PairInput& input) {
   const bool is_wrong =
       is_ambiguous || report.num_inliers < options_.min_calibrated_share * num_inliers;
   if (is_trusted && !is_wrong) return report;
+  if (is_trusted) {
+    auto improved = ImproveFundamental(input, pair_, model->F);
+    if (improved) model = std::move(improved);
+  }
   // A pose at other focal lengths would mean nothing beside cameras that are trusted.
   if (is_wrong && !is_trusted) report = TryFocals(input, report);
   Fill(input, *model, &report);
@@ -54,8 +64,9 @@ PairReport FocalVerifier::Verify(const PairInput& input) {
 
 std::optional<FundamentalModel> FocalVerifier::Find(const PairInput& input,
                                                     const PairReport& report) const {
-  auto model = HasPose(report) ? RefineFundamental(pair_, *report.geometry.E)
-                               : FindFundamental(input, pair_, options_);
+  const bool has_essential = report.status == PairStatus::kVerified && report.geometry.E;
+  auto model = has_essential ? RefineFundamental(pair_, *report.geometry.E)
+                             : FindFundamental(input, pair_, options_);
   // An essential matrix at a guessed focal length may be too far away to start from. (Trusted ones
   // keep it: among right matches of one surface, a search from scratch finds an F that fits more.)
   const bool is_trusted =
@@ -66,11 +77,31 @@ std::optional<FundamentalModel> FocalVerifier::Find(const PairInput& input,
       model = std::move(found);
     }
   }
+  // It takes time that trusted ones are spared until they are known to be wrong.
+  if (model && !is_trusted) model = ImproveFundamental(input, pair_, model->F);
   if (!model || static_cast<int>(model->inliers.size()) < options_.min_num_inliers ||
       !(model->log10_nfa < -options_.min_log10_evidence)) {
     return std::nullopt;
   }
   return model;
+}
+
+bool FocalVerifier::HasParallax(const PairInput& input, const FundamentalModel& model,
+                                const Eigen::Matrix3d& pixels_H) const {
+  const Eigen::Matrix3d H =
+      input.camera2->CalibrationMatrix().inverse() * pixels_H * input.camera1->CalibrationMatrix();
+  constexpr double kOffPlane = 4.0;  // thresholds: not merely the noise of the plane
+  constexpr int kSampleSize = 2, kNumModels = 1;
+  std::vector<float> errors(pair_.points.num_blocks() * PointPairs::kBlock);
+  HomographyErrors(pair_.points, H, errors.data());
+  auto is_off_plane = [&](float error) { return error > kOffPlane * pair_.max_error_px; };
+  const auto num_off_plane =
+      std::count_if(errors.begin(), errors.begin() + pair_.size(), is_off_plane);
+  const auto num_explained = std::count_if(model.inliers.begin(), model.inliers.end(),
+                                           [&](int32_t i) { return is_off_plane(errors[i]); });
+  const double chance = pair_.chance_per_px * pair_.max_error_px;
+  return Log10NumFalseAlarms(static_cast<int>(num_off_plane), static_cast<int>(num_explained),
+                             kSampleSize, kNumModels, chance) < -options_.min_log10_evidence;
 }
 
 PairReport FocalVerifier::TryFocals(const PairInput& input, const PairReport& guess) {

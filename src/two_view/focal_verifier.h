@@ -21,6 +21,9 @@ class FocalVerifier : public PairVerifier {
 
  private:
   std::optional<FundamentalModel> Find(const PairInput& input, const PairReport& report) const;
+  // Does F explain matches off the plane of this homography (pixels), more than by chance?
+  bool HasParallax(const PairInput& input, const FundamentalModel& model,
+                   const Eigen::Matrix3d& H) const;
   PairReport TryFocals(const PairInput& input, const PairReport& guess);
   void Fill(const PairInput& input, const FundamentalModel& model, PairReport* report) const;
 

@@ -7,6 +7,7 @@
 #include "cairn/solvers/eight_point.h"
 #include "cairn/solvers/seven_point.h"
 #include "two_view/evidence.h"
+#include "two_view/fundamental_resampling.h"
 
 namespace cairn::internal {
 namespace {
@@ -115,6 +116,12 @@ std::optional<FundamentalModel> FindFundamental(const PairInput& input, const Pr
     return std::nullopt;
   }
   return Measure(pair, report.model);
+}
+
+std::optional<FundamentalModel> ImproveFundamental(const PairInput& input, const PreparedPair& pair,
+                                                   const Eigen::Matrix3d& start) {
+  Rng rng(input.seed, "improve_fundamental", input.pair_id);
+  return Measure(pair, FundamentalResampling(input, pair).Run(start, &rng));
 }
 
 }  // namespace cairn::internal

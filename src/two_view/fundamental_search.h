@@ -24,4 +24,8 @@ std::optional<FundamentalModel> RefineFundamental(const PreparedPair& pair,
 std::optional<FundamentalModel> FindFundamental(const PairInput& input, const PreparedPair& pair,
                                                 const TwoViewOptions& options);
 
+// A better one near it or beyond (see fundamental_resampling.h). Takes about 3 milliseconds.
+std::optional<FundamentalModel> ImproveFundamental(const PairInput& input, const PreparedPair& pair,
+                                                   const Eigen::Matrix3d& start);
+
 }  // namespace cairn::internal

@@ -1,0 +1,97 @@
+#include "cairn/robust/fundamental_refinement.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+
+#include "cairn/geometry/epipolar.h"
+#include "support/random_two_view.h"
+
+namespace cairn {
+namespace {
+
+using test::RandomScene;
+using test::TwoViewScene;
+
+PointPairs MakePoints(const TwoViewScene& scene, double noise_px, int num_outliers, Rng& rng) {
+  PointPairs points;
+  points.Reset(static_cast<int>(scene.patches.size()), 900.0, 1300.0);
+  auto noise = [&](double focal) -> Eigen::Vector2d {
+    return noise_px / focal * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+  };
+  for (int i = 0; i < points.size(); ++i) {
+    PointCorrespondence p = scene.patches[i].points();
+    if (i < num_outliers) p.x2 = {rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5)};
+    points.Set(i, p.x1 + noise(900.0), p.x2 + noise(1300.0));
+  }
+  return points;
+}
+
+// Of two matrices up to scale.
+double Distance(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
+  const Eigen::Matrix3d x = a.normalized(), y = b.normalized();
+  return std::min((x - y).norm(), (x + y).norm());
+}
+
+Eigen::Matrix3d Disturbed(const Eigen::Matrix3d& F, double by, Rng& rng) {
+  Eigen::Matrix3d noise;
+  for (int i = 0; i < 9; ++i) noise(i) = rng.Gaussian();
+  return F.normalized() + by * noise.normalized();
+}
+
+TEST(RefineFundamentalMatrix, RecoversTheTruthFromARoughStart) {
+  Rng rng(1);
+  int num_found = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    const TwoViewScene scene = RandomScene(rng, 100);
+    const PointPairs points = MakePoints(scene, 0.0, 0, rng);
+    // At other focal lengths it is no essential matrix.
+    const Eigen::Matrix3d F = EssentialFromPose(scene.cam2_from_cam1);
+    const auto report = RefineFundamentalMatrix(points, Disturbed(F, 0.05, rng),
+                                                {.scale_px = 20.0, .max_iterations = 100});
+    num_found += Distance(report.F, F) < 1e-4;
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(report.F);
+    EXPECT_LT(svd.singularValues()[2], 1e-12);
+    EXPECT_NEAR(report.F.norm(), 1.0, 1e-12);
+  }
+  EXPECT_GE(num_found, 185);
+}
+
+TEST(RefineFundamentalMatrix, EndsWhereNoSmallChangeOfFGains) {
+  Rng rng(2);
+  for (int trial = 0; trial < 20; ++trial) {
+    const TwoViewScene scene = RandomScene(rng, 150);
+    const PointPairs points = MakePoints(scene, 0.5, 40, rng);
+    const Eigen::Matrix3d E = EssentialFromPose(scene.cam2_from_cam1);
+    FundamentalRefinementOptions options{.scale_px = 1.5, .max_iterations = 100};
+    options.min_relative_gain = 1e-9;
+    const auto report = RefineFundamentalMatrix(points, E, options);
+    options.max_iterations = 0;
+    const double cost = RefineFundamentalMatrix(points, report.F, options).cost;
+    EXPECT_NEAR(cost, report.cost, 1e-9);
+    EXPECT_LT(cost, RefineFundamentalMatrix(points, E, options).cost);
+    for (int k = 0; k < 20; ++k) {
+      const auto near = RefineFundamentalMatrix(points, Disturbed(report.F, 1e-4, rng), options);
+      EXPECT_GT(near.cost, cost);
+    }
+  }
+}
+
+TEST(RefineFundamentalMatrix, SwappedImagesTransposeIt) {
+  Rng rng(3);
+  const TwoViewScene scene = RandomScene(rng, 100);
+  const PointPairs points = MakePoints(scene, 0.5, 20, rng);
+  PointPairs swapped;
+  swapped.Reset(points.size(), points.focal2_px(), points.focal1_px());
+  for (int i = 0; i < points.size(); ++i) swapped.Set(i, points.Point2(i), points.Point1(i));
+  const Eigen::Matrix3d E = EssentialFromPose(scene.cam2_from_cam1);
+  FundamentalRefinementOptions options{.scale_px = 1.5, .max_iterations = 100};
+  options.min_relative_gain = 1e-10;
+  const auto there = RefineFundamentalMatrix(points, E, options);
+  const auto back = RefineFundamentalMatrix(swapped, E.transpose(), options);
+  EXPECT_LT(Distance(there.F, back.F.transpose()), 1e-5);
+}
+
+}  // namespace
+}  // namespace cairn
