@@ -168,90 +168,91 @@ TEST(FocalEvidence, IsOfTrustedCamerasThatAskForIt) {
   wall.camera2.has_prior_focal_length = false;
   EXPECT_FALSE(Weigh(wall, 1.0, 1.0).has_value());
   EXPECT_FALSE(Verify(MakePair({.num_inliers = 200}, 1)).focal_evidence.has_value());
-  // 200 points of a wall, further right matches of things before it, and wrong ones.
-  Pair MakeNearPlanarPair(int num_right, uint64_t seed) {
-    Rng rng(seed, "wall");
-    Pair pair;
-    pair.camera1 = test::MakeCamera(1, 1000.0, 0.0);
-    pair.camera2 = test::MakeCamera(2, 1000.0, 0.0);
-    pair.cam2_from_cam1 =
-        Rigid3d(ExpSO3(rng.Uniform(0.1, 0.4) * test::RandomDirection(rng)),
-                Eigen::Vector3d(1.0, rng.Uniform(-0.3, 0.3), rng.Uniform(-0.3, 0.3)).normalized());
-    const Eigen::Vector3d normal = Eigen::Vector3d(rng.Uniform(-0.4, 0.4), 0.1, 1.0).normalized();
-    constexpr int kNumOnWall = 200, kNumMatches = 300;
-    constexpr double kNoisePx = 0.4;
-    auto add = [&](Eigen::Vector2d pixel, std::vector<Keypoint>* keypoints) {
-      pixel += kNoisePx * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
-      keypoints->push_back(Keypoint::FromScaleOrientation(
-          static_cast<float>(pixel.x()), static_cast<float>(pixel.y()), 3.0f, 0.0f));
+}
+
+// 200 points of a wall, further right matches of things before it, and wrong ones.
+Pair MakeNearPlanarPair(int num_right, uint64_t seed) {
+  Rng rng(seed, "wall");
+  Pair pair;
+  pair.camera1 = test::MakeCamera(1, 1000.0, 0.0);
+  pair.camera2 = test::MakeCamera(2, 1000.0, 0.0);
+  pair.cam2_from_cam1 =
+      Rigid3d(ExpSO3(rng.Uniform(0.1, 0.4) * test::RandomDirection(rng)),
+              Eigen::Vector3d(1.0, rng.Uniform(-0.3, 0.3), rng.Uniform(-0.3, 0.3)).normalized());
+  const Eigen::Vector3d normal = Eigen::Vector3d(rng.Uniform(-0.4, 0.4), 0.1, 1.0).normalized();
+  constexpr int kNumOnWall = 200, kNumMatches = 300;
+  constexpr double kNoisePx = 0.4;
+  auto add = [&](Eigen::Vector2d pixel, std::vector<Keypoint>* keypoints) {
+    pixel += kNoisePx * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    keypoints->push_back(Keypoint::FromScaleOrientation(static_cast<float>(pixel.x()),
+                                                        static_cast<float>(pixel.y()), 3.0f, 0.0f));
+  };
+  while (static_cast<int>(pair.matches.size()) < kNumMatches) {
+    const auto i = static_cast<point2D_t>(pair.matches.size());
+    const Eigen::Vector3d ray(rng.Uniform(-0.7, 0.7), rng.Uniform(-0.7, 0.7), 1.0);
+    double depth = 5.0 / normal.dot(ray);
+    if (i >= kNumOnWall) depth *= rng.Uniform(0.5, 0.9);
+    const Eigen::Vector3d X2 = pair.cam2_from_cam1 * Eigen::Vector3d(depth * ray);
+    if (X2.z() <= 0.5 || (X2.head<2>() / X2.z()).cwiseAbs().maxCoeff() > 0.75) continue;
+    Eigen::Vector2d x2 = X2.hnormalized();
+    if (static_cast<int>(i) >= num_right) x2 = {rng.Uniform(-0.75, 0.75), rng.Uniform(-0.75, 0.75)};
+    add(pair.camera1.ImgFromCam(ray.head<2>()), &pair.keypoints1);
+    add(pair.camera2.ImgFromCam(x2), &pair.keypoints2);
+    pair.matches.push_back({i, i});
+    pair.is_inlier.push_back(static_cast<int>(i) < num_right);
+  }
+  return pair;
+}
+
+// The guessed focal length bends E, and F from there stays at one of many that explain the wall.
+TEST(FocalVerifier, DominantPlanesDoNotHoldTheFundamentalMatrix) {
+  int num_good = 0;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    const Pair pair = MakeNearPlanarPair(240, seed);
+    const PairReport report = Verify(WithFocals(pair, 1.35, false));
+    ASSERT_TRUE(report.geometry.F.has_value());
+    EXPECT_EQ(report.geometry.config, TwoViewConfig::kUncalibrated);
+    const Eigen::Matrix3d E = pair.camera2.CalibrationMatrix().transpose() * *report.geometry.F *
+                              pair.camera1.CalibrationMatrix();
+    double error = M_PI;
+    for (const Rigid3d& pose : PosesFromEssential(E)) {
+      error = std::min(error, test::PoseError(pose, pair.cam2_from_cam1));
+    }
+    num_good += error < DegToRad(3.0);
+  }
+  EXPECT_GE(num_good, 19);
+}
+
+TEST(FocalVerifier, PlanesWithoutParallaxStayPlanar) {
+  for (uint64_t seed = 0; seed < 5; ++seed) {
+    const PairReport report = Verify(WithFocals(MakeNearPlanarPair(200, seed), 1.35, false));
+    ASSERT_EQ(report.status, PairStatus::kVerified);
+    EXPECT_EQ(report.geometry.config, TwoViewConfig::kPlanar);
+  }
+}
+
+TEST(PlausibleFocals, AreThoseBetweenTwoFifthsAndFiveHalvesOfTheGuess) {
+  Rng rng(3);
+  for (int trial = 0; trial < 100; ++trial) {
+    const Rigid3d pose(ExpSO3(rng.Uniform(0.1, 0.6) * test::RandomDirection(rng)),
+                       test::RandomDirection(rng));
+    const Eigen::Matrix3d E = EssentialFromPose(pose);
+    // F of points that were normalized by `factor` times the right focal lengths.
+    auto scaled = [&E](double factor1, double factor2) -> Eigen::Matrix3d {
+      return Eigen::Vector3d(factor2, factor2, 1.0).asDiagonal() * E *
+             Eigen::Vector3d(factor1, factor1, 1.0).asDiagonal();
     };
-    while (static_cast<int>(pair.matches.size()) < kNumMatches) {
-      const auto i = static_cast<point2D_t>(pair.matches.size());
-      const Eigen::Vector3d ray(rng.Uniform(-0.7, 0.7), rng.Uniform(-0.7, 0.7), 1.0);
-      double depth = 5.0 / normal.dot(ray);
-      if (i >= kNumOnWall) depth *= rng.Uniform(0.5, 0.9);
-      const Eigen::Vector3d X2 = pair.cam2_from_cam1 * Eigen::Vector3d(depth * ray);
-      if (X2.z() <= 0.5 || (X2.head<2>() / X2.z()).cwiseAbs().maxCoeff() > 0.75) continue;
-      Eigen::Vector2d x2 = X2.hnormalized();
-      if (static_cast<int>(i) >= num_right)
-        x2 = {rng.Uniform(-0.75, 0.75), rng.Uniform(-0.75, 0.75)};
-      add(pair.camera1.ImgFromCam(ray.head<2>()), &pair.keypoints1);
-      add(pair.camera2.ImgFromCam(x2), &pair.keypoints2);
-      pair.matches.push_back({i, i});
-      pair.is_inlier.push_back(static_cast<int>(i) < num_right);
-    }
-    return pair;
+    EXPECT_TRUE(internal::HasPlausibleFocals(E, true));
+    EXPECT_TRUE(internal::HasPlausibleFocals(scaled(0.5, 0.5), true));
+    EXPECT_TRUE(internal::HasPlausibleFocals(scaled(2.0, 2.0), true));
+    EXPECT_TRUE(internal::HasPlausibleFocals(scaled(0.5, 2.0), false));
   }
-
-  // The guessed focal length bends E, and F from there stays at one of many that explain the wall.
-  TEST(FocalVerifier, DominantPlanesDoNotHoldTheFundamentalMatrix) {
-    int num_good = 0;
-    for (uint64_t seed = 0; seed < 20; ++seed) {
-      const Pair pair = MakeNearPlanarPair(240, seed);
-      const PairReport report = Verify(WithFocals(pair, 1.35, false));
-      ASSERT_TRUE(report.geometry.F.has_value());
-      EXPECT_EQ(report.geometry.config, TwoViewConfig::kUncalibrated);
-      const Eigen::Matrix3d E = pair.camera2.CalibrationMatrix().transpose() * *report.geometry.F *
-                                pair.camera1.CalibrationMatrix();
-      double error = M_PI;
-      for (const Rigid3d& pose : PosesFromEssential(E)) {
-        error = std::min(error, test::PoseError(pose, pair.cam2_from_cam1));
-      }
-      num_good += error < DegToRad(3.0);
-    }
-    EXPECT_GE(num_good, 19);
-  }
-
-  TEST(FocalVerifier, PlanesWithoutParallaxStayPlanar) {
-    for (uint64_t seed = 0; seed < 5; ++seed) {
-      const PairReport report = Verify(WithFocals(MakeNearPlanarPair(200, seed), 1.35, false));
-      ASSERT_EQ(report.status, PairStatus::kVerified);
-      EXPECT_EQ(report.geometry.config, TwoViewConfig::kPlanar);
-    }
-  }
-
-  TEST(PlausibleFocals, AreThoseBetweenTwoFifthsAndFiveHalvesOfTheGuess) {
-    Rng rng(3);
-    for (int trial = 0; trial < 100; ++trial) {
-      const Rigid3d pose(ExpSO3(rng.Uniform(0.1, 0.6) * test::RandomDirection(rng)),
-                         test::RandomDirection(rng));
-      const Eigen::Matrix3d E = EssentialFromPose(pose);
-      // F of points that were normalized by `factor` times the right focal lengths.
-      auto scaled = [&E](double factor1, double factor2) -> Eigen::Matrix3d {
-        return Eigen::Vector3d(factor2, factor2, 1.0).asDiagonal() * E *
-               Eigen::Vector3d(factor1, factor1, 1.0).asDiagonal();
-      };
-      EXPECT_TRUE(internal::HasPlausibleFocals(E, true));
-      EXPECT_TRUE(internal::HasPlausibleFocals(scaled(0.5, 0.5), true));
-      EXPECT_TRUE(internal::HasPlausibleFocals(scaled(2.0, 2.0), true));
-      EXPECT_TRUE(internal::HasPlausibleFocals(scaled(0.5, 2.0), false));
-    }
-    // Singular values 2 and 1 at any focal lengths: forward motion, with pixels twice as wide.
-    const Eigen::Matrix3d sideways = CrossMatrix(Eigen::Vector3d::UnitZ());
-    const Eigen::Matrix3d F = Eigen::Vector3d(2.0, 1.0, 1.0).asDiagonal() * sideways;
-    EXPECT_FALSE(internal::HasPlausibleFocals(F, true));
-    EXPECT_FALSE(internal::HasPlausibleFocals(F, false));
-  }
+  // Singular values 2 and 1 at any focal lengths: forward motion, with pixels twice as wide.
+  const Eigen::Matrix3d sideways = CrossMatrix(Eigen::Vector3d::UnitZ());
+  const Eigen::Matrix3d F = Eigen::Vector3d(2.0, 1.0, 1.0).asDiagonal() * sideways;
+  EXPECT_FALSE(internal::HasPlausibleFocals(F, true));
+  EXPECT_FALSE(internal::HasPlausibleFocals(F, false));
+}
 
 }  // namespace
 }  // namespace cairn
