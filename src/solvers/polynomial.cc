@@ -1,15 +1,31 @@
 #include "cairn/solvers/polynomial.h"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "cairn/base/check.h"
 
-namespace cairn {
-namespace {
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "solvers/polynomial.cc"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace cairn::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr int kMaxDegree = 10;
+
+// The native vector of at most four doubles.
+using Tag = hn::CappedTag<double, 4>;
+using V = hn::Vec<Tag>;
+constexpr Tag kTag;
+constexpr int kLanes = static_cast<int>(hn::MaxLanes(Tag()));
+
+HWY_INLINE V Const(double value) { return hn::Set(kTag, value); }
 
 // Sturm's chain f_0 = p, f_1 = p', f_(i-1) = (slope_i x + offset_i) f_i - f_(i+1), kept as the
 // quotients and the last, constant member, so that a value of the whole chain costs two products a
@@ -62,27 +78,32 @@ class SturmChain {
   // Numbers of sign changes of the chain at kWidth points side by side: the chain is a long
   // dependency, so several points take hardly more time than one.
   static constexpr int kWidth = 4;
-  void SignChanges(const double* x, int* changes) const {
-    double next[kWidth], value[kWidth];
-    for (int k = 0; k < kWidth; ++k) {
-      next[k] = 0.0;
-      value[k] = last_;
-      changes[k] = 0;
+  void SignChanges(const double* points, int* changes) const {
+    constexpr int kParts = kWidth / kLanes;
+    const hn::RebindToUnsigned<Tag> bits;
+    V x[kParts], next[kParts], value[kParts];
+    hn::Vec<decltype(bits)> counts[kParts];
+    for (int k = 0; k < kParts; ++k) {
+      x[k] = hn::LoadU(kTag, points + k * kLanes);
+      next[k] = Const(0.0);
+      value[k] = Const(common_degree_ > 0 ? common_[common_degree_] : last_);
+      counts[k] = hn::Zero(bits);
     }
-    if (common_degree_ > 0) {
-      for (int k = 0; k < kWidth; ++k) {
-        value[k] = common_[common_degree_];
-        for (int i = common_degree_ - 1; i >= 0; --i) value[k] = value[k] * x[k] + common_[i];
-      }
+    for (int i = common_degree_ - 1; i >= 0; --i) {
+      for (int k = 0; k < kParts; ++k) value[k] = value[k] * x[k] + Const(common_[i]);
     }
     for (int i = length_ - 1; i >= 0; --i) {
-      for (int k = 0; k < kWidth; ++k) {
-        const double previous = (slope_[i] * x[k] + offset_[i]) * value[k] - next[k];
-        changes[k] += std::signbit(previous) != std::signbit(value[k]);
+      const V slope = Const(slope_[i]), offset = Const(offset_[i]);
+      for (int k = 0; k < kParts; ++k) {
+        const V previous = (slope * x[k] + offset) * value[k] - next[k];
+        counts[k] = counts[k] + hn::ShiftRight<63>(hn::BitCast(bits, hn::Xor(previous, value[k])));
         next[k] = value[k];
         value[k] = previous;
       }
     }
+    HWY_ALIGN uint64_t stored[kWidth];
+    for (int k = 0; k < kParts; ++k) hn::Store(counts[k], bits, stored + k * kLanes);
+    for (int k = 0; k < kWidth; ++k) changes[k] = static_cast<int>(stored[k]);
   }
 
  private:
@@ -121,38 +142,54 @@ class Brackets {
 
  private:
   // As many at a time as hide the latency of Horner's rule.
-  static constexpr int kWidth = 6;
+  static constexpr int kWidth = 8;
 
   void RefineGroup(const double* c, int degree, int first, double* roots) const {
-    using Values = Eigen::Array<double, kWidth, 1>;
-    Values low, high, sign_low;
-    for (int k = 0; k < kWidth; ++k) {
-      const int from = std::min(first + k, count_ - 1);  // A short group repeats its last one.
-      low[k] = low_[from];
-      high[k] = high_[from];
-      sign_low[k] = negative_low_[from] ? -1.0 : 1.0;
-    }
-    Values x = 0.5 * (low + high);
-    for (int iteration = 0; iteration < 60; ++iteration) {
-      Values p = Values::Constant(c[degree]), derivative = Values::Zero();
-      for (int i = degree - 1; i >= 0; --i) {
-        derivative = derivative * x + p;
-        p = p * x + c[i];
+    constexpr int kParts = kWidth / kLanes;
+    V low[kParts], high[kParts], sign_low[kParts], x[kParts];
+    for (int part = 0; part < kParts; ++part) {
+      HWY_ALIGN double lows[kLanes], highs[kLanes], signs[kLanes];
+      for (int lane = 0; lane < kLanes; ++lane) {
+        // A short group repeats its last one.
+        const int k = std::min(first + part * kLanes + lane, count_ - 1);
+        lows[lane] = low_[k];
+        highs[lane] = high_[k];
+        signs[lane] = negative_low_[k] ? -1.0 : 1.0;
       }
-      double largest_step = 0.0;
-      const Values newton = x - p / derivative;
-      for (int k = 0; k < kWidth; ++k) {
-        (p[k] * sign_low[k] > 0.0 ? low : high)[k] = x[k];
-        double next = newton[k];
-        if (!(next >= low[k] && next <= high[k])) next = 0.5 * (low[k] + high[k]);
-        if (p[k] == 0.0) next = x[k];
-        largest_step = std::max(largest_step, std::abs(next - x[k]) / (1.0 + std::abs(x[k])));
+      low[part] = hn::Load(kTag, lows);
+      high[part] = hn::Load(kTag, highs);
+      sign_low[part] = hn::Load(kTag, signs);
+      x[part] = Const(0.5) * (low[part] + high[part]);
+    }
+    for (int iteration = 0; iteration < 60; ++iteration) {
+      V p[kParts], derivative[kParts];
+      for (int k = 0; k < kParts; ++k) {
+        p[k] = Const(c[degree]);
+        derivative[k] = Const(0.0);
+      }
+      for (int i = degree - 1; i >= 0; --i) {
+        for (int k = 0; k < kParts; ++k) {
+          derivative[k] = derivative[k] * x[k] + p[k];
+          p[k] = p[k] * x[k] + Const(c[i]);
+        }
+      }
+      V largest_step = Const(0.0);
+      for (int k = 0; k < kParts; ++k) {
+        const auto is_low = p[k] * sign_low[k] > Const(0.0);
+        low[k] = hn::IfThenElse(is_low, x[k], low[k]);
+        high[k] = hn::IfThenElse(is_low, high[k], x[k]);
+        const V newton = x[k] - p[k] / derivative[k];
+        const auto is_inside = hn::And(newton >= low[k], newton <= high[k]);
+        V next = hn::IfThenElse(is_inside, newton, Const(0.5) * (low[k] + high[k]));
+        next = hn::IfThenElse(p[k] == Const(0.0), x[k], next);
+        const V step = hn::Abs(next - x[k]) / (Const(1.0) + hn::Abs(x[k]));
+        largest_step = hn::Max(largest_step, step);
         x[k] = next;
       }
       // Newton's steps square: after one this short, the next would be below rounding.
-      if (largest_step < 1e-8) break;
+      if (hn::AllTrue(kTag, largest_step < Const(1e-8))) break;
     }
-    for (int k = 0; k < kWidth; ++k) roots[k] = x[k];
+    for (int k = 0; k < kParts; ++k) hn::StoreU(x[k], kTag, roots + k * kLanes);
   }
 
   double low_[kMaxDegree], high_[kMaxDegree];
@@ -174,10 +211,7 @@ int RootsOfQuadratic(double a, double b, double c, double* roots) {
   return 2;
 }
 
-}  // namespace
-
-int RealRoots(const double* coefficients, int degree, double* roots) {
-  CAIRN_DCHECK(degree <= kMaxDegree);
+int RealRootsKernel(const double* coefficients, int degree, double* roots) {
   double largest = 0.0;
   for (int i = 0; i <= degree; ++i) {
     if (!std::isfinite(coefficients[i])) return 0;
@@ -267,4 +301,18 @@ int RealRoots(const double* coefficients, int degree, double* roots) {
   return brackets.count();
 }
 
+}  // namespace cairn::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace cairn {
+
+HWY_EXPORT(RealRootsKernel);
+
+int RealRoots(const double* coefficients, int degree, double* roots) {
+  CAIRN_DCHECK(degree <= 10);
+  return HWY_DYNAMIC_DISPATCH(RealRootsKernel)(coefficients, degree, roots);
+}
+
 }  // namespace cairn
+#endif

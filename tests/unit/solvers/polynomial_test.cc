@@ -1,6 +1,7 @@
 #include "cairn/solvers/polynomial.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 
 #include <algorithm>
 #include <cmath>
@@ -88,6 +89,31 @@ TEST(RealRoots, CoversManyOrdersOfMagnitude) {
   EXPECT_NEAR(roots[1], -1e-4, 1e-9);
   EXPECT_NEAR(roots[2], 1e-3, 1e-9);
   EXPECT_NEAR(roots[3], 5e3, 1e-6);
+}
+
+// The same bits with every instruction set of this machine.
+TEST(RealRoots, DoesNotDependOnTheInstructionSet) {
+  auto compute = [] {
+    Rng rng(9);
+    std::vector<double> all;
+    for (int trial = 0; trial < 500; ++trial) {
+      const int degree = 3 + static_cast<int>(rng.UniformInt(8));
+      double c[11], roots[10];
+      for (int i = 0; i <= degree; ++i) c[i] = rng.Gaussian();
+      const int count = RealRoots(c, degree, roots);
+      all.insert(all.end(), roots, roots + count);
+    }
+    return all;
+  };
+  const std::vector<double> expected = compute();
+  EXPECT_GT(expected.size(), 500u);
+  for (int64_t remaining = hwy::SupportedTargets(); remaining != 0; remaining &= remaining - 1) {
+    hwy::SetSupportedTargetsForTest(remaining & -remaining);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    EXPECT_EQ(compute(), expected) << hwy::TargetName(remaining & -remaining);
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
 }  // namespace
