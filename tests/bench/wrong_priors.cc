@@ -23,12 +23,14 @@ struct Options {
   std::string truth_path;
   std::string verifier = "cascade";
   std::string csv;
+  bool is_trusted = true;
 
   void VisitFields(OptionVisitor& v) {
     v.String("database_path", database_path, "keypoints and matches");
     v.String("truth_path", truth_path, "folder of Strecha's .camera files");
     v.String("verifier", verifier, "cairn's");
     v.String("csv", csv, "every pair");
+    v.Bool("is_trusted", is_trusted, "wrong focal lengths are trusted; else known to be wrong");
   }
 };
 
@@ -112,8 +114,11 @@ int Run(const Options& options, const TwoViewOptions& verification) {
       for (const Which which : {kFirst, kSecond, kBoth}) {
         if (factor == 1.0 && which != kBoth) continue;
         Camera camera1 = *right.camera1, camera2 = *right.camera2;
-        if (which != kSecond) camera1.SetMeanFocal(factor * camera1.MeanFocal());
-        if (which != kFirst) camera2.SetMeanFocal(factor * camera2.MeanFocal());
+        for (const auto& [camera, other] : {std::pair(&camera1, kSecond), {&camera2, kFirst}}) {
+          if (which == other) continue;
+          camera->SetMeanFocal(factor * camera->MeanFocal());
+          camera->has_prior_focal_length = options.is_trusted;
+        }
         PairInput input = right;
         input.camera1 = &camera1;
         input.camera2 = &camera2;

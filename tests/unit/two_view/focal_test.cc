@@ -78,6 +78,56 @@ TEST(FocalVerifier, OtherFocalLengthsAreTriedWhereTheGuessFails) {
   EXPECT_GE(num_good, 8);
 }
 
+// A plane with `num_off` further points in front of it.
+Pair MakePlaneAndMore(int num_on, int num_off, uint64_t seed) {
+  const Rigid3d cam2_from_cam1(
+      Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d(0.1, 1, 0.2).normalized())),
+      Eigen::Vector3d(-1.0, 0.1, 0.3).normalized());
+  Pair pair = test::MakePlanarPair(cam2_from_cam1, false, num_on, 0.3, seed);
+  Rng rng(seed, "more");
+  while (static_cast<int>(pair.matches.size()) < num_on + num_off) {
+    const Eigen::Vector3d X1 = rng.Uniform(1.5, 4.0) *
+                               Eigen::Vector3d(rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5), 1.0);
+    const Eigen::Vector3d X2 = cam2_from_cam1 * X1;
+    if (X2.z() < 0.5 || (X2.head<2>() / X2.z()).cwiseAbs().maxCoeff() > 0.75) continue;
+    const auto i = static_cast<point2D_t>(pair.matches.size());
+    for (auto* keypoints : {&pair.keypoints1, &pair.keypoints2}) {
+      const bool is_first = keypoints == &pair.keypoints1;
+      const Eigen::Vector2d pixel =
+          (is_first ? pair.camera1 : pair.camera2).ImgFromCam((is_first ? X1 : X2).hnormalized());
+      keypoints->push_back(Keypoint::FromScaleOrientation(
+          static_cast<float>(pixel.x() + 0.3 * rng.Gaussian()),
+          static_cast<float>(pixel.y() + 0.3 * rng.Gaussian()), 3.0f, 0.0f));
+    }
+    pair.matches.push_back({i, i});
+    pair.is_inlier.push_back(true);
+  }
+  return pair;
+}
+
+// At a wrong focal length E explains little but a plane, and seems to see nothing else.
+TEST(FocalVerifier, WhatAWrongFocalLengthSeesOfASceneIsNotItsPlane) {
+  int num_trusted_planes = 0;
+  for (const double factor : {0.4, 2.5}) {
+    for (uint64_t seed = 0; seed < 5; ++seed) {
+      Pair pair = MakePlaneAndMore(120, 120, seed);
+      pair.camera1.SetMeanFocal(factor * pair.camera1.MeanFocal());
+      num_trusted_planes += Verify(pair).geometry.config == TwoViewConfig::kPlanar;
+      pair.camera1.has_prior_focal_length = false;
+      const PairReport report = Verify(pair);
+      ASSERT_EQ(report.status, PairStatus::kVerified) << seed;
+      EXPECT_EQ(report.geometry.config, TwoViewConfig::kUncalibrated) << seed;
+      EXPECT_LT(MedianErrorPx(pair, *report.geometry.F), 0.5) << seed;
+      EXPECT_FALSE(report.geometry.H.has_value());
+    }
+  }
+  EXPECT_GE(num_trusted_planes, 2);
+  // A plane is one, whatever is known of the focal lengths.
+  Pair plane = MakePlaneAndMore(200, 0, 1);
+  plane.camera1.has_prior_focal_length = false;
+  EXPECT_EQ(Verify(plane).geometry.config, TwoViewConfig::kPlanar);
+}
+
 TEST(FocalVerifier, WrongPriorsAreNoticed) {
   int num_noticed = 0;
   for (uint64_t seed = 0; seed < 10; ++seed) {
