@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <iterator>
+#include <utility>
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/graph/graph.h"
@@ -170,12 +171,13 @@ std::set<camera_t> Report(const FocalCalibrationReport& report,
 }
 
 // Takes the focal lengths that the pairs gave back, for connected cameras together, where the loops
-// do not close better with them than `before`.
+// do not close better with them than those of `guessed`, of the focal lengths before; the edges are
+// then those of `before`.
 void TakeBackRefuted(const std::map<camera_t, CalibratedFocal>& focals,
-                     const std::vector<ViewEdge>& before, const std::set<camera_t>& changed,
-                     Stage& stage, SceneData& scene) {
+                     const std::vector<ViewEdge>& before, const std::vector<ViewEdge>& guessed,
+                     const std::set<camera_t>& changed, Stage& stage, SceneData& scene) {
   std::set<camera_t> refuted;
-  for (const LoopErrors& loops : CompareLoops(scene, before, scene.edges)) {
+  for (const LoopErrors& loops : CompareLoops(scene, guessed, scene.edges)) {
     std::set<camera_t> cameras;
     std::set_intersection(loops.cameras.begin(), loops.cameras.end(), changed.begin(),
                           changed.end(), std::inserter(cameras, cameras.end()));
@@ -220,11 +222,22 @@ void CalibrateSceneFocals(const GeometryReader& read,
   if (calibrated.empty()) return;
 
   const std::vector<ViewEdge> before = scene.edges;
+  const std::map<image_pair_t, TwoViewGeometry> geometries =
+      ReadGeometriesOf(calibrated, scene, read);
+  // The stored pose of an uncalibrated pair may be that of other focal lengths than the guessed
+  // ones.
+  std::map<image_pair_t, TwoViewGeometry> uncalibrated;
+  for (const auto& [pair_id, geometry] : geometries) {
+    if (geometry.config != TwoViewConfig::kUncalibrated) continue;
+    uncalibrated[pair_id] = geometry;
+  }
+  ImproveRelativePoses(uncalibrated, settings.num_threads, scene);
+  const std::vector<ViewEdge> guessed = std::exchange(scene.edges, before);
   for (const camera_t id : calibrated) {
     scene.cameras.at(id).SetMeanFocal(report.cameras.at(id).focal_px);
   }
-  ImproveRelativePoses(ReadGeometriesOf(calibrated, scene, read), settings.num_threads, scene);
-  TakeBackRefuted(report.cameras, before, calibrated, stage, scene);
+  ImproveRelativePoses(geometries, settings.num_threads, scene);
+  TakeBackRefuted(report.cameras, before, guessed, calibrated, stage, scene);
 }
 
 }  // namespace cairn

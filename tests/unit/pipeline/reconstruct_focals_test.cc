@@ -101,6 +101,45 @@ TEST(ReconstructScene, TakesNoFocalLengthsWithWhichLoopsCloseNoBetter) {
   EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are not taken over"));
 }
 
+// The same stored poses, of pairs with fundamental matrices: verification tried other focal lengths
+// for them, so that they do not speak for the guess.
+TEST(ReconstructScene, PosesOfUncalibratedPairsDoNotSpeakForTheGuess) {
+  SceneOptions options = SmallScene();
+  options.image_noise_px = 2.0;
+  const SyntheticScene scene = MakeScene(options, 3);
+  Database database = MakeDatabaseWithGuesses(scene, 1.3);
+  for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair).value();
+    geometry.config = TwoViewConfig::kUncalibrated;
+    geometry.E.reset();
+    database.WriteTwoViewGeometry(pair, geometry);
+  }
+  ReconstructSettings settings = Settings();
+  settings.focal_calibration.max_sigma = 0.3;
+  const RunReport report = ReconstructScene(database, "", settings).report;
+  const StageReport* stage = FindStage(report, "focal_calibration");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(Value(*stage, "calibrated"), 2);
+  EXPECT_EQ(Value(*stage, "refuted_by_loops"), 0);
+}
+
+// Verification has found the focal length to be wrong: it is no more than a guess.
+TEST(ReconstructScene, RefutedFocalLengthsAreGuesses) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.has_prior_focal_length = true;
+    if (id == 1) camera.SetMeanFocal(2.5 * camera.MeanFocal());
+    database.WriteCamera(camera);
+  }
+  database.WriteCameraFocal(1, {true, 5, 4});
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  const StageReport* stage = FindStage(result.report, "focal_calibration");
+  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("(guessed)"), HasSubstr("(EXIF)")));
+  ExpectFocals(result.models.front(), scene, 1.0, 0.01);
+}
+
 TEST(ReconstructScene, OverrulesExifThatIsFarOff) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   Database database = MakeDatabase(scene);
