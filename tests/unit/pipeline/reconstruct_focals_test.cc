@@ -105,9 +105,10 @@ TEST(ReconstructScene, TakesNoFocalLengthsWithWhichLoopsCloseNoBetter) {
 // for them, so that they do not speak for the guess.
 TEST(ReconstructScene, PosesOfUncalibratedPairsDoNotSpeakForTheGuess) {
   SceneOptions options = SmallScene();
-  options.image_noise_px = 2.0;
+  options.image_noise_px = 0.8;
+  options.pair_metrics = true;  // verified by us, so that the stored poses count
   const SyntheticScene scene = MakeScene(options, 3);
-  Database database = MakeDatabaseWithGuesses(scene, 1.3);
+  Database database = MakeDatabaseWithGuesses(scene, 2.0);
   for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
     TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair).value();
     geometry.config = TwoViewConfig::kUncalibrated;
