@@ -15,39 +15,6 @@ namespace {
 
 using internal::ConstraintMatrix;
 
-// Gaussian elimination with partial pivoting, of which only the last six rows (those of the
-// monomials x2z x2 y2z y2 xyz xy) are reduced fully. False if singular.
-bool Eliminate(ConstraintMatrix* constraints) {
-  double* row[10];
-  for (int i = 0; i < 10; ++i) row[i] = constraints->data() + 20 * i;
-  for (int i = 0; i < 10; ++i) {
-    int pivot = i;
-    for (int k = i + 1; k < 10; ++k) {
-      if (std::abs(row[k][i]) > std::abs(row[pivot][i])) pivot = k;
-    }
-    if (std::abs(row[pivot][i]) < 1e-14) return false;
-    std::swap(row[i], row[pivot]);
-    const double inverse = 1.0 / row[i][i];
-    for (int j = i + 1; j < 20; ++j) row[i][j] *= inverse;
-    for (int k = i + 1; k < 10; ++k) {
-      const double factor = row[k][i];
-      for (int j = i + 1; j < 20; ++j) row[k][j] -= factor * row[i][j];
-    }
-  }
-  for (int i = 9; i > 4; --i) {
-    for (int k = 4; k < i; ++k) {
-      const double factor = row[k][i];
-      for (int j = 10; j < 20; ++j) row[k][j] -= factor * row[i][j];
-    }
-  }
-  ConstraintMatrix reduced;
-  for (int i = 4; i < 10; ++i) {
-    for (int j = 10; j < 20; ++j) reduced(i, j) = row[i][j];
-  }
-  constraints->bottomRightCorner<6, 10>() = reduced.bottomRightCorner<6, 10>();
-  return true;
-}
-
 // Coefficients of a polynomial in z, lowest first.
 struct Entry {
   double c[5];
@@ -169,7 +136,7 @@ bool Polish(const Eigen::Matrix<double, 9, 4>& basis, Eigen::Vector4d v, Eigen::
 int SolveEssentialInSpace(const Eigen::Matrix<double, 9, 4>& basis, Eigen::Matrix3d* models) {
   ConstraintMatrix constraints;
   internal::EssentialConstraints(basis, &constraints);
-  if (!Eliminate(&constraints)) return 0;
+  if (!internal::EliminateConstraints(constraints.data())) return 0;
   BRow rows[3];
   for (int i = 0; i < 3; ++i) {
     rows[i] = MakeRow(constraints.data() + 20 * (4 + 2 * i), constraints.data() + 20 * (5 + 2 * i));

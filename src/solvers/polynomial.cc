@@ -12,20 +12,12 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "base/simd4d-inl.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace cairn::HWY_NAMESPACE {
 
-namespace hn = hwy::HWY_NAMESPACE;
-
 constexpr int kMaxDegree = 10;
-
-// The native vector of at most four doubles.
-using Tag = hn::CappedTag<double, 4>;
-using V = hn::Vec<Tag>;
-constexpr Tag kTag;
-constexpr int kLanes = static_cast<int>(hn::MaxLanes(Tag()));
-
-HWY_INLINE V Const(double value) { return hn::Set(kTag, value); }
 
 // Sturm's chain f_0 = p, f_1 = p', f_(i-1) = (slope_i x + offset_i) f_i - f_(i+1), kept as the
 // quotients and the last, constant member, so that a value of the whole chain costs two products a
@@ -79,12 +71,12 @@ class SturmChain {
   // dependency, so several points take hardly more time than one.
   static constexpr int kWidth = 4;
   void SignChanges(const double* points, int* changes) const {
-    constexpr int kParts = kWidth / kLanes;
+    static_assert(kWidth == kParts * kLanes);
     const hn::RebindToUnsigned<Tag> bits;
     V x[kParts], next[kParts], value[kParts];
     hn::Vec<decltype(bits)> counts[kParts];
     for (int k = 0; k < kParts; ++k) {
-      x[k] = hn::LoadU(kTag, points + k * kLanes);
+      x[k] = Load(points + k * kLanes);
       next[k] = Const(0.0);
       value[k] = Const(common_degree_ > 0 ? common_[common_degree_] : last_);
       counts[k] = hn::Zero(bits);
@@ -145,10 +137,10 @@ class Brackets {
   static constexpr int kWidth = 8;
 
   void RefineGroup(const double* c, int degree, int first, double* roots) const {
-    constexpr int kParts = kWidth / kLanes;
-    V low[kParts], high[kParts], sign_low[kParts], x[kParts];
-    for (int part = 0; part < kParts; ++part) {
-      HWY_ALIGN double lows[kLanes], highs[kLanes], signs[kLanes];
+    constexpr int kNumVectors = kWidth / kLanes;
+    V low[kNumVectors], high[kNumVectors], sign_low[kNumVectors], x[kNumVectors];
+    for (int part = 0; part < kNumVectors; ++part) {
+      double lows[kLanes], highs[kLanes], signs[kLanes];
       for (int lane = 0; lane < kLanes; ++lane) {
         // A short group repeats its last one.
         const int k = std::min(first + part * kLanes + lane, count_ - 1);
@@ -156,25 +148,25 @@ class Brackets {
         highs[lane] = high_[k];
         signs[lane] = negative_low_[k] ? -1.0 : 1.0;
       }
-      low[part] = hn::Load(kTag, lows);
-      high[part] = hn::Load(kTag, highs);
-      sign_low[part] = hn::Load(kTag, signs);
+      low[part] = Load(lows);
+      high[part] = Load(highs);
+      sign_low[part] = Load(signs);
       x[part] = Const(0.5) * (low[part] + high[part]);
     }
     for (int iteration = 0; iteration < 60; ++iteration) {
-      V p[kParts], derivative[kParts];
-      for (int k = 0; k < kParts; ++k) {
+      V p[kNumVectors], derivative[kNumVectors];
+      for (int k = 0; k < kNumVectors; ++k) {
         p[k] = Const(c[degree]);
         derivative[k] = Const(0.0);
       }
       for (int i = degree - 1; i >= 0; --i) {
-        for (int k = 0; k < kParts; ++k) {
+        for (int k = 0; k < kNumVectors; ++k) {
           derivative[k] = derivative[k] * x[k] + p[k];
           p[k] = p[k] * x[k] + Const(c[i]);
         }
       }
       V largest_step = Const(0.0);
-      for (int k = 0; k < kParts; ++k) {
+      for (int k = 0; k < kNumVectors; ++k) {
         const auto is_low = p[k] * sign_low[k] > Const(0.0);
         low[k] = hn::IfThenElse(is_low, x[k], low[k]);
         high[k] = hn::IfThenElse(is_low, high[k], x[k]);
@@ -189,7 +181,7 @@ class Brackets {
       // Newton's steps square: after one this short, the next would be below rounding.
       if (hn::AllTrue(kTag, largest_step < Const(1e-8))) break;
     }
-    for (int k = 0; k < kParts; ++k) hn::StoreU(x[k], kTag, roots + k * kLanes);
+    for (int k = 0; k < kNumVectors; ++k) Store(x[k], roots + k * kLanes);
   }
 
   double low_[kMaxDegree], high_[kMaxDegree];

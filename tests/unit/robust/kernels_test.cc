@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <Eigen/LU>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include "cairn/geometry/epipolar.h"
 #include "cairn/robust/pose_refinement.h"
 #include "cairn/robust/sampson_kernels.h"
+#include "support/instruction_sets.h"
 #include "support/random_two_view.h"
 
 namespace cairn {
@@ -196,19 +196,14 @@ TEST(SampsonKernels, DoNotDependOnTheInstructionSet) {
     return result;
   };
   const Result expected = compute();
-  const int64_t all = hwy::SupportedTargets();
-  for (int64_t remaining = all; remaining != 0; remaining &= remaining - 1) {
-    hwy::SetSupportedTargetsForTest(remaining & -remaining);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  test::ForEachInstructionSet([&] {
     const Result result = compute();
     EXPECT_EQ(result.score, expected.score) << KernelTargetName();
     EXPECT_EQ(result.soft, expected.soft);
     EXPECT_EQ(result.cost, expected.cost);
     EXPECT_EQ(result.hessian, expected.hessian);
     EXPECT_EQ(result.errors, expected.errors);
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  });
 }
 
 TEST(RefinePose, RecoversTheTruthFromARoughStart) {

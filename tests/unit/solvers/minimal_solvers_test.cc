@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/solvers/essential.h"
 #include "cairn/solvers/five_point.h"
 #include "cairn/solvers/seven_point.h"
 #include "cairn/solvers/two_affine.h"
+#include "support/instruction_sets.h"
 #include "support/random_two_view.h"
 
 namespace cairn {
@@ -70,6 +72,27 @@ TEST(FivePoint, CoincidentPointsGiveNoCrash) {
   Eigen::Matrix3d models[FivePoint::kMaxSolutions];
   const int count = FivePoint::Solve(samples, models);
   for (int i = 0; i < count; ++i) EXPECT_TRUE(models[i].allFinite());
+}
+
+// The same bits with every instruction set of this machine.
+TEST(FivePoint, DoesNotDependOnTheInstructionSet) {
+  auto compute = [] {
+    Rng rng(8);
+    std::vector<Eigen::Matrix3d> all;
+    for (int trial = 0; trial < 200; ++trial) {
+      const TwoViewScene scene = RandomScene(rng, 5);
+      PointCorrespondence points[5];
+      for (int i = 0; i < 5; ++i) points[i] = scene.patches[i].points();
+      const AffineCorrespondence frames[2] = {scene.patches[0].affine, scene.patches[1].affine};
+      Eigen::Matrix3d models[FivePoint::kMaxSolutions];
+      all.insert(all.end(), models, models + FivePoint::Solve(points, models));
+      all.insert(all.end(), models, models + TwoAffineFivePoint::Solve(frames, models));
+    }
+    return all;
+  };
+  const std::vector<Eigen::Matrix3d> expected = compute();
+  EXPECT_GT(expected.size(), 1000u);
+  test::ForEachInstructionSet([&] { EXPECT_EQ(compute(), expected); });
 }
 
 TEST(SevenPoint, FindsTheTruth) {

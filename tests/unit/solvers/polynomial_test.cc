@@ -1,13 +1,13 @@
 #include "cairn/solvers/polynomial.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "cairn/base/rng.h"
+#include "support/instruction_sets.h"
 
 namespace cairn {
 namespace {
@@ -107,13 +107,7 @@ TEST(RealRoots, DoesNotDependOnTheInstructionSet) {
   };
   const std::vector<double> expected = compute();
   EXPECT_GT(expected.size(), 500u);
-  for (int64_t remaining = hwy::SupportedTargets(); remaining != 0; remaining &= remaining - 1) {
-    hwy::SetSupportedTargetsForTest(remaining & -remaining);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    EXPECT_EQ(compute(), expected) << hwy::TargetName(remaining & -remaining);
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  test::ForEachInstructionSet([&] { EXPECT_EQ(compute(), expected); });
 }
 
 }  // namespace
