@@ -6,6 +6,7 @@
 
 #include "cairn/robust/sampson_kernels.h"
 #include "two_view/evidence.h"
+#include "two_view/special_pairs.h"
 
 namespace cairn::internal {
 namespace {
@@ -130,10 +131,17 @@ void FocalVerifier::Fill(const PairInput& input, const FundamentalModel& model,
                          PairReport* report) const {
   TwoViewGeometry& geometry = report->geometry;
   report->status = PairStatus::kVerified;
-  geometry.config = TwoViewConfig::kUncalibrated;
   geometry.E.reset();  // It stands and falls with the focal lengths.
-  geometry.F = input.camera2->CalibrationMatrix().inverse().transpose() * model.F *
-               input.camera1->CalibrationMatrix().inverse();
+  if (options_.detect_watermark && IsOverlay(input, pair_, model.inliers)) {
+    geometry.config = TwoViewConfig::kWatermark;
+    geometry.cam2_from_cam1.reset();
+    geometry.F.reset();
+    geometry.H.reset();
+  } else {
+    geometry.config = TwoViewConfig::kUncalibrated;
+    geometry.F = input.camera2->CalibrationMatrix().inverse().transpose() * model.F *
+                 input.camera1->CalibrationMatrix().inverse();
+  }
   geometry.inlier_matches.clear();
   for (const int32_t i : model.inliers) {
     geometry.inlier_matches.push_back(input.matches[pair_.match_index[i]]);

@@ -130,6 +130,26 @@ bool IsWatermark(const PairInput& input, const PreparedPair& pair, std::span<con
 
 }  // namespace
 
+bool IsOverlay(const PairInput& input, const PreparedPair& pair, std::span<const int32_t> matches) {
+  const Eigen::Vector2d size1(input.camera1->width, input.camera1->height);
+  const Eigen::Vector2d size2(input.camera2->width, input.camera2->height);
+  constexpr double kAnchors[] = {0.0, 0.5, 1.0};
+  const double max_distance_px = 2.0 * pair.max_error_px;
+  for (const double x : kAnchors) {
+    for (const double y : kAnchors) {
+      const Eigen::Vector2d shift = Eigen::Vector2d(x, y).cwiseProduct(size2 - size1);
+      const auto num_equal = std::count_if(matches.begin(), matches.end(), [&](int32_t i) {
+        const FeatureMatch& match = input.matches[pair.match_index[i]];
+        return (input.keypoints2[match.point2].Position() -
+                input.keypoints1[match.point1].Position() - shift)
+                   .norm() < max_distance_px;
+      });
+      if (2 * num_equal > std::ssize(matches)) return true;
+    }
+  }
+  return false;
+}
+
 SpecialPair ClassifyPair(const PairInput& input, const PreparedPair& pair,
                          std::span<const int32_t> inliers, const TwoViewOptions& options,
                          SpecialPairScratch* scratch) {
@@ -155,6 +175,10 @@ SpecialPair ClassifyPair(const PairInput& input, const PreparedPair& pair,
     special.config = TwoViewConfig::kPanoramic;
     special.rotation = Eigen::Quaterniond(R);
     special.H = R;
+    return special;
+  }
+  if (options.detect_watermark && IsOverlay(input, pair, inliers)) {
+    special.config = TwoViewConfig::kWatermark;
     return special;
   }
   PlaneEstimator estimator(points, max_error_px, &scratch->errors);

@@ -33,7 +33,8 @@ struct TwoViewOptions {
   // A second model of other matches with this share of the first one's support competes with it:
   // repeated structure, and no pose.
   double min_competing_share = 0.5;
-  // Label pairs whose inliers are marks in the frame of the images, and give them no pose.
+  // Label pairs whose inliers are marks in the frame of the images, or printed all over them, and
+  // give them no pose.
   bool detect_watermark = true;
   // Limits of the five-point verifier.
   int max_iterations = 10000;
@@ -77,7 +78,8 @@ struct TwoViewOptions {
              "E with a smaller share of F's inliers is wrong by its focal lengths");
     v.Double("min_competing_share", min_competing_share, {0.01, 10.0},
              "a second model with this share of the first one's support makes a pair ambiguous");
-    v.Bool("detect_watermark", detect_watermark, "give pairs of frame marks no pose");
+    v.Bool("detect_watermark", detect_watermark,
+           "give pairs of marks in the frame, or printed over photographs, no pose");
     v.Int("max_iterations", max_iterations, {1, 1e9}, "most samples the five-point verifier draws");
     v.Int("min_iterations", min_iterations, {1, 1e9},
           "fewest samples the five-point verifier draws");

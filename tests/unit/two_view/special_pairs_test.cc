@@ -106,6 +106,46 @@ TEST(SpecialPairs, Watermark) {
   EXPECT_NE(other.geometry.config, TwoViewConfig::kWatermark);
 }
 
+// Marks all over both images, as agencies print them, on unrelated photographs: every mark matches
+// itself or another one of its row.
+Pair MakeOverlay(double focal2_px, uint64_t seed) {
+  Pair pair = MakePair({.num_inliers = 0, .num_outliers = 60, .focal2_px = focal2_px}, seed);
+  Rng rng(seed);
+  for (int i = 0; i < 150; ++i) {
+    const Eigen::Vector2d letter(rng.Uniform(0.0, 100.0), rng.Uniform(0.0, 30.0));
+    const Eigen::Vector2d mark(300.0 * rng.UniformInt(5), 200.0 * rng.UniformInt(8));
+    const double moved = i % 3 == 0 ? 300.0 * (1.0 + rng.UniformInt(3)) : 0.0;
+    const auto k = static_cast<point2D_t>(pair.keypoints1.size());
+    auto add = [&](double x, double y, std::vector<Keypoint>* keypoints) {
+      keypoints->push_back(
+          Keypoint::FromScaleOrientation(static_cast<float>(x + 0.2 * rng.Gaussian()),
+                                         static_cast<float>(y + 0.2 * rng.Gaussian()), 3.0f, 0.0f));
+    };
+    add(letter.x() + mark.x(), letter.y() + mark.y(), &pair.keypoints1);
+    add(letter.x() + mark.x() + moved, letter.y() + mark.y(), &pair.keypoints2);
+    pair.matches.push_back({k, k});
+  }
+  return pair;
+}
+
+TEST(SpecialPairs, MarksAllOverUnrelatedImagesAreNoScene) {
+  for (const bool is_trusted : {true, false}) {
+    for (uint64_t seed = 0; seed < 5; ++seed) {
+      Pair pair = MakeOverlay(1000.0, seed);
+      pair.camera1.has_prior_focal_length = pair.camera2.has_prior_focal_length = is_trusted;
+      for (const VerifierKind kind : {VerifierKind::kCascade, VerifierKind::kFivePoint}) {
+        const PairReport report = MakePairVerifier(kind, {})->Verify(pair.Input(false));
+        ASSERT_EQ(report.status, PairStatus::kVerified);
+        EXPECT_EQ(report.geometry.config, TwoViewConfig::kWatermark) << is_trusted << seed;
+        EXPECT_FALSE(report.geometry.cam2_from_cam1.has_value());
+        EXPECT_FALSE(report.geometry.F.has_value());
+      }
+    }
+  }
+  const PairReport other = VerifyFivePoint(MakeOverlay(1000.0, 1), {.detect_watermark = false});
+  EXPECT_NE(other.geometry.config, TwoViewConfig::kWatermark);
+}
+
 TEST(SpecialPairs, ATinyPatchFixesNoPose) {
   Pair pair = MakePair({.num_inliers = 0, .num_outliers = 30}, 4);
   Rng rng(4);
