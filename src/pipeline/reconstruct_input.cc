@@ -113,13 +113,27 @@ void ReadEdges(const Database& database,
   }
 }
 
-void ChooseHeldCameras(const Database& database, const ReconstructSettings& settings,
+// Cameras that look measured are held, unless verification has refuted their focal lengths; those
+// that the user gave or wants held are, with a warning.
+void ChooseHeldCameras(const Database& database, const ReconstructSettings& settings, Stage& stage,
                        SceneData& scene) {
+  const std::map<camera_t, CameraFocal> focals = database.ReadCameraFocals();
   for (const auto& [id, camera] : scene.cameras) scene.held_cameras.insert(id);
   if (settings.refine_intrinsics) {
     if (*settings.refine_intrinsics) scene.held_cameras.clear();
   } else if (!CamerasWereGiven(database)) {
     scene.held_cameras = CamerasToHold(scene.cameras);
+    for (const auto& [id, focal] : focals) {
+      if (focal.is_refuted) scene.held_cameras.erase(id);
+    }
+  }
+  for (const camera_t id : scene.held_cameras) {
+    const auto focal = focals.find(id);
+    if (focal == focals.end() || !focal->second.is_refuted) continue;
+    stage.Warn("camera " + std::to_string(id) + " is held, but " +
+               std::to_string(focal->second.num_refuting) + " of " +
+               std::to_string(focal->second.num_pairs) +
+               " pairs say that its focal length is wrong: try --refine_intrinsics 1");
   }
 }
 
@@ -137,7 +151,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     size_t num_matches = 0;
     for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
     scene.poses_alone = scene.poses_imported && num_matches == 0;
-    ChooseHeldCameras(database, settings, scene);
+    ChooseHeldCameras(database, settings, stage, scene);
     stage.Add("cameras", static_cast<double>(scene.cameras.size()));
     stage.Add("cameras_held", static_cast<double>(scene.held_cameras.size()));
     stage.Add("images", static_cast<double>(scene.pixels.size()));

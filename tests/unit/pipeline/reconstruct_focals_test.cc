@@ -141,6 +141,29 @@ TEST(ReconstructScene, RefutedFocalLengthsAreGuesses) {
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
 }
 
+// A camera that looks measured is held, but not at a focal length that its pairs refute.
+TEST(ReconstructScene, RefutedFocalLengthsAreNotHeldUnlessTheUserWantsIt) {
+  SceneOptions options = SmallScene();
+  options.camera_model = "PINHOLE";
+  const SyntheticScene scene = MakeScene(options, 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.params[1] *= 1.001;  // fy
+    camera.has_prior_focal_length = true;
+    database.WriteCamera(camera);
+  }
+  database.WriteCameraFocal(1, {true, 5, 4});
+  const RunReport report = ReconstructScene(database, "", Settings()).report;
+  EXPECT_EQ(Value(*FindStage(report, "read"), "cameras_held"), 1);
+  EXPECT_EQ(FindStage(report, "read")->status, StageStatus::kOk);
+  ReconstructSettings settings = Settings();
+  settings.refine_intrinsics = false;
+  const RunReport held = ReconstructScene(database, "", settings).report;
+  EXPECT_EQ(Value(*FindStage(held, "read"), "cameras_held"), 2);
+  EXPECT_THAT(FindStage(held, "read")->messages,
+              ::testing::Contains(HasSubstr("camera 1 is held, but 4 of 5 pairs say")));
+}
+
 TEST(ReconstructScene, OverrulesExifThatIsFarOff) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   Database database = MakeDatabase(scene);
