@@ -1,5 +1,4 @@
-#include <algorithm>
-#include <cmath>
+#include <cstdint>
 #include <cstring>
 
 #include "cairn/base/error.h"
@@ -14,11 +13,21 @@ std::string RowName(const char* table, image_t image_id) {
   return std::string(table) + " of image " + std::to_string(image_id);
 }
 
-// COLMAP's rows: x y | x y scale orientation | x y a11 a12 a21 a22.
+// COLMAP's rows: x y | x y scale orientation | x y a11 a12 a21 a22, which is ours.
 Keypoint KeypointFromRow(const float* row, int64_t cols) {
   if (cols == 2) return {row[0], row[1]};
-  if (cols == 4) return Keypoint::FromScaleOrientation(row[0], row[1], row[2], row[3]);
-  return {row[0], row[1], row[2], row[3], row[4], row[5]};
+  return Keypoint::FromScaleOrientation(row[0], row[1], row[2], row[3]);
+}
+
+bool AreFinite(const std::byte* floats, size_t n) {
+  constexpr uint32_t kExponent = 0x7f800000;
+  uint32_t any = 0;
+  for (size_t i = 0; i < n; ++i) {
+    uint32_t bits;
+    std::memcpy(&bits, floats + i * sizeof(bits), sizeof(bits));
+    any |= (bits & kExponent) == kExponent ? 1 : 0;
+  }
+  return any == 0;
 }
 
 std::map<image_t, int> ReadNumRows(Database::Impl& impl, const char* sql) {
@@ -43,13 +52,18 @@ std::optional<std::vector<Keypoint>> Database::ReadKeypoints(image_t image_id) c
     throw IoError(path(),
                   row + ": " + std::to_string(matrix.cols) + " columns; 2, 4 or 6 are known");
   }
+  if (!AreFinite(matrix.data, keypoints.size() * static_cast<size_t>(matrix.cols))) {
+    throw IoError(path(), row + ": a value is not finite");
+  }
+  const size_t num_bytes = static_cast<size_t>(matrix.cols) * sizeof(float);
+  static_assert(sizeof(Keypoint) == 6 * sizeof(float));
+  if (matrix.cols == 6) {
+    std::memcpy(static_cast<void*>(keypoints.data()), matrix.data, keypoints.size() * num_bytes);
+    return keypoints;
+  }
   for (int64_t i = 0; i < matrix.rows; ++i) {
-    float values[6];
-    const size_t num_bytes = static_cast<size_t>(matrix.cols) * sizeof(float);
+    float values[4];
     std::memcpy(values, matrix.data + i * num_bytes, num_bytes);
-    const bool is_finite =
-        std::all_of(values, values + matrix.cols, [](float value) { return std::isfinite(value); });
-    if (!is_finite) throw IoError(path(), row + ": a value is not finite");
     keypoints[i] = KeypointFromRow(values, matrix.cols);
   }
   return keypoints;

@@ -113,8 +113,9 @@ class WitnessLoader {
       const auto camera = cameras_.find(id);
       const auto keypoints = database_.ReadKeypoints(id);
       if (camera != cameras_.end()) loaded.camera = camera->second;
-      if (keypoints) loaded.keypoints = Select(*keypoints, needed);
-      loaded.is_damaged = loaded.keypoints.empty() || loaded.camera.params.empty();
+      loaded.keypoints = std::make_shared<const std::vector<Keypoint>>(
+          keypoints ? Select(*keypoints, needed) : std::vector<Keypoint>());
+      loaded.is_damaged = loaded.keypoints->empty() || loaded.camera.params.empty();
       for (int scale = 0; const auto samples = database_.ReadDepthSamples(id, scale); ++scale) {
         loaded.depth_scales.push_back(Select(*samples, needed));
         loaded.is_damaged |= loaded.depth_scales.back().empty();
@@ -146,8 +147,8 @@ class WitnessLoader {
 
 DepthEvidence Collect(const PairTask& task, const Rigid3d& cam2_from_cam1) {
   return CollectDepthEvidence(
-      {&task.image1->camera, task.image1->keypoints, task.image1->depth_scales},
-      {&task.image2->camera, task.image2->keypoints, task.image2->depth_scales}, task.matches,
+      {&task.image1->camera, *task.image1->keypoints, task.image1->depth_scales},
+      {&task.image2->camera, *task.image2->keypoints, task.image2->depth_scales}, task.matches,
       cam2_from_cam1);
 }
 

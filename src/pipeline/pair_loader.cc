@@ -6,10 +6,11 @@
 
 namespace cairn {
 
-PairLoader::PairLoader(const std::string& database_path, int min_num_matches,
+PairLoader::PairLoader(const std::string& database_path, int min_num_matches, bool keeps_keypoints,
                        const StageLedger& ledger, ProgressMonitor& monitor)
     : database_(database_path, Database::Mode::kReadOnly),
       min_num_matches_(min_num_matches),
+      keeps_keypoints_(keeps_keypoints),
       ledger_(ledger),
       monitor_(monitor) {
   for (Camera& camera : database_.ReadCameras()) {
@@ -56,15 +57,14 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
   const auto camera = cameras_.find(image->second.camera_id);
   if (camera == cameras_.end()) throw IoError(database_.path(), "has no camera of " + Name(id));
   loaded.camera = camera->second;
-  auto keypoints = database_.ReadKeypoints(id);
-  if (!keypoints) throw IoError(database_.path(), "has matches, but no keypoints of " + Name(id));
-  loaded.keypoints = std::move(*keypoints);
+  const HashedKeypoints keypoints = ReadKeypoints(id);
+  loaded.keypoints = keypoints.keypoints;
   try {
     const auto learned = learned_.find(id);
     const ImageDepth how = learned == learned_.end() ? ImageDepth() : learned->second;
     loaded.depth = database_.ReadDepthSamples(id, how.scale).value_or(std::vector<DepthSample>());
-    if (!loaded.depth.empty() && loaded.depth.size() != loaded.keypoints.size()) {
-      throw IoError(database_.path(), "has " + std::to_string(loaded.keypoints.size()) +
+    if (!loaded.depth.empty() && loaded.depth.size() != loaded.keypoints->size()) {
+      throw IoError(database_.path(), "has " + std::to_string(loaded.keypoints->size()) +
                                           " keypoints of " + Name(id) + ", but " +
                                           std::to_string(loaded.depth.size()) + " depth samples");
     }
@@ -76,10 +76,22 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
     loaded.depth.clear();
   }
   Hasher hasher;
-  hasher.Add(HashCamera(loaded.camera)).Add(HashKeypoints(loaded.keypoints));
+  hasher.Add(HashCamera(loaded.camera)).Add(keypoints.hash);
   if (!loaded.depth.empty()) hasher.Add(*database_.ReadDepthHash(id));
   loaded.content_hash = hasher.Digest();
   if (distrusted_.count(camera->first) > 0) loaded.camera.has_prior_focal_length = false;
+}
+
+PairLoader::HashedKeypoints PairLoader::ReadKeypoints(image_t id) {
+  const auto kept = kept_keypoints_.find(id);
+  if (kept != kept_keypoints_.end()) return kept->second;
+  auto keypoints = database_.ReadKeypoints(id);
+  if (!keypoints) throw IoError(database_.path(), "has matches, but no keypoints of " + Name(id));
+  HashedKeypoints hashed;
+  hashed.hash = HashKeypoints(*keypoints);
+  hashed.keypoints = std::make_shared<const std::vector<Keypoint>>(std::move(*keypoints));
+  if (keeps_keypoints_) kept_keypoints_[id] = hashed;
+  return hashed;
 }
 
 bool PairLoader::LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image) {
@@ -118,8 +130,8 @@ bool PairLoader::ReadPair(PairTask& task, const std::function<PairFeed::ImagePtr
 
 void PairLoader::CheckMatches(const PairTask& task) const {
   for (const FeatureMatch& match : task.matches) {
-    if (match.point1 < task.image1->keypoints.size() &&
-        match.point2 < task.image2->keypoints.size()) {
+    if (match.point1 < task.image1->keypoints->size() &&
+        match.point2 < task.image2->keypoints->size()) {
       continue;
     }
     const auto [id1, id2] = PairIdToImagePair(task.pair_id);

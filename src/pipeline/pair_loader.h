@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <vector>
@@ -19,8 +20,9 @@ namespace cairn {
 // none.
 class PairLoader {
  public:
-  PairLoader(const std::string& database_path, int min_num_matches, const StageLedger& ledger,
-             ProgressMonitor& monitor);
+  // keeps_keypoints: those of all images that were ever read stay in memory, for later rounds.
+  PairLoader(const std::string& database_path, int min_num_matches, bool keeps_keypoints,
+             const StageLedger& ledger, ProgressMonitor& monitor);
 
   // How the depth of images is to be read from now on; the first scale as it is, at first.
   void UseLearnedDepth(std::map<image_t, ImageDepth> learned) { learned_ = std::move(learned); }
@@ -38,21 +40,29 @@ class PairLoader {
   double busy_seconds() const { return busy_seconds_; }
 
  private:
+  struct HashedKeypoints {
+    std::shared_ptr<const std::vector<Keypoint>> keypoints;
+    uint64_t hash = 0;
+  };
+
   void Report(const std::string& message);
   std::string Name(image_t id) const;
   void ReadImage(image_t id, PairImage& loaded);
+  HashedKeypoints ReadKeypoints(image_t id);
   bool ReadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image);
   // Throws IoError if a match refers to a keypoint that is not there.
   void CheckMatches(const PairTask& task) const;
 
   Database database_;
   const int min_num_matches_;
+  const bool keeps_keypoints_;
   const StageLedger& ledger_;
   ProgressMonitor& monitor_;
   std::map<camera_t, Camera> cameras_;
   std::map<image_t, Image> images_;
   std::map<image_t, ImageDepth> learned_;
   std::set<camera_t> distrusted_;
+  std::map<image_t, HashedKeypoints> kept_keypoints_;
   std::map<image_t, bool> is_damaged_;  // images that were looked at; reported once
   std::vector<std::string> messages_;
   double busy_seconds_ = 0;

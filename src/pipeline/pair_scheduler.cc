@@ -74,8 +74,8 @@ class Worker {
     pair.seed = input_.seed;
     pair.camera1 = &task.image1->camera;
     pair.camera2 = &task.image2->camera;
-    pair.keypoints1 = task.image1->keypoints;
-    pair.keypoints2 = task.image2->keypoints;
+    pair.keypoints1 = *task.image1->keypoints;
+    pair.keypoints2 = *task.image2->keypoints;
     pair.depth1 = task.image1->depth;
     pair.depth2 = task.image2->depth;
     pair.matches = task.matches;
@@ -170,7 +170,8 @@ class Rounds {
         // Half for the present tile; tasks that still hold images of the last one have the rest.
         max_bytes_(GibToBytes(scheduler.max_memory_gib) / 2),
         image_bytes_(ImageBytes(database)),
-        loader_(database.path(), input.min_num_matches, ledger, monitor) {}
+        loader_(database.path(), input.min_num_matches, SumOfBytes() <= max_bytes_, ledger,
+                monitor) {}
 
   // The likely pairs first, then the others.
   void Run(const std::vector<image_pair_t>& pairs,
@@ -202,6 +203,12 @@ class Rounds {
   }
 
  private:
+  int64_t SumOfBytes() const {
+    int64_t sum = 0;
+    for (const auto& [id, bytes] : image_bytes_) sum += bytes;
+    return sum;
+  }
+
   // Verifies pairs; adds to the counts and times.
   void RunRound(const std::vector<image_pair_t>& pairs, bool may_come_again) {
     const std::map<image_t, ImageDepth> learned_depth = database_.ReadImageDepth();
