@@ -1,5 +1,6 @@
 #pragma once
 
+#include "two_view/calibrated_verifier.h"
 #include "two_view/competing_model.h"
 #include "two_view/pair_outcome.h"
 #include "two_view/pose_search.h"
@@ -18,7 +19,7 @@ struct CascadeSteps {
 
 // The cascade and the parts of it: cheap and mostly sufficient first, each step only while evidence
 // is missing.
-class CascadeVerifier : public PairVerifier {
+class CascadeVerifier : public CalibratedVerifier {
  public:
   CascadeVerifier(const CascadeSteps& steps, std::string_view name, const TwoViewOptions& options)
       : steps_(steps),
@@ -28,6 +29,7 @@ class CascadeVerifier : public PairVerifier {
         search_(options),
         competing_(options) {}
   PairReport Verify(const PairInput& input) override;
+  const PreparedPair* pair_by_consensus() const override { return &pair_; }
 
  private:
   // Can one of the 1AC+D hypotheses be expected to be right, or is no other step to follow?

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "cairn/two_view/pair_verifier.h"
+#include "two_view/calibrated_verifier.h"
 #include "two_view/pair_outcome.h"
 #include "two_view/pose_search.h"
 #include "two_view/prepared_pair.h"
@@ -8,7 +8,7 @@
 namespace cairn::internal {
 
 // Five-point LO-RANSAC over all matches: needs neither depth nor affine frames.
-class FivePointVerifier : public PairVerifier {
+class FivePointVerifier : public CalibratedVerifier {
  public:
   explicit FivePointVerifier(const TwoViewOptions& options) : options_(options), search_(options) {}
   PairReport Verify(const PairInput& input) override;

@@ -24,12 +24,13 @@ bool HasPose(const PairReport& report) {
 
 PairReport FocalVerifier::Verify(const PairInput& input) {
   PairReport report = calibrated_->Verify(input);
+  pair_ = calibrated_->pair_by_consensus();
   const bool is_trusted =
       input.camera1->has_prior_focal_length && input.camera2->has_prior_focal_length;
   // (At wrong focal lengths, what E explains of a scene may be one of its planes.)
   if (input.weigh_focals && is_trusted && report.geometry.E) {
-    PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
-    report.focal_evidence = weigher_.Weigh(input, pair_, *report.geometry.E);
+    if (pair_ == nullptr) Prepare(input);
+    report.focal_evidence = weigher_.Weigh(input, *pair_, *report.geometry.E);
   }
   if (report.status == PairStatus::kTooFewMatches || report.status == PairStatus::kDegenerate) {
     return report;
@@ -42,7 +43,7 @@ PairReport FocalVerifier::Verify(const PairInput& input) {
     return report;
   }
   if (is_trusted && !is_ambiguous && !report.may_have_wrong_focal) return report;
-  PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
+  if (pair_ == nullptr) Prepare(input);
   std::optional<FundamentalModel> model = Find(input, report);
   if (!model) return report;
   if (is_planar && !HasParallax(input, *model, *report.geometry.H)) return report;
@@ -54,32 +55,40 @@ PairReport FocalVerifier::Verify(const PairInput& input) {
       is_ambiguous || report.num_inliers < options_.min_calibrated_share * num_inliers;
   if (is_trusted && !is_wrong) return report;
   if (is_trusted) {
-    auto improved = ImproveFundamental(input, pair_, model->F);
+    auto improved = ImproveFundamental(input, *pair_, model->F);
     if (improved) model = std::move(improved);
   }
   // A pose at other focal lengths would mean nothing beside cameras that are trusted.
-  if (is_wrong && !is_trusted) report = TryFocals(input, report);
+  if (is_wrong && !is_trusted) {
+    if (pair_ != &own_pair_) Prepare(input);
+    report = TryFocals(input, report);
+  }
   Fill(input, *model, &report);
   return report;
+}
+
+void FocalVerifier::Prepare(const PairInput& input) {
+  PreparePair(input, options_, MatchOrder::kByConsensus, &own_pair_);
+  pair_ = &own_pair_;
 }
 
 std::optional<FundamentalModel> FocalVerifier::Find(const PairInput& input,
                                                     const PairReport& report) const {
   const bool has_essential = report.status == PairStatus::kVerified && report.geometry.E;
-  auto model = has_essential ? RefineFundamental(pair_, *report.geometry.E)
-                             : FindFundamental(input, pair_, options_);
+  auto model = has_essential ? RefineFundamental(*pair_, *report.geometry.E)
+                             : FindFundamental(input, *pair_, options_);
   // An essential matrix at a guessed focal length may be too far away to start from. (Trusted ones
   // keep it: among right matches of one surface, a search from scratch finds an F that fits more.)
   const bool is_trusted =
       input.camera1->has_prior_focal_length && input.camera2->has_prior_focal_length;
   if (HasPose(report) && report.may_have_wrong_focal && !is_trusted) {
-    auto found = FindFundamental(input, pair_, options_);
+    auto found = FindFundamental(input, *pair_, options_);
     if (found && (!model || found->inliers.size() > model->inliers.size())) {
       model = std::move(found);
     }
   }
   // It takes time that trusted ones are spared until they are known to be wrong.
-  if (model && !is_trusted) model = ImproveFundamental(input, pair_, model->F);
+  if (model && !is_trusted) model = ImproveFundamental(input, *pair_, model->F);
   if (!model || static_cast<int>(model->inliers.size()) < options_.min_num_inliers ||
       !(model->log10_nfa < -options_.min_log10_evidence)) {
     return std::nullopt;
@@ -93,14 +102,14 @@ bool FocalVerifier::HasParallax(const PairInput& input, const FundamentalModel& 
       input.camera2->CalibrationMatrix().inverse() * pixels_H * input.camera1->CalibrationMatrix();
   constexpr double kOffPlane = 4.0;  // thresholds: not merely the noise of the plane
   constexpr int kSampleSize = 2, kNumModels = 1;
-  std::vector<float> errors(pair_.points.num_blocks() * PointPairs::kBlock);
-  HomographyErrors(pair_.points, H, errors.data());
-  auto is_off_plane = [&](float error) { return error > kOffPlane * pair_.max_error_px; };
+  std::vector<float> errors(pair_->points.num_blocks() * PointPairs::kBlock);
+  HomographyErrors(pair_->points, H, errors.data());
+  auto is_off_plane = [&](float error) { return error > kOffPlane * pair_->max_error_px; };
   const auto num_off_plane =
-      std::count_if(errors.begin(), errors.begin() + pair_.size(), is_off_plane);
+      std::count_if(errors.begin(), errors.begin() + pair_->size(), is_off_plane);
   const auto num_explained = std::count_if(model.inliers.begin(), model.inliers.end(),
                                            [&](int32_t i) { return is_off_plane(errors[i]); });
-  const double chance = pair_.chance_per_px * pair_.max_error_px;
+  const double chance = pair_->chance_per_px * pair_->max_error_px;
   return Log10NumFalseAlarms(static_cast<int>(num_off_plane), static_cast<int>(num_explained),
                              kSampleSize, kNumModels, chance) < -options_.min_log10_evidence;
 }
@@ -132,7 +141,7 @@ void FocalVerifier::Fill(const PairInput& input, const FundamentalModel& model,
   TwoViewGeometry& geometry = report->geometry;
   report->status = PairStatus::kVerified;
   geometry.E.reset();  // It stands and falls with the focal lengths.
-  if (options_.detect_watermark && IsOverlay(input, pair_, model.inliers)) {
+  if (options_.detect_watermark && IsOverlay(input, *pair_, model.inliers)) {
     geometry.config = TwoViewConfig::kWatermark;
     geometry.cam2_from_cam1.reset();
     geometry.F.reset();
@@ -144,10 +153,10 @@ void FocalVerifier::Fill(const PairInput& input, const FundamentalModel& model,
   }
   geometry.inlier_matches.clear();
   for (const int32_t i : model.inliers) {
-    geometry.inlier_matches.push_back(input.matches[pair_.match_index[i]]);
+    geometry.inlier_matches.push_back(input.matches[pair_->match_index[i]]);
   }
   report->num_inliers = static_cast<int>(model.inliers.size());
-  report->score = ScoreSampson(pair_.points, model.F, pair_.max_error_px);
+  report->score = ScoreSampson(pair_->points, model.F, pair_->max_error_px);
 }
 
 }  // namespace cairn::internal

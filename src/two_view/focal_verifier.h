@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 
+#include "two_view/calibrated_verifier.h"
 #include "two_view/focal_evidence.h"
 #include "two_view/fundamental_search.h"
 
@@ -15,11 +16,12 @@ namespace cairn::internal {
 // essential matrix, unless the fundamental one explains far more: then it is kUncalibrated, too.
 class FocalVerifier : public PairVerifier {
  public:
-  FocalVerifier(std::unique_ptr<PairVerifier> calibrated, const TwoViewOptions& options)
+  FocalVerifier(std::unique_ptr<CalibratedVerifier> calibrated, const TwoViewOptions& options)
       : calibrated_(std::move(calibrated)), options_(options), weigher_(options) {}
   PairReport Verify(const PairInput& input) override;
 
  private:
+  void Prepare(const PairInput& input);
   std::optional<FundamentalModel> Find(const PairInput& input, const PairReport& report) const;
   // Does F explain matches off the plane of this homography (pixels), more than by chance?
   bool HasParallax(const PairInput& input, const FundamentalModel& model,
@@ -27,10 +29,11 @@ class FocalVerifier : public PairVerifier {
   PairReport TryFocals(const PairInput& input, const PairReport& guess);
   void Fill(const PairInput& input, const FundamentalModel& model, PairReport* report) const;
 
-  std::unique_ptr<PairVerifier> calibrated_;
+  std::unique_ptr<CalibratedVerifier> calibrated_;
   TwoViewOptions options_;
   FocalWeigher weigher_;
-  PreparedPair pair_;
+  const PreparedPair* pair_ = nullptr;  // own, or the calibrated verifier's until it is used again
+  PreparedPair own_pair_;
 };
 
 }  // namespace cairn::internal

@@ -53,7 +53,7 @@ VerifierKind VerifierKindFromName(std::string_view name) {
 
 std::unique_ptr<PairVerifier> MakePairVerifier(VerifierKind kind, const TwoViewOptions& options) {
   ValidateOptions(options, "verification");
-  std::unique_ptr<PairVerifier> verifier;
+  std::unique_ptr<internal::CalibratedVerifier> verifier;
   if (kind == VerifierKind::kFivePoint) {
     verifier = std::make_unique<internal::FivePointVerifier>(options);
   } else {
