@@ -10,35 +10,19 @@
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
 #include "cairn/robust/pose_refinement.h"
-#include "cairn/solvers/essential.h"
 #include "cairn/solvers/homography.h"
+#include "two_view/cheirality.h"
 #include "two_view/evidence.h"
 #include "two_view/pair_noise.h"
 
 namespace cairn::internal {
 namespace {
 
-// In front of both cameras, or so far away that noise decides the sign of the depths.
-bool IsInFront(const Rigid3d& pose, const Eigen::Matrix3d& R, const Eigen::Vector2d& x1,
-               const Eigen::Vector2d& x2, double squared_far_angle) {
-  const Eigen::Vector3d a = R * x1.homogeneous(), b = x2.homogeneous();
-  const Eigen::Vector3d& t = pose.translation;
-  const double aa = a.squaredNorm(), bb = b.squaredNorm(), ab = a.dot(b);
-  const double det = aa * bb - ab * ab;  // aa bb sin^2 of the angle between the rays
-  if (ab > 0.0 && det < squared_far_angle * aa * bb) return true;
-  const double at = a.dot(t), bt = b.dot(t);
-  return ab * bt - bb * at > 0.0 && aa * bt - ab * at > 0.0;
-}
-
 class PairFinisher {
  public:
   PairFinisher(const PairInput& input, const PreparedPair& pair, const TwoViewOptions& options,
                OutcomeScratch* scratch)
-      : input_(input), pair_(pair), options_(options), scratch_(*scratch) {
-    const double angle =
-        2.0 * pair.max_error_px / std::min(pair.points.focal1_px(), pair.points.focal2_px());
-    squared_far_angle_ = angle * angle;
-  }
+      : input_(input), pair_(pair), options_(options), scratch_(*scratch), cheirality_(pair) {}
 
   void Run(const Rigid3d& start, PairReport* report) {
     Rigid3d pose = ChooseByCheirality(RefineToNoise(start));
@@ -89,17 +73,6 @@ class PairFinisher {
   }
 
  private:
-  int CountInFront(const Rigid3d& pose, int step) const {
-    const Eigen::Matrix3d R = pose.RotationMatrix();
-    int count = 0;
-    for (size_t k = 0; k < scratch_.inliers.size(); k += step) {
-      const int i = scratch_.inliers[k];
-      count +=
-          IsInFront(pose, R, pair_.points.Point1(i), pair_.points.Point2(i), squared_far_angle_);
-    }
-    return count;
-  }
-
   // The most accurate pose near one refined at the threshold: a smooth robust loss whose scale
   // follows the noise of this pair. The threshold that separates inliers is several times the
   // noise, and at that scale the loss would let their far ones pull.
@@ -121,23 +94,8 @@ class PairFinisher {
 
   // Of the four poses of the essential matrix, the one with the most inliers in front.
   Rigid3d ChooseByCheirality(const Rigid3d& start) {
-    const Eigen::Matrix3d E = EssentialFromPose(start);
-    FindSampsonInliers(E, pair_.max_error_px);
-    const EssentialDecomposition parts = DecomposeEssential(E);
-    const int step = 1 + static_cast<int>(scratch_.inliers.size()) / 100;
-    Rigid3d best = start;
-    int best_count = -1;
-    for (const Eigen::Matrix3d& R : {parts.R1, parts.R2}) {
-      for (const double sign : {1.0, -1.0}) {
-        const Rigid3d pose(R, sign * parts.t);
-        const int count = CountInFront(pose, step);
-        if (count > best_count) {
-          best_count = count;
-          best = pose;
-        }
-      }
-    }
-    return best;
+    FindSampsonInliers(EssentialFromPose(start), pair_.max_error_px);
+    return cheirality_.Choose(start, scratch_.inliers).pose;
   }
 
   void FindSampsonInliers(const Eigen::Matrix3d& E, double max_error_px) {
@@ -152,10 +110,7 @@ class PairFinisher {
   void CollectInliers(const Rigid3d& pose) {
     FindSampsonInliers(EssentialFromPose(pose), pair_.max_error_px);
     const Eigen::Matrix3d R = pose.RotationMatrix();
-    std::erase_if(scratch_.inliers, [&](int32_t i) {
-      return !IsInFront(pose, R, pair_.points.Point1(i), pair_.points.Point2(i),
-                        squared_far_angle_);
-    });
+    std::erase_if(scratch_.inliers, [&](int32_t i) { return !cheirality_.IsInFront(pose, R, i); });
   }
 
   void SetSupport(const Rigid3d& pose, PairReport* report) const {
@@ -323,7 +278,7 @@ class PairFinisher {
   const PreparedPair& pair_;
   const TwoViewOptions& options_;
   OutcomeScratch& scratch_;
-  double squared_far_angle_;
+  Cheirality cheirality_;
 };
 
 }  // namespace

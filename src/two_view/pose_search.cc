@@ -7,6 +7,7 @@
 #include "cairn/robust/sampson_kernels.h"
 #include "cairn/solvers/essential.h"
 #include "cairn/solvers/five_point.h"
+#include "two_view/cheirality.h"
 #include "two_view/evidence.h"
 #include "two_view/graph_cut.h"
 #include "two_view/pair_noise.h"
@@ -101,7 +102,9 @@ void PoseSearch::Resample(const ResampleOptions& options, Rng* rng) {
           RefinePose(reach_, Rigid3d(parts.R1, parts.t), Refinement(pair_->max_error_px, 10))
               .cam2_from_cam1;
       const Eigen::Matrix3d E = EssentialFromPose(pose);
-      const double support = SupportAt(E, sigma_px);
+      double support = SupportAt(E, sigma_px);
+      if (!(support > best_support)) continue;
+      support *= WeightInFront(pose);
       if (!(support > best_support)) continue;
       const double score = ScoreSampson(pair_->points, E, pair_->max_error_px);
       if (score < kEqualSupport * best_score_) continue;
@@ -202,6 +205,19 @@ void PoseSearch::Finish(const Rigid3d& started) {
   AddRefined(pose);
 }
 
+double PoseSearch::WeightInFront(const Rigid3d& pose) {
+  errors_.resize(pair_->points.num_blocks() * PointPairs::kBlock);
+  SampsonErrors(pair_->points, EssentialFromPose(pose), errors_.data());
+  explained_.clear();
+  for (int i = 0; i < pair_->size(); ++i) {
+    if (errors_[i] < pair_->max_error_px) explained_.push_back(i);
+  }
+  // Wrong matches may be behind right poses; few of them are no reason to choose between these.
+  constexpr double kMostInFront = 0.75;
+  const double share = Cheirality(*pair_).Choose(pose, explained_).share;
+  return share < kMostInFront ? share : 1.0;
+}
+
 double PoseSearch::MiddleScale() const {
   return std::min(kMiddleScale, options_.rough_error_ratio);
 }
@@ -218,7 +234,9 @@ Rigid3d PoseSearch::RefineOnAll(const Rigid3d& start, int max_iterations) const 
 
 void PoseSearch::AddRefined(const Rigid3d& pose) {
   const Eigen::Matrix3d E = EssentialFromPose(pose);
-  const double score = ScoreSampson(pair_->points, E, pair_->max_error_px);
+  double score = ScoreSampson(pair_->points, E, pair_->max_error_px);
+  if (score < kEqualSupport * best_score_) return;
+  score *= WeightInFront(pose);
   if (score < kEqualSupport * best_score_) return;
   const bool agrees = num_agreeing_ > 0 && Distance(E, best_E_) < kEqualMatrix;
   if (agrees) {

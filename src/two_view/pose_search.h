@@ -61,6 +61,9 @@ class PoseSearch {
   void Start(const Eigen::Matrix3d& E);
   void Finish(const Rigid3d& started);
   double MiddleScale() const;
+  // What support of a pose is worth: the share of the matches that it explains in front of both
+  // cameras, 1 where these are most of them.
+  double WeightInFront(const Rigid3d& pose);
   Rigid3d RefineOnSubset(const Rigid3d& start, double scale, int max_iterations) const;
   Rigid3d RefineOnAll(const Rigid3d& start, int max_iterations) const;
   // Matches that the best model explains, and those that a model near it might.
