@@ -209,7 +209,7 @@ TEST_F(FocalLearningTest, ACameraOfManyPairsIsWeighedBySomeOfThem) {
   }
   const std::vector<image_pair_t> all = database.ReadMatchedPairIds();
   const std::vector<image_pair_t> weighed = PairsToWeigh(database, all);
-  EXPECT_EQ(weighed.size(), 12u);
+  EXPECT_EQ(weighed.size(), 8u);
   EXPECT_TRUE(std::is_sorted(weighed.begin(), weighed.end()));
 }
 
