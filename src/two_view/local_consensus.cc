@@ -2,8 +2,8 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <numeric>
 
 #include "two_view/consensus_kernel.h"
 
@@ -22,6 +22,13 @@ float Radius(const Camera& camera, int num_matches) {
   const double area = static_cast<double>(camera.width) * camera.height;
   const double dense = std::sqrt(kWantedNeighbours * area / (M_PI * std::max(1, num_matches)));
   return static_cast<float>(std::min(kRadius * camera.DiagonalPx(), dense));
+}
+
+// Bits that are in the order of the numbers.
+uint32_t OrderedBits(float value) {
+  constexpr uint32_t kSign = 0x80000000;
+  const auto bits = std::bit_cast<uint32_t>(value);
+  return (bits & kSign) != 0 ? ~bits : bits | kSign;
 }
 
 }  // namespace
@@ -64,11 +71,13 @@ void LocalConsensus::Count(const PairInput& input, std::span<const int32_t> indi
 
 void LocalConsensus::Sort() {
   const int stride = size_ + kPadding;
-  order_.resize(size_);
-  std::iota(order_.begin(), order_.end(), 0);
-  const float* x1 = columns_.data();
-  std::sort(order_.begin(), order_.end(),
-            [x1](int32_t a, int32_t b) { return x1[a] < x1[b] || (x1[a] == x1[b] && a < b); });
+  keys_.clear();
+  for (int k = 0; k < size_; ++k) {
+    keys_.push_back(uint64_t{OrderedBits(columns_[k])} << 32 | static_cast<uint32_t>(k));
+  }
+  std::sort(keys_.begin(), keys_.end());
+  order_.clear();
+  for (const uint64_t key : keys_) order_.push_back(static_cast<int32_t>(key & 0xffffffff));
   sorted_.resize(columns_.size());
   for (int c = 0; c < kNumColumns; ++c) {
     const float* from = columns_.data() + static_cast<size_t>(c) * stride;

@@ -39,6 +39,7 @@ class LocalConsensus {
   std::vector<float> columns_, sorted_;
   std::vector<float> counts_;
   std::vector<int32_t> order_;
+  std::vector<uint64_t> keys_;
   std::vector<uint8_t> votes_;
   int num_supported_ = 0;
   double num_votes_ = 0, num_votes_by_chance_ = 0;

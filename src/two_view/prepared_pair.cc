@@ -1,5 +1,7 @@
 #include "two_view/prepared_pair.h"
 
+#include <hwy/cache_control.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -44,6 +46,15 @@ void OrderByConsensus(const PairInput& input, PreparedPair* pair) {
   pair->consensus_sigmas = (consensus.num_votes() - by_chance) / std::sqrt(by_chance + 1.0);
 }
 
+// The rows of a match lie anywhere in their images, and from here on are read in random order:
+// waiting for them one by one took a fourteenth of the verification.
+void PrefetchMatch(const PairInput& input, const FeatureMatch& match) {
+  hwy::Prefetch(input.keypoints1.data() + match.point1);
+  hwy::Prefetch(input.keypoints2.data() + match.point2);
+  if (!input.depth1.empty()) hwy::Prefetch(input.depth1.data() + match.point1);
+  if (!input.depth2.empty()) hwy::Prefetch(input.depth2.data() + match.point2);
+}
+
 }  // namespace
 
 void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrder order,
@@ -59,6 +70,7 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
   for (const FeatureMatch& match : input.matches) {
     CAIRN_CHECK_LT(match.point1, input.keypoints1.size());
     CAIRN_CHECK_LT(match.point2, input.keypoints2.size());
+    PrefetchMatch(input, match);
   }
   pair->order.resize(num_matches);
   std::iota(pair->order.begin(), pair->order.end(), 0);
