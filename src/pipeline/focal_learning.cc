@@ -9,8 +9,8 @@
 namespace cairn {
 namespace {
 
-// Of likely pairs of photographs with right focal lengths, 14 of 518 explain less than this share of
-// what F explains; with one that is half or twice the right one, 349 of 385.
+// Of likely pairs of photographs with right focal lengths, 14 of 518 explain less than this share
+// of what F explains; with one that is half or twice the right one, 349 of 385.
 constexpr double kMinShare = 0.95;
 constexpr int kMinExplained = 40;
 constexpr int kMaxPairs = 8;     // of a camera
