@@ -19,13 +19,17 @@ bool CompetingModelSearch::CollectRest(const PreparedPair& pair, const Eigen::Ma
   SampsonErrors(pair.points, E, errors_.data());
   indices_.clear();
   rest_.match_index.clear();
-  rest_.num_supported = 0;
+  rest_.num_supported = rest_.num_well_supported = 0;
   int num_supported_inliers = 0;
+  num_well_explained_ = 0;
   for (int i = 0; i < pair.size(); ++i) {
     const bool is_supported = i < pair.num_supported;
+    const bool is_well_supported = i < pair.num_well_supported;
     num_supported_inliers += is_supported && errors_[i] < pair.max_error_px;
+    num_well_explained_ += is_well_supported && errors_[i] < pair.max_error_px;
     if (errors_[i] < kFar * pair.max_error_px) continue;
     rest_.num_supported += is_supported;
+    rest_.num_well_supported += is_well_supported;
     indices_.push_back(i);
     rest_.match_index.push_back(pair.match_index[i]);
   }
@@ -40,9 +44,24 @@ bool CompetingModelSearch::CollectRest(const PreparedPair& pair, const Eigen::Ma
   return true;
 }
 
+bool CompetingModelSearch::IsOneOfMany() const {
+  // Without a model of their own they have to be as many times more.
+  constexpr double kWithoutModel = 4.0;
+  return rest_.num_well_supported >= options_.min_num_inliers &&
+         rest_.num_well_supported >
+             kWithoutModel * options_.min_competing_share * num_well_explained_;
+}
+
 FeatureMatches CompetingModelSearch::Find(const PairInput& input, const PreparedPair& pair,
                                           const Eigen::Matrix3d& E) {
   if (!CollectRest(pair, E)) return {};
+  FeatureMatches matches;
+  if (IsOneOfMany()) {
+    for (int i = 0; i < rest_.num_well_supported; ++i) {
+      matches.push_back(input.matches[rest_.match_index[i]]);
+    }
+    return matches;
+  }
   search_.Reset(rest_);
   // A model with that much support is found soon.
   RunTwoAcStep(input, rest_, std::min(kMaxSamples, options_.max_affine_samples), &search_);
@@ -51,7 +70,6 @@ FeatureMatches CompetingModelSearch::Find(const PairInput& input, const Prepared
       search_.score() < options_.min_competing_share * first_score) {
     return {};
   }
-  FeatureMatches matches;
   SampsonErrors(rest_.points, EssentialFromPose(search_.pose()), errors_.data());
   for (int i = 0; i < rest_.size(); ++i) {
     if (errors_[i] < rest_.max_error_px) {

@@ -45,7 +45,14 @@ PairReport FocalVerifier::Verify(const PairInput& input) {
   if (is_trusted && !is_ambiguous && !report.may_have_wrong_focal) return report;
   if (pair_ == nullptr) Prepare(input);
   std::optional<FundamentalModel> model = Find(input, report);
-  if (!model) return report;
+  if (!model) {
+    // What E explains is no more than chance for F, but E is of a guess all the same.
+    if (!is_trusted && HasPose(report)) {
+      report.geometry.config = TwoViewConfig::kUncalibrated;
+      report.geometry.E.reset();
+    }
+    return report;
+  }
   if (is_planar && !HasParallax(input, *model, *report.geometry.H)) return report;
   const auto num_inliers = static_cast<double>(model->inliers.size());
   if (is_ambiguous && num_inliers < options_.min_calibrated_share * report.num_inliers) {

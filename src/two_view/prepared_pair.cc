@@ -39,6 +39,7 @@ void OrderByConsensus(const PairInput& input, PreparedPair* pair) {
     for (size_t k = 0; k < num_voters; ++k) {
       if (class_of(consensus.votes()[k]) == c) sorted.push_back(order[k]);
     }
+    if (c == 3) pair->num_well_supported = static_cast<int>(sorted.size());
     if (c == 1) pair->num_supported = static_cast<int>(sorted.size());
   }
   std::copy(sorted.begin(), sorted.end(), order.begin());
@@ -75,11 +76,11 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
   pair->order.resize(num_matches);
   std::iota(pair->order.begin(), pair->order.end(), 0);
   Rng(input.seed, "order", input.pair_id).Shuffle(pair->order);
-  pair->num_supported = 0;
+  pair->num_supported = pair->num_well_supported = 0;
   pair->consensus_sigmas = 0.0;
   if (order == MatchOrder::kByConsensus) OrderByConsensus(input, pair);
   pair->match_index.clear();
-  int num_supported = pair->num_supported;
+  int num_supported = pair->num_supported, num_well_supported = pair->num_well_supported;
   for (int k = 0; k < num_matches; ++k) {
     const int32_t i = pair->order[k];
     const FeatureMatch& match = input.matches[i];
@@ -87,12 +88,14 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
     const auto x2 = camera2.CamFromImg(input.keypoints2[match.point2].Position());
     if (!x1 || !x2) {
       num_supported -= k < pair->num_supported;
+      num_well_supported -= k < pair->num_well_supported;
       continue;
     }
     pair->points.Set(static_cast<int>(pair->match_index.size()), *x1, *x2);
     pair->match_index.push_back(i);
   }
   pair->num_supported = num_supported;
+  pair->num_well_supported = num_well_supported;
   pair->points.Truncate(static_cast<int>(pair->match_index.size()));
 }
 

@@ -25,9 +25,11 @@ struct PreparedPair {
   // the image area, the mean of both images.
   double chance_per_px = 1e-3;
 
-  // The first num_supported matches have votes of their neighbours (kByConsensus only), and how far
-  // the number of votes is above chance, in standard deviations.
+  // The first num_supported matches have votes of their neighbours (kByConsensus only), the first
+  // num_well_supported four or more, which wrong matches hardly get by chance; and how far the
+  // number of votes is above chance, in standard deviations.
   int num_supported = 0;
+  int num_well_supported = 0;
   double consensus_sigmas = 0.0;
 
   int size() const { return points.size(); }

@@ -64,6 +64,24 @@ TEST(FocalVerifier, UnknownFocalLengthsGiveAFundamentalMatrix) {
   }
 }
 
+// An essential matrix takes fewer matches than a fundamental one to be more than chance.
+TEST(FocalVerifier, FewMatchesDoNotMakeAGuessedFocalLengthTrusted) {
+  int num_verified = 0;
+  for (uint64_t seed = 0; seed < 60; ++seed) {
+    const int num_inliers = 16 + static_cast<int>(seed % 10);
+    const Pair pair =
+        WithFocals(MakePair({.num_inliers = num_inliers, .num_outliers = 60}, seed), 1.0, false);
+    const PairReport report = Verify(pair);
+    if (report.status != PairStatus::kVerified) continue;
+    ++num_verified;
+    EXPECT_NE(report.geometry.config, TwoViewConfig::kCalibrated) << seed;
+    if (report.geometry.config != TwoViewConfig::kUncalibrated) continue;
+    EXPECT_TRUE(report.geometry.F.has_value());
+    EXPECT_FALSE(report.geometry.E.has_value());
+  }
+  EXPECT_GE(num_verified, 20);
+}
+
 // The guess explains little; another plausible focal length is nearer to the truth.
 TEST(FocalVerifier, OtherFocalLengthsAreTriedWhereTheGuessFails) {
   int num_good = 0;

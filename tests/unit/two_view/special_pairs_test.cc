@@ -207,5 +207,50 @@ TEST(SpecialPairs, TwoModelsOfRepeatedStructureGiveNoPose) {
             TwoViewConfig::kCalibrated);
 }
 
+// Pieces of a smooth surface that each moved elsewhere in the second image, as windows of a facade
+// do when every one matches another one.
+PairReport VerifyPieces(int num_pieces, const TwoViewOptions& options = {}) {
+  TwoViewProblemOptions wall;
+  wall.num_matches = 400;
+  wall.noise.image_px = 0.3;
+  TwoViewProblem problem = MakeTwoViewProblem(wall, 1);
+  Rng rng(1);
+  const double width = problem.camera1.width / static_cast<double>(num_pieces);
+  std::vector<Eigen::Vector2d> shifts;
+  for (int i = 0; i < num_pieces * num_pieces; ++i) {
+    const Eigen::Vector2d shift(rng.Uniform(-300.0, 300.0), rng.Uniform(-300.0, 300.0));
+    shifts.push_back(num_pieces > 1 ? shift : Eigen::Vector2d(0.0, 0.0));
+  }
+  for (const FeatureMatch& match : problem.matches) {
+    const Keypoint& keypoint1 = problem.keypoints1[match.point1];
+    Keypoint& keypoint2 = problem.keypoints2[match.point2];
+    const int column = std::clamp(static_cast<int>(keypoint1.x / width), 0, num_pieces - 1);
+    const int row = std::clamp(static_cast<int>(keypoint1.y / width), 0, num_pieces - 1);
+    keypoint2.x += static_cast<float>(shifts[row * num_pieces + column].x());
+    keypoint2.y += static_cast<float>(shifts[row * num_pieces + column].y());
+  }
+  PairInput input;
+  input.camera1 = &problem.camera1;
+  input.camera2 = &problem.camera2;
+  input.keypoints1 = problem.keypoints1;
+  input.keypoints2 = problem.keypoints2;
+  input.matches = problem.matches;
+  return MakePairVerifier(VerifierKind::kCascade, options)->Verify(input);
+}
+
+TEST(SpecialPairs, OneOfManyPiecesGivesNoPose) {
+  const PairReport whole = VerifyPieces(1);
+  ASSERT_EQ(whole.status, PairStatus::kVerified);
+  EXPECT_EQ(whole.geometry.config, TwoViewConfig::kCalibrated);
+  for (const int num_pieces : {5, 6, 8}) {
+    const PairReport report = VerifyPieces(num_pieces);
+    ASSERT_EQ(report.status, PairStatus::kVerified);
+    EXPECT_EQ(report.geometry.config, TwoViewConfig::kMultiple) << num_pieces;
+    EXPECT_FALSE(report.geometry.cam2_from_cam1.has_value());
+  }
+  EXPECT_EQ(VerifyPieces(8, {.min_competing_share = 10.0}).geometry.config,
+            TwoViewConfig::kCalibrated);
+}
+
 }  // namespace
 }  // namespace cairn
