@@ -8,6 +8,7 @@
 #include <x86intrin.h>
 
 #include "cairn/base/check.h"
+#include "cairn/base/instruction_set.h"
 #endif
 
 namespace cairn::experiments {
@@ -78,6 +79,7 @@ OperationCount CountOperations(const std::function<void()>& fn) {
   action.sa_sigaction = OnTrap;
   action.sa_flags = SA_SIGINFO;
   CAIRN_CHECK_EQ(sigaction(SIGTRAP, &action, &previous), 0);
+  const BuildsInstructionSet no_newer_one;
   __writeeflags(__readeflags() | kTrapFlag);
   fn();
   __writeeflags(__readeflags() & ~kTrapFlag);

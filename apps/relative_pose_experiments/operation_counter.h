@@ -22,8 +22,9 @@ struct OperationCount {
 bool CanCountOperations();
 
 // Runs fn with the processor's trap flag set, so that it stops after every instruction, and looks
-// at each next instruction (SSE; the build uses no newer set). About a microsecond an instruction.
-// Not reentrant, one thread at a time. fn must not throw. All zeros where it cannot count.
+// at each next instruction (SSE; no newer set is used meanwhile). About a microsecond an
+// instruction. Not reentrant, one thread at a time. fn must not throw. All zeros where it cannot
+// count.
 OperationCount CountOperations(const std::function<void()>& fn);
 
 }  // namespace cairn::experiments
