@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "cairn/robust/sampson_kernels.h"
+#include "two_view/focal_plausibility.h"
 #include "two_view/fundamental_search.h"
 
 namespace cairn::internal {
@@ -35,7 +36,10 @@ std::optional<FocalEvidence> FocalWeigher::Weigh(const PairInput& input, const P
       static_cast<int>(std::count_if(errors_.begin(), errors_.begin() + evidence.num_matches,
                                      [&](float error) { return error < pair.max_error_px; }));
   evidence.num_by_fundamental = evidence.num_by_essential;
-  if (const auto model = FindFundamental(input, supported_, options_)) {
+  // (An F that no plausible focal lengths give is of repeated structure, and says nothing of them.)
+  const bool one_camera = input.camera1->camera_id == input.camera2->camera_id;
+  const auto model = FindFundamental(input, supported_, options_);
+  if (model && HasPlausibleFocals(model->F, one_camera)) {
     evidence.num_by_fundamental =
         std::max(evidence.num_by_essential, static_cast<int>(model->inliers.size()));
   }
