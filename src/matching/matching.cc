@@ -1,6 +1,9 @@
 #include "cairn/matching/matching.h"
 
+#include <algorithm>
 #include <cmath>
+#include <tuple>
+#include <utility>
 
 #include "cairn/base/check.h"
 #include "matching/nearest_two.h"
@@ -19,6 +22,26 @@ bool Passes(const NearestTwo& nearest, const MatchingOptions& options) {
   return nearest.best < options.max_ratio * options.max_ratio * nearest.second;
 }
 
+// The square of the ratio; 0 without a second neighbour.
+double SquaredRatio(const NearestTwo& nearest) {
+  return nearest.second == kNoNeighbor ? 0.0 : static_cast<double>(nearest.best) / nearest.second;
+}
+
+struct RankedMatch {
+  double squared_ratio;
+  FeatureMatch match;
+};
+
+FeatureMatches BestFirst(std::vector<RankedMatch> ranked) {
+  std::sort(ranked.begin(), ranked.end(), [](const RankedMatch& a, const RankedMatch& b) {
+    return std::tie(a.squared_ratio, a.match.point1) < std::tie(b.squared_ratio, b.match.point1);
+  });
+  FeatureMatches matches;
+  matches.reserve(ranked.size());
+  for (const RankedMatch& r : ranked) matches.push_back(r.match);
+  return matches;
+}
+
 }  // namespace
 
 PreparedDescriptors::PreparedDescriptors(const Descriptors& descriptors)
@@ -34,15 +57,15 @@ PreparedDescriptors::PreparedDescriptors(const Descriptors& descriptors)
 FeatureMatches MatchDescriptors(const PreparedDescriptors& descriptors1,
                                 const PreparedDescriptors& descriptors2,
                                 const MatchingOptions& options) {
-  FeatureMatches matches;
+  std::vector<RankedMatch> ranked;
   if (!options.cross_check) {
     std::vector<NearestTwo> nearest;
     FindNearestTwo(descriptors2, descriptors1, &nearest, nullptr);
     for (point2D_t i = 0; i < nearest.size(); ++i) {
       if (!Passes(nearest[i], options)) continue;
-      matches.push_back({i, static_cast<point2D_t>(nearest[i].index)});
+      ranked.push_back({SquaredRatio(nearest[i]), {i, static_cast<point2D_t>(nearest[i].index)}});
     }
-    return matches;
+    return BestFirst(std::move(ranked));
   }
   std::vector<NearestTwo> nearest1, nearest2;
   FindNearestTwo(descriptors1, descriptors2, &nearest2, &nearest1);
@@ -55,9 +78,11 @@ FeatureMatches MatchDescriptors(const PreparedDescriptors& descriptors1,
     if (Passes(nearest1[i], options) && nearest1[i].best == nearest2[j].best) match_of[i] = j;
   }
   for (point2D_t i = 0; i < match_of.size(); ++i) {
-    if (match_of[i] != kInvalidPoint2D) matches.push_back({i, match_of[i]});
+    const point2D_t j = match_of[i];
+    if (j == kInvalidPoint2D) continue;
+    ranked.push_back({std::max(SquaredRatio(nearest1[i]), SquaredRatio(nearest2[j])), {i, j}});
   }
-  return matches;
+  return BestFirst(std::move(ranked));
 }
 
 FeatureMatches MatchDescriptors(const Descriptors& descriptors1, const Descriptors& descriptors2,

@@ -49,12 +49,38 @@ bool SolveCholesky(Matrix5d A, Vector5d b, Vector5d* x) {
   return true;
 }
 
+// The sum over groups, each as a loss of at most its weight.
+SampsonNormalEquations Linearize(std::span<const WeightedPoints> groups, const Eigen::Matrix3d& R,
+                                 const Eigen::Vector3d& t,
+                                 const Eigen::Matrix<double, 3, 2>& tangent, RobustLoss loss) {
+  SampsonNormalEquations sum;
+  sum.hessian.setZero();
+  sum.gradient.setZero();
+  for (const WeightedPoints& group : groups) {
+    const SampsonNormalEquations part =
+        AccumulateSampson(*group.points, R, t, tangent, loss, group.scale_px);
+    const double weight = group.weight / (group.scale_px * group.scale_px);
+    sum.hessian += weight * part.hessian;
+    sum.gradient += weight * part.gradient;
+    sum.cost += group.weight * part.cost;
+  }
+  return sum;
+}
+
+double Cost(std::span<const WeightedPoints> groups, const Eigen::Matrix3d& R,
+            const Eigen::Vector3d& t, RobustLoss loss) {
+  double sum = 0.0;
+  for (const WeightedPoints& group : groups) {
+    sum += group.weight * SampsonCost(*group.points, R, t, loss, group.scale_px);
+  }
+  return sum;
+}
+
 // A step whose gain would end the refinement if the cost were quadratic, or nearly so.
 bool IsProbablyLast(const SampsonNormalEquations& equations, const Vector5d& step,
                     const PoseRefinementOptions& options) {
   constexpr double kMargin = 2.0;
-  const double squared_scale = options.scale_px * options.scale_px;
-  const double expected_gain = -equations.gradient.dot(step) / squared_scale;
+  const double expected_gain = -equations.gradient.dot(step);
   return expected_gain < kMargin * options.min_relative_gain * equations.cost;
 }
 
@@ -62,13 +88,19 @@ bool IsProbablyLast(const SampsonNormalEquations& equations, const Vector5d& ste
 
 PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
                                 const PoseRefinementOptions& options) {
+  const WeightedPoints group{&points, options.scale_px};
+  return RefinePose({&group, 1}, start, options);
+}
+
+PoseRefinementReport RefinePose(std::span<const WeightedPoints> groups, const Rigid3d& start,
+                                const PoseRefinementOptions& options) {
   const double norm = start.translation.norm();
   CAIRN_CHECK_GT(norm, 0.0);
   Eigen::Quaterniond rotation = start.rotation.normalized();
   Eigen::Vector3d t = start.translation / norm;
   Eigen::Matrix<double, 3, 2> tangent = TangentBasis(t);
-  SampsonNormalEquations equations = AccumulateSampson(points, rotation.toRotationMatrix(), t,
-                                                       tangent, options.loss, options.scale_px);
+  SampsonNormalEquations equations =
+      Linearize(groups, rotation.toRotationMatrix(), t, tangent, options.loss);
   PoseRefinementReport report;
   double lambda = 1e-3;
   while (report.num_iterations < options.max_iterations) {
@@ -84,16 +116,13 @@ PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
     const Eigen::Matrix3d next_R = next_rotation.toRotationMatrix();
     const Eigen::Vector3d next_t = (t + tangent * step.tail<2>()).normalized();
     const Eigen::Matrix<double, 3, 2> next_tangent = TangentBasis(next_t);
-    auto linearize = [&] {
-      return AccumulateSampson(points, next_R, next_t, next_tangent, options.loss,
-                               options.scale_px);
-    };
+    auto linearize = [&] { return Linearize(groups, next_R, next_t, next_tangent, options.loss); };
     // Nobody needs the derivatives at the end.
     const bool only_cost =
         report.num_iterations == options.max_iterations || IsProbablyLast(equations, step, options);
     SampsonNormalEquations next;
     if (only_cost) {
-      next.cost = SampsonCost(points, next_R, next_t, options.loss, options.scale_px);
+      next.cost = Cost(groups, next_R, next_t, options.loss);
     } else {
       next = linearize();
     }

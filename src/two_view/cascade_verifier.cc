@@ -79,12 +79,8 @@ bool CascadeVerifier::CanTrustDepth(const PairInput& input) const {
 }
 
 void CascadeVerifier::Resample(const PairInput& input) {
-  PoseSearch::ResampleOptions resample;
-  resample.num_samples = options_.num_resamples;
-  if (steps_.five_point) {  // The whole cascade spares less effort.
-    resample.num_refined = 4;
-    resample.patience = 4;
-  }
+  auto resample = PoseSearch::ThoroughResampling(options_);
+  if (!steps_.five_point) resample.num_refined = resample.patience = 2;
   Rng rng(input.seed, "resample", input.pair_id);
   search_.Resample(resample, &rng);
 }

@@ -19,27 +19,29 @@ bool CompetingModelSearch::CollectRest(const PreparedPair& pair, const Eigen::Ma
   SampsonErrors(pair.points, E, errors_.data());
   indices_.clear();
   rest_.match_index.clear();
-  rest_.num_supported = rest_.num_well_supported = 0;
+  int num_supported = 0, num_well_supported = 0;
   int num_supported_inliers = 0;
   num_well_explained_ = 0;
   for (int i = 0; i < pair.size(); ++i) {
-    const bool is_supported = i < pair.num_supported;
-    const bool is_well_supported = i < pair.num_well_supported;
+    const bool is_supported = i < pair.NumSupported();
+    const bool is_well_supported = i < pair.NumWellSupported();
     num_supported_inliers += is_supported && errors_[i] < pair.max_error_px;
     num_well_explained_ += is_well_supported && errors_[i] < pair.max_error_px;
     if (errors_[i] < kFar * pair.max_error_px) continue;
-    rest_.num_supported += is_supported;
-    rest_.num_well_supported += is_well_supported;
+    num_supported += is_supported;
+    num_well_supported += is_well_supported;
     indices_.push_back(i);
     rest_.match_index.push_back(pair.match_index[i]);
   }
-  if (rest_.num_supported < options_.min_num_inliers ||
-      rest_.num_supported < options_.min_competing_share * num_supported_inliers) {
+  if (num_supported < options_.min_num_inliers ||
+      num_supported < options_.min_competing_share * num_supported_inliers) {
     return false;
   }
   rest_.points.SetSubset(pair.points, indices_.data(), static_cast<int>(indices_.size()));
   rest_.max_error_px = pair.max_error_px;
   rest_.chance_per_px = pair.chance_per_px;
+  rest_.vote_class_end = {num_well_supported, num_supported, num_supported, rest_.points.size(),
+                          rest_.points.size()};
   rest_.consensus_sigmas = pair.consensus_sigmas;
   return true;
 }
@@ -47,8 +49,8 @@ bool CompetingModelSearch::CollectRest(const PreparedPair& pair, const Eigen::Ma
 bool CompetingModelSearch::IsOneOfMany() const {
   // Without a model of their own they have to be as many times more.
   constexpr double kWithoutModel = 4.0;
-  return rest_.num_well_supported >= options_.min_num_inliers &&
-         rest_.num_well_supported >
+  return rest_.NumWellSupported() >= options_.min_num_inliers &&
+         rest_.NumWellSupported() >
              kWithoutModel * options_.min_competing_share * num_well_explained_;
 }
 
@@ -57,7 +59,7 @@ FeatureMatches CompetingModelSearch::Find(const PairInput& input, const Prepared
   if (!CollectRest(pair, E)) return {};
   FeatureMatches matches;
   if (IsOneOfMany()) {
-    for (int i = 0; i < rest_.num_well_supported; ++i) {
+    for (int i = 0; i < rest_.NumWellSupported(); ++i) {
       matches.push_back(input.matches[rest_.match_index[i]]);
     }
     return matches;

@@ -7,7 +7,7 @@
 
 namespace cairn::internal {
 
-// Five-point LO-RANSAC over all matches: needs neither depth nor affine frames.
+// Locally optimized RANSAC over five points: needs neither depth nor affine frames.
 class FivePointVerifier : public CalibratedVerifier {
  public:
   explicit FivePointVerifier(const TwoViewOptions& options) : options_(options), search_(options) {}

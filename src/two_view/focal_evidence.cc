@@ -22,7 +22,7 @@ FocalWeigher::FocalWeigher(const TwoViewOptions& options) : options_(options) {
 std::optional<FocalEvidence> FocalWeigher::Weigh(const PairInput& input, const PreparedPair& pair,
                                                  const Eigen::Matrix3d& E) {
   FocalEvidence evidence;
-  evidence.num_matches = std::min(pair.num_supported, kMaxMatches);
+  evidence.num_matches = std::min(pair.NumSupported(), kMaxMatches);
   if (!pair.IsSupported() || evidence.num_matches < kMinMatches) return std::nullopt;
   supported_.points.SetPrefix(pair.points, evidence.num_matches);
   supported_.num_supported = evidence.num_matches;

@@ -22,7 +22,7 @@ constexpr double kImplausible = 0.5;  // what support without plausible focal le
 
 Eigen::Matrix3d FundamentalResampling::Run(const Eigen::Matrix3d& start, Rng* rng) {
   constexpr int kFewPoints = 256;
-  supported_.SetPrefix(pair_.points, pair_.IsSupported() ? pair_.num_supported : 0);
+  supported_.SetPrefix(pair_.points, pair_.IsSupported() ? pair_.NumSupported() : 0);
   const FundamentalRefinementOptions rough{
       .scale_px = pair_.max_error_px, .max_iterations = 10, .min_relative_gain = 1e-3};
   Eigen::Matrix3d best = start;

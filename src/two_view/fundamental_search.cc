@@ -102,7 +102,7 @@ std::optional<FundamentalModel> FindFundamental(const PairInput& input, const Pr
                                                 const TwoViewOptions& options) {
   const bool is_supported = pair.IsSupported();
   const int num_data =
-      is_supported ? std::max(pair.num_supported, 2 * SevenPoint::kSampleSize) : pair.size();
+      is_supported ? std::max(pair.NumSupported(), 2 * SevenPoint::kSampleSize) : pair.size();
   SevenPointEstimator estimator(pair, std::min(num_data, pair.size()));
   RansacOptions ransac;
   ransac.confidence = options.confidence;

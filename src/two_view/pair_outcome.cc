@@ -13,7 +13,6 @@
 #include "cairn/solvers/homography.h"
 #include "two_view/cheirality.h"
 #include "two_view/evidence.h"
-#include "two_view/pair_noise.h"
 
 namespace cairn::internal {
 namespace {
@@ -77,19 +76,12 @@ class PairFinisher {
   // follows the noise of this pair. The threshold that separates inliers is several times the
   // noise, and at that scale the loss would let their far ones pull.
   Rigid3d RefineToNoise(const Rigid3d& start) {
-    PoseRefinementOptions refinement;
-    refinement.loss = RobustLoss::kGemanMcClure;
     // Matches farther away have no weight.
-    constexpr double kReach = 10.0;
-    FindSampsonInliers(EssentialFromPose(start), kReach * pair_.max_error_px);
-    PointPairs& near = scratch_.near;
-    near.SetSubset(pair_.points, scratch_.inliers.data(),
-                   static_cast<int>(scratch_.inliers.size()));
-    constexpr double kScaleOfMedian = 2.0;  // 1.35 sigmas
-    refinement.scale_px =
-        NoiseScalePx(pair_, scratch_.errors, kScaleOfMedian, &scratch_.special.errors);
-    refinement.min_relative_gain = 1e-4;
-    return RefinePose(near, start, refinement).cam2_from_cam1;
+    constexpr double kReach = 10.0;  // thresholds
+    const double reach_px = kReach * pair_.max_error_px;
+    FindSampsonInliers(EssentialFromPose(start), reach_px);
+    scratch_.support.Learn(pair_, scratch_.errors, reach_px);
+    return scratch_.support.Refine(start);
   }
 
   // Of the four poses of the essential matrix, the one with the most inliers in front.

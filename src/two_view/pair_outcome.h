@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "two_view/guided_support.h"
 #include "two_view/prepared_pair.h"
 #include "two_view/special_pairs.h"
 
@@ -11,7 +12,8 @@ namespace cairn::internal {
 struct OutcomeScratch {
   std::vector<float> errors;
   std::vector<int32_t> inliers;
-  PointPairs shifted, near;
+  PointPairs shifted;
+  GuidedSupport support;
   std::vector<uint64_t> cells;
   SpecialPairScratch special;
 };

@@ -10,7 +10,6 @@
 #include "two_view/cheirality.h"
 #include "two_view/evidence.h"
 #include "two_view/graph_cut.h"
-#include "two_view/pair_noise.h"
 
 namespace cairn::internal {
 namespace {
@@ -23,6 +22,8 @@ constexpr double kMiddleScale = 3.0;
 constexpr int kGroupSize = 3, kNumFirstSteps = 2;
 // A refined hypothesis goes on while its support is at least this share of the best so far.
 constexpr double kPromising = 0.7;
+// Matches that a model near the best one might explain are nearer than so many thresholds.
+constexpr double kReach = 16.0;
 // Refined models agree when their support does, and their matrices (|E|^2 = 2; 0.05 is about 2
 // degrees).
 constexpr double kEqualSupport = 0.9, kEqualMatrix = 0.05;
@@ -82,17 +83,14 @@ int PoseSearch::MoveBestToFront(int max_count) {
 
 void PoseSearch::Resample(const ResampleOptions& options, Rng* rng) {
   constexpr double kGain = 1.005;  // of the support: less is no progress
-  // Matches that their neighbours bear out are more often right: they count twice.
-  supported_.SetPrefix(pair_->points, pair_->IsSupported() ? pair_->num_supported : 0);
   int num_stale_rounds = 0;
   for (int round = 0; round < options.max_num_rounds && HasModel(); ++round) {
     if (num_stale_rounds >= options.patience) break;
     FindReach();
     // Models near each other differ in how closely they fit, which only the noise's own scale
     // tells.
-    constexpr double kSigmaOfMedian = 1.4826;  // of normal errors
-    const double sigma_px = NoiseScalePx(*pair_, errors_, kSigmaOfMedian, &scratch_);
-    const double support_before = SupportAt(best_E_, sigma_px);
+    guided_.Learn(*pair_, errors_, kReach * pair_->max_error_px);
+    const double support_before = guided_.Score(best_E_);
     double best_support = support_before;
     SampleExplained(options.num_samples, rng);
     const int num_refined = MoveBestToFront(options.num_refined);
@@ -102,7 +100,7 @@ void PoseSearch::Resample(const ResampleOptions& options, Rng* rng) {
           RefinePose(reach_, Rigid3d(parts.R1, parts.t), Refinement(pair_->max_error_px, 10))
               .cam2_from_cam1;
       const Eigen::Matrix3d E = EssentialFromPose(pose);
-      double support = SupportAt(E, sigma_px);
+      double support = guided_.Score(E);
       if (!(support > best_support)) continue;
       support *= WeightInFront(pose);
       if (!(support > best_support)) continue;
@@ -119,12 +117,8 @@ void PoseSearch::Resample(const ResampleOptions& options, Rng* rng) {
   if (HasModel()) best_score_ = ScoreSampson(pair_->points, best_E_, pair_->max_error_px);
 }
 
-double PoseSearch::SupportAt(const Eigen::Matrix3d& E, double sigma_px) const {
-  return SoftScoreSampson(pair_->points, E, sigma_px) + SoftScoreSampson(supported_, E, sigma_px);
-}
-
 void PoseSearch::FindReach() {
-  constexpr double kExplained = 2.0, kReach = 16.0;  // thresholds
+  constexpr double kExplained = 2.0;  // thresholds
   errors_.resize(pair_->points.num_blocks() * PointPairs::kBlock);
   SampsonErrors(pair_->points, best_E_, errors_.data());
   explained_.clear();

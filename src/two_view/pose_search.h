@@ -4,6 +4,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/robust/pose_refinement.h"
+#include "two_view/guided_support.h"
 #include "two_view/prepared_pair.h"
 
 namespace cairn::internal {
@@ -36,6 +37,10 @@ class PoseSearch {
     int patience = 2;      // rounds without gain before the end
     int max_num_rounds = 10;
   };
+  // Spares no effort.
+  static ResampleOptions ThoroughResampling(const TwoViewOptions& options) {
+    return {.num_samples = options.num_resamples, .num_refined = 4, .patience = 4};
+  }
   void Resample(const ResampleOptions& options, Rng* rng);
 
   bool HasModel() const { return best_score_ > 0.0; }
@@ -68,19 +73,18 @@ class PoseSearch {
   Rigid3d RefineOnAll(const Rigid3d& start, int max_iterations) const;
   // Matches that the best model explains, and those that a model near it might.
   void FindReach();
-  // Soft support at the scale of the noise.
-  double SupportAt(const Eigen::Matrix3d& E, double sigma_px) const;
   void CutReach();  // the former by a graph cut
   void SampleExplained(int num_samples, Rng* rng);
 
   TwoViewOptions options_;
   const PreparedPair* pair_ = nullptr;
-  PointPairs subset_, supported_;
+  PointPairs subset_;
   std::vector<Hypothesis> hypotheses_;
   std::vector<Started> started_;
-  std::vector<float> errors_, scratch_;
+  std::vector<float> errors_;
   std::vector<int32_t> explained_, reach_indices_;
   PointPairs reach_;
+  GuidedSupport guided_;
   int64_t num_hypotheses_ = 0;
 
   Rigid3d best_pose_;

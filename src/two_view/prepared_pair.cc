@@ -26,6 +26,14 @@ double BandPerPx(const Camera& camera) {
 // Votes are counted among so many matches: enough to find right ones where there are more.
 constexpr int kMaxVoters = 512;
 
+// Matches in order of their points, as COLMAP writes them, do not tell which are better.
+bool AreBestFirst(std::span<const FeatureMatch> matches) {
+  auto by_point1 = [](const FeatureMatch& a, const FeatureMatch& b) { return a.point1 < b.point1; };
+  auto by_point2 = [](const FeatureMatch& a, const FeatureMatch& b) { return a.point2 < b.point2; };
+  return !std::is_sorted(matches.begin(), matches.end(), by_point1) &&
+         !std::is_sorted(matches.begin(), matches.end(), by_point2);
+}
+
 void OrderByConsensus(const PairInput& input, PreparedPair* pair) {
   std::vector<int32_t>& order = pair->order;
   const size_t num_voters = std::min<size_t>(order.size(), kMaxVoters);
@@ -39,8 +47,7 @@ void OrderByConsensus(const PairInput& input, PreparedPair* pair) {
     for (size_t k = 0; k < num_voters; ++k) {
       if (class_of(consensus.votes()[k]) == c) sorted.push_back(order[k]);
     }
-    if (c == 3) pair->num_well_supported = static_cast<int>(sorted.size());
-    if (c == 1) pair->num_supported = static_cast<int>(sorted.size());
+    pair->vote_class_end[3 - c] = static_cast<int>(sorted.size());
   }
   std::copy(sorted.begin(), sorted.end(), order.begin());
   const double by_chance = consensus.num_votes_by_chance();
@@ -54,6 +61,28 @@ void PrefetchMatch(const PairInput& input, const FeatureMatch& match) {
   hwy::Prefetch(input.keypoints2.data() + match.point2);
   if (!input.depth1.empty()) hwy::Prefetch(input.depth1.data() + match.point1);
   if (!input.depth2.empty()) hwy::Prefetch(input.depth2.data() + match.point2);
+}
+
+// Undistorts the matches in their order and leaves out those that a camera cannot express.
+void Undistort(const PairInput& input, PreparedPair* pair) {
+  const std::array<int, PreparedPair::kNumVoteClasses> class_end = pair->vote_class_end;
+  const int num_matches = static_cast<int>(pair->order.size());
+  pair->match_index.clear();
+  int c = 0;
+  for (int k = 0; k <= num_matches; ++k) {
+    const int num_kept = static_cast<int>(pair->match_index.size());
+    while (c < PreparedPair::kNumVoteClasses && class_end[c] == k) {
+      pair->vote_class_end[c++] = num_kept;
+    }
+    if (k == num_matches) break;
+    const FeatureMatch& match = input.matches[pair->order[k]];
+    const auto x1 = input.camera1->CamFromImg(input.keypoints1[match.point1].Position());
+    const auto x2 = input.camera2->CamFromImg(input.keypoints2[match.point2].Position());
+    if (!x1 || !x2) continue;
+    pair->points.Set(num_kept, *x1, *x2);
+    pair->match_index.push_back(pair->order[k]);
+  }
+  pair->points.Truncate(static_cast<int>(pair->match_index.size()));
 }
 
 }  // namespace
@@ -75,28 +104,19 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
   }
   pair->order.resize(num_matches);
   std::iota(pair->order.begin(), pair->order.end(), 0);
-  Rng(input.seed, "order", input.pair_id).Shuffle(pair->order);
-  pair->num_supported = pair->num_well_supported = 0;
+  const bool are_best_first = AreBestFirst(input.matches);
+  if (!are_best_first) Rng(input.seed, "order", input.pair_id).Shuffle(pair->order);
+  pair->vote_class_end.fill(0);
+  pair->vote_class_end.back() = num_matches;
   pair->consensus_sigmas = 0.0;
   if (order == MatchOrder::kByConsensus) OrderByConsensus(input, pair);
-  pair->match_index.clear();
-  int num_supported = pair->num_supported, num_well_supported = pair->num_well_supported;
-  for (int k = 0; k < num_matches; ++k) {
-    const int32_t i = pair->order[k];
-    const FeatureMatch& match = input.matches[i];
-    const auto x1 = camera1.CamFromImg(input.keypoints1[match.point1].Position());
-    const auto x2 = camera2.CamFromImg(input.keypoints2[match.point2].Position());
-    if (!x1 || !x2) {
-      num_supported -= k < pair->num_supported;
-      num_well_supported -= k < pair->num_well_supported;
-      continue;
-    }
-    pair->points.Set(static_cast<int>(pair->match_index.size()), *x1, *x2);
-    pair->match_index.push_back(i);
-  }
-  pair->num_supported = num_supported;
-  pair->num_well_supported = num_well_supported;
-  pair->points.Truncate(static_cast<int>(pair->match_index.size()));
+  Undistort(input, pair);
+  pair->best_first.clear();
+  if (!are_best_first) return;
+  pair->best_first.resize(pair->match_index.size());
+  std::iota(pair->best_first.begin(), pair->best_first.end(), 0);
+  std::sort(pair->best_first.begin(), pair->best_first.end(),
+            [pair](int32_t a, int32_t b) { return pair->match_index[a] < pair->match_index[b]; });
 }
 
 }  // namespace cairn::internal

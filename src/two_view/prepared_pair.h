@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "cairn/robust/point_pairs.h"
@@ -9,8 +10,8 @@
 namespace cairn::internal {
 
 enum class MatchOrder {
-  kRandom,
-  kByConsensus,  // matches with more votes of their neighbours first, random among equals
+  kGiven,        // best first if they came so (PairInput::matches), otherwise random
+  kByConsensus,  // matches with more votes of their neighbours first, among equals as kGiven
 };
 
 // The matches of a pair in normalized coordinates, in the order that verifiers work with. Owned by
@@ -25,12 +26,18 @@ struct PreparedPair {
   // the image area, the mean of both images.
   double chance_per_px = 1e-3;
 
-  // The first num_supported matches have votes of their neighbours (kByConsensus only), the first
-  // num_well_supported four or more, which wrong matches hardly get by chance; and how far the
-  // number of votes is above chance, in standard deviations.
-  int num_supported = 0;
-  int num_well_supported = 0;
+  // Votes that matches have of their neighbours (kByConsensus only): 4 and more, which wrong
+  // matches hardly get by chance; 2 or 3; 1; none; not asked for. Class c ends before
+  // points[vote_class_end[c]].
+  static constexpr int kNumVoteClasses = 5;
+  std::array<int, kNumVoteClasses> vote_class_end = {};
+  int NumWellSupported() const { return vote_class_end[0]; }
+  int NumSupported() const { return vote_class_end[2]; }  // any vote
+  // How far the number of votes is above chance, in standard deviations.
   double consensus_sigmas = 0.0;
+
+  // Indices of points, best match first; empty if it is not known which matches are better.
+  std::vector<int32_t> best_first;
 
   int size() const { return points.size(); }
   // Do the matches bear each other out, by their frames (kByConsensus only)?

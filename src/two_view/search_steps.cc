@@ -12,12 +12,24 @@
 namespace cairn::internal {
 namespace {
 
-// Samples are drawn in turns from the matches that have votes, and from all.
+// Samples are drawn in turns from the matches that have votes, and from all; or rather than from
+// all from the best half, quarter and eighth of them, where that is known (the idea of PROSAC: Chum
+// and Matas, CVPR 2005).
 void DrawSample(const PreparedPair& pair, int64_t turn, int sample_size, Rng* rng,
                 uint32_t* sample) {
-  const bool supported = turn % 2 == 0 && pair.num_supported >= 2 * sample_size;
-  const int n = supported ? pair.num_supported : pair.size();
-  rng->Sample(static_cast<uint32_t>(n), static_cast<uint32_t>(sample_size), sample);
+  const auto size = static_cast<uint32_t>(sample_size);
+  if (turn % 2 == 0 && pair.NumSupported() >= 2 * sample_size) {
+    rng->Sample(static_cast<uint32_t>(pair.NumSupported()), size, sample);
+    return;
+  }
+  constexpr int kNumParts = 3;
+  const auto num_best = static_cast<uint32_t>(pair.best_first.size() >> (1 + turn / 2 % kNumParts));
+  if (num_best < 4 * size) {
+    rng->Sample(static_cast<uint32_t>(pair.size()), size, sample);
+    return;
+  }
+  rng->Sample(num_best, size, sample);
+  for (uint32_t k = 0; k < size; ++k) sample[k] = pair.best_first[sample[k]];
 }
 
 }  // namespace
@@ -98,7 +110,7 @@ void RunFivePointStep(const PairInput& input, const PreparedPair& pair, int max_
   constexpr int kSampleSize = FivePoint::kSampleSize;
   if (pair.size() < kSampleSize) return;
   constexpr int kBatch = 20, kNumRefined = 2;
-  Rng rng(input.seed, "cascade_five_point", input.pair_id);
+  Rng rng(input.seed, "five_point", input.pair_id);
   Eigen::Matrix3d models[FivePoint::kMaxSolutions];
   for (int turn = 0; turn < max_num_samples && !search->HasConverged(); ++turn) {
     uint32_t sample[kSampleSize];

@@ -1,6 +1,7 @@
 // Success of verifiers on synthetic pairs by share of outliers and noise: percent of seeds whose
 // pose is within 2 degrees. A mark (!) stands where the cascade is below five points.
 //   robustness_bench [--num_seeds 100] [--layout relief] [--verifier cascade,five_point]
+#include <algorithm>
 #include <cstdio>
 #include <sstream>
 
@@ -66,7 +67,11 @@ bool Succeeds(const TwoViewProblem& problem, int seed, PairVerifier& verifier) {
   input.keypoints2 = problem.keypoints2;
   input.depth1 = problem.depth1;
   input.depth2 = problem.depth2;
-  input.matches = problem.matches;
+  // In an order that does not tell which are right.
+  FeatureMatches matches = problem.matches;
+  std::sort(matches.begin(), matches.end(),
+            [](const FeatureMatch& a, const FeatureMatch& b) { return a.point1 < b.point1; });
+  input.matches = matches;
   const PairReport report = verifier.Verify(input);
   if (report.status != PairStatus::kVerified || !report.geometry.cam2_from_cam1) return false;
   const Rigid3d& pose = *report.geometry.cam2_from_cam1;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/robust/sampson_kernels.h"
 
@@ -20,8 +22,19 @@ struct PoseRefinementReport {
   int num_iterations = 0;
 };
 
+// Points that are refined together with others: their losses have a scale of their own, and this
+// weight (a loss is at most 1).
+struct WeightedPoints {
+  const PointPairs* points;
+  double scale_px = 1.0;
+  double weight = 1.0;
+};
+
 // Levenberg-Marquardt over SO(3) x S2 on the robust Sampson error, no heap. `start` needs t != 0.
 PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
+                                const PoseRefinementOptions& options);
+// The same over several groups of points, each at its own scale (options.scale_px has no meaning).
+PoseRefinementReport RefinePose(std::span<const WeightedPoints> groups, const Rigid3d& start,
                                 const PoseRefinementOptions& options);
 
 // The Gauss-Newton hessian of the truncated loss at a pose, px^-2 units: its inverse is the

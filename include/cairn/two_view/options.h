@@ -36,7 +36,7 @@ struct TwoViewOptions {
   // Label pairs whose inliers are marks in the frame of the images, or printed all over them, and
   // give them no pose.
   bool detect_watermark = true;
-  // Limits of the five-point verifier.
+  // Most samples of the five-point verifier, and fewest of the search for a fundamental matrix.
   int max_iterations = 10000;
   int min_iterations = 100;
   // The solver of the 1AC+D verifier.
@@ -64,7 +64,7 @@ struct TwoViewOptions {
         "max_error_px", max_error_px, {0.0, 1000.0},
         "inlier threshold on the Sampson error, px; 0: 0.05 % of the image diagonal, at least 1");
     v.Double("confidence", confidence, {0.0, 0.999999999},
-             "chance that the best model was found before five-point sampling stops");
+             "chance that the best model was found before seven-point sampling stops");
     v.Int("min_num_matches", min_num_matches, {5, 1e9}, "pairs with fewer matches are not tried");
     v.Int("min_num_inliers", min_num_inliers, {5, 1e9},
           "pairs with fewer inliers are never accepted");
@@ -81,8 +81,7 @@ struct TwoViewOptions {
     v.Bool("detect_watermark", detect_watermark,
            "give pairs of marks in the frame, or printed over photographs, no pose");
     v.Int("max_iterations", max_iterations, {1, 1e9}, "most samples the five-point verifier draws");
-    v.Int("min_iterations", min_iterations, {1, 1e9},
-          "fewest samples the five-point verifier draws");
+    v.Int("min_iterations", min_iterations, {1, 1e9}, "fewest seven-point samples of a pair");
     v.Choice("depth_solver", depth_solver, {"proposed", "umeyama"},
              "solver for one affine correspondence with depth");
     v.Double("rough_error_ratio", rough_error_ratio, {1.0, 1000.0},

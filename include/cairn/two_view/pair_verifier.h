@@ -24,6 +24,8 @@ struct PairInput {
   std::span<const Keypoint> keypoints2;
   std::span<const DepthSample> depth1;  // one per keypoint, or empty: the image has no depth
   std::span<const DepthSample> depth2;
+  // Best first, if it is known which are better; in order of point1 or point2 (COLMAP's databases)
+  // if not.
   std::span<const FeatureMatch> matches;
   // Share of the 1AC+D hypotheses of each image that proved right in other pairs; 1: not known. The
   // cascade leaves 1AC+D out where no hypothesis of this pair can be expected to be right.
@@ -83,7 +85,7 @@ enum class VerifierKind {
   kFast,        // the cascade without five points
   kOneAcDepth,  // one affine correspondence with depth a hypothesis: every match gives one
   kTwoAc,       // two affine correspondences without depth
-  kFivePoint,   // five-point LO-RANSAC
+  kFivePoint,   // five points a sample, locally optimized
 };
 std::string_view VerifierKindName(VerifierKind kind);  // "cascade", "fast", ...
 // Throws ConfigError for an unknown name.

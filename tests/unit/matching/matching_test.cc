@@ -4,7 +4,10 @@
 #include <gmock/gmock.h>
 #include <hwy/highway.h>
 
+#include <algorithm>
 #include <cmath>
+#include <set>
+#include <tuple>
 
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
@@ -68,16 +71,24 @@ FeatureMatches NaiveMatches(const Descriptors& a, const Descriptors& b,
     return n.index >= 0 && n.best <= max_squared &&
            (n.second == kNoNeighbor || n.best < options.max_ratio * options.max_ratio * n.second);
   };
-  FeatureMatches matches;
+  const auto squared_ratio = [](const NearestTwo& n) {
+    return n.second == kNoNeighbor ? 0.0 : static_cast<double>(n.best) / n.second;
+  };
+  std::vector<std::tuple<double, point2D_t, point2D_t>> ranked;
   for (int i = 0; i < a.rows(); ++i) {
     const NearestTwo forward = NaiveNearestTwo(a, i, b);
     if (!passes(forward)) continue;
+    double ratio = squared_ratio(forward);
     if (options.cross_check) {
       const NearestTwo backward = NaiveNearestTwo(b, forward.index, a);
       if (!passes(backward) || backward.index != i) continue;
+      ratio = std::max(ratio, squared_ratio(backward));
     }
-    matches.push_back({static_cast<point2D_t>(i), static_cast<point2D_t>(forward.index)});
+    ranked.emplace_back(ratio, i, forward.index);
   }
+  std::sort(ranked.begin(), ranked.end());
+  FeatureMatches matches;
+  for (const auto& [ratio, i, j] : ranked) matches.push_back({i, j});
   return matches;
 }
 
@@ -151,10 +162,25 @@ TEST(MatchDescriptors, FindsAPermutation) {
   const Descriptors b = Shuffled(a, order, 5);
   const FeatureMatches matches = MatchDescriptors(b, a, {});
   ASSERT_THAT(matches, SizeIs(200));
-  for (point2D_t i = 0; i < 200; ++i) {
-    EXPECT_EQ(matches[i].point1, i);
-    EXPECT_EQ(matches[i].point2, static_cast<point2D_t>(order[i]));
+  std::set<point2D_t> points1;
+  for (const FeatureMatch& match : matches) {
+    points1.insert(match.point1);
+    EXPECT_EQ(match.point2, static_cast<point2D_t>(order[match.point1]));
   }
+  EXPECT_THAT(points1, SizeIs(200));
+}
+
+TEST(MatchDescriptors, TheMostDistinctiveComeFirst) {
+  const Descriptors a = RandomDescriptors(50, 3, 120);
+  Descriptors b = a;
+  // Later ones are farther from their counterparts.
+  for (int i = 0; i < 50; ++i) b(i, 0) = static_cast<uint8_t>(a(i, 0) + 2 * (49 - i));
+  const FeatureMatches matches = MatchDescriptors(a, b, {});
+  ASSERT_THAT(matches, SizeIs(50));
+  int num_in_order = 0;
+  for (int k = 1; k < 50; ++k) num_in_order += matches[k - 1].point1 > matches[k].point1;
+  EXPECT_GE(num_in_order, 40);
+  EXPECT_EQ(matches.front().point1, 49u);
 }
 
 TEST(MatchDescriptors, SwappedImagesGiveSwappedMatchesUnderCrossCheck) {
@@ -163,8 +189,10 @@ TEST(MatchDescriptors, SwappedImagesGiveSwappedMatchesUnderCrossCheck) {
   FeatureMatches forward = MatchDescriptors(a, b, options);
   FeatureMatches backward = MatchDescriptors(b, a, options);
   for (FeatureMatch& match : backward) std::swap(match.point1, match.point2);
-  std::sort(backward.begin(), backward.end(),
-            [](const auto& x, const auto& y) { return x.point1 < y.point1; });
+  for (FeatureMatches* matches : {&forward, &backward}) {
+    std::sort(matches->begin(), matches->end(),
+              [](const auto& x, const auto& y) { return x.point1 < y.point1; });
+  }
   EXPECT_THAT(forward, testing::Not(IsEmpty()));
   EXPECT_EQ(forward, backward);
 }

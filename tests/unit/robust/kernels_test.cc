@@ -2,6 +2,7 @@
 
 #include <Eigen/LU>
 #include <cmath>
+#include <numeric>
 #include <vector>
 
 #include "cairn/geometry/epipolar.h"
@@ -235,6 +236,29 @@ TEST(RefinePose, IgnoresOutliersBeyondItsScale) {
   EXPECT_LT(test::PoseError(report.cam2_from_cam1, scene.cam2_from_cam1), 0.005);
   options.max_iterations = 0;
   EXPECT_GE(RefinePose(points, scene.cam2_from_cam1, options).cost, report.cost);
+}
+
+TEST(RefinePose, GroupsOfPointsAddUp) {
+  Rng rng(3);
+  const TwoViewScene scene = RandomScene(rng, 100);
+  const PointPairs all = MakePoints(scene, 1000.0, 1000.0, 0.5, 0, rng);
+  std::vector<int32_t> first(40), rest(60);
+  std::iota(first.begin(), first.end(), 0);
+  std::iota(rest.begin(), rest.end(), 40);
+  PointPairs a, b;
+  a.SetSubset(all, first.data(), 40);
+  b.SetSubset(all, rest.data(), 60);
+  const PoseRefinementOptions options{.loss = RobustLoss::kGemanMcClure};
+  const auto whole = RefinePose(all, scene.cam2_from_cam1, options);
+  const WeightedPoints groups[] = {{&a}, {&b}};
+  const auto parts = RefinePose(groups, scene.cam2_from_cam1, options);
+  EXPECT_NEAR(parts.cost, whole.cost, 1e-4 * whole.cost);
+  EXPECT_TRUE(parts.cam2_from_cam1.translation.isApprox(whole.cam2_from_cam1.translation, 1e-4));
+  // Without weight a group has no say.
+  const WeightedPoints only_a[] = {{&a}, {&b, 1.0, 0.0}};
+  const auto alone = RefinePose(a, scene.cam2_from_cam1, options);
+  const auto ignoring = RefinePose(only_a, scene.cam2_from_cam1, options);
+  EXPECT_TRUE(ignoring.cam2_from_cam1.translation.isApprox(alone.cam2_from_cam1.translation, 1e-6));
 }
 
 TEST(RefinePose, SwappedImagesInvertThePose) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
 #include "cairn/base/error.h"
@@ -223,8 +224,7 @@ TEST(CascadeVerifier, LocalOptimizationByGraphCutIsAChoice) {
 
 TEST(FivePointVerifier, IsDeterministicAndDependsOnTheSeed) {
   const Pair pair = MakePair({.num_inliers = 60, .num_outliers = 140}, 4);
-  const auto verifier =
-      MakePairVerifier(VerifierKind::kFivePoint, {.confidence = 0.1, .min_iterations = 1});
+  const auto verifier = MakePairVerifier(VerifierKind::kFivePoint, {});
   PairInput input = pair.Input();
   EXPECT_EQ(verifier->Verify(input).num_iterations, verifier->Verify(input).num_iterations);
   std::set<int64_t> iterations;
@@ -239,10 +239,36 @@ TEST(FivePointVerifier, ItsOptionsChangeWhatItDoes) {
   auto iterations = [&](const TwoViewOptions& options) {
     return MakePairVerifier(VerifierKind::kFivePoint, options)->Verify(pair.Input()).num_iterations;
   };
-  EXPECT_EQ(iterations({.max_iterations = 7, .min_iterations = 1}), 7);
-  EXPECT_EQ(iterations({.min_iterations = 500}), 500);
-  EXPECT_GT(iterations({.confidence = 0.999999, .min_iterations = 1}),
-            iterations({.confidence = 0.5, .min_iterations = 1}));
+  EXPECT_GT(iterations({}), iterations({.max_iterations = 7, .num_resamples = 0}));
+  EXPECT_GT(iterations({}), iterations({.num_resamples = 0}));
+}
+
+// One in ten matches is right. Samples come from the best of them, where that is known.
+TEST(FivePointVerifier, DrawsFromTheBestMatchesFirst) {
+  int num_ranked = 0, num_unranked = 0;
+  for (uint64_t seed = 0; seed < 5; ++seed) {
+    Pair pair = MakePair({.num_inliers = 40, .num_outliers = 360}, seed);
+    const auto verifier = MakePairVerifier(VerifierKind::kFivePoint, {.max_iterations = 1000});
+    auto by_point1 = [](const FeatureMatch& a, const FeatureMatch& b) {
+      return a.point1 < b.point1;
+    };
+    std::sort(pair.matches.begin(), pair.matches.end(), by_point1);
+    num_unranked += PoseErrorDeg(verifier->Verify(pair.Input()), pair) < 1.0;
+    // Right ones among the first 40 of 80, the others behind.
+    FeatureMatches right, wrong;
+    for (size_t i = 0; i < pair.matches.size(); ++i) {
+      (pair.is_inlier[i] ? right : wrong).push_back(pair.matches[i]);
+    }
+    for (size_t i = 0; i < right.size(); ++i) {
+      pair.matches[2 * i] = wrong[i];
+      pair.matches[2 * i + 1] = right[i];
+    }
+    std::copy(wrong.begin() + static_cast<ptrdiff_t>(right.size()), wrong.end(),
+              pair.matches.begin() + static_cast<ptrdiff_t>(2 * right.size()));
+    num_ranked += PoseErrorDeg(verifier->Verify(pair.Input()), pair) < 1.0;
+  }
+  EXPECT_EQ(num_ranked, 5);
+  EXPECT_LT(num_unranked, 3);
 }
 
 TEST(MakePairVerifier, RefusesWrongOptionsAndNames) {

@@ -4,7 +4,9 @@
 #include <numeric>
 
 #include "cairn/geometry/epipolar.h"
+#include "cairn/math/angles.h"
 #include "two_view/evidence.h"
+#include "two_view/guided_support.h"
 #include "two_view/local_consensus.h"
 #include "two_view/pair_fixture.h"
 #include "two_view/pair_noise.h"
@@ -92,7 +94,7 @@ TEST(PreparePair, PutsSupportedMatchesFirst) {
   PreparedPair prepared;
   PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
   ASSERT_EQ(prepared.size(), 400);
-  EXPECT_GE(prepared.num_supported, 90);
+  EXPECT_GE(prepared.NumSupported(), 90);
   EXPECT_GT(prepared.consensus_sigmas, 10.0);
   int right = 0;
   for (int i = 0; i < 80; ++i) right += pair.is_inlier[prepared.match_index[i]];
@@ -103,6 +105,72 @@ TEST(PreparePair, PutsSupportedMatchesFirst) {
   for (int i = 0; i < 400; ++i) EXPECT_EQ(sorted[i], i);
 }
 
+TEST(PreparePair, KnowsWhichMatchesAreBest) {
+  Pair pair = MakeSmoothPair(100, 300, 4);
+  PreparedPair prepared;
+  // In order of the first points: nothing is known.
+  PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
+  EXPECT_TRUE(prepared.best_first.empty());
+  std::reverse(pair.matches.begin(), pair.matches.end());
+  for (const MatchOrder order : {MatchOrder::kByConsensus, MatchOrder::kGiven}) {
+    PreparePair(pair.Input(), {}, order, &prepared);
+    ASSERT_EQ(prepared.best_first.size(), 400u);
+    for (int k = 0; k < 400; ++k) EXPECT_EQ(prepared.match_index[prepared.best_first[k]], k);
+  }
+  // In order of the second points, as a swapped pair of a database: nothing again.
+  std::sort(pair.matches.begin(), pair.matches.end(),
+            [](const FeatureMatch& a, const FeatureMatch& b) { return a.point2 < b.point2; });
+  PreparePair(pair.Input(), {}, MatchOrder::kGiven, &prepared);
+  EXPECT_TRUE(prepared.best_first.empty());
+}
+
+TEST(PreparePair, VoteClassesFollowEachOther) {
+  const Pair pair = MakeSmoothPair(100, 600, 4);
+  PreparedPair prepared;
+  PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
+  const auto& ends = prepared.vote_class_end;
+  EXPECT_TRUE(std::is_sorted(ends.begin(), ends.end()));
+  EXPECT_EQ(ends[2], prepared.NumSupported());
+  EXPECT_EQ(ends[3], 512);  // asked
+  EXPECT_EQ(ends[4], 700);
+  PreparePair(pair.Input(), {}, MatchOrder::kGiven, &prepared);
+  EXPECT_EQ(prepared.vote_class_end, (std::array<int, 5>{0, 0, 0, 0, 700}));
+}
+
+// Votes that hold tell the matches of a class that is right from those of one that is not, and the
+// pose follows the former.
+TEST(GuidedSupport, TrustsTheClassesThatProvedRight) {
+  double guided_error = 0.0, plain_error = 0.0;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    const Pair pair = MakePair({.num_inliers = 40, .num_outliers = 160, .noise_px = 1.0}, seed);
+    PreparedPair prepared;
+    PreparePair(pair.Input(), {.max_error_px = 1.0}, MatchOrder::kGiven, &prepared);
+    std::vector<int32_t> sorted;
+    for (const bool is_right : {true, false}) {
+      for (int i = 0; i < prepared.size(); ++i) {
+        if (pair.is_inlier[prepared.match_index[i]] == is_right) sorted.push_back(i);
+      }
+    }
+    std::vector<int32_t> all(200);
+    std::iota(all.begin(), all.end(), 0);
+    PointPairs points;
+    points.SetSubset(prepared.points, sorted.data(), prepared.size());
+    prepared.points.SetSubset(points, all.data(), 200);
+    std::vector<float> errors(prepared.points.num_blocks() * PointPairs::kBlock);
+    SampsonErrors(prepared.points, EssentialFromPose(pair.cam2_from_cam1), errors.data());
+    auto error_of = [&] {
+      GuidedSupport support;
+      support.Learn(prepared, errors, 16.0);
+      const Rigid3d pose = support.Refine(pair.cam2_from_cam1);
+      return AngleBetween(pose.translation, pair.cam2_from_cam1.translation);
+    };
+    plain_error += error_of();
+    prepared.vote_class_end = {40, 40, 40, 200, 200};
+    guided_error += error_of();
+  }
+  EXPECT_LT(guided_error, 0.9 * plain_error);
+}
+
 TEST(PreparePair, LeavesOutWhatTheCameraCannotSee) {
   Pair pair = MakePair({}, 1);
   pair.camera2.params.back() = -2.0;  // folds over within the image
@@ -110,19 +178,19 @@ TEST(PreparePair, LeavesOutWhatTheCameraCannotSee) {
   PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
   EXPECT_LT(prepared.size(), static_cast<int>(pair.matches.size()));
   EXPECT_EQ(prepared.size(), static_cast<int>(prepared.match_index.size()));
-  EXPECT_LE(prepared.num_supported, prepared.size());
+  EXPECT_LE(prepared.NumSupported(), prepared.size());
 }
 
 TEST(PreparePair, ThresholdFollowsTheImageSize) {
   Pair pair = MakePair({}, 1);
   PreparedPair prepared;
-  PreparePair(pair.Input(), {}, MatchOrder::kRandom, &prepared);
+  PreparePair(pair.Input(), {}, MatchOrder::kGiven, &prepared);
   EXPECT_NEAR(prepared.max_error_px, 0.0005 * pair.camera1.DiagonalPx(), 1e-9);
   pair.camera1.width = pair.camera2.width = 320;
   pair.camera1.height = pair.camera2.height = 240;
-  PreparePair(pair.Input(), {}, MatchOrder::kRandom, &prepared);
+  PreparePair(pair.Input(), {}, MatchOrder::kGiven, &prepared);
   EXPECT_EQ(prepared.max_error_px, 1.0);
-  PreparePair(pair.Input(), {.max_error_px = 2.5}, MatchOrder::kRandom, &prepared);
+  PreparePair(pair.Input(), {.max_error_px = 2.5}, MatchOrder::kGiven, &prepared);
   EXPECT_EQ(prepared.max_error_px, 2.5);
 }
 
@@ -260,7 +328,7 @@ TEST(Evidence, MatchesOfOneSpotCountOnce) {
   Pair repeated = pair;
   for (int k = 0; k < 30; ++k) repeated.matches.push_back(pair.matches[0]);
   PreparedPair prepared;
-  PreparePair(repeated.Input(), {}, MatchOrder::kRandom, &prepared);
+  PreparePair(repeated.Input(), {}, MatchOrder::kGiven, &prepared);
   std::vector<int32_t> all(prepared.size());
   std::iota(all.begin(), all.end(), 0);
   std::vector<uint64_t> scratch;
@@ -272,7 +340,7 @@ TEST(Evidence, MatchesOfOneSpotCountOnce) {
 TEST(Evidence, ChanceIsMeasuredOnTheImageItself) {
   const Pair pair = MakePair({.num_inliers = 400, .num_outliers = 0}, 1);
   PreparedPair prepared;
-  PreparePair(pair.Input(), {}, MatchOrder::kRandom, &prepared);
+  PreparePair(pair.Input(), {}, MatchOrder::kGiven, &prepared);
   PointPairs scratch;
   const Eigen::Matrix3d E = EssentialFromPose(pair.cam2_from_cam1);
   const double chance = ChanceOfInlier(prepared, E, 1.0, &scratch);
@@ -342,7 +410,7 @@ TEST(PairNoise, IsThatOfTheRightMatches) {
     const Pair pair =
         MakePair({.num_inliers = 2000, .num_outliers = 2000, .noise_px = noise_px}, 3);
     PreparedPair prepared;
-    PreparePair(pair.Input(), {.max_error_px = 1.0}, MatchOrder::kRandom, &prepared);
+    PreparePair(pair.Input(), {.max_error_px = 1.0}, MatchOrder::kGiven, &prepared);
     std::vector<float> errors(prepared.points.num_blocks() * PointPairs::kBlock), scratch;
     SampsonErrors(prepared.points, EssentialFromPose(pair.cam2_from_cam1), errors.data());
     // Noise of both points adds up to noise_px across the epipolar line.
