@@ -25,7 +25,7 @@ std::optional<FocalEvidence> FocalWeigher::Weigh(const PairInput& input, const P
   evidence.num_matches = std::min(pair.NumSupported(), kMaxMatches);
   if (!pair.IsSupported() || evidence.num_matches < kMinMatches) return std::nullopt;
   supported_.points.SetPrefix(pair.points, evidence.num_matches);
-  supported_.num_supported = evidence.num_matches;
+  supported_.vote_class_end.fill(evidence.num_matches);
   supported_.consensus_sigmas = pair.consensus_sigmas;
   supported_.max_error_px = pair.max_error_px;
   supported_.chance_per_px = pair.chance_per_px;
