@@ -70,6 +70,7 @@ int Run(const Command& command, State& state) {
                  flags.output_path, k, model.images.size(), result.images.size(),
                  model.points3D.size(), model.MeanReprojectionErrorPx());
   }
+  for (const std::string& warning : result.report.warnings) spdlog::warn("{}", warning);
   return kExitSuccess;
 }
 

@@ -1,6 +1,7 @@
 #include "cairn/pipeline/reconstruct.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "cairn/base/memory.h"
 #include "cairn/base/timer.h"
@@ -122,6 +123,50 @@ std::string Names(const StageContext& context, std::span<const image_t> images) 
   return text;
 }
 
+// Warns of a model that contradicts its own verified pairs, or parts of it that do.
+void JudgeModel(StageContext& context, const Reconstruction& model, const ModelEvidence& evidence,
+                const ViewGraph& graph) {
+  Stage stage(context, "judgement");
+  const Symmetry symmetry = FindSymmetry(model, graph);
+  stage.Add("explained_share", evidence.inside.Share());
+  stage.Add("contradicted_pairs", evidence.num_contradicted);
+  stage.Add("symmetric_pairs", symmetry.num_pairs);
+  const auto warn = [&](const std::string& what, const std::vector<image_t>& images) {
+    const std::string text = "model " + std::to_string(context.model) + " (" +
+                             std::to_string(model.images.size()) + " images): " + what +
+                             (images.empty() ? "" : ": " + Names(context, images));
+    context.report.warnings.push_back(text);
+    stage.Warn(text);
+  };
+  std::vector<image_t> doubtful;
+  for (const auto& [id, support] : evidence.images) {
+    if (support.IsContradicted()) doubtful.push_back(id);
+  }
+  std::stable_sort(doubtful.begin(), doubtful.end(), [&](image_t a, image_t b) {
+    return evidence.images.at(a).Share() < evidence.images.at(b).Share();
+  });
+  const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
+  if (evidence.inside.IsContradicted()) {
+    warn("it explains only " + percent +
+             " % of the verified matches of its images and is probably wrong; worst",
+         doubtful);
+  } else if (!doubtful.empty()) {
+    warn(std::to_string(doubtful.size()) +
+             " images contradict most of their verified matches and are probably misplaced",
+         doubtful);
+  }
+  if (symmetry.IsFold()) {
+    warn(std::to_string(symmetry.num_pairs) +
+             " pairs that were taken out agree with each other that the scene turned by " +
+             std::to_string(std::lround(symmetry.angle_deg)) + " degrees looks the same, " +
+             std::to_string(symmetry.num_active) +
+             " agree with the model: it may show equal sides of a building as one. Give the "
+             "photos of each side to a run of their own, or add photos with more of the "
+             "surroundings. These pairs are of",
+         symmetry.images);
+  }
+}
+
 // Names what is in no model.
 void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>>& small) {
   Stage stage(context.report, context.monitor, "left_out");
@@ -144,9 +189,9 @@ void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>
   stage.Add("images", static_cast<double>(context.scene.images.size() - context.taken.size()));
 }
 
-// Models of all components, into result.
-void BuildModels(StageContext& context, ViewGraphResult& view_graph, const std::string& image_path,
-                 ReconstructResult& result) {
+// Models of all components, into result. Returns their evidence, nats.
+double BuildModels(StageContext& context, ViewGraphResult& view_graph,
+                   const std::string& image_path, ReconstructResult& result) {
   constexpr int kMaxSplits = 4;
   const ReconstructOptions& options = context.settings.reconstruct;
   ViewGraph& graph = view_graph.graph;
@@ -154,6 +199,7 @@ void BuildModels(StageContext& context, ViewGraphResult& view_graph, const std::
   for (const std::vector<image_t>& images : view_graph.report.components) queue.Add({images});
   std::vector<std::vector<image_t>> small;
   std::string first_failure;
+  double evidence_nats = 0;
   for (bool is_first = true; !queue.empty(); is_first = false) {
     if (context.monitor.StopRequested()) {
       context.report.failure = "stopped by the user after " + std::to_string(result.models.size()) +
@@ -171,6 +217,10 @@ void BuildModels(StageContext& context, ViewGraphResult& view_graph, const std::
     TakeOver(built.graph, graph);
     for (const size_t e : built.twin_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {
+      if (!context.scene.poses_alone) {
+        JudgeModel(context, *built.model, built.evidence, built.graph);
+      }
+      evidence_nats += built.evidence.nats;
       if (options.colors && !image_path.empty() && !built.model->points3D.empty()) {
         ColorPoints(context, image_path, *built.model);
       }
@@ -203,6 +253,53 @@ void BuildModels(StageContext& context, ViewGraphResult& view_graph, const std::
                    [](const Reconstruction& a, const Reconstruction& b) {
                      return a.images.size() > b.images.size();
                    });
+  return evidence_nats;
+}
+
+// Graph and models with the scene's calibration.
+struct CalibratedResult {
+  ReconstructResult result;
+  double evidence_nats = 0;
+};
+CalibratedResult ReconstructCalibrated(const SceneData& scene, const std::string& image_path,
+                                       const ReconstructSettings& settings,
+                                       ProgressMonitor& monitor) {
+  CalibratedResult calibrated;
+  ReconstructResult& result = calibrated.result;
+  ViewGraphResult graph = BuildGraph(scene, settings, monitor, result.report);
+  if (result.report.Succeeded()) {
+    StageContext context{scene, settings, monitor, result.report};
+    calibrated.evidence_nats = BuildModels(context, graph, image_path, result);
+  }
+  result.graph = std::move(graph.graph);
+  return calibrated;
+}
+
+// With the scene's calibration and, where its pairs could not tell which of two is right, with the
+// other one: the result with more evidence.
+ReconstructResult ReconstructBest(SceneData& scene, const std::string& image_path,
+                                  const ReconstructSettings& settings, ProgressMonitor& monitor) {
+  CalibratedResult best = ReconstructCalibrated(scene, image_path, settings, monitor);
+  if (!scene.alternative || monitor.StopRequested()) return std::move(best.result);
+  monitor.Info(
+      "reconstructed again with the focal lengths that were there before: pairs could not "
+      "tell which are right");
+  std::swap(scene.cameras, scene.alternative->cameras);
+  std::swap(scene.edges, scene.alternative->edges);
+  CalibratedResult other = ReconstructCalibrated(scene, image_path, settings, monitor);
+  const bool takes_other = other.evidence_nats > best.evidence_nats;
+  if (takes_other) std::swap(best, other);
+  // What was tried stays in the report.
+  std::vector<StageReport>& stages = best.result.report.stages;
+  stages.insert(stages.begin(), other.result.report.stages.begin(),
+                other.result.report.stages.end());
+  StageReport stage;
+  stage.name = "focal_choice";
+  stage.Add("calibrated", takes_other ? 0 : 1);
+  stage.Add("evidence_nats", best.evidence_nats);
+  stage.Add("evidence_nats_otherwise", other.evidence_nats);
+  stages.push_back(std::move(stage));
+  return std::move(best.result);
 }
 
 }  // namespace
@@ -230,31 +327,26 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
   v.Bool(
       "separate_twins", separate_twins,
       "find places that look alike and were put on top of each other, and reconstruct them apart");
-  v.Bool(
-      "refuse_symmetric", refuse_symmetric,
-      "refuse a model if many pairs that contradict it agree on one rotation of the scene: equal "
-      "sides of a building shown as one");
   v.Bool("colors", colors, "color the points from the photographs");
 }
 
 ReconstructResult ReconstructScene(const Database& database, const std::string& image_path,
                                    const ReconstructSettings& settings, ProgressMonitor& monitor) {
   const Timer timer;
+  RunReport read;
+  SceneData scene = ReadSceneData(database, settings, monitor, read);
   ReconstructResult result;
+  if (read.Succeeded()) {
+    result = ReconstructBest(scene, image_path, settings, monitor);
+  } else {
+    result.report.failure = read.failure;
+  }
+  for (const auto& [id, image] : scene.images) result.images.push_back(image);
   RunReport& report = result.report;
   report.program = "global_sfm reconstruct";
   report.seed = settings.seed;
   report.num_threads = settings.num_threads;
-  const SceneData scene = ReadSceneData(database, settings, monitor, report);
-  for (const auto& [id, image] : scene.images) result.images.push_back(image);
-  if (!report.Succeeded()) return result;
-  ViewGraphResult graph = BuildGraph(scene, settings, monitor, report);
-  result.graph = graph.graph;
-  if (!report.Succeeded()) return result;
-
-  StageContext context{scene, settings, monitor, report};
-  BuildModels(context, graph, image_path, result);
-  result.graph = std::move(graph.graph);
+  report.stages.insert(report.stages.begin(), read.stages.begin(), read.stages.end());
   size_t num_registered = 0;
   for (const Reconstruction& model : result.models) num_registered += model.images.size();
   report.values = {{"images", static_cast<double>(scene.images.size())},

@@ -9,32 +9,18 @@ namespace {
 
 std::string Count(int64_t n, const std::string& what) { return std::to_string(n) + " " + what; }
 
-// Global rotations; takes out the edges that disagree with them and the images that this cuts off.
-std::optional<std::map<image_t, Eigen::Quaterniond>> AverageComponentRotations(
-    StageContext& context, ViewGraph& graph) {
-  Stage stage(context, "rotation_averaging");
-  std::vector<RotationEdge> edges;
-  for (const ViewEdge& edge : graph.edges) {
-    if (!edge.IsActive()) continue;
-    edges.push_back({edge.image_id1, edge.image_id2, edge.cam2_from_cam1.rotation,
-                     static_cast<double>(std::max(1, edge.num_inliers))});
-  }
-  const RotationAveragingReport report =
-      AverageRotations(edges, context.settings.rotation_averaging, context.monitor);
-  stage.Add("edges_in", static_cast<double>(edges.size()));
-  stage.Add("images_out", static_cast<double>(report.cam_from_world.size()));
-  stage.Add("median_residual_deg", report.median_residual_deg);
-  if (report.status == RotationAveragingStatus::kNotConverged) {
-    stage.Warn("rotation averaging did not converge; the rotations are the last ones");
-  } else if (report.status != RotationAveragingStatus::kSuccess) {
-    stage.Fail(std::string(RotationAveragingStatusName(report.status)) + " on " +
-                   Count(static_cast<int64_t>(edges.size()), "edges"),
-               "look at the view graph with global_sfm inspect");
-    return std::nullopt;
-  }
-  const int num_removed = RemoveRotationOutliers(
-      report.cam_from_world, context.settings.view_graph.max_rotation_error_deg, graph);
-  stage.Add("edges_removed", num_removed);
+// Takes out the edges that disagree with the rotations, unless another pose that agrees explains
+// their matches too, and the images that this cuts off. Rotations of the images that stay.
+std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
+    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+    ViewGraph& graph) {
+  Stage stage(context, "edges");
+  const double max_error_deg = context.settings.view_graph.max_rotation_error_deg;
+  stage.Add("edges_in", graph.NumActiveEdges());
+  stage.Add("refitted", context.scene.poses_imported
+                            ? 0
+                            : RefitEdges(context, cam_from_world, max_error_deg, graph));
+  stage.Add("edges_removed", RemoveRotationOutliers(cam_from_world, max_error_deg, graph));
   const std::vector<std::vector<image_t>> components = ActiveComponents(graph);
   if (components.empty()) {
     stage.Fail("no edge agrees with the global rotations",
@@ -43,7 +29,8 @@ std::optional<std::map<image_t, Eigen::Quaterniond>> AverageComponentRotations(
   }
   if (components.size() > 1) KeepImages(components.front(), graph);
   std::map<image_t, Eigen::Quaterniond> rotations;
-  for (const image_t id : components.front()) rotations[id] = report.cam_from_world.at(id);
+  for (const image_t id : components.front()) rotations[id] = cam_from_world.at(id);
+  stage.Add("images_out", static_cast<double>(rotations.size()));
   return rotations;
 }
 
@@ -76,7 +63,7 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
   std::vector<size_t> edge_indices;
   for (size_t i = 0; i < graph.edges.size(); ++i) {
     const ViewEdge& edge = graph.edges[i];
-    if (!edge.IsActive()) continue;
+    if (!edge.IsActive() || !edge.HasTranslation()) continue;
     const Eigen::Vector3d direction =
         rotations.at(edge.image_id2).conjugate() * -edge.cam2_from_cam1.translation;
     directions.push_back({edge.image_id1, edge.image_id2, direction, 1.0});
@@ -132,10 +119,10 @@ TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph) {
   return BuildTracks(pairs, context.settings.tracks);
 }
 
-std::optional<InitialModel> AverageComponent(StageContext& context,
-                                             std::span<const image_t> component, ViewGraph& graph) {
-  KeepImages(component, graph);
-  const auto rotations = AverageComponentRotations(context, graph);
+std::optional<InitialModel> AverageComponent(
+    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+    ViewGraph& graph) {
+  const auto rotations = ChooseEdges(context, cam_from_world, graph);
   if (!rotations) return std::nullopt;
   InitialModel model;
   {

@@ -1,5 +1,6 @@
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <iterator>
 #include <utility>
@@ -65,19 +66,28 @@ std::vector<FocalPair> CollectPairs(const SceneData& scene, const GeometryReader
   return pairs;
 }
 
-// Where loops close this well, they do not tell focal lengths apart.
-constexpr double kGoodLoopDeg = 0.1;
-// On photographs, right focal lengths leave less than this share of the closing errors; wrong ones,
-// found where planes and few good matches say little, leave about all.
-constexpr double kMaxLoopRatio = 0.7;
 constexpr int kMaxLoops = 64;  // of an edge
-
-constexpr size_t kMinLoops = 3;  // of a camera that tell something
+// Standard deviations of a sign test from which loops decide: one decision in some hundreds is left
+// to chance.
+constexpr double kDecisive = 3.0;
 
 // Cameras that are connected by pairs, and the closing errors of their loops of three rotations.
 struct LoopErrors {
   std::set<camera_t> cameras;
+  std::set<size_t> edges;  // that are in loops
   std::vector<double> before_deg, after_deg;
+
+  // By how many standard deviations more loops close better after than before than chance has it.
+  // Loops share edges: no more of them count than there are edges.
+  double Improvement() const {
+    double balance = 0;
+    for (size_t i = 0; i < before_deg.size(); ++i) {
+      balance += after_deg[i] < before_deg[i] ? 1 : after_deg[i] > before_deg[i] ? -1 : 0;
+    }
+    const auto num = static_cast<double>(before_deg.size());
+    const double num_independent = std::min(num, static_cast<double>(edges.size()));
+    return num > 0 ? balance / num * std::sqrt(num_independent) : 0.0;
+  }
 };
 
 // Of loops whose edges have poses in both `before` and `after`, which are alike in all but poses.
@@ -117,6 +127,7 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<V
         return LoopErrorDeg(edges[index[e]], edges[index[corner.edge1]],
                             edges[index[corner.edge2]]);
       };
+      loops.edges.insert({e, static_cast<size_t>(corner.edge1), static_cast<size_t>(corner.edge2)});
       loops.before_deg.push_back(error_deg(before));
       loops.after_deg.push_back(error_deg(after));
     }
@@ -170,39 +181,48 @@ std::set<camera_t> Report(const FocalCalibrationReport& report,
   return calibrated;
 }
 
-// Takes the focal lengths that the pairs gave back, for connected cameras together, where the loops
-// do not close better with them than those of `guessed`, of the focal lengths before; the edges are
-// then those of `before`.
+// Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
+// by those of `guessed`, of the focal lengths before. Where they close worse, the cameras, and the
+// edges of `before`, are taken back; where loops do not tell, both ways are kept: the model
+// decides.
 void TakeBackRefuted(const std::map<camera_t, CalibratedFocal>& focals,
                      const std::vector<ViewEdge>& before, const std::vector<ViewEdge>& guessed,
                      const std::set<camera_t>& changed, Stage& stage, SceneData& scene) {
-  std::set<camera_t> refuted;
+  std::set<camera_t> refuted, undecided;
   for (const LoopErrors& loops : CompareLoops(scene, guessed, scene.edges)) {
     std::set<camera_t> cameras;
     std::set_intersection(loops.cameras.begin(), loops.cameras.end(), changed.begin(),
                           changed.end(), std::inserter(cameras, cameras.end()));
-    if (cameras.empty() || loops.before_deg.size() < kMinLoops) continue;
-    const double before_deg = UpperMedian(loops.before_deg);
-    const double after_deg = UpperMedian(loops.after_deg);
-    if (after_deg <= std::max(kGoodLoopDeg, kMaxLoopRatio * before_deg)) continue;
-    refuted.insert(cameras.begin(), cameras.end());
-    char text[160];
-    std::snprintf(text, sizeof(text),
-                  "%zu loops of rotations close to %.2f deg with calibrated focal lengths, to %.2f "
-                  "deg without: those of %zu cameras are not taken over",
-                  loops.before_deg.size(), after_deg, before_deg, cameras.size());
+    const double improvement = loops.Improvement();
+    if (cameras.empty() || improvement >= kDecisive) continue;
+    const bool is_refuted = improvement <= -kDecisive;
+    (is_refuted ? refuted : undecided).insert(cameras.begin(), cameras.end());
+    char text[200];
+    std::snprintf(
+        text, sizeof(text),
+        "%zu loops of rotations close to %.2f deg (median) with calibrated focal lengths, "
+        "to %.2f deg without: those of %zu cameras are %s",
+        loops.before_deg.size(), UpperMedian(loops.after_deg), UpperMedian(loops.before_deg),
+        cameras.size(), is_refuted ? "not taken over" : "tried, and the ones before, too");
     stage.Warn(text);
   }
-  for (const camera_t id : refuted) {
-    scene.cameras.at(id).SetMeanFocal(focals.at(id).focal_before_px);
-  }
-  for (size_t i = 0; i < before.size(); ++i) {
-    if (refuted.count(scene.images.at(before[i].image_id1).camera_id) > 0 ||
-        refuted.count(scene.images.at(before[i].image_id2).camera_id) > 0) {
-      scene.edges[i] = before[i];
+  const auto is_of = [&](const ViewEdge& edge, const std::set<camera_t>& cameras) {
+    return cameras.count(scene.images.at(edge.image_id1).camera_id) > 0 ||
+           cameras.count(scene.images.at(edge.image_id2).camera_id) > 0;
+  };
+  const auto take_back = [&](const std::set<camera_t>& cameras, auto& of_scene, auto& edges) {
+    for (const camera_t id : cameras) of_scene.at(id).SetMeanFocal(focals.at(id).focal_before_px);
+    for (size_t i = 0; i < before.size(); ++i) {
+      if (is_of(before[i], cameras)) edges[i] = before[i];
     }
+  };
+  take_back(refuted, scene.cameras, scene.edges);
+  if (!undecided.empty()) {
+    scene.alternative = {scene.cameras, scene.edges};
+    take_back(undecided, scene.alternative->cameras, scene.alternative->edges);
   }
   stage.Add("refuted_by_loops", static_cast<double>(refuted.size()));
+  stage.Add("undecided_by_loops", static_cast<double>(undecided.size()));
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "cairn/math/median.h"
+#include "cairn/view_graph/view_graph_builder.h"
 #include "pipeline/reconstruct_stages.h"
 
 namespace cairn {
@@ -48,73 +50,117 @@ std::vector<size_t> FindTwins(StageContext& context, const Reconstruction& model
   return edges;
 }
 
-// False: the model is not fit to be written, and the report's failure says why.
-bool CheckModel(StageContext& context, std::span<const image_t> component, const ViewGraph& graph,
-                Reconstruction& model) {
+// Registers what was left out and lets the model choose its pairs, until neither brings anything.
+// False: there is not enough memory, and the report's failure says so.
+bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
+  const ReconstructOptions& options = context.settings.reconstruct;
+  for (int round = 0; round < options.max_rounds && !context.monitor.StopRequested(); ++round) {
+    const int num_new = options.register_left_out ? RegisterLeftOut(context, graph, model) : 0;
+    const int64_t num_gained = ReviseEdges(EvidenceFor(context, model, graph), model, graph);
+    if (num_new == 0 &&
+        static_cast<double>(num_gained) < options.min_gain * model.NumObservations()) {
+      break;
+    }
+    std::vector<Track> tracks = TracksOfGraph(context, graph).tracks;
+    if (!FitTracksToMemory(context, model, tracks)) return false;
+    RefineModel(context, tracks, false, model);
+  }
+  return true;
+}
+
+// Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
+constexpr double kSameModel = 1e-4;
+
+// From global rotations to the finished model. Without one, the report's failure says why.
+BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
+                     const ViewGraph& graph, const RotationHypothesis& rotations) {
+  BuiltModel built{std::nullopt, graph, {}, {}};
+  KeepImages(component, built.graph);
+  auto initial = AverageComponent(context, rotations.cam_from_world, built.graph);
+  if (!initial) return built;
+  Reconstruction model = MakeReconstruction(context.scene, initial->cam_from_world);
+  if (context.scene.poses_alone) {
+    ReportAgreement(context, model);
+    built.model = std::move(model);
+    return built;
+  }
+  if (!FitTracksToMemory(context, model, initial->tracks)) return built;
+  RefineModel(context, initial->tracks, true, model);
+  if (!GrowModel(context, built.graph, model)) return built;
   Stage stage(context, "checks");
+  if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
+    stage.Fail("the model was refused: " + reason,
+               "look at the view graph with global_sfm inspect, and add photos that overlap more");
+    return built;
+  }
+  built.evidence = EvidenceFor(context, model, built.graph);
   model.UpdatePointErrors();
+  stage.Add("min_num_inliers", rotations.min_num_inliers);
+  stage.Add("weight_power", rotations.weight_power);
   stage.Add("images", static_cast<double>(model.images.size()));
   stage.Add("images_of_component", static_cast<double>(component.size()));
   stage.Add("points", static_cast<double>(model.points3D.size()));
   stage.Add("observations", static_cast<double>(model.NumObservations()));
   stage.Add("mean_track_length", model.MeanTrackLength());
   stage.Add("mean_reprojection_error_px", model.MeanReprojectionErrorPx());
-  const Symmetry symmetry = FindSymmetry(model, graph);
-  stage.Add("symmetric_pairs", symmetry.num_pairs);
-  if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
-    stage.Fail("the model was refused: " + reason,
-               "look at the view graph with global_sfm inspect, and add photos that overlap more");
-    return false;
+  stage.Add("explained_share", built.evidence.all.Share());
+  stage.Add("pairs", built.evidence.num_pairs);
+  stage.Add("contradicted_pairs", built.evidence.num_contradicted);
+  stage.Add("evidence_nats", built.evidence.nats);
+  built.model = std::move(model);
+  return built;
+}
+
+// The model with the most evidence of those that the hypotheses lead to.
+BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
+                     const ViewGraph& graph, std::span<const RotationHypothesis> hypotheses) {
+  BuiltModel best{std::nullopt, graph, {}, {}};
+  std::string first_failure;
+  for (const RotationHypothesis& hypothesis : hypotheses) {
+    if (context.monitor.StopRequested()) break;
+    BuiltModel built = BuildFrom(context, component, graph, hypothesis);
+    const std::string failure = std::exchange(context.report.failure, "");
+    if (first_failure.empty()) first_failure = failure;
+    if (!built.model) continue;
+    // Different rotations that lead to one model confirm it.
+    const bool is_same = best.model && std::abs(built.evidence.nats - best.evidence.nats) <
+                                           kSameModel * std::abs(best.evidence.nats);
+    if (!best.model || built.evidence.nats > best.evidence.nats) best = std::move(built);
+    if (is_same) break;
   }
-  if (context.settings.reconstruct.refuse_symmetric && symmetry.IsFold()) {
-    stage.Fail(std::to_string(symmetry.num_pairs) +
-                   " pairs that were taken out agree with each other that the scene turned by " +
-                   std::to_string(std::lround(symmetry.angle_deg)) + " degrees looks the same, " +
-                   std::to_string(symmetry.num_active) +
-                   " agree with the model: it may show equal sides of a building as one",
-               "give the photos of each side to a run of their own, add photos with more of the "
-               "surroundings, or accept the model with --reconstruct.refuse_symmetric 0");
-    return false;
-  }
-  for (const image_t id : component) {
-    if (model.images.count(id) == 0) {
-      stage.Warn(context.scene.images.at(id).name + ": not registered");
-    }
-  }
-  return true;
+  if (!best.model) context.report.failure = first_failure;
+  return best;
 }
 
 }  // namespace
 
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph) {
-  BuiltModel built{std::nullopt, graph, {}};
-  auto initial = AverageComponent(context, component, built.graph);
-  if (!initial) return built;
-  Reconstruction model = MakeReconstruction(context.scene, initial->cam_from_world);
-  if (context.scene.poses_alone) {
-    ReportAgreement(context, model);
-    NormalizeFrame(model);
-    built.model = std::move(model);
-    return built;
+  BuiltModel best =
+      BuildBest(context, component, graph, HypothesizeRotations(context, component, graph, 0.5));
+  if (!best.model && !context.monitor.StopRequested()) {
+    // Not all at once: from a sure core, the others by resection.
+    const std::string failure = std::exchange(context.report.failure, "");
+    auto cores = HypothesizeRotations(context, component, graph, 0.0);
+    std::erase_if(cores, [](const RotationHypothesis& h) { return h.min_num_inliers == 0; });
+    best = BuildBest(context, component, graph, cores);
+    if (best.model) {
+      context.monitor.Warning(failure + "; the model is grown from a core instead");
+    } else {
+      context.report.failure = failure;
+    }
   }
-  if (!FitTracksToMemory(context, model, initial->tracks)) return built;
-  RefineModel(context, initial->tracks, true, model);
-  if (context.settings.reconstruct.register_left_out &&
-      RegisterLeftOut(context, model, built.graph) > 0) {
-    std::vector<Track> tracks = TracksOfGraph(context, built.graph).tracks;
-    if (!FitTracksToMemory(context, model, tracks)) return built;
-    RefineModel(context, tracks, false, model);
+  if (!best.model) return best;
+  if (context.settings.reconstruct.separate_twins && !context.scene.poses_alone) {
+    best.twin_edges = FindTwins(context, *best.model, best.graph);
+    if (!best.twin_edges.empty()) {
+      best.model.reset();
+      return best;
+    }
   }
-  if (context.settings.reconstruct.separate_twins) {
-    built.twin_edges = FindTwins(context, model, built.graph);
-    if (!built.twin_edges.empty()) return built;
-  }
-  if (!CheckModel(context, component, built.graph, model)) return built;
-  NormalizeFrame(model);
-  RenumberPoints(model);
-  built.model = std::move(model);
-  return built;
+  NormalizeFrame(*best.model);
+  RenumberPoints(*best.model);
+  return best;
 }
 
 }  // namespace cairn

@@ -1,6 +1,5 @@
 #include <algorithm>
 
-#include "cairn/geometry/epipolar.h"
 #include "pipeline/reconstruct_stages.h"
 
 namespace cairn {
@@ -69,51 +68,9 @@ void AddImage(const StageContext& context, const ResectionReport& report, image_
   model.images[image_id] = std::move(image);
 }
 
-// Share of the edge's matches whose epipolar error under the model's poses is small.
-double AgreeingShare(const SceneData& scene, const Reconstruction& model, const ViewEdge& edge,
-                     double max_error_px) {
-  const RegisteredImage& image1 = model.images.at(edge.image_id1);
-  const RegisteredImage& image2 = model.images.at(edge.image_id2);
-  const Camera& camera1 = model.CameraOf(image1);
-  const Camera& camera2 = model.CameraOf(image2);
-  const Eigen::Matrix3d E =
-      EssentialFromPose(image2.cam_from_world * Inverse(image1.cam_from_world));
-  const double max_error =
-      0.5 * (camera1.CamFromImgThreshold(max_error_px) + camera2.CamFromImgThreshold(max_error_px));
-  const FeatureMatches& matches = scene.matches.at(edge.PairId());
-  int64_t num_agreeing = 0;
-  for (const FeatureMatch& match : matches) {
-    const auto x1 = camera1.CamFromImg(image1.points2D[match.point1]);
-    const auto x2 = camera2.CamFromImg(image2.points2D[match.point2]);
-    num_agreeing += x1 && x2 && SquaredSampsonError(E, *x1, *x2) < max_error * max_error;
-  }
-  return matches.empty() ? 0.0
-                         : static_cast<double>(num_agreeing) / static_cast<double>(matches.size());
-}
-
-// Edges between the image and registered ones are in use if most of their matches agree with the
-// new pose: whatever took them out before.
-void UpdateEdges(const StageContext& context, image_t image_id, const Reconstruction& model,
-                 ViewGraph& graph) {
-  for (ViewEdge& edge : graph.edges) {
-    if (edge.image_id1 != image_id && edge.image_id2 != image_id) continue;
-    if (edge.removal == EdgeRemoval::kAmbiguous) continue;
-    if (model.images.count(edge.image_id1) == 0 || model.images.count(edge.image_id2) == 0) {
-      continue;
-    }
-    const double share =
-        AgreeingShare(context.scene, model, edge, context.settings.resection.max_error_px);
-    if (share > 0.5) {
-      edge.removal = EdgeRemoval::kNone;
-    } else if (edge.IsActive()) {
-      edge.removal = EdgeRemoval::kRotationInconsistent;
-    }
-  }
-}
-
 }  // namespace
 
-int RegisterLeftOut(StageContext& context, Reconstruction& model, ViewGraph& graph) {
+int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model) {
   Stage stage(context, "registration");
   // The images with the most points first: they are the surest, and add nothing that others need.
   std::vector<std::pair<int64_t, image_t>> candidates;
@@ -144,7 +101,6 @@ int RegisterLeftOut(StageContext& context, Reconstruction& model, ViewGraph& gra
     }
     stage.Note(what + ", registered by resection");
     AddImage(context, report, id, model);
-    UpdateEdges(context, id, model, graph);
     ++num_registered;
   }
   stage.Add("candidates", static_cast<double>(candidates.size()));

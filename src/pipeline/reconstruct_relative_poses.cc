@@ -1,3 +1,4 @@
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <numeric>
@@ -133,7 +134,85 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
   edge.removal = EdgeRemoval::kNone;
 }
 
+// The direction of translation that fits a known rotation: perpendicular to the normals of all
+// epipolar planes, by reweighted least squares.
+Eigen::Vector3d TranslationFor(const Eigen::Matrix3d& R, const PairRays& rays) {
+  constexpr int kIterations = 10;
+  const double focal_px = rays.points.focal2_px();
+  Eigen::Vector3d t = Eigen::Vector3d::Zero();
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    Eigen::Matrix3d M = Eigen::Matrix3d::Zero();
+    for (size_t i = 0; i < rays.x1.size(); ++i) {
+      const Eigen::Vector3d x1 = (R * rays.x1[i].homogeneous()).normalized();
+      const Eigen::Vector3d normal = x1.cross(rays.x2[i].homogeneous().normalized());
+      const double error_px = focal_px * normal.dot(t) / kWidePx;
+      const double weight = 1.0 / ((1.0 + error_px * error_px) * (1.0 + error_px * error_px));
+      M += weight * normal * normal.transpose();
+    }
+    t = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(M).eigenvectors().col(0);
+  }
+  return t;
+}
+
+// How many of the pair's matches a pose explains: near their epipolar lines, in front.
+int NumExplained(const PairRays& rays, const Rigid3d& pose) {
+  std::vector<float> errors(static_cast<size_t>(rays.points.num_blocks()) * PointPairs::kBlock);
+  SampsonErrors(rays.points, EssentialFromPose(pose), errors.data());
+  int num_explained = 0;
+  for (size_t i = 0; i < rays.x1.size(); ++i) {
+    double depth1 = 0, depth2 = 0;
+    num_explained += errors[i] < kFinePx &&
+                     TriangulateDepths(pose, rays.x1[i], rays.x2[i], &depth1, &depth2) &&
+                     depth1 > 0 && depth2 > 0;
+  }
+  return num_explained;
+}
+
+// False: no pose near the rotation explains the matches.
+bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, double max_error_deg,
+               ViewEdge& edge) {
+  PairRays rays;
+  FillRays(scene, edge, &rays);
+  if (rays.x1.size() < 8) return false;
+  const Rigid3d start(rotation, TranslationFor(rotation.toRotationMatrix(), rays));
+  PoseRefinementOptions options;
+  options.loss = RobustLoss::kGemanMcClure;
+  options.scale_px = kFinePx;
+  Rigid3d pose = RefinePose(rays.points, start, options).cam2_from_cam1;
+  if (RadToDeg(AngleBetween(pose.rotation, rotation)) > max_error_deg) pose = start;
+  const Rigid3d back(pose.rotation, Eigen::Vector3d(-pose.translation));
+  const int num_pose = NumExplained(rays, pose);
+  const int num_back = NumExplained(rays, back);
+  if (2 * std::max(num_pose, num_back) < static_cast<int>(rays.x1.size())) return false;
+  edge.cam2_from_cam1 = num_back > num_pose ? back : pose;
+  edge.removal = EdgeRemoval::kNone;
+  return true;
+}
+
 }  // namespace
+
+int RefitEdges(const StageContext& context,
+               const std::map<image_t, Eigen::Quaterniond>& cam_from_world, double max_error_deg,
+               ViewGraph& graph) {
+  std::vector<std::pair<ViewEdge*, Eigen::Quaterniond>> edges;
+  for (ViewEdge& edge : graph.edges) {
+    const auto rotation1 = cam_from_world.find(edge.image_id1);
+    const auto rotation2 = cam_from_world.find(edge.image_id2);
+    if (edge.removal == EdgeRemoval::kNoPose || edge.removal == EdgeRemoval::kAmbiguous ||
+        !edge.HasTranslation() || rotation1 == cam_from_world.end() ||
+        rotation2 == cam_from_world.end()) {
+      continue;
+    }
+    const Eigen::Quaterniond rotation = rotation2->second * rotation1->second.conjugate();
+    const double error = AngleBetween(rotation, edge.cam2_from_cam1.rotation);
+    if (RadToDeg(error) > max_error_deg) edges.emplace_back(&edge, rotation);
+  }
+  std::vector<char> is_refitted(edges.size(), 0);
+  ParallelFor(context.settings.num_threads, static_cast<int64_t>(edges.size()), [&](int64_t i) {
+    is_refitted[i] = RefitEdge(context.scene, edges[i].second, max_error_deg, *edges[i].first);
+  });
+  return static_cast<int>(std::count(is_refitted.begin(), is_refitted.end(), 1));
+}
 
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
                           int num_threads, SceneData& scene) {

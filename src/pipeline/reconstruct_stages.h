@@ -10,6 +10,7 @@
 
 #include "cairn/base/timer.h"
 #include "cairn/bundle_adjustment/keypoint_noise.h"
+#include "cairn/evaluation/model_evidence.h"
 #include "cairn/pipeline/reconstruct.h"
 #include "cairn/scene/view_graph.h"
 
@@ -30,6 +31,13 @@ struct SceneData {
   // they come without a single match, and no point can be had.
   bool poses_imported = false;
   bool poses_alone = false;
+  // What the focal lengths were before they were calibrated, where the pairs cannot tell which are
+  // right.
+  struct Calibration {
+    std::map<camera_t, Camera> cameras;
+    std::vector<ViewEdge> edges;
+  };
+  std::optional<Calibration> alternative;
 };
 
 // What every stage needs beside its data. One a run.
@@ -89,16 +97,41 @@ void CalibrateSceneFocals(const GeometryReader& read,
 // matches show no parallax end with the reason kNoPose.
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
                           int num_threads, SceneData& scene);
+// Gives edges that disagree with global rotations, whatever took them out, the pose near these that
+// explains their matches, where there is one that explains more than half: a plane, a narrow field
+// of view or few matches leave several poses that explain them all. Such edges are in use again.
+// Returns how many there are.
+int RefitEdges(const StageContext& context,
+               const std::map<image_t, Eigen::Quaterniond>& cam_from_world, double max_error_deg,
+               ViewGraph& graph);
+
+// reconstruct_rotations.cc
+// One view of how a component's images are turned.
+struct RotationHypothesis {
+  int min_num_inliers = 0;  // of the edges it comes from
+  double weight_power = 0;  // that their inliers counted with
+  std::map<image_t, Eigen::Quaterniond> cam_from_world;
+  double median_residual_deg = 0;
+  double support = 0;  // inliers of the pairs that agree with it
+};
+// Global rotations of the component, averaged from all of its edges and from those with more and
+// more inliers while they join more than this share of the images, weighed by inliers and not.
+// Where these agree there is one hypothesis, else those that differ, the best supported first.
+// Empty: the report's failure says why.
+std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
+                                                     std::span<const image_t> component,
+                                                     const ViewGraph& graph, double min_core_share);
 
 // reconstruct_averaging.cc
 struct InitialModel {
   std::map<image_t, Rigid3d> cam_from_world;
   std::vector<Track> tracks;
 };
-// Global rotations and positions of one component of the graph, and its tracks. Edges that are
-// dropped get their reason. nullopt: the report's failure says why.
-std::optional<InitialModel> AverageComponent(StageContext& context,
-                                             std::span<const image_t> component, ViewGraph& graph);
+// Positions of the images with these rotations, and their tracks. Edges that are dropped get their
+// reason. nullopt: the report's failure says why.
+std::optional<InitialModel> AverageComponent(
+    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+    ViewGraph& graph);
 // Tracks over the graph's active edges.
 TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph);
 
@@ -122,9 +155,18 @@ void RefineModel(StageContext& context, std::span<const Track> tracks, bool from
 void ReportAgreement(StageContext& context, const Reconstruction& model);
 
 // reconstruct_registration.cc
-// Poses for images that are in no model yet, from the points; activates the edges that
-// agree with them. Returns the number of new images.
-int RegisterLeftOut(StageContext& context, Reconstruction& model, ViewGraph& graph);
+// Poses for images that are in no model yet, from the points. Returns the number of new images.
+int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model);
+
+// reconstruct_evidence.cc
+// The evidence for the model in all verified pairs of the images that are in no other model,
+// whatever became of them in the graph. `pairs` are in the order of graph.edges; a pair without a
+// say (of other models, watermarks) has no matches.
+ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
+                          const ViewGraph& graph);
+// The model decides which pairs between its images are in use: those of which it explains at least
+// half of the matches. Returns how many matches the pairs have that come in.
+int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
 
 // reconstruct_checks.cc
 // "" or why the model is not fit to be written.
@@ -144,9 +186,10 @@ std::vector<size_t> EdgesBetweenTwins(const Reconstruction& model, const ViewGra
 // Pairs that were taken out, and yet agree with each other on one rotation of the scene: what a
 // building with several equal sides does when the model shows one side in place of all.
 struct Symmetry {
-  int num_pairs = 0;     // that agree with each other, against the model
-  int num_active = 0;    // pairs that agree with the model
-  double angle_deg = 0;  // of the rotation
+  int num_pairs = 0;            // that agree with each other, against the model
+  int num_active = 0;           // pairs that agree with the model
+  double angle_deg = 0;         // of the rotation
+  std::vector<image_t> images;  // of these pairs, ascending
 
   bool IsFold() const { return num_pairs >= 6 && num_pairs > 0.15 * num_active; }
 };
@@ -156,9 +199,12 @@ Symmetry FindSymmetry(const Reconstruction& model, const ViewGraph& graph);
 struct BuiltModel {
   std::optional<Reconstruction> model;  // absent: the report's failure, or twin_edges, say why
   ViewGraph graph;                      // with what became of the component's edges
-  std::vector<size_t> twin_edges;       // they show two places as one: out with them, and again
+  ModelEvidence evidence;
+  std::vector<size_t> twin_edges;  // they show two places as one: out with them, and again
 };
-// One component of the graph from averaging to the finished model.
+// One component of the graph from averaging to the finished model: built from all of its edges,
+// and, while the model leaves much of the verified matches unexplained, from those with more and
+// more inliers, the other images by resection. The model with the most evidence is kept.
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph);
 

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <set>
 
 #include "cairn/math/angles.h"
 #include "pipeline/reconstruct_stages.h"
@@ -29,6 +30,7 @@ bool IsSameOrBack(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
 Symmetry FindSymmetry(const Reconstruction& model, const ViewGraph& graph) {
   Symmetry symmetry;
   std::vector<Eigen::Quaterniond> turns;
+  std::vector<const ViewEdge*> edges;  // of the turns
   for (const ViewEdge& edge : graph.edges) {
     if (edge.num_inliers < kMinInliers || model.images.count(edge.image_id1) == 0 ||
         model.images.count(edge.image_id2) == 0) {
@@ -38,23 +40,33 @@ Symmetry FindSymmetry(const Reconstruction& model, const ViewGraph& graph) {
     // Only what contradicts a rotation: others have none, or agree with it.
     if (edge.removal != EdgeRemoval::kRotationInconsistent &&
         edge.removal != EdgeRemoval::kTripletInconsistent &&
+        edge.removal != EdgeRemoval::kModelInconsistent &&
         edge.removal != EdgeRemoval::kAmbiguous) {
       continue;
     }
     const Eigen::Quaterniond turn = TurnOf(model, edge);
     if (turn.angularDistance(Eigen::Quaterniond::Identity()) > DegToRad(kMinAngleDeg)) {
       turns.push_back(turn);
+      edges.push_back(&edge);
     }
   }
   const size_t step = 1 + turns.size() / kMaxTurns;
+  size_t best = turns.size();
   for (size_t i = 0; i < turns.size(); i += step) {
     int num_alike = 0;
     for (size_t j = 0; j < turns.size(); j += step) num_alike += IsSameOrBack(turns[i], turns[j]);
     num_alike *= static_cast<int>(step);
     if (num_alike <= symmetry.num_pairs) continue;
+    best = i;
     symmetry.num_pairs = num_alike;
     symmetry.angle_deg = RadToDeg(turns[i].angularDistance(Eigen::Quaterniond::Identity()));
   }
+  std::set<image_t> images;
+  for (size_t j = 0; j < turns.size() && best < turns.size(); ++j) {
+    if (!IsSameOrBack(turns[best], turns[j])) continue;
+    images.insert({edges[j]->image_id1, edges[j]->image_id2});
+  }
+  symmetry.images.assign(images.begin(), images.end());
   return symmetry;
 }
 

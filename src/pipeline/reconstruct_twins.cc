@@ -1,9 +1,15 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <set>
 
 #include "cairn/base/parallel.h"
+#include "cairn/geometry/rigid3d.h"
 #include "cairn/graph/union_find.h"
 #include "cairn/math/angles.h"
+#include "cairn/math/median.h"
 #include "pipeline/reconstruct_stages.h"
 
 namespace cairn {
@@ -94,6 +100,15 @@ double MatchingRate(const std::vector<std::pair<int, int>>& matched) {
   return rate;
 }
 
+// The chance that of n points of a cell none is matched. Cells have rates of their own, by a Beta
+// law with the pair's mean and precision 1: a pair that matches badly (another light, another
+// season, blur) does so in patches.
+double ChanceOfNone(double rate, int n) {
+  double chance = 1;
+  for (int k = 0; k < n; ++k) chance *= (1 - rate + k) / (1.0 + k);
+  return chance;
+}
+
 // Points of `a` that `b` should see as well, against those that it does, cell by cell. A pair that
 // matches badly misses points everywhere; one of twin places matches in some cells as well as any,
 // and in others, where both have points, not at all.
@@ -128,8 +143,8 @@ Comparison CompareInto(const View& a, const View& b) {
   const double rate = MatchingRate(matched);
   for (const Cell& cell : cells) {
     if (cell.expected < kMinInCell || cell.present < kMinInCell) continue;
-    const double weight = std::min(cell.expected, cell.present);
-    const double chance = std::pow(1 - rate, weight);  // of no match
+    const int weight = std::min(cell.expected, cell.present);
+    const double chance = ChanceOfNone(rate, weight);
     result.evidence += weight;
     result.conflict += weight * ((cell.common == 0 ? 1.0 : 0.0) - chance);
   }
@@ -147,13 +162,12 @@ Comparison Compare(const View& a, const View& b) {
 struct Pair {
   size_t edge = 0;  // in the graph
   int image1 = 0, image2 = 0;
+  double angle_deg = 0;  // between the two orientations
   Comparison comparison;
 
+  bool CanTell() const { return comparison.evidence >= kMinEvidence; }
   // +1: they look at one place, -1: at two, 0: they do not show enough in common to tell.
-  int Vote() const {
-    if (comparison.evidence < kMinEvidence) return 0;
-    return comparison.conflict > kMaxConflict ? -1 : 1;
-  }
+  int Vote() const { return !CanTell() ? 0 : comparison.conflict > kMaxConflict ? -1 : 1; }
 };
 
 std::vector<Pair> ComparePairs(const Reconstruction& model, const ViewGraph& graph,
@@ -170,7 +184,9 @@ std::vector<Pair> ComparePairs(const Reconstruction& model, const ViewGraph& gra
     const auto image1 = index_of.find(edge.image_id1);
     const auto image2 = index_of.find(edge.image_id2);
     if (!edge.IsActive() || image1 == index_of.end() || image2 == index_of.end()) continue;
-    pairs.push_back({e, image1->second, image2->second, {}});
+    const double angle = AngleBetween(model.images.at(edge.image_id1).cam_from_world.rotation,
+                                      model.images.at(edge.image_id2).cam_from_world.rotation);
+    pairs.push_back({e, image1->second, image2->second, RadToDeg(angle), {}});
   }
   ParallelFor(num_threads, static_cast<int64_t>(pairs.size()), [&](int64_t i) {
     pairs[i].comparison = Compare(views[pairs[i].image1], views[pairs[i].image2]);
@@ -207,6 +223,21 @@ class Groups {
   }
 
   int Root(int i) { return sets_.Find(i); }
+  int SizeOf(int i) { return sets_.SizeOf(i); }
+  // Joins the group of this root to the one that most of its pairs lead to.
+  void Dissolve(int root) {
+    std::map<int, int> num_pairs;
+    for (const int k : pairs_of_[root]) {
+      for (const int i : {pairs_[k].image1, pairs_[k].image2}) {
+        if (Root(i) != root) ++num_pairs[Root(i)];
+      }
+    }
+    if (num_pairs.empty()) return;
+    const int other = std::max_element(num_pairs.begin(), num_pairs.end(), [](auto& a, auto& b) {
+                        return a.second < b.second;
+                      })->first;
+    Join(root, other);
+  }
 
  private:
   // Votes of the pairs between two groups.
@@ -223,9 +254,8 @@ class Groups {
     }
     return balance;
   }
-  void JoinPair(const Pair& pair) {
-    const int root1 = Root(pair.image1);
-    const int root2 = Root(pair.image2);
+  void JoinPair(const Pair& pair) { Join(Root(pair.image1), Root(pair.image2)); }
+  void Join(int root1, int root2) {
     if (!sets_.Union(root1, root2)) return;
     const int root = Root(root1);
     std::vector<int>& absorbed = pairs_of_[root == root1 ? root2 : root1];
@@ -238,12 +268,97 @@ class Groups {
   std::vector<std::vector<int>> pairs_of_;  // of roots
 };
 
+// How much views of one place conflict, too: by occlusion, blur, what moves; the more, the farther
+// apart they are. Learned from the pairs within the groups.
+class UsualConflict {
+ public:
+  UsualConflict(const std::vector<Pair>& pairs, Groups& groups) {
+    std::vector<double> all, evidence;
+    std::array<std::vector<double>, kNumBins> of_bin;
+    for (const Pair& pair : pairs) {
+      if (!pair.CanTell() || groups.Root(pair.image1) != groups.Root(pair.image2)) continue;
+      all.push_back(pair.comparison.conflict);
+      of_bin[Bin(pair)].push_back(pair.comparison.conflict);
+      evidence.push_back(pair.comparison.evidence);
+    }
+    // Less than a cell of least points cannot be seen.
+    const double least = evidence.empty() ? kMaxConflict : kMinInCell / UpperMedian(evidence);
+    for (int bin = 0; bin < kNumBins; ++bin) {
+      const bool is_enough = of_bin[bin].size() >= kMinPairs;
+      median_[bin] = std::max(least, UpperMedian(is_enough ? of_bin[bin] : all));
+    }
+  }
+
+  // -log of the chance that a pair of one place conflicts so much: a law with this median whose
+  // tail falls with the square, slower than exponentially, as those of photographs do.
+  double Surprise(const Pair& pair) const {
+    const double scale = median_[Bin(pair)] / (std::sqrt(2.0) - 1);
+    return 2 * std::log1p(pair.comparison.conflict / scale);
+  }
+
+ private:
+  static constexpr int kNumBins = 4;  // of ten degrees, the last one open
+  static constexpr size_t kMinPairs = 5;
+  static int Bin(const Pair& pair) {
+    return std::min(kNumBins - 1, static_cast<int>(pair.angle_deg / 10));
+  }
+  std::array<double, kNumBins> median_;
+};
+
+// The evidence, nats, that a group of images shows another place than those it has pairs with, less
+// what it takes to name the group among all others of its size. Under one place, the surprises of
+// its pairs with others are exponential with mean 1; under two, with the mean that they have. Pairs
+// of one image hang together: no more of them count than there are images, twice for the two sides.
+double SplitEvidence(const std::vector<Pair>& pairs, int num_images, int root,
+                     const UsualConflict& usual, Groups& groups) {
+  std::set<int> inside, outside;
+  double sum = 0;
+  int num_pairs = 0;
+  for (const Pair& pair : pairs) {
+    const bool is_inside1 = groups.Root(pair.image1) == root;
+    const bool is_inside2 = groups.Root(pair.image2) == root;
+    if (!pair.CanTell() || is_inside1 == is_inside2) continue;
+    inside.insert(is_inside1 ? pair.image1 : pair.image2);
+    outside.insert(is_inside1 ? pair.image2 : pair.image1);
+    sum += usual.Surprise(pair);
+    ++num_pairs;
+  }
+  const int size = groups.SizeOf(root);
+  double cost = 0;
+  for (int k = 1; k <= size; ++k) cost += std::log(double(num_images - size + k) / k);
+  const double mean = num_pairs > 0 ? sum / num_pairs : 0;
+  if (mean <= 1) return -cost;
+  const size_t num_independent =
+      std::min<size_t>(num_pairs, 2 * std::min(inside.size(), outside.size()));
+  return static_cast<double>(num_independent) * (mean - 1 - std::log(mean)) - cost;
+}
+
+// Dissolves the groups that nothing speaks for, the least supported first.
+void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) {
+  for (;;) {
+    const UsualConflict usual(pairs, groups);
+    std::map<int, double> evidence;
+    for (int i = 0; i < num_images; ++i) {
+      const int root = groups.Root(i);
+      if (evidence.count(root) > 0 || groups.SizeOf(root) == num_images) continue;
+      evidence[root] = SplitEvidence(pairs, num_images, root, usual, groups);
+    }
+    const auto least = std::min_element(evidence.begin(), evidence.end(),
+                                        [](auto& a, auto& b) { return a.second < b.second; });
+    if (least == evidence.end() || least->second > 0) return;
+    const int size = groups.SizeOf(least->first);
+    groups.Dissolve(least->first);
+    if (groups.SizeOf(least->first) == size) return;  // no pair leads out of it
+  }
+}
+
 }  // namespace
 
 std::vector<size_t> EdgesBetweenTwins(const Reconstruction& model, const ViewGraph& graph,
                                       int num_threads) {
   const std::vector<Pair> pairs = ComparePairs(model, graph, num_threads);
   Groups groups(static_cast<int>(model.images.size()), pairs);
+  KeepProven(pairs, static_cast<int>(model.images.size()), groups);
   std::vector<size_t> between;
   for (const Pair& pair : pairs) {
     if (groups.Root(pair.image1) != groups.Root(pair.image2)) between.push_back(pair.edge);

@@ -44,6 +44,7 @@ std::string ToJson(const RunReport& report) {
   json["num_threads"] = report.num_threads;
   json["succeeded"] = report.Succeeded();
   if (!report.Succeeded()) json["failure"] = report.failure;
+  if (!report.warnings.empty()) json["warnings"] = report.warnings;
   json["values"] = Values(report.values);
   json["stages"] = Json::array();
   for (const StageReport& stage : report.stages) {

@@ -85,6 +85,8 @@ ViewEdge EdgeFromGeometry(image_pair_t pair_id, const TwoViewGeometry& geometry,
   if (pose && may_translate && pose->translation.norm() > 0) {
     pose->translation.normalize();
     edge.cam2_from_cam1 = *pose;
+  } else if (pose && geometry.config == TwoViewConfig::kPanoramic) {
+    edge.cam2_from_cam1 = Rigid3d(pose->rotation, Eigen::Vector3d::Zero());
   } else {
     edge.removal = EdgeRemoval::kNoPose;
   }

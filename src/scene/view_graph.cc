@@ -26,6 +26,8 @@ std::string_view EdgeRemovalName(EdgeRemoval removal) {
       return "ambiguous";
     case EdgeRemoval::kWeakBridge:
       return "weak_bridge";
+    case EdgeRemoval::kModelInconsistent:
+      return "model_inconsistent";
   }
   return "unknown";
 }

@@ -118,6 +118,7 @@ const char* Color(EdgeRemoval removal) {
     case EdgeRemoval::kAmbiguous:
       return "purple";
     case EdgeRemoval::kWeakBridge:
+    case EdgeRemoval::kModelInconsistent:
       return "brown";
   }
   return "black";

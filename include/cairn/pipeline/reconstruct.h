@@ -43,7 +43,6 @@ struct ReconstructOptions {
   double max_memory_gib = 0.0;
   bool register_left_out = true;
   bool separate_twins = true;
-  bool refuse_symmetric = true;
   bool colors = true;
 
   void VisitFields(OptionVisitor& v);

@@ -37,6 +37,7 @@ struct RunReport {
   int num_threads = 0;
   std::vector<StageReport> stages;
   std::vector<std::pair<std::string, double>> values;  // of the whole run
+  std::vector<std::string> warnings;                   // what is doubtful about the result
   std::string failure;  // "" or: at which stage, what was there, what the user can try
 
   bool Succeeded() const { return failure.empty(); }

@@ -20,6 +20,7 @@ enum class EdgeRemoval : int {
   kOtherComponent,         // Not in the component that is reconstructed.
   kAmbiguous,              // Contradicts many well-supported loops: repeated structure.
   kWeakBridge,
+  kModelInconsistent,  // The finished model explains less than half of its matches.
 };
 
 std::string_view EdgeRemovalName(EdgeRemoval removal);
@@ -28,7 +29,7 @@ std::string_view EdgeRemovalName(EdgeRemoval removal);
 struct ViewEdge {
   image_t image_id1 = kInvalidImageId;
   image_t image_id2 = kInvalidImageId;
-  Rigid3d cam2_from_cam1;  // |translation| = 1
+  Rigid3d cam2_from_cam1;  // |translation| = 1, or 0: the camera turned without moving
   int num_inliers = 0;
   double residual_px = 0;              // median Sampson error of the inliers, 0 if unknown
   double triangulation_angle_deg = 0;  // median over the inliers, 0 if unknown
@@ -36,6 +37,7 @@ struct ViewEdge {
   EdgeRemoval removal = EdgeRemoval::kNone;
 
   bool IsActive() const { return removal == EdgeRemoval::kNone; }
+  bool HasTranslation() const { return !cam2_from_cam1.translation.isZero(0); }
   image_pair_t PairId() const { return ImagePairToPairId(image_id1, image_id2); }
 };
 

@@ -48,10 +48,10 @@ TEST(ViewGraph, RemovedEdgesAreNotActive) {
 
 TEST(ViewGraph, RemovalNamesAreDistinct) {
   std::set<std::string_view> names;
-  for (int i = 0; i <= static_cast<int>(EdgeRemoval::kWeakBridge); ++i) {
+  for (int i = 0; i <= static_cast<int>(EdgeRemoval::kModelInconsistent); ++i) {
     names.insert(EdgeRemovalName(static_cast<EdgeRemoval>(i)));
   }
-  EXPECT_EQ(names.size(), static_cast<size_t>(EdgeRemoval::kWeakBridge) + 1);
+  EXPECT_EQ(names.size(), static_cast<size_t>(EdgeRemoval::kModelInconsistent) + 1);
   EXPECT_EQ(names.count("unknown"), 0u);
 }
 

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <map>
+#include <span>
+#include <vector>
+
+#include "cairn/scene/reconstruction.h"
+#include "cairn/scene/two_view_geometry.h"
+
+namespace cairn {
+
+// The inlier matches of a verified pair, whatever became of it in the view graph.
+struct VerifiedPair {
+  image_t image_id1 = kInvalidImageId;
+  image_t image_id2 = kInvalidImageId;
+  const FeatureMatches* matches = nullptr;
+};
+
+// How much of its verified matches a model explains: those whose keypoints lie in front of both
+// cameras and near their epipolar lines under the model's poses and intrinsics.
+struct Support {
+  int64_t num_matches = 0;
+  int64_t num_explained = 0;
+
+  // Most of them are not explained.
+  bool IsContradicted() const { return 2 * num_explained < num_matches; }
+  double Share() const { return num_matches > 0 ? double(num_explained) / num_matches : 0.0; }
+};
+
+struct ModelEvidence {
+  // What the model saves in the description of all given matches, nats. A match that lies e px from
+  // its epipolar line is a normal error of standard deviation sigma instead of a uniform one over
+  // the image: it saves log(width / (sigma sqrt(2 pi))) - e^2 / (2 sigma^2), and nothing where that
+  // is negative or the point is behind a camera. An image costs six parameters, each half the
+  // logarithm of its matches (Rissanen, "Modeling by shortest data description", 1978).
+  // Models of the same images and matches can be compared by it, whatever they were built from.
+  double nats = 0;
+  Support all;
+  Support inside;                     // of pairs between images of the model
+  int num_pairs = 0;                  // such pairs
+  int num_contradicted = 0;           // of these, explained to less than half
+  std::vector<Support> pairs;         // in the order of the input
+  std::map<image_t, Support> images;  // of the model; a match counts for both of its images
+};
+
+// The evidence for a model in verified pairs. Pairs with an image that the model lacks have nothing
+// explained; they count in `all`, not in num_pairs. O(number of matches). The result does not
+// depend on num_threads.
+ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
+                               int num_threads);
+
+}  // namespace cairn
