@@ -15,9 +15,8 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
   for (const ViewEdge& edge : graph.edges) {
     const bool is_of_others =
         context.taken.count(edge.image_id1) > 0 || context.taken.count(edge.image_id2) > 0;
-    const bool has_a_say = !is_of_others && edge.removal != EdgeRemoval::kNoPose;
     pairs.push_back({edge.image_id1, edge.image_id2,
-                     has_a_say ? &context.scene.matches.at(edge.PairId()) : &kNoMatches});
+                     is_of_others ? &kNoMatches : &context.scene.matches.at(edge.PairId())});
   }
   return EvaluateEvidence(model, pairs, context.settings.num_threads);
 }
@@ -26,11 +25,11 @@ int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, 
   int64_t num_gained = 0;
   for (size_t e = 0; e < graph.edges.size(); ++e) {
     ViewEdge& edge = graph.edges[e];
-    if (edge.removal == EdgeRemoval::kAmbiguous || edge.removal == EdgeRemoval::kNoPose ||
+    const Support& support = evidence.pairs[e];
+    if (edge.removal == EdgeRemoval::kAmbiguous || support.num_matches == 0 ||
         model.images.count(edge.image_id1) == 0 || model.images.count(edge.image_id2) == 0) {
       continue;
     }
-    const Support& support = evidence.pairs[e];
     if (support.IsContradicted()) {
       if (edge.IsActive()) edge.removal = EdgeRemoval::kModelInconsistent;
     } else if (!edge.IsActive()) {

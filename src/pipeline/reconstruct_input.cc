@@ -104,6 +104,8 @@ void ReadEdges(const Database& database,
       continue;
     }
     TwoViewGeometry geometry = database.ReadTwoViewGeometry(edge.PairId()).value();
+    // What lies over the photographs says nothing of the scene.
+    if (geometry.config == TwoViewConfig::kWatermark) geometry.inlier_matches.clear();
     scene.matches[edge.PairId()] =
         MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
                      first_keypoint.at(edge.image_id2));

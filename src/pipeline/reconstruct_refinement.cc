@@ -64,13 +64,8 @@ int RemoveWeakImages(const StageContext& context, Stage& stage, Reconstruction& 
     if (num_points < context.settings.reconstruct.min_image_points) weak.push_back(id);
   }
   for (const image_t id : weak) {
-    RegisteredImage& image = model.images.at(id);
-    stage.Note(image.image.name + ": taken out, it sees too few points");
-    for (size_t i = 0; i < image.point3D_ids.size(); ++i) {
-      if (image.point3D_ids[i] == kInvalidPoint3DId) continue;
-      model.RemoveObservation(image.point3D_ids[i], {id, static_cast<point2D_t>(i)});
-    }
-    model.images.erase(id);
+    stage.Note(model.images.at(id).image.name + ": taken out, it sees too few points");
+    RemoveImage(id, model);
   }
   return static_cast<int>(weak.size());
 }
@@ -128,6 +123,15 @@ Reconstruction MakeReconstruction(const SceneData& scene,
     model.images[id] = std::move(image);
   }
   return model;
+}
+
+void RemoveImage(image_t id, Reconstruction& model) {
+  const RegisteredImage& image = model.images.at(id);
+  for (size_t i = 0; i < image.point3D_ids.size(); ++i) {
+    if (image.point3D_ids[i] == kInvalidPoint3DId) continue;
+    model.RemoveObservation(image.point3D_ids[i], {id, static_cast<point2D_t>(i)});
+  }
+  model.images.erase(id);
 }
 
 void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,

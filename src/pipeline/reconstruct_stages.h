@@ -146,6 +146,8 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
 // Cameras and keypoints of the images with a pose, no points.
 Reconstruction MakeReconstruction(const SceneData& scene,
                                   const std::map<image_t, Rigid3d>& cam_from_world);
+// Takes an image out of a model; points that fewer than two others see go with it.
+void RemoveImage(image_t id, Reconstruction& model);
 // Triangulation, bundle adjustment and filtering from coarse to fine.
 void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
                  Reconstruction& model);
@@ -160,8 +162,8 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
 
 // reconstruct_evidence.cc
 // The evidence for the model in all verified pairs of the images that are in no other model,
-// whatever became of them in the graph. `pairs` are in the order of graph.edges; a pair without a
-// say (of other models, watermarks) has no matches.
+// whatever became of them in the graph. `pairs` are in the order of graph.edges; those of other
+// models' images have no matches.
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
                           const ViewGraph& graph);
 // The model decides which pairs between its images are in use: those of which it explains at least

@@ -162,6 +162,7 @@ Comparison Compare(const View& a, const View& b) {
 struct Pair {
   size_t edge = 0;  // in the graph
   int image1 = 0, image2 = 0;
+  int num_inliers = 0;
   double angle_deg = 0;  // between the two orientations
   Comparison comparison;
 
@@ -186,7 +187,7 @@ std::vector<Pair> ComparePairs(const Reconstruction& model, const ViewGraph& gra
     if (!edge.IsActive() || image1 == index_of.end() || image2 == index_of.end()) continue;
     const double angle = AngleBetween(model.images.at(edge.image_id1).cam_from_world.rotation,
                                       model.images.at(edge.image_id2).cam_from_world.rotation);
-    pairs.push_back({e, image1->second, image2->second, RadToDeg(angle), {}});
+    pairs.push_back({e, image1->second, image2->second, edge.num_inliers, RadToDeg(angle), {}});
   }
   ParallelFor(num_threads, static_cast<int64_t>(pairs.size()), [&](int64_t i) {
     pairs[i].comparison = Compare(views[pairs[i].image1], views[pairs[i].image2]);
@@ -207,36 +208,36 @@ class Groups {
       pairs_of_[pairs[k].image2].push_back(static_cast<int>(k));
     }
     std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-      return std::make_pair(-pairs[a].Vote(), pairs[a].comparison.conflict) <
-             std::make_pair(-pairs[b].Vote(), pairs[b].comparison.conflict);
+      return std::make_pair(-pairs[a].Vote(), -pairs[a].num_inliers) <
+             std::make_pair(-pairs[b].Vote(), -pairs[b].num_inliers);
     });
     for (const int k : order) {
       if (Balance(Root(pairs[k].image1), Root(pairs[k].image2)) >= 0) JoinPair(pairs[k]);
     }
-    // An image or two that fit nowhere are not a place: they go where most of their pairs lead.
-    for (const int k : order) {
-      const Pair& pair = pairs[k];
-      if (std::min(sets_.SizeOf(pair.image1), sets_.SizeOf(pair.image2)) < kMinGroup) {
-        JoinPair(pair);
+    // An image or two that fit nowhere are not a place: they go where most of their matches lead.
+    for (int i = 0; i < num_images; ++i) {
+      while (sets_.SizeOf(i) < kMinGroup && Dissolve(Root(i))) {
       }
     }
   }
 
   int Root(int i) { return sets_.Find(i); }
   int SizeOf(int i) { return sets_.SizeOf(i); }
-  // Joins the group of this root to the one that most of its pairs lead to.
-  void Dissolve(int root) {
-    std::map<int, int> num_pairs;
+  // Joins the group of this root to the one that most of its matches lead to. False: none do.
+  bool Dissolve(int root) {
+    std::map<int, int64_t> num_matches;
     for (const int k : pairs_of_[root]) {
       for (const int i : {pairs_[k].image1, pairs_[k].image2}) {
-        if (Root(i) != root) ++num_pairs[Root(i)];
+        if (Root(i) != root) num_matches[Root(i)] += pairs_[k].num_inliers;
       }
     }
-    if (num_pairs.empty()) return;
-    const int other = std::max_element(num_pairs.begin(), num_pairs.end(), [](auto& a, auto& b) {
-                        return a.second < b.second;
-                      })->first;
+    if (num_matches.empty()) return false;
+    const int other =
+        std::max_element(num_matches.begin(), num_matches.end(), [](auto& a, auto& b) {
+          return a.second < b.second;
+        })->first;
     Join(root, other);
+    return true;
   }
 
  private:
@@ -346,9 +347,7 @@ void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) 
     const auto least = std::min_element(evidence.begin(), evidence.end(),
                                         [](auto& a, auto& b) { return a.second < b.second; });
     if (least == evidence.end() || least->second > 0) return;
-    const int size = groups.SizeOf(least->first);
-    groups.Dissolve(least->first);
-    if (groups.SizeOf(least->first) == size) return;  // no pair leads out of it
+    if (!groups.Dissolve(least->first)) return;
   }
 }
 

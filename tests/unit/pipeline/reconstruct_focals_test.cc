@@ -85,7 +85,8 @@ TEST(ReconstructScene, CalibratesFocalLengthsFromThePairs) {
 
 // What the pairs' matches say must bear out in loops of rotations: here the stored poses, of the
 // true focal lengths, close better than those that noisy matches give.
-TEST(ReconstructScene, TakesNoFocalLengthsWithWhichLoopsCloseNoBetter) {
+// Where loops do not tell which focal lengths are right, both are tried, and the models decide.
+TEST(ReconstructScene, TriesBothFocalLengthsThatLoopsDoNotTellApart) {
   SceneOptions options = SmallScene();
   options.image_noise_px = 2.0;
   const SyntheticScene scene = MakeScene(options, 3);
@@ -97,8 +98,12 @@ TEST(ReconstructScene, TakesNoFocalLengthsWithWhichLoopsCloseNoBetter) {
   ASSERT_NE(stage, nullptr);
   EXPECT_EQ(stage->status, StageStatus::kWarning);
   EXPECT_EQ(Value(*stage, "calibrated"), 2);
-  EXPECT_EQ(Value(*stage, "refuted_by_loops"), 2);
-  EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are not taken over"));
+  EXPECT_EQ(Value(*stage, "refuted_by_loops"), 0);
+  EXPECT_EQ(Value(*stage, "undecided_by_loops"), 2);
+  EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are tried, and the ones before, too"));
+  const StageReport* choice = FindStage(report, "focal_choice");
+  ASSERT_NE(choice, nullptr);
+  EXPECT_GT(Value(*choice, "evidence_nats"), Value(*choice, "evidence_nats_otherwise"));
 }
 
 // The same stored poses, of pairs with fundamental matrices: verification tried other focal lengths

@@ -255,14 +255,15 @@ TEST(ReconstructScene, SaysWhichStageFailedAndWhatToTry) {
       metrics.is_winner = true;
       database.WritePairMetrics(metrics);
     }
-    EXPECT_THAT(failure_of(database, Settings()),
-                AllOf(HasSubstr("translation_averaging: collapsed: "), HasSubstr(" directions, "),
-                      HasSubstr("--translation_averaging.filter_max_inconsistency")));
+    EXPECT_THAT(
+        failure_of(database, Settings()),
+        AllOf(HasSubstr("translation_averaging: inconsistent: "), HasSubstr(" directions, "),
+              HasSubstr("--translation_averaging.filter_max_inconsistency")));
     ReconstructSettings settings = Settings();
     settings.view_graph.filter_triplets = settings.view_graph.filter_ambiguous = false;
     settings.view_graph.max_rotation_error_deg = 0;
     EXPECT_THAT(failure_of(database, settings),
-                AllOf(HasSubstr("rotation_averaging: no edge agrees"),
+                AllOf(HasSubstr("edges: no edge agrees"),
                       HasSubstr("--view_graph.max_rotation_error_deg")));
   }
   {
@@ -379,7 +380,7 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   }
   const std::string confidence = ReadFile(output + "/confidence.csv");
   EXPECT_EQ(std::count(confidence.begin(), confidence.end(), '\n'), 21);
-  EXPECT_THAT(confidence, HasSubstr(scene.images[9].name + ",1,5,"));
+  EXPECT_THAT(confidence, HasSubstr(scene.images[9].name + ",1,6,"));
   const Reconstruction read = ReadColmapModel(output + "/sparse/0");
   EXPECT_EQ(read.images.size(), result.models[0].images.size());
   EXPECT_EQ(read.points3D.size(), result.models[0].points3D.size());
