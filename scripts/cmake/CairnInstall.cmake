@@ -13,5 +13,5 @@ write_basic_package_version_file(${CMAKE_BINARY_DIR}/cairnConfigVersion.cmake
   COMPATIBILITY SameMinorVersion)
 install(FILES ${CMAKE_BINARY_DIR}/cairnConfig.cmake ${CMAKE_BINARY_DIR}/cairnConfigVersion.cmake
               ${CMAKE_CURRENT_LIST_DIR}/FindVLFeat.cmake ${CMAKE_CURRENT_LIST_DIR}/FindCHOLMOD.cmake
-              ${CMAKE_CURRENT_LIST_DIR}/CairnPackages.cmake
+              ${CMAKE_CURRENT_LIST_DIR}/FindLensfun.cmake ${CMAKE_CURRENT_LIST_DIR}/CairnPackages.cmake
         DESTINATION ${package_dir})

@@ -35,7 +35,6 @@ void PoseState::Update() {
 }
 
 BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction) {
-  std::map<camera_t, size_t> intrinsics_index;
   intrinsics_.reserve(reconstruction.cameras.size());
   for (const auto& [id, camera] : reconstruction.cameras) {
     IntrinsicsState state;
@@ -56,7 +55,7 @@ BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstructio
         }
       }
     }
-    intrinsics_index[id] = intrinsics_.size();
+    intrinsics_index_[id] = intrinsics_.size();
     intrinsics_.push_back(state);
   }
   poses_.reserve(reconstruction.images.size());
@@ -64,7 +63,7 @@ BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstructio
     PoseState pose;
     pose.initial_rotation = image.cam_from_world.RotationMatrix();
     Eigen::Map<Eigen::Vector3d>(pose.block.data() + 3) = image.cam_from_world.Center();
-    pose.intrinsics = &intrinsics_[intrinsics_index.at(image.image.camera_id)];
+    pose.intrinsics = &intrinsics_[intrinsics_index_.at(image.image.camera_id)];
     pose.Update();
     pose_index_[id] = poses_.size();
     poses_.push_back(pose);

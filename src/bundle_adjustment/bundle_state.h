@@ -57,7 +57,7 @@ class BundleState : public ceres::EvaluationCallback {
 
   PoseState& Pose(image_t id) { return poses_[pose_index_.at(id)]; }
   Eigen::Vector3d& Point(size_t index) { return points_[index]; }
-  std::vector<IntrinsicsState>& intrinsics() { return intrinsics_; }
+  IntrinsicsState& Intrinsics(camera_t id) { return intrinsics_[intrinsics_index_.at(id)]; }
 
   // Copies what was adjusted back.
   void Store(const BundleAdjustmentScope& scope, Reconstruction& reconstruction) const;
@@ -67,6 +67,7 @@ class BundleState : public ceres::EvaluationCallback {
   std::vector<IntrinsicsState> intrinsics_;
   std::vector<Eigen::Vector3d> points_;
   std::map<image_t, size_t> pose_index_;
+  std::map<camera_t, size_t> intrinsics_index_;
 };
 
 // d Exp(omega) y / d omega = -[Exp(omega) y]x LeftJacobian(omega) (Sola et al., "A micro Lie theory

@@ -10,6 +10,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "image/sensor_table.h"
 
 namespace cairn {
 namespace {
@@ -18,6 +19,8 @@ namespace {
 // film.
 constexpr double kMinFocal = 0.1;
 constexpr double kMaxFocal = 30.0;
+// Of 35 mm film, 36 mm x 24 mm.
+constexpr double kFilmDiagonalMm = 43.27;
 
 // Exiv2's warnings go to the error stream unless its log is muted; its XMP parser is thread-safe
 // only with a lock.
@@ -84,16 +87,28 @@ std::optional<double> SensorLongSideMm(const Exiv2::ExifData& data) {
          std::max(*width / *x_resolution, *height / y_resolution.value_or(*x_resolution));
 }
 
+// Diagonal of the whole sensor in pixels of the image. Sensors are from 4:3 to 3:2: of a wider
+// image rows of the sensor were cut off, of a squarer one columns.
+double SensorDiagonalPx(int width, int height) {
+  const double longer = std::max(width, height);
+  const double shorter = std::min(width, height);
+  return std::hypot(std::max(longer, 4.0 / 3.0 * shorter), std::max(shorter, 2.0 / 3.0 * longer));
+}
+
 // As ReadExif says, without the check of what comes out.
-std::optional<double> FocalPx(const Exiv2::ExifData& data, int width, int height) {
-  // 43.27 mm: the diagonal of 35 mm film, 36 mm x 24 mm.
+std::optional<double> FocalPx(const Exiv2::ExifData& data, const ExifInfo& camera, int width,
+                              int height) {
   if (const auto f35 = Number(data, "Exif.Photo.FocalLengthIn35mmFilm")) {
-    return *f35 / 43.27 * std::hypot(width, height);
+    return *f35 / kFilmDiagonalMm * std::hypot(width, height);
   }
   const auto focal_mm = Number(data, "Exif.Photo.FocalLength");
-  const auto sensor_mm = SensorLongSideMm(data);
-  if (!focal_mm || !sensor_mm) return std::nullopt;
-  return *focal_mm / *sensor_mm * std::max(width, height);
+  if (!focal_mm) return std::nullopt;
+  if (const auto sensor_mm = SensorLongSideMm(data)) {
+    return *focal_mm / *sensor_mm * std::max(width, height);
+  }
+  const auto crop_factor = CropFactor(camera.camera_make, camera.camera_model);
+  if (!crop_factor) return std::nullopt;
+  return *focal_mm * *crop_factor / kFilmDiagonalMm * SensorDiagonalPx(width, height);
 }
 
 }  // namespace
@@ -108,7 +123,7 @@ ExifInfo ReadExif(const std::string& path, int width, int height) {
     const Exiv2::ExifData& data = image->exifData();
     info.camera_make = Text(data, "Exif.Image.Make");
     info.camera_model = Text(data, "Exif.Image.Model");
-    info.focal_px = FocalPx(data, width, height);
+    info.focal_px = FocalPx(data, info, width, height);
     const double relative = info.focal_px.value_or(1.0) / std::max(width, height);
     if (info.focal_px && (relative < kMinFocal || relative > kMaxFocal)) info.focal_px.reset();
   } catch (const std::exception&) {

@@ -41,6 +41,11 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   scope.focal_lengths = everything;
   scope.distortions = everything && round.distortions;
   scope.fixed_cameras = context.scene.held_cameras;
+  for (const auto& [id, camera] : context.scene.cameras) {
+    const FocalCalibrationOptions& focals = settings.focal_calibration;
+    scope.priors[id] = {camera.params,
+                        camera.has_prior_focal_length ? focals.exif_sigma : focals.guess_sigma};
+  }
   if (round.weigh) EstimateSigmas(context, stage, model);
   const BundleAdjustmentReport report = AdjustBundle(options, scope, model, context.monitor);
   stage.Add("images_in", static_cast<double>(report.num_images));

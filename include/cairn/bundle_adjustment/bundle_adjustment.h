@@ -1,8 +1,10 @@
 #pragma once
 
+#include <map>
 #include <set>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "cairn/base/options.h"
 #include "cairn/base/progress.h"
@@ -33,6 +35,14 @@ struct BundleAdjustmentOptions {
   void VisitFields(OptionVisitor& v);
 };
 
+// What is known of a camera before its points are seen. Each free parameter is one more
+// observation, in its standard deviations as the others are: a camera that hardly any point
+// determines stays near its prior, and one with points enough does not feel it.
+struct IntrinsicsPrior {
+  std::vector<double> params;  // expected Camera::params
+  double focal_sigma = 0;      // standard deviation of the focal length's logarithm
+};
+
 // What is adjusted; everything else is held. Principal points are never adjusted.
 struct BundleAdjustmentScope {
   bool rotations = true;
@@ -40,8 +50,9 @@ struct BundleAdjustmentScope {
   bool points = true;
   bool focal_lengths = false;
   bool distortions = false;
-  std::set<camera_t> fixed_cameras;  // intrinsics held whatever the flags above say
-  std::set<image_t> fixed_images;    // poses held
+  std::set<camera_t> fixed_cameras;            // intrinsics held whatever the flags above say
+  std::set<image_t> fixed_images;              // poses held
+  std::map<camera_t, IntrinsicsPrior> priors;  // of cameras without, nothing is known
 };
 
 enum class BundleAdjustmentStatus : int {
@@ -72,7 +83,10 @@ struct BundleAdjustmentReport {
 // Levenberg-Marquardt by Ceres, analytic Jacobians, points eliminated first (Schur complement;
 // Triggs et al., "Bundle adjustment - a modern synthesis", 2000). The seven degrees of freedom of
 // the world frame stay free, since fixing some of them slows convergence: the damping holds them.
-// Observations that are behind their camera at the start are left out. Throws nothing but BugError.
+// Observations that are behind their camera at the start are left out. A prior's distortion
+// coefficients have the standard deviation with which each alone would move a corner of the image
+// as far as lenses differ: from the pinhole's projection to the equidistant one (a fisheye's), and
+// by 3 % of the radius at any field of view. Throws nothing but BugError.
 BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
                                     const BundleAdjustmentScope& scope,
                                     Reconstruction& reconstruction,

@@ -15,10 +15,12 @@ struct ExifInfo {
 
 // Reads EXIF of an image that is width x height pixels. The focal length as COLMAP computes it:
 // from the 35 mm equivalent, f35 / 43.27 * sqrt(w^2 + h^2), else from the focal length in mm with
-// the sensor's size by FocalPlaneXResolution, f_mm / sensor_mm * max(w, h). A focal
-// length that no photograph has (shorter than a tenth of the longer side, or longer than 30 of
-// them) is taken as absent. An image without EXIF, or with EXIF that cannot be parsed, gives an
-// empty result; throws IoError only where the file cannot be read. Prints nothing. Thread-safe.
+// the sensor's size by FocalPlaneXResolution, f_mm / sensor_mm * max(w, h); else with the sensor's
+// diagonal, which lensfun's database has for make and model (the sensor being as wide or as high as
+// the image, its sides as 4:3 to 3:2). A focal length that no photograph has (shorter than a tenth
+// of the longer side, or longer than 30 of them) is taken as absent. An image without EXIF, or with
+// EXIF that cannot be parsed, gives an empty result; throws IoError only where the file cannot be
+// read. Prints nothing. Thread-safe.
 ExifInfo ReadExif(const std::string& path, int width, int height);
 
 // What WriteExif puts into a JPEG or PNG file that is there.

@@ -20,7 +20,7 @@ struct FocalCalibrationOptions {
   // Largest relative standard deviation of a focal length that is taken over.
   double max_sigma = 0.1;
   // How far off the guess (as a logarithm), and how far off EXIF, focal lengths are before a pair
-  // is seen: standard deviations.
+  // is seen: standard deviations. Bundle adjustment has them too.
   double guess_sigma = 0.7;
   double exif_sigma = 0.1;
   // EXIF is overruled only where it is off by more than this share.

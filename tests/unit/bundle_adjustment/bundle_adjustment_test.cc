@@ -2,7 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <functional>
+#include <vector>
 
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
@@ -119,6 +123,100 @@ TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
       EXPECT_LT(CompareAligned(model, scene.truth).center, 1e-4);
     }
   }
+}
+
+BundleAdjustmentScope IntrinsicsScope(const Reconstruction& model, double focal_sigma) {
+  BundleAdjustmentScope scope;
+  scope.focal_lengths = true;
+  scope.distortions = true;
+  if (focal_sigma == 0) return scope;
+  for (const auto& [id, camera] : model.cameras) {
+    scope.priors[id] = {.params = camera.params, .focal_sigma = focal_sigma};
+  }
+  return scope;
+}
+
+// Image 3 sees 20 points on a plane that faces it, and nothing else: its focal length and its
+// distance from them say the same.
+Reconstruction SceneWithAPlaneInImage3(uint64_t seed) {
+  constexpr double kNoisePx = 0.5;
+  Reconstruction model = MakeSyntheticScene({.noise_px = kNoisePx,
+                                             .model = CameraModel::kSimpleRadial,
+                                             .shared_camera = false,
+                                             .seed = seed})
+                             .truth;
+  model.cameras.at(3).params.back() = 0;
+  Rng rng(seed);
+  const std::vector<point3D_t> seen = model.images.at(3).point3D_ids;
+  for (size_t k = 0; k < seen.size(); ++k) {
+    const Track track = model.points3D.at(seen[k]).track;
+    const auto in3 = std::find_if(track.begin(), track.end(),
+                                  [](const TrackElement& e) { return e.image_id == 3; });
+    if (k >= 20) {
+      model.RemoveObservation(seen[k], *in3);
+      continue;
+    }
+    Eigen::Vector3d& xyz = model.points3D.at(seen[k]).xyz;
+    const Rigid3d cam3_from_world = model.images.at(3).cam_from_world;
+    const Eigen::Vector3d x = cam3_from_world * xyz;
+    xyz = Inverse(cam3_from_world) * Eigen::Vector3d(8 / x.z() * x);
+    for (const TrackElement& element : track) {
+      RegisteredImage& image = model.images.at(element.image_id);
+      image.points2D[element.point2D] =
+          model.CameraOf(image).ImgFromCam((image.cam_from_world * xyz).hnormalized()) +
+          kNoisePx * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    }
+  }
+  return model;
+}
+
+TEST(AdjustBundle, APriorHoldsACameraThatItsPointsDoNotDetermine) {
+  double without_prior = 0;
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    const Reconstruction start = SceneWithAPlaneInImage3(seed);
+    const auto focal_change = [&](double focal_sigma) {
+      Reconstruction model = start;
+      AdjustBundle(OneThread(), IntrinsicsScope(start, focal_sigma), model);
+      const Camera& camera = model.cameras.at(3);
+      // Where the image's corner goes, relative to its radius.
+      const double r = 0.5 * camera.DiagonalPx() / camera.MeanFocal();
+      if (focal_sigma > 0) EXPECT_LT(std::abs(camera.params.back()) * r * r, 0.05);
+      return std::abs(std::log(camera.MeanFocal() / start.cameras.at(3).MeanFocal()));
+    };
+    // Of EXIF, and of a guess.
+    for (const double sigma : {0.1, 0.7}) EXPECT_LT(focal_change(sigma), 0.5 * sigma);
+    without_prior = std::max(without_prior, focal_change(0));
+  }
+  EXPECT_GT(without_prior, 1.0);
+}
+
+TEST(AdjustBundle, APriorDoesNotMoveACameraThatItsPointsDetermine) {
+  constexpr int kNumScenes = 5;
+  double squared_error[2] = {}, shift[2] = {};  // of log focal length and distortion
+  for (uint64_t seed = 0; seed < kNumScenes; ++seed) {
+    const Reconstruction truth =
+        MakeSyntheticScene(
+            {.num_points = 1000, .noise_px = 1, .model = CameraModel::kSimpleRadial, .seed = seed})
+            .truth;
+    const auto adjust = [&](double focal_sigma) {
+      Reconstruction model = truth;
+      BundleAdjustmentScope scope = IntrinsicsScope(truth, focal_sigma);
+      // A focal length that is one standard deviation off, and no distortion.
+      if (focal_sigma > 0) scope.priors[1].params = {850 * std::exp(focal_sigma), 500, 400, 0};
+      BundleAdjustmentOptions options = OneThread();
+      options.function_tolerance = 1e-9;
+      AdjustBundle(options, scope, model);
+      const std::vector<double>& params = model.cameras.at(1).params;
+      return std::array<double, 2>{std::log(params[0] / 850), params[3]};
+    };
+    const std::array<double, 2> with = adjust(0.1), without = adjust(0);
+    const double expected[2] = {0, truth.cameras.at(1).params[3]};
+    for (int i = 0; i < 2; ++i) {
+      squared_error[i] += std::pow(without[i] - expected[i], 2) / kNumScenes;
+      shift[i] = std::max(shift[i], std::abs(with[i] - without[i]));
+    }
+  }
+  for (int i = 0; i < 2; ++i) EXPECT_LT(shift[i], 0.1 * std::sqrt(squared_error[i])) << i;
 }
 
 TEST(AdjustBundle, HoldsWhatIsOutOfScope) {

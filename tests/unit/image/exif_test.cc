@@ -64,6 +64,31 @@ TEST(Exif, FocalFromMillimetersAndSensorSize) {
   expect_focal(sensor_cm);
 }
 
+TEST(Exif, FocalFromMillimetersAndTheCamerasSensor) {
+  const TempFolder folder;
+  const auto focal = [&](const char* make, const char* model, int width, int height) {
+    WriteJpegWithExif(folder / "a.jpg", {{"Exif.Photo.FocalLength", "60/10"},
+                                         {"Exif.Image.Make", make},
+                                         {"Exif.Image.Model", model}});
+    return ReadExif(folder / "a.jpg", width, height).focal_px.value_or(0);
+  };
+  // A 1/1.7" sensor, 7.44 mm x 5.58 mm by the data sheet.
+  const double truth = 6.0 / 7.44 * 3648;
+  EXPECT_NEAR(focal("Canon", "Canon PowerShot S90", 3648, 2736), truth, 0.01 * truth);
+  EXPECT_NEAR(focal("CANON", "canon powershot s90", 2736, 3648), truth, 0.01 * truth);
+  // 2736 rows of the sensor, all or some of its columns.
+  EXPECT_NEAR(focal("Canon", "Canon PowerShot S90", 2736, 2736), truth, 0.01 * truth);
+  // 23.6 mm x 15.8 mm; all 3872 columns, some of its rows.
+  const double truth_slr = 6.0 / 23.6 * 3872;
+  EXPECT_NEAR(focal("NIKON CORPORATION", "NIKON D60", 3872, 2592), truth_slr, 0.01 * truth_slr);
+  EXPECT_NEAR(focal("NIKON CORPORATION", "NIKON D60", 3872, 2178), truth_slr, 0.01 * truth_slr);
+
+  EXPECT_EQ(focal("NIKON CORPORATION", "NIKON D60 of nobody", 3872, 2592), 0);
+  EXPECT_EQ(focal("", "", 3872, 2592), 0);
+  // Its sensor has another crop factor for every format.
+  EXPECT_EQ(focal("Panasonic", "DMC-LX3", 3648, 2736), 0);
+}
+
 TEST(Exif, NoUsableFocalIsAbsent) {
   const TempFolder folder;
   const auto focal = [&](const Tags& tags) {

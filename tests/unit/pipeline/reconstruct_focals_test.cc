@@ -55,6 +55,17 @@ TEST(ReconstructScene, RefinesUnknownFocalLengths) {
   ExpectFocals(fixed.models.front(), scene, 1.04, 1e-9);
 }
 
+TEST(ReconstructScene, FocalLengthsStayNearAGuessThatIsSure) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  const Database database = MakeDatabaseWithGuesses(scene, 1.04);
+  ReconstructSettings settings = Settings();
+  settings.focal_calibration.enabled = false;
+  settings.focal_calibration.guess_sigma = 1e-3;
+  const ReconstructResult result = ReconstructScene(database, "", settings);
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  ExpectFocals(result.models.front(), scene, 1.04, 0.01);
+}
+
 // Wide-angle cameras of which nothing is known but a guess far off.
 TEST(ReconstructScene, CalibratesFocalLengthsFromThePairs) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
