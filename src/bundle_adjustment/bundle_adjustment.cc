@@ -161,7 +161,9 @@ class BundleProblem {
       const int k = state.free_index[i];
       const bool is_focal = i < state.num_free_focal;
       mean[i] = is_focal ? std::log(prior.params[k] / state.initial[k]) : prior.params[k];
-      precision[i] = is_focal ? 1.0 / prior.focal_sigma : DistortionPrecision(camera, k);
+      precision[i] = is_focal                           ? 1.0 / prior.focal_sigma
+                     : i >= state.first_principal_point ? 1.0 / prior.principal_point_sigma_px
+                                                        : DistortionPrecision(camera, k);
     }
     problem_.AddResidualBlock(new ceres::NormalPrior(ceres::Matrix(precision.asDiagonal()), mean),
                               nullptr, state.free.data());

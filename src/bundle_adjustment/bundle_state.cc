@@ -54,6 +54,13 @@ BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstructio
           state.free_index[state.num_free++] = k;
         }
       }
+      state.first_principal_point = state.num_free;
+      if (scope.principal_points && scope.priors.count(id) > 0) {
+        for (const int k : camera.PrincipalPointIndices()) {
+          state.free[state.num_free] = camera.params[k];
+          state.free_index[state.num_free++] = k;
+        }
+      }
     }
     intrinsics_index_[id] = intrinsics_.size();
     intrinsics_.push_back(state);

@@ -14,13 +14,14 @@ namespace cairn {
 
 // A camera's intrinsics during the adjustment. The free parameters are few, so the parameter block
 // holds these alone: logarithms of focal factors first (a focal length stays positive), then
-// distortion coefficients.
+// distortion coefficients, then the principal point.
 struct IntrinsicsState {
   static constexpr int kMaxParams = 8;
   CameraModel model = CameraModel::kPinhole;
   int num_params = 0;
   int num_free = 0;
   int num_free_focal = 0;
+  int first_principal_point = 0;  // among the free ones
   std::array<double, kMaxParams> initial{};
   std::array<double, kMaxParams> params{};  // in force at the present evaluation
   std::array<double, kMaxParams> free{};    // the parameter block

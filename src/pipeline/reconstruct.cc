@@ -327,6 +327,9 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
   v.Bool(
       "separate_twins", separate_twins,
       "find places that look alike and were put on top of each other, and reconstruct them apart");
+  v.Bool("refine_principal_points", refine_principal_points,
+         "adjust the principal points of cameras that are not held, near the image centers "
+         "(focal_calibration.principal_point_sigma)");
   v.Bool("colors", colors, "color the points from the photographs");
 }
 

@@ -14,6 +14,7 @@ struct Round {
   double error_factor = 1.0;     // of triangulation.max_error_px
   bool positions_first = false;  // a stage with fixed rotations and intrinsics before
   bool distortions = true;
+  bool principal_points = false;
   bool weigh = true;  // observations by their precision: errors of rough poses do not show it
   int max_iterations = 0;
 };
@@ -40,11 +41,14 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   scope.rotations = everything;
   scope.focal_lengths = everything;
   scope.distortions = everything && round.distortions;
+  scope.principal_points =
+      everything && round.principal_points && settings.reconstruct.refine_principal_points;
   scope.fixed_cameras = context.scene.held_cameras;
   for (const auto& [id, camera] : context.scene.cameras) {
     const FocalCalibrationOptions& focals = settings.focal_calibration;
     scope.priors[id] = {camera.params,
-                        camera.has_prior_focal_length ? focals.exif_sigma : focals.guess_sigma};
+                        camera.has_prior_focal_length ? focals.exif_sigma : focals.guess_sigma,
+                        focals.principal_point_sigma * std::max(camera.width, camera.height)};
   }
   if (round.weigh) EstimateSigmas(context, stage, model);
   const BundleAdjustmentReport report = AdjustBundle(options, scope, model, context.monitor);
@@ -167,7 +171,10 @@ void RefineModel(StageContext& context, std::span<const Track> tracks, bool from
               .max_iterations = 20},
              model);
   }
-  Round round{.name = "", .tracks = tracks, .max_iterations = std::numeric_limits<int>::max()};
+  Round round{.name = "",
+              .tracks = tracks,
+              .principal_points = true,
+              .max_iterations = std::numeric_limits<int>::max()};
   double num_triangulated = 0;
   for (int i = 0; i < options.max_rounds && !context.monitor.StopRequested(); ++i) {
     round.name = std::to_string(i + 1);

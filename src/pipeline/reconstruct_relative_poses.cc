@@ -168,6 +168,54 @@ int NumExplained(const PairRays& rays, const Rigid3d& pose) {
   return num_explained;
 }
 
+// Sum of half the squared errors in units of sigma, each of three sigmas at most: the matches' code
+// length, nats, up to a constant.
+double CodeLength(const PairRays& rays, const Rigid3d& pose, double sigma_px) {
+  std::vector<float> errors(static_cast<size_t>(rays.points.num_blocks()) * PointPairs::kBlock);
+  SampsonErrors(rays.points, EssentialFromPose(pose), errors.data());
+  double length = 0;
+  for (size_t i = 0; i < rays.x1.size(); ++i) {
+    const double u = std::min(3.0, errors[i] / sigma_px);
+    length += 0.5 * u * u;
+  }
+  return length;
+}
+
+// Replaces the edge's pose by its reversal where that explains the matches better. Returns by how
+// many nats the one that stays is better, at most the number of matches.
+double SettleReversal(const SceneData& scene, ViewEdge& edge) {
+  constexpr double kMinDifferenceDeg = 2.0;
+  constexpr double kMinSigmaPx = 0.1;
+  const auto most = static_cast<double>(std::max(1, edge.num_inliers));
+  PairRays rays;
+  FillRays(scene, edge, &rays);
+  if (rays.x1.size() < 8 || !edge.HasTranslation()) return most;
+  const Eigen::Vector3d flip(1, 1, -1);
+  const Eigen::Matrix3d reversed =
+      flip.asDiagonal() * edge.cam2_from_cam1.rotation.toRotationMatrix() * flip.asDiagonal();
+  Rigid3d twin(Eigen::Quaterniond(reversed), TranslationFor(reversed, rays));
+  for (const double scale_px : {kFinePx, 0.5 * kFinePx}) {
+    PoseRefinementOptions options;
+    options.loss = RobustLoss::kGemanMcClure;
+    options.scale_px = scale_px;
+    twin = RefinePose(rays.points, twin, options).cam2_from_cam1;
+  }
+  const Rigid3d back(twin.rotation, Eigen::Vector3d(-twin.translation));
+  const int num_twin = NumExplained(rays, twin);
+  const int num_back = NumExplained(rays, back);
+  if (num_back > num_twin) twin = back;
+  if (2 * std::max(num_twin, num_back) < static_cast<int>(rays.x1.size()) ||
+      RadToDeg(AngleBetween(twin.rotation, edge.cam2_from_cam1.rotation)) < kMinDifferenceDeg) {
+    return most;
+  }
+  // The median of a normal variable's size is 0.6745 standard deviations.
+  const double sigma_px = std::max(kMinSigmaPx, edge.residual_px / 0.6745);
+  const double gain =
+      CodeLength(rays, edge.cam2_from_cam1, sigma_px) - CodeLength(rays, twin, sigma_px);
+  if (gain > 0) edge.cam2_from_cam1 = twin;
+  return std::clamp(std::abs(gain), 1e-3, most);
+}
+
 // False: no pose near the rotation explains the matches.
 bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, double max_error_deg,
                ViewEdge& edge) {
@@ -190,6 +238,18 @@ bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, doubl
 }
 
 }  // namespace
+
+std::vector<double> SettleReversals(const StageContext& context, ViewGraph& graph) {
+  std::vector<double> sureness(graph.edges.size(), 0.0);
+  ParallelFor(
+      context.settings.num_threads, static_cast<int64_t>(graph.edges.size()),
+      [&](int64_t e) {
+        if (graph.edges[e].removal == EdgeRemoval::kNoPose) return;
+        sureness[e] = SettleReversal(context.scene, graph.edges[e]);
+      },
+      16);
+  return sureness;
+}
 
 int RefitEdges(const StageContext& context,
                const std::map<image_t, Eigen::Quaterniond>& cam_from_world, double max_error_deg,

@@ -97,6 +97,12 @@ void CalibrateSceneFocals(const GeometryReader& read,
 // matches show no parallax end with the reason kNoPose.
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
                           int num_threads, SceneData& scene);
+// Through a long lens a pair looks the same from the other side: depths mirrored, the rotation
+// turned back (the reversal of affine cameras; Koenderink and van Doorn, "Affine structure from
+// motion", 1991). Gives each edge the better of its pose and the reversed one. Returns by how many
+// nats that is better, at most the number of its inliers, for each edge of the graph: how sure its
+// rotation is.
+std::vector<double> SettleReversals(const StageContext& context, ViewGraph& graph);
 // Gives edges that disagree with global rotations, whatever took them out, the pose near these that
 // explains their matches, where there is one that explains more than half: a plane, a narrow field
 // of view or few matches leave several poses that explain them all. Such edges are in use again.
@@ -112,7 +118,8 @@ struct RotationHypothesis {
   double weight_power = 0;  // that their inliers counted with
   std::map<image_t, Eigen::Quaterniond> cam_from_world;
   double median_residual_deg = 0;
-  double support = 0;  // inliers of the pairs that agree with it
+  double support = 0;           // inliers of the pairs that agree with it
+  double possible_support = 0;  // of all pairs between its images
 };
 // Global rotations of the component, averaged from all of its edges and from those with more and
 // more inliers while they join more than this share of the images, weighed by inliers and not.

@@ -41,15 +41,17 @@ struct BundleAdjustmentOptions {
 struct IntrinsicsPrior {
   std::vector<double> params;  // expected Camera::params
   double focal_sigma = 0;      // standard deviation of the focal length's logarithm
+  double principal_point_sigma_px = 0;
 };
 
-// What is adjusted; everything else is held. Principal points are never adjusted.
+// What is adjusted; everything else is held.
 struct BundleAdjustmentScope {
   bool rotations = true;
   bool positions = true;
   bool points = true;
   bool focal_lengths = false;
   bool distortions = false;
+  bool principal_points = false;  // of cameras with a prior, which alone keeps weak ones in place
   std::set<camera_t> fixed_cameras;            // intrinsics held whatever the flags above say
   std::set<image_t> fixed_images;              // poses held
   std::map<camera_t, IntrinsicsPrior> priors;  // of cameras without, nothing is known

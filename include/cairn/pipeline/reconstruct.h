@@ -43,6 +43,8 @@ struct ReconstructOptions {
   double max_memory_gib = 0.0;
   bool register_left_out = true;
   bool separate_twins = true;
+  // Forward motion, or a lens that the camera model does not describe, throws principal points off.
+  bool refine_principal_points = false;
   bool colors = true;
 
   void VisitFields(OptionVisitor& v);
