@@ -81,8 +81,15 @@ double AgreeingShare(const SceneData& scene, const Reconstruction& model, const 
   const double max_error =
       0.5 * (camera1.CamFromImgThreshold(max_error_px) + camera2.CamFromImgThreshold(max_error_px));
   const FeatureMatches& matches = scene.matches.at(edge.PairId());
+  const bool is_wide = !camera1.IsPlanar() || !camera2.IsPlanar();
   int64_t num_agreeing = 0;
   for (const FeatureMatch& match : matches) {
+    if (is_wide) {
+      const auto ray1 = camera1.RayFromImg(image1.points2D[match.point1]);
+      const auto ray2 = camera2.RayFromImg(image2.points2D[match.point2]);
+      num_agreeing += ray1 && ray2 && SquaredSampsonError(E, *ray1, *ray2) < max_error * max_error;
+      continue;
+    }
     const auto x1 = camera1.CamFromImg(image1.points2D[match.point1]);
     const auto x2 = camera2.CamFromImg(image2.points2D[match.point2]);
     num_agreeing += x1 && x2 && SquaredSampsonError(E, *x1, *x2) < max_error * max_error;
