@@ -147,6 +147,21 @@ bool CameraModelIsPlanar(CameraModel model) {
 std::string_view CameraModelName(CameraModel model) { return Info(model).name; }
 int CameraModelNumParams(CameraModel model) { return Info(model).num_params; }
 
+bool CameraModelIsFisheye(CameraModel model) {
+  switch (model) {
+    case CameraModel::kOpenCVFisheye:
+    case CameraModel::kSimpleRadialFisheye:
+    case CameraModel::kRadialFisheye:
+    case CameraModel::kThinPrismFisheye:
+    case CameraModel::kRadTanThinPrismFisheye:
+    case CameraModel::kSimpleFisheye:
+    case CameraModel::kFisheye:
+      return true;
+    default:
+      return false;
+  }
+}
+
 Camera Camera::FromFocal(camera_t id, CameraModel model, double focal_px, int width, int height) {
   const ModelInfo& info = Info(model);
   Camera camera;

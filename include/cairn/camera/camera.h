@@ -45,6 +45,8 @@ std::vector<std::string> CameraModelNames();
 // behind the camera is seen? The others (fisheye lenses, panoramas, and models that may stand for
 // them) are handled by unit bearings.
 bool CameraModelIsPlanar(CameraModel model);
+// Is the radius a polynomial of the angle off axis, near to the angle itself?
+bool CameraModelIsFisheye(CameraModel model);
 
 // A central camera. Pixels as COLMAP: the center of the top-left pixel is (0.5, 0.5). Normalized
 // points are rays with third component 1, which not all rays of a wide field have; bearings are

@@ -289,6 +289,40 @@ TEST(Camera, FisheyeProjectionByHand) {
   EXPECT_LT((*division.ImgFromRay({4, 0, 3}) - Eigen::Vector2d(600, 400)).norm(), 1e-10);
 }
 
+// The models of many coefficients, written out as their documentation has them.
+TEST(Camera, DistortionByHand) {
+  const double u = 0.3, v = -0.4, r2 = 0.25, r4 = r2 * r2, r6 = r4 * r2;
+  Camera camera = Camera::FromFocal(1, CameraModel::kFullOpenCV, 100, 1000, 800);
+  camera.params = {100, 200, 500, 400, 0.1, 0.2, 0.01, 0.02, 0.3, 0.4, 0.5, 0.6};
+  const double radial = (1 + 0.1 * r2 + 0.2 * r4 + 0.3 * r6) / (1 + 0.4 * r2 + 0.5 * r4 + 0.6 * r6);
+  Eigen::Vector2d d(u * radial + 2 * 0.01 * u * v + 0.02 * (r2 + 2 * u * u),
+                    v * radial + 0.01 * (r2 + 2 * v * v) + 2 * 0.02 * u * v);
+  EXPECT_LT(
+      (camera.ImgFromCam({u, v}) - Eigen::Vector2d(500 + 100 * d[0], 400 + 200 * d[1])).norm(),
+      1e-10);
+
+  // Fisheyes: (u, v) is the angle 0.5 in its direction.
+  const Eigen::Vector3d ray(0.6 * std::sin(0.5), -0.8 * std::sin(0.5), std::cos(0.5));
+  camera.model = CameraModel::kThinPrismFisheye;
+  camera.params = {100, 200, 500, 400, 0.1, 0.2, 0.01, 0.02, 0.3, 0.4, 0.05, 0.06};
+  const double prism_radial = 1 + 0.1 * r2 + 0.2 * r4 + 0.3 * r6 + 0.4 * r4 * r4;
+  d = {u * prism_radial + 2 * 0.01 * u * v + 0.02 * (r2 + 2 * u * u) + 0.05 * r2,
+       v * prism_radial + 0.01 * (r2 + 2 * v * v) + 2 * 0.02 * u * v + 0.06 * r2};
+  EXPECT_LT((*camera.ImgFromRay(ray) - Eigen::Vector2d(500 + 100 * d[0], 400 + 200 * d[1])).norm(),
+            1e-10);
+
+  camera.model = CameraModel::kRadTanThinPrismFisheye;
+  camera.params = {100, 200, 500,  400,  0.1,  0.2,  0.3,  0.4,
+                   0.5, 0.6, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06};
+  const double factor =
+      1 + 0.1 * r2 + 0.2 * r4 + 0.3 * r6 + 0.4 * r4 * r4 + 0.5 * r4 * r6 + 0.6 * r6 * r6;
+  const double x = factor * u, y = factor * v, s2 = x * x + y * y;
+  d = {x + 2 * 0.02 * x * y + 0.01 * (s2 + 2 * x * x) + 0.03 * s2 + 0.04 * s2 * s2,
+       y + 2 * 0.01 * x * y + 0.02 * (s2 + 2 * y * y) + 0.05 * s2 + 0.06 * s2 * s2};
+  EXPECT_LT((*camera.ImgFromRay(ray) - Eigen::Vector2d(500 + 100 * d[0], 400 + 200 * d[1])).norm(),
+            1e-10);
+}
+
 // theta (1 - 0.2 theta^2) grows up to theta = 1.291 (0.8607 distorted).
 TEST(Camera, FisheyePixelsBeyondTheFoldHaveNoRay) {
   Camera camera = Camera::FromFocal(1, CameraModel::kSimpleRadialFisheye, 500, 1000, 1000);
