@@ -1,5 +1,6 @@
 #include <Eigen/Core>
 #include <algorithm>
+#include <type_traits>
 
 #include "cairn/robust/sampson_kernels.h"
 
@@ -57,13 +58,20 @@ struct SampsonTerms {
   V y_x, y_y, y_z, u_x, u_y, u_z;  // (GCC copies nested vectors through memory.)
   V C, k2_a, k2_b, k1_c, k1_d;
   V scaled_weight;
-  V k2_e, k1_g;  // of wide pairs: the third components of both lines
 };
+
+// With the third components of both lines.
+struct WideSampsonTerms : SampsonTerms {
+  V k2_e, k1_g;
+};
+
+template <bool kIsWide>
+using TermsOf = std::conditional_t<kIsWide, WideSampsonTerms, SampsonTerms>;
 
 // Fills the terms of the pairs from i on; returns their losses in squared pixels.
 template <RobustLoss kLoss, bool kIsWide>
 HWY_INLINE V ComputeTerms(const PointPairs& points, int i, const PoseArguments& pose,
-                          SampsonTerms* terms) {
+                          TermsOf<kIsWide>* terms) {
   const float* R = pose.R;
   const V3 t = {Const(pose.t[0]), Const(pose.t[1]), Const(pose.t[2])};
   V w1 = Const(pose.w1), w2 = Const(pose.w2);
@@ -134,7 +142,8 @@ HWY_INLINE V ComputeTerms(const PointPairs& points, int i, const PoseArguments& 
 // Adds hessian and gradient of the pairs from i on.
 template <bool kIsWide>
 HWY_INLINE void AddDerivatives(const PointPairs& points, int i, const PoseArguments& pose,
-                               const TangentArguments& tangent, const SampsonTerms& terms, V* sum) {
+                               const TangentArguments& tangent, const TermsOf<kIsWide>& terms,
+                               V* sum) {
   const float* R = pose.R;
   const V3 t = {Const(pose.t[0]), Const(pose.t[1]), Const(pose.t[2])};
   const V3 p2 = {Load(points.x2() + i), Load(points.y2() + i), Const(1.0f)};
@@ -172,7 +181,7 @@ void AccumulateKernel(const PointPairs& points, const PoseArguments& pose,
                       const TangentArguments& tangent, double* sums) {
   // Divisions of several blocks wait at the same time, before all derivatives of these blocks.
   constexpr int kNumBlocks = 8;
-  SampsonTerms terms[kNumBlocks];
+  TermsOf<kIsWide> terms[kNumBlocks];
   const int n = points.size();
   V lane_sums[kNumSums][kParts];
   // Part by part, so that the sums of one part stay in registers.
@@ -203,7 +212,7 @@ double CostKernel(const PointPairs& points, const PoseArguments& pose) {
     for (int part = 0; part < kParts; ++part) {
       const int first = i + part * kLanes;
       if (first >= points.size()) break;
-      SampsonTerms unused;
+      TermsOf<kIsWide> unused;
       sum[part] = sum[part] + ComputeTerms<kLoss, kIsWide>(points, first, pose, &unused);
     }
   }
