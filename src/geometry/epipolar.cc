@@ -39,8 +39,8 @@ double SquaredSampsonError(const Eigen::Matrix3d& E, const Eigen::Vector2d& x1,
   return n > 0.0 ? c * c / n : 0.0;
 }
 
-double SquaredSampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& ray1,
-                           const Eigen::Vector3d& ray2) {
+double SquaredRaySampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& ray1,
+                              const Eigen::Vector3d& ray2) {
   const Eigen::Vector3d q1 = ray1.normalized(), q2 = ray2.normalized();
   const Eigen::Vector3d line2 = E * q1, line1 = E.transpose() * q2;
   const double c = q2.dot(line2);
@@ -50,12 +50,11 @@ double SquaredSampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& ray1
 
 bool TriangulateDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector2d& x1,
                        const Eigen::Vector2d& x2, double* depth1, double* depth2) {
-  return TriangulateDepths(cam2_from_cam1, Eigen::Vector3d(x1.homogeneous()),
-                           Eigen::Vector3d(x2.homogeneous()), depth1, depth2);
+  return TriangulateRayDepths(cam2_from_cam1, x1.homogeneous(), x2.homogeneous(), depth1, depth2);
 }
 
-bool TriangulateDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector3d& ray1,
-                       const Eigen::Vector3d& ray2, double* depth1, double* depth2) {
+bool TriangulateRayDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector3d& ray1,
+                          const Eigen::Vector3d& ray2, double* depth1, double* depth2) {
   // Least squares of depth1 * R r1 + t = depth2 * r2.
   const Eigen::Vector3d a = cam2_from_cam1.rotation * ray1;
   const Eigen::Vector3d& b = ray2;
@@ -91,8 +90,8 @@ CheiralityResult SelectPoseByCheirality(const std::vector<Rigid3d>& poses,
     int num_in_front = 0;
     for (size_t i = 0; i < rays1.size(); ++i) {
       double depth1, depth2;
-      num_in_front +=
-          TriangulateDepths(pose, rays1[i], rays2[i], &depth1, &depth2) && depth1 > 0 && depth2 > 0;
+      num_in_front += TriangulateRayDepths(pose, rays1[i], rays2[i], &depth1, &depth2) &&
+                      depth1 > 0 && depth2 > 0;
     }
     if (num_in_front > best.num_in_front) best = {pose, num_in_front};
   }

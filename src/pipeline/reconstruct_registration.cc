@@ -87,7 +87,8 @@ double AgreeingShare(const SceneData& scene, const Reconstruction& model, const 
     if (is_wide) {
       const auto ray1 = camera1.RayFromImg(image1.points2D[match.point1]);
       const auto ray2 = camera2.RayFromImg(image2.points2D[match.point2]);
-      num_agreeing += ray1 && ray2 && SquaredSampsonError(E, *ray1, *ray2) < max_error * max_error;
+      num_agreeing +=
+          ray1 && ray2 && SquaredRaySampsonError(E, *ray1, *ray2) < max_error * max_error;
       continue;
     }
     const auto x1 = camera1.CamFromImg(image1.points2D[match.point1]);

@@ -87,9 +87,11 @@ TEST_P(KnownWideCamerasTest, GiveTheTruePoses) {
     const auto [id1, id2] = PairIdToImagePair(pair_id);
     const Rigid3d expected =
         truth.images.at(id2).cam_from_world * Inverse(truth.images.at(id1).cam_from_world);
-    EXPECT_LT(AngleBetween(geometry->cam2_from_cam1->rotation, expected.rotation), 0.01);
+    // Small overlaps at the rim of both images fix a pose less well.
+    const double tolerance = num_matches > 150 ? 0.01 : 0.06;
+    EXPECT_LT(AngleBetween(geometry->cam2_from_cam1->rotation, expected.rotation), tolerance);
     EXPECT_LT((geometry->cam2_from_cam1->translation - expected.translation.normalized()).norm(),
-              0.05);
+              5 * tolerance);
     // The noise is 0.5 px in each image: nearly all right matches are inliers, however far off
     // axis.
     EXPECT_GT(geometry->inlier_matches.size(), 0.7 * num_matches);
@@ -122,13 +124,17 @@ TEST_F(WideCamerasTest, UnknownFocalLengthsAreFound) {
     ASSERT_EQ(texts.size(), 1u);
     EXPECT_THAT(texts[0], HasSubstr("camera 1: focal length"));
     const Camera found = database.ReadCameras().at(0);
-    EXPECT_NEAR(found.MeanFocal(), 395, 35) << guess;  // -0.04 is still unknown
+    // The coefficient is still unknown: between the scale at the center, 400 px a radian, and that
+    // at the rim, 400 (1 - 3 * 0.04 * 1.31^2), where most matches are.
+    EXPECT_GT(found.MeanFocal(), 300) << guess;
+    EXPECT_LT(found.MeanFocal(), 410) << guess;
     EXPECT_FALSE(found.has_prior_focal_length);
     EXPECT_TRUE(LearnWideFocals(database, {}, 0, 2, NullMonitor()).empty());
     Verify(database);
     for (const auto& [pair_id, num_matches] : database.ReadNumMatches()) {
       const auto geometry = database.ReadTwoViewGeometry(pair_id);
-      if (geometry) EXPECT_NE(geometry->config, TwoViewConfig::kCalibrated);
+      if (!geometry) continue;
+      EXPECT_NE(geometry->config, TwoViewConfig::kCalibrated);
     }
     const ReconstructResult result = ReconstructScene(database, "", Settings());
     ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
