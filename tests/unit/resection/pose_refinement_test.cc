@@ -27,13 +27,11 @@ Problem MakeProblem(CameraModel model, uint64_t seed) {
     problem.camera.params[k] += rng.Uniform(-0.01, 0.01);
   }
   problem.pose = Rigid3d(ExpSO3(Eigen::Vector3d(0.3, -2, 0.5)), Eigen::Vector3d(0.5, 0.2, 1));
-  for (int i = 0; i < 40; ++i) {
+  while (problem.pixels.size() < 40) {
     const Eigen::Vector2d pixel(rng.Uniform(0, 1200), rng.Uniform(0, 800));
-    const Eigen::Vector3d x =
-        rng.Uniform(2, 8) *
-        (is_planar ? Eigen::Vector3d(problem.camera.CamFromImg(pixel).value().homogeneous())
-                   : problem.camera.RayFromImg(pixel).value());
-    problem.xyz.push_back(Inverse(problem.pose) * x);
+    const auto ray = problem.camera.RayFromImg(pixel);
+    if (!ray) continue;  // beyond the fold of a fisheye
+    problem.xyz.push_back(Inverse(problem.pose) * Eigen::Vector3d(rng.Uniform(2, 8) * *ray));
     problem.pixels.push_back(pixel);
   }
   problem.all.resize(40);
