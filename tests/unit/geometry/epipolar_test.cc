@@ -65,7 +65,7 @@ TEST(Epipolar, OneOfTheFourPosesIsTheTruthAndCheiralitySelectsIt) {
     EXPECT_LT(AngleBetween(best.cam2_from_cam1.rotation, p.cam2_from_cam1.rotation), 1e-12);
     EXPECT_LT(AngleBetween(best.cam2_from_cam1.translation, p.cam2_from_cam1.translation), 1e-12);
   }
-  EXPECT_THROW(SelectPoseByCheirality({}, {}, {}), BugError);
+  EXPECT_THROW(SelectPoseByCheirality({}, std::vector<Eigen::Vector2d>(), {}), BugError);
 }
 
 TEST(Epipolar, FundamentalMatrixAnnulsPixels) {

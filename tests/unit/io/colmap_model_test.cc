@@ -241,10 +241,10 @@ TEST(ColmapBinary, UnknownCameraModelsAndTwoOfAKindAreNamed) {
   WriteColmapModel(RandomReconstruction(3), folder.path());
   const std::string bytes = ReadFile(folder / "cameras.bin");
   std::string changed = bytes;
-  changed[12] = 5;  // OPENCV_CYLINDER
+  changed[12] = 99;
   WriteFileAtomically(folder / "cameras.bin", changed);
   EXPECT_THAT(ReadError(folder.path(), ColmapModelFormat::kBinary),
-              HasSubstr("camera 1 has the model 5"));
+              HasSubstr("camera 1 has the model 99"));
   WriteFileAtomically(folder / "cameras.bin", bytes);
   std::string images = ReadFile(folder / "images.bin");
   images[8] = 2;  // the id of the second image
