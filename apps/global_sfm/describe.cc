@@ -114,6 +114,10 @@ std::string DescribeDatabase(const Database& database) {
   std::string text = fmt::format("{:<18} {}\n", "images", num_images);
   text += SkippedLines(database.ReadPhotos());
   text += CameraLines(database.ReadCameras());
+  for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
+    text += fmt::format("{:<18} camera {} is of the unknown model {}; its images are left out\n",
+                        "unknown camera", camera.camera_id, camera.model_id);
+  }
   text += CountsLine("keypoints", database.ReadNumKeypoints(), num_images);
   text += CountsLine("descriptors", database.ReadNumDescriptors(), num_images);
   text += CountsLine("depth samples", database.ReadNumDepthSamples(), num_images);

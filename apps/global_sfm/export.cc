@@ -54,7 +54,8 @@ std::string FileIn(const std::string& path, const std::string& extension, const 
   return (fs::path(path) / name).string();
 }
 
-void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& flags) {
+void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& flags,
+                      ProgressMonitor& monitor) {
   const std::string path = FileIn(flags.output_path, ".json", "transforms.json");
   const fs::path folder = fs::absolute(path).parent_path();
   const std::string images =
@@ -66,7 +67,9 @@ void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& f
     points = "points.ply";
     WritePly(reconstruction, (folder / points).string(), {.cameras = false});
   }
-  WriteTransformsJson(reconstruction, path, images, points);
+  for (const std::string& warning : WriteTransformsJson(reconstruction, path, images, points)) {
+    monitor.Warning(warning);
+  }
 }
 
 void ExportOneDsfmDataset(const Reconstruction& reconstruction, const ExportFlags& flags,
@@ -102,7 +105,7 @@ int Run(const ExportFlags& flags) {
   } else if (flags.output_type == "ply") {
     WritePly(reconstruction, FileIn(flags.output_path, ".ply", "points.ply"));
   } else {
-    ExportNerfstudio(reconstruction, flags);
+    ExportNerfstudio(reconstruction, flags, monitor);
   }
   monitor.Info(std::to_string(reconstruction.images.size()) + " images and " +
                std::to_string(reconstruction.points3D.size()) + " points written as " +

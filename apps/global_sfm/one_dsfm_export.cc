@@ -46,6 +46,10 @@ std::vector<Entry> MakeEntries(const Reconstruction& model, const Database& data
   for (const Camera& camera : database.ReadCameras()) cameras[camera.camera_id] = camera;
   std::vector<Entry> entries;
   for (const Image& image : database.ReadImages()) {
+    if (cameras.count(image.camera_id) == 0) {
+      throw IoError(database.path(), "camera " + std::to_string(image.camera_id) + " of '" +
+                                         image.name + "' is missing or of an unknown model");
+    }
     Entry& entry = entries.emplace_back();
     entry.image = image;
     entry.source = cameras.at(image.camera_id);

@@ -130,7 +130,7 @@ class BundleProblem {
     int num_used = 0;
     for (const TrackElement& element : point.track) {
       const RegisteredImage& image = reconstruction.images.at(element.image_id);
-      if (!((image.cam_from_world * point.xyz).z() > 0)) continue;
+      if (!reconstruction.CameraOf(image).ImgFromRay(image.cam_from_world * point.xyz)) continue;
       PoseState& pose = state_.Pose(element.image_id);
       IntrinsicsState& intrinsics = *pose.intrinsics;
       const bool pose_is_free = scope.fixed_images.count(element.image_id) == 0;

@@ -16,7 +16,7 @@ namespace cairn {
 // holds these alone: logarithms of focal factors first (a focal length stays positive), then
 // distortion coefficients, then the principal point.
 struct IntrinsicsState {
-  static constexpr int kMaxParams = 8;
+  static constexpr int kMaxParams = kMaxCameraParams;
   CameraModel model = CameraModel::kPinhole;
   int num_params = 0;
   int num_free = 0;

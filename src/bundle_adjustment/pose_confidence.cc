@@ -24,12 +24,10 @@ Jacobians Linearize(const Camera& camera, const RegisteredImage& image, point2D_
                     const Eigen::Vector3d& xyz) {
   const Eigen::Matrix3d R = image.cam_from_world.RotationMatrix();
   const Eigen::Vector3d x = image.cam_from_world * xyz;
-  Eigen::Matrix2d pixel_by_uv;
-  camera.ImgFromCam(x.hnormalized(), &pixel_by_uv);
-  Eigen::Matrix<double, 2, 3> uv_by_x;
-  uv_by_x << 1 / x.z(), 0, -x.x() / (x.z() * x.z()), 0, 1 / x.z(), -x.y() / (x.z() * x.z());
+  Eigen::Matrix<double, 2, 3> pixel_by_x;
+  if (!camera.ImgFromRay(x, &pixel_by_x)) pixel_by_x.setZero();
   const double sigma_px = image.sigmas_px.empty() ? 1.0 : image.sigmas_px[keypoint];
-  const Eigen::Matrix<double, 2, 3> by_x = pixel_by_uv * uv_by_x / sigma_px;
+  const Eigen::Matrix<double, 2, 3> by_x = pixel_by_x / sigma_px;
   Jacobians jacobians;
   jacobians.pose.leftCols<3>() = -by_x * CrossMatrix(x);
   jacobians.pose.rightCols<3>() = -by_x * R;

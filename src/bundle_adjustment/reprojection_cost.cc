@@ -3,13 +3,6 @@
 #include "cairn/math/so3.h"
 
 namespace cairn {
-namespace {
-
-template <int kCols>
-using RowMajor2 = Eigen::Matrix<double, 2, kCols, Eigen::RowMajor>;
-
-}  // namespace
-
 ReprojectionCost::ReprojectionCost(const PoseState* pose, const Eigen::Vector3d* point,
                                    const Eigen::Vector2d& pixel, double sigma_px, const Free& free)
     : pose_(pose), point_(point), pixel_(pixel), precision_(1.0 / sigma_px), free_(free) {
@@ -25,6 +18,7 @@ bool ReprojectionCost::Evaluate(const double* const* parameters, double* residua
   // The state was brought up to date with `parameters` before (BundleState).
   const IntrinsicsState& intrinsics = *pose_->intrinsics;
   const Eigen::Vector3d x = pose_->cam_from_world * (*point_ - pose_->Center());
+  if (!CameraModelIsPlanar(intrinsics.model)) return EvaluateWide(x, residuals, jacobians);
   if (x.z() == 0) return false;
   const double inverse_z = 1.0 / x.z();
   const double uv[2] = {x.x() * inverse_z, x.y() * inverse_z};
@@ -49,6 +43,32 @@ bool ReprojectionCost::Evaluate(const double* const* parameters, double* residua
     const double b = precision_ * J_uv[2 * row + 1] * inverse_z;
     J_camera.row(row) << a, b, -(a * uv[0] + b * uv[1]);
   }
+  FillJacobians(x, J_camera, J_params, jacobians);
+  return true;
+}
+
+bool ReprojectionCost::EvaluateWide(const Eigen::Vector3d& x, double* residuals,
+                                    double** jacobians) const {
+  const IntrinsicsState& intrinsics = *pose_->intrinsics;
+  double pixel[2];
+  double J_params[2 * IntrinsicsState::kMaxParams];
+  RowMajor2<3> J_camera;
+  if (!ImgFromRay(intrinsics.model, intrinsics.params.data(), x.data(), pixel,
+                  jacobians ? J_camera.data() : nullptr,
+                  jacobians && intrinsics.num_free > 0 ? J_params : nullptr)) {
+    return false;
+  }
+  residuals[0] = precision_ * (pixel[0] - pixel_.x());
+  residuals[1] = precision_ * (pixel[1] - pixel_.y());
+  if (!jacobians) return true;
+  J_camera *= precision_;
+  FillJacobians(x, J_camera, J_params, jacobians);
+  return true;
+}
+
+void ReprojectionCost::FillJacobians(const Eigen::Vector3d& x, const RowMajor2<3>& J_camera,
+                                     const double* J_params, double** jacobians) const {
+  const IntrinsicsState& intrinsics = *pose_->intrinsics;
   const RowMajor2<3> J_world = J_camera * pose_->cam_from_world;
   // -J_camera [x]x left_jacobian: row times cross matrix is a cross product.
   RowMajor2<3> J_omega;
@@ -86,7 +106,6 @@ bool ReprojectionCost::Evaluate(const double* const* parameters, double* residua
       }
     }
   }
-  return true;
 }
 
 }  // namespace cairn

@@ -1,31 +1,27 @@
 #include "cairn/camera/camera.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <array>
+#include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "cairn/base/check.h"
+#include "camera/camera_models.h"
 
 namespace cairn {
 namespace {
 
-// Where each model keeps what. -1: the model has no such parameter.
-struct ModelInfo {
-  CameraModel model;
-  std::string_view name;
-  int num_params;
-  int fx, fy, cx, cy, k1, k2, p1, p2;
-};
+using internal::Info;
+using internal::ModelInfo;
 
-constexpr std::array<ModelInfo, 5> kModels = {{
-    {CameraModel::kSimplePinhole, "SIMPLE_PINHOLE", 3, 0, 0, 1, 2, -1, -1, -1, -1},
-    {CameraModel::kPinhole, "PINHOLE", 4, 0, 1, 2, 3, -1, -1, -1, -1},
-    {CameraModel::kSimpleRadial, "SIMPLE_RADIAL", 4, 0, 0, 1, 2, 3, -1, -1, -1},
-    {CameraModel::kRadial, "RADIAL", 5, 0, 0, 1, 2, 3, 4, -1, -1},
-    {CameraModel::kOpenCV, "OPENCV", 8, 0, 1, 2, 3, 4, 5, 6, 7},
-}};
+constexpr double kPi = std::numbers::pi;
 
-const ModelInfo& Info(CameraModel model) { return kModels[static_cast<int>(model)]; }
+// Models of which the functions here know all; those of the others are in camera_models.cc.
+bool IsBasic(CameraModel model) { return static_cast<int>(model) <= 4; }
+
+bool IsEquirectangular(CameraModel model) { return model == CameraModel::kEquirectangular; }
 
 // Distorted point d = u * (1 + k1 r2 + k2 r2^2) + tangential part, its Jacobian (2x2 row-major),
 // and the coefficients' derivatives dd/dk1, dd/dk2, dd/dp1, dd/dp2 (each 2).
@@ -71,22 +67,100 @@ bool IsBeforeFold(double r2, double k1, double k2) {
 
 double Param(const double* params, int index) { return index < 0 ? 0.0 : params[index]; }
 
+// Longitude runs over the width, latitude over the height; the center looks along z. The seam
+// behind is where the pixel jumps.
+bool ProjectEquirectangular(const double* params, const double* x, double* pixel, double* J_point,
+                            double* J_params) {
+  const double rho2 = x[0] * x[0] + x[2] * x[2], rho = std::sqrt(rho2);
+  const double n2 = rho2 + x[1] * x[1];
+  if (!(rho > 1e-12 * std::abs(x[1]))) return false;  // at a pole, any longitude will do
+  const double across = std::atan2(x[0], x[2]) / (2.0 * kPi) + 0.5;
+  const double down = std::atan2(x[1], rho) / kPi + 0.5;
+  pixel[0] = params[0] * across;
+  pixel[1] = params[1] * down;
+  if (J_point) {
+    const double a = params[0] / (2.0 * kPi * rho2), b = params[1] / (kPi * n2);
+    J_point[0] = a * x[2];
+    J_point[1] = 0.0;
+    J_point[2] = -a * x[0];
+    J_point[3] = -b * x[1] * x[0] / rho;
+    J_point[4] = b * rho;
+    J_point[5] = -b * x[1] * x[2] / rho;
+  }
+  if (J_params) {
+    J_params[0] = across;
+    J_params[1] = J_params[2] = 0.0;
+    J_params[3] = down;
+  }
+  return true;
+}
+
+Eigen::Vector3d UnprojectEquirectangular(const double* params, const Eigen::Vector2d& pixel) {
+  const double across = 2.0 * kPi * (pixel.x() / params[0] - 0.5);
+  const double down = kPi * (pixel.y() / params[1] - 0.5);
+  return {std::cos(down) * std::sin(across), std::sin(down), std::cos(down) * std::cos(across)};
+}
+
+bool ProjectBasic(CameraModel model, const double* params, const double* point, double* pixel,
+                  double* J_point, double* J_params) {
+  if (!(point[2] > 0.0)) return false;
+  const double uv[2] = {point[0] / point[2], point[1] / point[2]};
+  double J_uv[4];
+  ImgFromCam(model, params, uv, pixel, J_point ? J_uv : nullptr, J_params);
+  if (!J_point) return true;
+  for (int row = 0; row < 2; ++row) {
+    const double a = J_uv[2 * row] / point[2], b = J_uv[2 * row + 1] / point[2];
+    J_point[3 * row] = a;
+    J_point[3 * row + 1] = b;
+    J_point[3 * row + 2] = -(a * uv[0] + b * uv[1]);
+  }
+  return true;
+}
+
 }  // namespace
 
 std::optional<CameraModel> CameraModelFromName(std::string_view name) {
-  for (const ModelInfo& info : kModels) {
-    if (info.name == name) return info.model;
+  for (int id = 0; id < kNumCameraModels; ++id) {
+    const auto model = static_cast<CameraModel>(id);
+    if (Info(model).name == name) return model;
   }
   return std::nullopt;
 }
 
 std::optional<CameraModel> CameraModelFromId(int id) {
-  if (id < 0 || id >= static_cast<int>(kModels.size())) return std::nullopt;
+  if (id < 0 || id >= kNumCameraModels) return std::nullopt;
   return static_cast<CameraModel>(id);
+}
+
+std::vector<std::string> CameraModelNames() {
+  std::vector<std::string> names;
+  for (int id = 0; id < kNumCameraModels; ++id) {
+    names.emplace_back(Info(static_cast<CameraModel>(id)).name);
+  }
+  return names;
+}
+
+bool CameraModelIsPlanar(CameraModel model) {
+  return IsBasic(model) || model == CameraModel::kFullOpenCV;
 }
 
 std::string_view CameraModelName(CameraModel model) { return Info(model).name; }
 int CameraModelNumParams(CameraModel model) { return Info(model).num_params; }
+
+bool CameraModelIsFisheye(CameraModel model) {
+  switch (model) {
+    case CameraModel::kOpenCVFisheye:
+    case CameraModel::kSimpleRadialFisheye:
+    case CameraModel::kRadialFisheye:
+    case CameraModel::kThinPrismFisheye:
+    case CameraModel::kRadTanThinPrismFisheye:
+    case CameraModel::kSimpleFisheye:
+    case CameraModel::kFisheye:
+      return true;
+    default:
+      return false;
+  }
+}
 
 Camera Camera::FromFocal(camera_t id, CameraModel model, double focal_px, int width, int height) {
   const ModelInfo& info = Info(model);
@@ -96,6 +170,12 @@ Camera Camera::FromFocal(camera_t id, CameraModel model, double focal_px, int wi
   camera.width = width;
   camera.height = height;
   camera.params.assign(info.num_params, 0.0);
+  if (IsEquirectangular(model)) {
+    camera.params = {static_cast<double>(width), static_cast<double>(height)};
+    return camera;
+  }
+  if (model == CameraModel::kFov) camera.params[4] = 0.01;
+  if (model == CameraModel::kEucm) camera.params[5] = 1.0;  // beta; alpha 0 is a pinhole
   camera.params[info.fx] = focal_px;
   camera.params[info.fy] = focal_px;
   camera.params[info.cx] = 0.5 * width;
@@ -103,10 +183,16 @@ Camera Camera::FromFocal(camera_t id, CameraModel model, double focal_px, int wi
   return camera;
 }
 
-double Camera::FocalX() const { return params[Info(model).fx]; }
-double Camera::FocalY() const { return params[Info(model).fy]; }
+double Camera::FocalX() const {
+  return IsEquirectangular(model) ? params[0] / (2.0 * kPi) : params[Info(model).fx];
+}
+
+double Camera::FocalY() const {
+  return IsEquirectangular(model) ? params[1] / kPi : params[Info(model).fy];
+}
 
 Eigen::Vector2d Camera::PrincipalPoint() const {
+  if (IsEquirectangular(model)) return {0.5 * params[0], 0.5 * params[1]};
   return {params[Info(model).cx], params[Info(model).cy]};
 }
 
@@ -127,14 +213,19 @@ double Camera::DiagonalPx() const { return std::hypot(width, height); }
 
 std::vector<int> Camera::FocalIndices() const {
   const ModelInfo& info = Info(model);
+  if (info.fx < 0) return {};
   if (info.fx == info.fy) return {info.fx};
   return {info.fx, info.fy};
 }
 
-std::vector<int> Camera::PrincipalPointIndices() const { return {Info(model).cx, Info(model).cy}; }
+std::vector<int> Camera::PrincipalPointIndices() const {
+  if (IsEquirectangular(model)) return {};
+  return {Info(model).cx, Info(model).cy};
+}
 
 std::vector<int> Camera::DistortionIndices() const {
   std::vector<int> indices;
+  if (IsEquirectangular(model)) return indices;
   for (int i = Info(model).cy + 1; i < Info(model).num_params; ++i) indices.push_back(i);
   return indices;
 }
@@ -150,12 +241,26 @@ std::string Camera::Validate() const {
     if (!std::isfinite(p)) return "a parameter is not finite";
   }
   if (FocalX() <= 0 || FocalY() <= 0) return "the focal length must be positive";
+  if (model == CameraModel::kEucm && !(params[5] > 0)) return "beta must be positive";
   return "";
 }
 
 void ImgFromCam(CameraModel model, const double* params, const double* uv, double* pixel,
                 double* J_uv, double* J_params) {
   const ModelInfo& info = Info(model);
+  if (!IsBasic(model)) {
+    const double point[3] = {uv[0], uv[1], 1.0};
+    double J_point[6];
+    if (!ImgFromRay(model, params, point, pixel, J_uv ? J_point : nullptr, J_params)) {
+      const double nan = std::numeric_limits<double>::quiet_NaN();
+      std::fill_n(pixel, 2, nan);
+      if (J_uv) std::fill_n(J_uv, 4, nan);
+      if (J_params) std::fill_n(J_params, 2 * info.num_params, nan);
+    } else if (J_uv) {
+      for (int i = 0; i < 4; ++i) J_uv[i] = J_point[3 * (i / 2) + i % 2];
+    }
+    return;
+  }
   const Distorted p = Distort(uv[0], uv[1], Param(params, info.k1), Param(params, info.k2),
                               Param(params, info.p1), Param(params, info.p2));
   const double f[2] = {params[info.fx], params[info.fy]};
@@ -182,6 +287,75 @@ void ImgFromCam(CameraModel model, const double* params, const double* uv, doubl
   }
 }
 
+bool ImgFromRay(CameraModel model, const double* params, const double* point, double* pixel,
+                double* J_point, double* J_params) {
+  if (IsBasic(model)) return ProjectBasic(model, params, point, pixel, J_point, J_params);
+  if (IsEquirectangular(model)) {
+    return ProjectEquirectangular(params, point, pixel, J_point, J_params);
+  }
+  const ModelInfo& info = Info(model);
+  internal::PlanePoint plane;
+  const int first_extra = info.cy + 1;
+  if (!internal::Project(model, params + first_extra, point, J_params != nullptr, &plane)) {
+    return false;
+  }
+  const double f[2] = {params[info.fx], params[info.fy]};
+  pixel[0] = f[0] * plane.d[0] + params[info.cx];
+  pixel[1] = f[1] * plane.d[1] + params[info.cy];
+  for (int row = 0; row < 2; ++row) {
+    if (J_point) {
+      for (int k = 0; k < 3; ++k) J_point[3 * row + k] = f[row] * plane.J[3 * row + k];
+    }
+    if (!J_params) continue;
+    double* J = J_params + row * info.num_params;
+    std::fill_n(J, info.num_params, 0.0);
+    J[row == 0 ? info.fx : info.fy] = plane.d[row];
+    J[row == 0 ? info.cx : info.cy] = 1.0;
+    for (int k = first_extra; k < info.num_params; ++k) {
+      J[k] = f[row] * plane.extra[row][k - first_extra];
+    }
+  }
+  return true;
+}
+
+std::optional<Eigen::Vector2d> Camera::ImgFromRay(const Eigen::Vector3d& point,
+                                                  Eigen::Matrix<double, 2, 3>* J) const {
+  CAIRN_DCHECK(static_cast<int>(params.size()) == Info(model).num_params);
+  Eigen::Vector2d pixel;
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
+  if (!cairn::ImgFromRay(model, params.data(), point.data(), pixel.data(),
+                         J ? J_point.data() : nullptr, nullptr)) {
+    return std::nullopt;
+  }
+  if (J) *J = J_point;
+  return pixel;
+}
+
+std::optional<Eigen::Vector3d> Camera::RayFromImg(const Eigen::Vector2d& pixel) const {
+  if (IsBasic(model)) {
+    const auto uv = CamFromImg(pixel);
+    if (!uv) return std::nullopt;
+    return uv->homogeneous().normalized();
+  }
+  if (!pixel.allFinite()) return std::nullopt;
+  if (IsEquirectangular(model)) return UnprojectEquirectangular(params.data(), pixel);
+  const ModelInfo& info = Info(model);
+  const Eigen::Vector2d d((pixel.x() - params[info.cx]) / params[info.fx],
+                          (pixel.y() - params[info.cy]) / params[info.fy]);
+  const auto ray = internal::Unproject(model, params.data() + info.cy + 1, d);
+  if (!ray) return std::nullopt;
+  return ray->normalized();
+}
+
+double Camera::RadiansPerPx(const Eigen::Vector3d& point) const {
+  Eigen::Matrix<double, 2, 3> J;
+  const Eigen::Vector3d ray = point.normalized();
+  if (!ImgFromRay(ray, &J)) return std::numeric_limits<double>::infinity();
+  // Both rows are orthogonal to the ray: their cross product is the area that unit solid angle has.
+  const Eigen::Vector3d row0 = J.row(0), row1 = J.row(1);
+  return 1.0 / std::sqrt(row0.cross(row1).norm());
+}
+
 Eigen::Vector2d Camera::ImgFromCam(const Eigen::Vector2d& uv, Eigen::Matrix2d* J_uv) const {
   return ImgFromCam(uv, J_uv, nullptr);
 }
@@ -199,6 +373,18 @@ Eigen::Vector2d Camera::ImgFromCam(const Eigen::Vector2d& uv, Eigen::Matrix2d* J
 std::optional<Eigen::Vector2d> Camera::CamFromImg(const Eigen::Vector2d& pixel,
                                                   Eigen::Matrix2d* J) const {
   const ModelInfo& info = Info(model);
+  if (!IsBasic(model)) {
+    const auto ray = RayFromImg(pixel);
+    if (!ray || !(ray->z() > 0.0)) return std::nullopt;
+    const Eigen::Vector2d uv = ray->hnormalized();
+    if (J) {
+      Eigen::Matrix2d J_uv;
+      ImgFromCam(uv, &J_uv);
+      if (!J_uv.allFinite()) return std::nullopt;
+      *J = J_uv.inverse();
+    }
+    return uv;
+  }
   const Eigen::Vector2d distorted((pixel.x() - params[info.cx]) / params[info.fx],
                                   (pixel.y() - params[info.cy]) / params[info.fy]);
   Eigen::Vector2d uv = distorted;

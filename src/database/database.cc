@@ -77,11 +77,7 @@ std::vector<Camera> Database::ReadCameras() const {
     camera.camera_id = static_cast<camera_t>(query.Int(0));
     const std::string row = "camera " + std::to_string(camera.camera_id);
     const std::optional<CameraModel> model = CameraModelFromId(static_cast<int>(query.Int(1)));
-    if (!model) {
-      throw IoError(path(), row + ": camera model " + std::to_string(query.Int(1)) +
-                                " is not known (SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL "
-                                "and OPENCV are)");
-    }
+    if (!model) continue;
     camera.model = *model;
     camera.width = static_cast<int>(query.Int(2));
     camera.height = static_cast<int>(query.Int(3));
@@ -97,6 +93,19 @@ std::vector<Camera> Database::ReadCameras() const {
     const std::string reason = camera.Validate();
     if (!reason.empty()) throw IoError(path(), row + ": " + reason);
     cameras.push_back(std::move(camera));
+  }
+  return cameras;
+}
+
+std::vector<UnknownCamera> Database::ReadUnknownCameras() const {
+  std::vector<UnknownCamera> cameras;
+  Query query(*impl_, sql::kReadCameras);
+  while (query.Step()) {
+    if (CameraModelFromId(static_cast<int>(query.Int(1)))) continue;
+    cameras.push_back({.camera_id = static_cast<camera_t>(query.Int(0)),
+                       .model_id = query.Int(1),
+                       .width = static_cast<int>(query.Int(2)),
+                       .height = static_cast<int>(query.Int(3))});
   }
   return cameras;
 }

@@ -1,5 +1,6 @@
 #include "cairn/evaluation/model_evidence.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -11,12 +12,19 @@
 namespace cairn {
 namespace {
 
-// A posed image, with the rays of its keypoints (third component 1).
+// A posed image, with the rays of its keypoints: third component 1 where both cameras of a pair are
+// planar, unit length for others.
 struct View {
   const RegisteredImage* image = nullptr;
   const Camera* camera = nullptr;
-  std::vector<std::optional<Eigen::Vector2d>> rays;
+  std::vector<std::optional<Eigen::Vector3d>> rays;
 };
+
+std::optional<Eigen::Vector3d> RayOf(const Camera& camera, const Eigen::Vector2d& pixel) {
+  if (!camera.IsPlanar()) return camera.RayFromImg(pixel);
+  const auto uv = camera.CamFromImg(pixel);
+  return uv ? std::optional(uv->homogeneous()) : std::nullopt;
+}
 
 // Two-view verification's threshold is taken as the standard deviation: what remains of it in a
 // finished model is less, and errors of the model itself must not count as contradictions.
@@ -43,20 +51,23 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
   PairEvidence evidence;
   if (!(cam2_from_cam1.translation.norm() > 0)) return evidence;
   const Eigen::Matrix3d E = EssentialFromPose(cam2_from_cam1);
+  const bool is_planar = view1.camera->IsPlanar() && view2.camera->IsPlanar();
   for (const FeatureMatch& match : matches) {
     const auto& x1 = view1.rays[match.point1];
     const auto& x2 = view2.rays[match.point2];
     if (!x1 || !x2) continue;
-    const double squared_error = SquaredSampsonError(E, *x1, *x2) * focal_px * focal_px;
+    const double squared_error =
+        focal_px * focal_px *
+        (is_planar ? SquaredSampsonError(E, x1->hnormalized(), x2->hnormalized())
+                   : SquaredRaySampsonError(E, *x1, *x2));
     const double nats = gain - 0.5 * squared_error / (sigma_px * sigma_px);
     if (!(nats > 0)) continue;
     // The depths of rays that are parallel within their noise may have either sign.
-    const Eigen::Vector3d turned = cam2_from_cam1.rotation * x1->homogeneous();
-    const Eigen::Vector3d ray2 = x2->homogeneous();
-    const double parallax = turned.cross(ray2).norm() / (turned.norm() * ray2.norm());
+    const Eigen::Vector3d turned = cam2_from_cam1.rotation * *x1;
+    const double parallax = turned.cross(*x2).norm() / (turned.norm() * x2->norm());
     double depth1 = 0, depth2 = 0;
     if (parallax * focal_px > 2 * sigma_px &&
-        !(TriangulateDepths(cam2_from_cam1, *x1, *x2, &depth1, &depth2) && depth1 > 0 &&
+        !(TriangulateRayDepths(cam2_from_cam1, *x1, *x2, &depth1, &depth2) && depth1 > 0 &&
           depth2 > 0)) {
       continue;
     }
@@ -92,7 +103,7 @@ std::map<image_t, View> MakeViews(const Reconstruction& model, std::span<const V
     View& view = *order[i];
     const std::vector<char>& matched = is_matched.at(view.image->image.image_id);
     for (size_t k = 0; k < view.rays.size(); ++k) {
-      if (matched[k]) view.rays[k] = view.camera->CamFromImg(view.image->points2D[k]);
+      if (matched[k]) view.rays[k] = RayOf(*view.camera, view.image->points2D[k]);
     }
   });
   return views;

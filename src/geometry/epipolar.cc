@@ -39,11 +39,25 @@ double SquaredSampsonError(const Eigen::Matrix3d& E, const Eigen::Vector2d& x1,
   return n > 0.0 ? c * c / n : 0.0;
 }
 
+double SquaredRaySampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& ray1,
+                              const Eigen::Vector3d& ray2) {
+  const Eigen::Vector3d q1 = ray1.normalized(), q2 = ray2.normalized();
+  const Eigen::Vector3d line2 = E * q1, line1 = E.transpose() * q2;
+  const double c = q2.dot(line2);
+  const double n = line2.squaredNorm() + line1.squaredNorm() - 2.0 * c * c;
+  return n > 0.0 ? c * c / n : 0.0;
+}
+
 bool TriangulateDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector2d& x1,
                        const Eigen::Vector2d& x2, double* depth1, double* depth2) {
+  return TriangulateRayDepths(cam2_from_cam1, x1.homogeneous(), x2.homogeneous(), depth1, depth2);
+}
+
+bool TriangulateRayDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector3d& ray1,
+                          const Eigen::Vector3d& ray2, double* depth1, double* depth2) {
   // Least squares of depth1 * R r1 + t = depth2 * r2.
-  const Eigen::Vector3d a = cam2_from_cam1.rotation * x1.homogeneous();
-  const Eigen::Vector3d b = x2.homogeneous();
+  const Eigen::Vector3d a = cam2_from_cam1.rotation * ray1;
+  const Eigen::Vector3d& b = ray2;
   const Eigen::Vector3d& t = cam2_from_cam1.translation;
   const double aa = a.squaredNorm();
   const double bb = b.squaredNorm();
@@ -60,15 +74,24 @@ bool TriangulateDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector2d& x1,
 CheiralityResult SelectPoseByCheirality(const std::vector<Rigid3d>& poses,
                                         const std::vector<Eigen::Vector2d>& x1,
                                         const std::vector<Eigen::Vector2d>& x2) {
-  CAIRN_CHECK_EQ(x1.size(), x2.size());
+  std::vector<Eigen::Vector3d> rays1, rays2;
+  for (const Eigen::Vector2d& x : x1) rays1.emplace_back(x.homogeneous());
+  for (const Eigen::Vector2d& x : x2) rays2.emplace_back(x.homogeneous());
+  return SelectPoseByCheirality(poses, rays1, rays2);
+}
+
+CheiralityResult SelectPoseByCheirality(const std::vector<Rigid3d>& poses,
+                                        const std::vector<Eigen::Vector3d>& rays1,
+                                        const std::vector<Eigen::Vector3d>& rays2) {
+  CAIRN_CHECK_EQ(rays1.size(), rays2.size());
   CheiralityResult best;
   best.num_in_front = -1;
   for (const Rigid3d& pose : poses) {
     int num_in_front = 0;
-    for (size_t i = 0; i < x1.size(); ++i) {
+    for (size_t i = 0; i < rays1.size(); ++i) {
       double depth1, depth2;
-      num_in_front +=
-          TriangulateDepths(pose, x1[i], x2[i], &depth1, &depth2) && depth1 > 0 && depth2 > 0;
+      num_in_front += TriangulateRayDepths(pose, rays1[i], rays2[i], &depth1, &depth2) &&
+                      depth1 > 0 && depth2 > 0;
     }
     if (num_in_front > best.num_in_front) best = {pose, num_in_front};
   }

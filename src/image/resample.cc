@@ -43,6 +43,7 @@ void Interpolate(const Bitmap& bitmap, const Eigen::Vector2d& pixel, uint8_t* ou
 // Whether a source pixel, mapped to the target, is itself: then nothing need be resampled.
 bool AreSame(const Camera& source, const Camera& target) {
   if (source.width != target.width || source.height != target.height) return false;
+  if (!source.IsPlanar() || !target.IsPlanar()) return false;
   for (const int index : source.DistortionIndices()) {
     if (source.params[index] != 0) return false;
   }

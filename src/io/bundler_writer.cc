@@ -19,6 +19,7 @@ struct BundlerIntrinsics {
 
 BundlerIntrinsics IntrinsicsOf(const Camera& camera) {
   BundlerIntrinsics intrinsics{camera.MeanFocal()};
+  if (!camera.IsPlanar()) return intrinsics;
   const std::vector<int> distortion = camera.DistortionIndices();
   if (!distortion.empty()) intrinsics.k1 = camera.params[distortion[0]];
   if (distortion.size() >= 2) intrinsics.k2 = camera.params[distortion[1]];
@@ -31,6 +32,7 @@ Eigen::Vector2d CenterOf(const Camera& camera) {
 }
 
 double TangentialOf(const Camera& camera) {
+  if (!camera.IsPlanar() || camera.model == CameraModel::kFullOpenCV) return 0;
   const std::vector<int> distortion = camera.DistortionIndices();
   double largest = 0;
   for (size_t i = 2; i < distortion.size(); ++i) {
@@ -61,6 +63,22 @@ void Warn(const Reconstruction& reconstruction, const std::function<double(const
                      " of up to " + Rounded(largest) + unit + ": " + consequence);
 }
 
+// Names the camera models that the format cannot hold.
+void WarnOfModels(const Reconstruction& reconstruction, std::vector<std::string>& warnings) {
+  std::map<CameraModel, int> counts;
+  for (const auto& [id, camera] : reconstruction.cameras) ++counts[camera.model];
+  for (const auto& [model, count] : counts) {
+    if (CameraModelIsPlanar(model) && model != CameraModel::kFullOpenCV) continue;
+    warnings.push_back("Bundler: " + std::to_string(count) + " of " +
+                       std::to_string(reconstruction.cameras.size()) +
+                       " cameras are of the model " + std::string(CameraModelName(model)) +
+                       (CameraModelIsPlanar(model)
+                            ? ": only its first two radial coefficients are written"
+                            : ", which the format does not have: their focal length is written as "
+                              "that of a pinhole, which does not reproject"));
+  }
+}
+
 std::vector<std::string> Approximations(const Reconstruction& reconstruction,
                                         const std::vector<Image>& images) {
   std::vector<std::string> warnings;
@@ -72,6 +90,7 @@ std::vector<std::string> Approximations(const Reconstruction& reconstruction,
       reconstruction, [](const Camera& c) { return (c.PrincipalPoint() - CenterOf(c)).norm(); },
       1e-6, "a distance between principal point and image center", " px",
       "the format has none, keys stay relative to the image center", warnings);
+  WarnOfModels(reconstruction, warnings);
   Warn(reconstruction, TangentialOf, 0, "a tangential distortion", "", "it is left out", warnings);
   const auto has_blank = [](const Image& i) {
     return i.name.find_first_of(" \t") != std::string::npos;

@@ -21,7 +21,7 @@ Camera ReadCamera(ByteReader& reader) {
   const std::optional<CameraModel> model = CameraModelFromId(model_id);
   if (!model) {
     reader.Fail(name + " has the model " + std::to_string(model_id) +
-                ", which is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV");
+                ", which is none of COLMAP 4's: how many parameters it has is not known");
   }
   camera.model = *model;
   const uint64_t width = reader.Read<uint64_t>();

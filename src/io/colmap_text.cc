@@ -13,8 +13,7 @@ Camera ReadCamera(TextReader& reader) {
   const std::string_view model_name = reader.Word();
   const std::optional<CameraModel> model = CameraModelFromName(model_name);
   if (!model) {
-    reader.Fail("'" + std::string(model_name) +
-                "' is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV");
+    reader.Fail("'" + std::string(model_name) + "' is none of COLMAP 4's camera models");
   }
   camera.model = *model;
   camera.width = static_cast<int>(reader.Integer("width", 0, INT32_MAX));

@@ -1,6 +1,9 @@
 #include "cairn/io/transforms_json.h"
 
+#include <array>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 #include "cairn/base/file.h"
 #include "io/bundler_frame.h"
@@ -10,7 +13,53 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Intrinsics in the names of nerfstudio's OPENCV model.
+// nerfstudio's name of the model that holds the camera best: one a file.
+std::string_view ModelOf(const Camera& camera) {
+  if (camera.model == CameraModel::kEquirectangular) return "EQUIRECTANGULAR";
+  return CameraModelIsFisheye(camera.model) ? "OPENCV_FISHEYE" : "OPENCV";
+}
+
+// Does that model hold all that the camera has?
+bool IsHeld(const Camera& camera) {
+  switch (camera.model) {
+    case CameraModel::kFullOpenCV:
+    case CameraModel::kThinPrismFisheye:
+    case CameraModel::kRadTanThinPrismFisheye:
+    case CameraModel::kFov:
+    case CameraModel::kSimpleDivision:
+    case CameraModel::kDivision:
+    case CameraModel::kEucm:
+      return false;
+    default:
+      return true;
+  }
+}
+
+// Names what the file cannot hold.
+std::vector<std::string> Approximations(const Reconstruction& reconstruction,
+                                        std::string_view model) {
+  std::map<CameraModel, int> lost, other;
+  for (const auto& [id, camera] : reconstruction.cameras) {
+    if (ModelOf(camera) != model) {
+      ++other[camera.model];
+    } else if (!IsHeld(camera)) {
+      ++lost[camera.model];
+    }
+  }
+  std::vector<std::string> warnings;
+  const auto warn = [&warnings](const std::map<CameraModel, int>& counts, const std::string& what) {
+    for (const auto& [camera_model, count] : counts) {
+      warnings.push_back("nerfstudio: " + std::to_string(count) + " cameras are of the model " +
+                         std::string(CameraModelName(camera_model)) + what);
+    }
+  };
+  warn(lost, ", which the format does not have: their distortion is left out");
+  warn(other,
+       ", but a file holds one model, here " + std::string(model) + ": their rays are wrong there");
+  return warnings;
+}
+
+// Intrinsics in the names of nerfstudio's OPENCV and OPENCV_FISHEYE models.
 void AddIntrinsics(const Camera& camera, Json& frame) {
   frame["w"] = camera.width;
   frame["h"] = camera.height;
@@ -18,10 +67,14 @@ void AddIntrinsics(const Camera& camera, Json& frame) {
   frame["fl_y"] = camera.FocalY();
   frame["cx"] = camera.PrincipalPoint().x();
   frame["cy"] = camera.PrincipalPoint().y();
-  constexpr const char* kNames[4] = {"k1", "k2", "p1", "p2"};
-  const std::vector<int> distortion = camera.DistortionIndices();
+  if (camera.model == CameraModel::kEquirectangular) return;
+  const bool is_fisheye = CameraModelIsFisheye(camera.model);
+  const std::array<const char*, 4> names =
+      is_fisheye ? std::array{"k1", "k2", "k3", "k4"} : std::array{"k1", "k2", "p1", "p2"};
+  std::vector<int> distortion = camera.DistortionIndices();
+  if (!IsHeld(camera)) distortion.clear();
   for (size_t i = 0; i < 4; ++i) {
-    frame[kNames[i]] = i < distortion.size() ? camera.params[distortion[i]] : 0.0;
+    frame[names[i]] = i < distortion.size() ? camera.params[distortion[i]] : 0.0;
   }
 }
 
@@ -38,10 +91,16 @@ Json TransformMatrix(const Rigid3d& cam_from_world) {
 
 }  // namespace
 
-void WriteTransformsJson(const Reconstruction& reconstruction, const std::string& path,
-                         const std::string& image_folder, const std::string& ply_path) {
+std::vector<std::string> WriteTransformsJson(const Reconstruction& reconstruction,
+                                             const std::string& path,
+                                             const std::string& image_folder,
+                                             const std::string& ply_path) {
   Json root;
-  root["camera_model"] = "OPENCV";
+  const std::string_view model =
+      reconstruction.images.empty()
+          ? "OPENCV"
+          : ModelOf(reconstruction.CameraOf(reconstruction.images.begin()->second));
+  root["camera_model"] = model;
   if (!ply_path.empty()) root["ply_file_path"] = ply_path;
   root["frames"] = Json::array();
   for (const auto& [id, image] : reconstruction.images) {
@@ -53,6 +112,7 @@ void WriteTransformsJson(const Reconstruction& reconstruction, const std::string
     root["frames"].push_back(std::move(frame));
   }
   WriteFileAtomically(path, root.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  return Approximations(reconstruction, model);
 }
 
 }  // namespace cairn

@@ -6,6 +6,7 @@
 #include "pipeline/stage_ledger.h"
 #include "pipeline/stage_names.h"
 #include "pipeline/stage_options.h"
+#include "pipeline/wide_focals.h"
 
 namespace cairn {
 namespace {
@@ -115,6 +116,10 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   input.seed = static_cast<uint64_t>(in.seed);
   input.min_num_matches = options.verification.min_num_matches;
   input.options = VerificationStageOptions(options);
+  for (const std::string& text :
+       LearnWideFocals(database, options.verification, input.seed, in.num_threads, monitor)) {
+    monitor.Info(text);
+  }
   return keep_going(VerifyPairs(database, MakeVerifiers(in.verifier, options.verification), input,
                                 options.scheduler, in.num_threads, monitor)
                         .stage);

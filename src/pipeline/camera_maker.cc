@@ -1,6 +1,7 @@
 #include "pipeline/camera_maker.h"
 
 #include <algorithm>
+#include <numbers>
 
 #include "cairn/base/error.h"
 
@@ -9,6 +10,13 @@ namespace {
 
 // COLMAP's default where nothing is known.
 constexpr double kDefaultFocalFactor = 1.2;
+// An equidistant lens that shows 150 degrees across the larger side: between those that fill the
+// diagonal with 180 degrees (about 140) and circles of 180 degrees in the smaller side.
+constexpr double kFisheyeFocalFactor = 180.0 / 150.0 / std::numbers::pi;
+
+double FocalFactor(CameraModel model) {
+  return CameraModelIsFisheye(model) ? kFisheyeFocalFactor : kDefaultFocalFactor;
+}
 
 CameraModel ModelOf(const CameraOptions& options) {
   return *CameraModelFromName(options.camera_model);
@@ -57,10 +65,12 @@ std::optional<camera_t> CameraMaker::SingleCamera(Photo& photo) {
 const Camera& CameraMaker::Make(const Photo& photo) {
   const std::optional<double> focal =
       photo.given_focal_px ? photo.given_focal_px : photo.exif.focal_px;
-  const double guess = kDefaultFocalFactor * std::max(photo.size.width, photo.size.height);
+  const double guess =
+      FocalFactor(ModelOf(options_)) * std::max(photo.size.width, photo.size.height);
   Camera camera = Camera::FromFocal(next_id_++, ModelOf(options_), focal.value_or(guess),
                                     photo.size.width, photo.size.height);
-  camera.has_prior_focal_length = focal.has_value();
+  // A panorama has no focal length to be known.
+  camera.has_prior_focal_length = focal.has_value() || camera.FocalIndices().empty();
   if (!options_.camera_params.empty()) {
     camera.params = options_.camera_params;
     camera.has_prior_focal_length = true;

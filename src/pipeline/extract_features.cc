@@ -33,6 +33,9 @@ std::vector<FeatureItem> FindItems(const Database& database) {
   for (const Camera& camera : database.ReadCameras()) {
     sizes[camera.camera_id] = {camera.width, camera.height};
   }
+  for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
+    sizes[camera.camera_id] = {camera.width, camera.height};
+  }
   std::map<std::string, uint64_t> file_hashes;
   for (const PhotoRecord& photo : database.ReadPhotos()) {
     if (photo.error.empty()) file_hashes[photo.name] = photo.file_hash;

@@ -157,10 +157,11 @@ struct NewImages {
 };
 
 NewImages MakeImages(const std::vector<Image>& images, const std::vector<Camera>& cameras,
-                     const CameraOptions& options, const StageLedger& ledger,
-                     std::vector<Photo>& photos) {
-  CameraMaker maker(options, FirstFreeCameraId(images, cameras, ledger),
-                    SharedCamera(images, cameras, ledger));
+                     const std::vector<UnknownCamera>& unknown, const CameraOptions& options,
+                     const StageLedger& ledger, std::vector<Photo>& photos) {
+  camera_t first_id = FirstFreeCameraId(images, cameras, ledger);
+  for (const UnknownCamera& camera : unknown) first_id = std::max(first_id, camera.camera_id + 1);
+  CameraMaker maker(options, first_id, SharedCamera(images, cameras, ledger));
   std::map<std::string, image_t> known;
   for (const Image& image : images) known[image.name] = image.image_id;
   image_t next_id = images.empty() ? 1 : images.back().image_id + 1;
@@ -232,7 +233,8 @@ StageReport ImportPhotos(Database& database, const std::string& image_path,
     return report;
   }
 
-  const NewImages added = MakeImages(images, cameras, options, ledger, photos);
+  const NewImages added =
+      MakeImages(images, cameras, database.ReadUnknownCameras(), options, ledger, photos);
   if (!photos.empty()) WriteImages(database, added, photos, ledger);
   for (const Photo& photo : photos) {
     if (photo.error.empty()) continue;

@@ -55,7 +55,14 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
   if (image == images_.end())
     throw IoError(database_.path(), "has pairs, but no image " + std::to_string(id));
   const auto camera = cameras_.find(image->second.camera_id);
-  if (camera == cameras_.end()) throw IoError(database_.path(), "has no camera of " + Name(id));
+  if (camera == cameras_.end()) {
+    for (const UnknownCamera& unknown : database_.ReadUnknownCameras()) {
+      if (unknown.camera_id != image->second.camera_id) continue;
+      throw IoError(database_.path(), "the camera of " + Name(id) + " is of the unknown model " +
+                                          std::to_string(unknown.model_id));
+    }
+    throw IoError(database_.path(), "has no camera of " + Name(id));
+  }
   loaded.camera = camera->second;
   const HashedKeypoints keypoints = ReadKeypoints(id);
   loaded.keypoints = keypoints.keypoints;

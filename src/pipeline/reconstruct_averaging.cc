@@ -44,10 +44,9 @@ std::vector<PointDirections> RaysOfTracks(
       const auto rotation = cam_from_world.find(element.image_id);
       if (rotation == cam_from_world.end()) continue;
       const Camera& camera = scene.cameras.at(scene.images.at(element.image_id).camera_id);
-      const auto ray = camera.CamFromImg(scene.pixels.at(element.image_id).at(element.point2D));
+      const auto ray = camera.RayFromImg(scene.pixels.at(element.image_id).at(element.point2D));
       if (!ray) continue;
-      point.rays.push_back(
-          {element.image_id, rotation->second.conjugate() * ray->homogeneous().normalized()});
+      point.rays.push_back({element.image_id, rotation->second.conjugate() * *ray});
     }
     if (point.rays.size() >= 2) points.push_back(std::move(point));
   }

@@ -55,6 +55,10 @@ std::vector<FocalPair> CollectPairs(const SceneData& scene, const GeometryReader
     if (scene.held_cameras.count(camera_id1) > 0 && scene.held_cameras.count(camera_id2) > 0) {
       continue;
     }
+    // Pixels of wide lenses have no fundamental matrix.
+    if (!scene.cameras.at(camera_id1).IsPlanar() || !scene.cameras.at(camera_id2).IsPlanar()) {
+      continue;
+    }
     counts.push_back({camera_id1, camera_id2, edge.num_inliers});
     edges.push_back(&edge);
   }

@@ -26,12 +26,22 @@ void ReadImagesAndKeypoints(const Database& database, SceneData& scene, Stage& s
     if (focal != focals.end() && focal->second.is_refuted) camera.has_prior_focal_length = false;
     scene.cameras[camera.camera_id] = std::move(camera);
   }
+  std::map<camera_t, int64_t> unknown_models;
+  for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
+    unknown_models[camera.camera_id] = camera.model_id;
+  }
   for (const Image& image : database.ReadImages()) {
     scene.images[image.image_id] = image;
     const auto skip = [&](const std::string& reason) {
       scene.bad_images.insert(image.image_id);
       stage.Warn(image.name + ": left out: " + reason);
     };
+    const auto unknown = unknown_models.find(image.camera_id);
+    if (unknown != unknown_models.end()) {
+      skip("camera " + std::to_string(image.camera_id) + " is of the unknown model " +
+           std::to_string(unknown->second));
+      continue;
+    }
     const auto camera = scene.cameras.find(image.camera_id);
     if (camera == scene.cameras.end()) {
       skip("the database has no camera " + std::to_string(image.camera_id));
@@ -87,7 +97,9 @@ std::set<camera_t> CamerasToHold(const std::map<camera_t, Camera>& cameras) {
     const bool off_center = (camera.PrincipalPoint() - center).cwiseAbs().maxCoeff() > 0.5 + 1e-9;
     const bool two_focals = camera.FocalX() != camera.FocalY();
     bool distorted = false;
-    for (const int k : camera.DistortionIndices()) distorted |= camera.params[k] != 0.0;
+    const Camera plain =
+        Camera::FromFocal(id, camera.model, camera.MeanFocal(), camera.width, camera.height);
+    for (const int k : camera.DistortionIndices()) distorted |= camera.params[k] != plain.params[k];
     if (off_center || two_focals || distorted) held.insert(id);
   }
   return held;

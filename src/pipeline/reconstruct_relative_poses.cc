@@ -20,37 +20,40 @@ constexpr double kFinePx = 2.0;
 // Inliers whose rays differ by less than this after the rotation say nothing about the direction.
 constexpr double kMinParallaxPx = 4.0;
 
-// Rays of the matches whose distortion can be undone.
+// Rays (of any length) of the matches whose distortion can be undone.
 struct PairRays {
-  std::vector<Eigen::Vector2d> x1, x2;
+  std::vector<Eigen::Vector3d> rays1, rays2;
   PointPairs points;
 };
+
+Eigen::Vector3d RayOf(const Camera& camera, const Eigen::Vector2d& pixel) {
+  if (!camera.IsPlanar()) return camera.RayFromImg(pixel).value();
+  return camera.CamFromImg(pixel).value().homogeneous();
+}
 
 void FillRays(const SceneData& scene, const ViewEdge& edge, PairRays* rays) {
   const Camera& camera1 = scene.cameras.at(scene.images.at(edge.image_id1).camera_id);
   const Camera& camera2 = scene.cameras.at(scene.images.at(edge.image_id2).camera_id);
   const std::vector<Eigen::Vector2d>& pixels1 = scene.pixels.at(edge.image_id1);
   const std::vector<Eigen::Vector2d>& pixels2 = scene.pixels.at(edge.image_id2);
-  for (const FeatureMatch& match : scene.matches.at(edge.PairId())) {
-    const auto x1 = camera1.CamFromImg(pixels1[match.point1]);
-    const auto x2 = camera2.CamFromImg(pixels2[match.point2]);
-    if (!x1 || !x2) continue;
-    rays->x1.push_back(*x1);
-    rays->x2.push_back(*x2);
+  const FeatureMatches& matches = scene.matches.at(edge.PairId());
+  rays->points.Reset(static_cast<int>(matches.size()), camera1, camera2);
+  for (const FeatureMatch& match : matches) {
+    const Eigen::Vector2d &pixel1 = pixels1[match.point1], &pixel2 = pixels2[match.point2];
+    const int i = static_cast<int>(rays->rays1.size());
+    if (!rays->points.SetPixels(i, camera1, pixel1, camera2, pixel2)) continue;
+    rays->rays1.push_back(RayOf(camera1, pixel1));
+    rays->rays2.push_back(RayOf(camera2, pixel2));
   }
-  rays->points.Reset(static_cast<int>(rays->x1.size()), camera1.MeanFocal(), camera2.MeanFocal());
-  for (size_t i = 0; i < rays->x1.size(); ++i) {
-    rays->points.Set(static_cast<int>(i), rays->x1[i], rays->x2[i]);
-  }
+  rays->points.Truncate(static_cast<int>(rays->rays1.size()));
 }
 
 // Poses to start from: what is stored, and what E, F and H decompose to.
 std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
                                 const TwoViewGeometry& geometry) {
-  const Eigen::Matrix3d K1 =
-      scene.cameras.at(scene.images.at(edge.image_id1).camera_id).CalibrationMatrix();
-  const Eigen::Matrix3d K2 =
-      scene.cameras.at(scene.images.at(edge.image_id2).camera_id).CalibrationMatrix();
+  const Camera& camera1 = scene.cameras.at(scene.images.at(edge.image_id1).camera_id);
+  const Camera& camera2 = scene.cameras.at(scene.images.at(edge.image_id2).camera_id);
+  const Eigen::Matrix3d K1 = camera1.CalibrationMatrix(), K2 = camera2.CalibrationMatrix();
   std::vector<Rigid3d> candidates;
   if (edge.IsActive()) candidates.push_back(edge.cam2_from_cam1);
   const auto add_essential = [&](const Eigen::Matrix3d& E) {
@@ -59,6 +62,8 @@ std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
     candidates.emplace_back(d.R1, d.t);
   };
   if (geometry.E && geometry.E->allFinite() && geometry.E->norm() > 0) add_essential(*geometry.E);
+  // (F and H of pixels mean nothing where lenses bend straight lines by far.)
+  if (!camera1.IsPlanar() || !camera2.IsPlanar()) return candidates;
   if (geometry.F && geometry.F->allFinite() && geometry.F->norm() > 0) {
     add_essential(K2.transpose() * *geometry.F * K1);
   }
@@ -80,15 +85,15 @@ std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
 void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEdge& edge) {
   PairRays rays;
   FillRays(scene, edge, &rays);
+  const PointPairs& points = rays.points;
   std::vector<Rigid3d> candidates = Candidates(scene, edge, geometry);
   edge.removal = EdgeRemoval::kNoPose;
-  if (rays.x1.size() < 8 || candidates.empty()) return;
+  if (points.size() < 8 || candidates.empty()) return;
 
   // The best two by soft support are refined, first with a wide scale.
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < candidates.size(); ++i) {
-    order.emplace_back(-SoftScoreSampson(rays.points, EssentialFromPose(candidates[i]), kWidePx),
-                       i);
+    order.emplace_back(-SoftScoreSampson(points, EssentialFromPose(candidates[i]), kWidePx), i);
   }
   std::sort(order.begin(), order.end());
   double best_score = -1;
@@ -97,23 +102,23 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
     PoseRefinementOptions options;
     options.loss = RobustLoss::kGemanMcClure;
     options.scale_px = kWidePx;
-    Rigid3d pose = RefinePose(rays.points, candidates[order[k].second], options).cam2_from_cam1;
+    Rigid3d pose = RefinePose(points, candidates[order[k].second], options).cam2_from_cam1;
     options.scale_px = kFinePx;
-    pose = RefinePose(rays.points, pose, options).cam2_from_cam1;
-    const double score = ScoreSampson(rays.points, EssentialFromPose(pose), kFinePx);
+    pose = RefinePose(points, pose, options).cam2_from_cam1;
+    const double score = ScoreSampson(points, EssentialFromPose(pose), kFinePx);
     if (score > best_score) {
       best_score = score;
       best = pose;
     }
   }
-  std::vector<float> errors(static_cast<size_t>(rays.points.num_blocks()) * PointPairs::kBlock);
-  SampsonErrors(rays.points, EssentialFromPose(best), errors.data());
-  std::vector<Eigen::Vector2d> inliers1, inliers2;
+  std::vector<float> errors(static_cast<size_t>(points.num_blocks()) * PointPairs::kBlock);
+  SampsonErrors(points, EssentialFromPose(best), errors.data());
+  std::vector<Eigen::Vector3d> inliers1, inliers2;
   std::vector<double> parallaxes, inlier_errors;
-  for (size_t i = 0; i < rays.x1.size(); ++i) {
+  for (int i = 0; i < points.size(); ++i) {
     if (errors[i] > 2 * kFinePx) continue;
-    inliers1.push_back(rays.x1[i]);
-    inliers2.push_back(rays.x2[i]);
+    inliers1.push_back(rays.rays1[i]);
+    inliers2.push_back(rays.rays2[i]);
     inlier_errors.push_back(errors[i]);
   }
   if (inliers1.size() < 8) return;
@@ -122,15 +127,14 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
       SelectPoseByCheirality(PosesFromEssential(EssentialFromPose(best)), inliers1, inliers2);
   if (2 * front.num_in_front < static_cast<int>(inliers1.size())) return;
   for (size_t i = 0; i < inliers1.size(); ++i) {
-    const Eigen::Vector3d x = front.cam2_from_cam1.rotation * inliers1[i].homogeneous();
-    parallaxes.push_back(rays.points.focal2_px() *
-                         AngleBetween(x, Eigen::Vector3d(inliers2[i].homogeneous())));
+    const Eigen::Vector3d x = front.cam2_from_cam1.rotation * inliers1[i];
+    parallaxes.push_back(points.focal2_px() * AngleBetween(x, inliers2[i]));
   }
   const double parallax_px = UpperMedian(parallaxes);
   if (parallax_px < kMinParallaxPx) return;
   edge.cam2_from_cam1 = front.cam2_from_cam1;
   edge.residual_px = UpperMedian(inlier_errors);
-  edge.triangulation_angle_deg = RadToDeg(parallax_px / rays.points.focal2_px());
+  edge.triangulation_angle_deg = RadToDeg(parallax_px / points.focal2_px());
   edge.removal = EdgeRemoval::kNone;
 }
 
@@ -142,9 +146,9 @@ Eigen::Vector3d TranslationFor(const Eigen::Matrix3d& R, const PairRays& rays) {
   Eigen::Vector3d t = Eigen::Vector3d::Zero();
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     Eigen::Matrix3d M = Eigen::Matrix3d::Zero();
-    for (size_t i = 0; i < rays.x1.size(); ++i) {
-      const Eigen::Vector3d x1 = (R * rays.x1[i].homogeneous()).normalized();
-      const Eigen::Vector3d normal = x1.cross(rays.x2[i].homogeneous().normalized());
+    for (size_t i = 0; i < rays.rays1.size(); ++i) {
+      const Eigen::Vector3d x1 = (R * rays.rays1[i]).normalized();
+      const Eigen::Vector3d normal = x1.cross(rays.rays2[i].normalized());
       const double error_px = focal_px * normal.dot(t) / kWidePx;
       const double weight = 1.0 / ((1.0 + error_px * error_px) * (1.0 + error_px * error_px));
       M += weight * normal * normal.transpose();
@@ -159,10 +163,10 @@ int NumExplained(const PairRays& rays, const Rigid3d& pose) {
   std::vector<float> errors(static_cast<size_t>(rays.points.num_blocks()) * PointPairs::kBlock);
   SampsonErrors(rays.points, EssentialFromPose(pose), errors.data());
   int num_explained = 0;
-  for (size_t i = 0; i < rays.x1.size(); ++i) {
+  for (size_t i = 0; i < rays.rays1.size(); ++i) {
     double depth1 = 0, depth2 = 0;
     num_explained += errors[i] < kFinePx &&
-                     TriangulateDepths(pose, rays.x1[i], rays.x2[i], &depth1, &depth2) &&
+                     TriangulateRayDepths(pose, rays.rays1[i], rays.rays2[i], &depth1, &depth2) &&
                      depth1 > 0 && depth2 > 0;
   }
   return num_explained;
@@ -174,7 +178,7 @@ double CodeLength(const PairRays& rays, const Rigid3d& pose, double sigma_px) {
   std::vector<float> errors(static_cast<size_t>(rays.points.num_blocks()) * PointPairs::kBlock);
   SampsonErrors(rays.points, EssentialFromPose(pose), errors.data());
   double length = 0;
-  for (size_t i = 0; i < rays.x1.size(); ++i) {
+  for (size_t i = 0; i < rays.rays1.size(); ++i) {
     const double u = std::min(3.0, errors[i] / sigma_px);
     length += 0.5 * u * u;
   }
@@ -189,7 +193,7 @@ double SettleReversal(const SceneData& scene, ViewEdge& edge) {
   const auto most = static_cast<double>(std::max(1, edge.num_inliers));
   PairRays rays;
   FillRays(scene, edge, &rays);
-  if (rays.x1.size() < 8 || !edge.HasTranslation()) return most;
+  if (rays.rays1.size() < 8 || !edge.HasTranslation()) return most;
   const Eigen::Vector3d flip(1, 1, -1);
   const Eigen::Matrix3d reversed =
       flip.asDiagonal() * edge.cam2_from_cam1.rotation.toRotationMatrix() * flip.asDiagonal();
@@ -204,7 +208,7 @@ double SettleReversal(const SceneData& scene, ViewEdge& edge) {
   const int num_twin = NumExplained(rays, twin);
   const int num_back = NumExplained(rays, back);
   if (num_back > num_twin) twin = back;
-  if (2 * std::max(num_twin, num_back) < static_cast<int>(rays.x1.size()) ||
+  if (2 * std::max(num_twin, num_back) < static_cast<int>(rays.rays1.size()) ||
       RadToDeg(AngleBetween(twin.rotation, edge.cam2_from_cam1.rotation)) < kMinDifferenceDeg) {
     return most;
   }
@@ -221,7 +225,7 @@ bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, doubl
                ViewEdge& edge) {
   PairRays rays;
   FillRays(scene, edge, &rays);
-  if (rays.x1.size() < 8) return false;
+  if (rays.rays1.size() < 8) return false;
   const Rigid3d start(rotation, TranslationFor(rotation.toRotationMatrix(), rays));
   PoseRefinementOptions options;
   options.loss = RobustLoss::kGemanMcClure;
@@ -231,7 +235,7 @@ bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, doubl
   const Rigid3d back(pose.rotation, Eigen::Vector3d(-pose.translation));
   const int num_pose = NumExplained(rays, pose);
   const int num_back = NumExplained(rays, back);
-  if (2 * std::max(num_pose, num_back) < static_cast<int>(rays.x1.size())) return false;
+  if (2 * std::max(num_pose, num_back) < static_cast<int>(rays.rays1.size())) return false;
   edge.cam2_from_cam1 = num_back > num_pose ? back : pose;
   edge.removal = EdgeRemoval::kNone;
   return true;

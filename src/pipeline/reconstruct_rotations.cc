@@ -161,13 +161,21 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   ViewGraph own = graph;
   KeepImages(component, own);
   stage.Add("edges_in", own.NumActiveEdges());
-  const double power = context.settings.rotation_averaging.weight_power;
+  // The variance of a rotation falls with the number of inliers; but a few pairs of very many, all
+  // neighbors, must not have all the say.
+  std::vector<double> powers = {1, 0};
+  if (const double power = context.settings.rotation_averaging.weight_power; power != 0) {
+    powers.push_back(power);
+  }
   const ViewGraphBuilderOptions& filters = context.settings.view_graph;
   const std::vector<double> inliers = InliersOf(own);
   Averager averager(context, stage, own, component.size());
   const auto add = [&](const ViewGraph& core, int min_num_inliers) {
-    const bool is_core = averager.Add(core, inliers, power, min_num_inliers, min_core_share);
-    if (is_core && power != 0) averager.Add(core, inliers, 0, min_num_inliers, min_core_share);
+    bool is_core = false;
+    for (const double power : powers) {
+      is_core = averager.Add(core, inliers, power, min_num_inliers, min_core_share);
+      if (!is_core) break;
+    }
     return is_core;
   };
   const bool has_any = add(own, 0);

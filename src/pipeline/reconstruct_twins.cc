@@ -126,9 +126,9 @@ Comparison CompareInto(const View& a, const View& b) {
     if (from_a.dot(from_b) < kMinCosine * distance_a * distance_b) continue;
     if (distance_a > kMaxDistanceRatio * distance_b) continue;
     if (distance_b > kMaxDistanceRatio * distance_a) continue;
-    const Eigen::Vector3d x = b.image->cam_from_world * xyz;
-    if (!(x.z() > 0)) continue;
-    const int cell = b.CellOf(b.camera->ImgFromCam(x.hnormalized()));
+    const auto pixel = b.camera->ImgFromRay(b.image->cam_from_world * xyz);
+    if (!pixel) continue;
+    const int cell = b.CellOf(*pixel);
     if (cell < 0) continue;
     ++cells[cell].expected;
     cells[cell].common += std::binary_search(b.seen.begin(), b.seen.end(), id);

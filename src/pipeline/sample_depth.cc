@@ -68,6 +68,9 @@ std::vector<DepthItem> ListImagesWithKeypoints(const Database& database,
   for (const Camera& camera : database.ReadCameras()) {
     sizes[camera.camera_id] = {camera.width, camera.height};
   }
+  for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
+    sizes[camera.camera_id] = {camera.width, camera.height};
+  }
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
   std::vector<DepthItem> items;
   for (const Image& image : database.ReadImages()) {

@@ -27,24 +27,24 @@ class PoseFinder {
     Eigen::Matrix3d E;
     if (geometry.E) {
       E = *geometry.E;
-    } else if (geometry.F) {
+    } else if (geometry.F && camera1->IsPlanar() && camera2->IsPlanar()) {
       E = camera2->CalibrationMatrix().transpose() * *geometry.F * camera1->CalibrationMatrix();
     } else {
       return std::nullopt;
     }
     const std::vector<Keypoint>& keypoints1 = Keypoints(id1);
     const std::vector<Keypoint>& keypoints2 = Keypoints(id2);
-    std::vector<Eigen::Vector2d> x1, x2;
+    std::vector<Eigen::Vector3d> rays1, rays2;
     for (const FeatureMatch& match : geometry.inlier_matches) {
       if (match.point1 >= keypoints1.size() || match.point2 >= keypoints2.size()) continue;
-      const auto uv1 = camera1->CamFromImg(keypoints1[match.point1].Position());
-      const auto uv2 = camera2->CamFromImg(keypoints2[match.point2].Position());
-      if (!uv1 || !uv2) continue;
-      x1.push_back(*uv1);
-      x2.push_back(*uv2);
+      const auto ray1 = camera1->RayFromImg(keypoints1[match.point1].Position());
+      const auto ray2 = camera2->RayFromImg(keypoints2[match.point2].Position());
+      if (!ray1 || !ray2) continue;
+      rays1.push_back(*ray1);
+      rays2.push_back(*ray2);
     }
-    if (x1.empty()) return std::nullopt;
-    const CheiralityResult best = SelectPoseByCheirality(PosesFromEssential(E), x1, x2);
+    if (rays1.empty()) return std::nullopt;
+    const CheiralityResult best = SelectPoseByCheirality(PosesFromEssential(E), rays1, rays2);
     if (best.num_in_front == 0) return std::nullopt;
     return best.cam2_from_cam1;
   }

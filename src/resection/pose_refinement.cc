@@ -10,7 +10,6 @@
 namespace cairn {
 namespace {
 
-constexpr int kMaxParams = 8;
 using Matrix7d = Eigen::Matrix<double, 7, 7>;
 using Vector7d = Eigen::Matrix<double, 7, 1>;
 
@@ -25,13 +24,13 @@ double RobustCost(double squared, double squared_scale) {
   return squared_scale * std::log1p(squared / squared_scale);
 }
 
-// Infinite if a point is not in front of the camera.
+// Infinite if a point has no pixel.
 double Cost(const Observations& obs, const Camera& camera, const Rigid3d& pose) {
   double cost = 0;
   for (const int i : obs.indices) {
-    const Eigen::Vector3d x = pose * obs.xyz[i];
-    if (!(x.z() > 0)) return std::numeric_limits<double>::infinity();
-    const double squared = (camera.ImgFromCam(x.hnormalized()) - obs.pixels[i]).squaredNorm();
+    const auto pixel = camera.ImgFromRay(pose * obs.xyz[i]);
+    if (!pixel) return std::numeric_limits<double>::infinity();
+    const double squared = (*pixel - obs.pixels[i]).squaredNorm();
     cost += RobustCost(squared, obs.squared_scale);
   }
   return cost;
@@ -44,16 +43,15 @@ void Linearize(const Observations& obs, const Camera& camera, const Rigid3d& pos
   Jtr->setZero();
   const std::vector<int> focal_indices = camera.FocalIndices();
   const auto num_params = static_cast<int>(camera.params.size());
-  std::array<double, 2 * kMaxParams> J_params;
+  std::array<double, 2 * kMaxCameraParams> J_params;
   for (const int i : obs.indices) {
     const Eigen::Vector3d rotated = pose.rotation * obs.xyz[i];
     const Eigen::Vector3d x = rotated + pose.translation;
-    const Eigen::Vector2d uv = x.hnormalized();
-    Eigen::Matrix2d J_uv;
-    const Eigen::Vector2d residual = camera.ImgFromCam(uv, &J_uv, J_params.data()) - obs.pixels[i];
-    Eigen::Matrix<double, 2, 3> J_x;
-    J_x.leftCols<2>() = J_uv / x.z();
-    J_x.col(2) = -J_x.leftCols<2>() * uv;
+    Eigen::Vector2d pixel;
+    Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_x;
+    ImgFromRay(camera.model, camera.params.data(), x.data(), pixel.data(), J_x.data(),
+               J_params.data());
+    const Eigen::Vector2d residual = pixel - obs.pixels[i];
     Eigen::Matrix<double, 2, 7> J;
     J.leftCols<3>() = -J_x * CrossMatrix(rotated);
     J.middleCols<3>(3) = J_x;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "cairn/base/check.h"
@@ -25,10 +26,18 @@ class ResectionEstimator {
                      std::span<const Eigen::Vector3d> xyz, double max_error_px)
       : camera_(camera), pixels_(pixels), xyz_(xyz), max_error_px_(max_error_px) {
     for (size_t i = 0; i < pixels.size(); ++i) {
+      if (!camera.IsPlanar()) {
+        const std::optional<Eigen::Vector3d> bearing = camera.RayFromImg(pixels[i]);
+        if (!bearing) continue;
+        usable_.push_back(static_cast<int>(i));
+        bearings_.push_back(*bearing);
+        continue;
+      }
       const std::optional<Eigen::Vector2d> ray = camera.CamFromImg(pixels[i]);
       if (!ray) continue;
       usable_.push_back(static_cast<int>(i));
       rays_.push_back(*ray);
+      bearings_.push_back(ray->homogeneous().normalized());
     }
   }
 
@@ -37,7 +46,7 @@ class ResectionEstimator {
   int Solve(const uint32_t* sample, Model* models) const {
     std::array<P3pSample, kSampleSize> samples;
     for (int k = 0; k < kSampleSize; ++k) {
-      samples[k] = {rays_[sample[k]].homogeneous().normalized(), xyz_[usable_[sample[k]]]};
+      samples[k] = {bearings_[sample[k]], xyz_[usable_[sample[k]]]};
     }
     std::array<Model, kMaxSolutions> solutions;
     const int num = solver_.Solve(samples, solutions);
@@ -54,8 +63,7 @@ class ResectionEstimator {
       // What is left cannot reach the bound.
       if (score + static_cast<double>(usable_.size() - i) <= bound) return bound;
       const Eigen::Vector3d x = R * xyz_[usable_[i]] + model.translation;
-      if (!(x.z() > 0)) continue;
-      const double squared = factor * (x.hnormalized() - rays_[i]).squaredNorm();
+      const double squared = factor * SquaredError(i, x);
       if (squared < 1.0) score += 1.0 - squared;
     }
     return score;
@@ -78,26 +86,39 @@ class ResectionEstimator {
     return score;
   }
 
-  // Indices of the correspondences with an error (undistorted pixels) up to the threshold.
+  // Indices of the correspondences with an error (undistorted pixels; pixels where the camera is
+  // not planar) up to the threshold.
   std::vector<int> Inliers(const Model& model) const {
     std::vector<int> inliers;
     const Eigen::Matrix3d R = model.RotationMatrix();
     for (size_t i = 0; i < usable_.size(); ++i) {
       const Eigen::Vector3d x = R * xyz_[usable_[i]] + model.translation;
-      if (!(x.z() > 0)) continue;
-      const double error_px = camera_.MeanFocal() * (x.hnormalized() - rays_[i]).norm();
+      const double error_px = camera_.MeanFocal() * std::sqrt(SquaredError(i, x));
       if (error_px <= max_error_px_) inliers.push_back(usable_[i]);
     }
     return inliers;
   }
 
  private:
+  // Of the i-th usable correspondence with its point in the camera's frame, in units of the focal
+  // length; infinite where the camera does not see it.
+  double SquaredError(size_t i, const Eigen::Vector3d& x) const {
+    if (camera_.IsPlanar()) {
+      if (!(x.z() > 0)) return std::numeric_limits<double>::infinity();
+      return (x.hnormalized() - rays_[i]).squaredNorm();
+    }
+    const auto pixel = camera_.ImgFromRay(x);
+    if (!pixel) return std::numeric_limits<double>::infinity();
+    return (*pixel - pixels_[usable_[i]]).squaredNorm() / std::pow(camera_.MeanFocal(), 2);
+  }
+
   Camera camera_;
   std::span<const Eigen::Vector2d> pixels_;
   std::span<const Eigen::Vector3d> xyz_;
   double max_error_px_;
-  std::vector<int> usable_;  // correspondences whose distortion can be undone
-  std::vector<Eigen::Vector2d> rays_;
+  std::vector<int> usable_;            // correspondences whose distortion can be undone
+  std::vector<Eigen::Vector2d> rays_;  // of planar cameras alone
+  std::vector<Eigen::Vector3d> bearings_;
   P3pSolver solver_;
 };
 
@@ -197,9 +218,8 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, std::span<const Eigen
     return report;
   }
   for (const int i : report.inliers) {
-    const Eigen::Vector3d x = report.cam_from_world * xyz[i];
-    report.mean_error_px +=
-        (report.camera.ImgFromCam(x.hnormalized()) - pixels[i]).norm() / num_inliers;
+    const auto pixel = report.camera.ImgFromRay(report.cam_from_world * xyz[i]);
+    report.mean_error_px += (pixel.value() - pixels[i]).norm() / num_inliers;
   }
   report.status = ResectionStatus::kSuccess;
   return report;

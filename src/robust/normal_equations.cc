@@ -1,5 +1,6 @@
 #include <Eigen/Core>
 #include <algorithm>
+#include <type_traits>
 
 #include "cairn/robust/sampson_kernels.h"
 
@@ -59,13 +60,22 @@ struct SampsonTerms {
   V scaled_weight;
 };
 
+// With the third components of both lines.
+struct WideSampsonTerms : SampsonTerms {
+  V k2_e, k1_g;
+};
+
+template <bool kIsWide>
+using TermsOf = std::conditional_t<kIsWide, WideSampsonTerms, SampsonTerms>;
+
 // Fills the terms of the pairs from i on; returns their losses in squared pixels.
-template <RobustLoss kLoss>
+template <RobustLoss kLoss, bool kIsWide>
 HWY_INLINE V ComputeTerms(const PointPairs& points, int i, const PoseArguments& pose,
-                          SampsonTerms* terms) {
+                          TermsOf<kIsWide>* terms) {
   const float* R = pose.R;
   const V3 t = {Const(pose.t[0]), Const(pose.t[1]), Const(pose.t[2])};
-  const V w1 = Const(pose.w1), w2 = Const(pose.w2), s2 = Const(pose.squared_scale);
+  V w1 = Const(pose.w1), w2 = Const(pose.w2);
+  const V s2 = Const(pose.squared_scale);
   const V zero = Const(0.0f), one = Const(1.0f);
   const V tiny = Const(1e-30f);  // keeps both points at their epipoles from being 0 / 0
   const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
@@ -79,7 +89,17 @@ HWY_INLINE V ComputeTerms(const PointPairs& points, int i, const PoseArguments& 
   const V c = Const(R[0]) * u.x + Const(R[3]) * u.y + Const(R[6]) * u.z;  // line of x2
   const V d = Const(R[1]) * u.x + Const(R[4]) * u.y + Const(R[7]) * u.z;
   const V C = u.x * y.x + u.y * y.y + u.z * y.z;
-  const V S = hn::Max(w2 * (a * a + b * b) + w1 * (c * c + d * d), tiny);
+  V squared2 = a * a + b * b, squared1 = c * c + d * d;
+  V e, g;
+  if constexpr (kIsWide) {
+    w1 = w1 * hn::Abs(Load(points.weight1() + i));
+    w2 = w2 * hn::Abs(Load(points.weight2() + i));
+    e = t.x * y.y - t.y * y.x;
+    g = Const(R[2]) * u.x + Const(R[5]) * u.y + Const(R[8]) * u.z;
+    squared2 = squared2 + e * e;
+    squared1 = squared1 + g * g;
+  }
+  const V S = hn::Max(w2 * squared2 + w1 * squared1, tiny);
   const V inverse_S = one / S;
   const V squared_error = C * C * inverse_S;
 
@@ -100,22 +120,44 @@ HWY_INLINE V ComputeTerms(const PointPairs& points, int i, const PoseArguments& 
   }
   const V k = C * inverse_S;
   const V k2 = k * w2, k1 = k * w1;
-  *terms = {y.x, y.y, y.z, u.x, u.y, u.z, C, k2 * a, k2 * b, k1 * c, k1 * d, weight * inverse_S};
+  terms->y_x = y.x;
+  terms->y_y = y.y;
+  terms->y_z = y.z;
+  terms->u_x = u.x;
+  terms->u_y = u.y;
+  terms->u_z = u.z;
+  terms->C = C;
+  terms->k2_a = k2 * a;
+  terms->k2_b = k2 * b;
+  terms->k1_c = k1 * c;
+  terms->k1_d = k1 * d;
+  terms->scaled_weight = weight * inverse_S;
+  if constexpr (kIsWide) {
+    terms->k2_e = k2 * e;
+    terms->k1_g = k1 * g;
+  }
   return loss;
 }
 
 // Adds hessian and gradient of the pairs from i on.
+template <bool kIsWide>
 HWY_INLINE void AddDerivatives(const PointPairs& points, int i, const PoseArguments& pose,
-                               const TangentArguments& tangent, const SampsonTerms& terms, V* sum) {
+                               const TangentArguments& tangent, const TermsOf<kIsWide>& terms,
+                               V* sum) {
   const float* R = pose.R;
   const V3 t = {Const(pose.t[0]), Const(pose.t[1]), Const(pose.t[2])};
   const V3 p2 = {Load(points.x2() + i), Load(points.y2() + i), Const(1.0f)};
   const V3 y = {terms.y_x, terms.y_y, terms.y_z}, u = {terms.u_x, terms.u_y, terms.u_z};
-  const V3 p = {p2.x - terms.k2_a, p2.y - terms.k2_b, p2.z};
+  V3 p = {p2.x - terms.k2_a, p2.y - terms.k2_b, p2.z};
+  if constexpr (kIsWide) p.z = p.z - terms.k2_e;
   const V3 q = Cross(p, t);
-  const V3 z = {terms.k1_c * Const(R[0]) + terms.k1_d * Const(R[1]),
-                terms.k1_c * Const(R[3]) + terms.k1_d * Const(R[4]),
-                terms.k1_c * Const(R[6]) + terms.k1_d * Const(R[7])};
+  V3 z = {terms.k1_c * Const(R[0]) + terms.k1_d * Const(R[1]),
+          terms.k1_c * Const(R[3]) + terms.k1_d * Const(R[4]),
+          terms.k1_c * Const(R[6]) + terms.k1_d * Const(R[7])};
+  if constexpr (kIsWide) {
+    z = {z.x + terms.k1_g * Const(R[2]), z.y + terms.k1_g * Const(R[5]),
+         z.z + terms.k1_g * Const(R[8])};
+  }
   const V3 rotation = Subtract(Cross(y, q), Cross(z, u));
   const V3 translation = Subtract(Cross(y, p), Cross(z, p2));
   V J[5] = {rotation.x, rotation.y, rotation.z};
@@ -134,12 +176,12 @@ HWY_INLINE void AddDerivatives(const PointPairs& points, int i, const PoseArgume
   }
 }
 
-template <RobustLoss kLoss>
+template <RobustLoss kLoss, bool kIsWide>
 void AccumulateKernel(const PointPairs& points, const PoseArguments& pose,
                       const TangentArguments& tangent, double* sums) {
   // Divisions of several blocks wait at the same time, before all derivatives of these blocks.
   constexpr int kNumBlocks = 8;
-  SampsonTerms terms[kNumBlocks];
+  TermsOf<kIsWide> terms[kNumBlocks];
   const int n = points.size();
   V lane_sums[kNumSums][kParts];
   // Part by part, so that the sums of one part stay in registers.
@@ -149,10 +191,11 @@ void AccumulateKernel(const PointPairs& points, const PoseArguments& pose,
     for (int first = part * kLanes; first < n; first += 16 * kNumBlocks) {
       const int end = std::min(first + 16 * kNumBlocks, n);
       for (int i = first, block = 0; i < end; i += 16, ++block) {
-        sum[kCostIndex] = sum[kCostIndex] + ComputeTerms<kLoss>(points, i, pose, &terms[block]);
+        sum[kCostIndex] =
+            sum[kCostIndex] + ComputeTerms<kLoss, kIsWide>(points, i, pose, &terms[block]);
       }
       for (int i = first, block = 0; i < end; i += 16, ++block) {
-        AddDerivatives(points, i, pose, tangent, terms[block], sum);
+        AddDerivatives<kIsWide>(points, i, pose, tangent, terms[block], sum);
       }
     }
     for (int k = 0; k < kNumSums; ++k) lane_sums[k][part] = sum[k];
@@ -161,7 +204,7 @@ void AccumulateKernel(const PointPairs& points, const PoseArguments& pose,
 }
 
 // The last of the sums alone.
-template <RobustLoss kLoss>
+template <RobustLoss kLoss, bool kIsWide>
 double CostKernel(const PointPairs& points, const PoseArguments& pose) {
   V sum[kParts];
   for (int part = 0; part < kParts; ++part) sum[part] = Const(0.0f);
@@ -169,8 +212,8 @@ double CostKernel(const PointPairs& points, const PoseArguments& pose) {
     for (int part = 0; part < kParts; ++part) {
       const int first = i + part * kLanes;
       if (first >= points.size()) break;
-      SampsonTerms unused;
-      sum[part] = sum[part] + ComputeTerms<kLoss>(points, first, pose, &unused);
+      TermsOf<kIsWide> unused;
+      sum[part] = sum[part] + ComputeTerms<kLoss, kIsWide>(points, first, pose, &unused);
     }
   }
   return SumLanes(sum);
@@ -178,20 +221,34 @@ double CostKernel(const PointPairs& points, const PoseArguments& pose) {
 
 void AccumulateTruncated(const PointPairs& points, const PoseArguments& pose,
                          const TangentArguments& tangent, double* sums) {
-  AccumulateKernel<RobustLoss::kTruncated>(points, pose, tangent, sums);
+  AccumulateKernel<RobustLoss::kTruncated, false>(points, pose, tangent, sums);
 }
 
 void AccumulateGemanMcClure(const PointPairs& points, const PoseArguments& pose,
                             const TangentArguments& tangent, double* sums) {
-  AccumulateKernel<RobustLoss::kGemanMcClure>(points, pose, tangent, sums);
+  AccumulateKernel<RobustLoss::kGemanMcClure, false>(points, pose, tangent, sums);
 }
 
 double CostTruncated(const PointPairs& points, const PoseArguments& pose) {
-  return CostKernel<RobustLoss::kTruncated>(points, pose);
+  return CostKernel<RobustLoss::kTruncated, false>(points, pose);
 }
 
 double CostGemanMcClure(const PointPairs& points, const PoseArguments& pose) {
-  return CostKernel<RobustLoss::kGemanMcClure>(points, pose);
+  return CostKernel<RobustLoss::kGemanMcClure, false>(points, pose);
+}
+
+void AccumulateWide(const PointPairs& points, RobustLoss loss, const PoseArguments& pose,
+                    const TangentArguments& tangent, double* sums) {
+  if (loss == RobustLoss::kTruncated) {
+    AccumulateKernel<RobustLoss::kTruncated, true>(points, pose, tangent, sums);
+  } else {
+    AccumulateKernel<RobustLoss::kGemanMcClure, true>(points, pose, tangent, sums);
+  }
+}
+
+double CostWide(const PointPairs& points, RobustLoss loss, const PoseArguments& pose) {
+  return loss == RobustLoss::kTruncated ? CostKernel<RobustLoss::kTruncated, true>(points, pose)
+                                        : CostKernel<RobustLoss::kGemanMcClure, true>(points, pose);
 }
 
 }  // namespace cairn::HWY_NAMESPACE
@@ -204,6 +261,8 @@ HWY_EXPORT(AccumulateTruncated);
 HWY_EXPORT(AccumulateGemanMcClure);
 HWY_EXPORT(CostTruncated);
 HWY_EXPORT(CostGemanMcClure);
+HWY_EXPORT(AccumulateWide);
+HWY_EXPORT(CostWide);
 
 namespace {
 
@@ -228,7 +287,9 @@ SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::
   internal::TangentArguments directions;
   for (int i = 0; i < 6; ++i) directions.v[i] = static_cast<float>(tangent(i / 2, i % 2));
   double sums[internal::kNumSums];
-  if (loss == RobustLoss::kTruncated) {
+  if (points.is_wide()) {
+    HWY_DYNAMIC_DISPATCH(AccumulateWide)(points, loss, pose, directions, sums);
+  } else if (loss == RobustLoss::kTruncated) {
     HWY_DYNAMIC_DISPATCH(AccumulateTruncated)(points, pose, directions, sums);
   } else {
     HWY_DYNAMIC_DISPATCH(AccumulateGemanMcClure)(points, pose, directions, sums);
@@ -248,6 +309,9 @@ SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::
 double SampsonCost(const PointPairs& points, const Eigen::Matrix3d& R, const Eigen::Vector3d& t,
                    RobustLoss loss, double scale_px) {
   const internal::PoseArguments pose = MakeArguments(points, R, t, scale_px);
+  if (points.is_wide()) {
+    return HWY_DYNAMIC_DISPATCH(CostWide)(points, loss, pose) / pose.squared_scale;
+  }
   const double sum = loss == RobustLoss::kTruncated
                          ? HWY_DYNAMIC_DISPATCH(CostTruncated)(points, pose)
                          : HWY_DYNAMIC_DISPATCH(CostGemanMcClure)(points, pose);

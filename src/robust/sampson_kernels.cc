@@ -59,6 +59,7 @@ struct EpipolarTerms {
   V C, S;
 };
 
+template <bool kIsWide>
 HWY_INLINE EpipolarTerms Epipolar(const PointPairs& points, int i, const V* E, V ratio) {
   const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
   const V x2 = Load(points.x2() + i), y2 = Load(points.y2() + i);
@@ -67,6 +68,13 @@ HWY_INLINE EpipolarTerms Epipolar(const PointPairs& points, int i, const V* E, V
   const V e = E[6] * x1 + E[7] * y1 + E[8];
   const V c = E[0] * x2 + E[3] * y2 + E[6];
   const V d = E[1] * x2 + E[4] * y2 + E[7];
+  if constexpr (kIsWide) {
+    const V weight1 = hn::Abs(Load(points.weight1() + i));
+    const V weight2 = hn::Abs(Load(points.weight2() + i));
+    const V g = E[2] * x2 + E[5] * y2 + E[8];
+    return {x2 * a + y2 * b + e,
+            weight2 * (a * a + b * b + e * e) + ratio * weight1 * (c * c + d * d + g * g)};
+  }
   return {x2 * a + y2 * b + e, (a * a + b * b) + ratio * (c * c + d * d)};
 }
 
@@ -79,7 +87,7 @@ constexpr float kTiny = 1e-30f;
 // The supports of a block, which wait for a division, are taken while the next block is computed,
 // and the lanes are looked at a block after they were stored: the processor has too few registers
 // to look ahead over these waits by itself.
-template <class Support, class ShouldStop>
+template <bool kIsWide, class Support, class ShouldStop>
 HWY_INLINE bool SumSupports(const PointPairs& points, const Matrix9f& matrix, float ratio_value,
                             const Support& support, const ShouldStop& should_stop, V* sums) {
   V E[9];
@@ -96,7 +104,7 @@ HWY_INLINE bool SumSupports(const PointPairs& points, const Matrix9f& matrix, fl
   for (int i = 0; i < n; i += 16) {
     for (int k = 0; k < kParts; ++k) {
       const V value = support(last[k]);
-      last[k] = Epipolar(points, i + k * kLanes, E, ratio);
+      last[k] = Epipolar<kIsWide>(points, i + k * kLanes, E, ratio);
       sums[k] = sums[k] + value;
     }
     const int phase = i & (kStopEvery - 1);
@@ -113,8 +121,9 @@ HWY_INLINE bool SumSupports(const PointPairs& points, const Matrix9f& matrix, fl
   return true;
 }
 
-double ScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
-                          const SampsonUnits& units, float bound) {
+template <bool kIsWide>
+HWY_INLINE double ScoreSampsonOf(const PointPairs& points, const Matrix9f& matrix,
+                                 const SampsonUnits& units, float bound) {
   // All supports are times `limit`, the quotient C^2 / S at the threshold.
   const float limit_value = units.unit;
   const V limit = Const(limit_value), zero = Const(0.0f), tiny = Const(kTiny);
@@ -129,33 +138,65 @@ double ScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
     return SumLanes(parts) + static_cast<float>(n - num_done) * limit_value <= scaled_bound;
   };
   V sums[kParts];
-  if (!SumSupports(points, matrix, units.ratio, support, should_stop, sums)) return -1.0;
+  if (!SumSupports<kIsWide>(points, matrix, units.ratio, support, should_stop, sums)) return -1.0;
   const float score = SumLanes(sums) / limit_value;
   return score <= bound ? -1.0 : score;
 }
 
-double SoftScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
-                              const SampsonUnits& units) {
+double ScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
+                          const SampsonUnits& units, float bound) {
+  return ScoreSampsonOf<false>(points, matrix, units, bound);
+}
+
+double ScoreWideSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
+                              const SampsonUnits& units, float bound) {
+  return ScoreSampsonOf<true>(points, matrix, units, bound);
+}
+
+template <bool kIsWide>
+HWY_INLINE double SoftScoreSampsonOf(const PointPairs& points, const Matrix9f& matrix,
+                                     const SampsonUnits& units) {
   const V f2 = Const(units.f2), tiny = Const(kTiny);
   const auto support = [=](const EpipolarTerms& terms) HWY_ATTR {
     return terms.S / hn::Max(terms.S + f2 * (terms.C * terms.C), tiny);
   };
   const auto never = [](const float*, int) { return false; };
   V sums[kParts];
-  SumSupports(points, matrix, units.ratio, support, never, sums);
+  SumSupports<kIsWide>(points, matrix, units.ratio, support, never, sums);
   return SumLanes(sums);
 }
 
-void SampsonErrorsKernel(const PointPairs& points, const Matrix9f& matrix,
-                         const SampsonUnits& units, float* errors) {
+double SoftScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
+                              const SampsonUnits& units) {
+  return SoftScoreSampsonOf<false>(points, matrix, units);
+}
+
+double SoftScoreWideSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
+                                  const SampsonUnits& units) {
+  return SoftScoreSampsonOf<true>(points, matrix, units);
+}
+
+template <bool kIsWide>
+HWY_INLINE void SampsonErrorsOf(const PointPairs& points, const Matrix9f& matrix,
+                                const SampsonUnits& units, float* errors) {
   V E[9];
   for (int k = 0; k < 9; ++k) E[k] = Const(matrix.v[k]);
   const V ratio = Const(units.ratio), f2 = Const(units.f2), tiny = Const(kTiny);
   for (int i = 0; i < points.num_blocks() * 16; i += kLanes) {
-    const EpipolarTerms terms = Epipolar(points, i, E, ratio);
+    const EpipolarTerms terms = Epipolar<kIsWide>(points, i, E, ratio);
     const V squared = f2 * (terms.C * terms.C) / hn::Max(terms.S, tiny);
     hn::StoreU(hn::Sqrt(squared), kTag, errors + i);
   }
+}
+
+void SampsonErrorsKernel(const PointPairs& points, const Matrix9f& matrix,
+                         const SampsonUnits& units, float* errors) {
+  SampsonErrorsOf<false>(points, matrix, units, errors);
+}
+
+void WideSampsonErrorsKernel(const PointPairs& points, const Matrix9f& matrix,
+                             const SampsonUnits& units, float* errors) {
+  SampsonErrorsOf<true>(points, matrix, units, errors);
 }
 
 // Squared distance in pixels of the target to M (x, y, 1); huge behind the horizon.
@@ -167,6 +208,20 @@ HWY_INLINE V SquaredTransfer(const V* M, V x, V y, V target_x, V target_y, V squ
   const V inverse = Const(1.0f) / hn::IfThenElse(in_front, w, Const(1.0f));
   const V du = u * inverse - target_x, dv = v * inverse - target_y;
   return hn::IfThenElse(in_front, (du * du + dv * dv) * squared_focal, Const(1e30f));
+}
+
+// The same of bearings: |m x t|^2 / (|m|^2 weight), the sine of the angle in pixels at the target;
+// huge where M turns the bearing away from the target. Weights have the signs of the bearings.
+HWY_INLINE V SquaredRayTransfer(const V* M, V x, V y, V weight, V target_x, V target_y,
+                                V target_weight, V squared_focal) {
+  const V u = M[0] * x + M[1] * y + M[2];
+  const V v = M[3] * x + M[4] * y + M[5];
+  const V w = M[6] * x + M[7] * y + M[8];
+  const V a = v - w * target_y, b = w * target_x - u, c = u * target_y - v * target_x;
+  const V dot = u * target_x + v * target_y + w;
+  const auto agrees = dot * weight * target_weight > Const(0.0f);
+  const V norm = hn::Max((u * u + v * v + w * w) * hn::Abs(target_weight), Const(1e-30f));
+  return hn::IfThenElse(agrees, (a * a + b * b + c * c) * squared_focal / norm, Const(1e30f));
 }
 
 // A homography and its inverse, with the sign that puts the points in front, and squared focals
@@ -188,23 +243,39 @@ HWY_INLINE Transfers LoadTransfers(const Matrix9f& H, const Matrix9f& inverse,
   return transfers;
 }
 
+template <bool kIsWide>
 HWY_INLINE V SquaredHomographyError(const PointPairs& points, int i, const Transfers& transfers) {
   const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
   const V x2 = Load(points.x2() + i), y2 = Load(points.y2() + i);
+  if constexpr (kIsWide) {
+    const V weight1 = Load(points.weight1() + i), weight2 = Load(points.weight2() + i);
+    return Const(0.5f) *
+           (SquaredRayTransfer(transfers.forward, x1, y1, weight1, x2, y2, weight2, transfers.f2) +
+            SquaredRayTransfer(transfers.backward, x2, y2, weight2, x1, y1, weight1, transfers.f1));
+  }
   return Const(0.5f) * (SquaredTransfer(transfers.forward, x1, y1, x2, y2, transfers.f2) +
                         SquaredTransfer(transfers.backward, x2, y2, x1, y1, transfers.f1));
 }
 
-void HomographyErrorsKernel(const PointPairs& points, const Matrix9f& H, const Matrix9f& inverse,
-                            const SquaredFocals& focals, float* errors) {
+template <bool kIsWide>
+HWY_INLINE void HomographyErrorsOf(const PointPairs& points, const Matrix9f& H,
+                                   const Matrix9f& inverse, const SquaredFocals& focals,
+                                   float* errors) {
   const Transfers transfers = LoadTransfers(H, inverse, focals);
   for (int i = 0; i < points.num_blocks() * 16; i += kLanes) {
-    hn::StoreU(hn::Sqrt(SquaredHomographyError(points, i, transfers)), kTag, errors + i);
+    hn::StoreU(hn::Sqrt(SquaredHomographyError<kIsWide>(points, i, transfers)), kTag, errors + i);
   }
 }
 
-double ScoreHomographyKernel(const PointPairs& points, const Matrix9f& H, const Matrix9f& inverse,
-                             const SquaredFocals& focals) {
+void HomographyErrorsKernel(const PointPairs& points, const Matrix9f& H, const Matrix9f& inverse,
+                            const SquaredFocals& focals, float* errors) {
+  if (points.is_wide()) return HomographyErrorsOf<true>(points, H, inverse, focals, errors);
+  HomographyErrorsOf<false>(points, H, inverse, focals, errors);
+}
+
+template <bool kIsWide>
+HWY_INLINE double ScoreHomographyOf(const PointPairs& points, const Matrix9f& H,
+                                    const Matrix9f& inverse, const SquaredFocals& focals) {
   const Transfers transfers = LoadTransfers(H, inverse, focals);
   const V one = Const(1.0f), zero = Const(0.0f);
   V sums[kParts];
@@ -213,11 +284,18 @@ double ScoreHomographyKernel(const PointPairs& points, const Matrix9f& H, const 
   for (int i = 0; i < n; i += 16) {
     for (int k = 0; k < kParts; ++k) {
       const int first = i + k * kLanes;
-      const V support = hn::Max(one - SquaredHomographyError(points, first, transfers), zero);
+      const V error = SquaredHomographyError<kIsWide>(points, first, transfers);
+      const V support = hn::Max(one - error, zero);
       sums[k] = sums[k] + (i + 16 <= n ? support : support * LaneMask(first, n));
     }
   }
   return SumLanes(sums);
+}
+
+double ScoreHomographyKernel(const PointPairs& points, const Matrix9f& H, const Matrix9f& inverse,
+                             const SquaredFocals& focals) {
+  if (points.is_wide()) return ScoreHomographyOf<true>(points, H, inverse, focals);
+  return ScoreHomographyOf<false>(points, H, inverse, focals);
 }
 
 const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
@@ -229,8 +307,11 @@ HWY_AFTER_NAMESPACE();
 namespace cairn {
 
 HWY_EXPORT(ScoreSampsonKernel);
+HWY_EXPORT(ScoreWideSampsonKernel);
 HWY_EXPORT(SoftScoreSampsonKernel);
+HWY_EXPORT(SoftScoreWideSampsonKernel);
 HWY_EXPORT(SampsonErrorsKernel);
+HWY_EXPORT(WideSampsonErrorsKernel);
 HWY_EXPORT(HomographyErrorsKernel);
 HWY_EXPORT(ScoreHomographyKernel);
 HWY_EXPORT(TargetName);
@@ -249,9 +330,14 @@ SquaredFocals FocalsInUnits(const PointPairs& points, double unit_px) {
 }
 
 // The sign of H for which most points have positive third coordinate: that of its value at the
-// centroid of the first ones.
+// centroid of the first ones; for wide pairs, that which does not turn most of the first ones away.
 Eigen::Matrix3d WithSignOfPoints(const PointPairs& points, const Eigen::Matrix3d& H) {
   const int n = std::min(points.size(), 16);
+  if (points.is_wide()) {
+    int balance = 0;
+    for (int i = 0; i < n; ++i) balance += points.Ray2(i).dot(H * points.Ray1(i)) > 0.0 ? 1 : -1;
+    return balance < 0 ? Eigen::Matrix3d(-H) : H;
+  }
   double sum_x = 0.0, sum_y = 0.0;
   for (int i = 0; i < n; ++i) {
     sum_x += points.x1()[i];
@@ -265,18 +351,29 @@ Eigen::Matrix3d WithSignOfPoints(const PointPairs& points, const Eigen::Matrix3d
 
 double ScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double max_error_px,
                     double bound) {
-  return HWY_DYNAMIC_DISPATCH(ScoreSampsonKernel)(
-      points, Matrix9f(E), SampsonUnits(points, max_error_px), static_cast<float>(bound));
+  const SampsonUnits units(points, max_error_px);
+  const auto least = static_cast<float>(bound);
+  if (points.is_wide()) {
+    return HWY_DYNAMIC_DISPATCH(ScoreWideSampsonKernel)(points, Matrix9f(E), units, least);
+  }
+  return HWY_DYNAMIC_DISPATCH(ScoreSampsonKernel)(points, Matrix9f(E), units, least);
 }
 
 double SoftScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double scale_px) {
-  return HWY_DYNAMIC_DISPATCH(SoftScoreSampsonKernel)(points, Matrix9f(E),
-                                                      SampsonUnits(points, scale_px));
+  const SampsonUnits units(points, scale_px);
+  if (points.is_wide()) {
+    return HWY_DYNAMIC_DISPATCH(SoftScoreWideSampsonKernel)(points, Matrix9f(E), units);
+  }
+  return HWY_DYNAMIC_DISPATCH(SoftScoreSampsonKernel)(points, Matrix9f(E), units);
 }
 
 void SampsonErrors(const PointPairs& points, const Eigen::Matrix3d& E, float* errors_px) {
-  HWY_DYNAMIC_DISPATCH(SampsonErrorsKernel)
-  (points, Matrix9f(E), SampsonUnits(points, 1.0), errors_px);
+  const SampsonUnits units(points, 1.0);
+  if (points.is_wide()) {
+    HWY_DYNAMIC_DISPATCH(WideSampsonErrorsKernel)(points, Matrix9f(E), units, errors_px);
+  } else {
+    HWY_DYNAMIC_DISPATCH(SampsonErrorsKernel)(points, Matrix9f(E), units, errors_px);
+  }
 }
 
 void HomographyErrors(const PointPairs& points, const Eigen::Matrix3d& H, float* errors_px) {

@@ -9,9 +9,8 @@ namespace cairn {
 
 double ReprojectionErrorPx(const Camera& camera, const Rigid3d& cam_from_world,
                            const Eigen::Vector3d& xyz, const Eigen::Vector2d& pixel) {
-  const Eigen::Vector3d x = cam_from_world * xyz;
-  if (!(x.z() > 0)) return std::numeric_limits<double>::infinity();
-  return (camera.ImgFromCam(x.hnormalized()) - pixel).norm();
+  const auto projected = camera.ImgFromRay(cam_from_world * xyz);
+  return projected ? (*projected - pixel).norm() : std::numeric_limits<double>::infinity();
 }
 
 point3D_t Reconstruction::AddPoint3D(const Point3D& point) {

@@ -35,15 +35,14 @@ DepthSample AffineObservation::ToDepthSample(double depth_scale) const {
 std::optional<AffineObservation> Observe(const Camera& camera, const Rigid3d& cam_from_world,
                                          const SurfaceElement& element) {
   const Eigen::Vector3d x = cam_from_world * element.point;
-  if (!(x.z() > 0)) return std::nullopt;
   const Eigen::Matrix<double, 3, 2> dX = cam_from_world.RotationMatrix() * element.tangents;
 
   AffineObservation out;
-  Eigen::Matrix2d J_uv;
-  out.pixel = camera.ImgFromCam(x.hnormalized(), &J_uv);
-  Eigen::Matrix<double, 2, 3> duv_dx;
-  duv_dx << 1.0 / x.z(), 0, -x.x() / (x.z() * x.z()), 0, 1.0 / x.z(), -x.y() / (x.z() * x.z());
-  out.shape = J_uv * duv_dx * dX;
+  Eigen::Matrix<double, 2, 3> J_x;
+  const auto pixel = camera.ImgFromRay(x, &J_x);
+  if (!pixel) return std::nullopt;
+  out.pixel = *pixel;
+  out.shape = J_x * dX;
   out.depth = x.z();
   // Seen edge-on: the frame's image is (nearly) a line, and the depth gradient unbounded.
   const double det = out.shape.determinant();

@@ -1,5 +1,6 @@
 #include "cairn/triangulation/triangulate_tracks.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -14,7 +15,48 @@ struct PreparedImage {
   TriangulationView pose;  // without a ray
   // NaN: this keypoint is not in a track, or the distortion cannot be undone there.
   std::vector<Eigen::Vector2d> rays;
+  // Where the camera is not planar: every keypoint has a camera of its own, turned so that the
+  // bearing is its axis, with the focal length of the image there. Its ray is (0, 0).
+  struct OwnCamera {
+    Eigen::Matrix3d own_from_cam;
+    double focal_px;
+  };
+  std::vector<OwnCamera> own_cameras;
+
+  TriangulationView View(point2D_t k) const {
+    TriangulationView view = pose;
+    view.ray = rays[k];
+    if (!own_cameras.empty()) {
+      const OwnCamera& own = own_cameras[k];
+      view.cam_from_world_rotation = own.own_from_cam * pose.cam_from_world_rotation;
+      view.cam_from_world_translation = own.own_from_cam * pose.cam_from_world_translation;
+      view.focal_px = own.focal_px;
+    }
+    return view;
+  }
 };
+
+void UndistortRays(const Camera& camera, PreparedImage* p) {
+  const bool is_planar = camera.IsPlanar();
+  if (!is_planar) p->own_cameras.resize(p->rays.size());
+  for (size_t k = 0; k < p->rays.size(); ++k) {
+    if (std::isnan(p->rays[k].x())) continue;
+    const Eigen::Vector2d& pixel = p->image->points2D[k];
+    if (is_planar) {
+      p->rays[k] = camera.CamFromImg(pixel).value_or(Eigen::Vector2d::Constant(std::nan("")));
+      continue;
+    }
+    const auto bearing = camera.RayFromImg(pixel);
+    const double radians_per_px = bearing ? camera.RadiansPerPx(*bearing) : 0.0;
+    if (!(radians_per_px > 0.0) || !std::isfinite(radians_per_px)) {
+      p->rays[k].setConstant(std::nan(""));
+      continue;
+    }
+    p->own_cameras[k] = {
+        Eigen::Quaterniond::FromTwoVectors(*bearing, Eigen::Vector3d::UnitZ()).toRotationMatrix(),
+        1.0 / radians_per_px};
+  }
+}
 
 std::map<image_t, PreparedImage> PrepareImages(std::span<const Track> tracks, int num_threads,
                                                const Reconstruction& reconstruction) {
@@ -36,15 +78,8 @@ std::map<image_t, PreparedImage> PrepareImages(std::span<const Track> tracks, in
   }
   std::vector<PreparedImage*> list;
   for (auto& [image_id, p] : prepared) list.push_back(&p);
-  ParallelFor(num_threads, static_cast<int64_t>(list.size()), [&](int64_t i) {
-    PreparedImage& p = *list[i];
-    const Camera& camera = reconstruction.CameraOf(*p.image);
-    for (size_t k = 0; k < p.rays.size(); ++k) {
-      if (std::isnan(p.rays[k].x())) continue;
-      p.rays[k] =
-          camera.CamFromImg(p.image->points2D[k]).value_or(Eigen::Vector2d::Constant(std::nan("")));
-    }
-  });
+  ParallelFor(num_threads, static_cast<int64_t>(list.size()),
+              [&](int64_t i) { UndistortRays(reconstruction.CameraOf(*list[i]->image), list[i]); });
   return prepared;
 }
 
@@ -63,11 +98,9 @@ TrackOutcome TriangulateTrack(const Track& track, const TriangulationOptions& op
   for (const TrackElement& element : track) {
     const auto it = prepared.find(element.image_id);
     if (it == prepared.end()) continue;
-    const Eigen::Vector2d& ray = it->second.rays[element.point2D];
-    if (std::isnan(ray.x())) continue;
+    if (std::isnan(it->second.rays[element.point2D].x())) continue;
     elements.push_back(element);
-    views.push_back(it->second.pose);
-    views.back().ray = ray;
+    views.push_back(it->second.View(element.point2D));
     const std::vector<float>& sigmas_px = it->second.image->sigmas_px;
     if (!sigmas_px.empty()) views.back().sigma_px = sigmas_px[element.point2D];
   }

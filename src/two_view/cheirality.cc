@@ -14,8 +14,8 @@ Cheirality::Cheirality(const PreparedPair& pair) : points_(pair.points) {
 }
 
 bool Cheirality::IsInFront(const Rigid3d& pose, const Eigen::Matrix3d& R, int match) const {
-  const Eigen::Vector3d a = R * points_.Point1(match).homogeneous();
-  const Eigen::Vector3d b = points_.Point2(match).homogeneous();
+  const Eigen::Vector3d a = R * points_.Ray1(match);
+  const Eigen::Vector3d b = points_.Ray2(match);
   const Eigen::Vector3d& t = pose.translation;
   const double aa = a.squaredNorm(), bb = b.squaredNorm(), ab = a.dot(b);
   const double det = aa * bb - ab * ab;  // aa bb sin^2 of the angle between the rays

@@ -63,9 +63,11 @@ void ChooseSamples(const DepthWitness& image1, const DepthWitness& image2,
     const auto x2 = image2.camera->CamFromImg(keypoint2.Position());
     double depth1, depth2;
     if (!x1 || !x2 || !TriangulateDepths(*x1, *x2, pose, &depth1, &depth2)) continue;
-    views1->push_back({&keypoint1, point1, internal::NormalizeFrame(*image1.camera, keypoint1, *x1),
+    views1->push_back({&keypoint1, point1,
+                       internal::NormalizeFrame(*image1.camera, keypoint1, x1->homogeneous()),
                        1.0 / depth1});
-    views2->push_back({&keypoint2, point2, internal::NormalizeFrame(*image2.camera, keypoint2, *x2),
+    views2->push_back({&keypoint2, point2,
+                       internal::NormalizeFrame(*image2.camera, keypoint2, x2->homogeneous()),
                        1.0 / depth2});
   }
 }

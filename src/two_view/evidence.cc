@@ -64,8 +64,12 @@ int EstimateNumDistinct(const PreparedPair& pair, std::span<const int32_t> match
   const size_t step = 1 + (matches.size() - 1) / kMaxSample;
   for (size_t k = 0; k < matches.size(); k += step) {
     const int32_t i = matches[k];
-    const Eigen::Vector2d x1 = scale1 * pair.points.Point1(i);
-    const Eigen::Vector2d x2 = scale2 * pair.points.Point2(i);
+    Eigen::Vector2d x1 = scale1 * pair.points.Point1(i);
+    Eigen::Vector2d x2 = scale2 * pair.points.Point2(i);
+    if (pair.points.is_wide()) {  // far off axis, a spot of the image is a large one of the plane
+      x1 /= pair.points.Point1(i).homogeneous().norm();
+      x2 /= pair.points.Point2(i).homogeneous().norm();
+    }
     scratch->push_back(cell(x1.x()) << 48 | cell(x1.y()) << 32 | cell(x2.x()) << 16 | cell(x2.y()));
   }
   std::sort(scratch->begin(), scratch->end());

@@ -27,12 +27,22 @@ PairReport FocalVerifier::Verify(const PairInput& input) {
   pair_ = calibrated_->pair_by_consensus();
   const bool is_trusted =
       input.camera1->has_prior_focal_length && input.camera2->has_prior_focal_length;
+  // Without its focal length, a wide camera's rays are not even a linear map of the right ones:
+  // there is no fundamental matrix to fall back on, or to compare with.
+  const bool is_wide = !input.camera1->IsPlanar() || !input.camera2->IsPlanar();
   // (At wrong focal lengths, what E explains of a scene may be one of its planes.)
-  if (input.weigh_focals && is_trusted && report.geometry.E) {
+  if (input.weigh_focals && is_trusted && !is_wide && report.geometry.E) {
     if (pair_ == nullptr) Prepare(input);
     report.focal_evidence = weigher_.Weigh(input, *pair_, *report.geometry.E);
   }
   if (report.status == PairStatus::kTooFewMatches || report.status == PairStatus::kDegenerate) {
+    return report;
+  }
+  if (is_wide) {
+    if (!is_trusted && HasPose(report)) {
+      report.geometry.config = TwoViewConfig::kUncalibrated;
+      report.geometry.E.reset();
+    }
     return report;
   }
   // Planes and rotations have no fundamental matrix of their own, but things before a plane give

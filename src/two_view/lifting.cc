@@ -6,9 +6,16 @@
 namespace cairn::internal {
 
 NormalizedFrame NormalizeFrame(const Camera& camera, const Keypoint& keypoint,
-                               const Eigen::Vector2d& x) {
+                               const Eigen::Vector3d& ray) {
+  const Eigen::Vector2d x = ray.z() * ray.head<2>();
   Eigen::Matrix2d dpixel_dx;
-  camera.ImgFromCam(x, &dpixel_dx);
+  if (camera.IsPlanar()) {
+    camera.ImgFromCam(x, &dpixel_dx);
+  } else {
+    Eigen::Matrix<double, 2, 3> dpixel_dray;
+    camera.ImgFromRay(ray, &dpixel_dray);
+    dpixel_dx = ray.z() * dpixel_dray.leftCols<2>();
+  }
   return {x, dpixel_dx.inverse() * keypoint.Shape()};
 }
 

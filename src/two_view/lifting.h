@@ -6,9 +6,10 @@
 
 namespace cairn::internal {
 
-// The keypoint's frame in normalized coordinates, at its undistorted position x.
+// The keypoint's frame in normalized coordinates (x / z, y / z) at its ray, whose third component
+// is 1, or -1 where it points backward.
 NormalizedFrame NormalizeFrame(const Camera& camera, const Keypoint& keypoint,
-                               const Eigen::Vector2d& x);
+                               const Eigen::Vector3d& ray);
 
 // LiftFrame (solvers/affine_frame.h) of a keypoint whose normalized frame is known already.
 LiftedFrame LiftNormalized(const NormalizedFrame& frame, const Keypoint& keypoint,

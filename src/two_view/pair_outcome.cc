@@ -193,7 +193,7 @@ class PairFinisher {
   double PureRotationSigma() const {
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
     for (const int32_t i : scratch_.inliers) {
-      const Eigen::Vector3d ray = pair_.points.Point2(i).homogeneous().normalized();
+      const Eigen::Vector3d ray = pair_.points.Ray2(i).normalized();
       information += Eigen::Matrix3d::Identity() - ray * ray.transpose();
     }
     const double smallest =
@@ -207,15 +207,18 @@ class PairFinisher {
     geometry.cam2_from_cam1 = Rigid3d(pose.rotation.normalized(), pose.translation.normalized());
     const Eigen::Matrix3d E = EssentialFromPose(pose);
     geometry.E = E;
-    geometry.F = FundamentalFromEssential(E, input_.camera1->CalibrationMatrix(),
-                                          input_.camera2->CalibrationMatrix());
+    // (Pixels of a wide pair have no fundamental matrix, nor a homography.)
+    if (!pair_.points.is_wide()) {
+      geometry.F = FundamentalFromEssential(E, input_.camera1->CalibrationMatrix(),
+                                            input_.camera2->CalibrationMatrix());
+    }
     std::vector<float>& values = scratch_.special.errors;
     values.clear();
     // The median of the angles is that of their squared tangents (below a right angle).
     const Eigen::Matrix3d R = pose.RotationMatrix();
     for (const int32_t i : scratch_.inliers) {
-      const Eigen::Vector3d a = R * pair_.points.Point1(i).homogeneous();
-      const Eigen::Vector3d b = pair_.points.Point2(i).homogeneous();
+      const Eigen::Vector3d a = R * pair_.points.Ray1(i);
+      const Eigen::Vector3d b = pair_.points.Ray2(i);
       const double dot = a.dot(b);
       values.push_back(dot > 0.0 ? static_cast<float>(a.cross(b).squaredNorm() / (dot * dot))
                                  : std::numeric_limits<float>::infinity());
@@ -234,6 +237,7 @@ class PairFinisher {
   }
 
   void FillHomography(const Eigen::Matrix3d& H, PairReport* report) const {
+    if (pair_.points.is_wide()) return;
     report->geometry.H =
         input_.camera2->CalibrationMatrix() * H * input_.camera1->CalibrationMatrix().inverse();
   }

@@ -76,10 +76,11 @@ void Undistort(const PairInput& input, PreparedPair* pair) {
     }
     if (k == num_matches) break;
     const FeatureMatch& match = input.matches[pair->order[k]];
-    const auto x1 = input.camera1->CamFromImg(input.keypoints1[match.point1].Position());
-    const auto x2 = input.camera2->CamFromImg(input.keypoints2[match.point2].Position());
-    if (!x1 || !x2) continue;
-    pair->points.Set(num_kept, *x1, *x2);
+    const Eigen::Vector2d pixel1 = input.keypoints1[match.point1].Position();
+    const Eigen::Vector2d pixel2 = input.keypoints2[match.point2].Position();
+    if (!pair->points.SetPixels(num_kept, *input.camera1, pixel1, *input.camera2, pixel2)) {
+      continue;
+    }
     pair->match_index.push_back(pair->order[k]);
   }
   pair->points.Truncate(static_cast<int>(pair->match_index.size()));
@@ -96,7 +97,7 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
       options.max_error_px > 0.0 ? options.max_error_px : AutomaticThreshold(camera1, camera2);
   pair->chance_per_px = 0.5 * (BandPerPx(camera1) + BandPerPx(camera2));
   const int num_matches = static_cast<int>(input.matches.size());
-  pair->points.Reset(num_matches, camera1.MeanFocal(), camera2.MeanFocal());
+  pair->points.Reset(num_matches, camera1, camera2);
   for (const FeatureMatch& match : input.matches) {
     CAIRN_CHECK_LT(match.point1, input.keypoints1.size());
     CAIRN_CHECK_LT(match.point2, input.keypoints2.size());

@@ -46,12 +46,13 @@ int OneAcDepthStep::Run(const PairInput& input, const PreparedPair& pair, int ma
     const DepthSample& depth1 = input.depth1[match.point1];
     const DepthSample& depth2 = input.depth2[match.point2];
     if (!depth1.is_valid || !depth2.is_valid) continue;
+    if (pair.points.IsBehind1(i) || pair.points.IsBehind2(i)) continue;  // they have no z-depth
     const Keypoint& keypoint1 = input.keypoints1[match.point1];
     const Keypoint& keypoint2 = input.keypoints2[match.point2];
     const LiftedFrame frame1 = LiftNormalized(
-        NormalizeFrame(*input.camera1, keypoint1, pair.points.Point1(i)), keypoint1, depth1);
+        NormalizeFrame(*input.camera1, keypoint1, pair.points.Ray1(i)), keypoint1, depth1);
     const LiftedFrame frame2 = LiftNormalized(
-        NormalizeFrame(*input.camera2, keypoint2, pair.points.Point2(i)), keypoint2, depth2);
+        NormalizeFrame(*input.camera2, keypoint2, pair.points.Ray2(i)), keypoint2, depth2);
     if (!umeyama) {
       batch_.Set(count++, frame1, frame2);
       continue;
@@ -94,8 +95,8 @@ void RunTwoAcStep(const PairInput& input, const PreparedPair& pair, int max_num_
       const int i = static_cast<int>(sample[k]);
       const FeatureMatch& match = input.matches[pair.match_index[i]];
       correspondences[k] = {
-          NormalizeFrame(*input.camera1, input.keypoints1[match.point1], pair.points.Point1(i)),
-          NormalizeFrame(*input.camera2, input.keypoints2[match.point2], pair.points.Point2(i))};
+          NormalizeFrame(*input.camera1, input.keypoints1[match.point1], pair.points.Ray1(i)),
+          NormalizeFrame(*input.camera2, input.keypoints2[match.point2], pair.points.Ray2(i))};
     }
     const int count = TwoAffineFivePoint::Solve(correspondences, models);
     for (int k = 0; k < count; ++k) search->Add(models[k]);

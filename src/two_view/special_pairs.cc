@@ -31,8 +31,7 @@ Eigen::Matrix3d FitRotation(const PointPairs& points, double max_error_px,
     for (int i = 0; i < points.size(); ++i) {
       // The reach shrinks: rays that disagree by far, then by the threshold, are left out.
       if (round > 0 && !((*errors)[i] < max_error_px * (round == 1 ? 8.0 : 2.0))) continue;
-      M += points.Point2(i).homogeneous().normalized() *
-           points.Point1(i).homogeneous().normalized().transpose();
+      M += points.Ray2(i).normalized() * points.Ray1(i).normalized().transpose();
     }
     R = NearestRotation(M);
     HomographyErrors(points, R, errors->data());

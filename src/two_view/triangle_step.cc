@@ -55,6 +55,7 @@ void TriangleDepthStep::Lift(const PairInput& input, const PreparedPair& pair) {
     const DepthSample& depth1 = input.depth1[match.point1];
     const DepthSample& depth2 = input.depth2[match.point2];
     if (!depth1.is_valid || !depth2.is_valid) continue;
+    if (pair.points.IsBehind1(i) || pair.points.IsBehind2(i)) continue;  // they have no z-depth
     points_.push_back({(depth1.depth * pair.points.Point1(i).homogeneous()).cast<float>(),
                        (depth2.depth * pair.points.Point2(i).homogeneous()).cast<float>()});
   }

@@ -16,8 +16,10 @@ Camera MakeCamera(camera_t id, const SyntheticOptions& options, Rng& rng) {
   const std::vector<int> distortion = camera.DistortionIndices();
   const double values[4] = {-0.05, 0.01, 0.001, -0.0005};
   for (size_t i = 0; i < distortion.size(); ++i) {
-    camera.params[distortion[i]] = values[i] * rng.Uniform(0.8, 1.2);
+    camera.params[distortion[i]] += values[i % 4] * rng.Uniform(0.8, 1.2);
   }
+  if (options.model == CameraModel::kFov) camera.params[4] = 0.8;
+  if (options.model == CameraModel::kEucm) camera.params[4] = 0.5;
   return camera;
 }
 

@@ -12,20 +12,45 @@ namespace cairn {
 
 // COLMAP's camera models, with COLMAP's ids and parameter orders.
 enum class CameraModel : int {
-  kSimplePinhole = 0,  // f, cx, cy
-  kPinhole = 1,        // fx, fy, cx, cy
-  kSimpleRadial = 2,   // f, cx, cy, k
-  kRadial = 3,         // f, cx, cy, k1, k2
-  kOpenCV = 4,         // fx, fy, cx, cy, k1, k2, p1, p2
+  kSimplePinhole = 0,            // f, cx, cy
+  kPinhole = 1,                  // fx, fy, cx, cy
+  kSimpleRadial = 2,             // f, cx, cy, k
+  kRadial = 3,                   // f, cx, cy, k1, k2
+  kOpenCV = 4,                   // fx, fy, cx, cy, k1, k2, p1, p2
+  kOpenCVFisheye = 5,            // fx, fy, cx, cy, k1, k2, k3, k4
+  kFullOpenCV = 6,               // fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6
+  kFov = 7,                      // fx, fy, cx, cy, omega
+  kSimpleRadialFisheye = 8,      // f, cx, cy, k
+  kRadialFisheye = 9,            // f, cx, cy, k1, k2
+  kThinPrismFisheye = 10,        // fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, sx1, sy1
+  kRadTanThinPrismFisheye = 11,  // fx, fy, cx, cy, k0 .. k5, p0, p1, s0 .. s3
+  kSimpleDivision = 12,          // f, cx, cy, k
+  kDivision = 13,                // fx, fy, cx, cy, k
+  kSimpleFisheye = 14,           // f, cx, cy
+  kFisheye = 15,                 // fx, fy, cx, cy
+  kEucm = 16,                    // fx, fy, cx, cy, alpha, beta
+  kEquirectangular = 17,         // width, height
 };
+inline constexpr int kNumCameraModels = 18;
+inline constexpr int kMaxCameraParams = 16;  // of any model
 
 std::optional<CameraModel> CameraModelFromName(std::string_view name);  // "SIMPLE_PINHOLE", ...
 std::optional<CameraModel> CameraModelFromId(int id);
 std::string_view CameraModelName(CameraModel model);
 int CameraModelNumParams(CameraModel model);
+// All names, by id.
+std::vector<std::string> CameraModelNames();
+// Does a pixel depend on (x / z, y / z) by way of polynomials or their quotients, so that the
+// undistorted plane is what errors in pixels are nearly proportional to, and nothing beside or
+// behind the camera is seen? The others (fisheye lenses, panoramas, and models that may stand for
+// them) are handled by unit bearings.
+bool CameraModelIsPlanar(CameraModel model);
+// Is the radius a polynomial of the angle off axis, near to the angle itself?
+bool CameraModelIsFisheye(CameraModel model);
 
 // A central camera. Pixels as COLMAP: the center of the top-left pixel is (0.5, 0.5). Normalized
-// points are rays with third component 1.
+// points are rays with third component 1, which not all rays of a wide field have; bearings are
+// rays of length 1.
 struct Camera {
   camera_t camera_id = kInvalidCameraId;
   CameraModel model = CameraModel::kSimpleRadial;
@@ -36,16 +61,19 @@ struct Camera {
   bool has_prior_focal_length = false;
 
   // A camera with the given focal length (pixels), the principal point at the image center, no
-  // distortion.
+  // distortion (FOV: COLMAP's 0.01). An equirectangular one has the focal length of its size.
   static Camera FromFocal(camera_t id, CameraModel model, double focal_px, int width, int height);
 
+  bool IsPlanar() const { return CameraModelIsPlanar(model); }
+
+  // Pixels a radian (of the tangent, for planar models) at the center of the image.
   double FocalX() const;
   double FocalY() const;
   double MeanFocal() const { return 0.5 * (FocalX() + FocalY()); }
   Eigen::Vector2d PrincipalPoint() const;
-  // The pinhole part [fx 0 cx; 0 fy cy; 0 0 1].
+  // The pinhole part [fx 0 cx; 0 fy cy; 0 0 1]. It tells nothing of models that are not planar.
   Eigen::Matrix3d CalibrationMatrix() const;
-  // Scales all focal lengths so that their mean is focal_px.
+  // Scales all focal lengths so that their mean is focal_px. Does nothing without focal lengths.
   void SetMeanFocal(double focal_px);
   double DiagonalPx() const;
 
@@ -57,13 +85,26 @@ struct Camera {
   // Checks counts and finiteness of params, positive focal and size. Returns "" or the reason.
   std::string Validate() const;
 
-  // Pixel of the ray (u, v, 1). J_uv, if given, is d(pixel)/d(u, v).
+  // Pixel of the point (any distance but 0) in the camera's frame; nullopt where the model has
+  // none: behind a planar camera, beyond the field of another. J, if given, is d(pixel)/d(point).
+  std::optional<Eigen::Vector2d> ImgFromRay(const Eigen::Vector3d& point,
+                                            Eigen::Matrix<double, 2, 3>* J = nullptr) const;
+  // The unit bearing of a pixel; nullopt where the model has none (as CamFromImg). Radial parts are
+  // undone within the range in which the radius grows with the angle off axis.
+  std::optional<Eigen::Vector3d> RayFromImg(const Eigen::Vector2d& pixel) const;
+  // How many radians a pixel is at a point of the camera's frame: the root of the pixel's solid
+  // angle; infinite where ImgFromRay has no value.
+  double RadiansPerPx(const Eigen::Vector3d& point) const;
+
+  // Pixel of the ray (u, v, 1). J_uv, if given, is d(pixel)/d(u, v). Not a number where the model
+  // has none.
   Eigen::Vector2d ImgFromCam(const Eigen::Vector2d& uv, Eigen::Matrix2d* J_uv = nullptr) const;
   // Also d(pixel)/d(params), 2 x NumParams row-major, written to J_params.
   Eigen::Vector2d ImgFromCam(const Eigen::Vector2d& uv, Eigen::Matrix2d* J_uv,
                              double* J_params) const;
   // Ray (u, v) with third component 1 of a pixel; distortion is removed by Newton's method, and
-  // nullopt means that it did not converge (a pixel beyond what the distortion model can express).
+  // nullopt means that it did not converge (a pixel beyond what the distortion model can express),
+  // or that the ray does not point forward.
   // J, if given, is d(u, v)/d(pixel).
   std::optional<Eigen::Vector2d> CamFromImg(const Eigen::Vector2d& pixel,
                                             Eigen::Matrix2d* J = nullptr) const;
@@ -75,5 +116,10 @@ struct Camera {
 // Camera::ImgFromCam; any Jacobian pointer may be null. No allocation.
 void ImgFromCam(CameraModel model, const double* params, const double* uv, double* pixel,
                 double* J_uv_2x2, double* J_params_2xn);
+
+// The same for a point in the camera's frame; J_point is 2 x 3. False where the model has no pixel;
+// nothing is written then.
+bool ImgFromRay(CameraModel model, const double* params, const double* point, double* pixel,
+                double* J_point_2x3, double* J_params_2xn);
 
 }  // namespace cairn

@@ -35,9 +35,10 @@ class Database {
   // How long a write waits for another program's lock, before IoError; 10 s at first.
   void SetBusyTimeout(int milliseconds);
 
-  // Cameras and images, in the order of their ids. Cameras whose model cairn does not have are an
-  // error.
+  // Cameras and images, in the order of their ids. Cameras whose model cairn does not have are left
+  // out, and found by ReadUnknownCameras.
   std::vector<Camera> ReadCameras() const;
+  std::vector<UnknownCamera> ReadUnknownCameras() const;
   std::vector<Image> ReadImages() const;
   void WriteCamera(const Camera& camera);  // camera_id must be set; replaces
   void WriteImage(const Image& image);     // image_id must be set; replaces

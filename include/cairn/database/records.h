@@ -46,6 +46,14 @@ struct PairFocalEvidence {
   int num_by_fundamental = 0;
 };
 
+// A camera of a model that cairn does not have: a later COLMAP's, or a damaged row.
+struct UnknownCamera {
+  camera_t camera_id = kInvalidCameraId;
+  int64_t model_id = -1;
+  int width = 0;  // pixels
+  int height = 0;
+};
+
 // cairn_camera_focals: what its pairs say of a camera's trusted focal length. Key: camera_id.
 struct CameraFocal {
   bool is_refuted = false;  // its pairs are verified as though it was not trusted

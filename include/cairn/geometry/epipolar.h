@@ -21,11 +21,18 @@ Eigen::Matrix3d FundamentalFromEssential(const Eigen::Matrix3d& E, const Eigen::
 // the points (Hartley and Zisserman, eq. 11.9).
 double SquaredSampsonError(const Eigen::Matrix3d& E, const Eigen::Vector2d& x1,
                            const Eigen::Vector2d& x2);
+// The same of rays in any direction, in squared radians: the algebraic error of bearings over its
+// gradient on the unit spheres (Terekhov and Larsson, "Tangent Sampson error", ICCV 2023).
+double SquaredRaySampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& ray1,
+                              const Eigen::Vector3d& ray2);
 
 // Depths (along the rays (x, 1)) at which two rays come nearest, or false if the rays are parallel.
 // A point in front of both cameras has both positive.
 bool TriangulateDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector2d& x1,
                        const Eigen::Vector2d& x2, double* depth1, double* depth2);
+// The same along rays in any direction, in units of their lengths.
+bool TriangulateRayDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector3d& ray1,
+                          const Eigen::Vector3d& ray2, double* depth1, double* depth2);
 
 // The pose among `poses` with the most points in front of both cameras, and how many those are.
 struct CheiralityResult {
@@ -35,5 +42,8 @@ struct CheiralityResult {
 CheiralityResult SelectPoseByCheirality(const std::vector<Rigid3d>& poses,
                                         const std::vector<Eigen::Vector2d>& x1,
                                         const std::vector<Eigen::Vector2d>& x2);
+CheiralityResult SelectPoseByCheirality(const std::vector<Rigid3d>& poses,
+                                        const std::vector<Eigen::Vector3d>& rays1,
+                                        const std::vector<Eigen::Vector3d>& rays2);
 
 }  // namespace cairn

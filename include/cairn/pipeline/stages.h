@@ -33,12 +33,10 @@ struct CameraOptions {
   bool single_camera = false;
 
   void VisitFields(OptionVisitor& v) {
-    v.Choice("camera_model", camera_model,
-             {"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"},
-             "model of new cameras");
+    v.Choice("camera_model", camera_model, CameraModelNames(), "model of new cameras");
     v.Doubles("camera_params", camera_params,
               "parameters of new cameras, in COLMAP's order; without, the focal length comes from "
-              "EXIF, or is 1.2 times the larger side");
+              "EXIF, or is 1.2 times the larger side (fisheye models: 150 degrees across it)");
     v.Bool("single_camera", single_camera, "all images were taken by one camera");
   }
 };

@@ -13,7 +13,9 @@ namespace cairn {
 //
 // The error of a correspondence is the Sampson distance in pixels (Hartley and Zisserman, 11.9),
 // |x2^T E x1| / sqrt((a^2 + b^2) / f2^2 + (c^2 + d^2) / f1^2) with (a, b, .) = E x1 and
-// (c, d, .) = E^T x2, for E of normalized points; F of normalized points is as good.
+// (c, d, .) = E^T x2, for E of normalized points; F of normalized points is as good. For wide pairs
+// (PointPairs) it is that of bearings q of length 1, |q2^T E q1| / sqrt(|E q1|^2 s2^2 + |E^T q2|^2
+// s1^2), where s is how many radians a pixel is at the bearing.
 
 // MSAC support, sum of max(0, 1 - (error / max_error_px)^2): larger is better, one correspondence
 // adds at most 1. Returns -1 as soon as the support cannot exceed `bound` any more.
@@ -29,6 +31,7 @@ void SampsonErrors(const PointPairs& points, const Eigen::Matrix3d& E, float* er
 
 // Symmetric transfer error of a homography of normalized points x2 ~ H x1,
 // sqrt((|x2 - H x1|^2 f2^2 + |x1 - H^-1 x2|^2 f1^2) / 2), in pixels; infinite behind the horizon.
+// For wide pairs, the sines of the angles between bearings take the place of these distances.
 void HomographyErrors(const PointPairs& points, const Eigen::Matrix3d& H, float* errors_px);
 // MSAC support of these errors, sum of max(0, 1 - (error / max_error_px)^2).
 double ScoreHomography(const PointPairs& points, const Eigen::Matrix3d& H, double max_error_px);

@@ -34,7 +34,7 @@ struct RotationAveragingOptions {
   double sigma_decay = 0.8;
   double convergence_deg = 1e-3;
   double max_error_deg = 10.0;
-  double weight_power = 1.0;
+  double weight_power = 0.0;
   // Of the whole program (--num_threads), no field: 0 means all. No result depends on it.
   int num_threads = 1;
 

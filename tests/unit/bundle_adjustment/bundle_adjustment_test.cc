@@ -100,7 +100,8 @@ TEST(AdjustBundle, AutoChoosesTheSolverByTheNumberOfImages) {
 TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
   for (const CameraModel model_kind :
        {CameraModel::kSimplePinhole, CameraModel::kPinhole, CameraModel::kSimpleRadial,
-        CameraModel::kRadial, CameraModel::kOpenCV}) {
+        CameraModel::kRadial, CameraModel::kOpenCV, CameraModel::kSimpleRadialFisheye,
+        CameraModel::kSimpleDivision}) {
     for (const bool shared : {true, false}) {
       SyntheticOptions synthetic{.num_images = 8, .model = model_kind, .shared_camera = shared};
       const SyntheticScene scene = MakeSyntheticScene(synthetic);

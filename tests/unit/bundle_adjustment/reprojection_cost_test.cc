@@ -65,9 +65,8 @@ class CostUnderTest {
 };
 
 TEST(ReprojectionCost, JacobiansMatchCentralDifferences) {
-  for (const CameraModel model :
-       {CameraModel::kSimplePinhole, CameraModel::kPinhole, CameraModel::kSimpleRadial,
-        CameraModel::kRadial, CameraModel::kOpenCV}) {
+  for (int model_id = 0; model_id < kNumCameraModels; ++model_id) {
+    const CameraModel model = *CameraModelFromId(model_id);
     for (int mask = 1; mask < 32; ++mask) {
       BundleAdjustmentScope scope;
       scope.points = mask & 1;

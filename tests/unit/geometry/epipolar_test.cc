@@ -65,7 +65,7 @@ TEST(Epipolar, OneOfTheFourPosesIsTheTruthAndCheiralitySelectsIt) {
     EXPECT_LT(AngleBetween(best.cam2_from_cam1.rotation, p.cam2_from_cam1.rotation), 1e-12);
     EXPECT_LT(AngleBetween(best.cam2_from_cam1.translation, p.cam2_from_cam1.translation), 1e-12);
   }
-  EXPECT_THROW(SelectPoseByCheirality({}, {}, {}), BugError);
+  EXPECT_THROW(SelectPoseByCheirality({}, std::vector<Eigen::Vector2d>(), {}), BugError);
 }
 
 TEST(Epipolar, FundamentalMatrixAnnulsPixels) {
@@ -118,6 +118,35 @@ TEST(Epipolar, TriangulatedDepthsAreExact) {
   // The camera moved right, but the point did too: the rays meet behind.
   ASSERT_TRUE(TriangulateDepths(sideways, {0.1, 0.0}, {0.0, 0.0}, &depth1, &depth2));
   EXPECT_LT(depth1, 0);
+}
+
+// Rays in any direction: beside and behind the cameras, too.
+TEST(Rays, SampsonErrorDepthsAndCheirality) {
+  Rng rng(7);
+  const Rigid3d pose(ExpSO3(Eigen::Vector3d(0.3, -1.2, 0.4)), Eigen::Vector3d(0.6, 0.0, -0.8));
+  const Eigen::Matrix3d E = EssentialFromPose(pose);
+  std::vector<Eigen::Vector3d> rays1, rays2;
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d x1 =
+        Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()) * rng.Uniform(2, 5);
+    const Eigen::Vector3d x2 = pose * x1;
+    rays1.push_back(x1.normalized());
+    rays2.push_back(x2.normalized());
+    EXPECT_LT(SquaredRaySampsonError(E, 2 * x1, x2), 1e-24);
+    double depth1, depth2;
+    ASSERT_TRUE(TriangulateRayDepths(pose, rays1[i], rays2[i], &depth1, &depth2));
+    EXPECT_NEAR(depth1, x1.norm(), 1e-6 * x1.norm());
+    EXPECT_NEAR(depth2, x2.norm(), 1e-6 * x2.norm());
+    // A ray turned away from its epipolar plane by an angle: both rays share it.
+    const Eigen::Vector3d normal = (E * rays1[i]).normalized();
+    const Eigen::Vector3d turned = std::cos(1e-3) * rays2[i] + std::sin(1e-3) * normal;
+    const double g2 = (E * rays1[i]).norm(), g1 = (E.transpose() * turned).norm();
+    EXPECT_NEAR(std::sqrt(SquaredRaySampsonError(E, rays1[i], turned)),
+                1e-3 * g2 / std::hypot(g1, g2), 1e-5);
+  }
+  const CheiralityResult best = SelectPoseByCheirality(PosesFromEssential(E), rays1, rays2);
+  EXPECT_EQ(best.num_in_front, 100);
+  EXPECT_LT((best.cam2_from_cam1.translation - pose.translation).norm(), 1e-9);
 }
 
 }  // namespace

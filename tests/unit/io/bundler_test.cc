@@ -153,6 +153,11 @@ TEST(Bundler, WhatDoesNotFitIsSaid) {
               ElementsAre(HasSubstr("principal point and image center of up to 3 px")));
   EXPECT_THAT(warnings(CameraModel::kOpenCV, [](auto& p) { p[7] = -0.01; }),
               ElementsAre(HasSubstr("tangential distortion of up to 0.01: it is left out")));
+  EXPECT_THAT(warnings(CameraModel::kOpenCVFisheye, [](auto& p) { p[4] = 0.1; }),
+              ElementsAre(HasSubstr("1 of 1 cameras are of the model OPENCV_FISHEYE, which the "
+                                    "format does not have")));
+  EXPECT_THAT(warnings(CameraModel::kFullOpenCV, [](auto&) {}),
+              ElementsAre(HasSubstr("FULL_OPENCV: only its first two radial coefficients")));
 }
 
 TEST(BundlerList, NamesAndFocalLengths) {

@@ -82,6 +82,14 @@ TEST_P(ColmapModel, ComesBackExactlyAndInEqualBytes) {
   }
 }
 
+TEST_P(ColmapModel, EveryCameraModelComesBack) {
+  const TempFolder folder;
+  const Reconstruction model =
+      RandomReconstruction(5, {.num_images = kNumCameraModels, .num_models = kNumCameraModels});
+  WriteColmapModel(model, folder / "a", GetParam());
+  ExpectEqual(ReadColmapModel(folder / "a", GetParam()), model);
+}
+
 TEST_P(ColmapModel, EmptyModelAndImagesWithoutKeypoints) {
   const TempFolder folder;
   WriteColmapModel({}, folder / "a", GetParam());
@@ -233,10 +241,10 @@ TEST(ColmapBinary, UnknownCameraModelsAndTwoOfAKindAreNamed) {
   WriteColmapModel(RandomReconstruction(3), folder.path());
   const std::string bytes = ReadFile(folder / "cameras.bin");
   std::string changed = bytes;
-  changed[12] = 5;  // OPENCV_FISHEYE
+  changed[12] = 99;
   WriteFileAtomically(folder / "cameras.bin", changed);
   EXPECT_THAT(ReadError(folder.path(), ColmapModelFormat::kBinary),
-              HasSubstr("camera 1 has the model 5"));
+              HasSubstr("camera 1 has the model 99"));
   WriteFileAtomically(folder / "cameras.bin", bytes);
   std::string images = ReadFile(folder / "images.bin");
   images[8] = 2;  // the id of the second image
@@ -255,8 +263,8 @@ TEST(ColmapText, ErrorsNameTheLine) {
     WriteFileAtomically(folder / name, good);
     return error;
   };
-  EXPECT_THAT(error_with("cameras.txt", "# c\n\n1 FISHEYE 10 10 1 1 1\n"),
-              HasSubstr("cameras.txt:3: 'FISHEYE' is none of"));
+  EXPECT_THAT(error_with("cameras.txt", "# c\n\n1 CYLINDER 10 10 1 1 1\n"),
+              HasSubstr("cameras.txt:3: 'CYLINDER' is none of"));
   EXPECT_THAT(error_with("cameras.txt", "1 PINHOLE 10 10 1 1 1\n"),
               HasSubstr("cameras.txt:1: the line is too short"));
   EXPECT_THAT(error_with("cameras.txt", "1 PINHOLE 10 10 1 1 1 1 1\n"),

@@ -118,6 +118,43 @@ TEST(TransformsJson, ProjectsAsOpenGlCameras) {
   }
 }
 
+// One camera of each of two models, and what the file says about them.
+TEST(TransformsJson, FisheyesAndWhatDoesNotFit) {
+  const TempFolder folder;
+  const auto write = [&](const std::vector<CameraModel>& models, std::string* camera_model) {
+    Reconstruction r;
+    for (size_t i = 0; i < models.size(); ++i) {
+      const auto id = static_cast<camera_t>(i + 1);
+      r.cameras[id] = Camera::FromFocal(id, models[i], 300, 800, 600);
+      const std::vector<int> distortion = r.cameras[id].DistortionIndices();
+      if (!distortion.empty()) r.cameras[id].params[distortion[0]] = 0.25;
+      r.images[id].image = {id, "image.jpg", id};
+    }
+    const auto warnings = WriteTransformsJson(r, folder / "transforms.json", "");
+    const auto json = nlohmann::json::parse(ReadFile(folder / "transforms.json"));
+    *camera_model = json["camera_model"];
+    if (*camera_model == "OPENCV_FISHEYE") {
+      EXPECT_EQ(json["frames"][0]["k1"], 0.25);
+      EXPECT_EQ(json["frames"][0]["k4"], 0.0);
+      EXPECT_FALSE(json["frames"][0].contains("p1"));
+    }
+    return warnings;
+  };
+  std::string model;
+  EXPECT_THAT(write({CameraModel::kRadialFisheye, CameraModel::kOpenCVFisheye}, &model),
+              ::testing::IsEmpty());
+  EXPECT_EQ(model, "OPENCV_FISHEYE");
+  EXPECT_THAT(write({CameraModel::kEquirectangular}, &model), ::testing::IsEmpty());
+  EXPECT_EQ(model, "EQUIRECTANGULAR");
+  EXPECT_THAT(write({CameraModel::kOpenCV, CameraModel::kSimpleFisheye}, &model),
+              ::testing::ElementsAre(::testing::AllOf(::testing::HasSubstr("SIMPLE_FISHEYE"),
+                                                      ::testing::HasSubstr("one model"))));
+  EXPECT_EQ(model, "OPENCV");
+  EXPECT_THAT(write({CameraModel::kFov}, &model),
+              ::testing::ElementsAre(
+                  ::testing::AllOf(::testing::HasSubstr("FOV"), ::testing::HasSubstr("left out"))));
+}
+
 TEST(Export, UnwritablePlacesAreErrorsAndLeaveNothing) {
   const TempFolder folder;
   const Reconstruction r = RandomReconstruction(4);

@@ -12,17 +12,21 @@ struct RandomReconstructionOptions {
   // One camera of each model in turn, with distortion and a shifted principal point; else one
   // RADIAL camera with a central principal point, which Bundler can express.
   bool all_camera_models = true;
+  int num_models = 5;  // so many of them, by their ids
   double pixel_noise = 0.3;
 };
 
-inline Camera RandomCamera(camera_t id, bool any_model, Rng& rng) {
-  const CameraModel model = any_model ? *CameraModelFromId((id - 1) % 5) : CameraModel::kRadial;
+// num_models 0: RADIAL.
+inline Camera RandomCamera(camera_t id, int num_models, Rng& rng) {
+  const bool any_model = num_models > 0;
+  const CameraModel model =
+      any_model ? *CameraModelFromId(static_cast<int>(id - 1) % num_models) : CameraModel::kRadial;
   Camera camera = Camera::FromFocal(id, model, rng.Uniform(700, 900), 800, 600);
   if (any_model) {
     for (const int i : camera.PrincipalPointIndices()) camera.params[i] += rng.Uniform(-9, 9);
     for (const int i : camera.FocalIndices()) camera.params[i] *= rng.Uniform(0.99, 1.01);
   }
-  for (const int i : camera.DistortionIndices()) camera.params[i] = rng.Uniform(-0.02, 0.02);
+  for (const int i : camera.DistortionIndices()) camera.params[i] += rng.Uniform(-0.02, 0.02);
   return camera;
 }
 
@@ -36,7 +40,8 @@ inline Reconstruction RandomReconstruction(uint64_t seed,
     const image_t id = static_cast<image_t>(i);
     const camera_t camera_id = options.all_camera_models ? id : 1;
     if (r.cameras.count(camera_id) == 0) {
-      r.cameras[camera_id] = RandomCamera(camera_id, options.all_camera_models, rng);
+      r.cameras[camera_id] =
+          RandomCamera(camera_id, options.all_camera_models ? options.num_models : 0, rng);
     }
     const Eigen::Quaterniond around = ExpSO3(Eigen::Vector3d(
         rng.Uniform(-0.1, 0.1), 6.0 * i / options.num_images, rng.Uniform(-0.1, 0.1)));

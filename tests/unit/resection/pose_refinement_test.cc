@@ -21,16 +21,17 @@ struct Problem {
 Problem MakeProblem(CameraModel model, uint64_t seed) {
   Rng rng(seed);
   Problem problem;
-  problem.camera = Camera::FromFocal(1, model, 900, 1200, 800);
+  const bool is_planar = CameraModelIsPlanar(model);
+  problem.camera = Camera::FromFocal(1, model, is_planar ? 900 : 350, 1200, 800);
   for (const int k : problem.camera.DistortionIndices()) {
-    problem.camera.params[k] = rng.Uniform(-0.01, 0.01);
+    problem.camera.params[k] += rng.Uniform(-0.01, 0.01);
   }
   problem.pose = Rigid3d(ExpSO3(Eigen::Vector3d(0.3, -2, 0.5)), Eigen::Vector3d(0.5, 0.2, 1));
-  for (int i = 0; i < 40; ++i) {
+  while (problem.pixels.size() < 40) {
     const Eigen::Vector2d pixel(rng.Uniform(0, 1200), rng.Uniform(0, 800));
-    const Eigen::Vector3d x =
-        rng.Uniform(2, 8) * problem.camera.CamFromImg(pixel).value().homogeneous();
-    problem.xyz.push_back(Inverse(problem.pose) * x);
+    const auto ray = problem.camera.RayFromImg(pixel);
+    if (!ray) continue;  // beyond the fold of a fisheye
+    problem.xyz.push_back(Inverse(problem.pose) * Eigen::Vector3d(rng.Uniform(2, 8) * *ray));
     problem.pixels.push_back(pixel);
   }
   problem.all.resize(40);
@@ -39,10 +40,10 @@ Problem MakeProblem(CameraModel model, uint64_t seed) {
 }
 
 TEST(RefinePose, ConvergesToTheExactPoseAndFocalLength) {
-  for (const CameraModel model :
-       {CameraModel::kSimplePinhole, CameraModel::kPinhole, CameraModel::kSimpleRadial,
-        CameraModel::kRadial, CameraModel::kOpenCV}) {
+  for (int model_id = 0; model_id < kNumCameraModels; ++model_id) {
+    const CameraModel model = *CameraModelFromId(model_id);
     for (const bool refine_focal : {false, true}) {
+      if (refine_focal && model == CameraModel::kEquirectangular) continue;
       const Problem problem = MakeProblem(model, 1);
       Camera camera = problem.camera;
       if (refine_focal) camera.SetMeanFocal(1.15 * camera.MeanFocal());

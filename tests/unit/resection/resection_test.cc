@@ -52,6 +52,34 @@ TEST(EstimateAbsolutePose, IsExactWithoutNoise) {
   }
 }
 
+// Points beside and behind the camera count like any others.
+TEST(EstimateAbsolutePose, IsExactForLensesThatSeeAllAround) {
+  for (uint64_t seed = 0; seed < 30; ++seed) {
+    Rng rng(seed, "wide resection test");
+    Problem problem;
+    problem.camera = Camera::FromFocal(1, CameraModel::kOpenCVFisheye, 350, 1500, 1500);
+    problem.camera.params[4] = 0.02;
+    problem.pose = Rigid3d(ExpSO3(Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), 0.3)),
+                           Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()));
+    int num_behind = 0;
+    while (problem.pixels.size() < 100) {
+      Eigen::Vector2d pixel(rng.Uniform(0, 1500), rng.Uniform(0, 1500));
+      const auto ray = problem.camera.RayFromImg(pixel);
+      if (!ray) continue;
+      num_behind += ray->z() < 0;
+      problem.xyz.push_back(Inverse(problem.pose) * Eigen::Vector3d(rng.Uniform(2, 8) * *ray));
+      if (problem.pixels.size() < 30) pixel = {rng.Uniform(0, 1500), rng.Uniform(0, 1500)};
+      problem.pixels.push_back(pixel);
+    }
+    ASSERT_GT(num_behind, 20);
+    const ResectionReport report = Resect(problem, {});
+    ASSERT_EQ(report.status, ResectionStatus::kSuccess);
+    EXPECT_GE(report.inliers.size(), 70u);
+    EXPECT_LT(AngleBetween(report.cam_from_world.rotation, problem.pose.rotation), 1e-4);
+    EXPECT_LT((report.cam_from_world.translation - problem.pose.translation).norm(), 1e-3);
+  }
+}
+
 TEST(EstimateAbsolutePose, WithstandsOutliers) {
   int num_good = 0;
   ResectionOptions options;

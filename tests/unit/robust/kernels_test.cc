@@ -117,6 +117,143 @@ TEST(HomographyErrors, AgreeWithTheDefinition) {
   EXPECT_TRUE(std::isinf(errors[0]));
 }
 
+// Bearings all around two cameras, equidistant ones of 300 and 500 px a radian, with noise.
+PointPairs MakeWidePoints(const Rigid3d& cam2_from_cam1, int n, double noise_px, Rng& rng) {
+  PointPairs points;
+  points.Reset(n, 300.0, 500.0, true);
+  for (int i = 0; i < n; ++i) {
+    const Eigen::Vector3d x1 = rng.Uniform(2, 8) * test::RandomDirection(rng);
+    const Eigen::Vector3d x2 = cam2_from_cam1 * x1;
+    const auto moved = [&](const Eigen::Vector3d& x, double focal) {
+      return Eigen::Vector3d(x.normalized() +
+                             noise_px / focal *
+                                 Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()));
+    };
+    points.SetRays(i, moved(x1, 300.0), 1.0 / 300.0, moved(x2, 500.0), 1.0 / 500.0);
+  }
+  return points;
+}
+
+double WideError(const PointPairs& points, const Eigen::Matrix3d& E, int i) {
+  const Eigen::Vector3d q1 = points.Ray1(i).normalized(), q2 = points.Ray2(i).normalized();
+  return q2.dot(E * q1) / std::hypot((E * q1).norm() / 500.0, (E.transpose() * q2).norm() / 300.0);
+}
+
+TEST(WideSampsonKernels, AgreeWithTheDefinitionForEverySize) {
+  Rng rng(11);
+  const Rigid3d pose = RandomScene(rng, 1).cam2_from_cam1;
+  const Eigen::Matrix3d E = EssentialFromPose(pose);
+  for (int n = 0; n <= 200; n += n < 40 ? 1 : 37) {
+    const PointPairs points = MakeWidePoints(pose, n, 1.0, rng);
+    std::vector<float> errors(points.num_blocks() * PointPairs::kBlock + 16);
+    SampsonErrors(points, E, errors.data());
+    double support = 0.0, soft = 0.0;
+    for (int i = 0; i < n; ++i) {
+      const double error = WideError(points, E, i);
+      EXPECT_NEAR(errors[i], std::abs(error), 2e-3 + 1e-4 * std::abs(error));
+      support += std::max(0.0, 1.0 - error * error / 4.0);
+      soft += 9.0 / (9.0 + error * error);
+    }
+    EXPECT_NEAR(ScoreSampson(points, E, 2.0), support, 1e-3 * (1 + n));
+    EXPECT_NEAR(SoftScoreSampson(points, E, 3.0), soft, 1e-3 * (1 + n));
+    EXPECT_EQ(ScoreSampson(points, E, 2.0, support + 1), -1.0);
+  }
+}
+
+// On the plane, the same noise counted more the farther off axis; here it counts alike everywhere.
+TEST(WideSampsonKernels, NoiseCountsAlikeInAllDirections) {
+  Rng rng(12);
+  const Rigid3d pose(ExpSO3(Eigen::Vector3d(0.2, -0.1, 0.3)), Eigen::Vector3d(1, 0.2, -0.1));
+  const PointPairs points = MakeWidePoints(pose, 20000, 1.0, rng);
+  std::vector<float> errors(points.num_blocks() * PointPairs::kBlock);
+  SampsonErrors(points, EssentialFromPose(pose), errors.data());
+  double sums[6] = {}, counts[6] = {};
+  for (int i = 0; i < points.size(); ++i) {
+    const int sector = static_cast<int>(std::acos(points.Ray1(i).normalized().z()) / M_PI * 5.999);
+    sums[sector] += errors[i] * errors[i];
+    ++counts[sector];
+  }
+  for (int k = 0; k < 6; ++k) {
+    EXPECT_GT(counts[k], 500);
+    EXPECT_NEAR(std::sqrt(sums[k] / counts[k]), 1.0, 0.06) << k;
+  }
+}
+
+TEST(WideSampsonKernels, AgreeWithPlanarOnesNearTheAxis) {
+  Rng rng(13);
+  const Rigid3d pose(ExpSO3(Eigen::Vector3d(0.01, -0.02, 0.3)), Eigen::Vector3d(1, 0.2, -0.1));
+  PointPairs planar, wide;
+  planar.Reset(50, 700, 900);
+  wide.Reset(50, 700, 900, true);
+  for (int i = 0; i < 50; ++i) {
+    const Eigen::Vector3d x1(rng.Uniform(-0.3, 0.3), rng.Uniform(-0.3, 0.3), rng.Uniform(5, 9));
+    const Eigen::Vector3d x2 = pose * x1 + 0.01 * test::RandomDirection(rng);
+    planar.Set(i, x1.hnormalized(), x2.hnormalized());
+    wide.SetRays(i, x1, 1.0 / 700, x2, 1.0 / 900);
+  }
+  std::vector<float> planar_errors(64), wide_errors(64);
+  SampsonErrors(planar, EssentialFromPose(pose), planar_errors.data());
+  SampsonErrors(wide, EssentialFromPose(pose), wide_errors.data());
+  const Eigen::Matrix3d H = pose.RotationMatrix();
+  for (int i = 0; i < 50; ++i)
+    EXPECT_NEAR(wide_errors[i], planar_errors[i], 0.05 * planar_errors[i]);
+  HomographyErrors(planar, H, planar_errors.data());
+  HomographyErrors(wide, -2.0 * H, wide_errors.data());
+  for (int i = 0; i < 50; ++i)
+    EXPECT_NEAR(wide_errors[i], planar_errors[i], 0.1 * planar_errors[i]);
+}
+
+TEST(WideHomographyErrors, AreAnglesOfRotationsAllAround) {
+  Rng rng(14);
+  const Eigen::Matrix3d R = ExpSO3(Eigen::Vector3d(0.4, -0.9, 1.3)).toRotationMatrix();
+  PointPairs points;
+  points.Reset(200, 300, 300, true);
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Vector3d q = test::RandomDirection(rng);
+    const Eigen::Vector3d axis = q.unitOrthogonal();
+    points.SetRays(i, q, 1.0 / 300, R * (ExpSO3(axis * (0.01 + 0.001 * i)) * q), 1.0 / 300);
+  }
+  std::vector<float> errors(points.num_blocks() * PointPairs::kBlock);
+  HomographyErrors(points, R, errors.data());
+  for (int i = 0; i < 200; ++i) EXPECT_NEAR(errors[i], 300 * std::sin(0.01 + 0.001 * i), 0.05);
+  EXPECT_NEAR(ScoreHomography(points, R, 3.1), 1 - std::pow(3.0 / 3.1, 2), 0.02);
+  // Opposite directions are no match.
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Vector3d q = test::RandomDirection(rng);
+    points.SetRays(i, q, 1.0 / 300, (i < 150 ? 1.0 : -1.0) * (R * q), 1.0 / 300);
+  }
+  HomographyErrors(points, R, errors.data());
+  for (int i = 0; i < 200; ++i) EXPECT_EQ(errors[i] > 1e6, i >= 150);
+}
+
+TEST(WidePointPairs, HoldPixelsOfAnyCameraAndTheirSigns) {
+  Camera fisheye = Camera::FromFocal(1, CameraModel::kSimpleFisheye, 300, 1200, 1200);
+  const Camera pinhole = Camera::FromFocal(2, CameraModel::kPinhole, 800, 1200, 1000);
+  PointPairs points;
+  points.Reset(3, pinhole, pinhole);
+  EXPECT_FALSE(points.is_wide());
+  points.Reset(3, fisheye, pinhole);
+  EXPECT_TRUE(points.is_wide());
+  const Eigen::Vector2d behind(600 + 300 * 1.8, 600), pixel(500, 700);
+  ASSERT_TRUE(points.SetPixels(0, fisheye, behind, pinhole, pixel));
+  ASSERT_TRUE(points.SetPixels(1, fisheye, {600, 650}, pinhole, pixel));
+  EXPECT_FALSE(points.SetPixels(2, fisheye, {600 + 300 * 3.2, 600}, pinhole, pixel));
+  EXPECT_TRUE(points.IsBehind1(0));
+  EXPECT_FALSE(points.IsBehind1(1));
+  EXPECT_FALSE(points.IsBehind2(0));
+  EXPECT_LT((points.Ray1(0).normalized() - *fisheye.RayFromImg(behind)).norm(), 1e-6);
+  EXPECT_LT((points.Ray2(0).normalized() - *pinhole.RayFromImg(pixel)).norm(), 1e-6);
+  PointPairs copy;
+  const int32_t indices[] = {1, 0};
+  copy.SetSubset(points, indices, 2);
+  EXPECT_EQ(copy.Ray1(1), points.Ray1(0));
+  EXPECT_TRUE(copy.is_wide());
+  copy.SetShifted(points, 1);
+  EXPECT_EQ(copy.Ray1(0), points.Ray1(0));
+  EXPECT_EQ(copy.weight1()[0], points.weight1()[0]);
+  EXPECT_EQ(copy.weight2()[0], points.weight2()[1]);
+}
+
 Eigen::Matrix<double, 3, 2> Tangent(const Eigen::Vector3d& t) {
   Eigen::Matrix<double, 3, 2> basis;
   basis.col(0) = t.cross(Eigen::Vector3d(0.3, 1.0, -0.2)).normalized();
@@ -124,11 +261,15 @@ Eigen::Matrix<double, 3, 2> Tangent(const Eigen::Vector3d& t) {
   return basis;
 }
 
+class AccumulateSampsonTest : public testing::TestWithParam<bool> {};
+
 // Gradient and hessian against central differences of the errors themselves.
-TEST(AccumulateSampson, AgreesWithCentralDifferences) {
+TEST_P(AccumulateSampsonTest, AgreesWithCentralDifferences) {
   Rng rng(4);
   const TwoViewScene scene = RandomScene(rng, 45);
-  const PointPairs points = MakePoints(scene, 700.0, 900.0, 2.0, 5, rng);
+  const bool is_wide = GetParam();
+  const PointPairs points = is_wide ? MakeWidePoints(scene.cam2_from_cam1, 45, 2.0, rng)
+                                    : MakePoints(scene, 700.0, 900.0, 2.0, 5, rng);
   const Eigen::Quaterniond R =
       ExpSO3(0.01 * test::RandomDirection(rng)) * scene.cam2_from_cam1.rotation;
   const Eigen::Vector3d t = scene.cam2_from_cam1.translation.normalized();
@@ -136,6 +277,7 @@ TEST(AccumulateSampson, AgreesWithCentralDifferences) {
   auto signed_error = [&](const Eigen::Matrix<double, 5, 1>& p, int i) {
     const Rigid3d pose(ExpSO3(p.head<3>()) * R, t + B * p.tail<2>());
     const Eigen::Matrix3d E = CrossMatrix(pose.translation) * pose.RotationMatrix();
+    if (is_wide) return WideError(points, E, i);
     const double sign = points.Point2(i).homogeneous().dot(E * points.Point1(i).homogeneous());
     return std::copysign(Error(points, E, i), sign);
   };
@@ -170,6 +312,8 @@ TEST(AccumulateSampson, AgreesWithCentralDifferences) {
     EXPECT_EQ(equations.cost, SampsonCost(points, R.toRotationMatrix(), t, loss, kScale));
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(PlanarAndWide, AccumulateSampsonTest, testing::Bool());
 
 // The same bits with every instruction set of this machine.
 TEST(SampsonKernels, DoNotDependOnTheInstructionSet) {

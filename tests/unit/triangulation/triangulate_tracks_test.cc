@@ -12,9 +12,8 @@ using testing_support::SyntheticOptions;
 using testing_support::SyntheticScene;
 
 TEST(TriangulateTracks, RecoversThePointsOfADistortedScene) {
-  for (const CameraModel model :
-       {CameraModel::kSimplePinhole, CameraModel::kPinhole, CameraModel::kSimpleRadial,
-        CameraModel::kRadial, CameraModel::kOpenCV}) {
+  for (int model_id = 0; model_id < kNumCameraModels; ++model_id) {
+    const CameraModel model = *CameraModelFromId(model_id);
     SyntheticOptions synthetic;
     synthetic.model = model;
     const SyntheticScene scene = MakeSyntheticScene(synthetic);

@@ -1,0 +1,548 @@
+#include "camera/camera_models.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace cairn::internal {
+namespace {
+
+constexpr std::array<ModelInfo, kNumCameraModels> kModels = {{
+    {CameraModel::kSimplePinhole, "SIMPLE_PINHOLE", 3, 0, 0, 1, 2, -1, -1, -1, -1},
+    {CameraModel::kPinhole, "PINHOLE", 4, 0, 1, 2, 3, -1, -1, -1, -1},
+    {CameraModel::kSimpleRadial, "SIMPLE_RADIAL", 4, 0, 0, 1, 2, 3, -1, -1, -1},
+    {CameraModel::kRadial, "RADIAL", 5, 0, 0, 1, 2, 3, 4, -1, -1},
+    {CameraModel::kOpenCV, "OPENCV", 8, 0, 1, 2, 3, 4, 5, 6, 7},
+    {CameraModel::kOpenCVFisheye, "OPENCV_FISHEYE", 8, 0, 1, 2, 3, -1, -1, -1, -1},
+    {CameraModel::kFullOpenCV, "FULL_OPENCV", 12, 0, 1, 2, 3, -1, -1, -1, -1},
+    {CameraModel::kFov, "FOV", 5, 0, 1, 2, 3, -1, -1, -1, -1},
+    {CameraModel::kSimpleRadialFisheye, "SIMPLE_RADIAL_FISHEYE", 4, 0, 0, 1, 2, -1, -1, -1, -1},
+    {CameraModel::kRadialFisheye, "RADIAL_FISHEYE", 5, 0, 0, 1, 2, -1, -1, -1, -1},
+    {CameraModel::kThinPrismFisheye, "THIN_PRISM_FISHEYE", 12, 0, 1, 2, 3, -1, -1, -1, -1},
+    {CameraModel::kRadTanThinPrismFisheye, "RAD_TAN_THIN_PRISM_FISHEYE", 16, 0, 1, 2, 3, -1, -1, -1,
+     -1},
+    {CameraModel::kSimpleDivision, "SIMPLE_DIVISION", 4, 0, 0, 1, 2, -1, -1, -1, -1},
+    {CameraModel::kDivision, "DIVISION", 5, 0, 1, 2, 3, -1, -1, -1, -1},
+    {CameraModel::kSimpleFisheye, "SIMPLE_FISHEYE", 3, 0, 0, 1, 2, -1, -1, -1, -1},
+    {CameraModel::kFisheye, "FISHEYE", 4, 0, 1, 2, 3, -1, -1, -1, -1},
+    {CameraModel::kEucm, "EUCM", 6, 0, 1, 2, 3, -1, -1, -1, -1},
+    {CameraModel::kEquirectangular, "EQUIRECTANGULAR", 2, -1, -1, -1, -1, -1, -1, -1, -1},
+}};
+
+constexpr double kPi = std::numbers::pi;
+
+// A map of the plane and its derivatives: by the point, and by the model's extra parameters.
+struct PlaneMap {
+  double d[2];
+  double J[4];
+  double extra[2][12];
+};
+
+// Polynomial distortion of a plane, d = q R(r2) + tangential part + thin prism, with R = N / D.
+// Coefficients are indices into the extra parameters.
+struct Polynomial {
+  int num_radial = 0;
+  int radial[6] = {};
+  int num_denominator = 0;
+  int denominator[3] = {};
+  int p1 = -1, p2 = -1;    // OpenCV's order: d_u has 2 p1 u v + p2 (r2 + 2 u^2)
+  int sx = -1, sy = -1;    // times r2
+  int sx2 = -1, sy2 = -1;  // times r4
+  // Tangential part and prism act on the radially distorted point (Aria's model).
+  bool is_two_steps = false;
+};
+
+constexpr Polynomial kNoPolynomial;
+constexpr Polynomial kOneRadial{.num_radial = 1, .radial = {0}};
+constexpr Polynomial kTwoRadial{.num_radial = 2, .radial = {0, 1}};
+constexpr Polynomial kFourRadial{.num_radial = 4, .radial = {0, 1, 2, 3}};
+constexpr Polynomial kFullOpenCV{.num_radial = 3,
+                                 .radial = {0, 1, 4},
+                                 .num_denominator = 3,
+                                 .denominator = {5, 6, 7},
+                                 .p1 = 2,
+                                 .p2 = 3};
+constexpr Polynomial kOpenCV{.num_radial = 2, .radial = {0, 1}, .p1 = 2, .p2 = 3};
+constexpr Polynomial kThinPrism{
+    .num_radial = 4, .radial = {0, 1, 4, 5}, .p1 = 2, .p2 = 3, .sx = 6, .sy = 7};
+// Here p0 belongs to the first coordinate.
+constexpr Polynomial kRadTan{.num_radial = 6,
+                             .radial = {0, 1, 2, 3, 4, 5},
+                             .p1 = 7,
+                             .p2 = 6,
+                             .sx = 8,
+                             .sy = 10,
+                             .sx2 = 9,
+                             .sy2 = 11,
+                             .is_two_steps = true};
+
+enum class Family { kPlanar, kFisheye, kFov, kDivision, kEucm };
+
+struct Shape {
+  Family family;
+  const Polynomial* polynomial = &kNoPolynomial;
+};
+
+Shape ShapeOf(CameraModel model) {
+  switch (model) {
+    case CameraModel::kSimplePinhole:
+    case CameraModel::kPinhole:
+      return {Family::kPlanar};
+    case CameraModel::kSimpleRadial:
+      return {Family::kPlanar, &kOneRadial};
+    case CameraModel::kRadial:
+      return {Family::kPlanar, &kTwoRadial};
+    case CameraModel::kOpenCV:
+      return {Family::kPlanar, &kOpenCV};
+    case CameraModel::kFullOpenCV:
+      return {Family::kPlanar, &kFullOpenCV};
+    case CameraModel::kOpenCVFisheye:
+      return {Family::kFisheye, &kFourRadial};
+    case CameraModel::kSimpleRadialFisheye:
+      return {Family::kFisheye, &kOneRadial};
+    case CameraModel::kRadialFisheye:
+      return {Family::kFisheye, &kTwoRadial};
+    case CameraModel::kThinPrismFisheye:
+      return {Family::kFisheye, &kThinPrism};
+    case CameraModel::kRadTanThinPrismFisheye:
+      return {Family::kFisheye, &kRadTan};
+    case CameraModel::kSimpleFisheye:
+    case CameraModel::kFisheye:
+      return {Family::kFisheye};
+    case CameraModel::kFov:
+      return {Family::kFov};
+    case CameraModel::kSimpleDivision:
+    case CameraModel::kDivision:
+      return {Family::kDivision};
+    case CameraModel::kEucm:
+      return {Family::kEucm};
+    case CameraModel::kEquirectangular:
+      break;
+  }
+  return {Family::kPlanar};
+}
+
+double Coefficient(const double* extra, int index) { return index < 0 ? 0.0 : extra[index]; }
+
+// N and D of the radial factor and their derivatives by r2.
+struct Radial {
+  double n = 1.0, d = 1.0, dn = 0.0, dd = 0.0;
+  double Factor() const { return n / d; }
+  double Slope() const { return (dn * d - n * dd) / (d * d); }  // d(factor)/d(r2)
+};
+
+Radial RadialAt(const Polynomial& p, const double* extra, double r2) {
+  Radial out;
+  double power = 1.0;  // r2^i
+  for (int i = 0; i < std::max(p.num_radial, p.num_denominator); ++i) {
+    const double n = i < p.num_radial ? extra[p.radial[i]] : 0.0;
+    const double d = i < p.num_denominator ? extra[p.denominator[i]] : 0.0;
+    out.dn += (i + 1) * n * power;
+    out.dd += (i + 1) * d * power;
+    power *= r2;
+    out.n += n * power;
+    out.d += d * power;
+  }
+  return out;
+}
+
+// q times the radial factor.
+void RadialPart(const Polynomial& p, const double* extra, const double* q, bool derive_extra,
+                PlaneMap* out) {
+  const double r2 = q[0] * q[0] + q[1] * q[1];
+  const Radial radial = RadialAt(p, extra, r2);
+  const double factor = radial.Factor(), slope = 2.0 * radial.Slope();
+  for (int i = 0; i < 2; ++i) {
+    out->d[i] = q[i] * factor;
+    for (int j = 0; j < 2; ++j) out->J[2 * i + j] = (i == j ? factor : 0.0) + slope * q[i] * q[j];
+  }
+  if (!derive_extra) return;
+  double power = 1.0;
+  for (int k = 0; k < std::max(p.num_radial, p.num_denominator); ++k) {
+    power *= r2;
+    for (int i = 0; i < 2; ++i) {
+      if (k < p.num_radial) out->extra[i][p.radial[k]] = q[i] * power / radial.d;
+      if (k < p.num_denominator) {
+        out->extra[i][p.denominator[k]] = -q[i] * power * factor / radial.d;
+      }
+    }
+  }
+}
+
+// Tangential part and thin prism of q: added to d, J and the derivatives by extra parameters.
+void AddDecentering(const Polynomial& p, const double* extra, const double* q, bool derive_extra,
+                    PlaneMap* out) {
+  if (p.p1 < 0) return;
+  const double u = q[0], v = q[1];
+  const double uu = u * u, vv = v * v, uv = u * v, r2 = uu + vv;
+  const double p1 = extra[p.p1], p2 = extra[p.p2];
+  const double sx = Coefficient(extra, p.sx), sy = Coefficient(extra, p.sy);
+  const double sx2 = Coefficient(extra, p.sx2), sy2 = Coefficient(extra, p.sy2);
+  out->d[0] += 2.0 * p1 * uv + p2 * (r2 + 2.0 * uu) + (sx + sx2 * r2) * r2;
+  out->d[1] += 2.0 * p2 * uv + p1 * (r2 + 2.0 * vv) + (sy + sy2 * r2) * r2;
+  const double dx = 2.0 * (sx + 2.0 * sx2 * r2), dy = 2.0 * (sy + 2.0 * sy2 * r2);
+  out->J[0] += 2.0 * p1 * v + 6.0 * p2 * u + dx * u;
+  out->J[1] += 2.0 * p1 * u + 2.0 * p2 * v + dx * v;
+  out->J[2] += 2.0 * p2 * v + 2.0 * p1 * u + dy * u;
+  out->J[3] += 2.0 * p2 * u + 6.0 * p1 * v + dy * v;
+  if (!derive_extra) return;
+  out->extra[0][p.p1] = 2.0 * uv;
+  out->extra[1][p.p1] = r2 + 2.0 * vv;
+  out->extra[0][p.p2] = r2 + 2.0 * uu;
+  out->extra[1][p.p2] = 2.0 * uv;
+  if (p.sx >= 0) out->extra[0][p.sx] = r2;
+  if (p.sy >= 0) out->extra[1][p.sy] = r2;
+  if (p.sx2 >= 0) out->extra[0][p.sx2] = r2 * r2;
+  if (p.sy2 >= 0) out->extra[1][p.sy2] = r2 * r2;
+}
+
+// The second of two steps: d(second)/d(first) times what the first gave.
+void Chain(const PlaneMap& second, PlaneMap* first) {
+  const double J[4] = {first->J[0], first->J[1], first->J[2], first->J[3]};
+  for (int i = 0; i < 2; ++i) {
+    for (int j = 0; j < 2; ++j) {
+      first->J[2 * i + j] = second.J[2 * i] * J[j] + second.J[2 * i + 1] * J[2 + j];
+    }
+  }
+  for (int k = 0; k < 12; ++k) {
+    const double a = first->extra[0][k], b = first->extra[1][k];
+    for (int i = 0; i < 2; ++i) {
+      first->extra[i][k] = second.extra[i][k] + second.J[2 * i] * a + second.J[2 * i + 1] * b;
+    }
+  }
+  first->d[0] = second.d[0];
+  first->d[1] = second.d[1];
+}
+
+PlaneMap Distort(const Polynomial& p, const double* extra, const double* q, bool derive_extra) {
+  PlaneMap out{};
+  RadialPart(p, extra, q, derive_extra, &out);
+  if (!p.is_two_steps) {
+    AddDecentering(p, extra, q, derive_extra, &out);
+    return out;
+  }
+  PlaneMap second{};
+  second.d[0] = out.d[0];
+  second.d[1] = out.d[1];
+  second.J[0] = second.J[3] = 1.0;
+  AddDecentering(p, extra, out.d, derive_extra, &second);
+  Chain(second, &out);
+  return out;
+}
+
+// Below this tangent, quotients by it are taken from their series: the terms left out and the
+// cancellation in the quotients are both about 1e-12 there.
+constexpr double kSmallTangent = 1e-3;
+
+// q = s(rho, z) (x, y), with dq_i/dx_j = s delta_ij + g x_i x_j and dq_i/dz = h x_i.
+struct Axial {
+  double s, g, h;
+};
+
+void FromAxial(const Axial& a, const double* x, PlanePoint* out) {
+  for (int i = 0; i < 2; ++i) {
+    out->d[i] = a.s * x[i];
+    for (int j = 0; j < 2; ++j) out->J[3 * i + j] = (i == j ? a.s : 0.0) + a.g * x[i] * x[j];
+    out->J[3 * i + 2] = a.h * x[i];
+  }
+}
+
+// atan2(T rho, z) / rho (x, y): equidistant for T = 1. False on the axis behind the camera.
+bool AngleAxial(const double* x, double T, Axial* out) {
+  const double z = x[2], rho2 = x[0] * x[0] + x[1] * x[1], n = T * T * rho2 + z * z;
+  const double rho = std::sqrt(rho2), t = T * rho / z;
+  if (z > 0.0 && std::abs(t) < kSmallTangent) {
+    const double t2 = t * t;
+    out->s = T / z * (1.0 - t2 / 3.0 + t2 * t2 / 5.0);
+    out->g = T * T * T / (z * z * z) * (-2.0 / 3.0 + 0.8 * t2);
+  } else {
+    if (!(rho > kSmallTangent * 1e-6 * std::abs(z))) return false;
+    out->s = std::atan2(T * rho, z) / rho;
+    out->g = (T * z / n - out->s) / rho2;
+  }
+  out->h = -T / n;
+  return true;
+}
+
+bool ProjectFisheye(const Polynomial& p, const double* extra, const double* x, bool derive_extra,
+                    PlanePoint* out) {
+  Axial axial;
+  if (!AngleAxial(x, 1.0, &axial)) return false;
+  FromAxial(axial, x, out);
+  if (p.num_radial == 0) return true;
+  const PlaneMap map = Distort(p, extra, out->d, derive_extra);
+  double J[6];
+  for (int i = 0; i < 2; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      J[3 * i + j] = map.J[2 * i] * out->J[j] + map.J[2 * i + 1] * out->J[3 + j];
+    }
+    out->d[i] = map.d[i];
+    if (derive_extra) std::copy_n(map.extra[i], 12, out->extra[i]);
+  }
+  std::copy_n(J, 6, out->J);
+  return true;
+}
+
+// Below this, FOV is taken from its series in omega: what is left out is omega^4.
+constexpr double kSmallOmega = 1e-4;
+
+// Devernay and Faugeras, "Straight lines have to be straight", 2001: the distorted radius is
+// atan(2 tan(omega / 2) r) / omega. It goes on beside and behind the camera.
+bool ProjectFov(const double* extra, const double* x, bool derive_extra, PlanePoint* out) {
+  const double omega = extra[0], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
+  Axial axial;
+  double ds;  // d(s)/d(omega)
+  if (std::abs(omega) < kSmallOmega) {
+    if (!(z > 0.0)) return false;
+    const double w2 = omega * omega, t2 = rho2 / (z * z);
+    axial.s = (1.0 + w2 * (1.0 / 12.0 - t2 / 3.0)) / z;
+    axial.g = -2.0 / 3.0 * w2 / (z * z * z);
+    axial.h = -(1.0 + w2 * (1.0 / 12.0 - t2)) / (z * z);
+    ds = omega * (1.0 / 6.0 - 2.0 / 3.0 * t2) / z;
+  } else {
+    const double T = 2.0 * std::tan(0.5 * omega);
+    if (!AngleAxial(x, T, &axial)) return false;
+    const double angle_over_rho = axial.s;
+    axial = {axial.s / omega, axial.g / omega, axial.h / omega};
+    ds = (z * (1.0 + 0.25 * T * T) / (T * T * rho2 + z * z) - angle_over_rho / omega) / omega;
+  }
+  FromAxial(axial, x, out);
+  if (derive_extra) {
+    out->extra[0][0] = ds * x[0];
+    out->extra[1][0] = ds * x[1];
+  }
+  return true;
+}
+
+// Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion", 2001:
+// the ray of a point d of the plane is (d, 1 + k |d|^2).
+bool ProjectDivision(const double* extra, const double* x, bool derive_extra, PlanePoint* out) {
+  const double k = extra[0], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
+  const double discriminant = z * z - 4.0 * k * rho2;
+  if (!(discriminant > 0.0)) return false;
+  const double root = std::sqrt(discriminant), sum = z + root;
+  if (!(sum > 1e-12 * root)) return false;  // behind the camera, or on the axis there
+  const double s = 2.0 / sum;
+  // ds = -2 / sum^2 d(sum).
+  const double factor = -2.0 / (sum * sum);
+  FromAxial({s, -4.0 * k * factor / root, factor * (1.0 + z / root)}, x, out);
+  if (derive_extra) {
+    const double ds = -2.0 * rho2 * factor / root;
+    out->extra[0][0] = ds * x[0];
+    out->extra[1][0] = ds * x[1];
+  }
+  return true;
+}
+
+// Khomutenko, Garcia and Martinet, "An enhanced unified camera model", 2016.
+bool ProjectEucm(const double* extra, const double* x, bool derive_extra, PlanePoint* out) {
+  const double alpha = extra[0], beta = extra[1], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
+  const double squared = beta * rho2 + z * z;
+  if (!(squared > 0.0)) return false;
+  const double d = std::sqrt(squared);
+  const double m = alpha * d + (1.0 - alpha) * z;
+  // Beyond this two rays have one pixel, or none.
+  const double w = alpha <= 0.5 ? alpha / (1.0 - alpha) : (1.0 - alpha) / alpha;
+  if (!(z > -w * d) || !(m > 1e-12 * d)) return false;
+  const double s = 1.0 / m;
+  const double factor = -s * s;  // ds = factor dm
+  FromAxial({s, factor * alpha * beta / d, factor * (alpha * z / d + 1.0 - alpha)}, x, out);
+  if (derive_extra) {
+    const double by_alpha = factor * (d - z), by_beta = factor * alpha * 0.5 * rho2 / d;
+    for (int i = 0; i < 2; ++i) {
+      out->extra[i][0] = by_alpha * x[i];
+      out->extra[i][1] = by_beta * x[i];
+    }
+  }
+  return true;
+}
+
+bool ProjectPlanar(const Polynomial& p, const double* extra, const double* x, bool derive_extra,
+                   PlanePoint* out) {
+  if (!(x[2] > 0.0)) return false;
+  const double inverse_z = 1.0 / x[2];
+  const double q[2] = {x[0] * inverse_z, x[1] * inverse_z};
+  const PlaneMap map = Distort(p, extra, q, derive_extra);
+  for (int i = 0; i < 2; ++i) {
+    const double a = map.J[2 * i] * inverse_z, b = map.J[2 * i + 1] * inverse_z;
+    out->d[i] = map.d[i];
+    out->J[3 * i] = a;
+    out->J[3 * i + 1] = b;
+    out->J[3 * i + 2] = -(a * q[0] + b * q[1]);
+    if (derive_extra) std::copy_n(map.extra[i], 12, out->extra[i]);
+  }
+  return true;
+}
+
+// Radius after the radial part, and its derivative.
+struct RadiusMap {
+  double value, slope;
+};
+
+RadiusMap RadiusAt(const Polynomial& p, const double* extra, double r) {
+  const Radial radial = RadialAt(p, extra, r * r);
+  if (!(radial.d > 0.0)) return {0.0, -1.0};  // beyond a pole nothing is meant
+  return {r * radial.Factor(), radial.Factor() + 2.0 * r * r * radial.Slope()};
+}
+
+// Does the distorted radius grow all the way to r? Lenses are smooth: so many samples show a fold.
+bool Grows(const Polynomial& p, const double* extra, double r) {
+  constexpr int kNumSamples = 16;
+  for (int k = 1; k <= kNumSamples; ++k) {
+    if (!(RadiusAt(p, extra, r * k / kNumSamples).slope > 0.0)) return false;
+  }
+  return true;
+}
+
+// The radius below max_r, on the first branch on which the distorted one grows, whose distorted one
+// is `target`; NaN if there is none.
+double UndistortRadius(const Polynomial& p, const double* extra, double target, double max_r) {
+  if (target == 0.0) return 0.0;
+  double r = std::min(target, max_r);
+  for (int i = 0; i < 20; ++i) {
+    const RadiusMap map = RadiusAt(p, extra, r);
+    if (!(map.slope > 0.0)) break;
+    const double step = (target - map.value) / map.slope;
+    r = std::clamp(r + step, 0.0, max_r);
+    if (std::abs(step) < 1e-14 * (1.0 + r)) {
+      const double error = std::abs(RadiusAt(p, extra, r).value - target);
+      if (error < 1e-10 * (1.0 + target) && Grows(p, extra, r)) return r;
+      break;
+    }
+  }
+  // Step by step, until the target is passed or the growth ends; then bisection.
+  constexpr int kNumSteps = 256;
+  double low = 0.0;
+  const double last = std::isfinite(max_r) ? max_r : 64.0;
+  for (int k = 1; k <= kNumSteps; ++k) {
+    // Finer near the center where there is no largest radius.
+    const double t = static_cast<double>(k) / kNumSteps;
+    double high = last * (std::isfinite(max_r) ? t : t * t);
+    const RadiusMap map = RadiusAt(p, extra, high);
+    if (map.slope > 0.0 && map.value < target) {
+      low = high;
+      continue;
+    }
+    for (int i = 0; i < 100; ++i) {
+      const double middle = 0.5 * (low + high);
+      const RadiusMap at = RadiusAt(p, extra, middle);
+      (at.slope > 0.0 && at.value < target ? low : high) = middle;
+    }
+    const RadiusMap at = RadiusAt(p, extra, low);
+    return at.slope > 0.0 && std::abs(at.value - target) < 1e-9 * (1.0 + target)
+               ? low
+               : std::numeric_limits<double>::quiet_NaN();
+  }
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+// The plane point that is distorted to d; its norm is at most max_r.
+std::optional<Eigen::Vector2d> Undistort(const Polynomial& p, const double* extra,
+                                         const Eigen::Vector2d& d, double max_r) {
+  const double target = d.norm();
+  const double r = UndistortRadius(p, extra, target, max_r);
+  if (std::isnan(r)) return std::nullopt;
+  Eigen::Vector2d q = target > 0.0 ? Eigen::Vector2d(d * (r / target)) : d;
+  if (p.p1 < 0) return q;
+  for (int iteration = 0; iteration < 50; ++iteration) {
+    const PlaneMap map = Distort(p, extra, q.data(), false);
+    const double det = map.J[0] * map.J[3] - map.J[1] * map.J[2];
+    // Where the distortion folds over, the model has no inverse.
+    if (!(det > 1e-3) || !(RadiusAt(p, extra, q.norm()).slope > 0.0)) return std::nullopt;
+    const Eigen::Vector2d e(d[0] - map.d[0], d[1] - map.d[1]);
+    const Eigen::Vector2d step((map.J[3] * e[0] - map.J[1] * e[1]) / det,
+                               (map.J[0] * e[1] - map.J[2] * e[0]) / det);
+    q += step;
+    if (!(q.norm() < 2.0 * max_r)) return std::nullopt;
+    if (step.squaredNorm() < 1e-26 * (1.0 + q.squaredNorm())) {
+      return q.norm() <= max_r ? std::optional(q) : std::nullopt;
+    }
+  }
+  return std::nullopt;
+}
+
+// sin(angle) / angle for angles up to pi.
+double Sinc(double angle) {
+  return angle < 1e-4 ? 1.0 - angle * angle / 6.0 : std::sin(angle) / angle;
+}
+
+std::optional<Eigen::Vector3d> UnprojectFov(const double* extra, const Eigen::Vector2d& d) {
+  const double omega = std::abs(extra[0]), r = d.norm();
+  if (omega < kSmallOmega) {
+    const double w2 = omega * omega;
+    const Eigen::Vector2d uv = d * (1.0 - w2 / 12.0 + w2 * r * r / 3.0);
+    return Eigen::Vector3d(uv.x(), uv.y(), 1.0);
+  }
+  const double angle = r * omega;
+  if (!(angle < kPi)) return std::nullopt;
+  const double s = omega * Sinc(angle) / (2.0 * std::tan(0.5 * omega));
+  return Eigen::Vector3d(s * d.x(), s * d.y(), std::cos(angle));
+}
+
+std::optional<Eigen::Vector3d> UnprojectDivision(const double* extra, const Eigen::Vector2d& d) {
+  const double t = extra[0] * d.squaredNorm();
+  // From 1 on the angle off axis gets smaller again.
+  if (!(t < 1.0)) return std::nullopt;
+  return Eigen::Vector3d(d.x(), d.y(), 1.0 + t);
+}
+
+std::optional<Eigen::Vector3d> UnprojectEucm(const double* extra, const Eigen::Vector2d& d) {
+  const double alpha = extra[0], beta = extra[1], r2 = d.squaredNorm();
+  const double radicand = 1.0 - (2.0 * alpha - 1.0) * beta * r2;
+  if (!(radicand > 0.0)) return std::nullopt;
+  const double denominator = alpha * std::sqrt(radicand) + 1.0 - alpha;
+  if (!(denominator > 0.0)) return std::nullopt;
+  return Eigen::Vector3d(d.x(), d.y(), (1.0 - alpha * alpha * beta * r2) / denominator);
+}
+
+}  // namespace
+
+const ModelInfo& Info(CameraModel model) { return kModels[static_cast<int>(model)]; }
+
+bool Project(CameraModel model, const double* extra, const double* point, bool derive_extra,
+             PlanePoint* out) {
+  const Shape shape = ShapeOf(model);
+  switch (shape.family) {
+    case Family::kPlanar:
+      return ProjectPlanar(*shape.polynomial, extra, point, derive_extra, out);
+    case Family::kFisheye:
+      return ProjectFisheye(*shape.polynomial, extra, point, derive_extra, out);
+    case Family::kFov:
+      return ProjectFov(extra, point, derive_extra, out);
+    case Family::kDivision:
+      return ProjectDivision(extra, point, derive_extra, out);
+    case Family::kEucm:
+      return ProjectEucm(extra, point, derive_extra, out);
+  }
+  return false;
+}
+
+std::optional<Eigen::Vector3d> Unproject(CameraModel model, const double* extra,
+                                         const Eigen::Vector2d& d) {
+  const Shape shape = ShapeOf(model);
+  switch (shape.family) {
+    case Family::kPlanar: {
+      const auto q =
+          Undistort(*shape.polynomial, extra, d, std::numeric_limits<double>::infinity());
+      if (!q) return std::nullopt;
+      return Eigen::Vector3d(q->x(), q->y(), 1.0);
+    }
+    case Family::kFisheye: {
+      const auto q = Undistort(*shape.polynomial, extra, d, kPi);
+      if (!q) return std::nullopt;
+      const double angle = q->norm(), s = Sinc(angle);
+      return Eigen::Vector3d(s * q->x(), s * q->y(), std::cos(angle));
+    }
+    case Family::kFov:
+      return UnprojectFov(extra, d);
+    case Family::kDivision:
+      return UnprojectDivision(extra, d);
+    case Family::kEucm:
+      return UnprojectEucm(extra, d);
+  }
+  return std::nullopt;
+}
+
+}  // namespace cairn::internal

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cairn/base/progress.h"
+#include "cairn/database/database.h"
+#include "cairn/two_view/options.h"
+
+namespace cairn {
+
+// Finds the focal lengths of cameras that are not planar (CameraModelIsPlanar) and have only a
+// guessed one: without it, their rays are no linear map of the right ones, so that verification
+// cannot fall back on fundamental matrices. Each camera's pairs (with itself, or with a camera that
+// is known), some of those with many matches, are verified at focal lengths around the guess; the
+// one with the largest support of all is written into the database. It stays a guess, for bundle
+// adjustment to refine. A camera that was looked at once (it has a row in cairn_camera_focals) is
+// not looked at again. Returns one line a camera. Random numbers: those of verification.
+std::vector<std::string> LearnWideFocals(Database& database, const TwoViewOptions& options,
+                                         uint64_t seed, int num_threads, ProgressMonitor& monitor);
+
+}  // namespace cairn
