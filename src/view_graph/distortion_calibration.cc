@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>  //DBG
 
 #include "cairn/base/parallel.h"
 #include "view_graph/distorted_pair.h"
@@ -305,11 +304,6 @@ void Problem::Judge(const std::vector<double>& x) {
     camera.gain /= excess;
     camera.cost = 0.5 * std::log(std::max(1.0, static_cast<double>(camera.num_matches)));
     camera.is_significant = camera.num_pairs >= kMinPairs && camera.gain > camera.cost;
-    fprintf(stderr,
-            "DBG cam %u x %.4f k %.5f sigma %.5f gain %.2f cost %.2f excess %.2f pairs %d matches "
-            "%d significant %d\n",
-            camera_ids_[v], x[v], camera.k, camera.sigma, camera.gain, camera.cost, excess,
-            camera.num_pairs, camera.num_matches, camera.is_significant);  // DBG
     report_.cameras[camera_ids_[v]] = camera;
   }
 }
