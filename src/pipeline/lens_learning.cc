@@ -19,10 +19,11 @@
 namespace cairn {
 namespace {
 
-constexpr int kMaxPairs = 40;        // of a camera
+constexpr int kMaxPairs = 100;       // of a camera
 constexpr size_t kMaxMatches = 300;  // of a pair
-// A focal length that is off by so much (standard deviation) costs an essential matrix no matches.
-constexpr double kKnownSigma = 0.02;
+// A focal length as sure as that is taken for known, as EXIF's is, which is no surer; those that
+// their pairs do not bear out are refuted like it (focal_learning.h).
+constexpr double kKnownSigma = 0.05;
 
 struct Witness {
   image_t image_id1, image_id2;

@@ -28,13 +28,6 @@ double Weight(double error, double scale_px) {
   return weight * weight;
 }
 
-// x2 x1^T, columns one after the other: d (x2^T F x1) / d vec(F).
-Vector9 ByF(const Eigen::Vector3d& x1, const Eigen::Vector3d& x2) {
-  Vector9 by_F;
-  for (int column = 0; column < 3; ++column) by_F.segment<3>(3 * column) = x1[column] * x2;
-  return by_F;
-}
-
 }  // namespace
 
 DistortedPair::DistortedPair(const DistortionPair& pair, const Camera& camera1,
@@ -71,7 +64,15 @@ void DistortedPair::Undistort(int side) {
     if (!x) continue;
     is_valid_[side][i] = 1;
     ray.x = x->homogeneous();
-    ray.by_k = -ray.by_pixel * (x->squaredNorm() * focal.cwiseProduct(*x));
+    // d = u (1 + k r^2) stays, so that u moves by -J^-1 u r^2, where J = (1 + k r^2) I + 2 k u u^T.
+    const Eigen::Vector2d& u = *x;
+    const double k = is_free_[side] ? camera.params[camera.DistortionIndices()[0]] : 0.0;
+    ray.x_by_k = -ray.by_pixel * (u.squaredNorm() * focal.cwiseProduct(u));
+    const Eigen::Vector2d& du = ray.x_by_k;
+    const Eigen::Matrix2d J_by_k =
+        (u.squaredNorm() + 2.0 * k * u.dot(du)) * Eigen::Matrix2d::Identity() +
+        2.0 * u * u.transpose() + 2.0 * k * (du * u.transpose() + u * du.transpose());
+    ray.by_pixel_by_k = -ray.by_pixel * focal.asDiagonal() * J_by_k * ray.by_pixel;
   }
 }
 
@@ -88,6 +89,34 @@ void DistortedPair::Evaluate(const Eigen::Matrix3d& F) {
     precisions_[i] = 1.0 / std::sqrt(squared);
     errors_[i] = ray2.x.dot(line2) * precisions_[i];
   }
+}
+
+// With C = x2^T F x1, lines l2 = F x1 and l1 = F^T x2, and M = d ray / d pixel, the error is
+// C / sqrt(|M2^T l2|^2 + |M1^T l1|^2).
+Eigen::Matrix<double, 9, 1> DistortedPair::ErrorByF(const Eigen::Matrix3d& F, int i,
+                                                    Eigen::Vector2d* by_k) const {
+  const Ray &ray1 = rays_[0][i], &ray2 = rays_[1][i];
+  const Eigen::Vector2d line2 = (F * ray1.x).head<2>(), line1 = (F.transpose() * ray2.x).head<2>();
+  const Eigen::Vector2d a1 = ray1.by_pixel.transpose() * line1;
+  const Eigen::Vector2d a2 = ray2.by_pixel.transpose() * line2;
+  const double precision = precisions_[i];
+  const double ratio = errors_[i] * precision;  // C / squared length
+  const Eigen::Vector2d b1 = ratio * ray1.by_pixel * a1, b2 = ratio * ray2.by_pixel * a2;
+  Vector9 by_F;
+  const Eigen::Vector3d left = precision * (ray2.x - Eigen::Vector3d(b2.x(), b2.y(), 0.0));
+  const Eigen::Vector3d right = precision * Eigen::Vector3d(b1.x(), b1.y(), 0.0);
+  for (int column = 0; column < 3; ++column) {
+    by_F.segment<3>(3 * column) = ray1.x[column] * left - right[column] * ray2.x;
+  }
+  if (by_k != nullptr) {
+    const Eigen::Matrix2d corner = F.topLeftCorner<2, 2>();
+    const Eigen::Vector2d &du1 = ray1.x_by_k, &du2 = ray2.x_by_k;
+    *by_k = precision * Eigen::Vector2d(line1.dot(du1) - b2.dot(corner * du1) -
+                                            ratio * a1.dot(ray1.by_pixel_by_k.transpose() * line1),
+                                        line2.dot(du2) - b1.dot(corner.transpose() * du2) -
+                                            ratio * a2.dot(ray2.by_pixel_by_k.transpose() * line2));
+  }
+  return by_F;
 }
 
 double DistortedPair::SumOfLosses(double scale_px) const {
@@ -111,12 +140,13 @@ double DistortedPair::Refine(double scale_px, int max_iterations, FundamentalFit
   double cost = Cost(*F, scale_px);
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     const FundamentalTangents tangents = Tangents(*F);
+    const Eigen::Matrix3d matrix = F->F();
     Matrix9 moments = Matrix9::Zero();
     Vector9 gradient = Vector9::Zero();
     for (int i = 0; i < size(); ++i) {
       if (!(precisions_[i] > 0.0)) continue;
       const double weight = Weight(errors_[i], scale_px);
-      const Vector9 row = precisions_[i] * ByF(rays_[0][i].x, rays_[1][i].x);
+      const Vector9 row = ErrorByF(matrix, i);
       moments.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
       gradient += weight * errors_[i] * row;
     }
@@ -153,12 +183,10 @@ DistortedPair::Reduced DistortedPair::Reduce(const FundamentalFit& F, double sca
   Evaluate(matrix);
   for (int i = 0; i < size(); ++i) {
     if (!(precisions_[i] > 0.0)) continue;
-    const Ray &ray1 = rays_[0][i], &ray2 = rays_[1][i];
     Vector11 row;
-    row.head<9>() = ByF(ray1.x, ray2.x);
-    row[9] = (matrix.transpose() * ray2.x).head<2>().dot(ray1.by_k);
-    row[10] = (matrix * ray1.x).head<2>().dot(ray2.by_k);
-    row *= precisions_[i];
+    Eigen::Vector2d by_k;
+    row.head<9>() = ErrorByF(matrix, i, &by_k);
+    row.tail<2>() = by_k;
     const double weight = Weight(errors_[i], scale_px);
     moments.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
     sums += weight * errors_[i] * row;

@@ -43,10 +43,15 @@ class DistortedPair {
   struct Ray {
     Eigen::Vector3d x;         // third component 1
     Eigen::Matrix2d by_pixel;  // d x / d pixel
-    Eigen::Vector2d by_k;      // at the same pixel
+    // Of the same pixel when k changes.
+    Eigen::Vector2d x_by_k;
+    Eigen::Matrix2d by_pixel_by_k;
   };
   void Undistort(int side);
   void Evaluate(const Eigen::Matrix3d& F);
+  // d error / d vec(F) (columns one after the other) and, if it is asked for, / d both k.
+  Eigen::Matrix<double, 9, 1> ErrorByF(const Eigen::Matrix3d& F, int i,
+                                       Eigen::Vector2d* by_k = nullptr) const;
   double SumOfLosses(double scale_px) const;
 
   camera_t camera_ids_[2];

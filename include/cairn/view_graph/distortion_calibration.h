@@ -24,8 +24,8 @@ struct CalibratedDistortion {
   // has, and its standard deviation. k (f' / f)^2 is the same lens at a focal length f'.
   double k = 0;
   double sigma = 0;
-  // What k saves in the description of the matches' errors, against k = 0, and what it takes to
-  // write it down, both in nats.
+  // What k saves in the description of the matches' errors, against k = 0, and what it must save:
+  // what it takes to write it down, and what systematic errors would give. Both in nats.
   double gain = 0;
   double cost = 0;
   int num_pairs = 0;
@@ -50,9 +50,9 @@ bool CanCalibrateDistortion(const Camera& camera);
 // without distortion lies near the image's middle, so a scan over k with a wide threshold collects
 // matches anew, from k = 0 outwards; the best is refined over all cameras together, each F
 // eliminated. Whether distortion is taken is a matter of description length: its parameter costs
-// half the logarithm of the number of matches, and the gain is divided by what the scatter of the
-// pairs exceeds that of the matches' noise. Cameras in `held` keep what they have. The result does
-// not depend on num_threads.
+// half the logarithm of the number of matches, systematic errors of a tenth of the noise are none
+// of the lens, and the gain is divided by what the scatter of the pairs exceeds that noise. Cameras
+// in `held` keep what they have. The result does not depend on num_threads.
 DistortionCalibrationReport CalibrateDistortion(const std::map<camera_t, Camera>& cameras,
                                                 const std::set<camera_t>& held,
                                                 std::span<const DistortionPair> pairs,

@@ -216,9 +216,9 @@ TEST(DistortedPair, ReducedGradientIsThatOfTheCost) {
   const auto reduced = distorted.Reduce(F, kScalePx);
   const double by_k1 = (cost(k[0] + kStep, k[1]) - cost(k[0] - kStep, k[1])) / (2 * kStep);
   const double by_k2 = (cost(k[0], k[1] + kStep) - cost(k[0], k[1] - kStep)) / (2 * kStep);
-  // (Half of the sum; the denominators of the errors are held.)
-  EXPECT_NEAR(2 * reduced.gradient[0], by_k1, 0.1 * std::abs(by_k1));
-  EXPECT_NEAR(2 * reduced.gradient[1], by_k2, 0.1 * std::abs(by_k2));
+  // (Half of the sum.)
+  EXPECT_NEAR(2 * reduced.gradient[0], by_k1, 0.01 * std::abs(by_k1));
+  EXPECT_NEAR(2 * reduced.gradient[1], by_k2, 0.01 * std::abs(by_k2));
 }
 
 }  // namespace
