@@ -135,7 +135,7 @@ double DistortedPair::Cost(const FundamentalFit& F, double scale_px) {
 }
 
 double DistortedPair::Refine(double scale_px, int max_iterations, FundamentalFit* F) {
-  constexpr double kMinRelativeGain = 1e-5;
+  constexpr double kMinRelativeGain = 1e-6;
   double damping = 1e-3;
   double cost = Cost(*F, scale_px);
   for (int iteration = 0; iteration < max_iterations; ++iteration) {

@@ -22,11 +22,11 @@ using internal::FundamentalFit;
 constexpr std::array kScan = {0.0,  -0.02, -0.05, -0.09, -0.13, -0.18, -0.25,
                               0.02, 0.06,  0.12,  0.22,  0.4,   0.7};
 constexpr size_t kFirstPositive = 7;
-constexpr double kScanScale = 3.0;    // of the loss while scanning, thresholds of verification
-constexpr double kNoiseScale = 3.0;   // of the loss afterwards, standard deviations of the noise
-constexpr int kScanIterations = 6;    // of F, from one value of the scan to the next
-constexpr int kRefineIterations = 5;  // of F, from one step of k to the next
-constexpr int kMaxSteps = 10;
+constexpr double kScanScale = 3.0;     // of the loss while scanning, thresholds of verification
+constexpr double kNoiseScale = 3.0;    // of the loss afterwards, standard deviations of the noise
+constexpr int kScanIterations = 6;     // of F, from one value of the scan to the next
+constexpr int kRefineIterations = 10;  // of F, from one step of k to the next
+constexpr int kMaxSteps = 20;
 constexpr double kMaxStep = 0.1;  // in units of the scan
 constexpr double kSmallest = -0.4, kLargest = 1.0;
 // The share of a match's error that is no noise but what no single parameter describes: tangential
