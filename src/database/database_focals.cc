@@ -44,6 +44,30 @@ void Database::WriteCameraFocal(camera_t camera_id, const CameraFocal& focal) {
       .Run();
 }
 
+std::map<camera_t, CameraLens> Database::ReadCameraLenses() const {
+  std::map<camera_t, CameraLens> lenses;
+  if (!impl_->has_lens_table) return lenses;
+  Query query(*impl_, sql::kReadCameraLenses);
+  while (query.Step()) {
+    lenses[static_cast<camera_t>(query.Int(0))] = {
+        query.Double(1), query.Double(2), query.Int(3) != 0,
+        query.Double(4), query.Double(5), static_cast<int>(query.Int(6))};
+  }
+  return lenses;
+}
+
+void Database::WriteCameraLens(camera_t camera_id, const CameraLens& lens) {
+  Query(*impl_, sql::kWriteCameraLens)
+      .Bind(1, camera_id)
+      .Bind(2, lens.focal_px)
+      .Bind(3, lens.focal_sigma)
+      .Bind(4, static_cast<int>(lens.is_focal_known))
+      .Bind(5, lens.k)
+      .Bind(6, lens.k_sigma)
+      .Bind(7, lens.num_pairs)
+      .Run();
+}
+
 void Database::DeletePairResults(image_pair_t pair_id) {
   for (const char* sql :
        {sql::kDeleteTwoViewGeometry, sql::kDeletePairMetrics, sql::kDeleteFocalEvidence}) {

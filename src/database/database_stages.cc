@@ -128,6 +128,7 @@ void Database::ClearVerification() {
   Query(*impl_, sql::kClearImageDepth).Run();
   Query(*impl_, sql::kClearFocalEvidence).Run();
   Query(*impl_, sql::kClearCameraFocals).Run();
+  Query(*impl_, sql::kClearCameraLenses).Run();
 }
 
 void Database::ClearStage(const std::string& stage) {

@@ -55,6 +55,11 @@ CREATE TABLE IF NOT EXISTS cairn_camera_focals
   (camera_id INTEGER PRIMARY KEY NOT NULL, is_refuted INTEGER NOT NULL,
    num_pairs INTEGER NOT NULL, num_refuting INTEGER NOT NULL,
    FOREIGN KEY(camera_id) REFERENCES cameras(camera_id) ON DELETE CASCADE) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS cairn_camera_lenses
+  (camera_id INTEGER PRIMARY KEY NOT NULL, focal_px REAL NOT NULL, focal_sigma REAL NOT NULL,
+   is_focal_known INTEGER NOT NULL, k REAL NOT NULL, k_sigma REAL NOT NULL,
+   num_pairs INTEGER NOT NULL,
+   FOREIGN KEY(camera_id) REFERENCES cameras(camera_id) ON DELETE CASCADE) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS cairn_photos
   (name TEXT PRIMARY KEY NOT NULL, file_hash INTEGER NOT NULL, error TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS cairn_jobs
@@ -221,6 +226,13 @@ inline constexpr const char* kReadCameraFocals =
 inline constexpr const char* kWriteCameraFocal =
     "INSERT OR REPLACE INTO cairn_camera_focals(camera_id, is_refuted, num_pairs, num_refuting) "
     "VALUES(?1, ?2, ?3, ?4);";
+inline constexpr const char* kReadCameraLenses =
+    "SELECT camera_id, focal_px, focal_sigma, is_focal_known, k, k_sigma, num_pairs "
+    "FROM cairn_camera_lenses ORDER BY camera_id;";
+inline constexpr const char* kWriteCameraLens =
+    "INSERT OR REPLACE INTO cairn_camera_lenses(camera_id, focal_px, focal_sigma, is_focal_known, "
+    "k, k_sigma, num_pairs) VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7);";
+inline constexpr const char* kClearCameraLenses = "DELETE FROM cairn_camera_lenses;";
 inline constexpr const char* kClearCameraFocals = "DELETE FROM cairn_camera_focals;";
 inline constexpr const char* kDeleteTwoViewGeometry =
     "DELETE FROM two_view_geometries WHERE pair_id = ?1;";

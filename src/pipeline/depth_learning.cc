@@ -8,6 +8,7 @@
 #include "cairn/base/parallel.h"
 #include "cairn/pipeline/pair_scheduler.h"
 #include "pipeline/depth_choice.h"
+#include "pipeline/learned_cameras.h"
 #include "pipeline/pair_feed.h"
 
 namespace cairn {
@@ -92,7 +93,7 @@ class WitnessLoader {
         witnesses_(witnesses),
         needed_(FindNeeded(witnesses)) {
     std::map<camera_t, Camera> cameras;
-    for (const Camera& camera : database_.ReadCameras()) cameras[camera.camera_id] = camera;
+    for (Camera& camera : ReadLearnedCameras(database_)) cameras[camera.camera_id] = camera;
     for (const Image& image : database_.ReadImages()) {
       cameras_[image.image_id] = cameras[image.camera_id];
     }

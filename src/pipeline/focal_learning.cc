@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "cairn/base/hash.h"
+#include "pipeline/learned_cameras.h"
 #include "pipeline/stage_names.h"
 
 namespace cairn {
@@ -97,11 +98,16 @@ std::vector<image_pair_t> PairsToWeigh(const Database& database,
                                        const std::vector<image_pair_t>& pairs) {
   const std::map<camera_t, CameraFocal> known = database.ReadCameraFocals();
   const std::map<image_t, camera_t> camera_of = CamerasOfImages(database);
+  const std::map<camera_t, CameraLens> lenses = database.ReadCameraLenses();
   std::set<camera_t> trusted;
   for (const Camera& camera : database.ReadCameras()) {
     const auto focal = known.find(camera.camera_id);
     const bool is_refuted = focal != known.end() && focal->second.is_refuted;
-    if (camera.has_prior_focal_length && !is_refuted) trusted.insert(camera.camera_id);
+    const auto lens = lenses.find(camera.camera_id);
+    const bool is_learned = lens != lenses.end() && lens->second.is_focal_known;
+    if ((camera.has_prior_focal_length || is_learned) && !is_refuted) {
+      trusted.insert(camera.camera_id);
+    }
   }
   std::vector<CameraPair> candidates;
   for (const image_pair_t pair : pairs) {
@@ -199,7 +205,7 @@ std::vector<std::string> RefutedFocalTexts(const Database& database,
   }
   const std::map<camera_t, CameraFocal> focals = database.ReadCameraFocals();
   std::vector<std::string> texts;
-  for (const Camera& camera : database.ReadCameras()) {
+  for (const Camera& camera : ReadLearnedCameras(database)) {
     if (cameras.count(camera.camera_id) == 0) continue;
     const auto& [name, count] = images[camera.camera_id];
     const CameraFocal& focal = focals.at(camera.camera_id);

@@ -3,6 +3,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/timer.h"
 #include "pipeline/content_hash.h"
+#include "pipeline/learned_cameras.h"
 
 namespace cairn {
 
@@ -86,6 +87,11 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
   hasher.Add(HashCamera(loaded.camera)).Add(keypoints.hash);
   if (!loaded.depth.empty()) hasher.Add(*database_.ReadDepthHash(id));
   loaded.content_hash = hasher.Digest();
+  const auto lens = lenses_.find(camera->first);
+  if (lens != lenses_.end()) {
+    ApplyLens(lens->second, &loaded.camera);
+    loaded.camera.has_prior_focal_length |= lens->second.is_focal_known;
+  }
   if (distrusted_.count(camera->first) > 0) loaded.camera.has_prior_focal_length = false;
 }
 

@@ -27,6 +27,9 @@ class PairLoader {
   // How the depth of images is to be read from now on; the first scale as it is, at first.
   void UseLearnedDepth(std::map<image_t, ImageDepth> learned) { learned_ = std::move(learned); }
 
+  // What was learned of cameras; holds from now on, besides what the database says.
+  void UseLenses(std::map<camera_t, CameraLens> lenses) { lenses_ = std::move(lenses); }
+
   // Cameras whose focal lengths are not trusted from now on, whatever the database says.
   void DistrustFocals(std::set<camera_t> cameras) { distrusted_ = std::move(cameras); }
 
@@ -61,6 +64,7 @@ class PairLoader {
   std::map<camera_t, Camera> cameras_;
   std::map<image_t, Image> images_;
   std::map<image_t, ImageDepth> learned_;
+  std::map<camera_t, CameraLens> lenses_;
   std::set<camera_t> distrusted_;
   std::map<image_t, HashedKeypoints> kept_keypoints_;
   std::map<image_t, bool> is_damaged_;  // images that were looked at; reported once

@@ -14,6 +14,7 @@
 #include "pipeline/depth_choice.h"
 #include "pipeline/depth_learning.h"
 #include "pipeline/focal_learning.h"
+#include "pipeline/lens_learning.h"
 #include "pipeline/pair_feed.h"
 #include "pipeline/pair_loader.h"
 #include "pipeline/pair_outcome.h"
@@ -158,11 +159,12 @@ class Rounds {
  public:
   Rounds(Database& database, const std::vector<NamedVerifier>& verifiers,
          const VerificationInput& input, const SchedulerOptions& scheduler, StageLedger& ledger,
-         int num_threads, ProgressMonitor& monitor, VerificationReport& report)
+         bool may_learn, int num_threads, ProgressMonitor& monitor, VerificationReport& report)
       : database_(database),
         verifiers_(verifiers),
         input_(input),
         ledger_(ledger),
+        may_learn_(may_learn),
         num_threads_(num_threads),
         monitor_(monitor),
         report_(report),
@@ -183,14 +185,13 @@ class Rounds {
     }
     to_weigh_ = PairsToWeigh(database_, likely);
     RunRound(first, true);
-    to_weigh_.clear();
-    if (!monitor_.StopRequested()) {
-      const std::vector<image_pair_t> undone = Refute();
-      std::vector<image_pair_t> again;
-      std::set_intersection(first.begin(), first.end(), undone.begin(), undone.end(),
-                            std::back_inserter(again));
-      if (!again.empty()) RunRound(again, true);
+    if (!monitor_.StopRequested() && may_learn_) {
+      const std::vector<image_pair_t> undone = LearnLens(likely);
+      to_weigh_ = PairsToWeigh(database_, likely);
+      RunAgain(first, undone);
     }
+    to_weigh_.clear();
+    if (!monitor_.StopRequested()) RunAgain(first, Refute());
     if (!monitor_.StopRequested()) {
       const Timer timer;
       LearnDepth(database_, likely, num_matches, max_bytes_, num_threads_, monitor_);
@@ -213,6 +214,7 @@ class Rounds {
   void RunRound(const std::vector<image_pair_t>& pairs, bool may_come_again) {
     const std::map<image_t, ImageDepth> learned_depth = database_.ReadImageDepth();
     loader_.UseLearnedDepth(learned_depth);
+    loader_.UseLenses(database_.ReadCameraLenses());
     loader_.DistrustFocals(RefutedCameras(database_.ReadCameraFocals()));
     DatabaseWriter writer(database_.path());
     PairFeed feed(
@@ -246,6 +248,25 @@ class Rounds {
     }
   }
 
+  // The pairs of the first round that are undone.
+  void RunAgain(const std::vector<image_pair_t>& first, const std::vector<image_pair_t>& undone) {
+    std::vector<image_pair_t> again;
+    std::set_intersection(first.begin(), first.end(), undone.begin(), undone.end(),
+                          std::back_inserter(again));
+    if (!again.empty()) RunRound(again, true);
+  }
+
+  // Learns distortion and focal lengths that nothing tells; returns the pairs to be verified again.
+  std::vector<image_pair_t> LearnLens(const std::vector<image_pair_t>& likely) {
+    const Timer timer;
+    const LearnedLenses learned = LearnLenses(database_, likely, num_threads_);
+    for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
+    for (const std::string& text : learned.texts) monitor_.Info(text);
+    report_.num_learned_lenses = static_cast<int>(learned.texts.size());
+    report_.learning_seconds += timer.Seconds();
+    return learned.undone;
+  }
+
   // Learns which trusted focal lengths are wrong; returns the pairs to be verified again.
   std::vector<image_pair_t> Refute() {
     const Timer timer;
@@ -264,6 +285,7 @@ class Rounds {
   const std::vector<NamedVerifier>& verifiers_;
   const VerificationInput& input_;
   StageLedger& ledger_;
+  const bool may_learn_;
   const int num_threads_;
   ProgressMonitor& monitor_;
   VerificationReport& report_;
@@ -286,6 +308,7 @@ void FillStageReport(VerificationReport& report) {
   for (const auto& [reason, num] : counts.rejected_by) {
     stage.Add("rejected_" + reason, static_cast<double>(num));
   }
+  stage.Add("learned_lenses", report.num_learned_lenses);
   stage.Add("refuted_focals", report.num_refuted_focals);
   stage.Add("learning_seconds", report.learning_seconds);
   stage.Add("verifying_seconds", report.verifying_seconds);
@@ -302,6 +325,7 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
   const Timer timer;
   VerificationReport report;
   report.stage.name = kStageVerification;
+  const std::optional<StageRecord> record = database.ReadStage(kStageVerification);
   StageLedger ledger(database, kStageVerification, input.options);
   const auto num_matches = database.ReadNumMatches();
   const std::vector<image_pair_t> pairs = FindPairs(database, num_matches, input, ledger);
@@ -312,7 +336,9 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
   if (!pairs.empty()) {
     if (num_new > 0) ledger.Begin(database);
     monitor.BeginStage("verifying pairs", num_new);
-    Rounds(database, verifiers, input, scheduler, ledger, num_threads, monitor, report)
+    // What is complete stays as it is.
+    const bool may_learn = num_new > 0 || (record && !record->is_complete);
+    Rounds(database, verifiers, input, scheduler, ledger, may_learn, num_threads, monitor, report)
         .Run(pairs, num_matches);
     monitor.EndStage();
   }

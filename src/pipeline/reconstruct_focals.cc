@@ -1,3 +1,4 @@
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -16,6 +17,14 @@ namespace cairn {
 namespace {
 
 constexpr size_t kMaxMatches = 500;  // of a pair; more make its F no surer than the model is
+
+// Where the pixel would be without distortion.
+std::optional<Eigen::Vector2d> UndistortedPixel(const Camera& camera,
+                                                const Eigen::Vector2d& pixel) {
+  const auto ray = camera.CamFromImg(pixel);
+  if (!ray) return std::nullopt;
+  return Eigen::Vector2d((camera.CalibrationMatrix() * ray->homogeneous()).head<2>());
+}
 
 // The pair's matches with the fundamental matrix to start from.
 std::optional<FocalPair> MakePair(const SceneData& scene, const ViewEdge& edge,
@@ -39,8 +48,13 @@ std::optional<FocalPair> MakePair(const SceneData& scene, const ViewEdge& edge,
   const FeatureMatches& matches = scene.matches.at(edge.PairId());
   const size_t step = 1 + matches.size() / kMaxMatches;
   for (size_t i = 0; i < matches.size(); i += step) {
-    pair.pixels1.push_back(scene.pixels.at(edge.image_id1)[matches[i].point1]);
-    pair.pixels2.push_back(scene.pixels.at(edge.image_id2)[matches[i].point2]);
+    const auto pixel1 = UndistortedPixel(scene.cameras.at(pair.camera_id1),
+                                         scene.pixels.at(edge.image_id1)[matches[i].point1]);
+    const auto pixel2 = UndistortedPixel(scene.cameras.at(pair.camera_id2),
+                                         scene.pixels.at(edge.image_id2)[matches[i].point2]);
+    if (!pixel1 || !pixel2) continue;
+    pair.pixels1.push_back(*pixel1);
+    pair.pixels2.push_back(*pixel2);
   }
   return pair;
 }

@@ -3,6 +3,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/pipeline/view_edges.h"
+#include "pipeline/learned_cameras.h"
 #include "pipeline/reconstruct_stages.h"
 #include "pipeline/stage_names.h"
 
@@ -21,7 +22,7 @@ float ShorterAxis(const Keypoint& k) {
 void ReadImagesAndKeypoints(const Database& database, SceneData& scene, Stage& stage,
                             std::map<image_t, std::vector<point2D_t>>& first_keypoint) {
   const std::map<camera_t, CameraFocal> focals = database.ReadCameraFocals();
-  for (Camera& camera : database.ReadCameras()) {
+  for (Camera& camera : ReadLearnedCameras(database)) {
     const auto focal = focals.find(camera.camera_id);
     if (focal != focals.end() && focal->second.is_refuted) camera.has_prior_focal_length = false;
     scene.cameras[camera.camera_id] = std::move(camera);
@@ -127,7 +128,8 @@ void ReadEdges(const Database& database,
   }
 }
 
-// Cameras that look measured are held, unless verification has refuted their focal lengths; those
+// Cameras that look measured are held, unless verification has refuted their focal lengths or
+// learned what they are; those
 // that the user gave or wants held are, with a warning.
 void ChooseHeldCameras(const Database& database, const ReconstructSettings& settings, Stage& stage,
                        SceneData& scene) {
@@ -139,6 +141,9 @@ void ChooseHeldCameras(const Database& database, const ReconstructSettings& sett
     scene.held_cameras = CamerasToHold(scene.cameras);
     for (const auto& [id, focal] : focals) {
       if (focal.is_refuted) scene.held_cameras.erase(id);
+    }
+    for (const auto& [id, lens] : database.ReadCameraLenses()) {
+      if (!lens.IsEmpty()) scene.held_cameras.erase(id);
     }
   }
   for (const camera_t id : scene.held_cameras) {

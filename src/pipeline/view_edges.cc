@@ -5,6 +5,7 @@
 #include <map>
 
 #include "cairn/geometry/epipolar.h"
+#include "pipeline/learned_cameras.h"
 #include "pipeline/stage_names.h"
 
 namespace cairn {
@@ -14,7 +15,7 @@ namespace {
 class PoseFinder {
  public:
   explicit PoseFinder(const Database& database) : database_(database) {
-    for (Camera& camera : database.ReadCameras()) {
+    for (Camera& camera : ReadLearnedCameras(database)) {
       cameras_[camera.camera_id] = std::move(camera);
     }
     for (const Image& image : database.ReadImages()) camera_ids_[image.image_id] = image.camera_id;

@@ -14,7 +14,7 @@ void RigOptions::VisitFields(OptionVisitor& v) {
   v.Int("num_cameras", num_cameras, {1, 1000}, "cameras of different focal length");
   v.Choice("camera_model", camera_model,
            {"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"}, "camera model");
-  v.Double("radial_distortion", radial_distortion, {-0.2, 0.2},
+  v.Double("radial_distortion", radial_distortion, {-0.3, 0.3},
            "first radial coefficient, where the model has one");
   v.Int("image_width", image_width, {16, 20000},
         "pixels; every second camera has four fifths of it");

@@ -37,9 +37,8 @@ std::optional<FocalEvidence> FocalWeigher::Weigh(const PairInput& input, const P
                                      [&](float error) { return error < pair.max_error_px; }));
   evidence.num_by_fundamental = evidence.num_by_essential;
   // (An F that no plausible focal lengths give is of repeated structure, and says nothing of them.)
-  const bool one_camera = input.camera1->camera_id == input.camera2->camera_id;
   const auto model = FindFundamental(input, supported_, options_);
-  if (model && HasPlausibleFocals(model->F, one_camera)) {
+  if (model && HasPlausibleFocals(model->F, *input.camera1, *input.camera2)) {
     evidence.num_by_fundamental =
         std::max(evidence.num_by_essential, static_cast<int>(model->inliers.size()));
   }

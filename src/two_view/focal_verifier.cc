@@ -6,14 +6,13 @@
 
 #include "cairn/robust/sampson_kernels.h"
 #include "two_view/evidence.h"
+#include "two_view/focal_plausibility.h"
 #include "two_view/special_pairs.h"
 
 namespace cairn::internal {
 namespace {
 
-// The pair's scale was unknown to this extent: from wide-angle lenses to short telephoto ones
-// around COLMAP's guess of 1.2 times the larger side.
-constexpr double kFocalFactors[] = {0.5, 0.7, 1.4, 2.0};
+constexpr int kMaxProposals = 3;
 
 bool HasPose(const PairReport& report) {
   return report.status == PairStatus::kVerified &&
@@ -45,6 +44,7 @@ PairReport FocalVerifier::Verify(const PairInput& input) {
     }
     return report;
   }
+  if (!searches_ && report.status != PairStatus::kVerified) return report;
   // Planes and rotations have no fundamental matrix of their own, but things before a plane give
   // one, and without focal lengths nothing else tells the motion; two models may be one.
   const bool is_ambiguous = report.geometry.config == TwoViewConfig::kMultiple;
@@ -78,7 +78,7 @@ PairReport FocalVerifier::Verify(const PairInput& input) {
   // A pose at other focal lengths would mean nothing beside cameras that are trusted.
   if (is_wrong && !is_trusted) {
     if (pair_ != &own_pair_) Prepare(input);
-    report = TryFocals(input, report);
+    report = TryFocals(input, report, model->F);
   }
   Fill(input, *model, &report);
   return report;
@@ -131,17 +131,15 @@ bool FocalVerifier::HasParallax(const PairInput& input, const FundamentalModel& 
                              kSampleSize, kNumModels, chance) < -options_.min_log10_evidence;
 }
 
-PairReport FocalVerifier::TryFocals(const PairInput& input, const PairReport& guess) {
+PairReport FocalVerifier::TryFocals(const PairInput& input, const PairReport& guess,
+                                    const Eigen::Matrix3d& F) {
   PairReport best = guess;
   int64_t num_iterations = guess.num_iterations;
-  for (const double factor : kFocalFactors) {
+  const auto proposals = ProposeFocals(F, *input.camera1, *input.camera2, kMaxProposals);
+  for (const Eigen::Vector2d& factors : proposals) {
     Camera camera1 = *input.camera1, camera2 = *input.camera2;
-    if (!camera1.has_prior_focal_length) {
-      camera1.SetMeanFocal(factor * camera1.MeanFocal());
-    }
-    if (!camera2.has_prior_focal_length) {
-      camera2.SetMeanFocal(factor * camera2.MeanFocal());
-    }
+    camera1.SetMeanFocal(factors[0] * camera1.MeanFocal());
+    camera2.SetMeanFocal(factors[1] * camera2.MeanFocal());
     PairInput scaled = input;
     scaled.camera1 = &camera1;
     scaled.camera2 = &camera2;

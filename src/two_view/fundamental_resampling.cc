@@ -56,7 +56,7 @@ Eigen::Matrix3d FundamentalResampling::Run(const Eigen::Matrix3d& start, Rng* rn
 double FundamentalResampling::SupportAt(const Eigen::Matrix3d& F, double sigma_px) const {
   const double support =
       SoftScoreSampson(pair_.points, F, sigma_px) + SoftScoreSampson(supported_, F, sigma_px);
-  return HasPlausibleFocals(F, one_camera_) ? support : kImplausible * support;
+  return HasPlausibleFocals(F, camera1_, camera2_) ? support : kImplausible * support;
 }
 
 int FundamentalResampling::ChooseHypotheses(int max_count) {
@@ -66,7 +66,7 @@ int FundamentalResampling::ChooseHypotheses(int max_count) {
   const auto end = hypotheses_.begin() + num_tried;
   std::partial_sort(hypotheses_.begin(), end, hypotheses_.end(), by_support);
   std::stable_partition(hypotheses_.begin(), end, [this](const Hypothesis& hypothesis) {
-    return HasPlausibleFocals(hypothesis.F, one_camera_);
+    return HasPlausibleFocals(hypothesis.F, camera1_, camera2_);
   });
   return static_cast<int>(std::min<ptrdiff_t>(max_count, num_tried));
 }

@@ -19,7 +19,7 @@ namespace cairn::internal {
 class FundamentalResampling {
  public:
   FundamentalResampling(const PairInput& input, const PreparedPair& pair)
-      : pair_(pair), one_camera_(input.camera1->camera_id == input.camera2->camera_id) {}
+      : pair_(pair), camera1_(*input.camera1), camera2_(*input.camera2) {}
   // F of normalized points, and so the result, refined at the scale of the noise.
   Eigen::Matrix3d Run(const Eigen::Matrix3d& start, Rng* rng);
 
@@ -42,7 +42,7 @@ class FundamentalResampling {
   int ChooseHypotheses(int max_count);
 
   const PreparedPair& pair_;
-  const bool one_camera_;
+  const Camera &camera1_, &camera2_;
   PointPairs supported_, near_;
   std::vector<float> errors_, scratch_;
   std::vector<int32_t> explained_, near_indices_, off_plane_;

@@ -64,9 +64,9 @@ std::unique_ptr<PairVerifier> MakePairVerifier(VerifierKind kind, const TwoViewO
     steps.five_point = kind == VerifierKind::kCascade;
     verifier = std::make_unique<internal::CascadeVerifier>(steps, VerifierKindName(kind), options);
   }
-  // The single steps stay what they are, to be compared.
-  if (kind == VerifierKind::kOneAcDepth || kind == VerifierKind::kTwoAc) return verifier;
-  return std::make_unique<internal::FocalVerifier>(std::move(verifier), options);
+  // Single steps are there to be compared: nothing else finds a pair for them.
+  const bool searches = kind != VerifierKind::kOneAcDepth && kind != VerifierKind::kTwoAc;
+  return std::make_unique<internal::FocalVerifier>(std::move(verifier), searches, options);
 }
 
 }  // namespace cairn

@@ -36,8 +36,9 @@ Eigen::Matrix2d TermInformation(const FocalTerm& term, const Eigen::Vector2d& lo
   return covariance.inverse();
 }
 
-// Of one variable, with those nearest to it in the graph free and the others held.
-double Variance(const Eigen::SparseMatrix<double>& H, Eigen::Index v) {
+}  // namespace
+
+double LocalVariance(const Eigen::SparseMatrix<double>& H, Eigen::Index v) {
   constexpr size_t kMaxFree = 200;
   std::vector<Eigen::Index> free = {v};
   std::map<Eigen::Index, Eigen::Index> index = {{v, 0}};
@@ -57,8 +58,6 @@ double Variance(const Eigen::SparseMatrix<double>& H, Eigen::Index v) {
   }
   return block.llt().solve(Eigen::VectorXd::Unit(n, 0))[0];
 }
-
-}  // namespace
 
 FocalProblem::FocalProblem(std::vector<FocalTerm> terms, std::vector<double> prior_sigmas)
     : terms_(std::move(terms)),
@@ -96,8 +95,9 @@ void FocalProblem::Search(Eigen::VectorXd& x) const {
     for (int v = 0; v < x.size(); ++v) {
       const double before = x[v];
       double best_cost = 0, best = before;
-      for (int k = -1; k <= 16; ++k) {
-        x[v] = k < 0 ? before : 0.15 * (k - 8);
+      // From 0.2 to 7 image sides, if the guess is 1.2.
+      for (int k = -1; k <= 24; ++k) {
+        x[v] = k < 0 ? before : 0.15 * (k - 12);
         double cost = PriorLoss(x, v);
         for (const int t : terms_of_[v]) cost += Loss(SquaredError(terms_[t], x));
         if (k >= 0 && !(cost < best_cost)) continue;
@@ -231,7 +231,7 @@ FocalSolution FocalProblem::Solve() {
   const double excess = std::max(1.0, UpperMedian(squared_errors) / kChiSquareMedian);
   for (Eigen::Index v = 0; v < n; ++v) {
     solution.log_focals.push_back(best[v]);
-    solution.sigmas.push_back(std::sqrt(excess * Variance(H, v)));
+    solution.sigmas.push_back(std::sqrt(excess * LocalVariance(H, v)));
   }
   return solution;
 }

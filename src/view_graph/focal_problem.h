@@ -8,6 +8,10 @@
 
 namespace cairn::internal {
 
+// The variance of one variable by the normal equations H, with those nearest to it in the graph
+// free and the others held.
+double LocalVariance(const Eigen::SparseMatrix<double>& H, Eigen::Index v);
+
 // One pair of the problem. A variable is the logarithm of a camera's true over its nominal focal
 // length; -1 stands for a trusted camera, whose logarithm is 0.
 struct FocalTerm {

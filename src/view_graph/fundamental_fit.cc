@@ -21,51 +21,10 @@ constexpr double kNormalMedian = 0.6745;
 
 using Vector9 = Eigen::Matrix<double, 9, 1>;
 using Matrix9 = Eigen::Matrix<double, 9, 9>;
-using Vector7 = Eigen::Matrix<double, FundamentalFit::kDof, 1>;
+using Vector7 = FundamentalStep;
 using Matrix7 = Eigen::Matrix<double, FundamentalFit::kDof, FundamentalFit::kDof>;
-using Matrix97 = Eigen::Matrix<double, 9, FundamentalFit::kDof>;
-
+using Matrix97 = FundamentalTangents;
 Vector9 Vec(const Eigen::Matrix3d& M) { return Eigen::Map<const Vector9>(M.data()); }
-
-// d vec(F) by the seven directions.
-Matrix97 Tangents(const FundamentalFit& fit) {
-  Eigen::Matrix3d middle = Eigen::Matrix3d::Zero();
-  middle.topLeftCorner<2, 2>() = fit.B;
-  Matrix97 tangents;
-  for (int k = 0; k < 2; ++k) {
-    const Eigen::Matrix3d W = CrossMatrix(Eigen::Vector3d::Unit(k));
-    tangents.col(k) = Vec(fit.U * W * middle * fit.V.transpose());
-    tangents.col(2 + k) = Vec(-fit.U * middle * W * fit.V.transpose());
-  }
-  for (int k = 0; k < 3; ++k) {
-    tangents.col(4 + k) =
-        Vec(fit.U.leftCols<2>() * fit.Direction(k) * fit.V.leftCols<2>().transpose());
-  }
-  return tangents;
-}
-
-FundamentalFit Moved(const FundamentalFit& fit, const Vector7& step) {
-  FundamentalFit moved = fit;
-  moved.U = fit.U * ExpSO3({step[0], step[1], 0}).toRotationMatrix();
-  moved.V = fit.V * ExpSO3({step[2], step[3], 0}).toRotationMatrix();
-  for (int k = 0; k < 3; ++k) moved.B += step[4 + k] * fit.Direction(k);
-  moved.B.normalize();
-  return moved;
-}
-
-std::optional<FundamentalFit> Decompose(const Eigen::Matrix3d& F) {
-  if (!F.allFinite()) return std::nullopt;
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(F, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  if (!(svd.singularValues()[1] > 1e-6 * svd.singularValues()[0])) return std::nullopt;
-  FundamentalFit fit;
-  fit.U = svd.matrixU();
-  fit.V = svd.matrixV();
-  // The third columns do not matter, so they can make rotations of both.
-  if (fit.U.determinant() < 0) fit.U.col(2) *= -1;
-  if (fit.V.determinant() < 0) fit.V.col(2) *= -1;
-  fit.B = svd.singularValues().head<2>().normalized().asDiagonal();
-  return fit;
-}
 
 // The signed Sampson errors and, as rows that F's entries multiply, what they are linear in while
 // the denominator is held.
@@ -157,6 +116,45 @@ Matrix7 Covariance(const SampsonRows& rows, const std::vector<double>& errors,
 
 }  // namespace
 
+FundamentalTangents Tangents(const FundamentalFit& fit) {
+  Eigen::Matrix3d middle = Eigen::Matrix3d::Zero();
+  middle.topLeftCorner<2, 2>() = fit.B;
+  FundamentalTangents tangents;
+  for (int k = 0; k < 2; ++k) {
+    const Eigen::Matrix3d W = CrossMatrix(Eigen::Vector3d::Unit(k));
+    tangents.col(k) = Vec(fit.U * W * middle * fit.V.transpose());
+    tangents.col(2 + k) = Vec(-fit.U * middle * W * fit.V.transpose());
+  }
+  for (int k = 0; k < 3; ++k) {
+    tangents.col(4 + k) =
+        Vec(fit.U.leftCols<2>() * fit.Direction(k) * fit.V.leftCols<2>().transpose());
+  }
+  return tangents;
+}
+
+FundamentalFit Moved(const FundamentalFit& fit, const FundamentalStep& step) {
+  FundamentalFit moved = fit;
+  moved.U = fit.U * ExpSO3({step[0], step[1], 0}).toRotationMatrix();
+  moved.V = fit.V * ExpSO3({step[2], step[3], 0}).toRotationMatrix();
+  for (int k = 0; k < 3; ++k) moved.B += step[4 + k] * fit.Direction(k);
+  moved.B.normalize();
+  return moved;
+}
+
+std::optional<FundamentalFit> DecomposeFundamental(const Eigen::Matrix3d& F) {
+  if (!F.allFinite()) return std::nullopt;
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(F, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  if (!(svd.singularValues()[1] > 1e-6 * svd.singularValues()[0])) return std::nullopt;
+  FundamentalFit fit;
+  fit.U = svd.matrixU();
+  fit.V = svd.matrixV();
+  // The third columns do not matter, so they can make rotations of both.
+  if (fit.U.determinant() < 0) fit.U.col(2) *= -1;
+  if (fit.V.determinant() < 0) fit.V.col(2) *= -1;
+  fit.B = svd.singularValues().head<2>().normalized().asDiagonal();
+  return fit;
+}
+
 Eigen::Matrix2d FundamentalFit::Direction(int k) const {
   // Products of B, as a quaternion, with the three units are orthogonal to it and to each other.
   const double a = B(0, 0), b = B(1, 0), c = B(0, 1), d = B(1, 1);
@@ -171,7 +169,7 @@ std::optional<FundamentalFit> FitFundamental(std::span<const Eigen::Vector2d> x1
                                              std::span<const Eigen::Vector2d> x2, double focal1_px,
                                              double focal2_px, const Eigen::Matrix3d& start) {
   if (x1.size() < kMinMatches) return std::nullopt;
-  std::optional<FundamentalFit> fit = Decompose(start);
+  std::optional<FundamentalFit> fit = DecomposeFundamental(start);
   if (!fit) return std::nullopt;
   const SampsonRows rows(x1, x2, focal1_px, focal2_px);
   std::vector<double> errors, precisions, new_errors, new_precisions;

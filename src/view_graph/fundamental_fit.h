@@ -24,6 +24,15 @@ struct FundamentalFit {
   Eigen::Matrix2d Direction(int k) const;
 };
 
+// Steps in the seven directions, and d vec(F) (columns one after the other) by them.
+using FundamentalStep = Eigen::Matrix<double, FundamentalFit::kDof, 1>;
+using FundamentalTangents = Eigen::Matrix<double, 9, FundamentalFit::kDof>;
+FundamentalTangents Tangents(const FundamentalFit& fit);
+FundamentalFit Moved(const FundamentalFit& fit, const FundamentalStep& step);
+
+// U, B and V alone. Absent for matrices that are not finite or of rank 1.
+std::optional<FundamentalFit> DecomposeFundamental(const Eigen::Matrix3d& F);
+
 // Minimizes the robust Sampson error (Geman-McClure) of rays x1, x2 (third component 1; divided by
 // nominal focal lengths, in pixels, which turn errors into pixels) from `start`. Absent for fewer
 // than 15 matches, or where they do not determine F at all.

@@ -87,6 +87,8 @@ class Database {
   void WriteFocalEvidence(const PairFocalEvidence& evidence);
   std::map<camera_t, CameraFocal> ReadCameraFocals() const;
   void WriteCameraFocal(camera_t camera_id, const CameraFocal& focal);
+  std::map<camera_t, CameraLens> ReadCameraLenses() const;
+  void WriteCameraLens(camera_t camera_id, const CameraLens& lens);
   // Removes what verification wrote about a pair; its job stays.
   void DeletePairResults(image_pair_t pair_id);
   // Pairs won by each verifier.

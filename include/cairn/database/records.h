@@ -61,6 +61,20 @@ struct CameraFocal {
   int num_refuting = 0;
 };
 
+// cairn_camera_lenses: what its pairs taught about a camera whose lens, or focal length, nothing
+// had told before; it stands beside the camera's row, which stays as it was given. Key: camera_id.
+struct CameraLens {
+  double focal_px = 0;          // 0: nothing was learned, the camera's own holds
+  double focal_sigma = 0;       // relative standard deviation
+  bool is_focal_known = false;  // well enough for pairs to be verified with it as with EXIF's
+  double k = 0;                 // SIMPLE_RADIAL's, at the focal length that holds; 0: none
+  double k_sigma = 0;
+  int num_pairs = 0;  // likely pairs that the camera had, used or not
+
+  bool IsEmpty() const { return focal_px == 0 && k == 0; }
+  bool operator==(const CameraLens&) const = default;
+};
+
 // cairn_photos: a file of the image folder, and what became of it. Key: name.
 struct PhotoRecord {
   std::string name;        // relative to the image folder

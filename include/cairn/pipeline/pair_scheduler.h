@@ -48,6 +48,7 @@ struct VerificationReport {
   double reading_seconds = 0;
   double writing_seconds = 0;
   double learning_seconds = 0;  // wall clock, between the rounds
+  int num_learned_lenses = 0;   // cameras of which this run learned distortion or focal length
   int num_refuted_focals = 0;   // cameras whose trusted focal lengths this run found to be wrong
 };
 
@@ -58,8 +59,9 @@ struct VerificationReport {
 // or that was not tried, gets an empty row, as from COLMAP.
 //
 // Likely pairs come first, in a round of their own (pipeline/verification_rounds.h), after which it
-// is learned and stored which trusted focal lengths are wrong (pipeline/focal_learning.h; the pairs
-// of these cameras are verified again, without them), and how each image's depth is best read, and
+// is learned and stored what lenses unknown cameras have (pipeline/lens_learning.h), then which
+// trusted focal lengths are wrong (pipeline/focal_learning.h; the pairs of these cameras are
+// verified again, with what was learned), and how each image's depth is best read, and
 // how far it can be trusted (pipeline/depth_learning.h). Within a round, pairs are ordered so that
 // features are read once a block and stay within the memory limit; one
 // thread reads ahead, one writes. What a pair yields depends on its own features, depth, cameras,

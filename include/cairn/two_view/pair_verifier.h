@@ -68,8 +68,7 @@ struct PairReport {
   // Many matches lie just outside the threshold of an accepted model: the focal lengths may be
   // wrong.
   bool may_have_wrong_focal = false;
-  // Where it was asked for, both focal lengths are trusted, and the pair has a pose by them (the
-  // cascade, `fast` and five points only).
+  // Where it was asked for, both focal lengths are trusted, and the pair has a pose by them.
   std::optional<FocalEvidence> focal_evidence;
 };
 

@@ -140,11 +140,14 @@ TEST_F(DatabaseTest, LearnedFocalsRoundTrip) {
   const image_pair_t pair = ImagePairToPairId(1, 2);
   EXPECT_TRUE(database.ReadFocalEvidence().empty());
   EXPECT_TRUE(database.ReadCameraFocals().empty());
+  EXPECT_TRUE(database.ReadCameraLenses().empty());
+  const CameraLens lens = {1375.5, 0.01, true, -0.05, 0.002, 17};
   const auto fill = [&] {
     database.WriteTwoViewGeometry(pair, TestGeometry());
     database.WriteFocalEvidence({pair, 100, 60, 90});
     database.WriteJob("verification", {pair, 1, ""});
     database.WriteCameraFocal(database.ReadCameras()[0].camera_id, {true, 5, 4});
+    database.WriteCameraLens(database.ReadCameras()[0].camera_id, lens);
   };
   fill();
   const PairFocalEvidence evidence = database.ReadFocalEvidence().at(0);
@@ -156,6 +159,7 @@ TEST_F(DatabaseTest, LearnedFocalsRoundTrip) {
   EXPECT_TRUE(focal.is_refuted);
   EXPECT_EQ(focal.num_pairs, 5);
   EXPECT_EQ(focal.num_refuting, 4);
+  EXPECT_EQ(database.ReadCameraLenses().begin()->second, lens);
 
   database.DeletePairResults(pair);
   EXPECT_FALSE(database.ReadTwoViewGeometry(pair));
@@ -168,6 +172,7 @@ TEST_F(DatabaseTest, LearnedFocalsRoundTrip) {
   database.ClearVerification();
   EXPECT_TRUE(database.ReadFocalEvidence().empty());
   EXPECT_TRUE(database.ReadCameraFocals().empty());
+  EXPECT_TRUE(database.ReadCameraLenses().empty());
 }
 
 TEST_F(DatabaseTest, KeypointsWithTwoOrFourColumnsBecomeFrames) {

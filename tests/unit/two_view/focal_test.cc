@@ -50,7 +50,8 @@ TEST(FocalVerifier, TrustedCamerasKeepTheirEssentialMatrix) {
 
 TEST(FocalVerifier, UnknownFocalLengthsGiveAFundamentalMatrix) {
   for (const VerifierKind kind :
-       {VerifierKind::kCascade, VerifierKind::kFast, VerifierKind::kFivePoint}) {
+       {VerifierKind::kCascade, VerifierKind::kFast, VerifierKind::kOneAcDepth,
+        VerifierKind::kTwoAc, VerifierKind::kFivePoint}) {
     const Pair pair = WithFocals(MakePair({.num_inliers = 200}, 1), 1.0, false);
     const PairReport report = Verify(pair, kind);
     ASSERT_EQ(report.status, PairStatus::kVerified);
@@ -94,6 +95,28 @@ TEST(FocalVerifier, OtherFocalLengthsAreTriedWhereTheGuessFails) {
     num_good += test::PoseErrorDeg(report, pair) < 5.0;
   }
   EXPECT_GE(num_good, 8);
+}
+
+// From 0.4 to 6 widths, where the guess is 1.2.
+TEST(FocalVerifier, FocalLengthsFarFromTheGuessAreFound) {
+  for (const double factor : {0.2, 0.4, 2.5, 3.0}) {
+    int num_good = 0;
+    for (uint64_t seed = 0; seed < 10; ++seed) {
+      Pair pair = MakePair({.num_inliers = 200, .focal2_px = 1000.0}, seed);
+      for (Camera* camera : {&pair.camera1, &pair.camera2}) {
+        camera->camera_id = 1;
+        // The images of a camera whose guess is 1.2 sides.
+        camera->width = camera->height = static_cast<int>(factor * camera->MeanFocal() / 1.2);
+        for (const int i : camera->PrincipalPointIndices()) {
+          camera->params[i] = 800.0;
+        }
+      }
+      const PairReport report = Verify(WithFocals(pair, factor, false));
+      ASSERT_EQ(report.status, PairStatus::kVerified) << seed;
+      num_good += test::PoseErrorDeg(report, pair) < 5.0;
+    }
+    EXPECT_GE(num_good, 8) << factor;
+  }
 }
 
 // A plane with `num_off` further points in front of it.
@@ -298,27 +321,71 @@ TEST(FocalVerifier, PlanesWithoutParallaxStayPlanar) {
   }
 }
 
-TEST(PlausibleFocals, AreThoseBetweenTwoFifthsAndFiveHalvesOfTheGuess) {
+// A camera that is given with 1.2 times the side of its images.
+Camera MakePlainCamera(camera_t id, bool has_prior) {
+  Camera camera = Camera::FromFocal(id, CameraModel::kSimplePinhole, 1200.0, 1000, 1000);
+  camera.has_prior_focal_length = has_prior;
+  return camera;
+}
+
+// F of points that were normalized by `factor` times the right focal lengths.
+Eigen::Matrix3d Scaled(const Eigen::Matrix3d& E, double factor1, double factor2) {
+  return Eigen::Vector3d(factor2, factor2, 1.0).asDiagonal() * E *
+         Eigen::Vector3d(factor1, factor1, 1.0).asDiagonal();
+}
+
+Eigen::Matrix3d RandomEssential(Rng& rng) {
+  return EssentialFromPose(Rigid3d(ExpSO3(rng.Uniform(0.1, 0.6) * test::RandomDirection(rng)),
+                                   test::RandomDirection(rng)));
+}
+
+TEST(PlausibleFocals, AreThoseOfLensesOrNearWhatIsTrusted) {
   Rng rng(3);
+  const Camera one = MakePlainCamera(1, true), other = MakePlainCamera(2, true);
+  const Camera unknown = MakePlainCamera(3, false), unknown2 = MakePlainCamera(4, false);
   for (int trial = 0; trial < 100; ++trial) {
-    const Rigid3d pose(ExpSO3(rng.Uniform(0.1, 0.6) * test::RandomDirection(rng)),
-                       test::RandomDirection(rng));
-    const Eigen::Matrix3d E = EssentialFromPose(pose);
-    // F of points that were normalized by `factor` times the right focal lengths.
-    auto scaled = [&E](double factor1, double factor2) -> Eigen::Matrix3d {
-      return Eigen::Vector3d(factor2, factor2, 1.0).asDiagonal() * E *
-             Eigen::Vector3d(factor1, factor1, 1.0).asDiagonal();
-    };
-    EXPECT_TRUE(internal::HasPlausibleFocals(E, true));
-    EXPECT_TRUE(internal::HasPlausibleFocals(scaled(0.5, 0.5), true));
-    EXPECT_TRUE(internal::HasPlausibleFocals(scaled(2.0, 2.0), true));
-    EXPECT_TRUE(internal::HasPlausibleFocals(scaled(0.5, 2.0), false));
+    const Eigen::Matrix3d E = RandomEssential(rng);
+    EXPECT_TRUE(internal::HasPlausibleFocals(E, one, one));
+    EXPECT_TRUE(internal::HasPlausibleFocals(Scaled(E, 0.5, 0.5), one, one));
+    EXPECT_TRUE(internal::HasPlausibleFocals(Scaled(E, 2.0, 2.0), one, one));
+    EXPECT_TRUE(internal::HasPlausibleFocals(Scaled(E, 0.5, 2.0), one, other));
+    EXPECT_TRUE(internal::HasPlausibleFocals(Scaled(E, 3.0, 3.0), unknown, unknown));
+    EXPECT_TRUE(internal::HasPlausibleFocals(Scaled(E, 0.2, 0.2), unknown, unknown));
+    EXPECT_TRUE(internal::HasPlausibleFocals(Scaled(E, 0.2, 3.0), unknown, unknown2));
   }
   // Singular values 2 and 1 at any focal lengths: forward motion, with pixels twice as wide.
   const Eigen::Matrix3d sideways = CrossMatrix(Eigen::Vector3d::UnitZ());
   const Eigen::Matrix3d F = Eigen::Vector3d(2.0, 1.0, 1.0).asDiagonal() * sideways;
-  EXPECT_FALSE(internal::HasPlausibleFocals(F, true));
-  EXPECT_FALSE(internal::HasPlausibleFocals(F, false));
+  EXPECT_FALSE(internal::HasPlausibleFocals(F, one, one));
+  EXPECT_FALSE(internal::HasPlausibleFocals(F, unknown, unknown2));
+}
+
+TEST(ProposeFocals, FindsThoseThatMakeAnEssentialMatrix) {
+  Rng rng(5);
+  const Camera trusted = MakePlainCamera(1, true);
+  const Camera unknown = MakePlainCamera(2, false), unknown2 = MakePlainCamera(3, false);
+  int num_one = 0, num_with_trusted = 0, num_two = 0;
+  constexpr int kNumTrials = 200;
+  const auto is_near = [](const std::vector<Eigen::Vector2d>& proposals, double f1, double f2) {
+    return std::any_of(proposals.begin(), proposals.end(), [&](const Eigen::Vector2d& f) {
+      return std::abs(std::log(f[0] / f1)) < 0.05 && std::abs(std::log(f[1] / f2)) < 0.05;
+    });
+  };
+  for (int trial = 0; trial < kNumTrials; ++trial) {
+    const Eigen::Matrix3d E = RandomEssential(rng);
+    const double f1 = std::exp(rng.Uniform(std::log(0.34), std::log(5.0)));
+    const double f2 = std::exp(rng.Uniform(std::log(0.34), std::log(5.0)));
+    num_one +=
+        is_near(internal::ProposeFocals(Scaled(E, 1 / f1, 1 / f1), unknown, unknown, 3), f1, f1);
+    num_with_trusted +=
+        is_near(internal::ProposeFocals(Scaled(E, 1.0, 1 / f2), trusted, unknown, 3), 1.0, f2);
+    num_two +=
+        is_near(internal::ProposeFocals(Scaled(E, 1 / f1, 1 / f2), unknown, unknown2, 3), f1, f2);
+  }
+  EXPECT_GE(num_one, 0.97 * kNumTrials);
+  EXPECT_GE(num_with_trusted, 0.97 * kNumTrials);
+  EXPECT_GE(num_two, 0.6 * kNumTrials);  // by the grid's step, and where axes nearly meet
+  EXPECT_EQ(internal::ProposeFocals(RandomEssential(rng), unknown, unknown2, 1).size(), 1u);
 }
 
 }  // namespace

@@ -157,6 +157,15 @@ TEST(FocalCalibration, OneCameraOfAllImages) {
   EXPECT_EQ(report.cameras.at(1).status, FocalStatus::kCalibrated);
 }
 
+TEST(FocalCalibration, FindsWideAngleAndTelephotoLenses) {
+  for (const double focal_px : {400.0, 3000.0, 6000.0}) {
+    Rig rig({focal_px}, 8);
+    const auto focal = Calibrate(rig.Guesses(1200), rig.AllPairs(0.2)).cameras.at(1);
+    EXPECT_EQ(focal.status, FocalStatus::kCalibrated) << focal_px;
+    EXPECT_NEAR(focal.focal_px / focal_px, 1.0, 0.1);
+  }
+}
+
 TEST(FocalCalibration, ExactWithoutNoise) {
   Rig rig({850, 1500}, 6);
   for (const auto& [id, focal] : Calibrate(rig.Guesses(1200), rig.AllPairs(0)).cameras) {
