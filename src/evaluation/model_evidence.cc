@@ -23,7 +23,8 @@ struct View {
 std::optional<Eigen::Vector3d> RayOf(const Camera& camera, const Eigen::Vector2d& pixel) {
   if (!camera.IsPlanar()) return camera.RayFromImg(pixel);
   const auto uv = camera.CamFromImg(pixel);
-  return uv ? std::optional(uv->homogeneous()) : std::nullopt;
+  if (!uv) return std::nullopt;
+  return Eigen::Vector3d(uv->homogeneous());
 }
 
 // Two-view verification's threshold is taken as the standard deviation: what remains of it in a
@@ -38,7 +39,7 @@ double WidthPx(const Camera& camera) {
 }
 
 struct PairEvidence {
-  int64_t num_explained = 0;
+  FeatureMatches explained;
   double nats = 0;
 };
 
@@ -72,7 +73,7 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
       continue;
     }
     evidence.nats += nats;
-    ++evidence.num_explained;
+    evidence.explained.push_back(match);
   }
   return evidence;
 }
@@ -109,10 +110,9 @@ std::map<image_t, View> MakeViews(const Reconstruction& model, std::span<const V
   return views;
 }
 
-}  // namespace
-
-ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
-                               int num_threads) {
+// Pairs with an image that the model lacks have nothing.
+std::vector<PairEvidence> EvaluatePairs(const Reconstruction& model,
+                                        std::span<const VerifiedPair> pairs, int num_threads) {
   const std::map<image_t, View> views = MakeViews(model, pairs, num_threads);
   std::vector<PairEvidence> of_pair(pairs.size());
   ParallelFor(
@@ -124,11 +124,19 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
         of_pair[i] = EvaluatePair(view1->second, view2->second, *pairs[i].matches);
       },
       16);
+  return of_pair;
+}
+
+}  // namespace
+
+ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
+                               int num_threads) {
+  const std::vector<PairEvidence> of_pair = EvaluatePairs(model, pairs, num_threads);
   ModelEvidence evidence;
-  for (const auto& [id, view] : views) evidence.images[id] = {};
+  for (const auto& [id, image] : model.images) evidence.images[id] = {};
   for (size_t i = 0; i < pairs.size(); ++i) {
     const Support support = {static_cast<int64_t>(pairs[i].matches->size()),
-                             of_pair[i].num_explained};
+                             static_cast<int64_t>(of_pair[i].explained.size())};
     evidence.pairs.push_back(support);
     evidence.all.num_matches += support.num_matches;
     evidence.all.num_explained += support.num_explained;
@@ -150,6 +158,15 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
     evidence.nats -= 0.5 * kPoseParameters * std::log(std::max<double>(1, support.num_matches));
   }
   return evidence;
+}
+
+std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,
+                                             std::span<const VerifiedPair> pairs, int num_threads) {
+  std::vector<FeatureMatches> explained;
+  for (PairEvidence& pair : EvaluatePairs(model, pairs, num_threads)) {
+    explained.push_back(std::move(pair.explained));
+  }
+  return explained;
 }
 
 }  // namespace cairn

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "cairn/base/memory.h"
 #include "cairn/base/timer.h"
@@ -64,7 +65,7 @@ class ComponentQueue {
  public:
   struct Component {
     std::vector<image_t> images;
-    int num_splits = 0;  // how often twin places were found on the way to it
+    bool is_part = false;  // twin places were found on the way to it
   };
 
   bool empty() const { return components_.empty(); }
@@ -76,15 +77,15 @@ class ComponentQueue {
                        std::move(component));
   }
   // Those that the active edges among these images form.
-  void AddPartsOf(std::span<const image_t> images, int num_splits, ViewGraph graph) {
+  void AddPartsOf(std::span<const image_t> images, bool is_part, ViewGraph graph) {
     KeepImages(images, graph);
-    for (std::vector<image_t>& part : ActiveComponents(graph)) Add({std::move(part), num_splits});
+    for (std::vector<image_t>& part : ActiveComponents(graph)) Add({std::move(part), is_part});
   }
   // Images that twin places on their way to a model hold.
   std::set<image_t> Reserved(int min_images) const {
     std::set<image_t> reserved;
     for (const Component& component : components_) {
-      if (component.num_splits == 0 || static_cast<int>(component.images.size()) < min_images) {
+      if (!component.is_part || static_cast<int>(component.images.size()) < min_images) {
         continue;
       }
       reserved.insert(component.images.begin(), component.images.end());
@@ -123,20 +124,18 @@ std::string Names(const StageContext& context, std::span<const image_t> images) 
   return text;
 }
 
-// Warns of a model that contradicts its own verified pairs, or parts of it that do.
-void JudgeModel(StageContext& context, const Reconstruction& model, const ModelEvidence& evidence,
-                const ViewGraph& graph) {
+// Warnings of a model that contradicts its own verified pairs, or parts of it that do.
+std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction& model,
+                                    const ModelEvidence& evidence, const ViewGraph& graph) {
   Stage stage(context, "judgement");
   const Symmetry symmetry = FindSymmetry(model, graph);
   stage.Add("explained_share", evidence.inside.Share());
   stage.Add("contradicted_pairs", evidence.num_contradicted);
   stage.Add("symmetric_pairs", symmetry.num_pairs);
+  std::vector<std::string> warnings;
   const auto warn = [&](const std::string& what, const std::vector<image_t>& images) {
-    const std::string text = "model " + std::to_string(context.model) + " (" +
-                             std::to_string(model.images.size()) + " images): " + what +
-                             (images.empty() ? "" : ": " + Names(context, images));
-    context.report.warnings.push_back(text);
-    stage.Warn(text);
+    warnings.push_back(what + (images.empty() ? "" : ": " + Names(context, images)));
+    stage.Warn(warnings.back());
   };
   std::vector<image_t> doubtful;
   for (const auto& [id, support] : evidence.images) {
@@ -165,6 +164,7 @@ void JudgeModel(StageContext& context, const Reconstruction& model, const ModelE
              "surroundings. These pairs are of",
          symmetry.images);
   }
+  return warnings;
 }
 
 // Names what is in no model.
@@ -189,16 +189,35 @@ void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>
   stage.Add("images", static_cast<double>(context.scene.images.size() - context.taken.size()));
 }
 
+// The largest model first; the warnings of each, in the report, name its folder.
+void SortBySize(const std::vector<std::vector<std::string>>& warnings, ReconstructResult& result) {
+  std::vector<size_t> order(result.models.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    return result.models[a].images.size() > result.models[b].images.size();
+  });
+  std::vector<Reconstruction> sorted;
+  for (const size_t i : order) {
+    sorted.push_back(std::move(result.models[i]));
+    for (const std::string& warning : warnings[i]) {
+      result.report.warnings.push_back("sparse/" + std::to_string(sorted.size() - 1) + " (" +
+                                       std::to_string(sorted.back().images.size()) +
+                                       " images): " + warning);
+    }
+  }
+  result.models = std::move(sorted);
+}
+
 // Models of all components, into result. Returns their evidence, nats.
 double BuildModels(StageContext& context, ViewGraphResult& view_graph,
                    const std::string& image_path, ReconstructResult& result) {
-  constexpr int kMaxSplits = 4;
   const ReconstructOptions& options = context.settings.reconstruct;
   ViewGraph& graph = view_graph.graph;
   ComponentQueue queue;
   for (const std::vector<image_t>& images : view_graph.report.components) queue.Add({images});
   std::vector<std::vector<image_t>> small;
   std::string first_failure;
+  std::vector<std::vector<std::string>> warnings;  // of each model
   double evidence_nats = 0;
   for (bool is_first = true; !queue.empty(); is_first = false) {
     if (context.monitor.StopRequested()) {
@@ -217,8 +236,9 @@ double BuildModels(StageContext& context, ViewGraphResult& view_graph,
     TakeOver(built.graph, graph);
     for (const size_t e : built.twin_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {
+      warnings.emplace_back();
       if (!context.scene.poses_alone) {
-        JudgeModel(context, *built.model, built.evidence, built.graph);
+        warnings.back() = JudgeModel(context, *built.model, built.evidence, built.graph);
       }
       evidence_nats += built.evidence.nats;
       if (options.colors && !image_path.empty() && !built.model->points3D.empty()) {
@@ -229,16 +249,11 @@ double BuildModels(StageContext& context, ViewGraphResult& view_graph,
       for (const image_t id : component.images) {
         if (context.taken.count(id) == 0) rest.push_back(id);
       }
-      if (rest.size() >= 2) queue.AddPartsOf(rest, component.num_splits, graph);
+      if (rest.size() >= 2) queue.AddPartsOf(rest, component.is_part, graph);
       result.models.push_back(std::move(*built.model));
-    } else if (!built.twin_edges.empty() && component.num_splits < kMaxSplits) {
-      queue.AddPartsOf(component.images, component.num_splits + 1, graph);
+    } else if (!built.twin_edges.empty()) {
+      queue.AddPartsOf(component.images, true, graph);
     } else {
-      if (!built.twin_edges.empty()) {
-        context.report.failure =
-            "twins: places that look alike could not be told apart; give their photos to separate "
-            "runs";
-      }
       // A component that fails does not spoil the models that there are.
       context.monitor.Warning(context.report.failure);
       if (first_failure.empty()) first_failure = context.report.failure;
@@ -249,10 +264,7 @@ double BuildModels(StageContext& context, ViewGraphResult& view_graph,
   }
   if (result.models.empty() && context.report.Succeeded()) context.report.failure = first_failure;
   ReportLeftOut(context, small);
-  std::stable_sort(result.models.begin(), result.models.end(),
-                   [](const Reconstruction& a, const Reconstruction& b) {
-                     return a.images.size() > b.images.size();
-                   });
+  SortBySize(warnings, result);
   return evidence_nats;
 }
 

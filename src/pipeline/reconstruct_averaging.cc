@@ -113,7 +113,7 @@ TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph) {
   std::vector<PairMatches> pairs;
   for (const ViewEdge& edge : graph.edges) {
     if (!edge.IsActive()) continue;
-    pairs.push_back({edge.image_id1, edge.image_id2, context.scene.matches.at(edge.PairId())});
+    pairs.push_back({edge.image_id1, edge.image_id2, context.MatchesOf(edge.PairId())});
   }
   return BuildTracks(pairs, context.settings.tracks);
 }

@@ -167,6 +167,10 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     ReadImagesAndKeypoints(database, scene, stage, first_keypoint);
     ReadEdges(database, first_keypoint, scene, foreign);
+    scene.raw_matches = [&database, first_keypoint](const ViewEdge& edge) {
+      return MergeMatches(database.ReadMatches(edge.PairId()).value_or(FeatureMatches()),
+                          first_keypoint.at(edge.image_id1), first_keypoint.at(edge.image_id2));
+    };
     size_t num_matches = 0;
     for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
     scene.poses_alone = scene.poses_imported && num_matches == 0;

@@ -102,6 +102,14 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   if (!FitTracksToMemory(context, model, initial->tracks)) return built;
   RefineModel(context, initial->tracks, true, model);
   if (!GrowModel(context, built.graph, model)) return built;
+  context.verified_again.clear();
+  const auto num_gained = static_cast<double>(VerifyAgain(context, model, built.graph));
+  if (num_gained > context.settings.reconstruct.min_gain * model.NumObservations()) {
+    std::vector<Track> tracks = TracksOfGraph(context, built.graph).tracks;
+    if (!FitTracksToMemory(context, model, tracks)) return built;
+    RefineModel(context, tracks, false, model);
+  }
+  context.verified_again.clear();
   Stage stage(context, "checks");
   if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
     stage.Fail("the model was refused: " + reason,
@@ -160,7 +168,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
     std::erase_if(cores, [](const RotationHypothesis& h) { return h.min_num_inliers == 0; });
     best = BuildBest(context, component, graph, cores);
     if (best.model) {
-      context.monitor.Warning(failure + "; the model is grown from a core instead");
+      Stage(context, "fallback").Warn(failure + "; the model is grown from a core instead");
     } else {
       context.report.failure = failure;
     }

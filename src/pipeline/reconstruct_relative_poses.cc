@@ -55,7 +55,7 @@ std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
   const Camera& camera2 = scene.cameras.at(scene.images.at(edge.image_id2).camera_id);
   const Eigen::Matrix3d K1 = camera1.CalibrationMatrix(), K2 = camera2.CalibrationMatrix();
   std::vector<Rigid3d> candidates;
-  if (edge.IsActive()) candidates.push_back(edge.cam2_from_cam1);
+  if (edge.IsActive() && edge.HasTranslation()) candidates.push_back(edge.cam2_from_cam1);
   const auto add_essential = [&](const Eigen::Matrix3d& E) {
     // Any of its four poses: they have the same epipolar errors.
     const EssentialDecomposition d = DecomposeEssential(NearestEssential(E));
@@ -80,13 +80,15 @@ std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
   return candidates;
 }
 
-// The pose that the inliers support best; the edge is without one if there is none, or if they
-// show no parallax.
+// The pose that the inliers support best, without translation if they show no parallax; the edge is
+// without one if there is none.
 void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEdge& edge) {
   PairRays rays;
   FillRays(scene, edge, &rays);
   const PointPairs& points = rays.points;
   std::vector<Rigid3d> candidates = Candidates(scene, edge, geometry);
+  // A rotation that is stored without anything else is all that there is.
+  if (candidates.empty() && edge.IsActive()) return;
   edge.removal = EdgeRemoval::kNoPose;
   if (points.size() < 8 || candidates.empty()) return;
 
@@ -131,11 +133,14 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
     parallaxes.push_back(points.focal2_px() * AngleBetween(x, inliers2[i]));
   }
   const double parallax_px = UpperMedian(parallaxes);
-  if (parallax_px < kMinParallaxPx) return;
+  edge.removal = EdgeRemoval::kNone;
+  if (parallax_px < kMinParallaxPx) {
+    edge.cam2_from_cam1 = Rigid3d(front.cam2_from_cam1.rotation, Eigen::Vector3d::Zero());
+    return;
+  }
   edge.cam2_from_cam1 = front.cam2_from_cam1;
   edge.residual_px = UpperMedian(inlier_errors);
   edge.triangulation_angle_deg = RadToDeg(parallax_px / points.focal2_px());
-  edge.removal = EdgeRemoval::kNone;
 }
 
 // The direction of translation that fits a known rotation: perpendicular to the normals of all

@@ -25,6 +25,9 @@ struct SceneData {
   std::vector<ViewEdge> edges;
   // Inlier matches of the edges; keypoints at one position are replaced by the first of them.
   std::map<image_pair_t, FeatureMatches> matches;
+  // All matches of a pair, likewise, before verification; none where there are none. Not for
+  // several threads at once; empty: there are none at all.
+  std::function<FeatureMatches(const ViewEdge&)> raw_matches;
   std::set<camera_t> held_cameras;  // intrinsics are not refined
   std::set<image_t> bad_images;     // without a camera or keypoints that can be read
   // The relative poses are those of a 1DSfM data set, whose inliers nobody counted; without tracks,
@@ -50,6 +53,14 @@ struct StageContext {
   std::set<image_t> taken{};  // images of the models that are done
   // Images of other places that look like this one, which wait for a model of their own.
   std::set<image_t> reserved{};
+  // Matches of pairs that were verified once more, with the intrinsics that bundle adjustment
+  // found.
+  std::map<image_pair_t, FeatureMatches> verified_again{};
+
+  const FeatureMatches& MatchesOf(image_pair_t pair_id) const {
+    const auto again = verified_again.find(pair_id);
+    return again == verified_again.end() ? scene.matches.at(pair_id) : again->second;
+  }
 };
 
 // One stage of the run: shown by the monitor, timed, and put in the report when it ends.
@@ -93,8 +104,8 @@ void CalibrateSceneFocals(const GeometryReader& read,
 // reconstruct_relative_poses.cc
 // Refines the poses of edges that another program verified, or whose focal lengths changed, on
 // their inlier matches, and finds those that were not stored or left open (COLMAP's
-// planar-or-panoramic pairs). Edges whose
-// matches show no parallax end with the reason kNoPose.
+// planar-or-panoramic pairs). Edges whose matches show no parallax keep a rotation alone; those
+// without any pose end with the reason kNoPose.
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
                           int num_threads, SceneData& scene);
 // Through a long lens a pair looks the same from the other side: depths mirrored, the rotation
@@ -176,6 +187,12 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
 // The model decides which pairs between its images are in use: those of which it explains at least
 // half of the matches. Returns how many matches the pairs have that come in.
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
+
+// reconstruct_reverify.cc
+// Where bundle adjustment has moved the rays of cameras by more than verification allowed for,
+// pairs in use between their images get those of all their matches that the model explains, if
+// these are more. Returns how many more there are.
+int64_t VerifyAgain(StageContext& context, const Reconstruction& model, const ViewGraph& graph);
 
 // reconstruct_checks.cc
 // "" or why the model is not fit to be written.

@@ -1,5 +1,6 @@
 #include "cairn/synthetic/rig.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -12,10 +13,11 @@ void RigOptions::VisitFields(OptionVisitor& v) {
   v.Int("num_images", num_images, {1, 1e6}, "images of the scene");
   v.Int("num_distractor_images", num_distractor_images, {0, 1e6}, "images of another place");
   v.Int("num_cameras", num_cameras, {1, 1000}, "cameras of different focal length");
-  v.Choice("camera_model", camera_model,
-           {"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"}, "camera model");
+  v.Choice("camera_model", camera_model, CameraModelNames(), "camera model");
   v.Double("radial_distortion", radial_distortion, {-0.3, 0.3},
            "first radial coefficient, where the model has one");
+  v.Double("focal_length", focal_length, {0, 100},
+           "focal length in units of the larger side; 0: those of 36 mm to 56 mm lenses");
   v.Int("image_width", image_width, {16, 20000},
         "pixels; every second camera has four fifths of it");
   v.Int("image_height", image_height, {16, 20000},
@@ -34,7 +36,9 @@ std::map<camera_t, Camera> MakeCameras(const RigOptions& options) {
     const double size = i % 2 == 0 ? 1.0 : 0.8;
     const int width = static_cast<int>(std::lround(size * options.image_width));
     const int height = static_cast<int>(std::lround(size * options.image_height));
-    const double focal_px = FocalLength35mm(options, i) / 43.27 * std::hypot(width, height);
+    const double focal_px = options.focal_length > 0
+                                ? options.focal_length * std::max(width, height)
+                                : FocalLength35mm(options, i) / 43.27 * std::hypot(width, height);
     Camera camera = Camera::FromFocal(i + 1, *CameraModelFromName(options.camera_model), focal_px,
                                       width, height);
     const std::vector<int> distortion = camera.DistortionIndices();

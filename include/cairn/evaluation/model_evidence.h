@@ -49,4 +49,8 @@ struct ModelEvidence {
 ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
                                int num_threads);
 
+// Those matches of each pair that the model explains; none where it lacks an image.
+std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,
+                                             std::span<const VerifiedPair> pairs, int num_threads);
+
 }  // namespace cairn

@@ -19,7 +19,9 @@ struct RigOptions {
   int num_cameras = 2;            // different focal lengths and sizes; images take turns
   std::string camera_model = "SIMPLE_PINHOLE";
   double radial_distortion = 0.0;  // first radial coefficient, where the model has one
-  int image_width = 1024;          // of the first camera; every second camera has 0.8 of it
+  // In units of the larger side; 0: those of 36 mm to 56 mm lenses.
+  double focal_length = 0.0;
+  int image_width = 1024;  // of the first camera; every second camera has 0.8 of it
   int image_height = 768;
   double distance = 3.0;  // of the cameras from the scene's center; the scene's radius is 1
 

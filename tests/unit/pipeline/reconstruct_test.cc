@@ -211,6 +211,27 @@ TEST(ReconstructScene, ImagesWithoutRelativePoseAreRegisteredByResection) {
             5e-3 * Extent(scene.truth));
 }
 
+// All pairs of image 10 say only by how much it is turned: points give its position.
+TEST(ReconstructScene, PairsWithARotationAloneTakePart) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 7);
+  Database database = MakeDatabase(scene);
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    if (PairIdToImagePair(pair_id).second != 10) continue;
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    geometry.cam2_from_cam1->translation.setZero();
+    geometry.E.reset();
+    geometry.F.reset();
+    geometry.config = TwoViewConfig::kPanoramic;
+    database.WriteTwoViewGeometry(pair_id, geometry);
+  }
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.register_left_out = false;
+  const ReconstructResult result = ReconstructScene(database, "", settings);
+  ASSERT_EQ(result.models.at(0).images.size(), 10u) << ToJson(result.report);
+  EXPECT_LT(testing_support::CompareAligned(result.models[0], scene.truth).center,
+            5e-3 * Extent(scene.truth));
+}
+
 TEST(ReconstructScene, SaysWhatIsMissing) {
   Database empty(":memory:");
   const ReconstructResult nothing = ReconstructScene(empty, "", Settings());

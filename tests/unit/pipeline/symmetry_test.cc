@@ -23,6 +23,7 @@ struct SymmetricOptions {
   int num_images = 24;
   int num_facade_points = 150;  // the same on every side
   int num_own_points = 80;      // of each side, like no others
+  double focal_guess = 0;       // relative to the true one; 0: it is known
 };
 
 Eigen::Quaterniond Turn(double angle) { return ExpSO3({0, angle, 0}); }
@@ -52,7 +53,13 @@ struct SymmetricBuilding {
     }
     camera = Camera::FromFocal(1, CameraModel::kSimplePinhole, 900, 1000, 800);
     camera.has_prior_focal_length = true;
-    database.WriteCamera(camera);
+    Camera written = camera;
+    if (options.focal_guess > 0) {
+      written.has_prior_focal_length = false;
+      written.SetMeanFocal(options.focal_guess * camera.MeanFocal());
+    }
+    database.WriteCamera(written);
+    is_guess = options.focal_guess > 0;
     for (int i = 0; i < options.num_images; ++i) {
       AddImage(2 * std::numbers::pi * (i + rng.Uniform(-0.2, 0.2)) / options.num_images, rng);
     }
@@ -119,11 +126,19 @@ struct SymmetricBuilding {
     if (best.inlier_matches.size() < 30) return;
     best.config = TwoViewConfig::kCalibrated;
     best.E = EssentialFromPose(*best.cam2_from_cam1);
+    if (is_guess) {
+      const Eigen::Matrix3d K = camera.CalibrationMatrix();
+      best.config = TwoViewConfig::kUncalibrated;
+      best.F = FundamentalFromEssential(*best.E, K, K);
+      best.E.reset();
+      best.cam2_from_cam1.reset();
+    }
     database.WriteTwoViewGeometry(
         ImagePairToPairId(static_cast<image_t>(i + 1), static_cast<image_t>(j + 1)), best);
+    ++num_pairs;
+    if (is_guess) return;
     const Eigen::Quaterniond truth = (poses[j] * Inverse(poses[i])).rotation;
     num_wrong += truth.angularDistance(best.cam2_from_cam1->rotation) > 0.1;
-    ++num_pairs;
   }
 
   // Images of the model that lie where they do not belong: their rotations relative to each other.
@@ -148,6 +163,7 @@ struct SymmetricBuilding {
   std::vector<Rigid3d> poses;
   std::vector<std::vector<int>> keypoint_of;  // by image and point; -1: not seen
   int num_pairs = 0, num_wrong = 0;
+  bool is_guess = false;
 };
 
 ReconstructResult Reconstruct(const SymmetricBuilding& building) {
@@ -188,6 +204,18 @@ TEST(SymmetricBuilding, IsDoubtedWhereNothingTellsTheSidesApart) {
       EXPECT_THAT(ToJson(result.report), HasSubstr("\"warnings\": ["));
     }
   }
+}
+
+// The same of cameras of which nothing is known: what is wrong is said, with the images.
+TEST(SymmetricBuilding, IsDoubtedOfUnknownCamerasToo) {
+  const SymmetricBuilding building({.num_own_points = 0, .focal_guess = 1.33}, 1);
+  const ReconstructResult result = Reconstruct(building);
+  EXPECT_TRUE(result.report.Succeeded());
+  ASSERT_FALSE(result.models.empty());
+  EXPECT_GT(building.LargestErrorDeg(result.models.front()), 45.0);
+  ASSERT_FALSE(result.report.warnings.empty()) << ToJson(result.report);
+  EXPECT_THAT(result.report.warnings[0], HasSubstr("images): "));
+  EXPECT_THAT(result.report.warnings[0], HasSubstr(".jpg"));
 }
 
 TEST(SymmetricBuilding, IsNeverFoldedWithoutAWord) {

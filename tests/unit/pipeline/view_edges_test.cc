@@ -82,14 +82,26 @@ TEST_F(ViewEdgesTest, APoseIsFoundFromTheFundamentalMatrix) {
 
 TEST_F(ViewEdgesTest, PairsWithoutATranslationAreMarked) {
   geometry_.cam2_from_cam1 = pose_;
-  for (const TwoViewConfig config : {TwoViewConfig::kPanoramic, TwoViewConfig::kWatermark,
-                                     TwoViewConfig::kMultiple, TwoViewConfig::kDegenerate}) {
+  for (const TwoViewConfig config :
+       {TwoViewConfig::kWatermark, TwoViewConfig::kMultiple, TwoViewConfig::kDegenerate}) {
     geometry_.config = config;
     EXPECT_EQ(OnlyEdge().removal, EdgeRemoval::kNoPose);
   }
   geometry_.config = TwoViewConfig::kCalibrated;
   geometry_.cam2_from_cam1.reset();
   geometry_.E.reset();
+  EXPECT_EQ(OnlyEdge().removal, EdgeRemoval::kNoPose);
+}
+
+// A camera that turned without moving still tells by how much.
+TEST_F(ViewEdgesTest, PanoramicPairsHaveARotationAlone) {
+  geometry_.config = TwoViewConfig::kPanoramic;
+  geometry_.cam2_from_cam1 = pose_;
+  const ViewEdge edge = OnlyEdge();
+  EXPECT_TRUE(edge.IsActive());
+  EXPECT_FALSE(edge.HasTranslation());
+  EXPECT_LT(edge.cam2_from_cam1.rotation.angularDistance(pose_.rotation), 1e-12);
+  geometry_.cam2_from_cam1.reset();
   EXPECT_EQ(OnlyEdge().removal, EdgeRemoval::kNoPose);
 }
 
