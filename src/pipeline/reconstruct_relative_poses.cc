@@ -1,6 +1,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
+#include <numbers>
 #include <numeric>
 
 #include "cairn/base/parallel.h"
@@ -177,52 +178,27 @@ int NumExplained(const PairRays& rays, const Rigid3d& pose) {
   return num_explained;
 }
 
-// Sum of half the squared errors in units of sigma, each of three sigmas at most: the matches' code
-// length, nats, up to a constant.
-double CodeLength(const PairRays& rays, const Rigid3d& pose, double sigma_px) {
-  std::vector<float> errors(static_cast<size_t>(rays.points.num_blocks()) * PointPairs::kBlock);
-  SampsonErrors(rays.points, EssentialFromPose(pose), errors.data());
-  double length = 0;
-  for (size_t i = 0; i < rays.rays1.size(); ++i) {
-    const double u = std::min(3.0, errors[i] / sigma_px);
-    length += 0.5 * u * u;
-  }
-  return length;
-}
-
-// Replaces the edge's pose by its reversal where that explains the matches better. Returns by how
-// many nats the one that stays is better, at most the number of matches.
-double SettleReversal(const SceneData& scene, ViewEdge& edge) {
-  constexpr double kMinDifferenceDeg = 2.0;
+// Standard deviation of the pair's rotation about its least determined axis, radians: by the
+// matches' information on the pose, at the pair's own noise.
+double RotationSigma(const SceneData& scene, const ViewEdge& edge) {
   constexpr double kMinSigmaPx = 0.1;
-  const auto most = static_cast<double>(std::max(1, edge.num_inliers));
   PairRays rays;
   FillRays(scene, edge, &rays);
-  if (rays.rays1.size() < 8 || !edge.HasTranslation()) return most;
-  const Eigen::Vector3d flip(1, 1, -1);
-  const Eigen::Matrix3d reversed =
-      flip.asDiagonal() * edge.cam2_from_cam1.rotation.toRotationMatrix() * flip.asDiagonal();
-  Rigid3d twin(Eigen::Quaterniond(reversed), TranslationFor(reversed, rays));
-  for (const double scale_px : {kFinePx, 0.5 * kFinePx}) {
-    PoseRefinementOptions options;
-    options.loss = RobustLoss::kGemanMcClure;
-    options.scale_px = scale_px;
-    twin = RefinePose(rays.points, twin, options).cam2_from_cam1;
-  }
-  const Rigid3d back(twin.rotation, Eigen::Vector3d(-twin.translation));
-  const int num_twin = NumExplained(rays, twin);
-  const int num_back = NumExplained(rays, back);
-  if (num_back > num_twin) twin = back;
-  if (2 * std::max(num_twin, num_back) < static_cast<int>(rays.rays1.size()) ||
-      RadToDeg(AngleBetween(twin.rotation, edge.cam2_from_cam1.rotation)) < kMinDifferenceDeg) {
-    return most;
-  }
+  if (rays.rays1.size() < 8 || !edge.HasTranslation()) return 0.0;
   // The median of a normal variable's size is 0.6745 standard deviations.
   const double sigma_px = std::max(kMinSigmaPx, edge.residual_px / 0.6745);
-  const double gain =
-      CodeLength(rays, edge.cam2_from_cam1, sigma_px) - CodeLength(rays, twin, sigma_px);
-  if (gain > 0) edge.cam2_from_cam1 = twin;
-  return std::clamp(std::abs(gain), 1e-3, most);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>> eigen(
+      PoseInformation(rays.points, edge.cam2_from_cam1, kFinePx));
+  const double floor = 1e-12 * eigen.eigenvalues()[4];
+  const Eigen::Matrix<double, 5, 5> covariance =
+      eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
+      eigen.eigenvectors().transpose();
+  const Eigen::Matrix3d rotation = covariance.topLeftCorner<3, 3>();
+  const double variance =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(rotation).eigenvalues().maxCoeff();
+  // Where no match lies near the pose, nothing is known.
+  const double sigma = sigma_px * std::sqrt(variance);
+  return sigma < std::numbers::pi ? sigma : std::numbers::pi;
 }
 
 // False: no pose near the rotation explains the matches.
@@ -248,16 +224,16 @@ bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, doubl
 
 }  // namespace
 
-std::vector<double> SettleReversals(const StageContext& context, ViewGraph& graph) {
-  std::vector<double> sureness(graph.edges.size(), 0.0);
+std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph) {
+  std::vector<double> sigmas(graph.edges.size(), 0.0);
   ParallelFor(
       context.settings.num_threads, static_cast<int64_t>(graph.edges.size()),
       [&](int64_t e) {
         if (graph.edges[e].removal == EdgeRemoval::kNoPose) return;
-        sureness[e] = SettleReversal(context.scene, graph.edges[e]);
+        sigmas[e] = RotationSigma(context.scene, graph.edges[e]);
       },
       16);
-  return sureness;
+  return sigmas;
 }
 
 int RefitEdges(const StageContext& context,

@@ -151,6 +151,17 @@ std::vector<double> InliersOf(const ViewGraph& graph) {
   return weights;
 }
 
+// Inverse variances, degrees^-2. Below the scale that averaging ends with, an error does not
+// matter.
+std::vector<double> PrecisionsOf(const StageContext& context, const ViewGraph& graph) {
+  std::vector<double> precisions;
+  for (const double sigma : RotationSigmas(context, graph)) {
+    precisions.push_back(1.0 / (std::pow(RadToDeg(sigma), 2) +
+                                std::pow(context.settings.rotation_averaging.sigma_end_deg, 2)));
+  }
+  return precisions;
+}
+
 }  // namespace
 
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
@@ -181,12 +192,11 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   const bool has_any = add(own, 0);
   // Of a data set's pairs, inliers were not counted.
   if (has_any && !context.scene.poses_imported && (!averager.IsClear() || min_core_share == 0)) {
-    ViewGraph settled = own;
-    const std::vector<double> sureness = SettleReversals(context, settled);
-    averager.Add(CoreOf(settled, 0, filters), sureness, 1, 0, min_core_share);
+    const std::vector<double> precisions = PrecisionsOf(context, own);
+    averager.Add(CoreOf(own, 0, filters), precisions, 1, 0, min_core_share);
     const int least = std::max(1, filters.min_num_inliers);
     for (int n = 2 * least; n < (1 << 20) && add(CoreOf(own, n, filters), n); n *= 2) {
-      averager.Add(CoreOf(settled, n, filters), sureness, 1, n, min_core_share);
+      averager.Add(CoreOf(own, n, filters), precisions, 1, n, min_core_share);
     }
   }
   const std::vector<RotationHypothesis> distinct = averager.Distinct();

@@ -108,12 +108,10 @@ void CalibrateSceneFocals(const GeometryReader& read,
 // without any pose end with the reason kNoPose.
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
                           int num_threads, SceneData& scene);
-// Through a long lens a pair looks the same from the other side: depths mirrored, the rotation
-// turned back (the reversal of affine cameras; Koenderink and van Doorn, "Affine structure from
-// motion", 1991). Gives each edge the better of its pose and the reversed one. Returns by how many
-// nats that is better, at most the number of its inliers, for each edge of the graph: how sure its
-// rotation is.
-std::vector<double> SettleReversals(const StageContext& context, ViewGraph& graph);
+// How sure each edge of the graph is of its rotation: the standard deviation about the least
+// determined axis, radians. (Through a long lens, which is nearly affine, two views leave the angle
+// between them open: Koenderink and van Doorn, "Affine structure from motion", 1991.)
+std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph);
 // Gives edges that disagree with global rotations, whatever took them out, the pose near these that
 // explains their matches, where there is one that explains more than half: a plane, a narrow field
 // of view or few matches leave several poses that explain them all. Such edges are in use again.
@@ -133,9 +131,9 @@ struct RotationHypothesis {
   double possible_support = 0;  // of all pairs between its images
 };
 // Global rotations of the component, averaged from all of its edges and from those with more and
-// more inliers while they join more than this share of the images, weighed by inliers and not.
-// Where these agree there is one hypothesis, else those that differ, the best supported first.
-// Empty: the report's failure says why.
+// more inliers while they join more than this share of the images, weighed by inliers, alike, and
+// by their precision. Where these agree there is one hypothesis, else those that differ, the best
+// supported first. Empty: the report's failure says why.
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      std::span<const image_t> component,
                                                      const ViewGraph& graph, double min_core_share);

@@ -181,7 +181,9 @@ TEST(AdjustBundle, APriorHoldsACameraThatItsPointsDoNotDetermine) {
       const Camera& camera = model.cameras.at(3);
       // Where the image's corner goes, relative to its radius.
       const double r = 0.5 * camera.DiagonalPx() / camera.MeanFocal();
-      if (focal_sigma > 0) EXPECT_LT(std::abs(camera.params.back()) * r * r, 0.05);
+      if (focal_sigma > 0) {
+        EXPECT_LT(std::abs(camera.params.back()) * r * r, 0.05);
+      }
       return std::abs(std::log(camera.MeanFocal() / start.cameras.at(3).MeanFocal()));
     };
     // Of EXIF, and of a guess.
