@@ -68,8 +68,8 @@ void RemoveContradicted(StageContext& context, const ModelEvidence& evidence,
 // False: there is not enough memory, and the report's failure says so.
 bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
+  RemoveContradicted(context, EvidenceFor(context, model, graph), model);
   for (int round = 0; round < options.max_rounds && !context.monitor.StopRequested(); ++round) {
-    if (round == 0) RemoveContradicted(context, EvidenceFor(context, model, graph), model);
     const int num_new = options.register_left_out ? RegisterLeftOut(context, graph, model) : 0;
     const int64_t num_gained = ReviseEdges(EvidenceFor(context, model, graph), model, graph);
     if (num_new == 0 &&
@@ -83,8 +83,48 @@ bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
   return true;
 }
 
-// Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
-constexpr double kSameModel = 1e-4;
+// Once more with the matches that the intrinsics found by bundle adjustment make inliers, if these
+// are many. False: as above.
+bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
+                               Reconstruction& model) {
+  context.verified_again.clear();
+  const auto num_gained = static_cast<double>(VerifyAgain(context, model, graph));
+  std::vector<Track> tracks;
+  if (num_gained > context.settings.reconstruct.min_gain * model.NumObservations()) {
+    tracks = TracksOfGraph(context, graph).tracks;
+  }
+  context.verified_again.clear();
+  if (tracks.empty()) return true;
+  if (!FitTracksToMemory(context, model, tracks)) return false;
+  RefineModel(context, tracks, false, model);
+  return true;
+}
+
+// False: the model is not fit to be written, and the report's failure says why.
+bool CheckModel(StageContext& context, std::span<const image_t> component,
+                const RotationHypothesis& rotations, const ModelEvidence& evidence,
+                Reconstruction& model) {
+  Stage stage(context, "checks");
+  if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
+    stage.Fail("the model was refused: " + reason,
+               "look at the view graph with global_sfm inspect, and add photos that overlap more");
+    return false;
+  }
+  model.UpdatePointErrors();
+  stage.Add("min_num_inliers", rotations.min_num_inliers);
+  stage.Add("weight_power", rotations.weight_power);
+  stage.Add("images", static_cast<double>(model.images.size()));
+  stage.Add("images_of_component", static_cast<double>(component.size()));
+  stage.Add("points", static_cast<double>(model.points3D.size()));
+  stage.Add("observations", static_cast<double>(model.NumObservations()));
+  stage.Add("mean_track_length", model.MeanTrackLength());
+  stage.Add("mean_reprojection_error_px", model.MeanReprojectionErrorPx());
+  stage.Add("explained_share", evidence.all.Share());
+  stage.Add("pairs", evidence.num_pairs);
+  stage.Add("contradicted_pairs", evidence.num_contradicted);
+  stage.Add("evidence_nats", evidence.nats);
+  return true;
+}
 
 // From global rotations to the finished model. Without one, the report's failure says why.
 BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
@@ -101,44 +141,24 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   }
   if (!FitTracksToMemory(context, model, initial->tracks)) return built;
   RefineModel(context, initial->tracks, true, model);
-  if (!GrowModel(context, built.graph, model)) return built;
-  context.verified_again.clear();
-  const auto num_gained = static_cast<double>(VerifyAgain(context, model, built.graph));
-  if (num_gained > context.settings.reconstruct.min_gain * model.NumObservations()) {
-    std::vector<Track> tracks = TracksOfGraph(context, built.graph).tracks;
-    if (!FitTracksToMemory(context, model, tracks)) return built;
-    RefineModel(context, tracks, false, model);
-  }
-  context.verified_again.clear();
-  Stage stage(context, "checks");
-  if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
-    stage.Fail("the model was refused: " + reason,
-               "look at the view graph with global_sfm inspect, and add photos that overlap more");
+  if (!GrowModel(context, built.graph, model) ||
+      !RefineWithMovedIntrinsics(context, built.graph, model)) {
     return built;
   }
   built.evidence = EvidenceFor(context, model, built.graph);
-  model.UpdatePointErrors();
-  stage.Add("min_num_inliers", rotations.min_num_inliers);
-  stage.Add("weight_power", rotations.weight_power);
-  stage.Add("images", static_cast<double>(model.images.size()));
-  stage.Add("images_of_component", static_cast<double>(component.size()));
-  stage.Add("points", static_cast<double>(model.points3D.size()));
-  stage.Add("observations", static_cast<double>(model.NumObservations()));
-  stage.Add("mean_track_length", model.MeanTrackLength());
-  stage.Add("mean_reprojection_error_px", model.MeanReprojectionErrorPx());
-  stage.Add("explained_share", built.evidence.all.Share());
-  stage.Add("pairs", built.evidence.num_pairs);
-  stage.Add("contradicted_pairs", built.evidence.num_contradicted);
-  stage.Add("evidence_nats", built.evidence.nats);
+  if (!CheckModel(context, component, rotations, built.evidence, model)) return built;
   built.model = std::move(model);
   return built;
 }
+
+// Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
+constexpr double kSameModel = 1e-4;
 
 // The model with the most evidence of those that the hypotheses lead to.
 BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
                      const ViewGraph& graph, std::span<const RotationHypothesis> hypotheses) {
   BuiltModel best{std::nullopt, graph, {}, {}};
-  std::string first_failure;
+  std::string first_failure = std::exchange(context.report.failure, "");
   for (const RotationHypothesis& hypothesis : hypotheses) {
     if (context.monitor.StopRequested()) break;
     BuiltModel built = BuildFrom(context, component, graph, hypothesis);
