@@ -110,7 +110,6 @@ bool CheckModel(StageContext& context, std::span<const image_t> component,
                "look at the view graph with global_sfm inspect, and add photos that overlap more");
     return false;
   }
-  model.UpdatePointErrors();
   stage.Add("min_num_inliers", rotations.min_num_inliers);
   stage.Add("weight_power", rotations.weight_power);
   stage.Add("images", static_cast<double>(model.images.size()));
@@ -141,10 +140,7 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   }
   if (!FitTracksToMemory(context, model, initial->tracks)) return built;
   RefineModel(context, initial->tracks, true, model);
-  if (!GrowModel(context, built.graph, model) ||
-      !RefineWithMovedIntrinsics(context, built.graph, model)) {
-    return built;
-  }
+  if (!GrowModel(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
   if (!CheckModel(context, component, rotations, built.evidence, model)) return built;
   built.model = std::move(model);
@@ -194,6 +190,14 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
     }
   }
   if (!best.model) return best;
+  if (!context.scene.poses_alone) {
+    if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) {
+      best.model.reset();
+      return best;
+    }
+    best.model->UpdatePointErrors();
+    best.evidence = EvidenceFor(context, *best.model, best.graph);
+  }
   if (context.settings.reconstruct.separate_twins && !context.scene.poses_alone) {
     best.twin_edges = FindTwins(context, *best.model, best.graph);
     if (!best.twin_edges.empty()) {

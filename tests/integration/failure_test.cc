@@ -114,9 +114,6 @@ TEST(Failure, ReconstructionThatFailsLeavesWhatThereIs) {
   };
   for (const Case& c :
        {Case{{"--view_graph.min_num_inliers", "100000"}, "view_graph: of ", "too_few_inliers"},
-        Case{{"--view_graph.max_rotation_error_deg", "0"},
-             "rotation_averaging: no edge agrees",
-             "--view_graph.max_rotation_error_deg"},
         Case{{"--reconstruct.max_memory_gib", "0.001"},
              "memory: even with 50 tracks",
              "--reconstruct.max_memory_gib"}}) {
