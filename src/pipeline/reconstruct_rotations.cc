@@ -16,7 +16,7 @@ constexpr double kTurnedDeg = 5.0;
 constexpr double kMinTurnedShare = 0.05;
 // Where pairs with this share of all inliers agree with the rotations, weighed or not, there is
 // nothing that other edges could tell.
-constexpr double kClearSupport = 0.9;
+constexpr double kClearSupport = 0.75;
 
 std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<double>& weights) {
   std::vector<RotationEdge> edges;
