@@ -39,11 +39,13 @@ double WidthPx(const Camera& camera) {
 }
 
 struct PairEvidence {
-  FeatureMatches explained;
+  int64_t num_explained = 0;
+  FeatureMatches explained;  // where they are asked for
   double nats = 0;
 };
 
-PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMatches& matches) {
+PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMatches& matches,
+                          bool keep_matches) {
   const Rigid3d cam2_from_cam1 = view2.image->cam_from_world * Inverse(view1.image->cam_from_world);
   const double focal_px = 0.5 * (view1.camera->MeanFocal() + view2.camera->MeanFocal());
   const double sigma_px = SigmaPx(*view1.camera, *view2.camera);
@@ -73,7 +75,8 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
       continue;
     }
     evidence.nats += nats;
-    evidence.explained.push_back(match);
+    ++evidence.num_explained;
+    if (keep_matches) evidence.explained.push_back(match);
   }
   return evidence;
 }
@@ -112,7 +115,8 @@ std::map<image_t, View> MakeViews(const Reconstruction& model, std::span<const V
 
 // Pairs with an image that the model lacks have nothing.
 std::vector<PairEvidence> EvaluatePairs(const Reconstruction& model,
-                                        std::span<const VerifiedPair> pairs, int num_threads) {
+                                        std::span<const VerifiedPair> pairs, int num_threads,
+                                        bool keep_matches) {
   const std::map<image_t, View> views = MakeViews(model, pairs, num_threads);
   std::vector<PairEvidence> of_pair(pairs.size());
   ParallelFor(
@@ -121,7 +125,7 @@ std::vector<PairEvidence> EvaluatePairs(const Reconstruction& model,
         const auto view1 = views.find(pairs[i].image_id1);
         const auto view2 = views.find(pairs[i].image_id2);
         if (view1 == views.end() || view2 == views.end()) return;
-        of_pair[i] = EvaluatePair(view1->second, view2->second, *pairs[i].matches);
+        of_pair[i] = EvaluatePair(view1->second, view2->second, *pairs[i].matches, keep_matches);
       },
       16);
   return of_pair;
@@ -131,12 +135,12 @@ std::vector<PairEvidence> EvaluatePairs(const Reconstruction& model,
 
 ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
                                int num_threads) {
-  const std::vector<PairEvidence> of_pair = EvaluatePairs(model, pairs, num_threads);
+  const std::vector<PairEvidence> of_pair = EvaluatePairs(model, pairs, num_threads, false);
   ModelEvidence evidence;
   for (const auto& [id, image] : model.images) evidence.images[id] = {};
   for (size_t i = 0; i < pairs.size(); ++i) {
     const Support support = {static_cast<int64_t>(pairs[i].matches->size()),
-                             static_cast<int64_t>(of_pair[i].explained.size())};
+                             of_pair[i].num_explained};
     evidence.pairs.push_back(support);
     evidence.all.num_matches += support.num_matches;
     evidence.all.num_explained += support.num_explained;
@@ -163,7 +167,7 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
 std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,
                                              std::span<const VerifiedPair> pairs, int num_threads) {
   std::vector<FeatureMatches> explained;
-  for (PairEvidence& pair : EvaluatePairs(model, pairs, num_threads)) {
+  for (PairEvidence& pair : EvaluatePairs(model, pairs, num_threads, true)) {
     explained.push_back(std::move(pair.explained));
   }
   return explained;

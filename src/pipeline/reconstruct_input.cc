@@ -117,8 +117,10 @@ void ReadEdges(const Database& database,
       continue;
     }
     TwoViewGeometry geometry = database.ReadTwoViewGeometry(edge.PairId()).value();
-    // What lies over the photographs says nothing of the scene.
-    if (geometry.config == TwoViewConfig::kWatermark) geometry.inlier_matches.clear();
+    // What lies over the photographs, or stands still before the camera, says nothing of the scene.
+    const bool is_still = geometry.config == TwoViewConfig::kPanoramic && geometry.cam2_from_cam1 &&
+                          !HasTurned(geometry.cam2_from_cam1->rotation);
+    if (is_still || geometry.config == TwoViewConfig::kWatermark) geometry.inlier_matches.clear();
     scene.matches[edge.PairId()] =
         MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
                      first_keypoint.at(edge.image_id2));

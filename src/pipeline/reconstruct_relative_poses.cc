@@ -8,6 +8,7 @@
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
+#include "cairn/pipeline/view_edges.h"
 #include "cairn/robust/pose_refinement.h"
 #include "cairn/solvers/essential.h"
 #include "cairn/solvers/homography.h"
@@ -134,8 +135,10 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
     parallaxes.push_back(points.focal2_px() * AngleBetween(x, inliers2[i]));
   }
   const double parallax_px = UpperMedian(parallaxes);
+  const bool is_rotation = parallax_px < kMinParallaxPx;
+  if (is_rotation && !HasTurned(front.cam2_from_cam1.rotation)) return;
   edge.removal = EdgeRemoval::kNone;
-  if (parallax_px < kMinParallaxPx) {
+  if (is_rotation) {
     edge.cam2_from_cam1 = Rigid3d(front.cam2_from_cam1.rotation, Eigen::Vector3d::Zero());
     return;
   }

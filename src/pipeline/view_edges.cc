@@ -5,6 +5,8 @@
 #include <map>
 
 #include "cairn/geometry/epipolar.h"
+#include "cairn/geometry/rigid3d.h"
+#include "cairn/math/angles.h"
 #include "pipeline/learned_cameras.h"
 #include "pipeline/stage_names.h"
 
@@ -86,7 +88,7 @@ ViewEdge EdgeFromGeometry(image_pair_t pair_id, const TwoViewGeometry& geometry,
   if (pose && may_translate && pose->translation.norm() > 0) {
     pose->translation.normalize();
     edge.cam2_from_cam1 = *pose;
-  } else if (pose && geometry.config == TwoViewConfig::kPanoramic) {
+  } else if (pose && geometry.config == TwoViewConfig::kPanoramic && HasTurned(pose->rotation)) {
     edge.cam2_from_cam1 = Rigid3d(pose->rotation, Eigen::Vector3d::Zero());
   } else {
     edge.removal = EdgeRemoval::kNoPose;
@@ -122,6 +124,11 @@ bool HasImportedEdges(const Database& database) {
   const std::vector<PairMetrics> metrics = database.ReadPairMetrics();
   return std::any_of(metrics.begin(), metrics.end(),
                      [](const PairMetrics& m) { return m.verifier == kImportedVerifier; });
+}
+
+bool HasTurned(const Eigen::Quaterniond& cam2_from_cam1) {
+  constexpr double kMinTurnDeg = 1.0;  // some 20 pixels, far beyond the noise of keypoints
+  return RadToDeg(AngleBetween(cam2_from_cam1, Eigen::Quaterniond::Identity())) > kMinTurnDeg;
 }
 
 bool CamerasWereGiven(const Database& database) {

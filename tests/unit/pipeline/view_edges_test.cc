@@ -101,6 +101,9 @@ TEST_F(ViewEdgesTest, PanoramicPairsHaveARotationAlone) {
   EXPECT_TRUE(edge.IsActive());
   EXPECT_FALSE(edge.HasTranslation());
   EXPECT_LT(edge.cam2_from_cam1.rotation.angularDistance(pose_.rotation), 1e-12);
+  // Nor moved: what stands still before the camera.
+  geometry_.cam2_from_cam1 = Rigid3d();
+  EXPECT_EQ(OnlyEdge().removal, EdgeRemoval::kNoPose);
   geometry_.cam2_from_cam1.reset();
   EXPECT_EQ(OnlyEdge().removal, EdgeRemoval::kNoPose);
 }
