@@ -110,8 +110,8 @@ bool CheckModel(StageContext& context, std::span<const image_t> component,
                "look at the view graph with global_sfm inspect, and add photos that overlap more");
     return false;
   }
-  stage.Add("min_num_inliers", rotations.min_num_inliers);
-  stage.Add("weight_power", rotations.weight_power);
+  stage.Note("from pairs of " + std::to_string(rotations.min_num_inliers) +
+             " inliers and more, rotations weighed by " + rotations.weighing);
   stage.Add("images", static_cast<double>(model.images.size()));
   stage.Add("images_of_component", static_cast<double>(component.size()));
   stage.Add("points", static_cast<double>(model.points3D.size()));

@@ -1,9 +1,9 @@
 #include <algorithm>
+#include <cmath>
 
 #include "cairn/evaluation/alignment.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/math/angles.h"
-#include "cairn/math/median.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "pipeline/reconstruct_stages.h"
 
@@ -81,36 +81,29 @@ ViewGraph CoreOf(ViewGraph graph, int min_num_inliers, const ViewGraphBuilderOpt
   return graph;
 }
 
+// How much edges count: weights of all edges of the component, to a power.
+struct Weighing {
+  std::string name;
+  std::vector<double> weights;
+  double power = 1;
+};
+
 // Tries ways to average a component's rotations.
 class Averager {
  public:
-  Averager(StageContext& context, Stage& stage, const ViewGraph& component, size_t num_images)
-      : context_(context), stage_(stage), component_(component), num_images_(num_images) {}
+  Averager(StageContext& context, Stage& stage, const ViewGraph& component, size_t num_images,
+           double min_core_share)
+      : context_(context),
+        stage_(stage),
+        component_(component),
+        min_images_(min_core_share * static_cast<double>(num_images)) {}
 
-  // From a connected graph. False: it has no more than this share of the component's images.
-  bool Add(const ViewGraph& graph, const std::vector<double>& weights, double weight_power,
-           int min_num_inliers, double min_core_share) {
-    RotationAveragingOptions options = context_.settings.rotation_averaging;
-    options.weight_power = weight_power;
-    const std::vector<RotationEdge> edges = EdgesOf(graph, weights);
-    RotationAveragingReport report = AverageRotations(edges, options, context_.monitor);
-    if (report.status != RotationAveragingStatus::kSuccess &&
-        report.status != RotationAveragingStatus::kNotConverged) {
-      if (all_.empty()) {
-        stage_.Fail(std::string(RotationAveragingStatusName(report.status)) + " on " +
-                        std::to_string(edges.size()) + " edges",
-                    "look at the view graph with global_sfm inspect");
-      }
-      return false;
+  // From a connected graph of the component's edges of so many inliers and more. False: it has too
+  // few of the component's images.
+  bool AddAll(const ViewGraph& graph, int min_num_inliers, std::span<const Weighing> weighings) {
+    for (const Weighing& weighing : weighings) {
+      if (!Add(graph, min_num_inliers, weighing)) return false;
     }
-    RotationHypothesis hypothesis{min_num_inliers, weight_power, std::move(report.cam_from_world),
-                                  report.median_residual_deg};
-    if (static_cast<double>(hypothesis.cam_from_world.size()) <=
-        min_core_share * static_cast<double>(num_images_)) {
-      return false;
-    }
-    SetSupport(component_, options.sigma_start_deg, hypothesis);
-    all_.push_back(std::move(hypothesis));
     return true;
   }
 
@@ -138,10 +131,31 @@ class Averager {
   }
 
  private:
+  bool Add(const ViewGraph& graph, int min_num_inliers, const Weighing& weighing) {
+    RotationAveragingOptions options = context_.settings.rotation_averaging;
+    options.weight_power = weighing.power;
+    const std::vector<RotationEdge> edges = EdgesOf(graph, weighing.weights);
+    RotationAveragingReport report = AverageRotations(edges, options, context_.monitor);
+    if (report.status != RotationAveragingStatus::kSuccess &&
+        report.status != RotationAveragingStatus::kNotConverged) {
+      if (all_.empty()) {
+        stage_.Fail(std::string(RotationAveragingStatusName(report.status)) + " on " +
+                        std::to_string(edges.size()) + " edges",
+                    "look at the view graph with global_sfm inspect");
+      }
+      return false;
+    }
+    if (static_cast<double>(report.cam_from_world.size()) <= min_images_) return false;
+    all_.push_back({min_num_inliers, weighing.name, std::move(report.cam_from_world),
+                    report.median_residual_deg});
+    SetSupport(component_, options.sigma_start_deg, all_.back());
+    return true;
+  }
+
   StageContext& context_;
   Stage& stage_;
   const ViewGraph& component_;
-  size_t num_images_;
+  const double min_images_;
   std::vector<RotationHypothesis> all_;
 };
 
@@ -174,29 +188,21 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   stage.Add("edges_in", own.NumActiveEdges());
   // The variance of a rotation falls with the number of inliers; but a few pairs of very many, all
   // neighbors, must not have all the say.
-  std::vector<double> powers = {1, 0};
-  if (const double power = context.settings.rotation_averaging.weight_power; power != 0) {
-    powers.push_back(power);
-  }
-  const ViewGraphBuilderOptions& filters = context.settings.view_graph;
   const std::vector<double> inliers = InliersOf(own);
-  Averager averager(context, stage, own, component.size());
-  const auto add = [&](const ViewGraph& core, int min_num_inliers) {
-    bool is_core = false;
-    for (const double power : powers) {
-      is_core = averager.Add(core, inliers, power, min_num_inliers, min_core_share);
-      if (!is_core) break;
-    }
-    return is_core;
-  };
-  const bool has_any = add(own, 0);
+  std::vector<Weighing> weighings = {{"inliers", inliers, 1}, {"alike", inliers, 0}};
+  if (const double power = context.settings.rotation_averaging.weight_power; power != 0) {
+    weighings.push_back({"weight_power", inliers, power});
+  }
+  Averager averager(context, stage, own, component.size(), min_core_share);
+  const bool has_any = averager.AddAll(own, 0, weighings);
   // Of a data set's pairs, inliers were not counted.
   if (has_any && !context.scene.poses_imported && (!averager.IsClear() || min_core_share == 0)) {
-    const std::vector<double> precisions = PrecisionsOf(context, own);
-    averager.Add(CoreOf(own, 0, filters), precisions, 1, 0, min_core_share);
+    weighings.push_back({"precision", PrecisionsOf(context, own), 1});
+    averager.AddAll(own, 0, std::span(weighings).last(1));
+    const ViewGraphBuilderOptions& filters = context.settings.view_graph;
     const int least = std::max(1, filters.min_num_inliers);
-    for (int n = 2 * least; n < (1 << 20) && add(CoreOf(own, n, filters), n); n *= 2) {
-      averager.Add(CoreOf(own, n, filters), precisions, 1, n, min_core_share);
+    for (int n = 2 * least; n < (1 << 20) && averager.AddAll(CoreOf(own, n, filters), n, weighings);
+         n *= 2) {
     }
   }
   const std::vector<RotationHypothesis> distinct = averager.Distinct();

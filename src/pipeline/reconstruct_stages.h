@@ -124,7 +124,7 @@ int RefitEdges(const StageContext& context,
 // One view of how a component's images are turned.
 struct RotationHypothesis {
   int min_num_inliers = 0;  // of the edges it comes from
-  double weight_power = 0;  // that their inliers counted with
+  std::string weighing;     // by what they counted
   std::map<image_t, Eigen::Quaterniond> cam_from_world;
   double median_residual_deg = 0;
   double support = 0;           // inliers of the pairs that agree with it
