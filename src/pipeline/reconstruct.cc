@@ -209,8 +209,7 @@ void SortBySize(const std::vector<std::vector<std::string>>& warnings, Reconstru
 }
 
 // Models of all components, into result. Returns their evidence, nats.
-double BuildModels(StageContext& context, ViewGraphResult& view_graph,
-                   const std::string& image_path, ReconstructResult& result) {
+double BuildModels(StageContext& context, ViewGraphResult& view_graph, ReconstructResult& result) {
   const ReconstructOptions& options = context.settings.reconstruct;
   ViewGraph& graph = view_graph.graph;
   ComponentQueue queue;
@@ -241,9 +240,6 @@ double BuildModels(StageContext& context, ViewGraphResult& view_graph,
         warnings.back() = JudgeModel(context, *built.model, built.evidence, built.graph);
       }
       evidence_nats += built.evidence.nats;
-      if (options.colors && !image_path.empty() && !built.model->points3D.empty()) {
-        ColorPoints(context, image_path, *built.model);
-      }
       for (const auto& [id, image] : built.model->images) context.taken.insert(id);
       std::vector<image_t> rest;
       for (const image_t id : component.images) {
@@ -273,15 +269,14 @@ struct CalibratedResult {
   ReconstructResult result;
   double evidence_nats = 0;
 };
-CalibratedResult ReconstructCalibrated(const SceneData& scene, const std::string& image_path,
-                                       const ReconstructSettings& settings,
+CalibratedResult ReconstructCalibrated(const SceneData& scene, const ReconstructSettings& settings,
                                        ProgressMonitor& monitor) {
   CalibratedResult calibrated;
   ReconstructResult& result = calibrated.result;
   ViewGraphResult graph = BuildGraph(scene, settings, monitor, result.report);
   if (result.report.Succeeded()) {
     StageContext context{scene, settings, monitor, result.report};
-    calibrated.evidence_nats = BuildModels(context, graph, image_path, result);
+    calibrated.evidence_nats = BuildModels(context, graph, result);
   }
   result.graph = std::move(graph.graph);
   return calibrated;
@@ -289,16 +284,16 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene, const std::string
 
 // With the scene's calibration and, where its pairs could not tell which of two is right, with the
 // other one: the result with more evidence.
-ReconstructResult ReconstructBest(SceneData& scene, const std::string& image_path,
-                                  const ReconstructSettings& settings, ProgressMonitor& monitor) {
-  CalibratedResult best = ReconstructCalibrated(scene, image_path, settings, monitor);
+ReconstructResult ReconstructBest(SceneData& scene, const ReconstructSettings& settings,
+                                  ProgressMonitor& monitor) {
+  CalibratedResult best = ReconstructCalibrated(scene, settings, monitor);
   if (!scene.alternative || monitor.StopRequested()) return std::move(best.result);
   monitor.Info(
       "reconstructed again with the focal lengths that were there before: pairs could not "
       "tell which are right");
   std::swap(scene.cameras, scene.alternative->cameras);
   std::swap(scene.edges, scene.alternative->edges);
-  CalibratedResult other = ReconstructCalibrated(scene, image_path, settings, monitor);
+  CalibratedResult other = ReconstructCalibrated(scene, settings, monitor);
   const bool takes_other = other.evidence_nats > best.evidence_nats;
   if (takes_other) std::swap(best, other);
   // What was tried stays in the report.
@@ -312,6 +307,16 @@ ReconstructResult ReconstructBest(SceneData& scene, const std::string& image_pat
   stage.Add("evidence_nats_otherwise", other.evidence_nats);
   stages.push_back(std::move(stage));
   return std::move(best.result);
+}
+
+void ColorModels(const SceneData& scene, const std::string& image_path,
+                 const ReconstructSettings& settings, ProgressMonitor& monitor,
+                 ReconstructResult& result) {
+  StageContext context{scene, settings, monitor, result.report};
+  for (Reconstruction& model : result.models) {
+    if (!model.points3D.empty()) ColorPoints(context, image_path, model);
+    ++context.model;
+  }
 }
 
 }  // namespace
@@ -352,7 +357,10 @@ ReconstructResult ReconstructScene(const Database& database, const std::string& 
   SceneData scene = ReadSceneData(database, settings, monitor, read);
   ReconstructResult result;
   if (read.Succeeded()) {
-    result = ReconstructBest(scene, image_path, settings, monitor);
+    result = ReconstructBest(scene, settings, monitor);
+    if (settings.reconstruct.colors && !image_path.empty()) {
+      ColorModels(scene, image_path, settings, monitor, result);
+    }
   } else {
     result.report.failure = read.failure;
   }

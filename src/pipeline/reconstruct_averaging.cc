@@ -109,11 +109,15 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
 
 }  // namespace
 
-TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph) {
+TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
+                          const std::map<image_pair_t, FeatureMatches>& again) {
   std::vector<PairMatches> pairs;
   for (const ViewEdge& edge : graph.edges) {
     if (!edge.IsActive()) continue;
-    pairs.push_back({edge.image_id1, edge.image_id2, context.MatchesOf(edge.PairId())});
+    const auto found = again.find(edge.PairId());
+    pairs.push_back(
+        {edge.image_id1, edge.image_id2,
+         found == again.end() ? context.scene.matches.at(edge.PairId()) : found->second});
   }
   return BuildTracks(pairs, context.settings.tracks);
 }

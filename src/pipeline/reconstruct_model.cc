@@ -87,14 +87,12 @@ bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
 // are many. False: as above.
 bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
                                Reconstruction& model) {
-  context.verified_again.clear();
-  const auto num_gained = static_cast<double>(VerifyAgain(context, model, graph));
-  std::vector<Track> tracks;
-  if (num_gained > context.settings.reconstruct.min_gain * model.NumObservations()) {
-    tracks = TracksOfGraph(context, graph).tracks;
+  const ReverifiedPairs again = VerifyAgain(context, model, graph);
+  if (static_cast<double>(again.num_gained) <=
+      context.settings.reconstruct.min_gain * model.NumObservations()) {
+    return true;
   }
-  context.verified_again.clear();
-  if (tracks.empty()) return true;
+  std::vector<Track> tracks = TracksOfGraph(context, graph, again.matches).tracks;
   if (!FitTracksToMemory(context, model, tracks)) return false;
   RefineModel(context, tracks, false, model);
   return true;

@@ -29,12 +29,14 @@ bool HasMoved(const Camera& before, const Camera& after) {
 
 }  // namespace
 
-int64_t VerifyAgain(StageContext& context, const Reconstruction& model, const ViewGraph& graph) {
+ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
+                            const ViewGraph& graph) {
+  ReverifiedPairs result;
   std::set<camera_t> moved;
   for (const auto& [id, camera] : model.cameras) {
     if (HasMoved(context.scene.cameras.at(id), camera)) moved.insert(id);
   }
-  if (moved.empty() || !context.scene.raw_matches) return 0;
+  if (moved.empty() || !context.scene.raw_matches) return result;
   Stage stage(context, "verification");
   std::vector<const ViewEdge*> edges;
   const auto is_moved = [&](image_t id) {
@@ -46,7 +48,6 @@ int64_t VerifyAgain(StageContext& context, const Reconstruction& model, const Vi
       edges.push_back(&edge);
     }
   }
-  int64_t num_gained = 0;
   for (size_t begin = 0; begin < edges.size(); begin += kBlock) {
     const size_t end = std::min(edges.size(), begin + kBlock);
     std::vector<FeatureMatches> raw;
@@ -59,16 +60,16 @@ int64_t VerifyAgain(StageContext& context, const Reconstruction& model, const Vi
         ExplainedMatches(model, pairs, context.settings.num_threads);
     for (size_t e = begin; e < end; ++e) {
       const image_pair_t pair_id = edges[e]->PairId();
-      const size_t num_before = context.MatchesOf(pair_id).size();
+      const size_t num_before = context.scene.matches.at(pair_id).size();
       if (explained[e - begin].size() <= num_before) continue;
-      num_gained += static_cast<int64_t>(explained[e - begin].size() - num_before);
-      context.verified_again[pair_id] = std::move(explained[e - begin]);
+      result.num_gained += static_cast<int64_t>(explained[e - begin].size() - num_before);
+      result.matches[pair_id] = std::move(explained[e - begin]);
     }
   }
   stage.Add("cameras_moved", static_cast<double>(moved.size()));
   stage.Add("pairs", static_cast<double>(edges.size()));
-  stage.Add("matches_gained", static_cast<double>(num_gained));
-  return num_gained;
+  stage.Add("matches_gained", static_cast<double>(result.num_gained));
+  return result;
 }
 
 }  // namespace cairn

@@ -53,14 +53,6 @@ struct StageContext {
   std::set<image_t> taken{};  // images of the models that are done
   // Images of other places that look like this one, which wait for a model of their own.
   std::set<image_t> reserved{};
-  // Matches of pairs that were verified once more, with the intrinsics that bundle adjustment
-  // found.
-  std::map<image_pair_t, FeatureMatches> verified_again{};
-
-  const FeatureMatches& MatchesOf(image_pair_t pair_id) const {
-    const auto again = verified_again.find(pair_id);
-    return again == verified_again.end() ? scene.matches.at(pair_id) : again->second;
-  }
 };
 
 // One stage of the run: shown by the monitor, timed, and put in the report when it ends.
@@ -148,8 +140,9 @@ struct InitialModel {
 std::optional<InitialModel> AverageComponent(
     StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
     ViewGraph& graph);
-// Tracks over the graph's active edges.
-TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph);
+// Tracks over the graph's active edges; `again` has the matches of pairs that were verified again.
+TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
+                          const std::map<image_pair_t, FeatureMatches>& again = {});
 
 // reconstruct_memory.cc
 // Estimates the peak memory of RefineModel with these tracks, and says it. Where it is more than
@@ -187,10 +180,15 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
 
 // reconstruct_reverify.cc
-// Where bundle adjustment has moved the rays of cameras by more than verification allowed for,
-// pairs in use between their images get those of all their matches that the model explains, if
-// these are more. Returns how many more there are.
-int64_t VerifyAgain(StageContext& context, const Reconstruction& model, const ViewGraph& graph);
+// Where bundle adjustment has moved the rays of cameras by more than verification allowed for: of
+// pairs in use between their images, all matches that agree with the model's pose, if these are
+// more than there were.
+struct ReverifiedPairs {
+  std::map<image_pair_t, FeatureMatches> matches;
+  int64_t num_gained = 0;  // matches
+};
+ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
+                            const ViewGraph& graph);
 
 // reconstruct_checks.cc
 // "" or why the model is not fit to be written.
