@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "cairn/base/hash.h"
+#include "pipeline/camera_pairs.h"
 #include "pipeline/learned_cameras.h"
-#include "pipeline/stage_names.h"
 
 namespace cairn {
 namespace {
@@ -16,20 +15,6 @@ constexpr double kMinShare = 0.95;
 constexpr int kMinExplained = 40;
 constexpr int kMaxPairs = 8;     // of a camera
 constexpr int kMinRefuting = 3;  // pairs
-
-std::map<image_t, camera_t> CamerasOfImages(const Database& database) {
-  std::map<image_t, camera_t> cameras;
-  for (const Image& image : database.ReadImages()) cameras[image.image_id] = image.camera_id;
-  return cameras;
-}
-
-// Pairs are drawn in the order of this.
-uint64_t DrawingOrder(image_pair_t pair) { return Hasher().Add(pair).Digest(); }
-
-struct CameraPair {
-  camera_t camera_id1, camera_id2;
-  image_pair_t pair_id;
-};
 
 struct Tally {
   int num_pairs = 0;
@@ -72,26 +57,6 @@ camera_t FindWorst(const std::map<camera_t, Tally>& tallies) {
   return worst;
 }
 
-// For each camera, so many of its pairs: some by chance, since those with the most matches are near
-// each other and explained by almost any focal length.
-std::vector<image_pair_t> DrawPairs(std::vector<CameraPair> pairs) {
-  std::sort(pairs.begin(), pairs.end(), [](const CameraPair& a, const CameraPair& b) {
-    return DrawingOrder(a.pair_id) < DrawingOrder(b.pair_id);
-  });
-  std::map<camera_t, int> counts;
-  std::vector<image_pair_t> drawn;
-  for (const CameraPair& pair : pairs) {
-    int& count1 = counts[pair.camera_id1];
-    int& count2 = counts[pair.camera_id2];
-    if (count1 >= kMaxPairs && count2 >= kMaxPairs) continue;
-    ++count1;
-    if (&count1 != &count2) ++count2;
-    drawn.push_back(pair.pair_id);
-  }
-  std::sort(drawn.begin(), drawn.end());
-  return drawn;
-}
-
 }  // namespace
 
 std::vector<image_pair_t> PairsToWeigh(const Database& database,
@@ -109,16 +74,16 @@ std::vector<image_pair_t> PairsToWeigh(const Database& database,
       trusted.insert(camera.camera_id);
     }
   }
-  std::vector<CameraPair> candidates;
+  std::vector<image_pair_t> candidates;
   for (const image_pair_t pair : pairs) {
     const auto [id1, id2] = PairIdToImagePair(pair);
     const auto camera1 = camera_of.find(id1), camera2 = camera_of.find(id2);
     if (camera1 == camera_of.end() || camera2 == camera_of.end()) continue;
     if (trusted.count(camera1->second) == 0 || trusted.count(camera2->second) == 0) continue;
     if (known.count(camera1->second) > 0 && known.count(camera2->second) > 0) continue;
-    candidates.push_back({camera1->second, camera2->second, pair});
+    candidates.push_back(pair);
   }
-  return DrawPairs(std::move(candidates));
+  return DrawPairs(std::move(candidates), camera_of, trusted, kMaxPairs);
 }
 
 bool IsRefuting(const PairFocalEvidence& evidence) {
@@ -170,20 +135,7 @@ LearnedFocals LearnFocals(Database& database) {
   learned.refuted = RefutedCameras(judged);
   Database::Transaction transaction(database);
   for (const auto& [id, focal] : judged) database.WriteCameraFocal(id, focal);
-  const auto is_refuted = [&](image_t id) {
-    const auto camera = camera_of.find(id);
-    return camera != camera_of.end() && learned.refuted.count(camera->second) > 0;
-  };
-  if (!learned.refuted.empty()) {
-    for (const JobRecord& job : database.ReadJobs(kStageVerification)) {
-      const auto [id1, id2] = PairIdToImagePair(job.item);
-      if (is_refuted(id1) || is_refuted(id2)) learned.undone.push_back(job.item);
-    }
-  }
-  for (const image_pair_t pair : learned.undone) {
-    database.DeletePairResults(pair);
-    database.DeleteJob(kStageVerification, pair);
-  }
+  learned.undone = UndoVerification(database, camera_of, learned.refuted);
   transaction.Commit();
   return learned;
 }

@@ -8,13 +8,12 @@
 #include <set>
 
 #include "cairn/base/error.h"
-#include "cairn/base/hash.h"
 #include "cairn/pipeline/view_edges.h"
 #include "cairn/view_graph/distortion_calibration.h"
 #include "cairn/view_graph/focal_calibration.h"
+#include "pipeline/camera_pairs.h"
 #include "pipeline/learned_cameras.h"
 #include "pipeline/reconstruct_stages.h"
-#include "pipeline/stage_names.h"
 
 namespace cairn {
 namespace {
@@ -44,11 +43,9 @@ Lenses ReadLenses(const Database& database, const std::vector<image_pair_t>& lik
   for (Camera& camera : ReadLearnedCameras(database)) {
     lenses.cameras[camera.camera_id] = std::move(camera);
   }
-  for (const Image& image : database.ReadImages()) {
-    if (lenses.cameras.count(image.camera_id) > 0) {
-      lenses.camera_of[image.image_id] = image.camera_id;
-    }
-  }
+  lenses.camera_of = CamerasOfImages(database);
+  std::erase_if(lenses.camera_of,
+                [&](const auto& entry) { return lenses.cameras.count(entry.second) == 0; });
   for (const image_pair_t pair : likely) {
     const auto [id1, id2] = PairIdToImagePair(pair);
     std::set<camera_t> cameras;
@@ -66,34 +63,11 @@ Lenses ReadLenses(const Database& database, const std::vector<image_pair_t>& lik
     const bool is_known =
         lens != known.end() && (!lens->second.IsEmpty() || lens->second.num_pairs == num_pairs);
     if (is_known || measured.count(id) > 0 || !camera.Validate().empty()) continue;
+    if (!camera.IsPlanar()) continue;  // (wide_focals.h)
     if (camera.has_prior_focal_length && !CanCalibrateDistortion(camera)) continue;
     lenses.open.insert(id);
   }
   return lenses;
-}
-
-uint64_t DrawingOrder(image_pair_t pair) { return Hasher().Add(pair).Digest(); }
-
-// Of each open camera's pairs, some by chance: those with the most matches are near each other and
-// tell least.
-std::vector<image_pair_t> DrawPairs(const Lenses& lenses, std::vector<image_pair_t> pairs) {
-  std::sort(pairs.begin(), pairs.end(),
-            [](image_pair_t a, image_pair_t b) { return DrawingOrder(a) < DrawingOrder(b); });
-  std::map<camera_t, int> counts;
-  std::vector<image_pair_t> drawn;
-  for (const image_pair_t pair : pairs) {
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    if (lenses.camera_of.count(id1) == 0 || lenses.camera_of.count(id2) == 0) continue;
-    const std::set<camera_t> cameras = {lenses.camera_of.at(id1), lenses.camera_of.at(id2)};
-    const bool is_wanted = std::any_of(cameras.begin(), cameras.end(), [&](camera_t id) {
-      return lenses.open.count(id) > 0 && counts[id] < kMaxPairs;
-    });
-    if (!is_wanted) continue;
-    for (const camera_t id : cameras) ++counts[id];
-    drawn.push_back(pair);
-  }
-  std::sort(drawn.begin(), drawn.end());
-  return drawn;
 }
 
 // F of the rays, or nothing.
@@ -217,22 +191,13 @@ const Value* Find(const std::map<uint32_t, Value>& values, uint32_t id) {
 // Stores the lenses and removes what was found without them.
 std::vector<image_pair_t> Store(Database& database, const Lenses& known,
                                 const std::map<camera_t, CameraLens>& lenses) {
-  std::vector<image_pair_t> undone;
+  std::set<camera_t> changed;
   Database::Transaction transaction(database);
-  for (const auto& [id, lens] : lenses) database.WriteCameraLens(id, lens);
-  const auto is_changed = [&](image_t id) {
-    const camera_t* camera = Find(known.camera_of, id);
-    const CameraLens* lens = camera == nullptr ? nullptr : Find(lenses, *camera);
-    return lens != nullptr && !lens->IsEmpty();
-  };
-  for (const JobRecord& job : database.ReadJobs(kStageVerification)) {
-    const auto [id1, id2] = PairIdToImagePair(job.item);
-    if (is_changed(id1) || is_changed(id2)) undone.push_back(job.item);
+  for (const auto& [id, lens] : lenses) {
+    database.WriteCameraLens(id, lens);
+    if (!lens.IsEmpty()) changed.insert(id);
   }
-  for (const image_pair_t pair : undone) {
-    database.DeletePairResults(pair);
-    database.DeleteJob(kStageVerification, pair);
-  }
+  const std::vector<image_pair_t> undone = UndoVerification(database, known.camera_of, changed);
   transaction.Commit();
   return undone;
 }
@@ -245,7 +210,8 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
   if (CamerasWereGiven(database)) return learned;
   const Lenses known = ReadLenses(database, likely);
   if (known.open.empty()) return learned;
-  std::vector<Witness> witnesses = ReadWitnesses(database, known, DrawPairs(known, likely));
+  std::vector<Witness> witnesses =
+      ReadWitnesses(database, known, DrawPairs(likely, known.camera_of, known.open, kMaxPairs));
   ReadPixels(database, witnesses);
   std::vector<DistortionPair> pairs;
   for (Witness& witness : witnesses) pairs.push_back(std::move(witness.pair));

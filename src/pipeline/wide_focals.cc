@@ -9,6 +9,8 @@
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/two_view/pair_verifier.h"
+#include "pipeline/camera_pairs.h"
+#include "pipeline/learned_cameras.h"
 
 namespace cairn {
 namespace {
@@ -40,8 +42,8 @@ class WideFocalFinder {
         monitor_(monitor) {}
 
   std::vector<std::string> Run() {
-    for (const Camera& camera : database_.ReadCameras()) cameras_[camera.camera_id] = camera;
-    const std::map<camera_t, CameraFocal> known = database_.ReadCameraFocals();
+    for (const Camera& camera : ReadLearnedCameras(database_)) cameras_[camera.camera_id] = camera;
+    const std::map<camera_t, CameraLens> known = database_.ReadCameraLenses();
     std::vector<camera_t> open;
     for (const auto& [id, camera] : cameras_) {
       const bool is_open = !camera.IsPlanar() && !camera.has_prior_focal_length &&
@@ -49,7 +51,7 @@ class WideFocalFinder {
       if (is_open) open.push_back(id);
     }
     if (open.empty()) return {};
-    for (const Image& image : database_.ReadImages()) camera_of_[image.image_id] = image.camera_id;
+    camera_of_ = CamerasOfImages(database_);
     num_matches_ = database_.ReadNumMatches();
     std::vector<std::string> texts;
     for (const camera_t id : open) {
@@ -82,8 +84,10 @@ class WideFocalFinder {
       if (best_support > 0.0) try_around(best, kCoarseStep - kFineStep, kFineStep);
     }
     char text[200];
+    CameraLens lens{.num_pairs = static_cast<int>(pairs.size())};
     if (best_support > 0.0) {
-      camera.SetMeanFocal(guess * std::exp2(best));
+      lens.focal_px = guess * std::exp2(best);
+      ApplyLens(lens, &camera);
       std::snprintf(text, sizeof(text),
                     "camera %u: focal length %.1f px by %zu pairs (guessed %.1f)", id,
                     camera.MeanFocal(), pairs.size(), guess);
@@ -92,10 +96,7 @@ class WideFocalFinder {
                     "camera %u: no pair tells its focal length, the guess of %.1f px is kept", id,
                     guess);
     }
-    Database::Transaction transaction(database_);
-    database_.WriteCamera(camera);
-    database_.WriteCameraFocal(id, {.num_pairs = static_cast<int>(pairs.size())});
-    transaction.Commit();
+    database_.WriteCameraLens(id, lens);
     return text;
   }
 

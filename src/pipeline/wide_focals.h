@@ -13,9 +13,9 @@ namespace cairn {
 // guessed one: without it, their rays are no linear map of the right ones, so that verification
 // cannot fall back on fundamental matrices. Each camera's pairs (with itself, or with a camera that
 // is known), some of those with many matches, are verified at focal lengths around the guess; the
-// one with the largest support of all is written into the database. It stays a guess, for bundle
-// adjustment to refine. A camera that was looked at once (it has a row in cairn_camera_focals) is
-// not looked at again. Returns one line a camera. Random numbers: those of verification.
+// one with the largest support of all is kept in cairn_camera_lenses. It stays a guess, for bundle
+// adjustment to refine. A camera that was looked at once (it has a row there) is not looked at
+// again. Returns one line a camera. Random numbers: those of verification.
 std::vector<std::string> LearnWideFocals(Database& database, const TwoViewOptions& options,
                                          uint64_t seed, int num_threads, ProgressMonitor& monitor);
 

@@ -5,6 +5,7 @@
 #include <sqlite3.h>
 
 #include "cairn/pipeline/pair_scheduler.h"
+#include "pipeline/learned_cameras.h"
 #include "pipeline/wide_focals.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/temp_folder.h"
@@ -123,13 +124,17 @@ TEST_F(WideCamerasTest, UnknownFocalLengthsAreFound) {
     const std::vector<std::string> texts = LearnWideFocals(database, {}, 0, 2, NullMonitor());
     ASSERT_EQ(texts.size(), 1u);
     EXPECT_THAT(texts[0], HasSubstr("camera 1: focal length"));
-    const Camera found = database.ReadCameras().at(0);
+    const Camera found = ReadLearnedCameras(database).at(0);
     // The coefficient is still unknown: between the scale at the center, 400 px a radian, and that
     // at the rim, 400 (1 - 3 * 0.04 * 1.31^2), where most matches are.
     EXPECT_GT(found.MeanFocal(), 300) << guess;
     EXPECT_LT(found.MeanFocal(), 410) << guess;
     EXPECT_FALSE(found.has_prior_focal_length);
     EXPECT_TRUE(LearnWideFocals(database, {}, 0, 2, NullMonitor()).empty());
+    // The camera's row stays as it was given, so that a search anew begins where this one did.
+    EXPECT_EQ(database.ReadCameras().at(0).params, guessed.params);
+    database.ClearVerification();
+    EXPECT_EQ(LearnWideFocals(database, {}, 0, 2, NullMonitor()), texts);
     Verify(database);
     for (const auto& [pair_id, num_matches] : database.ReadNumMatches()) {
       const auto geometry = database.ReadTwoViewGeometry(pair_id);
