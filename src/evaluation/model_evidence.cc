@@ -12,26 +12,12 @@
 namespace cairn {
 namespace {
 
-// A posed image, with the rays of its keypoints: third component 1 where both cameras of a pair are
-// planar, unit length for others.
+// A posed image, with the unit bearings of its keypoints.
 struct View {
   const RegisteredImage* image = nullptr;
   const Camera* camera = nullptr;
   std::vector<std::optional<Eigen::Vector3d>> rays;
 };
-
-std::optional<Eigen::Vector3d> RayOf(const Camera& camera, const Eigen::Vector2d& pixel) {
-  if (!camera.IsPlanar()) return camera.RayFromImg(pixel);
-  const auto uv = camera.CamFromImg(pixel);
-  if (!uv) return std::nullopt;
-  return Eigen::Vector3d(uv->homogeneous());
-}
-
-// Two-view verification's threshold is taken as the standard deviation: what remains of it in a
-// finished model is less, and errors of the model itself must not count as contradictions.
-double SigmaPx(const Camera& camera1, const Camera& camera2) {
-  return std::max(1.0, 0.0005 * 0.5 * (camera1.DiagonalPx() + camera2.DiagonalPx()));
-}
 
 // Mean width of an image across its epipolar lines, pixels.
 double WidthPx(const Camera& camera) {
@@ -48,7 +34,9 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
                           bool keep_matches) {
   const Rigid3d cam2_from_cam1 = view2.image->cam_from_world * Inverse(view1.image->cam_from_world);
   const double focal_px = 0.5 * (view1.camera->MeanFocal() + view2.camera->MeanFocal());
-  const double sigma_px = SigmaPx(*view1.camera, *view2.camera);
+  // Two-view verification's threshold is taken as the standard deviation: what remains of it in a
+  // finished model is less, and errors of the model itself must not count as contradictions.
+  const double sigma_px = DefaultMaxErrorPx(*view1.camera, *view2.camera);
   const double gain = std::log(0.5 * (WidthPx(*view1.camera) + WidthPx(*view2.camera)) /
                                (sigma_px * std::sqrt(2 * std::numbers::pi)));
   PairEvidence evidence;
@@ -67,7 +55,7 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
     if (!(nats > 0)) continue;
     // The depths of rays that are parallel within their noise may have either sign.
     const Eigen::Vector3d turned = cam2_from_cam1.rotation * *x1;
-    const double parallax = turned.cross(*x2).norm() / (turned.norm() * x2->norm());
+    const double parallax = turned.cross(*x2).norm();
     double depth1 = 0, depth2 = 0;
     if (parallax * focal_px > 2 * sigma_px &&
         !(TriangulateRayDepths(cam2_from_cam1, *x1, *x2, &depth1, &depth2) && depth1 > 0 &&
@@ -107,7 +95,7 @@ std::map<image_t, View> MakeViews(const Reconstruction& model, std::span<const V
     View& view = *order[i];
     const std::vector<char>& matched = is_matched.at(view.image->image.image_id);
     for (size_t k = 0; k < view.rays.size(); ++k) {
-      if (matched[k]) view.rays[k] = RayOf(*view.camera, view.image->points2D[k]);
+      if (matched[k]) view.rays[k] = view.camera->RayFromImg(view.image->points2D[k]);
     }
   });
   return views;

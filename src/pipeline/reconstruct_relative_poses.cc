@@ -22,16 +22,11 @@ constexpr double kFinePx = 2.0;
 // Inliers whose rays differ by less than this after the rotation say nothing about the direction.
 constexpr double kMinParallaxPx = 4.0;
 
-// Rays (of any length) of the matches whose distortion can be undone.
+// Unit bearings of the matches whose distortion can be undone.
 struct PairRays {
   std::vector<Eigen::Vector3d> rays1, rays2;
   PointPairs points;
 };
-
-Eigen::Vector3d RayOf(const Camera& camera, const Eigen::Vector2d& pixel) {
-  if (!camera.IsPlanar()) return camera.RayFromImg(pixel).value();
-  return camera.CamFromImg(pixel).value().homogeneous();
-}
 
 void FillRays(const SceneData& scene, const ViewEdge& edge, PairRays* rays) {
   const Camera& camera1 = scene.cameras.at(scene.images.at(edge.image_id1).camera_id);
@@ -44,8 +39,8 @@ void FillRays(const SceneData& scene, const ViewEdge& edge, PairRays* rays) {
     const Eigen::Vector2d &pixel1 = pixels1[match.point1], &pixel2 = pixels2[match.point2];
     const int i = static_cast<int>(rays->rays1.size());
     if (!rays->points.SetPixels(i, camera1, pixel1, camera2, pixel2)) continue;
-    rays->rays1.push_back(RayOf(camera1, pixel1));
-    rays->rays2.push_back(RayOf(camera2, pixel2));
+    rays->rays1.push_back(camera1.RayFromImg(pixel1).value());
+    rays->rays2.push_back(camera2.RayFromImg(pixel2).value());
   }
   rays->points.Truncate(static_cast<int>(rays->rays1.size()));
 }
@@ -156,8 +151,8 @@ Eigen::Vector3d TranslationFor(const Eigen::Matrix3d& R, const PairRays& rays) {
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     Eigen::Matrix3d M = Eigen::Matrix3d::Zero();
     for (size_t i = 0; i < rays.rays1.size(); ++i) {
-      const Eigen::Vector3d x1 = (R * rays.rays1[i]).normalized();
-      const Eigen::Vector3d normal = x1.cross(rays.rays2[i].normalized());
+      const Eigen::Vector3d x1 = R * rays.rays1[i];
+      const Eigen::Vector3d normal = x1.cross(rays.rays2[i]);
       const double error_px = focal_px * normal.dot(t) / kWidePx;
       const double weight = 1.0 / ((1.0 + error_px * error_px) * (1.0 + error_px * error_px));
       M += weight * normal * normal.transpose();

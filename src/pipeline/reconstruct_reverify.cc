@@ -11,7 +11,7 @@ constexpr size_t kBlock = 4096;  // pairs whose raw matches are in memory at a t
 
 // Do rays at the image's border lie apart by more pixels than two-view verification allows?
 bool HasMoved(const Camera& before, const Camera& after) {
-  constexpr double kMaxErrorPx = 1.0;
+  const double max_error_px = DefaultMaxErrorPx(before, after);
   for (const double u : {0.0, 0.5, 1.0}) {
     for (const double v : {0.0, 0.5, 1.0}) {
       const Eigen::Vector2d pixel(u * before.width, v * before.height);
@@ -19,7 +19,7 @@ bool HasMoved(const Camera& before, const Camera& after) {
       const auto ray_after = after.RayFromImg(pixel);
       if (ray_before.has_value() != ray_after.has_value()) return true;
       if (!ray_before) continue;
-      if (AngleBetween(*ray_before, *ray_after) > kMaxErrorPx * after.RadiansPerPx(*ray_after)) {
+      if (AngleBetween(*ray_before, *ray_after) > max_error_px * after.RadiansPerPx(*ray_after)) {
         return true;
       }
     }

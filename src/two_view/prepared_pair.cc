@@ -13,11 +13,6 @@
 namespace cairn::internal {
 namespace {
 
-// As in the paper, 0.05 % of the diagonal, but not below what a keypoint's position is worth.
-double AutomaticThreshold(const Camera& camera1, const Camera& camera2) {
-  return std::max(1.0, 0.0005 * 0.5 * (camera1.DiagonalPx() + camera2.DiagonalPx()));
-}
-
 // A line of the length of the diagonal, one pixel wide on either side.
 double BandPerPx(const Camera& camera) {
   return 2.0 * camera.DiagonalPx() / (static_cast<double>(camera.width) * camera.height);
@@ -94,7 +89,7 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
   const Camera& camera1 = *input.camera1;
   const Camera& camera2 = *input.camera2;
   pair->max_error_px =
-      options.max_error_px > 0.0 ? options.max_error_px : AutomaticThreshold(camera1, camera2);
+      options.max_error_px > 0.0 ? options.max_error_px : DefaultMaxErrorPx(camera1, camera2);
   pair->chance_per_px = 0.5 * (BandPerPx(camera1) + BandPerPx(camera2));
   const int num_matches = static_cast<int>(input.matches.size());
   pair->points.Reset(num_matches, camera1, camera2);

@@ -45,11 +45,6 @@ double KOf(const Camera& camera, double relative) {
   return relative * std::pow(camera.MeanFocal() / HalfDiagonalPx(camera), 2);
 }
 
-// The threshold of verification: 0.05 % of the diagonal, at least a pixel.
-double ThresholdPx(const Camera& camera1, const Camera& camera2) {
-  return std::max(1.0, 0.0005 * (HalfDiagonalPx(camera1) + HalfDiagonalPx(camera2)));
-}
-
 struct Term {
   Term(DistortedPair p, FundamentalFit fit) : pair(std::move(p)), F(std::move(fit)) {}
   DistortedPair pair;
@@ -122,7 +117,7 @@ Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camer
     Term& term = terms_.emplace_back(DistortedPair(pair, camera1, camera2), std::move(*F));
     term.variable1 = Variable(pair.camera_id1);
     term.variable2 = Variable(pair.camera_id2);
-    term.threshold_px = ThresholdPx(camera1, camera2);
+    term.threshold_px = DefaultMaxErrorPx(camera1, camera2);
   }
 }
 

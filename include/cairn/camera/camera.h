@@ -112,6 +112,10 @@ struct Camera {
   double CamFromImgThreshold(double threshold_px) const { return threshold_px / MeanFocal(); }
 };
 
+// How far from its epipolar line a match may lie, pixels, where nobody says: 0.05 % of the diagonal
+// (Eichhardt and Barath 2020), but not below what a keypoint's position is worth, a pixel.
+double DefaultMaxErrorPx(const Camera& camera1, const Camera& camera2);
+
 // Projection with explicit params (bundle adjustment's inner loop). Same meaning as
 // Camera::ImgFromCam; any Jacobian pointer may be null. No allocation.
 void ImgFromCam(CameraModel model, const double* params, const double* uv, double* pixel,
