@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <set>
 
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/rigid3d.h"
-#include "cairn/graph/union_find.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
 #include "pipeline/reconstruct_stages.h"
@@ -20,12 +20,11 @@ constexpr size_t kMaxPoints = 400;
 // A point should look the same from the other camera: directions and distances are similar.
 const double kMinCosine = std::cos(DegToRad(25.0));
 constexpr double kMaxDistanceRatio = 1.6;
-// Points of either image that a cell must have to say anything.
-constexpr int kMinInCell = 3;
-// Comparable points that a pair must have to say anything, and the share of them that lies in cells
-// without any match, beyond what the pair's matching rate explains, from which it contradicts.
+// Comparable points that a pair must have to say anything.
 constexpr double kMinEvidence = 30;
-constexpr double kMaxConflict = 0.1;
+// A pair contradicts where more of them lie in cells without any match than its matching rate
+// explains, by this many standard deviations.
+constexpr double kMinDeviations = 3;
 
 // Images that make a place.
 constexpr int kMinGroup = 3;
@@ -79,7 +78,8 @@ View MakeView(const Reconstruction& model, const RegisteredImage& image) {
 // What two views say about each other: the more comparable points, the more it counts.
 struct Comparison {
   double evidence = 0;
-  double conflict = 0;  // share of the evidence, 0 to 1
+  double conflict = 0;  // share of the evidence, 0 to 1, beyond what is expected
+  double sigma = 0;     // standard deviation that is expected of it
 };
 
 // The rate at which expected points are matched, from cells that have a match (binomial without
@@ -139,21 +139,26 @@ Comparison CompareInto(const View& a, const View& b) {
   if (matched.empty()) return result;
   // A cell without matches is no surprise where few are expected.
   const double rate = MatchingRate(matched);
+  double variance = 0;
   for (const Cell& cell : cells) {
-    if (cell.expected < kMinInCell || cell.present < kMinInCell) continue;
     const int weight = std::min(cell.expected, cell.present);
     const double chance = ChanceOfNone(rate, weight);
     result.evidence += weight;
     result.conflict += weight * ((cell.common == 0 ? 1.0 : 0.0) - chance);
+    variance += weight * weight * chance * (1 - chance);
   }
-  if (result.evidence > 0) result.conflict = std::max(0.0, result.conflict / result.evidence);
+  if (result.evidence > 0) {
+    result.conflict = std::max(0.0, result.conflict / result.evidence);
+    result.sigma = std::sqrt(variance) / result.evidence;
+  }
   return result;
 }
 
 Comparison Compare(const View& a, const View& b) {
   const Comparison ab = CompareInto(a, b);
   const Comparison ba = CompareInto(b, a);
-  return {std::min(ab.evidence, ba.evidence), std::min(ab.conflict, ba.conflict)};
+  return {std::min(ab.evidence, ba.evidence), std::min(ab.conflict, ba.conflict),
+          std::max(ab.sigma, ba.sigma)};
 }
 
 // A pair of registered images, by their indices.
@@ -166,7 +171,10 @@ struct Pair {
 
   bool CanTell() const { return comparison.evidence >= kMinEvidence; }
   // +1: they look at one place, -1: at two, 0: they do not show enough in common to tell.
-  int Vote() const { return !CanTell() ? 0 : comparison.conflict > kMaxConflict ? -1 : 1; }
+  int Vote() const {
+    if (!CanTell()) return 0;
+    return comparison.conflict > kMinDeviations * comparison.sigma ? -1 : 1;
+  }
 };
 
 std::vector<Pair> ComparePairs(const Reconstruction& model, const ViewGraph& graph,
@@ -193,95 +201,104 @@ std::vector<Pair> ComparePairs(const Reconstruction& model, const ViewGraph& gra
   return pairs;
 }
 
-// Groups of images, joined along the surest pairs first, but not where more of the pairs between
-// two groups see two places than see one.
+// Groups of images, joined along the pairs that do not contradict, those of most matches first, but
+// not where more of the pairs between two groups see two places than see one.
 class Groups {
  public:
   Groups(int num_images, const std::vector<Pair>& pairs)
-      : pairs_(pairs), sets_(num_images), pairs_of_(num_images) {
-    std::vector<int> order;
+      : pairs_(pairs), pairs_of_(num_images), group_of_(num_images), members_(num_images) {
     for (size_t k = 0; k < pairs.size(); ++k) {
-      order.push_back(static_cast<int>(k));
       pairs_of_[pairs[k].image1].push_back(static_cast<int>(k));
       pairs_of_[pairs[k].image2].push_back(static_cast<int>(k));
     }
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-      return std::make_pair(-pairs[a].Vote(), -pairs[a].num_inliers) <
-             std::make_pair(-pairs[b].Vote(), -pairs[b].num_inliers);
-    });
-    for (const int k : order) {
-      if (Balance(Root(pairs[k].image1), Root(pairs[k].image2)) >= 0) JoinPair(pairs[k]);
-    }
-    // An image or two that fit nowhere are not a place: they go where most of their matches lead.
     for (int i = 0; i < num_images; ++i) {
-      while (sets_.SizeOf(i) < kMinGroup && Dissolve(Root(i))) {
-      }
+      group_of_[i] = i;
+      members_[i] = {i};
+    }
+    JoinAlongPairs();
+    // An image or two that fit nowhere are not a place: they go where most of their matches lead.
+    for (int group = 0; group < num_images; ++group) {
+      if (SizeOf(group) > 0 && SizeOf(group) < kMinGroup) Dissolve(group);
     }
   }
 
-  int Root(int i) { return sets_.Find(i); }
-  int SizeOf(int i) { return sets_.SizeOf(i); }
-  // Joins the group of this root to the one that most of its matches lead to. False: none do.
-  bool Dissolve(int root) {
+  int Of(int image) const { return group_of_[image]; }
+  int SizeOf(int group) const { return static_cast<int>(members_[group].size()); }
+  // Joins the group to the one that most of its matches lead to. False: none do.
+  bool Dissolve(int group) {
     std::map<int, int64_t> num_matches;
-    for (const int k : pairs_of_[root]) {
-      for (const int i : {pairs_[k].image1, pairs_[k].image2}) {
-        if (Root(i) != root) num_matches[Root(i)] += pairs_[k].num_inliers;
+    for (const int i : members_[group]) {
+      for (const int k : pairs_of_[i]) {
+        const int other = Of(OtherImage(k, i));
+        if (other != group) num_matches[other] += pairs_[k].num_inliers;
       }
     }
     if (num_matches.empty()) return false;
-    const int other =
-        std::max_element(num_matches.begin(), num_matches.end(), [](auto& a, auto& b) {
-          return a.second < b.second;
-        })->first;
-    Join(root, other);
+    Join(std::max_element(num_matches.begin(), num_matches.end(),
+                          [](auto& a, auto& b) { return a.second < b.second; })
+             ->first,
+         group);
     return true;
   }
 
  private:
-  // Votes of the pairs between two groups.
-  int Balance(int root1, int root2) {
-    if (root1 == root2) return 0;
-    if (pairs_of_[root1].size() > pairs_of_[root2].size()) std::swap(root1, root2);
+  int OtherImage(int pair, int image) const {
+    return pairs_[pair].image1 == image ? pairs_[pair].image2 : pairs_[pair].image1;
+  }
+
+  void JoinAlongPairs() {
+    std::vector<int> order(pairs_.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+      return std::make_pair(pairs_[a].Vote() < 0, -pairs_[a].num_inliers) <
+             std::make_pair(pairs_[b].Vote() < 0, -pairs_[b].num_inliers);
+    });
+    for (const int k : order) {
+      int group1 = Of(pairs_[k].image1), group2 = Of(pairs_[k].image2);
+      if (group1 == group2) continue;
+      if (SizeOf(group1) < SizeOf(group2)) std::swap(group1, group2);
+      if (Balance(group2, group1) >= 0) Join(group1, group2);
+    }
+  }
+
+  // Votes of the pairs between two groups, the first of them the smaller one.
+  int Balance(int group, int other) const {
     int balance = 0;
-    for (const int k : pairs_of_[root1]) {
-      const int end1 = Root(pairs_[k].image1);
-      const int end2 = Root(pairs_[k].image2);
-      if ((end1 == root1 && end2 == root2) || (end1 == root2 && end2 == root1)) {
-        balance += pairs_[k].Vote();
+    for (const int i : members_[group]) {
+      for (const int k : pairs_of_[i]) {
+        if (Of(OtherImage(k, i)) == other) balance += pairs_[k].Vote();
       }
     }
     return balance;
   }
-  void JoinPair(const Pair& pair) { Join(Root(pair.image1), Root(pair.image2)); }
-  void Join(int root1, int root2) {
-    if (!sets_.Union(root1, root2)) return;
-    const int root = Root(root1);
-    std::vector<int>& absorbed = pairs_of_[root == root1 ? root2 : root1];
-    pairs_of_[root].insert(pairs_of_[root].end(), absorbed.begin(), absorbed.end());
-    absorbed = {};
+
+  void Join(int into, int group) {
+    for (const int i : members_[group]) group_of_[i] = into;
+    members_[into].insert(members_[into].end(), members_[group].begin(), members_[group].end());
+    members_[group].clear();
   }
 
   const std::vector<Pair>& pairs_;
-  UnionFind sets_;
-  std::vector<std::vector<int>> pairs_of_;  // of roots
+  std::vector<std::vector<int>> pairs_of_;  // by image
+  std::vector<int> group_of_;               // by image
+  std::vector<std::vector<int>> members_;   // by group
 };
 
 // How much views of one place conflict, too: by occlusion, blur, what moves; the more, the farther
 // apart they are. Learned from the pairs within the groups.
 class UsualConflict {
  public:
-  UsualConflict(const std::vector<Pair>& pairs, Groups& groups) {
+  UsualConflict(const std::vector<Pair>& pairs, const Groups& groups) {
     std::vector<double> all, evidence;
     std::array<std::vector<double>, kNumBins> of_bin;
     for (const Pair& pair : pairs) {
-      if (!pair.CanTell() || groups.Root(pair.image1) != groups.Root(pair.image2)) continue;
+      if (!pair.CanTell() || groups.Of(pair.image1) != groups.Of(pair.image2)) continue;
       all.push_back(pair.comparison.conflict);
       of_bin[Bin(pair)].push_back(pair.comparison.conflict);
       evidence.push_back(pair.comparison.evidence);
     }
-    // Less than a cell of least points cannot be seen.
-    const double least = evidence.empty() ? kMaxConflict : kMinInCell / UpperMedian(evidence);
+    // Less than a point cannot be seen.
+    const double least = evidence.empty() ? 1.0 : 1.0 / UpperMedian(evidence);
     for (int bin = 0; bin < kNumBins; ++bin) {
       const bool is_enough = of_bin[bin].size() >= kMinPairs;
       median_[bin] = std::max(least, UpperMedian(is_enough ? of_bin[bin] : all));
@@ -308,21 +325,21 @@ class UsualConflict {
 // what it takes to name the group among all others of its size. Under one place, the surprises of
 // its pairs with others are exponential with mean 1; under two, with the mean that they have. Pairs
 // of one image hang together: no more of them count than there are images, twice for the two sides.
-double SplitEvidence(const std::vector<Pair>& pairs, int num_images, int root,
-                     const UsualConflict& usual, Groups& groups) {
+double SplitEvidence(const std::vector<Pair>& pairs, int num_images, int group,
+                     const UsualConflict& usual, const Groups& groups) {
   std::set<int> inside, outside;
   double sum = 0;
   int num_pairs = 0;
   for (const Pair& pair : pairs) {
-    const bool is_inside1 = groups.Root(pair.image1) == root;
-    const bool is_inside2 = groups.Root(pair.image2) == root;
+    const bool is_inside1 = groups.Of(pair.image1) == group;
+    const bool is_inside2 = groups.Of(pair.image2) == group;
     if (!pair.CanTell() || is_inside1 == is_inside2) continue;
     inside.insert(is_inside1 ? pair.image1 : pair.image2);
     outside.insert(is_inside1 ? pair.image2 : pair.image1);
     sum += usual.Surprise(pair);
     ++num_pairs;
   }
-  const int size = groups.SizeOf(root);
+  const int size = groups.SizeOf(group);
   double cost = 0;
   for (int k = 1; k <= size; ++k) cost += std::log(double(num_images - size + k) / k);
   const double mean = num_pairs > 0 ? sum / num_pairs : 0;
@@ -338,9 +355,9 @@ void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) 
     const UsualConflict usual(pairs, groups);
     std::map<int, double> evidence;
     for (int i = 0; i < num_images; ++i) {
-      const int root = groups.Root(i);
-      if (evidence.count(root) > 0 || groups.SizeOf(root) == num_images) continue;
-      evidence[root] = SplitEvidence(pairs, num_images, root, usual, groups);
+      const int group = groups.Of(i);
+      if (evidence.count(group) > 0 || groups.SizeOf(group) == num_images) continue;
+      evidence[group] = SplitEvidence(pairs, num_images, group, usual, groups);
     }
     const auto least = std::min_element(evidence.begin(), evidence.end(),
                                         [](auto& a, auto& b) { return a.second < b.second; });
@@ -358,7 +375,7 @@ std::vector<size_t> EdgesBetweenTwins(const Reconstruction& model, const ViewGra
   KeepProven(pairs, static_cast<int>(model.images.size()), groups);
   std::vector<size_t> between;
   for (const Pair& pair : pairs) {
-    if (groups.Root(pair.image1) != groups.Root(pair.image2)) between.push_back(pair.edge);
+    if (groups.Of(pair.image1) != groups.Of(pair.image2)) between.push_back(pair.edge);
   }
   return between;
 }

@@ -222,6 +222,31 @@ TEST(AdjustBundle, APriorDoesNotMoveACameraThatItsPointsDetermine) {
   for (int i = 0; i < 2; ++i) EXPECT_LT(shift[i], 0.1 * std::sqrt(squared_error[i])) << i;
 }
 
+TEST(AdjustBundle, RefinesPrincipalPointsAsFarAsTheirPriorLets) {
+  const Reconstruction truth =
+      MakeSyntheticScene({.num_points = 500, .model = CameraModel::kSimpleRadial}).truth;
+  const Eigen::Vector2d shift(8, -6);
+  Reconstruction start = truth;
+  start.cameras.at(1).params[1] += shift.x();
+  start.cameras.at(1).params[2] += shift.y();
+  const auto error_px = [&](bool principal_points, double sigma_px) {
+    BundleAdjustmentScope scope = IntrinsicsScope(start, sigma_px > 0 ? 0.5 : 0);
+    scope.principal_points = principal_points;
+    if (sigma_px > 0) scope.priors.at(1).principal_point_sigma_px = sigma_px;
+    Reconstruction model = start;
+    AdjustBundle(OneThread(), scope, model);
+    const std::vector<double>& params = model.cameras.at(1).params;
+    const std::vector<double>& expected = truth.cameras.at(1).params;
+    return std::hypot(params[1] - expected[1], params[2] - expected[2]);
+  };
+  EXPECT_LT(error_px(true, 1000), 0.01);
+  EXPECT_LT(error_px(true, 10), 2);
+  EXPECT_GT(error_px(true, 0.01), 9);
+  // Without a prior, or where they are not asked for, they stay.
+  EXPECT_EQ(error_px(true, 0), shift.norm());
+  EXPECT_EQ(error_px(false, 10), shift.norm());
+}
+
 TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
   const SyntheticScene scene =
       MakeSyntheticScene({.model = CameraModel::kRadial, .shared_camera = false});
