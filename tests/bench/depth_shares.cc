@@ -75,7 +75,7 @@ FeatureMatches TrueMatches(const ImageData& image1, const ImageData& image2, con
 int Run(const Options& options) {
   const Database database(options.database_path, Database::Mode::kReadOnly);
   const std::map<image_t, ImageData> images = ReadImages(database);
-  const auto truth = ReadStrechaPoses(options.truth_path);
+  const auto truth = ReadTruePoses(options.truth_path);
   int64_t num_samples = 0;
   std::vector<int64_t> num_right;
   for (const image_pair_t pair : database.ReadMatchedPairIds()) {

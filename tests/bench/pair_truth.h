@@ -9,12 +9,13 @@
 
 namespace cairn::bench {
 
-// True camera poses by image name: a folder of Strecha's `<name>.camera` files.
-std::map<std::string, Rigid3d> ReadStrechaPoses(const std::string& folder);
+// True camera poses by image name, of whatever ReadModel reads.
+std::map<std::string, Rigid3d> ReadTruePoses(const std::string& path);
 
 enum class PairKind { kTrue, kFalse, kUnknown };
-// As tests of strecha_29 define it: images of one scene (the name up to the last '_') are a true
-// pair, of different sites a false one; fountain, entry and castle are one site.
+// As tests of strecha_29 define it, where names are <scene>_<file>: images of one scene (the name
+// up to the last '_') are a true pair, of different sites a false one; fountain, entry and castle
+// are one site.
 PairKind KindOfPair(const std::string& name1, const std::string& name2);
 
 // What a verifier did with one pair.
@@ -32,6 +33,7 @@ struct PairResult {
 
 struct Scores {
   int num_true = 0, num_false = 0, accepted_true = 0, accepted_false = 0;
+  int num_wrong = 0;  // of the accepted true ones, poses that are off by more than 20 degrees
   double auc1 = 0, auc5 = 0, auc10 = 0, auc20 = 0;  // percent
   double median_ms_true = 0, median_ms_false = 0;
   double total_seconds = 0;  // true and false pairs

@@ -30,7 +30,8 @@ struct BenchOptions {
 
   void VisitFields(OptionVisitor& v) {
     v.String("database_path", database_path, "keypoints and matches");
-    v.String("truth_path", truth_path, "folder of Strecha's .camera files");
+    v.String("truth_path", truth_path,
+             "true poses: a COLMAP model, or a folder of Strecha's .camera files");
     v.String("depth", depth, "separated by commas: folders of maps, networks (.onnx), none");
     v.String("image_path", image_path, "of networks: <scene>/images/<file> for <scene>_<file>");
     v.String("verifier", verifier,
@@ -103,7 +104,7 @@ std::vector<PairResult> VerifyAll(const PairData& data, const BenchOptions& opti
 int Run(const BenchOptions& options, const DepthOptions& depth_options,
         const TwoViewOptions& verification) {
   PairData data = ReadPairData(options.database_path);
-  const auto truth = ReadStrechaPoses(options.truth_path);
+  const auto truth = ReadTruePoses(options.truth_path);
   std::puts(ScoresHeader().c_str());
   for (const std::string& source : Split(options.depth)) {
     ReadDepth(source, options.image_path, depth_options, &data);

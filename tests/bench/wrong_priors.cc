@@ -93,7 +93,7 @@ struct TruePair {
 };
 
 std::vector<TruePair> FindPairs(const PairData& data, const std::string& truth_path) {
-  const auto truth = ReadStrechaPoses(truth_path);
+  const auto truth = ReadTruePoses(truth_path);
   std::vector<TruePair> pairs;
   for (size_t k = 0; k < data.pairs.size(); ++k) {
     const auto [id1, id2] = PairIdToImagePair(data.pairs[k].first);
