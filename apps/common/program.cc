@@ -152,6 +152,32 @@ std::string DidYouMean(const std::string& key, const std::vector<std::string>& k
   return nearest.empty() ? "" : "; did you mean '" + nearest + "'?";
 }
 
+// Options of earlier versions, and the value that all runs have today. Files of those versions may
+// name it.
+constexpr std::pair<std::string_view, std::string_view> kRetiredOptions[] = {
+    {"verification.depth_solver", "proposed"},
+    {"verification.local_optimization", "threshold"},
+    {"tracks.conflicts", "split"},
+    {"rotation_averaging.kernel", "geman_mcclure"},
+    {"translation_averaging.method", "chordal"},
+};
+
+// "" where the name is not of a retired option.
+std::string RetiredValue(std::string_view key) {
+  for (const auto& [name, value] : kRetiredOptions) {
+    if (name == key) return std::string(value);
+  }
+  return "";
+}
+
+std::string DescribeUnknown(const std::string& key, const std::vector<std::string>& known) {
+  const size_t dashes = key.starts_with("--") ? 2 : 0;
+  if (const std::string value = RetiredValue(key.substr(dashes)); !value.empty()) {
+    return "'" + key + "': this option was taken out; it is always '" + value + "'";
+  }
+  return "'" + key + "'" + DidYouMean(key, known);
+}
+
 }  // namespace
 
 Command::Command(CLI::App& app, std::string name) : app_(app), name_(std::move(name)) {
@@ -200,7 +226,10 @@ void Command::ReadConfigFile(const std::string& path) {
       is_set_.insert(key);
       return;
     }
-    throw ConfigError(path, "unknown key '" + key + "'" + DidYouMean(key, known));
+    if (const std::string value = RetiredValue(key); !value.empty()) {
+      if (TomlText(key, node) == value) return;
+    }
+    throw ConfigError(path, "unknown key " + DescribeUnknown(key, known));
   };
   for (const auto& [name, node] : table) {
     const std::string key(name.str());
@@ -276,7 +305,7 @@ std::string DescribeParseError(const CLI::App& app, const CLI::ParseError& error
   const std::vector<std::string> extras = app.remaining(true);
   if (extras.empty()) return error.what();
   const std::string flag = extras.front().substr(0, extras.front().find('='));
-  return "unknown argument '" + flag + "'" + DidYouMean(flag, known);
+  return "unknown argument " + DescribeUnknown(flag, known);
 }
 
 int Fail(const std::string& message, int exit_code) {

@@ -13,10 +13,10 @@ namespace {
 constexpr double kMinWeight = 1e-8;
 
 // Weight of an error of norm r in the next least-squares solve, 1 at r = 0.
-double KernelWeight(bool geman_mcclure, double squared_error, double sigma) {
-  // Geman-McClure: rho = r^2 / (r^2 + sigma^2); sum |r|^(1/2) smoothed at sigma (L half).
+double KernelWeight(double squared_error, double sigma) {
+  // Geman-McClure: rho = r^2 / (r^2 + sigma^2).
   const double u = 1.0 / (1.0 + squared_error / (sigma * sigma));
-  return std::max(kMinWeight, geman_mcclure ? u * u : std::pow(u, 0.75));
+  return std::max(kMinWeight, u * u);
 }
 
 }  // namespace
@@ -25,7 +25,6 @@ StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveraging
                          ProgressMonitor& monitor, LaplacianSolver& solver,
                          std::vector<Eigen::Quaterniond>& cam_from_world) {
   StageResult result;
-  const bool geman_mcclure = options.kernel == "geman_mcclure";
   const double sigma_end = DegToRad(std::min(options.sigma_end_deg, options.sigma_start_deg));
   double sigma = DegToRad(options.sigma_start_deg);
   std::vector<double> weights(problem.NumEdges());
@@ -33,8 +32,7 @@ StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveraging
     const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, options.num_threads);
     Eigen::MatrixXd rhs = Eigen::MatrixXd::Zero(problem.NumNodes(), 3);
     for (int e = 0; e < problem.NumEdges(); ++e) {
-      weights[e] =
-          problem.trust[e] * KernelWeight(geman_mcclure, errors.col(e).squaredNorm(), sigma);
+      weights[e] = problem.trust[e] * KernelWeight(errors.col(e).squaredNorm(), sigma);
       const Eigen::RowVector3d target = weights[e] * errors.col(e).transpose();
       rhs.row(problem.edges[e].node2) += target;
       rhs.row(problem.edges[e].node1) -= target;

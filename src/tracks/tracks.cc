@@ -111,25 +111,15 @@ class NodeSets {
   std::vector<std::vector<int>> members_;  // of roots, ascending
 };
 
-bool HasConflict(const Track& track) {
-  for (size_t i = 1; i < track.size(); ++i) {
-    if (track[i].image_id == track[i - 1].image_id) return true;
-  }
-  return false;
-}
-
 }  // namespace
 
 void TrackOptions::VisitFields(OptionVisitor& v) {
   v.Int("min_length", min_length, {2, 1000}, "shortest track that is kept, in images");
-  v.Choice("conflicts", conflicts, {"split", "drop"},
-           "chains that join two keypoints of one image: leave out the match, or the chain");
   v.Int("max_per_image", max_per_image, {0, 1e9},
         "long tracks are picked until every image has so many; 0: all tracks");
 }
 
 TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& options) {
-  const bool split = options.conflicts == "split";
   const Nodes nodes = NumberKeypoints(pairs);
   NodeSets sets(nodes.elements);
   TrackReport report;
@@ -138,7 +128,7 @@ TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& 
     const int root1 = sets.Root(node1);
     const int root2 = sets.Root(node2);
     if (root1 == root2) continue;
-    if (split && sets.ShareImage(root1, root2)) {
+    if (sets.ShareImage(root1, root2)) {
       ++report.num_conflicting;
     } else {
       sets.Join(root1, root2);
@@ -151,9 +141,7 @@ TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& 
     Track track;
     track.reserve(members.size());
     for (const int member : members) track.push_back(nodes.elements[member]);
-    if (HasConflict(track)) {
-      ++report.num_conflicting;
-    } else if (static_cast<int>(track.size()) < options.min_length) {
+    if (static_cast<int>(track.size()) < options.min_length) {
       ++report.num_too_short;
     } else {
       report.tracks.push_back(std::move(track));

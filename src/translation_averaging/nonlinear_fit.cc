@@ -24,7 +24,6 @@ class Fit {
       const FitWeights& weights)
       : problem_(problem),
         weights_(weights),
-        scale_free_(options.method == "scale_free"),
         edge_huber_(Chord(weights.edge_huber_deg)),
         ray_huber_(Chord(weights.ray_huber_deg)),
         num_threads_(options.num_threads) {
@@ -35,26 +34,13 @@ class Fit {
     models_[1].resize(problem.rays.size());
   }
 
-  // Scales of all terms, edges before rays; empty for the chordal cost.
-  using Scales = std::vector<double>;
-
-  Scales InitialScales(const Positions& x) const {
-    Scales scales(scale_free_ ? NumTerms() : 0);
-    for (size_t t = 0; t < scales.size(); ++t) {
-      scales[t] = BestScale(DirectionOf(t), DifferenceOf(t, x));
-    }
-    return scales;
-  }
-
-  double Cost(const Positions& x, const Scales& scales) const {
+  double Cost(const Positions& x) const {
     const size_t num_blocks = (NumTerms() + kBlock - 1) / kBlock;
     std::vector<double> sums(num_blocks, 0.0);
     ParallelFor(num_threads_, static_cast<int64_t>(num_blocks), [&](int64_t b) {
       for (size_t t = b * kBlock; t < std::min<size_t>(NumTerms(), (b + 1) * kBlock); ++t) {
         const Eigen::Vector3d D = DifferenceOf(t, x);
-        sums[b] +=
-            WeightOf(t) * (scale_free_ ? ScaleFreeCost(DirectionOf(t), D, scales[t], HuberOf(t))
-                                       : ChordalCost(DirectionOf(t), D, HuberOf(t)));
+        sums[b] += WeightOf(t) * ChordalCost(DirectionOf(t), D, HuberOf(t));
       }
     });
     double cost = 0;
@@ -62,29 +48,17 @@ class Fit {
     return cost;
   }
 
-  void Linearize(const Positions& x, const Scales& scales, double damping) {
+  void Linearize(const Positions& x) {
     const size_t num_blocks = (NumTerms() + kBlock - 1) / kBlock;
     ParallelFor(num_threads_, static_cast<int64_t>(num_blocks), [&](int64_t b) {
       for (size_t t = b * kBlock; t < std::min<size_t>(NumTerms(), (b + 1) * kBlock); ++t) {
         const Eigen::Vector3d D = DifferenceOf(t, x);
-        TermModel model = scale_free_
-                              ? ScaleFreeModel(DirectionOf(t), D, scales[t], HuberOf(t), damping)
-                              : ChordalModel(DirectionOf(t), D, HuberOf(t));
+        TermModel model = ChordalModel(DirectionOf(t), D, HuberOf(t));
         model.curvature *= WeightOf(t);
         model.gradient *= WeightOf(t);
         (t < NumEdges() ? models_[0][t] : models_[1][t - NumEdges()]) = model;
       }
     });
-  }
-
-  Scales MovedScales(const Positions& x, const Scales& scales, const Positions& step,
-                     double damping) const {
-    Scales moved(scales.size());
-    for (size_t t = 0; t < scales.size(); ++t) {
-      moved[t] = ScaleFreeUpdate(DirectionOf(t), DifferenceOf(t, x), scales[t],
-                                 DifferenceOf(t, step), damping);
-    }
-    return moved;
   }
 
   const std::vector<TermModel>& EdgeModels() const { return models_[0]; }
@@ -110,7 +84,6 @@ class Fit {
 
   const DirectionProblem& problem_;
   const FitWeights& weights_;
-  bool scale_free_;
   double edge_huber_;
   double ray_huber_;
   int num_threads_;
@@ -124,22 +97,19 @@ FitResult FitPositions(const DirectionProblem& problem, const TranslationAveragi
                        const FitWeights& weights, PositionSystem& system, Positions& positions,
                        ProgressMonitor& monitor) {
   Fit fit(problem, options, weights);
-  Fit::Scales scales = fit.InitialScales(positions);
   FitResult result;
-  double cost = result.initial_cost = fit.Cost(positions, scales);
+  double cost = result.initial_cost = fit.Cost(positions);
   double damping = kInitialDamping;
   double growth = 2;
   while (result.num_iterations < options.max_iterations && !monitor.StopRequested()) {
     ++result.num_iterations;
-    fit.Linearize(positions, scales, damping);
+    fit.Linearize(positions);
     Positions step;
     double next_cost = std::numeric_limits<double>::infinity();
     Positions next;
-    Fit::Scales next_scales;
     if (system.Solve(fit.EdgeModels(), fit.RayModels(), damping, step)) {
       next = {positions.cameras + step.cameras, positions.points + step.points};
-      next_scales = fit.MovedScales(positions, scales, step, damping);
-      next_cost = fit.Cost(next, next_scales);
+      next_cost = fit.Cost(next);
     }
     if (!(next_cost <= cost)) {  // Nielsen 1999: damping grows ever faster
       damping *= growth;
@@ -152,7 +122,6 @@ FitResult FitPositions(const DirectionProblem& problem, const TranslationAveragi
     }
     const double decrease = cost - next_cost;
     positions = std::move(next);
-    scales = std::move(next_scales);
     cost = next_cost;
     damping = std::max(damping / 5, 1e-9);
     growth = 2;

@@ -26,10 +26,8 @@ struct FitResult {
 };
 
 // Levenberg-Marquardt over cameras and points from a given start. Of each term, with the difference
-// of positions D = c2 - c1 or X - c and its measured direction v:
-//   chordal     rho(|v - D / |D||)               (Wilson and Snavely 2014, eq. 5)
-//   scale_free  rho(|v - s D|), s >= 0 a variable  (BATA: Zhuang, Cheong, Lee 2018, eq. 9)
-// rho is Huber's function. The scales s are eliminated first, then points, then cameras.
+// of positions D = c2 - c1 or X - c and its measured direction v, rho(|v - D / |D||) with Huber's
+// function rho (Wilson and Snavely 2014, eq. 5). Points are eliminated first, then cameras.
 FitResult FitPositions(const DirectionProblem& problem, const TranslationAveragingOptions& options,
                        const FitWeights& weights, PositionSystem& system, Positions& positions,
                        ProgressMonitor& monitor);

@@ -7,8 +7,6 @@ namespace cairn {
 namespace {
 
 constexpr double kMinLength = 1e-12;
-// A scale is at least this share of 1 / |D|: at zero a term would stop to pull.
-constexpr double kMinRelativeScale = 1e-3;
 
 double Length(const Eigen::Vector3d& D) { return std::max(D.norm(), kMinLength); }
 
@@ -34,33 +32,6 @@ TermModel ChordalModel(const Eigen::Vector3d& v, const Eigen::Vector3d& D, doubl
   const double weight = HuberWeight((v - u).norm(), huber);
   return {weight / (length * length) * (Eigen::Matrix3d::Identity() - u * u.transpose()),
           -weight / length * (v - u.dot(v) * u)};
-}
-
-double ScaleFreeCost(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double s, double huber) {
-  return HuberCost((v - s * D).norm(), huber);
-}
-
-// The Gauss-Newton system of (D, s), whose block of s is |D|^2 (1 + damping), with s eliminated.
-TermModel ScaleFreeModel(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double s, double huber,
-                         double damping) {
-  const Eigen::Vector3d r = v - s * D;
-  const double weight = HuberWeight(r.norm(), huber);
-  const double pivot = Length(D) * Length(D) * (1 + damping);
-  return {weight * s * s * (Eigen::Matrix3d::Identity() - D * D.transpose() / pivot),
-          -weight * s * (r - D * (D.dot(r) / pivot))};
-}
-
-double ScaleFreeUpdate(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double s,
-                       const Eigen::Vector3d& step, double damping) {
-  const Eigen::Vector3d r = v - s * D;
-  const double pivot = Length(D) * Length(D) * (1 + damping);
-  const double moved = s + (D.dot(r) - s * D.dot(step)) / pivot;
-  return std::max(moved, kMinRelativeScale / Length(D + step));
-}
-
-double BestScale(const Eigen::Vector3d& v, const Eigen::Vector3d& D) {
-  const double length = Length(D);
-  return std::max(D.dot(v) / length, kMinRelativeScale) / length;
 }
 
 }  // namespace cairn

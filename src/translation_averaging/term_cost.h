@@ -16,14 +16,4 @@ double HuberWeight(double residual, double scale);
 double ChordalCost(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double huber);
 TermModel ChordalModel(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double huber);
 
-// |v - s D| with the scale s as a variable that is eliminated with the damping of the step.
-double ScaleFreeCost(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double s, double huber);
-TermModel ScaleFreeModel(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double s, double huber,
-                         double damping);
-// The scale after D has moved by `step`.
-double ScaleFreeUpdate(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double s,
-                       const Eigen::Vector3d& step, double damping);
-// The best scale for D alone.
-double BestScale(const Eigen::Vector3d& v, const Eigen::Vector3d& D);
-
 }  // namespace cairn

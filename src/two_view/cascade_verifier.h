@@ -22,12 +22,7 @@ struct CascadeSteps {
 class CascadeVerifier : public CalibratedVerifier {
  public:
   CascadeVerifier(const CascadeSteps& steps, std::string_view name, const TwoViewOptions& options)
-      : steps_(steps),
-        name_(name),
-        options_(options),
-        one_ac_depth_(options),
-        search_(options),
-        competing_(options) {}
+      : steps_(steps), name_(name), options_(options), search_(options), competing_(options) {}
   PairReport Verify(const PairInput& input) override;
   const PreparedPair* pair_by_consensus() const override { return &pair_; }
 

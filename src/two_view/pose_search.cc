@@ -9,7 +9,6 @@
 #include "cairn/solvers/five_point.h"
 #include "two_view/cheirality.h"
 #include "two_view/evidence.h"
-#include "two_view/graph_cut.h"
 
 namespace cairn::internal {
 namespace {
@@ -128,27 +127,6 @@ void PoseSearch::FindReach() {
     if (errors_[i] < kExplained * pair_->max_error_px) explained_.push_back(i);
   }
   reach_.SetSubset(pair_->points, reach_indices_.data(), static_cast<int>(reach_indices_.size()));
-  if (options_.local_optimization == "graph_cut") CutReach();
-}
-
-void PoseSearch::CutReach() {
-  constexpr double kCellPx = 50.0;
-  constexpr int kMaxNeighbours = 8;
-  GraphCutProblem problem;
-  std::vector<MatchPosition> positions;
-  const double f1 = reach_.focal1_px(), f2 = reach_.focal2_px();
-  for (int k = 0; k < reach_.size(); ++k) {
-    const Eigen::Vector2d x1 = f1 * reach_.Point1(k), x2 = f2 * reach_.Point2(k);
-    positions.push_back({{x1.x(), x1.y(), x2.x(), x2.y()}});
-    const double error = errors_[reach_indices_[k]] / pair_->max_error_px;
-    problem.closeness.push_back(std::exp(-0.5 * error * error));
-  }
-  problem.neighbours = NeighboursInGrid(positions, kCellPx, kMaxNeighbours);
-  const std::vector<bool> is_right = MinimizeByGraphCut(problem);
-  explained_.clear();
-  for (int k = 0; k < reach_.size(); ++k) {
-    if (is_right[k]) explained_.push_back(reach_indices_[k]);
-  }
 }
 
 void PoseSearch::SampleExplained(int num_samples, Rng* rng) {

@@ -73,7 +73,6 @@ class PoseSearch {
   Rigid3d RefineOnAll(const Rigid3d& start, int max_iterations) const;
   // Matches that the best model explains, and those that a model near it might.
   void FindReach();
-  void CutReach();  // the former by a graph cut
   void SampleExplained(int num_samples, Rng* rng);
 
   TwoViewOptions options_;

@@ -38,9 +38,7 @@ int OneAcDepthStep::Run(const PairInput& input, const PreparedPair& pair, int ma
                         PoseSearch* search) {
   if (input.depth1.empty() || input.depth2.empty()) return 0;
   batch_.Reset(std::min(pair.size(), kMaxHypotheses));
-  const bool umeyama = options_.depth_solver == "umeyama";
   int count = 0;
-  hypotheses_.clear();
   for (int i = 0; i < pair.size() && count < batch_.size(); ++i) {
     const FeatureMatch& match = input.matches[pair.match_index[i]];
     const DepthSample& depth1 = input.depth1[match.point1];
@@ -49,33 +47,18 @@ int OneAcDepthStep::Run(const PairInput& input, const PreparedPair& pair, int ma
     if (pair.points.IsBehind1(i) || pair.points.IsBehind2(i)) continue;  // they have no z-depth
     const Keypoint& keypoint1 = input.keypoints1[match.point1];
     const Keypoint& keypoint2 = input.keypoints2[match.point2];
-    const LiftedFrame frame1 = LiftNormalized(
-        NormalizeFrame(*input.camera1, keypoint1, pair.points.Ray1(i)), keypoint1, depth1);
-    const LiftedFrame frame2 = LiftNormalized(
-        NormalizeFrame(*input.camera2, keypoint2, pair.points.Ray2(i)), keypoint2, depth2);
-    if (!umeyama) {
-      batch_.Set(count++, frame1, frame2);
-      continue;
-    }
-    const LiftedCorrespondence sample{frame1, frame2};
-    ScaledPose model;
-    ++count;
-    if (OneAffineDepthUmeyama::Solve(&sample, &model) == 1 &&
-        model.cam2_from_cam1.translation.norm() > 0.0) {
-      hypotheses_.push_back(
-          {model.cam2_from_cam1.RotationMatrix(), model.cam2_from_cam1.translation});
-    }
+    batch_.Set(count++,
+               LiftNormalized(NormalizeFrame(*input.camera1, keypoint1, pair.points.Ray1(i)),
+                              keypoint1, depth1),
+               LiftNormalized(NormalizeFrame(*input.camera2, keypoint2, pair.points.Ray2(i)),
+                              keypoint2, depth2));
   }
-  if (!umeyama) {
-    for (int i = count; i < batch_.size(); ++i) batch_.Set(i, {}, {});
-    batch_.Solve();
-    Hypothesis hypothesis;
-    for (int i = 0; i < count; ++i) {
-      if (batch_.Get(i, &hypothesis.R, &hypothesis.t)) hypotheses_.push_back(hypothesis);
-    }
-  }
-  for (const Hypothesis& hypothesis : hypotheses_) {
-    search->Add(CrossMatrix(hypothesis.t) * hypothesis.R);
+  for (int i = count; i < batch_.size(); ++i) batch_.Set(i, {}, {});
+  batch_.Solve();
+  Eigen::Matrix3d R;
+  Eigen::Vector3d t;
+  for (int i = 0; i < count; ++i) {
+    if (batch_.Get(i, &R, &t)) search->Add(CrossMatrix(t) * R);
   }
   search->RefineBest(max_num_refined);
   return count;

@@ -14,18 +14,11 @@ namespace cairn::internal {
 class OneAcDepthStep {
  public:
   static constexpr int kMaxHypotheses = 256;
-  explicit OneAcDepthStep(const TwoViewOptions& options) : options_(options) {}
   int Run(const PairInput& input, const PreparedPair& pair, int max_num_refined,
           PoseSearch* search);
 
  private:
-  TwoViewOptions options_;
   OneAffineDepthBatch batch_;
-  struct Hypothesis {
-    Eigen::Matrix3d R;
-    Eigen::Vector3d t;
-  };
-  std::vector<Hypothesis> hypotheses_;
 };
 
 // Two affine correspondences without depth a sample.

@@ -25,7 +25,6 @@ struct RotationEdge {
 };
 
 struct RotationAveragingOptions {
-  std::string kernel = "geman_mcclure";
   int max_l1_iterations = 5;
   int max_consensus_rounds = 8;
   int max_irls_iterations = 60;
@@ -39,8 +38,6 @@ struct RotationAveragingOptions {
   int num_threads = 1;
 
   void VisitFields(OptionVisitor& v) {
-    v.Choice("kernel", kernel, {"geman_mcclure", "l_half"},
-             "robust weight of the reweighted stage: 1 / (r^2 + sigma^2)^2 or r^-3/2");
     v.Int("max_l1_iterations", max_l1_iterations, {0, 1000},
           "outer iterations of the L1 stage (ADMM); 0 skips it");
     v.Int("max_consensus_rounds", max_consensus_rounds, {0, 1000},

@@ -13,10 +13,6 @@ namespace cairn {
 struct TrackOptions {
   // Shortest track that is kept, in images.
   int min_length = 2;
-  // What happens where a chain of matches joins two keypoints of one image. "split": a match that
-  // would join them is left out, matches of the best-supported pairs are joined first. "drop": the
-  // whole chain is left out.
-  std::string conflicts = "split";
   // Tracks are picked, long ones first, until every image has this many (0: all are kept).
   int max_per_image = 0;
 
@@ -32,7 +28,7 @@ struct PairMatches {
 
 struct TrackReport {
   int64_t num_matches = 0;      // given
-  int64_t num_conflicting = 0;  // matches left out ("split"), chains left out ("drop")
+  int64_t num_conflicting = 0;  // matches left out
   int64_t num_too_short = 0;    // tracks
   int64_t num_tracks_before_selection = 0;
   int64_t num_tracks = 0;
@@ -40,9 +36,10 @@ struct TrackReport {
   std::vector<Track> tracks;  // sorted by their first element, then the second, ...
 };
 
-// Joins matches to tracks by union-find. Every track has at most one keypoint of an image. The
-// result does not depend on the order of `pairs` or on the order of the matches within them.
-// Cost: O(m log m) in the number of matches.
+// Joins matches to tracks by union-find, those of the best-supported pairs first. Every track has
+// at most one keypoint of an image: a match that would join two of them is left out. The result
+// does not depend on the order of `pairs` or on the order of the matches within them. Cost: O(m log
+// m) in the number of matches.
 TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& options);
 
 // Indices (ascending) of a subset of `tracks` that gives every image, and every pair of images that

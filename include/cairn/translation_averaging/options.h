@@ -11,7 +11,6 @@ struct TranslationAveragingOptions {
   bool filter_directions = true;
   int filter_num_axes = 48;
   double filter_max_inconsistency = 0.1;
-  std::string method = "chordal";
   double huber_deg = 1.0;
   bool use_points = true;
   double point_weight = 10.0;
@@ -29,8 +28,6 @@ struct TranslationAveragingOptions {
     v.Int("filter_num_axes", filter_num_axes, {1, 10000}, "random axes of the 1DSfM filter");
     v.Double("filter_max_inconsistency", filter_max_inconsistency, {0, 1},
              "a direction goes whose mean inconsistency over the axes is larger (1DSfM: 0.1)");
-    v.Choice("method", method, {"chordal", "scale_free"},
-             "cost of the nonlinear fit: chord between directions, or BATA");
     v.Double("huber_deg", huber_deg, {1e-6, 179},
              "angle from which errors count linearly in the first fit, degrees");
     v.Bool("use_points", use_points, "fit camera-point directions too");

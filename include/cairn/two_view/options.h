@@ -39,8 +39,6 @@ struct TwoViewOptions {
   // Most samples of the five-point verifier, and fewest of the search for a fundamental matrix.
   int max_iterations = 10000;
   int min_iterations = 100;
-  // The solver of the 1AC+D verifier.
-  std::string depth_solver = "proposed";
   // Rough hypotheses are ranked by a soft support at this multiple of the threshold, and refined
   // from it down to the threshold.
   double rough_error_ratio = 7.0;
@@ -55,9 +53,6 @@ struct TwoViewOptions {
   double unsupported_budget = 0.1;
   // Five-point samples a round among what the final model explains, against local optima.
   int num_resamples = 10;
-  // How the final model's inliers are told apart for these samples: by their errors, or by a graph
-  // cut over neighbours (GC-RANSAC: Barath and Matas, 2018), which measured no better and slower.
-  std::string local_optimization = "threshold";
 
   void VisitFields(OptionVisitor& v) {
     v.Double(
@@ -82,8 +77,6 @@ struct TwoViewOptions {
            "give pairs of marks in the frame, or printed over photographs, no pose");
     v.Int("max_iterations", max_iterations, {1, 1e9}, "most samples the five-point verifier draws");
     v.Int("min_iterations", min_iterations, {1, 1e9}, "fewest seven-point samples of a pair");
-    v.Choice("depth_solver", depth_solver, {"proposed", "umeyama"},
-             "solver for one affine correspondence with depth");
     v.Double("rough_error_ratio", rough_error_ratio, {1.0, 1000.0},
              "scale at which rough hypotheses are ranked and first refined, in thresholds");
     v.Int("max_num_refined", max_num_refined, {1, 1e9},
@@ -96,8 +89,6 @@ struct TwoViewOptions {
           "most five-point samples of a pair after the other steps of the cascade");
     v.Double("unsupported_budget", unsupported_budget, {0.0, 1.0},
              "share of the budgets for pairs whose affine frames do not support each other");
-    v.Choice("local_optimization", local_optimization, {"threshold", "graph_cut"},
-             "how inliers are told apart for five-point samples among them");
     v.Int("num_resamples", num_resamples, {0, 1e9},
           "five-point samples a round among the final model's inliers; 0: none");
   }

@@ -132,6 +132,15 @@ TEST_F(ProgramTest, WrongInputIsAUsageErrorThatNamesTheKey) {
   EXPECT_EQ(num_runs_, 0);
 }
 
+// What earlier versions wrote with the defaults goes on to work.
+TEST_F(ProgramTest, OptionsThatWereTakenOutAreNamed) {
+  EXPECT_EQ(Run({"--config", WriteConfig("[tracks]\nconflicts = 'split'\n")}), 0);
+  EXPECT_EQ(Run({"--config", WriteConfig("[tracks]\nconflicts = 'drop'\n")}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("'tracks.conflicts': this option was taken out"));
+  EXPECT_EQ(Run({"--tracks.conflicts", "drop"}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("it is always 'split'"));
+}
+
 TEST_F(ProgramTest, ErrorsBecomeExitCodes) {
   EXPECT_EQ(Run({}, [] { return int{kExitNoUsableResult}; }), kExitNoUsableResult);
   EXPECT_EQ(Run({}, []() -> int { throw IoError("f.jpg", "is empty"); }), kExitIo);

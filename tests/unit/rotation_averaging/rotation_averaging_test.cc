@@ -226,7 +226,6 @@ TEST(RotationAveraging, EveryOptionChangesTheResult) {
   };
   using O = RotationAveragingOptions;
   EXPECT_FALSE(differs([](O& o) {}));
-  EXPECT_TRUE(differs([](O& o) { o.kernel = "l_half"; }));
   EXPECT_TRUE(differs([](O& o) { o.max_l1_iterations = 0; }));
   EXPECT_TRUE(differs([](O& o) { o.max_consensus_rounds = 0; }));
   EXPECT_TRUE(differs([](O& o) { o.max_irls_iterations = 3; }));
@@ -264,7 +263,7 @@ TEST(RotationAveraging, RefusesMeaninglessInput) {
   EXPECT_THROW(run({1, 2, q, 0.0}), BugError);
   EXPECT_THROW(run({1, 2, Eigen::Quaterniond(0, 0, 0, 0), 1.0}), BugError);
   RotationAveragingOptions options;
-  options.kernel = "huber";
+  options.sigma_decay = 2;
   EXPECT_THROW(AverageRotations({}, options), ConfigError);
 }
 

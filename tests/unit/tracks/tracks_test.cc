@@ -53,19 +53,11 @@ std::vector<PairMatches> ConflictingPairs() {
   return {{1, 2, {{1, 1}, {2, 2}, {3, 3}}}, {2, 3, {{1, 1}, {3, 3}}}, {1, 3, {{2, 1}}}};
 }
 
-TEST(BuildTracks, SplitLeavesOutTheMatchOfTheWeakestPair) {
+TEST(BuildTracks, LeavesOutTheConflictingMatchOfTheWeakestPair) {
   const TrackReport report = BuildTracks(ConflictingPairs(), {});
   EXPECT_THAT(report.tracks,
               ElementsAre(MakeTrack({{1, 1}, {2, 1}, {3, 1}}), MakeTrack({{1, 2}, {2, 2}}),
                           MakeTrack({{1, 3}, {2, 3}, {3, 3}})));
-  EXPECT_EQ(report.num_conflicting, 1);
-}
-
-TEST(BuildTracks, DropLeavesOutTheWholeChain) {
-  TrackOptions options;
-  options.conflicts = "drop";
-  const TrackReport report = BuildTracks(ConflictingPairs(), options);
-  EXPECT_THAT(report.tracks, ElementsAre(MakeTrack({{1, 3}, {2, 3}, {3, 3}})));
   EXPECT_EQ(report.num_conflicting, 1);
 }
 

