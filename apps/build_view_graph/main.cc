@@ -42,6 +42,7 @@ int main(int argc, char** argv) {
   command.AddOptions("scheduler", options.scheduler);
   command.SetRun([&] {
     command.Require("database_path");
+    for (const std::string& text : StoredOptions(options.inputs)) command.SetDefaults(text);
     return Build(options, command.EffectiveToml());
   });
   return program.Run(argc, argv);

@@ -152,24 +152,6 @@ std::string DidYouMean(const std::string& key, const std::vector<std::string>& k
   return nearest.empty() ? "" : "; did you mean '" + nearest + "'?";
 }
 
-// Options of earlier versions, and the value that all runs have today. Files of those versions may
-// name it.
-constexpr std::pair<std::string_view, std::string_view> kRetiredOptions[] = {
-    {"verification.depth_solver", "proposed"},
-    {"verification.local_optimization", "threshold"},
-    {"tracks.conflicts", "split"},
-    {"rotation_averaging.kernel", "geman_mcclure"},
-    {"translation_averaging.method", "chordal"},
-};
-
-// "" where the name is not of a retired option.
-std::string RetiredValue(std::string_view key) {
-  for (const auto& [name, value] : kRetiredOptions) {
-    if (name == key) return std::string(value);
-  }
-  return "";
-}
-
 std::string DescribeUnknown(const std::string& key, const std::vector<std::string>& known) {
   const size_t dashes = key.starts_with("--") ? 2 : 0;
   if (const std::string value = RetiredValue(key.substr(dashes)); !value.empty()) {
@@ -239,6 +221,24 @@ void Command::ReadConfigFile(const std::string& path) {
       set(key, node);
     }
   }
+}
+
+void Command::SetDefaults(const std::string& text) {
+  for (const auto& [name, node] : toml::parse(text)) {
+    const toml::table* module = node.as_table();
+    const auto set = [&](const std::string& key, const toml::node& value) {
+      if (IsSet(key)) return;
+      for (const auto& field : fields_) {
+        if (field->key == key) field->set(TomlText(key, value));
+      }
+    };
+    if (module == nullptr) set(std::string(name.str()), node);
+    if (module == nullptr) continue;
+    for (const auto& [field, value] : *module) {
+      set(std::string(name.str()) + "." + std::string(field.str()), value);
+    }
+  }
+  for (const auto& validate : validators_) validate();
 }
 
 void Command::Apply() {

@@ -107,6 +107,20 @@ void OptionDumper::Choice(std::string_view name, std::string& value,
   Line(name, Quote(value));
 }
 
+std::string RetiredValue(std::string_view name) {
+  static constexpr std::pair<std::string_view, std::string_view> kRetired[] = {
+      {"verification.depth_solver", "proposed"},
+      {"verification.local_optimization", "threshold"},
+      {"tracks.conflicts", "split"},
+      {"rotation_averaging.kernel", "geman_mcclure"},
+      {"translation_averaging.method", "chordal"},
+  };
+  for (const auto& [retired, value] : kRetired) {
+    if (retired == name) return std::string(value);
+  }
+  return "";
+}
+
 std::string NearestName(std::string_view name, const std::vector<std::string>& candidates) {
   std::string best;
   size_t best_distance = std::max<size_t>(2, name.size() / 3) + 1;

@@ -1,5 +1,7 @@
 #include "cairn/pipeline/build_pipeline.h"
 
+#include <filesystem>
+
 #include "cairn/base/error.h"
 #include "pipeline/import_dataset.h"
 #include "pipeline/recompute.h"
@@ -125,6 +127,12 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
                         .stage);
 }
 
+// What PrepareRecompute clears.
+bool IsRecomputed(const std::string& stage, const std::string& recompute) {
+  if (recompute == "none") return false;
+  return recompute == kStageFeatures || stage == recompute || stage == kStageVerification;
+}
+
 std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) {
   if (summary.num_verified > 0) return "";
   if (summary.num_images_with_features == 0) {
@@ -138,6 +146,18 @@ std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) 
 }
 
 }  // namespace
+
+std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
+  std::vector<std::string> options;
+  if (!std::filesystem::exists(inputs.database_path)) return options;
+  const Database database(inputs.database_path, Database::Mode::kReadOnly);
+  for (const std::string& stage :
+       {kStageCameras, kStageFeatures, kStageDepth, kStageMatching, kStageVerification}) {
+    const std::optional<StageRecord> record = database.ReadStage(stage);
+    if (record && !IsRecomputed(stage, inputs.recompute)) options.push_back(record->options);
+  }
+  return options;
+}
 
 BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
                                      ProgressMonitor& monitor) {

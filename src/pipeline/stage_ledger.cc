@@ -5,6 +5,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/hash.h"
+#include "cairn/base/options.h"
 #include "pipeline/stage_names.h"
 
 namespace cairn {
@@ -44,8 +45,12 @@ void CheckOptions(const std::string& stage, const std::string& stored, const std
                                  "' was made with " + old_value->second + advice);
     }
   }
-  throw ConfigError(stage,
-                    "the database's stage was made by another version; use --recompute " + stage);
+  const std::map<std::string, std::string> values = ParseOptions(present);
+  for (const auto& [key, value] : old_values) {
+    if (values.count(key) > 0 || value == '"' + RetiredValue(key) + '"') continue;
+    throw ConfigError(key, "is " + value + " in the database's stage '" + stage +
+                               "', and no longer an option; use --recompute " + stage);
+  }
 }
 
 }  // namespace

@@ -52,6 +52,21 @@ TEST(Determinism, StoppingAfterEachStageIsTheSameAsOneRun) {
   EXPECT_TRUE(DumpDatabase(database) == DumpDatabase(scene.database()));
 }
 
+TEST(Determinism, WhatIsNotGivenAgainStaysAsItWas) {
+  const SceneFiles scene;
+  const std::string database = scene / "continued.db";
+  ASSERT_EQ(scene.BuildViewGraph(database, {"--stop_after", "matching"}).exit_code, 0);
+  const ProgramResult result =
+      testing::RunProgram("build_view_graph", {"--database_path", database});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_TRUE(DumpDatabase(database) == DumpDatabase(scene.database()));
+  // Stages that are computed again are not bound by it, those before them are.
+  const ProgramResult again = testing::RunProgram(
+      "build_view_graph", {"--database_path", database, "--recompute", "verification",
+                           "--verification.min_num_inliers", "40"});
+  EXPECT_EQ(again.exit_code, 0) << again.output;
+}
+
 TEST(Determinism, AnotherSeedOrOptionIsNoticed) {
   const SceneFiles scene;
   const ProgramResult result =

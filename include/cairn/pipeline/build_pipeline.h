@@ -60,6 +60,10 @@ struct BuildPipelineOptions {
   SchedulerOptions scheduler;
 };
 
+// The options, as TOML text, of the stages that are in the database already and that this run
+// keeps: what a run is not told stays as it was.
+std::vector<std::string> StoredOptions(const BuildInputs& inputs);
+
 // What the database has after a run, whoever computed it.
 struct ViewGraphSummary {
   int num_images = 0;

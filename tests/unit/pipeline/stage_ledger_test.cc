@@ -43,7 +43,24 @@ TEST(StageLedger, NamesTheOptionThatDiffers) {
                   [&] { StageLedger(database, kStageMatching, Text({}) + "matching.new = 1\n"); }),
               HasSubstr("matching.new: the database's stage 'matching' was made by a version"));
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { StageLedger(database, kStageMatching, ""); }),
-              HasSubstr("another version"));
+              HasSubstr("no longer an option"));
+}
+
+TEST(StageLedger, OptionsThatWereTakenOutDoNotBindWhereTheyWereTheDefault) {
+  for (const bool is_default : {true, false}) {
+    Database database(":memory:");
+    const std::string today = "verification.confidence = 0.99\n";
+    const std::string solver = is_default ? "proposed" : "umeyama";
+    StageLedger(database, kStageVerification,
+                today + "verification.depth_solver = \"" + solver + "\"\n")
+        .Begin(database);
+    const auto open = [&] { StageLedger(database, kStageVerification, today); };
+    if (is_default) {
+      EXPECT_NO_THROW(open());
+    } else {
+      EXPECT_THAT(ThrownMessage<ConfigError>(open), HasSubstr("verification.depth_solver"));
+    }
+  }
 }
 
 TEST(StageLedger, KnowsWhatIsDoneFromWhichInputs) {
