@@ -2,8 +2,6 @@
 find_package(Eigen3 3.4 REQUIRED)
 find_package(OpenMP REQUIRED)
 find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs features2d dnn)
-find_package(JPEG REQUIRED)
-find_package(PNG REQUIRED)
 find_package(Ceres 2.1 REQUIRED)
 find_package(SQLite3 REQUIRED)
 find_package(spdlog REQUIRED)

@@ -41,14 +41,9 @@ std::string ReadHead(const std::string& path, size_t num_bytes) {
 }  // namespace
 
 Bitmap ReadBitmap(const std::string& path, BitmapColor color) {
-  std::string bytes = ReadImageFile(path);
-  const ContainerInfo info = InspectContainer(bytes);
-  if (!info.is_complete) throw IoError(path, "the image is truncated");
-  Bitmap bitmap;
-  const bool is_done =
-      (info.format == ContainerInfo::Format::kJpeg && DecodeJpeg(path, bytes, color, &bitmap)) ||
-      (info.format == ContainerInfo::Format::kPng && DecodePng(bytes, color, &bitmap));
-  return is_done ? bitmap : DecodeByOpenCv(path, bytes, color);
+  const std::string bytes = ReadImageFile(path);
+  if (!InspectContainer(bytes).is_complete) throw IoError(path, "the image is truncated");
+  return DecodeImage(path, bytes, color);
 }
 
 void WriteBitmap(const std::string& path, const Bitmap& bitmap, int jpeg_quality) {
@@ -56,7 +51,7 @@ void WriteBitmap(const std::string& path, const Bitmap& bitmap, int jpeg_quality
   CAIRN_CHECK(bitmap.width > 0 && bitmap.height > 0);
   CAIRN_CHECK_EQ(bitmap.data.size(),
                  static_cast<size_t>(bitmap.width) * bitmap.height * bitmap.channels);
-  const std::vector<uint8_t> bytes = EncodeByOpenCv(path, ExtensionOf(path), bitmap, jpeg_quality);
+  const std::vector<uint8_t> bytes = EncodeImage(path, ExtensionOf(path), bitmap, jpeg_quality);
   WriteFileAtomically(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
@@ -71,7 +66,7 @@ ImageSize ReadImageSize(const std::string& path) {
     size = info.size;
   }
   if (!size) {
-    const Bitmap bitmap = DecodeByOpenCv(path, bytes, BitmapColor::kGray);
+    const Bitmap bitmap = DecodeImage(path, bytes, BitmapColor::kGray);
     size = ImageSize{bitmap.width, bitmap.height};
   }
   if (size->width <= 0 || size->height <= 0) throw IoError(path, "the image has no pixels");

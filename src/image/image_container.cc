@@ -39,7 +39,7 @@ size_t SkipEntropyCodedData(std::string_view bytes, size_t position) {
 }
 
 ContainerInfo InspectJpeg(std::string_view bytes) {
-  ContainerInfo info{ContainerInfo::Format::kJpeg, std::nullopt, false};
+  ContainerInfo info{std::nullopt, false};
   size_t position = 2;  // after start of image
   while (position + 1 < bytes.size()) {
     if (bytes[position] != '\xFF') {
@@ -74,7 +74,7 @@ ContainerInfo InspectJpeg(std::string_view bytes) {
 }
 
 ContainerInfo InspectPng(std::string_view bytes) {
-  ContainerInfo info{ContainerInfo::Format::kPng, std::nullopt, false};
+  ContainerInfo info{std::nullopt, false};
   size_t position = 8;  // after the signature
   while (position + 12 <= bytes.size()) {
     const size_t length = BigEndian(bytes, position, 4);

@@ -11,8 +11,6 @@ namespace cairn {
 
 // What the structure of an image file says, without decoding it.
 struct ContainerInfo {
-  enum class Format { kJpeg, kPng, kOther };
-  Format format = Format::kOther;
   std::optional<ImageSize> size;  // of JPEG and PNG files with a complete header
   bool is_complete = true;        // JPEG and PNG: everything up to the end marker is there
 };

@@ -44,37 +44,6 @@ std::string ReasonOf(const std::string& path) {
   return "no error";
 }
 
-void ExpectAsOpenCv(const std::string& path) {
-  for (const BitmapColor color : {BitmapColor::kGray, BitmapColor::kRgb}) {
-    const Bitmap bitmap = ReadBitmap(path, color);
-    const Bitmap by_opencv = DecodeByOpenCv(path, ReadFile(path), color);
-    EXPECT_EQ(bitmap.width, by_opencv.width);
-    EXPECT_EQ(bitmap.height, by_opencv.height);
-    EXPECT_EQ(bitmap.channels, by_opencv.channels);
-    EXPECT_TRUE(bitmap.data == by_opencv.data) << path;
-  }
-}
-
-TEST(Bitmap, IsToTheByteWhatOpenCvDecodes) {
-  const TempFolder folder;
-  for (const char* name : {"a.png", "a.jpg"}) {
-    for (const int channels : {1, 3}) {
-      WriteBitmap(folder / name, MakeBitmap(37, 23, channels), 80);
-      ExpectAsOpenCv(folder / name);
-    }
-  }
-}
-
-TEST(BitmapData, PhotographsAreToTheByteWhatOpenCvDecodes) {
-  const char* override_dir = std::getenv("CAIRN_SHARED_DIR");
-  const std::filesystem::path data =
-      std::filesystem::path(override_dir ? override_dir : CAIRN_SHARED_DIR) / "data";
-  if (!std::filesystem::exists(data)) GTEST_SKIP() << data << " is absent";
-  for (const char* scene : {"temple_ring", "reichstag", "strecha/entry-P10"}) {
-    ExpectAsOpenCv(std::filesystem::directory_iterator(data / scene / "images")->path());
-  }
-}
-
 TEST(Bitmap, LosslessFormatsKeepEveryByte) {
   const TempFolder folder;
   for (const char* name : {"a.png", "a.bmp", "a.tif", "a.PNG"}) {
