@@ -229,7 +229,12 @@ void Command::SetDefaults(const std::string& text) {
     const auto set = [&](const std::string& key, const toml::node& value) {
       if (IsSet(key)) return;
       for (const auto& field : fields_) {
-        if (field->key == key) field->set(TomlText(key, value));
+        if (field->key != key) continue;
+        try {
+          field->set(TomlText(key, value));
+        } catch (const ConfigError&) {
+          // What another version wrote is no value of today.
+        }
       }
     };
     if (module == nullptr) set(std::string(name.str()), node);

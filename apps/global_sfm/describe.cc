@@ -121,10 +121,6 @@ std::string DescribeDatabase(const Database& database) {
   text += CountsLine("keypoints", database.ReadNumKeypoints(), num_images);
   text += CountsLine("descriptors", database.ReadNumDescriptors(), num_images);
   text += CountsLine("depth samples", database.ReadNumDepthSamples(), num_images);
-  const std::map<image_t, ImageDepth> learned = database.ReadImageDepth();
-  if (!learned.empty()) {
-    text += fmt::format("{:<18} {}\n", "depth learned", LearnedDepthText(learned));
-  }
   text += PairsLine("matched pairs", database.ReadNumMatches(), "matches");
   text += PairsLine("verified pairs", database.ReadNumInliers(), "inliers");
   text += VerifierLines(database.ReadPairMetrics());

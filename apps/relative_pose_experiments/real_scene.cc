@@ -93,7 +93,7 @@ void SampleDepths(const RealDataOptions& options, const DepthOptions& depth_opti
         map = ReadDepthMap(*path, depth_options);
       }
       image.depth = SampleDepth(map, image.camera.width, image.camera.height, image.keypoints,
-                                depth_options.Scales().front());
+                                depth_options.Windows());
     } catch (const IoError& error) {
       monitor.Warning(std::string(error.what()) + "; the image has no depth");
     }

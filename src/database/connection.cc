@@ -112,7 +112,7 @@ std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database
   }
   CheckColmapTables(*impl);
   impl->has_cairn_tables = TableExists(*impl, "cairn_stages");
-  impl->has_depth_tables = TableExists(*impl, "cairn_image_depth");
+  impl->has_depth_tables = TableExists(*impl, "cairn_depth_scales");
   impl->has_lens_table = TableExists(*impl, "cairn_camera_lenses");
   impl->has_focal_tables = TableExists(*impl, "cairn_camera_focals");
   impl->has_rigs = TableExists(*impl, "rigs") && TableExists(*impl, "frame_data");

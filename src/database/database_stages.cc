@@ -125,7 +125,6 @@ void Database::ClearMatches() { Query(*impl_, sql::kClearMatches).Run(); }
 void Database::ClearVerification() {
   Query(*impl_, sql::kClearTwoViewGeometries).Run();
   Query(*impl_, sql::kClearPairMetrics).Run();
-  Query(*impl_, sql::kClearImageDepth).Run();
   Query(*impl_, sql::kClearFocalEvidence).Run();
   Query(*impl_, sql::kClearCameraFocals).Run();
   Query(*impl_, sql::kClearCameraLenses).Run();

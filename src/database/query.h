@@ -19,7 +19,7 @@ struct Database::Impl {
   sqlite3* connection = nullptr;
   std::unordered_map<const char*, sqlite3_stmt*> statements;  // by address of the SQL constant
   bool has_cairn_tables = false;
-  bool has_depth_tables = false;      // cairn_depth_scales, cairn_image_depth
+  bool has_depth_tables = false;      // cairn_depth_scales
   bool has_lens_table = false;        // cairn_camera_lenses
   bool has_focal_tables = false;      // cairn_focal_evidence, cairn_camera_focals
   bool has_rigs = false;              // COLMAP 4.x: rigs, frames

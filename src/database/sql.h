@@ -44,10 +44,6 @@ CREATE TABLE IF NOT EXISTS cairn_pair_metrics
    num_inliers INTEGER NOT NULL, num_iterations INTEGER NOT NULL, score REAL NOT NULL,
    residual_px REAL NOT NULL, triangulation_angle_deg REAL NOT NULL, qvec BLOB, tvec BLOB,
    PRIMARY KEY(pair_id, verifier)) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS cairn_image_depth
-  (image_id INTEGER PRIMARY KEY NOT NULL, scale INTEGER NOT NULL, shift REAL NOT NULL,
-   num_hypotheses INTEGER NOT NULL, num_right INTEGER NOT NULL,
-   FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS cairn_focal_evidence
   (pair_id INTEGER PRIMARY KEY NOT NULL, num_matches INTEGER NOT NULL,
    num_by_essential INTEGER NOT NULL, num_by_fundamental INTEGER NOT NULL) WITHOUT ROWID;
@@ -123,7 +119,7 @@ inline constexpr const char* kReadKeypoints =
 inline constexpr const char* kReadDescriptors =
     "SELECT rows, cols, data FROM descriptors WHERE image_id = ?1;";
 inline constexpr const char* kReadDepthSamples =
-    "SELECT rows, cols, data FROM cairn_depth_scales WHERE image_id = ?1 AND scale = ?2;";
+    "SELECT rows, cols, data FROM cairn_depth_scales WHERE image_id = ?1 AND scale = 0;";
 inline constexpr const char* kReadDepthHash =
     "SELECT hash FROM cairn_depth_scales WHERE image_id = ?1 AND scale = 0;";
 inline constexpr const char* kWriteKeypoints =
@@ -135,7 +131,7 @@ inline constexpr const char* kWriteTypedDescriptors =  // COLMAP 4.x; type 0 is 
     "VALUES(?1, ?2, ?3, ?4, 0);";
 inline constexpr const char* kWriteDepthSamples =
     "INSERT INTO cairn_depth_scales(image_id, scale, hash, rows, cols, data) "
-    "VALUES(?1, ?2, ?3, ?4, ?5, ?6);";
+    "VALUES(?1, 0, ?2, ?3, ?4, ?5);";
 inline constexpr const char* kDeleteDepthSamples =
     "DELETE FROM cairn_depth_scales WHERE image_id = ?1;";
 inline constexpr const char* kReadNumKeypoints = "SELECT image_id, rows FROM keypoints;";
@@ -206,13 +202,6 @@ inline constexpr const char* kClearDescriptors = "DELETE FROM descriptors;";
 inline constexpr const char* kClearDepthSamples = "DELETE FROM cairn_depth_scales;";
 inline constexpr const char* kClearMatches = "DELETE FROM matches;";
 inline constexpr const char* kClearTwoViewGeometries = "DELETE FROM two_view_geometries;";
-inline constexpr const char* kReadImageDepth =
-    "SELECT image_id, scale, shift, num_hypotheses, num_right FROM cairn_image_depth "
-    "ORDER BY image_id;";
-inline constexpr const char* kWriteImageDepth =
-    "INSERT OR REPLACE INTO cairn_image_depth(image_id, scale, shift, num_hypotheses, num_right) "
-    "VALUES(?1, ?2, ?3, ?4, ?5);";
-inline constexpr const char* kClearImageDepth = "DELETE FROM cairn_image_depth;";
 inline constexpr const char* kReadFocalEvidence =
     "SELECT pair_id, num_matches, num_by_essential, num_by_fundamental FROM cairn_focal_evidence "
     "ORDER BY pair_id;";

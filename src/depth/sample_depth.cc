@@ -42,7 +42,7 @@ std::vector<DepthSample> SampleDepth(const DepthMap& map, int image_width, int i
         .is_valid = depth > 0};
     const bool is_known = std::isnormal(sample.depth) && std::isfinite(sample.ddepth_dx) &&
                           std::isfinite(sample.ddepth_dy);
-    if (is_known && (sample.is_valid || map.is_inverse)) samples[i] = sample;
+    if (is_known && sample.is_valid) samples[i] = sample;
   }
   return samples;
 }

@@ -68,16 +68,11 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
   const HashedKeypoints keypoints = ReadKeypoints(id);
   loaded.keypoints = keypoints.keypoints;
   try {
-    const auto learned = learned_.find(id);
-    const ImageDepth how = learned == learned_.end() ? ImageDepth() : learned->second;
-    loaded.depth = database_.ReadDepthSamples(id, how.scale).value_or(std::vector<DepthSample>());
+    loaded.depth = database_.ReadDepthSamples(id).value_or(std::vector<DepthSample>());
     if (!loaded.depth.empty() && loaded.depth.size() != loaded.keypoints->size()) {
       throw IoError(database_.path(), "has " + std::to_string(loaded.keypoints->size()) +
                                           " keypoints of " + Name(id) + ", but " +
                                           std::to_string(loaded.depth.size()) + " depth samples");
-    }
-    if (how.shift != 0.0) {
-      for (DepthSample& sample : loaded.depth) sample = ShiftInverseDepth(sample, how.shift);
     }
   } catch (const IoError& error) {
     if (is_damaged_.count(id) == 0) Report(std::string(error.what()) + "; its depth is not used");

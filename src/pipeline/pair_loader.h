@@ -24,9 +24,6 @@ class PairLoader {
   PairLoader(const std::string& database_path, int min_num_matches, bool keeps_keypoints,
              const StageLedger& ledger, ProgressMonitor& monitor);
 
-  // How the depth of images is to be read from now on; the first scale as it is, at first.
-  void UseLearnedDepth(std::map<image_t, ImageDepth> learned) { learned_ = std::move(learned); }
-
   // What was learned of cameras; holds from now on, besides what the database says.
   void UseLenses(std::map<camera_t, CameraLens> lenses) { lenses_ = std::move(lenses); }
 
@@ -63,7 +60,6 @@ class PairLoader {
   ProgressMonitor& monitor_;
   std::map<camera_t, Camera> cameras_;
   std::map<image_t, Image> images_;
-  std::map<image_t, ImageDepth> learned_;
   std::map<camera_t, CameraLens> lenses_;
   std::set<camera_t> distrusted_;
   std::map<image_t, HashedKeypoints> kept_keypoints_;

@@ -11,8 +11,6 @@
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
 #include "cairn/database/database_writer.h"
-#include "pipeline/depth_choice.h"
-#include "pipeline/depth_learning.h"
 #include "pipeline/focal_learning.h"
 #include "pipeline/lens_learning.h"
 #include "pipeline/pair_feed.h"
@@ -55,9 +53,8 @@ std::vector<image_pair_t> FindPairs(const Database& database,
 class Worker {
  public:
   Worker(const std::vector<NamedVerifier>& verifiers, const VerificationInput& input,
-         const std::map<image_t, ImageDepth>& learned_depth,
          const std::vector<image_pair_t>& to_weigh)
-      : input_(input), learned_depth_(learned_depth), to_weigh_(to_weigh) {
+      : input_(input), to_weigh_(to_weigh) {
     for (const NamedVerifier& verifier : verifiers) {
       names_.push_back(verifier.name);
       verifiers_.push_back(verifier.make());
@@ -80,9 +77,6 @@ class Worker {
     pair.depth1 = task.image1->depth;
     pair.depth2 = task.image2->depth;
     pair.matches = task.matches;
-    const auto [id1, id2] = PairIdToImagePair(task.pair_id);
-    pair.depth_trust1 = TrustIn(id1);
-    pair.depth_trust2 = TrustIn(id2);
     pair.weigh_focals = std::binary_search(to_weigh_.begin(), to_weigh_.end(), task.pair_id);
     for (size_t i = 0; i < verifiers_.size(); ++i) {
       const Timer timer;
@@ -99,14 +93,7 @@ class Worker {
   double verifying_seconds = 0;
 
  private:
-  // 1 where nothing is known.
-  double TrustIn(image_t id) const {
-    const auto learned = learned_depth_.find(id);
-    return learned == learned_depth_.end() ? 1.0 : DepthTrust(learned->second);
-  }
-
   const VerificationInput& input_;
-  const std::map<image_t, ImageDepth>& learned_depth_;
   const std::vector<image_pair_t>& to_weigh_;
   std::vector<std::string> names_;
   std::vector<std::unique_ptr<PairVerifier>> verifiers_;
@@ -192,11 +179,6 @@ class Rounds {
     }
     to_weigh_.clear();
     if (!monitor_.StopRequested()) RunAgain(first, Refute());
-    if (!monitor_.StopRequested()) {
-      const Timer timer;
-      LearnDepth(database_, likely, num_matches, max_bytes_, num_threads_, monitor_);
-      report_.learning_seconds += timer.Seconds();
-    }
     if (!monitor_.StopRequested()) RunRound(second, false);
     report_.stage.messages.insert(report_.stage.messages.end(), loader_.messages().begin(),
                                   loader_.messages().end());
@@ -212,8 +194,6 @@ class Rounds {
 
   // Verifies pairs; adds to the counts and times.
   void RunRound(const std::vector<image_pair_t>& pairs, bool may_come_again) {
-    const std::map<image_t, ImageDepth> learned_depth = database_.ReadImageDepth();
-    loader_.UseLearnedDepth(learned_depth);
     loader_.UseLenses(database_.ReadCameraLenses());
     loader_.DistrustFocals(RefutedCameras(database_.ReadCameraFocals()));
     DatabaseWriter writer(database_.path());
@@ -230,7 +210,7 @@ class Rounds {
       const std::optional<PairTask> task = feed.Next();
       if (!task) return;
       if (!workers[worker]) {
-        workers[worker] = std::make_unique<Worker>(verifiers_, input_, learned_depth, to_weigh_);
+        workers[worker] = std::make_unique<Worker>(verifiers_, input_, to_weigh_);
       }
       auto outcome = std::make_shared<PairOutcome>(workers[worker]->Run(*task));
       bool is_new = true;

@@ -34,7 +34,7 @@ struct DepthItem {
 
 void CheckSource(const Database& database, const std::string& image_path, const DepthSource& source,
                  const DepthOptions& options) {
-  options.Scales();  // Throws where the windows do not go together.
+  ValidateOptions(options, "depth");
   if (!source.depth_path.empty() && !source.depth_model.empty()) {
     throw ConfigError("depth_path", "and depth_model cannot be given together");
   }
@@ -155,20 +155,18 @@ class MapMaker {
 // One item, from its map to rows for the writer.
 void ComputeItem(int worker, DepthItem& item, uint64_t hash, const DepthOptions& options,
                  const std::vector<Keypoint>& keypoints, MapMaker& maps, DatabaseWriter& writer) {
-  std::vector<std::vector<DepthSample>> scales;
+  std::vector<DepthSample> samples;
   if (item.error.empty()) {
     try {
       const DepthMap map = maps.Make(worker, item);
-      for (const DepthWindows& windows : options.Scales()) {
-        scales.push_back(SampleDepth(map, item.size.width, item.size.height, keypoints, windows));
-      }
+      samples = SampleDepth(map, item.size.width, item.size.height, keypoints, options.Windows());
     } catch (const IoError& error) {
       item.error = error.reason();
     }
   }
   const bool has_depth = item.error.empty();
-  writer.Push([&item, hash, has_depth, scales = std::move(scales)](Database& db) {
-    if (has_depth) db.WriteDepthScales(item.image.image_id, scales);
+  writer.Push([&item, hash, has_depth, samples = std::move(samples)](Database& db) {
+    if (has_depth) db.WriteDepthSamples(item.image.image_id, samples);
     db.WriteJob(kStageDepth, {item.image.image_id, hash, item.error});
   });
 }

@@ -10,10 +10,9 @@
 namespace cairn {
 
 // Verification goes over the pairs in two rounds. The first has the likely pairs: those among the
-// most-matched ones of either image. They give a connected view graph early, and show how each
-// image's depth is best read and how far it can be relied on (depth_learning.h), which the second
-// round then knows. The rounds are fixed sets, so
-// that a pair's result depends on no order of work.
+// most-matched ones of either image. They give a connected view graph early, and what is learned of
+// cameras from them the second round then knows. The rounds are fixed sets, so that a pair's result
+// depends on no order of work.
 
 // Of `num_matches` (ascending by pair), the pairs that are among the `per_image` with the most
 // matches of one of their images, ascending; of equal ones the smaller pair id comes first.

@@ -21,7 +21,6 @@ PairReport CascadeVerifier::Verify(const PairInput& input) {
   PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
   search_.Reset(pair_);
   const bool has_depth = steps_.one_ac_depth && !input.depth1.empty() && !input.depth2.empty();
-  const bool use_depth = has_depth && CanTrustDepth(input);
   // Without depth more rests on the other steps.
   constexpr double kWithoutDepth = 3.0;
   const double share =
@@ -30,11 +29,11 @@ PairReport CascadeVerifier::Verify(const PairInput& input) {
     return pair_.IsSupported() ? full : static_cast<int>(std::ceil(share * full));
   };
   int num_with_depth = 0;
-  if (use_depth) {
+  if (has_depth) {
     num_with_depth = one_ac_depth_.Run(input, pair_, budget(options_.max_num_refined), &search_);
     if (search_.HasConverged()) report.verifier = "one_ac_depth";
   }
-  if (steps_.triangles && use_depth && !search_.HasConverged()) {
+  if (steps_.triangles && has_depth && !search_.HasConverged()) {
     triangles_.Run(input, pair_, options_.max_depth_triangles, kMaxTrianglesRefined, &search_);
     if (search_.HasConverged()) report.verifier = "triangles";
   }
@@ -68,14 +67,6 @@ void CascadeVerifier::MarkCompeting(const PairInput& input, PairReport* report) 
   geometry.E.reset();
   geometry.F.reset();
   report->num_inliers = static_cast<int>(geometry.inlier_matches.size());
-}
-
-bool CascadeVerifier::CanTrustDepth(const PairInput& input) const {
-  if (!steps_.two_ac && !steps_.five_point) return true;
-  constexpr double kMinExpectedRight = 0.5;
-  const double trust = std::min(input.depth_trust1, input.depth_trust2);
-  const int num_hypotheses = std::min(pair_.size(), OneAcDepthStep::kMaxHypotheses);
-  return trust * num_hypotheses >= kMinExpectedRight;
 }
 
 void CascadeVerifier::Resample(const PairInput& input) {

@@ -28,7 +28,6 @@ class CascadeVerifier : public CalibratedVerifier {
 
  private:
   // Can one of the 1AC+D hypotheses be expected to be right, or is no other step to follow?
-  bool CanTrustDepth(const PairInput& input) const;
   void Resample(const PairInput& input);
   // Takes the pose from a pair that has a second model as good (COLMAP's kMultiple).
   void MarkCompeting(const PairInput& input, PairReport* report);

@@ -62,7 +62,7 @@ void ReadDepth(const std::string& source, const std::string& image_path,
       map = ReadDepthMap(*path, options);
     }
     image.depth = SampleDepth(map, image.camera.width, image.camera.height, image.keypoints,
-                              options.Scales().front());
+                              options.Windows());
   }
 }
 

@@ -50,14 +50,11 @@ class Database {
   // Features. A missing row is nullopt; rows with 2, 4 or 6 columns become affine frames.
   std::optional<std::vector<Keypoint>> ReadKeypoints(image_t image_id) const;
   std::optional<Descriptors> ReadDescriptors(image_t image_id) const;
-  // Depth samples come at several scales, 0 being that of an image about which nothing is known;
-  // the hash is of all of them.
-  std::optional<std::vector<DepthSample>> ReadDepthSamples(image_t image_id, int scale = 0) const;
+  std::optional<std::vector<DepthSample>> ReadDepthSamples(image_t image_id) const;
   std::optional<uint64_t> ReadDepthHash(image_t image_id) const;
   void WriteKeypoints(image_t image_id, const std::vector<Keypoint>& keypoints);
   void WriteDescriptors(image_t image_id, const Descriptors& descriptors);
   void WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples);
-  void WriteDepthScales(image_t image_id, const std::vector<std::vector<DepthSample>>& scales);
   // Number of rows of every image that has the row, without reading the data.
   std::map<image_t, int> ReadNumKeypoints() const;
   std::map<image_t, int> ReadNumDescriptors() const;
@@ -79,9 +76,6 @@ class Database {
   std::vector<PairMetrics> ReadPairMetrics() const;
   std::vector<PairMetrics> ReadPairMetrics(image_pair_t pair_id) const;
   void WritePairMetrics(const PairMetrics& metrics);
-  // What was learned about the depth of images.
-  std::map<image_t, ImageDepth> ReadImageDepth() const;
-  void WriteImageDepth(image_t image_id, const ImageDepth& depth);
   // Evidence about trusted focal lengths, ascending by pair, and what was learned from it.
   std::vector<PairFocalEvidence> ReadFocalEvidence() const;
   void WriteFocalEvidence(const PairFocalEvidence& evidence);

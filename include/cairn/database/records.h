@@ -27,16 +27,6 @@ struct PairMetrics {
   std::optional<Rigid3d> cam2_from_cam1;  // where status is "verified" and a pose is known
 };
 
-// cairn_image_depth: how an image's depth is to be read, and how far it can be relied on, as its
-// verified pairs taught. Key: image_id.
-struct ImageDepth {
-  int scale = 0;       // of cairn_depth_scales
-  double shift = 0.0;  // to be added to the inverse depth
-  // Of the 1AC+D hypotheses that depth gives for those pairs, and those near their poses.
-  int64_t num_hypotheses = 0;
-  int64_t num_right = 0;
-};
-
 // cairn_focal_evidence: of the matches of a pair that affine frames bear out, those that E
 // explains, at trusted focal lengths, and those that F does. Key: pair_id.
 struct PairFocalEvidence {

@@ -59,10 +59,9 @@ struct VerificationReport {
 // or that was not tried, gets an empty row, as from COLMAP.
 //
 // Likely pairs come first, in a round of their own (pipeline/verification_rounds.h), after which it
-// is learned and stored what lenses unknown cameras have (pipeline/lens_learning.h), then which
+// is learned and stored what lenses unknown cameras have (pipeline/lens_learning.h), and which
 // trusted focal lengths are wrong (pipeline/focal_learning.h; the pairs of these cameras are
-// verified again, with what was learned), and how each image's depth is best read, and
-// how far it can be trusted (pipeline/depth_learning.h). Within a round, pairs are ordered so that
+// verified again, with what was learned). Within a round, pairs are ordered so that
 // features are read once a block and stay within the memory limit; one
 // thread reads ahead, one writes. What a pair yields depends on its own features, depth, cameras,
 // matches, the options, the seed and what the first round learned, and on nothing else. Pairs that
@@ -71,9 +70,6 @@ struct VerificationReport {
 VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
                                const VerificationInput& input, const SchedulerOptions& scheduler,
                                int num_threads, ProgressMonitor& monitor = NullMonitor());
-
-// One line on what was learned about the depth of images (Database::ReadImageDepth).
-std::string LearnedDepthText(const std::map<image_t, ImageDepth>& learned);
 
 // The verifiers of --verifier, in the order of precedence. Throws ConfigError.
 std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options);

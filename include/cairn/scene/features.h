@@ -28,16 +28,12 @@ static_assert(sizeof(Keypoint) == 6 * sizeof(float));
 using Descriptors = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // z-depth at a keypoint and its gradient per image pixel, in the depth map's own (unknown) unit.
-// Where the map has nothing, is_valid is false and the numbers mean nothing; unless depth is
-// negative: the inverse depth is below zero, where a shift may help.
+// Where the map has nothing, is_valid is false and the numbers mean nothing.
 struct DepthSample {
   float depth = 0;
   float ddepth_dx = 0, ddepth_dy = 0;
   bool is_valid = false;
 };
-
-// The sample with `shift` added to its inverse depth; valid if it has a depth then.
-DepthSample ShiftInverseDepth(const DepthSample& sample, double shift);
 
 // Keypoint point1 of the first image corresponds to keypoint point2 of the second.
 struct FeatureMatch {

@@ -27,10 +27,6 @@ struct PairInput {
   // Best first, if it is known which are better; in order of point1 or point2 (COLMAP's databases)
   // if not.
   std::span<const FeatureMatch> matches;
-  // Share of the 1AC+D hypotheses of each image that proved right in other pairs; 1: not known. The
-  // cascade leaves 1AC+D out where no hypothesis of this pair can be expected to be right.
-  double depth_trust1 = 1.0;
-  double depth_trust2 = 1.0;
   // Weigh the trusted focal lengths of this pair: fills PairReport::focal_evidence.
   bool weigh_focals = false;
 };

@@ -85,7 +85,6 @@ TEST_F(DatabaseTest, FeaturesRoundTrip) {
   EXPECT_EQ(read[3].ddepth_dx, 0.1f);
   EXPECT_EQ(read[3].ddepth_dy, -0.2f);
   EXPECT_FALSE(read[4].is_valid);
-  EXPECT_FALSE(database.ReadDepthSamples(1, 1));
   database.WriteKeypoints(2, {});  // An image without texture: a row, and nothing in it.
   database.WriteDescriptors(2, Descriptors(0, 128));
   EXPECT_TRUE(database.ReadKeypoints(2)->empty());
@@ -95,43 +94,23 @@ TEST_F(DatabaseTest, FeaturesRoundTrip) {
   EXPECT_EQ(database.ReadNumDepthSamples(), (std::map<image_t, int>{{1, 50}}));
 }
 
-TEST_F(DatabaseTest, DepthScalesRoundTripWithOneHash) {
+TEST_F(DatabaseTest, DepthSamplesReplaceOthersAndTheirHashFollows) {
   Database database(":memory:");
   WriteImages(database, 2);
   EXPECT_FALSE(database.ReadDepthHash(1));
-  std::vector<std::vector<DepthSample>> scales(3, std::vector<DepthSample>(5));
-  scales[2][4] = {-2.5f, 0.1f, -0.2f, false};  // an inverse depth below zero
-  scales[1][0] = {1.5f, 0.0f, 0.0f, true};
-  database.WriteDepthScales(1, scales);
-  EXPECT_EQ((*database.ReadDepthSamples(1, 2))[4].depth, -2.5f);
-  EXPECT_EQ((*database.ReadDepthSamples(1, 2))[4].ddepth_dy, -0.2f);
-  EXPECT_FALSE((*database.ReadDepthSamples(1, 2))[4].is_valid);
-  EXPECT_TRUE((*database.ReadDepthSamples(1, 1))[0].is_valid);
-  EXPECT_FALSE((*database.ReadDepthSamples(1))[0].is_valid);
-  EXPECT_FALSE(database.ReadDepthSamples(1, 3));
-  EXPECT_EQ(database.ReadNumDepthSamples(), (std::map<image_t, int>{{1, 5}}));
+  std::vector<DepthSample> samples(5);
+  samples[0] = {1.5f, 0.1f, -0.2f, true};
+  database.WriteDepthSamples(1, samples);
+  EXPECT_TRUE((*database.ReadDepthSamples(1))[0].is_valid);
+  EXPECT_FALSE((*database.ReadDepthSamples(1))[1].is_valid);
   const uint64_t hash = *database.ReadDepthHash(1);
-  database.WriteDepthScales(1, scales);
+  database.WriteDepthSamples(1, samples);
   EXPECT_EQ(database.ReadDepthHash(1), hash);
-  scales[2][4].depth = -3.0f;
-  database.WriteDepthScales(1, scales);
+  samples[0].ddepth_dy = -0.3f;
+  database.WriteDepthSamples(1, samples);
   EXPECT_NE(database.ReadDepthHash(1), hash);
-  database.WriteDepthSamples(1, scales[0]);  // replaces them all
-  EXPECT_FALSE(database.ReadDepthSamples(1, 1));
-}
-
-TEST_F(DatabaseTest, LearnedDepthRoundTrips) {
-  Database database(":memory:");
-  WriteImages(database, 2);
-  EXPECT_TRUE(database.ReadImageDepth().empty());
-  database.WriteImageDepth(2, {1, -0.1, 1000, 7});
-  const ImageDepth depth = database.ReadImageDepth().at(2);
-  EXPECT_EQ(depth.scale, 1);
-  EXPECT_EQ(depth.shift, -0.1);
-  EXPECT_EQ(depth.num_hypotheses, 1000);
-  EXPECT_EQ(depth.num_right, 7);
-  database.ClearVerification();
-  EXPECT_TRUE(database.ReadImageDepth().empty());
+  EXPECT_EQ((*database.ReadDepthSamples(1))[0].ddepth_dy, -0.3f);
+  EXPECT_EQ(database.ReadNumDepthSamples(), (std::map<image_t, int>{{1, 5}}));
 }
 
 TEST_F(DatabaseTest, LearnedFocalsRoundTrip) {

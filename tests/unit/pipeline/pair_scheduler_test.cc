@@ -50,7 +50,6 @@ class MockVerifier : public PairVerifier {
         Rigid3d(Eigen::Quaterniond::Identity(), Eigen::Vector3d(rng.Uniform(), 1, 2).normalized());
     report.geometry.inlier_matches = {input.matches.begin(), input.matches.begin() + 15};
     report.num_inliers = 15;
-    report.triangulation_angle_deg = input.depth_trust1 + 10 * input.depth_trust2;
     return report;
   }
 
@@ -199,35 +198,6 @@ TEST_F(PairSchedulerTest, AnInterruptedRunContinuesToTheSameDump) {
   EXPECT_GT(num_runs, 4);
   EXPECT_LT(num_runs, 10);
   EXPECT_EQ(DumpDatabase(path), DumpDatabase(Path("whole.db")));
-}
-
-TEST_F(PairSchedulerTest, VerifiersSeeTheDepthThatWasLearned) {
-  const std::string path = MakeDatabase("a.db");
-  {
-    Database database(path);
-    for (image_t i = 1; i <= kNumImages; i += 2) {
-      const std::vector<DepthSample> first = *database.ReadDepthSamples(i);
-      database.WriteDepthScales(i, {first, std::vector<DepthSample>(40, {-2.0f, 0, 0, false})});
-    }
-    database.WriteImageDepth(3, {1, 0.75, 99, 9});  // 1 / (1 / -2 + 0.75) = 4
-  }
-  Verify(path);
-  const Database database(path);
-  int num_pairs = 0;
-  for (const PairMetrics& metrics : database.ReadPairMetrics()) {
-    if (metrics.status != "verified") continue;
-    const auto [id1, id2] = PairIdToImagePair(metrics.pair_id);
-    EXPECT_DOUBLE_EQ(metrics.triangulation_angle_deg,
-                     (id1 == 3 ? 0.1 : 1.0) + 10 * (id2 == 3 ? 0.1 : 1.0));
-    if (id1 != 3 || id2 % 2 == 1) continue;
-    // 4 a match, and what the mock adds up besides: focal lengths, and coordinates below 1.
-    const int num_matches = metrics.num_matches;
-    const double cameras = 100.0 * (1 + id1 % 2) + 100.0 * (1 + id2 % 2);
-    EXPECT_GT(metrics.residual_px, cameras + 4 * num_matches);
-    EXPECT_LT(metrics.residual_px, cameras + 6 * num_matches);
-    ++num_pairs;
-  }
-  EXPECT_GT(num_pairs, 1);
 }
 
 TEST_F(PairSchedulerTest, NothingIsDoneTwice) {

@@ -138,22 +138,6 @@ TEST_P(Verifiers, OptionsDecideWhatIsAccepted) {
             Make({.max_error_px = 2.0})->Verify(pair.Input()).num_inliers);
 }
 
-TEST(Cascade, LeavesOneAcDepthOutWhereDepthProvedUseless) {
-  const Pair pair = MakePair({}, 9);
-  PairInput input = pair.Input();
-  const auto cascade = MakePairVerifier(VerifierKind::kCascade, {});
-  const PairReport trusting = cascade->Verify(input);
-  ASSERT_EQ(trusting.status, PairStatus::kVerified);
-  EXPECT_EQ(trusting.verifier, "one_ac_depth");
-  input.depth_trust2 = 1e-4;
-  const PairReport wary = cascade->Verify(input);
-  ASSERT_EQ(wary.status, PairStatus::kVerified);
-  EXPECT_NE(wary.verifier, "one_ac_depth");
-  // Alone it has nothing else to try.
-  EXPECT_EQ(MakePairVerifier(VerifierKind::kOneAcDepth, {})->Verify(input).status,
-            PairStatus::kVerified);
-}
-
 TEST(OneAcDepthVerifier, NeedsDepthInBothImages) {
   Pair pair = MakePair({}, 1);
   const auto verifier = MakePairVerifier(VerifierKind::kOneAcDepth, {});
