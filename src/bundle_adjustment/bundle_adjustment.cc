@@ -241,6 +241,7 @@ std::string_view BundleAdjustmentStatusName(BundleAdjustmentStatus status) {
 BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
                                     const BundleAdjustmentScope& scope,
                                     Reconstruction& reconstruction, ProgressMonitor& monitor) {
+  ValidateOptions(options, "bundle_adjustment");
   const Timer timer;
   BundleAdjustmentReport report;
   BundleProblem problem(options, scope, reconstruction);

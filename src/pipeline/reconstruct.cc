@@ -352,6 +352,7 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
 
 ReconstructResult ReconstructScene(const Database& database, const std::string& image_path,
                                    const ReconstructSettings& settings, ProgressMonitor& monitor) {
+  ValidateOptions(settings.reconstruct, "reconstruct");
   const Timer timer;
   RunReport read;
   SceneData scene = ReadSceneData(database, settings, monitor, read);

@@ -164,6 +164,7 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, std::span<const Eigen
                                      std::span<const Eigen::Vector3d> xyz, bool estimate_focal,
                                      const ResectionOptions& options, uint64_t seed, uint64_t id) {
   CAIRN_CHECK_EQ(pixels.size(), xyz.size());
+  ValidateOptions(options, "resection");
   ResectionReport report;
   if (static_cast<int>(pixels.size()) < options.min_num_inliers) {
     report.status = ResectionStatus::kTooFewPoints;

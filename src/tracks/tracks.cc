@@ -120,6 +120,7 @@ void TrackOptions::VisitFields(OptionVisitor& v) {
 }
 
 TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& options) {
+  ValidateOptions(options, "tracks");
   const Nodes nodes = NumberKeypoints(pairs);
   NodeSets sets(nodes.elements);
   TrackReport report;

@@ -128,6 +128,7 @@ TrackOutcome TriangulateTrack(const Track& track, const TriangulationOptions& op
 TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
                                           const TriangulationOptions& options, int num_threads,
                                           Reconstruction& reconstruction) {
+  ValidateOptions(options, "triangulation");
   for (auto& [image_id, image] : reconstruction.images) {
     std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
   }

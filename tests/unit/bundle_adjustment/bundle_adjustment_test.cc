@@ -8,6 +8,7 @@
 #include <functional>
 #include <vector>
 
+#include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "support/synthetic_reconstruction.h"
@@ -406,6 +407,13 @@ TEST(AdjustBundle, NothingToAdjustIsSaidAndChangesNothing) {
       Scope([](auto& s) { s.rotations = s.positions = s.points = false; });
   EXPECT_EQ(AdjustBundle(OneThread(), nothing, model).status,
             BundleAdjustmentStatus::kNoObservations);
+}
+
+TEST(AdjustBundle, RefusesMeaninglessOptions) {
+  Reconstruction model = MakeSyntheticScene({}).truth;
+  BundleAdjustmentOptions options = OneThread();
+  options.loss = "Huber";
+  EXPECT_THROW(AdjustBundle(options, {}, model), ConfigError);
 }
 
 TEST(AdjustBundle, StopsWhenAsked) {

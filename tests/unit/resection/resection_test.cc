@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 
@@ -148,6 +149,12 @@ TEST(EstimateAbsolutePose, OptionsDecide) {
   const int few = Resect(MakeProblem(100, 0.7, 1.0, 4), options).num_iterations;
   options.confidence = 0.999999;
   EXPECT_GT(Resect(MakeProblem(100, 0.7, 1.0, 4), options).num_iterations, few);
+}
+
+TEST(EstimateAbsolutePose, RefusesMeaninglessOptions) {
+  ResectionOptions options;
+  options.max_error_px = -1;
+  EXPECT_THROW(EstimateAbsolutePose(Camera(), {}, {}, false, options, 0, 0), ConfigError);
 }
 
 }  // namespace

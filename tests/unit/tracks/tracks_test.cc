@@ -70,6 +70,12 @@ TEST(BuildTracks, MinLengthLeavesOutShortTracks) {
   EXPECT_EQ(report.num_too_short, 1);
 }
 
+TEST(BuildTracks, RefusesMeaninglessOptions) {
+  TrackOptions options;
+  options.min_length = 1;
+  EXPECT_THROW(BuildTracks({}, options), ConfigError);
+}
+
 TEST(BuildTracks, MaxPerImagePrefersLongTracks) {
   TrackOptions options;
   options.max_per_image = 1;

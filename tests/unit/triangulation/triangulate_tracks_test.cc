@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "cairn/base/error.h"
 #include "support/synthetic_reconstruction.h"
 
 namespace cairn {
@@ -169,6 +170,13 @@ TEST(FilterPoints, MinViewsRemovesShortTracks) {
   FilterPoints(options, 1, scene.truth);
   EXPECT_FALSE(scene.truth.points3D.empty());
   for (const auto& [id, point] : scene.truth.points3D) EXPECT_GE(point.track.size(), 4u);
+}
+
+TEST(TriangulateTracks, RefusesMeaninglessOptions) {
+  Reconstruction model;
+  TriangulationOptions options;
+  options.max_error_px = -1;
+  EXPECT_THROW(TriangulateTracks({}, options, 1, model), ConfigError);
 }
 
 }  // namespace
