@@ -126,14 +126,6 @@ Table IterationTable(const ComplexityReport& report) {
 std::vector<FigureCheck> Checks(const ComplexityReport& report) {
   const auto at = [&](Solver solver) { return report.solvers[static_cast<int>(solver)]; };
   std::vector<FigureCheck> checks = {
-      {"complexity.paper_operations.5PT", 1.0 * at(Solver::kFivePoint).paper_operations, 2325,
-       2325},
-      {"complexity.paper_operations.2AC", 1.0 * at(Solver::kTwoAffine).paper_operations, 1424,
-       1424},
-      {"complexity.paper_operations.umeyama", 1.0 * at(Solver::kUmeyama).paper_operations, 345,
-       345},
-      {"complexity.paper_operations.proposed", 1.0 * at(Solver::kProposed).paper_operations, 133,
-       133},
       {"complexity.models.proposed", at(Solver::kProposed).models_per_sample, 0.999, 1.0},
       {"complexity.models.5PT", at(Solver::kFivePoint).models_per_sample, 3, 6},
       {"complexity.iterations.5PT.0.75", RansacIterations(0.75, 5), 4712, 4714},

@@ -1,0 +1,170 @@
+// Blobs and textures whose features are known beforehand.
+#include "cairn/features/features.h"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <numbers>
+
+#include "cairn/base/rng.h"
+
+namespace cairn {
+namespace {
+
+struct Blob {
+  Eigen::Vector2d center;  // pixels; the center of the top-left pixel is (0.5, 0.5)
+  Eigen::Matrix2d covariance;
+  double height = 100;
+};
+
+Bitmap Draw(int width, int height, const std::vector<Blob>& blobs) {
+  Bitmap bitmap{width, height, 1, {}};
+  bitmap.data.resize(static_cast<size_t>(width) * height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      double value = 60;
+      for (const Blob& blob : blobs) {
+        const Eigen::Vector2d d = Eigen::Vector2d(x + 0.5, y + 0.5) - blob.center;
+        value += blob.height * std::exp(-0.5 * d.dot(blob.covariance.inverse() * d));
+      }
+      *bitmap.Pixel(x, y) = static_cast<uint8_t>(std::clamp(std::lround(value), 0L, 255L));
+    }
+  }
+  return bitmap;
+}
+
+std::vector<Blob> GridOfBlobs(double sigma, Rng& rng) {
+  std::vector<Blob> blobs;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 4; ++column) {
+      blobs.push_back({{60.0 * column + 50 + rng.Uniform(), 60.0 * row + 50 + rng.Uniform()},
+                       sigma * sigma * Eigen::Matrix2d::Identity()});
+    }
+  }
+  return blobs;
+}
+
+// The keypoint nearest to a position; null: there is none.
+const Keypoint* Nearest(const Features& features, const Eigen::Vector2d& position) {
+  const Keypoint* nearest = nullptr;
+  for (const Keypoint& keypoint : features.keypoints) {
+    if (!nearest ||
+        (keypoint.Position() - position).norm() < (nearest->Position() - position).norm()) {
+      nearest = &keypoint;
+    }
+  }
+  return nearest;
+}
+
+struct Kind {
+  std::string type;
+  int first_octave;
+};
+
+class FeaturesOfKind : public testing::TestWithParam<Kind> {
+ protected:
+  FeatureOptions Options() const {
+    FeatureOptions options;
+    options.type = GetParam().type;
+    options.first_octave = GetParam().first_octave;
+    return options;
+  }
+};
+
+TEST_P(FeaturesOfKind, LieOnTheBlobsAndHaveTheirSize) {
+  Rng rng(1);
+  for (const double sigma : {3.0, 5.0}) {
+    const std::vector<Blob> blobs = GridOfBlobs(sigma, rng);
+    const Features features = ExtractFeatures(Draw(280, 220, blobs), Options());
+    Eigen::Vector2d bias = Eigen::Vector2d::Zero();
+    for (const Blob& blob : blobs) {
+      const Keypoint* keypoint = Nearest(features, blob.center);
+      ASSERT_NE(keypoint, nullptr);
+      const Eigen::Vector2d error = keypoint->Position() - blob.center;
+      EXPECT_LT(error.norm(), 0.3);
+      bias += error / static_cast<double>(blobs.size());
+      const double scale = std::sqrt(std::abs(keypoint->Shape().determinant()));
+      EXPECT_NEAR(scale / sigma, 1.0, 0.3);
+    }
+    EXPECT_LT(bias.norm(), 0.1) << bias.transpose();
+  }
+}
+
+TEST_P(FeaturesOfKind, ComeAgainWhereTheImageIsTurned) {
+  Rng rng(2);
+  std::vector<Blob> blobs, turned;
+  constexpr int kSize = 300;
+  for (int k = 0; k < 150; ++k) {
+    const double sigma = rng.Uniform(1.5, 6);
+    blobs.push_back({{rng.Uniform(0, kSize), rng.Uniform(0, kSize)},
+                     sigma * sigma * Eigen::Matrix2d::Identity(),
+                     rng.Uniform(-50, 90)});
+    turned.push_back(blobs.back());  // by 90 degrees
+    turned.back().center = {kSize - blobs.back().center.y(), blobs.back().center.x()};
+  }
+  const Features first = ExtractFeatures(Draw(kSize, kSize, blobs), Options());
+  const Features second = ExtractFeatures(Draw(kSize, kSize, turned), Options());
+  ASSERT_GT(first.keypoints.size(), 60u);
+  int num_again = 0, num_alike = 0;
+  for (size_t i = 0; i < first.keypoints.size(); ++i) {
+    const Keypoint& keypoint = first.keypoints[i];
+    const Eigen::Vector2d there(kSize - keypoint.y, keypoint.x);
+    int least = -1;
+    for (size_t j = 0; j < second.keypoints.size(); ++j) {
+      if ((second.keypoints[j].Position() - there).norm() > 1.0) continue;
+      const int distance =
+          (first.descriptors.row(i).cast<int>() - second.descriptors.row(j).cast<int>())
+              .squaredNorm();
+      if (least < 0 || distance < least) least = distance;
+    }
+    num_again += least >= 0;
+    num_alike += least >= 0 && least < 150 * 150;  // of descriptors of norm 512
+  }
+  EXPECT_GT(num_again, 0.9 * static_cast<double>(first.keypoints.size()));
+  EXPECT_GT(num_alike, 0.6 * static_cast<double>(first.keypoints.size()));
+}
+
+TEST_P(FeaturesOfKind, AreTheSameEveryTimeAndNoneWithoutTexture) {
+  Rng rng(3);
+  const Bitmap bitmap = Draw(280, 220, GridOfBlobs(4, rng));
+  const Features features = ExtractFeatures(bitmap, Options());
+  EXPECT_EQ(ExtractFeatures(bitmap, Options()).keypoints, features.keypoints);
+  EXPECT_EQ(features.descriptors.rows(), static_cast<Eigen::Index>(features.keypoints.size()));
+  FeatureOptions few = Options();
+  few.max_num_features = 5;
+  const Features largest = ExtractFeatures(bitmap, few);
+  ASSERT_EQ(largest.keypoints.size(), 5u);
+  EXPECT_TRUE(ExtractFeatures(Draw(100, 100, {}), Options()).keypoints.empty());
+}
+
+INSTANTIATE_TEST_SUITE_P(Features, FeaturesOfKind,
+                         testing::Values(Kind{"affine_dog", -1}, Kind{"affine_dog", 0},
+                                         Kind{"sift", -1}, Kind{"sift", 0}),
+                         [](const auto& info) {
+                           return info.param.type +
+                                  (info.param.first_octave < 0 ? "_doubled" : "_full");
+                         });
+
+// The frame of a stretched blob is stretched along with it, though less: the window in which
+// gradients are summed up is finite.
+TEST(AffineDog, FramesFollowTheShape) {
+  for (const double angle : {0.0, 0.5, 1.2}) {
+    const Eigen::Matrix2d R = Eigen::Rotation2Dd(angle).toRotationMatrix();
+    const Eigen::Matrix2d covariance = R * Eigen::Vector2d(49, 16).asDiagonal() * R.transpose();
+    const Features features =
+        ExtractFeatures(Draw(200, 200, {{{100.3, 99.6}, covariance}}), FeatureOptions());
+    const Keypoint* keypoint = Nearest(features, {100.3, 99.6});
+    ASSERT_NE(keypoint, nullptr);
+    EXPECT_LT((keypoint->Position() - Eigen::Vector2d(100.3, 99.6)).norm(), 0.5);
+    const Eigen::Matrix2d shape = keypoint->Shape() * keypoint->Shape().transpose();
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(shape);
+    const double ratio = std::sqrt(axes.eigenvalues()[1] / axes.eigenvalues()[0]);
+    EXPECT_GT(ratio, 1.3);
+    EXPECT_LT(ratio, 7.0 / 4 + 0.1);
+    EXPECT_GT(std::abs(axes.eigenvectors().col(1).dot(R.col(0))), std::cos(0.1)) << angle;
+  }
+}
+
+}  // namespace
+}  // namespace cairn
