@@ -50,25 +50,10 @@ std::vector<size_t> FindTwins(StageContext& context, const Reconstruction& model
   return edges;
 }
 
-// Takes out images that contradict most of their matches, unless there are so many that the others
-// are in doubt as well: resection may find their places.
-void RemoveContradicted(StageContext& context, const ModelEvidence& evidence,
-                        Reconstruction& model) {
-  std::vector<image_t> contradicted;
-  for (const auto& [id, support] : evidence.images) {
-    if (support.IsContradicted()) contradicted.push_back(id);
-  }
-  if (contradicted.empty() || 4 * contradicted.size() > model.images.size()) return;
-  Stage stage(context, "contradicted");
-  stage.Add("images_removed", static_cast<double>(contradicted.size()));
-  for (const image_t id : contradicted) RemoveImage(id, model);
-}
-
 // Registers what was left out and lets the model choose its pairs, until neither brings anything.
 // False: there is not enough memory, and the report's failure says so.
 bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
-  RemoveContradicted(context, EvidenceFor(context, model, graph), model);
   for (int round = 0; round < options.max_rounds && !context.monitor.StopRequested(); ++round) {
     const int num_new = options.register_left_out ? RegisterLeftOut(context, graph, model) : 0;
     const int64_t num_gained = ReviseEdges(EvidenceFor(context, model, graph), model, graph);
