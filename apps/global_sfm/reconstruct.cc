@@ -15,6 +15,7 @@ struct ReconstructFlags {
   std::string database_path;
   std::string image_path;
   std::string output_path;
+  bool overwrite = false;
   bool refine_intrinsics = true;
   int num_threads = 0;
   int seed = 0;
@@ -24,6 +25,7 @@ struct ReconstructFlags {
     v.String("image_path", image_path,
              "folder of the photographs, for colors; without, points are black");
     v.String("output_path", output_path, "folder for the results, made if absent");
+    v.Bool("overwrite", overwrite, "replace models in output_path that cairn did not write");
     v.Bool("refine_intrinsics", refine_intrinsics,
            "refine focal lengths and distortions; not given: 0 for cameras given by "
            "--camera_params or calibrated otherwise, else 1");
@@ -51,7 +53,8 @@ int Run(const Command& command, State& state) {
   settings.translation_averaging.seed = flags.seed;
   settings.bundle_adjustment.num_threads = flags.num_threads;
 
-  // A folder that cannot be written to is noticed before the work, not after it.
+  // A folder that cannot or must not be written to is noticed before the work, not after it.
+  if (!flags.overwrite) CheckReconstructOutput(flags.output_path);
   CreateFolders(flags.output_path);
   WriteFileAtomically(flags.output_path + "/effective.toml", command.EffectiveToml());
   ConsoleMonitor monitor;

@@ -54,6 +54,22 @@ std::string ConfidenceCsv(const ReconstructResult& result) {
 
 }  // namespace
 
+void CheckReconstructOutput(const std::string& output_path) {
+  const fs::path output(output_path);
+  const fs::path options = output / "effective.toml";
+  if (fs::exists(options) &&
+      ReadFile(options.string()).starts_with("# global_sfm reconstruct, cairn ")) {
+    return;
+  }
+  for (const char* name : {"sparse", "bundle.out", "list.txt", "points.ply"}) {
+    if (!fs::exists(output / name) || fs::is_empty(output / name)) continue;
+    throw ConfigError("output_path",
+                      (output / name).string() +
+                          " is not of cairn and would be replaced; give another folder, or "
+                          "--overwrite");
+  }
+}
+
 void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
                             const std::string& effective_toml) {
   const fs::path output(output_path);

@@ -85,6 +85,10 @@ ReconstructResult ReconstructScene(const Database& database, const std::string& 
                                    const ReconstructSettings& settings,
                                    ProgressMonitor& monitor = NullMonitor());
 
+// Throws ConfigError where the folder has a model (sparse, bundle.out, list.txt, points.ply) and no
+// effective.toml of global_sfm reconstruct: another program's work, which must not be replaced.
+void CheckReconstructOutput(const std::string& output_path);
+
 // Writes sparse/<k>/{cameras,images,points3D}.bin for every model, bundle.out with list.txt and
 // points.ply of the largest, confidence.csv (a line an image: pairs in use, points, standard
 // deviations of its pose; see EstimatePoseConfidence), the view graph as view_graph.json and

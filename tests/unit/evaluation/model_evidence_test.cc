@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <numbers>
+
 #include "cairn/geometry/rigid3d.h"
 #include "support/synthetic_reconstruction.h"
 
@@ -88,6 +90,26 @@ TEST(ModelEvidence, PointsBehindACameraAreNotExplained) {
   for (auto& [id, image] : mirrored.images) image.cam_from_world.translation *= -1;
   const ModelEvidence evidence = EvaluateEvidence(mirrored, pairs.views, 1);
   EXPECT_LT(evidence.all.Share(), 0.05);
+}
+
+// A camera that is turned by half a turn about the baseline sees the same epipolar lines, and every
+// point lies behind one of the two (the twisted pair; Hartley and Zisserman, 9.6.2).
+TEST(ModelEvidence, PointsBehindOneOfTwoCamerasAreNotExplained) {
+  const SyntheticScene scene = MakeSyntheticScene({});
+  const Pairs pairs(scene.truth);
+  const VerifiedPair& pair = pairs.views.front();
+  for (const image_t id : {pair.image_id1, pair.image_id2}) {
+    Reconstruction twisted = scene.truth;
+    const Eigen::Vector3d baseline = (twisted.images.at(pair.image_id2).cam_from_world.Center() -
+                                      twisted.images.at(pair.image_id1).cam_from_world.Center())
+                                         .normalized();
+    Rigid3d& pose = twisted.images.at(id).cam_from_world;
+    const Eigen::Vector3d center = pose.Center();
+    pose.rotation = pose.rotation * Eigen::AngleAxisd(std::numbers::pi, baseline);
+    pose.translation = pose.rotation * -center;
+    const ModelEvidence evidence = EvaluateEvidence(twisted, {&pair, 1}, 1);
+    EXPECT_LT(evidence.all.Share(), 0.05) << id;
+  }
 }
 
 TEST(ModelEvidence, AnImageThatIsMissingCostsItsMatches) {

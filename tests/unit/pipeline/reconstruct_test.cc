@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <set>
 
+#include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
 #include "cairn/image/bitmap.h"
@@ -455,6 +456,25 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   WriteReconstructResult(result, output, "# options\n");
   EXPECT_TRUE(std::filesystem::exists(output + "/sparse/0/images.bin"));
   EXPECT_THAT(ReadFile(output + "/report.json"), HasSubstr("stage: reason; advice"));
+}
+
+TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
+  const std::string output = folder_.string();
+  EXPECT_NO_THROW(CheckReconstructOutput(output + "/absent"));
+  EXPECT_NO_THROW(CheckReconstructOutput(output));  // photographs alone
+  std::filesystem::create_directories(folder_ / "sparse");
+  EXPECT_NO_THROW(CheckReconstructOutput(output));
+  std::filesystem::create_directories(folder_ / "sparse/0");
+  WriteFileAtomically(output + "/effective.toml", "# build_view_graph, cairn 0.1.0\n");
+  try {
+    CheckReconstructOutput(output);
+    ADD_FAILURE() << "not refused";
+  } catch (const ConfigError& error) {
+    EXPECT_THAT(error.what(), HasSubstr(output + "/sparse is not of cairn"));
+    EXPECT_THAT(error.what(), HasSubstr("--overwrite"));
+  }
+  WriteFileAtomically(output + "/effective.toml", "# global_sfm reconstruct, cairn 0.1.0\n");
+  EXPECT_NO_THROW(CheckReconstructOutput(output));
 }
 
 TEST_F(OutputTest, ColorsComeFromThePhotographs) {

@@ -215,6 +215,26 @@ TEST(RotationAveraging, ContradictingParallelEdges) {
   EXPECT_EQ(report.num_rejected, 1);
 }
 
+// Two measurements of one rotation, in the reweighted stage alone: their weighted mean.
+TEST(RotationAveraging, ASurerEdgePullsMore) {
+  RotationAveragingOptions options;
+  options.max_l1_iterations = options.max_consensus_rounds = 0;
+  options.sigma_start_deg = options.sigma_end_deg = 100;  // both are good
+  const auto found_deg = [&](double weight_power) {
+    options.weight_power = weight_power;
+    const auto edge = [](double angle_deg, double weight) {
+      return RotationEdge{
+          1, 2,
+          Eigen::Quaterniond(Eigen::AngleAxisd(DegToRad(angle_deg), Eigen::Vector3d::UnitY())),
+          weight};
+    };
+    const auto report = AverageRotations(std::vector{edge(0, 9), edge(4, 1)}, options);
+    return RadToDeg(AngleBetween(report.cam_from_world.at(1), report.cam_from_world.at(2)));
+  };
+  EXPECT_NEAR(found_deg(1), 0.4, 0.02);
+  EXPECT_NEAR(found_deg(0), 2.0, 0.02);
+}
+
 TEST(RotationAveraging, EveryOptionChangesTheResult) {
   const Problem p = MakeProblem(40, 250, 2.0, 0.4, 14);
   const RotationAveragingReport reference = AverageRotations(p.edges);
