@@ -112,6 +112,11 @@ void WriteColmapModel(const Reconstruction& reconstruction, const std::string& f
       throw IoError(folder, "'" + image.image.name + "' cannot be an image's name in a model");
     }
   }
+  if (format == ColmapModelFormat::kText && fs::exists(fs::path(folder) / "cameras.bin")) {
+    throw IoError(folder,
+                  "has a binary model, which readers take in place of text; give another "
+                  "folder");
+  }
   CreateFolders(folder);
   if (format == ColmapModelFormat::kBinary) {
     WriteColmapBinary(reconstruction, folder);

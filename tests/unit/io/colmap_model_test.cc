@@ -283,6 +283,20 @@ TEST(ColmapText, ErrorsNameTheLine) {
               HasSubstr("points3D.txt:1: color 256 is not in"));
 }
 
+// Readers take the binary files, so that the text would never be seen.
+TEST(ColmapText, IsNotWrittenBesideABinaryModel) {
+  const TempFolder folder;
+  WriteColmapModel(RandomReconstruction(3), folder.path(), ColmapModelFormat::kBinary);
+  try {
+    WriteColmapModel(RandomReconstruction(4), folder.path(), ColmapModelFormat::kText);
+    ADD_FAILURE() << "not refused";
+  } catch (const IoError& error) {
+    EXPECT_EQ(error.path(), folder.path());
+    EXPECT_THAT(error.reason(), HasSubstr("binary model"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder / "cameras.txt"));
+}
+
 TEST(ColmapText, QuaternionsAreNormalizedAndCarriageReturnsIgnored) {
   const TempFolder folder;
   WriteFileAtomically(folder / "cameras.txt", "1 SIMPLE_PINHOLE 10 10 5 5 5\r\n");
