@@ -190,19 +190,25 @@ TEST(ReconstructScene, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
   EXPECT_EQ(Value(*twins, "edges_removed"), 0);
 }
 
-// Image 10 keeps its matches but the poses of its pairs are lost.
-TEST(ReconstructScene, ImagesWithoutRelativePoseAreRegisteredByResection) {
-  const SyntheticScene scene = MakeScene(SmallScene(), 7);
-  Database database = MakeDatabase(scene);
+// Calls the pairs of the last image panoramic, and changes their pose.
+template <class Change>
+void MakePanoramic(image_t last, Database& database, const Change& change_pose) {
   for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-    if (PairIdToImagePair(pair_id).second != 10) continue;
+    if (PairIdToImagePair(pair_id).second != last) continue;
     TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
-    geometry.cam2_from_cam1.reset();
+    change_pose(geometry);
     geometry.E.reset();
     geometry.F.reset();
     geometry.config = TwoViewConfig::kPanoramic;
     database.WriteTwoViewGeometry(pair_id, geometry);
   }
+}
+
+// Image 10 keeps its matches but the poses of its pairs are lost.
+TEST(ReconstructScene, ImagesWithoutRelativePoseAreRegisteredByResection) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 7);
+  Database database = MakeDatabase(scene);
+  MakePanoramic(10, database, [](TwoViewGeometry& geometry) { geometry.cam2_from_cam1.reset(); });
   ReconstructSettings settings = Settings();
   settings.reconstruct.register_left_out = false;
   EXPECT_EQ(ReconstructScene(database, "", settings).models.at(0).images.size(), 9u);
@@ -216,15 +222,8 @@ TEST(ReconstructScene, ImagesWithoutRelativePoseAreRegisteredByResection) {
 TEST(ReconstructScene, PairsWithARotationAloneTakePart) {
   const SyntheticScene scene = MakeScene(SmallScene(), 7);
   Database database = MakeDatabase(scene);
-  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-    if (PairIdToImagePair(pair_id).second != 10) continue;
-    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
-    geometry.cam2_from_cam1->translation.setZero();
-    geometry.E.reset();
-    geometry.F.reset();
-    geometry.config = TwoViewConfig::kPanoramic;
-    database.WriteTwoViewGeometry(pair_id, geometry);
-  }
+  MakePanoramic(10, database,
+                [](TwoViewGeometry& geometry) { geometry.cam2_from_cam1->translation.setZero(); });
   ReconstructSettings settings = Settings();
   settings.reconstruct.register_left_out = false;
   const ReconstructResult result = ReconstructScene(database, "", settings);
