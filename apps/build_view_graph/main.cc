@@ -42,7 +42,9 @@ int main(int argc, char** argv) {
   command.AddOptions("scheduler", options.scheduler);
   command.SetRun([&] {
     command.Require("database_path");
-    for (const std::string& text : StoredOptions(options.inputs)) command.SetDefaults(text);
+    for (const std::string& text : StoredOptions(options.inputs)) {
+      command.SetDefaults(text, options.inputs.database_path);
+    }
     return Build(options, command.EffectiveToml());
   });
   return program.Run(argc, argv);

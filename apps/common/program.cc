@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 #include <toml++/toml.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cstdio>
 #include <fstream>
@@ -147,6 +148,19 @@ std::string TomlText(const std::string& key, const toml::node& node) {
   throw ConfigError(key, "this kind of TOML value is not understood");
 }
 
+// Calls visit("module.field", value) and visit("field", value) for all values of a file.
+void ForEachKey(const toml::table& table,
+                const std::function<void(const std::string&, const toml::node&)>& visit) {
+  for (const auto& [name, node] : table) {
+    const std::string key(name.str());
+    if (const toml::table* module = node.as_table()) {
+      for (const auto& [field, value] : *module) visit(key + "." + std::string(field.str()), value);
+    } else {
+      visit(key, node);
+    }
+  }
+}
+
 std::string DidYouMean(const std::string& key, const std::vector<std::string>& known) {
   const std::string nearest = NearestName(key, known);
   return nearest.empty() ? "" : "; did you mean '" + nearest + "'?";
@@ -213,36 +227,26 @@ void Command::ReadConfigFile(const std::string& path) {
     }
     throw ConfigError(path, "unknown key " + DescribeUnknown(key, known));
   };
-  for (const auto& [name, node] : table) {
-    const std::string key(name.str());
-    if (const toml::table* module = node.as_table()) {
-      for (const auto& [field, value] : *module) set(key + "." + std::string(field.str()), value);
-    } else {
-      set(key, node);
-    }
-  }
+  ForEachKey(table, set);
 }
 
-void Command::SetDefaults(const std::string& text) {
-  for (const auto& [name, node] : toml::parse(text)) {
-    const toml::table* module = node.as_table();
-    const auto set = [&](const std::string& key, const toml::node& value) {
-      if (IsSet(key)) return;
-      for (const auto& field : fields_) {
-        if (field->key != key) continue;
-        try {
-          field->set(TomlText(key, value));
-        } catch (const ConfigError&) {
-          // What another version wrote is no value of today.
-        }
-      }
-    };
-    if (module == nullptr) set(std::string(name.str()), node);
-    if (module == nullptr) continue;
-    for (const auto& [field, value] : *module) {
-      set(std::string(name.str()) + "." + std::string(field.str()), value);
-    }
+void Command::SetDefaults(const std::string& text, const std::string& origin) {
+  toml::table table;
+  try {
+    table = toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    throw IoError(origin, "its options cannot be read: " + std::string(error.description()));
   }
+  ForEachKey(table, [&](const std::string& key, const toml::node& value) {
+    const auto field =
+        std::find_if(fields_.begin(), fields_.end(), [&](const auto& f) { return f->key == key; });
+    if (field == fields_.end() || IsSet(key)) return;
+    try {
+      (*field)->set(TomlText(key, value));
+    } catch (const ConfigError&) {
+      // What another version wrote is no value of today; the stage itself says so where it matters.
+    }
+  });
   for (const auto& validate : validators_) validate();
 }
 

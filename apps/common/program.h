@@ -45,8 +45,8 @@ class Command {
   // Was the option `key` ("seed", "matching.max_ratio") given, by file or flag?
   bool IsSet(const std::string& key) const { return is_set_.count(key) > 0; }
   // Gives options that were not given, by file or flag, the values of TOML text. Names that the
-  // command lacks are passed over.
-  void SetDefaults(const std::string& text);
+  // command lacks are passed over. Throws IoError(origin, ...) where the text is no TOML.
+  void SetDefaults(const std::string& text, const std::string& origin);
   // Throws ConfigError unless the option was given and is not empty.
   void Require(const std::string& key) const;
   // The options in force as TOML, with the program's name and version as comments.

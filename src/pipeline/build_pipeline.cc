@@ -127,12 +127,6 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
                         .stage);
 }
 
-// What PrepareRecompute clears.
-bool IsRecomputed(const std::string& stage, const std::string& recompute) {
-  if (recompute == "none") return false;
-  return recompute == kStageFeatures || stage == recompute || stage == kStageVerification;
-}
-
 std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) {
   if (summary.num_verified > 0) return "";
   if (summary.num_images_with_features == 0) {
@@ -154,7 +148,7 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
   for (const std::string& stage :
        {kStageCameras, kStageFeatures, kStageDepth, kStageMatching, kStageVerification}) {
     const std::optional<StageRecord> record = database.ReadStage(stage);
-    if (record && !IsRecomputed(stage, inputs.recompute)) options.push_back(record->options);
+    if (record && !ForgetsStage(inputs.recompute, stage)) options.push_back(record->options);
   }
   return options;
 }

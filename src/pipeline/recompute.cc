@@ -1,5 +1,6 @@
 #include "pipeline/recompute.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -59,6 +60,14 @@ void MarkCamerasAsPending(Database& database, const std::vector<JobRecord>& jobs
 }
 
 }  // namespace
+
+bool ForgetsStage(const std::string& recompute, const std::string& stage) {
+  if (recompute == "none") return false;
+  // Where features are made anew, so are our images (DeleteOurImages).
+  if (recompute == kStageFeatures && stage == kStageCameras) return true;
+  const std::vector<std::string> cleared = StageAndDependents(recompute);
+  return std::find(cleared.begin(), cleared.end(), stage) != cleared.end();
+}
 
 void PrepareRecompute(Database& database, const std::string& stage, const std::string& image_path) {
   if (stage == "none") return;

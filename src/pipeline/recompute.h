@@ -10,4 +10,7 @@ namespace cairn {
 // "none": nothing. Throws ConfigError if something would be lost that cannot be computed again.
 void PrepareRecompute(Database& database, const std::string& stage, const std::string& image_path);
 
+// Does --recompute RECOMPUTE take back what the stage was told?
+bool ForgetsStage(const std::string& recompute, const std::string& stage);
+
 }  // namespace cairn

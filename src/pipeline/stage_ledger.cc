@@ -106,20 +106,22 @@ void StageLedger::Complete(Database& database) {
   database.WriteStage({stage_, options_, hasher.Digest(), true});
 }
 
-void ClearStageAndDependents(Database& database, const std::string& stage) {
+std::vector<std::string> StageAndDependents(const std::string& stage) {
   if (stage == kStageFeatures) {
-    database.ClearFeatures();
-    ClearStageAndDependents(database, kStageDepth);
-    ClearStageAndDependents(database, kStageMatching);
+    return {kStageFeatures, kStageDepth, kStageMatching, kStageVerification};
   }
-  if (stage == kStageDepth) database.ClearDepth();
-  if (stage == kStageMatching) database.ClearMatches();
-  if (stage == kStageVerification) {
-    database.ClearVerification();
-  } else {
-    ClearStageAndDependents(database, kStageVerification);
+  if (stage == kStageVerification) return {kStageVerification};
+  return {stage, kStageVerification};
+}
+
+void ClearStageAndDependents(Database& database, const std::string& stage) {
+  for (const std::string& cleared : StageAndDependents(stage)) {
+    if (cleared == kStageFeatures) database.ClearFeatures();
+    if (cleared == kStageDepth) database.ClearDepth();
+    if (cleared == kStageMatching) database.ClearMatches();
+    if (cleared == kStageVerification) database.ClearVerification();
+    database.ClearStage(cleared);
   }
-  database.ClearStage(stage);
 }
 
 }  // namespace cairn

@@ -4,6 +4,7 @@
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <vector>
 
 #include "cairn/base/options.h"
 #include "cairn/database/database.h"
@@ -51,9 +52,10 @@ class StageLedger {
   std::unordered_map<uint64_t, JobRecord> jobs_;
 };
 
-// Removes what the stage and those that depend on it wrote (rows of other programs too).
-// cameras -> verification; features -> depth, matching, verification; depth -> verification;
-// matching -> verification.
+// The stage, and those whose results follow from its own.
+std::vector<std::string> StageAndDependents(const std::string& stage);
+
+// Removes what these wrote (rows of other programs too).
 void ClearStageAndDependents(Database& database, const std::string& stage);
 
 }  // namespace cairn

@@ -141,6 +141,34 @@ TEST_F(ProgramTest, OptionsThatWereTakenOutAreNamed) {
   EXPECT_THAT(output_, testing::HasSubstr("it is always 'split'"));
 }
 
+TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
+  Program program("prog", "test program");
+  Command& command = program.MainCommand();
+  command.AddOptions("", top_);
+  command.AddOptions("matching", matching_);
+  command.SetRun([&] {
+    command.SetDefaults("seed = 5\nunknown = 1\nmatching.max_ratio = 0.4\nmatching.kind = 3.5e\n",
+                        "a.db");
+    return 0;
+  });
+  std::string name = "prog";
+  char* argv[] = {name.data()};
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(program.Run(1, argv), kExitIo);  // no TOML
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), testing::HasSubstr("a.db"));
+  command.SetRun([&] {
+    command.SetDefaults("seed = 5\nunknown = 1\nmatching.max_ratio = 0.4\nmatching.weights = 'x'\n",
+                        "a.db");
+    return 0;
+  });
+  std::string flag = "--seed=9";
+  char* with_seed[] = {name.data(), flag.data()};
+  EXPECT_EQ(program.Run(2, with_seed), 0);
+  EXPECT_EQ(top_.seed, 9);
+  EXPECT_EQ(matching_.max_ratio, 0.4);
+  EXPECT_TRUE(matching_.weights.empty());  // what cannot be read stays as it was
+}
+
 TEST_F(ProgramTest, ErrorsBecomeExitCodes) {
   EXPECT_EQ(Run({}, [] { return int{kExitNoUsableResult}; }), kExitNoUsableResult);
   EXPECT_EQ(Run({}, []() -> int { throw IoError("f.jpg", "is empty"); }), kExitIo);
