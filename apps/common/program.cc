@@ -87,15 +87,17 @@ class Binder : public OptionVisitor {
       value = ParseDoubles(key, text);
     });
   }
-  void Choice(std::string_view name, std::string& value, const std::vector<std::string>& choices,
-              std::string_view help) override {
-    std::string allowed;
-    for (const std::string& choice : choices) allowed += (allowed.empty() ? "" : "|") + choice;
-    Add(name, help, allowed, value,
-        [&value](const std::string&, const std::string& text) { value = text; });
-  }
 
  private:
+  void Choice(std::string_view name, const ChoiceField& field, std::string_view help) override {
+    std::string allowed;
+    for (const std::string& choice : field.names) allowed += (allowed.empty() ? "" : "|") + choice;
+    Add(name, help, allowed, field.get(), [field](const std::string& key, const std::string& text) {
+      CheckChoice(key, text, field.names);
+      field.set(text);
+    });
+  }
+
   static std::string Shortest(double value) {
     char text[32];
     return std::string(text, std::to_chars(text, text + sizeof(text), value).ptr);

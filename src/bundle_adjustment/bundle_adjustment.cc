@@ -18,12 +18,17 @@ namespace cairn {
 namespace {
 
 std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleAdjustmentOptions& options) {
-  if (options.loss == "soft_l1") {
-    return std::make_unique<ceres::SoftLOneLoss>(options.loss_scale);
+  switch (options.loss) {
+    case ReprojectionLoss::kNone:
+      return nullptr;
+    case ReprojectionLoss::kSoftL1:
+      return std::make_unique<ceres::SoftLOneLoss>(options.loss_scale);
+    case ReprojectionLoss::kHuber:
+      return std::make_unique<ceres::HuberLoss>(options.loss_scale);
+    case ReprojectionLoss::kCauchy:
+      return std::make_unique<ceres::CauchyLoss>(options.loss_scale);
   }
-  if (options.loss == "huber") return std::make_unique<ceres::HuberLoss>(options.loss_scale);
-  if (options.loss == "cauchy") return std::make_unique<ceres::CauchyLoss>(options.loss_scale);
-  return nullptr;  // "none"
+  return nullptr;
 }
 
 // Other images that see an observation's point, on average: how many blocks of the cameras' system
@@ -38,20 +43,21 @@ double MeanCovisibility(const Reconstruction& reconstruction) {
   return observations > 0 ? pairs / observations : 0.0;
 }
 
-std::string ChooseSolver(const BundleAdjustmentOptions& options, const BundleAdjustmentScope& scope,
-                         const Reconstruction& reconstruction) {
+BundleSolver ChooseSolver(const BundleAdjustmentOptions& options,
+                          const BundleAdjustmentScope& scope,
+                          const Reconstruction& reconstruction) {
   // Without points, or with nothing but points, there is nothing to eliminate.
   const bool has_others =
       scope.rotations || scope.positions || scope.focal_lengths || scope.distortions;
-  if (!scope.points || !has_others) return "sparse_normal_cholesky";
+  if (!scope.points || !has_others) return BundleSolver::kSparseNormalCholesky;
   return SchurSolver(options, static_cast<int64_t>(reconstruction.images.size()),
                      MeanCovisibility(reconstruction));
 }
 
-ceres::LinearSolverType CeresSolverType(const std::string& name) {
-  if (name == "dense_schur") return ceres::DENSE_SCHUR;
-  if (name == "sparse_schur") return ceres::SPARSE_SCHUR;
-  if (name == "iterative_schur") return ceres::ITERATIVE_SCHUR;
+ceres::LinearSolverType CeresSolverType(BundleSolver solver) {
+  if (solver == BundleSolver::kDenseSchur) return ceres::DENSE_SCHUR;
+  if (solver == BundleSolver::kSparseSchur) return ceres::SPARSE_SCHUR;
+  if (solver == BundleSolver::kIterativeSchur) return ceres::ITERATIVE_SCHUR;
   return ceres::SPARSE_NORMAL_CHOLESKY;
 }
 
@@ -184,8 +190,7 @@ class BundleProblem {
   int64_t num_points_ = 0;
 };
 
-ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options,
-                                     const std::string& solver) {
+ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options, BundleSolver solver) {
   ceres::Solver::Options ceres_options;
   ceres_options.linear_solver_type = CeresSolverType(solver);
   ceres_options.preconditioner_type = ceres::SCHUR_JACOBI;
@@ -207,15 +212,13 @@ ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options,
 }  // namespace
 
 void BundleAdjustmentOptions::VisitFields(OptionVisitor& v) {
-  v.Choice("loss", loss, {"none", "soft_l1", "huber", "cauchy"},
-           "robust loss on the reprojection error");
+  v.Choice("loss", loss, kReprojectionLosses, "robust loss on the reprojection error");
   v.Double("loss_scale", loss_scale, {1e-6, 1e6},
            "error at which the loss leaves the square, in standard deviations of the observation");
   v.Int("max_iterations", max_iterations, {0, 100000}, "iterations of one adjustment");
   v.Double("function_tolerance", function_tolerance, {0, 1},
            "stop when the cost changes relatively by less");
-  v.Choice("solver", solver, {"auto", "dense_schur", "sparse_schur", "iterative_schur"},
-           "linear solver; auto: by the number of images");
+  v.Choice("solver", solver, kBundleSolvers, "linear solver; auto: by the number of images");
   v.Int("max_dense_images", max_dense_images, {0, 1000000},
         "images up to which auto takes dense_schur");
   v.Int("max_sparse_images", max_sparse_images, {0, 1000000},

@@ -71,8 +71,7 @@ struct Surface {
 
 Surface MakeSurface(const SceneOptions& options, uint64_t seed) {
   Rng element_rng(seed, "scene_elements");
-  Surface surface{
-      MakeElements(*CameraLayoutFromName(options.layout), options.num_points, element_rng), {}};
+  Surface surface{MakeElements(options.layout, options.num_points, element_rng), {}};
   Rng salience_rng(seed, "scene_salience");
   for (int i = 0; i < options.num_points; ++i) {
     surface.salience.push_back(-options.salience * std::log(1.0 - salience_rng.Uniform()));
@@ -225,7 +224,7 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
 SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   ValidateOptions(static_cast<const RigOptions&>(options), "");
   ValidateOptions(options, "scene");
-  const CameraLayout layout = *CameraLayoutFromName(options.layout);
+  const CameraLayout layout = options.layout;
   SyntheticScene scene;
   scene.options = options;
   scene.seed = seed;

@@ -20,16 +20,20 @@ struct TopOptions {
   }
 };
 
+enum class MatchKind { kFast, kSlow };
+constexpr NamedValue<MatchKind> kMatchKinds[] = {{MatchKind::kFast, "fast"},
+                                                 {MatchKind::kSlow, "slow"}};
+
 struct MatchOptions {
   double max_ratio = 0.8;
   bool cross_check = true;
   std::vector<double> weights;
-  std::string kind = "fast";
+  MatchKind kind = MatchKind::kFast;
   void VisitFields(OptionVisitor& v) {
     v.Double("max_ratio", max_ratio, {0, 1}, "ratio");
     v.Bool("cross_check", cross_check, "mutual");
     v.Doubles("weights", weights, "weights");
-    v.Choice("kind", kind, {"fast", "slow"}, "kind");
+    v.Choice("kind", kind, kMatchKinds, "kind");
   }
 };
 
@@ -80,7 +84,7 @@ TEST_F(ProgramTest, FlagsSetFieldsOfEveryKind) {
   EXPECT_EQ(matching_.max_ratio, 0.5);
   EXPECT_FALSE(matching_.cross_check);
   EXPECT_THAT(matching_.weights, testing::ElementsAre(1, -2.5, 3));
-  EXPECT_EQ(matching_.kind, "slow");
+  EXPECT_EQ(matching_.kind, MatchKind::kSlow);
   EXPECT_TRUE(seed_is_set_);
 }
 
@@ -157,8 +161,9 @@ TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
   EXPECT_EQ(program.Run(1, argv), kExitIo);  // no TOML
   EXPECT_THAT(testing::internal::GetCapturedStderr(), testing::HasSubstr("a.db"));
   command.SetRun([&] {
-    command.SetDefaults("seed = 5\nunknown = 1\nmatching.max_ratio = 0.4\nmatching.weights = 'x'\n",
-                        "a.db");
+    command.SetDefaults(
+        "seed = 5\nunknown = 1\n[matching]\nmax_ratio = 0.4\nweights = 'x'\nkind = 'old'\n",
+        "a.db");
     return 0;
   });
   std::string flag = "--seed=9";
@@ -167,6 +172,7 @@ TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
   EXPECT_EQ(top_.seed, 9);
   EXPECT_EQ(matching_.max_ratio, 0.4);
   EXPECT_TRUE(matching_.weights.empty());  // what cannot be read stays as it was
+  EXPECT_EQ(matching_.kind, MatchKind::kFast);
 }
 
 TEST_F(ProgramTest, ErrorsBecomeExitCodes) {

@@ -63,19 +63,19 @@ Reconstruction Perturbed(const Reconstruction& truth, const Perturbation& by) {
 
 TEST(AdjustBundle, RecoversAnExactSceneWithEverySolver) {
   const SyntheticScene scene = MakeSyntheticScene({});
-  for (const char* solver : {"auto", "dense_schur", "sparse_schur", "iterative_schur"}) {
+  for (const auto& [solver, name] : kBundleSolvers) {
     BundleAdjustmentOptions options = OneThread();
     options.solver = solver;
     Reconstruction model = Perturbed(scene.truth, {});
     const BundleAdjustmentReport report = AdjustBundle(options, {}, model);
-    EXPECT_EQ(report.status, BundleAdjustmentStatus::kConverged) << solver;
+    EXPECT_EQ(report.status, BundleAdjustmentStatus::kConverged) << name;
     EXPECT_GT(report.initial_rmse, 1.0);
     EXPECT_LT(report.final_rmse, 1e-6);
     EXPECT_EQ(report.num_images, 6);
     EXPECT_EQ(report.num_observations, model.NumObservations());
     const PoseDifference difference = CompareAligned(model, scene.truth);
-    EXPECT_LT(difference.center, 1e-6) << solver;
-    EXPECT_LT(difference.angle, 1e-6) << solver;
+    EXPECT_LT(difference.center, 1e-6) << name;
+    EXPECT_LT(difference.angle, 1e-6) << name;
   }
 }
 
@@ -83,19 +83,19 @@ TEST(AdjustBundle, AutoChoosesTheSolverByTheNumberOfImages) {
   const SyntheticScene scene = MakeSyntheticScene({.num_points = 50});
   BundleAdjustmentOptions options = OneThread();
   Reconstruction model = scene.truth;
-  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "dense_schur");
+  EXPECT_EQ(AdjustBundle(options, {}, model).solver, BundleSolver::kDenseSchur);
   options.max_dense_images = 5;
-  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "sparse_schur");
+  EXPECT_EQ(AdjustBundle(options, {}, model).solver, BundleSolver::kSparseSchur);
   options.max_sparse_images = 5;
-  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "iterative_schur");
+  EXPECT_EQ(AdjustBundle(options, {}, model).solver, BundleSolver::kIterativeSchur);
   // Of 40 images that all see the same points nothing is sparse.
   options = OneThread();
   options.max_iterations = 0;
   options.max_dense_images = 10;
   model = MakeSyntheticScene({.num_images = 40, .num_points = 20}).truth;
-  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "iterative_schur");
+  EXPECT_EQ(AdjustBundle(options, {}, model).solver, BundleSolver::kIterativeSchur);
   options.max_dense_images = 20;
-  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "sparse_schur");
+  EXPECT_EQ(AdjustBundle(options, {}, model).solver, BundleSolver::kSparseSchur);
 }
 
 TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
@@ -317,18 +317,19 @@ TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
 TEST(AdjustBundle, RobustLossesWithstandOutliers) {
   SyntheticOptions synthetic{.num_points = 400, .noise_px = 0.3, .outlier_share = 0.05};
   const SyntheticScene scene = MakeSyntheticScene(synthetic);
-  std::map<std::string, double> error;
-  for (const char* loss : {"none", "soft_l1", "huber", "cauchy"}) {
+  std::map<ReprojectionLoss, double> error;
+  for (const auto& [loss, name] : kReprojectionLosses) {
     BundleAdjustmentOptions options = OneThread();
     options.loss = loss;
     Reconstruction model = Perturbed(scene.truth, {0.005, 0.02, 0.02});
     AdjustBundle(options, {}, model);
     error[loss] = CompareAligned(model, scene.truth).center;
   }
-  for (const char* loss : {"soft_l1", "huber", "cauchy"}) {
-    EXPECT_LT(error[loss], 0.2 * error["none"]) << loss;
+  for (const auto& [loss, name] : kReprojectionLosses) {
+    if (loss == ReprojectionLoss::kNone) continue;
+    EXPECT_LT(error[loss], 0.2 * error[ReprojectionLoss::kNone]) << name;
   }
-  EXPECT_LT(error["cauchy"], error["huber"]);
+  EXPECT_LT(error[ReprojectionLoss::kCauchy], error[ReprojectionLoss::kHuber]);
 }
 
 TEST(AdjustBundle, LossScaleAndIterationsAndToleranceMatter) {
@@ -412,7 +413,7 @@ TEST(AdjustBundle, NothingToAdjustIsSaidAndChangesNothing) {
 TEST(AdjustBundle, RefusesMeaninglessOptions) {
   Reconstruction model = MakeSyntheticScene({}).truth;
   BundleAdjustmentOptions options = OneThread();
-  options.loss = "Huber";
+  options.loss = static_cast<ReprojectionLoss>(99);
   EXPECT_THROW(AdjustBundle(options, {}, model), ConfigError);
 }
 

@@ -81,7 +81,7 @@ TEST(KeypointNoise, WeighingMakesPosesMoreExact) {
     NoisyScene scene = MakeNoisyScene(400, seed);
     const Reconstruction truth =
         MakeSyntheticScene({.num_images = 8, .num_points = 400, .seed = seed}).truth;
-    const BundleAdjustmentOptions options{.loss = "none", .num_threads = 1};
+    const BundleAdjustmentOptions options{.loss = ReprojectionLoss::kNone, .num_threads = 1};
     NoisyScene plain = scene;
     AdjustBundle(options, {}, plain.model);
     without += CompareAligned(plain.model, truth).center;

@@ -29,7 +29,7 @@ TEST(EstimateBundleBytes, GrowsWithWhatThereIs) {
   BundleSize many = size;
   many.num_images = 5000;
   BundleAdjustmentOptions dense;
-  dense.solver = "dense_schur";
+  dense.solver = BundleSolver::kDenseSchur;
   EXPECT_GT(EstimateBundleBytes(dense, many), 3 * EstimateBundleBytes(options, many));
 }
 

@@ -45,7 +45,7 @@ class BuildPipelineTest : public ::testing::Test {
     options.inputs.database_path = folder_ / database;
     options.inputs.depth_path = folder_ / "depth";
     options.inputs.num_threads = 2;
-    options.features.type = "sift";
+    options.features.type = FeatureType::kSift;
     options.features.first_octave = 0;
     options.verification.max_iterations = 200;
     return options;
@@ -146,7 +146,7 @@ TEST_F(BuildPipelineTest, OptionsThatDifferAreNamedAndRecomputedOnRequest) {
   expect("verification", "verifier",
          [](BuildPipelineOptions& o) { o.inputs.verifier = "five_point"; });
   expect("cameras", "camera_model",
-         [](BuildPipelineOptions& o) { o.cameras.camera_model = "PINHOLE"; });
+         [](BuildPipelineOptions& o) { o.cameras.camera_model = CameraModel::kPinhole; });
 }
 
 TEST_F(BuildPipelineTest, NewPhotographsJoin) {

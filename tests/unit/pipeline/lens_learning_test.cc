@@ -32,13 +32,13 @@ class LensLearningTest : public ::testing::Test {
     SceneOptions options;
     options.num_images = lens.own_cameras ? 9 : 14;
     // (On a ring all optical axes meet in one point, which leaves focal lengths open.)
-    options.layout = lens.own_cameras ? "ring" : "landmark";
+    options.layout = lens.own_cameras ? CameraLayout::kRing : CameraLayout::kLandmark;
     options.num_points = lens.own_cameras ? 900 : 1500;
     options.max_keypoints = 500;
     options.distance = lens.own_cameras ? 3.0 : 2.0;
     options.image_noise_px = lens.own_cameras ? 0.3 : 0.5;
     options.outlier_ratio = 0.2;
-    options.camera_model = "SIMPLE_RADIAL";
+    options.camera_model = CameraModel::kSimpleRadial;
     options.radial_distortion = lens.k;
     SyntheticScene scene = MakeScene(options, 3);
     if (lens.own_cameras) {

@@ -160,7 +160,7 @@ TEST(ReconstructScene, RefutedFocalLengthsAreGuesses) {
 // A camera that looks measured is held, but not at a focal length that its pairs refute.
 TEST(ReconstructScene, RefutedFocalLengthsAreNotHeldUnlessTheUserWantsIt) {
   SceneOptions options = SmallScene();
-  options.camera_model = "PINHOLE";
+  options.camera_model = CameraModel::kPinhole;
   const SyntheticScene scene = MakeScene(options, 3);
   Database database = MakeDatabase(scene);
   for (auto [id, camera] : scene.cameras) {
