@@ -9,7 +9,7 @@ namespace cairn {
 // Options of two-view verification: `verification.*` in files and flags.
 struct TwoViewOptions {
   // Inlier threshold on the Sampson error, pixels; 0: 0.05 % of the mean image diagonal, as in the
-  // paper (METHOD.md section 4), but at least 1 px, what a keypoint's position is worth.
+  // paper, but at least 1 px, what a keypoint's position is worth.
   double max_error_px = 0.0;
   // Chance that the best model was found before sampling stops.
   double confidence = 0.99;
