@@ -57,7 +57,7 @@ struct OneDsfmDataset {
 };
 
 // list.txt, cc.txt and EGs.txt, checked against each other: an index in cc.txt or EGs.txt that
-// list.txt does not have, an index or a pair given twice, a name with a blank, a matrix that is no
+// list.txt does not have, a repeated index or pair, a name with a blank, a matrix that is not a
 // rotation, and an empty cc.txt are errors.
 OneDsfmDataset ReadOneDsfmDataset(const std::string& folder);
 

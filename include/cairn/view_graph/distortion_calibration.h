@@ -40,19 +40,20 @@ struct DistortionCalibrationReport {
   std::vector<FocalPair> pairs;
 };
 
-// Can k be sought: a model with radial coefficients of the pinhole family, all of them 0?
+// Whether k can be estimated: a model with radial coefficients of the pinhole family, all of them
+// 0.
 bool CanCalibrateDistortion(const Camera& camera);
 
-// One radial distortion parameter a camera from fundamental matrices, without any focal length:
-// the matches of all pairs of a camera must lie on epipolar lines when they are undistorted
-// (Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion",
-// CVPR 2001; here by robust least squares over all pairs). What a fundamental matrix explains
-// without distortion lies near the image's middle, so a scan over k with a wide threshold collects
-// matches anew, from k = 0 outwards; the best is refined over all cameras together, each F
-// eliminated. Whether distortion is taken is a matter of description length: its parameter costs
-// half the logarithm of the number of matches, systematic errors of a tenth of the noise are none
-// of the lens, and the gain is divided by what the scatter of the pairs exceeds that noise. Cameras
-// in `held` keep what they have. The result does not depend on num_threads.
+// One radial distortion parameter a camera from fundamental matrices, without any focal length: the
+// matches of all pairs of a camera must lie on epipolar lines when they are undistorted
+// (Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion", CVPR
+// 2001; here by robust least squares over all pairs). What a fundamental matrix explains without
+// distortion lies near the image's middle, so a scan over k with a wide threshold collects matches
+// anew, from k = 0 outwards; the best is refined over all cameras together, each F eliminated.
+// Whether distortion is taken is a matter of description length: its parameter costs half the
+// logarithm of the number of matches, systematic errors of a tenth of the noise are not attributed
+// to the lens, and the gain is divided by what the scatter of the pairs exceeds that noise. Cameras
+// in `held` are constant. The result does not depend on num_threads.
 DistortionCalibrationReport CalibrateDistortion(const std::map<camera_t, Camera>& cameras,
                                                 const std::set<camera_t>& held,
                                                 std::span<const DistortionPair> pairs,

@@ -19,8 +19,8 @@ struct FocalCalibrationOptions {
   int max_pairs = 100;
   // Largest relative standard deviation of a focal length that is taken over.
   double max_sigma = 0.1;
-  // How far off the guess (as a logarithm), and how far off EXIF, focal lengths are before a pair
-  // is seen: standard deviations. Bundle adjustment has them too.
+  // Prior standard deviations of the logarithm of a guessed focal length and of one from EXIF.
+  // Bundle adjustment uses them, too.
   double guess_sigma = 0.7;
   double exif_sigma = 0.1;
   // EXIF is overruled only where it is off by more than this share.
@@ -34,7 +34,7 @@ struct FocalCalibrationOptions {
   void VisitFields(OptionVisitor& v);
 };
 
-// Two images' matches that verification found to agree with one fundamental matrix.
+// The matches of two images that agree with one fundamental matrix.
 struct FocalPair {
   camera_t camera_id1 = kInvalidCameraId;
   camera_t camera_id2 = kInvalidCameraId;
@@ -55,14 +55,14 @@ std::string_view FocalStatusName(FocalStatus status);
 struct CalibratedFocal {
   FocalStatus status = FocalStatus::kTooFewPairs;
   double focal_before_px = 0;
-  double focal_px = 0;  // what the pairs say, whether or not it is taken over
+  double focal_px = 0;  // found by the pairs, whether or not it is adopted
   double sigma = 0;     // relative standard deviation of focal_px
   int num_pairs = 0;
   int num_agreeing = 0;  // pairs
 };
 
 struct FocalCalibrationReport {
-  // Cameras that took part, but not the trusted ones.
+  // Cameras that took part, without those in `trusted`.
   std::map<camera_t, CalibratedFocal> cameras;
   int num_pairs = 0;           // whose fundamental matrix could be determined
   int num_pairs_agreeing = 0;  // with the focal lengths found
@@ -85,7 +85,7 @@ std::vector<size_t> SelectFocalPairs(std::span<const FocalPairCount> pairs, int 
 // principal point, give them: planes, pure rotations and parallel axes weigh nothing by themselves.
 // Geman and McClure's loss takes wrong pairs; one focal length a camera, however many images it
 // took; cameras in `trusted` keep theirs. Levenberg-Marquardt over logarithms of focal lengths from
-// several starts. Distortion is not modelled. The result does not depend on num_threads.
+// several starts. Distortion is not modeled. The result does not depend on num_threads.
 FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras,
                                        const std::set<camera_t>& trusted,
                                        std::span<const FocalPair> pairs,
