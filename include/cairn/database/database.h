@@ -96,7 +96,8 @@ class Database {
   std::optional<double> ReadTiming(const std::string& stage, uint64_t item,
                                    const std::string& label) const;
 
-  // State of the stages, to continue them and to detect changed inputs (pipeline/stage_ledger.h).
+  // State of the stages, to continue them and to detect changed inputs
+  // (pipeline/stages/stage_ledger.h).
   std::vector<PhotoRecord> ReadPhotos() const;  // in the order of the names
   void WritePhoto(const PhotoRecord& photo);
   void ClearPhotos();

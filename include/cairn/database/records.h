@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -87,6 +88,8 @@ struct StageRecord {
   std::string options;      // TOML lines of all options that its results depend on
   uint64_t input_hash = 0;  // of options and all jobs; 0 while the stage is not complete
   bool is_complete = false;
+
+  std::map<std::string, std::string> OptionValues() const;  // by key
 };
 
 }  // namespace cairn
