@@ -10,12 +10,13 @@ namespace cairn {
 
 std::map<image_t, camera_t> CamerasOfImages(const Database& database);
 
-// Pairs are drawn in the order of this: by chance, the same in every run.
+// The key by which pairs are drawn: a random order, the same in every run.
 uint64_t DrawingOrder(image_pair_t pair);
 
-// So many pairs of each of the wanted cameras, ascending: some by chance, since those with the most
-// matches are near each other, and nearly any focal length and distortion explain them. Images that
-// camera_of lacks have none.
+// Pairs until each of the wanted cameras has max_per_camera of them, if there are so many;
+// ascending. They are drawn at random, since the pairs with the most matches are close to each
+// other, and nearly any focal length and distortion explain them. Pairs of images that camera_of
+// lacks are left out.
 std::vector<image_pair_t> DrawPairs(std::vector<image_pair_t> pairs,
                                     const std::map<image_t, camera_t>& camera_of,
                                     const std::set<camera_t>& wanted, int max_per_camera);

@@ -10,12 +10,12 @@
 
 namespace cairn {
 
-// What verified pairs say about trusted focal lengths (EXIF's, or given ones). A wrong one shows in
-// most pairs of its camera: the essential matrix explains clearly fewer of the matches that affine
-// frames bear out than a fundamental matrix does, which is no matter of chance or of one odd pair.
+// Which prior focal lengths (from EXIF, or given) verified pairs contradict. A wrong one shows in
+// most pairs of its camera: the essential matrix explains clearly fewer of the matches that have
+// votes of affine frames than a fundamental matrix does.
 
-// Of the given pairs of cameras that are trusted and about which nothing is known yet, those to ask
-// for evidence: some for each camera, drawn by their ids. Ascending.
+// Among the given pairs, those to collect evidence from: some of each camera that has a prior and
+// no verdict yet, drawn by their ids. Ascending.
 std::vector<image_pair_t> PairsToWeigh(const Database& database,
                                        const std::vector<image_pair_t>& pairs);
 
@@ -26,24 +26,24 @@ struct CameraPairEvidence {
   bool is_refuting = false;
 };
 
-// Does the pair refute a focal length? Nothing is said where too few matches are explained.
+// Whether the pair contradicts a prior focal length; never where too few matches are explained.
 bool IsRefuting(const PairFocalEvidence& evidence);
 
-// Judges every camera with enough pairs, by the first few of its pairs. The one that the largest
-// share of its pairs refutes goes first, and its pairs with it: they say nothing about the other
-// cameras.
+// Judges every camera with enough pairs, by the first few of its pairs. The camera with the largest
+// share of contradicting pairs is rejected first and its pairs with it, since they are no evidence
+// about the other cameras.
 std::map<camera_t, CameraFocal> JudgeFocals(std::vector<CameraPairEvidence> pairs);
 
 struct LearnedFocals {
-  std::set<camera_t> refuted;        // now; those of earlier runs are not among them
+  std::set<camera_t> refuted;        // by this call alone
   std::vector<image_pair_t> undone;  // their pairs that had been verified; ascending
 };
-// Judges the cameras by what is in the database, and stores it. What was found with a focal length
-// that is refuted now is removed with its jobs, in the same transaction: these pairs have not been
-// verified.
+// Judges the cameras by the evidence in the database, and stores the verdicts. The results of pairs
+// with a focal length that is rejected now are removed with their jobs, in the same transaction:
+// these pairs count as not verified.
 LearnedFocals LearnFocals(Database& database);
 
-// One line a refuted camera, with one of its images.
+// One line a rejected prior, with one of the camera's images.
 std::vector<std::string> RefutedFocalTexts(const Database& database,
                                            const std::set<camera_t>& cameras);
 

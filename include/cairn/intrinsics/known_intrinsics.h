@@ -9,21 +9,21 @@
 namespace cairn {
 
 // All that is known of a camera's intrinsics: the database's row, what verification learned of the
-// lens, and what the camera's pairs showed about a focal length that was trusted.
+// lens, and the verdict of the camera's pairs on its prior focal length.
 struct KnownIntrinsics {
   Camera camera;  // with what was learned; has_prior_focal_length is the database's
-  std::optional<CameraLens> lens;        // absent: not looked at yet
+  std::optional<CameraLens> lens;        // absent: not learned yet
   std::optional<CameraFocal> judgement;  // likewise
   bool is_given = false;                 // by --camera_params
 
   bool HasLearned() const { return lens && !lens->IsEmpty(); }
-  // The focal length was trusted, and its pairs contradict it.
+  // The camera's pairs contradict its prior focal length.
   bool IsRejected() const { return judgement && judgement->is_refuted; }
   // Essential matrices are searched with this focal length.
   bool IsFocalTrusted() const {
     return !IsRejected() && (camera.has_prior_focal_length || (lens && lens->is_focal_known));
   }
-  // Bundle adjustment keeps them: given, or measured (LooksMeasured) and not found wrong.
+  // Bundle adjustment keeps them: given, or measured (LooksMeasured) and not rejected.
   bool IsConstant() const;
 };
 

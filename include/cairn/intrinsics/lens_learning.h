@@ -13,13 +13,13 @@ struct LearnedLenses {
   std::vector<image_pair_t> undone;  // their pairs that had been verified; ascending
 };
 
-// Learns the radial distortion and the focal length of cameras that nobody measured from the likely
-// pairs that are verified, and stores it (cairn_camera_lenses): distortion where it is worth its
-// description (intrinsics/distortion_calibration.h), then, on undistorted points, focal lengths
-// that are only guessed (intrinsics/focal_calibration.h). EXIF's focal lengths stay, and so do
-// cameras that look measured, those of which something is known, and all if the user gave them.
-// What was found by the cameras as they had been is removed with its jobs, in the same transaction:
-// these pairs have not been verified. It depends on the database alone.
+// Learns the radial distortion and the focal length of cameras without a calibration from the
+// likely pairs that are verified, and stores them (cairn_camera_lenses): distortion where it is
+// worth its description (intrinsics/distortion_calibration.h), then, on undistorted points, focal
+// lengths that are only guessed (intrinsics/focal_calibration.h). Focal lengths from EXIF are kept,
+// and so are cameras that look measured, those learned before, and all if the user gave them. The
+// results of pairs of the changed cameras are removed with their jobs, in the same transaction:
+// these pairs count as not verified. The result depends on the database alone.
 LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& likely,
                           int num_threads);
 

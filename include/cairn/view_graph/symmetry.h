@@ -7,8 +7,8 @@
 
 namespace cairn {
 
-// Pairs that were taken out, and yet agree with each other on one rotation of the scene: what a
-// building with several equal sides does when the model shows one side in place of all.
+// Pairs that are not in use and agree with each other on one rotation of the scene. So do those of
+// a building with several equal sides, if the model shows one side in place of all.
 struct Symmetry {
   int num_pairs = 0;            // that agree with each other, against the model
   int num_active = 0;           // pairs that agree with the model
