@@ -1,6 +1,6 @@
 // A COLMAP model from a database with verified pairs (of build_view_graph, or of COLMAP) in one
 // call. usage: reconstruct DATABASE MODEL_FOLDER
-#include "cairn/pipeline/reconstruct.h"
+#include "cairn/mapper/reconstruct.h"
 
 #include <iostream>
 

@@ -1,5 +1,4 @@
-// Layout: src/base/reconstruction.cc of COLMAP 3.8 documents it in code only; see
-// third_party_notes/colmap.md.
+// The layout is documented in COLMAP's code only; see third_party_notes/colmap-model-format.md.
 #include "io/byte_reader.h"
 #include "io/byte_writer.h"
 #include "io/colmap_files.h"
