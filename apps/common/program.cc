@@ -171,7 +171,8 @@ std::string DidYouMean(const std::string& key, const std::vector<std::string>& k
 std::string DescribeUnknown(const std::string& key, const std::vector<std::string>& known) {
   const size_t dashes = key.starts_with("--") ? 2 : 0;
   if (const std::string value = RetiredValue(key.substr(dashes)); !value.empty()) {
-    return "'" + key + "': this option was taken out; it is always '" + value + "'";
+    return "'" + key + "': this option was taken out; it " +
+           (value == "*" ? "had no effect" : "is always '" + value + "'");
   }
   return "'" + key + "'" + DidYouMean(key, known);
 }
@@ -225,7 +226,7 @@ void Command::ReadConfigFile(const std::string& path) {
       return;
     }
     if (const std::string value = RetiredValue(key); !value.empty()) {
-      if (TomlText(key, node) == value) return;
+      if (value == "*" || TomlText(key, node) == value) return;
     }
     throw ConfigError(path, "unknown key " + DescribeUnknown(key, known));
   };

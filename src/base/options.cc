@@ -116,6 +116,7 @@ std::string RetiredValue(std::string_view name) {
       {"verification.local_optimization", "threshold"},
       {"tracks.conflicts", "split"},
       {"rotation_averaging.kernel", "geman_mcclure"},
+      {"rotation_averaging.num_threads", "*"},  // --num_threads always overruled it
       {"translation_averaging.method", "chordal"},
   };
   for (const auto& [retired, value] : kRetired) {

@@ -190,7 +190,8 @@ class BundleProblem {
   int64_t num_points_ = 0;
 };
 
-ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options, BundleSolver solver) {
+ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options, BundleSolver solver,
+                                     int num_threads) {
   ceres::Solver::Options ceres_options;
   ceres_options.linear_solver_type = CeresSolverType(solver);
   ceres_options.preconditioner_type = ceres::SCHUR_JACOBI;
@@ -203,8 +204,7 @@ ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options, Bun
   // The damping never vanishes, since it alone holds the world frame.
   ceres_options.max_trust_region_radius = 1e9;
   // Ceres warns when asked for more threads than there are.
-  ceres_options.num_threads =
-      std::min(EffectiveNumThreads(options.num_threads), EffectiveNumThreads(0));
+  ceres_options.num_threads = std::min(EffectiveNumThreads(num_threads), EffectiveNumThreads(0));
   ceres_options.logging_type = ceres::SILENT;
   return ceres_options;
 }
@@ -241,9 +241,9 @@ std::string_view BundleAdjustmentStatusName(BundleAdjustmentStatus status) {
   return "unknown";
 }
 
-BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
+BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentScope& scope,
-                                    Reconstruction& reconstruction, ProgressMonitor& monitor) {
+                                    const BundleAdjustmentOptions& options, const RunContext& run) {
   ValidateOptions(options, "bundle_adjustment");
   const Timer timer;
   BundleAdjustmentReport report;
@@ -254,8 +254,8 @@ BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
   if (report.num_observations == 0) return report;
 
   report.solver = ChooseSolver(options, scope, reconstruction);
-  ceres::Solver::Options solver_options = SolverOptions(options, report.solver);
-  StopCallback stop(monitor);
+  ceres::Solver::Options solver_options = SolverOptions(options, report.solver, run.num_threads);
+  StopCallback stop(run.monitor);
   solver_options.callbacks.push_back(&stop);
   const ceres::Solver::Summary summary = problem.Solve(solver_options);
 

@@ -142,7 +142,7 @@ std::map<camera_t, CalibratedFocal> LearnGuessedFocals(const Lenses& lenses,
   for (const auto& [id, camera] : lenses.cameras) {
     if (lenses.open.count(id) == 0 || camera.has_prior_focal_length) trusted.insert(id);
   }
-  return CalibrateFocals(lenses.cameras, trusted, pairs, {}, num_threads).cameras;
+  return CalibrateFocals(lenses.cameras, trusted, pairs, {}, {.num_threads = num_threads}).cameras;
 }
 
 CameraLens MakeLens(const Camera& camera, const CalibratedDistortion* distortion,

@@ -250,8 +250,9 @@ void CalibrateSceneFocals(const GeometryReader& read,
                           const ReconstructSettings& settings, Stage& stage, SceneData& scene) {
   const std::vector<FocalPair> pairs =
       CollectPairs(scene, read, settings.focal_calibration.max_pairs);
-  const FocalCalibrationReport report = CalibrateFocals(
-      scene.cameras, scene.held_cameras, pairs, settings.focal_calibration, settings.num_threads);
+  const FocalCalibrationReport report =
+      CalibrateFocals(scene.cameras, scene.held_cameras, pairs, settings.focal_calibration,
+                      {.num_threads = settings.num_threads});
   stage.Add("pairs_in", static_cast<double>(pairs.size()));
   stage.Add("pairs_used", report.num_pairs);
   stage.Add("pairs_agreeing", report.num_pairs_agreeing);

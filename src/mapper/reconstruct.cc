@@ -38,7 +38,8 @@ ViewGraphResult BuildGraph(const SceneData& scene, const ReconstructSettings& se
   for (const auto& [id, pixels] : scene.pixels) image_ids.push_back(id);
   ViewGraphBuilderOptions options = settings.view_graph;
   if (scene.poses_imported) options.min_num_inliers = options.min_bridge_inliers = 0;
-  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, options, monitor);
+  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, options,
+                                          {settings.seed, settings.num_threads, monitor});
   stage.Add("edges_in", result.report.num_edges);
   stage.Add("edges_out", result.report.num_active_edges);
   for (const auto& [reason, count] : result.report.num_removed) {

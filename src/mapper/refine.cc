@@ -51,7 +51,7 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
                         focals.principal_point_sigma * std::max(camera.width, camera.height)};
   }
   if (round.weigh) EstimateSigmas(context, stage, model);
-  const BundleAdjustmentReport report = AdjustBundle(options, scope, model, context.monitor);
+  const BundleAdjustmentReport report = AdjustBundle(model, scope, options, RunOf(context));
   stage.Add("images_in", static_cast<double>(report.num_images));
   stage.Add("points_in", static_cast<double>(report.num_points));
   stage.Add("observations_in", static_cast<double>(report.num_observations));

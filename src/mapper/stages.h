@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/base/run_context.h"
 #include "cairn/bundle_adjustment/keypoint_noise.h"
 #include "cairn/evaluation/model_evidence.h"
 #include "cairn/mapper/reconstruct.h"
@@ -55,6 +56,11 @@ struct StageContext {
   // Images of other places that look like this one, which wait for a model of their own.
   std::set<image_t> reserved{};
 };
+
+// What the calls of other modules are told about the run.
+inline RunContext RunOf(const StageContext& context) {
+  return {context.settings.seed, context.settings.num_threads, context.monitor};
+}
 
 // A stage of one model.
 class ModelStage : public Stage {

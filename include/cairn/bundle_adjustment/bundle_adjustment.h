@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cairn/base/options.h"
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/scene/reconstruction.h"
 
 namespace cairn {
@@ -47,9 +47,6 @@ struct BundleAdjustmentOptions {
   BundleSolver solver = BundleSolver::kAuto;
   int max_dense_images = 50;
   int max_sparse_images = 1000;
-  // Of the whole program (--num_threads), no field; 0: all. One thread gives the same bytes every
-  // time; with more the order of sums, and so the last digits, differ from run to run (Ceres).
-  int num_threads = 0;
 
   void VisitFields(OptionVisitor& v);
 };
@@ -105,10 +102,13 @@ struct BundleAdjustmentReport {
 // bounded. Observations that are behind their camera at the start are left out. A prior's
 // distortion coefficients have the standard deviation with which each alone would move a corner of
 // the image as far as lenses differ: from the pinhole's projection to the equidistant one (a
-// fisheye's), and by 3 % of the radius at any field of view. Throws nothing but BugError.
-BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
-                                    const BundleAdjustmentScope& scope,
-                                    Reconstruction& reconstruction,
-                                    ProgressMonitor& monitor = NullMonitor());
+// fisheye's), and by 3 % of the radius at any field of view. The reconstruction is changed in
+// place: it may be large. One thread gives the same bytes every time; with more the order of sums,
+// and so the last digits, differ from run to run (Ceres). Throws ConfigError for options out of
+// range.
+BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
+                                    const BundleAdjustmentScope& scope = {},
+                                    const BundleAdjustmentOptions& options = {},
+                                    const RunContext& run = {});
 
 }  // namespace cairn

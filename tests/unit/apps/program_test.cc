@@ -139,6 +139,7 @@ TEST_F(ProgramTest, WrongInputIsAUsageErrorThatNamesTheKey) {
 // What earlier versions wrote with the defaults goes on to work.
 TEST_F(ProgramTest, OptionsThatWereTakenOutAreNamed) {
   EXPECT_EQ(Run({"--config", WriteConfig("[tracks]\nconflicts = 'split'\n")}), 0);
+  EXPECT_EQ(Run({"--config", WriteConfig("[rotation_averaging]\nnum_threads = 3\n")}), 0);
   EXPECT_EQ(Run({"--config", WriteConfig("[tracks]\nconflicts = 'drop'\n")}), kExitUsage);
   EXPECT_THAT(output_, testing::HasSubstr("'tracks.conflicts': this option was taken out"));
   EXPECT_EQ(Run({"--tracks.conflicts", "drop"}), kExitUsage);

@@ -11,6 +11,8 @@
 namespace cairn {
 namespace {
 
+const RunContext kOneThread{.num_threads = 1};
+
 using testing_support::CompareAligned;
 using testing_support::MakeSyntheticScene;
 using testing_support::SyntheticScene;
@@ -53,7 +55,7 @@ TEST(KeypointNoise, IsFoundFromTheErrorsAfterAnAdjustment) {
   // Without weights, the errors of large keypoints spoil those of small ones.
   for (int round = 0; round < 3; ++round) {
     SetSigmas(noise, scene);
-    AdjustBundle({.num_threads = 1}, {}, scene.model);
+    AdjustBundle(scene.model, {}, {}, kOneThread);
     noise = EstimateKeypointNoise(scene.model, scene.scales);
   }
   EXPECT_NEAR(noise.floor_px, kFloorPx, 0.05);
@@ -81,12 +83,12 @@ TEST(KeypointNoise, WeighingMakesPosesMoreExact) {
     NoisyScene scene = MakeNoisyScene(400, seed);
     const Reconstruction truth =
         MakeSyntheticScene({.num_images = 8, .num_points = 400, .seed = seed}).truth;
-    const BundleAdjustmentOptions options{.loss = ReprojectionLoss::kNone, .num_threads = 1};
+    const BundleAdjustmentOptions options{.loss = ReprojectionLoss::kNone};
     NoisyScene plain = scene;
-    AdjustBundle(options, {}, plain.model);
+    AdjustBundle(plain.model, {}, options, kOneThread);
     without += CompareAligned(plain.model, truth).center;
     SetSigmas({kFloorPx, kPerScale}, scene);
-    AdjustBundle(options, {}, scene.model);
+    AdjustBundle(scene.model, {}, options, kOneThread);
     with += CompareAligned(scene.model, truth).center;
   }
   EXPECT_LT(with, 0.7 * without);

@@ -11,6 +11,8 @@
 namespace cairn {
 namespace {
 
+const RunContext kOneThread{.num_threads = 1};
+
 TEST(EstimateBundleBytes, GrowsWithWhatThereIs) {
   const BundleAdjustmentOptions options;
   const BundleSize size{.num_images = 100,
@@ -57,9 +59,8 @@ TEST(EstimateBundleBytes, IsWithinThirtyPercentOfWhatIsTaken) {
   if (before.peak > before.resident + (1 << 22)) GTEST_SKIP() << "the peak cannot be reset";
   Reconstruction model = truth;
   BundleAdjustmentOptions options;
-  options.num_threads = 1;
   options.max_iterations = 3;
-  AdjustBundle(options, {}, model);
+  AdjustBundle(model, {}, options, kOneThread);
   const auto taken = static_cast<double>(ReadMemoryUse().peak - before.resident);
   BundleSize size;
   size.num_images = static_cast<int64_t>(model.images.size());

@@ -12,6 +12,8 @@
 namespace cairn {
 namespace {
 
+const RunContext kOneThread{.num_threads = 1};
+
 using testing_support::MakeSyntheticScene;
 
 TEST(PoseConfidence, IsTheSpreadOfPosesUnderNoise) {
@@ -31,7 +33,7 @@ TEST(PoseConfidence, IsTheSpreadOfPosesUnderNoise) {
         pixel += 0.5 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
       }
     }
-    AdjustBundle({.loss = ReprojectionLoss::kNone, .num_threads = 1}, scope, model);
+    AdjustBundle(model, scope, {.loss = ReprojectionLoss::kNone}, kOneThread);
     const Rigid3d& pose = model.images.at(3).cam_from_world;
     squared_center += (pose.Center() - true_pose.Center()).squaredNorm();
     squared_angle += std::pow(RadToDeg(AngleBetween(pose.rotation, true_pose.rotation)), 2);

@@ -145,10 +145,8 @@ TEST(RotationAveraging, SameBytesForAnyOrderDirectionAndThreads) {
   }
   rng.Shuffle(edges);
   for (const int num_threads : {1, 2, 8}) {
-    RotationAveragingOptions options;
-    options.num_threads = num_threads;
-    EXPECT_TRUE(
-        SameBytes(AverageRotations(edges, options).cam_from_world, reference.cam_from_world));
+    EXPECT_TRUE(SameBytes(AverageRotations(edges, {}, {.num_threads = num_threads}).cam_from_world,
+                          reference.cam_from_world));
   }
 }
 
