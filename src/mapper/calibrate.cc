@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/graph/graph.h"
 #include "cairn/intrinsics/focal_calibration.h"
 #include "cairn/math/median.h"
 #include "cairn/view_graph/view_graph_builder.h"
+#include "graph/graph.h"
 #include "mapper/stages.h"
 
 namespace cairn {

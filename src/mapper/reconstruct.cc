@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "cairn/base/memory.h"
+#include "base/memory.h"
 #include "cairn/base/timer.h"
 #include "cairn/view_graph/symmetry.h"
 #include "cairn/view_graph/view_graph_builder.h"

@@ -5,10 +5,10 @@
 #include "cairn/base/check.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
-#include "cairn/sparse/laplacian_solver.h"
 #include "rotation_averaging/rotation_problem.h"
 #include "rotation_averaging/spanning_tree.h"
 #include "rotation_averaging/stages.h"
+#include "sparse/laplacian_solver.h"
 
 namespace cairn {
 namespace {

@@ -5,8 +5,8 @@
 
 #include "cairn/base/progress.h"
 #include "cairn/rotation_averaging/rotation_averaging.h"
-#include "cairn/sparse/laplacian_solver.h"
 #include "rotation_averaging/rotation_problem.h"
+#include "sparse/laplacian_solver.h"
 
 namespace cairn {
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "cairn/base/check.h"
-#include "cairn/graph/graph.h"
 #include "cairn/math/angles.h"
+#include "graph/graph.h"
 #include "view_graph/active_edges.h"
 
 namespace cairn {

@@ -5,15 +5,15 @@
 #include <memory>
 #include <mutex>
 
+#include "base/memory.h"
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
-#include "cairn/base/memory.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
-#include "cairn/database/database_writer.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/intrinsics/focal_learning.h"
 #include "cairn/intrinsics/lens_learning.h"
+#include "database/database_writer.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/pairs/load.h"
 #include "pipeline/pairs/rounds.h"

@@ -5,7 +5,7 @@
 
 #include <fstream>
 
-#include "cairn/base/memory.h"
+#include "base/memory.h"
 #include "cairn/synthetic/scene.h"
 
 namespace cairn {
