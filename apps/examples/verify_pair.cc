@@ -1,21 +1,19 @@
 // The relative pose of two photographs from their matches with affine frames.
 // usage: verify_pair FILE
-// The file begins with both cameras, `width height focal_px` each. Then every match is two lines `x
-// y a11 a12 a21 a22`, one an image: the position in pixels, and the frame's 2x2 matrix, whose
-// columns are its axes in pixels.
+// The file begins with both cameras, `width height focal_px`. Then every match is two lines, one an
+// image: `x y a11 a12 a21 a22`, the position and the frame's matrix (columns: its axes), in pixels.
 #include "cairn/two_view/verify_pair.h"
 
 #include <fstream>
 #include <iostream>
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
   std::ifstream file(argc == 2 ? argv[1] : "");
   cairn::Camera cameras[2];
   for (cairn::Camera& camera : cameras) {
-    int width = 0, height = 0;
-    double focal_px = 0;
-    file >> width >> height >> focal_px;
-    camera = cairn::Camera::FromFocal(1, cairn::CameraModel::kPinhole, focal_px, width, height);
+    double w = 0, h = 0, focal_px = 0;
+    file >> w >> h >> focal_px;
+    camera = cairn::Camera::FromFocal(1, cairn::CameraModel::kPinhole, focal_px, int(w), int(h));
     camera.has_prior_focal_length = true;  // false: a guess, which the matches may overrule
   }
   std::vector<Eigen::Vector2d> points[2];
@@ -37,4 +35,7 @@ int main(int argc, char** argv) {
             << " inliers\nR\n"
             << report.geometry.cam2_from_cam1->RotationMatrix() << "\nt\n"
             << report.geometry.cam2_from_cam1->translation.transpose() << "\n";
+} catch (const std::exception& error) {  // ConfigError: what is wrong with the input
+  std::cerr << error.what() << "\n";
+  return 2;
 }
