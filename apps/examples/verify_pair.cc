@@ -1,5 +1,4 @@
-// The relative pose of two photographs from their matches with affine frames.
-// usage: verify_pair FILE
+// The relative pose of two photographs from matches with affine frames. usage: verify_pair FILE
 // The file begins with both cameras, `width height focal_px`. Then every match is two lines, one an
 // image: `x y a11 a12 a21 a22`, the position and the frame's matrix (columns: its axes), in pixels.
 #include "cairn/two_view/verify_pair.h"
