@@ -13,8 +13,8 @@ namespace {
 // of what F explains; with one that is half or twice the right one, 349 of 385.
 constexpr double kMinShare = 0.95;
 constexpr int kMinExplained = 40;
-constexpr int kMaxPairs = 8;     // of a camera
-constexpr int kMinRefuting = 3;  // pairs
+constexpr int kMaxFocalPairs = 8;  // of a camera
+constexpr int kMinRefuting = 3;    // pairs
 
 struct Tally {
   int num_pairs = 0;
@@ -29,7 +29,7 @@ std::map<camera_t, Tally> Count(const std::vector<CameraPairEvidence>& pairs) {
   for (const CameraPairEvidence& pair : pairs) {
     for (const camera_t id : std::set<camera_t>{pair.camera_id1, pair.camera_id2}) {
       Tally& tally = tallies[id];
-      if (tally.num_pairs == kMaxPairs) continue;
+      if (tally.num_pairs == kMaxFocalPairs) continue;
       ++tally.num_pairs;
       tally.num_refuting += pair.is_refuting;
     }
@@ -76,7 +76,7 @@ std::vector<image_pair_t> PairsToWeigh(const Database& database,
     if (judged.count(camera1->second) > 0 && judged.count(camera2->second) > 0) continue;
     candidates.push_back(pair);
   }
-  return DrawPairs(std::move(candidates), camera_of, trusted, kMaxPairs);
+  return DrawPairs(std::move(candidates), camera_of, trusted, kMaxFocalPairs);
 }
 
 bool IsRefuting(const PairFocalEvidence& evidence) {

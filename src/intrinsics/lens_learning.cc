@@ -16,7 +16,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kMaxPairs = 100;       // of a camera
+constexpr int kMaxLensPairs = 100;   // of a camera
 constexpr size_t kMaxMatches = 300;  // of a pair
 // A focal length as sure as that is taken for known, as EXIF's is, which is no surer; those that
 // their pairs do not bear out are refuted like it (focal_learning.h).
@@ -179,7 +179,7 @@ std::string Describe(camera_t id, const CameraLens& lens) {
 }
 
 template <class Value>
-const Value* Find(const std::map<uint32_t, Value>& values, uint32_t id) {
+const Value* FindOrNull(const std::map<uint32_t, Value>& values, uint32_t id) {
   const auto it = values.find(id);
   return it == values.end() ? nullptr : &it->second;
 }
@@ -206,7 +206,7 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
   const Lenses known = ReadLenses(database, likely);
   if (known.open.empty()) return learned;
   std::vector<Witness> witnesses =
-      ReadWitnesses(database, known, DrawPairs(likely, known.camera_of, known.open, kMaxPairs));
+      ReadWitnesses(database, known, DrawPairs(likely, known.camera_of, known.open, kMaxLensPairs));
   ReadPixels(database, witnesses);
   std::vector<DistortionPair> pairs;
   for (Witness& witness : witnesses) pairs.push_back(std::move(witness.pair));
@@ -221,7 +221,7 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
   std::map<camera_t, CameraLens> lenses;
   for (const camera_t id : known.open) {
     CameraLens& lens = lenses[id];
-    lens = MakeLens(known.cameras.at(id), Find(report.cameras, id), Find(focals, id));
+    lens = MakeLens(known.cameras.at(id), FindOrNull(report.cameras, id), FindOrNull(focals, id));
     lens.num_pairs = known.num_pairs.at(id);
     if (!lens.IsEmpty()) learned.texts.push_back(Describe(id, lens));
   }

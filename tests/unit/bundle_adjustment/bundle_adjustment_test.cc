@@ -16,13 +16,12 @@
 namespace cairn {
 namespace {
 
-const RunContext kOneThread{.num_threads = 1};
-
 using testing_support::CompareAligned;
+using testing_support::kOneThread;
+using testing_support::MadeReconstruction;
 using testing_support::MakeSyntheticScene;
 using testing_support::PoseDifference;
 using testing_support::SyntheticOptions;
-using testing_support::SyntheticScene;
 
 BundleAdjustmentScope Scope(const std::function<void(BundleAdjustmentScope&)>& change) {
   BundleAdjustmentScope scope;

@@ -11,11 +11,10 @@
 namespace cairn {
 namespace {
 
-const RunContext kOneThread{.num_threads = 1};
-
 using testing_support::CompareAligned;
+using testing_support::kOneThread;
+using testing_support::MadeReconstruction;
 using testing_support::MakeSyntheticScene;
-using testing_support::SyntheticScene;
 
 constexpr double kFloorPx = 0.2;
 constexpr double kPerScale = 0.1;

@@ -11,8 +11,6 @@
 namespace cairn {
 namespace {
 
-const RunContext kOneThread{.num_threads = 1};
-
 TEST(EstimateBundleBytes, GrowsWithWhatThereIs) {
   const BundleAdjustmentOptions options;
   const BundleSize size{.num_images = 100,
@@ -60,7 +58,7 @@ TEST(EstimateBundleBytes, IsWithinThirtyPercentOfWhatIsTaken) {
   Reconstruction model = truth;
   BundleAdjustmentOptions options;
   options.max_iterations = 3;
-  AdjustBundle(model, {}, options, kOneThread);
+  AdjustBundle(model, {}, options, {.num_threads = 1});
   const auto taken = static_cast<double>(ReadMemoryUse().peak - before.resident);
   BundleSize size;
   size.num_images = static_cast<int64_t>(model.images.size());

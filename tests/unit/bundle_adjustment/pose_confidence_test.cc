@@ -12,8 +12,7 @@
 namespace cairn {
 namespace {
 
-const RunContext kOneThread{.num_threads = 1};
-
+using testing_support::kOneThread;
 using testing_support::MakeSyntheticScene;
 
 TEST(PoseConfidence, IsTheSpreadOfPosesUnderNoise) {

@@ -18,11 +18,12 @@ namespace {
 
 using ::testing::ElementsAre;
 
-constexpr int kWidth = 1000;
-constexpr int kHeight = 750;
+constexpr int kFocalTestWidth = 1000;
+constexpr int kFocalTestHeight = 750;
 
 Camera MakeCamera(camera_t id, double focal_px, bool has_exif = false) {
-  Camera camera = Camera::FromFocal(id, CameraModel::kSimplePinhole, focal_px, kWidth, kHeight);
+  Camera camera = Camera::FromFocal(id, CameraModel::kSimplePinhole, focal_px, kFocalTestWidth,
+                                    kFocalTestHeight);
   camera.has_prior_focal_length = has_exif;
   return camera;
 }
@@ -37,7 +38,7 @@ struct Rig {
     for (int i = 0; i < num_images; ++i) {
       camera_of.push_back(static_cast<camera_t>(1 + i % focals.size()));
       const double angle = 2 * std::numbers::pi * i / num_images + rng.Uniform(-0.1, 0.1);
-      const double distance = 1.1 * focals[i % focals.size()] / (0.4 * kHeight);
+      const double distance = 1.1 * focals[i % focals.size()] / (0.4 * kFocalTestHeight);
       // Optical axes that all meet in one point would leave one of the two equations.
       const Eigen::Vector3d target(rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5),
                                    rng.Uniform(-0.5, 0.5));
@@ -287,7 +288,7 @@ TEST(SelectFocalPairs, TakesTheBestOfEveryCamera) {
 }
 
 internal::FundamentalFit FitOf(const FocalPair& pair, double nominal_px) {
-  const Eigen::Vector2d center(0.5 * kWidth, 0.5 * kHeight);
+  const Eigen::Vector2d center(0.5 * kFocalTestWidth, 0.5 * kFocalTestHeight);
   std::vector<Eigen::Vector2d> x1, x2;
   for (const auto& x : pair.pixels1) x1.push_back((x - center) / nominal_px);
   for (const auto& x : pair.pixels2) x2.push_back((x - center) / nominal_px);

@@ -17,7 +17,7 @@
 namespace cairn {
 namespace {
 
-struct Lens {
+struct LensCase {
   double k = 0;
   double focal_factor = 1.0;  // what the database says of the true focal length
   bool has_prior = true;
@@ -28,7 +28,7 @@ struct Lens {
 class LensLearningTest : public ::testing::Test {
  protected:
   // Two cameras with the same distortion, of which the database says nothing.
-  std::string MakeDatabase(const std::string& name, const Lens& lens) const {
+  std::string MakeDatabase(const std::string& name, const LensCase& lens) const {
     SceneOptions options;
     options.num_images = lens.own_cameras ? 9 : 14;
     // (On a ring all optical axes meet in one point, which leaves focal lengths open.)
@@ -181,10 +181,10 @@ TEST_F(LensLearningTest, WhatIsCompleteStaysAsItIs) {
 
 TEST_F(LensLearningTest, RowsDoNotDependOnThreadsOrInterruptions) {
   for (const bool has_prior : {true, false}) {
-    const Lens lens = {.k = -0.1,
-                       .focal_factor = has_prior ? 0.5 : 1.3,
-                       .has_prior = has_prior,
-                       .wrong_camera = has_prior ? 2 : kInvalidCameraId};
+    const LensCase lens = {.k = -0.1,
+                           .focal_factor = has_prior ? 0.5 : 1.3,
+                           .has_prior = has_prior,
+                           .wrong_camera = has_prior ? 2 : kInvalidCameraId};
     const std::string name = has_prior ? "exif" : "guess";
     const std::string whole = MakeDatabase(name + "1.db", lens);
     Verify(whole, 1);

@@ -399,7 +399,7 @@ TEST(ReconstructScene, TwoImagesGiveAModel) {
 }
 
 TEST(ReasonToRefuse, KnowsCollapsedModels) {
-  testing_support::SyntheticScene scene = testing_support::MakeSyntheticScene({});
+  testing_support::MadeReconstruction scene = testing_support::MakeSyntheticScene({});
   EXPECT_EQ(ReasonToRefuse(scene.truth), "");
   Reconstruction collapsed = scene.truth;
   for (auto& [id, image] : collapsed.images) {
