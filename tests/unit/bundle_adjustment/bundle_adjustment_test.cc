@@ -62,7 +62,7 @@ Reconstruction Perturbed(const Reconstruction& truth, const Perturbation& by) {
 }
 
 TEST(AdjustBundle, RecoversAnExactSceneWithEverySolver) {
-  const SyntheticScene scene = MakeSyntheticScene({});
+  const MadeReconstruction scene = MakeSyntheticScene({});
   for (const auto& [solver, name] : kBundleSolvers) {
     BundleAdjustmentOptions options = Precise();
     options.solver = solver;
@@ -80,7 +80,7 @@ TEST(AdjustBundle, RecoversAnExactSceneWithEverySolver) {
 }
 
 TEST(AdjustBundle, AutoChoosesTheSolverByTheNumberOfImages) {
-  const SyntheticScene scene = MakeSyntheticScene({.num_points = 50});
+  const MadeReconstruction scene = MakeSyntheticScene({.num_points = 50});
   BundleAdjustmentOptions options = Precise();
   Reconstruction model = scene.truth;
   EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kDenseSchur);
@@ -105,7 +105,7 @@ TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
         CameraModel::kSimpleDivision}) {
     for (const bool shared : {true, false}) {
       SyntheticOptions synthetic{.num_images = 8, .model = model_kind, .shared_camera = shared};
-      const SyntheticScene scene = MakeSyntheticScene(synthetic);
+      const MadeReconstruction scene = MakeSyntheticScene(synthetic);
       Reconstruction model = Perturbed(scene.truth, {.focal = 0.05});
       for (auto& [id, camera] : model.cameras) {
         for (const int k : camera.DistortionIndices()) camera.params[k] = 0;
@@ -249,7 +249,7 @@ TEST(AdjustBundle, RefinesPrincipalPointsAsFarAsTheirPriorLets) {
 }
 
 TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
-  const SyntheticScene scene =
+  const MadeReconstruction scene =
       MakeSyntheticScene({.model = CameraModel::kRadial, .shared_camera = false});
   const Reconstruction start = Perturbed(scene.truth, {.focal = 0.02});
   const auto adjust = [&](const BundleAdjustmentScope& scope) {
@@ -317,7 +317,7 @@ TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
 
 TEST(AdjustBundle, RobustLossesWithstandOutliers) {
   SyntheticOptions synthetic{.num_points = 400, .noise_px = 0.3, .outlier_share = 0.05};
-  const SyntheticScene scene = MakeSyntheticScene(synthetic);
+  const MadeReconstruction scene = MakeSyntheticScene(synthetic);
   std::map<ReprojectionLoss, double> error;
   for (const auto& [loss, name] : kReprojectionLosses) {
     BundleAdjustmentOptions options = Precise();
@@ -334,7 +334,7 @@ TEST(AdjustBundle, RobustLossesWithstandOutliers) {
 }
 
 TEST(AdjustBundle, LossScaleAndIterationsAndToleranceMatter) {
-  const SyntheticScene scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.05});
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.05});
   const auto run = [&](const BundleAdjustmentOptions& options, BundleAdjustmentReport* report) {
     Reconstruction model = Perturbed(scene.truth, {});
     *report = AdjustBundle(model, {}, options, kOneThread);
@@ -358,7 +358,7 @@ TEST(AdjustBundle, LossScaleAndIterationsAndToleranceMatter) {
 }
 
 TEST(AdjustBundle, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
-  const SyntheticScene scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.02});
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.02});
   const Reconstruction start = Perturbed(scene.truth, {});
   const auto run = [&](int num_threads) {
     Reconstruction model = start;
@@ -386,7 +386,7 @@ TEST(AdjustBundle, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
 }
 
 TEST(AdjustBundle, TwoImagesAreEnough) {
-  const SyntheticScene scene = MakeSyntheticScene({.num_images = 2, .visible_share = 1.0});
+  const MadeReconstruction scene = MakeSyntheticScene({.num_images = 2, .visible_share = 1.0});
   Reconstruction model =
       Perturbed(scene.truth, {.rotation = 0.01, .position = 0.05, .point = 0.05});
   EXPECT_LT(AdjustBundle(model, {}, Precise(), kOneThread).final_rmse, 1e-4);
@@ -398,7 +398,7 @@ TEST(AdjustBundle, NothingToAdjustIsSaidAndChangesNothing) {
             BundleAdjustmentStatus::kNoObservations);
 
   // All points behind all cameras.
-  SyntheticScene scene = MakeSyntheticScene({});
+  MadeReconstruction scene = MakeSyntheticScene({});
   for (auto& [id, point] : scene.truth.points3D) point.xyz = Eigen::Vector3d(0, 0, -100);
   Reconstruction model = scene.truth;
   EXPECT_EQ(AdjustBundle(model, {}, Precise(), kOneThread).status,

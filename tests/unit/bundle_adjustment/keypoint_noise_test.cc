@@ -69,7 +69,7 @@ TEST(KeypointNoise, IsOnePixelWhereThereIsTooLittleToTell) {
 }
 
 TEST(KeypointNoise, ExactKeypointsStillHaveSomeAndOneScaleNeedsNoSlope) {
-  const SyntheticScene exact = MakeSyntheticScene({.num_points = 500});
+  const MadeReconstruction exact = MakeSyntheticScene({.num_points = 500});
   KeypointScales scales;
   for (const auto& [id, image] : exact.truth.images) scales[id].assign(image.points2D.size(), 2.0f);
   const KeypointNoise noise = EstimateKeypointNoise(exact.truth, scales);

@@ -269,7 +269,7 @@ TEST(RotationAveraging, StopsWhenAsked) {
     bool StopRequested() const override { return true; }
   } stopper;
   const RotationAveragingReport report =
-      AverageRotations(MakeProblem(20, 80, 2, 0, 1).edges, {}, stopper);
+      AverageRotations(MakeProblem(20, 80, 2, 0, 1).edges, {}, {.monitor = stopper});
   EXPECT_EQ(report.status, RotationAveragingStatus::kInterrupted);
   EXPECT_TRUE(report.cam_from_world.empty());
 }

@@ -289,7 +289,7 @@ TEST(TranslationAveraging, StopsWhenAsked) {
   DirectionScene scene;
   scene.AddCenters(Ring(10));
   scene.AddChain(5, 1, 0, rng);
-  const auto report = AverageTranslations(scene.edges, {}, {}, stopper);
+  const auto report = AverageTranslations(scene.edges, {}, {}, {.monitor = stopper});
   EXPECT_EQ(report.status, TranslationAveragingStatus::kInterrupted);
   EXPECT_THAT(report.centers, IsEmpty());
 }

@@ -90,6 +90,12 @@ TEST(VerifyPair, SaysWhyThereIsNoPose) {
 
 TEST(VerifyPair, TakesVerifierOptionsAndSeed) {
   const Matches m = MakeMatches();
+  // These two live on frames, and on depths, alone.
+  for (const VerifierKind kind : {VerifierKind::kTwoAc, VerifierKind::kOneAcDepth}) {
+    const PairReport report = VerifyPair(m.Image1(), m.Image2(), {.verifier = kind});
+    ASSERT_EQ(report.status, PairStatus::kVerified) << VerifierKindName(kind);
+    EXPECT_LT(test::PoseErrorDeg(report, m.truth), 1.0);
+  }
   const VerifyPairOptions five_point{.verifier = VerifierKind::kFivePoint};
   const PairReport report = VerifyPair(m.Image1(), m.Image2(), five_point);
   EXPECT_EQ(report.verifier, "five_point");
