@@ -25,7 +25,7 @@ int StageIndex(const std::string& stage) {
   for (size_t i = 0; i < stages.size(); ++i) {
     if (stages[i] == stage) return static_cast<int>(i);
   }
-  throw ConfigError("stop_after", "'" + stage + "' is no stage");
+  throw ConfigError("stop_after", "'" + stage + "' is not a stage");
 }
 
 // Options that differ from those of rows that are there are an error at once, not after an hour.
