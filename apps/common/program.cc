@@ -170,8 +170,11 @@ std::string DidYouMean(const std::string& key, const std::vector<std::string>& k
 
 std::string DescribeUnknown(const std::string& key, const std::vector<std::string>& known) {
   const size_t dashes = key.starts_with("--") ? 2 : 0;
+  if (const std::string name = NewNameOf(key.substr(dashes)); !name.empty()) {
+    return "'" + key + "' is now '" + key.substr(0, dashes) + name + "'";
+  }
   if (const std::string value = RetiredValue(key.substr(dashes)); !value.empty()) {
-    return "'" + key + "': this option was taken out; it " +
+    return "'" + key + "': this option was removed; it " +
            (value == "*" ? "had no effect" : "is always '" + value + "'");
   }
   return "'" + key + "'" + DidYouMean(key, known);

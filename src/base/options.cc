@@ -125,6 +125,10 @@ std::string RetiredValue(std::string_view name) {
   return "";
 }
 
+std::string NewNameOf(std::string_view name) {
+  return name == "reconstruct.separate_twins" ? "reconstruct.separate_duplicates" : "";
+}
+
 std::string NearestName(std::string_view name, const std::vector<std::string>& candidates) {
   std::string best;
   size_t best_distance = std::max<size_t>(2, name.size() / 3) + 1;

@@ -19,7 +19,7 @@ namespace {
 constexpr int kMaxLensPairs = 100;   // of a camera
 constexpr size_t kMaxMatches = 300;  // of a pair
 // A focal length as sure as that is taken for known, as EXIF's is, which is no surer; those that
-// their pairs do not bear out are refuted like it (focal_learning.h).
+// their pairs do not bear out are rejected like it (focal_learning.h).
 constexpr double kKnownSigma = 0.05;
 
 struct Witness {
@@ -167,7 +167,7 @@ std::string Describe(camera_t id, const CameraLens& lens) {
   char part[100];
   if (lens.focal_px > 0) {
     std::snprintf(part, sizeof(part), " focal length %.1f px (sigma %.1f %%)%s", lens.focal_px,
-                  100 * lens.focal_sigma, lens.is_focal_known ? "" : ", not surely");
+                  100 * lens.focal_sigma, lens.is_focal_known ? "" : " (uncertain)");
     text += part;
   }
   if (lens.k != 0) {

@@ -209,7 +209,7 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
   v.Int("num_pairs", num_pairs, {0, 2e8},
         "pairs in a database: those with the most points in common; 0: all");
   v.Double("pair_outlier_ratio", pair_outlier_ratio, {0.0, 1.0},
-           "share of verified pairs whose pose and matches mean nothing");
+           "share of verified pairs whose pose and matches are random");
   v.Double("rotation_noise_deg", rotation_noise_deg, {0.0, 180.0},
            "median rotation error of a verified pair");
   v.Double("direction_noise_deg", direction_noise_deg, {0.0, 180.0},

@@ -67,7 +67,7 @@ void ViewGraphOptions::VisitFields(OptionVisitor& v) {
            "median error of an edge's translation direction");
   v.Double("heavy_tail", heavy_tail, {0.0, 1.0},
            "0: light-tailed errors; 1: as in real 1DSfM edges");
-  v.Double("outlier_ratio", outlier_ratio, {0.0, 1.0}, "share of edges that mean nothing");
+  v.Double("outlier_ratio", outlier_ratio, {0.0, 1.0}, "share of edges that are random");
 }
 
 ViewGraphProblem MakeViewGraphProblem(const ViewGraphOptions& options, uint64_t seed) {

@@ -128,9 +128,12 @@ std::string DumpOptions(Options options) {
   return dumper.text();
 }
 
-// Of an option of earlier versions that was taken out: the value that all runs have today, "*"
+// Of an option of earlier versions that was removed: the value that all runs have today, "*"
 // where it never mattered. "" for other names. Files and databases of those versions may name it.
 std::string RetiredValue(std::string_view name);
+
+// Today's name of an option of earlier versions; "" for other names.
+std::string NewNameOf(std::string_view name);
 
 // The candidate nearest to `name` by edit distance, or "" if none is near: for "did you mean".
 std::string NearestName(std::string_view name, const std::vector<std::string>& candidates);

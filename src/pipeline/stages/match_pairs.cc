@@ -202,7 +202,7 @@ StageReport MatchImagePairs(Database& database,
   } else {
     ledger.Complete(database);
     if (work.num_left_out > 0) {
-      report.messages.push_back("images without features, which take part in no pair: " +
+      report.messages.push_back("images without features (in no pair): " +
                                 std::to_string(work.num_left_out));
       monitor.Warning(report.messages.back());
     }

@@ -141,9 +141,16 @@ TEST_F(ProgramTest, OptionsThatWereTakenOutAreNamed) {
   EXPECT_EQ(Run({"--config", WriteConfig("[tracks]\nconflicts = 'split'\n")}), 0);
   EXPECT_EQ(Run({"--config", WriteConfig("[rotation_averaging]\nnum_threads = 3\n")}), 0);
   EXPECT_EQ(Run({"--config", WriteConfig("[tracks]\nconflicts = 'drop'\n")}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("'tracks.conflicts': this option was taken out"));
+  EXPECT_THAT(output_, testing::HasSubstr("'tracks.conflicts': this option was removed"));
   EXPECT_EQ(Run({"--tracks.conflicts", "drop"}), kExitUsage);
   EXPECT_THAT(output_, testing::HasSubstr("it is always 'split'"));
+}
+
+TEST_F(ProgramTest, RenamedOptionsFailWithTheNewName) {
+  EXPECT_EQ(Run({"--reconstruct.separate_twins", "0"}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("is now '--reconstruct.separate_duplicates'"));
+  EXPECT_EQ(Run({"--config", WriteConfig("[reconstruct]\nseparate_twins = false\n")}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("is now 'reconstruct.separate_duplicates'"));
 }
 
 TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {

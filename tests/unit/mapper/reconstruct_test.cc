@@ -149,7 +149,7 @@ TEST(ReconstructScene, TellsTwinPlacesApart) {
   for (const uint64_t seed : {1, 2, 3}) {
     const Database database = MakeDatabase(MakeScene(options, seed));
     ReconstructSettings settings = Settings();
-    settings.reconstruct.separate_twins = false;
+    settings.reconstruct.separate_duplicates = false;
     const ReconstructResult folded = ReconstructScene(database, "", settings);
     EXPECT_EQ(places(folded.models.at(0)), 2u);
 
@@ -185,7 +185,7 @@ TEST(ReconstructScene, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
   options.image_noise_px = 0.5;
   const ReconstructResult result =
       ReconstructScene(MakeDatabase(MakeScene(options, 1)), "", Settings());
-  const StageReport* twins = FindStage(result.report, "twins");
+  const StageReport* twins = FindStage(result.report, "duplicate_structure");
   ASSERT_NE(twins, nullptr);
   EXPECT_EQ(Value(*twins, "edges_removed"), 0);
 }
