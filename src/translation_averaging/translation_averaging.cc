@@ -176,8 +176,7 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
   PositionSystem system(part, options.num_threads);
   FitWeights weights = BalancedWeights(part, options);
   for (int pass = 0; pass <= options.num_reweightings && !monitor.StopRequested(); ++pass) {
-    if (pass > 0)
-      weights = WeightsFromErrors(part, MeasureErrors(part, x), options);
+    if (pass > 0) weights = WeightsFromErrors(part, MeasureErrors(part, x), options);
     weights.tolerance = pass < options.num_reweightings ? kCoarseTolerance : kFineTolerance;
     report.num_iterations +=
         FitPositions(part, options, weights, system, x, monitor).num_iterations;

@@ -48,8 +48,8 @@ struct TranslationAveragingReport {
   std::string message;
   // Up to one translation and one positive scale: the mean is zero, the median distance from it 1.
   std::map<image_t, Eigen::Vector3d> centers;
-  // Images with measurements that are not in the largest parallel-rigid part. (Those thrown far away
-  // by directions that hardly hold them have no center either.)
+  // Images with measurements that are not in the largest parallel-rigid part. (Those thrown far
+  // away by directions that hardly hold them have no center either.)
   std::vector<image_t> not_rigid;
   // One an input edge: whether the 1DSfM filter took it out.
   std::vector<char> edge_is_filtered;
