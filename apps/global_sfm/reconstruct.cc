@@ -1,4 +1,4 @@
-#include "cairn/pipeline/reconstruct.h"
+#include "cairn/mapper/reconstruct.h"
 
 #include <spdlog/spdlog.h>
 

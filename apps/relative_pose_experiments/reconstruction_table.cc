@@ -4,8 +4,8 @@
 #include "cairn/base/timer.h"
 #include "cairn/database/database.h"
 #include "cairn/io/model.h"
-#include "cairn/pipeline/pair_scheduler.h"
-#include "cairn/pipeline/reconstruct.h"
+#include "cairn/mapper/reconstruct.h"
+#include "cairn/pipeline/verify_pairs.h"
 #include "relative_pose_experiments/least_time.h"
 #include "relative_pose_experiments/remove_database.h"
 

@@ -52,7 +52,7 @@ RegisteredImage ReadImage(TextReader& reader) {
   return image;
 }
 
-Point3D ReadPoint(TextReader& reader) {
+Point3D ReadTextPoint(TextReader& reader) {
   Point3D point;
   point.xyz = reader.Vector3("point");
   for (uint8_t& channel : point.color) {
@@ -67,7 +67,7 @@ Point3D ReadPoint(TextReader& reader) {
   return point;
 }
 
-void ReadCameras(const std::string& path, Reconstruction& reconstruction) {
+void ReadTextCameras(const std::string& path, Reconstruction& reconstruction) {
   TextReader reader(path);
   while (reader.NextDataLine()) {
     const Camera camera = ReadCamera(reader);
@@ -77,7 +77,7 @@ void ReadCameras(const std::string& path, Reconstruction& reconstruction) {
   }
 }
 
-void ReadImages(const std::string& path, Reconstruction& reconstruction) {
+void ReadTextImages(const std::string& path, Reconstruction& reconstruction) {
   TextReader reader(path);
   while (reader.NextDataLine()) {
     RegisteredImage image = ReadImage(reader);
@@ -90,11 +90,11 @@ void ReadImages(const std::string& path, Reconstruction& reconstruction) {
   }
 }
 
-void ReadPoints(const std::string& path, Reconstruction& reconstruction) {
+void ReadTextPoints(const std::string& path, Reconstruction& reconstruction) {
   TextReader reader(path);
   while (reader.NextDataLine()) {
     const point3D_t id = reader.Unsigned("3D point id");
-    if (!reconstruction.points3D.emplace(id, ReadPoint(reader)).second) {
+    if (!reconstruction.points3D.emplace(id, ReadTextPoint(reader)).second) {
       reader.Fail("point " + std::to_string(id) + " is there twice");
     }
   }
@@ -163,9 +163,9 @@ void WritePoints(const Reconstruction& reconstruction, TextWriter& out) {
 
 Reconstruction ReadColmapText(const std::string& folder) {
   Reconstruction reconstruction;
-  ReadCameras(folder + "/cameras.txt", reconstruction);
-  ReadImages(folder + "/images.txt", reconstruction);
-  ReadPoints(folder + "/points3D.txt", reconstruction);
+  ReadTextCameras(folder + "/cameras.txt", reconstruction);
+  ReadTextImages(folder + "/images.txt", reconstruction);
+  ReadTextPoints(folder + "/points3D.txt", reconstruction);
   return reconstruction;
 }
 

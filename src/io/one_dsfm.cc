@@ -31,7 +31,8 @@ OneDsfmEdge ReadEdge(TextReader& reader, int num_images) {
   reader.ExpectLineEnd();
   if (!IsNearRotation(R)) reader.Fail("the matrix is no rotation");
   if (t.norm() < 1e-9) reader.Fail("the direction is zero");
-  // FORMATS.md, "1DSfM": R = R_i R_j^T and t, the direction of j's center, in i's Bundler frame.
+  // src/io/FORMATS.md, "1DSfM": R = R_i R_j^T and t, the direction of j's center, in i's Bundler
+  // frame.
   const Eigen::Quaterniond cam_j_from_cam_i = ToRotation(FlipYZ() * R.transpose() * FlipYZ());
   const Eigen::Vector3d center_j_in_cam_i = FlipYZ() * t.normalized();
   edge.cam_j_from_cam_i = Rigid3d(cam_j_from_cam_i, cam_j_from_cam_i * -center_j_in_cam_i);

@@ -3,12 +3,12 @@
 #include <filesystem>
 
 #include "cairn/base/error.h"
-#include "pipeline/import_dataset.h"
-#include "pipeline/recompute.h"
-#include "pipeline/stage_ledger.h"
-#include "pipeline/stage_names.h"
-#include "pipeline/stage_options.h"
-#include "pipeline/wide_focals.h"
+#include "cairn/database/stage_names.h"
+#include "cairn/intrinsics/wide_focals.h"
+#include "pipeline/stages/import_dataset.h"
+#include "pipeline/stages/recompute.h"
+#include "pipeline/stages/stage_ledger.h"
+#include "pipeline/stages/stage_options.h"
 
 namespace cairn {
 namespace {
@@ -88,7 +88,7 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   const int last = StageIndex(in.stop_after);
   const auto keep_going = [&run](StageReport stage) {
     run.stages.push_back(std::move(stage));
-    return !StoppedEarly(run.stages.back());
+    return !run.stages.back().WasStopped();
   };
   if (sources.dataset && !sources.dataset->has_photographs) {
     return keep_going(ImportDataset(database, *sources.dataset, options.cameras, monitor));

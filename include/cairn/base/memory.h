@@ -4,11 +4,11 @@
 
 namespace cairn {
 
-// Memory of this process and of the machine, bytes; -1 where the system does not tell.
+// Memory of this process and of the machine, bytes; -1 where unknown.
 struct MemoryUse {
   int64_t resident = -1;
   int64_t peak = -1;  // largest resident size until now
-  // What this process can still take: the machine's, or what is left of its control group's limit.
+  // What this process can still allocate: on the machine, or within its control group's limit.
   int64_t available = -1;
 };
 MemoryUse ReadMemoryUse();

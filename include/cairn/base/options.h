@@ -20,7 +20,7 @@ namespace cairn {
 //   };
 //
 // that lists its fields. This list alone drives TOML files, command-line flags, --help, validation,
-// and the dump of the options in force, so nothing is named twice (DESIGN.md, "Options").
+// and the dump of the options in force, so nothing is named twice (src/STYLE.md, "Options").
 // A field of module `matching` is `matching.max_ratio` everywhere.
 struct OptionRange {
   double min = -std::numeric_limits<double>::infinity();

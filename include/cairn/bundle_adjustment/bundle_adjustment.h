@@ -35,26 +35,26 @@ struct BundleAdjustmentOptions {
   void VisitFields(OptionVisitor& v);
 };
 
-// What is known of a camera before its points are seen. Each free parameter is one more
-// observation, in its standard deviations as the others are: a camera that hardly any point
-// determines stays near its prior, and one with points enough does not feel it.
+// What is known of a camera beforehand. Each free parameter is one more observation, in standard
+// deviations as the others are: a camera with few points stays near its prior, and one with many
+// points is determined by these.
 struct IntrinsicsPrior {
   std::vector<double> params;  // expected Camera::params
   double focal_sigma = 0;      // standard deviation of the focal length's logarithm
   double principal_point_sigma_px = 0;
 };
 
-// What is adjusted; everything else is held.
+// What is adjusted; everything else is constant.
 struct BundleAdjustmentScope {
   bool rotations = true;
   bool positions = true;
   bool points = true;
   bool focal_lengths = false;
   bool distortions = false;
-  bool principal_points = false;  // of cameras with a prior, which alone keeps weak ones in place
-  std::set<camera_t> fixed_cameras;            // intrinsics held whatever the flags above say
-  std::set<image_t> fixed_images;              // poses held
-  std::map<camera_t, IntrinsicsPrior> priors;  // of cameras without, nothing is known
+  bool principal_points = false;     // of cameras with a prior, which keeps weak ones in place
+  std::set<camera_t> fixed_cameras;  // constant intrinsics, whatever the flags above
+  std::set<image_t> fixed_images;    // constant poses
+  std::map<camera_t, IntrinsicsPrior> priors;  // none: nothing is known of a camera
 };
 
 enum class BundleAdjustmentStatus : int {
@@ -84,11 +84,11 @@ struct BundleAdjustmentReport {
 // Minimizes the robust reprojection error, weighed by the observations' precision, over `scope`:
 // Levenberg-Marquardt by Ceres, analytic Jacobians, points eliminated first (Schur complement;
 // Triggs et al., "Bundle adjustment - a modern synthesis", 2000). The seven degrees of freedom of
-// the world frame stay free, since fixing some of them slows convergence: the damping holds them.
-// Observations that are behind their camera at the start are left out. A prior's distortion
-// coefficients have the standard deviation with which each alone would move a corner of the image
-// as far as lenses differ: from the pinhole's projection to the equidistant one (a fisheye's), and
-// by 3 % of the radius at any field of view. Throws nothing but BugError.
+// the world frame are free, since fixing some of them slows convergence; the damping keeps them
+// bounded. Observations that are behind their camera at the start are left out. A prior's
+// distortion coefficients have the standard deviation with which each alone would move a corner of
+// the image as far as lenses differ: from the pinhole's projection to the equidistant one (a
+// fisheye's), and by 3 % of the radius at any field of view. Throws nothing but BugError.
 BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
                                     const BundleAdjustmentScope& scope,
                                     Reconstruction& reconstruction,

@@ -10,11 +10,11 @@ namespace cairn {
 
 // Maximal parallel-rigid components in space: sets of nodes whose positions are determined up to
 // one translation and one scale by the directions of the edges among them, for positions in general
-// position. A framework in R^3 is parallel rigid iff doubling its edges contains a spanning
-// (3, 4)-tight subgraph (Whiteley 1996); found by the pebble game with components (Lee and Streinu
+// position. A framework in R^3 is parallel rigid iff doubling its edges contains a spanning (3,
+// 4)-tight subgraph (Whiteley 1996); found by the pebble game with components (Lee and Streinu
 // 2008, algorithm 4.1). Every edge lies in exactly one component, two components share at most one
-// node, and an edge that hangs loosely is a component of two nodes. The order of the edges does not
-// matter. O(n) for an edge that adds something, next to nothing for one within a component.
+// node, and an edge that no others make rigid is a component of two nodes. The order of the edges
+// does not matter. O(n) for an edge that adds something, almost nothing for one within a component.
 class ParallelRigidity {
  public:
   explicit ParallelRigidity(int num_nodes);
@@ -49,7 +49,7 @@ class ParallelRigidity {
   void AddComponent(std::vector<int> nodes);
 
   std::vector<Node> nodes_;
-  std::vector<std::vector<int>> components_;  // empty: swallowed by a later one
+  std::vector<std::vector<int>> components_;  // empty: merged into a later one
   int stamp_ = 0;
   std::vector<Step> path_;
 };

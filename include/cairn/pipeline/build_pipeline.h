@@ -8,9 +8,9 @@
 #include "cairn/depth/options.h"
 #include "cairn/features/features.h"
 #include "cairn/matching/matching.h"
-#include "cairn/pipeline/pair_scheduler.h"
-#include "cairn/pipeline/run_report.h"
 #include "cairn/pipeline/stages.h"
+#include "cairn/pipeline/verify_pairs.h"
+#include "cairn/report/run_report.h"
 #include "cairn/two_view/options.h"
 
 namespace cairn {

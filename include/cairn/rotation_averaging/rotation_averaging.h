@@ -19,8 +19,8 @@ struct RotationEdge {
   image_t image_id1 = kInvalidImageId;
   image_t image_id2 = kInvalidImageId;
   Eigen::Quaterniond cam2_from_cam1 = Eigen::Quaterniond::Identity();
-  // Trust, > 0: number of inliers, or 1. Decides the spanning tree; enters the cost as its
-  // `weight_power`.
+  // Trust, > 0: number of inliers, or 1. It decides the spanning tree, and enters the cost raised
+  // to `weight_power`.
   double weight = 1.0;
 };
 

@@ -32,7 +32,7 @@ struct RigOptions {
 // no others.
 int FocalLength35mm(const RigOptions& options, int camera_index);
 
-// Cameras 1 .. num_cameras, with focal lengths as EXIF would tell them.
+// Cameras 1 .. num_cameras, with focal lengths as EXIF would hold them.
 std::map<camera_t, Camera> MakeCameras(const RigOptions& options);
 
 // Images of the scene, then the distractors, ids from 1: "image00000.jpg", "other00000.jpg".

@@ -36,7 +36,7 @@ struct PointDirections {
 enum class TranslationAveragingStatus {
   kSuccess,
   kNoEdges,       // no two cameras that directions join (see not_rigid)
-  kCollapsed,     // the solution has folded into a point and a few far cameras: no centers
+  kCollapsed,     // half of the cameras lie in nearly one point: no centers
   kInconsistent,  // the solution contradicts most of the directions: no centers
   kInterrupted,   // the monitor asked to stop: no centers
 };
@@ -48,8 +48,8 @@ struct TranslationAveragingReport {
   std::string message;
   // Up to one translation and one positive scale: the mean is zero, the median distance from it 1.
   std::map<image_t, Eigen::Vector3d> centers;
-  // Images with measurements that are not in the largest parallel-rigid part. (Those thrown far
-  // away by directions that hardly hold them have no center either.)
+  // Images with measurements that are not in the largest parallel-rigid part. (Those far away from
+  // all others, since few directions constrain them, have no center either.)
   std::vector<image_t> not_rigid;
   // One an input edge: whether the 1DSfM filter took it out.
   std::vector<char> edge_is_filtered;
@@ -59,11 +59,11 @@ struct TranslationAveragingReport {
   double median_ray_error_deg = 0;
 };
 
-// Camera centers from directions, with known rotations:
-// outlier filter of 1DSfM (Wilson and Snavely 2014); parallel-rigidity check; a deterministic start
-// by least unsquared deviations (Ozyesil and Singer 2015); robust nonlinear fit over camera-camera
-// and camera-point directions (chordal); refusal of a collapsed solution.
-// Edge and track order do not matter, nor does the number of threads.
+// Camera centers from directions, with known rotations: outlier filter of 1DSfM
+// (Wilson and Snavely 2014); parallel-rigidity check; a deterministic start by least unsquared
+// deviations (Ozyesil and Singer 2015); robust nonlinear fit of the chordal error over
+// camera-camera and camera-point directions; refusal of a collapsed solution. Edge and track order
+// do not matter, nor does the number of threads.
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,
                                                const TranslationAveragingOptions& options = {},

@@ -17,10 +17,10 @@ namespace cairn {
 namespace {
 
 using testing_support::CompareAligned;
+using testing_support::MadeReconstruction;
 using testing_support::MakeSyntheticScene;
 using testing_support::PoseDifference;
 using testing_support::SyntheticOptions;
-using testing_support::SyntheticScene;
 
 BundleAdjustmentScope Scope(const std::function<void(BundleAdjustmentScope&)>& change) {
   BundleAdjustmentScope scope;

@@ -12,8 +12,8 @@ namespace cairn {
 namespace {
 
 using testing_support::CompareAligned;
+using testing_support::MadeReconstruction;
 using testing_support::MakeSyntheticScene;
-using testing_support::SyntheticScene;
 
 constexpr double kFloorPx = 0.2;
 constexpr double kPerScale = 0.1;

@@ -20,7 +20,7 @@ using testing::ThrownMessage;
 
 Eigen::Matrix3d BundlerFlip() { return Eigen::Vector3d(1, -1, -1).asDiagonal(); }
 
-// EGs.txt's line for two cameras given in our frame, by the definition in FORMATS.md.
+// EGs.txt's line for two cameras given in our frame, by the definition in src/io/FORMATS.md.
 std::string EdgeLine(int i, int j, const Rigid3d& cam_i, const Rigid3d& cam_j) {
   const Eigen::Matrix3d Ri = BundlerFlip() * cam_i.RotationMatrix();
   const Eigen::Matrix3d Rj = BundlerFlip() * cam_j.RotationMatrix();

@@ -9,7 +9,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/io/one_dsfm_writer.h"
-#include "cairn/pipeline/view_edges.h"
+#include "cairn/mapper/view_edges.h"
 #include "support/database_dump.h"
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
@@ -68,7 +68,6 @@ TEST_F(BuildPipelineTest, FromPhotographsToVerifiedPairs) {
   EXPECT_EQ(database.ReadPairMetrics().size(), 1u * report.summary.num_tried);
   EXPECT_THAT(SummaryText(report.summary, report.run),
               HasSubstr("4 (4 with features, 3 with depth)"));
-  EXPECT_FALSE(CamerasWereGiven(database));
   EXPECT_FALSE(HasImportedEdges(database));
 }
 

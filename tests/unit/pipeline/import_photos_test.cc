@@ -8,7 +8,7 @@
 #include "cairn/base/error.h"
 #include "cairn/image/exif.h"
 #include "cairn/pipeline/stages.h"
-#include "pipeline/recompute.h"
+#include "pipeline/stages/recompute.h"
 #include "support/database_dump.h"
 #include "support/shared_data.h"
 #include "support/temp_folder.h"

@@ -14,7 +14,7 @@
 namespace cairn {
 namespace {
 
-SceneOptions SmallOptions() {
+SceneOptions SmallSceneOptions() {
   SceneOptions options;
   options.num_images = 8;
   options.num_points = 600;
@@ -24,7 +24,7 @@ SceneOptions SmallOptions() {
 TEST(Scene, ExactReconstructionIsConsistent) {
   for (const std::string layout : {"ring", "arc", "grid", "line", "landmark"}) {
     for (const std::string model : {"SIMPLE_PINHOLE", "SIMPLE_RADIAL", "OPENCV"}) {
-      SceneOptions options = SmallOptions();
+      SceneOptions options = SmallSceneOptions();
       options.layout = layout;
       options.camera_model = model;
       options.radial_distortion = -0.05;
@@ -39,7 +39,7 @@ TEST(Scene, ExactReconstructionIsConsistent) {
 }
 
 TEST(Scene, KeypointNoiseIsTheReprojectionError) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.image_noise_px = 2.0;
   const Reconstruction truth = MakeReconstruction(options, 1);
   // Mean of a Rayleigh distribution.
@@ -47,7 +47,7 @@ TEST(Scene, KeypointNoiseIsTheReprojectionError) {
 }
 
 TEST(Scene, CamerasDiffer) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.num_cameras = 3;
   const SyntheticScene scene = MakeScene(options, 1);
   ASSERT_EQ(scene.cameras.size(), 3u);
@@ -62,7 +62,7 @@ TEST(Scene, CamerasDiffer) {
 }
 
 TEST(Scene, DepthSamplesLieOnTheSurfaceInTheImagesOwnUnit) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.missing_depth_ratio = 0.3;
   const SyntheticScene scene = MakeScene(options, 2);
   int num_missing = 0, num_all = 0;
@@ -82,7 +82,7 @@ TEST(Scene, DepthSamplesLieOnTheSurfaceInTheImagesOwnUnit) {
 }
 
 TEST(Scene, MatchesHaveTheChosenShareOfWrongOnes) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.num_clutter_keypoints = 300;
   for (const double ratio : {0.0, 0.3, 0.8}) {
     options.outlier_ratio = ratio;
@@ -104,7 +104,7 @@ TEST(Scene, MatchesHaveTheChosenShareOfWrongOnes) {
 }
 
 TEST(Scene, ChanceMatchesOnlyWhereNothingIsShared) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.num_chance_matches = 25;
   options.num_distractor_images = 2;
   const SyntheticScene scene = MakeScene(options, 4);
@@ -119,7 +119,7 @@ TEST(Scene, ChanceMatchesOnlyWhereNothingIsShared) {
 }
 
 TEST(Scene, TrueGeometryFitsItsInliers) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.outlier_ratio = 0.3;
   options.num_clutter_keypoints = 200;
   const SyntheticScene scene = MakeScene(options, 5);
@@ -135,7 +135,7 @@ TEST(Scene, TrueGeometryFitsItsInliers) {
 }
 
 TEST(Scene, ViewGraphJoinsImagesWithCommonPoints) {
-  const SyntheticScene scene = MakeScene(SmallOptions(), 6);
+  const SyntheticScene scene = MakeScene(SmallSceneOptions(), 6);
   const ViewGraph graph = MakeViewGraph(scene, 30);
   EXPECT_EQ(graph.image_ids.size(), 8u);
   ASSERT_GE(graph.edges.size(), 8u);   // a ring
@@ -149,7 +149,7 @@ TEST(Scene, ViewGraphJoinsImagesWithCommonPoints) {
 }
 
 TEST(Scene, DescriptorsOfTheSamePointAreNearest) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.num_clutter_keypoints = 100;
   const SyntheticScene scene = MakeScene(options, 7);
   const Descriptors d1 = MakeDescriptors(scene, 1), d2 = MakeDescriptors(scene, 2);
@@ -168,7 +168,7 @@ TEST(Scene, DescriptorsOfTheSamePointAreNearest) {
 }
 
 TEST(Scene, SameSeedSameScene) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.image_noise_px = 0.5;
   const SyntheticScene a = MakeScene(options, 8), b = MakeScene(options, 8),
                        c = MakeScene(options, 9);
@@ -200,7 +200,7 @@ TEST(Scene, EveryOptionHasAnEffect) {
       [](SceneOptions& o) { o.outlier_ratio = 0.5; },
       [](SceneOptions& o) { o.num_chance_matches = 10; },
   };
-  SceneOptions base = SmallOptions();
+  SceneOptions base = SmallSceneOptions();
   base.camera_model = "SIMPLE_RADIAL";
   const auto fingerprint = [](const SceneOptions& options) {
     const SyntheticScene scene = MakeScene(options, 10);

@@ -55,7 +55,7 @@ TEST(Surface, ShapeAndGradientAreDerivativesOfTheProjection) {
   }
 }
 
-// The frame lifted by METHOD.md section 1 is the element in the camera's frame.
+// The frame lifted by src/solvers/README.md is the element in the camera's frame.
 TEST(Surface, LiftedObservationIsTheElement) {
   const Camera camera = MakeCamera();
   Rng rng(2);
