@@ -1,8 +1,9 @@
 #include "cairn/geometry/epipolar.h"
 
-#include <Eigen/SVD>
+#include <Eigen/LU>
 
 #include "cairn/base/check.h"
+#include "cairn/math/decompositions.h"
 #include "cairn/math/so3.h"
 
 namespace cairn {
@@ -12,11 +13,8 @@ Eigen::Matrix3d EssentialFromPose(const Rigid3d& cam2_from_cam1) {
 }
 
 std::vector<Rigid3d> PosesFromEssential(const Eigen::Matrix3d& E) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(E, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d U = svd.matrixU();
-  Eigen::Matrix3d Vt = svd.matrixV().transpose();
-  if (U.determinant() < 0) U = -U;
-  if (Vt.determinant() < 0) Vt = -Vt;
+  const auto [U, V, s] = SingularValuesWithRotations(E);
+  const Eigen::Matrix3d Vt = V.transpose();
   Eigen::Matrix3d W;
   W << 0, -1, 0, 1, 0, 0, 0, 0, 1;
   const Eigen::Matrix3d R1 = U * W * Vt;

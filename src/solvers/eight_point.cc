@@ -1,9 +1,9 @@
 #include "cairn/solvers/eight_point.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <numbers>
 
+#include "cairn/math/decompositions.h"
 #include "cairn/solvers/essential.h"
 #include "solvers/point_normalization.h"
 
@@ -28,9 +28,8 @@ bool LinearSolution(std::span<const PointCorrespondence> samples, PointNormaliza
     row << p2.x() * p1, p2.y() * p1, p1;
     AtA += row.lazyProduct(row.transpose());
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> eigen(AtA);
-  if (eigen.info() != Eigen::Success) return false;
-  const Eigen::Matrix<double, 9, 1> f = eigen.eigenvectors().col(0);
+  Eigen::Matrix<double, 9, 1> f;
+  if (!LeastEigenvector(AtA, &f)) return false;
   *normalized = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(f.data());
   return true;
 }
