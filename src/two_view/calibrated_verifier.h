@@ -1,7 +1,7 @@
 #pragma once
 
 #include "cairn/two_view/pair_verifier.h"
-#include "two_view/prepared_pair.h"
+#include "two_view/prepare/prepared_pair.h"
 
 namespace cairn::internal {
 

@@ -1,11 +1,11 @@
 #pragma once
 
 #include "two_view/calibrated_verifier.h"
-#include "two_view/competing_model.h"
-#include "two_view/pair_outcome.h"
-#include "two_view/pose_search.h"
-#include "two_view/search_steps.h"
-#include "two_view/triangle_step.h"
+#include "two_view/decide/competing_model.h"
+#include "two_view/decide/pair_outcome.h"
+#include "two_view/search/pose_search.h"
+#include "two_view/search/search_steps.h"
+#include "two_view/search/triangle_step.h"
 
 namespace cairn::internal {
 

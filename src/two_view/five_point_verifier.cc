@@ -1,7 +1,7 @@
 #include "two_view/five_point_verifier.h"
 
 #include "cairn/base/rng.h"
-#include "two_view/search_steps.h"
+#include "two_view/search/search_steps.h"
 
 namespace cairn::internal {
 

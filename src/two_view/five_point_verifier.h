@@ -1,9 +1,9 @@
 #pragma once
 
 #include "two_view/calibrated_verifier.h"
-#include "two_view/pair_outcome.h"
-#include "two_view/pose_search.h"
-#include "two_view/prepared_pair.h"
+#include "two_view/decide/pair_outcome.h"
+#include "two_view/prepare/prepared_pair.h"
+#include "two_view/search/pose_search.h"
 
 namespace cairn::internal {
 

@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "cairn/robust/sampson_kernels.h"
-#include "two_view/evidence.h"
-#include "two_view/focal_plausibility.h"
-#include "two_view/special_pairs.h"
+#include "two_view/decide/evidence.h"
+#include "two_view/decide/focal_plausibility.h"
+#include "two_view/decide/special_pairs.h"
 
 namespace cairn::internal {
 namespace {

@@ -4,8 +4,8 @@
 #include <optional>
 
 #include "two_view/calibrated_verifier.h"
-#include "two_view/focal_evidence.h"
-#include "two_view/fundamental_search.h"
+#include "two_view/decide/focal_evidence.h"
+#include "two_view/search/fundamental_search.h"
 
 namespace cairn::internal {
 

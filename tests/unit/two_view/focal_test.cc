@@ -3,7 +3,7 @@
 
 #include "cairn/math/angles.h"
 #include "cairn/synthetic/two_view_problem.h"
-#include "two_view/focal_plausibility.h"
+#include "two_view/decide/focal_plausibility.h"
 #include "unit/two_view/pair_fixture.h"
 
 namespace cairn {

@@ -5,14 +5,14 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
-#include "two_view/evidence.h"
-#include "two_view/guided_support.h"
-#include "two_view/local_consensus.h"
+#include "two_view/decide/evidence.h"
 #include "two_view/pair_fixture.h"
-#include "two_view/pair_noise.h"
-#include "two_view/pose_search.h"
-#include "two_view/search_steps.h"
-#include "two_view/triangle_step.h"
+#include "two_view/prepare/local_consensus.h"
+#include "two_view/search/guided_support.h"
+#include "two_view/search/pair_noise.h"
+#include "two_view/search/pose_search.h"
+#include "two_view/search/search_steps.h"
+#include "two_view/search/triangle_step.h"
 
 namespace cairn::internal {
 namespace {

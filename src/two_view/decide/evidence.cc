@@ -1,0 +1,80 @@
+#include "two_view/decide/evidence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "cairn/robust/sampson_kernels.h"
+
+namespace cairn::internal {
+namespace {
+
+// std::lgamma writes a global variable, the sign.
+double LogFactorial(int n) {
+  int sign;
+  return lgamma_r(n + 1.0, &sign);
+}
+
+double Log10Binomial(int n, int k) {
+  return (LogFactorial(n) - LogFactorial(k) - LogFactorial(n - k)) / std::log(10.0);
+}
+
+}  // namespace
+
+double Log10NumFalseAlarms(int num_matches, int num_inliers, int sample_size, int num_models,
+                           double chance) {
+  if (num_inliers <= sample_size) return std::log10(static_cast<double>(num_models));
+  return std::log10(static_cast<double>(num_models)) +
+         std::log10(static_cast<double>(num_matches - sample_size)) +
+         Log10Binomial(num_matches, num_inliers) + Log10Binomial(num_inliers, sample_size) +
+         (num_inliers - sample_size) * std::log10(std::clamp(chance, 1e-12, 1.0));
+}
+
+double ChanceOfInlier(const PreparedPair& pair, const Eigen::Matrix3d& E, double max_error_px,
+                      PointPairs* scratch) {
+  const int n = pair.size();
+  const double prior = std::min(1.0, pair.chance_per_px * max_error_px);
+  // Cyclic shifts pair every point with points of other matches.
+  constexpr int kNumShifts = 8;
+  constexpr double kPriorWeight = 200.0;
+  double num_close = 0.0, num_tried = 0.0;
+  for (int k = 1; k <= kNumShifts; ++k) {
+    const int shift = static_cast<int>((static_cast<int64_t>(k) * n) / (kNumShifts + 1));
+    if (shift == 0) continue;
+    scratch->SetShifted(pair.points, shift);
+    // MSAC support of errors uniform within the band is 2/3 an inlier.
+    num_close += 1.5 * std::max(0.0, ScoreSampson(*scratch, E, max_error_px));
+    num_tried += n;
+  }
+  return (num_close + kPriorWeight * prior) / (num_tried + kPriorWeight);
+}
+
+int EstimateNumDistinct(const PreparedPair& pair, std::span<const int32_t> matches,
+                        std::vector<uint64_t>* scratch) {
+  constexpr double kCell = 3.0;  // thresholds
+  const double scale1 = pair.points.focal1_px() / (kCell * pair.max_error_px);
+  const double scale2 = pair.points.focal2_px() / (kCell * pair.max_error_px);
+  // 16 bits a coordinate: cells far outside the image may coincide, which does no harm.
+  auto cell = [](double scaled) {
+    return static_cast<uint64_t>(static_cast<int64_t>(std::floor(scaled)) & 0xffff);
+  };
+  if (matches.empty()) return 0;
+  scratch->clear();
+  constexpr size_t kMaxSample = 256;
+  const size_t step = 1 + (matches.size() - 1) / kMaxSample;
+  for (size_t k = 0; k < matches.size(); k += step) {
+    const int32_t i = matches[k];
+    Eigen::Vector2d x1 = scale1 * pair.points.Point1(i);
+    Eigen::Vector2d x2 = scale2 * pair.points.Point2(i);
+    if (pair.points.is_wide()) {  // far off axis, a spot of the image is a large one of the plane
+      x1 /= pair.points.Point1(i).homogeneous().norm();
+      x2 /= pair.points.Point2(i).homogeneous().norm();
+    }
+    scratch->push_back(cell(x1.x()) << 48 | cell(x1.y()) << 32 | cell(x2.x()) << 16 | cell(x2.y()));
+  }
+  std::sort(scratch->begin(), scratch->end());
+  const auto num_distinct = std::unique(scratch->begin(), scratch->end()) - scratch->begin();
+  return static_cast<int>(static_cast<size_t>(num_distinct) * matches.size() / scratch->size());
+}
+
+}  // namespace cairn::internal

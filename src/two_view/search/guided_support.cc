@@ -1,0 +1,72 @@
+#include "two_view/search/guided_support.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "two_view/search/pair_noise.h"
+
+namespace cairn::internal {
+namespace {
+
+// The share of right ones among matches of which `num_near` of `num` are near the model, where
+// chance puts the share `chance` of wrong ones; what is known beforehand weighs as two matches.
+double ShareOfRight(double num_near, double num, double chance, double expected) {
+  constexpr double kPriorWeight = 2.0, kMinShare = 0.01, kMaxShare = 0.99;
+  const double num_right = (num_near - chance * num) / (1.0 - chance);
+  return std::clamp((num_right + kPriorWeight * expected) / (num + kPriorWeight), kMinShare,
+                    kMaxShare);
+}
+
+}  // namespace
+
+void GuidedSupport::Learn(const PreparedPair& pair, const std::vector<float>& errors_px,
+                          double reach_px) {
+  constexpr double kSigmaOfMedian = 1.4826;  // of normal errors
+  constexpr double kScale = 1.25;            // of the loss, sigmas
+  constexpr double kNear = 3.0;              // sigmas
+  const double sigma_px = NoiseScalePx(pair, errors_px, kSigmaOfMedian, &scratch_);
+  const double near_px = kNear * sigma_px;
+  const double chance = std::min(0.5, pair.chance_per_px * near_px);
+  auto count_near = [&](int begin, int end) {
+    return std::count_if(errors_px.begin() + begin, errors_px.begin() + end,
+                         [near_px](float error) { return error < near_px; });
+  };
+  const double share_of_all =
+      ShareOfRight(static_cast<double>(count_near(0, pair.size())), pair.size(), chance, 0.0);
+  // Densities of right and of wrong matches at no error.
+  const double peak = std::sqrt(2.0 / M_PI) / sigma_px / pair.chance_per_px;
+  classes_.clear();
+  int begin = 0;
+  for (int c = 0; c < PreparedPair::kNumVoteClasses; ++c) {
+    const int end = pair.vote_class_end[c];
+    indices_.clear();
+    for (int i = begin; i < end; ++i) {
+      if (errors_px[i] < reach_px) indices_.push_back(i);
+    }
+    if (!indices_.empty()) {
+      const double share = ShareOfRight(static_cast<double>(count_near(begin, end)), end - begin,
+                                        chance, share_of_all);
+      points_[c].SetSubset(pair.points, indices_.data(), static_cast<int>(indices_.size()));
+      classes_.push_back(
+          {&points_[c], kScale * sigma_px, std::log1p(share / (1.0 - share) * peak)});
+    }
+    begin = end;
+  }
+}
+
+double GuidedSupport::Score(const Eigen::Matrix3d& E) const {
+  double score = 0.0;
+  for (const WeightedPoints& c : classes_) {
+    score += c.weight * SoftScoreSampson(*c.points, E, c.scale_px);
+  }
+  return score;
+}
+
+Rigid3d GuidedSupport::Refine(const Rigid3d& start) const {
+  PoseRefinementOptions options;
+  options.loss = RobustLoss::kGemanMcClure;
+  options.min_relative_gain = 1e-4;
+  return RefinePose(classes_, start, options).cam2_from_cam1;
+}
+
+}  // namespace cairn::internal
