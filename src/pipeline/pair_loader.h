@@ -9,6 +9,7 @@
 
 #include "cairn/base/progress.h"
 #include "cairn/database/database.h"
+#include "pipeline/own_matches.h"
 #include "pipeline/pair_feed.h"
 #include "pipeline/stage_ledger.h"
 
@@ -58,6 +59,7 @@ class PairLoader {
   const bool keeps_keypoints_;
   const StageLedger& ledger_;
   ProgressMonitor& monitor_;
+  const OwnMatches own_matches_;
   std::map<camera_t, Camera> cameras_;
   std::map<image_t, Image> images_;
   std::map<camera_t, CameraLens> lenses_;

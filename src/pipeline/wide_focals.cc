@@ -11,6 +11,7 @@
 #include "cairn/two_view/pair_verifier.h"
 #include "pipeline/camera_pairs.h"
 #include "pipeline/learned_cameras.h"
+#include "pipeline/own_matches.h"
 
 namespace cairn {
 namespace {
@@ -29,6 +30,7 @@ struct WidePair {
   const Camera* camera2 = nullptr;
   std::vector<Keypoint> keypoints1, keypoints2;
   FeatureMatches matches;
+  bool are_best_first = false;
 };
 
 class WideFocalFinder {
@@ -116,6 +118,7 @@ class WideFocalFinder {
     std::sort(ranked.begin(), ranked.end());
     ranked.resize(std::min<size_t>(ranked.size(), kMaxPairs * kSpread));
     const size_t step = std::max<size_t>(1, ranked.size() / kMaxPairs);
+    const OwnMatches own_matches(database_);
     std::vector<WidePair> pairs;
     for (size_t i = 0; i < ranked.size() && pairs.size() < kMaxPairs; i += step) {
       WidePair pair;
@@ -123,6 +126,7 @@ class WideFocalFinder {
       const auto [image1, image2] = PairIdToImagePair(pair.pair_id);
       pair.camera1 = &cameras_.at(camera_of_.at(image1));
       pair.camera2 = &cameras_.at(camera_of_.at(image2));
+      pair.are_best_first = own_matches.Contains(pair.pair_id);
       try {
         pair.keypoints1 = database_.ReadKeypoints(image1).value_or(std::vector<Keypoint>());
         pair.keypoints2 = database_.ReadKeypoints(image2).value_or(std::vector<Keypoint>());
@@ -156,6 +160,7 @@ class WideFocalFinder {
       input.keypoints1 = pair.keypoints1;
       input.keypoints2 = pair.keypoints2;
       input.matches = pair.matches;
+      input.are_best_first = pair.are_best_first;
       const PairReport report = MakePairVerifier(VerifierKind::kCascade, options_)->Verify(input);
       if (report.status == PairStatus::kVerified) of_task[task] = report.score;
     });

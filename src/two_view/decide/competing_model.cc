@@ -2,83 +2,67 @@
 
 #include <algorithm>
 
-#include "cairn/geometry/epipolar.h"
-#include "cairn/robust/sampson_kernels.h"
+#include "two_view/search/match_errors.h"
 #include "two_view/search/search_steps.h"
 
 namespace cairn::internal {
 namespace {
 
-constexpr int kMaxSamples = 60;
+// Of matches that a model explains, or of those that it does not.
+struct Counts {
+  int num_supported = 0;       // any vote
+  int num_well_supported = 0;  // of these
+
+  Counts(const PreparedPair& pair, std::span<const int32_t> indices)
+      : num_supported(NumBefore(indices, pair.NumSupported())),
+        num_well_supported(NumBefore(indices, pair.NumWellSupported())) {}
+
+ private:
+  static int NumBefore(std::span<const int32_t> indices, int end) {
+    return static_cast<int>(std::lower_bound(indices.begin(), indices.end(), end) -
+                            indices.begin());
+  }
+};
+
+std::vector<int32_t> Unexplained(const MatchErrors& errors, double max_error_px) {
+  constexpr double kFar = 8.0;  // thresholds: not merely the noise of the first model
+  std::vector<int32_t> indices;
+  for (int i = 0; i < std::ssize(errors.values()); ++i) {
+    if (!(errors[i] < kFar * max_error_px)) indices.push_back(i);
+  }
+  return indices;
+}
 
 }  // namespace
 
-bool CompetingModelSearch::CollectRest(const PreparedPair& pair, const Eigen::Matrix3d& E) {
-  constexpr double kFar = 8.0;  // thresholds: not merely the noise of the first model
-  errors_.resize(pair.points.num_blocks() * PointPairs::kBlock);
-  SampsonErrors(pair.points, E, errors_.data());
-  indices_.clear();
-  rest_.match_index.clear();
-  int num_supported = 0, num_well_supported = 0;
-  int num_supported_inliers = 0;
-  num_well_explained_ = 0;
-  for (int i = 0; i < pair.size(); ++i) {
-    const bool is_supported = i < pair.NumSupported();
-    const bool is_well_supported = i < pair.NumWellSupported();
-    num_supported_inliers += is_supported && errors_[i] < pair.max_error_px;
-    num_well_explained_ += is_well_supported && errors_[i] < pair.max_error_px;
-    if (errors_[i] < kFar * pair.max_error_px) continue;
-    num_supported += is_supported;
-    num_well_supported += is_well_supported;
-    indices_.push_back(i);
-    rest_.match_index.push_back(pair.match_index[i]);
-  }
-  if (num_supported < options_.min_num_inliers ||
-      num_supported < options_.min_competing_share * num_supported_inliers) {
-    return false;
-  }
-  rest_.points.SetSubset(pair.points, indices_.data(), static_cast<int>(indices_.size()));
-  rest_.max_error_px = pair.max_error_px;
-  rest_.chance_per_px = pair.chance_per_px;
-  rest_.vote_class_end = {num_well_supported, num_supported, num_supported, rest_.points.size(),
-                          rest_.points.size()};
-  rest_.consensus_sigmas = pair.consensus_sigmas;
-  return true;
-}
-
-bool CompetingModelSearch::IsOneOfMany() const {
-  // Without a model of their own they have to be as many times more.
-  constexpr double kWithoutModel = 4.0;
-  return rest_.NumWellSupported() >= options_.min_num_inliers &&
-         rest_.NumWellSupported() >
-             kWithoutModel * options_.min_competing_share * num_well_explained_;
-}
-
-FeatureMatches CompetingModelSearch::Find(const PairInput& input, const PreparedPair& pair,
-                                          const Eigen::Matrix3d& E) {
-  if (!CollectRest(pair, E)) return {};
-  FeatureMatches matches;
-  if (IsOneOfMany()) {
-    for (int i = 0; i < rest_.NumWellSupported(); ++i) {
-      matches.push_back(input.matches[rest_.match_index[i]]);
-    }
-    return matches;
-  }
-  search_.Reset(rest_);
-  // A model with that much support is found soon.
-  RunTwoAcStep(input, rest_, std::min(kMaxSamples, options_.max_affine_samples), &search_);
-  const double first_score = ScoreSampson(pair.points, E, pair.max_error_px);
-  if (!search_.HasEvidence() || search_.score() < options_.min_num_inliers ||
-      search_.score() < options_.min_competing_share * first_score) {
+FeatureMatches FindCompetingModel(const PreparedPair& pair, const Eigen::Matrix3d& E,
+                                  const TwoViewOptions& options) {
+  const MatchErrors errors(pair.points, E);
+  const Counts explained(pair, errors.Below(pair.max_error_px));
+  const std::vector<int32_t> unexplained = Unexplained(errors, pair.max_error_px);
+  const Counts others(pair, unexplained);
+  if (others.num_supported < options.min_num_inliers ||
+      others.num_supported < options.min_competing_share * explained.num_supported) {
     return {};
   }
-  SampsonErrors(rest_.points, EssentialFromPose(search_.pose()), errors_.data());
-  for (int i = 0; i < rest_.size(); ++i) {
-    if (errors_[i] < rest_.max_error_px) {
-      matches.push_back(input.matches[rest_.match_index[i]]);
-    }
+  // Without a model of their own they have to be as many times more.
+  constexpr double kWithoutModel = 4.0;
+  if (others.num_well_supported >= options.min_num_inliers &&
+      others.num_well_supported >
+          kWithoutModel * options.min_competing_share * explained.num_well_supported) {
+    return pair.Matches(std::span(unexplained).first(others.num_well_supported));
   }
-  return matches;
+  const PreparedPair rest = pair.Subset(unexplained);
+  PoseSearch search(rest, options);
+  // A model with that much support is found soon.
+  constexpr int kMaxSamples = 60;
+  RunTwoAcStep(rest, std::min(kMaxSamples, options.max_affine_samples), &search);
+  const double first_score = ScoreSampson(pair.points, E, pair.max_error_px);
+  if (!search.HasEvidence() || search.best().score < options.min_num_inliers ||
+      search.best().score < options.min_competing_share * first_score) {
+    return {};
+  }
+  return rest.Matches(MatchErrors(rest.points, search.best().E).Below(rest.max_error_px));
 }
 
 }  // namespace cairn::internal

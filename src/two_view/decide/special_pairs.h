@@ -16,23 +16,15 @@ struct SpecialPair {
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
 };
 
-// Memory reused over pairs.
-struct SpecialPairScratch {
-  PointPairs inliers;
-  std::vector<float> errors;
-  std::vector<int32_t> indices;
-};
-
 // Looks at the inliers of a pose, given as indices into pair.points: do they follow a rotation
 // alone (panoramic), one homography (planar), one shift within the frame of the images, or are they
 // an overlay (watermark)?
-SpecialPair ClassifyPair(const PairInput& input, const PreparedPair& pair,
-                         std::span<const int32_t> inliers, const TwoViewOptions& options,
-                         SpecialPairScratch* scratch);
+SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inliers,
+                         const TwoViewOptions& options);
 
 // Are more than half of these matches at the same place of both images, measured from a corner, the
 // middle of a side, or the center? Marks that are printed over photographs are, wherever they are
 // and however often they repeat; points of a scene only if the camera does not move.
-bool IsOverlay(const PairInput& input, const PreparedPair& pair, std::span<const int32_t> matches);
+bool IsOverlay(const PreparedPair& pair, std::span<const int32_t> matches);
 
 }  // namespace cairn::internal

@@ -42,9 +42,10 @@ HWY_INLINE V SquaredMiss(const V* A, V2 from, V2 to) {
       {to.x - (A[0] * from.x + A[1] * from.y), to.y - (A[2] * from.x + A[3] * from.y)});
 }
 
-double CountConsensusKernel(const float* columns, int n, int stride, float radius1_px,
+double CountConsensusKernel(const internal::ConsensusColumns& columns, float radius1_px,
                             float radius2_px, float* counts) {
-  const float* x1 = columns;
+  const int n = columns.size, stride = columns.stride;
+  const float* x1 = columns.data;
   const float* y1 = x1 + stride;
   const float* x2 = y1 + stride;
   const float* y2 = x2 + stride;
@@ -97,10 +98,9 @@ HWY_AFTER_NAMESPACE();
 namespace cairn {
 HWY_EXPORT(CountConsensusKernel);
 namespace internal {
-double CountConsensus(const float* columns, int n, int stride, float radius1_px, float radius2_px,
+double CountConsensus(const ConsensusColumns& columns, float radius1_px, float radius2_px,
                       float* counts) {
-  return HWY_DYNAMIC_DISPATCH(CountConsensusKernel)(columns, n, stride, radius1_px, radius2_px,
-                                                    counts);
+  return HWY_DYNAMIC_DISPATCH(CountConsensusKernel)(columns, radius1_px, radius2_px, counts);
 }
 
 double ConsensusChance(double squared_radius_px) {

@@ -17,32 +17,14 @@ namespace cairn::internal {
 // al., GMS, CVPR 2017. No code of theirs.)
 //
 // They only order the matches and set budgets: what is accepted is decided by geometry alone.
-class LocalConsensus {
- public:
-  // Counts the votes of input.matches[indices[k]] into votes()[k], each at most kMaxVotes.
-  // Time O(n times the number of neighbours); neighbourhoods shrink where matches are many.
-  void Count(const PairInput& input, std::span<const int32_t> indices);
-
-  static constexpr int kMaxVotes = 8;
-  const std::vector<uint8_t>& votes() const { return votes_; }
-  int num_supported() const { return num_supported_; }  // matches with a vote
+struct LocalConsensus {
+  std::vector<int> votes;  // of input.matches[indices[k]]
   // All votes, and as many as frames that have nothing to do with each other would give between
   // matches that are neighbours in both images.
-  double num_votes() const { return num_votes_; }
-  double num_votes_by_chance() const { return num_votes_by_chance_; }
-
- private:
-  void Sort();
-
-  int size_ = 0;
-  // Columns of size_ + padding floats: x1 y1 x2 y2, A (4), A^-1 (4); then the same sorted by x1.
-  std::vector<float> columns_, sorted_;
-  std::vector<float> counts_;
-  std::vector<int32_t> order_;
-  std::vector<uint64_t> keys_;
-  std::vector<uint8_t> votes_;
-  int num_supported_ = 0;
-  double num_votes_ = 0, num_votes_by_chance_ = 0;
+  double num_votes = 0.0, num_votes_by_chance = 0.0;
 };
+
+// Time O(n times the number of neighbours); neighbourhoods shrink where matches are many.
+LocalConsensus CountVotes(const PairInput& input, std::span<const int32_t> indices);
 
 }  // namespace cairn::internal

@@ -9,6 +9,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/rng.h"
+#include "two_view/prepare/local_consensus.h"
 
 namespace cairn::internal {
 namespace {
@@ -21,32 +22,24 @@ double BandPerPx(const Camera& camera) {
 // Votes are counted among so many matches: enough to find right ones where there are more.
 constexpr int kMaxVoters = 512;
 
-// Matches in order of their points, as COLMAP writes them, do not tell which are better.
-bool AreBestFirst(std::span<const FeatureMatch> matches) {
-  auto by_point1 = [](const FeatureMatch& a, const FeatureMatch& b) { return a.point1 < b.point1; };
-  auto by_point2 = [](const FeatureMatch& a, const FeatureMatch& b) { return a.point2 < b.point2; };
-  return !std::is_sorted(matches.begin(), matches.end(), by_point1) &&
-         !std::is_sorted(matches.begin(), matches.end(), by_point2);
-}
-
-void OrderByConsensus(const PairInput& input, PreparedPair* pair) {
-  std::vector<int32_t>& order = pair->order;
-  const size_t num_voters = std::min<size_t>(order.size(), kMaxVoters);
-  pair->consensus.Count(input, std::span<const int32_t>(order).first(num_voters));
-  const LocalConsensus& consensus = pair->consensus;
+// The matches' order, first those with votes; fills what is known of these.
+void OrderByConsensus(std::vector<int32_t>* order, PreparedPair* pair) {
+  const size_t num_voters = std::min<size_t>(order->size(), kMaxVoters);
+  const LocalConsensus consensus =
+      CountVotes(pair->input, std::span<const int32_t>(*order).first(num_voters));
   // Classes 0, 1, 2-3, 4 and more votes: beyond that, many votes only tell where matches are dense.
   auto class_of = [](int votes) { return votes < 2 ? votes : votes < 4 ? 2 : 3; };
-  std::vector<int32_t>& sorted = pair->match_index;  // filled for good later
-  sorted.clear();
+  std::vector<int32_t> sorted;
+  sorted.reserve(num_voters);
   for (int c = 3; c >= 0; --c) {
     for (size_t k = 0; k < num_voters; ++k) {
-      if (class_of(consensus.votes()[k]) == c) sorted.push_back(order[k]);
+      if (class_of(consensus.votes[k]) == c) sorted.push_back((*order)[k]);
     }
     pair->vote_class_end[3 - c] = static_cast<int>(sorted.size());
   }
-  std::copy(sorted.begin(), sorted.end(), order.begin());
-  const double by_chance = consensus.num_votes_by_chance();
-  pair->consensus_sigmas = (consensus.num_votes() - by_chance) / std::sqrt(by_chance + 1.0);
+  std::copy(sorted.begin(), sorted.end(), order->begin());
+  const double by_chance = consensus.num_votes_by_chance;
+  pair->consensus_sigmas = (consensus.num_votes - by_chance) / std::sqrt(by_chance + 1.0);
 }
 
 // The rows of a match lie anywhere in their images, and from here on are read in random order:
@@ -59,9 +52,11 @@ void PrefetchMatch(const PairInput& input, const FeatureMatch& match) {
 }
 
 // Undistorts the matches in their order and leaves out those that a camera cannot express.
-void Undistort(const PairInput& input, PreparedPair* pair) {
+void Undistort(std::span<const int32_t> order, PreparedPair* pair) {
+  const PairInput& input = pair->input;
   const std::array<int, PreparedPair::kNumVoteClasses> class_end = pair->vote_class_end;
-  const int num_matches = static_cast<int>(pair->order.size());
+  const int num_matches = static_cast<int>(order.size());
+  pair->points.Reset(num_matches, *input.camera1, *input.camera2);
   pair->match_index.clear();
   int c = 0;
   for (int k = 0; k <= num_matches; ++k) {
@@ -70,45 +65,65 @@ void Undistort(const PairInput& input, PreparedPair* pair) {
       pair->vote_class_end[c++] = num_kept;
     }
     if (k == num_matches) break;
-    const FeatureMatch& match = input.matches[pair->order[k]];
+    const FeatureMatch& match = input.matches[order[k]];
     const Eigen::Vector2d pixel1 = input.keypoints1[match.point1].Position();
     const Eigen::Vector2d pixel2 = input.keypoints2[match.point2].Position();
     if (!pair->points.SetPixels(num_kept, *input.camera1, pixel1, *input.camera2, pixel2)) {
       continue;
     }
-    pair->match_index.push_back(pair->order[k]);
+    pair->match_index.push_back(order[k]);
   }
   pair->points.Truncate(static_cast<int>(pair->match_index.size()));
 }
 
 }  // namespace
 
-void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrder order,
+FeatureMatches PreparedPair::Matches(std::span<const int32_t> indices) const {
+  FeatureMatches matches;
+  matches.reserve(indices.size());
+  for (const int32_t i : indices) matches.push_back(Match(i));
+  return matches;
+}
+
+PreparedPair PreparedPair::Subset(std::span<const int32_t> indices) const {
+  PreparedPair subset;
+  subset.input = input;
+  subset.points.SetSubset(points, indices.data(), static_cast<int>(indices.size()));
+  for (const int32_t i : indices) subset.match_index.push_back(match_index[i]);
+  subset.max_error_px = max_error_px;
+  subset.chance_per_px = chance_per_px;
+  for (int c = 0; c < kNumVoteClasses; ++c) {
+    const auto end = std::lower_bound(indices.begin(), indices.end(), vote_class_end[c]);
+    subset.vote_class_end[c] = static_cast<int>(end - indices.begin());
+  }
+  subset.consensus_sigmas = consensus_sigmas;
+  return subset;
+}
+
+void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrder match_order,
                  PreparedPair* pair) {
   CAIRN_CHECK(input.camera1 != nullptr && input.camera2 != nullptr);
   const Camera& camera1 = *input.camera1;
   const Camera& camera2 = *input.camera2;
+  pair->input = input;
   pair->max_error_px =
       options.max_error_px > 0.0 ? options.max_error_px : DefaultMaxErrorPx(camera1, camera2);
   pair->chance_per_px = 0.5 * (BandPerPx(camera1) + BandPerPx(camera2));
-  const int num_matches = static_cast<int>(input.matches.size());
-  pair->points.Reset(num_matches, camera1, camera2);
   for (const FeatureMatch& match : input.matches) {
     CAIRN_CHECK_LT(match.point1, input.keypoints1.size());
     CAIRN_CHECK_LT(match.point2, input.keypoints2.size());
     PrefetchMatch(input, match);
   }
-  pair->order.resize(num_matches);
-  std::iota(pair->order.begin(), pair->order.end(), 0);
-  const bool are_best_first = AreBestFirst(input.matches);
-  if (!are_best_first) Rng(input.seed, "order", input.pair_id).Shuffle(pair->order);
+  std::vector<int32_t> order(input.matches.size());
+  std::iota(order.begin(), order.end(), 0);
+  if (!input.are_best_first) Rng(input.seed, "order", input.pair_id).Shuffle(order);
   pair->vote_class_end.fill(0);
-  pair->vote_class_end.back() = num_matches;
+  pair->vote_class_end.back() = static_cast<int>(order.size());
   pair->consensus_sigmas = 0.0;
-  if (order == MatchOrder::kByConsensus) OrderByConsensus(input, pair);
-  Undistort(input, pair);
+  if (match_order == MatchOrder::kByConsensus) OrderByConsensus(&order, pair);
+  Undistort(order, pair);
   pair->best_first.clear();
-  if (!are_best_first) return;
+  if (!input.are_best_first) return;
   pair->best_first.resize(pair->match_index.size());
   std::iota(pair->best_first.begin(), pair->best_first.end(), 0);
   std::sort(pair->best_first.begin(), pair->best_first.end(),

@@ -1,25 +1,26 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <vector>
 
 #include "cairn/robust/point_pairs.h"
+#include "cairn/solvers/point_correspondence.h"
 #include "cairn/two_view/pair_verifier.h"
-#include "two_view/prepare/local_consensus.h"
 
 namespace cairn::internal {
 
 enum class MatchOrder {
-  kGiven,        // best first if they came so (PairInput::matches), otherwise random
+  kGiven,        // best first if they came so (PairInput::are_best_first), otherwise random
   kByConsensus,  // matches with more votes of their neighbours first, among equals as kGiven
 };
 
-// The matches of a pair in normalized coordinates, in the order that verifiers work with. Owned by
-// a verifier and refilled for every pair.
+// The matches of a pair in normalized coordinates, in the order that the search works with.
 struct PreparedPair {
+  PairInput input;  // what it was made from
   // Undistorted positions. Matches whose pixels the camera model cannot express are left out.
   PointPairs points;
-  std::vector<int32_t> match_index;  // of points[i] in PairInput::matches
+  std::vector<int32_t> match_index;  // of points[i] in input.matches
 
   double max_error_px = 1.0;  // the threshold in force
   // Probability that a random pair of points has an error below 1 px: band of an epipolar line over
@@ -43,12 +44,21 @@ struct PreparedPair {
   // Do the matches bear each other out, by their frames (kByConsensus only)?
   bool IsSupported() const { return consensus_sigmas > 5.0; }
 
-  // Scratch.
-  LocalConsensus consensus;
-  std::vector<int32_t> order;
+  const FeatureMatch& Match(int i) const { return input.matches[match_index[i]]; }
+  const Keypoint& Keypoint1(int i) const { return input.keypoints1[Match(i).point1]; }
+  const Keypoint& Keypoint2(int i) const { return input.keypoints2[Match(i).point2]; }
+  bool HasDepth() const { return !input.depth1.empty() && !input.depth2.empty(); }
+  const DepthSample& Depth1(int i) const { return input.depth1[Match(i).point1]; }
+  const DepthSample& Depth2(int i) const { return input.depth2[Match(i).point2]; }
+  PointCorrespondence Points(int i) const { return {points.Point1(i), points.Point2(i)}; }
+  FeatureMatches Matches(std::span<const int32_t> indices) const;
+
+  // Some of its matches, by ascending indices, as a pair of its own; which are best is not told.
+  PreparedPair Subset(std::span<const int32_t> indices) const;
 };
 
-// Orders and normalizes the matched keypoints.
+// Orders and normalizes the matched keypoints. What `input` points to must outlive the result.
+// `pair` is filled anew; its memory is used again.
 void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrder order,
                  PreparedPair* pair);
 

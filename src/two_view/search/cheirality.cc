@@ -8,14 +8,15 @@
 
 namespace cairn::internal {
 
-Cheirality::Cheirality(const PreparedPair& pair) : points_(pair.points) {
-  const double angle = 2.0 * pair.max_error_px / std::min(points_.focal1_px(), points_.focal2_px());
+Cheirality::Cheirality(const PreparedPair& pair) : pair_(pair) {
+  const double angle =
+      2.0 * pair.max_error_px / std::min(pair.points.focal1_px(), pair.points.focal2_px());
   squared_far_angle_ = angle * angle;
 }
 
 bool Cheirality::IsInFront(const Rigid3d& pose, const Eigen::Matrix3d& R, int match) const {
-  const Eigen::Vector3d a = R * points_.Ray1(match);
-  const Eigen::Vector3d b = points_.Ray2(match);
+  const Eigen::Vector3d a = R * pair_.points.Ray1(match);
+  const Eigen::Vector3d b = pair_.points.Ray2(match);
   const Eigen::Vector3d& t = pose.translation;
   const double aa = a.squaredNorm(), bb = b.squaredNorm(), ab = a.dot(b);
   const double det = aa * bb - ab * ab;  // aa bb sin^2 of the angle between the rays
@@ -45,6 +46,14 @@ Cheirality::Choice Cheirality::Choose(const Rigid3d& pose, std::span<const int32
   }
   if (num_tried > 0) best.share = static_cast<double>(best_count) / num_tried;
   return best;
+}
+
+double Cheirality::WeightOf(const Rigid3d& pose) {
+  // Wrong matches may be behind right poses; few of them are no reason to choose between these.
+  constexpr double kMostInFront = 0.75;
+  errors_.SetSampson(pair_.points, EssentialFromPose(pose));
+  const double share = Choose(pose, errors_.Below(pair_.max_error_px)).share;
+  return share < kMostInFront ? share : 1.0;
 }
 
 }  // namespace cairn::internal

@@ -4,6 +4,7 @@
 
 #include "cairn/geometry/rigid3d.h"
 #include "two_view/prepare/prepared_pair.h"
+#include "two_view/search/match_errors.h"
 
 namespace cairn::internal {
 
@@ -22,9 +23,14 @@ class Cheirality {
   };
   Choice Choose(const Rigid3d& pose, std::span<const int32_t> matches) const;
 
+  // What support of a pose is worth: the share of the matches that it explains in front of both
+  // cameras, 1 where these are most of them.
+  double WeightOf(const Rigid3d& pose);
+
  private:
-  const PointPairs& points_;
+  const PreparedPair& pair_;
   double squared_far_angle_;
+  MatchErrors errors_;
 };
 
 }  // namespace cairn::internal

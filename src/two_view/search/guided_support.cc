@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "two_view/search/pair_noise.h"
-
 namespace cairn::internal {
 namespace {
 
@@ -19,12 +17,33 @@ double ShareOfRight(double num_near, double num, double chance, double expected)
 
 }  // namespace
 
-void GuidedSupport::Learn(const PreparedPair& pair, const std::vector<float>& errors_px,
+double NoiseScalePx(const PreparedPair& pair, std::span<const float> errors_px, double factor) {
+  constexpr double kMinNoise = 0.25, kMaxNoise = 3.0;  // thresholds
+  constexpr double kNumParameters = 5.0;               // of a pose
+  constexpr double kPriorWeight = 10.0;                // matches
+  const double max_noise_px = kMaxNoise * pair.max_error_px;
+  std::vector<float> small;
+  small.reserve(errors_px.size());
+  for (const float error : errors_px) {
+    if (error < max_noise_px) small.push_back(error);
+  }
+  const double by_chance = pair.chance_per_px * max_noise_px * pair.size();
+  const double num_right = static_cast<double>(small.size()) - by_chance;
+  if (!(num_right > 2.0 * kNumParameters)) return pair.max_error_px;
+  const auto middle = small.begin() + static_cast<ptrdiff_t>(0.5 * num_right);
+  std::nth_element(small.begin(), middle, small.end());
+  const double noise_px = factor * (1.0 + 5.0 / (num_right - kNumParameters)) * *middle;
+  const double mean_square =
+      (kPriorWeight * pair.max_error_px * pair.max_error_px + num_right * noise_px * noise_px) /
+      (kPriorWeight + num_right);
+  return std::clamp(std::sqrt(mean_square), kMinNoise * pair.max_error_px, max_noise_px);
+}
+
+void GuidedSupport::Learn(const PreparedPair& pair, std::span<const float> errors_px,
                           double reach_px) {
-  constexpr double kSigmaOfMedian = 1.4826;  // of normal errors
-  constexpr double kScale = 1.25;            // of the loss, sigmas
-  constexpr double kNear = 3.0;              // sigmas
-  const double sigma_px = NoiseScalePx(pair, errors_px, kSigmaOfMedian, &scratch_);
+  constexpr double kScale = 1.25;  // of the loss, sigmas
+  constexpr double kNear = 3.0;    // sigmas
+  const double sigma_px = NoiseScalePx(pair, errors_px, kSigmaOfMedian);
   const double near_px = kNear * sigma_px;
   const double chance = std::min(0.5, pair.chance_per_px * near_px);
   auto count_near = [&](int begin, int end) {
@@ -36,17 +55,18 @@ void GuidedSupport::Learn(const PreparedPair& pair, const std::vector<float>& er
   // Densities of right and of wrong matches at no error.
   const double peak = std::sqrt(2.0 / M_PI) / sigma_px / pair.chance_per_px;
   classes_.clear();
+  std::vector<int32_t> indices;
   int begin = 0;
   for (int c = 0; c < PreparedPair::kNumVoteClasses; ++c) {
     const int end = pair.vote_class_end[c];
-    indices_.clear();
+    indices.clear();
     for (int i = begin; i < end; ++i) {
-      if (errors_px[i] < reach_px) indices_.push_back(i);
+      if (errors_px[i] < reach_px) indices.push_back(i);
     }
-    if (!indices_.empty()) {
+    if (!indices.empty()) {
       const double share = ShareOfRight(static_cast<double>(count_near(begin, end)), end - begin,
                                         chance, share_of_all);
-      points_[c].SetSubset(pair.points, indices_.data(), static_cast<int>(indices_.size()));
+      points_[c].SetSubset(pair.points, indices.data(), static_cast<int>(indices.size()));
       classes_.push_back(
           {&points_[c], kScale * sigma_px, std::log1p(share / (1.0 - share) * peak)});
     }

@@ -1,12 +1,23 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <vector>
 
 #include "cairn/robust/pose_refinement.h"
 #include "two_view/prepare/prepared_pair.h"
 
 namespace cairn::internal {
+
+// `factor` times the median error of right matches, pixels, by the errors of all matches at a pose
+// that was fitted to them: of those within three thresholds, less as many as chance puts there,
+// evenly. A fit to few matches is closer than their noise, which is allowed for (Rousseeuw and
+// Leroy, 1987: 1 + 5 / (n - p)); that it is the threshold weighs as much as ten matches. At least a
+// quarter of the threshold, at most three times it.
+double NoiseScalePx(const PreparedPair& pair, std::span<const float> errors_px, double factor);
+
+// Of normal errors.
+inline constexpr double kSigmaOfMedian = 1.4826;
 
 // How well poses near a roughly right one explain the matches of a pair. Matches come in classes,
 // by the votes of their neighbours; which share of a class is right is learned from the errors at
@@ -17,7 +28,7 @@ namespace cairn::internal {
 class GuidedSupport {
  public:
   // errors_px: of all matches at the rough pose; those of reach_px and more are left out.
-  void Learn(const PreparedPair& pair, const std::vector<float>& errors_px, double reach_px);
+  void Learn(const PreparedPair& pair, std::span<const float> errors_px, double reach_px);
 
   double Score(const Eigen::Matrix3d& E) const;  // larger is better
   Rigid3d Refine(const Rigid3d& start) const;
@@ -25,8 +36,6 @@ class GuidedSupport {
  private:
   std::array<PointPairs, PreparedPair::kNumVoteClasses> points_;
   std::vector<WeightedPoints> classes_;  // those that have points
-  std::vector<float> scratch_;
-  std::vector<int32_t> indices_;
 };
 
 }  // namespace cairn::internal
