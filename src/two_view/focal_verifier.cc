@@ -169,8 +169,8 @@ PairReport FocalVerifier::TryFocals(const PairReport& guess, const Eigen::Matrix
     PairInput scaled = input;
     scaled.camera1 = &camera1;
     scaled.camera2 = &camera2;
-    PreparePair(scaled, options_,
-                steps_.uses_votes ? MatchOrder::kByConsensus : MatchOrder::kGiven, &scaled_pair);
+    PreparePair(scaled, options_, steps_.uses_votes ? MatchOrder::kByConsensus : MatchOrder::kGiven,
+                &scaled_pair);
     PairReport report = VerifyCalibrated(scaled_pair, steps_, options_);
     num_iterations += report.num_iterations;
     if (HasPose(report) && (!HasPose(best) || report.score > best.score)) best = std::move(report);

@@ -21,8 +21,7 @@ double Log10Binomial(int n, int k) {
 
 }  // namespace
 
-double Log10NumFalseAlarms(int num_matches, int num_inliers, const ModelKind& kind,
-                           double chance) {
+double Log10NumFalseAlarms(int num_matches, int num_inliers, const ModelKind& kind, double chance) {
   const auto [sample_size, num_models, passes] = kind;
   if (num_inliers <= sample_size) return std::log10(static_cast<double>(num_models));
   return std::log10(static_cast<double>(num_models)) +

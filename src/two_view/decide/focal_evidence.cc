@@ -19,12 +19,11 @@ std::optional<FocalEvidence> WeighFocals(const PreparedPair& pair, const Eigen::
   std::vector<int32_t> first(evidence.num_matches);
   std::iota(first.begin(), first.end(), 0);
   const PreparedPair supported = pair.Subset(first);
-  evidence.num_by_essential =
-      MatchErrors(supported.points, E).CountBelow(supported.max_error_px);
+  evidence.num_by_essential = MatchErrors(supported.points, E).CountBelow(supported.max_error_px);
   evidence.num_by_fundamental = evidence.num_by_essential;
   // (An F that no plausible focal lengths give is of repeated structure, and says nothing of them.)
-  const auto model = FindFundamental(
-      supported, {.confidence = options.confidence, .max_iterations = kMaxSamples});
+  const auto model =
+      FindFundamental(supported, {.confidence = options.confidence, .max_iterations = kMaxSamples});
   if (model && HasPlausibleFocals(model->F, *pair.input.camera1, *pair.input.camera2)) {
     evidence.num_by_fundamental =
         std::max(evidence.num_by_essential, static_cast<int>(model->inliers.size()));

@@ -129,10 +129,9 @@ class PairFinisher {
   }
 
   PairStatus Accept(const Rigid3d& pose, const Support& support) const {
-    const bool is_accepted =
-        std::ssize(support.inliers) >= options_.min_num_inliers &&
-        Log10NumFalseAlarms(pair_, EssentialFromPose(pose), support.inliers, kEssential) <
-            -options_.min_log10_evidence;
+    const bool is_accepted = std::ssize(support.inliers) >= options_.min_num_inliers &&
+                             Log10NumFalseAlarms(pair_, EssentialFromPose(pose), support.inliers,
+                                                 kEssential) < -options_.min_log10_evidence;
     return is_accepted ? PairStatus::kVerified : PairStatus::kTooFewInliers;
   }
 
@@ -207,8 +206,7 @@ class PairFinisher {
   void FillInliers(const Support& support, PairReport* report) const {
     FillSupport(support, report);
     report->geometry.inlier_matches = pair_.Matches(support.inliers);
-    report->residual_px =
-        MedianOf(support.inliers, [&](int32_t i) { return support.errors[i]; });
+    report->residual_px = MedianOf(support.inliers, [&](int32_t i) { return support.errors[i]; });
   }
 
   void FillPose(const Rigid3d& pose, const Support& support, PairReport* report) const {

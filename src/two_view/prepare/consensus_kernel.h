@@ -11,8 +11,8 @@ struct ConsensusColumns {
   int stride = 0;
 };
 
-// Adds to counts[k] the votes of match k (local_consensus.h); returns the number of pairs of matches
-// that are neighbours in both images: nearer than these radii. counts: as long as a column.
+// Adds to counts[k] the votes of match k (local_consensus.h); returns the number of pairs of
+// matches that are neighbours in both images: nearer than these radii. counts: as long as a column.
 double CountConsensus(const ConsensusColumns& columns, float radius1_px, float radius2_px,
                       float* counts);
 

@@ -26,13 +26,13 @@ std::optional<Eigen::Matrix3d> FindPlane(const PreparedPair& pair, std::span<con
   points.SetSubset(pair.points, near.data(), static_cast<int>(near.size()));
   double best_score = 0.0;
   Eigen::Matrix3d best;
-  SampleModels<HomographyFourPoint>(
-      pair, near, kNumPlaneSamples, rng, [&](const Eigen::Matrix3d& H) {
-        const double score = ScoreHomography(points, H, max_error_px);
-        if (!(score > best_score)) return;
-        best_score = score;
-        best = H;
-      });
+  SampleModels<HomographyFourPoint>(pair, near, kNumPlaneSamples, rng,
+                                    [&](const Eigen::Matrix3d& H) {
+                                      const double score = ScoreHomography(points, H, max_error_px);
+                                      if (!(score > best_score)) return;
+                                      best_score = score;
+                                      best = H;
+                                    });
   if (best_score == 0.0) return std::nullopt;
   MatchErrors errors;
   for (int round = 0; round < 2; ++round) {
@@ -84,10 +84,10 @@ class FundamentalNeighborhood {
 
   double Try(int k, double best_support) {
     constexpr int kFewPoints = 256;
-    const Eigen::Matrix3d F = Refine(
-        hypotheses_[k].F,
-        {.scale_px = pair_.max_error_px, .max_iterations = 10, .min_relative_gain = 1e-3},
-        kFewPoints);
+    const Eigen::Matrix3d F =
+        Refine(hypotheses_[k].F,
+               {.scale_px = pair_.max_error_px, .max_iterations = 10, .min_relative_gain = 1e-3},
+               kFewPoints);
     const double support = SupportOf(F);
     if (!(support > best_support)) return best_support;
     best_ = F;
@@ -155,8 +155,7 @@ class FundamentalNeighborhood {
   Eigen::Matrix3d Refine(const Eigen::Matrix3d& start, const FundamentalRefinementOptions& options,
                          int max_num_points) const {
     constexpr double kReach = 10.0;  // thresholds: matches farther away have no weight
-    std::vector<int32_t> near =
-        MatchErrors(pair_.points, start).Below(kReach * pair_.max_error_px);
+    std::vector<int32_t> near = MatchErrors(pair_.points, start).Below(kReach * pair_.max_error_px);
     const size_t step = 1 + near.size() / (max_num_points + 1);
     for (size_t k = 0; k * step < near.size(); ++k) near[k] = near[k * step];
     near.resize((near.size() + step - 1) / step);

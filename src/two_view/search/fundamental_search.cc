@@ -81,9 +81,8 @@ std::optional<FundamentalModel> RefineFundamental(const PreparedPair& pair,
 
 std::optional<FundamentalModel> FindFundamental(const PreparedPair& pair,
                                                 const FundamentalSearchOptions& options) {
-  const int num_data = pair.IsSupported()
-                           ? std::max(pair.NumSupported(), 2 * SevenPoint::kSampleSize)
-                           : pair.size();
+  const int num_data =
+      pair.IsSupported() ? std::max(pair.NumSupported(), 2 * SevenPoint::kSampleSize) : pair.size();
   SevenPointEstimator estimator(pair, std::min(num_data, pair.size()));
   RansacOptions ransac;
   ransac.confidence = options.confidence;

@@ -26,8 +26,8 @@ class MatchErrors {
   float operator[](int i) const { return values_[i]; }
 
   int CountBelow(double max_error_px) const {
-    return static_cast<int>(std::count_if(
-        values_.begin(), values_.begin() + size_, [=](float e) { return e < max_error_px; }));
+    return static_cast<int>(std::count_if(values_.begin(), values_.begin() + size_,
+                                          [=](float e) { return e < max_error_px; }));
   }
   std::vector<int32_t> Below(double max_error_px) const {
     std::vector<int32_t> indices;

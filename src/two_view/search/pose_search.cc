@@ -63,10 +63,10 @@ int PoseSearch::MoveBestToFront(int max_count) {
 
 PoseSearch::Started PoseSearch::Start(const Eigen::Matrix3d& E) const {
   const EssentialDecomposition parts = DecomposeEssential(E);
-  const Rigid3d pose = Refine(subset_, Rigid3d(parts.R1, parts.t), options_.rough_error_ratio,
-                              kNumFirstSteps);
-  return {pose, SoftScoreSampson(subset_, EssentialFromPose(pose),
-                                 MiddleScale() * pair_.max_error_px)};
+  const Rigid3d pose =
+      Refine(subset_, Rigid3d(parts.R1, parts.t), options_.rough_error_ratio, kNumFirstSteps);
+  return {pose,
+          SoftScoreSampson(subset_, EssentialFromPose(pose), MiddleScale() * pair_.max_error_px)};
 }
 
 void PoseSearch::Finish(const Rigid3d& started) {

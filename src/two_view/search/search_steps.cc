@@ -190,9 +190,8 @@ void RunTriangleStep(const PreparedPair& pair, int max_num_samples, PoseSearch* 
   std::vector<PointsInBoth> points;
   for (int i = 0; i < std::min(pair.size(), kMaxWithDepth); ++i) {
     if (!HasDepth(pair, i)) continue;
-    points.push_back(
-        {(pair.Depth1(i).depth * pair.points.Point1(i).homogeneous()).cast<float>(),
-         (pair.Depth2(i).depth * pair.points.Point2(i).homogeneous()).cast<float>()});
+    points.push_back({(pair.Depth1(i).depth * pair.points.Point1(i).homogeneous()).cast<float>(),
+                      (pair.Depth2(i).depth * pair.points.Point2(i).homogeneous()).cast<float>()});
   }
   if (points.size() < kMinPoints) return;
   Rng rng(pair.input.seed, "triangles", pair.input.pair_id);

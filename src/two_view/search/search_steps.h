@@ -11,10 +11,10 @@ namespace cairn::internal {
 // to some hundreds. Returns the number of hypotheses.
 int RunOneAcDepthStep(const PreparedPair& pair, int max_num_refined, PoseSearch* search);
 
-// Three matches with depth a hypothesis. The triangle that they span is an affine frame as well, one
-// of the scene's size, which needs neither the frames of features nor the gradients of depth, and
-// goes through the solver of 1AC+D. Right matches span triangles of one shape in both images: of
-// many random triples only those that do best are scored, so a sample costs nanoseconds.
+// Three matches with depth a hypothesis. The triangle that they span is an affine frame as well,
+// one of the scene's size, which needs neither the frames of features nor the gradients of depth,
+// and goes through the solver of 1AC+D. Right matches span triangles of one shape in both images:
+// of many random triples only those that do best are scored, so a sample costs nanoseconds.
 void RunTriangleStep(const PreparedPair& pair, int max_num_samples, PoseSearch* search);
 
 // Two affine correspondences without depth a sample.
