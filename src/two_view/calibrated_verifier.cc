@@ -20,12 +20,9 @@ struct StepsTaken {
 StepsTaken RunSteps(const PreparedPair& pair, const SearchSteps& steps,
                     const TwoViewOptions& options, PoseSearch* search) {
   const bool has_depth = steps.one_ac_depth && pair.HasDepth();
-  // Without depth more rests on the other steps.
-  constexpr double kWithoutDepth = 3.0;
-  const double share =
-      std::min(1.0, options.unsupported_budget * (has_depth ? 1.0 : kWithoutDepth));
   auto budget = [&](int full) {
-    return pair.IsSupported() ? full : static_cast<int>(std::ceil(share * full));
+    return pair.IsSupported() ? full
+                              : static_cast<int>(std::ceil(options.unsupported_budget * full));
   };
   StepsTaken taken{steps.name};
   auto end = [&](std::string_view step) {

@@ -6,7 +6,6 @@
 
 #include "two_view/decide/evidence.h"
 #include "two_view/decide/focal_evidence.h"
-#include "two_view/decide/focal_plausibility.h"
 #include "two_view/decide/special_pairs.h"
 #include "two_view/search/match_errors.h"
 
@@ -102,8 +101,6 @@ PairReport FocalVerifier::Judge(PairReport report) const {
     auto improved = ImproveFundamental(pair_, model->F);
     if (improved) model = std::move(improved);
   }
-  // A pose at other focal lengths would mean nothing beside cameras that are trusted.
-  if (is_wrong && !is_trusted) report = TryFocals(report, model->F);
   Fill(*model, &report);
   return report;
 }
@@ -141,11 +138,10 @@ bool FocalVerifier::HasParallax(const FundamentalModel& model,
                                 const Eigen::Matrix3d& pixels_H) const {
   const Eigen::Matrix3d H = pair_.input.camera2->CalibrationMatrix().inverse() * pixels_H *
                             pair_.input.camera1->CalibrationMatrix();
-  constexpr double kOffPlane = 4.0;  // thresholds: not merely the noise of the plane
   constexpr ModelKind kEpipole = {2, 1};
   MatchErrors errors;
   errors.SetHomography(pair_.points, H);
-  auto is_off_plane = [&](float error) { return error > kOffPlane * pair_.max_error_px; };
+  auto is_off_plane = [&](float error) { return error > kOutside * pair_.max_error_px; };
   const auto num_off_plane =
       std::count_if(errors.values().begin(), errors.values().end(), is_off_plane);
   const auto num_explained = std::count_if(model.inliers.begin(), model.inliers.end(),
@@ -153,30 +149,6 @@ bool FocalVerifier::HasParallax(const FundamentalModel& model,
   const double chance = pair_.chance_per_px * pair_.max_error_px;
   return Log10NumFalseAlarms(static_cast<int>(num_off_plane), static_cast<int>(num_explained),
                              kEpipole, chance) < -options_.min_log10_evidence;
-}
-
-PairReport FocalVerifier::TryFocals(const PairReport& guess, const Eigen::Matrix3d& F) const {
-  constexpr int kMaxProposals = 3;
-  PairReport best = guess;
-  int64_t num_iterations = guess.num_iterations;
-  const PairInput& input = pair_.input;
-  PreparedPair scaled_pair;
-  for (const Eigen::Vector2d& factors :
-       ProposeFocals(F, *input.camera1, *input.camera2, kMaxProposals)) {
-    Camera camera1 = *input.camera1, camera2 = *input.camera2;
-    camera1.SetMeanFocal(factors[0] * camera1.MeanFocal());
-    camera2.SetMeanFocal(factors[1] * camera2.MeanFocal());
-    PairInput scaled = input;
-    scaled.camera1 = &camera1;
-    scaled.camera2 = &camera2;
-    PreparePair(scaled, options_, steps_.uses_votes ? MatchOrder::kByConsensus : MatchOrder::kGiven,
-                &scaled_pair);
-    PairReport report = VerifyCalibrated(scaled_pair, steps_, options_);
-    num_iterations += report.num_iterations;
-    if (HasPose(report) && (!HasPose(best) || report.score > best.score)) best = std::move(report);
-  }
-  best.num_iterations = num_iterations;
-  return best;
 }
 
 void FocalVerifier::Fill(const FundamentalModel& model, PairReport* report) const {

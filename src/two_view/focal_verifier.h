@@ -9,9 +9,9 @@ namespace cairn::internal {
 
 // Adds to the verification of calibrated pairs what it cannot know: whether the focal lengths are
 // right. A pair with a camera of unknown focal length gets a fundamental matrix and the config
-// kUncalibrated; where the guessed focal length explains far less than that matrix, those that the
-// matrix proposes are tried, and the pose is that of the best. A pair of trusted cameras keeps its
-// essential matrix, unless the fundamental one explains far more: then it is kUncalibrated, too.
+// kUncalibrated; its pose is that of the guess, if that gives one. A pair of trusted cameras keeps
+// its essential matrix, unless the fundamental one explains far more: then it is kUncalibrated,
+// too.
 class FocalVerifier : public PairVerifier {
  public:
   // searches: a fundamental matrix is sought where the calibrated verifier finds nothing, too.
@@ -28,7 +28,6 @@ class FocalVerifier : public PairVerifier {
   std::optional<FundamentalModel> FindFromNothing() const;
   // Does F explain matches off the plane of this homography (pixels), more than by chance?
   bool HasParallax(const FundamentalModel& model, const Eigen::Matrix3d& H) const;
-  PairReport TryFocals(const PairReport& guess, const Eigen::Matrix3d& F) const;
   void Fill(const FundamentalModel& model, PairReport* report) const;
 
   const SearchSteps steps_;

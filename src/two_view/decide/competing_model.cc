@@ -25,10 +25,9 @@ struct Counts {
 };
 
 std::vector<int32_t> Unexplained(const MatchErrors& errors, double max_error_px) {
-  constexpr double kFar = 8.0;  // thresholds: not merely the noise of the first model
   std::vector<int32_t> indices;
   for (int i = 0; i < std::ssize(errors.values()); ++i) {
-    if (!(errors[i] < kFar * max_error_px)) indices.push_back(i);
+    if (!(errors[i] < kOutside * max_error_px)) indices.push_back(i);
   }
   return indices;
 }

@@ -43,7 +43,6 @@ double ChanceOfInlier(const PreparedPair& pair, const Eigen::Matrix3d& E, double
   const double prior = std::min(1.0, pair.chance_per_px * max_error_px);
   // Cyclic shifts pair every point with points of other matches.
   constexpr int kNumShifts = 8;
-  constexpr double kPriorWeight = 200.0;
   PointPairs shifted;
   double num_close = 0.0, num_tried = 0.0;
   for (int k = 1; k <= kNumShifts; ++k) {
@@ -54,21 +53,19 @@ double ChanceOfInlier(const PreparedPair& pair, const Eigen::Matrix3d& E, double
     num_close += 1.5 * std::max(0.0, ScoreSampson(shifted, E, max_error_px));
     num_tried += n;
   }
-  return (num_close + kPriorWeight * prior) / (num_tried + kPriorWeight);
+  return (num_close + kEnoughMatches * prior) / (num_tried + kEnoughMatches);
 }
 
 int EstimateNumDistinct(const PreparedPair& pair, std::span<const int32_t> matches) {
-  constexpr double kCell = 3.0;  // thresholds
-  const double scale1 = pair.points.focal1_px() / (kCell * pair.max_error_px);
-  const double scale2 = pair.points.focal2_px() / (kCell * pair.max_error_px);
+  const double scale1 = pair.points.focal1_px() / (kOutside * pair.max_error_px);
+  const double scale2 = pair.points.focal2_px() / (kOutside * pair.max_error_px);
   // 16 bits a coordinate: cells far outside the image may coincide, which does no harm.
   auto cell = [](double scaled) {
     return static_cast<uint64_t>(static_cast<int64_t>(std::floor(scaled)) & 0xffff);
   };
   if (matches.empty()) return 0;
   std::vector<uint64_t> cells;
-  constexpr size_t kMaxSample = 256;
-  const size_t step = 1 + (matches.size() - 1) / kMaxSample;
+  const size_t step = 1 + (matches.size() - 1) / kEnoughMatches;
   for (size_t k = 0; k < matches.size(); k += step) {
     const int32_t i = matches[k];
     Eigen::Vector2d x1 = scale1 * pair.points.Point1(i);

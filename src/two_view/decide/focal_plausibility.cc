@@ -2,7 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
 
 namespace cairn::internal {
 namespace {
@@ -46,73 +45,6 @@ class SingularValues {
   Blocks values_, cofactors_;
 };
 
-// In steps of this factor; ends are part of it.
-std::vector<double> Grid(const FocalRange& range, double step) {
-  std::vector<double> grid;
-  const int num =
-      1 + static_cast<int>(std::ceil(std::log(range.largest / range.smallest) / std::log(step)));
-  for (int i = 0; i < num; ++i) {
-    const double share = num == 1 ? 0.0 : i / (num - 1.0);
-    grid.push_back(range.smallest * std::pow(range.largest / range.smallest, share));
-  }
-  return grid;
-}
-
-struct Proposal {
-  Eigen::Vector2d focals;
-  double balance;
-};
-
-// Climbs from the middle of three neighbours of a grid (golden section over the logarithm).
-Proposal Climb(const SingularValues& values, const Eigen::Vector2d& at,
-               const Eigen::Vector2d& direction, double step) {
-  constexpr double kGolden = 0.618;
-  constexpr int kIterations = 10;
-  const auto point = [&](double t) -> Eigen::Vector2d {
-    return at.array() * (direction.array() * (t * std::log(step))).exp();
-  };
-  const auto balance = [&](double t) { return values.Balance(point(t)[0], point(t)[1]); };
-  double low = -1.0, high = 1.0;
-  for (int i = 0; i < kIterations; ++i) {
-    const double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
-    (balance(a) > balance(b) ? high : low) = balance(a) > balance(b) ? b : a;
-  }
-  const double t = 0.5 * (low + high);
-  return {point(t), balance(t)};
-}
-
-constexpr double kGridStep = 1.1;
-
-// The local maxima along a line through the logarithms: both focal lengths, or one, vary.
-void AddMaximaAlong(const SingularValues& values, const FocalRange& range,
-                    const Eigen::Vector2d& direction, std::vector<Proposal>* proposals) {
-  const std::vector<double> grid = Grid(range, kGridStep);
-  const auto point = [&](double f) -> Eigen::Vector2d {
-    return {std::pow(f, direction[0]), std::pow(f, direction[1])};
-  };
-  std::vector<double> balances;
-  for (const double f : grid) balances.push_back(values.Balance(point(f)[0], point(f)[1]));
-  for (size_t i = 0; i < grid.size(); ++i) {
-    if (i > 0 && balances[i - 1] > balances[i]) continue;
-    if (i + 1 < grid.size() && balances[i + 1] >= balances[i]) continue;
-    proposals->push_back(Climb(values, point(grid[i]), direction, kGridStep));
-  }
-}
-
-void AddBestOfAll(const SingularValues& values, const FocalRange& range1, const FocalRange& range2,
-                  std::vector<Proposal>* proposals) {
-  Proposal best = {Eigen::Vector2d::Ones(), -1.0};
-  for (const double f1 : Grid(range1, kGridStep)) {
-    for (const double f2 : Grid(range2, kGridStep)) {
-      const double balance = values.Balance(f1, f2);
-      if (balance > best.balance) best = {{f1, f2}, balance};
-    }
-  }
-  for (int i = 0; i < 2; ++i)
-    best = Climb(values, best.focals, Eigen::Vector2d::Unit(i), kGridStep);
-  proposals->push_back(best);
-}
-
 bool IsOneCamera(const Camera& camera1, const Camera& camera2) {
   return camera1.camera_id == camera2.camera_id;
 }
@@ -127,7 +59,10 @@ FocalRange PlausibleFocals(const Camera& camera) {
 }
 
 bool HasPlausibleFocals(const Eigen::Matrix3d& F, const Camera& camera1, const Camera& camera2) {
-  constexpr double kRatio = 0.95;  // of the singular values
+  // The ratio of the singular values changes at most as fast as the focal lengths: half a step from
+  // any of these it is off by another 5 %.
+  constexpr double kRatio = 0.95;
+  constexpr double kGridStep = 1.0 / (kRatio * kRatio);
   constexpr double kNeeded =
       4.0 * kRatio * kRatio / ((1.0 + kRatio * kRatio) * (1.0 + kRatio * kRatio));
   const SingularValues values(F);
@@ -142,31 +77,6 @@ bool HasPlausibleFocals(const Eigen::Matrix3d& F, const Camera& camera1, const C
     }
   }
   return false;
-}
-
-std::vector<Eigen::Vector2d> ProposeFocals(const Eigen::Matrix3d& F, const Camera& camera1,
-                                           const Camera& camera2, int max_num) {
-  const SingularValues values(F);
-  const FocalRange range1 = PlausibleFocals(camera1), range2 = PlausibleFocals(camera2);
-  std::vector<Proposal> proposals;
-  if (camera1.has_prior_focal_length) {
-    AddMaximaAlong(values, range2, {0.0, 1.0}, &proposals);
-  } else if (camera2.has_prior_focal_length) {
-    AddMaximaAlong(values, range1, {1.0, 0.0}, &proposals);
-  } else {
-    AddMaximaAlong(
-        values,
-        {std::max(range1.smallest, range2.smallest), std::min(range1.largest, range2.largest)},
-        {1.0, 1.0}, &proposals);
-    if (!IsOneCamera(camera1, camera2)) AddBestOfAll(values, range1, range2, &proposals);
-  }
-  std::stable_sort(proposals.begin(), proposals.end(),
-                   [](const Proposal& a, const Proposal& b) { return a.balance > b.balance; });
-  std::vector<Eigen::Vector2d> focals;
-  for (const Proposal& proposal : proposals) {
-    if (std::ssize(focals) < max_num) focals.push_back(proposal.focals);
-  }
-  return focals;
 }
 
 }  // namespace cairn::internal

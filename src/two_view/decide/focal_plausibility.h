@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
 #include "cairn/camera/camera.h"
 
@@ -22,11 +21,5 @@ FocalRange PlausibleFocals(const Camera& camera);
 // can; so this tells them apart where support cannot. One camera: both images have one focal
 // length. The two singular values may differ by 5 %. A microsecond or two.
 bool HasPlausibleFocals(const Eigen::Matrix3d& F, const Camera& camera1, const Camera& camera2);
-
-// The focal lengths, in multiples of the given ones, at which F is nearest to an essential matrix
-// (Kruppa's equations: equal singular values), best first, at most max_num. Those of trusted
-// cameras are held; of two others, the best of all pairs, and where both change by one factor.
-std::vector<Eigen::Vector2d> ProposeFocals(const Eigen::Matrix3d& F, const Camera& camera1,
-                                           const Camera& camera2, int max_num);
 
 }  // namespace cairn::internal

@@ -95,7 +95,6 @@ class PairFinisher {
   // noise, and at that scale the loss would let their far ones pull.
   Rigid3d RefineToNoise(const Rigid3d& start) const {
     // Matches farther away have no weight.
-    constexpr double kReach = 10.0;  // thresholds
     const MatchErrors errors(pair_.points, EssentialFromPose(start));
     GuidedSupport support;
     support.Learn(pair_, errors.values(), kReach * pair_.max_error_px);
@@ -137,8 +136,7 @@ class PairFinisher {
 
   // A model that is wrong by its focal lengths leaves many matches just outside the threshold.
   bool MayHaveWrongFocal(const Support& support) const {
-    constexpr double kNear = 4.0;
-    const double max_error_px = kNear * pair_.max_error_px;
+    const double max_error_px = kOutside * pair_.max_error_px;
     const double by_chance = pair_.chance_per_px * max_error_px * pair_.size();
     return static_cast<double>(support.inliers.size()) <
            options_.min_calibrated_share * (support.errors.CountBelow(max_error_px) - by_chance);

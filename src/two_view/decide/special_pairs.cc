@@ -23,7 +23,7 @@ Eigen::Matrix3d FitRotation(const PointPairs& points, double max_error_px, Match
     Eigen::Matrix3d M = Eigen::Matrix3d::Zero();
     for (int i = 0; i < points.size(); ++i) {
       // The reach shrinks: rays that disagree by far, then by the threshold, are left out.
-      if (round > 0 && !((*errors)[i] < max_error_px * (round == 1 ? 8.0 : 2.0))) continue;
+      if (round > 0 && !((*errors)[i] < max_error_px * (round == 1 ? kOutside : kNearby))) continue;
       M += points.Ray2(i).normalized() * points.Ray1(i).normalized().transpose();
     }
     R = NearestRotation(M);
@@ -106,7 +106,7 @@ bool IsWatermark(const PreparedPair& pair, std::span<const int32_t> inliers, dou
   }
   const auto num_equal =
       std::count_if(shifts.begin(), shifts.end(), [&](const Eigen::Vector2d& shift) {
-        return (shift - median).norm() < 2.0 * pair.max_error_px;
+        return (shift - median).norm() < kNearby * pair.max_error_px;
       });
   return static_cast<double>(num_equal) >= needed;
 }
@@ -117,7 +117,7 @@ bool IsOverlay(const PreparedPair& pair, std::span<const int32_t> matches) {
   const Camera &camera1 = *pair.input.camera1, &camera2 = *pair.input.camera2;
   const Eigen::Vector2d size1(camera1.width, camera1.height), size2(camera2.width, camera2.height);
   constexpr double kAnchors[] = {0.0, 0.5, 1.0};
-  const double max_distance_px = 2.0 * pair.max_error_px;
+  const double max_distance_px = kNearby * pair.max_error_px;
   for (const double x : kAnchors) {
     for (const double y : kAnchors) {
       const Eigen::Vector2d shift = Eigen::Vector2d(x, y).cwiseProduct(size2 - size1);
@@ -139,8 +139,7 @@ SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inli
     return special;
   }
   // A share is known well enough from some hundreds of the inliers, spread over all of them.
-  constexpr int kMaxSample = 256;
-  const int step = 1 + (static_cast<int>(inliers.size()) - 1) / kMaxSample;
+  const int step = 1 + (static_cast<int>(inliers.size()) - 1) / kEnoughMatches;
   std::vector<int32_t> some;
   for (size_t k = 0; k < inliers.size(); k += step) some.push_back(inliers[k]);
   const int n = static_cast<int>(some.size());

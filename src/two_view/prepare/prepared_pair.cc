@@ -27,15 +27,16 @@ void OrderByConsensus(std::vector<int32_t>* order, PreparedPair* pair) {
   const size_t num_voters = std::min<size_t>(order->size(), kMaxVoters);
   const LocalConsensus consensus =
       CountVotes(pair->input, std::span<const int32_t>(*order).first(num_voters));
-  // Classes 0, 1, 2-3, 4 and more votes: beyond that, many votes only tell where matches are dense.
-  auto class_of = [](int votes) { return votes < 2 ? votes : votes < 4 ? 2 : 3; };
+  // More than that only tell where matches are dense.
+  constexpr int kManyVotes = 4;
+  auto class_of = [](int votes) { return votes >= kManyVotes ? 0 : votes > 0 ? 1 : 2; };
   std::vector<int32_t> sorted;
   sorted.reserve(num_voters);
-  for (int c = 3; c >= 0; --c) {
+  for (int c = 0; c < PreparedPair::kNumVoteClasses - 1; ++c) {
     for (size_t k = 0; k < num_voters; ++k) {
       if (class_of(consensus.votes[k]) == c) sorted.push_back((*order)[k]);
     }
-    pair->vote_class_end[3 - c] = static_cast<int>(sorted.size());
+    pair->vote_class_end[c] = static_cast<int>(sorted.size());
   }
   std::copy(sorted.begin(), sorted.end(), order->begin());
   const double by_chance = consensus.num_votes_by_chance;
@@ -116,14 +117,14 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
   }
   std::vector<int32_t> order(input.matches.size());
   std::iota(order.begin(), order.end(), 0);
-  if (!input.are_best_first) Rng(input.seed, "order", input.pair_id).Shuffle(order);
+  if (!pair->input.are_best_first) Rng(input.seed, "order", input.pair_id).Shuffle(order);
   pair->vote_class_end.fill(0);
   pair->vote_class_end.back() = static_cast<int>(order.size());
   pair->consensus_sigmas = 0.0;
   if (match_order == MatchOrder::kByConsensus) OrderByConsensus(&order, pair);
   Undistort(order, pair);
   pair->best_first.clear();
-  if (!input.are_best_first) return;
+  if (!pair->input.are_best_first) return;
   pair->best_first.resize(pair->match_index.size());
   std::iota(pair->best_first.begin(), pair->best_first.end(), 0);
   std::sort(pair->best_first.begin(), pair->best_first.end(),

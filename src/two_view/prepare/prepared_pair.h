@@ -10,6 +10,16 @@
 
 namespace cairn::internal {
 
+// Scales of errors in thresholds. The threshold separates inliers; what a slightly better model
+// might explain lies within kNearby, what is no mere noise of this one beyond kOutside. In the
+// smooth loss e^2 / (s^2 + e^2) a match at kReach scales pulls less than 1 % of one at a scale's
+// half.
+inline constexpr double kNearby = 2.0, kOutside = 4.0, kReach = 16.0;
+
+// Where a share of many matches is asked for, so many tell it: its standard error is below 1 / (2
+// sqrt(256)), 3 %.
+inline constexpr int kEnoughMatches = 256;
+
 enum class MatchOrder {
   kGiven,        // best first if they came so (PairInput::are_best_first), otherwise random
   kByConsensus,  // matches with more votes of their neighbours first, among equals as kGiven
@@ -28,12 +38,12 @@ struct PreparedPair {
   double chance_per_px = 1e-3;
 
   // Votes that matches have of their neighbours (kByConsensus only): 4 and more, which wrong
-  // matches hardly get by chance; 2 or 3; 1; none; not asked for. Class c ends before
+  // matches hardly get by chance; fewer; none; not asked for. Class c ends before
   // points[vote_class_end[c]].
-  static constexpr int kNumVoteClasses = 5;
+  static constexpr int kNumVoteClasses = 4;
   std::array<int, kNumVoteClasses> vote_class_end = {};
   int NumWellSupported() const { return vote_class_end[0]; }
-  int NumSupported() const { return vote_class_end[2]; }  // any vote
+  int NumSupported() const { return vote_class_end[1]; }  // any vote
   // How far the number of votes is above chance, in standard deviations.
   double consensus_sigmas = 0.0;
 

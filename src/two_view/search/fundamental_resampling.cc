@@ -21,18 +21,16 @@ constexpr double kImplausible = 0.5;  // what support without plausible focal le
 // The plane that most of `near` lie on: of a few samples the best, fitted to what it explains.
 std::optional<Eigen::Matrix3d> FindPlane(const PreparedPair& pair, std::span<const int32_t> near,
                                          double max_error_px, Rng* rng) {
-  constexpr int kNumPlaneSamples = 20;
   PointPairs points;
   points.SetSubset(pair.points, near.data(), static_cast<int>(near.size()));
   double best_score = 0.0;
   Eigen::Matrix3d best;
-  SampleModels<HomographyFourPoint>(pair, near, kNumPlaneSamples, rng,
-                                    [&](const Eigen::Matrix3d& H) {
-                                      const double score = ScoreHomography(points, H, max_error_px);
-                                      if (!(score > best_score)) return;
-                                      best_score = score;
-                                      best = H;
-                                    });
+  SampleModels<HomographyFourPoint>(pair, near, kNumSamples, rng, [&](const Eigen::Matrix3d& H) {
+    const double score = ScoreHomography(points, H, max_error_px);
+    if (!(score > best_score)) return;
+    best_score = score;
+    best = H;
+  });
   if (best_score == 0.0) return std::nullopt;
   MatchErrors errors;
   for (int round = 0; round < 2; ++round) {
@@ -58,21 +56,19 @@ class FundamentalNeighborhood {
   }
 
   double Begin() {
-    constexpr double kExplained = 2.0;  // thresholds
     const MatchErrors errors(pair_.points, best_);
-    explained_ = errors.Below(kExplained * pair_.max_error_px);
+    explained_ = errors.Below(kNearby * pair_.max_error_px);
     sigma_px_ = NoiseScalePx(pair_, errors.values(), kSigmaOfMedian);
     return SupportOf(best_);
   }
 
   // Moves the most supported hypotheses to the front, plausible ones before others.
   int Sample(int num_samples, int max_count, Rng* rng) {
-    constexpr int kMaxTried = 12;
     hypotheses_.clear();
     SampleModels<SevenPoint>(pair_, explained_, num_samples, rng,
                              [this](const Eigen::Matrix3d& F) { Add(F); });
     SamplePlaneAndParallax(rng);
-    const auto num_tried = std::min<ptrdiff_t>(kMaxTried, std::ssize(hypotheses_));
+    const auto num_tried = std::min<ptrdiff_t>(kNumSamples, std::ssize(hypotheses_));
     const auto end = hypotheses_.begin() + num_tried;
     std::partial_sort(
         hypotheses_.begin(), end, hypotheses_.end(),
@@ -83,11 +79,10 @@ class FundamentalNeighborhood {
   }
 
   double Try(int k, double best_support) {
-    constexpr int kFewPoints = 256;
     const Eigen::Matrix3d F =
         Refine(hypotheses_[k].F,
                {.scale_px = pair_.max_error_px, .max_iterations = 10, .min_relative_gain = 1e-3},
-               kFewPoints);
+               kEnoughMatches);
     const double support = SupportOf(F);
     if (!(support > best_support)) return best_support;
     best_ = F;
@@ -95,9 +90,9 @@ class FundamentalNeighborhood {
   }
 
   Eigen::Matrix3d BestAtNoise() const {
-    constexpr double kScaleOfMedian = 2.0;  // 1.35 sigmas
     const MatchErrors errors(pair_.points, best_);
-    return Refine(best_, {.scale_px = NoiseScalePx(pair_, errors.values(), kScaleOfMedian)},
+    return Refine(best_,
+                  {.scale_px = NoiseScalePx(pair_, errors.values(), kLossSigmas * kSigmaOfMedian)},
                   pair_.size());
   }
 
@@ -118,13 +113,12 @@ class FundamentalNeighborhood {
   }
 
   void Add(const Eigen::Matrix3d& F) {
-    constexpr double kScoreScale = 1.5;  // thresholds
-    hypotheses_.push_back({F, ScoreSampson(pair_.points, F, kScoreScale * pair_.max_error_px)});
+    hypotheses_.push_back({F, ScoreSampson(pair_.points, F, pair_.max_error_px)});
   }
 
   void SamplePlaneAndParallax(Rng* rng) {
     constexpr int kNumPairs = 5 * kNumSamples;
-    const double max_error_px = 2.0 * pair_.max_error_px;
+    const double max_error_px = kNearby * pair_.max_error_px;
     const std::optional<Eigen::Matrix3d> H = FindPlane(pair_, explained_, max_error_px, rng);
     if (!H) return;
     // Of all matches: what F does not explain may be right.
@@ -133,7 +127,7 @@ class FundamentalNeighborhood {
     std::vector<int32_t> off_plane;
     const int num_candidates = supported_.size() > 0 ? supported_.size() : pair_.size();
     for (int i = 0; i < num_candidates; ++i) {
-      if (errors[i] > 2.0 * max_error_px) off_plane.push_back(i);
+      if (errors[i] > kOutside * pair_.max_error_px) off_plane.push_back(i);
     }
     const auto n = static_cast<uint32_t>(off_plane.size());
     if (n < 2) return;
@@ -154,7 +148,6 @@ class FundamentalNeighborhood {
   // On so many points near `start`, spread over all matches.
   Eigen::Matrix3d Refine(const Eigen::Matrix3d& start, const FundamentalRefinementOptions& options,
                          int max_num_points) const {
-    constexpr double kReach = 10.0;  // thresholds: matches farther away have no weight
     std::vector<int32_t> near = MatchErrors(pair_.points, start).Below(kReach * pair_.max_error_px);
     const size_t step = 1 + near.size() / (max_num_points + 1);
     for (size_t k = 0; k * step < near.size(); ++k) near[k] = near[k * step];

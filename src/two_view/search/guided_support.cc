@@ -7,20 +7,20 @@ namespace cairn::internal {
 namespace {
 
 // The share of right ones among matches of which `num_near` of `num` are near the model, where
-// chance puts the share `chance` of wrong ones; what is known beforehand weighs as two matches.
+// chance puts the share `chance` of wrong ones: by Laplace's rule of succession, where what is
+// known beforehand weighs as two matches. Never surer than kMaxShare.
 double ShareOfRight(double num_near, double num, double chance, double expected) {
-  constexpr double kPriorWeight = 2.0, kMinShare = 0.01, kMaxShare = 0.99;
+  constexpr double kMaxShare = 0.99;
   const double num_right = (num_near - chance * num) / (1.0 - chance);
-  return std::clamp((num_right + kPriorWeight * expected) / (num + kPriorWeight), kMinShare,
-                    kMaxShare);
+  return std::clamp((num_right + 2.0 * expected) / (num + 2.0), 1.0 - kMaxShare, kMaxShare);
 }
 
 }  // namespace
 
 double NoiseScalePx(const PreparedPair& pair, std::span<const float> errors_px, double factor) {
-  constexpr double kMinNoise = 0.25, kMaxNoise = 3.0;  // thresholds
-  constexpr double kNumParameters = 5.0;               // of a pose
-  constexpr double kPriorWeight = 10.0;                // matches
+  constexpr double kNumParameters = 5.0;  // of a pose
+  constexpr double kPriorWeight = 10.0;   // matches
+  constexpr double kMaxNoise = 3.0;       // thresholds
   const double max_noise_px = kMaxNoise * pair.max_error_px;
   std::vector<float> small;
   small.reserve(errors_px.size());
@@ -36,13 +36,12 @@ double NoiseScalePx(const PreparedPair& pair, std::span<const float> errors_px, 
   const double mean_square =
       (kPriorWeight * pair.max_error_px * pair.max_error_px + num_right * noise_px * noise_px) /
       (kPriorWeight + num_right);
-  return std::clamp(std::sqrt(mean_square), kMinNoise * pair.max_error_px, max_noise_px);
+  return std::min(std::sqrt(mean_square), max_noise_px);
 }
 
 void GuidedSupport::Learn(const PreparedPair& pair, std::span<const float> errors_px,
                           double reach_px) {
-  constexpr double kScale = 1.25;  // of the loss, sigmas
-  constexpr double kNear = 3.0;    // sigmas
+  constexpr double kNear = 3.0;  // sigmas: 99.7 % of normal errors
   const double sigma_px = NoiseScalePx(pair, errors_px, kSigmaOfMedian);
   const double near_px = kNear * sigma_px;
   const double chance = std::min(0.5, pair.chance_per_px * near_px);
@@ -68,7 +67,7 @@ void GuidedSupport::Learn(const PreparedPair& pair, std::span<const float> error
                                         chance, share_of_all);
       points_[c].SetSubset(pair.points, indices.data(), static_cast<int>(indices.size()));
       classes_.push_back(
-          {&points_[c], kScale * sigma_px, std::log1p(share / (1.0 - share) * peak)});
+          {&points_[c], kLossSigmas * sigma_px, std::log1p(share / (1.0 - share) * peak)});
     }
     begin = end;
   }

@@ -12,12 +12,12 @@ namespace cairn::internal {
 // `factor` times the median error of right matches, pixels, by the errors of all matches at a pose
 // that was fitted to them: of those within three thresholds, less as many as chance puts there,
 // evenly. A fit to few matches is closer than their noise, which is allowed for (Rousseeuw and
-// Leroy, 1987: 1 + 5 / (n - p)); that it is the threshold weighs as much as ten matches. At least a
-// quarter of the threshold, at most three times it.
+// Leroy, 1987: 1 + 5 / (n - p)); that it is the threshold weighs as much as ten matches. At most
+// three thresholds.
 double NoiseScalePx(const PreparedPair& pair, std::span<const float> errors_px, double factor);
 
-// Of normal errors.
-inline constexpr double kSigmaOfMedian = 1.4826;
+// Of normal errors; and the scale of the smooth loss that fits a pair's noise, in sigmas.
+inline constexpr double kSigmaOfMedian = 1.4826, kLossSigmas = 1.25;
 
 // How well poses near a roughly right one explain the matches of a pair. Matches come in classes,
 // by the votes of their neighbours; which share of a class is right is learned from the errors at

@@ -12,9 +12,6 @@
 namespace cairn::internal {
 namespace {
 
-// Matches that a model near the best one might explain are nearer than so many thresholds.
-constexpr double kReach = 16.0;
-
 // Poses near the best one.
 class PoseNeighborhood {
  public:
@@ -22,9 +19,8 @@ class PoseNeighborhood {
       : pair_(pair), best_(start), cheirality_(pair) {}
 
   double Begin() {
-    constexpr double kExplained = 2.0;  // thresholds
     errors_.SetSampson(pair_.points, best_.E);
-    explained_ = errors_.Below(kExplained * pair_.max_error_px);
+    explained_ = errors_.Below(pair_.max_error_px);
     const std::vector<int32_t> near = errors_.Below(kReach * pair_.max_error_px);
     reach_.SetSubset(pair_.points, near.data(), static_cast<int>(near.size()));
     // Models near each other differ in how closely they fit, which only the noise's own scale
@@ -34,15 +30,13 @@ class PoseNeighborhood {
   }
 
   int Sample(int num_samples, int max_count, Rng* rng) {
-    constexpr double kScoreScale = 1.5;  // thresholds
     hypotheses_.clear();
     double best_score = 0.0;
     SampleModels<FivePoint>(pair_, explained_, num_samples, rng, [&](const Eigen::Matrix3d& E) {
       ++num_hypotheses;
-      // Models of right matches far apart are good: all matches that matter, at nearly the final
+      // Models of right matches far apart are good: all matches that matter, at the final
       // threshold, tell them apart.
-      const double score =
-          ScoreSampson(reach_, E, kScoreScale * pair_.max_error_px, kPromising * best_score);
+      const double score = ScoreSampson(reach_, E, pair_.max_error_px, kEqualSupport * best_score);
       if (score < 0.0) return;
       best_score = std::max(best_score, score);
       hypotheses_.push_back({E, score});
@@ -59,7 +53,7 @@ class PoseNeighborhood {
     options.loss = RobustLoss::kGemanMcClure;
     options.min_relative_gain = 1e-3;
     options.scale_px = pair_.max_error_px;
-    options.max_iterations = 10;
+    options.max_iterations = kNumSteps;
     const Rigid3d pose = RefinePose(reach_, Rigid3d(parts.R1, parts.t), options).cam2_from_cam1;
     const Eigen::Matrix3d E = EssentialFromPose(pose);
     double support = guided_.Score(E);

@@ -1,6 +1,7 @@
 #include "two_view/search/pose_search.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/robust/pose_refinement.h"
@@ -12,8 +13,6 @@ namespace {
 
 // Hypotheses are ranked and roughly refined on so many matches.
 constexpr int kSubsetSize = 192;
-// The scale between the rough one and the threshold itself, in thresholds.
-constexpr double kMiddleScale = 3.0;
 // Hypotheses are refined in groups: a few steps tell which of a group is worth more.
 constexpr int kGroupSize = 3, kNumFirstSteps = 2;
 // Refined models agree when their matrices do (|E|^2 = 2; 0.05 is about 2 degrees).
@@ -70,19 +69,17 @@ PoseSearch::Started PoseSearch::Start(const Eigen::Matrix3d& E) const {
 }
 
 void PoseSearch::Finish(const Rigid3d& started) {
-  Rigid3d pose = Refine(subset_, started, options_.rough_error_ratio, 8 - kNumFirstSteps);
-  pose = Refine(subset_, pose, MiddleScale(), 6);
-  const double score = ScoreSampson(subset_, EssentialFromPose(pose), 2.0 * pair_.max_error_px);
-  if (score < kPromising * best_subset_score_) return;
+  Rigid3d pose = Refine(subset_, started, options_.rough_error_ratio, kNumSteps - kNumFirstSteps);
+  pose = Refine(subset_, pose, MiddleScale(), kNumSteps);
+  const double score = ScoreSampson(subset_, EssentialFromPose(pose), pair_.max_error_px);
+  if (score < kEqualSupport * best_subset_score_) return;
   best_subset_score_ = std::max(best_subset_score_, score);
-  pose = Refine(subset_, pose, 1.0, 8);
-  if (pair_.size() > subset_.size()) pose = Refine(pair_.points, pose, 1.0, 4);
+  pose = Refine(subset_, pose, 1.0, kNumSteps);
+  if (pair_.size() > subset_.size()) pose = Refine(pair_.points, pose, 1.0, kNumSteps);
   AddRefined(pose);
 }
 
-double PoseSearch::MiddleScale() const {
-  return std::min(kMiddleScale, options_.rough_error_ratio);
-}
+double PoseSearch::MiddleScale() const { return std::sqrt(options_.rough_error_ratio); }
 
 Rigid3d PoseSearch::Refine(const PointPairs& points, const Rigid3d& start, double scale,
                            int max_iterations) const {

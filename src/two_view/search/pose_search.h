@@ -14,10 +14,10 @@ struct FoundPose {
   double score = 0.0;  // its MSAC support over all matches, weighed by Cheirality::WeightOf
 };
 
-// Refined models with this share of the best one's support are as good as it.
-inline constexpr double kEqualSupport = 0.9;
-// A rough hypothesis goes on while its support is at least this share of the best so far.
-inline constexpr double kPromising = 0.7;
+// Models with this share of the best one's support may be as good as it, once they are refined.
+inline constexpr double kEqualSupport = 0.8;
+// Steps of a refinement at one scale.
+inline constexpr int kNumSteps = 8;
 
 // Looks for the pose of a pair among rough hypotheses, wherever they come from: each is scored
 // softly on a subset of the matches, the best are refined from a wide to the final threshold, and
@@ -56,6 +56,7 @@ class PoseSearch {
   int MoveBestToFront(int max_count);  // returns how many there are
   Started Start(const Eigen::Matrix3d& E) const;
   void Finish(const Rigid3d& started);
+  // Between the rough one and the threshold, in thresholds.
   double MiddleScale() const;
   // At a scale in thresholds.
   Rigid3d Refine(const PointPairs& points, const Rigid3d& start, double scale,
@@ -64,7 +65,7 @@ class PoseSearch {
   const PreparedPair& pair_;
   const TwoViewOptions& options_;
   Cheirality cheirality_;
-  PointPairs subset_;
+  PointPairs subset_;  // on which hypotheses are ranked and roughly refined
   std::vector<Hypothesis> hypotheses_;
   int64_t num_hypotheses_ = 0;
 

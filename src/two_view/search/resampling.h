@@ -39,10 +39,9 @@ struct ResamplingOptions {
 //                                     from now on. The best support.
 template <class Neighborhood>
 void Resample(const ResamplingOptions& options, Rng* rng, Neighborhood* neighborhood) {
-  constexpr int kMaxNumRounds = 10;
   constexpr double kGain = 1.005;  // of the support: less is no progress
   int num_stale_rounds = 0;
-  for (int round = 0; round < kMaxNumRounds && num_stale_rounds < options.effort; ++round) {
+  while (num_stale_rounds < options.effort) {
     const double support_before = neighborhood->Begin();
     double best_support = support_before;
     const int count = neighborhood->Sample(options.num_samples, options.effort, rng);

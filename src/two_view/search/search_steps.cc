@@ -16,9 +16,6 @@
 namespace cairn::internal {
 namespace {
 
-// Matches with depth that make hypotheses: the first of a pair.
-constexpr int kMaxWithDepth = 256;
-
 // The keypoint's frame in normalized coordinates (x / z, y / z) at its ray, whose third component
 // is 1, or -1 where it points backward.
 NormalizedFrame NormalizeFrame(const Camera& camera, const Keypoint& keypoint,
@@ -168,7 +165,7 @@ void RunSamples(const PreparedPair& pair, const Sampling& sampling, Rng rng,
 int RunOneAcDepthStep(const PreparedPair& pair, int max_num_refined, PoseSearch* search) {
   if (!pair.HasDepth()) return 0;
   OneAffineDepthBatch batch;
-  batch.Reset(std::min(pair.size(), kMaxWithDepth));
+  batch.Reset(std::min(pair.size(), kEnoughMatches));
   int count = 0;
   for (int i = 0; i < pair.size() && count < batch.size(); ++i) {
     if (!HasDepth(pair, i)) continue;
@@ -184,16 +181,15 @@ int RunOneAcDepthStep(const PreparedPair& pair, int max_num_refined, PoseSearch*
 }
 
 void RunTriangleStep(const PreparedPair& pair, int max_num_samples, PoseSearch* search) {
-  constexpr size_t kMinPoints = 6;
   constexpr int kMaxRefined = 24;
   if (!pair.HasDepth()) return;
   std::vector<PointsInBoth> points;
-  for (int i = 0; i < std::min(pair.size(), kMaxWithDepth); ++i) {
+  for (int i = 0; i < std::min(pair.size(), kEnoughMatches); ++i) {
     if (!HasDepth(pair, i)) continue;
     points.push_back({(pair.Depth1(i).depth * pair.points.Point1(i).homogeneous()).cast<float>(),
                       (pair.Depth2(i).depth * pair.points.Point2(i).homogeneous()).cast<float>()});
   }
-  if (points.size() < kMinPoints) return;
+  if (points.size() < 3) return;
   Rng rng(pair.input.seed, "triangles", pair.input.pair_id);
   const std::vector<Triangle> triangles = DrawTriangles(points, max_num_samples, &rng);
   OneAffineDepthBatch batch;
