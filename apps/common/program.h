@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-// Exit codes of every program (DESIGN.md, "Errors").
+// Exit codes of every program (src/STYLE.md, "Errors").
 enum ExitCode : int {
   kExitSuccess = 0,
   kExitNoUsableResult = 1,

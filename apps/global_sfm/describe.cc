@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <map>
 
-#include "cairn/pipeline/pair_scheduler.h"
+#include "cairn/pipeline/verify_pairs.h"
 
 namespace cairn {
 namespace {

@@ -3,7 +3,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/io/model.h"
-#include "cairn/pipeline/view_edges.h"
+#include "cairn/mapper/view_edges.h"
 #include "cairn/view_graph/view_graph_text.h"
 #include "common/console_monitor.h"
 #include "global_sfm/commands.h"

@@ -18,11 +18,11 @@ struct OneDsfmExportReport {
   int num_without_photo = 0;  // could not be read; each was named in a warning
 };
 
-// Writes a reconstruction as a 1DSfM data set folder (FORMATS.md): list.txt with all images of the
-// database in the order of their ids, cc.txt with those of the model, EGs.txt with the database's
-// verified pairs, coords.txt and tracks.txt with the model's keypoints and tracks (of images that
-// the model does not have, the database's keypoints), gt_bundle.out with the model, and the
-// photographs in images/.
+// Writes a reconstruction as a 1DSfM data set folder (src/io/FORMATS.md): list.txt with all images
+// of the database in the order of their ids, cc.txt with those of the model, EGs.txt with the
+// database's verified pairs, coords.txt and tracks.txt with the model's keypoints and tracks (of
+// images that the model does not have, the database's keypoints), gt_bundle.out with the model, and
+// the photographs in images/.
 //
 // The format holds one focal length a camera and a central principal point. So each image becomes
 // one of a SIMPLE_PINHOLE camera (image/resample.h), keypoints move along, and what cannot be

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "cairn/base/error.h"
-#include "cairn/pipeline/view_edges.h"
+#include "cairn/mapper/view_edges.h"
 
 namespace cairn {
 namespace {

@@ -4,8 +4,8 @@
 #include "cairn/base/timer.h"
 #include "cairn/database/database.h"
 #include "cairn/io/model.h"
-#include "cairn/pipeline/pair_scheduler.h"
-#include "cairn/pipeline/reconstruct.h"
+#include "cairn/mapper/reconstruct.h"
+#include "cairn/pipeline/verify_pairs.h"
 #include "relative_pose_experiments/least_time.h"
 #include "relative_pose_experiments/remove_database.h"
 
@@ -48,7 +48,6 @@ ReconstructionResult VerifyAndReconstruct(const std::string& verifier,
   ReconstructSettings reconstruct;
   reconstruct.seed = settings.seed;
   reconstruct.num_threads = 1;  // of bundle adjustment, for equal bytes in every run
-  reconstruct.bundle_adjustment.num_threads = 1;
   reconstruct.refine_intrinsics = settings.refine_intrinsics;
   reconstruct.reconstruct.colors = false;
   ReconstructResult reconstructed;

@@ -1,3 +1,5 @@
+#include <sstream>
+
 #include "cairn/database/database.h"
 #include "database/query.h"
 #include "database/sql.h"
@@ -94,6 +96,16 @@ std::map<std::string, int64_t> Database::CountJobNotes(const std::string& stage)
   query.Bind(1, std::string_view(stage));
   while (query.Step()) counts[query.Text(0)] = query.Int(1);
   return counts;
+}
+
+std::map<std::string, std::string> StageRecord::OptionValues() const {
+  std::map<std::string, std::string> values;
+  std::istringstream lines(options);
+  for (std::string line; std::getline(lines, line);) {
+    const size_t equals = line.find(" = ");
+    if (equals != std::string::npos) values[line.substr(0, equals)] = line.substr(equals + 3);
+  }
+  return values;
 }
 
 std::optional<StageRecord> Database::ReadStage(const std::string& stage) const {

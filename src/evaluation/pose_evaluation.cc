@@ -36,7 +36,7 @@ std::vector<Match> MatchNames(const PosedCameras& estimate, const PosedCameras& 
   return matches;
 }
 
-// As METHOD.md section 9: two cameras in one place have no direction, which is right if they are
+// Two cameras in one place have no direction, which is right if they are
 // in one place in both.
 double DirectionErrorDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   constexpr double kZero = 1e-12;

@@ -2,9 +2,9 @@
 #include <cstdio>
 #include <map>
 
-#include "cairn/graph/graph.h"
+#include "cairn/database/stage_names.h"
 #include "cairn/pipeline/build_pipeline.h"
-#include "pipeline/stage_names.h"
+#include "graph/graph.h"
 
 namespace cairn {
 namespace {

@@ -7,7 +7,7 @@
 namespace cairn {
 
 // The largest set of cameras whose positions the directions determine, up to one translation and
-// one scale and for positions in general position (METHOD.md section 7), sorted. Points of tracks
+// one scale and for positions in general position, sorted. Points of tracks
 // count as nodes of their own, where they join cameras that edges alone leave loose.
 std::vector<int> LargestPlaceableSet(const DirectionProblem& problem,
                                      const std::vector<char>& edge_is_out);

@@ -5,7 +5,7 @@
 
 namespace cairn {
 
-// The three kinds of failure (DESIGN.md, "Errors"). Expected outcomes (no model, disconnected
+// The three kinds of failure (src/STYLE.md, "Errors"). Expected outcomes (no model, disconnected
 // graph) are not errors: they are a status in the report of the function that met them.
 
 // A file, folder or database that cannot be read or written. what() is "<path>: <reason>".

@@ -2,8 +2,9 @@
 
 namespace cairn {
 
-// While it lives, code that chooses its instruction set at run time uses that of the build itself
-// (SSE2 on x86-64), for what knows no newer one. One at a time, while no other thread computes.
+// While an object of this class exists, code that chooses its instruction set at run time uses that
+// of the build (SSE2 on x86-64), for tools that know no newer one. One at a time, while no other
+// thread computes.
 class BuildsInstructionSet {
  public:
   BuildsInstructionSet();

@@ -5,8 +5,8 @@
 
 namespace cairn {
 
-// How library code speaks to the program around it: the library itself never prints. Every method
-// may be called from any thread. The default implementations do nothing, so a null-object is
+// How library code reports to the program that calls it; the library itself never prints. Every
+// method may be called from any thread. The default implementations do nothing, so a null-object is
 // `ProgressMonitor()`.
 class ProgressMonitor {
  public:
@@ -22,12 +22,12 @@ class ProgressMonitor {
   virtual void Info(const std::string& message) {}
   virtual void Warning(const std::string& message) {}
 
-  // True once the user asked to stop (Ctrl-C). Long stages look between items, keep what they have,
-  // and return early.
+  // True once the user asked to stop (Ctrl-C). Long stages check this between items, keep what is
+  // done, and return early.
   virtual bool StopRequested() const { return false; }
 };
 
-// A monitor that does nothing, for callers that do not care.
+// A monitor that does nothing.
 ProgressMonitor& NullMonitor();
 
 }  // namespace cairn

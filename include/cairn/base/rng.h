@@ -8,7 +8,7 @@ namespace cairn {
 
 // A small random generator (xoshiro256**, Blackman and Vigna 2018) whose numbers are the same on
 // every machine and compiler; the distributions of <random> are not. Seeded by hashing (seed,
-// stage, id), so that a task's numbers depend on what it works on and never on the thread that runs
+// stage, id), so that the numbers of a task depend on its item and never on the thread that runs
 // it.
 class Rng {
  public:

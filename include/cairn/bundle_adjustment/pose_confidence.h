@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-// How well an image's observations hold its pose.
+// How well an image's observations determine its pose.
 struct PoseConfidence {
   int num_points = 0;
   // Standard deviations (root of the sum of the variances of three axes); infinite where the points
@@ -16,8 +16,8 @@ struct PoseConfidence {
 };
 
 // From the diagonal blocks of the reduced camera system: the covariance of each pose with the
-// points free and the other cameras held, for observations with RegisteredImage::sigmas_px. A lower
-// bound, linear in the observations: errors that many cameras share do not show in it.
+// points free and the other cameras constant, for observations with RegisteredImage::sigmas_px. A
+// lower bound, linear in the observations: errors that many cameras share do not show in it.
 std::map<image_t, PoseConfidence> EstimatePoseConfidence(const Reconstruction& reconstruction);
 
 }  // namespace cairn

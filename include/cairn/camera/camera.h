@@ -2,10 +2,12 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "cairn/base/named_value.h"
 #include "cairn/base/types.h"
 
 namespace cairn {
@@ -38,14 +40,14 @@ std::optional<CameraModel> CameraModelFromName(std::string_view name);  // "SIMP
 std::optional<CameraModel> CameraModelFromId(int id);
 std::string_view CameraModelName(CameraModel model);
 int CameraModelNumParams(CameraModel model);
-// All names, by id.
-std::vector<std::string> CameraModelNames();
-// Does a pixel depend on (x / z, y / z) by way of polynomials or their quotients, so that the
-// undistorted plane is what errors in pixels are nearly proportional to, and nothing beside or
-// behind the camera is seen? The others (fisheye lenses, panoramas, and models that may stand for
+// All models with their names, by id.
+std::span<const NamedValue<CameraModel>> NamedCameraModels();
+// Whether a pixel is a polynomial, or a quotient of polynomials, of (x / z, y / z): then errors in
+// pixels are nearly proportional to errors on the undistorted plane, and nothing beside or behind
+// the camera is visible. The other models (fisheye lenses, panoramas, and models that can express
 // them) are handled by unit bearings.
 bool CameraModelIsPlanar(CameraModel model);
-// Is the radius a polynomial of the angle off axis, near to the angle itself?
+// Whether the radius is a polynomial of the angle off axis that is close to the angle itself.
 bool CameraModelIsFisheye(CameraModel model);
 
 // A central camera. Pixels as COLMAP: the center of the top-left pixel is (0.5, 0.5). Normalized
@@ -71,7 +73,7 @@ struct Camera {
   double FocalY() const;
   double MeanFocal() const { return 0.5 * (FocalX() + FocalY()); }
   Eigen::Vector2d PrincipalPoint() const;
-  // The pinhole part [fx 0 cx; 0 fy cy; 0 0 1]. It tells nothing of models that are not planar.
+  // The pinhole part [fx 0 cx; 0 fy cy; 0 0 1]. Meaningless for models that are not planar.
   Eigen::Matrix3d CalibrationMatrix() const;
   // Scales all focal lengths so that their mean is focal_px. Does nothing without focal lengths.
   void SetMeanFocal(double focal_px);
@@ -92,8 +94,8 @@ struct Camera {
   // The unit bearing of a pixel; nullopt where the model has none (as CamFromImg). Radial parts are
   // undone within the range in which the radius grows with the angle off axis.
   std::optional<Eigen::Vector3d> RayFromImg(const Eigen::Vector2d& pixel) const;
-  // How many radians a pixel is at a point of the camera's frame: the root of the pixel's solid
-  // angle; infinite where ImgFromRay has no value.
+  // The size of a pixel in radians at a point of the camera's frame: the root of its solid angle;
+  // infinite where ImgFromRay has no value.
   double RadiansPerPx(const Eigen::Vector3d& point) const;
 
   // Pixel of the ray (u, v, 1). J_uv, if given, is d(pixel)/d(u, v). Not a number where the model
@@ -112,8 +114,8 @@ struct Camera {
   double CamFromImgThreshold(double threshold_px) const { return threshold_px / MeanFocal(); }
 };
 
-// How far from its epipolar line a match may lie, pixels, where nobody says: 0.05 % of the diagonal
-// (Eichhardt and Barath 2020), but not below what a keypoint's position is worth, a pixel.
+// The default inlier threshold of a match, pixels from its epipolar line: 0.05 % of the diagonal
+// (Eichhardt and Barath 2020), but at least 1, the precision of a keypoint's position.
 double DefaultMaxErrorPx(const Camera& camera1, const Camera& camera2);
 
 // Projection with explicit params (bundle adjustment's inner loop). Same meaning as

@@ -35,8 +35,8 @@ class Database {
   // How long a write waits for another program's lock, before IoError; 10 s at first.
   void SetBusyTimeout(int milliseconds);
 
-  // Cameras and images, in the order of their ids. Cameras whose model cairn does not have are left
-  // out, and found by ReadUnknownCameras.
+  // Cameras and images, in the order of their ids. Cameras of unknown models are left out;
+  // ReadUnknownCameras returns them.
   std::vector<Camera> ReadCameras() const;
   std::vector<UnknownCamera> ReadUnknownCameras() const;
   std::vector<Image> ReadImages() const;
@@ -76,14 +76,14 @@ class Database {
   std::vector<PairMetrics> ReadPairMetrics() const;
   std::vector<PairMetrics> ReadPairMetrics(image_pair_t pair_id) const;
   void WritePairMetrics(const PairMetrics& metrics);
-  // Evidence about trusted focal lengths, ascending by pair, and what was learned from it.
+  // Evidence about prior focal lengths, ascending by pair, and the conclusions from it.
   std::vector<PairFocalEvidence> ReadFocalEvidence() const;
   void WriteFocalEvidence(const PairFocalEvidence& evidence);
   std::map<camera_t, CameraFocal> ReadCameraFocals() const;
   void WriteCameraFocal(camera_t camera_id, const CameraFocal& focal);
   std::map<camera_t, CameraLens> ReadCameraLenses() const;
   void WriteCameraLens(camera_t camera_id, const CameraLens& lens);
-  // Removes what verification wrote about a pair; its job stays.
+  // Removes the results of verification for a pair; its job stays.
   void DeletePairResults(image_pair_t pair_id);
   // Pairs won by each verifier.
   std::map<std::string, int64_t> CountWinners() const;
@@ -96,7 +96,8 @@ class Database {
   std::optional<double> ReadTiming(const std::string& stage, uint64_t item,
                                    const std::string& label) const;
 
-  // State of the stages, for continuing and for noticing changes (see pipeline/stage_state.h).
+  // State of the stages, to continue them and to detect changed inputs
+  // (pipeline/stages/stage_ledger.h).
   std::vector<PhotoRecord> ReadPhotos() const;  // in the order of the names
   void WritePhoto(const PhotoRecord& photo);
   void ClearPhotos();
@@ -109,7 +110,7 @@ class Database {
   std::optional<StageRecord> ReadStage(const std::string& stage) const;
   void WriteStage(const StageRecord& record);
 
-  // Remove what a stage wrote, whoever wrote it, with its timings and its record.
+  // Remove the results of a stage, whichever program wrote them, with its timings and its record.
   void ClearFeatures();      // keypoints, descriptors
   void ClearDepth();         // depth samples
   void ClearMatches();       // matches

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -11,7 +12,7 @@ namespace cairn {
 
 // Rows of cairn's own tables.
 
-// cairn_pair_metrics: what one verifier found for one pair. Key: (pair_id, verifier).
+// cairn_pair_metrics: the result of one verifier for one pair. Key: (pair_id, verifier).
 struct PairMetrics {
   image_pair_t pair_id = 0;
   std::string verifier;    // the verifier that was run: "one_ac_depth", "five_point", ...
@@ -27,8 +28,8 @@ struct PairMetrics {
   std::optional<Rigid3d> cam2_from_cam1;  // where status is "verified" and a pose is known
 };
 
-// cairn_focal_evidence: of the matches of a pair that affine frames bear out, those that E
-// explains, at trusted focal lengths, and those that F does. Key: pair_id.
+// cairn_focal_evidence: among the matches of a pair that have votes of affine frames, those that E
+// explains at the prior focal lengths, and those that F explains. Key: pair_id.
 struct PairFocalEvidence {
   image_pair_t pair_id = 0;
   int num_matches = 0;
@@ -36,7 +37,7 @@ struct PairFocalEvidence {
   int num_by_fundamental = 0;
 };
 
-// A camera of a model that cairn does not have: a later COLMAP's, or a damaged row.
+// A camera of an unknown model: of a later COLMAP, or a damaged row.
 struct UnknownCamera {
   camera_t camera_id = kInvalidCameraId;
   int64_t model_id = -1;
@@ -44,20 +45,20 @@ struct UnknownCamera {
   int height = 0;
 };
 
-// cairn_camera_focals: what its pairs say of a camera's trusted focal length. Key: camera_id.
+// cairn_camera_focals: the verdict of a camera's pairs on its prior focal length. Key: camera_id.
 struct CameraFocal {
-  bool is_refuted = false;  // its pairs are verified as though it was not trusted
-  int num_pairs = 0;        // with evidence
-  int num_refuting = 0;
+  bool is_rejected = false;  // rejected: its pairs are verified as without a prior
+  int num_pairs = 0;         // with evidence
+  int num_contradicting = 0;
 };
 
-// cairn_camera_lenses: what its pairs taught about a camera whose lens, or focal length, nothing
-// had told before; it stands beside the camera's row, which stays as it was given. Key: camera_id.
+// cairn_camera_lenses: lens and focal length of a camera for which they were unknown, as its pairs
+// determine them. The camera's own row stays as it was given. Key: camera_id.
 struct CameraLens {
-  double focal_px = 0;          // 0: nothing was learned, the camera's own holds
+  double focal_px = 0;          // 0: not learned, the camera's own is in force
   double focal_sigma = 0;       // relative standard deviation
-  bool is_focal_known = false;  // well enough for pairs to be verified with it as with EXIF's
-  double k = 0;                 // SIMPLE_RADIAL's, at the focal length that holds; 0: none
+  bool is_focal_known = false;  // well enough to be used like one from EXIF
+  double k = 0;                 // SIMPLE_RADIAL's, at the focal length in force; 0: none
   double k_sigma = 0;
   int num_pairs = 0;  // likely pairs that the camera had, used or not
 
@@ -65,7 +66,7 @@ struct CameraLens {
   bool operator==(const CameraLens&) const = default;
 };
 
-// cairn_photos: a file of the image folder, and what became of it. Key: name.
+// cairn_photos: a file of the image folder, and why it was skipped, if it was. Key: name.
 struct PhotoRecord {
   std::string name;        // relative to the image folder
   uint64_t file_hash = 0;  // of the file's bytes
@@ -87,6 +88,8 @@ struct StageRecord {
   std::string options;      // TOML lines of all options that its results depend on
   uint64_t input_hash = 0;  // of options and all jobs; 0 while the stage is not complete
   bool is_complete = false;
+
+  std::map<std::string, std::string> OptionValues() const;  // by key
 };
 
 }  // namespace cairn

@@ -19,7 +19,7 @@ class DepthNetwork {
   DepthNetwork(DepthNetwork&&) noexcept;
 
   // rgb has 3 channels. Throws IoError, naming the model, when the network cannot run on its input
-  // or gives something else than one map.
+  // or does not return one map.
   DepthMap Compute(const Bitmap& rgb);
 
  private:

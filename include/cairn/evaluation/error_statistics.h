@@ -5,7 +5,7 @@
 namespace cairn {
 
 // Area under the recall curve of `errors` up to `threshold`, as a share of the best possible, in
-// [0, 1] (METHOD.md section 9). An error may be infinite: never recalled. 0 for no errors.
+// [0, 1] (src/evaluation/README.md). An error may be infinite: never recalled. 0 for no errors.
 double RecallAuc(std::vector<double> errors, double threshold);
 
 // Middle element, or mean of the two; 0 if empty.

@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-// The inlier matches of a verified pair, whatever became of it in the view graph.
+// The inlier matches of a verified pair, whether or not it is in use in the view graph.
 struct VerifiedPair {
   image_t image_id1 = kInvalidImageId;
   image_t image_id2 = kInvalidImageId;

@@ -12,7 +12,7 @@
 
 namespace cairn {
 
-// A camera as an evaluation sees it.
+// What an evaluation needs of a camera.
 struct PosedCamera {
   Rigid3d cam_from_world;
   double focal_px = 0;  // mean of fx and fy; 0: unknown
@@ -60,7 +60,7 @@ struct PoseEvaluation {
 // number of images.
 PoseEvaluation EvaluatePoses(const PosedCameras& estimate, const PosedCameras& reference);
 
-// As a table for people.
+// As a readable table.
 std::string FormatPoseEvaluation(const PoseEvaluation& evaluation);
 // As JSON, AUC in percent, absent values null: registered, gt, extra, auc@1 ... auc@20,
 // rel_rot_med_deg, rel_trans_med_deg, center_{med,mean,std,med_rel},

@@ -39,7 +39,7 @@ Eigen::Vector3d operator*(const Sim3d& b_from_a, const Eigen::Vector3d& x_a);
 // camera frame.
 Rigid3d TransformCameraWorld(const Sim3d& new_from_old_world, const Rigid3d& cam_from_old_world);
 
-// Angle of a rotation, radians, accurate near 0 (METHOD.md section 9).
+// Angle of a rotation, radians, accurate near 0.
 double RotationAngle(const Eigen::Quaterniond& rotation);
 double AngleBetween(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b);
 // Angle between two directions, radians, accurate near 0 and pi. Zero vectors: pi, or 0 if both

@@ -34,7 +34,7 @@ struct ImageSize {
   bool operator==(const ImageSize&) const = default;
 };
 // The size in pixels from the file's header (JPEG and PNG, some 10 microseconds; other formats are
-// decoded). Throws IoError as ReadBitmap does, except that a truncated body is not noticed.
+// decoded). Throws IoError as ReadBitmap does, except that a truncated body goes undetected.
 ImageSize ReadImageSize(const std::string& path);
 
 }  // namespace cairn

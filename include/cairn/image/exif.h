@@ -5,9 +5,9 @@
 
 namespace cairn {
 
-// What a photograph's EXIF block says about its camera.
+// What a photograph's EXIF block holds about its camera.
 struct ExifInfo {
-  // In pixels of an image of the size given to ReadExif; absent where EXIF does not tell.
+  // In pixels of an image of the size given to ReadExif; absent where EXIF has none.
   std::optional<double> focal_px;
   std::string camera_make;   // "" if absent, without trailing blanks
   std::string camera_model;  // "" if absent, without trailing blanks
@@ -23,7 +23,7 @@ struct ExifInfo {
 // read. Prints nothing. Thread-safe.
 ExifInfo ReadExif(const std::string& path, int width, int height);
 
-// What WriteExif puts into a JPEG or PNG file that is there.
+// What WriteExif writes into an existing JPEG or PNG file.
 struct ExifTags {
   int focal_length_35mm = 0;  // 35 mm equivalent, mm
   std::string camera_make;

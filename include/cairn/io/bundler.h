@@ -20,8 +20,8 @@ struct BundlerReadOptions {
   bool read_points = true;
 };
 
-// Reads a Bundler file (v0.3): the registered cameras as images with our frame (FORMATS.md), image
-// id and camera id = line number in the list + 1. A Bundler file knows no image sizes, so every
+// Reads a Bundler file (v0.3): the registered cameras as images with our frame (src/io/FORMATS.md),
+// image id and camera id = line number in the list + 1. A Bundler file has no image sizes, so every
 // camera is RADIAL with width = height = 0, and pixels are relative to the image center: x right, y
 // down, principal point (0, 0). Points keep their order; their keypoints are numbered in the order
 // in which the file mentions them, once per (camera, key) pair; where view lists have no pixel
@@ -35,9 +35,9 @@ Reconstruction ReadBundler(const std::string& bundle_path, const std::string& li
 // Writes bundle.out and its list file. `all_images` gives the order of cameras; those that are not
 // registered become zeros. Empty: the registered images in the order of their ids. Bundler's camera
 // has one focal length, two radial coefficients and a central principal point: whatever does not
-// fit (fx and fy differ, a principal point off the center, tangential distortion) is approximated,
-// and said, one line for each kind, in the returned warnings. Keys are keypoint pixels relative to
-// the image center, y up. Throws IoError.
+// fit (fx and fy differ, a principal point off the center, tangential distortion) is approximated;
+// each kind is one line of the returned warnings. Keys are keypoint pixels relative to the image
+// center, y up. Throws IoError.
 std::vector<std::string> WriteBundler(const Reconstruction& reconstruction,
                                       const std::string& bundle_path, const std::string& list_path,
                                       const std::vector<Image>& all_images = {});

@@ -10,9 +10,8 @@ enum class ColmapModelFormat { kBinary, kText };
 
 // Reads cameras, images and points3D of a COLMAP model folder: the .bin files where cameras.bin is
 // there, else the .txt files. Quaternions are normalized, tracks sorted. Throws IoError that names
-// the file (text: and the line) and the reason: absent, truncated, a camera model cairn does not
-// have, an id twice, a reference to a camera, image or keypoint that is not there, a number that is
-// not finite.
+// the file (text: and the line) and the reason: absent, truncated, an unknown camera model, a
+// repeated id, a reference to a missing camera, image or keypoint, a number that is not finite.
 Reconstruction ReadColmapModel(const std::string& folder);
 Reconstruction ReadColmapModel(const std::string& folder, ColmapModelFormat format);
 

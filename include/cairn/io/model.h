@@ -14,8 +14,8 @@ struct ReadModelOptions {
   bool read_points = true;
 };
 
-// Reads whatever holds camera poses: a COLMAP model folder, a folder of Strecha .camera files, or a
-// Bundler file (a path that ends in .out) with its list. Throws IoError.
+// Reads camera poses of any supported format: a COLMAP model folder, a folder of Strecha .camera
+// files, or a Bundler file (a path that ends in .out) with its list. Throws IoError.
 Reconstruction ReadModel(const std::string& path, const ReadModelOptions& options = {});
 
 }  // namespace cairn

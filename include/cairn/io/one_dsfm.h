@@ -13,8 +13,8 @@
 
 namespace cairn {
 
-// The files of a 1DSfM data set (Wilson and Snavely 2014; FORMATS.md), in cairn's frames. Images
-// are counted from 0 in the order of list.txt. Every reader throws IoError; the path is
+// The files of a 1DSfM data set (Wilson and Snavely 2014; src/io/FORMATS.md), in cairn's frames.
+// Images are counted from 0 in the order of list.txt. Every reader throws IoError; the path is
 // "<file>:<line>".
 
 // A line of EGs.txt. The file has R = R_i R_j^T and the direction to camera j's center in camera
@@ -57,7 +57,7 @@ struct OneDsfmDataset {
 };
 
 // list.txt, cc.txt and EGs.txt, checked against each other: an index in cc.txt or EGs.txt that
-// list.txt does not have, an index or a pair given twice, a name with a blank, a matrix that is no
+// list.txt does not have, a repeated index or pair, a name with a blank, a matrix that is not a
 // rotation, and an empty cc.txt are errors.
 OneDsfmDataset ReadOneDsfmDataset(const std::string& folder);
 

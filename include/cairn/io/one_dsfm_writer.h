@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-// What the text files of a 1DSfM data set say, in cairn's frames (one_dsfm.h).
+// The contents of the text files of a 1DSfM data set, in cairn's frames (one_dsfm.h).
 struct OneDsfmFiles {
   std::vector<BundlerListEntry> images;  // list.txt: names as there ("images/<file>")
   std::vector<int> component;            // cc.txt

@@ -42,12 +42,12 @@ class PreparedDescriptors {
   std::vector<int32_t> squared_norms_;
 };
 
-// Exact nearest neighbours by Euclidean distance of all against all, with the ratio test and
+// Exact nearest neighbors of all against all by Euclidean distance, with the ratio test and
 // (cross_check) mutual agreement, where the ratio test then holds in both directions. Distances are
 // integers, so the result is the same on every machine; of equal distances the smaller index
-// counts. A descriptor with no second neighbour passes the ratio test. Best first: by the
-// larger of a match's two ratios, then by point1 (verification draws from the best). Cost:
-// n1 * n2 * 128 multiplications, 20 ms for 4096 x 4096 (AVX-512 VNNI; build/bench/matching_bench).
+// counts. A descriptor without a second neighbor passes the ratio test. Best first: by the larger
+// of a match's two ratios, then by point1 (verification draws from the best). Cost: n1 * n2 * 128
+// multiplications, 20 ms for 4096 x 4096 (AVX-512 VNNI; build/bench/matching_bench).
 FeatureMatches MatchDescriptors(const PreparedDescriptors& descriptors1,
                                 const PreparedDescriptors& descriptors2,
                                 const MatchingOptions& options);

@@ -13,7 +13,7 @@
 #include "cairn/depth/options.h"
 #include "cairn/features/features.h"
 #include "cairn/matching/matching.h"
-#include "cairn/pipeline/run_report.h"
+#include "cairn/report/run_report.h"
 
 namespace cairn {
 
@@ -22,18 +22,16 @@ namespace cairn {
 // with other options or from other inputs is an error (ConfigError) that says what differs. Rows of
 // other programs (COLMAP) are taken as they are. An item that fails (a damaged photograph, a
 // missing depth map) is recorded, reported by one Warning, and skipped. All return early, keeping
-// what is done, when the monitor wants to stop; then report.status is kFailed and
-// StoppedEarly(report) true. The rows that a stage writes do not depend on num_threads, nor on
-// whether it was interrupted.
-bool StoppedEarly(const StageReport& report);
+// what is done, when the monitor wants to stop; then report.WasStopped(). The rows that a stage
+// writes do not depend on num_threads, nor on whether it was interrupted.
 
 struct CameraOptions {
-  std::string camera_model = "SIMPLE_RADIAL";
+  CameraModel camera_model = CameraModel::kSimpleRadial;
   std::vector<double> camera_params;
   bool single_camera = false;
 
   void VisitFields(OptionVisitor& v) {
-    v.Choice("camera_model", camera_model, CameraModelNames(), "model of new cameras");
+    v.Choice("camera_model", camera_model, NamedCameraModels(), "model of new cameras");
     v.Doubles("camera_params", camera_params,
               "parameters of new cameras, in COLMAP's order; without, the focal length comes from "
               "EXIF, or is 1.2 times the larger side (fisheye models: 150 degrees across it)");

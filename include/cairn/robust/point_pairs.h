@@ -9,14 +9,14 @@
 namespace cairn {
 
 // Corresponding normalized image points as a structure of arrays, in blocks of 16 floats: what the
-// scoring kernels read. Points beyond size() in the last block are zero and never counted.
-// Grows only, so that a verifier can reuse its memory over pairs.
+// scoring kernels read. Points beyond size() in the last block are zero and never counted. Grows
+// only, so that a verifier can reuse its memory over pairs.
 //
-// Where a camera is not planar, the pairs are "wide": a bearing (x, y, z) is held as the point
-// (x / z, y / z) of the plane, be it before or behind the camera, with the sign of z and the weight
-// (s f / z)^2, where s is how many radians a pixel is at the bearing and f the camera's focal
-// length. Errors are then those of bearings, in pixels at their own place of the image: on the
-// plane, a pixel of an equidistant lens at 70 degrees off axis would count eight times too much.
+// Where a camera is not planar, the pairs are "wide": a bearing (x, y, z) is held as the point (x /
+// z, y / z) of the plane, be it before or behind the camera, with the sign of z and the weight (s f
+// / z)^2, where s is the size of a pixel in radians at the bearing and f the camera's focal length.
+// Errors are then those of bearings, in pixels at their own place of the image: on the plane, a
+// pixel of an equidistant lens at 70 degrees off axis would count eight times too much.
 class PointPairs {
  public:
   static constexpr int kBlock = 16;
@@ -35,10 +35,10 @@ class PointPairs {
   float focal2_px() const { return focal2_px_; }
 
   void Set(int i, const Eigen::Vector2d& x1, const Eigen::Vector2d& x2);
-  // Of wide pairs: any length, and radians a pixel there.
+  // For wide pairs: rays of any length, and the size of a pixel in radians there.
   void SetRays(int i, const Eigen::Vector3d& ray1, double radians_per_px1,
                const Eigen::Vector3d& ray2, double radians_per_px2);
-  // False, and nothing is set, where a camera does not tell what a pixel shows.
+  // False, and nothing is set, where a camera model has no ray for the pixel.
   bool SetPixels(int i, const Camera& camera1, const Eigen::Vector2d& pixel1, const Camera& camera2,
                  const Eigen::Vector2d& pixel2);
   Eigen::Vector2d Point1(int i) const { return {x1()[i], y1()[i]}; }
@@ -62,7 +62,7 @@ class PointPairs {
   void Truncate(int n);
 
   // The first points of `all` with its second points moved on cyclically by `shift`: pairs of
-  // points that have nothing to do with each other.
+  // unrelated points.
   void SetShifted(const PointPairs& all, int shift);
 
   // The first n pairs of `all`.

@@ -12,18 +12,18 @@ namespace cairn {
 // machine gives the same bits.
 //
 // The error of a correspondence is the Sampson distance in pixels (Hartley and Zisserman, 11.9),
-// |x2^T E x1| / sqrt((a^2 + b^2) / f2^2 + (c^2 + d^2) / f1^2) with (a, b, .) = E x1 and
-// (c, d, .) = E^T x2, for E of normalized points; F of normalized points is as good. For wide pairs
-// (PointPairs) it is that of bearings q of length 1, |q2^T E q1| / sqrt(|E q1|^2 s2^2 + |E^T q2|^2
-// s1^2), where s is how many radians a pixel is at the bearing.
+// |x2^T E x1| / sqrt((a^2 + b^2) / f2^2 + (c^2 + d^2) / f1^2) with (a, b, .) = E x1 and (c, d, .) =
+// E^T x2, for E, or F, of normalized points. For wide pairs (PointPairs) it is that of bearings q
+// of length 1, |q2^T E q1| / sqrt(|E q1|^2 s2^2 + |E^T q2|^2 s1^2), where s is the size of a pixel
+// in radians at the bearing.
 
 // MSAC support, sum of max(0, 1 - (error / max_error_px)^2): larger is better, one correspondence
 // adds at most 1. Returns -1 as soon as the support cannot exceed `bound` any more.
 double ScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double max_error_px,
                     double bound = -1.0);
 
-// Soft support, sum of s^2 / (s^2 + error^2) with scale s: it tells rough models apart that MSAC
-// sees as equally bad.
+// Soft support, sum of s^2 / (s^2 + error^2) with scale s: it distinguishes rough models that MSAC
+// scores as equally bad.
 double SoftScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double scale_px);
 
 // errors_px[i] for every i < size(); must have room for num_blocks() * 16 values.

@@ -28,7 +28,7 @@ static_assert(sizeof(Keypoint) == 6 * sizeof(float));
 using Descriptors = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // z-depth at a keypoint and its gradient per image pixel, in the depth map's own (unknown) unit.
-// Where the map has nothing, is_valid is false and the numbers mean nothing.
+// Where the map has no value, is_valid is false and the numbers are meaningless.
 struct DepthSample {
   float depth = 0;
   float ddepth_dx = 0, ddepth_dy = 0;

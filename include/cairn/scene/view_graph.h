@@ -18,7 +18,7 @@ enum class EdgeRemoval : int {
   kRotationInconsistent,   // Disagrees with the global rotations.
   kDirectionInconsistent,  // 1DSfM: its translation direction contradicts the others.
   kOtherComponent,         // Not in the component that is reconstructed.
-  kAmbiguous,              // Contradicts many well-supported loops: repeated structure.
+  kAmbiguous,              // Contradicts many well-supported loops: duplicate structure.
   kWeakBridge,
   kModelInconsistent,  // The finished model explains less than half of its matches.
 };
@@ -33,7 +33,7 @@ struct ViewEdge {
   int num_inliers = 0;
   double residual_px = 0;              // median Sampson error of the inliers, 0 if unknown
   double triangulation_angle_deg = 0;  // median over the inliers, 0 if unknown
-  std::string verifier;                // which one won, "" if unknown
+  std::string verifier;                // the one that found the pose, "" if unknown
   EdgeRemoval removal = EdgeRemoval::kNone;
 
   bool IsActive() const { return removal == EdgeRemoval::kNone; }

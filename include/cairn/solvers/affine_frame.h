@@ -8,7 +8,7 @@
 namespace cairn {
 
 // A local affine frame on the scene's surface, seen by one camera and known up to the unit of its
-// depth map (METHOD.md section 1; paper, eq. 3).
+// depth map (src/solvers/README.md; paper, eq. 3).
 struct LiftedFrame {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  // a: position in the camera frame
   Eigen::Matrix<double, 3, 2> derivative =          // A: derivative of the position along the two

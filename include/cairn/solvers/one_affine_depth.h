@@ -6,7 +6,7 @@
 namespace cairn {
 
 // Relative pose from one affine correspondence with depth: Eichhardt and Barath, ECCV 2020, in the
-// corrected form of METHOD.md section 2. Frames of view 1 map into view 2 by
+// corrected form of src/solvers/README.md. Frames of view 1 map into view 2 by
 //   a2 = scale R a1 + t,  A2 = scale R A1.
 struct LiftedCorrespondence {
   LiftedFrame frame1;

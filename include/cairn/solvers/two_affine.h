@@ -19,7 +19,7 @@ struct TwoAffine {
   static int Solve(const Sample* samples, Model* models);
 };
 
-// The same equations, but the four-dimensional space that fulfils them best goes to the five-point
+// The same equations, but the four-dimensional space that fulfills them best goes to the five-point
 // solver: up to ten solutions, each an exact essential matrix, and less sensitive to errors of the
 // frames' shapes.
 struct TwoAffineFivePoint {

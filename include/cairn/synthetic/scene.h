@@ -29,8 +29,9 @@ struct SceneOptions : RigOptions {
   int num_chance_matches = 0;        // wrong matches of a pair that does not overlap
   int num_clutter_keypoints = 0;     // an image; keypoints that show no scene point
 
-  // Every second image is of another place, where the middle of the scene looks the same and what
-  // is beside it does not: the truth then has both places on top of each other.
+  // Duplicate structure: every second image is of another place, where the middle of the scene
+  // looks the same and what is beside it does not. The truth then has both places on top of each
+  // other.
   bool twin_places = false;
 
   // Of a database alone: which pairs it has, and how wrong they are.
@@ -88,7 +89,7 @@ ViewGraph MakeViewGraph(const SyntheticScene& scene, int min_num_matches = 20);
 // all images.
 Descriptors MakeDescriptors(const SyntheticScene& scene, image_t image_id);
 
-// Up to which stage a database is filled. Each includes those before.
+// The stage up to which a database is filled. Each includes those before.
 enum class SceneContent { kFeatures, kDepth, kMatches, kTwoViewGeometries };
 
 // Writes the scene into a database, as the stages of build_view_graph would have.

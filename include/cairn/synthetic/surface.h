@@ -11,7 +11,7 @@
 namespace cairn {
 
 // A small textured piece of a surface: its point, and the two axes of its texture as tangents
-// (world units; dX of METHOD.md section 1). Seen from its front, where the normal
+// (world units; dX below). Seen from its front, where the normal
 // -(tangent 1 x tangent 2) points, its image is not mirrored: the shape's determinant is positive.
 struct SurfaceElement {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();
@@ -38,7 +38,7 @@ struct AffineObservation {
 };
 
 // The exact observation (Eichhardt and Barath 2020, synthetic evaluation, with the chain rule of
-// METHOD.md section 2): pixel = pi(R X + t), shape = dpi R dX, depth = third row of R X + t, and
+// src/solvers/README.md): pixel = pi(R X + t), shape = dpi R dX, depth = third row of R X + t, and
 // gradient * shape = third row of R dX. Absent if the point is not in front of the camera or its
 // surface is seen edge-on. The image's borders are not looked at.
 std::optional<AffineObservation> Observe(const Camera& camera, const Rigid3d& cam_from_world,

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/base/types.h"
 #include "cairn/translation_averaging/options.h"
 
@@ -37,13 +37,13 @@ struct PointDirections {
 enum class TranslationAveragingStatus {
   kSuccess,
   kNoEdges,       // no two cameras that directions join (see not_rigid)
-  kCollapsed,     // the solution has folded into a point and a few far cameras: no centers
+  kCollapsed,     // half of the cameras lie in nearly one point: no centers
   kInconsistent,  // the solution contradicts most of the directions: no centers
   kInterrupted,   // the monitor asked to stop: no centers
 };
 std::string_view TranslationAveragingStatusName(TranslationAveragingStatus status);
 
-// What of the measurements supports a camera's position.
+// The measurements that support a camera's position.
 struct CameraSupport {
   int num_edges = 0;            // camera-camera directions that agree with the solution
   int num_points = 0;           // rays to points that agree with the solution
@@ -57,8 +57,8 @@ struct TranslationAveragingReport {
   // Up to one translation and one positive scale: the mean is zero, the median distance from it 1.
   std::map<image_t, Eigen::Vector3d> centers;
   std::map<image_t, CameraSupport> support;
-  // Images with measurements that were left out: not in the largest parallel-rigid part, or thrown
-  // far away by directions that hardly hold them.
+  // Images with measurements that were left out: not in the largest parallel-rigid part, or far
+  // away from all others, since few directions constrain them.
   std::vector<image_t> not_rigid;
   std::vector<image_t> thrown_away;
   // One an input track: its position, if at least two placed cameras see it in front of them.
@@ -74,15 +74,14 @@ struct TranslationAveragingReport {
   double median_ray_error_deg = 0;
 };
 
-// Camera centers (and points) from directions, with known rotations:
-// outlier filter of 1DSfM (Wilson and Snavely 2014); parallel-rigidity check; a deterministic start
-// by least unsquared deviations (Ozyesil and Singer 2015); robust nonlinear fit over camera-camera
-// and camera-point directions, chordal or scale-free (BATA, Zhuang, Cheong, Lee 2018); refusal of a
-// collapsed solution.
-// Edge and track order do not matter, nor does the number of threads.
+// Camera centers (and points) from directions, with known rotations: outlier filter of 1DSfM
+// (Wilson and Snavely 2014); parallel-rigidity check; a deterministic start by least unsquared
+// deviations (Ozyesil and Singer 2015); robust nonlinear fit of the chordal error over
+// camera-camera and camera-point directions; refusal of a collapsed solution. Edge and track order
+// do not matter, nor does the number of threads.
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,
                                                const TranslationAveragingOptions& options = {},
-                                               ProgressMonitor& monitor = NullMonitor());
+                                               const RunContext& run = {});
 
 }  // namespace cairn

@@ -20,8 +20,8 @@ struct TriangulateTracksReport {
 };
 
 // Replaces the points of `reconstruction` by those triangulated from `tracks` under its present
-// poses and cameras. Observations of images that are not registered are passed over. Points are in
-// the order of the tracks, ids from 1. The result does not depend on num_threads.
+// poses and cameras. Observations of images that are not registered are ignored. Points are in the
+// order of the tracks, ids from 1. The result does not depend on num_threads.
 TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
                                           const TriangulationOptions& options, int num_threads,
                                           Reconstruction& reconstruction);

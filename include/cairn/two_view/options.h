@@ -9,7 +9,7 @@ namespace cairn {
 // Options of two-view verification: `verification.*` in files and flags.
 struct TwoViewOptions {
   // Inlier threshold on the Sampson error, pixels; 0: 0.05 % of the mean image diagonal, as in the
-  // paper (METHOD.md section 4), but at least 1 px, what a keypoint's position is worth.
+  // paper, but at least 1 px, the precision of a keypoint's position.
   double max_error_px = 0.0;
   // Chance that the best model was found before sampling stops.
   double confidence = 0.99;
@@ -27,14 +27,14 @@ struct TwoViewOptions {
   // Share of the inliers that must follow one homography, rotation or shift for a planar, panoramic
   // or watermark pair.
   double min_special_share = 0.8;
-  // An essential matrix that explains less than this share of what a fundamental matrix explains is
-  // wrong by its focal lengths (COLMAP's ratio is 0.95).
+  // An essential matrix that explains less than this share of what a fundamental matrix explains
+  // has wrong focal lengths (COLMAP's ratio is 0.95).
   double min_calibrated_share = 0.8;
   // A second model of other matches with this share of the first one's support competes with it:
-  // repeated structure, and no pose.
+  // duplicate structure, and no pose.
   double min_competing_share = 0.5;
-  // Label pairs whose inliers are marks in the frame of the images, or printed all over them, and
-  // give them no pose.
+  // Label pairs whose inliers are an overlay (marks along the border of the images, or text all
+  // over them) as watermarks, without a pose.
   bool detect_watermark = true;
   // Most samples of the five-point verifier, and fewest of the search for a fundamental matrix.
   int max_iterations = 10000;
@@ -48,8 +48,8 @@ struct TwoViewOptions {
   int max_depth_triangles = 4096;
   int max_affine_samples = 300;
   int max_fallback_samples = 2000;
-  // The share of these budgets for a pair whose matches are not borne out by the affine frames of
-  // their neighbours, as those of unrelated images are not.
+  // The share of these budgets for a pair whose affine frames do not predict each other's matches,
+  // as in unrelated images.
   double unsupported_budget = 0.1;
   // Five-point samples a round among what the final model explains, against local optima.
   int num_resamples = 10;

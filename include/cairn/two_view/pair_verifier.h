@@ -13,8 +13,8 @@
 
 namespace cairn {
 
-// All that the verification of one pair may depend on: its result is a pure function of this and
-// the options.
+// Everything that the verification of one pair depends on: its result is a pure function of this
+// and the options.
 struct PairInput {
   image_pair_t pair_id = 0;  // Seeds the pair's random numbers, together with `seed`.
   uint64_t seed = 0;
@@ -27,7 +27,7 @@ struct PairInput {
   std::span<const FeatureMatch> matches;
   // Better matches come first, as MatchDescriptors gives them; otherwise their order tells nothing.
   bool are_best_first = false;
-  // Weigh the trusted focal lengths of this pair: fills PairReport::focal_evidence.
+  // Test the prior focal lengths of this pair: fills PairReport::focal_evidence.
   bool weigh_focals = false;
 };
 
@@ -41,16 +41,16 @@ enum class PairStatus : int {
 };
 std::string_view PairStatusName(PairStatus status);
 
-// Of matches that their neighbours' affine frames bear out, those that the essential matrix
-// explains, and those that the best fundamental matrix does: equally many, if the focal lengths are
-// right.
+// Among the matches that affine frames of neighboring matches predict, those that the essential
+// matrix explains, and those that the best fundamental matrix explains: equally many, if the focal
+// lengths are right.
 struct FocalEvidence {
   int num_matches = 0;
   int num_by_essential = 0;
   int num_by_fundamental = 0;  // not fewer
 };
 
-// What one verifier found.
+// The result of one verifier.
 struct PairReport {
   PairStatus status = PairStatus::kNoModel;
   // Filled when status is kVerified; cam2_from_cam1 has |t| = 1.
@@ -64,7 +64,8 @@ struct PairReport {
   // Many matches lie just outside the threshold of an accepted model: the focal lengths may be
   // wrong.
   bool may_have_wrong_focal = false;
-  // Where it was asked for, both focal lengths are trusted, and the pair has a pose by them.
+  // Where it was asked for, both cameras have a prior focal length, and the pair has a pose by
+  // them.
   std::optional<FocalEvidence> focal_evidence;
 };
 
@@ -76,8 +77,8 @@ class PairVerifier {
 };
 
 enum class VerifierKind {
-  kCascade,     // 1AC+D, then two affine frames, then five points, each only where evidence lacks
-  kFast,        // the cascade without five points
+  kCascade,  // 1AC+D, then two affine frames, then five points, each only while evidence is missing
+  kFast,     // the cascade without five points
   kOneAcDepth,  // one affine correspondence with depth a hypothesis: every match gives one
   kTwoAc,       // two affine correspondences without depth
   kFivePoint,   // five points a sample, locally optimized

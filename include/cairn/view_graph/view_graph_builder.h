@@ -6,14 +6,14 @@
 #include <span>
 #include <vector>
 
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/base/types.h"
 #include "cairn/scene/view_graph.h"
 #include "cairn/view_graph/options.h"
 
 namespace cairn {
 
-// What the filters did: how many edges each reason removed (EdgeRemoval as the key).
+// How many edges the filters removed, by reason.
 struct ViewGraphReport {
   int num_edges = 0;
   int num_active_edges = 0;
@@ -31,13 +31,13 @@ struct ViewGraphResult {
   ViewGraphReport report;
 };
 
-// The view graph of verified pairs, with every edge kept and the reason on those that are out:
-// too few inliers, loops of three that do not close, repeated structure, weak bridges. Edges that
-// come with a removal reason keep it (kNoPose: set by the caller for pairs without a pose).
-// Components are not chosen here (see KeepImages).
+// The view graph of verified pairs, with every edge kept and the reason on those that are out: too
+// few inliers, loops of three that do not close, duplicate structure, weak bridges. Edges that come
+// with a removal reason keep it (kNoPose: set by the caller for pairs without a pose). Components
+// are not chosen here (see KeepImages).
 ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewEdge> edges,
                                const ViewGraphBuilderOptions& options = {},
-                               ProgressMonitor& monitor = NullMonitor());
+                               const RunContext& run = {});
 
 // The single steps. Each looks at active edges only and returns how many it removed.
 
@@ -54,12 +54,12 @@ int RemoveRotationOutliers(const std::map<image_t, Eigen::Quaterniond>& cam_from
 double LoopErrorDeg(const ViewEdge& edge, const ViewEdge& from_first, const ViewEdge& from_second);
 
 // Loops of three rotations. An edge that closes in no loop, though in some of them the other two
-// edges do close in loops elsewhere, goes (kTripletInconsistent): of a lonely loop that does not
-// close nobody knows which edge is wrong, so it stays. With filter_ambiguous, so does one that
+// edges do close in loops elsewhere, goes (kTripletInconsistent): of a single loop that does not
+// close it is unknown which edge is wrong, so they stay. With filter_ambiguous, so does one that
 // closes in some loops but is contradicted by many more, all of edges better supported than itself
 // (kAmbiguous). The number of loops and their errors go to the report.
-int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, ViewGraph& graph,
-                               ViewGraphReport& report);
+int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, int num_threads,
+                               ViewGraph& graph, ViewGraphReport& report);
 
 // Bridges with fewer than min_num_inliers inliers, unless one of the sides is a single image
 // (kWeakBridge).

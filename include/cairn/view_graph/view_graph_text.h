@@ -8,8 +8,7 @@
 
 namespace cairn {
 
-// The graph for people and programs. `names` gives images their names; an image without one is
-// shown by its id.
+// The graph as text. `names` gives images their names; an image without one is shown by its id.
 
 // {"images": [{id, name, degree, component}], "edges": [{...}], "removed": {reason: count},
 // "components": [[ids]]}

@@ -22,7 +22,7 @@ inline constexpr int kNumSteps = 8;
 // Looks for the pose of a pair among rough hypotheses, wherever they come from: each is scored
 // softly on a subset of the matches, the best are refined from a wide to the final threshold, and
 // the search ends as soon as the evidence suffices: several independent hypotheses that converge to
-// one model, or one that explains most matches (METHOD.md section 4).
+// one model, or one that explains most matches (src/two_view/README.md).
 class PoseSearch {
  public:
   // Both must outlive the search.

@@ -1,4 +1,4 @@
-// Agreement with /work/shared/tools/eval_poses.py, the independent script, on real ground truth.
+// Agreement with ../shared/tools/eval_poses.py, the independent script, on real ground truth.
 #include <gtest/gtest.h>
 
 #include <cstdlib>

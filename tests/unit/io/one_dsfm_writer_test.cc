@@ -80,7 +80,8 @@ TEST(OneDsfmWriter, TheReadersGiveTheSameValuesBack) {
   EXPECT_EQ(ReadOneDsfmTracks(dataset.tracks_path, 3), files.tracks);
 }
 
-// The definition of FORMATS.md, written out: two cameras side by side that look the same way.
+// The definition of src/io/FORMATS.md, written out: two cameras side by side that look the same
+// way.
 TEST(OneDsfmWriter, EdgesAreInBundlersFrame) {
   const TempFolder folder;
   OneDsfmFiles files;

@@ -1,5 +1,3 @@
-#include "pipeline/pair_feed.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,6 +6,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "pipeline/pairs/feed.h"
 
 namespace cairn {
 namespace {

@@ -1,11 +1,10 @@
-#include "pipeline/pair_plan.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <set>
 
 #include "cairn/base/rng.h"
+#include "pipeline/pairs/plan.h"
 
 namespace cairn {
 namespace {

@@ -1,11 +1,11 @@
-#include "pipeline/stage_ledger.h"
+#include "pipeline/stages/stage_ledger.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/base/error.h"
+#include "cairn/database/stage_names.h"
 #include "cairn/matching/matching.h"
-#include "pipeline/stage_names.h"
 #include "support/thrown_message.h"
 
 namespace cairn {

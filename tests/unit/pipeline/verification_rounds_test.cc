@@ -1,7 +1,7 @@
-#include "pipeline/verification_rounds.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "pipeline/pairs/rounds.h"
 
 namespace cairn {
 namespace {

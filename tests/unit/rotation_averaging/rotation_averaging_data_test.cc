@@ -26,7 +26,8 @@ void ForEachLine(const std::string& path, int num_ids, const Fn& fn) {
   }
 }
 
-// Real edges of 1DSfM; COLMAP 4.2: median 0.560, mean 2.79 degrees, 93.4 % within 5 (ANCHORS.md).
+// Real edges of 1DSfM; COLMAP 4.2: median 0.560, mean 2.79 degrees, 93.4 % within 5
+// (tests/bench/README.md).
 TEST(RotationAveragingData, EllisIslandIsBetterThanThePeers) {
   const std::string folder = testing::SharedDataPath("1dsfm/Ellis_Island_rotations/");
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not there";

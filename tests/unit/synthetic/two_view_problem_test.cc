@@ -37,7 +37,7 @@ TEST(TwoViewProblem, ExactObservationsFulfillTheEpipolarConstraint) {
   }
 }
 
-// a2 = ratio R a1 + ratio-scaled t and A2 = ratio R A1 (METHOD.md section 1) with depth maps of
+// a2 = ratio R a1 + ratio-scaled t and A2 = ratio R A1 (src/solvers/README.md) with depth maps of
 // different scale.
 TEST(TwoViewProblem, DepthRatioRelatesTheLiftedPoints) {
   const TwoViewProblem p =

@@ -1,0 +1,101 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/base/progress.h"
+#include "cairn/bundle_adjustment/bundle_adjustment.h"
+#include "cairn/database/database.h"
+#include "cairn/intrinsics/focal_calibration.h"
+#include "cairn/report/run_report.h"
+#include "cairn/resection/resection.h"
+#include "cairn/rotation_averaging/rotation_averaging.h"
+#include "cairn/scene/reconstruction.h"
+#include "cairn/scene/view_graph.h"
+#include "cairn/tracks/tracks.h"
+#include "cairn/translation_averaging/options.h"
+#include "cairn/triangulation/triangulation.h"
+#include "cairn/view_graph/options.h"
+
+namespace cairn {
+
+struct ReconstructOptions {
+  // Every connected component of the view graph becomes a model, the largest first; all but the
+  // largest need this many images.
+  int min_model_images = 3;
+  int max_models = 50;
+  // Tracks an image that join the camera-camera directions in translation averaging.
+  int position_tracks_per_image = 200;
+  // The first rounds use the longest tracks alone, until every image has this many (0: all tracks),
+  // and accept errors larger by this factor.
+  int coarse_tracks_per_image = 500;
+  double coarse_error_factor = 8.0;
+  // Rounds of triangulation, adjustment and filtering over all tracks; they end early when one adds
+  // less than min_gain (relative) to the observations.
+  int max_rounds = 5;
+  double min_gain = 0.005;
+  // An image with fewer points is taken out of the model.
+  int min_image_points = 15;
+  // Memory that the whole program may take; 0: what the machine has left when it is needed. Where
+  // bundle adjustment would take more, it gets fewer tracks.
+  double max_memory_gib = 0.0;
+  bool register_left_out = true;
+  bool separate_duplicates = true;
+  // Forward motion, or a lens that the camera model does not describe, throws principal points off.
+  bool refine_principal_points = false;
+  bool colors = true;
+
+  void VisitFields(OptionVisitor& v);
+};
+
+// The options of every stage.
+struct ReconstructSettings {
+  ReconstructOptions reconstruct;
+  FocalCalibrationOptions focal_calibration;
+  ViewGraphBuilderOptions view_graph;
+  RotationAveragingOptions rotation_averaging;
+  TranslationAveragingOptions translation_averaging;
+  TrackOptions tracks;
+  TriangulationOptions triangulation;
+  BundleAdjustmentOptions bundle_adjustment;
+  ResectionOptions resection;
+  // Focal lengths and distortions. Not set: held for cameras that the user gave or that were
+  // calibrated before (KnownIntrinsics::IsConstant), refined for the others.
+  std::optional<bool> refine_intrinsics;
+  uint64_t seed = 0;
+  int num_threads = 0;
+};
+
+struct ReconstructResult {
+  // Largest first; empty when report.failure says why.
+  std::vector<Reconstruction> models;
+  std::vector<Image> images;  // all images of the database, by id
+  ViewGraph graph;            // all verified pairs, with the reasons of those that were taken out
+  RunReport report;
+};
+
+// View graph, rotation averaging, 1DSfM filter and translation averaging, tracks, triangulation,
+// bundle adjustment with filtering and retriangulation, resection of images left out, colors from
+// the photographs under image_path (skipped where they are absent; "": no colors). Where the pairs
+// have poses but no matches, the models are cameras alone: graph, rotations, translations. An
+// expected failure is in report.failure; throws IoError where the database cannot be read.
+ReconstructResult ReconstructScene(const Database& database, const std::string& image_path,
+                                   const ReconstructSettings& settings,
+                                   ProgressMonitor& monitor = NullMonitor());
+
+// Throws ConfigError where the folder has a model (sparse, bundle.out, list.txt, points.ply) and no
+// effective.toml of global_sfm reconstruct: another program's work, which must not be replaced.
+void CheckReconstructOutput(const std::string& output_path);
+
+// Writes sparse/<k>/{cameras,images,points3D}.bin for every model, bundle.out with list.txt and
+// points.ply of the largest, confidence.csv (a line an image: pairs in use, points, standard
+// deviations of its pose; see EstimatePoseConfidence), the view graph as view_graph.json and
+// view_graph.dot (Graphviz), report.json and effective.toml; replaces an earlier run's files. After
+// a failure only the last four are written. Adds what a format cannot hold to the report's
+// messages. Throws IoError.
+void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
+                            const std::string& effective_toml);
+
+}  // namespace cairn

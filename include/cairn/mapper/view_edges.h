@@ -1,0 +1,25 @@
+#pragma once
+
+#include <vector>
+
+#include "cairn/database/database.h"
+#include "cairn/scene/view_graph.h"
+
+namespace cairn {
+
+// Every pair of two_view_geometries that has inliers or a pose as an edge, ascending by pair, with
+// residual, angle and verifier from cairn_pair_metrics where they are.
+// A pair without a stored pose (COLMAP up to 3.13 stores none) gets it from its E, or its F and the
+// cameras, by the cheirality of its inliers. Panoramic pairs have a rotation alone. Pairs without a
+// pose, or of other kinds (watermark, ...), come with the removal reason kNoPose. Edges imported
+// from a 1DSfM data set without keypoints have 0 inliers (see HasImportedEdges). Throws IoError.
+std::vector<ViewEdge> ReadViewEdges(const Database& database);
+
+// The view graph was imported from relative poses: inlier counts say nothing.
+bool HasImportedEdges(const Database& database);
+
+// A pair without translation has a say if its camera turned: one that did neither sees what stands
+// still before it, such as a watermark, dust, or the background of a turntable.
+bool HasTurned(const Eigen::Quaterniond& cam2_from_cam1);
+
+}  // namespace cairn

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/pipeline/stages.h"
+#include "cairn/two_view/options.h"
+#include "cairn/two_view/pair_verifier.h"
+
+namespace cairn {
+
+// A verifier that the scheduler runs on every pair; `make` is called once a thread.
+struct NamedVerifier {
+  std::string name;
+  std::function<std::unique_ptr<PairVerifier>()> make;
+};
+
+struct VerificationInput {
+  // Which pairs; nullopt: all that have matches.
+  std::optional<std::vector<image_pair_t>> pairs;
+  uint64_t seed = 0;
+  // Pairs with fewer matches are not tried.
+  int min_num_matches = 20;
+  // "key = value" lines of everything that the verifiers' results depend on, for the stage's
+  // record.
+  std::string options;
+};
+
+// What became of the pairs that this run worked on.
+struct VerificationCounts {
+  int64_t num_pairs = 0;    // looked at
+  int64_t num_too_few = 0;  // not tried: too few matches
+  int64_t num_tried = 0;    // given to the verifiers
+  int64_t num_verified = 0;
+  std::map<std::string, int64_t> verified_by;  // verifier -> pairs that it won
+  std::map<std::string, int64_t> rejected_by;  // reason -> pairs
+};
+
+struct VerificationReport {
+  StageReport stage;
+  VerificationCounts counts;
+  // Summed over all threads, for measuring the scheduler's own share.
+  double verifying_seconds = 0;
+  double reading_seconds = 0;
+  double writing_seconds = 0;
+  double learning_seconds = 0;  // wall clock, between the rounds
+  int num_learned_lenses = 0;   // cameras of which this run learned distortion or focal length
+  int num_rejected_focals = 0;  // cameras whose trusted focal lengths this run found to be wrong
+};
+
+// Verifies every pair with matches that has no row in two_view_geometries, on num_threads threads.
+// Each verifier runs on each pair independently; its outcome is a row of cairn_pair_metrics, its
+// time one of cairn_timings; the verified one with the largest score becomes the pair's row in
+// two_view_geometries (of equal ones the earlier in `verifiers`). A pair that no verifier accepts,
+// or that was not tried, gets an empty row, as from COLMAP.
+//
+// Likely pairs come first, in a round of their own (pipeline/pairs/rounds.h), after which it
+// is learned and stored what lenses unknown cameras have (intrinsics/lens_learning.h), and which
+// trusted focal lengths are wrong (intrinsics/focal_learning.h; the pairs of these cameras are
+// verified again, with what was learned). Within a round, pairs are ordered so that
+// features are read once a block and stay within the memory limit; one
+// thread reads ahead, one writes. What a pair yields depends on its own features, depth, cameras,
+// matches, the options, the seed and what the first round learned, and on nothing else. Pairs that
+// are done are not done again; if their inputs have changed, ConfigError names the pair. Pairs with
+// a row that cannot be read are left out, with one Warning a row.
+VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
+                               const VerificationInput& input, const SchedulerOptions& scheduler,
+                               int num_threads, ProgressMonitor& monitor = NullMonitor());
+
+// The verifiers of --verifier, in the order of precedence. Throws ConfigError.
+std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options);
+
+}  // namespace cairn

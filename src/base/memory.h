@@ -1,0 +1,19 @@
+#pragma once
+
+#include <cstdint>
+
+namespace cairn {
+
+// Memory of this process and of the machine, bytes; -1 where unknown.
+struct MemoryUse {
+  int64_t resident = -1;
+  int64_t peak = -1;  // largest resident size until now
+  // What this process can still allocate: on the machine, or within its control group's limit.
+  int64_t available = -1;
+};
+MemoryUse ReadMemoryUse();
+
+constexpr int64_t GibToBytes(double gib) { return static_cast<int64_t>(gib * (1 << 30)); }
+constexpr double BytesToGib(int64_t bytes) { return static_cast<double>(bytes) / (1 << 30); }
+
+}  // namespace cairn

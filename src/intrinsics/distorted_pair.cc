@@ -1,0 +1,253 @@
+#include "intrinsics/distorted_pair.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/base/check.h"
+#include "cairn/math/median.h"
+
+namespace cairn::internal {
+namespace {
+
+constexpr int kDof = FundamentalFit::kDof;
+constexpr double kNormalMedian = 0.6745;  // of |e| of a normal distribution, standard deviations
+constexpr double kMinSigmaPx = 0.1;
+constexpr size_t kMinFocalMatches = 15;  // FitFundamental's
+
+using Vector9 = Eigen::Matrix<double, 9, 1>;
+using Matrix9 = Eigen::Matrix<double, 9, 9>;
+using Matrix7 = Eigen::Matrix<double, kDof, kDof>;
+
+// Of Geman and McClure's loss e^2 s^2 / (s^2 + e^2), by e^2.
+double Weight(double error, double scale_px) {
+  const double s2 = scale_px * scale_px;
+  const double weight = s2 / (s2 + error * error);
+  return weight * weight;
+}
+
+}  // namespace
+
+DistortedPair::DistortedPair(const DistortionPair& pair, const Camera& camera1,
+                             const Camera& camera2)
+    : camera_ids_{pair.camera_id1, pair.camera_id2},
+      cameras_{camera1, camera2},
+      pixels_{pair.pixels1, pair.pixels2} {
+  CAIRN_CHECK_EQ(pair.pixels1.size(), pair.pixels2.size());
+  for (int side = 0; side < 2; ++side) {
+    is_free_[side] = CanCalibrateDistortion(cameras_[side]);
+    Undistort(side);
+  }
+}
+
+void DistortedPair::SetDistortion(double k1, double k2) {
+  const double k[2] = {k1, k2};
+  for (int side = 0; side < 2; ++side) {
+    if (!is_free_[side]) continue;
+    double& present = cameras_[side].params[cameras_[side].DistortionIndices()[0]];
+    if (present == k[side]) continue;
+    present = k[side];
+    Undistort(side);
+  }
+}
+
+void DistortedPair::Undistort(int side) {
+  const Camera& camera = cameras_[side];
+  const Eigen::Vector2d focal(camera.FocalX(), camera.FocalY());
+  rays_[side].resize(pixels_[side].size());
+  is_valid_[side].assign(pixels_[side].size(), 0);
+  for (size_t i = 0; i < pixels_[side].size(); ++i) {
+    Ray& ray = rays_[side][i];
+    const auto x = camera.CamFromImg(pixels_[side][i], &ray.by_pixel);
+    if (!x) continue;
+    is_valid_[side][i] = 1;
+    ray.x = x->homogeneous();
+    // d = u (1 + k r^2) stays, so that u moves by -J^-1 u r^2, where J = (1 + k r^2) I + 2 k u u^T.
+    const Eigen::Vector2d& u = *x;
+    const double k = is_free_[side] ? camera.params[camera.DistortionIndices()[0]] : 0.0;
+    ray.x_by_k = -ray.by_pixel * (u.squaredNorm() * focal.cwiseProduct(u));
+    const Eigen::Vector2d& du = ray.x_by_k;
+    const Eigen::Matrix2d J_by_k =
+        (u.squaredNorm() + 2.0 * k * u.dot(du)) * Eigen::Matrix2d::Identity() +
+        2.0 * u * u.transpose() + 2.0 * k * (du * u.transpose() + u * du.transpose());
+    ray.by_pixel_by_k = -ray.by_pixel * focal.asDiagonal() * J_by_k * ray.by_pixel;
+  }
+}
+
+void DistortedPair::Evaluate(const Eigen::Matrix3d& F) {
+  errors_.assign(size(), 0.0);
+  precisions_.assign(size(), 0.0);
+  for (int i = 0; i < size(); ++i) {
+    if (!is_valid_[0][i] || !is_valid_[1][i]) continue;
+    const Ray &ray1 = rays_[0][i], &ray2 = rays_[1][i];
+    const Eigen::Vector3d line2 = F * ray1.x, line1 = F.transpose() * ray2.x;
+    const double squared = (ray2.by_pixel.transpose() * line2.head<2>()).squaredNorm() +
+                           (ray1.by_pixel.transpose() * line1.head<2>()).squaredNorm();
+    if (!(squared > 0.0)) continue;
+    precisions_[i] = 1.0 / std::sqrt(squared);
+    errors_[i] = ray2.x.dot(line2) * precisions_[i];
+  }
+}
+
+// With C = x2^T F x1, lines l2 = F x1 and l1 = F^T x2, and M = d ray / d pixel, the error is
+// C / sqrt(|M2^T l2|^2 + |M1^T l1|^2).
+Eigen::Matrix<double, 9, 1> DistortedPair::ErrorByF(const Eigen::Matrix3d& F, int i,
+                                                    Eigen::Vector2d* by_k) const {
+  const Ray &ray1 = rays_[0][i], &ray2 = rays_[1][i];
+  const Eigen::Vector2d line2 = (F * ray1.x).head<2>(), line1 = (F.transpose() * ray2.x).head<2>();
+  const Eigen::Vector2d a1 = ray1.by_pixel.transpose() * line1;
+  const Eigen::Vector2d a2 = ray2.by_pixel.transpose() * line2;
+  const double precision = precisions_[i];
+  const double ratio = errors_[i] * precision;  // C / squared length
+  const Eigen::Vector2d b1 = ratio * ray1.by_pixel * a1, b2 = ratio * ray2.by_pixel * a2;
+  Vector9 by_F;
+  const Eigen::Vector3d left = precision * (ray2.x - Eigen::Vector3d(b2.x(), b2.y(), 0.0));
+  const Eigen::Vector3d right = precision * Eigen::Vector3d(b1.x(), b1.y(), 0.0);
+  for (int column = 0; column < 3; ++column) {
+    by_F.segment<3>(3 * column) = ray1.x[column] * left - right[column] * ray2.x;
+  }
+  if (by_k != nullptr) {
+    const Eigen::Matrix2d corner = F.topLeftCorner<2, 2>();
+    const Eigen::Vector2d &du1 = ray1.x_by_k, &du2 = ray2.x_by_k;
+    *by_k = precision * Eigen::Vector2d(line1.dot(du1) - b2.dot(corner * du1) -
+                                            ratio * a1.dot(ray1.by_pixel_by_k.transpose() * line1),
+                                        line2.dot(du2) - b1.dot(corner.transpose() * du2) -
+                                            ratio * a2.dot(ray2.by_pixel_by_k.transpose() * line2));
+  }
+  return by_F;
+}
+
+double DistortedPair::SumOfLosses(double scale_px) const {
+  const double s2 = scale_px * scale_px;
+  double sum = 0.0;
+  for (int i = 0; i < size(); ++i) {
+    const double e2 = errors_[i] * errors_[i];
+    sum += precisions_[i] > 0.0 ? e2 * s2 / (s2 + e2) : s2;
+  }
+  return sum;
+}
+
+double DistortedPair::Cost(const FundamentalFit& F, double scale_px) {
+  Evaluate(F.F());
+  return SumOfLosses(scale_px);
+}
+
+double DistortedPair::Refine(double scale_px, int max_iterations, FundamentalFit* F) {
+  constexpr double kMinRelativeGain = 1e-6;
+  double damping = 1e-3;
+  double cost = Cost(*F, scale_px);
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    const FundamentalTangents tangents = Tangents(*F);
+    const Eigen::Matrix3d matrix = F->F();
+    Matrix9 moments = Matrix9::Zero();
+    Vector9 gradient = Vector9::Zero();
+    for (int i = 0; i < size(); ++i) {
+      if (!(precisions_[i] > 0.0)) continue;
+      const double weight = Weight(errors_[i], scale_px);
+      const Vector9 row = ErrorByF(matrix, i);
+      moments.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
+      gradient += weight * errors_[i] * row;
+    }
+    const Matrix7 H = tangents.transpose() * moments.selfadjointView<Eigen::Lower>() * tangents;
+    const FundamentalStep g = tangents.transpose() * gradient;
+    double gain = 0.0;
+    while (damping < 1e6) {
+      Matrix7 damped = H;
+      damped.diagonal() += damping * (H.diagonal().array() + 1e-12 * H.trace()).matrix();
+      const FundamentalStep step = -damped.ldlt().solve(g);
+      if (!(-g.dot(step) > kMinRelativeGain * cost)) break;  // also when not finite
+      const FundamentalFit moved = Moved(*F, step);
+      gain = cost - Cost(moved, scale_px);
+      if (gain > 0.0) {
+        *F = moved;
+        cost -= gain;
+        damping = std::max(1e-9, 0.1 * damping);
+        break;
+      }
+      damping *= 10.0;
+    }
+    if (!(gain > kMinRelativeGain * cost)) break;
+  }
+  Evaluate(F->F());
+  return cost;
+}
+
+DistortedPair::Reduced DistortedPair::Reduce(const FundamentalFit& F, double scale_px) {
+  using Vector11 = Eigen::Matrix<double, 11, 1>;
+  Eigen::Matrix<double, 11, 11> moments;
+  Vector11 sums = Vector11::Zero();
+  moments.setZero();
+  const Eigen::Matrix3d matrix = F.F();
+  Evaluate(matrix);
+  for (int i = 0; i < size(); ++i) {
+    if (!(precisions_[i] > 0.0)) continue;
+    Vector11 row;
+    Eigen::Vector2d by_k;
+    row.head<9>() = ErrorByF(matrix, i, &by_k);
+    row.tail<2>() = by_k;
+    const double weight = Weight(errors_[i], scale_px);
+    moments.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
+    sums += weight * errors_[i] * row;
+  }
+  moments = moments.selfadjointView<Eigen::Lower>();
+  const FundamentalTangents tangents = Tangents(F);
+  Matrix7 H = tangents.transpose() * moments.topLeftCorner<9, 9>() * tangents;
+  // Directions of F that no match sees.
+  H.diagonal().array() += 1e-9 * H.trace();
+  const Eigen::Matrix<double, kDof, 2> mixed =
+      tangents.transpose() * moments.topRightCorner<9, 2>();
+  const auto factor = H.ldlt();
+  Reduced reduced;
+  reduced.hessian = moments.bottomRightCorner<2, 2>() - mixed.transpose() * factor.solve(mixed);
+  reduced.gradient =
+      sums.tail<2>() -
+      mixed.transpose() * factor.solve(FundamentalStep(tangents.transpose() * sums.head<9>()));
+  return reduced;
+}
+
+double DistortedPair::NoisePx(const FundamentalFit& F, double max_sigma_px) {
+  constexpr int kRounds = 3;
+  Evaluate(F.F());
+  double sigma = max_sigma_px;
+  for (int round = 0; round < kRounds; ++round) {
+    std::vector<double> lengths;
+    for (int i = 0; i < size(); ++i) {
+      if (precisions_[i] > 0.0 && std::abs(errors_[i]) < 3.0 * sigma) {
+        lengths.push_back(std::abs(errors_[i]));
+      }
+    }
+    sigma = std::clamp(UpperMedian(std::move(lengths)) / kNormalMedian, kMinSigmaPx, sigma);
+  }
+  return sigma;
+}
+
+int DistortedPair::NumExplained(const FundamentalFit& F, double max_error_px) {
+  Evaluate(F.F());
+  int num = 0;
+  for (int i = 0; i < size(); ++i) {
+    num += precisions_[i] > 0.0 && std::abs(errors_[i]) < max_error_px;
+  }
+  return num;
+}
+
+FocalPair DistortedPair::Explained(const FundamentalFit& F, double max_error_px, int max_num) {
+  FocalPair pair;
+  pair.camera_id1 = camera_ids_[0];
+  pair.camera_id2 = camera_ids_[1];
+  const Eigen::Matrix3d K1 = cameras_[0].CalibrationMatrix(), K2 = cameras_[1].CalibrationMatrix();
+  pair.F = K2.inverse().transpose() * F.F() * K1.inverse();
+  const int num = NumExplained(F, max_error_px);
+  if (num < static_cast<int>(kMinFocalMatches)) return pair;
+  const int step = 1 + (num - 1) / max_num;
+  for (int i = 0, seen = 0; i < size(); ++i) {
+    if (!(precisions_[i] > 0.0) || !(std::abs(errors_[i]) < max_error_px)) continue;
+    if (seen++ % step != 0) continue;
+    pair.pixels1.emplace_back((K1 * rays_[0][i].x).head<2>());
+    pair.pixels2.emplace_back((K2 * rays_[1][i].x).head<2>());
+  }
+  return pair;
+}
+
+}  // namespace cairn::internal

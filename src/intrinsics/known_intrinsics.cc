@@ -1,0 +1,64 @@
+#include "cairn/intrinsics/known_intrinsics.h"
+
+#include "cairn/base/check.h"
+#include "cairn/database/stage_names.h"
+
+namespace cairn {
+namespace {
+
+bool CamerasWereGiven(const Database& database) {
+  const std::optional<StageRecord> stage = database.ReadStage(kStageCameras);
+  if (!stage) return false;
+  const std::map<std::string, std::string> options = stage->OptionValues();
+  const auto params = options.find("camera_params");
+  return params != options.end() && params->second != "[]";
+}
+
+template <class Value>
+std::optional<Value> FindRow(const std::map<camera_t, Value>& values, camera_t id) {
+  const auto it = values.find(id);
+  return it == values.end() ? std::nullopt : std::optional<Value>(it->second);
+}
+
+}  // namespace
+
+bool KnownIntrinsics::IsConstant() const {
+  return is_given || (LooksMeasured(camera) && !IsRejected() && !HasLearned());
+}
+
+void ApplyLens(const CameraLens& lens, Camera& camera) {
+  if (lens.focal_px > 0) camera.SetMeanFocal(lens.focal_px);
+  if (lens.k == 0) return;
+  const std::vector<int> indices = camera.DistortionIndices();
+  CAIRN_CHECK(!indices.empty());
+  camera.params[indices[0]] = lens.k;
+}
+
+bool LooksMeasured(const Camera& camera) {
+  const Eigen::Vector2d center(0.5 * camera.width, 0.5 * camera.height);
+  // COLMAP rounds the center of an odd size down in some versions.
+  const bool off_center = (camera.PrincipalPoint() - center).cwiseAbs().maxCoeff() > 0.5 + 1e-9;
+  const Camera plain = Camera::FromFocal(camera.camera_id, camera.model, camera.MeanFocal(),
+                                         camera.width, camera.height);
+  bool is_distorted = false;
+  for (const int k : camera.DistortionIndices()) {
+    is_distorted |= camera.params[k] != plain.params[k];
+  }
+  return off_center || camera.FocalX() != camera.FocalY() || is_distorted;
+}
+
+std::map<camera_t, KnownIntrinsics> ReadKnownIntrinsics(const Database& database) {
+  const std::map<camera_t, CameraLens> lenses = database.ReadCameraLenses();
+  const std::map<camera_t, CameraFocal> judgements = database.ReadCameraFocals();
+  const bool are_given = CamerasWereGiven(database);
+  std::map<camera_t, KnownIntrinsics> known;
+  for (Camera& camera : database.ReadCameras()) {
+    const camera_t id = camera.camera_id;
+    KnownIntrinsics& intrinsics = known[id];
+    intrinsics = {std::move(camera), FindRow(lenses, id), FindRow(judgements, id), are_given};
+    if (intrinsics.lens) ApplyLens(*intrinsics.lens, intrinsics.camera);
+  }
+  return known;
+}
+
+}  // namespace cairn

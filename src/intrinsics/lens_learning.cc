@@ -1,0 +1,232 @@
+#include "cairn/intrinsics/lens_learning.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <set>
+
+#include "cairn/base/error.h"
+#include "cairn/intrinsics/camera_pairs.h"
+#include "cairn/intrinsics/distortion_calibration.h"
+#include "cairn/intrinsics/focal_calibration.h"
+#include "cairn/intrinsics/known_intrinsics.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kMaxLensPairs = 100;   // of a camera
+constexpr size_t kMaxMatches = 300;  // of a pair
+// A focal length as sure as that is taken for known, as EXIF's is, which is no surer; those that
+// their pairs do not bear out are rejected like it (focal_learning.h).
+constexpr double kKnownSigma = 0.05;
+
+struct Witness {
+  image_t image_id1, image_id2;
+  FeatureMatches matches;
+  DistortionPair pair;
+};
+
+// What is known of the cameras, and of which it is to be learned.
+struct Lenses {
+  std::map<camera_t, Camera> cameras;  // by what was learned before
+  std::map<image_t, camera_t> camera_of;
+  std::map<camera_t, int> num_pairs;  // likely ones
+  std::set<camera_t> open;
+};
+
+Lenses ReadLenses(const Database& database, const std::vector<image_pair_t>& likely) {
+  Lenses lenses;
+  const std::map<camera_t, KnownIntrinsics> known = ReadKnownIntrinsics(database);
+  for (const auto& [id, intrinsics] : known) lenses.cameras[id] = intrinsics.camera;
+  lenses.camera_of = CamerasOfImages(database);
+  std::erase_if(lenses.camera_of,
+                [&](const auto& entry) { return lenses.cameras.count(entry.second) == 0; });
+  for (const image_pair_t pair : likely) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    std::set<camera_t> cameras;
+    for (const image_t id : {id1, id2}) {
+      if (lenses.camera_of.count(id) > 0) cameras.insert(lenses.camera_of.at(id));
+    }
+    for (const camera_t id : cameras) ++lenses.num_pairs[id];
+  }
+  for (const auto& [id, num_pairs] : lenses.num_pairs) {
+    const KnownIntrinsics& intrinsics = known.at(id);
+    const Camera& camera = intrinsics.camera;
+    if (intrinsics.is_given || LooksMeasured(camera) || !camera.Validate().empty()) continue;
+    // (More pairs may tell what fewer could not.)
+    const bool is_known =
+        intrinsics.HasLearned() || (intrinsics.lens && intrinsics.lens->num_pairs == num_pairs);
+    if (is_known) continue;
+    if (!camera.IsPlanar()) continue;  // (wide_focals.h)
+    if (camera.has_prior_focal_length && !CanCalibrateDistortion(camera)) continue;
+    lenses.open.insert(id);
+  }
+  return lenses;
+}
+
+// F of the rays, or nothing.
+std::optional<Eigen::Matrix3d> RayFundamental(const TwoViewGeometry& geometry,
+                                              const Camera& camera1, const Camera& camera2) {
+  std::optional<Eigen::Matrix3d> F;
+  if (geometry.inlier_matches.empty()) return F;
+  if (geometry.E) {
+    F = geometry.E;
+  } else if (geometry.F) {
+    F = camera2.CalibrationMatrix().transpose() * *geometry.F * camera1.CalibrationMatrix();
+  }
+  if (F && !(F->allFinite() && F->norm() > 0)) F.reset();
+  return F;
+}
+
+std::vector<Witness> ReadWitnesses(const Database& database, const Lenses& lenses,
+                                   const std::vector<image_pair_t>& pairs) {
+  std::vector<Witness> witnesses;
+  for (const image_pair_t pair : pairs) {
+    Witness witness;
+    std::tie(witness.image_id1, witness.image_id2) = PairIdToImagePair(pair);
+    witness.pair.camera_id1 = lenses.camera_of.at(witness.image_id1);
+    witness.pair.camera_id2 = lenses.camera_of.at(witness.image_id2);
+    try {
+      const auto geometry = database.ReadTwoViewGeometry(pair);
+      const auto matches = database.ReadMatches(pair);
+      if (!geometry || !matches) continue;
+      const auto F = RayFundamental(*geometry, lenses.cameras.at(witness.pair.camera_id1),
+                                    lenses.cameras.at(witness.pair.camera_id2));
+      if (!F) continue;
+      witness.pair.F = *F;
+      const size_t step = 1 + matches->size() / kMaxMatches;
+      for (size_t i = 0; i < matches->size(); i += step) witness.matches.push_back((*matches)[i]);
+      witnesses.push_back(std::move(witness));
+    } catch (const IoError&) {  // The verification of the pair has reported it.
+    }
+  }
+  return witnesses;
+}
+
+// The positions of the matches, image by image.
+void ReadPixels(const Database& database, std::vector<Witness>& witnesses) {
+  std::map<image_t, std::vector<std::pair<size_t, int>>> sides;
+  for (size_t i = 0; i < witnesses.size(); ++i) {
+    sides[witnesses[i].image_id1].emplace_back(i, 1);
+    sides[witnesses[i].image_id2].emplace_back(i, 2);
+  }
+  for (const auto& [id, uses] : sides) {
+    std::vector<Keypoint> keypoints;
+    try {
+      keypoints = database.ReadKeypoints(id).value_or(std::vector<Keypoint>());
+    } catch (const IoError&) {  // Its pairs say nothing.
+    }
+    for (const auto& [i, side] : uses) {
+      std::vector<Eigen::Vector2d>& pixels =
+          side == 1 ? witnesses[i].pair.pixels1 : witnesses[i].pair.pixels2;
+      for (const FeatureMatch& match : witnesses[i].matches) {
+        const point2D_t point = side == 1 ? match.point1 : match.point2;
+        if (point >= keypoints.size()) break;
+        pixels.push_back(keypoints[point].Position());
+      }
+    }
+  }
+  std::erase_if(witnesses, [](const Witness& witness) {
+    return witness.pair.pixels1.size() != witness.matches.size() ||
+           witness.pair.pixels2.size() != witness.matches.size();
+  });
+}
+
+// The focal lengths of open cameras that are only guessed.
+std::map<camera_t, CalibratedFocal> LearnGuessedFocals(const Lenses& lenses,
+                                                       const std::vector<FocalPair>& pairs,
+                                                       int num_threads) {
+  std::set<camera_t> trusted;
+  for (const auto& [id, camera] : lenses.cameras) {
+    if (lenses.open.count(id) == 0 || camera.has_prior_focal_length) trusted.insert(id);
+  }
+  return CalibrateFocals(lenses.cameras, trusted, pairs, {}, {.num_threads = num_threads}).cameras;
+}
+
+CameraLens MakeLens(const Camera& camera, const CalibratedDistortion* distortion,
+                    const CalibratedFocal* focal) {
+  CameraLens lens;
+  double factor = 1.0;
+  if (focal != nullptr && focal->status == FocalStatus::kCalibrated) {
+    lens.focal_px = focal->focal_px;
+    lens.focal_sigma = focal->sigma;
+    lens.is_focal_known = focal->sigma <= kKnownSigma;
+    factor = std::pow(focal->focal_px / camera.MeanFocal(), 2);
+  }
+  if (distortion != nullptr && distortion->is_significant) {
+    lens.k = factor * distortion->k;
+    lens.k_sigma = factor * distortion->sigma;
+  }
+  return lens;
+}
+
+std::string Describe(camera_t id, const CameraLens& lens) {
+  std::string text = "camera " + std::to_string(id) + ": learned";
+  char part[100];
+  if (lens.focal_px > 0) {
+    std::snprintf(part, sizeof(part), " focal length %.1f px (sigma %.1f %%)%s", lens.focal_px,
+                  100 * lens.focal_sigma, lens.is_focal_known ? "" : " (uncertain)");
+    text += part;
+  }
+  if (lens.k != 0) {
+    std::snprintf(part, sizeof(part), "%s k %.4f (sigma %.4f)", lens.focal_px > 0 ? "," : "",
+                  lens.k, lens.k_sigma);
+    text += part;
+  }
+  return text;
+}
+
+template <class Value>
+const Value* FindOrNull(const std::map<uint32_t, Value>& values, uint32_t id) {
+  const auto it = values.find(id);
+  return it == values.end() ? nullptr : &it->second;
+}
+
+// Stores the lenses and removes what was found without them.
+std::vector<image_pair_t> Store(Database& database, const Lenses& known,
+                                const std::map<camera_t, CameraLens>& lenses) {
+  std::set<camera_t> changed;
+  Database::Transaction transaction(database);
+  for (const auto& [id, lens] : lenses) {
+    database.WriteCameraLens(id, lens);
+    if (!lens.IsEmpty()) changed.insert(id);
+  }
+  const std::vector<image_pair_t> undone = UndoVerification(database, known.camera_of, changed);
+  transaction.Commit();
+  return undone;
+}
+
+}  // namespace
+
+LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& likely,
+                          int num_threads) {
+  LearnedLenses learned;
+  const Lenses known = ReadLenses(database, likely);
+  if (known.open.empty()) return learned;
+  std::vector<Witness> witnesses =
+      ReadWitnesses(database, known, DrawPairs(likely, known.camera_of, known.open, kMaxLensPairs));
+  ReadPixels(database, witnesses);
+  std::vector<DistortionPair> pairs;
+  for (Witness& witness : witnesses) pairs.push_back(std::move(witness.pair));
+  std::set<camera_t> held;
+  for (const auto& [id, camera] : known.cameras) {
+    if (known.open.count(id) == 0) held.insert(id);
+  }
+  const DistortionCalibrationReport report =
+      CalibrateDistortion(known.cameras, held, pairs, num_threads);
+  const std::map<camera_t, CalibratedFocal> focals =
+      LearnGuessedFocals(known, report.pairs, num_threads);
+  std::map<camera_t, CameraLens> lenses;
+  for (const camera_t id : known.open) {
+    CameraLens& lens = lenses[id];
+    lens = MakeLens(known.cameras.at(id), FindOrNull(report.cameras, id), FindOrNull(focals, id));
+    lens.num_pairs = known.num_pairs.at(id);
+    if (!lens.IsEmpty()) learned.texts.push_back(Describe(id, lens));
+  }
+  learned.undone = Store(database, known, lenses);
+  return learned;
+}
+
+}  // namespace cairn

@@ -1,0 +1,192 @@
+#include "cairn/intrinsics/wide_focals.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <set>
+
+#include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
+#include "cairn/database/own_matches.h"
+#include "cairn/intrinsics/camera_pairs.h"
+#include "cairn/intrinsics/known_intrinsics.h"
+#include "cairn/two_view/pair_verifier.h"
+
+namespace cairn {
+namespace {
+
+// Pairs that a camera is judged by, of so many times as many with the most matches: those with the
+// very most are often of neighbours that hardly moved, whose support tells little.
+constexpr int kMaxWidePairs = 16;
+constexpr int kSpread = 4;
+// Factors of the guess, two to a power: fisheye lenses fill frames from a circle in the shorter
+// side to 100 degrees in the longer one.
+constexpr double kReach = 1.5, kCoarseStep = 0.25, kFineStep = 0.0625;
+
+struct WidePair {
+  image_pair_t pair_id = 0;
+  const Camera* camera1 = nullptr;
+  const Camera* camera2 = nullptr;
+  std::vector<Keypoint> keypoints1, keypoints2;
+  FeatureMatches matches;
+  bool are_best_first = false;
+};
+
+class WideFocalFinder {
+ public:
+  WideFocalFinder(Database& database, const TwoViewOptions& options, uint64_t seed, int num_threads,
+                  ProgressMonitor& monitor)
+      : database_(database),
+        options_(options),
+        seed_(seed),
+        num_threads_(num_threads),
+        monitor_(monitor) {}
+
+  std::vector<std::string> Run() {
+    std::vector<camera_t> open;
+    for (const auto& [id, known] : ReadKnownIntrinsics(database_)) {
+      const Camera& camera = cameras_[id] = known.camera;
+      const bool is_open = !camera.IsPlanar() && !camera.has_prior_focal_length &&
+                           !camera.FocalIndices().empty() && !known.lens;
+      if (is_open) open.push_back(id);
+    }
+    if (open.empty()) return {};
+    camera_of_ = CamerasOfImages(database_);
+    num_matches_ = database_.ReadNumMatches();
+    std::vector<std::string> texts;
+    for (const camera_t id : open) {
+      if (monitor_.StopRequested()) break;
+      texts.push_back(Find(id));
+    }
+    return texts;
+  }
+
+ private:
+  std::string Find(camera_t id) {
+    Camera& camera = cameras_.at(id);
+    const double guess = camera.MeanFocal();
+    const std::vector<WidePair> pairs = ReadPairs(id);
+    double best = 0.0, best_support = 0.0;
+    const auto try_around = [&](double center, double reach, double step) {
+      std::vector<double> powers;
+      for (double power = center - reach; power <= center + reach + 1e-9; power += step) {
+        powers.push_back(power);
+      }
+      const std::vector<double> supports = Supports(id, pairs, guess, powers);
+      for (size_t k = 0; k < powers.size(); ++k) {
+        if (!(supports[k] > best_support)) continue;
+        best_support = supports[k];
+        best = powers[k];
+      }
+    };
+    if (!pairs.empty()) {
+      try_around(0.0, kReach, kCoarseStep);
+      if (best_support > 0.0) try_around(best, kCoarseStep - kFineStep, kFineStep);
+    }
+    char text[200];
+    CameraLens lens{.num_pairs = static_cast<int>(pairs.size())};
+    if (best_support > 0.0) {
+      lens.focal_px = guess * std::exp2(best);
+      ApplyLens(lens, camera);
+      std::snprintf(text, sizeof(text),
+                    "camera %u: focal length %.1f px by %zu pairs (guessed %.1f)", id,
+                    camera.MeanFocal(), pairs.size(), guess);
+    } else {
+      std::snprintf(text, sizeof(text),
+                    "camera %u: no pair determines the focal length; the guess of %.1f px is kept",
+                    id, guess);
+    }
+    database_.WriteCameraLens(id, lens);
+    return text;
+  }
+
+  std::vector<WidePair> ReadPairs(camera_t id) const {
+    std::vector<std::pair<int, image_pair_t>> ranked;
+    for (const auto& [pair_id, count] : num_matches_) {
+      const auto [image1, image2] = PairIdToImagePair(pair_id);
+      const auto camera1 = camera_of_.find(image1), camera2 = camera_of_.find(image2);
+      if (camera1 == camera_of_.end() || camera2 == camera_of_.end()) continue;
+      if (camera1->second != id && camera2->second != id) continue;
+      const camera_t other = camera1->second == id ? camera2->second : camera1->second;
+      const auto known = cameras_.find(other);
+      if (known == cameras_.end()) continue;
+      if (other != id && !known->second.has_prior_focal_length) continue;
+      if (count >= options_.min_num_matches) ranked.emplace_back(-count, pair_id);
+    }
+    std::sort(ranked.begin(), ranked.end());
+    ranked.resize(std::min<size_t>(ranked.size(), kMaxWidePairs * kSpread));
+    const size_t step = std::max<size_t>(1, ranked.size() / kMaxWidePairs);
+    const OwnMatches own_matches(database_);
+    std::vector<WidePair> pairs;
+    for (size_t i = 0; i < ranked.size() && pairs.size() < kMaxWidePairs; i += step) {
+      WidePair pair;
+      pair.pair_id = ranked[i].second;
+      const auto [image1, image2] = PairIdToImagePair(pair.pair_id);
+      pair.camera1 = &cameras_.at(camera_of_.at(image1));
+      pair.camera2 = &cameras_.at(camera_of_.at(image2));
+      pair.are_best_first = own_matches.Contains(pair.pair_id);
+      try {
+        pair.keypoints1 = database_.ReadKeypoints(image1).value_or(std::vector<Keypoint>());
+        pair.keypoints2 = database_.ReadKeypoints(image2).value_or(std::vector<Keypoint>());
+        pair.matches = database_.ReadMatches(pair.pair_id).value_or(FeatureMatches());
+      } catch (const IoError&) {  // The verification of the pair reports it.
+        continue;
+      }
+      std::erase_if(pair.matches, [&pair](const FeatureMatch& match) {
+        return match.point1 >= pair.keypoints1.size() || match.point2 >= pair.keypoints2.size();
+      });
+      pairs.push_back(std::move(pair));
+    }
+    return pairs;
+  }
+
+  // The support of all pairs at each power of two of the guess.
+  std::vector<double> Supports(camera_t id, const std::vector<WidePair>& pairs, double guess,
+                               const std::vector<double>& powers) const {
+    std::vector<double> of_task(pairs.size() * powers.size());
+    ParallelFor(num_threads_, static_cast<int64_t>(of_task.size()), [&](int64_t task) {
+      const WidePair& pair = pairs[task % pairs.size()];
+      const double focal = guess * std::exp2(powers[task / pairs.size()]);
+      Camera camera1 = *pair.camera1, camera2 = *pair.camera2;
+      if (camera1.camera_id == id) camera1.SetMeanFocal(focal);
+      if (camera2.camera_id == id) camera2.SetMeanFocal(focal);
+      PairInput input;
+      input.pair_id = pair.pair_id;
+      input.seed = seed_;
+      input.camera1 = &camera1;
+      input.camera2 = &camera2;
+      input.keypoints1 = pair.keypoints1;
+      input.keypoints2 = pair.keypoints2;
+      input.matches = pair.matches;
+      input.are_best_first = pair.are_best_first;
+      const PairReport report = MakePairVerifier(VerifierKind::kCascade, options_)->Verify(input);
+      if (report.status == PairStatus::kVerified) of_task[task] = report.score;
+    });
+    std::vector<double> supports;
+    for (size_t k = 0; k < powers.size(); ++k) {
+      double sum = 0.0;
+      for (size_t i = 0; i < pairs.size(); ++i) sum += of_task[k * pairs.size() + i];
+      supports.push_back(sum);
+    }
+    return supports;
+  }
+
+  Database& database_;
+  const TwoViewOptions& options_;
+  const uint64_t seed_;
+  const int num_threads_;
+  ProgressMonitor& monitor_;
+  std::map<camera_t, Camera> cameras_;
+  std::map<image_t, camera_t> camera_of_;
+  std::vector<std::pair<image_pair_t, int>> num_matches_;
+};
+
+}  // namespace
+
+std::vector<std::string> LearnWideFocals(Database& database, const TwoViewOptions& options,
+                                         uint64_t seed, int num_threads, ProgressMonitor& monitor) {
+  return WideFocalFinder(database, options, seed, num_threads, monitor).Run();
+}
+
+}  // namespace cairn

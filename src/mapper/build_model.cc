@@ -1,0 +1,199 @@
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "cairn/math/median.h"
+#include "cairn/view_graph/duplicate_structure.h"
+#include "cairn/view_graph/view_graph_builder.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// The frame: centroid of the camera centers at the origin, their median distance from it 1, the
+// first camera's rotation the identity. So it does not depend on the gauge that the stages left.
+void NormalizeFrame(Reconstruction& model) {
+  std::vector<Eigen::Vector3d> centers;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const auto& [id, image] : model.images) centers.push_back(image.cam_from_world.Center());
+  for (const Eigen::Vector3d& c : centers) mean += c / static_cast<double>(centers.size());
+  std::vector<double> distances;
+  for (const Eigen::Vector3d& c : centers) distances.push_back((c - mean).norm());
+  const double median = UpperMedian(distances);
+  Sim3d new_from_old;
+  new_from_old.scale = median > 0 ? 1.0 / median : 1.0;
+  new_from_old.rotation = model.images.begin()->second.cam_from_world.rotation;
+  new_from_old.translation = -new_from_old.scale * (new_from_old.rotation * mean);
+  model.Transform(new_from_old);
+}
+
+// Ids 1, 2, ... without gaps.
+void RenumberPoints(Reconstruction& model) {
+  std::map<point3D_t, Point3D> points = std::move(model.points3D);
+  model.points3D.clear();
+  for (auto& [id, image] : model.images) {
+    std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
+  }
+  for (auto& [id, point] : points) model.AddPoint3D(point);
+}
+
+// Warns of places shown on top of each other, and finds the edges that did it.
+std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& model,
+                                   const ViewGraph& graph) {
+  ModelStage stage(context, "duplicate_structure");
+  const std::vector<size_t> edges =
+      EdgesBetweenDuplicates(model, graph, context.settings.num_threads);
+  stage.Add("edges_removed", static_cast<double>(edges.size()));
+  if (!edges.empty()) {
+    stage.Warn("duplicate structure: the model puts similar places on top of each other; " +
+               std::to_string(edges.size()) +
+               " pairs between them are removed and their images reconstructed again");
+  }
+  return edges;
+}
+
+// Registers what was left out and lets the model choose its pairs, until neither brings anything.
+// False: there is not enough memory, and the report's failure says so.
+bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
+  const ReconstructOptions& options = context.settings.reconstruct;
+  for (int round = 0; round < options.max_rounds && !context.monitor.StopRequested(); ++round) {
+    const int num_new = options.register_left_out ? RegisterLeftOut(context, graph, model) : 0;
+    const int64_t num_gained = ReviseEdges(EvidenceFor(context, model, graph), model, graph);
+    if (num_new == 0 &&
+        static_cast<double>(num_gained) < options.min_gain * model.NumObservations()) {
+      break;
+    }
+    std::vector<Track> tracks = TracksOfGraph(context, graph).tracks;
+    if (!FitTracksToMemory(context, model, tracks)) return false;
+    RefineModel(context, tracks, false, model);
+  }
+  return true;
+}
+
+// Once more with the matches that the intrinsics found by bundle adjustment make inliers, if these
+// are many. False: as above.
+bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
+                               Reconstruction& model) {
+  const ReverifiedPairs again = VerifyAgain(context, model, graph);
+  if (static_cast<double>(again.num_gained) <=
+      context.settings.reconstruct.min_gain * model.NumObservations()) {
+    return true;
+  }
+  std::vector<Track> tracks = TracksOfGraph(context, graph, again.matches).tracks;
+  if (!FitTracksToMemory(context, model, tracks)) return false;
+  RefineModel(context, tracks, false, model);
+  return true;
+}
+
+// False: the model is not fit to be written, and the report's failure says why.
+bool CheckModel(StageContext& context, std::span<const image_t> component,
+                const RotationHypothesis& rotations, const ModelEvidence& evidence,
+                Reconstruction& model) {
+  ModelStage stage(context, "checks");
+  if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
+    stage.Fail("the model was refused: " + reason,
+               "look at the view graph with global_sfm inspect, and add photos that overlap more");
+    return false;
+  }
+  stage.Note("from pairs of " + std::to_string(rotations.min_num_inliers) +
+             " inliers and more, rotations weighed by " + rotations.weighing);
+  stage.Add("images", static_cast<double>(model.images.size()));
+  stage.Add("images_of_component", static_cast<double>(component.size()));
+  stage.Add("points", static_cast<double>(model.points3D.size()));
+  stage.Add("observations", static_cast<double>(model.NumObservations()));
+  stage.Add("mean_track_length", model.MeanTrackLength());
+  stage.Add("mean_reprojection_error_px", model.MeanReprojectionErrorPx());
+  stage.Add("explained_share", evidence.all.Share());
+  stage.Add("pairs", evidence.num_pairs);
+  stage.Add("contradicted_pairs", evidence.num_contradicted);
+  stage.Add("evidence_nats", evidence.nats);
+  return true;
+}
+
+// From global rotations to the finished model. Without one, the report's failure says why.
+BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
+                     const ViewGraph& graph, const RotationHypothesis& rotations) {
+  BuiltModel built{std::nullopt, graph, {}, {}};
+  KeepImages(component, built.graph);
+  auto initial = AverageComponent(context, rotations.cam_from_world, built.graph);
+  if (!initial) return built;
+  Reconstruction model = MakeReconstruction(context.scene, initial->cam_from_world);
+  if (context.scene.poses_alone) {
+    ReportAgreement(context, model);
+    built.model = std::move(model);
+    return built;
+  }
+  if (!FitTracksToMemory(context, model, initial->tracks)) return built;
+  RefineModel(context, initial->tracks, true, model);
+  if (!GrowModel(context, built.graph, model)) return built;
+  built.evidence = EvidenceFor(context, model, built.graph);
+  if (!CheckModel(context, component, rotations, built.evidence, model)) return built;
+  built.model = std::move(model);
+  return built;
+}
+
+// Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
+constexpr double kSameModel = 1e-4;
+
+// The model with the most evidence of those that the hypotheses lead to.
+BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
+                     const ViewGraph& graph, std::span<const RotationHypothesis> hypotheses) {
+  BuiltModel best{std::nullopt, graph, {}, {}};
+  std::string first_failure = std::exchange(context.report.failure, "");
+  for (const RotationHypothesis& hypothesis : hypotheses) {
+    if (context.monitor.StopRequested()) break;
+    BuiltModel built = BuildFrom(context, component, graph, hypothesis);
+    const std::string failure = std::exchange(context.report.failure, "");
+    if (first_failure.empty()) first_failure = failure;
+    if (!built.model) continue;
+    // Different rotations that lead to one model confirm it.
+    const bool is_same = best.model && std::abs(built.evidence.nats - best.evidence.nats) <
+                                           kSameModel * std::abs(best.evidence.nats);
+    if (!best.model || built.evidence.nats > best.evidence.nats) best = std::move(built);
+    if (is_same) break;
+  }
+  if (!best.model) context.report.failure = first_failure;
+  return best;
+}
+
+}  // namespace
+
+BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
+                      const ViewGraph& graph) {
+  BuiltModel best =
+      BuildBest(context, component, graph, HypothesizeRotations(context, component, graph, 0.5));
+  if (!best.model && !context.monitor.StopRequested()) {
+    // Not all at once: from a sure core, the others by resection.
+    const std::string failure = std::exchange(context.report.failure, "");
+    auto cores = HypothesizeRotations(context, component, graph, 0.0);
+    std::erase_if(cores, [](const RotationHypothesis& h) { return h.min_num_inliers == 0; });
+    best = BuildBest(context, component, graph, cores);
+    if (best.model) {
+      ModelStage(context, "fallback")
+          .Warn(failure + "; the model is grown from a well-supported core instead");
+    } else {
+      context.report.failure = failure;
+    }
+  }
+  if (!best.model) return best;
+  if (!context.scene.poses_alone) {
+    if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) {
+      best.model.reset();
+      return best;
+    }
+    best.model->UpdatePointErrors();
+    best.evidence = EvidenceFor(context, *best.model, best.graph);
+  }
+  if (context.settings.reconstruct.separate_duplicates && !context.scene.poses_alone) {
+    best.duplicate_edges = FindDuplicates(context, *best.model, best.graph);
+    if (!best.duplicate_edges.empty()) {
+      best.model.reset();
+      return best;
+    }
+  }
+  NormalizeFrame(*best.model);
+  RenumberPoints(*best.model);
+  return best;
+}
+
+}  // namespace cairn

@@ -1,0 +1,283 @@
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iterator>
+#include <utility>
+
+#include "cairn/geometry/epipolar.h"
+#include "cairn/intrinsics/focal_calibration.h"
+#include "cairn/math/median.h"
+#include "cairn/view_graph/view_graph_builder.h"
+#include "graph/graph.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kMaxMatches = 500;  // of a pair; more make its F no surer than the model is
+
+// Where the pixel would be without distortion.
+std::optional<Eigen::Vector2d> UndistortedPixel(const Camera& camera,
+                                                const Eigen::Vector2d& pixel) {
+  const auto ray = camera.CamFromImg(pixel);
+  if (!ray) return std::nullopt;
+  return Eigen::Vector2d((camera.CalibrationMatrix() * ray->homogeneous()).head<2>());
+}
+
+// The pair's matches with the fundamental matrix to start from.
+std::optional<FocalPair> MakePair(const SceneData& scene, const ViewEdge& edge,
+                                  const TwoViewGeometry& geometry) {
+  if (geometry.config != TwoViewConfig::kCalibrated &&
+      geometry.config != TwoViewConfig::kUncalibrated) {
+    return std::nullopt;
+  }
+  FocalPair pair;
+  pair.camera_id1 = scene.images.at(edge.image_id1).camera_id;
+  pair.camera_id2 = scene.images.at(edge.image_id2).camera_id;
+  if (geometry.F && geometry.F->allFinite() && geometry.F->norm() > 0) {
+    pair.F = *geometry.F;
+  } else if (geometry.E || edge.IsActive()) {
+    const Eigen::Matrix3d E = geometry.E ? *geometry.E : EssentialFromPose(edge.cam2_from_cam1);
+    pair.F = FundamentalFromEssential(E, scene.cameras.at(pair.camera_id1).CalibrationMatrix(),
+                                      scene.cameras.at(pair.camera_id2).CalibrationMatrix());
+  } else {
+    return std::nullopt;
+  }
+  const FeatureMatches& matches = scene.matches.at(edge.PairId());
+  const size_t step = 1 + matches.size() / kMaxMatches;
+  for (size_t i = 0; i < matches.size(); i += step) {
+    const auto pixel1 = UndistortedPixel(scene.cameras.at(pair.camera_id1),
+                                         scene.pixels.at(edge.image_id1)[matches[i].point1]);
+    const auto pixel2 = UndistortedPixel(scene.cameras.at(pair.camera_id2),
+                                         scene.pixels.at(edge.image_id2)[matches[i].point2]);
+    if (!pixel1 || !pixel2) continue;
+    pair.pixels1.push_back(*pixel1);
+    pair.pixels2.push_back(*pixel2);
+  }
+  return pair;
+}
+
+std::vector<FocalPair> CollectPairs(const SceneData& scene, const GeometryReader& read,
+                                    int max_pairs) {
+  std::vector<FocalPairCount> counts;
+  std::vector<const ViewEdge*> edges;
+  for (const ViewEdge& edge : scene.edges) {
+    const camera_t camera_id1 = scene.images.at(edge.image_id1).camera_id;
+    const camera_t camera_id2 = scene.images.at(edge.image_id2).camera_id;
+    if (scene.constant_cameras.count(camera_id1) > 0 &&
+        scene.constant_cameras.count(camera_id2) > 0) {
+      continue;
+    }
+    // Pixels of wide lenses have no fundamental matrix.
+    if (!scene.cameras.at(camera_id1).IsPlanar() || !scene.cameras.at(camera_id2).IsPlanar()) {
+      continue;
+    }
+    counts.push_back({camera_id1, camera_id2, edge.num_inliers});
+    edges.push_back(&edge);
+  }
+  std::vector<FocalPair> pairs;
+  for (const size_t i : SelectFocalPairs(counts, max_pairs)) {
+    auto pair = MakePair(scene, *edges[i], read(edges[i]->PairId()));
+    if (pair) pairs.push_back(std::move(*pair));
+  }
+  return pairs;
+}
+
+constexpr int kMaxLoops = 64;  // of an edge
+// Standard deviations of a sign test from which loops decide: one decision in some hundreds is left
+// to chance.
+constexpr double kDecisive = 3.0;
+
+// Cameras that are connected by pairs, and the closing errors of their loops of three rotations.
+struct LoopErrors {
+  std::set<camera_t> cameras;
+  std::set<size_t> edges;  // that are in loops
+  std::vector<double> before_deg, after_deg;
+
+  // By how many standard deviations more loops close better after than before than chance has it.
+  // Loops share edges: no more of them count than there are edges.
+  double Improvement() const {
+    double balance = 0;
+    for (size_t i = 0; i < before_deg.size(); ++i) {
+      balance += after_deg[i] < before_deg[i] ? 1 : after_deg[i] > before_deg[i] ? -1 : 0;
+    }
+    const auto num = static_cast<double>(before_deg.size());
+    const double num_independent = std::min(num, static_cast<double>(edges.size()));
+    return num > 0 ? balance / num * std::sqrt(num_independent) : 0.0;
+  }
+};
+
+// Of loops whose edges have poses in both `before` and `after`, which are alike in all but poses.
+std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<ViewEdge>& before,
+                                     const std::vector<ViewEdge>& after) {
+  std::map<camera_t, int> node_of;  // a node a camera: an image's edges are its camera's
+  std::map<image_t, int> image_node;
+  std::vector<GraphEdge> image_graph, camera_graph;
+  std::vector<size_t> index;
+  for (const auto& [id, camera] : scene.cameras) {
+    node_of.try_emplace(id, static_cast<int>(node_of.size()));
+  }
+  for (const auto& [id, image] : scene.images) {
+    image_node.try_emplace(id, static_cast<int>(image_node.size()));
+  }
+  for (size_t i = 0; i < after.size(); ++i) {
+    if (!before[i].IsActive() || !after[i].IsActive()) continue;
+    const auto [id1, id2] = std::pair(after[i].image_id1, after[i].image_id2);
+    image_graph.push_back({image_node.at(id1), image_node.at(id2)});
+    camera_graph.push_back(
+        {node_of.at(scene.images.at(id1).camera_id), node_of.at(scene.images.at(id2).camera_id)});
+    index.push_back(i);
+  }
+  const GraphComponents components =
+      ConnectedComponents(static_cast<int>(node_of.size()), camera_graph);
+  std::vector<LoopErrors> errors(components.Num());
+  for (const auto& [id, node] : node_of) {
+    errors[components.component_of_node[node]].cameras.insert(id);
+  }
+  const LoopFinder finder(static_cast<int>(image_node.size()), image_graph);
+  for (size_t e = 0; e < image_graph.size(); ++e) {
+    const auto [node1, node2] = image_graph[e];
+    LoopErrors& loops = errors[components.component_of_node[camera_graph[e].node1]];
+    for (const LoopFinder::Corner& corner : finder.Find(node1, node2, kMaxLoops)) {
+      if (corner.node < std::max(node1, node2)) continue;  // It is another edge's.
+      const auto error_deg = [&](const std::vector<ViewEdge>& edges) {
+        return LoopErrorDeg(edges[index[e]], edges[index[corner.edge1]],
+                            edges[index[corner.edge2]]);
+      };
+      loops.edges.insert({e, static_cast<size_t>(corner.edge1), static_cast<size_t>(corner.edge2)});
+      loops.before_deg.push_back(error_deg(before));
+      loops.after_deg.push_back(error_deg(after));
+    }
+  }
+  return errors;
+}
+
+// The geometries of the edges of these cameras.
+std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
+                                                         const SceneData& scene,
+                                                         const GeometryReader& read) {
+  std::map<image_pair_t, TwoViewGeometry> geometries;
+  for (const ViewEdge& edge : scene.edges) {
+    if (cameras.count(scene.images.at(edge.image_id1).camera_id) > 0 ||
+        cameras.count(scene.images.at(edge.image_id2).camera_id) > 0) {
+      geometries[edge.PairId()] = read(edge.PairId());
+    }
+  }
+  return geometries;
+}
+
+std::string Describe(camera_t id, const Camera& camera, const CalibratedFocal& focal) {
+  char text[200];
+  std::snprintf(
+      text, sizeof(text),
+      "camera %u: focal length %.1f px (%s), by %d of %d pairs %.1f px (sigma %.1f %%): %s", id,
+      focal.focal_before_px, camera.has_prior_focal_length ? "EXIF" : "guessed", focal.num_agreeing,
+      focal.num_pairs, focal.focal_px, 100 * focal.sigma,
+      std::string(FocalStatusName(focal.status)).c_str());
+  return text;
+}
+
+// Says what became of each camera; returns those that change.
+std::set<camera_t> Report(const FocalCalibrationReport& report,
+                          const std::map<camera_t, Camera>& cameras, Stage& stage) {
+  std::set<camera_t> calibrated;
+  std::map<FocalStatus, int> num_of;
+  for (const auto& [id, focal] : report.cameras) {
+    const bool is_exif = cameras.at(id).has_prior_focal_length;
+    const bool is_calibrated = focal.status == FocalStatus::kCalibrated;
+    const std::string text = Describe(id, cameras.at(id), focal);
+    ++num_of[focal.status];
+    if (is_calibrated) calibrated.insert(id);
+    if (is_exif == is_calibrated) {
+      stage.Warn(text + (is_exif ? "; EXIF's focal length is rejected" : "; the guess is kept"));
+    } else {
+      stage.Note(text);
+    }
+  }
+  for (const auto& [status, count] : num_of) stage.Add(std::string(FocalStatusName(status)), count);
+  return calibrated;
+}
+
+// Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
+// by those of `guessed`, of the focal lengths before. Where they close worse, the cameras, and the
+// edges of `before`, are taken back; where loops do not tell, both ways are kept: the model
+// decides.
+void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
+                      const std::vector<ViewEdge>& before, const std::vector<ViewEdge>& guessed,
+                      const std::set<camera_t>& changed, Stage& stage, SceneData& scene) {
+  std::set<camera_t> rejected, undecided;
+  for (const LoopErrors& loops : CompareLoops(scene, guessed, scene.edges)) {
+    std::set<camera_t> cameras;
+    std::set_intersection(loops.cameras.begin(), loops.cameras.end(), changed.begin(),
+                          changed.end(), std::inserter(cameras, cameras.end()));
+    const double improvement = loops.Improvement();
+    if (cameras.empty() || improvement >= kDecisive) continue;
+    const bool is_rejected = improvement <= -kDecisive;
+    (is_rejected ? rejected : undecided).insert(cameras.begin(), cameras.end());
+    char text[200];
+    std::snprintf(
+        text, sizeof(text),
+        "%zu loops of rotations close to %.2f deg (median) with calibrated focal lengths, "
+        "to %.2f deg without: the calibrated focal lengths of %zu cameras are %s",
+        loops.before_deg.size(), UpperMedian(loops.after_deg), UpperMedian(loops.before_deg),
+        cameras.size(), is_rejected ? "rejected" : "undecided; both are tried");
+    stage.Warn(text);
+  }
+  const auto is_of = [&](const ViewEdge& edge, const std::set<camera_t>& cameras) {
+    return cameras.count(scene.images.at(edge.image_id1).camera_id) > 0 ||
+           cameras.count(scene.images.at(edge.image_id2).camera_id) > 0;
+  };
+  const auto take_back = [&](const std::set<camera_t>& cameras, auto& of_scene, auto& edges) {
+    for (const camera_t id : cameras) of_scene.at(id).SetMeanFocal(focals.at(id).focal_before_px);
+    for (size_t i = 0; i < before.size(); ++i) {
+      if (is_of(before[i], cameras)) edges[i] = before[i];
+    }
+  };
+  take_back(rejected, scene.cameras, scene.edges);
+  if (!undecided.empty()) {
+    scene.alternative = {scene.cameras, scene.edges};
+    take_back(undecided, scene.alternative->cameras, scene.alternative->edges);
+  }
+  stage.Add("rejected_by_loops", static_cast<double>(rejected.size()));
+  stage.Add("undecided_by_loops", static_cast<double>(undecided.size()));
+}
+
+}  // namespace
+
+void CalibrateSceneFocals(const GeometryReader& read,
+                          const std::map<image_pair_t, TwoViewGeometry>& foreign,
+                          const ReconstructSettings& settings, Stage& stage, SceneData& scene) {
+  const std::vector<FocalPair> pairs =
+      CollectPairs(scene, read, settings.focal_calibration.max_pairs);
+  const FocalCalibrationReport report =
+      CalibrateFocals(scene.cameras, scene.constant_cameras, pairs, settings.focal_calibration,
+                      {.num_threads = settings.num_threads});
+  stage.Add("pairs_in", static_cast<double>(pairs.size()));
+  stage.Add("pairs_used", report.num_pairs);
+  stage.Add("pairs_agreeing", report.num_pairs_agreeing);
+  const std::set<camera_t> calibrated = Report(report, scene.cameras, stage);
+  ImproveRelativePoses(foreign, settings.num_threads, scene);
+  if (calibrated.empty()) return;
+
+  const std::vector<ViewEdge> before = scene.edges;
+  const std::map<image_pair_t, TwoViewGeometry> geometries =
+      ReadGeometriesOf(calibrated, scene, read);
+  // The stored pose of an uncalibrated pair may be that of other focal lengths than the guessed
+  // ones.
+  std::map<image_pair_t, TwoViewGeometry> uncalibrated;
+  for (const auto& [pair_id, geometry] : geometries) {
+    if (geometry.config != TwoViewConfig::kUncalibrated) continue;
+    uncalibrated[pair_id] = geometry;
+  }
+  ImproveRelativePoses(uncalibrated, settings.num_threads, scene);
+  const std::vector<ViewEdge> guessed = std::exchange(scene.edges, before);
+  for (const camera_t id : calibrated) {
+    scene.cameras.at(id).SetMeanFocal(report.cameras.at(id).focal_px);
+  }
+  ImproveRelativePoses(geometries, settings.num_threads, scene);
+  TakeBackRejected(report.cameras, before, guessed, calibrated, stage, scene);
+}
+
+}  // namespace cairn

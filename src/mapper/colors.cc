@@ -1,0 +1,78 @@
+#include <algorithm>
+#include <filesystem>
+
+#include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
+#include "cairn/image/bitmap.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// RGB at every keypoint of an image that shows a point.
+struct ImageColors {
+  std::vector<std::pair<point3D_t, std::array<uint8_t, 3>>> colors;
+  std::string error;
+};
+
+ImageColors ReadColors(const std::string& path, const Camera& camera,
+                       const RegisteredImage& image) {
+  ImageColors result;
+  Bitmap bitmap;
+  try {
+    bitmap = ReadBitmap(path, BitmapColor::kRgb);
+  } catch (const IoError& error) {
+    result.error = error.what();
+    return result;
+  }
+  // The file may be stored at another size than the one that was matched.
+  const double scale_x = static_cast<double>(bitmap.width) / camera.width;
+  const double scale_y = static_cast<double>(bitmap.height) / camera.height;
+  for (size_t i = 0; i < image.points2D.size(); ++i) {
+    if (image.point3D_ids[i] == kInvalidPoint3DId) continue;
+    const int x =
+        std::clamp(static_cast<int>(scale_x * image.points2D[i].x()), 0, bitmap.width - 1);
+    const int y =
+        std::clamp(static_cast<int>(scale_y * image.points2D[i].y()), 0, bitmap.height - 1);
+    const uint8_t* rgb = bitmap.Pixel(x, y);
+    result.colors.push_back({image.point3D_ids[i], {rgb[0], rgb[1], rgb[2]}});
+  }
+  return result;
+}
+
+}  // namespace
+
+void ColorPoints(StageContext& context, const std::string& image_path, Reconstruction& model) {
+  ModelStage stage(context, "colors", static_cast<int64_t>(model.images.size()));
+  std::vector<const RegisteredImage*> images;
+  for (const auto& [id, image] : model.images) images.push_back(&image);
+  std::vector<ImageColors> colors(images.size());
+  ParallelFor(context.settings.num_threads, static_cast<int64_t>(images.size()), [&](int64_t i) {
+    const std::string path = (std::filesystem::path(image_path) / images[i]->image.name).string();
+    colors[i] = ReadColors(path, model.CameraOf(*images[i]), *images[i]);
+    context.monitor.Advance(1);
+  });
+  // Sums of color and number of views of every point.
+  std::map<point3D_t, std::array<int, 4>> sums;
+  int num_skipped = 0;
+  for (const ImageColors& image : colors) {
+    if (!image.error.empty()) {
+      stage.Warn(image.error + "; its colors are left out");
+      ++num_skipped;
+    }
+    for (const auto& [point, rgb] : image.colors) {
+      std::array<int, 4>& sum = sums[point];
+      for (int k = 0; k < 3; ++k) sum[k] += rgb[k];
+      ++sum[3];
+    }
+  }
+  for (const auto& [id, sum] : sums) {
+    for (int k = 0; k < 3; ++k) {
+      model.points3D.at(id).color[k] = static_cast<uint8_t>((sum[k] + sum[3] / 2) / sum[3]);
+    }
+  }
+  stage.Add("images_read", static_cast<double>(images.size()) - num_skipped);
+  stage.Add("points_colored", static_cast<double>(sums.size()));
+}
+
+}  // namespace cairn

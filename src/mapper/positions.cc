@@ -1,0 +1,146 @@
+#include <algorithm>
+
+#include "cairn/translation_averaging/translation_averaging.h"
+#include "cairn/view_graph/view_graph_builder.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+std::string Count(int64_t n, const std::string& what) { return std::to_string(n) + " " + what; }
+
+// Takes out the edges that disagree with the rotations, unless another pose that agrees explains
+// their matches too, and the images that this cuts off. Rotations of the images that stay.
+std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
+    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+    ViewGraph& graph) {
+  ModelStage stage(context, "edges");
+  const double max_error_deg = context.settings.view_graph.max_rotation_error_deg;
+  stage.Add("edges_in", graph.NumActiveEdges());
+  stage.Add("refitted", context.scene.poses_imported
+                            ? 0
+                            : RefitEdges(context, cam_from_world, max_error_deg, graph));
+  stage.Add("edges_removed", RemoveRotationOutliers(cam_from_world, max_error_deg, graph));
+  const std::vector<std::vector<image_t>> components = ActiveComponents(graph);
+  if (components.empty()) {
+    stage.Fail("no edge agrees with the global rotations",
+               "try a larger --view_graph.max_rotation_error_deg");
+    return std::nullopt;
+  }
+  if (components.size() > 1) KeepImages(components.front(), graph);
+  std::map<image_t, Eigen::Quaterniond> rotations;
+  for (const image_t id : components.front()) rotations[id] = cam_from_world.at(id);
+  stage.Add("images_out", static_cast<double>(rotations.size()));
+  return rotations;
+}
+
+std::vector<PointDirections> RaysOfTracks(
+    const SceneData& scene, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+    std::span<const Track> tracks, std::span<const size_t> selected) {
+  std::vector<PointDirections> points;
+  for (const size_t i : selected) {
+    PointDirections point;
+    for (const TrackElement& element : tracks[i]) {
+      const auto rotation = cam_from_world.find(element.image_id);
+      if (rotation == cam_from_world.end()) continue;
+      const Camera& camera = scene.cameras.at(scene.images.at(element.image_id).camera_id);
+      const auto ray = camera.RayFromImg(scene.pixels.at(element.image_id).at(element.point2D));
+      if (!ray) continue;
+      point.rays.push_back({element.image_id, rotation->second.conjugate() * *ray});
+    }
+    if (point.rays.size() >= 2) points.push_back(std::move(point));
+  }
+  return points;
+}
+
+// Camera centers; edges that the 1DSfM filter dropped get their reason.
+std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
+    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& rotations,
+    std::span<const Track> tracks, ViewGraph& graph) {
+  ModelStage stage(context, "translation_averaging");
+  std::vector<DirectionEdge> directions;
+  std::vector<size_t> edge_indices;
+  for (size_t i = 0; i < graph.edges.size(); ++i) {
+    const ViewEdge& edge = graph.edges[i];
+    if (!edge.IsActive() || !edge.HasTranslation()) continue;
+    const Eigen::Vector3d direction =
+        rotations.at(edge.image_id2).conjugate() * -edge.cam2_from_cam1.translation;
+    directions.push_back({edge.image_id1, edge.image_id2, direction, 1.0});
+    edge_indices.push_back(i);
+  }
+  const std::vector<size_t> selected =
+      SelectTracks(tracks, context.settings.reconstruct.position_tracks_per_image, 0);
+  const std::vector<PointDirections> points =
+      RaysOfTracks(context.scene, rotations, tracks, selected);
+  const TranslationAveragingReport report = AverageTranslations(
+      directions, points, context.settings.translation_averaging, RunOf(context));
+  stage.Add("edges_in", static_cast<double>(directions.size()));
+  stage.Add("tracks_in", static_cast<double>(points.size()));
+  stage.Add("edges_removed", report.num_filtered);
+  stage.Add("images_out", static_cast<double>(report.centers.size()));
+  stage.Add("iterations", report.num_iterations);
+  stage.Add("median_edge_error_deg", report.median_edge_error_deg);
+  stage.Add("median_ray_error_deg", report.median_ray_error_deg);
+  for (const image_t id : report.not_rigid) {
+    stage.Note(context.scene.images.at(id).name +
+               ": its position is not determined by directions; tried again later");
+  }
+  if (report.status != TranslationAveragingStatus::kSuccess) {
+    std::string reason(TranslationAveragingStatusName(report.status));
+    if (!report.message.empty()) reason += ": " + report.message;
+    stage.Fail(reason + " (" + Count(static_cast<int64_t>(directions.size()), "directions, ") +
+                   Count(static_cast<int64_t>(points.size()), "tracks)"),
+               "add photos that connect the scene better, or loosen "
+               "--translation_averaging.filter_max_inconsistency");
+    return std::nullopt;
+  }
+  for (size_t k = 0; k < edge_indices.size(); ++k) {
+    if (report.edge_is_filtered[k]) {
+      graph.edges[edge_indices[k]].removal = EdgeRemoval::kDirectionInconsistent;
+    }
+  }
+  std::map<image_t, Rigid3d> poses;
+  for (const auto& [id, center] : report.centers) {
+    const Eigen::Quaterniond& rotation = rotations.at(id);
+    poses[id] = Rigid3d(rotation, Eigen::Vector3d(rotation * -center));
+  }
+  return poses;
+}
+
+}  // namespace
+
+TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
+                          const std::map<image_pair_t, FeatureMatches>& again) {
+  std::vector<PairMatches> pairs;
+  for (const ViewEdge& edge : graph.edges) {
+    if (!edge.IsActive()) continue;
+    const auto found = again.find(edge.PairId());
+    pairs.push_back(
+        {edge.image_id1, edge.image_id2,
+         found == again.end() ? context.scene.matches.at(edge.PairId()) : found->second});
+  }
+  return BuildTracks(pairs, context.settings.tracks);
+}
+
+std::optional<InitialModel> AverageComponent(
+    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+    ViewGraph& graph) {
+  const auto rotations = ChooseEdges(context, cam_from_world, graph);
+  if (!rotations) return std::nullopt;
+  InitialModel model;
+  {
+    ModelStage stage(context, "tracks");
+    TrackReport report = TracksOfGraph(context, graph);
+    stage.Add("matches_in", static_cast<double>(report.num_matches));
+    stage.Add("conflicting", static_cast<double>(report.num_conflicting));
+    stage.Add("tracks_out", static_cast<double>(report.num_tracks));
+    stage.Add("observations_out", static_cast<double>(report.num_observations));
+    model.tracks = std::move(report.tracks);
+  }
+  auto poses = AverageComponentTranslations(context, *rotations, model.tracks, graph);
+  if (!poses) return std::nullopt;
+  model.cam_from_world = std::move(*poses);
+  return model;
+}
+
+}  // namespace cairn

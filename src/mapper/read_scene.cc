@@ -1,0 +1,184 @@
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/base/error.h"
+#include "cairn/database/stage_names.h"
+#include "cairn/intrinsics/known_intrinsics.h"
+#include "cairn/mapper/view_edges.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// The smaller singular value of the frame.
+float ShorterAxis(const Keypoint& k) {
+  const double squares = k.a11 * k.a11 + k.a12 * k.a12 + k.a21 * k.a21 + k.a22 * k.a22;
+  const double det = std::abs(k.a11 * k.a22 - k.a12 * k.a21);
+  const double sum = std::sqrt(squares + 2 * det);  // of the singular values
+  const double difference = std::sqrt(std::max(0.0, squares - 2 * det));
+  return static_cast<float>(0.5 * (sum - difference));
+}
+
+using IntrinsicsMap = std::map<camera_t, KnownIntrinsics>;
+
+void ReadImagesAndKeypoints(const Database& database, const IntrinsicsMap& intrinsics,
+                            SceneData& scene, Stage& stage,
+                            std::map<image_t, std::vector<point2D_t>>& first_keypoint) {
+  for (const auto& [id, known] : intrinsics) {
+    Camera& camera = scene.cameras[id] = known.camera;
+    if (known.IsRejected()) camera.has_prior_focal_length = false;
+  }
+  std::map<camera_t, int64_t> unknown_models;
+  for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
+    unknown_models[camera.camera_id] = camera.model_id;
+  }
+  for (const Image& image : database.ReadImages()) {
+    scene.images[image.image_id] = image;
+    const auto skip = [&](const std::string& reason) {
+      scene.bad_images.insert(image.image_id);
+      stage.Warn(image.name + ": left out: " + reason);
+    };
+    const auto unknown = unknown_models.find(image.camera_id);
+    if (unknown != unknown_models.end()) {
+      skip("camera " + std::to_string(image.camera_id) + " is of the unknown model " +
+           std::to_string(unknown->second));
+      continue;
+    }
+    const auto camera = scene.cameras.find(image.camera_id);
+    if (camera == scene.cameras.end()) {
+      skip("the database has no camera " + std::to_string(image.camera_id));
+      continue;
+    }
+    if (const std::string reason = camera->second.Validate(); !reason.empty()) {
+      skip("camera " + std::to_string(image.camera_id) + ": " + reason);
+      continue;
+    }
+    std::vector<Keypoint> keypoints;
+    try {
+      keypoints = database.ReadKeypoints(image.image_id).value_or(std::vector<Keypoint>());
+    } catch (const IoError& error) {
+      skip(error.reason());
+      continue;
+    }
+    std::vector<Eigen::Vector2d>& pixels = scene.pixels[image.image_id];
+    pixels.reserve(keypoints.size());
+    std::vector<float>& scales = scene.scales[image.image_id];
+    scales.reserve(keypoints.size());
+    for (const Keypoint& keypoint : keypoints) {
+      pixels.push_back(keypoint.Position());
+      scales.push_back(ShorterAxis(keypoint));
+    }
+    first_keypoint[image.image_id] = FirstKeypointsAtPosition(keypoints);
+  }
+}
+
+// Inlier matches with every keypoint replaced by the first one at its position.
+FeatureMatches MergeMatches(FeatureMatches matches, const std::vector<point2D_t>& first1,
+                            const std::vector<point2D_t>& first2) {
+  std::erase_if(matches, [&](const FeatureMatch& match) {
+    return match.point1 >= first1.size() || match.point2 >= first2.size();
+  });
+  for (FeatureMatch& match : matches) {
+    match = {first1[match.point1], first2[match.point2]};
+  }
+  const auto less = [](const FeatureMatch& a, const FeatureMatch& b) {
+    return std::pair(a.point1, a.point2) < std::pair(b.point1, b.point2);
+  };
+  std::sort(matches.begin(), matches.end(), less);
+  matches.erase(std::unique(matches.begin(), matches.end()), matches.end());
+  return matches;
+}
+
+// Edges with their merged inlier matches; geometries of those that another program verified.
+void ReadEdges(const Database& database,
+               const std::map<image_t, std::vector<point2D_t>>& first_keypoint, SceneData& scene,
+               std::map<image_pair_t, TwoViewGeometry>& foreign) {
+  for (ViewEdge& edge : ReadViewEdges(database)) {
+    if (scene.pixels.count(edge.image_id1) == 0 || scene.pixels.count(edge.image_id2) == 0) {
+      continue;
+    }
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(edge.PairId()).value();
+    // What lies over the photographs, or stands still before the camera, says nothing of the scene.
+    const bool is_still = geometry.config == TwoViewConfig::kPanoramic && geometry.cam2_from_cam1 &&
+                          !HasTurned(geometry.cam2_from_cam1->rotation);
+    if (is_still || geometry.config == TwoViewConfig::kWatermark) geometry.inlier_matches.clear();
+    scene.matches[edge.PairId()] =
+        MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
+                     first_keypoint.at(edge.image_id2));
+    scene.poses_imported |= edge.verifier == kImportedVerifier;
+    if (edge.verifier.empty()) foreign[edge.PairId()] = std::move(geometry);
+    scene.edges.push_back(std::move(edge));
+  }
+}
+
+// The user's word, or what is known of each camera; warns where the two are at odds.
+void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
+                           const std::optional<bool>& refine_intrinsics, Stage& stage,
+                           SceneData& scene) {
+  for (const auto& [id, known] : intrinsics) {
+    if (refine_intrinsics ? *refine_intrinsics : !known.IsConstant()) continue;
+    scene.constant_cameras.insert(id);
+    if (!known.IsRejected()) continue;
+    stage.Warn("the intrinsics of camera " + std::to_string(id) + " are constant, but " +
+               std::to_string(known.judgement->num_contradicting) + " of " +
+               std::to_string(known.judgement->num_pairs) +
+               " pairs contradict its focal length: try --refine_intrinsics 1");
+  }
+}
+
+}  // namespace
+
+SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
+                        ProgressMonitor& monitor, RunReport& report) {
+  SceneData scene;
+  std::map<image_pair_t, TwoViewGeometry> foreign;
+  {
+    Stage stage(report, monitor, "read");
+    std::map<image_t, std::vector<point2D_t>> first_keypoint;
+    const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
+    ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);
+    ReadEdges(database, first_keypoint, scene, foreign);
+    scene.raw_matches = [&database, first_keypoint](const ViewEdge& edge) {
+      return MergeMatches(database.ReadMatches(edge.PairId()).value_or(FeatureMatches()),
+                          first_keypoint.at(edge.image_id1), first_keypoint.at(edge.image_id2));
+    };
+    size_t num_matches = 0;
+    for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
+    scene.poses_alone = scene.poses_imported && num_matches == 0;
+    ChooseConstantCameras(intrinsics, settings.refine_intrinsics, stage, scene);
+    stage.Add("cameras", static_cast<double>(scene.cameras.size()));
+    stage.Add("cameras_constant", static_cast<double>(scene.constant_cameras.size()));
+    stage.Add("images", static_cast<double>(scene.pixels.size()));
+    stage.Add("pairs", static_cast<double>(scene.edges.size()));
+    stage.Add("matches", static_cast<double>(num_matches));
+    stage.Note("intrinsics of " + std::to_string(scene.constant_cameras.size()) + " of " +
+               std::to_string(scene.cameras.size()) +
+               " cameras are constant (--refine_intrinsics)");
+    if (scene.pixels.empty()) {
+      stage.Fail("the database has no image with keypoints",
+                 "run build_view_graph with --image_path first");
+    } else if (scene.edges.empty()) {
+      stage.Fail("the database has " + std::to_string(scene.pixels.size()) +
+                     " images and no verified pair",
+                 "run build_view_graph up to verification, or try a larger --matching.max_ratio or "
+                 "--features.max_num_features");
+    }
+    if (scene.poses_alone) {
+      stage.Note(
+          "the pairs have poses and no matches: only poses are averaged, there are no points");
+    }
+  }
+  if (!report.Succeeded() || scene.poses_alone) return scene;
+  if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
+    Stage stage(report, monitor, "focal_calibration");
+    const GeometryReader read = [&](image_pair_t pair_id) {
+      return database.ReadTwoViewGeometry(pair_id).value();
+    };
+    CalibrateSceneFocals(read, foreign, settings, stage, scene);
+  } else {
+    ImproveRelativePoses(foreign, settings.num_threads, scene);
+  }
+  return scene;
+}
+
+}  // namespace cairn

@@ -1,0 +1,193 @@
+#include <algorithm>
+#include <limits>
+
+#include "cairn/triangulation/triangulate_tracks.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// One round: triangulate, adjust, filter.
+struct Round {
+  std::string name;
+  std::span<const Track> tracks;
+  double error_factor = 1.0;     // of triangulation.max_error_px
+  bool positions_first = false;  // a stage with fixed rotations and intrinsics before
+  bool distortions = true;
+  bool principal_points = false;
+  bool weigh = true;  // observations by their precision: errors of rough poses do not show it
+  int max_iterations = 0;
+};
+
+// Gives every keypoint the standard deviation that the errors of its like show.
+void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& model) {
+  const KeypointNoise noise = EstimateKeypointNoise(model, context.scene.scales);
+  stage.Add("noise_floor_px", noise.floor_px);
+  stage.Add("noise_per_scale", noise.per_scale);
+  for (auto& [id, image] : model.images) {
+    image.sigmas_px.clear();
+    for (const float scale : context.scene.scales.at(id)) {
+      image.sigmas_px.push_back(static_cast<float>(noise.SigmaPx(scale)));
+    }
+  }
+}
+
+void Adjust(StageContext& context, const Round& round, bool everything, Reconstruction& model) {
+  const ReconstructSettings& settings = context.settings;
+  ModelStage stage(context, everything ? "bundle_adjustment" : "bundle_adjustment_positions");
+  BundleAdjustmentOptions options = settings.bundle_adjustment;
+  options.max_iterations = std::min(options.max_iterations, round.max_iterations);
+  BundleAdjustmentScope scope;
+  scope.rotations = everything;
+  scope.focal_lengths = everything;
+  scope.distortions = everything && round.distortions;
+  scope.principal_points =
+      everything && round.principal_points && settings.reconstruct.refine_principal_points;
+  scope.fixed_cameras = context.scene.constant_cameras;
+  for (const auto& [id, camera] : context.scene.cameras) {
+    const FocalCalibrationOptions& focals = settings.focal_calibration;
+    scope.priors[id] = {camera.params,
+                        camera.has_prior_focal_length ? focals.exif_sigma : focals.guess_sigma,
+                        focals.principal_point_sigma * std::max(camera.width, camera.height)};
+  }
+  if (round.weigh) EstimateSigmas(context, stage, model);
+  const BundleAdjustmentReport report = AdjustBundle(model, scope, options, RunOf(context));
+  stage.Add("images_in", static_cast<double>(report.num_images));
+  stage.Add("points_in", static_cast<double>(report.num_points));
+  stage.Add("observations_in", static_cast<double>(report.num_observations));
+  stage.Add("iterations", report.num_iterations);
+  stage.Add("initial_rmse", report.initial_rmse);
+  stage.Add("final_rmse", report.final_rmse);
+  if (report.status == BundleAdjustmentStatus::kFailed) {
+    stage.Warn("bundle adjustment failed in round " + round.name + "; poses are as before it");
+  }
+}
+
+// Takes images with too few points out; their points go with them if fewer than two views remain.
+int RemoveWeakImages(const StageContext& context, Stage& stage, Reconstruction& model) {
+  std::vector<image_t> weak;
+  for (const auto& [id, image] : model.images) {
+    const auto num_points =
+        std::count_if(image.point3D_ids.begin(), image.point3D_ids.end(),
+                      [](point3D_t point) { return point != kInvalidPoint3DId; });
+    if (num_points < context.settings.reconstruct.min_image_points) weak.push_back(id);
+  }
+  for (const image_t id : weak) {
+    stage.Note(model.images.at(id).image.name + ": removed: it sees too few points");
+    RemoveImage(id, model);
+  }
+  return static_cast<int>(weak.size());
+}
+
+void TriangulateRound(StageContext& context, const Round& round, Reconstruction& model) {
+  ModelStage stage(context, "triangulation");
+  TriangulationOptions options = context.settings.triangulation;
+  options.max_error_px *= round.error_factor;
+  options.max_error_sigmas *= round.error_factor;
+  const TriangulateTracksReport report =
+      TriangulateTracks(round.tracks, options, context.settings.num_threads, model);
+  stage.Add("tracks_in", static_cast<double>(report.num_tracks));
+  stage.Add("points_out", static_cast<double>(report.num_points));
+  stage.Add("observations_out", static_cast<double>(report.num_observations));
+  stage.Add("small_angle", static_cast<double>(report.num_small_angle));
+  stage.Add("inconsistent", static_cast<double>(report.num_too_few_views + report.num_ill_posed));
+}
+
+void FilterRound(StageContext& context, const Round& round, Reconstruction& model) {
+  ModelStage stage(context, "filter");
+  const TriangulationOptions& triangulation = context.settings.triangulation;
+  FilterOptions options;
+  options.max_error_px = triangulation.max_error_px * round.error_factor;
+  options.max_error_sigmas = triangulation.max_error_sigmas * round.error_factor;
+  options.min_angle_deg = triangulation.min_angle_deg;
+  options.min_views = triangulation.min_views;
+  const FilterReport report = FilterPoints(options, context.settings.num_threads, model);
+  stage.Add("observations_removed", static_cast<double>(report.num_observations_removed));
+  stage.Add("points_removed", static_cast<double>(report.num_points_removed));
+  stage.Add("undecided", static_cast<double>(report.num_undecided));
+  stage.Add("images_removed", RemoveWeakImages(context, stage, model));
+  stage.Add("points_out", static_cast<double>(model.points3D.size()));
+  stage.Add("observations_out", static_cast<double>(model.NumObservations()));
+}
+
+void RunRound(StageContext& context, const Round& round, Reconstruction& model) {
+  TriangulateRound(context, round, model);
+  if (round.positions_first) Adjust(context, round, false, model);
+  Adjust(context, round, true, model);
+  FilterRound(context, round, model);
+}
+
+}  // namespace
+
+Reconstruction MakeReconstruction(const SceneData& scene,
+                                  const std::map<image_t, Rigid3d>& cam_from_world) {
+  Reconstruction model;
+  for (const auto& [id, pose] : cam_from_world) {
+    RegisteredImage image;
+    image.image = scene.images.at(id);
+    image.cam_from_world = pose;
+    image.points2D = scene.pixels.at(id);
+    image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
+    model.cameras[image.image.camera_id] = scene.cameras.at(image.image.camera_id);
+    model.images[id] = std::move(image);
+  }
+  return model;
+}
+
+void RemoveImage(image_t id, Reconstruction& model) {
+  const RegisteredImage& image = model.images.at(id);
+  for (size_t i = 0; i < image.point3D_ids.size(); ++i) {
+    if (image.point3D_ids[i] == kInvalidPoint3DId) continue;
+    model.RemoveObservation(image.point3D_ids[i], {id, static_cast<point2D_t>(i)});
+  }
+  model.images.erase(id);
+}
+
+void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
+                 Reconstruction& model) {
+  const ReconstructOptions& options = context.settings.reconstruct;
+  std::vector<Track> coarse_tracks;
+  if (from_averaging) {
+    if (options.coarse_tracks_per_image > 0) {
+      for (const size_t i : SelectTracks(tracks, options.coarse_tracks_per_image, 0)) {
+        coarse_tracks.push_back(tracks[i]);
+      }
+    } else {
+      coarse_tracks.assign(tracks.begin(), tracks.end());
+    }
+    RunRound(context,
+             {.name = "coarse",
+              .tracks = coarse_tracks,
+              .error_factor = options.coarse_error_factor,
+              .positions_first = true,
+              .distortions = false,
+              .weigh = false,
+              .max_iterations = 20},
+             model);
+    RunRound(context,
+             {.name = "middle",
+              .tracks = coarse_tracks,
+              .error_factor = std::max(1.0, 0.25 * options.coarse_error_factor),
+              .max_iterations = 20},
+             model);
+  }
+  Round round{.name = "",
+              .tracks = tracks,
+              .principal_points = true,
+              .max_iterations = std::numeric_limits<int>::max()};
+  double num_triangulated = 0;
+  for (int i = 0; i < options.max_rounds && !context.monitor.StopRequested(); ++i) {
+    round.name = std::to_string(i + 1);
+    // Better poses may bring more observations in; where they do not, the model stays as it is.
+    Reconstruction candidate = model;
+    TriangulateRound(context, round, candidate);
+    const auto num_observations = static_cast<double>(candidate.NumObservations());
+    if (i > 0 && num_observations < (1.0 + options.min_gain) * num_triangulated) break;
+    num_triangulated = num_observations;
+    model = std::move(candidate);
+    Adjust(context, round, true, model);
+    FilterRound(context, round, model);
+  }
+}
+
+}  // namespace cairn

@@ -1,0 +1,221 @@
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/evaluation/alignment.h"
+#include "cairn/geometry/rigid3d.h"
+#include "cairn/math/angles.h"
+#include "cairn/view_graph/view_graph_builder.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// Images that are turned by more than this are turned by other edges, not by their noise.
+constexpr double kTurnedDeg = 5.0;
+// Fewer turned images do not make another model: resection puts single images right.
+constexpr double kMinTurnedShare = 0.05;
+// Where pairs with this share of all inliers agree with the rotations, weighed or not, there is
+// nothing that other edges could tell.
+constexpr double kClearSupport = 0.75;
+
+std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<double>& weights) {
+  std::vector<RotationEdge> edges;
+  for (size_t e = 0; e < graph.edges.size(); ++e) {
+    const ViewEdge& edge = graph.edges[e];
+    if (!edge.IsActive()) continue;
+    edges.push_back({edge.image_id1, edge.image_id2, edge.cam2_from_cam1.rotation, weights[e]});
+  }
+  return edges;
+}
+
+// Inliers of all pairs that have a pose, those that were taken out among them, by how well they
+// agree with the rotations.
+void SetSupport(const ViewGraph& graph, double scale_deg, RotationHypothesis& hypothesis) {
+  for (const ViewEdge& edge : graph.edges) {
+    const auto rotation1 = hypothesis.cam_from_world.find(edge.image_id1);
+    const auto rotation2 = hypothesis.cam_from_world.find(edge.image_id2);
+    if (edge.removal == EdgeRemoval::kNoPose || rotation1 == hypothesis.cam_from_world.end() ||
+        rotation2 == hypothesis.cam_from_world.end()) {
+      continue;
+    }
+    const double error = RadToDeg(AngleBetween(rotation2->second * rotation1->second.conjugate(),
+                                               edge.cam2_from_cam1.rotation));
+    hypothesis.possible_support += std::max(1, edge.num_inliers);
+    hypothesis.support += std::max(1, edge.num_inliers) / (1.0 + std::pow(error / scale_deg, 2));
+  }
+}
+
+// Are more than a few of the images that both have turned against each other?
+bool IsAnother(const RotationHypothesis& a, const RotationHypothesis& b) {
+  std::vector<Eigen::Quaterniond> rotations_a, rotations_b;
+  for (const auto& [id, rotation] : a.cam_from_world) {
+    const auto other = b.cam_from_world.find(id);
+    if (other == b.cam_from_world.end()) continue;
+    rotations_a.push_back(rotation);
+    rotations_b.push_back(other->second);
+  }
+  const auto turn = AlignRotationsL1(rotations_a, rotations_b);
+  if (!turn) return true;
+  int num_turned = 0;
+  for (size_t i = 0; i < rotations_a.size(); ++i) {
+    const double error = AngleBetween(rotations_a[i] * turn->conjugate(), rotations_b[i]);
+    num_turned += RadToDeg(error) > kTurnedDeg;
+  }
+  return num_turned > kMinTurnedShare * static_cast<double>(rotations_a.size());
+}
+
+// The largest component of the edges with so many inliers and more: of pairs that are all surer,
+// loops tell others apart than they do among all pairs.
+ViewGraph CoreOf(ViewGraph graph, int min_num_inliers, const ReconstructSettings& settings) {
+  for (ViewEdge& edge : graph.edges) {
+    if (edge.removal == EdgeRemoval::kTripletInconsistent ||
+        edge.removal == EdgeRemoval::kWeakBridge) {
+      edge.removal = EdgeRemoval::kNone;
+    }
+  }
+  RemoveWeakEdges(min_num_inliers, graph);
+  ViewGraphReport report;
+  if (settings.view_graph.filter_triplets) {
+    RemoveInconsistentTriplets(settings.view_graph, settings.num_threads, graph, report);
+  }
+  const auto components = ActiveComponents(graph);
+  if (!components.empty()) KeepImages(components.front(), graph);
+  return graph;
+}
+
+// How much edges count: weights of all edges of the component, to a power.
+struct Weighing {
+  std::string name;
+  std::vector<double> weights;
+  double power = 1;
+};
+
+// Tries ways to average a component's rotations.
+class Averager {
+ public:
+  Averager(StageContext& context, Stage& stage, const ViewGraph& component, size_t num_images,
+           double min_core_share)
+      : context_(context),
+        stage_(stage),
+        component_(component),
+        min_images_(min_core_share * static_cast<double>(num_images)) {}
+
+  // From a connected graph of the component's edges of so many inliers and more. False: it has too
+  // few of the component's images.
+  bool AddAll(const ViewGraph& graph, int min_num_inliers, std::span<const Weighing> weighings) {
+    for (const Weighing& weighing : weighings) {
+      if (!Add(graph, min_num_inliers, weighing)) return false;
+    }
+    return true;
+  }
+
+  bool IsClear() const {
+    return !all_.empty() && !IsAnother(all_.front(), all_.back()) &&
+           all_.front().support > kClearSupport * all_.front().possible_support;
+  }
+
+  size_t NumTried() const { return all_.size(); }
+
+  // Those that differ, the best supported first.
+  std::vector<RotationHypothesis> Distinct() {
+    std::stable_sort(all_.begin(), all_.end(),
+                     [](const auto& a, const auto& b) { return a.support > b.support; });
+    std::vector<RotationHypothesis> distinct;
+    for (RotationHypothesis& hypothesis : all_) {
+      const auto differs = [&](const RotationHypothesis& other) {
+        return IsAnother(hypothesis, other);
+      };
+      if (std::all_of(distinct.begin(), distinct.end(), differs)) {
+        distinct.push_back(std::move(hypothesis));
+      }
+    }
+    return distinct;
+  }
+
+ private:
+  bool Add(const ViewGraph& graph, int min_num_inliers, const Weighing& weighing) {
+    RotationAveragingOptions options = context_.settings.rotation_averaging;
+    options.weight_power = weighing.power;
+    const std::vector<RotationEdge> edges = EdgesOf(graph, weighing.weights);
+    RotationAveragingReport report = AverageRotations(edges, options, RunOf(context_));
+    if (report.status != RotationAveragingStatus::kSuccess &&
+        report.status != RotationAveragingStatus::kNotConverged) {
+      if (all_.empty()) {
+        stage_.Fail(std::string(RotationAveragingStatusName(report.status)) + " on " +
+                        std::to_string(edges.size()) + " edges",
+                    "look at the view graph with global_sfm inspect");
+      }
+      return false;
+    }
+    if (static_cast<double>(report.cam_from_world.size()) <= min_images_) return false;
+    all_.push_back({min_num_inliers, weighing.name, std::move(report.cam_from_world),
+                    report.median_residual_deg});
+    SetSupport(component_, options.sigma_start_deg, all_.back());
+    return true;
+  }
+
+  StageContext& context_;
+  Stage& stage_;
+  const ViewGraph& component_;
+  const double min_images_;
+  std::vector<RotationHypothesis> all_;
+};
+
+std::vector<double> InliersOf(const ViewGraph& graph) {
+  std::vector<double> weights;
+  for (const ViewEdge& edge : graph.edges) weights.push_back(std::max(1, edge.num_inliers));
+  return weights;
+}
+
+// Inverse variances, degrees^-2. Below the scale that averaging ends with, an error does not
+// matter.
+std::vector<double> PrecisionsOf(const StageContext& context, const ViewGraph& graph) {
+  std::vector<double> precisions;
+  for (const double sigma : RotationSigmas(context, graph)) {
+    precisions.push_back(1.0 / (std::pow(RadToDeg(sigma), 2) +
+                                std::pow(context.settings.rotation_averaging.sigma_end_deg, 2)));
+  }
+  return precisions;
+}
+
+}  // namespace
+
+std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
+                                                     std::span<const image_t> component,
+                                                     const ViewGraph& graph,
+                                                     double min_core_share) {
+  ModelStage stage(context, "rotation_averaging");
+  ViewGraph own = graph;
+  KeepImages(component, own);
+  stage.Add("edges_in", own.NumActiveEdges());
+  // The variance of a rotation falls with the number of inliers; but a few pairs of very many, all
+  // neighbors, must not have all the say.
+  const std::vector<double> inliers = InliersOf(own);
+  std::vector<Weighing> weighings = {{"inliers", inliers, 1}, {"alike", inliers, 0}};
+  if (const double power = context.settings.rotation_averaging.weight_power; power != 0) {
+    weighings.push_back({"weight_power", inliers, power});
+  }
+  Averager averager(context, stage, own, component.size(), min_core_share);
+  const bool has_any = averager.AddAll(own, 0, weighings);
+  // Of a data set's pairs, inliers were not counted.
+  if (has_any && !context.scene.poses_imported && (!averager.IsClear() || min_core_share == 0)) {
+    weighings.push_back({"precision", PrecisionsOf(context, own), 1});
+    averager.AddAll(own, 0, std::span(weighings).last(1));
+    const ReconstructSettings& settings = context.settings;
+    const int least = std::max(1, settings.view_graph.min_num_inliers);
+    for (int n = 2 * least;
+         n < (1 << 20) && averager.AddAll(CoreOf(own, n, settings), n, weighings); n *= 2) {
+    }
+  }
+  const std::vector<RotationHypothesis> distinct = averager.Distinct();
+  stage.Add("averaged", static_cast<double>(averager.NumTried()));
+  stage.Add("hypotheses_out", static_cast<double>(distinct.size()));
+  if (!distinct.empty()) {
+    stage.Add("images_out", static_cast<double>(distinct.front().cam_from_world.size()));
+    stage.Add("median_residual_deg", distinct.front().median_residual_deg);
+    stage.Add("support", distinct.front().support / distinct.front().possible_support);
+  }
+  return distinct;
+}
+
+}  // namespace cairn

@@ -1,0 +1,204 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <map>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cairn/base/run_context.h"
+#include "cairn/bundle_adjustment/keypoint_noise.h"
+#include "cairn/evaluation/model_evidence.h"
+#include "cairn/mapper/reconstruct.h"
+#include "cairn/report/stage.h"
+#include "cairn/scene/view_graph.h"
+#include "cairn/tracks/tracks.h"
+
+namespace cairn {
+
+// What the database holds, ready for the stages.
+struct SceneData {
+  std::map<camera_t, Camera> cameras;
+  std::map<image_t, Image> images;
+  std::map<image_t, std::vector<Eigen::Vector2d>> pixels;  // of the keypoints
+  KeypointScales scales;
+  std::vector<ViewEdge> edges;
+  // Inlier matches of the edges; keypoints at one position are replaced by the first of them.
+  std::map<image_pair_t, FeatureMatches> matches;
+  // All matches of a pair, likewise, before verification; none where there are none. Not for
+  // several threads at once; empty: there are none at all.
+  std::function<FeatureMatches(const ViewEdge&)> raw_matches;
+  std::set<camera_t> constant_cameras;  // intrinsics are not refined
+  std::set<image_t> bad_images;         // without a camera or keypoints that can be read
+  // The relative poses are those of a 1DSfM data set, whose inliers nobody counted; without tracks,
+  // they come without a single match, and no point can be had.
+  bool poses_imported = false;
+  bool poses_alone = false;
+  // What the focal lengths were before they were calibrated, where the pairs cannot tell which are
+  // right.
+  struct Calibration {
+    std::map<camera_t, Camera> cameras;
+    std::vector<ViewEdge> edges;
+  };
+  std::optional<Calibration> alternative;
+};
+
+// What every stage needs beside its data. One a run.
+struct StageContext {
+  const SceneData& scene;
+  const ReconstructSettings& settings;
+  ProgressMonitor& monitor;
+  RunReport& report;
+  int model = 0;              // index of the model that is being built
+  std::set<image_t> taken{};  // images of the models that are done
+  // Images of other places that look like this one, which wait for a model of their own.
+  std::set<image_t> reserved{};
+};
+
+// What the calls of other modules are told about the run.
+inline RunContext RunOf(const StageContext& context) {
+  return {context.settings.seed, context.settings.num_threads, context.monitor};
+}
+
+// A stage of one model.
+class ModelStage : public Stage {
+ public:
+  ModelStage(StageContext& context, const std::string& name, int64_t total = 0)
+      : Stage(context.report, context.monitor, name, total) {
+    Add("model", context.model);
+  }
+};
+
+// read_scene.cc
+SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
+                        ProgressMonitor& monitor, RunReport& report);
+
+// calibrate.cc
+using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
+// Gives cameras that are not held the focal lengths that the pairs' fundamental matrices determine,
+// unless loops of rotations then close no better than before, and says what became of each camera.
+// Improves the poses of the `foreign` edges, and of all whose focal lengths changed.
+void CalibrateSceneFocals(const GeometryReader& read,
+                          const std::map<image_pair_t, TwoViewGeometry>& foreign,
+                          const ReconstructSettings& settings, Stage& stage, SceneData& scene);
+
+// relative_poses.cc
+// Refines the poses of edges that another program verified, or whose focal lengths changed, on
+// their inlier matches, and finds those that were not stored or left open (COLMAP's
+// planar-or-panoramic pairs). Edges whose matches show no parallax keep a rotation alone; those
+// without any pose end with the reason kNoPose.
+void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
+                          int num_threads, SceneData& scene);
+// How sure each edge of the graph is of its rotation: the standard deviation about the least
+// determined axis, radians. (Through a long lens, which is nearly affine, two views leave the angle
+// between them open: Koenderink and van Doorn, "Affine structure from motion", 1991.)
+std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph);
+// Gives edges that disagree with global rotations, whatever took them out, the pose near these that
+// explains their matches, where there is one that explains more than half: a plane, a narrow field
+// of view or few matches leave several poses that explain them all. Such edges are in use again.
+// Returns how many there are.
+int RefitEdges(const StageContext& context,
+               const std::map<image_t, Eigen::Quaterniond>& cam_from_world, double max_error_deg,
+               ViewGraph& graph);
+
+// rotations.cc
+// One view of how a component's images are turned.
+struct RotationHypothesis {
+  int min_num_inliers = 0;  // of the edges it comes from
+  std::string weighing;     // by what they counted
+  std::map<image_t, Eigen::Quaterniond> cam_from_world;
+  double median_residual_deg = 0;
+  double support = 0;           // inliers of the pairs that agree with it
+  double possible_support = 0;  // of all pairs between its images
+};
+// Global rotations of the component, averaged from all of its edges and from those with more and
+// more inliers while they join more than this share of the images, weighed by inliers, alike, and
+// by their precision. Where these agree there is one hypothesis, else those that differ, the best
+// supported first. Empty: the report's failure says why.
+std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
+                                                     std::span<const image_t> component,
+                                                     const ViewGraph& graph, double min_core_share);
+
+// positions.cc
+struct InitialModel {
+  std::map<image_t, Rigid3d> cam_from_world;
+  std::vector<Track> tracks;
+};
+// Positions of the images with these rotations, and their tracks. Edges that are dropped get their
+// reason. nullopt: the report's failure says why.
+std::optional<InitialModel> AverageComponent(
+    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+    ViewGraph& graph);
+// Tracks over the graph's active edges; `again` has the matches of pairs that were verified again.
+TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
+                          const std::map<image_pair_t, FeatureMatches>& again = {});
+
+// memory.cc
+// Estimates the peak memory of RefineModel with these tracks, and says it. Where it is more than
+// there is (ReconstructOptions::max_memory_gib), takes fewer tracks, long ones first. False: not
+// even the least that a model needs would fit, and the report's failure says so.
+bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
+                       std::vector<Track>& tracks);
+
+// refine.cc
+// Cameras and keypoints of the images with a pose, no points.
+Reconstruction MakeReconstruction(const SceneData& scene,
+                                  const std::map<image_t, Rigid3d>& cam_from_world);
+// Takes an image out of a model; points that fewer than two others see go with it.
+void RemoveImage(image_t id, Reconstruction& model);
+// Triangulation, bundle adjustment and filtering from coarse to fine.
+void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
+                 Reconstruction& model);
+
+// poses_alone.cc
+// How far all relative poses, those that were filtered out among them, agree with the model.
+void ReportAgreement(StageContext& context, const Reconstruction& model);
+
+// register_images.cc
+// Poses for images that are in no model yet, from the points. Returns the number of new images.
+int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model);
+
+// judge.cc
+// The evidence for the model in all verified pairs of the images that are in no other model,
+// whatever became of them in the graph. `pairs` are in the order of graph.edges; those of other
+// models' images have no matches.
+ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
+                          const ViewGraph& graph);
+// The model decides which pairs between its images are in use: those of which it explains at least
+// half of the matches. Returns how many matches the pairs have that come in.
+int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
+
+// verify_again.cc
+// Where bundle adjustment has moved the rays of cameras by more than verification allowed for: of
+// pairs in use between their images, all matches that agree with the model's pose, if these are
+// more than there were.
+struct ReverifiedPairs {
+  std::map<image_pair_t, FeatureMatches> matches;
+  int64_t num_gained = 0;  // matches
+};
+ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
+                            const ViewGraph& graph);
+
+// checks.cc
+// "" or why the model is not fit to be written.
+std::string ReasonToRefuse(const Reconstruction& model);
+
+// build_model.cc
+struct BuiltModel {
+  std::optional<Reconstruction> model;  // absent: the report's failure, or duplicate_edges, say why
+  ViewGraph graph;                      // with what became of the component's edges
+  ModelEvidence evidence;
+  std::vector<size_t> duplicate_edges;  // they show two places as one: out with them, and again
+};
+// One component of the graph from averaging to the finished model: built from all of its edges,
+// and, while the model leaves much of the verified matches unexplained, from those with more and
+// more inliers, the other images by resection. The model with the most evidence is kept.
+BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
+                      const ViewGraph& graph);
+
+// colors.cc
+void ColorPoints(StageContext& context, const std::string& image_path, Reconstruction& model);
+
+}  // namespace cairn

@@ -1,0 +1,75 @@
+#include <algorithm>
+
+#include "cairn/evaluation/model_evidence.h"
+#include "cairn/geometry/rigid3d.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kBlock = 4096;  // pairs whose raw matches are in memory at a time
+
+// Do rays at the image's border lie apart by more pixels than two-view verification allows?
+bool HasMoved(const Camera& before, const Camera& after) {
+  const double max_error_px = DefaultMaxErrorPx(before, after);
+  for (const double u : {0.0, 0.5, 1.0}) {
+    for (const double v : {0.0, 0.5, 1.0}) {
+      const Eigen::Vector2d pixel(u * before.width, v * before.height);
+      const auto ray_before = before.RayFromImg(pixel);
+      const auto ray_after = after.RayFromImg(pixel);
+      if (ray_before.has_value() != ray_after.has_value()) return true;
+      if (!ray_before) continue;
+      if (AngleBetween(*ray_before, *ray_after) > max_error_px * after.RadiansPerPx(*ray_after)) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
+                            const ViewGraph& graph) {
+  ReverifiedPairs result;
+  std::set<camera_t> moved;
+  for (const auto& [id, camera] : model.cameras) {
+    if (HasMoved(context.scene.cameras.at(id), camera)) moved.insert(id);
+  }
+  if (moved.empty() || !context.scene.raw_matches) return result;
+  ModelStage stage(context, "verification");
+  std::vector<const ViewEdge*> edges;
+  const auto is_moved = [&](image_t id) {
+    const auto image = model.images.find(id);
+    return image != model.images.end() && moved.count(image->second.image.camera_id) > 0;
+  };
+  for (const ViewEdge& edge : graph.edges) {
+    if (edge.IsActive() && is_moved(edge.image_id1) && is_moved(edge.image_id2)) {
+      edges.push_back(&edge);
+    }
+  }
+  for (size_t begin = 0; begin < edges.size(); begin += kBlock) {
+    const size_t end = std::min(edges.size(), begin + kBlock);
+    std::vector<FeatureMatches> raw;
+    for (size_t e = begin; e < end; ++e) raw.push_back(context.scene.raw_matches(*edges[e]));
+    std::vector<VerifiedPair> pairs;
+    for (size_t e = begin; e < end; ++e) {
+      pairs.push_back({edges[e]->image_id1, edges[e]->image_id2, &raw[e - begin]});
+    }
+    std::vector<FeatureMatches> explained =
+        ExplainedMatches(model, pairs, context.settings.num_threads);
+    for (size_t e = begin; e < end; ++e) {
+      const image_pair_t pair_id = edges[e]->PairId();
+      const size_t num_before = context.scene.matches.at(pair_id).size();
+      if (explained[e - begin].size() <= num_before) continue;
+      result.num_gained += static_cast<int64_t>(explained[e - begin].size() - num_before);
+      result.matches[pair_id] = std::move(explained[e - begin]);
+    }
+  }
+  stage.Add("cameras_moved", static_cast<double>(moved.size()));
+  stage.Add("pairs", static_cast<double>(edges.size()));
+  stage.Add("matches_gained", static_cast<double>(result.num_gained));
+  return result;
+}
+
+}  // namespace cairn

@@ -1,0 +1,81 @@
+#include "pipeline/stages/camera_maker.h"
+
+#include <algorithm>
+#include <numbers>
+
+#include "cairn/base/error.h"
+
+namespace cairn {
+namespace {
+
+// COLMAP's default where nothing is known.
+constexpr double kDefaultFocalFactor = 1.2;
+// An equidistant lens that shows 150 degrees across the larger side: between those that fill the
+// diagonal with 180 degrees (about 140) and circles of 180 degrees in the smaller side.
+constexpr double kFisheyeFocalFactor = 180.0 / 150.0 / std::numbers::pi;
+
+double FocalFactor(CameraModel model) {
+  return CameraModelIsFisheye(model) ? kFisheyeFocalFactor : kDefaultFocalFactor;
+}
+
+}  // namespace
+
+void CheckCameraOptions(const CameraOptions& options) {
+  if (options.camera_params.empty()) return;
+  const auto expected = static_cast<size_t>(CameraModelNumParams(options.camera_model));
+  if (options.camera_params.size() == expected) return;
+  throw ConfigError("camera_params", std::string(CameraModelName(options.camera_model)) + " has " +
+                                         std::to_string(expected) + " parameters, " +
+                                         std::to_string(options.camera_params.size()) +
+                                         " are given");
+}
+
+CameraMaker::CameraMaker(const CameraOptions& options, camera_t first_id,
+                         std::optional<Camera> shared)
+    : options_(options), next_id_(first_id), shared_(std::move(shared)) {}
+
+std::optional<camera_t> CameraMaker::CameraOf(Photo& photo) {
+  if (options_.single_camera) return SingleCamera(photo);
+  const ExifInfo& exif = photo.exif;
+  const std::optional<double> focal = photo.given_focal_px ? photo.given_focal_px : exif.focal_px;
+  if (exif.camera_make.empty() || exif.camera_model.empty() || !focal) {
+    return Make(photo).camera_id;
+  }
+  const auto key = std::make_tuple(exif.camera_make, exif.camera_model, *focal, photo.size.width,
+                                   photo.size.height);
+  const auto it = by_exif_.find(key);
+  if (it != by_exif_.end()) return it->second;
+  return by_exif_[key] = Make(photo).camera_id;
+}
+
+std::optional<camera_t> CameraMaker::SingleCamera(Photo& photo) {
+  if (!shared_) shared_ = Make(photo);
+  if (photo.size.width == shared_->width && photo.size.height == shared_->height) {
+    return shared_->camera_id;
+  }
+  photo.error = "is " + std::to_string(photo.size.width) + " x " +
+                std::to_string(photo.size.height) + " pixels, the single camera " +
+                std::to_string(shared_->width) + " x " + std::to_string(shared_->height);
+  return std::nullopt;
+}
+
+const Camera& CameraMaker::Make(const Photo& photo) {
+  const std::optional<double> focal =
+      photo.given_focal_px ? photo.given_focal_px : photo.exif.focal_px;
+  const double guess =
+      FocalFactor(options_.camera_model) * std::max(photo.size.width, photo.size.height);
+  Camera camera = Camera::FromFocal(next_id_++, options_.camera_model, focal.value_or(guess),
+                                    photo.size.width, photo.size.height);
+  // A panorama has no focal length to be known.
+  camera.has_prior_focal_length = focal.has_value() || camera.FocalIndices().empty();
+  if (!options_.camera_params.empty()) {
+    camera.params = options_.camera_params;
+    camera.has_prior_focal_length = true;
+    const std::string reason = camera.Validate();
+    if (!reason.empty()) throw ConfigError("camera_params", reason);
+  }
+  cameras_.push_back(std::move(camera));
+  return cameras_.back();
+}
+
+}  // namespace cairn

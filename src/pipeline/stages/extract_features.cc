@@ -1,0 +1,138 @@
+#include <atomic>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <set>
+
+#include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
+#include "cairn/base/timer.h"
+#include "cairn/database/stage_names.h"
+#include "cairn/image/bitmap.h"
+#include "cairn/pipeline/stages.h"
+#include "database/database_writer.h"
+#include "pipeline/stages/stage_ledger.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct FeatureItem {
+  Image image;
+  ImageSize camera_size;
+  uint64_t file_hash = 0;
+  bool is_ours = false;  // cairn added the image, so cairn may take it out again
+  std::string error;
+};
+
+// Images without keypoints whose photograph is known.
+std::vector<FeatureItem> FindItems(const Database& database) {
+  std::map<camera_t, ImageSize> sizes;
+  for (const Camera& camera : database.ReadCameras()) {
+    sizes[camera.camera_id] = {camera.width, camera.height};
+  }
+  for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
+    sizes[camera.camera_id] = {camera.width, camera.height};
+  }
+  std::map<std::string, uint64_t> file_hashes;
+  for (const PhotoRecord& photo : database.ReadPhotos()) {
+    if (photo.error.empty()) file_hashes[photo.name] = photo.file_hash;
+  }
+  std::set<uint64_t> ours;
+  for (const JobRecord& job : database.ReadJobs(kStageCameras)) ours.insert(job.item);
+  const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
+  std::vector<FeatureItem> items;
+  for (const Image& image : database.ReadImages()) {
+    if (num_keypoints.count(image.image_id) > 0) continue;
+    const auto file_hash = file_hashes.find(image.name);
+    if (file_hash == file_hashes.end()) continue;
+    items.push_back(
+        {image, sizes[image.camera_id], file_hash->second, ours.count(image.image_id) > 0, ""});
+  }
+  return items;
+}
+
+Features Extract(const std::string& path, const ImageSize& camera_size,
+                 const FeatureOptions& options) {
+  const Bitmap bitmap = ReadBitmap(path, BitmapColor::kGray);
+  if (ImageSize{bitmap.width, bitmap.height} != camera_size) {
+    throw IoError(path, "is " + std::to_string(bitmap.width) + " x " +
+                            std::to_string(bitmap.height) + " pixels, its camera " +
+                            std::to_string(camera_size.width) + " x " +
+                            std::to_string(camera_size.height));
+  }
+  return ExtractFeatures(bitmap, options);
+}
+
+void WriteFeatures(Database& database, const FeatureItem& item, const Features& features) {
+  database.WriteKeypoints(item.image.image_id, features.keypoints);
+  database.WriteDescriptors(item.image.image_id, features.descriptors);
+  database.WriteJob(kStageFeatures, {item.image.image_id, item.file_hash, ""});
+}
+
+// The image leaves the database, its photograph's record says why.
+void WriteFailure(Database& database, const FeatureItem& item) {
+  database.WritePhoto({item.image.name, item.file_hash, item.error});
+  if (item.is_ours) database.DeleteImage(item.image.image_id);
+}
+
+}  // namespace
+
+StageReport ExtractImageFeatures(Database& database, const std::string& image_path,
+                                 const FeatureOptions& options, int num_threads,
+                                 ProgressMonitor& monitor) {
+  const Timer timer;
+  StageReport report;
+  report.name = kStageFeatures;
+  StageLedger ledger(database, kStageFeatures, DumpQualified("features", options));
+  std::vector<FeatureItem> items;
+  if (!image_path.empty()) items = FindItems(database);
+  std::atomic<int64_t> num_features = 0;
+  if (!items.empty()) {
+    ledger.Begin(database);
+    DatabaseWriter::Options writer_options;
+    writer_options.max_queue_size = 8;  // An image's features are megabytes.
+    DatabaseWriter writer(database.path(), writer_options);
+    monitor.BeginStage("extracting features", static_cast<int64_t>(items.size()));
+    ParallelFor(num_threads, static_cast<int64_t>(items.size()), [&](int64_t i) {
+      if (monitor.StopRequested()) return;
+      FeatureItem& item = items[i];
+      try {
+        Features features =
+            Extract(fs::path(image_path) / item.image.name, item.camera_size, options);
+        num_features += static_cast<int64_t>(features.keypoints.size());
+        writer.Push([&item, features = std::make_shared<Features>(std::move(features))](
+                        Database& db) { WriteFeatures(db, item, *features); });
+      } catch (const IoError& error) {
+        item.error = error.reason();
+        writer.Push([&item](Database& db) { WriteFailure(db, item); });
+      }
+      monitor.Advance(1);
+    });
+    writer.Finish();
+    monitor.EndStage();
+  }
+  for (const FeatureItem& item : items) {
+    if (item.error.empty()) continue;
+    report.messages.push_back(item.image.name + ": " + item.error + "; skipped");
+    monitor.Warning(report.messages.back());
+  }
+  const double num_failed = static_cast<double>(report.messages.size());
+  if (monitor.StopRequested()) {
+    report.MarkStopped();
+  } else {
+    ledger.Complete(database);
+    if (num_failed > 0) report.status = StageStatus::kWarning;
+  }
+  report.Add("images", static_cast<double>(database.ReadImages().size()));
+  report.Add("images_with_features", static_cast<double>(database.ReadNumKeypoints().size()));
+  report.Add("computed", static_cast<double>(items.size()) - num_failed);
+  report.Add("skipped", num_failed);
+  report.Add("new_features", static_cast<double>(num_features));
+  report.seconds = timer.Seconds();
+  database.AddTiming(kStageFeatures, 0, "", report.seconds);
+  return report;
+}
+
+}  // namespace cairn

@@ -1,0 +1,253 @@
+#include <algorithm>
+#include <filesystem>
+#include <map>
+
+#include "base/hash.h"
+#include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
+#include "cairn/base/timer.h"
+#include "cairn/database/stage_names.h"
+#include "cairn/image/bitmap.h"
+#include "cairn/image/image_folder.h"
+#include "cairn/pipeline/stages.h"
+#include "pipeline/stages/camera_maker.h"
+#include "pipeline/stages/stage_ledger.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<Photo> ListPhotos(const std::string& image_path,
+                              const std::optional<PhotoSelection>& selection) {
+  std::vector<Photo> photos;
+  if (selection) {
+    for (const PhotoSelection::Photo& photo : selection->photos) {
+      photos.emplace_back().name = photo.name;
+      photos.back().given_focal_px = photo.focal_px;
+    }
+    std::sort(photos.begin(), photos.end(),
+              [](const Photo& a, const Photo& b) { return a.name < b.name; });
+  } else {
+    for (std::string& name : ListImages(image_path)) photos.emplace_back().name = std::move(name);
+  }
+  return photos;
+}
+
+// Runs fn, which may throw IoError about the photo's file, and keeps the reason.
+template <class Fn>
+void KeepError(Photo& photo, const Fn& fn) {
+  try {
+    fn();
+  } catch (const IoError& error) {
+    photo.error = error.reason();
+  }
+}
+
+void HashPhotos(const std::string& image_path, int num_threads, std::vector<Photo>& photos,
+                ProgressMonitor& monitor) {
+  ParallelFor(num_threads, static_cast<int64_t>(photos.size()), [&](int64_t i) {
+    if (monitor.StopRequested()) return;
+    KeepError(photos[i],
+              [&] { photos[i].file_hash = HashFile(fs::path(image_path) / photos[i].name); });
+    monitor.Advance(1);
+  });
+}
+
+void ReadHeaders(const std::string& image_path, int num_threads, std::vector<Photo>& photos,
+                 ProgressMonitor& monitor) {
+  ParallelFor(num_threads, static_cast<int64_t>(photos.size()), [&](int64_t i) {
+    Photo& photo = photos[i];
+    if (!photo.error.empty() || monitor.StopRequested()) return;
+    const std::string path = fs::path(image_path) / photo.name;
+    KeepError(photo, [&] {
+      photo.size = ReadImageSize(path);
+      photo.exif = ReadExif(path, photo.size.width, photo.size.height);
+    });
+  });
+}
+
+bool IsPending(const StageLedger& ledger, image_t id) {
+  const JobRecord* job = ledger.Find(id);
+  return job != nullptr && job->note == kPendingCamera;
+}
+
+// With single_camera, photos that join later share the camera of our first image.
+std::optional<Camera> SharedCamera(const std::vector<Image>& images,
+                                   const std::vector<Camera>& cameras, const StageLedger& ledger) {
+  for (const Image& image : images) {
+    if (ledger.Find(image.image_id) == nullptr || IsPending(ledger, image.image_id)) continue;
+    for (const Camera& camera : cameras) {
+      if (camera.camera_id == image.camera_id) return camera;
+    }
+  }
+  return std::nullopt;
+}
+
+// After all cameras but those that only images waiting for a new one have.
+camera_t FirstFreeCameraId(const std::vector<Image>& images, const std::vector<Camera>& cameras,
+                           const StageLedger& ledger) {
+  std::map<camera_t, bool> is_pending;
+  for (const Image& image : images) {
+    is_pending.try_emplace(image.camera_id, true).first->second &=
+        IsPending(ledger, image.image_id);
+  }
+  camera_t id = 1;
+  for (const Camera& camera : cameras) {
+    const auto it = is_pending.find(camera.camera_id);
+    if (it == is_pending.end() || !it->second) id = std::max(id, camera.camera_id + 1);
+  }
+  return id;
+}
+
+uint64_t CameraInputHash(const Photo& photo) {
+  Hasher hasher;
+  hasher.Add(photo.size.width).Add(photo.size.height);
+  hasher.Add(photo.given_focal_px.value_or(photo.exif.focal_px.value_or(0)));
+  hasher.Add(photo.exif.camera_make).Add(photo.exif.camera_model);
+  return hasher.Digest();
+}
+
+// Sorts out which photos are new; throws ConfigError if one changed that has results.
+std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos,
+                             const std::vector<Image>& images, const StageLedger& ledger,
+                             StageReport& report, ProgressMonitor& monitor) {
+  std::map<std::string, PhotoRecord> records;
+  for (PhotoRecord& record : database.ReadPhotos()) records[record.name] = record;
+  std::map<std::string, image_t> image_ids;
+  for (const Image& image : images) image_ids[image.name] = image.image_id;
+  const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
+  std::vector<Photo> fresh;
+  for (Photo& photo : photos) {
+    const auto record = records.find(photo.name);
+    const auto image = image_ids.find(photo.name);
+    if (record != records.end()) {
+      const bool is_same = record->second.file_hash == photo.file_hash;
+      if (record->second.error.empty() && !is_same) {
+        throw ConfigError("image_path", photo.name +
+                                            " changed since its features were computed; use "
+                                            "--recompute features");
+      }
+      if (record->second.error.empty()) {
+        const bool is_pending = image != image_ids.end() && IsPending(ledger, image->second);
+        if (is_pending) fresh.push_back(std::move(photo));
+        continue;
+      }
+      if (is_same) {
+        const std::string line = photo.name + ": " + record->second.error + "; still skipped";
+        monitor.Warning(line);
+        report.messages.push_back(line);
+        continue;
+      }
+    } else if (image != image_ids.end() && num_keypoints.count(image->second) > 0) {
+      continue;  // Another program's image, with features.
+    }
+    fresh.push_back(std::move(photo));
+  }
+  return fresh;
+}
+
+// New images with their cameras, in the order of the photos.
+struct NewImages {
+  std::vector<Image> images;
+  std::vector<uint64_t> input_hashes;
+  std::vector<Camera> cameras;
+  bool has_reassigned = false;  // some are old images whose cameras are made anew
+};
+
+NewImages MakeImages(const std::vector<Image>& images, const std::vector<Camera>& cameras,
+                     const std::vector<UnknownCamera>& unknown, const CameraOptions& options,
+                     const StageLedger& ledger, std::vector<Photo>& photos) {
+  camera_t first_id = FirstFreeCameraId(images, cameras, ledger);
+  for (const UnknownCamera& camera : unknown) first_id = std::max(first_id, camera.camera_id + 1);
+  CameraMaker maker(options, first_id, SharedCamera(images, cameras, ledger));
+  std::map<std::string, image_t> known;
+  for (const Image& image : images) known[image.name] = image.image_id;
+  image_t next_id = images.empty() ? 1 : images.back().image_id + 1;
+  NewImages added;
+  for (Photo& photo : photos) {
+    if (!photo.error.empty()) continue;
+    const auto old = known.find(photo.name);
+    if (old != known.end() && !IsPending(ledger, old->second)) continue;
+    const bool is_reassigned = old != known.end();
+    const std::optional<camera_t> camera_id = maker.CameraOf(photo);
+    if (!camera_id && is_reassigned) {
+      throw ConfigError("single_camera", photo.name + " " + photo.error +
+                                             "; use --recompute features to leave it out");
+    }
+    if (!camera_id) continue;
+    added.has_reassigned |= is_reassigned;
+    const image_t id = is_reassigned ? old->second : next_id++;
+    added.images.push_back({id, photo.name, *camera_id});
+    added.input_hashes.push_back(CameraInputHash(photo));
+  }
+  added.cameras = maker.cameras();
+  return added;
+}
+
+void WriteImages(Database& database, const NewImages& added, const std::vector<Photo>& photos,
+                 StageLedger& ledger) {
+  Database::Transaction transaction(database);
+  if (!added.images.empty()) ledger.Begin(database);
+  for (const Camera& camera : added.cameras) database.WriteCamera(camera);
+  for (size_t i = 0; i < added.images.size(); ++i) {
+    database.WriteImage(added.images[i]);
+    database.WriteJob(kStageCameras, {added.images[i].image_id, added.input_hashes[i], ""});
+  }
+  if (added.has_reassigned) database.DeleteUnusedCameras();
+  for (const Photo& photo : photos) {
+    database.WritePhoto({photo.name, photo.file_hash, photo.error});
+  }
+  ledger.Complete(database);
+  transaction.Commit();
+}
+
+}  // namespace
+
+StageReport ImportPhotos(Database& database, const std::string& image_path,
+                         const CameraOptions& options, int num_threads, ProgressMonitor& monitor,
+                         const std::optional<PhotoSelection>& selection) {
+  const Timer timer;
+  StageReport report;
+  report.name = kStageCameras;
+  CheckCameraOptions(options);
+  StageLedger ledger(database, kStageCameras, DumpOptions(options));
+  const std::vector<Image> images = database.ReadImages();
+  const std::vector<Camera> cameras = database.ReadCameras();
+  std::vector<Photo> photos;
+  if (!image_path.empty()) photos = ListPhotos(image_path, selection);
+  if (photos.empty() && images.empty()) {
+    throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
+  }
+  const size_t num_photos = photos.size();
+  monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));
+  HashPhotos(image_path, num_threads, photos, monitor);
+  if (!monitor.StopRequested()) {
+    photos = SelectNew(database, std::move(photos), images, ledger, report, monitor);
+    ReadHeaders(image_path, num_threads, photos, monitor);
+  }
+  monitor.EndStage();
+  if (monitor.StopRequested()) {
+    report.MarkStopped();
+    return report;
+  }
+
+  const NewImages added =
+      MakeImages(images, cameras, database.ReadUnknownCameras(), options, ledger, photos);
+  if (!photos.empty()) WriteImages(database, added, photos, ledger);
+  for (const Photo& photo : photos) {
+    if (photo.error.empty()) continue;
+    report.messages.push_back(photo.name + ": " + photo.error + "; skipped");
+    monitor.Warning(report.messages.back());
+  }
+  report.Add("photographs", static_cast<double>(num_photos));
+  report.Add("new_images", static_cast<double>(added.images.size()));
+  report.Add("new_cameras", static_cast<double>(added.cameras.size()));
+  report.Add("skipped", static_cast<double>(report.messages.size()));
+  if (!report.messages.empty()) report.status = StageStatus::kWarning;
+  report.seconds = timer.Seconds();
+  database.AddTiming(kStageCameras, 0, "", report.seconds);
+  return report;
+}
+
+}  // namespace cairn

@@ -1,0 +1,219 @@
+#include <algorithm>
+#include <atomic>
+#include <map>
+#include <set>
+
+#include "base/memory.h"
+#include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
+#include "cairn/base/timer.h"
+#include "cairn/database/own_matches.h"
+#include "cairn/database/stage_names.h"
+#include "cairn/pipeline/stages.h"
+#include "database/database_writer.h"
+#include "pipeline/pairs/feed.h"
+#include "pipeline/stages/content_hash.h"
+#include "pipeline/stages/stage_ledger.h"
+
+namespace cairn {
+namespace {
+
+// Note of an image whose matches with the other such images come from another program.
+
+// Prepared descriptors, per row.
+constexpr int64_t kBytesPerDescriptor = 136;
+
+// What the stage finds in the database and has to add to it.
+struct MatchingWork {
+  std::map<image_t, int> num_descriptors;
+  std::vector<image_pair_t> pairs;
+  std::vector<std::pair<image_t, JobRecord>> new_jobs;  // images that take part for the first time
+  size_t num_left_out = 0;  // images without descriptors and without matches
+};
+
+// Images in matches that this stage did not make.
+std::set<image_t> FindGivenImages(const std::vector<image_pair_t>& present,
+                                  const StageLedger& ledger) {
+  std::set<image_t> given;
+  for (const image_pair_t pair : present) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    // A pair of ours has records for both images.
+    if (ledger.Find(id1) != nullptr && ledger.Find(id2) != nullptr) continue;
+    given.insert({id1, id2});
+  }
+  return given;
+}
+
+bool IsGiven(image_t id, const std::set<image_t>& given, const StageLedger& ledger) {
+  const JobRecord* job = ledger.Find(id);
+  return job != nullptr ? job->note == kGivenNote : given.count(id) > 0;
+}
+
+// All pairs of images with descriptors, without those that another program decided about.
+std::vector<image_pair_t> ExhaustivePairs(const std::map<image_t, int>& num_descriptors,
+                                          const std::set<image_t>& given,
+                                          const StageLedger& ledger) {
+  std::vector<image_pair_t> pairs;
+  for (auto first = num_descriptors.begin(); first != num_descriptors.end(); ++first) {
+    const bool first_is_given = IsGiven(first->first, given, ledger);
+    for (auto second = std::next(first); second != num_descriptors.end(); ++second) {
+      if (first_is_given && IsGiven(second->first, given, ledger)) continue;
+      pairs.push_back(ImagePairToPairId(first->first, second->first));
+    }
+  }
+  return pairs;
+}
+
+// Hash of every image's descriptors. Images whose row cannot be read are reported and left out of
+// num_descriptors.
+std::map<image_t, uint64_t> HashAllDescriptors(const Database& database,
+                                               std::map<image_t, int>& num_descriptors,
+                                               StageReport& report, ProgressMonitor& monitor) {
+  std::map<image_t, uint64_t> hashes;
+  for (const auto& [id, num] : num_descriptors) {
+    try {
+      hashes[id] = HashDescriptors(*database.ReadDescriptors(id));
+    } catch (const IoError& error) {
+      report.messages.push_back(std::string(error.what()) + "; the image is not matched");
+      monitor.Warning(report.messages.back());
+    }
+  }
+  std::erase_if(num_descriptors, [&](const auto& entry) { return hashes.count(entry.first) == 0; });
+  return hashes;
+}
+
+MatchingWork FindWork(const Database& database,
+                      const std::optional<std::vector<image_pair_t>>& chosen,
+                      const StageLedger& ledger, StageReport& report, ProgressMonitor& monitor) {
+  MatchingWork work;
+  work.num_descriptors = database.ReadNumDescriptors();
+  const std::map<image_t, int> all_descriptors = work.num_descriptors;
+  const auto hashes = HashAllDescriptors(database, work.num_descriptors, report, monitor);
+  std::map<image_t, std::string> names;
+  for (const Image& image : database.ReadImages()) names[image.image_id] = image.name;
+  std::vector<image_pair_t> present;
+  for (const auto& [pair, num] : database.ReadNumMatches()) present.push_back(pair);
+  const std::set<image_t> given = FindGivenImages(present, ledger);
+  std::set<image_t> matched;
+  for (const image_pair_t pair : present) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    matched.insert({id1, id2});
+  }
+  for (const auto& [id, name] : names) {
+    work.num_left_out += all_descriptors.count(id) == 0 && matched.count(id) == 0;
+  }
+
+  std::vector<image_pair_t> wanted =
+      chosen ? *chosen : ExhaustivePairs(work.num_descriptors, given, ledger);
+  std::erase_if(wanted, [&](image_pair_t pair) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    return work.num_descriptors.count(id1) == 0 || work.num_descriptors.count(id2) == 0;
+  });
+  std::set_difference(wanted.begin(), wanted.end(), present.begin(), present.end(),
+                      std::back_inserter(work.pairs));
+
+  std::set<image_t> taking_part;
+  for (const image_pair_t pair : work.pairs) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    taking_part.insert({id1, id2});
+  }
+  // Records are written for given images too, but only where the stage has something to do.
+  if (!work.pairs.empty()) taking_part.insert(given.begin(), given.end());
+  for (const auto& [id, num] : work.num_descriptors) {
+    const JobRecord* job = ledger.Find(id);
+    if (job == nullptr && taking_part.count(id) == 0) continue;
+    const uint64_t hash = hashes.at(id);
+    if (ledger.IsDone(id, hash, "the features of " + names[id])) continue;
+    work.new_jobs.push_back({id, {id, hash, given.count(id) > 0 ? kGivenNote : ""}});
+  }
+  return work;
+}
+
+void BeginStage(Database& database, const MatchingWork& work, StageLedger& ledger) {
+  Database::Transaction transaction(database);
+  ledger.Begin(database);
+  for (const auto& [id, job] : work.new_jobs) database.WriteJob(kStageMatching, job);
+  transaction.Commit();
+}
+
+int64_t MaxBytes(const SchedulerOptions& options) { return GibToBytes(options.max_memory_gib); }
+
+// Matches all pairs of the work; returns the number of matches found.
+int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
+                 const MatchingOptions& options, const SchedulerOptions& scheduler, int num_threads,
+                 ProgressMonitor& monitor) {
+  std::map<image_t, int64_t> image_bytes;
+  for (const auto& [id, num] : work.num_descriptors) image_bytes[id] = num * kBytesPerDescriptor;
+  // Half for the present tile; tasks that still hold images of the last one have the rest.
+  const int64_t max_bytes = MaxBytes(scheduler) / 2;
+  Database reader(database_path, Database::Mode::kReadOnly);
+  DatabaseWriter writer(database_path);
+  PairFeed feed(
+      PlanPairTiles(work.pairs, image_bytes, max_bytes),
+      [&reader](image_t id) {
+        PairImage image;
+        image.descriptors = PreparedDescriptors(*reader.ReadDescriptors(id));
+        return image;
+      },
+      [](PairTask& task, const auto& image) {
+        const auto [id1, id2] = PairIdToImagePair(task.pair_id);
+        task.image1 = image(id1);
+        task.image2 = image(id2);
+        return true;
+      },
+      max_bytes / 8);
+  std::atomic<int64_t> num_matches = 0;
+  monitor.BeginStage("matching", static_cast<int64_t>(work.pairs.size()));
+  ParallelFor(num_threads, static_cast<int64_t>(work.pairs.size()), [&](int64_t) {
+    if (monitor.StopRequested()) feed.Stop();
+    const std::optional<PairTask> task = feed.Next();
+    if (!task) return;
+    FeatureMatches matches =
+        MatchDescriptors(task->image1->descriptors, task->image2->descriptors, options);
+    num_matches += static_cast<int64_t>(matches.size());
+    writer.Push([pair_id = task->pair_id, matches = std::move(matches)](Database& db) {
+      db.WriteMatches(pair_id, matches);
+    });
+    monitor.Advance(1);
+  });
+  writer.Finish();
+  monitor.EndStage();
+  return num_matches;
+}
+
+}  // namespace
+
+StageReport MatchImagePairs(Database& database,
+                            const std::optional<std::vector<image_pair_t>>& pairs,
+                            const MatchingOptions& options, const SchedulerOptions& scheduler,
+                            int num_threads, ProgressMonitor& monitor) {
+  const Timer timer;
+  StageReport report;
+  report.name = kStageMatching;
+  StageLedger ledger(database, kStageMatching, DumpQualified("matching", options));
+  const MatchingWork work = FindWork(database, pairs, ledger, report, monitor);
+  int64_t num_matches = 0;
+  if (!work.pairs.empty()) {
+    BeginStage(database, work, ledger);
+    num_matches = MatchAll(database.path(), work, options, scheduler, num_threads, monitor);
+  }
+  if (monitor.StopRequested()) {
+    report.MarkStopped();
+  } else {
+    ledger.Complete(database);
+    if (work.num_left_out > 0) {
+      report.messages.push_back("images without features (in no pair): " +
+                                std::to_string(work.num_left_out));
+      monitor.Warning(report.messages.back());
+    }
+    if (!report.messages.empty()) report.status = StageStatus::kWarning;
+  }
+  report.Add("pairs", static_cast<double>(database.ReadNumMatches().size()));
+  report.Add("computed", static_cast<double>(work.pairs.size()));
+  report.Add("new_matches", static_cast<double>(num_matches));
+  report.seconds = timer.Seconds();
+  database.AddTiming(kStageMatching, 0, "", report.seconds);
+  return report;
+}
+
+}  // namespace cairn

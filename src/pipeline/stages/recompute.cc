@@ -1,0 +1,86 @@
+#include "pipeline/stages/recompute.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "cairn/base/error.h"
+#include "cairn/database/stage_names.h"
+#include "pipeline/stages/stage_ledger.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Features that were made elsewhere from photographs that are not here must not be lost.
+void CheckPhotographs(const Database& database, const std::string& stage,
+                      const std::string& image_path) {
+  if (image_path.empty()) throw ConfigError("recompute", stage + " needs --image_path");
+  const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
+  for (const Image& image : database.ReadImages()) {
+    if (num_keypoints.count(image.image_id) == 0) continue;
+    if (!fs::exists(fs::path(image_path) / image.name)) {
+      throw ConfigError("recompute", image.name + " has features, but is not in " + image_path +
+                                         "; what was made from it would be lost");
+    }
+  }
+}
+
+void CheckDescriptors(const Database& database) {
+  const std::map<image_t, int> num_descriptors = database.ReadNumDescriptors();
+  for (const image_pair_t pair : database.ReadMatchedPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    if (num_descriptors.count(id1) > 0 && num_descriptors.count(id2) > 0) continue;
+    throw ConfigError("recompute",
+                      "image " + std::to_string(num_descriptors.count(id1) ? id2 : id1) +
+                          " has matches, but no descriptors; its matches would be lost");
+  }
+}
+
+// Images that we added are added anew, with other ids if others stay.
+void DeleteOurImages(Database& database) {
+  for (const JobRecord& job : database.ReadJobs(kStageCameras)) {
+    database.DeleteImage(static_cast<image_t>(job.item));
+  }
+  database.ClearPhotos();
+  database.ClearStage(kStageCameras);
+}
+
+// Our images keep their features; ImportPhotos gives them new cameras, and looks again at
+// photographs that it refused.
+void MarkCamerasAsPending(Database& database, const std::vector<JobRecord>& jobs) {
+  for (const JobRecord& job : jobs) {
+    database.WriteJob(kStageCameras, {job.item, job.input_hash, kPendingCamera});
+  }
+  for (const PhotoRecord& photo : database.ReadPhotos()) {
+    if (!photo.error.empty()) database.WritePhoto({photo.name, 0, photo.error});
+  }
+}
+
+}  // namespace
+
+bool ForgetsStage(const std::string& recompute, const std::string& stage) {
+  if (recompute == "none") return false;
+  // Where features are made anew, so are our images (DeleteOurImages).
+  if (recompute == kStageFeatures && stage == kStageCameras) return true;
+  const std::vector<std::string> cleared = StageAndDependents(recompute);
+  return std::find(cleared.begin(), cleared.end(), stage) != cleared.end();
+}
+
+void PrepareRecompute(Database& database, const std::string& stage, const std::string& image_path) {
+  if (stage == "none") return;
+  const std::vector<JobRecord> our_images = database.ReadJobs(kStageCameras);
+  if (stage == kStageFeatures || stage == kStageCameras) {
+    CheckPhotographs(database, stage, image_path);
+  }
+  if (stage == kStageMatching) CheckDescriptors(database);
+  Database::Transaction transaction(database);
+  ClearStageAndDependents(database, stage);
+  if (stage == kStageFeatures) DeleteOurImages(database);
+  if (stage == kStageCameras) MarkCamerasAsPending(database, our_images);
+  transaction.Commit();
+}
+
+}  // namespace cairn

@@ -1,0 +1,345 @@
+#include "cairn/pipeline/verify_pairs.h"
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include "base/memory.h"
+#include "cairn/base/check.h"
+#include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
+#include "cairn/base/timer.h"
+#include "cairn/database/stage_names.h"
+#include "cairn/intrinsics/focal_learning.h"
+#include "cairn/intrinsics/lens_learning.h"
+#include "database/database_writer.h"
+#include "pipeline/pairs/feed.h"
+#include "pipeline/pairs/load.h"
+#include "pipeline/pairs/rounds.h"
+#include "pipeline/pairs/write.h"
+#include "pipeline/stages/stage_ledger.h"
+
+namespace cairn {
+namespace {
+
+// A keypoint with its depth sample in memory.
+constexpr int64_t kBytesPerKeypoint = sizeof(Keypoint) + sizeof(DepthSample);
+
+// So many of an image's most-matched pairs are in the first round.
+constexpr int kLikelyPairsPerImage = 5;
+
+// Pairs that are given to the reading thread: those with matches, but not those that another
+// program verified.
+std::vector<image_pair_t> FindPairs(const Database& database,
+                                    const std::vector<std::pair<image_pair_t, int>>& num_matches,
+                                    const VerificationInput& input, const StageLedger& ledger) {
+  std::vector<image_pair_t> given;
+  for (const auto& [pair, num] : database.ReadNumInliers()) {
+    if (ledger.Find(pair) == nullptr) given.push_back(pair);
+  }
+  std::vector<image_pair_t> pairs;
+  for (const auto& [pair, num] : num_matches) {
+    if (std::binary_search(given.begin(), given.end(), pair)) continue;
+    if (input.pairs && !std::binary_search(input.pairs->begin(), input.pairs->end(), pair))
+      continue;
+    pairs.push_back(pair);
+  }
+  return pairs;
+}
+
+// One thread's verifiers.
+class Worker {
+ public:
+  Worker(const std::vector<NamedVerifier>& verifiers, const VerificationInput& input,
+         const std::vector<image_pair_t>& to_weigh)
+      : input_(input), to_weigh_(to_weigh) {
+    for (const NamedVerifier& verifier : verifiers) {
+      names_.push_back(verifier.name);
+      verifiers_.push_back(verifier.make());
+    }
+  }
+
+  PairOutcome Run(const PairTask& task) {
+    PairOutcome outcome;
+    outcome.pair_id = task.pair_id;
+    outcome.input_hash = task.input_hash;
+    outcome.num_matches = static_cast<int>(task.matches.size());
+    if (!task.image1) return outcome;  // Too few matches.
+    PairInput pair;
+    pair.pair_id = task.pair_id;
+    pair.seed = input_.seed;
+    pair.camera1 = &task.image1->camera;
+    pair.camera2 = &task.image2->camera;
+    pair.keypoints1 = *task.image1->keypoints;
+    pair.keypoints2 = *task.image2->keypoints;
+    pair.depth1 = task.image1->depth;
+    pair.depth2 = task.image2->depth;
+    pair.matches = task.matches;
+    pair.are_best_first = task.are_best_first;
+    pair.weigh_focals = std::binary_search(to_weigh_.begin(), to_weigh_.end(), task.pair_id);
+    for (size_t i = 0; i < verifiers_.size(); ++i) {
+      const Timer timer;
+      PairReport report = verifiers_[i]->Verify(pair);
+      if (!outcome.focal_evidence) outcome.focal_evidence = report.focal_evidence;
+      const double seconds = timer.Seconds();
+      verifying_seconds += seconds;
+      outcome.runs.push_back({names_[i], std::move(report), seconds});
+    }
+    outcome.winner = ChooseWinner(outcome.runs);
+    return outcome;
+  }
+
+  double verifying_seconds = 0;
+
+ private:
+  const VerificationInput& input_;
+  const std::vector<image_pair_t>& to_weigh_;
+  std::vector<std::string> names_;
+  std::vector<std::unique_ptr<PairVerifier>> verifiers_;
+};
+
+// Counts each pair once, by what was found last.
+class OutcomeCounter {
+ public:
+  explicit OutcomeCounter(VerificationCounts* counts) : counts_(*counts) {}
+
+  // False: the pair was there before. Only pairs that are `remembered` may come again.
+  bool Add(const PairOutcome& outcome, bool remembered) {
+    Entry entry = {!outcome.runs.empty(), outcome.winner >= 0, {}};
+    entry.name =
+        entry.is_verified ? outcome.runs[outcome.winner].verifier : outcome.RejectionReason();
+    const auto before = entries_.find(outcome.pair_id);
+    const bool is_new = before == entries_.end();
+    if (!is_new) Count(before->second, -1);
+    Count(entry, 1);
+    if (remembered) entries_[outcome.pair_id] = std::move(entry);
+    return is_new;
+  }
+
+ private:
+  struct Entry {
+    bool is_tried, is_verified;
+    std::string name;  // of the verifier, or the reason
+  };
+
+  void Count(const Entry& entry, int sign) {
+    counts_.num_pairs += sign;
+    (entry.is_tried ? counts_.num_tried : counts_.num_too_few) += sign;
+    if (entry.is_verified) counts_.num_verified += sign;
+    auto& counts = entry.is_verified ? counts_.verified_by : counts_.rejected_by;
+    if ((counts[entry.name] += sign) == 0) counts.erase(entry.name);
+  }
+
+  VerificationCounts& counts_;
+  std::map<image_pair_t, Entry> entries_;
+};
+
+std::map<image_t, int64_t> ImageBytes(const Database& database) {
+  std::map<image_t, int64_t> bytes;
+  for (const auto& [id, num] : database.ReadNumKeypoints()) bytes[id] = num * kBytesPerKeypoint;
+  return bytes;
+}
+
+// The rounds of a run: what they share, and what they leave behind.
+class Rounds {
+ public:
+  Rounds(Database& database, const std::vector<NamedVerifier>& verifiers,
+         const VerificationInput& input, const SchedulerOptions& scheduler, StageLedger& ledger,
+         bool may_learn, int num_threads, ProgressMonitor& monitor, VerificationReport& report)
+      : database_(database),
+        verifiers_(verifiers),
+        input_(input),
+        ledger_(ledger),
+        may_learn_(may_learn),
+        num_threads_(num_threads),
+        monitor_(monitor),
+        report_(report),
+        counter_(&report.counts),
+        // Half for the present tile; tasks that still hold images of the last one have the rest.
+        max_bytes_(GibToBytes(scheduler.max_memory_gib) / 2),
+        image_bytes_(ImageBytes(database)),
+        loader_(database.path(), input.min_num_matches, SumOfBytes() <= max_bytes_, ledger,
+                monitor) {}
+
+  // The likely pairs first, then the others.
+  void Run(const std::vector<image_pair_t>& pairs,
+           const std::vector<std::pair<image_pair_t, int>>& num_matches) {
+    const std::vector<image_pair_t> likely = LikelyPairs(num_matches, kLikelyPairsPerImage);
+    std::vector<image_pair_t> first, second;
+    for (const image_pair_t pair : pairs) {
+      (std::binary_search(likely.begin(), likely.end(), pair) ? first : second).push_back(pair);
+    }
+    to_weigh_ = PairsToWeigh(database_, likely);
+    RunRound(first, true);
+    if (!monitor_.StopRequested() && may_learn_) {
+      const std::vector<image_pair_t> undone = LearnLens(likely);
+      to_weigh_ = PairsToWeigh(database_, likely);
+      RunAgain(first, undone);
+    }
+    to_weigh_.clear();
+    if (!monitor_.StopRequested()) RunAgain(first, RejectFocals());
+    if (!monitor_.StopRequested()) RunRound(second, false);
+    report_.stage.messages.insert(report_.stage.messages.end(), loader_.messages().begin(),
+                                  loader_.messages().end());
+    report_.reading_seconds = loader_.busy_seconds();
+  }
+
+ private:
+  int64_t SumOfBytes() const {
+    int64_t sum = 0;
+    for (const auto& [id, bytes] : image_bytes_) sum += bytes;
+    return sum;
+  }
+
+  // Verifies pairs; adds to the counts and times.
+  void RunRound(const std::vector<image_pair_t>& pairs, bool may_come_again) {
+    loader_.UpdateIntrinsics();
+    DatabaseWriter writer(database_.path());
+    PairFeed feed(
+        PlanPairTiles(pairs, image_bytes_, max_bytes_),
+        [this](image_t id) { return loader_.LoadImage(id); },
+        [this](PairTask& task, const auto& image) { return loader_.LoadPair(task, image); },
+        max_bytes_ / 8);
+    const int num_workers = EffectiveNumThreads(num_threads_);
+    std::vector<std::unique_ptr<Worker>> workers(num_workers);
+    std::mutex counts_mutex;
+    ParallelForWorker(num_workers, std::ssize(pairs), [&](int worker, int64_t) {
+      if (monitor_.StopRequested()) feed.Stop();
+      const std::optional<PairTask> task = feed.Next();
+      if (!task) return;
+      if (!workers[worker]) {
+        workers[worker] = std::make_unique<Worker>(verifiers_, input_, to_weigh_);
+      }
+      auto outcome = std::make_shared<PairOutcome>(workers[worker]->Run(*task));
+      bool is_new = true;
+      {
+        const std::lock_guard<std::mutex> lock(counts_mutex);
+        is_new = counter_.Add(*outcome, may_come_again);
+      }
+      writer.Push([outcome](Database& db) { WriteOutcome(db, *outcome); });
+      if (is_new) monitor_.Advance(1);
+    });
+    writer.Finish();
+    report_.writing_seconds += writer.busy_seconds();
+    for (const auto& worker : workers) {
+      if (worker) report_.verifying_seconds += worker->verifying_seconds;
+    }
+  }
+
+  // The pairs of the first round that are undone.
+  void RunAgain(const std::vector<image_pair_t>& first, const std::vector<image_pair_t>& undone) {
+    std::vector<image_pair_t> again;
+    std::set_intersection(first.begin(), first.end(), undone.begin(), undone.end(),
+                          std::back_inserter(again));
+    if (!again.empty()) RunRound(again, true);
+  }
+
+  // Learns distortion and focal lengths that nothing tells; returns the pairs to be verified again.
+  std::vector<image_pair_t> LearnLens(const std::vector<image_pair_t>& likely) {
+    const Timer timer;
+    const LearnedLenses learned = LearnLenses(database_, likely, num_threads_);
+    for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
+    for (const std::string& text : learned.texts) monitor_.Info(text);
+    report_.num_learned_lenses = static_cast<int>(learned.texts.size());
+    report_.learning_seconds += timer.Seconds();
+    return learned.undone;
+  }
+
+  // Learns which trusted focal lengths are wrong; returns the pairs to be verified again.
+  std::vector<image_pair_t> RejectFocals() {
+    const Timer timer;
+    const LearnedFocals learned = LearnFocals(database_);
+    for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
+    for (std::string& text : RejectedFocalTexts(database_, learned.rejected)) {
+      monitor_.Warning(text);
+      report_.stage.messages.push_back(std::move(text));
+    }
+    report_.num_rejected_focals = static_cast<int>(learned.rejected.size());
+    report_.learning_seconds += timer.Seconds();
+    return learned.undone;
+  }
+
+  Database& database_;
+  const std::vector<NamedVerifier>& verifiers_;
+  const VerificationInput& input_;
+  StageLedger& ledger_;
+  const bool may_learn_;
+  const int num_threads_;
+  ProgressMonitor& monitor_;
+  VerificationReport& report_;
+  OutcomeCounter counter_;
+  const int64_t max_bytes_;
+  const std::map<image_t, int64_t> image_bytes_;
+  PairLoader loader_;
+  std::vector<image_pair_t> to_weigh_;
+};
+
+void FillStageReport(VerificationReport& report) {
+  const VerificationCounts& counts = report.counts;
+  StageReport& stage = report.stage;
+  stage.Add("pairs", static_cast<double>(counts.num_pairs));
+  stage.Add("tried", static_cast<double>(counts.num_tried));
+  stage.Add("verified", static_cast<double>(counts.num_verified));
+  for (const auto& [verifier, num] : counts.verified_by) {
+    stage.Add("verified_by_" + verifier, static_cast<double>(num));
+  }
+  for (const auto& [reason, num] : counts.rejected_by) {
+    stage.Add("rejected_" + reason, static_cast<double>(num));
+  }
+  stage.Add("learned_lenses", report.num_learned_lenses);
+  stage.Add("rejected_focals", report.num_rejected_focals);
+  stage.Add("learning_seconds", report.learning_seconds);
+  stage.Add("verifying_seconds", report.verifying_seconds);
+  stage.Add("reading_seconds", report.reading_seconds);
+  stage.Add("writing_seconds", report.writing_seconds);
+}
+
+}  // namespace
+
+VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
+                               const VerificationInput& input, const SchedulerOptions& scheduler,
+                               int num_threads, ProgressMonitor& monitor) {
+  CAIRN_CHECK(!verifiers.empty());
+  const Timer timer;
+  VerificationReport report;
+  report.stage.name = kStageVerification;
+  const std::optional<StageRecord> record = database.ReadStage(kStageVerification);
+  StageLedger ledger(database, kStageVerification, input.options);
+  const auto num_matches = database.ReadNumMatches();
+  const std::vector<image_pair_t> pairs = FindPairs(database, num_matches, input, ledger);
+  const auto num_new =
+      static_cast<int64_t>(std::count_if(pairs.begin(), pairs.end(), [&ledger](image_pair_t pair) {
+        return ledger.Find(pair) == nullptr;
+      }));
+  if (!pairs.empty()) {
+    if (num_new > 0) ledger.Begin(database);
+    monitor.BeginStage("verifying pairs", num_new);
+    // What is complete stays as it is.
+    const bool may_learn = num_new > 0 || (record && !record->is_complete);
+    Rounds(database, verifiers, input, scheduler, ledger, may_learn, num_threads, monitor, report)
+        .Run(pairs, num_matches);
+    monitor.EndStage();
+  }
+  if (monitor.StopRequested()) {
+    report.stage.MarkStopped();
+  } else {
+    ledger.Complete(database);
+    if (!report.stage.messages.empty()) report.stage.status = StageStatus::kWarning;
+  }
+  FillStageReport(report);
+  report.stage.seconds = timer.Seconds();
+  database.AddTiming(kStageVerification, 0, "", report.stage.seconds);
+  return report;
+}
+
+std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options) {
+  auto make = [&options](const std::string& name) {
+    const VerifierKind kind = VerifierKindFromName(name);
+    return NamedVerifier{name, [kind, options] { return MakePairVerifier(kind, options); }};
+  };
+  if (choice == "both") return {make("one_ac_depth"), make("five_point")};
+  return {make(choice)};
+}
+
+}  // namespace cairn

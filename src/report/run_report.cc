@@ -1,0 +1,83 @@
+#include "cairn/report/run_report.h"
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace cairn {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Whole numbers without a decimal point.
+Json Number(double value) {
+  const auto whole = static_cast<int64_t>(value);
+  if (static_cast<double>(whole) == value) return whole;
+  return value;
+}
+
+Json Values(const std::vector<std::pair<std::string, double>>& values) {
+  Json json = Json::object();
+  for (const auto& [key, value] : values) json[key] = Number(value);
+  return json;
+}
+
+}  // namespace
+
+std::string_view StageStatusName(StageStatus status) {
+  switch (status) {
+    case StageStatus::kOk:
+      return "ok";
+    case StageStatus::kWarning:
+      return "warning";
+    case StageStatus::kFailed:
+      return "failed";
+    case StageStatus::kStopped:
+      return "stopped";
+    case StageStatus::kSkipped:
+      return "skipped";
+  }
+  return "unknown";
+}
+
+std::string ToJson(const RunReport& report) {
+  Json json;
+  json["program"] = report.program;
+  json["seed"] = report.seed;
+  json["num_threads"] = report.num_threads;
+  json["succeeded"] = report.Succeeded();
+  if (!report.Succeeded()) json["failure"] = report.failure;
+  if (!report.warnings.empty()) json["warnings"] = report.warnings;
+  json["values"] = Values(report.values);
+  json["stages"] = Json::array();
+  for (const StageReport& stage : report.stages) {
+    Json item;
+    item["name"] = stage.name;
+    item["status"] = StageStatusName(stage.status);
+    item["seconds"] = stage.seconds;
+    item["values"] = Values(stage.values);
+    if (!stage.messages.empty()) item["messages"] = stage.messages;
+    json["stages"].push_back(std::move(item));
+  }
+  // Messages may quote file names in any encoding.
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string Summary(const RunReport& report) {
+  std::string text;
+  char number[64];
+  for (const StageReport& stage : report.stages) {
+    std::snprintf(number, sizeof(number), "%8.2f s  ", stage.seconds);
+    text += number + stage.name;
+    if (stage.status != StageStatus::kOk) {
+      text += " (" + std::string(StageStatusName(stage.status)) + ")";
+    }
+    for (size_t i = 0; i < stage.values.size(); ++i) {
+      std::snprintf(number, sizeof(number), "%.6g", stage.values[i].second);
+      text += (i == 0 ? ": " : ", ") + stage.values[i].first + " " + number;
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+}  // namespace cairn

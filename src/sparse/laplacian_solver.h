@@ -1,0 +1,50 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "sparse/sparse_cholesky.h"
+
+namespace cairn {
+
+// Solves L(w) X = B for the weighted Laplacian of a graph, L = sum_e w_e (e_i - e_j)(e_i - e_j)^T,
+// with the gauge nodes held at zero (their rows and columns are removed): one gauge node in every
+// connected component makes the system positive definite for positive weights.
+// The pattern is analyzed once, weights are refactored as often as needed, and all columns of B are
+// solved together: n x n instead of the 3n x 3n of three coordinates.
+class LaplacianSolver {
+ public:
+  struct Edge {
+    int node1 = 0;
+    int node2 = 0;
+  };
+
+  // Nodes 0 .. num_nodes-1; edges may repeat, self-loops are ignored. is_gauge[node] tells the
+  // nodes held at zero.
+  LaplacianSolver(int num_nodes, std::span<const Edge> edges, std::span<const char> is_gauge);
+
+  // Weights >= 0, one an edge; `diagonal`, if not empty, is added to the diagonal (one value >= 0 a
+  // node: a pull towards zero). False if the matrix is not positive definite (weights of zero leave
+  // a part of the graph loose); then Solve must not be called.
+  bool Factorize(std::span<const double> weights, std::span<const double> diagonal = {});
+
+  // B and the result: num_nodes x k. Rows of gauge nodes are ignored in B and zero in the result.
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const;
+
+  const SparseCholesky& Factor() const { return *factor_; }
+
+ private:
+  int num_nodes_;
+  std::vector<int> row_of_node_;  // -1: gauge
+  std::vector<int> diagonal_of_row_;
+  // Where an edge's weight goes: off-diagonal entry (-1: none), and the diagonal entries of its
+  // ends.
+  std::vector<int> entry_of_edge_;
+  std::vector<Edge> edges_;
+  std::vector<double> values_;
+  std::unique_ptr<SparseCholesky> factor_;
+};
+
+}  // namespace cairn

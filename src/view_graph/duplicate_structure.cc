@@ -1,0 +1,384 @@
+#include "cairn/view_graph/duplicate_structure.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <set>
+
+#include "cairn/base/parallel.h"
+#include "cairn/geometry/rigid3d.h"
+#include "cairn/math/angles.h"
+#include "cairn/math/median.h"
+
+namespace cairn {
+namespace {
+
+// Cells of an image's longer side.
+constexpr int kCells = 10;
+// Points of an image that are looked at.
+constexpr size_t kMaxPoints = 400;
+// A point should look the same from the other camera: directions and distances are similar.
+const double kMinCosine = std::cos(DegToRad(25.0));
+constexpr double kMaxDistanceRatio = 1.6;
+// Comparable points that a pair must have to say anything.
+constexpr double kMinEvidence = 30;
+// A pair contradicts where more of them lie in cells without any match than its matching rate
+// explains, by this many standard deviations.
+constexpr double kMinDeviations = 3;
+
+// Images that make a place.
+constexpr int kMinGroup = 3;
+
+// An image, ready to be compared with others.
+struct View {
+  const RegisteredImage* image = nullptr;
+  const Camera* camera = nullptr;
+  Eigen::Vector3d center;
+  int columns = 0;
+  int rows = 0;
+  std::vector<point3D_t> seen;                                 // all of its points, ascending
+  std::vector<std::pair<point3D_t, Eigen::Vector3d>> samples;  // at most kMaxPoints of them
+  std::vector<int> present;                                    // points in each cell
+
+  int CellOf(const Eigen::Vector2d& pixel) const {
+    if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera->width &&
+          pixel.y() < camera->height)) {
+      return -1;
+    }
+    return static_cast<int>(pixel.y() * rows / camera->height) * columns +
+           static_cast<int>(pixel.x() * columns / camera->width);
+  }
+};
+
+View MakeView(const Reconstruction& model, const RegisteredImage& image) {
+  View view;
+  view.image = &image;
+  view.camera = &model.CameraOf(image);
+  view.center = image.cam_from_world.Center();
+  const double cell =
+      static_cast<double>(std::max(view.camera->width, view.camera->height)) / kCells;
+  view.columns = std::max(1, static_cast<int>(std::lround(view.camera->width / cell)));
+  view.rows = std::max(1, static_cast<int>(std::lround(view.camera->height / cell)));
+  view.present.assign(static_cast<size_t>(view.columns) * view.rows, 0);
+  for (size_t k = 0; k < image.point3D_ids.size(); ++k) {
+    if (image.point3D_ids[k] == kInvalidPoint3DId) continue;
+    view.seen.push_back(image.point3D_ids[k]);
+    const int cell = view.CellOf(image.points2D[k]);
+    if (cell >= 0) ++view.present[cell];
+  }
+  const size_t num_samples = std::min(view.seen.size(), kMaxPoints);
+  for (size_t k = 0; k < num_samples; ++k) {
+    const point3D_t id = view.seen[k * view.seen.size() / num_samples];
+    view.samples.emplace_back(id, model.points3D.at(id).xyz);
+  }
+  std::sort(view.seen.begin(), view.seen.end());
+  return view;
+}
+
+// What two views say about each other: the more comparable points, the more it counts.
+struct Comparison {
+  double evidence = 0;
+  double conflict = 0;  // share of the evidence, 0 to 1, beyond what is expected
+  double sigma = 0;     // standard deviation that is expected of it
+};
+
+// The rate at which expected points are matched, from cells that have a match (binomial without
+// zero: a cell of n points has n rate / (1 - (1 - rate)^n) matches on average).
+double MatchingRate(const std::vector<std::pair<int, int>>& matched) {
+  double common = 0;
+  for (const auto& [n, c] : matched) common += c;
+  double rate = 0.95;
+  for (int iteration = 0; iteration < 30; ++iteration) {
+    double expected = 0;
+    for (const auto& [n, c] : matched) {
+      expected += n / std::max(1e-6, 1 - std::pow(1 - rate, n));
+    }
+    rate = std::min(0.95, common / expected);
+  }
+  return rate;
+}
+
+// The chance that of n points of a cell none is matched. Cells have rates of their own, by a Beta
+// law with the pair's mean and precision 1: a pair that matches badly (another light, another
+// season, blur) does so in patches.
+double ChanceOfNone(double rate, int n) {
+  double chance = 1;
+  for (int k = 0; k < n; ++k) chance *= (1 - rate + k) / (1.0 + k);
+  return chance;
+}
+
+// Points of `a` that `b` should see as well, against those that it does, cell by cell. A pair that
+// matches badly misses points everywhere; one of twin places matches in some cells as well as any,
+// and in others, where both have points, not at all.
+Comparison CompareInto(const View& a, const View& b) {
+  struct Cell {
+    int expected = 0, present = 0, common = 0;
+  };
+  std::vector<Cell> cells(b.present.size());
+  for (size_t k = 0; k < cells.size(); ++k) cells[k].present = b.present[k];
+  for (const auto& [id, xyz] : a.samples) {
+    const Eigen::Vector3d from_a = xyz - a.center;
+    const Eigen::Vector3d from_b = xyz - b.center;
+    const double distance_a = from_a.norm();
+    const double distance_b = from_b.norm();
+    if (from_a.dot(from_b) < kMinCosine * distance_a * distance_b) continue;
+    if (distance_a > kMaxDistanceRatio * distance_b) continue;
+    if (distance_b > kMaxDistanceRatio * distance_a) continue;
+    const auto pixel = b.camera->ImgFromRay(b.image->cam_from_world * xyz);
+    if (!pixel) continue;
+    const int cell = b.CellOf(*pixel);
+    if (cell < 0) continue;
+    ++cells[cell].expected;
+    cells[cell].common += std::binary_search(b.seen.begin(), b.seen.end(), id);
+  }
+  std::vector<std::pair<int, int>> matched;  // expected and common points of cells with matches
+  for (const Cell& cell : cells) {
+    if (cell.common > 0) matched.emplace_back(cell.expected, cell.common);
+  }
+  Comparison result;
+  if (matched.empty()) return result;
+  // A cell without matches is no surprise where few are expected.
+  const double rate = MatchingRate(matched);
+  double variance = 0;
+  for (const Cell& cell : cells) {
+    const int weight = std::min(cell.expected, cell.present);
+    const double chance = ChanceOfNone(rate, weight);
+    result.evidence += weight;
+    result.conflict += weight * ((cell.common == 0 ? 1.0 : 0.0) - chance);
+    variance += weight * weight * chance * (1 - chance);
+  }
+  if (result.evidence > 0) {
+    result.conflict = std::max(0.0, result.conflict / result.evidence);
+    result.sigma = std::sqrt(variance) / result.evidence;
+  }
+  return result;
+}
+
+Comparison Compare(const View& a, const View& b) {
+  const Comparison ab = CompareInto(a, b);
+  const Comparison ba = CompareInto(b, a);
+  return {std::min(ab.evidence, ba.evidence), std::min(ab.conflict, ba.conflict),
+          std::max(ab.sigma, ba.sigma)};
+}
+
+// A pair of registered images, by their indices.
+struct Pair {
+  size_t edge = 0;  // in the graph
+  int image1 = 0, image2 = 0;
+  int num_inliers = 0;
+  double angle_deg = 0;  // between the two orientations
+  Comparison comparison;
+
+  bool CanTell() const { return comparison.evidence >= kMinEvidence; }
+  // +1: they look at one place, -1: at two, 0: they do not show enough in common to tell.
+  int Vote() const {
+    if (!CanTell()) return 0;
+    return comparison.conflict > kMinDeviations * comparison.sigma ? -1 : 1;
+  }
+};
+
+std::vector<Pair> ComparePairs(const Reconstruction& model, const ViewGraph& graph,
+                               int num_threads) {
+  std::vector<View> views;
+  std::map<image_t, int> index_of;
+  for (const auto& [id, image] : model.images) {
+    index_of[id] = static_cast<int>(views.size());
+    views.push_back(MakeView(model, image));
+  }
+  std::vector<Pair> pairs;
+  for (size_t e = 0; e < graph.edges.size(); ++e) {
+    const ViewEdge& edge = graph.edges[e];
+    const auto image1 = index_of.find(edge.image_id1);
+    const auto image2 = index_of.find(edge.image_id2);
+    if (!edge.IsActive() || image1 == index_of.end() || image2 == index_of.end()) continue;
+    const double angle = AngleBetween(model.images.at(edge.image_id1).cam_from_world.rotation,
+                                      model.images.at(edge.image_id2).cam_from_world.rotation);
+    pairs.push_back({e, image1->second, image2->second, edge.num_inliers, RadToDeg(angle), {}});
+  }
+  ParallelFor(num_threads, static_cast<int64_t>(pairs.size()), [&](int64_t i) {
+    pairs[i].comparison = Compare(views[pairs[i].image1], views[pairs[i].image2]);
+  });
+  return pairs;
+}
+
+// Groups of images, joined along the pairs that do not contradict, those of most matches first, but
+// not where more of the pairs between two groups see two places than see one.
+class Groups {
+ public:
+  Groups(int num_images, const std::vector<Pair>& pairs)
+      : pairs_(pairs), pairs_of_(num_images), group_of_(num_images), members_(num_images) {
+    for (size_t k = 0; k < pairs.size(); ++k) {
+      pairs_of_[pairs[k].image1].push_back(static_cast<int>(k));
+      pairs_of_[pairs[k].image2].push_back(static_cast<int>(k));
+    }
+    for (int i = 0; i < num_images; ++i) {
+      group_of_[i] = i;
+      members_[i] = {i};
+    }
+    JoinAlongPairs();
+    // An image or two that fit nowhere are not a place: they go where most of their matches lead.
+    for (int group = 0; group < num_images; ++group) {
+      if (SizeOf(group) > 0 && SizeOf(group) < kMinGroup) Dissolve(group);
+    }
+  }
+
+  int Of(int image) const { return group_of_[image]; }
+  int SizeOf(int group) const { return static_cast<int>(members_[group].size()); }
+  // Joins the group to the one that most of its matches lead to. False: none do.
+  bool Dissolve(int group) {
+    std::map<int, int64_t> num_matches;
+    for (const int i : members_[group]) {
+      for (const int k : pairs_of_[i]) {
+        const int other = Of(OtherImage(k, i));
+        if (other != group) num_matches[other] += pairs_[k].num_inliers;
+      }
+    }
+    if (num_matches.empty()) return false;
+    Join(std::max_element(num_matches.begin(), num_matches.end(),
+                          [](auto& a, auto& b) { return a.second < b.second; })
+             ->first,
+         group);
+    return true;
+  }
+
+ private:
+  int OtherImage(int pair, int image) const {
+    return pairs_[pair].image1 == image ? pairs_[pair].image2 : pairs_[pair].image1;
+  }
+
+  void JoinAlongPairs() {
+    std::vector<int> order(pairs_.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+      return std::make_pair(pairs_[a].Vote() < 0, -pairs_[a].num_inliers) <
+             std::make_pair(pairs_[b].Vote() < 0, -pairs_[b].num_inliers);
+    });
+    for (const int k : order) {
+      int group1 = Of(pairs_[k].image1), group2 = Of(pairs_[k].image2);
+      if (group1 == group2) continue;
+      if (SizeOf(group1) < SizeOf(group2)) std::swap(group1, group2);
+      if (Balance(group2, group1) >= 0) Join(group1, group2);
+    }
+  }
+
+  // Votes of the pairs between two groups, the first of them the smaller one.
+  int Balance(int group, int other) const {
+    int balance = 0;
+    for (const int i : members_[group]) {
+      for (const int k : pairs_of_[i]) {
+        if (Of(OtherImage(k, i)) == other) balance += pairs_[k].Vote();
+      }
+    }
+    return balance;
+  }
+
+  void Join(int into, int group) {
+    for (const int i : members_[group]) group_of_[i] = into;
+    members_[into].insert(members_[into].end(), members_[group].begin(), members_[group].end());
+    members_[group].clear();
+  }
+
+  const std::vector<Pair>& pairs_;
+  std::vector<std::vector<int>> pairs_of_;  // by image
+  std::vector<int> group_of_;               // by image
+  std::vector<std::vector<int>> members_;   // by group
+};
+
+// How much views of one place conflict, too: by occlusion, blur, what moves; the more, the farther
+// apart they are. Learned from the pairs within the groups.
+class UsualConflict {
+ public:
+  UsualConflict(const std::vector<Pair>& pairs, const Groups& groups) {
+    std::vector<double> all, evidence;
+    std::array<std::vector<double>, kNumBins> of_bin;
+    for (const Pair& pair : pairs) {
+      if (!pair.CanTell() || groups.Of(pair.image1) != groups.Of(pair.image2)) continue;
+      all.push_back(pair.comparison.conflict);
+      of_bin[Bin(pair)].push_back(pair.comparison.conflict);
+      evidence.push_back(pair.comparison.evidence);
+    }
+    // Less than a point cannot be seen.
+    const double least = evidence.empty() ? 1.0 : 1.0 / UpperMedian(evidence);
+    for (int bin = 0; bin < kNumBins; ++bin) {
+      const bool is_enough = of_bin[bin].size() >= kMinPairs;
+      median_[bin] = std::max(least, UpperMedian(is_enough ? of_bin[bin] : all));
+    }
+  }
+
+  // -log of the chance that a pair of one place conflicts so much: a law with this median whose
+  // tail falls with the square, slower than exponentially, as those of photographs do.
+  double Surprise(const Pair& pair) const {
+    const double scale = median_[Bin(pair)] / (std::sqrt(2.0) - 1);
+    return 2 * std::log1p(pair.comparison.conflict / scale);
+  }
+
+ private:
+  static constexpr int kNumBins = 4;  // of ten degrees, the last one open
+  static constexpr size_t kMinPairs = 5;
+  static int Bin(const Pair& pair) {
+    return std::min(kNumBins - 1, static_cast<int>(pair.angle_deg / 10));
+  }
+  std::array<double, kNumBins> median_;
+};
+
+// The evidence, nats, that a group of images shows another place than those it has pairs with, less
+// what it takes to name the group among all others of its size. Under one place, the surprises of
+// its pairs with others are exponential with mean 1; under two, with the mean that they have. Pairs
+// of one image hang together: no more of them count than there are images, twice for the two sides.
+double SplitEvidence(const std::vector<Pair>& pairs, int num_images, int group,
+                     const UsualConflict& usual, const Groups& groups) {
+  std::set<int> inside, outside;
+  double sum = 0;
+  int num_pairs = 0;
+  for (const Pair& pair : pairs) {
+    const bool is_inside1 = groups.Of(pair.image1) == group;
+    const bool is_inside2 = groups.Of(pair.image2) == group;
+    if (!pair.CanTell() || is_inside1 == is_inside2) continue;
+    inside.insert(is_inside1 ? pair.image1 : pair.image2);
+    outside.insert(is_inside1 ? pair.image2 : pair.image1);
+    sum += usual.Surprise(pair);
+    ++num_pairs;
+  }
+  const int size = groups.SizeOf(group);
+  double cost = 0;
+  for (int k = 1; k <= size; ++k) cost += std::log(double(num_images - size + k) / k);
+  const double mean = num_pairs > 0 ? sum / num_pairs : 0;
+  if (mean <= 1) return -cost;
+  const size_t num_independent =
+      std::min<size_t>(num_pairs, 2 * std::min(inside.size(), outside.size()));
+  return static_cast<double>(num_independent) * (mean - 1 - std::log(mean)) - cost;
+}
+
+// Dissolves the groups that nothing speaks for, the least supported first.
+void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) {
+  for (;;) {
+    const UsualConflict usual(pairs, groups);
+    std::map<int, double> evidence;
+    for (int i = 0; i < num_images; ++i) {
+      const int group = groups.Of(i);
+      if (evidence.count(group) > 0 || groups.SizeOf(group) == num_images) continue;
+      evidence[group] = SplitEvidence(pairs, num_images, group, usual, groups);
+    }
+    const auto least = std::min_element(evidence.begin(), evidence.end(),
+                                        [](auto& a, auto& b) { return a.second < b.second; });
+    if (least == evidence.end() || least->second > 0) return;
+    if (!groups.Dissolve(least->first)) return;
+  }
+}
+
+}  // namespace
+
+std::vector<size_t> EdgesBetweenDuplicates(const Reconstruction& model, const ViewGraph& graph,
+                                           int num_threads) {
+  const std::vector<Pair> pairs = ComparePairs(model, graph, num_threads);
+  Groups groups(static_cast<int>(model.images.size()), pairs);
+  KeepProven(pairs, static_cast<int>(model.images.size()), groups);
+  std::vector<size_t> between;
+  for (const Pair& pair : pairs) {
+    if (groups.Of(pair.image1) != groups.Of(pair.image2)) between.push_back(pair.edge);
+  }
+  return between;
+}
+
+}  // namespace cairn

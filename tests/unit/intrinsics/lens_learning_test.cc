@@ -1,0 +1,210 @@
+// Distortion and focal lengths that the likely pairs teach.
+#include "cairn/intrinsics/lens_learning.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <utility>
+
+#include "cairn/intrinsics/known_intrinsics.h"
+#include "cairn/pipeline/verify_pairs.h"
+#include "cairn/synthetic/scene.h"
+#include "support/database_dump.h"
+#include "support/temp_folder.h"
+#include "support/test_monitor.h"
+
+namespace cairn {
+namespace {
+
+struct LensCase {
+  double k = 0;
+  double focal_factor = 1.0;  // what the database says of the true focal length
+  bool has_prior = true;
+  camera_t wrong_camera = kInvalidCameraId;  // the only one with that factor
+  bool own_cameras = false;                  // one an image, 100 + its id
+};
+
+class LensLearningTest : public ::testing::Test {
+ protected:
+  // Two cameras with the same distortion, of which the database says nothing.
+  std::string MakeDatabase(const std::string& name, const LensCase& lens) const {
+    SceneOptions options;
+    options.num_images = lens.own_cameras ? 9 : 14;
+    // (On a ring all optical axes meet in one point, which leaves focal lengths open.)
+    options.layout = lens.own_cameras ? CameraLayout::kRing : CameraLayout::kLandmark;
+    options.num_points = lens.own_cameras ? 900 : 1500;
+    options.max_keypoints = 500;
+    options.distance = lens.own_cameras ? 3.0 : 2.0;
+    options.image_noise_px = lens.own_cameras ? 0.3 : 0.5;
+    options.outlier_ratio = 0.2;
+    options.camera_model = CameraModel::kSimpleRadial;
+    options.radial_distortion = lens.k;
+    SyntheticScene scene = MakeScene(options, 3);
+    if (lens.own_cameras) {
+      const std::map<camera_t, Camera> cameras = std::exchange(scene.cameras, {});
+      for (Image& image : scene.images) {
+        Camera camera = cameras.at(image.camera_id);
+        image.camera_id = camera.camera_id = 100 + image.image_id;
+        scene.cameras[camera.camera_id] = camera;
+      }
+    }
+    for (auto& [id, camera] : scene.cameras) {
+      true_focals_[id] = camera.MeanFocal();
+      camera.params.back() = 0.0;
+      camera.has_prior_focal_length = lens.has_prior;
+      if (lens.wrong_camera == kInvalidCameraId || lens.wrong_camera == id) {
+        camera.SetMeanFocal(lens.focal_factor * camera.MeanFocal());
+      }
+    }
+    const std::string path = folder_ / name;
+    Database database(path);
+    WriteScene(scene, SceneContent::kMatches, database);
+    return path;
+  }
+
+  static VerificationReport Verify(const std::string& path, int num_threads = 2,
+                                   ProgressMonitor& monitor = NullMonitor()) {
+    Database database(path);
+    VerificationInput input;
+    input.options = "a = 1\n";
+    return VerifyPairs(database, MakeVerifiers("fast", {}), input, {}, num_threads, monitor);
+  }
+
+  static std::map<TwoViewConfig, int> Configs(const std::string& path) {
+    const Database database(path);
+    std::map<TwoViewConfig, int> configs;
+    for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
+      ++configs[database.ReadTwoViewGeometry(pair)->config];
+    }
+    return configs;
+  }
+
+  static int NumInliers(const std::string& path) {
+    int sum = 0;
+    for (const auto& [pair, num] : Database(path).ReadNumInliers()) sum += num;
+    return sum;
+  }
+
+  testing::TempFolder folder_;
+  mutable std::map<camera_t, double> true_focals_;
+};
+
+TEST_F(LensLearningTest, RightFocalLengthsAreNotGivenUpForDistortion) {
+  const std::string straight = MakeDatabase("0.db", {});
+  Verify(straight);
+  for (const double k : {-0.3, -0.1, -0.05, 0.05, 0.1}) {
+    const std::string path = MakeDatabase(std::to_string(k) + ".db", {.k = k});
+    const VerificationReport report = Verify(path);
+    EXPECT_EQ(report.num_rejected_focals, 0) << k;
+    const Database database(path);
+    // The scene fills the middle of the images, where 0.05 moves points by little more than noise.
+    EXPECT_GE(report.num_learned_lenses, std::abs(k) < 0.1 ? 1 : 2) << k;
+    for (const auto& [id, lens] : database.ReadCameraLenses()) {
+      if (lens.k != 0) {
+        EXPECT_NEAR(lens.k, k, std::max(0.025, 0.15 * std::abs(k)));
+      }
+      EXPECT_EQ(lens.focal_px, 0);  // EXIF's holds
+    }
+    EXPECT_GT(NumInliers(path), 0.95 * NumInliers(straight)) << k;
+    EXPECT_EQ(Configs(path)[TwoViewConfig::kUncalibrated], 0) << k;
+    // What the database was given stays.
+    for (const Camera& camera : database.ReadCameras()) EXPECT_EQ(camera.params.back(), 0.0);
+  }
+}
+
+TEST_F(LensLearningTest, WrongFocalLengthsOfDistortedLensesAreRejected) {
+  for (const double k : {-0.1, 0.05}) {
+    for (const double factor : {0.5, 2.0}) {
+      const std::string path =
+          MakeDatabase(std::to_string(k) + std::to_string(factor) + ".db",
+                       {.k = k, .focal_factor = factor, .wrong_camera = 104, .own_cameras = true});
+      EXPECT_EQ(Verify(path).num_rejected_focals, 1) << k << " " << factor;
+      EXPECT_TRUE(Database(path).ReadCameraFocals().at(104).is_rejected);
+    }
+  }
+}
+
+TEST_F(LensLearningTest, GuessedFocalLengthsAreLearned) {
+  for (const double k : {0.0, -0.1}) {
+    const std::string path =
+        MakeDatabase(std::to_string(k) + ".db", {.k = k, .focal_factor = 1.3, .has_prior = false});
+    Verify(path);
+    const Database database(path);
+    for (const auto& [id, lens] : database.ReadCameraLenses()) {
+      EXPECT_NEAR(lens.focal_px / true_focals_.at(id), 1.0, 0.04);
+      EXPECT_LT(std::abs(std::log(lens.focal_px / true_focals_.at(id))), 4 * lens.focal_sigma);
+      EXPECT_NEAR(lens.k, k, 0.015);
+      EXPECT_TRUE(lens.is_focal_known);
+    }
+    EXPECT_EQ(Configs(path)[TwoViewConfig::kUncalibrated], 0);
+    const std::map<camera_t, KnownIntrinsics> known = ReadKnownIntrinsics(database);
+    for (const auto& [id, of] : known) EXPECT_FALSE(of.camera.has_prior_focal_length);
+    const auto& [first_id, first] = *known.begin();
+    EXPECT_NEAR(first.camera.MeanFocal() / true_focals_.at(first_id), 1.0, 0.04);
+  }
+}
+
+TEST_F(LensLearningTest, GivenAndMeasuredCamerasAreLeftAlone) {
+  const std::string given = MakeDatabase("given.db", {.k = -0.1});
+  Database(given).WriteStage({"cameras", "camera_params = [1000, 500, 400, 0]\n", 1, true});
+  EXPECT_EQ(Verify(given).num_learned_lenses, 0);
+  EXPECT_TRUE(Database(given).ReadCameraLenses().empty());
+
+  const std::string measured = MakeDatabase("measured.db", {.k = -0.1});
+  {
+    Database database(measured);
+    for (Camera camera : database.ReadCameras()) {
+      camera.params[1] += 3.0;  // the principal point
+      database.WriteCamera(camera);
+    }
+  }
+  EXPECT_EQ(Verify(measured).num_learned_lenses, 0);
+}
+
+TEST_F(LensLearningTest, WhatIsCompleteStaysAsItIs) {
+  const std::string path = MakeDatabase("a.db", {.k = -0.1});
+  Verify(path);
+  const std::string dump = DumpDatabase(path);
+  EXPECT_NE(dump.find("\ncairn_camera_lenses: 1 "), std::string::npos);
+  // As another version left it.
+  const std::string old = MakeDatabase("old.db", {.k = -0.1});
+  Verify(old);
+  Database(old).WriteCameraLens(1, {});
+  Database(old).WriteCameraLens(2, {});
+  const std::string before = DumpDatabase(old);
+  EXPECT_EQ(Verify(old).num_learned_lenses, 0);
+  EXPECT_TRUE(DumpDatabase(old) == before);
+  EXPECT_EQ(Verify(path).num_learned_lenses, 0);
+  EXPECT_TRUE(DumpDatabase(path) == dump);
+}
+
+TEST_F(LensLearningTest, RowsDoNotDependOnThreadsOrInterruptions) {
+  for (const bool has_prior : {true, false}) {
+    const LensCase lens = {.k = -0.1,
+                           .focal_factor = has_prior ? 0.5 : 1.3,
+                           .has_prior = has_prior,
+                           .wrong_camera = has_prior ? 2 : kInvalidCameraId};
+    const std::string name = has_prior ? "exif" : "guess";
+    const std::string whole = MakeDatabase(name + "1.db", lens);
+    Verify(whole, 1);
+    const std::string dump = DumpDatabase(whole);
+    const std::string threads = MakeDatabase(name + "8.db", lens);
+    Verify(threads, 8);
+    EXPECT_TRUE(DumpDatabase(threads) == dump);
+    const std::string parts = MakeDatabase(name + "parts.db", lens);
+    int num_runs = 0, num_learned = 0;
+    for (; num_runs < 60; ++num_runs) {
+      TestMonitor monitor(3);
+      const VerificationReport report = Verify(parts, 2, monitor);
+      num_learned += report.num_learned_lenses;
+      if (!report.stage.WasStopped()) break;
+    }
+    EXPECT_GT(num_runs, 4);
+    EXPECT_EQ(num_learned, 2);
+    EXPECT_TRUE(DumpDatabase(parts) == dump);
+  }
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,117 @@
+// Pairs that several poses explain, and what global rotations make of them.
+#include <gtest/gtest.h>
+
+#include "cairn/base/rng.h"
+#include "cairn/math/angles.h"
+#include "cairn/math/so3.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// Two images of a cloud of points as deep as it is wide, `focal_px` away in units of its size.
+struct TwoImages {
+  TwoImages(double focal_px, double noise_px, uint64_t seed) {
+    Camera camera = Camera::FromFocal(1, CameraModel::kPinhole, focal_px, 640, 480);
+    scene.cameras[1] = camera;
+    Rng rng(seed);
+    const double distance = focal_px / 400;
+    const Eigen::Quaterniond turn = ExpSO3({0.03, 0.2, -0.05});
+    // The camera goes around the cloud.
+    const Eigen::Vector3d middle(0, 0, distance);
+    truth = Rigid3d(turn, Eigen::Vector3d(middle - turn * middle));
+    FeatureMatches& matches = scene.matches[ImagePairToPairId(1, 2)];
+    for (point2D_t i = 0; i < 150; ++i) {
+      const Eigen::Vector3d x =
+          middle +
+          0.5 * Eigen::Vector3d(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1));
+      const auto pixel = [&](const Eigen::Vector3d& point) {
+        return Eigen::Vector2d(camera.ImgFromCam(point.hnormalized()) +
+                               noise_px * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian()));
+      };
+      scene.pixels[1].push_back(pixel(x));
+      scene.pixels[2].push_back(pixel(truth * x));
+      matches.push_back({i, i});
+    }
+    for (image_t id = 1; id <= 2; ++id) scene.images[id] = {id, std::to_string(id) + ".jpg", 1};
+    ViewEdge edge;
+    edge.image_id1 = 1;
+    edge.image_id2 = 2;
+    edge.cam2_from_cam1 = truth;
+    edge.cam2_from_cam1.translation.normalize();
+    edge.num_inliers = 150;
+    edge.residual_px = 0.6745 * noise_px;
+    graph.image_ids = {1, 2};
+    graph.edges = {edge};
+  }
+
+  double ErrorDeg() const {
+    return RadToDeg(AngleBetween(graph.edges[0].cam2_from_cam1.rotation, truth.rotation));
+  }
+  // Depths mirrored.
+  Eigen::Quaterniond Reversed() const {
+    const Eigen::Vector3d flip(1, 1, -1);
+    return Eigen::Quaterniond(
+        Eigen::Matrix3d(flip.asDiagonal() * truth.rotation.toRotationMatrix() * flip.asDiagonal()));
+  }
+
+  std::map<image_t, Eigen::Quaterniond> TrueRotations() const {
+    return {{1, Eigen::Quaterniond::Identity()}, {2, truth.rotation}};
+  }
+
+  SceneData scene;
+  Rigid3d truth;
+  ViewGraph graph;
+  ReconstructSettings settings;
+  RunReport report;
+  StageContext context{scene, settings, NullMonitor(), report};
+};
+
+TEST(RotationSigmas, AreThoseOfTheErrorsThatNoiseMakes) {
+  double squared = 0, predicted = 0;
+  constexpr int kSeeds = 40;
+  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    TwoImages pair(1500, 0.3, seed);
+    // The pose that fits the noisy points, from the rotations of the truth.
+    pair.graph.edges[0].cam2_from_cam1.rotation = pair.Reversed();
+    ASSERT_EQ(RefitEdges(pair.context, pair.TrueRotations(), 5, pair.graph), 1);
+    squared += std::pow(DegToRad(pair.ErrorDeg()), 2) / kSeeds;
+    predicted += RotationSigmas(pair.context, pair.graph)[0] / kSeeds;
+  }
+  // The error has other, surer axes, too.
+  EXPECT_GT(std::sqrt(squared), 0.7 * predicted);
+  EXPECT_LT(std::sqrt(squared), 1.6 * predicted);
+}
+
+TEST(RotationSigmas, GrowWithTheFocalLength) {
+  TwoImages wide(1000, 0.3, 1), narrow(12000, 0.3, 1);
+  const double wide_sigma = RotationSigmas(wide.context, wide.graph)[0];
+  const double narrow_sigma = RotationSigmas(narrow.context, narrow.graph)[0];
+  EXPECT_GT(narrow_sigma, 5 * wide_sigma);
+  // A pose that no match agrees with says nothing.
+  wide.graph.edges[0].cam2_from_cam1.rotation = ExpSO3({1.5, 0, 1.5});
+  EXPECT_GT(RotationSigmas(wide.context, wide.graph)[0], 10 * wide_sigma);
+}
+
+TEST(RefitEdges, TakesThePoseThatFitsTheRotationsWhereItExplainsTheMatches) {
+  TwoImages pair(3000, 0.2, 1);
+  pair.graph.edges[0].cam2_from_cam1.rotation = pair.Reversed();
+  pair.graph.edges[0].removal = EdgeRemoval::kTripletInconsistent;
+  EXPECT_EQ(RefitEdges(pair.context, pair.TrueRotations(), 5, pair.graph), 1);
+  EXPECT_TRUE(pair.graph.edges[0].IsActive());
+  EXPECT_LT(pair.ErrorDeg(), 1.0);
+  const Eigen::Vector3d& t = pair.graph.edges[0].cam2_from_cam1.translation;
+  EXPECT_LT(RadToDeg(AngleBetween(t, pair.truth.translation)), 3.0);
+}
+
+TEST(RefitEdges, LeavesWhatNoSuchPoseExplains) {
+  TwoImages pair(800, 0.3, 1);
+  const Eigen::Quaterniond wrong = ExpSO3({0, 0, 0.5}) * pair.truth.rotation;
+  EXPECT_EQ(
+      RefitEdges(pair.context, {{1, Eigen::Quaterniond::Identity()}, {2, wrong}}, 5, pair.graph),
+      0);
+  EXPECT_EQ(pair.ErrorDeg(), 0);
+}
+
+}  // namespace
+}  // namespace cairn

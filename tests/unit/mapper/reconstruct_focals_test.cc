@@ -1,0 +1,190 @@
+#include <gmock/gmock.h>
+
+#include <map>
+#include <set>
+
+#include "mapper/stages.h"
+#include "unit/mapper/reconstruct_fixture.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+// The scene's database, in which focal lengths are guesses, off by a factor.
+Database MakeDatabaseWithGuesses(const SyntheticScene& scene, double factor) {
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.SetMeanFocal(factor * camera.MeanFocal());
+    camera.has_prior_focal_length = false;
+    database.WriteCamera(camera);
+  }
+  return database;
+}
+
+// Focal lengths are the true ones times a factor.
+void ExpectFocals(const Reconstruction& model, const SyntheticScene& scene, double factor,
+                  double tolerance) {
+  for (const auto& [id, camera] : model.cameras) {
+    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), factor, tolerance);
+  }
+}
+
+TEST(ReconstructScene, RefinesUnknownFocalLengths) {
+  SyntheticScene scene = MakeScene(SmallScene(), 3);
+  const Database database = MakeDatabaseWithGuesses(scene, 1.04);
+  const ReconstructResult refined = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(refined.report.Succeeded()) << refined.report.failure;
+  ExpectFocals(refined.models.front(), scene, 1.0, 0.01);
+  ReconstructSettings held = Settings();
+  held.refine_intrinsics = false;
+  const ReconstructResult fixed = ReconstructScene(database, "", held);
+  ASSERT_TRUE(fixed.report.Succeeded());
+  ExpectFocals(fixed.models.front(), scene, 1.04, 1e-9);
+}
+
+TEST(ReconstructScene, FocalLengthsStayNearAGuessThatIsSure) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  const Database database = MakeDatabaseWithGuesses(scene, 1.04);
+  ReconstructSettings settings = Settings();
+  settings.focal_calibration.enabled = false;
+  settings.focal_calibration.guess_sigma = 1e-3;
+  const ReconstructResult result = ReconstructScene(database, "", settings);
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  ExpectFocals(result.models.front(), scene, 1.04, 0.02);
+}
+
+// Wide-angle cameras of which nothing is known but a guess far off.
+TEST(ReconstructScene, CalibratesFocalLengthsFromThePairs) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  const Database database = MakeDatabaseWithGuesses(scene, 1.7);
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  EXPECT_EQ(result.models.front().images.size(), 10u);
+  ExpectFocals(result.models.front(), scene, 1.0, 0.01);
+  const StageReport* stage = FindStage(result.report, "focal_calibration");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(stage->status, StageStatus::kOk);
+  EXPECT_EQ(Value(*stage, "calibrated"), 2);
+  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("camera 1: focal length "),
+                                                      HasSubstr("camera 2: focal length ")));
+
+  ReconstructSettings settings = Settings();
+  settings.focal_calibration.max_sigma = 1e-6;
+  const RunReport refused = ReconstructScene(database, "", settings).report;
+  stage = FindStage(refused, "focal_calibration");
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+  EXPECT_EQ(Value(*stage, "undetermined"), 2);
+  EXPECT_THAT(stage->messages[0], HasSubstr("undetermined; the guess is kept"));
+
+  settings.focal_calibration.enabled = false;
+  EXPECT_EQ(FindStage(ReconstructScene(database, "", settings).report, "focal_calibration"),
+            nullptr);
+}
+
+// What the pairs' matches say must bear out in loops of rotations: here the stored poses, of the
+// true focal lengths, close better than those that noisy matches give.
+// Where loops do not tell which focal lengths are right, both are tried, and the models decide.
+TEST(ReconstructScene, TriesBothFocalLengthsThatLoopsDoNotTellApart) {
+  SceneOptions options = SmallScene();
+  options.image_noise_px = 2.0;
+  const SyntheticScene scene = MakeScene(options, 3);
+  const Database database = MakeDatabaseWithGuesses(scene, 1.3);
+  ReconstructSettings settings = Settings();
+  settings.focal_calibration.max_sigma = 0.3;
+  const RunReport report = ReconstructScene(database, "", settings).report;
+  const StageReport* stage = FindStage(report, "focal_calibration");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+  EXPECT_EQ(Value(*stage, "calibrated"), 2);
+  EXPECT_EQ(Value(*stage, "rejected_by_loops"), 0);
+  EXPECT_EQ(Value(*stage, "undecided_by_loops"), 2);
+  EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are tried, and the ones before, too"));
+  const StageReport* choice = FindStage(report, "focal_choice");
+  ASSERT_NE(choice, nullptr);
+  EXPECT_GT(Value(*choice, "evidence_nats"), Value(*choice, "evidence_nats_otherwise"));
+}
+
+// The same stored poses, of pairs with fundamental matrices: verification tried other focal lengths
+// for them, so that they do not speak for the guess.
+TEST(ReconstructScene, PosesOfUncalibratedPairsDoNotSpeakForTheGuess) {
+  SceneOptions options = SmallScene();
+  options.image_noise_px = 0.8;
+  options.pair_metrics = true;  // verified by us, so that the stored poses count
+  const SyntheticScene scene = MakeScene(options, 3);
+  Database database = MakeDatabaseWithGuesses(scene, 2.0);
+  for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair).value();
+    geometry.config = TwoViewConfig::kUncalibrated;
+    geometry.E.reset();
+    database.WriteTwoViewGeometry(pair, geometry);
+  }
+  ReconstructSettings settings = Settings();
+  settings.focal_calibration.max_sigma = 0.3;
+  const RunReport report = ReconstructScene(database, "", settings).report;
+  const StageReport* stage = FindStage(report, "focal_calibration");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(Value(*stage, "calibrated"), 2);
+  EXPECT_EQ(Value(*stage, "rejected_by_loops"), 0);
+}
+
+// Verification has found the focal length to be wrong: it is no more than a guess.
+TEST(ReconstructScene, RejectedFocalLengthsAreGuesses) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.has_prior_focal_length = true;
+    if (id == 1) camera.SetMeanFocal(2.5 * camera.MeanFocal());
+    database.WriteCamera(camera);
+  }
+  database.WriteCameraFocal(1, {true, 5, 4});
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  const StageReport* stage = FindStage(result.report, "focal_calibration");
+  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("(guessed)"), HasSubstr("(EXIF)")));
+  ExpectFocals(result.models.front(), scene, 1.0, 0.01);
+}
+
+// A camera that looks measured is constant, but not at a focal length that its pairs contradict.
+TEST(ReconstructScene, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
+  SceneOptions options = SmallScene();
+  options.camera_model = CameraModel::kPinhole;
+  const SyntheticScene scene = MakeScene(options, 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.params[1] *= 1.001;  // fy
+    camera.has_prior_focal_length = true;
+    database.WriteCamera(camera);
+  }
+  database.WriteCameraFocal(1, {true, 5, 4});
+  const RunReport report = ReconstructScene(database, "", Settings()).report;
+  EXPECT_EQ(Value(*FindStage(report, "read"), "cameras_constant"), 1);
+  EXPECT_EQ(FindStage(report, "read")->status, StageStatus::kOk);
+  ReconstructSettings settings = Settings();
+  settings.refine_intrinsics = false;
+  const RunReport held = ReconstructScene(database, "", settings).report;
+  EXPECT_EQ(Value(*FindStage(held, "read"), "cameras_constant"), 2);
+  EXPECT_THAT(FindStage(held, "read")->messages,
+              ::testing::Contains(HasSubstr("camera 1 are constant, but 4 of 5 pairs contradict")));
+}
+
+TEST(ReconstructScene, OverrulesExifThatIsFarOff) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.SetMeanFocal((id == 1 ? 1.5 : 1.02) * camera.MeanFocal());
+    camera.has_prior_focal_length = true;
+    database.WriteCamera(camera);
+  }
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  const StageReport* stage = FindStage(result.report, "focal_calibration");
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+  EXPECT_THAT(stage->messages,
+              ::testing::ElementsAre(HasSubstr("calibrated; EXIF's focal length is rejected"),
+                                     HasSubstr("confirmed")));
+  ExpectFocals(result.models.front(), scene, 1.0, 0.01);
+}
+
+}  // namespace
+}  // namespace cairn

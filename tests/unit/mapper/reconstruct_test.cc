@@ -1,0 +1,507 @@
+#include "cairn/mapper/reconstruct.h"
+
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <set>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/base/rng.h"
+#include "cairn/database/stage_names.h"
+#include "cairn/image/bitmap.h"
+#include "cairn/io/colmap_model.h"
+#include "cairn/synthetic/poses.h"
+#include "cairn/synthetic/scene.h"
+#include "mapper/stages.h"
+#include "support/synthetic_reconstruction.h"
+#include "unit/mapper/reconstruct_fixture.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+double Extent(const Reconstruction& model) {
+  double extent = 0;
+  for (const auto& [id, image] : model.images) {
+    extent = std::max(extent, (image.cam_from_world.Center() -
+                               model.images.begin()->second.cam_from_world.Center())
+                                  .norm());
+  }
+  return extent;
+}
+
+TEST(ReconstructScene, RecoversAScene) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 1);
+  const ReconstructResult result = ReconstructScene(MakeDatabase(scene), "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  ASSERT_EQ(result.models.size(), 1u);
+  const Reconstruction& model = result.models.front();
+  model.CheckConsistency();
+  EXPECT_EQ(model.images.size(), 10u);
+  EXPECT_GT(model.points3D.size(), 300u);
+  const auto difference = testing_support::CompareAligned(model, scene.truth);
+  EXPECT_LT(difference.center, 2e-3 * Extent(scene.truth));
+  EXPECT_LT(difference.angle, 2e-3);
+  EXPECT_LT(model.MeanReprojectionErrorPx(), 0.5);
+}
+
+TEST(ReconstructScene, ReportsEveryStage) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 2);
+  const ReconstructResult result = ReconstructScene(MakeDatabase(scene), "", Settings());
+  for (const char* name :
+       {"read", "view_graph", "rotation_averaging", "tracks", "translation_averaging",
+        "triangulation", "bundle_adjustment_positions", "bundle_adjustment", "filter", "checks"}) {
+    const StageReport* stage = FindStage(result.report, name);
+    ASSERT_NE(stage, nullptr) << name;
+    EXPECT_GE(stage->seconds, 0) << name;
+    EXPECT_FALSE(stage->values.empty()) << name;
+  }
+  EXPECT_THAT(ToJson(result.report), HasSubstr("\"succeeded\": true"));
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.colors = true;  // but no photographs are named
+  const ReconstructResult uncolored = ReconstructScene(MakeDatabase(scene), "", settings);
+  EXPECT_EQ(FindStage(uncolored.report, "colors"), nullptr);
+}
+
+TEST(ReconstructScene, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 4);
+  const Database database = MakeDatabase(scene);
+  const Reconstruction a = ReconstructScene(database, "", Settings(1)).models.at(0);
+  const Reconstruction b = ReconstructScene(database, "", Settings(1)).models.at(0);
+  const Reconstruction c = ReconstructScene(database, "", Settings(2)).models.at(0);
+  ASSERT_EQ(a.points3D.size(), b.points3D.size());
+  for (const auto& [id, image] : a.images) {
+    EXPECT_EQ(image.cam_from_world.translation, b.images.at(id).cam_from_world.translation);
+    EXPECT_EQ(image.point3D_ids, b.images.at(id).point3D_ids);
+    EXPECT_LT(
+        (image.cam_from_world.translation - c.images.at(id).cam_from_world.translation).norm(),
+        1e-6 * Extent(a));
+  }
+  for (const auto& [id, point] : a.points3D) EXPECT_EQ(point.xyz, b.points3D.at(id).xyz);
+}
+
+TEST(ReconstructScene, TwoPlacesGiveTwoModels) {
+  SceneOptions options = SmallScene();
+  options.num_images = 6;
+  const SyntheticScene first = MakeScene(options, 5);
+  options.num_images = 8;
+  const SyntheticScene second = MakeScene(options, 6);
+  Database database = MakeDatabase(first);
+  // The second place under ids from 101.
+  for (auto [id, camera] : second.cameras) {
+    camera.camera_id = id + 100;
+    database.WriteCamera(camera);
+  }
+  for (Image image : second.images) {
+    const image_t id = image.image_id;
+    image.image_id += 100;
+    image.camera_id += 100;
+    image.name = "second/" + image.name;
+    database.WriteImage(image);
+    database.WriteKeypoints(image.image_id, second.keypoints.at(id));
+  }
+  for (image_t i = 1; i <= 8; ++i) {
+    for (image_t j = i + 1; j <= 8; ++j) {
+      const SyntheticMatches matches = MakeMatches(second, i, j);
+      const TwoViewGeometry geometry = TrueTwoViewGeometry(second, i, j, matches);
+      if (geometry.inlier_matches.size() < 20) continue;
+      database.WriteTwoViewGeometry(ImagePairToPairId(i + 100, j + 100), geometry);
+    }
+  }
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_EQ(result.models.size(), 2u);
+  EXPECT_EQ(result.models[0].images.size(), 8u);
+  EXPECT_EQ(result.models[1].images.size(), 6u) << ToJson(result.report);
+
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.max_models = 1;
+  EXPECT_EQ(ReconstructScene(database, "", settings).models.size(), 1u);
+  settings = Settings();
+  settings.reconstruct.min_model_images = 7;
+  const ReconstructResult one = ReconstructScene(database, "", settings);
+  EXPECT_EQ(one.models.size(), 1u);
+  const StageReport* left_out = FindStage(one.report, "left_out");
+  ASSERT_NE(left_out, nullptr);
+  EXPECT_EQ(Value(*left_out, "small_components"), 1);
+  EXPECT_EQ(Value(*left_out, "images"), 6);
+  ASSERT_EQ(left_out->messages.size(), 1u);
+  EXPECT_THAT(left_out->messages[0], HasSubstr("6 connected images"));
+  EXPECT_THAT(left_out->messages[0], HasSubstr(first.images[0].name));
+}
+
+// Two places whose facades are the same; images of one show none of what surrounds the other.
+TEST(ReconstructScene, TellsTwinPlacesApart) {
+  SceneOptions options;
+  options.layout = CameraLayout::kArc;
+  options.num_images = 12;
+  options.num_points = 2000;
+  options.image_noise_px = 0.3;
+  options.outlier_ratio = 0.2;
+  options.twin_places = true;
+  const auto places = [](const Reconstruction& model) {
+    std::set<int> found;
+    for (const auto& [id, image] : model.images) found.insert(static_cast<int>(id % 2));
+    return found.size();
+  };
+  for (const uint64_t seed : {1, 2, 3}) {
+    const Database database = MakeDatabase(MakeScene(options, seed));
+    ReconstructSettings settings = Settings();
+    settings.reconstruct.separate_duplicates = false;
+    const ReconstructResult folded = ReconstructScene(database, "", settings);
+    EXPECT_EQ(places(folded.models.at(0)), 2u);
+
+    const ReconstructResult result = ReconstructScene(database, "", Settings());
+    ASSERT_EQ(result.models.size(), 2u);
+    for (const Reconstruction& model : result.models) {
+      EXPECT_EQ(places(model), 1u);
+      EXPECT_EQ(model.images.size(), 6u);
+    }
+    int num_ambiguous = 0;
+    for (const ViewEdge& edge : result.graph.edges) {
+      const bool is_between = edge.image_id1 % 2 != edge.image_id2 % 2;
+      num_ambiguous += edge.removal == EdgeRemoval::kAmbiguous;
+      EXPECT_EQ(edge.IsActive(), !is_between);
+    }
+    EXPECT_GT(num_ambiguous, 20);
+  }
+  // One place is not torn apart, however many wrong matches there are.
+  options.twin_places = false;
+  options.outlier_ratio = 0.5;
+  EXPECT_EQ(ReconstructScene(MakeDatabase(MakeScene(options, 4)), "", Settings()).models.size(),
+            1u);
+}
+
+// Where images share few of the many points that they could, misses are no sign of twins.
+TEST(ReconstructScene, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
+  SceneOptions options;
+  options.layout = CameraLayout::kLandmark;
+  options.num_images = 40;
+  options.num_points = 8000;
+  options.max_keypoints = 500;
+  options.salience = 0.7;
+  options.image_noise_px = 0.5;
+  const ReconstructResult result =
+      ReconstructScene(MakeDatabase(MakeScene(options, 1)), "", Settings());
+  const StageReport* twins = FindStage(result.report, "duplicate_structure");
+  ASSERT_NE(twins, nullptr);
+  EXPECT_EQ(Value(*twins, "edges_removed"), 0);
+}
+
+// Calls the pairs of the last image panoramic, and changes their pose.
+template <class Change>
+void MakePanoramic(image_t last, Database& database, const Change& change_pose) {
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    if (PairIdToImagePair(pair_id).second != last) continue;
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    change_pose(geometry);
+    geometry.E.reset();
+    geometry.F.reset();
+    geometry.config = TwoViewConfig::kPanoramic;
+    database.WriteTwoViewGeometry(pair_id, geometry);
+  }
+}
+
+// Image 10 keeps its matches but the poses of its pairs are lost.
+TEST(ReconstructScene, ImagesWithoutRelativePoseAreRegisteredByResection) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 7);
+  Database database = MakeDatabase(scene);
+  MakePanoramic(10, database, [](TwoViewGeometry& geometry) { geometry.cam2_from_cam1.reset(); });
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.register_left_out = false;
+  EXPECT_EQ(ReconstructScene(database, "", settings).models.at(0).images.size(), 9u);
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_EQ(result.models.at(0).images.size(), 10u) << ToJson(result.report);
+  EXPECT_LT(testing_support::CompareAligned(result.models[0], scene.truth).center,
+            5e-3 * Extent(scene.truth));
+}
+
+// All pairs of image 10 say only by how much it is turned: points give its position.
+TEST(ReconstructScene, PairsWithARotationAloneTakePart) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 7);
+  Database database = MakeDatabase(scene);
+  MakePanoramic(10, database,
+                [](TwoViewGeometry& geometry) { geometry.cam2_from_cam1->translation.setZero(); });
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.register_left_out = false;
+  const ReconstructResult result = ReconstructScene(database, "", settings);
+  ASSERT_EQ(result.models.at(0).images.size(), 10u) << ToJson(result.report);
+  EXPECT_LT(testing_support::CompareAligned(result.models[0], scene.truth).center,
+            5e-3 * Extent(scene.truth));
+}
+
+// Verified without knowing of the lens' distortion, pairs have inliers in the middle of the images
+// alone; bundle adjustment finds the distortion, and the others come in.
+TEST(ReconstructScene, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
+  SceneOptions options = SmallScene();
+  options.camera_model = CameraModel::kSimpleRadial;
+  options.radial_distortion = -0.15;
+  const SyntheticScene scene = MakeScene(options, 12);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.params.back() = 0;
+    database.WriteCamera(camera);
+  }
+  const auto is_central = [&](image_t id, point2D_t point) {
+    const Camera& camera = scene.cameras.at(scene.images[id - 1].camera_id);
+    const Eigen::Vector2d offset =
+        scene.keypoints.at(id)[point].Position() - camera.PrincipalPoint();
+    return offset.norm() < 0.25 * camera.DiagonalPx();
+  };
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    std::erase_if(geometry.inlier_matches, [&, id1 = id1, id2 = id2](const FeatureMatch& match) {
+      return !is_central(id1, match.point1) || !is_central(id2, match.point2);
+    });
+    database.WriteTwoViewGeometry(pair_id, geometry);
+  }
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_EQ(result.models.size(), 1u) << ToJson(result.report);
+  const StageReport* stage = FindStage(result.report, "verification");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_GT(Value(*stage, "matches_gained"), 100);
+  int64_t num_outside = 0;
+  for (const auto& [id, image] : result.models[0].images) {
+    for (size_t k = 0; k < image.point3D_ids.size(); ++k) {
+      num_outside +=
+          image.point3D_ids[k] != kInvalidPoint3DId && !is_central(id, static_cast<point2D_t>(k));
+    }
+  }
+  EXPECT_GT(num_outside, 100);
+}
+
+TEST(ReconstructScene, SaysWhatIsMissing) {
+  Database empty(":memory:");
+  const ReconstructResult nothing = ReconstructScene(empty, "", Settings());
+  EXPECT_TRUE(nothing.models.empty());
+  EXPECT_THAT(nothing.report.failure, HasSubstr("no image with keypoints"));
+
+  const SyntheticScene scene = MakeScene(SmallScene(), 8);
+  Database unverified(":memory:");
+  WriteScene(scene, SceneContent::kMatches, unverified);
+  EXPECT_THAT(ReconstructScene(unverified, "", Settings()).report.failure,
+              HasSubstr("no verified pair"));
+
+  ReconstructSettings settings = Settings();
+  settings.view_graph.min_num_inliers = 100000;
+  const ReconstructResult weak = ReconstructScene(MakeDatabase(scene), "", settings);
+  EXPECT_THAT(weak.report.failure, HasSubstr("view_graph: "));
+  ASSERT_FALSE(weak.graph.edges.empty());
+  EXPECT_EQ(weak.graph.edges[0].removal, EdgeRemoval::kTooFewInliers);
+}
+
+// As a 1DSfM data set without photographs and tracks; a twentieth of the poses is wrong.
+// What each stage says that cannot go on: its name, what was there, what to try.
+TEST(ReconstructScene, SaysWhichStageFailedAndWhatToTry) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 8);
+  const auto failure_of = [](const Database& database, const ReconstructSettings& settings) {
+    const ReconstructResult result = ReconstructScene(database, "", settings);
+    EXPECT_TRUE(result.models.empty());
+    EXPECT_FALSE(result.graph.edges.empty());
+    return result.report.failure;
+  };
+  {
+    // Every pair turned at random: the loops leave a tree, and that no positions.
+    Database database = MakeDatabase(scene);
+    Rng rng(1);
+    for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+      TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+      geometry.cam2_from_cam1->rotation = RandomRotation(rng);
+      database.WriteTwoViewGeometry(pair_id, geometry);
+      PairMetrics metrics;  // so that it is not improved
+      metrics.pair_id = pair_id;
+      metrics.verifier = metrics.step = "test";
+      metrics.is_winner = true;
+      database.WritePairMetrics(metrics);
+    }
+    EXPECT_THAT(
+        failure_of(database, Settings()),
+        AllOf(HasSubstr("translation_averaging: inconsistent: "), HasSubstr(" directions, "),
+              HasSubstr("--translation_averaging.filter_max_inconsistency")));
+  }
+  {
+    // All pairs are pure rotations.
+    Database database = MakeDatabase(scene);
+    for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+      TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+      geometry.config = TwoViewConfig::kPanoramic;
+      geometry.cam2_from_cam1.reset();
+      geometry.E.reset();
+      geometry.F.reset();
+      database.WriteTwoViewGeometry(pair_id, geometry);
+    }
+    EXPECT_THAT(failure_of(database, Settings()),
+                AllOf(HasSubstr(" no_pose"), HasSubstr("turned without moving")));
+  }
+}
+
+TEST(ReconstructScene, PosesWithoutMatchesGiveCamerasAlone) {
+  SceneOptions options = SmallScene();
+  options.num_images = 12;
+  const SyntheticScene scene = MakeScene(options, 10);
+  const Database full = MakeDatabase(scene);
+  Database database(":memory:");
+  for (const auto& [id, camera] : scene.cameras) database.WriteCamera(camera);
+  for (const Image& image : scene.images) database.WriteImage(image);
+  int num_pairs = 0;
+  for (const image_pair_t pair_id : full.ReadTwoViewGeometryPairIds()) {
+    TwoViewGeometry geometry = full.ReadTwoViewGeometry(pair_id).value();
+    geometry.inlier_matches.clear();
+    if (++num_pairs % 20 == 0) {
+      geometry.cam2_from_cam1->rotation = Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitX());
+    }
+    database.WriteTwoViewGeometry(pair_id, geometry);
+    PairMetrics metrics;
+    metrics.pair_id = pair_id;
+    metrics.verifier = metrics.step = kImportedVerifier;
+    metrics.is_winner = true;
+    database.WritePairMetrics(metrics);
+  }
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.colors = true;
+  const ReconstructResult result = ReconstructScene(database, "nowhere", settings);
+  ASSERT_TRUE(result.report.Succeeded()) << ToJson(result.report);
+  const Reconstruction& model = result.models.at(0);
+  EXPECT_EQ(model.images.size(), 12u);
+  EXPECT_TRUE(model.points3D.empty());
+  const auto difference = testing_support::CompareAligned(model, scene.truth);
+  EXPECT_LT(difference.center, 1e-2 * Extent(scene.truth));
+  EXPECT_LT(difference.angle, 1e-2);
+  settings.view_graph.max_rotation_error_deg = 0;
+  EXPECT_THAT(
+      ReconstructScene(database, "nowhere", settings).report.failure,
+      AllOf(HasSubstr("edges: no edge agrees"), HasSubstr("--view_graph.max_rotation_error_deg")));
+  const StageReport* agreement = FindStage(result.report, "agreement");
+  ASSERT_NE(agreement, nullptr);
+  EXPECT_EQ(Value(*agreement, "pairs"), num_pairs);
+  const double share_right = 1.0 - num_pairs / 20 / static_cast<double>(num_pairs);
+  EXPECT_NEAR(Value(*agreement, "rotation_within_5_deg"), share_right, 1e-9);
+  EXPECT_EQ(FindStage(result.report, "triangulation"), nullptr);
+  EXPECT_EQ(FindStage(result.report, "colors"), nullptr);  // nothing to color
+}
+
+TEST(ReconstructScene, TwoImagesGiveAModel) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 9);
+  Database database(":memory:");
+  for (const auto& [id, camera] : scene.cameras) database.WriteCamera(camera);
+  for (image_t id = 1; id <= 2; ++id) {
+    database.WriteImage(scene.images[id - 1]);
+    database.WriteKeypoints(id, scene.keypoints.at(id));
+  }
+  database.WriteTwoViewGeometry(ImagePairToPairId(1, 2),
+                                TrueTwoViewGeometry(scene, 1, 2, MakeMatches(scene, 1, 2)));
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  EXPECT_EQ(result.models.at(0).images.size(), 2u);
+}
+
+TEST(ReasonToRefuse, KnowsCollapsedModels) {
+  testing_support::MadeReconstruction scene = testing_support::MakeSyntheticScene({});
+  EXPECT_EQ(ReasonToRefuse(scene.truth), "");
+  Reconstruction collapsed = scene.truth;
+  for (auto& [id, image] : collapsed.images) {
+    if (id > 1)
+      image.cam_from_world.translation = image.cam_from_world.rotation * Eigen::Vector3d(0, 0, 5);
+  }
+  EXPECT_THAT(ReasonToRefuse(collapsed), HasSubstr("collapsed"));
+  Reconstruction far = scene.truth;
+  for (auto& [id, point] : far.points3D) point.xyz *= 1e5;
+  EXPECT_THAT(ReasonToRefuse(far), HasSubstr("collapsed"));
+  Reconstruction poor = scene.truth;
+  while (poor.points3D.size() > 10) poor.RemovePoint3D(poor.points3D.begin()->first);
+  EXPECT_THAT(ReasonToRefuse(poor), HasSubstr("only 10 points"));
+}
+
+class OutputTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("cairn_reconstruct_" + std::to_string(::getpid()));
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_ / "images");
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::filesystem::path folder_;
+};
+
+TEST_F(OutputTest, WritesAndReplacesAllFiles) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 10);
+  ReconstructResult result = ReconstructScene(MakeDatabase(scene), "", Settings());
+  result.models.push_back(result.models.front());
+  const std::string output = (folder_ / "new" / "out").string();
+  WriteReconstructResult(result, output, "# options\n");
+  for (const char* name :
+       {"sparse/0/cameras.bin", "sparse/1/points3D.bin", "bundle.out", "list.txt", "points.ply",
+        "confidence.csv", "view_graph.json", "view_graph.dot", "report.json", "effective.toml"}) {
+    EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(output) / name)) << name;
+  }
+  const std::string confidence = ReadFile(output + "/confidence.csv");
+  EXPECT_EQ(std::count(confidence.begin(), confidence.end(), '\n'), 21);
+  EXPECT_THAT(confidence, HasSubstr(scene.images[9].name + ",1,6,"));
+  const Reconstruction read = ReadColmapModel(output + "/sparse/0");
+  EXPECT_EQ(read.images.size(), result.models[0].images.size());
+  EXPECT_EQ(read.points3D.size(), result.models[0].points3D.size());
+
+  result.models.pop_back();
+  WriteReconstructResult(result, output, "# options\n");
+  EXPECT_FALSE(std::filesystem::exists(output + "/sparse/1"));
+
+  // A failure leaves the older model alone and says so in the report.
+  result.models.clear();
+  result.report.failure = "stage: reason; advice";
+  WriteReconstructResult(result, output, "# options\n");
+  EXPECT_TRUE(std::filesystem::exists(output + "/sparse/0/images.bin"));
+  EXPECT_THAT(ReadFile(output + "/report.json"), HasSubstr("stage: reason; advice"));
+}
+
+TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
+  const std::string output = folder_.string();
+  EXPECT_NO_THROW(CheckReconstructOutput(output + "/absent"));
+  EXPECT_NO_THROW(CheckReconstructOutput(output));  // photographs alone
+  std::filesystem::create_directories(folder_ / "sparse");
+  EXPECT_NO_THROW(CheckReconstructOutput(output));
+  std::filesystem::create_directories(folder_ / "sparse/0");
+  WriteFileAtomically(output + "/effective.toml", "# build_view_graph, cairn 0.1.0\n");
+  try {
+    CheckReconstructOutput(output);
+    ADD_FAILURE() << "not refused";
+  } catch (const ConfigError& error) {
+    EXPECT_THAT(error.what(), HasSubstr(output + "/sparse is not of cairn"));
+    EXPECT_THAT(error.what(), HasSubstr("--overwrite"));
+  }
+  WriteFileAtomically(output + "/effective.toml", "# global_sfm reconstruct, cairn 0.1.0\n");
+  EXPECT_NO_THROW(CheckReconstructOutput(output));
+}
+
+TEST_F(OutputTest, ColorsComeFromThePhotographs) {
+  SyntheticScene scene = MakeScene(SmallScene(), 11);
+  for (const Image& image : scene.images) {
+    if (image.image_id == 3) continue;  // one photograph is missing
+    const Camera& camera = scene.cameras.at(image.camera_id);
+    Bitmap bitmap{camera.width, camera.height, 3, {}};
+    for (int i = 0; i < camera.width * camera.height; ++i) {
+      bitmap.data.insert(bitmap.data.end(), {10, 200, 30});
+    }
+    const std::string path = (folder_ / "images" / image.name).string();
+    WriteBitmap(path, bitmap, 100);
+  }
+  ReconstructSettings settings = Settings();
+  settings.reconstruct.colors = true;
+  const ReconstructResult result =
+      ReconstructScene(MakeDatabase(scene), (folder_ / "images").string(), settings);
+  ASSERT_TRUE(result.report.Succeeded());
+  for (const auto& [id, point] : result.models[0].points3D) {
+    EXPECT_NEAR(point.color[0], 10, 6);
+    EXPECT_NEAR(point.color[1], 200, 6);
+  }
+  const StageReport* stage = FindStage(result.report, "colors");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(Value(*stage, "images_read"), 9);
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,193 @@
+// Lenses that see 180 degrees and more, through verification and reconstruction.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+
+#include "cairn/intrinsics/known_intrinsics.h"
+#include "cairn/intrinsics/wide_focals.h"
+#include "cairn/pipeline/verify_pairs.h"
+#include "support/synthetic_reconstruction.h"
+#include "support/temp_folder.h"
+#include "support/test_monitor.h"
+#include "unit/mapper/reconstruct_fixture.h"
+#include "unit/mapper/wide_scene.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using testing::TempFolder;
+
+constexpr int kSize = 1200;
+
+Camera MakeCamera(CameraModel model, std::vector<double> params) {
+  Camera camera = Camera::FromFocal(1, model, 400, kSize, kSize);
+  camera.params = std::move(params);
+  camera.has_prior_focal_length = true;
+  return camera;
+}
+
+VerificationReport Verify(Database& database) {
+  VerificationInput input;
+  input.options = "a = 1\n";
+  return VerifyPairs(database, MakeVerifiers("cascade", {}), input, {}, 2, NullMonitor());
+}
+
+void ExpectNearTruth(const Database& database, const Reconstruction& truth, double max_angle,
+                     double max_center) {
+  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  ASSERT_EQ(result.models.size(), 1u);
+  const Reconstruction& model = result.models.front();
+  model.CheckConsistency();
+  EXPECT_EQ(model.images.size(), truth.images.size());
+  const auto difference = testing_support::CompareAligned(model, truth);
+  EXPECT_LT(difference.angle, max_angle);
+  EXPECT_LT(difference.center, max_center);
+  EXPECT_LT(model.MeanReprojectionErrorPx(), 0.8);
+  // Points all around: also beside and behind the cameras where the lens sees that far.
+  int num_wide = 0;
+  for (const auto& [id, point] : model.points3D) {
+    for (const TrackElement& element : point.track) {
+      const RegisteredImage& image = model.images.at(element.image_id);
+      num_wide += (image.cam_from_world * point.xyz).normalized().z() < 0.34;  // 70 degrees
+    }
+  }
+  EXPECT_GT(num_wide, 100);
+}
+
+class WideCamerasTest : public ::testing::Test {
+ protected:
+  TempFolder folder_;
+  Database database_{folder_ / "scene.db"};
+};
+
+struct KnownCase {
+  CameraModel model;
+  std::vector<double> params;
+  double field_deg;
+};
+
+class KnownWideCamerasTest : public WideCamerasTest,
+                             public ::testing::WithParamInterface<KnownCase> {};
+
+TEST_P(KnownWideCamerasTest, GiveTheTruePoses) {
+  const KnownCase& c = GetParam();
+  const Camera camera = MakeCamera(c.model, c.params);
+  const Reconstruction truth =
+      WriteWideScene(camera, camera, {.field_deg = c.field_deg}, 1, database_);
+  const VerificationReport report = Verify(database_);
+  EXPECT_EQ(report.num_rejected_focals, 0);
+  int num_poses = 0;
+  for (const auto& [pair_id, num_matches] : database_.ReadNumMatches()) {
+    const auto geometry = database_.ReadTwoViewGeometry(pair_id);
+    if (!geometry || !geometry->cam2_from_cam1) continue;
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    const Rigid3d expected =
+        truth.images.at(id2).cam_from_world * Inverse(truth.images.at(id1).cam_from_world);
+    // Small overlaps at the rim of both images fix a pose less well.
+    const double tolerance = num_matches > 150 ? 0.01 : 0.06;
+    EXPECT_LT(AngleBetween(geometry->cam2_from_cam1->rotation, expected.rotation), tolerance);
+    EXPECT_LT((geometry->cam2_from_cam1->translation - expected.translation.normalized()).norm(),
+              5 * tolerance);
+    // The noise is 0.5 px in each image: nearly all right matches are inliers, however far off
+    // axis.
+    EXPECT_GT(geometry->inlier_matches.size(), 0.7 * num_matches);
+    EXPECT_FALSE(geometry->F.has_value());
+    ++num_poses;
+  }
+  EXPECT_GT(num_poses, 35);
+  ExpectNearTruth(database_, truth, 2e-3, 0.01);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Models, KnownWideCamerasTest,
+    ::testing::Values(KnownCase{CameraModel::kOpenCVFisheye,
+                                {380, 384, 603, 597, -0.02, 0.003, -0.001, 0.0001},
+                                180},
+                      KnownCase{CameraModel::kSimpleFisheye, {310, 600, 600}, 220},
+                      KnownCase{CameraModel::kEucm, {300, 300, 600, 600, 0.6, 1.1}, 180},
+                      KnownCase{CameraModel::kFov, {420, 420, 600, 600, 0.9}, 150},
+                      KnownCase{CameraModel::kEquirectangular, {kSize, kSize}, 300}),
+    [](const auto& info) { return std::string(CameraModelName(info.param.model)); });
+
+TEST_F(WideCamerasTest, UnknownFocalLengthsAreFound) {
+  // Nearly an equisolid lens: 2 sin(theta / 2) = theta (1 - theta^2 / 24 + ...).
+  const Camera camera = MakeCamera(CameraModel::kSimpleRadialFisheye, {400, 600, 600, -0.04});
+  for (const double guess : {280.0, 600.0}) {
+    Database database(folder_ / std::to_string(guess));
+    Camera guessed = Camera::FromFocal(1, camera.model, guess, kSize, kSize);
+    const Reconstruction truth = WriteWideScene(camera, guessed, {.field_deg = 150}, 2, database);
+    const std::vector<std::string> texts = LearnWideFocals(database, {}, 0, 2, NullMonitor());
+    ASSERT_EQ(texts.size(), 1u);
+    EXPECT_THAT(texts[0], HasSubstr("camera 1: focal length"));
+    const Camera found = ReadKnownIntrinsics(database).begin()->second.camera;
+    // The coefficient is still unknown: between the scale at the center, 400 px a radian, and that
+    // at the rim, 400 (1 - 3 * 0.04 * 1.31^2), where most matches are.
+    EXPECT_GT(found.MeanFocal(), 300) << guess;
+    EXPECT_LT(found.MeanFocal(), 410) << guess;
+    EXPECT_FALSE(found.has_prior_focal_length);
+    EXPECT_TRUE(LearnWideFocals(database, {}, 0, 2, NullMonitor()).empty());
+    // The camera's row stays as it was given, so that a search anew begins where this one did.
+    EXPECT_EQ(database.ReadCameras().at(0).params, guessed.params);
+    database.ClearVerification();
+    EXPECT_EQ(LearnWideFocals(database, {}, 0, 2, NullMonitor()), texts);
+    Verify(database);
+    for (const auto& [pair_id, num_matches] : database.ReadNumMatches()) {
+      const auto geometry = database.ReadTwoViewGeometry(pair_id);
+      if (!geometry) continue;
+      EXPECT_NE(geometry->config, TwoViewConfig::kCalibrated);
+    }
+    const ReconstructResult result = ReconstructScene(database, "", Settings());
+    ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+    ASSERT_EQ(result.models.size(), 1u);
+    EXPECT_EQ(result.models[0].images.size(), truth.images.size());
+    EXPECT_NEAR(result.models[0].cameras.at(1).params[0], 400, 3);
+    EXPECT_NEAR(result.models[0].cameras.at(1).params[3], -0.04, 0.005);
+    ExpectNearTruth(database, truth, 5e-3, 0.02);
+  }
+}
+
+TEST_F(WideCamerasTest, CamerasThatAreKnownOrPlanarAreNotAsked) {
+  const Camera known = MakeCamera(CameraModel::kSimpleFisheye, {380, 600, 600});
+  WriteWideScene(known, known, {.num_images = 3, .num_points = 200}, 3, database_);
+  Camera planar = Camera::FromFocal(2, CameraModel::kSimpleRadial, 900, kSize, kSize);
+  database_.WriteCamera(planar);
+  EXPECT_TRUE(LearnWideFocals(database_, {}, 0, 1, NullMonitor()).empty());
+  EXPECT_EQ(database_.ReadCameras()[0].params, known.params);
+}
+
+TEST_F(WideCamerasTest, ACameraOfAnUnknownModelExcludesItsImagesOnly) {
+  const Camera camera = MakeCamera(CameraModel::kSimpleFisheye, {380, 600, 600});
+  const Reconstruction truth = WriteWideScene(camera, camera, {}, 4, database_);
+  Camera other = camera;
+  other.camera_id = 2;
+  database_.WriteCamera(other);
+  database_.WriteImage({3, "image3.png", 2});
+  sqlite3* connection = nullptr;
+  ASSERT_EQ(sqlite3_open(database_.path().c_str(), &connection), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(connection, "UPDATE cameras SET model = 99 WHERE camera_id = 2", nullptr,
+                         nullptr, nullptr),
+            SQLITE_OK);
+  sqlite3_close(connection);
+  ASSERT_EQ(database_.ReadCameras().size(), 1u);
+  ASSERT_EQ(database_.ReadUnknownCameras().size(), 1u);
+  EXPECT_EQ(database_.ReadUnknownCameras()[0].model_id, 99);
+  EXPECT_EQ(database_.ReadUnknownCameras()[0].width, kSize);
+  const VerificationReport report = Verify(database_);
+  EXPECT_THAT(report.stage.messages,
+              Contains(AllOf(HasSubstr("image3.png"), HasSubstr("unknown model 99"))));
+  const ReconstructResult result = ReconstructScene(database_, "", Settings());
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  EXPECT_EQ(result.models.at(0).images.size(), truth.images.size() - 1);
+  const StageReport* read = FindStage(result.report, "read");
+  ASSERT_NE(read, nullptr);
+  EXPECT_THAT(read->messages,
+              Contains(AllOf(HasSubstr("image3.png: left out"), HasSubstr("unknown model 99"))));
+}
+
+}  // namespace
+}  // namespace cairn
