@@ -57,6 +57,9 @@ function(cairn_module name)
     set(scope PUBLIC)
     target_link_libraries(cairn_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
     target_include_directories(cairn_${name} PRIVATE ${PROJECT_SOURCE_DIR}/src)
+    # Shared libraries, Python modules among them, can be made of it; functions are inlined as ever.
+    set_target_properties(cairn_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+    target_compile_options(cairn_${name} PRIVATE -fno-semantic-interposition)
   else()
     add_library(cairn_${name} INTERFACE)
     set(scope INTERFACE)
@@ -68,7 +71,8 @@ function(cairn_module name)
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   set_target_properties(cairn_${name} PROPERTIES EXPORT_NAME ${name})
-  set_property(GLOBAL APPEND PROPERTY CAIRN_MODULES cairn_${name})
+  set_property(GLOBAL APPEND PROPERTY CAIRN_MODULES ${name})
+  set_property(GLOBAL PROPERTY CAIRN_LINKS_${name} ${ARG_PUBLIC} ${ARG_PRIVATE})
 endfunction()
 
 # cairn_program(NAME SOURCES ... LIBS ...): an executable in build/bin, installed.

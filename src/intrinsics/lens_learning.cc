@@ -19,7 +19,7 @@ namespace {
 constexpr int kMaxLensPairs = 100;   // of a camera
 constexpr size_t kMaxMatches = 300;  // of a pair
 // A focal length as sure as that is taken for known, as EXIF's is, which is no surer; those that
-// their pairs do not bear out are refuted like it (focal_learning.h).
+// their pairs do not bear out are rejected like it (focal_learning.h).
 constexpr double kKnownSigma = 0.05;
 
 struct Witness {
@@ -142,7 +142,7 @@ std::map<camera_t, CalibratedFocal> LearnGuessedFocals(const Lenses& lenses,
   for (const auto& [id, camera] : lenses.cameras) {
     if (lenses.open.count(id) == 0 || camera.has_prior_focal_length) trusted.insert(id);
   }
-  return CalibrateFocals(lenses.cameras, trusted, pairs, {}, num_threads).cameras;
+  return CalibrateFocals(lenses.cameras, trusted, pairs, {}, {.num_threads = num_threads}).cameras;
 }
 
 CameraLens MakeLens(const Camera& camera, const CalibratedDistortion* distortion,
@@ -167,7 +167,7 @@ std::string Describe(camera_t id, const CameraLens& lens) {
   char part[100];
   if (lens.focal_px > 0) {
     std::snprintf(part, sizeof(part), " focal length %.1f px (sigma %.1f %%)%s", lens.focal_px,
-                  100 * lens.focal_sigma, lens.is_focal_known ? "" : ", not surely");
+                  100 * lens.focal_sigma, lens.is_focal_known ? "" : " (uncertain)");
     text += part;
   }
   if (lens.k != 0) {

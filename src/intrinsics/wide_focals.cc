@@ -92,8 +92,8 @@ class WideFocalFinder {
                     camera.MeanFocal(), pairs.size(), guess);
     } else {
       std::snprintf(text, sizeof(text),
-                    "camera %u: no pair tells its focal length, the guess of %.1f px is kept", id,
-                    guess);
+                    "camera %u: no pair determines the focal length; the guess of %.1f px is kept",
+                    id, guess);
     }
     database_.WriteCameraLens(id, lens);
     return text;

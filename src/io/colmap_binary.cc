@@ -78,7 +78,7 @@ void ReadBinaryCameras(const std::string& path, Reconstruction& reconstruction) 
   for (size_t n = reader.ReadCount(kMinCameraSize); n > 0; --n) {
     const Camera camera = ReadCamera(reader);
     if (!reconstruction.cameras.emplace(camera.camera_id, camera).second) {
-      reader.Fail("camera " + std::to_string(camera.camera_id) + " is there twice");
+      reader.Fail("camera " + std::to_string(camera.camera_id) + " appears twice");
     }
   }
   reader.ExpectEnd();
@@ -90,7 +90,7 @@ void ReadBinaryImages(const std::string& path, Reconstruction& reconstruction) {
     RegisteredImage image = ReadImage(reader);
     const image_t id = image.image.image_id;
     if (!reconstruction.images.emplace(id, std::move(image)).second) {
-      reader.Fail("image " + std::to_string(id) + " is there twice");
+      reader.Fail("image " + std::to_string(id) + " appears twice");
     }
   }
   reader.ExpectEnd();
@@ -101,7 +101,7 @@ void ReadBinaryPoints(const std::string& path, Reconstruction& reconstruction) {
   for (size_t n = reader.ReadCount(kMinPoint3DSize); n > 0; --n) {
     const point3D_t id = reader.Read<uint64_t>();
     if (!reconstruction.points3D.emplace(id, ReadBinaryPoint(reader, id)).second) {
-      reader.Fail("point " + std::to_string(id) + " is there twice");
+      reader.Fail("point " + std::to_string(id) + " appears twice");
     }
   }
   reader.ExpectEnd();

@@ -72,7 +72,7 @@ void ReadTextCameras(const std::string& path, Reconstruction& reconstruction) {
   while (reader.NextDataLine()) {
     const Camera camera = ReadCamera(reader);
     if (!reconstruction.cameras.emplace(camera.camera_id, camera).second) {
-      reader.Fail("camera " + std::to_string(camera.camera_id) + " is there twice");
+      reader.Fail("camera " + std::to_string(camera.camera_id) + " appears twice");
     }
   }
 }
@@ -83,7 +83,7 @@ void ReadTextImages(const std::string& path, Reconstruction& reconstruction) {
     RegisteredImage image = ReadImage(reader);
     const image_t id = image.image.image_id;
     if (reconstruction.images.count(id) > 0) {
-      reader.Fail("image " + std::to_string(id) + " is there twice");
+      reader.Fail("image " + std::to_string(id) + " appears twice");
     }
     ReadKeypoints(reader, image);
     reconstruction.images.emplace(id, std::move(image));
@@ -95,7 +95,7 @@ void ReadTextPoints(const std::string& path, Reconstruction& reconstruction) {
   while (reader.NextDataLine()) {
     const point3D_t id = reader.Unsigned("3D point id");
     if (!reconstruction.points3D.emplace(id, ReadTextPoint(reader)).second) {
-      reader.Fail("point " + std::to_string(id) + " is there twice");
+      reader.Fail("point " + std::to_string(id) + " appears twice");
     }
   }
 }

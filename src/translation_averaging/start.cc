@@ -5,7 +5,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/math/decompositions.h"
-#include "cairn/sparse/laplacian_solver.h"
+#include "sparse/laplacian_solver.h"
 
 namespace cairn {
 namespace {

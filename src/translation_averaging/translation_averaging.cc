@@ -118,12 +118,12 @@ bool Accept(const DirectionProblem& problem, const Positions& x, const SpreadRep
 }
 
 std::vector<char> FilterEdges(const DirectionProblem& problem,
-                              const TranslationAveragingOptions& options,
+                              const TranslationAveragingOptions& options, const RunContext& run,
                               TranslationAveragingReport& report) {
   std::vector<char> is_out(problem.edges.size(), 0);
   if (options.filter_directions) {
     const std::vector<double> inconsistency =
-        OneDsfmInconsistency(problem, options.filter_num_axes, options.seed, options.num_threads);
+        OneDsfmInconsistency(problem, options.filter_num_axes, run.seed, run.num_threads);
     for (size_t e = 0; e < is_out.size(); ++e) {
       is_out[e] = inconsistency[e] > options.filter_max_inconsistency;
     }
@@ -156,12 +156,12 @@ std::string_view TranslationAveragingStatusName(TranslationAveragingStatus statu
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,
                                                const TranslationAveragingOptions& options,
-                                               ProgressMonitor& monitor) {
+                                               const RunContext& run) {
   ValidateOptions(options, "translation_averaging");
   TranslationAveragingReport report;
   if (!options.use_points) tracks = {};
   const DirectionProblem whole = MakeDirectionProblem(edges, tracks);
-  const std::vector<char> edge_is_out = FilterEdges(whole, options, report);
+  const std::vector<char> edge_is_out = FilterEdges(whole, options, run, report);
 
   const std::vector<int> placeable = LargestPlaceableSet(whole, edge_is_out);
   for (int i = 0; i < whole.NumCameras(); ++i) {
@@ -173,15 +173,14 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
 
   const DirectionProblem part = Restrict(whole, placeable, edge_is_out);
   Positions x = LeastUnsquaredDeviations(part);
-  PositionSystem system(part, options.num_threads);
+  PositionSystem system(part, run.num_threads);
   FitWeights weights = BalancedWeights(part, options);
-  for (int pass = 0; pass <= options.num_reweightings && !monitor.StopRequested(); ++pass) {
+  for (int pass = 0; pass <= options.num_reweightings && !run.monitor.StopRequested(); ++pass) {
     if (pass > 0) weights = WeightsFromErrors(part, MeasureErrors(part, x), options);
     weights.tolerance = pass < options.num_reweightings ? kCoarseTolerance : kFineTolerance;
-    report.num_iterations +=
-        FitPositions(part, options, weights, system, x, monitor).num_iterations;
+    report.num_iterations += FitPositions(part, options, weights, system, x, run).num_iterations;
   }
-  if (monitor.StopRequested()) {
+  if (run.monitor.StopRequested()) {
     report.status = TranslationAveragingStatus::kInterrupted;
     return report;
   }

@@ -3,9 +3,13 @@
 #include <cstdint>
 #include <vector>
 
+#include "cairn/base/run_context.h"
 #include "cairn/scene/reconstruction.h"
 
 namespace cairn::testing_support {
+
+// Bundle adjustment gives the same bytes every time.
+inline const RunContext kOneThread{.num_threads = 1};
 
 struct SyntheticOptions {
   int num_images = 6;

@@ -107,7 +107,7 @@ FocalCalibrationReport Calibrate(const std::map<camera_t, Camera>& cameras,
                                  const std::vector<FocalPair>& pairs,
                                  const FocalCalibrationOptions& options = {},
                                  const std::set<camera_t>& trusted = {}) {
-  return CalibrateFocals(cameras, trusted, pairs, options, 1);
+  return CalibrateFocals(cameras, trusted, pairs, options);
 }
 
 // The matches and the matrix of a pair that has nothing to do with these images.
@@ -265,10 +265,10 @@ TEST(FocalCalibration, OptionsDecideWhatIsBelieved) {
 TEST(FocalCalibration, TheSamePairsInAnotherOrderAndWithMoreThreads) {
   Rig rig({800, 1300}, 6);
   std::vector<FocalPair> pairs = rig.AllPairs();
-  const auto one = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, 1);
-  const auto many = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, 8);
+  const auto one = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, {.num_threads = 1});
+  const auto many = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, {.num_threads = 8});
   std::reverse(pairs.begin(), pairs.end());
-  const auto reversed = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, 1);
+  const auto reversed = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, {.num_threads = 1});
   for (const auto& [id, focal] : one.cameras) {
     EXPECT_EQ(focal.focal_px, many.cameras.at(id).focal_px);
     EXPECT_NEAR(focal.focal_px, reversed.cameras.at(id).focal_px, 1e-2);

@@ -32,13 +32,13 @@ class LensLearningTest : public ::testing::Test {
     SceneOptions options;
     options.num_images = lens.own_cameras ? 9 : 14;
     // (On a ring all optical axes meet in one point, which leaves focal lengths open.)
-    options.layout = lens.own_cameras ? "ring" : "landmark";
+    options.layout = lens.own_cameras ? CameraLayout::kRing : CameraLayout::kLandmark;
     options.num_points = lens.own_cameras ? 900 : 1500;
     options.max_keypoints = 500;
     options.distance = lens.own_cameras ? 3.0 : 2.0;
     options.image_noise_px = lens.own_cameras ? 0.3 : 0.5;
     options.outlier_ratio = 0.2;
-    options.camera_model = "SIMPLE_RADIAL";
+    options.camera_model = CameraModel::kSimpleRadial;
     options.radial_distortion = lens.k;
     SyntheticScene scene = MakeScene(options, 3);
     if (lens.own_cameras) {
@@ -96,7 +96,7 @@ TEST_F(LensLearningTest, RightFocalLengthsAreNotGivenUpForDistortion) {
   for (const double k : {-0.3, -0.1, -0.05, 0.05, 0.1}) {
     const std::string path = MakeDatabase(std::to_string(k) + ".db", {.k = k});
     const VerificationReport report = Verify(path);
-    EXPECT_EQ(report.num_refuted_focals, 0) << k;
+    EXPECT_EQ(report.num_rejected_focals, 0) << k;
     const Database database(path);
     // The scene fills the middle of the images, where 0.05 moves points by little more than noise.
     EXPECT_GE(report.num_learned_lenses, std::abs(k) < 0.1 ? 1 : 2) << k;
@@ -113,14 +113,14 @@ TEST_F(LensLearningTest, RightFocalLengthsAreNotGivenUpForDistortion) {
   }
 }
 
-TEST_F(LensLearningTest, WrongFocalLengthsOfDistortedLensesAreRefuted) {
+TEST_F(LensLearningTest, WrongFocalLengthsOfDistortedLensesAreRejected) {
   for (const double k : {-0.1, 0.05}) {
     for (const double factor : {0.5, 2.0}) {
       const std::string path =
           MakeDatabase(std::to_string(k) + std::to_string(factor) + ".db",
                        {.k = k, .focal_factor = factor, .wrong_camera = 104, .own_cameras = true});
-      EXPECT_EQ(Verify(path).num_refuted_focals, 1) << k << " " << factor;
-      EXPECT_TRUE(Database(path).ReadCameraFocals().at(104).is_refuted);
+      EXPECT_EQ(Verify(path).num_rejected_focals, 1) << k << " " << factor;
+      EXPECT_TRUE(Database(path).ReadCameraFocals().at(104).is_rejected);
     }
   }
 }

@@ -22,8 +22,9 @@ SceneOptions SmallSceneOptions() {
 }
 
 TEST(Scene, ExactReconstructionIsConsistent) {
-  for (const std::string layout : {"ring", "arc", "grid", "line", "landmark"}) {
-    for (const std::string model : {"SIMPLE_PINHOLE", "SIMPLE_RADIAL", "OPENCV"}) {
+  for (const auto& [layout, name] : kCameraLayouts) {
+    for (const CameraModel model :
+         {CameraModel::kSimplePinhole, CameraModel::kSimpleRadial, CameraModel::kOpenCV}) {
       SceneOptions options = SmallSceneOptions();
       options.layout = layout;
       options.camera_model = model;
@@ -31,7 +32,7 @@ TEST(Scene, ExactReconstructionIsConsistent) {
       const Reconstruction truth = MakeReconstruction(options, 1);
       EXPECT_NO_THROW(truth.CheckConsistency());
       EXPECT_EQ(truth.images.size(), 8u);
-      EXPECT_GT(truth.points3D.size(), 100u) << layout;
+      EXPECT_GT(truth.points3D.size(), 100u) << name;
       EXPECT_LT(truth.MeanReprojectionErrorPx(), 1e-4) << "float keypoints";
       EXPECT_GT(truth.MeanTrackLength(), 2.0);
     }
@@ -181,7 +182,7 @@ TEST(Scene, SameSeedSameScene) {
 TEST(Scene, EveryOptionHasAnEffect) {
   using Change = std::function<void(SceneOptions&)>;
   const std::vector<Change> changes = {
-      [](SceneOptions& o) { o.layout = "line"; },
+      [](SceneOptions& o) { o.layout = CameraLayout::kLine; },
       [](SceneOptions& o) { o.num_images = 9; },
       [](SceneOptions& o) { o.num_points = 601; },
       [](SceneOptions& o) { o.max_keypoints = 50; },
@@ -201,7 +202,7 @@ TEST(Scene, EveryOptionHasAnEffect) {
       [](SceneOptions& o) { o.num_chance_matches = 10; },
   };
   SceneOptions base = SmallSceneOptions();
-  base.camera_model = "SIMPLE_RADIAL";
+  base.camera_model = CameraModel::kSimpleRadial;
   const auto fingerprint = [](const SceneOptions& options) {
     const SyntheticScene scene = MakeScene(options, 10);
     std::vector<float> values;
@@ -224,7 +225,7 @@ TEST(Scene, EveryOptionHasAnEffect) {
     changes[i](options);
     EXPECT_NE(fingerprint(options), reference) << "change " << i;
   }
-  base.layout = "circle";
+  base.layout = static_cast<CameraLayout>(99);
   EXPECT_THROW(MakeScene(base, 1), ConfigError);
 }
 
