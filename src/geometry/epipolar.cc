@@ -46,11 +46,6 @@ double SquaredRaySampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& r
   return n > 0.0 ? c * c / n : 0.0;
 }
 
-bool TriangulateDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector2d& x1,
-                       const Eigen::Vector2d& x2, double* depth1, double* depth2) {
-  return TriangulateRayDepths(cam2_from_cam1, x1.homogeneous(), x2.homogeneous(), depth1, depth2);
-}
-
 bool TriangulateRayDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector3d& ray1,
                           const Eigen::Vector3d& ray2, double* depth1, double* depth2) {
   // Least squares of depth1 * R r1 + t = depth2 * r2.

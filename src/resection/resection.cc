@@ -7,7 +7,6 @@
 #include <numeric>
 
 #include "cairn/base/check.h"
-#include "cairn/base/rng.h"
 #include "cairn/robust/ransac.h"
 #include "resection/p3p.h"
 #include "resection/pose_refinement.h"

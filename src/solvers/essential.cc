@@ -31,9 +31,4 @@ Eigen::Matrix3d NearestEssential(const Eigen::Matrix3d& matrix) {
   return U * Eigen::Vector3d(1.0, 1.0, 0.0).asDiagonal() * V.transpose();
 }
 
-Eigen::Matrix3d NearestRankTwo(const Eigen::Matrix3d& matrix) {
-  const auto [U, V, s] = SingularValues(matrix);
-  return U * Eigen::Vector3d(s.x(), s.y(), 0.0).asDiagonal() * V.transpose();
-}
-
 }  // namespace cairn
