@@ -42,6 +42,8 @@ struct Collection {
   Photos photos = {};
 };
 
+void PrintTo(const Collection& collection, std::ostream* out) { *out << collection.folders[0]; }
+
 const Collection kCollections[] = {
     {"fountain", {"strecha/fountain-P11"}, Cameras::kGiven, 11, 93},
     {"herz_jesus", {"strecha/Herz-Jesus-P8"}, Cameras::kGiven, 8, 92},
@@ -55,7 +57,7 @@ const Collection kCollections[] = {
     {"fox", {"collections/fox"}, Cameras::kOne, 48, 80},
     {"horns", {"collections/llff_horns"}, Cameras::kOne, 61, 88},
     {"kitti", {"collections/kitti_seq1"}, Cameras::kOne, 50, 72},
-    {"corridor", {"collections/corridor215"}, Cameras::kOne, 68, 80, {.step = 3}},
+    {"corridor", {"collections/corridor215"}, Cameras::kOne, 62, 80, {.step = 3}},
     {"south_building", {"collections/south-building"}, Cameras::kOne, 39, 86, {.max_count = 40}},
 };
 
