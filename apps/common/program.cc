@@ -87,15 +87,17 @@ class Binder : public OptionVisitor {
       value = ParseDoubles(key, text);
     });
   }
-  void Choice(std::string_view name, std::string& value, const std::vector<std::string>& choices,
-              std::string_view help) override {
-    std::string allowed;
-    for (const std::string& choice : choices) allowed += (allowed.empty() ? "" : "|") + choice;
-    Add(name, help, allowed, value,
-        [&value](const std::string&, const std::string& text) { value = text; });
-  }
 
  private:
+  void Choice(std::string_view name, const ChoiceField& field, std::string_view help) override {
+    std::string allowed;
+    for (const std::string& choice : field.names) allowed += (allowed.empty() ? "" : "|") + choice;
+    Add(name, help, allowed, field.get(), [field](const std::string& key, const std::string& text) {
+      CheckChoice(key, text, field.names);
+      field.set(text);
+    });
+  }
+
   static std::string Shortest(double value) {
     char text[32];
     return std::string(text, std::to_chars(text, text + sizeof(text), value).ptr);
@@ -168,8 +170,12 @@ std::string DidYouMean(const std::string& key, const std::vector<std::string>& k
 
 std::string DescribeUnknown(const std::string& key, const std::vector<std::string>& known) {
   const size_t dashes = key.starts_with("--") ? 2 : 0;
+  if (const std::string name = NewNameOf(key.substr(dashes)); !name.empty()) {
+    return "'" + key + "' is now '" + key.substr(0, dashes) + name + "'";
+  }
   if (const std::string value = RetiredValue(key.substr(dashes)); !value.empty()) {
-    return "'" + key + "': this option was taken out; it is always '" + value + "'";
+    return "'" + key + "': this option was removed; it " +
+           (value == "*" ? "had no effect" : "is always '" + value + "'");
   }
   return "'" + key + "'" + DidYouMean(key, known);
 }
@@ -223,7 +229,7 @@ void Command::ReadConfigFile(const std::string& path) {
       return;
     }
     if (const std::string value = RetiredValue(key); !value.empty()) {
-      if (TomlText(key, node) == value) return;
+      if (value == "*" || TomlText(key, node) == value) return;
     }
     throw ConfigError(path, "unknown key " + DescribeUnknown(key, known));
   };

@@ -47,11 +47,6 @@ int Run(const Command& command, State& state) {
   settings.seed = static_cast<uint64_t>(flags.seed);
   settings.num_threads = flags.num_threads;
   if (command.IsSet("refine_intrinsics")) settings.refine_intrinsics = flags.refine_intrinsics;
-  settings.view_graph.num_threads = flags.num_threads;
-  settings.rotation_averaging.num_threads = flags.num_threads;
-  settings.translation_averaging.num_threads = flags.num_threads;
-  settings.translation_averaging.seed = flags.seed;
-  settings.bundle_adjustment.num_threads = flags.num_threads;
 
   // A folder that cannot or must not be written to is noticed before the work, not after it.
   if (!flags.overwrite) CheckReconstructOutput(flags.output_path);

@@ -24,7 +24,8 @@ struct RotationAveragingFiles {
 int Run(const RotationAveragingFiles& files, const RotationAveragingOptions& options) {
   ConsoleMonitor monitor;
   const std::vector<RotationEdge> edges = ReadRelativeRotations(files.edges_path);
-  const RotationAveragingReport report = AverageRotations(edges, options, monitor);
+  const RotationAveragingReport report =
+      AverageRotations(edges, options, {.num_threads = files.num_threads, .monitor = monitor});
   if (report.cam_from_world.empty()) {
     monitor.Warning("rotation averaging: no result (" +
                     std::string(RotationAveragingStatusName(report.status)) + ")");
@@ -58,7 +59,6 @@ void AddRotationAveragingCommand(Program& program) {
   command.SetRun([&command, files, options] {
     command.Require("edges_path");
     command.Require("output_path");
-    options->num_threads = files->num_threads;
     return Run(*files, *options);
   });
 }

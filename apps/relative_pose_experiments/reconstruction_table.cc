@@ -48,7 +48,6 @@ ReconstructionResult VerifyAndReconstruct(const std::string& verifier,
   ReconstructSettings reconstruct;
   reconstruct.seed = settings.seed;
   reconstruct.num_threads = 1;  // of bundle adjustment, for equal bytes in every run
-  reconstruct.bundle_adjustment.num_threads = 1;
   reconstruct.refine_intrinsics = settings.refine_intrinsics;
   reconstruct.reconstruct.colors = false;
   ReconstructResult reconstructed;

@@ -1,4 +1,4 @@
-#include "cairn/base/hash.h"
+#include "base/hash.h"
 
 #include <xxhash.h>
 

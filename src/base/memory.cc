@@ -1,4 +1,4 @@
-#include "cairn/base/memory.h"
+#include "base/memory.h"
 
 #include <algorithm>
 #include <cstdlib>

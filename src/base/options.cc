@@ -59,6 +59,14 @@ std::string FormatInt(double value) {
 
 }  // namespace
 
+void CheckChoice(const std::string& key, const std::string& value,
+                 const std::vector<std::string>& names) {
+  if (std::find(names.begin(), names.end(), value) != names.end()) return;
+  std::string allowed;
+  for (const std::string& name : names) allowed += (allowed.empty() ? "" : ", ") + name;
+  throw ConfigError(key, "'" + value + "' is not one of " + allowed);
+}
+
 std::string OptionValidator::Key(std::string_view name) const {
   return module_.empty() ? std::string(name) : module_ + "." + std::string(name);
 }
@@ -74,12 +82,8 @@ void OptionValidator::String(std::string_view, std::string&, std::string_view) {
 void OptionValidator::Doubles(std::string_view name, std::vector<double>& value, std::string_view) {
   for (const double v : value) CheckRange(Key(name), v, {}, FormatDouble);
 }
-void OptionValidator::Choice(std::string_view name, std::string& value,
-                             const std::vector<std::string>& choices, std::string_view) {
-  if (std::find(choices.begin(), choices.end(), value) != choices.end()) return;
-  std::string allowed;
-  for (const std::string& choice : choices) allowed += (allowed.empty() ? "" : ", ") + choice;
-  throw ConfigError(Key(name), "'" + value + "' is not one of " + allowed);
+void OptionValidator::Choice(std::string_view name, const ChoiceField& field, std::string_view) {
+  CheckChoice(Key(name), field.get(), field.names);
 }
 
 void OptionDumper::Line(std::string_view name, const std::string& value) {
@@ -102,9 +106,8 @@ void OptionDumper::Doubles(std::string_view name, std::vector<double>& value, st
   for (const double v : value) text += (text.size() > 1 ? ", " : "") + FormatDouble(v);
   Line(name, text + "]");
 }
-void OptionDumper::Choice(std::string_view name, std::string& value,
-                          const std::vector<std::string>&, std::string_view) {
-  Line(name, Quote(value));
+void OptionDumper::Choice(std::string_view name, const ChoiceField& field, std::string_view) {
+  Line(name, Quote(field.get()));
 }
 
 std::string RetiredValue(std::string_view name) {
@@ -113,12 +116,17 @@ std::string RetiredValue(std::string_view name) {
       {"verification.local_optimization", "threshold"},
       {"tracks.conflicts", "split"},
       {"rotation_averaging.kernel", "geman_mcclure"},
+      {"rotation_averaging.num_threads", "*"},  // --num_threads always overruled it
       {"translation_averaging.method", "chordal"},
   };
   for (const auto& [retired, value] : kRetired) {
     if (retired == name) return std::string(value);
   }
   return "";
+}
+
+std::string NewNameOf(std::string_view name) {
+  return name == "reconstruct.separate_twins" ? "reconstruct.separate_duplicates" : "";
 }
 
 std::string NearestName(std::string_view name, const std::vector<std::string>& candidates) {

@@ -3,8 +3,8 @@
 #include <bit>
 #include <cmath>
 
+#include "base/hash.h"
 #include "cairn/base/check.h"
-#include "cairn/base/hash.h"
 
 namespace cairn {
 namespace {

@@ -18,12 +18,17 @@ namespace cairn {
 namespace {
 
 std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleAdjustmentOptions& options) {
-  if (options.loss == "soft_l1") {
-    return std::make_unique<ceres::SoftLOneLoss>(options.loss_scale);
+  switch (options.loss) {
+    case ReprojectionLoss::kNone:
+      return nullptr;
+    case ReprojectionLoss::kSoftL1:
+      return std::make_unique<ceres::SoftLOneLoss>(options.loss_scale);
+    case ReprojectionLoss::kHuber:
+      return std::make_unique<ceres::HuberLoss>(options.loss_scale);
+    case ReprojectionLoss::kCauchy:
+      return std::make_unique<ceres::CauchyLoss>(options.loss_scale);
   }
-  if (options.loss == "huber") return std::make_unique<ceres::HuberLoss>(options.loss_scale);
-  if (options.loss == "cauchy") return std::make_unique<ceres::CauchyLoss>(options.loss_scale);
-  return nullptr;  // "none"
+  return nullptr;
 }
 
 // Other images that see an observation's point, on average: how many blocks of the cameras' system
@@ -38,20 +43,21 @@ double MeanCovisibility(const Reconstruction& reconstruction) {
   return observations > 0 ? pairs / observations : 0.0;
 }
 
-std::string ChooseSolver(const BundleAdjustmentOptions& options, const BundleAdjustmentScope& scope,
-                         const Reconstruction& reconstruction) {
+BundleSolver ChooseSolver(const BundleAdjustmentOptions& options,
+                          const BundleAdjustmentScope& scope,
+                          const Reconstruction& reconstruction) {
   // Without points, or with nothing but points, there is nothing to eliminate.
   const bool has_others =
       scope.rotations || scope.positions || scope.focal_lengths || scope.distortions;
-  if (!scope.points || !has_others) return "sparse_normal_cholesky";
+  if (!scope.points || !has_others) return BundleSolver::kSparseNormalCholesky;
   return SchurSolver(options, static_cast<int64_t>(reconstruction.images.size()),
                      MeanCovisibility(reconstruction));
 }
 
-ceres::LinearSolverType CeresSolverType(const std::string& name) {
-  if (name == "dense_schur") return ceres::DENSE_SCHUR;
-  if (name == "sparse_schur") return ceres::SPARSE_SCHUR;
-  if (name == "iterative_schur") return ceres::ITERATIVE_SCHUR;
+ceres::LinearSolverType CeresSolverType(BundleSolver solver) {
+  if (solver == BundleSolver::kDenseSchur) return ceres::DENSE_SCHUR;
+  if (solver == BundleSolver::kSparseSchur) return ceres::SPARSE_SCHUR;
+  if (solver == BundleSolver::kIterativeSchur) return ceres::ITERATIVE_SCHUR;
   return ceres::SPARSE_NORMAL_CHOLESKY;
 }
 
@@ -184,8 +190,8 @@ class BundleProblem {
   int64_t num_points_ = 0;
 };
 
-ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options,
-                                     const std::string& solver) {
+ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options, BundleSolver solver,
+                                     int num_threads) {
   ceres::Solver::Options ceres_options;
   ceres_options.linear_solver_type = CeresSolverType(solver);
   ceres_options.preconditioner_type = ceres::SCHUR_JACOBI;
@@ -198,8 +204,7 @@ ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options,
   // The damping never vanishes, since it alone holds the world frame.
   ceres_options.max_trust_region_radius = 1e9;
   // Ceres warns when asked for more threads than there are.
-  ceres_options.num_threads =
-      std::min(EffectiveNumThreads(options.num_threads), EffectiveNumThreads(0));
+  ceres_options.num_threads = std::min(EffectiveNumThreads(num_threads), EffectiveNumThreads(0));
   ceres_options.logging_type = ceres::SILENT;
   return ceres_options;
 }
@@ -207,15 +212,13 @@ ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options,
 }  // namespace
 
 void BundleAdjustmentOptions::VisitFields(OptionVisitor& v) {
-  v.Choice("loss", loss, {"none", "soft_l1", "huber", "cauchy"},
-           "robust loss on the reprojection error");
+  v.Choice("loss", loss, kReprojectionLosses, "robust loss on the reprojection error");
   v.Double("loss_scale", loss_scale, {1e-6, 1e6},
            "error at which the loss leaves the square, in standard deviations of the observation");
   v.Int("max_iterations", max_iterations, {0, 100000}, "iterations of one adjustment");
   v.Double("function_tolerance", function_tolerance, {0, 1},
            "stop when the cost changes relatively by less");
-  v.Choice("solver", solver, {"auto", "dense_schur", "sparse_schur", "iterative_schur"},
-           "linear solver; auto: by the number of images");
+  v.Choice("solver", solver, kBundleSolvers, "linear solver; auto: by the number of images");
   v.Int("max_dense_images", max_dense_images, {0, 1000000},
         "images up to which auto takes dense_schur");
   v.Int("max_sparse_images", max_sparse_images, {0, 1000000},
@@ -238,9 +241,9 @@ std::string_view BundleAdjustmentStatusName(BundleAdjustmentStatus status) {
   return "unknown";
 }
 
-BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
+BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentScope& scope,
-                                    Reconstruction& reconstruction, ProgressMonitor& monitor) {
+                                    const BundleAdjustmentOptions& options, const RunContext& run) {
   ValidateOptions(options, "bundle_adjustment");
   const Timer timer;
   BundleAdjustmentReport report;
@@ -251,8 +254,8 @@ BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
   if (report.num_observations == 0) return report;
 
   report.solver = ChooseSolver(options, scope, reconstruction);
-  ceres::Solver::Options solver_options = SolverOptions(options, report.solver);
-  StopCallback stop(monitor);
+  ceres::Solver::Options solver_options = SolverOptions(options, report.solver, run.num_threads);
+  StopCallback stop(run.monitor);
   solver_options.callbacks.push_back(&stop);
   const ceres::Solver::Summary summary = problem.Solve(solver_options);
 

@@ -36,7 +36,7 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
   const int64_t rows = kPoseSize * size.num_images;
   int64_t schur = rows * kPoseSize * static_cast<int64_t>(sizeof(double));
   const bool is_iterative =
-      SchurSolver(options, size.num_images, size.covisibility) == "iterative_schur";
+      SchurSolver(options, size.num_images, size.covisibility) == BundleSolver::kIterativeSchur;
   // The complement and its factor.
   if (!is_iterative) schur = 2 * rows * rows * static_cast<int64_t>(sizeof(double)) / 2;
   return size.num_keypoints * kBytesPerKeypoint + size.num_observations * kBytesPerObservation +

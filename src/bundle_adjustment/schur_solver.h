@@ -1,22 +1,21 @@
 #pragma once
 
-#include <string>
-
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 
 namespace cairn {
 
-// The solver of the cameras' system that the options ask for, or that "auto" stands for. Where many
+// The solver of the cameras' system that the options ask for, or that kAuto stands for. Where many
 // images see the same points, that system is nearly full: forming and factorizing it costs more
 // than conjugate gradients take. covisibility: images that see an observation's point, on average.
-inline std::string SchurSolver(const BundleAdjustmentOptions& options, int64_t num_images,
-                               double covisibility) {
+inline BundleSolver SchurSolver(const BundleAdjustmentOptions& options, int64_t num_images,
+                                double covisibility) {
   constexpr double kMaxSparseCovisibility = 20.0;
-  if (options.solver != "auto") return options.solver;
-  if (num_images <= options.max_dense_images) return "dense_schur";
+  if (options.solver != BundleSolver::kAuto) return options.solver;
+  if (num_images <= options.max_dense_images) return BundleSolver::kDenseSchur;
   const bool is_sparse = num_images <= 3 * static_cast<int64_t>(options.max_dense_images) ||
                          covisibility <= kMaxSparseCovisibility;
-  return num_images <= options.max_sparse_images && is_sparse ? "sparse_schur" : "iterative_schur";
+  return num_images <= options.max_sparse_images && is_sparse ? BundleSolver::kSparseSchur
+                                                              : BundleSolver::kIterativeSchur;
 }
 
 }  // namespace cairn

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -132,12 +133,16 @@ std::optional<CameraModel> CameraModelFromId(int id) {
   return static_cast<CameraModel>(id);
 }
 
-std::vector<std::string> CameraModelNames() {
-  std::vector<std::string> names;
-  for (int id = 0; id < kNumCameraModels; ++id) {
-    names.emplace_back(Info(static_cast<CameraModel>(id)).name);
-  }
-  return names;
+std::span<const NamedValue<CameraModel>> NamedCameraModels() {
+  static const auto models = [] {
+    std::array<NamedValue<CameraModel>, kNumCameraModels> named;
+    for (int id = 0; id < kNumCameraModels; ++id) {
+      const auto model = static_cast<CameraModel>(id);
+      named[id] = {model, Info(model).name};
+    }
+    return named;
+  }();
+  return models;
 }
 
 bool CameraModelIsPlanar(CameraModel model) {

@@ -1,7 +1,7 @@
 #include <cstring>
 
+#include "base/hash.h"
 #include "cairn/base/error.h"
-#include "cairn/base/hash.h"
 #include "cairn/database/database.h"
 #include "database/query.h"
 #include "database/sql.h"

@@ -30,7 +30,7 @@ bool AreFinite(const std::byte* floats, size_t n) {
   return any == 0;
 }
 
-std::map<image_t, int> ReadNumRows(Database::Impl& impl, const char* sql) {
+std::map<image_t, int> NumRowsOfImages(Database::Impl& impl, const char* sql) {
   std::map<image_t, int> num_rows;
   Query query(impl, sql);
   while (query.Step()) {
@@ -101,11 +101,11 @@ void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors
 }
 
 std::map<image_t, int> Database::ReadNumKeypoints() const {
-  return ReadNumRows(*impl_, sql::kReadNumKeypoints);
+  return NumRowsOfImages(*impl_, sql::kReadNumKeypoints);
 }
 
 std::map<image_t, int> Database::ReadNumDescriptors() const {
-  return ReadNumRows(*impl_, sql::kReadNumDescriptors);
+  return NumRowsOfImages(*impl_, sql::kReadNumDescriptors);
 }
 
 }  // namespace cairn

@@ -38,9 +38,9 @@ std::map<camera_t, CameraFocal> Database::ReadCameraFocals() const {
 void Database::WriteCameraFocal(camera_t camera_id, const CameraFocal& focal) {
   Query(*impl_, sql::kWriteCameraFocal)
       .Bind(1, camera_id)
-      .Bind(2, static_cast<int>(focal.is_refuted))
+      .Bind(2, static_cast<int>(focal.is_rejected))
       .Bind(3, focal.num_pairs)
-      .Bind(4, focal.num_refuting)
+      .Bind(4, focal.num_contradicting)
       .Run();
 }
 

@@ -104,7 +104,7 @@ TwoViewConfig ConfigFromInt(int64_t config) {
   return config == 9 ? TwoViewConfig::kCalibrated : TwoViewConfig::kUndefined;
 }
 
-std::vector<std::pair<image_pair_t, int>> ReadNumRows(Database::Impl& impl, const char* sql) {
+std::vector<std::pair<image_pair_t, int>> NumRowsOfPairs(Database::Impl& impl, const char* sql) {
   std::vector<std::pair<image_pair_t, int>> num_rows;
   Query query(impl, sql);
   while (query.Step()) {
@@ -141,11 +141,11 @@ PairMetrics MetricsFromRow(const Database::Impl& impl, const Query& query) {
 }  // namespace
 
 std::vector<std::pair<image_pair_t, int>> Database::ReadNumMatches() const {
-  return ReadNumRows(*impl_, sql::kReadNumMatches);
+  return NumRowsOfPairs(*impl_, sql::kReadNumMatches);
 }
 
 std::vector<std::pair<image_pair_t, int>> Database::ReadNumInliers() const {
-  return ReadNumRows(*impl_, sql::kReadNumInliers);
+  return NumRowsOfPairs(*impl_, sql::kReadNumInliers);
 }
 
 std::vector<image_pair_t> Database::ReadMatchedPairIds() const {

@@ -1,4 +1,4 @@
-#include "cairn/database/database_writer.h"
+#include "database/database_writer.h"
 
 #include <condition_variable>
 #include <deque>

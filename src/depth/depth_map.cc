@@ -12,16 +12,18 @@ int DepthMap::NumValid() const { return std::accumulate(is_valid.begin(), is_val
 
 DepthMap DepthMapFromValues(int width, int height, const std::vector<float>& values,
                             const DepthOptions& options) {
+  ValidateOptions(options, "depth");
   CAIRN_CHECK_EQ(values.size(), static_cast<size_t>(width) * height);
   DepthMap map;
   map.width = width;
   map.height = height;
-  map.is_inverse = options.kind == "inverse";
+  map.is_inverse = options.kind == DepthKind::kInverse;
   map.values.resize(values.size());
   map.is_valid.resize(values.size());
   for (size_t i = 0; i < values.size(); ++i) {
     const double scaled = values[i] * options.scale;
-    const auto value = static_cast<float>(options.kind == "log" ? std::exp(scaled) : scaled);
+    const auto value =
+        static_cast<float>(options.kind == DepthKind::kLog ? std::exp(scaled) : scaled);
     if (!std::isnormal(value) || (value < 0 && !map.is_inverse)) continue;
     map.values[i] = value;
     map.is_valid[i] = 1;

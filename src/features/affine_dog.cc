@@ -23,7 +23,7 @@ constexpr double kCellSize = 3.0;
 using CovDet = std::unique_ptr<VlCovDet, void (*)(VlCovDet*)>;
 using SiftFilter = std::unique_ptr<VlSiftFilt, void (*)(VlSiftFilt*)>;
 
-bool LargerFirst(const VlCovDetFeature& a, const VlCovDetFeature& b) {
+bool LargerFrameFirst(const VlCovDetFeature& a, const VlCovDetFeature& b) {
   const auto key = [](const VlCovDetFeature& f) {
     return std::tuple(-f.frame.a11, -std::abs(f.peakScore), f.frame.y, f.frame.x);
   };
@@ -77,7 +77,7 @@ Features ExtractAffineDog(const Bitmap& gray, const FeatureOptions& options) {
 
   const auto* found = static_cast<const VlCovDetFeature*>(vl_covdet_get_features(detector.get()));
   std::vector<VlCovDetFeature> detected(found, found + vl_covdet_get_num_features(detector.get()));
-  std::sort(detected.begin(), detected.end(), LargerFirst);
+  std::sort(detected.begin(), detected.end(), LargerFrameFirst);
 
   std::vector<VlFrameOrientedEllipse> frames;
   for (const VlCovDetFeature& feature : detected) {

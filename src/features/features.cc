@@ -35,7 +35,7 @@ Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options) {
   CAIRN_CHECK_EQ(gray.channels, 1);
   CAIRN_CHECK_EQ(gray.data.size(), static_cast<size_t>(gray.width) * gray.height);
   KeepOpenCvToTheCallersThread();
-  const auto extract = options.type == "sift" ? ExtractSift : ExtractAffineDog;
+  const auto extract = options.type == FeatureType::kSift ? ExtractSift : ExtractAffineDog;
   const int size = std::max(gray.width, gray.height);
   if (size <= options.max_image_size) return extract(gray, options);
 

@@ -22,7 +22,7 @@ int Octave(const cv::KeyPoint& keypoint) {
   return octave < 128 ? octave : octave - 256;
 }
 
-bool LargerFirst(const cv::KeyPoint& a, const cv::KeyPoint& b) {
+bool LargerKeyPointFirst(const cv::KeyPoint& a, const cv::KeyPoint& b) {
   return std::tuple(-a.size, -a.response, a.pt.y, a.pt.x, a.angle) <
          std::tuple(-b.size, -b.response, b.pt.y, b.pt.x, b.angle);
 }
@@ -36,7 +36,7 @@ Features ExtractSift(const Bitmap& gray, const FeatureOptions& options) {
   std::vector<cv::KeyPoint> detected;
   sift->detect(image, detected);
   std::erase_if(detected, [&](const cv::KeyPoint& k) { return Octave(k) < options.first_octave; });
-  std::sort(detected.begin(), detected.end(), LargerFirst);
+  std::sort(detected.begin(), detected.end(), LargerKeyPointFirst);
   detected.resize(std::min(detected.size(), static_cast<size_t>(options.max_num_features)));
   cv::Mat histograms;
   if (!detected.empty()) sift->compute(image, detected, histograms);

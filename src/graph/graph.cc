@@ -1,10 +1,10 @@
-#include "cairn/graph/graph.h"
+#include "graph/graph.h"
 
 #include <algorithm>
 #include <numeric>
 
 #include "cairn/base/check.h"
-#include "cairn/graph/union_find.h"
+#include "graph/union_find.h"
 
 namespace cairn {
 

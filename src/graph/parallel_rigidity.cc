@@ -1,4 +1,4 @@
-#include "cairn/graph/parallel_rigidity.h"
+#include "graph/parallel_rigidity.h"
 
 #include <algorithm>
 #include <utility>

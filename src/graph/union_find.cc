@@ -1,4 +1,4 @@
-#include "cairn/graph/union_find.h"
+#include "graph/union_find.h"
 
 #include <numeric>
 #include <utility>

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "cairn/base/hash.h"
+#include "base/hash.h"
 #include "cairn/database/stage_names.h"
 
 namespace cairn {

@@ -120,10 +120,11 @@ std::vector<size_t> SelectFocalPairs(std::span<const FocalPairCount> pairs, int 
 FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras,
                                        const std::set<camera_t>& trusted,
                                        std::span<const FocalPair> pairs,
-                                       const FocalCalibrationOptions& options, int num_threads) {
+                                       const FocalCalibrationOptions& options,
+                                       const RunContext& run) {
   ValidateOptions(options, "focal_calibration");
   std::vector<std::optional<FundamentalFit>> fits(pairs.size());
-  ParallelFor(num_threads, static_cast<int64_t>(pairs.size()), [&](int64_t i) {
+  ParallelFor(run.num_threads, static_cast<int64_t>(pairs.size()), [&](int64_t i) {
     fits[i] = FitPair(pairs[i], cameras.at(pairs[i].camera_id1), cameras.at(pairs[i].camera_id2));
   });
 

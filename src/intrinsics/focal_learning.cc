@@ -13,13 +13,15 @@ namespace {
 // of what F explains; with one that is half or twice the right one, 349 of 385.
 constexpr double kMinShare = 0.95;
 constexpr int kMinExplained = 40;
-constexpr int kMaxPairs = 8;     // of a camera
-constexpr int kMinRefuting = 3;  // pairs
+constexpr int kMaxFocalPairs = 8;     // of a camera
+constexpr int kMinContradicting = 3;  // pairs
 
 struct Tally {
   int num_pairs = 0;
-  int num_refuting = 0;
-  bool IsRefuted() const { return num_refuting >= kMinRefuting && 2 * num_refuting >= num_pairs; }
+  int num_contradicting = 0;
+  bool IsRejected() const {
+    return num_contradicting >= kMinContradicting && 2 * num_contradicting >= num_pairs;
+  }
 };
 
 // Of each camera's pairs the first ones that were drawn. (Those beyond were drawn for the sake of
@@ -29,28 +31,29 @@ std::map<camera_t, Tally> Count(const std::vector<CameraPairEvidence>& pairs) {
   for (const CameraPairEvidence& pair : pairs) {
     for (const camera_t id : std::set<camera_t>{pair.camera_id1, pair.camera_id2}) {
       Tally& tally = tallies[id];
-      if (tally.num_pairs == kMaxPairs) continue;
+      if (tally.num_pairs == kMaxFocalPairs) continue;
       ++tally.num_pairs;
-      tally.num_refuting += pair.is_refuting;
+      tally.num_contradicting += pair.is_contradicting;
     }
   }
   return tallies;
 }
 
-// The refuted camera with the largest share of refuting pairs, of equal ones with the most, of
-// equal ones the first.
+// The rejected camera with the largest share of contradicting pairs, of equal ones with the most,
+// of equal ones the first.
 camera_t FindWorst(const std::map<camera_t, Tally>& tallies) {
   camera_t worst = kInvalidCameraId;
   for (const auto& [id, tally] : tallies) {
-    if (!tally.IsRefuted()) continue;
+    if (!tally.IsRejected()) continue;
     if (worst == kInvalidCameraId) {
       worst = id;
       continue;
     }
     const Tally& best = tallies.at(worst);
-    const int64_t share = int64_t{tally.num_refuting} * best.num_pairs;
-    const int64_t best_share = int64_t{best.num_refuting} * tally.num_pairs;
-    if (share > best_share || (share == best_share && tally.num_refuting > best.num_refuting)) {
+    const int64_t share = int64_t{tally.num_contradicting} * best.num_pairs;
+    const int64_t best_share = int64_t{best.num_contradicting} * tally.num_pairs;
+    if (share > best_share ||
+        (share == best_share && tally.num_contradicting > best.num_contradicting)) {
       worst = id;
     }
   }
@@ -76,10 +79,10 @@ std::vector<image_pair_t> PairsToWeigh(const Database& database,
     if (judged.count(camera1->second) > 0 && judged.count(camera2->second) > 0) continue;
     candidates.push_back(pair);
   }
-  return DrawPairs(std::move(candidates), camera_of, trusted, kMaxPairs);
+  return DrawPairs(std::move(candidates), camera_of, trusted, kMaxFocalPairs);
 }
 
-bool IsRefuting(const PairFocalEvidence& evidence) {
+bool IsContradicting(const PairFocalEvidence& evidence) {
   return evidence.num_by_fundamental >= kMinExplained &&
          evidence.num_by_essential < kMinShare * evidence.num_by_fundamental;
 }
@@ -89,7 +92,7 @@ std::map<camera_t, CameraFocal> JudgeFocals(std::vector<CameraPairEvidence> pair
   const std::map<camera_t, Tally> all = Count(pairs);
   std::map<camera_t, Tally> tallies = all;
   for (camera_t worst = FindWorst(tallies); worst != kInvalidCameraId; worst = FindWorst(tallies)) {
-    judged[worst] = {true, tallies[worst].num_pairs, tallies[worst].num_refuting};
+    judged[worst] = {true, tallies[worst].num_pairs, tallies[worst].num_contradicting};
     std::erase_if(pairs, [worst](const CameraPairEvidence& pair) {
       return pair.camera_id1 == worst || pair.camera_id2 == worst;
     });
@@ -99,10 +102,10 @@ std::map<camera_t, CameraFocal> JudgeFocals(std::vector<CameraPairEvidence> pair
     if (judged.count(id) > 0) continue;
     const Tally& rest = tallies[id];
     // Where all are wrong, few pairs are left of the last ones, and none that speak for them.
-    const bool is_refuted = tally.IsRefuted() && 2 * rest.num_refuting >= rest.num_pairs;
-    if (is_refuted || rest.num_pairs >= kMinRefuting) {
-      const Tally& shown = is_refuted ? tally : rest;
-      judged[id] = {is_refuted, shown.num_pairs, shown.num_refuting};
+    const bool is_rejected = tally.IsRejected() && 2 * rest.num_contradicting >= rest.num_pairs;
+    if (is_rejected || rest.num_pairs >= kMinContradicting) {
+      const Tally& shown = is_rejected ? tally : rest;
+      judged[id] = {is_rejected, shown.num_pairs, shown.num_contradicting};
     }
   }
   return judged;
@@ -119,30 +122,30 @@ LearnedFocals LearnFocals(Database& database) {
   for (const PairFocalEvidence& evidence : all) {
     if (evidence.num_by_fundamental < kMinExplained) continue;
     const auto [id1, id2] = PairIdToImagePair(evidence.pair_id);
-    pairs.push_back({camera_of.at(id1), camera_of.at(id2), IsRefuting(evidence)});
+    pairs.push_back({camera_of.at(id1), camera_of.at(id2), IsContradicting(evidence)});
   }
   std::map<camera_t, CameraFocal> judged = JudgeFocals(std::move(pairs));
   std::erase_if(judged, [&](const auto& entry) { return known.count(entry.first) > 0; });
   LearnedFocals learned;
   if (judged.empty()) return learned;
-  learned.refuted = RefutedCameras(judged);
+  learned.rejected = RejectedCameras(judged);
   Database::Transaction transaction(database);
   for (const auto& [id, focal] : judged) database.WriteCameraFocal(id, focal);
-  learned.undone = UndoVerification(database, camera_of, learned.refuted);
+  learned.undone = UndoVerification(database, camera_of, learned.rejected);
   transaction.Commit();
   return learned;
 }
 
-std::set<camera_t> RefutedCameras(const std::map<camera_t, CameraFocal>& focals) {
-  std::set<camera_t> refuted;
+std::set<camera_t> RejectedCameras(const std::map<camera_t, CameraFocal>& focals) {
+  std::set<camera_t> rejected;
   for (const auto& [id, focal] : focals) {
-    if (focal.is_refuted) refuted.insert(id);
+    if (focal.is_rejected) rejected.insert(id);
   }
-  return refuted;
+  return rejected;
 }
 
-std::vector<std::string> RefutedFocalTexts(const Database& database,
-                                           const std::set<camera_t>& cameras) {
+std::vector<std::string> RejectedFocalTexts(const Database& database,
+                                            const std::set<camera_t>& cameras) {
   std::map<camera_t, std::pair<std::string, int>> images;  // the first one's name, and how many
   for (const Image& image : database.ReadImages()) {
     auto& [name, count] = images[image.camera_id];
@@ -154,9 +157,9 @@ std::vector<std::string> RefutedFocalTexts(const Database& database,
     const auto& [name, count] = images[id];
     char text[200];
     std::snprintf(text, sizeof(text),
-                  "focal length %.1f px, which was trusted: in %d of %d pairs a fundamental matrix "
-                  "explains far more; its pairs are verified without it",
-                  known.camera.MeanFocal(), known.judgement->num_refuting,
+                  "prior focal length %.1f px rejected: in %d of %d pairs a fundamental matrix "
+                  "explains far more matches; its pairs are verified without the prior",
+                  known.camera.MeanFocal(), known.judgement->num_contradicting,
                   known.judgement->num_pairs);
     texts.push_back("camera " + std::to_string(id) + " (" + name +
                     (count > 1 ? " and " + std::to_string(count - 1) + " more" : "") +

@@ -13,11 +13,11 @@ namespace cairn::internal {
 namespace {
 
 constexpr size_t kMinMatches = 15;
-constexpr int kMaxIterations = 30;
-constexpr double kMinScalePx = 0.3;   // of the robust loss
-constexpr double kMinSigmaPx = 0.05;  // no detector is more exact
+constexpr int kMaxFitIterations = 30;
+constexpr double kMinScalePx = 0.3;      // of the robust loss
+constexpr double kMinFitSigmaPx = 0.05;  // no detector is more exact
 // The median of |e| of a normal distribution, in standard deviations.
-constexpr double kNormalMedian = 0.6745;
+constexpr double kFitNormalMedian = 0.6745;
 
 using Vector9 = Eigen::Matrix<double, 9, 1>;
 using Matrix9 = Eigen::Matrix<double, 9, 9>;
@@ -82,7 +82,7 @@ double RobustCost(const std::vector<double>& errors, double scale_px) {
 double MedianSigma(const std::vector<double>& errors) {
   std::vector<double> lengths;
   for (const double e : errors) lengths.push_back(std::abs(e));
-  return UpperMedian(std::move(lengths)) / kNormalMedian;
+  return UpperMedian(std::move(lengths)) / kFitNormalMedian;
 }
 
 // What the noise of the matches does, by the inverse Hessian, and what leaving out a tenth of them
@@ -177,7 +177,7 @@ std::optional<FundamentalFit> FitFundamental(std::span<const Eigen::Vector2d> x1
   double damping = 1e-3;
   Matrix9 moments;
   Vector9 gradient;
-  for (int i = 0; i < kMaxIterations; ++i) {
+  for (int i = 0; i < kMaxFitIterations; ++i) {
     const double scale_px = std::max(kMinScalePx, 3 * MedianSigma(errors));
     const double cost = RobustCost(errors, scale_px);
     const Matrix97 tangents = Tangents(*fit);
@@ -201,7 +201,7 @@ std::optional<FundamentalFit> FitFundamental(std::span<const Eigen::Vector2d> x1
     if (std::abs(gain) < 1e-9 * cost || damping > 1e6) break;
   }
   if (!(fit->B.determinant() > 0)) return std::nullopt;
-  fit->sigma_px = std::max(kMinSigmaPx, MedianSigma(errors));
+  fit->sigma_px = std::max(kMinFitSigmaPx, MedianSigma(errors));
   fit->covariance = Covariance(rows, errors, precisions, *fit);
   if (!fit->covariance.allFinite()) return std::nullopt;
   return fit;

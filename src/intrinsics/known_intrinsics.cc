@@ -15,7 +15,7 @@ bool CamerasWereGiven(const Database& database) {
 }
 
 template <class Value>
-std::optional<Value> Find(const std::map<camera_t, Value>& values, camera_t id) {
+std::optional<Value> FindRow(const std::map<camera_t, Value>& values, camera_t id) {
   const auto it = values.find(id);
   return it == values.end() ? std::nullopt : std::optional<Value>(it->second);
 }
@@ -55,7 +55,7 @@ std::map<camera_t, KnownIntrinsics> ReadKnownIntrinsics(const Database& database
   for (Camera& camera : database.ReadCameras()) {
     const camera_t id = camera.camera_id;
     KnownIntrinsics& intrinsics = known[id];
-    intrinsics = {std::move(camera), Find(lenses, id), Find(judgements, id), are_given};
+    intrinsics = {std::move(camera), FindRow(lenses, id), FindRow(judgements, id), are_given};
     if (intrinsics.lens) ApplyLens(*intrinsics.lens, intrinsics.camera);
   }
   return known;

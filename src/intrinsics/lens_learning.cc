@@ -16,10 +16,10 @@
 namespace cairn {
 namespace {
 
-constexpr int kMaxPairs = 100;       // of a camera
+constexpr int kMaxLensPairs = 100;   // of a camera
 constexpr size_t kMaxMatches = 300;  // of a pair
 // A focal length as sure as that is taken for known, as EXIF's is, which is no surer; those that
-// their pairs do not bear out are refuted like it (focal_learning.h).
+// their pairs do not bear out are rejected like it (focal_learning.h).
 constexpr double kKnownSigma = 0.05;
 
 struct Witness {
@@ -142,7 +142,7 @@ std::map<camera_t, CalibratedFocal> LearnGuessedFocals(const Lenses& lenses,
   for (const auto& [id, camera] : lenses.cameras) {
     if (lenses.open.count(id) == 0 || camera.has_prior_focal_length) trusted.insert(id);
   }
-  return CalibrateFocals(lenses.cameras, trusted, pairs, {}, num_threads).cameras;
+  return CalibrateFocals(lenses.cameras, trusted, pairs, {}, {.num_threads = num_threads}).cameras;
 }
 
 CameraLens MakeLens(const Camera& camera, const CalibratedDistortion* distortion,
@@ -167,7 +167,7 @@ std::string Describe(camera_t id, const CameraLens& lens) {
   char part[100];
   if (lens.focal_px > 0) {
     std::snprintf(part, sizeof(part), " focal length %.1f px (sigma %.1f %%)%s", lens.focal_px,
-                  100 * lens.focal_sigma, lens.is_focal_known ? "" : ", not surely");
+                  100 * lens.focal_sigma, lens.is_focal_known ? "" : " (uncertain)");
     text += part;
   }
   if (lens.k != 0) {
@@ -179,7 +179,7 @@ std::string Describe(camera_t id, const CameraLens& lens) {
 }
 
 template <class Value>
-const Value* Find(const std::map<uint32_t, Value>& values, uint32_t id) {
+const Value* FindOrNull(const std::map<uint32_t, Value>& values, uint32_t id) {
   const auto it = values.find(id);
   return it == values.end() ? nullptr : &it->second;
 }
@@ -206,7 +206,7 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
   const Lenses known = ReadLenses(database, likely);
   if (known.open.empty()) return learned;
   std::vector<Witness> witnesses =
-      ReadWitnesses(database, known, DrawPairs(likely, known.camera_of, known.open, kMaxPairs));
+      ReadWitnesses(database, known, DrawPairs(likely, known.camera_of, known.open, kMaxLensPairs));
   ReadPixels(database, witnesses);
   std::vector<DistortionPair> pairs;
   for (Witness& witness : witnesses) pairs.push_back(std::move(witness.pair));
@@ -221,7 +221,7 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
   std::map<camera_t, CameraLens> lenses;
   for (const camera_t id : known.open) {
     CameraLens& lens = lenses[id];
-    lens = MakeLens(known.cameras.at(id), Find(report.cameras, id), Find(focals, id));
+    lens = MakeLens(known.cameras.at(id), FindOrNull(report.cameras, id), FindOrNull(focals, id));
     lens.num_pairs = known.num_pairs.at(id);
     if (!lens.IsEmpty()) learned.texts.push_back(Describe(id, lens));
   }

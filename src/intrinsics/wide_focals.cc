@@ -17,7 +17,7 @@ namespace {
 
 // Pairs that a camera is judged by, of so many times as many with the most matches: those with the
 // very most are often of neighbours that hardly moved, whose support tells little.
-constexpr int kMaxPairs = 16;
+constexpr int kMaxWidePairs = 16;
 constexpr int kSpread = 4;
 // Factors of the guess, two to a power: fisheye lenses fill frames from a circle in the shorter
 // side to 100 degrees in the longer one.
@@ -92,8 +92,8 @@ class WideFocalFinder {
                     camera.MeanFocal(), pairs.size(), guess);
     } else {
       std::snprintf(text, sizeof(text),
-                    "camera %u: no pair tells its focal length, the guess of %.1f px is kept", id,
-                    guess);
+                    "camera %u: no pair determines the focal length; the guess of %.1f px is kept",
+                    id, guess);
     }
     database_.WriteCameraLens(id, lens);
     return text;
@@ -113,10 +113,10 @@ class WideFocalFinder {
       if (count >= options_.min_num_matches) ranked.emplace_back(-count, pair_id);
     }
     std::sort(ranked.begin(), ranked.end());
-    ranked.resize(std::min<size_t>(ranked.size(), kMaxPairs * kSpread));
-    const size_t step = std::max<size_t>(1, ranked.size() / kMaxPairs);
+    ranked.resize(std::min<size_t>(ranked.size(), kMaxWidePairs * kSpread));
+    const size_t step = std::max<size_t>(1, ranked.size() / kMaxWidePairs);
     std::vector<WidePair> pairs;
-    for (size_t i = 0; i < ranked.size() && pairs.size() < kMaxPairs; i += step) {
+    for (size_t i = 0; i < ranked.size() && pairs.size() < kMaxWidePairs; i += step) {
       WidePair pair;
       pair.pair_id = ranked[i].second;
       const auto [image1, image2] = PairIdToImagePair(pair.pair_id);

@@ -25,7 +25,7 @@ void ReadCamera(TextReader& reader, image_t id, const std::string& name,
   Eigen::Vector3d t;
   for (int i = 0; i < 3; ++i) t[i] = reader.DoubleOnAnyLine("translation");
   if (intrinsics[0] <= 0 || R.isZero(0.0)) return;  // not registered
-  if (!IsNearRotation(R)) reader.Fail("the camera's matrix is no rotation");
+  if (!IsNearRotation(R)) reader.Fail("the camera's matrix is not a rotation");
 
   Camera& camera = reconstruction.cameras[id];
   camera.camera_id = id;

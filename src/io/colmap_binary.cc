@@ -59,7 +59,7 @@ RegisteredImage ReadImage(ByteReader& reader) {
   return image;
 }
 
-Point3D ReadPoint(ByteReader& reader, point3D_t id) {
+Point3D ReadBinaryPoint(ByteReader& reader, point3D_t id) {
   Point3D point;
   for (int i = 0; i < 3; ++i) point.xyz[i] = reader.Read<double>();
   for (uint8_t& channel : point.color) channel = reader.Read<uint8_t>();
@@ -73,35 +73,35 @@ Point3D ReadPoint(ByteReader& reader, point3D_t id) {
   return point;
 }
 
-void ReadCameras(const std::string& path, Reconstruction& reconstruction) {
+void ReadBinaryCameras(const std::string& path, Reconstruction& reconstruction) {
   ByteReader reader(path);
   for (size_t n = reader.ReadCount(kMinCameraSize); n > 0; --n) {
     const Camera camera = ReadCamera(reader);
     if (!reconstruction.cameras.emplace(camera.camera_id, camera).second) {
-      reader.Fail("camera " + std::to_string(camera.camera_id) + " is there twice");
+      reader.Fail("camera " + std::to_string(camera.camera_id) + " appears twice");
     }
   }
   reader.ExpectEnd();
 }
 
-void ReadImages(const std::string& path, Reconstruction& reconstruction) {
+void ReadBinaryImages(const std::string& path, Reconstruction& reconstruction) {
   ByteReader reader(path);
   for (size_t n = reader.ReadCount(kMinImageSize); n > 0; --n) {
     RegisteredImage image = ReadImage(reader);
     const image_t id = image.image.image_id;
     if (!reconstruction.images.emplace(id, std::move(image)).second) {
-      reader.Fail("image " + std::to_string(id) + " is there twice");
+      reader.Fail("image " + std::to_string(id) + " appears twice");
     }
   }
   reader.ExpectEnd();
 }
 
-void ReadPoints(const std::string& path, Reconstruction& reconstruction) {
+void ReadBinaryPoints(const std::string& path, Reconstruction& reconstruction) {
   ByteReader reader(path);
   for (size_t n = reader.ReadCount(kMinPoint3DSize); n > 0; --n) {
     const point3D_t id = reader.Read<uint64_t>();
-    if (!reconstruction.points3D.emplace(id, ReadPoint(reader, id)).second) {
-      reader.Fail("point " + std::to_string(id) + " is there twice");
+    if (!reconstruction.points3D.emplace(id, ReadBinaryPoint(reader, id)).second) {
+      reader.Fail("point " + std::to_string(id) + " appears twice");
     }
   }
   reader.ExpectEnd();
@@ -144,9 +144,9 @@ void WritePoints(const Reconstruction& reconstruction, ByteWriter& out) {
 
 Reconstruction ReadColmapBinary(const std::string& folder) {
   Reconstruction reconstruction;
-  ReadCameras(folder + "/cameras.bin", reconstruction);
-  ReadImages(folder + "/images.bin", reconstruction);
-  ReadPoints(folder + "/points3D.bin", reconstruction);
+  ReadBinaryCameras(folder + "/cameras.bin", reconstruction);
+  ReadBinaryImages(folder + "/images.bin", reconstruction);
+  ReadBinaryPoints(folder + "/points3D.bin", reconstruction);
   return reconstruction;
 }
 

@@ -52,7 +52,7 @@ RegisteredImage ReadImage(TextReader& reader) {
   return image;
 }
 
-Point3D ReadPoint(TextReader& reader) {
+Point3D ReadTextPoint(TextReader& reader) {
   Point3D point;
   point.xyz = reader.Vector3("point");
   for (uint8_t& channel : point.color) {
@@ -67,35 +67,35 @@ Point3D ReadPoint(TextReader& reader) {
   return point;
 }
 
-void ReadCameras(const std::string& path, Reconstruction& reconstruction) {
+void ReadTextCameras(const std::string& path, Reconstruction& reconstruction) {
   TextReader reader(path);
   while (reader.NextDataLine()) {
     const Camera camera = ReadCamera(reader);
     if (!reconstruction.cameras.emplace(camera.camera_id, camera).second) {
-      reader.Fail("camera " + std::to_string(camera.camera_id) + " is there twice");
+      reader.Fail("camera " + std::to_string(camera.camera_id) + " appears twice");
     }
   }
 }
 
-void ReadImages(const std::string& path, Reconstruction& reconstruction) {
+void ReadTextImages(const std::string& path, Reconstruction& reconstruction) {
   TextReader reader(path);
   while (reader.NextDataLine()) {
     RegisteredImage image = ReadImage(reader);
     const image_t id = image.image.image_id;
     if (reconstruction.images.count(id) > 0) {
-      reader.Fail("image " + std::to_string(id) + " is there twice");
+      reader.Fail("image " + std::to_string(id) + " appears twice");
     }
     ReadKeypoints(reader, image);
     reconstruction.images.emplace(id, std::move(image));
   }
 }
 
-void ReadPoints(const std::string& path, Reconstruction& reconstruction) {
+void ReadTextPoints(const std::string& path, Reconstruction& reconstruction) {
   TextReader reader(path);
   while (reader.NextDataLine()) {
     const point3D_t id = reader.Unsigned("3D point id");
-    if (!reconstruction.points3D.emplace(id, ReadPoint(reader)).second) {
-      reader.Fail("point " + std::to_string(id) + " is there twice");
+    if (!reconstruction.points3D.emplace(id, ReadTextPoint(reader)).second) {
+      reader.Fail("point " + std::to_string(id) + " appears twice");
     }
   }
 }
@@ -163,9 +163,9 @@ void WritePoints(const Reconstruction& reconstruction, TextWriter& out) {
 
 Reconstruction ReadColmapText(const std::string& folder) {
   Reconstruction reconstruction;
-  ReadCameras(folder + "/cameras.txt", reconstruction);
-  ReadImages(folder + "/images.txt", reconstruction);
-  ReadPoints(folder + "/points3D.txt", reconstruction);
+  ReadTextCameras(folder + "/cameras.txt", reconstruction);
+  ReadTextImages(folder + "/images.txt", reconstruction);
+  ReadTextPoints(folder + "/points3D.txt", reconstruction);
   return reconstruction;
 }
 

@@ -29,7 +29,7 @@ OneDsfmEdge ReadEdge(TextReader& reader, int num_images) {
   const Eigen::Matrix3d R = reader.RowMajor3x3("rotation");
   const Eigen::Vector3d t = reader.Vector3("direction");
   reader.ExpectLineEnd();
-  if (!IsNearRotation(R)) reader.Fail("the matrix is no rotation");
+  if (!IsNearRotation(R)) reader.Fail("the matrix is not a rotation");
   if (t.norm() < 1e-9) reader.Fail("the direction is zero");
   // src/io/FORMATS.md, "1DSfM": R = R_i R_j^T and t, the direction of j's center, in i's Bundler
   // frame.
@@ -63,7 +63,7 @@ std::vector<int> ReadOneDsfmComponent(const std::string& path, int num_images) {
     const int index = ReadIndex(reader, "image index", num_images);
     reader.ExpectLineEnd();
     if (!component.insert(index).second) {
-      reader.Fail("image index " + std::to_string(index) + " is there twice");
+      reader.Fail("image index " + std::to_string(index) + " appears twice");
     }
   }
   return {component.begin(), component.end()};
@@ -77,7 +77,7 @@ std::vector<OneDsfmEdge> ReadOneDsfmEdges(const std::string& path, int num_image
     edges.push_back(ReadEdge(reader, num_images));
     if (!pairs.insert(std::minmax(edges.back().i, edges.back().j)).second) {
       reader.Fail("the edge between images " + std::to_string(edges.back().i) + " and " +
-                  std::to_string(edges.back().j) + " is there twice");
+                  std::to_string(edges.back().j) + " appears twice");
     }
   }
   return edges;
@@ -92,7 +92,7 @@ OneDsfmDataset ReadOneDsfmDataset(const std::string& folder) {
   CheckNames(dataset.images, folder + "/list.txt");
   const int num_images = static_cast<int>(dataset.images.size());
   dataset.component = ReadOneDsfmComponent(folder + "/cc.txt", num_images);
-  if (dataset.component.empty()) throw IoError(folder + "/cc.txt", "names no image");
+  if (dataset.component.empty()) throw IoError(folder + "/cc.txt", "lists no image");
   dataset.edges = ReadOneDsfmEdges(folder + "/EGs.txt", num_images);
   dataset.has_photographs = std::filesystem::is_directory(folder + "/images", ignored);
   dataset.coords_path = PathIfPresent(folder, "coords.txt");

@@ -77,7 +77,7 @@ std::vector<OneDsfmImageKeys> ReadOneDsfmCoords(const std::string& path, int num
     int64_t num_keys = 0;
     OneDsfmImageKeys image = ReadHeader(reader, num_images, num_keys);
     if (is_present[image.index]) {
-      reader.Fail("image index " + std::to_string(image.index) + " is there twice");
+      reader.Fail("image index " + std::to_string(image.index) + " appears twice");
     }
     is_present[image.index] = true;
     for (int64_t i = 0; i < num_keys; ++i) {

@@ -45,7 +45,7 @@ void ReadCameraFile(const std::string& path, Camera& camera, Rigid3d& cam_from_w
   camera.width = ToSize(reader.DoubleOnAnyLine("width"));
   camera.height = ToSize(reader.DoubleOnAnyLine("height"));
 
-  if (!IsNearRotation(world_from_cam)) throw IoError(path, "its matrix is no rotation");
+  if (!IsNearRotation(world_from_cam)) throw IoError(path, "its matrix is not a rotation");
   const Eigen::Quaterniond R = ToRotation(world_from_cam.transpose());
   cam_from_world = Rigid3d(R, R * -center);
   camera.model = CameraModel::kPinhole;

@@ -38,16 +38,16 @@ void RenumberPoints(Reconstruction& model) {
 }
 
 // Warns of places shown on top of each other, and finds the edges that did it.
-std::vector<size_t> FindTwins(StageContext& context, const Reconstruction& model,
-                              const ViewGraph& graph) {
-  ModelStage stage(context, "twins");
+std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& model,
+                                   const ViewGraph& graph) {
+  ModelStage stage(context, "duplicate_structure");
   const std::vector<size_t> edges =
       EdgesBetweenDuplicates(model, graph, context.settings.num_threads);
   stage.Add("edges_removed", static_cast<double>(edges.size()));
   if (!edges.empty()) {
-    stage.Warn("the model shows places that look alike on top of each other; the " +
+    stage.Warn("duplicate structure: the model puts similar places on top of each other; " +
                std::to_string(edges.size()) +
-               " pairs between them are taken out and their images reconstructed again");
+               " pairs between them are removed and their images reconstructed again");
   }
   return edges;
 }
@@ -169,7 +169,8 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
     std::erase_if(cores, [](const RotationHypothesis& h) { return h.min_num_inliers == 0; });
     best = BuildBest(context, component, graph, cores);
     if (best.model) {
-      ModelStage(context, "fallback").Warn(failure + "; the model is grown from a core instead");
+      ModelStage(context, "fallback")
+          .Warn(failure + "; the model is grown from a well-supported core instead");
     } else {
       context.report.failure = failure;
     }
@@ -183,9 +184,9 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
     best.model->UpdatePointErrors();
     best.evidence = EvidenceFor(context, *best.model, best.graph);
   }
-  if (context.settings.reconstruct.separate_twins && !context.scene.poses_alone) {
-    best.twin_edges = FindTwins(context, *best.model, best.graph);
-    if (!best.twin_edges.empty()) {
+  if (context.settings.reconstruct.separate_duplicates && !context.scene.poses_alone) {
+    best.duplicate_edges = FindDuplicates(context, *best.model, best.graph);
+    if (!best.duplicate_edges.empty()) {
       best.model.reset();
       return best;
     }

@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/graph/graph.h"
 #include "cairn/intrinsics/focal_calibration.h"
 #include "cairn/math/median.h"
 #include "cairn/view_graph/view_graph_builder.h"
+#include "graph/graph.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -66,7 +66,8 @@ std::vector<FocalPair> CollectPairs(const SceneData& scene, const GeometryReader
   for (const ViewEdge& edge : scene.edges) {
     const camera_t camera_id1 = scene.images.at(edge.image_id1).camera_id;
     const camera_t camera_id2 = scene.images.at(edge.image_id2).camera_id;
-    if (scene.held_cameras.count(camera_id1) > 0 && scene.held_cameras.count(camera_id2) > 0) {
+    if (scene.constant_cameras.count(camera_id1) > 0 &&
+        scene.constant_cameras.count(camera_id2) > 0) {
       continue;
     }
     // Pixels of wide lenses have no fundamental matrix.
@@ -190,7 +191,7 @@ std::set<camera_t> Report(const FocalCalibrationReport& report,
     ++num_of[focal.status];
     if (is_calibrated) calibrated.insert(id);
     if (is_exif == is_calibrated) {
-      stage.Warn(text + (is_exif ? "; EXIF is overruled" : "; the guess is kept"));
+      stage.Warn(text + (is_exif ? "; EXIF's focal length is rejected" : "; the guess is kept"));
     } else {
       stage.Note(text);
     }
@@ -203,25 +204,25 @@ std::set<camera_t> Report(const FocalCalibrationReport& report,
 // by those of `guessed`, of the focal lengths before. Where they close worse, the cameras, and the
 // edges of `before`, are taken back; where loops do not tell, both ways are kept: the model
 // decides.
-void TakeBackRefuted(const std::map<camera_t, CalibratedFocal>& focals,
-                     const std::vector<ViewEdge>& before, const std::vector<ViewEdge>& guessed,
-                     const std::set<camera_t>& changed, Stage& stage, SceneData& scene) {
-  std::set<camera_t> refuted, undecided;
+void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
+                      const std::vector<ViewEdge>& before, const std::vector<ViewEdge>& guessed,
+                      const std::set<camera_t>& changed, Stage& stage, SceneData& scene) {
+  std::set<camera_t> rejected, undecided;
   for (const LoopErrors& loops : CompareLoops(scene, guessed, scene.edges)) {
     std::set<camera_t> cameras;
     std::set_intersection(loops.cameras.begin(), loops.cameras.end(), changed.begin(),
                           changed.end(), std::inserter(cameras, cameras.end()));
     const double improvement = loops.Improvement();
     if (cameras.empty() || improvement >= kDecisive) continue;
-    const bool is_refuted = improvement <= -kDecisive;
-    (is_refuted ? refuted : undecided).insert(cameras.begin(), cameras.end());
+    const bool is_rejected = improvement <= -kDecisive;
+    (is_rejected ? rejected : undecided).insert(cameras.begin(), cameras.end());
     char text[200];
     std::snprintf(
         text, sizeof(text),
         "%zu loops of rotations close to %.2f deg (median) with calibrated focal lengths, "
-        "to %.2f deg without: those of %zu cameras are %s",
+        "to %.2f deg without: the calibrated focal lengths of %zu cameras are %s",
         loops.before_deg.size(), UpperMedian(loops.after_deg), UpperMedian(loops.before_deg),
-        cameras.size(), is_refuted ? "not taken over" : "tried, and the ones before, too");
+        cameras.size(), is_rejected ? "rejected" : "undecided; both are tried");
     stage.Warn(text);
   }
   const auto is_of = [&](const ViewEdge& edge, const std::set<camera_t>& cameras) {
@@ -234,12 +235,12 @@ void TakeBackRefuted(const std::map<camera_t, CalibratedFocal>& focals,
       if (is_of(before[i], cameras)) edges[i] = before[i];
     }
   };
-  take_back(refuted, scene.cameras, scene.edges);
+  take_back(rejected, scene.cameras, scene.edges);
   if (!undecided.empty()) {
     scene.alternative = {scene.cameras, scene.edges};
     take_back(undecided, scene.alternative->cameras, scene.alternative->edges);
   }
-  stage.Add("refuted_by_loops", static_cast<double>(refuted.size()));
+  stage.Add("rejected_by_loops", static_cast<double>(rejected.size()));
   stage.Add("undecided_by_loops", static_cast<double>(undecided.size()));
 }
 
@@ -250,8 +251,9 @@ void CalibrateSceneFocals(const GeometryReader& read,
                           const ReconstructSettings& settings, Stage& stage, SceneData& scene) {
   const std::vector<FocalPair> pairs =
       CollectPairs(scene, read, settings.focal_calibration.max_pairs);
-  const FocalCalibrationReport report = CalibrateFocals(
-      scene.cameras, scene.held_cameras, pairs, settings.focal_calibration, settings.num_threads);
+  const FocalCalibrationReport report =
+      CalibrateFocals(scene.cameras, scene.constant_cameras, pairs, settings.focal_calibration,
+                      {.num_threads = settings.num_threads});
   stage.Add("pairs_in", static_cast<double>(pairs.size()));
   stage.Add("pairs_used", report.num_pairs);
   stage.Add("pairs_agreeing", report.num_pairs_agreeing);
@@ -275,7 +277,7 @@ void CalibrateSceneFocals(const GeometryReader& read,
     scene.cameras.at(id).SetMeanFocal(report.cameras.at(id).focal_px);
   }
   ImproveRelativePoses(geometries, settings.num_threads, scene);
-  TakeBackRefuted(report.cameras, before, guessed, calibrated, stage, scene);
+  TakeBackRejected(report.cameras, before, guessed, calibrated, stage, scene);
 }
 
 }  // namespace cairn

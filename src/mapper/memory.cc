@@ -1,4 +1,4 @@
-#include "cairn/base/memory.h"
+#include "base/memory.h"
 
 #include <cstdio>
 #include <limits>
@@ -69,15 +69,15 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
   stage.Add("estimated_peak_gib", BytesToGib(wanted));
   if (limit < std::numeric_limits<int64_t>::max()) stage.Add("limit_gib", BytesToGib(limit));
   stage.Note("triangulation and bundle adjustment of " + std::to_string(model.images.size()) +
-             " images and " + std::to_string(tracks.size()) + " tracks: about " + Gib(wanted) +
-             " at the peak, " + Gib(resident) + " of it in use now");
+             " images and " + std::to_string(tracks.size()) + " tracks: predicted peak memory " +
+             Gib(wanted) + ", " + Gib(resident) + " in use now");
   if (wanted > limit) {
     // The most tracks an image that fit, by bisection.
     int too_many = 1 << 20, enough = kMinTracksPerImage;
     std::vector<Track> fitting = Select(tracks, enough);
     if (const int64_t least = estimate(fitting); least > limit) {
       stage.Fail("even with " + std::to_string(kMinTracksPerImage) + " tracks an image, " +
-                     Gib(least) + " are needed and " + Gib(limit) + " are there",
+                     Gib(least) + " needed, " + Gib(limit) + " available",
                  limit_gib > 0 ? "raise --reconstruct.max_memory_gib"
                                : "use a machine with more memory, or reconstruct fewer images");
       return false;
@@ -92,7 +92,7 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
         fitting = std::move(candidate);
       }
     }
-    stage.Warn(Gib(wanted) + " are needed and " + Gib(limit) + " are there: " +
+    stage.Warn(Gib(wanted) + " needed, " + Gib(limit) + " available: " +
                std::to_string(fitting.size()) + " of " + std::to_string(tracks.size()) +
                " tracks are used, at least " + std::to_string(enough) + " an image");
     tracks = std::move(fitting);

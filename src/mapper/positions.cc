@@ -73,7 +73,7 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
   const std::vector<PointDirections> points =
       RaysOfTracks(context.scene, rotations, tracks, selected);
   const TranslationAveragingReport report = AverageTranslations(
-      directions, points, context.settings.translation_averaging, context.monitor);
+      directions, points, context.settings.translation_averaging, RunOf(context));
   stage.Add("edges_in", static_cast<double>(directions.size()));
   stage.Add("tracks_in", static_cast<double>(points.size()));
   stage.Add("edges_removed", report.num_filtered);

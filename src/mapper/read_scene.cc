@@ -117,10 +117,10 @@ void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
                            SceneData& scene) {
   for (const auto& [id, known] : intrinsics) {
     if (refine_intrinsics ? *refine_intrinsics : !known.IsConstant()) continue;
-    scene.held_cameras.insert(id);
+    scene.constant_cameras.insert(id);
     if (!known.IsRejected()) continue;
     stage.Warn("the intrinsics of camera " + std::to_string(id) + " are constant, but " +
-               std::to_string(known.judgement->num_refuting) + " of " +
+               std::to_string(known.judgement->num_contradicting) + " of " +
                std::to_string(known.judgement->num_pairs) +
                " pairs contradict its focal length: try --refine_intrinsics 1");
   }
@@ -147,11 +147,11 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     scene.poses_alone = scene.poses_imported && num_matches == 0;
     ChooseConstantCameras(intrinsics, settings.refine_intrinsics, stage, scene);
     stage.Add("cameras", static_cast<double>(scene.cameras.size()));
-    stage.Add("cameras_held", static_cast<double>(scene.held_cameras.size()));
+    stage.Add("cameras_constant", static_cast<double>(scene.constant_cameras.size()));
     stage.Add("images", static_cast<double>(scene.pixels.size()));
     stage.Add("pairs", static_cast<double>(scene.edges.size()));
     stage.Add("matches", static_cast<double>(num_matches));
-    stage.Note("intrinsics of " + std::to_string(scene.held_cameras.size()) + " of " +
+    stage.Note("intrinsics of " + std::to_string(scene.constant_cameras.size()) + " of " +
                std::to_string(scene.cameras.size()) +
                " cameras are constant (--refine_intrinsics)");
     if (scene.pixels.empty()) {
@@ -169,7 +169,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     }
   }
   if (!report.Succeeded() || scene.poses_alone) return scene;
-  if (settings.focal_calibration.enabled && scene.held_cameras.size() < scene.cameras.size()) {
+  if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
     Stage stage(report, monitor, "focal_calibration");
     const GeometryReader read = [&](image_pair_t pair_id) {
       return database.ReadTwoViewGeometry(pair_id).value();

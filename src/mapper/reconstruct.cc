@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "cairn/base/memory.h"
+#include "base/memory.h"
 #include "cairn/base/timer.h"
 #include "cairn/view_graph/symmetry.h"
 #include "cairn/view_graph/view_graph_builder.h"
@@ -38,7 +38,8 @@ ViewGraphResult BuildGraph(const SceneData& scene, const ReconstructSettings& se
   for (const auto& [id, pixels] : scene.pixels) image_ids.push_back(id);
   ViewGraphBuilderOptions options = settings.view_graph;
   if (scene.poses_imported) options.min_num_inliers = options.min_bridge_inliers = 0;
-  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, options, monitor);
+  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, options,
+                                          {settings.seed, settings.num_threads, monitor});
   stage.Add("edges_in", result.report.num_edges);
   stage.Add("edges_out", result.report.num_active_edges);
   for (const auto& [reason, count] : result.report.num_removed) {
@@ -156,14 +157,15 @@ std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction&
          doubtful);
   }
   if (symmetry.IsFold()) {
-    warn(std::to_string(symmetry.num_pairs) +
-             " pairs that were taken out agree with each other that the scene turned by " +
-             std::to_string(std::lround(symmetry.angle_deg)) + " degrees looks the same, " +
-             std::to_string(symmetry.num_active) +
-             " agree with the model: it may show equal sides of a building as one. Give the "
-             "photos of each side to a run of their own, or add photos with more of the "
-             "surroundings. These pairs are of",
-         symmetry.images);
+    warn(
+        std::to_string(symmetry.num_pairs) +
+            " pairs that are not in use agree that the scene looks the same when turned by " +
+            std::to_string(std::lround(symmetry.angle_deg)) + " degrees (" +
+            std::to_string(symmetry.num_active) +
+            " pairs agree with the model): equal sides of a building may be shown as one. Give the "
+            "photos of each side to a run of their own, or add photos with more of the "
+            "surroundings. These pairs are of",
+        symmetry.images);
   }
   return warnings;
 }
@@ -183,7 +185,7 @@ void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>
     if (named.count(id) == 0) others.push_back(id);
   }
   if (!others.empty()) {
-    stage.Note("images in no model, since no pair or too little joins them to others: " +
+    stage.Note("images in no model (too few verified matches with others): " +
                Names(context, others));
   }
   stage.Add("small_components", static_cast<double>(small.size()));
@@ -234,7 +236,7 @@ double BuildModels(StageContext& context, ViewGraphResult& view_graph, Reconstru
     context.reserved = queue.Reserved(options.min_model_images);
     BuiltModel built = BuildModel(context, component.images, graph);
     TakeOver(built.graph, graph);
-    for (const size_t e : built.twin_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
+    for (const size_t e : built.duplicate_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {
       warnings.emplace_back();
       if (!context.scene.poses_alone) {
@@ -248,7 +250,7 @@ double BuildModels(StageContext& context, ViewGraphResult& view_graph, Reconstru
       }
       if (rest.size() >= 2) queue.AddPartsOf(rest, component.is_part, graph);
       result.models.push_back(std::move(*built.model));
-    } else if (!built.twin_edges.empty()) {
+    } else if (!built.duplicate_edges.empty()) {
       queue.AddPartsOf(component.images, true, graph);
     } else {
       // A component that fails does not spoil the models that there are.
@@ -336,17 +338,17 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
         "rounds of triangulation, adjustment and filtering over all tracks");
   v.Double("min_gain", min_gain, {0, 1}, "rounds end when one adds relatively fewer observations");
   v.Int("min_image_points", min_image_points, {3, 1000000},
-        "an image with fewer points is taken out");
+        "an image with fewer points is removed");
   v.Double("max_memory_gib", max_memory_gib, {0, 1e6},
            "memory of the whole program; where bundle adjustment would take more, it gets fewer "
            "tracks; 0: what the machine has left");
   v.Bool("register_left_out", register_left_out,
          "try images that were left out again, by resection");
-  v.Bool(
-      "separate_twins", separate_twins,
-      "find places that look alike and were put on top of each other, and reconstruct them apart");
+  v.Bool("separate_duplicates", separate_duplicates,
+         "detect duplicate structure, places that look alike, and reconstruct them separately");
   v.Bool("refine_principal_points", refine_principal_points,
-         "adjust the principal points of cameras that are not held, near the image centers "
+         "adjust the principal points of cameras whose intrinsics are not constant, near the image "
+         "centers "
          "(focal_calibration.principal_point_sigma)");
   v.Bool("colors", colors, "color the points from the photographs");
 }

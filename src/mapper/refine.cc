@@ -43,7 +43,7 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   scope.distortions = everything && round.distortions;
   scope.principal_points =
       everything && round.principal_points && settings.reconstruct.refine_principal_points;
-  scope.fixed_cameras = context.scene.held_cameras;
+  scope.fixed_cameras = context.scene.constant_cameras;
   for (const auto& [id, camera] : context.scene.cameras) {
     const FocalCalibrationOptions& focals = settings.focal_calibration;
     scope.priors[id] = {camera.params,
@@ -51,7 +51,7 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
                         focals.principal_point_sigma * std::max(camera.width, camera.height)};
   }
   if (round.weigh) EstimateSigmas(context, stage, model);
-  const BundleAdjustmentReport report = AdjustBundle(options, scope, model, context.monitor);
+  const BundleAdjustmentReport report = AdjustBundle(model, scope, options, RunOf(context));
   stage.Add("images_in", static_cast<double>(report.num_images));
   stage.Add("points_in", static_cast<double>(report.num_points));
   stage.Add("observations_in", static_cast<double>(report.num_observations));
@@ -73,7 +73,7 @@ int RemoveWeakImages(const StageContext& context, Stage& stage, Reconstruction& 
     if (num_points < context.settings.reconstruct.min_image_points) weak.push_back(id);
   }
   for (const image_t id : weak) {
-    stage.Note(model.images.at(id).image.name + ": taken out, it sees too few points");
+    stage.Note(model.images.at(id).image.name + ": removed: it sees too few points");
     RemoveImage(id, model);
   }
   return static_cast<int>(weak.size());

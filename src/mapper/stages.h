@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/base/run_context.h"
 #include "cairn/bundle_adjustment/keypoint_noise.h"
 #include "cairn/evaluation/model_evidence.h"
 #include "cairn/mapper/reconstruct.h"
@@ -29,8 +30,8 @@ struct SceneData {
   // All matches of a pair, likewise, before verification; none where there are none. Not for
   // several threads at once; empty: there are none at all.
   std::function<FeatureMatches(const ViewEdge&)> raw_matches;
-  std::set<camera_t> held_cameras;  // intrinsics are not refined
-  std::set<image_t> bad_images;     // without a camera or keypoints that can be read
+  std::set<camera_t> constant_cameras;  // intrinsics are not refined
+  std::set<image_t> bad_images;         // without a camera or keypoints that can be read
   // The relative poses are those of a 1DSfM data set, whose inliers nobody counted; without tracks,
   // they come without a single match, and no point can be had.
   bool poses_imported = false;
@@ -55,6 +56,11 @@ struct StageContext {
   // Images of other places that look like this one, which wait for a model of their own.
   std::set<image_t> reserved{};
 };
+
+// What the calls of other modules are told about the run.
+inline RunContext RunOf(const StageContext& context) {
+  return {context.settings.seed, context.settings.num_threads, context.monitor};
+}
 
 // A stage of one model.
 class ModelStage : public Stage {
@@ -181,10 +187,10 @@ std::string ReasonToRefuse(const Reconstruction& model);
 
 // build_model.cc
 struct BuiltModel {
-  std::optional<Reconstruction> model;  // absent: the report's failure, or twin_edges, say why
+  std::optional<Reconstruction> model;  // absent: the report's failure, or duplicate_edges, say why
   ViewGraph graph;                      // with what became of the component's edges
   ModelEvidence evidence;
-  std::vector<size_t> twin_edges;  // they show two places as one: out with them, and again
+  std::vector<size_t> duplicate_edges;  // they show two places as one: out with them, and again
 };
 // One component of the graph from averaging to the finished model: built from all of its edges,
 // and, while the model leaves much of the verified matches unexplained, from those with more and

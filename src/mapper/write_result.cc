@@ -63,10 +63,11 @@ void CheckReconstructOutput(const std::string& output_path) {
   }
   for (const char* name : {"sparse", "bundle.out", "list.txt", "points.ply"}) {
     if (!fs::exists(output / name) || fs::is_empty(output / name)) continue;
-    throw ConfigError("output_path",
-                      (output / name).string() +
-                          " is not of cairn and would be replaced; give another folder, or "
-                          "--overwrite");
+    throw ConfigError(
+        "output_path",
+        (output / name).string() +
+            " was not written by cairn and would be replaced; give another folder, or "
+            "--overwrite");
   }
 }
 

@@ -57,6 +57,7 @@ PreparedDescriptors::PreparedDescriptors(const Descriptors& descriptors)
 FeatureMatches MatchDescriptors(const PreparedDescriptors& descriptors1,
                                 const PreparedDescriptors& descriptors2,
                                 const MatchingOptions& options) {
+  ValidateOptions(options, "matching");
   std::vector<RankedMatch> ranked;
   if (!options.cross_check) {
     std::vector<NearestTwo> nearest;

@@ -14,33 +14,24 @@ namespace cairn {
 namespace {
 
 std::string VerificationStageOptions(const BuildPipelineOptions& options) {
-  return "verifier = \"" + options.inputs.verifier +
+  return "verifier = \"" + std::string(NameOf(kVerifierChoices, options.inputs.verifier)) +
          "\"\nseed = " + std::to_string(options.inputs.seed) + "\n" +
          DumpQualified("verification", options.verification);
 }
 
-int StageIndex(const std::string& stage) {
-  const std::vector<std::string> stages = {kStageCameras, kStageFeatures, kStageDepth,
-                                           kStageMatching, kStageVerification};
-  for (size_t i = 0; i < stages.size(); ++i) {
-    if (stages[i] == stage) return static_cast<int>(i);
-  }
-  throw ConfigError("stop_after", "'" + stage + "' is no stage");
-}
-
 // Options that differ from those of rows that are there are an error at once, not after an hour.
 void CheckStageOptions(Database& database, const BuildPipelineOptions& options) {
-  const int last = StageIndex(options.inputs.stop_after);
+  const BuildStage last = options.inputs.stop_after;
   StageLedger(database, kStageCameras, DumpOptions(options.cameras));
   StageLedger(database, kStageFeatures, DumpQualified("features", options.features));
   const DepthSource source = {options.inputs.depth_path, options.inputs.depth_model};
-  if (last >= StageIndex(kStageDepth) && source.depth_path.size() + source.depth_model.size() > 0) {
+  if (last >= BuildStage::kDepth && source.depth_path.size() + source.depth_model.size() > 0) {
     StageLedger(database, kStageDepth, DepthStageOptions(source, options.depth));
   }
-  if (last >= StageIndex(kStageMatching)) {
+  if (last >= BuildStage::kMatching) {
     StageLedger(database, kStageMatching, DumpQualified("matching", options.matching));
   }
-  if (last >= StageIndex(kStageVerification)) {
+  if (last >= BuildStage::kVerification) {
     StageLedger(database, kStageVerification, VerificationStageOptions(options));
   }
 }
@@ -85,7 +76,7 @@ std::optional<std::vector<image_pair_t>> FindPairs(const Database& database,
 bool RunStages(Database& database, const BuildPipelineOptions& options, const Sources& sources,
                ProgressMonitor& monitor, RunReport& run) {
   const BuildInputs& in = options.inputs;
-  const int last = StageIndex(in.stop_after);
+  const BuildStage last = in.stop_after;
   const auto keep_going = [&run](StageReport stage) {
     run.stages.push_back(std::move(stage));
     return !run.stages.back().WasStopped();
@@ -101,18 +92,18 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
                                        in.num_threads, monitor))) {
     return false;
   }
-  if (last >= StageIndex(kStageDepth) &&
+  if (last >= BuildStage::kDepth &&
       !keep_going(SampleImageDepth(database, sources.image_path, {in.depth_path, in.depth_model},
                                    options.depth, in.num_threads, monitor))) {
     return false;
   }
-  if (last < StageIndex(kStageMatching)) return true;
+  if (last < BuildStage::kMatching) return true;
   const auto pairs = FindPairs(database, in, sources, monitor);
   if (!keep_going(MatchImagePairs(database, pairs, options.matching, options.scheduler,
                                   in.num_threads, monitor))) {
     return false;
   }
-  if (last < StageIndex(kStageVerification)) return true;
+  if (last < BuildStage::kVerification) return true;
   VerificationInput input;
   input.pairs = pairs;
   input.seed = static_cast<uint64_t>(in.seed);
@@ -122,8 +113,10 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
        LearnWideFocals(database, options.verification, input.seed, in.num_threads, monitor)) {
     monitor.Info(text);
   }
-  return keep_going(VerifyPairs(database, MakeVerifiers(in.verifier, options.verification), input,
-                                options.scheduler, in.num_threads, monitor)
+  return keep_going(VerifyPairs(database,
+                                MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)),
+                                              options.verification),
+                                input, options.scheduler, in.num_threads, monitor)
                         .stage);
 }
 
@@ -132,7 +125,7 @@ std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) 
   if (summary.num_images_with_features == 0) {
     return "features: no image has features; look at the warnings above";
   }
-  if (inputs.stop_after == kStageVerification) {
+  if (inputs.stop_after == BuildStage::kVerification) {
     return "verification: of " + std::to_string(summary.num_pairs) +
            " pairs none was verified; do the photographs overlap, and are the cameras right?";
   }
@@ -145,10 +138,11 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
   std::vector<std::string> options;
   if (!std::filesystem::exists(inputs.database_path)) return options;
   const Database database(inputs.database_path, Database::Mode::kReadOnly);
+  const std::string recompute(NameOf(kBuildStages, inputs.recompute));
   for (const std::string& stage :
        {kStageCameras, kStageFeatures, kStageDepth, kStageMatching, kStageVerification}) {
     const std::optional<StageRecord> record = database.ReadStage(stage);
-    if (record && !ForgetsStage(inputs.recompute, stage)) options.push_back(record->options);
+    if (record && !ForgetsStage(recompute, stage)) options.push_back(record->options);
   }
   return options;
 }
@@ -156,13 +150,15 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
 BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
                                      ProgressMonitor& monitor) {
   const BuildInputs& inputs = options.inputs;
+  ValidateOptions(inputs, "");
   BuildPipelineReport report;
   report.run.program = "build_view_graph";
   report.run.seed = static_cast<uint64_t>(inputs.seed);
   report.run.num_threads = inputs.num_threads;
   const Sources sources = FindSources(inputs);
   Database database = OpenDatabase(inputs);
-  PrepareRecompute(database, inputs.recompute, sources.image_path);
+  PrepareRecompute(database, std::string(NameOf(kBuildStages, inputs.recompute)),
+                   sources.image_path);
   CheckStageOptions(database, options);
   report.was_stopped = !RunStages(database, options, sources, monitor, report.run);
   report.summary = SummarizeDatabase(database);

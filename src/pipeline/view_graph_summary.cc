@@ -3,8 +3,8 @@
 #include <map>
 
 #include "cairn/database/stage_names.h"
-#include "cairn/graph/graph.h"
 #include "cairn/pipeline/build_pipeline.h"
+#include "graph/graph.h"
 
 namespace cairn {
 namespace {

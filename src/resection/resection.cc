@@ -8,8 +8,8 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/rng.h"
-#include "cairn/resection/p3p.h"
 #include "cairn/robust/ransac.h"
+#include "resection/p3p.h"
 #include "resection/pose_refinement.h"
 
 namespace cairn {

@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cairn/graph/graph.h"
 #include "cairn/math/angles.h"
+#include "graph/graph.h"
 #include "rotation_averaging/stages.h"
 
 namespace cairn {

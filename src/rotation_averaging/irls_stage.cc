@@ -22,14 +22,14 @@ double KernelWeight(double squared_error, double sigma) {
 }  // namespace
 
 StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveragingOptions& options,
-                         ProgressMonitor& monitor, LaplacianSolver& solver,
+                         const RunContext& run, LaplacianSolver& solver,
                          std::vector<Eigen::Quaterniond>& cam_from_world) {
   StageResult result;
   const double sigma_end = DegToRad(std::min(options.sigma_end_deg, options.sigma_start_deg));
   double sigma = DegToRad(options.sigma_start_deg);
   std::vector<double> weights(problem.NumEdges());
-  while (result.num_iterations < options.max_irls_iterations && !monitor.StopRequested()) {
-    const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, options.num_threads);
+  while (result.num_iterations < options.max_irls_iterations && !run.monitor.StopRequested()) {
+    const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, run.num_threads);
     Eigen::MatrixXd rhs = Eigen::MatrixXd::Zero(problem.NumNodes(), 3);
     for (int e = 0; e < problem.NumEdges(); ++e) {
       weights[e] = problem.trust[e] * KernelWeight(errors.col(e).squaredNorm(), sigma);

@@ -51,13 +51,13 @@ Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& 
 }  // namespace
 
 StageResult RunL1Stage(const RotationProblem& problem, const RotationAveragingOptions& options,
-                       ProgressMonitor& monitor, LaplacianSolver& solver,
+                       const RunContext& run, LaplacianSolver& solver,
                        std::vector<Eigen::Quaterniond>& cam_from_world) {
   StageResult result;
   if (options.max_l1_iterations == 0) return result;
   CAIRN_CHECK(solver.Factorize(problem.trust));
-  while (result.num_iterations < options.max_l1_iterations && !monitor.StopRequested()) {
-    const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, options.num_threads);
+  while (result.num_iterations < options.max_l1_iterations && !run.monitor.StopRequested()) {
+    const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, run.num_threads);
     const double moved = ApplyRotationUpdate(SolveL1(problem, errors, solver), cam_from_world);
     ++result.num_iterations;
     result.converged =

@@ -5,10 +5,10 @@
 #include "cairn/base/check.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
-#include "cairn/sparse/laplacian_solver.h"
 #include "rotation_averaging/rotation_problem.h"
 #include "rotation_averaging/spanning_tree.h"
 #include "rotation_averaging/stages.h"
+#include "sparse/laplacian_solver.h"
 
 namespace cairn {
 namespace {
@@ -20,14 +20,12 @@ LaplacianSolver MakeSolver(const RotationProblem& problem, const std::vector<cha
   return LaplacianSolver(problem.NumNodes(), edges, is_gauge);
 }
 
-void FillResiduals(const RotationProblem& problem, const RotationAveragingOptions& options,
-                   const std::vector<Eigen::Quaterniond>& cam_from_world,
-                   RotationAveragingReport& report) {
-  const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, options.num_threads);
+void FillResiduals(const RotationProblem& problem, double max_error_deg,
+                   const Eigen::Matrix3Xd& errors, RotationAveragingReport& report) {
   double sum_kept = 0;
   for (const int e : problem.edge_of_input) {
     const double residual_deg = RadToDeg(errors.col(e).norm());
-    const bool rejected = residual_deg > options.max_error_deg;
+    const bool rejected = residual_deg > max_error_deg;
     report.edge_residuals_deg.push_back(residual_deg);
     report.edge_rejected.push_back(rejected);
     report.num_rejected += rejected;
@@ -56,7 +54,7 @@ std::string_view RotationAveragingStatusName(RotationAveragingStatus status) {
 
 RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
                                          const RotationAveragingOptions& options,
-                                         ProgressMonitor& monitor) {
+                                         const RunContext& run) {
   ValidateOptions(options, "rotation_averaging");
   RotationAveragingReport report;
   const RotationProblem problem = MakeRotationProblem(edges, options.weight_power);
@@ -67,19 +65,20 @@ RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
     report.components.emplace_back();
     for (const int v : nodes) report.components.back().push_back(problem.image_ids[v]);
   }
-  SpanningTreeRotations tree = InitializeBySpanningTree(problem, options.num_threads);
+  SpanningTreeRotations tree = InitializeBySpanningTree(problem, run.num_threads);
   LaplacianSolver solver = MakeSolver(problem, tree.is_root);
-  const StageResult l1 = RunL1Stage(problem, options, monitor, solver, tree.cam_from_world);
-  while (report.num_consensus_rounds < options.max_consensus_rounds && !monitor.StopRequested()) {
+  const StageResult l1 = RunL1Stage(problem, options, run, solver, tree.cam_from_world);
+  while (report.num_consensus_rounds < options.max_consensus_rounds &&
+         !run.monitor.StopRequested()) {
     const int num_moved = RunConsensusRound(problem, options.sigma_start_deg, tree.cam_from_world);
     ++report.num_consensus_rounds;
     report.num_consensus_moves += num_moved;
     if (num_moved == 0) break;
   }
-  const StageResult irls = RunIrlsStage(problem, options, monitor, solver, tree.cam_from_world);
+  const StageResult irls = RunIrlsStage(problem, options, run, solver, tree.cam_from_world);
   report.num_l1_iterations = l1.num_iterations;
   report.num_irls_iterations = irls.num_iterations;
-  if (monitor.StopRequested()) {
+  if (run.monitor.StopRequested()) {
     report.status = RotationAveragingStatus::kInterrupted;
     return report;
   }
@@ -89,7 +88,8 @@ RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
   for (int v = 0; v < problem.NumNodes(); ++v) {
     report.cam_from_world[problem.image_ids[v]] = tree.cam_from_world[v];
   }
-  FillResiduals(problem, options, tree.cam_from_world, report);
+  FillResiduals(problem, options.max_error_deg,
+                RotationErrors(problem, tree.cam_from_world, run.num_threads), report);
   return report;
 }
 

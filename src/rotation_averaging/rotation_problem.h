@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "cairn/graph/graph.h"
 #include "cairn/rotation_averaging/rotation_averaging.h"
+#include "graph/graph.h"
 
 namespace cairn {
 

@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "cairn/graph/graph.h"
+#include "graph/graph.h"
 #include "rotation_averaging/rotation_problem.h"
 
 namespace cairn {

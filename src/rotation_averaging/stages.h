@@ -5,8 +5,8 @@
 
 #include "cairn/base/progress.h"
 #include "cairn/rotation_averaging/rotation_averaging.h"
-#include "cairn/sparse/laplacian_solver.h"
 #include "rotation_averaging/rotation_problem.h"
+#include "sparse/laplacian_solver.h"
 
 namespace cairn {
 
@@ -25,12 +25,12 @@ int RunConsensusRound(const RotationProblem& problem, double sigma_deg,
 // - error_e| by ADMM (Boyd et al. 2011, 6.1; the norm of a whole 3-vector, so that the result does
 // not depend on the world frame), with one factorization for all of them.
 StageResult RunL1Stage(const RotationProblem& problem, const RotationAveragingOptions& options,
-                       ProgressMonitor& monitor, LaplacianSolver& solver,
+                       const RunContext& run, LaplacianSolver& solver,
                        std::vector<Eigen::Quaterniond>& cam_from_world);
 
 // Iteratively reweighted least squares with the kernel's scale going from sigma_start to sigma_end.
 StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveragingOptions& options,
-                         ProgressMonitor& monitor, LaplacianSolver& solver,
+                         const RunContext& run, LaplacianSolver& solver,
                          std::vector<Eigen::Quaterniond>& cam_from_world);
 
 }  // namespace cairn

@@ -1,4 +1,4 @@
-#include "cairn/sparse/blas_threads.h"
+#include "sparse/blas_threads.h"
 
 extern "C" void openblas_set_num_threads(int num_threads);
 

@@ -1,4 +1,4 @@
-#include "cairn/sparse/laplacian_solver.h"
+#include "sparse/laplacian_solver.h"
 
 #include <algorithm>
 

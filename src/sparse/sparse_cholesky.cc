@@ -1,4 +1,4 @@
-#include "cairn/sparse/sparse_cholesky.h"
+#include "sparse/sparse_cholesky.h"
 
 #include <cholmod.h>
 
@@ -6,7 +6,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
-#include "cairn/sparse/blas_threads.h"
+#include "sparse/blas_threads.h"
 
 namespace cairn {
 struct SparseCholesky::Impl {

@@ -145,7 +145,7 @@ PhotoScene MakePhotoScene(const PhotoOptions& options, uint64_t seed) {
   scene.seed = seed;
   scene.images = MakeImages(options);
   scene.truth.cameras = MakeCameras(options);
-  const CameraLayout layout = *CameraLayoutFromName(options.layout);
+  const CameraLayout layout = options.layout;
   Rng rng(seed, "photo_poses");
   scene.cam_from_world = MakeCameraPoses(layout, options.num_images, options.distance, rng);
   Rng other_rng(seed, "photo_distractor_poses");

@@ -84,18 +84,6 @@ Eigen::Vector3d RandomDirection(Rng& rng) {
   return Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()).normalized();
 }
 
-const std::vector<std::string>& CameraLayoutNames() {
-  static const std::vector<std::string> names = {"ring", "arc", "grid", "line", "landmark"};
-  return names;
-}
-
-std::optional<CameraLayout> CameraLayoutFromName(std::string_view name) {
-  const std::vector<std::string>& names = CameraLayoutNames();
-  const auto it = std::find(names.begin(), names.end(), name);
-  if (it == names.end()) return std::nullopt;
-  return static_cast<CameraLayout>(it - names.begin());
-}
-
 std::vector<Rigid3d> MakeCameraPoses(CameraLayout layout, int num_cameras, double distance,
                                      Rng& rng) {
   std::vector<Rigid3d> poses;

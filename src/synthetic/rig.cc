@@ -9,11 +9,11 @@
 namespace cairn {
 
 void RigOptions::VisitFields(OptionVisitor& v) {
-  v.Choice("layout", layout, CameraLayoutNames(), "how the cameras stand around the scene");
+  v.Choice("layout", layout, kCameraLayouts, "how the cameras stand around the scene");
   v.Int("num_images", num_images, {1, 1e6}, "images of the scene");
   v.Int("num_distractor_images", num_distractor_images, {0, 1e6}, "images of another place");
   v.Int("num_cameras", num_cameras, {1, 1000}, "cameras of different focal length");
-  v.Choice("camera_model", camera_model, CameraModelNames(), "camera model");
+  v.Choice("camera_model", camera_model, NamedCameraModels(), "camera model");
   v.Double("radial_distortion", radial_distortion, {-0.3, 0.3},
            "first radial coefficient, where the model has one");
   v.Double("focal_length", focal_length, {0, 100},
@@ -39,8 +39,7 @@ std::map<camera_t, Camera> MakeCameras(const RigOptions& options) {
     const double focal_px = options.focal_length > 0
                                 ? options.focal_length * std::max(width, height)
                                 : FocalLength35mm(options, i) / 43.27 * std::hypot(width, height);
-    Camera camera = Camera::FromFocal(i + 1, *CameraModelFromName(options.camera_model), focal_px,
-                                      width, height);
+    Camera camera = Camera::FromFocal(i + 1, options.camera_model, focal_px, width, height);
     const std::vector<int> distortion = camera.DistortionIndices();
     if (!distortion.empty()) camera.params[distortion[0]] = options.radial_distortion;
     camera.has_prior_focal_length = true;

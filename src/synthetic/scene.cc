@@ -71,8 +71,7 @@ struct Surface {
 
 Surface MakeSurface(const SceneOptions& options, uint64_t seed) {
   Rng element_rng(seed, "scene_elements");
-  Surface surface{
-      MakeElements(*CameraLayoutFromName(options.layout), options.num_points, element_rng), {}};
+  Surface surface{MakeElements(options.layout, options.num_points, element_rng), {}};
   Rng salience_rng(seed, "scene_salience");
   for (int i = 0; i < options.num_points; ++i) {
     surface.salience.push_back(-options.salience * std::log(1.0 - salience_rng.Uniform()));
@@ -210,7 +209,7 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
   v.Int("num_pairs", num_pairs, {0, 2e8},
         "pairs in a database: those with the most points in common; 0: all");
   v.Double("pair_outlier_ratio", pair_outlier_ratio, {0.0, 1.0},
-           "share of verified pairs whose pose and matches mean nothing");
+           "share of verified pairs whose pose and matches are random");
   v.Double("rotation_noise_deg", rotation_noise_deg, {0.0, 180.0},
            "median rotation error of a verified pair");
   v.Double("direction_noise_deg", direction_noise_deg, {0.0, 180.0},
@@ -225,7 +224,7 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
 SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   ValidateOptions(static_cast<const RigOptions&>(options), "");
   ValidateOptions(options, "scene");
-  const CameraLayout layout = *CameraLayoutFromName(options.layout);
+  const CameraLayout layout = options.layout;
   SyntheticScene scene;
   scene.options = options;
   scene.seed = seed;

@@ -67,7 +67,7 @@ void ViewGraphOptions::VisitFields(OptionVisitor& v) {
            "median error of an edge's translation direction");
   v.Double("heavy_tail", heavy_tail, {0.0, 1.0},
            "0: light-tailed errors; 1: as in real 1DSfM edges");
-  v.Double("outlier_ratio", outlier_ratio, {0.0, 1.0}, "share of edges that mean nothing");
+  v.Double("outlier_ratio", outlier_ratio, {0.0, 1.0}, "share of edges that are random");
 }
 
 ViewGraphProblem MakeViewGraphProblem(const ViewGraphOptions& options, uint64_t seed) {
@@ -80,7 +80,7 @@ ViewGraphProblem MakeViewGraphProblem(const ViewGraphOptions& options, uint64_t 
   const size_t num_edges = NumEdges(options);
   Rng pose_rng(seed, "view_graph_poses");
   const std::vector<Rigid3d> poses =
-      MakeCameraPoses(*CameraLayoutFromName(options.layout), options.num_images, 3.0, pose_rng);
+      MakeCameraPoses(options.layout, options.num_images, 3.0, pose_rng);
   Rng cost_rng(seed, "view_graph_pairs");
   const PairCosts costs = MakeCosts(poses, cost_rng);
   const std::vector<bool> chosen = ChoosePairs(costs, num_edges);

@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
-#include "cairn/graph/graph.h"
 #include "cairn/translation_averaging/translation_averaging.h"
+#include "graph/graph.h"
 
 namespace cairn {
 

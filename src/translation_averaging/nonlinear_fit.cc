@@ -20,13 +20,12 @@ double Chord(double angle_deg) { return 2 * std::sin(0.5 * DegToRad(std::min(ang
 
 class Fit {
  public:
-  Fit(const DirectionProblem& problem, const TranslationAveragingOptions& options,
-      const FitWeights& weights)
+  Fit(const DirectionProblem& problem, const FitWeights& weights, int num_threads)
       : problem_(problem),
         weights_(weights),
         edge_huber_(Chord(weights.edge_huber_deg)),
         ray_huber_(Chord(weights.ray_huber_deg)),
-        num_threads_(options.num_threads) {
+        num_threads_(num_threads) {
     for (int k = 0; k < problem.NumTracks(); ++k) {
       track_of_ray_.insert(track_of_ray_.end(), problem.RaysOf(k).size(), k);
     }
@@ -95,13 +94,13 @@ class Fit {
 
 FitResult FitPositions(const DirectionProblem& problem, const TranslationAveragingOptions& options,
                        const FitWeights& weights, PositionSystem& system, Positions& positions,
-                       ProgressMonitor& monitor) {
-  Fit fit(problem, options, weights);
+                       const RunContext& run) {
+  Fit fit(problem, weights, run.num_threads);
   FitResult result;
   double cost = result.initial_cost = fit.Cost(positions);
   double damping = kInitialDamping;
   double growth = 2;
-  while (result.num_iterations < options.max_iterations && !monitor.StopRequested()) {
+  while (result.num_iterations < options.max_iterations && !run.monitor.StopRequested()) {
     ++result.num_iterations;
     fit.Linearize(positions);
     Positions step;

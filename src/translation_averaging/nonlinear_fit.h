@@ -30,6 +30,6 @@ struct FitResult {
 // function rho (Wilson and Snavely 2014, eq. 5). Points are eliminated first, then cameras.
 FitResult FitPositions(const DirectionProblem& problem, const TranslationAveragingOptions& options,
                        const FitWeights& weights, PositionSystem& system, Positions& positions,
-                       ProgressMonitor& monitor);
+                       const RunContext& run);
 
 }  // namespace cairn

@@ -6,7 +6,7 @@
 
 #include "cairn/base/parallel.h"
 #include "cairn/base/rng.h"
-#include "cairn/graph/graph.h"
+#include "graph/graph.h"
 
 namespace cairn {
 namespace {

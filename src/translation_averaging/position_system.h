@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "cairn/sparse/sparse_cholesky.h"
+#include "sparse/sparse_cholesky.h"
 #include "translation_averaging/direction_problem.h"
 
 namespace cairn {

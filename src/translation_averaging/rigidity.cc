@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "cairn/graph/parallel_rigidity.h"
+#include "graph/parallel_rigidity.h"
 
 namespace cairn {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "cairn/base/check.h"
-#include "cairn/sparse/laplacian_solver.h"
+#include "sparse/laplacian_solver.h"
 
 namespace cairn {
 namespace {

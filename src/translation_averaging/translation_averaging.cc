@@ -185,12 +185,12 @@ bool Accept(const DirectionProblem& problem, const Positions& x, const SpreadRep
 }
 
 std::vector<char> FilterEdges(const DirectionProblem& problem,
-                              const TranslationAveragingOptions& options,
+                              const TranslationAveragingOptions& options, const RunContext& run,
                               TranslationAveragingReport& report) {
   std::vector<char> is_out(problem.edges.size(), 0);
   if (options.filter_directions) {
     const std::vector<double> inconsistency =
-        OneDsfmInconsistency(problem, options.filter_num_axes, options.seed, options.num_threads);
+        OneDsfmInconsistency(problem, options.filter_num_axes, run.seed, run.num_threads);
     for (size_t e = 0; e < is_out.size(); ++e) {
       is_out[e] = inconsistency[e] > options.filter_max_inconsistency;
     }
@@ -223,7 +223,7 @@ std::string_view TranslationAveragingStatusName(TranslationAveragingStatus statu
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,
                                                const TranslationAveragingOptions& options,
-                                               ProgressMonitor& monitor) {
+                                               const RunContext& run) {
   ValidateOptions(options, "translation_averaging");
   TranslationAveragingReport report;
   report.points.assign(tracks.size(), Eigen::Vector3d::Zero());
@@ -231,7 +231,7 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
   report.edge_errors_deg.assign(edges.size(), -1.0);
   if (!options.use_points) tracks = {};
   const DirectionProblem whole = MakeDirectionProblem(edges, tracks);
-  const std::vector<char> edge_is_out = FilterEdges(whole, options, report);
+  const std::vector<char> edge_is_out = FilterEdges(whole, options, run, report);
 
   const std::vector<int> placeable = LargestPlaceableSet(whole, edge_is_out);
   for (int i = 0; i < whole.NumCameras(); ++i) {
@@ -243,16 +243,16 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
 
   const DirectionSubproblem part = Restrict(whole, placeable, edge_is_out);
   Positions x = LeastUnsquaredDeviations(part.problem);
-  PositionSystem system(part.problem, options.num_threads);
+  PositionSystem system(part.problem, run.num_threads);
   FitWeights weights = BalancedWeights(part.problem, options);
-  for (int pass = 0; pass <= options.num_reweightings && !monitor.StopRequested(); ++pass) {
+  for (int pass = 0; pass <= options.num_reweightings && !run.monitor.StopRequested(); ++pass) {
     if (pass > 0)
       weights = WeightsFromErrors(part.problem, MeasureErrors(part.problem, x), options);
     weights.tolerance = pass < options.num_reweightings ? kCoarseTolerance : kFineTolerance;
     report.num_iterations +=
-        FitPositions(part.problem, options, weights, system, x, monitor).num_iterations;
+        FitPositions(part.problem, options, weights, system, x, run).num_iterations;
   }
-  if (monitor.StopRequested()) {
+  if (run.monitor.StopRequested()) {
     report.status = TranslationAveragingStatus::kInterrupted;
     return report;
   }

@@ -10,13 +10,13 @@ namespace cairn::internal {
 namespace {
 
 constexpr int kMinMatches = 40, kMaxMatches = 192;
-constexpr int kMaxSamples = 100;
+constexpr int kMaxEvidenceSamples = 100;
 
 }  // namespace
 
 FocalWeigher::FocalWeigher(const TwoViewOptions& options) : options_(options) {
   options_.min_iterations = 1;
-  options_.max_fallback_samples = kMaxSamples;
+  options_.max_fallback_samples = kMaxEvidenceSamples;
 }
 
 std::optional<FocalEvidence> FocalWeigher::Weigh(const PairInput& input, const PreparedPair& pair,

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "cairn/graph/graph.h"
 #include "cairn/scene/view_graph.h"
+#include "graph/graph.h"
 
 namespace cairn {
 

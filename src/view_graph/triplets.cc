@@ -108,9 +108,9 @@ double LoopErrorDeg(const ViewEdge& edge, const ViewEdge& from_first, const View
   return RadToDeg(AngleBetween(detour, RotationTo(edge, edge.image_id2)));
 }
 
-int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, ViewGraph& graph,
-                               ViewGraphReport& report) {
-  const Triplets triplets(graph, options.max_triplet_error_deg, options.num_threads);
+int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, int num_threads,
+                               ViewGraph& graph, ViewGraphReport& report) {
+  const Triplets triplets(graph, options.max_triplet_error_deg, num_threads);
   std::vector<double> errors_deg;
   std::vector<EdgeRemoval> verdicts;
   int64_t num_loops = 0;

@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "cairn/base/check.h"
-#include "cairn/graph/graph.h"
 #include "cairn/math/angles.h"
+#include "graph/graph.h"
 #include "view_graph/active_edges.h"
 
 namespace cairn {
@@ -100,7 +100,7 @@ int KeepImages(std::span<const image_t> image_ids, ViewGraph& graph) {
 }
 
 ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewEdge> edges,
-                               const ViewGraphBuilderOptions& options, ProgressMonitor& monitor) {
+                               const ViewGraphBuilderOptions& options, const RunContext& run) {
   ValidateOptions(options, "view_graph");
   ViewGraphResult result;
   ViewGraph& graph = result.graph;
@@ -111,7 +111,7 @@ ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewE
 
   RemoveWeakEdges(options.min_num_inliers, graph);
   if (options.filter_triplets || options.filter_ambiguous) {
-    RemoveInconsistentTriplets(options, graph, report);
+    RemoveInconsistentTriplets(options, run.num_threads, graph, report);
   }
   if (options.filter_weak_bridges) RemoveWeakBridges(options.min_bridge_inliers, graph);
 
@@ -121,9 +121,9 @@ ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewE
     if (!edge.IsActive()) ++report.num_removed[edge.removal];
   }
   report.components = ActiveComponents(graph);
-  monitor.Info("view graph: " + std::to_string(report.num_active_edges) + " of " +
-               std::to_string(report.num_edges) + " pairs in use, " +
-               std::to_string(report.components.size()) + " component(s)");
+  run.monitor.Info("view graph: " + std::to_string(report.num_active_edges) + " of " +
+                   std::to_string(report.num_edges) + " pairs in use, " +
+                   std::to_string(report.components.size()) + " component(s)");
   return result;
 }
 

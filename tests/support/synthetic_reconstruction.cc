@@ -25,9 +25,9 @@ Camera MakeCamera(camera_t id, const SyntheticOptions& options, Rng& rng) {
 
 }  // namespace
 
-SyntheticScene MakeSyntheticScene(const SyntheticOptions& options) {
+MadeReconstruction MakeSyntheticScene(const SyntheticOptions& options) {
   Rng rng(options.seed, "synthetic scene");
-  SyntheticScene scene;
+  MadeReconstruction scene;
   const auto random = [&](double size) {
     return Eigen::Vector3d(
         size * Eigen::Vector3d(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1)));

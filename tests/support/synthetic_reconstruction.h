@@ -3,9 +3,13 @@
 #include <cstdint>
 #include <vector>
 
+#include "cairn/base/run_context.h"
 #include "cairn/scene/reconstruction.h"
 
 namespace cairn::testing_support {
+
+// Bundle adjustment gives the same bytes every time.
+inline const RunContext kOneThread{.num_threads = 1};
 
 struct SyntheticOptions {
   int num_images = 6;
@@ -18,14 +22,14 @@ struct SyntheticOptions {
   uint64_t seed = 0;
 };
 
-struct SyntheticScene {
+struct MadeReconstruction {
   Reconstruction truth;  // with exact poses, cameras and points, and the observations as measured
   std::vector<Track> tracks;
 };
 
 // Cameras on an arc about points in a box near the origin, keypoints as the truth (or noise) has
 // them; every track holds at least two observations.
-SyntheticScene MakeSyntheticScene(const SyntheticOptions& options);
+MadeReconstruction MakeSyntheticScene(const SyntheticOptions& options);
 
 // Largest distance of camera centers, and largest angle (radians) of rotations, after the best
 // similarity alignment of the estimate to the truth.

@@ -2,19 +2,38 @@
 
 #include <map>
 #include <set>
-#include <string>
 #include <string_view>
 #include <vector>
 
 #include "cairn/base/options.h"
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/scene/reconstruction.h"
 
 namespace cairn {
 
+// Robust loss on the reprojection error.
+enum class ReprojectionLoss { kNone, kSoftL1, kHuber, kCauchy };
+inline constexpr NamedValue<ReprojectionLoss> kReprojectionLosses[] = {
+    {ReprojectionLoss::kNone, "none"},
+    {ReprojectionLoss::kSoftL1, "soft_l1"},
+    {ReprojectionLoss::kHuber, "huber"},
+    {ReprojectionLoss::kCauchy, "cauchy"}};
+
+enum class BundleSolver {
+  kAuto,  // by the number of images, see BundleAdjustmentOptions
+  kDenseSchur,
+  kSparseSchur,
+  kIterativeSchur,
+  kSparseNormalCholesky,  // where only points, or no points, are adjusted; no option
+};
+inline constexpr NamedValue<BundleSolver> kBundleSolvers[] = {
+    {BundleSolver::kAuto, "auto"},
+    {BundleSolver::kDenseSchur, "dense_schur"},
+    {BundleSolver::kSparseSchur, "sparse_schur"},
+    {BundleSolver::kIterativeSchur, "iterative_schur"}};
+
 struct BundleAdjustmentOptions {
-  // Robust loss on the reprojection error: "none", "soft_l1", "huber" or "cauchy".
-  std::string loss = "cauchy";
+  ReprojectionLoss loss = ReprojectionLoss::kCauchy;
   // Error at which the loss leaves the square, in standard deviations of the observation (see
   // RegisteredImage::sigmas_px).
   double loss_scale = 2.0;
@@ -22,15 +41,12 @@ struct BundleAdjustmentOptions {
   // Stop when the relative change of the cost in one iteration is below. On photographs, 1e-6 takes
   // three times the iterations and changes AUC@1 by 0.02 at most.
   double function_tolerance = 1e-4;
-  // "auto" picks by the number of images: dense Schur complement up to max_dense_images, sparse up
+  // kAuto picks by the number of images: dense Schur complement up to max_dense_images, sparse up
   // to max_sparse_images, conjugate gradients on the Schur complement beyond, and from three times
   // max_dense_images on where so many images see the same points that it is nearly full.
-  std::string solver = "auto";
+  BundleSolver solver = BundleSolver::kAuto;
   int max_dense_images = 50;
   int max_sparse_images = 1000;
-  // Of the whole program (--num_threads), no field; 0: all. One thread gives the same bytes every
-  // time; with more the order of sums, and so the last digits, differ from run to run (Ceres).
-  int num_threads = 0;
 
   void VisitFields(OptionVisitor& v);
 };
@@ -76,9 +92,7 @@ struct BundleAdjustmentReport {
   double initial_rmse = 0;
   double final_rmse = 0;
   double seconds = 0;
-  // "dense_schur", "sparse_schur", "iterative_schur", or "sparse_normal_cholesky" where only
-  // points, or no points, are adjusted.
-  std::string solver;
+  BundleSolver solver = BundleSolver::kAuto;  // the one that was used
 };
 
 // Minimizes the robust reprojection error, weighed by the observations' precision, over `scope`:
@@ -88,10 +102,13 @@ struct BundleAdjustmentReport {
 // bounded. Observations that are behind their camera at the start are left out. A prior's
 // distortion coefficients have the standard deviation with which each alone would move a corner of
 // the image as far as lenses differ: from the pinhole's projection to the equidistant one (a
-// fisheye's), and by 3 % of the radius at any field of view. Throws nothing but BugError.
-BundleAdjustmentReport AdjustBundle(const BundleAdjustmentOptions& options,
-                                    const BundleAdjustmentScope& scope,
-                                    Reconstruction& reconstruction,
-                                    ProgressMonitor& monitor = NullMonitor());
+// fisheye's), and by 3 % of the radius at any field of view. The reconstruction is changed in
+// place: it may be large. One thread gives the same bytes every time; with more the order of sums,
+// and so the last digits, differ from run to run (Ceres). Throws ConfigError for options out of
+// range.
+BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
+                                    const BundleAdjustmentScope& scope = {},
+                                    const BundleAdjustmentOptions& options = {},
+                                    const RunContext& run = {});
 
 }  // namespace cairn

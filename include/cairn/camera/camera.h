@@ -2,10 +2,12 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "cairn/base/named_value.h"
 #include "cairn/base/types.h"
 
 namespace cairn {
@@ -38,8 +40,8 @@ std::optional<CameraModel> CameraModelFromName(std::string_view name);  // "SIMP
 std::optional<CameraModel> CameraModelFromId(int id);
 std::string_view CameraModelName(CameraModel model);
 int CameraModelNumParams(CameraModel model);
-// All names, by id.
-std::vector<std::string> CameraModelNames();
+// All models with their names, by id.
+std::span<const NamedValue<CameraModel>> NamedCameraModels();
 // Whether a pixel is a polynomial, or a quotient of polynomials, of (x / z, y / z): then errors in
 // pixels are nearly proportional to errors on the undistorted plane, and nothing beside or behind
 // the camera is visible. The other models (fisheye lenses, panoramas, and models that can express

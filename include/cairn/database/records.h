@@ -47,9 +47,9 @@ struct UnknownCamera {
 
 // cairn_camera_focals: the verdict of a camera's pairs on its prior focal length. Key: camera_id.
 struct CameraFocal {
-  bool is_refuted = false;  // rejected: its pairs are verified as without a prior
-  int num_pairs = 0;        // with evidence
-  int num_refuting = 0;
+  bool is_rejected = false;  // rejected: its pairs are verified as without a prior
+  int num_pairs = 0;         // with evidence
+  int num_contradicting = 0;
 };
 
 // cairn_camera_lenses: lens and focal length of a camera for which they were unknown, as its pairs

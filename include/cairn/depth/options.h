@@ -1,6 +1,5 @@
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "cairn/base/options.h"
@@ -14,9 +13,15 @@ struct DepthWindows {
   double gradient = 0.0;
 };
 
+// What a map or network gives: z-depth, its inverse (of unknown scale and shift), or its natural
+// logarithm.
+enum class DepthKind { kDepth, kInverse, kLog };
+inline constexpr NamedValue<DepthKind> kDepthKinds[] = {
+    {DepthKind::kDepth, "depth"}, {DepthKind::kInverse, "inverse"}, {DepthKind::kLog, "log"}};
+
 // The defaults of the network's input are those of FastDepth: RGB in [0, 1], 224 x 224.
 struct DepthOptions {
-  std::string kind = "depth";
+  DepthKind kind = DepthKind::kDepth;
   double scale = 1.0;
   double value_window = 0.026;
   double gradient_window = 0.1;
@@ -27,7 +32,7 @@ struct DepthOptions {
   DepthWindows Windows() const { return {value_window, gradient_window}; }
 
   void VisitFields(OptionVisitor& v) {
-    v.Choice("kind", kind, {"depth", "inverse", "log"},
+    v.Choice("kind", kind, kDepthKinds,
              "what a map or network gives: z-depth, its inverse (of unknown scale and shift), or "
              "its natural logarithm");
     v.Double("scale", scale, {1e-12, 1e12}, "raw values are multiplied by this (16-bit .png)");

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "cairn/base/options.h"
@@ -9,8 +8,15 @@
 
 namespace cairn {
 
+enum class FeatureType {
+  kAffineDog,  // difference of Gaussians with Baumberg affine shape
+  kSift,       // similarity frames, faster
+};
+inline constexpr NamedValue<FeatureType> kFeatureTypes[] = {{FeatureType::kAffineDog, "affine_dog"},
+                                                            {FeatureType::kSift, "sift"}};
+
 struct FeatureOptions {
-  std::string type = "affine_dog";
+  FeatureType type = FeatureType::kAffineDog;
   int max_num_features = 8192;
   int max_image_size = 3200;
   int first_octave = -1;
@@ -20,7 +26,7 @@ struct FeatureOptions {
   bool estimate_upright = false;
 
   void VisitFields(OptionVisitor& v) {
-    v.Choice("type", type, {"affine_dog", "sift"},
+    v.Choice("type", type, kFeatureTypes,
              "affine_dog: difference of Gaussians with Baumberg affine shape; sift: similarity "
              "frames, faster");
     v.Int("max_num_features", max_num_features, {1, 1000000}, "features kept in an image");

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cairn/base/options.h"
+#include "cairn/base/run_context.h"
 #include "cairn/camera/camera.h"
 
 namespace cairn {
@@ -85,10 +86,11 @@ std::vector<size_t> SelectFocalPairs(std::span<const FocalPairCount> pairs, int 
 // principal point, give them: planes, pure rotations and parallel axes weigh nothing by themselves.
 // Geman and McClure's loss takes wrong pairs; one focal length a camera, however many images it
 // took; cameras in `trusted` keep theirs. Levenberg-Marquardt over logarithms of focal lengths from
-// several starts. Distortion is not modeled. The result does not depend on num_threads.
+// several starts. Distortion is not modeled. The result does not depend on run.num_threads.
 FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras,
                                        const std::set<camera_t>& trusted,
                                        std::span<const FocalPair> pairs,
-                                       const FocalCalibrationOptions& options, int num_threads);
+                                       const FocalCalibrationOptions& options = {},
+                                       const RunContext& run = {});
 
 }  // namespace cairn

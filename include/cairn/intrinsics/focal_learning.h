@@ -23,11 +23,11 @@ std::vector<image_pair_t> PairsToWeigh(const Database& database,
 struct CameraPairEvidence {
   camera_t camera_id1 = kInvalidCameraId;
   camera_t camera_id2 = kInvalidCameraId;
-  bool is_refuting = false;
+  bool is_contradicting = false;
 };
 
 // Whether the pair contradicts a prior focal length; never where too few matches are explained.
-bool IsRefuting(const PairFocalEvidence& evidence);
+bool IsContradicting(const PairFocalEvidence& evidence);
 
 // Judges every camera with enough pairs, by the first few of its pairs. The camera with the largest
 // share of contradicting pairs is rejected first and its pairs with it, since they are no evidence
@@ -35,7 +35,7 @@ bool IsRefuting(const PairFocalEvidence& evidence);
 std::map<camera_t, CameraFocal> JudgeFocals(std::vector<CameraPairEvidence> pairs);
 
 struct LearnedFocals {
-  std::set<camera_t> refuted;        // by this call alone
+  std::set<camera_t> rejected;       // by this call alone
   std::vector<image_pair_t> undone;  // their pairs that had been verified; ascending
 };
 // Judges the cameras by the evidence in the database, and stores the verdicts. The results of pairs
@@ -44,9 +44,9 @@ struct LearnedFocals {
 LearnedFocals LearnFocals(Database& database);
 
 // One line a rejected prior, with one of the camera's images.
-std::vector<std::string> RefutedFocalTexts(const Database& database,
-                                           const std::set<camera_t>& cameras);
+std::vector<std::string> RejectedFocalTexts(const Database& database,
+                                            const std::set<camera_t>& cameras);
 
-std::set<camera_t> RefutedCameras(const std::map<camera_t, CameraFocal>& focals);
+std::set<camera_t> RejectedCameras(const std::map<camera_t, CameraFocal>& focals);
 
 }  // namespace cairn

@@ -18,7 +18,7 @@ struct KnownIntrinsics {
 
   bool HasLearned() const { return lens && !lens->IsEmpty(); }
   // The camera's pairs contradict its prior focal length.
-  bool IsRejected() const { return judgement && judgement->is_refuted; }
+  bool IsRejected() const { return judgement && judgement->is_rejected; }
   // Essential matrices are searched with this focal length.
   bool IsFocalTrusted() const {
     return !IsRejected() && (camera.has_prior_focal_length || (lens && lens->is_focal_known));

@@ -15,6 +15,23 @@
 
 namespace cairn {
 
+// Which verifiers are run on every pair.
+enum class VerifierChoice { kCascade, kFast, kOneAcDepth, kTwoAc, kFivePoint, kBoth };
+inline constexpr NamedValue<VerifierChoice> kVerifierChoices[] = {
+    {VerifierChoice::kCascade, "cascade"},
+    {VerifierChoice::kFast, "fast"},
+    {VerifierChoice::kOneAcDepth, "one_ac_depth"},
+    {VerifierChoice::kTwoAc, "two_ac"},
+    {VerifierChoice::kFivePoint, "five_point"},
+    {VerifierChoice::kBoth, "both"}};  // one_ac_depth and five_point
+
+// The stages, in order, by the names that they have in the database.
+enum class BuildStage { kNone, kCameras, kFeatures, kDepth, kMatching, kVerification };
+inline constexpr NamedValue<BuildStage> kBuildStages[] = {
+    {BuildStage::kNone, "none"},         {BuildStage::kCameras, "cameras"},
+    {BuildStage::kFeatures, "features"}, {BuildStage::kDepth, "depth"},
+    {BuildStage::kMatching, "matching"}, {BuildStage::kVerification, "verification"}};
+
 // What build_view_graph works on; the options of the modules follow in BuildPipelineOptions.
 struct BuildInputs {
   std::string image_path;
@@ -23,9 +40,9 @@ struct BuildInputs {
   std::string depth_path;
   std::string depth_model;
   std::string pairs_path;
-  std::string verifier = "cascade";
-  std::string stop_after = "verification";
-  std::string recompute = "none";
+  VerifierChoice verifier = VerifierChoice::kCascade;
+  BuildStage stop_after = BuildStage::kVerification;
+  BuildStage recompute = BuildStage::kNone;
   int num_threads = 0;
   int seed = 0;
 
@@ -37,13 +54,10 @@ struct BuildInputs {
              "folder of depth maps, <image name>.npy, .pfm, .png or .bin");
     v.String("depth_model", depth_model, "ONNX network that gives depth, instead of depth_path");
     v.String("pairs_path", pairs_path, "file with two image names a line; without, all pairs");
-    v.Choice("verifier", verifier,
-             {"cascade", "fast", "one_ac_depth", "two_ac", "five_point", "both"},
-             "which verifiers are run on every pair");
-    v.Choice("stop_after", stop_after, {"features", "depth", "matching", "verification"},
+    v.Choice("verifier", verifier, kVerifierChoices, "which verifiers are run on every pair");
+    v.Choice("stop_after", stop_after, std::span(kBuildStages).subspan(2),
              "last stage of this run; a later run continues");
-    v.Choice("recompute", recompute,
-             {"none", "cameras", "features", "depth", "matching", "verification"},
+    v.Choice("recompute", recompute, kBuildStages,
              "stage to compute again, with those that depend on it");
     v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
     v.Int("seed", seed, {0, 2147483647}, "seed of all random numbers");

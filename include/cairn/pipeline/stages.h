@@ -26,12 +26,12 @@ namespace cairn {
 // writes do not depend on num_threads, nor on whether it was interrupted.
 
 struct CameraOptions {
-  std::string camera_model = "SIMPLE_RADIAL";
+  CameraModel camera_model = CameraModel::kSimpleRadial;
   std::vector<double> camera_params;
   bool single_camera = false;
 
   void VisitFields(OptionVisitor& v) {
-    v.Choice("camera_model", camera_model, CameraModelNames(), "model of new cameras");
+    v.Choice("camera_model", camera_model, NamedCameraModels(), "model of new cameras");
     v.Doubles("camera_params", camera_params,
               "parameters of new cameras, in COLMAP's order; without, the focal length comes from "
               "EXIF, or is 1.2 times the larger side (fisheye models: 150 degrees across it)");

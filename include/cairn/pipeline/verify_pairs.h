@@ -49,7 +49,7 @@ struct VerificationReport {
   double writing_seconds = 0;
   double learning_seconds = 0;  // wall clock, between the rounds
   int num_learned_lenses = 0;   // cameras of which this run learned distortion or focal length
-  int num_refuted_focals = 0;   // cameras whose trusted focal lengths this run found to be wrong
+  int num_rejected_focals = 0;  // cameras whose trusted focal lengths this run found to be wrong
 };
 
 // Verifies every pair with matches that has no row in two_view_geometries, on num_threads threads.

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "cairn/base/options.h"
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/base/types.h"
 
 namespace cairn {
@@ -34,8 +34,6 @@ struct RotationAveragingOptions {
   double convergence_deg = 1e-3;
   double max_error_deg = 10.0;
   double weight_power = 0.0;
-  // Of the whole program (--num_threads), no field: 0 means all. No result depends on it.
-  int num_threads = 1;
 
   void VisitFields(OptionVisitor& v) {
     v.Int("max_l1_iterations", max_l1_iterations, {0, 1000},
@@ -57,8 +55,6 @@ struct RotationAveragingOptions {
              "an edge that ends with a larger residual is reported as rejected, degrees");
     v.Double("weight_power", weight_power, {0, 2},
              "an edge counts as its weight to this power; 0: all alike");
-    v.Int("num_threads", num_threads, {0, 1024},
-          "threads; 0: all. The result does not depend on it");
   }
 };
 
@@ -98,6 +94,6 @@ struct RotationAveragingReport {
 // The result does not depend on the order of the edges or on the number of threads.
 RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
                                          const RotationAveragingOptions& options = {},
-                                         ProgressMonitor& monitor = NullMonitor());
+                                         const RunContext& run = {});
 
 }  // namespace cairn

@@ -1,11 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
-#include <string>
-#include <string_view>
 #include <vector>
 
+#include "cairn/base/named_value.h"
 #include "cairn/base/rng.h"
 #include "cairn/geometry/rigid3d.h"
 
@@ -29,8 +27,12 @@ enum class CameraLayout {
   kLine,      // along a straight walk past the front
   kLandmark,  // as tourists: clusters around the scene, at different distances and heights
 };
-std::optional<CameraLayout> CameraLayoutFromName(std::string_view name);
-const std::vector<std::string>& CameraLayoutNames();
+inline constexpr NamedValue<CameraLayout> kCameraLayouts[] = {
+    {CameraLayout::kRing, "ring"},
+    {CameraLayout::kArc, "arc"},
+    {CameraLayout::kGrid, "grid"},
+    {CameraLayout::kLine, "line"},
+    {CameraLayout::kLandmark, "landmark"}};
 
 // cam_from_world of `num_cameras` cameras, with small random deviations from the layout; `distance`
 // (world units) is the typical distance from the scene's center.

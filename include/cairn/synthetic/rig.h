@@ -1,23 +1,23 @@
 #pragma once
 
 #include <map>
-#include <string>
 #include <vector>
 
 #include "cairn/base/options.h"
 #include "cairn/camera/camera.h"
 #include "cairn/scene/image.h"
+#include "cairn/synthetic/poses.h"
 
 namespace cairn {
 
 // What abstract scenes and photographs have in common: which cameras there are and where they
 // stand.
 struct RigOptions {
-  std::string layout = "ring";  // see CameraLayout
+  CameraLayout layout = CameraLayout::kRing;
   int num_images = 12;
   int num_distractor_images = 0;  // of another place
   int num_cameras = 2;            // different focal lengths and sizes; images take turns
-  std::string camera_model = "SIMPLE_PINHOLE";
+  CameraModel camera_model = CameraModel::kSimplePinhole;
   double radial_distortion = 0.0;  // first radial coefficient, where the model has one
   // In units of the larger side; 0: those of 36 mm to 56 mm lenses.
   double focal_length = 0.0;

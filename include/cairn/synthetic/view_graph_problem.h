@@ -2,18 +2,18 @@
 
 #include <cstdint>
 #include <map>
-#include <string>
 #include <vector>
 
 #include "cairn/base/options.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/scene/view_graph.h"
+#include "cairn/synthetic/poses.h"
 
 namespace cairn {
 
 // A view graph without images, like those of the 1DSfM data sets, of any size.
 struct ViewGraphOptions {
-  std::string layout = "landmark";  // see CameraLayout
+  CameraLayout layout = CameraLayout::kLandmark;
   int num_images = 200;
   int num_edges = 0;                 // 0: 20 an image, or all pairs where there are fewer
   double rotation_noise_deg = 0.5;   // median angle of the error of a correct edge

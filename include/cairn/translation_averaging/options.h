@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <string>
 
 #include "cairn/base/options.h"
@@ -18,10 +17,6 @@ struct TranslationAveragingOptions {
   int max_iterations = 100;
   double min_spread = 1e-3;
   double max_median_error_deg = 20.0;
-  // Of the whole program (--seed), no field.
-  uint64_t seed = 0;
-  // Of the whole program (--num_threads), no field: 0 means all. No result depends on it.
-  int num_threads = 1;
 
   void VisitFields(OptionVisitor& v) {
     v.Bool("filter_directions", filter_directions, "drop inconsistent directions first (1DSfM)");

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/base/types.h"
 #include "cairn/translation_averaging/options.h"
 
@@ -82,6 +82,6 @@ struct TranslationAveragingReport {
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,
                                                const TranslationAveragingOptions& options = {},
-                                               ProgressMonitor& monitor = NullMonitor());
+                                               const RunContext& run = {});
 
 }  // namespace cairn

@@ -16,8 +16,6 @@ struct ViewGraphBuilderOptions {
   bool filter_weak_bridges = true;
   int min_bridge_inliers = 30;
   double max_rotation_error_deg = 10.0;
-  // Of the whole program (--num_threads), no field: 0 means all. No result depends on it.
-  int num_threads = 1;
 
   void VisitFields(OptionVisitor& v) {
     v.Int("min_num_inliers", min_num_inliers, {0, 1e9}, "pairs with fewer inliers are left out");

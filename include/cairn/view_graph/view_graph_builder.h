@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/base/types.h"
 #include "cairn/scene/view_graph.h"
 #include "cairn/view_graph/options.h"
@@ -37,7 +37,7 @@ struct ViewGraphResult {
 // are not chosen here (see KeepImages).
 ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewEdge> edges,
                                const ViewGraphBuilderOptions& options = {},
-                               ProgressMonitor& monitor = NullMonitor());
+                               const RunContext& run = {});
 
 // The single steps. Each looks at active edges only and returns how many it removed.
 
@@ -58,8 +58,8 @@ double LoopErrorDeg(const ViewEdge& edge, const ViewEdge& from_first, const View
 // close it is unknown which edge is wrong, so they stay. With filter_ambiguous, so does one that
 // closes in some loops but is contradicted by many more, all of edges better supported than itself
 // (kAmbiguous). The number of loops and their errors go to the report.
-int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, ViewGraph& graph,
-                               ViewGraphReport& report);
+int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, int num_threads,
+                               ViewGraph& graph, ViewGraphReport& report);
 
 // Bridges with fewer than min_num_inliers inliers, unless one of the sides is a single image
 // (kWeakBridge).

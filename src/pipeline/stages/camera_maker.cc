@@ -18,19 +18,16 @@ double FocalFactor(CameraModel model) {
   return CameraModelIsFisheye(model) ? kFisheyeFocalFactor : kDefaultFocalFactor;
 }
 
-CameraModel ModelOf(const CameraOptions& options) {
-  return *CameraModelFromName(options.camera_model);
-}
-
 }  // namespace
 
 void CheckCameraOptions(const CameraOptions& options) {
   if (options.camera_params.empty()) return;
-  const auto expected = static_cast<size_t>(CameraModelNumParams(ModelOf(options)));
+  const auto expected = static_cast<size_t>(CameraModelNumParams(options.camera_model));
   if (options.camera_params.size() == expected) return;
-  throw ConfigError("camera_params",
-                    options.camera_model + " has " + std::to_string(expected) + " parameters, " +
-                        std::to_string(options.camera_params.size()) + " are given");
+  throw ConfigError("camera_params", std::string(CameraModelName(options.camera_model)) + " has " +
+                                         std::to_string(expected) + " parameters, " +
+                                         std::to_string(options.camera_params.size()) +
+                                         " are given");
 }
 
 CameraMaker::CameraMaker(const CameraOptions& options, camera_t first_id,
@@ -66,8 +63,8 @@ const Camera& CameraMaker::Make(const Photo& photo) {
   const std::optional<double> focal =
       photo.given_focal_px ? photo.given_focal_px : photo.exif.focal_px;
   const double guess =
-      FocalFactor(ModelOf(options_)) * std::max(photo.size.width, photo.size.height);
-  Camera camera = Camera::FromFocal(next_id_++, ModelOf(options_), focal.value_or(guess),
+      FocalFactor(options_.camera_model) * std::max(photo.size.width, photo.size.height);
+  Camera camera = Camera::FromFocal(next_id_++, options_.camera_model, focal.value_or(guess),
                                     photo.size.width, photo.size.height);
   // A panorama has no focal length to be known.
   camera.has_prior_focal_length = focal.has_value() || camera.FocalIndices().empty();

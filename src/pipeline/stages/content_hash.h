@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <span>
 
-#include "cairn/base/hash.h"
+#include "base/hash.h"
 #include "cairn/camera/camera.h"
 #include "cairn/scene/features.h"
 

@@ -7,10 +7,10 @@
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
-#include "cairn/database/database_writer.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/pipeline/stages.h"
+#include "database/database_writer.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {

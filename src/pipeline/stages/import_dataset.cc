@@ -5,8 +5,8 @@
 #include <map>
 #include <unordered_map>
 
+#include "base/hash.h"
 #include "cairn/base/error.h"
-#include "cairn/base/hash.h"
 #include "cairn/base/timer.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/geometry/epipolar.h"

@@ -2,8 +2,8 @@
 #include <filesystem>
 #include <map>
 
+#include "base/hash.h"
 #include "cairn/base/error.h"
-#include "cairn/base/hash.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
 #include "cairn/database/stage_names.h"

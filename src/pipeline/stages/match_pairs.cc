@@ -3,13 +3,13 @@
 #include <map>
 #include <set>
 
+#include "base/memory.h"
 #include "cairn/base/error.h"
-#include "cairn/base/memory.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
-#include "cairn/database/database_writer.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/pipeline/stages.h"
+#include "database/database_writer.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/stages/content_hash.h"
 #include "pipeline/stages/stage_ledger.h"
@@ -202,7 +202,7 @@ StageReport MatchImagePairs(Database& database,
   } else {
     ledger.Complete(database);
     if (work.num_left_out > 0) {
-      report.messages.push_back("images without features, which take part in no pair: " +
+      report.messages.push_back("images without features (in no pair): " +
                                 std::to_string(work.num_left_out));
       monitor.Warning(report.messages.back());
     }

@@ -3,8 +3,8 @@
 #include <map>
 #include <sstream>
 
+#include "base/hash.h"
 #include "cairn/base/error.h"
-#include "cairn/base/hash.h"
 #include "cairn/base/options.h"
 #include "cairn/database/stage_names.h"
 

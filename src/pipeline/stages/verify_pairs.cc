@@ -5,15 +5,15 @@
 #include <memory>
 #include <mutex>
 
+#include "base/memory.h"
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
-#include "cairn/base/memory.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
-#include "cairn/database/database_writer.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/intrinsics/focal_learning.h"
 #include "cairn/intrinsics/lens_learning.h"
+#include "database/database_writer.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/pairs/load.h"
 #include "pipeline/pairs/rounds.h"
@@ -177,7 +177,7 @@ class Rounds {
       RunAgain(first, undone);
     }
     to_weigh_.clear();
-    if (!monitor_.StopRequested()) RunAgain(first, Refute());
+    if (!monitor_.StopRequested()) RunAgain(first, RejectFocals());
     if (!monitor_.StopRequested()) RunRound(second, false);
     report_.stage.messages.insert(report_.stage.messages.end(), loader_.messages().begin(),
                                   loader_.messages().end());
@@ -246,15 +246,15 @@ class Rounds {
   }
 
   // Learns which trusted focal lengths are wrong; returns the pairs to be verified again.
-  std::vector<image_pair_t> Refute() {
+  std::vector<image_pair_t> RejectFocals() {
     const Timer timer;
     const LearnedFocals learned = LearnFocals(database_);
     for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
-    for (std::string& text : RefutedFocalTexts(database_, learned.refuted)) {
+    for (std::string& text : RejectedFocalTexts(database_, learned.rejected)) {
       monitor_.Warning(text);
       report_.stage.messages.push_back(std::move(text));
     }
-    report_.num_refuted_focals = static_cast<int>(learned.refuted.size());
+    report_.num_rejected_focals = static_cast<int>(learned.rejected.size());
     report_.learning_seconds += timer.Seconds();
     return learned.undone;
   }
@@ -287,7 +287,7 @@ void FillStageReport(VerificationReport& report) {
     stage.Add("rejected_" + reason, static_cast<double>(num));
   }
   stage.Add("learned_lenses", report.num_learned_lenses);
-  stage.Add("refuted_focals", report.num_refuted_focals);
+  stage.Add("rejected_focals", report.num_rejected_focals);
   stage.Add("learning_seconds", report.learning_seconds);
   stage.Add("verifying_seconds", report.verifying_seconds);
   stage.Add("reading_seconds", report.reading_seconds);

@@ -1,25 +1,34 @@
-// Makes a pair with known truth, verifies it by 1AC+D, and compares.
+// Averages four exact rotations and directions, and compares.
 #include <cstdio>
 
-#include "cairn/synthetic/two_view_problem.h"
-#include "cairn/two_view/pair_verifier.h"
+#include "cairn/rotation_averaging/rotation_averaging.h"
+#include "cairn/translation_averaging/translation_averaging.h"
 
 int main() {
-  const cairn::TwoViewProblem problem = cairn::MakeTwoViewProblem({.outlier_ratio = 0.5}, 1);
-  cairn::PairInput input;
-  input.pair_id = cairn::ImagePairToPairId(1, 2);
-  input.camera1 = &problem.camera1;
-  input.camera2 = &problem.camera2;
-  input.keypoints1 = problem.keypoints1;
-  input.keypoints2 = problem.keypoints2;
-  input.depth1 = problem.depth1;
-  input.depth2 = problem.depth2;
-  input.matches = problem.matches;
-  const auto verifier = cairn::MakePairVerifier(cairn::VerifierKind::kOneAcDepth, {});
-  const cairn::PairReport report = verifier->Verify(input);
-  if (report.status != cairn::PairStatus::kVerified) return 1;
-  const double error = cairn::AngleBetween(report.geometry.cam2_from_cam1->rotation,
-                                           problem.cam2_from_cam1.rotation);
-  std::printf("%d inliers, rotation error %g rad\n", report.num_inliers, error);
+  Eigen::Quaterniond rotations[4];
+  Eigen::Vector3d centers[4];
+  for (int i = 0; i < 4; ++i) {
+    rotations[i] = Eigen::AngleAxisd(0.3 * i, Eigen::Vector3d(1, i, 2).normalized());
+    centers[i] = Eigen::Vector3d(i, i * i, i == 3);
+  }
+  std::vector<cairn::RotationEdge> edges;
+  std::vector<cairn::DirectionEdge> directions;
+  for (cairn::image_t i = 0; i < 4; ++i) {
+    for (cairn::image_t j = i + 1; j < 4; ++j) {
+      edges.push_back({i + 1, j + 1, rotations[j] * rotations[i].conjugate()});
+      directions.push_back({i + 1, j + 1, centers[j] - centers[i]});
+    }
+  }
+  const auto averaged = cairn::AverageRotations(edges);
+  const auto placed = cairn::AverageTranslations(directions, {});
+  if (averaged.cam_from_world.size() != 4 || placed.centers.size() != 4) return 1;
+  double error = 0;
+  for (const auto& edge : edges) {
+    error = std::max(error, edge.cam2_from_cam1.angularDistance(
+                                averaged.cam_from_world.at(edge.image_id2) *
+                                averaged.cam_from_world.at(edge.image_id1).conjugate()));
+  }
+  for (const double degrees : placed.edge_errors_deg) error = std::max(error, degrees);
+  std::printf("largest error %g\n", error);
   return error < 1e-3 ? 0 : 1;
 }

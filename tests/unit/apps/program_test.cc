@@ -20,16 +20,20 @@ struct TopOptions {
   }
 };
 
+enum class MatchKind { kFast, kSlow };
+constexpr NamedValue<MatchKind> kMatchKinds[] = {{MatchKind::kFast, "fast"},
+                                                 {MatchKind::kSlow, "slow"}};
+
 struct MatchOptions {
   double max_ratio = 0.8;
   bool cross_check = true;
   std::vector<double> weights;
-  std::string kind = "fast";
+  MatchKind kind = MatchKind::kFast;
   void VisitFields(OptionVisitor& v) {
     v.Double("max_ratio", max_ratio, {0, 1}, "ratio");
     v.Bool("cross_check", cross_check, "mutual");
     v.Doubles("weights", weights, "weights");
-    v.Choice("kind", kind, {"fast", "slow"}, "kind");
+    v.Choice("kind", kind, kMatchKinds, "kind");
   }
 };
 
@@ -80,7 +84,7 @@ TEST_F(ProgramTest, FlagsSetFieldsOfEveryKind) {
   EXPECT_EQ(matching_.max_ratio, 0.5);
   EXPECT_FALSE(matching_.cross_check);
   EXPECT_THAT(matching_.weights, testing::ElementsAre(1, -2.5, 3));
-  EXPECT_EQ(matching_.kind, "slow");
+  EXPECT_EQ(matching_.kind, MatchKind::kSlow);
   EXPECT_TRUE(seed_is_set_);
 }
 
@@ -135,10 +139,18 @@ TEST_F(ProgramTest, WrongInputIsAUsageErrorThatNamesTheKey) {
 // What earlier versions wrote with the defaults goes on to work.
 TEST_F(ProgramTest, OptionsThatWereTakenOutAreNamed) {
   EXPECT_EQ(Run({"--config", WriteConfig("[tracks]\nconflicts = 'split'\n")}), 0);
+  EXPECT_EQ(Run({"--config", WriteConfig("[rotation_averaging]\nnum_threads = 3\n")}), 0);
   EXPECT_EQ(Run({"--config", WriteConfig("[tracks]\nconflicts = 'drop'\n")}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("'tracks.conflicts': this option was taken out"));
+  EXPECT_THAT(output_, testing::HasSubstr("'tracks.conflicts': this option was removed"));
   EXPECT_EQ(Run({"--tracks.conflicts", "drop"}), kExitUsage);
   EXPECT_THAT(output_, testing::HasSubstr("it is always 'split'"));
+}
+
+TEST_F(ProgramTest, RenamedOptionsFailWithTheNewName) {
+  EXPECT_EQ(Run({"--reconstruct.separate_twins", "0"}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("is now '--reconstruct.separate_duplicates'"));
+  EXPECT_EQ(Run({"--config", WriteConfig("[reconstruct]\nseparate_twins = false\n")}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("is now 'reconstruct.separate_duplicates'"));
 }
 
 TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
@@ -157,8 +169,9 @@ TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
   EXPECT_EQ(program.Run(1, argv), kExitIo);  // no TOML
   EXPECT_THAT(testing::internal::GetCapturedStderr(), testing::HasSubstr("a.db"));
   command.SetRun([&] {
-    command.SetDefaults("seed = 5\nunknown = 1\nmatching.max_ratio = 0.4\nmatching.weights = 'x'\n",
-                        "a.db");
+    command.SetDefaults(
+        "seed = 5\nunknown = 1\n[matching]\nmax_ratio = 0.4\nweights = 'x'\nkind = 'old'\n",
+        "a.db");
     return 0;
   });
   std::string flag = "--seed=9";
@@ -167,6 +180,7 @@ TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
   EXPECT_EQ(top_.seed, 9);
   EXPECT_EQ(matching_.max_ratio, 0.4);
   EXPECT_TRUE(matching_.weights.empty());  // what cannot be read stays as it was
+  EXPECT_EQ(matching_.kind, MatchKind::kFast);
 }
 
 TEST_F(ProgramTest, ErrorsBecomeExitCodes) {

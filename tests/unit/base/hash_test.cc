@@ -1,4 +1,4 @@
-#include "cairn/base/hash.h"
+#include "base/hash.h"
 
 #include <gtest/gtest.h>
 
@@ -27,7 +27,7 @@ TEST(Hash, PiecesAreOneStreamButTextsAreSeparated) {
 }
 
 TEST(Hash, FileHashIsThatOfItsBytes) {
-  const std::string path = testing::TempDir() + "cairn_hash_test.bin";
+  const std::string path = ::testing::TempDir() + "cairn_hash_test.bin";
   const std::string content(3'000'001, 'x');
   std::ofstream(path, std::ios::binary) << content;
   EXPECT_EQ(HashFile(path), Hasher().AddBytes(content.data(), content.size()).Digest());
@@ -35,7 +35,7 @@ TEST(Hash, FileHashIsThatOfItsBytes) {
   EXPECT_EQ(HashFile(path), Hasher().Digest());
   std::filesystem::remove(path);
   EXPECT_THROW(HashFile(path), IoError);
-  EXPECT_THROW(HashFile(testing::TempDir()), IoError);
+  EXPECT_THROW(HashFile(::testing::TempDir()), IoError);
 }
 
 }  // namespace

@@ -10,13 +10,18 @@
 namespace cairn {
 namespace {
 
+enum class TestType { kFast, kExact };
+constexpr NamedValue<TestType> kTestTypes[] = {{TestType::kFast, "fast"},
+                                               {TestType::kExact, "exact"}};
+
 struct TestOptions {
   bool on = true;
   int count = 5;
   double ratio = 0.8;
   std::string path = "a \"b\" \\ c";
   std::vector<double> mean = {0.5, 1.0};
-  std::string type = "fast";
+  TestType type = TestType::kFast;
+  std::string experiment = "all";
 
   void VisitFields(OptionVisitor& v) {
     v.Bool("on", on, "");
@@ -24,7 +29,8 @@ struct TestOptions {
     v.Double("ratio", ratio, {0.0, 1.0}, "");
     v.String("path", path, "");
     v.Doubles("mean", mean, "");
-    v.Choice("type", type, {"fast", "exact"}, "");
+    v.Choice("type", type, kTestTypes, "");
+    v.Choice("experiment", experiment, {"all", "noise"}, "");
   }
 };
 
@@ -36,7 +42,7 @@ TEST(Options, DefaultsAreValidAndDumpAsToml) {
   EXPECT_EQ(ValidationError({}), "no error");
   EXPECT_EQ(DumpOptions(TestOptions{}),
             "on = true\ncount = 5\nratio = 0.8\npath = \"a \\\"b\\\" \\\\ c\"\n"
-            "mean = [0.5, 1.0]\ntype = \"fast\"\n");
+            "mean = [0.5, 1.0]\ntype = \"fast\"\nexperiment = \"all\"\n");
 }
 
 TEST(Options, ErrorsNameTheKeyTheValueAndWhatIsAllowed) {
@@ -50,8 +56,11 @@ TEST(Options, ErrorsNameTheKeyTheValueAndWhatIsAllowed) {
   options.ratio = std::nan("");
   EXPECT_NE(ValidationError(options), "no error");
   options = {};
-  options.type = "slow";
-  EXPECT_EQ(ValidationError(options), "test.type: 'slow' is not one of fast, exact");
+  options.type = static_cast<TestType>(7);
+  EXPECT_EQ(ValidationError(options), "test.type: '' is not one of fast, exact");
+  options = {};
+  options.experiment = "al";
+  EXPECT_EQ(ValidationError(options), "test.experiment: 'al' is not one of all, noise");
   options = {};
   options.mean = {1.0, std::nan("")};
   EXPECT_NE(ValidationError(options), "no error");

@@ -17,10 +17,11 @@ namespace cairn {
 namespace {
 
 using testing_support::CompareAligned;
+using testing_support::kOneThread;
+using testing_support::MadeReconstruction;
 using testing_support::MakeSyntheticScene;
 using testing_support::PoseDifference;
 using testing_support::SyntheticOptions;
-using testing_support::SyntheticScene;
 
 BundleAdjustmentScope Scope(const std::function<void(BundleAdjustmentScope&)>& change) {
   BundleAdjustmentScope scope;
@@ -28,9 +29,8 @@ BundleAdjustmentScope Scope(const std::function<void(BundleAdjustmentScope&)>& c
   return scope;
 }
 
-BundleAdjustmentOptions OneThread() {
+BundleAdjustmentOptions Precise() {
   BundleAdjustmentOptions options;
-  options.num_threads = 1;
   options.max_iterations = 200;
   options.function_tolerance = 1e-12;
   return options;
@@ -62,40 +62,40 @@ Reconstruction Perturbed(const Reconstruction& truth, const Perturbation& by) {
 }
 
 TEST(AdjustBundle, RecoversAnExactSceneWithEverySolver) {
-  const SyntheticScene scene = MakeSyntheticScene({});
-  for (const char* solver : {"auto", "dense_schur", "sparse_schur", "iterative_schur"}) {
-    BundleAdjustmentOptions options = OneThread();
+  const MadeReconstruction scene = MakeSyntheticScene({});
+  for (const auto& [solver, name] : kBundleSolvers) {
+    BundleAdjustmentOptions options = Precise();
     options.solver = solver;
     Reconstruction model = Perturbed(scene.truth, {});
-    const BundleAdjustmentReport report = AdjustBundle(options, {}, model);
-    EXPECT_EQ(report.status, BundleAdjustmentStatus::kConverged) << solver;
+    const BundleAdjustmentReport report = AdjustBundle(model, {}, options, kOneThread);
+    EXPECT_EQ(report.status, BundleAdjustmentStatus::kConverged) << name;
     EXPECT_GT(report.initial_rmse, 1.0);
     EXPECT_LT(report.final_rmse, 1e-6);
     EXPECT_EQ(report.num_images, 6);
     EXPECT_EQ(report.num_observations, model.NumObservations());
     const PoseDifference difference = CompareAligned(model, scene.truth);
-    EXPECT_LT(difference.center, 1e-6) << solver;
-    EXPECT_LT(difference.angle, 1e-6) << solver;
+    EXPECT_LT(difference.center, 1e-6) << name;
+    EXPECT_LT(difference.angle, 1e-6) << name;
   }
 }
 
 TEST(AdjustBundle, AutoChoosesTheSolverByTheNumberOfImages) {
-  const SyntheticScene scene = MakeSyntheticScene({.num_points = 50});
-  BundleAdjustmentOptions options = OneThread();
+  const MadeReconstruction scene = MakeSyntheticScene({.num_points = 50});
+  BundleAdjustmentOptions options = Precise();
   Reconstruction model = scene.truth;
-  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "dense_schur");
+  EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kDenseSchur);
   options.max_dense_images = 5;
-  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "sparse_schur");
+  EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kSparseSchur);
   options.max_sparse_images = 5;
-  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "iterative_schur");
+  EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kIterativeSchur);
   // Of 40 images that all see the same points nothing is sparse.
-  options = OneThread();
+  options = Precise();
   options.max_iterations = 0;
   options.max_dense_images = 10;
   model = MakeSyntheticScene({.num_images = 40, .num_points = 20}).truth;
-  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "iterative_schur");
+  EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kIterativeSchur);
   options.max_dense_images = 20;
-  EXPECT_EQ(AdjustBundle(options, {}, model).solver, "sparse_schur");
+  EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kSparseSchur);
 }
 
 TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
@@ -105,7 +105,7 @@ TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
         CameraModel::kSimpleDivision}) {
     for (const bool shared : {true, false}) {
       SyntheticOptions synthetic{.num_images = 8, .model = model_kind, .shared_camera = shared};
-      const SyntheticScene scene = MakeSyntheticScene(synthetic);
+      const MadeReconstruction scene = MakeSyntheticScene(synthetic);
       Reconstruction model = Perturbed(scene.truth, {.focal = 0.05});
       for (auto& [id, camera] : model.cameras) {
         for (const int k : camera.DistortionIndices()) camera.params[k] = 0;
@@ -113,7 +113,7 @@ TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
       BundleAdjustmentScope scope;
       scope.focal_lengths = true;
       scope.distortions = true;
-      const BundleAdjustmentReport report = AdjustBundle(OneThread(), scope, model);
+      const BundleAdjustmentReport report = AdjustBundle(model, scope, Precise(), kOneThread);
       EXPECT_LT(report.final_rmse, 1e-5) << CameraModelName(model_kind);
       for (const auto& [id, camera] : model.cameras) {
         const Camera& truth = scene.truth.cameras.at(id);
@@ -178,7 +178,7 @@ TEST(AdjustBundle, APriorHoldsACameraThatItsPointsDoNotDetermine) {
     const Reconstruction start = SceneWithAPlaneInImage3(seed);
     const auto focal_change = [&](double focal_sigma) {
       Reconstruction model = start;
-      AdjustBundle(OneThread(), IntrinsicsScope(start, focal_sigma), model);
+      AdjustBundle(model, IntrinsicsScope(start, focal_sigma), Precise(), kOneThread);
       const Camera& camera = model.cameras.at(3);
       // Where the image's corner goes, relative to its radius.
       const double r = 0.5 * camera.DiagonalPx() / camera.MeanFocal();
@@ -207,9 +207,9 @@ TEST(AdjustBundle, APriorDoesNotMoveACameraThatItsPointsDetermine) {
       BundleAdjustmentScope scope = IntrinsicsScope(truth, focal_sigma);
       // A focal length that is one standard deviation off, and no distortion.
       if (focal_sigma > 0) scope.priors[1].params = {850 * std::exp(focal_sigma), 500, 400, 0};
-      BundleAdjustmentOptions options = OneThread();
+      BundleAdjustmentOptions options = Precise();
       options.function_tolerance = 1e-9;
-      AdjustBundle(options, scope, model);
+      AdjustBundle(model, scope, options, kOneThread);
       const std::vector<double>& params = model.cameras.at(1).params;
       return std::array<double, 2>{std::log(params[0] / 850), params[3]};
     };
@@ -235,7 +235,7 @@ TEST(AdjustBundle, RefinesPrincipalPointsAsFarAsTheirPriorLets) {
     scope.principal_points = principal_points;
     if (sigma_px > 0) scope.priors.at(1).principal_point_sigma_px = sigma_px;
     Reconstruction model = start;
-    AdjustBundle(OneThread(), scope, model);
+    AdjustBundle(model, scope, Precise(), kOneThread);
     const std::vector<double>& params = model.cameras.at(1).params;
     const std::vector<double>& expected = truth.cameras.at(1).params;
     return std::hypot(params[1] - expected[1], params[2] - expected[2]);
@@ -249,14 +249,15 @@ TEST(AdjustBundle, RefinesPrincipalPointsAsFarAsTheirPriorLets) {
 }
 
 TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
-  const SyntheticScene scene =
+  const MadeReconstruction scene =
       MakeSyntheticScene({.model = CameraModel::kRadial, .shared_camera = false});
   const Reconstruction start = Perturbed(scene.truth, {.focal = 0.02});
   const auto adjust = [&](const BundleAdjustmentScope& scope) {
     Reconstruction model = start;
-    BundleAdjustmentOptions options = OneThread();
+    BundleAdjustmentOptions options = Precise();
     options.max_iterations = 3;
-    EXPECT_NE(AdjustBundle(options, scope, model).status, BundleAdjustmentStatus::kFailed);
+    EXPECT_NE(AdjustBundle(model, scope, options, kOneThread).status,
+              BundleAdjustmentStatus::kFailed);
     return model;
   };
   {
@@ -316,39 +317,40 @@ TEST(AdjustBundle, HoldsWhatIsOutOfScope) {
 
 TEST(AdjustBundle, RobustLossesWithstandOutliers) {
   SyntheticOptions synthetic{.num_points = 400, .noise_px = 0.3, .outlier_share = 0.05};
-  const SyntheticScene scene = MakeSyntheticScene(synthetic);
-  std::map<std::string, double> error;
-  for (const char* loss : {"none", "soft_l1", "huber", "cauchy"}) {
-    BundleAdjustmentOptions options = OneThread();
+  const MadeReconstruction scene = MakeSyntheticScene(synthetic);
+  std::map<ReprojectionLoss, double> error;
+  for (const auto& [loss, name] : kReprojectionLosses) {
+    BundleAdjustmentOptions options = Precise();
     options.loss = loss;
     Reconstruction model = Perturbed(scene.truth, {0.005, 0.02, 0.02});
-    AdjustBundle(options, {}, model);
+    AdjustBundle(model, {}, options, kOneThread);
     error[loss] = CompareAligned(model, scene.truth).center;
   }
-  for (const char* loss : {"soft_l1", "huber", "cauchy"}) {
-    EXPECT_LT(error[loss], 0.2 * error["none"]) << loss;
+  for (const auto& [loss, name] : kReprojectionLosses) {
+    if (loss == ReprojectionLoss::kNone) continue;
+    EXPECT_LT(error[loss], 0.2 * error[ReprojectionLoss::kNone]) << name;
   }
-  EXPECT_LT(error["cauchy"], error["huber"]);
+  EXPECT_LT(error[ReprojectionLoss::kCauchy], error[ReprojectionLoss::kHuber]);
 }
 
 TEST(AdjustBundle, LossScaleAndIterationsAndToleranceMatter) {
-  const SyntheticScene scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.05});
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.05});
   const auto run = [&](const BundleAdjustmentOptions& options, BundleAdjustmentReport* report) {
     Reconstruction model = Perturbed(scene.truth, {});
-    *report = AdjustBundle(options, {}, model);
+    *report = AdjustBundle(model, {}, options, kOneThread);
     return model.images.at(3).cam_from_world.translation;
   };
   BundleAdjustmentReport report, other;
-  BundleAdjustmentOptions options = OneThread();
+  BundleAdjustmentOptions options = Precise();
   const Eigen::Vector3d reference = run(options, &report);
   options.loss_scale = 5;
   EXPECT_GT((run(options, &other) - reference).norm(), 1e-6);
-  options = OneThread();
+  options = Precise();
   options.max_iterations = 2;
   run(options, &other);
   EXPECT_EQ(other.status, BundleAdjustmentStatus::kMaxIterations);
   EXPECT_LT(other.num_iterations, report.num_iterations);
-  options = OneThread();
+  options = Precise();
   options.function_tolerance = 0.1;
   run(options, &other);
   EXPECT_EQ(other.status, BundleAdjustmentStatus::kConverged);
@@ -356,14 +358,15 @@ TEST(AdjustBundle, LossScaleAndIterationsAndToleranceMatter) {
 }
 
 TEST(AdjustBundle, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
-  const SyntheticScene scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.02});
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.02});
   const Reconstruction start = Perturbed(scene.truth, {});
   const auto run = [&](int num_threads) {
     Reconstruction model = start;
-    BundleAdjustmentOptions options = OneThread();
-    options.num_threads = num_threads;
     // The gauge is held, so that differences are those of the solution.
-    AdjustBundle(options, Scope([](auto& s) { s.fixed_images = {1, 6}; }), model);
+    AdjustBundle(model, Scope([](auto& s) {
+                   s.fixed_images = {1, 6};
+                 }),
+                 Precise(), {.num_threads = num_threads});
     return model;
   };
   const Reconstruction first = run(1);
@@ -385,21 +388,23 @@ TEST(AdjustBundle, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
 }
 
 TEST(AdjustBundle, TwoImagesAreEnough) {
-  const SyntheticScene scene = MakeSyntheticScene({.num_images = 2, .visible_share = 1.0});
+  const MadeReconstruction scene = MakeSyntheticScene({.num_images = 2, .visible_share = 1.0});
   Reconstruction model =
       Perturbed(scene.truth, {.rotation = 0.01, .position = 0.05, .point = 0.05});
-  EXPECT_LT(AdjustBundle(OneThread(), {}, model).final_rmse, 1e-4);
+  EXPECT_LT(AdjustBundle(model, {}, Precise(), kOneThread).final_rmse, 1e-4);
 }
 
 TEST(AdjustBundle, NothingToAdjustIsSaidAndChangesNothing) {
   Reconstruction empty;
-  EXPECT_EQ(AdjustBundle(OneThread(), {}, empty).status, BundleAdjustmentStatus::kNoObservations);
+  EXPECT_EQ(AdjustBundle(empty, {}, Precise(), kOneThread).status,
+            BundleAdjustmentStatus::kNoObservations);
 
   // All points behind all cameras.
-  SyntheticScene scene = MakeSyntheticScene({});
+  MadeReconstruction scene = MakeSyntheticScene({});
   for (auto& [id, point] : scene.truth.points3D) point.xyz = Eigen::Vector3d(0, 0, -100);
   Reconstruction model = scene.truth;
-  EXPECT_EQ(AdjustBundle(OneThread(), {}, model).status, BundleAdjustmentStatus::kNoObservations);
+  EXPECT_EQ(AdjustBundle(model, {}, Precise(), kOneThread).status,
+            BundleAdjustmentStatus::kNoObservations);
   EXPECT_EQ(model.images.at(1).cam_from_world.translation,
             scene.truth.images.at(1).cam_from_world.translation);
 
@@ -407,15 +412,15 @@ TEST(AdjustBundle, NothingToAdjustIsSaidAndChangesNothing) {
   model = MakeSyntheticScene({}).truth;
   const BundleAdjustmentScope nothing =
       Scope([](auto& s) { s.rotations = s.positions = s.points = false; });
-  EXPECT_EQ(AdjustBundle(OneThread(), nothing, model).status,
+  EXPECT_EQ(AdjustBundle(model, nothing, Precise(), kOneThread).status,
             BundleAdjustmentStatus::kNoObservations);
 }
 
 TEST(AdjustBundle, RefusesMeaninglessOptions) {
   Reconstruction model = MakeSyntheticScene({}).truth;
-  BundleAdjustmentOptions options = OneThread();
-  options.loss = "Huber";
-  EXPECT_THROW(AdjustBundle(options, {}, model), ConfigError);
+  BundleAdjustmentOptions options = Precise();
+  options.loss = static_cast<ReprojectionLoss>(99);
+  EXPECT_THROW(AdjustBundle(model, {}, options, kOneThread), ConfigError);
 }
 
 TEST(AdjustBundle, StopsWhenAsked) {
@@ -424,7 +429,8 @@ TEST(AdjustBundle, StopsWhenAsked) {
     bool StopRequested() const override { return true; }
   } stopper;
   Reconstruction model = Perturbed(MakeSyntheticScene({}).truth, {});
-  EXPECT_EQ(AdjustBundle(OneThread(), {}, model, stopper).status, BundleAdjustmentStatus::kStopped);
+  EXPECT_EQ(AdjustBundle(model, {}, Precise(), {.num_threads = 1, .monitor = stopper}).status,
+            BundleAdjustmentStatus::kStopped);
 }
 
 }  // namespace

@@ -12,8 +12,9 @@ namespace cairn {
 namespace {
 
 using testing_support::CompareAligned;
+using testing_support::kOneThread;
+using testing_support::MadeReconstruction;
 using testing_support::MakeSyntheticScene;
-using testing_support::SyntheticScene;
 
 constexpr double kFloorPx = 0.2;
 constexpr double kPerScale = 0.1;
@@ -53,7 +54,7 @@ TEST(KeypointNoise, IsFoundFromTheErrorsAfterAnAdjustment) {
   // Without weights, the errors of large keypoints spoil those of small ones.
   for (int round = 0; round < 3; ++round) {
     SetSigmas(noise, scene);
-    AdjustBundle({.num_threads = 1}, {}, scene.model);
+    AdjustBundle(scene.model, {}, {}, kOneThread);
     noise = EstimateKeypointNoise(scene.model, scene.scales);
   }
   EXPECT_NEAR(noise.floor_px, kFloorPx, 0.05);
@@ -68,7 +69,7 @@ TEST(KeypointNoise, IsOnePixelWhereThereIsTooLittleToTell) {
 }
 
 TEST(KeypointNoise, ExactKeypointsStillHaveSomeAndOneScaleNeedsNoSlope) {
-  const SyntheticScene exact = MakeSyntheticScene({.num_points = 500});
+  const MadeReconstruction exact = MakeSyntheticScene({.num_points = 500});
   KeypointScales scales;
   for (const auto& [id, image] : exact.truth.images) scales[id].assign(image.points2D.size(), 2.0f);
   const KeypointNoise noise = EstimateKeypointNoise(exact.truth, scales);
@@ -81,12 +82,12 @@ TEST(KeypointNoise, WeighingMakesPosesMoreExact) {
     NoisyScene scene = MakeNoisyScene(400, seed);
     const Reconstruction truth =
         MakeSyntheticScene({.num_images = 8, .num_points = 400, .seed = seed}).truth;
-    const BundleAdjustmentOptions options{.loss = "none", .num_threads = 1};
+    const BundleAdjustmentOptions options{.loss = ReprojectionLoss::kNone};
     NoisyScene plain = scene;
-    AdjustBundle(options, {}, plain.model);
+    AdjustBundle(plain.model, {}, options, kOneThread);
     without += CompareAligned(plain.model, truth).center;
     SetSigmas({kFloorPx, kPerScale}, scene);
-    AdjustBundle(options, {}, scene.model);
+    AdjustBundle(scene.model, {}, options, kOneThread);
     with += CompareAligned(scene.model, truth).center;
   }
   EXPECT_LT(with, 0.7 * without);

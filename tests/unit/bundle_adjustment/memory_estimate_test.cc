@@ -5,7 +5,7 @@
 
 #include <fstream>
 
-#include "cairn/base/memory.h"
+#include "base/memory.h"
 #include "cairn/synthetic/scene.h"
 
 namespace cairn {
@@ -29,7 +29,7 @@ TEST(EstimateBundleBytes, GrowsWithWhatThereIs) {
   BundleSize many = size;
   many.num_images = 5000;
   BundleAdjustmentOptions dense;
-  dense.solver = "dense_schur";
+  dense.solver = BundleSolver::kDenseSchur;
   EXPECT_GT(EstimateBundleBytes(dense, many), 3 * EstimateBundleBytes(options, many));
 }
 
@@ -57,9 +57,8 @@ TEST(EstimateBundleBytes, IsWithinThirtyPercentOfWhatIsTaken) {
   if (before.peak > before.resident + (1 << 22)) GTEST_SKIP() << "the peak cannot be reset";
   Reconstruction model = truth;
   BundleAdjustmentOptions options;
-  options.num_threads = 1;
   options.max_iterations = 3;
-  AdjustBundle(options, {}, model);
+  AdjustBundle(model, {}, options, {.num_threads = 1});
   const auto taken = static_cast<double>(ReadMemoryUse().peak - before.resident);
   BundleSize size;
   size.num_images = static_cast<int64_t>(model.images.size());

@@ -12,6 +12,7 @@
 namespace cairn {
 namespace {
 
+using testing_support::kOneThread;
 using testing_support::MakeSyntheticScene;
 
 TEST(PoseConfidence, IsTheSpreadOfPosesUnderNoise) {
@@ -31,7 +32,7 @@ TEST(PoseConfidence, IsTheSpreadOfPosesUnderNoise) {
         pixel += 0.5 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
       }
     }
-    AdjustBundle({.loss = "none", .num_threads = 1}, scope, model);
+    AdjustBundle(model, scope, {.loss = ReprojectionLoss::kNone}, kOneThread);
     const Rigid3d& pose = model.images.at(3).cam_from_world;
     squared_center += (pose.Center() - true_pose.Center()).squaredNorm();
     squared_angle += std::pow(RadToDeg(AngleBetween(pose.rotation, true_pose.rotation)), 2);

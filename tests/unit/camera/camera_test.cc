@@ -73,7 +73,7 @@ TEST(Camera, NamesIdsAndCountsAreColmaps) {
     EXPECT_EQ(static_cast<int>(*model), id);
     EXPECT_EQ(CameraModelFromId(id), model);
     EXPECT_EQ(CameraModelName(*model), name);
-    EXPECT_EQ(CameraModelNames()[id], name);
+    EXPECT_EQ(NamedCameraModels()[id].name, name);
     EXPECT_EQ(CameraModelNumParams(*model), num_params);
     const Camera camera = Camera::FromFocal(3, *model, 700, 1000, 600);
     EXPECT_EQ(camera.Validate(), "");

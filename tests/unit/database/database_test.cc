@@ -135,9 +135,9 @@ TEST_F(DatabaseTest, LearnedFocalsRoundTrip) {
   EXPECT_EQ(evidence.num_by_essential, 60);
   EXPECT_EQ(evidence.num_by_fundamental, 90);
   const CameraFocal focal = database.ReadCameraFocals().begin()->second;
-  EXPECT_TRUE(focal.is_refuted);
+  EXPECT_TRUE(focal.is_rejected);
   EXPECT_EQ(focal.num_pairs, 5);
-  EXPECT_EQ(focal.num_refuting, 4);
+  EXPECT_EQ(focal.num_contradicting, 4);
   EXPECT_EQ(database.ReadCameraLenses().begin()->second, lens);
 
   database.DeletePairResults(pair);

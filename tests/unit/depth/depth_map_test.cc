@@ -168,11 +168,11 @@ TEST(DepthMapFromValues, Kinds) {
   const std::vector<float> values = {0.5f, 2.f};
   DepthOptions options;
   EXPECT_THAT(DepthMapFromValues(2, 1, values, options).values, ElementsAre(0.5f, 2.f));
-  options.kind = "inverse";
+  options.kind = DepthKind::kInverse;
   EXPECT_TRUE(DepthMapFromValues(2, 1, values, options).is_inverse);
   options.scale = 0.25;
   EXPECT_THAT(DepthMapFromValues(2, 1, values, options).values, ElementsAre(0.125f, 0.5f));
-  options.kind = "log";
+  options.kind = DepthKind::kLog;
   options.scale = 1;
   EXPECT_THAT(DepthMapFromValues(2, 1, values, options).values,
               ElementsAre(std::exp(0.5f), std::exp(2.f)));
@@ -183,11 +183,13 @@ TEST(DepthMapFromValues, ImpossibleValuesAreMissing) {
   const int n = static_cast<int>(values.size());
   DepthOptions options;
   EXPECT_THAT(DepthMapFromValues(n, 1, values, options).is_valid, ElementsAre(0, 0, 0, 0, 0, 0, 1));
-  options.kind = "inverse";  // Less than zero may be for want of a shift.
+  options.kind = DepthKind::kInverse;  // Less than zero may be for want of a shift.
   EXPECT_THAT(DepthMapFromValues(n, 1, values, options).is_valid, ElementsAre(0, 1, 0, 0, 0, 0, 1));
-  options.kind = "log";  // A logarithm may be negative or zero.
+  options.kind = DepthKind::kLog;  // A logarithm may be negative or zero.
   EXPECT_THAT(DepthMapFromValues(n, 1, values, options).is_valid, ElementsAre(1, 1, 0, 0, 0, 1, 1));
   EXPECT_THROW(DepthMapFromValues(3, 3, values, options), BugError);
+  options.kind = static_cast<DepthKind>(9);
+  EXPECT_THROW(DepthMapFromValues(n, 1, values, options), ConfigError);
 }
 
 }  // namespace

@@ -60,7 +60,7 @@ TEST_F(DepthNetworkTest, EachInputOptionChangesTheMap) {
   options.std = {0.5, 0.5, 0.5};
   EXPECT_NE(DepthNetwork(model_, options).Compute(photo).values, reference.values);
   options = {};
-  options.kind = "inverse";
+  options.kind = DepthKind::kInverse;
   EXPECT_NE(DepthNetwork(model_, options).Compute(photo).is_inverse, reference.is_inverse);
 }
 

@@ -96,12 +96,12 @@ TEST(SampleDepth, EveryKindGivesTheSameDepth) {
   const DepthWindows windows = {0.005, 0.005};
   const auto reference = SampleDepth(MakeMap(300, 160, smooth, options), kImageWidth, kImageHeight,
                                      keypoints, windows);
-  options.kind = "inverse";
+  options.kind = DepthKind::kInverse;
   const auto inverse =
       SampleDepth(MakeMap(
                       300, 160, [&](double x, double y) { return 1 / smooth(x, y); }, options),
                   kImageWidth, kImageHeight, keypoints, windows);
-  options.kind = "log";
+  options.kind = DepthKind::kLog;
   const auto log = SampleDepth(
       MakeMap(
           300, 160, [&](double x, double y) { return std::log(smooth(x, y)); }, options),
@@ -121,7 +121,7 @@ TEST(SampleDepth, InverseDepthOfAPlaneIsExactForAnyWindow) {
   const auto inverse = [](double x, double y) { return 0.2 + 1e-4 * x - 2e-4 * y; };  // > 0.04
   const std::vector<Keypoint> keypoints = RandomKeypoints(300);
   DepthOptions options;
-  options.kind = "inverse";
+  options.kind = DepthKind::kInverse;
   // Below zero, an inverse depth is none.
   for (const double shift : {0.0, 0.1}) {
     const DepthMap map = MakeMap(

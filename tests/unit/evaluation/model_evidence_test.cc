@@ -10,8 +10,8 @@
 namespace cairn {
 namespace {
 
+using testing_support::MadeReconstruction;
 using testing_support::MakeSyntheticScene;
-using testing_support::SyntheticScene;
 
 // All pairs of images, with the matches that their common points give.
 struct Pairs {

@@ -14,13 +14,13 @@ namespace {
 
 using ::testing::HasSubstr;
 
-Eigen::Vector3d RandomVector(Rng& rng) { return {rng.Gaussian(), rng.Gaussian(), rng.Gaussian()}; }
+Eigen::Vector3d RandomCenter(Rng& rng) { return {rng.Gaussian(), rng.Gaussian(), rng.Gaussian()}; }
 
 PosedCameras RandomCameras(int n, Rng& rng) {
   PosedCameras cameras;
   for (int i = 0; i < n; ++i) {
     cameras["a/" + std::to_string(100 + i) + ".jpg"] = {
-        Rigid3d(ExpSO3(RandomVector(rng)), RandomVector(rng)), 500.0 + i, 1000};
+        Rigid3d(ExpSO3(RandomCenter(rng)), RandomCenter(rng)), 500.0 + i, 1000};
   }
   return cameras;
 }
@@ -36,7 +36,7 @@ TEST(PoseEvaluation, TheTruthInAnotherGaugeIsPerfect) {
   Rng rng(1);
   const PosedCameras reference = RandomCameras(9, rng);
   const PosedCameras estimate =
-      Transformed({3, ExpSO3(RandomVector(rng)), RandomVector(rng)}, reference);
+      Transformed({3, ExpSO3(RandomCenter(rng)), RandomCenter(rng)}, reference);
   const PoseEvaluation e = EvaluatePoses(estimate, reference);
   EXPECT_EQ(e.num_reference, 9);
   EXPECT_EQ(e.num_registered, 9);
@@ -53,7 +53,7 @@ TEST(PoseEvaluation, KnownErrorsOfOneCamera) {
   Rng rng(2);
   const PosedCameras reference = RandomCameras(11, rng);
   PosedCameras estimate =
-      Transformed({0.5, ExpSO3(RandomVector(rng)), RandomVector(rng)}, reference);
+      Transformed({0.5, ExpSO3(RandomCenter(rng)), RandomCenter(rng)}, reference);
   PosedCamera& wrong = estimate["a/103.jpg"];
   // Turned by 2 degrees about its center, then moved by 0.3 of the reference's units.
   const Eigen::Vector3d center = wrong.cam_from_world.Center() + Eigen::Vector3d(0, 0.15, 0);
@@ -137,7 +137,7 @@ TEST(PoseEvaluation, JsonHoldsWhatTheStructHolds) {
   const PosedCameras reference = RandomCameras(5, rng);
   PosedCameras estimate = reference;
   for (auto& [name, camera] : estimate) {
-    camera.cam_from_world.translation += 0.01 * RandomVector(rng);
+    camera.cam_from_world.translation += 0.01 * RandomCenter(rng);
     camera.focal_px += 1;
   }
   const PoseEvaluation e = EvaluatePoses(estimate, reference);

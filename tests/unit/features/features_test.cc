@@ -58,7 +58,7 @@ const Keypoint* Nearest(const Features& features, const Eigen::Vector2d& positio
 }
 
 struct Kind {
-  std::string type;
+  FeatureType type;
   int first_octave;
 };
 
@@ -139,10 +139,11 @@ TEST_P(FeaturesOfKind, AreTheSameEveryTimeAndNoneWithoutTexture) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Features, FeaturesOfKind,
-                         testing::Values(Kind{"affine_dog", -1}, Kind{"affine_dog", 0},
-                                         Kind{"sift", -1}, Kind{"sift", 0}),
+                         testing::Values(Kind{FeatureType::kAffineDog, -1},
+                                         Kind{FeatureType::kAffineDog, 0},
+                                         Kind{FeatureType::kSift, -1}, Kind{FeatureType::kSift, 0}),
                          [](const auto& info) {
-                           return info.param.type +
+                           return std::string(NameOf(kFeatureTypes, info.param.type)) +
                                   (info.param.first_octave < 0 ? "_doubled" : "_full");
                          });
 

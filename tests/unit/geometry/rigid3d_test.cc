@@ -11,17 +11,19 @@
 namespace cairn {
 namespace {
 
-Eigen::Vector3d RandomVector(Rng& rng) { return {rng.Gaussian(), rng.Gaussian(), rng.Gaussian()}; }
-Rigid3d RandomRigid(Rng& rng) { return {ExpSO3(RandomVector(rng)), RandomVector(rng)}; }
+Eigen::Vector3d RandomTranslation(Rng& rng) {
+  return {rng.Gaussian(), rng.Gaussian(), rng.Gaussian()};
+}
+Rigid3d RandomRigid(Rng& rng) { return {ExpSO3(RandomTranslation(rng)), RandomTranslation(rng)}; }
 Sim3d RandomSim(Rng& rng) {
-  return {std::exp(rng.Gaussian()), ExpSO3(RandomVector(rng)), RandomVector(rng)};
+  return {std::exp(rng.Gaussian()), ExpSO3(RandomTranslation(rng)), RandomTranslation(rng)};
 }
 
 TEST(Rigid3d, GroupLaws) {
   Rng rng(1);
   for (int i = 0; i < 100; ++i) {
     const Rigid3d b_from_a = RandomRigid(rng), c_from_b = RandomRigid(rng);
-    const Eigen::Vector3d x = RandomVector(rng);
+    const Eigen::Vector3d x = RandomTranslation(rng);
     EXPECT_LT(((c_from_b * b_from_a) * x - c_from_b * (b_from_a * x)).norm(), 1e-13);
     EXPECT_LT((Inverse(b_from_a) * (b_from_a * x) - x).norm(), 1e-13);
     EXPECT_LT((b_from_a * (Inverse(b_from_a) * x) - x).norm(), 1e-13);
@@ -43,7 +45,7 @@ TEST(Sim3d, InverseAndTransformedCameras) {
   Rng rng(3);
   for (int i = 0; i < 100; ++i) {
     const Sim3d new_from_old = RandomSim(rng);
-    const Eigen::Vector3d x = RandomVector(rng);
+    const Eigen::Vector3d x = RandomTranslation(rng);
     EXPECT_LT((Inverse(new_from_old) * (new_from_old * x) - x).norm(), 1e-12);
     // The camera sees the moved point where it saw the old one; its frame is scaled.
     const Rigid3d cam_from_old = RandomRigid(rng);

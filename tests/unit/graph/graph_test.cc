@@ -1,11 +1,11 @@
-#include "cairn/graph/graph.h"
+#include "graph/graph.h"
 
 #include <gmock/gmock.h>
 
 #include <algorithm>
 
 #include "cairn/base/rng.h"
-#include "cairn/graph/union_find.h"
+#include "graph/union_find.h"
 
 namespace cairn {
 namespace {

@@ -14,7 +14,7 @@ double Pattern(double x, double y) {
   return 128.0 + 60.0 * std::sin(0.11 * x) + 50.0 * std::cos(0.07 * y + 0.05 * x);
 }
 
-Bitmap MakeBitmap(int width, int height, int channels) {
+Bitmap MakeGradient(int width, int height, int channels) {
   Bitmap bitmap{.width = width, .height = height, .channels = channels, .data = {}};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
@@ -46,13 +46,13 @@ TEST(CenteredPinhole, KeepsSizeAndMeanFocal) {
 }
 
 TEST(ResampleBitmap, EqualCamerasGiveTheSameBytes) {
-  const Bitmap bitmap = MakeBitmap(120, 90, 3);
+  const Bitmap bitmap = MakeGradient(120, 90, 3);
   const Camera camera = MakeCamera(CameraModel::kPinhole, {100, 100, 60, 45});
   EXPECT_EQ(ResampleBitmap(bitmap, camera, CenteredPinhole(camera)).data, bitmap.data);
 }
 
 TEST(ResampleBitmap, ShiftsByWholePixelsExactly) {
-  const Bitmap bitmap = MakeBitmap(120, 90, 1);
+  const Bitmap bitmap = MakeGradient(120, 90, 1);
   const Camera camera = MakeCamera(CameraModel::kSimplePinhole, {100, 57, 47});
   const Bitmap out = ResampleBitmap(bitmap, camera, CenteredPinhole(camera));
   // Target pixel x shows what the source shows at x - 3, y + 2.
@@ -62,7 +62,7 @@ TEST(ResampleBitmap, ShiftsByWholePixelsExactly) {
 }
 
 TEST(ResampleBitmap, ShowsEveryRayWhereResamplePixelSays) {
-  const Bitmap bitmap = MakeBitmap(120, 90, 3);
+  const Bitmap bitmap = MakeGradient(120, 90, 3);
   const Camera camera =
       MakeCamera(CameraModel::kOpenCV, {99, 103, 57.3, 47.8, -0.12, 0.03, 0.002, -0.003});
   const Camera target = CenteredPinhole(camera);
@@ -83,7 +83,7 @@ TEST(ResampleBitmap, ShowsEveryRayWhereResamplePixelSays) {
 
 TEST(ResampleBitmap, RefusesABitmapOfAnotherSize) {
   const Camera camera = MakeCamera(CameraModel::kSimplePinhole, {100, 60, 45});
-  EXPECT_THROW(ResampleBitmap(MakeBitmap(90, 120, 1), camera, camera), BugError);
+  EXPECT_THROW(ResampleBitmap(MakeGradient(90, 120, 1), camera, camera), BugError);
 }
 
 }  // namespace

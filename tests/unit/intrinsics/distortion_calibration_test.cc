@@ -180,7 +180,7 @@ TEST(DistortionCalibration, FocalLengthsFollowFromTheUndistortedPairs) {
   for (uint64_t i = 1; i <= 20; ++i) pairs.push_back(MakePair(1, lens, 1, lens, i));
   const auto report = CalibrateDistortion(Guesses(1), {}, pairs, 1);
   EXPECT_EQ(report.pairs.size(), 20u);
-  const CalibratedFocal with = CalibrateFocals(Guesses(1), {}, report.pairs, {}, 1).cameras.at(1);
+  const CalibratedFocal with = CalibrateFocals(Guesses(1), {}, report.pairs).cameras.at(1);
   EXPECT_EQ(with.status, FocalStatus::kCalibrated);
   EXPECT_NEAR(with.focal_px, 800, std::max(30.0, 3 * with.sigma * 800));
 }

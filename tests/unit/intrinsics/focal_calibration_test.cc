@@ -18,11 +18,12 @@ namespace {
 
 using ::testing::ElementsAre;
 
-constexpr int kWidth = 1000;
-constexpr int kHeight = 750;
+constexpr int kFocalTestWidth = 1000;
+constexpr int kFocalTestHeight = 750;
 
 Camera MakeCamera(camera_t id, double focal_px, bool has_exif = false) {
-  Camera camera = Camera::FromFocal(id, CameraModel::kSimplePinhole, focal_px, kWidth, kHeight);
+  Camera camera = Camera::FromFocal(id, CameraModel::kSimplePinhole, focal_px, kFocalTestWidth,
+                                    kFocalTestHeight);
   camera.has_prior_focal_length = has_exif;
   return camera;
 }
@@ -37,7 +38,7 @@ struct Rig {
     for (int i = 0; i < num_images; ++i) {
       camera_of.push_back(static_cast<camera_t>(1 + i % focals.size()));
       const double angle = 2 * std::numbers::pi * i / num_images + rng.Uniform(-0.1, 0.1);
-      const double distance = 1.1 * focals[i % focals.size()] / (0.4 * kHeight);
+      const double distance = 1.1 * focals[i % focals.size()] / (0.4 * kFocalTestHeight);
       // Optical axes that all meet in one point would leave one of the two equations.
       const Eigen::Vector3d target(rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5),
                                    rng.Uniform(-0.5, 0.5));
@@ -106,7 +107,7 @@ FocalCalibrationReport Calibrate(const std::map<camera_t, Camera>& cameras,
                                  const std::vector<FocalPair>& pairs,
                                  const FocalCalibrationOptions& options = {},
                                  const std::set<camera_t>& trusted = {}) {
-  return CalibrateFocals(cameras, trusted, pairs, options, 1);
+  return CalibrateFocals(cameras, trusted, pairs, options);
 }
 
 // The matches and the matrix of a pair that has nothing to do with these images.
@@ -270,10 +271,10 @@ TEST(FocalCalibration, OptionsDecideWhatIsBelieved) {
 TEST(FocalCalibration, TheSamePairsInAnotherOrderAndWithMoreThreads) {
   Rig rig({800, 1300}, 6);
   std::vector<FocalPair> pairs = rig.AllPairs();
-  const auto one = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, 1);
-  const auto many = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, 8);
+  const auto one = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, {.num_threads = 1});
+  const auto many = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, {.num_threads = 8});
   std::reverse(pairs.begin(), pairs.end());
-  const auto reversed = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, 1);
+  const auto reversed = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, {.num_threads = 1});
   ASSERT_EQ(one.cameras.size(), 2u);
   for (const auto& [id, focal] : one.cameras) {
     EXPECT_EQ(focal.focal_px, many.cameras.at(id).focal_px);
@@ -294,7 +295,7 @@ TEST(SelectFocalPairs, TakesTheBestOfEveryCamera) {
 }
 
 internal::FundamentalFit FitOf(const FocalPair& pair, double nominal_px) {
-  const Eigen::Vector2d center(0.5 * kWidth, 0.5 * kHeight);
+  const Eigen::Vector2d center(0.5 * kFocalTestWidth, 0.5 * kFocalTestHeight);
   std::vector<Eigen::Vector2d> x1, x2;
   for (const auto& x : pair.pixels1) x1.push_back((x - center) / nominal_px);
   for (const auto& x : pair.pixels2) x2.push_back((x - center) / nominal_px);

@@ -1,4 +1,4 @@
-// Trusted focal lengths that the pairs of their cameras refute.
+// Trusted focal lengths that the pairs of their cameras contradict.
 #include "cairn/intrinsics/focal_learning.h"
 
 #include <gmock/gmock.h>
@@ -17,7 +17,7 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-// Pairs of cameras 1 .. n, each with each; those with a wrong camera refute.
+// Pairs of cameras 1 .. n, each with each; those with a wrong camera contradict.
 std::vector<CameraPairEvidence> AllPairs(camera_t n, const std::set<camera_t>& wrong) {
   std::vector<CameraPairEvidence> pairs;
   for (camera_t a = 1; a <= n; ++a) {
@@ -29,16 +29,16 @@ std::vector<CameraPairEvidence> AllPairs(camera_t n, const std::set<camera_t>& w
 }
 
 std::set<camera_t> Refuted(const std::vector<CameraPairEvidence>& pairs) {
-  return RefutedCameras(JudgeFocals(pairs));
+  return RejectedCameras(JudgeFocals(pairs));
 }
 
-TEST(JudgeFocals, AccusesTheCamerasThatMostOfTheirPairsRefute) {
+TEST(JudgeFocals, RejectsTheCamerasThatMostOfTheirPairsContradict) {
   EXPECT_EQ(Refuted(AllPairs(8, {})), (std::set<camera_t>{}));
   EXPECT_EQ(Refuted(AllPairs(8, {5})), (std::set<camera_t>{5}));
   EXPECT_EQ(Refuted(AllPairs(9, {2, 5, 7})), (std::set<camera_t>{2, 5, 7}));
   // Odd pairs are no wrong focal lengths.
   auto pairs = AllPairs(8, {});
-  for (size_t i = 0; i < pairs.size(); i += 5) pairs[i].is_refuting = true;
+  for (size_t i = 0; i < pairs.size(); i += 5) pairs[i].is_contradicting = true;
   EXPECT_EQ(Refuted(pairs), (std::set<camera_t>{}));
 }
 
@@ -63,14 +63,14 @@ TEST(JudgeFocals, TwoPairsSayNothing) {
   EXPECT_TRUE(JudgeFocals({{1, 2, true}, {1, 3, true}}).empty());
   const auto judged = JudgeFocals({{1, 2, false}, {1, 3, false}, {1, 4, false}});
   ASSERT_EQ(judged.size(), 1u);
-  EXPECT_FALSE(judged.at(1).is_refuted);
+  EXPECT_FALSE(judged.at(1).is_rejected);
   EXPECT_EQ(judged.at(1).num_pairs, 3);
 }
 
-TEST(JudgeFocals, AClearlySmallerShareRefutes) {
-  EXPECT_TRUE(IsRefuting({1, 190, 120, 180}));
-  EXPECT_FALSE(IsRefuting({1, 190, 175, 180}));
-  EXPECT_FALSE(IsRefuting({1, 40, 20, 35}));  // too few to tell
+TEST(JudgeFocals, AClearlySmallerShareContradicts) {
+  EXPECT_TRUE(IsContradicting({1, 190, 120, 180}));
+  EXPECT_FALSE(IsContradicting({1, 190, 175, 180}));
+  EXPECT_FALSE(IsContradicting({1, 40, 20, 35}));  // too few to tell
 }
 
 constexpr image_t kWrongImage = 4;
@@ -120,11 +120,11 @@ TEST_F(FocalLearningTest, RightFocalLengthsStayTrusted) {
   const std::string path = MakeDatabase("a.db", 1.0);
   TestMonitor monitor;
   const VerificationReport report = Verify(path, 2, monitor);
-  EXPECT_EQ(report.num_refuted_focals, 0);
+  EXPECT_EQ(report.num_rejected_focals, 0);
   EXPECT_THAT(monitor.warnings(), ::testing::IsEmpty());
   const Database database(path);
   EXPECT_EQ(database.ReadCameraFocals().size(), static_cast<size_t>(kNumImages));
-  EXPECT_EQ(RefutedCameras(database.ReadCameraFocals()), (std::set<camera_t>{}));
+  EXPECT_EQ(RejectedCameras(database.ReadCameraFocals()), (std::set<camera_t>{}));
 }
 
 TEST_F(FocalLearningTest, AWrongOneIsNamedAndItsPairsGetFundamentalMatrices) {
@@ -132,7 +132,7 @@ TEST_F(FocalLearningTest, AWrongOneIsNamedAndItsPairsGetFundamentalMatrices) {
     const std::string path = MakeDatabase(std::to_string(factor) + ".db", factor);
     TestMonitor monitor;
     const VerificationReport report = Verify(path, 2, monitor);
-    EXPECT_EQ(report.num_refuted_focals, 1);
+    EXPECT_EQ(report.num_rejected_focals, 1);
     EXPECT_EQ(report.stage.status, StageStatus::kWarning);
     EXPECT_THAT(report.stage.messages,
                 ElementsAre(AllOf(HasSubstr("camera 104 ("), HasSubstr("was trusted"))));
@@ -170,7 +170,7 @@ TEST_F(FocalLearningTest, RowsDoNotDependOnThreadsOrInterruptions) {
   for (; num_runs < 40; ++num_runs) {
     TestMonitor monitor(3);
     const VerificationReport report = Verify(parts, 2, monitor);
-    num_refuted += report.num_refuted_focals;
+    num_refuted += report.num_rejected_focals;
     if (!report.stage.WasStopped()) break;
   }
   EXPECT_GT(num_runs, 4);

@@ -17,7 +17,7 @@
 namespace cairn {
 namespace {
 
-struct Lens {
+struct LensCase {
   double k = 0;
   double focal_factor = 1.0;  // what the database says of the true focal length
   bool has_prior = true;
@@ -28,17 +28,17 @@ struct Lens {
 class LensLearningTest : public ::testing::Test {
  protected:
   // Two cameras with the same distortion, of which the database says nothing.
-  std::string MakeDatabase(const std::string& name, const Lens& lens) const {
+  std::string MakeDatabase(const std::string& name, const LensCase& lens) const {
     SceneOptions options;
     options.num_images = lens.own_cameras ? 9 : 14;
     // (On a ring all optical axes meet in one point, which leaves focal lengths open.)
-    options.layout = lens.own_cameras ? "ring" : "landmark";
+    options.layout = lens.own_cameras ? CameraLayout::kRing : CameraLayout::kLandmark;
     options.num_points = lens.own_cameras ? 900 : 1500;
     options.max_keypoints = 500;
     options.distance = lens.own_cameras ? 3.0 : 2.0;
     options.image_noise_px = lens.own_cameras ? 0.3 : 0.5;
     options.outlier_ratio = 0.2;
-    options.camera_model = "SIMPLE_RADIAL";
+    options.camera_model = CameraModel::kSimpleRadial;
     options.radial_distortion = lens.k;
     SyntheticScene scene = MakeScene(options, 3);
     if (lens.own_cameras) {
@@ -96,7 +96,7 @@ TEST_F(LensLearningTest, RightFocalLengthsAreNotGivenUpForDistortion) {
   for (const double k : {-0.3, -0.1, -0.05, 0.05, 0.1}) {
     const std::string path = MakeDatabase(std::to_string(k) + ".db", {.k = k});
     const VerificationReport report = Verify(path);
-    EXPECT_EQ(report.num_refuted_focals, 0) << k;
+    EXPECT_EQ(report.num_rejected_focals, 0) << k;
     const Database database(path);
     // The scene fills the middle of the images, where 0.05 moves points by little more than noise.
     EXPECT_GE(report.num_learned_lenses, std::abs(k) < 0.1 ? 1 : 2) << k;
@@ -115,14 +115,14 @@ TEST_F(LensLearningTest, RightFocalLengthsAreNotGivenUpForDistortion) {
   }
 }
 
-TEST_F(LensLearningTest, WrongFocalLengthsOfDistortedLensesAreRefuted) {
+TEST_F(LensLearningTest, WrongFocalLengthsOfDistortedLensesAreRejected) {
   for (const double k : {-0.1, 0.05}) {
     for (const double factor : {0.5, 2.0}) {
       const std::string path =
           MakeDatabase(std::to_string(k) + std::to_string(factor) + ".db",
                        {.k = k, .focal_factor = factor, .wrong_camera = 104, .own_cameras = true});
-      EXPECT_EQ(Verify(path).num_refuted_focals, 1) << k << " " << factor;
-      EXPECT_TRUE(Database(path).ReadCameraFocals().at(104).is_refuted);
+      EXPECT_EQ(Verify(path).num_rejected_focals, 1) << k << " " << factor;
+      EXPECT_TRUE(Database(path).ReadCameraFocals().at(104).is_rejected);
     }
   }
 }
@@ -184,10 +184,10 @@ TEST_F(LensLearningTest, WhatIsCompleteStaysAsItIs) {
 
 TEST_F(LensLearningTest, RowsDoNotDependOnThreadsOrInterruptions) {
   for (const bool has_prior : {true, false}) {
-    const Lens lens = {.k = -0.1,
-                       .focal_factor = has_prior ? 0.5 : 1.3,
-                       .has_prior = has_prior,
-                       .wrong_camera = has_prior ? 2 : kInvalidCameraId};
+    const LensCase lens = {.k = -0.1,
+                           .focal_factor = has_prior ? 0.5 : 1.3,
+                           .has_prior = has_prior,
+                           .wrong_camera = has_prior ? 2 : kInvalidCameraId};
     const std::string name = has_prior ? "exif" : "guess";
     const std::string whole = MakeDatabase(name + "1.db", lens);
     Verify(whole, 1);

@@ -212,7 +212,7 @@ TEST(Bundler, BrokenFilesAreNamedWithTheLine) {
   EXPECT_THAT(error("2 0\n"), HasSubstr("b.out:1: 2 cameras, but "));
   EXPECT_THAT(error("1 0\n500 0 0\n1 0\n"), HasSubstr("b.out:3: the file ends before rotation"));
   EXPECT_THAT(error("1 0\n500 0 0\n1 0 0\n0 1 0\n0 0 -1\n0 0 0\n"),
-              HasSubstr("b.out:6: the camera's matrix is no rotation"));
+              HasSubstr("b.out:6: the camera's matrix is not a rotation"));
   EXPECT_THAT(error("1 1\n" + camera + "1 2 3\n1 2 3\n1 0 4 5.5\n"),
               HasSubstr("b.out:9: a view list of 1 views has 3 numbers"));
   EXPECT_THAT(error("1 1\n" + camera + "1 2 3\n1 2 3\n1 1 4 5.5 6\n"),

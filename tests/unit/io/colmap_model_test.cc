@@ -250,7 +250,7 @@ TEST(ColmapBinary, UnknownCameraModelsAndTwoOfAKindAreNamed) {
   images[8] = 2;  // the id of the second image
   WriteFileAtomically(folder / "images.bin", images);
   EXPECT_THAT(ReadError(folder.path(), ColmapModelFormat::kBinary),
-              HasSubstr("images.bin: image 2 is there twice"));
+              HasSubstr("images.bin: image 2 appears twice"));
 }
 
 TEST(ColmapText, ErrorsNameTheLine) {

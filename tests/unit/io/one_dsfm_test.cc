@@ -108,9 +108,9 @@ TEST(OneDsfm, BrokenFilesAreNamedWithTheLine) {
   EXPECT_THAT(ErrorOf({.cc = "0\n3\n"}),
               HasSubstr("cc.txt:2: image index 3 is not in list.txt, which has 3 images"));
   EXPECT_THAT(ErrorOf({.cc = "0\n-1\n"}), HasSubstr("cc.txt:2: image index -1 is not in"));
-  EXPECT_THAT(ErrorOf({.cc = "0\n\n0\n"}), HasSubstr("cc.txt:3: image index 0 is there twice"));
+  EXPECT_THAT(ErrorOf({.cc = "0\n\n0\n"}), HasSubstr("cc.txt:3: image index 0 appears twice"));
   EXPECT_THAT(ErrorOf({.cc = "x\n"}), HasSubstr("cc.txt:1: image index expected, not 'x'"));
-  EXPECT_THAT(ErrorOf({.cc = "\n"}), HasSubstr("cc.txt: names no image"));
+  EXPECT_THAT(ErrorOf({.cc = "\n"}), HasSubstr("cc.txt: lists no image"));
   EXPECT_THAT(ErrorOf({.list = "images/a.jpg\nimages/b.jpg 0\nimages/c.jpg\n"}),
               HasSubstr("list.txt:2: '<name>' or '<name> 0 <focal length>' expected"));
   EXPECT_THAT(ErrorOf({.list = "images/a.jpg\nimages/b.jpg 0 abc\nimages/c.jpg\n"}),
@@ -125,9 +125,9 @@ TEST(OneDsfm, BrokenFilesAreNamedWithTheLine) {
   EXPECT_THAT(ErrorOf({.egs = "1 1 1 0 0 0 1 0 0 0 1 0 0 1\n"}),
               HasSubstr("EGs.txt:1: an edge from image 1 to itself"));
   EXPECT_THAT(ErrorOf({.egs = edge + "2 0 1 0 0 0 1 0 0 0 1 0 0 1\n"}),
-              HasSubstr("EGs.txt:2: the edge between images 2 and 0 is there twice"));
+              HasSubstr("EGs.txt:2: the edge between images 2 and 0 appears twice"));
   EXPECT_THAT(ErrorOf({.egs = "1 2 1 0 0 0 1 0 0 0 -1 0 0 1\n"}),
-              HasSubstr("EGs.txt:1: the matrix is no rotation"));
+              HasSubstr("EGs.txt:1: the matrix is not a rotation"));
   EXPECT_THAT(ErrorOf({.egs = "1 2 1 0 0 0 1 0 0 0 1 0 0 0\n"}),
               HasSubstr("EGs.txt:1: the direction is zero"));
 }

@@ -58,7 +58,7 @@ TEST(Strecha, BrokenFilesAreNamed) {
   EXPECT_THAT(error(""), HasSubstr("the file ends before calibration matrix"));
   std::string changed = good;
   changed.replace(changed.find("0 0 -1"), 6, "0 0 +1");
-  EXPECT_THAT(error(changed), HasSubstr("its matrix is no rotation"));
+  EXPECT_THAT(error(changed), HasSubstr("its matrix is not a rotation"));
   changed = good;
   changed.replace(changed.find("2759.48"), 7, "-759.48");
   EXPECT_THAT(error(changed), HasSubstr("the focal length must be positive"));

@@ -29,7 +29,6 @@ inline Database MakeDatabase(const SyntheticScene& scene) {
 inline ReconstructSettings Settings(int num_threads = 1) {
   ReconstructSettings settings;
   settings.num_threads = num_threads;
-  settings.bundle_adjustment.num_threads = num_threads;
   settings.reconstruct.colors = false;
   return settings;
 }

@@ -97,7 +97,7 @@ TEST(ReconstructScene, TriesBothFocalLengthsThatLoopsDoNotTellApart) {
   ASSERT_NE(stage, nullptr);
   EXPECT_EQ(stage->status, StageStatus::kWarning);
   EXPECT_EQ(Value(*stage, "calibrated"), 2);
-  EXPECT_EQ(Value(*stage, "refuted_by_loops"), 0);
+  EXPECT_EQ(Value(*stage, "rejected_by_loops"), 0);
   EXPECT_EQ(Value(*stage, "undecided_by_loops"), 2);
   EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are tried, and the ones before, too"));
   const StageReport* choice = FindStage(report, "focal_choice");
@@ -125,11 +125,11 @@ TEST(ReconstructScene, PosesOfUncalibratedPairsDoNotSpeakForTheGuess) {
   const StageReport* stage = FindStage(report, "focal_calibration");
   ASSERT_NE(stage, nullptr);
   EXPECT_EQ(Value(*stage, "calibrated"), 2);
-  EXPECT_EQ(Value(*stage, "refuted_by_loops"), 0);
+  EXPECT_EQ(Value(*stage, "rejected_by_loops"), 0);
 }
 
 // Verification has found the focal length to be wrong: it is no more than a guess.
-TEST(ReconstructScene, RefutedFocalLengthsAreGuesses) {
+TEST(ReconstructScene, RejectedFocalLengthsAreGuesses) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   Database database = MakeDatabase(scene);
   for (auto [id, camera] : scene.cameras) {
@@ -148,7 +148,7 @@ TEST(ReconstructScene, RefutedFocalLengthsAreGuesses) {
 // A camera that looks measured is constant, but not at a focal length that its pairs contradict.
 TEST(ReconstructScene, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
   SceneOptions options = SmallScene();
-  options.camera_model = "PINHOLE";
+  options.camera_model = CameraModel::kPinhole;
   const SyntheticScene scene = MakeScene(options, 3);
   Database database = MakeDatabase(scene);
   for (auto [id, camera] : scene.cameras) {
@@ -158,12 +158,12 @@ TEST(ReconstructScene, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
   }
   database.WriteCameraFocal(1, {true, 5, 4});
   const RunReport report = ReconstructScene(database, "", Settings()).report;
-  EXPECT_EQ(Value(*FindStage(report, "read"), "cameras_held"), 1);
+  EXPECT_EQ(Value(*FindStage(report, "read"), "cameras_constant"), 1);
   EXPECT_EQ(FindStage(report, "read")->status, StageStatus::kOk);
   ReconstructSettings settings = Settings();
   settings.refine_intrinsics = false;
   const RunReport held = ReconstructScene(database, "", settings).report;
-  EXPECT_EQ(Value(*FindStage(held, "read"), "cameras_held"), 2);
+  EXPECT_EQ(Value(*FindStage(held, "read"), "cameras_constant"), 2);
   EXPECT_THAT(FindStage(held, "read")->messages,
               ::testing::Contains(HasSubstr("camera 1 are constant, but 4 of 5 pairs contradict")));
 }
@@ -180,8 +180,9 @@ TEST(ReconstructScene, OverrulesExifThatIsFarOff) {
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   const StageReport* stage = FindStage(result.report, "focal_calibration");
   EXPECT_EQ(stage->status, StageStatus::kWarning);
-  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("calibrated; EXIF is overruled"),
-                                                      HasSubstr("confirmed")));
+  EXPECT_THAT(stage->messages,
+              ::testing::ElementsAre(HasSubstr("calibrated; EXIF's focal length is rejected"),
+                                     HasSubstr("confirmed")));
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
 }
 

@@ -135,7 +135,7 @@ TEST(ReconstructScene, TwoPlacesGiveTwoModels) {
 // Two places whose facades are the same; images of one show none of what surrounds the other.
 TEST(ReconstructScene, TellsTwinPlacesApart) {
   SceneOptions options;
-  options.layout = "arc";
+  options.layout = CameraLayout::kArc;
   options.num_images = 12;
   options.num_points = 2000;
   options.image_noise_px = 0.3;
@@ -149,7 +149,7 @@ TEST(ReconstructScene, TellsTwinPlacesApart) {
   for (const uint64_t seed : {1, 2, 3}) {
     const Database database = MakeDatabase(MakeScene(options, seed));
     ReconstructSettings settings = Settings();
-    settings.reconstruct.separate_twins = false;
+    settings.reconstruct.separate_duplicates = false;
     const ReconstructResult folded = ReconstructScene(database, "", settings);
     EXPECT_EQ(places(folded.models.at(0)), 2u);
 
@@ -177,7 +177,7 @@ TEST(ReconstructScene, TellsTwinPlacesApart) {
 // Where images share few of the many points that they could, misses are no sign of twins.
 TEST(ReconstructScene, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
   SceneOptions options;
-  options.layout = "landmark";
+  options.layout = CameraLayout::kLandmark;
   options.num_images = 40;
   options.num_points = 8000;
   options.max_keypoints = 500;
@@ -185,7 +185,7 @@ TEST(ReconstructScene, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
   options.image_noise_px = 0.5;
   const ReconstructResult result =
       ReconstructScene(MakeDatabase(MakeScene(options, 1)), "", Settings());
-  const StageReport* twins = FindStage(result.report, "twins");
+  const StageReport* twins = FindStage(result.report, "duplicate_structure");
   ASSERT_NE(twins, nullptr);
   EXPECT_EQ(Value(*twins, "edges_removed"), 0);
 }
@@ -236,7 +236,7 @@ TEST(ReconstructScene, PairsWithARotationAloneTakePart) {
 // alone; bundle adjustment finds the distortion, and the others come in.
 TEST(ReconstructScene, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
   SceneOptions options = SmallScene();
-  options.camera_model = "SIMPLE_RADIAL";
+  options.camera_model = CameraModel::kSimpleRadial;
   options.radial_distortion = -0.15;
   const SyntheticScene scene = MakeScene(options, 12);
   Database database = MakeDatabase(scene);
@@ -399,7 +399,7 @@ TEST(ReconstructScene, TwoImagesGiveAModel) {
 }
 
 TEST(ReasonToRefuse, KnowsCollapsedModels) {
-  testing_support::SyntheticScene scene = testing_support::MakeSyntheticScene({});
+  testing_support::MadeReconstruction scene = testing_support::MakeSyntheticScene({});
   EXPECT_EQ(ReasonToRefuse(scene.truth), "");
   Reconstruction collapsed = scene.truth;
   for (auto& [id, image] : collapsed.images) {

@@ -185,7 +185,7 @@ struct SymmetricBuilding {
 
 ReconstructResult Reconstruct(const SymmetricBuilding& building) {
   ReconstructSettings settings;
-  settings.num_threads = settings.bundle_adjustment.num_threads = 1;
+  settings.num_threads = 1;
   settings.reconstruct.colors = false;
   return ReconstructScene(building.database, "", settings);
 }

@@ -80,7 +80,7 @@ TEST_P(KnownWideCamerasTest, GiveTheTruePoses) {
   const Reconstruction truth =
       WriteWideScene(camera, camera, {.field_deg = c.field_deg}, 1, database_);
   const VerificationReport report = Verify(database_);
-  EXPECT_EQ(report.num_refuted_focals, 0);
+  EXPECT_EQ(report.num_rejected_focals, 0);
   int num_poses = 0;
   for (const auto& [pair_id, num_matches] : database_.ReadNumMatches()) {
     const auto geometry = database_.ReadTwoViewGeometry(pair_id);

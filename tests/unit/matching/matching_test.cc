@@ -238,8 +238,9 @@ TEST(PreparedDescriptors, OtherDimensionsAreABug) {
 }
 
 TEST(MatchingOptions, AreValidated) {
-  EXPECT_NO_THROW(ValidateOptions(MatchingOptions(), "matching"));
-  EXPECT_THROW(ValidateOptions(MatchingOptions{.max_ratio = 1.5}, "matching"), ConfigError);
+  const Descriptors none(0, 128);
+  EXPECT_NO_THROW(MatchDescriptors(none, none, {}));
+  EXPECT_THROW(MatchDescriptors(none, none, {.max_ratio = 1.5}), ConfigError);
 }
 
 }  // namespace

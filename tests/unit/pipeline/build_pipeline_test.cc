@@ -45,7 +45,7 @@ class BuildPipelineTest : public ::testing::Test {
     options.inputs.database_path = folder_ / database;
     options.inputs.depth_path = folder_ / "depth";
     options.inputs.num_threads = 2;
-    options.features.type = "sift";
+    options.features.type = FeatureType::kSift;
     options.features.first_octave = 0;
     options.verification.max_iterations = 200;
     return options;
@@ -85,7 +85,7 @@ TEST_F(BuildPipelineTest, DumpsAreEqualForAnyNumberOfThreads) {
 
 TEST_F(BuildPipelineTest, BothVerifiersRunOnEveryPair) {
   BuildPipelineOptions options = Options("both.db");
-  options.inputs.verifier = "both";
+  options.inputs.verifier = VerifierChoice::kBoth;
   const BuildPipelineReport report = RunBuildPipeline(options);
   const Database database(folder_ / "both.db", Database::Mode::kReadOnly);
   EXPECT_EQ(database.ReadPairMetrics().size(), 2u * report.summary.num_tried);
@@ -107,7 +107,8 @@ TEST_F(BuildPipelineTest, InterruptedRunsEndInTheSameDump) {
 TEST_F(BuildPipelineTest, StopAfterAndContinue) {
   RunBuildPipeline(Options("whole.db"));
   size_t num_stages = 2;
-  for (const std::string stage : {"features", "depth", "matching", "verification"}) {
+  for (const BuildStage stage : {BuildStage::kFeatures, BuildStage::kDepth, BuildStage::kMatching,
+                                 BuildStage::kVerification}) {
     BuildPipelineOptions options = Options("parts.db");
     options.inputs.stop_after = stage;
     EXPECT_EQ(RunBuildPipeline(options).run.stages.size(), num_stages++);
@@ -117,7 +118,7 @@ TEST_F(BuildPipelineTest, StopAfterAndContinue) {
 
 TEST_F(BuildPipelineTest, OptionsThatDifferAreNamedAndRecomputedOnRequest) {
   RunBuildPipeline(Options("a.db"));
-  const auto expect = [&](const std::string& stage, const std::string& option, auto change) {
+  const auto expect = [&](BuildStage stage, const std::string& option, auto change) {
     BuildPipelineOptions options = Options("a.db");
     change(options);
     EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
@@ -125,27 +126,27 @@ TEST_F(BuildPipelineTest, OptionsThatDifferAreNamedAndRecomputedOnRequest) {
     options.inputs.recompute = stage;
     RunBuildPipeline(options);
     BuildPipelineOptions fresh = options;
-    fresh.inputs.recompute = "none";
+    fresh.inputs.recompute = BuildStage::kNone;
     fresh.inputs.database_path = folder_ / "fresh.db";
     fs::remove(folder_ / "fresh.db");
     RunBuildPipeline(fresh);
-    EXPECT_EQ(Dump("a.db"), Dump("fresh.db")) << stage;
+    EXPECT_EQ(Dump("a.db"), Dump("fresh.db")) << NameOf(kBuildStages, stage);
     options = Options("a.db");
     options.inputs.recompute = stage;
     RunBuildPipeline(options);
   };
-  expect("features", "features.max_num_features",
+  expect(BuildStage::kFeatures, "features.max_num_features",
          [](BuildPipelineOptions& o) { o.features.max_num_features = 60; });
-  expect("depth", "depth.scale", [](BuildPipelineOptions& o) { o.depth.scale = 2; });
-  expect("matching", "matching.max_ratio",
+  expect(BuildStage::kDepth, "depth.scale", [](BuildPipelineOptions& o) { o.depth.scale = 2; });
+  expect(BuildStage::kMatching, "matching.max_ratio",
          [](BuildPipelineOptions& o) { o.matching.max_ratio = 0.6; });
-  expect("verification", "verification.min_num_inliers",
+  expect(BuildStage::kVerification, "verification.min_num_inliers",
          [](BuildPipelineOptions& o) { o.verification.min_num_inliers = 30; });
-  expect("verification", "seed", [](BuildPipelineOptions& o) { o.inputs.seed = 1; });
-  expect("verification", "verifier",
-         [](BuildPipelineOptions& o) { o.inputs.verifier = "five_point"; });
-  expect("cameras", "camera_model",
-         [](BuildPipelineOptions& o) { o.cameras.camera_model = "PINHOLE"; });
+  expect(BuildStage::kVerification, "seed", [](BuildPipelineOptions& o) { o.inputs.seed = 1; });
+  expect(BuildStage::kVerification, "verifier",
+         [](BuildPipelineOptions& o) { o.inputs.verifier = VerifierChoice::kFivePoint; });
+  expect(BuildStage::kCameras, "camera_model",
+         [](BuildPipelineOptions& o) { o.cameras.camera_model = CameraModel::kPinhole; });
 }
 
 TEST_F(BuildPipelineTest, NewPhotographsJoin) {
@@ -168,14 +169,14 @@ TEST_F(BuildPipelineTest, DepthThatComesAfterVerificationIsAnError) {
   options.inputs.depth_path = folder_ / "depth";
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
               HasSubstr("without depth"));
-  options.inputs.recompute = "verification";
+  options.inputs.recompute = BuildStage::kVerification;
   EXPECT_EQ(RunBuildPipeline(options).summary.num_images_with_depth, 3);
 }
 
 TEST_F(BuildPipelineTest, RecomputeRefusesToLoseWhatItCannotMake) {
   RunBuildPipeline(Options("a.db"));
   BuildPipelineOptions options = Options("a.db");
-  options.inputs.recompute = "features";
+  options.inputs.recompute = BuildStage::kFeatures;
   fs::remove(Images() + "/photo1.png");
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
               HasSubstr("photo1.png"));
@@ -186,7 +187,7 @@ TEST_F(BuildPipelineTest, RecomputeRefusesToLoseWhatItCannotMake) {
     Database database(folder_ / "a.db");
     database.DeleteImage(2);  // Its matches stay.
   }
-  options.inputs.recompute = "matching";
+  options.inputs.recompute = BuildStage::kMatching;
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
               HasSubstr("no descriptors"));
 }

@@ -69,7 +69,7 @@ TEST_F(ImportPhotosTest, CameraParamsAndSingleCamera) {
   AddPhoto("a.png");
   AddPhoto("b.png");
   CameraOptions options;
-  options.camera_model = "PINHOLE";
+  options.camera_model = CameraModel::kPinhole;
   options.camera_params = {70, 71, 32, 24};
   options.single_camera = true;
   Import(options);
@@ -165,7 +165,7 @@ TEST_F(ImportPhotosTest, OtherCameraOptionsAreAnErrorUnlessCamerasAreRecomputed)
   Import();
   database_.WriteKeypoints(1, std::vector<Keypoint>(3));
   CameraOptions options;
-  options.camera_model = "PINHOLE";
+  options.camera_model = CameraModel::kPinhole;
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(options); }),
               HasSubstr("camera_model: is \"PINHOLE\""));
   PrepareRecompute(database_, "cameras", images_);
@@ -190,7 +190,7 @@ TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
   EXPECT_EQ(database_.ReadImages()[1].camera_id, 6u);
   PrepareRecompute(database_, "cameras", images_);
   CameraOptions options;
-  options.camera_model = "PINHOLE";
+  options.camera_model = CameraModel::kPinhole;
   Import(options);
   EXPECT_EQ(database_.ReadImages()[0].camera_id, 5u);
   EXPECT_EQ(database_.ReadCameras()[0].model, CameraModel::kOpenCV);

@@ -28,7 +28,7 @@ constexpr int kHeight = 120;
 
 FeatureOptions FastFeatures() {
   FeatureOptions options;
-  options.type = "sift";
+  options.type = FeatureType::kSift;
   options.first_octave = 0;
   return options;
 }
@@ -156,7 +156,7 @@ TEST_F(StagesTest, ChangedDepthAndChangedDepthOptionsAreNoticed) {
   for (int i = 0; i < 4; ++i) AddDepth(i);
   Depth();
   DepthOptions options;
-  options.kind = "inverse";
+  options.kind = DepthKind::kInverse;
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { Depth(NullMonitor(), options); }),
               HasSubstr("depth.kind: is \"inverse\""));
   AddDepth(1, 7);

@@ -1,4 +1,4 @@
-#include "cairn/resection/p3p.h"
+#include "resection/p3p.h"
 
 #include <gtest/gtest.h>
 

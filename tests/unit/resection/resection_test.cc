@@ -9,16 +9,16 @@
 namespace cairn {
 namespace {
 
-struct Problem {
+struct ResectionProblem {
   Camera camera;
   Rigid3d pose;
   std::vector<Eigen::Vector3d> xyz;
   std::vector<Eigen::Vector2d> pixels;
 };
 
-Problem MakeProblem(int n, double outlier_share, double noise_px, uint64_t seed) {
+ResectionProblem MakeProblem(int n, double outlier_share, double noise_px, uint64_t seed) {
   Rng rng(seed, "resection test");
-  Problem problem;
+  ResectionProblem problem;
   problem.camera =
       Camera::FromFocal(1, CameraModel::kSimpleRadial, rng.Uniform(700, 1200), 1200, 800);
   problem.camera.params[3] = -0.03;
@@ -36,14 +36,14 @@ Problem MakeProblem(int n, double outlier_share, double noise_px, uint64_t seed)
   return problem;
 }
 
-ResectionReport Resect(const Problem& problem, const ResectionOptions& options,
+ResectionReport Resect(const ResectionProblem& problem, const ResectionOptions& options,
                        bool focal = false) {
   return EstimateAbsolutePose(problem.camera, problem.pixels, problem.xyz, focal, options, 5, 9);
 }
 
 TEST(EstimateAbsolutePose, IsExactWithoutNoise) {
   for (uint64_t seed = 0; seed < 100; ++seed) {
-    const Problem problem = MakeProblem(30, 0, 0, seed);
+    const ResectionProblem problem = MakeProblem(30, 0, 0, seed);
     const ResectionReport report = Resect(problem, {});
     ASSERT_EQ(report.status, ResectionStatus::kSuccess);
     EXPECT_EQ(report.inliers.size(), 30u);
@@ -57,7 +57,7 @@ TEST(EstimateAbsolutePose, IsExactWithoutNoise) {
 TEST(EstimateAbsolutePose, IsExactForLensesThatSeeAllAround) {
   for (uint64_t seed = 0; seed < 30; ++seed) {
     Rng rng(seed, "wide resection test");
-    Problem problem;
+    ResectionProblem problem;
     problem.camera = Camera::FromFocal(1, CameraModel::kOpenCVFisheye, 350, 1500, 1500);
     problem.camera.params[4] = 0.02;
     problem.pose = Rigid3d(ExpSO3(Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), 0.3)),
@@ -86,7 +86,7 @@ TEST(EstimateAbsolutePose, WithstandsOutliers) {
   ResectionOptions options;
   options.min_inlier_ratio = 0.1;
   for (uint64_t seed = 0; seed < 30; ++seed) {
-    const Problem problem = MakeProblem(200, 0.7, 0.5, seed);
+    const ResectionProblem problem = MakeProblem(200, 0.7, 0.5, seed);
     const ResectionReport report = Resect(problem, options);
     if (report.status != ResectionStatus::kSuccess) continue;
     num_good += AngleBetween(report.cam_from_world.rotation, problem.pose.rotation) < 0.01 &&
@@ -98,7 +98,7 @@ TEST(EstimateAbsolutePose, WithstandsOutliers) {
 TEST(EstimateAbsolutePose, FindsAFocalLengthThatWasOnlyGuessed) {
   int num_good = 0;
   for (uint64_t seed = 0; seed < 10; ++seed) {
-    Problem problem = MakeProblem(150, 0.3, 0.3, seed);
+    ResectionProblem problem = MakeProblem(150, 0.3, 0.3, seed);
     const double truth = problem.camera.MeanFocal();
     problem.camera.SetMeanFocal(truth * (seed % 2 ? 1.6 : 0.6));
     const ResectionReport report = Resect(problem, {}, true);
@@ -112,7 +112,7 @@ TEST(EstimateAbsolutePose, FindsAFocalLengthThatWasOnlyGuessed) {
 }
 
 TEST(EstimateAbsolutePose, SameSeedSameResult) {
-  const Problem problem = MakeProblem(100, 0.5, 1, 3);
+  const ResectionProblem problem = MakeProblem(100, 0.5, 1, 3);
   const ResectionReport a = Resect(problem, {});
   const ResectionReport b = Resect(problem, {});
   EXPECT_EQ(a.cam_from_world.translation, b.cam_from_world.translation);
@@ -124,13 +124,13 @@ TEST(EstimateAbsolutePose, SaysWhyThereIsNoPose) {
   EXPECT_EQ(Resect(MakeProblem(10, 0, 0, 1), {}).status, ResectionStatus::kTooFewPoints);
   EXPECT_EQ(Resect(MakeProblem(0, 0, 0, 1), {}).status, ResectionStatus::kTooFewPoints);
   EXPECT_EQ(Resect(MakeProblem(100, 1.0, 0, 1), {}).status, ResectionStatus::kTooFewInliers);
-  Problem point = MakeProblem(50, 0, 0, 1);
+  ResectionProblem point = MakeProblem(50, 0, 0, 1);
   for (Eigen::Vector3d& xyz : point.xyz) xyz.setZero();
   EXPECT_EQ(Resect(point, {}).status, ResectionStatus::kNoModel);
 }
 
 TEST(EstimateAbsolutePose, OptionsDecide) {
-  const Problem problem = MakeProblem(100, 0.5, 1.0, 4);
+  const ResectionProblem problem = MakeProblem(100, 0.5, 1.0, 4);
   ResectionOptions options;
   const size_t num_inliers = Resect(problem, options).inliers.size();
   options.max_error_px = 1;

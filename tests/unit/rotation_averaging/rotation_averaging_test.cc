@@ -146,10 +146,8 @@ TEST(RotationAveraging, SameBytesForAnyOrderDirectionAndThreads) {
   }
   rng.Shuffle(edges);
   for (const int num_threads : {1, 2, 8}) {
-    RotationAveragingOptions options;
-    options.num_threads = num_threads;
-    EXPECT_TRUE(
-        SameBytes(AverageRotations(edges, options).cam_from_world, reference.cam_from_world));
+    EXPECT_TRUE(SameBytes(AverageRotations(edges, {}, {.num_threads = num_threads}).cam_from_world,
+                          reference.cam_from_world));
   }
 }
 
@@ -272,7 +270,7 @@ TEST(RotationAveraging, StopsWhenAsked) {
     bool StopRequested() const override { return true; }
   } stopper;
   const RotationAveragingReport report =
-      AverageRotations(MakeProblem(20, 80, 2, 0, 1).edges, {}, stopper);
+      AverageRotations(MakeProblem(20, 80, 2, 0, 1).edges, {}, {.monitor = stopper});
   EXPECT_EQ(report.status, RotationAveragingStatus::kInterrupted);
   EXPECT_TRUE(report.cam_from_world.empty());
 }

@@ -17,7 +17,7 @@ Reconstruction MakeSmall() {
   SceneOptions options;
   options.num_images = 5;
   options.num_points = 200;
-  options.layout = "grid";
+  options.layout = CameraLayout::kGrid;
   options.image_noise_px = 1.0;
   return MakeReconstruction(options, 1);
 }

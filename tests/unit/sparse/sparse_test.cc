@@ -4,9 +4,9 @@
 #include <cstring>
 
 #include "cairn/base/rng.h"
-#include "cairn/sparse/blas_threads.h"
-#include "cairn/sparse/laplacian_solver.h"
-#include "cairn/sparse/sparse_cholesky.h"
+#include "sparse/blas_threads.h"
+#include "sparse/laplacian_solver.h"
+#include "sparse/sparse_cholesky.h"
 
 namespace cairn {
 namespace {

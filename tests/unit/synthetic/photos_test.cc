@@ -19,7 +19,7 @@ namespace {
 
 PhotoOptions SmallOptions() {
   PhotoOptions options;
-  options.layout = "arc";
+  options.layout = CameraLayout::kArc;
   options.num_images = 3;
   options.image_width = 200;
   options.image_height = 150;
@@ -70,7 +70,7 @@ Agreement Compare(const PhotoScene& scene, int a, int b, const Rigid3d& b_from_a
 }
 
 TEST(Photos, ImagesShowTheSamePointsWithTheSameDepth) {
-  for (const std::string model : {"SIMPLE_PINHOLE", "RADIAL"}) {
+  for (const CameraModel model : {CameraModel::kSimplePinhole, CameraModel::kRadial}) {
     PhotoOptions options = SmallOptions();
     options.num_images = 8;
     options.camera_model = model;
@@ -78,11 +78,11 @@ TEST(Photos, ImagesShowTheSamePointsWithTheSameDepth) {
     const PhotoScene scene = MakePhotoScene(options, 1);
     const Rigid3d b_from_a = scene.cam_from_world[3] * Inverse(scene.cam_from_world[2]);
     const Agreement agreement = Compare(scene, 2, 3, b_from_a);
-    EXPECT_GT(agreement.num_same_depth, 0.6 * agreement.num_in_both) << model;
-    EXPECT_LT(agreement.color_difference, 15) << model;
+    EXPECT_GT(agreement.num_same_depth, 0.6 * agreement.num_in_both) << CameraModelName(model);
+    EXPECT_LT(agreement.color_difference, 15) << CameraModelName(model);
     const Rigid3d wrong = b_from_a * Rigid3d(ExpSO3({0, 0.05, 0}), Eigen::Vector3d::Zero());
     const Agreement broken = Compare(scene, 2, 3, wrong);
-    EXPECT_GT(broken.color_difference, 1.5 * agreement.color_difference) << model;
+    EXPECT_GT(broken.color_difference, 1.5 * agreement.color_difference) << CameraModelName(model);
   }
 }
 

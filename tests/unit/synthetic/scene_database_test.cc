@@ -70,7 +70,7 @@ TEST(SceneDatabase, ContentEndsWhereAskedFor) {
 
 SceneOptions CrowdOptions() {
   SceneOptions options;
-  options.layout = "landmark";
+  options.layout = CameraLayout::kLandmark;
   options.num_images = 30;
   options.num_points = 3000;
   options.max_keypoints = 300;

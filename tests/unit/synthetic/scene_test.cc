@@ -14,7 +14,7 @@
 namespace cairn {
 namespace {
 
-SceneOptions SmallOptions() {
+SceneOptions SmallSceneOptions() {
   SceneOptions options;
   options.num_images = 8;
   options.num_points = 600;
@@ -22,16 +22,17 @@ SceneOptions SmallOptions() {
 }
 
 TEST(Scene, ExactReconstructionIsConsistent) {
-  for (const std::string layout : {"ring", "arc", "grid", "line", "landmark"}) {
-    for (const std::string model : {"SIMPLE_PINHOLE", "SIMPLE_RADIAL", "OPENCV"}) {
-      SceneOptions options = SmallOptions();
+  for (const auto& [layout, name] : kCameraLayouts) {
+    for (const CameraModel model :
+         {CameraModel::kSimplePinhole, CameraModel::kSimpleRadial, CameraModel::kOpenCV}) {
+      SceneOptions options = SmallSceneOptions();
       options.layout = layout;
       options.camera_model = model;
       options.radial_distortion = -0.05;
       const Reconstruction truth = MakeReconstruction(options, 1);
       EXPECT_NO_THROW(truth.CheckConsistency());
       EXPECT_EQ(truth.images.size(), 8u);
-      EXPECT_GT(truth.points3D.size(), 100u) << layout;
+      EXPECT_GT(truth.points3D.size(), 100u) << name;
       EXPECT_LT(truth.MeanReprojectionErrorPx(), 1e-4) << "float keypoints";
       EXPECT_GT(truth.MeanTrackLength(), 2.0);
     }
@@ -39,7 +40,7 @@ TEST(Scene, ExactReconstructionIsConsistent) {
 }
 
 TEST(Scene, KeypointNoiseIsTheReprojectionError) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.image_noise_px = 2.0;
   const Reconstruction truth = MakeReconstruction(options, 1);
   // Mean of a Rayleigh distribution.
@@ -47,7 +48,7 @@ TEST(Scene, KeypointNoiseIsTheReprojectionError) {
 }
 
 TEST(Scene, CamerasDiffer) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.num_cameras = 3;
   const SyntheticScene scene = MakeScene(options, 1);
   ASSERT_EQ(scene.cameras.size(), 3u);
@@ -62,7 +63,7 @@ TEST(Scene, CamerasDiffer) {
 }
 
 TEST(Scene, DepthSamplesLieOnTheSurfaceInTheImagesOwnUnit) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.missing_depth_ratio = 0.3;
   const SyntheticScene scene = MakeScene(options, 2);
   int num_missing = 0, num_all = 0;
@@ -82,7 +83,7 @@ TEST(Scene, DepthSamplesLieOnTheSurfaceInTheImagesOwnUnit) {
 }
 
 TEST(Scene, MatchesHaveTheChosenShareOfWrongOnes) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.num_clutter_keypoints = 300;
   for (const double ratio : {0.0, 0.3, 0.8}) {
     options.outlier_ratio = ratio;
@@ -104,7 +105,7 @@ TEST(Scene, MatchesHaveTheChosenShareOfWrongOnes) {
 }
 
 TEST(Scene, ChanceMatchesOnlyWhereNothingIsShared) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.num_chance_matches = 25;
   options.num_distractor_images = 2;
   const SyntheticScene scene = MakeScene(options, 4);
@@ -119,7 +120,7 @@ TEST(Scene, ChanceMatchesOnlyWhereNothingIsShared) {
 }
 
 TEST(Scene, TrueGeometryFitsItsInliers) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.outlier_ratio = 0.3;
   options.num_clutter_keypoints = 200;
   const SyntheticScene scene = MakeScene(options, 5);
@@ -135,7 +136,7 @@ TEST(Scene, TrueGeometryFitsItsInliers) {
 }
 
 TEST(Scene, ViewGraphJoinsImagesWithCommonPoints) {
-  const SyntheticScene scene = MakeScene(SmallOptions(), 6);
+  const SyntheticScene scene = MakeScene(SmallSceneOptions(), 6);
   const ViewGraph graph = MakeViewGraph(scene, 30);
   EXPECT_EQ(graph.image_ids.size(), 8u);
   ASSERT_GE(graph.edges.size(), 8u);   // a ring
@@ -149,7 +150,7 @@ TEST(Scene, ViewGraphJoinsImagesWithCommonPoints) {
 }
 
 TEST(Scene, DescriptorsOfTheSamePointAreNearest) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.num_clutter_keypoints = 100;
   const SyntheticScene scene = MakeScene(options, 7);
   const Descriptors d1 = MakeDescriptors(scene, 1), d2 = MakeDescriptors(scene, 2);
@@ -168,7 +169,7 @@ TEST(Scene, DescriptorsOfTheSamePointAreNearest) {
 }
 
 TEST(Scene, SameSeedSameScene) {
-  SceneOptions options = SmallOptions();
+  SceneOptions options = SmallSceneOptions();
   options.image_noise_px = 0.5;
   const SyntheticScene a = MakeScene(options, 8), b = MakeScene(options, 8),
                        c = MakeScene(options, 9);
@@ -181,7 +182,7 @@ TEST(Scene, SameSeedSameScene) {
 TEST(Scene, EveryOptionHasAnEffect) {
   using Change = std::function<void(SceneOptions&)>;
   const std::vector<Change> changes = {
-      [](SceneOptions& o) { o.layout = "line"; },
+      [](SceneOptions& o) { o.layout = CameraLayout::kLine; },
       [](SceneOptions& o) { o.num_images = 9; },
       [](SceneOptions& o) { o.num_points = 601; },
       [](SceneOptions& o) { o.max_keypoints = 50; },
@@ -200,8 +201,8 @@ TEST(Scene, EveryOptionHasAnEffect) {
       [](SceneOptions& o) { o.outlier_ratio = 0.5; },
       [](SceneOptions& o) { o.num_chance_matches = 10; },
   };
-  SceneOptions base = SmallOptions();
-  base.camera_model = "SIMPLE_RADIAL";
+  SceneOptions base = SmallSceneOptions();
+  base.camera_model = CameraModel::kSimpleRadial;
   const auto fingerprint = [](const SceneOptions& options) {
     const SyntheticScene scene = MakeScene(options, 10);
     std::vector<float> values;
@@ -224,7 +225,7 @@ TEST(Scene, EveryOptionHasAnEffect) {
     changes[i](options);
     EXPECT_NE(fingerprint(options), reference) << "change " << i;
   }
-  base.layout = "circle";
+  base.layout = static_cast<CameraLayout>(99);
   EXPECT_THROW(MakeScene(base, 1), ConfigError);
 }
 

@@ -44,7 +44,7 @@ bool IsConnected(const ViewGraph& graph) {
 }
 
 TEST(ViewGraphProblem, NoiseFreeEdgesAreExact) {
-  for (const std::string layout : {"ring", "arc", "grid", "line", "landmark"}) {
+  for (const auto& [layout, name] : kCameraLayouts) {
     ViewGraphOptions options;
     options.layout = layout;
     options.num_images = 40;
@@ -134,7 +134,7 @@ TEST(ViewGraphProblem, SameSeedSameGraph) {
 
 TEST(ViewGraphProblem, WrongOptionsAreNamed) {
   ViewGraphOptions options;
-  options.layout = "circle";
+  options.layout = static_cast<CameraLayout>(99);
   EXPECT_THROW(MakeViewGraphProblem(options, 1), ConfigError);
   options = {};
   options.num_edges = options.num_images - 2;

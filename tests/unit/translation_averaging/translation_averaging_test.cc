@@ -206,10 +206,9 @@ TEST(TranslationAveraging, SameBytesForAnyOrderDirectionAndThreads) {
   for (PointDirections& track : scene.tracks) rng.Shuffle(track.rays);
   rng.Shuffle(scene.tracks);
   for (const int num_threads : {1, 2, 8}) {
-    TranslationAveragingOptions options;
-    options.num_threads = num_threads;
-    EXPECT_TRUE(SameBytes(AverageTranslations(scene.edges, scene.tracks, options).centers,
-                          reference.centers));
+    const auto report =
+        AverageTranslations(scene.edges, scene.tracks, {}, {.num_threads = num_threads});
+    EXPECT_TRUE(SameBytes(report.centers, reference.centers));
   }
 }
 
@@ -291,7 +290,7 @@ TEST(TranslationAveraging, StopsWhenAsked) {
   DirectionScene scene;
   scene.AddCenters(Ring(10));
   scene.AddChain(5, 1, 0, rng);
-  const auto report = AverageTranslations(scene.edges, {}, {}, stopper);
+  const auto report = AverageTranslations(scene.edges, {}, {}, {.monitor = stopper});
   EXPECT_EQ(report.status, TranslationAveragingStatus::kInterrupted);
   EXPECT_THAT(report.centers, IsEmpty());
 }

@@ -8,9 +8,9 @@
 namespace cairn {
 namespace {
 
+using testing_support::MadeReconstruction;
 using testing_support::MakeSyntheticScene;
 using testing_support::SyntheticOptions;
-using testing_support::SyntheticScene;
 
 TEST(TriangulateTracks, RecoversThePointsOfADistortedScene) {
   for (int model_id = 0; model_id < kNumCameraModels; ++model_id) {

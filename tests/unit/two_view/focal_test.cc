@@ -246,8 +246,8 @@ TEST(FocalEvidence, WrongFocalLengthsExplainLess) {
   EXPECT_GE(num_less, 16);
 }
 
-// A plane is explained by any focal length: it does not refute the right one.
-TEST(FocalEvidence, APlaneRefutesNothing) {
+// A plane is explained by any focal length: it does not contradict the right one.
+TEST(FocalEvidence, APlaneContradictsNothing) {
   int num_weighed = 0;
   for (uint64_t seed = 0; seed < 20; ++seed) {
     const auto evidence = Weigh(MakeWall(TwoViewLayout::kPlane, seed), 1.0, 1.0);

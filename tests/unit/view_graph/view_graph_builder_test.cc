@@ -204,9 +204,8 @@ TEST(ViewGraphBuilder, OnNoisyLandmarksOutliersGoAndGoodPairsStay) {
   options.min_num_inliers = 0;
   ViewGraphResult results[2];
   for (const int num_threads : {1, 8}) {
-    options.num_threads = num_threads;
-    results[num_threads > 1] =
-        BuildViewGraph(problem.graph.image_ids, problem.graph.edges, options);
+    results[num_threads > 1] = BuildViewGraph(problem.graph.image_ids, problem.graph.edges, options,
+                                              {.num_threads = num_threads});
   }
   int num_outliers_kept = 0, num_good_lost = 0;
   for (size_t e = 0; e < problem.graph.edges.size(); ++e) {

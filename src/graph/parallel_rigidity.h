@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "cairn/graph/graph.h"
+#include "graph/graph.h"
 
 namespace cairn {
 

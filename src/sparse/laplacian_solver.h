@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "cairn/sparse/sparse_cholesky.h"
+#include "sparse/sparse_cholesky.h"
 
 namespace cairn {
 
