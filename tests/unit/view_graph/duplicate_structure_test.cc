@@ -20,7 +20,7 @@ struct Place {
   Reconstruction model;
   ViewGraph graph;
 
-  Place(const std::string& layout, bool is_twin, uint64_t seed) {
+  Place(CameraLayout layout, bool is_twin, uint64_t seed) {
     SceneOptions options;
     options.layout = layout;
     options.num_images = 16;
@@ -49,19 +49,19 @@ struct Place {
 };
 
 TEST(DuplicateStructure, APlaceAloneIsOne) {
-  for (const char* layout : {"arc", "ring"}) {
+  for (const CameraLayout layout : {CameraLayout::kArc, CameraLayout::kRing}) {
     for (const uint64_t seed : {1, 2, 3}) {
       const Place place(layout, false, seed);
       ASSERT_EQ(place.model.images.size(), 16u);
       ASSERT_GT(place.BetweenEvenAndOdd().size(), 20u);
-      EXPECT_TRUE(place.BetweenDuplicates().empty()) << layout << " " << seed;
+      EXPECT_TRUE(place.BetweenDuplicates().empty()) << static_cast<int>(layout) << " " << seed;
     }
   }
 }
 
 TEST(DuplicateStructure, TwoPlacesWithACommonPartAreSplit) {
   for (const uint64_t seed : {1, 2, 3}) {
-    const Place place("arc", true, seed);
+    const Place place(CameraLayout::kArc, true, seed);
     const Pairs expected = place.BetweenEvenAndOdd();
     ASSERT_GT(expected.size(), 20u);
     ASSERT_GT(place.graph.edges.size(), expected.size() + 20);
@@ -70,7 +70,7 @@ TEST(DuplicateStructure, TwoPlacesWithACommonPartAreSplit) {
 }
 
 TEST(DuplicateStructure, EdgesOutOfUseAreNotJudged) {
-  Place place("arc", true, 1);
+  Place place(CameraLayout::kArc, true, 1);
   const Pairs all = place.BetweenDuplicates();
   ASSERT_GT(all.size(), 20u);
   for (ViewEdge& edge : place.graph.edges) {
@@ -117,7 +117,7 @@ Place Renumbered(Place place, const std::vector<image_t>& new_id) {
 
 TEST(DuplicateStructure, NumbersOfImagesAndPointsDoNotMatter) {
   for (const uint64_t seed : {1, 2, 3}) {
-    const Place place("arc", true, seed);
+    const Place place(CameraLayout::kArc, true, seed);
     std::vector<image_t> new_id(17);
     std::iota(new_id.begin(), new_id.end(), 100);
     Rng(seed).Shuffle(new_id);
@@ -131,7 +131,7 @@ TEST(DuplicateStructure, NumbersOfImagesAndPointsDoNotMatter) {
 }
 
 TEST(DuplicateStructure, NorDoesTheFrameOfTheModel) {
-  Place place("arc", true, 1);
+  Place place(CameraLayout::kArc, true, 1);
   const Pairs expected = place.BetweenDuplicates();
   ASSERT_FALSE(expected.empty());
   place.model.Transform(
@@ -140,7 +140,7 @@ TEST(DuplicateStructure, NorDoesTheFrameOfTheModel) {
 }
 
 TEST(DuplicateStructure, NorDoesTheNumberOfThreads) {
-  const Place place("arc", true, 1);
+  const Place place(CameraLayout::kArc, true, 1);
   const std::vector<size_t> one = EdgesBetweenDuplicates(place.model, place.graph, 1);
   ASSERT_FALSE(one.empty());
   EXPECT_EQ(EdgesBetweenDuplicates(place.model, place.graph, 4), one);
@@ -148,7 +148,7 @@ TEST(DuplicateStructure, NorDoesTheNumberOfThreads) {
 
 TEST(DuplicateStructure, NothingHasNone) {
   EXPECT_TRUE(EdgesBetweenDuplicates({}, {}, 1).empty());
-  Place place("arc", true, 1);
+  Place place(CameraLayout::kArc, true, 1);
   place.model.images.clear();
   EXPECT_TRUE(place.BetweenDuplicates().empty());
 }
