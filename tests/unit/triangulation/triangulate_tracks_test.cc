@@ -17,7 +17,7 @@ TEST(TriangulateTracks, RecoversThePointsOfADistortedScene) {
     const CameraModel model = *CameraModelFromId(model_id);
     SyntheticOptions synthetic;
     synthetic.model = model;
-    const SyntheticScene scene = MakeSyntheticScene(synthetic);
+    const MadeReconstruction scene = MakeSyntheticScene(synthetic);
     Reconstruction estimate = scene.truth;
     const TriangulateTracksReport report = TriangulateTracks(scene.tracks, {}, 1, estimate);
     estimate.CheckConsistency();
@@ -35,7 +35,7 @@ TEST(TriangulateTracks, LeavesOutWrongObservations) {
   synthetic.num_images = 10;
   synthetic.noise_px = 0.5;
   synthetic.outlier_share = 0.15;
-  const SyntheticScene scene = MakeSyntheticScene(synthetic);
+  const MadeReconstruction scene = MakeSyntheticScene(synthetic);
   Reconstruction estimate = scene.truth;
   const TriangulateTracksReport report = TriangulateTracks(scene.tracks, {}, 2, estimate);
   estimate.CheckConsistency();
@@ -55,7 +55,7 @@ TEST(TriangulateTracks, LeavesOutWrongObservations) {
 
 // 3 pixels off is much for a keypoint that is known within 0.2 and little for one within 2.
 TEST(TriangulateTracks, AllowsErrorsInStandardDeviationsWhereTheyAreKnown) {
-  const SyntheticScene scene = MakeSyntheticScene({.num_images = 8});
+  const MadeReconstruction scene = MakeSyntheticScene({.num_images = 8});
   Reconstruction estimate = scene.truth;
   const Point3D& point = scene.truth.points3D.begin()->second;
   ASSERT_GE(point.track.size(), 4u);
@@ -85,7 +85,7 @@ TEST(TriangulateTracks, AllowsErrorsInStandardDeviationsWhereTheyAreKnown) {
 }
 
 TEST(FilterPoints, CountsWhatRoundingMayDecide) {
-  const SyntheticScene scene = MakeSyntheticScene({});
+  const MadeReconstruction scene = MakeSyntheticScene({});
   Reconstruction model = scene.truth;
   FilterOptions options;
   EXPECT_EQ(FilterPoints(options, 1, model).num_undecided, 0);
@@ -99,7 +99,7 @@ TEST(TriangulateTracks, DoesNotDependOnTheNumberOfThreads) {
   SyntheticOptions synthetic;
   synthetic.noise_px = 1;
   synthetic.outlier_share = 0.1;
-  const SyntheticScene scene = MakeSyntheticScene(synthetic);
+  const MadeReconstruction scene = MakeSyntheticScene(synthetic);
   Reconstruction one = scene.truth;
   Reconstruction eight = scene.truth;
   TriangulateTracks(scene.tracks, {}, 1, one);
@@ -112,7 +112,7 @@ TEST(TriangulateTracks, DoesNotDependOnTheNumberOfThreads) {
 }
 
 TEST(TriangulateTracks, PassesOverImagesThatAreNotRegistered) {
-  SyntheticScene scene = MakeSyntheticScene({.num_images = 4});
+  MadeReconstruction scene = MakeSyntheticScene({.num_images = 4});
   Reconstruction estimate = scene.truth;
   while (!estimate.points3D.empty()) estimate.RemovePoint3D(estimate.points3D.begin()->first);
   estimate.images.erase(2);
@@ -129,7 +129,7 @@ TEST(TriangulateTracks, PassesOverImagesThatAreNotRegistered) {
 
 TEST(TriangulateTracks, RemainingObservationsGiveASecondPoint) {
   // Two points, their observations falsely joined to one track.
-  const SyntheticScene scene =
+  const MadeReconstruction scene =
       MakeSyntheticScene({.num_images = 7, .num_points = 2, .visible_share = 1.0});
   Track joined;
   for (size_t i = 0; i < 7; ++i) joined.push_back(scene.tracks[i < 4 ? 0 : 1][i]);
@@ -143,7 +143,7 @@ TEST(TriangulateTracks, RemainingObservationsGiveASecondPoint) {
 }
 
 TEST(FilterPoints, RemovesWrongObservationsAndNarrowPoints) {
-  SyntheticScene scene = MakeSyntheticScene({.visible_share = 1.0});
+  MadeReconstruction scene = MakeSyntheticScene({.visible_share = 1.0});
   Reconstruction& model = scene.truth;
   // One wrong observation in point 1, all but one wrong in point 2, point 3 far behind.
   model.images.at(1).points2D[0].x() += 10;
@@ -164,7 +164,7 @@ TEST(FilterPoints, RemovesWrongObservationsAndNarrowPoints) {
 }
 
 TEST(FilterPoints, MinViewsRemovesShortTracks) {
-  SyntheticScene scene = MakeSyntheticScene({.visible_share = 0.5});
+  MadeReconstruction scene = MakeSyntheticScene({.visible_share = 0.5});
   FilterOptions options;
   options.min_views = 4;
   FilterPoints(options, 1, scene.truth);
