@@ -69,6 +69,39 @@ TEST(DuplicateStructure, TwoPlacesWithACommonPartAreSplit) {
   }
 }
 
+// The place with other things near one of its points in the images with these ids, as after
+// something was moved: what was there is matched among these images and among the others.
+Place WithChange(Place place, const std::set<image_t>& later, double radius, Rng& rng) {
+  const auto& points = place.model.points3D;
+  const auto any = std::next(points.begin(), rng.UniformInt(static_cast<uint32_t>(points.size())));
+  const Eigen::Vector3d middle = any->second.xyz;
+  std::vector<Point3D> moved;
+  for (const auto& [id, point] : points) {
+    if ((point.xyz - middle).norm() < radius) moved.push_back(point);
+  }
+  for (const Point3D& point : moved) {
+    const TrackElement& first = point.track.front();
+    place.model.RemovePoint3D(place.model.images.at(first.image_id).point3D_ids[first.point2D]);
+    Point3D before = point, after = point;
+    std::erase_if(before.track, [&](const TrackElement& e) { return later.count(e.image_id) > 0; });
+    std::erase_if(after.track, [&](const TrackElement& e) { return later.count(e.image_id) == 0; });
+    for (const Point3D& part : {before, after}) {
+      if (part.track.size() >= 2) place.model.AddPoint3D(part);
+    }
+  }
+  return place;
+}
+
+TEST(DuplicateStructure, APlaceThatChangedALittleIsOne) {
+  for (const uint64_t seed : {1, 2, 3, 4, 5, 6}) {
+    Rng rng(seed);
+    const Place before(CameraLayout::kArc, false, seed);
+    const Place place = WithChange(before, {2, 7, 12}, 0.5, rng);
+    ASSERT_LT(place.model.NumObservations(), before.model.NumObservations());
+    EXPECT_TRUE(place.BetweenDuplicates().empty()) << seed;
+  }
+}
+
 TEST(DuplicateStructure, EdgesOutOfUseAreNotJudged) {
   Place place(CameraLayout::kArc, true, 1);
   const Pairs all = place.BetweenDuplicates();
