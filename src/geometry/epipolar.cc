@@ -1,8 +1,9 @@
 #include "cairn/geometry/epipolar.h"
 
-#include <Eigen/SVD>
+#include <Eigen/LU>
 
 #include "cairn/base/check.h"
+#include "cairn/math/decompositions.h"
 #include "cairn/math/so3.h"
 
 namespace cairn {
@@ -12,11 +13,8 @@ Eigen::Matrix3d EssentialFromPose(const Rigid3d& cam2_from_cam1) {
 }
 
 std::vector<Rigid3d> PosesFromEssential(const Eigen::Matrix3d& E) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(E, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d U = svd.matrixU();
-  Eigen::Matrix3d Vt = svd.matrixV().transpose();
-  if (U.determinant() < 0) U = -U;
-  if (Vt.determinant() < 0) Vt = -Vt;
+  const auto [U, V, s] = SingularValuesWithRotations(E);
+  const Eigen::Matrix3d Vt = V.transpose();
   Eigen::Matrix3d W;
   W << 0, -1, 0, 1, 0, 0, 0, 0, 1;
   const Eigen::Matrix3d R1 = U * W * Vt;
@@ -46,11 +44,6 @@ double SquaredRaySampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& r
   const double c = q2.dot(line2);
   const double n = line2.squaredNorm() + line1.squaredNorm() - 2.0 * c * c;
   return n > 0.0 ? c * c / n : 0.0;
-}
-
-bool TriangulateDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector2d& x1,
-                       const Eigen::Vector2d& x2, double* depth1, double* depth2) {
-  return TriangulateRayDepths(cam2_from_cam1, x1.homogeneous(), x2.homogeneous(), depth1, depth2);
 }
 
 bool TriangulateRayDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector3d& ray1,

@@ -1,34 +1,15 @@
 #include "intrinsics/distorted_pair.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
 #include "cairn/base/check.h"
+#include "cairn/math/levenberg_marquardt.h"
 #include "cairn/math/median.h"
 
 namespace cairn::internal {
-namespace {
-
-constexpr int kDof = FundamentalFit::kDof;
-constexpr double kNormalMedian = 0.6745;  // of |e| of a normal distribution, standard deviations
-constexpr double kMinSigmaPx = 0.1;
-constexpr size_t kMinFocalMatches = 15;  // FitFundamental's
-
-using Vector9 = Eigen::Matrix<double, 9, 1>;
-using Matrix9 = Eigen::Matrix<double, 9, 9>;
-using Matrix7 = Eigen::Matrix<double, kDof, kDof>;
-
-// Of Geman and McClure's loss e^2 s^2 / (s^2 + e^2), by e^2.
-double Weight(double error, double scale_px) {
-  const double s2 = scale_px * scale_px;
-  const double weight = s2 / (s2 + error * error);
-  return weight * weight;
-}
-
-}  // namespace
 
 DistortedPair::DistortedPair(const DistortionPair& pair, const Camera& camera1,
                              const Camera& camera2)
@@ -102,7 +83,7 @@ Eigen::Matrix<double, 9, 1> DistortedPair::ErrorByF(const Eigen::Matrix3d& F, in
   const double precision = precisions_[i];
   const double ratio = errors_[i] * precision;  // C / squared length
   const Eigen::Vector2d b1 = ratio * ray1.by_pixel * a1, b2 = ratio * ray2.by_pixel * a2;
-  Vector9 by_F;
+  Eigen::Matrix<double, 9, 1> by_F;
   const Eigen::Vector3d left = precision * (ray2.x - Eigen::Vector3d(b2.x(), b2.y(), 0.0));
   const Eigen::Vector3d right = precision * Eigen::Vector3d(b1.x(), b1.y(), 0.0);
   for (int column = 0; column < 3; ++column) {
@@ -119,95 +100,75 @@ Eigen::Matrix<double, 9, 1> DistortedPair::ErrorByF(const Eigen::Matrix3d& F, in
   return by_F;
 }
 
-double DistortedPair::SumOfLosses(double scale_px) const {
+template <bool kWithDistortion>
+auto DistortedPair::Linearize(const FundamentalFactors& F, double scale_px) {
+  constexpr int kColumns = kWithDistortion ? 11 : 9;
   const double s2 = scale_px * scale_px;
-  double sum = 0.0;
-  for (int i = 0; i < size(); ++i) {
-    const double e2 = errors_[i] * errors_[i];
-    sum += precisions_[i] > 0.0 ? e2 * s2 / (s2 + e2) : s2;
-  }
-  return sum;
-}
-
-double DistortedPair::Cost(const FundamentalFit& F, double scale_px) {
-  Evaluate(F.F());
-  return SumOfLosses(scale_px);
-}
-
-double DistortedPair::Refine(double scale_px, int max_iterations, FundamentalFit* F) {
-  constexpr double kMinRelativeGain = 1e-6;
-  double damping = 1e-3;
-  double cost = Cost(*F, scale_px);
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    const FundamentalTangents tangents = Tangents(*F);
-    const Eigen::Matrix3d matrix = F->F();
-    Matrix9 moments = Matrix9::Zero();
-    Vector9 gradient = Vector9::Zero();
-    for (int i = 0; i < size(); ++i) {
-      if (!(precisions_[i] > 0.0)) continue;
-      const double weight = Weight(errors_[i], scale_px);
-      const Vector9 row = ErrorByF(matrix, i);
-      moments.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
-      gradient += weight * errors_[i] * row;
-    }
-    const Matrix7 H = tangents.transpose() * moments.selfadjointView<Eigen::Lower>() * tangents;
-    const FundamentalStep g = tangents.transpose() * gradient;
-    double gain = 0.0;
-    while (damping < 1e6) {
-      Matrix7 damped = H;
-      damped.diagonal() += damping * (H.diagonal().array() + 1e-12 * H.trace()).matrix();
-      const FundamentalStep step = -damped.ldlt().solve(g);
-      if (!(-g.dot(step) > kMinRelativeGain * cost)) break;  // also when not finite
-      const FundamentalFit moved = Moved(*F, step);
-      gain = cost - Cost(moved, scale_px);
-      if (gain > 0.0) {
-        *F = moved;
-        cost -= gain;
-        damping = std::max(1e-9, 0.1 * damping);
-        break;
-      }
-      damping *= 10.0;
-    }
-    if (!(gain > kMinRelativeGain * cost)) break;
-  }
-  Evaluate(F->F());
-  return cost;
-}
-
-DistortedPair::Reduced DistortedPair::Reduce(const FundamentalFit& F, double scale_px) {
-  using Vector11 = Eigen::Matrix<double, 11, 1>;
-  Eigen::Matrix<double, 11, 11> moments;
-  Vector11 sums = Vector11::Zero();
-  moments.setZero();
   const Eigen::Matrix3d matrix = F.F();
+  NormalEquations<kColumns> sums;
   Evaluate(matrix);
   for (int i = 0; i < size(); ++i) {
-    if (!(precisions_[i] > 0.0)) continue;
-    Vector11 row;
+    if (!(precisions_[i] > 0.0)) {
+      sums.cost += 1.0;
+      continue;
+    }
+    // Of Geman and McClure's loss e^2 / (s^2 + e^2), by e^2.
+    const double weight = s2 / (s2 + errors_[i] * errors_[i]);
+    sums.cost += 1.0 - weight;
+    typename NormalEquations<kColumns>::Vector row;
     Eigen::Vector2d by_k;
-    row.head<9>() = ErrorByF(matrix, i, &by_k);
-    row.tail<2>() = by_k;
-    const double weight = Weight(errors_[i], scale_px);
-    moments.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
-    sums += weight * errors_[i] * row;
+    row.template head<9>() = ErrorByF(matrix, i, kWithDistortion ? &by_k : nullptr);
+    if constexpr (kWithDistortion) row.template tail<2>() = by_k;
+    sums.Add(errors_[i], row, weight * weight / s2);
   }
-  moments = moments.selfadjointView<Eigen::Lower>();
-  const FundamentalTangents tangents = Tangents(F);
-  Matrix7 H = tangents.transpose() * moments.topLeftCorner<9, 9>() * tangents;
+  constexpr int kRest = kColumns - 9;
+  constexpr int kDof = FundamentalFactors::kDof;
+  Eigen::Matrix<double, kColumns, kDof + kRest> directions;
+  directions.setZero();
+  directions.template topLeftCorner<9, kDof>() = F.ByStep();
+  for (int k = 0; k < kRest; ++k) directions(9 + k, kDof + k) = 1.0;
+  return sums.template Along<kDof + kRest>(directions);
+}
+
+double DistortedPair::Cost(const FundamentalFactors& F, double scale_px) {
+  return Linearize<false>(F, scale_px).cost;
+}
+
+double DistortedPair::Refine(double scale_px, int max_iterations, FundamentalFactors* F) {
+  struct Problem {
+    using State = FundamentalFactors;
+    auto Linearize(const State& at) { return pair.Linearize<false>(at, scale_px); }
+    State Moved(const State& from, const State::Step& step) const { return from.Moved(step); }
+    DistortedPair& pair;
+    double scale_px;
+  } problem{*this, scale_px};
+  return Minimize(problem, {.max_iterations = max_iterations}, F).cost;
+}
+
+NormalEquations<2> DistortedPair::Reduce(const FundamentalFactors& F, double scale_px) {
+  constexpr int kDof = FundamentalFactors::kDof;
+  using Vector = FundamentalFactors::Step;
+  const NormalEquations<kDof + 2> all = Linearize<true>(F, scale_px);
+  Eigen::Matrix<double, kDof, kDof> H = all.hessian.topLeftCorner<kDof, kDof>();
   // Directions of F that no match sees.
   H.diagonal().array() += 1e-9 * H.trace();
-  const Eigen::Matrix<double, kDof, 2> mixed =
-      tangents.transpose() * moments.topRightCorner<9, 2>();
-  const auto factor = H.ldlt();
-  Reduced reduced;
-  reduced.hessian = moments.bottomRightCorner<2, 2>() - mixed.transpose() * factor.solve(mixed);
-  reduced.gradient =
-      sums.tail<2>() -
-      mixed.transpose() * factor.solve(FundamentalStep(tangents.transpose() * sums.head<9>()));
+  NormalEquations<2> reduced;
+  reduced.cost = all.cost;
+  reduced.hessian = all.hessian.bottomRightCorner<2, 2>();
+  reduced.hessian(0, 1) = reduced.hessian(1, 0);
+  reduced.gradient = all.gradient.tail<2>();
+  const Eigen::Matrix<double, 2, kDof> mixed = all.hessian.bottomLeftCorner<2, kDof>();
+  Vector along;
+  if (SolvePositive<kDof>(H, all.gradient.head<kDof>(), &along)) reduced.gradient -= mixed * along;
+  for (int k = 0; k < 2; ++k) {
+    if (SolvePositive<kDof>(H, mixed.row(k).transpose(), &along)) {
+      reduced.hessian.col(k) -= mixed * along;
+    }
+  }
   return reduced;
 }
 
-double DistortedPair::NoisePx(const FundamentalFit& F, double max_sigma_px) {
+double DistortedPair::NoisePx(const FundamentalFactors& F, double max_sigma_px) {
   constexpr int kRounds = 3;
   Evaluate(F.F());
   double sigma = max_sigma_px;
@@ -223,7 +184,7 @@ double DistortedPair::NoisePx(const FundamentalFit& F, double max_sigma_px) {
   return sigma;
 }
 
-int DistortedPair::NumExplained(const FundamentalFit& F, double max_error_px) {
+int DistortedPair::NumExplained(const FundamentalFactors& F, double max_error_px) {
   Evaluate(F.F());
   int num = 0;
   for (int i = 0; i < size(); ++i) {
@@ -232,14 +193,14 @@ int DistortedPair::NumExplained(const FundamentalFit& F, double max_error_px) {
   return num;
 }
 
-FocalPair DistortedPair::Explained(const FundamentalFit& F, double max_error_px, int max_num) {
+FocalPair DistortedPair::Explained(const FundamentalFactors& F, double max_error_px, int max_num) {
   FocalPair pair;
   pair.camera_id1 = camera_ids_[0];
   pair.camera_id2 = camera_ids_[1];
   const Eigen::Matrix3d K1 = cameras_[0].CalibrationMatrix(), K2 = cameras_[1].CalibrationMatrix();
   pair.F = K2.inverse().transpose() * F.F() * K1.inverse();
   const int num = NumExplained(F, max_error_px);
-  if (num < static_cast<int>(kMinFocalMatches)) return pair;
+  if (num < kMinFundamentalMatches) return pair;
   const int step = 1 + (num - 1) / max_num;
   for (int i = 0, seen = 0; i < size(); ++i) {
     if (!(precisions_[i] > 0.0) || !(std::abs(errors_[i]) < max_error_px)) continue;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "cairn/intrinsics/distortion_calibration.h"
+#include "cairn/math/normal_equations.h"
 #include "intrinsics/fundamental_fit.h"
 
 namespace cairn::internal {
@@ -11,7 +12,7 @@ namespace cairn::internal {
 // The matches of one pair, right and wrong, as its cameras see them with changing distortion. The
 // error of a match is Sampson's in the distorted image, where the noise is: distances in the
 // undistorted one shrink and grow with the parameter that is sought. Its loss is Geman and
-// McClure's, e^2 s^2 / (s^2 + e^2); a match that a camera cannot express has the largest, s^2.
+// McClure's, e^2 / (s^2 + e^2); a match that a camera cannot express has the largest, 1.
 class DistortedPair {
  public:
   DistortedPair(const DistortionPair& pair, const Camera& camera1, const Camera& camera2);
@@ -19,23 +20,19 @@ class DistortedPair {
   // k of both cameras from now on; those that have distortion, or cannot have it, keep theirs.
   void SetDistortion(double k1, double k2);
 
-  // Levenberg-Marquardt from F; returns the cost. Unchanged where there are too few matches.
-  double Refine(double scale_px, int max_iterations, FundamentalFit* F);
-  double Cost(const FundamentalFit& F, double scale_px);
+  // Levenberg-Marquardt from F; returns the cost.
+  double Refine(double scale_px, int max_iterations, FundamentalFactors* F);
+  double Cost(const FundamentalFactors& F, double scale_px);
 
-  // Normal equations over both k of half the sum of losses, F having been eliminated: it moves
-  // along (Schur complement).
-  struct Reduced {
-    Eigen::Matrix2d hessian;
-    Eigen::Vector2d gradient;
-  };
-  Reduced Reduce(const FundamentalFit& F, double scale_px);
+  // Normal equations over both k, all four elements of the hessian, F having been eliminated: it
+  // moves along (Schur complement).
+  NormalEquations<2> Reduce(const FundamentalFactors& F, double scale_px);
 
   // Standard deviation of the errors of what F explains, by their median.
-  double NoisePx(const FundamentalFit& F, double max_sigma_px);
-  int NumExplained(const FundamentalFit& F, double max_error_px);
+  double NoisePx(const FundamentalFactors& F, double max_sigma_px);
+  int NumExplained(const FundamentalFactors& F, double max_error_px);
   // Undistorted pixels (by nominal focal lengths) of what F explains.
-  FocalPair Explained(const FundamentalFit& F, double max_error_px, int max_num);
+  FocalPair Explained(const FundamentalFactors& F, double max_error_px, int max_num);
 
   int size() const { return static_cast<int>(pixels_[0].size()); }
 
@@ -52,7 +49,9 @@ class DistortedPair {
   // d error / d vec(F) (columns one after the other) and, if it is asked for, / d both k.
   Eigen::Matrix<double, 9, 1> ErrorByF(const Eigen::Matrix3d& F, int i,
                                        Eigen::Vector2d* by_k = nullptr) const;
-  double SumOfLosses(double scale_px) const;
+  // Normal equations over the steps of F and, with distortion, both k.
+  template <bool kWithDistortion>
+  auto Linearize(const FundamentalFactors& F, double scale_px);
 
   camera_t camera_ids_[2];
   Camera cameras_[2];

@@ -1,20 +1,19 @@
 #include "cairn/intrinsics/distortion_calibration.h"
 
-#include <Eigen/IterativeLinearSolvers>
-#include <Eigen/SparseCore>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "cairn/base/parallel.h"
+#include "cairn/math/levenberg_marquardt.h"
 #include "intrinsics/distorted_pair.h"
-#include "intrinsics/focal_problem.h"
+#include "intrinsics/sparse_normals.h"
 
 namespace cairn {
 namespace {
 
 using internal::DistortedPair;
-using internal::FundamentalFit;
+using internal::SparseNormals;
 
 // The share by which distortion moves a point that undistorted is half a diagonal from the center.
 // A lens of |k1| = 0.3 and 0.4 image widths has 0.7; below -4/27 the corners themselves are beyond
@@ -24,9 +23,10 @@ constexpr std::array kScan = {0.0,  -0.02, -0.05, -0.09, -0.13, -0.18, -0.25,
 constexpr size_t kFirstPositive = 7;
 constexpr double kScanScale = 3.0;     // of the loss while scanning, thresholds of verification
 constexpr double kNoiseScale = 3.0;    // of the loss afterwards, standard deviations of the noise
-constexpr int kScanIterations = 6;     // of F, from one value of the scan to the next
+constexpr int kScanIterations = 12;    // of F, from one value of the scan to the next
 constexpr int kRefineIterations = 10;  // of F, from one step of k to the next
 constexpr int kMaxSteps = 20;
+constexpr double kMinRelativeGain = 1e-7;
 constexpr double kMaxStep = 0.1;  // in units of the scan
 constexpr double kSmallest = -0.4, kLargest = 1.0;
 // The share of a match's error that is no noise but what no single parameter describes: tangential
@@ -46,22 +46,25 @@ double KOf(const Camera& camera, double relative) {
 }
 
 struct Term {
-  Term(DistortedPair p, FundamentalFit fit) : pair(std::move(p)), F(std::move(fit)) {}
+  Term(DistortedPair p, FundamentalFactors fit) : pair(std::move(p)), F(std::move(fit)) {}
   DistortedPair pair;
-  FundamentalFit F;
+  FundamentalFactors F;
   int variable1 = -1, variable2 = -1;
   double threshold_px = 1.0;
   double sigma_px = 1.0;
   std::array<double, kScan.size()> scan_costs = {};  // each match at most 1
-  std::array<FundamentalFit, kScan.size()> scan_fits;
+  std::array<FundamentalFactors, kScan.size()> scan_fits;
 };
 
-// What a term says at the present distortions, in nats.
-struct Evaluation {
-  FundamentalFit F;
-  double cost = 0;
-  DistortedPair::Reduced reduced;
+// Distortions, as values of the scan by variable, and each term's F under them.
+struct Distortions {
+  Eigen::VectorXd x;
+  std::vector<FundamentalFactors> F;
 };
+
+// The squared scale of the loss of a match, in units of its noise: costs of that loss times this
+// are squared standard deviations, twice the negative logarithm of a likelihood.
+constexpr double kChiSquares = kNoiseScale * kNoiseScale;
 
 class Problem {
  public:
@@ -69,6 +72,16 @@ class Problem {
           std::span<const DistortionPair> pairs, int num_threads);
 
   DistortionCalibrationReport Solve();
+
+  // Of Levenberg and Marquardt's method.
+  using State = Distortions;
+  SparseNormals Linearize(Distortions& at) { return Sum(Evaluate(at)); }
+  Distortions Moved(const Distortions& from, const Eigen::VectorXd& step) const {
+    return {(from.x + step).cwiseMax(kSmallest).cwiseMin(kLargest), from.F};
+  }
+  bool Solve(const SparseNormals& model, double damping, Eigen::VectorXd* step) const {
+    return model.DampedStep(damping, kMaxStep, step);
+  }
 
  private:
   template <class Function>
@@ -82,20 +95,19 @@ class Problem {
   void SetDistortion(Term& term, double relative1, double relative2) const {
     term.pair.SetDistortion(K(term.variable1, relative1), K(term.variable2, relative2));
   }
-  double At(const std::vector<double>& x, int variable) const {
+  double At(const Eigen::VectorXd& x, int variable) const {
     return variable < 0 ? 0.0 : x[variable];
   }
 
   void Scan();
   void ScanTerm(Term& term) const;
-  std::vector<double> BestOfScan() const;
-  void StartFrom(const std::vector<double>& x);
-  std::vector<Evaluation> Evaluate(const std::vector<double>& x);
-  void Refine(std::vector<double>& x);
-  std::vector<double> Normals(const std::vector<Evaluation>& at,
-                              Eigen::SparseMatrix<double>* H) const;
-  void Judge(const std::vector<double>& x);
-  void TakeSignificant(std::vector<double> x);
+  Eigen::VectorXd BestOfScan() const;
+  Distortions StartFrom(Eigen::VectorXd x);
+  // Every term's normal equations over its distortions, after its F has been refined under them.
+  std::vector<NormalEquations<2>> Evaluate(Distortions& at);
+  SparseNormals Sum(const std::vector<NormalEquations<2>>& terms) const;
+  void Judge(Distortions at);
+  void TakeSignificant(Distortions at);
 
   const std::map<camera_t, Camera>& all_cameras_;
   const std::set<camera_t>& held_;
@@ -111,7 +123,7 @@ Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camer
                  std::span<const DistortionPair> pairs, int num_threads)
     : all_cameras_(cameras), held_(held), num_threads_(num_threads) {
   for (const DistortionPair& pair : pairs) {
-    auto F = internal::DecomposeFundamental(pair.F);
+    auto F = FundamentalFactors::Of(pair.F);
     if (!F || pair.pixels1.size() < kMinMatches) continue;
     const Camera &camera1 = cameras.at(pair.camera_id1), &camera2 = cameras.at(pair.camera_id2);
     Term& term = terms_.emplace_back(DistortedPair(pair, camera1, camera2), std::move(*F));
@@ -135,11 +147,11 @@ int Problem::Variable(camera_t id) {
 // Both cameras together, from no distortion outwards, so that each F begins near its end.
 void Problem::ScanTerm(Term& term) const {
   const double scale_px = kScanScale * term.threshold_px;
-  FundamentalFit F = term.F;
+  FundamentalFactors F = term.F;
   for (size_t i = 0; i < kScan.size(); ++i) {
     if (i == kFirstPositive) F = term.scan_fits[0];
     SetDistortion(term, kScan[i], kScan[i]);
-    term.scan_costs[i] = term.pair.Refine(scale_px, kScanIterations, &F) / (scale_px * scale_px);
+    term.scan_costs[i] = term.pair.Refine(scale_px, kScanIterations, &F);
     term.scan_fits[i] = F;
   }
 }
@@ -148,7 +160,7 @@ void Problem::Scan() {
   ForTerms([this](Term& term) { ScanTerm(term); });
 }
 
-std::vector<double> Problem::BestOfScan() const {
+Eigen::VectorXd Problem::BestOfScan() const {
   std::vector<std::array<double, kScan.size()>> costs(camera_ids_.size());
   for (auto& cost : costs) cost.fill(0.0);
   for (const Term& term : terms_) {
@@ -157,14 +169,14 @@ std::vector<double> Problem::BestOfScan() const {
       for (size_t i = 0; i < kScan.size(); ++i) costs[v][i] += term.scan_costs[i];
     }
   }
-  std::vector<double> x;
-  for (const auto& cost : costs) {
-    x.push_back(kScan[std::min_element(cost.begin(), cost.end()) - cost.begin()]);
+  Eigen::VectorXd x(std::ssize(costs));
+  for (Eigen::Index v = 0; v < x.size(); ++v) {
+    x[v] = kScan[std::min_element(costs[v].begin(), costs[v].end()) - costs[v].begin()];
   }
   return x;
 }
 
-void Problem::StartFrom(const std::vector<double>& x) {
+Distortions Problem::StartFrom(Eigen::VectorXd x) {
   ForTerms([&](Term& term) {
     const double value = At(x, term.variable1 >= 0 ? term.variable1 : term.variable2);
     const auto index = std::find(kScan.begin(), kScan.end(), value) - kScan.begin();
@@ -174,110 +186,73 @@ void Problem::StartFrom(const std::vector<double>& x) {
     term.pair.Refine(scale_px, kRefineIterations, &term.F);
     term.sigma_px = scale_px / kNoiseScale;
   });
+  Distortions start{std::move(x), {}};
+  for (const Term& term : terms_) start.F.push_back(term.F);
+  return start;
 }
 
-std::vector<Evaluation> Problem::Evaluate(const std::vector<double>& x) {
-  std::vector<Evaluation> evaluations(terms_.size());
+std::vector<NormalEquations<2>> Problem::Evaluate(Distortions& at) {
+  std::vector<NormalEquations<2>> evaluations(terms_.size());
   ParallelFor(num_threads_, std::ssize(terms_), [&](int64_t i) {
     Term& term = terms_[i];
-    Evaluation& at = evaluations[i];
-    at.F = term.F;
     const double scale_px = kNoiseScale * term.sigma_px;
-    const double precision = 1.0 / (term.sigma_px * term.sigma_px);
-    SetDistortion(term, At(x, term.variable1), At(x, term.variable2));
-    at.cost = 0.5 * precision * term.pair.Refine(scale_px, kRefineIterations, &at.F);
-    at.reduced = term.pair.Reduce(at.F, scale_px);
+    SetDistortion(term, At(at.x, term.variable1), At(at.x, term.variable2));
+    term.pair.Refine(scale_px, kRefineIterations, &at.F[i]);
+    const NormalEquations<2> equations = term.pair.Reduce(at.F[i], scale_px);
     // By values of the scan instead of k.
     const Eigen::Vector2d units(K(term.variable1, 1.0), K(term.variable2, 1.0));
-    at.reduced.gradient = precision * units.cwiseProduct(at.reduced.gradient);
-    at.reduced.hessian = precision * units.asDiagonal() * at.reduced.hessian * units.asDiagonal();
+    evaluations[i].cost = kChiSquares * equations.cost;
+    evaluations[i].gradient = kChiSquares * units.cwiseProduct(equations.gradient);
+    evaluations[i].hessian =
+        kChiSquares * units.asDiagonal() * equations.hessian * units.asDiagonal();
   });
   return evaluations;
 }
 
-std::vector<double> Problem::Normals(const std::vector<Evaluation>& at,
-                                     Eigen::SparseMatrix<double>* H) const {
-  std::vector<double> gradient(camera_ids_.size(), 0.0);
+SparseNormals Problem::Sum(const std::vector<NormalEquations<2>>& terms) const {
+  const std::ptrdiff_t n = std::ssize(camera_ids_);
+  SparseNormals sum;
+  sum.gradient = Eigen::VectorXd::Zero(n);
   std::vector<Eigen::Triplet<double>> entries;
   for (size_t i = 0; i < terms_.size(); ++i) {
+    sum.cost += terms[i].cost;
     const int variables[] = {terms_[i].variable1, terms_[i].variable2};
     for (int a = 0; a < 2; ++a) {
       if (variables[a] < 0) continue;
-      gradient[variables[a]] += at[i].reduced.gradient[a];
+      sum.gradient[variables[a]] += terms[i].gradient[a];
       for (int b = 0; b < 2; ++b) {
         if (variables[b] < 0) continue;
-        entries.emplace_back(variables[a], variables[b], at[i].reduced.hessian(a, b));
+        entries.emplace_back(variables[a], variables[b], terms[i].hessian(a, b));
       }
     }
   }
   // Where no match tells, the range of the scan.
-  for (size_t v = 0; v < camera_ids_.size(); ++v) {
-    entries.emplace_back(static_cast<int>(v), static_cast<int>(v), 1.0);
-  }
-  const auto n = static_cast<Eigen::Index>(camera_ids_.size());
-  H->resize(n, n);
-  H->setFromTriplets(entries.begin(), entries.end());
-  return gradient;
-}
-
-double SumOfCosts(const std::vector<Evaluation>& at) {
-  double sum = 0;
-  for (const Evaluation& evaluation : at) sum += evaluation.cost;
+  for (int v = 0; v < n; ++v) entries.emplace_back(v, v, 1.0);
+  sum.hessian.resize(n, n);
+  sum.hessian.setFromTriplets(entries.begin(), entries.end());
   return sum;
 }
 
-void Problem::Refine(std::vector<double>& x) {
-  constexpr double kMinGain = 1e-3;  // nats
-  Eigen::SparseMatrix<double> H;
-  Eigen::ConjugateGradient<Eigen::SparseMatrix<double>, Eigen::Lower | Eigen::Upper> solver;
-  std::vector<Evaluation> present = Evaluate(x);
-  double damping = 1e-4;
-  for (int step = 0; step < kMaxSteps && damping < 1e4; ++step) {
-    std::vector<double> g = Normals(present, &H);
-    const Eigen::Map<Eigen::VectorXd> gradient(g.data(), std::ssize(g));
-    H.diagonal() *= 1.0 + damping;
-    solver.compute(H);
-    const Eigen::VectorXd move = (-solver.solve(gradient)).cwiseMin(kMaxStep).cwiseMax(-kMaxStep);
-    std::vector<double> moved = x;
-    for (size_t v = 0; v < x.size(); ++v) {
-      moved[v] = std::clamp(x[v] + move[static_cast<Eigen::Index>(v)], kSmallest, kLargest);
-    }
-    std::vector<Evaluation> next = Evaluate(moved);
-    const double gain = SumOfCosts(present) - SumOfCosts(next);
-    if (!(gain > 0)) {
-      damping = std::max(10.0 * damping, 1e-2);
-      continue;
-    }
-    x = std::move(moved);
-    present = std::move(next);
-    for (size_t i = 0; i < terms_.size(); ++i) terms_[i].F = present[i].F;
-    damping = 0.1 * damping;
-    if (gain < kMinGain) break;
-  }
-}
-
-void Problem::Judge(const std::vector<double>& x) {
-  const std::vector<Evaluation> at = Evaluate(x);
+void Problem::Judge(Distortions at) {
+  const std::vector<NormalEquations<2>> evaluations = Evaluate(at);
   // Without the distortion of one of its cameras.
   std::vector<std::array<double, 2>> costs(terms_.size());
   std::vector<int> num_explained(terms_.size());
   ParallelFor(num_threads_, std::ssize(terms_), [&](int64_t i) {
     Term& term = terms_[i];
-    num_explained[i] = term.pair.NumExplained(at[i].F, kNoiseScale * term.sigma_px);
-    const double precision = 1.0 / (term.sigma_px * term.sigma_px);
+    num_explained[i] = term.pair.NumExplained(at.F[i], kNoiseScale * term.sigma_px);
     const bool is_one = term.variable1 == term.variable2;
     for (int side = 0; side < 2; ++side) {
-      SetDistortion(term, side == 0 || is_one ? 0.0 : At(x, term.variable1),
-                    side == 1 || is_one ? 0.0 : At(x, term.variable2));
+      SetDistortion(term, side == 0 || is_one ? 0.0 : At(at.x, term.variable1),
+                    side == 1 || is_one ? 0.0 : At(at.x, term.variable2));
       double cost = INFINITY;
-      for (FundamentalFit F : {at[i].F, term.scan_fits[0]}) {
+      for (FundamentalFactors F : {at.F[i], term.scan_fits[0]}) {
         cost = std::min(cost, term.pair.Refine(kNoiseScale * term.sigma_px, 20, &F));
       }
-      costs[i][side] = 0.5 * precision * cost;
+      costs[i][side] = kChiSquares * cost;
     }
   });
-  Eigen::SparseMatrix<double> H;
-  Normals(at, &H);
+  const SparseNormals sum = Sum(evaluations);
   std::vector<double> scatter(camera_ids_.size(), 0.0), expected(camera_ids_.size(), 0.0);
   std::vector<CalibratedDistortion> found(camera_ids_.size());
   for (size_t i = 0; i < terms_.size(); ++i) {
@@ -286,10 +261,10 @@ void Problem::Judge(const std::vector<double>& x) {
     for (int side = 0; side < (is_one ? 1 : 2); ++side) {
       const int v = side == 0 ? term.variable1 : term.variable2;
       if (v < 0) continue;
-      const auto& [hessian, gradient] = at[i].reduced;
+      const auto& [hessian, gradient, cost] = evaluations[i];
       scatter[v] += std::pow(is_one ? gradient.sum() : gradient[side], 2);
       expected[v] += is_one ? hessian.sum() : hessian(side, side);
-      found[v].gain += costs[i][side] - at[i].cost;
+      found[v].gain += 0.5 * (costs[i][side] - cost);
       found[v].num_matches += num_explained[i];
       ++found[v].num_pairs;
     }
@@ -299,8 +274,9 @@ void Problem::Judge(const std::vector<double>& x) {
     const double n = camera.num_pairs;
     const double excess =
         n < 2 ? 1.0 : std::max(1.0, n / (n - 1) * scatter[v] / std::max(expected[v], 1e-300));
-    camera.k = K(static_cast<int>(v), x[v]);
-    camera.sigma = K(static_cast<int>(v), std::sqrt(excess * internal::LocalVariance(H, v)));
+    camera.k = K(static_cast<int>(v), at.x[static_cast<Eigen::Index>(v)]);
+    camera.sigma =
+        K(static_cast<int>(v), std::sqrt(excess * sum.LocalVariance(static_cast<Eigen::Index>(v))));
     camera.gain /= excess;
     const double num = std::max(1.0, static_cast<double>(camera.num_matches));
     camera.cost = 0.5 * std::log(num) + 0.5 * kSystematic * kSystematic * num;
@@ -309,17 +285,17 @@ void Problem::Judge(const std::vector<double>& x) {
   }
 }
 
-void Problem::TakeSignificant(std::vector<double> x) {
-  for (size_t v = 0; v < x.size(); ++v) {
-    if (!report_.cameras.at(camera_ids_[v]).is_significant) x[v] = 0.0;
+void Problem::TakeSignificant(Distortions at) {
+  for (Eigen::Index v = 0; v < at.x.size(); ++v) {
+    if (!report_.cameras.at(camera_ids_[v]).is_significant) at.x[v] = 0.0;
   }
   std::vector<FocalPair> pairs(terms_.size());
   ParallelFor(num_threads_, std::ssize(terms_), [&](int64_t i) {
     Term& term = terms_[i];
     const double scale_px = kNoiseScale * term.sigma_px;
-    SetDistortion(term, At(x, term.variable1), At(x, term.variable2));
-    term.pair.Refine(scale_px, 20, &term.F);
-    pairs[i] = term.pair.Explained(term.F, scale_px, kMaxFocalMatches);
+    SetDistortion(term, At(at.x, term.variable1), At(at.x, term.variable2));
+    term.pair.Refine(scale_px, 20, &at.F[i]);
+    pairs[i] = term.pair.Explained(at.F[i], scale_px, kMaxFocalMatches);
   });
   for (FocalPair& pair : pairs) {
     if (!pair.pixels1.empty()) report_.pairs.push_back(std::move(pair));
@@ -329,13 +305,15 @@ void Problem::TakeSignificant(std::vector<double> x) {
 DistortionCalibrationReport Problem::Solve() {
   if (terms_.empty()) return {};
   Scan();
-  std::vector<double> x = BestOfScan();
-  StartFrom(x);
-  Refine(x);
-  ForTerms([](Term& term) { term.sigma_px = term.pair.NoisePx(term.F, term.threshold_px); });
-  Refine(x);
-  Judge(x);
-  TakeSignificant(std::move(x));
+  constexpr LevenbergMarquardtOptions kOptions{kMaxSteps, kMinRelativeGain};
+  Distortions at = StartFrom(BestOfScan());
+  Minimize(*this, kOptions, &at);
+  for (size_t i = 0; i < terms_.size(); ++i) {
+    terms_[i].sigma_px = terms_[i].pair.NoisePx(at.F[i], terms_[i].threshold_px);
+  }
+  Minimize(*this, kOptions, &at);
+  Judge(at);
+  TakeSignificant(std::move(at));
   return std::move(report_);
 }
 

@@ -1,12 +1,10 @@
 #include "intrinsics/focal_problem.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/IterativeLinearSolvers>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <map>
 
+#include "cairn/math/levenberg_marquardt.h"
 #include "cairn/math/median.h"
 
 namespace cairn::internal {
@@ -20,6 +18,9 @@ constexpr double kModelSigma = 0.005;
 constexpr int kMaxSweeps = 3;
 constexpr int kMaxRounds = 4;
 constexpr int kMaxIterations = 30;
+constexpr double kMinRelativeGain = 1e-10;
+// A step that doubles a focal length leaves where the linearization holds.
+constexpr double kMaxStep = 0.7;
 // The median of a squared residual of two equations.
 constexpr double kChiSquareMedian = 1.386;
 
@@ -37,27 +38,6 @@ Eigen::Matrix2d TermInformation(const FocalTerm& term, const Eigen::Vector2d& lo
 }
 
 }  // namespace
-
-double LocalVariance(const Eigen::SparseMatrix<double>& H, Eigen::Index v) {
-  constexpr size_t kMaxFree = 200;
-  std::vector<Eigen::Index> free = {v};
-  std::map<Eigen::Index, Eigen::Index> index = {{v, 0}};
-  for (size_t k = 0; k < free.size(); ++k) {
-    for (Eigen::SparseMatrix<double>::InnerIterator it(H, free[k]); it; ++it) {
-      if (free.size() == kMaxFree || !index.try_emplace(it.row(), free.size()).second) continue;
-      free.push_back(it.row());
-    }
-  }
-  const auto n = static_cast<Eigen::Index>(free.size());
-  Eigen::MatrixXd block = Eigen::MatrixXd::Zero(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::SparseMatrix<double>::InnerIterator it(H, free[i]); it; ++it) {
-      const auto j = index.find(it.row());
-      if (j != index.end()) block(j->second, i) = it.value();
-    }
-  }
-  return block.llt().solve(Eigen::VectorXd::Unit(n, 0))[0];
-}
 
 FocalProblem::FocalProblem(std::vector<FocalTerm> terms, std::vector<double> prior_sigmas)
     : terms_(std::move(terms)),
@@ -119,35 +99,21 @@ std::vector<Eigen::Matrix2d> FocalProblem::Information(const Eigen::VectorXd& x)
   return information;
 }
 
-double FocalProblem::HeldCost(const Eigen::VectorXd& x,
-                              const std::vector<Eigen::Matrix2d>& information) const {
-  double cost = 0;
-  for (size_t i = 0; i < terms_.size(); ++i) {
-    const Eigen::Vector2d r = EvaluateKruppa(terms_[i].fit, LogFocals(terms_[i], x)).value;
-    cost += Loss(r.dot(information[i] * r));
-  }
-  for (size_t v = 0; v < prior_sigmas_.size(); ++v) {
-    cost += PriorLoss(x, v);
-  }
-  return cost;
-}
-
-double FocalProblem::Linearize(const Eigen::VectorXd& x,
-                               const std::vector<Eigen::Matrix2d>& information,
-                               Eigen::SparseMatrix<double>* H, Eigen::VectorXd* gradient) const {
+SparseNormals FocalProblem::Linearize(const Eigen::VectorXd& x,
+                                      const std::vector<Eigen::Matrix2d>& information) const {
   std::vector<Eigen::Triplet<double>> entries;
-  gradient->setZero(x.size());
-  double cost = 0;
+  SparseNormals model;
+  model.gradient.setZero(x.size());
   for (size_t i = 0; i < terms_.size(); ++i) {
     const KruppaResidual residual = EvaluateKruppa(terms_[i].fit, LogFocals(terms_[i], x));
     const double squared = residual.value.dot(information[i] * residual.value);
-    cost += Loss(squared);
+    model.cost += Loss(squared);
     const Eigen::Matrix2d weight = LossWeight(squared) * information[i];
     const int variables[] = {terms_[i].variable1, terms_[i].variable2};
     for (int a = 0; a < 2; ++a) {
       if (variables[a] < 0) continue;
       const Eigen::Vector2d weighted = weight * residual.by_log_focals.col(a);
-      (*gradient)[variables[a]] += weighted.dot(residual.value);
+      model.gradient[variables[a]] += weighted.dot(residual.value);
       for (int b = 0; b < 2; ++b) {
         if (variables[b] < 0) continue;
         entries.emplace_back(variables[a], variables[b],
@@ -158,38 +124,30 @@ double FocalProblem::Linearize(const Eigen::VectorXd& x,
   for (size_t v = 0; v < prior_sigmas_.size(); ++v) {
     const double squared = std::pow(x[v] / prior_sigmas_[v], 2);
     const double precision = LossWeight(squared) / (prior_sigmas_[v] * prior_sigmas_[v]);
-    cost += Loss(squared);
-    (*gradient)[v] += precision * x[v];
+    model.cost += Loss(squared);
+    model.gradient[static_cast<Eigen::Index>(v)] += precision * x[v];
     entries.emplace_back(static_cast<int>(v), static_cast<int>(v), precision);
   }
-  H->resize(x.size(), x.size());
-  H->setFromTriplets(entries.begin(), entries.end());
-  return cost;
+  model.hessian.resize(x.size(), x.size());
+  model.hessian.setFromTriplets(entries.begin(), entries.end());
+  return model;
 }
 
 void FocalProblem::Refine(Eigen::VectorXd& x) const {
-  Eigen::SparseMatrix<double> H;
-  Eigen::VectorXd gradient;
-  Eigen::ConjugateGradient<Eigen::SparseMatrix<double>, Eigen::Lower | Eigen::Upper> solver;
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const std::vector<Eigen::Matrix2d> information = Information(x);
-    const Eigen::VectorXd before = x;
-    double damping = 1e-4;
-    for (int i = 0; i < kMaxIterations && damping < 1e8; ++i) {
-      const double cost = Linearize(x, information, &H, &gradient);
-      H.diagonal() *= 1 + damping;
-      solver.compute(H);
-      // A step that doubles a focal length leaves where the linearization holds.
-      const Eigen::VectorXd step = (-solver.solve(gradient)).cwiseMax(-0.7).cwiseMin(0.7);
-      const double gain = cost - HeldCost(x + step, information);
-      if (gain > 0) {
-        x += step;
-        damping = std::max(1e-9, 0.1 * damping);
-      } else {
-        damping *= 10;
-      }
-      if (std::abs(gain) < 1e-10 * cost || step.cwiseAbs().maxCoeff() < 1e-8) break;
+  struct Problem {
+    using State = Eigen::VectorXd;
+    SparseNormals Linearize(const State& at) const { return all.Linearize(at, information); }
+    State Moved(const State& from, const Eigen::VectorXd& step) const { return from + step; }
+    bool Solve(const SparseNormals& model, double damping, Eigen::VectorXd* step) const {
+      return model.DampedStep(damping, kMaxStep, step);
     }
+    const FocalProblem& all;
+    std::vector<Eigen::Matrix2d> information;
+  };
+  for (int round = 0; round < kMaxRounds; ++round) {
+    Problem problem{*this, Information(x)};
+    const Eigen::VectorXd before = x;
+    Minimize(problem, {kMaxIterations, kMinRelativeGain}, &x);
     if ((x - before).cwiseAbs().maxCoeff() < 1e-4) break;
   }
 }
@@ -224,14 +182,12 @@ FocalSolution FocalProblem::Solve() {
       ++solution.num_agreeing_of[term.variable2];
     }
   }
-  Eigen::SparseMatrix<double> H;
-  Eigen::VectorXd gradient;
-  Linearize(best, Information(best), &H, &gradient);
+  const SparseNormals model = Linearize(best, Information(best));
   // Where most pairs contradict what their matches promise, the promise is worth less.
   const double excess = std::max(1.0, UpperMedian(squared_errors) / kChiSquareMedian);
   for (Eigen::Index v = 0; v < n; ++v) {
     solution.log_focals.push_back(best[v]);
-    solution.sigmas.push_back(std::sqrt(excess * LocalVariance(H, v)));
+    solution.sigmas.push_back(std::sqrt(excess * model.LocalVariance(v)));
   }
   return solution;
 }

@@ -1,16 +1,12 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/SparseCore>
 #include <vector>
 
 #include "intrinsics/kruppa.h"
+#include "intrinsics/sparse_normals.h"
 
 namespace cairn::internal {
-
-// The variance of one variable by the normal equations H, with those nearest to it in the graph
-// free and the others held.
-double LocalVariance(const Eigen::SparseMatrix<double>& H, Eigen::Index v);
 
 // One pair of the problem. A variable is the logarithm of a camera's true over its nominal focal
 // length; -1 stands for a trusted camera, whose logarithm is 0.
@@ -56,9 +52,8 @@ class FocalProblem {
   // Levenberg-Marquardt with Sigma updated between its rounds.
   void Refine(Eigen::VectorXd& x) const;
   // Gauss-Newton normal equations with given inverse covariances of the terms.
-  double Linearize(const Eigen::VectorXd& x, const std::vector<Eigen::Matrix2d>& information,
-                   Eigen::SparseMatrix<double>* H, Eigen::VectorXd* gradient) const;
-  double HeldCost(const Eigen::VectorXd& x, const std::vector<Eigen::Matrix2d>& information) const;
+  SparseNormals Linearize(const Eigen::VectorXd& x,
+                          const std::vector<Eigen::Matrix2d>& information) const;
   std::vector<Eigen::Matrix2d> Information(const Eigen::VectorXd& x) const;
 
   std::vector<FocalTerm> terms_;

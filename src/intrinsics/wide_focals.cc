@@ -8,6 +8,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "cairn/database/own_matches.h"
 #include "cairn/intrinsics/camera_pairs.h"
 #include "cairn/intrinsics/known_intrinsics.h"
 #include "cairn/two_view/pair_verifier.h"
@@ -29,6 +30,7 @@ struct WidePair {
   const Camera* camera2 = nullptr;
   std::vector<Keypoint> keypoints1, keypoints2;
   FeatureMatches matches;
+  bool are_best_first = false;
 };
 
 class WideFocalFinder {
@@ -115,6 +117,7 @@ class WideFocalFinder {
     std::sort(ranked.begin(), ranked.end());
     ranked.resize(std::min<size_t>(ranked.size(), kMaxWidePairs * kSpread));
     const size_t step = std::max<size_t>(1, ranked.size() / kMaxWidePairs);
+    const OwnMatches own_matches(database_);
     std::vector<WidePair> pairs;
     for (size_t i = 0; i < ranked.size() && pairs.size() < kMaxWidePairs; i += step) {
       WidePair pair;
@@ -122,6 +125,7 @@ class WideFocalFinder {
       const auto [image1, image2] = PairIdToImagePair(pair.pair_id);
       pair.camera1 = &cameras_.at(camera_of_.at(image1));
       pair.camera2 = &cameras_.at(camera_of_.at(image2));
+      pair.are_best_first = own_matches.Contains(pair.pair_id);
       try {
         pair.keypoints1 = database_.ReadKeypoints(image1).value_or(std::vector<Keypoint>());
         pair.keypoints2 = database_.ReadKeypoints(image2).value_or(std::vector<Keypoint>());
@@ -155,6 +159,7 @@ class WideFocalFinder {
       input.keypoints1 = pair.keypoints1;
       input.keypoints2 = pair.keypoints2;
       input.matches = pair.matches;
+      input.are_best_first = pair.are_best_first;
       const PairReport report = MakePairVerifier(VerifierKind::kCascade, options_)->Verify(input);
       if (report.status == PairStatus::kVerified) of_task[task] = report.score;
     });

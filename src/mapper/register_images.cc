@@ -53,8 +53,8 @@ ResectionReport Resect(const StageContext& context, const Correspondences& corre
     pixels.push_back(context.scene.pixels.at(image_id)[correspondences.keypoints[i]]);
     xyz.push_back(model.points3D.at(correspondences.points[i]).xyz);
   }
-  return EstimateAbsolutePose(camera, pixels, xyz, is_guess, context.settings.resection,
-                              context.settings.seed, image_id);
+  return EstimateAbsolutePose(camera, {pixels, xyz}, is_guess, context.settings.resection,
+                              Rng(context.settings.seed, "resection", image_id));
 }
 
 void AddImage(const StageContext& context, const ResectionReport& report, image_t image_id,

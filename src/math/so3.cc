@@ -1,7 +1,9 @@
 #include "cairn/math/so3.h"
 
-#include <Eigen/SVD>
+#include <Eigen/LU>
 #include <cmath>
+
+#include "cairn/math/decompositions.h"
 
 namespace cairn {
 
@@ -32,9 +34,9 @@ Eigen::Vector3d LogSO3(const Eigen::Quaterniond& rotation) {
 }
 
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d d(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
-  return svd.matrixU() * d.asDiagonal() * svd.matrixV().transpose();
+  const auto [U, V, s] = SingularValues(matrix);
+  const Eigen::Vector3d d(1, 1, (U * V.transpose()).determinant() < 0 ? -1 : 1);
+  return U * d.asDiagonal() * V.transpose();
 }
 
 }  // namespace cairn

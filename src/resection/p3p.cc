@@ -1,9 +1,9 @@
 #include "resection/p3p.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
 
+#include "cairn/math/decompositions.h"
 #include "cairn/solvers/polynomial.h"
 
 namespace cairn {
@@ -41,14 +41,13 @@ bool SplitPencil(const Matrix3d& A, const Matrix3d& B, Vector3d lines[2], bool* 
   for (int i = 0; i < num_roots; ++i) {
     const double g = roots[i];
     const Matrix3d D = (A + g * B) / (1.0 + std::abs(g));
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(D);
+    const auto [values, vectors] = SymmetricEigen(D);
     // Ascending; the middle one vanishes. Lines are real if the outer ones differ in sign.
-    const Vector3d& values = eigen.eigenvalues();
     const double product = -values[0] * values[2];
     if (!(product > best)) continue;
     best = product;
-    const Vector3d positive = std::sqrt(values[2]) * eigen.eigenvectors().col(2);
-    const Vector3d negative = std::sqrt(-values[0]) * eigen.eigenvectors().col(0);
+    const Vector3d positive = std::sqrt(values[2]) * vectors.col(2);
+    const Vector3d negative = std::sqrt(-values[0]) * vectors.col(0);
     lines[0] = positive + negative;
     lines[1] = positive - negative;
     *use_first = std::abs(g) > 1.0;

@@ -1,117 +1,92 @@
 #include "resection/pose_refinement.h"
 
-#include <Eigen/Cholesky>
 #include <array>
 #include <cmath>
 #include <limits>
 
+#include "cairn/math/levenberg_marquardt.h"
 #include "cairn/math/so3.h"
 
 namespace cairn {
 namespace {
 
-using Matrix7d = Eigen::Matrix<double, 7, 7>;
-using Vector7d = Eigen::Matrix<double, 7, 1>;
-
-struct Observations {
-  std::span<const Eigen::Vector2d> pixels;
-  std::span<const Eigen::Vector3d> xyz;
-  std::span<const int> indices;
-  double squared_scale;
-};
-
 double RobustCost(double squared, double squared_scale) {
   return squared_scale * std::log1p(squared / squared_scale);
 }
 
-// Infinite if a point has no pixel.
-double Cost(const Observations& obs, const Camera& camera, const Rigid3d& pose) {
-  double cost = 0;
-  for (const int i : obs.indices) {
-    const auto pixel = camera.ImgFromRay(pose * obs.xyz[i]);
-    if (!pixel) return std::numeric_limits<double>::infinity();
-    const double squared = (*pixel - obs.pixels[i]).squaredNorm();
-    cost += RobustCost(squared, obs.squared_scale);
-  }
-  return cost;
-}
+// Over (left rotation, translation, logarithm of the focal factor). Points without a pixel cost
+// infinitely much.
+struct PoseProblem {
+  struct State {
+    Camera camera;
+    Rigid3d cam_from_world;
+  };
 
-// Normal equations in (left rotation, translation, logarithm of the focal factor).
-void Linearize(const Observations& obs, const Camera& camera, const Rigid3d& pose, Matrix7d* JtJ,
-               Vector7d* Jtr) {
-  JtJ->setZero();
-  Jtr->setZero();
-  const std::vector<int> focal_indices = camera.FocalIndices();
+  NormalEquations<7> Linearize(const State& at) const;
+  State Moved(const State& from, const NormalEquations<7>::Vector& step) const;
+
+  const PixelsOfPoints& points;
+  std::span<const int> indices;
+  bool refine_focal;
+  double squared_scale;
+};
+
+NormalEquations<7> PoseProblem::Linearize(const State& at) const {
+  const auto& [camera, pose] = at;
+  NormalEquations<7> sums;
+  const std::vector<int> focal_indices = refine_focal ? camera.FocalIndices() : std::vector<int>();
   const auto num_params = static_cast<int>(camera.params.size());
   std::array<double, 2 * kMaxCameraParams> J_params;
-  for (const int i : obs.indices) {
-    const Eigen::Vector3d rotated = pose.rotation * obs.xyz[i];
+  for (const int i : indices) {
+    const Eigen::Vector3d rotated = pose.rotation * points.xyz[i];
     const Eigen::Vector3d x = rotated + pose.translation;
     Eigen::Vector2d pixel;
     Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_x;
-    ImgFromRay(camera.model, camera.params.data(), x.data(), pixel.data(), J_x.data(),
-               J_params.data());
-    const Eigen::Vector2d residual = pixel - obs.pixels[i];
-    Eigen::Matrix<double, 2, 7> J;
-    J.leftCols<3>() = -J_x * CrossMatrix(rotated);
-    J.middleCols<3>(3) = J_x;
-    J.col(6).setZero();
-    for (const int k : focal_indices) {
-      for (int row = 0; row < 2; ++row) {
-        J(row, 6) += camera.params[k] * J_params[row * num_params + k];
-      }
+    if (!ImgFromRay(camera.model, camera.params.data(), x.data(), pixel.data(), J_x.data(),
+                    J_params.data())) {
+      sums.cost = std::numeric_limits<double>::infinity();
+      return sums;
     }
-    const double weight = 1.0 / (1.0 + residual.squaredNorm() / obs.squared_scale);
-    JtJ->noalias() += weight * J.transpose() * J;
-    Jtr->noalias() += weight * J.transpose() * residual;
+    const Eigen::Vector2d residual = pixel - points.pixels[i];
+    const double squared = residual.squaredNorm();
+    sums.cost += RobustCost(squared, squared_scale);
+    const double weight = 1.0 / (1.0 + squared / squared_scale);
+    const Eigen::Matrix<double, 2, 3> by_rotation = -J_x * CrossMatrix(rotated);
+    for (int row = 0; row < 2; ++row) {
+      double by_focal = 0.0;
+      for (const int k : focal_indices) {
+        by_focal += camera.params[k] * J_params[row * num_params + k];
+      }
+      NormalEquations<7>::Vector J;
+      J << by_rotation.row(row).transpose(), J_x.row(row).transpose(), by_focal;
+      sums.Add(residual[row], J, weight);
+    }
   }
+  return sums;
+}
+
+PoseProblem::State PoseProblem::Moved(const State& from,
+                                      const NormalEquations<7>::Vector& step) const {
+  State to = from;
+  Rigid3d& pose = to.cam_from_world;
+  pose.rotation = (ExpSO3(step.head<3>()) * pose.rotation).normalized();
+  pose.translation += step.segment<3>(3);
+  if (refine_focal) to.camera.SetMeanFocal(from.camera.MeanFocal() * std::exp(step[6]));
+  return to;
 }
 
 }  // namespace
 
-int RefinePose(std::span<const Eigen::Vector2d> pixels, std::span<const Eigen::Vector3d> xyz,
-               std::span<const int> indices, bool refine_focal, double loss_scale_px,
-               int max_iterations, Camera& camera, Rigid3d& cam_from_world) {
-  const Observations obs{pixels, xyz, indices, loss_scale_px * loss_scale_px};
-  double cost = Cost(obs, camera, cam_from_world);
-  if (!std::isfinite(cost)) return 0;
-  double damping = 1e-4;
-  int num_accepted = 0;
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    Matrix7d JtJ;
-    Vector7d Jtr;
-    Linearize(obs, camera, cam_from_world, &JtJ, &Jtr);
-    if (!refine_focal) {
-      JtJ.row(6).setZero();
-      JtJ.col(6).setZero();
-      JtJ(6, 6) = 1.0;
-      Jtr[6] = 0.0;
-    }
-    bool accepted = false;
-    double gain = 0;
-    for (int attempt = 0; attempt < 8 && !accepted; ++attempt) {
-      Matrix7d damped = JtJ;
-      damped.diagonal() += damping * JtJ.diagonal();
-      const Vector7d delta = damped.ldlt().solve(-Jtr);
-      Rigid3d pose = cam_from_world;
-      pose.rotation = (ExpSO3(delta.head<3>()) * pose.rotation).normalized();
-      pose.translation += delta.segment<3>(3);
-      Camera candidate = camera;
-      if (refine_focal) candidate.SetMeanFocal(camera.MeanFocal() * std::exp(delta[6]));
-      const double candidate_cost = Cost(obs, candidate, pose);
-      accepted = candidate_cost < cost;
-      damping = accepted ? std::max(0.1 * damping, 1e-12) : 10.0 * damping;
-      if (!accepted) continue;
-      gain = (cost - candidate_cost) / cost;
-      cost = candidate_cost;
-      cam_from_world = pose;
-      camera = std::move(candidate);
-    }
-    if (!accepted) break;
-    ++num_accepted;
-    if (gain < 1e-9) break;
-  }
-  return num_accepted;
+int RefinePose(const PixelsOfPoints& points, std::span<const int> indices,
+               const AbsolutePoseRefinementOptions& options, Camera& camera,
+               Rigid3d& cam_from_world) {
+  PoseProblem problem{points, indices, options.refine_focal,
+                      options.loss_scale_px * options.loss_scale_px};
+  PoseProblem::State state{camera, cam_from_world};
+  const auto report = Minimize(problem, {options.max_iterations, 1e-9}, &state);
+  camera = std::move(state.camera);
+  cam_from_world = state.cam_from_world;
+  return report.num_accepted;
 }
 
 }  // namespace cairn

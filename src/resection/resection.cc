@@ -7,7 +7,6 @@
 #include <numeric>
 
 #include "cairn/base/check.h"
-#include "cairn/base/rng.h"
 #include "cairn/robust/ransac.h"
 #include "resection/p3p.h"
 #include "resection/pose_refinement.h"
@@ -22,9 +21,9 @@ class ResectionEstimator {
   static constexpr int kMaxSolutions = P3pSolver::kMaxSolutions;
   using Model = Rigid3d;
 
-  ResectionEstimator(const Camera& camera, std::span<const Eigen::Vector2d> pixels,
-                     std::span<const Eigen::Vector3d> xyz, double max_error_px)
-      : camera_(camera), pixels_(pixels), xyz_(xyz), max_error_px_(max_error_px) {
+  ResectionEstimator(const Camera& camera, const PixelsOfPoints& points, double max_error_px)
+      : camera_(camera), points_(points), max_error_px_(max_error_px) {
+    const std::span<const Eigen::Vector2d> pixels = points.pixels;
     for (size_t i = 0; i < pixels.size(); ++i) {
       if (!camera.IsPlanar()) {
         const std::optional<Eigen::Vector3d> bearing = camera.RayFromImg(pixels[i]);
@@ -46,7 +45,7 @@ class ResectionEstimator {
   int Solve(const uint32_t* sample, Model* models) const {
     std::array<P3pSample, kSampleSize> samples;
     for (int k = 0; k < kSampleSize; ++k) {
-      samples[k] = {bearings_[sample[k]], xyz_[usable_[sample[k]]]};
+      samples[k] = {bearings_[sample[k]], points_.xyz[usable_[sample[k]]]};
     }
     std::array<Model, kMaxSolutions> solutions;
     const int num = solver_.Solve(samples, solutions);
@@ -62,7 +61,7 @@ class ResectionEstimator {
     for (size_t i = 0; i < usable_.size(); ++i) {
       // What is left cannot reach the bound.
       if (score + static_cast<double>(usable_.size() - i) <= bound) return bound;
-      const Eigen::Vector3d x = R * xyz_[usable_[i]] + model.translation;
+      const Eigen::Vector3d x = R * points_.xyz[usable_[i]] + model.translation;
       const double squared = factor * SquaredError(i, x);
       if (squared < 1.0) score += 1.0 - squared;
     }
@@ -76,7 +75,8 @@ class ResectionEstimator {
       if (inliers.size() < kSampleSize) break;
       Camera camera = camera_;
       Model candidate = model;
-      RefinePose(pixels_, xyz_, inliers, false, 0.5 * max_error_px_, 10, camera, candidate);
+      RefinePose(points_, inliers, {.loss_scale_px = 0.5 * max_error_px_, .max_iterations = 10},
+                 camera, candidate);
       const double candidate_score = Score(candidate, -1.0);
       if (!(candidate_score > score)) break;
       score = candidate_score;
@@ -92,7 +92,7 @@ class ResectionEstimator {
     std::vector<int> inliers;
     const Eigen::Matrix3d R = model.RotationMatrix();
     for (size_t i = 0; i < usable_.size(); ++i) {
-      const Eigen::Vector3d x = R * xyz_[usable_[i]] + model.translation;
+      const Eigen::Vector3d x = R * points_.xyz[usable_[i]] + model.translation;
       const double error_px = camera_.MeanFocal() * std::sqrt(SquaredError(i, x));
       if (error_px <= max_error_px_) inliers.push_back(usable_[i]);
     }
@@ -109,12 +109,11 @@ class ResectionEstimator {
     }
     const auto pixel = camera_.ImgFromRay(x);
     if (!pixel) return std::numeric_limits<double>::infinity();
-    return (*pixel - pixels_[usable_[i]]).squaredNorm() / std::pow(camera_.MeanFocal(), 2);
+    return (*pixel - points_.pixels[usable_[i]]).squaredNorm() / std::pow(camera_.MeanFocal(), 2);
   }
 
   Camera camera_;
-  std::span<const Eigen::Vector2d> pixels_;
-  std::span<const Eigen::Vector3d> xyz_;
+  PixelsOfPoints points_;
   double max_error_px_;
   std::vector<int> usable_;            // correspondences whose distortion can be undone
   std::vector<Eigen::Vector2d> rays_;  // of planar cameras alone
@@ -160,9 +159,10 @@ std::string_view ResectionStatusName(ResectionStatus status) {
   return "unknown";
 }
 
-ResectionReport EstimateAbsolutePose(const Camera& camera, std::span<const Eigen::Vector2d> pixels,
-                                     std::span<const Eigen::Vector3d> xyz, bool estimate_focal,
-                                     const ResectionOptions& options, uint64_t seed, uint64_t id) {
+ResectionReport EstimateAbsolutePose(const Camera& camera, const PixelsOfPoints& points,
+                                     bool estimate_focal, const ResectionOptions& options,
+                                     const Rng& rng) {
+  const auto& [pixels, xyz] = points;
   CAIRN_CHECK_EQ(pixels.size(), xyz.size());
   ValidateOptions(options, "resection");
   ResectionReport report;
@@ -179,9 +179,9 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, std::span<const Eigen
   for (const double factor : FocalFactors(estimate_focal, options.num_focal_guesses)) {
     Camera candidate = camera;
     candidate.SetMeanFocal(factor * camera.MeanFocal());
-    ResectionEstimator estimator(candidate, pixels, xyz, options.max_error_px);
-    Rng rng(seed, "resection", id);
-    const auto ransac = Ransac(estimator, ransac_options, rng);
+    ResectionEstimator estimator(candidate, points, options.max_error_px);
+    Rng own_rng = rng;
+    const auto ransac = Ransac(estimator, ransac_options, own_rng);
     report.num_iterations += static_cast<int>(ransac.num_iterations);
     if (ransac.status == RansacStatus::kNoModel || ransac.status == RansacStatus::kTooFewSamples) {
       continue;
@@ -202,15 +202,16 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, std::span<const Eigen
 
   // Refine on the inliers, with the focal length where it is open; they may become more.
   for (int round = 0; round < 3; ++round) {
-    const ResectionEstimator estimator(report.camera, pixels, xyz, options.max_error_px);
+    const ResectionEstimator estimator(report.camera, points, options.max_error_px);
     std::vector<int> inliers = estimator.Inliers(report.cam_from_world);
     const bool same = round > 0 && inliers == report.inliers;
     report.inliers = std::move(inliers);
     if (same || report.inliers.size() < 4) break;
-    RefinePose(pixels, xyz, report.inliers, estimate_focal, 0.25 * options.max_error_px, 50,
+    RefinePose(points, report.inliers,
+               {.refine_focal = estimate_focal, .loss_scale_px = 0.25 * options.max_error_px},
                report.camera, report.cam_from_world);
   }
-  const ResectionEstimator estimator(report.camera, pixels, xyz, options.max_error_px);
+  const ResectionEstimator estimator(report.camera, points, options.max_error_px);
   report.inliers = estimator.Inliers(report.cam_from_world);
   const auto num_inliers = static_cast<double>(report.inliers.size());
   if (num_inliers < options.min_num_inliers ||

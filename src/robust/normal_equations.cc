@@ -279,10 +279,10 @@ internal::PoseArguments MakeArguments(const PointPairs& points, const Eigen::Mat
 
 }  // namespace
 
-SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,
-                                         const Eigen::Vector3d& t,
-                                         const Eigen::Matrix<double, 3, 2>& tangent,
-                                         RobustLoss loss, double scale_px) {
+NormalEquations<5> AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,
+                                     const Eigen::Vector3d& t,
+                                     const Eigen::Matrix<double, 3, 2>& tangent, RobustLoss loss,
+                                     double scale_px) {
   const internal::PoseArguments pose = MakeArguments(points, R, t, scale_px);
   internal::TangentArguments directions;
   for (int i = 0; i < 6; ++i) directions.v[i] = static_cast<float>(tangent(i / 2, i % 2));
@@ -294,7 +294,7 @@ SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::
   } else {
     HWY_DYNAMIC_DISPATCH(AccumulateGemanMcClure)(points, pose, directions, sums);
   }
-  SampsonNormalEquations equations;
+  NormalEquations<5> equations;
   int index = 0;
   for (int row = 0; row < 5; ++row) {
     for (int column = 0; column <= row; ++column, ++index) {

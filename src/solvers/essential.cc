@@ -1,9 +1,9 @@
 #include "cairn/solvers/essential.h"
 
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <cmath>
 
+#include "cairn/math/decompositions.h"
 #include "cairn/math/so3.h"
 
 namespace cairn {
@@ -27,15 +27,8 @@ EssentialDecomposition DecomposeEssential(const Eigen::Matrix3d& E) {
 }
 
 Eigen::Matrix3d NearestEssential(const Eigen::Matrix3d& matrix) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  return svd.matrixU() * Eigen::Vector3d(1.0, 1.0, 0.0).asDiagonal() * svd.matrixV().transpose();
-}
-
-Eigen::Matrix3d NearestRankTwo(const Eigen::Matrix3d& matrix) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d s = svd.singularValues();
-  s.z() = 0.0;
-  return svd.matrixU() * s.asDiagonal() * svd.matrixV().transpose();
+  const auto [U, V, s] = SingularValues(matrix);
+  return U * Eigen::Vector3d(1.0, 1.0, 0.0).asDiagonal() * V.transpose();
 }
 
 }  // namespace cairn

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <utility>
 
+#include "cairn/math/positive_definite.h"
 #include "cairn/solvers/polynomial.h"
 #include "solvers/complement.h"
 #include "solvers/essential_constraints.h"
@@ -120,7 +121,9 @@ bool Polish(const Eigen::Matrix<double, 9, 4>& basis, Eigen::Vector4d v, Eigen::
     for (int k = 0; k < 4; ++k) J.col(k) = Derivative(*E, ToMatrix(basis.col(k)));
     // The fourth direction, along v itself, is fixed by v v^T.
     const Eigen::Matrix4d H = J.transpose() * J + v * v.transpose();
-    const Eigen::Vector4d next = (v - H.ldlt().solve(J.transpose() * r)).normalized();
+    Eigen::Vector4d step;
+    if (!SolvePositive<4>(H, J.transpose() * r, &step)) break;
+    const Eigen::Vector4d next = (v - step).normalized();
     const Eigen::Matrix3d next_E = ToMatrix(basis * next);
     const Vector10d next_r = Residuals(next_E);
     if (!(next_r.squaredNorm() < r.squaredNorm())) break;

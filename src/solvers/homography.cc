@@ -1,11 +1,10 @@
 #include "cairn/solvers/homography.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <cmath>
 
+#include "cairn/math/decompositions.h"
 #include "solvers/point_normalization.h"
 
 namespace cairn {
@@ -68,9 +67,8 @@ bool HomographyFromPoints(std::span<const PointCorrespondence> samples, Eigen::M
     rows << p, 0.0, 0.0, 0.0, -q.x() * p, 0.0, 0.0, 0.0, p, -q.y() * p;
     AtA += rows.transpose().lazyProduct(rows);
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> eigen(AtA);
-  if (eigen.info() != Eigen::Success) return false;
-  const Eigen::Matrix<double, 9, 1> h = eigen.eigenvectors().col(0);
+  Eigen::Matrix<double, 9, 1> h;
+  if (!LeastEigenvector(AtA, &h)) return false;
   const Eigen::Matrix3d normalized = Eigen::Map<const RowMajor3d>(h.data());
   *H = (T2.Matrix().inverse() * normalized * T1.Matrix()).normalized();
   return H->allFinite();
@@ -78,8 +76,7 @@ bool HomographyFromPoints(std::span<const PointCorrespondence> samples, Eigen::M
 
 int DecomposeHomography(const Eigen::Matrix3d& H, PlaneMotion* motions, double rotation_tolerance) {
   // Scale to middle singular value 1 and positive determinant: H = R + (t / d) n^T.
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(H, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d s = svd.singularValues();
+  auto [U, V, s] = SingularValues(H);
   if (!(s.z() > 0.0)) return 0;
   Eigen::Matrix3d scaled = H / s.y();
   if (scaled.determinant() < 0.0) scaled = -scaled;
@@ -87,13 +84,12 @@ int DecomposeHomography(const Eigen::Matrix3d& H, PlaneMotion* motions, double r
   const double a = s.x() * s.x() - 1.0;  // both >= 0
   const double c = 1.0 - s.z() * s.z();
   if (a + c <= 2.0 * rotation_tolerance) {
-    const Eigen::Matrix3d R = svd.matrixU() * svd.matrixV().transpose();
+    const Eigen::Matrix3d R = U * V.transpose();
     motions[0] = {Rigid3d(R.determinant() < 0.0 ? Eigen::Matrix3d(-R) : R, Eigen::Vector3d::Zero()),
                   Eigen::Vector3d::Zero()};
     return 1;
   }
   // Vectors of the plane whose lengths H keeps: they lie in the scene plane's direction.
-  const Eigen::Matrix3d& V = svd.matrixV();
   const Eigen::Vector3d v2 = V.col(1);
   int count = 0;
   for (const double sign : {1.0, -1.0}) {
@@ -101,11 +97,11 @@ int DecomposeHomography(const Eigen::Matrix3d& H, PlaneMotion* motions, double r
         (std::sqrt(std::max(0.0, c)) * V.col(0) + sign * std::sqrt(std::max(0.0, a)) * V.col(2)) /
         std::sqrt(a + c);
     const Eigen::Vector3d normal = v2.cross(u);
-    Eigen::Matrix3d U, W;
-    U << v2, u, normal;
     const Eigen::Vector3d Hv2 = scaled * v2, Hu = scaled * u;
-    W << Hv2, Hu, Hv2.cross(Hu);
-    const Eigen::Matrix3d R = W * U.transpose();
+    Eigen::Matrix3d from, onto;
+    from << v2, u, normal;
+    onto << Hv2, Hu, Hv2.cross(Hu);
+    const Eigen::Matrix3d R = onto * from.transpose();
     const Eigen::Vector3d t = (scaled - R) * normal;
     motions[count++] = {Rigid3d(R, t), normal};
     motions[count++] = {Rigid3d(R, -t), -normal};

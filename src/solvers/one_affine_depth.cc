@@ -2,8 +2,9 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <cmath>
+
+#include "cairn/math/so3.h"
 
 namespace cairn {
 namespace {
@@ -72,12 +73,7 @@ int OneAffineDepthUmeyama::Solve(const Sample* samples, Model* models) {
   if (!Normal(frame1.derivative, &normal1) || !Normal(frame2.derivative, &normal2)) return 0;
   if (!CanBeOneSurface(frame1, frame2, normal1, normal2)) return 0;
   const Eigen::Matrix3d covariance = frame2.derivative * frame1.derivative.transpose();
-  Eigen::JacobiSVD<Eigen::Matrix3d> svd;
-  svd.compute(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Matrix3d UVt = svd.matrixU() * svd.matrixV().transpose();
-  const Eigen::Vector3d d(1.0, 1.0, UVt.determinant() < 0 ? -1.0 : 1.0);
-  const Eigen::Matrix3d R = svd.matrixU() * d.asDiagonal() * svd.matrixV().transpose();
-  return FinishModel(frame1, frame2, R, models);
+  return FinishModel(frame1, frame2, NearestRotation(covariance), models);
 }
 
 }  // namespace cairn

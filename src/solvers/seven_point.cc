@@ -2,8 +2,8 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/QR>
 
+#include "cairn/math/householder.h"
 #include "cairn/solvers/polynomial.h"
 
 namespace cairn {
@@ -15,9 +15,7 @@ int SevenPoint::Solve(const Sample* samples, Model* models) {
     const double x2 = samples[i].x2.x(), y2 = samples[i].x2.y();
     equations.col(i) << x2 * x1, x2 * y1, x2, y2 * x1, y2 * y1, y2, x1, y1, 1.0;
   }
-  const Eigen::HouseholderQR<Eigen::Matrix<double, 9, 7>> qr(equations);
-  Eigen::Matrix<double, 9, 2> basis = Eigen::Matrix<double, 9, 9>::Identity().rightCols<2>();
-  basis.applyOnTheLeft(qr.householderQ());
+  const Eigen::Matrix<double, 9, 2> basis = Householder<9, 7>(equations).Complement();
   using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   const Eigen::Matrix3d F1 = Eigen::Map<const RowMajor3d>(basis.col(0).data());
   const Eigen::Matrix3d F2 = Eigen::Map<const RowMajor3d>(basis.col(1).data());

@@ -1,10 +1,10 @@
 #include "cairn/solvers/two_affine.h"
 
 #include <Eigen/Geometry>
-#include <Eigen/QR>
 #include <cmath>
 #include <numbers>
 
+#include "cairn/math/householder.h"
 #include "cairn/solvers/five_point.h"
 #include "solvers/complement.h"
 #include "solvers/essential_constraints.h"
@@ -52,19 +52,17 @@ bool FillEquations(const AffineCorrespondence* samples, Equations* columns) {
 int TwoAffine::Solve(const Sample* samples, Model* models) {
   Equations equations;
   if (!FillEquations(samples, &equations)) return 0;
-  const Eigen::HouseholderQR<Equations> equations_qr(equations);
-  const Eigen::Matrix<double, 9, 9> Q = equations_qr.householderQ();
+  const Eigen::Matrix<double, 9, 3> space = Householder<9, 6>(equations).Complement();
   // E = x X + y Y + W in the last three columns: the monomials without z.
   Eigen::Matrix<double, 9, 4> basis;
-  basis << Q.col(6), Q.col(7), Eigen::Matrix<double, 9, 1>::Zero(), Q.col(8);
+  basis << space.col(0), space.col(1), Eigen::Matrix<double, 9, 1>::Zero(), space.col(2);
   internal::ConstraintMatrix constraints;
   internal::EssentialConstraints(basis, &constraints);
   // x3 y3 x2y xy2 x2 y2 xy x y | 1.
   static constexpr int kColumns[9] = {0, 1, 2, 3, 5, 7, 9, 12, 15};
   Eigen::Matrix<double, 10, 9> A;
   for (int k = 0; k < 9; ++k) A.col(k) = constraints.col(kColumns[k]);
-  const Eigen::ColPivHouseholderQR<Eigen::Matrix<double, 10, 9>> qr(A);
-  const Eigen::Matrix<double, 9, 1> monomials = qr.solve(-constraints.col(19));
+  const Eigen::Matrix<double, 9, 1> monomials = Householder<10, 9>(A).Solve(-constraints.col(19));
   const Eigen::Vector4d v = Eigen::Vector4d(monomials[7], monomials[8], 0.0, 1.0).normalized();
   if (!v.allFinite()) return 0;
   const Eigen::Matrix<double, 9, 1> e = std::numbers::sqrt2 * (basis * v);

@@ -19,7 +19,6 @@ Eigen::Vector3d Normalized(const Eigen::Vector3d& direction) {
 
 DirectionEdge Canonical(const DirectionEdge& edge) {
   CAIRN_CHECK_NE(edge.image_id1, edge.image_id2);
-  CAIRN_CHECK(edge.weight > 0 && std::isfinite(edge.weight));
   DirectionEdge result = edge;
   result.direction = Normalized(edge.direction);
   if (result.image_id1 > result.image_id2) {
@@ -56,10 +55,8 @@ void AddTracks(std::span<const PointDirections> tracks, DirectionProblem& proble
   std::vector<std::vector<RayKey>> keys;
   for (const PointDirections& track : tracks) keys.push_back(TrackKey(track));
   const auto key = [&](int k) -> const std::vector<RayKey>& { return keys[k]; };
-  problem.track_of_input.assign(tracks.size(), -1);
   for (const int k : SortedOrder(keys.size(), key)) {
     if (keys[k].size() < 2) continue;
-    problem.track_of_input[k] = problem.NumTracks();
     for (const auto& [image_id, x, y, z] : keys[k]) {
       const auto& ids = problem.image_ids;
       const auto it = std::lower_bound(ids.begin(), ids.end(), image_id);
@@ -90,24 +87,22 @@ DirectionProblem MakeDirectionProblem(std::span<const DirectionEdge> input,
 
   const auto key = [&](int e) {
     const DirectionEdge& edge = edges[e];
-    return std::make_tuple(edge.image_id1, edge.image_id2, edge.weight, edge.direction.x(),
-                           edge.direction.y(), edge.direction.z());
+    return std::make_tuple(edge.image_id1, edge.image_id2, edge.direction.x(), edge.direction.y(),
+                           edge.direction.z());
   };
   problem.edge_of_input.resize(edges.size());
   for (const int e : SortedOrder(edges.size(), key)) {
     problem.edge_of_input[e] = static_cast<int>(problem.edges.size());
-    problem.edges.push_back({camera_of(edges[e].image_id1), camera_of(edges[e].image_id2),
-                             edges[e].direction, edges[e].weight});
+    problem.edges.push_back(
+        {camera_of(edges[e].image_id1), camera_of(edges[e].image_id2), edges[e].direction});
   }
   AddTracks(tracks, problem);
   return problem;
 }
 
-DirectionSubproblem Restrict(const DirectionProblem& problem, const std::vector<int>& cameras,
-                             const std::vector<char>& edge_is_out) {
-  DirectionSubproblem result;
-  DirectionProblem& part = result.problem;
-  result.camera_of = cameras;
+DirectionProblem Restrict(const DirectionProblem& problem, const std::vector<int>& cameras,
+                          const std::vector<char>& edge_is_out) {
+  DirectionProblem part;
   std::vector<int> new_camera(problem.NumCameras(), -1);
   for (const int camera : cameras) {
     new_camera[camera] = part.NumCameras();
@@ -119,7 +114,6 @@ DirectionSubproblem Restrict(const DirectionProblem& problem, const std::vector<
     edge.camera2 = new_camera[edge.camera2];
     if (edge_is_out[e] || edge.camera1 < 0 || edge.camera2 < 0) continue;
     part.edges.push_back(edge);
-    result.edge_of.push_back(static_cast<int>(e));
   }
   for (int k = 0; k < problem.NumTracks(); ++k) {
     const size_t begin = part.rays.size();
@@ -132,9 +126,8 @@ DirectionSubproblem Restrict(const DirectionProblem& problem, const std::vector<
       continue;
     }
     part.track_begin.push_back(static_cast<int>(part.rays.size()));
-    result.track_of.push_back(k);
   }
-  return result;
+  return part;
 }
 
 }  // namespace cairn

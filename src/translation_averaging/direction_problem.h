@@ -16,7 +16,6 @@ struct DirectionProblem {
     int camera1 = 0;
     int camera2 = 0;
     Eigen::Vector3d direction;  // of c2 - c1
-    double weight = 1;
   };
   struct Ray {
     int camera = 0;
@@ -29,7 +28,6 @@ struct DirectionProblem {
   // Rays of track k: rays[track_begin[k]] .. rays[track_begin[k + 1] - 1], by camera.
   std::vector<int> track_begin = {0};
   std::vector<Ray> rays;
-  std::vector<int> track_of_input;  // -1: fewer than two rays
 
   int NumCameras() const { return static_cast<int>(image_ids.size()); }
   int NumTracks() const { return static_cast<int>(track_begin.size()) - 1; }
@@ -41,17 +39,9 @@ struct DirectionProblem {
 DirectionProblem MakeDirectionProblem(std::span<const DirectionEdge> edges,
                                       std::span<const PointDirections> tracks);
 
-// The part of a problem that a set of cameras sees, with the numbers of the whole problem.
-struct DirectionSubproblem {
-  DirectionProblem problem;
-  std::vector<int> camera_of;  // number in the whole problem of each camera, edge and track
-  std::vector<int> edge_of;
-  std::vector<int> track_of;
-};
-
 // Keeps these cameras (sorted), the edges among them that are not in `edge_is_out`, and what is
 // left of the tracks if that is at least two rays.
-DirectionSubproblem Restrict(const DirectionProblem& problem, const std::vector<int>& cameras,
-                             const std::vector<char>& edge_is_out);
+DirectionProblem Restrict(const DirectionProblem& problem, const std::vector<int>& cameras,
+                          const std::vector<char>& edge_is_out);
 
 }  // namespace cairn

@@ -1,10 +1,10 @@
 #include "translation_averaging/start.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 
 #include "cairn/base/check.h"
+#include "cairn/math/decompositions.h"
 #include "sparse/laplacian_solver.h"
 
 namespace cairn {
@@ -103,9 +103,9 @@ Eigen::Vector3d PointFromRays(std::span<const DirectionProblem::Ray> rays,
     center += cameras.col(ray.camera) / static_cast<double>(rays.size());
     mean_direction += ray.direction;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(A);
+  const SymmetricEigen3 eigen = SymmetricEigen(A);
   constexpr double kMinSquaredSine = 1e-6;  // rays within about 0.1 degrees
-  if (eigen.eigenvalues()[0] > kMinSquaredSine * static_cast<double>(rays.size())) {
+  if (eigen.values[0] > kMinSquaredSine * static_cast<double>(rays.size())) {
     const Eigen::Vector3d X = A.inverse() * b;
     const bool in_front = std::all_of(rays.begin(), rays.end(), [&](const auto& ray) {
       return ray.direction.dot(X - cameras.col(ray.camera)) > 0;

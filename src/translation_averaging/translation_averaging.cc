@@ -17,8 +17,6 @@
 namespace cairn {
 namespace {
 
-// Errors up to this many Huber thresholds count as support of a camera.
-constexpr double kSupportFactor = 3.0;
 // The noise is at least this: measured errors of few or perfect directions mean little.
 constexpr double kMinEdgeNoiseDeg = 0.1;
 constexpr double kMinRayNoiseDeg = 0.02;
@@ -59,17 +57,13 @@ Errors MeasureErrors(const DirectionProblem& problem, const Positions& x) {
   return errors;
 }
 
-// All edges together count as their number, all rays together as point_weight times that.
+// Edges count one each, all rays together as point_weight times that.
 FitWeights BalancedWeights(const DirectionProblem& problem,
                            const TranslationAveragingOptions& options) {
   FitWeights weights;
   weights.edge_huber_deg = weights.ray_huber_deg = options.huber_deg;
-  double total = 0;
-  for (const DirectionProblem::Edge& edge : problem.edges) total += edge.weight;
+  weights.edges.assign(problem.edges.size(), 1.0);
   const double num_edges = static_cast<double>(problem.edges.size());
-  for (const DirectionProblem::Edge& edge : problem.edges) {
-    weights.edges.push_back(edge.weight * num_edges / total);
-  }
   const double num_rays = static_cast<double>(problem.rays.size());
   weights.rays.assign(problem.rays.size(),
                       num_edges > 0 ? options.point_weight * num_edges / num_rays : 1.0);
@@ -99,67 +93,6 @@ FitWeights WeightsFromErrors(const DirectionProblem& problem, const Errors& erro
     weights.rays[r] = ratio * ratio * TukeyWeight(errors.rays_deg[r], ray_noise);
   }
   return weights;
-}
-
-void ReportSupport(const DirectionProblem& problem, const Errors& errors, double max_error_deg,
-                   TranslationAveragingReport& report) {
-  std::vector<std::vector<double>> of_camera(problem.NumCameras());
-  for (size_t e = 0; e < problem.edges.size(); ++e) {
-    for (const int camera : {problem.edges[e].camera1, problem.edges[e].camera2}) {
-      of_camera[camera].push_back(errors.edges_deg[e]);
-      if (errors.edges_deg[e] <= max_error_deg) {
-        ++report.support[problem.image_ids[camera]].num_edges;
-      }
-    }
-  }
-  for (size_t r = 0; r < problem.rays.size(); ++r) {
-    const int camera = problem.rays[r].camera;
-    of_camera[camera].push_back(errors.rays_deg[r]);
-    if (errors.rays_deg[r] <= max_error_deg) {
-      ++report.support[problem.image_ids[camera]].num_points;
-    }
-  }
-  for (int i = 0; i < problem.NumCameras(); ++i) {
-    report.support[problem.image_ids[i]].median_error_deg = UpperMedian(of_camera[i]);
-  }
-}
-
-// Centers, support, points and errors in the order of the input.
-void FillReport(const DirectionProblem& whole, const DirectionSubproblem& part, const Positions& x,
-                const TranslationAveragingOptions& options, TranslationAveragingReport& report) {
-  const DirectionProblem& problem = part.problem;
-  const Errors errors = MeasureErrors(problem, x);
-  for (int i = 0; i < problem.NumCameras(); ++i) {
-    report.centers[problem.image_ids[i]] = x.cameras.col(i);
-  }
-  ReportSupport(problem, errors, kSupportFactor * options.huber_deg, report);
-
-  std::vector<int> part_track(whole.NumTracks(), -1);
-  for (size_t k = 0; k < part.track_of.size(); ++k)
-    part_track[part.track_of[k]] = static_cast<int>(k);
-  for (size_t input = 0; input < whole.track_of_input.size(); ++input) {
-    const int track = whole.track_of_input[input];
-    const int k = track < 0 ? -1 : part_track[track];
-    if (k < 0) continue;
-    report.points[input] = x.points.col(k);
-    const auto rays = problem.RaysOf(k);
-    const auto num_in_front = std::count_if(rays.begin(), rays.end(), [&](const auto& ray) {
-      return ray.direction.dot(x.points.col(k) - x.cameras.col(ray.camera)) > 0;
-    });
-    report.point_is_valid[input] = num_in_front >= 2;
-  }
-  std::vector<int> part_camera(whole.NumCameras(), -1);
-  for (size_t i = 0; i < part.camera_of.size(); ++i) {
-    part_camera[part.camera_of[i]] = static_cast<int>(i);
-  }
-  for (size_t input = 0; input < whole.edge_of_input.size(); ++input) {
-    const DirectionProblem::Edge& edge = whole.edges[whole.edge_of_input[input]];
-    const int camera1 = part_camera[edge.camera1];
-    const int camera2 = part_camera[edge.camera2];
-    if (camera1 < 0 || camera2 < 0) continue;
-    const Eigen::Vector3d D = x.cameras.col(camera2) - x.cameras.col(camera1);
-    report.edge_errors_deg[input] = RadToDeg(AngleBetween(D, edge.direction));
-  }
 }
 
 // Fills the status; false if the solution must not be used.
@@ -226,9 +159,6 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
                                                const RunContext& run) {
   ValidateOptions(options, "translation_averaging");
   TranslationAveragingReport report;
-  report.points.assign(tracks.size(), Eigen::Vector3d::Zero());
-  report.point_is_valid.assign(tracks.size(), 0);
-  report.edge_errors_deg.assign(edges.size(), -1.0);
   if (!options.use_points) tracks = {};
   const DirectionProblem whole = MakeDirectionProblem(edges, tracks);
   const std::vector<char> edge_is_out = FilterEdges(whole, options, run, report);
@@ -241,16 +171,14 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
   }
   if (placeable.empty()) return report;
 
-  const DirectionSubproblem part = Restrict(whole, placeable, edge_is_out);
-  Positions x = LeastUnsquaredDeviations(part.problem);
-  PositionSystem system(part.problem, run.num_threads);
-  FitWeights weights = BalancedWeights(part.problem, options);
+  const DirectionProblem part = Restrict(whole, placeable, edge_is_out);
+  Positions x = LeastUnsquaredDeviations(part);
+  PositionSystem system(part, run.num_threads);
+  FitWeights weights = BalancedWeights(part, options);
   for (int pass = 0; pass <= options.num_reweightings && !run.monitor.StopRequested(); ++pass) {
-    if (pass > 0)
-      weights = WeightsFromErrors(part.problem, MeasureErrors(part.problem, x), options);
+    if (pass > 0) weights = WeightsFromErrors(part, MeasureErrors(part, x), options);
     weights.tolerance = pass < options.num_reweightings ? kCoarseTolerance : kFineTolerance;
-    report.num_iterations +=
-        FitPositions(part.problem, options, weights, system, x, run).num_iterations;
+    report.num_iterations += FitPositions(part, options, weights, system, x, run).num_iterations;
   }
   if (run.monitor.StopRequested()) {
     report.status = TranslationAveragingStatus::kInterrupted;
@@ -258,14 +186,9 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
   }
   Normalize(x);
   const SpreadReport spread = AnalyzeSpread(x.cameras, options.min_spread);
-  if (!Accept(part.problem, x, spread, options, report)) return report;
-  FillReport(whole, part, x, options, report);
-  for (const int camera : spread.thrown_away) {
-    const image_t image_id = part.problem.image_ids[camera];
-    report.thrown_away.push_back(image_id);
-    report.centers.erase(image_id);
-    report.support.erase(image_id);
-  }
+  if (!Accept(part, x, spread, options, report)) return report;
+  for (int i = 0; i < part.NumCameras(); ++i) report.centers[part.image_ids[i]] = x.cameras.col(i);
+  for (const int camera : spread.thrown_away) report.centers.erase(part.image_ids[camera]);
   return report;
 }
 

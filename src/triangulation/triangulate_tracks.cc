@@ -52,9 +52,11 @@ void UndistortRays(const Camera& camera, PreparedImage* p) {
       p->rays[k].setConstant(std::nan(""));
       continue;
     }
-    p->own_cameras[k] = {
-        Eigen::Quaterniond::FromTwoVectors(*bearing, Eigen::Vector3d::UnitZ()).toRotationMatrix(),
-        1.0 / radians_per_px};
+    const Eigen::Vector3d across = bearing->unitOrthogonal();
+    PreparedImage::OwnCamera& own = p->own_cameras[k];
+    own.own_from_cam << across.transpose(), bearing->cross(across).transpose(),
+        bearing->transpose();
+    own.focal_px = 1.0 / radians_per_px;
   }
 }
 

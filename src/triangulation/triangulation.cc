@@ -1,6 +1,5 @@
 #include "cairn/triangulation/triangulation.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <numeric>
 
 #include "cairn/math/angles.h"
+#include "cairn/math/positive_definite.h"
 
 namespace cairn {
 namespace {
@@ -40,18 +40,14 @@ double MaxErrorPx(const TriangulationView& view, const TriangulationOptions& opt
              : options.max_error_px;
 }
 
-// Solves a symmetric 3x3 system; false if it is singular for practical purposes.
-bool SolvePositive(const Eigen::Matrix3d& A, const Eigen::Vector3d& b, Eigen::Vector3d* x) {
-  const Eigen::LDLT<Eigen::Matrix3d> ldlt(A);
-  const auto pivots = ldlt.vectorD().cwiseAbs();
-  if (!(pivots.minCoeff() > 1e-12 * pivots.maxCoeff())) return false;
-  *x = ldlt.solve(b);
-  return x->allFinite();
-}
+// Below this share of the largest curvature a direction is not determined.
+constexpr double kMinPivot = 1e-12;
 
+// The point nearest to all rays, by squared distances, then once more with each distance divided by
+// the depth, which makes it an angle. False if the rays are parallel. The result may be behind a
+// camera.
 template <class Indices>
 bool Midpoint(Views views, const Indices& indices, Eigen::Vector3d* xyz) {
-  // First unweighted, then weighted by the inverse depths of the first point.
   for (int round = 0; round < 2; ++round) {
     Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
     Eigen::Vector3d b = Eigen::Vector3d::Zero();
@@ -66,7 +62,7 @@ bool Midpoint(Views views, const Indices& indices, Eigen::Vector3d* xyz) {
       A += across;
       b += across * center;
     }
-    if (!SolvePositive(A, b, xyz)) return false;
+    if (!SolvePositive<3>(A, b, xyz, kMinPivot)) return false;
   }
   return true;
 }
@@ -96,7 +92,7 @@ void Refine(Views views, const std::vector<int>& indices, int max_steps, Eigen::
       Jtr += J.transpose() * (Precision(view) * view.focal_px * (uv - view.ray));
     }
     Eigen::Vector3d delta;
-    if (!SolvePositive(JtJ, -Jtr, &delta)) return;
+    if (!SolvePositive<3>(JtJ, -Jtr, &delta, kMinPivot)) return;
     const Eigen::Vector3d candidate = *xyz + delta;
     const double candidate_cost = WeighedError(views, indices, candidate);
     if (!(candidate_cost < cost)) return;
@@ -179,26 +175,6 @@ void TriangulationOptions::VisitFields(OptionVisitor& v) {
         "pairs of views tried where not all views agree; 0: none");
 }
 
-std::string_view TriangulationStatusName(TriangulationStatus status) {
-  switch (status) {
-    case TriangulationStatus::kSuccess:
-      return "success";
-    case TriangulationStatus::kTooFewViews:
-      return "too_few_views";
-    case TriangulationStatus::kSmallAngle:
-      return "small_angle";
-    case TriangulationStatus::kIllPosed:
-      return "ill_posed";
-  }
-  return "unknown";
-}
-
-bool TriangulateMidpoint(std::span<const TriangulationView> views, Eigen::Vector3d* xyz) {
-  std::vector<int> all(views.size());
-  std::iota(all.begin(), all.end(), 0);
-  return Midpoint(views, all, xyz);
-}
-
 TriangulationResult Triangulate(std::span<const TriangulationView> views,
                                 const TriangulationOptions& options) {
   TriangulationResult result;
@@ -211,9 +187,10 @@ TriangulationResult Triangulate(std::span<const TriangulationView> views,
   if (views.size() < min_views) return fail(TriangulationStatus::kTooFewViews);
 
   Eigen::Vector3d xyz;
-  const bool well_posed = TriangulateMidpoint(views, &xyz);
-  std::vector<int> inliers;
-  if (well_posed) inliers = Agreeing(views, xyz, options);
+  std::vector<int> inliers(views.size());
+  std::iota(inliers.begin(), inliers.end(), 0);
+  const bool well_posed = Midpoint(views, inliers, &xyz);
+  inliers = well_posed ? Agreeing(views, xyz, options) : std::vector<int>();
   if (inliers.size() < views.size() && views.size() > 2 && options.max_pairs > 0 &&
       SearchPairs(views, options, &xyz)) {
     inliers = Agreeing(views, xyz, options);

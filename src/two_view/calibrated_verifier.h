@@ -1,16 +1,24 @@
 #pragma once
 
-#include "cairn/two_view/pair_verifier.h"
-#include "two_view/prepared_pair.h"
+#include "two_view/prepare/prepared_pair.h"
 
 namespace cairn::internal {
 
-// A verifier that takes the focal lengths as they are.
-class CalibratedVerifier : public PairVerifier {
- public:
-  // What the last Verify prepared of a pair with enough matches, for those who go on with it; none
-  // if not ordered by consensus.
-  virtual const PreparedPair* pair_by_consensus() const { return nullptr; }
+// How a pose is searched for: the steps, in this order, each only while evidence is missing.
+struct SearchSteps {
+  std::string_view name;  // of them all
+  bool one_ac_depth = true;
+  bool triangles = true;
+  bool two_ac = true;
+  bool five_point = true;
+  // The votes of neighbours order the matches and set the budgets; without, five points have
+  // TwoViewOptions::max_iterations.
+  bool uses_votes = true;
 };
+
+// Searches the pose of a prepared pair and decides what the pair is, by the focal lengths as they
+// are.
+PairReport VerifyCalibrated(const PreparedPair& pair, const SearchSteps& steps,
+                            const TwoViewOptions& options);
 
 }  // namespace cairn::internal

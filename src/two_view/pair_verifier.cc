@@ -2,8 +2,6 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
-#include "two_view/cascade_verifier.h"
-#include "two_view/five_point_verifier.h"
 #include "two_view/focal_verifier.h"
 
 namespace cairn {
@@ -53,20 +51,18 @@ VerifierKind VerifierKindFromName(std::string_view name) {
 
 std::unique_ptr<PairVerifier> MakePairVerifier(VerifierKind kind, const TwoViewOptions& options) {
   ValidateOptions(options, "verification");
-  std::unique_ptr<internal::CalibratedVerifier> verifier;
-  if (kind == VerifierKind::kFivePoint) {
-    verifier = std::make_unique<internal::FivePointVerifier>(options);
-  } else {
-    internal::CascadeSteps steps;
-    steps.one_ac_depth = kind != VerifierKind::kTwoAc;
-    steps.triangles = kind == VerifierKind::kCascade;
-    steps.two_ac = kind != VerifierKind::kOneAcDepth;
-    steps.five_point = kind == VerifierKind::kCascade;
-    verifier = std::make_unique<internal::CascadeVerifier>(steps, VerifierKindName(kind), options);
-  }
+  const bool is_cascade = kind == VerifierKind::kCascade;
+  const bool is_five_point = kind == VerifierKind::kFivePoint;
+  internal::SearchSteps steps;
+  steps.name = VerifierKindName(kind);
+  steps.one_ac_depth = kind != VerifierKind::kTwoAc && !is_five_point;
+  steps.triangles = is_cascade;
+  steps.two_ac = kind != VerifierKind::kOneAcDepth && !is_five_point;
+  steps.five_point = is_cascade || is_five_point;
+  steps.uses_votes = !is_five_point;
   // Single steps are there to be compared: nothing else finds a pair for them.
   const bool searches = kind != VerifierKind::kOneAcDepth && kind != VerifierKind::kTwoAc;
-  return std::make_unique<internal::FocalVerifier>(std::move(verifier), searches, options);
+  return std::make_unique<internal::FocalVerifier>(steps, searches, options);
 }
 
 }  // namespace cairn

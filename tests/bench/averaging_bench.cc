@@ -84,7 +84,7 @@ void BM_TranslationAveraging(benchmark::State& state) {
   std::vector<DirectionEdge> edges;
   for (const ViewEdge& e : problem.graph.edges) {
     const Eigen::Quaterniond& q = problem.cam_from_world.at(e.image_id2).rotation;
-    edges.push_back({e.image_id1, e.image_id2, q.conjugate() * -e.cam2_from_cam1.translation, 1.0});
+    edges.push_back({e.image_id1, e.image_id2, q.conjugate() * -e.cam2_from_cam1.translation});
   }
   std::vector<PointDirections> tracks;
   if (state.range(2)) tracks = LandmarkTracks(problem);

@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "cairn/database/own_matches.h"
 #include "cairn/depth/depth_network.h"
 #include "cairn/depth/sample_depth.h"
 #include "cairn/image/bitmap.h"
@@ -23,6 +24,7 @@ PairInput PairData::Input(size_t index, uint64_t seed) const {
   input.depth1 = image1.depth;
   input.depth2 = image2.depth;
   input.matches = matches;
+  input.are_best_first = are_best_first[index];
   return input;
 }
 
@@ -37,7 +39,9 @@ PairData ReadPairData(const std::string& database_path) {
     to.camera = cameras.at(image.camera_id);
     to.keypoints = database.ReadKeypoints(image.image_id).value();
   }
+  const OwnMatches own_matches(database);
   for (const image_pair_t id : database.ReadMatchedPairIds()) {
+    data.are_best_first.push_back(own_matches.Contains(id));
     data.pairs.emplace_back(id, database.ReadMatches(id).value());
   }
   return data;

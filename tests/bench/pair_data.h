@@ -22,6 +22,7 @@ struct ImageData {
 struct PairData {
   std::map<image_t, ImageData> images;
   std::vector<std::pair<image_pair_t, FeatureMatches>> pairs;
+  std::vector<bool> are_best_first;  // of pairs
 
   PairInput Input(size_t index, uint64_t seed) const;
 };

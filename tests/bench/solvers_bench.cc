@@ -116,10 +116,10 @@ BENCHMARK(BM_Solver<SevenPoint>);
 void BM_EightPoint(benchmark::State& state) {
   std::vector<PointCorrespondence> points;
   for (const auto& patch : Instances()[0].patches) points.push_back(patch.points());
-  Eigen::Matrix3d E;
+  Eigen::Matrix3d F;
   for (auto _ : state) {
-    benchmark::DoNotOptimize(EssentialFromEightPoints(points, &E));
-    benchmark::DoNotOptimize(E);
+    benchmark::DoNotOptimize(FundamentalFromEightPoints(points, &F));
+    benchmark::DoNotOptimize(F);
   }
 }
 BENCHMARK(BM_EightPoint);

@@ -110,8 +110,6 @@ struct Camera {
   // J, if given, is d(u, v)/d(pixel).
   std::optional<Eigen::Vector2d> CamFromImg(const Eigen::Vector2d& pixel,
                                             Eigen::Matrix2d* J = nullptr) const;
-  // A threshold in pixels as one in normalized coordinates: divided by the mean focal length.
-  double CamFromImgThreshold(double threshold_px) const { return threshold_px / MeanFocal(); }
 };
 
 // The default inlier threshold of a match, pixels from its epipolar line: 0.05 % of the diagonal

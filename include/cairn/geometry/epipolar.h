@@ -26,11 +26,8 @@ double SquaredSampsonError(const Eigen::Matrix3d& E, const Eigen::Vector2d& x1,
 double SquaredRaySampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& ray1,
                               const Eigen::Vector3d& ray2);
 
-// Depths (along the rays (x, 1)) at which two rays come nearest, or false if the rays are parallel.
-// A point in front of both cameras has both positive.
-bool TriangulateDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector2d& x1,
-                       const Eigen::Vector2d& x2, double* depth1, double* depth2);
-// The same along rays in any direction, in units of their lengths.
+// Depths along two rays in any direction, in units of their lengths, at which they come nearest, or
+// false if the rays are parallel. A point in front of both cameras has both positive.
 bool TriangulateRayDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector3d& ray1,
                           const Eigen::Vector3d& ray2, double* depth1, double* depth2);
 

@@ -1,12 +1,12 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
 #include <span>
 #include <string_view>
 #include <vector>
 
 #include "cairn/base/options.h"
+#include "cairn/base/rng.h"
 #include "cairn/camera/camera.h"
 #include "cairn/geometry/rigid3d.h"
 
@@ -47,11 +47,17 @@ struct ResectionReport {
   int num_iterations = 0;
 };
 
+// Pixels, and the world points that they show.
+struct PixelsOfPoints {
+  std::span<const Eigen::Vector2d> pixels;
+  std::span<const Eigen::Vector3d> xyz;
+};
+
 // Pose of a camera from pixels that show known world points: P3P in LO-RANSAC (MSAC score), then
 // Levenberg-Marquardt on the robust reprojection error. estimate_focal: the camera's focal length
-// is only a guess. Random numbers: Rng(seed, "resection", id).
-ResectionReport EstimateAbsolutePose(const Camera& camera, std::span<const Eigen::Vector2d> pixels,
-                                     std::span<const Eigen::Vector3d> xyz, bool estimate_focal,
-                                     const ResectionOptions& options, uint64_t seed, uint64_t id);
+// is only a guess. rng: every focal length tried begins with it as it is.
+ResectionReport EstimateAbsolutePose(const Camera& camera, const PixelsOfPoints& points,
+                                     bool estimate_focal, const ResectionOptions& options,
+                                     const Rng& rng);
 
 }  // namespace cairn

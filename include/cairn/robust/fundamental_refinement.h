@@ -1,30 +1,35 @@
 #pragma once
 
-#include "cairn/robust/sampson_kernels.h"
+#include "cairn/math/normal_equations.h"
+#include "cairn/robust/fundamental_factors.h"
+#include "cairn/robust/point_pairs.h"
 
 namespace cairn {
 
 struct FundamentalRefinementOptions {
   double scale_px = 1.0;
   int max_iterations = 25;
-  // Stops when a step is shorter than this, or gains less than this share of the cost.
-  double min_step = 1e-8;
-  double min_relative_gain = 1e-5;
+  double min_relative_gain = 1e-5;  // a step that gains less of the cost is the last
 };
 
 struct FundamentalRefinementReport {
+  FundamentalFactors factors;
   Eigen::Matrix3d F;  // of rank 2, |F| = 1
   double cost = 0.0;  // sum of losses, each at most 1
   int num_iterations = 0;
 };
 
-// Levenberg-Marquardt on the Geman-McClure loss of the Sampson error over the seven parameters of
-// F = U diag(cos s, sin s, 0) V^T (Bartoli and Sturm, "Nonlinear estimation of the fundamental
-// matrix with minimal parameters", PAMI 2004). F of normalized points, as the errors of
-// sampson_kernels.h. Any start but zero will do; its third singular value is dropped. About 0.1
-// microseconds a correspondence and iteration.
+// Levenberg-Marquardt on the Geman-McClure loss e^2 / (s^2 + e^2) of the Sampson error e over the
+// seven dimensions of F. F of normalized points, as the errors of sampson_kernels.h. Any start but
+// zero will do; its third singular value is dropped. About 0.1 microseconds a correspondence and
+// iteration.
 FundamentalRefinementReport RefineFundamentalMatrix(const PointPairs& points,
                                                     const Eigen::Matrix3d& start,
                                                     const FundamentalRefinementOptions& options);
+
+// The normal equations of these losses over F's nine elements (columns one after the other), of
+// every `step`th correspondence from `begin` on.
+NormalEquations<9> LinearizeFundamental(const PointPairs& points, const Eigen::Matrix3d& F,
+                                        double scale_px, int begin = 0, int step = 1);
 
 }  // namespace cairn

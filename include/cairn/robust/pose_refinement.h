@@ -11,9 +11,7 @@ struct PoseRefinementOptions {
   RobustLoss loss = RobustLoss::kTruncated;
   double scale_px = 1.0;
   int max_iterations = 25;
-  // Stops when a step is shorter than this (radians), or gains less than this share of the cost.
-  double min_step = 1e-7;
-  double min_relative_gain = 1e-6;
+  double min_relative_gain = 1e-6;  // a step that gains less of the cost is the last
 };
 
 struct PoseRefinementReport {

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 
+#include "cairn/math/normal_equations.h"
 #include "cairn/robust/point_pairs.h"
 
 namespace cairn {
@@ -44,16 +45,11 @@ enum class RobustLoss {
 
 // Gauss-Newton terms of the Sampson errors at a pose, over (rotation: R <- Exp(w) R, 3;
 // translation: t <- t + B b, 2). Weighted: hessian = sum w J^T J, gradient = sum w J^T e.
-struct SampsonNormalEquations {
-  Eigen::Matrix<double, 5, 5> hessian;
-  Eigen::Matrix<double, 5, 1> gradient;
-  double cost = 0.0;  // sum of losses, each at most 1
-};
-// tangent: two directions B orthogonal to t. Errors in pixels.
-SampsonNormalEquations AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,
-                                         const Eigen::Vector3d& t,
-                                         const Eigen::Matrix<double, 3, 2>& tangent,
-                                         RobustLoss loss, double scale_px);
+// cost: sum of losses, each at most 1. tangent: two directions B orthogonal to t. Errors in pixels.
+NormalEquations<5> AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,
+                                     const Eigen::Vector3d& t,
+                                     const Eigen::Matrix<double, 3, 2>& tangent, RobustLoss loss,
+                                     double scale_px);
 
 // The cost alone, to the bit.
 double SampsonCost(const PointPairs& points, const Eigen::Matrix3d& R, const Eigen::Vector3d& t,

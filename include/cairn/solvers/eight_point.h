@@ -10,7 +10,5 @@ namespace cairn {
 // Normalized eight-point algorithm (Hartley, "In defense of the eight-point algorithm", 1997) over
 // eight or more correspondences. False if they are too few, or all at one place.
 bool FundamentalFromEightPoints(std::span<const PointCorrespondence> samples, Eigen::Matrix3d* F);
-// The same for normalized points, projected to the nearest essential matrix, |E| = sqrt(2).
-bool EssentialFromEightPoints(std::span<const PointCorrespondence> samples, Eigen::Matrix3d* E);
 
 }  // namespace cairn

@@ -18,7 +18,4 @@ EssentialDecomposition DecomposeEssential(const Eigen::Matrix3d& E);
 // (1, 1, 0).
 Eigen::Matrix3d NearestEssential(const Eigen::Matrix3d& matrix);
 
-// The rank-2 matrix nearest to a 3x3 matrix in Frobenius norm.
-Eigen::Matrix3d NearestRankTwo(const Eigen::Matrix3d& matrix);
-
 }  // namespace cairn

@@ -20,7 +20,6 @@ struct DirectionEdge {
   image_t image_id1 = kInvalidImageId;
   image_t image_id2 = kInvalidImageId;
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
-  double weight = 1.0;  // > 0, relative to the other edges
 };
 
 // A viewing ray from a camera center to a scene point, in the world frame.
@@ -43,38 +42,24 @@ enum class TranslationAveragingStatus {
 };
 std::string_view TranslationAveragingStatusName(TranslationAveragingStatus status);
 
-// The measurements that support a camera's position.
-struct CameraSupport {
-  int num_edges = 0;            // camera-camera directions that agree with the solution
-  int num_points = 0;           // rays to points that agree with the solution
-  double median_error_deg = 0;  // of all its edges and rays
-};
-
 struct TranslationAveragingReport {
   TranslationAveragingStatus status = TranslationAveragingStatus::kNoEdges;
   // Why the result was refused, in words; empty if it was not.
   std::string message;
   // Up to one translation and one positive scale: the mean is zero, the median distance from it 1.
   std::map<image_t, Eigen::Vector3d> centers;
-  std::map<image_t, CameraSupport> support;
-  // Images with measurements that were left out: not in the largest parallel-rigid part, or far
-  // away from all others, since few directions constrain them.
+  // Images with measurements that are not in the largest parallel-rigid part. (Those far away from
+  // all others, since few directions constrain them, have no center either.)
   std::vector<image_t> not_rigid;
-  std::vector<image_t> thrown_away;
-  // One an input track: its position, if at least two placed cameras see it in front of them.
-  std::vector<Eigen::Vector3d> points;
-  std::vector<char> point_is_valid;
-  // One an input edge: whether the 1DSfM filter took it out; its angle to the solution in degrees,
-  // -1 if an end was not placed.
+  // One an input edge: whether the 1DSfM filter took it out.
   std::vector<char> edge_is_filtered;
-  std::vector<double> edge_errors_deg;
   int num_filtered = 0;
   int num_iterations = 0;
   double median_edge_error_deg = 0;  // of the edges in use
   double median_ray_error_deg = 0;
 };
 
-// Camera centers (and points) from directions, with known rotations: outlier filter of 1DSfM
+// Camera centers from directions, with known rotations: outlier filter of 1DSfM
 // (Wilson and Snavely 2014); parallel-rigidity check; a deterministic start by least unsquared
 // deviations (Ozyesil and Singer 2015); robust nonlinear fit of the chordal error over
 // camera-camera and camera-point directions; refusal of a collapsed solution. Edge and track order

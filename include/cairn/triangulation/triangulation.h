@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <span>
-#include <string_view>
 #include <vector>
 
 #include "cairn/base/options.h"
@@ -44,7 +43,6 @@ enum class TriangulationStatus : int {
   kSmallAngle,   // the agreeing rays are nearly parallel
   kIllPosed,     // no finite point in front of the cameras (parallel or diverging rays)
 };
-std::string_view TriangulationStatusName(TriangulationStatus status);
 
 struct TriangulationResult {
   TriangulationStatus status = TriangulationStatus::kIllPosed;
@@ -55,15 +53,11 @@ struct TriangulationResult {
   double max_angle_deg = 0;                       // between any two inlier rays
 };
 
-// The point nearest to all rays, by squared distances (midpoint method), then once more with each
-// distance divided by the depth, which makes it an angle. False if the rays are parallel. The
-// result may be behind a camera.
-bool TriangulateMidpoint(std::span<const TriangulationView> views, Eigen::Vector3d* xyz);
-
-// Robust triangulation: a point from all views; where not all agree with it, from pairs of views,
-// the one with the smallest truncated squared error wins. Refined by Gauss-Newton on the agreeing
-// views; in front of all of them, within max_error_px, with min_angle_deg between two of them.
-// Deterministic. Cost: microseconds, linear in views, times max_pairs where views disagree.
+// Robust triangulation: the point nearest to the rays of all views (midpoint method); where not all
+// agree with it, from pairs of views, the one with the smallest truncated squared error wins.
+// Refined by Gauss-Newton on the agreeing views; in front of all of them, within max_error_px, with
+// min_angle_deg between two of them. Deterministic. Cost: microseconds, linear in views, times
+// max_pairs where views disagree.
 TriangulationResult Triangulate(std::span<const TriangulationView> views,
                                 const TriangulationOptions& options);
 

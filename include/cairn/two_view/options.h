@@ -49,7 +49,7 @@ struct TwoViewOptions {
   int max_affine_samples = 300;
   int max_fallback_samples = 2000;
   // The share of these budgets for a pair whose affine frames do not predict each other's matches,
-  // as in unrelated images; three times as much without depth.
+  // as in unrelated images.
   double unsupported_budget = 0.1;
   // Five-point samples a round among what the final model explains, against local optima.
   int num_resamples = 10;

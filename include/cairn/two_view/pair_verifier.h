@@ -24,9 +24,9 @@ struct PairInput {
   std::span<const Keypoint> keypoints2;
   std::span<const DepthSample> depth1;  // one per keypoint, or empty: the image has no depth
   std::span<const DepthSample> depth2;
-  // Best first, if it is known which are better; in order of point1 or point2 (COLMAP's databases)
-  // if not.
   std::span<const FeatureMatch> matches;
+  // Better matches come first, as MatchDescriptors gives them; otherwise their order tells nothing.
+  bool are_best_first = false;
   // Test the prior focal lengths of this pair: fills PairReport::focal_evidence.
   bool weigh_focals = false;
 };
@@ -55,7 +55,7 @@ struct PairReport {
   PairStatus status = PairStatus::kNoModel;
   // Filled when status is kVerified; cam2_from_cam1 has |t| = 1.
   TwoViewGeometry geometry;
-  std::string_view verifier;  // name of the verifier (of the winning step, in a cascade)
+  std::string_view verifier;  // name of the verifier (of the winning step, in a cascade); always
   int num_inliers = 0;
   int64_t num_iterations = 0;  // hypotheses generated
   double score = 0;            // robust support, larger is better; comparable between verifiers

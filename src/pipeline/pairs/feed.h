@@ -38,6 +38,7 @@ struct PairTask {
   std::shared_ptr<const PairImage> image1;
   std::shared_ptr<const PairImage> image2;
   FeatureMatches matches;
+  bool are_best_first = false;  // PairInput::are_best_first
   uint64_t input_hash = 0;
 };
 

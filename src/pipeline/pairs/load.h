@@ -9,6 +9,7 @@
 
 #include "cairn/base/progress.h"
 #include "cairn/database/database.h"
+#include "cairn/database/own_matches.h"
 #include "cairn/intrinsics/known_intrinsics.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/stages/stage_ledger.h"
@@ -56,6 +57,7 @@ class PairLoader {
   const bool keeps_keypoints_;
   const StageLedger& ledger_;
   ProgressMonitor& monitor_;
+  const OwnMatches own_matches_;
   std::map<camera_t, Camera> cameras_;
   std::map<image_t, Image> images_;
   std::map<camera_t, KnownIntrinsics> intrinsics_;

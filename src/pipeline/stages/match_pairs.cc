@@ -7,6 +7,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
+#include "cairn/database/own_matches.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
@@ -18,7 +19,6 @@ namespace cairn {
 namespace {
 
 // Note of an image whose matches with the other such images come from another program.
-const std::string kGiven = "given";
 
 // Prepared descriptors, per row.
 constexpr int64_t kBytesPerDescriptor = 136;
@@ -46,7 +46,7 @@ std::set<image_t> FindGivenImages(const std::vector<image_pair_t>& present,
 
 bool IsGiven(image_t id, const std::set<image_t>& given, const StageLedger& ledger) {
   const JobRecord* job = ledger.Find(id);
-  return job != nullptr ? job->note == kGiven : given.count(id) > 0;
+  return job != nullptr ? job->note == kGivenNote : given.count(id) > 0;
 }
 
 // All pairs of images with descriptors, without those that another program decided about.
@@ -124,7 +124,7 @@ MatchingWork FindWork(const Database& database,
     if (job == nullptr && taking_part.count(id) == 0) continue;
     const uint64_t hash = hashes.at(id);
     if (ledger.IsDone(id, hash, "the features of " + names[id])) continue;
-    work.new_jobs.push_back({id, {id, hash, given.count(id) > 0 ? kGiven : ""}});
+    work.new_jobs.push_back({id, {id, hash, given.count(id) > 0 ? kGivenNote : ""}});
   }
   return work;
 }

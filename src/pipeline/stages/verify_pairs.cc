@@ -76,6 +76,7 @@ class Worker {
     pair.depth1 = task.image1->depth;
     pair.depth2 = task.image2->depth;
     pair.matches = task.matches;
+    pair.are_best_first = task.are_best_first;
     pair.weigh_focals = std::binary_search(to_weigh_.begin(), to_weigh_.end(), task.pair_id);
     for (size_t i = 0; i < verifiers_.size(); ++i) {
       const Timer timer;

@@ -28,7 +28,11 @@ int main() {
                                 averaged.cam_from_world.at(edge.image_id2) *
                                 averaged.cam_from_world.at(edge.image_id1).conjugate()));
   }
-  for (const double degrees : placed.edge_errors_deg) error = std::max(error, degrees);
+  for (const auto& edge : directions) {
+    const Eigen::Vector3d direction =
+        placed.centers.at(edge.image_id2) - placed.centers.at(edge.image_id1);
+    error = std::max(error, (direction.normalized() - edge.direction.normalized()).norm());
+  }
   std::printf("largest error %g\n", error);
   return error < 1e-3 ? 0 : 1;
 }

@@ -422,7 +422,6 @@ TEST(Camera, CalibrationMatrixFocalAndThreshold) {
   const Eigen::Vector2d uv(0.2, -0.1);
   EXPECT_LT(((K * uv.homogeneous()).hnormalized() - camera.ImgFromCam(uv)).norm(), 1e-12);
   EXPECT_EQ(camera.MeanFocal(), 925);
-  EXPECT_DOUBLE_EQ(camera.CamFromImgThreshold(1.85), 0.002);
   camera.SetMeanFocal(1850);
   EXPECT_DOUBLE_EQ(camera.FocalX(), 1800);
   EXPECT_DOUBLE_EQ(camera.FocalY(), 1900);

@@ -39,7 +39,7 @@ Reconstruction Turned(Reconstruction model, image_t id, double angle) {
 }
 
 TEST(ModelEvidence, TheTruthExplainsAllMatches) {
-  const SyntheticScene scene = MakeSyntheticScene({.noise_px = 0.3});
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.3});
   const Pairs pairs(scene.truth);
   const ModelEvidence evidence = EvaluateEvidence(scene.truth, pairs.views, 1);
   EXPECT_EQ(evidence.all.num_explained, evidence.all.num_matches);
@@ -53,7 +53,7 @@ TEST(ModelEvidence, TheTruthExplainsAllMatches) {
 }
 
 TEST(ModelEvidence, DoesNotDependOnTheWorldFrameOrOnThreads) {
-  const SyntheticScene scene = MakeSyntheticScene({.noise_px = 0.5});
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.5});
   const Pairs pairs(scene.truth);
   const double nats = EvaluateEvidence(scene.truth, pairs.views, 1).nats;
   EXPECT_EQ(EvaluateEvidence(scene.truth, pairs.views, 8).nats, nats);
@@ -67,7 +67,7 @@ TEST(ModelEvidence, DoesNotDependOnTheWorldFrameOrOnThreads) {
 }
 
 TEST(ModelEvidence, AWrongPoseIsContradictedByItsOwnPairs) {
-  const SyntheticScene scene = MakeSyntheticScene({.noise_px = 0.3});
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.3});
   const Pairs pairs(scene.truth);
   const ModelEvidence truth = EvaluateEvidence(scene.truth, pairs.views, 1);
   const ModelEvidence wrong = EvaluateEvidence(Turned(scene.truth, 3, 0.1), pairs.views, 1);
@@ -83,7 +83,7 @@ TEST(ModelEvidence, AWrongPoseIsContradictedByItsOwnPairs) {
 }
 
 TEST(ModelEvidence, PointsBehindACameraAreNotExplained) {
-  const SyntheticScene scene = MakeSyntheticScene({});
+  const MadeReconstruction scene = MakeSyntheticScene({});
   const Pairs pairs(scene.truth);
   // The world seen from the other side: every epipolar line stays, every point lies behind.
   Reconstruction mirrored = scene.truth;
@@ -95,7 +95,7 @@ TEST(ModelEvidence, PointsBehindACameraAreNotExplained) {
 // A camera that is turned by half a turn about the baseline sees the same epipolar lines, and every
 // point lies behind one of the two (the twisted pair; Hartley and Zisserman, 9.6.2).
 TEST(ModelEvidence, PointsBehindOneOfTwoCamerasAreNotExplained) {
-  const SyntheticScene scene = MakeSyntheticScene({});
+  const MadeReconstruction scene = MakeSyntheticScene({});
   const Pairs pairs(scene.truth);
   const VerifiedPair& pair = pairs.views.front();
   for (const image_t id : {pair.image_id1, pair.image_id2}) {
@@ -113,7 +113,7 @@ TEST(ModelEvidence, PointsBehindOneOfTwoCamerasAreNotExplained) {
 }
 
 TEST(ModelEvidence, AnImageThatIsMissingCostsItsMatches) {
-  const SyntheticScene scene = MakeSyntheticScene({.noise_px = 0.3});
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.3});
   const Pairs pairs(scene.truth);
   Reconstruction smaller = scene.truth;
   for (size_t k = 0; k < smaller.images.at(2).point3D_ids.size(); ++k) {

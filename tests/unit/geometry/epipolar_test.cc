@@ -107,16 +107,17 @@ TEST(Epipolar, TriangulatedDepthsAreExact) {
     const Problem p(seed);
     for (size_t i = 0; i < p.x1.size(); ++i) {
       double depth1, depth2;
-      ASSERT_TRUE(TriangulateDepths(p.cam2_from_cam1, p.x1[i], p.x2[i], &depth1, &depth2));
+      ASSERT_TRUE(TriangulateRayDepths(p.cam2_from_cam1, p.x1[i].homogeneous(),
+                                       p.x2[i].homogeneous(), &depth1, &depth2));
       EXPECT_NEAR(depth1, p.points1[i].z(), 1e-9);
       EXPECT_NEAR(depth2, (p.cam2_from_cam1 * p.points1[i]).z(), 1e-9);
     }
   }
   double depth1, depth2;
   const Rigid3d sideways(Eigen::Quaterniond::Identity(), Eigen::Vector3d(1, 0, 0));
-  EXPECT_FALSE(TriangulateDepths(sideways, {0.1, 0.2}, {0.1, 0.2}, &depth1, &depth2));
+  EXPECT_FALSE(TriangulateRayDepths(sideways, {0.1, 0.2, 1}, {0.1, 0.2, 1}, &depth1, &depth2));
   // The camera moved right, but the point did too: the rays meet behind.
-  ASSERT_TRUE(TriangulateDepths(sideways, {0.1, 0.0}, {0.0, 0.0}, &depth1, &depth2));
+  ASSERT_TRUE(TriangulateRayDepths(sideways, {0.1, 0.0, 1}, {0.0, 0.0, 1}, &depth1, &depth2));
   EXPECT_LT(depth1, 0);
 }
 

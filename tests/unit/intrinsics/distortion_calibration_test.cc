@@ -204,11 +204,11 @@ TEST(DistortedPair, ReducedGradientIsThatOfTheCost) {
   const DistortionPair pair =
       MakePair(1, {1000, -0.1}, 2, {1100, 0.05}, 5, {.num_wrong = 0, .noise_px = 0.2});
   internal::DistortedPair distorted(pair, Guesses(2).at(1), Guesses(2).at(2));
-  internal::FundamentalFit F = *internal::DecomposeFundamental(pair.F);
+  FundamentalFactors F = *FundamentalFactors::Of(pair.F);
   const double k[2] = {Nominal({1000, -0.1}) + 0.03, Nominal({1100, 0.05}) - 0.02};
   constexpr double kScalePx = 2.0, kStep = 1e-3;
   const auto cost = [&](double k1, double k2) {
-    internal::FundamentalFit moved = F;
+    FundamentalFactors moved = F;
     distorted.SetDistortion(k1, k2);
     return distorted.Refine(kScalePx, 200, &moved);
   };
@@ -217,7 +217,7 @@ TEST(DistortedPair, ReducedGradientIsThatOfTheCost) {
   const auto reduced = distorted.Reduce(F, kScalePx);
   const double by_k1 = (cost(k[0] + kStep, k[1]) - cost(k[0] - kStep, k[1])) / (2 * kStep);
   const double by_k2 = (cost(k[0], k[1] + kStep) - cost(k[0], k[1] - kStep)) / (2 * kStep);
-  // (Half of the sum.)
+  // (The gradient is half of it.)
   EXPECT_NEAR(2 * reduced.gradient[0], by_k1, 0.01 * std::abs(by_k1));
   EXPECT_NEAR(2 * reduced.gradient[1], by_k2, 0.01 * std::abs(by_k2));
 }

@@ -135,7 +135,7 @@ TEST_F(FocalLearningTest, AWrongOneIsNamedAndItsPairsGetFundamentalMatrices) {
     EXPECT_EQ(report.num_rejected_focals, 1);
     EXPECT_EQ(report.stage.status, StageStatus::kWarning);
     EXPECT_THAT(report.stage.messages,
-                ElementsAre(AllOf(HasSubstr("camera 104 ("), HasSubstr("was trusted"))));
+                ElementsAre(AllOf(HasSubstr("camera 104 ("), HasSubstr("prior focal length"))));
     EXPECT_EQ(monitor.warnings(), report.stage.messages);
     const Database database(path);
     // The pairs that were verified twice count once.

@@ -99,7 +99,7 @@ TEST(ReconstructScene, TriesBothFocalLengthsThatLoopsDoNotTellApart) {
   EXPECT_EQ(Value(*stage, "calibrated"), 2);
   EXPECT_EQ(Value(*stage, "rejected_by_loops"), 0);
   EXPECT_EQ(Value(*stage, "undecided_by_loops"), 2);
-  EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are tried, and the ones before, too"));
+  EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are undecided; both are tried"));
   const StageReport* choice = FindStage(report, "focal_choice");
   ASSERT_NE(choice, nullptr);
   EXPECT_GT(Value(*choice, "evidence_nats"), Value(*choice, "evidence_nats_otherwise"));

@@ -469,7 +469,7 @@ TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
     CheckReconstructOutput(output);
     ADD_FAILURE() << "not refused";
   } catch (const ConfigError& error) {
-    EXPECT_THAT(error.what(), HasSubstr(output + "/sparse is not of cairn"));
+    EXPECT_THAT(error.what(), HasSubstr(output + "/sparse was not written by cairn"));
     EXPECT_THAT(error.what(), HasSubstr("--overwrite"));
   }
   WriteFileAtomically(output + "/effective.toml", "# global_sfm reconstruct, cairn 0.1.0\n");

@@ -216,7 +216,7 @@ TEST(SymmetricBuilding, IsDoubtedWhereNothingTellsTheSidesApart) {
       EXPECT_TRUE(result.report.Succeeded());
       ASSERT_FALSE(result.models.empty());
       ASSERT_FALSE(result.report.warnings.empty());
-      EXPECT_THAT(result.report.warnings[0], HasSubstr("turned by 90 degrees looks the same"));
+      EXPECT_THAT(result.report.warnings[0], HasSubstr("looks the same when turned by 90 degrees"));
       EXPECT_THAT(result.report.warnings[0], HasSubstr("image4.jpg"));
       EXPECT_THAT(ToJson(result.report), HasSubstr("\"warnings\": ["));
     }

@@ -50,9 +50,8 @@ TEST(RefinePose, ConvergesToTheExactPoseAndFocalLength) {
       Rigid3d pose = problem.pose;
       pose.rotation = ExpSO3(Eigen::Vector3d(0.02, -0.03, 0.01)) * pose.rotation;
       pose.translation += Eigen::Vector3d(0.1, -0.05, 0.1);
-      EXPECT_GT(
-          RefinePose(problem.pixels, problem.xyz, problem.all, refine_focal, 50, 200, camera, pose),
-          2);
+      const AbsolutePoseRefinementOptions options{refine_focal, 50, 200};
+      EXPECT_GT(RefinePose({problem.pixels, problem.xyz}, problem.all, options, camera, pose), 2);
       EXPECT_LT(AngleBetween(pose.rotation, problem.pose.rotation), 1e-7);
       EXPECT_LT((pose.translation - problem.pose.translation).norm(), 1e-6);
       EXPECT_NEAR(camera.MeanFocal(), problem.camera.MeanFocal(), 1e-3);
@@ -66,7 +65,9 @@ TEST(RefinePose, LeavesAPoseWithPointsBehindAlone) {
   Rigid3d pose = problem.pose;
   pose.translation.z() -= 20;
   const Rigid3d before = pose;
-  EXPECT_EQ(RefinePose(problem.pixels, problem.xyz, problem.all, false, 5, 50, camera, pose), 0);
+  EXPECT_EQ(
+      RefinePose({problem.pixels, problem.xyz}, problem.all, {.loss_scale_px = 5}, camera, pose),
+      0);
   EXPECT_EQ(pose.translation, before.translation);
 }
 

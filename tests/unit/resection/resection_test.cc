@@ -38,7 +38,8 @@ ResectionProblem MakeProblem(int n, double outlier_share, double noise_px, uint6
 
 ResectionReport Resect(const ResectionProblem& problem, const ResectionOptions& options,
                        bool focal = false) {
-  return EstimateAbsolutePose(problem.camera, problem.pixels, problem.xyz, focal, options, 5, 9);
+  return EstimateAbsolutePose(problem.camera, {problem.pixels, problem.xyz}, focal, options,
+                              Rng(5, "resection", 9));
 }
 
 TEST(EstimateAbsolutePose, IsExactWithoutNoise) {
@@ -154,7 +155,7 @@ TEST(EstimateAbsolutePose, OptionsDecide) {
 TEST(EstimateAbsolutePose, RefusesMeaninglessOptions) {
   ResectionOptions options;
   options.max_error_px = -1;
-  EXPECT_THROW(EstimateAbsolutePose(Camera(), {}, {}, false, options, 0, 0), ConfigError);
+  EXPECT_THROW(EstimateAbsolutePose(Camera(), {}, false, options, Rng(0)), ConfigError);
 }
 
 }  // namespace

@@ -304,7 +304,7 @@ TEST_P(AccumulateSampsonTest, AgreesWithCentralDifferences) {
       gradient += weight * J * e;
       cost += value;
     }
-    const SampsonNormalEquations equations =
+    const NormalEquations<5> equations =
         AccumulateSampson(points, R.toRotationMatrix(), t, B, loss, kScale);
     EXPECT_LT((equations.hessian - hessian).norm(), 1e-3 * hessian.norm());
     EXPECT_LT((equations.gradient - gradient).norm(), 1e-3 * gradient.norm() + 1.0);

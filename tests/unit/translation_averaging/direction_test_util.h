@@ -33,7 +33,7 @@ struct DirectionScene {
     const bool is_wrong = rng.Uniform() < outlier_ratio;
     Eigen::Vector3d d = is_wrong ? RandomDirection(rng) : (truth[b] - truth[a]).normalized();
     d = Disturbed(d, noise_deg, rng);
-    edges.push_back({a, b, d, 1.0});
+    edges.push_back({a, b, d});
     edge_is_wrong.push_back(is_wrong);
   }
   // Every pair whose ids differ by at most `reach`.

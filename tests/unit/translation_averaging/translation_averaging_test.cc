@@ -123,7 +123,7 @@ TEST(TranslationAveraging, FewPhotos) {
 }
 
 TEST(TranslationAveraging, TwoImages) {
-  const std::vector<DirectionEdge> edges = {{7, 3, {0, 2, 0}, 1.0}};
+  const std::vector<DirectionEdge> edges = {{7, 3, {0, 2, 0}}};
   const auto report = AverageTranslations(edges, {});
   ASSERT_EQ(report.status, TranslationAveragingStatus::kSuccess);
   const Eigen::Vector3d d = (report.centers.at(3) - report.centers.at(7)).normalized();
@@ -136,7 +136,6 @@ TEST(TranslationAveraging, NothingToAverage) {
   single.rays = {{1, {0, 0, 1}}};
   const auto report = AverageTranslations({}, std::vector{single});
   EXPECT_EQ(report.status, TranslationAveragingStatus::kNoEdges);
-  EXPECT_THAT(report.point_is_valid, ElementsAre(0));
 }
 
 TEST(TranslationAveraging, NamesWhatCannotBePlaced) {
@@ -151,8 +150,6 @@ TEST(TranslationAveraging, NamesWhatCannotBePlaced) {
   const auto report = AverageTranslations(scene.edges, {});
   EXPECT_EQ(report.centers.size(), 10u);
   EXPECT_THAT(report.not_rigid, ElementsAre(11, 12));
-  EXPECT_EQ(report.edge_errors_deg.back(), -1);
-  EXPECT_GE(report.edge_errors_deg.front(), 0);
 }
 
 TEST(TranslationAveraging, RefusesDirectionsWithoutASolution) {
@@ -228,29 +225,6 @@ TEST(TranslationAveraging, RelabelingImagesChangesNothingButTheGauge) {
   EXPECT_LT(MaxError(RelativeCenterErrors(report.centers, relabeled)), 1e-3);
 }
 
-TEST(TranslationAveraging, ReportsPointsErrorsAndSupport) {
-  Rng rng(10);
-  DirectionScene scene;
-  scene.AddCenters(Ring(12));
-  scene.AddChain(12, 0, 0, rng);
-  scene.AddPoints(50, 4, 1.0, 0, 0, rng);
-  const auto report = AverageTranslations(scene.edges, scene.tracks);
-  ASSERT_EQ(report.points.size(), 50u);
-  std::map<image_t, Eigen::Vector3d> estimate = report.centers, truth = scene.truth;
-  for (size_t k = 0; k < 50; ++k) {  // points fit the same similarity as the cameras
-    EXPECT_TRUE(report.point_is_valid[k]);
-    estimate[1000 + k] = report.points[k];
-    truth[1000 + k] = scene.true_points[k];
-  }
-  EXPECT_LT(MaxError(RelativeCenterErrors(estimate, truth)), 1e-3);
-  for (const double error : report.edge_errors_deg) EXPECT_LT(error, 0.01);
-  for (const auto& [id, support] : report.support) {
-    EXPECT_EQ(support.num_edges, 11);
-    EXPECT_LT(support.median_error_deg, 0.01);
-  }
-  EXPECT_GT(report.support.at(6).num_points, 5);
-}
-
 TEST(TranslationAveraging, EveryOptionChangesTheResult) {
   Rng rng(11);
   DirectionScene scene;
@@ -297,9 +271,8 @@ TEST(TranslationAveraging, StopsWhenAsked) {
 
 TEST(TranslationAveraging, RefusesMeaninglessInput) {
   const auto run = [](const DirectionEdge& edge) { AverageTranslations(std::vector{edge}, {}); };
-  EXPECT_THROW(run({1, 1, {0, 0, 1}, 1.0}), BugError);
-  EXPECT_THROW(run({1, 2, {0, 0, 0}, 1.0}), BugError);
-  EXPECT_THROW(run({1, 2, {0, 0, 1}, 0.0}), BugError);
+  EXPECT_THROW(run({1, 1, {0, 0, 1}}), BugError);
+  EXPECT_THROW(run({1, 2, {0, 0, 0}}), BugError);
   PointDirections twice;
   twice.rays = {{1, {0, 0, 1}}, {1, {0, 1, 0}}};
   EXPECT_THROW(AverageTranslations({}, std::vector{twice}), BugError);

@@ -64,14 +64,15 @@ TEST(Triangulate, IsExactWithoutNoise) {
   EXPECT_LT(num_small_angles, 50);
 }
 
-TEST(TriangulateMidpoint, IsExactWithoutNoise) {
+TEST(Triangulate, MidpointIsExactWithoutNoise) {
   Rng rng(2);
   for (int trial = 0; trial < 100; ++trial) {
     const Eigen::Vector3d xyz = RandomVector(rng, 2);
     const auto views = RandomViews(rng, 4, xyz, 0);
-    Eigen::Vector3d estimate;
-    ASSERT_TRUE(TriangulateMidpoint(views, &estimate));
-    EXPECT_LT((estimate - xyz).norm(), 1e-8);
+    const TriangulationResult result =
+        Triangulate(views, {.min_angle_deg = 0, .max_refinements = 0});
+    ASSERT_EQ(result.status, TriangulationStatus::kSuccess);
+    EXPECT_LT((result.xyz - xyz).norm(), 1e-8);
   }
 }
 

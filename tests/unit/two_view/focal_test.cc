@@ -3,7 +3,7 @@
 
 #include "cairn/math/angles.h"
 #include "cairn/synthetic/two_view_problem.h"
-#include "two_view/focal_plausibility.h"
+#include "two_view/decide/focal_plausibility.h"
 #include "unit/two_view/pair_fixture.h"
 
 namespace cairn {
@@ -81,42 +81,6 @@ TEST(FocalVerifier, FewMatchesDoNotMakeAGuessedFocalLengthTrusted) {
     EXPECT_FALSE(report.geometry.E.has_value());
   }
   EXPECT_GE(num_verified, 20);
-}
-
-// The guess explains little; another plausible focal length is nearer to the truth.
-TEST(FocalVerifier, OtherFocalLengthsAreTriedWhereTheGuessFails) {
-  int num_good = 0;
-  for (uint64_t seed = 0; seed < 10; ++seed) {
-    const Pair pair = WithFocals(MakePair({.num_inliers = 200}, seed), 2.0, false);
-    const PairReport report = Verify(pair);
-    ASSERT_EQ(report.status, PairStatus::kVerified) << seed;
-    EXPECT_EQ(report.geometry.config, TwoViewConfig::kUncalibrated);
-    EXPECT_LT(MedianErrorPx(pair, *report.geometry.F), 0.5) << seed;
-    num_good += test::PoseErrorDeg(report, pair) < 5.0;
-  }
-  EXPECT_GE(num_good, 8);
-}
-
-// From 0.4 to 6 widths, where the guess is 1.2.
-TEST(FocalVerifier, FocalLengthsFarFromTheGuessAreFound) {
-  for (const double factor : {0.2, 0.4, 2.5, 3.0}) {
-    int num_good = 0;
-    for (uint64_t seed = 0; seed < 10; ++seed) {
-      Pair pair = MakePair({.num_inliers = 200, .focal2_px = 1000.0}, seed);
-      for (Camera* camera : {&pair.camera1, &pair.camera2}) {
-        camera->camera_id = 1;
-        // The images of a camera whose guess is 1.2 sides.
-        camera->width = camera->height = static_cast<int>(factor * camera->MeanFocal() / 1.2);
-        for (const int i : camera->PrincipalPointIndices()) {
-          camera->params[i] = 800.0;
-        }
-      }
-      const PairReport report = Verify(WithFocals(pair, factor, false));
-      ASSERT_EQ(report.status, PairStatus::kVerified) << seed;
-      num_good += test::PoseErrorDeg(report, pair) < 5.0;
-    }
-    EXPECT_GE(num_good, 8) << factor;
-  }
 }
 
 // A plane with `num_off` further points in front of it.
@@ -363,34 +327,6 @@ TEST(PlausibleFocals, AreThoseOfLensesOrNearWhatIsTrusted) {
   const Eigen::Matrix3d F = Eigen::Vector3d(2.0, 1.0, 1.0).asDiagonal() * sideways;
   EXPECT_FALSE(internal::HasPlausibleFocals(F, one, one));
   EXPECT_FALSE(internal::HasPlausibleFocals(F, unknown, unknown2));
-}
-
-TEST(ProposeFocals, FindsThoseThatMakeAnEssentialMatrix) {
-  Rng rng(5);
-  const Camera trusted = MakePlainCamera(1, true);
-  const Camera unknown = MakePlainCamera(2, false), unknown2 = MakePlainCamera(3, false);
-  int num_one = 0, num_with_trusted = 0, num_two = 0;
-  constexpr int kNumTrials = 200;
-  const auto is_near = [](const std::vector<Eigen::Vector2d>& proposals, double f1, double f2) {
-    return std::any_of(proposals.begin(), proposals.end(), [&](const Eigen::Vector2d& f) {
-      return std::abs(std::log(f[0] / f1)) < 0.05 && std::abs(std::log(f[1] / f2)) < 0.05;
-    });
-  };
-  for (int trial = 0; trial < kNumTrials; ++trial) {
-    const Eigen::Matrix3d E = RandomEssential(rng);
-    const double f1 = std::exp(rng.Uniform(std::log(0.34), std::log(5.0)));
-    const double f2 = std::exp(rng.Uniform(std::log(0.34), std::log(5.0)));
-    num_one +=
-        is_near(internal::ProposeFocals(Scaled(E, 1 / f1, 1 / f1), unknown, unknown, 3), f1, f1);
-    num_with_trusted +=
-        is_near(internal::ProposeFocals(Scaled(E, 1.0, 1 / f2), trusted, unknown, 3), 1.0, f2);
-    num_two +=
-        is_near(internal::ProposeFocals(Scaled(E, 1 / f1, 1 / f2), unknown, unknown2, 3), f1, f2);
-  }
-  EXPECT_GE(num_one, 0.97 * kNumTrials);
-  EXPECT_GE(num_with_trusted, 0.97 * kNumTrials);
-  EXPECT_GE(num_two, 0.6 * kNumTrials);  // by the grid's step, and where axes nearly meet
-  EXPECT_EQ(internal::ProposeFocals(RandomEssential(rng), unknown, unknown2, 1).size(), 1u);
 }
 
 }  // namespace

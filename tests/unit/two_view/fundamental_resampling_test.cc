@@ -1,9 +1,11 @@
 // Fundamental matrices of scenes that a plane dominates.
-#include "two_view/fundamental_resampling.h"
+#include "two_view/search/fundamental_resampling.h"
 
 #include <gtest/gtest.h>
 
 #include "cairn/math/angles.h"
+#include "cairn/robust/fundamental_refinement.h"
+#include "cairn/robust/sampson_kernels.h"
 #include "unit/two_view/pair_fixture.h"
 
 namespace cairn::internal {
@@ -47,8 +49,7 @@ struct NearPlanar {
   }
 
   Eigen::Matrix3d Resample(const Eigen::Matrix3d& from) const {
-    Rng rng(1);
-    return FundamentalResampling(input, prepared).Run(from, &rng);
+    return ResampleFundamental(prepared, from);
   }
   // The error of the best pose that F stands for.
   double ErrorDeg(const Eigen::Matrix3d& F) const {

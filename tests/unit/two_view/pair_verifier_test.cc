@@ -217,10 +217,6 @@ TEST(FivePointVerifier, DrawsFromTheBestMatchesFirst) {
   for (uint64_t seed = 0; seed < 5; ++seed) {
     Pair pair = MakePair({.num_inliers = 40, .num_outliers = 360}, seed);
     const auto verifier = MakePairVerifier(VerifierKind::kFivePoint, {.max_iterations = 1000});
-    auto by_point1 = [](const FeatureMatch& a, const FeatureMatch& b) {
-      return a.point1 < b.point1;
-    };
-    std::sort(pair.matches.begin(), pair.matches.end(), by_point1);
     num_unranked += PoseErrorDeg(verifier->Verify(pair.Input()), pair) < 1.0;
     // Right ones among the first 40 of 80, the others behind.
     FeatureMatches right, wrong;
@@ -233,7 +229,9 @@ TEST(FivePointVerifier, DrawsFromTheBestMatchesFirst) {
     }
     std::copy(wrong.begin() + static_cast<ptrdiff_t>(right.size()), wrong.end(),
               pair.matches.begin() + static_cast<ptrdiff_t>(2 * right.size()));
-    num_ranked += PoseErrorDeg(verifier->Verify(pair.Input()), pair) < 1.0;
+    PairInput input = pair.Input();
+    input.are_best_first = true;
+    num_ranked += PoseErrorDeg(verifier->Verify(input), pair) < 1.0;
   }
   EXPECT_EQ(num_ranked, 5);
   EXPECT_LT(num_unranked, 3);

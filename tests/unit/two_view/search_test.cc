@@ -5,14 +5,14 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
-#include "two_view/evidence.h"
-#include "two_view/guided_support.h"
-#include "two_view/local_consensus.h"
+#include "two_view/decide/evidence.h"
 #include "two_view/pair_fixture.h"
-#include "two_view/pair_noise.h"
-#include "two_view/pose_search.h"
-#include "two_view/search_steps.h"
-#include "two_view/triangle_step.h"
+#include "two_view/prepare/local_consensus.h"
+#include "two_view/search/guided_support.h"
+#include "two_view/search/match_errors.h"
+#include "two_view/search/pose_resampling.h"
+#include "two_view/search/pose_search.h"
+#include "two_view/search/search_steps.h"
 
 namespace cairn::internal {
 namespace {
@@ -54,15 +54,14 @@ TEST(LocalConsensus, TellsRightMatchesFromWrongOnes) {
   const Pair pair = MakeSmoothPair(100, 300, 1);
   std::vector<int32_t> indices(pair.matches.size());
   std::iota(indices.begin(), indices.end(), 0);
-  LocalConsensus consensus;
-  consensus.Count(pair.Input(), indices);
+  const LocalConsensus consensus = CountVotes(pair.Input(), indices);
   int right = 0, wrong = 0;
   for (size_t i = 0; i < indices.size(); ++i) {
-    (pair.is_inlier[i] ? right : wrong) += consensus.votes()[i] >= 2;
+    (pair.is_inlier[i] ? right : wrong) += consensus.votes[i] >= 2;
   }
   EXPECT_GE(right, 90);
   EXPECT_LE(wrong, 60);
-  EXPECT_GT(consensus.num_votes(), 5.0 * consensus.num_votes_by_chance());
+  EXPECT_GT(consensus.num_votes, 5.0 * consensus.num_votes_by_chance);
 }
 
 TEST(LocalConsensus, CountsWhatChanceGives) {
@@ -70,10 +69,9 @@ TEST(LocalConsensus, CountsWhatChanceGives) {
     const Pair pair = MakeSmoothPair(0, 400, seed);
     std::vector<int32_t> indices(pair.matches.size());
     std::iota(indices.begin(), indices.end(), 0);
-    LocalConsensus consensus;
-    consensus.Count(pair.Input(), indices);
-    EXPECT_GT(consensus.num_votes_by_chance(), 1.0);
-    EXPECT_LT(consensus.num_votes(), 3.0 * consensus.num_votes_by_chance() + 5.0);
+    const LocalConsensus consensus = CountVotes(pair.Input(), indices);
+    EXPECT_GT(consensus.num_votes_by_chance, 1.0);
+    EXPECT_LT(consensus.num_votes, 3.0 * consensus.num_votes_by_chance + 5.0);
   }
 }
 
@@ -83,10 +81,9 @@ TEST(LocalConsensus, DoesNotDependOnTheOrderOfMatches) {
   std::iota(indices.begin(), indices.end(), 0);
   shuffled = indices;
   Rng(3).Shuffle(shuffled);
-  LocalConsensus a, b;
-  a.Count(pair.Input(), indices);
-  b.Count(pair.Input(), shuffled);
-  for (size_t k = 0; k < shuffled.size(); ++k) EXPECT_EQ(b.votes()[k], a.votes()[shuffled[k]]);
+  const LocalConsensus a = CountVotes(pair.Input(), indices);
+  const LocalConsensus b = CountVotes(pair.Input(), shuffled);
+  for (size_t k = 0; k < shuffled.size(); ++k) EXPECT_EQ(b.votes[k], a.votes[shuffled[k]]);
 }
 
 TEST(PreparePair, PutsSupportedMatchesFirst) {
@@ -105,23 +102,34 @@ TEST(PreparePair, PutsSupportedMatchesFirst) {
   for (int i = 0; i < 400; ++i) EXPECT_EQ(sorted[i], i);
 }
 
-TEST(PreparePair, KnowsWhichMatchesAreBest) {
-  Pair pair = MakeSmoothPair(100, 300, 4);
+TEST(PreparePair, KnowsWhichMatchesAreBestWhereItIsTold) {
+  const Pair pair = MakeSmoothPair(100, 300, 4);
+  PairInput input = pair.Input();
   PreparedPair prepared;
-  // In order of the first points: nothing is known.
-  PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
-  EXPECT_TRUE(prepared.best_first.empty());
-  std::reverse(pair.matches.begin(), pair.matches.end());
   for (const MatchOrder order : {MatchOrder::kByConsensus, MatchOrder::kGiven}) {
-    PreparePair(pair.Input(), {}, order, &prepared);
+    input.are_best_first = true;
+    PreparePair(input, {}, order, &prepared);
     ASSERT_EQ(prepared.best_first.size(), 400u);
     for (int k = 0; k < 400; ++k) EXPECT_EQ(prepared.match_index[prepared.best_first[k]], k);
+    input.are_best_first = false;
+    PreparePair(input, {}, order, &prepared);
+    EXPECT_TRUE(prepared.best_first.empty());
   }
-  // In order of the second points, as a swapped pair of a database: nothing again.
-  std::sort(pair.matches.begin(), pair.matches.end(),
-            [](const FeatureMatch& a, const FeatureMatch& b) { return a.point2 < b.point2; });
-  PreparePair(pair.Input(), {}, MatchOrder::kGiven, &prepared);
-  EXPECT_TRUE(prepared.best_first.empty());
+}
+
+TEST(PreparePair, SubsetsKeepVotesAndMatches) {
+  const Pair pair = MakeSmoothPair(100, 600, 4);
+  PreparedPair prepared;
+  PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
+  std::vector<int32_t> every_third;
+  for (int i = 0; i < prepared.size(); i += 3) every_third.push_back(i);
+  const PreparedPair subset = prepared.Subset(every_third);
+  ASSERT_EQ(subset.size(), 234);
+  EXPECT_EQ(subset.NumSupported(), (prepared.NumSupported() + 2) / 3);
+  for (int k = 0; k < subset.size(); ++k) {
+    EXPECT_EQ(subset.Match(k), prepared.Match(3 * k));
+    EXPECT_EQ(subset.points.Point2(k), prepared.points.Point2(3 * k));
+  }
 }
 
 TEST(PreparePair, VoteClassesFollowEachOther) {
@@ -130,11 +138,11 @@ TEST(PreparePair, VoteClassesFollowEachOther) {
   PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
   const auto& ends = prepared.vote_class_end;
   EXPECT_TRUE(std::is_sorted(ends.begin(), ends.end()));
-  EXPECT_EQ(ends[2], prepared.NumSupported());
-  EXPECT_EQ(ends[3], 512);  // asked
-  EXPECT_EQ(ends[4], 700);
+  EXPECT_EQ(ends[1], prepared.NumSupported());
+  EXPECT_EQ(ends[2], 512);  // asked
+  EXPECT_EQ(ends[3], 700);
   PreparePair(pair.Input(), {}, MatchOrder::kGiven, &prepared);
-  EXPECT_EQ(prepared.vote_class_end, (std::array<int, 5>{0, 0, 0, 0, 700}));
+  EXPECT_EQ(prepared.vote_class_end, (std::array<int, 4>{0, 0, 0, 700}));
 }
 
 // Two motions explain as many matches each, the first one those that have votes.
@@ -153,15 +161,14 @@ TEST(GuidedSupport, TrustsTheClassThatProvedRight) {
   for (int i = 0; i < 130; ++i) both.points.Set(30 + i, b.points.Point1(i), b.points.Point2(i));
   const Eigen::Matrix3d E1 = EssentialFromPose(first.cam2_from_cam1);
   const Eigen::Matrix3d E2 = EssentialFromPose(second.cam2_from_cam1);
-  std::vector<float> errors(both.points.num_blocks() * PointPairs::kBlock);
-  SampsonErrors(both.points, E1, errors.data());
+  const MatchErrors errors(both.points, E1);
   constexpr double kReachPx = 1e6;
   GuidedSupport support;
   both.vote_class_end.fill(160);
-  support.Learn(both, errors, kReachPx);
+  support.Learn(both, errors.values(), kReachPx);
   EXPECT_LT(support.Score(E1), 1.3 * support.Score(E2));
-  both.vote_class_end = {30, 30, 30, 160, 160};
-  support.Learn(both, errors, kReachPx);
+  both.vote_class_end = {30, 30, 160, 160};
+  support.Learn(both, errors.values(), kReachPx);
   EXPECT_GT(support.Score(E1), 2.0 * support.Score(E2));
 }
 
@@ -194,13 +201,13 @@ class SearchTest : public ::testing::Test {
     PreparePair(pair.Input(), options, MatchOrder::kByConsensus, &prepared_);
   }
   PreparedPair prepared_;
+  const TwoViewOptions options_;
 };
 
 TEST_F(SearchTest, ConvergesFromARoughHypothesis) {
   const Pair pair = MakePair({.num_inliers = 150, .num_outliers = 100}, 7);
   Prepare(pair);
-  PoseSearch search{TwoViewOptions{}};
-  search.Reset(prepared_);
+  PoseSearch search(prepared_, options_);
   EXPECT_FALSE(search.HasModel());
   Rng rng(7);
   for (int k = 0; k < 10; ++k) {
@@ -212,8 +219,8 @@ TEST_F(SearchTest, ConvergesFromARoughHypothesis) {
   EXPECT_TRUE(search.HasConverged());
   EXPECT_TRUE(search.HasEvidence());
   EXPECT_EQ(search.num_hypotheses(), 10);
-  EXPECT_GT(search.score(), 80.0);
-  EXPECT_LT(test::HomogeneousError(EssentialFromPose(search.pose()),
+  EXPECT_GT(search.best().score, 80.0);
+  EXPECT_LT(test::HomogeneousError(EssentialFromPose(search.best().pose),
                                    EssentialFromPose(pair.cam2_from_cam1)),
             0.01);
 }
@@ -221,9 +228,8 @@ TEST_F(SearchTest, ConvergesFromARoughHypothesis) {
 TEST_F(SearchTest, DoesNotConvergeOnChance) {
   const Pair pair = MakePair({.num_inliers = 0, .num_outliers = 300}, 8);
   Prepare(pair);
-  PoseSearch search{TwoViewOptions{}};
-  search.Reset(prepared_);
-  RunFivePointStep(pair.Input(), prepared_, 100, &search);
+  PoseSearch search(prepared_, options_);
+  RunFivePointStep(prepared_, 100, &search);
   EXPECT_TRUE(search.HasModel());
   EXPECT_FALSE(search.HasEvidence());
   EXPECT_FALSE(search.HasConverged());
@@ -240,19 +246,19 @@ double EssentialError(const Rigid3d& pose, const Pair& pair) {
 
 TEST_F(SearchTest, ResamplingTradesLittleSupportForAccuracy) {
   double sum_before = 0.0, sum_after = 0.0;
-  for (uint64_t seed = 0; seed < 10; ++seed) {
+  for (uint64_t seed = 0; seed < 40; ++seed) {
     const Pair pair = MakePair({.num_inliers = 80, .num_outliers = 100, .noise_px = 0.6}, seed);
     Prepare(pair);
-    PoseSearch search{TwoViewOptions{}};
-    search.Reset(prepared_);
-    RunTwoAcStep(pair.Input(), prepared_, 200, &search);
-    const double before = search.score();
-    const double error_before = EssentialError(search.pose(), pair);
-    Rng rng(seed);
-    search.Resample({}, &rng);
-    EXPECT_GE(search.score(), 0.9 * before);
+    PoseSearch search(prepared_, options_);
+    RunTwoAcStep(prepared_, 200, &search);
+    const double before = search.best().score;
+    const double error_before = EssentialError(search.best().pose, pair);
+    int64_t num_hypotheses = 0;
+    const FoundPose after = ResamplePose(prepared_, search.best(), {}, &num_hypotheses);
+    EXPECT_GT(num_hypotheses, 10);
+    EXPECT_GE(after.score, 0.9 * before);
     sum_before += error_before;
-    sum_after += EssentialError(search.pose(), pair);
+    sum_after += EssentialError(after.pose, pair);
   }
   EXPECT_LE(sum_after, sum_before);
 }
@@ -261,11 +267,9 @@ TEST_F(SearchTest, RoughScaleDecidesWhatIsRefined) {
   const Pair pair = MakePair({.noise_px = 1.0, .depth_noise = 0.2}, 9);
   Prepare(pair);
   auto first_pose = [&](const TwoViewOptions& options) {
-    OneAcDepthStep step;
-    PoseSearch search(options);
-    search.Reset(prepared_);
-    EXPECT_GT(step.Run(pair.Input(), prepared_, 1, &search), 100);
-    return search.pose().translation;
+    PoseSearch search(prepared_, options);
+    EXPECT_GT(RunOneAcDepthStep(prepared_, 1, &search), 100);
+    return search.best().pose.translation;
   };
   const Eigen::Vector3d pose = first_pose({});
   EXPECT_EQ(first_pose({}), pose);
@@ -296,18 +300,18 @@ TEST(PoseSearch, OnlyPointsInFrontOfBothCamerasSpeakForAPose) {
   add(true_pose, true, 70);
   add(wrong_pose, true, 50);
   add(wrong_pose, false, 40);
-  PoseSearch search{TwoViewOptions{}};
+  const TwoViewOptions options;
   for (const bool wrong_first : {true, false}) {
-    search.Reset(pair);
+    PoseSearch search(pair, options);
     search.AddRefined(wrong_first ? wrong_pose : true_pose);
     search.AddRefined(wrong_first ? true_pose : wrong_pose);
-    EXPECT_LT(test::PoseError(search.pose(), true_pose), 1e-6);
+    EXPECT_LT(test::PoseError(search.best().pose, true_pose), 1e-6);
   }
 }
 
 TEST(Evidence, GrowsWithInliersAndFallsWithMatches) {
   const double chance = 0.0012;
-  auto nfa = [&](int n, int k) { return Log10NumFalseAlarms(n, k, 5, 10, chance); };
+  auto nfa = [&](int n, int k) { return Log10NumFalseAlarms(n, k, kEssential, chance); };
   EXPECT_LT(nfa(20, 15), -6.0);  // 15 of 20 good ones are kept
   EXPECT_GT(nfa(600, 15), 0.0);  // 15 chance inliers among 600 are not
   EXPECT_LT(nfa(600, 40), -6.0);
@@ -324,22 +328,20 @@ TEST(Evidence, MatchesOfOneSpotCountOnce) {
   PreparePair(repeated.Input(), {}, MatchOrder::kGiven, &prepared);
   std::vector<int32_t> all(prepared.size());
   std::iota(all.begin(), all.end(), 0);
-  std::vector<uint64_t> scratch;
-  EXPECT_LE(EstimateNumDistinct(prepared, all, &scratch), 50);
-  EXPECT_GE(EstimateNumDistinct(prepared, all, &scratch), 48);
-  EXPECT_EQ(EstimateNumDistinct(prepared, {}, &scratch), 0);
+  EXPECT_LE(EstimateNumDistinct(prepared, all), 50);
+  EXPECT_GE(EstimateNumDistinct(prepared, all), 48);
+  EXPECT_EQ(EstimateNumDistinct(prepared, {}), 0);
 }
 
 TEST(Evidence, ChanceIsMeasuredOnTheImageItself) {
   const Pair pair = MakePair({.num_inliers = 400, .num_outliers = 0}, 1);
   PreparedPair prepared;
   PreparePair(pair.Input(), {}, MatchOrder::kGiven, &prepared);
-  PointPairs scratch;
   const Eigen::Matrix3d E = EssentialFromPose(pair.cam2_from_cam1);
-  const double chance = ChanceOfInlier(prepared, E, 1.0, &scratch);
+  const double chance = ChanceOfInlier(prepared, E, 1.0);
   EXPECT_GT(chance, 2e-4);
   EXPECT_LT(chance, 1e-2);
-  EXPECT_GT(ChanceOfInlier(prepared, E, 20.0, &scratch), 5.0 * chance);
+  EXPECT_GT(ChanceOfInlier(prepared, E, 20.0), 5.0 * chance);
 }
 
 // Frames that say nothing: only positions and depths are left.
@@ -360,11 +362,10 @@ TEST(TriangleDepthStep, FindsThePoseAmongManyWrongMatchesWithoutFrames) {
     const Pair pair = MakeFramelessPair({.num_inliers = 40, .num_outliers = 160}, seed);
     PreparedPair prepared;
     PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
-    PoseSearch search((TwoViewOptions()));
-    search.Reset(prepared);
-    TriangleDepthStep step;
-    EXPECT_EQ(step.Run(pair.Input(), prepared, 4000, 24, &search), 4000);
-    num_found += search.HasEvidence() && EssentialError(search.pose(), pair) < 0.05;
+    const TwoViewOptions options;
+    PoseSearch search(prepared, options);
+    RunTriangleStep(prepared, 4000, &search);
+    num_found += search.HasEvidence() && EssentialError(search.best().pose, pair) < 0.05;
   }
   EXPECT_GE(num_found, 16);
 }
@@ -373,12 +374,10 @@ TEST(TriangleDepthStep, NeedsDepthInBothImages) {
   Pair pair = MakeFramelessPair({}, 1);
   PreparedPair prepared;
   PreparePair(pair.Input(), {}, MatchOrder::kByConsensus, &prepared);
-  PoseSearch search((TwoViewOptions()));
-  search.Reset(prepared);
-  TriangleDepthStep step;
-  EXPECT_EQ(step.Run(pair.Input(false), prepared, 100, 10, &search), 0);
+  const TwoViewOptions options;
+  PoseSearch search(prepared, options);
   for (DepthSample& sample : pair.depth2) sample.is_valid = false;
-  EXPECT_EQ(step.Run(pair.Input(), prepared, 100, 10, &search), 0);
+  RunTriangleStep(prepared, 100, &search);
   EXPECT_FALSE(search.HasModel());
 }
 
@@ -404,11 +403,9 @@ TEST(PairNoise, IsThatOfTheRightMatches) {
         MakePair({.num_inliers = 2000, .num_outliers = 2000, .noise_px = noise_px}, 3);
     PreparedPair prepared;
     PreparePair(pair.Input(), {.max_error_px = 1.0}, MatchOrder::kGiven, &prepared);
-    std::vector<float> errors(prepared.points.num_blocks() * PointPairs::kBlock), scratch;
-    SampsonErrors(prepared.points, EssentialFromPose(pair.cam2_from_cam1), errors.data());
+    const MatchErrors errors(prepared.points, EssentialFromPose(pair.cam2_from_cam1));
     // Noise of both points adds up to noise_px across the epipolar line.
-    EXPECT_NEAR(NoiseScalePx(prepared, errors, 1.4826, &scratch), std::max(0.25, noise_px),
-                0.15 * noise_px);
+    EXPECT_NEAR(NoiseScalePx(prepared, errors.values(), kSigmaOfMedian), noise_px, 0.15 * noise_px);
   }
 }
 

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "cairn/math/normal_equations.h"
+#include "cairn/math/positive_definite.h"
+
+namespace cairn {
+
+struct LevenbergMarquardtOptions {
+  int max_iterations = 50;  // steps tried
+  // A step that brings less than this share of the cost is the last.
+  double min_relative_gain = 1e-6;
+};
+
+struct LevenbergMarquardtReport {
+  double cost = 0.0;
+  int num_iterations = 0;  // steps tried
+  int num_accepted = 0;    // that lowered the cost
+};
+
+// The step that minimizes the model with every direction's own curvature raised by the share
+// `damping` (Marquardt, 1963). A direction that hardly anything sees counts as one with a billionth
+// of the largest curvature. False if the model is not a number or has no curvature at all.
+template <int N>
+bool DampedStep(const NormalEquations<N>& model, double damping,
+                Eigen::Matrix<double, N, 1>* step) {
+  constexpr double kMinCurvature = 1e-9;
+  Eigen::Matrix<double, N, N> damped = model.hessian;
+  const double floor = kMinCurvature * damped.diagonal().maxCoeff();
+  for (int i = 0; i < N; ++i) damped(i, i) += damping * std::max(damped(i, i), floor);
+  return SolvePositive<N>(damped, -model.gradient, step);
+}
+
+// Levenberg and Marquardt's method from `state` on, which is never made worse. A problem gives
+//   State                       what is sought
+//   Linearize(state) -> Model   with members cost and gradient, as NormalEquations; it may complete
+//                               what of the state follows from the rest
+//   Moved(state, step) -> State
+// and, where it has its own,
+//   Solve(model, damping, &step) -> bool   in place of DampedStep
+//   Cost(state) -> double                  cheaper than Linearize, for what may be the last step
+// The damping falls tenfold with every step that lowers the cost and grows tenfold with every
+// other. It ends with a small gain (see the options), when nothing lowers the cost, and on NaN.
+template <class Problem>
+LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOptions& options,
+                                  typename Problem::State* state) {
+  constexpr double kInitialDamping = 1e-3, kMinDamping = 1e-8, kMaxDamping = 1e6;
+  // Of the gain that ends it: what a step promises that is not worth trying, and one after which
+  // the end is near.
+  constexpr double kNegligible = 1e-3, kProbablyLast = 2.0;
+  constexpr bool kHasCost = requires { problem.Cost(*state); };
+  auto model = problem.Linearize(*state);
+  LevenbergMarquardtReport report;
+  report.cost = model.cost;
+  double damping = kInitialDamping;
+  while (report.num_iterations < options.max_iterations && damping <= kMaxDamping) {
+    ++report.num_iterations;
+    std::decay_t<decltype(model.gradient)> step;
+    bool is_solved;
+    if constexpr (requires { problem.Solve(model, damping, &step); }) {
+      is_solved = problem.Solve(model, damping, &step);
+    } else {
+      is_solved = DampedStep(model, damping, &step);
+    }
+    if (!is_solved) {
+      damping *= 10.0;
+      continue;
+    }
+    const double min_gain = options.min_relative_gain * report.cost;
+    const double promised = -model.gradient.dot(step);
+    if (!(promised > kNegligible * min_gain)) break;  // also when not finite
+    typename Problem::State next = problem.Moved(*state, step);
+    const bool is_last = report.num_iterations == options.max_iterations;
+    // Nobody needs the derivatives at the end.
+    const bool only_cost = kHasCost && (is_last || promised < kProbablyLast * min_gain);
+    decltype(model) next_model;
+    if constexpr (kHasCost) {
+      if (only_cost) next_model.cost = problem.Cost(next);
+    }
+    if (!only_cost) next_model = problem.Linearize(next);
+    const double gain = report.cost - next_model.cost;
+    if (!(gain > 0.0)) {
+      damping *= 10.0;
+      continue;
+    }
+    *state = std::move(next);
+    report.cost = next_model.cost;
+    ++report.num_accepted;
+    if (is_last || gain < min_gain) break;
+    model = only_cost ? problem.Linearize(*state) : std::move(next_model);
+    damping = std::max(0.1 * damping, kMinDamping);
+  }
+  return report;
+}
+
+}  // namespace cairn

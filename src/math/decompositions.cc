@@ -1,0 +1,33 @@
+#include "cairn/math/decompositions.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+
+namespace cairn {
+
+Svd3 SingularValues(const Eigen::Matrix3d& M) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  return {svd.matrixU(), svd.matrixV(), svd.singularValues()};
+}
+
+Svd3 SingularValuesWithRotations(const Eigen::Matrix3d& M) {
+  Svd3 svd = SingularValues(M);
+  if (svd.U.determinant() < 0.0) svd.U.col(2) *= -1.0;
+  if (svd.V.determinant() < 0.0) svd.V.col(2) *= -1.0;
+  return svd;
+}
+
+SymmetricEigen3 SymmetricEigen(const Eigen::Matrix3d& A) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(A);
+  return {eigen.eigenvalues(), eigen.eigenvectors()};
+}
+
+bool LeastEigenvector(const Eigen::Matrix<double, 9, 9>& A, Eigen::Matrix<double, 9, 1>* x) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> eigen(A);
+  if (eigen.info() != Eigen::Success || !eigen.eigenvalues().allFinite()) return false;
+  *x = eigen.eigenvectors().col(0);
+  return true;
+}
+
+}  // namespace cairn

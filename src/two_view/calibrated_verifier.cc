@@ -1,0 +1,91 @@
+#include "two_view/calibrated_verifier.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "two_view/decide/competing_model.h"
+#include "two_view/decide/pair_outcome.h"
+#include "two_view/search/pose_resampling.h"
+#include "two_view/search/search_steps.h"
+
+namespace cairn::internal {
+namespace {
+
+// The steps of a pair's search and what came of them.
+struct StepsTaken {
+  std::string_view winner;  // the step that converged, or all of them
+  int num_with_depth = 0;   // hypotheses of 1AC+D
+};
+
+StepsTaken RunSteps(const PreparedPair& pair, const SearchSteps& steps,
+                    const TwoViewOptions& options, PoseSearch* search) {
+  const bool has_depth = steps.one_ac_depth && pair.HasDepth();
+  auto budget = [&](int full) {
+    return pair.IsSupported() ? full
+                              : static_cast<int>(std::ceil(options.unsupported_budget * full));
+  };
+  StepsTaken taken{steps.name};
+  auto end = [&](std::string_view step) {
+    if (search->HasConverged()) taken.winner = step;
+  };
+  if (has_depth) {
+    taken.num_with_depth = RunOneAcDepthStep(pair, budget(options.max_num_refined), search);
+    end("one_ac_depth");
+  }
+  if (steps.triangles && has_depth && !search->HasConverged()) {
+    RunTriangleStep(pair, options.max_depth_triangles, search);
+    end("triangles");
+  }
+  if (steps.two_ac && !search->HasConverged()) {
+    RunTwoAcStep(pair, budget(options.max_affine_samples), search);
+    end("two_ac");
+  }
+  if (steps.five_point && !search->HasConverged()) {
+    const int num_samples =
+        steps.uses_votes ? budget(options.max_fallback_samples) : options.max_iterations;
+    RunFivePointStep(pair, num_samples, search);
+    end("five_point");
+  }
+  return taken;
+}
+
+// A pair that has a second model as good keeps no pose (COLMAP's kMultiple).
+void MarkCompeting(const PreparedPair& pair, const TwoViewOptions& options, PairReport* report) {
+  TwoViewGeometry& geometry = report->geometry;
+  const FeatureMatches others = FindCompetingModel(pair, *geometry.E, options);
+  if (others.empty()) return;
+  geometry.inlier_matches.insert(geometry.inlier_matches.end(), others.begin(), others.end());
+  geometry.config = TwoViewConfig::kMultiple;
+  geometry.cam2_from_cam1.reset();
+  geometry.E.reset();
+  geometry.F.reset();
+  report->num_inliers = static_cast<int>(geometry.inlier_matches.size());
+}
+
+}  // namespace
+
+PairReport VerifyCalibrated(const PreparedPair& pair, const SearchSteps& steps,
+                            const TwoViewOptions& options) {
+  PairReport report;
+  PoseSearch search(pair, options);
+  const StepsTaken taken = RunSteps(pair, steps, options, &search);
+  report.verifier = taken.winner;
+  report.num_iterations = search.num_hypotheses();
+  if (!search.HasModel()) {
+    const bool only_depth = steps.one_ac_depth && !steps.two_ac && !steps.five_point;
+    report.status =
+        only_depth && taken.num_with_depth == 0 ? PairStatus::kNoDepth : PairStatus::kNoModel;
+    return report;
+  }
+  FoundPose found = search.best();
+  if (search.HasEvidence() && options.num_resamples > 0) {
+    const ResamplingOptions resampling{.num_samples = options.num_resamples,
+                                       .effort = steps.five_point ? 4 : 2};
+    found = ResamplePose(pair, found, resampling, &report.num_iterations);
+  }
+  FinishPair(pair, options, found.pose, &report);
+  if (report.geometry.config == TwoViewConfig::kCalibrated) MarkCompeting(pair, options, &report);
+  return report;
+}
+
+}  // namespace cairn::internal

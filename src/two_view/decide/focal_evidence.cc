@@ -1,0 +1,33 @@
+#include "two_view/decide/focal_evidence.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "two_view/decide/focal_plausibility.h"
+#include "two_view/search/fundamental_search.h"
+#include "two_view/search/match_errors.h"
+
+namespace cairn::internal {
+
+std::optional<FocalEvidence> WeighFocals(const PreparedPair& pair, const Eigen::Matrix3d& E,
+                                         const TwoViewOptions& options) {
+  const int min_matches = 2 * options.min_num_matches;
+  FocalEvidence evidence;
+  evidence.num_matches = std::min(pair.NumSupported(), kEnoughMatches);
+  if (!pair.IsSupported() || evidence.num_matches < min_matches) return std::nullopt;
+  std::vector<int32_t> first(evidence.num_matches);
+  std::iota(first.begin(), first.end(), 0);
+  const PreparedPair supported = pair.Subset(first);
+  evidence.num_by_essential = MatchErrors(supported.points, E).CountBelow(supported.max_error_px);
+  evidence.num_by_fundamental = evidence.num_by_essential;
+  // (An F that no plausible focal lengths give is of repeated structure, and says nothing of them.)
+  const auto model = FindFundamental(
+      supported, {.confidence = options.confidence, .max_iterations = options.min_iterations});
+  if (model && HasPlausibleFocals(model->F, *pair.input.camera1, *pair.input.camera2)) {
+    evidence.num_by_fundamental =
+        std::max(evidence.num_by_essential, static_cast<int>(model->inliers.size()));
+  }
+  return evidence;
+}
+
+}  // namespace cairn::internal

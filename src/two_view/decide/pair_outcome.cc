@@ -1,0 +1,262 @@
+#include "two_view/decide/pair_outcome.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cairn/geometry/epipolar.h"
+#include "cairn/math/angles.h"
+#include "cairn/robust/pose_refinement.h"
+#include "cairn/solvers/homography.h"
+#include "two_view/decide/evidence.h"
+#include "two_view/decide/special_pairs.h"
+#include "two_view/search/cheirality.h"
+#include "two_view/search/guided_support.h"
+#include "two_view/search/match_errors.h"
+
+namespace cairn::internal {
+namespace {
+
+// Matches that a model explains.
+struct Support {
+  MatchErrors errors;  // of all matches
+  std::vector<int32_t> inliers;
+  double score = 0.0;  // MSAC
+};
+
+template <class ValueOf>
+double MedianOf(std::span<const int32_t> matches, const ValueOf& value_of) {
+  if (matches.empty()) return 0.0;
+  std::vector<float> values;
+  values.reserve(matches.size());
+  for (const int32_t i : matches) values.push_back(value_of(i));
+  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+class PairFinisher {
+ public:
+  PairFinisher(const PreparedPair& pair, const TwoViewOptions& options)
+      : pair_(pair), options_(options), cheirality_(pair) {}
+
+  void Run(const Rigid3d& start, PairReport* report) {
+    Rigid3d pose = ChooseByCheirality(RefineToNoise(start));
+    Support support = SupportOf(pose);
+    FillSupport(support, report);
+    report->status = Accept(pose, support);
+    if (report->status != PairStatus::kVerified) return;
+    report->may_have_wrong_focal = MayHaveWrongFocal(support);
+
+    const SpecialPair special = ClassifyPair(pair_, support.inliers, options_);
+    TwoViewConfig config = special.config;
+    if (config == TwoViewConfig::kWatermark) {
+      report->geometry.config = config;
+      report->geometry.inlier_matches = pair_.Matches(support.inliers);
+      return;
+    }
+    if (config == TwoViewConfig::kPlanar) {
+      pose = BestMotionOfPlane(pose, special.H);
+      support = SupportOf(pose);
+      FillSupport(support, report);
+    }
+    Eigen::Quaterniond rotation = special.rotation;
+    const double max_sigma = DegToRad(options_.max_pose_sigma_deg);
+    if (config != TwoViewConfig::kPanoramic) {
+      const auto [rotation_sigma, translation_sigma] = PoseSigmas(pose);
+      if (rotation_sigma > max_sigma) {
+        report->status = PairStatus::kDegenerate;
+        return;
+      }
+      if (translation_sigma > max_sigma) {
+        config = TwoViewConfig::kPanoramic;
+        rotation = pose.rotation;
+      }
+    }
+    if (config == TwoViewConfig::kPanoramic && PureRotationSigma(support.inliers) > max_sigma) {
+      report->status = PairStatus::kDegenerate;
+      return;
+    }
+    report->geometry.config = config;
+    if (config == TwoViewConfig::kPanoramic) {
+      FillPanoramic(rotation, report);
+    } else {
+      FillPose(pose, support, report);
+      if (config == TwoViewConfig::kPlanar) FillHomography(special.H, report);
+    }
+  }
+
+ private:
+  // The most accurate pose near one refined at the threshold: a smooth robust loss whose scale
+  // follows the noise of this pair. The threshold that separates inliers is several times the
+  // noise, and at that scale the loss would let their far ones pull.
+  Rigid3d RefineToNoise(const Rigid3d& start) const {
+    // Matches farther away have no weight.
+    const MatchErrors errors(pair_.points, EssentialFromPose(start));
+    GuidedSupport support;
+    support.Learn(pair_, errors.values(), kReach * pair_.max_error_px);
+    return support.Refine(start);
+  }
+
+  // Of the four poses of the essential matrix, the one with the most inliers in front.
+  Rigid3d ChooseByCheirality(const Rigid3d& start) const {
+    const MatchErrors errors(pair_.points, EssentialFromPose(start));
+    return cheirality_.Choose(start, errors.Below(pair_.max_error_px)).pose;
+  }
+
+  // What a pose explains in front of both cameras.
+  Support SupportOf(const Rigid3d& pose) const {
+    Support support;
+    support.errors.SetSampson(pair_.points, EssentialFromPose(pose));
+    support.inliers = support.errors.Below(pair_.max_error_px);
+    const Eigen::Matrix3d R = pose.RotationMatrix();
+    std::erase_if(support.inliers, [&](int32_t i) { return !cheirality_.IsInFront(pose, R, i); });
+    support.score = Msac(support);
+    return support;
+  }
+
+  double Msac(const Support& support) const {
+    double score = 0.0;
+    for (const int32_t i : support.inliers) {
+      const double e = support.errors[i] / pair_.max_error_px;
+      score += 1.0 - e * e;
+    }
+    return score;
+  }
+
+  PairStatus Accept(const Rigid3d& pose, const Support& support) const {
+    const bool is_accepted = std::ssize(support.inliers) >= options_.min_num_inliers &&
+                             Log10NumFalseAlarms(pair_, EssentialFromPose(pose), support.inliers,
+                                                 kEssential) < -options_.min_log10_evidence;
+    return is_accepted ? PairStatus::kVerified : PairStatus::kTooFewInliers;
+  }
+
+  // A model that is wrong by its focal lengths leaves many matches just outside the threshold.
+  bool MayHaveWrongFocal(const Support& support) const {
+    const double max_error_px = kOutside * pair_.max_error_px;
+    const double by_chance = pair_.chance_per_px * max_error_px * pair_.size();
+    return static_cast<double>(support.inliers.size()) <
+           options_.min_calibrated_share * (support.errors.CountBelow(max_error_px) - by_chance);
+  }
+
+  // A plane leaves two motions; with points off the plane, they differ in support. Each is refined
+  // on all points and compared with the pose so far.
+  Rigid3d BestMotionOfPlane(const Rigid3d& pose, const Eigen::Matrix3d& H) const {
+    PlaneMotion motions[4];
+    const int num_motions = DecomposeHomography(H, motions);
+    Rigid3d best = pose;
+    double best_score = SupportOf(pose).score;
+    for (int k = 0; k < num_motions; ++k) {
+      if (motions[k].cam2_from_cam1.translation.norm() < 1e-6) continue;
+      const Rigid3d refined =
+          RefinePose(pair_.points, motions[k].cam2_from_cam1, {.scale_px = pair_.max_error_px})
+              .cam2_from_cam1;
+      const double score = SupportOf(refined).score;
+      if (score > best_score) {
+        best_score = score;
+        best = refined;
+      }
+    }
+    return best;
+  }
+
+  // Largest standard deviations of rotation and translation direction, radians, for errors of a
+  // third of the threshold.
+  std::pair<double, double> PoseSigmas(const Rigid3d& pose) const {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>> eigen(
+        PoseInformation(pair_.points, pose, pair_.max_error_px));
+    const double floor = 1e-12 * eigen.eigenvalues()[4];
+    const Eigen::Matrix<double, 5, 5> covariance =
+        eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
+        eigen.eigenvectors().transpose();
+    auto largest = [](const auto& block) {
+      return Eigen::SelfAdjointEigenSolver<std::decay_t<decltype(block)>>(block)
+          .eigenvalues()
+          .maxCoeff();
+    };
+    const double sigma_px = pair_.max_error_px / 3.0;
+    const Eigen::Matrix3d rotation = covariance.topLeftCorner<3, 3>();
+    const Eigen::Matrix2d translation = covariance.bottomRightCorner<2, 2>();
+    return {sigma_px * std::sqrt(largest(rotation)), sigma_px * std::sqrt(largest(translation))};
+  }
+
+  // Largest standard deviation of a rotation that aligns the inliers' rays, radians.
+  double PureRotationSigma(std::span<const int32_t> inliers) const {
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    for (const int32_t i : inliers) {
+      const Eigen::Vector3d ray = pair_.points.Ray2(i).normalized();
+      information += Eigen::Matrix3d::Identity() - ray * ray.transpose();
+    }
+    const double smallest =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information).eigenvalues()[0];
+    const double sigma = pair_.max_error_px / 3.0 / pair_.points.focal2_px();
+    return smallest > 0.0 ? sigma / std::sqrt(smallest) : std::numeric_limits<double>::infinity();
+  }
+
+  void FillSupport(const Support& support, PairReport* report) const {
+    report->num_inliers = static_cast<int>(support.inliers.size());
+    report->score = support.score;
+  }
+
+  void FillInliers(const Support& support, PairReport* report) const {
+    FillSupport(support, report);
+    report->geometry.inlier_matches = pair_.Matches(support.inliers);
+    report->residual_px = MedianOf(support.inliers, [&](int32_t i) { return support.errors[i]; });
+  }
+
+  void FillPose(const Rigid3d& pose, const Support& support, PairReport* report) const {
+    FillInliers(support, report);
+    TwoViewGeometry& geometry = report->geometry;
+    geometry.cam2_from_cam1 = Rigid3d(pose.rotation.normalized(), pose.translation.normalized());
+    const Eigen::Matrix3d E = EssentialFromPose(pose);
+    geometry.E = E;
+    // (Pixels of a wide pair have no fundamental matrix, nor a homography.)
+    if (!pair_.points.is_wide()) {
+      geometry.F = FundamentalFromEssential(E, pair_.input.camera1->CalibrationMatrix(),
+                                            pair_.input.camera2->CalibrationMatrix());
+    }
+    // The median of the angles is that of their squared tangents (below a right angle).
+    const Eigen::Matrix3d R = pose.RotationMatrix();
+    const double squared_tangent = MedianOf(support.inliers, [&](int32_t i) {
+      const Eigen::Vector3d a = R * pair_.points.Ray1(i);
+      const Eigen::Vector3d b = pair_.points.Ray2(i);
+      const double dot = a.dot(b);
+      return dot > 0.0 ? static_cast<float>(a.cross(b).squaredNorm() / (dot * dot))
+                       : std::numeric_limits<float>::infinity();
+    });
+    report->triangulation_angle_deg = RadToDeg(std::atan(std::sqrt(squared_tangent)));
+  }
+
+  // No translation: inliers are those of the rotation.
+  void FillPanoramic(const Eigen::Quaterniond& rotation, PairReport* report) const {
+    report->geometry.cam2_from_cam1 = Rigid3d(rotation.normalized(), Eigen::Vector3d::Zero());
+    FillHomography(rotation.toRotationMatrix(), report);
+    Support support;
+    support.errors.SetHomography(pair_.points, rotation.toRotationMatrix());
+    support.inliers = support.errors.Below(std::sqrt(2.0) * pair_.max_error_px);
+    support.score = Msac(support);
+    FillInliers(support, report);
+  }
+
+  void FillHomography(const Eigen::Matrix3d& H, PairReport* report) const {
+    if (pair_.points.is_wide()) return;
+    report->geometry.H = pair_.input.camera2->CalibrationMatrix() * H *
+                         pair_.input.camera1->CalibrationMatrix().inverse();
+  }
+
+  const PreparedPair& pair_;
+  const TwoViewOptions& options_;
+  const Cheirality cheirality_;
+};
+
+}  // namespace
+
+void FinishPair(const PreparedPair& pair, const TwoViewOptions& options, const Rigid3d& pose,
+                PairReport* report) {
+  PairFinisher(pair, options).Run(pose, report);
+}
+
+}  // namespace cairn::internal

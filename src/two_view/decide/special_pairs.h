@@ -1,0 +1,30 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "two_view/prepare/prepared_pair.h"
+
+namespace cairn::internal {
+
+// What a pose alone does not show (COLMAP's `config`).
+struct SpecialPair {
+  TwoViewConfig config = TwoViewConfig::kCalibrated;
+  // For planar and panoramic pairs: homography of normalized points, and its inliers among all.
+  Eigen::Matrix3d H = Eigen::Matrix3d::Identity();
+  // For panoramic pairs: the rotation that explains the matches without translation.
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
+};
+
+// Looks at the inliers of a pose, given as indices into pair.points: do they follow a rotation
+// alone (panoramic), one homography (planar), one shift within the frame of the images, or are they
+// an overlay (watermark)?
+SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inliers,
+                         const TwoViewOptions& options);
+
+// Are more than half of these matches at the same place of both images, measured from a corner, the
+// middle of a side, or the center? Marks that are printed over photographs are, wherever they are
+// and however often they repeat; points of a scene only if the camera does not move.
+bool IsOverlay(const PreparedPair& pair, std::span<const int32_t> matches);
+
+}  // namespace cairn::internal

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <span>
+
+#include "cairn/geometry/rigid3d.h"
+#include "two_view/prepare/prepared_pair.h"
+#include "two_view/search/match_errors.h"
+
+namespace cairn::internal {
+
+// Are matches in front of both cameras, or so far away that noise decides the sign of their depths?
+class Cheirality {
+ public:
+  explicit Cheirality(const PreparedPair& pair);
+
+  bool IsInFront(const Rigid3d& pose, const Eigen::Matrix3d& R, int match) const;
+
+  // Of the four poses of an essential matrix, given by any one of them, the one with the most of
+  // these matches in front; of more than a hundred, some are looked at.
+  struct Choice {
+    Rigid3d pose;
+    double share = 0.0;  // of the matches
+  };
+  Choice Choose(const Rigid3d& pose, std::span<const int32_t> matches) const;
+
+  // What support of a pose is worth: the share of the matches that it explains in front of both
+  // cameras, 1 where these are most of them.
+  double WeightOf(const Rigid3d& pose);
+
+ private:
+  const PreparedPair& pair_;
+  double squared_far_angle_;
+  MatchErrors errors_;
+};
+
+}  // namespace cairn::internal
