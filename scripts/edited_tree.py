@@ -11,6 +11,18 @@ def run(command, **kwargs):
     return subprocess.run(command, capture_output=True, text=True, **kwargs)
 
 
+def check_edits(edits):
+    """Ends the program: with 0 where each (file, text) is in the working tree once, else with 1 and those that are not."""
+    problems = []
+    for name, before in edits:
+        path = root / name
+        count = path.read_text().count(before) if path.exists() else 0
+        if count != 1:
+            problems.append(f"{name} has {count} times: {before}")
+    print("\n".join(problems) or f"{len(edits)} edits find their text")
+    sys.exit(bool(problems) or not edits)
+
+
 class EditedTree:
     """The sources in OUT/tree, their build in OUT/build (with the compiler cache, where there is one)."""
 

@@ -372,6 +372,8 @@ TEST(AdjustBundle, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
   const Reconstruction first = run(1);
   const Reconstruction second = run(1);
   const Reconstruction third = run(4);
+  ASSERT_EQ(first.images.size(), 6u);
+  ASSERT_GT(first.points3D.size(), 150u);
   for (const auto& [id, image] : first.images) {
     EXPECT_EQ(image.cam_from_world.translation, second.images.at(id).cam_from_world.translation);
     EXPECT_EQ(image.cam_from_world.rotation.coeffs(),

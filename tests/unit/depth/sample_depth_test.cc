@@ -128,6 +128,7 @@ TEST(SampleDepth, InverseDepthOfAPlaneIsExactForAnyWindow) {
         kMapWidth, kMapHeight, [&](double x, double y) { return inverse(x, y) - shift; }, options);
     for (const DepthWindows windows : {DepthWindows{0.0, 0.003}, {0.02, 0.3}}) {
       const auto samples = SampleDepth(map, kImageWidth, kImageHeight, keypoints, windows);
+      ASSERT_EQ(samples.size(), keypoints.size());
       for (size_t i = 0; i < samples.size(); ++i) {
         const double v = inverse(keypoints[i].x, keypoints[i].y) - shift;
         ASSERT_EQ(samples[i].is_valid, v > 0);

@@ -191,6 +191,7 @@ TEST(DistortionCalibration, DoesNotDependOnThreads) {
     pairs.push_back(MakePair(1 + i % 2, {1000, -0.1}, 1, {1000, -0.1}, i));
   const auto one = CalibrateDistortion(Guesses(2), {}, pairs, 1);
   const auto four = CalibrateDistortion(Guesses(2), {}, pairs, 4);
+  ASSERT_EQ(one.cameras.size(), 2u);
   for (const auto& [id, camera] : one.cameras) {
     EXPECT_EQ(camera.k, four.cameras.at(id).k);
     EXPECT_EQ(camera.sigma, four.cameras.at(id).sigma);

@@ -144,7 +144,9 @@ TEST(FocalCalibration, ACameraOfItsOwnForEveryImage) {
   std::vector<double> focals;
   for (int i = 0; i < 10; ++i) focals.push_back(700 + 130 * i);
   Rig rig(focals, 10);
-  for (const auto& [id, focal] : Calibrate(rig.Guesses(1200), rig.AllPairs()).cameras) {
+  const auto report = Calibrate(rig.Guesses(1200), rig.AllPairs());
+  ASSERT_EQ(report.cameras.size(), 10u);
+  for (const auto& [id, focal] : report.cameras) {
     EXPECT_EQ(focal.status, FocalStatus::kCalibrated) << id;
     EXPECT_NEAR(focal.focal_px / rig.truth.at(id).MeanFocal(), 1.0, 0.03) << id;
     EXPECT_EQ(focal.num_pairs, 9);
@@ -169,7 +171,9 @@ TEST(FocalCalibration, FindsWideAngleAndTelephotoLenses) {
 
 TEST(FocalCalibration, ExactWithoutNoise) {
   Rig rig({850, 1500}, 6);
-  for (const auto& [id, focal] : Calibrate(rig.Guesses(1200), rig.AllPairs(0)).cameras) {
+  const auto report = Calibrate(rig.Guesses(1200), rig.AllPairs(0));
+  ASSERT_EQ(report.cameras.size(), 2u);
+  for (const auto& [id, focal] : report.cameras) {
     EXPECT_NEAR(focal.focal_px / rig.truth.at(id).MeanFocal(), 1.0, 1e-3);
   }
 }
@@ -197,7 +201,9 @@ TEST(FocalCalibration, TrustedCamerasAreKeptAndHelpTheOthers) {
 // Rotations alone, a plane, and parallel optical axes say nothing about focal lengths.
 TEST(FocalCalibration, DegenerateMotionsAreRefused) {
   const auto refused = [](Rig& rig, const std::string& what) {
-    for (const auto& [id, focal] : Calibrate(rig.Guesses(1200), rig.AllPairs()).cameras) {
+    const auto report = Calibrate(rig.Guesses(1200), rig.AllPairs());
+    ASSERT_EQ(report.cameras.size(), 1u) << what;
+    for (const auto& [id, focal] : report.cameras) {
       EXPECT_NE(focal.status, FocalStatus::kCalibrated)
           << what << ": " << focal.focal_px << " sigma " << focal.sigma;
     }
@@ -269,6 +275,7 @@ TEST(FocalCalibration, TheSamePairsInAnotherOrderAndWithMoreThreads) {
   const auto many = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, {.num_threads = 8});
   std::reverse(pairs.begin(), pairs.end());
   const auto reversed = CalibrateFocals(rig.Guesses(1200), {}, pairs, {}, {.num_threads = 1});
+  ASSERT_EQ(one.cameras.size(), 2u);
   for (const auto& [id, focal] : one.cameras) {
     EXPECT_EQ(focal.focal_px, many.cameras.at(id).focal_px);
     EXPECT_NEAR(focal.focal_px, reversed.cameras.at(id).focal_px, 1e-2);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/base/rng.h"
+#include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 #include "mapper/stages.h"
@@ -9,17 +10,20 @@
 namespace cairn {
 namespace {
 
-// Two images of a cloud of points as deep as it is wide, `focal_px` away in units of its size.
+enum class Motion { kAround, kTurn };
+
+// Two images of a cloud of points as deep as it is wide, `focal_px` away in units of its size. The
+// camera goes around the cloud, or turns where it is.
 struct TwoImages {
-  TwoImages(double focal_px, double noise_px, uint64_t seed) {
+  TwoImages(double focal_px, double noise_px, uint64_t seed, Motion motion = Motion::kAround) {
     Camera camera = Camera::FromFocal(1, CameraModel::kPinhole, focal_px, 640, 480);
     scene.cameras[1] = camera;
     Rng rng(seed);
     const double distance = focal_px / 400;
     const Eigen::Quaterniond turn = ExpSO3({0.03, 0.2, -0.05});
-    // The camera goes around the cloud.
     const Eigen::Vector3d middle(0, 0, distance);
     truth = Rigid3d(turn, Eigen::Vector3d(middle - turn * middle));
+    if (motion == Motion::kTurn) truth.translation.setZero();
     FeatureMatches& matches = scene.matches[ImagePairToPairId(1, 2)];
     for (point2D_t i = 0; i < 150; ++i) {
       const Eigen::Vector3d x =
@@ -43,6 +47,7 @@ struct TwoImages {
     edge.residual_px = 0.6745 * noise_px;
     graph.image_ids = {1, 2};
     graph.edges = {edge};
+    scene.edges = {edge};
   }
 
   double ErrorDeg() const {
@@ -111,6 +116,89 @@ TEST(RefitEdges, LeavesWhatNoSuchPoseExplains) {
       RefitEdges(pair.context, {{1, Eigen::Quaterniond::Identity()}, {2, wrong}}, 5, pair.graph),
       0);
   EXPECT_EQ(pair.ErrorDeg(), 0);
+}
+
+// What ImproveRelativePoses makes of the pair, if this is stored of it.
+ViewEdge Improved(TwoImages pair, const TwoViewGeometry& stored) {
+  ImproveRelativePoses({{ImagePairToPairId(1, 2), stored}}, 1, pair.scene);
+  return pair.scene.edges[0];
+}
+double RotationErrorDeg(const ViewEdge& edge, const TwoImages& pair) {
+  return RadToDeg(AngleBetween(edge.cam2_from_cam1.rotation, pair.truth.rotation));
+}
+double DirectionErrorDeg(const ViewEdge& edge, const TwoImages& pair) {
+  return RadToDeg(AngleBetween(edge.cam2_from_cam1.translation, pair.truth.translation));
+}
+
+TEST(ImproveRelativePoses, RefinesAStoredPoseAndTurnsItsDirection) {
+  for (const double sign : {1.0, -1.0}) {
+    TwoImages pair(800, 0.3, 1);
+    ViewEdge& edge = pair.scene.edges[0];
+    edge.cam2_from_cam1.rotation = ExpSO3({0.03, -0.03, 0.02}) * pair.truth.rotation;
+    edge.cam2_from_cam1.translation *= sign;  // its epipolar errors are the same
+    ASSERT_GT(RotationErrorDeg(edge, pair), 2.0);
+    edge = Improved(pair, {});
+    EXPECT_TRUE(edge.IsActive());
+    EXPECT_LT(RotationErrorDeg(edge, pair), 0.3);
+    EXPECT_LT(DirectionErrorDeg(edge, pair), 1.5);
+    EXPECT_NEAR(edge.residual_px, 0.6745 * 0.3, 0.06);
+    EXPECT_GT(edge.triangulation_angle_deg, 5.0);
+    EXPECT_LT(edge.triangulation_angle_deg, 20.0);
+  }
+}
+
+TEST(ImproveRelativePoses, FindsAPoseFromEachMatrix) {
+  TwoImages pair(800, 0.3, 2);
+  pair.scene.edges[0].removal = EdgeRemoval::kNoPose;
+  pair.scene.edges[0].cam2_from_cam1 = Rigid3d();
+  const Eigen::Matrix3d K = pair.scene.cameras.at(1).CalibrationMatrix();
+  const Eigen::Matrix3d E = EssentialFromPose(pair.truth);
+  // Of a plane through the cloud, n x = 2 in the first camera; it has two poses.
+  const Eigen::Vector3d normal(-0.3, 0.2, 1.0);
+  const Eigen::Matrix3d H =
+      K * (pair.truth.RotationMatrix() + pair.truth.translation * normal.transpose() / 2) *
+      K.inverse();
+  TwoViewGeometry with_E, with_F, with_H;
+  with_E.E = 3.0 * E;
+  with_F.F = FundamentalFromEssential(E, K, K);
+  with_H.H = -2.0 * H;
+  for (const TwoViewGeometry& stored : {with_E, with_F, with_H}) {
+    const ViewEdge edge = Improved(pair, stored);
+    EXPECT_TRUE(edge.IsActive());
+    EXPECT_LT(RotationErrorDeg(edge, pair), 0.3);
+    EXPECT_LT(DirectionErrorDeg(edge, pair), 1.5);
+  }
+}
+
+TEST(ImproveRelativePoses, LeavesARotationAloneWhereNothingShowsParallax) {
+  TwoImages pair(800, 0.3, 3, Motion::kTurn);
+  pair.scene.edges[0].cam2_from_cam1 =
+      Rigid3d(ExpSO3({0.01, 0.02, 0}) * pair.truth.rotation, Eigen::Vector3d::UnitX());
+  const ViewEdge edge = Improved(pair, {});
+  EXPECT_TRUE(edge.IsActive());
+  EXPECT_FALSE(edge.HasTranslation());
+  EXPECT_LT(RotationErrorDeg(edge, pair), 0.5);
+}
+
+TEST(ImproveRelativePoses, PairsThatShowNoPoseHaveNone) {
+  TwoImages still(800, 0.3, 4);
+  still.scene.pixels.at(2) = still.scene.pixels.at(1);
+  EXPECT_EQ(Improved(still, {}).removal, EdgeRemoval::kNoPose);
+
+  TwoImages few(800, 0.3, 4);
+  few.scene.matches.begin()->second.resize(7);
+  EXPECT_EQ(Improved(few, {}).removal, EdgeRemoval::kNoPose);
+
+  TwoImages unknown(800, 0.3, 4);
+  unknown.scene.edges[0].removal = EdgeRemoval::kNoPose;
+  EXPECT_EQ(Improved(unknown, {}).removal, EdgeRemoval::kNoPose);
+}
+
+TEST(ImproveRelativePoses, LeavesPairsThatAreNotNamed) {
+  TwoImages pair(800, 0.3, 5);
+  pair.scene.edges[0].cam2_from_cam1.rotation = pair.Reversed();
+  ImproveRelativePoses({{ImagePairToPairId(1, 3), {}}}, 2, pair.scene);
+  EXPECT_EQ(pair.scene.edges[0].cam2_from_cam1.rotation.coeffs(), pair.Reversed().coeffs());
 }
 
 }  // namespace

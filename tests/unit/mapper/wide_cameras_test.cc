@@ -136,10 +136,10 @@ TEST_F(WideCamerasTest, UnknownFocalLengthsAreFound) {
     database.ClearVerification();
     EXPECT_EQ(LearnWideFocals(database, {}, 0, 2, NullMonitor()), texts);
     Verify(database);
-    for (const auto& [pair_id, num_matches] : database.ReadNumMatches()) {
-      const auto geometry = database.ReadTwoViewGeometry(pair_id);
-      if (!geometry) continue;
-      EXPECT_NE(geometry->config, TwoViewConfig::kCalibrated);
+    const std::vector<image_pair_t> verified = database.ReadTwoViewGeometryPairIds();
+    ASSERT_GE(verified.size(), truth.images.size());
+    for (const image_pair_t pair_id : verified) {
+      EXPECT_NE(database.ReadTwoViewGeometry(pair_id)->config, TwoViewConfig::kCalibrated);
     }
     const ReconstructResult result = ReconstructScene(database, "", Settings());
     ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
@@ -336,6 +337,57 @@ TEST_F(PairSchedulerTest, AVerifierThatThrowsEndsTheRunAndKeepsTheDatabaseUsable
       VerifyPairs(database, {{"bad", [] { return std::make_unique<Throwing>(); }}}, Input(), {}, 2),
       BugError);
   EXPECT_EQ(Verify(path).counts.num_pairs, kNumPairs);
+}
+
+// Verifies nothing, but lets threads go on in twos, at the same moment or a little after each
+// other: whatever they then do to one value without a lock, they do to it together.
+class MeetingVerifier : public PairVerifier {
+ public:
+  PairReport Verify(const PairInput&) override {
+    const int ticket = num_arrived++;
+    const auto start = std::chrono::steady_clock::now();
+    // The last pair of a round waits alone.
+    while (ticket % 2 == 0 && num_arrived <= ticket + 1 &&
+           std::chrono::steady_clock::now() - start < std::chrono::milliseconds(2)) {
+    }
+    for (int reads = ticket % 2 == 1 ? ticket % 256 : 0; reads > 0; --reads) num_arrived.load();
+    PairReport report;
+    report.status = ticket % 3 == 0 ? PairStatus::kTooFewInliers : PairStatus::kNoModel;
+    return report;
+  }
+
+  static std::atomic<int> num_arrived;
+};
+std::atomic<int> MeetingVerifier::num_arrived = 0;
+
+TEST_F(PairSchedulerTest, CountsAreExactWhereThreadsFinishTogether) {
+  constexpr image_t kNumMany = 100;
+  constexpr int kNumManyPairs = kNumMany * (kNumMany - 1) / 2;
+  Database database(Path("many.db"));
+  {
+    Database::Transaction transaction(database);
+    database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 100, 640, 480));
+    for (image_t i = 1; i <= kNumMany; ++i) {
+      database.WriteImage({i, "image" + std::to_string(i), 1});
+      database.WriteKeypoints(i, std::vector<Keypoint>(2));
+      for (image_t j = i + 1; j <= kNumMany; ++j) {
+        database.WriteMatches(ImagePairToPairId(i, j), {{0, 0}, {1, 1}});
+      }
+    }
+    transaction.Commit();
+  }
+  MeetingVerifier::num_arrived = 0;
+  VerificationInput input = Input();
+  input.min_num_matches = 1;
+  const VerificationReport report = VerifyPairs(
+      database, {{"meeting", [] { return std::make_unique<MeetingVerifier>(); }}}, input, {}, 2);
+  EXPECT_EQ(MeetingVerifier::num_arrived, kNumManyPairs);
+  EXPECT_EQ(report.counts.num_pairs, kNumManyPairs);
+  EXPECT_EQ(report.counts.num_tried, kNumManyPairs);
+  int64_t num_rejected = 0;
+  for (const auto& [reason, num] : report.counts.rejected_by) num_rejected += num;
+  EXPECT_EQ(report.counts.rejected_by.size(), 2u);
+  EXPECT_EQ(num_rejected, kNumManyPairs);
 }
 
 TEST_F(PairSchedulerTest, TheMonitorSeesEveryPairOnce) {

@@ -135,6 +135,7 @@ TEST(RotationAveraging, LandmarkGraphWithRealisticErrors) {
 TEST(RotationAveraging, SameBytesForAnyOrderDirectionAndThreads) {
   const Problem p = MakeProblem(80, 1500, 1.0, 0.3, 11);
   const RotationAveragingReport reference = AverageRotations(p.edges);
+  ASSERT_EQ(reference.cam_from_world.size(), 80u);
   std::vector<RotationEdge> edges = p.edges;
   Rng rng(1);
   for (RotationEdge& e : edges) {

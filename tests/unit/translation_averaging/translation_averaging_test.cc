@@ -193,6 +193,7 @@ TEST(TranslationAveraging, SameBytesForAnyOrderDirectionAndThreads) {
   scene.AddChain(8, 1.0, 0.1, rng);
   scene.AddPoints(300, 5, 1.0, 0.2, 0.1, rng);
   const auto reference = AverageTranslations(scene.edges, scene.tracks);
+  ASSERT_EQ(reference.centers.size(), 30u);
   for (DirectionEdge& e : scene.edges) {
     if (rng.Uniform() < 0.5) continue;
     std::swap(e.image_id1, e.image_id2);

@@ -1,0 +1,141 @@
+// Images that averaging left out, registered from the points of a model.
+#include <gmock/gmock.h>
+
+#include "cairn/base/rng.h"
+#include "cairn/math/angles.h"
+#include "mapper/stages.h"
+#include "unit/mapper/reconstruct_fixture.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+// A scene with all of its pairs, and its true model without some images. Every image has a camera
+// of its own.
+struct IncompleteModel {
+  explicit IncompleteModel(const std::set<image_t>& left_out, uint64_t seed = 1) {
+    SceneOptions options = SmallScene();
+    options.num_cameras = options.num_images;
+    const SyntheticScene synthetic = MakeScene(options, seed);
+    truth = model = synthetic.truth;
+    graph = MakeViewGraph(synthetic);
+    scene.cameras = synthetic.cameras;
+    for (auto& [id, camera] : scene.cameras) camera.has_prior_focal_length = true;
+    for (const auto& [id, image] : truth.images) {
+      scene.images[id] = image.image;
+      scene.pixels[id] = image.points2D;
+    }
+    for (const ViewEdge& edge : graph.edges) {
+      scene.matches[edge.PairId()] =
+          TrueTwoViewGeometry(synthetic, edge.image_id1, edge.image_id2,
+                              MakeMatches(synthetic, edge.image_id1, edge.image_id2))
+              .inlier_matches;
+    }
+    for (const image_t id : left_out) {
+      RemoveImage(id, model);
+      model.cameras.erase(truth.images.at(id).image.camera_id);
+    }
+  }
+
+  int Register() { return RegisterLeftOut(context, graph, model); }
+
+  double RotationErrorDeg(image_t id) const {
+    return RadToDeg(AngleBetween(model.images.at(id).cam_from_world.rotation,
+                                 truth.images.at(id).cam_from_world.rotation));
+  }
+  double CenterError(image_t id) const {
+    return (model.images.at(id).cam_from_world.Center() -
+            truth.images.at(id).cam_from_world.Center())
+        .norm();
+  }
+
+  Reconstruction truth, model;
+  ViewGraph graph;
+  SceneData scene;
+  ReconstructSettings settings = Settings();
+  RunReport report;
+  StageContext context{scene, settings, NullMonitor(), report};
+};
+
+TEST(RegisterLeftOut, GivesImagesTheirPoses) {
+  for (const uint64_t seed : {1, 2, 3}) {
+    IncompleteModel incomplete({3, 7}, seed);
+    ASSERT_EQ(incomplete.model.images.size(), 8u);
+    const auto num_points = incomplete.model.points3D.size();
+    EXPECT_EQ(incomplete.Register(), 2);
+    incomplete.model.CheckConsistency();
+    ASSERT_EQ(incomplete.model.images.size(), 10u);
+    EXPECT_EQ(incomplete.model.points3D.size(), num_points);
+    for (const image_t id : {3, 7}) {
+      // Three units from points that are known to 0.3 of about 1200 pixels.
+      EXPECT_LT(incomplete.RotationErrorDeg(id), 0.1);
+      EXPECT_LT(incomplete.CenterError(id), 0.01);
+      EXPECT_EQ(incomplete.model.images.at(id).points2D, incomplete.scene.pixels.at(id));
+    }
+    const StageReport* stage = FindStage(incomplete.report, "registration");
+    ASSERT_NE(stage, nullptr);
+    EXPECT_EQ(Value(*stage, "candidates"), 2);
+    EXPECT_EQ(Value(*stage, "registered"), 2);
+    EXPECT_EQ(incomplete.Register(), 0);
+  }
+}
+
+// A wrong guess of a focal length is found with the pose; a known one is not touched.
+TEST(RegisterLeftOut, FindsAFocalLengthThatIsOnlyAGuess) {
+  for (const bool is_known : {false, true}) {
+    IncompleteModel incomplete({5});
+    const camera_t camera_id = incomplete.scene.images.at(5).camera_id;
+    Camera& camera = incomplete.scene.cameras.at(camera_id);
+    const double focal_px = camera.MeanFocal();
+    camera.SetMeanFocal(1.3 * focal_px);
+    camera.has_prior_focal_length = is_known;
+    ASSERT_EQ(incomplete.Register(), 1);
+    const double found_px = incomplete.model.cameras.at(camera_id).MeanFocal();
+    EXPECT_NEAR(found_px / focal_px, is_known ? 1.3 : 1.0, is_known ? 1e-12 : 0.02);
+  }
+}
+
+TEST(RegisterLeftOut, PairsOfAnotherPlaceDoNotCount) {
+  IncompleteModel incomplete({3, 7});
+  int num_ambiguous = 0;
+  for (ViewEdge& edge : incomplete.graph.edges) {
+    if (edge.image_id1 != 3 && edge.image_id2 != 3) continue;
+    edge.removal = EdgeRemoval::kAmbiguous;
+    ++num_ambiguous;
+  }
+  ASSERT_GT(num_ambiguous, 3);
+  EXPECT_EQ(incomplete.Register(), 1);
+  EXPECT_EQ(incomplete.model.images.count(3), 0u);
+  // Other reasons to leave a pair out say nothing against its matches.
+  for (ViewEdge& edge : incomplete.graph.edges) {
+    if (!edge.IsActive()) edge.removal = EdgeRemoval::kRotationInconsistent;
+  }
+  EXPECT_EQ(incomplete.Register(), 1);
+}
+
+TEST(RegisterLeftOut, ImagesOfOtherModelsStayThere) {
+  IncompleteModel incomplete({3, 7});
+  incomplete.context.taken = {3};
+  incomplete.context.reserved = {7};
+  EXPECT_EQ(incomplete.Register(), 0);
+  incomplete.context.reserved.clear();
+  EXPECT_EQ(incomplete.Register(), 1);
+  EXPECT_EQ(incomplete.model.images.count(7), 1u);
+}
+
+TEST(RegisterLeftOut, WrongMatchesGiveNoPose) {
+  IncompleteModel incomplete({3});
+  Rng rng(1);
+  rng.Shuffle(incomplete.scene.pixels.at(3));
+  EXPECT_EQ(incomplete.Register(), 0);
+  EXPECT_EQ(incomplete.model.images.count(3), 0u);
+  const StageReport* stage = FindStage(incomplete.report, "registration");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(Value(*stage, "candidates"), 1);
+  ASSERT_EQ(stage->messages.size(), 1u);
+  EXPECT_THAT(stage->messages[0], HasSubstr("not registered"));
+}
+
+}  // namespace
+}  // namespace cairn

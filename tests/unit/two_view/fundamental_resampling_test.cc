@@ -1,0 +1,123 @@
+// Fundamental matrices of scenes that a plane dominates.
+#include "two_view/search/fundamental_resampling.h"
+
+#include <gtest/gtest.h>
+
+#include "cairn/math/angles.h"
+#include "cairn/robust/fundamental_refinement.h"
+#include "cairn/robust/sampson_kernels.h"
+#include "unit/two_view/pair_fixture.h"
+
+namespace cairn::internal {
+namespace {
+
+using test::Pair;
+
+// 200 points of a plane and 40 in front of it, whose right matches are the scene's only parallax;
+// cameras of 1000 px, to which E is F of normalized points.
+struct NearPlanar {
+  explicit NearPlanar(uint64_t seed) {
+    Rng rng(seed, "near planar");
+    const Rigid3d motion(
+        ExpSO3(rng.Uniform(0.1, 0.3) * test::RandomDirection(rng)),
+        Eigen::Vector3d(1.0, rng.Uniform(-0.3, 0.3), rng.Uniform(-0.3, 0.3)).normalized());
+    pair = test::MakePlanarPair(motion, false, 200, kNoisePx, seed);
+    const Eigen::Vector3d normal = Eigen::Vector3d(0.2, -0.3, 1.0).normalized();
+    while (pair.matches.size() < 240) {
+      const Eigen::Vector3d ray(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.6, 0.6), 1.0);
+      const double depth = rng.Uniform(0.5, 0.9) * 4.0 / normal.dot(ray);
+      const Eigen::Vector3d X2 = motion * Eigen::Vector3d(depth * ray);
+      if (X2.z() <= 0.5 || (X2.head<2>() / X2.z()).cwiseAbs().maxCoeff() > 0.75) continue;
+      const auto i = static_cast<point2D_t>(pair.matches.size());
+      Add(pair.camera1.ImgFromCam(ray.head<2>()), rng, &pair.keypoints1);
+      Add(pair.camera2.ImgFromCam(X2.hnormalized()), rng, &pair.keypoints2);
+      pair.matches.push_back({i, i});
+      pair.is_inlier.push_back(true);
+    }
+    input = pair.Input(false);
+    PreparePair(input, {}, MatchOrder::kByConsensus, &prepared);
+    // It explains the plane, with the epipole a quarter turn away from the right one.
+    const Eigen::Matrix3d H =
+        motion.RotationMatrix() + motion.translation * normal.transpose() / 4.0;
+    start = CrossMatrix(motion.translation.cross(Eigen::Vector3d::UnitZ()).normalized()) * H;
+  }
+
+  static void Add(Eigen::Vector2d pixel, Rng& rng, std::vector<Keypoint>* keypoints) {
+    pixel += kNoisePx * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    keypoints->push_back(Keypoint::FromScaleOrientation(static_cast<float>(pixel.x()),
+                                                        static_cast<float>(pixel.y()), 3.0f, 0.0f));
+  }
+
+  Eigen::Matrix3d Resample(const Eigen::Matrix3d& from) const {
+    return ResampleFundamental(prepared, from);
+  }
+  // The error of the best pose that F stands for.
+  double ErrorDeg(const Eigen::Matrix3d& F) const {
+    double error = M_PI;
+    for (const Rigid3d& pose : PosesFromEssential(F)) {
+      error = std::min(error, test::PoseError(pose, pair.cam2_from_cam1));
+    }
+    return RadToDeg(error);
+  }
+  int NumExplained(const Eigen::Matrix3d& F) const {
+    std::vector<float> errors(prepared.points.num_blocks() * PointPairs::kBlock);
+    SampsonErrors(prepared.points, F, errors.data());
+    return static_cast<int>(std::count_if(errors.begin(), errors.begin() + prepared.size(),
+                                          [](float error) { return error < 4 * kNoisePx; }));
+  }
+
+  static constexpr double kNoisePx = 0.4;
+  Pair pair;
+  PairInput input;
+  PreparedPair prepared;
+  Eigen::Matrix3d start;
+};
+
+TEST(FundamentalResampling, LeavesOneThatExplainsThePlaneAlone) {
+  int num_refined = 0, num_resampled = 0;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    const NearPlanar scene(seed);
+    ASSERT_EQ(scene.prepared.size(), 240);
+    ASSERT_GE(scene.NumExplained(scene.start), 190) << "the plane";
+    ASSERT_LE(scene.NumExplained(scene.start), 225) << "not what is in front of it";
+    ASSERT_GT(scene.ErrorDeg(scene.start), 30);
+    // Refinement alone stays near where it begins.
+    const Eigen::Matrix3d refined =
+        RefineFundamentalMatrix(scene.prepared.points, scene.start, {.scale_px = 1.0}).F;
+    num_refined += scene.ErrorDeg(refined) < 3;
+    const Eigen::Matrix3d resampled = scene.Resample(scene.start);
+    num_resampled += scene.ErrorDeg(resampled) < 3;
+    EXPECT_GE(scene.NumExplained(resampled), 230) << seed;
+  }
+  EXPECT_LE(num_refined, 10);
+  EXPECT_GE(num_resampled, 18);
+}
+
+TEST(FundamentalResampling, KeepsTheRightOne) {
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    const NearPlanar scene(seed);
+    const Eigen::Matrix3d F = scene.Resample(EssentialFromPose(scene.pair.cam2_from_cam1));
+    EXPECT_LT(scene.ErrorDeg(F), 3) << seed;
+  }
+}
+
+TEST(FundamentalResampling, IsAFunctionOfItsInputs) {
+  const NearPlanar scene(1);
+  EXPECT_EQ(scene.Resample(scene.start), scene.Resample(scene.start));
+  // The sign and scale of what it begins with mean nothing.
+  EXPECT_LT(test::HomogeneousError(scene.Resample(-7.0 * scene.start), scene.Resample(scene.start)),
+            1e-6);
+}
+
+// Too few to draw a sample from: what was given comes back, refined.
+TEST(FundamentalResampling, FewMatchesAreLeftAsTheyAre) {
+  NearPlanar scene(2);
+  scene.pair.matches.resize(6);
+  scene.input = scene.pair.Input(false);
+  PreparePair(scene.input, {}, MatchOrder::kByConsensus, &scene.prepared);
+  ASSERT_EQ(scene.prepared.size(), 6);
+  EXPECT_TRUE(scene.Resample(EssentialFromPose(scene.pair.cam2_from_cam1)).allFinite());
+}
+
+}  // namespace
+}  // namespace cairn::internal

@@ -1,0 +1,190 @@
+#include "cairn/view_graph/duplicate_structure.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+#include <set>
+
+#include "cairn/base/rng.h"
+#include "cairn/geometry/rigid3d.h"
+#include "cairn/synthetic/scene.h"
+
+namespace cairn {
+namespace {
+
+using Pairs = std::set<std::pair<image_t, image_t>>;
+
+// A model with its graph. Of twin places, images of even ids show one and those of odd ids the
+// other, on top of it.
+struct Place {
+  Reconstruction model;
+  ViewGraph graph;
+
+  Place(CameraLayout layout, bool is_twin, uint64_t seed) {
+    SceneOptions options;
+    options.layout = layout;
+    options.num_images = 16;
+    options.num_points = 2000;
+    options.image_noise_px = 0.3;
+    options.twin_places = is_twin;
+    const SyntheticScene scene = MakeScene(options, seed);
+    model = scene.truth;
+    graph = MakeViewGraph(scene);
+  }
+
+  Pairs BetweenDuplicates(int num_threads = 1) const {
+    Pairs pairs;
+    for (const size_t e : EdgesBetweenDuplicates(model, graph, num_threads)) {
+      pairs.insert({graph.edges[e].image_id1, graph.edges[e].image_id2});
+    }
+    return pairs;
+  }
+  Pairs BetweenEvenAndOdd() const {
+    Pairs pairs;
+    for (const ViewEdge& edge : graph.edges) {
+      if (edge.image_id1 % 2 != edge.image_id2 % 2) pairs.insert({edge.image_id1, edge.image_id2});
+    }
+    return pairs;
+  }
+};
+
+TEST(DuplicateStructure, APlaceAloneIsOne) {
+  for (const CameraLayout layout : {CameraLayout::kArc, CameraLayout::kRing}) {
+    for (const uint64_t seed : {1, 2, 3}) {
+      const Place place(layout, false, seed);
+      ASSERT_EQ(place.model.images.size(), 16u);
+      ASSERT_GT(place.BetweenEvenAndOdd().size(), 20u);
+      EXPECT_TRUE(place.BetweenDuplicates().empty()) << static_cast<int>(layout) << " " << seed;
+    }
+  }
+}
+
+TEST(DuplicateStructure, TwoPlacesWithACommonPartAreSplit) {
+  for (const uint64_t seed : {1, 2, 3}) {
+    const Place place(CameraLayout::kArc, true, seed);
+    const Pairs expected = place.BetweenEvenAndOdd();
+    ASSERT_GT(expected.size(), 20u);
+    ASSERT_GT(place.graph.edges.size(), expected.size() + 20);
+    EXPECT_EQ(place.BetweenDuplicates(), expected) << seed;
+  }
+}
+
+// The place with other things near one of its points in the images with these ids, as after
+// something was moved: what was there is matched among these images and among the others.
+Place WithChange(Place place, const std::set<image_t>& later, double radius, Rng& rng) {
+  const auto& points = place.model.points3D;
+  const auto any = std::next(points.begin(), rng.UniformInt(static_cast<uint32_t>(points.size())));
+  const Eigen::Vector3d middle = any->second.xyz;
+  std::vector<Point3D> moved;
+  for (const auto& [id, point] : points) {
+    if ((point.xyz - middle).norm() < radius) moved.push_back(point);
+  }
+  for (const Point3D& point : moved) {
+    const TrackElement& first = point.track.front();
+    place.model.RemovePoint3D(place.model.images.at(first.image_id).point3D_ids[first.point2D]);
+    Point3D before = point, after = point;
+    std::erase_if(before.track, [&](const TrackElement& e) { return later.count(e.image_id) > 0; });
+    std::erase_if(after.track, [&](const TrackElement& e) { return later.count(e.image_id) == 0; });
+    for (const Point3D& part : {before, after}) {
+      if (part.track.size() >= 2) place.model.AddPoint3D(part);
+    }
+  }
+  return place;
+}
+
+TEST(DuplicateStructure, APlaceThatChangedALittleIsOne) {
+  for (const uint64_t seed : {1, 2, 3, 4, 5, 6}) {
+    Rng rng(seed);
+    const Place before(CameraLayout::kArc, false, seed);
+    const Place place = WithChange(before, {2, 7, 12}, 0.5, rng);
+    ASSERT_LT(place.model.NumObservations(), before.model.NumObservations());
+    EXPECT_TRUE(place.BetweenDuplicates().empty()) << seed;
+  }
+}
+
+TEST(DuplicateStructure, EdgesOutOfUseAreNotJudged) {
+  Place place(CameraLayout::kArc, true, 1);
+  const Pairs all = place.BetweenDuplicates();
+  ASSERT_GT(all.size(), 20u);
+  for (ViewEdge& edge : place.graph.edges) {
+    if (edge.image_id1 % 2 != edge.image_id2 % 2 && edge.image_id1 <= 2) {
+      edge.removal = EdgeRemoval::kTooFewInliers;
+    }
+  }
+  const Pairs rest = place.BetweenDuplicates();
+  EXPECT_LT(rest.size(), all.size());
+  EXPECT_GT(rest.size(), all.size() / 2);
+  for (const auto& [id1, id2] : rest) EXPECT_GT(id1, 2u);
+}
+
+// The same place with image k called new_id[k], and its points by other ids.
+Place Renumbered(Place place, const std::vector<image_t>& new_id) {
+  const auto new_point_id = [](point3D_t id) {
+    return id == kInvalidPoint3DId ? id : 1000000 - id;
+  };
+  Reconstruction renumbered;
+  renumbered.cameras = place.model.cameras;
+  for (const auto& [id, image] : place.model.images) {
+    RegisteredImage& moved = renumbered.images[new_id[id]] = image;
+    moved.image.image_id = new_id[id];
+    for (point3D_t& point : moved.point3D_ids) point = new_point_id(point);
+  }
+  for (auto [id, point] : place.model.points3D) {
+    for (TrackElement& element : point.track) element.image_id = new_id[element.image_id];
+    std::sort(point.track.begin(), point.track.end());
+    renumbered.points3D[new_point_id(id)] = point;
+  }
+  renumbered.CheckConsistency();
+  place.model = std::move(renumbered);
+  for (image_t& id : place.graph.image_ids) id = new_id[id];
+  for (ViewEdge& edge : place.graph.edges) {
+    edge.image_id1 = new_id[edge.image_id1];
+    edge.image_id2 = new_id[edge.image_id2];
+    if (edge.image_id1 < edge.image_id2) continue;
+    std::swap(edge.image_id1, edge.image_id2);
+    edge.cam2_from_cam1 = Inverse(edge.cam2_from_cam1);
+  }
+  place.graph.Normalize();
+  return place;
+}
+
+TEST(DuplicateStructure, NumbersOfImagesAndPointsDoNotMatter) {
+  for (const uint64_t seed : {1, 2, 3}) {
+    const Place place(CameraLayout::kArc, true, seed);
+    std::vector<image_t> new_id(17);
+    std::iota(new_id.begin(), new_id.end(), 100);
+    Rng(seed).Shuffle(new_id);
+    Pairs expected;
+    for (const auto& [id1, id2] : place.BetweenDuplicates()) {
+      expected.insert(std::minmax(new_id[id1], new_id[id2]));
+    }
+    ASSERT_FALSE(expected.empty());
+    EXPECT_EQ(Renumbered(place, new_id).BetweenDuplicates(), expected) << seed;
+  }
+}
+
+TEST(DuplicateStructure, NorDoesTheFrameOfTheModel) {
+  Place place(CameraLayout::kArc, true, 1);
+  const Pairs expected = place.BetweenDuplicates();
+  ASSERT_FALSE(expected.empty());
+  place.model.Transform(
+      {3.0, Eigen::Quaterniond(0.5, -0.5, 0.1, 0.7).normalized(), Eigen::Vector3d(10, -20, 5)});
+  EXPECT_EQ(place.BetweenDuplicates(), expected);
+}
+
+TEST(DuplicateStructure, NorDoesTheNumberOfThreads) {
+  const Place place(CameraLayout::kArc, true, 1);
+  const std::vector<size_t> one = EdgesBetweenDuplicates(place.model, place.graph, 1);
+  ASSERT_FALSE(one.empty());
+  EXPECT_EQ(EdgesBetweenDuplicates(place.model, place.graph, 4), one);
+}
+
+TEST(DuplicateStructure, NothingHasNone) {
+  EXPECT_TRUE(EdgesBetweenDuplicates({}, {}, 1).empty());
+  Place place(CameraLayout::kArc, true, 1);
+  place.model.images.clear();
+  EXPECT_TRUE(place.BetweenDuplicates().empty());
+}
+
+}  // namespace
+}  // namespace cairn
