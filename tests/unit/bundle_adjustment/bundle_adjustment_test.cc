@@ -194,6 +194,19 @@ TEST(AdjustBundle, APriorHoldsACameraThatItsPointsDoNotDetermine) {
   EXPECT_GT(without_prior, 1.0);
 }
 
+// Also where bundle adjustment begins elsewhere.
+TEST(AdjustBundle, APriorPullsTowardsItsFocalLength) {
+  const Reconstruction start = SceneWithAPlaneInImage3(1);
+  for (const double factor : {0.9, 1.2}) {
+    Reconstruction model = start;
+    BundleAdjustmentScope scope = IntrinsicsScope(start, 0.001);
+    for (const int k : start.cameras.at(3).FocalIndices()) scope.priors.at(3).params[k] *= factor;
+    AdjustBundle(model, scope, Precise(), kOneThread);
+    const double change = model.cameras.at(3).MeanFocal() / start.cameras.at(3).MeanFocal();
+    EXPECT_NEAR(change, factor, 0.02);
+  }
+}
+
 TEST(AdjustBundle, APriorDoesNotMoveACameraThatItsPointsDetermine) {
   constexpr int kNumScenes = 5;
   double squared_error[2] = {}, shift[2] = {};  // of log focal length and distortion
