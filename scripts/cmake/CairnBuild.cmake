@@ -15,7 +15,7 @@ set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")
 # half of a full build's processor time. Without, a change to one file is built faster.
 option(CAIRN_UNITY "Compile the sources of a module together" ON)
 set(CMAKE_UNITY_BUILD ${CAIRN_UNITY})
-set(CMAKE_UNITY_BUILD_BATCH_SIZE 12)
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 24)
 
 find_program(CAIRN_CCACHE ccache)
 if(CAIRN_CCACHE)
