@@ -35,6 +35,6 @@ configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/cairnConfig.cmake.in
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/cairnConfigVersion.cmake
   COMPATIBILITY SameMinorVersion)
 install(FILES ${CMAKE_BINARY_DIR}/cairnConfig.cmake ${CMAKE_BINARY_DIR}/cairnConfigVersion.cmake
-              ${CMAKE_CURRENT_LIST_DIR}/FindVLFeat.cmake ${CMAKE_CURRENT_LIST_DIR}/FindCHOLMOD.cmake
+              ${CMAKE_CURRENT_LIST_DIR}/FindCHOLMOD.cmake
               ${CMAKE_CURRENT_LIST_DIR}/FindLensfun.cmake ${CMAKE_CURRENT_LIST_DIR}/CairnPackages.cmake
         DESTINATION ${package_dir})

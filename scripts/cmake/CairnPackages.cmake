@@ -14,12 +14,11 @@ cairn_library(CHOLMOD::CHOLMOD CHOLMOD)
 cairn_library(Ceres::ceres Ceres 2.1)
 cairn_library(SQLite::SQLite3 SQLite3)
 cairn_library(nlohmann_json::nlohmann_json nlohmann_json)
-foreach(part core imgproc imgcodecs features2d dnn)
+foreach(part core imgproc imgcodecs dnn)
   cairn_library(opencv_${part} OpenCV 4.6 COMPONENTS ${part})
 endforeach()
 cairn_library(exiv2lib exiv2)
 cairn_library(Lensfun::Lensfun Lensfun)
-cairn_library(VLFeat::VLFeat VLFeat)
 
 # Finds the package of a library; does nothing where the library is there or its package is not.
 function(cairn_find library)

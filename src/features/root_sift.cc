@@ -15,11 +15,4 @@ void WriteRootSift(const float* histogram, uint8_t* descriptor) {
   }
 }
 
-void ReorderVlFeatBins(const float* vlfeat, float* lowe) {
-  constexpr int kOrder[8] = {0, 7, 6, 5, 4, 3, 2, 1};
-  for (int cell = 0; cell < kSiftDim; cell += 8) {
-    for (int k = 0; k < 8; ++k) lowe[cell + kOrder[k]] = vlfeat[cell + k];
-  }
-}
-
 }  // namespace cairn

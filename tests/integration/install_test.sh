@@ -24,7 +24,7 @@ cmake --build "$folder/examples"
 "$folder/examples/examples/average_rotations" nowhere nowhere && exit 1 || [ $? = 2 ]
 
 others=()
-for package in CLI11 Ceres Lensfun OpenCV SQLite3 VLFeat exiv2 nlohmann_json spdlog tomlplusplus; do
+for package in CLI11 Ceres Lensfun OpenCV SQLite3 exiv2 nlohmann_json spdlog tomlplusplus; do
   others+=("-DCMAKE_DISABLE_FIND_PACKAGE_$package=ON")
 done
 configure "$2/tests/integration/install" averaging "${others[@]}"
@@ -32,5 +32,5 @@ cmake --build "$folder/averaging"
 "$folder/averaging/cairn_user"
 
 fails_with "there is no component 'averagin'; there are: base" "$2" -DCOMPONENTS=averagin
-fails_with "component 'features' needs VLFeat, which was not found" "$2" \
-  "-DCOMPONENTS=averaging;features" -DCMAKE_DISABLE_FIND_PACKAGE_VLFeat=ON
+fails_with "component 'features' needs OpenCV, which was not found" "$2" \
+  "-DCOMPONENTS=averaging;features" -DCMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON
