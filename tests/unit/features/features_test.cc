@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "cairn/base/rng.h"
+#include "support/instruction_sets.h"
 
 namespace cairn {
 namespace {
@@ -138,6 +139,37 @@ TEST_P(FeaturesOfKind, AreTheSameEveryTimeAndNoneWithoutTexture) {
   EXPECT_TRUE(ExtractFeatures(Draw(100, 100, {}), Options()).keypoints.empty());
 }
 
+// Sizes that are no multiples of a vector, an octave that is needed for the last features only.
+TEST_P(FeaturesOfKind, DoNotDependOnTheInstructionSet) {
+  Rng rng(4);
+  const Bitmap bitmap = Draw(283, 221, GridOfBlobs(2, rng));
+  const Features expected = ExtractFeatures(bitmap, Options());
+  EXPECT_GT(expected.keypoints.size(), 10u);
+  test::ForEachInstructionSet([&] {
+    const Features features = ExtractFeatures(bitmap, Options());
+    EXPECT_EQ(features.keypoints, expected.keypoints);
+    EXPECT_EQ(features.descriptors, expected.descriptors);
+  });
+}
+
+// Fewer features are the first of more, which are the larger.
+TEST_P(FeaturesOfKind, FewAreTheLargest) {
+  Rng rng(5);
+  std::vector<Blob> blobs = GridOfBlobs(3, rng);
+  blobs[5].covariance *= 9;
+  const Bitmap bitmap = Draw(280, 220, blobs);
+  const Features all = ExtractFeatures(bitmap, Options());
+  FeatureOptions options = Options();
+  for (const int number : {1, 4, 9}) {
+    options.max_num_features = number;
+    const Features few = ExtractFeatures(bitmap, options);
+    ASSERT_EQ(few.keypoints.size(), static_cast<size_t>(number));
+    EXPECT_TRUE(std::equal(few.keypoints.begin(), few.keypoints.end(), all.keypoints.begin()));
+    EXPECT_EQ(few.descriptors, all.descriptors.topRows(number));
+  }
+  EXPECT_LT((all.keypoints[0].Position() - blobs[5].center).norm(), 1.0);
+}
+
 INSTANTIATE_TEST_SUITE_P(Features, FeaturesOfKind,
                          testing::Values(Kind{FeatureType::kAffineDog, -1},
                                          Kind{FeatureType::kAffineDog, 0},
@@ -164,6 +196,35 @@ TEST(AffineDog, FramesFollowTheShape) {
     EXPECT_GT(ratio, 1.3);
     EXPECT_LT(ratio, 7.0 / 4 + 0.1);
     EXPECT_GT(std::abs(axes.eigenvectors().col(1).dot(R.col(0))), std::cos(0.1)) << angle;
+  }
+}
+
+// A slope that is brightest on the right: all gradients point along x, so that the frame stays as
+// it is, and SIFT's bin of angle 0 has everything.
+TEST(AffineDog, DescriptorsHaveColmapsOrder) {
+  for (const double angle_deg : {0.0, 45.0, 90.0}) {
+    const double angle = angle_deg * std::numbers::pi / 180;
+    Bitmap bitmap = Draw(120, 120, {{{60.5, 60.5}, 16 * Eigen::Matrix2d::Identity(), 40}});
+    for (int y = 0; y < 120; ++y) {
+      for (int x = 0; x < 120; ++x) {
+        // y points down; Lowe's angles grow from the first axis against the second one.
+        const double along = (x - 60) * std::cos(angle) - (y - 60) * std::sin(angle);
+        *bitmap.Pixel(x, y) = static_cast<uint8_t>(*bitmap.Pixel(x, y) + 45 + 0.7 * along);
+      }
+    }
+    FeatureOptions options;
+    options.type = FeatureType::kSift;
+    options.estimate_upright = true;
+    const Features features = ExtractFeatures(bitmap, options);
+    const Keypoint* keypoint = Nearest(features, {60.5, 60.5});
+    ASSERT_NE(keypoint, nullptr);
+    const auto row = features.descriptors.row(keypoint - features.keypoints.data());
+    const auto bin = static_cast<int>(angle_deg / 45);
+    for (const int corner : {0, 3, 12, 15}) {  // cells away from the blob
+      Eigen::Index strongest = 0;
+      row.segment(8 * corner, 8).maxCoeff(&strongest);
+      EXPECT_EQ(strongest, bin) << "cell " << corner;
+    }
   }
 }
 

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "cairn/features/features.h"
+#include "features/patch.h"
+#include "features/scale_space.h"
+
+namespace cairn {
+
+// A keypoint that is not described yet. M's columns are its axes in pixels of the image.
+struct Frame {
+  Eigen::Vector2d center;  // in the octave's pixels
+  double sigma = 0;        // where it was detected, in pixels of the image
+  double response = 0;
+  Eigen::Matrix2d M;
+};
+
+// The frames of an octave's extrema, with affine shapes and orientations as the options want them;
+// the larger first, at most max_frames.
+std::vector<Frame> FindFrames(const Octave& octave, const FeatureOptions& options,
+                              size_t max_frames);
+
+// The gradient around a frame, from the level below the one whose blur is the frame's shorter axis:
+// the grid adds some blur of its own.
+PatchGradient GradientAround(const Octave& octave, const Eigen::Vector2d& center,
+                             const Eigen::Matrix2d& M);
+
+}  // namespace cairn
