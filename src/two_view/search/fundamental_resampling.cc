@@ -145,10 +145,13 @@ class FundamentalNeighborhood {
     }
   }
 
-  // On so many points near `start`, spread over all matches.
+  // On so many points near `start`, spread over all that are. From farther away than this, wrong
+  // matches take more of their places than right ones.
   Eigen::Matrix3d Refine(const Eigen::Matrix3d& start, const FundamentalRefinementOptions& options,
                          int max_num_points) const {
-    std::vector<int32_t> near = MatchErrors(pair_.points, start).Below(kReach * pair_.max_error_px);
+    constexpr double kMostThresholds = 10.0;
+    std::vector<int32_t> near =
+        MatchErrors(pair_.points, start).Below(kMostThresholds * pair_.max_error_px);
     const size_t step = 1 + near.size() / (max_num_points + 1);
     for (size_t k = 0; k * step < near.size(); ++k) near[k] = near[k * step];
     near.resize((near.size() + step - 1) / step);
