@@ -42,6 +42,7 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
   PairEvidence evidence;
   if (!(cam2_from_cam1.translation.norm() > 0)) return evidence;
   const Eigen::Matrix3d E = EssentialFromPose(cam2_from_cam1);
+  const CheiralityTest test(cam2_from_cam1, 2 * sigma_px / focal_px);
   const bool is_planar = view1.camera->IsPlanar() && view2.camera->IsPlanar();
   for (const FeatureMatch& match : matches) {
     const auto& x1 = view1.rays[match.point1];
@@ -53,15 +54,7 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
                    : SquaredRaySampsonError(E, *x1, *x2));
     const double nats = gain - 0.5 * squared_error / (sigma_px * sigma_px);
     if (!(nats > 0)) continue;
-    // The depths of rays that are parallel within their noise may have either sign.
-    const Eigen::Vector3d turned = cam2_from_cam1.rotation * *x1;
-    const double parallax = turned.cross(*x2).norm();
-    double depth1 = 0, depth2 = 0;
-    if (parallax * focal_px > 2 * sigma_px &&
-        !(TriangulateRayDepths(cam2_from_cam1, *x1, *x2, &depth1, &depth2) && depth1 > 0 &&
-          depth2 > 0)) {
-      continue;
-    }
+    if (!test.IsInFront(*x1, *x2)) continue;
     evidence.nats += nats;
     ++evidence.num_explained;
     if (keep_matches) evidence.explained.push_back(match);
