@@ -6,7 +6,6 @@
 #include "cairn/robust/pose_refinement.h"
 #include "cairn/robust/ransac.h"
 #include "cairn/robust/sampson_kernels.h"
-#include "cairn/solvers/essential.h"
 #include "cairn/solvers/five_point.h"
 #include "cairn/solvers/one_affine_depth.h"
 
@@ -28,8 +27,7 @@ class SampsonEstimator {
   // Hypotheses of depth are rough: first a wide, smooth loss, then the threshold.
   double Optimize(Model& E, int* num_inliers) const {
     double best = Score(E, -1.0);
-    const EssentialDecomposition parts = DecomposeEssential(E);
-    Rigid3d pose(parts.R1, parts.t);  // any of the four has this E
+    Rigid3d pose = PosesFromEssential(E)[0];  // any of the four has this E
     for (const double scale : {8.0, 3.0, 1.0}) {
       PoseRefinementOptions options;
       options.loss = scale > 1.0 ? RobustLoss::kGemanMcClure : RobustLoss::kTruncated;
@@ -105,14 +103,12 @@ PaperEstimate Run(const PairInput& input, const NormalizedMatches& matches,
   if (report.status != RansacStatus::kConfident && report.status != RansacStatus::kExhausted) {
     return estimate;
   }
-  std::vector<Eigen::Vector2d> x1, x2;
+  std::vector<Eigen::Vector3d> rays1, rays2;
   for (const int i : estimator.Inliers(report.model)) {
-    x1.push_back(matches.points().Point1(i));
-    x2.push_back(matches.points().Point2(i));
+    rays1.push_back(matches.points().Ray1(i));
+    rays2.push_back(matches.points().Ray2(i));
   }
-  const EssentialDecomposition d = DecomposeEssential(report.model);
-  const CheiralityResult best =
-      SelectPoseByCheirality({{d.R1, d.t}, {d.R1, -d.t}, {d.R2, d.t}, {d.R2, -d.t}}, x1, x2);
+  const CheiralityResult best = SelectPoseByCheirality(report.model, rays1, rays2);
   estimate.cam2_from_cam1 = best.cam2_from_cam1;
   estimate.num_inliers = best.num_in_front;
   return estimate;

@@ -6,6 +6,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/database/database.h"
+#include "cairn/database/own_matches.h"
 #include "cairn/depth/depth_map.h"
 #include "cairn/depth/depth_network.h"
 #include "cairn/depth/sample_depth.h"
@@ -128,6 +129,7 @@ RealScene LoadRealScene(const RealDataOptions& options, const DepthOptions& dept
     throw ConfigError("image_path", "is needed for depth_model");
   }
   const Database database(options.database_path, Database::Mode::kReadOnly);
+  const OwnMatches own_matches(database);
   RealScene scene;
   scene.images = ReadRealImages(database, !HasDepthSource(options));
   const Reference reference(options.reference_path, scene.images);
@@ -141,8 +143,8 @@ RealScene LoadRealScene(const RealDataOptions& options, const DepthOptions& dept
     if (!pose) continue;
     auto matches = database.ReadMatches(pair_id);
     if (!matches || static_cast<int>(matches->size()) < min_num_matches) continue;
-    scene.pairs.push_back(
-        {pair_id, &scene.images.at(id1), &scene.images.at(id2), std::move(*matches), *pose});
+    scene.pairs.push_back({pair_id, &scene.images.at(id1), &scene.images.at(id2),
+                           std::move(*matches), own_matches.Contains(pair_id), *pose});
   }
   if (scene.pairs.empty()) {
     throw ConfigError("database_path", "no pair with matches that the reference connects");
@@ -160,7 +162,8 @@ PairInput InputOf(const RealPair& pair, uint64_t seed) {
           .keypoints2 = pair.image2->keypoints,
           .depth1 = pair.image1->depth,
           .depth2 = pair.image2->depth,
-          .matches = pair.matches};
+          .matches = pair.matches,
+          .are_best_first = pair.are_best_first};
 }
 
 RelativeErrors ErrorsOf(const Rigid3d& cam2_from_cam1, const RealPair& pair) {

@@ -50,7 +50,8 @@ struct RealPair {
   const RealImage* image1 = nullptr;
   const RealImage* image2 = nullptr;
   FeatureMatches matches;
-  Rigid3d cam2_from_cam1;  // of the reference, not normalized
+  bool are_best_first = false;  // PairInput::are_best_first
+  Rigid3d cam2_from_cam1;       // of the reference, not normalized
 };
 
 struct RealScene {

@@ -6,7 +6,6 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
-#include "cairn/solvers/essential.h"
 
 namespace cairn::experiments {
 namespace {
@@ -23,15 +22,13 @@ double MeanSampsonPx(const Eigen::Matrix3d& E, const Instance& instance, int beg
 }
 
 Rigid3d PoseInFront(const Eigen::Matrix3d& E, const Instance& instance) {
-  const EssentialDecomposition d = DecomposeEssential(E);
-  std::vector<Eigen::Vector2d> x1, x2;
+  std::vector<Eigen::Vector3d> x1, x2;
   for (int i = 0; i < kNumAll; ++i) {
     const PointCorrespondence points = PointsOf(instance, i);
-    x1.push_back(points.x1);
-    x2.push_back(points.x2);
+    x1.emplace_back(points.x1.homogeneous());
+    x2.emplace_back(points.x2.homogeneous());
   }
-  return SelectPoseByCheirality({{d.R1, d.t}, {d.R1, -d.t}, {d.R2, d.t}, {d.R2, -d.t}}, x1, x2)
-      .cam2_from_cam1;
+  return SelectPoseByCheirality(E, x1, x2).cam2_from_cam1;
 }
 
 std::optional<Rigid3d> SelectPose(const Eigen::Matrix3d* models, int count, bool are_essential,

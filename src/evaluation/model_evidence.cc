@@ -42,6 +42,7 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
   PairEvidence evidence;
   if (!(cam2_from_cam1.translation.norm() > 0)) return evidence;
   const Eigen::Matrix3d E = EssentialFromPose(cam2_from_cam1);
+  const CheiralityTest test(cam2_from_cam1, 2 * sigma_px / focal_px);
   const bool is_planar = view1.camera->IsPlanar() && view2.camera->IsPlanar();
   for (const FeatureMatch& match : matches) {
     const auto& x1 = view1.rays[match.point1];
@@ -53,15 +54,7 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
                    : SquaredRaySampsonError(E, *x1, *x2));
     const double nats = gain - 0.5 * squared_error / (sigma_px * sigma_px);
     if (!(nats > 0)) continue;
-    // The depths of rays that are parallel within their noise may have either sign.
-    const Eigen::Vector3d turned = cam2_from_cam1.rotation * *x1;
-    const double parallax = turned.cross(*x2).norm();
-    double depth1 = 0, depth2 = 0;
-    if (parallax * focal_px > 2 * sigma_px &&
-        !(TriangulateRayDepths(cam2_from_cam1, *x1, *x2, &depth1, &depth2) && depth1 > 0 &&
-          depth2 > 0)) {
-      continue;
-    }
+    if (!test.IsInFront(*x1, *x2)) continue;
     evidence.nats += nats;
     ++evidence.num_explained;
     if (keep_matches) evidence.explained.push_back(match);
@@ -122,8 +115,8 @@ std::vector<PairEvidence> EvaluatePairs(const Reconstruction& model,
 }  // namespace
 
 ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
-                               int num_threads) {
-  const std::vector<PairEvidence> of_pair = EvaluatePairs(model, pairs, num_threads, false);
+                               const RunContext& run) {
+  const std::vector<PairEvidence> of_pair = EvaluatePairs(model, pairs, run.num_threads, false);
   ModelEvidence evidence;
   for (const auto& [id, image] : model.images) evidence.images[id] = {};
   for (size_t i = 0; i < pairs.size(); ++i) {
@@ -153,9 +146,10 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
 }
 
 std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,
-                                             std::span<const VerifiedPair> pairs, int num_threads) {
+                                             std::span<const VerifiedPair> pairs,
+                                             const RunContext& run) {
   std::vector<FeatureMatches> explained;
-  for (PairEvidence& pair : EvaluatePairs(model, pairs, num_threads, true)) {
+  for (PairEvidence& pair : EvaluatePairs(model, pairs, run.num_threads, true)) {
     explained.push_back(std::move(pair.explained));
   }
   return explained;

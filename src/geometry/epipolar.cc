@@ -1,6 +1,7 @@
 #include "cairn/geometry/epipolar.h"
 
 #include <Eigen/LU>
+#include <cmath>
 
 #include "cairn/base/check.h"
 #include "cairn/math/decompositions.h"
@@ -12,14 +13,28 @@ Eigen::Matrix3d EssentialFromPose(const Rigid3d& cam2_from_cam1) {
   return CrossMatrix(cam2_from_cam1.translation.normalized()) * cam2_from_cam1.RotationMatrix();
 }
 
-std::vector<Rigid3d> PosesFromEssential(const Eigen::Matrix3d& E) {
-  const auto [U, V, s] = SingularValuesWithRotations(E);
-  const Eigen::Matrix3d Vt = V.transpose();
-  Eigen::Matrix3d W;
-  W << 0, -1, 0, 1, 0, 0, 0, 0, 1;
-  const Eigen::Matrix3d R1 = U * W * Vt;
-  const Eigen::Matrix3d R2 = U * W.transpose() * Vt;
-  const Eigen::Vector3d t = U.col(2);
+Eigen::Matrix3d NearestEssential(const Eigen::Matrix3d& matrix) {
+  const auto [U, V, s] = SingularValues(matrix);
+  return U * Eigen::Vector3d(1.0, 1.0, 0.0).asDiagonal() * V.transpose();
+}
+
+std::array<Rigid3d, 4> PosesFromEssential(const Eigen::Matrix3d& E) {
+  // With E = [b]x R: b b^T = tr(E E^T) / 2 - E E^T, cof(E) = b b^T R, [b]x E = b b^T R - |b|^2 R.
+  const Eigen::Matrix3d EEt = E * E.transpose();
+  const double squared_norm = 0.5 * EEt.trace();
+  Eigen::Matrix3d bbt = -EEt;
+  bbt.diagonal().array() += squared_norm;
+  int largest;
+  bbt.diagonal().maxCoeff(&largest);
+  const Eigen::Vector3d b = bbt.col(largest) / std::sqrt(bbt(largest, largest));
+  Eigen::Matrix3d cofactors;
+  cofactors.row(0) = E.row(1).cross(E.row(2));
+  cofactors.row(1) = E.row(2).cross(E.row(0));
+  cofactors.row(2) = E.row(0).cross(E.row(1));
+  const Eigen::Matrix3d bE = CrossMatrix(b) * E;
+  const double scale = 1.0 / b.squaredNorm();
+  const Eigen::Matrix3d R1 = (cofactors - bE) * scale, R2 = (cofactors + bE) * scale;
+  const Eigen::Vector3d t = b.normalized();
   return {Rigid3d(R1, t), Rigid3d(R1, -t), Rigid3d(R2, t), Rigid3d(R2, -t)};
 }
 
@@ -46,49 +61,30 @@ double SquaredRaySampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& r
   return n > 0.0 ? c * c / n : 0.0;
 }
 
-bool TriangulateRayDepths(const Rigid3d& cam2_from_cam1, const Eigen::Vector3d& ray1,
-                          const Eigen::Vector3d& ray2, double* depth1, double* depth2) {
-  // Least squares of depth1 * R r1 + t = depth2 * r2.
-  const Eigen::Vector3d a = cam2_from_cam1.rotation * ray1;
+bool CheiralityTest::IsInFront(const Eigen::Vector3d& ray1, const Eigen::Vector3d& ray2) const {
+  // The depths that bring d1 a + t = d2 b nearest to each other, times det.
+  const Eigen::Vector3d a = R_ * ray1;
   const Eigen::Vector3d& b = ray2;
-  const Eigen::Vector3d& t = cam2_from_cam1.translation;
-  const double aa = a.squaredNorm();
-  const double bb = b.squaredNorm();
-  const double ab = a.dot(b);
-  const double det = aa * bb - ab * ab;
-  if (det <= 1e-14 * aa * bb) return false;
-  const double at = a.dot(t);
-  const double bt = b.dot(t);
-  *depth1 = (ab * bt - bb * at) / det;
-  *depth2 = (aa * bt - ab * at) / det;
-  return true;
+  const double aa = a.squaredNorm(), bb = b.squaredNorm(), ab = a.dot(b);
+  const double det = aa * bb - ab * ab;  // aa bb sin^2 of the angle between the rays
+  if (ab > 0.0 && det < squared_far_angle_ * aa * bb) return true;
+  const double at = a.dot(t_), bt = b.dot(t_);
+  return ab * bt - bb * at > 0.0 && aa * bt - ab * at > 0.0;
 }
 
-CheiralityResult SelectPoseByCheirality(const std::vector<Rigid3d>& poses,
-                                        const std::vector<Eigen::Vector2d>& x1,
-                                        const std::vector<Eigen::Vector2d>& x2) {
-  std::vector<Eigen::Vector3d> rays1, rays2;
-  for (const Eigen::Vector2d& x : x1) rays1.emplace_back(x.homogeneous());
-  for (const Eigen::Vector2d& x : x2) rays2.emplace_back(x.homogeneous());
-  return SelectPoseByCheirality(poses, rays1, rays2);
-}
-
-CheiralityResult SelectPoseByCheirality(const std::vector<Rigid3d>& poses,
+CheiralityResult SelectPoseByCheirality(const Eigen::Matrix3d& E,
                                         const std::vector<Eigen::Vector3d>& rays1,
-                                        const std::vector<Eigen::Vector3d>& rays2) {
+                                        const std::vector<Eigen::Vector3d>& rays2,
+                                        double far_angle) {
   CAIRN_CHECK_EQ(rays1.size(), rays2.size());
   CheiralityResult best;
   best.num_in_front = -1;
-  for (const Rigid3d& pose : poses) {
+  for (const Rigid3d& pose : PosesFromEssential(E)) {
+    const CheiralityTest test(pose, far_angle);
     int num_in_front = 0;
-    for (size_t i = 0; i < rays1.size(); ++i) {
-      double depth1, depth2;
-      num_in_front += TriangulateRayDepths(pose, rays1[i], rays2[i], &depth1, &depth2) &&
-                      depth1 > 0 && depth2 > 0;
-    }
+    for (size_t i = 0; i < rays1.size(); ++i) num_in_front += test.IsInFront(rays1[i], rays2[i]);
     if (num_in_front > best.num_in_front) best = {pose, num_in_front};
   }
-  CAIRN_CHECK(!poses.empty());
   return best;
 }
 

@@ -10,7 +10,6 @@
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
 #include "cairn/robust/pose_refinement.h"
-#include "cairn/solvers/essential.h"
 #include "cairn/solvers/homography.h"
 #include "mapper/stages.h"
 
@@ -55,8 +54,7 @@ std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
   if (edge.IsActive() && edge.HasTranslation()) candidates.push_back(edge.cam2_from_cam1);
   const auto add_essential = [&](const Eigen::Matrix3d& E) {
     // Any of its four poses: they have the same epipolar errors.
-    const EssentialDecomposition d = DecomposeEssential(NearestEssential(E));
-    candidates.emplace_back(d.R1, d.t);
+    candidates.push_back(PosesFromEssential(NearestEssential(E))[0]);
   };
   if (geometry.E && geometry.E->allFinite() && geometry.E->norm() > 0) add_essential(*geometry.E);
   // (F and H of pixels mean nothing where lenses bend straight lines by far.)
@@ -123,7 +121,7 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
   if (inliers1.size() < 8) return;
   // The epipolar error does not tell the four poses of an essential matrix apart.
   const CheiralityResult front =
-      SelectPoseByCheirality(PosesFromEssential(EssentialFromPose(best)), inliers1, inliers2);
+      SelectPoseByCheirality(EssentialFromPose(best), inliers1, inliers2);
   if (2 * front.num_in_front < static_cast<int>(inliers1.size())) return;
   for (size_t i = 0; i < inliers1.size(); ++i) {
     const Eigen::Vector3d x = front.cam2_from_cam1.rotation * inliers1[i];
@@ -166,12 +164,10 @@ Eigen::Vector3d TranslationFor(const Eigen::Matrix3d& R, const PairRays& rays) {
 int NumExplained(const PairRays& rays, const Rigid3d& pose) {
   std::vector<float> errors(static_cast<size_t>(rays.points.num_blocks()) * PointPairs::kBlock);
   SampsonErrors(rays.points, EssentialFromPose(pose), errors.data());
+  const CheiralityTest test(pose);
   int num_explained = 0;
   for (size_t i = 0; i < rays.rays1.size(); ++i) {
-    double depth1 = 0, depth2 = 0;
-    num_explained += errors[i] < kFinePx &&
-                     TriangulateRayDepths(pose, rays.rays1[i], rays.rays2[i], &depth1, &depth2) &&
-                     depth1 > 0 && depth2 > 0;
+    num_explained += errors[i] < kFinePx && test.IsInFront(rays.rays1[i], rays.rays2[i]);
   }
   return num_explained;
 }
@@ -225,7 +221,7 @@ bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, doubl
 std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph) {
   std::vector<double> sigmas(graph.edges.size(), 0.0);
   ParallelFor(
-      context.settings.num_threads, static_cast<int64_t>(graph.edges.size()),
+      context.run.num_threads, static_cast<int64_t>(graph.edges.size()),
       [&](int64_t e) {
         if (graph.edges[e].removal == EdgeRemoval::kNoPose) return;
         sigmas[e] = RotationSigma(context.scene, graph.edges[e]);
@@ -251,19 +247,19 @@ int RefitEdges(const StageContext& context,
     if (RadToDeg(error) > max_error_deg) edges.emplace_back(&edge, rotation);
   }
   std::vector<char> is_refitted(edges.size(), 0);
-  ParallelFor(context.settings.num_threads, static_cast<int64_t>(edges.size()), [&](int64_t i) {
+  ParallelFor(context.run.num_threads, static_cast<int64_t>(edges.size()), [&](int64_t i) {
     is_refitted[i] = RefitEdge(context.scene, edges[i].second, max_error_deg, *edges[i].first);
   });
   return static_cast<int>(std::count(is_refitted.begin(), is_refitted.end(), 1));
 }
 
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
-                          int num_threads, SceneData& scene) {
+                          const RunContext& run, SceneData& scene) {
   std::vector<ViewEdge*> edges;
   for (ViewEdge& edge : scene.edges) {
     if (geometries.count(edge.PairId()) > 0) edges.push_back(&edge);
   }
-  ParallelFor(num_threads, static_cast<int64_t>(edges.size()),
+  ParallelFor(run.num_threads, static_cast<int64_t>(edges.size()),
               [&](int64_t i) { ImproveEdge(scene, geometries.at(edges[i]->PairId()), *edges[i]); });
 }
 

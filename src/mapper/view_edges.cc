@@ -45,7 +45,7 @@ class PoseFinder {
       rays2.push_back(*ray2);
     }
     if (rays1.empty()) return std::nullopt;
-    const CheiralityResult best = SelectPoseByCheirality(PosesFromEssential(E), rays1, rays2);
+    const CheiralityResult best = SelectPoseByCheirality(NearestEssential(E), rays1, rays2);
     if (best.num_in_front == 0) return std::nullopt;
     return best.cam2_from_cam1;
   }

@@ -17,16 +17,13 @@
 #define CAIRN_ROBUST_POSE_ARGUMENTS_
 namespace cairn::internal {
 
-// A pose, weights of squared gradients (1 / f^2) and the squared scale of the loss, as floats.
+// A pose, the directions in which its translation may move (two columns, row-major), weights of
+// squared gradients (1 / f^2) and the squared scale of the loss, as floats.
 struct PoseArguments {
   float R[9];
   float t[3];
+  float tangent[6];
   float w1, w2, squared_scale;
-};
-
-// The directions in which the translation may move: two columns, row-major.
-struct TangentArguments {
-  float v[6];
 };
 
 // Lower triangle of the hessian by rows, gradient, sum of losses in squared pixels.
@@ -42,7 +39,6 @@ namespace cairn::HWY_NAMESPACE {
 using internal::kCostIndex;
 using internal::kNumSums;
 using internal::PoseArguments;
-using internal::TangentArguments;
 
 struct V3 {
   V x, y, z;
@@ -142,9 +138,8 @@ HWY_INLINE V ComputeTerms(const PointPairs& points, int i, const PoseArguments& 
 // Adds hessian and gradient of the pairs from i on.
 template <bool kIsWide>
 HWY_INLINE void AddDerivatives(const PointPairs& points, int i, const PoseArguments& pose,
-                               const TangentArguments& tangent, const TermsOf<kIsWide>& terms,
-                               V* sum) {
-  const float* R = pose.R;
+                               const TermsOf<kIsWide>& terms, V* sum) {
+  const float *R = pose.R, *tangent = pose.tangent;
   const V3 t = {Const(pose.t[0]), Const(pose.t[1]), Const(pose.t[2])};
   const V3 p2 = {Load(points.x2() + i), Load(points.y2() + i), Const(1.0f)};
   const V3 y = {terms.y_x, terms.y_y, terms.y_z}, u = {terms.u_x, terms.u_y, terms.u_z};
@@ -162,8 +157,8 @@ HWY_INLINE void AddDerivatives(const PointPairs& points, int i, const PoseArgume
   const V3 translation = Subtract(Cross(y, p), Cross(z, p2));
   V J[5] = {rotation.x, rotation.y, rotation.z};
   for (int m = 0; m < 2; ++m) {
-    J[3 + m] = translation.x * Const(tangent.v[m]) + translation.y * Const(tangent.v[2 + m]) +
-               translation.z * Const(tangent.v[4 + m]);
+    J[3 + m] = translation.x * Const(tangent[m]) + translation.y * Const(tangent[2 + m]) +
+               translation.z * Const(tangent[4 + m]);
   }
   // J carries a factor sqrt(S), as does C: both products below need weight / S.
   int index = 0;
@@ -177,8 +172,7 @@ HWY_INLINE void AddDerivatives(const PointPairs& points, int i, const PoseArgume
 }
 
 template <RobustLoss kLoss, bool kIsWide>
-void AccumulateKernel(const PointPairs& points, const PoseArguments& pose,
-                      const TangentArguments& tangent, double* sums) {
+void AccumulateKernel(const PointPairs& points, const PoseArguments& pose, double* sums) {
   // Divisions of several blocks wait at the same time, before all derivatives of these blocks.
   constexpr int kNumBlocks = 8;
   TermsOf<kIsWide> terms[kNumBlocks];
@@ -195,7 +189,7 @@ void AccumulateKernel(const PointPairs& points, const PoseArguments& pose,
             sum[kCostIndex] + ComputeTerms<kLoss, kIsWide>(points, i, pose, &terms[block]);
       }
       for (int i = first, block = 0; i < end; i += 16, ++block) {
-        AddDerivatives<kIsWide>(points, i, pose, tangent, terms[block], sum);
+        AddDerivatives<kIsWide>(points, i, pose, terms[block], sum);
       }
     }
     for (int k = 0; k < kNumSums; ++k) lane_sums[k][part] = sum[k];
@@ -219,14 +213,12 @@ double CostKernel(const PointPairs& points, const PoseArguments& pose) {
   return SumLanes(sum);
 }
 
-void AccumulateTruncated(const PointPairs& points, const PoseArguments& pose,
-                         const TangentArguments& tangent, double* sums) {
-  AccumulateKernel<RobustLoss::kTruncated, false>(points, pose, tangent, sums);
+void AccumulateTruncated(const PointPairs& points, const PoseArguments& pose, double* sums) {
+  AccumulateKernel<RobustLoss::kTruncated, false>(points, pose, sums);
 }
 
-void AccumulateGemanMcClure(const PointPairs& points, const PoseArguments& pose,
-                            const TangentArguments& tangent, double* sums) {
-  AccumulateKernel<RobustLoss::kGemanMcClure, false>(points, pose, tangent, sums);
+void AccumulateGemanMcClure(const PointPairs& points, const PoseArguments& pose, double* sums) {
+  AccumulateKernel<RobustLoss::kGemanMcClure, false>(points, pose, sums);
 }
 
 double CostTruncated(const PointPairs& points, const PoseArguments& pose) {
@@ -238,11 +230,11 @@ double CostGemanMcClure(const PointPairs& points, const PoseArguments& pose) {
 }
 
 void AccumulateWide(const PointPairs& points, RobustLoss loss, const PoseArguments& pose,
-                    const TangentArguments& tangent, double* sums) {
+                    double* sums) {
   if (loss == RobustLoss::kTruncated) {
-    AccumulateKernel<RobustLoss::kTruncated, true>(points, pose, tangent, sums);
+    AccumulateKernel<RobustLoss::kTruncated, true>(points, pose, sums);
   } else {
-    AccumulateKernel<RobustLoss::kGemanMcClure, true>(points, pose, tangent, sums);
+    AccumulateKernel<RobustLoss::kGemanMcClure, true>(points, pose, sums);
   }
 }
 
@@ -266,11 +258,13 @@ HWY_EXPORT(CostWide);
 
 namespace {
 
-internal::PoseArguments MakeArguments(const PointPairs& points, const Eigen::Matrix3d& R,
-                                      const Eigen::Vector3d& t, double scale_px) {
+internal::PoseArguments MakeArguments(const PointPairs& points, const Rigid3d& cam2_from_cam1,
+                                      const Eigen::Matrix<double, 3, 2>& tangent, double scale_px) {
+  const Eigen::Matrix3d R = cam2_from_cam1.RotationMatrix();
   internal::PoseArguments pose;
   for (int i = 0; i < 9; ++i) pose.R[i] = static_cast<float>(R(i / 3, i % 3));
-  for (int i = 0; i < 3; ++i) pose.t[i] = static_cast<float>(t[i]);
+  for (int i = 0; i < 3; ++i) pose.t[i] = static_cast<float>(cam2_from_cam1.translation[i]);
+  for (int i = 0; i < 6; ++i) pose.tangent[i] = static_cast<float>(tangent(i / 2, i % 2));
   pose.w1 = 1.0f / (points.focal1_px() * points.focal1_px());
   pose.w2 = 1.0f / (points.focal2_px() * points.focal2_px());
   pose.squared_scale = static_cast<float>(scale_px * scale_px);
@@ -279,20 +273,17 @@ internal::PoseArguments MakeArguments(const PointPairs& points, const Eigen::Mat
 
 }  // namespace
 
-NormalEquations<5> AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,
-                                     const Eigen::Vector3d& t,
+NormalEquations<5> AccumulateSampson(const PointPairs& points, const Rigid3d& cam2_from_cam1,
                                      const Eigen::Matrix<double, 3, 2>& tangent, RobustLoss loss,
                                      double scale_px) {
-  const internal::PoseArguments pose = MakeArguments(points, R, t, scale_px);
-  internal::TangentArguments directions;
-  for (int i = 0; i < 6; ++i) directions.v[i] = static_cast<float>(tangent(i / 2, i % 2));
+  const internal::PoseArguments pose = MakeArguments(points, cam2_from_cam1, tangent, scale_px);
   double sums[internal::kNumSums];
   if (points.is_wide()) {
-    HWY_DYNAMIC_DISPATCH(AccumulateWide)(points, loss, pose, directions, sums);
+    HWY_DYNAMIC_DISPATCH(AccumulateWide)(points, loss, pose, sums);
   } else if (loss == RobustLoss::kTruncated) {
-    HWY_DYNAMIC_DISPATCH(AccumulateTruncated)(points, pose, directions, sums);
+    HWY_DYNAMIC_DISPATCH(AccumulateTruncated)(points, pose, sums);
   } else {
-    HWY_DYNAMIC_DISPATCH(AccumulateGemanMcClure)(points, pose, directions, sums);
+    HWY_DYNAMIC_DISPATCH(AccumulateGemanMcClure)(points, pose, sums);
   }
   NormalEquations<5> equations;
   int index = 0;
@@ -306,9 +297,10 @@ NormalEquations<5> AccumulateSampson(const PointPairs& points, const Eigen::Matr
   return equations;
 }
 
-double SampsonCost(const PointPairs& points, const Eigen::Matrix3d& R, const Eigen::Vector3d& t,
-                   RobustLoss loss, double scale_px) {
-  const internal::PoseArguments pose = MakeArguments(points, R, t, scale_px);
+double SampsonCost(const PointPairs& points, const Rigid3d& cam2_from_cam1, RobustLoss loss,
+                   double scale_px) {
+  const internal::PoseArguments pose =
+      MakeArguments(points, cam2_from_cam1, Eigen::Matrix<double, 3, 2>::Zero(), scale_px);
   if (points.is_wide()) {
     return HWY_DYNAMIC_DISPATCH(CostWide)(points, loss, pose) / pose.squared_scale;
   }

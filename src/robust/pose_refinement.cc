@@ -23,9 +23,12 @@ Eigen::Matrix<double, 3, 2> TangentBasis(const Eigen::Vector3d& t) {
 class PoseProblem {
  public:
   struct State {
-    Eigen::Quaterniond rotation;
-    Eigen::Vector3d t;
+    Rigid3d pose;                         // |t| = 1
     Eigen::Matrix<double, 3, 2> tangent;  // the directions in which t moves
+
+    State(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& direction)
+        : pose(rotation.normalized(), direction.normalized()),
+          tangent(TangentBasis(pose.translation)) {}
   };
 
   PoseProblem(std::span<const WeightedPoints> groups, RobustLoss loss)
@@ -33,10 +36,9 @@ class PoseProblem {
 
   NormalEquations<5> Linearize(const State& at) const {
     NormalEquations<5> sum;
-    const Eigen::Matrix3d R = at.rotation.toRotationMatrix();
     for (const WeightedPoints& group : groups_) {
       const NormalEquations<5> part =
-          AccumulateSampson(*group.points, R, at.t, at.tangent, loss_, group.scale_px);
+          AccumulateSampson(*group.points, at.pose, at.tangent, loss_, group.scale_px);
       const double weight = group.weight / (group.scale_px * group.scale_px);
       sum.hessian += weight * part.hessian;
       sum.gradient += weight * part.gradient;
@@ -47,16 +49,15 @@ class PoseProblem {
 
   double Cost(const State& at) const {
     double sum = 0.0;
-    const Eigen::Matrix3d R = at.rotation.toRotationMatrix();
     for (const WeightedPoints& group : groups_) {
-      sum += group.weight * SampsonCost(*group.points, R, at.t, loss_, group.scale_px);
+      sum += group.weight * SampsonCost(*group.points, at.pose, loss_, group.scale_px);
     }
     return sum;
   }
 
   State Moved(const State& from, const NormalEquations<5>::Vector& step) const {
-    const Eigen::Vector3d t = (from.t + from.tangent * step.tail<2>()).normalized();
-    return {(ExpSO3(step.head<3>()) * from.rotation).normalized(), t, TangentBasis(t)};
+    return {ExpSO3(step.head<3>()) * from.pose.rotation,
+            from.pose.translation + from.tangent * step.tail<2>()};
   }
 
  private:
@@ -74,24 +75,19 @@ PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
 
 PoseRefinementReport RefinePose(std::span<const WeightedPoints> groups, const Rigid3d& start,
                                 const PoseRefinementOptions& options) {
-  const double norm = start.translation.norm();
-  CAIRN_CHECK_GT(norm, 0.0);
-  const Eigen::Vector3d t = start.translation / norm;
-  PoseProblem::State state{start.rotation.normalized(), t, TangentBasis(t)};
+  CAIRN_CHECK_GT(start.translation.norm(), 0.0);
+  PoseProblem::State state(start.rotation, start.translation);
   PoseProblem problem(groups, options.loss);
   const auto [cost, num_iterations, num_accepted] =
       Minimize(problem, {options.max_iterations, options.min_relative_gain}, &state);
-  return {Rigid3d(state.rotation, state.t), cost, num_iterations};
+  return {state.pose, cost, num_iterations};
 }
 
 Eigen::Matrix<double, 5, 5> PoseInformation(const PointPairs& points, const Rigid3d& pose,
                                             double scale_px) {
-  const double norm = pose.translation.norm();
-  CAIRN_CHECK_GT(norm, 0.0);
-  const Eigen::Vector3d t = pose.translation / norm;
-  return AccumulateSampson(points, pose.rotation.normalized().toRotationMatrix(), t,
-                           TangentBasis(t), RobustLoss::kTruncated, scale_px)
-      .hessian;
+  CAIRN_CHECK_GT(pose.translation.norm(), 0.0);
+  const PoseProblem::State at(pose.rotation, pose.translation);
+  return AccumulateSampson(points, at.pose, at.tangent, RobustLoss::kTruncated, scale_px).hessian;
 }
 
 }  // namespace cairn

@@ -66,11 +66,10 @@ void BM_AccumulateSampson(benchmark::State& state) {
   const int n = static_cast<int>(state.range(0));
   const Problem problem = MakeProblem(n);
   const Rigid3d& pose = problem.scene.cam2_from_cam1;
-  const Eigen::Matrix3d R = pose.RotationMatrix();
   const Eigen::Matrix<double, 3, 2> tangent = Eigen::Matrix3d::Identity().leftCols<2>();
   for (auto _ : state) {
-    benchmark::DoNotOptimize(AccumulateSampson(problem.points, R, pose.translation, tangent,
-                                               RobustLoss::kGemanMcClure, 1.0));
+    benchmark::DoNotOptimize(
+        AccumulateSampson(problem.points, pose, tangent, RobustLoss::kGemanMcClure, 1.0));
   }
   SetPerItem(state, n);
 }

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 
+#include "cairn/geometry/rigid3d.h"
 #include "cairn/math/normal_equations.h"
 #include "cairn/robust/point_pairs.h"
 
@@ -46,14 +47,13 @@ enum class RobustLoss {
 // Gauss-Newton terms of the Sampson errors at a pose, over (rotation: R <- Exp(w) R, 3;
 // translation: t <- t + B b, 2). Weighted: hessian = sum w J^T J, gradient = sum w J^T e.
 // cost: sum of losses, each at most 1. tangent: two directions B orthogonal to t. Errors in pixels.
-NormalEquations<5> AccumulateSampson(const PointPairs& points, const Eigen::Matrix3d& R,
-                                     const Eigen::Vector3d& t,
+NormalEquations<5> AccumulateSampson(const PointPairs& points, const Rigid3d& cam2_from_cam1,
                                      const Eigen::Matrix<double, 3, 2>& tangent, RobustLoss loss,
                                      double scale_px);
 
 // The cost alone, to the bit.
-double SampsonCost(const PointPairs& points, const Eigen::Matrix3d& R, const Eigen::Vector3d& t,
-                   RobustLoss loss, double scale_px);
+double SampsonCost(const PointPairs& points, const Rigid3d& cam2_from_cam1, RobustLoss loss,
+                   double scale_px);
 
 // Name of the instruction set in use, for reports.
 const char* KernelTargetName();

@@ -23,6 +23,8 @@ struct VerifyPairOptions {
   // Not set: kCascade, or kFivePoint where there are neither frames nor depths.
   std::optional<VerifierKind> verifier = {};
   TwoViewOptions verification = {};
+  // Better matches come first; otherwise their order tells nothing.
+  bool are_best_first = false;
 };
 
 // The relative pose of two images from their matches, many of which may be wrong. `status` of the

@@ -112,8 +112,10 @@ class PairFinisher {
     Support support;
     support.errors.SetSampson(pair_.points, EssentialFromPose(pose));
     support.inliers = support.errors.Below(pair_.max_error_px);
-    const Eigen::Matrix3d R = pose.RotationMatrix();
-    std::erase_if(support.inliers, [&](int32_t i) { return !cheirality_.IsInFront(pose, R, i); });
+    const CheiralityTest test = cheirality_.TestOf(pose);
+    std::erase_if(support.inliers, [&](int32_t i) {
+      return !test.IsInFront(pair_.points.Ray1(i), pair_.points.Ray2(i));
+    });
     support.score = Msac(support);
     return support;
   }

@@ -6,11 +6,9 @@
 #include <cmath>
 #include <optional>
 
-#include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
-#include "cairn/robust/ransac.h"
-#include "cairn/solvers/homography.h"
 #include "two_view/search/match_errors.h"
+#include "two_view/search/plane_search.h"
 
 namespace cairn::internal {
 namespace {
@@ -31,50 +29,6 @@ Eigen::Matrix3d FitRotation(const PointPairs& points, double max_error_px, Match
   }
   return R;
 }
-
-// RANSAC over four points for the dominant plane among the inliers of a pose.
-class PlaneEstimator {
- public:
-  static constexpr int kSampleSize = HomographyFourPoint::kSampleSize;
-  static constexpr int kMaxSolutions = HomographyFourPoint::kMaxSolutions;
-  using Model = Eigen::Matrix3d;
-
-  PlaneEstimator(const PointPairs& points, double max_error_px)
-      : points_(points), max_error_px_(max_error_px) {}
-  int NumData() const { return points_.size(); }
-  int Solve(const uint32_t* sample, Model* models) const {
-    PointCorrespondence samples[kSampleSize];
-    for (int i = 0; i < kSampleSize; ++i) {
-      samples[i] = {points_.Point1(sample[i]), points_.Point2(sample[i])};
-    }
-    return HomographyFourPoint::Solve(samples, models);
-  }
-  double Score(const Model& H, double) const { return ScoreHomography(points_, H, max_error_px_); }
-  double Optimize(Model& H, int* num_inliers) {
-    double score = Score(H, 0.0);
-    for (int round = 0; round < 2; ++round) {
-      errors_.SetHomography(points_, H);
-      std::vector<PointCorrespondence> inliers;
-      for (const int32_t i : errors_.Below(max_error_px_)) {
-        inliers.push_back({points_.Point1(i), points_.Point2(i)});
-      }
-      Model refined;
-      if (!HomographyFromPoints(inliers, &refined)) break;
-      const double refined_score = Score(refined, 0.0);
-      if (!(refined_score > score)) break;
-      score = refined_score;
-      H = refined;
-    }
-    errors_.SetHomography(points_, H);
-    *num_inliers = errors_.CountBelow(max_error_px_);
-    return score;
-  }
-
- private:
-  const PointPairs& points_;
-  const double max_error_px_;
-  MatchErrors errors_;
-};
 
 // True if both points lie in the outer tenth of their image.
 bool IsInFrame(const Camera& camera, const Keypoint& keypoint) {
@@ -161,19 +115,12 @@ SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inli
     special.config = TwoViewConfig::kWatermark;
     return special;
   }
-  PlaneEstimator estimator(points, max_error_px);
-  RansacOptions ransac_options;
-  // Only planes with the wanted share matter, and those are found soon.
-  ransac_options.max_iterations =
-      NumRansacIterations(options.min_special_share, PlaneEstimator::kSampleSize, 0.999);
-  ransac_options.min_iterations = 1;
-  // Inliers uniform in error have a mean support of 2/3; a first guess may have a fourth of it.
-  ransac_options.initial_score = 0.25 * (2.0 / 3.0) * needed;
   Rng rng(pair.input.seed, "plane", pair.input.pair_id);
-  const auto report = Ransac(estimator, ransac_options, rng);
-  if (report.num_inliers >= needed) {
+  const std::optional<Eigen::Matrix3d> H = FindPlane(pair, some, max_error_px, &rng);
+  if (H) errors.SetHomography(points, *H);
+  if (H && errors.CountBelow(max_error_px) >= needed) {
     special.config = TwoViewConfig::kPlanar;
-    special.H = report.model;
+    special.H = *H;
   }
   return special;
 }

@@ -1,51 +1,26 @@
 #include "two_view/search/cheirality.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
-
-#include "cairn/geometry/epipolar.h"
-#include "cairn/solvers/essential.h"
+#include <vector>
 
 namespace cairn::internal {
 
-Cheirality::Cheirality(const PreparedPair& pair) : pair_(pair) {
-  const double angle =
-      2.0 * pair.max_error_px / std::min(pair.points.focal1_px(), pair.points.focal2_px());
-  squared_far_angle_ = angle * angle;
-}
-
-bool Cheirality::IsInFront(const Rigid3d& pose, const Eigen::Matrix3d& R, int match) const {
-  const Eigen::Vector3d a = R * pair_.points.Ray1(match);
-  const Eigen::Vector3d b = pair_.points.Ray2(match);
-  const Eigen::Vector3d& t = pose.translation;
-  const double aa = a.squaredNorm(), bb = b.squaredNorm(), ab = a.dot(b);
-  const double det = aa * bb - ab * ab;  // aa bb sin^2 of the angle between the rays
-  if (ab > 0.0 && det < squared_far_angle_ * aa * bb) return true;
-  const double at = a.dot(t), bt = b.dot(t);
-  return ab * bt - bb * at > 0.0 && aa * bt - ab * at > 0.0;
-}
+Cheirality::Cheirality(const PreparedPair& pair)
+    : pair_(pair),
+      far_angle_(2.0 * pair.max_error_px /
+                 std::min(pair.points.focal1_px(), pair.points.focal2_px())) {}
 
 Cheirality::Choice Cheirality::Choose(const Rigid3d& pose, std::span<const int32_t> matches) const {
-  const EssentialDecomposition parts = DecomposeEssential(EssentialFromPose(pose));
   const size_t step = 1 + matches.size() / 100;
-  Choice best{pose};
-  int best_count = -1, num_tried = 0;
-  for (const Eigen::Matrix3d& R : {parts.R1, parts.R2}) {
-    for (const double sign : {1.0, -1.0}) {
-      const Rigid3d candidate(R, sign * parts.t);
-      int count = 0;
-      num_tried = 0;
-      for (size_t k = 0; k < matches.size(); k += step, ++num_tried) {
-        count += IsInFront(candidate, R, matches[k]);
-      }
-      if (count > best_count) {
-        best_count = count;
-        best.pose = candidate;
-      }
-    }
+  std::vector<Eigen::Vector3d> rays1, rays2;
+  for (size_t k = 0; k < matches.size(); k += step) {
+    rays1.push_back(pair_.points.Ray1(matches[k]));
+    rays2.push_back(pair_.points.Ray2(matches[k]));
   }
-  if (num_tried > 0) best.share = static_cast<double>(best_count) / num_tried;
-  return best;
+  const CheiralityResult best =
+      SelectPoseByCheirality(EssentialFromPose(pose), rays1, rays2, far_angle_);
+  const auto num_asked = static_cast<double>(std::max<size_t>(1, rays1.size()));
+  return {best.cam2_from_cam1, best.num_in_front / num_asked};
 }
 
 double Cheirality::WeightOf(const Rigid3d& pose) {

@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "cairn/geometry/rigid3d.h"
+#include "cairn/geometry/epipolar.h"
 #include "two_view/prepare/prepared_pair.h"
 #include "two_view/search/match_errors.h"
 
@@ -13,7 +13,7 @@ class Cheirality {
  public:
   explicit Cheirality(const PreparedPair& pair);
 
-  bool IsInFront(const Rigid3d& pose, const Eigen::Matrix3d& R, int match) const;
+  CheiralityTest TestOf(const Rigid3d& pose) const { return CheiralityTest(pose, far_angle_); }
 
   // Of the four poses of an essential matrix, given by any one of them, the one with the most of
   // these matches in front; of more than a hundred, some are looked at.
@@ -29,7 +29,7 @@ class Cheirality {
 
  private:
   const PreparedPair& pair_;
-  double squared_far_angle_;
+  double far_angle_;
   MatchErrors errors_;
 };
 

@@ -5,47 +5,17 @@
 
 #include "cairn/math/so3.h"
 #include "cairn/robust/fundamental_refinement.h"
-#include "cairn/solvers/homography.h"
 #include "cairn/solvers/seven_point.h"
 #include "two_view/decide/focal_plausibility.h"
 #include "two_view/search/guided_support.h"
 #include "two_view/search/match_errors.h"
-#include "two_view/search/resampling.h"
+#include "two_view/search/plane_search.h"
 
 namespace cairn::internal {
 namespace {
 
 constexpr int kNumSamples = 20;       // of each kind, a round
 constexpr double kImplausible = 0.5;  // what support without plausible focal lengths is worth
-
-// The plane that most of `near` lie on: of a few samples the best, fitted to what it explains.
-std::optional<Eigen::Matrix3d> FindPlane(const PreparedPair& pair, std::span<const int32_t> near,
-                                         double max_error_px, Rng* rng) {
-  PointPairs points;
-  points.SetSubset(pair.points, near.data(), static_cast<int>(near.size()));
-  double best_score = 0.0;
-  Eigen::Matrix3d best;
-  SampleModels<HomographyFourPoint>(pair, near, kNumSamples, rng, [&](const Eigen::Matrix3d& H) {
-    const double score = ScoreHomography(points, H, max_error_px);
-    if (!(score > best_score)) return;
-    best_score = score;
-    best = H;
-  });
-  if (best_score == 0.0) return std::nullopt;
-  MatchErrors errors;
-  for (int round = 0; round < 2; ++round) {
-    errors.SetHomography(points, best);
-    std::vector<PointCorrespondence> on_plane;
-    for (const int32_t i : errors.Below(max_error_px)) on_plane.push_back(pair.Points(near[i]));
-    Eigen::Matrix3d H;
-    if (!HomographyFromPoints(on_plane, &H)) break;
-    const double score = ScoreHomography(points, H, max_error_px);
-    if (score < best_score) break;
-    best_score = score;
-    best = H;
-  }
-  return best;
-}
 
 // Fundamental matrices near the best one.
 class FundamentalNeighborhood {
@@ -145,10 +115,13 @@ class FundamentalNeighborhood {
     }
   }
 
-  // On so many points near `start`, spread over all matches.
+  // On so many points near `start`, spread over all that are. From farther away than this, wrong
+  // matches take more of their places than right ones.
   Eigen::Matrix3d Refine(const Eigen::Matrix3d& start, const FundamentalRefinementOptions& options,
                          int max_num_points) const {
-    std::vector<int32_t> near = MatchErrors(pair_.points, start).Below(kReach * pair_.max_error_px);
+    constexpr double kMostThresholds = 10.0;
+    std::vector<int32_t> near =
+        MatchErrors(pair_.points, start).Below(kMostThresholds * pair_.max_error_px);
     const size_t step = 1 + near.size() / (max_num_points + 1);
     for (size_t k = 0; k * step < near.size(); ++k) near[k] = near[k * step];
     near.resize((near.size() + step - 1) / step);

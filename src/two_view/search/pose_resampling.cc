@@ -4,7 +4,6 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/robust/pose_refinement.h"
-#include "cairn/solvers/essential.h"
 #include "cairn/solvers/five_point.h"
 #include "two_view/search/guided_support.h"
 #include "two_view/search/match_errors.h"
@@ -48,13 +47,13 @@ class PoseNeighborhood {
   }
 
   double Try(int k, double best_support) {
-    const EssentialDecomposition parts = DecomposeEssential(hypotheses_[k].E);
     PoseRefinementOptions options;
     options.loss = RobustLoss::kGemanMcClure;
     options.min_relative_gain = 1e-3;
     options.scale_px = pair_.max_error_px;
     options.max_iterations = kNumSteps;
-    const Rigid3d pose = RefinePose(reach_, Rigid3d(parts.R1, parts.t), options).cam2_from_cam1;
+    const Rigid3d start = PosesFromEssential(hypotheses_[k].E)[0];
+    const Rigid3d pose = RefinePose(reach_, start, options).cam2_from_cam1;
     const Eigen::Matrix3d E = EssentialFromPose(pose);
     double support = guided_.Score(E);
     if (!(support > best_support)) return best_support;

@@ -5,7 +5,6 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/robust/pose_refinement.h"
-#include "cairn/solvers/essential.h"
 #include "two_view/decide/evidence.h"
 
 namespace cairn::internal {
@@ -61,9 +60,8 @@ int PoseSearch::MoveBestToFront(int max_count) {
 }
 
 PoseSearch::Started PoseSearch::Start(const Eigen::Matrix3d& E) const {
-  const EssentialDecomposition parts = DecomposeEssential(E);
   const Rigid3d pose =
-      Refine(subset_, Rigid3d(parts.R1, parts.t), options_.rough_error_ratio, kNumFirstSteps);
+      Refine(subset_, PosesFromEssential(E)[0], options_.rough_error_ratio, kNumFirstSteps);
   return {pose,
           SoftScoreSampson(subset_, EssentialFromPose(pose), MiddleScale() * pair_.max_error_px)};
 }

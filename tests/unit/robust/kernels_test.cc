@@ -304,12 +304,11 @@ TEST_P(AccumulateSampsonTest, AgreesWithCentralDifferences) {
       gradient += weight * J * e;
       cost += value;
     }
-    const NormalEquations<5> equations =
-        AccumulateSampson(points, R.toRotationMatrix(), t, B, loss, kScale);
+    const NormalEquations<5> equations = AccumulateSampson(points, Rigid3d(R, t), B, loss, kScale);
     EXPECT_LT((equations.hessian - hessian).norm(), 1e-3 * hessian.norm());
     EXPECT_LT((equations.gradient - gradient).norm(), 1e-3 * gradient.norm() + 1.0);
     EXPECT_NEAR(equations.cost, cost, 1e-3 * cost);
-    EXPECT_EQ(equations.cost, SampsonCost(points, R.toRotationMatrix(), t, loss, kScale));
+    EXPECT_EQ(equations.cost, SampsonCost(points, Rigid3d(R, t), loss, kScale));
   }
 }
 
@@ -321,7 +320,7 @@ TEST(SampsonKernels, DoNotDependOnTheInstructionSet) {
   const TwoViewScene scene = RandomScene(rng, 333);
   const PointPairs points = MakePoints(scene, 700.0, 900.0, 2.0, 100, rng);
   const Eigen::Matrix3d E = EssentialFromPose(scene.cam2_from_cam1);
-  const Eigen::Vector3d t = scene.cam2_from_cam1.translation.normalized();
+  const Rigid3d pose(scene.cam2_from_cam1.rotation, scene.cam2_from_cam1.translation.normalized());
   struct Result {
     double score, soft, cost;
     Eigen::Matrix<double, 5, 5> hessian;
@@ -331,11 +330,10 @@ TEST(SampsonKernels, DoNotDependOnTheInstructionSet) {
     Result result;
     result.score = ScoreSampson(points, E, 2.0);
     result.soft = SoftScoreSampson(points, E, 2.0);
-    result.hessian = AccumulateSampson(points, scene.cam2_from_cam1.RotationMatrix(), t, Tangent(t),
-                                       RobustLoss::kGemanMcClure, 2.0)
-                         .hessian;
-    result.cost =
-        SampsonCost(points, scene.cam2_from_cam1.RotationMatrix(), t, RobustLoss::kTruncated, 2.0);
+    result.hessian =
+        AccumulateSampson(points, pose, Tangent(pose.translation), RobustLoss::kGemanMcClure, 2.0)
+            .hessian;
+    result.cost = SampsonCost(points, pose, RobustLoss::kTruncated, 2.0);
     result.errors.resize(336);
     SampsonErrors(points, E, result.errors.data());
     return result;

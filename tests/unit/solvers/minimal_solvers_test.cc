@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/solvers/essential.h"
 #include "cairn/solvers/five_point.h"
 #include "cairn/solvers/seven_point.h"
 #include "cairn/solvers/two_affine.h"
@@ -138,32 +137,6 @@ TEST(TwoAffine, DoesNotDependOnTheSizeOfTheFrames) {
   Eigen::Matrix3d models[TwoAffineFivePoint::kMaxSolutions];
   EXPECT_EQ(TwoAffine::Solve(samples, models), 0);
   EXPECT_EQ(TwoAffineFivePoint::Solve(samples, models), 0);
-}
-
-TEST(DecomposeEssential, AgreesWithTheSingularValueDecomposition) {
-  Rng rng(6);
-  for (int trial = 0; trial < 1000; ++trial) {
-    const TwoViewScene scene = RandomScene(rng, 1, 3.1);
-    const double sign_and_scale = (trial % 2 ? -1.0 : 1.0) * rng.Uniform(0.1, 10.0);
-    const Eigen::Matrix3d E = sign_and_scale * EssentialFromPose(scene.cam2_from_cam1);
-    const EssentialDecomposition parts = DecomposeEssential(E);
-    double best = 1e300;
-    for (const Eigen::Matrix3d& R : {parts.R1, parts.R2}) {
-      EXPECT_NEAR(R.determinant(), 1.0, 1e-10);
-      EXPECT_LT((R * R.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-9);
-      for (const double sign : {1.0, -1.0}) {
-        best = std::min(best, test::PoseError(scene.cam2_from_cam1, Rigid3d(R, sign * parts.t)));
-      }
-    }
-    EXPECT_LT(best, 1e-9);
-  }
-}
-
-TEST(NearestEssential, IsIdempotentAndFixesSingularValues) {
-  Rng rng(7);
-  const Eigen::Matrix3d E = NearestEssential(Eigen::Matrix3d::Random());
-  EXPECT_LT((NearestEssential(E) - E).norm(), 1e-12);
-  EXPECT_NEAR(E.squaredNorm(), 2.0, 1e-12);
 }
 
 }  // namespace

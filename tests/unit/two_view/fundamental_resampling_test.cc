@@ -54,7 +54,7 @@ struct NearPlanar {
   // The error of the best pose that F stands for.
   double ErrorDeg(const Eigen::Matrix3d& F) const {
     double error = M_PI;
-    for (const Rigid3d& pose : PosesFromEssential(F)) {
+    for (const Rigid3d& pose : PosesFromEssential(NearestEssential(F))) {
       error = std::min(error, test::PoseError(pose, pair.cam2_from_cam1));
     }
     return RadToDeg(error);

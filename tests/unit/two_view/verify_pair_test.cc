@@ -77,16 +77,21 @@ TEST(VerifyPair, GivesWhatThePairVerifierGives) {
   }
   PairInput input = pair.Input();
   input.pair_id = 0;
-  for (const VerifierKind kind : {VerifierKind::kTwoAc, VerifierKind::kOneAcDepth}) {
+  const auto expect_same = [&](VerifierKind kind, bool are_best_first) {
+    input.are_best_first = are_best_first;
     const PairReport expected = MakePairVerifier(kind, {})->Verify(input);
     const PairReport report =
-        VerifyPair(m.Image1(), m.Image2(), {.verifier = kind}, {.seed = input.seed});
+        VerifyPair(m.Image1(), m.Image2(), {.verifier = kind, .are_best_first = are_best_first},
+                   {.seed = input.seed});
     EXPECT_EQ(report.num_iterations, expected.num_iterations);
     EXPECT_EQ(report.score, expected.score);
     EXPECT_EQ(report.geometry.inlier_matches, expected.geometry.inlier_matches);
     EXPECT_EQ(report.geometry.cam2_from_cam1->translation,
               expected.geometry.cam2_from_cam1->translation);
-  }
+    return report.score;
+  };
+  expect_same(VerifierKind::kOneAcDepth, false);
+  EXPECT_NE(expect_same(VerifierKind::kTwoAc, true), expect_same(VerifierKind::kTwoAc, false));
 }
 
 TEST(VerifyPair, SwappedImagesInvertThePose) {
