@@ -37,6 +37,7 @@ int main(int argc, char** argv) {
   command.AddOptions("", options.cameras);
   command.AddOptions("features", options.features);
   command.AddOptions("depth", options.depth);
+  command.AddOptions("pair_selection", options.pair_selection);
   command.AddOptions("matching", options.matching);
   command.AddOptions("verification", options.verification);
   command.AddOptions("scheduler", options.scheduler);

@@ -5,6 +5,7 @@
 #include "cairn/base/error.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/intrinsics/wide_focals.h"
+#include "pipeline/pairs/choose.h"
 #include "pipeline/stages/import_dataset.h"
 #include "pipeline/stages/recompute.h"
 #include "pipeline/stages/stage_ledger.h"
@@ -63,13 +64,68 @@ Sources FindSources(const BuildInputs& inputs) {
   return sources;
 }
 
-std::optional<std::vector<image_pair_t>> FindPairs(const Database& database,
-                                                   const BuildInputs& inputs,
-                                                   const Sources& sources,
-                                                   ProgressMonitor& monitor) {
+// Pairs that the user or the data set names, if they do.
+std::optional<std::vector<image_pair_t>> ListedPairs(const Database& database,
+                                                     const BuildInputs& inputs,
+                                                     const Sources& sources,
+                                                     ProgressMonitor& monitor) {
   if (sources.dataset) return FindDatasetPairs(*sources.dataset, database.ReadImages());
   if (inputs.pairs_path.empty()) return std::nullopt;
   return ReadPairList(inputs.pairs_path, database.ReadImages(), monitor);
+}
+
+// Adds a stage to the report; false: the user stopped it.
+bool KeepGoing(RunReport& run, StageReport stage) {
+  run.stages.push_back(std::move(stage));
+  return !run.stages.back().WasStopped();
+}
+
+// Matches the given pairs; verifies them, or (nullopt) all that have matches.
+bool MatchAndVerify(Database& database, const BuildPipelineOptions& options,
+                    const std::vector<image_pair_t>& pairs,
+                    const std::optional<std::vector<image_pair_t>>& to_verify,
+                    ProgressMonitor& monitor, RunReport& run) {
+  const BuildInputs& in = options.inputs;
+  if (!KeepGoing(run, MatchImagePairs(database, pairs, options.matching, options.scheduler,
+                                      in.num_threads, monitor))) {
+    return false;
+  }
+  if (in.stop_after < BuildStage::kVerification) return true;
+  VerificationInput input;
+  input.pairs = to_verify;
+  input.seed = static_cast<uint64_t>(in.seed);
+  input.min_num_matches = options.verification.min_num_matches;
+  input.options = VerificationStageOptions(options);
+  for (const std::string& text :
+       LearnWideFocals(database, options.verification, input.seed, in.num_threads, monitor)) {
+    monitor.Info(text);
+  }
+  return KeepGoing(run,
+                   VerifyPairs(database,
+                               MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)),
+                                             options.verification),
+                               input, options.scheduler, in.num_threads, monitor)
+                       .stage);
+}
+
+// Chooses, matches and verifies pairs, round by round.
+bool RunRounds(Database& database, const BuildPipelineOptions& options,
+               const std::string& image_path, ProgressMonitor& monitor, RunReport& run) {
+  const BuildInputs& in = options.inputs;
+  const PairChoosing choosing = {in.pairs, options.pair_selection, image_path, in.gps_path,
+                                 in.num_threads};
+  const StageLedger matching(database, kStageMatching, DumpQualified("matching", options.matching));
+  PairChooser chooser(database, matching, choosing, monitor);
+  if (!KeepGoing(run, chooser.ChooseFirst())) return false;
+  do {
+    if (!MatchAndVerify(database, options, chooser.Chosen(), std::nullopt, monitor, run)) {
+      return false;
+    }
+    if (in.stop_after < BuildStage::kVerification) return true;
+  } while (chooser.ChooseNext());
+  if (!monitor.StopRequested()) return true;
+  run.stages.back().MarkStopped();
+  return false;
 }
 
 // Runs the stages one after the other; false: the user stopped one.
@@ -77,10 +133,7 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
                ProgressMonitor& monitor, RunReport& run) {
   const BuildInputs& in = options.inputs;
   const BuildStage last = in.stop_after;
-  const auto keep_going = [&run](StageReport stage) {
-    run.stages.push_back(std::move(stage));
-    return !run.stages.back().WasStopped();
-  };
+  const auto keep_going = [&run](StageReport stage) { return KeepGoing(run, std::move(stage)); };
   if (sources.dataset && !sources.dataset->has_photographs) {
     return keep_going(ImportDataset(database, *sources.dataset, options.cameras, monitor));
   }
@@ -98,26 +151,9 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
     return false;
   }
   if (last < BuildStage::kMatching) return true;
-  const auto pairs = FindPairs(database, in, sources, monitor);
-  if (!keep_going(MatchImagePairs(database, pairs, options.matching, options.scheduler,
-                                  in.num_threads, monitor))) {
-    return false;
-  }
-  if (last < BuildStage::kVerification) return true;
-  VerificationInput input;
-  input.pairs = pairs;
-  input.seed = static_cast<uint64_t>(in.seed);
-  input.min_num_matches = options.verification.min_num_matches;
-  input.options = VerificationStageOptions(options);
-  for (const std::string& text :
-       LearnWideFocals(database, options.verification, input.seed, in.num_threads, monitor)) {
-    monitor.Info(text);
-  }
-  return keep_going(VerifyPairs(database,
-                                MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)),
-                                              options.verification),
-                                input, options.scheduler, in.num_threads, monitor)
-                        .stage);
+  const auto listed = ListedPairs(database, in, sources, monitor);
+  return listed ? MatchAndVerify(database, options, *listed, listed, monitor, run)
+                : RunRounds(database, options, sources.image_path, monitor, run);
 }
 
 std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) {
@@ -139,8 +175,8 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
   if (!std::filesystem::exists(inputs.database_path)) return options;
   const Database database(inputs.database_path, Database::Mode::kReadOnly);
   const std::string recompute(NameOf(kBuildStages, inputs.recompute));
-  for (const std::string& stage :
-       {kStageCameras, kStageFeatures, kStageDepth, kStageMatching, kStageVerification}) {
+  for (const std::string& stage : {kStageCameras, kStageFeatures, kStageDepth, kStagePairs,
+                                   kStageMatching, kStageVerification}) {
     const std::optional<StageRecord> record = database.ReadStage(stage);
     if (record && !ForgetsStage(recompute, stage)) options.push_back(record->options);
   }
@@ -151,6 +187,8 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
                                      ProgressMonitor& monitor) {
   const BuildInputs& inputs = options.inputs;
   ValidateOptions(inputs, "");
+  ValidateOptions(options.pair_selection, "pair_selection");
+  ParsePairWays(inputs.pairs);
   BuildPipelineReport report;
   report.run.program = "build_view_graph";
   report.run.seed = static_cast<uint64_t>(inputs.seed);

@@ -8,6 +8,7 @@
 #include "cairn/depth/options.h"
 #include "cairn/features/features.h"
 #include "cairn/matching/matching.h"
+#include "cairn/pair_selection/options.h"
 #include "cairn/pipeline/stages.h"
 #include "cairn/pipeline/verify_pairs.h"
 #include "cairn/report/run_report.h"
@@ -39,7 +40,9 @@ struct BuildInputs {
   std::string dataset_path;
   std::string depth_path;
   std::string depth_model;
+  std::string pairs = "auto";
   std::string pairs_path;
+  std::string gps_path;
   VerifierChoice verifier = VerifierChoice::kCascade;
   BuildStage stop_after = BuildStage::kVerification;
   BuildStage recompute = BuildStage::kNone;
@@ -53,7 +56,13 @@ struct BuildInputs {
     v.String("depth_path", depth_path,
              "folder of depth maps, <image name>.npy, .pfm, .png or .bin");
     v.String("depth_model", depth_model, "ONNX network that gives depth, instead of depth_path");
-    v.String("pairs_path", pairs_path, "file with two image names a line; without, all pairs");
+    v.String("pairs", pairs,
+             "which pairs are matched: exhaustive, or one or more of sequential,spatial,retrieval; "
+             "auto: exhaustive up to a minute of two cores, then retrieval with what names, times "
+             "and GPS add");
+    v.String("pairs_path", pairs_path, "file with two image names a line, instead of pairs");
+    v.String("gps_path", gps_path,
+             "file with name,latitude,longitude[,altitude] a line, instead of GPS in EXIF");
     v.Choice("verifier", verifier, kVerifierChoices, "which verifiers are run on every pair");
     v.Choice("stop_after", stop_after, std::span(kBuildStages).subspan(2),
              "last stage of this run; a later run continues");
@@ -69,6 +78,7 @@ struct BuildPipelineOptions {
   CameraOptions cameras;
   FeatureOptions features;
   DepthOptions depth;
+  PairSelectionOptions pair_selection;
   MatchingOptions matching;
   TwoViewOptions verification;
   SchedulerOptions scheduler;

@@ -107,7 +107,10 @@ void ClearStageAndDependents(Database& database, const std::string& stage) {
   for (const std::string& cleared : StageAndDependents(stage)) {
     if (cleared == kStageFeatures) database.ClearFeatures();
     if (cleared == kStageDepth) database.ClearDepth();
-    if (cleared == kStageMatching) database.ClearMatches();
+    if (cleared == kStageMatching) {
+      database.ClearMatches();
+      database.ClearStage(kStagePairs);
+    }
     if (cleared == kStageVerification) database.ClearVerification();
     database.ClearStage(cleared);
   }
