@@ -132,10 +132,9 @@ void Database::ClearFeatures() {
 
 void Database::ClearDepth() { Query(*impl_, sql::kClearDepthSamples).Run(); }
 
-void Database::ClearMatches() {
-  Query(*impl_, sql::kClearMatches).Run();
-  Query(*impl_, sql::kClearPairChoices).Run();
-}
+void Database::ClearPairChoices() { Query(*impl_, sql::kClearPairChoices).Run(); }
+
+void Database::ClearMatches() { Query(*impl_, sql::kClearMatches).Run(); }
 
 void Database::ClearVerification() {
   Query(*impl_, sql::kClearTwoViewGeometries).Run();

@@ -117,6 +117,7 @@ bool RunRounds(Database& database, const BuildPipelineOptions& options,
   const StageLedger matching(database, kStageMatching, DumpQualified("matching", options.matching));
   PairChooser chooser(database, matching, choosing, monitor);
   if (!KeepGoing(run, chooser.ChooseFirst())) return false;
+  if (in.stop_after < BuildStage::kMatching) return true;
   do {
     if (!MatchAndVerify(database, options, chooser.Chosen(), std::nullopt, monitor, run)) {
       return false;
@@ -150,8 +151,9 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
                                    options.depth, in.num_threads, monitor))) {
     return false;
   }
-  if (last < BuildStage::kMatching) return true;
+  if (last < BuildStage::kPairs) return true;
   const auto listed = ListedPairs(database, in, sources, monitor);
+  if (listed && last < BuildStage::kMatching) return true;
   return listed ? MatchAndVerify(database, options, *listed, listed, monitor, run)
                 : RunRounds(database, options, sources.image_path, monitor, run);
 }

@@ -117,7 +117,8 @@ class Database {
   // Remove the results of a stage, whichever program wrote them, with its timings and its record.
   void ClearFeatures();      // keypoints, descriptors
   void ClearDepth();         // depth samples
-  void ClearMatches();       // matches, and why their pairs were chosen
+  void ClearPairChoices();   // why pairs were chosen
+  void ClearMatches();       // matches
   void ClearVerification();  // two-view geometries, pair metrics, what was learned from them
   void ClearStage(const std::string& stage);
 

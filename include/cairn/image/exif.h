@@ -37,8 +37,8 @@ ExifInfo ReadExif(const std::string& path, int width, int height);
 // What WriteExif writes into an existing JPEG or PNG file.
 struct ExifTags {
   int focal_length_35mm = 0;  // 35 mm equivalent, mm
-  std::string camera_make;
-  std::string camera_model;
+  std::string camera_make = {};
+  std::string camera_model = {};
   std::string taken_at = {};  // "2026:11:22 01:16:43"; "": no time
   std::optional<GpsPosition> gps = {};
 };

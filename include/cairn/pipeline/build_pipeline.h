@@ -27,11 +27,15 @@ inline constexpr NamedValue<VerifierChoice> kVerifierChoices[] = {
     {VerifierChoice::kBoth, "both"}};  // one_ac_depth and five_point
 
 // The stages, in order, by the names that they have in the database.
-enum class BuildStage { kNone, kCameras, kFeatures, kDepth, kMatching, kVerification };
+enum class BuildStage { kNone, kCameras, kFeatures, kDepth, kPairs, kMatching, kVerification };
 inline constexpr NamedValue<BuildStage> kBuildStages[] = {
-    {BuildStage::kNone, "none"},         {BuildStage::kCameras, "cameras"},
-    {BuildStage::kFeatures, "features"}, {BuildStage::kDepth, "depth"},
-    {BuildStage::kMatching, "matching"}, {BuildStage::kVerification, "verification"}};
+    {BuildStage::kNone, "none"},
+    {BuildStage::kCameras, "cameras"},
+    {BuildStage::kFeatures, "features"},
+    {BuildStage::kDepth, "depth"},
+    {BuildStage::kPairs, "pairs"},
+    {BuildStage::kMatching, "matching"},
+    {BuildStage::kVerification, "verification"}};
 
 // What build_view_graph works on; the options of the modules follow in BuildPipelineOptions.
 struct BuildInputs {

@@ -17,9 +17,9 @@ namespace cairn {
 // How the pairs of a run are chosen.
 struct PairChoosing {
   std::string ways = "auto";  // --pairs
-  PairSelectionOptions options;
-  std::string image_path;  // for EXIF; "": none
-  std::string gps_path;    // positions, instead of EXIF's
+  PairSelectionOptions options = {};
+  std::string image_path = {};  // for EXIF; "": none
+  std::string gps_path = {};    // positions, instead of EXIF's
   int num_threads = 0;
 };
 
