@@ -101,6 +101,7 @@ TEST(Retrieval, SameForAnyNumberOfThreads) {
   const auto similar = MostSimilarRows(Describe(images, words), 5, 1);
   for (const int num_threads : {2, 8}) {
     EXPECT_EQ(TrainWords(samples, 16, num_threads), words);
+    EXPECT_EQ(TrainWords(samples, 7, num_threads).rows(), 7);
     EXPECT_EQ(MostSimilarRows(Describe(images, words), 5, num_threads), similar);
   }
 }

@@ -154,16 +154,16 @@ TEST(ChoosePairs, NewImagesMeanNewPairsOnly) {
   const PairChoosing choosing{.ways = "retrieval", .options = {.retrieval_neighbors = 2}};
   ring.Choose(choosing);
   const auto before = ring.database.ReadPairChoices();
-  ring.AddImage(21);  // Sees the places of image 0.
-  EXPECT_EQ(ring.Choose(choosing), (Counts{{"retrieval", 21 + 2}}));
+  ring.AddImage(21);  // Sees what the first one does: it is near that one and both its neighbors.
+  EXPECT_EQ(ring.Choose(choosing), (Counts{{"retrieval", 21 + 3}}));
   for (const PairChoiceRecord& choice : ring.database.ReadPairChoices()) {
     const bool is_old = std::find(before.begin(), before.end(), choice) != before.end();
     EXPECT_NE(is_old, PairIdToImagePair(choice.pair_id).second == 22);
   }
-  EXPECT_EQ(ring.Choose(choosing), (Counts{{"retrieval", 21 + 2}}));
+  EXPECT_EQ(ring.Choose(choosing), (Counts{{"retrieval", 21 + 3}}));
   // Another way adds its own.
   EXPECT_EQ(ring.Choose({.ways = "sequential", .options = {.overlap = 1}}),
-            (Counts{{"retrieval", 21 + 2}, {"sequential", 20}}));
+            (Counts{{"retrieval", 21 + 3}, {"sequential", 20}}));
 }
 
 // Photographs along a wall, with the real stages.
