@@ -19,6 +19,8 @@ constexpr double kMaxExhaustiveSeconds = 120.0;
 constexpr int kAutoOverlap = 2;
 // From there on, more of a way's work is used than wasted.
 constexpr double kHalf = 0.5;
+// A round of fewer pairs two edges apart, of those that are matched, is not worth its start.
+constexpr double kMinGrowth = 0.01;
 
 std::string CountOf(size_t num, size_t all) {
   return std::to_string(num) + " of " + std::to_string(all) + " photographs";
@@ -182,8 +184,10 @@ PairChooser::Choices PairChooser::NextChoices() {
   const auto yields = [&](PairReason reason) { return LatestYield(records, evidence, reason); };
   const PairSelectionOptions& options = choosing_.options;
   if (yields(PairReason::kTwoEdges) >= kHalf) {
-    add(PairsTwoEdgesApart(evidence, options.min_shared_points, choosing_.num_threads),
-        PairReason::kTwoEdges);
+    const std::vector<image_pair_t> pairs =
+        PairsTwoEdgesApart(evidence, options.min_shared_points, choosing_.num_threads);
+    const double min_num = kMinGrowth * static_cast<double>(evidence.matched.size());
+    if (static_cast<double>(pairs.size()) >= min_num) add(pairs, PairReason::kTwoEdges);
   }
   if (yields(PairReason::kLoop) >= kHalf) {
     add(PairsClosingLoops(evidence, Candidates()), PairReason::kLoop);
