@@ -115,6 +115,7 @@ std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database
   impl->has_depth_tables = TableExists(*impl, "cairn_depth_scales");
   impl->has_lens_table = TableExists(*impl, "cairn_camera_lenses");
   impl->has_focal_tables = TableExists(*impl, "cairn_camera_focals");
+  impl->has_choice_table = TableExists(*impl, "cairn_pair_choices");
   impl->has_rigs = TableExists(*impl, "rigs") && TableExists(*impl, "frame_data");
   impl->has_descriptor_types = ColumnExists(*impl, "descriptors", "type");
   return impl;

@@ -202,6 +202,25 @@ void Database::WriteTwoViewGeometry(image_pair_t pair_id, const TwoViewGeometry&
   query.Run();
 }
 
+std::vector<PairChoiceRecord> Database::ReadPairChoices() const {
+  std::vector<PairChoiceRecord> choices;
+  if (!impl_->has_choice_table) return choices;
+  Query query(*impl_, sql::kReadPairChoices);
+  while (query.Step()) {
+    choices.push_back(
+        {static_cast<image_pair_t>(query.Int(0)), static_cast<int>(query.Int(1)), query.Text(2)});
+  }
+  return choices;
+}
+
+void Database::WritePairChoice(const PairChoiceRecord& choice) {
+  Query(*impl_, sql::kWritePairChoice)
+      .Bind(1, choice.pair_id)
+      .Bind(2, choice.round)
+      .Bind(3, std::string_view(choice.reason))
+      .Run();
+}
+
 std::vector<PairMetrics> Database::ReadPairMetrics() const {
   std::vector<PairMetrics> metrics;
   if (!impl_->has_cairn_tables) return metrics;

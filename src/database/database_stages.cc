@@ -132,6 +132,8 @@ void Database::ClearFeatures() {
 
 void Database::ClearDepth() { Query(*impl_, sql::kClearDepthSamples).Run(); }
 
+void Database::ClearPairChoices() { Query(*impl_, sql::kClearPairChoices).Run(); }
+
 void Database::ClearMatches() { Query(*impl_, sql::kClearMatches).Run(); }
 
 void Database::ClearVerification() {

@@ -22,6 +22,7 @@ struct Database::Impl {
   bool has_depth_tables = false;      // cairn_depth_scales
   bool has_lens_table = false;        // cairn_camera_lenses
   bool has_focal_tables = false;      // cairn_focal_evidence, cairn_camera_focals
+  bool has_choice_table = false;      // cairn_pair_choices
   bool has_rigs = false;              // COLMAP 4.x: rigs, frames
   bool has_descriptor_types = false;  // COLMAP 4.x: descriptors.type
 

@@ -44,6 +44,9 @@ CREATE TABLE IF NOT EXISTS cairn_pair_metrics
    num_inliers INTEGER NOT NULL, num_iterations INTEGER NOT NULL, score REAL NOT NULL,
    residual_px REAL NOT NULL, triangulation_angle_deg REAL NOT NULL, qvec BLOB, tvec BLOB,
    PRIMARY KEY(pair_id, verifier)) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS cairn_pair_choices
+  (pair_id INTEGER PRIMARY KEY NOT NULL, round INTEGER NOT NULL, reason TEXT NOT NULL)
+  WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS cairn_focal_evidence
   (pair_id INTEGER PRIMARY KEY NOT NULL, num_matches INTEGER NOT NULL,
    num_by_essential INTEGER NOT NULL, num_by_fundamental INTEGER NOT NULL) WITHOUT ROWID;
@@ -153,6 +156,12 @@ inline constexpr const char* kReadTwoViewGeometry =
 inline constexpr const char* kWriteTwoViewGeometry =
     "INSERT OR REPLACE INTO two_view_geometries(pair_id, rows, cols, data, config, F, E, H, qvec, "
     "tvec) VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10);";
+
+inline constexpr const char* kReadPairChoices =
+    "SELECT pair_id, round, reason FROM cairn_pair_choices ORDER BY pair_id;";
+inline constexpr const char* kWritePairChoice =
+    "INSERT OR IGNORE INTO cairn_pair_choices(pair_id, round, reason) VALUES(?1, ?2, ?3);";
+inline constexpr const char* kClearPairChoices = "DELETE FROM cairn_pair_choices;";
 
 inline constexpr const char* kReadAllPairMetrics =
     "SELECT pair_id, verifier, status, is_winner, step, num_matches, num_inliers, num_iterations, "

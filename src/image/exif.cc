@@ -1,7 +1,9 @@
 #include "cairn/image/exif.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <exception>
 #include <exiv2/exiv2.hpp>
 #include <fstream>
@@ -111,6 +113,67 @@ std::optional<double> FocalPx(const Exiv2::ExifData& data, const ExifInfo& camer
   return *focal_mm * *crop_factor / kFilmDiagonalMm * SensorDiagonalPx(width, height);
 }
 
+// "2026:11:22 01:16:43" and the fraction of a second, digits.
+std::optional<double> TakenAt(const std::string& text, const std::string& fraction) {
+  int year = 0, month = 0, day = 0, hour = 0, minute = 0, second = 0;
+  if (std::sscanf(text.c_str(), "%4d:%2d:%2d %2d:%2d:%2d", &year, &month, &day, &hour, &minute,
+                  &second) != 6) {
+    return std::nullopt;
+  }
+  const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(month),
+                                         std::chrono::day(day)};
+  if (!date.ok() || year < 1 || hour > 23 || minute > 59 || second > 60) return std::nullopt;
+  double seconds = 86400.0 * std::chrono::sys_days(date).time_since_epoch().count();
+  seconds += 3600.0 * hour + 60.0 * minute + second;
+  const bool is_number = fraction.find_first_not_of("0123456789") == std::string::npos;
+  if (is_number && !fraction.empty()) seconds += std::stod("0." + fraction);
+  return seconds;
+}
+
+// Degrees, minutes and seconds as one number of degrees.
+std::optional<double> Degrees(const Exiv2::ExifData& data, const char* key) {
+  const auto it = data.findKey(Exiv2::ExifKey(key));
+  if (it == data.end() || it->count() == 0) return std::nullopt;
+  double degrees = 0, unit = 1;
+  for (long k = 0; k < std::min<long>(3, it->count()); ++k, unit /= 60) {
+    const Exiv2::Rational part = it->toRational(k);
+    if (part.second == 0) return std::nullopt;
+    degrees += unit * part.first / part.second;
+  }
+  return degrees;
+}
+
+// Cameras without a fix write zeros: 0 degrees north, 0 east is taken as absent.
+std::optional<GpsPosition> Gps(const Exiv2::ExifData& data) {
+  const auto latitude = Degrees(data, "Exif.GPSInfo.GPSLatitude");
+  const auto longitude = Degrees(data, "Exif.GPSInfo.GPSLongitude");
+  if (!latitude || !longitude || (*latitude == 0 && *longitude == 0)) return std::nullopt;
+  GpsPosition gps{*latitude, *longitude, Number(data, "Exif.GPSInfo.GPSAltitude").value_or(0.0)};
+  if (Text(data, "Exif.GPSInfo.GPSLatitudeRef") == "S") gps.latitude_deg *= -1;
+  if (Text(data, "Exif.GPSInfo.GPSLongitudeRef") == "W") gps.longitude_deg *= -1;
+  if (Text(data, "Exif.GPSInfo.GPSAltitudeRef") == "1") gps.altitude_m *= -1;
+  const bool is_on_earth = std::abs(gps.latitude_deg) <= 90 && std::abs(gps.longitude_deg) <= 180;
+  if (!is_on_earth) return std::nullopt;
+  return gps;
+}
+
+// Degrees as EXIF has them: degrees, minutes, and hundred-thousandths of seconds.
+std::string DegreesText(double degrees) {
+  const auto units = static_cast<int64_t>(std::llround(std::abs(degrees) * 3600e5));
+  return std::to_string(units / 360000000) + "/1 " + std::to_string(units / 6000000 % 60) + "/1 " +
+         std::to_string(units % 6000000) + "/100000";
+}
+
+void AddGps(const GpsPosition& gps, Exiv2::ExifData& data) {
+  data["Exif.GPSInfo.GPSLatitude"] = DegreesText(gps.latitude_deg);
+  data["Exif.GPSInfo.GPSLatitudeRef"] = gps.latitude_deg < 0 ? "S" : "N";
+  data["Exif.GPSInfo.GPSLongitude"] = DegreesText(gps.longitude_deg);
+  data["Exif.GPSInfo.GPSLongitudeRef"] = gps.longitude_deg < 0 ? "W" : "E";
+  data["Exif.GPSInfo.GPSAltitude"] =
+      std::to_string(std::llround(std::abs(gps.altitude_m) * 1000)) + "/1000";
+  data["Exif.GPSInfo.GPSAltitudeRef"] = gps.altitude_m < 0 ? "1" : "0";
+}
+
 }  // namespace
 
 ExifInfo ReadExif(const std::string& path, int width, int height) {
@@ -123,6 +186,9 @@ ExifInfo ReadExif(const std::string& path, int width, int height) {
     const Exiv2::ExifData& data = image->exifData();
     info.camera_make = Text(data, "Exif.Image.Make");
     info.camera_model = Text(data, "Exif.Image.Model");
+    info.taken_at_s = TakenAt(Text(data, "Exif.Photo.DateTimeOriginal"),
+                              Text(data, "Exif.Photo.SubSecTimeOriginal"));
+    info.gps = Gps(data);
     info.focal_px = FocalPx(data, info, width, height);
     const double relative = info.focal_px.value_or(1.0) / std::max(width, height);
     if (info.focal_px && (relative < kMinFocal || relative > kMaxFocal)) info.focal_px.reset();
@@ -141,6 +207,8 @@ void WriteExif(const std::string& path, const ExifTags& tags) {
     data["Exif.Image.Make"] = tags.camera_make;
     data["Exif.Image.Model"] = tags.camera_model;
     data["Exif.Photo.FocalLengthIn35mmFilm"] = static_cast<uint16_t>(tags.focal_length_35mm);
+    if (!tags.taken_at.empty()) data["Exif.Photo.DateTimeOriginal"] = tags.taken_at;
+    if (tags.gps) AddGps(*tags.gps, data);
     image->writeMetadata();
   } catch (const Exiv2::Error& error) {
     throw IoError(path, std::string("EXIF cannot be written: ") + error.what());

@@ -5,6 +5,7 @@
 #include "cairn/base/error.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/intrinsics/wide_focals.h"
+#include "pipeline/pairs/choose.h"
 #include "pipeline/stages/import_dataset.h"
 #include "pipeline/stages/recompute.h"
 #include "pipeline/stages/stage_ledger.h"
@@ -63,13 +64,67 @@ Sources FindSources(const BuildInputs& inputs) {
   return sources;
 }
 
-std::optional<std::vector<image_pair_t>> FindPairs(const Database& database,
-                                                   const BuildInputs& inputs,
-                                                   const Sources& sources,
-                                                   ProgressMonitor& monitor) {
+// Pairs that the user or the data set names, if they do.
+std::optional<std::vector<image_pair_t>> ListedPairs(const Database& database,
+                                                     const BuildInputs& inputs,
+                                                     const Sources& sources,
+                                                     ProgressMonitor& monitor) {
   if (sources.dataset) return FindDatasetPairs(*sources.dataset, database.ReadImages());
   if (inputs.pairs_path.empty()) return std::nullopt;
   return ReadPairList(inputs.pairs_path, database.ReadImages(), monitor);
+}
+
+// Adds a stage to the report; false: the user stopped it.
+bool KeepGoing(RunReport& report, StageReport stage) {
+  report.stages.push_back(std::move(stage));
+  return !report.stages.back().WasStopped();
+}
+
+// Matches the given pairs; verifies them, or (nullopt) all that have matches.
+bool MatchAndVerify(Database& database, const BuildPipelineOptions& options,
+                    const std::vector<image_pair_t>& pairs,
+                    const std::optional<std::vector<image_pair_t>>& to_verify,
+                    const RunContext& run, RunReport& report) {
+  const BuildInputs& in = options.inputs;
+  if (!KeepGoing(report,
+                 MatchImagePairs(database, pairs, options.matching, options.scheduler, run))) {
+    return false;
+  }
+  if (in.stop_after < BuildStage::kVerification) return true;
+  VerificationInput input;
+  input.pairs = to_verify;
+  input.min_num_matches = options.verification.min_num_matches;
+  input.options = VerificationStageOptions(options, run.seed);
+  for (const std::string& text : LearnWideFocals(database, options.verification, run)) {
+    run.monitor.Info(text);
+  }
+  return KeepGoing(report,
+                   VerifyPairs(database,
+                               MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)),
+                                             options.verification),
+                               input, options.scheduler, run)
+                       .stage);
+}
+
+// Chooses, matches and verifies pairs, round by round.
+bool RunRounds(Database& database, const BuildPipelineOptions& options,
+               const std::string& image_path, const RunContext& run, RunReport& report) {
+  const BuildInputs& in = options.inputs;
+  const PairChoosing choosing = {in.pairs, options.pair_selection, image_path, in.gps_path,
+                                 run.num_threads};
+  const StageLedger matching(database, kStageMatching, DumpQualified("matching", options.matching));
+  PairChooser chooser(database, matching, choosing, run.monitor);
+  if (!KeepGoing(report, chooser.ChooseFirst())) return false;
+  if (in.stop_after < BuildStage::kMatching) return true;
+  do {
+    if (!MatchAndVerify(database, options, chooser.Chosen(), std::nullopt, run, report)) {
+      return false;
+    }
+    if (in.stop_after < BuildStage::kVerification) return true;
+  } while (chooser.ChooseNext());
+  if (!run.monitor.StopRequested()) return true;
+  report.stages.back().MarkStopped();
+  return false;
 }
 
 // Runs the stages one after the other; false: the user stopped one.
@@ -78,8 +133,7 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   const BuildInputs& in = options.inputs;
   const BuildStage last = in.stop_after;
   const auto keep_going = [&report](StageReport stage) {
-    report.stages.push_back(std::move(stage));
-    return !report.stages.back().WasStopped();
+    return KeepGoing(report, std::move(stage));
   };
   if (sources.dataset && !sources.dataset->has_photographs) {
     return keep_going(ImportDataset(database, *sources.dataset, options.cameras, run));
@@ -95,24 +149,11 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
                                    options.depth, run))) {
     return false;
   }
-  if (last < BuildStage::kMatching) return true;
-  const auto pairs = FindPairs(database, in, sources, run.monitor);
-  if (!keep_going(MatchImagePairs(database, pairs, options.matching, options.scheduler, run))) {
-    return false;
-  }
-  if (last < BuildStage::kVerification) return true;
-  VerificationInput input;
-  input.pairs = pairs;
-  input.min_num_matches = options.verification.min_num_matches;
-  input.options = VerificationStageOptions(options, run.seed);
-  for (const std::string& text : LearnWideFocals(database, options.verification, run)) {
-    run.monitor.Info(text);
-  }
-  return keep_going(VerifyPairs(database,
-                                MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)),
-                                              options.verification),
-                                input, options.scheduler, run)
-                        .stage);
+  if (last < BuildStage::kPairs) return true;
+  const auto listed = ListedPairs(database, in, sources, run.monitor);
+  if (listed && last < BuildStage::kMatching) return true;
+  return listed ? MatchAndVerify(database, options, *listed, listed, run, report)
+                : RunRounds(database, options, sources.image_path, run, report);
 }
 
 std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) {
@@ -134,8 +175,8 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
   if (!std::filesystem::exists(inputs.database_path)) return options;
   const Database database(inputs.database_path, Database::Mode::kReadOnly);
   const std::string recompute(NameOf(kBuildStages, inputs.recompute));
-  for (const std::string& stage :
-       {kStageCameras, kStageFeatures, kStageDepth, kStageMatching, kStageVerification}) {
+  for (const std::string& stage : {kStageCameras, kStageFeatures, kStageDepth, kStagePairs,
+                                   kStageMatching, kStageVerification}) {
     const std::optional<StageRecord> record = database.ReadStage(stage);
     if (record && !ForgetsStage(recompute, stage)) options.push_back(record->options);
   }
@@ -147,6 +188,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   ValidateOptions(inputs, "");
   BuildPipelineOptions(options).VisitModules(
       [](const char* module, auto& fields) { ValidateOptions(fields, module); });
+  ParsePairWays(inputs.pairs);
   BuildPipelineReport report;
   report.run.program = "build_view_graph";
   report.run.seed = run.seed;

@@ -111,9 +111,19 @@ std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
           (s.num_components == 1 ? "" : "s") + ", the largest with " +
           std::to_string(s.largest_component) + " images\n";
   text += "seconds  ";
+  std::vector<std::pair<std::string, double>> seconds;  // rounds repeat stages
   for (const StageReport& stage : report.stages) {
+    const auto known = std::find_if(seconds.begin(), seconds.end(),
+                                    [&](const auto& entry) { return entry.first == stage.name; });
+    if (known == seconds.end()) {
+      seconds.emplace_back(stage.name, stage.seconds);
+    } else {
+      known->second += stage.seconds;
+    }
+  }
+  for (const auto& [name, sum] : seconds) {
     char item[80];
-    std::snprintf(item, sizeof(item), " %s %.2f", stage.name.c_str(), stage.seconds);
+    std::snprintf(item, sizeof(item), " %s %.2f", name.c_str(), sum);
     text += item;
   }
   return text + "\n";

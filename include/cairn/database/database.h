@@ -72,6 +72,10 @@ class Database {
   std::vector<std::pair<image_pair_t, int>> ReadNumMatches() const;
   std::vector<std::pair<image_pair_t, int>> ReadNumInliers() const;
 
+  // Why pairs were chosen; ascending by pair. A pair keeps the reason that it had first.
+  std::vector<PairChoiceRecord> ReadPairChoices() const;
+  void WritePairChoice(const PairChoiceRecord& choice);
+
   // What each verifier found, ascending by (pair, verifier).
   std::vector<PairMetrics> ReadPairMetrics() const;
   std::vector<PairMetrics> ReadPairMetrics(image_pair_t pair_id) const;
@@ -113,6 +117,7 @@ class Database {
   // Remove the results of a stage, whichever program wrote them, with its timings and its record.
   void ClearFeatures();      // keypoints, descriptors
   void ClearDepth();         // depth samples
+  void ClearPairChoices();   // why pairs were chosen
   void ClearMatches();       // matches
   void ClearVerification();  // two-view geometries, pair metrics, what was learned from them
   void ClearStage(const std::string& stage);

@@ -73,6 +73,14 @@ struct PhotoRecord {
   std::string error;       // "": in use; else why it was skipped, and it has no row in `images`
 };
 
+// cairn_pair_choices: why a pair was given to matching. Key: pair_id.
+struct PairChoiceRecord {
+  image_pair_t pair_id = 0;
+  int round = 0;       // 0: chosen before any pair was verified
+  std::string reason;  // PairReasonName (pair_selection): "sequential", "retrieval", ...
+  bool operator==(const PairChoiceRecord&) const = default;
+};
+
 // cairn_jobs: an item (an image or a pair id) that a stage has finished, and a hash of all that its
 // result was made from, options apart. Key: (stage, item).
 struct JobRecord {

@@ -8,6 +8,7 @@ namespace cairn {
 inline const std::string kStageCameras = "cameras";
 inline const std::string kStageFeatures = "features";
 inline const std::string kStageDepth = "depth";
+inline const std::string kStagePairs = "pairs";
 inline const std::string kStageMatching = "matching";
 inline const std::string kStageVerification = "verification";
 

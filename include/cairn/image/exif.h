@@ -5,12 +5,23 @@
 
 namespace cairn {
 
-// What a photograph's EXIF block holds about its camera.
+// Where a photograph was taken, WGS84.
+struct GpsPosition {
+  double latitude_deg = 0;   // positive: north
+  double longitude_deg = 0;  // positive: east
+  double altitude_m = 0;     // 0 where EXIF has none
+};
+
+// What a photograph's EXIF block holds about its camera, and about when and where it was taken.
 struct ExifInfo {
   // In pixels of an image of the size given to ReadExif; absent where EXIF has none.
   std::optional<double> focal_px;
   std::string camera_make;   // "" if absent, without trailing blanks
   std::string camera_model;  // "" if absent, without trailing blanks
+  // By the camera's clock, seconds since 1970-01-01 of its own time zone, with fractions where the
+  // camera wrote them.
+  std::optional<double> taken_at_s;
+  std::optional<GpsPosition> gps;
 };
 
 // Reads EXIF of an image that is width x height pixels. The focal length as COLMAP computes it:
@@ -26,8 +37,10 @@ ExifInfo ReadExif(const std::string& path, int width, int height);
 // What WriteExif writes into an existing JPEG or PNG file.
 struct ExifTags {
   int focal_length_35mm = 0;  // 35 mm equivalent, mm
-  std::string camera_make;
-  std::string camera_model;
+  std::string camera_make = {};
+  std::string camera_model = {};
+  std::string taken_at = {};  // "2026:11:22 01:16:43"; "": no time
+  std::optional<GpsPosition> gps = {};
 };
 
 // Adds the tags to the image's EXIF block; tags of other names stay. Throws IoError.

@@ -8,6 +8,7 @@
 #include "cairn/depth/options.h"
 #include "cairn/features/features.h"
 #include "cairn/matching/matching.h"
+#include "cairn/pair_selection/options.h"
 #include "cairn/pipeline/stages.h"
 #include "cairn/pipeline/verify_pairs.h"
 #include "cairn/report/run_report.h"
@@ -26,11 +27,15 @@ inline constexpr NamedValue<VerifierChoice> kVerifierChoices[] = {
     {VerifierChoice::kBoth, "both"}};  // one_ac_depth and five_point
 
 // The stages, in order, by the names that they have in the database.
-enum class BuildStage { kNone, kCameras, kFeatures, kDepth, kMatching, kVerification };
+enum class BuildStage { kNone, kCameras, kFeatures, kDepth, kPairs, kMatching, kVerification };
 inline constexpr NamedValue<BuildStage> kBuildStages[] = {
-    {BuildStage::kNone, "none"},         {BuildStage::kCameras, "cameras"},
-    {BuildStage::kFeatures, "features"}, {BuildStage::kDepth, "depth"},
-    {BuildStage::kMatching, "matching"}, {BuildStage::kVerification, "verification"}};
+    {BuildStage::kNone, "none"},
+    {BuildStage::kCameras, "cameras"},
+    {BuildStage::kFeatures, "features"},
+    {BuildStage::kDepth, "depth"},
+    {BuildStage::kPairs, "pairs"},
+    {BuildStage::kMatching, "matching"},
+    {BuildStage::kVerification, "verification"}};
 
 // What build_view_graph works on; the options of the modules follow in BuildPipelineOptions.
 struct BuildInputs {
@@ -39,7 +44,9 @@ struct BuildInputs {
   std::string dataset_path;
   std::string depth_path;
   std::string depth_model;
+  std::string pairs = "auto";
   std::string pairs_path;
+  std::string gps_path;
   VerifierChoice verifier = VerifierChoice::kCascade;
   BuildStage stop_after = BuildStage::kVerification;
   BuildStage recompute = BuildStage::kNone;
@@ -51,7 +58,13 @@ struct BuildInputs {
     v.String("depth_path", depth_path,
              "folder of depth maps, <image name>.npy, .pfm, .png or .bin");
     v.String("depth_model", depth_model, "ONNX network that gives depth, instead of depth_path");
-    v.String("pairs_path", pairs_path, "file with two image names a line; without, all pairs");
+    v.String("pairs", pairs,
+             "which pairs are matched: exhaustive, or one or more of sequential,spatial,retrieval; "
+             "auto: exhaustive up to a minute of two cores, then retrieval with what names, times "
+             "and GPS add");
+    v.String("pairs_path", pairs_path, "file with two image names a line, instead of pairs");
+    v.String("gps_path", gps_path,
+             "file with name,latitude,longitude[,altitude] a line, instead of GPS in EXIF");
     v.Choice("verifier", verifier, kVerifierChoices, "which verifiers are run on every pair");
     v.Choice("stop_after", stop_after, std::span(kBuildStages).subspan(2),
              "last stage of this run; a later run continues");
@@ -65,6 +78,7 @@ struct BuildPipelineOptions {
   CameraOptions cameras;
   FeatureOptions features;
   DepthOptions depth;
+  PairSelectionOptions pair_selection;
   MatchingOptions matching;
   TwoViewOptions verification;
   SchedulerOptions scheduler;
@@ -75,6 +89,7 @@ struct BuildPipelineOptions {
     visit("", cameras);
     visit("features", features);
     visit("depth", depth);
+    visit("pair_selection", pair_selection);
     visit("matching", matching);
     visit("verification", verification);
     visit("scheduler", scheduler);

@@ -11,14 +11,13 @@
 #include "cairn/database/stage_names.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
+#include "pipeline/pairs/exhaustive.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/stages/content_hash.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
 namespace {
-
-// Note of an image whose matches with the other such images come from another program.
 
 // Prepared descriptors, per row.
 constexpr int64_t kBytesPerDescriptor = 136;
@@ -30,39 +29,6 @@ struct MatchingWork {
   std::vector<std::pair<image_t, JobRecord>> new_jobs;  // images that take part for the first time
   size_t num_left_out = 0;  // images without descriptors and without matches
 };
-
-// Images in matches that this stage did not make.
-std::set<image_t> FindGivenImages(const std::vector<image_pair_t>& present,
-                                  const StageLedger& ledger) {
-  std::set<image_t> given;
-  for (const image_pair_t pair : present) {
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    // A pair of ours has records for both images.
-    if (ledger.Find(id1) != nullptr && ledger.Find(id2) != nullptr) continue;
-    given.insert({id1, id2});
-  }
-  return given;
-}
-
-bool IsGiven(image_t id, const std::set<image_t>& given, const StageLedger& ledger) {
-  const JobRecord* job = ledger.Find(id);
-  return job != nullptr ? job->note == kGivenNote : given.count(id) > 0;
-}
-
-// All pairs of images with descriptors, without those that another program decided about.
-std::vector<image_pair_t> ExhaustivePairs(const std::map<image_t, int>& num_descriptors,
-                                          const std::set<image_t>& given,
-                                          const StageLedger& ledger) {
-  std::vector<image_pair_t> pairs;
-  for (auto first = num_descriptors.begin(); first != num_descriptors.end(); ++first) {
-    const bool first_is_given = IsGiven(first->first, given, ledger);
-    for (auto second = std::next(first); second != num_descriptors.end(); ++second) {
-      if (first_is_given && IsGiven(second->first, given, ledger)) continue;
-      pairs.push_back(ImagePairToPairId(first->first, second->first));
-    }
-  }
-  return pairs;
-}
 
 // Hash of every image's descriptors. Images whose row cannot be read are reported and left out of
 // num_descriptors.
@@ -93,7 +59,7 @@ MatchingWork FindWork(const Database& database,
   for (const Image& image : database.ReadImages()) names[image.image_id] = image.name;
   std::vector<image_pair_t> present;
   for (const auto& [pair, num] : database.ReadNumMatches()) present.push_back(pair);
-  const std::set<image_t> given = FindGivenImages(present, ledger);
+  const GivenImages given(database, ledger);
   std::set<image_t> matched;
   for (const image_pair_t pair : present) {
     const auto [id1, id2] = PairIdToImagePair(pair);
@@ -104,7 +70,7 @@ MatchingWork FindWork(const Database& database,
   }
 
   std::vector<image_pair_t> wanted =
-      chosen ? *chosen : ExhaustivePairs(work.num_descriptors, given, ledger);
+      chosen ? *chosen : ExhaustivePairs(work.num_descriptors, given);
   std::erase_if(wanted, [&](image_pair_t pair) {
     const auto [id1, id2] = PairIdToImagePair(pair);
     return work.num_descriptors.count(id1) == 0 || work.num_descriptors.count(id2) == 0;
@@ -118,13 +84,14 @@ MatchingWork FindWork(const Database& database,
     taking_part.insert({id1, id2});
   }
   // Records are written for given images too, but only where the stage has something to do.
-  if (!work.pairs.empty()) taking_part.insert(given.begin(), given.end());
+  const std::set<image_t>& unrecorded = given.unrecorded();
+  if (!work.pairs.empty()) taking_part.insert(unrecorded.begin(), unrecorded.end());
   for (const auto& [id, num] : work.num_descriptors) {
     const JobRecord* job = ledger.Find(id);
     if (job == nullptr && taking_part.count(id) == 0) continue;
     const uint64_t hash = hashes.at(id);
     if (ledger.IsDone(id, hash, "the features of " + names[id])) continue;
-    work.new_jobs.push_back({id, {id, hash, given.count(id) > 0 ? kGivenNote : ""}});
+    work.new_jobs.push_back({id, {id, hash, unrecorded.count(id) > 0 ? kGivenNote : ""}});
   }
   return work;
 }

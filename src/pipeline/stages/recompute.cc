@@ -75,7 +75,7 @@ void PrepareRecompute(Database& database, const std::string& stage, const std::s
   if (stage == kStageFeatures || stage == kStageCameras) {
     CheckPhotographs(database, stage, image_path);
   }
-  if (stage == kStageMatching) CheckDescriptors(database);
+  if (stage == kStagePairs || stage == kStageMatching) CheckDescriptors(database);
   Database::Transaction transaction(database);
   ClearStageAndDependents(database, stage);
   if (stage == kStageFeatures) DeleteOurImages(database);

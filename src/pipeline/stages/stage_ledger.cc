@@ -97,8 +97,9 @@ void StageLedger::Complete(Database& database) {
 
 std::vector<std::string> StageAndDependents(const std::string& stage) {
   if (stage == kStageFeatures) {
-    return {kStageFeatures, kStageDepth, kStageMatching, kStageVerification};
+    return {kStageFeatures, kStageDepth, kStagePairs, kStageMatching, kStageVerification};
   }
+  if (stage == kStagePairs) return {kStagePairs, kStageMatching, kStageVerification};
   if (stage == kStageVerification) return {kStageVerification};
   return {stage, kStageVerification};
 }
@@ -107,6 +108,7 @@ void ClearStageAndDependents(Database& database, const std::string& stage) {
   for (const std::string& cleared : StageAndDependents(stage)) {
     if (cleared == kStageFeatures) database.ClearFeatures();
     if (cleared == kStageDepth) database.ClearDepth();
+    if (cleared == kStagePairs) database.ClearPairChoices();
     if (cleared == kStageMatching) database.ClearMatches();
     if (cleared == kStageVerification) database.ClearVerification();
     database.ClearStage(cleared);

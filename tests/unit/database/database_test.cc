@@ -301,6 +301,17 @@ TEST_F(DatabaseTest, CairnTablesRoundTrip) {
   EXPECT_TRUE(database.ReadJob("matching", 3));
 }
 
+TEST_F(DatabaseTest, APairKeepsTheReasonThatItHadFirst) {
+  Database database(":memory:");
+  const PairChoiceRecord first = {ImagePairToPairId(1, 3), 0, "spatial"};
+  database.WritePairChoice(first);
+  database.WritePairChoice({ImagePairToPairId(1, 2), 2, "two_edges"});
+  database.WritePairChoice({ImagePairToPairId(1, 3), 1, "weak"});
+  ASSERT_EQ(database.ReadPairChoices().size(), 2u);
+  EXPECT_EQ(database.ReadPairChoices()[0].reason, "two_edges");
+  EXPECT_EQ(database.ReadPairChoices()[1], first);
+}
+
 TEST_F(DatabaseTest, ClearRemovesOnlyItsOwnTables) {
   Database database(":memory:");
   WriteImages(database, 2);
@@ -309,15 +320,20 @@ TEST_F(DatabaseTest, ClearRemovesOnlyItsOwnTables) {
     database.WriteDescriptors(1, Descriptors::Random(1, 128));
     database.WriteDepthSamples(1, std::vector<DepthSample>(1));
     database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
+    database.WritePairChoice({ImagePairToPairId(1, 2), 0, "spatial"});
     database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), TestGeometry());
   };
   fill();
   database.ClearVerification();
+  EXPECT_EQ(database.ReadPairChoices().size(), 1u);
   EXPECT_FALSE(database.ReadTwoViewGeometry(ImagePairToPairId(1, 2)));
   EXPECT_TRUE(database.ReadMatches(ImagePairToPairId(1, 2)));
   fill();
   database.ClearMatches();
   EXPECT_FALSE(database.ReadMatches(ImagePairToPairId(1, 2)));
+  EXPECT_EQ(database.ReadPairChoices().size(), 1u);
+  database.ClearPairChoices();
+  EXPECT_TRUE(database.ReadPairChoices().empty());
   EXPECT_TRUE(database.ReadDepthSamples(1));
   database.ClearDepth();
   EXPECT_FALSE(database.ReadDepthSamples(1));

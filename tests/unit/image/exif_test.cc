@@ -104,6 +104,58 @@ TEST(Exif, NoUsableFocalIsAbsent) {
                       {"Exif.Photo.FocalPlaneXResolution", "1/0"}}));
 }
 
+TEST(Exif, TimeByTheCamerasClock) {
+  const TempFolder folder;
+  const auto taken_at = [&](const Tags& tags) {
+    WriteJpegWithExif(folder / "a.jpg", tags);
+    return ReadExif(folder / "a.jpg", 120, 80).taken_at_s;
+  };
+  // date -u -d '2009-04-09 15:28:39' +%s
+  const double expected = 1239290919;
+  EXPECT_EQ(taken_at({{"Exif.Photo.DateTimeOriginal", "2009:04:09 15:28:39"}}), expected);
+  EXPECT_EQ(taken_at({{"Exif.Photo.DateTimeOriginal", "2009:04:09 15:28:39"},
+                      {"Exif.Photo.SubSecTimeOriginal", "25"}}),
+            expected + 0.25);
+  EXPECT_FALSE(taken_at({{"Exif.Photo.DateTimeOriginal", "0000:00:00 00:00:00"}}));
+  EXPECT_FALSE(taken_at({{"Exif.Photo.DateTimeOriginal", "    :  :     :  :  "}}));
+  EXPECT_FALSE(taken_at({}));
+}
+
+TEST(Exif, GpsPosition) {
+  const TempFolder folder;
+  const auto gps = [&](const Tags& tags) {
+    WriteJpegWithExif(folder / "a.jpg", tags);
+    return ReadExif(folder / "a.jpg", 120, 80).gps;
+  };
+  const Tags tags = {{"Exif.GPSInfo.GPSLatitude", "35/1 54/1 3600/100"},
+                     {"Exif.GPSInfo.GPSLatitudeRef", "S"},
+                     {"Exif.GPSInfo.GPSLongitude", "79/1 15/10 0/1"},
+                     {"Exif.GPSInfo.GPSLongitudeRef", "W"},
+                     {"Exif.GPSInfo.GPSAltitude", "1505/10"}};
+  const std::optional<GpsPosition> found = gps(tags);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->latitude_deg, -35.91, 1e-12);
+  EXPECT_NEAR(found->longitude_deg, -79.025, 1e-12);
+  EXPECT_NEAR(found->altitude_m, 150.5, 1e-12);
+  EXPECT_FALSE(gps({tags[0]}));
+  EXPECT_FALSE(gps({{tags[0].first, "0/1 0/1 0/1"}, {tags[2].first, "0/1 0/1 0/1"}}));
+  EXPECT_FALSE(gps({{tags[0].first, "1/0 0/1 0/1"}, tags[2]}));
+  EXPECT_FALSE(gps({{tags[0].first, "91/1 0/1 0/1"}, tags[2]}));
+}
+
+TEST(Exif, WrittenTimeAndPlaceAreRead) {
+  const TempFolder folder;
+  WriteJpegWithExif(folder / "a.jpg", {});
+  WriteExif(folder / "a.jpg",
+            {.taken_at = "2009:04:09 15:28:39", .gps = GpsPosition{48.1234567, -11.7654321, -3.5}});
+  const ExifInfo info = ReadExif(folder / "a.jpg", 120, 80);
+  EXPECT_EQ(info.taken_at_s, 1239290919);
+  ASSERT_TRUE(info.gps);
+  EXPECT_NEAR(info.gps->latitude_deg, 48.1234567, 1e-8);
+  EXPECT_NEAR(info.gps->longitude_deg, -11.7654321, 1e-8);
+  EXPECT_EQ(info.gps->altitude_m, -3.5);
+}
+
 TEST(Exif, DamagedOrAbsentExifIsEmptyAndSilent) {
   const TempFolder folder;
   ::testing::internal::CaptureStderr();

@@ -56,7 +56,7 @@ class BuildPipelineTest : public ::testing::Test {
 TEST_F(BuildPipelineTest, FromPhotographsToVerifiedPairs) {
   const BuildPipelineReport report = RunBuildPipeline(Options("a.db"));
   EXPECT_FALSE(report.was_stopped);
-  ASSERT_EQ(report.run.stages.size(), 5u);
+  ASSERT_EQ(report.run.stages.size(), 6u);
   EXPECT_EQ(report.summary.num_images, 4);
   EXPECT_EQ(report.summary.num_images_with_features, 4);
   EXPECT_EQ(report.summary.num_images_with_depth, 3);
@@ -104,12 +104,15 @@ TEST_F(BuildPipelineTest, InterruptedRunsEndInTheSameDump) {
 
 TEST_F(BuildPipelineTest, StopAfterAndContinue) {
   RunBuildPipeline(Options("whole.db"));
-  size_t num_stages = 2;
-  for (const BuildStage stage : {BuildStage::kFeatures, BuildStage::kDepth, BuildStage::kMatching,
-                                 BuildStage::kVerification}) {
+  const std::map<BuildStage, size_t> num_stages = {{BuildStage::kFeatures, 2},
+                                                   {BuildStage::kDepth, 3},
+                                                   {BuildStage::kPairs, 4},
+                                                   {BuildStage::kMatching, 5},
+                                                   {BuildStage::kVerification, 6}};
+  for (const auto& [stage, num] : num_stages) {
     BuildPipelineOptions options = Options("parts.db");
     options.inputs.stop_after = stage;
-    EXPECT_EQ(RunBuildPipeline(options).run.stages.size(), num_stages++);
+    EXPECT_EQ(RunBuildPipeline(options).run.stages.size(), num);
   }
   EXPECT_EQ(Dump("parts.db"), Dump("whole.db"));
 }

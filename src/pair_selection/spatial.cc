@@ -1,0 +1,57 @@
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/base/parallel.h"
+#include "cairn/math/angles.h"
+#include "cairn/pair_selection/pair_selection.h"
+#include "pair_selection/unique_pairs.h"
+
+namespace cairn {
+namespace {
+
+// WGS84.
+constexpr double kSemiMajorM = 6378137.0;
+constexpr double kFlattening = 1 / 298.257223563;
+
+// Earth-centered, on the ellipsoid, meters.
+Eigen::Vector3d EarthCentered(const GpsPosition& gps) {
+  const double latitude = DegToRad(gps.latitude_deg), longitude = DegToRad(gps.longitude_deg);
+  const double squared_eccentricity = kFlattening * (2 - kFlattening);
+  const double sine = std::sin(latitude);
+  const double normal = kSemiMajorM / std::sqrt(1 - squared_eccentricity * sine * sine);
+  return {normal * std::cos(latitude) * std::cos(longitude),
+          normal * std::cos(latitude) * std::sin(longitude),
+          normal * (1 - squared_eccentricity) * sine};
+}
+
+}  // namespace
+
+std::vector<image_pair_t> SpatialPairs(const std::map<image_t, GpsPosition>& positions,
+                                       int neighbors, double radius_m, int num_threads) {
+  std::vector<image_t> images;
+  std::vector<Eigen::Vector3d> points;
+  for (const auto& [image, gps] : positions) {
+    images.push_back(image);
+    points.push_back(EarthCentered(gps));
+  }
+  const auto num = static_cast<int64_t>(images.size());
+  std::vector<std::vector<image_pair_t>> pairs_of(images.size());
+  ParallelFor(num_threads, num, [&](int64_t i) {
+    std::vector<std::pair<double, image_t>> near;
+    for (int64_t j = 0; j < num; ++j) {
+      const double distance = (points[i] - points[j]).norm();
+      if (j != i && distance <= radius_m) near.emplace_back(distance, images[j]);
+    }
+    const size_t kept = std::min(near.size(), static_cast<size_t>(neighbors));
+    std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(kept), near.end());
+    near.resize(kept);
+    for (const auto& [distance, image] : near) {
+      pairs_of[i].push_back(ImagePairToPairId(images[i], image));
+    }
+  });
+  std::vector<image_pair_t> pairs;
+  for (const auto& of_image : pairs_of) pairs.insert(pairs.end(), of_image.begin(), of_image.end());
+  return Unique(std::move(pairs));
+}
+
+}  // namespace cairn

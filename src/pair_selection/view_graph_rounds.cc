@@ -1,0 +1,180 @@
+#include <algorithm>
+
+#include "cairn/base/parallel.h"
+#include "cairn/pair_selection/pair_selection.h"
+#include "graph/graph.h"
+#include "pair_selection/unique_pairs.h"
+
+namespace cairn {
+namespace {
+
+// A keypoint of an image, and where an inlier match leads from it.
+struct Link {
+  point2D_t point = 0;
+  image_t other = 0;
+  point2D_t other_point = 0;
+};
+
+using LinksOfImages = std::map<image_t, std::vector<Link>>;  // by point
+
+LinksOfImages FindLinks(const PairEvidence& evidence) {
+  LinksOfImages links;
+  for (const auto& [pair, inliers] : evidence.verified) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    for (const FeatureMatch& match : inliers) {
+      links[id1].push_back({match.point1, id2, match.point2});
+      links[id2].push_back({match.point2, id1, match.point1});
+    }
+  }
+  for (auto& [image, of_image] : links) {
+    std::stable_sort(of_image.begin(), of_image.end(),
+                     [](const Link& a, const Link& b) { return a.point < b.point; });
+  }
+  return links;
+}
+
+// Images with larger ids that two links lead to, and how many of this image's keypoints they lead
+// from.
+std::map<image_t, int> CountSharedPoints(image_t image, const LinksOfImages& links) {
+  std::vector<std::pair<image_t, point2D_t>> reached;
+  for (const Link& first : links.at(image)) {
+    const std::vector<Link>& next = links.at(first.other);
+    auto second = std::lower_bound(next.begin(), next.end(), first.other_point,
+                                   [](const Link& link, point2D_t p) { return link.point < p; });
+    for (; second != next.end() && second->point == first.other_point; ++second) {
+      if (second->other > image) reached.emplace_back(second->other, first.point);
+    }
+  }
+  std::sort(reached.begin(), reached.end());
+  reached.erase(std::unique(reached.begin(), reached.end()), reached.end());
+  std::map<image_t, int> counts;
+  for (const auto& [other, point] : reached) ++counts[other];
+  return counts;
+}
+
+using NeighborsOfImages = std::map<image_t, std::set<image_t>>;
+
+NeighborsOfImages FindNeighbors(const PairEvidence& evidence) {
+  NeighborsOfImages neighbors;
+  for (const image_t image : evidence.images) neighbors[image];
+  for (const auto& [pair, inliers] : evidence.verified) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    neighbors[id1].insert(id2);
+    neighbors[id2].insert(id1);
+  }
+  return neighbors;
+}
+
+bool AreWithinTwoEdges(const std::set<image_t>& neighbors1, const std::set<image_t>& neighbors2,
+                       image_t image2) {
+  if (neighbors1.count(image2) > 0) return true;
+  return std::any_of(neighbors1.begin(), neighbors1.end(),
+                     [&](image_t id) { return neighbors2.count(id) > 0; });
+}
+
+// Component of every image; 0 is the largest.
+std::map<image_t, int> FindComponents(const PairEvidence& evidence) {
+  const std::vector<image_t> images(evidence.images.begin(), evidence.images.end());
+  const auto node = [&images](image_t id) {
+    return static_cast<int>(std::lower_bound(images.begin(), images.end(), id) - images.begin());
+  };
+  std::vector<GraphEdge> edges;
+  for (const auto& [pair, inliers] : evidence.verified) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    edges.push_back({node(id1), node(id2)});
+  }
+  const GraphComponents components = ConnectedComponents(static_cast<int>(images.size()), edges);
+  std::map<image_t, int> component_of;
+  for (size_t i = 0; i < images.size(); ++i) {
+    component_of[images[i]] = components.component_of_node[i];
+  }
+  return component_of;
+}
+
+// The count of matches of largest features that tells verified candidates from the others that were
+// matched with the fewest errors; of equal ones the largest.
+int SeparatingCount(const PairEvidence& evidence,
+                    const std::map<image_t, std::vector<Candidate>>& candidates) {
+  std::map<int, int, std::greater<>> gain;  // count -> verified less others with that count
+  for (const auto& [image, of_image] : candidates) {
+    for (const Candidate& candidate : of_image) {
+      const image_pair_t pair = ImagePairToPairId(image, candidate.image_id);
+      if (evidence.matched.count(pair) == 0) continue;
+      gain[candidate.num_matches] += evidence.verified.count(pair) > 0 ? 1 : -1;
+    }
+  }
+  int best = gain.empty() ? 1 : gain.begin()->first + 1;
+  int sum = 0, largest = 0;
+  for (const auto& [count, change] : gain) {
+    sum += change;
+    if (sum > largest) largest = sum, best = count;
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<image_pair_t> PairsTwoEdgesApart(const PairEvidence& evidence, int min_shared_points,
+                                             int num_threads) {
+  const LinksOfImages links = FindLinks(evidence);
+  std::vector<image_t> images;
+  for (const auto& [image, of_image] : links) images.push_back(image);
+  std::vector<std::vector<image_pair_t>> found(images.size());
+  ParallelFor(num_threads, std::ssize(images), [&](int64_t i) {
+    for (const auto& [other, count] : CountSharedPoints(images[i], links)) {
+      const image_pair_t pair = ImagePairToPairId(images[i], other);
+      if (count >= min_shared_points && evidence.matched.count(pair) == 0) found[i].push_back(pair);
+    }
+  });
+  std::vector<image_pair_t> pairs;
+  for (const auto& of_image : found) pairs.insert(pairs.end(), of_image.begin(), of_image.end());
+  return Unique(std::move(pairs));
+}
+
+std::vector<image_pair_t> PairsClosingLoops(
+    const PairEvidence& evidence, const std::map<image_t, std::vector<Candidate>>& candidates) {
+  const NeighborsOfImages neighbors = FindNeighbors(evidence);
+  const int min_matches = SeparatingCount(evidence, candidates);
+  std::vector<image_pair_t> pairs;
+  for (const auto& [image, of_image] : candidates) {
+    const auto own = neighbors.find(image);
+    if (own == neighbors.end()) continue;
+    for (const Candidate& candidate : of_image) {
+      if (candidate.num_matches < min_matches) break;
+      const auto other = neighbors.find(candidate.image_id);
+      const image_pair_t pair = ImagePairToPairId(image, candidate.image_id);
+      if (other == neighbors.end() || evidence.matched.count(pair) > 0) continue;
+      if (AreWithinTwoEdges(own->second, other->second, candidate.image_id)) continue;
+      pairs.push_back(pair);
+      break;
+    }
+  }
+  return Unique(std::move(pairs));
+}
+
+std::vector<image_pair_t> PairsForWeakImages(
+    const PairEvidence& evidence, const std::map<image_t, std::vector<Candidate>>& candidates,
+    int neighbors) {
+  const NeighborsOfImages neighbors_of = FindNeighbors(evidence);
+  const std::map<image_t, int> component_of = FindComponents(evidence);
+  std::vector<image_pair_t> pairs;
+  for (const auto& [image, of_image] : candidates) {
+    const auto component = component_of.find(image);
+    if (component == component_of.end()) continue;
+    const bool is_apart = component->second != 0;
+    if (!is_apart && std::ssize(neighbors_of.at(image)) >= kFewPairs) continue;
+    int num_added = 0;
+    for (const Candidate& candidate : of_image) {
+      if (num_added == neighbors) break;
+      const auto other = component_of.find(candidate.image_id);
+      const image_pair_t pair = ImagePairToPairId(image, candidate.image_id);
+      if (other == component_of.end() || evidence.matched.count(pair) > 0) continue;
+      if (is_apart && other->second == component->second) continue;
+      pairs.push_back(pair);
+      ++num_added;
+    }
+  }
+  return Unique(std::move(pairs));
+}
+
+}  // namespace cairn

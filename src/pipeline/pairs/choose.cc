@@ -1,0 +1,289 @@
+#include "pipeline/pairs/choose.h"
+
+#include <algorithm>
+
+#include "base/hash.h"
+#include "cairn/base/error.h"
+#include "cairn/base/timer.h"
+#include "cairn/database/stage_names.h"
+#include "pipeline/pairs/candidates.h"
+#include "pipeline/pairs/photo_facts.h"
+
+namespace cairn {
+namespace {
+
+// `auto` matches all pairs up to so much work: a minute of two cores. It is counted, not measured,
+// so that every machine chooses alike.
+constexpr double kMaxExhaustiveSeconds = 120.0;
+// Of a sequence, `auto` takes what retrieval may miss; the rounds find the rest.
+constexpr int kAutoOverlap = 2;
+// From there on, more of a way's work is used than wasted.
+constexpr double kHalf = 0.5;
+// A round of fewer pairs two edges apart, of those that are matched, is not worth its start.
+constexpr double kMinGrowth = 0.01;
+
+std::string CountOf(size_t num, size_t all) {
+  return std::to_string(num) + " of " + std::to_string(all) + " photographs";
+}
+
+// Share of the neighbors in the sequences of which the one is among the first candidates of the
+// other: near 1 for a walk with a camera, near 0 where the order means nothing.
+double ShareOfAlikeNeighbors(const std::vector<std::vector<image_t>>& sequences,
+                             const std::vector<image_pair_t>& alike) {
+  const std::vector<image_pair_t> neighbors = SequentialPairs(sequences, 1, false);
+  const auto num = std::count_if(neighbors.begin(), neighbors.end(), [&](image_pair_t pair) {
+    return std::binary_search(alike.begin(), alike.end(), pair);
+  });
+  return neighbors.empty() ? 0.0 : static_cast<double>(num) / static_cast<double>(neighbors.size());
+}
+
+PairEvidence ReadEvidence(const Database& database, const std::map<image_t, int>& num_descriptors) {
+  PairEvidence evidence;
+  for (const auto& [id, num] : num_descriptors) evidence.images.insert(id);
+  for (const auto& [pair, num] : database.ReadNumMatches()) evidence.matched.insert(pair);
+  for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    if (evidence.images.count(id1) == 0 || evidence.images.count(id2) == 0) continue;
+    evidence.verified[pair] = database.ReadTwoViewGeometry(pair)->inlier_matches;
+  }
+  return evidence;
+}
+
+// Of the pairs that were chosen for the reason in the latest round that had any: the share that is
+// verified; 1 if there was no such round.
+double LatestYield(const std::vector<PairChoiceRecord>& choices, const PairEvidence& evidence,
+                   PairReason reason) {
+  const std::string name(NameOf(kPairReasons, reason));
+  int latest = 0;
+  for (const auto& choice : choices) {
+    if (choice.reason == name) latest = std::max(latest, choice.round);
+  }
+  int num = 0, num_verified = 0;
+  for (const auto& choice : choices) {
+    if (choice.reason != name || choice.round != latest) continue;
+    ++num;
+    num_verified += evidence.verified.count(choice.pair_id) > 0;
+  }
+  return num == 0 ? 1.0 : static_cast<double>(num_verified) / num;
+}
+
+}  // namespace
+
+std::string PairStageOptions(const PairChoosing& choosing) {
+  return "pairs = \"" + choosing.ways + "\"\n" + DumpQualified("pair_selection", choosing.options);
+}
+
+PairChooser::PairChooser(Database& database, const StageLedger& matching,
+                         const PairChoosing& choosing, ProgressMonitor& monitor)
+    : database_(database),
+      choosing_(choosing),
+      monitor_(monitor),
+      given_(database, matching),
+      images_(database.ReadImages()),
+      num_descriptors_(database.ReadNumDescriptors()),
+      ways_(ParsePairWays(choosing.ways)) {
+  is_auto_ = Uses(PairWay::kAuto);
+  if (is_auto_) ways_ = ResolveAuto();
+}
+
+bool PairChooser::Uses(PairWay way) const {
+  return std::find(ways_.begin(), ways_.end(), way) != ways_.end();
+}
+
+std::vector<PairWay> PairChooser::ResolveAuto() {
+  const bool is_quick = ExhaustiveSeconds(num_descriptors_, given_) <= kMaxExhaustiveSeconds;
+  return {is_quick ? PairWay::kExhaustive : PairWay::kRetrieval};
+}
+
+const std::map<image_t, std::vector<Candidate>>& PairChooser::Candidates() {
+  if (!candidates_) {
+    candidates_.emplace();
+    if (Uses(PairWay::kRetrieval)) {
+      *candidates_ = ReadCandidates(database_, choosing_.options, choosing_.num_threads, monitor_);
+    }
+  }
+  return *candidates_;
+}
+
+void PairChooser::AddSequential(const PhotoFacts& facts, Choices& choices) {
+  const auto add = [&](const std::vector<std::vector<image_t>>& sequences, int overlap,
+                       bool quadratic) {
+    for (const image_pair_t pair : SequentialPairs(sequences, overlap, quadratic)) {
+      choices.emplace(pair, PairReason::kSequential);
+    }
+  };
+  const PairSelectionOptions& options = choosing_.options;
+  if (!is_auto_) {
+    const bool by_time = options.order == PhotoOrder::kTime;
+    if (by_time && facts.taken_at_s.size() < 2) {
+      throw ConfigError("pair_selection.order",
+                        "is time, but " + CountOf(facts.taken_at_s.size(), images_.size()) +
+                            " have one in their EXIF; order by name, or choose otherwise");
+    }
+    add(by_time ? SequencesByTime(images_, facts.taken_at_s) : SequencesByName(images_),
+        options.overlap, options.quadratic_overlap);
+    return;
+  }
+  const std::vector<image_pair_t> alike = RetrievalPairs(Candidates(), options.retrieval_neighbors);
+  for (const auto& sequences :
+       {SequencesByName(images_), SequencesByTime(images_, facts.taken_at_s)}) {
+    if (ShareOfAlikeNeighbors(sequences, alike) >= kHalf) add(sequences, kAutoOverlap, false);
+  }
+}
+
+void PairChooser::AddSpatial(const PhotoFacts& facts, Choices& choices) {
+  const size_t num = facts.positions.size();
+  if (!is_auto_) {
+    if (num < 2) {
+      throw ConfigError("pairs", "spatial needs to know where photographs were taken, but " +
+                                     CountOf(num, images_.size()) +
+                                     " have GPS (in EXIF below image_path, or in gps_path)");
+    }
+    if (num < images_.size()) {
+      monitor_.Warning("only " + CountOf(num, images_.size()) +
+                       " have GPS; the others are in no spatial pair");
+    }
+  }
+  const PairSelectionOptions& options = choosing_.options;
+  const int neighbors = is_auto_ ? options.retrieval_neighbors : options.spatial_neighbors;
+  for (const image_pair_t pair :
+       SpatialPairs(facts.positions, neighbors, options.spatial_radius_m, choosing_.num_threads)) {
+    choices.emplace(pair, PairReason::kSpatial);
+  }
+}
+
+PairChooser::Choices PairChooser::FirstChoices() {
+  Choices choices;
+  if (IsExhaustive()) {
+    for (const image_pair_t pair : ExhaustivePairs(num_descriptors_, given_)) {
+      choices.emplace_hint(choices.end(), pair, PairReason::kExhaustive);
+    }
+    return choices;
+  }
+  PhotoFacts facts;
+  if (is_auto_ || Uses(PairWay::kSpatial) || choosing_.options.order == PhotoOrder::kTime) {
+    facts =
+        ReadPhotoFacts(images_, choosing_.image_path, choosing_.gps_path, choosing_.num_threads);
+  }
+  if (is_auto_ || Uses(PairWay::kSequential)) AddSequential(facts, choices);
+  if (is_auto_ || Uses(PairWay::kSpatial)) AddSpatial(facts, choices);
+  for (const image_pair_t pair :
+       RetrievalPairs(Candidates(), choosing_.options.retrieval_neighbors)) {
+    choices.emplace(pair, PairReason::kRetrieval);
+  }
+  return choices;
+}
+
+PairChooser::Choices PairChooser::NextChoices() {
+  Choices choices;
+  const std::vector<PairChoiceRecord> records = database_.ReadPairChoices();
+  const PairEvidence evidence = ReadEvidence(database_, num_descriptors_);
+  const auto add = [&](const std::vector<image_pair_t>& pairs, PairReason reason) {
+    for (const image_pair_t pair : pairs) choices.emplace(pair, reason);
+  };
+  const auto yields = [&](PairReason reason) { return LatestYield(records, evidence, reason); };
+  const PairSelectionOptions& options = choosing_.options;
+  if (yields(PairReason::kTwoEdges) >= kHalf) {
+    const std::vector<image_pair_t> pairs =
+        PairsTwoEdgesApart(evidence, options.min_shared_points, choosing_.num_threads);
+    const double min_num = kMinGrowth * static_cast<double>(evidence.matched.size());
+    if (static_cast<double>(pairs.size()) >= min_num) add(pairs, PairReason::kTwoEdges);
+  }
+  if (yields(PairReason::kLoop) >= kHalf) {
+    add(PairsClosingLoops(evidence, Candidates()), PairReason::kLoop);
+  }
+  if (yields(PairReason::kWeak) > 0) {
+    add(PairsForWeakImages(evidence, Candidates(), options.retrieval_neighbors), PairReason::kWeak);
+  }
+  return choices;
+}
+
+int64_t PairChooser::Write(const Choices& choices, int round) {
+  int64_t num_new = 0;
+  const auto matched = database_.ReadNumMatches();
+  const auto recorded = Chosen();
+  for (const auto& [pair, reason] : choices) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    if (num_descriptors_.count(id1) == 0 || num_descriptors_.count(id2) == 0) continue;
+    const auto row = std::lower_bound(matched.begin(), matched.end(), std::pair(pair, 0));
+    if (row != matched.end() && row->first == pair) continue;
+    if (given_.DecidedAbout(pair)) continue;
+    if (std::binary_search(recorded.begin(), recorded.end(), pair)) continue;
+    database_.WritePairChoice({pair, round, std::string(NameOf(kPairReasons, reason))});
+    ++num_new;
+  }
+  return num_new;
+}
+
+void PairChooser::WriteStage(bool is_complete) {
+  database_.WriteStage({kStagePairs, PairStageOptions(choosing_), 0, is_complete});
+}
+
+StageReport PairChooser::ChooseFirst() {
+  const Timer timer;
+  StageReport report;
+  report.name = kStagePairs;
+  const uint64_t hash = Hasher()
+                            .Add(PairStageOptions(choosing_))
+                            .Add(IsExhaustive())
+                            .Add(choosing_.gps_path)
+                            .Digest();
+  std::set<image_t> fresh;
+  for (const auto& [id, num] : num_descriptors_) fresh.insert(id);
+  for (const JobRecord& job : database_.ReadJobs(kStagePairs)) {
+    if (job.input_hash == hash) fresh.erase(static_cast<image_t>(job.item));
+  }
+  int64_t num_new = 0;
+  if (!fresh.empty()) {
+    Choices choices = FirstChoices();
+    if (monitor_.StopRequested()) {
+      report.MarkStopped();
+      return report;
+    }
+    std::erase_if(choices, [&](const auto& choice) {
+      const auto [id1, id2] = PairIdToImagePair(choice.first);
+      return fresh.count(id1) == 0 && fresh.count(id2) == 0;
+    });
+    Database::Transaction transaction(database_);
+    num_new = Write(choices, 0);
+    for (const image_t id : fresh) database_.WriteJob(kStagePairs, {id, hash, ""});
+    WriteStage(IsExhaustive());
+    transaction.Commit();
+  }
+  report.Add("images", static_cast<double>(fresh.size()));
+  report.Add("chosen", static_cast<double>(num_new));
+  report.seconds = timer.Seconds();
+  database_.AddTiming(kStagePairs, 0, "", report.seconds);
+  return report;
+}
+
+bool PairChooser::ChooseNext() {
+  const std::optional<StageRecord> record = database_.ReadStage(kStagePairs);
+  if (!record || record->is_complete) return false;
+  const Timer timer;
+  int last_round = 0;
+  for (const auto& choice : database_.ReadPairChoices()) {
+    last_round = std::max(last_round, choice.round);
+  }
+  Choices choices;
+  if (last_round < choosing_.options.max_rounds) choices = NextChoices();
+  if (monitor_.StopRequested()) return false;
+  Database::Transaction transaction(database_);
+  const int64_t num_new = Write(choices, last_round + 1);
+  if (num_new == 0) WriteStage(true);
+  transaction.Commit();
+  if (num_new > 0) {
+    monitor_.Info("round " + std::to_string(last_round + 1) + ": " + std::to_string(num_new) +
+                  " pairs proposed by the view graph");
+  }
+  database_.AddTiming(kStagePairs, 0, "", timer.Seconds());
+  return num_new > 0;
+}
+
+std::vector<image_pair_t> PairChooser::Chosen() const {
+  std::vector<image_pair_t> pairs;
+  for (const auto& choice : database_.ReadPairChoices()) pairs.push_back(choice.pair_id);
+  return pairs;
+}
+
+}  // namespace cairn

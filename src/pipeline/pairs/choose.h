@@ -1,0 +1,72 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/base/progress.h"
+#include "cairn/database/database.h"
+#include "cairn/pair_selection/pair_selection.h"
+#include "cairn/report/run_report.h"
+#include "pipeline/pairs/exhaustive.h"
+#include "pipeline/pairs/photo_facts.h"
+
+namespace cairn {
+
+// How the pairs of a run are chosen.
+struct PairChoosing {
+  std::string ways = "auto";  // --pairs
+  PairSelectionOptions options = {};
+  std::string image_path = {};  // for EXIF; "": none
+  std::string gps_path = {};    // positions, instead of EXIF's
+  int num_threads = 0;
+};
+
+// What the stage "pairs" depends on, as lines "key = value".
+std::string PairStageOptions(const PairChoosing& choosing);
+
+// Chooses the pairs that are matched, in rounds, and writes each with its reason into the database,
+// where a later run finds them: first of images that were not looked at with these options (all of
+// a new database, the new ones of one that is continued); then, after these are verified, what the
+// view graph proposes. What is chosen depends on the database, the photographs' EXIF and the
+// options alone.
+class PairChooser {
+ public:
+  PairChooser(Database& database, const StageLedger& matching, const PairChoosing& choosing,
+              ProgressMonitor& monitor);
+
+  // The first round. Throws ConfigError for a way that the photographs do not allow.
+  StageReport ChooseFirst();
+  // Proposals of the view graph; true if there are any, and the pairs are to be matched.
+  bool ChooseNext();
+  // Pairs chosen so far; ascending.
+  std::vector<image_pair_t> Chosen() const;
+
+ private:
+  using Choices = std::map<image_pair_t, PairReason>;
+
+  bool IsExhaustive() const { return ways_.front() == PairWay::kExhaustive; }
+  bool Uses(PairWay way) const;
+  std::vector<PairWay> ResolveAuto();
+  const std::map<image_t, std::vector<Candidate>>& Candidates();
+  void AddSequential(const PhotoFacts& facts, Choices& choices);
+  void AddSpatial(const PhotoFacts& facts, Choices& choices);
+  Choices FirstChoices();
+  Choices NextChoices();
+  // Writes those that are new.
+  int64_t Write(const Choices& choices, int round);
+  void WriteStage(bool is_complete);
+
+  Database& database_;
+  const PairChoosing& choosing_;
+  ProgressMonitor& monitor_;
+  const GivenImages given_;
+  const std::vector<Image> images_;
+  std::map<image_t, int> num_descriptors_;
+  bool is_auto_ = false;
+  std::vector<PairWay> ways_;
+  std::optional<std::map<image_t, std::vector<Candidate>>> candidates_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "cairn/base/types.h"
+#include "cairn/image/exif.h"
+#include "cairn/scene/image.h"
+
+namespace cairn {
+
+// When and where photographs were taken, of those for which it is known.
+struct PhotoFacts {
+  std::map<image_t, double> taken_at_s;
+  std::map<image_t, GpsPosition> positions;
+};
+
+// From EXIF of the files below image_path ("": none), and positions instead from the file gps_path,
+// if there is one. A file that is absent tells nothing.
+PhotoFacts ReadPhotoFacts(const std::vector<Image>& images, const std::string& image_path,
+                          const std::string& gps_path, int num_threads);
+
+// Positions by image name: "name,latitude,longitude[,altitude]" a line, degrees and meters; '#'
+// begins a comment. Throws IoError with file and line.
+std::map<std::string, GpsPosition> ReadGpsFile(const std::string& path);
+
+}  // namespace cairn

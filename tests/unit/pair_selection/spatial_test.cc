@@ -1,0 +1,33 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/pair_selection/pair_selection.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::ElementsAre;
+
+// One minute of latitude is 1852 m within 10 m, wherever it is.
+TEST(Spatial, NearestWithinTheRadius) {
+  constexpr double kMinute = 1.0 / 60;
+  const std::map<image_t, GpsPosition> positions = {{1, {50, 10, 0}},
+                                                    {2, {50 + kMinute, 10, 500}},
+                                                    {3, {50 + 3 * kMinute, 10, 0}},
+                                                    {4, {50 + 7 * kMinute, 10, 0}}};
+  const auto pair = ImagePairToPairId;
+  EXPECT_THAT(SpatialPairs(positions, 1, 1e6, 1), ElementsAre(pair(1, 2), pair(2, 3), pair(3, 4)));
+  EXPECT_THAT(SpatialPairs(positions, 3, 1840, 1), ElementsAre());
+  EXPECT_THAT(SpatialPairs(positions, 3, 1864, 1), ElementsAre(pair(1, 2)));
+  EXPECT_THAT(SpatialPairs(positions, 3, 3730, 2), ElementsAre(pair(1, 2), pair(2, 3)));
+  EXPECT_EQ(SpatialPairs(positions, 3, 1e6, 2).size(), 6u);
+}
+
+TEST(Spatial, TheDateLineIsNoBorder) {
+  const std::map<image_t, GpsPosition> positions = {{1, {0, 179.9999, 0}}, {2, {0, -179.9999, 0}}};
+  EXPECT_EQ(SpatialPairs(positions, 1, 23, 1).size(), 1u);  // 22.26 m of the equator
+  EXPECT_EQ(SpatialPairs(positions, 1, 22, 1).size(), 0u);
+}
+
+}  // namespace
+}  // namespace cairn

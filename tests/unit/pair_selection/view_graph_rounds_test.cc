@@ -1,0 +1,81 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/pair_selection/pair_selection.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::ElementsAre;
+using Candidates = std::map<image_t, std::vector<Candidate>>;
+
+const auto pair = ImagePairToPairId;
+
+// Keypoints first .. first + num of one image are the same ones of the other.
+FeatureMatches Same(point2D_t first, int num) {
+  FeatureMatches matches;
+  for (int k = 0; k < num; ++k) matches.push_back({first + k, first + k});
+  return matches;
+}
+
+void AddVerified(PairEvidence& evidence, image_t id1, image_t id2,
+                 const FeatureMatches& inliers = Same(0, 1)) {
+  evidence.images.insert({id1, id2});
+  evidence.matched.insert(pair(id1, id2));
+  evidence.verified[pair(id1, id2)] = inliers;
+}
+
+TEST(PairsTwoEdgesApart, CountsPointsThatAThirdImageShares) {
+  PairEvidence evidence;
+  AddVerified(evidence, 1, 2, Same(0, 60));
+  AddVerified(evidence, 2, 3, Same(20, 60));  // 40 points are in 1, 2 and 3
+  AddVerified(evidence, 3, 4, Same(70, 60));  // 10 are in 2, 3 and 4
+  AddVerified(evidence, 1, 5, Same(0, 50));   // 50 are in 2, 1 and 5,
+  AddVerified(evidence, 3, 5, Same(30, 20));  // of which 2, 3 and 5 have 20: no new ones
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 40, 1), ElementsAre(pair(1, 3), pair(2, 5)));
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 41, 2), ElementsAre(pair(2, 5)));
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 51, 2), ElementsAre());
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 10, 2), ElementsAre(pair(1, 3), pair(2, 4), pair(2, 5)));
+  evidence.matched.insert(pair(1, 3));  // in vain
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 40, 2), ElementsAre(pair(2, 5)));
+}
+
+// A chain 1 - 2 - ... - 8; 1 and 8 look alike.
+TEST(PairsClosingLoops, FarInTheGraphAndAlike) {
+  PairEvidence evidence;
+  for (image_t i = 1; i < 8; ++i) AddVerified(evidence, i, i + 1);
+  evidence.matched.insert(pair(4, 7));
+  Candidates candidates;
+  for (image_t i = 1; i < 8; ++i) candidates[i] = {{i + 1, 30}};
+  candidates[1] = {{2, 30}, {3, 29}, {8, 21}, {7, 20}};
+  candidates[4] = {{5, 30}, {1, 12}, {7, 10}};
+  candidates[5] = {{1, 19}};
+  // Pairs with 30 are verified, the one with 10 is not.
+  EXPECT_THAT(PairsClosingLoops(evidence, candidates), ElementsAre());
+  AddVerified(evidence, 2, 4);
+  candidates[2].push_back({4, 20});
+  EXPECT_THAT(PairsClosingLoops(evidence, candidates), ElementsAre(pair(1, 8)));
+}
+
+TEST(PairsForWeakImages, FewPairsOrApart) {
+  PairEvidence evidence;
+  for (image_t i = 1; i <= 5; ++i) {
+    for (image_t j = i + 1; j <= 5; ++j) AddVerified(evidence, i, j);
+  }
+  AddVerified(evidence, 5, 6);
+  for (image_t i = 7; i <= 9; ++i) {
+    for (image_t j = i + 1; j <= 10; ++j) AddVerified(evidence, i, j);
+  }
+  evidence.images.insert(11);
+  evidence.matched.insert(pair(1, 11));
+  Candidates candidates;
+  candidates[1] = {{6, 9}};                           // has enough
+  candidates[6] = {{5, 9}, {4, 8}, {3, 7}, {2, 6}};   // has one
+  candidates[8] = {{9, 9}, {10, 9}, {2, 5}};          // is apart
+  candidates[11] = {{1, 9}, {2, 2}, {8, 1}, {3, 0}};  // has none
+  EXPECT_THAT(PairsForWeakImages(evidence, candidates, 2),
+              ElementsAre(pair(2, 8), pair(2, 11), pair(3, 6), pair(4, 6), pair(8, 11)));
+}
+
+}  // namespace
+}  // namespace cairn

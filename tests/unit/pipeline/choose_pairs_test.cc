@@ -1,0 +1,284 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <filesystem>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/base/rng.h"
+#include "cairn/database/stage_names.h"
+#include "cairn/pipeline/build_pipeline.h"
+#include "pipeline/pairs/choose.h"
+#include "pipeline/pairs/exhaustive.h"
+#include "pipeline/pairs/photo_facts.h"
+#include "support/database_dump.h"
+#include "support/temp_folder.h"
+#include "support/test_monitor.h"
+#include "support/test_photos.h"
+#include "support/thrown_message.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using testing::ThrownMessage;
+
+constexpr int kPointsPerPlace = 10;
+
+std::string Name(int i) {
+  char name[20];
+  std::snprintf(name, sizeof(name), "img%03d.jpg", i);
+  return name;
+}
+
+// `num` images without photographs on a ring: image i + 1 has the places i, i + 1, i + 2.
+class RingDatabase {
+ public:
+  explicit RingDatabase(int num) : num_(num), points_(num * kPointsPerPlace, 128) {
+    Rng rng(1);
+    for (Eigen::Index k = 0; k < points_.size(); ++k) {
+      const double value = rng.Gaussian();
+      points_.data()[k] = static_cast<uint8_t>(std::min(255.0, 45 * value * value));
+    }
+    Camera camera;
+    camera.camera_id = 1;
+    camera.width = camera.height = 100;
+    camera.model = CameraModel::kSimplePinhole;
+    camera.params = {100, 50, 50};
+    database.WriteCamera(camera);
+    for (int i = 0; i < num; ++i) AddImage(i);
+  }
+  void AddImage(int i) {
+    Descriptors descriptors(3 * kPointsPerPlace, 128);
+    for (int k = 0; k < 3 * kPointsPerPlace; ++k) {
+      descriptors.row(k) = points_.row((i * kPointsPerPlace + k) % points_.rows());
+    }
+    const auto id = static_cast<image_t>(i + 1);
+    database.WriteImage({.image_id = id, .name = Name(i), .camera_id = 1});
+    database.WriteKeypoints(id, std::vector<Keypoint>(3 * kPointsPerPlace));
+    database.WriteDescriptors(id, descriptors);
+  }
+  // Pairs by reason, of a first round.
+  std::map<std::string, int> Choose(PairChoosing choosing) {
+    choosing.num_threads = 2;
+    const StageLedger matching(database, kStageMatching, "");
+    PairChooser(database, matching, choosing, NullMonitor()).ChooseFirst();
+    std::map<std::string, int> counts;
+    for (const PairChoiceRecord& choice : database.ReadPairChoices()) ++counts[choice.reason];
+    return counts;
+  }
+
+  Database database{":memory:"};
+
+ private:
+  int num_;
+  Descriptors points_;
+};
+
+using Counts = std::map<std::string, int>;
+
+Counts ChooseOnRing(const PairChoosing& choosing) { return RingDatabase(20).Choose(choosing); }
+
+TEST(ChoosePairs, AutoIsExhaustiveForFewImages) {
+  EXPECT_EQ(ChooseOnRing({}), (Counts{{"exhaustive", 190}}));
+  EXPECT_EQ(ChooseOnRing({.ways = "exhaustive"}), (Counts{{"exhaustive", 190}}));
+}
+
+// 190 images are 17955 pairs: more than a minute of two cores, by their number alone.
+TEST(ChoosePairs, AutoIsRetrievalForManyImagesWithWhatNamesTell) {
+  EXPECT_EQ(RingDatabase(190).Choose({.options = {.retrieval_neighbors = 4}}),
+            (Counts{{"sequential", 2 * 190 - 3}, {"retrieval", 3}}));
+}
+
+TEST(ChoosePairs, WorkOfAllPairs) {
+  Database database(":memory:");
+  const StageLedger matching(database, kStageMatching, "");
+  const GivenImages given(database, matching);
+  std::map<image_t, int> few, many;
+  for (image_t id = 1; id <= 50; ++id) few[id] = 8000;    // 87 s of products, 9 s of pairs
+  for (image_t id = 1; id <= 128; ++id) many[id] = 8000;  // 620 s and 57 s
+  EXPECT_NEAR(ExhaustiveSeconds(few, given), 102, 1);
+  EXPECT_NEAR(ExhaustiveSeconds(many, given), 677, 1);
+  EXPECT_EQ(ExhaustivePairs(few, given).size(), 1225u);
+}
+
+TEST(ChoosePairs, EachWayAndItsOptions) {
+  PairChoosing sequential{.ways = "sequential", .options = {.overlap = 2}};
+  EXPECT_EQ(ChooseOnRing(sequential), (Counts{{"sequential", 19 + 18 + 16}}));
+  sequential.options.quadratic_overlap = false;
+  EXPECT_EQ(ChooseOnRing(sequential), (Counts{{"sequential", 19 + 18}}));
+  PairChoosing retrieval{.ways = "retrieval", .options = {.retrieval_neighbors = 2}};
+  EXPECT_EQ(ChooseOnRing(retrieval), (Counts{{"retrieval", 20}}));
+  retrieval.options.retrieval_neighbors = 4;
+  EXPECT_EQ(ChooseOnRing(retrieval), (Counts{{"retrieval", 40}}));
+  PairChoosing both{
+      .ways = "retrieval,sequential",
+      .options = {.overlap = 1, .quadratic_overlap = false, .retrieval_neighbors = 2}};
+  EXPECT_EQ(ChooseOnRing(both), (Counts{{"retrieval", 1}, {"sequential", 19}}));
+}
+
+TEST(ChoosePairs, SpatialByAFileOfPositions) {
+  const testing::TempFolder folder;
+  std::string text = "# name,latitude,longitude\n";
+  for (int i = 0; i < 19; ++i) text += Name(i) + ",45.0, " + std::to_string(0.001 * i) + "\n";
+  WriteFileAtomically(folder / "gps.csv", text);  // 79 m from one to the next; the last has none
+  PairChoosing spatial{.ways = "spatial",
+                       .options = {.spatial_neighbors = 2, .spatial_radius_m = 100},
+                       .gps_path = folder / "gps.csv"};
+  EXPECT_EQ(ChooseOnRing(spatial), (Counts{{"spatial", 18}}));
+  spatial.options.spatial_radius_m = 160;
+  EXPECT_EQ(ChooseOnRing(spatial), (Counts{{"spatial", 18 + 2}}));  // at both ends
+  spatial.options.spatial_neighbors = 4;
+  EXPECT_EQ(ChooseOnRing(spatial), (Counts{{"spatial", 18 + 17}}));
+}
+
+TEST(ChoosePairs, WaysThatCannotWorkSayWhatIsMissing) {
+  const testing::TempFolder folder;
+  const auto message = [](const PairChoosing& choosing) {
+    return ThrownMessage<ConfigError>([&] { ChooseOnRing(choosing); });
+  };
+  EXPECT_THAT(message({.ways = "spatial"}), HasSubstr("0 of 20 photographs have GPS"));
+  EXPECT_THAT(message({.ways = "sequential", .options = {.order = PhotoOrder::kTime}}),
+              HasSubstr("0 of 20 photographs have one in their EXIF"));
+  WriteFileAtomically(folder / "gps.csv", "img000.jpg,45,7,300\nimg001.jpg,45\n");
+  EXPECT_THAT(ThrownMessage<IoError>([&] { ReadGpsFile(folder / "gps.csv"); }),
+              HasSubstr("gps.csv:2: 'img001.jpg,45' is not name,latitude"));
+  EXPECT_THROW(ReadGpsFile(folder / "absent.csv"), IoError);
+}
+
+TEST(ChoosePairs, NewImagesMeanNewPairsOnly) {
+  RingDatabase ring(21);
+  const PairChoosing choosing{.ways = "retrieval", .options = {.retrieval_neighbors = 2}};
+  ring.Choose(choosing);
+  const auto before = ring.database.ReadPairChoices();
+  ring.AddImage(21);  // Sees what the first one does: it is near that one and both its neighbors.
+  EXPECT_EQ(ring.Choose(choosing), (Counts{{"retrieval", 21 + 3}}));
+  for (const PairChoiceRecord& choice : ring.database.ReadPairChoices()) {
+    const bool is_old = std::find(before.begin(), before.end(), choice) != before.end();
+    EXPECT_NE(is_old, PairIdToImagePair(choice.pair_id).second == 22);
+  }
+  EXPECT_EQ(ring.Choose(choosing), (Counts{{"retrieval", 21 + 3}}));
+  // Another way adds its own.
+  EXPECT_EQ(ring.Choose({.ways = "sequential", .options = {.overlap = 1}}),
+            (Counts{{"retrieval", 21 + 3}, {"sequential", 20}}));
+}
+
+// Photographs along a wall, with the real stages.
+class ChoosePairsOfPhotosTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    fs::create_directories(folder_ / "images");
+    for (int i = 0; i < 12; ++i) {
+      const std::string path = folder_ / ("images/" + Name(i));
+      WriteBitmap(path, testing::WallPhoto(160, 120, 20 * i));
+      char time[20];
+      std::snprintf(time, sizeof(time), "2026:11:22 01:16:%02d", 11 - i);
+      WriteExif(path, {.taken_at = time, .gps = GpsPosition{45, 7 + 0.001 * i, 0}});
+    }
+  }
+  BuildPipelineOptions Options(const std::string& database) const {
+    BuildPipelineOptions options;
+    options.inputs.image_path = folder_ / "images";
+    options.inputs.database_path = folder_ / database;
+    options.inputs.num_threads = 2;
+    options.inputs.pairs = "retrieval";
+    options.features.type = FeatureType::kSift;
+    options.features.first_octave = 0;
+    options.verification.max_iterations = 200;
+    options.pair_selection.retrieval_neighbors = 2;
+    options.pair_selection.min_shared_points = 20;
+    return options;
+  }
+  // Reasons of pairs in rounds after the first.
+  std::map<std::string, int> LaterReasons(const std::string& database) const {
+    std::map<std::string, int> reasons;
+    for (const auto& choice : Database(folder_ / database).ReadPairChoices()) {
+      if (choice.round > 0) ++reasons[choice.reason];
+    }
+    return reasons;
+  }
+  testing::TempFolder folder_;
+};
+
+TEST_F(ChoosePairsOfPhotosTest, RoundsFindWhatTheFirstOneMissed) {
+  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"));
+  EXPECT_EQ(report.summary.largest_component, 12);
+  EXPECT_LT(report.summary.num_pairs, 66);
+  EXPECT_GE(LaterReasons("a.db")["two_edges"], 5);
+  const Database database(folder_ / "a.db");
+  EXPECT_EQ(database.ReadPairChoices().size(), database.ReadNumMatches().size());
+  EXPECT_TRUE(database.ReadStage(kStagePairs)->is_complete);
+  BuildPipelineOptions options = Options("first.db");
+  options.pair_selection.max_rounds = 0;
+  EXPECT_LT(RunBuildPipeline(options).summary.num_verified, report.summary.num_verified);
+  EXPECT_TRUE(LaterReasons("first.db").empty());
+  options = Options("strict.db");
+  options.pair_selection.min_shared_points = 100000;
+  RunBuildPipeline(options);
+  EXPECT_EQ(LaterReasons("strict.db")["two_edges"], 0);
+}
+
+TEST_F(ChoosePairsOfPhotosTest, DumpsAreEqualForAnyNumberOfThreads) {
+  for (const int num_threads : {1, 8}) {
+    BuildPipelineOptions options = Options(std::to_string(num_threads) + ".db");
+    options.inputs.num_threads = num_threads;
+    RunBuildPipeline(options);
+  }
+  EXPECT_EQ(DumpDatabase(folder_ / "1.db"), DumpDatabase(folder_ / "8.db"));
+}
+
+TEST_F(ChoosePairsOfPhotosTest, InterruptedRunsEndInTheSameDump) {
+  RunBuildPipeline(Options("whole.db"));
+  const std::string whole = DumpDatabase(folder_ / "whole.db");
+  int num_stops = 0;
+  for (; num_stops < 50; ++num_stops) {
+    TestMonitor monitor(30);  // (A run lists and describes twelve photographs each, or nothing.)
+    if (!RunBuildPipeline(Options("parts.db"), monitor).was_stopped) break;
+  }
+  EXPECT_GE(num_stops, 3);
+  EXPECT_LT(num_stops, 50);
+  EXPECT_EQ(DumpDatabase(folder_ / "parts.db"), whole);
+  RunBuildPipeline(Options("parts.db"));  // Nothing is left to do.
+  EXPECT_EQ(DumpDatabase(folder_ / "parts.db"), whole);
+}
+
+TEST_F(ChoosePairsOfPhotosTest, TimesAndPlacesComeFromExif) {
+  BuildPipelineOptions options = Options("time.db");
+  options.inputs.stop_after = BuildStage::kMatching;
+  options.inputs.pairs = "sequential,spatial";
+  options.pair_selection.order = PhotoOrder::kTime;
+  options.pair_selection.overlap = 1;
+  options.pair_selection.quadratic_overlap = false;
+  options.pair_selection.spatial_neighbors = 4;
+  options.pair_selection.spatial_radius_m = 170;  // 78.8 m from one to the next
+  WriteExif(folder_ / ("images/" + Name(11)), {.taken_at = "2026:11:22 02:00:00"});
+  RunBuildPipeline(options);
+  std::map<std::string, int> reasons;
+  const Database database(folder_ / "time.db");
+  for (const auto& choice : database.ReadPairChoices()) ++reasons[choice.reason];
+  // 11, ..., 1, 0 by time, but for the last, which comes after 0; then two apart in space.
+  EXPECT_EQ(reasons, (Counts{{"sequential", 11}, {"spatial", 10 + 1}}));
+  const auto choices = database.ReadPairChoices();
+  EXPECT_EQ(choices[2].pair_id, ImagePairToPairId(1, 12));
+  EXPECT_EQ(choices[2].reason, "sequential");
+}
+
+TEST_F(ChoosePairsOfPhotosTest, AutoIsAsExhaustiveForASmallCollection) {
+  BuildPipelineOptions options = Options("auto.db");
+  options.inputs.pairs = "auto";
+  RunBuildPipeline(options);
+  options = Options("all.db");
+  options.inputs.pairs = "exhaustive";
+  EXPECT_EQ(RunBuildPipeline(options).summary.num_pairs, 66);
+  for (const char* table : {"matches", "two_view_geometries", "cairn_pair_choices",
+                            "cairn_pair_metrics", "cairn_camera_lenses"}) {
+    const std::string sql = std::string("SELECT * FROM ") + table;
+    EXPECT_EQ(RunSql(folder_ / "auto.db", sql), RunSql(folder_ / "all.db", sql)) << table;
+  }
+}
+
+}  // namespace
+}  // namespace cairn
