@@ -2,7 +2,6 @@
 #include <cmath>
 
 #include "cairn/base/error.h"
-#include "cairn/database/stage_names.h"
 #include "cairn/intrinsics/known_intrinsics.h"
 #include "cairn/mapper/view_edges.h"
 #include "mapper/stages.h"
@@ -104,10 +103,11 @@ void ReadEdges(const Database& database,
     scene.matches[edge.PairId()] =
         MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
                      first_keypoint.at(edge.image_id2));
-    scene.poses_imported |= edge.verifier == kImportedVerifier;
-    if (edge.verifier.empty()) scene.foreign[edge.PairId()] = std::move(geometry);
+    if (edge.source == EdgeSource::kOtherProgram)
+      scene.foreign[edge.PairId()] = std::move(geometry);
     scene.edges.push_back(std::move(edge));
   }
+  scene.poses_imported = HasImportedEdges(scene.edges);
 }
 
 // The user's word, or what is known of each camera; warns where the two are at odds.
@@ -131,7 +131,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
                         const RunContext& run, RunReport& report) {
   SceneData scene;
   {
-    Stage stage(report, run.monitor, "read");
+    RunStage stage(report, run.monitor, "read");
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
     ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);
@@ -168,7 +168,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
   }
   if (!report.Succeeded() || scene.poses_alone) return scene;
   if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
-    Stage stage(report, run.monitor, "focal_calibration");
+    RunStage stage(report, run.monitor, "focal_calibration");
     const GeometryReader read = [&](image_pair_t pair_id) {
       return database.ReadTwoViewGeometry(pair_id).value();
     };

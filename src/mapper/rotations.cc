@@ -91,7 +91,7 @@ struct Weighing {
 // Tries ways to average a component's rotations.
 class Averager {
  public:
-  Averager(StageContext& context, Stage& stage, const ViewGraph& component, size_t num_images,
+  Averager(StageContext& context, RunStage& stage, const ViewGraph& component, size_t num_images,
            double min_core_share)
       : context_(context),
         stage_(stage),
@@ -153,7 +153,7 @@ class Averager {
   }
 
   StageContext& context_;
-  Stage& stage_;
+  RunStage& stage_;
   const ViewGraph& component_;
   const double min_images_;
   std::vector<RotationHypothesis> all_;

@@ -12,9 +12,10 @@
 #include "cairn/bundle_adjustment/keypoint_noise.h"
 #include "cairn/evaluation/model_evidence.h"
 #include "cairn/mapper/reconstruct.h"
-#include "cairn/report/stage.h"
 #include "cairn/scene/view_graph.h"
 #include "cairn/tracks/tracks.h"
+#include "cairn/view_graph/view_graph_builder.h"
+#include "report/stage.h"
 
 namespace cairn {
 
@@ -60,10 +61,10 @@ struct StageContext {
 };
 
 // A stage of one model.
-class ModelStage : public Stage {
+class ModelStage : public RunStage {
  public:
   ModelStage(StageContext& context, const std::string& name, int64_t total = 0)
-      : Stage(context.report, context.run.monitor, name, total) {
+      : RunStage(context.report, context.run.monitor, name, total) {
     Add("model", context.model);
   }
 };
@@ -71,6 +72,19 @@ class ModelStage : public Stage {
 // read_scene.cc
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
                         const RunContext& run, RunReport& report);
+
+// scene_graph.cc
+ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSettings& settings,
+                                const RunContext& run, RunReport& report);
+
+// components.cc
+struct SceneModels {
+  std::vector<Reconstruction> models;  // the largest first; the report has their warnings
+  double evidence_nats = 0;
+};
+// Models of the graph's components, and of the parts into which they fall.
+SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
+                        ViewGraph& graph);
 
 // calibrate.cc
 using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
@@ -165,6 +179,11 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
 // The model decides which pairs between its images are in use: those of which it explains at least
 // half of the matches. Returns how many matches the pairs have that come in.
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
+// Warnings of a model that contradicts its own verified pairs, or parts of it that do.
+std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction& model,
+                                    const ModelEvidence& evidence, const ViewGraph& graph);
+// The names of the images, the first twenty if there are more.
+std::string Names(const StageContext& context, std::span<const image_t> images);
 
 // verify_again.cc
 // Where bundle adjustment has moved the rays of cameras by more than verification allowed for: of

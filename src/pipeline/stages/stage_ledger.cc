@@ -95,6 +95,21 @@ void StageLedger::Complete(Database& database) {
   database.WriteStage({stage_, options_, hasher.Digest(), true});
 }
 
+StageReport EndStage(Stage& stage, const RunContext& run, StageLedger& ledger, Database& database) {
+  if (run.monitor.StopRequested()) {
+    stage.MarkStopped();
+  } else {
+    ledger.Complete(database);
+  }
+  return EndStage(stage, database);
+}
+
+StageReport EndStage(Stage& stage, Database& database) {
+  StageReport report = stage.Finish();
+  database.AddTiming(report.name, 0, "", report.seconds);
+  return report;
+}
+
 std::vector<std::string> StageAndDependents(const std::string& stage) {
   if (stage == kStageFeatures) {
     return {kStageFeatures, kStageDepth, kStageMatching, kStageVerification};

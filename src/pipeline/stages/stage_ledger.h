@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "cairn/base/options.h"
+#include "cairn/base/run_context.h"
 #include "cairn/database/database.h"
+#include "report/stage.h"
 
 namespace cairn {
 
@@ -51,6 +53,11 @@ class StageLedger {
   bool was_begun_ = false;
   std::unordered_map<uint64_t, JobRecord> jobs_;
 };
+
+// Ends a stage: complete, or, where the user asked to stop, to be continued by a later run.
+StageReport EndStage(Stage& stage, const RunContext& run, StageLedger& ledger, Database& database);
+// Ends a stage whose ledger is written already, or that has none. Its time goes to the database.
+StageReport EndStage(Stage& stage, Database& database);
 
 // The stage, and those whose results follow from its own.
 std::vector<std::string> StageAndDependents(const std::string& stage);
