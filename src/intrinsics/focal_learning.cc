@@ -1,10 +1,10 @@
-#include "cairn/intrinsics/focal_learning.h"
+#include "intrinsics/focal_learning.h"
 
 #include <algorithm>
 #include <cstdio>
 
-#include "cairn/intrinsics/camera_pairs.h"
-#include "cairn/intrinsics/known_intrinsics.h"
+#include "intrinsics/camera_pairs.h"
+#include "intrinsics/known_intrinsics.h"
 
 namespace cairn {
 namespace {

@@ -1,4 +1,4 @@
-#include "cairn/intrinsics/lens_learning.h"
+#include "intrinsics/lens_learning.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -8,10 +8,10 @@
 #include <set>
 
 #include "cairn/base/error.h"
-#include "cairn/intrinsics/camera_pairs.h"
-#include "cairn/intrinsics/distortion_calibration.h"
 #include "cairn/intrinsics/focal_calibration.h"
-#include "cairn/intrinsics/known_intrinsics.h"
+#include "intrinsics/camera_pairs.h"
+#include "intrinsics/distortion_calibration.h"
+#include "intrinsics/known_intrinsics.h"
 
 namespace cairn {
 namespace {

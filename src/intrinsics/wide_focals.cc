@@ -1,4 +1,4 @@
-#include "cairn/intrinsics/wide_focals.h"
+#include "intrinsics/wide_focals.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,10 +8,10 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
-#include "cairn/database/own_matches.h"
-#include "cairn/intrinsics/camera_pairs.h"
-#include "cairn/intrinsics/known_intrinsics.h"
 #include "cairn/two_view/pair_verifier.h"
+#include "database/own_matches.h"
+#include "intrinsics/camera_pairs.h"
+#include "intrinsics/known_intrinsics.h"
 
 namespace cairn {
 namespace {

@@ -3,9 +3,9 @@
 #include <utility>
 
 #include "cairn/math/median.h"
-#include "cairn/view_graph/duplicate_structure.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "mapper/stages.h"
+#include "view_graph/duplicate_structure.h"
 
 namespace cairn {
 namespace {

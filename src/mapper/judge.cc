@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cairn/view_graph/symmetry.h"
 #include "mapper/stages.h"
+#include "view_graph/symmetry.h"
 
 namespace cairn {
 namespace {

@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <limits>
 
-#include "cairn/bundle_adjustment/memory_estimate.h"
+#include "bundle_adjustment/memory_estimate.h"
 #include "mapper/stages.h"
 
 namespace cairn {

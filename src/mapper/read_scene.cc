@@ -2,8 +2,8 @@
 #include <cmath>
 
 #include "cairn/base/error.h"
-#include "cairn/intrinsics/known_intrinsics.h"
 #include "cairn/mapper/view_edges.h"
+#include "intrinsics/known_intrinsics.h"
 #include "mapper/stages.h"
 
 namespace cairn {

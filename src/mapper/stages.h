@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "bundle_adjustment/keypoint_noise.h"
 #include "cairn/base/run_context.h"
-#include "cairn/bundle_adjustment/keypoint_noise.h"
-#include "cairn/evaluation/model_evidence.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/scene/view_graph.h"
 #include "cairn/tracks/tracks.h"
 #include "cairn/view_graph/view_graph_builder.h"
+#include "evaluation/model_evidence.h"
 #include "report/stage.h"
 
 namespace cairn {

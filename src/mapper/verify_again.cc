@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "cairn/evaluation/model_evidence.h"
 #include "cairn/geometry/rigid3d.h"
+#include "evaluation/model_evidence.h"
 #include "mapper/stages.h"
 
 namespace cairn {

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <map>
 
-#include "cairn/database/stage_names.h"
 #include "cairn/geometry/epipolar.h"
 #include "cairn/geometry/rigid3d.h"
-#include "cairn/intrinsics/known_intrinsics.h"
 #include "cairn/math/angles.h"
+#include "database/stage_names.h"
+#include "intrinsics/known_intrinsics.h"
 
 namespace cairn {
 namespace {

@@ -6,10 +6,10 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
-#include "cairn/database/stage_names.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
+#include "database/stage_names.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {

@@ -7,8 +7,8 @@
 
 #include "base/hash.h"
 #include "cairn/base/error.h"
-#include "cairn/database/stage_names.h"
 #include "cairn/geometry/epipolar.h"
+#include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
 #include "pipeline/stages/stage_ledger.h"
 

@@ -5,10 +5,10 @@
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
-#include "cairn/database/stage_names.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/image/image_folder.h"
 #include "cairn/pipeline/stages.h"
+#include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
 #include "pipeline/stages/stage_ledger.h"
 

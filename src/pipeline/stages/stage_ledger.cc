@@ -6,7 +6,7 @@
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/options.h"
-#include "cairn/database/stage_names.h"
+#include "database/stage_names.h"
 
 namespace cairn {
 namespace {

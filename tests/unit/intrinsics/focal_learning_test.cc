@@ -1,5 +1,5 @@
 // Trusted focal lengths that the pairs of their cameras contradict.
-#include "cairn/intrinsics/focal_learning.h"
+#include "intrinsics/focal_learning.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // Distortion and focal lengths that the likely pairs teach.
-#include "cairn/intrinsics/lens_learning.h"
+#include "intrinsics/lens_learning.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,9 +7,9 @@
 #include <cmath>
 #include <utility>
 
-#include "cairn/intrinsics/known_intrinsics.h"
 #include "cairn/pipeline/verify_pairs.h"
 #include "cairn/synthetic/scene.h"
+#include "intrinsics/known_intrinsics.h"
 #include "support/database_dump.h"
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
