@@ -83,7 +83,7 @@ void PlaceKeys(const Database& database, Entry* entry) {
   }
 }
 
-// Photographs of one camera say so by equal make and model, as build_view_graph expects: those of
+// Photographs of one camera have equal make and model, as build_view_graph expects: those of
 // the source where it has them.
 void WriteCameraTags(const Entry& entry, const std::string& source_path, bool is_copy,
                      const std::string& path) {

@@ -17,7 +17,7 @@ namespace cairn {
 namespace {
 
 // Pairs that a camera is judged by, of so many times as many with the most matches: those with the
-// very most are often of neighbours that hardly moved, whose support tells little.
+// very most are often of neighbors that hardly moved, whose support hardly depends on it.
 constexpr int kMaxWidePairs = 16;
 constexpr int kSpread = 4;
 // Factors of the guess, two to a power: fisheye lenses fill frames from a circle in the shorter

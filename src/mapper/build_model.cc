@@ -52,7 +52,7 @@ std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& 
 }
 
 // Registers what was left out and lets the model choose its pairs, until neither brings anything.
-// False: there is not enough memory, and the report's failure says so.
+// False: there is not enough memory, and the report has the failure.
 bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
   for (int round = 0; round < options.max_rounds && !context.run.monitor.StopRequested(); ++round) {
@@ -84,7 +84,7 @@ bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
   return true;
 }
 
-// False: the model is not fit to be written, and the report's failure says why.
+// False: the model is not fit to be written, and the report has the failure.
 bool CheckModel(StageContext& context, std::span<const image_t> component,
                 const RotationHypothesis& rotations, const ModelEvidence& evidence,
                 Reconstruction& model) {
@@ -109,7 +109,7 @@ bool CheckModel(StageContext& context, std::span<const image_t> component,
   return true;
 }
 
-// From global rotations to the finished model. Without one, the report's failure says why.
+// From global rotations to the finished model. Without one, the report has the failure.
 BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
                      const ViewGraph& graph, const RotationHypothesis& rotations) {
   BuiltModel built{std::nullopt, graph, {}, {}};

@@ -202,7 +202,7 @@ std::set<camera_t> Report(const FocalCalibrationReport& report,
 
 // Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
 // by those of `guessed`, of the focal lengths before. Where they close worse, the cameras, and the
-// edges of `before`, are taken back; where loops do not tell, both ways are kept: the model
+// edges of `before`, are taken back; where loops do not decide, both ways are kept: the model
 // decides.
 void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
                       const std::vector<ViewEdge>& before, const std::vector<ViewEdge>& guessed,

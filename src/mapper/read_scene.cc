@@ -96,7 +96,7 @@ void ReadEdges(const Database& database,
       continue;
     }
     TwoViewGeometry geometry = database.ReadTwoViewGeometry(edge.PairId()).value();
-    // What lies over the photographs, or stands still before the camera, says nothing of the scene.
+    // What lies over the photographs, or does not move with the scene, is no evidence of it.
     const bool is_still = geometry.config == TwoViewConfig::kPanoramic && geometry.cam2_from_cam1 &&
                           !HasTurned(geometry.cam2_from_cam1->rotation);
     if (is_still || geometry.config == TwoViewConfig::kWatermark) geometry.inlier_matches.clear();
@@ -110,7 +110,7 @@ void ReadEdges(const Database& database,
   scene.poses_imported = HasImportedEdges(scene.edges);
 }
 
-// The user's word, or what is known of each camera; warns where the two are at odds.
+// By the user's option, or by what is known of each camera; warns where the two contradict.
 void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
                            const std::optional<bool>& refine_intrinsics, Stage& stage,
                            SceneData& scene) {

@@ -29,15 +29,15 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene, const Reconstruct
   return calibrated;
 }
 
-// With the scene's calibration and, where its pairs could not tell which of two is right, with the
-// other one: the result with more evidence.
+// With the scene's calibration and, where its pairs did not decide between two, with the other one:
+// the result with more evidence.
 ReconstructResult ReconstructBest(SceneData& scene, const ReconstructSettings& settings,
                                   const RunContext& run) {
   CalibratedResult best = ReconstructCalibrated(scene, settings, run);
   if (!scene.alternative || run.monitor.StopRequested()) return std::move(best.result);
   run.monitor.Info(
-      "reconstructed again with the focal lengths that were there before: pairs could not "
-      "tell which are right");
+      "reconstructed again with the focal lengths from before calibration: pairs did not decide "
+      "which are right");
   std::swap(scene.cameras, scene.alternative->cameras);
   std::swap(scene.edges, scene.alternative->edges);
   CalibratedResult other = ReconstructCalibrated(scene, settings, run);

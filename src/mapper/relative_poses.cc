@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kWidePx = 8.0;  // a pose from a decomposition is rough
 constexpr double kFinePx = 2.0;
-// Inliers whose rays differ by less than this after the rotation say nothing about the direction.
+// Inliers whose rays differ by less than this after the rotation do not determine the direction.
 constexpr double kMinParallaxPx = 4.0;
 
 // Unit bearings of the matches whose distortion can be undone.
@@ -121,7 +121,7 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
     inlier_errors.push_back(errors[i]);
   }
   if (inliers1.size() < 8) return;
-  // The epipolar error does not tell the four poses of an essential matrix apart.
+  // The four poses of an essential matrix have equal epipolar errors.
   const CheiralityResult front =
       SelectPoseByCheirality(PosesFromEssential(EssentialFromPose(best)), inliers1, inliers2);
   if (2 * front.num_in_front < static_cast<int>(inliers1.size())) return;

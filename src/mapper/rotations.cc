@@ -14,8 +14,8 @@ namespace {
 constexpr double kTurnedDeg = 5.0;
 // Fewer turned images do not make another model: resection puts single images right.
 constexpr double kMinTurnedShare = 0.05;
-// Where pairs with this share of all inliers agree with the rotations, weighed or not, there is
-// nothing that other edges could tell.
+// Where pairs with this share of all inliers agree with the rotations, weighed or not, other sets
+// of edges are not tried.
 constexpr double kClearSupport = 0.75;
 
 std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<double>& weights) {
@@ -65,7 +65,7 @@ bool IsAnother(const RotationHypothesis& a, const RotationHypothesis& b) {
 }
 
 // The largest component of the edges with so many inliers and more: of pairs that are all surer,
-// loops tell others apart than they do among all pairs.
+// loops reject other ones than among all pairs.
 ViewGraph CoreOf(const StageContext& context, ViewGraph graph, int min_num_inliers) {
   for (ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kTripletInconsistent ||
@@ -186,8 +186,8 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   ViewGraph own = graph;
   KeepImages(component, own);
   stage.Add("edges_in", own.NumActiveEdges());
-  // The variance of a rotation falls with the number of inliers; but a few pairs of very many, all
-  // neighbors, must not have all the say.
+  // The variance of a rotation falls with the number of inliers; but a few pairs with very many,
+  // all neighbors, must not decide alone.
   const std::vector<double> inliers = InliersOf(own);
   std::vector<Weighing> weighings = {{"inliers", inliers, 1}, {"alike", inliers, 0}};
   if (const double power = context.settings.rotation_averaging.weight_power; power != 0) {

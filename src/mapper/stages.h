@@ -35,12 +35,11 @@ struct SceneData {
   std::function<FeatureMatches(const ViewEdge&)> raw_matches;
   std::set<camera_t> constant_cameras;  // intrinsics are not refined
   std::set<image_t> bad_images;         // without a camera or keypoints that can be read
-  // The relative poses are those of a 1DSfM data set, whose inliers nobody counted; without tracks,
-  // they come without a single match, and no point can be had.
+  // The relative poses are those of a 1DSfM data set, without counted inliers; without tracks, it
+  // has no matches either, and the models have no points.
   bool poses_imported = false;
   bool poses_alone = false;
-  // What the focal lengths were before they were calibrated, where the pairs cannot tell which are
-  // right.
+  // The focal lengths before calibration, where the pairs do not decide which are right.
   struct Calibration {
     std::map<camera_t, Camera> cameras;
     std::vector<ViewEdge> edges;
@@ -88,8 +87,9 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
 
 // calibrate.cc
 using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
-// Gives cameras that are not held the focal lengths that the pairs' fundamental matrices determine,
-// unless loops of rotations then close no better than before, and says what became of each camera.
+// Gives cameras whose intrinsics are not constant the focal lengths that the pairs' fundamental
+// matrices determine, unless loops of rotations then close worse than before, and reports what
+// became of each camera.
 // Improves the poses of the scene's `foreign` edges, and of all whose focal lengths changed.
 void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOptions& options,
                           const RunContext& run, Stage& stage, SceneData& scene);
@@ -126,7 +126,7 @@ struct RotationHypothesis {
 // Global rotations of the component, averaged from all of its edges and from those with more and
 // more inliers while they join more than this share of the images, weighed by inliers, alike, and
 // by their precision. Where these agree there is one hypothesis, else those that differ, the best
-// supported first. Empty: the report's failure says why.
+// supported first. Empty: the report has the failure.
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      std::span<const image_t> component,
                                                      const ViewGraph& graph, double min_core_share);
@@ -137,7 +137,7 @@ struct InitialModel {
   std::vector<Track> tracks;
 };
 // Positions of the images with these rotations, and their tracks. Edges that are dropped get their
-// reason. nullopt: the report's failure says why.
+// reason. nullopt: the report has the failure.
 std::optional<InitialModel> AverageComponent(
     StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
     ViewGraph& graph);
@@ -146,9 +146,9 @@ TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
                           const std::map<image_pair_t, FeatureMatches>& again = {});
 
 // memory.cc
-// Estimates the peak memory of RefineModel with these tracks, and says it. Where it is more than
+// Predicts the peak memory of RefineModel with these tracks. Where it is more than
 // there is (ReconstructOptions::max_memory_gib), takes fewer tracks, long ones first. False: not
-// even the least that a model needs would fit, and the report's failure says so.
+// even the least that a model needs would fit, and the report has the failure.
 bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
                        std::vector<Track>& tracks);
 
@@ -202,7 +202,7 @@ std::string ReasonToRefuse(const Reconstruction& model);
 
 // build_model.cc
 struct BuiltModel {
-  std::optional<Reconstruction> model;  // absent: the report's failure, or duplicate_edges, say why
+  std::optional<Reconstruction> model;  // absent: see the report's failure, or duplicate_edges
   ViewGraph graph;                      // with what became of the component's edges
   ModelEvidence evidence;
   std::vector<size_t> duplicate_edges;  // they show two places as one: out with them, and again

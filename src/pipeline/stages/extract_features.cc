@@ -70,7 +70,7 @@ void WriteFeatures(Database& database, const FeatureItem& item, const Features& 
   database.WriteJob(kStageFeatures, {item.image.image_id, item.file_hash, ""});
 }
 
-// The image leaves the database, its photograph's record says why.
+// The image leaves the database, with the reason in its photograph's record.
 void WriteFailure(Database& database, const FeatureItem& item) {
   database.WritePhoto({item.image.name, item.file_hash, item.error});
   if (item.is_ours) database.DeleteImage(item.image.image_id);

@@ -35,7 +35,7 @@ class StageLedger {
   // The item's record, or nullptr.
   const JobRecord* Find(uint64_t item) const;
   // True if the item is done from the same inputs, false if it is not done. Throws ConfigError if
-  // it was done from others; `what` says what differs ("the photograph a.jpg").
+  // it was done from others; `what` is what differs ("the photograph a.jpg").
   bool IsDone(uint64_t item, uint64_t input_hash, const std::string& what) const;
   // The item's record is gone from the database.
   void Forget(uint64_t item) { jobs_.erase(item); }

@@ -240,7 +240,7 @@ class Rounds {
     if (!again.empty()) RunRound(again, true);
   }
 
-  // Learns distortion and focal lengths that nothing tells; returns the pairs to be verified again.
+  // Learns unknown distortions and focal lengths; returns the pairs to be verified again.
   std::vector<image_pair_t> LearnLens(const std::vector<image_pair_t>& likely) {
     const Timer timer;
     const LearnedLenses learned = LearnLenses(database_, likely, run_);
