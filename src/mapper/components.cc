@@ -83,8 +83,8 @@ void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>
     stage.Note("images in no model (too few verified matches with others): " +
                Names(context, others));
   }
-  stage.Add("small_components", static_cast<double>(small.size()));
-  stage.Add("images", static_cast<double>(context.scene.images.size() - context.taken.size()));
+  stage.Add("small_components", small.size());
+  stage.Add("images", context.scene.images.size() - context.taken.size());
 }
 
 struct JudgedModel {

@@ -34,7 +34,6 @@ void ReadImagesAndKeypoints(const Database& database, const IntrinsicsMap& intri
   for (const Image& image : database.ReadImages()) {
     scene.images[image.image_id] = image;
     const auto skip = [&](const std::string& reason) {
-      scene.bad_images.insert(image.image_id);
       stage.Warn(image.name + ": left out: " + reason);
     };
     const auto unknown = unknown_models.find(image.camera_id);
@@ -144,11 +143,11 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
     scene.poses_alone = scene.poses_imported && num_matches == 0;
     ChooseConstantCameras(intrinsics, settings.refine_intrinsics, stage, scene);
-    stage.Add("cameras", static_cast<double>(scene.cameras.size()));
-    stage.Add("cameras_constant", static_cast<double>(scene.constant_cameras.size()));
-    stage.Add("images", static_cast<double>(scene.pixels.size()));
-    stage.Add("pairs", static_cast<double>(scene.edges.size()));
-    stage.Add("matches", static_cast<double>(num_matches));
+    stage.Add("cameras", scene.cameras.size());
+    stage.Add("cameras_constant", scene.constant_cameras.size());
+    stage.Add("images", scene.pixels.size());
+    stage.Add("pairs", scene.edges.size());
+    stage.Add("matches", num_matches);
     stage.Note("intrinsics of " + std::to_string(scene.constant_cameras.size()) + " of " +
                std::to_string(scene.cameras.size()) +
                " cameras are constant (--refine_intrinsics)");

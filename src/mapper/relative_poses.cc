@@ -29,8 +29,8 @@ struct PairRays {
 };
 
 void FillRays(const SceneData& scene, const ViewEdge& edge, PairRays* rays) {
-  const Camera& camera1 = scene.cameras.at(scene.images.at(edge.image_id1).camera_id);
-  const Camera& camera2 = scene.cameras.at(scene.images.at(edge.image_id2).camera_id);
+  const Camera& camera1 = scene.CameraOf(edge.image_id1);
+  const Camera& camera2 = scene.CameraOf(edge.image_id2);
   const std::vector<Eigen::Vector2d>& pixels1 = scene.pixels.at(edge.image_id1);
   const std::vector<Eigen::Vector2d>& pixels2 = scene.pixels.at(edge.image_id2);
   const FeatureMatches& matches = scene.matches.at(edge.PairId());
@@ -48,8 +48,8 @@ void FillRays(const SceneData& scene, const ViewEdge& edge, PairRays* rays) {
 // Poses to start from: what is stored, and what E, F and H decompose to.
 std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
                                 const TwoViewGeometry& geometry) {
-  const Camera& camera1 = scene.cameras.at(scene.images.at(edge.image_id1).camera_id);
-  const Camera& camera2 = scene.cameras.at(scene.images.at(edge.image_id2).camera_id);
+  const Camera& camera1 = scene.CameraOf(edge.image_id1);
+  const Camera& camera2 = scene.CameraOf(edge.image_id2);
   const Eigen::Matrix3d K1 = camera1.CalibrationMatrix(), K2 = camera2.CalibrationMatrix();
   std::vector<Rigid3d> candidates;
   if (edge.IsActive() && edge.HasTranslation()) candidates.push_back(edge.cam2_from_cam1);
@@ -77,19 +77,8 @@ std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
   return candidates;
 }
 
-// The pose that the inliers support best, without translation if they show no parallax; the edge is
-// without one if there is none.
-void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEdge& edge) {
-  PairRays rays;
-  FillRays(scene, edge, &rays);
-  const PointPairs& points = rays.points;
-  std::vector<Rigid3d> candidates = Candidates(scene, edge, geometry);
-  // A rotation that is stored without anything else is all that there is.
-  if (candidates.empty() && edge.IsActive()) return;
-  edge.removal = EdgeRemoval::kNoPose;
-  if (points.size() < 8 || candidates.empty()) return;
-
-  // The best two by soft support are refined, first with a wide scale.
+// The best two by soft support, refined, first with a wide scale: the one with more support.
+Rigid3d RefineBest(const PointPairs& points, const std::vector<Rigid3d>& candidates) {
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < candidates.size(); ++i) {
     order.emplace_back(-SoftScoreSampson(points, EssentialFromPose(candidates[i]), kWidePx), i);
@@ -110,6 +99,22 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
       best = pose;
     }
   }
+  return best;
+}
+
+// The pose that the inliers support best, without translation if they show no parallax; the edge is
+// without one if there is none.
+void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEdge& edge) {
+  PairRays rays;
+  FillRays(scene, edge, &rays);
+  const PointPairs& points = rays.points;
+  std::vector<Rigid3d> candidates = Candidates(scene, edge, geometry);
+  // A rotation that is stored without anything else is all that there is.
+  if (candidates.empty() && edge.IsActive()) return;
+  edge.removal = EdgeRemoval::kNoPose;
+  if (points.size() < 8 || candidates.empty()) return;
+
+  const Rigid3d best = RefineBest(points, candidates);
   std::vector<float> errors(static_cast<size_t>(points.num_blocks()) * PointPairs::kBlock);
   SampsonErrors(points, EssentialFromPose(best), errors.data());
   std::vector<Eigen::Vector3d> inliers1, inliers2;

@@ -205,10 +205,10 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
     }
   }
   const std::vector<RotationHypothesis> distinct = averager.Distinct();
-  stage.Add("averaged", static_cast<double>(averager.NumTried()));
-  stage.Add("hypotheses_out", static_cast<double>(distinct.size()));
+  stage.Add("averaged", averager.NumTried());
+  stage.Add("hypotheses_out", distinct.size());
   if (!distinct.empty()) {
-    stage.Add("images_out", static_cast<double>(distinct.front().cam_from_world.size()));
+    stage.Add("images_out", distinct.front().cam_from_world.size());
     stage.Add("median_residual_deg", distinct.front().median_residual_deg);
     stage.Add("support", distinct.front().support / distinct.front().possible_support);
   }

@@ -38,10 +38,10 @@ ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSetting
   for (const auto& [reason, count] : result.report.num_removed) {
     stage.Add("removed_" + std::string(EdgeRemovalName(reason)), count);
   }
-  stage.Add("loops", static_cast<double>(result.report.loops.num_loops));
-  stage.Add("closed_loops", static_cast<double>(result.report.loops.num_closed));
+  stage.Add("loops", result.report.loops.num_loops);
+  stage.Add("closed_loops", result.report.loops.num_closed);
   stage.Add("median_loop_error_deg", result.report.loops.median_error_deg);
-  stage.Add("components", static_cast<double>(result.report.components.size()));
+  stage.Add("components", result.report.components.size());
   if (result.report.components.empty()) {
     std::string reasons;
     for (const auto& [reason, count] : result.report.num_removed) {

@@ -34,7 +34,6 @@ struct SceneData {
   // several threads at once; empty: there are none at all.
   std::function<FeatureMatches(const ViewEdge&)> raw_matches;
   std::set<camera_t> constant_cameras;  // intrinsics are not refined
-  std::set<image_t> bad_images;         // without a camera or keypoints that can be read
   // The relative poses are those of a 1DSfM data set, without counted inliers; without tracks, it
   // has no matches either, and the models have no points.
   bool poses_imported = false;
@@ -45,6 +44,9 @@ struct SceneData {
     std::vector<ViewEdge> edges;
   };
   std::optional<Calibration> alternative;
+
+  camera_t CameraIdOf(image_t id) const { return images.at(id).camera_id; }
+  const Camera& CameraOf(image_t id) const { return cameras.at(CameraIdOf(id)); }
 };
 
 // What every stage needs beside its data. One a run.

@@ -113,11 +113,11 @@ StageReport ExtractImageFeatures(Database& database, const std::string& image_pa
     if (!item.error.empty()) stage.Warn(item.image.name + ": " + item.error + "; skipped");
   }
   const auto num_failed = static_cast<double>(stage.NumMessages());
-  stage.Add("images", static_cast<double>(database.ReadImages().size()));
-  stage.Add("images_with_features", static_cast<double>(database.ReadNumKeypoints().size()));
+  stage.Add("images", database.ReadImages().size());
+  stage.Add("images_with_features", database.ReadNumKeypoints().size());
   stage.Add("computed", static_cast<double>(items.size()) - num_failed);
   stage.Add("skipped", num_failed);
-  stage.Add("new_features", static_cast<double>(num_features));
+  stage.Add("new_features", num_features);
   return EndStage(stage, run, ledger, database);
 }
 

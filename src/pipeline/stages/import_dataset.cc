@@ -225,9 +225,9 @@ StageReport ImportDataset(Database& database, const OneDsfmDataset& dataset,
     transaction.Commit();
   }
   run.monitor.EndStage();
-  stage.Add("images", static_cast<double>(dataset.component.size()));
-  stage.Add("edges", static_cast<double>(edges.size()));
-  stage.Add("edges_outside_cc", static_cast<double>(dataset.edges.size() - edges.size()));
+  stage.Add("images", dataset.component.size());
+  stage.Add("edges", edges.size());
+  stage.Add("edges_outside_cc", dataset.edges.size() - edges.size());
   return EndStage(stage, database);
 }
 

@@ -239,10 +239,10 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   for (const Photo& photo : photos) {
     if (!photo.error.empty()) stage.Warn(photo.name + ": " + photo.error + "; skipped");
   }
-  stage.Add("photographs", static_cast<double>(num_photos));
-  stage.Add("new_images", static_cast<double>(added.images.size()));
-  stage.Add("new_cameras", static_cast<double>(added.cameras.size()));
-  stage.Add("skipped", static_cast<double>(stage.NumMessages()));
+  stage.Add("photographs", num_photos);
+  stage.Add("new_images", added.images.size());
+  stage.Add("new_cameras", added.cameras.size());
+  stage.Add("skipped", stage.NumMessages());
   return EndStage(stage, database);
 }
 

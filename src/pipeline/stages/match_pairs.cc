@@ -192,9 +192,9 @@ StageReport MatchImagePairs(Database& database,
   if (work.num_left_out > 0) {
     stage.Warn("images without features (in no pair): " + std::to_string(work.num_left_out));
   }
-  stage.Add("pairs", static_cast<double>(database.ReadNumMatches().size()));
-  stage.Add("computed", static_cast<double>(work.pairs.size()));
-  stage.Add("new_matches", static_cast<double>(num_matches));
+  stage.Add("pairs", database.ReadNumMatches().size());
+  stage.Add("computed", work.pairs.size());
+  stage.Add("new_matches", num_matches);
   return EndStage(stage, run, ledger, database);
 }
 

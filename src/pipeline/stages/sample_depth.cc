@@ -181,8 +181,8 @@ void SampleItems(Database& database, const RunContext& run, DepthSampler& sample
 }
 
 void AddCounts(const Database& database, size_t num_computed, Stage& stage) {
-  stage.Add("images_with_depth", static_cast<double>(database.ReadNumDepthSamples().size()));
-  stage.Add("computed", static_cast<double>(num_computed));
+  stage.Add("images_with_depth", database.ReadNumDepthSamples().size());
+  stage.Add("computed", num_computed);
 }
 
 }  // namespace

@@ -279,14 +279,14 @@ class Rounds {
 
 void AddValues(const VerificationReport& report, Stage& stage) {
   const VerificationCounts& counts = report.counts;
-  stage.Add("pairs", static_cast<double>(counts.num_pairs));
-  stage.Add("tried", static_cast<double>(counts.num_tried));
-  stage.Add("verified", static_cast<double>(counts.num_verified));
+  stage.Add("pairs", counts.num_pairs);
+  stage.Add("tried", counts.num_tried);
+  stage.Add("verified", counts.num_verified);
   for (const auto& [verifier, num] : counts.verified_by) {
-    stage.Add("verified_by_" + verifier, static_cast<double>(num));
+    stage.Add("verified_by_" + verifier, num);
   }
   for (const auto& [reason, num] : counts.rejected_by) {
-    stage.Add("rejected_" + reason, static_cast<double>(num));
+    stage.Add("rejected_" + reason, num);
   }
   stage.Add("learned_lenses", report.num_learned_lenses);
   stage.Add("rejected_focals", report.num_rejected_focals);
