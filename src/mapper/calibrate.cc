@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMaxMatches = 500;  // of a pair; more make its F no surer than the model is
+constexpr size_t kMaxMatches = 500;  // of a pair; more make its F no more precise than the model is
 
 // Where the pixel would be without distortion.
 std::optional<Eigen::Vector2d> UndistortedPixel(const Camera& camera,
@@ -95,7 +95,7 @@ struct LoopErrors {
   std::set<size_t> edges;  // that are in loops
   std::vector<double> before_deg, after_deg;
 
-  // By how many standard deviations more loops close better after than before than chance has it.
+  // By how many standard deviations of chance more loops close better after than worse.
   // Loops share edges: no more of them count than there are edges.
   double Improvement() const {
     double balance = 0;
@@ -179,7 +179,7 @@ std::string Describe(camera_t id, const Camera& camera, const CalibratedFocal& f
   return text;
 }
 
-// Says what became of each camera; returns those that change.
+// Reports what became of each camera; returns those that change.
 std::set<camera_t> Report(const FocalCalibrationReport& report,
                           const std::map<camera_t, Camera>& cameras, Stage& stage) {
   std::set<camera_t> calibrated;

@@ -147,7 +147,7 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
     } else if (!built.duplicate_edges.empty()) {
       queue.AddPartsOf(component.images, true, graph);
     } else {
-      // A component that fails does not spoil the models that there are.
+      // A component that fails leaves the other models as they are.
       context.run.monitor.Warning(context.report.failure);
       if (first_failure.empty()) first_failure = context.report.failure;
       context.report.failure.clear();

@@ -15,11 +15,11 @@ struct Round {
   bool positions_first = false;  // a stage with fixed rotations and intrinsics before
   bool distortions = true;
   bool principal_points = false;
-  bool weigh = true;  // observations by their precision: errors of rough poses do not show it
+  bool weigh = true;  // observations by their precision, which errors at rough poses do not show
   int max_iterations = 0;
 };
 
-// Gives every keypoint the standard deviation that the errors of its like show.
+// Gives every keypoint the standard deviation of the errors of keypoints like it.
 void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& model) {
   const KeypointNoise noise = EstimateKeypointNoise(model, context.scene.scales);
   stage.Add("noise_floor_px", noise.floor_px);

@@ -103,7 +103,7 @@ void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOpti
 // without any pose end with the reason kNoPose.
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
                           const RunContext& run, SceneData& scene);
-// How sure each edge of the graph is of its rotation: the standard deviation about the least
+// How precise the rotation of each edge of the graph is: the standard deviation about the least
 // determined axis, radians. (Through a long lens, which is nearly affine, two views leave the angle
 // between them open: Koenderink and van Doorn, "Affine structure from motion", 1991.)
 std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph);
@@ -116,10 +116,10 @@ int RefitEdges(const StageContext& context,
                ViewGraph& graph);
 
 // rotations.cc
-// One view of how a component's images are turned.
+// Global rotations of a component, by one choice of edges and weights.
 struct RotationHypothesis {
   int min_num_inliers = 0;  // of the edges it comes from
-  std::string weighing;     // by what they counted
+  std::string weighing;     // of their weights
   std::map<image_t, Eigen::Quaterniond> cam_from_world;
   double median_residual_deg = 0;
   double support = 0;           // inliers of the pairs that agree with it
@@ -174,7 +174,7 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
 
 // judge.cc
 // The evidence for the model in all verified pairs of the images that are in no other model,
-// whatever became of them in the graph. `pairs` are in the order of graph.edges; those of other
+// in use in the graph or not. `pairs` are in the order of graph.edges; those of other
 // models' images have no matches.
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
                           const ViewGraph& graph);
@@ -188,9 +188,9 @@ std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction&
 std::string Names(const StageContext& context, std::span<const image_t> images);
 
 // verify_again.cc
-// Where bundle adjustment has moved the rays of cameras by more than verification allowed for: of
+// Where bundle adjustment has moved the rays of cameras by more than verification's threshold: of
 // pairs in use between their images, all matches that agree with the model's pose, if these are
-// more than there were.
+// more than before.
 struct ReverifiedPairs {
   std::map<image_pair_t, FeatureMatches> matches;
   int64_t num_gained = 0;  // matches
@@ -207,7 +207,7 @@ struct BuiltModel {
   std::optional<Reconstruction> model;  // absent: see the report's failure, or duplicate_edges
   ViewGraph graph;                      // with what became of the component's edges
   ModelEvidence evidence;
-  std::vector<size_t> duplicate_edges;  // they show two places as one: out with them, and again
+  std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
 };
 // One component of the graph from averaging to the finished model: built from all of its edges,
 // and, while the model leaves much of the verified matches unexplained, from those with more and

@@ -152,7 +152,7 @@ TEST(Reconstruct, TwoPlacesGiveTwoModels) {
 }
 
 // Two places whose facades are the same; images of one show none of what surrounds the other.
-TEST(Reconstruct, TellsTwinPlacesApart) {
+TEST(Reconstruct, SeparatesDuplicateStructure) {
   SceneOptions options;
   options.layout = CameraLayout::kArc;
   options.num_images = 12;
@@ -192,8 +192,9 @@ TEST(Reconstruct, TellsTwinPlacesApart) {
   EXPECT_EQ(Reconstruct(MakeDatabase(MakeScene(options, 4))).models.size(), 1u);
 }
 
-// Where images share few of the many points that they could, misses are no sign of twins.
-TEST(Reconstruct, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
+// Where images share few of the many points that they could, misses are no sign of duplicate
+// structure.
+TEST(Reconstruct, OnePlaceWithFewRepeatedPointsIsKeptWhole) {
   SceneOptions options;
   options.layout = CameraLayout::kLandmark;
   options.num_images = 40;
@@ -202,9 +203,9 @@ TEST(Reconstruct, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
   options.salience = 0.7;
   options.image_noise_px = 0.5;
   const ReconstructResult result = Reconstruct(MakeDatabase(MakeScene(options, 1)));
-  const StageReport* twins = FindStage(result.report, "duplicate_structure");
-  ASSERT_NE(twins, nullptr);
-  EXPECT_EQ(Value(*twins, "edges_removed"), 0);
+  const StageReport* duplicates = FindStage(result.report, "duplicate_structure");
+  ASSERT_NE(duplicates, nullptr);
+  EXPECT_EQ(Value(*duplicates, "edges_removed"), 0);
 }
 
 // Calls the pairs of the last image panoramic, and changes their pose.
