@@ -75,8 +75,9 @@ void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& f
 void ExportOneDsfmDataset(const Reconstruction& reconstruction, const ExportFlags& flags,
                           ProgressMonitor& monitor) {
   const Database database(flags.database_path, Database::Mode::kReadOnly);
-  const OneDsfmExportReport report = ExportOneDsfm(reconstruction, database, flags.image_path,
-                                                   flags.output_path, flags.num_threads, monitor);
+  const OneDsfmExportReport report =
+      ExportOneDsfm(reconstruction, database, flags.image_path, flags.output_path,
+                    {.num_threads = flags.num_threads, .monitor = monitor});
   monitor.Info("data set of " + std::to_string(report.num_images) + " images, " +
                std::to_string(report.num_registered) + " in cc.txt, " +
                std::to_string(report.num_edges) + " edges, " + std::to_string(report.num_tracks) +

@@ -52,8 +52,9 @@ void InspectDatabase(const InspectFlags& flags, ViewGraphBuilderOptions options)
     names[image.image_id] = image.name;
     image_ids.push_back(image.image_id);
   }
-  if (HasImportedEdges(database)) options.min_num_inliers = 0;
-  const auto [graph, report] = BuildViewGraph(image_ids, ReadViewEdges(database), options);
+  std::vector<ViewEdge> edges = ReadViewEdges(database);
+  if (HasImportedEdges(edges)) options.min_num_inliers = 0;
+  const auto [graph, report] = BuildViewGraph(image_ids, std::move(edges), options);
   std::fputs(DescribeViewGraph(graph, report).c_str(), stdout);
   if (!flags.graph_json.empty()) {
     WriteFileAtomically(flags.graph_json, ViewGraphToJson(graph, names));

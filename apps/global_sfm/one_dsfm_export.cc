@@ -83,7 +83,7 @@ void PlaceKeys(const Database& database, Entry* entry) {
   }
 }
 
-// Photographs of one camera say so by equal make and model, as build_view_graph expects: those of
+// Photographs of one camera have equal make and model, as build_view_graph expects: those of
 // the source where it has them.
 void WriteCameraTags(const Entry& entry, const std::string& source_path, bool is_copy,
                      const std::string& path) {
@@ -130,14 +130,14 @@ PhotoOutcome WritePhotograph(const std::string& source_path, const std::string& 
 
 // Photographs are independent of each other; a broken one is named and skipped.
 void WritePhotographs(const std::string& image_path, const std::string& output_path,
-                      int num_threads, ProgressMonitor& monitor, std::vector<Entry>* entries,
+                      const RunContext& run, std::vector<Entry>* entries,
                       OneDsfmExportReport* report) {
   const auto n = static_cast<int64_t>(entries->size());
   std::vector<PhotoOutcome> outcomes(n, PhotoOutcome::kMissing);
   std::vector<std::string> errors(n);
   CreateFolders(output_path + "/images");
-  monitor.BeginStage("photographs", n);
-  ParallelFor(num_threads, n, [&](int64_t i) {
+  run.monitor.BeginStage("photographs", n);
+  ParallelFor(run.num_threads, n, [&](int64_t i) {
     Entry& entry = (*entries)[i];
     try {
       outcomes[i] = WritePhotograph(image_path + "/" + entry.image.name,
@@ -145,11 +145,11 @@ void WritePhotographs(const std::string& image_path, const std::string& output_p
     } catch (const IoError& error) {
       errors[i] = error.what();
     }
-    monitor.Advance(1);
+    run.monitor.Advance(1);
   });
-  monitor.EndStage();
+  run.monitor.EndStage();
   for (int64_t i = 0; i < n; ++i) {
-    if (!errors[i].empty()) monitor.Warning(errors[i] + "; the photograph is left out");
+    if (!errors[i].empty()) run.monitor.Warning(errors[i] + "; the photograph is left out");
     report->num_without_photo += outcomes[i] == PhotoOutcome::kMissing;
     report->num_copied += outcomes[i] == PhotoOutcome::kCopied;
     report->num_resampled += outcomes[i] == PhotoOutcome::kResampled;
@@ -252,11 +252,11 @@ OneDsfmFiles MakeFiles(const Database& database, const std::vector<Entry>& entri
 
 OneDsfmExportReport ExportOneDsfm(const Reconstruction& model, const Database& database,
                                   const std::string& image_path, const std::string& output_path,
-                                  int num_threads, ProgressMonitor& monitor) {
+                                  const RunContext& run) {
   OneDsfmExportReport report;
   std::vector<Entry> entries = MakeEntries(model, database, output_path);
   for (Entry& entry : entries) PlaceKeys(database, &entry);
-  WritePhotographs(image_path, output_path, num_threads, monitor, &entries, &report);
+  WritePhotographs(image_path, output_path, run, &entries, &report);
 
   const Reconstruction resampled = ResampledModel(model, entries);
   std::vector<Image> listed;
@@ -266,7 +266,7 @@ OneDsfmExportReport ExportOneDsfm(const Reconstruction& model, const Database& d
   // Writes a list of names alone as well, which the next call replaces by the one with focals.
   for (const std::string& warning :
        WriteBundler(resampled, output_path + "/gt_bundle.out", output_path + "/list.txt", listed)) {
-    monitor.Warning(warning);
+    run.monitor.Warning(warning);
   }
   const OneDsfmFiles files = MakeFiles(database, entries, resampled);
   WriteOneDsfmFiles(output_path, files);

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/database/database.h"
 #include "cairn/scene/reconstruction.h"
 
@@ -32,6 +32,6 @@ struct OneDsfmExportReport {
 // with a blank, a folder that cannot be written.
 OneDsfmExportReport ExportOneDsfm(const Reconstruction& model, const Database& database,
                                   const std::string& image_path, const std::string& output_path,
-                                  int num_threads, ProgressMonitor& monitor);
+                                  const RunContext& run);
 
 }  // namespace cairn

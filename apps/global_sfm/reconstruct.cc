@@ -57,7 +57,7 @@ int Run(const Command& command, State& state) {
   spdlog::info("stages:\n{}", Summary(result.report));
   if (!result.report.Succeeded()) {
     spdlog::error("{}", result.report.failure);
-    spdlog::error("{}/report.json says what each stage did", flags.output_path);
+    spdlog::error("{}/report.json has what each stage did", flags.output_path);
     return kExitNoUsableResult;
   }
   for (size_t k = 0; k < result.models.size(); ++k) {

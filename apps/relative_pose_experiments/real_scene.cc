@@ -6,7 +6,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/database/database.h"
-#include "cairn/database/own_matches.h"
+#include "database/own_matches.h"
 #include "cairn/depth/depth_map.h"
 #include "cairn/depth/depth_network.h"
 #include "cairn/depth/sample_depth.h"

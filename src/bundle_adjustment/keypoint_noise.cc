@@ -1,4 +1,4 @@
-#include "cairn/bundle_adjustment/keypoint_noise.h"
+#include "bundle_adjustment/keypoint_noise.h"
 
 #include <algorithm>
 #include <cmath>

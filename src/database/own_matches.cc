@@ -1,6 +1,6 @@
-#include "cairn/database/own_matches.h"
+#include "database/own_matches.h"
 
-#include "cairn/database/stage_names.h"
+#include "database/stage_names.h"
 
 namespace cairn {
 

@@ -60,7 +60,6 @@ class Query {
   double Double(int column) const { return sqlite3_column_double(statement_, column); }
   std::string Text(int column) const;
   std::span<const std::byte> Blob(int column) const;
-  bool IsNull(int column) const { return sqlite3_column_type(statement_, column) == SQLITE_NULL; }
 
  private:
   Database::Impl& impl_;

@@ -1,9 +1,9 @@
-#include "cairn/intrinsics/camera_pairs.h"
+#include "intrinsics/camera_pairs.h"
 
 #include <algorithm>
 
 #include "base/hash.h"
-#include "cairn/database/stage_names.h"
+#include "database/stage_names.h"
 
 namespace cairn {
 

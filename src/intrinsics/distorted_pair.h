@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "cairn/intrinsics/distortion_calibration.h"
 #include "cairn/math/normal_equations.h"
+#include "intrinsics/distortion_calibration.h"
 #include "intrinsics/fundamental_fit.h"
 
 namespace cairn::internal {

@@ -1,4 +1,4 @@
-#include "cairn/intrinsics/distortion_calibration.h"
+#include "intrinsics/distortion_calibration.h"
 
 #include <algorithm>
 #include <array>
@@ -68,7 +68,7 @@ constexpr double kChiSquares = kNoiseScale * kNoiseScale;
 
 class Problem {
  public:
-  Problem(const std::map<camera_t, Camera>& cameras, const std::set<camera_t>& held,
+  Problem(const std::map<camera_t, Camera>& cameras, const std::set<camera_t>& constant,
           std::span<const DistortionPair> pairs, int num_threads);
 
   DistortionCalibrationReport Solve();
@@ -110,7 +110,7 @@ class Problem {
   void TakeSignificant(Distortions at);
 
   const std::map<camera_t, Camera>& all_cameras_;
-  const std::set<camera_t>& held_;
+  const std::set<camera_t>& constant_;
   const int num_threads_;
   std::map<camera_t, int> variable_of_;
   std::vector<camera_t> camera_ids_;  // by variable
@@ -119,9 +119,9 @@ class Problem {
   DistortionCalibrationReport report_;
 };
 
-Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camera_t>& held,
+Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camera_t>& constant,
                  std::span<const DistortionPair> pairs, int num_threads)
-    : all_cameras_(cameras), held_(held), num_threads_(num_threads) {
+    : all_cameras_(cameras), constant_(constant), num_threads_(num_threads) {
   for (const DistortionPair& pair : pairs) {
     auto F = FundamentalFactors::Of(pair.F);
     if (!F || pair.pixels1.size() < kMinMatches) continue;
@@ -136,7 +136,7 @@ Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camer
 int Problem::Variable(camera_t id) {
   const auto [it, is_new] = variable_of_.try_emplace(id, -1);
   const Camera& camera = all_cameras_.at(id);
-  if (is_new && held_.count(id) == 0 && CanCalibrateDistortion(camera)) {
+  if (is_new && constant_.count(id) == 0 && CanCalibrateDistortion(camera)) {
     it->second = static_cast<int>(camera_ids_.size());
     camera_ids_.push_back(id);
     cameras_.push_back(&camera);
@@ -226,7 +226,7 @@ SparseNormals Problem::Sum(const std::vector<NormalEquations<2>>& terms) const {
       }
     }
   }
-  // Where no match tells, the range of the scan.
+  // Where no match determines it, the range of the scan.
   for (int v = 0; v < n; ++v) entries.emplace_back(v, v, 1.0);
   sum.hessian.resize(n, n);
   sum.hessian.setFromTriplets(entries.begin(), entries.end());
@@ -330,10 +330,10 @@ bool CanCalibrateDistortion(const Camera& camera) {
 }
 
 DistortionCalibrationReport CalibrateDistortion(const std::map<camera_t, Camera>& cameras,
-                                                const std::set<camera_t>& held,
+                                                const std::set<camera_t>& constant,
                                                 std::span<const DistortionPair> pairs,
                                                 const RunContext& run) {
-  return Problem(cameras, held, pairs, run.num_threads).Solve();
+  return Problem(cameras, constant, pairs, run.num_threads).Solve();
 }
 
 }  // namespace cairn

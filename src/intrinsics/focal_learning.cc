@@ -1,10 +1,10 @@
-#include "cairn/intrinsics/focal_learning.h"
+#include "intrinsics/focal_learning.h"
 
 #include <algorithm>
 #include <cstdio>
 
-#include "cairn/intrinsics/camera_pairs.h"
-#include "cairn/intrinsics/known_intrinsics.h"
+#include "intrinsics/camera_pairs.h"
+#include "intrinsics/known_intrinsics.h"
 
 namespace cairn {
 namespace {
@@ -101,7 +101,7 @@ std::map<camera_t, CameraFocal> JudgeFocals(std::vector<CameraPairEvidence> pair
   for (const auto& [id, tally] : all) {
     if (judged.count(id) > 0) continue;
     const Tally& rest = tallies[id];
-    // Where all are wrong, few pairs are left of the last ones, and none that speak for them.
+    // Where all are wrong, few pairs are left of the last ones, and none that support them.
     const bool is_rejected = tally.IsRejected() && 2 * rest.num_contradicting >= rest.num_pairs;
     if (is_rejected || rest.num_pairs >= kMinContradicting) {
       const Tally& shown = is_rejected ? tally : rest;

@@ -1,7 +1,7 @@
-#include "cairn/intrinsics/known_intrinsics.h"
+#include "intrinsics/known_intrinsics.h"
 
 #include "cairn/base/check.h"
-#include "cairn/database/stage_names.h"
+#include "database/stage_names.h"
 
 namespace cairn {
 namespace {

@@ -1,4 +1,4 @@
-#include "cairn/intrinsics/lens_learning.h"
+#include "intrinsics/lens_learning.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -8,21 +8,21 @@
 #include <set>
 
 #include "cairn/base/error.h"
-#include "cairn/intrinsics/camera_pairs.h"
-#include "cairn/intrinsics/distortion_calibration.h"
 #include "cairn/intrinsics/focal_calibration.h"
-#include "cairn/intrinsics/known_intrinsics.h"
+#include "intrinsics/camera_pairs.h"
+#include "intrinsics/distortion_calibration.h"
+#include "intrinsics/known_intrinsics.h"
 
 namespace cairn {
 namespace {
 
 constexpr int kMaxLensPairs = 100;   // of a camera
 constexpr size_t kMaxMatches = 300;  // of a pair
-// A focal length as sure as that is taken for known, as EXIF's is, which is no surer; those that
-// their pairs do not bear out are rejected like it (focal_learning.h).
+// A focal length as precise as that counts as known, like EXIF's, which is no more precise; where
+// the camera's pairs contradict it, it is rejected like EXIF's (focal_learning.h).
 constexpr double kKnownSigma = 0.05;
 
-struct Witness {
+struct LensPair {
   image_t image_id1, image_id2;
   FeatureMatches matches;
   DistortionPair pair;
@@ -55,7 +55,7 @@ Lenses ReadLenses(const Database& database, const std::vector<image_pair_t>& lik
     const KnownIntrinsics& intrinsics = known.at(id);
     const Camera& camera = intrinsics.camera;
     if (intrinsics.is_given || LooksMeasured(camera) || !camera.Validate().empty()) continue;
-    // (More pairs may tell what fewer could not.)
+    // (More pairs may determine what fewer could not.)
     const bool is_known =
         intrinsics.HasLearned() || (intrinsics.lens && intrinsics.lens->num_pairs == num_pairs);
     if (is_known) continue;
@@ -80,57 +80,57 @@ std::optional<Eigen::Matrix3d> RayFundamental(const TwoViewGeometry& geometry,
   return F;
 }
 
-std::vector<Witness> ReadWitnesses(const Database& database, const Lenses& lenses,
-                                   const std::vector<image_pair_t>& pairs) {
-  std::vector<Witness> witnesses;
+std::vector<LensPair> ReadLensPairs(const Database& database, const Lenses& lenses,
+                                    const std::vector<image_pair_t>& pairs) {
+  std::vector<LensPair> lens_pairs;
   for (const image_pair_t pair : pairs) {
-    Witness witness;
-    std::tie(witness.image_id1, witness.image_id2) = PairIdToImagePair(pair);
-    witness.pair.camera_id1 = lenses.camera_of.at(witness.image_id1);
-    witness.pair.camera_id2 = lenses.camera_of.at(witness.image_id2);
+    LensPair lens_pair;
+    std::tie(lens_pair.image_id1, lens_pair.image_id2) = PairIdToImagePair(pair);
+    lens_pair.pair.camera_id1 = lenses.camera_of.at(lens_pair.image_id1);
+    lens_pair.pair.camera_id2 = lenses.camera_of.at(lens_pair.image_id2);
     try {
       const auto geometry = database.ReadTwoViewGeometry(pair);
       const auto matches = database.ReadMatches(pair);
       if (!geometry || !matches) continue;
-      const auto F = RayFundamental(*geometry, lenses.cameras.at(witness.pair.camera_id1),
-                                    lenses.cameras.at(witness.pair.camera_id2));
+      const auto F = RayFundamental(*geometry, lenses.cameras.at(lens_pair.pair.camera_id1),
+                                    lenses.cameras.at(lens_pair.pair.camera_id2));
       if (!F) continue;
-      witness.pair.F = *F;
+      lens_pair.pair.F = *F;
       const size_t step = 1 + matches->size() / kMaxMatches;
-      for (size_t i = 0; i < matches->size(); i += step) witness.matches.push_back((*matches)[i]);
-      witnesses.push_back(std::move(witness));
+      for (size_t i = 0; i < matches->size(); i += step) lens_pair.matches.push_back((*matches)[i]);
+      lens_pairs.push_back(std::move(lens_pair));
     } catch (const IoError&) {  // The verification of the pair has reported it.
     }
   }
-  return witnesses;
+  return lens_pairs;
 }
 
 // The positions of the matches, image by image.
-void ReadPixels(const Database& database, std::vector<Witness>& witnesses) {
+void ReadPixels(const Database& database, std::vector<LensPair>& lens_pairs) {
   std::map<image_t, std::vector<std::pair<size_t, int>>> sides;
-  for (size_t i = 0; i < witnesses.size(); ++i) {
-    sides[witnesses[i].image_id1].emplace_back(i, 1);
-    sides[witnesses[i].image_id2].emplace_back(i, 2);
+  for (size_t i = 0; i < lens_pairs.size(); ++i) {
+    sides[lens_pairs[i].image_id1].emplace_back(i, 1);
+    sides[lens_pairs[i].image_id2].emplace_back(i, 2);
   }
   for (const auto& [id, uses] : sides) {
     std::vector<Keypoint> keypoints;
     try {
       keypoints = database.ReadKeypoints(id).value_or(std::vector<Keypoint>());
-    } catch (const IoError&) {  // Its pairs say nothing.
+    } catch (const IoError&) {  // Its pairs are left out.
     }
     for (const auto& [i, side] : uses) {
       std::vector<Eigen::Vector2d>& pixels =
-          side == 1 ? witnesses[i].pair.pixels1 : witnesses[i].pair.pixels2;
-      for (const FeatureMatch& match : witnesses[i].matches) {
+          side == 1 ? lens_pairs[i].pair.pixels1 : lens_pairs[i].pair.pixels2;
+      for (const FeatureMatch& match : lens_pairs[i].matches) {
         const point2D_t point = side == 1 ? match.point1 : match.point2;
         if (point >= keypoints.size()) break;
         pixels.push_back(keypoints[point].Position());
       }
     }
   }
-  std::erase_if(witnesses, [](const Witness& witness) {
-    return witness.pair.pixels1.size() != witness.matches.size() ||
-           witness.pair.pixels2.size() != witness.matches.size();
+  std::erase_if(lens_pairs, [](const LensPair& lens_pair) {
+    return lens_pair.pair.pixels1.size() != lens_pair.matches.size() ||
+           lens_pair.pair.pixels2.size() != lens_pair.matches.size();
   });
 }
 
@@ -205,16 +205,17 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
   LearnedLenses learned;
   const Lenses known = ReadLenses(database, likely);
   if (known.open.empty()) return learned;
-  std::vector<Witness> witnesses =
-      ReadWitnesses(database, known, DrawPairs(likely, known.camera_of, known.open, kMaxLensPairs));
-  ReadPixels(database, witnesses);
+  std::vector<LensPair> lens_pairs =
+      ReadLensPairs(database, known, DrawPairs(likely, known.camera_of, known.open, kMaxLensPairs));
+  ReadPixels(database, lens_pairs);
   std::vector<DistortionPair> pairs;
-  for (Witness& witness : witnesses) pairs.push_back(std::move(witness.pair));
-  std::set<camera_t> held;
+  for (LensPair& lens_pair : lens_pairs) pairs.push_back(std::move(lens_pair.pair));
+  std::set<camera_t> constant;
   for (const auto& [id, camera] : known.cameras) {
-    if (known.open.count(id) == 0) held.insert(id);
+    if (known.open.count(id) == 0) constant.insert(id);
   }
-  const DistortionCalibrationReport report = CalibrateDistortion(known.cameras, held, pairs, run);
+  const DistortionCalibrationReport report =
+      CalibrateDistortion(known.cameras, constant, pairs, run);
   const std::map<camera_t, CalibratedFocal> focals = LearnGuessedFocals(known, report.pairs, run);
   std::map<camera_t, CameraLens> lenses;
   for (const camera_t id : known.open) {

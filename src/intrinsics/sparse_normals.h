@@ -13,7 +13,8 @@ struct SparseNormals {
 
   // The damped step by conjugate gradients, with its elements cut at max_step.
   bool DampedStep(double damping, double max_step, Eigen::VectorXd* step) const;
-  // The variance of one variable, with those nearest to it in the graph free and the others held.
+  // The variance of one variable, with those nearest to it in the graph free and the others
+  // constant.
   double LocalVariance(Eigen::Index v) const;
 };
 

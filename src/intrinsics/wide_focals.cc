@@ -1,4 +1,4 @@
-#include "cairn/intrinsics/wide_focals.h"
+#include "intrinsics/wide_focals.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,16 +8,16 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
-#include "cairn/database/own_matches.h"
-#include "cairn/intrinsics/camera_pairs.h"
-#include "cairn/intrinsics/known_intrinsics.h"
 #include "cairn/two_view/pair_verifier.h"
+#include "database/own_matches.h"
+#include "intrinsics/camera_pairs.h"
+#include "intrinsics/known_intrinsics.h"
 
 namespace cairn {
 namespace {
 
 // Pairs that a camera is judged by, of so many times as many with the most matches: those with the
-// very most are often of neighbours that hardly moved, whose support tells little.
+// very most are often of neighbors that hardly moved, whose support hardly depends on it.
 constexpr int kMaxWidePairs = 16;
 constexpr int kSpread = 4;
 // Factors of the guess, two to a power: fisheye lenses fill frames from a circle in the shorter

@@ -3,9 +3,9 @@
 #include <utility>
 
 #include "cairn/math/median.h"
-#include "cairn/view_graph/duplicate_structure.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "mapper/stages.h"
+#include "view_graph/duplicate_structure.h"
 
 namespace cairn {
 namespace {
@@ -42,7 +42,7 @@ std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& 
                                    const ViewGraph& graph) {
   ModelStage stage(context, "duplicate_structure");
   const std::vector<size_t> edges = EdgesBetweenDuplicates(model, graph, context.run);
-  stage.Add("edges_removed", static_cast<double>(edges.size()));
+  stage.Add("edges_removed", edges.size());
   if (!edges.empty()) {
     stage.Warn("duplicate structure: the model puts similar places on top of each other; " +
                std::to_string(edges.size()) +
@@ -51,8 +51,16 @@ std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& 
   return edges;
 }
 
+// False: there is not enough memory, and the report has the failure.
+bool FitAndRefine(StageContext& context, std::vector<Track> tracks, bool from_averaging,
+                  Reconstruction& model) {
+  if (!FitTracksToMemory(context, model, tracks)) return false;
+  RefineModel(context, tracks, from_averaging, model);
+  return true;
+}
+
 // Registers what was left out and lets the model choose its pairs, until neither brings anything.
-// False: there is not enough memory, and the report's failure says so.
+// False: as above.
 bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
   for (int round = 0; round < options.max_rounds && !context.run.monitor.StopRequested(); ++round) {
@@ -62,9 +70,7 @@ bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
         static_cast<double>(num_gained) < options.min_gain * model.NumObservations()) {
       break;
     }
-    std::vector<Track> tracks = TracksOfGraph(context, graph).tracks;
-    if (!FitTracksToMemory(context, model, tracks)) return false;
-    RefineModel(context, tracks, false, model);
+    if (!FitAndRefine(context, TracksOfGraph(context, graph).tracks, false, model)) return false;
   }
   return true;
 }
@@ -78,13 +84,10 @@ bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
       context.settings.reconstruct.min_gain * model.NumObservations()) {
     return true;
   }
-  std::vector<Track> tracks = TracksOfGraph(context, graph, again.matches).tracks;
-  if (!FitTracksToMemory(context, model, tracks)) return false;
-  RefineModel(context, tracks, false, model);
-  return true;
+  return FitAndRefine(context, TracksOfGraph(context, graph, again.matches).tracks, false, model);
 }
 
-// False: the model is not fit to be written, and the report's failure says why.
+// False: the model is not fit to be written, and the report has the failure.
 bool CheckModel(StageContext& context, std::span<const image_t> component,
                 const RotationHypothesis& rotations, const ModelEvidence& evidence,
                 Reconstruction& model) {
@@ -96,10 +99,10 @@ bool CheckModel(StageContext& context, std::span<const image_t> component,
   }
   stage.Note("from pairs of " + std::to_string(rotations.min_num_inliers) +
              " inliers and more, rotations weighed by " + rotations.weighing);
-  stage.Add("images", static_cast<double>(model.images.size()));
-  stage.Add("images_of_component", static_cast<double>(component.size()));
-  stage.Add("points", static_cast<double>(model.points3D.size()));
-  stage.Add("observations", static_cast<double>(model.NumObservations()));
+  stage.Add("images", model.images.size());
+  stage.Add("images_of_component", component.size());
+  stage.Add("points", model.points3D.size());
+  stage.Add("observations", model.NumObservations());
   stage.Add("mean_track_length", model.MeanTrackLength());
   stage.Add("mean_reprojection_error_px", model.MeanReprojectionErrorPx());
   stage.Add("explained_share", evidence.all.Share());
@@ -109,7 +112,7 @@ bool CheckModel(StageContext& context, std::span<const image_t> component,
   return true;
 }
 
-// From global rotations to the finished model. Without one, the report's failure says why.
+// From global rotations to the finished model. Without one, the report has the failure.
 BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
                      const ViewGraph& graph, const RotationHypothesis& rotations) {
   BuiltModel built{std::nullopt, graph, {}, {}};
@@ -122,8 +125,7 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
     built.model = std::move(model);
     return built;
   }
-  if (!FitTracksToMemory(context, model, initial->tracks)) return built;
-  RefineModel(context, initial->tracks, true, model);
+  if (!FitAndRefine(context, std::move(initial->tracks), true, model)) return built;
   if (!GrowModel(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
   if (!CheckModel(context, component, rotations, built.evidence, model)) return built;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <iterator>
 #include <utility>
 
 #include "cairn/geometry/epipolar.h"
@@ -16,7 +15,7 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMaxMatches = 500;  // of a pair; more make its F no surer than the model is
+constexpr size_t kMaxMatches = 500;  // of a pair; more make its F no more precise than the model is
 
 // Where the pixel would be without distortion.
 std::optional<Eigen::Vector2d> UndistortedPixel(const Camera& camera,
@@ -34,8 +33,8 @@ std::optional<FocalPair> MakePair(const SceneData& scene, const ViewEdge& edge,
     return std::nullopt;
   }
   FocalPair pair;
-  pair.camera_id1 = scene.images.at(edge.image_id1).camera_id;
-  pair.camera_id2 = scene.images.at(edge.image_id2).camera_id;
+  pair.camera_id1 = scene.CameraIdOf(edge.image_id1);
+  pair.camera_id2 = scene.CameraIdOf(edge.image_id2);
   if (geometry.F && geometry.F->allFinite() && geometry.F->norm() > 0) {
     pair.F = *geometry.F;
   } else if (geometry.E || edge.IsActive()) {
@@ -64,8 +63,8 @@ std::vector<FocalPair> CollectPairs(const SceneData& scene, const GeometryReader
   std::vector<FocalPairCount> counts;
   std::vector<const ViewEdge*> edges;
   for (const ViewEdge& edge : scene.edges) {
-    const camera_t camera_id1 = scene.images.at(edge.image_id1).camera_id;
-    const camera_t camera_id2 = scene.images.at(edge.image_id2).camera_id;
+    const camera_t camera_id1 = scene.CameraIdOf(edge.image_id1);
+    const camera_t camera_id2 = scene.CameraIdOf(edge.image_id2);
     if (scene.constant_cameras.count(camera_id1) > 0 &&
         scene.constant_cameras.count(camera_id2) > 0) {
       continue;
@@ -96,7 +95,7 @@ struct LoopErrors {
   std::set<size_t> edges;  // that are in loops
   std::vector<double> before_deg, after_deg;
 
-  // By how many standard deviations more loops close better after than before than chance has it.
+  // By how many standard deviations of chance more loops close better after than worse.
   // Loops share edges: no more of them count than there are edges.
   double Improvement() const {
     double balance = 0;
@@ -126,8 +125,7 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<V
     if (!before[i].IsActive() || !after[i].IsActive()) continue;
     const auto [id1, id2] = std::pair(after[i].image_id1, after[i].image_id2);
     image_graph.push_back({image_node.at(id1), image_node.at(id2)});
-    camera_graph.push_back(
-        {node_of.at(scene.images.at(id1).camera_id), node_of.at(scene.images.at(id2).camera_id)});
+    camera_graph.push_back({node_of.at(scene.CameraIdOf(id1)), node_of.at(scene.CameraIdOf(id2))});
     index.push_back(i);
   }
   const GraphComponents components =
@@ -154,16 +152,18 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<V
   return errors;
 }
 
+bool IsOf(const ViewEdge& edge, const std::set<camera_t>& cameras, const SceneData& scene) {
+  return cameras.count(scene.CameraIdOf(edge.image_id1)) > 0 ||
+         cameras.count(scene.CameraIdOf(edge.image_id2)) > 0;
+}
+
 // The geometries of the edges of these cameras.
 std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
                                                          const SceneData& scene,
                                                          const GeometryReader& read) {
   std::map<image_pair_t, TwoViewGeometry> geometries;
   for (const ViewEdge& edge : scene.edges) {
-    if (cameras.count(scene.images.at(edge.image_id1).camera_id) > 0 ||
-        cameras.count(scene.images.at(edge.image_id2).camera_id) > 0) {
-      geometries[edge.PairId()] = read(edge.PairId());
-    }
+    if (IsOf(edge, cameras, scene)) geometries[edge.PairId()] = read(edge.PairId());
   }
   return geometries;
 }
@@ -179,7 +179,7 @@ std::string Describe(camera_t id, const Camera& camera, const CalibratedFocal& f
   return text;
 }
 
-// Says what became of each camera; returns those that change.
+// Reports what became of each camera; returns those that change.
 std::set<camera_t> Report(const FocalCalibrationReport& report,
                           const std::map<camera_t, Camera>& cameras, Stage& stage) {
   std::set<camera_t> calibrated;
@@ -200,18 +200,24 @@ std::set<camera_t> Report(const FocalCalibrationReport& report,
   return calibrated;
 }
 
+// What calibration replaces.
+struct Replaced {
+  std::map<camera_t, double> focals_px;
+  std::vector<ViewEdge> edges;
+  std::vector<ViewEdge> guessed_edges;  // the same with poses at these focal lengths
+};
+
 // Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
-// by those of `guessed`, of the focal lengths before. Where they close worse, the cameras, and the
-// edges of `before`, are taken back; where loops do not tell, both ways are kept: the model
+// by those of the focal lengths before. Where they close worse, the cameras and their edges are
+// taken back; where loops do not decide, both ways are kept: the model
 // decides.
-void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
-                      const std::vector<ViewEdge>& before, const std::vector<ViewEdge>& guessed,
-                      const std::set<camera_t>& changed, Stage& stage, SceneData& scene) {
+void TakeBackRejected(const Replaced& before, Stage& stage, SceneData& scene) {
   std::set<camera_t> rejected, undecided;
-  for (const LoopErrors& loops : CompareLoops(scene, guessed, scene.edges)) {
+  for (const LoopErrors& loops : CompareLoops(scene, before.guessed_edges, scene.edges)) {
     std::set<camera_t> cameras;
-    std::set_intersection(loops.cameras.begin(), loops.cameras.end(), changed.begin(),
-                          changed.end(), std::inserter(cameras, cameras.end()));
+    for (const camera_t id : loops.cameras) {
+      if (before.focals_px.count(id) > 0) cameras.insert(id);
+    }
     const double improvement = loops.Improvement();
     if (cameras.empty() || improvement >= kDecisive) continue;
     const bool is_rejected = improvement <= -kDecisive;
@@ -225,14 +231,10 @@ void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
         cameras.size(), is_rejected ? "rejected" : "undecided; both are tried");
     stage.Warn(text);
   }
-  const auto is_of = [&](const ViewEdge& edge, const std::set<camera_t>& cameras) {
-    return cameras.count(scene.images.at(edge.image_id1).camera_id) > 0 ||
-           cameras.count(scene.images.at(edge.image_id2).camera_id) > 0;
-  };
   const auto take_back = [&](const std::set<camera_t>& cameras, auto& of_scene, auto& edges) {
-    for (const camera_t id : cameras) of_scene.at(id).SetMeanFocal(focals.at(id).focal_before_px);
-    for (size_t i = 0; i < before.size(); ++i) {
-      if (is_of(before[i], cameras)) edges[i] = before[i];
+    for (const camera_t id : cameras) of_scene.at(id).SetMeanFocal(before.focals_px.at(id));
+    for (size_t i = 0; i < edges.size(); ++i) {
+      if (IsOf(before.edges[i], cameras, scene)) edges[i] = before.edges[i];
     }
   };
   take_back(rejected, scene.cameras, scene.edges);
@@ -240,8 +242,8 @@ void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
     scene.alternative = {scene.cameras, scene.edges};
     take_back(undecided, scene.alternative->cameras, scene.alternative->edges);
   }
-  stage.Add("rejected_by_loops", static_cast<double>(rejected.size()));
-  stage.Add("undecided_by_loops", static_cast<double>(undecided.size()));
+  stage.Add("rejected_by_loops", rejected.size());
+  stage.Add("undecided_by_loops", undecided.size());
 }
 
 }  // namespace
@@ -251,14 +253,15 @@ void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOpti
   const std::vector<FocalPair> pairs = CollectPairs(scene, read, options.max_pairs);
   const FocalCalibrationReport report =
       CalibrateFocals(scene.cameras, scene.constant_cameras, pairs, options, run);
-  stage.Add("pairs_in", static_cast<double>(pairs.size()));
+  stage.Add("pairs_in", pairs.size());
   stage.Add("pairs_used", report.num_pairs);
   stage.Add("pairs_agreeing", report.num_pairs_agreeing);
   const std::set<camera_t> calibrated = Report(report, scene.cameras, stage);
   ImproveRelativePoses(scene.foreign, run, scene);
   if (calibrated.empty()) return;
 
-  const std::vector<ViewEdge> before = scene.edges;
+  Replaced before;
+  before.edges = scene.edges;
   const std::map<image_pair_t, TwoViewGeometry> geometries =
       ReadGeometriesOf(calibrated, scene, read);
   // The stored pose of an uncalibrated pair may be that of other focal lengths than the guessed
@@ -269,12 +272,13 @@ void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOpti
     uncalibrated[pair_id] = geometry;
   }
   ImproveRelativePoses(uncalibrated, run, scene);
-  const std::vector<ViewEdge> guessed = std::exchange(scene.edges, before);
+  before.guessed_edges = std::exchange(scene.edges, before.edges);
   for (const camera_t id : calibrated) {
+    before.focals_px[id] = report.cameras.at(id).focal_before_px;
     scene.cameras.at(id).SetMeanFocal(report.cameras.at(id).focal_px);
   }
   ImproveRelativePoses(geometries, run, scene);
-  TakeBackRejected(report.cameras, before, guessed, calibrated, stage, scene);
+  TakeBackRejected(before, stage, scene);
 }
 
 }  // namespace cairn

@@ -72,7 +72,7 @@ void ColorPoints(StageContext& context, const std::string& image_path, Reconstru
     }
   }
   stage.Add("images_read", static_cast<double>(images.size()) - num_skipped);
-  stage.Add("points_colored", static_cast<double>(sums.size()));
+  stage.Add("points_colored", sums.size());
 }
 
 }  // namespace cairn

@@ -1,6 +1,8 @@
 #include <algorithm>
+#include <cmath>
 
 #include "mapper/stages.h"
+#include "view_graph/symmetry.h"
 
 namespace cairn {
 namespace {
@@ -38,6 +40,61 @@ int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, 
     }
   }
   return num_gained;
+}
+
+std::string Names(const StageContext& context, std::span<const image_t> images) {
+  constexpr size_t kMaxNames = 20;
+  std::string text;
+  for (size_t i = 0; i < std::min(images.size(), kMaxNames); ++i) {
+    text += (i > 0 ? ", " : "") + context.scene.images.at(images[i]).name;
+  }
+  if (images.size() > kMaxNames) {
+    text += " and " + std::to_string(images.size() - kMaxNames) + " more";
+  }
+  return text;
+}
+
+std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction& model,
+                                    const ModelEvidence& evidence, const ViewGraph& graph) {
+  ModelStage stage(context, "judgement");
+  const Symmetry symmetry = FindSymmetry(model, graph);
+  stage.Add("explained_share", evidence.inside.Share());
+  stage.Add("contradicted_pairs", evidence.num_contradicted);
+  stage.Add("symmetric_pairs", symmetry.num_pairs);
+  std::vector<std::string> warnings;
+  const auto warn = [&](const std::string& what, const std::vector<image_t>& images) {
+    warnings.push_back(what + (images.empty() ? "" : ": " + Names(context, images)));
+    stage.Warn(warnings.back());
+  };
+  std::vector<image_t> doubtful;
+  for (const auto& [id, support] : evidence.images) {
+    if (support.IsContradicted()) doubtful.push_back(id);
+  }
+  std::stable_sort(doubtful.begin(), doubtful.end(), [&](image_t a, image_t b) {
+    return evidence.images.at(a).Share() < evidence.images.at(b).Share();
+  });
+  const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
+  if (evidence.inside.IsContradicted()) {
+    warn("it explains only " + percent +
+             " % of the verified matches of its images and is probably wrong; worst",
+         doubtful);
+  } else if (!doubtful.empty()) {
+    warn(std::to_string(doubtful.size()) +
+             " images contradict most of their verified matches and are probably misplaced",
+         doubtful);
+  }
+  if (symmetry.IsFold()) {
+    warn(
+        std::to_string(symmetry.num_pairs) +
+            " pairs that are not in use agree that the scene looks the same when turned by " +
+            std::to_string(std::lround(symmetry.angle_deg)) + " degrees (" +
+            std::to_string(symmetry.num_active) +
+            " pairs agree with the model): equal sides of a building may be shown as one. Give the "
+            "photos of each side to a run of their own, or add photos with more of the "
+            "surroundings. These pairs are of",
+        symmetry.images);
+  }
+  return warnings;
 }
 
 }  // namespace cairn

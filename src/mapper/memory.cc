@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <limits>
 
-#include "cairn/bundle_adjustment/memory_estimate.h"
+#include "bundle_adjustment/memory_estimate.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -64,7 +64,7 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
     return resident + EstimateBundleBytes(options, SizeOf(model, of));
   };
   const int64_t wanted = estimate(tracks);
-  stage.Add("tracks_in", static_cast<double>(tracks.size()));
+  stage.Add("tracks_in", tracks.size());
   stage.Add("resident_gib", BytesToGib(resident));
   stage.Add("estimated_peak_gib", BytesToGib(wanted));
   if (limit < std::numeric_limits<int64_t>::max()) stage.Add("limit_gib", BytesToGib(limit));
@@ -98,7 +98,7 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
     tracks = std::move(fitting);
     stage.Add("reduced_peak_gib", BytesToGib(estimate(tracks)));
   }
-  stage.Add("tracks_out", static_cast<double>(tracks.size()));
+  stage.Add("tracks_out", tracks.size());
   return true;
 }
 

@@ -33,8 +33,8 @@ void ReportAgreement(StageContext& context, const Reconstruction& model) {
     direction_deg.push_back(
         RadToDeg(AngleBetween(pose.translation, edge.cam2_from_cam1.translation)));
   }
-  stage.Add("images", static_cast<double>(model.images.size()));
-  stage.Add("pairs", static_cast<double>(rotation_deg.size()));
+  stage.Add("images", model.images.size());
+  stage.Add("pairs", rotation_deg.size());
   AddDistribution("rotation", std::move(rotation_deg), stage);
   AddDistribution("direction", std::move(direction_deg), stage);
 }

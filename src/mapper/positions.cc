@@ -30,7 +30,7 @@ std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
   if (components.size() > 1) KeepImages(components.front(), graph);
   std::map<image_t, Eigen::Quaterniond> rotations;
   for (const image_t id : components.front()) rotations[id] = cam_from_world.at(id);
-  stage.Add("images_out", static_cast<double>(rotations.size()));
+  stage.Add("images_out", rotations.size());
   return rotations;
 }
 
@@ -43,7 +43,7 @@ std::vector<PointDirections> RaysOfTracks(
     for (const TrackElement& element : tracks[i]) {
       const auto rotation = cam_from_world.find(element.image_id);
       if (rotation == cam_from_world.end()) continue;
-      const Camera& camera = scene.cameras.at(scene.images.at(element.image_id).camera_id);
+      const Camera& camera = scene.CameraOf(element.image_id);
       const auto ray = camera.RayFromImg(scene.pixels.at(element.image_id).at(element.point2D));
       if (!ray) continue;
       point.rays.push_back({element.image_id, rotation->second.conjugate() * *ray});
@@ -74,10 +74,10 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
       RaysOfTracks(context.scene, rotations, tracks, selected);
   const TranslationAveragingReport report =
       AverageTranslations(directions, points, context.settings.translation_averaging, context.run);
-  stage.Add("edges_in", static_cast<double>(directions.size()));
-  stage.Add("tracks_in", static_cast<double>(points.size()));
+  stage.Add("edges_in", directions.size());
+  stage.Add("tracks_in", points.size());
   stage.Add("edges_removed", report.num_filtered);
-  stage.Add("images_out", static_cast<double>(report.centers.size()));
+  stage.Add("images_out", report.centers.size());
   stage.Add("iterations", report.num_iterations);
   stage.Add("median_edge_error_deg", report.median_edge_error_deg);
   stage.Add("median_ray_error_deg", report.median_ray_error_deg);
@@ -131,10 +131,10 @@ std::optional<InitialModel> AverageComponent(
   {
     ModelStage stage(context, "tracks");
     TrackReport report = TracksOfGraph(context, graph);
-    stage.Add("matches_in", static_cast<double>(report.num_matches));
-    stage.Add("conflicting", static_cast<double>(report.num_conflicting));
-    stage.Add("tracks_out", static_cast<double>(report.num_tracks));
-    stage.Add("observations_out", static_cast<double>(report.num_observations));
+    stage.Add("matches_in", report.num_matches);
+    stage.Add("conflicting", report.num_conflicting);
+    stage.Add("tracks_out", report.num_tracks);
+    stage.Add("observations_out", report.num_observations);
     model.tracks = std::move(report.tracks);
   }
   auto poses = AverageComponentTranslations(context, *rotations, model.tracks, graph);

@@ -2,9 +2,8 @@
 #include <cmath>
 
 #include "cairn/base/error.h"
-#include "cairn/database/stage_names.h"
-#include "cairn/intrinsics/known_intrinsics.h"
 #include "cairn/mapper/view_edges.h"
+#include "intrinsics/known_intrinsics.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -35,7 +34,6 @@ void ReadImagesAndKeypoints(const Database& database, const IntrinsicsMap& intri
   for (const Image& image : database.ReadImages()) {
     scene.images[image.image_id] = image;
     const auto skip = [&](const std::string& reason) {
-      scene.bad_images.insert(image.image_id);
       stage.Warn(image.name + ": left out: " + reason);
     };
     const auto unknown = unknown_models.find(image.camera_id);
@@ -97,20 +95,21 @@ void ReadEdges(const Database& database,
       continue;
     }
     TwoViewGeometry geometry = database.ReadTwoViewGeometry(edge.PairId()).value();
-    // What lies over the photographs, or stands still before the camera, says nothing of the scene.
+    // What lies over the photographs, or does not move with the scene, is no evidence of it.
     const bool is_still = geometry.config == TwoViewConfig::kPanoramic && geometry.cam2_from_cam1 &&
                           !HasTurned(geometry.cam2_from_cam1->rotation);
     if (is_still || geometry.config == TwoViewConfig::kWatermark) geometry.inlier_matches.clear();
     scene.matches[edge.PairId()] =
         MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
                      first_keypoint.at(edge.image_id2));
-    scene.poses_imported |= edge.verifier == kImportedVerifier;
-    if (edge.verifier.empty()) scene.foreign[edge.PairId()] = std::move(geometry);
+    if (edge.source == EdgeSource::kOtherProgram)
+      scene.foreign[edge.PairId()] = std::move(geometry);
     scene.edges.push_back(std::move(edge));
   }
+  scene.poses_imported = HasImportedEdges(scene.edges);
 }
 
-// The user's word, or what is known of each camera; warns where the two are at odds.
+// By the user's option, or by what is known of each camera; warns where the two contradict.
 void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
                            const std::optional<bool>& refine_intrinsics, Stage& stage,
                            SceneData& scene) {
@@ -131,7 +130,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
                         const RunContext& run, RunReport& report) {
   SceneData scene;
   {
-    Stage stage(report, run.monitor, "read");
+    RunStage stage(report, run.monitor, "read");
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
     ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);
@@ -144,11 +143,11 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
     scene.poses_alone = scene.poses_imported && num_matches == 0;
     ChooseConstantCameras(intrinsics, settings.refine_intrinsics, stage, scene);
-    stage.Add("cameras", static_cast<double>(scene.cameras.size()));
-    stage.Add("cameras_constant", static_cast<double>(scene.constant_cameras.size()));
-    stage.Add("images", static_cast<double>(scene.pixels.size()));
-    stage.Add("pairs", static_cast<double>(scene.edges.size()));
-    stage.Add("matches", static_cast<double>(num_matches));
+    stage.Add("cameras", scene.cameras.size());
+    stage.Add("cameras_constant", scene.constant_cameras.size());
+    stage.Add("images", scene.pixels.size());
+    stage.Add("pairs", scene.edges.size());
+    stage.Add("matches", num_matches);
     stage.Note("intrinsics of " + std::to_string(scene.constant_cameras.size()) + " of " +
                std::to_string(scene.cameras.size()) +
                " cameras are constant (--refine_intrinsics)");
@@ -168,7 +167,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
   }
   if (!report.Succeeded() || scene.poses_alone) return scene;
   if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
-    Stage stage(report, run.monitor, "focal_calibration");
+    RunStage stage(report, run.monitor, "focal_calibration");
     const GeometryReader read = [&](image_pair_t pair_id) {
       return database.ReadTwoViewGeometry(pair_id).value();
     };

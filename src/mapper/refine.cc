@@ -15,11 +15,11 @@ struct Round {
   bool positions_first = false;  // a stage with fixed rotations and intrinsics before
   bool distortions = true;
   bool principal_points = false;
-  bool weigh = true;  // observations by their precision: errors of rough poses do not show it
+  bool weigh = true;  // observations by their precision, which errors at rough poses do not show
   int max_iterations = 0;
 };
 
-// Gives every keypoint the standard deviation that the errors of its like show.
+// Gives every keypoint the standard deviation of the errors of keypoints like it.
 void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& model) {
   const KeypointNoise noise = EstimateKeypointNoise(model, context.scene.scales);
   stage.Add("noise_floor_px", noise.floor_px);
@@ -52,9 +52,9 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   }
   if (round.weigh) EstimateSigmas(context, stage, model);
   const BundleAdjustmentReport report = AdjustBundle(model, scope, options, context.run);
-  stage.Add("images_in", static_cast<double>(report.num_images));
-  stage.Add("points_in", static_cast<double>(report.num_points));
-  stage.Add("observations_in", static_cast<double>(report.num_observations));
+  stage.Add("images_in", report.num_images);
+  stage.Add("points_in", report.num_points);
+  stage.Add("observations_in", report.num_observations);
   stage.Add("iterations", report.num_iterations);
   stage.Add("initial_rmse", report.initial_rmse);
   stage.Add("final_rmse", report.final_rmse);
@@ -90,22 +90,22 @@ void TriangulateRound(StageContext& context, const Round& round, Reconstruction&
   ModelStage stage(context, "triangulation");
   const TriangulateTracksReport report =
       TriangulateTracks(round.tracks, model, OptionsOf(context, round), context.run);
-  stage.Add("tracks_in", static_cast<double>(report.num_tracks));
-  stage.Add("points_out", static_cast<double>(report.num_points));
-  stage.Add("observations_out", static_cast<double>(report.num_observations));
-  stage.Add("small_angle", static_cast<double>(report.num_small_angle));
-  stage.Add("inconsistent", static_cast<double>(report.num_too_few_views + report.num_ill_posed));
+  stage.Add("tracks_in", report.num_tracks);
+  stage.Add("points_out", report.num_points);
+  stage.Add("observations_out", report.num_observations);
+  stage.Add("small_angle", report.num_small_angle);
+  stage.Add("inconsistent", report.num_too_few_views + report.num_ill_posed);
 }
 
 void FilterRound(StageContext& context, const Round& round, Reconstruction& model) {
   ModelStage stage(context, "filter");
   const FilterReport report = FilterPoints(model, OptionsOf(context, round), context.run);
-  stage.Add("observations_removed", static_cast<double>(report.num_observations_removed));
-  stage.Add("points_removed", static_cast<double>(report.num_points_removed));
-  stage.Add("undecided", static_cast<double>(report.num_undecided));
+  stage.Add("observations_removed", report.num_observations_removed);
+  stage.Add("points_removed", report.num_points_removed);
+  stage.Add("undecided", report.num_undecided);
   stage.Add("images_removed", RemoveWeakImages(context, stage, model));
-  stage.Add("points_out", static_cast<double>(model.points3D.size()));
-  stage.Add("observations_out", static_cast<double>(model.NumObservations()));
+  stage.Add("points_out", model.points3D.size());
+  stage.Add("observations_out", model.NumObservations());
 }
 
 void RunRound(StageContext& context, const Round& round, Reconstruction& model) {

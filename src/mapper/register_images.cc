@@ -103,7 +103,7 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
     AddImage(context, report, id, model);
     ++num_registered;
   }
-  stage.Add("candidates", static_cast<double>(candidates.size()));
+  stage.Add("candidates", candidates.size());
   stage.Add("registered", num_registered);
   return num_registered;
 }

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kWidePx = 8.0;  // a pose from a decomposition is rough
 constexpr double kFinePx = 2.0;
-// Inliers whose rays differ by less than this after the rotation say nothing about the direction.
+// Inliers whose rays differ by less than this after the rotation do not determine the direction.
 constexpr double kMinParallaxPx = 4.0;
 
 // Unit bearings of the matches whose distortion can be undone.
@@ -28,8 +28,8 @@ struct PairRays {
 };
 
 void FillRays(const SceneData& scene, const ViewEdge& edge, PairRays* rays) {
-  const Camera& camera1 = scene.cameras.at(scene.images.at(edge.image_id1).camera_id);
-  const Camera& camera2 = scene.cameras.at(scene.images.at(edge.image_id2).camera_id);
+  const Camera& camera1 = scene.CameraOf(edge.image_id1);
+  const Camera& camera2 = scene.CameraOf(edge.image_id2);
   const std::vector<Eigen::Vector2d>& pixels1 = scene.pixels.at(edge.image_id1);
   const std::vector<Eigen::Vector2d>& pixels2 = scene.pixels.at(edge.image_id2);
   const FeatureMatches& matches = scene.matches.at(edge.PairId());
@@ -47,8 +47,8 @@ void FillRays(const SceneData& scene, const ViewEdge& edge, PairRays* rays) {
 // Poses to start from: what is stored, and what E, F and H decompose to.
 std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
                                 const TwoViewGeometry& geometry) {
-  const Camera& camera1 = scene.cameras.at(scene.images.at(edge.image_id1).camera_id);
-  const Camera& camera2 = scene.cameras.at(scene.images.at(edge.image_id2).camera_id);
+  const Camera& camera1 = scene.CameraOf(edge.image_id1);
+  const Camera& camera2 = scene.CameraOf(edge.image_id2);
   const Eigen::Matrix3d K1 = camera1.CalibrationMatrix(), K2 = camera2.CalibrationMatrix();
   std::vector<Rigid3d> candidates;
   if (edge.IsActive() && edge.HasTranslation()) candidates.push_back(edge.cam2_from_cam1);
@@ -75,19 +75,8 @@ std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
   return candidates;
 }
 
-// The pose that the inliers support best, without translation if they show no parallax; the edge is
-// without one if there is none.
-void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEdge& edge) {
-  PairRays rays;
-  FillRays(scene, edge, &rays);
-  const PointPairs& points = rays.points;
-  std::vector<Rigid3d> candidates = Candidates(scene, edge, geometry);
-  // A rotation that is stored without anything else is all that there is.
-  if (candidates.empty() && edge.IsActive()) return;
-  edge.removal = EdgeRemoval::kNoPose;
-  if (points.size() < 8 || candidates.empty()) return;
-
-  // The best two by soft support are refined, first with a wide scale.
+// The best two by soft support, refined, first with a wide scale: the one with more support.
+Rigid3d RefineBest(const PointPairs& points, const std::vector<Rigid3d>& candidates) {
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < candidates.size(); ++i) {
     order.emplace_back(-SoftScoreSampson(points, EssentialFromPose(candidates[i]), kWidePx), i);
@@ -108,6 +97,22 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
       best = pose;
     }
   }
+  return best;
+}
+
+// The pose that the inliers support best, without translation if they show no parallax; the edge is
+// without one if there is none.
+void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEdge& edge) {
+  PairRays rays;
+  FillRays(scene, edge, &rays);
+  const PointPairs& points = rays.points;
+  std::vector<Rigid3d> candidates = Candidates(scene, edge, geometry);
+  // A rotation that is stored without anything else is all that there is.
+  if (candidates.empty() && edge.IsActive()) return;
+  edge.removal = EdgeRemoval::kNoPose;
+  if (points.size() < 8 || candidates.empty()) return;
+
+  const Rigid3d best = RefineBest(points, candidates);
   std::vector<float> errors(static_cast<size_t>(points.num_blocks()) * PointPairs::kBlock);
   SampsonErrors(points, EssentialFromPose(best), errors.data());
   std::vector<Eigen::Vector3d> inliers1, inliers2;
@@ -119,7 +124,7 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
     inlier_errors.push_back(errors[i]);
   }
   if (inliers1.size() < 8) return;
-  // The epipolar error does not tell the four poses of an essential matrix apart.
+  // The four poses of an essential matrix have equal epipolar errors.
   const CheiralityResult front =
       SelectPoseByCheirality(EssentialFromPose(best), inliers1, inliers2);
   if (2 * front.num_in_front < static_cast<int>(inliers1.size())) return;

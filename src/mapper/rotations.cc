@@ -14,8 +14,8 @@ namespace {
 constexpr double kTurnedDeg = 5.0;
 // Fewer turned images do not make another model: resection puts single images right.
 constexpr double kMinTurnedShare = 0.05;
-// Where pairs with this share of all inliers agree with the rotations, weighed or not, there is
-// nothing that other edges could tell.
+// Where pairs with this share of all inliers agree with the rotations, weighed or not, other sets
+// of edges are not tried.
 constexpr double kClearSupport = 0.75;
 
 std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<double>& weights) {
@@ -65,7 +65,7 @@ bool IsAnother(const RotationHypothesis& a, const RotationHypothesis& b) {
 }
 
 // The largest component of the edges with so many inliers and more: of pairs that are all surer,
-// loops tell others apart than they do among all pairs.
+// loops reject other ones than among all pairs.
 ViewGraph CoreOf(const StageContext& context, ViewGraph graph, int min_num_inliers) {
   for (ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kTripletInconsistent ||
@@ -91,7 +91,7 @@ struct Weighing {
 // Tries ways to average a component's rotations.
 class Averager {
  public:
-  Averager(StageContext& context, Stage& stage, const ViewGraph& component, size_t num_images,
+  Averager(StageContext& context, RunStage& stage, const ViewGraph& component, size_t num_images,
            double min_core_share)
       : context_(context),
         stage_(stage),
@@ -153,7 +153,7 @@ class Averager {
   }
 
   StageContext& context_;
-  Stage& stage_;
+  RunStage& stage_;
   const ViewGraph& component_;
   const double min_images_;
   std::vector<RotationHypothesis> all_;
@@ -186,8 +186,8 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   ViewGraph own = graph;
   KeepImages(component, own);
   stage.Add("edges_in", own.NumActiveEdges());
-  // The variance of a rotation falls with the number of inliers; but a few pairs of very many, all
-  // neighbors, must not have all the say.
+  // The variance of a rotation falls with the number of inliers; but a few pairs with very many,
+  // all neighbors, must not decide alone.
   const std::vector<double> inliers = InliersOf(own);
   std::vector<Weighing> weighings = {{"inliers", inliers, 1}, {"alike", inliers, 0}};
   if (const double power = context.settings.rotation_averaging.weight_power; power != 0) {
@@ -205,10 +205,10 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
     }
   }
   const std::vector<RotationHypothesis> distinct = averager.Distinct();
-  stage.Add("averaged", static_cast<double>(averager.NumTried()));
-  stage.Add("hypotheses_out", static_cast<double>(distinct.size()));
+  stage.Add("averaged", averager.NumTried());
+  stage.Add("hypotheses_out", distinct.size());
   if (!distinct.empty()) {
-    stage.Add("images_out", static_cast<double>(distinct.front().cam_from_world.size()));
+    stage.Add("images_out", distinct.front().cam_from_world.size());
     stage.Add("median_residual_deg", distinct.front().median_residual_deg);
     stage.Add("support", distinct.front().support / distinct.front().possible_support);
   }

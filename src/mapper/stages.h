@@ -8,13 +8,14 @@
 #include <string>
 #include <vector>
 
+#include "bundle_adjustment/keypoint_noise.h"
 #include "cairn/base/run_context.h"
-#include "cairn/bundle_adjustment/keypoint_noise.h"
-#include "cairn/evaluation/model_evidence.h"
 #include "cairn/mapper/reconstruct.h"
-#include "cairn/report/stage.h"
 #include "cairn/scene/view_graph.h"
 #include "cairn/tracks/tracks.h"
+#include "cairn/view_graph/view_graph_builder.h"
+#include "evaluation/model_evidence.h"
+#include "report/stage.h"
 
 namespace cairn {
 
@@ -33,18 +34,19 @@ struct SceneData {
   // several threads at once; empty: there are none at all.
   std::function<FeatureMatches(const ViewEdge&)> raw_matches;
   std::set<camera_t> constant_cameras;  // intrinsics are not refined
-  std::set<image_t> bad_images;         // without a camera or keypoints that can be read
-  // The relative poses are those of a 1DSfM data set, whose inliers nobody counted; without tracks,
-  // they come without a single match, and no point can be had.
+  // The relative poses are those of a 1DSfM data set, without counted inliers; without tracks, it
+  // has no matches either, and the models have no points.
   bool poses_imported = false;
   bool poses_alone = false;
-  // What the focal lengths were before they were calibrated, where the pairs cannot tell which are
-  // right.
+  // The focal lengths before calibration, where the pairs do not decide which are right.
   struct Calibration {
     std::map<camera_t, Camera> cameras;
     std::vector<ViewEdge> edges;
   };
   std::optional<Calibration> alternative;
+
+  camera_t CameraIdOf(image_t id) const { return images.at(id).camera_id; }
+  const Camera& CameraOf(image_t id) const { return cameras.at(CameraIdOf(id)); }
 };
 
 // What every stage needs beside its data. One a run.
@@ -60,10 +62,10 @@ struct StageContext {
 };
 
 // A stage of one model.
-class ModelStage : public Stage {
+class ModelStage : public RunStage {
  public:
   ModelStage(StageContext& context, const std::string& name, int64_t total = 0)
-      : Stage(context.report, context.run.monitor, name, total) {
+      : RunStage(context.report, context.run.monitor, name, total) {
     Add("model", context.model);
   }
 };
@@ -72,10 +74,24 @@ class ModelStage : public Stage {
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
                         const RunContext& run, RunReport& report);
 
+// scene_graph.cc
+ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSettings& settings,
+                                const RunContext& run, RunReport& report);
+
+// components.cc
+struct SceneModels {
+  std::vector<Reconstruction> models;  // the largest first; the report has their warnings
+  double evidence_nats = 0;
+};
+// Models of the graph's components, and of the parts into which they fall.
+SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
+                        ViewGraph& graph);
+
 // calibrate.cc
 using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
-// Gives cameras that are not held the focal lengths that the pairs' fundamental matrices determine,
-// unless loops of rotations then close no better than before, and says what became of each camera.
+// Gives cameras whose intrinsics are not constant the focal lengths that the pairs' fundamental
+// matrices determine, unless loops of rotations then close worse than before, and reports what
+// became of each camera.
 // Improves the poses of the scene's `foreign` edges, and of all whose focal lengths changed.
 void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOptions& options,
                           const RunContext& run, Stage& stage, SceneData& scene);
@@ -87,7 +103,7 @@ void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOpti
 // without any pose end with the reason kNoPose.
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
                           const RunContext& run, SceneData& scene);
-// How sure each edge of the graph is of its rotation: the standard deviation about the least
+// How precise the rotation of each edge of the graph is: the standard deviation about the least
 // determined axis, radians. (Through a long lens, which is nearly affine, two views leave the angle
 // between them open: Koenderink and van Doorn, "Affine structure from motion", 1991.)
 std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph);
@@ -100,10 +116,10 @@ int RefitEdges(const StageContext& context,
                ViewGraph& graph);
 
 // rotations.cc
-// One view of how a component's images are turned.
+// Global rotations of a component, by one choice of edges and weights.
 struct RotationHypothesis {
   int min_num_inliers = 0;  // of the edges it comes from
-  std::string weighing;     // by what they counted
+  std::string weighing;     // of their weights
   std::map<image_t, Eigen::Quaterniond> cam_from_world;
   double median_residual_deg = 0;
   double support = 0;           // inliers of the pairs that agree with it
@@ -112,7 +128,7 @@ struct RotationHypothesis {
 // Global rotations of the component, averaged from all of its edges and from those with more and
 // more inliers while they join more than this share of the images, weighed by inliers, alike, and
 // by their precision. Where these agree there is one hypothesis, else those that differ, the best
-// supported first. Empty: the report's failure says why.
+// supported first. Empty: the report has the failure.
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      std::span<const image_t> component,
                                                      const ViewGraph& graph, double min_core_share);
@@ -123,7 +139,7 @@ struct InitialModel {
   std::vector<Track> tracks;
 };
 // Positions of the images with these rotations, and their tracks. Edges that are dropped get their
-// reason. nullopt: the report's failure says why.
+// reason. nullopt: the report has the failure.
 std::optional<InitialModel> AverageComponent(
     StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
     ViewGraph& graph);
@@ -132,9 +148,9 @@ TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
                           const std::map<image_pair_t, FeatureMatches>& again = {});
 
 // memory.cc
-// Estimates the peak memory of RefineModel with these tracks, and says it. Where it is more than
+// Predicts the peak memory of RefineModel with these tracks. Where it is more than
 // there is (ReconstructOptions::max_memory_gib), takes fewer tracks, long ones first. False: not
-// even the least that a model needs would fit, and the report's failure says so.
+// even the least that a model needs would fit, and the report has the failure.
 bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
                        std::vector<Track>& tracks);
 
@@ -158,18 +174,23 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
 
 // judge.cc
 // The evidence for the model in all verified pairs of the images that are in no other model,
-// whatever became of them in the graph. `pairs` are in the order of graph.edges; those of other
+// in use in the graph or not. `pairs` are in the order of graph.edges; those of other
 // models' images have no matches.
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
                           const ViewGraph& graph);
 // The model decides which pairs between its images are in use: those of which it explains at least
 // half of the matches. Returns how many matches the pairs have that come in.
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
+// Warnings of a model that contradicts its own verified pairs, or parts of it that do.
+std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction& model,
+                                    const ModelEvidence& evidence, const ViewGraph& graph);
+// The names of the images, the first twenty if there are more.
+std::string Names(const StageContext& context, std::span<const image_t> images);
 
 // verify_again.cc
-// Where bundle adjustment has moved the rays of cameras by more than verification allowed for: of
+// Where bundle adjustment has moved the rays of cameras by more than verification's threshold: of
 // pairs in use between their images, all matches that agree with the model's pose, if these are
-// more than there were.
+// more than before.
 struct ReverifiedPairs {
   std::map<image_pair_t, FeatureMatches> matches;
   int64_t num_gained = 0;  // matches
@@ -183,10 +204,10 @@ std::string ReasonToRefuse(const Reconstruction& model);
 
 // build_model.cc
 struct BuiltModel {
-  std::optional<Reconstruction> model;  // absent: the report's failure, or duplicate_edges, say why
+  std::optional<Reconstruction> model;  // absent: see the report's failure, or duplicate_edges
   ViewGraph graph;                      // with what became of the component's edges
   ModelEvidence evidence;
-  std::vector<size_t> duplicate_edges;  // they show two places as one: out with them, and again
+  std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
 };
 // One component of the graph from averaging to the finished model: built from all of its edges,
 // and, while the model leaves much of the verified matches unexplained, from those with more and

@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "cairn/evaluation/model_evidence.h"
 #include "cairn/geometry/rigid3d.h"
+#include "evaluation/model_evidence.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -65,9 +65,9 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
       result.matches[pair_id] = std::move(explained[e - begin]);
     }
   }
-  stage.Add("cameras_moved", static_cast<double>(moved.size()));
-  stage.Add("pairs", static_cast<double>(edges.size()));
-  stage.Add("matches_gained", static_cast<double>(result.num_gained));
+  stage.Add("cameras_moved", moved.size());
+  stage.Add("pairs", edges.size());
+  stage.Add("matches_gained", result.num_gained);
   return result;
 }
 

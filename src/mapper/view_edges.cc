@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <map>
 
-#include "cairn/database/stage_names.h"
 #include "cairn/geometry/epipolar.h"
 #include "cairn/geometry/rigid3d.h"
-#include "cairn/intrinsics/known_intrinsics.h"
 #include "cairn/math/angles.h"
+#include "database/stage_names.h"
+#include "intrinsics/known_intrinsics.h"
 
 namespace cairn {
 namespace {
@@ -113,15 +113,17 @@ std::vector<ViewEdge> ReadViewEdges(const Database& database) {
       edge.triangulation_angle_deg = winner->second.triangulation_angle_deg;
       edge.verifier = winner->second.step;
     }
+    edge.source = winner == winners.end()                        ? EdgeSource::kOtherProgram
+                  : winner->second.verifier == kImportedVerifier ? EdgeSource::kDataset
+                                                                 : EdgeSource::kVerified;
     edges.push_back(std::move(edge));
   }
   return edges;
 }
 
-bool HasImportedEdges(const Database& database) {
-  const std::vector<PairMetrics> metrics = database.ReadPairMetrics();
-  return std::any_of(metrics.begin(), metrics.end(),
-                     [](const PairMetrics& m) { return m.verifier == kImportedVerifier; });
+bool HasImportedEdges(std::span<const ViewEdge> edges) {
+  return std::any_of(edges.begin(), edges.end(),
+                     [](const ViewEdge& edge) { return edge.source == EdgeSource::kDataset; });
 }
 
 bool HasTurned(const Eigen::Quaterniond& cam2_from_cam1) {

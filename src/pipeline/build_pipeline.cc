@@ -3,8 +3,8 @@
 #include <filesystem>
 
 #include "cairn/base/error.h"
-#include "cairn/database/stage_names.h"
-#include "cairn/intrinsics/wide_focals.h"
+#include "database/stage_names.h"
+#include "intrinsics/wide_focals.h"
 #include "pipeline/pairs/choose.h"
 #include "pipeline/stages/import_dataset.h"
 #include "pipeline/stages/recompute.h"

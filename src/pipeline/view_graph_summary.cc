@@ -2,8 +2,8 @@
 #include <cstdio>
 #include <map>
 
-#include "cairn/database/stage_names.h"
 #include "cairn/pipeline/build_pipeline.h"
+#include "database/stage_names.h"
 #include "graph/graph.h"
 
 namespace cairn {

@@ -1,17 +1,9 @@
-#include "cairn/report/stage.h"
+#include "report/stage.h"
 
 namespace cairn {
 
-Stage::Stage(RunReport& report, ProgressMonitor& monitor, const std::string& name, int64_t total)
-    : run_(report), monitor_(monitor) {
+Stage::Stage(ProgressMonitor& monitor, const std::string& name) : monitor_(monitor) {
   report_.name = name;
-  monitor_.BeginStage(name, total);
-}
-
-Stage::~Stage() {
-  report_.seconds = timer_.Seconds();
-  monitor_.EndStage();
-  run_.stages.push_back(std::move(report_));
 }
 
 void Stage::Note(const std::string& message) {
@@ -20,12 +12,31 @@ void Stage::Note(const std::string& message) {
 }
 
 void Stage::Warn(const std::string& message) {
-  report_.messages.push_back(message);
-  if (report_.status == StageStatus::kOk) report_.status = StageStatus::kWarning;
   monitor_.Warning(message);
+  Keep(message);
 }
 
-void Stage::Fail(const std::string& what_was_there, const std::string& what_to_try) {
+void Stage::Keep(const std::string& message) {
+  report_.messages.push_back(message);
+  if (report_.status == StageStatus::kOk) report_.status = StageStatus::kWarning;
+}
+
+StageReport Stage::Finish() {
+  report_.seconds = timer_.Seconds();
+  return std::move(report_);
+}
+
+RunStage::RunStage(RunReport& run, ProgressMonitor& monitor, const std::string& name, int64_t total)
+    : Stage(monitor, name), run_(run) {
+  monitor_.BeginStage(name, total);
+}
+
+RunStage::~RunStage() {
+  monitor_.EndStage();
+  run_.stages.push_back(Finish());
+}
+
+void RunStage::Fail(const std::string& what_was_there, const std::string& what_to_try) {
   report_.status = StageStatus::kFailed;
   run_.failure = report_.name + ": " + what_was_there + "; " + what_to_try;
   report_.messages.push_back(run_.failure);

@@ -22,17 +22,13 @@ LaplacianSolver MakeSolver(const RotationProblem& problem, const std::vector<cha
 
 void FillResiduals(const RotationProblem& problem, double max_error_deg,
                    const Eigen::Matrix3Xd& errors, RotationAveragingReport& report) {
-  double sum_kept = 0;
   for (const int e : problem.edge_of_input) {
     const double residual_deg = RadToDeg(errors.col(e).norm());
     const bool rejected = residual_deg > max_error_deg;
     report.edge_residuals_deg.push_back(residual_deg);
     report.edge_rejected.push_back(rejected);
     report.num_rejected += rejected;
-    if (!rejected) sum_kept += residual_deg;
   }
-  const int num_kept = problem.NumEdges() - report.num_rejected;
-  report.mean_kept_residual_deg = num_kept > 0 ? sum_kept / num_kept : 0;
   report.median_residual_deg = UpperMedian(report.edge_residuals_deg);
 }
 
@@ -72,7 +68,6 @@ RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
          !run.monitor.StopRequested()) {
     const int num_moved = RunConsensusRound(problem, options.sigma_start_deg, tree.cam_from_world);
     ++report.num_consensus_rounds;
-    report.num_consensus_moves += num_moved;
     if (num_moved == 0) break;
   }
   const StageResult irls = RunIrlsStage(problem, options, run, solver, tree.cam_from_world);

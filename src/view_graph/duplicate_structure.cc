@@ -1,4 +1,4 @@
-#include "cairn/view_graph/duplicate_structure.h"
+#include "view_graph/duplicate_structure.h"
 
 #include <algorithm>
 #include <array>
@@ -21,7 +21,7 @@ constexpr size_t kMaxPoints = 400;
 // A point should look the same from the other camera: directions and distances are similar.
 const double kMinCosine = std::cos(DegToRad(25.0));
 constexpr double kMaxDistanceRatio = 1.6;
-// Comparable points that a pair must have to say anything.
+// Comparable points that a pair must have to be judged.
 constexpr double kMinEvidence = 30;
 // A pair contradicts where more of them lie in cells without any match than its matching rate
 // explains, by this many standard deviations.
@@ -76,7 +76,7 @@ View MakeView(const Reconstruction& model, const RegisteredImage& image) {
   return view;
 }
 
-// What two views say about each other: the more comparable points, the more it counts.
+// What two views show of each other: the more comparable points, the more it counts.
 struct Comparison {
   double evidence = 0;
   double conflict = 0;  // share of the evidence, 0 to 1, beyond what is expected
@@ -109,8 +109,8 @@ double ChanceOfNone(double rate, int n) {
 }
 
 // Points of `a` that `b` should see as well, against those that it does, cell by cell. A pair that
-// matches badly misses points everywhere; one of twin places matches in some cells as well as any,
-// and in others, where both have points, not at all.
+// matches badly misses points everywhere; one of two places that look alike matches in some cells
+// as well as any, and in others, where both have points, not at all.
 Comparison CompareInto(const View& a, const View& b) {
   struct Cell {
     int expected = 0, present = 0, common = 0;
@@ -350,7 +350,7 @@ double SplitEvidence(const std::vector<Pair>& pairs, int num_images, int group,
   return static_cast<double>(num_independent) * (mean - 1 - std::log(mean)) - cost;
 }
 
-// Dissolves the groups that nothing speaks for, the least supported first.
+// Dissolves the groups without support, the least supported first.
 void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) {
   for (;;) {
     const UsualConflict usual(pairs, groups);

@@ -1,4 +1,4 @@
-#include "cairn/view_graph/symmetry.h"
+#include "view_graph/symmetry.h"
 
 #include <algorithm>
 #include <set>
@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kMinAngleDeg = 20.0;  // of a symmetry; less is an inexact pose
 constexpr double kMaxSpreadDeg = 4.0;  // of the turns of one symmetry
-constexpr int kMinInliers = 30;        // of a pair that has a say
+constexpr int kMinInliers = 30;        // of a pair that counts
 constexpr size_t kMaxTurns = 3000;     // looked at; every k-th of more
 
 // By how much a pair would turn its second image in the model's frame, as an axis on the upper half

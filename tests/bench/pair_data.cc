@@ -2,10 +2,10 @@
 
 #include <memory>
 
-#include "cairn/database/own_matches.h"
 #include "cairn/depth/depth_network.h"
 #include "cairn/depth/sample_depth.h"
 #include "cairn/image/bitmap.h"
+#include "database/own_matches.h"
 
 namespace cairn::bench {
 

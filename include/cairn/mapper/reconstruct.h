@@ -80,7 +80,7 @@ struct ReconstructSettings {
 };
 
 struct ReconstructResult {
-  // Largest first; empty when report.failure says why.
+  // Largest first; empty where report.failure is not.
   std::vector<Reconstruction> models;
   std::vector<Image> images;  // all images of the database, by id
   ViewGraph graph;            // all verified pairs, with the reasons of those that were taken out

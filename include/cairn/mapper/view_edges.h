@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "cairn/database/database.h"
@@ -15,11 +16,11 @@ namespace cairn {
 // from a 1DSfM data set without keypoints have 0 inliers (see HasImportedEdges). Throws IoError.
 std::vector<ViewEdge> ReadViewEdges(const Database& database);
 
-// The view graph was imported from relative poses: inlier counts say nothing.
-bool HasImportedEdges(const Database& database);
+// Edges of a data set: their numbers of inliers have no meaning.
+bool HasImportedEdges(std::span<const ViewEdge> edges);
 
-// A pair without translation has a say if its camera turned: one that did neither sees what stands
-// still before it, such as a watermark, dust, or the background of a turntable.
+// A pair without translation is used if its camera turned: one that did neither sees what does not
+// move with the scene, such as a watermark, dust, or the background of a turntable.
 bool HasTurned(const Eigen::Quaterniond& cam2_from_cam1);
 
 }  // namespace cairn

@@ -34,7 +34,6 @@ class PreparedDescriptors {
   // Padded by rows of zeros to a multiple of 32 rows.
   const uint8_t* Row(int i) const { return data_.data() + static_cast<size_t>(i) * 128; }
   const std::vector<int32_t>& squared_norms() const { return squared_norms_; }
-  size_t NumBytes() const { return data_.size() + squared_norms_.size() * sizeof(int32_t); }
 
  private:
   int size_ = 0;

@@ -19,8 +19,8 @@ namespace cairn {
 
 // The stages of build_view_graph up to matching. Each reads what it needs from the database, writes
 // what is missing, and can be run again: rows that are there are reused, and a stage that was made
-// with other options or from other inputs is an error (ConfigError) that says what differs. Rows of
-// other programs (COLMAP) are taken as they are. An item that fails (a damaged photograph, a
+// with other options or from other inputs is an error (ConfigError) that names what differs. Rows
+// of other programs (COLMAP) are taken as they are. An item that fails (a damaged photograph, a
 // missing depth map) is recorded, reported by one Warning, and skipped. All return early, keeping
 // what is done, when the monitor wants to stop; then report.WasStopped(). The rows that a stage
 // writes do not depend on run.num_threads, nor on whether it was interrupted.

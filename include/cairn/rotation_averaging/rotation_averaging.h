@@ -79,11 +79,8 @@ struct RotationAveragingReport {
   int num_rejected = 0;
   int num_l1_iterations = 0;
   int num_consensus_rounds = 0;
-  int num_consensus_moves = 0;
   int num_irls_iterations = 0;
-  // Of the edges that were kept / of all.
   double median_residual_deg = 0;
-  double mean_kept_residual_deg = 0;
 };
 
 // Global rotations from relative ones: maximum spanning tree; L1 by ADMM; iteratively reweighted

@@ -25,6 +25,13 @@ enum class EdgeRemoval : int {
 
 std::string_view EdgeRemovalName(EdgeRemoval removal);
 
+// Who determined an edge's pose and inliers.
+enum class EdgeSource : int {
+  kVerified = 0,  // cairn's verification
+  kOtherProgram,  // such as COLMAP: by intrinsics and a threshold that are not known
+  kDataset,       // relative poses of a 1DSfM data set: inliers were not counted
+};
+
 // A verified pair, image_id1 < image_id2.
 struct ViewEdge {
   image_t image_id1 = kInvalidImageId;
@@ -34,6 +41,7 @@ struct ViewEdge {
   double residual_px = 0;              // median Sampson error of the inliers, 0 if unknown
   double triangulation_angle_deg = 0;  // median over the inliers, 0 if unknown
   std::string verifier;                // the one that found the pose, "" if unknown
+  EdgeSource source = EdgeSource::kVerified;
   EdgeRemoval removal = EdgeRemoval::kNone;
 
   bool IsActive() const { return removal == EdgeRemoval::kNone; }

@@ -5,7 +5,7 @@
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/timer.h"
-#include "cairn/database/stage_names.h"
+#include "database/stage_names.h"
 #include "pipeline/pairs/candidates.h"
 #include "pipeline/pairs/photo_facts.h"
 

@@ -1,6 +1,6 @@
 #include "pipeline/pairs/exhaustive.h"
 
-#include "cairn/database/own_matches.h"
+#include "database/own_matches.h"
 
 namespace cairn {
 namespace {

@@ -9,8 +9,8 @@
 
 #include "cairn/base/progress.h"
 #include "cairn/database/database.h"
-#include "cairn/database/own_matches.h"
-#include "cairn/intrinsics/known_intrinsics.h"
+#include "database/own_matches.h"
+#include "intrinsics/known_intrinsics.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/stages/stage_ledger.h"
 

@@ -1,6 +1,6 @@
 #include "pipeline/pairs/write.h"
 
-#include "cairn/database/stage_names.h"
+#include "database/stage_names.h"
 
 namespace cairn {
 

@@ -6,11 +6,10 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/timer.h"
-#include "cairn/database/stage_names.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
+#include "database/stage_names.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -71,7 +70,7 @@ void WriteFeatures(Database& database, const FeatureItem& item, const Features& 
   database.WriteJob(kStageFeatures, {item.image.image_id, item.file_hash, ""});
 }
 
-// The image leaves the database, its photograph's record says why.
+// The image leaves the database, with the reason in its photograph's record.
 void WriteFailure(Database& database, const FeatureItem& item) {
   database.WritePhoto({item.image.name, item.file_hash, item.error});
   if (item.is_ours) database.DeleteImage(item.image.image_id);
@@ -81,9 +80,7 @@ void WriteFailure(Database& database, const FeatureItem& item) {
 
 StageReport ExtractImageFeatures(Database& database, const std::string& image_path,
                                  const FeatureOptions& options, const RunContext& run) {
-  const Timer timer;
-  StageReport report;
-  report.name = kStageFeatures;
+  Stage stage(run.monitor, kStageFeatures);
   StageLedger ledger(database, kStageFeatures, DumpQualified("features", options));
   std::vector<FeatureItem> items;
   if (!image_path.empty()) items = FindItems(database);
@@ -113,25 +110,15 @@ StageReport ExtractImageFeatures(Database& database, const std::string& image_pa
     run.monitor.EndStage();
   }
   for (const FeatureItem& item : items) {
-    if (item.error.empty()) continue;
-    report.messages.push_back(item.image.name + ": " + item.error + "; skipped");
-    run.monitor.Warning(report.messages.back());
+    if (!item.error.empty()) stage.Warn(item.image.name + ": " + item.error + "; skipped");
   }
-  const double num_failed = static_cast<double>(report.messages.size());
-  if (run.monitor.StopRequested()) {
-    report.MarkStopped();
-  } else {
-    ledger.Complete(database);
-    if (num_failed > 0) report.status = StageStatus::kWarning;
-  }
-  report.Add("images", static_cast<double>(database.ReadImages().size()));
-  report.Add("images_with_features", static_cast<double>(database.ReadNumKeypoints().size()));
-  report.Add("computed", static_cast<double>(items.size()) - num_failed);
-  report.Add("skipped", num_failed);
-  report.Add("new_features", static_cast<double>(num_features));
-  report.seconds = timer.Seconds();
-  database.AddTiming(kStageFeatures, 0, "", report.seconds);
-  return report;
+  const auto num_failed = static_cast<double>(stage.NumMessages());
+  stage.Add("images", database.ReadImages().size());
+  stage.Add("images_with_features", database.ReadNumKeypoints().size());
+  stage.Add("computed", static_cast<double>(items.size()) - num_failed);
+  stage.Add("skipped", num_failed);
+  stage.Add("new_features", num_features);
+  return EndStage(stage, run, ledger, database);
 }
 
 }  // namespace cairn

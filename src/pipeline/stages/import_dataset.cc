@@ -7,9 +7,8 @@
 
 #include "base/hash.h"
 #include "cairn/base/error.h"
-#include "cairn/base/timer.h"
-#include "cairn/database/stage_names.h"
 #include "cairn/geometry/epipolar.h"
+#include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
 #include "pipeline/stages/stage_ledger.h"
 
@@ -191,9 +190,7 @@ std::vector<image_pair_t> FindDatasetPairs(const OneDsfmDataset& dataset,
 
 StageReport ImportDataset(Database& database, const OneDsfmDataset& dataset,
                           const CameraOptions& options, const RunContext& run) {
-  const Timer timer;
-  StageReport report;
-  report.name = kStageDataset;
+  Stage stage(run.monitor, kStageDataset);
   CheckCameraOptions(options);
   StageLedger ledger(database, kStageDataset, DumpOptions(options));
   const uint64_t hash = HashDataset(dataset);
@@ -228,12 +225,10 @@ StageReport ImportDataset(Database& database, const OneDsfmDataset& dataset,
     transaction.Commit();
   }
   run.monitor.EndStage();
-  report.Add("images", static_cast<double>(dataset.component.size()));
-  report.Add("edges", static_cast<double>(edges.size()));
-  report.Add("edges_outside_cc", static_cast<double>(dataset.edges.size() - edges.size()));
-  report.seconds = timer.Seconds();
-  database.AddTiming(kStageDataset, 0, "", report.seconds);
-  return report;
+  stage.Add("images", dataset.component.size());
+  stage.Add("edges", edges.size());
+  stage.Add("edges_outside_cc", dataset.edges.size() - edges.size());
+  return EndStage(stage, database);
 }
 
 }  // namespace cairn

@@ -5,11 +5,10 @@
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/timer.h"
-#include "cairn/database/stage_names.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/image/image_folder.h"
 #include "cairn/pipeline/stages.h"
+#include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
 #include "pipeline/stages/stage_ledger.h"
 
@@ -111,7 +110,7 @@ uint64_t CameraInputHash(const Photo& photo) {
 // Sorts out which photos are new; throws ConfigError if one changed that has results.
 std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos,
                              const std::vector<Image>& images, const StageLedger& ledger,
-                             StageReport& report, ProgressMonitor& monitor) {
+                             Stage& stage) {
   std::map<std::string, PhotoRecord> records;
   for (PhotoRecord& record : database.ReadPhotos()) records[record.name] = record;
   std::map<std::string, image_t> image_ids;
@@ -134,9 +133,7 @@ std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos
         continue;
       }
       if (is_same) {
-        const std::string line = photo.name + ": " + record->second.error + "; still skipped";
-        monitor.Warning(line);
-        report.messages.push_back(line);
+        stage.Warn(photo.name + ": " + record->second.error + "; still skipped");
         continue;
       }
     } else if (image != image_ids.end() && num_keypoints.count(image->second) > 0) {
@@ -147,6 +144,13 @@ std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos
   return fresh;
 }
 
+// What the database has.
+struct StoredImages {
+  std::vector<Image> images;
+  std::vector<Camera> cameras;
+  std::vector<UnknownCamera> unknown_cameras;
+};
+
 // New images with their cameras, in the order of the photos.
 struct NewImages {
   std::vector<Image> images;
@@ -155,15 +159,16 @@ struct NewImages {
   bool has_reassigned = false;  // some are old images whose cameras are made anew
 };
 
-NewImages MakeImages(const std::vector<Image>& images, const std::vector<Camera>& cameras,
-                     const std::vector<UnknownCamera>& unknown, const CameraOptions& options,
+NewImages MakeImages(const StoredImages& stored, const CameraOptions& options,
                      const StageLedger& ledger, std::vector<Photo>& photos) {
-  camera_t first_id = FirstFreeCameraId(images, cameras, ledger);
-  for (const UnknownCamera& camera : unknown) first_id = std::max(first_id, camera.camera_id + 1);
-  CameraMaker maker(options, first_id, SharedCamera(images, cameras, ledger));
+  camera_t first_id = FirstFreeCameraId(stored.images, stored.cameras, ledger);
+  for (const UnknownCamera& camera : stored.unknown_cameras) {
+    first_id = std::max(first_id, camera.camera_id + 1);
+  }
+  CameraMaker maker(options, first_id, SharedCamera(stored.images, stored.cameras, ledger));
   std::map<std::string, image_t> known;
-  for (const Image& image : images) known[image.name] = image.image_id;
-  image_t next_id = images.empty() ? 1 : images.back().image_id + 1;
+  for (const Image& image : stored.images) known[image.name] = image.image_id;
+  image_t next_id = stored.images.empty() ? 1 : stored.images.back().image_id + 1;
   NewImages added;
   for (Photo& photo : photos) {
     if (!photo.error.empty()) continue;
@@ -207,46 +212,38 @@ void WriteImages(Database& database, const NewImages& added, const std::vector<P
 StageReport ImportPhotos(Database& database, const PhotoSource& source,
                          const CameraOptions& options, const RunContext& run) {
   const std::string& image_path = source.image_path;
-  const Timer timer;
-  StageReport report;
-  report.name = kStageCameras;
+  Stage stage(run.monitor, kStageCameras);
   CheckCameraOptions(options);
   StageLedger ledger(database, kStageCameras, DumpOptions(options));
-  const std::vector<Image> images = database.ReadImages();
-  const std::vector<Camera> cameras = database.ReadCameras();
+  const StoredImages stored = {database.ReadImages(), database.ReadCameras(),
+                               database.ReadUnknownCameras()};
   std::vector<Photo> photos = ListPhotos(source);
-  if (photos.empty() && images.empty()) {
+  if (photos.empty() && stored.images.empty()) {
     throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
   }
   const size_t num_photos = photos.size();
   run.monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));
   HashPhotos(image_path, run, photos);
   if (!run.monitor.StopRequested()) {
-    photos = SelectNew(database, std::move(photos), images, ledger, report, run.monitor);
+    photos = SelectNew(database, std::move(photos), stored.images, ledger, stage);
     ReadHeaders(image_path, run, photos);
   }
   run.monitor.EndStage();
   if (run.monitor.StopRequested()) {
-    report.MarkStopped();
-    return report;
+    stage.MarkStopped();
+    return stage.Finish();
   }
 
-  const NewImages added =
-      MakeImages(images, cameras, database.ReadUnknownCameras(), options, ledger, photos);
+  const NewImages added = MakeImages(stored, options, ledger, photos);
   if (!photos.empty()) WriteImages(database, added, photos, ledger);
   for (const Photo& photo : photos) {
-    if (photo.error.empty()) continue;
-    report.messages.push_back(photo.name + ": " + photo.error + "; skipped");
-    run.monitor.Warning(report.messages.back());
+    if (!photo.error.empty()) stage.Warn(photo.name + ": " + photo.error + "; skipped");
   }
-  report.Add("photographs", static_cast<double>(num_photos));
-  report.Add("new_images", static_cast<double>(added.images.size()));
-  report.Add("new_cameras", static_cast<double>(added.cameras.size()));
-  report.Add("skipped", static_cast<double>(report.messages.size()));
-  if (!report.messages.empty()) report.status = StageStatus::kWarning;
-  report.seconds = timer.Seconds();
-  database.AddTiming(kStageCameras, 0, "", report.seconds);
-  return report;
+  stage.Add("photographs", num_photos);
+  stage.Add("new_images", added.images.size());
+  stage.Add("new_cameras", added.cameras.size());
+  stage.Add("skipped", stage.NumMessages());
+  return EndStage(stage, database);
 }
 
 }  // namespace cairn

@@ -6,11 +6,10 @@
 #include "base/memory.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/timer.h"
-#include "cairn/database/own_matches.h"
-#include "cairn/database/stage_names.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
+#include "database/own_matches.h"
+#include "database/stage_names.h"
 #include "pipeline/pairs/exhaustive.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/stages/content_hash.h"
@@ -34,14 +33,13 @@ struct MatchingWork {
 // num_descriptors.
 std::map<image_t, uint64_t> HashAllDescriptors(const Database& database,
                                                std::map<image_t, int>& num_descriptors,
-                                               StageReport& report, ProgressMonitor& monitor) {
+                                               Stage& stage) {
   std::map<image_t, uint64_t> hashes;
   for (const auto& [id, num] : num_descriptors) {
     try {
       hashes[id] = HashDescriptors(*database.ReadDescriptors(id));
     } catch (const IoError& error) {
-      report.messages.push_back(std::string(error.what()) + "; the image is not matched");
-      monitor.Warning(report.messages.back());
+      stage.Warn(std::string(error.what()) + "; the image is not matched");
     }
   }
   std::erase_if(num_descriptors, [&](const auto& entry) { return hashes.count(entry.first) == 0; });
@@ -50,11 +48,11 @@ std::map<image_t, uint64_t> HashAllDescriptors(const Database& database,
 
 MatchingWork FindWork(const Database& database,
                       const std::optional<std::vector<image_pair_t>>& chosen,
-                      const StageLedger& ledger, StageReport& report, ProgressMonitor& monitor) {
+                      const StageLedger& ledger, Stage& stage) {
   MatchingWork work;
   work.num_descriptors = database.ReadNumDescriptors();
   const std::map<image_t, int> all_descriptors = work.num_descriptors;
-  const auto hashes = HashAllDescriptors(database, work.num_descriptors, report, monitor);
+  const auto hashes = HashAllDescriptors(database, work.num_descriptors, stage);
   std::map<image_t, std::string> names;
   for (const Image& image : database.ReadImages()) names[image.image_id] = image.name;
   std::vector<image_pair_t> present;
@@ -103,8 +101,6 @@ void BeginStage(Database& database, const MatchingWork& work, StageLedger& ledge
   transaction.Commit();
 }
 
-int64_t MaxBytes(const SchedulerOptions& options) { return GibToBytes(options.max_memory_gib); }
-
 // Matches all pairs of the work; returns the number of matches found.
 int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
                  const MatchingOptions& options, const SchedulerOptions& scheduler,
@@ -112,7 +108,7 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
   std::map<image_t, int64_t> image_bytes;
   for (const auto& [id, num] : work.num_descriptors) image_bytes[id] = num * kBytesPerDescriptor;
   // Half for the present tile; tasks that still hold images of the last one have the rest.
-  const int64_t max_bytes = MaxBytes(scheduler) / 2;
+  const int64_t max_bytes = GibToBytes(scheduler.max_memory_gib) / 2;
   Database reader(database_path, Database::Mode::kReadOnly);
   DatabaseWriter writer(database_path);
   PairFeed feed(
@@ -154,33 +150,21 @@ StageReport MatchImagePairs(Database& database,
                             const std::optional<std::vector<image_pair_t>>& pairs,
                             const MatchingOptions& options, const SchedulerOptions& scheduler,
                             const RunContext& run) {
-  const Timer timer;
-  StageReport report;
-  report.name = kStageMatching;
+  Stage stage(run.monitor, kStageMatching);
   StageLedger ledger(database, kStageMatching, DumpQualified("matching", options));
-  const MatchingWork work = FindWork(database, pairs, ledger, report, run.monitor);
+  const MatchingWork work = FindWork(database, pairs, ledger, stage);
   int64_t num_matches = 0;
   if (!work.pairs.empty()) {
     BeginStage(database, work, ledger);
     num_matches = MatchAll(database.path(), work, options, scheduler, run);
   }
-  if (run.monitor.StopRequested()) {
-    report.MarkStopped();
-  } else {
-    ledger.Complete(database);
-    if (work.num_left_out > 0) {
-      report.messages.push_back("images without features (in no pair): " +
-                                std::to_string(work.num_left_out));
-      run.monitor.Warning(report.messages.back());
-    }
-    if (!report.messages.empty()) report.status = StageStatus::kWarning;
+  if (work.num_left_out > 0) {
+    stage.Warn("images without features (in no pair): " + std::to_string(work.num_left_out));
   }
-  report.Add("pairs", static_cast<double>(database.ReadNumMatches().size()));
-  report.Add("computed", static_cast<double>(work.pairs.size()));
-  report.Add("new_matches", static_cast<double>(num_matches));
-  report.seconds = timer.Seconds();
-  database.AddTiming(kStageMatching, 0, "", report.seconds);
-  return report;
+  stage.Add("pairs", database.ReadNumMatches().size());
+  stage.Add("computed", work.pairs.size());
+  stage.Add("new_matches", num_matches);
+  return EndStage(stage, run, ledger, database);
 }
 
 }  // namespace cairn

@@ -6,7 +6,7 @@
 #include <set>
 
 #include "cairn/base/error.h"
-#include "cairn/database/stage_names.h"
+#include "database/stage_names.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {

@@ -8,13 +8,12 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/timer.h"
-#include "cairn/database/stage_names.h"
 #include "cairn/depth/depth_map.h"
 #include "cairn/depth/depth_network.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
+#include "database/stage_names.h"
 #include "pipeline/stages/content_hash.h"
 #include "pipeline/stages/stage_ledger.h"
 #include "pipeline/stages/stage_options.h"
@@ -27,8 +26,9 @@ namespace fs = std::filesystem;
 struct DepthItem {
   Image image;
   ImageSize size;
-  std::string path;   // of the map, or of the photograph
-  std::string error;  // why the image has no depth
+  std::string path;         // of the map, or of the photograph
+  std::string error;        // why the image has no depth
+  uint64_t input_hash = 0;  // of what its samples are made from
 };
 
 void CheckSource(const Database& database, const std::string& image_path, const DepthSource& source,
@@ -92,53 +92,57 @@ std::vector<DepthItem> ListImagesWithKeypoints(const Database& database,
   return items;
 }
 
-// The items that are to be computed, with the hashes of their inputs.
-struct Work {
-  std::vector<DepthItem> items;
-  std::vector<uint64_t> hashes;
-  std::vector<std::string> damaged;  // rows and files that cannot be read
-};
-
-Work FindWork(const Database& database, std::vector<DepthItem> items, const StageLedger& ledger,
-              uint64_t source_hash) {
+// The items that are to be computed. Rows and files that cannot be read are reported.
+std::vector<DepthItem> FindWork(const Database& database, std::vector<DepthItem> items,
+                                const StageLedger& ledger, uint64_t source_hash, Stage& stage) {
   const std::map<image_t, int> num_samples = database.ReadNumDepthSamples();
-  Work work;
+  std::vector<DepthItem> work;
   for (DepthItem& item : items) {
     const JobRecord* job = ledger.Find(item.image.image_id);
     if (job == nullptr && num_samples.count(item.image.image_id) > 0) continue;  // Given.
-    uint64_t hash = 0;
     try {
-      hash = InputHash(database, item, source_hash);
+      item.input_hash = InputHash(database, item, source_hash);
     } catch (const IoError& error) {  // Keypoints or a map that cannot be read.
-      work.damaged.push_back(error.what());
+      stage.Warn(std::string(error.what()) + "; the image has no depth");
       continue;
     }
-    if (job != nullptr && job->input_hash == hash) continue;
+    if (job != nullptr && job->input_hash == item.input_hash) continue;
     // An image that had no depth may get it; depth that was there must not change.
     if (job != nullptr && job->note.empty()) {
       ledger.ThrowChanged("the depth source or the keypoints of " + item.image.name);
     }
-    work.items.push_back(std::move(item));
-    work.hashes.push_back(hash);
+    work.push_back(std::move(item));
   }
   return work;
 }
 
-// Computes depth maps; the networks belong to a worker each.
-class MapMaker {
+// Computes depth maps and samples them; the networks belong to a worker each.
+class DepthSampler {
  public:
-  MapMaker(const DepthSource& source, const DepthOptions& options, int num_workers)
+  DepthSampler(const DepthSource& source, const DepthOptions& options, int num_workers)
       : source_(source), options_(options), networks_(num_workers) {
     if (!source.depth_model.empty()) Network(0);  // A file that is no network ends the stage here.
   }
 
-  DepthMap Make(int worker, const DepthItem& item) {
-    if (source_.depth_model.empty()) return ReadDepthMap(item.path, options_);
-    const Bitmap bitmap = ReadBitmap(item.path, BitmapColor::kRgb);
-    return Network(worker).Compute(bitmap);
+  // None, with item.error set, where the map cannot be had.
+  std::vector<DepthSample> Sample(int worker, const std::vector<Keypoint>& keypoints,
+                                  DepthItem& item) {
+    if (!item.error.empty()) return {};
+    try {
+      return SampleDepth(Map(worker, item.path), item.size.width, item.size.height, keypoints,
+                         options_.Windows());
+    } catch (const IoError& error) {
+      item.error = error.reason();
+      return {};
+    }
   }
 
  private:
+  DepthMap Map(int worker, const std::string& path) {
+    if (source_.depth_model.empty()) return ReadDepthMap(path, options_);
+    return Network(worker).Compute(ReadBitmap(path, BitmapColor::kRgb));
+  }
+
   DepthNetwork& Network(int worker) {
     if (!networks_[worker]) {
       networks_[worker] = std::make_unique<DepthNetwork>(source_.depth_model, options_);
@@ -151,23 +155,34 @@ class MapMaker {
   std::vector<std::unique_ptr<DepthNetwork>> networks_;
 };
 
-// One item, from its map to rows for the writer.
-void ComputeItem(int worker, DepthItem& item, uint64_t hash, const DepthOptions& options,
-                 const std::vector<Keypoint>& keypoints, MapMaker& maps, DatabaseWriter& writer) {
-  std::vector<DepthSample> samples;
-  if (item.error.empty()) {
-    try {
-      const DepthMap map = maps.Make(worker, item);
-      samples = SampleDepth(map, item.size.width, item.size.height, keypoints, options.Windows());
-    } catch (const IoError& error) {
-      item.error = error.reason();
+void SampleItems(Database& database, const RunContext& run, DepthSampler& sampler,
+                 std::vector<DepthItem>& items) {
+  DatabaseWriter writer(database.path());
+  std::mutex read_mutex;
+  run.monitor.BeginStage("sampling depth", std::ssize(items));
+  const auto compute = [&](int worker, int64_t i) {
+    if (run.monitor.StopRequested()) return;
+    DepthItem& item = items[i];
+    std::vector<Keypoint> keypoints;
+    {
+      const std::lock_guard<std::mutex> lock(read_mutex);
+      keypoints = *database.ReadKeypoints(item.image.image_id);
     }
-  }
-  const bool has_depth = item.error.empty();
-  writer.Push([&item, hash, has_depth, samples = std::move(samples)](Database& db) {
-    if (has_depth) db.WriteDepthSamples(item.image.image_id, samples);
-    db.WriteJob(kStageDepth, {item.image.image_id, hash, item.error});
-  });
+    std::vector<DepthSample> samples = sampler.Sample(worker, keypoints, item);
+    writer.Push([&item, samples = std::move(samples)](Database& db) {
+      if (item.error.empty()) db.WriteDepthSamples(item.image.image_id, samples);
+      db.WriteJob(kStageDepth, {item.image.image_id, item.input_hash, item.error});
+    });
+    run.monitor.Advance(1);
+  };
+  ParallelForWorker(run.num_threads, std::ssize(items), compute);
+  writer.Finish();
+  run.monitor.EndStage();
+}
+
+void AddCounts(const Database& database, size_t num_computed, Stage& stage) {
+  stage.Add("images_with_depth", database.ReadNumDepthSamples().size());
+  stage.Add("computed", num_computed);
 }
 
 }  // namespace
@@ -180,61 +195,30 @@ std::string DepthStageOptions(const DepthSource& source, const DepthOptions& opt
 StageReport SampleImageDepth(Database& database, const std::string& image_path,
                              const DepthSource& source, const DepthOptions& options,
                              const RunContext& run) {
-  const Timer timer;
-  StageReport report;
-  report.name = kStageDepth;
-  const bool has_source = !source.depth_path.empty() || !source.depth_model.empty();
-  Work work;
-  if (has_source) {
-    CheckSource(database, image_path, source, options);
-    StageLedger ledger(database, kStageDepth, DepthStageOptions(source, options));
-    const uint64_t source_hash = source.depth_model.empty() ? 0 : HashFile(source.depth_model);
-    work = FindWork(database, ListImagesWithKeypoints(database, image_path, source), ledger,
-                    source_hash);
-    if (!work.items.empty()) {
-      ledger.Begin(database);
-      DatabaseWriter writer(database.path());
-      const int num_workers = EffectiveNumThreads(run.num_threads);
-      MapMaker maps(source, options, num_workers);
-      std::mutex read_mutex;
-      run.monitor.BeginStage("sampling depth", static_cast<int64_t>(work.items.size()));
-      ParallelForWorker(
-          num_workers, static_cast<int64_t>(work.items.size()), [&](int worker, int64_t i) {
-            if (run.monitor.StopRequested()) return;
-            DepthItem& item = work.items[i];
-            std::vector<Keypoint> keypoints;
-            {
-              const std::lock_guard<std::mutex> lock(read_mutex);
-              keypoints = *database.ReadKeypoints(item.image.image_id);
-            }
-            ComputeItem(worker, item, work.hashes[i], options, keypoints, maps, writer);
-            run.monitor.Advance(1);
-          });
-      writer.Finish();
-      run.monitor.EndStage();
-    }
-    if (!run.monitor.StopRequested()) ledger.Complete(database);
-  } else {
-    report.status = StageStatus::kSkipped;
+  Stage stage(run.monitor, kStageDepth);
+  if (source.depth_path.empty() && source.depth_model.empty()) {
+    stage.MarkSkipped();
+    AddCounts(database, 0, stage);
+    return EndStage(stage, database);
   }
-  for (const DepthItem& item : work.items) {
+  CheckSource(database, image_path, source, options);
+  StageLedger ledger(database, kStageDepth, DepthStageOptions(source, options));
+  const uint64_t source_hash = source.depth_model.empty() ? 0 : HashFile(source.depth_model);
+  std::vector<DepthItem> items = FindWork(
+      database, ListImagesWithKeypoints(database, image_path, source), ledger, source_hash, stage);
+  if (!items.empty()) {
+    ledger.Begin(database);
+    DepthSampler sampler(source, options, EffectiveNumThreads(run.num_threads));
+    SampleItems(database, run, sampler, items);
+  }
+  size_t num_failed = 0;
+  for (const DepthItem& item : items) {
     if (item.error.empty()) continue;
-    report.messages.push_back(item.image.name + ": " + item.error + "; it has no depth");
-    run.monitor.Warning(report.messages.back());
-    report.status = StageStatus::kWarning;
+    stage.Warn(item.image.name + ": " + item.error + "; it has no depth");
+    ++num_failed;
   }
-  for (const std::string& reason : work.damaged) {
-    report.messages.push_back(reason + "; the image has no depth");
-    run.monitor.Warning(report.messages.back());
-    report.status = StageStatus::kWarning;
-  }
-  const size_t num_failed = report.messages.size() - work.damaged.size();
-  if (has_source && run.monitor.StopRequested()) report.MarkStopped();
-  report.Add("images_with_depth", static_cast<double>(database.ReadNumDepthSamples().size()));
-  report.Add("computed", static_cast<double>(work.items.size() - num_failed));
-  report.seconds = timer.Seconds();
-  database.AddTiming(kStageDepth, 0, "", report.seconds);
-  return report;
+  AddCounts(database, items.size() - num_failed, stage);
+  return EndStage(stage, run, ledger, database);
 }
 
 }  // namespace cairn

@@ -6,7 +6,7 @@
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/options.h"
-#include "cairn/database/stage_names.h"
+#include "database/stage_names.h"
 
 namespace cairn {
 namespace {
@@ -93,6 +93,21 @@ void StageLedger::Complete(Database& database) {
     hasher.Add(job.item).Add(job.input_hash).Add(job.note);
   }
   database.WriteStage({stage_, options_, hasher.Digest(), true});
+}
+
+StageReport EndStage(Stage& stage, const RunContext& run, StageLedger& ledger, Database& database) {
+  if (run.monitor.StopRequested()) {
+    stage.MarkStopped();
+  } else {
+    ledger.Complete(database);
+  }
+  return EndStage(stage, database);
+}
+
+StageReport EndStage(Stage& stage, Database& database) {
+  StageReport report = stage.Finish();
+  database.AddTiming(report.name, 0, "", report.seconds);
+  return report;
 }
 
 std::vector<std::string> StageAndDependents(const std::string& stage) {

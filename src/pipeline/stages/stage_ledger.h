@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "cairn/base/options.h"
+#include "cairn/base/run_context.h"
 #include "cairn/database/database.h"
+#include "report/stage.h"
 
 namespace cairn {
 
@@ -33,7 +35,7 @@ class StageLedger {
   // The item's record, or nullptr.
   const JobRecord* Find(uint64_t item) const;
   // True if the item is done from the same inputs, false if it is not done. Throws ConfigError if
-  // it was done from others; `what` says what differs ("the photograph a.jpg").
+  // it was done from others; `what` is what differs ("the photograph a.jpg").
   bool IsDone(uint64_t item, uint64_t input_hash, const std::string& what) const;
   // The item's record is gone from the database.
   void Forget(uint64_t item) { jobs_.erase(item); }
@@ -51,6 +53,11 @@ class StageLedger {
   bool was_begun_ = false;
   std::unordered_map<uint64_t, JobRecord> jobs_;
 };
+
+// Ends a stage: complete, or, where the user asked to stop, to be continued by a later run.
+StageReport EndStage(Stage& stage, const RunContext& run, StageLedger& ledger, Database& database);
+// Ends a stage whose ledger is written already, or that has none. Its time goes to the database.
+StageReport EndStage(Stage& stage, Database& database);
 
 // The stage, and those whose results follow from its own.
 std::vector<std::string> StageAndDependents(const std::string& stage);

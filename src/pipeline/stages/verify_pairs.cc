@@ -10,10 +10,10 @@
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
-#include "cairn/database/stage_names.h"
-#include "cairn/intrinsics/focal_learning.h"
-#include "cairn/intrinsics/lens_learning.h"
 #include "database/database_writer.h"
+#include "database/stage_names.h"
+#include "intrinsics/focal_learning.h"
+#include "intrinsics/lens_learning.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/pairs/load.h"
 #include "pipeline/pairs/rounds.h"
@@ -153,11 +153,13 @@ struct Verification {
 // The rounds of a run: what they share, and what they leave behind.
 class Rounds {
  public:
-  Rounds(const Verification& verification, StageLedger& ledger, VerificationReport& report)
+  Rounds(const Verification& verification, StageLedger& ledger, Stage& stage,
+         VerificationReport& report)
       : database_(verification.database),
         verifiers_(verification.verifiers),
         run_(verification.run),
         ledger_(ledger),
+        stage_(stage),
         report_(report),
         counter_(&report.counts),
         // Half for the present tile; tasks that still hold images of the last one have the rest.
@@ -184,8 +186,7 @@ class Rounds {
     to_weigh_.clear();
     if (!run_.monitor.StopRequested()) RunAgain(first, RejectFocals());
     if (!run_.monitor.StopRequested()) RunRound(second, false);
-    report_.stage.messages.insert(report_.stage.messages.end(), loader_.messages().begin(),
-                                  loader_.messages().end());
+    for (const std::string& message : loader_.messages()) stage_.Keep(message);
     report_.reading_seconds = loader_.busy_seconds();
   }
 
@@ -239,7 +240,7 @@ class Rounds {
     if (!again.empty()) RunRound(again, true);
   }
 
-  // Learns distortion and focal lengths that nothing tells; returns the pairs to be verified again.
+  // Learns unknown distortions and focal lengths; returns the pairs to be verified again.
   std::vector<image_pair_t> LearnLens(const std::vector<image_pair_t>& likely) {
     const Timer timer;
     const LearnedLenses learned = LearnLenses(database_, likely, run_);
@@ -255,9 +256,8 @@ class Rounds {
     const Timer timer;
     const LearnedFocals learned = LearnFocals(database_);
     for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
-    for (std::string& text : RejectedFocalTexts(database_, learned.rejected)) {
-      run_.monitor.Warning(text);
-      report_.stage.messages.push_back(std::move(text));
+    for (const std::string& text : RejectedFocalTexts(database_, learned.rejected)) {
+      stage_.Warn(text);
     }
     report_.num_rejected_focals = static_cast<int>(learned.rejected.size());
     report_.learning_seconds += timer.Seconds();
@@ -268,6 +268,7 @@ class Rounds {
   const std::vector<NamedVerifier>& verifiers_;
   const RunContext& run_;
   StageLedger& ledger_;
+  Stage& stage_;
   VerificationReport& report_;
   OutcomeCounter counter_;
   const int64_t max_bytes_;
@@ -276,17 +277,16 @@ class Rounds {
   std::vector<image_pair_t> to_weigh_;
 };
 
-void FillStageReport(VerificationReport& report) {
+void AddValues(const VerificationReport& report, Stage& stage) {
   const VerificationCounts& counts = report.counts;
-  StageReport& stage = report.stage;
-  stage.Add("pairs", static_cast<double>(counts.num_pairs));
-  stage.Add("tried", static_cast<double>(counts.num_tried));
-  stage.Add("verified", static_cast<double>(counts.num_verified));
+  stage.Add("pairs", counts.num_pairs);
+  stage.Add("tried", counts.num_tried);
+  stage.Add("verified", counts.num_verified);
   for (const auto& [verifier, num] : counts.verified_by) {
-    stage.Add("verified_by_" + verifier, static_cast<double>(num));
+    stage.Add("verified_by_" + verifier, num);
   }
   for (const auto& [reason, num] : counts.rejected_by) {
-    stage.Add("rejected_" + reason, static_cast<double>(num));
+    stage.Add("rejected_" + reason, num);
   }
   stage.Add("learned_lenses", report.num_learned_lenses);
   stage.Add("rejected_focals", report.num_rejected_focals);
@@ -302,9 +302,8 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
                                const VerificationInput& input, const SchedulerOptions& scheduler,
                                const RunContext& run) {
   CAIRN_CHECK(!verifiers.empty());
-  const Timer timer;
+  Stage stage(run.monitor, kStageVerification);
   VerificationReport report;
-  report.stage.name = kStageVerification;
   const std::optional<StageRecord> record = database.ReadStage(kStageVerification);
   StageLedger ledger(database, kStageVerification, input.options);
   const auto num_matches = database.ReadNumMatches();
@@ -318,19 +317,12 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
     run.monitor.BeginStage("verifying pairs", num_new);
     // What is complete stays as it is.
     const bool may_learn = num_new > 0 || (record && !record->is_complete);
-    Rounds({database, verifiers, input, scheduler, run}, ledger, report)
+    Rounds({database, verifiers, input, scheduler, run}, ledger, stage, report)
         .Run(pairs, num_matches, may_learn);
     run.monitor.EndStage();
   }
-  if (run.monitor.StopRequested()) {
-    report.stage.MarkStopped();
-  } else {
-    ledger.Complete(database);
-    if (!report.stage.messages.empty()) report.stage.status = StageStatus::kWarning;
-  }
-  FillStageReport(report);
-  report.stage.seconds = timer.Seconds();
-  database.AddTiming(kStageVerification, 0, "", report.stage.seconds);
+  AddValues(report, stage);
+  report.stage = EndStage(stage, run, ledger, database);
   return report;
 }
 

@@ -74,7 +74,8 @@ class OneDsfmExport : public ::testing::Test {
   std::string Photos() const { return folder_ / "photos"; }
   std::string Output() const { return folder_ / "set"; }
   OneDsfmExportReport Export() {
-    return ExportOneDsfm(model_, database_, Photos(), Output(), 2, monitor_);
+    return ExportOneDsfm(model_, database_, Photos(), Output(),
+                         {.num_threads = 2, .monitor = monitor_});
   }
 
   TempFolder folder_;

@@ -1,4 +1,4 @@
-#include "cairn/bundle_adjustment/memory_estimate.h"
+#include "bundle_adjustment/memory_estimate.h"
 
 #include <gtest/gtest.h>
 #include <malloc.h>

@@ -1,8 +1,8 @@
-#include "cairn/database/own_matches.h"
+#include "database/own_matches.h"
 
 #include <gtest/gtest.h>
 
-#include "cairn/database/stage_names.h"
+#include "database/stage_names.h"
 
 namespace cairn {
 namespace {

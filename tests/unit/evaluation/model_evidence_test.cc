@@ -1,4 +1,4 @@
-#include "cairn/evaluation/model_evidence.h"
+#include "evaluation/model_evidence.h"
 
 #include <gtest/gtest.h>
 

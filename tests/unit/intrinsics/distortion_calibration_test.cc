@@ -1,4 +1,4 @@
-#include "cairn/intrinsics/distortion_calibration.h"
+#include "intrinsics/distortion_calibration.h"
 
 #include <gtest/gtest.h>
 

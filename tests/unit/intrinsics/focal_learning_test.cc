@@ -1,14 +1,11 @@
 // Trusted focal lengths that the pairs of their cameras contradict.
-#include "cairn/intrinsics/focal_learning.h"
+#include "intrinsics/focal_learning.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/pipeline/verify_pairs.h"
 #include "cairn/synthetic/scene.h"
-#include "support/database_dump.h"
-#include "support/temp_folder.h"
-#include "support/test_monitor.h"
+#include "unit/intrinsics/learning_fixture.h"
 
 namespace cairn {
 namespace {
@@ -28,23 +25,23 @@ std::vector<CameraPairEvidence> AllPairs(camera_t n, const std::set<camera_t>& w
   return pairs;
 }
 
-std::set<camera_t> Refuted(const std::vector<CameraPairEvidence>& pairs) {
+std::set<camera_t> Rejected(const std::vector<CameraPairEvidence>& pairs) {
   return RejectedCameras(JudgeFocals(pairs));
 }
 
 TEST(JudgeFocals, RejectsTheCamerasThatMostOfTheirPairsContradict) {
-  EXPECT_EQ(Refuted(AllPairs(8, {})), (std::set<camera_t>{}));
-  EXPECT_EQ(Refuted(AllPairs(8, {5})), (std::set<camera_t>{5}));
-  EXPECT_EQ(Refuted(AllPairs(9, {2, 5, 7})), (std::set<camera_t>{2, 5, 7}));
+  EXPECT_EQ(Rejected(AllPairs(8, {})), (std::set<camera_t>{}));
+  EXPECT_EQ(Rejected(AllPairs(8, {5})), (std::set<camera_t>{5}));
+  EXPECT_EQ(Rejected(AllPairs(9, {2, 5, 7})), (std::set<camera_t>{2, 5, 7}));
   // Odd pairs are no wrong focal lengths.
   auto pairs = AllPairs(8, {});
   for (size_t i = 0; i < pairs.size(); i += 5) pairs[i].is_contradicting = true;
-  EXPECT_EQ(Refuted(pairs), (std::set<camera_t>{}));
+  EXPECT_EQ(Rejected(pairs), (std::set<camera_t>{}));
 }
 
 TEST(JudgeFocals, FindsAllCamerasWhereAllAreWrong) {
-  EXPECT_EQ(Refuted(AllPairs(5, {1, 2, 3, 4, 5})), (std::set<camera_t>{1, 2, 3, 4, 5}));
-  EXPECT_EQ(Refuted(std::vector<CameraPairEvidence>(4, {7, 7, true})), (std::set<camera_t>{7}));
+  EXPECT_EQ(Rejected(AllPairs(5, {1, 2, 3, 4, 5})), (std::set<camera_t>{1, 2, 3, 4, 5}));
+  EXPECT_EQ(Rejected(std::vector<CameraPairEvidence>(4, {7, 7, true})), (std::set<camera_t>{7}));
 }
 
 // Half of the drawn pairs of the common camera are with one of the wrong ones.
@@ -56,7 +53,7 @@ TEST(JudgeFocals, ACommonCameraIsNotAccusedForThoseThatAreWrong) {
       if (i < 3) pairs.push_back({1, 1, false});
     }
   }
-  EXPECT_EQ(Refuted(pairs), (std::set<camera_t>{2, 3, 4, 5}));
+  EXPECT_EQ(Rejected(pairs), (std::set<camera_t>{2, 3, 4, 5}));
 }
 
 TEST(JudgeFocals, TwoPairsSayNothing) {
@@ -76,10 +73,8 @@ TEST(JudgeFocals, AClearlySmallerShareContradicts) {
 constexpr image_t kWrongImage = 4;
 constexpr int kNumImages = 9;
 
-class FocalLearningTest : public ::testing::Test {
+class FocalLearningTest : public LearningTest {
  protected:
-  std::string Path(const std::string& name) const { return folder_ / name; }
-
   // Every image has a camera of its own; the focal length of one is `factor` times the true one.
   std::string MakeDatabase(const std::string& name, double factor) const {
     SceneOptions options;
@@ -89,7 +84,8 @@ class FocalLearningTest : public ::testing::Test {
     options.image_noise_px = 0.3;
     options.outlier_ratio = 0.2;
     SyntheticScene scene = MakeScene(options, 3);
-    Database database(Path(name));
+    const std::string path = folder_ / name;
+    Database database(path);
     WriteScene(scene, SceneContent::kMatches, database);
     Database::Transaction transaction(database);
     for (Image image : scene.images) {
@@ -102,19 +98,8 @@ class FocalLearningTest : public ::testing::Test {
       database.WriteImage(image);
     }
     transaction.Commit();
-    return Path(name);
+    return path;
   }
-
-  static VerificationReport Verify(const std::string& path, int num_threads = 2,
-                                   ProgressMonitor& monitor = NullMonitor()) {
-    Database database(path);
-    VerificationInput input;
-    input.options = "a = 1\n";
-    return VerifyPairs(database, MakeVerifiers("fast", {}), input, {},
-                       {.num_threads = num_threads, .monitor = monitor});
-  }
-
-  testing::TempFolder folder_;
 };
 
 TEST_F(FocalLearningTest, RightFocalLengthsStayTrusted) {
@@ -159,24 +144,10 @@ TEST_F(FocalLearningTest, AWrongOneIsNamedAndItsPairsGetFundamentalMatrices) {
 }
 
 TEST_F(FocalLearningTest, RowsDoNotDependOnThreadsOrInterruptions) {
-  const std::string whole = MakeDatabase("1.db", 0.5);
-  Verify(whole, 1);
-  const std::string dump = DumpDatabase(whole);
-  EXPECT_NE(dump.find("\ncairn_camera_focals: 104 1 "), std::string::npos);
-  const std::string threads = MakeDatabase("8.db", 0.5);
-  Verify(threads, 8);
-  EXPECT_TRUE(DumpDatabase(threads) == dump);
-  const std::string parts = MakeDatabase("parts.db", 0.5);
-  int num_runs = 0, num_refuted = 0;
-  for (; num_runs < 40; ++num_runs) {
-    TestMonitor monitor(3);
-    const VerificationReport report = Verify(parts, 2, monitor);
-    num_refuted += report.num_rejected_focals;
-    if (!report.stage.WasStopped()) break;
-  }
-  EXPECT_GT(num_runs, 4);
-  EXPECT_EQ(num_refuted, 1);
-  EXPECT_TRUE(DumpDatabase(parts) == dump);
+  const std::string rows =
+      ExpectEqualRows([&](const std::string& name) { return MakeDatabase(name, 0.5); },
+                      &VerificationReport::num_rejected_focals, 1);
+  EXPECT_NE(rows.find("\ncairn_camera_focals: 104 1 "), std::string::npos);
 }
 
 TEST_F(FocalLearningTest, OnlyTrustedCamerasOfWhichNothingIsKnownAreWeighed) {

@@ -1,4 +1,4 @@
-#include "cairn/intrinsics/known_intrinsics.h"
+#include "intrinsics/known_intrinsics.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Distortion and focal lengths that the likely pairs teach.
-#include "cairn/intrinsics/lens_learning.h"
+#include "intrinsics/lens_learning.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,12 +7,9 @@
 #include <cmath>
 #include <utility>
 
-#include "cairn/intrinsics/known_intrinsics.h"
-#include "cairn/pipeline/verify_pairs.h"
 #include "cairn/synthetic/scene.h"
-#include "support/database_dump.h"
-#include "support/temp_folder.h"
-#include "support/test_monitor.h"
+#include "intrinsics/known_intrinsics.h"
+#include "unit/intrinsics/learning_fixture.h"
 
 namespace cairn {
 namespace {
@@ -25,7 +22,7 @@ struct LensCase {
   bool own_cameras = false;                  // one an image, 100 + its id
 };
 
-class LensLearningTest : public ::testing::Test {
+class LensLearningTest : public LearningTest {
  protected:
   // Two cameras with the same distortion, of which the database says nothing.
   std::string MakeDatabase(const std::string& name, const LensCase& lens) const {
@@ -63,15 +60,6 @@ class LensLearningTest : public ::testing::Test {
     return path;
   }
 
-  static VerificationReport Verify(const std::string& path, int num_threads = 2,
-                                   ProgressMonitor& monitor = NullMonitor()) {
-    Database database(path);
-    VerificationInput input;
-    input.options = "a = 1\n";
-    return VerifyPairs(database, MakeVerifiers("fast", {}), input, {},
-                       {.num_threads = num_threads, .monitor = monitor});
-  }
-
   static std::map<TwoViewConfig, int> Configs(const std::string& path) {
     const Database database(path);
     std::map<TwoViewConfig, int> configs;
@@ -87,7 +75,6 @@ class LensLearningTest : public ::testing::Test {
     return sum;
   }
 
-  testing::TempFolder folder_;
   mutable std::map<camera_t, double> true_focals_;
 };
 
@@ -190,23 +177,8 @@ TEST_F(LensLearningTest, RowsDoNotDependOnThreadsOrInterruptions) {
                            .has_prior = has_prior,
                            .wrong_camera = has_prior ? 2 : kInvalidCameraId};
     const std::string name = has_prior ? "exif" : "guess";
-    const std::string whole = MakeDatabase(name + "1.db", lens);
-    Verify(whole, 1);
-    const std::string dump = DumpDatabase(whole);
-    const std::string threads = MakeDatabase(name + "8.db", lens);
-    Verify(threads, 8);
-    EXPECT_TRUE(DumpDatabase(threads) == dump);
-    const std::string parts = MakeDatabase(name + "parts.db", lens);
-    int num_runs = 0, num_learned = 0;
-    for (; num_runs < 60; ++num_runs) {
-      TestMonitor monitor(3);
-      const VerificationReport report = Verify(parts, 2, monitor);
-      num_learned += report.num_learned_lenses;
-      if (!report.stage.WasStopped()) break;
-    }
-    EXPECT_GT(num_runs, 4);
-    EXPECT_EQ(num_learned, 2);
-    EXPECT_TRUE(DumpDatabase(parts) == dump);
+    ExpectEqualRows([&](const std::string& part) { return MakeDatabase(name + part, lens); },
+                    &VerificationReport::num_learned_lenses, 2);
   }
 }
 

@@ -2,17 +2,13 @@
 
 #include <gmock/gmock.h>
 
-#include <filesystem>
 #include <set>
 
 #include "cairn/base/error.h"
-#include "cairn/base/file.h"
 #include "cairn/base/rng.h"
-#include "cairn/database/stage_names.h"
-#include "cairn/image/bitmap.h"
-#include "cairn/io/colmap_model.h"
 #include "cairn/synthetic/poses.h"
 #include "cairn/synthetic/scene.h"
+#include "database/stage_names.h"
 #include "mapper/stages.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/test_monitor.h"
@@ -156,7 +152,7 @@ TEST(Reconstruct, TwoPlacesGiveTwoModels) {
 }
 
 // Two places whose facades are the same; images of one show none of what surrounds the other.
-TEST(Reconstruct, TellsTwinPlacesApart) {
+TEST(Reconstruct, SeparatesDuplicateStructure) {
   SceneOptions options;
   options.layout = CameraLayout::kArc;
   options.num_images = 12;
@@ -196,8 +192,9 @@ TEST(Reconstruct, TellsTwinPlacesApart) {
   EXPECT_EQ(Reconstruct(MakeDatabase(MakeScene(options, 4))).models.size(), 1u);
 }
 
-// Where images share few of the many points that they could, misses are no sign of twins.
-TEST(Reconstruct, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
+// Where images share few of the many points that they could, misses are no sign of duplicate
+// structure.
+TEST(Reconstruct, OnePlaceWithFewRepeatedPointsIsKeptWhole) {
   SceneOptions options;
   options.layout = CameraLayout::kLandmark;
   options.num_images = 40;
@@ -206,9 +203,9 @@ TEST(Reconstruct, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
   options.salience = 0.7;
   options.image_noise_px = 0.5;
   const ReconstructResult result = Reconstruct(MakeDatabase(MakeScene(options, 1)));
-  const StageReport* twins = FindStage(result.report, "duplicate_structure");
-  ASSERT_NE(twins, nullptr);
-  EXPECT_EQ(Value(*twins, "edges_removed"), 0);
+  const StageReport* duplicates = FindStage(result.report, "duplicate_structure");
+  ASSERT_NE(duplicates, nullptr);
+  EXPECT_EQ(Value(*duplicates, "edges_removed"), 0);
 }
 
 // Calls the pairs of the last image panoramic, and changes their pose.
@@ -432,92 +429,6 @@ TEST(ReasonToRefuse, KnowsCollapsedModels) {
   Reconstruction poor = scene.truth;
   while (poor.points3D.size() > 10) poor.RemovePoint3D(poor.points3D.begin()->first);
   EXPECT_THAT(ReasonToRefuse(poor), HasSubstr("only 10 points"));
-}
-
-class OutputTest : public ::testing::Test {
- protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("cairn_reconstruct_" + std::to_string(::getpid()));
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_ / "images");
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  std::filesystem::path folder_;
-};
-
-TEST_F(OutputTest, WritesAndReplacesAllFiles) {
-  const SyntheticScene scene = MakeScene(SmallScene(), 10);
-  ReconstructResult result = Reconstruct(MakeDatabase(scene));
-  result.models.push_back(result.models.front());
-  const std::string output = (folder_ / "new" / "out").string();
-  WriteReconstructResult(result, output, "# options\n");
-  for (const char* name :
-       {"sparse/0/cameras.bin", "sparse/1/points3D.bin", "bundle.out", "list.txt", "points.ply",
-        "confidence.csv", "view_graph.json", "view_graph.dot", "report.json", "effective.toml"}) {
-    EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(output) / name)) << name;
-  }
-  const std::string confidence = ReadFile(output + "/confidence.csv");
-  EXPECT_EQ(std::count(confidence.begin(), confidence.end(), '\n'), 21);
-  EXPECT_THAT(confidence, HasSubstr(scene.images[9].name + ",1,6,"));
-  const Reconstruction read = ReadColmapModel(output + "/sparse/0");
-  EXPECT_EQ(read.images.size(), result.models[0].images.size());
-  EXPECT_EQ(read.points3D.size(), result.models[0].points3D.size());
-
-  result.models.pop_back();
-  WriteReconstructResult(result, output, "# options\n");
-  EXPECT_FALSE(std::filesystem::exists(output + "/sparse/1"));
-
-  // A failure leaves the older model alone and says so in the report.
-  result.models.clear();
-  result.report.failure = "stage: reason; advice";
-  WriteReconstructResult(result, output, "# options\n");
-  EXPECT_TRUE(std::filesystem::exists(output + "/sparse/0/images.bin"));
-  EXPECT_THAT(ReadFile(output + "/report.json"), HasSubstr("stage: reason; advice"));
-}
-
-TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
-  const std::string output = folder_.string();
-  EXPECT_NO_THROW(CheckReconstructOutput(output + "/absent"));
-  EXPECT_NO_THROW(CheckReconstructOutput(output));  // photographs alone
-  std::filesystem::create_directories(folder_ / "sparse");
-  EXPECT_NO_THROW(CheckReconstructOutput(output));
-  std::filesystem::create_directories(folder_ / "sparse/0");
-  WriteFileAtomically(output + "/effective.toml", "# build_view_graph, cairn 0.1.0\n");
-  try {
-    CheckReconstructOutput(output);
-    ADD_FAILURE() << "not refused";
-  } catch (const ConfigError& error) {
-    EXPECT_THAT(error.what(), HasSubstr(output + "/sparse was not written by cairn"));
-    EXPECT_THAT(error.what(), HasSubstr("--overwrite"));
-  }
-  WriteFileAtomically(output + "/effective.toml", "# global_sfm reconstruct, cairn 0.1.0\n");
-  EXPECT_NO_THROW(CheckReconstructOutput(output));
-}
-
-TEST_F(OutputTest, ColorsComeFromThePhotographs) {
-  SyntheticScene scene = MakeScene(SmallScene(), 11);
-  for (const Image& image : scene.images) {
-    if (image.image_id == 3) continue;  // one photograph is missing
-    const Camera& camera = scene.cameras.at(image.camera_id);
-    Bitmap bitmap{camera.width, camera.height, 3, {}};
-    for (int i = 0; i < camera.width * camera.height; ++i) {
-      bitmap.data.insert(bitmap.data.end(), {10, 200, 30});
-    }
-    const std::string path = (folder_ / "images" / image.name).string();
-    WriteBitmap(path, bitmap, 100);
-  }
-  const ReconstructResult result =
-      Reconstruct(MakeDatabase(scene), (folder_ / "images").string(), {}, kOneThread);
-  ASSERT_TRUE(result.report.Succeeded());
-  for (const auto& [id, point] : result.models[0].points3D) {
-    EXPECT_NEAR(point.color[0], 10, 6);
-    EXPECT_NEAR(point.color[1], 200, 6);
-  }
-  const StageReport* stage = FindStage(result.report, "colors");
-  ASSERT_NE(stage, nullptr);
-  EXPECT_EQ(Value(*stage, "images_read"), 9);
-  EXPECT_EQ(stage->status, StageStatus::kWarning);
 }
 
 }  // namespace

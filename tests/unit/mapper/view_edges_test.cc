@@ -64,6 +64,22 @@ TEST_F(ViewEdgesTest, AStoredPoseIsTaken) {
   EXPECT_LT(edge.cam2_from_cam1.rotation.angularDistance(pose_.rotation), 1e-12);
 }
 
+TEST_F(ViewEdgesTest, ItIsStatedWhoDeterminedAnEdge) {
+  EXPECT_EQ(OnlyEdge().source, EdgeSource::kOtherProgram);
+  PairMetrics metrics;
+  metrics.pair_id = ImagePairToPairId(1, 2);
+  metrics.verifier = "five_point";
+  database_.WritePairMetrics(metrics);  // without success: the row is not its result
+  EXPECT_EQ(OnlyEdge().source, EdgeSource::kOtherProgram);
+  metrics.is_winner = true;
+  database_.WritePairMetrics(metrics);
+  EXPECT_EQ(OnlyEdge().source, EdgeSource::kVerified);
+  EXPECT_FALSE(HasImportedEdges(std::vector{OnlyEdge()}));
+  metrics.verifier = "imported";
+  database_.WritePairMetrics(metrics);
+  EXPECT_TRUE(HasImportedEdges(std::vector{OnlyEdge()}));
+}
+
 TEST_F(ViewEdgesTest, APoseIsFoundFromTheEssentialMatrix) {
   const ViewEdge edge = OnlyEdge();
   EXPECT_EQ(edge.removal, EdgeRemoval::kNone);

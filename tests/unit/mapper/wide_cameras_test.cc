@@ -4,9 +4,9 @@
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
-#include "cairn/intrinsics/known_intrinsics.h"
-#include "cairn/intrinsics/wide_focals.h"
 #include "cairn/pipeline/verify_pairs.h"
+#include "intrinsics/known_intrinsics.h"
+#include "intrinsics/wide_focals.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"

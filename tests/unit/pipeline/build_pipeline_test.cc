@@ -67,7 +67,7 @@ TEST_F(BuildPipelineTest, FromPhotographsToVerifiedPairs) {
   EXPECT_EQ(database.ReadPairMetrics().size(), 1u * report.summary.num_tried);
   EXPECT_THAT(SummaryText(report.summary, report.run),
               HasSubstr("4 (4 with features, 3 with depth)"));
-  EXPECT_FALSE(HasImportedEdges(database));
+  EXPECT_FALSE(HasImportedEdges(ReadViewEdges(database)));
 }
 
 TEST_F(BuildPipelineTest, DumpsAreEqualForAnyNumberOfThreads) {
@@ -240,7 +240,7 @@ TEST_F(BuildPipelineTest, ADatasetWithoutPhotographsIsImported) {
   EXPECT_EQ(report.summary.num_verified, 2);
   EXPECT_EQ(report.summary.largest_component, 3);
   const Database database(folder_ / "a.db");
-  EXPECT_TRUE(HasImportedEdges(database));
+  EXPECT_TRUE(HasImportedEdges(ReadViewEdges(database)));
   EXPECT_EQ(database.ReadImages()[2].name, "photo3.png");
   EXPECT_EQ(database.ReadImages()[2].image_id, 4u);
   EXPECT_EQ(database.ReadCameras()[0].width, 160);

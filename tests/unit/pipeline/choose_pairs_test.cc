@@ -7,7 +7,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
-#include "cairn/database/stage_names.h"
+#include "database/stage_names.h"
 #include "cairn/pipeline/build_pipeline.h"
 #include "pipeline/pairs/choose.h"
 #include "pipeline/pairs/exhaustive.h"

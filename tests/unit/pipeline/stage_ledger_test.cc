@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "cairn/base/error.h"
-#include "cairn/database/stage_names.h"
 #include "cairn/matching/matching.h"
+#include "database/stage_names.h"
 #include "support/thrown_message.h"
 
 namespace cairn {

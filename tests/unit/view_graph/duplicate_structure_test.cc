@@ -1,4 +1,4 @@
-#include "cairn/view_graph/duplicate_structure.h"
+#include "view_graph/duplicate_structure.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "cairn/view_graph/symmetry.h"
+#include "view_graph/symmetry.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,58 @@
+#include <algorithm>
+
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// What to try where the most frequent reason took all pairs out.
+std::string AdviceFor(const std::map<EdgeRemoval, int>& num_removed) {
+  const auto most =
+      std::max_element(num_removed.begin(), num_removed.end(),
+                       [](const auto& a, const auto& b) { return a.second < b.second; });
+  switch (most == num_removed.end() ? EdgeRemoval::kNone : most->first) {
+    case EdgeRemoval::kNoPose:
+      return "the camera seems to have turned without moving, or only a plane is seen: add photos "
+             "from other places";
+    case EdgeRemoval::kTripletInconsistent:
+    case EdgeRemoval::kAmbiguous:
+      return "the pairs contradict each other: raise --view_graph.max_triplet_error_deg, or match "
+             "with a smaller --matching.max_ratio";
+    default:
+      return "lower --view_graph.min_num_inliers, or match more features";
+  }
+}
+
+}  // namespace
+
+ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSettings& settings,
+                                const RunContext& run, RunReport& report) {
+  RunStage stage(report, run.monitor, "view_graph");
+  std::vector<image_t> image_ids;
+  for (const auto& [id, pixels] : scene.pixels) image_ids.push_back(id);
+  ViewGraphBuilderOptions options = settings.view_graph;
+  if (scene.poses_imported) options.min_num_inliers = options.min_bridge_inliers = 0;
+  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, options, run);
+  stage.Add("edges_in", result.report.num_edges);
+  stage.Add("edges_out", result.report.num_active_edges);
+  for (const auto& [reason, count] : result.report.num_removed) {
+    stage.Add("removed_" + std::string(EdgeRemovalName(reason)), count);
+  }
+  stage.Add("loops", result.report.loops.num_loops);
+  stage.Add("closed_loops", result.report.loops.num_closed);
+  stage.Add("median_loop_error_deg", result.report.loops.median_error_deg);
+  stage.Add("components", result.report.components.size());
+  if (result.report.components.empty()) {
+    std::string reasons;
+    for (const auto& [reason, count] : result.report.num_removed) {
+      reasons += (reasons.empty() ? "" : ", ") + std::to_string(count) + " " +
+                 std::string(EdgeRemovalName(reason));
+    }
+    stage.Fail("of " + std::to_string(result.report.num_edges) +
+                   " verified pairs none is fit for use (" + reasons + ")",
+               AdviceFor(result.report.num_removed));
+  }
+  return result;
+}
+
+}  // namespace cairn

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "cairn/base/progress.h"
+#include "cairn/base/timer.h"
+#include "cairn/report/run_report.h"
+
+namespace cairn {
+
+// One stage of a run: timed, its messages shown by the monitor and kept in its report.
+class Stage {
+ public:
+  Stage(ProgressMonitor& monitor, const std::string& name);
+  Stage(const Stage&) = delete;
+
+  StageReport& Add(const std::string& key, double value) { return report_.Add(key, value); }
+  // A line for the user, kept in the report.
+  void Note(const std::string& message);
+  void Warn(const std::string& message);
+  // A warning that the user has seen.
+  void Keep(const std::string& message);
+  // The user asked to stop, or there is nothing to do.
+  void MarkStopped() { report_.MarkStopped(); }
+  void MarkSkipped() { report_.status = StageStatus::kSkipped; }
+  size_t NumMessages() const { return report_.messages.size(); }
+  // The report, with the time until now. The stage is over.
+  StageReport Finish();
+
+ protected:
+  ProgressMonitor& monitor_;
+  StageReport report_;
+
+ private:
+  Timer timer_;
+};
+
+// A stage that the monitor shows under its name, put in the run's report when it ends.
+class RunStage : public Stage {
+ public:
+  RunStage(RunReport& run, ProgressMonitor& monitor, const std::string& name, int64_t total = 0);
+  ~RunStage();
+
+  // Ends the run: what was there, what the user can try.
+  void Fail(const std::string& what_was_there, const std::string& what_to_try);
+
+ private:
+  RunReport& run_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,97 @@
+// The files of a reconstruction, and what it takes from photographs.
+#include <gmock/gmock.h>
+
+#include <filesystem>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/image/bitmap.h"
+#include "cairn/io/colmap_model.h"
+#include "support/temp_folder.h"
+#include "support/thrown_message.h"
+#include "unit/mapper/reconstruct_fixture.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class OutputTest : public ::testing::Test {
+ protected:
+  void SetUp() override { std::filesystem::create_directories(folder_ / "images"); }
+  const testing::TempFolder folder_;
+};
+
+TEST_F(OutputTest, WritesAndReplacesAllFiles) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 10);
+  ReconstructResult result = Reconstruct(MakeDatabase(scene));
+  result.models.push_back(result.models.front());
+  const std::string output = folder_ / "new/out";
+  WriteReconstructResult(result, output, "# options\n");
+  for (const char* name :
+       {"sparse/0/cameras.bin", "sparse/1/points3D.bin", "bundle.out", "list.txt", "points.ply",
+        "confidence.csv", "view_graph.json", "view_graph.dot", "report.json", "effective.toml"}) {
+    EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(output) / name)) << name;
+  }
+  const std::string confidence = ReadFile(output + "/confidence.csv");
+  EXPECT_EQ(std::count(confidence.begin(), confidence.end(), '\n'), 21);
+  EXPECT_THAT(confidence, HasSubstr(scene.images[9].name + ",1,6,"));
+  const Reconstruction read = ReadColmapModel(output + "/sparse/0");
+  EXPECT_EQ(read.images.size(), result.models[0].images.size());
+  EXPECT_EQ(read.points3D.size(), result.models[0].points3D.size());
+
+  result.models.pop_back();
+  WriteReconstructResult(result, output, "# options\n");
+  EXPECT_FALSE(std::filesystem::exists(output + "/sparse/1"));
+
+  // A failure leaves the older model alone and says so in the report.
+  result.models.clear();
+  result.report.failure = "stage: reason; advice";
+  WriteReconstructResult(result, output, "# options\n");
+  EXPECT_TRUE(std::filesystem::exists(output + "/sparse/0/images.bin"));
+  EXPECT_THAT(ReadFile(output + "/report.json"), HasSubstr("stage: reason; advice"));
+}
+
+TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
+  const std::string output = folder_.path();
+  EXPECT_NO_THROW(CheckReconstructOutput(output + "/absent"));
+  EXPECT_NO_THROW(CheckReconstructOutput(output));  // photographs alone
+  std::filesystem::create_directories(folder_ / "sparse");
+  EXPECT_NO_THROW(CheckReconstructOutput(output));
+  std::filesystem::create_directories(folder_ / "sparse/0");
+  WriteFileAtomically(output + "/effective.toml", "# build_view_graph, cairn 0.1.0\n");
+  EXPECT_THAT(
+      testing::ThrownMessage<ConfigError>([&] { CheckReconstructOutput(output); }),
+      AllOf(HasSubstr(output + "/sparse was not written by cairn"), HasSubstr("--overwrite")));
+  WriteFileAtomically(output + "/effective.toml", "# global_sfm reconstruct, cairn 0.1.0\n");
+  EXPECT_NO_THROW(CheckReconstructOutput(output));
+}
+
+TEST_F(OutputTest, ColorsComeFromThePhotographs) {
+  SyntheticScene scene = MakeScene(SmallScene(), 11);
+  for (const Image& image : scene.images) {
+    if (image.image_id == 3) continue;  // one photograph is missing
+    const Camera& camera = scene.cameras.at(image.camera_id);
+    Bitmap bitmap{camera.width, camera.height, 3, {}};
+    for (int i = 0; i < camera.width * camera.height; ++i) {
+      bitmap.data.insert(bitmap.data.end(), {10, 200, 30});
+    }
+    const std::string path = folder_ / ("images/" + image.name);
+    WriteBitmap(path, bitmap, 100);
+  }
+  const ReconstructResult result =
+      Reconstruct(MakeDatabase(scene), folder_ / "images", {}, kOneThread);
+  ASSERT_TRUE(result.report.Succeeded());
+  for (const auto& [id, point] : result.models[0].points3D) {
+    EXPECT_NEAR(point.color[0], 10, 6);
+    EXPECT_NEAR(point.color[1], 200, 6);
+  }
+  const StageReport* stage = FindStage(result.report, "colors");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(Value(*stage, "images_read"), 9);
+  EXPECT_EQ(stage->status, StageStatus::kWarning);
+}
+
+}  // namespace
+}  // namespace cairn
