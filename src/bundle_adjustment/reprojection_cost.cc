@@ -24,14 +24,14 @@ bool ReprojectionCost::Evaluate(const double* const* parameters, double* residua
   const double uv[2] = {x.x() * inverse_z, x.y() * inverse_z};
   double pixel[2];
   if (!jacobians) {
-    ImgFromCam(intrinsics.model, intrinsics.params.data(), uv, pixel, nullptr, nullptr);
+    ImgFromCam({intrinsics.model, intrinsics.params.data()}, uv, pixel, nullptr, nullptr);
     residuals[0] = precision_ * (pixel[0] - pixel_.x());
     residuals[1] = precision_ * (pixel[1] - pixel_.y());
     return true;
   }
   double J_uv[4];
   double J_params[2 * IntrinsicsState::kMaxParams];
-  ImgFromCam(intrinsics.model, intrinsics.params.data(), uv, pixel, J_uv,
+  ImgFromCam({intrinsics.model, intrinsics.params.data()}, uv, pixel, J_uv,
              intrinsics.num_free > 0 ? J_params : nullptr);
   residuals[0] = precision_ * (pixel[0] - pixel_.x());
   residuals[1] = precision_ * (pixel[1] - pixel_.y());
@@ -53,7 +53,7 @@ bool ReprojectionCost::EvaluateWide(const Eigen::Vector3d& x, double* residuals,
   double pixel[2];
   double J_params[2 * IntrinsicsState::kMaxParams];
   RowMajor2<3> J_camera;
-  if (!ImgFromRay(intrinsics.model, intrinsics.params.data(), x.data(), pixel,
+  if (!ImgFromRay({intrinsics.model, intrinsics.params.data()}, x.data(), pixel,
                   jacobians ? J_camera.data() : nullptr,
                   jacobians && intrinsics.num_free > 0 ? J_params : nullptr)) {
     return false;

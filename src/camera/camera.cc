@@ -24,6 +24,8 @@ bool IsBasic(CameraModel model) { return static_cast<int>(model) <= 4; }
 
 bool IsEquirectangular(CameraModel model) { return model == CameraModel::kEquirectangular; }
 
+double Param(const double* params, int index) { return index < 0 ? 0.0 : params[index]; }
+
 // Distorted point d = u * (1 + k1 r2 + k2 r2^2) + tangential part, its Jacobian (2x2 row-major),
 // and the coefficients' derivatives dd/dk1, dd/dk2, dd/dp1, dd/dp2 (each 2).
 struct Distorted {
@@ -32,7 +34,10 @@ struct Distorted {
   double dk1[2], dk2[2], dp1[2], dp2[2];
 };
 
-Distorted Distort(double u, double v, double k1, double k2, double p1, double p2) {
+Distorted Distort(const CameraParams& params, double u, double v) {
+  const ModelInfo& info = Info(params.model);
+  const double k1 = Param(params.values, info.k1), k2 = Param(params.values, info.k2);
+  const double p1 = Param(params.values, info.p1), p2 = Param(params.values, info.p2);
   const double uu = u * u;
   const double vv = v * v;
   const double uv = u * v;
@@ -65,8 +70,6 @@ bool IsBeforeFold(double r2, double k1, double k2) {
   const double lowest = k2 > 0 ? -0.3 * k1 / k2 : 0.0;  // where the slope is smallest
   return lowest <= 0 || lowest >= r2 || slope(lowest) > 0;
 }
-
-double Param(const double* params, int index) { return index < 0 ? 0.0 : params[index]; }
 
 // Longitude runs over the width, latitude over the height; the center looks along z. The seam
 // behind is where the pixel jumps.
@@ -102,12 +105,12 @@ Eigen::Vector3d UnprojectEquirectangular(const double* params, const Eigen::Vect
   return {std::cos(down) * std::sin(across), std::sin(down), std::cos(down) * std::cos(across)};
 }
 
-bool ProjectBasic(CameraModel model, const double* params, const double* point, double* pixel,
-                  double* J_point, double* J_params) {
+bool ProjectBasic(const CameraParams& params, const double* point, double* pixel, double* J_point,
+                  double* J_params) {
   if (!(point[2] > 0.0)) return false;
   const double uv[2] = {point[0] / point[2], point[1] / point[2]};
   double J_uv[4];
-  ImgFromCam(model, params, uv, pixel, J_point ? J_uv : nullptr, J_params);
+  ImgFromCam(params, uv, pixel, J_point ? J_uv : nullptr, J_params);
   if (!J_point) return true;
   for (int row = 0; row < 2; ++row) {
     const double a = J_uv[2 * row] / point[2], b = J_uv[2 * row + 1] / point[2];
@@ -254,13 +257,13 @@ std::string Camera::Validate() const {
   return "";
 }
 
-void ImgFromCam(CameraModel model, const double* params, const double* uv, double* pixel,
-                double* J_uv, double* J_params) {
-  const ModelInfo& info = Info(model);
-  if (!IsBasic(model)) {
+void ImgFromCam(const CameraParams& params, const double* uv, double* pixel, double* J_uv,
+                double* J_params) {
+  const ModelInfo& info = Info(params.model);
+  if (!IsBasic(params.model)) {
     const double point[3] = {uv[0], uv[1], 1.0};
     double J_point[6];
-    if (!ImgFromRay(model, params, point, pixel, J_uv ? J_point : nullptr, J_params)) {
+    if (!ImgFromRay(params, point, pixel, J_uv ? J_point : nullptr, J_params)) {
       const double nan = std::numeric_limits<double>::quiet_NaN();
       std::fill_n(pixel, 2, nan);
       if (J_uv) std::fill_n(J_uv, 4, nan);
@@ -270,11 +273,10 @@ void ImgFromCam(CameraModel model, const double* params, const double* uv, doubl
     }
     return;
   }
-  const Distorted p = Distort(uv[0], uv[1], Param(params, info.k1), Param(params, info.k2),
-                              Param(params, info.p1), Param(params, info.p2));
-  const double f[2] = {params[info.fx], params[info.fy]};
-  pixel[0] = f[0] * p.d[0] + params[info.cx];
-  pixel[1] = f[1] * p.d[1] + params[info.cy];
+  const Distorted p = Distort(params, uv[0], uv[1]);
+  const double f[2] = {params.values[info.fx], params.values[info.fy]};
+  pixel[0] = f[0] * p.d[0] + params.values[info.cx];
+  pixel[1] = f[1] * p.d[1] + params.values[info.cy];
   if (J_uv) {
     J_uv[0] = f[0] * p.J[0];
     J_uv[1] = f[0] * p.J[1];
@@ -296,21 +298,22 @@ void ImgFromCam(CameraModel model, const double* params, const double* uv, doubl
   }
 }
 
-bool ImgFromRay(CameraModel model, const double* params, const double* point, double* pixel,
-                double* J_point, double* J_params) {
-  if (IsBasic(model)) return ProjectBasic(model, params, point, pixel, J_point, J_params);
-  if (IsEquirectangular(model)) {
-    return ProjectEquirectangular(params, point, pixel, J_point, J_params);
+bool ImgFromRay(const CameraParams& params, const double* point, double* pixel, double* J_point,
+                double* J_params) {
+  if (IsBasic(params.model)) return ProjectBasic(params, point, pixel, J_point, J_params);
+  if (IsEquirectangular(params.model)) {
+    return ProjectEquirectangular(params.values, point, pixel, J_point, J_params);
   }
-  const ModelInfo& info = Info(model);
+  const ModelInfo& info = Info(params.model);
   internal::PlanePoint plane;
   const int first_extra = info.cy + 1;
-  if (!internal::Project(model, params + first_extra, point, J_params != nullptr, &plane)) {
+  if (!internal::Project(params.model, params.values + first_extra, point, J_params != nullptr,
+                         &plane)) {
     return false;
   }
-  const double f[2] = {params[info.fx], params[info.fy]};
-  pixel[0] = f[0] * plane.d[0] + params[info.cx];
-  pixel[1] = f[1] * plane.d[1] + params[info.cy];
+  const double f[2] = {params.values[info.fx], params.values[info.fy]};
+  pixel[0] = f[0] * plane.d[0] + params.values[info.cx];
+  pixel[1] = f[1] * plane.d[1] + params.values[info.cy];
   for (int row = 0; row < 2; ++row) {
     if (J_point) {
       for (int k = 0; k < 3; ++k) J_point[3 * row + k] = f[row] * plane.J[3 * row + k];
@@ -332,7 +335,7 @@ std::optional<Eigen::Vector2d> Camera::ImgFromRay(const Eigen::Vector3d& point,
   CAIRN_DCHECK(static_cast<int>(params.size()) == Info(model).num_params);
   Eigen::Vector2d pixel;
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
-  if (!cairn::ImgFromRay(model, params.data(), point.data(), pixel.data(),
+  if (!cairn::ImgFromRay({model, params.data()}, point.data(), pixel.data(),
                          J ? J_point.data() : nullptr, nullptr)) {
     return std::nullopt;
   }
@@ -374,7 +377,7 @@ Eigen::Vector2d Camera::ImgFromCam(const Eigen::Vector2d& uv, Eigen::Matrix2d* J
   CAIRN_DCHECK(static_cast<int>(params.size()) == Info(model).num_params);
   Eigen::Vector2d pixel;
   Eigen::Matrix<double, 2, 2, Eigen::RowMajor> J;
-  cairn::ImgFromCam(model, params.data(), uv.data(), pixel.data(), J.data(), J_params);
+  cairn::ImgFromCam({model, params.data()}, uv.data(), pixel.data(), J.data(), J_params);
   if (J_uv) *J_uv = J;
   return pixel;
 }
@@ -401,9 +404,7 @@ std::optional<Eigen::Vector2d> Camera::CamFromImg(const Eigen::Vector2d& pixel,
   if (info.k1 >= 0) {
     bool converged = false;
     for (int iteration = 0; iteration < 50; ++iteration) {
-      const Distorted p =
-          Distort(uv.x(), uv.y(), Param(params.data(), info.k1), Param(params.data(), info.k2),
-                  Param(params.data(), info.p1), Param(params.data(), info.p2));
+      const Distorted p = Distort({model, params.data()}, uv.x(), uv.y());
       J_uv << p.J[0], p.J[1], p.J[2], p.J[3];
       // Where the distortion folds over, the model has no inverse.
       if (!(J_uv.determinant() > 1e-3)) return std::nullopt;

@@ -42,7 +42,7 @@ NormalEquations<7> PoseProblem::Linearize(const State& at) const {
     const Eigen::Vector3d x = rotated + pose.translation;
     Eigen::Vector2d pixel;
     Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_x;
-    if (!ImgFromRay(camera.model, camera.params.data(), x.data(), pixel.data(), J_x.data(),
+    if (!ImgFromRay({camera.model, camera.params.data()}, x.data(), pixel.data(), J_x.data(),
                     J_params.data())) {
       sums.cost = std::numeric_limits<double>::infinity();
       return sums;

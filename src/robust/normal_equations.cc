@@ -213,34 +213,31 @@ double CostKernel(const PointPairs& points, const PoseArguments& pose) {
   return SumLanes(sum);
 }
 
-void AccumulateTruncated(const PointPairs& points, const PoseArguments& pose, double* sums) {
-  AccumulateKernel<RobustLoss::kTruncated, false>(points, pose, sums);
-}
-
-void AccumulateGemanMcClure(const PointPairs& points, const PoseArguments& pose, double* sums) {
-  AccumulateKernel<RobustLoss::kGemanMcClure, false>(points, pose, sums);
-}
-
-double CostTruncated(const PointPairs& points, const PoseArguments& pose) {
-  return CostKernel<RobustLoss::kTruncated, false>(points, pose);
-}
-
-double CostGemanMcClure(const PointPairs& points, const PoseArguments& pose) {
-  return CostKernel<RobustLoss::kGemanMcClure, false>(points, pose);
-}
-
-void AccumulateWide(const PointPairs& points, RobustLoss loss, const PoseArguments& pose,
-                    double* sums) {
+template <bool kIsWide>
+void AccumulateOf(const PointPairs& points, RobustLoss loss, const PoseArguments& pose,
+                  double* sums) {
   if (loss == RobustLoss::kTruncated) {
-    AccumulateKernel<RobustLoss::kTruncated, true>(points, pose, sums);
+    AccumulateKernel<RobustLoss::kTruncated, kIsWide>(points, pose, sums);
   } else {
-    AccumulateKernel<RobustLoss::kGemanMcClure, true>(points, pose, sums);
+    AccumulateKernel<RobustLoss::kGemanMcClure, kIsWide>(points, pose, sums);
   }
 }
 
-double CostWide(const PointPairs& points, RobustLoss loss, const PoseArguments& pose) {
-  return loss == RobustLoss::kTruncated ? CostKernel<RobustLoss::kTruncated, true>(points, pose)
-                                        : CostKernel<RobustLoss::kGemanMcClure, true>(points, pose);
+template <bool kIsWide>
+double CostOf(const PointPairs& points, RobustLoss loss, const PoseArguments& pose) {
+  return loss == RobustLoss::kTruncated
+             ? CostKernel<RobustLoss::kTruncated, kIsWide>(points, pose)
+             : CostKernel<RobustLoss::kGemanMcClure, kIsWide>(points, pose);
+}
+
+void Accumulate(const PointPairs& points, RobustLoss loss, const PoseArguments& pose,
+                double* sums) {
+  if (points.is_wide()) return AccumulateOf<true>(points, loss, pose, sums);
+  AccumulateOf<false>(points, loss, pose, sums);
+}
+
+double Cost(const PointPairs& points, RobustLoss loss, const PoseArguments& pose) {
+  return points.is_wide() ? CostOf<true>(points, loss, pose) : CostOf<false>(points, loss, pose);
 }
 
 }  // namespace cairn::HWY_NAMESPACE
@@ -249,12 +246,8 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace cairn {
 
-HWY_EXPORT(AccumulateTruncated);
-HWY_EXPORT(AccumulateGemanMcClure);
-HWY_EXPORT(CostTruncated);
-HWY_EXPORT(CostGemanMcClure);
-HWY_EXPORT(AccumulateWide);
-HWY_EXPORT(CostWide);
+HWY_EXPORT(Accumulate);
+HWY_EXPORT(Cost);
 
 namespace {
 
@@ -278,13 +271,7 @@ NormalEquations<5> AccumulateSampson(const PointPairs& points, const Rigid3d& ca
                                      double scale_px) {
   const internal::PoseArguments pose = MakeArguments(points, cam2_from_cam1, tangent, scale_px);
   double sums[internal::kNumSums];
-  if (points.is_wide()) {
-    HWY_DYNAMIC_DISPATCH(AccumulateWide)(points, loss, pose, sums);
-  } else if (loss == RobustLoss::kTruncated) {
-    HWY_DYNAMIC_DISPATCH(AccumulateTruncated)(points, pose, sums);
-  } else {
-    HWY_DYNAMIC_DISPATCH(AccumulateGemanMcClure)(points, pose, sums);
-  }
+  HWY_DYNAMIC_DISPATCH(Accumulate)(points, loss, pose, sums);
   NormalEquations<5> equations;
   int index = 0;
   for (int row = 0; row < 5; ++row) {
@@ -301,13 +288,7 @@ double SampsonCost(const PointPairs& points, const Rigid3d& cam2_from_cam1, Robu
                    double scale_px) {
   const internal::PoseArguments pose =
       MakeArguments(points, cam2_from_cam1, Eigen::Matrix<double, 3, 2>::Zero(), scale_px);
-  if (points.is_wide()) {
-    return HWY_DYNAMIC_DISPATCH(CostWide)(points, loss, pose) / pose.squared_scale;
-  }
-  const double sum = loss == RobustLoss::kTruncated
-                         ? HWY_DYNAMIC_DISPATCH(CostTruncated)(points, pose)
-                         : HWY_DYNAMIC_DISPATCH(CostGemanMcClure)(points, pose);
-  return sum / pose.squared_scale;
+  return HWY_DYNAMIC_DISPATCH(Cost)(points, loss, pose) / pose.squared_scale;
 }
 
 }  // namespace cairn

@@ -145,12 +145,8 @@ HWY_INLINE double ScoreSampsonOf(const PointPairs& points, const Matrix9f& matri
 
 double ScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
                           const SampsonUnits& units, float bound) {
+  if (points.is_wide()) return ScoreSampsonOf<true>(points, matrix, units, bound);
   return ScoreSampsonOf<false>(points, matrix, units, bound);
-}
-
-double ScoreWideSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
-                              const SampsonUnits& units, float bound) {
-  return ScoreSampsonOf<true>(points, matrix, units, bound);
 }
 
 template <bool kIsWide>
@@ -168,12 +164,8 @@ HWY_INLINE double SoftScoreSampsonOf(const PointPairs& points, const Matrix9f& m
 
 double SoftScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
                               const SampsonUnits& units) {
+  if (points.is_wide()) return SoftScoreSampsonOf<true>(points, matrix, units);
   return SoftScoreSampsonOf<false>(points, matrix, units);
-}
-
-double SoftScoreWideSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
-                                  const SampsonUnits& units) {
-  return SoftScoreSampsonOf<true>(points, matrix, units);
 }
 
 template <bool kIsWide>
@@ -191,12 +183,8 @@ HWY_INLINE void SampsonErrorsOf(const PointPairs& points, const Matrix9f& matrix
 
 void SampsonErrorsKernel(const PointPairs& points, const Matrix9f& matrix,
                          const SampsonUnits& units, float* errors) {
+  if (points.is_wide()) return SampsonErrorsOf<true>(points, matrix, units, errors);
   SampsonErrorsOf<false>(points, matrix, units, errors);
-}
-
-void WideSampsonErrorsKernel(const PointPairs& points, const Matrix9f& matrix,
-                             const SampsonUnits& units, float* errors) {
-  SampsonErrorsOf<true>(points, matrix, units, errors);
 }
 
 // Squared distance in pixels of the target to M (x, y, 1); huge behind the horizon.
@@ -307,11 +295,8 @@ HWY_AFTER_NAMESPACE();
 namespace cairn {
 
 HWY_EXPORT(ScoreSampsonKernel);
-HWY_EXPORT(ScoreWideSampsonKernel);
 HWY_EXPORT(SoftScoreSampsonKernel);
-HWY_EXPORT(SoftScoreWideSampsonKernel);
 HWY_EXPORT(SampsonErrorsKernel);
-HWY_EXPORT(WideSampsonErrorsKernel);
 HWY_EXPORT(HomographyErrorsKernel);
 HWY_EXPORT(ScoreHomographyKernel);
 HWY_EXPORT(TargetName);
@@ -351,29 +336,18 @@ Eigen::Matrix3d WithSignOfPoints(const PointPairs& points, const Eigen::Matrix3d
 
 double ScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double max_error_px,
                     double bound) {
-  const SampsonUnits units(points, max_error_px);
-  const auto least = static_cast<float>(bound);
-  if (points.is_wide()) {
-    return HWY_DYNAMIC_DISPATCH(ScoreWideSampsonKernel)(points, Matrix9f(E), units, least);
-  }
-  return HWY_DYNAMIC_DISPATCH(ScoreSampsonKernel)(points, Matrix9f(E), units, least);
+  return HWY_DYNAMIC_DISPATCH(ScoreSampsonKernel)(
+      points, Matrix9f(E), SampsonUnits(points, max_error_px), static_cast<float>(bound));
 }
 
 double SoftScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double scale_px) {
-  const SampsonUnits units(points, scale_px);
-  if (points.is_wide()) {
-    return HWY_DYNAMIC_DISPATCH(SoftScoreWideSampsonKernel)(points, Matrix9f(E), units);
-  }
-  return HWY_DYNAMIC_DISPATCH(SoftScoreSampsonKernel)(points, Matrix9f(E), units);
+  return HWY_DYNAMIC_DISPATCH(SoftScoreSampsonKernel)(points, Matrix9f(E),
+                                                      SampsonUnits(points, scale_px));
 }
 
 void SampsonErrors(const PointPairs& points, const Eigen::Matrix3d& E, float* errors_px) {
-  const SampsonUnits units(points, 1.0);
-  if (points.is_wide()) {
-    HWY_DYNAMIC_DISPATCH(WideSampsonErrorsKernel)(points, Matrix9f(E), units, errors_px);
-  } else {
-    HWY_DYNAMIC_DISPATCH(SampsonErrorsKernel)(points, Matrix9f(E), units, errors_px);
-  }
+  HWY_DYNAMIC_DISPATCH(SampsonErrorsKernel)
+  (points, Matrix9f(E), SampsonUnits(points, 1.0), errors_px);
 }
 
 void HomographyErrors(const PointPairs& points, const Eigen::Matrix3d& H, float* errors_px) {

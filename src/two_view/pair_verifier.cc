@@ -2,49 +2,36 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
+#include "cairn/base/named_value.h"
 #include "two_view/focal_verifier.h"
 
 namespace cairn {
+namespace {
 
-std::string_view PairStatusName(PairStatus status) {
-  switch (status) {
-    case PairStatus::kVerified:
-      return "verified";
-    case PairStatus::kTooFewMatches:
-      return "too_few_matches";
-    case PairStatus::kNoDepth:
-      return "no_depth";
-    case PairStatus::kNoModel:
-      return "no_model";
-    case PairStatus::kTooFewInliers:
-      return "too_few_inliers";
-    case PairStatus::kDegenerate:
-      return "degenerate";
-  }
-  return "unknown";
-}
+constexpr NamedValue<PairStatus> kPairStatuses[] = {
+    {PairStatus::kVerified, "verified"},
+    {PairStatus::kTooFewMatches, "too_few_matches"},
+    {PairStatus::kNoDepth, "no_depth"},
+    {PairStatus::kNoModel, "no_model"},
+    {PairStatus::kTooFewInliers, "too_few_inliers"},
+    {PairStatus::kDegenerate, "degenerate"},
+};
 
-std::string_view VerifierKindName(VerifierKind kind) {
-  switch (kind) {
-    case VerifierKind::kCascade:
-      return "cascade";
-    case VerifierKind::kFast:
-      return "fast";
-    case VerifierKind::kOneAcDepth:
-      return "one_ac_depth";
-    case VerifierKind::kTwoAc:
-      return "two_ac";
-    case VerifierKind::kFivePoint:
-      return "five_point";
-  }
-  return "unknown";
-}
+constexpr NamedValue<VerifierKind> kVerifierKinds[] = {
+    {VerifierKind::kCascade, "cascade"},         {VerifierKind::kFast, "fast"},
+    {VerifierKind::kOneAcDepth, "one_ac_depth"}, {VerifierKind::kTwoAc, "two_ac"},
+    {VerifierKind::kFivePoint, "five_point"},
+};
+
+}  // namespace
+
+std::string_view PairStatusName(PairStatus status) { return NameOf(kPairStatuses, status); }
+
+std::string_view VerifierKindName(VerifierKind kind) { return NameOf(kVerifierKinds, kind); }
 
 VerifierKind VerifierKindFromName(std::string_view name) {
-  for (const VerifierKind kind :
-       {VerifierKind::kCascade, VerifierKind::kFast, VerifierKind::kOneAcDepth,
-        VerifierKind::kTwoAc, VerifierKind::kFivePoint}) {
-    if (name == VerifierKindName(kind)) return kind;
+  for (const auto& [kind, kind_name] : kVerifierKinds) {
+    if (name == kind_name) return kind;
   }
   throw ConfigError("verifier", "unknown name '" + std::string(name) + "'");
 }

@@ -116,14 +116,20 @@ struct Camera {
 // (Eichhardt and Barath 2020), but at least 1, the precision of a keypoint's position.
 double DefaultMaxErrorPx(const Camera& camera1, const Camera& camera2);
 
+// A model and its parameters, wherever they are kept.
+struct CameraParams {
+  CameraModel model;
+  const double* values;
+};
+
 // Projection with explicit params (bundle adjustment's inner loop). Same meaning as
 // Camera::ImgFromCam; any Jacobian pointer may be null. No allocation.
-void ImgFromCam(CameraModel model, const double* params, const double* uv, double* pixel,
-                double* J_uv_2x2, double* J_params_2xn);
+void ImgFromCam(const CameraParams& params, const double* uv, double* pixel, double* J_uv_2x2,
+                double* J_params_2xn);
 
 // The same for a point in the camera's frame; J_point is 2 x 3. False where the model has no pixel;
 // nothing is written then.
-bool ImgFromRay(CameraModel model, const double* params, const double* point, double* pixel,
-                double* J_point_2x3, double* J_params_2xn);
+bool ImgFromRay(const CameraParams& params, const double* point, double* pixel, double* J_point_2x3,
+                double* J_params_2xn);
 
 }  // namespace cairn

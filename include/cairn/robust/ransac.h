@@ -32,8 +32,6 @@ struct RansacReport {
   double score = 0.0;   // of the model
   int num_inliers = 0;  // of the model
   int64_t num_iterations = 0;
-  int64_t num_models = 0;
-  int64_t num_optimizations = 0;
 };
 
 // What RANSAC needs of an estimator. Scores are supports: larger is better.
@@ -90,7 +88,6 @@ RansacReport<typename Estimator::Model> Ransac(Estimator& estimator, const Ransa
     ++report.num_iterations;
     rng.Sample(static_cast<uint32_t>(num_data), kSampleSize, sample);
     const int num_models = estimator.Solve(sample, models);
-    report.num_models += num_models;
     int best_index = -1;
     for (int i = 0; i < num_models; ++i) {
       const double score = estimator.Score(models[i], best_minimal_score);
@@ -102,7 +99,6 @@ RansacReport<typename Estimator::Model> Ransac(Estimator& estimator, const Ransa
     if (best_index < 0) continue;
     Model model = models[best_index];
     int num_inliers = 0;
-    ++report.num_optimizations;
     const double score = estimator.Optimize(model, &num_inliers);
     if (!(score > report.score)) continue;
     found = true;

@@ -21,8 +21,9 @@ std::optional<FocalEvidence> WeighFocals(const PreparedPair& pair, const Eigen::
   evidence.num_by_essential = MatchErrors(supported.points, E).CountBelow(supported.max_error_px);
   evidence.num_by_fundamental = evidence.num_by_essential;
   // (An F that no plausible focal lengths give is of repeated structure, and says nothing of them.)
-  const auto model = FindFundamental(
-      supported, {.confidence = options.confidence, .max_iterations = options.min_iterations});
+  const auto model = FindFundamental(supported, {.confidence = options.confidence,
+                                                 .min_iterations = 1,
+                                                 .max_iterations = options.min_iterations});
   if (model && HasPlausibleFocals(model->F, *pair.input.camera1, *pair.input.camera2)) {
     evidence.num_by_fundamental =
         std::max(evidence.num_by_essential, static_cast<int>(model->inliers.size()));

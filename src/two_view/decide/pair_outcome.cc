@@ -9,6 +9,7 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
+#include "cairn/math/median.h"
 #include "cairn/robust/pose_refinement.h"
 #include "cairn/solvers/homography.h"
 #include "two_view/decide/evidence.h"
@@ -29,13 +30,10 @@ struct Support {
 
 template <class ValueOf>
 double MedianOf(std::span<const int32_t> matches, const ValueOf& value_of) {
-  if (matches.empty()) return 0.0;
-  std::vector<float> values;
+  std::vector<double> values;
   values.reserve(matches.size());
   for (const int32_t i : matches) values.push_back(value_of(i));
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return UpperMedian(std::move(values));
 }
 
 class PairFinisher {

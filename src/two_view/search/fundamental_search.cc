@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "cairn/robust/ransac.h"
 #include "cairn/solvers/eight_point.h"
 #include "cairn/solvers/seven_point.h"
 #include "two_view/decide/evidence.h"
@@ -80,17 +79,12 @@ std::optional<FundamentalModel> RefineFundamental(const PreparedPair& pair,
 }
 
 std::optional<FundamentalModel> FindFundamental(const PreparedPair& pair,
-                                                const FundamentalSearchOptions& options) {
+                                                const RansacOptions& options) {
   const int num_data =
       pair.IsSupported() ? std::max(pair.NumSupported(), 2 * SevenPoint::kSampleSize) : pair.size();
   SevenPointEstimator estimator(pair, std::min(num_data, pair.size()));
-  RansacOptions ransac;
-  ransac.confidence = options.confidence;
-  ransac.min_iterations = options.min_iterations;
-  ransac.max_iterations = options.max_iterations;
-  if (ransac.max_iterations < 1) return std::nullopt;
   Rng rng(pair.input.seed, "seven_point", pair.input.pair_id);
-  const auto report = Ransac(estimator, ransac, rng);
+  const auto report = Ransac(estimator, options, rng);
   if (report.status != RansacStatus::kConfident && report.status != RansacStatus::kExhausted) {
     return std::nullopt;
   }

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "cairn/robust/ransac.h"
 #include "two_view/prepare/prepared_pair.h"
 
 namespace cairn::internal {
@@ -15,12 +16,6 @@ struct FundamentalModel {
   double log10_nfa = 0.0;        // against chance, see evidence.h
 };
 
-// Effort of a search for F.
-struct FundamentalSearchOptions {
-  double confidence = 0.99;
-  int min_iterations = 1, max_iterations = 1;
-};
-
 // Improves F (an essential matrix at wrong focal lengths will do) on all matches: normalized
 // eight-point fits with a shrinking threshold. Absent if too few matches support it.
 std::optional<FundamentalModel> RefineFundamental(const PreparedPair& pair,
@@ -28,7 +23,7 @@ std::optional<FundamentalModel> RefineFundamental(const PreparedPair& pair,
 
 // Seven-point LO-RANSAC (Hartley and Zisserman, 11.1.2) over the matches with consensus first.
 std::optional<FundamentalModel> FindFundamental(const PreparedPair& pair,
-                                                const FundamentalSearchOptions& options);
+                                                const RansacOptions& options);
 
 // A better one near it or beyond (see fundamental_resampling.h). Takes about 3 milliseconds.
 std::optional<FundamentalModel> ImproveFundamental(const PreparedPair& pair,

@@ -207,7 +207,7 @@ TEST(Camera, RayJacobiansAreCentralDifferences) {
       }
       std::vector<double> J_params(2 * n);
       Eigen::Vector2d same;
-      ASSERT_TRUE(ImgFromRay(camera.model, camera.params.data(), x.data(), same.data(), nullptr,
+      ASSERT_TRUE(ImgFromRay({camera.model, camera.params.data()}, x.data(), same.data(), nullptr,
                              J_params.data()));
       EXPECT_EQ(same, *pixel);
       for (int k = 0; k < n; ++k) {

@@ -97,7 +97,6 @@ TEST(Ransac, ReportsEveryOutcome) {
   const auto none = Ransac(vertical, RansacOptions{.max_iterations = 50}, rng);
   EXPECT_EQ(none.status, RansacStatus::kNoModel);
   EXPECT_EQ(none.num_iterations, 50);
-  EXPECT_EQ(none.num_models, 0);
 
   LineEstimator hard = MakeData(5, 300, 1);
   const auto exhausted =
@@ -110,7 +109,6 @@ TEST(Ransac, HasToBeatTheInitialScore) {
   Rng rng(1);
   const auto report = Ransac(estimator, RansacOptions{.initial_score = 69.0}, rng);
   EXPECT_EQ(report.status, RansacStatus::kNoModel);
-  EXPECT_EQ(report.num_optimizations, 0);
 }
 
 TEST(Ransac, IterationBoundsHold) {
