@@ -9,8 +9,8 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
-#include "cairn/robust/pose_refinement.h"
 #include "cairn/solvers/homography.h"
+#include "robust/pose_refinement.h"
 #include "two_view/decide/evidence.h"
 #include "two_view/decide/special_pairs.h"
 #include "two_view/search/cheirality.h"

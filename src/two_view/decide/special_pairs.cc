@@ -8,8 +8,8 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
-#include "cairn/robust/ransac.h"
 #include "cairn/solvers/homography.h"
+#include "robust/ransac.h"
 #include "two_view/search/match_errors.h"
 
 namespace cairn::internal {

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "cairn/robust/ransac.h"
 #include "cairn/solvers/eight_point.h"
 #include "cairn/solvers/seven_point.h"
+#include "robust/ransac.h"
 #include "two_view/decide/evidence.h"
 #include "two_view/search/fundamental_resampling.h"
 #include "two_view/search/match_errors.h"

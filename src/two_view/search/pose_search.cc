@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/robust/pose_refinement.h"
 #include "cairn/solvers/essential.h"
+#include "robust/pose_refinement.h"
 #include "two_view/decide/evidence.h"
 
 namespace cairn::internal {

@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <cstdint>
 
-#include "cairn/math/normal_equations.h"
-#include "cairn/robust/point_pairs.h"
+#include "math/normal_equations.h"
+#include "robust/point_pairs.h"
 
 namespace cairn {
 
