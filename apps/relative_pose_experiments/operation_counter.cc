@@ -7,8 +7,8 @@
 #include <ucontext.h>
 #include <x86intrin.h>
 
+#include "base/instruction_set.h"
 #include "cairn/base/check.h"
-#include "cairn/base/instruction_set.h"
 #endif
 
 namespace cairn::experiments {

@@ -3,11 +3,11 @@
 #include <cmath>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/robust/pose_refinement.h"
-#include "cairn/robust/ransac.h"
-#include "cairn/robust/sampson_kernels.h"
 #include "cairn/solvers/five_point.h"
 #include "cairn/solvers/one_affine_depth.h"
+#include "robust/pose_refinement.h"
+#include "robust/ransac.h"
+#include "robust/sampson_kernels.h"
 
 namespace cairn::experiments {
 namespace {

@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "cairn/robust/point_pairs.h"
 #include "cairn/two_view/pair_verifier.h"
+#include "robust/point_pairs.h"
 
 namespace cairn::experiments {
 

@@ -6,7 +6,6 @@
 
 #include "cairn/base/error.h"
 #include "cairn/database/database.h"
-#include "database/own_matches.h"
 #include "cairn/depth/depth_map.h"
 #include "cairn/depth/depth_network.h"
 #include "cairn/depth/sample_depth.h"
@@ -14,6 +13,7 @@
 #include "cairn/io/model.h"
 #include "cairn/math/angles.h"
 #include "cairn/pipeline/stages.h"
+#include "database/own_matches.h"
 
 namespace cairn::experiments {
 namespace {

@@ -2,9 +2,9 @@
 
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/epipolar.h"
-#include "cairn/robust/sampson_kernels.h"
 #include "relative_pose_experiments/real_pairs.h"
 #include "relative_pose_experiments/statistics.h"
+#include "robust/sampson_kernels.h"
 
 namespace cairn::experiments {
 namespace {

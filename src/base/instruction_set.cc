@@ -1,4 +1,4 @@
-#include "cairn/base/instruction_set.h"
+#include "base/instruction_set.h"
 
 #include <hwy/targets.h>
 

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "cairn/base/check.h"
-#include "cairn/math/levenberg_marquardt.h"
 #include "cairn/math/median.h"
+#include "math/levenberg_marquardt.h"
 
 namespace cairn::internal {
 

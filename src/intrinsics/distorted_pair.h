@@ -3,9 +3,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "cairn/math/normal_equations.h"
 #include "intrinsics/distortion_calibration.h"
 #include "intrinsics/fundamental_fit.h"
+#include "math/normal_equations.h"
 
 namespace cairn::internal {
 

@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "cairn/base/parallel.h"
-#include "cairn/math/levenberg_marquardt.h"
 #include "intrinsics/distorted_pair.h"
 #include "intrinsics/sparse_normals.h"
+#include "math/levenberg_marquardt.h"
 
 namespace cairn {
 namespace {

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cairn/math/levenberg_marquardt.h"
 #include "cairn/math/median.h"
+#include "math/levenberg_marquardt.h"
 
 namespace cairn::internal {
 namespace {

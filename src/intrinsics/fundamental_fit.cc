@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "cairn/math/median.h"
-#include "cairn/math/positive_definite.h"
-#include "cairn/robust/fundamental_refinement.h"
-#include "cairn/robust/sampson_kernels.h"
+#include "math/positive_definite.h"
+#include "robust/fundamental_refinement.h"
+#include "robust/sampson_kernels.h"
 
 namespace cairn::internal {
 namespace {

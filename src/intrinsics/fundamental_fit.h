@@ -4,7 +4,7 @@
 #include <optional>
 #include <span>
 
-#include "cairn/robust/fundamental_factors.h"
+#include "robust/fundamental_factors.h"
 
 namespace cairn::internal {
 

@@ -9,9 +9,9 @@
 #include "cairn/mapper/view_edges.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
-#include "cairn/robust/pose_refinement.h"
 #include "cairn/solvers/homography.h"
 #include "mapper/stages.h"
+#include "robust/pose_refinement.h"
 
 namespace cairn {
 namespace {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "cairn/math/levenberg_marquardt.h"
 #include "cairn/math/so3.h"
+#include "math/levenberg_marquardt.h"
 
 namespace cairn {
 namespace {

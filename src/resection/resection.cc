@@ -7,9 +7,9 @@
 #include <numeric>
 
 #include "cairn/base/check.h"
-#include "cairn/robust/ransac.h"
 #include "resection/p3p.h"
 #include "resection/pose_refinement.h"
+#include "robust/ransac.h"
 
 namespace cairn {
 namespace {

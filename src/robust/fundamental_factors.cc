@@ -1,4 +1,4 @@
-#include "cairn/robust/fundamental_factors.h"
+#include "robust/fundamental_factors.h"
 
 #include "cairn/math/decompositions.h"
 #include "cairn/math/so3.h"

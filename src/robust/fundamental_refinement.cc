@@ -1,10 +1,10 @@
-#include "cairn/robust/fundamental_refinement.h"
+#include "robust/fundamental_refinement.h"
 
 #include <Eigen/Geometry>
 #include <cmath>
 
 #include "cairn/base/check.h"
-#include "cairn/math/levenberg_marquardt.h"
+#include "math/levenberg_marquardt.h"
 
 namespace cairn {
 namespace {

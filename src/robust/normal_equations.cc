@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <type_traits>
 
-#include "cairn/robust/sampson_kernels.h"
+#include "robust/sampson_kernels.h"
 
 // These would only cost compile time.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)

@@ -1,4 +1,4 @@
-#include "cairn/robust/point_pairs.h"
+#include "robust/point_pairs.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,10 +1,10 @@
-#include "cairn/robust/pose_refinement.h"
+#include "robust/pose_refinement.h"
 
 #include <Eigen/Geometry>
 
 #include "cairn/base/check.h"
-#include "cairn/math/levenberg_marquardt.h"
 #include "cairn/math/so3.h"
+#include "math/levenberg_marquardt.h"
 
 namespace cairn {
 namespace {

@@ -1,4 +1,4 @@
-#include "cairn/robust/sampson_kernels.h"
+#include "robust/sampson_kernels.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>

@@ -6,8 +6,8 @@
 #include <numbers>
 #include <utility>
 
-#include "cairn/math/positive_definite.h"
 #include "cairn/solvers/polynomial.h"
+#include "math/positive_definite.h"
 #include "solvers/complement.h"
 #include "solvers/essential_constraints.h"
 

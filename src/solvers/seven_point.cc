@@ -3,8 +3,8 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "cairn/math/householder.h"
 #include "cairn/solvers/polynomial.h"
+#include "math/householder.h"
 
 namespace cairn {
 

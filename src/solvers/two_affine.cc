@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "cairn/math/householder.h"
 #include "cairn/solvers/five_point.h"
+#include "math/householder.h"
 #include "solvers/complement.h"
 #include "solvers/essential_constraints.h"
 

@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "cairn/math/angles.h"
-#include "cairn/math/positive_definite.h"
+#include "math/positive_definite.h"
 
 namespace cairn {
 namespace {

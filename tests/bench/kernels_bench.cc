@@ -8,9 +8,9 @@
 #include <string_view>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/robust/pose_refinement.h"
-#include "cairn/robust/sampson_kernels.h"
 #include "cairn/solvers/one_affine_depth_batch.h"
+#include "robust/pose_refinement.h"
+#include "robust/sampson_kernels.h"
 #include "support/random_two_view.h"
 
 namespace cairn {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "cairn/robust/sampson_kernels.h"
+#include "robust/sampson_kernels.h"
 
 namespace cairn::internal {
 namespace {

@@ -4,9 +4,9 @@
 #include <span>
 #include <vector>
 
-#include "cairn/robust/point_pairs.h"
 #include "cairn/solvers/point_correspondence.h"
 #include "cairn/two_view/pair_verifier.h"
+#include "robust/point_pairs.h"
 
 namespace cairn::internal {
 

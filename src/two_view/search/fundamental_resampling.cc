@@ -4,8 +4,8 @@
 #include <optional>
 
 #include "cairn/math/so3.h"
-#include "cairn/robust/fundamental_refinement.h"
 #include "cairn/solvers/seven_point.h"
+#include "robust/fundamental_refinement.h"
 #include "two_view/decide/focal_plausibility.h"
 #include "two_view/search/guided_support.h"
 #include "two_view/search/match_errors.h"

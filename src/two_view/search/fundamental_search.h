@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "cairn/robust/ransac.h"
+#include "robust/ransac.h"
 #include "two_view/prepare/prepared_pair.h"
 
 namespace cairn::internal {

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "cairn/robust/pose_refinement.h"
+#include "robust/pose_refinement.h"
 #include "two_view/prepare/prepared_pair.h"
 
 namespace cairn::internal {

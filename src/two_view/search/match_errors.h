@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "cairn/robust/sampson_kernels.h"
+#include "robust/sampson_kernels.h"
 
 namespace cairn::internal {
 

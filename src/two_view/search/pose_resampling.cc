@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/robust/pose_refinement.h"
 #include "cairn/solvers/five_point.h"
+#include "robust/pose_refinement.h"
 #include "two_view/search/guided_support.h"
 #include "two_view/search/match_errors.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/robust/pose_refinement.h"
+#include "robust/pose_refinement.h"
 #include "two_view/decide/evidence.h"
 
 namespace cairn::internal {

@@ -1,4 +1,4 @@
-#include "cairn/math/levenberg_marquardt.h"
+#include "math/levenberg_marquardt.h"
 
 #include <gtest/gtest.h>
 

@@ -4,8 +4,8 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/math/decompositions.h"
-#include "cairn/math/householder.h"
-#include "cairn/math/positive_definite.h"
+#include "math/householder.h"
+#include "math/positive_definite.h"
 
 namespace cairn {
 namespace {

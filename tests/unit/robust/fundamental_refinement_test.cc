@@ -1,4 +1,4 @@
-#include "cairn/robust/fundamental_refinement.h"
+#include "robust/fundamental_refinement.h"
 
 #include <gtest/gtest.h>
 

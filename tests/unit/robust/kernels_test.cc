@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/robust/pose_refinement.h"
-#include "cairn/robust/sampson_kernels.h"
+#include "robust/pose_refinement.h"
+#include "robust/sampson_kernels.h"
 #include "support/instruction_sets.h"
 #include "support/random_two_view.h"
 

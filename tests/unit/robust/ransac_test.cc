@@ -1,4 +1,4 @@
-#include "cairn/robust/ransac.h"
+#include "robust/ransac.h"
 
 #include <gtest/gtest.h>
 

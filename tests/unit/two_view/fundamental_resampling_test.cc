@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "cairn/math/angles.h"
-#include "cairn/robust/fundamental_refinement.h"
-#include "cairn/robust/sampson_kernels.h"
+#include "robust/fundamental_refinement.h"
+#include "robust/sampson_kernels.h"
 #include "unit/two_view/pair_fixture.h"
 
 namespace cairn::internal {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "cairn/math/normal_equations.h"
-#include "cairn/math/positive_definite.h"
+#include "math/normal_equations.h"
+#include "math/positive_definite.h"
 
 namespace cairn {
 

@@ -3,7 +3,7 @@
 #include <span>
 
 #include "cairn/geometry/rigid3d.h"
-#include "cairn/robust/sampson_kernels.h"
+#include "robust/sampson_kernels.h"
 
 namespace cairn {
 

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "cairn/math/normal_equations.h"
-#include "cairn/robust/fundamental_factors.h"
-#include "cairn/robust/point_pairs.h"
+#include "math/normal_equations.h"
+#include "robust/fundamental_factors.h"
+#include "robust/point_pairs.h"
 
 namespace cairn {
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 
 #include "cairn/geometry/rigid3d.h"
-#include "cairn/math/normal_equations.h"
-#include "cairn/robust/point_pairs.h"
+#include "math/normal_equations.h"
+#include "robust/point_pairs.h"
 
 namespace cairn {
 
