@@ -5,7 +5,7 @@
 
 namespace cairn::internal {
 
-// NormalEquations (cairn/math/levenberg_marquardt.h) over the cameras of a graph.
+// NormalEquations (math/levenberg_marquardt.h) over the cameras of a graph.
 struct SparseNormals {
   Eigen::SparseMatrix<double> hessian;  // all of it
   Eigen::VectorXd gradient;
