@@ -1,5 +1,9 @@
 #include "cairn/report/stage.h"
 
+#include <algorithm>
+
+#include "base/memory.h"
+
 namespace cairn {
 
 Stage::Stage(RunReport& report, ProgressMonitor& monitor, const std::string& name, int64_t total)
@@ -10,6 +14,7 @@ Stage::Stage(RunReport& report, ProgressMonitor& monitor, const std::string& nam
 
 Stage::~Stage() {
   report_.seconds = timer_.Seconds();
+  report_.memory_gib = BytesToGib(std::max<int64_t>(0, ReadMemoryUse().resident));
   monitor_.EndStage();
   run_.stages.push_back(std::move(report_));
 }
