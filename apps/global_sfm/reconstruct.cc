@@ -2,11 +2,15 @@
 
 #include <spdlog/spdlog.h>
 
+#include <filesystem>
 #include <memory>
 
 #include "cairn/base/file.h"
+#include "cairn/report_page/report_page.h"
 #include "common/console_monitor.h"
 #include "global_sfm/commands.h"
+#include "global_sfm/describe_result.h"
+#include "global_sfm/run_folder.h"
 
 namespace cairn {
 namespace {
@@ -17,6 +21,8 @@ struct ReconstructFlags {
   std::string output_path;
   bool overwrite = false;
   bool refine_intrinsics = true;
+  bool report = true;
+  bool verbose = false;
   int num_threads = 0;
   int seed = 0;
 
@@ -29,6 +35,8 @@ struct ReconstructFlags {
     v.Bool("refine_intrinsics", refine_intrinsics,
            "refine focal lengths and distortions; not given: 0 for cameras given by "
            "--camera_params or calibrated otherwise, else 1");
+    v.Bool("report", report, "write report.html, a page for the browser that shows the result");
+    v.Bool("verbose", verbose, "print what every stage did (report.json has it, too)");
     v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
     v.Int("seed", seed, {0, 2147483647}, "of all random numbers");
   }
@@ -39,6 +47,24 @@ struct State {
   ReconstructFlags flags;
   ReconstructSettings settings;
 };
+
+// report.html, of failed runs, too.
+void WriteReport(const Database& database, const ReconstructFlags& flags,
+                 const ReconstructResult& result, ProgressMonitor& monitor) {
+  std::vector<std::string> names;
+  for (size_t k = 0; k < result.models.size(); ++k) names.push_back("sparse/" + std::to_string(k));
+  const ReportPageInput input{.title = std::filesystem::path(flags.database_path).stem().string(),
+                              .image_path = flags.image_path,
+                              .models = result.models,
+                              .model_names = names,
+                              .graph = result.graph,
+                              .run_json = ToJson(result.report),
+                              .build_json = ReadBuildReport(flags.database_path)};
+  const ReportPage page =
+      MakeReportPage(database, input, {.num_threads = flags.num_threads, .monitor = monitor});
+  WriteFileAtomically(flags.output_path + "/report.html", page.html);
+  for (const std::string& warning : page.warnings) spdlog::warn("{}", warning);
+}
 
 int Run(const Command& command, State& state) {
   for (const char* key : {"database_path", "output_path"}) command.Require(key);
@@ -56,20 +82,10 @@ int Run(const Command& command, State& state) {
   const Database database(flags.database_path, Database::Mode::kReadOnly);
   ReconstructResult result = ReconstructScene(database, flags.image_path, settings, monitor);
   WriteReconstructResult(result, flags.output_path, command.EffectiveToml());
-  spdlog::info("stages:\n{}", Summary(result.report));
-  if (!result.report.Succeeded()) {
-    spdlog::error("{}", result.report.failure);
-    spdlog::error("{}/report.json says what each stage did", flags.output_path);
-    return kExitNoUsableResult;
-  }
-  for (size_t k = 0; k < result.models.size(); ++k) {
-    const Reconstruction& model = result.models[k];
-    spdlog::info("{}/sparse/{}: {} of {} images, {} points, mean reprojection error {:.3f} px",
-                 flags.output_path, k, model.images.size(), result.images.size(),
-                 model.points3D.size(), model.MeanReprojectionErrorPx());
-  }
-  for (const std::string& warning : result.report.warnings) spdlog::warn("{}", warning);
-  return kExitSuccess;
+  if (flags.report) WriteReport(database, flags, result, monitor);
+  if (flags.verbose) std::fputs(Summary(result.report).c_str(), stdout);
+  std::fputs(DescribeResult(result, flags.output_path, flags.report).c_str(), stdout);
+  return result.report.Succeeded() ? kExitSuccess : kExitNoUsableResult;
 }
 
 }  // namespace

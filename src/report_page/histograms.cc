@@ -26,7 +26,7 @@ Json Histogram(const char* name, const char* title, const char* unit, std::vecto
   std::sort(values.begin(), values.end());
   const double high = values[static_cast<size_t>(0.98 * static_cast<double>(values.size() - 1))];
   const double lowest = are_whole ? std::floor(values.front()) : 0.0;
-  double width = RoundUp(std::max(high - lowest, 1e-9) / 20);
+  double width = RoundUp(std::max(high - lowest, 1e-9) / 30);
   if (are_whole) width = std::max(1.0, width);
   const int num_bins = std::max(1, static_cast<int>((high - lowest) / width) + 1);
   std::vector<int64_t> counts(num_bins, 0);

@@ -187,7 +187,7 @@ function writeModels() {
       ["error", model.points > 0 ? model.error_px.toFixed(3) + " px (mean reprojection error)" : null],
       ["how sure", sureness(model)],
       ["poses", model.rotation_sigma_deg === null ? null : "known to " + short(model.rotation_sigma_deg) + "° and " +
-        percent(model.position_sigma ?? 0) + " of the cameras' spread (median standard deviation)"],
+        short(100 * model.position_sigma) + " % of the cameras' spread (median standard deviation)"],
     ]);
     byId("models").append(element("div", {className: "card"}, element("div", {className: "soft"}, model.name),
       element("div", {className: "big"}, plural(model.images, "photo")), list));
@@ -379,8 +379,8 @@ async function drawPair() {
   const ends = block(data.pairs.drawn.end, Uint32Array);
   const first = i > 0 ? ends[i - 1] : 0;
   const middle = first + block(data.pairs.drawn.num_inliers, Uint16Array)[i];
-  context.lineWidth = 0.7;
-  context.globalAlpha = 0.75;
+  context.lineWidth = 0.6;
+  context.globalAlpha = 0.6;
   if (pairView.rejected) drawLines(context, boxes, middle, ends[i], "#e0402f");
   if (pairView.inliers) drawLines(context, boxes, first, middle, "#1fb36b");
   canvas.dataset.drawn = String(i);
@@ -495,6 +495,7 @@ function residualMap(camera) {
   const count = get("count"), dx = get("dx"), dy = get("dy"), rms = get("rms");
   const canvas = element("canvas", {width: 960, height: Math.round(960 * rows / columns)});
   const cell = canvas.width / columns;
+  canvas.style.maxWidth = "calc(34rem * " + (columns / rows) + ")";
   const context = canvas.getContext("2d");
   const isKnown = (i) => count[i] >= 5;  // fewer say nothing about the lens
   const known = [...count.keys()].filter(isKnown);
@@ -506,7 +507,7 @@ function residualMap(camera) {
   for (const i of known) {
     const x = (i % columns) * cell, y = Math.floor(i / columns) * cell;
     const shade = Math.min(1, rms[i] / mostRms);
-    context.fillStyle = `rgb(${Math.round(255 - 60 * shade)} ${Math.round(250 - 80 * shade)} ${Math.round(240 - 140 * shade)})`;
+    context.fillStyle = `rgb(${Math.round(255 - 25 * shade)} ${Math.round(252 - 55 * shade)} ${Math.round(244 - 104 * shade)})`;
     context.fillRect(x, y, cell, cell);
   }
   const scale = 0.9 * cell / mostMean;
@@ -554,30 +555,53 @@ function writeCameras() {
 
 // ---------------------------------------------------------------- stages
 
-function stageRow(stage, begin, total) {
-  const bar = element("i", {style: `left:${100 * begin / total}%;width:${100 * stage.seconds / total}%`});
+// Stages of one name in a row, each run of them as a bar at its time.
+function timeRow(name, runs, total) {
+  const seconds = runs.reduce((sum, run) => sum + run.stage.seconds, 0);
+  const bars = runs.map(({stage, begin}) => element("i", {className: stage.status, title: duration(stage.seconds),
+    style: `left:${100 * begin / total}%;width:${100 * stage.seconds / total}%`}));
+  return element("div", {className: "stage"}, element("span", {}, name.replaceAll("_", " ") + (runs.length > 1 ? " × " + runs.length : "")),
+    element("span", {className: "bar"}, ...bars), element("span", {className: "time"}, duration(seconds)));
+}
+
+// Memory after each stage, over time.
+function memoryRow(runs, total) {
+  const known = runs.filter(({stage}) => stage.memory_gib);
+  if (known.length === 0) return null;
+  const most = Math.max(...known.map(({stage}) => stage.memory_gib));
+  const points = known.map(({stage, begin}) => (1000 * (begin + stage.seconds) / total).toFixed(1) + "," + (38 - 34 * stage.memory_gib / most).toFixed(1));
+  const chart = svg("svg", {viewBox: "0 0 1000 40", preserveAspectRatio: "none"},
+    svg("polygon", {points: "0,40 0," + points[0].split(",")[1] + " " + points.join(" ") + " 1000,40", fill: "#cfdde7"}));
+  return element("div", {className: "stage"}, element("span", {}, "memory"), element("span", {className: "bar memory"}, chart),
+    element("span", {className: "time"}, "up to " + most.toFixed(2) + " GiB"));
+}
+
+// Everything that a stage said.
+function stageDetails(stage) {
   const values = Object.entries(stage.values ?? {}).map(([key, value]) => key.replaceAll("_", " ") + " " + short(value));
-  const messages = stage.messages ?? [];
-  const more = element("details", {}, element("summary", {}, values.slice(0, 4).join(", ") + (values.length > 4 || messages.length ? " …" : "")),
-    element("p", {className: "soft"}, values.join(", ")), element("ul", {}, ...messages.map((text) => element("li", {}, text))));
-  const state = stage.status === "ok" ? "" : " (" + stage.status + ")";
-  return element("div", {className: "stage " + stage.status}, element("span", {}, stage.name.replaceAll("_", " ") + state),
-    element("span", {className: "bar"}, bar),
-    element("span", {className: "time"}, duration(stage.seconds) + (stage.memory_gib ? ", " + stage.memory_gib.toFixed(2) + " GiB" : "")), more);
+  const row = element("div", {className: "said"}, element("strong", {}, stage.name.replaceAll("_", " ")),
+    " " + duration(stage.seconds) + (stage.memory_gib ? ", " + stage.memory_gib.toFixed(2) + " GiB" : "") + (stage.status === "ok" ? "" : " (" + stage.status + ")"),
+    element("div", {className: "soft"}, values.join(", ")));
+  if (stage.messages) row.append(element("ul", {}, ...stage.messages.map((text) => element("li", {}, text))));
+  return row;
 }
 
 function timeline(report) {
-  const total = Math.max(1e-9, report.stages.reduce((sum, stage) => sum + stage.seconds, 0));
-  const peak = report.values?.peak_memory_gib;
-  const box = element("div", {}, element("h3", {}, report.program),
-    element("p", {className: "soft"}, duration(report.values?.seconds ?? total) + (peak ? ", at most " + peak.toFixed(2) + " GiB" : "") +
-      "; memory is what the program had when a stage ended"));
+  const runs = [];
   let begin = 0;
   for (const stage of report.stages) {
-    box.append(stageRow(stage, begin, total));
+    runs.push({stage, begin});
     begin += stage.seconds;
   }
-  return box;
+  const total = Math.max(1e-9, begin);
+  const names = [...new Set(report.stages.map((stage) => stage.name))];
+  const peak = report.values?.peak_memory_gib;
+  const warned = report.stages.filter((stage) => stage.status !== "ok" && stage.status !== "skipped" && stage.messages);
+  return element("div", {className: "run"}, element("h3", {}, report.program),
+    element("p", {className: "soft"}, duration(report.values?.seconds ?? total) + (peak ? ", at most " + peak.toFixed(2) + " GiB" : "")),
+    ...names.map((name) => timeRow(name, runs.filter((run) => run.stage.name === name), total)), memoryRow(runs, total),
+    warned.length > 0 ? element("ul", {className: "warned"}, ...warned.flatMap((stage) => stage.messages.map((text) => element("li", {}, stage.name.replaceAll("_", " ") + ": " + text)))) : null,
+    element("details", {}, element("summary", {}, "All " + plural(runs.length, "stage") + " with their figures"), ...report.stages.map(stageDetails)));
 }
 
 function writeStages() {

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string>
+
+#include "cairn/mapper/reconstruct.h"
+
+namespace cairn {
+
+// At most ten lines for the terminal: models, photos, points, error, confidence, warnings, time,
+// files; of a failed run, what was there and what to try.
+std::string DescribeResult(const ReconstructResult& result, const std::string& output_path,
+                           bool has_report);
+
+}  // namespace cairn
