@@ -8,6 +8,7 @@
 #include "cairn/base/file.h"
 #include "cairn/report_page/report_page.h"
 #include "common/console_monitor.h"
+#include "common/run_flags.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/describe_result.h"
 #include "global_sfm/run_folder.h"
@@ -23,8 +24,7 @@ struct ReconstructFlags {
   bool refine_intrinsics = true;
   bool report = true;
   bool verbose = false;
-  int num_threads = 0;
-  int seed = 0;
+  RunFlags run;
 
   void VisitFields(OptionVisitor& v) {
     v.String("database_path", database_path, "database with verified pairs");
@@ -37,8 +37,7 @@ struct ReconstructFlags {
            "--camera_params or calibrated otherwise, else 1");
     v.Bool("report", report, "write report.html, a page for the browser that shows the result");
     v.Bool("verbose", verbose, "print what every stage did (report.json has it, too)");
-    v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
-    v.Int("seed", seed, {0, 2147483647}, "of all random numbers");
+    run.VisitFields(v);
   }
 };
 
@@ -50,7 +49,7 @@ struct State {
 
 // report.html, of failed runs, too.
 void WriteReport(const Database& database, const ReconstructFlags& flags,
-                 const ReconstructResult& result, ProgressMonitor& monitor) {
+                 const ReconstructResult& result, const RunContext& run) {
   std::vector<std::string> names;
   for (size_t k = 0; k < result.models.size(); ++k) names.push_back("sparse/" + std::to_string(k));
   const ReportPageInput input{.title = std::filesystem::path(flags.database_path).stem().string(),
@@ -60,8 +59,7 @@ void WriteReport(const Database& database, const ReconstructFlags& flags,
                               .graph = result.graph,
                               .run_json = ToJson(result.report),
                               .build_json = ReadBuildReport(flags.database_path)};
-  const ReportPage page =
-      MakeReportPage(database, input, {.num_threads = flags.num_threads, .monitor = monitor});
+  const ReportPage page = MakeReportPage(database, input, run);
   WriteFileAtomically(flags.output_path + "/report.html", page.html);
   for (const std::string& warning : page.warnings) spdlog::warn("{}", warning);
 }
@@ -70,8 +68,6 @@ int Run(const Command& command, State& state) {
   for (const char* key : {"database_path", "output_path"}) command.Require(key);
   const ReconstructFlags& flags = state.flags;
   ReconstructSettings& settings = state.settings;
-  settings.seed = static_cast<uint64_t>(flags.seed);
-  settings.num_threads = flags.num_threads;
   if (command.IsSet("refine_intrinsics")) settings.refine_intrinsics = flags.refine_intrinsics;
 
   // A folder that cannot or must not be written to is noticed before the work, not after it.
@@ -80,9 +76,10 @@ int Run(const Command& command, State& state) {
   WriteFileAtomically(flags.output_path + "/effective.toml", command.EffectiveToml());
   ConsoleMonitor monitor;
   const Database database(flags.database_path, Database::Mode::kReadOnly);
-  ReconstructResult result = ReconstructScene(database, flags.image_path, settings, monitor);
+  const RunContext run = flags.run.Run(monitor);
+  ReconstructResult result = Reconstruct(database, flags.image_path, settings, run);
   WriteReconstructResult(result, flags.output_path, command.EffectiveToml());
-  if (flags.report) WriteReport(database, flags, result, monitor);
+  if (flags.report) WriteReport(database, flags, result, run);
   if (flags.verbose) std::fputs(Summary(result.report).c_str(), stdout);
   std::fputs(DescribeResult(result, flags.output_path, flags.report).c_str(), stdout);
   return result.report.Succeeded() ? kExitSuccess : kExitNoUsableResult;
@@ -95,15 +92,8 @@ void AddReconstructCommand(Program& program) {
       "reconstruct", "Cameras and points from the verified pairs of a database.");
   auto state = std::make_shared<State>();
   command.AddOptions("", state->flags);
-  command.AddOptions("reconstruct", state->settings.reconstruct);
-  command.AddOptions("focal_calibration", state->settings.focal_calibration);
-  command.AddOptions("view_graph", state->settings.view_graph);
-  command.AddOptions("rotation_averaging", state->settings.rotation_averaging);
-  command.AddOptions("translation_averaging", state->settings.translation_averaging);
-  command.AddOptions("tracks", state->settings.tracks);
-  command.AddOptions("triangulation", state->settings.triangulation);
-  command.AddOptions("bundle_adjustment", state->settings.bundle_adjustment);
-  command.AddOptions("resection", state->settings.resection);
+  state->settings.VisitModules(
+      [&](const char* module, auto& options) { command.AddOptions(module, options); });
   command.SetRun([&command, state] { return Run(command, *state); });
 }
 

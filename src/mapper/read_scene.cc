@@ -91,8 +91,7 @@ FeatureMatches MergeMatches(FeatureMatches matches, const std::vector<point2D_t>
 
 // Edges with their merged inlier matches; geometries of those that another program verified.
 void ReadEdges(const Database& database,
-               const std::map<image_t, std::vector<point2D_t>>& first_keypoint, SceneData& scene,
-               std::map<image_pair_t, TwoViewGeometry>& foreign) {
+               const std::map<image_t, std::vector<point2D_t>>& first_keypoint, SceneData& scene) {
   for (ViewEdge& edge : ReadViewEdges(database)) {
     if (scene.pixels.count(edge.image_id1) == 0 || scene.pixels.count(edge.image_id2) == 0) {
       continue;
@@ -106,7 +105,7 @@ void ReadEdges(const Database& database,
         MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
                      first_keypoint.at(edge.image_id2));
     scene.poses_imported |= edge.verifier == kImportedVerifier;
-    if (edge.verifier.empty()) foreign[edge.PairId()] = std::move(geometry);
+    if (edge.verifier.empty()) scene.foreign[edge.PairId()] = std::move(geometry);
     scene.edges.push_back(std::move(edge));
   }
 }
@@ -129,15 +128,14 @@ void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
 }  // namespace
 
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
-                        ProgressMonitor& monitor, RunReport& report) {
+                        const RunContext& run, RunReport& report) {
   SceneData scene;
-  std::map<image_pair_t, TwoViewGeometry> foreign;
   {
-    Stage stage(report, monitor, "read");
+    Stage stage(report, run.monitor, "read");
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
     ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);
-    ReadEdges(database, first_keypoint, scene, foreign);
+    ReadEdges(database, first_keypoint, scene);
     scene.raw_matches = [&database, first_keypoint](const ViewEdge& edge) {
       return MergeMatches(database.ReadMatches(edge.PairId()).value_or(FeatureMatches()),
                           first_keypoint.at(edge.image_id1), first_keypoint.at(edge.image_id2));
@@ -170,13 +168,13 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
   }
   if (!report.Succeeded() || scene.poses_alone) return scene;
   if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
-    Stage stage(report, monitor, "focal_calibration");
+    Stage stage(report, run.monitor, "focal_calibration");
     const GeometryReader read = [&](image_pair_t pair_id) {
       return database.ReadTwoViewGeometry(pair_id).value();
     };
-    CalibrateSceneFocals(read, foreign, settings, stage, scene);
+    CalibrateSceneFocals(read, settings.focal_calibration, run, stage, scene);
   } else {
-    ImproveRelativePoses(foreign, settings.num_threads, scene);
+    ImproveRelativePoses(scene.foreign, run, scene);
   }
   return scene;
 }

@@ -143,7 +143,7 @@ void JudgePairs(std::span<PagePair* const> pairs, const Reconstruction& model, P
     }
     verified.push_back({id1, id2, &matches[i]});
   }
-  const ModelEvidence evidence = EvaluateEvidence(model, verified, scene.run.num_threads);
+  const ModelEvidence evidence = EvaluateEvidence(model, verified, scene.run);
   for (size_t i = 0; i < pairs.size(); ++i) {
     pairs[i]->support = evidence.pairs[i];
     for (const int image : {pairs[i]->image1, pairs[i]->image2}) {
