@@ -92,8 +92,8 @@ std::string TimeText(const RunReport& report) {
   return fmt::format("{}, {:.2f} GiB", FormatDuration(seconds), peak_gib);
 }
 
-std::string ReportLine(const std::string& output_path, bool has_report) {
-  if (!has_report) return Line("report", output_path + "/report.json");
+std::string ReportLine(const ReconstructResult& result, const std::string& output_path) {
+  if (result.page.empty()) return Line("report", output_path + "/report.json");
   return Line("report", output_path + "/report.html (open it in a browser)");
 }
 
@@ -107,10 +107,9 @@ std::string DescribeFailure(const RunReport& report) {
 
 }  // namespace
 
-std::string DescribeResult(const ReconstructResult& result, const std::string& output_path,
-                           bool has_report) {
+std::string DescribeResult(const ReconstructResult& result, const std::string& output_path) {
   const RunReport& report = result.report;
-  if (!report.Succeeded()) return DescribeFailure(report) + ReportLine(output_path, has_report);
+  if (!report.Succeeded()) return DescribeFailure(report) + ReportLine(result, output_path);
   std::string text = Line("models", ModelsText(result)) + Line("photos", PhotosText(result)) +
                      Line("points", PointsText(result));
   if (!result.models.front().points3D.empty()) {
@@ -129,7 +128,7 @@ std::string DescribeResult(const ReconstructResult& result, const std::string& o
   text += Line("files", output_path +
                             "/: sparse, points.ply, bundle.out, confidence.csv, "
                             "view_graph.json, report.json");
-  return text + ReportLine(output_path, has_report);
+  return text + ReportLine(result, output_path);
 }
 
 }  // namespace cairn

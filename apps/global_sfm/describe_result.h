@@ -8,7 +8,6 @@ namespace cairn {
 
 // At most ten lines for the terminal: models, photos, points, error, confidence, warnings, time,
 // files; of a failed run, what was there and what to try.
-std::string DescribeResult(const ReconstructResult& result, const std::string& output_path,
-                           bool has_report);
+std::string DescribeResult(const ReconstructResult& result, const std::string& output_path);
 
 }  // namespace cairn

@@ -47,9 +47,9 @@ struct State {
   ReconstructSettings settings;
 };
 
-// report.html, of failed runs, too.
-void WriteReport(const Database& database, const ReconstructFlags& flags,
-                 const ReconstructResult& result, const RunContext& run) {
+// The page of the run, of failed ones, too. What goes wrong in it does not cost the models.
+std::string MakePage(const Database& database, const ReconstructFlags& flags,
+                     const ReconstructResult& result, const RunContext& run) try {
   std::vector<std::string> names;
   for (size_t k = 0; k < result.models.size(); ++k) names.push_back("sparse/" + std::to_string(k));
   const ReportPageInput input{.title = std::filesystem::path(flags.database_path).stem().string(),
@@ -59,9 +59,12 @@ void WriteReport(const Database& database, const ReconstructFlags& flags,
                               .graph = result.graph,
                               .run_json = ToJson(result.report),
                               .build_json = ReadBuildReport(flags.database_path)};
-  const ReportPage page = MakeReportPage(database, input, run);
-  WriteFileAtomically(flags.output_path + "/report.html", page.html);
+  ReportPage page = MakeReportPage(database, input, run);
   for (const std::string& warning : page.warnings) spdlog::warn("{}", warning);
+  return std::move(page.html);
+} catch (const std::exception& error) {
+  spdlog::warn("report.html could not be made: {}", error.what());
+  return "";
 }
 
 int Run(const Command& command, State& state) {
@@ -78,10 +81,10 @@ int Run(const Command& command, State& state) {
   const Database database(flags.database_path, Database::Mode::kReadOnly);
   const RunContext run = flags.run.Run(monitor);
   ReconstructResult result = Reconstruct(database, flags.image_path, settings, run);
+  if (flags.report) result.page = MakePage(database, flags, result, run);
   WriteReconstructResult(result, flags.output_path, command.EffectiveToml());
-  if (flags.report) WriteReport(database, flags, result, run);
   if (flags.verbose) std::fputs(Summary(result.report).c_str(), stdout);
-  std::fputs(DescribeResult(result, flags.output_path, flags.report).c_str(), stdout);
+  std::fputs(DescribeResult(result, flags.output_path).c_str(), stdout);
   return result.report.Succeeded() ? kExitSuccess : kExitNoUsableResult;
 }
 

@@ -48,9 +48,29 @@ std::string DataText(const Json& data) {
   return WithoutTags(data.dump(-1, ' ', false, Json::error_handler_t::replace), "\\u003c");
 }
 
+// The minified file comes without its licence, which must go along.
+constexpr const char* kThreeLicence = R"(<!-- three.js
+Copyright (c) 2010-2019 three.js authors
+
+Permission is hereby granted, free of charge, to any person obtaining a copy of this software and
+associated documentation files (the "Software"), to deal in the Software without restriction,
+including without limitation the rights to use, copy, modify, merge, publish, distribute,
+sublicense, and/or sell copies of the Software, and to permit persons to whom the Software is
+furnished to do so, subject to the following conditions:
+
+The above copyright notice and this permission notice shall be included in all copies or substantial
+portions of the Software.
+
+THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT
+NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND
+NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES
+OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, OUT OF OR IN
+CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE. -->
+)";
+
 // three.js with its orbit controls, as two <script> elements; "" where it is not installed.
 std::string ThreeScripts(const std::string& folder) {
-  std::string scripts;
+  std::string scripts = kThreeLicence;
   for (const char* name : {"build/three.min.js", "examples/js/controls/OrbitControls.js"}) {
     const std::string path = folder + "/" + name;
     if (!std::filesystem::exists(path)) return "";

@@ -31,7 +31,7 @@
   const scene = new THREE.Scene();
   const camera = new THREE.PerspectiveCamera(50, 1, 0.001, 1000);
   const controls = new THREE.OrbitControls(camera, canvas);
-  const view = {model: 0, group: null, points: null, frusta: null, edges: null, centers: [], indices: [], size: 2, frustum: 0.05, hovered: -1};
+  const view = {camera, model: 0, points: null, frusta: null, edges: null, centers: [], indices: [], size: 2, frustum: 0.05, hovered: -1};
   const edgeStates = {states: new Set(), minInliers: 0};
 
   // ---- frame of a model: the world in which three.js shows it has y up, the cameras' median at its middle, radius 1.
