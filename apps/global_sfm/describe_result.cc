@@ -64,9 +64,9 @@ std::string ConfidenceText(const ReconstructResult& result) {
   }
   std::string text;
   if (!shares.empty()) {
+    const auto [least, most] = std::minmax_element(shares.begin(), shares.end());
     text = fmt::format("{}{:.0f} % of verified matches agree with the poses; ",
-                       shares.size() > 1 ? "at least " : "",
-                       100 * *std::min_element(shares.begin(), shares.end()));
+                       *least < *most ? "at least " : "", 100 * *least);
   }
   return text + fmt::format("directions known to {:.2g} degrees (median)", UpperMedian(sigmas_deg));
 }

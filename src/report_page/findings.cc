@@ -79,10 +79,12 @@ void AddWeakPoses(const PageScene& scene, Json& findings) {
     }
   }
   if (images.empty()) return;
-  findings.push_back(Finding("doubtful",
-                             Photos(images.size()) + " hang on few points: the direction of each "
-                                                     "is not known to 1 degree",
-                             "Add photos that overlap with these.", images));
+  const std::string hang = images.size() == 1 ? " hangs" : " hang";
+  findings.push_back(
+      Finding("doubtful",
+              Photos(images.size()) + hang +
+                  " on few points: the standard deviation of the direction is more than 1 degree",
+              "Add photos that overlap with these.", images));
 }
 
 void AddLeftOut(const PageScene& scene, Json& findings) {

@@ -1,5 +1,5 @@
 #include <algorithm>
-#include <set>
+#include <cmath>
 
 #include "cairn/base/error.h"
 #include "report_page/page_parts.h"
@@ -179,7 +179,8 @@ void CountPair(const PagePair& pair, const PageImage& other, PageImage& image) {
 }
 
 Json ParseReport(const std::string& text) {
-  return text.empty() ? Json() : Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  Json json = text.empty() ? Json() : Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  return json.is_object() ? json : Json();
 }
 
 }  // namespace
@@ -194,8 +195,8 @@ ResidualMap::ResidualMap(int width, int height) {
 
 void ResidualMap::Add(const Camera& camera, const Eigen::Vector2d& pixel,
                       const Eigen::Vector2d& residual) {
-  const int column = static_cast<int>(pixel.x() / camera.width * columns);
-  const int row = static_cast<int>(pixel.y() / camera.height * rows);
+  const int column = static_cast<int>(std::floor(pixel.x() / camera.width * columns));
+  const int row = static_cast<int>(std::floor(pixel.y() / camera.height * rows));
   if (column < 0 || column >= columns || row < 0 || row >= rows) return;
   const int cell = row * columns + column;
   ++count[cell];

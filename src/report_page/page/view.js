@@ -31,7 +31,7 @@
   const scene = new THREE.Scene();
   const camera = new THREE.PerspectiveCamera(50, 1, 0.001, 1000);
   const controls = new THREE.OrbitControls(camera, canvas);
-  const view = {camera, model: 0, points: null, frusta: null, edges: null, centers: [], indices: [], size: 2, frustum: 0.05, hovered: -1};
+  const view = {camera, model: 0, points: null, frusta: null, edges: null, centers: [], indices: [], size: 2, frustum: 0.05, scale: 1};
   const edgeStates = {states: new Set(), minInliers: 0};
 
   // ---- frame of a model: the world in which three.js shows it has y up, the cameras' median at its middle, radius 1.
@@ -119,9 +119,9 @@
       const center = toView(centerOf(i));
       view.centers.push(center);
       const axes = [0, 1, 2].map((axis) => toViewDirection(axisOf(i, axis)));
-      const ends = corners(i).map(([x, y]) => center.clone().addScaledVector(axes[0], x * view.frustum).addScaledVector(axes[1], y * view.frustum)
-        .addScaledVector(axes[2], view.frustum));
-      const color = i === view.hovered ? [0.9, 0.25, 0.1] : [0.75, 0.16, 0.12];
+      const size = view.frustum * view.scale;
+      const ends = corners(i).map(([x, y]) => center.clone().addScaledVector(axes[0], x * size).addScaledVector(axes[1], y * size).addScaledVector(axes[2], size));
+      const color = [0.75, 0.16, 0.12];
       const add = (a, b) => {
         positions.push(a.x, a.y, a.z, b.x, b.y, b.z);
         colors.push(...color, ...color);
@@ -196,13 +196,18 @@
       forward.add(toViewDirection(axisOf(i, 2)));
       middle.add(view.centers[k]);
     });
-    middle.divideScalar(Math.max(1, view.indices.length));
     if (forward.length() < 0.2 * view.indices.length) forward.copy(middle).negate();
     forward.y = 0;
     if (forward.length() < 1e-3) forward.set(0, 0, -1);
-    const distance = camera.aspect < 1 ? 3.6 : 2.5;
-    const position = forward.normalize().multiplyScalar(-distance).add(new THREE.Vector3(0, 0.35 * distance, 0));
-    fly(position, new THREE.Vector3(), isAtOnce);
+    const back = forward.normalize().negate().add(new THREE.Vector3(0, 0.35, 0)).normalize();
+    // As near as all cameras, and a ball of radius 1 around most points, are in the picture.
+    const half = 0.9 * Math.atan(Math.tan(camera.fov / 2 * Math.PI / 180) * Math.min(1, camera.aspect));
+    const distances = view.centers.map((center) => {
+      const along = center.dot(back);
+      return along + Math.sqrt(Math.max(0, center.lengthSq() - along * along)) / Math.tan(half) + 2 * view.frustum;
+    });
+    const distance = Math.max(0.9 / Math.sin(half), ...distances.sort((a, b) => a - b).slice(0, Math.ceil(0.95 * distances.length)));
+    fly(back.multiplyScalar(distance), new THREE.Vector3(), isAtOnce);
   }
 
   function flyToImage(i) {
@@ -264,6 +269,8 @@
     view.model = k;
     view.indices = images.map((_, i) => i).filter((i) => images[i].model === k);
     view.frame = frameOf(view.indices, block(models[k].xyz, Float32Array));
+    view.size = models[k].shown < 20000 ? 3 : models[k].shown < 200000 ? 2 : 1.5;
+    view.frustum = 0.05 * Math.max(1, median(view.indices.map((i) => toView(centerOf(i)).length())));
     makePoints(models[k]);
     makeFrusta();
     makeEdges();
@@ -291,8 +298,8 @@
     box.append(
       checkbox("points", true, null, (on) => { view.points.visible = on; draw(); }),
       checkbox("cameras", true, "#bf2a1f", (on) => { view.frusta.visible = on; draw(); }),
-      range("size of points", 0.5, 6, view.size, (value) => { view.size = view.points.material.size = value; }),
-      range("size of cameras", 0.005, 0.2, view.frustum, (value) => { view.frustum = value; makeFrusta(); }));
+      range("size of points", 0.5, 8, 3, (value) => { view.points.material.size = value; }),
+      range("size of cameras", 0.1, 4, 1, (value) => { view.scale = value; makeFrusta(); }));
     const total = models.reduce((sum, model) => sum + model.points, 0), inFile = models.reduce((sum, model) => sum + model.shown, 0);
     if (inFile < total) box.append(element("span", {className: "soft"}, whole(inFile) + " of " + whole(total) + " points are in this file"));
     const states = data.pairs.states.filter((state) => STATES[state] && data.pairs.counts[state]);
