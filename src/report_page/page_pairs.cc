@@ -24,13 +24,23 @@ std::vector<size_t> SelectPairs(const PageScene& scene) {
   return selected;
 }
 
-// How many matches of each selected pair go into the page: equal shares, but at least kMinMatches
-// for the pairs with the most inliers, as long as the limit lasts.
-std::vector<int> ShareMatches(const PageScene& scene, const std::vector<size_t>& selected) {
+// The largest number of matches that every pair can have (or all that it has), within the limit.
+int ShareOfAll(const PageScene& scene, const std::vector<size_t>& selected) {
   constexpr int kMinMatches = 32, kMaxMatches = 400;  // more lines hide each other
-  const auto num = static_cast<int64_t>(std::max<size_t>(1, selected.size()));
-  const int share =
-      std::clamp(static_cast<int>(scene.input.limits.matches / num), kMinMatches, kMaxMatches);
+  const auto fits = [&](int share) {
+    int64_t sum = 0;
+    for (const size_t i : selected) sum += std::min(share, scene.pairs[i].num_matches);
+    return sum <= scene.input.limits.matches;
+  };
+  int share = kMaxMatches;
+  while (share > kMinMatches && !fits(share)) --share;
+  return share;
+}
+
+// How many matches of each selected pair go into the page; where the limit does not last for all,
+// those with the most inliers have theirs.
+std::vector<int> ShareMatches(const PageScene& scene, const std::vector<size_t>& selected) {
+  const int share = ShareOfAll(scene, selected);
   std::vector<size_t> order(selected.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {

@@ -55,7 +55,7 @@
     });
     const middle = new THREE.Vector3(...samples.map(median));
     const distances = samples[0].map((_, s) => Math.hypot(samples[0][s] - middle.x, samples[1][s] - middle.y, samples[2][s] - middle.z));
-    const radius = distances.sort((a, b) => a - b)[Math.floor(0.9 * (distances.length - 1))] || 1;
+    const radius = distances.sort((a, b) => a - b)[Math.floor(0.75 * (distances.length - 1))] || 1;
     const turn = new THREE.Quaternion().setFromUnitVectors(up.normalize(), new THREE.Vector3(0, 1, 0));
     return {middle, radius, turn};
   }
