@@ -134,7 +134,8 @@ void AddDoubtfulCameras(const PageScene& scene, Json& findings) {
 }  // namespace
 
 std::string DoubtAboutCamera(const PageCamera& camera) {
-  if (!camera.refined || camera.known.is_given) return "";
+  const bool is_known = !camera.known.camera.params.empty();  // the database may lack it
+  if (!camera.refined || !is_known || camera.known.is_given) return "";
   const Camera& before = camera.known.camera;
   char text[200];
   if (camera.known.IsRejected()) {

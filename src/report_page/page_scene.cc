@@ -65,7 +65,7 @@ void MeasureModels(PageScene& scene) {
       if (result.model >= 0) continue;  // a smaller model of the same image
       result.model = static_cast<int>(k);
       result.confidence = confidence.at(id);
-      PageCamera& camera = scene.cameras[image.image.camera_id];
+      PageCamera& camera = scene.cameras[result.image.camera_id];  // models may number them anew
       if (!camera.refined) {
         camera.refined = model.CameraOf(image);
         camera.map.emplace(camera.refined->width, camera.refined->height);

@@ -105,8 +105,8 @@ void CheckReconstructOutput(const std::string& output_path);
 // points.ply of the largest, confidence.csv (a line an image: pairs in use, points, standard
 // deviations of its pose; see EstimatePoseConfidence), the view graph as view_graph.json and
 // view_graph.dot (Graphviz), report.json, effective.toml and report.html; replaces an earlier run's
-// files. After a failure only the last five are written. Adds what a format cannot hold to the report's
-// messages. Throws IoError.
+// files. After a failure only the last five are written. Adds what a format cannot hold to the
+// report's messages. Throws IoError.
 void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
                             const std::string& effective_toml);
 

@@ -200,13 +200,12 @@
     forward.y = 0;
     if (forward.length() < 1e-3) forward.set(0, 0, -1);
     const back = forward.normalize().negate().add(new THREE.Vector3(0, 0.35, 0)).normalize();
-    // As near as all cameras, and a ball of radius 1 around most points, are in the picture.
-    const half = 0.9 * Math.atan(Math.tan(camera.fov / 2 * Math.PI / 180) * Math.min(1, camera.aspect));
-    const distances = view.centers.map((center) => {
-      const along = center.dot(back);
-      return along + Math.sqrt(Math.max(0, center.lengthSq() - along * along)) / Math.tan(half) + 2 * view.frustum;
-    });
-    const distance = Math.max(0.9 / Math.sin(half), ...distances.sort((a, b) => a - b).slice(0, Math.ceil(0.95 * distances.length)));
+    // As near as most cameras, and a ball of radius 1 around most points, are in the picture.
+    const tanUp = 0.9 * Math.tan(camera.fov / 2 * Math.PI / 180), tanRight = tanUp * camera.aspect;
+    const right = new THREE.Vector3(0, 1, 0).cross(back).normalize(), up = back.clone().cross(right);
+    const distances = view.centers.map((center) => center.dot(back) + 2 * view.frustum +
+      Math.max(Math.abs(center.dot(right)) / tanRight, Math.abs(center.dot(up)) / tanUp));
+    const distance = Math.max(0.9 / Math.sin(Math.atan(Math.min(tanUp, tanRight))), ...distances.sort((a, b) => a - b).slice(0, Math.ceil(0.95 * distances.length)));
     fly(back.multiplyScalar(distance), new THREE.Vector3(), isAtOnce);
   }
 

@@ -188,6 +188,23 @@ TEST_F(ReportPageTest, AModelOfAnotherDatabaseIsRefused) {
   EXPECT_THROW(MakeReportPage(database_, Input()), ConfigError);
 }
 
+TEST_F(ReportPageTest, CamerasOfModelsMayHaveOtherIds) {
+  Reconstruction& model = models_[0];
+  Camera camera = model.cameras.begin()->second;
+  camera.camera_id = 77;
+  model.cameras = {{77, camera}};
+  for (auto& [id, image] : model.images) image.image.camera_id = 77;
+  EXPECT_TRUE(Data(Input())["cameras"][0].contains("map"));
+}
+
+TEST_F(ReportPageTest, CamerasMayBeMissingFromTheDatabase) {
+  Image image = database_.ReadImages()[0];
+  image.camera_id = 99;
+  database_.WriteImage(image);
+  const Json data = Data(Input());
+  EXPECT_EQ(data["cameras"].back()["id"], 99);
+}
+
 TEST_F(ReportPageTest, AnEmptyDatabaseHasAPage) {
   const Database empty(":memory:");
   const ViewGraph graph;
