@@ -197,14 +197,6 @@ TEST_F(ReportPageTest, CamerasOfModelsMayHaveOtherIds) {
   EXPECT_TRUE(Data(Input())["cameras"][0].contains("map"));
 }
 
-TEST_F(ReportPageTest, CamerasMayBeMissingFromTheDatabase) {
-  Image image = database_.ReadImages()[0];
-  image.camera_id = 99;
-  database_.WriteImage(image);
-  const Json data = Data(Input());
-  EXPECT_EQ(data["cameras"].back()["id"], 99);
-}
-
 TEST_F(ReportPageTest, AnEmptyDatabaseHasAPage) {
   const Database empty(":memory:");
   const ViewGraph graph;
