@@ -97,19 +97,11 @@ std::string ReportLine(const ReconstructResult& result, const std::string& outpu
   return Line("report", output_path + "/report.html (open it in a browser)");
 }
 
-// "stage: what was there; what to try" (Stage::Fail) on two lines.
-std::string DescribeFailure(const RunReport& report) {
-  const size_t split = std::min(report.failure.find("; "), report.failure.size());
-  std::string text = Line("failed", report.failure.substr(0, split));
-  if (split < report.failure.size()) text += Line("try", report.failure.substr(split + 2));
-  return text;
-}
-
 }  // namespace
 
 std::string DescribeResult(const ReconstructResult& result, const std::string& output_path) {
   const RunReport& report = result.report;
-  if (!report.Succeeded()) return DescribeFailure(report) + ReportLine(result, output_path);
+  if (!report.Succeeded()) return ReportLine(result, output_path);
   std::string text = Line("models", ModelsText(result)) + Line("photos", PhotosText(result)) +
                      Line("points", PointsText(result));
   if (!result.models.front().points3D.empty()) {

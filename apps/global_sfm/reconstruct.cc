@@ -85,7 +85,9 @@ int Run(const Command& command, State& state) {
   WriteReconstructResult(result, flags.output_path, command.EffectiveToml());
   if (flags.verbose) std::fputs(Summary(result.report).c_str(), stdout);
   std::fputs(DescribeResult(result, flags.output_path).c_str(), stdout);
-  return result.report.Succeeded() ? kExitSuccess : kExitNoUsableResult;
+  if (result.report.Succeeded()) return kExitSuccess;
+  spdlog::error("{}", result.report.failure);
+  return kExitNoUsableResult;
 }
 
 }  // namespace
