@@ -7,6 +7,7 @@ int main(int argc, char** argv) {
   cairn::AddExportCommand(program);
   cairn::AddInspectCommand(program);
   cairn::AddReconstructCommand(program);
+  cairn::AddReportCommand(program);
   cairn::AddRotationAveragingCommand(program);
   cairn::AddSynthesizeCommand(program);
   return program.Run(argc, argv);

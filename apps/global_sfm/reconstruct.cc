@@ -2,12 +2,16 @@
 
 #include <spdlog/spdlog.h>
 
+#include <filesystem>
 #include <memory>
 
 #include "cairn/base/file.h"
+#include "cairn/report_page/report_page.h"
 #include "common/console_monitor.h"
 #include "common/run_flags.h"
 #include "global_sfm/commands.h"
+#include "global_sfm/describe_result.h"
+#include "global_sfm/run_folder.h"
 
 namespace cairn {
 namespace {
@@ -18,6 +22,8 @@ struct ReconstructFlags {
   std::string output_path;
   bool overwrite = false;
   bool refine_intrinsics = true;
+  bool report = true;
+  bool verbose = false;
   RunFlags run;
 
   void VisitFields(OptionVisitor& v) {
@@ -29,6 +35,8 @@ struct ReconstructFlags {
     v.Bool("refine_intrinsics", refine_intrinsics,
            "refine focal lengths and distortions; not given: 0 for cameras given by "
            "--camera_params or calibrated otherwise, else 1");
+    v.Bool("report", report, "write report.html, a page for the browser that shows the result");
+    v.Bool("verbose", verbose, "print what every stage did (report.json has it, too)");
     run.VisitFields(v);
   }
 };
@@ -38,6 +46,26 @@ struct State {
   ReconstructFlags flags;
   ReconstructSettings settings;
 };
+
+// The page of the run, of failed ones, too. What goes wrong in it does not cost the models.
+std::string MakePage(const Database& database, const ReconstructFlags& flags,
+                     const ReconstructResult& result, const RunContext& run) try {
+  std::vector<std::string> names;
+  for (size_t k = 0; k < result.models.size(); ++k) names.push_back("sparse/" + std::to_string(k));
+  const ReportPageInput input{.title = std::filesystem::path(flags.database_path).stem().string(),
+                              .image_path = flags.image_path,
+                              .models = result.models,
+                              .model_names = names,
+                              .graph = result.graph,
+                              .run_json = ToJson(result.report),
+                              .build_json = ReadBuildReport(flags.database_path)};
+  ReportPage page = MakeReportPage(database, input, run);
+  for (const std::string& warning : page.warnings) spdlog::warn("{}", warning);
+  return std::move(page.html);
+} catch (const std::exception& error) {
+  spdlog::warn("report.html could not be made: {}", error.what());
+  return "";
+}
 
 int Run(const Command& command, State& state) {
   for (const char* key : {"database_path", "output_path"}) command.Require(key);
@@ -51,23 +79,15 @@ int Run(const Command& command, State& state) {
   WriteFileAtomically(flags.output_path + "/effective.toml", command.EffectiveToml());
   ConsoleMonitor monitor;
   const Database database(flags.database_path, Database::Mode::kReadOnly);
-  ReconstructResult result =
-      Reconstruct(database, flags.image_path, settings, flags.run.Run(monitor));
+  const RunContext run = flags.run.Run(monitor);
+  ReconstructResult result = Reconstruct(database, flags.image_path, settings, run);
+  if (flags.report) result.page = MakePage(database, flags, result, run);
   WriteReconstructResult(result, flags.output_path, command.EffectiveToml());
-  spdlog::info("stages:\n{}", Summary(result.report));
-  if (!result.report.Succeeded()) {
-    spdlog::error("{}", result.report.failure);
-    spdlog::error("{}/report.json has what each stage did", flags.output_path);
-    return kExitNoUsableResult;
-  }
-  for (size_t k = 0; k < result.models.size(); ++k) {
-    const Reconstruction& model = result.models[k];
-    spdlog::info("{}/sparse/{}: {} of {} images, {} points, mean reprojection error {:.3f} px",
-                 flags.output_path, k, model.images.size(), result.images.size(),
-                 model.points3D.size(), model.MeanReprojectionErrorPx());
-  }
-  for (const std::string& warning : result.report.warnings) spdlog::warn("{}", warning);
-  return kExitSuccess;
+  if (flags.verbose) std::fputs(Summary(result.report).c_str(), stdout);
+  std::fputs(DescribeResult(result, flags.output_path).c_str(), stdout);
+  if (result.report.Succeeded()) return kExitSuccess;
+  spdlog::error("{}", result.report.failure);
+  return kExitNoUsableResult;
 }
 
 }  // namespace

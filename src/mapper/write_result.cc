@@ -93,6 +93,11 @@ void WriteReconstructResult(ReconstructResult& result, const std::string& output
     WriteFileAtomically((output / "confidence.csv").string(), ConfidenceCsv(result));
     WritePly(largest, (output / "points.ply").string());
   }
+  if (result.page.empty()) {
+    fs::remove(output / "report.html");  // of an earlier run
+  } else {
+    WriteFileAtomically((output / "report.html").string(), result.page);
+  }
   std::map<image_t, std::string> names;
   for (const Image& image : result.images) names[image.image_id] = image.name;
   WriteFileAtomically((output / "view_graph.json").string(), ViewGraphToJson(result.graph, names));

@@ -54,6 +54,7 @@ std::string ToJson(const RunReport& report) {
     item["name"] = stage.name;
     item["status"] = StageStatusName(stage.status);
     item["seconds"] = stage.seconds;
+    if (stage.memory_gib > 0) item["memory_gib"] = stage.memory_gib;
     item["values"] = Values(stage.values);
     if (!stage.messages.empty()) item["messages"] = stage.messages;
     json["stages"].push_back(std::move(item));

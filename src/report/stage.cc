@@ -1,5 +1,9 @@
 #include "report/stage.h"
 
+#include <algorithm>
+
+#include "base/memory.h"
+
 namespace cairn {
 
 Stage::Stage(ProgressMonitor& monitor, const std::string& name) : monitor_(monitor) {
@@ -23,6 +27,7 @@ void Stage::Keep(const std::string& message) {
 
 StageReport Stage::Finish() {
   report_.seconds = timer_.Seconds();
+  report_.memory_gib = BytesToGib(std::max<int64_t>(0, ReadMemoryUse().resident));
   return std::move(report_);
 }
 

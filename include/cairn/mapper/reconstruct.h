@@ -85,6 +85,7 @@ struct ReconstructResult {
   std::vector<Image> images;  // all images of the database, by id
   ViewGraph graph;            // all verified pairs, with the reasons of those that were taken out
   RunReport report;
+  std::string page = {};  // text of report.html (see MakeReportPage); "": none is written
 };
 
 // View graph, rotation averaging, 1DSfM filter and translation averaging, tracks, triangulation,
@@ -103,9 +104,9 @@ void CheckReconstructOutput(const std::string& output_path);
 // Writes sparse/<k>/{cameras,images,points3D}.bin for every model, bundle.out with list.txt and
 // points.ply of the largest, confidence.csv (a line an image: pairs in use, points, standard
 // deviations of its pose; see EstimatePoseConfidence), the view graph as view_graph.json and
-// view_graph.dot (Graphviz), report.json and effective.toml; replaces an earlier run's files. After
-// a failure only the last four are written. Adds what a format cannot hold to the report's
-// messages. Throws IoError.
+// view_graph.dot (Graphviz), report.json, effective.toml and report.html; replaces an earlier run's
+// files. After a failure only the last five are written. Adds what a format cannot hold to the
+// report's messages. Throws IoError.
 void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
                             const std::string& effective_toml);
 

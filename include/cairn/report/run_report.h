@@ -22,6 +22,7 @@ struct StageReport {
   std::string name;
   StageStatus status = StageStatus::kOk;
   double seconds = 0;
+  double memory_gib = 0;  // resident size of the program when it ended, 0 if unknown
   std::vector<std::pair<std::string, double>> values;
   std::vector<std::string> messages;  // reasons, skipped items, what the user can try
 

@@ -1,0 +1,126 @@
+#include "global_sfm/describe_result.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <set>
+
+#include "cairn/bundle_adjustment/pose_confidence.h"
+#include "cairn/math/median.h"
+#include "common/console_monitor.h"
+
+namespace cairn {
+namespace {
+
+std::string Line(const char* name, const std::string& text) {
+  return fmt::format("{:<12} {}\n", name, text);
+}
+
+// The first few, and how many more there are.
+std::string Few(const std::vector<std::string>& texts, size_t max, const char* separator) {
+  std::string few;
+  for (size_t i = 0; i < std::min(max, texts.size()); ++i)
+    few += (i > 0 ? separator : "") + texts[i];
+  if (texts.size() > max) few += fmt::format("{}and {} more", separator, texts.size() - max);
+  return few;
+}
+
+std::string ModelsText(const ReconstructResult& result) {
+  std::vector<std::string> models;
+  for (size_t k = 0; k < result.models.size(); ++k) {
+    models.push_back(fmt::format("sparse/{} with {} photos", k, result.models[k].images.size()));
+  }
+  return fmt::format("{}: {}", models.size(), Few(models, 4, ", "));
+}
+
+std::string PhotosText(const ReconstructResult& result) {
+  std::set<image_t> registered;
+  for (const Reconstruction& model : result.models) {
+    for (const auto& [id, image] : model.images) registered.insert(id);
+  }
+  std::vector<std::string> left_out;
+  for (const Image& image : result.images) {
+    if (registered.count(image.image_id) == 0) left_out.push_back(image.name);
+  }
+  return fmt::format("{} of {} have a pose{}{}", registered.size(), result.images.size(),
+                     left_out.empty() ? "" : "; left out: ", Few(left_out, 3, ", "));
+}
+
+// How much of their matches the models explain (the last judgements are theirs), and how well the
+// points determine the poses of the largest.
+std::string ConfidenceText(const ReconstructResult& result) {
+  std::vector<double> shares;
+  for (const StageReport& stage : result.report.stages) {
+    if (stage.name != "judgement") continue;
+    for (const auto& [key, value] : stage.values) {
+      if (key == "explained_share") shares.push_back(value);
+    }
+  }
+  if (shares.size() > result.models.size())
+    shares.erase(shares.begin(), shares.end() - static_cast<std::ptrdiff_t>(result.models.size()));
+  std::vector<double> sigmas_deg;
+  for (const auto& [id, confidence] : EstimatePoseConfidence(result.models.front())) {
+    sigmas_deg.push_back(confidence.rotation_sigma_deg);
+  }
+  std::string text;
+  if (!shares.empty()) {
+    const auto [least, most] = std::minmax_element(shares.begin(), shares.end());
+    text = fmt::format("{}{:.0f} % of verified matches agree with the poses; ",
+                       *least < *most ? "at least " : "", 100 * *least);
+  }
+  return text + fmt::format("directions known to {:.2g} degrees (median)", UpperMedian(sigmas_deg));
+}
+
+std::string PointsText(const ReconstructResult& result) {
+  size_t num_points = 0;
+  int64_t num_observations = 0;
+  for (const Reconstruction& model : result.models) {
+    num_points += model.points3D.size();
+    num_observations += model.NumObservations();
+  }
+  if (num_points == 0) return "none; cameras alone";
+  return fmt::format("{}, each seen by {:.1f} photos", num_points,
+                     static_cast<double>(num_observations) / static_cast<double>(num_points));
+}
+
+std::string TimeText(const RunReport& report) {
+  double seconds = 0, peak_gib = 0;
+  for (const auto& [key, value] : report.values) {
+    if (key == "seconds") seconds = value;
+    if (key == "peak_memory_gib") peak_gib = value;
+  }
+  return fmt::format("{}, {:.2f} GiB", FormatDuration(seconds), peak_gib);
+}
+
+std::string ReportLine(const ReconstructResult& result, const std::string& output_path) {
+  if (result.page.empty()) return Line("report", output_path + "/report.json");
+  return Line("report", output_path + "/report.html (open it in a browser)");
+}
+
+}  // namespace
+
+std::string DescribeResult(const ReconstructResult& result, const std::string& output_path) {
+  const RunReport& report = result.report;
+  if (!report.Succeeded()) return ReportLine(result, output_path);
+  std::string text = Line("models", ModelsText(result)) + Line("photos", PhotosText(result)) +
+                     Line("points", PointsText(result));
+  if (!result.models.front().points3D.empty()) {
+    text += Line("error", fmt::format("{:.3f} px (mean reprojection error{})",
+                                      result.models.front().MeanReprojectionErrorPx(),
+                                      result.models.size() > 1 ? " of sparse/0" : ""));
+    text += Line("confidence", ConfidenceText(result));
+  }
+  text += Line("warnings", report.warnings.empty() ? "none" : report.warnings.front());
+  if (report.warnings.size() > 1) {
+    text += Line("", report.warnings.size() == 2
+                         ? report.warnings[1]
+                         : fmt::format("and {} more", report.warnings.size() - 1));
+  }
+  text += Line("time", TimeText(report));
+  text += Line("files", output_path +
+                            "/: sparse, points.ply, bundle.out, confidence.csv, "
+                            "view_graph.json, report.json");
+  return text + ReportLine(result, output_path);
+}
+
+}  // namespace cairn

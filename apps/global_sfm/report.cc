@@ -1,0 +1,96 @@
+#include <spdlog/spdlog.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/io/model.h"
+#include "cairn/mapper/view_edges.h"
+#include "cairn/report_page/report_page.h"
+#include "cairn/view_graph/view_graph_builder.h"
+#include "common/console_monitor.h"
+#include "global_sfm/commands.h"
+#include "global_sfm/run_folder.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ReportFlags {
+  std::string database_path;
+  std::string model_path;
+  std::string image_path;
+  std::string output_path;
+  std::string three_path = kThreeFolder;
+  int num_threads = 0;
+
+  void VisitFields(OptionVisitor& v) {
+    v.String("database_path", database_path,
+             "database of the model; not given: the one it was reconstructed from");
+    v.String("model_path", model_path,
+             "folder that reconstruct wrote, also of a failed run; or a model of any format");
+    v.String("image_path", image_path,
+             "folder of the photographs, for thumbnails; not given: the one of the reconstruction");
+    v.String("output_path", output_path, "the HTML file");
+    v.String("three_path", three_path, "folder of three.js, which the 3D view needs");
+    v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
+  }
+};
+
+// The view graph of a model that no run of reconstruct lies around.
+ViewGraph GraphOf(const Database& database) {
+  std::vector<image_t> image_ids;
+  for (const Image& image : database.ReadImages()) image_ids.push_back(image.image_id);
+  ViewGraphBuilderOptions options;
+  if (HasImportedEdges(database)) options.min_num_inliers = options.min_bridge_inliers = 0;
+  return BuildViewGraph(image_ids, ReadViewEdges(database), options).graph;
+}
+
+int Run(Command& command, ReportFlags& flags) {
+  for (const char* key : {"model_path", "output_path"}) command.Require(key);
+  const std::string folder = RunFolderOf(flags.model_path);
+  if (!folder.empty()) {
+    const std::string options = folder + "/effective.toml";
+    command.SetDefaults(ReadFile(options), options);
+  }
+  if (flags.database_path.empty()) command.Require("database_path");
+  ConsoleMonitor monitor;
+  const Database database(flags.database_path, Database::Mode::kReadOnly);
+  RunFolder run;
+  if (folder.empty()) {
+    run.models.push_back(ReadModel(flags.model_path));
+    run.model_names.push_back(fs::path(flags.model_path).lexically_normal().string());
+    run.graph = GraphOf(database);
+  } else {
+    run = ReadRunFolder(folder);
+  }
+  const ReportPageInput input{.title = fs::path(flags.database_path).stem().string(),
+                              .image_path = flags.image_path,
+                              .models = run.models,
+                              .model_names = run.model_names,
+                              .graph = run.graph,
+                              .run_json = run.report_json,
+                              .build_json = ReadBuildReport(flags.database_path),
+                              .three_folder = flags.three_path};
+  const ReportPage page =
+      MakeReportPage(database, input, {.num_threads = flags.num_threads, .monitor = monitor});
+  WriteFileAtomically(flags.output_path, page.html);
+  for (const std::string& warning : page.warnings) spdlog::warn("{}", warning);
+  spdlog::info("{}: {:.1f} MB; open it in a browser", flags.output_path,
+               1e-6 * static_cast<double>(page.html.size()));
+  return kExitSuccess;
+}
+
+}  // namespace
+
+void AddReportCommand(Program& program) {
+  Command& command = program.AddCommand(
+      "report", "A page for the browser that shows a reconstruction, or why there is none.");
+  const auto flags = std::make_shared<ReportFlags>();
+  command.AddOptions("", *flags);
+  command.SetRun([&command, flags] { return Run(command, *flags); });
+}
+
+}  // namespace cairn

@@ -1,0 +1,94 @@
+#include "global_sfm/run_folder.h"
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/io/model.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+bool IsRunFolder(const fs::path& folder) {
+  return fs::exists(folder / "report.json") && fs::exists(folder / "effective.toml");
+}
+
+Json ReadJson(const std::string& path) {
+  try {
+    return Json::parse(ReadFile(path));
+  } catch (const Json::exception& error) {
+    throw IoError(path, error.what());
+  }
+}
+
+EdgeRemoval RemovalOf(const std::string& name) {
+  for (int i = 0; i <= static_cast<int>(EdgeRemoval::kModelInconsistent); ++i) {
+    if (EdgeRemovalName(static_cast<EdgeRemoval>(i)) == name) return static_cast<EdgeRemoval>(i);
+  }
+  return EdgeRemoval::kNone;
+}
+
+// A number, or null where it was not finite.
+double NumberOf(const Json& value) { return value.is_number() ? value.get<double>() : 0.0; }
+
+// Reads what ViewGraphToJson wrote.
+ViewGraph ReadViewGraph(const std::string& path) {
+  const Json json = ReadJson(path);
+  ViewGraph graph;
+  try {
+    for (const Json& image : json.at("images")) graph.image_ids.push_back(image.at("id"));
+    for (const Json& item : json.at("edges")) {
+      ViewEdge& edge = graph.edges.emplace_back();
+      edge.image_id1 = item.at("image_id1");
+      edge.image_id2 = item.at("image_id2");
+      edge.num_inliers = item.at("num_inliers");
+      edge.residual_px = NumberOf(item.at("residual_px"));
+      edge.triangulation_angle_deg = NumberOf(item.at("triangulation_angle_deg"));
+      edge.verifier = item.at("verifier");
+      edge.removal = RemovalOf(item.at("status"));
+    }
+  } catch (const Json::exception& error) {
+    throw IoError(path, error.what());
+  }
+  graph.Normalize();
+  return graph;
+}
+
+}  // namespace
+
+std::string RunFolderOf(const std::string& path) {
+  fs::path folder = fs::absolute(path).lexically_normal();
+  if (!folder.has_filename()) folder = folder.parent_path();
+  if (IsRunFolder(folder)) return folder.string();
+  const fs::path above = folder.parent_path();
+  if (above.filename() == "sparse" && IsRunFolder(above.parent_path())) {
+    return above.parent_path().string();
+  }
+  return "";
+}
+
+RunFolder ReadRunFolder(const std::string& folder) {
+  RunFolder run;
+  run.report_json = ReadFile(folder + "/report.json");
+  const Json report = ReadJson(folder + "/report.json");
+  const int num_models = report.value("succeeded", false) && report.contains("values")
+                             ? report["values"].value("models", 0)
+                             : 0;
+  for (int k = 0; k < num_models; ++k) {
+    run.model_names.push_back("sparse/" + std::to_string(k));
+    run.models.push_back(ReadModel(folder + "/" + run.model_names.back()));
+  }
+  run.graph = ReadViewGraph(folder + "/view_graph.json");
+  return run;
+}
+
+std::string ReadBuildReport(const std::string& database_path) {
+  const std::string path = database_path + ".report.json";
+  return fs::exists(path) ? ReadFile(path) : "";
+}
+
+}  // namespace cairn

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cairn/scene/reconstruction.h"
+#include "cairn/scene/view_graph.h"
+
+namespace cairn {
+
+// What `global_sfm reconstruct` wrote into a folder.
+struct RunFolder {
+  std::vector<Reconstruction> models;    // largest first; none after a failure
+  std::vector<std::string> model_names;  // "sparse/0", ...
+  ViewGraph graph;
+  std::string report_json;
+};
+
+// The folder of the run that the path is in, as itself or as one of its models; "": of none.
+std::string RunFolderOf(const std::string& path);
+// Throws IoError where a file cannot be read.
+RunFolder ReadRunFolder(const std::string& folder);
+// The text of the report that build_view_graph wrote beside the database; "": there is none.
+std::string ReadBuildReport(const std::string& database_path);
+
+}  // namespace cairn

@@ -1,0 +1,206 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "report_page/page_parts.h"
+
+namespace cairn {
+namespace {
+
+// A pose whose direction is less sure than this is said to be weak: 1 degree is the finest
+// threshold at which poses are scored (see evaluation).
+constexpr double kWeakRotationDeg = 1.0;
+// EXIF's focal length has a standard deviation of 10 % (see third_party_notes/lensfun.md); beyond
+// two of them it is contradicted.
+constexpr double kFocalTolerance = 0.2;
+
+std::string Photos(size_t n) { return std::to_string(n) + (n == 1 ? " photo" : " photos"); }
+
+Json Finding(const char* level, const std::string& what, const std::string& advice,
+             std::vector<int> images = {}) {
+  return {{"level", level}, {"what", what}, {"advice", advice}, {"images", std::move(images)}};
+}
+
+// What to do about a warning of the judgement of a finished model (mapper/reconstruct.cc).
+std::string AdviceForWarning(const std::string& warning) {
+  if (warning.find("looks the same") != std::string::npos) return "";  // says it itself
+  if (warning.find("misplaced") != std::string::npos) {
+    return "Look at these photos in the 3D view and at their pairs; leave them out, or add photos "
+           "that see the places between them and the others.";
+  }
+  if (warning.find("probably wrong") != std::string::npos) {
+    return "Do not use this model. Add photos with more overlap, or give the photos of each place "
+           "to a run of their own.";
+  }
+  return "";
+}
+
+void AddRunFindings(const PageScene& scene, Json& findings) {
+  const Json& run = scene.run_report;
+  if (!run.is_object()) return;
+  const std::string failure = run.value("failure", "");
+  if (!failure.empty()) {
+    // "stage: what was there; what to try" (Stage::Fail).
+    const size_t split = std::min(failure.find("; "), failure.size());
+    const std::string advice = split < failure.size() ? failure.substr(split + 2) : "";
+    findings.push_back(Finding("wrong", failure.substr(0, split), advice));
+  }
+  if (!run.contains("warnings") || !run["warnings"].is_array()) return;
+  for (const Json& item : run["warnings"]) {
+    if (!item.is_string()) continue;
+    const std::string warning = item.get<std::string>();
+    const bool is_wrong = warning.find("probably wrong") != std::string::npos;
+    findings.push_back(
+        Finding(is_wrong ? "wrong" : "doubtful", warning, AdviceForWarning(warning)));
+  }
+}
+
+// The judgement of models that come without a run's report.
+void AddContradictions(const PageScene& scene, Json& findings) {
+  if (scene.run_report.is_object()) return;
+  std::vector<int> images;
+  for (size_t i = 0; i < scene.images.size(); ++i) {
+    if (scene.images[i].support.IsContradicted()) images.push_back(static_cast<int>(i));
+  }
+  if (images.empty()) return;
+  findings.push_back(Finding("doubtful",
+                             Photos(images.size()) + " contradict most of their verified matches "
+                                                     "and are probably misplaced",
+                             AdviceForWarning("misplaced"), images));
+}
+
+void AddWeakPoses(const PageScene& scene, Json& findings) {
+  std::vector<int> images;
+  for (size_t i = 0; i < scene.images.size(); ++i) {
+    const PageImage& image = scene.images[i];
+    if (image.model < 0 || scene.input.models[image.model].points3D.empty()) continue;
+    if (!(image.confidence.rotation_sigma_deg <= kWeakRotationDeg)) {
+      images.push_back(static_cast<int>(i));
+    }
+  }
+  if (images.empty()) return;
+  const std::string hang = images.size() == 1 ? " hangs" : " hang";
+  findings.push_back(
+      Finding("doubtful",
+              Photos(images.size()) + hang +
+                  " on few points: the standard deviation of the direction is more than 1 degree",
+              "Add photos that overlap with these.", images));
+}
+
+void AddLeftOut(const PageScene& scene, Json& findings) {
+  std::map<std::pair<std::string, std::string>, std::vector<int>> groups;
+  for (size_t i = 0; i < scene.images.size(); ++i) {
+    if (scene.images[i].model >= 0) continue;
+    const LeftOutReason reason = WhyLeftOut(scene, static_cast<int>(i));
+    groups[{reason.what, reason.advice}].push_back(static_cast<int>(i));
+  }
+  for (const auto& [reason, images] : groups) {
+    findings.push_back(Finding("note",
+                               Photos(images.size()) + (images.size() == 1 ? " is" : " are") +
+                                   " in no model: " + reason.first,
+                               reason.second, images));
+  }
+}
+
+void AddSkippedFiles(const PageScene& scene, Json& findings) {
+  for (const PhotoRecord& photo : scene.database.ReadPhotos()) {
+    if (photo.error.empty()) continue;
+    findings.push_back(Finding("note", photo.name + " was skipped: " + photo.error,
+                               "Replace the file, and run build_view_graph again."));
+  }
+}
+
+void AddDoubtfulCameras(const PageScene& scene, Json& findings) {
+  std::map<std::string, std::vector<camera_t>> groups;
+  for (const auto& [id, camera] : scene.cameras) {
+    const std::string doubt = DoubtAboutCamera(camera);
+    if (!doubt.empty()) groups[doubt].push_back(id);
+  }
+  constexpr size_t kMaxNames = 8;
+  for (const auto& [doubt, ids] : groups) {
+    std::string names;
+    for (size_t i = 0; i < std::min(ids.size(), kMaxNames); ++i) {
+      names += (i > 0 ? ", " : "") + std::to_string(ids[i]);
+    }
+    if (ids.size() > kMaxNames) names += " and " + std::to_string(ids.size() - kMaxNames) + " more";
+    findings.push_back(
+        Finding("doubtful", (ids.size() > 1 ? "Cameras " : "Camera ") + names + ": " + doubt,
+                "Give the calibration, where you have it: --camera_model and --camera_params of "
+                "build_view_graph; or take more photos with the same camera and zoom "
+                "(--single_camera)."));
+  }
+}
+
+}  // namespace
+
+std::string DoubtAboutCamera(const PageCamera& camera) {
+  const bool is_known = !camera.known.camera.params.empty();  // the database may lack it
+  if (!camera.refined || !is_known || camera.known.is_given) return "";
+  const Camera& before = camera.known.camera;
+  char text[200];
+  if (camera.known.IsRejected()) {
+    std::snprintf(text, sizeof(text),
+                  "%d of %d pairs contradict the focal length that came with the photos",
+                  camera.known.judgement->num_contradicting, camera.known.judgement->num_pairs);
+    return text;
+  }
+  const double focal_px = camera.refined->MeanFocal();
+  const double ratio = focal_px / before.MeanFocal();
+  if (before.has_prior_focal_length && std::abs(std::log(ratio)) > kFocalTolerance) {
+    std::snprintf(text, sizeof(text),
+                  "the focal length became %.0f px, where the photos came with %.0f px", focal_px,
+                  before.MeanFocal());
+    return text;
+  }
+  if (!camera.known.IsFocalTrusted() && focal_px == before.MeanFocal()) {
+    return "the focal length is a guess that nothing confirmed";
+  }
+  return "";
+}
+
+LeftOutReason WhyLeftOut(const PageScene& scene, int index) {
+  const PageImage& image = scene.images[index];
+  if (image.num_keypoints == 0) {
+    return {"no features were found", "They may be blurred, dark or empty; take sharper ones."};
+  }
+  if (image.num_matched == 0) {
+    return {"no photo has matches with them", "Add photos that show how this place continues."};
+  }
+  if (image.num_verified == 0) {
+    return {
+        "none of their pairs passed verification: they show another place, or too little of the "
+        "same",
+        "Add photos that overlap with both."};
+  }
+  if (image.num_pairs == 0) {
+    const auto most =
+        std::max_element(image.removals.begin(), image.removals.end(),
+                         [](const auto& a, const auto& b) { return a.second < b.second; });
+    return {"all their pairs were taken out (mostly: " + most->first + ")",
+            "Look at these pairs in the view graph; add photos with more overlap."};
+  }
+  if (image.num_to_models == 0) {
+    return {"they connect with each other only, and no model came of it",
+            "Add photos between these and the others, or lower --reconstruct.min_model_images."};
+  }
+  return {"too few of their matches show points of a model",
+          "Add photos that overlap with these and with the model."};
+}
+
+Json Findings(const PageScene& scene) {
+  Json findings = Json::array();
+  AddRunFindings(scene, findings);
+  AddContradictions(scene, findings);
+  AddDoubtfulCameras(scene, findings);
+  AddWeakPoses(scene, findings);
+  AddLeftOut(scene, findings);
+  AddSkippedFiles(scene, findings);
+  const auto rank = [](const Json& finding) {
+    return finding["level"] == "wrong" ? 0 : finding["level"] == "doubtful" ? 1 : 2;
+  };
+  std::stable_sort(findings.begin(), findings.end(),
+                   [&](const Json& a, const Json& b) { return rank(a) < rank(b); });
+  return findings;
+}
+
+}  // namespace cairn
