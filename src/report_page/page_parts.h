@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "cairn/bundle_adjustment/pose_confidence.h"
-#include "cairn/evaluation/model_evidence.h"
-#include "cairn/intrinsics/known_intrinsics.h"
+#include "evaluation/model_evidence.h"
+#include "intrinsics/known_intrinsics.h"
 #include "cairn/report_page/report_page.h"
 #include "report_page/page_blocks.h"
 
