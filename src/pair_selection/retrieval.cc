@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-constexpr Eigen::Index kBlockRows = 64;
+constexpr Eigen::Index kQueryRows = 64;
 
 // The `num` columns with the largest values but `self`, best first.
 std::vector<int> LargestColumns(const Eigen::Ref<const Eigen::RowVectorXf>& values, int self,
@@ -30,10 +30,10 @@ std::vector<int> LargestColumns(const Eigen::Ref<const Eigen::RowVectorXf>& valu
 
 std::vector<std::vector<int>> MostSimilarRows(const FloatRows& rows, int num, int num_threads) {
   std::vector<std::vector<int>> similar(static_cast<size_t>(rows.rows()));
-  const Eigen::Index num_blocks = (rows.rows() + kBlockRows - 1) / kBlockRows;
+  const Eigen::Index num_blocks = (rows.rows() + kQueryRows - 1) / kQueryRows;
   ParallelFor(num_threads, num_blocks, [&](int64_t b) {
-    const Eigen::Index first = b * kBlockRows;
-    const Eigen::Index count = std::min(kBlockRows, rows.rows() - first);
+    const Eigen::Index first = b * kQueryRows;
+    const Eigen::Index count = std::min(kQueryRows, rows.rows() - first);
     const FloatRows products = rows.middleRows(first, count) * rows.transpose();
     for (Eigen::Index i = 0; i < count; ++i) {
       similar[first + i] = LargestColumns(products.row(i), static_cast<int>(first + i), num);

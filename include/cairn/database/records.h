@@ -76,7 +76,7 @@ struct PhotoRecord {
 // cairn_pair_choices: why a pair was given to matching. Key: pair_id.
 struct PairChoiceRecord {
   image_pair_t pair_id = 0;
-  int round = 0;       // 0: chosen before any pair was verified
+  int round = 0;       // rounds count on where photographs join later
   std::string reason;  // PairReasonName (pair_selection): "sequential", "retrieval", ...
   bool operator==(const PairChoiceRecord&) const = default;
 };

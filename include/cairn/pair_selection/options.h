@@ -21,7 +21,7 @@ struct PairSelectionOptions {
   int num_words = 64;
   int retrieval_neighbors = 8;
   int max_rounds = 10;
-  int min_shared_points = 50;
+  int min_shared_points = 60;
 
   void VisitFields(OptionVisitor& v) {
     v.Choice("order", order, kPhotoOrders, "sequential: photographs follow each other by this");

@@ -49,8 +49,28 @@ PairEvidence ReadEvidence(const Database& database, const std::map<image_t, int>
   return evidence;
 }
 
+int LastRound(const std::vector<PairChoiceRecord>& choices) {
+  int last = -1;
+  for (const auto& choice : choices) last = std::max(last, choice.round);
+  return last;
+}
+
+// The last round whose pairs were not proposed by the view graph: of the photographs that joined
+// last.
+int LastFirstRound(const std::vector<PairChoiceRecord>& choices) {
+  int last = 0;
+  for (const auto& choice : choices) {
+    const bool is_first =
+        std::any_of(std::begin(kPairReasons), std::end(kPairReasons), [&](const auto& reason) {
+          return reason.name == choice.reason && reason.value <= PairReason::kRetrieval;
+        });
+    if (is_first) last = std::max(last, choice.round);
+  }
+  return last;
+}
+
 // Of the pairs that were chosen for the reason in the latest round that had any: the share that is
-// verified; 1 if there was no such round.
+// verified; 1 if there was no such round since photographs joined.
 double LatestYield(const std::vector<PairChoiceRecord>& choices, const PairEvidence& evidence,
                    PairReason reason) {
   const std::string name(NameOf(kPairReasons, reason));
@@ -58,6 +78,7 @@ double LatestYield(const std::vector<PairChoiceRecord>& choices, const PairEvide
   for (const auto& choice : choices) {
     if (choice.reason == name) latest = std::max(latest, choice.round);
   }
+  if (latest <= LastFirstRound(choices)) return 1.0;  // Not yet for those that joined last.
   int num = 0, num_verified = 0;
   for (const auto& choice : choices) {
     if (choice.reason != name || choice.round != latest) continue;
@@ -245,7 +266,7 @@ StageReport PairChooser::ChooseFirst() {
       return fresh.count(id1) == 0 && fresh.count(id2) == 0;
     });
     Database::Transaction transaction(database_);
-    num_new = Write(choices, 0);
+    num_new = Write(choices, LastRound(database_.ReadPairChoices()) + 1);
     for (const image_t id : fresh) database_.WriteJob(kStagePairs, {id, hash, ""});
     WriteStage(IsExhaustive());
     transaction.Commit();
@@ -261,12 +282,11 @@ bool PairChooser::ChooseNext() {
   const std::optional<StageRecord> record = database_.ReadStage(kStagePairs);
   if (!record || record->is_complete) return false;
   const Timer timer;
-  int last_round = 0;
-  for (const auto& choice : database_.ReadPairChoices()) {
-    last_round = std::max(last_round, choice.round);
-  }
+  const std::vector<PairChoiceRecord> records = database_.ReadPairChoices();
+  const int last_round = LastRound(records);
+  const bool is_last = last_round - LastFirstRound(records) >= choosing_.options.max_rounds;
   Choices choices;
-  if (last_round < choosing_.options.max_rounds) choices = NextChoices();
+  if (!is_last) choices = NextChoices();
   if (monitor_.StopRequested()) return false;
   Database::Transaction transaction(database_);
   const int64_t num_new = Write(choices, last_round + 1);

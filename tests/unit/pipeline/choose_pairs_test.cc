@@ -245,6 +245,28 @@ TEST_F(ChoosePairsOfPhotosTest, InterruptedRunsEndInTheSameDump) {
   EXPECT_EQ(DumpDatabase(folder_ / "parts.db"), whole);
 }
 
+TEST_F(ChoosePairsOfPhotosTest, PhotographsThatJoinHaveRoundsOfTheirOwn) {
+  const std::string last = folder_ / ("images/" + Name(11));
+  fs::rename(last, folder_ / "last.jpg");
+  RunBuildPipeline(Options("a.db"));
+  const auto before = Database(folder_ / "a.db").ReadPairChoices();
+  int num_rounds = 0;
+  for (const auto& choice : before) num_rounds = std::max(num_rounds, choice.round + 1);
+  fs::rename(folder_ / "last.jpg", last);
+  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"));
+  EXPECT_EQ(report.summary.largest_component, 12);
+  std::map<std::string, int> reasons;
+  for (const auto& choice : Database(folder_ / "a.db").ReadPairChoices()) {
+    if (std::find(before.begin(), before.end(), choice) != before.end()) continue;
+    EXPECT_GE(choice.round, num_rounds);
+    ++reasons[choice.reason];
+    const bool is_of_new = PairIdToImagePair(choice.pair_id).second == 12;
+    EXPECT_TRUE(is_of_new || choice.round > num_rounds);
+  }
+  EXPECT_GE(reasons["retrieval"], 2);
+  EXPECT_GE(reasons["two_edges"], 1);
+}
+
 TEST_F(ChoosePairsOfPhotosTest, TimesAndPlacesComeFromExif) {
   BuildPipelineOptions options = Options("time.db");
   options.inputs.stop_after = BuildStage::kMatching;
