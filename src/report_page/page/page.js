@@ -209,32 +209,43 @@ function positionsOf(order) {
   return positions;
 }
 
+// A color laid over white, as a pixel of ImageData seen as one number.
+function pixelOf(color, alpha) {
+  const over = (k) => Math.round(255 + alpha * (parseInt(color.slice(1 + 2 * k, 3 + 2 * k), 16) - 255));
+  return (255 << 24) | (over(2) << 16) | (over(1) << 8) | over(0);
+}
+
+// Pixels, not rectangles of the canvas: there may be hundreds of thousands.
 function drawMatrix() {
   const canvas = byId("matrix");
-  const frame = byId("matrix-frame");
   const num = Math.max(1, images.length);
-  const size = Math.min(4096, Math.max(200, Math.floor((frame.clientWidth || 600) * matrix.zoom)));
+  const size = Math.min(4096, Math.max(200, Math.floor((byId("matrix-frame").clientWidth || 600) * matrix.zoom)));
   matrix.cell = size / num;
   canvas.width = canvas.height = size;
   canvas.style.width = canvas.style.height = size + "px";
   const context = canvas.getContext("2d");
-  context.fillStyle = "#fff";
-  context.fillRect(0, 0, size, size);
+  const picture = context.createImageData(size, size), pixels = new Uint32Array(picture.data.buffer).fill(0xffffffff);
   const positions = positionsOf(matrix.order);
-  const side = Math.max(1, matrix.cell > 6 ? matrix.cell - 1 : matrix.cell);
+  const gap = matrix.cell > 6 ? 1 : 0;
+  const rank = data.pairs.states.map((state) => (state === "in_use" ? 2 : STATES[state] ? 1 : 0));
+  // In steps of an eighth, so that colors are computed once.
+  const colors = data.pairs.states.map((state, k) => Array.from({length: 9}, (_, step) => pixelOf(stateColor(state), rank[k] === 0 ? 1 : 0.3 + 0.7 * step / 8)));
+  const fill = (column, row, color) => {
+    const left = Math.floor(column * matrix.cell), top = Math.floor(row * matrix.cell);
+    const right = Math.max(left + 1, Math.floor((column + 1) * matrix.cell) - gap), bottom = Math.max(top + 1, Math.floor((row + 1) * matrix.cell) - gap);
+    for (let y = top; y < bottom; ++y) pixels.fill(color, y * size + left, y * size + right);
+  };
   // What matters most is drawn last: rejected pairs, removed ones, those in use.
-  const rank = (i) => (pairState(i) === "in_use" ? 2 : STATES[pairState(i)] ? 1 : 0);
   for (const layer of [0, 1, 2]) {
     for (let i = 0; i < pairs.num; ++i) {
-      if (rank(i) !== layer || !pairIsShown(i)) continue;
-      context.fillStyle = stateColor(pairState(i));
-      context.globalAlpha = layer === 0 ? 1 : Math.min(1, 0.3 + 0.7 * Math.log1p(pairs.inliers[i]) / 6.2);
-      const x = positions[pairs.image1[i]] * matrix.cell, y = positions[pairs.image2[i]] * matrix.cell;
-      context.fillRect(x, y, side, side);
-      context.fillRect(y, x, side, side);
+      if (rank[pairs.state[i]] !== layer || !pairIsShown(i)) continue;
+      const color = colors[pairs.state[i]][Math.round(8 * Math.min(1, Math.log1p(pairs.inliers[i]) / 6.2))];
+      const a = positions[pairs.image1[i]], b = positions[pairs.image2[i]];
+      fill(a, b, color);
+      fill(b, a, color);
     }
   }
-  context.globalAlpha = 1;
+  context.putImageData(picture, 0, 0);
   markChosen(context, positions);
 }
 
