@@ -2,6 +2,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/database/report_bad_rows.h"
 #include "cairn/io/model.h"
 #include "cairn/mapper/view_edges.h"
 #include "cairn/view_graph/view_graph_text.h"
@@ -43,6 +44,9 @@ void WritePairs(const Database& database, const InspectFlags& flags) {
 
 void InspectDatabase(const InspectFlags& flags, ViewGraphBuilderOptions options) {
   const Database database(flags.database_path, Database::Mode::kReadOnly);
+  ConsoleMonitor monitor;
+  RunReport rows;
+  ReportBadRows(database, rows, monitor);
   if (!flags.pairs_csv.empty()) WritePairs(database, flags);
   std::fputs(DescribeDatabase(database).c_str(), stdout);
 
@@ -53,7 +57,8 @@ void InspectDatabase(const InspectFlags& flags, ViewGraphBuilderOptions options)
     image_ids.push_back(image.image_id);
   }
   if (HasImportedEdges(database)) options.min_num_inliers = 0;
-  const auto [graph, report] = BuildViewGraph(image_ids, ReadViewEdges(database), options);
+  const auto [graph, report] = BuildViewGraph(
+      image_ids, ReadViewEdges(database, [&](const std::string& m) { monitor.Warning(m); }), options);
   std::fputs(DescribeViewGraph(graph, report).c_str(), stdout);
   if (!flags.graph_json.empty()) {
     WriteFileAtomically(flags.graph_json, ViewGraphToJson(graph, names));

@@ -1,12 +1,16 @@
 extern "C" {
 #include <vl/covdet.h>
+#include <vl/generic.h>
 #include <vl/imopv.h>
 #include <vl/sift.h>
 }
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <memory>
+#include <mutex>
+#include <new>
 #include <tuple>
 
 #include "features/extractors.h"
@@ -22,6 +26,23 @@ constexpr double kCellSize = 3.0;
 
 using CovDet = std::unique_ptr<VlCovDet, void (*)(VlCovDet*)>;
 using SiftFilter = std::unique_ptr<VlSiftFilt, void (*)(VlSiftFilt*)>;
+
+// VLFeat writes to the memory that it asks for whether it was given any or not.
+void* Given(void* memory) {
+  if (!memory) throw std::bad_alloc();
+  return memory;
+}
+void* Allocate(size_t num_bytes) { return Given(std::malloc(std::max<size_t>(1, num_bytes))); }
+void* Reallocate(void* memory, size_t num_bytes) {
+  return Given(std::realloc(memory, std::max<size_t>(1, num_bytes)));
+}
+void* AllocateZeros(size_t num, size_t size) {
+  return Given(std::calloc(std::max<size_t>(1, num), std::max<size_t>(1, size)));
+}
+void LetVlFeatThrow() {
+  static std::once_flag once;
+  std::call_once(once, [] { vl_set_alloc_func(Allocate, Reallocate, AllocateZeros, std::free); });
+}
 
 bool LargerFrameFirst(const VlCovDetFeature& a, const VlCovDetFeature& b) {
   const auto key = [](const VlCovDetFeature& f) {
@@ -64,6 +85,7 @@ Features ExtractAffineDog(const Bitmap& gray, const FeatureOptions& options) {
   std::transform(gray.data.begin(), gray.data.end(), image.begin(),
                  [](uint8_t value) { return value / 255.0f; });
 
+  LetVlFeatThrow();
   const CovDet detector(vl_covdet_new(VL_COVDET_METHOD_DOG), &vl_covdet_delete);
   const SiftFilter sift(vl_sift_new(16, 16, 1, 3, 0), &vl_sift_delete);
   vl_sift_set_magnif(sift.get(), kCellSize);

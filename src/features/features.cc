@@ -6,6 +6,7 @@
 
 #include "cairn/base/check.h"
 #include "features/extractors.h"
+#include "image/cv_memory.h"
 
 namespace cairn {
 namespace {
@@ -28,6 +29,16 @@ void KeepOpenCvToTheCallersThread() {
   [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
 }
 
+Features Extract(const Bitmap& gray, const FeatureOptions& options) {
+  if (options.type != FeatureType::kSift) return ExtractAffineDog(gray, options);
+  try {
+    return ExtractSift(gray, options);
+  } catch (const cv::Exception& exception) {
+    ThrowIfOutOfMemory(exception);
+    throw;
+  }
+}
+
 }  // namespace
 
 Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options) {
@@ -35,12 +46,11 @@ Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options) {
   CAIRN_CHECK_EQ(gray.channels, 1);
   CAIRN_CHECK_EQ(gray.data.size(), static_cast<size_t>(gray.width) * gray.height);
   KeepOpenCvToTheCallersThread();
-  const auto extract = options.type == FeatureType::kSift ? ExtractSift : ExtractAffineDog;
   const int size = std::max(gray.width, gray.height);
-  if (size <= options.max_image_size) return extract(gray, options);
+  if (size <= options.max_image_size) return Extract(gray, options);
 
   const Bitmap reduced = Reduce(gray, static_cast<double>(options.max_image_size) / size);
-  Features features = extract(reduced, options);
+  Features features = Extract(reduced, options);
   const float scale_x = static_cast<float>(gray.width) / reduced.width;
   const float scale_y = static_cast<float>(gray.height) / reduced.height;
   for (Keypoint& keypoint : features.keypoints) {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <exception>
 #include <exiv2/exiv2.hpp>
-#include <fstream>
 #include <mutex>
+#include <new>
 #include <string>
 
 #include "cairn/base/error.h"
@@ -115,7 +115,7 @@ std::optional<double> FocalPx(const Exiv2::ExifData& data, const ExifInfo& camer
 
 ExifInfo ReadExif(const std::string& path, int width, int height) {
   InitializeExiv2();
-  if (!std::ifstream(path)) ReadFile(path);  // throws with the reason
+  InputFile{path};  // throws where it cannot be read
   ExifInfo info;
   try {
     const auto image = Exiv2::ImageFactory::open(path);
@@ -126,6 +126,8 @@ ExifInfo ReadExif(const std::string& path, int width, int height) {
     info.focal_px = FocalPx(data, info, width, height);
     const double relative = info.focal_px.value_or(1.0) / std::max(width, height);
     if (info.focal_px && (relative < kMinFocal || relative > kMaxFocal)) info.focal_px.reset();
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception&) {
     return {};  // no image that Exiv2 knows, or damaged metadata: EXIF is never required
   }

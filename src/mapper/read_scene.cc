@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "cairn/base/error.h"
+#include "cairn/database/report_bad_rows.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/intrinsics/known_intrinsics.h"
 #include "cairn/mapper/view_edges.h"
@@ -92,8 +93,13 @@ FeatureMatches MergeMatches(FeatureMatches matches, const std::vector<point2D_t>
 // Edges with their merged inlier matches; geometries of those that another program verified.
 void ReadEdges(const Database& database,
                const std::map<image_t, std::vector<point2D_t>>& first_keypoint, SceneData& scene,
-               std::map<image_pair_t, TwoViewGeometry>& foreign) {
-  for (ViewEdge& edge : ReadViewEdges(database)) {
+               Stage& stage, std::map<image_pair_t, TwoViewGeometry>& foreign) {
+  constexpr int kMaxNamed = 20;
+  int num_bad = 0;
+  const auto warn = [&](const std::string& message) {
+    if (++num_bad <= kMaxNamed) stage.Warn(message);
+  };
+  for (ViewEdge& edge : ReadViewEdges(database, warn)) {
     if (scene.pixels.count(edge.image_id1) == 0 || scene.pixels.count(edge.image_id2) == 0) {
       continue;
     }
@@ -108,6 +114,19 @@ void ReadEdges(const Database& database,
     scene.poses_imported |= edge.verifier == kImportedVerifier;
     if (edge.verifier.empty()) foreign[edge.PairId()] = std::move(geometry);
     scene.edges.push_back(std::move(edge));
+  }
+  if (num_bad > 0) stage.Add("bad_pairs", num_bad);
+  if (num_bad > kMaxNamed) {
+    stage.Warn(std::to_string(num_bad - kMaxNamed) + " more pairs are left out");
+  }
+}
+
+// All matches of a pair; none where their row cannot be read, since the verified ones can.
+FeatureMatches ReadRawMatches(const Database& database, image_pair_t pair_id) {
+  try {
+    return database.ReadMatches(pair_id).value_or(FeatureMatches());
+  } catch (const IoError&) {
+    return {};
   }
 }
 
@@ -132,14 +151,15 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
                         ProgressMonitor& monitor, RunReport& report) {
   SceneData scene;
   std::map<image_pair_t, TwoViewGeometry> foreign;
+  ReportBadRows(database, report, monitor);
   {
     Stage stage(report, monitor, "read");
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
     ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);
-    ReadEdges(database, first_keypoint, scene, foreign);
+    ReadEdges(database, first_keypoint, scene, stage, foreign);
     scene.raw_matches = [&database, first_keypoint](const ViewEdge& edge) {
-      return MergeMatches(database.ReadMatches(edge.PairId()).value_or(FeatureMatches()),
+      return MergeMatches(ReadRawMatches(database, edge.PairId()),
                           first_keypoint.at(edge.image_id1), first_keypoint.at(edge.image_id2));
     };
     size_t num_matches = 0;

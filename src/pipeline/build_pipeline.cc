@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "cairn/base/error.h"
+#include "cairn/database/report_bad_rows.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/intrinsics/wide_focals.h"
 #include "pipeline/stages/import_dataset.h"
@@ -125,6 +126,9 @@ std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) 
   if (summary.num_images_with_features == 0) {
     return "features: no image has features; look at the warnings above";
   }
+  if (summary.num_images < 2) {
+    return "matching: there is one photograph alone, and no pair; give two or more of one scene";
+  }
   if (inputs.stop_after == BuildStage::kVerification) {
     return "verification: of " + std::to_string(summary.num_pairs) +
            " pairs none was verified; do the photographs overlap, and are the cameras right?";
@@ -157,6 +161,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
   report.run.num_threads = inputs.num_threads;
   const Sources sources = FindSources(inputs);
   Database database = OpenDatabase(inputs);
+  ReportBadRows(database, report.run, monitor);
   PrepareRecompute(database, std::string(NameOf(kBuildStages, inputs.recompute)),
                    sources.image_path);
   CheckStageOptions(database, options);

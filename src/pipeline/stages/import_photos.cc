@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <set>
 
 #include "base/hash.h"
 #include "cairn/base/error.h"
@@ -31,7 +32,46 @@ std::vector<Photo> ListPhotos(const std::string& image_path,
   } else {
     for (std::string& name : ListImages(image_path)) photos.emplace_back().name = std::move(name);
   }
+  for (Photo& photo : photos) {
+    if (!IsImageName(photo.name)) photo.error = "no model can hold a name with a line break";
+  }
   return photos;
+}
+
+// "a.jpg, b.jpg and 7 more".
+std::string FirstNames(const std::vector<std::string>& names) {
+  constexpr size_t kMaxNames = 10;
+  std::string text;
+  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
+    text += (i > 0 ? ", " : "") + names[i];
+  }
+  if (names.size() > kMaxNames) text += " and " + std::to_string(names.size() - kMaxNames) + " more";
+  return text;
+}
+
+// What the user may take for part of the run, or not, by a look at the folder.
+std::vector<std::string> RemarksOnFolder(const Database& database, const std::string& image_path,
+                                         const std::vector<Photo>& photos,
+                                         const std::vector<Image>& images) {
+  std::vector<std::string> remarks;
+  const std::vector<std::string> unread = ListUnreadImages(image_path);
+  if (!unread.empty()) {
+    remarks.push_back("not read, since their format is not known: " + FirstNames(unread));
+  }
+  std::set<std::string> present, imported;
+  for (const Photo& photo : photos) present.insert(photo.name);
+  for (const PhotoRecord& record : database.ReadPhotos()) imported.insert(record.name);
+  std::vector<std::string> removed;
+  for (const Image& image : images) {
+    if (imported.count(image.name) > 0 && present.count(image.name) == 0) {
+      removed.push_back(image.name);
+    }
+  }
+  if (!removed.empty()) {
+    remarks.push_back(image_path + " no longer has " + FirstNames(removed) +
+                      "; their features and pairs stay in the database, and in models");
+  }
+  return remarks;
 }
 
 // Runs fn, which may throw IoError about the photo's file, and keeps the reason.
@@ -219,6 +259,11 @@ StageReport ImportPhotos(Database& database, const std::string& image_path,
   if (photos.empty() && images.empty()) {
     throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
   }
+  if (!image_path.empty() && !selection) {
+    report.messages = RemarksOnFolder(database, image_path, photos, images);
+    for (const std::string& remark : report.messages) monitor.Warning(remark);
+  }
+  const size_t num_remarks = report.messages.size();
   const size_t num_photos = photos.size();
   monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));
   HashPhotos(image_path, num_threads, photos, monitor);
@@ -243,7 +288,7 @@ StageReport ImportPhotos(Database& database, const std::string& image_path,
   report.Add("photographs", static_cast<double>(num_photos));
   report.Add("new_images", static_cast<double>(added.images.size()));
   report.Add("new_cameras", static_cast<double>(added.cameras.size()));
-  report.Add("skipped", static_cast<double>(report.messages.size()));
+  report.Add("skipped", static_cast<double>(report.messages.size() - num_remarks));
   if (!report.messages.empty()) report.status = StageStatus::kWarning;
   report.seconds = timer.Seconds();
   database.AddTiming(kStageCameras, 0, "", report.seconds);

@@ -1,6 +1,8 @@
 #include "cairn/depth/sample_depth.h"
 
+#include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -151,6 +153,26 @@ class MapMaker {
   std::vector<std::unique_ptr<DepthNetwork>> networks_;
 };
 
+// Throws IoError for a map that cannot be the image's. Maps may be smaller, or stretched, but turned
+// by a right angle they are of another image, or in the wrong order.
+void CheckShape(const DepthItem& item, const DepthMap& map) {
+  constexpr double kMaxStretch = 1.1;  // of networks whose sides are multiples of 32
+  const std::string text = std::to_string(map.width) + " x " + std::to_string(map.height);
+  if (std::min(map.width, map.height) < 2) {
+    throw IoError(item.path, "a map of " + text + " values has no gradient");
+  }
+  const double image_shape = static_cast<double>(item.size.width) / item.size.height;
+  const double map_shape = static_cast<double>(map.width) / map.height;
+  const auto is_like = [&](double shape) {
+    return std::abs(std::log(shape / image_shape)) < std::log(kMaxStretch);
+  };
+  if (!is_like(map_shape) && is_like(1 / map_shape)) {
+    throw IoError(item.path, "a map of " + text + " values for an image of " +
+                                 std::to_string(item.size.width) + " x " +
+                                 std::to_string(item.size.height) + " pixels: it is transposed");
+  }
+}
+
 // One item, from its map to rows for the writer.
 void ComputeItem(int worker, DepthItem& item, uint64_t hash, const DepthOptions& options,
                  const std::vector<Keypoint>& keypoints, MapMaker& maps, DatabaseWriter& writer) {
@@ -158,6 +180,7 @@ void ComputeItem(int worker, DepthItem& item, uint64_t hash, const DepthOptions&
   if (item.error.empty()) {
     try {
       const DepthMap map = maps.Make(worker, item);
+      CheckShape(item, map);
       samples = SampleDepth(map, item.size.width, item.size.height, keypoints, options.Windows());
     } catch (const IoError& error) {
       item.error = error.reason();
