@@ -7,14 +7,16 @@
 #include "cairn/pipeline/build_pipeline.h"
 #include "common/console_monitor.h"
 #include "common/program.h"
+#include "common/run_flags.h"
 
 namespace {
 
 using namespace cairn;
 
-int Build(const BuildPipelineOptions& options, const std::string& effective_toml) {
+int Build(const BuildPipelineOptions& options, const RunFlags& flags,
+          const std::string& effective_toml) {
   ConsoleMonitor monitor;
-  const BuildPipelineReport report = RunBuildPipeline(options, monitor);
+  const BuildPipelineReport report = RunBuildPipeline(options, flags.Run(monitor));
   const std::string& database_path = options.inputs.database_path;
   WriteFileAtomically(database_path + ".effective.toml", effective_toml);
   WriteFileAtomically(database_path + ".report.json", ToJson(report.run));
@@ -31,19 +33,17 @@ int Main(int argc, char** argv) {
       "COLMAP reads.");
   Command& command = program.MainCommand();
   BuildPipelineOptions options;
+  RunFlags flags;
   command.AddOptions("", options.inputs);
-  command.AddOptions("", options.cameras);
-  command.AddOptions("features", options.features);
-  command.AddOptions("depth", options.depth);
-  command.AddOptions("matching", options.matching);
-  command.AddOptions("verification", options.verification);
-  command.AddOptions("scheduler", options.scheduler);
+  command.AddOptions("", flags);
+  options.VisitModules(
+      [&](const char* module, auto& fields) { command.AddOptions(module, fields); });
   command.SetRun([&] {
     command.Require("database_path");
     for (const std::string& text : StoredOptions(options.inputs)) {
       command.SetDefaults(text, options.inputs.database_path);
     }
-    return Build(options, command.EffectiveToml());
+    return Build(options, flags, command.EffectiveToml());
   });
   return program.Run(argc, argv);
 }

@@ -9,8 +9,8 @@
 int main(int argc, char** argv) try {
   if (argc != 3) throw std::runtime_error("usage: reconstruct DATABASE MODEL_FOLDER");
   const cairn::Database database(argv[1], cairn::Database::Mode::kReadOnly);
-  // "": no photographs, so points without colors. The settings are those of all stages.
-  const cairn::ReconstructResult result = cairn::ReconstructScene(database, "", {});
+  // "": no photographs, so points without colors.
+  const cairn::ReconstructResult result = cairn::Reconstruct(database, "");
   if (!result.report.Succeeded()) {
     std::cerr << result.report.failure << "\n";  // which stage failed, and what can be tried
     return 1;

@@ -139,9 +139,10 @@ std::string DescribeViewGraph(const ViewGraph& graph, const ViewGraphReport& rep
     text += fmt::format("{}{}", i == 0 ? ", images: " : ", ", report.components[i].size());
   }
   text += "\n";
-  if (report.num_loops > 0) {
-    text += fmt::format("{:<18} {} of {} close, median error {:.3f} deg\n", "loops of three",
-                        report.num_closed_loops, report.num_loops, report.median_loop_error_deg);
+  if (report.loops.num_loops > 0) {
+    text +=
+        fmt::format("{:<18} {} of {} close, median error {:.3f} deg\n", "loops of three",
+                    report.loops.num_closed, report.loops.num_loops, report.loops.median_error_deg);
   }
   return text;
 }

@@ -4,8 +4,8 @@
 
 #include <memory>
 
-#include "cairn/base/file.h"
 #include "common/console_monitor.h"
+#include "common/run_flags.h"
 #include "global_sfm/commands.h"
 
 namespace cairn {
@@ -17,8 +17,7 @@ struct ReconstructFlags {
   std::string output_path;
   bool overwrite = false;
   bool refine_intrinsics = true;
-  int num_threads = 0;
-  int seed = 0;
+  RunFlags run;
 
   void VisitFields(OptionVisitor& v) {
     v.String("database_path", database_path, "database with verified pairs");
@@ -29,8 +28,7 @@ struct ReconstructFlags {
     v.Bool("refine_intrinsics", refine_intrinsics,
            "refine focal lengths and distortions; not given: 0 for cameras given by "
            "--camera_params or calibrated otherwise, else 1");
-    v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
-    v.Int("seed", seed, {0, 2147483647}, "of all random numbers");
+    run.VisitFields(v);
   }
 };
 
@@ -44,22 +42,20 @@ int Run(const Command& command, State& state) {
   for (const char* key : {"database_path", "output_path"}) command.Require(key);
   const ReconstructFlags& flags = state.flags;
   ReconstructSettings& settings = state.settings;
-  settings.seed = static_cast<uint64_t>(flags.seed);
-  settings.num_threads = flags.num_threads;
   if (command.IsSet("refine_intrinsics")) settings.refine_intrinsics = flags.refine_intrinsics;
 
   // A folder that cannot or must not be written to is noticed before the work, not after it.
-  if (!flags.overwrite) CheckReconstructOutput(flags.output_path);
-  CreateFolders(flags.output_path);
-  WriteFileAtomically(flags.output_path + "/effective.toml", command.EffectiveToml());
+  CheckReconstructOutput(flags.output_path, flags.overwrite);
   ConsoleMonitor monitor;
   const Database database(flags.database_path, Database::Mode::kReadOnly);
-  ReconstructResult result = ReconstructScene(database, flags.image_path, settings, monitor);
-  WriteReconstructResult(result, flags.output_path, command.EffectiveToml());
+  ReconstructResult result =
+      Reconstruct(database, flags.image_path, settings, flags.run.Run(monitor));
+  const std::string report_path = WriteReconstructResult(result, flags.output_path,
+                                                         command.EffectiveToml(), flags.overwrite);
   spdlog::info("stages:\n{}", Summary(result.report));
   if (!result.report.Succeeded()) {
     spdlog::error("{}", result.report.failure);
-    spdlog::error("{}/report.json says what each stage did", flags.output_path);
+    spdlog::error("{} says what each stage did", report_path);
     return kExitNoUsableResult;
   }
   for (size_t k = 0; k < result.models.size(); ++k) {
@@ -79,15 +75,8 @@ void AddReconstructCommand(Program& program) {
       "reconstruct", "Cameras and points from the verified pairs of a database.");
   auto state = std::make_shared<State>();
   command.AddOptions("", state->flags);
-  command.AddOptions("reconstruct", state->settings.reconstruct);
-  command.AddOptions("focal_calibration", state->settings.focal_calibration);
-  command.AddOptions("view_graph", state->settings.view_graph);
-  command.AddOptions("rotation_averaging", state->settings.rotation_averaging);
-  command.AddOptions("translation_averaging", state->settings.translation_averaging);
-  command.AddOptions("tracks", state->settings.tracks);
-  command.AddOptions("triangulation", state->settings.triangulation);
-  command.AddOptions("bundle_adjustment", state->settings.bundle_adjustment);
-  command.AddOptions("resection", state->settings.resection);
+  state->settings.VisitModules(
+      [&](const char* module, auto& options) { command.AddOptions(module, options); });
   command.SetRun([&command, state] { return Run(command, *state); });
 }
 

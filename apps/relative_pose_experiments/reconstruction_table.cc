@@ -36,23 +36,22 @@ ReconstructionResult VerifyAndReconstruct(const std::string& verifier,
   ReconstructionResult result;
   result.verifier = verifier;
   VerificationInput input;
-  input.seed = settings.seed;
   input.min_num_matches = settings.verification.min_num_matches;
   const Timer timer;
   const VerificationReport report =
       VerifyPairs(database, MakeVerifiers(verifier, settings.verification), input, {},
-                  settings.num_threads, monitor);
+                  {settings.seed, settings.num_threads, monitor});
   result.verification_seconds = timer.Seconds();
   result.num_verified_pairs = static_cast<int>(report.counts.num_verified);
 
   ReconstructSettings reconstruct;
-  reconstruct.seed = settings.seed;
-  reconstruct.num_threads = 1;  // of bundle adjustment, for equal bytes in every run
   reconstruct.refine_intrinsics = settings.refine_intrinsics;
   reconstruct.reconstruct.colors = false;
+  // One thread of bundle adjustment, for equal bytes in every run.
+  const RunContext run = {.seed = settings.seed, .num_threads = 1};
   ReconstructResult reconstructed;
-  result.reconstruction_seconds = LeastSeconds(
-      [&] { reconstructed = ReconstructScene(database, "", reconstruct, NullMonitor()); });
+  result.reconstruction_seconds =
+      LeastSeconds([&] { reconstructed = Reconstruct(database, "", reconstruct, run); });
   result.failure = reconstructed.report.failure;
   if (!reconstructed.models.empty()) {
     result.evaluation = EvaluatePoses(PosedCamerasOf(reconstructed.models[0]), reference);

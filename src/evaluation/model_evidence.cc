@@ -122,8 +122,8 @@ std::vector<PairEvidence> EvaluatePairs(const Reconstruction& model,
 }  // namespace
 
 ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
-                               int num_threads) {
-  const std::vector<PairEvidence> of_pair = EvaluatePairs(model, pairs, num_threads, false);
+                               const RunContext& run) {
+  const std::vector<PairEvidence> of_pair = EvaluatePairs(model, pairs, run.num_threads, false);
   ModelEvidence evidence;
   for (const auto& [id, image] : model.images) evidence.images[id] = {};
   for (size_t i = 0; i < pairs.size(); ++i) {
@@ -153,9 +153,10 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
 }
 
 std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,
-                                             std::span<const VerifiedPair> pairs, int num_threads) {
+                                             std::span<const VerifiedPair> pairs,
+                                             const RunContext& run) {
   std::vector<FeatureMatches> explained;
-  for (PairEvidence& pair : EvaluatePairs(model, pairs, num_threads, true)) {
+  for (PairEvidence& pair : EvaluatePairs(model, pairs, run.num_threads, true)) {
     explained.push_back(std::move(pair.explained));
   }
   return explained;

@@ -332,8 +332,8 @@ bool CanCalibrateDistortion(const Camera& camera) {
 DistortionCalibrationReport CalibrateDistortion(const std::map<camera_t, Camera>& cameras,
                                                 const std::set<camera_t>& held,
                                                 std::span<const DistortionPair> pairs,
-                                                int num_threads) {
-  return Problem(cameras, held, pairs, num_threads).Solve();
+                                                const RunContext& run) {
+  return Problem(cameras, held, pairs, run.num_threads).Solve();
 }
 
 }  // namespace cairn

@@ -137,12 +137,12 @@ void ReadPixels(const Database& database, std::vector<Witness>& witnesses) {
 // The focal lengths of open cameras that are only guessed.
 std::map<camera_t, CalibratedFocal> LearnGuessedFocals(const Lenses& lenses,
                                                        const std::vector<FocalPair>& pairs,
-                                                       int num_threads) {
+                                                       const RunContext& run) {
   std::set<camera_t> trusted;
   for (const auto& [id, camera] : lenses.cameras) {
     if (lenses.open.count(id) == 0 || camera.has_prior_focal_length) trusted.insert(id);
   }
-  return CalibrateFocals(lenses.cameras, trusted, pairs, {}, {.num_threads = num_threads}).cameras;
+  return CalibrateFocals(lenses.cameras, trusted, pairs, {}, run).cameras;
 }
 
 CameraLens MakeLens(const Camera& camera, const CalibratedDistortion* distortion,
@@ -201,7 +201,7 @@ std::vector<image_pair_t> Store(Database& database, const Lenses& known,
 }  // namespace
 
 LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& likely,
-                          int num_threads) {
+                          const RunContext& run) {
   LearnedLenses learned;
   const Lenses known = ReadLenses(database, likely);
   if (known.open.empty()) return learned;
@@ -214,10 +214,8 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
   for (const auto& [id, camera] : known.cameras) {
     if (known.open.count(id) == 0) held.insert(id);
   }
-  const DistortionCalibrationReport report =
-      CalibrateDistortion(known.cameras, held, pairs, num_threads);
-  const std::map<camera_t, CalibratedFocal> focals =
-      LearnGuessedFocals(known, report.pairs, num_threads);
+  const DistortionCalibrationReport report = CalibrateDistortion(known.cameras, held, pairs, run);
+  const std::map<camera_t, CalibratedFocal> focals = LearnGuessedFocals(known, report.pairs, run);
   std::map<camera_t, CameraLens> lenses;
   for (const camera_t id : known.open) {
     CameraLens& lens = lenses[id];

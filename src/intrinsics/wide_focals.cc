@@ -35,13 +35,8 @@ struct WidePair {
 
 class WideFocalFinder {
  public:
-  WideFocalFinder(Database& database, const TwoViewOptions& options, uint64_t seed, int num_threads,
-                  ProgressMonitor& monitor)
-      : database_(database),
-        options_(options),
-        seed_(seed),
-        num_threads_(num_threads),
-        monitor_(monitor) {}
+  WideFocalFinder(Database& database, const TwoViewOptions& options, const RunContext& run)
+      : database_(database), options_(options), run_(run) {}
 
   std::vector<std::string> Run() {
     std::vector<camera_t> open;
@@ -56,7 +51,7 @@ class WideFocalFinder {
     num_matches_ = database_.ReadNumMatches();
     std::vector<std::string> texts;
     for (const camera_t id : open) {
-      if (monitor_.StopRequested()) break;
+      if (run_.monitor.StopRequested()) break;
       texts.push_back(Find(id));
     }
     return texts;
@@ -145,7 +140,7 @@ class WideFocalFinder {
   std::vector<double> Supports(camera_t id, const std::vector<WidePair>& pairs, double guess,
                                const std::vector<double>& powers) const {
     std::vector<double> of_task(pairs.size() * powers.size());
-    ParallelFor(num_threads_, static_cast<int64_t>(of_task.size()), [&](int64_t task) {
+    ParallelFor(run_.num_threads, static_cast<int64_t>(of_task.size()), [&](int64_t task) {
       const WidePair& pair = pairs[task % pairs.size()];
       const double focal = guess * std::exp2(powers[task / pairs.size()]);
       Camera camera1 = *pair.camera1, camera2 = *pair.camera2;
@@ -153,7 +148,7 @@ class WideFocalFinder {
       if (camera2.camera_id == id) camera2.SetMeanFocal(focal);
       PairInput input;
       input.pair_id = pair.pair_id;
-      input.seed = seed_;
+      input.seed = run_.seed;
       input.camera1 = &camera1;
       input.camera2 = &camera2;
       input.keypoints1 = pair.keypoints1;
@@ -174,9 +169,7 @@ class WideFocalFinder {
 
   Database& database_;
   const TwoViewOptions& options_;
-  const uint64_t seed_;
-  const int num_threads_;
-  ProgressMonitor& monitor_;
+  const RunContext& run_;
   std::map<camera_t, Camera> cameras_;
   std::map<image_t, camera_t> camera_of_;
   std::vector<std::pair<image_pair_t, int>> num_matches_;
@@ -185,8 +178,8 @@ class WideFocalFinder {
 }  // namespace
 
 std::vector<std::string> LearnWideFocals(Database& database, const TwoViewOptions& options,
-                                         uint64_t seed, int num_threads, ProgressMonitor& monitor) {
-  return WideFocalFinder(database, options, seed, num_threads, monitor).Run();
+                                         const RunContext& run) {
+  return WideFocalFinder(database, options, run).Run();
 }
 
 }  // namespace cairn

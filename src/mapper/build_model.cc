@@ -41,8 +41,7 @@ void RenumberPoints(Reconstruction& model) {
 std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& model,
                                    const ViewGraph& graph) {
   ModelStage stage(context, "duplicate_structure");
-  const std::vector<size_t> edges =
-      EdgesBetweenDuplicates(model, graph, context.settings.num_threads);
+  const std::vector<size_t> edges = EdgesBetweenDuplicates(model, graph, context.run);
   stage.Add("edges_removed", static_cast<double>(edges.size()));
   if (!edges.empty()) {
     stage.Warn("duplicate structure: the model puts similar places on top of each other; " +
@@ -56,7 +55,7 @@ std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& 
 // False: there is not enough memory, and the report's failure says so.
 bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
-  for (int round = 0; round < options.max_rounds && !context.monitor.StopRequested(); ++round) {
+  for (int round = 0; round < options.max_rounds && !context.run.monitor.StopRequested(); ++round) {
     const int num_new = options.register_left_out ? RegisterLeftOut(context, graph, model) : 0;
     const int64_t num_gained = ReviseEdges(EvidenceFor(context, model, graph), model, graph);
     if (num_new == 0 &&
@@ -141,7 +140,7 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   BuiltModel best{std::nullopt, graph, {}, {}};
   std::string first_failure = std::exchange(context.report.failure, "");
   for (const RotationHypothesis& hypothesis : hypotheses) {
-    if (context.monitor.StopRequested()) break;
+    if (context.run.monitor.StopRequested()) break;
     BuiltModel built = BuildFrom(context, component, graph, hypothesis);
     const std::string failure = std::exchange(context.report.failure, "");
     if (first_failure.empty()) first_failure = failure;
@@ -162,7 +161,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph) {
   BuiltModel best =
       BuildBest(context, component, graph, HypothesizeRotations(context, component, graph, 0.5));
-  if (!best.model && !context.monitor.StopRequested()) {
+  if (!best.model && !context.run.monitor.StopRequested()) {
     // Not all at once: from a sure core, the others by resection.
     const std::string failure = std::exchange(context.report.failure, "");
     auto cores = HypothesizeRotations(context, component, graph, 0.0);

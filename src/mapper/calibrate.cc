@@ -246,19 +246,16 @@ void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
 
 }  // namespace
 
-void CalibrateSceneFocals(const GeometryReader& read,
-                          const std::map<image_pair_t, TwoViewGeometry>& foreign,
-                          const ReconstructSettings& settings, Stage& stage, SceneData& scene) {
-  const std::vector<FocalPair> pairs =
-      CollectPairs(scene, read, settings.focal_calibration.max_pairs);
+void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOptions& options,
+                          const RunContext& run, Stage& stage, SceneData& scene) {
+  const std::vector<FocalPair> pairs = CollectPairs(scene, read, options.max_pairs);
   const FocalCalibrationReport report =
-      CalibrateFocals(scene.cameras, scene.constant_cameras, pairs, settings.focal_calibration,
-                      {.num_threads = settings.num_threads});
+      CalibrateFocals(scene.cameras, scene.constant_cameras, pairs, options, run);
   stage.Add("pairs_in", static_cast<double>(pairs.size()));
   stage.Add("pairs_used", report.num_pairs);
   stage.Add("pairs_agreeing", report.num_pairs_agreeing);
   const std::set<camera_t> calibrated = Report(report, scene.cameras, stage);
-  ImproveRelativePoses(foreign, settings.num_threads, scene);
+  ImproveRelativePoses(scene.foreign, run, scene);
   if (calibrated.empty()) return;
 
   const std::vector<ViewEdge> before = scene.edges;
@@ -271,12 +268,12 @@ void CalibrateSceneFocals(const GeometryReader& read,
     if (geometry.config != TwoViewConfig::kUncalibrated) continue;
     uncalibrated[pair_id] = geometry;
   }
-  ImproveRelativePoses(uncalibrated, settings.num_threads, scene);
+  ImproveRelativePoses(uncalibrated, run, scene);
   const std::vector<ViewEdge> guessed = std::exchange(scene.edges, before);
   for (const camera_t id : calibrated) {
     scene.cameras.at(id).SetMeanFocal(report.cameras.at(id).focal_px);
   }
-  ImproveRelativePoses(geometries, settings.num_threads, scene);
+  ImproveRelativePoses(geometries, run, scene);
   TakeBackRejected(report.cameras, before, guessed, calibrated, stage, scene);
 }
 

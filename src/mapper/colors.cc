@@ -47,10 +47,10 @@ void ColorPoints(StageContext& context, const std::string& image_path, Reconstru
   std::vector<const RegisteredImage*> images;
   for (const auto& [id, image] : model.images) images.push_back(&image);
   std::vector<ImageColors> colors(images.size());
-  ParallelFor(context.settings.num_threads, static_cast<int64_t>(images.size()), [&](int64_t i) {
+  ParallelFor(context.run.num_threads, static_cast<int64_t>(images.size()), [&](int64_t i) {
     const std::string path = (std::filesystem::path(image_path) / images[i]->image.name).string();
     colors[i] = ReadColors(path, model.CameraOf(*images[i]), *images[i]);
-    context.monitor.Advance(1);
+    context.run.monitor.Advance(1);
   });
   // Sums of color and number of views of every point.
   std::map<point3D_t, std::array<int, 4>> sums;

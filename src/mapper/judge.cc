@@ -18,7 +18,7 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
     pairs.push_back({edge.image_id1, edge.image_id2,
                      is_of_others ? &kNoMatches : &context.scene.matches.at(edge.PairId())});
   }
-  return EvaluateEvidence(model, pairs, context.settings.num_threads);
+  return EvaluateEvidence(model, pairs, context.run);
 }
 
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph) {

@@ -72,8 +72,8 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
       SelectTracks(tracks, context.settings.reconstruct.position_tracks_per_image, 0);
   const std::vector<PointDirections> points =
       RaysOfTracks(context.scene, rotations, tracks, selected);
-  const TranslationAveragingReport report = AverageTranslations(
-      directions, points, context.settings.translation_averaging, RunOf(context));
+  const TranslationAveragingReport report =
+      AverageTranslations(directions, points, context.settings.translation_averaging, context.run);
   stage.Add("edges_in", static_cast<double>(directions.size()));
   stage.Add("tracks_in", static_cast<double>(points.size()));
   stage.Add("edges_removed", report.num_filtered);

@@ -92,8 +92,8 @@ FeatureMatches MergeMatches(FeatureMatches matches, const std::vector<point2D_t>
 
 // Edges with their merged inlier matches; geometries of those that another program verified.
 void ReadEdges(const Database& database,
-               const std::map<image_t, std::vector<point2D_t>>& first_keypoint, SceneData& scene,
-               Stage& stage, std::map<image_pair_t, TwoViewGeometry>& foreign) {
+               const std::map<image_t, std::vector<point2D_t>>& first_keypoint, Stage& stage,
+               SceneData& scene) {
   constexpr int kMaxNamed = 20;
   int num_bad = 0;
   const auto warn = [&](const std::string& message) {
@@ -112,7 +112,7 @@ void ReadEdges(const Database& database,
         MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
                      first_keypoint.at(edge.image_id2));
     scene.poses_imported |= edge.verifier == kImportedVerifier;
-    if (edge.verifier.empty()) foreign[edge.PairId()] = std::move(geometry);
+    if (edge.verifier.empty()) scene.foreign[edge.PairId()] = std::move(geometry);
     scene.edges.push_back(std::move(edge));
   }
   if (num_bad > 0) stage.Add("bad_pairs", num_bad);
@@ -148,16 +148,15 @@ void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
 }  // namespace
 
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
-                        ProgressMonitor& monitor, RunReport& report) {
+                        const RunContext& run, RunReport& report) {
   SceneData scene;
-  std::map<image_pair_t, TwoViewGeometry> foreign;
-  ReportBadRows(database, report, monitor);
+  ReportBadRows(database, report, run.monitor);
   {
-    Stage stage(report, monitor, "read");
+    Stage stage(report, run.monitor, "read");
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
     ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);
-    ReadEdges(database, first_keypoint, scene, stage, foreign);
+    ReadEdges(database, first_keypoint, stage, scene);
     scene.raw_matches = [&database, first_keypoint](const ViewEdge& edge) {
       return MergeMatches(ReadRawMatches(database, edge.PairId()),
                           first_keypoint.at(edge.image_id1), first_keypoint.at(edge.image_id2));
@@ -190,13 +189,13 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
   }
   if (!report.Succeeded() || scene.poses_alone) return scene;
   if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
-    Stage stage(report, monitor, "focal_calibration");
+    Stage stage(report, run.monitor, "focal_calibration");
     const GeometryReader read = [&](image_pair_t pair_id) {
       return database.ReadTwoViewGeometry(pair_id).value();
     };
-    CalibrateSceneFocals(read, foreign, settings, stage, scene);
+    CalibrateSceneFocals(read, settings.focal_calibration, run, stage, scene);
   } else {
-    ImproveRelativePoses(foreign, settings.num_threads, scene);
+    ImproveRelativePoses(scene.foreign, run, scene);
   }
   return scene;
 }

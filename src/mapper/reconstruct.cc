@@ -32,22 +32,21 @@ std::string AdviceFor(const std::map<EdgeRemoval, int>& num_removed) {
 }
 
 ViewGraphResult BuildGraph(const SceneData& scene, const ReconstructSettings& settings,
-                           ProgressMonitor& monitor, RunReport& report) {
-  Stage stage(report, monitor, "view_graph");
+                           const RunContext& run, RunReport& report) {
+  Stage stage(report, run.monitor, "view_graph");
   std::vector<image_t> image_ids;
   for (const auto& [id, pixels] : scene.pixels) image_ids.push_back(id);
   ViewGraphBuilderOptions options = settings.view_graph;
   if (scene.poses_imported) options.min_num_inliers = options.min_bridge_inliers = 0;
-  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, options,
-                                          {settings.seed, settings.num_threads, monitor});
+  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, options, run);
   stage.Add("edges_in", result.report.num_edges);
   stage.Add("edges_out", result.report.num_active_edges);
   for (const auto& [reason, count] : result.report.num_removed) {
     stage.Add("removed_" + std::string(EdgeRemovalName(reason)), count);
   }
-  stage.Add("loops", static_cast<double>(result.report.num_loops));
-  stage.Add("closed_loops", static_cast<double>(result.report.num_closed_loops));
-  stage.Add("median_loop_error_deg", result.report.median_loop_error_deg);
+  stage.Add("loops", static_cast<double>(result.report.loops.num_loops));
+  stage.Add("closed_loops", static_cast<double>(result.report.loops.num_closed));
+  stage.Add("median_loop_error_deg", result.report.loops.median_error_deg);
   stage.Add("components", static_cast<double>(result.report.components.size()));
   if (result.report.components.empty()) {
     std::string reasons;
@@ -172,7 +171,7 @@ std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction&
 
 // Names what is in no model.
 void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>>& small) {
-  Stage stage(context.report, context.monitor, "left_out");
+  Stage stage(context.report, context.run.monitor, "left_out");
   std::set<image_t> named = context.taken;
   for (const std::vector<image_t>& images : small) {
     stage.Note("no model of " + std::to_string(images.size()) +
@@ -222,7 +221,7 @@ double BuildModels(StageContext& context, ViewGraphResult& view_graph, Reconstru
   std::vector<std::vector<std::string>> warnings;  // of each model
   double evidence_nats = 0;
   for (bool is_first = true; !queue.empty(); is_first = false) {
-    if (context.monitor.StopRequested()) {
+    if (context.run.monitor.StopRequested()) {
       context.report.failure = "stopped by the user after " + std::to_string(result.models.size()) +
                                " models; run again to reconstruct";
       break;
@@ -254,7 +253,7 @@ double BuildModels(StageContext& context, ViewGraphResult& view_graph, Reconstru
       queue.AddPartsOf(component.images, true, graph);
     } else {
       // A component that fails does not spoil the models that there are.
-      context.monitor.Warning(context.report.failure);
+      context.run.monitor.Warning(context.report.failure);
       if (first_failure.empty()) first_failure = context.report.failure;
       context.report.failure.clear();
       small.push_back(component.images);
@@ -273,12 +272,12 @@ struct CalibratedResult {
   double evidence_nats = 0;
 };
 CalibratedResult ReconstructCalibrated(const SceneData& scene, const ReconstructSettings& settings,
-                                       ProgressMonitor& monitor) {
+                                       const RunContext& run) {
   CalibratedResult calibrated;
   ReconstructResult& result = calibrated.result;
-  ViewGraphResult graph = BuildGraph(scene, settings, monitor, result.report);
+  ViewGraphResult graph = BuildGraph(scene, settings, run, result.report);
   if (result.report.Succeeded()) {
-    StageContext context{scene, settings, monitor, result.report};
+    StageContext context{scene, settings, run, result.report};
     calibrated.evidence_nats = BuildModels(context, graph, result);
   }
   result.graph = std::move(graph.graph);
@@ -288,15 +287,15 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene, const Reconstruct
 // With the scene's calibration and, where its pairs could not tell which of two is right, with the
 // other one: the result with more evidence.
 ReconstructResult ReconstructBest(SceneData& scene, const ReconstructSettings& settings,
-                                  ProgressMonitor& monitor) {
-  CalibratedResult best = ReconstructCalibrated(scene, settings, monitor);
-  if (!scene.alternative || monitor.StopRequested()) return std::move(best.result);
-  monitor.Info(
+                                  const RunContext& run) {
+  CalibratedResult best = ReconstructCalibrated(scene, settings, run);
+  if (!scene.alternative || run.monitor.StopRequested()) return std::move(best.result);
+  run.monitor.Info(
       "reconstructed again with the focal lengths that were there before: pairs could not "
       "tell which are right");
   std::swap(scene.cameras, scene.alternative->cameras);
   std::swap(scene.edges, scene.alternative->edges);
-  CalibratedResult other = ReconstructCalibrated(scene, settings, monitor);
+  CalibratedResult other = ReconstructCalibrated(scene, settings, run);
   const bool takes_other = other.evidence_nats > best.evidence_nats;
   if (takes_other) std::swap(best, other);
   // What was tried stays in the report.
@@ -313,9 +312,9 @@ ReconstructResult ReconstructBest(SceneData& scene, const ReconstructSettings& s
 }
 
 void ColorModels(const SceneData& scene, const std::string& image_path,
-                 const ReconstructSettings& settings, ProgressMonitor& monitor,
+                 const ReconstructSettings& settings, const RunContext& run,
                  ReconstructResult& result) {
-  StageContext context{scene, settings, monitor, result.report};
+  StageContext context{scene, settings, run, result.report};
   for (Reconstruction& model : result.models) {
     if (!model.points3D.empty()) ColorPoints(context, image_path, model);
     ++context.model;
@@ -348,22 +347,22 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
          "detect duplicate structure, places that look alike, and reconstruct them separately");
   v.Bool("refine_principal_points", refine_principal_points,
          "adjust the principal points of cameras whose intrinsics are not constant, near the image "
-         "centers "
-         "(focal_calibration.principal_point_sigma)");
+         "centers (focal_calibration.principal_point_sigma)");
   v.Bool("colors", colors, "color the points from the photographs");
 }
 
-ReconstructResult ReconstructScene(const Database& database, const std::string& image_path,
-                                   const ReconstructSettings& settings, ProgressMonitor& monitor) {
-  ValidateOptions(settings.reconstruct, "reconstruct");
+ReconstructResult Reconstruct(const Database& database, const std::string& image_path,
+                              const ReconstructSettings& settings, const RunContext& run) {
+  ReconstructSettings(settings).VisitModules(
+      [](const char* module, auto& options) { ValidateOptions(options, module); });
   const Timer timer;
   RunReport read;
-  SceneData scene = ReadSceneData(database, settings, monitor, read);
+  SceneData scene = ReadSceneData(database, settings, run, read);
   ReconstructResult result;
   if (read.Succeeded()) {
-    result = ReconstructBest(scene, settings, monitor);
+    result = ReconstructBest(scene, settings, run);
     if (settings.reconstruct.colors && !image_path.empty()) {
-      ColorModels(scene, image_path, settings, monitor, result);
+      ColorModels(scene, image_path, settings, run, result);
     }
   } else {
     result.report.failure = read.failure;
@@ -371,8 +370,8 @@ ReconstructResult ReconstructScene(const Database& database, const std::string& 
   for (const auto& [id, image] : scene.images) result.images.push_back(image);
   RunReport& report = result.report;
   report.program = "global_sfm reconstruct";
-  report.seed = settings.seed;
-  report.num_threads = settings.num_threads;
+  report.seed = run.seed;
+  report.num_threads = run.num_threads;
   report.stages.insert(report.stages.begin(), read.stages.begin(), read.stages.end());
   size_t num_registered = 0;
   for (const Reconstruction& model : result.models) num_registered += model.images.size();

@@ -51,7 +51,7 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
                         focals.principal_point_sigma * std::max(camera.width, camera.height)};
   }
   if (round.weigh) EstimateSigmas(context, stage, model);
-  const BundleAdjustmentReport report = AdjustBundle(model, scope, options, RunOf(context));
+  const BundleAdjustmentReport report = AdjustBundle(model, scope, options, context.run);
   stage.Add("images_in", static_cast<double>(report.num_images));
   stage.Add("points_in", static_cast<double>(report.num_points));
   stage.Add("observations_in", static_cast<double>(report.num_observations));
@@ -79,13 +79,17 @@ int RemoveWeakImages(const StageContext& context, Stage& stage, Reconstruction& 
   return static_cast<int>(weak.size());
 }
 
-void TriangulateRound(StageContext& context, const Round& round, Reconstruction& model) {
-  ModelStage stage(context, "triangulation");
+TriangulationOptions OptionsOf(const StageContext& context, const Round& round) {
   TriangulationOptions options = context.settings.triangulation;
   options.max_error_px *= round.error_factor;
   options.max_error_sigmas *= round.error_factor;
+  return options;
+}
+
+void TriangulateRound(StageContext& context, const Round& round, Reconstruction& model) {
+  ModelStage stage(context, "triangulation");
   const TriangulateTracksReport report =
-      TriangulateTracks(round.tracks, options, context.settings.num_threads, model);
+      TriangulateTracks(round.tracks, model, OptionsOf(context, round), context.run);
   stage.Add("tracks_in", static_cast<double>(report.num_tracks));
   stage.Add("points_out", static_cast<double>(report.num_points));
   stage.Add("observations_out", static_cast<double>(report.num_observations));
@@ -95,13 +99,7 @@ void TriangulateRound(StageContext& context, const Round& round, Reconstruction&
 
 void FilterRound(StageContext& context, const Round& round, Reconstruction& model) {
   ModelStage stage(context, "filter");
-  const TriangulationOptions& triangulation = context.settings.triangulation;
-  FilterOptions options;
-  options.max_error_px = triangulation.max_error_px * round.error_factor;
-  options.max_error_sigmas = triangulation.max_error_sigmas * round.error_factor;
-  options.min_angle_deg = triangulation.min_angle_deg;
-  options.min_views = triangulation.min_views;
-  const FilterReport report = FilterPoints(options, context.settings.num_threads, model);
+  const FilterReport report = FilterPoints(model, OptionsOf(context, round), context.run);
   stage.Add("observations_removed", static_cast<double>(report.num_observations_removed));
   stage.Add("points_removed", static_cast<double>(report.num_points_removed));
   stage.Add("undecided", static_cast<double>(report.num_undecided));
@@ -176,7 +174,7 @@ void RefineModel(StageContext& context, std::span<const Track> tracks, bool from
               .principal_points = true,
               .max_iterations = std::numeric_limits<int>::max()};
   double num_triangulated = 0;
-  for (int i = 0; i < options.max_rounds && !context.monitor.StopRequested(); ++i) {
+  for (int i = 0; i < options.max_rounds && !context.run.monitor.StopRequested(); ++i) {
     round.name = std::to_string(i + 1);
     // Better poses may bring more observations in; where they do not, the model stays as it is.
     Reconstruction candidate = model;

@@ -54,7 +54,7 @@ ResectionReport Resect(const StageContext& context, const Correspondences& corre
     xyz.push_back(model.points3D.at(correspondences.points[i]).xyz);
   }
   return EstimateAbsolutePose(camera, {pixels, xyz}, is_guess, context.settings.resection,
-                              Rng(context.settings.seed, "resection", image_id));
+                              Rng(context.run.seed, "resection", image_id));
 }
 
 void AddImage(const StageContext& context, const ResectionReport& report, image_t image_id,

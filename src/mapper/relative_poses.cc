@@ -225,7 +225,7 @@ bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, doubl
 std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph) {
   std::vector<double> sigmas(graph.edges.size(), 0.0);
   ParallelFor(
-      context.settings.num_threads, static_cast<int64_t>(graph.edges.size()),
+      context.run.num_threads, static_cast<int64_t>(graph.edges.size()),
       [&](int64_t e) {
         if (graph.edges[e].removal == EdgeRemoval::kNoPose) return;
         sigmas[e] = RotationSigma(context.scene, graph.edges[e]);
@@ -251,19 +251,19 @@ int RefitEdges(const StageContext& context,
     if (RadToDeg(error) > max_error_deg) edges.emplace_back(&edge, rotation);
   }
   std::vector<char> is_refitted(edges.size(), 0);
-  ParallelFor(context.settings.num_threads, static_cast<int64_t>(edges.size()), [&](int64_t i) {
+  ParallelFor(context.run.num_threads, static_cast<int64_t>(edges.size()), [&](int64_t i) {
     is_refitted[i] = RefitEdge(context.scene, edges[i].second, max_error_deg, *edges[i].first);
   });
   return static_cast<int>(std::count(is_refitted.begin(), is_refitted.end(), 1));
 }
 
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
-                          int num_threads, SceneData& scene) {
+                          const RunContext& run, SceneData& scene) {
   std::vector<ViewEdge*> edges;
   for (ViewEdge& edge : scene.edges) {
     if (geometries.count(edge.PairId()) > 0) edges.push_back(&edge);
   }
-  ParallelFor(num_threads, static_cast<int64_t>(edges.size()),
+  ParallelFor(run.num_threads, static_cast<int64_t>(edges.size()),
               [&](int64_t i) { ImproveEdge(scene, geometries.at(edges[i]->PairId()), *edges[i]); });
 }
 

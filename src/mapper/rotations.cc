@@ -66,7 +66,7 @@ bool IsAnother(const RotationHypothesis& a, const RotationHypothesis& b) {
 
 // The largest component of the edges with so many inliers and more: of pairs that are all surer,
 // loops tell others apart than they do among all pairs.
-ViewGraph CoreOf(ViewGraph graph, int min_num_inliers, const ReconstructSettings& settings) {
+ViewGraph CoreOf(const StageContext& context, ViewGraph graph, int min_num_inliers) {
   for (ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kTripletInconsistent ||
         edge.removal == EdgeRemoval::kWeakBridge) {
@@ -74,10 +74,8 @@ ViewGraph CoreOf(ViewGraph graph, int min_num_inliers, const ReconstructSettings
     }
   }
   RemoveWeakEdges(min_num_inliers, graph);
-  ViewGraphReport report;
-  if (settings.view_graph.filter_triplets) {
-    RemoveInconsistentTriplets(settings.view_graph, settings.num_threads, graph, report);
-  }
+  const ViewGraphBuilderOptions& options = context.settings.view_graph;
+  if (options.filter_triplets) RemoveInconsistentTriplets(graph, options, context.run);
   const auto components = ActiveComponents(graph);
   if (!components.empty()) KeepImages(components.front(), graph);
   return graph;
@@ -137,7 +135,7 @@ class Averager {
     RotationAveragingOptions options = context_.settings.rotation_averaging;
     options.weight_power = weighing.power;
     const std::vector<RotationEdge> edges = EdgesOf(graph, weighing.weights);
-    RotationAveragingReport report = AverageRotations(edges, options, RunOf(context_));
+    RotationAveragingReport report = AverageRotations(edges, options, context_.run);
     if (report.status != RotationAveragingStatus::kSuccess &&
         report.status != RotationAveragingStatus::kNotConverged) {
       if (all_.empty()) {
@@ -201,10 +199,9 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   if (has_any && !context.scene.poses_imported && (!averager.IsClear() || min_core_share == 0)) {
     weighings.push_back({"precision", PrecisionsOf(context, own), 1});
     averager.AddAll(own, 0, std::span(weighings).last(1));
-    const ReconstructSettings& settings = context.settings;
-    const int least = std::max(1, settings.view_graph.min_num_inliers);
-    for (int n = 2 * least;
-         n < (1 << 20) && averager.AddAll(CoreOf(own, n, settings), n, weighings); n *= 2) {
+    const int least = std::max(1, context.settings.view_graph.min_num_inliers);
+    for (int n = 2 * least; n < (1 << 20) && averager.AddAll(CoreOf(context, own, n), n, weighings);
+         n *= 2) {
     }
   }
   const std::vector<RotationHypothesis> distinct = averager.Distinct();

@@ -25,6 +25,8 @@ struct SceneData {
   std::map<image_t, std::vector<Eigen::Vector2d>> pixels;  // of the keypoints
   KeypointScales scales;
   std::vector<ViewEdge> edges;
+  // Geometries, without matches, of the pairs that another program verified.
+  std::map<image_pair_t, TwoViewGeometry> foreign;
   // Inlier matches of the edges; keypoints at one position are replaced by the first of them.
   std::map<image_pair_t, FeatureMatches> matches;
   // All matches of a pair, likewise, before verification; none where there are none. Not for
@@ -49,7 +51,7 @@ struct SceneData {
 struct StageContext {
   const SceneData& scene;
   const ReconstructSettings& settings;
-  ProgressMonitor& monitor;
+  RunContext run;
   RunReport& report;
   int model = 0;              // index of the model that is being built
   std::set<image_t> taken{};  // images of the models that are done
@@ -57,32 +59,26 @@ struct StageContext {
   std::set<image_t> reserved{};
 };
 
-// What the calls of other modules are told about the run.
-inline RunContext RunOf(const StageContext& context) {
-  return {context.settings.seed, context.settings.num_threads, context.monitor};
-}
-
 // A stage of one model.
 class ModelStage : public Stage {
  public:
   ModelStage(StageContext& context, const std::string& name, int64_t total = 0)
-      : Stage(context.report, context.monitor, name, total) {
+      : Stage(context.report, context.run.monitor, name, total) {
     Add("model", context.model);
   }
 };
 
 // read_scene.cc
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
-                        ProgressMonitor& monitor, RunReport& report);
+                        const RunContext& run, RunReport& report);
 
 // calibrate.cc
 using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
 // Gives cameras that are not held the focal lengths that the pairs' fundamental matrices determine,
 // unless loops of rotations then close no better than before, and says what became of each camera.
-// Improves the poses of the `foreign` edges, and of all whose focal lengths changed.
-void CalibrateSceneFocals(const GeometryReader& read,
-                          const std::map<image_pair_t, TwoViewGeometry>& foreign,
-                          const ReconstructSettings& settings, Stage& stage, SceneData& scene);
+// Improves the poses of the scene's `foreign` edges, and of all whose focal lengths changed.
+void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOptions& options,
+                          const RunContext& run, Stage& stage, SceneData& scene);
 
 // relative_poses.cc
 // Refines the poses of edges that another program verified, or whose focal lengths changed, on
@@ -90,7 +86,7 @@ void CalibrateSceneFocals(const GeometryReader& read,
 // planar-or-panoramic pairs). Edges whose matches show no parallax keep a rotation alone; those
 // without any pose end with the reason kNoPose.
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
-                          int num_threads, SceneData& scene);
+                          const RunContext& run, SceneData& scene);
 // How sure each edge of the graph is of its rotation: the standard deviation about the least
 // determined axis, radians. (Through a long lens, which is nearly affine, two views leave the angle
 // between them open: Koenderink and van Doorn, "Affine structure from motion", 1991.)

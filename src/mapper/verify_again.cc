@@ -56,8 +56,7 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
     for (size_t e = begin; e < end; ++e) {
       pairs.push_back({edges[e]->image_id1, edges[e]->image_id2, &raw[e - begin]});
     }
-    std::vector<FeatureMatches> explained =
-        ExplainedMatches(model, pairs, context.settings.num_threads);
+    std::vector<FeatureMatches> explained = ExplainedMatches(model, pairs, context.run);
     for (size_t e = begin; e < end; ++e) {
       const image_pair_t pair_id = edges[e]->PairId();
       const size_t num_before = context.scene.matches.at(pair_id).size();

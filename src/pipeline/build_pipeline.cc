@@ -14,14 +14,14 @@
 namespace cairn {
 namespace {
 
-std::string VerificationStageOptions(const BuildPipelineOptions& options) {
+std::string VerificationStageOptions(const BuildPipelineOptions& options, uint64_t seed) {
   return "verifier = \"" + std::string(NameOf(kVerifierChoices, options.inputs.verifier)) +
-         "\"\nseed = " + std::to_string(options.inputs.seed) + "\n" +
+         "\"\nseed = " + std::to_string(seed) + "\n" +
          DumpQualified("verification", options.verification);
 }
 
 // Options that differ from those of rows that are there are an error at once, not after an hour.
-void CheckStageOptions(Database& database, const BuildPipelineOptions& options) {
+void CheckStageOptions(Database& database, const BuildPipelineOptions& options, uint64_t seed) {
   const BuildStage last = options.inputs.stop_after;
   StageLedger(database, kStageCameras, DumpOptions(options.cameras));
   StageLedger(database, kStageFeatures, DumpQualified("features", options.features));
@@ -33,7 +33,7 @@ void CheckStageOptions(Database& database, const BuildPipelineOptions& options) 
     StageLedger(database, kStageMatching, DumpQualified("matching", options.matching));
   }
   if (last >= BuildStage::kVerification) {
-    StageLedger(database, kStageVerification, VerificationStageOptions(options));
+    StageLedger(database, kStageVerification, VerificationStageOptions(options, seed));
   }
 }
 
@@ -75,49 +75,44 @@ std::optional<std::vector<image_pair_t>> FindPairs(const Database& database,
 
 // Runs the stages one after the other; false: the user stopped one.
 bool RunStages(Database& database, const BuildPipelineOptions& options, const Sources& sources,
-               ProgressMonitor& monitor, RunReport& run) {
+               const RunContext& run, RunReport& report) {
   const BuildInputs& in = options.inputs;
   const BuildStage last = in.stop_after;
-  const auto keep_going = [&run](StageReport stage) {
-    run.stages.push_back(std::move(stage));
-    return !run.stages.back().WasStopped();
+  const auto keep_going = [&report](StageReport stage) {
+    report.stages.push_back(std::move(stage));
+    return !report.stages.back().WasStopped();
   };
   if (sources.dataset && !sources.dataset->has_photographs) {
-    return keep_going(ImportDataset(database, *sources.dataset, options.cameras, monitor));
+    return keep_going(ImportDataset(database, *sources.dataset, options.cameras, run));
   }
-  std::optional<PhotoSelection> selection;
-  if (sources.dataset) selection = SelectDatasetPhotos(*sources.dataset);
-  if (!keep_going(ImportPhotos(database, sources.image_path, options.cameras, in.num_threads,
-                               monitor, selection)) ||
-      !keep_going(ExtractImageFeatures(database, sources.image_path, options.features,
-                                       in.num_threads, monitor))) {
+  PhotoSource photos = {sources.image_path};
+  if (sources.dataset) photos.selection = SelectDatasetPhotos(*sources.dataset);
+  if (!keep_going(ImportPhotos(database, photos, options.cameras, run)) ||
+      !keep_going(ExtractImageFeatures(database, sources.image_path, options.features, run))) {
     return false;
   }
   if (last >= BuildStage::kDepth &&
       !keep_going(SampleImageDepth(database, sources.image_path, {in.depth_path, in.depth_model},
-                                   options.depth, in.num_threads, monitor))) {
+                                   options.depth, run))) {
     return false;
   }
   if (last < BuildStage::kMatching) return true;
-  const auto pairs = FindPairs(database, in, sources, monitor);
-  if (!keep_going(MatchImagePairs(database, pairs, options.matching, options.scheduler,
-                                  in.num_threads, monitor))) {
+  const auto pairs = FindPairs(database, in, sources, run.monitor);
+  if (!keep_going(MatchImagePairs(database, pairs, options.matching, options.scheduler, run))) {
     return false;
   }
   if (last < BuildStage::kVerification) return true;
   VerificationInput input;
   input.pairs = pairs;
-  input.seed = static_cast<uint64_t>(in.seed);
   input.min_num_matches = options.verification.min_num_matches;
-  input.options = VerificationStageOptions(options);
-  for (const std::string& text :
-       LearnWideFocals(database, options.verification, input.seed, in.num_threads, monitor)) {
-    monitor.Info(text);
+  input.options = VerificationStageOptions(options, run.seed);
+  for (const std::string& text : LearnWideFocals(database, options.verification, run)) {
+    run.monitor.Info(text);
   }
   return keep_going(VerifyPairs(database,
                                 MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)),
                                               options.verification),
-                                input, options.scheduler, in.num_threads, monitor)
+                                input, options.scheduler, run)
                         .stage);
 }
 
@@ -151,21 +146,22 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
   return options;
 }
 
-BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
-                                     ProgressMonitor& monitor) {
+BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const RunContext& run) {
   const BuildInputs& inputs = options.inputs;
   ValidateOptions(inputs, "");
+  BuildPipelineOptions(options).VisitModules(
+      [](const char* module, auto& fields) { ValidateOptions(fields, module); });
   BuildPipelineReport report;
   report.run.program = "build_view_graph";
-  report.run.seed = static_cast<uint64_t>(inputs.seed);
-  report.run.num_threads = inputs.num_threads;
+  report.run.seed = run.seed;
+  report.run.num_threads = run.num_threads;
   const Sources sources = FindSources(inputs);
   Database database = OpenDatabase(inputs);
   ReportBadRows(database, report.run, monitor);
   PrepareRecompute(database, std::string(NameOf(kBuildStages, inputs.recompute)),
                    sources.image_path);
-  CheckStageOptions(database, options);
-  report.was_stopped = !RunStages(database, options, sources, monitor, report.run);
+  CheckStageOptions(database, options, run.seed);
+  report.was_stopped = !RunStages(database, options, sources, run, report.run);
   report.summary = SummarizeDatabase(database);
   report.run.values = SummaryValues(report.summary);
   report.run.failure = report.was_stopped ? report.run.stages.back().name + ": " +

@@ -92,15 +92,14 @@ class Fit {
 
 }  // namespace
 
-FitResult FitPositions(const DirectionProblem& problem, const TranslationAveragingOptions& options,
-                       const FitWeights& weights, PositionSystem& system, Positions& positions,
-                       const RunContext& run) {
+FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weights,
+                       PositionSystem& system, Positions& positions, const RunContext& run) {
   Fit fit(problem, weights, run.num_threads);
   FitResult result;
   double cost = result.initial_cost = fit.Cost(positions);
   double damping = kInitialDamping;
   double growth = 2;
-  while (result.num_iterations < options.max_iterations && !run.monitor.StopRequested()) {
+  while (result.num_iterations < weights.max_iterations && !run.monitor.StopRequested()) {
     ++result.num_iterations;
     fit.Linearize(positions);
     Positions step;

@@ -2,8 +2,7 @@
 
 #include <vector>
 
-#include "cairn/base/progress.h"
-#include "cairn/translation_averaging/options.h"
+#include "cairn/base/run_context.h"
 #include "translation_averaging/direction_problem.h"
 #include "translation_averaging/position_system.h"
 
@@ -16,6 +15,7 @@ struct FitWeights {
   double edge_huber_deg = 1.0;
   double ray_huber_deg = 1.0;
   double tolerance = 1e-6;  // the fit ends when its cost falls by less than this share
+  int max_iterations = 100;
 };
 
 struct FitResult {
@@ -28,8 +28,7 @@ struct FitResult {
 // Levenberg-Marquardt over cameras and points from a given start. Of each term, with the difference
 // of positions D = c2 - c1 or X - c and its measured direction v, rho(|v - D / |D||) with Huber's
 // function rho (Wilson and Snavely 2014, eq. 5). Points are eliminated first, then cameras.
-FitResult FitPositions(const DirectionProblem& problem, const TranslationAveragingOptions& options,
-                       const FitWeights& weights, PositionSystem& system, Positions& positions,
-                       const RunContext& run);
+FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weights,
+                       PositionSystem& system, Positions& positions, const RunContext& run);
 
 }  // namespace cairn

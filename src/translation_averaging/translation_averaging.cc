@@ -62,6 +62,7 @@ FitWeights BalancedWeights(const DirectionProblem& problem,
                            const TranslationAveragingOptions& options) {
   FitWeights weights;
   weights.edge_huber_deg = weights.ray_huber_deg = options.huber_deg;
+  weights.max_iterations = options.max_iterations;
   weights.edges.assign(problem.edges.size(), 1.0);
   const double num_edges = static_cast<double>(problem.edges.size());
   const double num_rays = static_cast<double>(problem.rays.size());
@@ -178,7 +179,7 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
   for (int pass = 0; pass <= options.num_reweightings && !run.monitor.StopRequested(); ++pass) {
     if (pass > 0) weights = WeightsFromErrors(part, MeasureErrors(part, x), options);
     weights.tolerance = pass < options.num_reweightings ? kCoarseTolerance : kFineTolerance;
-    report.num_iterations += FitPositions(part, options, weights, system, x, run).num_iterations;
+    report.num_iterations += FitPositions(part, weights, system, x, run).num_iterations;
   }
   if (run.monitor.StopRequested()) {
     report.status = TranslationAveragingStatus::kInterrupted;

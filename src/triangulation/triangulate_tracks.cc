@@ -128,18 +128,19 @@ TrackOutcome TriangulateTrack(const Track& track, const TriangulationOptions& op
 }  // namespace
 
 TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
-                                          const TriangulationOptions& options, int num_threads,
-                                          Reconstruction& reconstruction) {
+                                          Reconstruction& reconstruction,
+                                          const TriangulationOptions& options,
+                                          const RunContext& run) {
   ValidateOptions(options, "triangulation");
   for (auto& [image_id, image] : reconstruction.images) {
     std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
   }
   reconstruction.points3D.clear();
   const std::map<image_t, PreparedImage> prepared =
-      PrepareImages(tracks, num_threads, reconstruction);
+      PrepareImages(tracks, run.num_threads, reconstruction);
   std::vector<TrackOutcome> outcomes(tracks.size());
   ParallelFor(
-      num_threads, static_cast<int64_t>(tracks.size()),
+      run.num_threads, static_cast<int64_t>(tracks.size()),
       [&](int64_t i) { outcomes[i] = TriangulateTrack(tracks[i], options, prepared); }, 64);
 
   TriangulateTracksReport report;
@@ -170,8 +171,9 @@ TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
   return report;
 }
 
-FilterReport FilterPoints(const FilterOptions& options, int num_threads,
-                          Reconstruction& reconstruction) {
+FilterReport FilterPoints(Reconstruction& reconstruction, const TriangulationOptions& options,
+                          const RunContext& run) {
+  ValidateOptions(options, "triangulation");
   std::map<image_t, Eigen::Vector3d> centers;
   for (const auto& [image_id, image] : reconstruction.images) {
     centers[image_id] = image.cam_from_world.Center();
@@ -211,12 +213,12 @@ FilterReport FilterPoints(const FilterOptions& options, int num_threads,
         verdict.bad.push_back(element);
       }
     }
-    if (static_cast<int>(good_centers.size()) < std::max(2, options.min_views)) return;
+    if (static_cast<int>(good_centers.size()) < options.min_views) return;
     const double angle_deg = MaxTriangulationAngleDeg(points[i]->xyz, good_centers);
     verdict.num_undecided += is_undecided(angle_deg, options.min_angle_deg);
     verdict.keep = angle_deg >= options.min_angle_deg;
   };
-  ParallelFor(num_threads, static_cast<int64_t>(points.size()), judge, 64);
+  ParallelFor(run.num_threads, static_cast<int64_t>(points.size()), judge, 64);
 
   FilterReport report;
   for (size_t i = 0; i < ids.size(); ++i) {

@@ -370,8 +370,8 @@ void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) 
 }  // namespace
 
 std::vector<size_t> EdgesBetweenDuplicates(const Reconstruction& model, const ViewGraph& graph,
-                                           int num_threads) {
-  const std::vector<Pair> pairs = ComparePairs(model, graph, num_threads);
+                                           const RunContext& run) {
+  const std::vector<Pair> pairs = ComparePairs(model, graph, run.num_threads);
   Groups groups(static_cast<int>(model.images.size()), pairs);
   KeepProven(pairs, static_cast<int>(model.images.size()), groups);
   std::vector<size_t> between;

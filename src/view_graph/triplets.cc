@@ -108,29 +108,24 @@ double LoopErrorDeg(const ViewEdge& edge, const ViewEdge& from_first, const View
   return RadToDeg(AngleBetween(detour, RotationTo(edge, edge.image_id2)));
 }
 
-int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, int num_threads,
-                               ViewGraph& graph, ViewGraphReport& report) {
-  const Triplets triplets(graph, options.max_triplet_error_deg, num_threads);
+LoopReport RemoveInconsistentTriplets(ViewGraph& graph, const ViewGraphBuilderOptions& options,
+                                      const RunContext& run) {
+  const Triplets triplets(graph, options.max_triplet_error_deg, run.num_threads);
+  LoopReport report;
   std::vector<double> errors_deg;
   std::vector<EdgeRemoval> verdicts;
-  int64_t num_loops = 0;
-  int64_t num_closed = 0;
   for (int e = 0; e < triplets.NumEdges(); ++e) {
     for (const Triplets::Loop& loop : triplets.LoopsOf(e)) errors_deg.push_back(loop.error_deg);
-    num_loops += static_cast<int64_t>(triplets.LoopsOf(e).size());
-    num_closed += triplets.NumClosed(e);
+    report.num_loops += static_cast<int64_t>(triplets.LoopsOf(e).size());
+    report.num_closed += triplets.NumClosed(e);
     verdicts.push_back(Judge(triplets, e, options));
   }
-  report.num_loops = num_loops;
-  report.num_closed_loops = num_closed;
-  report.median_loop_error_deg = UpperMedian(std::move(errors_deg));
-  int num_removed = 0;
+  report.median_error_deg = UpperMedian(std::move(errors_deg));
   for (int e = 0; e < triplets.NumEdges(); ++e) {
-    if (verdicts[e] == EdgeRemoval::kNone) continue;
-    graph.edges[triplets.GraphIndex(e)].removal = verdicts[e];
-    ++num_removed;
+    if (verdicts[e] != EdgeRemoval::kNone)
+      graph.edges[triplets.GraphIndex(e)].removal = verdicts[e];
   }
-  return num_removed;
+  return report;
 }
 
 }  // namespace cairn

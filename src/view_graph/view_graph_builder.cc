@@ -111,7 +111,7 @@ ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewE
 
   RemoveWeakEdges(options.min_num_inliers, graph);
   if (options.filter_triplets || options.filter_ambiguous) {
-    RemoveInconsistentTriplets(options, run.num_threads, graph, report);
+    report.loops = RemoveInconsistentTriplets(graph, options, run);
   }
   if (options.filter_weak_bridges) RemoveWeakBridges(options.min_bridge_inliers, graph);
 

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "cairn/base/run_context.h"
 #include "cairn/scene/reconstruction.h"
 #include "cairn/scene/two_view_geometry.h"
 
@@ -45,12 +46,13 @@ struct ModelEvidence {
 
 // The evidence for a model in verified pairs. Pairs with an image that the model lacks have nothing
 // explained; they count in `all`, not in num_pairs. O(number of matches). The result does not
-// depend on num_threads.
+// depend on run.num_threads.
 ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
-                               int num_threads);
+                               const RunContext& run = {});
 
 // Those matches of each pair that the model explains; none where it lacks an image.
 std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,
-                                             std::span<const VerifiedPair> pairs, int num_threads);
+                                             std::span<const VerifiedPair> pairs,
+                                             const RunContext& run = {});
 
 }  // namespace cairn

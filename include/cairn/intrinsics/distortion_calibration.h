@@ -53,10 +53,10 @@ bool CanCalibrateDistortion(const Camera& camera);
 // Whether distortion is taken is a matter of description length: its parameter costs half the
 // logarithm of the number of matches, systematic errors of a tenth of the noise are not attributed
 // to the lens, and the gain is divided by what the scatter of the pairs exceeds that noise. Cameras
-// in `held` are constant. The result does not depend on num_threads.
+// in `held` are constant. The result does not depend on run.num_threads.
 DistortionCalibrationReport CalibrateDistortion(const std::map<camera_t, Camera>& cameras,
                                                 const std::set<camera_t>& held,
                                                 std::span<const DistortionPair> pairs,
-                                                int num_threads);
+                                                const RunContext& run = {});
 
 }  // namespace cairn

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/base/run_context.h"
 #include "cairn/base/types.h"
 #include "cairn/database/database.h"
 
@@ -21,6 +22,6 @@ struct LearnedLenses {
 // results of pairs of the changed cameras are removed with their jobs, in the same transaction:
 // these pairs count as not verified. The result depends on the database alone.
 LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& likely,
-                          int num_threads);
+                          const RunContext& run = {});
 
 }  // namespace cairn

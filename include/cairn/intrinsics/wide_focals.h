@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/database/database.h"
 #include "cairn/two_view/options.h"
 
@@ -17,6 +17,6 @@ namespace cairn {
 // adjustment to refine. A camera that was looked at once (it has a row there) is not looked at
 // again. Returns one line a camera. Random numbers: those of verification.
 std::vector<std::string> LearnWideFocals(Database& database, const TwoViewOptions& options,
-                                         uint64_t seed, int num_threads, ProgressMonitor& monitor);
+                                         const RunContext& run = {});
 
 }  // namespace cairn

@@ -1,11 +1,10 @@
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 #include "cairn/database/database.h"
 #include "cairn/intrinsics/focal_calibration.h"
@@ -50,7 +49,7 @@ struct ReconstructOptions {
   void VisitFields(OptionVisitor& v);
 };
 
-// The options of every stage.
+// The options of all stages.
 struct ReconstructSettings {
   ReconstructOptions reconstruct;
   FocalCalibrationOptions focal_calibration;
@@ -61,11 +60,23 @@ struct ReconstructSettings {
   TriangulationOptions triangulation;
   BundleAdjustmentOptions bundle_adjustment;
   ResectionOptions resection;
-  // Focal lengths and distortions. Not set: held for cameras that the user gave or that were
+  // Focal lengths and distortions. Not set: constant for cameras that the user gave or that were
   // calibrated before (KnownIntrinsics::IsConstant), refined for the others.
   std::optional<bool> refine_intrinsics;
-  uint64_t seed = 0;
-  int num_threads = 0;
+
+  // Calls visit(module, options) for each module's options, in order: for flags and validation.
+  template <class Visit>
+  void VisitModules(const Visit& visit) {
+    visit("reconstruct", reconstruct);
+    visit("focal_calibration", focal_calibration);
+    visit("view_graph", view_graph);
+    visit("rotation_averaging", rotation_averaging);
+    visit("translation_averaging", translation_averaging);
+    visit("tracks", tracks);
+    visit("triangulation", triangulation);
+    visit("bundle_adjustment", bundle_adjustment);
+    visit("resection", resection);
+  }
 };
 
 struct ReconstructResult {
@@ -80,22 +91,25 @@ struct ReconstructResult {
 // bundle adjustment with filtering and retriangulation, resection of images left out, colors from
 // the photographs under image_path (skipped where they are absent; "": no colors). Where the pairs
 // have poses but no matches, the models are cameras alone: graph, rotations, translations. An
-// expected failure is in report.failure; throws IoError where the database cannot be read.
-ReconstructResult ReconstructScene(const Database& database, const std::string& image_path,
-                                   const ReconstructSettings& settings,
-                                   ProgressMonitor& monitor = NullMonitor());
+// expected failure is in report.failure; throws IoError where the database cannot be read,
+// ConfigError, before any work, for an option out of range.
+ReconstructResult Reconstruct(const Database& database, const std::string& image_path,
+                              const ReconstructSettings& settings = {}, const RunContext& run = {});
 
-// Throws ConfigError where the folder has a model (sparse, bundle.out, list.txt, points.ply) and no
-// effective.toml of global_sfm reconstruct: another program's work, which must not be replaced.
-void CheckReconstructOutput(const std::string& output_path);
+// Makes the folder, and removes what killed runs left in it. Throws ConfigError where a file that
+// WriteReconstructResult would replace is not as cairn wrote it (unless `overwrites`): another
+// program's work, or the user's. Throws IoError where the folder cannot be written to.
+void CheckReconstructOutput(const std::string& output_path, bool overwrites = false);
 
 // Writes sparse/<k>/{cameras,images,points3D}.bin for every model, bundle.out with list.txt and
 // points.ply of the largest, confidence.csv (a line an image: pairs in use, points, standard
 // deviations of its pose; see EstimatePoseConfidence), the view graph as view_graph.json and
-// view_graph.dot (Graphviz), report.json and effective.toml; replaces an earlier run's files. After
-// a failure only the last four are written. Adds what a format cannot hold to the report's
-// messages. Throws IoError.
-void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
-                            const std::string& effective_toml);
+// view_graph.dot (Graphviz), report.json and effective.toml. All of it appears together, in place
+// of an earlier run's files. After a failure only the last four are written; where an earlier run's
+// models are, these stay with all that belongs to them, and the failure is put into failed/. Adds
+// what a format cannot hold to the report's messages. Returns the path of report.json. Throws as
+// CheckReconstructOutput does.
+std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
+                                   const std::string& effective_toml, bool overwrites = false);
 
 }  // namespace cairn

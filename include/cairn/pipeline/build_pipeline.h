@@ -43,8 +43,6 @@ struct BuildInputs {
   VerifierChoice verifier = VerifierChoice::kCascade;
   BuildStage stop_after = BuildStage::kVerification;
   BuildStage recompute = BuildStage::kNone;
-  int num_threads = 0;
-  int seed = 0;
 
   void VisitFields(OptionVisitor& v) {
     v.String("image_path", image_path, "folder of photographs");
@@ -59,8 +57,6 @@ struct BuildInputs {
              "last stage of this run; a later run continues");
     v.Choice("recompute", recompute, kBuildStages,
              "stage to compute again, with those that depend on it");
-    v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
-    v.Int("seed", seed, {0, 2147483647}, "seed of all random numbers");
   }
 };
 
@@ -72,6 +68,17 @@ struct BuildPipelineOptions {
   MatchingOptions matching;
   TwoViewOptions verification;
   SchedulerOptions scheduler;
+
+  // Calls visit(module, options) for each module's options, in order: for flags and validation.
+  template <class Visit>
+  void VisitModules(const Visit& visit) {
+    visit("", cameras);
+    visit("features", features);
+    visit("depth", depth);
+    visit("matching", matching);
+    visit("verification", verification);
+    visit("scheduler", scheduler);
+  }
 };
 
 // The options, as TOML text, of the stages that are in the database already and that this run
@@ -106,11 +113,11 @@ struct BuildPipelineReport {
 };
 
 // The whole of build_view_graph: photographs and cameras, features, depth, matches, verified pairs,
-// all in the database, which may have some of it already. Throws ConfigError for options that
-// contradict each other or the database, IoError when the run cannot go on. Where there is no
-// usable result (nothing verified, or no features with stop_after features), report.run.failure
-// says so.
+// all in the database, which may have some of it already. Throws ConfigError for options that are
+// out of range or contradict each other or the database, IoError when the run cannot go on. Where
+// there is no usable result (nothing verified, or no features with stop_after features),
+// report.run.failure says so.
 BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
-                                     ProgressMonitor& monitor = NullMonitor());
+                                     const RunContext& run = {});
 
 }  // namespace cairn

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "cairn/base/options.h"
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/database/database.h"
 #include "cairn/depth/options.h"
 #include "cairn/features/features.h"
@@ -23,7 +23,7 @@ namespace cairn {
 // other programs (COLMAP) are taken as they are. An item that fails (a damaged photograph, a
 // missing depth map) is recorded, reported by one Warning, and skipped. All return early, keeping
 // what is done, when the monitor wants to stop; then report.WasStopped(). The rows that a stage
-// writes do not depend on num_threads, nor on whether it was interrupted.
+// writes do not depend on run.num_threads, nor on whether it was interrupted.
 
 struct CameraOptions {
   CameraModel camera_model = CameraModel::kSimpleRadial;
@@ -39,29 +39,27 @@ struct CameraOptions {
   }
 };
 
-// Photographs of a folder that a caller selects or knows more about than EXIF says.
-struct PhotoSelection {
+// The photographs of a folder, or those that a caller selects, perhaps with their focal lengths.
+struct PhotoSource {
   struct Photo {
     std::string name;                // relative to the folder
     std::optional<double> focal_px;  // instead of EXIF's
   };
-  std::vector<Photo> photos;
+  std::string image_path;                                      // "": none
+  std::optional<std::vector<Photo>> selection = std::nullopt;  // nullopt: all
 };
 
-// Adds the photographs below image_path that the database does not have, with their cameras, in the
+// Adds the photographs of the source that the database does not have, with their cameras, in the
 // order of their names. Cameras as COLMAP 3.8 makes them: one for all (single_camera), else one for
 // all new images with equal EXIF make, model, focal length and size, else one an image. Throws
 // IoError when the folder cannot be read or neither it nor the database has an image.
-StageReport ImportPhotos(Database& database, const std::string& image_path,
-                         const CameraOptions& options, int num_threads,
-                         ProgressMonitor& monitor = NullMonitor(),
-                         const std::optional<PhotoSelection>& selection = std::nullopt);
+StageReport ImportPhotos(Database& database, const PhotoSource& source,
+                         const CameraOptions& options = {}, const RunContext& run = {});
 
 // Features of every image without keypoints. An image that cannot be decoded leaves the database.
 // image_path "": nothing can be computed, images without keypoints are counted.
 StageReport ExtractImageFeatures(Database& database, const std::string& image_path,
-                                 const FeatureOptions& options, int num_threads,
-                                 ProgressMonitor& monitor = NullMonitor());
+                                 const FeatureOptions& options = {}, const RunContext& run = {});
 
 // Where depth comes from; at most one of the two.
 struct DepthSource {
@@ -71,8 +69,8 @@ struct DepthSource {
 // Depth and its gradient at the keypoints of every image without depth samples. Without a source,
 // nothing.
 StageReport SampleImageDepth(Database& database, const std::string& image_path,
-                             const DepthSource& source, const DepthOptions& options,
-                             int num_threads, ProgressMonitor& monitor = NullMonitor());
+                             const DepthSource& source, const DepthOptions& options = {},
+                             const RunContext& run = {});
 
 // What the stages over pairs may use; the memory is for features and matches that are loaded at
 // once.
@@ -96,7 +94,7 @@ std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vecto
 // matched only if `pairs` names them.
 StageReport MatchImagePairs(Database& database,
                             const std::optional<std::vector<image_pair_t>>& pairs,
-                            const MatchingOptions& options, const SchedulerOptions& scheduler,
-                            int num_threads, ProgressMonitor& monitor = NullMonitor());
+                            const MatchingOptions& options = {},
+                            const SchedulerOptions& scheduler = {}, const RunContext& run = {});
 
 }  // namespace cairn

@@ -22,7 +22,6 @@ struct NamedVerifier {
 struct VerificationInput {
   // Which pairs; nullopt: all that have matches.
   std::optional<std::vector<image_pair_t>> pairs;
-  uint64_t seed = 0;
   // Pairs with fewer matches are not tried.
   int min_num_matches = 20;
   // "key = value" lines of everything that the verifiers' results depend on, for the stage's
@@ -52,7 +51,7 @@ struct VerificationReport {
   int num_rejected_focals = 0;  // cameras whose trusted focal lengths this run found to be wrong
 };
 
-// Verifies every pair with matches that has no row in two_view_geometries, on num_threads threads.
+// Verifies every pair with matches that has no row in two_view_geometries.
 // Each verifier runs on each pair independently; its outcome is a row of cairn_pair_metrics, its
 // time one of cairn_timings; the verified one with the largest score becomes the pair's row in
 // two_view_geometries (of equal ones the earlier in `verifiers`). A pair that no verifier accepts,
@@ -68,8 +67,8 @@ struct VerificationReport {
 // are done are not done again; if their inputs have changed, ConfigError names the pair. Pairs with
 // a row that cannot be read are left out, with one Warning a row.
 VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
-                               const VerificationInput& input, const SchedulerOptions& scheduler,
-                               int num_threads, ProgressMonitor& monitor = NullMonitor());
+                               const VerificationInput& input,
+                               const SchedulerOptions& scheduler = {}, const RunContext& run = {});
 
 // The verifiers of --verifier, in the order of precedence. Throws ConfigError.
 std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options);

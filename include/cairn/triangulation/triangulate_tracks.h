@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/scene/reconstruction.h"
 #include "cairn/triangulation/triangulation.h"
 
@@ -21,17 +21,11 @@ struct TriangulateTracksReport {
 
 // Replaces the points of `reconstruction` by those triangulated from `tracks` under its present
 // poses and cameras. Observations of images that are not registered are ignored. Points are in the
-// order of the tracks, ids from 1. The result does not depend on num_threads.
+// order of the tracks, ids from 1. The result does not depend on run.num_threads.
 TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
-                                          const TriangulationOptions& options, int num_threads,
-                                          Reconstruction& reconstruction);
-
-struct FilterOptions {
-  double max_error_px = 4.0;      // reprojection error of an observation
-  double max_error_sigmas = 6.0;  // and in its standard deviations, where they are known
-  double min_angle_deg = 1.5;     // largest angle between two rays of a point
-  int min_views = 2;
-};
+                                          Reconstruction& reconstruction,
+                                          const TriangulationOptions& options = {},
+                                          const RunContext& run = {});
 
 struct FilterReport {
   int64_t num_observations_removed = 0;  // error too large, or behind the camera
@@ -41,8 +35,9 @@ struct FilterReport {
   int64_t num_undecided = 0;
 };
 
-// Removes what does not fit the present poses.
-FilterReport FilterPoints(const FilterOptions& options, int num_threads,
-                          Reconstruction& reconstruction);
+// Removes what does not fit the present poses: observations with larger errors than the options
+// allow, then points with too few of them or with too small an angle.
+FilterReport FilterPoints(Reconstruction& reconstruction, const TriangulationOptions& options = {},
+                          const RunContext& run = {});
 
 }  // namespace cairn

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "cairn/base/run_context.h"
 #include "cairn/scene/reconstruction.h"
 #include "cairn/scene/view_graph.h"
 
@@ -15,6 +16,6 @@ namespace cairn {
 // structure and motion?", 2008; Heinly, Dunn, Frahm, "Correcting for duplicate scene structure in
 // sparse 3D reconstruction", 2014). Indices in graph.edges, ascending; empty: one place.
 std::vector<size_t> EdgesBetweenDuplicates(const Reconstruction& model, const ViewGraph& graph,
-                                           int num_threads);
+                                           const RunContext& run = {});
 
 }  // namespace cairn

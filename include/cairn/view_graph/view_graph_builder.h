@@ -13,15 +13,19 @@
 
 namespace cairn {
 
+// Loops of three, counted once at each of their edges (at most 64 an edge).
+struct LoopReport {
+  int64_t num_loops = 0;
+  int64_t num_closed = 0;
+  double median_error_deg = 0;
+};
+
 // How many edges the filters removed, by reason.
 struct ViewGraphReport {
   int num_edges = 0;
   int num_active_edges = 0;
   std::map<EdgeRemoval, int> num_removed;
-  // Loops of three, counted once at each of their edges (at most 64 an edge).
-  int64_t num_loops = 0;
-  int64_t num_closed_loops = 0;
-  double median_loop_error_deg = 0;
+  LoopReport loops;
   // Connected components of the active edges with at least two images, largest first.
   std::vector<std::vector<image_t>> components;
 };
@@ -57,9 +61,9 @@ double LoopErrorDeg(const ViewEdge& edge, const ViewEdge& from_first, const View
 // edges do close in loops elsewhere, goes (kTripletInconsistent): of a single loop that does not
 // close it is unknown which edge is wrong, so they stay. With filter_ambiguous, so does one that
 // closes in some loops but is contradicted by many more, all of edges better supported than itself
-// (kAmbiguous). The number of loops and their errors go to the report.
-int RemoveInconsistentTriplets(const ViewGraphBuilderOptions& options, int num_threads,
-                               ViewGraph& graph, ViewGraphReport& report);
+// (kAmbiguous). Returns the loops as they were.
+LoopReport RemoveInconsistentTriplets(ViewGraph& graph, const ViewGraphBuilderOptions& options = {},
+                                      const RunContext& run = {});
 
 // Bridges with fewer than min_num_inliers inliers, unless one of the sides is a single image
 // (kWeakBridge).

@@ -80,8 +80,7 @@ void WriteFailure(Database& database, const FeatureItem& item) {
 }  // namespace
 
 StageReport ExtractImageFeatures(Database& database, const std::string& image_path,
-                                 const FeatureOptions& options, int num_threads,
-                                 ProgressMonitor& monitor) {
+                                 const FeatureOptions& options, const RunContext& run) {
   const Timer timer;
   StageReport report;
   report.name = kStageFeatures;
@@ -94,9 +93,9 @@ StageReport ExtractImageFeatures(Database& database, const std::string& image_pa
     DatabaseWriter::Options writer_options;
     writer_options.max_queue_size = 8;  // An image's features are megabytes.
     DatabaseWriter writer(database.path(), writer_options);
-    monitor.BeginStage("extracting features", static_cast<int64_t>(items.size()));
-    ParallelFor(num_threads, static_cast<int64_t>(items.size()), [&](int64_t i) {
-      if (monitor.StopRequested()) return;
+    run.monitor.BeginStage("extracting features", static_cast<int64_t>(items.size()));
+    ParallelFor(run.num_threads, static_cast<int64_t>(items.size()), [&](int64_t i) {
+      if (run.monitor.StopRequested()) return;
       FeatureItem& item = items[i];
       try {
         Features features =
@@ -108,18 +107,18 @@ StageReport ExtractImageFeatures(Database& database, const std::string& image_pa
         item.error = error.reason();
         writer.Push([&item](Database& db) { WriteFailure(db, item); });
       }
-      monitor.Advance(1);
+      run.monitor.Advance(1);
     });
     writer.Finish();
-    monitor.EndStage();
+    run.monitor.EndStage();
   }
   for (const FeatureItem& item : items) {
     if (item.error.empty()) continue;
     report.messages.push_back(item.image.name + ": " + item.error + "; skipped");
-    monitor.Warning(report.messages.back());
+    run.monitor.Warning(report.messages.back());
   }
   const double num_failed = static_cast<double>(report.messages.size());
-  if (monitor.StopRequested()) {
+  if (run.monitor.StopRequested()) {
     report.MarkStopped();
   } else {
     ledger.Complete(database);

@@ -165,10 +165,10 @@ uint64_t HashDataset(const OneDsfmDataset& dataset) {
 
 }  // namespace
 
-PhotoSelection SelectDatasetPhotos(const OneDsfmDataset& dataset) {
-  PhotoSelection selection;
+std::vector<PhotoSource::Photo> SelectDatasetPhotos(const OneDsfmDataset& dataset) {
+  std::vector<PhotoSource::Photo> selection;
   for (const int index : dataset.component) {
-    selection.photos.push_back(
+    selection.push_back(
         {OneDsfmImageName(dataset.images[index].name), dataset.images[index].focal_px});
   }
   return selection;
@@ -190,14 +190,14 @@ std::vector<image_pair_t> FindDatasetPairs(const OneDsfmDataset& dataset,
 }
 
 StageReport ImportDataset(Database& database, const OneDsfmDataset& dataset,
-                          const CameraOptions& options, ProgressMonitor& monitor) {
+                          const CameraOptions& options, const RunContext& run) {
   const Timer timer;
   StageReport report;
   report.name = kStageDataset;
   CheckCameraOptions(options);
   StageLedger ledger(database, kStageDataset, DumpOptions(options));
   const uint64_t hash = HashDataset(dataset);
-  monitor.BeginStage("importing the data set", static_cast<int64_t>(dataset.edges.size()));
+  run.monitor.BeginStage("importing the data set", static_cast<int64_t>(dataset.edges.size()));
   std::vector<OneDsfmEdge> edges;
   for (const OneDsfmEdge& edge : dataset.edges) {
     if (IsInComponent(dataset, edge.i) && IsInComponent(dataset, edge.j)) edges.push_back(edge);
@@ -221,13 +221,13 @@ StageReport ImportDataset(Database& database, const OneDsfmDataset& dataset,
     for (const OneDsfmEdge& edge : edges) {
       const auto it = matches.find(ImagePairToPairId(ImageId(edge.i), ImageId(edge.j)));
       WriteEdge(database, edge, it == matches.end() ? FeatureMatches() : it->second);
-      monitor.Advance(1);
+      run.monitor.Advance(1);
     }
     database.WriteJob(kStageDataset, {0, hash, ""});
     ledger.Complete(database);
     transaction.Commit();
   }
-  monitor.EndStage();
+  run.monitor.EndStage();
   report.Add("images", static_cast<double>(dataset.component.size()));
   report.Add("edges", static_cast<double>(edges.size()));
   report.Add("edges_outside_cc", static_cast<double>(dataset.edges.size() - edges.size()));

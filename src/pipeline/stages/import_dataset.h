@@ -9,7 +9,7 @@
 namespace cairn {
 
 // The images of cc.txt, by their names below <folder>/images, with the focal lengths of list.txt.
-PhotoSelection SelectDatasetPhotos(const OneDsfmDataset& dataset);
+std::vector<PhotoSource::Photo> SelectDatasetPhotos(const OneDsfmDataset& dataset);
 
 // The pairs of EGs.txt between images of the database, ascending.
 std::vector<image_pair_t> FindDatasetPairs(const OneDsfmDataset& dataset,
@@ -21,6 +21,6 @@ std::vector<image_pair_t> FindDatasetPairs(const OneDsfmDataset& dataset,
 // says how large an image is; then it is a square that fits its focal length. Throws IoError with
 // file and line, ConfigError if the database has another data set.
 StageReport ImportDataset(Database& database, const OneDsfmDataset& dataset,
-                          const CameraOptions& options, ProgressMonitor& monitor);
+                          const CameraOptions& options, const RunContext& run);
 
 }  // namespace cairn

@@ -19,18 +19,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<Photo> ListPhotos(const std::string& image_path,
-                              const std::optional<PhotoSelection>& selection) {
+std::vector<Photo> ListPhotos(const PhotoSource& source) {
   std::vector<Photo> photos;
-  if (selection) {
-    for (const PhotoSelection::Photo& photo : selection->photos) {
+  if (source.image_path.empty()) return photos;
+  if (source.selection) {
+    for (const PhotoSource::Photo& photo : *source.selection) {
       photos.emplace_back().name = photo.name;
       photos.back().given_focal_px = photo.focal_px;
     }
     std::sort(photos.begin(), photos.end(),
               [](const Photo& a, const Photo& b) { return a.name < b.name; });
   } else {
-    for (std::string& name : ListImages(image_path)) photos.emplace_back().name = std::move(name);
+    for (std::string& name : ListImages(source.image_path)) {
+      photos.emplace_back().name = std::move(name);
+    }
   }
   for (Photo& photo : photos) {
     if (!IsImageName(photo.name)) photo.error = "no model can hold a name with a line break";
@@ -84,21 +86,19 @@ void KeepError(Photo& photo, const Fn& fn) {
   }
 }
 
-void HashPhotos(const std::string& image_path, int num_threads, std::vector<Photo>& photos,
-                ProgressMonitor& monitor) {
-  ParallelFor(num_threads, static_cast<int64_t>(photos.size()), [&](int64_t i) {
-    if (monitor.StopRequested()) return;
+void HashPhotos(const std::string& image_path, const RunContext& run, std::vector<Photo>& photos) {
+  ParallelFor(run.num_threads, static_cast<int64_t>(photos.size()), [&](int64_t i) {
+    if (run.monitor.StopRequested()) return;
     KeepError(photos[i],
               [&] { photos[i].file_hash = HashFile(fs::path(image_path) / photos[i].name); });
-    monitor.Advance(1);
+    run.monitor.Advance(1);
   });
 }
 
-void ReadHeaders(const std::string& image_path, int num_threads, std::vector<Photo>& photos,
-                 ProgressMonitor& monitor) {
-  ParallelFor(num_threads, static_cast<int64_t>(photos.size()), [&](int64_t i) {
+void ReadHeaders(const std::string& image_path, const RunContext& run, std::vector<Photo>& photos) {
+  ParallelFor(run.num_threads, static_cast<int64_t>(photos.size()), [&](int64_t i) {
     Photo& photo = photos[i];
-    if (!photo.error.empty() || monitor.StopRequested()) return;
+    if (!photo.error.empty() || run.monitor.StopRequested()) return;
     const std::string path = fs::path(image_path) / photo.name;
     KeepError(photo, [&] {
       photo.size = ReadImageSize(path);
@@ -244,9 +244,9 @@ void WriteImages(Database& database, const NewImages& added, const std::vector<P
 
 }  // namespace
 
-StageReport ImportPhotos(Database& database, const std::string& image_path,
-                         const CameraOptions& options, int num_threads, ProgressMonitor& monitor,
-                         const std::optional<PhotoSelection>& selection) {
+StageReport ImportPhotos(Database& database, const PhotoSource& source,
+                         const CameraOptions& options, const RunContext& run) {
+  const std::string& image_path = source.image_path;
   const Timer timer;
   StageReport report;
   report.name = kStageCameras;
@@ -254,8 +254,7 @@ StageReport ImportPhotos(Database& database, const std::string& image_path,
   StageLedger ledger(database, kStageCameras, DumpOptions(options));
   const std::vector<Image> images = database.ReadImages();
   const std::vector<Camera> cameras = database.ReadCameras();
-  std::vector<Photo> photos;
-  if (!image_path.empty()) photos = ListPhotos(image_path, selection);
+  std::vector<Photo> photos = ListPhotos(source);
   if (photos.empty() && images.empty()) {
     throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
   }
@@ -265,14 +264,14 @@ StageReport ImportPhotos(Database& database, const std::string& image_path,
   }
   const size_t num_remarks = report.messages.size();
   const size_t num_photos = photos.size();
-  monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));
-  HashPhotos(image_path, num_threads, photos, monitor);
-  if (!monitor.StopRequested()) {
-    photos = SelectNew(database, std::move(photos), images, ledger, report, monitor);
-    ReadHeaders(image_path, num_threads, photos, monitor);
+  run.monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));
+  HashPhotos(image_path, run, photos);
+  if (!run.monitor.StopRequested()) {
+    photos = SelectNew(database, std::move(photos), images, ledger, report, run.monitor);
+    ReadHeaders(image_path, run, photos);
   }
-  monitor.EndStage();
-  if (monitor.StopRequested()) {
+  run.monitor.EndStage();
+  if (run.monitor.StopRequested()) {
     report.MarkStopped();
     return report;
   }
@@ -283,7 +282,7 @@ StageReport ImportPhotos(Database& database, const std::string& image_path,
   for (const Photo& photo : photos) {
     if (photo.error.empty()) continue;
     report.messages.push_back(photo.name + ": " + photo.error + "; skipped");
-    monitor.Warning(report.messages.back());
+    run.monitor.Warning(report.messages.back());
   }
   report.Add("photographs", static_cast<double>(num_photos));
   report.Add("new_images", static_cast<double>(added.images.size()));

@@ -140,8 +140,8 @@ int64_t MaxBytes(const SchedulerOptions& options) { return GibToBytes(options.ma
 
 // Matches all pairs of the work; returns the number of matches found.
 int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
-                 const MatchingOptions& options, const SchedulerOptions& scheduler, int num_threads,
-                 ProgressMonitor& monitor) {
+                 const MatchingOptions& options, const SchedulerOptions& scheduler,
+                 const RunContext& run) {
   std::map<image_t, int64_t> image_bytes;
   for (const auto& [id, num] : work.num_descriptors) image_bytes[id] = num * kBytesPerDescriptor;
   // Half for the present tile; tasks that still hold images of the last one have the rest.
@@ -163,9 +163,9 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
       },
       max_bytes / 8);
   std::atomic<int64_t> num_matches = 0;
-  monitor.BeginStage("matching", static_cast<int64_t>(work.pairs.size()));
-  ParallelFor(num_threads, static_cast<int64_t>(work.pairs.size()), [&](int64_t) {
-    if (monitor.StopRequested()) feed.Stop();
+  run.monitor.BeginStage("matching", static_cast<int64_t>(work.pairs.size()));
+  ParallelFor(run.num_threads, static_cast<int64_t>(work.pairs.size()), [&](int64_t) {
+    if (run.monitor.StopRequested()) feed.Stop();
     const std::optional<PairTask> task = feed.Next();
     if (!task) return;
     FeatureMatches matches =
@@ -174,10 +174,10 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
     writer.Push([pair_id = task->pair_id, matches = std::move(matches)](Database& db) {
       db.WriteMatches(pair_id, matches);
     });
-    monitor.Advance(1);
+    run.monitor.Advance(1);
   });
   writer.Finish();
-  monitor.EndStage();
+  run.monitor.EndStage();
   return num_matches;
 }
 
@@ -186,25 +186,25 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
 StageReport MatchImagePairs(Database& database,
                             const std::optional<std::vector<image_pair_t>>& pairs,
                             const MatchingOptions& options, const SchedulerOptions& scheduler,
-                            int num_threads, ProgressMonitor& monitor) {
+                            const RunContext& run) {
   const Timer timer;
   StageReport report;
   report.name = kStageMatching;
   StageLedger ledger(database, kStageMatching, DumpQualified("matching", options));
-  const MatchingWork work = FindWork(database, pairs, ledger, report, monitor);
+  const MatchingWork work = FindWork(database, pairs, ledger, report, run.monitor);
   int64_t num_matches = 0;
   if (!work.pairs.empty()) {
     BeginStage(database, work, ledger);
-    num_matches = MatchAll(database.path(), work, options, scheduler, num_threads, monitor);
+    num_matches = MatchAll(database.path(), work, options, scheduler, run);
   }
-  if (monitor.StopRequested()) {
+  if (run.monitor.StopRequested()) {
     report.MarkStopped();
   } else {
     ledger.Complete(database);
     if (work.num_left_out > 0) {
       report.messages.push_back("images without features (in no pair): " +
                                 std::to_string(work.num_left_out));
-      monitor.Warning(report.messages.back());
+      run.monitor.Warning(report.messages.back());
     }
     if (!report.messages.empty()) report.status = StageStatus::kWarning;
   }

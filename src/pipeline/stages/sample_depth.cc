@@ -202,7 +202,7 @@ std::string DepthStageOptions(const DepthSource& source, const DepthOptions& opt
 
 StageReport SampleImageDepth(Database& database, const std::string& image_path,
                              const DepthSource& source, const DepthOptions& options,
-                             int num_threads, ProgressMonitor& monitor) {
+                             const RunContext& run) {
   const Timer timer;
   StageReport report;
   report.name = kStageDepth;
@@ -217,13 +217,13 @@ StageReport SampleImageDepth(Database& database, const std::string& image_path,
     if (!work.items.empty()) {
       ledger.Begin(database);
       DatabaseWriter writer(database.path());
-      const int num_workers = EffectiveNumThreads(num_threads);
+      const int num_workers = EffectiveNumThreads(run.num_threads);
       MapMaker maps(source, options, num_workers);
       std::mutex read_mutex;
-      monitor.BeginStage("sampling depth", static_cast<int64_t>(work.items.size()));
+      run.monitor.BeginStage("sampling depth", static_cast<int64_t>(work.items.size()));
       ParallelForWorker(
           num_workers, static_cast<int64_t>(work.items.size()), [&](int worker, int64_t i) {
-            if (monitor.StopRequested()) return;
+            if (run.monitor.StopRequested()) return;
             DepthItem& item = work.items[i];
             std::vector<Keypoint> keypoints;
             {
@@ -231,28 +231,28 @@ StageReport SampleImageDepth(Database& database, const std::string& image_path,
               keypoints = *database.ReadKeypoints(item.image.image_id);
             }
             ComputeItem(worker, item, work.hashes[i], options, keypoints, maps, writer);
-            monitor.Advance(1);
+            run.monitor.Advance(1);
           });
       writer.Finish();
-      monitor.EndStage();
+      run.monitor.EndStage();
     }
-    if (!monitor.StopRequested()) ledger.Complete(database);
+    if (!run.monitor.StopRequested()) ledger.Complete(database);
   } else {
     report.status = StageStatus::kSkipped;
   }
   for (const DepthItem& item : work.items) {
     if (item.error.empty()) continue;
     report.messages.push_back(item.image.name + ": " + item.error + "; it has no depth");
-    monitor.Warning(report.messages.back());
+    run.monitor.Warning(report.messages.back());
     report.status = StageStatus::kWarning;
   }
   for (const std::string& reason : work.damaged) {
     report.messages.push_back(reason + "; the image has no depth");
-    monitor.Warning(report.messages.back());
+    run.monitor.Warning(report.messages.back());
     report.status = StageStatus::kWarning;
   }
   const size_t num_failed = report.messages.size() - work.damaged.size();
-  if (has_source && monitor.StopRequested()) report.MarkStopped();
+  if (has_source && run.monitor.StopRequested()) report.MarkStopped();
   report.Add("images_with_depth", static_cast<double>(database.ReadNumDepthSamples().size()));
   report.Add("computed", static_cast<double>(work.items.size() - num_failed));
   report.seconds = timer.Seconds();

@@ -51,9 +51,9 @@ std::vector<image_pair_t> FindPairs(const Database& database,
 // One thread's verifiers.
 class Worker {
  public:
-  Worker(const std::vector<NamedVerifier>& verifiers, const VerificationInput& input,
+  Worker(const std::vector<NamedVerifier>& verifiers, uint64_t seed,
          const std::vector<image_pair_t>& to_weigh)
-      : input_(input), to_weigh_(to_weigh) {
+      : seed_(seed), to_weigh_(to_weigh) {
     for (const NamedVerifier& verifier : verifiers) {
       names_.push_back(verifier.name);
       verifiers_.push_back(verifier.make());
@@ -68,7 +68,7 @@ class Worker {
     if (!task.image1) return outcome;  // Too few matches.
     PairInput pair;
     pair.pair_id = task.pair_id;
-    pair.seed = input_.seed;
+    pair.seed = seed_;
     pair.camera1 = &task.image1->camera;
     pair.camera2 = &task.image2->camera;
     pair.keypoints1 = *task.image1->keypoints;
@@ -93,7 +93,7 @@ class Worker {
   double verifying_seconds = 0;
 
  private:
-  const VerificationInput& input_;
+  const uint64_t seed_;
   const std::vector<image_pair_t>& to_weigh_;
   std::vector<std::string> names_;
   std::vector<std::unique_ptr<PairVerifier>> verifiers_;
@@ -141,30 +141,34 @@ std::map<image_t, int64_t> ImageBytes(const Database& database) {
   return bytes;
 }
 
+// What VerifyPairs was given.
+struct Verification {
+  Database& database;
+  const std::vector<NamedVerifier>& verifiers;
+  const VerificationInput& input;
+  const SchedulerOptions& scheduler;
+  const RunContext& run;
+};
+
 // The rounds of a run: what they share, and what they leave behind.
 class Rounds {
  public:
-  Rounds(Database& database, const std::vector<NamedVerifier>& verifiers,
-         const VerificationInput& input, const SchedulerOptions& scheduler, StageLedger& ledger,
-         bool may_learn, int num_threads, ProgressMonitor& monitor, VerificationReport& report)
-      : database_(database),
-        verifiers_(verifiers),
-        input_(input),
+  Rounds(const Verification& verification, StageLedger& ledger, VerificationReport& report)
+      : database_(verification.database),
+        verifiers_(verification.verifiers),
+        run_(verification.run),
         ledger_(ledger),
-        may_learn_(may_learn),
-        num_threads_(num_threads),
-        monitor_(monitor),
         report_(report),
         counter_(&report.counts),
         // Half for the present tile; tasks that still hold images of the last one have the rest.
-        max_bytes_(GibToBytes(scheduler.max_memory_gib) / 2),
-        image_bytes_(ImageBytes(database)),
-        loader_(database.path(), input.min_num_matches, SumOfBytes() <= max_bytes_, ledger,
-                monitor) {}
+        max_bytes_(GibToBytes(verification.scheduler.max_memory_gib) / 2),
+        image_bytes_(ImageBytes(database_)),
+        loader_(database_.path(), verification.input.min_num_matches, SumOfBytes() <= max_bytes_,
+                ledger, run_.monitor) {}
 
   // The likely pairs first, then the others.
   void Run(const std::vector<image_pair_t>& pairs,
-           const std::vector<std::pair<image_pair_t, int>>& num_matches) {
+           const std::vector<std::pair<image_pair_t, int>>& num_matches, bool may_learn) {
     const std::vector<image_pair_t> likely = LikelyPairs(num_matches, kLikelyPairsPerImage);
     std::vector<image_pair_t> first, second;
     for (const image_pair_t pair : pairs) {
@@ -172,14 +176,14 @@ class Rounds {
     }
     to_weigh_ = PairsToWeigh(database_, likely);
     RunRound(first, true);
-    if (!monitor_.StopRequested() && may_learn_) {
+    if (!run_.monitor.StopRequested() && may_learn) {
       const std::vector<image_pair_t> undone = LearnLens(likely);
       to_weigh_ = PairsToWeigh(database_, likely);
       RunAgain(first, undone);
     }
     to_weigh_.clear();
-    if (!monitor_.StopRequested()) RunAgain(first, RejectFocals());
-    if (!monitor_.StopRequested()) RunRound(second, false);
+    if (!run_.monitor.StopRequested()) RunAgain(first, RejectFocals());
+    if (!run_.monitor.StopRequested()) RunRound(second, false);
     report_.stage.messages.insert(report_.stage.messages.end(), loader_.messages().begin(),
                                   loader_.messages().end());
     report_.reading_seconds = loader_.busy_seconds();
@@ -201,15 +205,15 @@ class Rounds {
         [this](image_t id) { return loader_.LoadImage(id); },
         [this](PairTask& task, const auto& image) { return loader_.LoadPair(task, image); },
         max_bytes_ / 8);
-    const int num_workers = EffectiveNumThreads(num_threads_);
+    const int num_workers = EffectiveNumThreads(run_.num_threads);
     std::vector<std::unique_ptr<Worker>> workers(num_workers);
     std::mutex counts_mutex;
     ParallelForWorker(num_workers, std::ssize(pairs), [&](int worker, int64_t) {
-      if (monitor_.StopRequested()) feed.Stop();
+      if (run_.monitor.StopRequested()) feed.Stop();
       const std::optional<PairTask> task = feed.Next();
       if (!task) return;
       if (!workers[worker]) {
-        workers[worker] = std::make_unique<Worker>(verifiers_, input_, to_weigh_);
+        workers[worker] = std::make_unique<Worker>(verifiers_, run_.seed, to_weigh_);
       }
       auto outcome = std::make_shared<PairOutcome>(workers[worker]->Run(*task));
       bool is_new = true;
@@ -218,7 +222,7 @@ class Rounds {
         is_new = counter_.Add(*outcome, may_come_again);
       }
       writer.Push([outcome](Database& db) { WriteOutcome(db, *outcome); });
-      if (is_new) monitor_.Advance(1);
+      if (is_new) run_.monitor.Advance(1);
     });
     writer.Finish();
     report_.writing_seconds += writer.busy_seconds();
@@ -238,9 +242,9 @@ class Rounds {
   // Learns distortion and focal lengths that nothing tells; returns the pairs to be verified again.
   std::vector<image_pair_t> LearnLens(const std::vector<image_pair_t>& likely) {
     const Timer timer;
-    const LearnedLenses learned = LearnLenses(database_, likely, num_threads_);
+    const LearnedLenses learned = LearnLenses(database_, likely, run_);
     for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
-    for (const std::string& text : learned.texts) monitor_.Info(text);
+    for (const std::string& text : learned.texts) run_.monitor.Info(text);
     report_.num_learned_lenses = static_cast<int>(learned.texts.size());
     report_.learning_seconds += timer.Seconds();
     return learned.undone;
@@ -252,7 +256,7 @@ class Rounds {
     const LearnedFocals learned = LearnFocals(database_);
     for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
     for (std::string& text : RejectedFocalTexts(database_, learned.rejected)) {
-      monitor_.Warning(text);
+      run_.monitor.Warning(text);
       report_.stage.messages.push_back(std::move(text));
     }
     report_.num_rejected_focals = static_cast<int>(learned.rejected.size());
@@ -262,11 +266,8 @@ class Rounds {
 
   Database& database_;
   const std::vector<NamedVerifier>& verifiers_;
-  const VerificationInput& input_;
+  const RunContext& run_;
   StageLedger& ledger_;
-  const bool may_learn_;
-  const int num_threads_;
-  ProgressMonitor& monitor_;
   VerificationReport& report_;
   OutcomeCounter counter_;
   const int64_t max_bytes_;
@@ -299,7 +300,7 @@ void FillStageReport(VerificationReport& report) {
 
 VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
                                const VerificationInput& input, const SchedulerOptions& scheduler,
-                               int num_threads, ProgressMonitor& monitor) {
+                               const RunContext& run) {
   CAIRN_CHECK(!verifiers.empty());
   const Timer timer;
   VerificationReport report;
@@ -314,14 +315,14 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
       }));
   if (!pairs.empty()) {
     if (num_new > 0) ledger.Begin(database);
-    monitor.BeginStage("verifying pairs", num_new);
+    run.monitor.BeginStage("verifying pairs", num_new);
     // What is complete stays as it is.
     const bool may_learn = num_new > 0 || (record && !record->is_complete);
-    Rounds(database, verifiers, input, scheduler, ledger, may_learn, num_threads, monitor, report)
-        .Run(pairs, num_matches);
-    monitor.EndStage();
+    Rounds({database, verifiers, input, scheduler, run}, ledger, report)
+        .Run(pairs, num_matches, may_learn);
+    run.monitor.EndStage();
   }
-  if (monitor.StopRequested()) {
+  if (run.monitor.StopRequested()) {
     report.stage.MarkStopped();
   } else {
     ledger.Complete(database);

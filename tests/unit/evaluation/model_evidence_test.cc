@@ -41,7 +41,7 @@ Reconstruction Turned(Reconstruction model, image_t id, double angle) {
 TEST(ModelEvidence, TheTruthExplainsAllMatches) {
   const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.3});
   const Pairs pairs(scene.truth);
-  const ModelEvidence evidence = EvaluateEvidence(scene.truth, pairs.views, 1);
+  const ModelEvidence evidence = EvaluateEvidence(scene.truth, pairs.views, {.num_threads = 1});
   EXPECT_EQ(evidence.all.num_explained, evidence.all.num_matches);
   EXPECT_EQ(evidence.inside.num_matches, evidence.all.num_matches);
   EXPECT_EQ(evidence.num_pairs, 15);
@@ -55,22 +55,23 @@ TEST(ModelEvidence, TheTruthExplainsAllMatches) {
 TEST(ModelEvidence, DoesNotDependOnTheWorldFrameOrOnThreads) {
   const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.5});
   const Pairs pairs(scene.truth);
-  const double nats = EvaluateEvidence(scene.truth, pairs.views, 1).nats;
-  EXPECT_EQ(EvaluateEvidence(scene.truth, pairs.views, 8).nats, nats);
+  const double nats = EvaluateEvidence(scene.truth, pairs.views, {.num_threads = 1}).nats;
+  EXPECT_EQ(EvaluateEvidence(scene.truth, pairs.views, {.num_threads = 8}).nats, nats);
   Reconstruction moved = scene.truth;
   Sim3d change;
   change.scale = 7;
   change.rotation = Eigen::Quaterniond(0.5, 0.1, -0.7, 0.3).normalized();
   change.translation = Eigen::Vector3d(3, -2, 5);
   moved.Transform(change);
-  EXPECT_NEAR(EvaluateEvidence(moved, pairs.views, 1).nats, nats, 1e-6 * nats);
+  EXPECT_NEAR(EvaluateEvidence(moved, pairs.views, {.num_threads = 1}).nats, nats, 1e-6 * nats);
 }
 
 TEST(ModelEvidence, AWrongPoseIsContradictedByItsOwnPairs) {
   const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.3});
   const Pairs pairs(scene.truth);
-  const ModelEvidence truth = EvaluateEvidence(scene.truth, pairs.views, 1);
-  const ModelEvidence wrong = EvaluateEvidence(Turned(scene.truth, 3, 0.1), pairs.views, 1);
+  const ModelEvidence truth = EvaluateEvidence(scene.truth, pairs.views, {.num_threads = 1});
+  const ModelEvidence wrong =
+      EvaluateEvidence(Turned(scene.truth, 3, 0.1), pairs.views, {.num_threads = 1});
   EXPECT_LT(wrong.nats, truth.nats);
   // (A pair may have its epipole where the turn moves points along the lines.)
   EXPECT_GE(wrong.num_contradicted, 4);
@@ -79,7 +80,7 @@ TEST(ModelEvidence, AWrongPoseIsContradictedByItsOwnPairs) {
   // A focal length that is off, too, though by less.
   Reconstruction other = scene.truth;
   for (auto& [id, camera] : other.cameras) camera.SetMeanFocal(1.2 * camera.MeanFocal());
-  EXPECT_LT(EvaluateEvidence(other, pairs.views, 1).nats, truth.nats);
+  EXPECT_LT(EvaluateEvidence(other, pairs.views, {.num_threads = 1}).nats, truth.nats);
 }
 
 TEST(ModelEvidence, PointsBehindACameraAreNotExplained) {
@@ -88,7 +89,7 @@ TEST(ModelEvidence, PointsBehindACameraAreNotExplained) {
   // The world seen from the other side: every epipolar line stays, every point lies behind.
   Reconstruction mirrored = scene.truth;
   for (auto& [id, image] : mirrored.images) image.cam_from_world.translation *= -1;
-  const ModelEvidence evidence = EvaluateEvidence(mirrored, pairs.views, 1);
+  const ModelEvidence evidence = EvaluateEvidence(mirrored, pairs.views, {.num_threads = 1});
   EXPECT_LT(evidence.all.Share(), 0.05);
 }
 
@@ -107,7 +108,7 @@ TEST(ModelEvidence, PointsBehindOneOfTwoCamerasAreNotExplained) {
     const Eigen::Vector3d center = pose.Center();
     pose.rotation = pose.rotation * Eigen::AngleAxisd(std::numbers::pi, baseline);
     pose.translation = pose.rotation * -center;
-    const ModelEvidence evidence = EvaluateEvidence(twisted, {&pair, 1}, 1);
+    const ModelEvidence evidence = EvaluateEvidence(twisted, {&pair, 1}, {.num_threads = 1});
     EXPECT_LT(evidence.all.Share(), 0.05) << id;
   }
 }
@@ -121,8 +122,8 @@ TEST(ModelEvidence, AnImageThatIsMissingCostsItsMatches) {
     if (id != kInvalidPoint3DId) smaller.RemoveObservation(id, {2, static_cast<point2D_t>(k)});
   }
   smaller.images.erase(2);
-  const ModelEvidence all = EvaluateEvidence(scene.truth, pairs.views, 1);
-  const ModelEvidence less = EvaluateEvidence(smaller, pairs.views, 1);
+  const ModelEvidence all = EvaluateEvidence(scene.truth, pairs.views, {.num_threads = 1});
+  const ModelEvidence less = EvaluateEvidence(smaller, pairs.views, {.num_threads = 1});
   EXPECT_LT(less.nats, all.nats);
   EXPECT_EQ(less.all.num_matches, all.all.num_matches);
   EXPECT_LT(less.inside.num_matches, all.inside.num_matches);

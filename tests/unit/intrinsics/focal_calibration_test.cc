@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
@@ -284,6 +285,10 @@ TEST(FocalCalibration, TheSamePairsInAnotherOrderAndWithMoreThreads) {
 
 TEST(FocalCalibration, NoPairsNoCameras) {
   EXPECT_TRUE(Calibrate({{1, MakeCamera(1, 1000)}}, {}).cameras.empty());
+}
+
+TEST(FocalCalibration, RefusesMeaninglessOptions) {
+  EXPECT_THROW(CalibrateFocals({}, {}, {}, {.max_sigma = 0}), ConfigError);
 }
 
 TEST(SelectFocalPairs, TakesTheBestOfEveryCamera) {

@@ -110,7 +110,8 @@ class FocalLearningTest : public ::testing::Test {
     Database database(path);
     VerificationInput input;
     input.options = "a = 1\n";
-    return VerifyPairs(database, MakeVerifiers("fast", {}), input, {}, num_threads, monitor);
+    return VerifyPairs(database, MakeVerifiers("fast", {}), input, {},
+                       {.num_threads = num_threads, .monitor = monitor});
   }
 
   testing::TempFolder folder_;

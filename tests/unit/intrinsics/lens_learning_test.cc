@@ -68,7 +68,8 @@ class LensLearningTest : public ::testing::Test {
     Database database(path);
     VerificationInput input;
     input.options = "a = 1\n";
-    return VerifyPairs(database, MakeVerifiers("fast", {}), input, {}, num_threads, monitor);
+    return VerifyPairs(database, MakeVerifiers("fast", {}), input, {},
+                       {.num_threads = num_threads, .monitor = monitor});
   }
 
   static std::map<TwoViewConfig, int> Configs(const std::string& path) {

@@ -69,7 +69,7 @@ struct TwoImages {
   ViewGraph graph;
   ReconstructSettings settings;
   RunReport report;
-  StageContext context{scene, settings, NullMonitor(), report};
+  StageContext context{scene, settings, {.num_threads = 1}, report};
 };
 
 TEST(RotationSigmas, AreThoseOfTheErrorsThatNoiseMakes) {
@@ -120,7 +120,7 @@ TEST(RefitEdges, LeavesWhatNoSuchPoseExplains) {
 
 // What ImproveRelativePoses makes of the pair, if this is stored of it.
 ViewEdge Improved(TwoImages pair, const TwoViewGeometry& stored) {
-  ImproveRelativePoses({{ImagePairToPairId(1, 2), stored}}, 1, pair.scene);
+  ImproveRelativePoses({{ImagePairToPairId(1, 2), stored}}, {.num_threads = 1}, pair.scene);
   return pair.scene.edges[0];
 }
 double RotationErrorDeg(const ViewEdge& edge, const TwoImages& pair) {
@@ -197,7 +197,7 @@ TEST(ImproveRelativePoses, PairsThatShowNoPoseHaveNone) {
 TEST(ImproveRelativePoses, LeavesPairsThatAreNotNamed) {
   TwoImages pair(800, 0.3, 5);
   pair.scene.edges[0].cam2_from_cam1.rotation = pair.Reversed();
-  ImproveRelativePoses({{ImagePairToPairId(1, 3), {}}}, 2, pair.scene);
+  ImproveRelativePoses({{ImagePairToPairId(1, 3), {}}}, {.num_threads = 2}, pair.scene);
   EXPECT_EQ(pair.scene.edges[0].cam2_from_cam1.rotation.coeffs(), pair.Reversed().coeffs());
 }
 

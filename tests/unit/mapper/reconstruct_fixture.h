@@ -7,6 +7,7 @@
 #include "cairn/database/database.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/synthetic/scene.h"
+#include "support/synthetic_reconstruction.h"
 
 namespace cairn {
 
@@ -26,11 +27,11 @@ inline Database MakeDatabase(const SyntheticScene& scene) {
   return database;
 }
 
-inline ReconstructSettings Settings(int num_threads = 1) {
-  ReconstructSettings settings;
-  settings.num_threads = num_threads;
-  settings.reconstruct.colors = false;
-  return settings;
+using testing_support::kOneThread;
+
+inline ReconstructResult Reconstruct(const Database& database,
+                                     const ReconstructSettings& settings = {}) {
+  return Reconstruct(database, "", settings, kOneThread);
 }
 
 inline const StageReport* FindStage(const RunReport& report, const std::string& name) {

@@ -30,35 +30,35 @@ void ExpectFocals(const Reconstruction& model, const SyntheticScene& scene, doub
   }
 }
 
-TEST(ReconstructScene, RefinesUnknownFocalLengths) {
+TEST(Reconstruct, RefinesUnknownFocalLengths) {
   SyntheticScene scene = MakeScene(SmallScene(), 3);
   const Database database = MakeDatabaseWithGuesses(scene, 1.04);
-  const ReconstructResult refined = ReconstructScene(database, "", Settings());
+  const ReconstructResult refined = Reconstruct(database);
   ASSERT_TRUE(refined.report.Succeeded()) << refined.report.failure;
   ExpectFocals(refined.models.front(), scene, 1.0, 0.01);
-  ReconstructSettings held = Settings();
+  ReconstructSettings held;
   held.refine_intrinsics = false;
-  const ReconstructResult fixed = ReconstructScene(database, "", held);
+  const ReconstructResult fixed = Reconstruct(database, held);
   ASSERT_TRUE(fixed.report.Succeeded());
   ExpectFocals(fixed.models.front(), scene, 1.04, 1e-9);
 }
 
-TEST(ReconstructScene, FocalLengthsStayNearAGuessThatIsSure) {
+TEST(Reconstruct, FocalLengthsStayNearAGuessThatIsSure) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   const Database database = MakeDatabaseWithGuesses(scene, 1.04);
-  ReconstructSettings settings = Settings();
+  ReconstructSettings settings;
   settings.focal_calibration.enabled = false;
   settings.focal_calibration.guess_sigma = 1e-3;
-  const ReconstructResult result = ReconstructScene(database, "", settings);
+  const ReconstructResult result = Reconstruct(database, settings);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   ExpectFocals(result.models.front(), scene, 1.04, 0.02);
 }
 
 // Wide-angle cameras of which nothing is known but a guess far off.
-TEST(ReconstructScene, CalibratesFocalLengthsFromThePairs) {
+TEST(Reconstruct, CalibratesFocalLengthsFromThePairs) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   const Database database = MakeDatabaseWithGuesses(scene, 1.7);
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  const ReconstructResult result = Reconstruct(database);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   EXPECT_EQ(result.models.front().images.size(), 10u);
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
@@ -69,30 +69,29 @@ TEST(ReconstructScene, CalibratesFocalLengthsFromThePairs) {
   EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("camera 1: focal length "),
                                                       HasSubstr("camera 2: focal length ")));
 
-  ReconstructSettings settings = Settings();
+  ReconstructSettings settings;
   settings.focal_calibration.max_sigma = 1e-6;
-  const RunReport refused = ReconstructScene(database, "", settings).report;
+  const RunReport refused = Reconstruct(database, settings).report;
   stage = FindStage(refused, "focal_calibration");
   EXPECT_EQ(stage->status, StageStatus::kWarning);
   EXPECT_EQ(Value(*stage, "undetermined"), 2);
   EXPECT_THAT(stage->messages[0], HasSubstr("undetermined; the guess is kept"));
 
   settings.focal_calibration.enabled = false;
-  EXPECT_EQ(FindStage(ReconstructScene(database, "", settings).report, "focal_calibration"),
-            nullptr);
+  EXPECT_EQ(FindStage(Reconstruct(database, settings).report, "focal_calibration"), nullptr);
 }
 
 // What the pairs' matches say must bear out in loops of rotations: here the stored poses, of the
 // true focal lengths, close better than those that noisy matches give.
 // Where loops do not tell which focal lengths are right, both are tried, and the models decide.
-TEST(ReconstructScene, TriesBothFocalLengthsThatLoopsDoNotTellApart) {
+TEST(Reconstruct, TriesBothFocalLengthsThatLoopsDoNotTellApart) {
   SceneOptions options = SmallScene();
   options.image_noise_px = 2.0;
   const SyntheticScene scene = MakeScene(options, 3);
   const Database database = MakeDatabaseWithGuesses(scene, 1.3);
-  ReconstructSettings settings = Settings();
+  ReconstructSettings settings;
   settings.focal_calibration.max_sigma = 0.3;
-  const RunReport report = ReconstructScene(database, "", settings).report;
+  const RunReport report = Reconstruct(database, settings).report;
   const StageReport* stage = FindStage(report, "focal_calibration");
   ASSERT_NE(stage, nullptr);
   EXPECT_EQ(stage->status, StageStatus::kWarning);
@@ -107,7 +106,7 @@ TEST(ReconstructScene, TriesBothFocalLengthsThatLoopsDoNotTellApart) {
 
 // The same stored poses, of pairs with fundamental matrices: verification tried other focal lengths
 // for them, so that they do not speak for the guess.
-TEST(ReconstructScene, PosesOfUncalibratedPairsDoNotSpeakForTheGuess) {
+TEST(Reconstruct, PosesOfUncalibratedPairsDoNotSpeakForTheGuess) {
   SceneOptions options = SmallScene();
   options.image_noise_px = 0.8;
   options.pair_metrics = true;  // verified by us, so that the stored poses count
@@ -119,9 +118,9 @@ TEST(ReconstructScene, PosesOfUncalibratedPairsDoNotSpeakForTheGuess) {
     geometry.E.reset();
     database.WriteTwoViewGeometry(pair, geometry);
   }
-  ReconstructSettings settings = Settings();
+  ReconstructSettings settings;
   settings.focal_calibration.max_sigma = 0.3;
-  const RunReport report = ReconstructScene(database, "", settings).report;
+  const RunReport report = Reconstruct(database, settings).report;
   const StageReport* stage = FindStage(report, "focal_calibration");
   ASSERT_NE(stage, nullptr);
   EXPECT_EQ(Value(*stage, "calibrated"), 2);
@@ -129,7 +128,7 @@ TEST(ReconstructScene, PosesOfUncalibratedPairsDoNotSpeakForTheGuess) {
 }
 
 // Verification has found the focal length to be wrong: it is no more than a guess.
-TEST(ReconstructScene, RejectedFocalLengthsAreGuesses) {
+TEST(Reconstruct, RejectedFocalLengthsAreGuesses) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   Database database = MakeDatabase(scene);
   for (auto [id, camera] : scene.cameras) {
@@ -138,7 +137,7 @@ TEST(ReconstructScene, RejectedFocalLengthsAreGuesses) {
     database.WriteCamera(camera);
   }
   database.WriteCameraFocal(1, {true, 5, 4});
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  const ReconstructResult result = Reconstruct(database);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   const StageReport* stage = FindStage(result.report, "focal_calibration");
   EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("(guessed)"), HasSubstr("(EXIF)")));
@@ -146,7 +145,7 @@ TEST(ReconstructScene, RejectedFocalLengthsAreGuesses) {
 }
 
 // A camera that looks measured is constant, but not at a focal length that its pairs contradict.
-TEST(ReconstructScene, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
+TEST(Reconstruct, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
   SceneOptions options = SmallScene();
   options.camera_model = CameraModel::kPinhole;
   const SyntheticScene scene = MakeScene(options, 3);
@@ -157,18 +156,18 @@ TEST(ReconstructScene, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
     database.WriteCamera(camera);
   }
   database.WriteCameraFocal(1, {true, 5, 4});
-  const RunReport report = ReconstructScene(database, "", Settings()).report;
+  const RunReport report = Reconstruct(database).report;
   EXPECT_EQ(Value(*FindStage(report, "read"), "cameras_constant"), 1);
   EXPECT_EQ(FindStage(report, "read")->status, StageStatus::kOk);
-  ReconstructSettings settings = Settings();
+  ReconstructSettings settings;
   settings.refine_intrinsics = false;
-  const RunReport held = ReconstructScene(database, "", settings).report;
+  const RunReport held = Reconstruct(database, settings).report;
   EXPECT_EQ(Value(*FindStage(held, "read"), "cameras_constant"), 2);
   EXPECT_THAT(FindStage(held, "read")->messages,
               ::testing::Contains(HasSubstr("camera 1 are constant, but 4 of 5 pairs contradict")));
 }
 
-TEST(ReconstructScene, OverrulesExifThatIsFarOff) {
+TEST(Reconstruct, OverrulesExifThatIsFarOff) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   Database database = MakeDatabase(scene);
   for (auto [id, camera] : scene.cameras) {
@@ -176,7 +175,7 @@ TEST(ReconstructScene, OverrulesExifThatIsFarOff) {
     camera.has_prior_focal_length = true;
     database.WriteCamera(camera);
   }
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  const ReconstructResult result = Reconstruct(database);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   const StageReport* stage = FindStage(result.report, "focal_calibration");
   EXPECT_EQ(stage->status, StageStatus::kWarning);

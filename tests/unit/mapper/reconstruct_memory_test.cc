@@ -33,7 +33,7 @@ struct MemoryFixture {
   SceneData scene;
   ReconstructSettings settings;
   RunReport report;
-  StageContext context{scene, settings, NullMonitor(), report};
+  StageContext context{scene, settings, kOneThread, report};
   Reconstruction model;
   std::vector<Track> tracks, fitted;
 };
@@ -75,15 +75,15 @@ TEST(FitTracksToMemory, RefusesWhatCannotFit) {
   EXPECT_THAT(fixture.report.failure, HasSubstr("raise --reconstruct.max_memory_gib"));
 }
 
-TEST(ReconstructScene, SaysWhatItWillTakeAndRefusesWithoutMemory) {
+TEST(Reconstruct, SaysWhatItWillTakeAndRefusesWithoutMemory) {
   const Database database = MakeDatabase(MakeScene(SmallScene(), 1));
-  ReconstructSettings settings = Settings();
-  const RunReport report = ReconstructScene(database, "", settings).report;
+  ReconstructSettings settings;
+  const RunReport report = Reconstruct(database, settings).report;
   const StageReport* stage = FindStage(report, "memory");
   ASSERT_NE(stage, nullptr);
   EXPECT_EQ(Value(*stage, "tracks_in"), Value(*stage, "tracks_out"));
   settings.reconstruct.max_memory_gib = 0.001;
-  const ReconstructResult refused = ReconstructScene(database, "", settings);
+  const ReconstructResult refused = Reconstruct(database, settings);
   EXPECT_TRUE(refused.models.empty());
   EXPECT_THAT(refused.report.failure, HasSubstr("memory: "));
   EXPECT_EQ(FindStage(refused.report, "bundle_adjustment"), nullptr);

@@ -15,6 +15,8 @@
 #include "cairn/synthetic/scene.h"
 #include "mapper/stages.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test_monitor.h"
+#include "support/thrown_message.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
@@ -33,9 +35,9 @@ double Extent(const Reconstruction& model) {
   return extent;
 }
 
-TEST(ReconstructScene, RecoversAScene) {
+TEST(Reconstruct, RecoversAScene) {
   const SyntheticScene scene = MakeScene(SmallScene(), 1);
-  const ReconstructResult result = ReconstructScene(MakeDatabase(scene), "", Settings());
+  const ReconstructResult result = Reconstruct(MakeDatabase(scene));
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   ASSERT_EQ(result.models.size(), 1u);
   const Reconstruction& model = result.models.front();
@@ -48,9 +50,9 @@ TEST(ReconstructScene, RecoversAScene) {
   EXPECT_LT(model.MeanReprojectionErrorPx(), 0.5);
 }
 
-TEST(ReconstructScene, ReportsEveryStage) {
+TEST(Reconstruct, ReportsEveryStage) {
   const SyntheticScene scene = MakeScene(SmallScene(), 2);
-  const ReconstructResult result = ReconstructScene(MakeDatabase(scene), "", Settings());
+  const ReconstructResult result = Reconstruct(MakeDatabase(scene));
   for (const char* name :
        {"read", "view_graph", "rotation_averaging", "tracks", "translation_averaging",
         "triangulation", "bundle_adjustment_positions", "bundle_adjustment", "filter", "checks"}) {
@@ -60,18 +62,39 @@ TEST(ReconstructScene, ReportsEveryStage) {
     EXPECT_FALSE(stage->values.empty()) << name;
   }
   EXPECT_THAT(ToJson(result.report), HasSubstr("\"succeeded\": true"));
-  ReconstructSettings settings = Settings();
-  settings.reconstruct.colors = true;  // but no photographs are named
-  const ReconstructResult uncolored = ReconstructScene(MakeDatabase(scene), "", settings);
-  EXPECT_EQ(FindStage(uncolored.report, "colors"), nullptr);
+  EXPECT_EQ(FindStage(result.report, "colors"), nullptr);  // no photographs are named
 }
 
-TEST(ReconstructScene, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
+TEST(Reconstruct, RefusesOptionsOfAnyStageBeforeAnyWork) {
+  const Database database(":memory:");
+  const auto expect = [&](const std::string& option, auto change) {
+    ReconstructSettings settings;
+    change(settings);
+    TestMonitor monitor;
+    EXPECT_THAT(testing::ThrownMessage<ConfigError>(
+                    [&] { Reconstruct(database, "", settings, {.monitor = monitor}); }),
+                HasSubstr(option));
+    EXPECT_TRUE(monitor.stages().empty());
+  };
+  expect("reconstruct.max_rounds", [](auto& s) { s.reconstruct.max_rounds = 0; });
+  expect("focal_calibration.min_pairs", [](auto& s) { s.focal_calibration.min_pairs = -1; });
+  expect("view_graph.min_num_inliers", [](auto& s) { s.view_graph.min_num_inliers = -1; });
+  expect("rotation_averaging.max_error_deg",
+         [](auto& s) { s.rotation_averaging.max_error_deg = -1; });
+  expect("translation_averaging.huber_deg", [](auto& s) { s.translation_averaging.huber_deg = 0; });
+  expect("tracks.min_length", [](auto& s) { s.tracks.min_length = 0; });
+  expect("triangulation.min_views", [](auto& s) { s.triangulation.min_views = 1; });
+  expect("bundle_adjustment.max_iterations",
+         [](auto& s) { s.bundle_adjustment.max_iterations = -1; });
+  expect("resection.min_num_inliers", [](auto& s) { s.resection.min_num_inliers = -1; });
+}
+
+TEST(Reconstruct, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
   const SyntheticScene scene = MakeScene(SmallScene(), 4);
   const Database database = MakeDatabase(scene);
-  const Reconstruction a = ReconstructScene(database, "", Settings(1)).models.at(0);
-  const Reconstruction b = ReconstructScene(database, "", Settings(1)).models.at(0);
-  const Reconstruction c = ReconstructScene(database, "", Settings(2)).models.at(0);
+  const Reconstruction a = Reconstruct(database, "", {}, {.num_threads = 1}).models.at(0);
+  const Reconstruction b = Reconstruct(database, "", {}, {.num_threads = 1}).models.at(0);
+  const Reconstruction c = Reconstruct(database, "", {}, {.num_threads = 2}).models.at(0);
   ASSERT_EQ(a.points3D.size(), b.points3D.size());
   for (const auto& [id, image] : a.images) {
     EXPECT_EQ(image.cam_from_world.translation, b.images.at(id).cam_from_world.translation);
@@ -83,7 +106,7 @@ TEST(ReconstructScene, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
   for (const auto& [id, point] : a.points3D) EXPECT_EQ(point.xyz, b.points3D.at(id).xyz);
 }
 
-TEST(ReconstructScene, TwoPlacesGiveTwoModels) {
+TEST(Reconstruct, TwoPlacesGiveTwoModels) {
   SceneOptions options = SmallScene();
   options.num_images = 6;
   const SyntheticScene first = MakeScene(options, 5);
@@ -111,17 +134,17 @@ TEST(ReconstructScene, TwoPlacesGiveTwoModels) {
       database.WriteTwoViewGeometry(ImagePairToPairId(i + 100, j + 100), geometry);
     }
   }
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  const ReconstructResult result = Reconstruct(database);
   ASSERT_EQ(result.models.size(), 2u);
   EXPECT_EQ(result.models[0].images.size(), 8u);
   EXPECT_EQ(result.models[1].images.size(), 6u) << ToJson(result.report);
 
-  ReconstructSettings settings = Settings();
+  ReconstructSettings settings;
   settings.reconstruct.max_models = 1;
-  EXPECT_EQ(ReconstructScene(database, "", settings).models.size(), 1u);
-  settings = Settings();
+  EXPECT_EQ(Reconstruct(database, settings).models.size(), 1u);
+  settings = {};
   settings.reconstruct.min_model_images = 7;
-  const ReconstructResult one = ReconstructScene(database, "", settings);
+  const ReconstructResult one = Reconstruct(database, settings);
   EXPECT_EQ(one.models.size(), 1u);
   const StageReport* left_out = FindStage(one.report, "left_out");
   ASSERT_NE(left_out, nullptr);
@@ -133,7 +156,7 @@ TEST(ReconstructScene, TwoPlacesGiveTwoModels) {
 }
 
 // Two places whose facades are the same; images of one show none of what surrounds the other.
-TEST(ReconstructScene, TellsTwinPlacesApart) {
+TEST(Reconstruct, TellsTwinPlacesApart) {
   SceneOptions options;
   options.layout = CameraLayout::kArc;
   options.num_images = 12;
@@ -148,12 +171,12 @@ TEST(ReconstructScene, TellsTwinPlacesApart) {
   };
   for (const uint64_t seed : {1, 2, 3}) {
     const Database database = MakeDatabase(MakeScene(options, seed));
-    ReconstructSettings settings = Settings();
+    ReconstructSettings settings;
     settings.reconstruct.separate_duplicates = false;
-    const ReconstructResult folded = ReconstructScene(database, "", settings);
+    const ReconstructResult folded = Reconstruct(database, settings);
     EXPECT_EQ(places(folded.models.at(0)), 2u);
 
-    const ReconstructResult result = ReconstructScene(database, "", Settings());
+    const ReconstructResult result = Reconstruct(database);
     ASSERT_EQ(result.models.size(), 2u);
     for (const Reconstruction& model : result.models) {
       EXPECT_EQ(places(model), 1u);
@@ -170,12 +193,11 @@ TEST(ReconstructScene, TellsTwinPlacesApart) {
   // One place is not torn apart, however many wrong matches there are.
   options.twin_places = false;
   options.outlier_ratio = 0.5;
-  EXPECT_EQ(ReconstructScene(MakeDatabase(MakeScene(options, 4)), "", Settings()).models.size(),
-            1u);
+  EXPECT_EQ(Reconstruct(MakeDatabase(MakeScene(options, 4))).models.size(), 1u);
 }
 
 // Where images share few of the many points that they could, misses are no sign of twins.
-TEST(ReconstructScene, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
+TEST(Reconstruct, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
   SceneOptions options;
   options.layout = CameraLayout::kLandmark;
   options.num_images = 40;
@@ -183,8 +205,7 @@ TEST(ReconstructScene, OnePlaceWithFewRepeatedPointsIsNotTornApart) {
   options.max_keypoints = 500;
   options.salience = 0.7;
   options.image_noise_px = 0.5;
-  const ReconstructResult result =
-      ReconstructScene(MakeDatabase(MakeScene(options, 1)), "", Settings());
+  const ReconstructResult result = Reconstruct(MakeDatabase(MakeScene(options, 1)));
   const StageReport* twins = FindStage(result.report, "duplicate_structure");
   ASSERT_NE(twins, nullptr);
   EXPECT_EQ(Value(*twins, "edges_removed"), 0);
@@ -205,28 +226,28 @@ void MakePanoramic(image_t last, Database& database, const Change& change_pose) 
 }
 
 // Image 10 keeps its matches but the poses of its pairs are lost.
-TEST(ReconstructScene, ImagesWithoutRelativePoseAreRegisteredByResection) {
+TEST(Reconstruct, ImagesWithoutRelativePoseAreRegisteredByResection) {
   const SyntheticScene scene = MakeScene(SmallScene(), 7);
   Database database = MakeDatabase(scene);
   MakePanoramic(10, database, [](TwoViewGeometry& geometry) { geometry.cam2_from_cam1.reset(); });
-  ReconstructSettings settings = Settings();
+  ReconstructSettings settings;
   settings.reconstruct.register_left_out = false;
-  EXPECT_EQ(ReconstructScene(database, "", settings).models.at(0).images.size(), 9u);
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  EXPECT_EQ(Reconstruct(database, settings).models.at(0).images.size(), 9u);
+  const ReconstructResult result = Reconstruct(database);
   ASSERT_EQ(result.models.at(0).images.size(), 10u) << ToJson(result.report);
   EXPECT_LT(testing_support::CompareAligned(result.models[0], scene.truth).center,
             5e-3 * Extent(scene.truth));
 }
 
 // All pairs of image 10 say only by how much it is turned: points give its position.
-TEST(ReconstructScene, PairsWithARotationAloneTakePart) {
+TEST(Reconstruct, PairsWithARotationAloneTakePart) {
   const SyntheticScene scene = MakeScene(SmallScene(), 7);
   Database database = MakeDatabase(scene);
   MakePanoramic(10, database,
                 [](TwoViewGeometry& geometry) { geometry.cam2_from_cam1->translation.setZero(); });
-  ReconstructSettings settings = Settings();
+  ReconstructSettings settings;
   settings.reconstruct.register_left_out = false;
-  const ReconstructResult result = ReconstructScene(database, "", settings);
+  const ReconstructResult result = Reconstruct(database, settings);
   ASSERT_EQ(result.models.at(0).images.size(), 10u) << ToJson(result.report);
   EXPECT_LT(testing_support::CompareAligned(result.models[0], scene.truth).center,
             5e-3 * Extent(scene.truth));
@@ -234,7 +255,7 @@ TEST(ReconstructScene, PairsWithARotationAloneTakePart) {
 
 // Verified without knowing of the lens' distortion, pairs have inliers in the middle of the images
 // alone; bundle adjustment finds the distortion, and the others come in.
-TEST(ReconstructScene, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
+TEST(Reconstruct, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
   SceneOptions options = SmallScene();
   options.camera_model = CameraModel::kSimpleRadial;
   options.radial_distortion = -0.15;
@@ -258,7 +279,7 @@ TEST(ReconstructScene, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
     });
     database.WriteTwoViewGeometry(pair_id, geometry);
   }
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  const ReconstructResult result = Reconstruct(database);
   ASSERT_EQ(result.models.size(), 1u) << ToJson(result.report);
   const StageReport* stage = FindStage(result.report, "verification");
   ASSERT_NE(stage, nullptr);
@@ -273,21 +294,20 @@ TEST(ReconstructScene, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
   EXPECT_GT(num_outside, 100);
 }
 
-TEST(ReconstructScene, SaysWhatIsMissing) {
+TEST(Reconstruct, SaysWhatIsMissing) {
   Database empty(":memory:");
-  const ReconstructResult nothing = ReconstructScene(empty, "", Settings());
+  const ReconstructResult nothing = Reconstruct(empty);
   EXPECT_TRUE(nothing.models.empty());
   EXPECT_THAT(nothing.report.failure, HasSubstr("no image with keypoints"));
 
   const SyntheticScene scene = MakeScene(SmallScene(), 8);
   Database unverified(":memory:");
   WriteScene(scene, SceneContent::kMatches, unverified);
-  EXPECT_THAT(ReconstructScene(unverified, "", Settings()).report.failure,
-              HasSubstr("no verified pair"));
+  EXPECT_THAT(Reconstruct(unverified).report.failure, HasSubstr("no verified pair"));
 
-  ReconstructSettings settings = Settings();
+  ReconstructSettings settings;
   settings.view_graph.min_num_inliers = 100000;
-  const ReconstructResult weak = ReconstructScene(MakeDatabase(scene), "", settings);
+  const ReconstructResult weak = Reconstruct(MakeDatabase(scene), settings);
   EXPECT_THAT(weak.report.failure, HasSubstr("view_graph: "));
   ASSERT_FALSE(weak.graph.edges.empty());
   EXPECT_EQ(weak.graph.edges[0].removal, EdgeRemoval::kTooFewInliers);
@@ -295,10 +315,10 @@ TEST(ReconstructScene, SaysWhatIsMissing) {
 
 // As a 1DSfM data set without photographs and tracks; a twentieth of the poses is wrong.
 // What each stage says that cannot go on: its name, what was there, what to try.
-TEST(ReconstructScene, SaysWhichStageFailedAndWhatToTry) {
+TEST(Reconstruct, SaysWhichStageFailedAndWhatToTry) {
   const SyntheticScene scene = MakeScene(SmallScene(), 8);
   const auto failure_of = [](const Database& database, const ReconstructSettings& settings) {
-    const ReconstructResult result = ReconstructScene(database, "", settings);
+    const ReconstructResult result = Reconstruct(database, settings);
     EXPECT_TRUE(result.models.empty());
     EXPECT_FALSE(result.graph.edges.empty());
     return result.report.failure;
@@ -318,7 +338,7 @@ TEST(ReconstructScene, SaysWhichStageFailedAndWhatToTry) {
       database.WritePairMetrics(metrics);
     }
     EXPECT_THAT(
-        failure_of(database, Settings()),
+        failure_of(database, {}),
         AllOf(HasSubstr("translation_averaging: inconsistent: "), HasSubstr(" directions, "),
               HasSubstr("--translation_averaging.filter_max_inconsistency")));
   }
@@ -333,12 +353,12 @@ TEST(ReconstructScene, SaysWhichStageFailedAndWhatToTry) {
       geometry.F.reset();
       database.WriteTwoViewGeometry(pair_id, geometry);
     }
-    EXPECT_THAT(failure_of(database, Settings()),
+    EXPECT_THAT(failure_of(database, {}),
                 AllOf(HasSubstr(" no_pose"), HasSubstr("turned without moving")));
   }
 }
 
-TEST(ReconstructScene, PosesWithoutMatchesGiveCamerasAlone) {
+TEST(Reconstruct, PosesWithoutMatchesGiveCamerasAlone) {
   SceneOptions options = SmallScene();
   options.num_images = 12;
   const SyntheticScene scene = MakeScene(options, 10);
@@ -360,9 +380,8 @@ TEST(ReconstructScene, PosesWithoutMatchesGiveCamerasAlone) {
     metrics.is_winner = true;
     database.WritePairMetrics(metrics);
   }
-  ReconstructSettings settings = Settings();
-  settings.reconstruct.colors = true;
-  const ReconstructResult result = ReconstructScene(database, "nowhere", settings);
+  ReconstructSettings settings;
+  const ReconstructResult result = Reconstruct(database, "nowhere", settings, kOneThread);
   ASSERT_TRUE(result.report.Succeeded()) << ToJson(result.report);
   const Reconstruction& model = result.models.at(0);
   EXPECT_EQ(model.images.size(), 12u);
@@ -372,7 +391,7 @@ TEST(ReconstructScene, PosesWithoutMatchesGiveCamerasAlone) {
   EXPECT_LT(difference.angle, 1e-2);
   settings.view_graph.max_rotation_error_deg = 0;
   EXPECT_THAT(
-      ReconstructScene(database, "nowhere", settings).report.failure,
+      Reconstruct(database, "nowhere", settings, kOneThread).report.failure,
       AllOf(HasSubstr("edges: no edge agrees"), HasSubstr("--view_graph.max_rotation_error_deg")));
   const StageReport* agreement = FindStage(result.report, "agreement");
   ASSERT_NE(agreement, nullptr);
@@ -383,7 +402,7 @@ TEST(ReconstructScene, PosesWithoutMatchesGiveCamerasAlone) {
   EXPECT_EQ(FindStage(result.report, "colors"), nullptr);  // nothing to color
 }
 
-TEST(ReconstructScene, TwoImagesGiveAModel) {
+TEST(Reconstruct, TwoImagesGiveAModel) {
   const SyntheticScene scene = MakeScene(SmallScene(), 9);
   Database database(":memory:");
   for (const auto& [id, camera] : scene.cameras) database.WriteCamera(camera);
@@ -393,7 +412,7 @@ TEST(ReconstructScene, TwoImagesGiveAModel) {
   }
   database.WriteTwoViewGeometry(ImagePairToPairId(1, 2),
                                 TrueTwoViewGeometry(scene, 1, 2, MakeMatches(scene, 1, 2)));
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  const ReconstructResult result = Reconstruct(database);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   EXPECT_EQ(result.models.at(0).images.size(), 2u);
 }
@@ -429,7 +448,7 @@ class OutputTest : public ::testing::Test {
 
 TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   const SyntheticScene scene = MakeScene(SmallScene(), 10);
-  ReconstructResult result = ReconstructScene(MakeDatabase(scene), "", Settings());
+  ReconstructResult result = Reconstruct(MakeDatabase(scene));
   result.models.push_back(result.models.front());
   const std::string output = (folder_ / "new" / "out").string();
   WriteReconstructResult(result, output, "# options\n");
@@ -449,31 +468,30 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   WriteReconstructResult(result, output, "# options\n");
   EXPECT_FALSE(std::filesystem::exists(output + "/sparse/1"));
 
-  // A failure leaves the older model alone and says so in the report.
+  // A failure leaves the older model alone, with its report.
   result.models.clear();
   result.report.failure = "stage: reason; advice";
   WriteReconstructResult(result, output, "# options\n");
   EXPECT_TRUE(std::filesystem::exists(output + "/sparse/0/images.bin"));
-  EXPECT_THAT(ReadFile(output + "/report.json"), HasSubstr("stage: reason; advice"));
+  EXPECT_THAT(ReadFile(output + "/report.json"), Not(HasSubstr("stage: reason; advice")));
+  EXPECT_THAT(ReadFile(output + "/failed/report.json"), HasSubstr("stage: reason; advice"));
+  EXPECT_FALSE(std::filesystem::exists(output + "/failed/sparse"));
 }
 
 TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
   const std::string output = folder_.string();
   EXPECT_NO_THROW(CheckReconstructOutput(output + "/absent"));
-  EXPECT_NO_THROW(CheckReconstructOutput(output));  // photographs alone
-  std::filesystem::create_directories(folder_ / "sparse");
-  EXPECT_NO_THROW(CheckReconstructOutput(output));
   std::filesystem::create_directories(folder_ / "sparse/0");
-  WriteFileAtomically(output + "/effective.toml", "# build_view_graph, cairn 0.1.0\n");
-  try {
-    CheckReconstructOutput(output);
-    ADD_FAILURE() << "not refused";
-  } catch (const ConfigError& error) {
-    EXPECT_THAT(error.what(), HasSubstr(output + "/sparse was not written by cairn"));
-    EXPECT_THAT(error.what(), HasSubstr("--overwrite"));
-  }
+  EXPECT_NO_THROW(CheckReconstructOutput(output));  // photographs alone, and empty folders
+  WriteFileAtomically(output + "/sparse/0/cameras.bin", "COLMAP's");
+  EXPECT_NO_THROW(CheckReconstructOutput(output, true));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { CheckReconstructOutput(output); }),
+              AllOf(HasSubstr(output + "/sparse/0/cameras.bin is not as cairn wrote it"),
+                    HasSubstr("--overwrite")));
+  // A run that was interrupted, or failed before it wrote anything, makes it nobody else's.
   WriteFileAtomically(output + "/effective.toml", "# global_sfm reconstruct, cairn 0.1.0\n");
-  EXPECT_NO_THROW(CheckReconstructOutput(output));
+  EXPECT_THROW(CheckReconstructOutput(output), ConfigError);
+  EXPECT_EQ(ReadFile(output + "/sparse/0/cameras.bin"), "COLMAP's");
 }
 
 TEST_F(OutputTest, ColorsComeFromThePhotographs) {
@@ -488,10 +506,8 @@ TEST_F(OutputTest, ColorsComeFromThePhotographs) {
     const std::string path = (folder_ / "images" / image.name).string();
     WriteBitmap(path, bitmap, 100);
   }
-  ReconstructSettings settings = Settings();
-  settings.reconstruct.colors = true;
   const ReconstructResult result =
-      ReconstructScene(MakeDatabase(scene), (folder_ / "images").string(), settings);
+      Reconstruct(MakeDatabase(scene), (folder_ / "images").string(), {}, kOneThread);
   ASSERT_TRUE(result.report.Succeeded());
   for (const auto& [id, point] : result.models[0].points3D) {
     EXPECT_NEAR(point.color[0], 10, 6);

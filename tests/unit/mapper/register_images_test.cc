@@ -53,9 +53,9 @@ struct IncompleteModel {
   Reconstruction truth, model;
   ViewGraph graph;
   SceneData scene;
-  ReconstructSettings settings = Settings();
+  ReconstructSettings settings;
   RunReport report;
-  StageContext context{scene, settings, NullMonitor(), report};
+  StageContext context{scene, settings, kOneThread, report};
 };
 
 TEST(RegisterLeftOut, GivesImagesTheirPoses) {

@@ -6,11 +6,10 @@
 #include <set>
 
 #include "cairn/base/rng.h"
-#include "cairn/database/database.h"
 #include "cairn/geometry/epipolar.h"
-#include "cairn/mapper/reconstruct.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
+#include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
 namespace {
@@ -183,18 +182,11 @@ struct SymmetricBuilding {
   bool is_guess = false;
 };
 
-ReconstructResult Reconstruct(const SymmetricBuilding& building) {
-  ReconstructSettings settings;
-  settings.num_threads = 1;
-  settings.reconstruct.colors = false;
-  return ReconstructScene(building.database, "", settings);
-}
-
 TEST(SymmetricBuilding, BecomesAModelOfEachSideWhereTheSurroundingsTellThemApart) {
   for (const uint64_t seed : {1, 2}) {
     const SymmetricBuilding building({.num_own_points = 200}, seed);
     EXPECT_GT(building.num_wrong, building.num_pairs / 2);
-    const ReconstructResult result = Reconstruct(building);
+    const ReconstructResult result = Reconstruct(building.database);
     EXPECT_EQ(result.models.size(), 4u);
     std::set<image_t> images;
     for (const Reconstruction& model : result.models) {
@@ -212,7 +204,7 @@ TEST(SymmetricBuilding, IsDoubtedWhereNothingTellsTheSidesApart) {
   for (const uint64_t seed : {1, 2}) {
     for (const int num_own_points : {0, 20}) {
       const SymmetricBuilding building({.num_own_points = num_own_points}, seed);
-      const ReconstructResult result = Reconstruct(building);
+      const ReconstructResult result = Reconstruct(building.database);
       EXPECT_TRUE(result.report.Succeeded());
       ASSERT_FALSE(result.models.empty());
       ASSERT_FALSE(result.report.warnings.empty());
@@ -226,7 +218,7 @@ TEST(SymmetricBuilding, IsDoubtedWhereNothingTellsTheSidesApart) {
 // The same of cameras of which nothing is known: what is wrong is said, with the images.
 TEST(SymmetricBuilding, IsDoubtedOfUnknownCamerasToo) {
   const SymmetricBuilding building({.num_own_points = 0, .focal_guess = 1.33}, 1);
-  const ReconstructResult result = Reconstruct(building);
+  const ReconstructResult result = Reconstruct(building.database);
   EXPECT_TRUE(result.report.Succeeded());
   ASSERT_FALSE(result.models.empty());
   EXPECT_GT(building.LargestErrorDeg(result.models.front()), 45.0);
@@ -240,7 +232,7 @@ TEST(SymmetricBuilding, IsNotFoldedWhereSomeSurroundingsDiffer) {
     int num_misplaced = 0;
     for (const uint64_t seed : {1, 2, 3, 4}) {
       const SymmetricBuilding building({.num_own_points = num_own_points}, seed);
-      const ReconstructResult result = Reconstruct(building);
+      const ReconstructResult result = Reconstruct(building.database);
       EXPECT_EQ(result.models.size(), 4u) << num_own_points << " " << seed;
       for (const Reconstruction& model : result.models) {
         num_misplaced += building.NumMisplaced(model);
@@ -255,7 +247,7 @@ TEST(SymmetricBuilding, IsNeverFoldedWithoutAWord) {
   int num_folded = 0;
   for (const uint64_t seed : {1, 2, 3, 4}) {
     const SymmetricBuilding building({.num_own_points = 40}, seed);
-    const ReconstructResult result = Reconstruct(building);
+    const ReconstructResult result = Reconstruct(building.database);
     EXPECT_FALSE(result.models.empty());
     for (const Reconstruction& model : result.models) {
       if (building.LargestErrorDeg(model) < 2.0) continue;

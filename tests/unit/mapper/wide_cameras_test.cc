@@ -33,12 +33,12 @@ Camera MakeCamera(CameraModel model, std::vector<double> params) {
 VerificationReport Verify(Database& database) {
   VerificationInput input;
   input.options = "a = 1\n";
-  return VerifyPairs(database, MakeVerifiers("cascade", {}), input, {}, 2, NullMonitor());
+  return VerifyPairs(database, MakeVerifiers("cascade", {}), input, {}, {.num_threads = 2});
 }
 
 void ExpectNearTruth(const Database& database, const Reconstruction& truth, double max_angle,
                      double max_center) {
-  const ReconstructResult result = ReconstructScene(database, "", Settings());
+  const ReconstructResult result = Reconstruct(database);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   ASSERT_EQ(result.models.size(), 1u);
   const Reconstruction& model = result.models.front();
@@ -121,7 +121,7 @@ TEST_F(WideCamerasTest, UnknownFocalLengthsAreFound) {
     Database database(folder_ / std::to_string(guess));
     Camera guessed = Camera::FromFocal(1, camera.model, guess, kSize, kSize);
     const Reconstruction truth = WriteWideScene(camera, guessed, {.field_deg = 150}, 2, database);
-    const std::vector<std::string> texts = LearnWideFocals(database, {}, 0, 2, NullMonitor());
+    const std::vector<std::string> texts = LearnWideFocals(database, {}, {.num_threads = 2});
     ASSERT_EQ(texts.size(), 1u);
     EXPECT_THAT(texts[0], HasSubstr("camera 1: focal length"));
     const Camera found = ReadKnownIntrinsics(database).begin()->second.camera;
@@ -130,18 +130,18 @@ TEST_F(WideCamerasTest, UnknownFocalLengthsAreFound) {
     EXPECT_GT(found.MeanFocal(), 300) << guess;
     EXPECT_LT(found.MeanFocal(), 410) << guess;
     EXPECT_FALSE(found.has_prior_focal_length);
-    EXPECT_TRUE(LearnWideFocals(database, {}, 0, 2, NullMonitor()).empty());
+    EXPECT_TRUE(LearnWideFocals(database, {}, {.num_threads = 2}).empty());
     // The camera's row stays as it was given, so that a search anew begins where this one did.
     EXPECT_EQ(database.ReadCameras().at(0).params, guessed.params);
     database.ClearVerification();
-    EXPECT_EQ(LearnWideFocals(database, {}, 0, 2, NullMonitor()), texts);
+    EXPECT_EQ(LearnWideFocals(database, {}, {.num_threads = 2}), texts);
     Verify(database);
     const std::vector<image_pair_t> verified = database.ReadTwoViewGeometryPairIds();
     ASSERT_GE(verified.size(), truth.images.size());
     for (const image_pair_t pair_id : verified) {
       EXPECT_NE(database.ReadTwoViewGeometry(pair_id)->config, TwoViewConfig::kCalibrated);
     }
-    const ReconstructResult result = ReconstructScene(database, "", Settings());
+    const ReconstructResult result = Reconstruct(database);
     ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
     ASSERT_EQ(result.models.size(), 1u);
     EXPECT_EQ(result.models[0].images.size(), truth.images.size());
@@ -156,7 +156,7 @@ TEST_F(WideCamerasTest, CamerasThatAreKnownOrPlanarAreNotAsked) {
   WriteWideScene(known, known, {.num_images = 3, .num_points = 200}, 3, database_);
   Camera planar = Camera::FromFocal(2, CameraModel::kSimpleRadial, 900, kSize, kSize);
   database_.WriteCamera(planar);
-  EXPECT_TRUE(LearnWideFocals(database_, {}, 0, 1, NullMonitor()).empty());
+  EXPECT_TRUE(LearnWideFocals(database_, {}, {.num_threads = 1}).empty());
   EXPECT_EQ(database_.ReadCameras()[0].params, known.params);
 }
 
@@ -180,7 +180,7 @@ TEST_F(WideCamerasTest, ACameraOfAnUnknownModelExcludesItsImagesOnly) {
   const VerificationReport report = Verify(database_);
   EXPECT_THAT(report.stage.messages,
               Contains(AllOf(HasSubstr("image3.png"), HasSubstr("unknown model 99"))));
-  const ReconstructResult result = ReconstructScene(database_, "", Settings());
+  const ReconstructResult result = Reconstruct(database_);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   EXPECT_EQ(result.models.at(0).images.size(), truth.images.size() - 1);
   const StageReport* read = FindStage(result.report, "read");

@@ -44,7 +44,6 @@ class BuildPipelineTest : public ::testing::Test {
     options.inputs.image_path = Images();
     options.inputs.database_path = folder_ / database;
     options.inputs.depth_path = folder_ / "depth";
-    options.inputs.num_threads = 2;
     options.features.type = FeatureType::kSift;
     options.features.first_octave = 0;
     options.verification.max_iterations = 200;
@@ -74,8 +73,7 @@ TEST_F(BuildPipelineTest, FromPhotographsToVerifiedPairs) {
 TEST_F(BuildPipelineTest, DumpsAreEqualForAnyNumberOfThreads) {
   for (const int num_threads : {1, 2, 8}) {
     BuildPipelineOptions options = Options(std::to_string(num_threads) + ".db");
-    options.inputs.num_threads = num_threads;
-    RunBuildPipeline(options);
+    RunBuildPipeline(options, {.num_threads = num_threads});
   }
   const std::string dump = Dump("1.db");
   EXPECT_THAT(dump, HasSubstr("two_view_geometries: "));
@@ -97,7 +95,7 @@ TEST_F(BuildPipelineTest, InterruptedRunsEndInTheSameDump) {
   int num_stops = 0;
   for (; num_stops < 50; ++num_stops) {
     TestMonitor monitor(5);
-    if (!RunBuildPipeline(Options("parts.db"), monitor).was_stopped) break;
+    if (!RunBuildPipeline(Options("parts.db"), {.monitor = monitor}).was_stopped) break;
   }
   EXPECT_GE(num_stops, 3);
   EXPECT_LT(num_stops, 50);
@@ -118,18 +116,19 @@ TEST_F(BuildPipelineTest, StopAfterAndContinue) {
 
 TEST_F(BuildPipelineTest, OptionsThatDifferAreNamedAndRecomputedOnRequest) {
   RunBuildPipeline(Options("a.db"));
-  const auto expect = [&](BuildStage stage, const std::string& option, auto change) {
+  const auto expect = [&](BuildStage stage, const std::string& option, auto change,
+                          uint64_t seed = 0) {
     BuildPipelineOptions options = Options("a.db");
     change(options);
-    EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+    EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options, {.seed = seed}); }),
                 HasSubstr(option + ": is"));
     options.inputs.recompute = stage;
-    RunBuildPipeline(options);
+    RunBuildPipeline(options, {.seed = seed});
     BuildPipelineOptions fresh = options;
     fresh.inputs.recompute = BuildStage::kNone;
     fresh.inputs.database_path = folder_ / "fresh.db";
     fs::remove(folder_ / "fresh.db");
-    RunBuildPipeline(fresh);
+    RunBuildPipeline(fresh, {.seed = seed});
     EXPECT_EQ(Dump("a.db"), Dump("fresh.db")) << NameOf(kBuildStages, stage);
     options = Options("a.db");
     options.inputs.recompute = stage;
@@ -142,7 +141,8 @@ TEST_F(BuildPipelineTest, OptionsThatDifferAreNamedAndRecomputedOnRequest) {
          [](BuildPipelineOptions& o) { o.matching.max_ratio = 0.6; });
   expect(BuildStage::kVerification, "verification.min_num_inliers",
          [](BuildPipelineOptions& o) { o.verification.min_num_inliers = 30; });
-  expect(BuildStage::kVerification, "seed", [](BuildPipelineOptions& o) { o.inputs.seed = 1; });
+  expect(
+      BuildStage::kVerification, "seed", [](BuildPipelineOptions&) {}, 1);
   expect(BuildStage::kVerification, "verifier",
          [](BuildPipelineOptions& o) { o.inputs.verifier = VerifierChoice::kFivePoint; });
   expect(BuildStage::kCameras, "camera_model",
@@ -155,7 +155,7 @@ TEST_F(BuildPipelineTest, NewPhotographsJoin) {
   const std::vector<Keypoint> keypoints = *before.ReadKeypoints(1);
   AddPhoto(4);
   TestMonitor monitor;
-  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"), monitor);
+  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"), {.monitor = monitor});
   EXPECT_EQ(report.summary.num_images, 5);
   EXPECT_EQ(report.summary.num_pairs, 10);
   EXPECT_THAT(monitor.totals(), ElementsAre(5, 1, 1, 4, 4));

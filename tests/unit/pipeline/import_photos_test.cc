@@ -36,7 +36,7 @@ class ImportPhotosTest : public ::testing::Test {
     std::ofstream(images_ + "/" + name, std::ios::binary) << content;
   }
   StageReport Import(const CameraOptions& options = {}, ProgressMonitor& monitor = NullMonitor()) {
-    return ImportPhotos(database_, images_, options, 2, monitor);
+    return ImportPhotos(database_, {images_}, options, {.num_threads = 2, .monitor = monitor});
   }
   std::vector<std::string> Names() const {
     std::vector<std::string> names;
@@ -199,15 +199,15 @@ TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
 
 TEST_F(ImportPhotosTest, NoPhotographsAtAllIsAnError) {
   EXPECT_THROW(Import(), IoError);
-  EXPECT_THROW(ImportPhotos(database_, folder_ / "no_such_folder", {}, 1), IoError);
+  EXPECT_THROW(ImportPhotos(database_, {folder_ / "no_such_folder"}), IoError);
 }
 
 TEST_F(ImportPhotosTest, ASelectionTakesNamedPhotosAndTheirFocalLengths) {
   AddPhoto("a.png");
   AddPhoto("b.png");
-  const PhotoSelection selection{{{"b.png", 123.0}, {"missing.png", std::nullopt}}};
+  const std::vector<PhotoSource::Photo> selection{{"b.png", 123.0}, {"missing.png", std::nullopt}};
   TestMonitor monitor;
-  ImportPhotos(database_, images_, {}, 1, monitor, selection);
+  ImportPhotos(database_, {images_, selection}, {}, {.monitor = monitor});
   EXPECT_THAT(Names(), ElementsAre("b.png"));
   EXPECT_EQ(database_.ReadCameras()[0].FocalX(), 123);
   EXPECT_TRUE(database_.ReadCameras()[0].has_prior_focal_length);
@@ -215,14 +215,14 @@ TEST_F(ImportPhotosTest, ASelectionTakesNamedPhotosAndTheirFocalLengths) {
 }
 
 TEST_F(ImportPhotosTest, EqualExifAndEqualGivenFocalShareACamera) {
-  PhotoSelection selection;
+  std::vector<PhotoSource::Photo> selection;
   for (const auto& [name, focal_px] : std::map<std::string, double>{
            {"a.jpg", 70.5}, {"b.jpg", 70.5}, {"c.jpg", 71.0}, {"d.jpg", 70.5}}) {
     AddPhoto(name, 64, 48);
     if (name != "d.jpg") WriteExif(images_ + "/" + name, {35, "Maker", "One"});
-    selection.photos.push_back({name, focal_px});
+    selection.push_back({name, focal_px});
   }
-  ImportPhotos(database_, images_, {}, 1, NullMonitor(), selection);
+  ImportPhotos(database_, {images_, selection});
   std::vector<camera_t> ids;
   for (const Image& image : database_.ReadImages()) ids.push_back(image.camera_id);
   EXPECT_THAT(ids, ElementsAre(1, 1, 2, 3));
@@ -233,7 +233,7 @@ TEST_F(ImportPhotosTest, EqualExifAndEqualGivenFocalShareACamera) {
 TEST_F(ImportPhotosTest, LundDoorHasOneCameraFromExif) {
   const std::string photos = testing::SharedDataPath("lund_door/images");
   if (!fs::exists(photos)) GTEST_SKIP() << photos << " is absent";
-  ImportPhotos(database_, photos, {}, 2);
+  ImportPhotos(database_, {photos});
   EXPECT_EQ(database_.ReadImages().size(), 12u);
   ASSERT_EQ(database_.ReadCameras().size(), 1u);
   EXPECT_TRUE(database_.ReadCameras()[0].has_prior_focal_length);

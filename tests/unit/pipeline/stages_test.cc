@@ -49,14 +49,16 @@ class StagesTest : public ::testing::Test {
     testing::WriteNpy(depth_ + "/" + Name(i) + ".npy", 16, 12, std::vector<float>(16 * 12, depth));
   }
   StageReport Extract(ProgressMonitor& monitor = NullMonitor()) {
-    ImportPhotos(database_, images_, {}, 2);
-    return ExtractImageFeatures(database_, images_, FastFeatures(), 2, monitor);
+    ImportPhotos(database_, {images_}, {}, {.num_threads = 2});
+    return ExtractImageFeatures(database_, images_, FastFeatures(),
+                                {.num_threads = 2, .monitor = monitor});
   }
   StageReport Depth(ProgressMonitor& monitor = NullMonitor(), const DepthOptions& options = {}) {
-    return SampleImageDepth(database_, images_, {depth_, ""}, options, 2, monitor);
+    return SampleImageDepth(database_, images_, {depth_, ""}, options,
+                            {.num_threads = 2, .monitor = monitor});
   }
   StageReport Match(const std::optional<std::vector<image_pair_t>>& pairs = std::nullopt) {
-    return MatchImagePairs(database_, pairs, {}, {}, 2);
+    return MatchImagePairs(database_, pairs, {}, {}, {.num_threads = 2});
   }
   testing::TempFolder folder_;
   const std::string images_ = folder_ / "images";
@@ -114,8 +116,9 @@ TEST_F(StagesTest, APhotographThatDoesNotFitItsGivenCameraIsSkipped) {
 }
 
 TEST_F(StagesTest, WithoutImagePathNothingIsExtracted) {
-  ImportPhotos(database_, images_, {}, 2);
-  const StageReport report = ExtractImageFeatures(database_, "", FastFeatures(), 2);
+  ImportPhotos(database_, {images_}, {}, {.num_threads = 2});
+  const StageReport report =
+      ExtractImageFeatures(database_, "", FastFeatures(), {.num_threads = 2});
   EXPECT_EQ(report.status, StageStatus::kOk);
   EXPECT_TRUE(database_.ReadNumKeypoints().empty());
 }
@@ -166,7 +169,7 @@ TEST_F(StagesTest, ChangedDepthAndChangedDepthOptionsAreNoticed) {
 TEST_F(StagesTest, WrongDepthSourcesAreNamed) {
   Extract();
   const auto sample = [&](const DepthSource& source, const std::string& image_path) {
-    SampleImageDepth(database_, image_path, source, {}, 2);
+    SampleImageDepth(database_, image_path, source, {}, {.num_threads = 2});
   };
   EXPECT_THAT(ThrownMessage<IoError>([&] {
                 sample({folder_ / "no", ""}, images_);
@@ -190,7 +193,7 @@ TEST_F(StagesTest, WrongDepthSourcesAreNamed) {
 
 TEST_F(StagesTest, NoDepthSourceIsFine) {
   Extract();
-  const StageReport report = SampleImageDepth(database_, images_, {}, {}, 2);
+  const StageReport report = SampleImageDepth(database_, images_, {}, {}, {.num_threads = 2});
   EXPECT_EQ(report.status, StageStatus::kSkipped);
   EXPECT_FALSE(database_.ReadStage("depth"));
 }
@@ -259,7 +262,8 @@ TEST_F(StagesTest, DamagedRowsAreNamedAndTheRestGoesOn) {
   RunSql(database_.path(), "UPDATE descriptors SET rows = 1 WHERE image_id = 2");
   TestMonitor monitor;
   EXPECT_EQ(Depth(monitor).status, StageStatus::kWarning);
-  EXPECT_EQ(MatchImagePairs(database_, std::nullopt, {}, {}, 2, monitor).status,
+  EXPECT_EQ(MatchImagePairs(database_, std::nullopt, {}, {}, {.num_threads = 2, .monitor = monitor})
+                .status,
             StageStatus::kWarning);
   EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("keypoints of image 2: 1 x 6 values"),
                                               HasSubstr("descriptors of image 2: 1 x 128")));

@@ -102,16 +102,15 @@ class PairSchedulerTest : public ::testing::Test {
 
   static VerificationReport Verify(const std::string& path, int num_threads = 2,
                                    ProgressMonitor& monitor = NullMonitor(),
-                                   const VerificationInput& input = Input()) {
+                                   const VerificationInput& input = Input(), uint64_t seed = 3) {
     Database database(path);
     SchedulerOptions scheduler;
     scheduler.max_memory_gib = 1e-5;  // About 10 KB: a tile has few images.
-    return VerifyPairs(database, Mocks(), input, scheduler, num_threads, monitor);
+    return VerifyPairs(database, Mocks(), input, scheduler, {seed, num_threads, monitor});
   }
 
   static VerificationInput Input() {
     VerificationInput input;
-    input.seed = 3;
     input.options = "a = 1\n";
     return input;
   }
@@ -290,8 +289,7 @@ TEST_F(PairSchedulerTest, OnlyTheGivenPairsAreVerified) {
 TEST_F(PairSchedulerTest, SeedAndMinNumMatchesMatter) {
   VerificationInput input = Input();
   Verify(MakeDatabase("a.db"));
-  input.seed = 4;
-  Verify(MakeDatabase("b.db"), 2, NullMonitor(), input);
+  Verify(MakeDatabase("b.db"), 2, NullMonitor(), input, 4);
   EXPECT_NE(DumpDatabase(Path("a.db")), DumpDatabase(Path("b.db")));
   input.min_num_matches = 1000;
   EXPECT_EQ(Verify(MakeDatabase("c.db"), 2, NullMonitor(), input).counts.num_tried, 0);
@@ -333,9 +331,9 @@ TEST_F(PairSchedulerTest, AVerifierThatThrowsEndsTheRunAndKeepsTheDatabaseUsable
     PairReport Verify(const PairInput&) override { throw BugError("broken verifier"); }
   };
   Database database(path);
-  EXPECT_THROW(
-      VerifyPairs(database, {{"bad", [] { return std::make_unique<Throwing>(); }}}, Input(), {}, 2),
-      BugError);
+  EXPECT_THROW(VerifyPairs(database, {{"bad", [] { return std::make_unique<Throwing>(); }}},
+                           Input(), {}, {.num_threads = 2}),
+               BugError);
   EXPECT_EQ(Verify(path).counts.num_pairs, kNumPairs);
 }
 
@@ -379,8 +377,9 @@ TEST_F(PairSchedulerTest, CountsAreExactWhereThreadsFinishTogether) {
   MeetingVerifier::num_arrived = 0;
   VerificationInput input = Input();
   input.min_num_matches = 1;
-  const VerificationReport report = VerifyPairs(
-      database, {{"meeting", [] { return std::make_unique<MeetingVerifier>(); }}}, input, {}, 2);
+  const VerificationReport report =
+      VerifyPairs(database, {{"meeting", [] { return std::make_unique<MeetingVerifier>(); }}},
+                  input, {}, {.num_threads = 2});
   EXPECT_EQ(MeetingVerifier::num_arrived, kNumManyPairs);
   EXPECT_EQ(report.counts.num_pairs, kNumManyPairs);
   EXPECT_EQ(report.counts.num_tried, kNumManyPairs);

@@ -19,7 +19,8 @@ TEST(TriangulateTracks, RecoversThePointsOfADistortedScene) {
     synthetic.model = model;
     const MadeReconstruction scene = MakeSyntheticScene(synthetic);
     Reconstruction estimate = scene.truth;
-    const TriangulateTracksReport report = TriangulateTracks(scene.tracks, {}, 1, estimate);
+    const TriangulateTracksReport report =
+        TriangulateTracks(scene.tracks, estimate, {}, {.num_threads = 1});
     estimate.CheckConsistency();
     EXPECT_EQ(report.num_triangulated, static_cast<int64_t>(scene.tracks.size()));
     ASSERT_EQ(estimate.points3D.size(), scene.truth.points3D.size());
@@ -37,7 +38,8 @@ TEST(TriangulateTracks, LeavesOutWrongObservations) {
   synthetic.outlier_share = 0.15;
   const MadeReconstruction scene = MakeSyntheticScene(synthetic);
   Reconstruction estimate = scene.truth;
-  const TriangulateTracksReport report = TriangulateTracks(scene.tracks, {}, 2, estimate);
+  const TriangulateTracksReport report =
+      TriangulateTracks(scene.tracks, estimate, {}, {.num_threads = 2});
   estimate.CheckConsistency();
   EXPECT_GT(report.num_triangulated, 190);
   int num_wrong = 0;
@@ -65,34 +67,34 @@ TEST(TriangulateTracks, AllowsErrorsInStandardDeviationsWhereTheyAreKnown) {
   const auto is_observed = [&](const Reconstruction& model) {
     return model.images.at(moved.image_id).point3D_ids[moved.point2D] != kInvalidPoint3DId;
   };
-  FilterOptions filter;
+  TriangulationOptions filter;
   Reconstruction filtered = estimate;
-  FilterPoints(filter, 1, filtered);
+  FilterPoints(filtered, filter, {.num_threads = 1});
   EXPECT_FALSE(is_observed(filtered));
-  TriangulateTracks(scene.tracks, {}, 1, estimate);
+  TriangulateTracks(scene.tracks, estimate, {}, {.num_threads = 1});
   EXPECT_FALSE(is_observed(estimate));
 
   estimate.images.at(moved.image_id)
       .sigmas_px.assign(estimate.images.at(moved.image_id).points2D.size(), 2.0f);
-  TriangulateTracks(scene.tracks, {}, 1, estimate);
+  TriangulateTracks(scene.tracks, estimate, {}, {.num_threads = 1});
   EXPECT_TRUE(is_observed(estimate));
   filtered = estimate;
-  FilterPoints(filter, 1, filtered);
+  FilterPoints(filtered, filter, {.num_threads = 1});
   EXPECT_TRUE(is_observed(filtered));
   filter.max_error_sigmas = 1;
-  FilterPoints(filter, 1, filtered);
+  FilterPoints(filtered, filter, {.num_threads = 1});
   EXPECT_FALSE(is_observed(filtered));
 }
 
 TEST(FilterPoints, CountsWhatRoundingMayDecide) {
   const MadeReconstruction scene = MakeSyntheticScene({});
   Reconstruction model = scene.truth;
-  FilterOptions options;
-  EXPECT_EQ(FilterPoints(options, 1, model).num_undecided, 0);
+  TriangulationOptions options;
+  EXPECT_EQ(FilterPoints(model, options, {.num_threads = 1}).num_undecided, 0);
   const auto& [id, point] = *model.points3D.begin();
   const TrackElement moved = point.track.front();
   model.images.at(moved.image_id).points2D[moved.point2D].x() += options.max_error_px;
-  EXPECT_EQ(FilterPoints(options, 1, model).num_undecided, 1);
+  EXPECT_EQ(FilterPoints(model, options, {.num_threads = 1}).num_undecided, 1);
 }
 
 TEST(TriangulateTracks, DoesNotDependOnTheNumberOfThreads) {
@@ -102,8 +104,8 @@ TEST(TriangulateTracks, DoesNotDependOnTheNumberOfThreads) {
   const MadeReconstruction scene = MakeSyntheticScene(synthetic);
   Reconstruction one = scene.truth;
   Reconstruction eight = scene.truth;
-  TriangulateTracks(scene.tracks, {}, 1, one);
-  TriangulateTracks(scene.tracks, {}, 8, eight);
+  TriangulateTracks(scene.tracks, one, {}, {.num_threads = 1});
+  TriangulateTracks(scene.tracks, eight, {}, {.num_threads = 8});
   ASSERT_EQ(one.points3D.size(), eight.points3D.size());
   for (const auto& [id, point] : one.points3D) {
     EXPECT_EQ(point.xyz, eight.points3D.at(id).xyz);
@@ -116,13 +118,14 @@ TEST(TriangulateTracks, PassesOverImagesThatAreNotRegistered) {
   Reconstruction estimate = scene.truth;
   while (!estimate.points3D.empty()) estimate.RemovePoint3D(estimate.points3D.begin()->first);
   estimate.images.erase(2);
-  TriangulateTracks(scene.tracks, {}, 1, estimate);
+  TriangulateTracks(scene.tracks, estimate, {}, {.num_threads = 1});
   estimate.CheckConsistency();
   EXPECT_GT(estimate.points3D.size(), 100u);
   estimate.points3D.clear();
   estimate.images.erase(1);
   estimate.images.erase(3);
-  const TriangulateTracksReport report = TriangulateTracks(scene.tracks, {}, 1, estimate);
+  const TriangulateTracksReport report =
+      TriangulateTracks(scene.tracks, estimate, {}, {.num_threads = 1});
   EXPECT_EQ(report.num_points, 0);
   EXPECT_EQ(report.num_tracks, 0);
 }
@@ -134,7 +137,8 @@ TEST(TriangulateTracks, RemainingObservationsGiveASecondPoint) {
   Track joined;
   for (size_t i = 0; i < 7; ++i) joined.push_back(scene.tracks[i < 4 ? 0 : 1][i]);
   Reconstruction estimate = scene.truth;
-  const TriangulateTracksReport report = TriangulateTracks(std::span(&joined, 1), {}, 1, estimate);
+  const TriangulateTracksReport report =
+      TriangulateTracks(std::span(&joined, 1), estimate, {}, {.num_threads = 1});
   EXPECT_EQ(report.num_second_points, 1);
   ASSERT_EQ(estimate.points3D.size(), 2u);
   for (const auto& [id, point] : estimate.points3D) {
@@ -150,24 +154,24 @@ TEST(FilterPoints, RemovesWrongObservationsAndNarrowPoints) {
   for (image_t i = 2; i <= 6; ++i) model.images.at(i).points2D[1].x() += 10.0 * i;
   model.points3D.at(3).xyz = Eigen::Vector3d(0, 0, -1000);
   const size_t num_points = model.points3D.size();
-  const FilterReport report = FilterPoints({}, 2, model);
+  const FilterReport report = FilterPoints(model, {}, {.num_threads = 2});
   model.CheckConsistency();
   EXPECT_EQ(model.points3D.at(1).track.size(), 5u);
   EXPECT_EQ(model.points3D.size(), num_points - 2);
   EXPECT_EQ(report.num_points_removed, 2);
   EXPECT_EQ(report.num_observations_removed, 1 + 5 + 6);
 
-  FilterOptions wide;
+  TriangulationOptions wide;
   wide.min_angle_deg = 179;
-  FilterPoints(wide, 1, model);
+  FilterPoints(model, wide, {.num_threads = 1});
   EXPECT_TRUE(model.points3D.empty());
 }
 
 TEST(FilterPoints, MinViewsRemovesShortTracks) {
   MadeReconstruction scene = MakeSyntheticScene({.visible_share = 0.5});
-  FilterOptions options;
+  TriangulationOptions options;
   options.min_views = 4;
-  FilterPoints(options, 1, scene.truth);
+  FilterPoints(scene.truth, options, {.num_threads = 1});
   EXPECT_FALSE(scene.truth.points3D.empty());
   for (const auto& [id, point] : scene.truth.points3D) EXPECT_GE(point.track.size(), 4u);
 }
@@ -176,7 +180,8 @@ TEST(TriangulateTracks, RefusesMeaninglessOptions) {
   Reconstruction model;
   TriangulationOptions options;
   options.max_error_px = -1;
-  EXPECT_THROW(TriangulateTracks({}, options, 1, model), ConfigError);
+  EXPECT_THROW(TriangulateTracks({}, model, options), ConfigError);
+  EXPECT_THROW(FilterPoints(model, options), ConfigError);
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ struct Place {
 
   Pairs BetweenDuplicates(int num_threads = 1) const {
     Pairs pairs;
-    for (const size_t e : EdgesBetweenDuplicates(model, graph, num_threads)) {
+    for (const size_t e : EdgesBetweenDuplicates(model, graph, {.num_threads = num_threads})) {
       pairs.insert({graph.edges[e].image_id1, graph.edges[e].image_id2});
     }
     return pairs;
@@ -174,13 +174,14 @@ TEST(DuplicateStructure, NorDoesTheFrameOfTheModel) {
 
 TEST(DuplicateStructure, NorDoesTheNumberOfThreads) {
   const Place place(CameraLayout::kArc, true, 1);
-  const std::vector<size_t> one = EdgesBetweenDuplicates(place.model, place.graph, 1);
+  const std::vector<size_t> one =
+      EdgesBetweenDuplicates(place.model, place.graph, {.num_threads = 1});
   ASSERT_FALSE(one.empty());
-  EXPECT_EQ(EdgesBetweenDuplicates(place.model, place.graph, 4), one);
+  EXPECT_EQ(EdgesBetweenDuplicates(place.model, place.graph, {.num_threads = 4}), one);
 }
 
 TEST(DuplicateStructure, NothingHasNone) {
-  EXPECT_TRUE(EdgesBetweenDuplicates({}, {}, 1).empty());
+  EXPECT_TRUE(EdgesBetweenDuplicates({}, {}, {.num_threads = 1}).empty());
   Place place(CameraLayout::kArc, true, 1);
   place.model.images.clear();
   EXPECT_TRUE(place.BetweenDuplicates().empty());
