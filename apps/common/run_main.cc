@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-int Fail(const std::string& message, int exit_code) {
+int Say(const std::string& message, int exit_code) {
   spdlog::error("{}", message);
   return exit_code;
 }
@@ -29,24 +29,24 @@ int ReportException() noexcept {
   try {
     throw;
   } catch (const ConfigError& error) {
-    return Fail(error.what(), kExitUsage);
+    return Say(error.what(), kExitUsage);
   } catch (const IoError& error) {
-    return Fail(error.what(), kExitIo);
+    return Say(error.what(), kExitIo);
   } catch (const std::bad_alloc&) {
-    return Fail("out of memory", kExitIo);
+    return Say("out of memory", kExitIo);
   } catch (const std::system_error& error) {
-    if (IsShortage(error.code())) return Fail("out of memory, or of threads", kExitIo);
-    return Fail(std::string("internal error: ") + error.what(), kExitBug);
+    if (IsShortage(error.code())) return Say("out of memory, or of threads", kExitIo);
+    return Say(std::string("internal error: ") + error.what(), kExitBug);
   } catch (const std::exception& error) {
-    return Fail(std::string("internal error: ") + error.what(), kExitBug);
+    return Say(std::string("internal error: ") + error.what(), kExitBug);
   } catch (...) {
-    return Fail("internal error: an exception of unknown type", kExitBug);
+    return Say("internal error: an exception of unknown type", kExitBug);
   }
 }
 
 // An exception that leaves a thread, or a destructor, of a library.
 [[noreturn]] void HandleTerminate() {
-  _exit(std::current_exception() ? ReportException() : Fail("internal error", kExitBug));
+  _exit(std::current_exception() ? ReportException() : Say("internal error", kExitBug));
 }
 
 bool main_has_returned = false;
@@ -58,20 +58,25 @@ bool main_has_returned = false;
   _exit(main_has_returned ? exit_code : kExitIo);
 }
 
+// Before main, where nothing of ours is ready.
+[[noreturn, maybe_unused]] void EndBeforeMain() {
+  constexpr char kMessage[] = "error: out of memory, or of threads\n";
+  [[maybe_unused]] const ssize_t ignored = write(STDERR_FILENO, kMessage, sizeof(kMessage) - 1);
+  _exit(kExitIo);
+}
+
 // Where OpenBLAS cannot make its threads, it says so and raises SIGINT.
 [[maybe_unused]] void HandleOwnSignal(int signal, siginfo_t* info, void*) {
-  if (info->si_code == SI_TKILL && info->si_pid == getpid()) {
-    constexpr char kMessage[] = "error: out of memory, or of threads\n";
-    [[maybe_unused]] const ssize_t ignored = write(STDERR_FILENO, kMessage, sizeof(kMessage) - 1);
-    _exit(kExitIo);
-  }
+  if (info->si_code == SI_TKILL && info->si_pid == getpid()) EndBeforeMain();
   std::signal(signal, SIG_DFL);
   raise(signal);
 }
 
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 
-void CatchOwnSignal(int, char**, char**) {
+// The constructors of libraries fail for want of memory alone.
+void CatchEarlyFailures(int, char**, char**) {
+  std::set_terminate(EndBeforeMain);
   struct sigaction action, before;
   std::memset(&action, 0, sizeof(action));
   action.sa_sigaction = HandleOwnSignal;
@@ -82,8 +87,8 @@ void CatchOwnSignal(int, char**, char**) {
 }
 
 // Runs before the constructors of shared libraries.
-[[gnu::section(".preinit_array"), gnu::used]] void (*const catch_own_signal)(int, char**, char**) =
-    CatchOwnSignal;
+[[gnu::section(".preinit_array"),
+  gnu::used]] void (*const catch_early_failures)(int, char**, char**) = CatchEarlyFailures;
 
 #endif
 
@@ -101,7 +106,7 @@ int RunMain(const std::function<int()>& body) {
     exit_code = ReportException();
   }
   if (std::fflush(stdout) != 0 && exit_code == kExitSuccess) {
-    exit_code = Fail(std::string("standard output: ") + std::strerror(errno), kExitIo);
+    exit_code = Say(std::string("standard output: ") + std::strerror(errno), kExitIo);
   }
   main_has_returned = true;
   return exit_code;

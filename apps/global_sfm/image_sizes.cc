@@ -1,9 +1,7 @@
 #include "global_sfm/image_sizes.h"
 
-#include <filesystem>
-#include <vector>
-
 #include "cairn/base/error.h"
+#include "cairn/base/path_in_folder.h"
 #include "cairn/image/bitmap.h"
 
 namespace cairn {
@@ -17,8 +15,7 @@ void CompleteImageSizes(const std::string& image_path, Reconstruction& reconstru
                         "the model has no image sizes, which this format needs; give the folder of "
                         "the photographs");
     }
-    const ImageSize size =
-        ReadImageSize((std::filesystem::path(image_path) / image.image.name).string());
+    const ImageSize size = ReadImageSize(PathInFolder(image_path, image.image.name));
     camera.width = size.width;
     camera.height = size.height;
     const Eigen::Vector2d center(0.5 * size.width, 0.5 * size.height);

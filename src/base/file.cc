@@ -13,6 +13,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
+#include "cairn/base/path_in_folder.h"
 
 namespace cairn {
 namespace {
@@ -114,6 +115,15 @@ void WriteFileAtomically(const std::string& path, std::string_view content) {
   AtomicFile file(path);
   file.Write(content);
   file.Commit();
+}
+
+std::string PathInFolder(const std::string& folder, const std::string& name) {
+  const std::filesystem::path path(name);
+  const bool leads_out =
+      path.is_absolute() || std::any_of(path.begin(), path.end(),
+                                        [](const auto& part) { return part == ".."; });
+  if (leads_out) throw IoError(name, "the name leads out of the folder " + folder);
+  return (std::filesystem::path(folder) / path).string();
 }
 
 void CreateFolders(const std::string& path) {

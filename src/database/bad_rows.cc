@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "cairn/database/report_bad_rows.h"
+#include "cairn/scene/image_name.h"
 #include "cairn/report/stage.h"
 #include "database/sql.h"
 

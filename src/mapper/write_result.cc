@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // Everything that a run may write.
-const std::vector<std::string> kNames = {
+const std::vector<std::string> kResultNames = {
     "sparse",          "bundle.out",      "list.txt",    "points.ply",     "confidence.csv",
     "view_graph.json", "view_graph.dot",  "report.json", "effective.toml", "failed"};
 
@@ -65,12 +65,12 @@ void WriteModels(ReconstructResult& result, const fs::path& output) {
 }  // namespace
 
 void CheckReconstructOutput(const std::string& output_path, bool overwrites) {
-  const OutputFolder output(output_path, kNames, overwrites);
+  const OutputFolder output(output_path, kResultNames, overwrites);
 }
 
 std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
                                    const std::string& effective_toml, bool overwrites) {
-  OutputFolder output(output_path, kNames, overwrites);
+  OutputFolder output(output_path, kResultNames, overwrites);
   const bool keeps_earlier = result.models.empty() && output.Has("sparse/");
   const fs::path folder = keeps_earlier ? "failed" : "";
   const fs::path staging = output.staging() / folder;

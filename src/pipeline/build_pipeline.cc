@@ -157,7 +157,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   report.run.num_threads = run.num_threads;
   const Sources sources = FindSources(inputs);
   Database database = OpenDatabase(inputs);
-  ReportBadRows(database, report.run, monitor);
+  ReportBadRows(database, report.run, run.monitor);
   PrepareRecompute(database, std::string(NameOf(kBuildStages, inputs.recompute)),
                    sources.image_path);
   CheckStageOptions(database, options, run.seed);

@@ -6,11 +6,13 @@
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
 #include "cairn/base/timer.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/image/image_folder.h"
 #include "cairn/pipeline/stages.h"
+#include "cairn/scene/image_name.h"
 #include "pipeline/stages/camera_maker.h"
 #include "pipeline/stages/stage_ledger.h"
 
@@ -90,7 +92,7 @@ void HashPhotos(const std::string& image_path, const RunContext& run, std::vecto
   ParallelFor(run.num_threads, static_cast<int64_t>(photos.size()), [&](int64_t i) {
     if (run.monitor.StopRequested()) return;
     KeepError(photos[i],
-              [&] { photos[i].file_hash = HashFile(fs::path(image_path) / photos[i].name); });
+              [&] { photos[i].file_hash = HashFile(PathInFolder(image_path, photos[i].name)); });
     run.monitor.Advance(1);
   });
 }
@@ -258,9 +260,9 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   if (photos.empty() && images.empty()) {
     throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
   }
-  if (!image_path.empty() && !selection) {
+  if (!image_path.empty() && !source.selection) {
     report.messages = RemarksOnFolder(database, image_path, photos, images);
-    for (const std::string& remark : report.messages) monitor.Warning(remark);
+    for (const std::string& remark : report.messages) run.monitor.Warning(remark);
   }
   const size_t num_remarks = report.messages.size();
   const size_t num_photos = photos.size();

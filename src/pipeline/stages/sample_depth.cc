@@ -10,6 +10,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
 #include "cairn/base/timer.h"
 #include "cairn/database/stage_names.h"
 #include "cairn/depth/depth_map.h"
@@ -62,6 +63,23 @@ uint64_t InputHash(const Database& database, const DepthItem& item, uint64_t sou
   return hasher.Add(item.size.width).Add(item.size.height).Digest();
 }
 
+// The map, or the photograph for the network; or why there is none.
+void FindFile(const std::string& image_path, const DepthSource& source, DepthItem& item) {
+  try {
+    if (!source.depth_path.empty()) {
+      item.path = FindDepthMap(source.depth_path, item.image.name).value_or("");
+      if (item.path.empty()) item.error = "no depth map";
+    } else {
+      item.path = PathInFolder(image_path, item.image.name);
+      if (fs::exists(item.path)) return;
+      item.path.clear();
+      item.error = "no photograph";
+    }
+  } catch (const IoError& error) {
+    item.error = error.reason();
+  }
+}
+
 std::vector<DepthItem> ListImagesWithKeypoints(const Database& database,
                                                const std::string& image_path,
                                                const DepthSource& source) {
@@ -79,16 +97,7 @@ std::vector<DepthItem> ListImagesWithKeypoints(const Database& database,
     DepthItem item;
     item.image = image;
     item.size = sizes[image.camera_id];
-    if (!source.depth_path.empty()) {
-      item.path = FindDepthMap(source.depth_path, image.name).value_or("");
-      if (item.path.empty()) item.error = "no depth map";
-    } else {
-      item.path = fs::path(image_path) / image.name;
-      if (!fs::exists(item.path)) {
-        item.path.clear();
-        item.error = "no photograph";
-      }
-    }
+    FindFile(image_path, source, item);
     items.push_back(std::move(item));
   }
   return items;

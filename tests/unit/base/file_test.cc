@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "cairn/base/error.h"
+#include "cairn/base/path_in_folder.h"
 #include "support/temp_folder.h"
 #include "support/thrown_message.h"
 #include "support/unprivileged.h"
@@ -47,6 +48,15 @@ TEST(File, PipesAndDevicesAreRefused) {
   WriteFileAtomically(folder / "a", "x");
   std::filesystem::create_symlink("a", folder / "link2");
   EXPECT_EQ(ReadFile(folder / "link2"), "x");
+}
+
+TEST(File, NamesDoNotLeadOutOfTheirFolder) {
+  EXPECT_EQ(PathInFolder("a", "b/c.jpg"), "a/b/c.jpg");
+  EXPECT_EQ(PathInFolder("a", "..b/c..jpg"), "a/..b/c..jpg");
+  for (const std::string name : {"/etc/passwd", "../c.jpg", "b/../../c.jpg", "b/.."}) {
+    EXPECT_THAT(ThrownMessage<IoError>([&] { PathInFolder("a", name); }),
+                HasSubstr(name + ": the name leads out of the folder a"));
+  }
 }
 
 TEST(File, AsManyBytesAsAreWanted) {

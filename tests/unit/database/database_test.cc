@@ -185,6 +185,7 @@ TEST_F(DatabaseTest, KeypointsWithTwoOrFourColumnsBecomeFrames) {
 
 TEST_F(DatabaseTest, PairsRoundTripToTheBit) {
   Database database(":memory:");
+  WriteImages(database, 9);
   const image_pair_t pair = ImagePairToPairId(3, 2);
   const FeatureMatches matches = {{0, 1}, {7, 4000000000u}};
   database.WriteMatches(pair, matches);
