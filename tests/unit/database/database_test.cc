@@ -239,6 +239,7 @@ TEST_F(DatabaseTest, ColmapsStandInsForAnUnknownPoseAreNoPose) {
 
 TEST_F(DatabaseTest, CairnTablesRoundTrip) {
   Database database(":memory:");
+  WriteImages(database, 2);
   PairMetrics metrics;
   metrics.pair_id = ImagePairToPairId(1, 2);
   metrics.verifier = "one_ac_depth";
