@@ -49,7 +49,8 @@ static int Fails(const char* call, int* error) {
     int error = 0;                                                      \
     if (IsOfFolder(fd) && Fails(#name, &error)) {                       \
       if (error == 0 && count > 1) return REAL(name) half_arguments;    \
-      errno = error ? error : EINTR;                                    \
+      if (error == 0) return REAL(name) arguments;                      \
+      errno = error;                                                    \
       return -1;                                                        \
     }                                                                   \
     return REAL(name) arguments;                                        \

@@ -58,7 +58,8 @@ void InspectDatabase(const InspectFlags& flags, ViewGraphBuilderOptions options)
   }
   if (HasImportedEdges(database)) options.min_num_inliers = 0;
   const auto [graph, report] = BuildViewGraph(
-      image_ids, ReadViewEdges(database, [&](const std::string& m) { monitor.Warning(m); }), options);
+      image_ids, ReadViewEdges(database, [&](const std::string& m) { monitor.Warning(m); }),
+      options);
   std::fputs(DescribeViewGraph(graph, report).c_str(), stdout);
   if (!flags.graph_json.empty()) {
     WriteFileAtomically(flags.graph_json, ViewGraphToJson(graph, names));

@@ -141,8 +141,9 @@ void WritePhotographs(const std::string& image_path, const std::string& output_p
   ParallelFor(num_threads, n, [&](int64_t i) {
     Entry& entry = (*entries)[i];
     try {
-      outcomes[i] = WritePhotograph(PathInFolder(image_path, entry.image.name),
-                                    PathInFolder(output_path + "/images", entry.image.name), &entry);
+      outcomes[i] =
+          WritePhotograph(PathInFolder(image_path, entry.image.name),
+                          PathInFolder(output_path + "/images", entry.image.name), &entry);
     } catch (const IoError& error) {
       errors[i] = error.what();
     }

@@ -50,8 +50,8 @@ int Run(const Command& command, State& state) {
   const Database database(flags.database_path, Database::Mode::kReadOnly);
   ReconstructResult result =
       Reconstruct(database, flags.image_path, settings, flags.run.Run(monitor));
-  const std::string report_path = WriteReconstructResult(result, flags.output_path,
-                                                         command.EffectiveToml(), flags.overwrite);
+  const std::string report_path =
+      WriteReconstructResult(result, flags.output_path, command.EffectiveToml(), flags.overwrite);
   spdlog::info("stages:\n{}", Summary(result.report));
   if (!result.report.Succeeded()) {
     spdlog::error("{}", result.report.failure);

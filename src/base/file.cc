@@ -120,8 +120,8 @@ void WriteFileAtomically(const std::string& path, std::string_view content) {
 std::string PathInFolder(const std::string& folder, const std::string& name) {
   const std::filesystem::path path(name);
   const bool leads_out =
-      path.is_absolute() || std::any_of(path.begin(), path.end(),
-                                        [](const auto& part) { return part == ".."; });
+      path.is_absolute() ||
+      std::any_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
   if (leads_out) throw IoError(name, "the name leads out of the folder " + folder);
   return (std::filesystem::path(folder) / path).string();
 }

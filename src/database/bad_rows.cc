@@ -4,8 +4,8 @@
 #include <cstring>
 
 #include "cairn/database/report_bad_rows.h"
-#include "cairn/scene/image_name.h"
 #include "cairn/report/stage.h"
+#include "cairn/scene/image_name.h"
 #include "database/sql.h"
 
 namespace cairn {
@@ -25,9 +25,8 @@ constexpr Table kPairTables[] = {
     {"matches", CAIRN_SQL_BAD_PAIRS("matches"), false},
     {"two_view_geometries", CAIRN_SQL_BAD_PAIRS("two_view_geometries"), false},
     {"cairn_pair_metrics", CAIRN_SQL_BAD_PAIRS("cairn_pair_metrics"), true}};
-constexpr Table kImageTables[] = {
-    {"keypoints", CAIRN_SQL_BAD_IMAGE_ROWS("keypoints"), false},
-    {"descriptors", CAIRN_SQL_BAD_IMAGE_ROWS("descriptors"), false}};
+constexpr Table kImageTables[] = {{"keypoints", CAIRN_SQL_BAD_IMAGE_ROWS("keypoints"), false},
+                                  {"descriptors", CAIRN_SQL_BAD_IMAGE_ROWS("descriptors"), false}};
 
 // Why the row of a pair cannot be used.
 std::string ReasonAgainstPair(int64_t pair_id) {
@@ -55,12 +54,13 @@ CameraRow ReadCameraRow(const Query& query) {
   CameraRow row;
   Camera& camera = row.camera;
   camera.camera_id = static_cast<camera_t>(query.Int(0));
-  const std::optional<CameraModel> model =
-      query.Int(1) == static_cast<int>(query.Int(1))
-          ? CameraModelFromId(static_cast<int>(query.Int(1)))
-          : std::nullopt;
+  const std::optional<CameraModel> model = query.Int(1) == static_cast<int>(query.Int(1))
+                                               ? CameraModelFromId(static_cast<int>(query.Int(1)))
+                                               : std::nullopt;
   row.is_known_model = model.has_value();
-  const auto is_int = [&](int column) { return query.Int(column) == static_cast<int>(query.Int(column)); };
+  const auto is_int = [&](int column) {
+    return query.Int(column) == static_cast<int>(query.Int(column));
+  };
   if (query.Int(0) < 0 || query.Int(0) >= kInvalidCameraId) row.bad = "the id is out of range";
   if (!model || !row.bad.empty()) return row;
   if (!is_int(2) || !is_int(3)) {

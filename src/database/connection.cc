@@ -117,7 +117,8 @@ void CheckColmapTables(Database::Impl& impl) {
     }
     for (const char* column : columns) {
       if (column == nullptr || ColumnExists(impl, table, column)) continue;
-      throw IoError(impl.path, refusal + "its table '" + table + "' has no column '" + column + "'");
+      throw IoError(impl.path,
+                    refusal + "its table '" + table + "' has no column '" + column + "'");
     }
   }
 }
@@ -154,9 +155,9 @@ void ViewOldTables(Database::Impl& impl) {
     const bool is_missing = std::find(missing.begin(), missing.end(), column) != missing.end();
     columns += std::string(is_missing ? ", NULL AS " : ", ") + column;
   }
-  impl.Execute(("CREATE TEMP VIEW two_view_geometries AS SELECT " + columns + " FROM main." +
-                table + ";")
-                   .c_str());
+  impl.Execute(
+      ("CREATE TEMP VIEW two_view_geometries AS SELECT " + columns + " FROM main." + table + ";")
+          .c_str());
 }
 
 }  // namespace
@@ -167,7 +168,7 @@ std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database
   Open(*impl, mode);
   const bool is_read_only = mode == Database::Mode::kReadOnly;
   const bool is_empty = !Query(*impl, sql::kAnyTableExists).Step();  // The first look at the file.
-  if (is_read_only || !is_empty) CheckColmapTables(*impl);  // Before anything is changed.
+  if (is_read_only || !is_empty) CheckColmapTables(*impl);           // Before anything is changed.
   impl->Execute("PRAGMA temp_store = MEMORY;");
   if (!is_read_only) {
     impl->Execute("PRAGMA journal_mode = WAL;");

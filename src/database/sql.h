@@ -85,9 +85,9 @@ inline constexpr const char* kCreateUsableImages =
     "AND length(CAST(name AS BLOB)) > 0 AND instr(CAST(name AS BLOB), x'0A') = 0 "
     "AND instr(CAST(name AS BLOB), x'0D') = 0 AND instr(CAST(name AS BLOB), x'00') = 0;";
 #define CAIRN_SQL_USABLE_IMAGE "(image_id IN (SELECT image_id FROM usable_images))"
-#define CAIRN_SQL_USABLE_PAIR                                             \
-  "(pair_id >= 0 AND pair_id / 2147483647 < pair_id % 2147483647 "        \
-  "AND pair_id / 2147483647 IN (SELECT image_id FROM usable_images) "     \
+#define CAIRN_SQL_USABLE_PAIR                                         \
+  "(pair_id >= 0 AND pair_id / 2147483647 < pair_id % 2147483647 "    \
+  "AND pair_id / 2147483647 IN (SELECT image_id FROM usable_images) " \
   "AND pair_id % 2147483647 IN (SELECT image_id FROM usable_images))"
 inline constexpr const char* kReadBadImages =
     "SELECT image_id, name, camera_id FROM images WHERE NOT " CAIRN_SQL_USABLE_IMAGE
@@ -155,8 +155,10 @@ inline constexpr const char* kWriteDepthSamples =
     "VALUES(?1, 0, ?2, ?3, ?4, ?5);";
 inline constexpr const char* kDeleteDepthSamples =
     "DELETE FROM cairn_depth_scales WHERE image_id = ?1;";
-inline constexpr const char* kReadNumKeypoints = "SELECT image_id, rows FROM keypoints WHERE " CAIRN_SQL_USABLE_IMAGE ";";
-inline constexpr const char* kReadNumDescriptors = "SELECT image_id, rows FROM descriptors WHERE " CAIRN_SQL_USABLE_IMAGE ";";
+inline constexpr const char* kReadNumKeypoints =
+    "SELECT image_id, rows FROM keypoints WHERE " CAIRN_SQL_USABLE_IMAGE ";";
+inline constexpr const char* kReadNumDescriptors =
+    "SELECT image_id, rows FROM descriptors WHERE " CAIRN_SQL_USABLE_IMAGE ";";
 inline constexpr const char* kReadNumDepthSamples =
     "SELECT image_id, rows FROM cairn_depth_scales WHERE scale = 0 AND " CAIRN_SQL_USABLE_IMAGE ";";
 

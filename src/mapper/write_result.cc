@@ -18,8 +18,8 @@ namespace fs = std::filesystem;
 
 // Everything that a run may write.
 const std::vector<std::string> kResultNames = {
-    "sparse",          "bundle.out",      "list.txt",    "points.ply",     "confidence.csv",
-    "view_graph.json", "view_graph.dot",  "report.json", "effective.toml", "failed"};
+    "sparse",          "bundle.out",     "list.txt",    "points.ply",     "confidence.csv",
+    "view_graph.json", "view_graph.dot", "report.json", "effective.toml", "failed"};
 
 // One line an image: what holds its pose.
 std::string ConfidenceCsv(const ReconstructResult& result) {

@@ -64,9 +64,9 @@ TEST(Hostile, APipeIsNoPhotograph) {
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_THAT(result.output, HasSubstr("pipe.jpg: is a pipe or a device, not a file; skipped"));
   for (const std::string flag : {"--config", "--pairs_path", "--database_path"}) {
-    const ProgramResult refused = RunProgram(
-        "build_view_graph", {"--database_path", scene.database(), flag, scene / "pipe"},
-        kMaxSeconds);
+    const ProgramResult refused =
+        RunProgram("build_view_graph", {"--database_path", scene.database(), flag, scene / "pipe"},
+                   kMaxSeconds);
     EXPECT_EQ(refused.exit_code, 3) << flag << refused.output;
     EXPECT_THAT(refused.output, HasSubstr("is a pipe or a device")) << flag;
   }
@@ -97,10 +97,10 @@ TEST(Hostile, ASignalEndsEveryStage) {
 TEST(Hostile, TooLittleMemoryIsAnErrorOfTheEnvironment) {
   const SceneFiles scene;
   int num_short = 0;
-  for (int limit_mib = 200; limit_mib <= 560; limit_mib += 24) {
+  for (int limit_mib = 200; limit_mib <= 560; limit_mib += 40) {
     const std::string prefix = "ulimit -v " + std::to_string(1024 * limit_mib) + "; exec \"$@\"";
     const std::string output = scene / ("out" + std::to_string(limit_mib));
-    const std::string threads = limit_mib / 24 % 2 == 0 ? "1" : "2";
+    const std::string threads = limit_mib / 40 % 2 == 0 ? "1" : "2";
     for (const std::vector<std::string>& command :
          {std::vector<std::string>{Program("global_sfm"), "reconstruct", "--database_path",
                                    scene.database(), "--output_path", output, "--num_threads",
@@ -121,7 +121,8 @@ TEST(Hostile, TooLittleMemoryIsAnErrorOfTheEnvironment) {
 
 // Rows that no COLMAP writes: named and left out.
 TEST(Hostile, BadRowsAreNamedAndLeftOut) {
-  const std::string pose = " WHERE pair_id = (SELECT MIN(pair_id) FROM two_view_geometries WHERE rows > 0)";
+  const std::string pose =
+      " WHERE pair_id = (SELECT MIN(pair_id) FROM two_view_geometries WHERE rows > 0)";
   const std::string base = "2147483647";
   struct Case {
     std::string sql, reason;
@@ -137,13 +138,12 @@ TEST(Hostile, BadRowsAreNamedAndLeftOut) {
                 "the id is negative"},
            Case{"UPDATE two_view_geometries SET pair_id = 9223372036854775807" + pose,
                 "the larger image id is first"},
-           Case{"UPDATE two_view_geometries SET qvec = x'" + std::string(4, '0') +
-                    "00000000F87F" + std::string(52 - 4 - 12 + 12, '0') + "'" + pose,
+           Case{"UPDATE two_view_geometries SET qvec = x'" + std::string(4, '0') + "00000000F87F" +
+                    std::string(52 - 4 - 12 + 12, '0') + "'" + pose,
                 "qvec"},
            Case{"UPDATE cameras SET params = zeroblob(length(params))", "focal length"},
            Case{"UPDATE images SET name = '' WHERE image_id = 2", "the name is empty"},
-           Case{"UPDATE images SET name = 'a' || char(10) || 'b' WHERE image_id = 2",
-                "line break"},
+           Case{"UPDATE images SET name = 'a' || char(10) || 'b' WHERE image_id = 2", "line break"},
        }) {
     const SceneFiles scene;
     Sql(scene.database(), "PRAGMA foreign_keys = OFF; " + c.sql);
@@ -152,7 +152,12 @@ TEST(Hostile, BadRowsAreNamedAndLeftOut) {
           RunProgram("global_sfm", {"inspect", "--database_path", scene.database()}, kMaxSeconds),
           RunProgram("build_view_graph", {"--database_path", scene.database()}, kMaxSeconds)}) {
       EXPECT_THAT(result.exit_code, AnyOf(0, 1, 2)) << c.sql << result.output;
-      if (c.reason != "qvec") EXPECT_THAT(result.output, HasSubstr(c.reason)) << c.sql;
+      // Verification does not read poses that are there.
+      const bool reads_it =
+          c.reason != "qvec" || result.output.find("verified  ") == std::string::npos;
+      if (reads_it) {
+        EXPECT_THAT(result.output, HasSubstr(c.reason)) << c.sql;
+      }
     }
   }
 }
@@ -190,8 +195,8 @@ TEST(Hostile, AFailedRunLeavesTheModelOfTheLast) {
   EXPECT_EQ(Reconstruct(scene.database(), scene / "out").exit_code, 0);
   const std::string images = ReadFile(scene / "out/sparse/0/images.bin");
   const std::string report = ReadFile(scene / "out/report.json");
-  const ProgramResult failed = Reconstruct(scene.database(), scene / "out",
-                                           {"--view_graph.min_num_inliers", "100000"});
+  const ProgramResult failed =
+      Reconstruct(scene.database(), scene / "out", {"--view_graph.min_num_inliers", "100000"});
   EXPECT_EQ(failed.exit_code, 1) << failed.output;
   EXPECT_THAT(failed.output, HasSubstr("out/failed/report.json"));
   EXPECT_EQ(ReadFile(scene / "out/sparse/0/images.bin"), images);
@@ -205,8 +210,12 @@ TEST(Hostile, BundlerGetsItsSizesFromThePhotographs) {
   const std::string model = scene / "out";
   ASSERT_EQ(Reconstruct(scene.database(), model).exit_code, 0);
   const auto export_to = [&](const std::string& type, std::vector<std::string> others) {
-    std::vector<std::string> arguments = {"export",         "--model_path",  model + "/bundle.out",
-                                          "--output_path",  scene / type,    "--output_type",
+    std::vector<std::string> arguments = {"export",
+                                          "--model_path",
+                                          model + "/bundle.out",
+                                          "--output_path",
+                                          scene / type,
+                                          "--output_type",
                                           type};
     arguments.insert(arguments.end(), others.begin(), others.end());
     return RunProgram("global_sfm", arguments, kMaxSeconds);
@@ -217,9 +226,9 @@ TEST(Hostile, BundlerGetsItsSizesFromThePhotographs) {
     EXPECT_THAT(refused.output, HasSubstr("image_path: the model has no image sizes"));
     EXPECT_EQ(export_to(type, {"--image_path", scene.images()}).exit_code, 0);
   }
-  const ProgramResult same =
-      RunProgram("global_sfm", {"evaluate", "--model_path", scene / "colmap_bin",
-                                "--reference_path", model + "/sparse/0"});
+  const ProgramResult same = RunProgram(
+      "global_sfm",
+      {"evaluate", "--model_path", scene / "colmap_bin", "--reference_path", model + "/sparse/0"});
   EXPECT_EQ(same.exit_code, 0) << same.output;
 }
 

@@ -14,8 +14,8 @@ namespace cairn {
 // A pair without a stored pose (COLMAP up to 3.13 stores none) gets it from its E, or its F and the
 // cameras, by the cheirality of its inliers. Panoramic pairs have a rotation alone. Pairs without a
 // pose, or of other kinds (watermark, ...), come with the removal reason kNoPose. Edges imported
-// from a 1DSfM data set without keypoints have 0 inliers (see HasImportedEdges). Rows that cannot be
-// used are left out, and `warn` names them. Throws IoError where the database cannot be read.
+// from a 1DSfM data set without keypoints have 0 inliers (see HasImportedEdges). Rows that cannot
+// be used are left out, and `warn` names them. Throws IoError where the database cannot be read.
 std::vector<ViewEdge> ReadViewEdges(
     const Database& database,
     const std::function<void(const std::string&)>& warn = [](const std::string&) {});

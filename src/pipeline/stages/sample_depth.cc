@@ -162,8 +162,8 @@ class MapMaker {
   std::vector<std::unique_ptr<DepthNetwork>> networks_;
 };
 
-// Throws IoError for a map that cannot be the image's. Maps may be smaller, or stretched, but turned
-// by a right angle they are of another image, or in the wrong order.
+// Throws IoError for a map that cannot be the image's. Maps may be smaller, or stretched, but
+// turned by a right angle they are of another image, or in the wrong order.
 void CheckShape(const DepthItem& item, const DepthMap& map) {
   constexpr double kMaxStretch = 1.1;  // of networks whose sides are multiples of 32
   const std::string text = std::to_string(map.width) + " x " + std::to_string(map.height);

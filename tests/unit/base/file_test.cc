@@ -43,7 +43,8 @@ TEST(File, PipesAndDevicesAreRefused) {
   ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
   std::filesystem::create_symlink("pipe", folder / "link");
   for (const std::string& path : {folder / "pipe", folder / "link", std::string("/dev/zero")}) {
-    EXPECT_THAT(ThrownMessage<IoError>([&] { ReadFile(path); }), HasSubstr("is a pipe or a device"));
+    EXPECT_THAT(ThrownMessage<IoError>([&] { ReadFile(path); }),
+                HasSubstr("is a pipe or a device"));
   }
   WriteFileAtomically(folder / "a", "x");
   std::filesystem::create_symlink("a", folder / "link2");

@@ -68,7 +68,9 @@ TEST_F(OutputFolderTest, NothingChangesWithoutCommit) {
 TEST_F(OutputFolderTest, FilesOfOthersAreNotTouched) {
   CreateFolders(At("sparse/0"));
   WriteFileAtomically(At("sparse/0/a"), "COLMAP's");
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Run({{"report", "1"}}); }),
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] {
+                Run({{"report", "1"}});
+              }),
               HasSubstr(At("sparse/0/a") + " is not as cairn wrote it"));
   EXPECT_EQ(Content("sparse/0/a"), "COLMAP's");
   EXPECT_EQ(NumEntries(), 1);
@@ -77,7 +79,9 @@ TEST_F(OutputFolderTest, FilesOfOthersAreNotTouched) {
   // Ours, until somebody changes it.
   Run({{"sparse/1/a", "2"}});
   WriteFileAtomically(At("sparse/1/a"), "refined");
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Run({{"sparse/1/a", "3"}}); }),
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] {
+                Run({{"sparse/1/a", "3"}});
+              }),
               HasSubstr("--overwrite"));
   // A link is never ours: what it leads to may be anywhere.
   fs::remove(At("sparse/1/a"));

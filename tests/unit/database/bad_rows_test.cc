@@ -57,10 +57,10 @@ TEST_F(BadRowsTest, PairsThatAreNone) {
       Sql("UPDATE " + table + " SET pair_id = " + pair_id + where);
     }
     const Database database(Path(), Database::Mode::kReadOnly);
-    EXPECT_THAT(database.FindBadRows(),
-                ElementsAre(::testing::AllOf(HasSubstr("matches of pair"), HasSubstr(reason)),
-                            ::testing::AllOf(HasSubstr("two_view_geometries of pair"),
-                                             HasSubstr(reason))));
+    EXPECT_THAT(
+        database.FindBadRows(),
+        ElementsAre(::testing::AllOf(HasSubstr("matches of pair"), HasSubstr(reason)),
+                    ::testing::AllOf(HasSubstr("two_view_geometries of pair"), HasSubstr(reason))));
     EXPECT_THAT(database.ReadMatchedPairIds(), ElementsAre(ImagePairToPairId(1, 2)));
     EXPECT_THAT(database.ReadTwoViewGeometryPairIds(), ElementsAre(ImagePairToPairId(1, 2)));
     Sql("UPDATE matches SET pair_id = 2 * 2147483647 + 3 WHERE pair_id <> 2147483649");
@@ -130,20 +130,19 @@ TEST_F(BadRowsTest, OldVersionsOfColmap) {
   const auto make_old = [&](const std::string& name, const std::string& changes) {
     fs::copy_file(Path(), Path(name), fs::copy_options::overwrite_existing);
     Execute(Path(name),
-           "DROP TABLE cairn_depth_scales; DROP TABLE cairn_pair_metrics; DROP TABLE "
-           "cairn_focal_evidence; DROP TABLE cairn_camera_focals; DROP TABLE cairn_camera_lenses; "
-           "DROP TABLE cairn_photos; DROP TABLE cairn_jobs; DROP TABLE cairn_stages; DROP TABLE "
-           "cairn_timings;" +
-               changes);
+            "DROP TABLE cairn_depth_scales; DROP TABLE cairn_pair_metrics; DROP TABLE "
+            "cairn_focal_evidence; DROP TABLE cairn_camera_focals; DROP TABLE cairn_camera_lenses; "
+            "DROP TABLE cairn_photos; DROP TABLE cairn_jobs; DROP TABLE cairn_stages; DROP TABLE "
+            "cairn_timings;" +
+                changes);
   };
   const std::string no_pose =
       "ALTER TABLE two_view_geometries DROP COLUMN qvec; "
       "ALTER TABLE two_view_geometries DROP COLUMN tvec;";
-  const std::string no_matrix =
-      no_pose +
-      "ALTER TABLE two_view_geometries DROP COLUMN F; "
-      "ALTER TABLE two_view_geometries DROP COLUMN E; "
-      "ALTER TABLE two_view_geometries DROP COLUMN H;";
+  const std::string no_matrix = no_pose +
+                                "ALTER TABLE two_view_geometries DROP COLUMN F; "
+                                "ALTER TABLE two_view_geometries DROP COLUMN E; "
+                                "ALTER TABLE two_view_geometries DROP COLUMN H;";
   make_old("3.5.db", no_pose);
   make_old("3.3.db", no_matrix);
   make_old("2.db", no_matrix + "ALTER TABLE two_view_geometries RENAME TO inlier_matches;");
@@ -170,10 +169,10 @@ TEST_F(BadRowsTest, OldVersionsOfColmap) {
 // Nothing is written to a file that is refused.
 TEST_F(BadRowsTest, ARefusedFileStaysAsItIs) {
   Execute(Path("other.db"),
-         "CREATE TABLE cameras(camera_id, model, width, height, params, prior_focal_length); "
-         "CREATE TABLE images(image_id, name); CREATE TABLE keypoints(image_id); "
-         "CREATE TABLE descriptors(image_id); CREATE TABLE matches(pair_id); "
-         "CREATE TABLE two_view_geometries(pair_id)");
+          "CREATE TABLE cameras(camera_id, model, width, height, params, prior_focal_length); "
+          "CREATE TABLE images(image_id, name); CREATE TABLE keypoints(image_id); "
+          "CREATE TABLE descriptors(image_id); CREATE TABLE matches(pair_id); "
+          "CREATE TABLE two_view_geometries(pair_id)");
   const std::string before = ReadFile(Path("other.db"));
   EXPECT_THAT(ThrownMessage<IoError>([&] { Database database(Path("other.db")); }),
               HasSubstr("its table 'images' has no column 'camera_id'"));

@@ -163,7 +163,7 @@ TEST_F(StagesTest, DepthMapsOfAnotherShapeAreRefused) {
   TestMonitor monitor;
   Depth(monitor);
   EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("it is transposed; it has no depth"),
-                                           HasSubstr("a map of 1 x 1 values has no gradient")));
+                                              HasSubstr("a map of 1 x 1 values has no gradient")));
   EXPECT_EQ(database_.ReadNumDepthSamples().size(), 2u);
 }
 
