@@ -136,11 +136,17 @@ std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) 
 std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
   std::vector<std::string> options;
   if (!std::filesystem::exists(inputs.database_path)) return options;
-  const Database database(inputs.database_path, Database::Mode::kReadOnly);
+  std::optional<Database> database;
+  try {
+    database.emplace(inputs.database_path, Database::Mode::kReadOnly);
+  } catch (const IoError&) {
+    // Empty, since it was interrupted when it was made; or else RunBuildPipeline says what it is.
+    return options;
+  }
   const std::string recompute(NameOf(kBuildStages, inputs.recompute));
   for (const std::string& stage :
        {kStageCameras, kStageFeatures, kStageDepth, kStageMatching, kStageVerification}) {
-    const std::optional<StageRecord> record = database.ReadStage(stage);
+    const std::optional<StageRecord> record = database->ReadStage(stage);
     if (record && !ForgetsStage(recompute, stage)) options.push_back(record->options);
   }
   return options;

@@ -172,6 +172,14 @@ TEST(Hostile, VerifiedMatchesOfKeypointsThatAreNotThere) {
   EXPECT_THAT(result.output, HasSubstr("refer to keypoints that are not there; the pair is left"));
 }
 
+// A run that was interrupted when it made the file.
+TEST(Hostile, AnEmptyDatabaseIsFilled) {
+  const SceneFiles scene;
+  Sql(scene / "new.db", "CREATE TABLE x(y); DROP TABLE x;");
+  const ProgramResult result = scene.BuildViewGraph(scene / "new.db", {"--stop_after", "features"});
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+}
+
 TEST(Hostile, AWorkspaceOfColmapIsNotTouched) {
   const SceneFiles scene;
   const std::string workspace = scene / "workspace";
