@@ -39,6 +39,7 @@ class PairsCsv : public ::testing::Test {
     database_.WriteImage({1, "a.jpg", 1});
     database_.WriteImage({2, "b, \"2\".jpg", 1});
     database_.WriteImage({3, "c.jpg", 1});
+    for (image_t id = 1; id <= 3; ++id) database_.WriteKeypoints(id, std::vector<Keypoint>(3));
     const FeatureMatches matches(50, FeatureMatch{1, 2});
     for (const image_pair_t pair : {p12_, p13_, p23_}) database_.WriteMatches(pair, matches);
     database_.WritePairMetrics(Metrics(p12_, "five_point", 30, false));
