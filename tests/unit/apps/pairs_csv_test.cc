@@ -105,7 +105,7 @@ TEST_F(PairsCsv, TextIsWhatOthersExpect) {
 TEST_F(PairsCsv, DescriptionCountsWhatIsThere) {
   const std::string text = DescribeDatabase(database_);
   EXPECT_THAT(text, HasSubstr("images             3\n"));
-  EXPECT_THAT(text, HasSubstr("keypoints          none\n"));
+  EXPECT_THAT(text, HasSubstr("keypoints          9 in 3 of 3 images, 3 an image\n"));
   EXPECT_THAT(text, HasSubstr("matched pairs      3 of 3 tried, 150 matches\n"));
   EXPECT_THAT(text, HasSubstr("verified pairs     1 of 1 tried, 40 inliers\n"));
   EXPECT_THAT(text, HasSubstr("verifier five_point 2 pairs, 0 chosen: 1 no_model 1 verified\n"));
