@@ -136,6 +136,7 @@ TEST_F(ColmapFilesTest, ReadsFilesOfAllVersions) {
   const fs::path originals = testing::SharedDataPath("colmap_databases");
   if (!fs::exists(originals)) GTEST_SKIP() << originals << " is absent";
   for (const fs::directory_entry& original : fs::directory_iterator(originals)) {
+    if (original.path().extension() != ".db") continue;  // a log that a reader left
     const fs::path copy = folder_ / original.path().filename();
     fs::copy_file(original.path(), copy);
     fs::permissions(copy, fs::perms::owner_all);
