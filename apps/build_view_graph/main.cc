@@ -26,9 +26,7 @@ int Build(const BuildPipelineOptions& options, const RunFlags& flags,
   return kExitNoUsableResult;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   Program program(
       "build_view_graph",
       "Photographs to features, depth, matches and verified pairs, in one database that "
@@ -48,4 +46,10 @@ int main(int argc, char** argv) {
     return Build(options, flags, command.EffectiveToml());
   });
   return program.Run(argc, argv);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return RunMain([&] { return Main(argc, argv); });
 }

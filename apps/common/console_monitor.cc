@@ -2,11 +2,14 @@
 
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <csignal>
 #include <cstdio>
+
+#include "common/program.h"
 
 namespace cairn {
 namespace {
@@ -14,9 +17,22 @@ namespace {
 // Written by the signal handler, so it has to be reachable from a plain function.
 volatile std::sig_atomic_t stop_requested = 0;
 
+// A stage that takes longer to stop is ended: what is in the database is complete at any time, and
+// results are written as a whole or not at all.
+constexpr suseconds_t kMaxMicrosecondsToStop = 900'000;
+
 void HandleStop(int signal) {
   if (stop_requested) _exit(128 + signal);
   stop_requested = 1;
+  itimerval timer = {};
+  timer.it_value.tv_usec = kMaxMicrosecondsToStop;
+  setitimer(ITIMER_REAL, &timer, nullptr);
+}
+
+void HandleTimeIsUp(int) {
+  constexpr char kMessage[] = "error: stopped by the user; run again to continue\n";
+  [[maybe_unused]] const ssize_t ignored = write(STDERR_FILENO, kMessage, sizeof(kMessage) - 1);
+  _exit(kExitNoUsableResult);
 }
 
 }  // namespace
@@ -30,12 +46,13 @@ std::string FormatDuration(double seconds) {
 ConsoleMonitor::ConsoleMonitor() : is_terminal_(isatty(STDERR_FILENO) != 0) {
   std::signal(SIGINT, HandleStop);
   std::signal(SIGTERM, HandleStop);
+  std::signal(SIGALRM, HandleTimeIsUp);
 }
 
 ConsoleMonitor::~ConsoleMonitor() {
   ClearLine();
   std::signal(SIGINT, SIG_DFL);
-  std::signal(SIGTERM, SIG_DFL);
+  std::signal(SIGTERM, SIG_DFL);  // a timer that runs goes on: what follows is to end in time, too
 }
 
 void ConsoleMonitor::ClearLine() {

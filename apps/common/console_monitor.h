@@ -10,8 +10,8 @@ namespace cairn {
 
 // Shows progress, messages and warnings on the error stream: one line that is rewritten on a
 // terminal, a line now and then elsewhere, each with percent and time left. From construction on,
-// the first Ctrl-C (or SIGTERM) makes StopRequested true, the second ends the program at once. One
-// per program.
+// the first Ctrl-C (or SIGTERM) makes StopRequested true, and ends the program (exit code 1) if it
+// has not stopped within a second; the second ends it at once. One per program.
 class ConsoleMonitor : public ProgressMonitor {
  public:
   ConsoleMonitor();

@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdio>
-#include <fstream>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 
 namespace cairn {
 
@@ -135,7 +135,7 @@ class Binder : public OptionVisitor {
 
 // A TOML value as the text that a flag would have.
 std::string TomlText(const std::string& key, const toml::node& node) {
-  if (const auto* v = node.as_boolean()) return v->get() ? "1" : "0";
+  if (const auto* v = node.as_boolean()) return v->get() ? "true" : "false";
   if (const auto* v = node.as_integer()) return std::to_string(v->get());
   if (const auto* v = node.as_floating_point()) {
     char text[32];
@@ -212,9 +212,7 @@ void Command::Require(const std::string& key) const {
 void Command::ReadConfigFile(const std::string& path) {
   toml::table table;
   try {
-    std::ifstream file(path);
-    if (!file) throw IoError(path, "cannot be opened");
-    table = toml::parse(file, path);
+    table = toml::parse(ReadFile(path), path);
   } catch (const toml::parse_error& error) {
     throw ConfigError(path + ":" + std::to_string(error.source().begin.line),
                       std::string(error.description()));
@@ -341,14 +339,6 @@ int Program::Run(int argc, char** argv) {
     return app_.exit(request);
   } catch (const CLI::ParseError& error) {
     return Fail(DescribeParseError(app_, error), kExitUsage);
-  } catch (const ConfigError& error) {
-    return Fail(error.what(), kExitUsage);
-  } catch (const IoError& error) {
-    return Fail(error.what(), kExitIo);
-  } catch (const std::bad_alloc&) {
-    return Fail("out of memory", kExitIo);
-  } catch (const std::exception& error) {
-    return Fail(std::string("internal error: ") + error.what(), kExitBug);
   }
 }
 

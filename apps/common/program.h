@@ -73,8 +73,13 @@ class Command {
   int exit_code_ = kExitSuccess;
 };
 
-// A command-line program: parses, runs one command, catches once, and turns errors into exit codes
-// and one clear line on the error stream.
+// What main returns: body's exit code, or that of the exception that it throws, with one clear line
+// on the error stream. Memory or threads that are not to be had are an error of the environment
+// (kExitIo) wherever they are missed: in any thread, in libraries that end the program themselves,
+// and before main, where OpenBLAS makes its threads.
+int RunMain(const std::function<int()>& body);
+
+// A command-line program: parses, and runs one command. For use within RunMain.
 class Program {
  public:
   Program(std::string name, const std::string& description);

@@ -8,6 +8,7 @@
 #include "cairn/io/transforms_json.h"
 #include "common/console_monitor.h"
 #include "global_sfm/commands.h"
+#include "global_sfm/image_sizes.h"
 #include "global_sfm/one_dsfm_export.h"
 
 namespace cairn {
@@ -37,7 +38,7 @@ struct ExportFlags {
              "frusta), transforms.json with points.ply, or a 1DSfM data set with photographs");
     v.String("image_path", image_path,
              "folder of the photographs, which nerfstudio's file refers to (default: images), and "
-             "1dsfm resamples");
+             "1dsfm resamples; a Bundler model gets its image sizes from them");
     v.String("database_path", database_path, "database of the model, whose pairs 1dsfm writes");
     v.Int("num_threads", num_threads, {0, 1024}, "threads that resample photographs; 0: all");
   }
@@ -88,8 +89,11 @@ void ExportOneDsfmDataset(const Reconstruction& reconstruction, const ExportFlag
 
 int Run(const ExportFlags& flags) {
   ConsoleMonitor monitor;
-  const Reconstruction reconstruction =
-      ReadModel(flags.model_path, {.list_path = flags.model_list});
+  Reconstruction reconstruction = ReadModel(flags.model_path, {.list_path = flags.model_list});
+  const bool needs_sizes = flags.output_type != "bundler" && flags.output_type != "ply";
+  if (needs_sizes || !flags.image_path.empty()) {
+    CompleteImageSizes(flags.image_path, reconstruction);
+  }
   if (flags.output_type == "1dsfm") {
     ExportOneDsfmDataset(reconstruction, flags, monitor);
   } else if (flags.output_type == "colmap_bin") {

@@ -2,6 +2,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/database/report_bad_rows.h"
 #include "cairn/io/model.h"
 #include "cairn/mapper/view_edges.h"
 #include "cairn/view_graph/view_graph_text.h"
@@ -43,6 +44,9 @@ void WritePairs(const Database& database, const InspectFlags& flags) {
 
 void InspectDatabase(const InspectFlags& flags, ViewGraphBuilderOptions options) {
   const Database database(flags.database_path, Database::Mode::kReadOnly);
+  ConsoleMonitor monitor;
+  RunReport rows;
+  ReportBadRows(database, rows, monitor);
   if (!flags.pairs_csv.empty()) WritePairs(database, flags);
   std::fputs(DescribeDatabase(database).c_str(), stdout);
 
@@ -52,7 +56,8 @@ void InspectDatabase(const InspectFlags& flags, ViewGraphBuilderOptions options)
     names[image.image_id] = image.name;
     image_ids.push_back(image.image_id);
   }
-  std::vector<ViewEdge> edges = ReadViewEdges(database);
+  std::vector<ViewEdge> edges =
+      ReadViewEdges(database, [&](const std::string& m) { monitor.Warning(m); });
   if (HasImportedEdges(edges)) options.min_num_inliers = 0;
   const auto [graph, report] = BuildViewGraph(image_ids, std::move(edges), options);
   std::fputs(DescribeViewGraph(graph, report).c_str(), stdout);

@@ -1,14 +1,16 @@
 #include "global_sfm/commands.h"
 
 int main(int argc, char** argv) {
-  cairn::Program program("global_sfm",
-                         "Global structure-from-motion on the view graph of a database.");
-  cairn::AddEvaluateCommand(program);
-  cairn::AddExportCommand(program);
-  cairn::AddInspectCommand(program);
-  cairn::AddReconstructCommand(program);
-  cairn::AddReportCommand(program);
-  cairn::AddRotationAveragingCommand(program);
-  cairn::AddSynthesizeCommand(program);
-  return program.Run(argc, argv);
+  return cairn::RunMain([&] {
+    cairn::Program program("global_sfm",
+                           "Global structure-from-motion on the view graph of a database.");
+    cairn::AddEvaluateCommand(program);
+    cairn::AddExportCommand(program);
+    cairn::AddInspectCommand(program);
+    cairn::AddReconstructCommand(program);
+    cairn::AddReportCommand(program);
+    cairn::AddRotationAveragingCommand(program);
+    cairn::AddSynthesizeCommand(program);
+    return program.Run(argc, argv);
+  });
 }

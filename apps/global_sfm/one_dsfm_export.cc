@@ -10,6 +10,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/image/exif.h"
 #include "cairn/image/resample.h"
@@ -140,8 +141,9 @@ void WritePhotographs(const std::string& image_path, const std::string& output_p
   ParallelFor(run.num_threads, n, [&](int64_t i) {
     Entry& entry = (*entries)[i];
     try {
-      outcomes[i] = WritePhotograph(image_path + "/" + entry.image.name,
-                                    output_path + "/images/" + entry.image.name, &entry);
+      outcomes[i] =
+          WritePhotograph(PathInFolder(image_path, entry.image.name),
+                          PathInFolder(output_path + "/images", entry.image.name), &entry);
     } catch (const IoError& error) {
       errors[i] = error.what();
     }

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <memory>
 
-#include "cairn/base/file.h"
 #include "cairn/report_page/report_page.h"
 #include "common/console_monitor.h"
 #include "common/run_flags.h"
@@ -74,17 +73,17 @@ int Run(const Command& command, State& state) {
   if (command.IsSet("refine_intrinsics")) settings.refine_intrinsics = flags.refine_intrinsics;
 
   // A folder that cannot or must not be written to is noticed before the work, not after it.
-  if (!flags.overwrite) CheckReconstructOutput(flags.output_path);
-  CreateFolders(flags.output_path);
-  WriteFileAtomically(flags.output_path + "/effective.toml", command.EffectiveToml());
+  CheckReconstructOutput(flags.output_path, flags.overwrite);
   ConsoleMonitor monitor;
   const Database database(flags.database_path, Database::Mode::kReadOnly);
   const RunContext run = flags.run.Run(monitor);
   ReconstructResult result = Reconstruct(database, flags.image_path, settings, run);
   if (flags.report) result.page = MakePage(database, flags, result, run);
-  WriteReconstructResult(result, flags.output_path, command.EffectiveToml());
+  const std::string report_path =
+      WriteReconstructResult(result, flags.output_path, command.EffectiveToml(), flags.overwrite);
   if (flags.verbose) std::fputs(Summary(result.report).c_str(), stdout);
-  std::fputs(DescribeResult(result, flags.output_path).c_str(), stdout);
+  const std::string folder = std::filesystem::path(report_path).parent_path().string();
+  std::fputs(DescribeResult(result, folder).c_str(), stdout);
   if (result.report.Succeeded()) return kExitSuccess;
   spdlog::error("{}", result.report.failure);
   return kExitNoUsableResult;

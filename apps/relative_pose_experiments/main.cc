@@ -4,8 +4,11 @@
 #include "common/program.h"
 #include "relative_pose_experiments/experiments.h"
 
-int main(int argc, char** argv) {
-  using namespace cairn;
+namespace {
+
+using namespace cairn;
+
+int Main(int argc, char** argv) {
   Program program("relative_pose_experiments",
                   "Recomputes the tables and figures of Eichhardt and Barath, ECCV 2020.");
   Command& command = program.MainCommand();
@@ -37,4 +40,10 @@ int main(int argc, char** argv) {
     return int{num_failed == 0 ? kExitSuccess : kExitNoUsableResult};
   });
   return program.Run(argc, argv);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return RunMain([&] { return Main(argc, argv); });
 }

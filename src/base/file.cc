@@ -1,23 +1,22 @@
 #include "cairn/base/file.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <memory>
 #include <system_error>
 
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
+#include "cairn/base/path_in_folder.h"
 
 namespace cairn {
 namespace {
-
-struct FileCloser {
-  void operator()(std::FILE* file) const { std::fclose(file); }
-};
 
 // Unique in this process; with the process id, unique in the folder.
 std::string TemporaryPath(const std::string& path) {
@@ -27,22 +26,53 @@ std::string TemporaryPath(const std::string& path) {
 
 }  // namespace
 
-std::string ReadFile(const std::string& path) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) throw IoError(path, "is a folder, not a file");
-  const std::unique_ptr<std::FILE, FileCloser> file(std::fopen(path.c_str(), "rb"));
-  if (!file) throw IoError(path, std::strerror(errno));
-  std::string content;
-  const uintmax_t size = std::filesystem::file_size(path, error);
+InputFile::InputFile(const std::string& path)
+    // Without O_NONBLOCK, opening a pipe waits for its writer.
+    : path_(path), descriptor_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)) {
+  if (descriptor_ < 0) throw IoError(path, std::strerror(errno));
+  struct stat status;
+  const char* reason = nullptr;
+  if (fstat(descriptor_, &status) != 0) {
+    reason = std::strerror(errno);
+  } else if (S_ISDIR(status.st_mode)) {
+    reason = "is a folder, not a file";
+  } else if (!S_ISREG(status.st_mode)) {
+    reason = "is a pipe or a device, not a file";
+  }
+  if (reason) {
+    close(descriptor_);
+    throw IoError(path, reason);
+  }
+  size_ = static_cast<size_t>(status.st_size);
+}
+
+InputFile::~InputFile() { close(descriptor_); }
+
+size_t InputFile::Read(char* data, size_t num_bytes) {
+  size_t used = 0;
+  while (used < num_bytes) {
+    const ssize_t count = read(descriptor_, data + used, num_bytes - used);
+    if (count == 0) break;
+    if (count > 0) {
+      used += static_cast<size_t>(count);
+    } else if (errno != EINTR) {
+      throw IoError(path_, std::strerror(errno));
+    }
+  }
+  return used;
+}
+
+std::string ReadFile(const std::string& path, size_t max_bytes) {
+  InputFile file(path);
   // One byte more, so that the end of the file is met without another read.
-  content.resize(error ? 65536 : static_cast<size_t>(size) + 1);
+  const size_t expected = file.size() > 0 ? file.size() + 1 : 65536;
+  std::string content(std::min(expected, max_bytes), '\0');
   size_t used = 0;
   while (true) {
-    used += std::fread(content.data() + used, 1, content.size() - used, file.get());
-    if (used < content.size()) break;
-    content.resize(2 * content.size());
+    used += file.Read(content.data() + used, content.size() - used);
+    if (used < content.size() || used == max_bytes) break;
+    content.resize(std::min(2 * content.size(), max_bytes));
   }
-  if (std::ferror(file.get())) throw IoError(path, std::strerror(errno));
   content.resize(used);
   return content;
 }
@@ -85,6 +115,15 @@ void WriteFileAtomically(const std::string& path, std::string_view content) {
   AtomicFile file(path);
   file.Write(content);
   file.Commit();
+}
+
+std::string PathInFolder(const std::string& folder, const std::string& name) {
+  const std::filesystem::path path(name);
+  const bool leads_out =
+      path.is_absolute() ||
+      std::any_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
+  if (leads_out) throw IoError(name, "the name leads out of the folder " + folder);
+  return (std::filesystem::path(folder) / path).string();
 }
 
 void CreateFolders(const std::string& path) {

@@ -3,10 +3,9 @@
 #include <xxhash.h>
 
 #include <cstdio>
-#include <fstream>
 #include <vector>
 
-#include "cairn/base/error.h"
+#include "cairn/base/file.h"
 
 namespace cairn {
 
@@ -36,15 +35,12 @@ std::string HashToHex(uint64_t hash) {
 }
 
 uint64_t HashFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw IoError(path, "cannot be opened");
+  InputFile file(path);
   Hasher hasher;
   std::vector<char> buffer(1 << 20);
-  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
-         file.gcount() > 0) {
-    hasher.AddBytes(buffer.data(), static_cast<size_t>(file.gcount()));
+  while (const size_t count = file.Read(buffer.data(), buffer.size())) {
+    hasher.AddBytes(buffer.data(), count);
   }
-  if (file.bad()) throw IoError(path, "cannot be read");
   return hasher.Digest();
 }
 

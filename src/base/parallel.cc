@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <exception>
+#include <latch>
 #include <mutex>
 #include <thread>
 #include <vector>
@@ -27,11 +28,35 @@ void RunWorkers(int num_workers, const Body& body) {
 #endif
 }
 
+// How many of so many threads there can be at once. The OpenMP runtime ends the program where it
+// cannot make a thread (too little memory, a limit of the system), so the first time that a number
+// is asked for, it is tried.
+int NumThreadsThatStart(int num_threads) {
+  static std::mutex mutex;
+  static int num_tried = 1, num_started = 1;
+  const std::lock_guard<std::mutex> lock(mutex);
+  if (num_threads > num_tried) {
+    std::latch end(1);
+    std::vector<std::thread> threads;
+    try {
+      while (static_cast<int>(threads.size()) + 1 < num_threads) {
+        threads.emplace_back([&end] { end.wait(); });
+      }
+    } catch (const std::exception&) {  // std::system_error or std::bad_alloc: these are all
+    }
+    end.count_down();
+    for (std::thread& thread : threads) thread.join();
+    num_tried = num_threads;
+    num_started = static_cast<int>(threads.size()) + 1;
+  }
+  return std::min(num_threads, num_started);
+}
+
 }  // namespace
 
 int EffectiveNumThreads(int num_threads) {
-  if (num_threads > 0) return num_threads;
-  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  if (num_threads <= 0) num_threads = static_cast<int>(std::thread::hardware_concurrency());
+  return NumThreadsThatStart(std::max(1, num_threads));
 }
 
 void ParallelForWorker(int num_threads, int64_t n, const std::function<void(int, int64_t)>& fn,

@@ -253,6 +253,10 @@ std::string Camera::Validate() const {
     if (!std::isfinite(p)) return "a parameter is not finite";
   }
   if (FocalX() <= 0 || FocalY() <= 0) return "the focal length must be positive";
+  // So that it and its square, and their inverses, are numbers in single precision.
+  for (const double focal : {FocalX(), FocalY()}) {
+    if (focal < 1e-15 || focal > 1e15) return "the focal length is no length in pixels";
+  }
   if (model == CameraModel::kEucm && !(params[5] > 0)) return "beta must be positive";
   return "";
 }

@@ -3,10 +3,15 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <filesystem>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "database/sql.h"
 
 namespace cairn {
@@ -15,8 +20,16 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kBusyTimeoutMs = 10000;
-constexpr std::array kColmapTables = {"cameras",     "images",  "keypoints",
-                                      "descriptors", "matches", "two_view_geometries"};
+// The columns that every version of COLMAP has.
+constexpr std::pair<const char*, std::array<const char*, 6>> kColmapTables[] = {
+    {"cameras", {"camera_id", "model", "width", "height", "params", "prior_focal_length"}},
+    {"images", {"image_id", "name", "camera_id"}},
+    {"keypoints", {"image_id", "rows", "cols", "data"}},
+    {"descriptors", {"image_id", "rows", "cols", "data"}},
+    {"matches", {"pair_id", "rows", "cols", "data"}},
+    {"two_view_geometries", {"pair_id", "rows", "cols", "data", "config"}}};
+// Those of two_view_geometries that came later.
+constexpr std::array kLaterColumns = {"F", "E", "H", "qvec", "tvec"};
 
 bool TableExists(Database::Impl& impl, const char* table) {
   return Query(impl, sql::kTableExists).Bind(1, std::string_view(table)).Step();
@@ -55,6 +68,7 @@ std::string FileUri(const std::string& path) {
 void Open(Database::Impl& impl, Database::Mode mode) {
   const bool in_memory = impl.path == ":memory:";
   if (!in_memory && fs::is_directory(impl.path)) throw IoError(impl.path, "is a folder");
+  if (!in_memory && fs::exists(impl.path)) InputFile{impl.path};  // throws where it is no file
   if (!in_memory && mode != Database::Mode::kCreateOrOpen && !fs::exists(impl.path)) {
     throw IoError(impl.path, "no such file");
   }
@@ -82,17 +96,68 @@ void CreateColmapTables(Database::Impl& impl) {
   impl.Execute(sql::kCommit);
 }
 
+bool ColumnExists(Database::Impl& impl, std::string_view table, std::string_view column) {
+  return Query(impl, sql::kColumnExists).Bind(1, table).Bind(2, column).Step();
+}
+
+// The table of two-view geometries, under the name that it has in this file.
+const char* GeometryTable(Database::Impl& impl) {
+  constexpr const char* kOldName = "inlier_matches";
+  constexpr const char* kName = "two_view_geometries";
+  return !TableExists(impl, kName) && TableExists(impl, kOldName) ? kOldName : kName;
+}
+
 void CheckColmapTables(Database::Impl& impl) {
-  for (const char* table : kColmapTables) {
-    if (!TableExists(impl, table)) {
+  for (const auto& [name, columns] : kColmapTables) {
+    const bool is_geometry = std::string_view(name) == "two_view_geometries";
+    const std::string table = is_geometry ? GeometryTable(impl) : name;
+    const std::string refusal = "is not a COLMAP database: ";
+    if (!TableExists(impl, table.c_str())) {
+      throw IoError(impl.path, refusal + "it has no table '" + table + "'");
+    }
+    for (const char* column : columns) {
+      if (column == nullptr || ColumnExists(impl, table, column)) continue;
       throw IoError(impl.path,
-                    std::string("is not a COLMAP database: it has no table '") + table + "'");
+                    refusal + "its table '" + table + "' has no column '" + column + "'");
     }
   }
 }
 
-bool ColumnExists(Database::Impl& impl, std::string_view table, std::string_view column) {
-  return Query(impl, sql::kColumnExists).Bind(1, table).Bind(2, column).Step();
+std::vector<std::string> MissingColumns(Database::Impl& impl, const char* table) {
+  std::vector<std::string> missing;
+  for (const char* column : kLaterColumns) {
+    if (!ColumnExists(impl, table, column)) missing.push_back(column);
+  }
+  return missing;
+}
+
+// A file of an old COLMAP gets the schema of 3.8, as COLMAP does it.
+void UpdateColmapTables(Database::Impl& impl) {
+  const char* const table = GeometryTable(impl);
+  const bool is_old_name = std::string_view(table) != "two_view_geometries";
+  const std::vector<std::string> missing = MissingColumns(impl, table);
+  if (!is_old_name && missing.empty()) return;
+  impl.Execute(sql::kBegin);
+  if (is_old_name) impl.Execute(sql::kRenameInlierMatches);
+  for (const std::string& column : missing) {
+    impl.Execute(("ALTER TABLE two_view_geometries ADD COLUMN " + column + " BLOB;").c_str());
+  }
+  impl.Execute(sql::kCommit);
+}
+
+// The same for reading alone: a view, which this connection sees in place of the table.
+void ViewOldTables(Database::Impl& impl) {
+  const std::string table = GeometryTable(impl);
+  const std::vector<std::string> missing = MissingColumns(impl, table.c_str());
+  if (table == "two_view_geometries" && missing.empty()) return;
+  std::string columns = "pair_id, rows, cols, data, config";
+  for (const char* column : kLaterColumns) {
+    const bool is_missing = std::find(missing.begin(), missing.end(), column) != missing.end();
+    columns += std::string(is_missing ? ", NULL AS " : ", ") + column;
+  }
+  impl.Execute(
+      ("CREATE TEMP VIEW two_view_geometries AS SELECT " + columns + " FROM main." + table + ";")
+          .c_str());
 }
 
 }  // namespace
@@ -101,16 +166,20 @@ std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database
   auto impl = std::make_unique<Database::Impl>();
   impl->path = path;
   Open(*impl, mode);
+  const bool is_read_only = mode == Database::Mode::kReadOnly;
   const bool is_empty = !Query(*impl, sql::kAnyTableExists).Step();  // The first look at the file.
-  if (mode != Database::Mode::kReadOnly) {
+  if (is_read_only || !is_empty) CheckColmapTables(*impl);           // Before anything is changed.
+  impl->Execute("PRAGMA temp_store = MEMORY;");
+  if (!is_read_only) {
     impl->Execute("PRAGMA journal_mode = WAL;");
     impl->Execute("PRAGMA synchronous = NORMAL;");
     impl->Execute("PRAGMA foreign_keys = ON;");
     if (is_empty) CreateColmapTables(*impl);
-    CheckColmapTables(*impl);
+    UpdateColmapTables(*impl);
     impl->Execute(sql::kCairnSchema);
   }
-  CheckColmapTables(*impl);
+  ViewOldTables(*impl);
+  impl->Execute(sql::kCreateUsableImages);
   impl->has_cairn_tables = TableExists(*impl, "cairn_stages");
   impl->has_depth_tables = TableExists(*impl, "cairn_depth_scales");
   impl->has_lens_table = TableExists(*impl, "cairn_camera_lenses");

@@ -1,10 +1,8 @@
 #include "cairn/database/database.h"
 
-#include <algorithm>
-#include <cstring>
-
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
+#include "database/bad_rows.h"
 #include "database/connection.h"
 #include "database/sql.h"
 
@@ -73,26 +71,8 @@ std::vector<Camera> Database::ReadCameras() const {
   std::vector<Camera> cameras;
   Query query(*impl_, sql::kReadCameras);
   while (query.Step()) {
-    Camera camera;
-    camera.camera_id = static_cast<camera_t>(query.Int(0));
-    const std::string row = "camera " + std::to_string(camera.camera_id);
-    const std::optional<CameraModel> model = CameraModelFromId(static_cast<int>(query.Int(1)));
-    if (!model) continue;
-    camera.model = *model;
-    camera.width = static_cast<int>(query.Int(2));
-    camera.height = static_cast<int>(query.Int(3));
-    const std::span<const std::byte> blob = query.Blob(4);
-    const size_t expected = CameraModelNumParams(*model) * sizeof(double);
-    if (blob.size() != expected) {
-      throw IoError(path(), row + ": its params blob has " + std::to_string(blob.size()) +
-                                " bytes, its model needs " + std::to_string(expected));
-    }
-    camera.params.resize(blob.size() / sizeof(double));
-    std::memcpy(camera.params.data(), blob.data(), blob.size());
-    camera.has_prior_focal_length = query.Int(5) != 0;
-    const std::string reason = camera.Validate();
-    if (!reason.empty()) throw IoError(path(), row + ": " + reason);
-    cameras.push_back(std::move(camera));
+    CameraRow row = ReadCameraRow(query);
+    if (row.is_known_model && row.bad.empty()) cameras.push_back(std::move(row.camera));
   }
   return cameras;
 }

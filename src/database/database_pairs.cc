@@ -1,7 +1,9 @@
+#include <cmath>
 #include <cstring>
 
 #include "cairn/base/error.h"
 #include "cairn/database/database.h"
+#include "database/bad_rows.h"
 #include "database/query.h"
 #include "database/sql.h"
 
@@ -11,9 +13,7 @@ namespace {
 using RowMajorMatrix3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 std::string RowName(const char* table, image_pair_t pair_id) {
-  const auto [id1, id2] = PairIdToImagePair(pair_id);
-  return std::string(table) + " of pair " + std::to_string(pair_id) + " (images " +
-         std::to_string(id1) + ", " + std::to_string(id2) + ")";
+  return PairRowName(table, static_cast<int64_t>(pair_id));
 }
 
 FeatureMatches MatchesFromBlob(const Database::Impl& impl, const Query& query,
@@ -43,6 +43,10 @@ bool ReadDoubles(const Database::Impl& impl, const Query& query, int column,
                                  std::to_string(blob.size()));
   }
   std::memcpy(values, blob.data(), sizeof(values));
+  for (const double value : values) {
+    if (std::isfinite(value)) continue;
+    throw IoError(impl.path, row_name + ": " + column_name + " has a value that is not finite");
+  }
   return true;
 }
 
@@ -57,6 +61,13 @@ std::optional<Eigen::Matrix3d> ReadMatrix3d(const Database::Impl& impl, const Qu
   return matrix;
 }
 
+// Can it be normalized, without overflow or loss of digits?
+template <class Vector>
+bool HasNorm(const Vector& vector) {
+  const double squared_norm = vector.squaredNorm();
+  return squared_norm > 1e-200 && squared_norm < 1e200;
+}
+
 std::optional<Rigid3d> ReadPose(const Database::Impl& impl, const Query& query, int qvec_column,
                                 const std::string& row_name) {
   double q[4];
@@ -65,7 +76,10 @@ std::optional<Rigid3d> ReadPose(const Database::Impl& impl, const Query& query, 
   if (!ReadDoubles(impl, query, qvec_column + 1, row_name, "tvec", t)) return std::nullopt;
   const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
   const Eigen::Vector3d translation(t[0], t[1], t[2]);
-  if (rotation.squaredNorm() == 0) return std::nullopt;
+  if (rotation.coeffs().isZero(0)) return std::nullopt;
+  if (!HasNorm(rotation.coeffs()) || (!translation.isZero(0) && !HasNorm(translation))) {
+    throw IoError(impl.path, row_name + ": its pose has a number that is too large or too small");
+  }
   // Up to 3.13 COLMAP wrote the identity for a pose that it did not estimate.
   if (rotation.vec().isZero(0) && translation.isZero(0)) return std::nullopt;
   // Only what is not a unit quaternion is normalized, so that what we wrote is read to the bit.
@@ -134,7 +148,10 @@ PairMetrics MetricsFromRow(const Database::Impl& impl, const Query& query) {
   m.score = query.Double(8);
   m.residual_px = query.Double(9);
   m.triangulation_angle_deg = query.Double(10);
-  m.cam2_from_cam1 = ReadPose(impl, query, 11, RowName("cairn_pair_metrics", m.pair_id));
+  try {
+    m.cam2_from_cam1 = ReadPose(impl, query, 11, RowName("cairn_pair_metrics", m.pair_id));
+  } catch (const IoError&) {  // a figure for people, which the row can do without
+  }
   return m;
 }
 

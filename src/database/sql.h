@@ -74,6 +74,27 @@ CREATE TABLE IF NOT EXISTS cairn_timings
 
 inline constexpr const char* kTableExists =
     "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?1;";
+
+// COLMAP's own changes of its schema: before 3.0 inlier_matches, before 3.4 no F, E, H, before 3.6
+// no qvec, tvec.
+inline constexpr const char* kRenameInlierMatches =
+    "ALTER TABLE inlier_matches RENAME TO two_view_geometries;";
+
+// What may be used of tables that anybody may have written (bad_rows.cc names the rest): images
+// whose names a model can hold, and pairs of two of them, the smaller id first.
+inline constexpr const char* kCreateUsableImages =
+    "CREATE TEMP VIEW usable_images AS SELECT image_id, name, camera_id FROM images WHERE "
+    "image_id >= 0 AND image_id < 2147483647 AND camera_id >= 0 AND camera_id < 4294967295 "
+    "AND length(CAST(name AS BLOB)) > 0 AND instr(CAST(name AS BLOB), x'0A') = 0 "
+    "AND instr(CAST(name AS BLOB), x'0D') = 0 AND instr(CAST(name AS BLOB), x'00') = 0;";
+#define CAIRN_SQL_USABLE_IMAGE "(image_id IN (SELECT image_id FROM usable_images))"
+#define CAIRN_SQL_USABLE_PAIR                                         \
+  "(pair_id >= 0 AND pair_id / 2147483647 < pair_id % 2147483647 "    \
+  "AND pair_id / 2147483647 IN (SELECT image_id FROM usable_images) " \
+  "AND pair_id % 2147483647 IN (SELECT image_id FROM usable_images))"
+inline constexpr const char* kReadBadImages =
+    "SELECT image_id, name, camera_id FROM images WHERE NOT " CAIRN_SQL_USABLE_IMAGE
+    " ORDER BY image_id;";
 inline constexpr const char* kColumnExists = "SELECT 1 FROM pragma_table_info(?1) WHERE name = ?2;";
 inline constexpr const char* kAnyTableExists = "SELECT 1 FROM sqlite_master LIMIT 1;";
 
@@ -85,7 +106,7 @@ inline constexpr const char* kWriteCamera =
     "VALUES(?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT(camera_id) DO UPDATE SET model = ?2, width = ?3, "
     "height = ?4, params = ?5, prior_focal_length = ?6;";
 inline constexpr const char* kReadImages =
-    "SELECT image_id, name, camera_id FROM images ORDER BY image_id;";
+    "SELECT image_id, name, camera_id FROM usable_images ORDER BY image_id;";
 inline constexpr const char* kWriteImage =
     "INSERT INTO images(image_id, name, camera_id) VALUES(?1, ?2, ?3) "
     "ON CONFLICT(image_id) DO UPDATE SET name = ?2, camera_id = ?3;";
@@ -137,19 +158,22 @@ inline constexpr const char* kWriteDepthSamples =
     "VALUES(?1, 0, ?2, ?3, ?4, ?5);";
 inline constexpr const char* kDeleteDepthSamples =
     "DELETE FROM cairn_depth_scales WHERE image_id = ?1;";
-inline constexpr const char* kReadNumKeypoints = "SELECT image_id, rows FROM keypoints;";
-inline constexpr const char* kReadNumDescriptors = "SELECT image_id, rows FROM descriptors;";
+inline constexpr const char* kReadNumKeypoints =
+    "SELECT image_id, rows FROM keypoints WHERE " CAIRN_SQL_USABLE_IMAGE ";";
+inline constexpr const char* kReadNumDescriptors =
+    "SELECT image_id, rows FROM descriptors WHERE " CAIRN_SQL_USABLE_IMAGE ";";
 inline constexpr const char* kReadNumDepthSamples =
-    "SELECT image_id, rows FROM cairn_depth_scales WHERE scale = 0;";
+    "SELECT image_id, rows FROM cairn_depth_scales WHERE scale = 0 AND " CAIRN_SQL_USABLE_IMAGE ";";
 
 inline constexpr const char* kReadNumMatches =
-    "SELECT pair_id, rows FROM matches ORDER BY pair_id;";
+    "SELECT pair_id, rows FROM matches WHERE " CAIRN_SQL_USABLE_PAIR " ORDER BY pair_id;";
 inline constexpr const char* kReadMatches =
     "SELECT rows, cols, data FROM matches WHERE pair_id = ?1;";
 inline constexpr const char* kWriteMatches =
     "INSERT OR REPLACE INTO matches(pair_id, rows, cols, data) VALUES(?1, ?2, ?3, ?4);";
 inline constexpr const char* kReadNumInliers =
-    "SELECT pair_id, rows FROM two_view_geometries ORDER BY pair_id;";
+    "SELECT pair_id, rows FROM two_view_geometries WHERE " CAIRN_SQL_USABLE_PAIR
+    " ORDER BY pair_id;";
 inline constexpr const char* kReadTwoViewGeometry =
     "SELECT rows, cols, data, config, F, E, H, qvec, tvec FROM two_view_geometries "
     "WHERE pair_id = ?1;";
@@ -166,7 +190,7 @@ inline constexpr const char* kClearPairChoices = "DELETE FROM cairn_pair_choices
 inline constexpr const char* kReadAllPairMetrics =
     "SELECT pair_id, verifier, status, is_winner, step, num_matches, num_inliers, num_iterations, "
     "score, residual_px, triangulation_angle_deg, qvec, tvec FROM cairn_pair_metrics "
-    "ORDER BY pair_id, verifier;";
+    "WHERE " CAIRN_SQL_USABLE_PAIR " ORDER BY pair_id, verifier;";
 inline constexpr const char* kReadPairMetrics =
     "SELECT pair_id, verifier, status, is_winner, step, num_matches, num_inliers, num_iterations, "
     "score, residual_px, triangulation_angle_deg, qvec, tvec FROM cairn_pair_metrics "
@@ -213,7 +237,7 @@ inline constexpr const char* kClearMatches = "DELETE FROM matches;";
 inline constexpr const char* kClearTwoViewGeometries = "DELETE FROM two_view_geometries;";
 inline constexpr const char* kReadFocalEvidence =
     "SELECT pair_id, num_matches, num_by_essential, num_by_fundamental FROM cairn_focal_evidence "
-    "ORDER BY pair_id;";
+    "WHERE " CAIRN_SQL_USABLE_PAIR " ORDER BY pair_id;";
 inline constexpr const char* kWriteFocalEvidence =
     "INSERT OR REPLACE INTO cairn_focal_evidence(pair_id, num_matches, num_by_essential, "
     "num_by_fundamental) VALUES(?1, ?2, ?3, ?4);";

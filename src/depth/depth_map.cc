@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "cairn/base/check.h"
+#include "cairn/base/path_in_folder.h"
 
 namespace cairn {
 
@@ -34,9 +35,9 @@ DepthMap DepthMapFromValues(int width, int height, const std::vector<float>& val
 std::optional<std::string> FindDepthMap(const std::string& folder, const std::string& image_name) {
   for (const char* extension :
        {".npy", ".pfm", ".png", ".bin", ".geometric.bin", ".photometric.bin"}) {
-    const std::filesystem::path path = std::filesystem::path(folder) / (image_name + extension);
+    const std::string path = PathInFolder(folder, image_name + extension);
     std::error_code error;
-    if (std::filesystem::exists(path, error)) return path.string();
+    if (std::filesystem::exists(path, error)) return path;
   }
   return std::nullopt;
 }

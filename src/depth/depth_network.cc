@@ -1,13 +1,14 @@
 #include "cairn/depth/depth_network.h"
 
 #include <cmath>
-#include <filesystem>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "image/cv_memory.h"
 
 namespace cairn {
 namespace {
@@ -63,7 +64,7 @@ DepthNetwork::DepthNetwork(const std::string& path, const DepthOptions& options)
     : impl_(std::make_unique<Impl>()) {
   ValidateOptions(options, "depth");
   CheckNormalization(options);
-  if (!std::filesystem::exists(path)) throw IoError(path, "no such file");
+  InputFile{path};  // throws where it cannot be read
   // Once only: it crashes while another network is running.
   [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
   impl_->path = path;
@@ -72,6 +73,7 @@ DepthNetwork::DepthNetwork(const std::string& path, const DepthOptions& options)
   try {
     impl_->net = cv::dnn::readNetFromONNX(path);
   } catch (const cv::Exception& error) {
+    ThrowIfOutOfMemory(error);
     throw IoError(path, "cannot be read as an ONNX network: " + error.err);
   }
   if (impl_->net.empty()) throw IoError(path, "the ONNX network is empty");
@@ -89,6 +91,7 @@ DepthMap DepthNetwork::Compute(const Bitmap& rgb) {
     impl_->net.setInput(impl_->MakeInput(rgb));
     output = impl_->net.forward();
   } catch (const cv::Exception& error) {
+    ThrowIfOutOfMemory(error);
     throw IoError(impl_->path, "the network does not run on a " +
                                    std::to_string(impl_->options.input_size) +
                                    " px input: " + error.err);

@@ -2,28 +2,16 @@
 #include <bit>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "cairn/depth/depth_map.h"
 #include "depth/raw_map.h"
 
 namespace cairn {
 namespace {
-
-std::string ReadFile(const std::string& path) {
-  std::error_code error;
-  if (!std::filesystem::exists(path, error)) throw IoError(path, "no such file");
-  if (!std::filesystem::is_regular_file(path, error)) throw IoError(path, "not a file");
-  std::ifstream file(path, std::ios::binary);
-  std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  if (!file.good() && !file.eof()) throw IoError(path, "cannot be read");
-  if (bytes.empty()) throw IoError(path, "empty file");
-  return bytes;
-}
 
 RawMap ReadPng(const std::string& path, const std::string& bytes) {
   const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1,
@@ -97,6 +85,7 @@ RawMap ParseColmapBin(const std::string& path, const std::string& bytes) {
 DepthMap ReadDepthMap(const std::string& path, const DepthOptions& options) {
   const std::string extension = std::filesystem::path(path).extension().string();
   const std::string bytes = ReadFile(path);
+  if (bytes.empty()) throw IoError(path, "empty file");
   RawMap raw;
   if (extension == ".npy") {
     raw = ParseNpy(path, bytes);

@@ -129,6 +129,8 @@ void EvaluateFocals(const std::vector<Match>& matches, PoseEvaluation& evaluatio
     const auto& [name, reference, estimate] = matches[i];
     if (!estimate || reference->focal_px <= 0 || estimate->focal_px <= 0) continue;
     const bool sizes_known = reference->width > 0 && estimate->width > 0;
+    // Where one is unknown, nothing tells whether they are of one size.
+    if (!sizes_known && reference->width + estimate->width > 0) continue;
     const double scale = sizes_known ? double(estimate->width) / reference->width : 1.0;
     const double expected = scale * reference->focal_px;
     errors.push_back(std::abs(estimate->focal_px - expected) / expected);

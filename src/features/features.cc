@@ -7,6 +7,7 @@
 #include "cairn/base/check.h"
 #include "features/frames.h"
 #include "features/root_sift.h"
+#include "image/cv_memory.h"
 
 namespace cairn {
 namespace {
@@ -54,6 +55,16 @@ Bitmap Reduce(const Bitmap& gray, double scale) {
 // crashes while another thread is inside OpenCV.
 void KeepOpenCvToTheCallersThread() {
   [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
+}
+
+Features Extract(const Bitmap& gray, const FeatureOptions& options) {
+  if (options.type != FeatureType::kSift) return ExtractAffineDog(gray, options);
+  try {
+    return ExtractSift(gray, options);
+  } catch (const cv::Exception& exception) {
+    ThrowIfOutOfMemory(exception);
+    throw;
+  }
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "cairn/image/bitmap.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 
 #include "cairn/base/check.h"
@@ -28,16 +27,6 @@ std::string ExtensionOf(const std::string& path) {
   return extension;
 }
 
-// A beginning of a file that is long enough for the headers of nearly every photograph.
-std::string ReadHead(const std::string& path, size_t num_bytes) {
-  std::FILE* file = std::fopen(path.c_str(), "rb");
-  if (!file) return ReadFile(path);  // throws with the reason
-  std::string head(num_bytes, '\0');
-  head.resize(std::fread(head.data(), 1, num_bytes, file));
-  std::fclose(file);
-  return head;
-}
-
 }  // namespace
 
 Bitmap ReadBitmap(const std::string& path, BitmapColor color) {
@@ -56,8 +45,8 @@ void WriteBitmap(const std::string& path, const Bitmap& bitmap, int jpeg_quality
 }
 
 ImageSize ReadImageSize(const std::string& path) {
-  constexpr size_t kHeadSize = 1 << 16;
-  std::string bytes = ReadHead(path, kHeadSize);
+  constexpr size_t kHeadSize = 1 << 16;  // enough for nearly every photograph
+  std::string bytes = ReadFile(path, kHeadSize);
   std::optional<ImageSize> size = InspectContainer(bytes).size;
   if (!size) {
     bytes = ReadImageFile(path);
@@ -70,6 +59,11 @@ ImageSize ReadImageSize(const std::string& path) {
     size = ImageSize{bitmap.width, bitmap.height};
   }
   if (size->width <= 0 || size->height <= 0) throw IoError(path, "the image has no pixels");
+  constexpr int64_t kMaxPixels = 1 << 30;  // what OpenCV decodes
+  if (static_cast<int64_t>(size->width) * size->height > kMaxPixels) {
+    throw IoError(path, "the image has " + std::to_string(size->width) + " x " +
+                            std::to_string(size->height) + " pixels; up to 2^30 are read");
+  }
   return *size;
 }
 

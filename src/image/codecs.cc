@@ -5,6 +5,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "cairn/base/error.h"
+#include "image/cv_memory.h"
 
 namespace cairn {
 namespace {
@@ -43,6 +44,7 @@ Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor 
     const cv::Mat image = cv::imdecode(row, flags | cv::IMREAD_IGNORE_ORIENTATION);
     if (!image.empty()) return CopyImage(image);
   } catch (const cv::Exception& exception) {
+    ThrowIfOutOfMemory(exception);
     throw IoError(path, "cannot be decoded: " + exception.err);
   }
   throw IoError(path, "cannot be decoded: not an image, or a damaged one");
@@ -62,7 +64,8 @@ std::vector<uint8_t> EncodeImage(const std::string& path, const std::string& ext
     if (cv::imencode(extension, image, bytes, {cv::IMWRITE_JPEG_QUALITY, jpeg_quality})) {
       return bytes;
     }
-  } catch (const cv::Exception&) {
+  } catch (const cv::Exception& exception) {
+    ThrowIfOutOfMemory(exception);
     throw IoError(path, "no image format has the extension '" + extension + "'");
   }
   throw IoError(path, "cannot be encoded");

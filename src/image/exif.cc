@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <exception>
 #include <exiv2/exiv2.hpp>
-#include <fstream>
 #include <mutex>
+#include <new>
 #include <string>
 
 #include "cairn/base/error.h"
@@ -178,7 +178,7 @@ void AddGps(const GpsPosition& gps, Exiv2::ExifData& data) {
 
 ExifInfo ReadExif(const std::string& path, int width, int height) {
   InitializeExiv2();
-  if (!std::ifstream(path)) ReadFile(path);  // throws with the reason
+  InputFile{path};  // throws where it cannot be read
   ExifInfo info;
   try {
     const auto image = Exiv2::ImageFactory::open(path);
@@ -192,6 +192,8 @@ ExifInfo ReadExif(const std::string& path, int width, int height) {
     info.focal_px = FocalPx(data, info, width, height);
     const double relative = info.focal_px.value_or(1.0) / std::max(width, height);
     if (info.focal_px && (relative < kMinFocal || relative > kMaxFocal)) info.focal_px.reset();
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception&) {
     return {};  // no image that Exiv2 knows, or damaged metadata: EXIF is never required
   }

@@ -1,9 +1,9 @@
 #include "cairn/image/image_folder.h"
 
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <set>
+#include <span>
 #include <string_view>
 #include <system_error>
 
@@ -14,18 +14,24 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool HasImageExtension(const fs::path& path) {
-  constexpr std::array<std::string_view, 8> kExtensions = {".jpg",  ".jpeg", ".png", ".tif",
-                                                           ".tiff", ".bmp",  ".ppm", ".webp"};
+using Extensions = std::span<const std::string_view>;
+
+constexpr std::string_view kRead[] = {".jpg",  ".jpeg", ".png", ".tif",
+                                      ".tiff", ".bmp",  ".ppm", ".webp"};
+constexpr std::string_view kUnread[] = {".gif", ".heic", ".heif", ".avif", ".jxl", ".jp2", ".exr",
+                                        ".hdr", ".raw",  ".dng",  ".cr2",  ".cr3", ".nef", ".arw",
+                                        ".orf", ".rw2",  ".raf",  ".mp4",  ".mov", ".avi", ".mkv"};
+
+bool HasExtension(const fs::path& path, Extensions extensions) {
   std::string extension = path.extension().string();
   for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end();
+  return std::find(extensions.begin(), extensions.end(), extension) != extensions.end();
 }
 
 // `open_folders` holds the real paths of the folders on the way down: a link back to one of them
 // is a cycle.
-void ListInto(const fs::path& folder, const std::string& prefix, std::set<fs::path>& open_folders,
-              std::vector<std::string>& names) {
+void ListInto(const fs::path& folder, const std::string& prefix, Extensions extensions,
+              std::set<fs::path>& open_folders, std::vector<std::string>& names) {
   std::error_code error;
   const fs::path real_path = fs::canonical(folder, error);
   if (error) throw IoError(folder.string(), error.message());
@@ -37,25 +43,31 @@ void ListInto(const fs::path& folder, const std::string& prefix, std::set<fs::pa
     if (name.starts_with('.')) continue;
     std::error_code ignored;  // of broken links: neither a folder nor a file
     if (entry.is_directory(ignored)) {
-      ListInto(entry.path(), prefix + name + "/", open_folders, names);
-    } else if (HasImageExtension(entry.path())) {
+      ListInto(entry.path(), prefix + name + "/", extensions, open_folders, names);
+    } else if (HasExtension(entry.path(), extensions)) {
       names.push_back(prefix + name);
     }
   }
   open_folders.erase(real_path);
 }
 
-}  // namespace
-
-std::vector<std::string> ListImages(const std::string& folder) {
+std::vector<std::string> List(const std::string& folder, Extensions extensions) {
   std::error_code error;
   if (!fs::exists(folder, error)) throw IoError(folder, "no such folder");
   if (!fs::is_directory(folder, error)) throw IoError(folder, "is not a folder");
   std::vector<std::string> names;
   std::set<fs::path> open_folders;
-  ListInto(folder, "", open_folders, names);
+  ListInto(folder, "", extensions, open_folders, names);
   std::sort(names.begin(), names.end());
   return names;
+}
+
+}  // namespace
+
+std::vector<std::string> ListImages(const std::string& folder) { return List(folder, kRead); }
+
+std::vector<std::string> ListUnreadImages(const std::string& folder) {
+  return List(folder, kUnread);
 }
 
 }  // namespace cairn

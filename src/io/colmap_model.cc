@@ -7,6 +7,7 @@
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/scene/image_name.h"
 #include "io/colmap_files.h"
 
 namespace cairn {
@@ -107,8 +108,7 @@ void WriteColmapModel(const Reconstruction& reconstruction, const std::string& f
     CAIRN_CHECK_EQ(id, image.image.image_id);
     CAIRN_CHECK_EQ(image.points2D.size(), image.point3D_ids.size());
     CAIRN_CHECK(reconstruction.cameras.count(image.image.camera_id) == 1);
-    if (image.image.name.empty() ||
-        image.image.name.find_first_of(std::string_view("\0\n\r", 3)) != std::string::npos) {
+    if (!IsImageName(image.image.name)) {
       throw IoError(folder, "'" + image.image.name + "' cannot be an image's name in a model");
     }
   }

@@ -1,8 +1,8 @@
 #include <algorithm>
-#include <filesystem>
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
 #include "cairn/image/bitmap.h"
 #include "mapper/stages.h"
 
@@ -15,12 +15,12 @@ struct ImageColors {
   std::string error;
 };
 
-ImageColors ReadColors(const std::string& path, const Camera& camera,
+ImageColors ReadColors(const std::string& folder, const Camera& camera,
                        const RegisteredImage& image) {
   ImageColors result;
   Bitmap bitmap;
   try {
-    bitmap = ReadBitmap(path, BitmapColor::kRgb);
+    bitmap = ReadBitmap(PathInFolder(folder, image.image.name), BitmapColor::kRgb);
   } catch (const IoError& error) {
     result.error = error.what();
     return result;
@@ -48,8 +48,7 @@ void ColorPoints(StageContext& context, const std::string& image_path, Reconstru
   for (const auto& [id, image] : model.images) images.push_back(&image);
   std::vector<ImageColors> colors(images.size());
   ParallelFor(context.run.num_threads, static_cast<int64_t>(images.size()), [&](int64_t i) {
-    const std::string path = (std::filesystem::path(image_path) / images[i]->image.name).string();
-    colors[i] = ReadColors(path, model.CameraOf(*images[i]), *images[i]);
+    colors[i] = ReadColors(image_path, model.CameraOf(*images[i]), *images[i]);
     context.run.monitor.Advance(1);
   });
   // Sums of color and number of views of every point.

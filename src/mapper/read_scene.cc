@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "cairn/base/error.h"
+#include "cairn/database/report_bad_rows.h"
 #include "cairn/mapper/view_edges.h"
 #include "intrinsics/known_intrinsics.h"
 #include "mapper/stages.h"
@@ -89,8 +90,14 @@ FeatureMatches MergeMatches(FeatureMatches matches, const std::vector<point2D_t>
 
 // Edges with their merged inlier matches; geometries of those that another program verified.
 void ReadEdges(const Database& database,
-               const std::map<image_t, std::vector<point2D_t>>& first_keypoint, SceneData& scene) {
-  for (ViewEdge& edge : ReadViewEdges(database)) {
+               const std::map<image_t, std::vector<point2D_t>>& first_keypoint, Stage& stage,
+               SceneData& scene) {
+  constexpr int kMaxNamed = 20;
+  int num_bad = 0;
+  const auto warn = [&](const std::string& message) {
+    if (++num_bad <= kMaxNamed) stage.Warn(message);
+  };
+  for (ViewEdge& edge : ReadViewEdges(database, warn)) {
     if (scene.pixels.count(edge.image_id1) == 0 || scene.pixels.count(edge.image_id2) == 0) {
       continue;
     }
@@ -107,6 +114,19 @@ void ReadEdges(const Database& database,
     scene.edges.push_back(std::move(edge));
   }
   scene.poses_imported = HasImportedEdges(scene.edges);
+  if (num_bad > 0) stage.Add("bad_pairs", num_bad);
+  if (num_bad > kMaxNamed) {
+    stage.Warn(std::to_string(num_bad - kMaxNamed) + " more pairs are left out");
+  }
+}
+
+// All matches of a pair; none where their row cannot be read, since the verified ones can.
+FeatureMatches ReadRawMatches(const Database& database, image_pair_t pair_id) {
+  try {
+    return database.ReadMatches(pair_id).value_or(FeatureMatches());
+  } catch (const IoError&) {
+    return {};
+  }
 }
 
 // By the user's option, or by what is known of each camera; warns where the two contradict.
@@ -129,14 +149,15 @@ void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
                         const RunContext& run, RunReport& report) {
   SceneData scene;
+  ReportBadRows(database, report, run.monitor);
   {
     RunStage stage(report, run.monitor, "read");
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
     ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);
-    ReadEdges(database, first_keypoint, scene);
+    ReadEdges(database, first_keypoint, stage, scene);
     scene.raw_matches = [&database, first_keypoint](const ViewEdge& edge) {
-      return MergeMatches(database.ReadMatches(edge.PairId()).value_or(FeatureMatches()),
+      return MergeMatches(ReadRawMatches(database, edge.PairId()),
                           first_keypoint.at(edge.image_id1), first_keypoint.at(edge.image_id2));
     };
     size_t num_matches = 0;

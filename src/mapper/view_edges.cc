@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 
+#include "cairn/base/error.h"
 #include "cairn/geometry/epipolar.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/math/angles.h"
@@ -60,7 +61,11 @@ class PoseFinder {
 
   const std::vector<Keypoint>& Keypoints(image_t image_id) {
     auto [it, is_new] = keypoints_.try_emplace(image_id);
-    if (is_new) it->second = database_.ReadKeypoints(image_id).value_or(std::vector<Keypoint>());
+    if (!is_new) return it->second;
+    try {
+      it->second = database_.ReadKeypoints(image_id).value_or(std::vector<Keypoint>());
+    } catch (const IoError&) {  // who reads the image's own rows says so
+    }
     return it->second;
   }
 
@@ -94,9 +99,30 @@ ViewEdge EdgeFromGeometry(image_pair_t pair_id, const TwoViewGeometry& geometry,
   return edge;
 }
 
+// Throws IoError where the row cannot be used.
+TwoViewGeometry ReadGeometry(const Database& database, image_pair_t pair_id,
+                             const std::map<image_t, int>& num_keypoints) {
+  TwoViewGeometry geometry = *database.ReadTwoViewGeometry(pair_id);
+  const auto [id1, id2] = PairIdToImagePair(pair_id);
+  const auto num_of = [&](image_t id) {
+    const auto it = num_keypoints.find(id);
+    return it == num_keypoints.end() ? 0 : static_cast<int64_t>(it->second);
+  };
+  const int64_t num1 = num_of(id1), num2 = num_of(id2);
+  for (const FeatureMatch& match : geometry.inlier_matches) {
+    if (match.point1 < num1 && match.point2 < num2) continue;
+    throw IoError(database.path(), "the verified matches of images " + std::to_string(id1) +
+                                       " and " + std::to_string(id2) +
+                                       " refer to keypoints that are not there");
+  }
+  return geometry;
+}
+
 }  // namespace
 
-std::vector<ViewEdge> ReadViewEdges(const Database& database) {
+std::vector<ViewEdge> ReadViewEdges(const Database& database,
+                                    const std::function<void(const std::string&)>& warn) {
+  const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
   std::map<image_pair_t, PairMetrics> winners;
   for (PairMetrics& metrics : database.ReadPairMetrics()) {
     if (metrics.is_winner) winners[metrics.pair_id] = std::move(metrics);
@@ -106,7 +132,13 @@ std::vector<ViewEdge> ReadViewEdges(const Database& database) {
   for (const auto& [pair_id, num_inliers] : database.ReadNumInliers()) {
     const auto winner = winners.find(pair_id);
     if (num_inliers == 0 && winner == winners.end()) continue;
-    const TwoViewGeometry geometry = *database.ReadTwoViewGeometry(pair_id);
+    TwoViewGeometry geometry;
+    try {
+      geometry = ReadGeometry(database, pair_id, num_keypoints);
+    } catch (const IoError& error) {
+      warn(std::string(error.what()) + "; the pair is left out");
+      continue;
+    }
     ViewEdge edge = EdgeFromGeometry(pair_id, geometry, poses);
     if (winner != winners.end()) {
       edge.residual_px = winner->second.residual_px;

@@ -1,6 +1,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "base/output_folder.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/bundle_adjustment/pose_confidence.h"
@@ -15,18 +16,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Models with a larger number than this run has, from an earlier run.
-void RemoveOlderModels(const fs::path& sparse, size_t first) {
-  for (size_t k = first; fs::exists(sparse / std::to_string(k) / "cameras.bin"); ++k) {
-    const fs::path folder = sparse / std::to_string(k);
-    std::error_code error;
-    for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
-      fs::remove(folder / name, error);
-      if (error) throw IoError((folder / name).string(), error.message());
-    }
-    fs::remove(folder, error);  // stays if the user keeps something there
-  }
-}
+// Everything that a run may write.
+const std::vector<std::string> kResultNames = {
+    "sparse",         "bundle.out",      "list.txt",       "points.ply",
+    "confidence.csv", "view_graph.json", "view_graph.dot", "report.json",
+    "effective.toml", "report.html",     "failed"};
 
 // One line an image: what holds its pose.
 std::string ConfidenceCsv(const ReconstructResult& result) {
@@ -52,57 +46,49 @@ std::string ConfidenceCsv(const ReconstructResult& result) {
   return text;
 }
 
-}  // namespace
-
-void CheckReconstructOutput(const std::string& output_path) {
-  const fs::path output(output_path);
-  const fs::path options = output / "effective.toml";
-  if (fs::exists(options) &&
-      ReadFile(options.string()).starts_with("# global_sfm reconstruct, cairn ")) {
-    return;
+void WriteModels(ReconstructResult& result, const fs::path& output) {
+  for (size_t k = 0; k < result.models.size(); ++k) {
+    WriteColmapModel(result.models[k], (output / "sparse" / std::to_string(k)).string());
   }
-  for (const char* name : {"sparse", "bundle.out", "list.txt", "points.ply"}) {
-    if (!fs::exists(output / name) || fs::is_empty(output / name)) continue;
-    throw ConfigError(
-        "output_path",
-        (output / name).string() +
-            " was not written by cairn and would be replaced; give another folder, or "
-            "--overwrite");
+  const Reconstruction& largest = result.models.front();
+  const std::vector<std::string> warnings = WriteBundler(
+      largest, (output / "bundle.out").string(), (output / "list.txt").string(), result.images);
+  if (!warnings.empty()) {
+    StageReport stage;
+    stage.name = "bundler";
+    stage.messages = warnings;
+    result.report.stages.push_back(std::move(stage));
   }
+  WriteFileAtomically((output / "confidence.csv").string(), ConfidenceCsv(result));
+  WritePly(largest, (output / "points.ply").string());
 }
 
-void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
-                            const std::string& effective_toml) {
-  const fs::path output(output_path);
-  CreateFolders(output_path);
-  WriteFileAtomically((output / "effective.toml").string(), effective_toml);
-  if (!result.models.empty()) {
-    for (size_t k = 0; k < result.models.size(); ++k) {
-      WriteColmapModel(result.models[k], (output / "sparse" / std::to_string(k)).string());
-    }
-    RemoveOlderModels(output / "sparse", result.models.size());
-    const Reconstruction& largest = result.models.front();
-    const std::vector<std::string> warnings = WriteBundler(
-        largest, (output / "bundle.out").string(), (output / "list.txt").string(), result.images);
-    if (!warnings.empty()) {
-      StageReport stage;
-      stage.name = "bundler";
-      stage.messages = warnings;
-      result.report.stages.push_back(std::move(stage));
-    }
-    WriteFileAtomically((output / "confidence.csv").string(), ConfidenceCsv(result));
-    WritePly(largest, (output / "points.ply").string());
-  }
-  if (result.page.empty()) {
-    fs::remove(output / "report.html");  // of an earlier run
-  } else {
-    WriteFileAtomically((output / "report.html").string(), result.page);
-  }
+}  // namespace
+
+void CheckReconstructOutput(const std::string& output_path, bool overwrites) {
+  const OutputFolder output(output_path, kResultNames, overwrites);
+}
+
+std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
+                                   const std::string& effective_toml, bool overwrites) {
+  OutputFolder output(output_path, kResultNames, overwrites);
+  const bool keeps_earlier = result.models.empty() && output.Has("sparse/");
+  const fs::path folder = keeps_earlier ? "failed" : "";
+  const fs::path staging = output.staging() / folder;
+  CreateFolders(staging.string());
+  if (!result.models.empty()) WriteModels(result, staging);
   std::map<image_t, std::string> names;
   for (const Image& image : result.images) names[image.image_id] = image.name;
-  WriteFileAtomically((output / "view_graph.json").string(), ViewGraphToJson(result.graph, names));
-  WriteFileAtomically((output / "view_graph.dot").string(), ViewGraphToDot(result.graph, names));
-  WriteFileAtomically((output / "report.json").string(), ToJson(result.report));
+  const auto write = [&](const char* name, const std::string& text) {
+    WriteFileAtomically((staging / name).string(), text);
+  };
+  write("effective.toml", effective_toml);
+  write("view_graph.json", ViewGraphToJson(result.graph, names));
+  write("view_graph.dot", ViewGraphToDot(result.graph, names));
+  write("report.json", ToJson(result.report));
+  if (!result.page.empty()) write("report.html", result.page);
+  output.Commit(keeps_earlier);
+  return (fs::path(output_path) / folder / "report.json").string();
 }
 
 }  // namespace cairn

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "cairn/base/error.h"
+#include "cairn/database/report_bad_rows.h"
 #include "database/stage_names.h"
 #include "intrinsics/wide_focals.h"
 #include "pipeline/pairs/choose.h"
@@ -161,6 +162,9 @@ std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) 
   if (summary.num_images_with_features == 0) {
     return "features: no image has features; look at the warnings above";
   }
+  if (summary.num_images < 2) {
+    return "matching: there is one photograph alone, and no pair; give two or more of one scene";
+  }
   if (inputs.stop_after == BuildStage::kVerification) {
     return "verification: of " + std::to_string(summary.num_pairs) +
            " pairs none was verified; do the photographs overlap, and are the cameras right?";
@@ -173,11 +177,17 @@ std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) 
 std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
   std::vector<std::string> options;
   if (!std::filesystem::exists(inputs.database_path)) return options;
-  const Database database(inputs.database_path, Database::Mode::kReadOnly);
+  std::optional<Database> database;
+  try {
+    database.emplace(inputs.database_path, Database::Mode::kReadOnly);
+  } catch (const IoError&) {
+    // Empty, since it was interrupted when it was made; or else RunBuildPipeline says what it is.
+    return options;
+  }
   const std::string recompute(NameOf(kBuildStages, inputs.recompute));
   for (const std::string& stage : {kStageCameras, kStageFeatures, kStageDepth, kStagePairs,
                                    kStageMatching, kStageVerification}) {
-    const std::optional<StageRecord> record = database.ReadStage(stage);
+    const std::optional<StageRecord> record = database->ReadStage(stage);
     if (record && !ForgetsStage(recompute, stage)) options.push_back(record->options);
   }
   return options;
@@ -195,6 +205,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   report.run.num_threads = run.num_threads;
   const Sources sources = FindSources(inputs);
   Database database = OpenDatabase(inputs);
+  ReportBadRows(database, report.run, run.monitor);
   PrepareRecompute(database, std::string(NameOf(kBuildStages, inputs.recompute)),
                    sources.image_path);
   CheckStageOptions(database, options, run.seed);

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "cairn/bundle_adjustment/pose_confidence.h"
+#include "cairn/report_page/report_page.h"
 #include "evaluation/model_evidence.h"
 #include "intrinsics/known_intrinsics.h"
-#include "cairn/report_page/report_page.h"
 #include "report_page/page_blocks.h"
 
 namespace cairn {

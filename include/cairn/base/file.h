@@ -1,13 +1,35 @@
 #pragma once
 
 #include <cstdio>
+#include <limits>
 #include <string>
 #include <string_view>
 
 namespace cairn {
 
-// The whole content of a file. Throws IoError: absent, a folder, not readable.
-std::string ReadFile(const std::string& path);
+// An open file for reading: the one way in which cairn opens its input. Only regular files are
+// opened (links are followed): a pipe or a device would block for ever. Throws IoError.
+class InputFile {
+ public:
+  explicit InputFile(const std::string& path);
+  ~InputFile();
+  InputFile(const InputFile&) = delete;
+  InputFile& operator=(const InputFile&) = delete;
+
+  size_t size() const { return size_; }  // bytes; 0 for files of /proc
+  // Reads up to `num_bytes`, fewer only at the end of the file.
+  size_t Read(char* data, size_t num_bytes);
+
+ private:
+  std::string path_;
+  int descriptor_;
+  size_t size_ = 0;
+};
+
+// The whole content of a file, or its first max_bytes. Throws IoError: absent, no regular file, not
+// readable.
+std::string ReadFile(const std::string& path,
+                     size_t max_bytes = std::numeric_limits<size_t>::max());
 
 // A file that appears under its name complete, or not at all: everything goes to a temporary file
 // in the same folder, which Commit() renames. An interrupted program, a full disk or an exception

@@ -35,6 +35,12 @@ class Database {
   // How long a write waits for another program's lock, before IoError; 10 s at first.
   void SetBusyTimeout(int milliseconds);
 
+  // Rows that cannot be used: cameras that are not valid, images whose name no model can hold, rows
+  // of images that are not there, and pairs of such images, of an image with itself, or with the
+  // larger id first. All other methods that read many rows leave them out. Each is named with the
+  // reason. (What is in blobs is checked when they are read.)
+  std::vector<std::string> FindBadRows() const;
+
   // Cameras and images, in the order of their ids. Cameras of unknown models are left out;
   // ReadUnknownCameras returns them.
   std::vector<Camera> ReadCameras() const;

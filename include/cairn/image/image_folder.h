@@ -11,4 +11,7 @@ namespace cairn {
 // back to a folder it is in is visited once). Throws IoError if the folder is absent or no folder.
 std::vector<std::string> ListImages(const std::string& folder);
 
+// The same for photographs and videos in formats that are not read: gif, heic, raw files, ...
+std::vector<std::string> ListUnreadImages(const std::string& folder);
+
 }  // namespace cairn

@@ -97,17 +97,20 @@ struct ReconstructResult {
 ReconstructResult Reconstruct(const Database& database, const std::string& image_path,
                               const ReconstructSettings& settings = {}, const RunContext& run = {});
 
-// Throws ConfigError where the folder has a model (sparse, bundle.out, list.txt, points.ply) and no
-// effective.toml of global_sfm reconstruct: another program's work, which must not be replaced.
-void CheckReconstructOutput(const std::string& output_path);
+// Makes the folder, and removes what killed runs left in it. Throws ConfigError where a file that
+// WriteReconstructResult would replace is not as cairn wrote it (unless `overwrites`): another
+// program's work, or the user's. Throws IoError where the folder cannot be written to.
+void CheckReconstructOutput(const std::string& output_path, bool overwrites = false);
 
 // Writes sparse/<k>/{cameras,images,points3D}.bin for every model, bundle.out with list.txt and
 // points.ply of the largest, confidence.csv (a line an image: pairs in use, points, standard
 // deviations of its pose; see EstimatePoseConfidence), the view graph as view_graph.json and
-// view_graph.dot (Graphviz), report.json, effective.toml and report.html; replaces an earlier run's
-// files. After a failure only the last five are written. Adds what a format cannot hold to the
-// report's messages. Throws IoError.
-void WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
-                            const std::string& effective_toml);
+// view_graph.dot (Graphviz), report.json, effective.toml and report.html. All of it appears
+// together, in place of an earlier run's files. After a failure only the last five are written;
+// where an earlier run's models are, these stay with all that belongs to them, and the failure is
+// put into failed/. Adds what a format cannot hold to the report's messages. Returns the path of
+// report.json. Throws as CheckReconstructOutput does.
+std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
+                                   const std::string& effective_toml, bool overwrites = false);
 
 }  // namespace cairn

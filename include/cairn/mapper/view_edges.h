@@ -1,6 +1,8 @@
 #pragma once
 
+#include <functional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "cairn/database/database.h"
@@ -13,8 +15,11 @@ namespace cairn {
 // A pair without a stored pose (COLMAP up to 3.13 stores none) gets it from its E, or its F and the
 // cameras, by the cheirality of its inliers. Panoramic pairs have a rotation alone. Pairs without a
 // pose, or of other kinds (watermark, ...), come with the removal reason kNoPose. Edges imported
-// from a 1DSfM data set without keypoints have 0 inliers (see HasImportedEdges). Throws IoError.
-std::vector<ViewEdge> ReadViewEdges(const Database& database);
+// from a 1DSfM data set without keypoints have 0 inliers (see HasImportedEdges). Rows that cannot
+// be used are left out, and `warn` names them. Throws IoError where the database cannot be read.
+std::vector<ViewEdge> ReadViewEdges(
+    const Database& database,
+    const std::function<void(const std::string&)>& warn = [](const std::string&) {});
 
 // Edges of a data set: their numbers of inliers have no meaning.
 bool HasImportedEdges(std::span<const ViewEdge> edges);

@@ -1,8 +1,9 @@
 #include <algorithm>
-#include <fstream>
 #include <map>
+#include <sstream>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "cairn/pipeline/stages.h"
 
 namespace cairn {
@@ -32,8 +33,7 @@ std::string Trimmed(const std::string& line) {
 
 std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vector<Image>& images,
                                        ProgressMonitor& monitor) {
-  std::ifstream file(path);
-  if (!file) throw IoError(path, "cannot be opened");
+  std::istringstream file(ReadFile(path));
   std::map<std::string, image_t> ids;
   for (const Image& image : images) ids[image.name] = image.image_id;
   std::vector<image_pair_t> pairs;
@@ -55,7 +55,6 @@ std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vecto
       pairs.push_back(ImagePairToPairId(id1->second, id2->second));
     }
   }
-  if (file.bad()) throw IoError(path, "cannot be read");
   std::sort(pairs.begin(), pairs.end());
   pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
   return pairs;

@@ -6,6 +6,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
@@ -96,7 +97,7 @@ StageReport ExtractImageFeatures(Database& database, const std::string& image_pa
       FeatureItem& item = items[i];
       try {
         Features features =
-            Extract(fs::path(image_path) / item.image.name, item.camera_size, options);
+            Extract(PathInFolder(image_path, item.image.name), item.camera_size, options);
         num_features += static_cast<int64_t>(features.keypoints.size());
         writer.Push([&item, features = std::make_shared<Features>(std::move(features))](
                         Database& db) { WriteFeatures(db, item, *features); });

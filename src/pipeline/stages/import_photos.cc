@@ -1,13 +1,16 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <set>
 
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/image/image_folder.h"
 #include "cairn/pipeline/stages.h"
+#include "cairn/scene/image_name.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
 #include "pipeline/stages/stage_ledger.h"
@@ -32,7 +35,47 @@ std::vector<Photo> ListPhotos(const PhotoSource& source) {
       photos.emplace_back().name = std::move(name);
     }
   }
+  for (Photo& photo : photos) {
+    if (!IsImageName(photo.name)) photo.error = "no model can hold a name with a line break";
+  }
   return photos;
+}
+
+// "a.jpg, b.jpg and 7 more".
+std::string FirstNames(const std::vector<std::string>& names) {
+  constexpr size_t kMaxNames = 10;
+  std::string text;
+  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
+    text += (i > 0 ? ", " : "") + names[i];
+  }
+  if (names.size() > kMaxNames)
+    text += " and " + std::to_string(names.size() - kMaxNames) + " more";
+  return text;
+}
+
+// What the user may take for part of the run, or not, by a look at the folder.
+std::vector<std::string> RemarksOnFolder(const Database& database, const std::string& image_path,
+                                         const std::vector<Photo>& photos,
+                                         const std::vector<Image>& images) {
+  std::vector<std::string> remarks;
+  const std::vector<std::string> unread = ListUnreadImages(image_path);
+  if (!unread.empty()) {
+    remarks.push_back("not read, since their format is not known: " + FirstNames(unread));
+  }
+  std::set<std::string> present, imported;
+  for (const Photo& photo : photos) present.insert(photo.name);
+  for (const PhotoRecord& record : database.ReadPhotos()) imported.insert(record.name);
+  std::vector<std::string> removed;
+  for (const Image& image : images) {
+    if (imported.count(image.name) > 0 && present.count(image.name) == 0) {
+      removed.push_back(image.name);
+    }
+  }
+  if (!removed.empty()) {
+    remarks.push_back(image_path + " no longer has " + FirstNames(removed) +
+                      "; their features and pairs stay in the database, and in models");
+  }
+  return remarks;
 }
 
 // Runs fn, which may throw IoError about the photo's file, and keeps the reason.
@@ -49,7 +92,7 @@ void HashPhotos(const std::string& image_path, const RunContext& run, std::vecto
   ParallelFor(run.num_threads, static_cast<int64_t>(photos.size()), [&](int64_t i) {
     if (run.monitor.StopRequested()) return;
     KeepError(photos[i],
-              [&] { photos[i].file_hash = HashFile(fs::path(image_path) / photos[i].name); });
+              [&] { photos[i].file_hash = HashFile(PathInFolder(image_path, photos[i].name)); });
     run.monitor.Advance(1);
   });
 }
@@ -221,6 +264,12 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   if (photos.empty() && stored.images.empty()) {
     throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
   }
+  if (!image_path.empty() && !source.selection) {
+    for (const std::string& remark : RemarksOnFolder(database, image_path, photos, stored.images)) {
+      stage.Warn(remark);
+    }
+  }
+  const size_t num_remarks = stage.NumMessages();
   const size_t num_photos = photos.size();
   run.monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));
   HashPhotos(image_path, run, photos);
@@ -242,7 +291,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   stage.Add("photographs", num_photos);
   stage.Add("new_images", added.images.size());
   stage.Add("new_cameras", added.cameras.size());
-  stage.Add("skipped", stage.NumMessages());
+  stage.Add("skipped", stage.NumMessages() - num_remarks);
   return EndStage(stage, database);
 }
 

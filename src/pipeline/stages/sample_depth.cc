@@ -1,6 +1,8 @@
 #include "cairn/depth/sample_depth.h"
 
+#include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -8,6 +10,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
 #include "cairn/depth/depth_map.h"
 #include "cairn/depth/depth_network.h"
 #include "cairn/image/bitmap.h"
@@ -60,6 +63,23 @@ uint64_t InputHash(const Database& database, const DepthItem& item, uint64_t sou
   return hasher.Add(item.size.width).Add(item.size.height).Digest();
 }
 
+// The map, or the photograph for the network; or why there is none.
+void FindFile(const std::string& image_path, const DepthSource& source, DepthItem& item) {
+  try {
+    if (!source.depth_path.empty()) {
+      item.path = FindDepthMap(source.depth_path, item.image.name).value_or("");
+      if (item.path.empty()) item.error = "no depth map";
+    } else {
+      item.path = PathInFolder(image_path, item.image.name);
+      if (fs::exists(item.path)) return;
+      item.path.clear();
+      item.error = "no photograph";
+    }
+  } catch (const IoError& error) {
+    item.error = error.reason();
+  }
+}
+
 std::vector<DepthItem> ListImagesWithKeypoints(const Database& database,
                                                const std::string& image_path,
                                                const DepthSource& source) {
@@ -77,16 +97,7 @@ std::vector<DepthItem> ListImagesWithKeypoints(const Database& database,
     DepthItem item;
     item.image = image;
     item.size = sizes[image.camera_id];
-    if (!source.depth_path.empty()) {
-      item.path = FindDepthMap(source.depth_path, image.name).value_or("");
-      if (item.path.empty()) item.error = "no depth map";
-    } else {
-      item.path = fs::path(image_path) / image.name;
-      if (!fs::exists(item.path)) {
-        item.path.clear();
-        item.error = "no photograph";
-      }
-    }
+    FindFile(image_path, source, item);
     items.push_back(std::move(item));
   }
   return items;
@@ -116,6 +127,26 @@ std::vector<DepthItem> FindWork(const Database& database, std::vector<DepthItem>
   return work;
 }
 
+// Throws IoError for a map that cannot be the image's. Maps may be smaller, or stretched, but
+// turned by a right angle they are of another image, or in the wrong order.
+void CheckShape(const DepthItem& item, const DepthMap& map) {
+  constexpr double kMaxStretch = 1.1;  // of networks whose sides are multiples of 32
+  const std::string text = std::to_string(map.width) + " x " + std::to_string(map.height);
+  if (std::min(map.width, map.height) < 2) {
+    throw IoError(item.path, "a map of " + text + " values has no gradient");
+  }
+  const double image_shape = static_cast<double>(item.size.width) / item.size.height;
+  const double map_shape = static_cast<double>(map.width) / map.height;
+  const auto is_like = [&](double shape) {
+    return std::abs(std::log(shape / image_shape)) < std::log(kMaxStretch);
+  };
+  if (!is_like(map_shape) && is_like(1 / map_shape)) {
+    throw IoError(item.path, "a map of " + text + " values for an image of " +
+                                 std::to_string(item.size.width) + " x " +
+                                 std::to_string(item.size.height) + " pixels: it is transposed");
+  }
+}
+
 // Computes depth maps and samples them; the networks belong to a worker each.
 class DepthSampler {
  public:
@@ -129,8 +160,9 @@ class DepthSampler {
                                   DepthItem& item) {
     if (!item.error.empty()) return {};
     try {
-      return SampleDepth(Map(worker, item.path), item.size.width, item.size.height, keypoints,
-                         options_.Windows());
+      const DepthMap map = Map(worker, item.path);
+      CheckShape(item, map);
+      return SampleDepth(map, item.size.width, item.size.height, keypoints, options_.Windows());
     } catch (const IoError& error) {
       item.error = error.reason();
       return {};

@@ -39,6 +39,7 @@ class PairsCsv : public ::testing::Test {
     database_.WriteImage({1, "a.jpg", 1});
     database_.WriteImage({2, "b, \"2\".jpg", 1});
     database_.WriteImage({3, "c.jpg", 1});
+    for (image_t id = 1; id <= 3; ++id) database_.WriteKeypoints(id, std::vector<Keypoint>(3));
     const FeatureMatches matches(50, FeatureMatch{1, 2});
     for (const image_pair_t pair : {p12_, p13_, p23_}) database_.WriteMatches(pair, matches);
     database_.WritePairMetrics(Metrics(p12_, "five_point", 30, false));
@@ -104,7 +105,7 @@ TEST_F(PairsCsv, TextIsWhatOthersExpect) {
 TEST_F(PairsCsv, DescriptionCountsWhatIsThere) {
   const std::string text = DescribeDatabase(database_);
   EXPECT_THAT(text, HasSubstr("images             3\n"));
-  EXPECT_THAT(text, HasSubstr("keypoints          none\n"));
+  EXPECT_THAT(text, HasSubstr("keypoints          9 in 3 of 3 images, 3 an image\n"));
   EXPECT_THAT(text, HasSubstr("matched pairs      3 of 3 tried, 150 matches\n"));
   EXPECT_THAT(text, HasSubstr("verified pairs     1 of 1 tried, 40 inliers\n"));
   EXPECT_THAT(text, HasSubstr("verifier five_point 2 pairs, 0 chosen: 1 no_model 1 verified\n"));

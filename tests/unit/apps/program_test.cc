@@ -5,6 +5,8 @@
 
 #include <filesystem>
 #include <fstream>
+#include <new>
+#include <system_error>
 
 #include "cairn/base/error.h"
 
@@ -56,7 +58,8 @@ class ProgramTest : public testing::Test {
     std::vector<char*> argv;
     for (std::string& arg : args) argv.push_back(arg.data());
     testing::internal::CaptureStderr();
-    const int exit_code = program.Run(static_cast<int>(argv.size()), argv.data());
+    const int exit_code =
+        RunMain([&] { return program.Run(static_cast<int>(argv.size()), argv.data()); });
     output_ = testing::internal::GetCapturedStderr();
     return exit_code;
   }
@@ -119,6 +122,14 @@ TEST_F(ProgramTest, EffectiveTomlReadsBackToTheSameOptions) {
   EXPECT_EQ(top_.image_path, "x\"y\\z");
 }
 
+TEST_F(ProgramTest, ATomlBooleanIsNoNumber) {
+  EXPECT_EQ(Run({"--config", WriteConfig("seed = true\n")}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("seed: 'true' is not an integer"));
+  EXPECT_EQ(Run({"--config", WriteConfig("[matching]\nmax_ratio = false\n")}), kExitUsage);
+  EXPECT_EQ(Run({"--config", WriteConfig("[matching]\ncross_check = false\n")}), 0);
+  EXPECT_FALSE(matching_.cross_check);
+}
+
 TEST_F(ProgramTest, WrongInputIsAUsageErrorThatNamesTheKey) {
   EXPECT_EQ(Run({"--sede", "1"}), kExitUsage);
   EXPECT_THAT(output_, testing::AllOf(testing::HasSubstr("--sede"),
@@ -166,7 +177,7 @@ TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
   std::string name = "prog";
   char* argv[] = {name.data()};
   testing::internal::CaptureStderr();
-  EXPECT_EQ(program.Run(1, argv), kExitIo);  // no TOML
+  EXPECT_EQ(RunMain([&] { return program.Run(1, argv); }), kExitIo);  // no TOML
   EXPECT_THAT(testing::internal::GetCapturedStderr(), testing::HasSubstr("a.db"));
   command.SetRun([&] {
     command.SetDefaults(
@@ -189,6 +200,11 @@ TEST_F(ProgramTest, ErrorsBecomeExitCodes) {
   EXPECT_THAT(output_, testing::HasSubstr("f.jpg: is empty"));
   EXPECT_EQ(Run({}, []() -> int { throw ConfigError("k", "bad"); }), kExitUsage);
   EXPECT_EQ(Run({}, []() -> int { throw BugError("oops"); }), kExitBug);
+  EXPECT_EQ(Run({}, []() -> int { throw 1; }), kExitBug);
+  EXPECT_EQ(Run({}, []() -> int { throw std::bad_alloc(); }), kExitIo);
+  EXPECT_THAT(output_, testing::HasSubstr("out of memory"));
+  const auto no_thread = std::make_error_code(std::errc::resource_unavailable_try_again);
+  EXPECT_EQ(Run({}, [&]() -> int { throw std::system_error(no_thread); }), kExitIo);
   EXPECT_EQ(Run({"--config", "/nonexistent.toml"}), kExitIo);
 }
 

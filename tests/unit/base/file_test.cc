@@ -2,11 +2,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <filesystem>
 
 #include "cairn/base/error.h"
+#include "cairn/base/path_in_folder.h"
 #include "support/temp_folder.h"
 #include "support/thrown_message.h"
 #include "support/unprivileged.h"
@@ -34,6 +36,38 @@ TEST(File, ContentComesBackWhateverTheBytes) {
 }
 
 TEST(File, ReadsFilesWithoutASize) { EXPECT_THAT(ReadFile("/proc/self/status"), HasSubstr("Pid")); }
+
+// Opening a pipe would wait for its writer, and a device may have no end.
+TEST(File, PipesAndDevicesAreRefused) {
+  const TempFolder folder;
+  ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
+  std::filesystem::create_symlink("pipe", folder / "link");
+  for (const std::string& path : {folder / "pipe", folder / "link", std::string("/dev/zero")}) {
+    EXPECT_THAT(ThrownMessage<IoError>([&] { ReadFile(path); }),
+                HasSubstr("is a pipe or a device"));
+  }
+  WriteFileAtomically(folder / "a", "x");
+  std::filesystem::create_symlink("a", folder / "link2");
+  EXPECT_EQ(ReadFile(folder / "link2"), "x");
+}
+
+TEST(File, NamesDoNotLeadOutOfTheirFolder) {
+  EXPECT_EQ(PathInFolder("a", "b/c.jpg"), "a/b/c.jpg");
+  EXPECT_EQ(PathInFolder("a", "..b/c..jpg"), "a/..b/c..jpg");
+  for (const std::string name : {"/etc/passwd", "../c.jpg", "b/../../c.jpg", "b/.."}) {
+    EXPECT_THAT(ThrownMessage<IoError>([&] { PathInFolder("a", name); }),
+                HasSubstr(name + ": the name leads out of the folder a"));
+  }
+}
+
+TEST(File, AsManyBytesAsAreWanted) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a", "12345");
+  EXPECT_EQ(ReadFile(folder / "a", 3), "123");
+  EXPECT_EQ(ReadFile(folder / "a", 5), "12345");
+  EXPECT_EQ(ReadFile(folder / "a", 9), "12345");
+  EXPECT_EQ(ReadFile(folder / "a", 0), "");
+}
 
 TEST(File, NothingAppearsBeforeCommitAndTheOldFileStays) {
   const TempFolder folder;

@@ -131,6 +131,28 @@ TEST_F(ColmapFilesTest, Colmap38ReadsOurFile) {
 }
 
 // The real file of COLMAP 4.2.
+// Files of other people, of COLMAP before 3.0 to 4.x and of other programs.
+TEST_F(ColmapFilesTest, ReadsFilesOfAllVersions) {
+  const fs::path originals = testing::SharedDataPath("colmap_databases");
+  if (!fs::exists(originals)) GTEST_SKIP() << originals << " is absent";
+  for (const fs::directory_entry& original : fs::directory_iterator(originals)) {
+    if (original.path().extension() != ".db") continue;  // a log that a reader left
+    const fs::path copy = folder_ / original.path().filename();
+    fs::copy_file(original.path(), copy);
+    fs::permissions(copy, fs::perms::owner_all);
+    for (const Database::Mode mode : {Database::Mode::kReadOnly, Database::Mode::kOpenExisting}) {
+      const Database database(copy, mode);
+      EXPECT_GT(database.ReadImages().size(), 0u) << copy;
+      for (const Image& image : database.ReadImages()) database.ReadKeypoints(image.image_id);
+      for (const auto& [pair, num] : database.ReadNumInliers()) {
+        EXPECT_EQ(static_cast<int>(database.ReadTwoViewGeometry(pair)->inlier_matches.size()), num)
+            << copy;
+      }
+      EXPECT_TRUE(database.FindBadRows().empty()) << copy << database.FindBadRows()[0];
+    }
+  }
+}
+
 TEST_F(ColmapFilesTest, ReadsAColmap42File) {
   const fs::path original = testing::SharedDataPath("strecha_29/colmap_loose_matches.db");
   if (!fs::exists(original)) GTEST_SKIP() << original << " is absent";

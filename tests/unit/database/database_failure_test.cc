@@ -58,8 +58,9 @@ TEST_F(DatabaseFailureTest, BlobsOfAWrongSizeAreNamed) {
   EXPECT_THAT(
       ThrownMessage<IoError>([&] { database.ReadTwoViewGeometry(ImagePairToPairId(1, 2)); }),
       HasSubstr("E needs 72 bytes, but the blob has 2"));
-  EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadCameras(); }),
-              HasSubstr("camera 1: its params blob"));
+  EXPECT_EQ(database.ReadCameras().size(), 0u);
+  EXPECT_EQ(database.FindBadRows().at(0),
+            "camera 1: its params blob has 2 bytes, its model needs 64");
   RunSql(Path(), "UPDATE keypoints SET rows = -1");
   EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadKeypoints(3); }),
               HasSubstr("keypoints of image 3"));

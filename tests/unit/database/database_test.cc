@@ -185,6 +185,7 @@ TEST_F(DatabaseTest, KeypointsWithTwoOrFourColumnsBecomeFrames) {
 
 TEST_F(DatabaseTest, PairsRoundTripToTheBit) {
   Database database(":memory:");
+  WriteImages(database, 9);
   const image_pair_t pair = ImagePairToPairId(3, 2);
   const FeatureMatches matches = {{0, 1}, {7, 4000000000u}};
   database.WriteMatches(pair, matches);
@@ -238,6 +239,7 @@ TEST_F(DatabaseTest, ColmapsStandInsForAnUnknownPoseAreNoPose) {
 
 TEST_F(DatabaseTest, CairnTablesRoundTrip) {
   Database database(":memory:");
+  WriteImages(database, 2);
   PairMetrics metrics;
   metrics.pair_id = ImagePairToPairId(1, 2);
   metrics.verifier = "one_ac_depth";

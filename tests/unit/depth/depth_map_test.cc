@@ -128,8 +128,8 @@ TEST_F(ReadDepthMapTest, SixteenBitPngWithScale) {
 TEST_F(ReadDepthMapTest, BrokenFilesAreNamedWithTheReason) {
   const std::string data = Bytes<float>({1, 2, 3, 4});
   const std::string good = Npy("<f4", "(2, 2)", data);
-  EXPECT_EQ(ReasonOf((folder_ / "absent.npy").string()), "no such file");
-  EXPECT_EQ(ReasonOf(folder_.string()), "not a file");
+  EXPECT_EQ(ReasonOf((folder_ / "absent.npy").string()), "No such file or directory");
+  EXPECT_EQ(ReasonOf(folder_.string()), "is a folder, not a file");
   EXPECT_EQ(ReasonOf(Write("empty.npy", "")), "empty file");
   EXPECT_THAT(ReasonOf(Write("a.npy", good.substr(0, good.size() - 1))), HasSubstr("truncated"));
   EXPECT_THAT(ReasonOf(Write("a.npy", good.substr(0, 30))), HasSubstr("truncated"));

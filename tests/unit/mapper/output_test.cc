@@ -16,6 +16,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class OutputTest : public ::testing::Test {
  protected:
@@ -45,27 +46,30 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   WriteReconstructResult(result, output, "# options\n");
   EXPECT_FALSE(std::filesystem::exists(output + "/sparse/1"));
 
-  // A failure leaves the older model alone and says so in the report.
+  // A failure leaves the older model alone, with its report.
   result.models.clear();
   result.report.failure = "stage: reason; advice";
   WriteReconstructResult(result, output, "# options\n");
   EXPECT_TRUE(std::filesystem::exists(output + "/sparse/0/images.bin"));
-  EXPECT_THAT(ReadFile(output + "/report.json"), HasSubstr("stage: reason; advice"));
+  EXPECT_THAT(ReadFile(output + "/report.json"), Not(HasSubstr("stage: reason; advice")));
+  EXPECT_THAT(ReadFile(output + "/failed/report.json"), HasSubstr("stage: reason; advice"));
+  EXPECT_FALSE(std::filesystem::exists(output + "/failed/sparse"));
 }
 
 TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
   const std::string output = folder_.path();
   EXPECT_NO_THROW(CheckReconstructOutput(output + "/absent"));
-  EXPECT_NO_THROW(CheckReconstructOutput(output));  // photographs alone
-  std::filesystem::create_directories(folder_ / "sparse");
-  EXPECT_NO_THROW(CheckReconstructOutput(output));
   std::filesystem::create_directories(folder_ / "sparse/0");
-  WriteFileAtomically(output + "/effective.toml", "# build_view_graph, cairn 0.1.0\n");
-  EXPECT_THAT(
-      testing::ThrownMessage<ConfigError>([&] { CheckReconstructOutput(output); }),
-      AllOf(HasSubstr(output + "/sparse was not written by cairn"), HasSubstr("--overwrite")));
+  EXPECT_NO_THROW(CheckReconstructOutput(output));  // photographs alone, and empty folders
+  WriteFileAtomically(output + "/sparse/0/cameras.bin", "COLMAP's");
+  EXPECT_NO_THROW(CheckReconstructOutput(output, true));
+  EXPECT_THAT(testing::ThrownMessage<ConfigError>([&] { CheckReconstructOutput(output); }),
+              AllOf(HasSubstr(output + "/sparse/0/cameras.bin is not as cairn wrote it"),
+                    HasSubstr("--overwrite")));
+  // A run that was interrupted, or failed before it wrote anything, makes it nobody else's.
   WriteFileAtomically(output + "/effective.toml", "# global_sfm reconstruct, cairn 0.1.0\n");
-  EXPECT_NO_THROW(CheckReconstructOutput(output));
+  EXPECT_THROW(CheckReconstructOutput(output), ConfigError);
+  EXPECT_EQ(ReadFile(output + "/sparse/0/cameras.bin"), "COLMAP's");
 }
 
 TEST_F(OutputTest, ColorsComeFromThePhotographs) {

@@ -20,6 +20,8 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::ThrownMessage;
 
 double Extent(const Reconstruction& model) {
   double extent = 0;

@@ -65,6 +65,31 @@ TEST_F(ImportPhotosTest, ImagesAreInTheOrderOfTheirNamesWithACameraEach) {
   EXPECT_EQ(database_.ReadImages()[2].camera_id, 3u);
 }
 
+// Written to a database, it would end the run when the model is written.
+TEST_F(ImportPhotosTest, ANameWithALineBreakIsRefusedAtOnce) {
+  AddPhoto("a.png");
+  AddPhoto("b\nc.png");
+  TestMonitor monitor;
+  Import({}, monitor);
+  EXPECT_THAT(Names(), ElementsAre("a.png"));
+  EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("a name with a line break; skipped")));
+}
+
+TEST_F(ImportPhotosTest, WhatIsNotReadAndWhatIsGoneIsNamed) {
+  AddPhoto("a.png");
+  AddPhoto("b.png");
+  AddFile("c.GIF", "GIF89a");
+  AddFile("notes.txt", "");
+  TestMonitor first, second;
+  Import({}, first);
+  EXPECT_THAT(first.warnings(), ElementsAre(HasSubstr("their format is not known: c.GIF")));
+  fs::remove(images_ + "/c.GIF");
+  fs::remove(images_ + "/a.png");
+  Import({}, second);
+  EXPECT_THAT(second.warnings(), ElementsAre(HasSubstr("no longer has a.png; their features")));
+  EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
+}
+
 TEST_F(ImportPhotosTest, CameraParamsAndSingleCamera) {
   AddPhoto("a.png");
   AddPhoto("b.png");

@@ -154,6 +154,19 @@ TEST_F(StagesTest, AnImageWithoutADepthMapIsNamedOnceAndGetsItLater) {
   EXPECT_EQ(database_.ReadNumDepthSamples().size(), 4u);
 }
 
+// A map of 12 x 16 values for a photograph that is as wide as 16 to 12, and one of a single value.
+TEST_F(StagesTest, DepthMapsOfAnotherShapeAreRefused) {
+  Extract();
+  for (int i = 0; i < 2; ++i) AddDepth(i);
+  testing::WriteNpy(depth_ + "/" + Name(2) + ".npy", 12, 16, std::vector<float>(16 * 12, 2));
+  testing::WriteNpy(depth_ + "/" + Name(3) + ".npy", 1, 1, {2});
+  TestMonitor monitor;
+  Depth(monitor);
+  EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("it is transposed; it has no depth"),
+                                              HasSubstr("a map of 1 x 1 values has no gradient")));
+  EXPECT_EQ(database_.ReadNumDepthSamples().size(), 2u);
+}
+
 TEST_F(StagesTest, ChangedDepthAndChangedDepthOptionsAreNoticed) {
   Extract();
   for (int i = 0; i < 4; ++i) AddDepth(i);

@@ -1,0 +1,215 @@
+#include "base/output_folder.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+#include "base/hash.h"
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kFiles[] = ".cairn-files";    // hash and name of each file of the results
+constexpr char kRemove[] = ".cairn-remove";  // in a committed folder: files to be removed
+
+// Folder operations whose failure is an IoError that names the path.
+template <class Fn>
+void Do(const fs::path& path, const Fn& fn) {
+  std::error_code error;
+  fn(error);
+  if (error) throw IoError(path.string(), "cannot be changed: " + error.message());
+}
+
+// Waits until the file or folder is on the disk.
+void Sync(const fs::path& path) {
+  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool is_synced = descriptor >= 0 && fsync(descriptor) == 0;
+  const int reason = errno;
+  if (descriptor >= 0) close(descriptor);
+  // Some file systems of networks cannot sync a folder.
+  if (!is_synced && reason != EINVAL) {
+    throw IoError(path.string(), std::string("cannot be written: ") + std::strerror(reason));
+  }
+}
+
+// Regular files (and links) at or under folder/name, relative to the folder.
+void ListFiles(const fs::path& folder, const fs::path& name, std::vector<std::string>& files) {
+  const fs::file_status status = fs::symlink_status(folder / name);
+  if (!fs::exists(status)) return;
+  if (!fs::is_directory(status)) {
+    files.push_back(name.generic_string());
+    return;
+  }
+  std::vector<fs::path> children;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder / name)) {
+    children.push_back(name / entry.path().filename());
+  }
+  std::sort(children.begin(), children.end());
+  for (const fs::path& child : children) ListFiles(folder, child, files);
+}
+
+std::vector<std::string> Lines(const std::string& text) {
+  std::vector<std::string> lines;
+  for (size_t begin = 0; begin < text.size();) {
+    const size_t end = std::min(text.find('\n', begin), text.size());
+    lines.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return lines;
+}
+
+// A list that somebody changed names no file outside the folder.
+bool IsInside(const std::string& name) {
+  const fs::path path(name);
+  return !name.empty() && !path.is_absolute() &&
+         std::none_of(path.begin(), path.end(), [](const fs::path& part) { return part == ".."; });
+}
+
+std::map<std::string, std::string> ReadHashes(const fs::path& file) {
+  std::map<std::string, std::string> hashes;
+  if (!fs::exists(file)) return hashes;
+  for (const std::string& line : Lines(ReadFile(file.string()))) {
+    const size_t blank = line.find(' ');
+    if (line.starts_with('#') || blank == std::string::npos) continue;
+    const std::string name = line.substr(blank + 1);
+    if (IsInside(name)) hashes[name] = line.substr(0, blank);
+  }
+  return hashes;
+}
+
+// Removes a file, and the folders that are empty without it.
+void RemoveFile(const fs::path& folder, const std::string& name) {
+  Do(folder / name, [&](std::error_code& error) { fs::remove(folder / name, error); });
+  for (fs::path parent = fs::path(name).parent_path(); !parent.empty();
+       parent = parent.parent_path()) {
+    std::error_code is_in_use;
+    if (!fs::remove(folder / parent, is_in_use)) return;
+  }
+}
+
+}  // namespace
+
+OutputFolder::OutputFolder(const std::string& path, const std::vector<std::string>& names,
+                           bool overwrites)
+    : path_(path),
+      staging_((fs::path(path) / ".cairn-new").string()),
+      committed_((fs::path(path) / ".cairn-committed").string()),
+      names_(names),
+      overwrites_(overwrites) {
+  CreateFolders(path);
+  lock_ = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (lock_ < 0) throw IoError(path, std::strerror(errno));
+  try {
+    // File systems without locks do without.
+    if (flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+      throw IoError(path, "another run of cairn is writing to it");
+    }
+    if (fs::exists(committed_)) Apply();
+    earlier_ = ReadHashes(fs::path(path_) / kFiles);
+    CheckNobodyElses();
+    Do(staging_, [&](std::error_code& error) { fs::remove_all(staging_, error); });
+    CreateFolders(staging_);
+  } catch (...) {
+    close(lock_);
+    throw;
+  }
+}
+
+OutputFolder::~OutputFolder() {
+  std::error_code ignored;
+  fs::remove_all(staging_, ignored);
+  close(lock_);
+}
+
+bool OutputFolder::Has(const std::string& name) const {
+  const auto it = earlier_.lower_bound(name);
+  return it != earlier_.end() && it->first.starts_with(name);
+}
+
+std::vector<std::string> OutputFolder::FilesInTheWay() const {
+  std::vector<std::string> files;
+  try {
+    for (const std::string& name : names_) ListFiles(path_, name, files);
+  } catch (const fs::filesystem_error& error) {
+    throw IoError(error.path1().string(), error.code().message());
+  }
+  return files;
+}
+
+bool OutputFolder::IsOurs(const std::string& name) const {
+  const fs::path file = fs::path(path_) / name;
+  const auto known = earlier_.find(name);
+  return known != earlier_.end() && !fs::is_symlink(file) &&
+         HashToHex(HashFile(file.string())) == known->second;
+}
+
+void OutputFolder::CheckNobodyElses() const {
+  if (overwrites_) return;
+  for (const std::string& name : FilesInTheWay()) {
+    if (IsOurs(name)) continue;
+    throw ConfigError("output_path",
+                      (fs::path(path_) / name).string() +
+                          " is not as cairn wrote it and would be replaced; give another folder, "
+                          "or --overwrite");
+  }
+}
+
+void OutputFolder::Commit(bool keeps_earlier) {
+  CheckNobodyElses();  // they may have come since
+  std::vector<std::string> files;
+  for (const std::string& name : names_) ListFiles(staging_, name, files);
+  Hashes hashes;
+  std::string removed;
+  for (const std::string& name : files) {
+    const fs::path file = fs::path(staging_) / name;
+    hashes[name] = HashToHex(HashFile(file.string()));
+    Sync(file);
+  }
+  if (keeps_earlier) hashes.insert(earlier_.begin(), earlier_.end());
+  for (const std::string& name : FilesInTheWay()) {
+    if (hashes.count(name) == 0) removed += name + "\n";
+  }
+  std::string list = "# Files that cairn wrote here, and may replace, each after its hash.\n";
+  for (const auto& [name, hash] : hashes) list += hash + " " + name + "\n";
+  WriteFileAtomically(staging_ + "/" + kFiles, list);
+  WriteFileAtomically(staging_ + "/" + kRemove, removed);
+  Sync(staging_ + "/" + kFiles);
+  Sync(staging_ + "/" + kRemove);
+  Sync(staging_);
+  Do(path_, [&](std::error_code& error) { fs::rename(staging_, committed_, error); });
+  Sync(path_);
+  Apply();
+}
+
+// Every step may be done already, by a run that was killed in it.
+void OutputFolder::Apply() {
+  const fs::path committed(committed_), folder(path_);
+  // Without its list, all is in place.
+  if (fs::exists(committed / kFiles)) {
+    for (const std::string& name : Lines(ReadFile((committed / kRemove).string()))) {
+      if (IsInside(name)) RemoveFile(folder, name);
+    }
+    for (const auto& [name, hash] : ReadHashes(committed / kFiles)) {
+      if (!fs::exists(committed / name)) continue;  // of an earlier run, or in place
+      CreateFolders((folder / name).parent_path().string());
+      Do(folder / name,
+         [&](std::error_code& error) { fs::rename(committed / name, folder / name, error); });
+      Sync((folder / name).parent_path());
+    }
+    Do(folder / kFiles,
+       [&](std::error_code& error) { fs::rename(committed / kFiles, folder / kFiles, error); });
+  }
+  Do(committed, [&](std::error_code& error) { fs::remove_all(committed, error); });
+  Sync(folder);
+}
+
+}  // namespace cairn

@@ -1,0 +1,244 @@
+// What an adversary, a damaged disk or a small machine may do to the programs: they end with one of
+// the exit codes 0 to 3 in a short time, say why, and touch nobody's files.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+#include <sys/stat.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+
+#include "cairn/base/file.h"
+#include "cairn/base/types.h"
+#include "integration/scene_files.h"
+#include "support/database_dump.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AnyOf;
+using ::testing::HasSubstr;
+using testing::LinesWith;
+using testing::ProgramResult;
+using testing::RunExecutable;
+using testing::RunProgram;
+using testing::SceneFiles;
+
+constexpr double kMaxSeconds = 60;  // of any run here; a hang ends as 137
+
+void Sql(const std::string& path, const std::string& sql) {
+  sqlite3* database = nullptr;
+  ASSERT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
+  char* message = nullptr;
+  EXPECT_EQ(sqlite3_exec(database, sql.c_str(), nullptr, nullptr, &message), SQLITE_OK) << message;
+  sqlite3_close(database);
+}
+
+ProgramResult Reconstruct(const std::string& database, const std::string& output,
+                          std::vector<std::string> others = {}) {
+  std::vector<std::string> arguments = {"reconstruct", "--database_path", database, "--output_path",
+                                        output};
+  arguments.insert(arguments.end(), others.begin(), others.end());
+  return RunProgram("global_sfm", arguments, kMaxSeconds);
+}
+
+// The program under `ulimit`, or with a signal sent to it.
+ProgramResult RunShell(const std::string& script, const std::vector<std::string>& arguments = {}) {
+  std::vector<std::string> all = {"-c", script, "bash"};
+  all.insert(all.end(), arguments.begin(), arguments.end());
+  return RunExecutable("bash", all, kMaxSeconds);
+}
+
+std::string Program(const std::string& name) {
+  return std::string(CAIRN_BINARY_DIR) + "/bin/" + name;
+}
+
+TEST(Hostile, APipeIsNoPhotograph) {
+  const SceneFiles scene;
+  ASSERT_EQ(mkfifo((scene / "images/pipe.jpg").c_str(), 0600), 0);
+  ASSERT_EQ(mkfifo((scene / "pipe").c_str(), 0600), 0);
+  const ProgramResult result =
+      scene.BuildViewGraph(scene / "new.db", {"--stop_after", "features"}, kMaxSeconds);
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("pipe.jpg: is a pipe or a device, not a file; skipped"));
+  for (const std::string flag : {"--config", "--pairs_path", "--database_path"}) {
+    const ProgramResult refused =
+        RunProgram("build_view_graph", {"--database_path", scene.database(), flag, scene / "pipe"},
+                   kMaxSeconds);
+    EXPECT_EQ(refused.exit_code, 3) << flag << refused.output;
+    EXPECT_THAT(refused.output, HasSubstr("is a pipe or a device")) << flag;
+  }
+  EXPECT_EQ(Reconstruct(scene / "pipe", scene / "out").exit_code, 3);
+}
+
+// A stage that does not look for signals is ended after a second. (SIGTERM; SIGINT is ignored in
+// background jobs of a shell.)
+TEST(Hostile, ASignalEndsEveryStage) {
+  const SceneFiles scene;
+  for (const double delay : {0.05, 0.2, 0.5, 1.0}) {
+    const std::string script =
+        "\"$@\" & sleep " + std::to_string(delay) +
+        "; kill -TERM $! 2>/dev/null; start=$(date +%s%N); wait $!; "
+        "code=$?; echo milliseconds $(( ($(date +%s%N) - start) / 1000000 )); exit $code";
+    const ProgramResult result = RunShell(
+        script, {Program("build_view_graph"), "--image_path", scene.images(), "--database_path",
+                 scene / ("new" + std::to_string(delay) + ".db"), "--num_threads", "1"});
+    EXPECT_THAT(result.exit_code, AnyOf(0, 1, 143)) << result.output;
+    const std::vector<std::string> lines = LinesWith(result.output, "milliseconds ");
+    ASSERT_EQ(lines.size(), 1u) << result.output;
+    // A busy machine takes its time; what did not end at all took minutes.
+    EXPECT_LT(std::stoi(lines[0].substr(13)), 5000) << result.output;
+  }
+}
+
+// From where the programs begin at all to where they have enough.
+TEST(Hostile, TooLittleMemoryIsAnErrorOfTheEnvironment) {
+  const SceneFiles scene;
+  int num_short = 0;
+  for (int limit_mib = 200; limit_mib <= 560; limit_mib += 40) {
+    const std::string prefix = "ulimit -v " + std::to_string(1024 * limit_mib) + "; exec \"$@\"";
+    const std::string output = scene / ("out" + std::to_string(limit_mib));
+    const std::string threads = limit_mib / 40 % 2 == 0 ? "1" : "2";
+    for (const std::vector<std::string>& command :
+         {std::vector<std::string>{Program("global_sfm"), "reconstruct", "--database_path",
+                                   scene.database(), "--output_path", output, "--num_threads",
+                                   threads},
+          {Program("build_view_graph"), "--image_path", scene.images(), "--database_path",
+           output + ".db", "--features.max_num_features", "800", "--num_threads", threads}}) {
+      const ProgramResult result = RunShell(prefix, command);
+      // 127: the system's loader cannot even load the libraries.
+      EXPECT_THAT(result.exit_code, AnyOf(0, 3, 127)) << limit_mib << " MiB\n" << result.output;
+      num_short += result.exit_code == 3;
+      if (result.exit_code == 3) {
+        EXPECT_THAT(result.output, AnyOf(HasSubstr("memory"), HasSubstr("hread")));
+      }
+    }
+  }
+  EXPECT_GT(num_short, 0);
+}
+
+// Rows that no COLMAP writes: named and left out.
+TEST(Hostile, BadRowsAreNamedAndLeftOut) {
+  const std::string pose =
+      " WHERE pair_id = (SELECT MIN(pair_id) FROM two_view_geometries WHERE rows > 0)";
+  const std::string base = "2147483647";
+  struct Case {
+    std::string sql, reason;
+  };
+  for (const Case& c : {
+           Case{"DELETE FROM images WHERE image_id = 3", "there is no such image"},
+           Case{"UPDATE two_view_geometries SET pair_id = 3 * " + base + " + 3" + pose,
+                "an image is paired with itself"},
+           Case{"UPDATE two_view_geometries SET pair_id = 5 * " + base + " + 1" + pose,
+                "the larger image id is first"},
+           Case{"UPDATE two_view_geometries SET pair_id = -5" + pose, "the id is negative"},
+           Case{"UPDATE two_view_geometries SET pair_id = -9223372036854775808" + pose,
+                "the id is negative"},
+           Case{"UPDATE two_view_geometries SET pair_id = 9223372036854775807" + pose,
+                "the larger image id is first"},
+           Case{"UPDATE two_view_geometries SET qvec = x'" + std::string(4, '0') + "00000000F87F" +
+                    std::string(52 - 4 - 12 + 12, '0') + "'" + pose,
+                "qvec"},
+           Case{"UPDATE cameras SET params = zeroblob(length(params))", "focal length"},
+           Case{"UPDATE images SET name = '' WHERE image_id = 2", "the name is empty"},
+           Case{"UPDATE images SET name = 'a' || char(10) || 'b' WHERE image_id = 2", "line break"},
+       }) {
+    const SceneFiles scene;
+    Sql(scene.database(), "PRAGMA foreign_keys = OFF; " + c.sql);
+    for (const ProgramResult& result :
+         {Reconstruct(scene.database(), scene / "out"),
+          RunProgram("global_sfm", {"inspect", "--database_path", scene.database()}, kMaxSeconds),
+          RunProgram("build_view_graph", {"--database_path", scene.database()}, kMaxSeconds)}) {
+      EXPECT_THAT(result.exit_code, AnyOf(0, 1, 2)) << c.sql << result.output;
+      // Verification does not read poses that are there.
+      const bool reads_it =
+          c.reason != "qvec" || result.output.find("verified  ") == std::string::npos;
+      if (reads_it) {
+        EXPECT_THAT(result.output, HasSubstr(c.reason)) << c.sql;
+      }
+    }
+  }
+}
+
+TEST(Hostile, VerifiedMatchesOfKeypointsThatAreNotThere) {
+  const SceneFiles scene;
+  Sql(scene.database(),
+      "UPDATE two_view_geometries SET rows = 1, data = x'FFFFFF7F00000000' WHERE pair_id = "
+      "(SELECT MIN(pair_id) FROM two_view_geometries WHERE rows > 0)");
+  const ProgramResult result = Reconstruct(scene.database(), scene / "out");
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("refer to keypoints that are not there; the pair is left"));
+}
+
+// A run that was interrupted when it made the file.
+TEST(Hostile, AnEmptyDatabaseIsFilled) {
+  const SceneFiles scene;
+  Sql(scene / "new.db", "CREATE TABLE x(y); DROP TABLE x;");
+  const ProgramResult result = scene.BuildViewGraph(scene / "new.db", {"--stop_after", "features"});
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+}
+
+TEST(Hostile, AWorkspaceOfColmapIsNotTouched) {
+  const SceneFiles scene;
+  const std::string workspace = scene / "workspace";
+  for (const char* model : {"sparse/0", "sparse/1"}) {
+    CreateFolders(workspace + "/" + model);
+    WriteFileAtomically(workspace + "/" + model + "/cameras.bin", "COLMAP's");
+  }
+  const ProgramResult refused = Reconstruct(scene.database(), workspace);
+  EXPECT_EQ(refused.exit_code, 2) << refused.output;
+  EXPECT_THAT(refused.output, HasSubstr("--overwrite"));
+  EXPECT_THAT(refused.output, ::testing::Not(HasSubstr("view_graph")));  // before the work
+  // Nor after a run that failed.
+  EXPECT_EQ(Reconstruct(scene / "absent.db", workspace, {"--overwrite"}).exit_code, 3);
+  EXPECT_EQ(Reconstruct(scene.database(), workspace).exit_code, 2);
+  EXPECT_EQ(ReadFile(workspace + "/sparse/1/cameras.bin"), "COLMAP's");
+  EXPECT_EQ(std::distance(fs::directory_iterator(workspace), fs::directory_iterator()), 1);
+}
+
+TEST(Hostile, AFailedRunLeavesTheModelOfTheLast) {
+  const SceneFiles scene;
+  EXPECT_EQ(Reconstruct(scene.database(), scene / "out").exit_code, 0);
+  const std::string images = ReadFile(scene / "out/sparse/0/images.bin");
+  const std::string report = ReadFile(scene / "out/report.json");
+  const ProgramResult failed =
+      Reconstruct(scene.database(), scene / "out", {"--view_graph.min_num_inliers", "100000"});
+  EXPECT_EQ(failed.exit_code, 1) << failed.output;
+  EXPECT_THAT(failed.output, HasSubstr("out/failed/report.json"));
+  EXPECT_EQ(ReadFile(scene / "out/sparse/0/images.bin"), images);
+  EXPECT_EQ(ReadFile(scene / "out/report.json"), report);
+  EXPECT_EQ(Reconstruct(scene.database(), scene / "out").exit_code, 0);
+  EXPECT_FALSE(fs::exists(scene / "out/failed"));
+}
+
+TEST(Hostile, BundlerGetsItsSizesFromThePhotographs) {
+  const SceneFiles scene;
+  const std::string model = scene / "out";
+  ASSERT_EQ(Reconstruct(scene.database(), model).exit_code, 0);
+  const auto export_to = [&](const std::string& type, std::vector<std::string> others) {
+    std::vector<std::string> arguments = {"export",
+                                          "--model_path",
+                                          model + "/bundle.out",
+                                          "--output_path",
+                                          scene / type,
+                                          "--output_type",
+                                          type};
+    arguments.insert(arguments.end(), others.begin(), others.end());
+    return RunProgram("global_sfm", arguments, kMaxSeconds);
+  };
+  for (const std::string type : {"colmap_bin", "colmap_txt", "nerfstudio"}) {
+    const ProgramResult refused = export_to(type, {});
+    EXPECT_EQ(refused.exit_code, 2) << refused.output;
+    EXPECT_THAT(refused.output, HasSubstr("image_path: the model has no image sizes"));
+    EXPECT_EQ(export_to(type, {"--image_path", scene.images()}).exit_code, 0);
+  }
+  const ProgramResult same = RunProgram(
+      "global_sfm",
+      {"evaluate", "--model_path", scene / "colmap_bin", "--reference_path", model + "/sparse/0"});
+  EXPECT_EQ(same.exit_code, 0) << same.output;
+}
+
+}  // namespace
+}  // namespace cairn
