@@ -44,8 +44,9 @@ ViewGraph GraphOf(const Database& database) {
   std::vector<image_t> image_ids;
   for (const Image& image : database.ReadImages()) image_ids.push_back(image.image_id);
   ViewGraphBuilderOptions options;
-  if (HasImportedEdges(database)) options.min_num_inliers = options.min_bridge_inliers = 0;
-  return BuildViewGraph(image_ids, ReadViewEdges(database), options).graph;
+  std::vector<ViewEdge> edges = ReadViewEdges(database);
+  if (HasImportedEdges(edges)) options.min_num_inliers = options.min_bridge_inliers = 0;
+  return BuildViewGraph(image_ids, std::move(edges), options).graph;
 }
 
 int Run(Command& command, ReportFlags& flags) {

@@ -126,7 +126,7 @@ void ReportBadRows(const Database& database, RunReport& report, ProgressMonitor&
   constexpr size_t kMaxNamed = 20;
   const std::vector<std::string> bad = database.FindBadRows();
   if (bad.empty()) return;
-  Stage stage(report, monitor, "database");
+  RunStage stage(report, monitor, "database");
   stage.Add("bad_rows", static_cast<double>(bad.size()));
   for (size_t i = 0; i < std::min(bad.size(), kMaxNamed); ++i) {
     stage.Warn(database.path() + ": " + bad[i] + "; the row is left out");

@@ -47,7 +47,12 @@ Bitmap Reduce(const Bitmap& gray, double scale) {
   reduced.data.resize(static_cast<size_t>(reduced.width) * reduced.height);
   const cv::Mat source(gray.height, gray.width, CV_8UC1, const_cast<uint8_t*>(gray.data.data()));
   cv::Mat target(reduced.height, reduced.width, CV_8UC1, reduced.data.data());
-  cv::resize(source, target, target.size(), 0, 0, cv::INTER_AREA);
+  try {
+    cv::resize(source, target, target.size(), 0, 0, cv::INTER_AREA);
+  } catch (const cv::Exception& exception) {
+    ThrowIfOutOfMemory(exception);
+    throw;
+  }
   return reduced;
 }
 
@@ -55,16 +60,6 @@ Bitmap Reduce(const Bitmap& gray, double scale) {
 // crashes while another thread is inside OpenCV.
 void KeepOpenCvToTheCallersThread() {
   [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
-}
-
-Features Extract(const Bitmap& gray, const FeatureOptions& options) {
-  if (options.type != FeatureType::kSift) return ExtractAffineDog(gray, options);
-  try {
-    return ExtractSift(gray, options);
-  } catch (const cv::Exception& exception) {
-    ThrowIfOutOfMemory(exception);
-    throw;
-  }
 }
 
 }  // namespace

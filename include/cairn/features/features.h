@@ -55,8 +55,8 @@ struct Features {
 // the feature, as in COLMAP; the second axis is the image of "down" in the normalized patch.
 //
 // affine_dog: extrema of the difference of Gaussians (Lowe 2004), affine shape by Baumberg's
-// iteration (Mikolajczyk and Schmid 2004), orientation, SIFT on the normalized patch (VLFeat).
-// sift: OpenCV's SIFT, M = scale * Rot(orientation).
+// iteration (Mikolajczyk and Schmid 2004), orientations, SIFT on the normalized patch.
+// sift: the same without affine shape, M = scale * Rot(orientation).
 // Both: RootSIFT (Arandjelovic and Zisserman 2012), min(255, round(512 x)).
 //
 // An image without texture gives no features. The result depends on nothing but the arguments;

@@ -183,7 +183,6 @@ class ChoosePairsOfPhotosTest : public ::testing::Test {
     BuildPipelineOptions options;
     options.inputs.image_path = folder_ / "images";
     options.inputs.database_path = folder_ / database;
-    options.inputs.num_threads = 2;
     options.inputs.pairs = "retrieval";
     options.features.type = FeatureType::kSift;
     options.features.first_octave = 0;
@@ -223,9 +222,7 @@ TEST_F(ChoosePairsOfPhotosTest, RoundsFindWhatTheFirstOneMissed) {
 
 TEST_F(ChoosePairsOfPhotosTest, DumpsAreEqualForAnyNumberOfThreads) {
   for (const int num_threads : {1, 8}) {
-    BuildPipelineOptions options = Options(std::to_string(num_threads) + ".db");
-    options.inputs.num_threads = num_threads;
-    RunBuildPipeline(options);
+    RunBuildPipeline(Options(std::to_string(num_threads) + ".db"), {.num_threads = num_threads});
   }
   EXPECT_EQ(DumpDatabase(folder_ / "1.db"), DumpDatabase(folder_ / "8.db"));
 }
@@ -236,7 +233,8 @@ TEST_F(ChoosePairsOfPhotosTest, InterruptedRunsEndInTheSameDump) {
   int num_stops = 0;
   for (; num_stops < 50; ++num_stops) {
     TestMonitor monitor(30);  // (A run lists and describes twelve photographs each, or nothing.)
-    if (!RunBuildPipeline(Options("parts.db"), monitor).was_stopped) break;
+    if (!RunBuildPipeline(Options("parts.db"), {.num_threads = 2, .monitor = monitor}).was_stopped)
+      break;
   }
   EXPECT_GE(num_stops, 3);
   EXPECT_LT(num_stops, 50);

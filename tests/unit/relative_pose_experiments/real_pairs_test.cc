@@ -20,7 +20,8 @@ struct ProblemPair {
   explicit ProblemPair(const TwoViewProblem& problem)
       : image1{"a.jpg", problem.camera1, problem.keypoints1, problem.depth1},
         image2{"b.jpg", problem.camera2, problem.keypoints2, problem.depth2},
-        pair{ImagePairToPairId(1, 2), &image1, &image2, problem.matches, problem.cam2_from_cam1} {}
+        pair{ImagePairToPairId(1, 2), &image1, &image2,
+             problem.matches,         false,   problem.cam2_from_cam1} {}
   ProblemPair(const ProblemPair&) = delete;
   RealImage image1, image2;
   RealPair pair;
