@@ -206,7 +206,7 @@ TEST(Hostile, AFailedRunLeavesTheModelOfTheLast) {
   const ProgramResult failed =
       Reconstruct(scene.database(), scene / "out", {"--view_graph.min_num_inliers", "100000"});
   EXPECT_EQ(failed.exit_code, 1) << failed.output;
-  EXPECT_THAT(failed.output, HasSubstr("out/failed/report.json"));
+  EXPECT_THAT(failed.output, HasSubstr("out/failed/report.html"));
   EXPECT_EQ(ReadFile(scene / "out/sparse/0/images.bin"), images);
   EXPECT_EQ(ReadFile(scene / "out/report.json"), report);
   EXPECT_EQ(Reconstruct(scene.database(), scene / "out").exit_code, 0);
