@@ -63,7 +63,6 @@ namespace {
 constexpr int kNumDifferences = Octave::kLevels + 2;
 constexpr double kMinShare = 0.8;  // of the threshold, before the extremum is refined
 constexpr double kMaxOffset = 0.6;
-constexpr double kMaxLevelOffset = 1.0;
 constexpr int kMaxMoves = 5;
 
 // Three rows of every difference of two levels: those around the row that is searched.
@@ -120,16 +119,14 @@ bool IsEdge(const Eigen::Matrix3d& hessian, double max_ratio) {
   return trace * trace * max_ratio >= (max_ratio + 1) * (max_ratio + 1) * determinant;
 }
 
-// The extremum of the quadric through the neighborhood (Lowe, equations 2 and 3), where it lies at
-// the pixel or at one that it leads to.
+// Moves to the extremum of the quadric through the neighborhood (Lowe, equations 2 and 3).
 bool Refine(Neighborhood at, const FeatureOptions& options, Extremum* extremum) {
   const Plane& plane = at.octave.levels[0];
   for (int move = 0; move < kMaxMoves; ++move) {
     const Eigen::Vector3d gradient = at.Gradient();
     const Eigen::Matrix3d hessian = at.Hessian();
     const Eigen::Vector3d offset = -hessian.fullPivLu().solve(gradient);
-    if (offset.head<2>().cwiseAbs().maxCoeff() <= kMaxOffset) {
-      if (std::abs(offset[2]) > kMaxLevelOffset) return false;
+    if (offset.cwiseAbs().maxCoeff() <= kMaxOffset) {
       *extremum = {at.x + offset[0], at.y + offset[1], at.level + offset[2],
                    at.At(0, 0, 0) + 0.5 * gradient.dot(offset)};
       return std::abs(extremum->value) >= options.peak_threshold &&
@@ -138,7 +135,9 @@ bool Refine(Neighborhood at, const FeatureOptions& options, Extremum* extremum) 
     auto step = [](double o) { return o > kMaxOffset ? 1 : o < -kMaxOffset ? -1 : 0; };
     at.x += step(offset[0]);
     at.y += step(offset[1]);
+    at.level += step(offset[2]);
     if (at.x < 1 || at.x > plane.width - 2 || at.y < 1 || at.y > plane.height - 2) return false;
+    if (at.level < 1 || at.level > Octave::kLevels) return false;
   }
   return false;
 }

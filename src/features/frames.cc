@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kMaxAdaptations = 5;
+constexpr int kMaxAdaptations = 8;
 constexpr double kMaxAnisotropy = 5.0;
 constexpr double kAdapted = 1.05;  // gradients are as strong in every direction
 constexpr int kSmoothings = 6;     // of the histogram of angles
@@ -48,7 +48,7 @@ std::optional<Eigen::Matrix2d> AdaptShape(const Octave& octave, const Frame& fra
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> moments(
         SecondMoments(GradientAround(octave, frame.center, M)));
     const Eigen::Vector2d strengths = moments.eigenvalues().cwiseMax(0).cwiseSqrt();
-    if (strengths[0] <= 0) return std::nullopt;
+    if (strengths[1] >= kMaxAnisotropy * strengths[0]) return std::nullopt;
     M *= moments.operatorInverseSqrt();
     const Eigen::Vector2d axes = Axes(M);
     if (axes[1] > kMaxAnisotropy * axes[0]) return std::nullopt;
