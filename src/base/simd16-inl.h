@@ -23,6 +23,7 @@ inline constexpr int kParts = 16 / kLanes;
 
 HWY_INLINE V Const(float value) { return hn::Set(kTag, value); }
 HWY_INLINE V Load(const float* p) { return hn::Load(kTag, p); }
+HWY_INLINE V LoadU(const float* p) { return hn::LoadU(kTag, p); }  // of any alignment
 
 // Sum of 16 lanes kept in kParts vectors, by halving: lane i with lane i + 8, then + 4, 2, 1. The
 // order is the same whatever the width of a vector.

@@ -15,16 +15,14 @@
 HWY_BEFORE_NAMESPACE();
 namespace cairn::HWY_NAMESPACE {
 
-HWY_INLINE V LoadAt(const float* p) { return hn::LoadU(kTag, p); }
-
 // sum[x] = taps[0] rows[0][x] + taps[k] (rows[2 k - 1][x] + rows[2 k][x])
 void SumRowsKernel(const float* const* rows, const std::vector<float>& taps, int stride,
                    float* sum) {
   const int radius = static_cast<int>(taps.size()) - 1;
   for (int x = 0; x < stride; x += kLanes) {
-    V value = Const(taps[0]) * LoadAt(rows[0] + x);
+    V value = Const(taps[0]) * LoadU(rows[0] + x);
     for (int k = 1; k <= radius; ++k) {
-      value = value + Const(taps[k]) * (LoadAt(rows[2 * k - 1] + x) + LoadAt(rows[2 * k] + x));
+      value = value + Const(taps[k]) * (LoadU(rows[2 * k - 1] + x) + LoadU(rows[2 * k] + x));
     }
     hn::StoreU(value, kTag, sum + x);
   }

@@ -14,11 +14,9 @@
 HWY_BEFORE_NAMESPACE();
 namespace cairn::HWY_NAMESPACE {
 
-HWY_INLINE V LoadAt(const float* p) { return hn::LoadU(kTag, p); }
-
 void SubtractKernel(const float* a, const float* b, int stride, float* difference) {
   for (int x = 0; x < stride; x += kLanes) {
-    hn::StoreU(LoadAt(a + x) - LoadAt(b + x), kTag, difference + x);
+    hn::StoreU(LoadU(a + x) - LoadU(b + x), kTag, difference + x);
   }
 }
 
@@ -29,14 +27,14 @@ void FindInRowKernel(const float* const* rows, int width, float threshold,
   constexpr int kOrder[] = {4, 1, 7, 3, 5, 0, 2, 6, 8};  // the nearest rows exclude most
   const V least = Const(threshold);
   for (int x = 1; x < width - 1; x += kLanes) {
-    const V center = LoadAt(rows[4] + x);
+    const V center = LoadU(rows[4] + x);
     auto is_max = center > least;
     auto is_min = hn::Neg(center) > least;
     for (const int r : kOrder) {
       if (hn::AllFalse(kTag, hn::Or(is_max, is_min))) break;
       for (int shift = -1; shift <= 1; ++shift) {
         if (r == 4 && shift == 0) continue;
-        const V other = LoadAt(rows[r] + x + shift);
+        const V other = LoadU(rows[r] + x + shift);
         is_max = hn::And(is_max, center > other);
         is_min = hn::And(is_min, center < other);
       }

@@ -29,8 +29,6 @@ using internal::kTolerancePx;
 // Nearer matches are the same spot found twice.
 constexpr float kMinDistancePx = 3.0f;
 
-HWY_INLINE V LoadU(const float* p) { return hn::LoadU(kTag, p); }
-
 struct V2 {
   V x, y;
 };
