@@ -117,13 +117,15 @@ void WriteFileAtomically(const std::string& path, std::string_view content) {
   file.Commit();
 }
 
-std::string PathInFolder(const std::string& folder, const std::string& name) {
+bool StaysInFolder(const std::string& name) {
   const std::filesystem::path path(name);
-  const bool leads_out =
-      path.is_absolute() ||
-      std::any_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
-  if (leads_out) throw IoError(name, "the name leads out of the folder " + folder);
-  return (std::filesystem::path(folder) / path).string();
+  return !path.is_absolute() &&
+         std::none_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
+}
+
+std::string PathInFolder(const std::string& folder, const std::string& name) {
+  if (!StaysInFolder(name)) throw IoError(name, "the name leads out of the folder " + folder);
+  return (std::filesystem::path(folder) / name).string();
 }
 
 void CreateFolders(const std::string& path) {

@@ -12,6 +12,7 @@
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/base/path_in_folder.h"
 
 namespace cairn {
 namespace {
@@ -67,13 +68,6 @@ std::vector<std::string> Lines(const std::string& text) {
   return lines;
 }
 
-// A list that somebody changed names no file outside the folder.
-bool IsInside(const std::string& name) {
-  const fs::path path(name);
-  return !name.empty() && !path.is_absolute() &&
-         std::none_of(path.begin(), path.end(), [](const fs::path& part) { return part == ".."; });
-}
-
 std::map<std::string, std::string> ReadHashes(const fs::path& file) {
   std::map<std::string, std::string> hashes;
   if (!fs::exists(file)) return hashes;
@@ -81,7 +75,8 @@ std::map<std::string, std::string> ReadHashes(const fs::path& file) {
     const size_t blank = line.find(' ');
     if (line.starts_with('#') || blank == std::string::npos) continue;
     const std::string name = line.substr(blank + 1);
-    if (IsInside(name)) hashes[name] = line.substr(0, blank);
+    // (A list that somebody changed.)
+    if (!name.empty() && StaysInFolder(name)) hashes[name] = line.substr(0, blank);
   }
   return hashes;
 }
@@ -196,7 +191,7 @@ void OutputFolder::Apply() {
   // Without its list, all is in place.
   if (fs::exists(committed / kFiles)) {
     for (const std::string& name : Lines(ReadFile((committed / kRemove).string()))) {
-      if (IsInside(name)) RemoveFile(folder, name);
+      if (!name.empty() && StaysInFolder(name)) RemoveFile(folder, name);
     }
     for (const auto& [name, hash] : ReadHashes(committed / kFiles)) {
       if (!fs::exists(committed / name)) continue;  // of an earlier run, or in place
