@@ -150,7 +150,7 @@ function writeFindings() {
   const list = byId("findings");
   const isGood = data.models.length > 0 && !data.findings.some((finding) => finding.level !== "note");
   if (isGood) {
-    list.append(element("li", {className: "good"}, element("p", {}, "Nothing speaks against this result.")));
+    list.append(element("li", {className: "good"}, element("p", {}, "No problem was found.")));
   }
   const titles = {wrong: "Wrong: ", doubtful: "Doubtful: ", note: ""};
   for (const finding of data.findings) {
