@@ -109,12 +109,10 @@ bool MatchAndVerify(Database& database, const BuildPipelineOptions& options,
 
 // Chooses, matches and verifies pairs, round by round.
 bool RunRounds(Database& database, const BuildPipelineOptions& options,
-               const std::string& image_path, const RunContext& run, RunReport& report) {
+               const PairChoosing& choosing, const RunContext& run, RunReport& report) {
   const BuildInputs& in = options.inputs;
-  const PairChoosing choosing = {in.pairs, options.pair_selection, image_path, in.gps_path,
-                                 run.num_threads};
   const StageLedger matching(database, kStageMatching, DumpQualified("matching", options.matching));
-  PairChooser chooser(database, matching, choosing, run.monitor);
+  PairChooser chooser(database, matching, choosing, run);
   if (!KeepGoing(report, chooser.ChooseFirst())) return false;
   if (in.stop_after < BuildStage::kMatching) return true;
   do {
@@ -141,8 +139,11 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   }
   PhotoSource photos = {sources.image_path};
   if (sources.dataset) photos.selection = SelectDatasetPhotos(*sources.dataset);
-  if (!keep_going(ImportPhotos(database, photos, options.cameras, run)) ||
-      !keep_going(ExtractImageFeatures(database, sources.image_path, options.features, run))) {
+  if (!keep_going(ImportPhotos(database, photos, options.cameras, run))) return false;
+  const PairChoosing choosing = {in.pairs, options.pair_selection, sources.image_path, in.gps_path};
+  const auto listed = ListedPairs(database, in, sources, run.monitor);
+  if (!listed && last >= BuildStage::kPairs) CheckPairWays(database, choosing, run);
+  if (!keep_going(ExtractImageFeatures(database, sources.image_path, options.features, run))) {
     return false;
   }
   if (last >= BuildStage::kDepth &&
@@ -151,10 +152,9 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
     return false;
   }
   if (last < BuildStage::kPairs) return true;
-  const auto listed = ListedPairs(database, in, sources, run.monitor);
   if (listed && last < BuildStage::kMatching) return true;
   return listed ? MatchAndVerify(database, options, *listed, listed, run, report)
-                : RunRounds(database, options, sources.image_path, run, report);
+                : RunRounds(database, options, choosing, run, report);
 }
 
 std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) {

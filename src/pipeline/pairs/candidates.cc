@@ -39,14 +39,21 @@ std::optional<ImageFeatures> ReadFeatures(const Database& database, image_t id,
   }
 }
 
-FloatRows SampleAll(const Database& database, const std::vector<image_t>& images,
+// Descriptors of all images whose features can be read; these images are added to `images`.
+FloatRows SampleAll(const Database& database, std::vector<image_t>& images,
                     ProgressMonitor& monitor) {
-  const int per_image = std::max(1, kMaxSamples / static_cast<int>(images.size()));
-  const size_t step = std::max<size_t>(1, images.size() / kMaxSamples);
+  const std::map<image_t, int> num_descriptors = database.ReadNumDescriptors();
+  const int per_image =
+      std::max(1, kMaxSamples / std::max(1, static_cast<int>(num_descriptors.size())));
   std::vector<FloatRows> samples;
   Eigen::Index num_rows = 0;
-  for (size_t i = 0; i < images.size() && !monitor.StopRequested(); i += step) {
-    samples.push_back(SampleDescriptors(*database.ReadDescriptors(images[i]), per_image));
+  for (const auto& [id, num] : num_descriptors) {
+    if (monitor.StopRequested()) break;
+    if (num == 0) continue;
+    const std::optional<ImageFeatures> features = ReadFeatures(database, id, monitor);
+    if (!features) continue;
+    images.push_back(id);
+    samples.push_back(SampleDescriptors(features->descriptors, per_image));
     num_rows += samples.back().rows();
   }
   FloatRows all(num_rows, 128);
@@ -58,25 +65,16 @@ FloatRows SampleAll(const Database& database, const std::vector<image_t>& images
   return all;
 }
 
-// Images with features that can be read.
-std::vector<image_t> ReadableImages(const Database& database, ProgressMonitor& monitor) {
-  std::vector<image_t> images;
-  for (const auto& [id, num] : database.ReadNumDescriptors()) {
-    if (num > 0 && ReadFeatures(database, id, monitor)) images.push_back(id);
-  }
-  return images;
-}
-
 }  // namespace
 
 std::map<image_t, std::vector<Candidate>> ReadCandidates(const Database& database,
                                                          const PairSelectionOptions& options,
-                                                         int num_threads,
-                                                         ProgressMonitor& monitor) {
-  const std::vector<image_t> images = ReadableImages(database, monitor);
-  if (images.empty()) return {};
-  const FloatRows words =
-      TrainWords(SampleAll(database, images, monitor), options.num_words, num_threads);
+                                                         const RunContext& run) {
+  ProgressMonitor& monitor = run.monitor;
+  std::vector<image_t> images;
+  const FloatRows samples = SampleAll(database, images, monitor);
+  if (images.empty() || monitor.StopRequested()) return {};
+  const FloatRows words = TrainWords(samples, options.num_words, run.num_threads);
   FloatRows descriptions(static_cast<Eigen::Index>(images.size()), words.size());
   std::vector<PreparedDescriptors> largest(images.size(), PreparedDescriptors(Descriptors(0, 128)));
   monitor.BeginStage("describing photographs", std::ssize(images));
@@ -85,7 +83,7 @@ std::map<image_t, std::vector<Candidate>> ReadCandidates(const Database& databas
     for (size_t i = first; i < std::min(first + kBlock, images.size()); ++i) {
       block.push_back(*ReadFeatures(database, images[i], monitor));
     }
-    ParallelFor(num_threads, std::ssize(block), [&](int64_t k) {
+    ParallelFor(run.num_threads, std::ssize(block), [&](int64_t k) {
       const size_t i = first + static_cast<size_t>(k);
       descriptions.row(static_cast<Eigen::Index>(i)) = DescribeImage(block[k].descriptors, words);
       largest[i] = LargestFeatures(block[k].keypoints, block[k].descriptors, kNumLargest);
@@ -95,7 +93,7 @@ std::map<image_t, std::vector<Candidate>> ReadCandidates(const Database& databas
   monitor.EndStage();
   if (monitor.StopRequested()) return {};
   return FindCandidates(images, descriptions, largest,
-                        kCandidatesPerNeighbor * options.retrieval_neighbors, num_threads);
+                        kCandidatesPerNeighbor * options.retrieval_neighbors, run.num_threads);
 }
 
 }  // namespace cairn

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/database/database.h"
 #include "cairn/pair_selection/pair_selection.h"
 
@@ -15,6 +15,6 @@ namespace cairn {
 // Empty when the monitor wants to stop.
 std::map<image_t, std::vector<Candidate>> ReadCandidates(const Database& database,
                                                          const PairSelectionOptions& options,
-                                                         int num_threads, ProgressMonitor& monitor);
+                                                         const RunContext& run);
 
 }  // namespace cairn

@@ -8,6 +8,8 @@
 #include "database/stage_names.h"
 #include "pipeline/pairs/candidates.h"
 #include "pipeline/pairs/photo_facts.h"
+#include "pipeline/stages/stage_ledger.h"
+#include "report/stage.h"
 
 namespace cairn {
 namespace {
@@ -24,6 +26,29 @@ constexpr double kMinGrowth = 0.01;
 
 std::string CountOf(size_t num, size_t all) {
   return std::to_string(num) + " of " + std::to_string(all) + " photographs";
+}
+
+bool Contains(const std::vector<PairWay>& ways, PairWay way) {
+  return std::find(ways.begin(), ways.end(), way) != ways.end();
+}
+
+bool NeedsTimes(const std::vector<PairWay>& ways, const PairSelectionOptions& options) {
+  return Contains(ways, PairWay::kSequential) && options.order == PhotoOrder::kTime;
+}
+
+// What the user's ways cannot do without.
+void CheckFacts(const PhotoFacts& facts, size_t num_images, const std::vector<PairWay>& ways,
+                const PairSelectionOptions& options) {
+  if (NeedsTimes(ways, options) && facts.taken_at_s.size() < 2) {
+    throw ConfigError("pair_selection.order",
+                      "is time, but " + CountOf(facts.taken_at_s.size(), num_images) +
+                          " have one in their EXIF; order by name, or choose otherwise");
+  }
+  if (Contains(ways, PairWay::kSpatial) && facts.positions.size() < 2) {
+    throw ConfigError("pairs", "spatial needs to know where photographs were taken, but " +
+                                   CountOf(facts.positions.size(), num_images) +
+                                   " have GPS (in EXIF below image_path, or in gps_path)");
+  }
 }
 
 // Share of the neighbors in the sequences of which the one is among the first candidates of the
@@ -94,11 +119,20 @@ std::string PairStageOptions(const PairChoosing& choosing) {
   return "pairs = \"" + choosing.ways + "\"\n" + DumpQualified("pair_selection", choosing.options);
 }
 
+void CheckPairWays(const Database& database, const PairChoosing& choosing, const RunContext& run) {
+  const std::vector<PairWay> ways = ParsePairWays(choosing.ways);
+  const bool needs_facts = NeedsTimes(ways, choosing.options) || Contains(ways, PairWay::kSpatial);
+  if (!needs_facts || database.ReadStage(kStagePairs)) return;
+  const std::vector<Image> images = database.ReadImages();
+  CheckFacts(ReadPhotoFacts(images, choosing.image_path, choosing.gps_path, run.num_threads),
+             images.size(), ways, choosing.options);
+}
+
 PairChooser::PairChooser(Database& database, const StageLedger& matching,
-                         const PairChoosing& choosing, ProgressMonitor& monitor)
+                         const PairChoosing& choosing, const RunContext& run)
     : database_(database),
       choosing_(choosing),
-      monitor_(monitor),
+      run_(run),
       given_(database, matching),
       images_(database.ReadImages()),
       num_descriptors_(database.ReadNumDescriptors()),
@@ -107,9 +141,7 @@ PairChooser::PairChooser(Database& database, const StageLedger& matching,
   if (is_auto_) ways_ = ResolveAuto();
 }
 
-bool PairChooser::Uses(PairWay way) const {
-  return std::find(ways_.begin(), ways_.end(), way) != ways_.end();
-}
+bool PairChooser::Uses(PairWay way) const { return Contains(ways_, way); }
 
 std::vector<PairWay> PairChooser::ResolveAuto() {
   const bool is_quick = ExhaustiveSeconds(num_descriptors_, given_) <= kMaxExhaustiveSeconds;
@@ -120,7 +152,7 @@ const std::map<image_t, std::vector<Candidate>>& PairChooser::Candidates() {
   if (!candidates_) {
     candidates_.emplace();
     if (Uses(PairWay::kRetrieval)) {
-      *candidates_ = ReadCandidates(database_, choosing_.options, choosing_.num_threads, monitor_);
+      *candidates_ = ReadCandidates(database_, choosing_.options, run_);
     }
   }
   return *candidates_;
@@ -136,11 +168,6 @@ void PairChooser::AddSequential(const PhotoFacts& facts, Choices& choices) {
   const PairSelectionOptions& options = choosing_.options;
   if (!is_auto_) {
     const bool by_time = options.order == PhotoOrder::kTime;
-    if (by_time && facts.taken_at_s.size() < 2) {
-      throw ConfigError("pair_selection.order",
-                        "is time, but " + CountOf(facts.taken_at_s.size(), images_.size()) +
-                            " have one in their EXIF; order by name, or choose otherwise");
-    }
     add(by_time ? SequencesByTime(images_, facts.taken_at_s) : SequencesByName(images_),
         options.overlap, options.quadratic_overlap);
     return;
@@ -154,21 +181,14 @@ void PairChooser::AddSequential(const PhotoFacts& facts, Choices& choices) {
 
 void PairChooser::AddSpatial(const PhotoFacts& facts, Choices& choices) {
   const size_t num = facts.positions.size();
-  if (!is_auto_) {
-    if (num < 2) {
-      throw ConfigError("pairs", "spatial needs to know where photographs were taken, but " +
-                                     CountOf(num, images_.size()) +
-                                     " have GPS (in EXIF below image_path, or in gps_path)");
-    }
-    if (num < images_.size()) {
-      monitor_.Warning("only " + CountOf(num, images_.size()) +
-                       " have GPS; the others are in no spatial pair");
-    }
+  if (!is_auto_ && num < images_.size()) {
+    run_.monitor.Warning("only " + CountOf(num, images_.size()) +
+                         " have GPS; the others are in no spatial pair");
   }
   const PairSelectionOptions& options = choosing_.options;
   const int neighbors = is_auto_ ? options.retrieval_neighbors : options.spatial_neighbors;
   for (const image_pair_t pair :
-       SpatialPairs(facts.positions, neighbors, options.spatial_radius_m, choosing_.num_threads)) {
+       SpatialPairs(facts.positions, neighbors, options.spatial_radius_m, run_.num_threads)) {
     choices.emplace(pair, PairReason::kSpatial);
   }
 }
@@ -182,9 +202,9 @@ PairChooser::Choices PairChooser::FirstChoices() {
     return choices;
   }
   PhotoFacts facts;
-  if (is_auto_ || Uses(PairWay::kSpatial) || choosing_.options.order == PhotoOrder::kTime) {
-    facts =
-        ReadPhotoFacts(images_, choosing_.image_path, choosing_.gps_path, choosing_.num_threads);
+  if (is_auto_ || NeedsTimes(ways_, choosing_.options) || Uses(PairWay::kSpatial)) {
+    facts = ReadPhotoFacts(images_, choosing_.image_path, choosing_.gps_path, run_.num_threads);
+    CheckFacts(facts, images_.size(), ways_, choosing_.options);
   }
   if (is_auto_ || Uses(PairWay::kSequential)) AddSequential(facts, choices);
   if (is_auto_ || Uses(PairWay::kSpatial)) AddSpatial(facts, choices);
@@ -206,7 +226,7 @@ PairChooser::Choices PairChooser::NextChoices() {
   const PairSelectionOptions& options = choosing_.options;
   if (yields(PairReason::kTwoEdges) >= kHalf) {
     const std::vector<image_pair_t> pairs =
-        PairsTwoEdgesApart(evidence, options.min_shared_points, choosing_.num_threads);
+        PairsTwoEdgesApart(evidence, options.min_shared_points, run_.num_threads);
     const double min_num = kMinGrowth * static_cast<double>(evidence.matched.size());
     if (static_cast<double>(pairs.size()) >= min_num) add(pairs, PairReason::kTwoEdges);
   }
@@ -241,9 +261,7 @@ void PairChooser::WriteStage(bool is_complete) {
 }
 
 StageReport PairChooser::ChooseFirst() {
-  const Timer timer;
-  StageReport report;
-  report.name = kStagePairs;
+  Stage stage(run_.monitor, kStagePairs);
   const uint64_t hash = Hasher()
                             .Add(PairStageOptions(choosing_))
                             .Add(IsExhaustive())
@@ -257,9 +275,9 @@ StageReport PairChooser::ChooseFirst() {
   int64_t num_new = 0;
   if (!fresh.empty()) {
     Choices choices = FirstChoices();
-    if (monitor_.StopRequested()) {
-      report.MarkStopped();
-      return report;
+    if (run_.monitor.StopRequested()) {
+      stage.MarkStopped();
+      return stage.Finish();
     }
     std::erase_if(choices, [&](const auto& choice) {
       const auto [id1, id2] = PairIdToImagePair(choice.first);
@@ -271,11 +289,9 @@ StageReport PairChooser::ChooseFirst() {
     WriteStage(IsExhaustive());
     transaction.Commit();
   }
-  report.Add("images", static_cast<double>(fresh.size()));
-  report.Add("chosen", static_cast<double>(num_new));
-  report.seconds = timer.Seconds();
-  database_.AddTiming(kStagePairs, 0, "", report.seconds);
-  return report;
+  stage.Add("images", static_cast<double>(fresh.size()));
+  stage.Add("chosen", static_cast<double>(num_new));
+  return EndStage(stage, database_);
 }
 
 bool PairChooser::ChooseNext() {
@@ -287,14 +303,14 @@ bool PairChooser::ChooseNext() {
   const bool is_last = last_round - LastFirstRound(records) >= choosing_.options.max_rounds;
   Choices choices;
   if (!is_last) choices = NextChoices();
-  if (monitor_.StopRequested()) return false;
+  if (run_.monitor.StopRequested()) return false;
   Database::Transaction transaction(database_);
   const int64_t num_new = Write(choices, last_round + 1);
   if (num_new == 0) WriteStage(true);
   transaction.Commit();
   if (num_new > 0) {
-    monitor_.Info("round " + std::to_string(last_round + 1) + ": " + std::to_string(num_new) +
-                  " pairs proposed by the view graph");
+    run_.monitor.Info("round " + std::to_string(last_round + 1) + ": " + std::to_string(num_new) +
+                      " pairs proposed by the view graph");
   }
   database_.AddTiming(kStagePairs, 0, "", timer.Seconds());
   return num_new > 0;

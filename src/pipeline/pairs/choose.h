@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/base/progress.h"
+#include "cairn/base/run_context.h"
 #include "cairn/database/database.h"
 #include "cairn/pair_selection/pair_selection.h"
 #include "cairn/report/run_report.h"
@@ -20,11 +20,14 @@ struct PairChoosing {
   PairSelectionOptions options = {};
   std::string image_path = {};  // for EXIF; "": none
   std::string gps_path = {};    // positions, instead of EXIF's
-  int num_threads = 0;
 };
 
 // What the stage "pairs" depends on, as lines "key = value".
 std::string PairStageOptions(const PairChoosing& choosing);
+
+// Throws ConfigError for a way that needs what is not known of the photographs of a database where
+// none was chosen yet, so that it is told before features are extracted.
+void CheckPairWays(const Database& database, const PairChoosing& choosing, const RunContext& run);
 
 // Chooses the pairs that are matched, in rounds, and writes each with its reason into the database,
 // where a later run finds them: first of images that were not looked at with these options (all of
@@ -34,7 +37,7 @@ std::string PairStageOptions(const PairChoosing& choosing);
 class PairChooser {
  public:
   PairChooser(Database& database, const StageLedger& matching, const PairChoosing& choosing,
-              ProgressMonitor& monitor);
+              const RunContext& run);
 
   // The first round. Throws ConfigError for a way that the photographs do not allow.
   StageReport ChooseFirst();
@@ -59,8 +62,8 @@ class PairChooser {
   void WriteStage(bool is_complete);
 
   Database& database_;
-  const PairChoosing& choosing_;
-  ProgressMonitor& monitor_;
+  const PairChoosing choosing_;
+  const RunContext& run_;
   const GivenImages given_;
   const std::vector<Image> images_;
   std::map<image_t, int> num_descriptors_;

@@ -1,43 +1,38 @@
 #include "pipeline/pairs/photo_facts.h"
 
-#include <charconv>
+#include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <optional>
+#include <string_view>
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
+#include "io/text_reader.h"
 
 namespace cairn {
 namespace {
 
-std::optional<double> FiniteNumber(std::string text) {
+std::optional<double> ParseNumber(std::string_view text) {
   const size_t first = text.find_first_not_of(" \t");
-  if (first == std::string::npos) return std::nullopt;
-  text = text.substr(first, text.find_last_not_of(" \t\r") + 1 - first);
-  double value = 0;
-  const char* const end = text.data() + text.size();
-  const auto result = std::from_chars(text.data(), end, value);
-  if (result.ec != std::errc() || result.ptr != end || !std::isfinite(value)) return std::nullopt;
-  return value;
+  if (first == std::string_view::npos) return std::nullopt;
+  return TextReader::ToDouble(text.substr(first, text.find_last_not_of(" \t") + 1 - first));
 }
 
-std::vector<std::string> SplitAtCommas(const std::string& line) {
-  std::vector<std::string> fields;
-  size_t begin = 0;
-  while (true) {
-    const size_t end = line.find(',', begin);
+std::vector<std::string_view> SplitAtCommas(std::string_view line) {
+  std::vector<std::string_view> fields;
+  for (size_t begin = 0; begin <= line.size();) {
+    const size_t end = std::min(line.find(',', begin), line.size());
     fields.push_back(line.substr(begin, end - begin));
-    if (end == std::string::npos) return fields;
     begin = end + 1;
   }
+  return fields;
 }
 
-std::optional<GpsPosition> ParsePosition(const std::vector<std::string>& fields) {
+std::optional<GpsPosition> ParsePosition(const std::vector<std::string_view>& fields) {
   if (fields.size() != 3 && fields.size() != 4) return std::nullopt;
-  const auto latitude = FiniteNumber(fields[1]), longitude = FiniteNumber(fields[2]);
-  const auto altitude = fields.size() == 4 ? FiniteNumber(fields[3]) : 0.0;
+  const auto latitude = ParseNumber(fields[1]), longitude = ParseNumber(fields[2]);
+  const auto altitude = fields.size() == 4 ? ParseNumber(fields[3]) : 0.0;
   if (!latitude || !longitude || !altitude) return std::nullopt;
   if (std::abs(*latitude) > 90 || std::abs(*longitude) > 180) return std::nullopt;
   return GpsPosition{*latitude, *longitude, *altitude};
@@ -46,21 +41,16 @@ std::optional<GpsPosition> ParsePosition(const std::vector<std::string>& fields)
 }  // namespace
 
 std::map<std::string, GpsPosition> ReadGpsFile(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw IoError(path, "cannot be opened");
   std::map<std::string, GpsPosition> positions;
-  std::string line;
-  for (int number = 1; std::getline(file, line); ++number) {
-    if (line.find_first_not_of(" \t\r") == std::string::npos || line[0] == '#') continue;
-    const std::vector<std::string> fields = SplitAtCommas(line);
+  TextReader reader(path);
+  while (reader.NextDataLine()) {
+    const std::vector<std::string_view> fields = SplitAtCommas(reader.line());
     const std::optional<GpsPosition> position = ParsePosition(fields);
     if (!position) {
-      throw IoError(path + ":" + std::to_string(number),
-                    "'" + line + "' is not name,latitude,longitude[,altitude]");
+      reader.Fail("'" + std::string(reader.line()) + "' is not name,latitude,longitude[,altitude]");
     }
-    positions[fields[0]] = *position;
+    positions[std::string(fields[0])] = *position;
   }
-  if (file.bad()) throw IoError(path, "cannot be read");
   return positions;
 }
 
@@ -70,7 +60,7 @@ PhotoFacts ReadPhotoFacts(const std::vector<Image>& images, const std::string& i
   if (!image_path.empty()) {
     ParallelFor(num_threads, std::ssize(images), [&](int64_t i) {
       try {
-        exif[i] = ReadExif(std::filesystem::path(image_path) / images[i].name, 1, 1);
+        exif[i] = ReadExif(PathInFolder(image_path, images[i].name), 1, 1);
       } catch (const IoError&) {  // Its features came from elsewhere.
       }
     });

@@ -62,10 +62,9 @@ class RingDatabase {
     database.WriteDescriptors(id, descriptors);
   }
   // Pairs by reason, of a first round.
-  std::map<std::string, int> Choose(PairChoosing choosing) {
-    choosing.num_threads = 2;
+  std::map<std::string, int> Choose(const PairChoosing& choosing) {
     const StageLedger matching(database, kStageMatching, "");
-    PairChooser(database, matching, choosing, NullMonitor()).ChooseFirst();
+    PairChooser(database, matching, choosing, {.num_threads = 2}).ChooseFirst();
     std::map<std::string, int> counts;
     for (const PairChoiceRecord& choice : database.ReadPairChoices()) ++counts[choice.reason];
     return counts;
@@ -298,6 +297,16 @@ TEST_F(ChoosePairsOfPhotosTest, AutoIsAsExhaustiveForASmallCollection) {
     const std::string sql = std::string("SELECT * FROM ") + table;
     EXPECT_EQ(RunSql(folder_ / "auto.db", sql), RunSql(folder_ / "all.db", sql)) << table;
   }
+}
+
+TEST_F(ChoosePairsOfPhotosTest, WaysThatCannotWorkAreToldBeforeFeaturesAreExtracted) {
+  BuildPipelineOptions options = Options("spatial.db");
+  options.inputs.pairs = "spatial";
+  options.inputs.gps_path = folder_ / "gps.csv";
+  WriteFileAtomically(options.inputs.gps_path, "other.jpg,45,7\n");
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("0 of 12 photographs have GPS"));
+  EXPECT_TRUE(Database(options.inputs.database_path).ReadNumKeypoints().empty());
 }
 
 }  // namespace
