@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "cairn/io/model.h"
 #include "cairn/report_page/report_page.h"
 #include "common/console_monitor.h"
 #include "common/run_flags.h"
@@ -19,6 +20,7 @@ struct ReconstructFlags {
   std::string database_path;
   std::string image_path;
   std::string output_path;
+  std::string input_path;
   bool overwrite = false;
   bool refine_intrinsics = true;
   bool report = true;
@@ -30,6 +32,9 @@ struct ReconstructFlags {
     v.String("image_path", image_path,
              "folder of the photographs, for colors; without, points are black");
     v.String("output_path", output_path, "folder for the results, made if absent");
+    v.String("input_path", input_path,
+             "model to go on from, of this or another program, or folder of several: its poses "
+             "and cameras are refined, images that it lacks are registered; without, from nothing");
     v.Bool("overwrite", overwrite, "replace models in output_path that cairn did not write");
     v.Bool("refine_intrinsics", refine_intrinsics,
            "refine focal lengths and distortions; not given: 0 for cameras given by "
@@ -77,7 +82,9 @@ int Run(const Command& command, State& state) {
   ConsoleMonitor monitor;
   const Database database(flags.database_path, Database::Mode::kReadOnly);
   const RunContext run = flags.run.Run(monitor);
-  ReconstructResult result = Reconstruct(database, flags.image_path, settings, run);
+  std::vector<Reconstruction> earlier;
+  if (!flags.input_path.empty()) earlier = ReadModels(flags.input_path);
+  ReconstructResult result = Reconstruct(database, flags.image_path, settings, run, earlier);
   if (flags.report) result.page = MakePage(database, flags, result, run);
   const std::string report_path =
       WriteReconstructResult(result, flags.output_path, command.EffectiveToml(), flags.overwrite);

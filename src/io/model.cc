@@ -27,4 +27,17 @@ Reconstruction ReadModel(const std::string& path, const ReadModelOptions& option
                 "files, nor a Bundler file (.out)");
 }
 
+std::vector<Reconstruction> ReadModels(const std::string& path) {
+  std::vector<Reconstruction> models;
+  for (const std::string& folder : {path, path + "/sparse"}) {
+    if (IsColmapModel(path)) break;
+    for (int k = 0; IsColmapModel(folder + "/" + std::to_string(k)); ++k) {
+      models.push_back(ReadColmapModel(folder + "/" + std::to_string(k)));
+    }
+    if (!models.empty()) return models;
+  }
+  models.push_back(ReadModel(path));
+  return models;
+}
+
 }  // namespace cairn

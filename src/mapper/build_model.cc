@@ -39,14 +39,13 @@ void RenumberPoints(Reconstruction& model) {
 
 // Warns of places shown on top of each other, and finds the edges that did it.
 std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& model,
-                                   const ViewGraph& graph) {
+                                   const ViewGraph& graph, const std::string& consequence) {
   ModelStage stage(context, "duplicate_structure");
   const std::vector<size_t> edges = EdgesBetweenDuplicates(model, graph, context.run);
   stage.Add("edges_removed", edges.size());
   if (!edges.empty()) {
     stage.Warn("duplicate structure: the model puts similar places on top of each other; " +
-               std::to_string(edges.size()) +
-               " pairs between them are removed and their images reconstructed again");
+               std::to_string(edges.size()) + " pairs between them " + consequence);
   }
   return edges;
 }
@@ -59,18 +58,19 @@ bool FitAndRefine(StageContext& context, std::vector<Track> tracks, bool from_av
   return true;
 }
 
-// Registers what was left out and lets the model choose its pairs, until neither brings anything.
-// False: as above.
-bool GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
+// Registers what was left out and lets the model choose its pairs, until neither brings anything
+// to a model that is refined. False: as above.
+bool GrowModel(StageContext& context, bool is_refined, ViewGraph& graph, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
   for (int round = 0; round < options.max_rounds && !context.run.monitor.StopRequested(); ++round) {
     const int num_new = options.register_left_out ? RegisterLeftOut(context, graph, model) : 0;
     const int64_t num_gained = ReviseEdges(EvidenceFor(context, model, graph), model, graph);
-    if (num_new == 0 &&
+    if (is_refined && num_new == 0 &&
         static_cast<double>(num_gained) < options.min_gain * model.NumObservations()) {
       break;
     }
     if (!FitAndRefine(context, TracksOfGraph(context, graph).tracks, false, model)) return false;
+    is_refined = true;
   }
   return true;
 }
@@ -88,19 +88,17 @@ bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
 }
 
 // False: the model is not fit to be written, and the report has the failure.
-bool CheckModel(StageContext& context, std::span<const image_t> component,
-                const RotationHypothesis& rotations, const ModelEvidence& evidence,
-                Reconstruction& model) {
+bool CheckModel(StageContext& context, size_t num_images, const std::string& origin,
+                const ModelEvidence& evidence, Reconstruction& model) {
   ModelStage stage(context, "checks");
   if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
     stage.Fail("the model was refused: " + reason,
                "look at the view graph with global_sfm inspect, and add photos that overlap more");
     return false;
   }
-  stage.Note("from pairs of " + std::to_string(rotations.min_num_inliers) +
-             " inliers and more, rotations weighed by " + rotations.weighing);
+  stage.Note("from " + origin);
   stage.Add("images", model.images.size());
-  stage.Add("images_of_component", component.size());
+  stage.Add("images_of_component", num_images);
   stage.Add("points", model.points3D.size());
   stage.Add("observations", model.NumObservations());
   stage.Add("mean_track_length", model.MeanTrackLength());
@@ -126,9 +124,11 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
     return built;
   }
   if (!FitAndRefine(context, std::move(initial->tracks), true, model)) return built;
-  if (!GrowModel(context, built.graph, model)) return built;
+  if (!GrowModel(context, true, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
-  if (!CheckModel(context, component, rotations, built.evidence, model)) return built;
+  const std::string origin = "pairs of " + std::to_string(rotations.min_num_inliers) +
+                             " inliers and more, rotations weighed by " + rotations.weighing;
+  if (!CheckModel(context, component.size(), origin, built.evidence, model)) return built;
   built.model = std::move(model);
   return built;
 }
@@ -157,6 +157,27 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   return best;
 }
 
+// False: as above, and the model is gone.
+bool FinishRefinement(StageContext& context, BuiltModel& built) {
+  if (!RefineWithMovedIntrinsics(context, built.graph, *built.model)) {
+    built.model.reset();
+    return false;
+  }
+  built.model->UpdatePointErrors();
+  built.evidence = EvidenceFor(context, *built.model, built.graph);
+  return true;
+}
+
+// The images of an earlier model, and those that are in none.
+std::vector<image_t> ImagesWithin(const StageContext& context, const Reconstruction& earlier) {
+  std::vector<image_t> images;
+  for (const auto& [id, pixels] : context.scene.pixels) {
+    const bool is_elsewhere = context.taken.count(id) > 0 || context.reserved.count(id) > 0;
+    if (earlier.images.count(id) > 0 || !is_elsewhere) images.push_back(id);
+  }
+  return images;
+}
+
 }  // namespace
 
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
@@ -177,16 +198,10 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
     }
   }
   if (!best.model) return best;
-  if (!context.scene.poses_alone) {
-    if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) {
-      best.model.reset();
-      return best;
-    }
-    best.model->UpdatePointErrors();
-    best.evidence = EvidenceFor(context, *best.model, best.graph);
-  }
+  if (!context.scene.poses_alone && !FinishRefinement(context, best)) return best;
   if (context.settings.reconstruct.separate_duplicates && !context.scene.poses_alone) {
-    best.duplicate_edges = FindDuplicates(context, *best.model, best.graph);
+    best.duplicate_edges = FindDuplicates(context, *best.model, best.graph,
+                                          "are removed and their images reconstructed again");
     if (!best.duplicate_edges.empty()) {
       best.model.reset();
       return best;
@@ -195,6 +210,27 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
   NormalizeFrame(*best.model);
   RenumberPoints(*best.model);
   return best;
+}
+
+BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
+                         const ViewGraph& graph) {
+  BuiltModel built{std::nullopt, graph, {}, {}};
+  KeepImages(ImagesWithin(context, earlier), built.graph);
+  Reconstruction model = earlier;
+  ReviseEdges(EvidenceFor(context, model, built.graph), model, built.graph);
+  std::vector<Track> tracks = TracksOfGraph(context, built.graph).tracks;
+  if (!FitTracksToMemory(context, model, tracks)) return built;
+  const auto confidences = TriangulateModel(context, tracks, model);
+  if (!GrowModel(context, false, built.graph, model)) return built;
+  built.evidence = EvidenceFor(context, model, built.graph);
+  if (!CheckModel(context, earlier.images.size(), "an earlier model", built.evidence, model)) {
+    return built;
+  }
+  built.model = std::move(model);
+  if (!FinishRefinement(context, built)) return built;
+  built.warnings = KeepFrame(context, earlier, confidences, *built.model);
+  RenumberPoints(*built.model);
+  return built;
 }
 
 }  // namespace cairn

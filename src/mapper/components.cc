@@ -5,13 +5,27 @@
 namespace cairn {
 namespace {
 
+std::vector<image_t> ImagesOf(const Reconstruction& model) {
+  std::vector<image_t> images;
+  for (const auto& [id, image] : model.images) images.push_back(id);
+  return images;
+}
+
 // Components that wait for their model, the largest first.
 class ComponentQueue {
  public:
   struct Component {
     std::vector<image_t> images;
-    bool is_part = false;  // duplicate structure was found on the way to it
+    bool is_part = false;                     // duplicate structure was found on the way to it
+    const Reconstruction* earlier = nullptr;  // the model that it has already
   };
+
+  explicit ComponentQueue(const std::vector<std::vector<image_t>>& components) {
+    for (const std::vector<image_t>& images : components) Add({images});
+  }
+  explicit ComponentQueue(std::span<const Reconstruction> earlier) {
+    for (const Reconstruction& model : earlier) Add({ImagesOf(model), false, &model});
+  }
 
   bool empty() const { return components_.empty(); }
   void Add(Component component) {
@@ -26,13 +40,12 @@ class ComponentQueue {
     KeepImages(images, graph);
     for (std::vector<image_t>& part : ActiveComponents(graph)) Add({std::move(part), is_part});
   }
-  // Images of parts that wait for a model of their own.
+  // Images of earlier models, and of parts, that wait for a model of their own.
   std::set<image_t> Reserved(int min_images) const {
     std::set<image_t> reserved;
     for (const Component& component : components_) {
-      if (!component.is_part || static_cast<int>(component.images.size()) < min_images) {
-        continue;
-      }
+      const bool is_large = static_cast<int>(component.images.size()) >= min_images;
+      if (component.earlier == nullptr && !(component.is_part && is_large)) continue;
       reserved.insert(component.images.begin(), component.images.end());
     }
     return reserved;
@@ -111,10 +124,9 @@ std::vector<Reconstruction> SortBySize(std::vector<JudgedModel> judged, RunRepor
 }  // namespace
 
 SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
-                        ViewGraph& graph) {
+                        std::span<const Reconstruction> earlier, ViewGraph& graph) {
   const ReconstructOptions& options = context.settings.reconstruct;
-  ComponentQueue queue;
-  for (const std::vector<image_t>& images : components) queue.Add({images});
+  ComponentQueue queue = earlier.empty() ? ComponentQueue(components) : ComponentQueue(earlier);
   std::vector<std::vector<image_t>> small;
   std::string first_failure;
   std::vector<JudgedModel> judged;
@@ -126,22 +138,29 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
       break;
     }
     const ComponentQueue::Component component = queue.Pop();
-    const bool is_small = static_cast<int>(component.images.size()) < options.min_model_images;
+    const bool is_small = component.earlier == nullptr &&
+                          static_cast<int>(component.images.size()) < options.min_model_images;
     if ((is_small && !is_first) || static_cast<int>(judged.size()) == options.max_models) {
       small.push_back(component.images);
       continue;
     }
     context.reserved = queue.Reserved(options.min_model_images);
-    BuiltModel built = BuildModel(context, component.images, graph);
+    BuiltModel built = component.earlier != nullptr
+                           ? ContinueModel(context, *component.earlier, graph)
+                           : BuildModel(context, component.images, graph);
     TakeOver(built.graph, graph);
     for (const size_t e : built.duplicate_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {
       result.evidence_nats += built.evidence.nats;
       for (const auto& [id, image] : built.model->images) context.taken.insert(id);
-      queue.AddPartsOf(NotTaken(context, component.images), component.is_part, graph);
-      std::vector<std::string> warnings;
+      if (component.earlier == nullptr) {
+        queue.AddPartsOf(NotTaken(context, component.images), component.is_part, graph);
+      }
+      std::vector<std::string> warnings = std::move(built.warnings);
       if (!context.scene.poses_alone) {
-        warnings = JudgeModel(context, *built.model, built.evidence, built.graph);
+        for (std::string& text : JudgeModel(context, *built.model, built.evidence, built.graph)) {
+          warnings.push_back(std::move(text));
+        }
       }
       judged.push_back({std::move(*built.model), std::move(warnings)});
     } else if (!built.duplicate_edges.empty()) {
@@ -154,6 +173,10 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
       small.push_back(component.images);
     }
     context.model = static_cast<int>(judged.size());
+    // What no earlier model could take.
+    if (component.earlier != nullptr && queue.empty() && options.register_left_out) {
+      queue.AddPartsOf(NotTaken(context, graph.image_ids), false, graph);
+    }
   }
   if (judged.empty() && context.report.Succeeded()) context.report.failure = first_failure;
   ReportLeftOut(context, small);

@@ -14,14 +14,15 @@ struct CalibratedResult {
   ReconstructResult result;
   double evidence_nats = 0;
 };
-CalibratedResult ReconstructCalibrated(const SceneData& scene, const ReconstructSettings& settings,
-                                       const RunContext& run) {
+CalibratedResult ReconstructCalibrated(const SceneData& scene,
+                                       std::span<const Reconstruction> earlier,
+                                       const ReconstructSettings& settings, const RunContext& run) {
   CalibratedResult calibrated;
   ReconstructResult& result = calibrated.result;
   ViewGraphResult graph = BuildSceneGraph(scene, settings, run, result.report);
   if (result.report.Succeeded()) {
     StageContext context{scene, settings, run, result.report};
-    SceneModels models = BuildModels(context, graph.report.components, graph.graph);
+    SceneModels models = BuildModels(context, graph.report.components, earlier, graph.graph);
     calibrated.evidence_nats = models.evidence_nats;
     result.models = std::move(models.models);
   }
@@ -31,16 +32,16 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene, const Reconstruct
 
 // With the scene's calibration and, where its pairs did not decide between two, with the other one:
 // the result with more evidence.
-ReconstructResult ReconstructBest(SceneData& scene, const ReconstructSettings& settings,
-                                  const RunContext& run) {
-  CalibratedResult best = ReconstructCalibrated(scene, settings, run);
+ReconstructResult ReconstructBest(SceneData& scene, std::span<const Reconstruction> earlier,
+                                  const ReconstructSettings& settings, const RunContext& run) {
+  CalibratedResult best = ReconstructCalibrated(scene, earlier, settings, run);
   if (!scene.alternative || run.monitor.StopRequested()) return std::move(best.result);
   run.monitor.Info(
       "reconstructed again with the focal lengths from before calibration: pairs did not decide "
       "which are right");
   std::swap(scene.cameras, scene.alternative->cameras);
   std::swap(scene.edges, scene.alternative->edges);
-  CalibratedResult other = ReconstructCalibrated(scene, settings, run);
+  CalibratedResult other = ReconstructCalibrated(scene, earlier, settings, run);
   const bool takes_other = other.evidence_nats > best.evidence_nats;
   if (takes_other) std::swap(best, other);
   // What was tried stays in the report.
@@ -97,15 +98,18 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
 }
 
 ReconstructResult Reconstruct(const Database& database, const std::string& image_path,
-                              const ReconstructSettings& settings, const RunContext& run) {
+                              const ReconstructSettings& settings, const RunContext& run,
+                              std::span<const Reconstruction> earlier) {
   ReconstructSettings(settings).VisitModules(
       [](const char* module, auto& options) { ValidateOptions(options, module); });
   const Timer timer;
   RunReport read;
   SceneData scene = ReadSceneData(database, settings, run, read);
+  std::vector<Reconstruction> adopted;
+  if (read.Succeeded() && !earlier.empty()) adopted = AdoptModels(earlier, scene, run, read);
   ReconstructResult result;
   if (read.Succeeded()) {
-    result = ReconstructBest(scene, settings, run);
+    result = ReconstructBest(scene, adopted, settings, run);
     if (settings.reconstruct.colors && !image_path.empty()) {
       ColorModels(scene, image_path, settings, run, result);
     }
@@ -118,6 +122,7 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
   report.seed = run.seed;
   report.num_threads = run.num_threads;
   report.stages.insert(report.stages.begin(), read.stages.begin(), read.stages.end());
+  report.warnings.insert(report.warnings.begin(), read.warnings.begin(), read.warnings.end());
   size_t num_registered = 0;
   for (const Reconstruction& model : result.models) num_registered += model.images.size();
   report.values = {{"images", static_cast<double>(scene.images.size())},

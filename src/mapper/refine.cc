@@ -141,6 +141,19 @@ void RemoveImage(image_t id, Reconstruction& model) {
   model.images.erase(id);
 }
 
+std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
+                                                   std::span<const Track> tracks,
+                                                   Reconstruction& model) {
+  const Round round{.name = "input", .tracks = tracks};
+  TriangulateRound(context, round, model);
+  {
+    ModelStage stage(context, "confidence");
+    EstimateSigmas(context, stage, model);
+  }
+  FilterRound(context, round, model);
+  return EstimatePoseConfidence(model);
+}
+
 void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
                  Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;

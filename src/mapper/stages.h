@@ -10,6 +10,7 @@
 
 #include "bundle_adjustment/keypoint_noise.h"
 #include "cairn/base/run_context.h"
+#include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/scene/view_graph.h"
 #include "cairn/tracks/tracks.h"
@@ -78,14 +79,23 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
 ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSettings& settings,
                                 const RunContext& run, RunReport& report);
 
+// earlier_models.cc
+// Models to go on from, the largest first: the poses and cameras of `models`, by the names of the
+// images, without points. Images of the scene get the cameras that they share in the models. Says
+// in the report what of the models is left out; it has the failure where nothing is left.
+std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, SceneData& scene,
+                                        const RunContext& run, RunReport& report);
+
 // components.cc
 struct SceneModels {
   std::vector<Reconstruction> models;  // the largest first; the report has their warnings
   double evidence_nats = 0;
 };
-// Models of the graph's components, and of the parts into which they fall.
+// Models of the graph's components, and of the parts into which they fall. Where there are earlier
+// models, these first, with the images that can be registered in them, then, unless nothing is to
+// be registered, models of the images that are left.
 SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
-                        ViewGraph& graph);
+                        std::span<const Reconstruction> earlier, ViewGraph& graph);
 
 // calibrate.cc
 using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
@@ -163,6 +173,11 @@ void RemoveImage(image_t id, Reconstruction& model);
 // Triangulation, bundle adjustment and filtering from coarse to fine.
 void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
                  Reconstruction& model);
+// Triangulation and filtering at poses that stay as they are, and how well the points determine
+// these.
+std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
+                                                   std::span<const Track> tracks,
+                                                   Reconstruction& model);
 
 // poses_alone.cc
 // How far all relative poses, those that were filtered out among them, agree with the model.
@@ -198,6 +213,13 @@ struct ReverifiedPairs {
 ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
                             const ViewGraph& graph);
 
+// movement.cc
+// Puts a model that goes on from an earlier one where that was. Warns of images that moved by more
+// than the confidence in their earlier poses, with the reason.
+std::vector<std::string> KeepFrame(StageContext& context, const Reconstruction& earlier,
+                                   const std::map<image_t, PoseConfidence>& confidences,
+                                   Reconstruction& model);
+
 // checks.cc
 // "" or why the model is not fit to be written.
 std::string ReasonToRefuse(const Reconstruction& model);
@@ -208,12 +230,16 @@ struct BuiltModel {
   ViewGraph graph;                      // with what became of the component's edges
   ModelEvidence evidence;
   std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
+  std::vector<std::string> warnings{};
 };
 // One component of the graph from averaging to the finished model: built from all of its edges,
 // and, while the model leaves much of the verified matches unexplained, from those with more and
 // more inliers, the other images by resection. The model with the most evidence is kept.
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph);
+// An earlier model with the images that can be registered in it, refined, in its frame.
+BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
+                         const ViewGraph& graph);
 
 // colors.cc
 void ColorPoints(StageContext& context, const std::string& image_path, Reconstruction& model);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "cairn/scene/reconstruction.h"
 
@@ -17,5 +18,9 @@ struct ReadModelOptions {
 // Reads camera poses of any supported format: a COLMAP model folder, a folder of Strecha .camera
 // files, or a Bundler file (a path that ends in .out) with its list. Throws IoError.
 Reconstruction ReadModel(const std::string& path, const ReadModelOptions& options = {});
+
+// The model at a path; or else, of a folder, the COLMAP models 0, 1, ... in it or in its folder
+// sparse. Throws IoError.
+std::vector<Reconstruction> ReadModels(const std::string& path);
 
 }  // namespace cairn

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -94,8 +95,13 @@ struct ReconstructResult {
 // have poses but no matches, the models are cameras alone: graph, rotations, translations. An
 // expected failure is in report.failure; throws IoError where the database cannot be read,
 // ConfigError, before any work, for an option out of range.
+// With `earlier` models, of whichever program, their poses and cameras take the place of averaging
+// and calibration: their images are told by name, points are triangulated anew, images that are not
+// in them are registered (ReconstructOptions::register_left_out), and everything is refined. Their
+// world frames stay, and report.warnings names poses that moved by more than their confidence.
 ReconstructResult Reconstruct(const Database& database, const std::string& image_path,
-                              const ReconstructSettings& settings = {}, const RunContext& run = {});
+                              const ReconstructSettings& settings = {}, const RunContext& run = {},
+                              std::span<const Reconstruction> earlier = {});
 
 // Makes the folder, and removes what killed runs left in it. Throws ConfigError where a file that
 // WriteReconstructResult would replace is not as cairn wrote it (unless `overwrites`): another

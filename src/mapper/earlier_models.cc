@@ -1,0 +1,198 @@
+#include <algorithm>
+
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// Keypoints that lie farther from those of a model are others, pixels.
+constexpr double kMaxShiftPx = 0.01;
+
+// What of the models cannot be used: names by reason.
+using LeftOut = std::map<std::string, std::vector<std::string>>;
+
+// "" or why the scene cannot have the image with its camera.
+std::string ReasonAgainst(const SceneData& scene, image_t id, const Camera& camera) {
+  const auto pixels = scene.pixels.find(id);
+  if (pixels == scene.pixels.end() || pixels->second.empty()) {
+    return "without keypoints in the database";
+  }
+  if (camera.width <= 0 || camera.height <= 0) return "whose size the model does not tell";
+  if (const std::string reason = camera.Validate(); !reason.empty()) {
+    return "whose camera in the model cannot be used (" + reason + ")";
+  }
+  const Camera& stored = scene.CameraOf(id);
+  if (camera.width != stored.width || camera.height != stored.height) {
+    return "of another size than in the database";
+  }
+  return "";
+}
+
+bool HasOtherKeypoints(const RegisteredImage& image, const std::vector<Eigen::Vector2d>& pixels) {
+  if (image.points2D.size() != pixels.size()) return true;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    if (!((image.points2D[i] - pixels[i]).norm() <= kMaxShiftPx)) return true;
+  }
+  return false;
+}
+
+// The images of a model that the scene has and no model before, under their ids in the scene.
+std::map<image_t, const RegisteredImage*> FindImages(const Reconstruction& model,
+                                                     const std::map<std::string, image_t>& ids,
+                                                     const SceneData& scene,
+                                                     std::set<image_t>& taken, LeftOut& left_out) {
+  std::map<image_t, const RegisteredImage*> found;
+  for (const auto& [model_id, image] : model.images) {
+    const auto id = ids.find(image.image.name);
+    std::string reason;
+    if (id == ids.end()) {
+      reason = "that are not in the database";
+    } else {
+      reason = ReasonAgainst(scene, id->second, model.CameraOf(image));
+      if (reason.empty() && !taken.insert(id->second).second) reason = "that a larger model has";
+    }
+    if (reason.empty()) {
+      found[id->second] = &image;
+    } else {
+      left_out[reason].push_back(image.image.name);
+    }
+  }
+  return found;
+}
+
+// Gives the scene's images the cameras that they share in the models, under ids of the database
+// where these are free.
+class CameraAdopter {
+ public:
+  explicit CameraAdopter(SceneData& scene) : scene_(scene), stored_(scene.images) {}
+
+  // The model with the scene's ids and keypoints, and no points.
+  Reconstruction Adopt(const Reconstruction& model,
+                       const std::map<image_t, const RegisteredImage*>& images) {
+    const std::map<camera_t, camera_t> new_ids = ChooseIds(images);
+    std::map<image_t, Rigid3d> poses;
+    for (const auto& [id, image] : images) {
+      poses[id] = image->cam_from_world;
+      const camera_t camera_id = new_ids.at(image->image.camera_id);
+      ++num_images_[stored_.at(id).camera_id][camera_id];
+      scene_.images.at(id).camera_id = camera_id;
+      Store(model.CameraOf(*image), stored_.at(id).camera_id, camera_id);
+    }
+    Reconstruction adopted = MakeReconstruction(scene_, poses);
+    for (const auto& [model_id, id] : new_ids) {
+      adopted.cameras[id] = model.cameras.at(model_id);
+      adopted.cameras[id].camera_id = id;
+      adopted.cameras[id].has_prior_focal_length = scene_.cameras.at(id).has_prior_focal_length;
+    }
+    return adopted;
+  }
+
+  // Images that are in no model have the camera that most images with theirs in the database got.
+  void AdoptOthers(const std::set<image_t>& taken) {
+    for (auto& [id, image] : scene_.images) {
+      const auto heirs = num_images_.find(image.camera_id);
+      if (taken.count(id) > 0 || heirs == num_images_.end()) continue;
+      image.camera_id =
+          std::max_element(heirs->second.begin(), heirs->second.end(),
+                           [](const auto& a, const auto& b) { return a.second < b.second; })
+              ->first;
+    }
+  }
+
+ private:
+  std::map<camera_t, camera_t> ChooseIds(const std::map<image_t, const RegisteredImage*>& images) {
+    std::map<camera_t, std::set<camera_t>> stored_ids;
+    for (const auto& [id, image] : images) {
+      stored_ids[image->image.camera_id].insert(stored_.at(id).camera_id);
+    }
+    std::map<camera_t, camera_t> new_ids;
+    std::set<camera_t> used;
+    for (const auto& [model_id, candidates] : stored_ids) {
+      const auto is_free = [&](camera_t id) { return used.count(id) == 0; };
+      const auto free = std::find_if(candidates.begin(), candidates.end(), is_free);
+      const camera_t id = free != candidates.end() ? *free : scene_.cameras.rbegin()->first + 1;
+      new_ids[model_id] = id;
+      used.insert(id);
+    }
+    return new_ids;
+  }
+
+  // What the database knows of a camera holds, unless the model describes it otherwise.
+  void Store(const Camera& camera, camera_t stored_id, camera_t id) {
+    const auto [entry, is_new] = scene_.cameras.try_emplace(id, scene_.cameras.at(stored_id));
+    if (is_new && scene_.constant_cameras.count(stored_id) > 0) scene_.constant_cameras.insert(id);
+    if (entry->second.model != camera.model) {
+      const bool has_prior = entry->second.has_prior_focal_length;
+      entry->second = camera;
+      entry->second.has_prior_focal_length = has_prior;
+    }
+    entry->second.camera_id = id;
+  }
+
+  SceneData& scene_;
+  const std::map<image_t, Image> stored_;
+  // By camera in the database: the images that got each other one.
+  std::map<camera_t, std::map<camera_t, int>> num_images_;
+};
+
+std::string FirstNames(const std::vector<std::string>& names) {
+  constexpr size_t kMaxNames = 20;
+  std::string text;
+  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
+    text += (i > 0 ? ", " : "") + names[i];
+  }
+  if (names.size() > kMaxNames)
+    text += " and " + std::to_string(names.size() - kMaxNames) + " more";
+  return text;
+}
+
+}  // namespace
+
+std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, SceneData& scene,
+                                        const RunContext& run, RunReport& report) {
+  RunStage stage(report, run.monitor, "input");
+  scene.alternative.reset();  // the models tell the focal lengths
+  std::vector<const Reconstruction*> by_size;
+  for (const Reconstruction& model : models) by_size.push_back(&model);
+  std::stable_sort(by_size.begin(), by_size.end(), [](const auto* a, const auto* b) {
+    return a->images.size() > b->images.size();
+  });
+  std::map<std::string, image_t> ids;
+  for (const auto& [id, image] : scene.images) ids[image.name] = id;
+  LeftOut left_out;
+  std::set<image_t> taken;
+  int num_other_keypoints = 0;
+  CameraAdopter adopter(scene);
+  std::vector<Reconstruction> adopted;
+  for (const Reconstruction* model : by_size) {
+    const auto images = FindImages(*model, ids, scene, taken, left_out);
+    for (const auto& [id, image] : images) {
+      num_other_keypoints += HasOtherKeypoints(*image, scene.pixels.at(id));
+    }
+    if (images.size() >= 2) adopted.push_back(adopter.Adopt(*model, images));
+  }
+  adopter.AdoptOthers(taken);
+  for (const auto& [reason, names] : left_out) {
+    report.warnings.push_back(std::to_string(names.size()) + " images of the input model " +
+                              reason + ": " + FirstNames(names));
+    stage.Warn(report.warnings.back());
+  }
+  if (num_other_keypoints > 0) {
+    stage.Note("keypoints of " + std::to_string(num_other_keypoints) +
+               " images changed since the model was made; its points are made anew");
+  }
+  stage.Add("models", adopted.size());
+  stage.Add("images", taken.size());
+  stage.Add("images_other_keypoints", num_other_keypoints);
+  stage.Add("images_to_register", scene.pixels.size() - taken.size());
+  if (adopted.empty()) {
+    stage.Fail("fewer than two images of the input model can be used",
+               "is it a model of the photographs of this database?");
+  } else if (scene.poses_alone) {
+    stage.Fail("the pairs of the database have no matches to register images by",
+               "reconstruct without --input_path");
+  }
+  return adopted;
+}
+
+}  // namespace cairn

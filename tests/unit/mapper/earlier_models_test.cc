@@ -1,0 +1,202 @@
+// Reconstruction that goes on from models that are there.
+#include <gmock/gmock.h>
+
+#include "cairn/base/rng.h"
+#include "support/test_monitor.h"
+#include "unit/mapper/reconstruct_fixture.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::UnorderedElementsAre;
+
+ReconstructResult Continue(const Database& database, const std::vector<Reconstruction>& earlier,
+                           const ReconstructSettings& settings = {}) {
+  return Reconstruct(database, "", settings, kOneThread, earlier);
+}
+
+std::set<std::string> NamesOf(const Reconstruction& model) {
+  std::set<std::string> names;
+  for (const auto& [id, image] : model.images) names.insert(image.image.name);
+  return names;
+}
+
+// A scene of twelve images, and a model of nine of them in a frame of its own.
+class EarlierModelsTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    SceneOptions options = SmallScene();
+    options.num_images = 12;
+    scene_ = MakeScene(options, 3);
+    database_ = MakeDatabase(scene_);
+    Database before = MakeDatabase(scene_);
+    before.DeleteImagesAndPairs({4, 8, 12});
+    const ReconstructResult result = Reconstruct(before);
+    ASSERT_EQ(result.models.size(), 1u);
+    model_ = result.models.front();
+    ASSERT_EQ(model_.images.size(), 9u);
+    Sim3d frame;
+    frame.scale = 7;
+    frame.rotation = Eigen::Quaterniond(0.5, 0.1, -0.7, 0.3).normalized();
+    frame.translation = {1000, -200, 30};
+    model_.Transform(frame);
+  }
+
+  // The largest move of an image of the earlier model, in extents of it.
+  double LargestMove(const Reconstruction& model) const {
+    double move = 0, extent = 0;
+    const Eigen::Vector3d first = model_.images.begin()->second.cam_from_world.Center();
+    for (const auto& [id, image] : model_.images) {
+      const Eigen::Vector3d center = image.cam_from_world.Center();
+      extent = std::max(extent, (center - first).norm());
+      move = std::max(move, (model.images.at(id).cam_from_world.Center() - center).norm());
+    }
+    return move / extent;
+  }
+
+  SyntheticScene scene_;
+  Database database_{":memory:"};
+  Reconstruction model_;
+};
+
+TEST_F(EarlierModelsTest, RegisterNewImagesAndStayWhereTheyAre) {
+  const ReconstructResult result = Continue(database_, {model_});
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  ASSERT_EQ(result.models.size(), 1u);
+  const Reconstruction& model = result.models.front();
+  model.CheckConsistency();
+  EXPECT_EQ(model.images.size(), 12u);
+  const auto difference = testing_support::CompareAligned(model, scene_.truth);
+  EXPECT_LT(difference.angle, 2e-3);
+  EXPECT_LT(LargestMove(model), 2e-3);
+  const StageReport* input = FindStage(result.report, "input");
+  ASSERT_NE(input, nullptr);
+  EXPECT_EQ(Value(*input, "images"), 9);
+  EXPECT_EQ(Value(*input, "images_to_register"), 3);
+  // Nothing is averaged.
+  EXPECT_EQ(FindStage(result.report, "rotation_averaging"), nullptr);
+  EXPECT_EQ(FindStage(result.report, "translation_averaging"), nullptr);
+}
+
+TEST_F(EarlierModelsTest, AreRefinedAloneWhereNothingIsRegistered) {
+  Rng rng(1);
+  for (auto& [id, image] : model_.images) {
+    image.cam_from_world.translation += 0.02 * Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), 0);
+  }
+  ReconstructSettings settings;
+  settings.reconstruct.register_left_out = false;
+  const ReconstructResult result = Continue(database_, {model_}, settings);
+  ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
+  EXPECT_EQ(NamesOf(result.models.front()), NamesOf(model_));
+  const auto difference = testing_support::CompareAligned(result.models.front(), scene_.truth);
+  EXPECT_LT(difference.angle, 2e-3);
+}
+
+// Another program numbers images, cameras and keypoints as it likes.
+TEST_F(EarlierModelsTest, AreToldByNameAndBringTheirCameras) {
+  Reconstruction other;
+  Camera camera = model_.cameras.begin()->second;
+  const double focal_px = camera.MeanFocal();
+  for (const auto& [id, image] : model_.images) {
+    RegisteredImage& copy = other.images[1000 - id] = image;
+    copy.image.image_id = 1000 - id;
+    copy.image.camera_id = 77;
+    copy.points2D.clear();
+    copy.point3D_ids.clear();
+  }
+  camera.camera_id = 77;
+  other.cameras[77] = camera;
+  for (auto& [id, stored] : scene_.cameras) {
+    stored.SetMeanFocal(1.5 * stored.MeanFocal());
+    database_.WriteCamera(stored);
+  }
+  ReconstructSettings settings;
+  settings.refine_intrinsics = false;
+  const ReconstructResult result = Continue(database_, {other}, settings);
+  ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
+  const Reconstruction& model = result.models.front();
+  EXPECT_EQ(model.images.size(), 12u);
+  ASSERT_EQ(model.cameras.size(), 1u);
+  EXPECT_EQ(model.cameras.begin()->second.MeanFocal(), focal_px);
+  EXPECT_EQ(model.cameras.begin()->first, scene_.cameras.begin()->first);
+  EXPECT_LT(LargestMove(model), 2e-3);
+  EXPECT_EQ(Value(*FindStage(result.report, "input"), "images_other_keypoints"), 9);
+}
+
+TEST_F(EarlierModelsTest, ImagesThatTheDatabaseLacksAreNamedAndLeftOut) {
+  database_.DeleteImagesAndPairs({2});
+  const ReconstructResult result = Continue(database_, {model_});
+  ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
+  EXPECT_EQ(result.models.front().images.size(), 11u);
+  EXPECT_THAT(result.report.warnings,
+              Contains(AllOf(HasSubstr("1 images of the input model that are not in the database"),
+                             HasSubstr(scene_.images[1].name))));
+}
+
+TEST_F(EarlierModelsTest, OfOtherPhotographsAreRefused) {
+  for (auto& [id, image] : model_.images) image.image.name = "other/" + image.image.name;
+  const ReconstructResult result = Continue(database_, {model_});
+  EXPECT_TRUE(result.models.empty());
+  EXPECT_THAT(result.report.failure, HasSubstr("fewer than two images of the input model"));
+}
+
+TEST_F(EarlierModelsTest, OfAnotherSizeAreRefused) {
+  for (auto& [id, camera] : model_.cameras) camera.width /= 2;
+  const ReconstructResult result = Continue(database_, {model_});
+  EXPECT_TRUE(result.models.empty());
+  EXPECT_THAT(result.report.warnings, Contains(HasSubstr("of another size")));
+}
+
+// Of an image in two models the larger one keeps it; each goes on in its own frame.
+TEST_F(EarlierModelsTest, SeveralGoOnSideBySide) {
+  Reconstruction small = model_;
+  for (auto it = small.images.begin(); it != small.images.end();) {
+    it = it->first > 4 ? small.images.erase(it) : std::next(it);
+  }
+  Reconstruction large = model_;
+  large.images.erase(1);
+  large.images.erase(2);
+  const ReconstructResult result = Continue(database_, {small, large});
+  ASSERT_EQ(result.models.size(), 2u) << result.report.failure;
+  EXPECT_EQ(result.models[0].images.size(), 10u);  // 3 and all that is new
+  EXPECT_EQ(NamesOf(result.models[1]), NamesOf([&] {
+              Reconstruction two = small;
+              two.images.erase(3);
+              return two;
+            }()));
+  EXPECT_THAT(result.report.warnings, Contains(HasSubstr("that a larger model has")));
+}
+
+// A pose that was wrong is found, moved, and named.
+TEST_F(EarlierModelsTest, PosesThatMoveByMoreThanTheirConfidenceAreNamed) {
+  const ReconstructResult same = Continue(database_, {model_});
+  for (const std::string& warning : same.report.warnings) {
+    EXPECT_THAT(warning, Not(HasSubstr("moved")));
+  }
+  RegisteredImage& wrong = model_.images.at(6);
+  wrong.cam_from_world.translation.x() += 0.05 * 7;
+  const ReconstructResult result = Continue(database_, {model_});
+  ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
+  EXPECT_THAT(result.report.warnings,
+              Contains(AllOf(HasSubstr("moved"), HasSubstr(wrong.image.name))));
+}
+
+TEST_F(EarlierModelsTest, GiveEqualBytesWithOneThread) {
+  const Reconstruction a = Continue(database_, {model_}).models.at(0);
+  const Reconstruction b = Continue(database_, {model_}).models.at(0);
+  const Reconstruction c = Reconstruct(database_, "", {}, {.num_threads = 2},
+                                       std::vector<Reconstruction>{model_})
+                               .models.at(0);
+  ASSERT_EQ(a.points3D.size(), b.points3D.size());
+  for (const auto& [id, image] : a.images) {
+    EXPECT_EQ(image.cam_from_world.translation, b.images.at(id).cam_from_world.translation);
+    EXPECT_LT(
+        (image.cam_from_world.Center() - c.images.at(id).cam_from_world.Center()).norm(), 1e-4);
+  }
+}
+
+}  // namespace
+}  // namespace cairn
