@@ -11,6 +11,7 @@ void AddEvaluateCommand(Program& program);
 void AddExportCommand(Program& program);
 void AddInspectCommand(Program& program);
 void AddReconstructCommand(Program& program);
+void AddRefineCommand(Program& program);
 void AddReportCommand(Program& program);
 void AddRotationAveragingCommand(Program& program);
 void AddSynthesizeCommand(Program& program);

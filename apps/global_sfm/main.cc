@@ -8,6 +8,7 @@ int main(int argc, char** argv) {
     cairn::AddExportCommand(program);
     cairn::AddInspectCommand(program);
     cairn::AddReconstructCommand(program);
+    cairn::AddRefineCommand(program);
     cairn::AddReportCommand(program);
     cairn::AddRotationAveragingCommand(program);
     cairn::AddSynthesizeCommand(program);

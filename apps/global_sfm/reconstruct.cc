@@ -47,6 +47,8 @@ struct ReconstructFlags {
 
 // What the run function needs; it owns the options that the command binds.
 struct State {
+  std::string name;  // of the command
+  bool needs_input = false;
   ReconstructFlags flags;
   ReconstructSettings settings;
 };
@@ -73,6 +75,7 @@ std::string MakePage(const Database& database, const ReconstructFlags& flags,
 
 int Run(const Command& command, State& state) {
   for (const char* key : {"database_path", "output_path"}) command.Require(key);
+  if (state.needs_input) command.Require("input_path");
   const ReconstructFlags& flags = state.flags;
   ReconstructSettings& settings = state.settings;
   if (command.IsSet("refine_intrinsics")) settings.refine_intrinsics = flags.refine_intrinsics;
@@ -85,6 +88,7 @@ int Run(const Command& command, State& state) {
   std::vector<Reconstruction> earlier;
   if (!flags.input_path.empty()) earlier = ReadModels(flags.input_path);
   ReconstructResult result = Reconstruct(database, flags.image_path, settings, run, earlier);
+  result.report.program = "global_sfm " + state.name;
   if (flags.report) result.page = MakePage(database, flags, result, run);
   const std::string report_path =
       WriteReconstructResult(result, flags.output_path, command.EffectiveToml(), flags.overwrite);
@@ -96,16 +100,28 @@ int Run(const Command& command, State& state) {
   return kExitNoUsableResult;
 }
 
-}  // namespace
-
-void AddReconstructCommand(Program& program) {
-  Command& command = program.AddCommand(
-      "reconstruct", "Cameras and points from the verified pairs of a database.");
-  auto state = std::make_shared<State>();
+void AddCommand(Program& program, std::shared_ptr<State> state, const std::string& description) {
+  Command& command = program.AddCommand(state->name, description);
   command.AddOptions("", state->flags);
   state->settings.VisitModules(
       [&](const char* module, auto& options) { command.AddOptions(module, options); });
   command.SetRun([&command, state] { return Run(command, *state); });
+}
+
+}  // namespace
+
+void AddReconstructCommand(Program& program) {
+  AddCommand(program, std::make_shared<State>(State{"reconstruct"}),
+             "Cameras and points from the verified pairs of a database.");
+}
+
+// Goes on from a model, as `reconstruct --input_path` does, and registers nothing.
+void AddRefineCommand(Program& program) {
+  auto state = std::make_shared<State>(State{"refine", true});
+  state->settings.reconstruct.register_left_out = false;
+  AddCommand(program, state,
+             "Refines a model of any program: its poses and cameras are adjusted with points from "
+             "the matches of the database, its images and its frame stay.");
 }
 
 }  // namespace cairn

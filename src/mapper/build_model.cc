@@ -58,21 +58,23 @@ bool FitAndRefine(StageContext& context, std::vector<Track> tracks, bool from_av
   return true;
 }
 
-// Registers what was left out and lets the model choose its pairs, until neither brings anything
-// to a model that is refined. False: as above.
-bool GrowModel(StageContext& context, bool is_refined, ViewGraph& graph, Reconstruction& model) {
+// Registers what was left out and lets the model choose its pairs, until neither brings anything.
+// How often it was refined; nullopt: as above.
+std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
-  for (int round = 0; round < options.max_rounds && !context.run.monitor.StopRequested(); ++round) {
+  int round = 0;
+  for (; round < options.max_rounds && !context.run.monitor.StopRequested(); ++round) {
     const int num_new = options.register_left_out ? RegisterLeftOut(context, graph, model) : 0;
     const int64_t num_gained = ReviseEdges(EvidenceFor(context, model, graph), model, graph);
-    if (is_refined && num_new == 0 &&
+    if (num_new == 0 &&
         static_cast<double>(num_gained) < options.min_gain * model.NumObservations()) {
       break;
     }
-    if (!FitAndRefine(context, TracksOfGraph(context, graph).tracks, false, model)) return false;
-    is_refined = true;
+    if (!FitAndRefine(context, TracksOfGraph(context, graph).tracks, false, model)) {
+      return std::nullopt;
+    }
   }
-  return true;
+  return round;
 }
 
 // Once more with the matches that the intrinsics found by bundle adjustment make inliers, if these
@@ -124,7 +126,7 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
     return built;
   }
   if (!FitAndRefine(context, std::move(initial->tracks), true, model)) return built;
-  if (!GrowModel(context, true, built.graph, model)) return built;
+  if (!GrowModel(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
   const std::string origin = "pairs of " + std::to_string(rotations.min_num_inliers) +
                              " inliers and more, rotations weighed by " + rotations.weighing;
@@ -157,17 +159,6 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   return best;
 }
 
-// False: as above, and the model is gone.
-bool FinishRefinement(StageContext& context, BuiltModel& built) {
-  if (!RefineWithMovedIntrinsics(context, built.graph, *built.model)) {
-    built.model.reset();
-    return false;
-  }
-  built.model->UpdatePointErrors();
-  built.evidence = EvidenceFor(context, *built.model, built.graph);
-  return true;
-}
-
 // The images of an earlier model, and those that are in none.
 std::vector<image_t> ImagesWithin(const StageContext& context, const Reconstruction& earlier) {
   std::vector<image_t> images;
@@ -176,6 +167,22 @@ std::vector<image_t> ImagesWithin(const StageContext& context, const Reconstruct
     if (earlier.images.count(id) > 0 || !is_elsewhere) images.push_back(id);
   }
   return images;
+}
+
+// Tracks of the graph with all matches that agree with the model.
+std::vector<Track> TracksOfModel(StageContext& context, const ViewGraph& graph,
+                                 const Reconstruction& model) {
+  return TracksOfGraph(context, graph, VerifyAgain(context, model, graph).matches).tracks;
+}
+
+// Registers images in an earlier model, whose intrinsics are known to be right, and refines it.
+// False: as above.
+bool GrowEarlier(StageContext& context, ViewGraph& graph, Reconstruction& model) {
+  if (context.settings.reconstruct.register_left_out) RegisterLeftOut(context, graph, model);
+  ReviseEdges(EvidenceFor(context, model, graph), model, graph);
+  if (!FitAndRefine(context, TracksOfModel(context, graph, model), false, model)) return false;
+  const std::optional<int> num_refined = GrowModel(context, graph, model);
+  return num_refined && (*num_refined == 0 || RefineWithMovedIntrinsics(context, graph, model));
 }
 
 }  // namespace
@@ -198,7 +205,14 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
     }
   }
   if (!best.model) return best;
-  if (!context.scene.poses_alone && !FinishRefinement(context, best)) return best;
+  if (!context.scene.poses_alone) {
+    if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) {
+      best.model.reset();
+      return best;
+    }
+    best.model->UpdatePointErrors();
+    best.evidence = EvidenceFor(context, *best.model, best.graph);
+  }
   if (context.settings.reconstruct.separate_duplicates && !context.scene.poses_alone) {
     best.duplicate_edges = FindDuplicates(context, *best.model, best.graph,
                                           "are removed and their images reconstructed again");
@@ -218,18 +232,26 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   KeepImages(ImagesWithin(context, earlier), built.graph);
   Reconstruction model = earlier;
   ReviseEdges(EvidenceFor(context, model, built.graph), model, built.graph);
-  std::vector<Track> tracks = TracksOfGraph(context, built.graph).tracks;
+  std::vector<Track> tracks = TracksOfModel(context, built.graph, model);
   if (!FitTracksToMemory(context, model, tracks)) return built;
   const auto confidences = TriangulateModel(context, tracks, model);
-  if (!GrowModel(context, false, built.graph, model)) return built;
+  if (!GrowEarlier(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
   if (!CheckModel(context, earlier.images.size(), "an earlier model", built.evidence, model)) {
     return built;
   }
+  if (context.settings.reconstruct.separate_duplicates &&
+      !FindDuplicates(context, model, built.graph, "stay, since an earlier model has them")
+           .empty()) {
+    built.warnings.push_back(
+        "it puts similar places on top of each other; reconstruct without "
+        "--input_path to separate them");
+  }
+  model.UpdatePointErrors();
+  const std::vector<std::string> moved = KeepFrame(context, earlier, confidences, model);
+  built.warnings.insert(built.warnings.end(), moved.begin(), moved.end());
+  RenumberPoints(model);
   built.model = std::move(model);
-  if (!FinishRefinement(context, built)) return built;
-  built.warnings = KeepFrame(context, earlier, confidences, *built.model);
-  RenumberPoints(*built.model);
   return built;
 }
 

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <utility>
 
 #include "mapper/stages.h"
 
@@ -121,14 +122,45 @@ std::vector<Reconstruction> SortBySize(std::vector<JudgedModel> judged, RunRepor
   return models;
 }
 
+// Keeps a finished model, with its warnings.
+void TakeIn(StageContext& context, BuiltModel built, std::vector<JudgedModel>& judged) {
+  for (const auto& [id, image] : built.model->images) context.taken.insert(id);
+  std::vector<std::string> warnings = std::move(built.warnings);
+  if (!context.scene.poses_alone) {
+    for (std::string& text : JudgeModel(context, *built.model, built.evidence, built.graph)) {
+      warnings.push_back(std::move(text));
+    }
+  }
+  judged.push_back({std::move(*built.model), std::move(warnings)});
+}
+
+// Of the components without a model: the images of each, and why the first has none.
+struct Failures {
+  std::vector<std::vector<image_t>> components;
+  std::string first;
+};
+
+// A component that fails leaves the other models as they are.
+void GiveUp(StageContext& context, const ComponentQueue::Component& component, Failures& failures) {
+  const std::string failure = std::exchange(context.report.failure, "");
+  context.run.monitor.Warning(failure);
+  if (failures.first.empty()) failures.first = failure;
+  if (component.earlier == nullptr) {
+    failures.components.push_back(component.images);
+  } else {
+    context.report.warnings.push_back("an input model of " +
+                                      std::to_string(component.images.size()) +
+                                      " images was given up: " + failure);
+  }
+}
+
 }  // namespace
 
 SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
                         std::span<const Reconstruction> earlier, ViewGraph& graph) {
   const ReconstructOptions& options = context.settings.reconstruct;
   ComponentQueue queue = earlier.empty() ? ComponentQueue(components) : ComponentQueue(earlier);
-  std::vector<std::vector<image_t>> small;
-  std::string first_failure;
+  Failures failures;
   std::vector<JudgedModel> judged;
   SceneModels result;
   for (bool is_first = true; !queue.empty(); is_first = false) {
@@ -141,7 +173,7 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
     const bool is_small = component.earlier == nullptr &&
                           static_cast<int>(component.images.size()) < options.min_model_images;
     if ((is_small && !is_first) || static_cast<int>(judged.size()) == options.max_models) {
-      small.push_back(component.images);
+      failures.components.push_back(component.images);
       continue;
     }
     context.reserved = queue.Reserved(options.min_model_images);
@@ -152,25 +184,14 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
     for (const size_t e : built.duplicate_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {
       result.evidence_nats += built.evidence.nats;
-      for (const auto& [id, image] : built.model->images) context.taken.insert(id);
+      TakeIn(context, std::move(built), judged);
       if (component.earlier == nullptr) {
         queue.AddPartsOf(NotTaken(context, component.images), component.is_part, graph);
       }
-      std::vector<std::string> warnings = std::move(built.warnings);
-      if (!context.scene.poses_alone) {
-        for (std::string& text : JudgeModel(context, *built.model, built.evidence, built.graph)) {
-          warnings.push_back(std::move(text));
-        }
-      }
-      judged.push_back({std::move(*built.model), std::move(warnings)});
     } else if (!built.duplicate_edges.empty()) {
       queue.AddPartsOf(component.images, true, graph);
     } else {
-      // A component that fails leaves the other models as they are.
-      context.run.monitor.Warning(context.report.failure);
-      if (first_failure.empty()) first_failure = context.report.failure;
-      context.report.failure.clear();
-      small.push_back(component.images);
+      GiveUp(context, component, failures);
     }
     context.model = static_cast<int>(judged.size());
     // What no earlier model could take.
@@ -178,8 +199,8 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
       queue.AddPartsOf(NotTaken(context, graph.image_ids), false, graph);
     }
   }
-  if (judged.empty() && context.report.Succeeded()) context.report.failure = first_failure;
-  ReportLeftOut(context, small);
+  if (judged.empty() && context.report.Succeeded()) context.report.failure = failures.first;
+  ReportLeftOut(context, failures.components);
   result.models = SortBySize(std::move(judged), context.report);
   return result;
 }

@@ -135,17 +135,6 @@ class CameraAdopter {
   std::map<camera_t, std::map<camera_t, int>> num_images_;
 };
 
-std::string FirstNames(const std::vector<std::string>& names) {
-  constexpr size_t kMaxNames = 20;
-  std::string text;
-  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
-    text += (i > 0 ? ", " : "") + names[i];
-  }
-  if (names.size() > kMaxNames)
-    text += " and " + std::to_string(names.size() - kMaxNames) + " more";
-  return text;
-}
-
 }  // namespace
 
 std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, SceneData& scene,

@@ -42,16 +42,22 @@ int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, 
   return num_gained;
 }
 
-std::string Names(const StageContext& context, std::span<const image_t> images) {
+std::string FirstNames(std::span<const std::string> names) {
   constexpr size_t kMaxNames = 20;
   std::string text;
-  for (size_t i = 0; i < std::min(images.size(), kMaxNames); ++i) {
-    text += (i > 0 ? ", " : "") + context.scene.images.at(images[i]).name;
+  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
+    text += (i > 0 ? ", " : "") + names[i];
   }
-  if (images.size() > kMaxNames) {
-    text += " and " + std::to_string(images.size() - kMaxNames) + " more";
+  if (names.size() > kMaxNames) {
+    text += " and " + std::to_string(names.size() - kMaxNames) + " more";
   }
   return text;
+}
+
+std::string Names(const StageContext& context, std::span<const image_t> images) {
+  std::vector<std::string> names;
+  for (const image_t id : images) names.push_back(context.scene.images.at(id).name);
+  return FirstNames(names);
 }
 
 std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction& model,

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "cairn/evaluation/alignment.h"
 #include "cairn/math/angles.h"
@@ -54,6 +55,74 @@ Sim3d OldFromNew(const Reconstruction& model, const Reconstruction& earlier) {
   return frame;
 }
 
+// The largest angle by which rays of pixels differ, degrees.
+double RayChangeDeg(const Camera& before, const Camera& after) {
+  double change = 0;
+  for (const double u : {0.0, 0.5, 1.0}) {
+    for (const double v : {0.0, 0.5, 1.0}) {
+      const Eigen::Vector2d pixel(u * before.width, v * before.height);
+      const auto ray_before = before.RayFromImg(pixel);
+      const auto ray_after = after.RayFromImg(pixel);
+      if (ray_before && ray_after) {
+        change = std::max(change, RadToDeg(AngleBetween(*ray_before, *ray_after)));
+      }
+    }
+  }
+  return change;
+}
+
+bool SharesPointsWithNew(const Reconstruction& model, const Reconstruction& earlier, image_t id) {
+  for (const point3D_t point_id : model.images.at(id).point3D_ids) {
+    if (point_id == kInvalidPoint3DId) continue;
+    for (const TrackElement& element : model.points3D.at(point_id).track) {
+      if (earlier.images.count(element.image_id) == 0) return true;
+    }
+  }
+  return false;
+}
+
+// An image of the earlier model, and how many times its confidence it moved.
+struct Move {
+  image_t image_id;
+  double turn_deg, shift, times;
+};
+
+Move MoveOf(const RegisteredImage& before, const RegisteredImage& after,
+            const PoseConfidence& confidence) {
+  Move move{before.image.image_id, 0, 0, 0};
+  move.turn_deg =
+      RadToDeg(AngleBetween(before.cam_from_world.rotation, after.cam_from_world.rotation));
+  move.shift = (before.cam_from_world.Center() - after.cam_from_world.Center()).norm();
+  move.times = std::max(move.turn_deg / confidence.rotation_sigma_deg,
+                        move.shift / confidence.position_sigma);
+  return move;
+}
+
+// Why images moved, with the number of those to which each reason applies.
+std::string Reasons(const Reconstruction& model, const Reconstruction& earlier,
+                    const std::map<image_t, PoseConfidence>& confidences,
+                    std::span<const Move> moves) {
+  int num_cameras = 0, num_shared = 0, num_others = 0;
+  for (const Move& move : moves) {
+    const camera_t camera_id = model.images.at(move.image_id).image.camera_id;
+    const bool has_other_rays =
+        RayChangeDeg(earlier.cameras.at(camera_id), model.cameras.at(camera_id)) >
+        confidences.at(move.image_id).rotation_sigma_deg;
+    const bool is_shared = SharesPointsWithNew(model, earlier, move.image_id);
+    num_cameras += has_other_rays;
+    num_shared += is_shared;
+    num_others += !has_other_rays && !is_shared;
+  }
+  std::string text;
+  const auto add = [&](int num, const std::string& what) {
+    if (num > 0) text += (text.empty() ? "" : ", ") + std::to_string(num) + " " + what;
+  };
+  add(num_shared, "see points with new images");
+  add(num_cameras, "have a camera whose intrinsics changed");
+  add(num_others, "were refined further, or follow their neighbors");
+  return text;
+}
+
 }  // namespace
 
 std::vector<std::string> KeepFrame(StageContext& context, const Reconstruction& earlier,
@@ -61,21 +130,48 @@ std::vector<std::string> KeepFrame(StageContext& context, const Reconstruction& 
                                    Reconstruction& model) {
   ModelStage stage(context, "movement");
   model.Transform(OldFromNew(model, earlier));
-  std::vector<double> turns, shifts;
+  std::vector<Move> moves, far;
+  std::vector<image_t> lost, named;
   for (const auto& [id, image] : earlier.images) {
-    const auto now = model.images.find(id);
-    if (now == model.images.end()) continue;
-    const PoseConfidence& c = confidences.at(id);
-    turns.push_back(
-        RadToDeg(AngleBetween(image.cam_from_world.rotation, now->second.cam_from_world.rotation)) /
-        c.rotation_sigma_deg);
-    shifts.push_back((image.cam_from_world.Center() - now->second.cam_from_world.Center()).norm() /
-                     c.position_sigma);
-    fprintf(stderr, "%s %g %g\n", image.image.name.c_str(), turns.back(), shifts.back());
+    const auto after = model.images.find(id);
+    const auto confidence = confidences.find(id);
+    if (after == model.images.end()) {
+      lost.push_back(id);
+    } else if (confidence != confidences.end()) {
+      moves.push_back(MoveOf(image, after->second, confidence->second));
+    }
   }
-  stage.Add("median_turn", UpperMedian(turns));
-  stage.Add("median_shift", UpperMedian(shifts));
-  return {};
+  std::stable_sort(moves.begin(), moves.end(),
+                   [](const Move& a, const Move& b) { return a.times > b.times; });
+  for (const Move& move : moves) {
+    if (move.times <= 1) break;
+    far.push_back(move);
+    named.push_back(move.image_id);
+  }
+  stage.Add("images", moves.size());
+  stage.Add("images_lost", lost.size());
+  stage.Add("images_beyond_confidence", far.size());
+  if (!moves.empty()) {
+    stage.Add("median_sigmas", moves[moves.size() / 2].times);
+    stage.Add("largest_sigmas", moves.front().times);
+  }
+  std::vector<std::string> warnings;
+  if (!lost.empty()) {
+    warnings.push_back(
+        std::to_string(lost.size()) +
+        " images of the input model see too few points and are left out: " + Names(context, lost));
+  }
+  if (!far.empty()) {
+    char most[100];
+    std::snprintf(most, sizeof(most), "%.1f times (%.2g degrees, %.2g units)", far[0].times,
+                  far[0].turn_deg, far[0].shift);
+    warnings.push_back(std::to_string(far.size()) + " of " + std::to_string(moves.size()) +
+                       " poses of the input model moved by more than their confidence, by up to " +
+                       most + ": " + Reasons(model, earlier, confidences, far) + "; these are " +
+                       Names(context, named));
+  }
+  for (const std::string& warning : warnings) stage.Warn(warning);
+  return warnings;
 }
 
 }  // namespace cairn

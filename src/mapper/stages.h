@@ -199,7 +199,8 @@ int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, 
 // Warnings of a model that contradicts its own verified pairs, or parts of it that do.
 std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction& model,
                                     const ModelEvidence& evidence, const ViewGraph& graph);
-// The names of the images, the first twenty if there are more.
+// The first twenty names, and how many more there are.
+std::string FirstNames(std::span<const std::string> names);
 std::string Names(const StageContext& context, std::span<const image_t> images);
 
 // verify_again.cc

@@ -137,7 +137,7 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   if (sources.dataset && !sources.dataset->has_photographs) {
     return keep_going(ImportDataset(database, *sources.dataset, options.cameras, run));
   }
-  PhotoSource photos = {sources.image_path};
+  PhotoSource photos = {.image_path = sources.image_path, .drop_missing = in.drop_missing};
   if (sources.dataset) photos.selection = SelectDatasetPhotos(*sources.dataset);
   if (!keep_going(ImportPhotos(database, photos, options.cameras, run))) return false;
   const PairChoosing choosing = {in.pairs, options.pair_selection, sources.image_path, in.gps_path};
@@ -199,6 +199,9 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   BuildPipelineOptions(options).VisitModules(
       [](const char* module, auto& fields) { ValidateOptions(fields, module); });
   ParsePairWays(inputs.pairs);
+  if (inputs.drop_missing && inputs.image_path.empty()) {
+    throw ConfigError("drop_missing", "needs --image_path, the folder that may lack photographs");
+  }
   BuildPipelineReport report;
   report.run.program = "build_view_graph";
   report.run.seed = run.seed;

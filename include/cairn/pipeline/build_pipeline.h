@@ -50,6 +50,7 @@ struct BuildInputs {
   VerifierChoice verifier = VerifierChoice::kCascade;
   BuildStage stop_after = BuildStage::kVerification;
   BuildStage recompute = BuildStage::kNone;
+  bool drop_missing = false;
 
   void VisitFields(OptionVisitor& v) {
     v.String("image_path", image_path, "folder of photographs");
@@ -70,6 +71,8 @@ struct BuildInputs {
              "last stage of this run; a later run continues");
     v.Choice("recompute", recompute, kBuildStages,
              "stage to compute again, with those that depend on it");
+    v.Bool("drop_missing", drop_missing,
+           "photographs that image_path no longer has leave the database, with their pairs");
   }
 };
 

@@ -47,12 +47,16 @@ struct PhotoSource {
   };
   std::string image_path;                                      // "": none
   std::optional<std::vector<Photo>> selection = std::nullopt;  // nullopt: all
+  // Images that were imported from a folder (all of it) that no longer has them leave the database.
+  bool drop_missing = false;
 };
 
 // Adds the photographs of the source that the database does not have, with their cameras, in the
 // order of their names. Cameras as COLMAP 3.8 makes them: one for all (single_camera), else one for
-// all new images with equal EXIF make, model, focal length and size, else one an image. Throws
-// IoError when the folder cannot be read or neither it nor the database has an image.
+// all images with equal EXIF make, model, focal length and size, else one an image; photographs
+// that join later share the cameras of those that are there. Throws IoError when the folder cannot
+// be read or neither it nor the database has an image, ConfigError where drop_missing would leave
+// none of the folder's images.
 StageReport ImportPhotos(Database& database, const PhotoSource& source,
                          const CameraOptions& options = {}, const RunContext& run = {});
 

@@ -18,6 +18,14 @@ double FocalFactor(CameraModel model) {
   return CameraModelIsFisheye(model) ? kFisheyeFocalFactor : kDefaultFocalFactor;
 }
 
+// nullopt: EXIF does not tell the camera.
+std::optional<ExifKey> KeyOf(const Photo& photo) {
+  const ExifInfo& exif = photo.exif;
+  const std::optional<double> focal = photo.given_focal_px ? photo.given_focal_px : exif.focal_px;
+  if (exif.camera_make.empty() || exif.camera_model.empty() || !focal) return std::nullopt;
+  return ExifKey(exif.camera_make, exif.camera_model, *focal, photo.size.width, photo.size.height);
+}
+
 }  // namespace
 
 void CheckCameraOptions(const CameraOptions& options) {
@@ -36,16 +44,15 @@ CameraMaker::CameraMaker(const CameraOptions& options, camera_t first_id,
 
 std::optional<camera_t> CameraMaker::CameraOf(Photo& photo) {
   if (options_.single_camera) return SingleCamera(photo);
-  const ExifInfo& exif = photo.exif;
-  const std::optional<double> focal = photo.given_focal_px ? photo.given_focal_px : exif.focal_px;
-  if (exif.camera_make.empty() || exif.camera_model.empty() || !focal) {
-    return Make(photo).camera_id;
-  }
-  const auto key = std::make_tuple(exif.camera_make, exif.camera_model, *focal, photo.size.width,
-                                   photo.size.height);
-  const auto it = by_exif_.find(key);
+  const std::optional<ExifKey> key = KeyOf(photo);
+  if (!key) return Make(photo).camera_id;
+  const auto it = by_exif_.find(*key);
   if (it != by_exif_.end()) return it->second;
-  return by_exif_[key] = Make(photo).camera_id;
+  return by_exif_[*key] = Make(photo).camera_id;
+}
+
+void CameraMaker::AddKnown(const Photo& photo, camera_t camera_id) {
+  if (const std::optional<ExifKey> key = KeyOf(photo)) by_exif_.try_emplace(*key, camera_id);
 }
 
 std::optional<camera_t> CameraMaker::SingleCamera(Photo& photo) {

@@ -27,12 +27,17 @@ struct Photo {
 // Throws ConfigError when camera_params do not fit camera_model.
 void CheckCameraOptions(const CameraOptions& options);
 
+// What photographs of one camera have in common: make, model, focal length and size.
+using ExifKey = std::tuple<std::string, std::string, double, int, int>;
+
 // Gives photos their cameras, making new ones with ids from first_id on. `shared` is the single
 // camera, if there is one already.
 class CameraMaker {
  public:
   CameraMaker(const CameraOptions& options, camera_t first_id, std::optional<Camera> shared);
 
+  // A photograph that has this camera, for others to share.
+  void AddKnown(const Photo& photo, camera_t camera_id);
   // The camera of the photo; nullopt, with photo.error set, if the single camera does not fit.
   std::optional<camera_t> CameraOf(Photo& photo);
   const std::vector<Camera>& cameras() const { return cameras_; }
@@ -44,7 +49,7 @@ class CameraMaker {
   const CameraOptions options_;
   camera_t next_id_;
   std::optional<Camera> shared_;
-  std::map<std::tuple<std::string, std::string, double, int, int>, camera_t> by_exif_;
+  std::map<ExifKey, camera_t> by_exif_;
   std::vector<Camera> cameras_;
 };
 

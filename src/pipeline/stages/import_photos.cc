@@ -53,29 +53,52 @@ std::string FirstNames(const std::vector<std::string>& names) {
   return text;
 }
 
-// What the user may take for part of the run, or not, by a look at the folder.
-std::vector<std::string> RemarksOnFolder(const Database& database, const std::string& image_path,
-                                         const std::vector<Photo>& photos,
-                                         const std::vector<Image>& images) {
-  std::vector<std::string> remarks;
+// What the user may take for part of the run, and is not.
+void RemarkOnUnread(const std::string& image_path, Stage& stage) {
   const std::vector<std::string> unread = ListUnreadImages(image_path);
-  if (!unread.empty()) {
-    remarks.push_back("not read, since their format is not known: " + FirstNames(unread));
-  }
+  if (unread.empty()) return;
+  stage.Warn("not read, since their format is not known: " + FirstNames(unread));
+}
+
+// Notices images that were imported and are no longer in the folder; takes them out if told to.
+// Returns how many it took out.
+size_t HandleMissing(Database& database, const PhotoSource& source,
+                     const std::vector<Photo>& photos, Stage& stage) {
   std::set<std::string> present, imported;
   for (const Photo& photo : photos) present.insert(photo.name);
   for (const PhotoRecord& record : database.ReadPhotos()) imported.insert(record.name);
-  std::vector<std::string> removed;
-  for (const Image& image : images) {
-    if (imported.count(image.name) > 0 && present.count(image.name) == 0) {
-      removed.push_back(image.name);
+  std::vector<std::string> names;
+  std::set<image_t> missing;
+  bool any_is_there = false;
+  for (const Image& image : database.ReadImages()) {
+    if (imported.count(image.name) == 0) continue;
+    if (present.count(image.name) > 0) {
+      any_is_there = true;
+    } else {
+      names.push_back(image.name);
+      missing.insert(image.image_id);
     }
   }
-  if (!removed.empty()) {
-    remarks.push_back(image_path + " no longer has " + FirstNames(removed) +
-                      "; their features and pairs stay in the database, and in models");
+  if (missing.empty()) return 0;
+  const std::string what = source.image_path + " no longer has " + std::to_string(names.size()) +
+                           " photographs of the database: " + FirstNames(names);
+  if (!source.drop_missing) {
+    stage.Warn(what +
+               "; their features and pairs stay in it, and in models (--drop_missing takes them "
+               "out)");
+    return 0;
   }
-  return remarks;
+  if (!any_is_there) {
+    throw ConfigError("drop_missing",
+                      source.image_path +
+                          " has none of the photographs of the database, which would lose all; is "
+                          "it their folder?");
+  }
+  Database::Transaction transaction(database);
+  database.DeleteImagesAndPairs(missing);
+  transaction.Commit();
+  stage.Warn(what + "; taken out of it, with their pairs");
+  return missing.size();
 }
 
 // Runs fn, which may throw IoError about the photo's file, and keeps the reason.
@@ -97,15 +120,17 @@ void HashPhotos(const std::string& image_path, const RunContext& run, std::vecto
   });
 }
 
+void ReadHeader(const std::string& image_path, Photo& photo) {
+  const std::string path = fs::path(image_path) / photo.name;
+  KeepError(photo, [&] {
+    photo.size = ReadImageSize(path);
+    photo.exif = ReadExif(path, photo.size.width, photo.size.height);
+  });
+}
+
 void ReadHeaders(const std::string& image_path, const RunContext& run, std::vector<Photo>& photos) {
   ParallelFor(run.num_threads, static_cast<int64_t>(photos.size()), [&](int64_t i) {
-    Photo& photo = photos[i];
-    if (!photo.error.empty() || run.monitor.StopRequested()) return;
-    const std::string path = fs::path(image_path) / photo.name;
-    KeepError(photo, [&] {
-      photo.size = ReadImageSize(path);
-      photo.exif = ReadExif(path, photo.size.width, photo.size.height);
-    });
+    if (photos[i].error.empty() && !run.monitor.StopRequested()) ReadHeader(image_path, photos[i]);
   });
 }
 
@@ -194,6 +219,25 @@ struct StoredImages {
   std::vector<UnknownCamera> unknown_cameras;
 };
 
+// A photograph, with its header, of each camera that we made: for later ones to share.
+using KnownPhotos = std::map<camera_t, Photo>;
+
+KnownPhotos FindKnownPhotos(const StoredImages& stored, const StageLedger& ledger,
+                            const std::string& image_path, const std::vector<Photo>& photos) {
+  std::map<std::string, const Photo*> by_name;
+  for (const Photo& photo : photos) by_name[photo.name] = &photo;
+  KnownPhotos known;
+  for (const Image& image : stored.images) {
+    const auto photo = by_name.find(image.name);
+    if (photo == by_name.end() || known.count(image.camera_id) > 0) continue;
+    if (ledger.Find(image.image_id) == nullptr || IsPending(ledger, image.image_id)) continue;
+    Photo read = *photo->second;
+    ReadHeader(image_path, read);
+    if (read.error.empty()) known.emplace(image.camera_id, std::move(read));
+  }
+  return known;
+}
+
 // New images with their cameras, in the order of the photos.
 struct NewImages {
   std::vector<Image> images;
@@ -203,12 +247,14 @@ struct NewImages {
 };
 
 NewImages MakeImages(const StoredImages& stored, const CameraOptions& options,
-                     const StageLedger& ledger, std::vector<Photo>& photos) {
+                     const StageLedger& ledger, const KnownPhotos& known_photos,
+                     std::vector<Photo>& photos) {
   camera_t first_id = FirstFreeCameraId(stored.images, stored.cameras, ledger);
   for (const UnknownCamera& camera : stored.unknown_cameras) {
     first_id = std::max(first_id, camera.camera_id + 1);
   }
   CameraMaker maker(options, first_id, SharedCamera(stored.images, stored.cameras, ledger));
+  for (const auto& [camera_id, photo] : known_photos) maker.AddKnown(photo, camera_id);
   std::map<std::string, image_t> known;
   for (const Image& image : stored.images) known[image.name] = image.image_id;
   image_t next_id = stored.images.empty() ? 1 : stored.images.back().image_id + 1;
@@ -258,24 +304,27 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   Stage stage(run.monitor, kStageCameras);
   CheckCameraOptions(options);
   StageLedger ledger(database, kStageCameras, DumpOptions(options));
+  std::vector<Photo> photos = ListPhotos(source);
+  size_t num_dropped = 0;
+  if (!image_path.empty() && !source.selection) {
+    RemarkOnUnread(image_path, stage);
+    num_dropped = HandleMissing(database, source, photos, stage);
+  }
   const StoredImages stored = {database.ReadImages(), database.ReadCameras(),
                                database.ReadUnknownCameras()};
-  std::vector<Photo> photos = ListPhotos(source);
   if (photos.empty() && stored.images.empty()) {
     throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
-  }
-  if (!image_path.empty() && !source.selection) {
-    for (const std::string& remark : RemarksOnFolder(database, image_path, photos, stored.images)) {
-      stage.Warn(remark);
-    }
   }
   const size_t num_remarks = stage.NumMessages();
   const size_t num_photos = photos.size();
   run.monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));
   HashPhotos(image_path, run, photos);
+  KnownPhotos known_photos;
   if (!run.monitor.StopRequested()) {
+    const std::vector<Photo> all = photos;
     photos = SelectNew(database, std::move(photos), stored.images, ledger, stage);
     ReadHeaders(image_path, run, photos);
+    if (!photos.empty()) known_photos = FindKnownPhotos(stored, ledger, image_path, all);
   }
   run.monitor.EndStage();
   if (run.monitor.StopRequested()) {
@@ -283,7 +332,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
     return stage.Finish();
   }
 
-  const NewImages added = MakeImages(stored, options, ledger, photos);
+  const NewImages added = MakeImages(stored, options, ledger, known_photos, photos);
   if (!photos.empty()) WriteImages(database, added, photos, ledger);
   for (const Photo& photo : photos) {
     if (!photo.error.empty()) stage.Warn(photo.name + ": " + photo.error + "; skipped");
@@ -292,6 +341,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   stage.Add("new_images", added.images.size());
   stage.Add("new_cameras", added.cameras.size());
   stage.Add("skipped", stage.NumMessages() - num_remarks);
+  stage.Add("dropped", num_dropped);
   return EndStage(stage, database);
 }
 

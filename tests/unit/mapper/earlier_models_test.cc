@@ -187,14 +187,14 @@ TEST_F(EarlierModelsTest, PosesThatMoveByMoreThanTheirConfidenceAreNamed) {
 TEST_F(EarlierModelsTest, GiveEqualBytesWithOneThread) {
   const Reconstruction a = Continue(database_, {model_}).models.at(0);
   const Reconstruction b = Continue(database_, {model_}).models.at(0);
-  const Reconstruction c = Reconstruct(database_, "", {}, {.num_threads = 2},
-                                       std::vector<Reconstruction>{model_})
-                               .models.at(0);
+  const Reconstruction c =
+      Reconstruct(database_, "", {}, {.num_threads = 2}, std::vector<Reconstruction>{model_})
+          .models.at(0);
   ASSERT_EQ(a.points3D.size(), b.points3D.size());
   for (const auto& [id, image] : a.images) {
     EXPECT_EQ(image.cam_from_world.translation, b.images.at(id).cam_from_world.translation);
-    EXPECT_LT(
-        (image.cam_from_world.Center() - c.images.at(id).cam_from_world.Center()).norm(), 1e-4);
+    EXPECT_LT((image.cam_from_world.Center() - c.images.at(id).cam_from_world.Center()).norm(),
+              1e-4);
   }
 }
 

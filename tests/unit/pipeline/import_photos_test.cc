@@ -86,8 +86,61 @@ TEST_F(ImportPhotosTest, WhatIsNotReadAndWhatIsGoneIsNamed) {
   fs::remove(images_ + "/c.GIF");
   fs::remove(images_ + "/a.png");
   Import({}, second);
-  EXPECT_THAT(second.warnings(), ElementsAre(HasSubstr("no longer has a.png; their features")));
+  EXPECT_THAT(second.warnings(),
+              ElementsAre(HasSubstr("no longer has 1 photographs of the database: a.png; their")));
   EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
+}
+
+TEST_F(ImportPhotosTest, WhatIsGoneIsTakenOutWhereTold) {
+  for (const std::string name : {"a.png", "b.png", "c.png"}) AddPhoto(name);
+  Import();
+  const image_t a = 1, b = 2, c = 3;
+  for (const auto& [id1, id2] : {std::pair(a, b), std::pair(a, c), std::pair(b, c)}) {
+    database_.WriteMatches(ImagePairToPairId(id1, id2), {{0, 0}});
+    database_.WriteTwoViewGeometry(ImagePairToPairId(id1, id2), {});
+    database_.WriteJob("verification", {ImagePairToPairId(id1, id2), 1, ""});
+    database_.WriteTiming("verification", ImagePairToPairId(id1, id2), "fast", 1.0);
+    database_.WritePairChoice({ImagePairToPairId(id1, id2), 0, "exhaustive"});
+    database_.WritePairMetrics({.pair_id = ImagePairToPairId(id1, id2), .verifier = "fast"});
+    database_.WriteFocalEvidence({.pair_id = ImagePairToPairId(id1, id2)});
+  }
+  database_.WriteKeypoints(b, {{}});
+  database_.WriteJob("features", {b, 1, ""});
+  fs::remove(images_ + "/b.png");
+  TestMonitor monitor;
+  ImportPhotos(database_, {.image_path = images_, .drop_missing = true}, {}, {.monitor = monitor});
+  EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("b.png; taken out of it")));
+  EXPECT_THAT(Names(), ElementsAre("a.png", "c.png"));
+  const image_pair_t left = ImagePairToPairId(a, c);
+  EXPECT_EQ(database_.ReadNumMatches().size(), 1u);
+  EXPECT_EQ(database_.ReadNumInliers().size(), 1u);
+  EXPECT_EQ(database_.ReadJobs("verification").size(), 1u);
+  EXPECT_EQ(database_.ReadJobs("verification").front().item, left);
+  EXPECT_TRUE(database_.ReadTiming("verification", left, "fast"));
+  EXPECT_FALSE(database_.ReadTiming("verification", ImagePairToPairId(a, b), "fast"));
+  EXPECT_EQ(database_.ReadPairChoices().size(), 1u);
+  EXPECT_EQ(database_.ReadPairMetrics().size(), 1u);
+  EXPECT_EQ(database_.ReadFocalEvidence().size(), 1u);
+  EXPECT_TRUE(database_.ReadNumKeypoints().empty());
+  EXPECT_TRUE(database_.ReadJobs("features").empty());
+  EXPECT_EQ(database_.ReadCameras().size(), 2u);
+  EXPECT_EQ(database_.ReadPhotos().size(), 2u);
+  EXPECT_TRUE(database_.FindBadRows().empty());
+  // It can come back.
+  AddPhoto("b.png");
+  Import();
+  EXPECT_THAT(Names(), ElementsAre("a.png", "c.png", "b.png"));
+}
+
+TEST_F(ImportPhotosTest, AnotherFolderDoesNotEmptyTheDatabase) {
+  AddPhoto("a.png");
+  Import();
+  fs::create_directories(folder_ / "other");
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] {
+                ImportPhotos(database_, {.image_path = folder_ / "other", .drop_missing = true});
+              }),
+              HasSubstr("has none of the photographs of the database"));
+  EXPECT_THAT(Names(), ElementsAre("a.png"));
 }
 
 TEST_F(ImportPhotosTest, CameraParamsAndSingleCamera) {
@@ -138,6 +191,26 @@ TEST_F(ImportPhotosTest, EqualExifSharesACamera) {
   const Camera camera = database_.ReadCameras()[0];
   EXPECT_TRUE(camera.has_prior_focal_length);
   EXPECT_NEAR(camera.FocalX(), 35 / 43.27 * 80, 0.05);
+}
+
+// More photographs of a camera that is known already do not make it a new, unknown one.
+TEST_F(ImportPhotosTest, PhotographsThatJoinShareTheCameraOfEqualExif) {
+  const auto add = [&](const std::string& name, int focal_mm, const std::string& model) {
+    AddPhoto(name, 64, 48);
+    WriteExif(images_ + "/" + name, {focal_mm, "Maker", model});
+  };
+  add("b.jpg", 35, "One");
+  add("c.jpg", 35, "One");
+  AddPhoto("d.jpg");
+  Import();
+  add("a.jpg", 35, "One");
+  add("e.jpg", 50, "One");
+  fs::remove(images_ + "/b.jpg");  // (the first of its camera)
+  Import();
+  EXPECT_THAT(Names(), ElementsAre("b.jpg", "c.jpg", "d.jpg", "a.jpg", "e.jpg"));
+  std::vector<camera_t> ids;
+  for (const Image& image : database_.ReadImages()) ids.push_back(image.camera_id);
+  EXPECT_THAT(ids, ElementsAre(1, 1, 2, 1, 3));
 }
 
 TEST_F(ImportPhotosTest, FilesThatAreNoPhotographsAreSkippedWithOneLineEach) {
