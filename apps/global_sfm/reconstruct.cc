@@ -49,8 +49,8 @@ struct ReconstructFlags {
 struct State {
   std::string name;  // of the command
   bool needs_input = false;
-  ReconstructFlags flags;
-  ReconstructSettings settings;
+  ReconstructFlags flags{};
+  ReconstructSettings settings{};
 };
 
 // The page of the run, of failed ones, too. What goes wrong in it does not cost the models.

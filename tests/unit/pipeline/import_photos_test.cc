@@ -101,7 +101,10 @@ TEST_F(ImportPhotosTest, WhatIsGoneIsTakenOutWhereTold) {
     database_.WriteJob("verification", {ImagePairToPairId(id1, id2), 1, ""});
     database_.WriteTiming("verification", ImagePairToPairId(id1, id2), "fast", 1.0);
     database_.WritePairChoice({ImagePairToPairId(id1, id2), 0, "exhaustive"});
-    database_.WritePairMetrics({.pair_id = ImagePairToPairId(id1, id2), .verifier = "fast"});
+    PairMetrics metrics;
+    metrics.pair_id = ImagePairToPairId(id1, id2);
+    metrics.verifier = "fast";
+    database_.WritePairMetrics(metrics);
     database_.WriteFocalEvidence({.pair_id = ImagePairToPairId(id1, id2)});
   }
   database_.WriteKeypoints(b, {{}});
