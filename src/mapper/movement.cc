@@ -103,11 +103,13 @@ std::string Reasons(const Reconstruction& model, const Reconstruction& earlier,
                     const std::map<image_t, PoseConfidence>& confidences,
                     std::span<const Move> moves) {
   int num_cameras = 0, num_shared = 0, num_others = 0;
+  double largest_change_deg = 0;
   for (const Move& move : moves) {
     const camera_t camera_id = model.images.at(move.image_id).image.camera_id;
-    const bool has_other_rays =
-        RayChangeDeg(earlier.cameras.at(camera_id), model.cameras.at(camera_id)) >
-        confidences.at(move.image_id).rotation_sigma_deg;
+    const double change_deg =
+        RayChangeDeg(earlier.cameras.at(camera_id), model.cameras.at(camera_id));
+    const bool has_other_rays = change_deg > confidences.at(move.image_id).rotation_sigma_deg;
+    largest_change_deg = std::max(largest_change_deg, change_deg);
     const bool is_shared = SharesPointsWithNew(model, earlier, move.image_id);
     num_cameras += has_other_rays;
     num_shared += is_shared;
@@ -118,7 +120,10 @@ std::string Reasons(const Reconstruction& model, const Reconstruction& earlier,
     if (num > 0) text += (text.empty() ? "" : ", ") + std::to_string(num) + " " + what;
   };
   add(num_shared, "see points with new images");
-  add(num_cameras, "have a camera whose intrinsics changed");
+  char change[80];
+  std::snprintf(change, sizeof(change), "have a camera whose rays changed (by up to %.2g degrees)",
+                largest_change_deg);
+  add(num_cameras, change);
   add(num_others, "were refined further, or follow their neighbors");
   return text;
 }
@@ -131,13 +136,15 @@ std::vector<std::string> KeepFrame(StageContext& context, const Reconstruction& 
   ModelStage stage(context, "movement");
   model.Transform(OldFromNew(model, earlier));
   std::vector<Move> moves, far;
-  std::vector<image_t> lost, named;
+  std::vector<image_t> lost, replaced, named;
   for (const auto& [id, image] : earlier.images) {
     const auto after = model.images.find(id);
     const auto confidence = confidences.find(id);
     if (after == model.images.end()) {
       lost.push_back(id);
-    } else if (confidence != confidences.end()) {
+    } else if (confidence == confidences.end()) {
+      replaced.push_back(id);
+    } else {
       moves.push_back(MoveOf(image, after->second, confidence->second));
     }
   }
@@ -150,6 +157,7 @@ std::vector<std::string> KeepFrame(StageContext& context, const Reconstruction& 
   }
   stage.Add("images", moves.size());
   stage.Add("images_lost", lost.size());
+  stage.Add("images_replaced", replaced.size());
   stage.Add("images_beyond_confidence", far.size());
   if (!moves.empty()) {
     stage.Add("median_sigmas", moves[moves.size() / 2].times);
@@ -160,6 +168,11 @@ std::vector<std::string> KeepFrame(StageContext& context, const Reconstruction& 
     warnings.push_back(
         std::to_string(lost.size()) +
         " images of the input model see too few points and are left out: " + Names(context, lost));
+  }
+  if (!replaced.empty()) {
+    warnings.push_back(std::to_string(replaced.size()) +
+                       " poses of the input model did not fit the matches, and were found anew: " +
+                       Names(context, replaced));
   }
   if (!far.empty()) {
     char most[100];

@@ -21,7 +21,8 @@ using testing::SceneFiles;
 
 // The value of a stage in a report.json.
 double ValueOf(const std::string& report, const std::string& stage, const std::string& key) {
-  for (const nlohmann::json& each : nlohmann::json::parse(ReadFile(report))["stages"]) {
+  const nlohmann::json json = nlohmann::json::parse(ReadFile(report));
+  for (const nlohmann::json& each : json["stages"]) {
     if (each["name"] == stage && each["values"].contains(key)) return each["values"][key];
   }
   return -1;
