@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <tuple>
 
 #include "mapper/stages.h"
 
@@ -69,14 +70,13 @@ class CameraAdopter {
   // The model with the scene's ids and keypoints, and no points.
   Reconstruction Adopt(const Reconstruction& model,
                        const std::map<image_t, const RegisteredImage*>& images) {
-    const std::map<camera_t, camera_t> new_ids = ChooseIds(images);
+    const std::map<camera_t, camera_t> new_ids = ChooseIds(model, images);
     std::map<image_t, Rigid3d> poses;
     for (const auto& [id, image] : images) {
       poses[id] = image->cam_from_world;
       const camera_t camera_id = new_ids.at(image->image.camera_id);
       ++num_images_[stored_.at(id).camera_id][camera_id];
       scene_.images.at(id).camera_id = camera_id;
-      Store(model.CameraOf(*image), stored_.at(id).camera_id, camera_id);
     }
     Reconstruction adopted = MakeReconstruction(scene_, poses);
     for (const auto& [model_id, id] : new_ids) {
@@ -100,19 +100,28 @@ class CameraAdopter {
   }
 
  private:
-  std::map<camera_t, camera_t> ChooseIds(const std::map<image_t, const RegisteredImage*>& images) {
-    std::map<camera_t, std::set<camera_t>> stored_ids;
+  // Cameras of the model that are equal, and one in the database, are one.
+  std::map<camera_t, camera_t> ChooseIds(const Reconstruction& model,
+                                         const std::map<image_t, const RegisteredImage*>& images) {
+    std::map<camera_t, std::set<camera_t>> stored_ids;  // by camera of the model
     for (const auto& [id, image] : images) {
       stored_ids[image->image.camera_id].insert(stored_.at(id).camera_id);
     }
+    std::map<std::tuple<camera_t, CameraModel, std::vector<double>>, camera_t> equal;
     std::map<camera_t, camera_t> new_ids;
     std::set<camera_t> used;
     for (const auto& [model_id, candidates] : stored_ids) {
-      const auto is_free = [&](camera_t id) { return used.count(id) == 0; };
-      const auto free = std::find_if(candidates.begin(), candidates.end(), is_free);
-      const camera_t id = free != candidates.end() ? *free : scene_.cameras.rbegin()->first + 1;
-      new_ids[model_id] = id;
-      used.insert(id);
+      const Camera& camera = model.cameras.at(model_id);
+      const auto [entry, is_first] = equal.try_emplace(
+          {*candidates.begin(), camera.model, camera.params}, scene_.cameras.rbegin()->first + 1);
+      if (is_first) {
+        const auto is_free = [&](camera_t id) { return used.count(id) == 0; };
+        const auto free = std::find_if(candidates.begin(), candidates.end(), is_free);
+        if (free != candidates.end()) entry->second = *free;
+        Store(camera, *candidates.begin(), entry->second);
+        used.insert(entry->second);
+      }
+      new_ids[model_id] = entry->second;
     }
     return new_ids;
   }

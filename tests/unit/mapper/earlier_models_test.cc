@@ -106,12 +106,14 @@ TEST_F(EarlierModelsTest, AreToldByNameAndBringTheirCameras) {
   for (const auto& [id, image] : model_.images) {
     RegisteredImage& copy = other.images[1000 - id] = image;
     copy.image.image_id = 1000 - id;
-    copy.image.camera_id = 77;
+    copy.image.camera_id = 70 + id;
     copy.points2D.clear();
     copy.point3D_ids.clear();
   }
-  camera.camera_id = 77;
-  other.cameras[77] = camera;
+  for (const auto& [id, image] : model_.images) {  // equal ones
+    camera.camera_id = 70 + id;
+    other.cameras[camera.camera_id] = camera;
+  }
   // In the database, images that share it have two, with wrong focal lengths.
   Camera stored = scene_.cameras.begin()->second;
   stored.SetMeanFocal(1.5 * focal_px);
@@ -120,6 +122,8 @@ TEST_F(EarlierModelsTest, AreToldByNameAndBringTheirCameras) {
     database_.WriteCamera(stored);
   }
   for (const image_t id : {2, 4}) database_.WriteImage({id, scene_.images[id - 1].name, 2});
+  other.images.at(998).image.camera_id = 71;  // image 2 has the camera of image 1
+  other.cameras.erase(72);
   ReconstructSettings settings;
   settings.refine_intrinsics = false;
   const ReconstructResult result = Continue(database_, {other}, settings);
