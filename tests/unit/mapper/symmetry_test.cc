@@ -208,7 +208,8 @@ TEST(SymmetricBuilding, IsDoubtedWhereNothingTellsTheSidesApart) {
       EXPECT_TRUE(result.report.Succeeded());
       ASSERT_FALSE(result.models.empty());
       ASSERT_FALSE(result.report.warnings.empty());
-      EXPECT_THAT(result.report.warnings[0].what, HasSubstr("looks the same when turned by 90 degrees"));
+      EXPECT_THAT(result.report.warnings[0].what,
+                  HasSubstr("looks the same when turned by 90 degrees"));
       EXPECT_THAT(result.report.warnings[0].what, HasSubstr("image4.jpg"));
       EXPECT_THAT(ToJson(result.report), HasSubstr("\"warnings\": ["));
     }
