@@ -243,12 +243,11 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   if (context.settings.reconstruct.separate_duplicates &&
       !FindDuplicates(context, model, built.graph, "stay, since an earlier model has them")
            .empty()) {
-    built.warnings.push_back(
-        "it puts similar places on top of each other; reconstruct without "
-        "--input_path to separate them");
+    built.warnings.push_back({"it puts similar places on top of each other",
+                              "reconstruct without --input_path to separate them"});
   }
   model.UpdatePointErrors();
-  const std::vector<std::string> moved = KeepFrame(context, earlier, confidences, model);
+  const std::vector<ResultWarning> moved = KeepFrame(context, earlier, confidences, model);
   built.warnings.insert(built.warnings.end(), moved.begin(), moved.end());
   RenumberPoints(model);
   built.model = std::move(model);

@@ -94,8 +94,11 @@ void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>
     if (named.count(id) == 0) others.push_back(id);
   }
   if (!others.empty()) {
-    stage.Note("images in no model (too few verified matches with others): " +
-               Names(context, others));
+    stage.Note(std::string("images in no model (") +
+               (context.settings.reconstruct.register_left_out
+                    ? "too few verified matches with others"
+                    : "--reconstruct.register_left_out 0") +
+               "): " + Names(context, others));
   }
   stage.Add("small_components", small.size());
   stage.Add("images", context.scene.images.size() - context.taken.size());
@@ -103,7 +106,7 @@ void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>
 
 struct JudgedModel {
   Reconstruction model;
-  std::vector<std::string> warnings;
+  std::vector<ResultWarning> warnings;
 };
 
 // The largest model first; their warnings, in the report, name their folders.
@@ -113,9 +116,10 @@ std::vector<Reconstruction> SortBySize(std::vector<JudgedModel> judged, RunRepor
   });
   std::vector<Reconstruction> models;
   for (JudgedModel& each : judged) {
-    for (const std::string& warning : each.warnings) {
-      report.warnings.push_back("sparse/" + std::to_string(models.size()) + " (" +
-                                std::to_string(each.model.images.size()) + " images): " + warning);
+    for (ResultWarning& warning : each.warnings) {
+      warning.what = "sparse/" + std::to_string(models.size()) + " (" +
+                     std::to_string(each.model.images.size()) + " images): " + warning.what;
+      report.warnings.push_back(std::move(warning));
     }
     models.push_back(std::move(each.model));
   }
@@ -125,10 +129,10 @@ std::vector<Reconstruction> SortBySize(std::vector<JudgedModel> judged, RunRepor
 // Keeps a finished model, with its warnings.
 void TakeIn(StageContext& context, BuiltModel built, std::vector<JudgedModel>& judged) {
   for (const auto& [id, image] : built.model->images) context.taken.insert(id);
-  std::vector<std::string> warnings = std::move(built.warnings);
+  std::vector<ResultWarning> warnings = std::move(built.warnings);
   if (!context.scene.poses_alone) {
-    for (std::string& text : JudgeModel(context, *built.model, built.evidence, built.graph)) {
-      warnings.push_back(std::move(text));
+    for (ResultWarning& each : JudgeModel(context, *built.model, built.evidence, built.graph)) {
+      warnings.push_back(std::move(each));
     }
   }
   judged.push_back({std::move(*built.model), std::move(warnings)});
@@ -148,9 +152,10 @@ void GiveUp(StageContext& context, const ComponentQueue::Component& component, F
   if (component.earlier == nullptr) {
     failures.components.push_back(component.images);
   } else {
-    context.report.warnings.push_back("an input model of " +
-                                      std::to_string(component.images.size()) +
-                                      " images was given up: " + failure);
+    context.report.warnings.push_back({"an input model of " +
+                                           std::to_string(component.images.size()) +
+                                           " images was given up: " + failure,
+                                       "reconstruct without --input_path"});
   }
 }
 

@@ -87,9 +87,9 @@ struct Move {
   double turn_deg, shift, times;
 };
 
-Move MoveOf(const RegisteredImage& before, const RegisteredImage& after,
+Move MoveOf(image_t id, const RegisteredImage& before, const RegisteredImage& after,
             const PoseConfidence& confidence) {
-  Move move{before.image.image_id, 0, 0, 0};
+  Move move{id, 0, 0, 0};
   move.turn_deg =
       RadToDeg(AngleBetween(before.cam_from_world.rotation, after.cam_from_world.rotation));
   move.shift = (before.cam_from_world.Center() - after.cam_from_world.Center()).norm();
@@ -128,62 +128,78 @@ std::string Reasons(const Reconstruction& model, const Reconstruction& earlier,
   return text;
 }
 
-}  // namespace
+struct Movement {
+  std::vector<Move> moves;  // the largest first
+  size_t num_far = 0;       // of these, by more than the confidence
+  std::vector<image_t> lost, replaced;
+};
 
-std::vector<std::string> KeepFrame(StageContext& context, const Reconstruction& earlier,
-                                   const std::map<image_t, PoseConfidence>& confidences,
-                                   Reconstruction& model) {
-  ModelStage stage(context, "movement");
-  model.Transform(OldFromNew(model, earlier));
-  std::vector<Move> moves, far;
-  std::vector<image_t> lost, replaced, named;
+Movement Measure(const Reconstruction& model, const Reconstruction& earlier,
+                 const std::map<image_t, PoseConfidence>& confidences) {
+  Movement movement;
   for (const auto& [id, image] : earlier.images) {
     const auto after = model.images.find(id);
     const auto confidence = confidences.find(id);
     if (after == model.images.end()) {
-      lost.push_back(id);
+      movement.lost.push_back(id);
     } else if (confidence == confidences.end()) {
-      replaced.push_back(id);
+      movement.replaced.push_back(id);
     } else {
-      moves.push_back(MoveOf(image, after->second, confidence->second));
+      movement.moves.push_back(MoveOf(id, image, after->second, confidence->second));
+      movement.num_far += movement.moves.back().times > 1;
     }
   }
-  std::stable_sort(moves.begin(), moves.end(),
+  std::stable_sort(movement.moves.begin(), movement.moves.end(),
                    [](const Move& a, const Move& b) { return a.times > b.times; });
-  for (const Move& move : moves) {
-    if (move.times <= 1) break;
-    far.push_back(move);
-    named.push_back(move.image_id);
-  }
+  return movement;
+}
+
+}  // namespace
+
+std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction& earlier,
+                                     const std::map<image_t, PoseConfidence>& confidences,
+                                     Reconstruction& model) {
+  ModelStage stage(context, "movement");
+  model.Transform(OldFromNew(model, earlier));
+  const auto& [moves, num_far, lost, replaced] = Measure(model, earlier, confidences);
   stage.Add("images", moves.size());
   stage.Add("images_lost", lost.size());
   stage.Add("images_replaced", replaced.size());
-  stage.Add("images_beyond_confidence", far.size());
+  stage.Add("images_beyond_confidence", num_far);
   if (!moves.empty()) {
     stage.Add("median_sigmas", moves[moves.size() / 2].times);
     stage.Add("largest_sigmas", moves.front().times);
   }
-  std::vector<std::string> warnings;
+  std::vector<ResultWarning> warnings;
+  const auto warn = [&](const std::string& what, const std::string& advice) {
+    stage.Warn(what);
+    warnings.push_back({what, advice});
+  };
   if (!lost.empty()) {
-    warnings.push_back(
-        std::to_string(lost.size()) +
-        " images of the input model see too few points and are left out: " + Names(context, lost));
+    warn(std::to_string(lost.size()) +
+             " images of the input model see too few points and are left out: " +
+             Names(context, lost),
+         "add photos that overlap with them");
   }
   if (!replaced.empty()) {
-    warnings.push_back(std::to_string(replaced.size()) +
-                       " poses of the input model did not fit the matches, and were found anew: " +
-                       Names(context, replaced));
+    warn(std::to_string(replaced.size()) +
+             " poses of the input model did not fit the matches, and were found anew: " +
+             Names(context, replaced),
+         "");
   }
-  if (!far.empty()) {
+  if (num_far > 0) {
+    const std::span<const Move> far(moves.data(), num_far);
+    std::vector<image_t> named;
+    for (const Move& move : far) named.push_back(move.image_id);
     char most[100];
     std::snprintf(most, sizeof(most), "%.1f times (%.2g degrees, %.2g units)", far[0].times,
                   far[0].turn_deg, far[0].shift);
-    warnings.push_back(std::to_string(far.size()) + " of " + std::to_string(moves.size()) +
-                       " poses of the input model moved by more than their confidence, by up to " +
-                       most + ": " + Reasons(model, earlier, confidences, far) + "; these are " +
-                       Names(context, named));
+    warn(std::to_string(num_far) + " of " + std::to_string(moves.size()) +
+             " poses of the input model moved by more than their confidence, by up to " + most +
+             ": " + Reasons(model, earlier, confidences, far) + "; these are " +
+             Names(context, named),
+         "");
   }
-  for (const std::string& warning : warnings) stage.Warn(warning);
   return warnings;
 }
 

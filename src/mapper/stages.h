@@ -197,8 +197,8 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
 // half of the matches. Returns how many matches the pairs have that come in.
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
 // Warnings of a model that contradicts its own verified pairs, or parts of it that do.
-std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction& model,
-                                    const ModelEvidence& evidence, const ViewGraph& graph);
+std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstruction& model,
+                                      const ModelEvidence& evidence, const ViewGraph& graph);
 // The first twenty names, and how many more there are.
 std::string FirstNames(std::span<const std::string> names);
 std::string Names(const StageContext& context, std::span<const image_t> images);
@@ -217,9 +217,9 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
 // movement.cc
 // Puts a model that goes on from an earlier one where that was. Warns of images that moved by more
 // than the confidence in their earlier poses, with the reason.
-std::vector<std::string> KeepFrame(StageContext& context, const Reconstruction& earlier,
-                                   const std::map<image_t, PoseConfidence>& confidences,
-                                   Reconstruction& model);
+std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction& earlier,
+                                     const std::map<image_t, PoseConfidence>& confidences,
+                                     Reconstruction& model);
 
 // checks.cc
 // "" or why the model is not fit to be written.
@@ -231,7 +231,7 @@ struct BuiltModel {
   ViewGraph graph;                      // with what became of the component's edges
   ModelEvidence evidence;
   std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
-  std::vector<std::string> warnings{};
+  std::vector<ResultWarning> warnings{};
 };
 // One component of the graph from averaging to the finished model: built from all of its edges,
 // and, while the model leaves much of the verified matches unexplained, from those with more and

@@ -18,6 +18,12 @@ ReconstructResult Continue(const Database& database, const std::vector<Reconstru
   return Reconstruct(database, "", settings, kOneThread, earlier);
 }
 
+std::vector<std::string> WarningsOf(const ReconstructResult& result) {
+  std::vector<std::string> texts;
+  for (const ResultWarning& warning : result.report.warnings) texts.push_back(warning.what);
+  return texts;
+}
+
 std::set<std::string> NamesOf(const Reconstruction& model) {
   std::set<std::string> names;
   for (const auto& [id, image] : model.images) names.insert(image.image.name);
@@ -141,7 +147,7 @@ TEST_F(EarlierModelsTest, ImagesThatTheDatabaseLacksAreNamedAndLeftOut) {
   const ReconstructResult result = Continue(database_, {model_});
   ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
   EXPECT_EQ(result.models.front().images.size(), 11u);
-  EXPECT_THAT(result.report.warnings,
+  EXPECT_THAT(WarningsOf(result),
               Contains(AllOf(HasSubstr("1 images of the input model that are not in the database"),
                              HasSubstr(scene_.images[1].name))));
 }
@@ -157,7 +163,7 @@ TEST_F(EarlierModelsTest, OfAnotherSizeAreRefused) {
   for (auto& [id, camera] : model_.cameras) camera.width /= 2;
   const ReconstructResult result = Continue(database_, {model_});
   EXPECT_TRUE(result.models.empty());
-  EXPECT_THAT(result.report.warnings, Contains(HasSubstr("of another size")));
+  EXPECT_THAT(WarningsOf(result), Contains(HasSubstr("of another size")));
 }
 
 // Of an image in two models the larger one keeps it; each goes on in its own frame.
@@ -177,7 +183,7 @@ TEST_F(EarlierModelsTest, SeveralGoOnSideBySide) {
               two.images.erase(3);
               return two;
             }()));
-  EXPECT_THAT(result.report.warnings, Contains(HasSubstr("that a larger model has")));
+  EXPECT_THAT(WarningsOf(result), Contains(HasSubstr("that a larger model has")));
 }
 
 // A pose that was wrong is found, moved, and named.
@@ -193,12 +199,12 @@ TEST_F(EarlierModelsTest, PosesThatMoveByMoreThanTheirConfidenceAreNamed) {
   wrong.cam_from_world.translation.x() += 0.1;
   const ReconstructResult moved = Continue(database_, {model_});
   EXPECT_GT(Value(*FindStage(moved.report, "movement"), "largest_sigmas"), 3.0);
-  EXPECT_THAT(moved.report.warnings,
+  EXPECT_THAT(WarningsOf(moved),
               Contains(AllOf(HasSubstr("moved by more"), HasSubstr(wrong.image.name))));
   wrong.cam_from_world = pose;
   wrong.cam_from_world.translation.x() += 3;
   const ReconstructResult replaced = Continue(database_, {model_});
-  EXPECT_THAT(replaced.report.warnings,
+  EXPECT_THAT(WarningsOf(replaced),
               Contains(AllOf(HasSubstr("found anew"), HasSubstr(wrong.image.name))));
   EXPECT_LT(LargestMoveBut(6, replaced.models.at(0)), 2e-3);
 }
