@@ -10,6 +10,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/base/unknown_option.h"
 
 namespace cairn {
 
@@ -163,23 +164,6 @@ void ForEachKey(const toml::table& table,
   }
 }
 
-std::string DidYouMean(const std::string& key, const std::vector<std::string>& known) {
-  const std::string nearest = NearestName(key, known);
-  return nearest.empty() ? "" : "; did you mean '" + nearest + "'?";
-}
-
-std::string DescribeUnknown(const std::string& key, const std::vector<std::string>& known) {
-  const size_t dashes = key.starts_with("--") ? 2 : 0;
-  if (const std::string name = NewNameOf(key.substr(dashes)); !name.empty()) {
-    return "'" + key + "' is now '" + key.substr(0, dashes) + name + "'";
-  }
-  if (const std::string value = RetiredValue(key.substr(dashes)); !value.empty()) {
-    return "'" + key + "': this option was removed; it " +
-           (value == "*" ? "had no effect" : "is always '" + value + "'");
-  }
-  return "'" + key + "'" + DidYouMean(key, known);
-}
-
 }  // namespace
 
 Command::Command(CLI::App& app, std::string name) : app_(app), name_(std::move(name)) {
@@ -229,7 +213,7 @@ void Command::ReadConfigFile(const std::string& path) {
     if (const std::string value = RetiredValue(key); !value.empty()) {
       if (value == "*" || TomlText(key, node) == value) return;
     }
-    throw ConfigError(path, "unknown key " + DescribeUnknown(key, known));
+    throw ConfigError(path, "unknown key " + DescribeUnknownOption(key, known));
   };
   ForEachKey(table, set);
 }
@@ -318,7 +302,7 @@ std::string DescribeParseError(const CLI::App& app, const CLI::ParseError& error
   const std::vector<std::string> extras = app.remaining(true);
   if (extras.empty()) return error.what();
   const std::string flag = extras.front().substr(0, extras.front().find('='));
-  return "unknown argument " + DescribeUnknown(flag, known);
+  return "unknown argument " + DescribeUnknownOption(flag, known);
 }
 
 int Fail(const std::string& message, int exit_code) {

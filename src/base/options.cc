@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "cairn/base/error.h"
+#include "cairn/base/unknown_option.h"
 
 namespace cairn {
 namespace {
@@ -150,6 +151,23 @@ std::string NearestName(std::string_view name, const std::vector<std::string>& c
     }
   }
   return best;
+}
+
+std::string DidYouMean(const std::string& name, const std::vector<std::string>& known) {
+  const std::string nearest = NearestName(name, known);
+  return nearest.empty() ? "" : "; did you mean '" + nearest + "'?";
+}
+
+std::string DescribeUnknownOption(const std::string& key, const std::vector<std::string>& known) {
+  const size_t dashes = key.starts_with("--") ? 2 : 0;
+  if (const std::string name = NewNameOf(key.substr(dashes)); !name.empty()) {
+    return "'" + key + "' is now '" + key.substr(0, dashes) + name + "'";
+  }
+  if (const std::string value = RetiredValue(key.substr(dashes)); !value.empty()) {
+    return "'" + key + "': this option was removed; it " +
+           (value == "*" ? "had no effect" : "is always '" + value + "'");
+  }
+  return "'" + key + "'" + DidYouMean(key, known);
 }
 
 }  // namespace cairn

@@ -20,15 +20,16 @@ struct StepsTaken {
 StepsTaken RunSteps(const PreparedPair& pair, const SearchSteps& steps,
                     const TwoViewOptions& options, PoseSearch* search) {
   const bool has_depth = steps.one_ac_depth && pair.HasDepth();
+  // Without frames, the cascade has triangles and five points, and no votes to order them.
+  const bool has_frames = pair.has_frames || !steps.five_point;
   auto budget = [&](int full) {
-    return pair.IsSupported() ? full
-                              : static_cast<int>(std::ceil(options.unsupported_budget * full));
+    return static_cast<int>(std::ceil(pair.BudgetShare(options) * full));
   };
   StepsTaken taken{steps.name};
   auto end = [&](std::string_view step) {
     if (search->HasConverged()) taken.winner = step;
   };
-  if (has_depth) {
+  if (has_depth && has_frames) {
     taken.num_with_depth = RunOneAcDepthStep(pair, budget(options.max_num_refined), search);
     end("one_ac_depth");
   }
@@ -36,13 +37,13 @@ StepsTaken RunSteps(const PreparedPair& pair, const SearchSteps& steps,
     RunTriangleStep(pair, options.max_depth_triangles, search);
     end("triangles");
   }
-  if (steps.two_ac && !search->HasConverged()) {
+  if (steps.two_ac && has_frames && !search->HasConverged()) {
     RunTwoAcStep(pair, budget(options.max_affine_samples), search);
     end("two_ac");
   }
   if (steps.five_point && !search->HasConverged()) {
-    const int num_samples =
-        steps.uses_votes ? budget(options.max_fallback_samples) : options.max_iterations;
+    const int num_samples = steps.uses_votes && has_frames ? budget(options.max_fallback_samples)
+                                                           : options.max_iterations;
     RunFivePointStep(pair, num_samples, search);
     end("five_point");
   }

@@ -106,11 +106,11 @@ PairReport FocalVerifier::Judge(PairReport report) const {
 }
 
 std::optional<FundamentalModel> FocalVerifier::FindFromNothing() const {
-  const double share = pair_.IsSupported() ? 1.0 : options_.unsupported_budget;
   const int budget = options_.max_fallback_samples;
-  return FindFundamental(pair_, {.confidence = options_.confidence,
-                                 .min_iterations = std::min(options_.min_iterations, budget),
-                                 .max_iterations = static_cast<int>(share * budget)});
+  return FindFundamental(
+      pair_, {.confidence = options_.confidence,
+              .min_iterations = std::min(options_.min_iterations, budget),
+              .max_iterations = static_cast<int>(pair_.BudgetShare(options_) * budget)});
 }
 
 std::optional<FundamentalModel> FocalVerifier::Find(const PairReport& report) const {

@@ -89,10 +89,7 @@ PairReport VerifyPair(const MatchedPoints& image1, const MatchedPoints& image2,
   input.depth2 = image2.depths;
   input.matches = matches;
   input.are_best_first = options.are_best_first;
-  const bool is_bare = image1.frames.empty() && (image1.depths.empty() || image2.depths.empty());
-  const VerifierKind kind =
-      options.verifier.value_or(is_bare ? VerifierKind::kFivePoint : VerifierKind::kCascade);
-  return MakePairVerifier(kind, options.verification)->Verify(input);
+  return MakePairVerifier(options.verifier, options.verification)->Verify(input);
 }
 
 }  // namespace cairn

@@ -36,7 +36,8 @@ struct TwoViewOptions {
   // Label pairs whose inliers are an overlay (marks along the border of the images, or text all
   // over them) as watermarks, without a pose.
   bool detect_watermark = true;
-  // Most samples of the five-point verifier, and fewest of the search for a fundamental matrix.
+  // Most five-point samples of a pair without affine frames and of the five-point verifier, and
+  // fewest samples of the search for a fundamental matrix.
   int max_iterations = 10000;
   int min_iterations = 100;
   // Rough hypotheses are ranked by a soft support at this multiple of the threshold, and refined
@@ -75,7 +76,8 @@ struct TwoViewOptions {
              "a second model with this share of the first one's support makes a pair ambiguous");
     v.Bool("detect_watermark", detect_watermark,
            "give pairs of marks in the frame, or printed over photographs, no pose");
-    v.Int("max_iterations", max_iterations, {1, 1e9}, "most samples the five-point verifier draws");
+    v.Int("max_iterations", max_iterations, {1, 1e9},
+          "most five-point samples of a pair without affine frames, or by five_point");
     v.Int("min_iterations", min_iterations, {1, 1e9}, "fewest seven-point samples of a pair");
     v.Double("rough_error_ratio", rough_error_ratio, {1.0, 1000.0},
              "scale at which rough hypotheses are ranked and first refined, in thresholds");

@@ -77,8 +77,11 @@ class PairVerifier {
 };
 
 enum class VerifierKind {
-  kCascade,  // 1AC+D, then two affine frames, then five points, each only while evidence is missing
-  kFast,     // the cascade without five points
+  // 1AC+D, then three matches with depth, two affine frames, five points, each only while evidence
+  // is missing; without frames (all shapes are the identity) the second and the last, by the full
+  // budget.
+  kCascade,
+  kFast,        // the cascade without five points
   kOneAcDepth,  // one affine correspondence with depth a hypothesis: every match gives one
   kTwoAc,       // two affine correspondences without depth
   kFivePoint,   // five points a sample, locally optimized

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
 #include <span>
 
 #include "cairn/base/run_context.h"
@@ -20,8 +19,7 @@ struct MatchedPoints {
 };
 
 struct VerifyPairOptions {
-  // Not set: kCascade, or kFivePoint where there are neither frames nor depths.
-  std::optional<VerifierKind> verifier = {};
+  VerifierKind verifier = VerifierKind::kCascade;
   TwoViewOptions verification = {};
   // Better matches come first; otherwise their order tells nothing.
   bool are_best_first = false;

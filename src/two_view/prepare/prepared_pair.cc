@@ -52,6 +52,16 @@ void PrefetchMatch(const PairInput& input, const FeatureMatch& match) {
   if (!input.depth2.empty()) hwy::Prefetch(input.depth2.data() + match.point2);
 }
 
+// Whether any of the matched keypoints is more than a position: those have the identity for a
+// shape.
+bool HasFrames(std::span<const Keypoint> keypoints, std::span<const FeatureMatch> matches,
+               point2D_t FeatureMatch::*point) {
+  return std::any_of(matches.begin(), matches.end(), [&](const FeatureMatch& match) {
+    const Keypoint& keypoint = keypoints[match.*point];
+    return !(keypoint == Keypoint{.x = keypoint.x, .y = keypoint.y});
+  });
+}
+
 // Undistorts the matches in their order and leaves out those that a camera cannot express.
 void Undistort(std::span<const int32_t> order, PreparedPair* pair) {
   const PairInput& input = pair->input;
@@ -93,6 +103,7 @@ PreparedPair PreparedPair::Subset(std::span<const int32_t> indices) const {
   for (const int32_t i : indices) subset.match_index.push_back(match_index[i]);
   subset.max_error_px = max_error_px;
   subset.chance_per_px = chance_per_px;
+  subset.has_frames = has_frames;
   for (int c = 0; c < kNumVoteClasses; ++c) {
     const auto end = std::lower_bound(indices.begin(), indices.end(), vote_class_end[c]);
     subset.vote_class_end[c] = static_cast<int>(end - indices.begin());
@@ -115,13 +126,15 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
     CAIRN_CHECK_LT(match.point2, input.keypoints2.size());
     PrefetchMatch(input, match);
   }
+  pair->has_frames = HasFrames(input.keypoints1, input.matches, &FeatureMatch::point1) &&
+                     HasFrames(input.keypoints2, input.matches, &FeatureMatch::point2);
   std::vector<int32_t> order(input.matches.size());
   std::iota(order.begin(), order.end(), 0);
   if (!pair->input.are_best_first) Rng(input.seed, "order", input.pair_id).Shuffle(order);
   pair->vote_class_end.fill(0);
   pair->vote_class_end.back() = static_cast<int>(order.size());
   pair->consensus_sigmas = 0.0;
-  if (match_order == MatchOrder::kByConsensus) OrderByConsensus(&order, pair);
+  if (match_order == MatchOrder::kByConsensus && pair->has_frames) OrderByConsensus(&order, pair);
   Undistort(order, pair);
   pair->best_first.clear();
   if (!pair->input.are_best_first) return;

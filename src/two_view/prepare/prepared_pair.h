@@ -36,6 +36,8 @@ struct PreparedPair {
   // Probability that a random pair of points has an error below 1 px: band of an epipolar line over
   // the image area, the mean of both images.
   double chance_per_px = 1e-3;
+  // Whether both images have affine frames: features of other programs may be positions alone.
+  bool has_frames = false;
 
   // Votes that matches have of their neighbours (kByConsensus only): 4 and more, which wrong
   // matches hardly get by chance; fewer; none; not asked for. Class c ends before
@@ -53,6 +55,10 @@ struct PreparedPair {
   int size() const { return points.size(); }
   // Do the matches bear each other out, by their frames (kByConsensus only)?
   bool IsSupported() const { return consensus_sigmas > 5.0; }
+  // Share of the budgets: all of them where there are no frames to tell that it is no use.
+  double BudgetShare(const TwoViewOptions& options) const {
+    return IsSupported() || !has_frames ? 1.0 : options.unsupported_budget;
+  }
 
   const FeatureMatch& Match(int i) const { return input.matches[match_index[i]]; }
   const Keypoint& Keypoint1(int i) const { return input.keypoints1[Match(i).point1]; }

@@ -190,6 +190,41 @@ TEST(CascadeVerifier, BudgetsBoundTheNumberOfHypotheses) {
   EXPECT_GT(iterations({.unsupported_budget = 1.0}), 2 * all);
 }
 
+// Features of other programs may be positions alone: their frames predict nothing, and are no
+// reason to search less.
+TEST(CascadeVerifier, WithoutFramesTakesTrianglesOrFivePointsByTheFullBudget) {
+  auto without_frames = [](Pair pair) {
+    for (auto* keypoints : {&pair.keypoints1, &pair.keypoints2}) {
+      for (Keypoint& keypoint : *keypoints) keypoint = {.x = keypoint.x, .y = keypoint.y};
+    }
+    return pair;
+  };
+  const auto cascade = MakePairVerifier(VerifierKind::kCascade, {});
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    const Pair pair = without_frames(MakePair({}, seed));
+    const PairReport with_depth = cascade->Verify(pair.Input());
+    EXPECT_EQ(with_depth.verifier, "triangles") << seed;
+    EXPECT_LT(PoseErrorDeg(with_depth, pair), 1.0) << seed;
+    const PairReport without_depth = cascade->Verify(pair.Input(false));
+    EXPECT_EQ(without_depth.verifier, "five_point") << seed;
+    EXPECT_LT(PoseErrorDeg(without_depth, pair), 1.0) << seed;
+    // A quarter of right matches, and no depth: hardly ever found in the first tenth of the
+    // samples.
+    const Pair hard = without_frames(MakePair({.num_inliers = 60, .num_outliers = 180}, seed));
+    EXPECT_LT(PoseErrorDeg(cascade->Verify(hard.Input(false)), hard), 1.0) << seed;
+  }
+  const Pair wrong = without_frames(MakePair({.num_inliers = 0, .num_outliers = 300}, 1));
+  const TwoViewOptions few{.max_iterations = 1000, .max_depth_triangles = 100};
+  const auto iterations = [&](const TwoViewOptions& options, bool with_depth) {
+    return MakePairVerifier(VerifierKind::kCascade, options)
+        ->Verify(wrong.Input(with_depth))
+        .num_iterations;
+  };
+  EXPECT_GT(iterations({}, false), 10000);
+  EXPECT_LT(iterations(few, false), 0.2 * iterations({}, false));
+  EXPECT_LT(iterations(few, true), iterations({.max_iterations = 1000}, true));
+}
+
 TEST(FivePointVerifier, IsDeterministicAndDependsOnTheSeed) {
   const Pair pair = MakePair({.num_inliers = 60, .num_outliers = 140}, 4);
   const auto verifier = MakePairVerifier(VerifierKind::kFivePoint, {});

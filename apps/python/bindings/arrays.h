@@ -1,0 +1,99 @@
+#pragma once
+
+#include <pybind11/numpy.h>
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <initializer_list>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cairn/scene/features.h"
+
+namespace cairn::python {
+
+namespace py = pybind11;
+
+// An argument: arrays of this type and layout are taken as they are, others are converted.
+template <class Scalar>
+using Array = py::array_t<Scalar, py::array::c_style | py::array::forcecast>;
+
+// Throws ConfigError that names the argument and both shapes unless the array has this shape; -1:
+// any number.
+void CheckShape(const std::string& name, const py::array& array,
+                std::initializer_list<py::ssize_t> shape);
+
+// Throws ConfigError unless there are as many as expected.
+void CheckSize(const std::string& name, size_t size, size_t expected);
+
+// Whole numbers from 0 to 2^32 - 2; n rows of `num_columns` (1: a plain row). Throws ConfigError.
+std::vector<uint32_t> ToIndices(const std::string& name, const py::object& values, int num_columns);
+
+// (n, 2) ids of different images.
+std::vector<std::pair<image_t, image_t>> ToPairs(const py::object& values);
+
+// (size, 3, 3) rotation matrices. Throws ConfigError.
+std::vector<Eigen::Matrix3d> ToRotations(const Array<double>& array, size_t size);
+
+// (n, 2) numbers as Eigen's vectors; without a copy where their memory is aligned as Eigen needs
+// it.
+class Points {
+ public:
+  Points(const std::string& name, const Array<double>& array);
+  std::span<const Eigen::Vector2d> span() const { return span_; }
+  std::vector<Eigen::Vector2d> vector() const { return {span_.begin(), span_.end()}; }
+
+ private:
+  Array<double> array_;  // keeps the memory
+  std::vector<Eigen::Vector2d> copy_;
+  std::span<const Eigen::Vector2d> span_;
+};
+
+// (n, 3): depth and its gradient per pixel; not a number where there is none.
+std::vector<DepthSample> ToDepthSamples(const std::string& name, const Array<float>& array);
+py::array_t<float> FromDepthSamples(const std::vector<DepthSample>& samples);
+
+// (n, 2): positions alone, or (n, 6): with affine frames, COLMAP's columns.
+std::vector<Keypoint> ToKeypoints(const Array<float>& array);
+
+FeatureMatches ToMatches(const py::object& values);
+
+// An array that owns the vector; rows are of kNumColumns scalars (1: a plain row).
+template <class Scalar, int kNumColumns, class Row>
+py::array_t<Scalar> MoveToArray(std::vector<Row> rows) {
+  static_assert(sizeof(Row) == kNumColumns * sizeof(Scalar));
+  auto owner = std::make_unique<std::vector<Row>>(std::move(rows));
+  const auto size = static_cast<py::ssize_t>(owner->size());
+  const auto* data = reinterpret_cast<const Scalar*>(owner->data());
+  const py::capsule capsule(owner.get(),
+                            [](void* vector) { delete static_cast<std::vector<Row>*>(vector); });
+  owner.release();
+  if constexpr (kNumColumns == 1) return py::array_t<Scalar>({size}, data, capsule);
+  return py::array_t<Scalar>({size, static_cast<py::ssize_t>(kNumColumns)}, data, capsule);
+}
+
+inline py::array_t<uint32_t> FromMatches(FeatureMatches matches) {
+  return MoveToArray<uint32_t, 2>(std::move(matches));
+}
+
+// (n, rows, columns), or (n, rows) for vectors: get(i) is a fixed-size matrix of doubles.
+template <class Get>
+py::array_t<double> StackMatrices(size_t size, const Get& get) {
+  using Matrix = std::decay_t<decltype(get(size_t{0}))>;
+  constexpr int kRows = Matrix::RowsAtCompileTime, kColumns = Matrix::ColsAtCompileTime;
+  using Layout =
+      Eigen::Matrix<double, kRows, kColumns, kColumns == 1 ? Eigen::ColMajor : Eigen::RowMajor>;
+  std::vector<py::ssize_t> shape = {static_cast<py::ssize_t>(size), kRows};
+  if (kColumns > 1) shape.push_back(kColumns);
+  py::array_t<double> array(shape);
+  double* data = array.mutable_data();
+  for (size_t i = 0; i < size; ++i) {
+    Eigen::Map<Layout, Eigen::Unaligned>(data + i * kRows * kColumns) = get(i);
+  }
+  return array;
+}
+
+}  // namespace cairn::python

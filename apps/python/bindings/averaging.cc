@@ -1,0 +1,228 @@
+#include <pybind11/eigen.h>
+#include <pybind11/stl.h>
+
+#include "arrays.h"
+#include "bindings.h"
+#include "cairn/base/error.h"
+#include "cairn/intrinsics/focal_calibration.h"
+#include "cairn/rotation_averaging/rotation_averaging.h"
+#include "cairn/translation_averaging/translation_averaging.h"
+#include "options.h"
+#include "run.h"
+
+namespace cairn::python {
+namespace {
+
+// Ids of a report's map, and of its values an array, in the same order.
+template <class Map>
+py::array_t<image_t> IdsOf(const Map& map) {
+  std::vector<image_t> ids;
+  for (const auto& [id, value] : map) ids.push_back(id);
+  return MoveToArray<image_t, 1>(std::move(ids));
+}
+
+py::array_t<bool> FlagsOf(const std::vector<char>& flags) {
+  return MoveToArray<bool, 1>(std::vector<char>(flags));
+}
+
+std::vector<RotationEdge> ToRotationEdges(const py::object& pairs, const Array<double>& rotations,
+                                          const std::optional<Array<double>>& weights) {
+  const auto ids = ToPairs(pairs);
+  const std::vector<Eigen::Matrix3d> matrices = ToRotations(rotations, ids.size());
+  if (weights) CheckShape("weights", *weights, {static_cast<py::ssize_t>(ids.size())});
+  std::vector<RotationEdge> edges(ids.size());
+  for (size_t i = 0; i < edges.size(); ++i) {
+    edges[i] = {ids[i].first, ids[i].second, Eigen::Quaterniond(matrices[i]),
+                weights ? weights->data()[i] : 1.0};
+  }
+  return edges;
+}
+
+RotationAveragingReport Rotations(const py::object& pairs, const Array<double>& rotations,
+                                  const std::optional<Array<double>>& weights,
+                                  const py::object& options, uint64_t seed, int num_threads,
+                                  const py::object& progress) {
+  const std::vector<RotationEdge> edges = ToRotationEdges(pairs, rotations, weights);
+  const auto settings = ToOptions<RotationAveragingOptions>(options);
+  RotationAveragingReport report;
+  RunInterruptibly({seed, num_threads, progress},
+                   [&](const RunContext& run) { report = AverageRotations(edges, settings, run); });
+  return report;
+}
+
+void BindRotations(py::module_& m) {
+  using Report = RotationAveragingReport;
+  py::class_<Report>(m, "RotationAveragingReport", "The result of average_rotations.")
+      .def_property_readonly(
+          "status",
+          [](const Report& r) { return std::string(RotationAveragingStatusName(r.status)); })
+      .def_property_readonly("image_ids", [](const Report& r) { return IdsOf(r.cam_from_world); })
+      .def_property_readonly(
+          "rotations",
+          [](const Report& r) {
+            auto entry = r.cam_from_world.begin();
+            return StackMatrices(r.cam_from_world.size(),
+                                 [&](size_t) { return (entry++)->second.toRotationMatrix(); });
+          },
+          "(n, 3, 3) cam_from_world, in the order of image_ids. Each component has its own frame.")
+      .def_readonly("components", &Report::components, "Image ids, the largest component first.")
+      .def_property_readonly(
+          "edge_residuals_deg",
+          [](const Report& r) {
+            return py::array_t<double>(static_cast<py::ssize_t>(r.edge_residuals_deg.size()),
+                                       r.edge_residuals_deg.data());
+          },
+          "One an edge, in the order given.")
+      .def_property_readonly("edge_rejected",
+                             [](const Report& r) { return FlagsOf(r.edge_rejected); })
+      .def_readonly("num_rejected", &Report::num_rejected)
+      .def_readonly("median_residual_deg", &Report::median_residual_deg);
+  m.def("average_rotations", &Rotations, py::arg("pairs"), py::arg("rotations"), py::kw_only(),
+        py::arg("weights") = py::none(), py::arg("options") = py::none(), py::arg("seed") = 0,
+        py::arg("num_threads") = 0, py::arg("progress") = py::none(),
+        "Global rotations from relative ones. pairs: (n, 2) image ids; rotations: (n, 3, 3) "
+        "matrices cam2_from_cam1; weights: (n,) such as numbers of inliers.");
+}
+
+// Rows of one scene point's observations follow each other.
+std::vector<PointDirections> ToTracks(const std::optional<py::object>& point_ids,
+                                      const std::optional<py::object>& image_ids,
+                                      const std::optional<Array<double>>& directions) {
+  std::vector<PointDirections> tracks;
+  if (!point_ids && !image_ids && !directions) return tracks;
+  if (!point_ids || !image_ids || !directions) {
+    throw ConfigError("ray_points", "ray_points, ray_images and ray_directions come together");
+  }
+  const std::vector<uint32_t> points = ToIndices("ray_points", *point_ids, 1);
+  const std::vector<uint32_t> images = ToIndices("ray_images", *image_ids, 1);
+  const auto size = static_cast<py::ssize_t>(points.size());
+  CheckSize("ray_images", images.size(), points.size());
+  CheckShape("ray_directions", *directions, {size, 3});
+  std::map<uint32_t, size_t> track_of;
+  for (size_t i = 0; i < points.size(); ++i) {
+    const size_t track = track_of.try_emplace(points[i], tracks.size()).first->second;
+    tracks.resize(std::max(tracks.size(), track + 1));
+    tracks[track].rays.push_back({images[i], Eigen::Vector3d::Map(directions->data() + 3 * i)});
+  }
+  return tracks;
+}
+
+TranslationAveragingReport Translations(const py::object& pairs, const Array<double>& directions,
+                                        const std::optional<py::object>& ray_points,
+                                        const std::optional<py::object>& ray_images,
+                                        const std::optional<Array<double>>& ray_directions,
+                                        const py::object& options, uint64_t seed, int num_threads,
+                                        const py::object& progress) {
+  const auto ids = ToPairs(pairs);
+  CheckShape("directions", directions, {static_cast<py::ssize_t>(ids.size()), 3});
+  std::vector<DirectionEdge> edges(ids.size());
+  for (size_t i = 0; i < edges.size(); ++i) {
+    const Eigen::Vector3d direction = Eigen::Vector3d::Map(directions.data() + 3 * i);
+    if (!(direction.norm() > 0) || !direction.allFinite()) {
+      throw ConfigError("directions[" + std::to_string(i) + "]", "is zero or not finite");
+    }
+    edges[i] = {ids[i].first, ids[i].second, direction};
+  }
+  const auto tracks = ToTracks(ray_points, ray_images, ray_directions);
+  const auto settings = ToOptions<TranslationAveragingOptions>(options);
+  TranslationAveragingReport report;
+  RunInterruptibly({seed, num_threads, progress}, [&](const RunContext& run) {
+    report = AverageTranslations(edges, tracks, settings, run);
+  });
+  return report;
+}
+
+void BindTranslations(py::module_& m) {
+  using Report = TranslationAveragingReport;
+  py::class_<Report>(m, "TranslationAveragingReport", "The result of average_translations.")
+      .def_property_readonly(
+          "status",
+          [](const Report& r) { return std::string(TranslationAveragingStatusName(r.status)); })
+      .def_readonly("message", &Report::message, "Why there is no result.")
+      .def_property_readonly("image_ids", [](const Report& r) { return IdsOf(r.centers); })
+      .def_property_readonly(
+          "centers",
+          [](const Report& r) {
+            auto entry = r.centers.begin();
+            return StackMatrices(r.centers.size(),
+                                 [&](size_t) -> Eigen::Vector3d { return (entry++)->second; });
+          },
+          "(n, 3) in the order of image_ids: the mean is zero, the median distance from it 1.")
+      .def_readonly("not_rigid", &Report::not_rigid, "Images that the directions do not fix.")
+      .def_property_readonly("edge_is_filtered",
+                             [](const Report& r) { return FlagsOf(r.edge_is_filtered); })
+      .def_readonly("num_filtered", &Report::num_filtered)
+      .def_readonly("median_edge_error_deg", &Report::median_edge_error_deg);
+  m.def("average_translations", &Translations, py::arg("pairs"), py::arg("directions"),
+        py::kw_only(), py::arg("ray_points") = py::none(), py::arg("ray_images") = py::none(),
+        py::arg("ray_directions") = py::none(), py::arg("options") = py::none(),
+        py::arg("seed") = 0, py::arg("num_threads") = 0, py::arg("progress") = py::none(),
+        R"(Camera centers from directions, with known rotations.
+
+pairs: (n, 2) image ids; directions: (n, 3) from the first center to the second, in the world frame
+(R2^T -t, for cam2_from_cam1 = (R, t) and the global rotation R2). Rays to scene points may help:
+(m,) ids of points, (m,) image ids and (m, 3) directions from the cameras, in the world frame.)");
+}
+
+FocalPair MakeFocalPair(camera_t camera_id1, camera_t camera_id2, const Eigen::Matrix3d& F,
+                        const Array<double>& points1, const Array<double>& points2) {
+  FocalPair pair{camera_id1, camera_id2, F, Points("points1", points1).vector(),
+                 Points("points2", points2).vector()};
+  if (pair.pixels1.size() != pair.pixels2.size()) {
+    throw ConfigError("points2", "not as many as points1");
+  }
+  return pair;
+}
+
+FocalCalibrationReport Focals(const std::vector<Camera>& cameras,
+                              const std::vector<FocalPair>& pairs,
+                              const std::set<camera_t>& trusted, const py::object& options,
+                              uint64_t seed, int num_threads, const py::object& progress) {
+  std::map<camera_t, Camera> by_id;
+  for (const Camera& camera : cameras) by_id[camera.camera_id] = camera;
+  for (const FocalPair& pair : pairs) {
+    for (const camera_t id : {pair.camera_id1, pair.camera_id2}) {
+      if (!by_id.contains(id)) throw ConfigError("pairs", "no camera " + std::to_string(id));
+    }
+  }
+  const auto settings = ToOptions<FocalCalibrationOptions>(options);
+  FocalCalibrationReport report;
+  RunInterruptibly({seed, num_threads, progress}, [&](const RunContext& run) {
+    report = CalibrateFocals(by_id, trusted, pairs, settings, run);
+  });
+  return report;
+}
+
+void BindFocals(py::module_& m) {
+  py::class_<FocalPair>(m, "FocalPair",
+                        "The matches of two images that agree with a fundamental matrix.")
+      .def(py::init(&MakeFocalPair), py::arg("camera_id1"), py::arg("camera_id2"), py::arg("F"),
+           py::arg("points1"), py::arg("points2"));
+  py::class_<CalibratedFocal>(m, "CalibratedFocal", "What the pairs tell of a focal length.")
+      .def_property_readonly(
+          "status", [](const CalibratedFocal& f) { return std::string(FocalStatusName(f.status)); })
+      .def_readonly("focal_before_px", &CalibratedFocal::focal_before_px)
+      .def_readonly("focal_px", &CalibratedFocal::focal_px)
+      .def_readonly("sigma", &CalibratedFocal::sigma, "Relative standard deviation.")
+      .def_readonly("num_pairs", &CalibratedFocal::num_pairs)
+      .def_readonly("num_agreeing", &CalibratedFocal::num_agreeing);
+  py::class_<FocalCalibrationReport>(m, "FocalCalibrationReport", "The result of calibrate_focals.")
+      .def_readonly("cameras", &FocalCalibrationReport::cameras, "CalibratedFocal by camera id.")
+      .def_readonly("num_pairs", &FocalCalibrationReport::num_pairs)
+      .def_readonly("num_pairs_agreeing", &FocalCalibrationReport::num_pairs_agreeing);
+  m.def("calibrate_focals", &Focals, py::arg("cameras"), py::arg("pairs"), py::kw_only(),
+        py::arg("trusted") = std::set<camera_t>(), py::arg("options") = py::none(),
+        py::arg("seed") = 0, py::arg("num_threads") = 0, py::arg("progress") = py::none(),
+        "Focal lengths from fundamental matrices (of verify_pair with cameras whose focal lengths "
+        "are guesses). Cameras in `trusted` keep theirs.");
+}
+
+}  // namespace
+
+void BindAveraging(py::module_& m) {
+  BindRotations(m);
+  BindTranslations(m);
+  BindFocals(m);
+}
+
+}  // namespace cairn::python

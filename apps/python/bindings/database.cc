@@ -1,0 +1,247 @@
+#include "cairn/database/database.h"
+
+#include <pybind11/eigen.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <filesystem>
+#include <limits>
+#include <optional>
+
+#include "arrays.h"
+#include "bindings.h"
+#include "cairn/base/error.h"
+#include "cairn/depth/sample_depth.h"
+#include "options.h"
+
+namespace cairn::python {
+namespace {
+
+// A database that `with` closes, and a transaction that is open. Calls keep the interpreter's lock,
+// so that no two threads are in one database.
+struct OpenDatabase {
+  std::optional<Database> database;
+  std::unique_ptr<Database::Transaction> transaction;
+};
+
+Database& In(OpenDatabase& self) {
+  if (!self.database) throw ConfigError("database", "is closed");
+  return *self.database;
+}
+
+void Close(OpenDatabase& self) {
+  self.transaction.reset();
+  self.database.reset();
+}
+
+// The writes within `with database.transaction():`.
+struct TransactionScope {
+  OpenDatabase& self;
+};
+
+void Begin(TransactionScope& scope) {
+  Database& database = In(scope.self);
+  if (scope.self.transaction) throw ConfigError("transaction", "one is open already");
+  scope.self.transaction = std::make_unique<Database::Transaction>(database);
+}
+
+void End(TransactionScope& scope, const py::object& type, const py::object&, const py::object&) {
+  const auto transaction = std::move(scope.self.transaction);
+  if (transaction && type.is_none()) transaction->Commit();
+}
+
+camera_t WriteCamera(OpenDatabase& self, Camera camera) {
+  Database& database = In(self);
+  if (camera.camera_id == kInvalidCameraId) {
+    const std::vector<Camera> cameras = database.ReadCameras();
+    camera.camera_id = cameras.empty() ? 1 : cameras.back().camera_id + 1;
+  }
+  database.WriteCamera(camera);
+  return camera.camera_id;
+}
+
+image_t WriteImage(OpenDatabase& self, const std::string& name, camera_t camera_id,
+                   std::optional<image_t> image_id) {
+  Database& database = In(self);
+  if (!image_id) {
+    const std::vector<Image> images = database.ReadImages();
+    image_id = images.empty() ? 1 : images.back().image_id + 1;
+  }
+  database.WriteImage({*image_id, name, camera_id});
+  return *image_id;
+}
+
+image_pair_t PairId(image_t image_id1, image_t image_id2) {
+  if (image_id1 == image_id2) throw ConfigError("image_id2", "is that of the first image");
+  return ImagePairToPairId(image_id1, image_id2);
+}
+
+// Matches are kept for ascending ids; Python has them in the order in which it names the images.
+void Swap(FeatureMatches& matches) {
+  for (FeatureMatch& match : matches) std::swap(match.point1, match.point2);
+}
+
+void WriteMatches(OpenDatabase& self, image_t image_id1, image_t image_id2,
+                  const py::object& array) {
+  FeatureMatches matches = ToMatches(array);
+  if (image_id1 > image_id2) Swap(matches);
+  In(self).WriteMatches(PairId(image_id1, image_id2), matches);
+}
+
+std::optional<py::array_t<uint32_t>> ReadMatches(OpenDatabase& self, image_t image_id1,
+                                                 image_t image_id2) {
+  auto matches = In(self).ReadMatches(PairId(image_id1, image_id2));
+  if (!matches) return std::nullopt;
+  if (image_id1 > image_id2) Swap(*matches);
+  return FromMatches(std::move(*matches));
+}
+
+std::optional<TwoViewGeometry> ReadGeometry(OpenDatabase& self, image_t image_id1,
+                                            image_t image_id2) {
+  auto geometry = In(self).ReadTwoViewGeometry(PairId(image_id1, image_id2));
+  if (geometry && image_id1 > image_id2) geometry = Inverted(*geometry);
+  return geometry;
+}
+
+void WriteGeometry(OpenDatabase& self, image_t image_id1, image_t image_id2,
+                   const TwoViewGeometry& geometry) {
+  In(self).WriteTwoViewGeometry(PairId(image_id1, image_id2),
+                                image_id1 > image_id2 ? Inverted(geometry) : geometry);
+}
+
+py::array_t<uint32_t> PairsOf(const std::vector<image_pair_t>& ids) {
+  FeatureMatches pairs;
+  for (const image_pair_t id : ids) {
+    const auto [image_id1, image_id2] = PairIdToImagePair(id);
+    pairs.push_back({image_id1, image_id2});
+  }
+  return FromMatches(std::move(pairs));
+}
+
+std::optional<py::array_t<float>> ReadKeypoints(OpenDatabase& self, image_t image_id) {
+  auto keypoints = In(self).ReadKeypoints(image_id);
+  if (!keypoints) return std::nullopt;
+  return MoveToArray<float, 6>(std::move(*keypoints));
+}
+
+std::optional<py::array_t<float>> ReadDepth(OpenDatabase& self, image_t image_id) {
+  const auto samples = In(self).ReadDepthSamples(image_id);
+  if (!samples) return std::nullopt;
+  return FromDepthSamples(*samples);
+}
+
+py::array_t<float> Sample(const Array<float>& depth_map, int width, int height,
+                          const Array<float>& keypoints, const py::object& given) {
+  CheckShape("depth_map", depth_map, {-1, -1});
+  const auto options = ToOptions<DepthOptions>(given);
+  ValidateOptions(options, "depth");
+  const std::vector<float> values(depth_map.data(), depth_map.data() + depth_map.size());
+  const DepthMap map = DepthMapFromValues(static_cast<int>(depth_map.shape(1)),
+                                          static_cast<int>(depth_map.shape(0)), values, options);
+  return FromDepthSamples(
+      SampleDepth(map, width, height, ToKeypoints(keypoints), options.Windows()));
+}
+
+using DatabaseClass = py::class_<OpenDatabase>;
+
+OpenDatabase Open(const std::filesystem::path& path, bool read_only) {
+  OpenDatabase self;
+  self.database.emplace(path.string(),
+                        read_only ? Database::Mode::kReadOnly : Database::Mode::kCreateOrOpen);
+  return self;
+}
+
+void BindOpening(DatabaseClass& c) {
+  c.def(py::init(&Open), py::arg("path"), py::arg("read_only") = false,
+        "Opens the file, or makes it; ':memory:' is a private database.")
+      .def("close", &Close)
+      .def("__enter__", [](const py::object& self) { return self; })
+      .def("__exit__", [](OpenDatabase& self, const py::object&, const py::object&,
+                          const py::object&) { Close(self); })
+      .def_property_readonly("path", [](OpenDatabase& self) { return In(self).path(); })
+      .def(
+          "transaction", [](OpenDatabase& self) { return TransactionScope{self}; },
+          py::keep_alive<0, 1>(),
+          "`with database.transaction():` many writes at once, all of them or (exception) none.");
+}
+
+void BindImages(DatabaseClass& c) {
+  c.def("write_camera", &WriteCamera, py::arg("camera"),
+        "Adds or replaces it; one without an id gets the next. Returns the id.")
+      .def("read_cameras", [](OpenDatabase& self) { return In(self).ReadCameras(); })
+      .def("write_image", &WriteImage, py::arg("name"), py::arg("camera_id"),
+           py::arg("image_id") = py::none(),
+           "`name`: the path relative to the folder of photographs. Returns the id.")
+      .def("read_images", [](OpenDatabase& self) { return In(self).ReadImages(); });
+}
+
+void BindFeatures(DatabaseClass& c) {
+  c.def(
+       "write_keypoints",
+       [](OpenDatabase& self, image_t image_id, const Array<float>& keypoints) {
+         In(self).WriteKeypoints(image_id, ToKeypoints(keypoints));
+       },
+       py::arg("image_id"), py::arg("keypoints"),
+       "(n, 2): x, y in pixels, where the center of the top-left pixel is (0.5, 0.5); or (n, 6): "
+       "with affine shapes, x, y, a11, a12, a21, a22.")
+      .def("read_keypoints", &ReadKeypoints, py::arg("image_id"), "(n, 6), or None.")
+      .def(
+          "write_descriptors",
+          [](OpenDatabase& self, image_t image_id, const Descriptors& descriptors) {
+            In(self).WriteDescriptors(image_id, descriptors);
+          },
+          py::arg("image_id"), py::arg("descriptors"), "(n, 128) uint8.")
+      .def(
+          "read_descriptors",
+          [](OpenDatabase& self, image_t image_id) { return In(self).ReadDescriptors(image_id); },
+          py::arg("image_id"))
+      .def(
+          "write_depth_samples",
+          [](OpenDatabase& self, image_t image_id, const Array<float>& samples) {
+            In(self).WriteDepthSamples(image_id, ToDepthSamples("samples", samples));
+          },
+          py::arg("image_id"), py::arg("samples"),
+          "(n, 3), a row a keypoint: z-depth and its gradient per pixel, NaN where there is none.")
+      .def("read_depth_samples", &ReadDepth, py::arg("image_id"), "(n, 3), or None.");
+}
+
+void BindPairRows(DatabaseClass& c) {
+  c.def("write_matches", &WriteMatches, py::arg("image_id1"), py::arg("image_id2"),
+        py::arg("matches"), "(n, 2) indices of keypoints of the first and the second image.")
+      .def("read_matches", &ReadMatches, py::arg("image_id1"), py::arg("image_id2"))
+      .def(
+          "matched_pairs",
+          [](OpenDatabase& self) { return PairsOf(In(self).ReadMatchedPairIds()); },
+          "(n, 2) image ids.")
+      .def("write_two_view_geometry", &WriteGeometry, py::arg("image_id1"), py::arg("image_id2"),
+           py::arg("geometry"))
+      .def("read_two_view_geometry", &ReadGeometry, py::arg("image_id1"), py::arg("image_id2"))
+      .def(
+          "verified_pairs",
+          [](OpenDatabase& self) { return PairsOf(In(self).ReadTwoViewGeometryPairIds()); },
+          "(n, 2) image ids.");
+}
+
+}  // namespace
+
+void BindDatabase(py::module_& m) {
+  py::class_<Image>(m, "DatabaseImage", "A photograph in a database.")
+      .def_readonly("image_id", &Image::image_id)
+      .def_readonly("name", &Image::name)
+      .def_readonly("camera_id", &Image::camera_id);
+  py::class_<TransactionScope>(m, "Transaction", "See Database.transaction.")
+      .def("__enter__", &Begin)
+      .def("__exit__", &End);
+  DatabaseClass c(m, "Database", "A SQLite file in COLMAP's schema, with tables of our own.");
+  BindOpening(c);
+  BindImages(c);
+  BindFeatures(c);
+  BindPairRows(c);
+  m.def("sample_depth", &Sample, py::arg("depth_map"), py::arg("width"), py::arg("height"),
+        py::arg("keypoints"), py::kw_only(), py::arg("options") = py::none(),
+        "(n, 3) depth and its gradient per pixel at keypoints of an image of this size, over which "
+        "the map (rows, columns) is stretched; NaN where there is none. For write_depth_samples "
+        "and verify_pair.");
+}
+
+}  // namespace cairn::python

@@ -1,0 +1,214 @@
+#include <pybind11/eigen.h>
+#include <pybind11/operators.h>
+#include <pybind11/stl.h>
+
+#include <limits>
+#include <sstream>
+
+#include "arrays.h"
+#include "bindings.h"
+#include "cairn/base/error.h"
+#include "cairn/base/options.h"
+#include "cairn/camera/camera.h"
+#include "cairn/geometry/rigid3d.h"
+
+namespace cairn::python {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// How far a matrix may be from a rotation, as of numbers rounded to six digits.
+constexpr double kMaxNonOrthogonality = 1e-5;
+
+Eigen::Quaterniond RotationFromMatrix(const Eigen::Matrix3d& R) {
+  const double defect = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(defect < kMaxNonOrthogonality) || R.determinant() < 0) {
+    throw ConfigError("matrix", "not a rotation");
+  }
+  return Eigen::Quaterniond(R).normalized();
+}
+
+// x, y, z, w, as pycolmap.
+Eigen::Quaterniond RotationFromQuat(const Eigen::Vector4d& xyzw) {
+  if (!(xyzw.norm() > 0) || !xyzw.allFinite()) throw ConfigError("quat", "not a rotation");
+  return Eigen::Quaterniond(xyzw(3), xyzw(0), xyzw(1), xyzw(2)).normalized();
+}
+
+Eigen::Matrix<double, 3, 4> MatrixOf(const Rigid3d& pose) {
+  return (Eigen::Matrix<double, 3, 4>() << pose.RotationMatrix(), pose.translation).finished();
+}
+
+std::string ReprOf(const Rigid3d& pose) {
+  const Eigen::IOFormat row(6, Eigen::DontAlignCols, ", ", ", ", "", "", "[", "]");
+  std::ostringstream text;
+  text << "Rigid3d(rotation_xyzw=" << pose.rotation.coeffs().transpose().format(row)
+       << ", translation=" << pose.translation.transpose().format(row) << ")";
+  return text.str();
+}
+
+Array<double> TransformPoints(const Rigid3d& pose, const Array<double>& points) {
+  const bool is_one = points.ndim() == 1;
+  CheckShape(
+      "points", points,
+      is_one ? std::initializer_list<py::ssize_t>{3} : std::initializer_list<py::ssize_t>{-1, 3});
+  const auto size = static_cast<size_t>(points.size() / 3);
+  Array<double> moved = StackMatrices(size, [&](size_t i) -> Eigen::Vector3d {
+    return pose * Eigen::Vector3d(points.data()[3 * i], points.data()[3 * i + 1],
+                                  points.data()[3 * i + 2]);
+  });
+  return is_one ? Array<double>(moved.squeeze()) : moved;
+}
+
+void BindPoses(py::module_& m) {
+  using Rotation = Eigen::Quaterniond;
+  py::class_<Rotation>(m, "Rotation3d", "A rotation.")
+      .def(py::init([] { return Rotation(Rotation::Identity()); }))
+      .def(py::init(&RotationFromMatrix), py::arg("matrix"), "Of a 3 x 3 matrix.")
+      .def_static("from_quat", &RotationFromQuat, py::arg("xyzw"))
+      .def_property_readonly(
+          "quat", [](const Rotation& r) -> Eigen::Vector4d { return r.coeffs(); }, "x, y, z, w")
+      .def("matrix", [](const Rotation& r) { return r.toRotationMatrix(); })
+      .def("inverse", [](const Rotation& r) { return r.conjugate(); })
+      .def(
+          "angle_to", [](const Rotation& a, const Rotation& b) { return AngleBetween(a, b); },
+          py::arg("other"), "Radians.")
+      .def(
+          "__mul__", [](const Rotation& a, const Rotation& b) { return a * b; }, py::arg("other"));
+
+  py::class_<Rigid3d>(m, "Rigid3d", "A rigid motion b_from_a: x_b = rotation x_a + translation.")
+      .def(py::init<>())
+      .def(py::init<Rotation, Eigen::Vector3d>(), py::arg("rotation"), py::arg("translation"))
+      .def(py::init([](const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
+             return Rigid3d(RotationFromMatrix(R), t);
+           }),
+           py::arg("rotation"), py::arg("translation"))
+      .def_readwrite("rotation", &Rigid3d::rotation)
+      .def_readwrite("translation", &Rigid3d::translation)
+      .def("matrix", &MatrixOf, "3 x 4: rotation and translation.")
+      .def("inverse", [](const Rigid3d& pose) { return Inverse(pose); })
+      .def("center", &Rigid3d::Center, "Of cam_from_world: the camera's center in the world.")
+      .def(
+          "__mul__", [](const Rigid3d& a, const Rigid3d& b) { return a * b; }, py::arg("other"))
+      .def("__mul__", &TransformPoints, py::arg("points"), "Of (3,) or (n, 3) points.")
+      .def("__repr__", &ReprOf);
+}
+
+CameraModel ModelFromName(const std::string& name) {
+  std::vector<std::string> names;
+  for (const auto& model : NamedCameraModels()) names.emplace_back(model.name);
+  CheckChoice("model", name, names);
+  return *CameraModelFromName(name);
+}
+
+void CheckCamera(const Camera& camera) {
+  if (const std::string reason = camera.Validate(); !reason.empty()) {
+    throw ConfigError("camera", reason);
+  }
+}
+
+Camera MakeCamera(const std::string& model, int width, int height, std::vector<double> params,
+                  camera_t camera_id, bool has_prior_focal_length) {
+  Camera camera{camera_id, ModelFromName(model), width,
+                height,    std::move(params),    has_prior_focal_length};
+  CheckCamera(camera);
+  return camera;
+}
+
+Camera CameraFromFocal(camera_t camera_id, const std::string& model, double focal_length, int width,
+                       int height) {
+  Camera camera = Camera::FromFocal(camera_id, ModelFromName(model), focal_length, width, height);
+  CheckCamera(camera);
+  return camera;
+}
+
+// Where the model has no value, rows are not numbers.
+Array<double> ImgFromCam(const Camera& camera, const Array<double>& points) {
+  CheckShape("points", points, {-1, 3});
+  const auto value = [&](size_t i) {
+    const double* row = points.data() + 3 * i;
+    return camera.ImgFromRay({row[0], row[1], row[2]}).value_or(Eigen::Vector2d(kNaN, kNaN));
+  };
+  return StackMatrices(static_cast<size_t>(points.shape(0)), value);
+}
+
+Array<double> CamFromImg(const Camera& camera, const Array<double>& points) {
+  const Points pixels("points", points);
+  const auto value = [&](size_t i) {
+    return camera.CamFromImg(pixels.span()[i]).value_or(Eigen::Vector2d(kNaN, kNaN));
+  };
+  return StackMatrices(pixels.span().size(), value);
+}
+
+Array<double> RayFromImg(const Camera& camera, const Array<double>& points) {
+  const Points pixels("points", points);
+  const auto value = [&](size_t i) {
+    return camera.RayFromImg(pixels.span()[i]).value_or(Eigen::Vector3d(kNaN, kNaN, kNaN));
+  };
+  return StackMatrices(pixels.span().size(), value);
+}
+
+std::string ReprOf(const Camera& camera) {
+  std::ostringstream text;
+  text << "Camera(camera_id=";
+  if (camera.camera_id == kInvalidCameraId) text << "unset";
+  if (camera.camera_id != kInvalidCameraId) text << camera.camera_id;
+  text << ", model=" << CameraModelName(camera.model) << ", width=" << camera.width
+       << ", height=" << camera.height << ", params=[";
+  for (size_t i = 0; i < camera.params.size(); ++i) text << (i ? ", " : "") << camera.params[i];
+  text << "])";
+  return text.str();
+}
+
+void BindCamera(py::module_& m) {
+  py::class_<Camera>(m, "Camera",
+                     "A camera; models and parameters as COLMAP's. Pixels: the center of the "
+                     "top-left one is (0.5, 0.5).")
+      .def(py::init(&MakeCamera), py::arg("model"), py::arg("width"), py::arg("height"),
+           py::arg("params"), py::arg("camera_id") = kInvalidCameraId,
+           py::arg("has_prior_focal_length") = false)
+      .def_static("create", &CameraFromFocal, py::arg("camera_id"), py::arg("model"),
+                  py::arg("focal_length"), py::arg("width"), py::arg("height"),
+                  "The principal point at the image center, no distortion.")
+      .def_readwrite("camera_id", &Camera::camera_id)
+      .def_property_readonly("model",
+                             [](const Camera& c) { return std::string(CameraModelName(c.model)); })
+      .def_readwrite("width", &Camera::width, "Pixels.")
+      .def_readwrite("height", &Camera::height, "Pixels.")
+      .def_property(
+          "params",
+          [](const Camera& c) {
+            return Eigen::VectorXd(
+                Eigen::VectorXd::Map(c.params.data(), static_cast<Eigen::Index>(c.params.size())));
+          },
+          [](Camera& c, std::vector<double> params) {
+            Camera changed = c;
+            changed.params = std::move(params);
+            CheckCamera(changed);
+            c = std::move(changed);
+          },
+          "In COLMAP's order. A copy: assign all of them.")
+      .def_readwrite("has_prior_focal_length", &Camera::has_prior_focal_length,
+                     "The focal length is known, not guessed.")
+      .def_property("focal_length", &Camera::MeanFocal, &Camera::SetMeanFocal,
+                    "Pixels; the mean of both.")
+      .def_property_readonly("focal_length_x", &Camera::FocalX)
+      .def_property_readonly("focal_length_y", &Camera::FocalY)
+      .def_property_readonly("principal_point", &Camera::PrincipalPoint)
+      .def("calibration_matrix", &Camera::CalibrationMatrix)
+      .def("img_from_cam", &ImgFromCam, py::arg("points"),
+           "(n, 2) pixels of (n, 3) points in the camera's frame; NaN where there are none.")
+      .def("cam_from_img", &CamFromImg, py::arg("points"),
+           "(n, 2) points at depth 1 of (n, 2) pixels; NaN where there are none.")
+      .def("ray_from_img", &RayFromImg, py::arg("points"),
+           "(n, 3) unit bearings of (n, 2) pixels, for fields of view of any size.")
+      .def("__repr__", [](const Camera& camera) { return ReprOf(camera); });
+}
+
+}  // namespace
+
+void BindGeometry(py::module_& m) {
+  BindPoses(m);
+  BindCamera(m);
+}
+
+}  // namespace cairn::python

@@ -1,0 +1,198 @@
+#include "options.h"
+
+#include <pybind11/stl.h>
+
+#include <map>
+#include <memory>
+#include <utility>
+
+#include "bindings.h"
+#include "cairn/base/error.h"
+#include "cairn/base/unknown_option.h"
+#include "cairn/bundle_adjustment/bundle_adjustment.h"
+#include "cairn/intrinsics/focal_calibration.h"
+#include "cairn/mapper/reconstruct.h"
+#include "cairn/pipeline/build_pipeline.h"
+#include "cairn/rotation_averaging/rotation_averaging.h"
+#include "cairn/translation_averaging/options.h"
+#include "cairn/two_view/options.h"
+#include "cairn/view_graph/options.h"
+
+namespace cairn::python {
+namespace {
+
+// Throws ConfigError that says what kind of value the key has.
+template <class Value>
+Value Cast(const std::string& key, py::handle value, const char* what) {
+  try {
+    return value.cast<Value>();
+  } catch (const py::cast_error&) {
+    throw ConfigError(key, "'" + std::string(py::str(value)) + "' is not " + what);
+  }
+}
+
+class Collector : public OptionVisitor {
+ public:
+  Collector(const std::string& module, std::vector<OptionTable::Field>& fields)
+      : prefix_(module.empty() ? "" : module + "."), fields_(fields) {}
+
+  void Bool(std::string_view name, bool& value, std::string_view help) override {
+    Add(name, help, value, "a boolean");
+  }
+  void Int(std::string_view name, int& value, OptionRange, std::string_view help) override {
+    Add(name, help, value, "an integer");
+  }
+  void Double(std::string_view name, double& value, OptionRange, std::string_view help) override {
+    Add(name, help, value, "a number");
+  }
+  void String(std::string_view name, std::string& value, std::string_view help) override {
+    const std::string key = Key(name);
+    // Folders may be of pathlib.
+    const auto set = [key, &value](py::handle given) {
+      value = py::isinstance<py::str>(given) || !py::hasattr(given, "__fspath__")
+                  ? Cast<std::string>(key, given, "a text")
+                  : std::string(py::str(given));
+    };
+    fields_.push_back({key, std::string(help), set, [&value] { return py::cast(value); }});
+  }
+  void Doubles(std::string_view name, std::vector<double>& value, std::string_view help) override {
+    Add(name, help, value, "a list of numbers");
+  }
+
+ private:
+  void Choice(std::string_view name, const ChoiceField& field, std::string_view help) override {
+    const std::string key = Key(name);
+    const auto set = [key, field](py::handle given) {
+      const auto text = Cast<std::string>(key, given, "a text");
+      CheckChoice(key, text, field.names);
+      field.set(text);
+    };
+    fields_.push_back({key, std::string(help), set, [field] { return py::cast(field.get()); }});
+  }
+  std::string Key(std::string_view name) const { return prefix_ + std::string(name); }
+  template <class Value>
+  void Add(std::string_view name, std::string_view help, Value& value, const char* what) {
+    const std::string key = Key(name);
+    const auto set = [key, &value, what](py::handle given) {
+      value = Cast<Value>(key, given, what);
+    };
+    fields_.push_back({key, std::string(help), set, [&value] { return py::cast(value); }});
+  }
+
+  const std::string prefix_;
+  std::vector<OptionTable::Field>& fields_;
+};
+
+// Values by whole keys, of a dictionary that may have dictionaries of modules in it.
+std::vector<std::pair<std::string, py::object>> Flatten(const py::object& given) {
+  std::vector<std::pair<std::string, py::object>> values;
+  if (given.is_none()) return values;
+  for (const auto& [key, value] : Cast<py::dict>("options", given, "a dictionary")) {
+    const std::string name = py::str(key);
+    if (!py::isinstance<py::dict>(value)) {
+      values.emplace_back(name, py::reinterpret_borrow<py::object>(value));
+      continue;
+    }
+    for (auto& [field, field_value] : Flatten(py::reinterpret_borrow<py::object>(value))) {
+      values.emplace_back(name + "." + field, field_value);
+    }
+  }
+  return values;
+}
+
+// The options of a function with their defaults, for as long as `use` runs.
+void WithOptionsOf(const std::string& function,
+                   const std::function<void(const OptionTable&)>& use) {
+  const auto with = [&use]<class Options>(Options options) {
+    OptionTable table;
+    if constexpr (requires { options.inputs; }) table.Add("", options.inputs);
+    if constexpr (requires { options.VisitFields(std::declval<OptionVisitor&>()); }) {
+      table.Add("", options);
+    } else {
+      table.AddModules(options);
+    }
+    use(table);
+  };
+  const std::map<std::string, std::function<void()>> functions = {
+      {"verify_pair", [&] { with(TwoViewOptions()); }},
+      {"average_rotations", [&] { with(RotationAveragingOptions()); }},
+      {"average_translations", [&] { with(TranslationAveragingOptions()); }},
+      {"calibrate_focals", [&] { with(FocalCalibrationOptions()); }},
+      {"adjust_bundle", [&] { with(BundleAdjustmentOptions()); }},
+      {"sample_depth", [&] { with(DepthOptions()); }},
+      {"ViewGraph", [&] { with(ViewGraphBuilderOptions()); }},
+      {"build_view_graph", [&] { with(BuildPipelineOptions()); }},
+      {"reconstruct", [&] { with(ReconstructSettings()); }}};
+  std::vector<std::string> names;
+  for (const auto& [name, call] : functions) names.push_back(name);
+  CheckChoice("function", function, names);
+  functions.at(function)();
+}
+
+py::dict DefaultOptions(const std::string& function) {
+  py::dict values;
+  WithOptionsOf(function, [&](const OptionTable& table) {
+    for (const auto& field : table.fields()) values[py::str(field.key)] = field.get();
+  });
+  return values;
+}
+
+py::dict OptionHelp(const std::string& function) {
+  py::dict texts;
+  WithOptionsOf(function, [&](const OptionTable& table) {
+    for (const auto& field : table.fields()) texts[py::str(field.key)] = field.help;
+  });
+  return texts;
+}
+
+}  // namespace
+
+void OptionTable::AddFields(const std::string& module,
+                            const std::function<void(OptionVisitor&)>& visit) {
+  Collector collector(module, fields_);
+  visit(collector);
+}
+
+const OptionTable::Field* OptionTable::Find(const std::string& key) const {
+  for (const Field& field : fields_) {
+    if (field.key == key) return &field;
+  }
+  return nullptr;
+}
+
+void OptionTable::Set(const py::object& given) const {
+  for (const auto& [key, value] : Flatten(given)) {
+    if (const Field* field = Find(key)) {
+      field->set(value);
+      continue;
+    }
+    std::vector<std::string> known;
+    for (const Field& field : fields_) known.push_back(field.key);
+    throw ConfigError("options", "unknown key " + DescribeUnknownOption(key, known));
+  }
+}
+
+void OptionTable::SetStored(const std::string& toml, const py::object& given) const {
+  const py::dict values = py::module_::import("tomllib").attr("loads")(toml);
+  std::map<std::string, py::object> set;
+  for (const auto& [key, value] : Flatten(given)) set[key] = value;
+  for (const auto& [key, value] : Flatten(values)) {
+    const Field* field = Find(key);
+    if (!field || set.contains(key)) continue;
+    try {
+      field->set(value);
+    } catch (const ConfigError&) {
+      // No value of today; the stage itself says so where it matters.
+    }
+  }
+}
+
+void BindOptions(py::module_& m) {
+  m.def("default_options", &DefaultOptions, py::arg("function"),
+        "The options of a function, such as 'reconstruct', with their default values. Its argument "
+        "`options` is a dictionary with some of these keys, which are those of flags and TOML "
+        "files.");
+  m.def("option_help", &OptionHelp, py::arg("function"), "What each option of a function means.");
+}
+
+}  // namespace cairn::python

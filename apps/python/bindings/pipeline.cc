@@ -1,0 +1,148 @@
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <filesystem>
+#include <map>
+
+#include "bindings.h"
+#include "cairn/base/error.h"
+#include "cairn/mapper/reconstruct.h"
+#include "cairn/pipeline/build_pipeline.h"
+#include "options.h"
+#include "run.h"
+
+namespace cairn::python {
+namespace {
+
+using std::filesystem::path;
+
+py::object FromJson(const std::string& text) {
+  return py::module_::import("json").attr("loads")(text);
+}
+
+// As the programs write it beside their output.
+template <class Settings>
+std::string EffectiveToml(const std::string& function, Settings& settings) {
+  std::string text = "# " + function + " of Python, cairn " CAIRN_VERSION "\n";
+  settings.VisitModules([&](const char* module, const auto& options) {
+    if (*module) text += "\n[" + std::string(module) + "]\n";
+    text += DumpOptions(options);
+  });
+  return text;
+}
+
+BuildPipelineReport BuildGraph(const path& database_path, const std::optional<path>& image_path,
+                               const std::optional<path>& depth_path, const py::object& given,
+                               uint64_t seed, int num_threads, const py::object& progress) {
+  BuildPipelineOptions options;
+  OptionTable table;
+  table.Add("", options.inputs);
+  table.AddModules(options);
+  table.Set(given);
+  options.inputs.database_path = database_path.string();
+  if (image_path) options.inputs.image_path = image_path->string();
+  if (depth_path) options.inputs.depth_path = depth_path->string();
+  // What an earlier run was told stays as it was.
+  for (const std::string& toml : StoredOptions(options.inputs)) table.SetStored(toml, given);
+  BuildPipelineReport report;
+  RunInterruptibly({seed, num_threads, progress},
+                   [&](const RunContext& run) { report = RunBuildPipeline(options, run); });
+  return report;
+}
+
+ReconstructResult MakeModels(const path& database_path, const std::optional<path>& image_path,
+                             const std::optional<path>& output_path, bool overwrite,
+                             std::optional<bool> refine_intrinsics, const py::object& given,
+                             uint64_t seed, int num_threads, const py::object& progress) {
+  ReconstructSettings settings;
+  OptionTable table;
+  table.AddModules(settings);
+  table.Set(given);
+  settings.refine_intrinsics = refine_intrinsics;
+  if (output_path) CheckReconstructOutput(output_path->string(), overwrite);
+  ReconstructResult result;
+  RunInterruptibly({seed, num_threads, progress}, [&](const RunContext& run) {
+    const Database database(database_path.string(), Database::Mode::kReadOnly);
+    result = Reconstruct(database, image_path ? image_path->string() : "", settings, run);
+    if (!output_path || run.monitor.StopRequested()) return;
+    WriteReconstructResult(result, output_path->string(), EffectiveToml("reconstruct", settings),
+                           overwrite);
+  });
+  return result;
+}
+
+void BindBuilding(py::module_& m) {
+  using Report = BuildPipelineReport;
+  const auto number = [](auto field) {
+    return [field](const Report& report) { return report.summary.*field; };
+  };
+  using Summary = ViewGraphSummary;
+  py::class_<Report>(m, "BuildReport", "The result of build_view_graph.")
+      .def_property_readonly("succeeded", [](const Report& r) { return r.run.Succeeded(); })
+      .def_property_readonly(
+          "failure", [](const Report& r) { return r.run.failure; },
+          "'', or why there is no usable result and what can be tried.")
+      .def_property_readonly("warnings", [](const Report& r) { return r.run.warnings; })
+      .def_property_readonly("num_images", number(&Summary::num_images))
+      .def_property_readonly("num_pairs", number(&Summary::num_pairs), "With matches.")
+      .def_property_readonly("num_verified", number(&Summary::num_verified))
+      .def_property_readonly("verified_by", number(&Summary::verified_by), "Pairs by verifier.")
+      .def_property_readonly("rejected_by", number(&Summary::rejected_by), "Pairs by reason.")
+      .def(
+          "to_dict", [](const Report& r) { return FromJson(ToJson(r.run)); },
+          "What each stage did.")
+      .def("__str__", [](const Report& r) { return SummaryText(r.summary, r.run); });
+  m.def("build_view_graph", &BuildGraph, py::arg("database_path"),
+        py::arg("image_path") = py::none(), py::arg("depth_path") = py::none(), py::kw_only(),
+        py::arg("options") = py::none(), py::arg("seed") = 0, py::arg("num_threads") = 0,
+        py::arg("progress") = py::none(),
+        R"(Photographs to features, depth, matches and verified pairs, all in one database.
+
+What the database has is kept: features and matches that were written to it, and the results of an
+earlier run, which may have been interrupted. options: as the flags of the program of this name,
+such as {"verifier": "five_point", "matching.max_ratio": 0.9}. See ViewGraph.from_database.)");
+}
+
+void BindReconstructing(py::module_& m) {
+  using Result = ReconstructResult;
+  py::class_<Result>(m, "ReconstructResult", "The result of reconstruct.")
+      .def_readonly("models", &Result::models, "Reconstructions, the largest first.",
+                    py::return_value_policy::reference_internal)
+      .def_readonly("view_graph", &Result::graph, "All verified pairs, with reasons.",
+                    py::return_value_policy::reference_internal)
+      .def_property_readonly(
+          "image_names",
+          [](const Result& result) {
+            std::map<image_t, std::string> names;
+            for (const Image& image : result.images) names[image.image_id] = image.name;
+            return names;
+          },
+          "Of all images of the database, by id.")
+      .def_property_readonly("succeeded", [](const Result& r) { return r.report.Succeeded(); })
+      .def_property_readonly(
+          "failure", [](const Result& r) { return r.report.failure; },
+          "'', or at which stage it failed and what can be tried.")
+      .def_property_readonly(
+          "warnings", [](const Result& r) { return r.report.warnings; }, "What is doubtful.")
+      .def(
+          "to_dict", [](const Result& r) { return FromJson(ToJson(r.report)); },
+          "What each stage did.");
+  m.def("reconstruct", &MakeModels, py::arg("database_path"), py::arg("image_path") = py::none(),
+        py::arg("output_path") = py::none(), py::kw_only(), py::arg("overwrite") = false,
+        py::arg("refine_intrinsics") = py::none(), py::arg("options") = py::none(),
+        py::arg("seed") = 0, py::arg("num_threads") = 0, py::arg("progress") = py::none(),
+        R"(Cameras and points from the verified pairs of a database.
+
+image_path: the photographs, for colors; output_path: where to write all that the program
+`global_sfm reconstruct` writes but report.html (`global_sfm report` makes that). A failure that is
+to be expected (too few pairs, ...) is told in the result.)");
+}
+
+}  // namespace
+
+void BindPipeline(py::module_& m) {
+  BindBuilding(m);
+  BindReconstructing(m);
+}
+
+}  // namespace cairn::python

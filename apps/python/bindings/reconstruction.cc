@@ -1,0 +1,291 @@
+#include "cairn/scene/reconstruction.h"
+
+#include <pybind11/eigen.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <optional>
+#include <sstream>
+
+#include "arrays.h"
+#include "bindings.h"
+#include "cairn/base/error.h"
+#include "cairn/evaluation/pose_evaluation.h"
+#include "cairn/io/colmap_model.h"
+#include "cairn/io/model.h"
+#include "cairn/io/ply.h"
+
+namespace cairn::python {
+namespace {
+
+using std::filesystem::path;
+
+// A map of the reconstruction as a dictionary whose values are changed in place. Nothing can be
+// removed, so that what Python holds stays valid.
+template <class Map>
+void BindMap(py::module_& m, const char* name) {
+  using Key = typename Map::key_type;
+  using Value = typename Map::mapped_type;
+  constexpr auto kInside = py::return_value_policy::reference_internal;
+  const auto find = [](Map& map, Key key) -> Value& {
+    const auto entry = map.find(key);
+    if (entry == map.end()) throw py::key_error(std::to_string(key));
+    return entry->second;
+  };
+  py::class_<Map>(m, name, "A dictionary by id, in the order of the ids.")
+      .def("__len__", [](const Map& map) { return map.size(); })
+      .def("__contains__", [](const Map& map, Key key) { return map.contains(key); })
+      .def("__contains__", [](const Map&, const py::object&) { return false; })
+      .def("__getitem__", find, py::arg("id"), kInside)
+      .def(
+          "__iter__", [](Map& map) { return py::make_key_iterator(map.begin(), map.end()); },
+          py::keep_alive<0, 1>())
+      .def(
+          "keys", [](Map& map) { return py::make_key_iterator(map.begin(), map.end()); },
+          py::keep_alive<0, 1>())
+      .def(
+          "values",
+          [](Map& map) { return py::make_value_iterator<kInside>(map.begin(), map.end()); },
+          py::keep_alive<0, 1>())
+      .def(
+          "items", [](Map& map) { return py::make_iterator<kInside>(map.begin(), map.end()); },
+          py::keep_alive<0, 1>());
+}
+
+struct Point2D {
+  Eigen::Vector2d xy;
+  point3D_t point3D_id;
+};
+
+std::vector<Point2D> Points2DOf(const RegisteredImage& image) {
+  std::vector<Point2D> points(image.points2D.size());
+  for (size_t i = 0; i < points.size(); ++i) {
+    points[i] = {image.points2D[i], image.point3D_ids[i]};
+  }
+  return points;
+}
+
+// Views into the image, which they keep alive.
+py::array KeypointsOf(const py::object& self) {
+  auto& points = self.cast<RegisteredImage&>().points2D;
+  return py::array_t<double>({static_cast<py::ssize_t>(points.size()), py::ssize_t{2}},
+                             reinterpret_cast<double*>(points.data()), self);
+}
+
+py::array Point3DIdsOf(const RegisteredImage& image) {
+  return py::array_t<point3D_t>(static_cast<py::ssize_t>(image.point3D_ids.size()),
+                                image.point3D_ids.data());
+}
+
+RegisteredImage MakeImage(const std::string& name, const Rigid3d& cam_from_world,
+                          camera_t camera_id, image_t image_id, const Array<double>& points2D) {
+  RegisteredImage image;
+  image.image = {image_id, name, camera_id};
+  image.cam_from_world = cam_from_world;
+  image.points2D = Points("points2D", points2D).vector();
+  image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
+  return image;
+}
+
+void BindImage(py::module_& m) {
+  py::class_<Point2D>(m, "Point2D", "A keypoint and the point that it shows.")
+      .def_readonly("xy", &Point2D::xy, "Pixels.")
+      .def_readonly("point3D_id", &Point2D::point3D_id)
+      .def("has_point3D", [](const Point2D& p) { return p.point3D_id != kInvalidPoint3DId; });
+  py::class_<RegisteredImage>(m, "Image", "A photograph with a pose.")
+      .def(py::init(&MakeImage), py::arg("name"), py::arg("cam_from_world") = Rigid3d(),
+           py::arg("camera_id") = kInvalidCameraId, py::arg("image_id") = kInvalidImageId,
+           py::arg("points2D") = Array<double>(std::vector<py::ssize_t>{0, 2}))
+      .def_property_readonly("image_id", [](const RegisteredImage& i) { return i.image.image_id; })
+      .def_property_readonly("camera_id",
+                             [](const RegisteredImage& i) { return i.image.camera_id; })
+      .def_property_readonly("name", [](const RegisteredImage& i) { return i.image.name; })
+      .def_readwrite("cam_from_world", &RegisteredImage::cam_from_world)
+      .def("projection_center", [](const RegisteredImage& i) { return i.cam_from_world.Center(); })
+      .def_property_readonly("points2D", &Points2DOf, "A list of Point2D.")
+      .def_property_readonly("keypoints", &KeypointsOf, "(n, 2) pixels; a view, not a copy.")
+      .def_property_readonly("point3D_ids", &Point3DIdsOf,
+                             "(n,) ids of points; INVALID_POINT3D_ID: none.");
+}
+
+void BindPoint(py::module_& m) {
+  py::class_<TrackElement>(m, "TrackElement", "One keypoint of one image.")
+      .def(py::init([](image_t image_id, point2D_t index) {
+             return TrackElement{image_id, index};
+           }),
+           py::arg("image_id"), py::arg("point2D_idx"))
+      .def_readonly("image_id", &TrackElement::image_id)
+      .def_readonly("point2D_idx", &TrackElement::point2D);
+  struct TrackView {
+    Track elements;
+  };
+  py::class_<TrackView>(m, "Track", "The keypoints that show a point.")
+      .def_readonly("elements", &TrackView::elements)
+      .def("length", [](const TrackView& track) { return track.elements.size(); });
+  py::class_<Point3D>(m, "Point3D", "A point of the scene.")
+      .def_readwrite("xyz", &Point3D::xyz)
+      .def_readwrite("color", &Point3D::color, "RGB, from 0 to 255.")
+      .def_readonly("error", &Point3D::error_px,
+                    "Mean reprojection error, pixels; -1: not computed.")
+      .def_property_readonly("track", [](const Point3D& point) { return TrackView{point.track}; });
+}
+
+void AddCamera(Reconstruction& model, const Camera& camera) {
+  if (!model.cameras.try_emplace(camera.camera_id, camera).second) {
+    throw ConfigError("camera_id", std::to_string(camera.camera_id) + " is there already");
+  }
+}
+
+void AddImage(Reconstruction& model, const RegisteredImage& image) {
+  if (!model.cameras.contains(image.image.camera_id)) {
+    throw ConfigError("camera_id", "there is no camera " + std::to_string(image.image.camera_id));
+  }
+  if (!model.images.try_emplace(image.image.image_id, image).second) {
+    throw ConfigError("image_id", std::to_string(image.image.image_id) + " is there already");
+  }
+}
+
+point3D_t AddPoint(Reconstruction& model, const Eigen::Vector3d& xyz,
+                   const std::vector<std::pair<image_t, point2D_t>>& track,
+                   const std::array<uint8_t, 3>& color) {
+  Point3D point;
+  point.xyz = xyz;
+  point.color = color;
+  for (const auto& [image_id, index] : track) {
+    const auto image = model.images.find(image_id);
+    if (image == model.images.end() || index >= image->second.points2D.size() ||
+        image->second.point3D_ids[index] != kInvalidPoint3DId) {
+      throw ConfigError("track", "keypoint " + std::to_string(index) + " of image " +
+                                     std::to_string(image_id) + " is absent or shows a point");
+    }
+    point.track.push_back({image_id, index});
+  }
+  std::sort(point.track.begin(), point.track.end());
+  if (std::adjacent_find(point.track.begin(), point.track.end()) != point.track.end()) {
+    throw ConfigError("track", "a keypoint is there twice");
+  }
+  return model.AddPoint3D(point);
+}
+
+std::string SummaryOf(const Reconstruction& model) {
+  std::ostringstream text;
+  text << "Reconstruction(num_cameras=" << model.cameras.size()
+       << ", num_images=" << model.images.size() << ", num_points3D=" << model.points3D.size()
+       << ")";
+  return text.str();
+}
+
+py::array PointPositions(const Reconstruction& model) {
+  auto point = model.points3D.begin();
+  return StackMatrices(model.points3D.size(),
+                       [&](size_t) -> Eigen::Vector3d { return (point++)->second.xyz; });
+}
+
+py::array PointColors(const Reconstruction& model) {
+  std::vector<std::array<uint8_t, 3>> colors;
+  for (const auto& [id, point] : model.points3D) colors.push_back(point.color);
+  return MoveToArray<uint8_t, 3>(std::move(colors));
+}
+
+void BindModel(py::module_& m) {
+  constexpr auto kInside = py::return_value_policy::reference_internal;
+  py::class_<Reconstruction>(m, "Reconstruction",
+                             "Cameras, images with poses, and points; names as in pycolmap.")
+      .def(py::init<>())
+      .def(py::init([](const path& folder) { return ReadModel(folder.string()); }), py::arg("path"),
+           "Reads a COLMAP model, a Bundler file (*.out) or Strecha's .camera files.")
+      .def_readonly("cameras", &Reconstruction::cameras, kInside)
+      .def_readonly("images", &Reconstruction::images, kInside)
+      .def_readonly("points3D", &Reconstruction::points3D, kInside)
+      .def("add_camera", &AddCamera, py::arg("camera"))
+      .def("add_image", &AddImage, py::arg("image"))
+      .def("add_point3D", &AddPoint, py::arg("xyz"), py::arg("track"),
+           py::arg("color") = std::array<uint8_t, 3>{0, 0, 0},
+           "`track`: pairs of an image id and a keypoint's index. Returns the id.")
+      .def("point_positions", &PointPositions, "(n, 3), in the order of points3D.")
+      .def("point_colors", &PointColors, "(n, 3) RGB, in the order of points3D.")
+      .def("num_images", [](const Reconstruction& r) { return r.images.size(); })
+      .def("num_points3D", [](const Reconstruction& r) { return r.points3D.size(); })
+      .def("compute_num_observations", &Reconstruction::NumObservations)
+      .def("compute_mean_track_length", &Reconstruction::MeanTrackLength)
+      .def("compute_mean_reprojection_error", &Reconstruction::MeanReprojectionErrorPx, "Pixels.")
+      .def(
+          "write",
+          [](const Reconstruction& r, const path& folder) { WriteColmapModel(r, folder.string()); },
+          py::arg("path"), "COLMAP's binary files; makes the folder.")
+      .def(
+          "write_text",
+          [](const Reconstruction& r, const path& folder) {
+            WriteColmapModel(r, folder.string(), ColmapModelFormat::kText);
+          },
+          py::arg("path"), "COLMAP's text files; makes the folder.")
+      .def(
+          "export_PLY",
+          [](const Reconstruction& r, const path& file) { WritePly(r, file.string()); },
+          py::arg("path"), "Points and cameras.")
+      .def("__repr__", &SummaryOf);
+}
+
+// A reconstruction, or the path of a model.
+PosedCameras PosesOf(const std::string& name, const py::object& model) {
+  if (py::isinstance<Reconstruction>(model)) {
+    return PosedCamerasOf(model.cast<const Reconstruction&>());
+  }
+  if (!py::isinstance<py::str>(model) && !py::hasattr(model, "__fspath__")) {
+    throw ConfigError(name, "neither a Reconstruction nor the path of a model");
+  }
+  return PosedCamerasOf(ReadModel(py::str(model), {.read_points = false}));
+}
+
+PoseEvaluation Evaluate(const py::object& model, const py::object& reference) {
+  const PosedCameras estimate = PosesOf("model", model);
+  const PosedCameras truth = PosesOf("reference", reference);
+  const py::gil_scoped_release release;
+  return EvaluatePoses(estimate, truth);
+}
+
+void BindEvaluation(py::module_& m) {
+  py::class_<PoseEvaluation>(m, "PoseEvaluation", "How exact the cameras of a model are.")
+      .def_readonly("num_reference", &PoseEvaluation::num_reference)
+      .def_readonly("num_registered", &PoseEvaluation::num_registered)
+      .def_property_readonly(
+          "auc",
+          [](const PoseEvaluation& evaluation) {
+            py::dict auc;
+            for (size_t i = 0; i < kAucThresholdsDeg.size(); ++i) {
+              auc[py::int_(static_cast<int>(kAucThresholdsDeg[i]))] = evaluation.auc[i];
+            }
+            return auc;
+          },
+          "By threshold in degrees: the area under the recall curve of pairs, from 0 to 1.")
+      .def_readonly("relative_rotation_median_deg", &PoseEvaluation::relative_rotation_median_deg)
+      .def_readonly("relative_translation_median_deg",
+                    &PoseEvaluation::relative_translation_median_deg)
+      .def(
+          "to_dict",
+          [](const PoseEvaluation& evaluation) {
+            return py::module_::import("json").attr("loads")(PoseEvaluationToJson(evaluation));
+          },
+          "All figures, with those of each image, as global_sfm evaluate writes them.")
+      .def("__str__", &FormatPoseEvaluation);
+  m.def("evaluate", &Evaluate, py::arg("model"), py::arg("reference"),
+        "Compares camera poses with a reference, by image names. Each is a Reconstruction or the "
+        "path of a model (COLMAP, Bundler, Strecha).");
+}
+
+}  // namespace
+
+void BindReconstruction(py::module_& m) {
+  m.attr("INVALID_POINT3D_ID") = kInvalidPoint3DId;
+  BindMap<std::map<camera_t, Camera>>(m, "CameraMap");
+  BindImage(m);
+  BindPoint(m);
+  BindMap<std::map<image_t, RegisteredImage>>(m, "ImageMap");
+  BindMap<std::map<point3D_t, Point3D>>(m, "Point3DMap");
+  BindModel(m);
+  BindEvaluation(m);
+}
+
+}  // namespace cairn::python

@@ -1,0 +1,102 @@
+import sqlite3
+
+import numpy as np
+import pytest
+
+import cairn
+import scene
+
+
+def make(path):
+    database = cairn.Database(path)
+    camera_id = database.write_camera(cairn.Camera("PINHOLE", 640, 480, [500, 500, 320, 240]))
+    return database, camera_id, [database.write_image(name, camera_id) for name in ("a.jpg", "b/c.jpg")]
+
+
+def test_rows_are_read_as_they_were_written(tmp_path):
+    rng = np.random.default_rng(0)
+    database, camera_id, (first, second) = make(tmp_path / "scene.db")
+    assert [c.camera_id for c in database.read_cameras()] == [camera_id] == [1]
+    assert [(i.image_id, i.name, i.camera_id) for i in database.read_images()] == [(1, "a.jpg", 1), (2, "b/c.jpg", 1)]
+    frames = rng.uniform(1, 100, (7, 6)).astype(np.float32)
+    database.write_keypoints(first, frames)
+    database.write_keypoints(second, frames[:, :2])
+    np.testing.assert_array_equal(database.read_keypoints(first), frames)
+    np.testing.assert_array_equal(database.read_keypoints(second)[:, 2:], np.tile([1, 0, 0, 1], (7, 1)))
+    descriptors = rng.integers(0, 255, (7, 128), dtype=np.uint8)
+    database.write_descriptors(first, descriptors)
+    np.testing.assert_array_equal(database.read_descriptors(first), descriptors)
+    depth = rng.uniform(1, 2, (7, 3)).astype(np.float32)
+    depth[3] = np.nan
+    database.write_depth_samples(first, depth)
+    np.testing.assert_array_equal(database.read_depth_samples(first), depth)
+    assert database.read_depth_samples(second) is None and database.read_descriptors(second) is None
+
+
+def test_pairs_have_the_order_in_which_images_are_named(tmp_path):
+    database, _, (first, second) = make(":memory:")
+    matches = np.array([[0, 5], [1, 6]])
+    database.write_matches(second, first, matches)
+    np.testing.assert_array_equal(database.read_matches(second, first), matches)
+    np.testing.assert_array_equal(database.read_matches(first, second), matches[:, ::-1])
+    np.testing.assert_array_equal(database.matched_pairs(), [[first, second]])
+    truth = scene.Scene(num_images=2)
+    right, _ = truth.matches(1, 2)
+    x1, x2 = truth.observe(1)[0][right[:, 0]], truth.observe(2)[0][right[:, 1]]
+    geometry = cairn.verify_pair(truth.camera, x1, truth.camera, x2).geometry
+    database.write_two_view_geometry(second, first, geometry)
+    back = database.read_two_view_geometry(first, second)
+    np.testing.assert_allclose(back.cam2_from_cam1.matrix()[:, :3], geometry.cam2_from_cam1.inverse().matrix()[:, :3],
+                               atol=1e-9)
+    assert len(database.verified_pairs()) == 1
+    with pytest.raises(cairn.ConfigError, match="image_id2"):
+        database.write_matches(1, 1, matches)
+    with pytest.raises(cairn.ConfigError, match=r"matches: its shape is \(2, 3\), not \(n, 2\)"):
+        database.write_matches(1, 2, np.zeros((2, 3), int))
+
+
+def test_a_transaction_is_all_or_nothing(tmp_path):
+    database, camera_id, _ = make(tmp_path / "scene.db")
+    with database.transaction():
+        database.write_image("c.jpg", camera_id)
+    with pytest.raises(RuntimeError, match="stop"), database.transaction():
+        database.write_image("d.jpg", camera_id)
+        raise RuntimeError("stop")
+    assert [image.name for image in database.read_images()] == ["a.jpg", "b/c.jpg", "c.jpg"]
+
+
+def test_a_closed_or_broken_database_says_so(tmp_path):
+    with cairn.Database(tmp_path / "scene.db") as database:
+        make(tmp_path / "scene.db")
+        transaction = database.transaction()
+        transaction.__enter__()
+    with pytest.raises(cairn.ConfigError, match="database: is closed"):
+        database.read_images()
+    (tmp_path / "text.db").write_text("no database " * 100)
+    with pytest.raises(cairn.IoError, match="text.db: "):
+        cairn.Database(tmp_path / "text.db")
+    with pytest.raises(OSError, match="none.db"):
+        cairn.Database(tmp_path / "none.db", read_only=True)
+    with pytest.raises(cairn.IoError):
+        cairn.Database(tmp_path / "scene.db", read_only=True).write_image("x.jpg", 1)
+
+
+def test_colmap_tables_have_colmap_rows(tmp_path):
+    database, _, (first, _) = make(tmp_path / "scene.db")
+    database.write_keypoints(first, np.ones((3, 2)))
+    database.close()
+    rows, columns = sqlite3.connect(tmp_path / "scene.db").execute("SELECT rows, cols FROM keypoints").fetchone()
+    assert (rows, columns) == (3, 6)
+
+
+def test_sample_depth_reads_a_plane():
+    """Depth 2 + x / 1000 over an image of 400 x 300, of which the map has every fourth pixel."""
+    x = (np.arange(100) + 0.5) * 4
+    depth = np.tile(2 + x / 1000, (75, 1))
+    depth[:, :20] = np.nan
+    samples = cairn.sample_depth(depth, 400, 300, [[200, 150], [300, 100], [5, 5]],
+                                 options={"value_window": 0.01, "gradient_window": 0.02})
+    np.testing.assert_allclose(samples[:2], [[2.2, 1e-3, 0], [2.3, 1e-3, 0]], atol=1e-4)
+    assert np.isnan(samples[2]).all()
+    inverse = cairn.sample_depth(1 / depth, 400, 300, [[200, 150]], options={"kind": "inverse", "value_window": 0.01})
+    np.testing.assert_allclose(inverse[0, 0], 2.2, rtol=1e-3)

@@ -1,0 +1,135 @@
+"""From features and matches of another program, or from photographs, to models: the truth is known."""
+import os
+import pathlib
+import sqlite3
+
+import numpy as np
+import pytest
+
+import cairn
+import scene
+
+TRUTH = scene.Scene()
+
+
+def only_positions(path):
+    """Gives keypoints two columns, as other programs write them."""
+    database = sqlite3.connect(path)
+    for image_id, data in database.execute("SELECT image_id, data FROM keypoints").fetchall():
+        positions = np.frombuffer(data, np.float32).reshape(-1, 6)[:, :2].tobytes()
+        database.execute("UPDATE keypoints SET cols = 2, data = ? WHERE image_id = ?", (positions, image_id))
+    database.commit()
+    assert {row[0] for row in database.execute("SELECT cols FROM keypoints")} == {2}
+    database.close()
+
+
+def check_models(result, least_points=400):
+    assert result.succeeded and result.failure == "" and len(result.models) == 1
+    model = result.models[0]
+    evaluation = cairn.evaluate(model, TRUTH.truth())
+    assert evaluation.num_registered == 8 and evaluation.auc[1] > 0.99
+    assert model.num_points3D() >= least_points and model.compute_mean_reprojection_error() < 0.1
+
+
+@pytest.mark.parametrize("depth,verifier", [(True, "triangles"), (False, "five_point")])
+def test_keypoints_of_two_columns(tmp_path, depth, verifier):
+    path = tmp_path / "scene.db"
+    TRUTH.write(path, depth=depth)
+    only_positions(path)
+    report = cairn.build_view_graph(path)
+    assert report.succeeded and report.num_verified == 28 and report.num_images == 8
+    graph = cairn.ViewGraph.from_database(path)
+    assert set(graph.verifiers) == {verifier} and graph.is_active.all()
+    for (i, j), R, t in zip(graph.pairs, graph.rotations, graph.translations):
+        assert scene.pose_error_deg(cairn.Rigid3d(R, t), TRUTH.relative(i, j)) < 0.05
+    check_models(cairn.reconstruct(path))
+
+
+def test_hard_pairs_of_two_columns_have_the_full_budget(tmp_path):
+    """Four of five matches are wrong: a tenth of the five-point samples finds hardly any pair."""
+    path = tmp_path / "scene.db"
+    TRUTH.write(path, num_wrong=400)
+    only_positions(path)
+    assert cairn.build_view_graph(path).num_verified == 28
+    few = tmp_path / "few.db"
+    TRUTH.write(few, num_wrong=400)
+    assert cairn.build_view_graph(few, options={"verification.max_iterations": 200}).num_verified < 20
+
+
+def test_keypoints_with_frames_and_depth_are_decided_by_one_match(tmp_path):
+    path = tmp_path / "scene.db"
+    TRUTH.write(path, frames=True, depth=True)
+    cairn.build_view_graph(path)
+    assert set(cairn.ViewGraph.from_database(path).verifiers) == {"one_ac_depth"}
+    check_models(cairn.reconstruct(path))
+
+
+def test_runs_continue_and_give_the_same_for_any_number_of_threads(tmp_path):
+    graphs = []
+    for num_threads in (1, 4):
+        path = tmp_path / f"{num_threads}.db"
+        TRUTH.write(path)
+        cairn.build_view_graph(path, num_threads=num_threads, options={"verification": {"min_num_inliers": 30}})
+        again = cairn.build_view_graph(path)  # with the options of the first run, and nothing to do
+        assert again.num_verified == 28
+        graphs.append(cairn.ViewGraph.from_database(path))
+    np.testing.assert_array_equal(graphs[0].rotations, graphs[1].rotations)
+    np.testing.assert_array_equal(graphs[0].num_inliers, graphs[1].num_inliers)
+    with pytest.raises(cairn.ConfigError, match="min_num_inliers"):
+        cairn.build_view_graph(path, options={"verification.min_num_inliers": 40})
+
+
+def test_reconstruct_writes_what_the_program_writes(tmp_path):
+    path, output = tmp_path / "scene.db", tmp_path / "model"
+    TRUTH.write(path)
+    cairn.build_view_graph(path)
+    stages = []
+    result = cairn.reconstruct(path, output_path=output, num_threads=1, progress=lambda *stage: stages.append(stage),
+                               options={"reconstruct.min_image_points": 10})
+    check_models(result)
+    assert cairn.evaluate(output / "sparse/0", result.models[0]).auc[1] > 0.9999
+    assert {"report.json", "view_graph.json", "confidence.csv"} <= {file.name for file in output.iterdir()}
+    assert "min_image_points = 10" in (output / "effective.toml").read_text()
+    assert len({name for name, done, total in stages}) > 2 and all(0 <= done for _, done, _ in stages)
+    assert result.image_names[3] == "photo03.jpg" and len(result.view_graph) == 28
+    assert {stage["name"] for stage in result.to_dict()["stages"]} >= {"view_graph", "rotation_averaging"}
+    (output / "sparse/0/images.bin").write_bytes(b"mine")
+    with pytest.raises(cairn.ConfigError, match="images.bin"):
+        cairn.reconstruct(path, output_path=output)
+
+
+def test_expected_failures_are_told_in_the_result(tmp_path):
+    path = tmp_path / "scene.db"
+    TRUTH.write(path)
+    result = cairn.reconstruct(path)
+    assert not result.succeeded and result.failure and result.models == []
+    with pytest.raises(OSError, match="none.db"):
+        cairn.reconstruct(tmp_path / "none.db")
+    with pytest.raises(cairn.ConfigError, match="unknown key 'track.min_length'; did you mean 'tracks.min_length'"):
+        cairn.reconstruct(path, options={"track.min_length": 3})
+    with pytest.raises(cairn.ConfigError, match="tracks.min_length"):
+        cairn.reconstruct(path, options={"tracks.min_length": -3})
+
+
+def test_options_are_those_of_the_programs():
+    options = cairn.default_options("build_view_graph")
+    assert options["matching.max_ratio"] == 0.8 and options["verifier"] == "cascade" and options["pairs"] == "auto"
+    assert cairn.option_help("reconstruct").keys() == cairn.default_options("reconstruct").keys()
+    assert "ratio" in cairn.option_help("build_view_graph")["matching.max_ratio"]
+    with pytest.raises(cairn.ConfigError, match="function: 'verify'"):
+        cairn.default_options("verify")
+
+
+@pytest.mark.skipif("CAIRN_SCENE" not in os.environ, reason="no rendered scene")
+def test_photographs_to_models(tmp_path):
+    """The scene that the integration tests render, with depth maps."""
+    photos = pathlib.Path(os.environ["CAIRN_SCENE"])
+    path = tmp_path / "scene.db"
+    report = cairn.build_view_graph(path, photos / "images", photos / "depth",
+                                    options={"features.max_num_features": 800, "pairs": "exhaustive"})
+    assert report.succeeded and report.num_verified == report.verified_by["cascade"] and "10 with depth" in str(report)
+    assert "one_ac_depth" in cairn.ViewGraph.from_database(path).verifiers
+    result = cairn.reconstruct(path, photos / "images")
+    evaluation = cairn.evaluate(result.models[0], photos / "truth")
+    assert evaluation.num_registered == 8 and evaluation.auc[10] > 0.9  # tiny photographs
+    assert result.models[0].point_colors().std() > 5

@@ -1,0 +1,94 @@
+import gc
+
+import numpy as np
+import pytest
+
+import cairn
+import scene
+
+
+def test_attributes_are_those_of_pycolmap():
+    truth = scene.Scene(num_images=4, num_points=50)
+    model = truth.truth()
+    assert list(model.images) == [1, 2, 3, 4] and 2 in model.images and 9 not in model.images
+    assert (model.num_images(), model.num_points3D(), len(model.cameras)) == (4, 50, 1)
+    image = model.images[2]
+    assert (image.name, image.camera_id, image.image_id) == ("photo02.jpg", 1, 2)
+    np.testing.assert_allclose(image.projection_center(), truth.centers[2])
+    np.testing.assert_allclose(image.cam_from_world.rotation.matrix(), truth.rotations[2])
+    assert all(p.has_point3D() for p in image.points2D) and len(image.points2D) == 50
+    point = model.points3D[image.points2D[7].point3D_id]
+    element = next(e for e in point.track.elements if e.image_id == 2)
+    assert element.point2D_idx == 7 and point.track.length() == 4
+    pixel = model.cameras[1].img_from_cam([image.cam_from_world * point.xyz])[0]
+    np.testing.assert_allclose(pixel, image.points2D[7].xy)
+    np.testing.assert_allclose(model.point_positions(), truth.points)
+    assert (model.point_colors() == [10, 20, 30]).all()
+    assert dict(model.cameras.items())[1].model == "PINHOLE"
+
+
+def test_values_are_changed_in_place_and_stay_alive():
+    model = scene.Scene(num_images=4, num_points=50).truth()
+    model.points3D[1].xyz = [1, 2, 3]
+    np.testing.assert_array_equal(model.points3D[1].xyz, [1, 2, 3])
+    model.images[1].cam_from_world.translation = [4, 5, 6]
+    np.testing.assert_array_equal(model.images[1].cam_from_world.translation, [4, 5, 6])
+    keypoints = model.images[1].keypoints
+    keypoints[0] = [7, 8]
+    np.testing.assert_array_equal(model.images[1].points2D[0].xy, [7, 8])
+    point, images = model.points3D[2], model.images
+    del model
+    gc.collect()
+    assert keypoints[0, 0] == 7 and point.xyz.shape == (3,) and len(images) == 4
+    assert [image.name for image in images.values()][3] == "photo04.jpg"
+
+
+@pytest.mark.parametrize("write", ["write", "write_text"])
+def test_models_are_read_as_they_were_written(tmp_path, write):
+    model = scene.Scene(num_images=4, num_points=50).truth()
+    getattr(model, write)(tmp_path / "model")
+    read = cairn.Reconstruction(tmp_path / "model")
+    np.testing.assert_array_equal(read.point_positions(), model.point_positions())
+    np.testing.assert_array_equal(read.images[3].keypoints, model.images[3].keypoints)
+    np.testing.assert_array_equal(read.images[3].point3D_ids, model.images[3].point3D_ids)
+    poses = [m.images[3].cam_from_world.matrix() for m in (read, model)]
+    np.testing.assert_allclose(*poses, atol=1e-14)
+    assert read.compute_mean_reprojection_error() < 1e-3
+    getattr(read, write)(tmp_path / "again")
+    for file in (tmp_path / "model").iterdir():
+        assert file.read_bytes() == (tmp_path / "again" / file.name).read_bytes()
+    model.export_PLY(str(tmp_path / "model.ply"))
+    assert (tmp_path / "model.ply").read_bytes().startswith(b"ply")
+
+
+def test_evaluate_measures_known_errors(tmp_path):
+    truth_scene = scene.Scene(num_images=5, num_points=50)
+    truth, model = truth_scene.truth(), truth_scene.truth()
+    half = np.radians(2) / 2
+    pose = model.images[3].cam_from_world
+    turn = cairn.Rotation3d.from_quat([0, 0, np.sin(half), np.cos(half)])
+    model.images[3].cam_from_world = cairn.Rigid3d((turn * pose.rotation), turn.matrix() @ pose.translation)
+    truth.write(tmp_path / "truth")
+    evaluation = cairn.evaluate(model, tmp_path / "truth")
+    # Of ten pairs four have an error of two degrees, the others none.
+    assert np.isclose(evaluation.auc[1], 0.6, atol=1e-6) and np.isclose(evaluation.auc[10], 0.93, atol=1e-6)
+    assert evaluation.relative_rotation_median_deg < 1e-6
+    by_name = {image["name"]: image for image in evaluation.to_dict()["images"]}
+    assert np.isclose(by_name["photo03.jpg"]["orientation_deg"], 2, atol=1e-3)
+    assert "5" in str(evaluation) and evaluation.num_reference == 5
+    with pytest.raises(cairn.ConfigError, match="reference: neither"):
+        cairn.evaluate(model, 7)
+
+
+def test_wrong_values_are_named(tmp_path):
+    model = scene.Scene(num_images=3, num_points=20).truth()
+    with pytest.raises(KeyError):
+        model.images[77]
+    with pytest.raises(cairn.ConfigError, match="camera_id: 1 is there already"):
+        model.add_camera(model.cameras[1])
+    with pytest.raises(cairn.ConfigError, match="camera_id: there is no camera 5"):
+        model.add_image(cairn.Image("a.jpg", camera_id=5, image_id=9))
+    with pytest.raises(cairn.ConfigError, match="track: keypoint 3 of image 2 is absent or shows a point"):
+        model.add_point3D([0, 0, 0], [(2, 3)])
+    with pytest.raises(OSError, match=f"{tmp_path}/none"):
+        cairn.Reconstruction(tmp_path / "none")

@@ -1,0 +1,109 @@
+"""Long calls: the interpreter's lock, Ctrl-C, progress, messages."""
+import logging
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+import cairn
+import scene
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory):
+    path = tmp_path_factory.mktemp("run") / "scene.db"
+    # All matches are wrong: some seconds of five points.
+    scene.Scene(num_images=12, num_points=400).write(path, num_wrong=400)
+    return path
+
+
+def test_other_threads_run_meanwhile(database, tmp_path):
+    path = tmp_path / "scene.db"
+    path.write_bytes(database.read_bytes())
+    count, done = [0], threading.Event()
+
+    def tick():
+        while not done.is_set():
+            count[0] += 1
+            time.sleep(0.001)
+
+    ticker = threading.Thread(target=tick)
+    ticker.start()
+    begin = time.monotonic()
+    cairn.build_view_graph(path, num_threads=1)
+    seconds = time.monotonic() - begin
+    done.set()
+    ticker.join()
+    assert count[0] > 30 * seconds  # without the lock's release, none
+
+
+INTERRUPTED = """
+import sys, cairn
+try:
+    cairn.build_view_graph(sys.argv[1], num_threads=1, progress=lambda *stage: print(*stage, flush=True))
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def test_ctrl_c_stops_and_the_work_continues(database, tmp_path):
+    path = tmp_path / "scene.db"
+    path.write_bytes(database.read_bytes())
+    process = subprocess.Popen([sys.executable, "-c", INTERRUPTED, path], stdout=subprocess.PIPE, text=True)
+    lines = iter(process.stdout.readline, "")
+    assert any("verifying" in line for line in lines)
+    process.send_signal(signal.SIGINT)
+    output = process.communicate(timeout=120)[0]
+    assert process.returncode == 0 and output.endswith("interrupted\n")
+    done = []
+    report = cairn.build_view_graph(path, progress=lambda *stage: done.append(stage))
+    assert sum(report.rejected_by.values()) == 66
+    assert 0 < max(total for name, _, total in done if "verifying" in name) < 66
+
+
+def test_what_a_callback_raises_goes_on(database, tmp_path):
+    path = tmp_path / "scene.db"
+    path.write_bytes(database.read_bytes())
+
+    def fail(stage, num_done, num_total):
+        raise LookupError(f"no more of {stage}")
+
+    with pytest.raises(LookupError, match="no more of"):
+        cairn.build_view_graph(path, progress=fail)
+
+
+def test_messages_go_to_logging(tmp_path, caplog):
+    path = tmp_path / "scene.db"
+    scene.Scene(num_images=3).write(path)
+    with caplog.at_level(logging.INFO, logger="cairn"):
+        cairn.build_view_graph(path, options={"pairs_path": str(_pairs(tmp_path))})
+    assert any("nobody.jpg" in record.getMessage() and record.levelname == "WARNING" for record in caplog.records)
+
+
+def _pairs(folder):
+    file = folder / "pairs.txt"
+    file.write_text("photo01.jpg photo02.jpg\nphoto01.jpg nobody.jpg\n")
+    return file
+
+
+def test_progress_counts_to_the_total(tmp_path):
+    path, told = tmp_path / "scene.db", []
+    scene.Scene(num_images=5).write(path)
+    cairn.build_view_graph(path, progress=lambda *stage: told.append((*stage, threading.get_ident())))
+    verifying = [(num_done, num_total) for name, num_done, num_total, _ in told if name == "verifying pairs"]
+    assert verifying[0] == (0, 10) and verifying[-1] == (10, 10) and verifying == sorted(verifying)
+    assert {thread for *_, thread in told} == {threading.get_ident()}
+
+
+def test_it_lives_beside_opencv_and_numpy():
+    """In a fresh process, whichever is imported first."""
+    pytest.importorskip("cv2")
+    use = ("import numpy as np; np.linalg.svd(np.eye(50)); cv2.GaussianBlur(np.ones((50, 50)), (3, 3), 1); "
+           "print(cairn.Camera.create(1, 'PINHOLE', 500, 640, 480).focal_length)")
+    for imports in ("import cv2, cairn; ", "import cairn, cv2; "):
+        run = subprocess.run([sys.executable, "-c", imports + use], capture_output=True, text=True, env=os.environ)
+        assert run.stdout == "500.0\n", run.stderr
