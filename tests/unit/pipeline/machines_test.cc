@@ -159,16 +159,18 @@ void HelpBadly(Peers& peers, const std::function<std::string(const std::string&)
   }
 }
 
+std::string ErrorMessage(const std::string& text) {
+  ByteSink error;
+  error.Add(MessageKind::kError);
+  error.AddText(text);
+  return error.Take();
+}
+
 TEST_F(MachinesTest, AHelperThatFailsEndsTheRunWithItsName) {
   ThreadJob job(3);
   const auto help = [](Peers& peers) {
     if (peers.rank() == 1) return HelpToBuild(peers);
-    HelpBadly(peers, [](const std::string&) {
-      ByteSink error;
-      error.Add(MessageKind::kError);
-      error.AddText("out of memory");
-      return error.Take();
-    });
+    HelpBadly(peers, [](const std::string&) { return ErrorMessage("out of memory"); });
   };
   const std::string message = ThrownMessage<IoError>([&] {
     job.Run(Options("a.db"), {0, 1}, help);
@@ -198,7 +200,7 @@ TEST_F(MachinesTest, APhotographThatAHelperAloneCannotReadIsAnError) {
     HelpBadly(peers, [](const std::string& bytes) {
       ByteSource source(bytes);
       source.Get<MessageKind>();
-      source.Get<TaskKind>();
+      if (source.Get<TaskKind>() != TaskKind::kExtract) return ErrorMessage("no photograph came");
       source.GetVector<image_t>();
       source.Get<int64_t>();
       source.Get<int64_t>();
@@ -261,6 +263,100 @@ TEST(MachineMessages, AShortMessageIsABug) {
   const std::string bytes = sink.Take();
   ByteSource source(std::string_view(bytes).substr(0, bytes.size() - 1));
   EXPECT_THROW(GetMatchResult(source), BugError);
+}
+
+TEST(MachineMessages, PairsArriveAsTheyWere) {
+  PairTask task;
+  task.pair_id = ImagePairToPairId(3, 7);
+  task.matches = {{1, 2}, {5, 6}};
+  task.are_best_first = task.weigh_focals = true;
+  task.input_hash = 12345;
+  ByteSink sink;
+  Put(sink, task);
+  const std::string bytes = sink.Take();
+  ByteSource source(bytes);
+  const auto [got, has_images] = GetPairTask(source);
+  EXPECT_TRUE(source.IsAtEnd());
+  EXPECT_FALSE(has_images);
+  EXPECT_EQ(got.pair_id, task.pair_id);
+  EXPECT_EQ(got.matches, task.matches);
+  EXPECT_TRUE(got.are_best_first);
+  EXPECT_TRUE(got.weigh_focals);
+  EXPECT_EQ(got.input_hash, 12345u);
+}
+
+TEST(MachineMessages, ImagesArriveAsTheyWere) {
+  PairImage image;
+  image.camera = Camera::FromFocal(4, CameraModel::kOpenCV, 500, 640, 480);
+  image.camera.has_prior_focal_length = true;
+  image.keypoints = std::make_shared<const std::vector<Keypoint>>(
+      std::vector<Keypoint>{{1, 2, 3, 4, 5, 6}, {7, 8}});
+  image.depth = {{1.5f, 0.1f, 0.2f, true}, {}};
+  image.descriptors = PreparedDescriptors(Descriptors::Random(37, 128));
+  ByteSink sink;
+  Put(sink, image);
+  const std::string bytes = sink.Take();
+  ByteSource source(bytes);
+  const PairImage got = GetPairImage(source);
+  EXPECT_TRUE(source.IsAtEnd());
+  EXPECT_EQ(got.camera.camera_id, 4u);
+  EXPECT_EQ(got.camera.model, CameraModel::kOpenCV);
+  EXPECT_EQ(got.camera.width, 640);
+  EXPECT_EQ(got.camera.height, 480);
+  EXPECT_EQ(got.camera.params, image.camera.params);
+  EXPECT_TRUE(got.camera.has_prior_focal_length);
+  EXPECT_EQ(*got.keypoints, *image.keypoints);
+  ASSERT_EQ(got.depth.size(), 2u);
+  EXPECT_EQ(got.depth[0].ddepth_dy, 0.2f);
+  EXPECT_FALSE(got.depth[1].is_valid);
+  ASSERT_EQ(got.descriptors.size(), 37);
+  EXPECT_TRUE(
+      std::equal(got.descriptors.Row(0), got.descriptors.Row(37), image.descriptors.Row(0)));
+  EXPECT_EQ(got.descriptors.squared_norms(), image.descriptors.squared_norms());
+}
+
+// What is written into the database tells all that matters of an outcome.
+TEST(MachineMessages, OutcomesArriveAsTheyWere) {
+  PairOutcome outcome;
+  outcome.pair_id = ImagePairToPairId(1, 2);
+  outcome.input_hash = 99;
+  outcome.num_matches = 40;
+  outcome.winner = 1;
+  outcome.focal_evidence = FocalEvidence{30, 20, 25};
+  PairReport report;
+  report.status = PairStatus::kTooFewInliers;
+  report.num_inliers = 4;
+  outcome.runs.push_back({"first", "step", report, 0.25});
+  report.status = PairStatus::kVerified;
+  report.geometry.config = TwoViewConfig::kCalibrated;
+  report.geometry.cam2_from_cam1 =
+      Rigid3d(Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5), Eigen::Vector3d(0.6, 0, 0.8));
+  report.geometry.E = Eigen::Matrix3d::Random();
+  report.geometry.H = Eigen::Matrix3d::Random();
+  report.geometry.inlier_matches = {{1, 1}, {2, 3}};
+  report.num_inliers = 2;
+  report.num_iterations = 1'000'000'000'000;
+  report.score = 12.5;
+  report.residual_px = 0.3;
+  report.triangulation_angle_deg = 4;
+  outcome.runs.push_back({"second", "other_step", report, 0.5});
+  ByteSink sink;
+  Put(sink, outcome);
+  const std::string bytes = sink.Take();
+  ByteSource source(bytes);
+  const PairOutcome got = GetPairOutcome(source);
+  EXPECT_TRUE(source.IsAtEnd());
+
+  const testing::TempFolder folder;
+  for (const auto& [name, written] : {std::pair("a.db", &outcome), std::pair("b.db", &got)}) {
+    Database database(folder / name);
+    database.WriteImage({1, "a", 1});
+    database.WriteImage({2, "b", 1});
+    WriteOutcome(database, *written);
+  }
+  EXPECT_TRUE(DumpDatabase(folder / "a.db") == DumpDatabase(folder / "b.db"));
+  EXPECT_EQ(got.RejectionReason(), outcome.RejectionReason());
+  EXPECT_EQ(got.runs[1].seconds, 0.5);
 }
 
 PairTask TaskOf(image_t id1, image_t id2) {
