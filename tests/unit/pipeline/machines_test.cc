@@ -348,12 +348,14 @@ TEST(MachineMessages, OutcomesArriveAsTheyWere) {
   EXPECT_TRUE(source.IsAtEnd());
 
   const testing::TempFolder folder;
-  for (const auto& [name, written] : {std::pair("a.db", &outcome), std::pair("b.db", &got)}) {
+  const auto write = [&folder](const std::string& name, const PairOutcome& written) {
     Database database(folder / name);
     database.WriteImage({1, "a", 1});
     database.WriteImage({2, "b", 1});
-    WriteOutcome(database, *written);
-  }
+    WriteOutcome(database, written);
+  };
+  write("a.db", outcome);
+  write("b.db", got);
   EXPECT_TRUE(DumpDatabase(folder / "a.db") == DumpDatabase(folder / "b.db"));
   EXPECT_EQ(got.RejectionReason(), outcome.RejectionReason());
   EXPECT_EQ(got.runs[1].seconds, 0.5);
