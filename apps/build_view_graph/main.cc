@@ -4,7 +4,9 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/mpi/join_job.h"
 #include "cairn/pipeline/build_pipeline.h"
+#include "cairn/pipeline/help.h"
 #include "common/console_monitor.h"
 #include "common/program.h"
 #include "common/run_flags.h"
@@ -14,9 +16,9 @@ namespace {
 using namespace cairn;
 
 int Build(const BuildPipelineOptions& options, const RunFlags& flags,
-          const std::string& effective_toml) {
+          const std::string& effective_toml, Peers* peers) {
   ConsoleMonitor monitor;
-  const BuildPipelineReport report = RunBuildPipeline(options, flags.Run(monitor));
+  const BuildPipelineReport report = RunBuildPipeline(options, flags.Run(monitor), peers);
   const std::string& database_path = options.inputs.database_path;
   WriteFileAtomically(database_path + ".effective.toml", effective_toml);
   WriteFileAtomically(database_path + ".report.json", ToJson(report.run));
@@ -27,6 +29,11 @@ int Build(const BuildPipelineOptions& options, const RunFlags& flags,
 }
 
 int Main(int argc, char** argv) {
+  const std::unique_ptr<Peers> peers = JoinJob();
+  if (peers && peers->rank() > 0) {
+    HelpToBuild(*peers);
+    return kExitSuccess;
+  }
   Program program(
       "build_view_graph",
       "Photographs to features, depth, matches and verified pairs, in one database that "
@@ -43,7 +50,7 @@ int Main(int argc, char** argv) {
     for (const std::string& text : StoredOptions(options.inputs)) {
       command.SetDefaults(text, options.inputs.database_path);
     }
-    return Build(options, flags, command.EffectiveToml());
+    return Build(options, flags, command.EffectiveToml(), peers.get());
   });
   return program.Run(argc, argv);
 }

@@ -19,6 +19,7 @@ foreach(part core imgproc imgcodecs dnn)
 endforeach()
 cairn_library(exiv2lib exiv2)
 cairn_library(Lensfun::Lensfun Lensfun)
+set(cairn_package_of_PkgConfig::MPI mpi-c)  # optional
 
 # Finds the package of a library; does nothing where the library is there or its package is not.
 function(cairn_find library)

@@ -2,10 +2,12 @@
 
 #include <filesystem>
 
+#include "base/memory.h"
 #include "cairn/base/error.h"
 #include "cairn/database/report_bad_rows.h"
 #include "database/stage_names.h"
 #include "intrinsics/wide_focals.h"
+#include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/choose.h"
 #include "pipeline/stages/import_dataset.h"
 #include "pipeline/stages/recompute.h"
@@ -85,10 +87,10 @@ bool KeepGoing(RunReport& report, StageReport stage) {
 bool MatchAndVerify(Database& database, const BuildPipelineOptions& options,
                     const std::vector<image_pair_t>& pairs,
                     const std::optional<std::vector<image_pair_t>>& to_verify,
-                    const RunContext& run, RunReport& report) {
+                    const RunContext& run, Helpers* helpers, RunReport& report) {
   const BuildInputs& in = options.inputs;
-  if (!KeepGoing(report,
-                 MatchImagePairs(database, pairs, options.matching, options.scheduler, run))) {
+  if (!KeepGoing(report, MatchImagePairs(database, pairs, options.matching, options.scheduler, run,
+                                         helpers))) {
     return false;
   }
   if (in.stop_after < BuildStage::kVerification) return true;
@@ -103,20 +105,21 @@ bool MatchAndVerify(Database& database, const BuildPipelineOptions& options,
                    VerifyPairs(database,
                                MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)),
                                              options.verification),
-                               input, options.scheduler, run)
+                               input, options.scheduler, run, helpers)
                        .stage);
 }
 
 // Chooses, matches and verifies pairs, round by round.
 bool RunRounds(Database& database, const BuildPipelineOptions& options,
-               const PairChoosing& choosing, const RunContext& run, RunReport& report) {
+               const PairChoosing& choosing, const RunContext& run, Helpers* helpers,
+               RunReport& report) {
   const BuildInputs& in = options.inputs;
   const StageLedger matching(database, kStageMatching, DumpQualified("matching", options.matching));
   PairChooser chooser(database, matching, choosing, run);
   if (!KeepGoing(report, chooser.ChooseFirst())) return false;
   if (in.stop_after < BuildStage::kMatching) return true;
   do {
-    if (!MatchAndVerify(database, options, chooser.Chosen(), std::nullopt, run, report)) {
+    if (!MatchAndVerify(database, options, chooser.Chosen(), std::nullopt, run, helpers, report)) {
       return false;
     }
     if (in.stop_after < BuildStage::kVerification) return true;
@@ -128,7 +131,7 @@ bool RunRounds(Database& database, const BuildPipelineOptions& options,
 
 // Runs the stages one after the other; false: the user stopped one.
 bool RunStages(Database& database, const BuildPipelineOptions& options, const Sources& sources,
-               const RunContext& run, RunReport& report) {
+               const RunContext& run, Helpers* helpers, RunReport& report) {
   const BuildInputs& in = options.inputs;
   const BuildStage last = in.stop_after;
   const auto keep_going = [&report](StageReport stage) {
@@ -143,7 +146,8 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   const PairChoosing choosing = {in.pairs, options.pair_selection, sources.image_path, in.gps_path};
   const auto listed = ListedPairs(database, in, sources, run.monitor);
   if (!listed && last >= BuildStage::kPairs) CheckPairWays(database, choosing, run);
-  if (!keep_going(ExtractImageFeatures(database, sources.image_path, options.features, run))) {
+  if (!keep_going(
+          ExtractImageFeatures(database, sources.image_path, options.features, run, helpers))) {
     return false;
   }
   if (last >= BuildStage::kDepth &&
@@ -153,8 +157,21 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   }
   if (last < BuildStage::kPairs) return true;
   if (listed && last < BuildStage::kMatching) return true;
-  return listed ? MatchAndVerify(database, options, *listed, listed, run, report)
-                : RunRounds(database, options, choosing, run, report);
+  return listed ? MatchAndVerify(database, options, *listed, listed, run, helpers, report)
+                : RunRounds(database, options, choosing, run, helpers, report);
+}
+
+std::optional<Helpers> FindHelpers(const BuildPipelineOptions& options, const RunContext& run,
+                                   Peers* peers) {
+  if (peers == nullptr || peers->size() == 1) return std::nullopt;
+  HelperSetup setup = {run.seed,
+                       run.num_threads,
+                       std::string(NameOf(kVerifierChoices, options.inputs.verifier)),
+                       options.features,
+                       options.matching,
+                       options.verification};
+  // As much as a tile has (MatchAll), so that an image travels once a tile.
+  return Helpers(*peers, setup, GibToBytes(options.scheduler.max_memory_gib) / 2, run);
 }
 
 std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) {
@@ -193,7 +210,8 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
   return options;
 }
 
-BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const RunContext& run) {
+BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const RunContext& run,
+                                     Peers* peers) {
   const BuildInputs& inputs = options.inputs;
   ValidateOptions(inputs, "");
   BuildPipelineOptions(options).VisitModules(
@@ -212,7 +230,9 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   PrepareRecompute(database, std::string(NameOf(kBuildStages, inputs.recompute)),
                    sources.image_path);
   CheckStageOptions(database, options, run.seed);
-  report.was_stopped = !RunStages(database, options, sources, run, report.run);
+  std::optional<Helpers> helpers = FindHelpers(options, run, peers);
+  report.was_stopped =
+      !RunStages(database, options, sources, run, helpers ? &*helpers : nullptr, report.run);
   report.summary = SummarizeDatabase(database);
   report.run.values = SummaryValues(report.summary);
   report.run.failure = report.was_stopped ? report.run.stages.back().name + ": " +

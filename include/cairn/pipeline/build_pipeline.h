@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/base/peers.h"
 #include "cairn/depth/options.h"
 #include "cairn/features/features.h"
 #include "cairn/matching/matching.h"
@@ -135,8 +136,10 @@ struct BuildPipelineReport {
 // all in the database, which may have some of it already. Throws ConfigError for options that are
 // out of range or contradict each other or the database, IoError when the run cannot go on. Where
 // there is no usable result (nothing verified, or no features with stop_after features),
-// report.run.failure says so.
+// report.run.failure says so. With peers, this is rank 0 of a job whose other ranks run HelpToBuild
+// (help.h): they compute features, matches and verified pairs, too, and the database has the same
+// bytes.
 BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
-                                     const RunContext& run = {});
+                                     const RunContext& run = {}, Peers* peers = nullptr);
 
 }  // namespace cairn

@@ -17,13 +17,15 @@
 
 namespace cairn {
 
+class Helpers;  // the other processes of a job, of RunBuildPipeline
+
 // The stages of build_view_graph up to matching. Each reads what it needs from the database, writes
 // what is missing, and can be run again: rows that are there are reused, and a stage that was made
 // with other options or from other inputs is an error (ConfigError) that names what differs. Rows
 // of other programs (COLMAP) are taken as they are. An item that fails (a damaged photograph, a
 // missing depth map) is recorded, reported by one Warning, and skipped. All return early, keeping
 // what is done, when the monitor wants to stop; then report.WasStopped(). The rows that a stage
-// writes do not depend on run.num_threads, nor on whether it was interrupted.
+// writes do not depend on run.num_threads, nor on helpers, nor on whether it was interrupted.
 
 struct CameraOptions {
   CameraModel camera_model = CameraModel::kSimpleRadial;
@@ -63,7 +65,8 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
 // Features of every image without keypoints. An image that cannot be decoded leaves the database.
 // image_path "": nothing can be computed, images without keypoints are counted.
 StageReport ExtractImageFeatures(Database& database, const std::string& image_path,
-                                 const FeatureOptions& options = {}, const RunContext& run = {});
+                                 const FeatureOptions& options = {}, const RunContext& run = {},
+                                 Helpers* helpers = nullptr);
 
 // Where depth comes from; at most one of the two.
 struct DepthSource {
@@ -99,6 +102,7 @@ std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vecto
 StageReport MatchImagePairs(Database& database,
                             const std::optional<std::vector<image_pair_t>>& pairs,
                             const MatchingOptions& options = {},
-                            const SchedulerOptions& scheduler = {}, const RunContext& run = {});
+                            const SchedulerOptions& scheduler = {}, const RunContext& run = {},
+                            Helpers* helpers = nullptr);
 
 }  // namespace cairn

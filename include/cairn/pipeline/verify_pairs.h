@@ -68,7 +68,8 @@ struct VerificationReport {
 // a row that cannot be read are left out, with one Warning a row.
 VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
                                const VerificationInput& input,
-                               const SchedulerOptions& scheduler = {}, const RunContext& run = {});
+                               const SchedulerOptions& scheduler = {}, const RunContext& run = {},
+                               Helpers* helpers = nullptr);
 
 // The verifiers of --verifier, in the order of precedence. Throws ConfigError.
 std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options);

@@ -11,6 +11,12 @@ int64_t TaskBytes(const PairTask& task) {
   return 128 + static_cast<int64_t>(task.matches.size() * sizeof(FeatureMatch));
 }
 
+int64_t CountPairs(const std::vector<PairTile>& plan) {
+  int64_t num = 0;
+  for (const PairTile& tile : plan) num += std::ssize(tile.pairs);
+  return num;
+}
+
 // At most so many tasks wait: enough to keep all threads busy, few enough to stop quickly.
 constexpr size_t kMaxQueueSize = 1024;
 
@@ -22,6 +28,7 @@ PairFeed::PairFeed(std::vector<PairTile> plan, LoadImage load_image, LoadPair lo
       load_image_(std::move(load_image)),
       load_pair_(std::move(load_pair)),
       max_queue_bytes_(max_queue_bytes),
+      num_left_(CountPairs(plan_)),
       thread_([this] { Read(); }) {}
 
 PairFeed::~PairFeed() {
@@ -43,7 +50,11 @@ void PairFeed::Read() {
       for (const image_pair_t pair_id : tile.pairs) {
         PairTask task;
         task.pair_id = pair_id;
-        if (load_pair_(task, image) && !Push(std::move(task))) return;
+        if (!load_pair_(task, image)) {
+          --num_left_;
+        } else if (!Push(std::move(task))) {
+          return;
+        }
         if (is_stopped_) return;
       }
     }
@@ -82,6 +93,7 @@ std::optional<PairTask> PairFeed::Next() {
   PairTask task = std::move(queue_.front());
   queue_.pop_front();
   queue_bytes_ -= TaskBytes(task);
+  --num_left_;
   lock.unlock();
   task_taken_.notify_one();
   return task;

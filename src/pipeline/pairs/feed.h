@@ -39,6 +39,7 @@ struct PairTask {
   std::shared_ptr<const PairImage> image2;
   FeatureMatches matches;
   bool are_best_first = false;  // PairInput::are_best_first
+  bool weigh_focals = false;    // likewise
   uint64_t input_hash = 0;
 };
 
@@ -61,6 +62,8 @@ class PairFeed {
 
   // The next task; nullopt when there are no more. Throws what reading threw. Any thread may call.
   std::optional<PairTask> Next();
+  // Tasks that are still to come, at most.
+  int64_t NumLeft() const { return num_left_; }
   // No more tasks come after this.
   void Stop();
 
@@ -77,6 +80,7 @@ class PairFeed {
   std::condition_variable task_taken_;
   std::deque<PairTask> queue_;
   int64_t queue_bytes_ = 0;
+  std::atomic<int64_t> num_left_ = 0;
   bool is_over_ = false;
   std::atomic<bool> is_stopped_ = false;
   std::exception_ptr error_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <set>
+#include <tuple>
 #include <utility>
 
 namespace cairn {
@@ -31,6 +32,27 @@ std::map<image_t, int> GroupImages(const std::set<image_t>& images,
   return groups;
 }
 
+PairTile MakeTile(std::vector<image_pair_t> pairs) {
+  std::set<image_t> images;
+  for (const image_pair_t pair : pairs) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    images.insert({id1, id2});
+  }
+  std::map<image_t, size_t> blocks;
+  for (const image_t id : images) {
+    const size_t position = blocks.size();
+    blocks[id] = position / kBlockImages;
+  }
+  std::vector<std::tuple<size_t, size_t, image_pair_t>> ordered;
+  for (const image_pair_t pair : pairs) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    ordered.emplace_back(blocks.at(id1), blocks.at(id2), pair);
+  }
+  std::sort(ordered.begin(), ordered.end());
+  for (size_t i = 0; i < pairs.size(); ++i) pairs[i] = std::get<2>(ordered[i]);
+  return {{images.begin(), images.end()}, std::move(pairs)};
+}
+
 }  // namespace
 
 std::vector<PairTile> PlanPairTiles(const std::vector<image_pair_t>& pairs,
@@ -52,13 +74,7 @@ std::vector<PairTile> PlanPairTiles(const std::vector<image_pair_t>& pairs,
   }
   std::vector<PairTile> plan;
   for (auto& [key, tile_pairs] : tiles) {
-    std::sort(tile_pairs.begin(), tile_pairs.end());
-    std::set<image_t> tile_images;
-    for (const image_pair_t pair : tile_pairs) {
-      const auto [id1, id2] = PairIdToImagePair(pair);
-      tile_images.insert({id1, id2});
-    }
-    plan.push_back({{tile_images.begin(), tile_images.end()}, std::move(tile_pairs)});
+    plan.push_back(MakeTile(std::move(tile_pairs)));
   }
   return plan;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <vector>
@@ -8,10 +9,14 @@
 
 namespace cairn {
 
+// Of 1024 pairs that follow each other, most are of 64 images: so many, or a little more, go to one
+// machine together, and few images with them (machines/helpers.h).
+inline constexpr size_t kBlockImages = 32;
+
 // Pairs that are done while the features of `images` are in memory.
 struct PairTile {
   std::vector<image_t> images;      // sorted
-  std::vector<image_pair_t> pairs;  // sorted
+  std::vector<image_pair_t> pairs;  // in blocks of kBlockImages by kBlockImages images
 };
 
 // Orders pairs so that every image is loaded few times with at most max_bytes of image data in

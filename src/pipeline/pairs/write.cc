@@ -33,7 +33,7 @@ void WriteOutcome(Database& database, const PairOutcome& outcome) {
     metrics.verifier = run.verifier;
     metrics.status = PairStatusName(report.status);
     metrics.is_winner = static_cast<int>(i) == outcome.winner;
-    metrics.step = report.verifier;
+    metrics.step = run.step;
     metrics.num_matches = outcome.num_matches;
     metrics.num_inliers = report.num_inliers;
     metrics.num_iterations = report.num_iterations;

@@ -17,6 +17,7 @@ struct PairOutcome {
   int num_matches = 0;
   struct Run {
     std::string verifier;
+    std::string step;  // of the verifier, that found the report's model
     PairReport report;
     double seconds = 0;
   };

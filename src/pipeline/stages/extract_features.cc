@@ -11,6 +11,8 @@
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
 #include "database/stage_names.h"
+#include "pipeline/machines/helpers.h"
+#include "pipeline/stages/extract_photo.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -53,18 +55,6 @@ std::vector<FeatureItem> FindItems(const Database& database) {
   return items;
 }
 
-Features Extract(const std::string& path, const ImageSize& camera_size,
-                 const FeatureOptions& options) {
-  const Bitmap bitmap = ReadBitmap(path, BitmapColor::kGray);
-  if (ImageSize{bitmap.width, bitmap.height} != camera_size) {
-    throw IoError(path, "is " + std::to_string(bitmap.width) + " x " +
-                            std::to_string(bitmap.height) + " pixels, its camera " +
-                            std::to_string(camera_size.width) + " x " +
-                            std::to_string(camera_size.height));
-  }
-  return ExtractFeatures(bitmap, options);
-}
-
 void WriteFeatures(Database& database, const FeatureItem& item, const Features& features) {
   database.WriteKeypoints(item.image.image_id, features.keypoints);
   database.WriteDescriptors(item.image.image_id, features.descriptors);
@@ -77,37 +67,126 @@ void WriteFailure(Database& database, const FeatureItem& item) {
   if (item.is_ours) database.DeleteImage(item.image.image_id);
 }
 
+// Extracts the features of all items, in the threads of this process and with helpers.
+class FeatureWork {
+ public:
+  FeatureWork(const std::string& database_path, const std::string& image_path,
+              const FeatureOptions& options, const RunContext& run, std::vector<FeatureItem>& items)
+      : image_path_(image_path),
+        options_(options),
+        run_(run),
+        items_(items),
+        // An image's features are megabytes.
+        writer_(database_path, DatabaseWriter::Options{.max_queue_size = 8}) {}
+
+  // Returns the number of features.
+  int64_t Run(Helpers* helpers) {
+    HelperLoop loop(helpers, Work(), run_);
+    ParallelFor(run_.num_threads, std::ssize(items_), [this](int64_t) {
+      if (run_.monitor.StopRequested()) return;
+      FeatureItem* const item = Next();
+      if (item != nullptr) Compute(*item);
+    });
+    loop.Finish();
+    writer_.Finish();
+    return num_features_;
+  }
+
+ private:
+  HelperWork Work() {
+    HelperWork work;
+    work.kind = TaskKind::kExtract;
+    work.num_left = [this] { return std::ssize(items_) - next_; };
+    work.add_next = [this](TaskBatch& batch) {
+      FeatureItem* const item = Next();
+      if (item == nullptr) return false;
+      batch.Add(PhotoTask{static_cast<uint64_t>(item - items_.data()),
+                          PathInFolder(image_path_, item->image.name), item->camera_size,
+                          item->file_hash});
+      return true;
+    };
+    work.accept = [this](ByteSource& result, const std::string& helper) {
+      Accept(GetPhotoResult(result), helper);
+    };
+    work.stop = [this] { next_ = std::ssize(items_); };
+    return work;
+  }
+
+  // nullptr: there are no more.
+  FeatureItem* Next() {
+    const int64_t i = next_++;
+    return i < std::ssize(items_) ? &items_[i] : nullptr;
+  }
+
+  void Compute(FeatureItem& item) {
+    try {
+      Keep(item,
+           ExtractPhoto(PathInFolder(image_path_, item.image.name), item.camera_size, options_));
+    } catch (const IoError& error) {
+      item.error = error.reason();
+      writer_.Push([&item](Database& db) { WriteFailure(db, item); });
+      run_.monitor.Advance(1);
+    }
+  }
+
+  void Keep(FeatureItem& item, Features features) {
+    num_features_ += std::ssize(features.keypoints);
+    writer_.Push([&item, features = std::make_shared<Features>(std::move(features))](Database& db) {
+      WriteFeatures(db, item, *features);
+    });
+    run_.monitor.Advance(1);
+  }
+
+  // A photograph that a helper cannot read may be damaged; but then this process cannot either.
+  void Accept(PhotoResult result, const std::string& helper) {
+    FeatureItem& item = items_[result.item];
+    if (result.error.empty()) {
+      Keep(item, std::move(result.features));
+      return;
+    }
+    Compute(item);
+    if (item.error.empty()) {
+      throw IoError(helper, "cannot use " + PathInFolder(image_path_, item.image.name) +
+                                ", which rank 0 can (" + result.error +
+                                "); all machines need the same photographs at the same path");
+    }
+  }
+
+  const std::string& image_path_;
+  const FeatureOptions& options_;
+  const RunContext& run_;
+  std::vector<FeatureItem>& items_;
+  DatabaseWriter writer_;
+  std::atomic<int64_t> next_ = 0;
+  std::atomic<int64_t> num_features_ = 0;
+};
+
 }  // namespace
 
+Features ExtractPhoto(const std::string& path, const ImageSize& camera_size,
+                      const FeatureOptions& options) {
+  const Bitmap bitmap = ReadBitmap(path, BitmapColor::kGray);
+  if (ImageSize{bitmap.width, bitmap.height} != camera_size) {
+    throw IoError(path, "is " + std::to_string(bitmap.width) + " x " +
+                            std::to_string(bitmap.height) + " pixels, its camera " +
+                            std::to_string(camera_size.width) + " x " +
+                            std::to_string(camera_size.height));
+  }
+  return ExtractFeatures(bitmap, options);
+}
+
 StageReport ExtractImageFeatures(Database& database, const std::string& image_path,
-                                 const FeatureOptions& options, const RunContext& run) {
+                                 const FeatureOptions& options, const RunContext& run,
+                                 Helpers* helpers) {
   Stage stage(run.monitor, kStageFeatures);
   StageLedger ledger(database, kStageFeatures, DumpQualified("features", options));
   std::vector<FeatureItem> items;
   if (!image_path.empty()) items = FindItems(database);
-  std::atomic<int64_t> num_features = 0;
+  int64_t num_features = 0;
   if (!items.empty()) {
     ledger.Begin(database);
-    DatabaseWriter::Options writer_options;
-    writer_options.max_queue_size = 8;  // An image's features are megabytes.
-    DatabaseWriter writer(database.path(), writer_options);
-    run.monitor.BeginStage("extracting features", static_cast<int64_t>(items.size()));
-    ParallelFor(run.num_threads, static_cast<int64_t>(items.size()), [&](int64_t i) {
-      if (run.monitor.StopRequested()) return;
-      FeatureItem& item = items[i];
-      try {
-        Features features =
-            Extract(PathInFolder(image_path, item.image.name), item.camera_size, options);
-        num_features += static_cast<int64_t>(features.keypoints.size());
-        writer.Push([&item, features = std::make_shared<Features>(std::move(features))](
-                        Database& db) { WriteFeatures(db, item, *features); });
-      } catch (const IoError& error) {
-        item.error = error.reason();
-        writer.Push([&item](Database& db) { WriteFailure(db, item); });
-      }
-      run.monitor.Advance(1);
-    });
-    writer.Finish();
+    run.monitor.BeginStage("extracting features", std::ssize(items));
+    num_features = FeatureWork(database.path(), image_path, options, run, items).Run(helpers);
     run.monitor.EndStage();
   }
   for (const FeatureItem& item : items) {

@@ -10,6 +10,7 @@
 #include "database/database_writer.h"
 #include "database/own_matches.h"
 #include "database/stage_names.h"
+#include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/exhaustive.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/stages/content_hash.h"
@@ -104,7 +105,7 @@ void BeginStage(Database& database, const MatchingWork& work, StageLedger& ledge
 // Matches all pairs of the work; returns the number of matches found.
 int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
                  const MatchingOptions& options, const SchedulerOptions& scheduler,
-                 const RunContext& run) {
+                 const RunContext& run, Helpers* helpers) {
   std::map<image_t, int64_t> image_bytes;
   for (const auto& [id, num] : work.num_descriptors) image_bytes[id] = num * kBytesPerDescriptor;
   // Half for the present tile; tasks that still hold images of the last one have the rest.
@@ -127,18 +128,25 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
       max_bytes / 8);
   std::atomic<int64_t> num_matches = 0;
   run.monitor.BeginStage("matching", static_cast<int64_t>(work.pairs.size()));
+  const auto keep = [&](MatchResult result) {
+    num_matches += std::ssize(result.matches);
+    writer.Push([result = std::move(result)](Database& db) {
+      db.WriteMatches(result.pair_id, result.matches);
+    });
+    run.monitor.Advance(1);
+  };
+  HelperLoop loop(
+      helpers,
+      PairWork(TaskKind::kMatch, feed, [&](ByteSource& result) { keep(GetMatchResult(result)); }),
+      run);
   ParallelFor(run.num_threads, static_cast<int64_t>(work.pairs.size()), [&](int64_t) {
     if (run.monitor.StopRequested()) feed.Stop();
     const std::optional<PairTask> task = feed.Next();
     if (!task) return;
-    FeatureMatches matches =
-        MatchDescriptors(task->image1->descriptors, task->image2->descriptors, options);
-    num_matches += static_cast<int64_t>(matches.size());
-    writer.Push([pair_id = task->pair_id, matches = std::move(matches)](Database& db) {
-      db.WriteMatches(pair_id, matches);
-    });
-    run.monitor.Advance(1);
+    keep({task->pair_id,
+          MatchDescriptors(task->image1->descriptors, task->image2->descriptors, options)});
   });
+  loop.Finish();
   writer.Finish();
   run.monitor.EndStage();
   return num_matches;
@@ -149,14 +157,14 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
 StageReport MatchImagePairs(Database& database,
                             const std::optional<std::vector<image_pair_t>>& pairs,
                             const MatchingOptions& options, const SchedulerOptions& scheduler,
-                            const RunContext& run) {
+                            const RunContext& run, Helpers* helpers) {
   Stage stage(run.monitor, kStageMatching);
   StageLedger ledger(database, kStageMatching, DumpQualified("matching", options));
   const MatchingWork work = FindWork(database, pairs, ledger, stage);
   int64_t num_matches = 0;
   if (!work.pairs.empty()) {
     BeginStage(database, work, ledger);
-    num_matches = MatchAll(database.path(), work, options, scheduler, run);
+    num_matches = MatchAll(database.path(), work, options, scheduler, run, helpers);
   }
   if (work.num_left_out > 0) {
     stage.Warn("images without features (in no pair): " + std::to_string(work.num_left_out));

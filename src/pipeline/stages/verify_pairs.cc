@@ -14,9 +14,11 @@
 #include "database/stage_names.h"
 #include "intrinsics/focal_learning.h"
 #include "intrinsics/lens_learning.h"
+#include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/pairs/load.h"
 #include "pipeline/pairs/rounds.h"
+#include "pipeline/pairs/verify.h"
 #include "pipeline/pairs/write.h"
 #include "pipeline/stages/stage_ledger.h"
 
@@ -47,57 +49,6 @@ std::vector<image_pair_t> FindPairs(const Database& database,
   }
   return pairs;
 }
-
-// One thread's verifiers.
-class Worker {
- public:
-  Worker(const std::vector<NamedVerifier>& verifiers, uint64_t seed,
-         const std::vector<image_pair_t>& to_weigh)
-      : seed_(seed), to_weigh_(to_weigh) {
-    for (const NamedVerifier& verifier : verifiers) {
-      names_.push_back(verifier.name);
-      verifiers_.push_back(verifier.make());
-    }
-  }
-
-  PairOutcome Run(const PairTask& task) {
-    PairOutcome outcome;
-    outcome.pair_id = task.pair_id;
-    outcome.input_hash = task.input_hash;
-    outcome.num_matches = static_cast<int>(task.matches.size());
-    if (!task.image1) return outcome;  // Too few matches.
-    PairInput pair;
-    pair.pair_id = task.pair_id;
-    pair.seed = seed_;
-    pair.camera1 = &task.image1->camera;
-    pair.camera2 = &task.image2->camera;
-    pair.keypoints1 = *task.image1->keypoints;
-    pair.keypoints2 = *task.image2->keypoints;
-    pair.depth1 = task.image1->depth;
-    pair.depth2 = task.image2->depth;
-    pair.matches = task.matches;
-    pair.are_best_first = task.are_best_first;
-    pair.weigh_focals = std::binary_search(to_weigh_.begin(), to_weigh_.end(), task.pair_id);
-    for (size_t i = 0; i < verifiers_.size(); ++i) {
-      const Timer timer;
-      PairReport report = verifiers_[i]->Verify(pair);
-      if (!outcome.focal_evidence) outcome.focal_evidence = report.focal_evidence;
-      const double seconds = timer.Seconds();
-      verifying_seconds += seconds;
-      outcome.runs.push_back({names_[i], std::move(report), seconds});
-    }
-    outcome.winner = ChooseWinner(outcome.runs);
-    return outcome;
-  }
-
-  double verifying_seconds = 0;
-
- private:
-  const uint64_t seed_;
-  const std::vector<image_pair_t>& to_weigh_;
-  std::vector<std::string> names_;
-  std::vector<std::unique_ptr<PairVerifier>> verifiers_;
-};
 
 // Counts each pair once, by what was found last.
 class OutcomeCounter {
@@ -148,6 +99,7 @@ struct Verification {
   const VerificationInput& input;
   const SchedulerOptions& scheduler;
   const RunContext& run;
+  Helpers* helpers;
 };
 
 // The rounds of a run: what they share, and what they leave behind.
@@ -158,6 +110,7 @@ class Rounds {
       : database_(verification.database),
         verifiers_(verification.verifiers),
         run_(verification.run),
+        helpers_(verification.helpers),
         ledger_(ledger),
         stage_(stage),
         report_(report),
@@ -204,32 +157,38 @@ class Rounds {
     PairFeed feed(
         PlanPairTiles(pairs, image_bytes_, max_bytes_),
         [this](image_t id) { return loader_.LoadImage(id); },
-        [this](PairTask& task, const auto& image) { return loader_.LoadPair(task, image); },
+        [this](PairTask& task, const auto& image) {
+          task.weigh_focals = std::binary_search(to_weigh_.begin(), to_weigh_.end(), task.pair_id);
+          return loader_.LoadPair(task, image);
+        },
         max_bytes_ / 8);
     const int num_workers = EffectiveNumThreads(run_.num_threads);
-    std::vector<std::unique_ptr<Worker>> workers(num_workers);
+    std::vector<TaskVerifier> workers;
+    for (int i = 0; i < num_workers; ++i) workers.emplace_back(verifiers_, run_.seed);
     std::mutex counts_mutex;
-    ParallelForWorker(num_workers, std::ssize(pairs), [&](int worker, int64_t) {
-      if (run_.monitor.StopRequested()) feed.Stop();
-      const std::optional<PairTask> task = feed.Next();
-      if (!task) return;
-      if (!workers[worker]) {
-        workers[worker] = std::make_unique<Worker>(verifiers_, run_.seed, to_weigh_);
-      }
-      auto outcome = std::make_shared<PairOutcome>(workers[worker]->Run(*task));
+    const auto keep = [&](PairOutcome found) {
+      const auto outcome = std::make_shared<PairOutcome>(std::move(found));
       bool is_new = true;
       {
         const std::lock_guard<std::mutex> lock(counts_mutex);
         is_new = counter_.Add(*outcome, may_come_again);
+        for (const PairOutcome::Run& run : outcome->runs) report_.verifying_seconds += run.seconds;
       }
       writer.Push([outcome](Database& db) { WriteOutcome(db, *outcome); });
       if (is_new) run_.monitor.Advance(1);
+    };
+    HelperLoop loop(helpers_,
+                    PairWork(TaskKind::kVerify, feed,
+                             [&](ByteSource& result) { keep(GetPairOutcome(result)); }),
+                    run_);
+    ParallelForWorker(num_workers, std::ssize(pairs), [&](int worker, int64_t) {
+      if (run_.monitor.StopRequested()) feed.Stop();
+      const std::optional<PairTask> task = feed.Next();
+      if (task) keep(workers[worker].Run(*task));
     });
+    loop.Finish();
     writer.Finish();
     report_.writing_seconds += writer.busy_seconds();
-    for (const auto& worker : workers) {
-      if (worker) report_.verifying_seconds += worker->verifying_seconds;
-    }
   }
 
   // The pairs of the first round that are undone.
@@ -267,6 +226,7 @@ class Rounds {
   Database& database_;
   const std::vector<NamedVerifier>& verifiers_;
   const RunContext& run_;
+  Helpers* const helpers_;
   StageLedger& ledger_;
   Stage& stage_;
   VerificationReport& report_;
@@ -300,7 +260,7 @@ void AddValues(const VerificationReport& report, Stage& stage) {
 
 VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
                                const VerificationInput& input, const SchedulerOptions& scheduler,
-                               const RunContext& run) {
+                               const RunContext& run, Helpers* helpers) {
   CAIRN_CHECK(!verifiers.empty());
   Stage stage(run.monitor, kStageVerification);
   VerificationReport report;
@@ -317,7 +277,7 @@ VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifi
     run.monitor.BeginStage("verifying pairs", num_new);
     // What is complete stays as it is.
     const bool may_learn = num_new > 0 || (record && !record->is_complete);
-    Rounds({database, verifiers, input, scheduler, run}, ledger, stage, report)
+    Rounds({database, verifiers, input, scheduler, run, helpers}, ledger, stage, report)
         .Run(pairs, num_matches, may_learn);
     run.monitor.EndStage();
   }

@@ -1,0 +1,221 @@
+#include "cairn/pipeline/help.h"
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "base/hash.h"
+#include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
+#include "pipeline/machines/messages.h"
+#include "pipeline/pairs/verify.h"
+#include "pipeline/stages/extract_photo.h"
+
+namespace cairn {
+namespace {
+
+// Threads that compute tasks, each with the verifiers that it needs.
+class TaskThreads {
+ public:
+  // A task gives its result as bytes.
+  using Task = std::function<std::string(TaskVerifier& verifier)>;
+
+  explicit TaskThreads(const HelperSetup& setup)
+      : verifiers_(MakeVerifiers(setup.verifier, setup.verification)), seed_(setup.seed) {
+    const int num_threads = EffectiveNumThreads(setup.num_threads);
+    for (int i = 0; i < num_threads; ++i) threads_.emplace_back([this] { Run(); });
+  }
+
+  // What is waiting is dropped.
+  ~TaskThreads() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      is_over_ = true;
+    }
+    task_arrived_.notify_all();
+    for (std::thread& thread : threads_) thread.join();
+  }
+
+  void Push(Task task) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      tasks_.push_back(std::move(task));
+    }
+    task_arrived_.notify_one();
+  }
+
+  // The results since the last call. Throws what a task threw.
+  std::vector<std::string> TakeResults() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
+    return std::exchange(results_, {});
+  }
+
+ private:
+  void Run() {
+    TaskVerifier verifier(verifiers_, seed_);
+    std::unique_lock<std::mutex> lock(mutex_);
+    while (true) {
+      task_arrived_.wait(lock, [this] { return is_over_ || !tasks_.empty(); });
+      if (is_over_) return;
+      const Task task = std::move(tasks_.front());
+      tasks_.pop_front();
+      lock.unlock();
+      std::string result;
+      std::exception_ptr error;
+      try {
+        result = task(verifier);
+      } catch (...) {
+        error = std::current_exception();
+      }
+      lock.lock();
+      if (error) error_ = error;
+      results_.push_back(std::move(result));
+    }
+  }
+
+  const std::vector<NamedVerifier> verifiers_;
+  const uint64_t seed_;
+  std::mutex mutex_;
+  std::condition_variable task_arrived_;
+  std::deque<Task> tasks_;
+  std::vector<std::string> results_;
+  std::exception_ptr error_;
+  bool is_over_ = false;
+  std::vector<std::thread> threads_;
+};
+
+template <class Result>
+std::string ToBytes(const Result& result) {
+  ByteSink sink;
+  Put(sink, result);
+  return sink.Take();
+}
+
+std::string Extract(const PhotoTask& task, const FeatureOptions& options) {
+  PhotoResult result{task.item, "", {}};
+  try {
+    if (HashFile(task.path) != task.file_hash) {
+      throw IoError(task.path, "is not the file that rank 0 has");
+    }
+    result.features = ExtractPhoto(task.path, task.camera_size, options);
+  } catch (const IoError& error) {
+    result.error = error.reason();
+  }
+  return ToBytes(result);
+}
+
+// What one helper has: the setup, and images for pairs to come.
+class Helper {
+ public:
+  explicit Helper(Peers& peers) : peers_(peers) {}
+
+  // Until rank 0 leaves.
+  void Run() {
+    Send(MessageKind::kHello, ToBytes(HelperHello::OfThisProcess()));
+    while (true) {
+      bool is_idle = true;
+      while (const auto message = peers_.Receive()) {
+        if (message->bytes.empty()) return;
+        is_idle = false;
+        Try([&] { Handle(message->bytes); });
+      }
+      Try([&] { is_idle &= !SendResults(); });
+      if (is_idle) peers_.Pause();
+    }
+  }
+
+ private:
+  // Rank 0 ends the job when it hears of an error.
+  template <class Action>
+  void Try(const Action& action) {
+    try {
+      action();
+    } catch (const std::bad_alloc&) {
+      SendError("out of memory");
+    } catch (const std::exception& error) {
+      SendError(error.what());
+    }
+  }
+
+  void Send(MessageKind kind, const std::string& content) {
+    ByteSink message;
+    message.Add(kind);
+    message.Append(content);
+    peers_.Send(0, message.Take());
+  }
+
+  void SendError(std::string_view reason) {
+    ByteSink text;
+    text.AddText(reason);
+    Send(MessageKind::kError, text.Take());
+  }
+
+  bool SendResults() {
+    if (!threads_) return false;
+    const std::vector<std::string> results = threads_->TakeResults();
+    if (results.empty()) return false;
+    ByteSink sink;
+    for (const std::string& result : results) sink.AddText(result);
+    Send(MessageKind::kResults, sink.Take());
+    return true;
+  }
+
+  void Handle(const std::string& bytes) {
+    ByteSource source(bytes);
+    if (source.Get<MessageKind>() == MessageKind::kSetup) {
+      setup_ = GetSetup(source);
+      threads_ = std::make_unique<TaskThreads>(setup_);
+      return;
+    }
+    const auto kind = source.Get<TaskKind>();
+    for (const image_t id : source.GetVector<image_t>()) images_.erase(id);
+    for (auto num = source.Get<int64_t>(); num > 0; --num) {
+      const auto id = source.Get<image_t>();
+      images_[id] = std::make_shared<const PairImage>(GetPairImage(source));
+    }
+    for (auto num = source.Get<int64_t>(); num > 0; --num) threads_->Push(MakeTask(kind, source));
+  }
+
+  TaskThreads::Task MakeTask(TaskKind kind, ByteSource& source) const {
+    if (kind == TaskKind::kExtract) {
+      return [task = GetPhotoTask(source), &options = setup_.features](TaskVerifier&) {
+        return Extract(task, options);
+      };
+    }
+    const PairTask task = GetTask(source);
+    if (kind == TaskKind::kVerify) {
+      return [task](TaskVerifier& verifier) { return ToBytes(verifier.Run(task)); };
+    }
+    return [task, &options = setup_.matching](TaskVerifier&) {
+      return ToBytes(MatchResult{
+          task.pair_id,
+          MatchDescriptors(task.image1->descriptors, task.image2->descriptors, options)});
+    };
+  }
+
+  PairTask GetTask(ByteSource& source) const {
+    SentPairTask sent = GetPairTask(source);
+    if (sent.has_images) {
+      const auto [id1, id2] = PairIdToImagePair(sent.task.pair_id);
+      sent.task.image1 = images_.at(id1);
+      sent.task.image2 = images_.at(id2);
+    }
+    return std::move(sent.task);
+  }
+
+  Peers& peers_;
+  HelperSetup setup_;
+  std::map<image_t, std::shared_ptr<const PairImage>> images_;
+  std::unique_ptr<TaskThreads> threads_;  // last: its tasks use the rest
+};
+
+}  // namespace
+
+void HelpToBuild(Peers& peers) { Helper(peers).Run(); }
+
+}  // namespace cairn
