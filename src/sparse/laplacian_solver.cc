@@ -15,7 +15,7 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
     if (!is_gauge[v]) row_of_node_[v] = num_rows++;
   }
 
-  std::vector<std::vector<int>> columns(num_rows);
+  std::vector<std::vector<int64_t>> columns(num_rows);
   for (int r = 0; r < num_rows; ++r) columns[r].push_back(r);
   const auto rows_of = [&](const Edge& edge) {
     return std::minmax(row_of_node_[edge.node1], row_of_node_[edge.node2]);
@@ -25,20 +25,20 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
     if (low >= 0 && low != high) columns[low].push_back(high);
   }
   SymmetricPattern pattern;
-  for (std::vector<int>& column : columns) {
+  for (std::vector<int64_t>& column : columns) {
     std::sort(column.begin(), column.end());
     column.erase(std::unique(column.begin(), column.end()), column.end());
     diagonal_of_row_.push_back(pattern.begin.back());
     pattern.row.insert(pattern.row.end(), column.begin(), column.end());
-    pattern.begin.push_back(static_cast<int>(pattern.row.size()));
+    pattern.begin.push_back(static_cast<int64_t>(pattern.row.size()));
   }
   for (const Edge& edge : edges_) {
     const auto [low, high] = rows_of(edge);
-    int entry = -1;
+    int64_t entry = -1;
     if (low >= 0 && low != high) {
       const auto first = pattern.row.begin() + pattern.begin[low];
       const auto last = pattern.row.begin() + pattern.begin[low + 1];
-      entry = static_cast<int>(std::lower_bound(first, last, high) - pattern.row.begin());
+      entry = std::lower_bound(first, last, high) - pattern.row.begin();
     }
     entry_of_edge_.push_back(entry);
   }

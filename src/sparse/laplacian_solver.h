@@ -38,10 +38,10 @@ class LaplacianSolver {
  private:
   int num_nodes_;
   std::vector<int> row_of_node_;  // -1: gauge
-  std::vector<int> diagonal_of_row_;
+  std::vector<int64_t> diagonal_of_row_;
   // Where an edge's weight goes: off-diagonal entry (-1: none), and the diagonal entries of its
   // ends.
-  std::vector<int> entry_of_edge_;
+  std::vector<int64_t> entry_of_edge_;
   std::vector<Edge> edges_;
   std::vector<double> values_;
   std::unique_ptr<SparseCholesky> factor_;

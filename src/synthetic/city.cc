@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kImagesPerPlace = 200;
+constexpr int kImagesPerPlace = 100;
 constexpr double kSpacing = 5.0;  // of places, in radii of a tower
 
 }  // namespace

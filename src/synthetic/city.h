@@ -8,9 +8,13 @@ namespace cairn {
 
 // Where CameraLayout::kCity has its places: a tower each, on a grid of streets, with the images
 // around them, which see the towers behind, too. Places are turned about the vertical, and each but
-// perhaps the last has a twin far away that looks alike in half of its surface.
+// perhaps the last has a twin far away, which looks alike in a part of its surface.
 class City {
  public:
+  // Of the elements of a place, every one whose number within the place this divides is that of its
+  // twin, too.
+  static constexpr int kAlikeEvery = 5;
+
   explicit City(int64_t num_images);
 
   int NumPlaces() const { return num_places_; }

@@ -77,7 +77,6 @@ double DrawSalience(const SceneOptions& options, Rng& rng) {
   return -options.salience * std::log(1.0 - rng.Uniform());
 }
 
-// Every second element of a place is that of its twin, too.
 Surface MakeCitySurface(const SceneOptions& options, uint64_t seed) {
   Surface surface{{}, {}, City(options.num_images)};
   const City& city = *surface.city;
@@ -88,7 +87,7 @@ Surface MakeCitySurface(const SceneOptions& options, uint64_t seed) {
     Rng own(seed, "scene_place", place);
     Rng shared(seed, "scene_twins", std::min(place, city.TwinOf(place)));
     for (int k = 0; k < options.num_points / city.NumPlaces(); ++k) {
-      Rng& rng = k % 2 == 0 ? shared : own;
+      Rng& rng = k % City::kAlikeEvery == 0 ? shared : own;
       const double size = 0.005 * std::exp(rng.Uniform(0.0, 1.8));
       SurfaceElement element = SampleTower(relief, kReliefAmplitude, size, rng);
       element.point = world_from_place * element.point;

@@ -39,7 +39,7 @@ std::vector<VisiblePoints> FindAllVisiblePoints(const SyntheticScene& scene) {
 }
 
 // Points that image 1 shows of its place and image 2 of the twin place, as if they were the same.
-// Ids are by place, and those of twins are even together.
+// Ids are by place.
 struct TwinPoints {
   VisiblePoints points1, points2;
 };
@@ -52,7 +52,8 @@ TwinPoints FindTwinPoints(const SyntheticScene& scene, const City& city, int64_t
     VisiblePoints points;
     for (auto it = std::lower_bound(all.begin(), all.end(), std::pair(first, point2D_t{0}));
          it != all.end() && it->first < first + size; ++it) {
-      if ((it->first - first) % 2 == 0) points.emplace_back(it->first - first, it->second);
+      if ((it->first - first) % City::kAlikeEvery == 0)
+        points.emplace_back(it->first - first, it->second);
     }
     return points;
   };

@@ -188,8 +188,7 @@ ViewGraphProblem MakeViewGraphProblem(const ViewGraphOptions& options, uint64_t 
     }
     const double error = AngleBetween(exact.rotation, edge.cam2_from_cam1.rotation);
     edge.num_inliers = NumInliers(cost, error, is_outlier && !is_twin, rng);
-    // Half of the surface looks alike.
-    if (is_twin) edge.num_inliers = std::max(15, edge.num_inliers / 2);
+    if (is_twin) edge.num_inliers = std::max(15, edge.num_inliers / 3);
     problem.graph.edges.push_back(edge);
     problem.is_outlier.push_back(is_outlier);
   }

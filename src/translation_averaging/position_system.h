@@ -23,9 +23,10 @@ struct Positions {
 };
 
 // The linear systems of a fit of cameras and points whose terms are functions of c2 - c1 (edges)
-// and X - c (rays). Points are eliminated first (Schur complement, explicit), the cameras' system
-// is solved by sparse Cholesky with a pattern analyzed once, or by conjugate gradients with
-// block-Jacobi preconditioning where the factor would be too expensive.
+// and X - c (rays). Points are eliminated first (Schur complement), the cameras' system
+// is solved by sparse Cholesky with a pattern analyzed once. Where the factor would be too
+// expensive, by conjugate gradients with block-Jacobi preconditioning, without forming that system:
+// time and memory grow with the numbers of edges and rays, not with the pairs that a point joins.
 class PositionSystem {
  public:
   // Beyond max_cholesky_flops a factorization takes longer than a few hundred iterations.
@@ -40,16 +41,20 @@ class PositionSystem {
   bool UsesCholesky() const { return cholesky_ != nullptr; }
 
  private:
+  // The quadratic models of one fit.
+  struct Terms {
+    const std::vector<TermModel>& edges;
+    const std::vector<TermModel>& rays;
+    double damping;
+  };
   void BuildPattern();
   void BuildCholesky(double max_flops);
-  void EliminatePoints(const std::vector<TermModel>& ray_models, double damping);
-  void AssembleRow(int camera, const std::vector<TermModel>& edge_models,
-                   const std::vector<TermModel>& ray_models, double damping,
-                   std::vector<Eigen::Matrix3d>& scratch);
-  bool SolveCameras(Eigen::Matrix3Xd& step);
-  bool SolveByCholesky(Eigen::Matrix3Xd& step);
-  bool SolveByConjugateGradients(Eigen::Matrix3Xd& step) const;
-  Eigen::Matrix3Xd Multiply(const Eigen::Matrix3Xd& x) const;
+  void EliminatePoints(const Terms& terms);
+  void AssembleDiagonal(int camera, const Terms& terms);
+  void AssembleRow(int camera, const Terms& terms, std::vector<Eigen::Matrix3d>& scratch);
+  bool SolveByCholesky(const Terms& terms, Eigen::Matrix3Xd& step);
+  void SolveByConjugateGradients(const Terms& terms, Eigen::Matrix3Xd& step) const;
+  Eigen::Matrix3Xd Multiply(const Terms& terms, const Eigen::Matrix3Xd& x) const;
 
   const DirectionProblem& problem_;
   int num_threads_;
@@ -61,6 +66,8 @@ class PositionSystem {
   std::vector<int> row_begin_;
   std::vector<int> column_;
   std::vector<Eigen::Matrix3d> blocks_;
+  std::vector<Eigen::Matrix3d> damped_;    // diagonal block of each camera before points are out
+  std::vector<Eigen::Matrix3d> diagonal_;  // and after
   Eigen::Matrix3Xd rhs_;
   std::vector<Eigen::Matrix3d> point_inverse_;
   Eigen::Matrix3Xd point_rhs_;

@@ -88,17 +88,20 @@ TEST(PositionSystem, ConjugateGradientsAgreeWithCholesky) {
   Positions a, b;
   ASSERT_TRUE(direct.Solve(f.edge_models, f.ray_models, 1e-2, a));
   ASSERT_TRUE(iterative.Solve(f.edge_models, f.ray_models, 1e-2, b));
-  EXPECT_LT((a.cameras - b.cameras).norm(), 1e-4 * a.cameras.norm());
+  // A step of a fit, which need not be exact.
+  EXPECT_LT((a.cameras - b.cameras).norm(), 1e-2 * a.cameras.norm());
 }
 
 TEST(PositionSystem, SameBytesForAnyNumberOfThreads) {
   const Fixture f(20);
-  PositionSystem one(f.problem, 1), eight(f.problem, 8);
-  Positions a, b;
-  ASSERT_TRUE(one.Solve(f.edge_models, f.ray_models, 1e-2, a));
-  ASSERT_TRUE(eight.Solve(f.edge_models, f.ray_models, 1e-2, b));
-  EXPECT_EQ(a.cameras, b.cameras);
-  EXPECT_EQ(a.points, b.points);
+  for (const double max_cholesky_flops : {2e10, 0.0}) {
+    PositionSystem one(f.problem, 1, max_cholesky_flops), eight(f.problem, 8, max_cholesky_flops);
+    Positions a, b;
+    ASSERT_TRUE(one.Solve(f.edge_models, f.ray_models, 1e-2, a));
+    ASSERT_TRUE(eight.Solve(f.edge_models, f.ray_models, 1e-2, b));
+    EXPECT_EQ(a.cameras, b.cameras);
+    EXPECT_EQ(a.points, b.points);
+  }
 }
 
 }  // namespace
