@@ -122,6 +122,16 @@ void ReadEdges(const Database& database,
   }
 }
 
+SceneCounts CountScene(const Database& database) {
+  SceneCounts counts;
+  for (const auto& [id, num] : database.ReadNumKeypoints()) counts.num_keypoints += num;
+  for (const auto& [id, num] : database.ReadNumInliers()) {
+    ++counts.num_pairs;
+    counts.num_matches += num;
+  }
+  return counts;
+}
+
 // All matches of a pair; none where their row cannot be read, since the verified ones can.
 FeatureMatches ReadRawMatches(const Database& database, image_pair_t pair_id) {
   try {
@@ -154,6 +164,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
   ReportBadRows(database, report, run.monitor);
   {
     RunStage stage(report, run.monitor, "read");
+    if (!FitsToRead(CountScene(database), settings.reconstruct, stage)) return scene;
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
     ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);

@@ -11,7 +11,7 @@ namespace {
 
 // A step of a fit need not be exact: the next one mends it.
 constexpr int kMaxCgIterations = 100;
-constexpr double kCgTolerance = 1e-3;
+constexpr double kCgTolerance = 3e-2;
 // Keeps the gauge (translation and scale) and loose nodes solvable.
 constexpr double kMinDamping = 1e-9;
 constexpr int kGrain = 64;
