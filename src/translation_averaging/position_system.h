@@ -39,6 +39,8 @@ class PositionSystem {
              double damping, Positions& step);
 
   bool UsesCholesky() const { return cholesky_ != nullptr; }
+  // Less damping changes nothing that matters, but costs conjugate gradients many iterations.
+  double MinDamping() const { return UsesCholesky() ? 1e-9 : 1e-5; }
 
  private:
   // The quadratic models of one fit.
