@@ -110,7 +110,8 @@ bool PositionSystem::Solve(const std::vector<TermModel>& edge_models,
   ParallelFor(
       num_threads_, n, [&](int64_t i) { AssembleDiagonal(static_cast<int>(i), terms); }, kGrain);
   if (!cholesky_) {
-    SolveByConjugateGradients(terms, step.cameras);
+    BuildCouplings(terms);
+    SolveByConjugateGradients(step.cameras);
   } else if (!SolveByCholesky(terms, step.cameras)) {
     return false;
   }
@@ -211,38 +212,75 @@ bool PositionSystem::SolveByCholesky(const Terms& terms, Eigen::Matrix3Xd& step)
   return true;
 }
 
+void PositionSystem::BuildCouplings(const Terms& terms) {
+  const int n = problem_.NumCameras();
+  const auto make = [](const Eigen::Matrix3d& c, int other) {
+    return Coupling{static_cast<float>(c(0, 0)),
+                    static_cast<float>(c(0, 1)),
+                    static_cast<float>(c(0, 2)),
+                    static_cast<float>(c(1, 1)),
+                    static_cast<float>(c(1, 2)),
+                    static_cast<float>(c(2, 2)),
+                    other};
+  };
+  edges_begin_.assign(1, 0);
+  rays_begin_.assign(1, 0);
+  for (int i = 0; i < n; ++i) {
+    edges_begin_.push_back(edges_begin_.back() + edges_of_[i].size());
+    rays_begin_.push_back(rays_begin_.back() + rays_of_[i].size());
+  }
+  edges_by_camera_.resize(edges_begin_.back());
+  rays_by_camera_.resize(problem_.rays.size());
+  rays_by_track_.resize(problem_.rays.size());
+  const auto fill = [&](int64_t i) {
+    size_t next = edges_begin_[i];
+    for (const int e : edges_of_[i]) {
+      const DirectionProblem::Edge& edge = problem_.edges[e];
+      const int other = edge.camera1 == i ? edge.camera2 : edge.camera1;
+      edges_by_camera_[next++] = make(terms.edges[e].curvature, other);
+    }
+    next = rays_begin_[i];
+    for (const int r : rays_of_[i]) {
+      rays_by_camera_[next++] = make(terms.rays[r].curvature, track_of_ray_[r]);
+      rays_by_track_[r] = make(terms.rays[r].curvature, static_cast<int>(i));
+    }
+  };
+  ParallelFor(num_threads_, n, fill, kGrain);
+}
+
 // The cameras' system times x, by way of the points.
-Eigen::Matrix3Xd PositionSystem::Multiply(const Terms& terms, const Eigen::Matrix3Xd& x) const {
+Eigen::Matrix3Xd PositionSystem::Multiply(const Eigen::Matrix3Xd& x) const {
+  const auto apply = [](std::span<const Coupling> couplings, const Eigen::Matrix3Xd& to) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Coupling& c : couplings) {
+      const double a = to(0, c.other), b = to(1, c.other), d = to(2, c.other);
+      sum[0] += c.xx * a + c.xy * b + c.xz * d;
+      sum[1] += c.xy * a + c.yy * b + c.yz * d;
+      sum[2] += c.xz * a + c.yz * b + c.zz * d;
+    }
+    return sum;
+  };
+  const auto part = [](const std::vector<Coupling>& all, size_t begin, size_t end) {
+    return std::span<const Coupling>(all.data() + begin, all.data() + end);
+  };
   Eigen::Matrix3Xd points(3, problem_.NumTracks());
-  ParallelFor(
-      num_threads_, problem_.NumTracks(),
-      [&](int64_t k) {
-        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-        for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
-          sum += terms.rays[r].curvature * x.col(problem_.rays[r].camera);
-        }
-        points.col(k) = point_inverse_[k] * sum;
-      },
-      kGrain);
+  const auto sum_point = [&](int64_t k) {
+    points.col(k) =
+        point_inverse_[k] *
+        apply(part(rays_by_track_, problem_.track_begin[k], problem_.track_begin[k + 1]), x);
+  };
+  ParallelFor(num_threads_, problem_.NumTracks(), sum_point, kGrain);
   Eigen::Matrix3Xd y(3, x.cols());
-  ParallelFor(
-      num_threads_, x.cols(),
-      [&](int64_t i) {
-        Eigen::Vector3d sum = damped_[i] * x.col(i);
-        for (const int e : edges_of_[i]) {
-          const DirectionProblem::Edge& edge = problem_.edges[e];
-          sum -= terms.edges[e].curvature * x.col(edge.camera1 == i ? edge.camera2 : edge.camera1);
-        }
-        for (const int r : rays_of_[i]) {
-          sum -= terms.rays[r].curvature * points.col(track_of_ray_[r]);
-        }
-        y.col(i) = sum;
-      },
-      kGrain);
+  const auto sum_camera = [&](int64_t i) {
+    y.col(i) = damped_[i] * x.col(i) -
+               apply(part(edges_by_camera_, edges_begin_[i], edges_begin_[i + 1]), x) -
+               apply(part(rays_by_camera_, rays_begin_[i], rays_begin_[i + 1]), points);
+  };
+  ParallelFor(num_threads_, x.cols(), sum_camera, kGrain);
   return y;
 }
 
-void PositionSystem::SolveByConjugateGradients(const Terms& terms, Eigen::Matrix3Xd& step) const {
+void PositionSystem::SolveByConjugateGradients(Eigen::Matrix3Xd& step) const {
   const int n = problem_.NumCameras();
   std::vector<Eigen::Matrix3d> preconditioner(n);
   for (int i = 0; i < n; ++i) preconditioner[i] = diagonal_[i].inverse();
@@ -258,7 +296,7 @@ void PositionSystem::SolveByConjugateGradients(const Terms& terms, Eigen::Matrix
   double rho = residual.cwiseProduct(z).sum();
   const double target = kCgTolerance * kCgTolerance * rho;
   for (int iteration = 0; iteration < kMaxCgIterations && rho > target; ++iteration) {
-    const Eigen::Matrix3Xd image = Multiply(terms, direction);
+    const Eigen::Matrix3Xd image = Multiply(direction);
     const double curvature = direction.cwiseProduct(image).sum();
     if (!(curvature > 0)) break;
     const double length = rho / curvature;

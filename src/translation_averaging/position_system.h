@@ -55,8 +55,9 @@ class PositionSystem {
   void AssembleDiagonal(int camera, const Terms& terms);
   void AssembleRow(int camera, const Terms& terms, std::vector<Eigen::Matrix3d>& scratch);
   bool SolveByCholesky(const Terms& terms, Eigen::Matrix3Xd& step);
-  void SolveByConjugateGradients(const Terms& terms, Eigen::Matrix3Xd& step) const;
-  Eigen::Matrix3Xd Multiply(const Terms& terms, const Eigen::Matrix3Xd& x) const;
+  void SolveByConjugateGradients(Eigen::Matrix3Xd& step) const;
+  void BuildCouplings(const Terms& terms);
+  Eigen::Matrix3Xd Multiply(const Eigen::Matrix3Xd& x) const;
 
   const DirectionProblem& problem_;
   int num_threads_;
@@ -70,6 +71,14 @@ class PositionSystem {
   std::vector<Eigen::Matrix3d> blocks_;
   std::vector<Eigen::Matrix3d> damped_;    // diagonal block of each camera before points are out
   std::vector<Eigen::Matrix3d> diagonal_;  // and after
+  // For conjugate gradients: terms in the order in which they are read, half as large; a step is
+  // not that exact.
+  struct Coupling {
+    float xx, xy, xz, yy, yz, zz;
+    int other;
+  };
+  std::vector<Coupling> edges_by_camera_, rays_by_camera_, rays_by_track_;
+  std::vector<size_t> edges_begin_, rays_begin_;  // of each camera
   Eigen::Matrix3Xd rhs_;
   std::vector<Eigen::Matrix3d> point_inverse_;
   Eigen::Matrix3Xd point_rhs_;
