@@ -1,5 +1,7 @@
 #include "bundle_adjustment/memory_estimate.h"
 
+#include <limits>
+
 #include "bundle_adjustment/bundle_state.h"
 #include "bundle_adjustment/reprojection_cost.h"
 #include "bundle_adjustment/schur_solver.h"
@@ -42,6 +44,10 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
   return size.num_keypoints * kBytesPerKeypoint + size.num_observations * kBytesPerObservation +
          size.num_points * kBytesPerPoint + schur +
          size.num_images * static_cast<int64_t>(sizeof(PoseState));
+}
+
+int64_t MaxBundleObservations(int num_free_intrinsics) {
+  return std::numeric_limits<int>::max() / (2 * (kPointSize + kPoseSize + num_free_intrinsics));
 }
 
 }  // namespace cairn

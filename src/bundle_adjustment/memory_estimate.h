@@ -20,4 +20,8 @@ struct BundleSize {
 // Sparse and dense Schur complements are taken as full, so they are an upper bound.
 int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const BundleSize& size);
 
+// The most observations that Ceres can adjust with so many free intrinsics of a camera: it counts
+// the entries of the Jacobian (two rows an observation, of point, pose and intrinsics) by int.
+int64_t MaxBundleObservations(int num_free_intrinsics);
+
 }  // namespace cairn

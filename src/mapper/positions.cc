@@ -115,9 +115,9 @@ TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
   for (const ViewEdge& edge : graph.edges) {
     if (!edge.IsActive()) continue;
     const auto found = again.find(edge.PairId());
-    pairs.push_back(
-        {edge.image_id1, edge.image_id2,
-         found == again.end() ? context.scene.matches.at(edge.PairId()) : found->second});
+    const FeatureMatches& matches =
+        found == again.end() ? context.scene.matches.at(edge.PairId()) : found->second;
+    pairs.push_back({edge.image_id1, edge.image_id2, matches});
   }
   return BuildTracks(pairs, context.settings.tracks);
 }

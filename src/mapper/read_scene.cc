@@ -97,11 +97,11 @@ void ReadEdges(const Database& database,
   const auto warn = [&](const std::string& message) {
     if (++num_bad <= kMaxNamed) stage.Warn(message);
   };
-  for (ViewEdge& edge : ReadViewEdges(database, warn)) {
-    if (scene.pixels.count(edge.image_id1) == 0 || scene.pixels.count(edge.image_id2) == 0) {
-      continue;
-    }
-    TwoViewGeometry geometry = database.ReadTwoViewGeometry(edge.PairId()).value();
+  const auto is_used = [&](const ViewEdge& edge) {
+    return scene.pixels.count(edge.image_id1) > 0 && scene.pixels.count(edge.image_id2) > 0;
+  };
+  const auto keep = [&](const ViewEdge& edge, TwoViewGeometry&& geometry) {
+    if (!is_used(edge)) return;
     // What lies over the photographs, or does not move with the scene, is no evidence of it.
     const bool is_still = geometry.config == TwoViewConfig::kPanoramic && geometry.cam2_from_cam1 &&
                           !HasTurned(geometry.cam2_from_cam1->rotation);
@@ -109,15 +109,27 @@ void ReadEdges(const Database& database,
     scene.matches[edge.PairId()] =
         MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
                      first_keypoint.at(edge.image_id2));
-    if (edge.source == EdgeSource::kOtherProgram)
+    if (edge.source == EdgeSource::kOtherProgram) {
       scene.foreign[edge.PairId()] = std::move(geometry);
-    scene.edges.push_back(std::move(edge));
-  }
+    }
+  };
+  scene.edges = ReadViewEdges(database, warn, keep);
+  std::erase_if(scene.edges, [&](const ViewEdge& edge) { return !is_used(edge); });
   scene.poses_imported = HasImportedEdges(scene.edges);
   if (num_bad > 0) stage.Add("bad_pairs", num_bad);
   if (num_bad > kMaxNamed) {
     stage.Warn(std::to_string(num_bad - kMaxNamed) + " more pairs are left out");
   }
+}
+
+SceneCounts CountScene(const Database& database) {
+  SceneCounts counts;
+  for (const auto& [id, num] : database.ReadNumKeypoints()) counts.num_keypoints += num;
+  for (const auto& [id, num] : database.ReadNumInliers()) {
+    ++counts.num_pairs;
+    counts.num_matches += num;
+  }
+  return counts;
 }
 
 // All matches of a pair; none where their row cannot be read, since the verified ones can.
@@ -152,6 +164,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
   ReportBadRows(database, report, run.monitor);
   {
     RunStage stage(report, run.monitor, "read");
+    if (!FitsToRead(CountScene(database), settings.reconstruct, stage)) return scene;
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
     ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);

@@ -11,17 +11,28 @@ struct Correspondences {
   std::vector<point3D_t> points;
 };
 
+// Pairs of images outside the model with images in it, by the former.
+using PairsOfOutsiders = std::map<image_t, std::vector<const ViewEdge*>>;
+PairsOfOutsiders FindPairsOfOutsiders(const ViewGraph& graph, const Reconstruction& model) {
+  PairsOfOutsiders pairs;
+  for (const ViewEdge& edge : graph.edges) {
+    if (edge.removal == EdgeRemoval::kAmbiguous) continue;  // leads to another place
+    const bool has_first = model.images.count(edge.image_id1) > 0;
+    if (has_first == (model.images.count(edge.image_id2) > 0)) continue;
+    pairs[has_first ? edge.image_id2 : edge.image_id1].push_back(&edge);
+  }
+  return pairs;
+}
+
 // For every keypoint the point that most of its matches show; of equal ones the smallest id.
-Correspondences FindCorrespondences(const SceneData& scene, const ViewGraph& graph,
+Correspondences FindCorrespondences(const SceneData& scene,
+                                    const std::vector<const ViewEdge*>& edges,
                                     const Reconstruction& model, image_t image_id) {
   std::map<point2D_t, std::map<point3D_t, int>> votes;
-  for (const ViewEdge& edge : graph.edges) {
-    const bool is_first = edge.image_id1 == image_id;
-    if (!is_first && edge.image_id2 != image_id) continue;
-    if (edge.removal == EdgeRemoval::kAmbiguous) continue;  // leads to another place
-    const auto other = model.images.find(is_first ? edge.image_id2 : edge.image_id1);
-    if (other == model.images.end()) continue;
-    for (const FeatureMatch& match : scene.matches.at(edge.PairId())) {
+  for (const ViewEdge* edge : edges) {
+    const bool is_first = edge->image_id1 == image_id;
+    const auto other = model.images.find(is_first ? edge->image_id2 : edge->image_id1);
+    for (const FeatureMatch& match : scene.matches.at(edge->PairId())) {
       const point2D_t keypoint = is_first ? match.point1 : match.point2;
       const point3D_t point = other->second.point3D_ids[is_first ? match.point2 : match.point1];
       if (point != kInvalidPoint3DId) ++votes[keypoint][point];
@@ -75,12 +86,9 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
   // The images with the most points first: they are the surest, and add nothing that others need.
   std::vector<std::pair<int64_t, image_t>> candidates;
   std::map<image_t, Correspondences> correspondences;
-  for (const auto& [id, pixels] : context.scene.pixels) {
-    if (model.images.count(id) > 0 || context.taken.count(id) > 0 ||
-        context.reserved.count(id) > 0) {
-      continue;
-    }
-    Correspondences found = FindCorrespondences(context.scene, graph, model, id);
+  for (const auto& [id, edges] : FindPairsOfOutsiders(graph, model)) {
+    if (context.taken.count(id) > 0 || context.reserved.count(id) > 0) continue;
+    Correspondences found = FindCorrespondences(context.scene, edges, model, id);
     if (static_cast<int>(found.points.size()) < context.settings.resection.min_num_inliers) {
       continue;
     }

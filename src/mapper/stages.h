@@ -158,8 +158,19 @@ TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
                           const std::map<image_pair_t, FeatureMatches>& again = {});
 
 // memory.cc
+// What a database holds, by its counts alone.
+struct SceneCounts {
+  int64_t num_keypoints = 0;
+  int64_t num_pairs = 0;
+  int64_t num_matches = 0;  // inliers
+};
+// Peak memory, bytes, from reading such a database until there are tracks.
+int64_t EstimateSceneBytes(const SceneCounts& counts);
+// False: there is not so much memory, and the report has the failure, before anything is read.
+bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, RunStage& stage);
 // Predicts the peak memory of RefineModel with these tracks. Where it is more than
-// there is (ReconstructOptions::max_memory_gib), takes fewer tracks, long ones first. False: not
+// there is (ReconstructOptions::max_memory_gib), or than Ceres can count observations, takes fewer
+// tracks, long ones first. False: not
 // even the least that a model needs would fit, and the report has the failure.
 bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
                        std::vector<Track>& tracks);

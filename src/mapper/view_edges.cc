@@ -120,8 +120,9 @@ TwoViewGeometry ReadGeometry(const Database& database, image_pair_t pair_id,
 
 }  // namespace
 
-std::vector<ViewEdge> ReadViewEdges(const Database& database,
-                                    const std::function<void(const std::string&)>& warn) {
+std::vector<ViewEdge> ReadViewEdges(
+    const Database& database, const std::function<void(const std::string&)>& warn,
+    const std::function<void(const ViewEdge&, TwoViewGeometry&&)>& keep) {
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
   std::map<image_pair_t, PairMetrics> winners;
   for (PairMetrics& metrics : database.ReadPairMetrics()) {
@@ -148,6 +149,7 @@ std::vector<ViewEdge> ReadViewEdges(const Database& database,
     edge.source = winner == winners.end()                        ? EdgeSource::kOtherProgram
                   : winner->second.verifier == kImportedVerifier ? EdgeSource::kDataset
                                                                  : EdgeSource::kVerified;
+    if (keep) keep(edge, std::move(geometry));
     edges.push_back(std::move(edge));
   }
   return edges;

@@ -13,11 +13,15 @@
 namespace cairn {
 namespace {
 
+// Weights change in every iteration: beyond a second for a factorization, conjugate gradients are
+// faster.
+constexpr double kMaxCholeskyFlops = 3e9;
+
 LaplacianSolver MakeSolver(const RotationProblem& problem, const std::vector<char>& is_gauge) {
   std::vector<LaplacianSolver::Edge> edges;
   edges.reserve(problem.edges.size());
   for (const GraphEdge& edge : problem.edges) edges.push_back({edge.node1, edge.node2});
-  return LaplacianSolver(problem.NumNodes(), edges, is_gauge);
+  return LaplacianSolver(problem.NumNodes(), edges, is_gauge, kMaxCholeskyFlops);
 }
 
 void FillResiduals(const RotationProblem& problem, double max_error_deg,

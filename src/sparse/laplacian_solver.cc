@@ -5,9 +5,15 @@
 #include "cairn/base/check.h"
 
 namespace cairn {
+namespace {
+
+// Both averagings iterate: the next step mends what one leaves.
+constexpr double kTolerance = 1e-4;
+
+}  // namespace
 
 LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
-                                 std::span<const char> is_gauge)
+                                 std::span<const char> is_gauge, double max_cholesky_flops)
     : num_nodes_(num_nodes), row_of_node_(num_nodes, -1), edges_(edges.begin(), edges.end()) {
   CAIRN_CHECK_EQ(is_gauge.size(), static_cast<size_t>(num_nodes));
   int num_rows = 0;
@@ -15,7 +21,7 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
     if (!is_gauge[v]) row_of_node_[v] = num_rows++;
   }
 
-  std::vector<std::vector<int>> columns(num_rows);
+  std::vector<std::vector<int64_t>> columns(num_rows);
   for (int r = 0; r < num_rows; ++r) columns[r].push_back(r);
   const auto rows_of = [&](const Edge& edge) {
     return std::minmax(row_of_node_[edge.node1], row_of_node_[edge.node2]);
@@ -25,30 +31,106 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
     if (low >= 0 && low != high) columns[low].push_back(high);
   }
   SymmetricPattern pattern;
-  for (std::vector<int>& column : columns) {
+  for (std::vector<int64_t>& column : columns) {
     std::sort(column.begin(), column.end());
     column.erase(std::unique(column.begin(), column.end()), column.end());
     diagonal_of_row_.push_back(pattern.begin.back());
     pattern.row.insert(pattern.row.end(), column.begin(), column.end());
-    pattern.begin.push_back(static_cast<int>(pattern.row.size()));
+    pattern.begin.push_back(static_cast<int64_t>(pattern.row.size()));
   }
   for (const Edge& edge : edges_) {
     const auto [low, high] = rows_of(edge);
-    int entry = -1;
+    int64_t entry = -1;
     if (low >= 0 && low != high) {
       const auto first = pattern.row.begin() + pattern.begin[low];
       const auto last = pattern.row.begin() + pattern.begin[low + 1];
-      entry = static_cast<int>(std::lower_bound(first, last, high) - pattern.row.begin());
+      entry = std::lower_bound(first, last, high) - pattern.row.begin();
     }
     entry_of_edge_.push_back(entry);
   }
-  values_.resize(pattern.row.size());
   factor_ = std::make_unique<SparseCholesky>(pattern);
+  if (factor_->FactorFlops() > max_cholesky_flops) {
+    factor_.reset();
+    BuildNeighbors();
+  } else {
+    values_.resize(pattern.row.size());
+  }
+}
+
+void LaplacianSolver::BuildNeighbors() {
+  std::vector<std::vector<Neighbor>> of_row(diagonal_of_row_.size());
+  for (size_t e = 0; e < edges_.size(); ++e) {
+    const int row1 = row_of_node_[edges_[e].node1], row2 = row_of_node_[edges_[e].node2];
+    if (row1 < 0 || row2 < 0 || row1 == row2) continue;
+    of_row[row1].push_back({row2, static_cast<int>(e)});
+    of_row[row2].push_back({row1, static_cast<int>(e)});
+  }
+  neighbors_begin_ = {0};
+  for (const std::vector<Neighbor>& neighbors : of_row) {
+    neighbors_.insert(neighbors_.end(), neighbors.begin(), neighbors.end());
+    neighbors_begin_.push_back(static_cast<int64_t>(neighbors_.size()));
+  }
+}
+
+bool LaplacianSolver::SetWeights(std::span<const double> weights,
+                                 std::span<const double> diagonal) {
+  weights_.assign(weights.begin(), weights.end());
+  diagonal_.setZero(static_cast<Eigen::Index>(diagonal_of_row_.size()));
+  for (size_t e = 0; e < edges_.size(); ++e) {
+    if (edges_[e].node1 == edges_[e].node2) continue;
+    for (const int node : {edges_[e].node1, edges_[e].node2}) {
+      if (row_of_node_[node] >= 0) diagonal_[row_of_node_[node]] += weights[e];
+    }
+  }
+  for (size_t v = 0; v < diagonal.size(); ++v) {
+    if (row_of_node_[v] >= 0) diagonal_[row_of_node_[v]] += diagonal[v];
+  }
+  return (diagonal_.array() > 0).all();
+}
+
+Eigen::MatrixXd LaplacianSolver::Multiply(const Eigen::MatrixXd& X) const {
+  Eigen::MatrixXd Y = diagonal_.asDiagonal() * X;
+  for (Eigen::Index r = 0; r < X.rows(); ++r) {
+    for (int64_t k = neighbors_begin_[r]; k < neighbors_begin_[r + 1]; ++k) {
+      Y.row(r) -= weights_[neighbors_[k].edge] * X.row(neighbors_[k].row);
+    }
+  }
+  return Y;
+}
+
+// All columns at once, each with steps of its own.
+Eigen::MatrixXd LaplacianSolver::SolveByConjugateGradients(const Eigen::MatrixXd& B) const {
+  constexpr int kMaxIterations = 500;
+  const Eigen::VectorXd inverse = diagonal_.cwiseInverse();
+  Eigen::MatrixXd X = Eigen::MatrixXd::Zero(B.rows(), B.cols());
+  Eigen::MatrixXd residual = B;
+  Eigen::MatrixXd direction = inverse.asDiagonal() * residual;
+  Eigen::RowVectorXd rho = residual.cwiseProduct(direction).colwise().sum();
+  const Eigen::RowVectorXd target = kTolerance * kTolerance * rho;
+  for (int k = 0; k < kMaxIterations && (rho.array() > target.array()).any(); ++k) {
+    const Eigen::MatrixXd image = Multiply(direction);
+    const Eigen::RowVectorXd curvature = direction.cwiseProduct(image).colwise().sum();
+    for (Eigen::Index c = 0; c < B.cols(); ++c) {
+      if (!(rho[c] > target[c]) || !(curvature[c] > 0)) {
+        rho[c] = 0;  // this column is done
+        continue;
+      }
+      const double length = rho[c] / curvature[c];
+      X.col(c) += length * direction.col(c);
+      residual.col(c) -= length * image.col(c);
+      const Eigen::VectorXd z = inverse.cwiseProduct(residual.col(c));
+      const double next_rho = residual.col(c).dot(z);
+      direction.col(c) = z + next_rho / rho[c] * direction.col(c);
+      rho[c] = next_rho;
+    }
+  }
+  return X;
 }
 
 bool LaplacianSolver::Factorize(std::span<const double> weights, std::span<const double> diagonal) {
   CAIRN_CHECK_EQ(weights.size(), edges_.size());
   CAIRN_CHECK(diagonal.empty() || diagonal.size() == row_of_node_.size());
+  if (!factor_) return SetWeights(weights, diagonal);
   std::fill(values_.begin(), values_.end(), 0.0);
   for (size_t e = 0; e < edges_.size(); ++e) {
     const int row1 = row_of_node_[edges_[e].node1];
@@ -70,7 +152,7 @@ Eigen::MatrixXd LaplacianSolver::Solve(const Eigen::MatrixXd& B) const {
   for (int v = 0; v < num_nodes_; ++v) {
     if (row_of_node_[v] >= 0) rhs.row(row_of_node_[v]) = B.row(v);
   }
-  const Eigen::MatrixXd solution = factor_->Solve(rhs);
+  const Eigen::MatrixXd solution = factor_ ? factor_->Solve(rhs) : SolveByConjugateGradients(rhs);
   Eigen::MatrixXd X = Eigen::MatrixXd::Zero(num_nodes_, B.cols());
   for (int v = 0; v < num_nodes_; ++v) {
     if (row_of_node_[v] >= 0) X.row(v) = solution.row(row_of_node_[v]);

@@ -13,7 +13,9 @@ namespace cairn {
 // with the gauge nodes held at zero (their rows and columns are removed): one gauge node in every
 // connected component makes the system positive definite for positive weights.
 // The pattern is analyzed once, weights are refactored as often as needed, and all columns of B are
-// solved together: n x n instead of the 3n x 3n of three coordinates.
+// solved together: n x n instead of the 3n x 3n of three coordinates. Where a factorization would
+// take more than max_cholesky_flops, conjugate gradients with the diagonal as preconditioner solve
+// to 1e-4 of the right-hand side instead.
 class LaplacianSolver {
  public:
   struct Edge {
@@ -23,7 +25,8 @@ class LaplacianSolver {
 
   // Nodes 0 .. num_nodes-1; edges may repeat, self-loops are ignored. is_gauge[node] tells the
   // nodes held at zero.
-  LaplacianSolver(int num_nodes, std::span<const Edge> edges, std::span<const char> is_gauge);
+  LaplacianSolver(int num_nodes, std::span<const Edge> edges, std::span<const char> is_gauge,
+                  double max_cholesky_flops = 1e12);
 
   // Weights >= 0, one an edge; `diagonal`, if not empty, is added to the diagonal (one value >= 0 a
   // node: a pull towards zero). False if the matrix is not positive definite (weights of zero leave
@@ -33,18 +36,31 @@ class LaplacianSolver {
   // B and the result: num_nodes x k. Rows of gauge nodes are ignored in B and zero in the result.
   Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const;
 
-  const SparseCholesky& Factor() const { return *factor_; }
+  bool UsesCholesky() const { return factor_ != nullptr; }
 
  private:
+  struct Neighbor {
+    int row;
+    int edge;
+  };
+  void BuildNeighbors();
+  bool SetWeights(std::span<const double> weights, std::span<const double> diagonal);
+  Eigen::MatrixXd Multiply(const Eigen::MatrixXd& X) const;
+  Eigen::MatrixXd SolveByConjugateGradients(const Eigen::MatrixXd& B) const;
+
   int num_nodes_;
   std::vector<int> row_of_node_;  // -1: gauge
-  std::vector<int> diagonal_of_row_;
+  std::vector<int64_t> diagonal_of_row_;
   // Where an edge's weight goes: off-diagonal entry (-1: none), and the diagonal entries of its
   // ends.
-  std::vector<int> entry_of_edge_;
+  std::vector<int64_t> entry_of_edge_;
   std::vector<Edge> edges_;
   std::vector<double> values_;
-  std::unique_ptr<SparseCholesky> factor_;
+  std::unique_ptr<SparseCholesky> factor_;  // null: conjugate gradients
+  std::vector<int64_t> neighbors_begin_;    // of each row
+  std::vector<Neighbor> neighbors_;
+  std::vector<double> weights_;
+  Eigen::VectorXd diagonal_;
 };
 
 }  // namespace cairn

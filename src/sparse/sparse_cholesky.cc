@@ -3,15 +3,28 @@
 #include <cholmod.h>
 
 #include <algorithm>
+#include <new>
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
 #include "sparse/blas_threads.h"
 
 namespace cairn {
+namespace {
+
+static_assert(sizeof(SuiteSparse_long) == sizeof(int64_t));
+
+void CheckMemory(const cholmod_common& common) {
+  if (common.status == CHOLMOD_OUT_OF_MEMORY || common.status == CHOLMOD_TOO_LARGE) {
+    throw std::bad_alloc();
+  }
+}
+
+}  // namespace
+
 struct SparseCholesky::Impl {
   explicit Impl(const SymmetricPattern& pattern) : begin(pattern.begin), row(pattern.row) {
-    cholmod_start(&common);
+    cholmod_l_start(&common);
     common.print = 0;
     common.try_catch = 1;  // report failures by status, print nothing
     common.nmethods = 1;
@@ -25,26 +38,27 @@ struct SparseCholesky::Impl {
     matrix.p = begin.data();
     matrix.i = row.data();
     matrix.stype = -1;
-    matrix.itype = CHOLMOD_INT;
+    matrix.itype = CHOLMOD_LONG;
     matrix.xtype = CHOLMOD_PATTERN;
     matrix.dtype = CHOLMOD_DOUBLE;
     matrix.sorted = 1;
     matrix.packed = 1;
-    factor = cholmod_analyze(&matrix, &common);
+    factor = cholmod_l_analyze(&matrix, &common);
+    CheckMemory(common);
     CAIRN_CHECK(factor != nullptr);
     flops = common.fl;
     entries = common.lnz;
   }
   ~Impl() {
-    cholmod_free_factor(&factor, &common);
-    cholmod_finish(&common);
+    cholmod_l_free_factor(&factor, &common);
+    cholmod_l_finish(&common);
   }
 
   cholmod_common common = {};
   cholmod_sparse matrix = {};
   cholmod_factor* factor = nullptr;
-  std::vector<int> begin;
-  std::vector<int> row;
+  std::vector<int64_t> begin;
+  std::vector<int64_t> row;
   double flops = 0;
   double entries = 0;
   bool is_factorized = false;
@@ -70,7 +84,8 @@ bool SparseCholesky::Factorize(std::span<const double> values) {
   matrix.xtype = CHOLMOD_REAL;
   impl_->common.status = CHOLMOD_OK;
   const SerialOpenMpScope serial;  // waking threads costs more than a small factorization
-  const int ok = cholmod_factorize(&matrix, impl_->factor, &impl_->common);
+  const int ok = cholmod_l_factorize(&matrix, impl_->factor, &impl_->common);
+  CheckMemory(impl_->common);
   impl_->is_factorized = ok && impl_->common.status == CHOLMOD_OK &&
                          impl_->factor->minor == static_cast<size_t>(impl_->factor->n);
   return impl_->is_factorized;
@@ -89,10 +104,11 @@ Eigen::MatrixXd SparseCholesky::Solve(const Eigen::MatrixXd& B) const {
   rhs.xtype = CHOLMOD_REAL;
   rhs.dtype = CHOLMOD_DOUBLE;
   const SerialOpenMpScope serial;
-  cholmod_dense* solution = cholmod_solve(CHOLMOD_A, impl_->factor, &rhs, &impl_->common);
+  cholmod_dense* solution = cholmod_l_solve(CHOLMOD_A, impl_->factor, &rhs, &impl_->common);
+  CheckMemory(impl_->common);
   CAIRN_CHECK(solution != nullptr);
   std::copy_n(static_cast<const double*>(solution->x), B.size(), X.data());
-  cholmod_free_dense(&solution, &impl_->common);
+  cholmod_l_free_dense(&solution, &impl_->common);
   return X;
 }
 

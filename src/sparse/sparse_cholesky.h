@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
@@ -10,16 +11,17 @@ namespace cairn {
 // The lower triangle (diagonal included) of a symmetric matrix in compressed columns: entries of
 // column j are row[begin[j]] .. row[begin[j + 1] - 1], in increasing order without repetition.
 struct SymmetricPattern {
-  std::vector<int> begin = {0};
-  std::vector<int> row;
+  std::vector<int64_t> begin = {0};
+  std::vector<int64_t> row;
 
   int Size() const { return static_cast<int>(begin.size()) - 1; }
 };
 
 // Cholesky factorization of a sparse symmetric positive definite matrix with a fixed pattern:
-// analyzed once (CHOLMOD, Chen, Davis, Hager, Rajamanickam 2008; minimum-degree ordering;
-// simplicial or supernodal by the predicted work), refactored for new values as often as needed.
-// BLAS runs on one thread, so the result depends on nothing but the input.
+// analyzed once (CHOLMOD, Chen, Davis, Hager, Rajamanickam 2008, with 64-bit indices: factors
+// beyond 2^31 entries are possible; minimum-degree ordering; simplicial or supernodal by the
+// predicted work), refactored for new values as often as needed. BLAS runs on one thread, so the
+// result depends on nothing but the input. Throws std::bad_alloc where there is not enough memory.
 class SparseCholesky {
  public:
   explicit SparseCholesky(const SymmetricPattern& pattern);

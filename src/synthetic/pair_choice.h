@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -29,5 +30,14 @@ class PairCosts {
 // The pairs of a minimum spanning tree and the cheapest others, num_chosen in all, as a flag a
 // pair. num_chosen lies between n - 1 and the number of pairs.
 std::vector<bool> ChoosePairs(const PairCosts& costs, size_t num_chosen);
+
+// The same where only some pairs can be chosen: indices of candidates, sorted; all of them where
+// there are fewer.
+struct CandidatePair {
+  int item1 = 0, item2 = 0;
+  float cost = 0;
+};
+std::vector<size_t> ChoosePairs(size_t num_items, std::span<const CandidatePair> candidates,
+                                size_t num_chosen);
 
 }  // namespace cairn

@@ -6,6 +6,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/math/angles.h"
+#include "synthetic/city.h"
 
 namespace cairn {
 namespace {
@@ -47,8 +48,7 @@ Placement Line(int i, int n, double distance) {
 }
 
 // A few spots where many stand; most of the cameras look straight at the landmark.
-Placement Landmark(int n, double distance, Rng& rng) {
-  const int num_spots = std::max(4, n / 60);
+Placement Landmark(int num_spots, double distance, Rng& rng) {
   // Popularity falls with the spot's rank; spots are spread by the golden angle.
   const double u = rng.Uniform();
   const int spot = static_cast<int>(num_spots * u * u);
@@ -86,6 +86,8 @@ Eigen::Vector3d RandomDirection(Rng& rng) {
 
 std::vector<Rigid3d> MakeCameraPoses(CameraLayout layout, int num_cameras, double distance,
                                      Rng& rng) {
+  constexpr int kSpotsPerPlace = 12;
+  const City city(num_cameras);
   std::vector<Rigid3d> poses;
   for (int i = 0; i < num_cameras; ++i) {
     Placement placement;
@@ -103,7 +105,10 @@ std::vector<Rigid3d> MakeCameraPoses(CameraLayout layout, int num_cameras, doubl
         placement = Line(i, num_cameras, distance);
         break;
       case CameraLayout::kLandmark:
-        placement = Landmark(num_cameras, distance, rng);
+        placement = Landmark(std::max(4, num_cameras / 60), distance, rng);
+        break;
+      case CameraLayout::kCity:
+        placement = Landmark(kSpotsPerPlace, distance, rng);
         break;
     }
     for (int k = 0; k < 3; ++k) {
@@ -111,6 +116,9 @@ std::vector<Rigid3d> MakeCameraPoses(CameraLayout layout, int num_cameras, doubl
       placement.target[k] += 0.05 * rng.Gaussian();
     }
     poses.push_back(LookAt(placement.center, placement.target, DegToRad(2.0) * rng.Gaussian()));
+    if (layout == CameraLayout::kCity) {
+      poses.back() = poses.back() * Inverse(city.WorldFromPlace(city.PlaceOf(i)));
+    }
   }
   return poses;
 }

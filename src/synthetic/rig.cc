@@ -13,6 +13,8 @@ void RigOptions::VisitFields(OptionVisitor& v) {
   v.Int("num_images", num_images, {1, 1e6}, "images of the scene");
   v.Int("num_distractor_images", num_distractor_images, {0, 1e6}, "images of another place");
   v.Int("num_cameras", num_cameras, {1, 1000}, "cameras of different focal length");
+  v.Double("own_camera_share", own_camera_share, {0, 1},
+           "share of the images that have a camera of their own");
   v.Choice("camera_model", camera_model, NamedCameraModels(), "camera model");
   v.Double("radial_distortion", radial_distortion, {-0.3, 0.3},
            "first radial coefficient, where the model has one");
@@ -25,14 +27,22 @@ void RigOptions::VisitFields(OptionVisitor& v) {
   v.Double("distance", distance, {1.5, 100.0}, "of the cameras; the scene's radius is 1");
 }
 
+int NumOwnCameras(const RigOptions& options, int num_images) {
+  return static_cast<int>(options.own_camera_share * num_images);
+}
+
 int FocalLength35mm(const RigOptions& options, int camera_index) {
+  constexpr int kNumDifferent = 21;
+  if (camera_index >= options.num_cameras) return 36 + (8 * camera_index) % kNumDifferent;
   if (options.num_cameras == 1) return 40;
   return static_cast<int>(std::lround(36.0 + 20.0 * camera_index / (options.num_cameras - 1)));
 }
 
 std::map<camera_t, Camera> MakeCameras(const RigOptions& options) {
   std::map<camera_t, Camera> cameras;
-  for (int i = 0; i < options.num_cameras; ++i) {
+  const int num_images = options.num_images + options.num_distractor_images;
+  const int num_cameras = options.num_cameras + NumOwnCameras(options, num_images);
+  for (int i = 0; i < num_cameras; ++i) {
     const double size = i % 2 == 0 ? 1.0 : 0.8;
     const int width = static_cast<int>(std::lround(size * options.image_width));
     const int height = static_cast<int>(std::lround(size * options.image_height));
@@ -55,8 +65,10 @@ std::vector<Image> MakeImages(const RigOptions& options) {
     char name[32];
     std::snprintf(name, sizeof(name), is_distractor ? "other%05d.jpg" : "image%05d.jpg",
                   is_distractor ? i - options.num_images : i);
-    images.push_back(
-        {static_cast<image_t>(i + 1), name, static_cast<camera_t>(1 + i % options.num_cameras)});
+    const int num_own = NumOwnCameras(options, i + 1);
+    const bool is_own = num_own > NumOwnCameras(options, i);
+    const int camera = is_own ? options.num_cameras + num_own : 1 + i % options.num_cameras;
+    images.push_back({static_cast<image_t>(i + 1), name, static_cast<camera_t>(camera)});
   }
   return images;
 }

@@ -7,6 +7,7 @@
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
 #include "cairn/synthetic/poses.h"
+#include "synthetic/city.h"
 #include "synthetic/relief.h"
 
 namespace cairn {
@@ -67,14 +68,44 @@ Detection MakeClutter(const Camera& camera, double distance, Rng& rng) {
 struct Surface {
   std::vector<SurfaceElement> elements;
   std::vector<double> salience;
+  std::optional<City> city;  // then elements are by place
+
+  size_t PlaceSize() const { return elements.size() / (city ? city->NumPlaces() : 1); }
 };
 
+double DrawSalience(const SceneOptions& options, Rng& rng) {
+  return -options.salience * std::log(1.0 - rng.Uniform());
+}
+
+Surface MakeCitySurface(const SceneOptions& options, uint64_t seed) {
+  Surface surface{{}, {}, City(options.num_images)};
+  const City& city = *surface.city;
+  Rng relief_rng(seed, "scene_elements");
+  const Relief relief(relief_rng);
+  for (int place = 0; place < city.NumPlaces(); ++place) {
+    const Rigid3d world_from_place = city.WorldFromPlace(place);
+    Rng own(seed, "scene_place", place);
+    Rng shared(seed, "scene_twins", std::min(place, city.TwinOf(place)));
+    for (int k = 0; k < options.num_points / city.NumPlaces(); ++k) {
+      Rng& rng = k % City::kAlikeEvery == 0 ? shared : own;
+      const double size = 0.005 * std::exp(rng.Uniform(0.0, 1.8));
+      SurfaceElement element = SampleTower(relief, kReliefAmplitude, size, rng);
+      element.point = world_from_place * element.point;
+      element.tangents = world_from_place.RotationMatrix() * element.tangents;
+      surface.elements.push_back(element);
+      surface.salience.push_back(DrawSalience(options, rng));
+    }
+  }
+  return surface;
+}
+
 Surface MakeSurface(const SceneOptions& options, uint64_t seed) {
+  if (options.layout == CameraLayout::kCity) return MakeCitySurface(options, seed);
   Rng element_rng(seed, "scene_elements");
-  Surface surface{MakeElements(options.layout, options.num_points, element_rng), {}};
+  Surface surface{MakeElements(options.layout, options.num_points, element_rng), {}, {}};
   Rng salience_rng(seed, "scene_salience");
   for (int i = 0; i < options.num_points; ++i) {
-    surface.salience.push_back(-options.salience * std::log(1.0 - salience_rng.Uniform()));
+    surface.salience.push_back(DrawSalience(options, salience_rng));
   }
   return surface;
 }
@@ -86,8 +117,11 @@ void KeepNoticed(const Surface& surface, size_t max_keypoints, Rng& rng,
   if (detections->size() <= max_keypoints) return;
   std::vector<std::pair<double, size_t>> keys;
   for (size_t k = 0; k < detections->size(); ++k) {
+    const Detection& detection = (*detections)[k];
     const double gumbel = -std::log(-std::log(1.0 - rng.Uniform()));
-    keys.emplace_back(-surface.salience[(*detections)[k].element] - gumbel, k);
+    // Far places show less.
+    const double nearness = surface.city ? -2 * std::log(detection.observation.depth) : 0.0;
+    keys.emplace_back(-surface.salience[detection.element] - nearness - gumbel, k);
   }
   std::nth_element(keys.begin(), keys.begin() + static_cast<int64_t>(max_keypoints), keys.end());
   keys.resize(max_keypoints);
@@ -102,16 +136,35 @@ bool IsInPlace(const SurfaceElement& element, int index, int place) {
   return std::abs(element.point.x()) < kHalfWidth || index % 2 == place;
 }
 
-std::vector<Detection> Detect(const SceneOptions& options, int place, const Camera& camera,
+// First and last element of what may be in view.
+using Range = std::pair<size_t, size_t>;
+std::vector<Range> RangesInView(const Surface& surface, int image, const Camera& camera,
+                                const Rigid3d& cam_from_world) {
+  if (!surface.city) return {{0, surface.elements.size()}};
+  const double half_view = std::atan(0.5 * camera.DiagonalPx() / camera.MeanFocal());
+  std::vector<Range> ranges;
+  for (int place = 0; place < surface.city->NumPlaces(); ++place) {
+    if (!surface.city->AreNeighbors(place, surface.city->PlaceOf(image))) continue;
+    const Eigen::Vector3d center = cam_from_world * surface.city->WorldFromPlace(place).translation;
+    const double radius = std::asin(std::min(1.0, 1.3 / center.norm()));
+    if (std::atan2(center.head<2>().norm(), center.z()) > half_view + radius) continue;
+    ranges.emplace_back(place * surface.PlaceSize(), (place + 1) * surface.PlaceSize());
+  }
+  return ranges;
+}
+
+std::vector<Detection> Detect(const SceneOptions& options, int image, const Camera& camera,
                               const Rigid3d* cam_from_world, const Surface& surface, Rng& rng) {
   std::vector<Detection> detections;
   if (cam_from_world) {
-    for (size_t i = 0; i < surface.elements.size(); ++i) {
-      AffineObservation view;
-      const int index = static_cast<int>(i);
-      if (options.twin_places && !IsInPlace(surface.elements[i], index, place)) continue;
-      if (IsSeen(camera, *cam_from_world, surface.elements[i], &view)) {
-        detections.push_back({view, index});
+    for (const auto& [begin, end] : RangesInView(surface, image, camera, *cam_from_world)) {
+      for (size_t i = begin; i < end; ++i) {
+        AffineObservation view;
+        const int index = static_cast<int>(i);
+        if (options.twin_places && !IsInPlace(surface.elements[i], index, image % 2)) continue;
+        if (IsSeen(camera, *cam_from_world, surface.elements[i], &view)) {
+          detections.push_back({view, index});
+        }
       }
     }
     if (options.salience > 0) KeepNoticed(surface, options.max_keypoints, rng, &detections);
@@ -138,13 +191,13 @@ struct ImageData {
   double depth_scale = 1.0;
 };
 
-ImageData MakeImageData(const SceneOptions& options, int place, const Camera& camera,
+ImageData MakeImageData(const SceneOptions& options, int image, const Camera& camera,
                         const Rigid3d* cam_from_world, const Surface& surface, Rng rng) {
   const ObservationNoise noise{options.image_noise_px, options.affine_noise, options.depth_noise,
                                options.depth_gradient_noise};
   ImageData data;
   data.depth_scale = std::exp(0.7 * rng.Gaussian());
-  for (const Detection& detection : Detect(options, place, camera, cam_from_world, surface, rng)) {
+  for (const Detection& detection : Detect(options, image, camera, cam_from_world, surface, rng)) {
     const AffineObservation noisy = AddNoise(detection.observation, noise, camera.MeanFocal(), rng);
     data.keypoints.push_back(noisy.ToKeypoint());
     const bool has_depth = rng.Uniform() >= options.missing_depth_ratio;
@@ -240,7 +293,7 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   ParallelFor(0, num_images, [&](int64_t i) {
     const Rigid3d* pose = i < options.num_images ? &poses[i] : nullptr;
     data[i] =
-        MakeImageData(options, static_cast<int>(i % 2), scene.cameras.at(scene.images[i].camera_id),
+        MakeImageData(options, static_cast<int>(i), scene.cameras.at(scene.images[i].camera_id),
                       pose, surface, Rng(seed, "scene_image", i + 1));
   });
 

@@ -5,8 +5,10 @@
 
 #include "cairn/base/parallel.h"
 #include "cairn/database/database.h"
+#include "cairn/geometry/rigid3d.h"
 #include "cairn/synthetic/poses.h"
 #include "cairn/synthetic/scene.h"
+#include "synthetic/city.h"
 #include "synthetic/edge_errors.h"
 #include "synthetic/pair_choice.h"
 #include "synthetic/visible_points.h"
@@ -36,7 +38,74 @@ std::vector<VisiblePoints> FindAllVisiblePoints(const SyntheticScene& scene) {
   return visible;
 }
 
+// Points that image 1 shows of its place and image 2 of the twin place, as if they were the same.
+// Ids are by place.
+struct TwinPoints {
+  VisiblePoints points1, points2;
+};
+TwinPoints FindTwinPoints(const SyntheticScene& scene, const City& city, int64_t i, int64_t j,
+                          const std::vector<VisiblePoints>& visible) {
+  const auto size = static_cast<point3D_t>(scene.options.num_points / city.NumPlaces());
+  const auto alike = [&](int64_t image) {
+    const point3D_t first = 1 + city.PlaceOf(image) * size;
+    const VisiblePoints& all = visible[image];
+    VisiblePoints points;
+    for (auto it = std::lower_bound(all.begin(), all.end(), std::pair(first, point2D_t{0}));
+         it != all.end() && it->first < first + size; ++it) {
+      if ((it->first - first) % City::kAlikeEvery == 0)
+        points.emplace_back(it->first - first, it->second);
+    }
+    return points;
+  };
+  return {alike(i), alike(j)};
+}
+
+// True pairs of neighboring places, and wrong ones of twins.
+PairPlan PlanCityPairs(const SyntheticScene& scene, const std::vector<VisiblePoints>& visible) {
+  constexpr int kMinCommon = 15;
+  const auto n = static_cast<int64_t>(scene.images.size());
+  const City city(n);
+  std::vector<std::vector<CandidatePair>> of_image[2];  // true and wrong ones
+  for (auto& candidates : of_image) candidates.resize(n);
+  ParallelFor(0, n, [&](int64_t i) {
+    const int place = city.PlaceOf(i);
+    for (int64_t j = i + 1; j < n; ++j) {
+      const bool is_wrong = !city.AreNeighbors(place, city.PlaceOf(j));
+      if (is_wrong && city.PlaceOf(j) != city.TwinOf(place)) continue;
+      int num_common = 0;
+      if (is_wrong) {
+        const TwinPoints twins = FindTwinPoints(scene, city, i, j, visible);
+        num_common = NumCommonPoints(twins.points1, twins.points2);
+      } else {
+        num_common = NumCommonPoints(visible[i], visible[j]);
+      }
+      if (num_common < kMinCommon) continue;
+      of_image[is_wrong][i].push_back(
+          {static_cast<int>(i), static_cast<int>(j), -static_cast<float>(num_common)});
+    }
+  });
+  const auto num_pairs = static_cast<size_t>(scene.options.num_pairs);
+  const auto num_wrong = static_cast<size_t>(
+      std::lround(scene.options.pair_outlier_ratio * static_cast<double>(num_pairs)));
+  PairPlan plan;
+  for (const bool is_wrong : {false, true}) {
+    std::vector<CandidatePair> candidates;
+    for (const auto& some : of_image[is_wrong]) {
+      candidates.insert(candidates.end(), some.begin(), some.end());
+    }
+    for (const size_t k :
+         ChoosePairs(n, candidates, is_wrong ? num_wrong : num_pairs - num_wrong)) {
+      plan.pairs.emplace_back(candidates[k].item1, candidates[k].item2);
+      plan.is_outlier.push_back(is_wrong);
+    }
+  }
+  return plan;
+}
+
 PairPlan PlanPairs(const SyntheticScene& scene, const std::vector<VisiblePoints>& visible) {
+  if (scene.options.layout == CameraLayout::kCity && scene.options.num_pairs > 0) {
+    return PlanCityPairs(scene, visible);
+  }
   const auto n = static_cast<int64_t>(scene.images.size());
   const auto wanted = static_cast<size_t>(scene.options.num_pairs);
   std::vector<bool> chosen;
@@ -107,7 +176,9 @@ class PairMaker {
     const auto [i, j] = plan_.pairs[pair];
     const auto [id1, id2] = PairIdToImagePair(PairId(pair));
     PairRows rows;
-    if (plan_.is_outlier[pair]) {
+    if (plan_.is_outlier[pair] && scene_.options.layout == CameraLayout::kCity) {
+      rows = MakeTwinPair(i, j);
+    } else if (plan_.is_outlier[pair]) {
       rows = MakeOutlierPair(scene_, id1, id2);
     } else {
       const SyntheticMatches matches = MakeMatches(scene_, id1, id2, visible_[i], visible_[j]);
@@ -122,6 +193,25 @@ class PairMaker {
   }
 
  private:
+  // The second image as if it were of the place that looks the same.
+  PairRows MakeTwinPair(int64_t i, int64_t j) const {
+    const City city(static_cast<int64_t>(scene_.images.size()));
+    const TwinPoints twins = FindTwinPoints(scene_, city, i, j, visible_);
+    const auto pose = [&](int64_t image) {
+      return scene_.truth.images.at(scene_.images[image].image_id).cam_from_world;
+    };
+    PairRows rows;
+    rows.matches = CommonPoints(twins.points1, twins.points2);
+    rows.geometry.config = TwoViewConfig::kCalibrated;
+    rows.geometry.inlier_matches = rows.matches;
+    Rigid3d cam2_from_cam1 =
+        pose(j) * city.Motion(city.PlaceOf(i), city.PlaceOf(j)) * Inverse(pose(i));
+    cam2_from_cam1.translation.normalize();
+    rows.geometry.cam2_from_cam1 = cam2_from_cam1;
+    Disturb(i, j, &rows.geometry);
+    return rows;
+  }
+
   void Disturb(size_t i, size_t j, TwoViewGeometry* geometry) const {
     const SceneOptions& options = scene_.options;
     if (options.rotation_noise_deg == 0 && options.direction_noise_deg == 0) return;

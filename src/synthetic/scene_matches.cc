@@ -13,23 +13,6 @@
 namespace cairn {
 namespace {
 
-// Correct matches in the order of the points' ids.
-FeatureMatches CommonPoints(const VisiblePoints& visible1, const VisiblePoints& visible2) {
-  FeatureMatches matches;
-  auto a = visible1.begin();
-  auto b = visible2.begin();
-  while (a != visible1.end() && b != visible2.end()) {
-    if (a->first < b->first) {
-      ++a;
-    } else if (b->first < a->first) {
-      ++b;
-    } else {
-      matches.push_back({(a++)->second, (b++)->second});
-    }
-  }
-  return matches;
-}
-
 // Keypoints that are in no match of `used`, in a random order.
 std::vector<point2D_t> FreeKeypoints(size_t num_keypoints, const FeatureMatches& used,
                                      point2D_t FeatureMatch::*side, Rng& rng) {
@@ -79,6 +62,22 @@ VisiblePoints FindVisiblePoints(const SyntheticScene& scene, image_t image_id) {
   }
   std::sort(visible.begin(), visible.end());
   return visible;
+}
+
+FeatureMatches CommonPoints(const VisiblePoints& visible1, const VisiblePoints& visible2) {
+  FeatureMatches matches;
+  auto a = visible1.begin();
+  auto b = visible2.begin();
+  while (a != visible1.end() && b != visible2.end()) {
+    if (a->first < b->first) {
+      ++a;
+    } else if (b->first < a->first) {
+      ++b;
+    } else {
+      matches.push_back({(a++)->second, (b++)->second});
+    }
+  }
+  return matches;
 }
 
 int NumCommonPoints(const VisiblePoints& visible1, const VisiblePoints& visible2) {

@@ -15,6 +15,9 @@ VisiblePoints FindVisiblePoints(const SyntheticScene& scene, image_t image_id);
 // How many points both show.
 int NumCommonPoints(const VisiblePoints& visible1, const VisiblePoints& visible2);
 
+// Keypoints of common points, by the points' ids.
+FeatureMatches CommonPoints(const VisiblePoints& visible1, const VisiblePoints& visible2);
+
 // MakeMatches for callers that go over many pairs.
 SyntheticMatches MakeMatches(const SyntheticScene& scene, image_t image_id1, image_t image_id2,
                              const VisiblePoints& visible1, const VisiblePoints& visible2);

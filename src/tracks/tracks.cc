@@ -1,6 +1,7 @@
 #include "cairn/tracks/tracks.h"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
 #include <tuple>
 #include <unordered_map>
@@ -10,15 +11,55 @@
 namespace cairn {
 namespace {
 
-// Keypoints as consecutive nodes, ordered by (image, keypoint), so that node order is element
-// order.
-struct Nodes {
-  std::vector<TrackElement> elements;
-  std::vector<std::pair<int, int>> matches;  // node indices, best-supported pairs first
+// Keypoints that are matched, as consecutive nodes, ordered by (image, keypoint), so that node
+// order is element order.
+class Nodes {
+ public:
+  explicit Nodes(std::span<const PairMatches> pairs) {
+    for (const PairMatches& pair : pairs) {
+      CAIRN_CHECK_NE(pair.image_id1, pair.image_id2);
+      for (const FeatureMatch& match : pair.matches) {
+        Mark(node_of_[pair.image_id1], match.point1);
+        Mark(node_of_[pair.image_id2], match.point2);
+      }
+    }
+    for (auto& [image_id, marks] : node_of_) {
+      for (size_t point = 0; point < marks.size(); ++point) {
+        if (marks[point] < 0) continue;
+        CAIRN_CHECK_LT(elements_.size(), static_cast<size_t>(std::numeric_limits<int>::max()));
+        marks[point] = static_cast<int>(elements_.size());
+        elements_.push_back({image_id, static_cast<point2D_t>(point)});
+      }
+    }
+  }
+
+  int Num() const { return static_cast<int>(elements_.size()); }
+  const TrackElement& Element(int node) const { return elements_[node]; }
+  image_t ImageOf(int node) const { return elements_[node].image_id; }
+  // The pair's matches as pairs of nodes, sorted.
+  void MatchesOf(const PairMatches& pair, std::vector<std::pair<int, int>>& matches) const {
+    matches.clear();
+    if (pair.matches.empty()) return;
+    const std::vector<int>& nodes1 = node_of_.at(pair.image_id1);
+    const std::vector<int>& nodes2 = node_of_.at(pair.image_id2);
+    for (const FeatureMatch& match : pair.matches) {
+      matches.emplace_back(std::minmax(nodes1[match.point1], nodes2[match.point2]));
+    }
+    if (!std::is_sorted(matches.begin(), matches.end())) std::sort(matches.begin(), matches.end());
+  }
+
+ private:
+  static void Mark(std::vector<int>& marks, point2D_t point) {
+    if (marks.size() <= point) marks.resize(point + 1, -1);
+    marks[point] = 0;
+  }
+
+  std::vector<TrackElement> elements_;
+  std::map<image_t, std::vector<int>> node_of_;  // by keypoint; -1: not matched
 };
 
-Nodes NumberKeypoints(std::span<const PairMatches> pairs) {
-  // Pairs by falling support; the images break ties, so that the order given does not matter.
+// Pairs by falling support; the images break ties, so that the order given does not matter.
+std::vector<size_t> OrderBySupport(std::span<const PairMatches> pairs) {
   std::vector<size_t> order(pairs.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::sort(order.begin(), order.end(), [&](size_t a, size_t b) {
@@ -28,50 +69,16 @@ Nodes NumberKeypoints(std::span<const PairMatches> pairs) {
     };
     return key(a) < key(b);
   });
-
-  // node_of[image][keypoint], filled with marks first, then with node numbers.
-  std::map<image_t, std::vector<int>> node_of;
-  const auto mark = [&](image_t image_id, point2D_t point) {
-    std::vector<int>& marks = node_of[image_id];
-    if (marks.size() <= point) marks.resize(point + 1, -1);
-    marks[point] = 0;
-  };
-  for (const PairMatches& pair : pairs) {
-    CAIRN_CHECK_NE(pair.image_id1, pair.image_id2);
-    for (const FeatureMatch& match : pair.matches) {
-      mark(pair.image_id1, match.point1);
-      mark(pair.image_id2, match.point2);
-    }
-  }
-  Nodes nodes;
-  for (auto& [image_id, marks] : node_of) {
-    for (size_t point = 0; point < marks.size(); ++point) {
-      if (marks[point] < 0) continue;
-      marks[point] = static_cast<int>(nodes.elements.size());
-      nodes.elements.push_back({image_id, static_cast<point2D_t>(point)});
-    }
-  }
-  for (const size_t i : order) {
-    const PairMatches& pair = pairs[i];
-    if (pair.matches.empty()) continue;
-    const std::vector<int>& nodes1 = node_of.at(pair.image_id1);
-    const std::vector<int>& nodes2 = node_of.at(pair.image_id2);
-    const size_t begin = nodes.matches.size();
-    for (const FeatureMatch& match : pair.matches) {
-      nodes.matches.emplace_back(std::minmax(nodes1[match.point1], nodes2[match.point2]));
-    }
-    std::sort(nodes.matches.begin() + static_cast<int64_t>(begin), nodes.matches.end());
-  }
-  return nodes;
+  return order;
 }
 
-// Disjoint sets of nodes that know their members, and so whether they share an image.
+// Disjoint sets of nodes, each a list in ascending order that begins at its root: eight bytes a
+// keypoint.
 class NodeSets {
  public:
-  NodeSets(const std::vector<TrackElement>& elements)
-      : elements_(elements), parent_(elements.size()), members_(elements.size()) {
+  explicit NodeSets(const Nodes& nodes)
+      : nodes_(nodes), parent_(nodes.Num()), next_(nodes.Num(), -1) {
     std::iota(parent_.begin(), parent_.end(), 0);
-    for (size_t i = 0; i < members_.size(); ++i) members_[i] = {static_cast<int>(i)};
   }
 
   int Root(int node) {
@@ -81,34 +88,35 @@ class NodeSets {
     }
     return node;
   }
-  // Both lists of members are sorted by node, hence by image.
+  bool IsRoot(int node) const { return parent_[node] == node; }
+  int Next(int node) const { return next_[node]; }  // -1: the last one
+  // Ascending nodes have ascending images.
   bool ShareImage(int root1, int root2) const {
-    const std::vector<int>& a = members_[root1];
-    const std::vector<int>& b = members_[root2];
-    for (size_t i = 0, j = 0; i < a.size() && j < b.size();) {
-      const image_t image1 = elements_[a[i]].image_id;
-      const image_t image2 = elements_[b[j]].image_id;
+    for (int a = root1, b = root2; a >= 0 && b >= 0;) {
+      const image_t image1 = nodes_.ImageOf(a);
+      const image_t image2 = nodes_.ImageOf(b);
       if (image1 == image2) return true;
-      image1 < image2 ? ++i : ++j;
+      int& behind = image1 < image2 ? a : b;
+      behind = next_[behind];
     }
     return false;
   }
   void Join(int root1, int root2) {
-    if (members_[root1].size() < members_[root2].size()) std::swap(root1, root2);
-    std::vector<int>& kept = members_[root1];
-    std::vector<int>& moved = members_[root2];
-    const auto middle = static_cast<int64_t>(kept.size());
-    kept.insert(kept.end(), moved.begin(), moved.end());
-    std::inplace_merge(kept.begin(), kept.begin() + middle, kept.end());
+    if (root1 > root2) std::swap(root1, root2);
     parent_[root2] = root1;
-    moved = {};
+    int last = root1, a = next_[root1], b = root2;
+    while (a >= 0 && b >= 0) {
+      int& smaller = a < b ? a : b;
+      last = next_[last] = smaller;
+      smaller = next_[smaller];
+    }
+    next_[last] = a >= 0 ? a : b;
   }
-  const std::vector<int>& Members(int root) const { return members_[root]; }
 
  private:
-  const std::vector<TrackElement>& elements_;
+  const Nodes& nodes_;
   std::vector<int> parent_;
-  std::vector<std::vector<int>> members_;  // of roots, ascending
+  std::vector<int> next_;
 };
 
 }  // namespace
@@ -121,27 +129,30 @@ void TrackOptions::VisitFields(OptionVisitor& v) {
 
 TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& options) {
   ValidateOptions(options, "tracks");
-  const Nodes nodes = NumberKeypoints(pairs);
-  NodeSets sets(nodes.elements);
+  const Nodes nodes(pairs);
+  NodeSets sets(nodes);
   TrackReport report;
-  report.num_matches = static_cast<int64_t>(nodes.matches.size());
-  for (const auto& [node1, node2] : nodes.matches) {
-    const int root1 = sets.Root(node1);
-    const int root2 = sets.Root(node2);
-    if (root1 == root2) continue;
-    if (sets.ShareImage(root1, root2)) {
-      ++report.num_conflicting;
-    } else {
-      sets.Join(root1, root2);
+  std::vector<std::pair<int, int>> matches;
+  for (const size_t i : OrderBySupport(pairs)) {
+    nodes.MatchesOf(pairs[i], matches);
+    report.num_matches += static_cast<int64_t>(matches.size());
+    for (const auto& [node1, node2] : matches) {
+      const int root1 = sets.Root(node1);
+      const int root2 = sets.Root(node2);
+      if (root1 == root2) continue;
+      if (sets.ShareImage(root1, root2)) {
+        ++report.num_conflicting;
+      } else {
+        sets.Join(root1, root2);
+      }
     }
   }
-  // Roots in the order of their smallest member, which is the order of the tracks.
-  for (int node = 0; node < static_cast<int>(nodes.elements.size()); ++node) {
-    const std::vector<int>& members = sets.Members(sets.Root(node));
-    if (members.front() != node) continue;
+  // Roots are the smallest members: their order is that of the tracks.
+  for (int root = 0; root < nodes.Num(); ++root) {
+    if (!sets.IsRoot(root)) continue;
     Track track;
-    track.reserve(members.size());
-    for (const int member : members) track.push_back(nodes.elements[member]);
+    for (int node = root; node >= 0; node = sets.Next(node)) track.push_back(nodes.Element(node));
+    track.shrink_to_fit();
     if (static_cast<int>(track.size()) < options.min_length) {
       ++report.num_too_short;
     } else {

@@ -121,7 +121,7 @@ FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weight
     const double decrease = cost - next_cost;
     positions = std::move(next);
     cost = next_cost;
-    damping = std::max(damping / 5, 1e-9);
+    damping = std::max(damping / 5, system.MinDamping());
     growth = 2;
     if (decrease <= weights.tolerance * cost || cost < 1e-20) {
       result.converged = true;

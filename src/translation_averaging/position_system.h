@@ -23,9 +23,10 @@ struct Positions {
 };
 
 // The linear systems of a fit of cameras and points whose terms are functions of c2 - c1 (edges)
-// and X - c (rays). Points are eliminated first (Schur complement, explicit), the cameras' system
-// is solved by sparse Cholesky with a pattern analyzed once, or by conjugate gradients with
-// block-Jacobi preconditioning where the factor would be too expensive.
+// and X - c (rays). Points are eliminated first (Schur complement), the cameras' system
+// is solved by sparse Cholesky with a pattern analyzed once. Where the factor would be too
+// expensive, by conjugate gradients with block-Jacobi preconditioning, without forming that system:
+// time and memory grow with the numbers of edges and rays, not with the pairs that a point joins.
 class PositionSystem {
  public:
   // Beyond max_cholesky_flops a factorization takes longer than a few hundred iterations.
@@ -38,17 +39,24 @@ class PositionSystem {
              double damping, Positions& step);
 
   bool UsesCholesky() const { return cholesky_ != nullptr; }
+  // Less damping changes nothing that matters, but costs conjugate gradients many iterations.
+  double MinDamping() const { return UsesCholesky() ? 1e-9 : 1e-5; }
 
  private:
+  // The quadratic models of one fit.
+  struct Terms {
+    const std::vector<TermModel>& edges;
+    const std::vector<TermModel>& rays;
+    double damping;
+  };
   void BuildPattern();
   void BuildCholesky(double max_flops);
-  void EliminatePoints(const std::vector<TermModel>& ray_models, double damping);
-  void AssembleRow(int camera, const std::vector<TermModel>& edge_models,
-                   const std::vector<TermModel>& ray_models, double damping,
-                   std::vector<Eigen::Matrix3d>& scratch);
-  bool SolveCameras(Eigen::Matrix3Xd& step);
-  bool SolveByCholesky(Eigen::Matrix3Xd& step);
-  bool SolveByConjugateGradients(Eigen::Matrix3Xd& step) const;
+  void EliminatePoints(const Terms& terms);
+  void AssembleDiagonal(int camera, const Terms& terms);
+  void AssembleRow(int camera, const Terms& terms, std::vector<Eigen::Matrix3d>& scratch);
+  bool SolveByCholesky(const Terms& terms, Eigen::Matrix3Xd& step);
+  void SolveByConjugateGradients(Eigen::Matrix3Xd& step) const;
+  void BuildCouplings(const Terms& terms);
   Eigen::Matrix3Xd Multiply(const Eigen::Matrix3Xd& x) const;
 
   const DirectionProblem& problem_;
@@ -61,6 +69,16 @@ class PositionSystem {
   std::vector<int> row_begin_;
   std::vector<int> column_;
   std::vector<Eigen::Matrix3d> blocks_;
+  std::vector<Eigen::Matrix3d> damped_;    // diagonal block of each camera before points are out
+  std::vector<Eigen::Matrix3d> diagonal_;  // and after
+  // For conjugate gradients: terms in the order in which they are read, half as large; a step is
+  // not that exact.
+  struct Coupling {
+    float xx, xy, xz, yy, yz, zz;
+    int other;
+  };
+  std::vector<Coupling> edges_by_camera_, rays_by_camera_, rays_by_track_;
+  std::vector<size_t> edges_begin_, rays_begin_;  // of each camera
   Eigen::Matrix3Xd rhs_;
   std::vector<Eigen::Matrix3d> point_inverse_;
   Eigen::Matrix3Xd point_rhs_;

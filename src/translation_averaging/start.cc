@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
 #include "cairn/math/decompositions.h"
 #include "sparse/laplacian_solver.h"
 
@@ -12,31 +13,39 @@ namespace {
 
 constexpr int kNumIterations = 200;
 
+constexpr int kGrain = 1024;
+
 // min sum |x_2 - x_1 - l v|, l >= 1, over nodes 0 .. n-1 and a connected graph.
-Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<LaplacianSolver::Edge>& edges,
-                         const std::vector<Eigen::Vector3d>& directions) {
+Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<GraphEdge>& edges,
+                         const std::vector<Eigen::Vector3d>& directions, int num_threads) {
   std::vector<char> is_gauge(num_nodes, 0);
   is_gauge[0] = 1;
-  LaplacianSolver solver(num_nodes, edges, is_gauge);
+  std::vector<LaplacianSolver::Edge> solver_edges;
+  for (const GraphEdge& edge : edges) solver_edges.push_back({edge.node1, edge.node2});
+  LaplacianSolver solver(num_nodes, solver_edges, is_gauge);
   CAIRN_CHECK(solver.Factorize(std::vector<double>(edges.size(), 1.0)));
 
   const size_t m = edges.size();
+  const GraphAdjacency adjacency = BuildAdjacency(num_nodes, edges);
   Eigen::MatrixXd x;
   std::vector<Eigen::Vector3d> slack(m, Eigen::Vector3d::Zero());  // allowed error of each edge
   std::vector<Eigen::Vector3d> dual(m, Eigen::Vector3d::Zero());
+  std::vector<Eigen::Vector3d> target(directions);
   std::vector<double> length(m, 1.0);
   for (int iteration = 0; iteration < kNumIterations; ++iteration) {
-    Eigen::MatrixXd rhs = Eigen::MatrixXd::Zero(num_nodes, 3);
-    for (size_t e = 0; e < m; ++e) {
-      const Eigen::RowVector3d target =
-          (length[e] * directions[e] + slack[e] - dual[e]).transpose();
-      rhs.row(edges[e].node2) += target;
-      rhs.row(edges[e].node1) -= target;
-    }
+    Eigen::MatrixXd rhs(num_nodes, 3);
+    const auto sum_targets = [&](int64_t v) {
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (const int e : adjacency.EdgesOf(static_cast<int>(v))) {
+        sum += edges[e].node2 == v ? target[e] : Eigen::Vector3d(-target[e]);
+      }
+      rhs.row(v) = sum.transpose();
+    };
+    ParallelFor(num_threads, num_nodes, sum_targets, kGrain);
     x = solver.Solve(rhs);
     // Errors beyond the threshold count as outliers: the shortest edges have length 1.
     constexpr double kThreshold = 1.0;
-    for (size_t e = 0; e < m; ++e) {
+    const auto update = [&](int64_t e) {
       const Eigen::Vector3d difference =
           (x.row(edges[e].node2) - x.row(edges[e].node1)).transpose();
       length[e] = std::max(1.0, directions[e].dot(difference - slack[e] + dual[e]));
@@ -45,7 +54,9 @@ Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<LaplacianSolver::Edge>
       slack[e] = norm <= kThreshold ? Eigen::Vector3d(0, 0, 0)
                                     : Eigen::Vector3d((1 - kThreshold / norm) * shifted);
       dual[e] = shifted - slack[e];
-    }
+      target[e] = length[e] * directions[e] + slack[e] - dual[e];
+    };
+    ParallelFor(num_threads, static_cast<int64_t>(m), update, kGrain);
   }
   return x;
 }
@@ -63,10 +74,10 @@ bool EdgesConnectAll(const DirectionProblem& problem) {
 
 }  // namespace
 
-Positions LeastUnsquaredDeviations(const DirectionProblem& problem) {
+Positions LeastUnsquaredDeviations(const DirectionProblem& problem, int num_threads) {
   const int n = problem.NumCameras();
   const bool cameras_only = EdgesConnectAll(problem);
-  std::vector<LaplacianSolver::Edge> edges;
+  std::vector<GraphEdge> edges;
   std::vector<Eigen::Vector3d> directions;
   for (const DirectionProblem::Edge& edge : problem.edges) {
     edges.push_back({edge.camera1, edge.camera2});
@@ -78,7 +89,8 @@ Positions LeastUnsquaredDeviations(const DirectionProblem& problem) {
       directions.push_back(ray.direction);
     }
   }
-  const Eigen::MatrixXd x = SolveLud(cameras_only ? n : n + problem.NumTracks(), edges, directions);
+  const Eigen::MatrixXd x =
+      SolveLud(cameras_only ? n : n + problem.NumTracks(), edges, directions, num_threads);
   Positions positions;
   positions.cameras = x.topRows(n).transpose();
   positions.points.resize(3, problem.NumTracks());

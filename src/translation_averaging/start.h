@@ -9,7 +9,8 @@ namespace cairn {
 //   min sum |x_2 - x_1 - l v|,  l >= 1,
 // by ADMM on the scalar Laplacian of the graph with three right-hand sides. Over cameras alone
 // where their edges connect them all, else over cameras and points.
-Positions LeastUnsquaredDeviations(const DirectionProblem& problem);
+// The number of threads does not change the result.
+Positions LeastUnsquaredDeviations(const DirectionProblem& problem, int num_threads);
 
 // The point nearest to the rays of a track, for given cameras; where it lies behind a camera or
 // rays are (nearly) parallel, a point far along the rays. `scale` is the size of the scene.

@@ -173,7 +173,7 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
   if (placeable.empty()) return report;
 
   const DirectionProblem part = Restrict(whole, placeable, edge_is_out);
-  Positions x = LeastUnsquaredDeviations(part);
+  Positions x = LeastUnsquaredDeviations(part, run.num_threads);
   PositionSystem system(part, run.num_threads);
   FitWeights weights = BalancedWeights(part, options);
   for (int pass = 0; pass <= options.num_reweightings && !run.monitor.StopRequested(); ++pass) {

@@ -1,17 +1,18 @@
 #include <algorithm>
+#include <bit>
 #include <cstdint>
+#include <numeric>
 
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/math/angles.h"
-#include "cairn/math/median.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "view_graph/active_edges.h"
 
 namespace cairn {
 namespace {
 
-constexpr int kMaxLoops = 64;  // of an edge that are looked at
+constexpr int kMaxLoops = 64;  // of an edge that are looked at: the bits of a word
 constexpr int kGrain = 64;
 
 // The rotation of an edge towards one of its images.
@@ -20,72 +21,99 @@ Eigen::Quaterniond RotationTo(const ViewEdge& edge, image_t image) {
   return edge.image_id2 == image ? R : R.conjugate();
 }
 
-// The loops of three through each active edge, and how well they close.
+// How often loops close to within so many degrees, for their median: counts do not depend on the
+// order, and take no memory for each loop.
+class ErrorCounts {
+ public:
+  ErrorCounts() : counts_(kNumBins, 0) {}
+  void Add(double error_deg) {
+    ++counts_[std::min(kNumBins - 1, static_cast<int>(error_deg / kBinDeg))];
+  }
+  void Add(const ErrorCounts& other) {
+    for (int bin = 0; bin < kNumBins; ++bin) counts_[bin] += other.counts_[bin];
+  }
+  // The lower end of its bin; 0 without any.
+  double MedianDeg() const {
+    const int64_t num = std::accumulate(counts_.begin(), counts_.end(), int64_t{0});
+    if (num == 0) return 0;
+    int bin = 0;
+    for (int64_t below = counts_[0]; below <= num / 2; below += counts_[++bin]) {
+    }
+    return bin * kBinDeg;
+  }
+
+ private:
+  static constexpr double kBinDeg = 1e-3;
+  static constexpr int kNumBins = 180000;
+  std::vector<int64_t> counts_;
+};
+
+// The loops of three through each active edge, and which of them close.
 class Triplets {
  public:
   Triplets(const ViewGraph& graph, double max_error_deg, int num_threads)
-      : graph_(graph), active_(graph), loops_of_(active_.edges.size()) {
-    const LoopFinder finder(static_cast<int>(graph.image_ids.size()), active_.edges);
-    ParallelFor(
-        num_threads, static_cast<int64_t>(loops_of_.size()),
-        [&](int64_t e) {
-          const auto [node1, node2] = active_.edges[e];
-          for (const LoopFinder::Corner& corner : finder.Find(node1, node2, kMaxLoops)) {
+      : active_(graph),
+        finder_(static_cast<int>(graph.image_ids.size()), active_.edges),
+        num_loops_(active_.edges.size()),
+        closes_(active_.edges.size()) {
+    std::vector<ErrorCounts> errors(EffectiveNumThreads(num_threads));
+    ParallelForWorker(
+        num_threads, NumEdges(),
+        [&](int worker, int64_t e) {
+          const auto edge = [&](int64_t k) -> const ViewEdge& {
+            return graph.edges[active_.index[k]];
+          };
+          const auto corners = CornersOf(static_cast<int>(e));
+          num_loops_[e] = static_cast<int>(corners.size());
+          for (size_t k = 0; k < corners.size(); ++k) {
             const double error_deg =
-                LoopErrorDeg(Edge(static_cast<int>(e)), Edge(corner.edge1), Edge(corner.edge2));
-            loops_of_[e].push_back(
-                {corner.edge1, corner.edge2, error_deg, error_deg <= max_error_deg});
+                LoopErrorDeg(edge(e), edge(corners[k].edge1), edge(corners[k].edge2));
+            errors[worker].Add(error_deg);
+            if (error_deg <= max_error_deg) closes_[e] |= uint64_t{1} << k;
           }
         },
         kGrain);
-    for (const std::vector<Loop>& loops : loops_of_) {
-      num_closed_.push_back(static_cast<int>(
-          std::count_if(loops.begin(), loops.end(), [](const Loop& loop) { return loop.closes; })));
-    }
+    for (size_t k = 1; k < errors.size(); ++k) errors[0].Add(errors[k]);
+    median_error_deg_ = errors[0].MedianDeg();
   }
 
-  struct Loop {
-    int edge1, edge2;  // the other two
-    double error_deg;
-    bool closes;
-  };
-  int NumEdges() const { return static_cast<int>(loops_of_.size()); }
-  const std::vector<Loop>& LoopsOf(int e) const { return loops_of_[e]; }
-  int NumClosed(int e) const { return num_closed_[e]; }
+  int NumEdges() const { return static_cast<int>(closes_.size()); }
+  // Their bits in Closes are in this order.
+  std::vector<LoopFinder::Corner> CornersOf(int e) const {
+    return finder_.Find(active_.edges[e].node1, active_.edges[e].node2, kMaxLoops);
+  }
+  uint64_t Closes(int e) const { return closes_[e]; }
+  int NumLoops(int e) const { return num_loops_[e]; }
+  int NumClosed(int e) const { return std::popcount(closes_[e]); }
   // Share of its loops that close.
   double Agreement(int e) const {
-    return loops_of_[e].empty()
-               ? 0.0
-               : static_cast<double>(num_closed_[e]) / static_cast<double>(loops_of_[e].size());
+    return num_loops_[e] == 0 ? 0.0 : static_cast<double>(NumClosed(e)) / num_loops_[e];
   }
+  double MedianErrorDeg() const { return median_error_deg_; }
   int GraphIndex(int e) const { return active_.index[e]; }
 
  private:
-  const ViewEdge& Edge(int e) const { return graph_.edges[active_.index[e]]; }
-
-  const ViewGraph& graph_;
   ActiveEdges active_;
-  std::vector<std::vector<Loop>> loops_of_;
-  std::vector<int> num_closed_;
+  LoopFinder finder_;
+  std::vector<int> num_loops_;
+  std::vector<uint64_t> closes_;
+  double median_error_deg_ = 0;
 };
 
 // Should the edge go, and why?
 EdgeRemoval Judge(const Triplets& triplets, int e, const ViewGraphBuilderOptions& options) {
-  int num_agreeing = 0;
+  const int num_agreeing = triplets.NumClosed(e);
   int num_contradicting = 0;
   bool is_contradicted = false;
-  for (const Triplets::Loop& loop : triplets.LoopsOf(e)) {
-    const int support = std::min(triplets.NumClosed(loop.edge1), triplets.NumClosed(loop.edge2));
-    const double agreement =
-        std::min(triplets.Agreement(loop.edge1), triplets.Agreement(loop.edge2));
-    if (loop.closes) {
-      ++num_agreeing;
-    } else if (support > 0) {
-      is_contradicted = true;
-      if (support > triplets.NumClosed(e) && agreement > triplets.Agreement(e)) {
-        ++num_contradicting;
-      }
-    }
+  const auto corners = triplets.CornersOf(e);
+  for (size_t k = 0; k < corners.size(); ++k) {
+    if (triplets.Closes(e) >> k & 1) continue;
+    const auto [node, edge1, edge2] = corners[k];
+    const int support = std::min(triplets.NumClosed(edge1), triplets.NumClosed(edge2));
+    if (support == 0) continue;
+    is_contradicted = true;
+    const double agreement = std::min(triplets.Agreement(edge1), triplets.Agreement(edge2));
+    num_contradicting += support > num_agreeing && agreement > triplets.Agreement(e);
   }
   if (num_agreeing == 0) {
     const bool removed = options.filter_triplets && is_contradicted;
@@ -111,16 +139,16 @@ double LoopErrorDeg(const ViewEdge& edge, const ViewEdge& from_first, const View
 LoopReport RemoveInconsistentTriplets(ViewGraph& graph, const ViewGraphBuilderOptions& options,
                                       const RunContext& run) {
   const Triplets triplets(graph, options.max_triplet_error_deg, run.num_threads);
+  std::vector<EdgeRemoval> verdicts(triplets.NumEdges());
+  ParallelFor(
+      run.num_threads, triplets.NumEdges(),
+      [&](int64_t e) { verdicts[e] = Judge(triplets, static_cast<int>(e), options); }, kGrain);
   LoopReport report;
-  std::vector<double> errors_deg;
-  std::vector<EdgeRemoval> verdicts;
+  report.median_error_deg = triplets.MedianErrorDeg();
   for (int e = 0; e < triplets.NumEdges(); ++e) {
-    for (const Triplets::Loop& loop : triplets.LoopsOf(e)) errors_deg.push_back(loop.error_deg);
-    report.num_loops += static_cast<int64_t>(triplets.LoopsOf(e).size());
+    report.num_loops += triplets.NumLoops(e);
     report.num_closed += triplets.NumClosed(e);
-    verdicts.push_back(Judge(triplets, e, options));
   }
-  report.median_error_deg = UpperMedian(std::move(errors_deg));
   for (int e = 0; e < triplets.NumEdges(); ++e) {
     if (verdicts[e] != EdgeRemoval::kNone)
       graph.edges[triplets.GraphIndex(e)].removal = verdicts[e];

@@ -115,7 +115,7 @@ TEST(Failure, ReconstructionThatFailsLeavesWhatThereIs) {
   for (const Case& c :
        {Case{{"--view_graph.min_num_inliers", "100000"}, "view_graph: of ", "too_few_inliers"},
         Case{{"--reconstruct.max_memory_gib", "0.001"},
-             "memory: even with 50 tracks",
+             "read: the memory is too small",
              "--reconstruct.max_memory_gib"}}) {
     const ProgramResult result = reconstruct(c.options);
     EXPECT_EQ(result.exit_code, 1) << result.output;

@@ -16,10 +16,12 @@ namespace cairn {
 // cameras, by the cheirality of its inliers. Panoramic pairs have a rotation alone. Pairs without a
 // pose, or of other kinds (watermark, ...), come with the removal reason kNoPose. Edges imported
 // from a 1DSfM data set without keypoints have 0 inliers (see HasImportedEdges). Rows that cannot
-// be used are left out, and `warn` names them. Throws IoError where the database cannot be read.
+// be used are left out, and `warn` names them. `keep` gets every edge with its geometry, so that
+// these are decoded once. Throws IoError where the database cannot be read.
 std::vector<ViewEdge> ReadViewEdges(
     const Database& database,
-    const std::function<void(const std::string&)>& warn = [](const std::string&) {});
+    const std::function<void(const std::string&)>& warn = [](const std::string&) {},
+    const std::function<void(const ViewEdge&, TwoViewGeometry&&)>& keep = {});
 
 // Edges of a data set: their numbers of inliers have no meaning.
 bool HasImportedEdges(std::span<const ViewEdge> edges);

@@ -17,6 +17,7 @@ struct RigOptions {
   int num_images = 12;
   int num_distractor_images = 0;  // of another place
   int num_cameras = 2;            // different focal lengths and sizes; images take turns
+  double own_camera_share = 0.0;  // of the images that have a camera of their own
   CameraModel camera_model = CameraModel::kSimplePinhole;
   double radial_distortion = 0.0;  // first radial coefficient, where the model has one
   // In units of the larger side; 0: those of 36 mm to 56 mm lenses.
@@ -28,11 +29,15 @@ struct RigOptions {
   void VisitFields(OptionVisitor& v);
 };
 
+// Of the first i images, so many have a camera of their own.
+int NumOwnCameras(const RigOptions& options, int num_images);
+
 // The focal length of a camera in 35 mm equivalents: whole numbers from 36 to 56, since EXIF holds
 // no others.
 int FocalLength35mm(const RigOptions& options, int camera_index);
 
-// Cameras 1 .. num_cameras, with focal lengths as EXIF would hold them.
+// Cameras 1 .. num_cameras, then those of single images, with focal lengths as EXIF would hold
+// them.
 std::map<camera_t, Camera> MakeCameras(const RigOptions& options);
 
 // Images of the scene, then the distractors, ids from 1: "image00000.jpg", "other00000.jpg".

@@ -35,8 +35,10 @@ struct SceneOptions : RigOptions {
   bool twin_places = false;
 
   // Of a database alone: which pairs it has, and how wrong they are.
-  int num_pairs = 0;                // those with the most points in common; 0: all
-  double pair_outlier_ratio = 0.0;  // share of pairs whose pose and matches mean nothing
+  int num_pairs = 0;  // those with the most points in common; 0: all
+  // Share of pairs whose pose and matches mean nothing; of a city, those of places that look alike,
+  // wrong in the same way.
+  double pair_outlier_ratio = 0.0;
   double rotation_noise_deg = 0.0;  // errors of verified pairs, as in ViewGraphOptions
   double direction_noise_deg = 0.0;
   double heavy_tail = 0.0;

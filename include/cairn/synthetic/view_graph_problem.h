@@ -18,8 +18,10 @@ struct ViewGraphOptions {
   int num_edges = 0;                 // 0: 20 an image, or all pairs where there are fewer
   double rotation_noise_deg = 0.5;   // median angle of the error of a correct edge
   double direction_noise_deg = 1.0;  // median angle between true and given translation direction
-  double heavy_tail = 0.0;     // 0: Rayleigh-like errors; 1: as real edges (1DSfM's Ellis Island)
-  double outlier_ratio = 0.0;  // share of edges whose pose has nothing to do with the truth
+  double heavy_tail = 0.0;  // 0: Rayleigh-like errors; 1: as real edges (1DSfM's Ellis Island)
+  // Share of edges whose pose has nothing to do with the truth; of a city, those of places that
+  // look alike, wrong in the same way.
+  double outlier_ratio = 0.0;
 
   // All but layout and num_images, which RigOptions lists.
   void VisitFields(OptionVisitor& v);

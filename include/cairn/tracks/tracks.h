@@ -19,11 +19,11 @@ struct TrackOptions {
   void VisitFields(OptionVisitor& v);
 };
 
-// Inlier matches of one pair of images.
+// Inlier matches of one pair of images, which belong to someone else.
 struct PairMatches {
   image_t image_id1 = kInvalidImageId;
   image_t image_id2 = kInvalidImageId;
-  FeatureMatches matches;
+  std::span<const FeatureMatch> matches;
 };
 
 struct TrackReport {

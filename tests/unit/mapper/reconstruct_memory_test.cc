@@ -85,7 +85,9 @@ TEST(Reconstruct, SaysWhatItWillTakeAndRefusesWithoutMemory) {
   settings.reconstruct.max_memory_gib = 0.001;
   const ReconstructResult refused = Reconstruct(database, settings);
   EXPECT_TRUE(refused.models.empty());
-  EXPECT_THAT(refused.report.failure, HasSubstr("memory: "));
+  EXPECT_THAT(refused.report.failure, HasSubstr("read: the memory is too small for "));
+  EXPECT_THAT(refused.report.failure, HasSubstr("raise --reconstruct.max_memory_gib"));
+  EXPECT_EQ(FindStage(refused.report, "view_graph"), nullptr);
   EXPECT_EQ(FindStage(refused.report, "bundle_adjustment"), nullptr);
 }
 

@@ -112,6 +112,22 @@ TEST(LaplacianSolver, SameBytesWhateverBlasThreadsWere) {
   EXPECT_EQ(std::memcmp(results[0].data(), results[1].data(), results[0].size() * 8), 0);
 }
 
+TEST(LaplacianSolver, ConjugateGradientsAgreeWithCholesky) {
+  const Problem p = RandomProblem(400, 20000, 9);
+  const Eigen::MatrixXd B = RandomMatrix(400, 3, 3);
+  LaplacianSolver direct(400, p.edges, p.is_gauge), iterative(400, p.edges, p.is_gauge, 0.0);
+  EXPECT_TRUE(direct.UsesCholesky());
+  EXPECT_FALSE(iterative.UsesCholesky());
+  const std::vector<double> diagonal(400, 0.1);
+  for (const std::span<const double> pull : {std::span<const double>(), std::span(diagonal)}) {
+    ASSERT_TRUE(direct.Factorize(p.weights, pull));
+    ASSERT_TRUE(iterative.Factorize(p.weights, pull));
+    const Eigen::MatrixXd expected = direct.Solve(B);
+    EXPECT_LT((iterative.Solve(B) - expected).norm(), 1e-3 * expected.norm());
+  }
+  EXPECT_FALSE(iterative.Factorize(std::vector<double>(p.edges.size(), 0.0)));
+}
+
 TEST(SparseCholesky, PredictsWorkAndRejectsIndefinite) {
   SymmetricPattern pattern;  // [a b; b c]
   pattern.begin = {0, 2, 3};

@@ -19,10 +19,23 @@ Track MakeTrack(std::initializer_list<std::pair<image_t, point2D_t>> elements) {
   return track;
 }
 
+struct OwnedPair {
+  image_t image_id1, image_id2;
+  FeatureMatches matches;
+};
+
+TrackReport Build(const std::vector<OwnedPair>& pairs, const TrackOptions& options) {
+  std::vector<PairMatches> views;
+  for (const OwnedPair& pair : pairs) {
+    views.push_back({pair.image_id1, pair.image_id2, pair.matches});
+  }
+  return BuildTracks(views, options);
+}
+
 TEST(BuildTracks, JoinsMatchesOfSeveralPairs) {
-  const std::vector<PairMatches> pairs = {
+  const std::vector<OwnedPair> pairs = {
       {1, 2, {{0, 5}, {1, 6}}}, {2, 3, {{5, 7}}}, {1, 3, {{0, 7}, {9, 8}}}};
-  const TrackReport report = BuildTracks(pairs, {});
+  const TrackReport report = Build(pairs, {});
   EXPECT_THAT(report.tracks, ElementsAre(MakeTrack({{1, 0}, {2, 5}, {3, 7}}),
                                          MakeTrack({{1, 1}, {2, 6}}), MakeTrack({{1, 9}, {3, 8}})));
   EXPECT_EQ(report.num_matches, 5);
@@ -32,29 +45,29 @@ TEST(BuildTracks, JoinsMatchesOfSeveralPairs) {
 }
 
 TEST(BuildTracks, AcceptsImagesInEitherOrder) {
-  const std::vector<PairMatches> forward = {{1, 2, {{0, 5}}}};
-  const std::vector<PairMatches> backward = {{2, 1, {{5, 0}}}};
-  EXPECT_EQ(BuildTracks(forward, {}).tracks, BuildTracks(backward, {}).tracks);
+  const std::vector<OwnedPair> forward = {{1, 2, {{0, 5}}}};
+  const std::vector<OwnedPair> backward = {{2, 1, {{5, 0}}}};
+  EXPECT_EQ(Build(forward, {}).tracks, Build(backward, {}).tracks);
 }
 
 TEST(BuildTracks, EmptyInputGivesNoTracks) {
-  EXPECT_THAT(BuildTracks({}, {}).tracks, IsEmpty());
-  const std::vector<PairMatches> pairs = {{1, 2, {}}};
-  EXPECT_THAT(BuildTracks(pairs, {}).tracks, IsEmpty());
+  EXPECT_THAT(Build({}, {}).tracks, IsEmpty());
+  const std::vector<OwnedPair> pairs = {{1, 2, {}}};
+  EXPECT_THAT(Build(pairs, {}).tracks, IsEmpty());
 }
 
 TEST(BuildTracks, RejectsAnImageMatchedWithItself) {
-  const std::vector<PairMatches> pairs = {{1, 1, {{0, 1}}}};
-  EXPECT_THROW(BuildTracks(pairs, {}), BugError);
+  const std::vector<OwnedPair> pairs = {{1, 1, {{0, 1}}}};
+  EXPECT_THROW(Build(pairs, {}), BugError);
 }
 
 // Keypoints 1 and 2 of image 1 are joined over image 3 by the pair with the least support.
-std::vector<PairMatches> ConflictingPairs() {
+std::vector<OwnedPair> ConflictingPairs() {
   return {{1, 2, {{1, 1}, {2, 2}, {3, 3}}}, {2, 3, {{1, 1}, {3, 3}}}, {1, 3, {{2, 1}}}};
 }
 
 TEST(BuildTracks, LeavesOutTheConflictingMatchOfTheWeakestPair) {
-  const TrackReport report = BuildTracks(ConflictingPairs(), {});
+  const TrackReport report = Build(ConflictingPairs(), {});
   EXPECT_THAT(report.tracks,
               ElementsAre(MakeTrack({{1, 1}, {2, 1}, {3, 1}}), MakeTrack({{1, 2}, {2, 2}}),
                           MakeTrack({{1, 3}, {2, 3}, {3, 3}})));
@@ -64,8 +77,8 @@ TEST(BuildTracks, LeavesOutTheConflictingMatchOfTheWeakestPair) {
 TEST(BuildTracks, MinLengthLeavesOutShortTracks) {
   TrackOptions options;
   options.min_length = 3;
-  const std::vector<PairMatches> pairs = {{1, 2, {{0, 5}, {1, 6}}}, {2, 3, {{5, 7}}}};
-  const TrackReport report = BuildTracks(pairs, options);
+  const std::vector<OwnedPair> pairs = {{1, 2, {{0, 5}, {1, 6}}}, {2, 3, {{5, 7}}}};
+  const TrackReport report = Build(pairs, options);
   EXPECT_THAT(report.tracks, ElementsAre(MakeTrack({{1, 0}, {2, 5}, {3, 7}})));
   EXPECT_EQ(report.num_too_short, 1);
 }
@@ -73,23 +86,23 @@ TEST(BuildTracks, MinLengthLeavesOutShortTracks) {
 TEST(BuildTracks, RefusesMeaninglessOptions) {
   TrackOptions options;
   options.min_length = 1;
-  EXPECT_THROW(BuildTracks({}, options), ConfigError);
+  EXPECT_THROW(Build({}, options), ConfigError);
 }
 
 TEST(BuildTracks, MaxPerImagePrefersLongTracks) {
   TrackOptions options;
   options.max_per_image = 1;
-  const std::vector<PairMatches> pairs = {{1, 2, {{0, 0}, {1, 1}, {2, 2}}}, {2, 3, {{1, 1}}}};
-  const TrackReport report = BuildTracks(pairs, options);
+  const std::vector<OwnedPair> pairs = {{1, 2, {{0, 0}, {1, 1}, {2, 2}}}, {2, 3, {{1, 1}}}};
+  const TrackReport report = Build(pairs, options);
   EXPECT_THAT(report.tracks, ElementsAre(MakeTrack({{1, 1}, {2, 1}, {3, 1}})));
   EXPECT_EQ(report.num_tracks_before_selection, 3);
 }
 
-std::vector<PairMatches> RandomPairs(Rng& rng) {
-  std::vector<PairMatches> pairs;
+std::vector<OwnedPair> RandomPairs(Rng& rng) {
+  std::vector<OwnedPair> pairs;
   for (image_t i = 1; i <= 8; ++i) {
     for (image_t j = i + 1; j <= 8; ++j) {
-      PairMatches pair{i, j, {}};
+      OwnedPair pair{i, j, {}};
       const uint32_t n = rng.UniformInt(40);
       for (uint32_t k = 0; k < n; ++k) {
         // Mostly the same keypoint, so that tracks are long; now and then a wrong one.
@@ -105,7 +118,7 @@ std::vector<PairMatches> RandomPairs(Rng& rng) {
 TEST(BuildTracks, TracksAreDisjointSortedAndWithoutConflicts) {
   Rng rng(1);
   for (int trial = 0; trial < 50; ++trial) {
-    const TrackReport report = BuildTracks(RandomPairs(rng), {});
+    const TrackReport report = Build(RandomPairs(rng), {});
     std::vector<TrackElement> all;
     for (const Track& track : report.tracks) {
       for (size_t i = 1; i < track.size(); ++i) {
@@ -122,17 +135,17 @@ TEST(BuildTracks, TracksAreDisjointSortedAndWithoutConflicts) {
 TEST(BuildTracks, DoesNotDependOnTheOrderOfTheInput) {
   Rng rng(2);
   for (int trial = 0; trial < 20; ++trial) {
-    std::vector<PairMatches> pairs = RandomPairs(rng);
-    const std::vector<Track> expected = BuildTracks(pairs, {}).tracks;
+    std::vector<OwnedPair> pairs = RandomPairs(rng);
+    const std::vector<Track> expected = Build(pairs, {}).tracks;
     rng.Shuffle(pairs);
-    for (PairMatches& pair : pairs) rng.Shuffle(pair.matches);
-    EXPECT_EQ(BuildTracks(pairs, {}).tracks, expected);
+    for (OwnedPair& pair : pairs) rng.Shuffle(pair.matches);
+    EXPECT_EQ(Build(pairs, {}).tracks, expected);
   }
 }
 
 TEST(SelectTracks, CoversEveryImageAndPair) {
   Rng rng(3);
-  const std::vector<Track> tracks = BuildTracks(RandomPairs(rng), {}).tracks;
+  const std::vector<Track> tracks = Build(RandomPairs(rng), {}).tracks;
   const auto count = [](const std::vector<Track>& all, image_t a, image_t b) {
     return std::count_if(all.begin(), all.end(), [&](const Track& track) {
       const auto has = [&](image_t id) {

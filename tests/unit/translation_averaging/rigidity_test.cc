@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include "cairn/base/rng.h"
+#include "graph/parallel_rigidity.h"
+
 namespace cairn {
 namespace {
 
@@ -52,6 +55,29 @@ TEST(Rigidity, PointsAlone) {
 TEST(Rigidity, TwoPlacesThatShareOneCamera) {
   EXPECT_THAT(Placeable({{1, 2}, {2, 3}, {1, 3}, {3, 4}, {4, 5}, {3, 5}, {5, 6}, {4, 6}}, {}),
               ElementsAre(3, 4, 5, 6));
+}
+
+// Most cameras are placed by growing; the others, at its border, as by the pebble game over all.
+TEST(Rigidity, AgreesWithThePebbleGameOverAll) {
+  for (uint64_t seed = 0; seed < 200; ++seed) {
+    Rng rng(seed);
+    const int num_cameras = 8 + static_cast<int>(rng.UniformInt(30));
+    std::vector<std::pair<int, int>> edges;
+    const auto add = [&](int num, int from, int to) {
+      for (int k = 0; k < num; ++k) {
+        const int a = from + static_cast<int>(rng.UniformInt(to - from));
+        const int b = from + static_cast<int>(rng.UniformInt(to - from));
+        if (a != b) edges.emplace_back(std::min(a, b), std::max(a, b));
+      }
+    };
+    add(2 * num_cameras, 0, num_cameras / 2);  // a dense part and a loose one
+    add(num_cameras / 2, 0, num_cameras);
+    std::vector<GraphEdge> graph_edges;
+    for (const auto& [a, b] : edges) graph_edges.push_back({a, b});
+    const auto components = ParallelRigidComponents(num_cameras, graph_edges);
+    const std::vector<int> placeable = Placeable(edges, {});
+    EXPECT_EQ(placeable.size(), components.empty() ? 0 : components[0].size()) << seed;
+  }
 }
 
 }  // namespace
