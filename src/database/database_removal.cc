@@ -7,17 +7,17 @@ namespace cairn {
 namespace {
 
 // Tables with rows of pairs, or (jobs and times) of images and pairs, by this column.
-struct Table {
+struct TableOfImages {
   const char* read;
   const char* erase;
 };
-constexpr Table kTables[] = {{sql::kReadMatchItems, sql::kDeleteMatches},
-                             {sql::kReadTwoViewItems, sql::kDeleteTwoViewGeometry},
-                             {sql::kReadPairMetricItems, sql::kDeletePairMetrics},
-                             {sql::kReadPairChoiceItems, sql::kDeletePairChoice},
-                             {sql::kReadFocalEvidenceItems, sql::kDeleteFocalEvidence},
-                             {sql::kReadJobItems, sql::kDeleteJobsOfItem},
-                             {sql::kReadTimingItems, sql::kDeleteTimingsOfItem}};
+constexpr TableOfImages kTables[] = {{sql::kReadMatchItems, sql::kDeleteMatches},
+                                     {sql::kReadTwoViewItems, sql::kDeleteTwoViewGeometry},
+                                     {sql::kReadPairMetricItems, sql::kDeletePairMetrics},
+                                     {sql::kReadPairChoiceItems, sql::kDeletePairChoice},
+                                     {sql::kReadFocalEvidenceItems, sql::kDeleteFocalEvidence},
+                                     {sql::kReadJobItems, sql::kDeleteJobsOfItem},
+                                     {sql::kReadTimingItems, sql::kDeleteTimingsOfItem}};
 
 // Is the item one of the images, or a pair with one of them? (Ids of pairs are larger than those of
 // images.)
@@ -31,7 +31,7 @@ bool IsOf(int64_t item, const std::set<image_t>& images) {
 }  // namespace
 
 void Database::DeleteImagesAndPairs(const std::set<image_t>& images) {
-  for (const Table& table : kTables) {
+  for (const TableOfImages& table : kTables) {
     std::vector<int64_t> items;
     {
       Query query(*impl_, table.read);

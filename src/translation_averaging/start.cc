@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kNumIterations = 200;
 
-constexpr int kGrain = 1024;
+constexpr int kStartGrain = 1024;
 
 // min sum |x_2 - x_1 - l v|, l >= 1, over nodes 0 .. n-1 and a connected graph.
 Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<GraphEdge>& edges,
@@ -41,7 +41,7 @@ Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<GraphEdge>& edges,
       }
       rhs.row(v) = sum.transpose();
     };
-    ParallelFor(num_threads, num_nodes, sum_targets, kGrain);
+    ParallelFor(num_threads, num_nodes, sum_targets, kStartGrain);
     x = solver.Solve(rhs);
     // Errors beyond the threshold count as outliers: the shortest edges have length 1.
     constexpr double kThreshold = 1.0;
@@ -56,7 +56,7 @@ Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<GraphEdge>& edges,
       dual[e] = shifted - slack[e];
       target[e] = length[e] * directions[e] + slack[e] - dual[e];
     };
-    ParallelFor(num_threads, static_cast<int64_t>(m), update, kGrain);
+    ParallelFor(num_threads, static_cast<int64_t>(m), update, kStartGrain);
   }
   return x;
 }
