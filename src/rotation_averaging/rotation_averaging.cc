@@ -13,8 +13,8 @@
 namespace cairn {
 namespace {
 
-// Weights change in every iteration: beyond a second for a factorization, conjugate gradients are
-// faster.
+// Weights change in every iteration: beyond some half second for a factorization, conjugate
+// gradients are taken.
 constexpr double kMaxCholeskyFlops = 3e9;
 
 LaplacianSolver MakeSolver(const RotationProblem& problem, const std::vector<char>& is_gauge) {

@@ -62,8 +62,8 @@ void LaplacianSolver::BuildNeighbors() {
   for (size_t e = 0; e < edges_.size(); ++e) {
     const int row1 = row_of_node_[edges_[e].node1], row2 = row_of_node_[edges_[e].node2];
     if (row1 < 0 || row2 < 0 || row1 == row2) continue;
-    of_row[row1].push_back({row2, static_cast<int>(e)});
-    of_row[row2].push_back({row1, static_cast<int>(e)});
+    of_row[row1].push_back({row2, static_cast<int>(e), 0});
+    of_row[row2].push_back({row1, static_cast<int>(e), 0});
   }
   neighbors_begin_ = {0};
   for (const std::vector<Neighbor>& neighbors : of_row) {
@@ -74,7 +74,7 @@ void LaplacianSolver::BuildNeighbors() {
 
 bool LaplacianSolver::SetWeights(std::span<const double> weights,
                                  std::span<const double> diagonal) {
-  weights_.assign(weights.begin(), weights.end());
+  for (Neighbor& neighbor : neighbors_) neighbor.weight = weights[neighbor.edge];
   diagonal_.setZero(static_cast<Eigen::Index>(diagonal_of_row_.size()));
   for (size_t e = 0; e < edges_.size(); ++e) {
     if (edges_[e].node1 == edges_[e].node2) continue;
@@ -88,11 +88,14 @@ bool LaplacianSolver::SetWeights(std::span<const double> weights,
   return (diagonal_.array() > 0).all();
 }
 
-Eigen::MatrixXd LaplacianSolver::Multiply(const Eigen::MatrixXd& X) const {
-  Eigen::MatrixXd Y = diagonal_.asDiagonal() * X;
+LaplacianSolver::Rows LaplacianSolver::Multiply(const Rows& X) const {
+  const Eigen::Index num_columns = X.cols();
+  Rows Y = diagonal_.asDiagonal() * X;
   for (Eigen::Index r = 0; r < X.rows(); ++r) {
+    double* y = Y.data() + r * num_columns;
     for (int64_t k = neighbors_begin_[r]; k < neighbors_begin_[r + 1]; ++k) {
-      Y.row(r) -= weights_[neighbors_[k].edge] * X.row(neighbors_[k].row);
+      const double* x = X.data() + neighbors_[k].row * num_columns;
+      for (Eigen::Index c = 0; c < num_columns; ++c) y[c] -= neighbors_[k].weight * x[c];
     }
   }
   return Y;
@@ -102,13 +105,13 @@ Eigen::MatrixXd LaplacianSolver::Multiply(const Eigen::MatrixXd& X) const {
 Eigen::MatrixXd LaplacianSolver::SolveByConjugateGradients(const Eigen::MatrixXd& B) const {
   constexpr int kMaxIterations = 500;
   const Eigen::VectorXd inverse = diagonal_.cwiseInverse();
-  Eigen::MatrixXd X = Eigen::MatrixXd::Zero(B.rows(), B.cols());
-  Eigen::MatrixXd residual = B;
-  Eigen::MatrixXd direction = inverse.asDiagonal() * residual;
+  Rows X = Rows::Zero(B.rows(), B.cols());
+  Rows residual = B;
+  Rows direction = inverse.asDiagonal() * residual;
   Eigen::RowVectorXd rho = residual.cwiseProduct(direction).colwise().sum();
   const Eigen::RowVectorXd target = kTolerance * kTolerance * rho;
   for (int k = 0; k < kMaxIterations && (rho.array() > target.array()).any(); ++k) {
-    const Eigen::MatrixXd image = Multiply(direction);
+    const Rows image = Multiply(direction);
     const Eigen::RowVectorXd curvature = direction.cwiseProduct(image).colwise().sum();
     for (Eigen::Index c = 0; c < B.cols(); ++c) {
       if (!(rho[c] > target[c]) || !(curvature[c] > 0)) {

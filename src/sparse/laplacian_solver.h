@@ -42,10 +42,12 @@ class LaplacianSolver {
   struct Neighbor {
     int row;
     int edge;
+    double weight;
   };
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   void BuildNeighbors();
   bool SetWeights(std::span<const double> weights, std::span<const double> diagonal);
-  Eigen::MatrixXd Multiply(const Eigen::MatrixXd& X) const;
+  Rows Multiply(const Rows& X) const;
   Eigen::MatrixXd SolveByConjugateGradients(const Eigen::MatrixXd& B) const;
 
   int num_nodes_;
@@ -59,7 +61,6 @@ class LaplacianSolver {
   std::unique_ptr<SparseCholesky> factor_;  // null: conjugate gradients
   std::vector<int64_t> neighbors_begin_;    // of each row
   std::vector<Neighbor> neighbors_;
-  std::vector<double> weights_;
   Eigen::VectorXd diagonal_;
 };
 
