@@ -350,6 +350,7 @@ TEST(MachineMessages, OutcomesArriveAsTheyWere) {
   const testing::TempFolder folder;
   const auto write = [&folder](const std::string& name, const PairOutcome& written) {
     Database database(folder / name);
+    database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 500, 640, 480));
     database.WriteImage({1, "a", 1});
     database.WriteImage({2, "b", 1});
     WriteOutcome(database, written);
