@@ -14,5 +14,6 @@ void AddReconstructCommand(Program& program);
 void AddReportCommand(Program& program);
 void AddRotationAveragingCommand(Program& program);
 void AddSynthesizeCommand(Program& program);
+void AddUndistortCommand(Program& program);
 
 }  // namespace cairn

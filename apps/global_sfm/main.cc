@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
     cairn::AddReportCommand(program);
     cairn::AddRotationAveragingCommand(program);
     cairn::AddSynthesizeCommand(program);
+    cairn::AddUndistortCommand(program);
     return program.Run(argc, argv);
   });
 }
