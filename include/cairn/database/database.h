@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -50,6 +51,8 @@ class Database {
   void WriteImage(const Image& image);     // image_id must be set; replaces
   // Removes the image with its features, and its camera if no other image has it.
   void DeleteImage(image_t image_id);
+  // Removes images with all that was made from them, their pairs and photographs included.
+  void DeleteImagesAndPairs(const std::set<image_t>& images);
   // Removes cameras that no image has.
   void DeleteUnusedCameras();
 
