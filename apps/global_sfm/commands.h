@@ -9,6 +9,7 @@ namespace cairn {
 
 void AddEvaluateCommand(Program& program);
 void AddExportCommand(Program& program);
+void AddGeoregisterCommand(Program& program);
 void AddInspectCommand(Program& program);
 void AddReconstructCommand(Program& program);
 void AddReportCommand(Program& program);

@@ -6,6 +6,7 @@ int main(int argc, char** argv) {
                            "Global structure-from-motion on the view graph of a database.");
     cairn::AddEvaluateCommand(program);
     cairn::AddExportCommand(program);
+    cairn::AddGeoregisterCommand(program);
     cairn::AddInspectCommand(program);
     cairn::AddReconstructCommand(program);
     cairn::AddReportCommand(program);
