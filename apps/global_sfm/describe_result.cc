@@ -110,10 +110,10 @@ std::string DescribeResult(const ReconstructResult& result, const std::string& o
                                       result.models.size() > 1 ? " of sparse/0" : ""));
     text += Line("confidence", ConfidenceText(result));
   }
-  text += Line("warnings", report.warnings.empty() ? "none" : report.warnings.front());
+  text += Line("warnings", report.warnings.empty() ? "none" : report.warnings.front().what);
   if (report.warnings.size() > 1) {
     text += Line("", report.warnings.size() == 2
-                         ? report.warnings[1]
+                         ? report.warnings[1].what
                          : fmt::format("and {} more", report.warnings.size() - 1));
   }
   text += Line("time", TimeText(report));

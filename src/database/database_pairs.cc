@@ -263,6 +263,14 @@ std::map<std::string, int64_t> Database::CountWinners() const {
   return counts;
 }
 
+std::vector<Database::StepTimes> Database::ReadStepTimes() const {
+  std::vector<StepTimes> steps;
+  if (!impl_->has_cairn_tables) return steps;
+  Query query(*impl_, sql::kReadStepTimes);
+  while (query.Step()) steps.push_back({query.Text(0), query.Int(1), query.Double(2)});
+  return steps;
+}
+
 void Database::WritePairMetrics(const PairMetrics& metrics) {
   double pose[7];
   Query query(*impl_, sql::kWritePairMetrics);

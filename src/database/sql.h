@@ -203,6 +203,11 @@ inline constexpr const char* kWritePairMetrics =
 inline constexpr const char* kCountWinners =
     "SELECT verifier, COUNT(*) FROM cairn_pair_metrics WHERE is_winner GROUP BY verifier;";
 
+inline constexpr const char* kReadStepTimes =
+    "SELECT m.step, COUNT(*), TOTAL(t.seconds) FROM cairn_pair_metrics AS m LEFT JOIN "
+    "cairn_timings AS t ON t.stage = 'verification' AND t.item = m.pair_id AND t.label = "
+    "m.verifier WHERE m.step <> '' GROUP BY m.step ORDER BY COUNT(*) DESC, m.step;";
+
 inline constexpr const char* kWriteTiming =
     "INSERT OR REPLACE INTO cairn_timings(stage, item, label, seconds) VALUES(?1, ?2, ?3, ?4);";
 inline constexpr const char* kAddTiming =

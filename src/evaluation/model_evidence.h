@@ -23,10 +23,14 @@ struct Support {
   int64_t num_matches = 0;
   int64_t num_explained = 0;
 
-  // Most of them are not explained.
+  // Most of them are not explained: an image is probably misplaced, a model wrong.
   bool IsContradicted() const { return 2 * num_explained < num_matches; }
   double Share() const { return num_matches > 0 ? double(num_explained) / num_matches : 0.0; }
 };
+inline constexpr const char* kMisplacedAdvice =
+    "look at these photos in the report's 3D view and at their pairs; leave them out, or add "
+    "photos "
+    "that see the places between them and the others";
 
 struct ModelEvidence {
   // What the model saves in the description of all given matches, nats. A match that lies e px from

@@ -1,18 +1,28 @@
 #include "cairn/features/features.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "cairn/base/check.h"
 #include "features/frames.h"
-#include "features/root_sift.h"
 #include "image/cv_memory.h"
 
 namespace cairn {
 namespace {
 
 constexpr int kMinImageSize = 32;  // px
+
+// RootSIFT (Arandjelovic and Zisserman 2012): divided by its sum, and square roots, so that the
+// result has unit Euclidean length; stored as min(255, round(512 x)), as COLMAP does. A zero
+// histogram stays zero.
+void WriteRootSift(const std::array<float, kSiftDim>& histogram, uint8_t* descriptor) {
+  const Eigen::Map<const Eigen::Array<float, kSiftDim, 1>> values(histogram.data());
+  const float sum = std::max(values.sum(), 1e-12f);
+  Eigen::Map<Eigen::Array<uint8_t, kSiftDim, 1>>(descriptor, kSiftDim) =
+      (512 * (values / sum).sqrt()).round().min(255).cast<uint8_t>();
+}
 
 // Coarse octaves first: the finest are built only where these have too few features.
 Features Extract(const Bitmap& gray, const FeatureOptions& options, const Bitmap* mask) {
@@ -39,7 +49,7 @@ Features Extract(const Bitmap& gray, const FeatureOptions& options, const Bitmap
       const Eigen::Matrix2f M = frames[i].M.cast<float>();
       features.keypoints.push_back({center.x(), center.y(), M(0, 0), M(0, 1), M(1, 0), M(1, 1)});
       const auto histogram = SiftHistogram(GradientAround(octave, frames[i].center, frames[i].M));
-      WriteRootSift(histogram.data(), features.descriptors.row(begin + i).data());
+      WriteRootSift(histogram, features.descriptors.row(begin + i).data());
     }
   }
   return features;

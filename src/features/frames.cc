@@ -88,9 +88,12 @@ std::vector<double> DominantAngles(const PatchGradient& gradient, int max_number
 
 PatchGradient GradientAround(const Octave& octave, const Eigen::Vector2d& center,
                              const Eigen::Matrix2d& M) {
-  const double level = Octave::kLevels * std::log2(Axes(M)[0] / octave.Sigma(0)) - 1;
-  const int nearest = std::clamp(static_cast<int>(std::lround(level)), 0, Octave::kLevels + 2);
-  return SampleGradient(octave.levels[nearest], center, M / octave.pixel_size);
+  constexpr double kLast = Octave::kLevels + 2;
+  const double level =
+      std::clamp(Octave::kLevels * std::log2(Axes(M)[0] / octave.Sigma(0)) - 1, 0.0, kLast);
+  const auto below = static_cast<size_t>(std::min(level, kLast - 1));
+  return SampleGradient(octave.levels[below], octave.levels[below + 1],
+                        level - static_cast<double>(below), center, M / octave.pixel_size);
 }
 
 bool Masked::operator()(const Eigen::Vector2d& pixel) const {

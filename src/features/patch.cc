@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+#include <utility>
 
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
 #undef HWY_TARGET_INCLUDE
@@ -60,8 +60,6 @@ using internal::kSiftAngles;
 using internal::PatchPlace;
 using internal::PatchTables;
 
-HWY_INLINE V LoadAt(const float* p) { return hn::LoadU(kTag, p); }
-
 void SampleKernel(const float* data, int width, int height, int stride, const PatchPlace& place,
                   const PatchTables& tables, float* values) {
   const hn::RebindToSigned<Tag> ints;
@@ -92,7 +90,7 @@ void GradientKernel(const float* values, float* gradient_x, float* gradient_y) {
   for (int j = 1; j < kSide - 1; ++j) {
     for (int i = 0; i < kSide; i += kLanes) {
       const float* p = values + j * kSide + i;
-      hn::Store(half * (LoadAt(p + 1) - LoadAt(p - 1)), kTag, gradient_x + j * kSide + i);
+      hn::Store(half * (LoadU(p + 1) - LoadU(p - 1)), kTag, gradient_x + j * kSide + i);
       hn::Store(half * (Load(p + kSide) - Load(p - kSide)), kTag, gradient_y + j * kSide + i);
     }
     for (float* g : {gradient_x + j * kSide, gradient_y + j * kSide}) g[0] = g[kSide - 1] = 0;
@@ -200,10 +198,11 @@ const internal::PatchTables kTables;
 
 }  // namespace
 
-PatchGradient SampleGradient(const Plane& plane, const Eigen::Vector2d& center,
-                             const Eigen::Matrix2d& M) {
+PatchGradient SampleGradient(const Plane& below, const Plane& above, double share_above,
+                             const Eigen::Vector2d& center, const Eigen::Matrix2d& M) {
   constexpr int kSide = PatchGradient::kSide;
   alignas(64) float padded[kSide * kSide + 32];  // a vector before and after
+  alignas(64) float values_above[kSide * kSide];
   float* const values = padded + 16;
   const Eigen::Matrix2f A = M.cast<float>();
   const internal::PatchPlace place = {static_cast<float>(center.x()),
@@ -212,8 +211,12 @@ PatchGradient SampleGradient(const Plane& plane, const Eigen::Vector2d& center,
                                       A(0, 1),
                                       A(1, 0),
                                       A(1, 1)};
-  HWY_DYNAMIC_DISPATCH(SampleKernel)
-  (plane.data.get(), plane.width, plane.height, plane.stride, place, kTables, values);
+  for (const auto& [plane, target] : {std::pair(&below, values), std::pair(&above, values_above)}) {
+    HWY_DYNAMIC_DISPATCH(SampleKernel)
+    (plane->data.get(), plane->width, plane->height, plane->stride, place, kTables, target);
+  }
+  const auto share = static_cast<float>(share_above);
+  for (int i = 0; i < kSide * kSide; ++i) values[i] += share * (values_above[i] - values[i]);
   PatchGradient gradient;
   HWY_DYNAMIC_DISPATCH(GradientKernel)(values, gradient.x, gradient.y);
   for (float* g : {gradient.x, gradient.y}) {
@@ -235,7 +238,10 @@ std::array<float, kNumAngles> AngleHistogram(const PatchGradient& gradient) {
   HWY_DYNAMIC_DISPATCH(AnglesKernel)(gradient, kTables, kNumAngles, bins, weights);
   std::array<float, kNumAngles> histogram{};
   for (int i = 0; i < kPoints; ++i) {
-    histogram[static_cast<int>(bins[i] + 0.5f) % kNumAngles] += weights[i];
+    const int bin = static_cast<int>(bins[i]);
+    const float share = bins[i] - static_cast<float>(bin);
+    histogram[bin % kNumAngles] += (1 - share) * weights[i];
+    histogram[(bin + 1) % kNumAngles] += share * weights[i];
   }
   return histogram;
 }
@@ -246,7 +252,6 @@ std::array<float, kSiftDim> SiftHistogram(const PatchGradient& gradient) {
   Eigen::Map<Eigen::Matrix<float, kSiftDim, 1>> vector(histogram.data());
   vector /= std::max(vector.norm(), 1e-12f);
   vector = vector.cwiseMin(0.2f);
-  vector /= std::max(vector.norm(), 1e-12f);
   return histogram;
 }
 

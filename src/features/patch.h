@@ -22,22 +22,23 @@ struct PatchGradient {
   alignas(64) float y[kSide * kSide];
 };
 
-// The frame's center and its axes (columns of M) in the plane's pixels. Beyond its border the plane
-// goes on as it ends there.
-PatchGradient SampleGradient(const Plane& plane, const Eigen::Vector2d& center,
-                             const Eigen::Matrix2d& M);
+// Between two planes of equal size: (1 - share_above) below + share_above above. The frame's center
+// and its axes (columns of M) are in their pixels. Beyond their border they go on as they end
+// there.
+PatchGradient SampleGradient(const Plane& below, const Plane& above, double share_above,
+                             const Eigen::Vector2d& center, const Eigen::Matrix2d& M);
 
 // Sum of weight * g g^T; the weight is a Gaussian of 3 units, as wide as a cell of SIFT.
 Eigen::Matrix2d SecondMoments(const PatchGradient& gradient);
 
-// Sums of weight * |g| over bins of 10 degrees, from the first axis to the second; the weight is a
-// Gaussian of 1.5 units (Lowe, IJCV 2004, section 5).
+// Sums of weight * |g| over bins of 10 degrees (linear between two), from the first axis to the
+// second; the weight is a Gaussian of 1.5 units (Lowe, IJCV 2004, section 5).
 inline constexpr int kNumAngles = 36;
 std::array<float, kNumAngles> AngleHistogram(const PatchGradient& gradient);
 
 // SIFT's histogram (Lowe, IJCV 2004, section 6): 4 x 4 cells, row by row, of 8 angles from the
 // first axis against the second, as in Lowe's binaries and COLMAP; linear in both, under a Gaussian
-// of 6 units. Norm 1, no entry above 0.2 before it is normalized again.
+// of 6 units. Divided by its norm, then cut off at 0.2.
 std::array<float, kSiftDim> SiftHistogram(const PatchGradient& gradient);
 
 }  // namespace cairn

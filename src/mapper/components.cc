@@ -89,7 +89,7 @@ void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>
 
 struct JudgedModel {
   Reconstruction model;
-  std::vector<std::string> warnings;
+  std::vector<ResultWarning> warnings;
 };
 
 // The largest model first; their warnings, in the report, name their folders.
@@ -99,9 +99,10 @@ std::vector<Reconstruction> SortBySize(std::vector<JudgedModel> judged, RunRepor
   });
   std::vector<Reconstruction> models;
   for (JudgedModel& each : judged) {
-    for (const std::string& warning : each.warnings) {
-      report.warnings.push_back("sparse/" + std::to_string(models.size()) + " (" +
-                                std::to_string(each.model.images.size()) + " images): " + warning);
+    for (ResultWarning& warning : each.warnings) {
+      warning.what = "sparse/" + std::to_string(models.size()) + " (" +
+                     std::to_string(each.model.images.size()) + " images): " + warning.what;
+      report.warnings.push_back(std::move(warning));
     }
     models.push_back(std::move(each.model));
   }
@@ -139,7 +140,7 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
       result.evidence_nats += built.evidence.nats;
       for (const auto& [id, image] : built.model->images) context.taken.insert(id);
       queue.AddPartsOf(NotTaken(context, component.images), component.is_part, graph);
-      std::vector<std::string> warnings;
+      std::vector<ResultWarning> warnings;
       if (!context.scene.poses_alone) {
         warnings = JudgeModel(context, *built.model, built.evidence, built.graph);
       }

@@ -54,17 +54,17 @@ std::string Names(const StageContext& context, std::span<const image_t> images) 
   return text;
 }
 
-std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction& model,
-                                    const ModelEvidence& evidence, const ViewGraph& graph) {
+std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstruction& model,
+                                      const ModelEvidence& evidence, const ViewGraph& graph) {
   ModelStage stage(context, "judgement");
   const Symmetry symmetry = FindSymmetry(model, graph);
   stage.Add("explained_share", evidence.inside.Share());
   stage.Add("contradicted_pairs", evidence.num_contradicted);
   stage.Add("symmetric_pairs", symmetry.num_pairs);
-  std::vector<std::string> warnings;
-  const auto warn = [&](const std::string& what, const std::vector<image_t>& images) {
-    warnings.push_back(what + (images.empty() ? "" : ": " + Names(context, images)));
-    stage.Warn(warnings.back());
+  std::vector<ResultWarning> warnings;
+  const auto warn = [&](const ResultWarning& warning) {
+    stage.Warn(warning.what + "; " + warning.advice);
+    warnings.push_back(warning);
   };
   std::vector<image_t> doubtful;
   for (const auto& [id, support] : evidence.images) {
@@ -75,24 +75,28 @@ std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction&
   });
   const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
   if (evidence.inside.IsContradicted()) {
-    warn("it explains only " + percent +
-             " % of the verified matches of its images and is probably wrong; worst",
-         doubtful);
+    warn({"it explains only " + percent +
+              " % of the verified matches of its images and is probably wrong" +
+              (doubtful.empty() ? "" : "; worst: " + Names(context, doubtful)),
+          "do not use it; add photos with more overlap, or give the photos of each place to a run "
+          "of their own",
+          /*is_wrong=*/true});
   } else if (!doubtful.empty()) {
-    warn(std::to_string(doubtful.size()) +
-             " images contradict most of their verified matches and are probably misplaced",
-         doubtful);
+    warn({std::to_string(doubtful.size()) +
+              " images contradict most of their verified matches and are probably misplaced: " +
+              Names(context, doubtful),
+          kMisplacedAdvice});
   }
   if (symmetry.IsFold()) {
-    warn(
-        std::to_string(symmetry.num_pairs) +
-            " pairs that are not in use agree that the scene looks the same when turned by " +
-            std::to_string(std::lround(symmetry.angle_deg)) + " degrees (" +
-            std::to_string(symmetry.num_active) +
-            " pairs agree with the model): equal sides of a building may be shown as one. Give the "
-            "photos of each side to a run of their own, or add photos with more of the "
-            "surroundings. These pairs are of",
-        symmetry.images);
+    warn({std::to_string(symmetry.num_pairs) +
+              " pairs that are not in use agree that the scene looks the same when turned by " +
+              std::to_string(std::lround(symmetry.angle_deg)) + " degrees (" +
+              std::to_string(symmetry.num_active) +
+              " pairs agree with the model): equal sides of a building may be shown as one; they "
+              "are of " +
+              Names(context, symmetry.images),
+          "give the photos of each side to a run of their own, or add photos with more of the "
+          "surroundings"});
   }
   return warnings;
 }

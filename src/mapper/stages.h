@@ -182,8 +182,8 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
 // half of the matches. Returns how many matches the pairs have that come in.
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
 // Warnings of a model that contradicts its own verified pairs, or parts of it that do.
-std::vector<std::string> JudgeModel(StageContext& context, const Reconstruction& model,
-                                    const ModelEvidence& evidence, const ViewGraph& graph);
+std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstruction& model,
+                                      const ModelEvidence& evidence, const ViewGraph& graph);
 // The names of the images, the first twenty if there are more.
 std::string Names(const StageContext& context, std::span<const image_t> images);
 

@@ -29,6 +29,24 @@ void CountComponents(const std::vector<std::pair<image_pair_t, int>>& pairs,
   }
 }
 
+// What depth brought, or that there was none.
+std::string DepthText(const ViewGraphSummary& s) {
+  if (s.num_tried == 0) return "";
+  if (s.num_images_with_depth == 0) {
+    return "depth     none was given, so that no pair was decided by 1AC+D (--depth_path, "
+           "--depth_model)\n";
+  }
+  std::string text = "decided  ";
+  for (const auto& [step, num_pairs, seconds] : s.decided_by) {
+    char item[100];
+    std::snprintf(item, sizeof(item), "%s %s %lld (%.2f ms each)", text.size() > 9 ? "," : "",
+                  step.c_str(), static_cast<long long>(num_pairs),
+                  1e3 * seconds / static_cast<double>(num_pairs));
+    text += item;
+  }
+  return text + "\n";
+}
+
 // "12 (a 10, b 2)".
 std::string WithParts(int64_t total, const std::map<std::string, int64_t>& parts) {
   std::string text = std::to_string(total);
@@ -54,6 +72,7 @@ ViewGraphSummary SummarizeDatabase(const Database& database) {
   const auto num_inliers = database.ReadNumInliers();
   for (const auto& [pair, num] : num_inliers) summary.num_verified += num > 0;
   summary.verified_by = database.CountWinners();
+  summary.decided_by = database.ReadStepTimes();
   int64_t num_ours = 0;
   for (const auto& [verifier, num] : summary.verified_by) num_ours += num;
   summary.num_verified = std::max(summary.num_verified, num_ours);  // Imported ones lack inliers.
@@ -90,6 +109,10 @@ std::vector<std::pair<std::string, double>> SummaryValues(const ViewGraphSummary
   for (const auto& [reason, num] : s.rejected_by) {
     values.emplace_back("rejected_" + reason, static_cast<double>(num));
   }
+  for (const auto& [step, num_pairs, seconds] : s.decided_by) {
+    values.emplace_back("decided_by_" + step, static_cast<double>(num_pairs));
+    values.emplace_back("seconds_of_" + step, seconds);
+  }
   values.emplace_back("components", s.num_components);
   values.emplace_back("images_in_largest_component", s.largest_component);
   return values;
@@ -107,6 +130,7 @@ std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
           " with too few matches, " + std::to_string(s.num_tried) + " tried\n";
   text += "verified  " + WithParts(s.num_verified, s.verified_by) + "\n";
   text += "rejected  " + WithParts(num_rejected, s.rejected_by) + "\n";
+  text += DepthText(s);
   text += "graph     " + std::to_string(s.num_components) + " component" +
           (s.num_components == 1 ? "" : "s") + ", the largest with " +
           std::to_string(s.largest_component) + " images\n";

@@ -46,7 +46,11 @@ std::string ToJson(const RunReport& report) {
   json["num_threads"] = report.num_threads;
   json["succeeded"] = report.Succeeded();
   if (!report.Succeeded()) json["failure"] = report.failure;
-  if (!report.warnings.empty()) json["warnings"] = report.warnings;
+  for (const ResultWarning& warning : report.warnings) {
+    json["warnings"].push_back({{"level", warning.is_wrong ? "wrong" : "doubtful"},
+                                {"what", warning.what},
+                                {"advice", warning.advice}});
+  }
   json["values"] = Values(report.values);
   json["stages"] = Json::array();
   for (const StageReport& stage : report.stages) {

@@ -21,24 +21,16 @@ Json Finding(const char* level, const std::string& what, const std::string& advi
   return {{"level", level}, {"what", what}, {"advice", advice}, {"images", std::move(images)}};
 }
 
-// What to do about a warning of the judgement of a finished model (mapper/reconstruct.cc).
-std::string AdviceForWarning(const std::string& warning) {
-  if (warning.find("looks the same") != std::string::npos) return "";  // says it itself
-  if (warning.find("misplaced") != std::string::npos) {
-    return "Look at these photos in the 3D view and at their pairs; leave them out, or add photos "
-           "that see the places between them and the others.";
-  }
-  if (warning.find("probably wrong") != std::string::npos) {
-    return "Do not use this model. Add photos with more overlap, or give the photos of each place "
-           "to a run of their own.";
-  }
-  return "";
+// Text of a report that somebody may have changed; "" where there is none.
+std::string TextOf(const Json& object, const char* key) {
+  const auto found = object.is_object() ? object.find(key) : object.end();
+  return found != object.end() && found->is_string() ? found->get<std::string>() : "";
 }
 
 void AddRunFindings(const PageScene& scene, Json& findings) {
   const Json& run = scene.run_report;
   if (!run.is_object()) return;
-  const std::string failure = run.value("failure", "");
+  const std::string failure = TextOf(run, "failure");
   if (!failure.empty()) {
     // "stage: what was there; what to try" (Stage::Fail).
     const size_t split = std::min(failure.find("; "), failure.size());
@@ -47,11 +39,10 @@ void AddRunFindings(const PageScene& scene, Json& findings) {
   }
   if (!run.contains("warnings") || !run["warnings"].is_array()) return;
   for (const Json& item : run["warnings"]) {
-    if (!item.is_string()) continue;
-    const std::string warning = item.get<std::string>();
-    const bool is_wrong = warning.find("probably wrong") != std::string::npos;
-    findings.push_back(
-        Finding(is_wrong ? "wrong" : "doubtful", warning, AdviceForWarning(warning)));
+    const std::string what = TextOf(item, "what");
+    const bool is_wrong = TextOf(item, "level") == "wrong";
+    if (what.empty()) continue;
+    findings.push_back(Finding(is_wrong ? "wrong" : "doubtful", what, TextOf(item, "advice")));
   }
 }
 
@@ -66,7 +57,7 @@ void AddContradictions(const PageScene& scene, Json& findings) {
   findings.push_back(Finding("doubtful",
                              Photos(images.size()) + " contradict most of their verified matches "
                                                      "and are probably misplaced",
-                             AdviceForWarning("misplaced"), images));
+                             kMisplacedAdvice, images));
 }
 
 void AddWeakPoses(const PageScene& scene, Json& findings) {

@@ -3,6 +3,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
 #include "cairn/image/thumbnail.h"
 #include "report_page/page_parts.h"
 
@@ -18,8 +19,8 @@ std::vector<std::string> MakeAll(const PageScene& scene, int max_side_px) {
   std::vector<std::string> jpegs(scene.images.size());
   ParallelFor(scene.run.num_threads, static_cast<int64_t>(jpegs.size()), [&](int64_t i) {
     try {
-      jpegs[i] = MakeThumbnail(scene.input.image_path + "/" + scene.images[i].image.name,
-                               max_side_px, kJpegQuality);
+      const std::string path = PathInFolder(scene.input.image_path, scene.images[i].image.name);
+      jpegs[i] = MakeThumbnail(path, max_side_px, kJpegQuality);
     } catch (const IoError&) {
       // The photograph is not there; the page shows its name alone.
     }

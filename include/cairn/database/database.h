@@ -100,6 +100,14 @@ class Database {
   void DeletePairResults(image_pair_t pair_id);
   // Pairs won by each verifier.
   std::map<std::string, int64_t> CountWinners() const;
+  // For each step of verifiers: the pairs that it decided, accepted or not, and their time in all.
+  // The most frequent step first.
+  struct StepTimes {
+    std::string step;
+    int64_t num_pairs = 0;
+    double seconds = 0;
+  };
+  std::vector<StepTimes> ReadStepTimes() const;
 
   // Measured times: of a pair and verifier (stage "verification"), or of a whole stage (item 0,
   // label ""). AddTiming adds to what is there, for stages that were interrupted.

@@ -109,14 +109,15 @@ struct ViewGraphSummary {
   int num_images_with_features = 0;
   int num_images_with_depth = 0;
   int num_skipped_photos = 0;
-  int64_t num_pairs = 0;                       // with a row in matches
-  int64_t num_tried = 0;                       // by us
-  int64_t num_too_few = 0;                     // not tried: too few matches
-  int64_t num_verified = 0;                    // with inliers, or with an imported pose
-  std::map<std::string, int64_t> verified_by;  // verifier -> pairs; "given": by another program
-  std::map<std::string, int64_t> rejected_by;  // reason -> pairs
-  int num_components = 0;                      // of the graph of verified pairs, with >= 2 images
-  int largest_component = 0;                   // images in it
+  int64_t num_pairs = 0;                        // with a row in matches
+  int64_t num_tried = 0;                        // by us
+  int64_t num_too_few = 0;                      // not tried: too few matches
+  int64_t num_verified = 0;                     // with inliers, or with an imported pose
+  std::map<std::string, int64_t> verified_by;   // verifier -> pairs; "given": by another program
+  std::map<std::string, int64_t> rejected_by;   // reason -> pairs
+  std::vector<Database::StepTimes> decided_by;  // steps of our verifiers
+  int num_components = 0;                       // of the graph of verified pairs, with >= 2 images
+  int largest_component = 0;                    // images in it
 };
 ViewGraphSummary SummarizeDatabase(const Database& database);
 // The same as names and numbers, for the run's report.

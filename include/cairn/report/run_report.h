@@ -37,6 +37,13 @@ struct StageReport {
   bool WasStopped() const { return status == StageStatus::kStopped; }
 };
 
+// What is doubtful about a result, or wrong.
+struct ResultWarning {
+  std::string what;
+  std::string advice;  // what the user can try; "": what says it all
+  bool is_wrong = false;
+};
+
 // What a program's run did, stage by stage.
 struct RunReport {
   std::string program;
@@ -44,7 +51,7 @@ struct RunReport {
   int num_threads = 0;
   std::vector<StageReport> stages;
   std::vector<std::pair<std::string, double>> values;  // of the whole run
-  std::vector<std::string> warnings;                   // what is doubtful about the result
+  std::vector<ResultWarning> warnings;
   std::string failure;  // "" or: at which stage, what was there, what the user can try
 
   bool Succeeded() const { return failure.empty(); }

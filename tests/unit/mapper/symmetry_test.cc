@@ -208,8 +208,9 @@ TEST(SymmetricBuilding, IsDoubtedWhereNothingTellsTheSidesApart) {
       EXPECT_TRUE(result.report.Succeeded());
       ASSERT_FALSE(result.models.empty());
       ASSERT_FALSE(result.report.warnings.empty());
-      EXPECT_THAT(result.report.warnings[0], HasSubstr("looks the same when turned by 90 degrees"));
-      EXPECT_THAT(result.report.warnings[0], HasSubstr("image4.jpg"));
+      EXPECT_THAT(result.report.warnings[0].what,
+                  HasSubstr("looks the same when turned by 90 degrees"));
+      EXPECT_THAT(result.report.warnings[0].what, HasSubstr("image4.jpg"));
       EXPECT_THAT(ToJson(result.report), HasSubstr("\"warnings\": ["));
     }
   }
@@ -223,8 +224,8 @@ TEST(SymmetricBuilding, IsDoubtedOfUnknownCamerasToo) {
   ASSERT_FALSE(result.models.empty());
   EXPECT_GT(building.LargestErrorDeg(result.models.front()), 45.0);
   ASSERT_FALSE(result.report.warnings.empty()) << ToJson(result.report);
-  EXPECT_THAT(result.report.warnings[0], HasSubstr("images): "));
-  EXPECT_THAT(result.report.warnings[0], HasSubstr(".jpg"));
+  EXPECT_THAT(result.report.warnings[0].what, HasSubstr("images): "));
+  EXPECT_THAT(result.report.warnings[0].what, HasSubstr(".jpg"));
 }
 
 TEST(SymmetricBuilding, IsNotFoldedWhereSomeSurroundingsDiffer) {
@@ -253,7 +254,7 @@ TEST(SymmetricBuilding, IsNeverFoldedWithoutAWord) {
       if (building.LargestErrorDeg(model) < 2.0) continue;
       ++num_folded;
       ASSERT_FALSE(result.report.warnings.empty());
-      EXPECT_THAT(result.report.warnings[0], HasSubstr("looks the same"));
+      EXPECT_THAT(result.report.warnings[0].what, HasSubstr("looks the same"));
     }
   }
   EXPECT_GE(num_folded, 2) << "the test has nothing to judge";

@@ -67,6 +67,14 @@ TEST_F(BuildPipelineTest, FromPhotographsToVerifiedPairs) {
   EXPECT_EQ(database.ReadPairMetrics().size(), 1u * report.summary.num_tried);
   EXPECT_THAT(SummaryText(report.summary, report.run),
               HasSubstr("4 (4 with features, 3 with depth)"));
+  int64_t num_decided = 0;
+  for (const auto& [step, num_pairs, seconds] : report.summary.decided_by) {
+    num_decided += num_pairs;
+    EXPECT_GT(seconds, 0);
+    EXPECT_THAT(SummaryText(report.summary, report.run),
+                HasSubstr(" " + step + " " + std::to_string(num_pairs) + " ("));
+  }
+  EXPECT_EQ(num_decided, report.summary.num_tried);
   EXPECT_FALSE(HasImportedEdges(ReadViewEdges(database)));
 }
 

@@ -127,10 +127,13 @@ TEST_F(ReportPageTest, AFailedRunShowsWhy) {
 TEST_F(ReportPageTest, WarningsOfTheRunComeFirstWithAdvice) {
   ReportPageInput input = Input();
   input.run_json = R"({"succeeded": true, "stages": [], "warnings":
-      ["sparse/0: 2 images contradict most of their verified matches and are probably misplaced: a"]})";
-  const Json finding = Data(input)["findings"][0];
-  EXPECT_EQ(finding["level"], "doubtful");
-  EXPECT_THAT(finding["advice"].get<std::string>(), HasSubstr("Look at these photos"));
+      [{"level": "doubtful", "what": "first", "advice": "look"}, "text of an older version",
+       {"level": "wrong", "what": "second", "advice": ""}]})";
+  const Json findings = Data(input)["findings"];
+  EXPECT_EQ(findings[0]["what"], "second");
+  EXPECT_EQ(findings[0]["level"], "wrong");
+  EXPECT_EQ(findings[1]["what"], "first");
+  EXPECT_EQ(findings[1]["advice"], "look");
 }
 
 TEST_F(ReportPageTest, AModelWithoutARunIsJudgedByItsMatches) {
