@@ -11,10 +11,15 @@
 namespace cairn {
 namespace {
 
-// The median distance, and the distance that 1 in 1000 exceeds, of three normal coordinates, in
-// standard deviations of one of them (chi distribution of three degrees of freedom).
-constexpr double kMedianDistance = 1.5382;
-constexpr double kLargestDistance = 4.0331;
+// The median length of three normal coordinates, in standard deviations of one of them.
+constexpr double kMedianLength = 1.5382;
+// Tukey's fence for what is far out (Exploratory Data Analysis, 1977): so many quartile distances
+// beyond the upper quartile. Of three normal coordinates it lies at 4.80 standard deviations, which
+// 1 in 25,000 exceed; tails that are longer, as those of a model that bends, move it outwards.
+constexpr double kFarOut = 3.0;
+constexpr double kNormalFence = 4.80;
+// The first guess at what agrees: residuals up to so many medians, 4.6 standard deviations.
+constexpr double kFirstMedians = 3.0;
 // No receiver is better than this (differential GPS, fixed), meters.
 constexpr double kMinSigmaM = 0.01;
 constexpr int kMaxRounds = 50;
@@ -77,23 +82,38 @@ Problem FindImages(const Reconstruction& model, const std::map<std::string, GpsR
   return problem;
 }
 
-// Fills residuals under the similarity, and says which rows of these sigmas are wrong; whether any
-// answer changed.
-bool Judge(const Problem& problem, const std::vector<double>& sigmas_m, const Sim3d& enu_from_world,
-           Georegistration& out) {
-  std::vector<double> relative;  // residual over sigma
+// Residuals under the similarity; their lengths, divided by the sigmas.
+std::vector<double> Measure(const Problem& problem, const std::vector<double>& sigmas_m,
+                            Georegistration& out) {
+  std::vector<double> relative;
   for (size_t i = 0; i < out.images.size(); ++i) {
-    out.images[i].residual = enu_from_world * problem.centers[i] - problem.positions[i];
+    out.images[i].residual = out.enu_from_world * problem.centers[i] - problem.positions[i];
     relative.push_back(out.images[i].residual.norm() / sigmas_m[i]);
   }
-  const double scale = Median(relative) / kMedianDistance;
+  return relative;
+}
+
+// Beyond which a relative residual is far out, by those of the rows that are not wrong.
+double Fence(const std::vector<double>& relative, const Georegistration& out) {
+  std::vector<double> kept;
+  for (size_t i = 0; i < relative.size(); ++i) {
+    if (!out.images[i].is_wrong) kept.push_back(relative[i]);
+  }
+  std::sort(kept.begin(), kept.end());
+  const double lower = kept[kept.size() / 4], upper = kept[(3 * kept.size()) / 4];
+  return upper + kFarOut * (upper - lower);
+}
+
+// Says which rows are wrong; whether any answer changed.
+bool Judge(const Problem& problem, Georegistration& out) {
+  const std::vector<double> relative = Measure(problem, problem.sigmas_m, out);
+  const double fence = Fence(relative, out);
   bool has_changed = false;
   for (size_t i = 0; i < out.images.size(); ++i) {
-    GeoregisteredImage& image = out.images[i];
-    const double sigma_m = std::max(scale * sigmas_m[i], kMinSigmaM);
-    const bool is_wrong = image.residual.norm() > kLargestDistance * sigma_m;
-    has_changed |= is_wrong != image.is_wrong;
-    image.is_wrong = is_wrong;
+    const double largest_m = std::max(fence * problem.sigmas_m[i], kNormalFence * kMinSigmaM);
+    const bool is_wrong = out.images[i].residual.norm() > largest_m;
+    has_changed |= is_wrong != out.images[i].is_wrong;
+    out.images[i].is_wrong = is_wrong;
   }
   return has_changed;
 }
@@ -141,7 +161,7 @@ void Assess(const Problem& problem, Georegistration& out) {
     out.status = GeoregistrationStatus::kOnALine;
     return;
   }
-  const double sigma_m = out.median_residual_m / kMedianDistance;
+  const double sigma_m = out.median_residual_m / kMedianLength;
   out.roll_sigma_deg = RadToDeg(std::atan(sigma_m / (std::hypot(extents[0], extents[1]) *
                                                      std::sqrt(static_cast<double>(kept.size())))));
   // A similarity that shrinks the model to a point explains nothing, and leaves the distances.
@@ -162,13 +182,18 @@ Georegistration Georegister(const Reconstruction& model, const std::map<std::str
     return out;
   }
   out.enu_from_world = *start;
-  // The start is as good as the usual row: precise ones are not wrong because they are off.
-  Judge(problem, std::vector<double>(problem.sigmas_m.size(), 1.0), out.enu_from_world, out);
+  // The start does not know sigmas: precise rows are not wrong because it is off.
+  const std::vector<double> residuals_m =
+      Measure(problem, std::vector<double>(problem.sigmas_m.size(), 1.0), out);
+  const double largest_m = std::max(kFirstMedians * Median(residuals_m), kNormalFence * kMinSigmaM);
+  for (size_t i = 0; i < residuals_m.size(); ++i) {
+    out.images[i].is_wrong = residuals_m[i] > largest_m;
+  }
   for (int round = 0; round < kMaxRounds; ++round) {
     const std::optional<Sim3d> fit = Fit(problem, out);
     if (!fit) break;
     out.enu_from_world = *fit;
-    if (!Judge(problem, problem.sigmas_m, out.enu_from_world, out)) break;
+    if (!Judge(problem, out)) break;
   }
   Assess(problem, out);
   return out;

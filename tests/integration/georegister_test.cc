@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <cmath>
 #include <fstream>
 #include <iomanip>
 #include <nlohmann/json.hpp>
@@ -10,6 +11,7 @@
 #include "cairn/base/file.h"
 #include "cairn/geometry/gps.h"
 #include "cairn/io/colmap_model.h"
+#include "cairn/math/angles.h"
 #include "integration/scene_files.h"
 
 namespace cairn {
@@ -20,7 +22,8 @@ using testing::ProgramResult;
 using testing::RunProgram;
 using testing::SceneFiles;
 
-// Latitudes and longitudes that differ as the true model's x and y do; the last but one is wrong.
+// Positions around 47 degrees north, 11.12 m for a unit of the true model; the last but one may be
+// wrong.
 void WritePositions(const Reconstruction& model, const std::string& path, bool has_wrong) {
   std::ofstream file(path);
   file << std::setprecision(17);
@@ -28,8 +31,9 @@ void WritePositions(const Reconstruction& model, const std::string& path, bool h
   for (const auto& [id, image] : model.images) {
     const Eigen::Vector3d center = image.cam_from_world.Center();
     const double off = has_wrong && --left == 1 ? 0.01 : 0.0;
-    file << image.image.name << " " << 47 + 1e-4 * center.y() + off << " " << 8 + 1e-4 * center.x()
-         << " " << 500 + 10 * center.z() << "\n";
+    const double unit_deg = 1e-4, cosine = std::cos(DegToRad(47));
+    file << image.image.name << " " << 47 + unit_deg * center.y() + off << " "
+         << 8 + unit_deg / cosine * center.x() << " " << 500 + 11.12 * center.z() << "\n";
   }
 }
 

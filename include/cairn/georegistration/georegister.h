@@ -43,8 +43,8 @@ struct Georegistration {
 // The similarity from the model to local east-north-up axes by the positions of its images, of
 // which up to half may be wrong: least median of residuals (AlignSimilarityRobust), then weighted
 // least squares over the rows that agree, until these stay the same. A row is wrong if its residual
-// is more than 4.03 standard deviations (1 in 1000 of three normal coordinates is beyond), which
-// are measured from the median residual and relative to each row's sigma, but at least 1 cm.
+// is far out by Tukey's fence: three quartile distances beyond the upper quartile of the rows that
+// agree, relative to each row's sigma; but never within 5 cm.
 // Where some positions have an altitude, those without (0) are not used.
 Georegistration Georegister(const Reconstruction& model, const std::map<std::string, GpsRow>& rows,
                             const RunContext& run = {});
