@@ -9,11 +9,13 @@ namespace cairn {
 
 void AddEvaluateCommand(Program& program);
 void AddExportCommand(Program& program);
+void AddGeoregisterCommand(Program& program);
 void AddInspectCommand(Program& program);
 void AddReconstructCommand(Program& program);
 void AddRefineCommand(Program& program);
 void AddReportCommand(Program& program);
 void AddRotationAveragingCommand(Program& program);
 void AddSynthesizeCommand(Program& program);
+void AddUndistortCommand(Program& program);
 
 }  // namespace cairn

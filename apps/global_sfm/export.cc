@@ -3,6 +3,7 @@
 #include "cairn/base/file.h"
 #include "cairn/io/bundler.h"
 #include "cairn/io/colmap_model.h"
+#include "cairn/io/gltf.h"
 #include "cairn/io/model.h"
 #include "cairn/io/ply.h"
 #include "cairn/io/transforms_json.h"
@@ -31,11 +32,12 @@ struct ExportFlags {
     v.String("model_list", model_list,
              "list of a Bundler model's images; default: list.txt beside it");
     v.String("output_path", output_path,
-             "folder to write into, created if absent; for ply and nerfstudio also a file");
+             "folder to write into, created if absent; for ply, gltf and nerfstudio also a file");
     v.Choice("output_type", output_type,
-             {"colmap_bin", "colmap_txt", "bundler", "ply", "nerfstudio", "1dsfm"},
+             {"colmap_bin", "colmap_txt", "bundler", "ply", "gltf", "nerfstudio", "1dsfm"},
              "what to write: a COLMAP model, bundle.out with list.txt, points.ply (with camera "
-             "frusta), transforms.json with points.ply, or a 1DSfM data set with photographs");
+             "frusta), model.glb (the same as glTF), transforms.json with points.ply, or a 1DSfM "
+             "data set with photographs");
     v.String("image_path", image_path,
              "folder of the photographs, which nerfstudio's file refers to (default: images), and "
              "1dsfm resamples; a Bundler model gets its image sizes from them");
@@ -90,7 +92,8 @@ void ExportOneDsfmDataset(const Reconstruction& reconstruction, const ExportFlag
 int Run(const ExportFlags& flags) {
   ConsoleMonitor monitor;
   Reconstruction reconstruction = ReadModel(flags.model_path, {.list_path = flags.model_list});
-  const bool needs_sizes = flags.output_type != "bundler" && flags.output_type != "ply";
+  const bool needs_sizes =
+      flags.output_type != "bundler" && flags.output_type != "ply" && flags.output_type != "gltf";
   if (needs_sizes || !flags.image_path.empty()) {
     CompleteImageSizes(flags.image_path, reconstruction);
   }
@@ -109,6 +112,8 @@ int Run(const ExportFlags& flags) {
     }
   } else if (flags.output_type == "ply") {
     WritePly(reconstruction, FileIn(flags.output_path, ".ply", "points.ply"));
+  } else if (flags.output_type == "gltf") {
+    WriteGltf(reconstruction, FileIn(flags.output_path, ".glb", "model.glb"));
   } else {
     ExportNerfstudio(reconstruction, flags, monitor);
   }

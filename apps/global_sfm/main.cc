@@ -6,12 +6,14 @@ int main(int argc, char** argv) {
                            "Global structure-from-motion on the view graph of a database.");
     cairn::AddEvaluateCommand(program);
     cairn::AddExportCommand(program);
+    cairn::AddGeoregisterCommand(program);
     cairn::AddInspectCommand(program);
     cairn::AddReconstructCommand(program);
     cairn::AddRefineCommand(program);
     cairn::AddReportCommand(program);
     cairn::AddRotationAveragingCommand(program);
     cairn::AddSynthesizeCommand(program);
+    cairn::AddUndistortCommand(program);
     return program.Run(argc, argv);
   });
 }

@@ -25,17 +25,23 @@ void WriteRootSift(const std::array<float, kSiftDim>& histogram, uint8_t* descri
 }
 
 // Coarse octaves first: the finest are built only where these have too few features.
-Features Extract(const Bitmap& gray, const FeatureOptions& options) {
+Features Extract(const Bitmap& gray, const FeatureOptions& options, const Bitmap* mask) {
   Features features;
   features.descriptors.resize(0, kSiftDim);
   if (std::min(gray.width, gray.height) < kMinImageSize) return features;
+  Masked is_masked{mask};
+  if (mask != nullptr) {
+    is_masked.scale_x = static_cast<double>(mask->width) / gray.width;
+    is_masked.scale_y = static_cast<double>(mask->height) / gray.height;
+  }
   ScaleSpace scale_space(gray);
   const auto max_num_features = static_cast<size_t>(options.max_num_features);
   for (int o = scale_space.last_octave(); o >= options.first_octave; --o) {
     const size_t begin = features.keypoints.size();
     if (begin >= max_num_features) break;
     const Octave octave = scale_space.Build(o);
-    const std::vector<Frame> frames = FindFrames(octave, options, max_num_features - begin);
+    const std::vector<Frame> frames =
+        FindFrames(octave, options, is_masked, max_num_features - begin);
     features.descriptors.conservativeResize(begin + frames.size(), kSiftDim);
     for (size_t i = 0; i < frames.size(); ++i) {
       const Eigen::Vector2f center =
@@ -74,16 +80,21 @@ void KeepOpenCvToTheCallersThread() {
 
 }  // namespace
 
-Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options) {
+Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options, const Bitmap* mask) {
   ValidateOptions(options, "features");
   CAIRN_CHECK_EQ(gray.channels, 1);
   CAIRN_CHECK_EQ(gray.data.size(), static_cast<size_t>(gray.width) * gray.height);
+  if (mask != nullptr) {
+    CAIRN_CHECK_EQ(mask->channels, 1);
+    CAIRN_CHECK_EQ(mask->width, gray.width);
+    CAIRN_CHECK_EQ(mask->height, gray.height);
+  }
   KeepOpenCvToTheCallersThread();
   const int size = std::max(gray.width, gray.height);
-  if (size <= options.max_image_size) return Extract(gray, options);
+  if (size <= options.max_image_size) return Extract(gray, options, mask);
 
   const Bitmap reduced = Reduce(gray, static_cast<double>(options.max_image_size) / size);
-  Features features = Extract(reduced, options);
+  Features features = Extract(reduced, options, mask);
   const float scale_x = static_cast<float>(gray.width) / reduced.width;
   const float scale_y = static_cast<float>(gray.height) / reduced.height;
   for (Keypoint& keypoint : features.keypoints) {

@@ -96,10 +96,21 @@ PatchGradient GradientAround(const Octave& octave, const Eigen::Vector2d& center
                         level - static_cast<double>(below), center, M / octave.pixel_size);
 }
 
+bool Masked::operator()(const Eigen::Vector2d& pixel) const {
+  if (mask == nullptr) return false;
+  const auto at = [](double x, double scale, int size) {
+    return std::clamp(static_cast<int>(std::floor((x + 0.5) * scale)), 0, size - 1);
+  };
+  return *mask->Pixel(at(pixel.x(), scale_x, mask->width), at(pixel.y(), scale_y, mask->height)) ==
+         0;
+}
+
 std::vector<Frame> FindFrames(const Octave& octave, const FeatureOptions& options,
-                              size_t max_frames) {
+                              const Masked& is_masked, size_t max_frames) {
   std::vector<Frame> detected, frames;
   for (const Extremum& extremum : FindExtrema(octave, options)) {
+    const Eigen::Vector2d pixel(extremum.x, extremum.y);
+    if (is_masked(octave.pixel_size * pixel)) continue;
     const double sigma = octave.Sigma(extremum.level);
     detected.push_back({{extremum.x, extremum.y},
                         sigma,

@@ -17,10 +17,19 @@ struct Frame {
   Eigen::Matrix2d M;
 };
 
+// Where an image has no features: where the mask, which may be finer than the image, is 0.
+struct Masked {
+  const Bitmap* mask = nullptr;     // none: nowhere
+  double scale_x = 1, scale_y = 1;  // pixels of the mask a pixel of the image
+
+  // pixel: of the image, the center of the top-left one is (0, 0).
+  bool operator()(const Eigen::Vector2d& pixel) const;
+};
+
 // The frames of an octave's extrema, with affine shapes and orientations as the options want them;
-// the larger first, at most max_frames.
+// the larger first, at most max_frames, none of them masked.
 std::vector<Frame> FindFrames(const Octave& octave, const FeatureOptions& options,
-                              size_t max_frames);
+                              const Masked& is_masked, size_t max_frames);
 
 // The gradient around a frame, from the level below the one whose blur is the frame's shorter axis:
 // the grid adds some blur of its own.

@@ -1,44 +1,16 @@
 #include "cairn/image/resample.h"
 
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 
 #include "cairn/base/check.h"
+#include "image/cv_memory.h"
 
 namespace cairn {
 namespace {
-
-// Weights of the four samples around a position that lies `t` in [0, 1) after the second: the cubic
-// of Keys, "Cubic convolution interpolation for digital image processing", 1981, a = -1/2.
-std::array<double, 4> CubicWeights(double t) {
-  const double t2 = t * t;
-  const double t3 = t2 * t;
-  return {0.5 * (-t3 + 2 * t2 - t), 0.5 * (3 * t3 - 5 * t2 + 2), 0.5 * (-3 * t3 + 4 * t2 + t),
-          0.5 * (t3 - t2)};
-}
-
-// Reads the bitmap at a pixel (center of the top-left pixel is (0.5, 0.5)).
-void Interpolate(const Bitmap& bitmap, const Eigen::Vector2d& pixel, uint8_t* out) {
-  const double x = std::clamp(pixel.x() - 0.5, -4.0, bitmap.width + 3.0);
-  const double y = std::clamp(pixel.y() - 0.5, -4.0, bitmap.height + 3.0);
-  const int x0 = static_cast<int>(std::floor(x));
-  const int y0 = static_cast<int>(std::floor(y));
-  const std::array<double, 4> wx = CubicWeights(x - x0);
-  const std::array<double, 4> wy = CubicWeights(y - y0);
-  double sum[3] = {};
-  for (int j = 0; j < 4; ++j) {
-    const int row = std::clamp(y0 + j - 1, 0, bitmap.height - 1);
-    for (int i = 0; i < 4; ++i) {
-      const int column = std::clamp(x0 + i - 1, 0, bitmap.width - 1);
-      const uint8_t* in = bitmap.Pixel(column, row);
-      for (int c = 0; c < bitmap.channels; ++c) sum[c] += wx[i] * wy[j] * in[c];
-    }
-  }
-  for (int c = 0; c < bitmap.channels; ++c) {
-    out[c] = static_cast<uint8_t>(std::clamp(std::lround(sum[c]), 0l, 255l));
-  }
-}
 
 // Whether a source pixel, mapped to the target, is itself: then nothing need be resampled.
 bool AreSame(const Camera& source, const Camera& target) {
@@ -53,6 +25,72 @@ bool AreSame(const Camera& source, const Camera& target) {
   return source.CalibrationMatrix() == target.CalibrationMatrix();
 }
 
+// Rows of the target that are mapped at once: the maps of a band are a few megabytes.
+constexpr int kBandRows = 64;
+
+// `target` with as many pixels a radian as the source has, where it has fewer; else itself.
+Camera AtResolutionOf(const Camera& source, const Camera& target) {
+  const double factor = source.MeanFocal() / target.MeanFocal();
+  if (factor <= 1.0) return target;
+  Camera fine = target;
+  const auto enlarge = [](int side, double by) {
+    return std::min(kMaxResampledSide, static_cast<int>(std::lround(side * by)));
+  };
+  fine.width = enlarge(target.width, factor);
+  fine.height = enlarge(target.height, factor);
+  fine.model = CameraModel::kPinhole;
+  const double x = static_cast<double>(fine.width) / target.width;
+  const double y = static_cast<double>(fine.height) / target.height;
+  fine.params = {x * target.FocalX(), y * target.FocalY(), x * target.PrincipalPoint().x(),
+                 y * target.PrincipalPoint().y()};
+  return fine;
+}
+
+// Where the source shows the ray of a target pixel, counted as OpenCV does (the center of the
+// top-left pixel is 0); nullopt beyond the border, and where distortion folds the image over.
+std::optional<cv::Vec2f> SourcePosition(const Camera& source, const Camera& target, int x, int y,
+                                        Beyond beyond) {
+  const auto uv = target.CamFromImg({x + 0.5, y + 0.5});
+  if (!uv) return std::nullopt;
+  Eigen::Matrix<double, 2, 3> J;
+  const auto pixel = source.ImgFromRay(uv->homogeneous(), &J);
+  if (!pixel || !(J.leftCols<2>().determinant() > 0)) return std::nullopt;
+  const bool is_inside = pixel->x() >= 0 && pixel->x() <= source.width && pixel->y() >= 0 &&
+                         pixel->y() <= source.height;
+  if (!is_inside && beyond == Beyond::kBlack) return std::nullopt;
+  return cv::Vec2f(static_cast<float>(std::clamp(pixel->x(), -8.0, source.width + 8.0) - 0.5),
+                   static_cast<float>(std::clamp(pixel->y(), -8.0, source.height + 8.0) - 0.5));
+}
+
+// Rows [first, first + map.rows) of the target.
+void ResampleBand(const cv::Mat& in, const Camera& source, const Camera& target, int first,
+                  const ResampleOptions& options, cv::Mat out) {
+  cv::Mat map(out.rows, out.cols, CV_32FC2), blank(out.rows, out.cols, CV_8UC1, cv::Scalar(0));
+  for (int y = 0; y < map.rows; ++y) {
+    for (int x = 0; x < map.cols; ++x) {
+      const auto position = SourcePosition(source, target, x, first + y, options.beyond);
+      map.at<cv::Vec2f>(y, x) = position.value_or(cv::Vec2f(0, 0));
+      if (!position) blank.at<uint8_t>(y, x) = 255;
+    }
+  }
+  const int flags =
+      options.interpolation == Interpolation::kLinear ? cv::INTER_LINEAR : cv::INTER_CUBIC;
+  cv::remap(in, out, map, cv::noArray(), flags, cv::BORDER_REPLICATE);
+  out.setTo(cv::Scalar::all(0), blank);
+}
+
+Bitmap Blank(const Camera& camera, int channels) {
+  Bitmap bitmap{camera.width, camera.height, channels, {}};
+  bitmap.data.resize(static_cast<size_t>(camera.width) * camera.height * channels);
+  return bitmap;
+}
+
+// OpenCV's view of a bitmap's pixels.
+cv::Mat View(const Bitmap& bitmap) {
+  return {bitmap.height, bitmap.width, bitmap.channels == 1 ? CV_8UC1 : CV_8UC3,
+          const_cast<uint8_t*>(bitmap.data.data())};
+}
+
 }  // namespace
 
 Camera CenteredPinhole(const Camera& camera) {
@@ -62,28 +100,39 @@ Camera CenteredPinhole(const Camera& camera) {
   return pinhole;
 }
 
-Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& target) {
+Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& target,
+                      const ResampleOptions& options) {
   CAIRN_CHECK_EQ(bitmap.width, source.width);
   CAIRN_CHECK_EQ(bitmap.height, source.height);
   CAIRN_CHECK(bitmap.channels == 1 || bitmap.channels == 3);
+  CAIRN_CHECK(target.IsPlanar());
   if (AreSame(source, target)) return bitmap;
-  Bitmap out{
-      .width = target.width, .height = target.height, .channels = bitmap.channels, .data = {}};
-  out.data.resize(static_cast<size_t>(out.width) * out.height * out.channels);
-  for (int y = 0; y < out.height; ++y) {
-    for (int x = 0; x < out.width; ++x) {
-      const auto uv = target.CamFromImg({x + 0.5, y + 0.5});
-      if (uv) Interpolate(bitmap, source.ImgFromCam(*uv), out.Pixel(x, y));
-    }
+  const Camera fine = AtResolutionOf(source, target);
+  for (const Camera* camera : {&source, &target}) {
+    CAIRN_CHECK_LE(std::max(camera->width, camera->height), kMaxResampledSide);
   }
-  return out;
+  try {
+    Bitmap out = Blank(fine, bitmap.channels);
+    for (int y = 0; y < fine.height; y += kBandRows) {
+      ResampleBand(View(bitmap), source, fine, y, options,
+                   View(out).rowRange(y, std::min(y + kBandRows, fine.height)));
+    }
+    if (fine.width == target.width && fine.height == target.height) return out;
+    Bitmap reduced = Blank(target, bitmap.channels);
+    cv::Mat view = View(reduced);
+    cv::resize(View(out), view, view.size(), 0, 0, cv::INTER_AREA);
+    return reduced;
+  } catch (const cv::Exception& exception) {
+    ThrowIfOutOfMemory(exception);
+    throw;
+  }
 }
 
 std::optional<Eigen::Vector2d> ResamplePixel(const Eigen::Vector2d& pixel, const Camera& source,
                                              const Camera& target) {
-  const auto uv = source.CamFromImg(pixel);
-  if (!uv) return std::nullopt;
-  return target.ImgFromCam(*uv);
+  const auto ray = source.RayFromImg(pixel);
+  if (!ray) return std::nullopt;
+  return target.ImgFromRay(*ray);
 }
 
 }  // namespace cairn

@@ -101,6 +101,9 @@ std::vector<std::string> WriteTransformsJson(const Reconstruction& reconstructio
           ? "OPENCV"
           : ModelOf(reconstruction.CameraOf(reconstruction.images.begin()->second));
   root["camera_model"] = model;
+  // From the model's world to the file's: the same.
+  root["applied_transform"] =
+      Json{{1.0, 0.0, 0.0, 0.0}, {0.0, 1.0, 0.0, 0.0}, {0.0, 0.0, 1.0, 0.0}};
   if (!ply_path.empty()) root["ply_file_path"] = ply_path;
   root["frames"] = Json::array();
   for (const auto& [id, image] : reconstruction.images) {

@@ -1,30 +1,10 @@
 #include <algorithm>
-#include <cmath>
 
 #include "cairn/base/parallel.h"
-#include "cairn/math/angles.h"
 #include "cairn/pair_selection/pair_selection.h"
 #include "pair_selection/unique_pairs.h"
 
 namespace cairn {
-namespace {
-
-// WGS84.
-constexpr double kSemiMajorM = 6378137.0;
-constexpr double kFlattening = 1 / 298.257223563;
-
-// Earth-centered, on the ellipsoid, meters.
-Eigen::Vector3d EarthCentered(const GpsPosition& gps) {
-  const double latitude = DegToRad(gps.latitude_deg), longitude = DegToRad(gps.longitude_deg);
-  const double squared_eccentricity = kFlattening * (2 - kFlattening);
-  const double sine = std::sin(latitude);
-  const double normal = kSemiMajorM / std::sqrt(1 - squared_eccentricity * sine * sine);
-  return {normal * std::cos(latitude) * std::cos(longitude),
-          normal * std::cos(latitude) * std::sin(longitude),
-          normal * (1 - squared_eccentricity) * sine};
-}
-
-}  // namespace
 
 std::vector<image_pair_t> SpatialPairs(const std::map<image_t, GpsPosition>& positions,
                                        int neighbors, double radius_m, int num_threads) {
@@ -32,7 +12,7 @@ std::vector<image_pair_t> SpatialPairs(const std::map<image_t, GpsPosition>& pos
   std::vector<Eigen::Vector3d> points;
   for (const auto& [image, gps] : positions) {
     images.push_back(image);
-    points.push_back(EarthCentered(gps));
+    points.push_back(EarthCentered({gps.latitude_deg, gps.longitude_deg, 0}));
   }
   const auto num = static_cast<int64_t>(images.size());
   std::vector<std::vector<image_pair_t>> pairs_of(images.size());

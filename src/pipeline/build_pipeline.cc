@@ -146,8 +146,8 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   const PairChoosing choosing = {in.pairs, options.pair_selection, sources.image_path, in.gps_path};
   const auto listed = ListedPairs(database, in, sources, run.monitor);
   if (!listed && last >= BuildStage::kPairs) CheckPairWays(database, choosing, run);
-  if (!keep_going(
-          ExtractImageFeatures(database, sources.image_path, options.features, run, helpers))) {
+  if (!keep_going(ExtractImageFeatures(database, {sources.image_path, in.mask_path},
+                                       options.features, run, helpers))) {
     return false;
   }
   if (last >= BuildStage::kDepth &&

@@ -3,7 +3,9 @@
 
 #include <cstdlib>
 #include <regex>
+#include <set>
 
+#include "cairn/base/file.h"
 #include "cairn/io/colmap_model.h"
 #include "integration/scene_files.h"
 
@@ -52,6 +54,69 @@ TEST_F(Colmap, ModelAnalyzerAgreesWithUs) {
   EXPECT_EQ(Figure(result.output, "Observations"), model.NumObservations());
   EXPECT_NEAR(Figure(result.output, "Mean reprojection error"), model.MeanReprojectionErrorPx(),
               1e-3);
+}
+
+// Files and folders below a folder, without hidden ones.
+std::set<std::string> Below(const std::string& folder) {
+  namespace fs = std::filesystem;
+  std::set<std::string> names;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    const std::string name = fs::relative(entry.path(), folder).string();
+    if (!name.starts_with('.')) names.insert(name);
+  }
+  return names;
+}
+
+// Of a camera with distortion: the layout is that of COLMAP's image_undistorter, the camera differs
+// by the half pixel at which it looks at the border, and its programs open the model.
+TEST_F(Colmap, OpensUndistortedWorkspaces) {
+  const SceneFiles scene;
+  Reconstruction model = ReadColmapModel(SceneFiles::truth());
+  for (auto& [id, camera] : model.cameras) {
+    camera.model = CameraModel::kOpenCVFisheye;
+    camera.params = {camera.FocalX(),
+                     camera.FocalY(),
+                     0.5 * camera.width + 5,
+                     0.5 * camera.height,
+                     0.02,
+                     -0.01,
+                     0.0,
+                     0.0};
+  }
+  WriteColmapModel(model, scene / "fisheye");
+  const std::vector<std::string> images = {"--image_path", scene.images(), "--output_path"};
+  std::vector<std::string> ours = {"undistort", "--model_path", scene / "fisheye"},
+                           theirs = {"image_undistorter", "--input_path", scene / "fisheye"};
+  for (std::vector<std::string>* arguments : {&ours, &theirs}) {
+    arguments->insert(arguments->end(), images.begin(), images.end());
+  }
+  ours.push_back(scene / "ours");
+  theirs.push_back(scene / "theirs");
+  std::filesystem::create_directory(scene / "theirs");
+  const ProgramResult result = RunProgram("global_sfm", ours);
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  ASSERT_EQ(RunColmap(theirs).exit_code, 0);
+  std::set<std::string> expected = Below(scene / "theirs");
+  for (const char* kind : {"geometric", "photometric"}) {
+    expected.erase(std::string("run-colmap-") + kind + ".sh");
+  }
+  expected.insert("effective.toml");
+  EXPECT_EQ(Below(scene / "ours"), expected);
+  const auto text = [&](const std::string& name) { return ReadFile(scene / name); };
+  EXPECT_EQ(text("ours/stereo/patch-match.cfg"), text("theirs/stereo/patch-match.cfg"));
+  EXPECT_EQ(text("ours/stereo/fusion.cfg"), text("theirs/stereo/fusion.cfg"));
+  const Reconstruction written = ReadColmapModel(scene / "theirs/sparse");
+  for (const auto& [id, camera] : ReadColmapModel(scene / "ours/sparse").cameras) {
+    EXPECT_NEAR(camera.width, written.cameras.at(id).width, 2);
+    EXPECT_NEAR(camera.height, written.cameras.at(id).height, 2);
+    EXPECT_EQ(camera.FocalX(), written.cameras.at(id).FocalX());
+  }
+  EXPECT_EQ(RunColmap({"model_analyzer", "--path", scene / "ours/sparse"}).exit_code, 0);
+  std::filesystem::create_directory(scene / "adjusted");
+  EXPECT_EQ(RunColmap({"bundle_adjuster", "--input_path", scene / "ours/sparse", "--output_path",
+                       scene / "adjusted"})
+                .exit_code,
+            0);
 }
 
 TEST_F(Colmap, MapperRunsOnOurDatabase) {

@@ -59,8 +59,10 @@ struct Features {
 // sift: the same without affine shape, M = scale * Rot(orientation).
 // Both: RootSIFT (Arandjelovic and Zisserman 2012), min(255, round(512 x)).
 //
-// An image without texture gives no features. The result depends on nothing but the arguments;
-// single-threaded, safe to call from many threads.
-Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options);
+// mask, if given, has the image's size and one channel: where it is 0, there are no features (of
+// which max_num_features counts none). An image without texture gives no features. The result
+// depends on nothing but the arguments; single-threaded, safe to call from many threads.
+Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options,
+                         const Bitmap* mask = nullptr);
 
 }  // namespace cairn

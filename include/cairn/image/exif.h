@@ -3,14 +3,9 @@
 #include <optional>
 #include <string>
 
-namespace cairn {
+#include "cairn/geometry/gps.h"
 
-// Where a photograph was taken, WGS84.
-struct GpsPosition {
-  double latitude_deg = 0;   // positive: north
-  double longitude_deg = 0;  // positive: east
-  double altitude_m = 0;     // 0 where EXIF has none
-};
+namespace cairn {
 
 // What a photograph's EXIF block holds about its camera, and about when and where it was taken.
 struct ExifInfo {

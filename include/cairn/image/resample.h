@@ -12,13 +12,28 @@ namespace cairn {
 // SIMPLE_PINHOLE of the same size and mean focal length, principal point at the image center.
 Camera CenteredPinhole(const Camera& camera);
 
-// The image that `target` would have taken from the same place as `source`: for every target pixel,
-// the source is read where it shows that ray (cubic convolution, Keys 1981; beyond the source's
-// border its nearest pixel). The bitmap's size is the source camera's. Where both cameras are the
-// same, the result is equal to the source to the bit.
-Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& target);
+// The sides of bitmaps that ResampleBitmap takes and gives are at most this, pixels (OpenCV).
+inline constexpr int kMaxResampledSide = 32766;
 
-// Where a source pixel lies in the target; nullopt where the source's distortion has no inverse.
+// How ResampleBitmap reads between the pixels of the source, and what it shows beyond its border.
+enum class Interpolation { kLinear, kCubic };
+enum class Beyond { kBlack, kNearest };
+struct ResampleOptions {
+  Interpolation interpolation = Interpolation::kLinear;
+  Beyond beyond = Beyond::kBlack;
+};
+
+// The image that `target` would have taken from the same place as `source`, by OpenCV's remap: for
+// every target pixel, the source is read where it shows that ray. Any central camera is a source;
+// the target is planar. Where the target has fewer pixels for a view than the source, the image is
+// made with the source's resolution and then averaged over areas, so that nothing aliases. The
+// bitmap's size is the source camera's. Where both cameras are the same, the result is equal to the
+// source to the bit. Single-threaded.
+Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& target,
+                      const ResampleOptions& options = {});
+
+// Where a source pixel lies in the target; nullopt where the source has no ray of it, or the target
+// no pixel of the ray.
 std::optional<Eigen::Vector2d> ResamplePixel(const Eigen::Vector2d& pixel, const Camera& source,
                                              const Camera& target);
 

@@ -43,6 +43,7 @@ struct BuildInputs {
   std::string image_path;
   std::string database_path;
   std::string dataset_path;
+  std::string mask_path;
   std::string depth_path;
   std::string depth_model;
   std::string pairs = "auto";
@@ -57,6 +58,8 @@ struct BuildInputs {
     v.String("image_path", image_path, "folder of photographs");
     v.String("database_path", database_path, "database to make, or to continue (required)");
     v.String("dataset_path", dataset_path, "folder of a 1DSfM data set, instead of image_path");
+    v.String("mask_path", mask_path,
+             "folder of masks, <image name>.png (a.jpg.png): no features where they are black");
     v.String("depth_path", depth_path,
              "folder of depth maps, <image name>.npy, .pfm, .png or .bin");
     v.String("depth_model", depth_model, "ONNX network that gives depth, instead of depth_path");
@@ -66,7 +69,7 @@ struct BuildInputs {
              "and GPS add");
     v.String("pairs_path", pairs_path, "file with two image names a line, instead of pairs");
     v.String("gps_path", gps_path,
-             "file with name,latitude,longitude[,altitude] a line, instead of GPS in EXIF");
+             "file with name,latitude,longitude[,altitude[,sigma]] a line, instead of GPS in EXIF");
     v.Choice("verifier", verifier, kVerifierChoices, "which verifiers are run on every pair");
     v.Choice("stop_after", stop_after, std::span(kBuildStages).subspan(2),
              "last stage of this run; a later run continues");

@@ -62,9 +62,18 @@ struct PhotoSource {
 StageReport ImportPhotos(Database& database, const PhotoSource& source,
                          const CameraOptions& options = {}, const RunContext& run = {});
 
+// The photographs that features are found in.
+struct FeatureSource {
+  std::string image_path;      // "": nothing can be computed, images without keypoints are counted
+  std::string mask_path = {};  // folder of masks, `<image name>.png` ("": none), as COLMAP has them
+};
+
 // Features of every image without keypoints. An image that cannot be decoded leaves the database.
-// image_path "": nothing can be computed, images without keypoints are counted.
-StageReport ExtractImageFeatures(Database& database, const std::string& image_path,
+// No features are where the image's mask is 0 (black); images without a mask are named. An image
+// whose mask changed since cairn found its features, or came, gets new ones; the pairs that it had
+// are forgotten. Throws ConfigError for a mask that has not the size of its photograph, and where
+// no image has a mask.
+StageReport ExtractImageFeatures(Database& database, const FeatureSource& source,
                                  const FeatureOptions& options = {}, const RunContext& run = {},
                                  Helpers* helpers = nullptr);
 

@@ -13,7 +13,7 @@
 #include "cairn/base/parallel.h"
 #include "pipeline/machines/messages.h"
 #include "pipeline/pairs/verify.h"
-#include "pipeline/stages/extract_photo.h"
+#include "pipeline/stages/masks.h"
 
 namespace cairn {
 namespace {
@@ -99,10 +99,11 @@ std::string ToBytes(const Result& result) {
 std::string Extract(const PhotoTask& task, const FeatureOptions& options) {
   PhotoResult result{task.item, "", {}};
   try {
-    if (HashFile(task.path) != task.file_hash) {
-      throw IoError(task.path, "is not the file that rank 0 has");
+    const auto& [path, mask_path] = task.photo;
+    if (FeatureInputHash(HashFile(path), mask_path) != task.input_hash) {
+      throw IoError(path, "is not the file that rank 0 has, or its mask is not");
     }
-    result.features = ExtractPhoto(task.path, task.camera_size, options);
+    result.features = ExtractPhoto(task.photo, task.camera_size, options);
   } catch (const IoError& error) {
     result.error = error.reason();
   }

@@ -156,17 +156,19 @@ HelperSetup GetSetup(ByteSource& source) {
 
 void Put(ByteSink& sink, const PhotoTask& task) {
   sink.Add(task.item);
-  sink.AddText(task.path);
+  sink.AddText(task.photo.path);
+  sink.AddText(task.photo.mask_path);
   sink.Add(task.camera_size);
-  sink.Add(task.file_hash);
+  sink.Add(task.input_hash);
 }
 
 PhotoTask GetPhotoTask(ByteSource& source) {
   PhotoTask task;
   task.item = source.Get<uint64_t>();
-  task.path = source.GetText();
+  task.photo.path = source.GetText();
+  task.photo.mask_path = source.GetText();
   task.camera_size = source.Get<ImageSize>();
-  task.file_hash = source.Get<uint64_t>();
+  task.input_hash = source.Get<uint64_t>();
   return task;
 }
 

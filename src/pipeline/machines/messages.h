@@ -10,6 +10,7 @@
 #include "cairn/two_view/options.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/pairs/write.h"
+#include "pipeline/stages/extract_photo.h"
 
 namespace cairn {
 
@@ -50,9 +51,9 @@ HelperSetup GetSetup(ByteSource& source);
 // A photograph whose features are wanted.
 struct PhotoTask {
   uint64_t item = 0;  // which it is, for rank 0
-  std::string path;
+  PhotoPaths photo;
   ImageSize camera_size;
-  uint64_t file_hash = 0;
+  uint64_t input_hash = 0;  // of the photograph and its mask (masks.h)
 };
 void Put(ByteSink& sink, const PhotoTask& task);
 PhotoTask GetPhotoTask(ByteSource& source);

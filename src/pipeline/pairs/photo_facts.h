@@ -21,8 +21,4 @@ struct PhotoFacts {
 PhotoFacts ReadPhotoFacts(const std::vector<Image>& images, const std::string& image_path,
                           const std::string& gps_path, int num_threads);
 
-// Positions by image name: "name,latitude,longitude[,altitude]" a line, degrees and meters; '#'
-// begins a comment. Throws IoError with file and line.
-std::map<std::string, GpsPosition> ReadGpsFile(const std::string& path);
-
 }  // namespace cairn

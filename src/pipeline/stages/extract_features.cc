@@ -13,6 +13,7 @@
 #include "database/stage_names.h"
 #include "pipeline/machines/helpers.h"
 #include "pipeline/stages/extract_photo.h"
+#include "pipeline/stages/masks.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -24,12 +25,15 @@ struct FeatureItem {
   Image image;
   ImageSize camera_size;
   uint64_t file_hash = 0;
-  bool is_ours = false;  // cairn added the image, so cairn may take it out again
+  std::string mask_path;    // "": none
+  uint64_t input_hash = 0;  // of what its features are made from
+  bool is_ours = false;     // cairn added the image, so cairn may take it out again
   std::string error;
 };
 
 // Images without keypoints whose photograph is known.
-std::vector<FeatureItem> FindItems(const Database& database) {
+std::vector<FeatureItem> FindItems(const Database& database,
+                                   const std::map<image_t, std::string>& masks) {
   std::map<camera_t, ImageSize> sizes;
   for (const Camera& camera : database.ReadCameras()) {
     sizes[camera.camera_id] = {camera.width, camera.height};
@@ -49,16 +53,23 @@ std::vector<FeatureItem> FindItems(const Database& database) {
     if (num_keypoints.count(image.image_id) > 0) continue;
     const auto file_hash = file_hashes.find(image.name);
     if (file_hash == file_hashes.end()) continue;
-    items.push_back(
-        {image, sizes[image.camera_id], file_hash->second, ours.count(image.image_id) > 0, ""});
+    const auto mask = masks.find(image.image_id);
+    const std::string mask_path = mask == masks.end() ? "" : mask->second;
+    items.push_back({image, sizes[image.camera_id], file_hash->second, mask_path,
+                     FeatureInputHash(file_hash->second, mask_path), ours.count(image.image_id) > 0,
+                     ""});
   }
   return items;
+}
+
+std::string Text(const ImageSize& size) {
+  return std::to_string(size.width) + " x " + std::to_string(size.height);
 }
 
 void WriteFeatures(Database& database, const FeatureItem& item, const Features& features) {
   database.WriteKeypoints(item.image.image_id, features.keypoints);
   database.WriteDescriptors(item.image.image_id, features.descriptors);
-  database.WriteJob(kStageFeatures, {item.image.image_id, item.file_hash, ""});
+  database.WriteJob(kStageFeatures, {item.image.image_id, item.input_hash, ""});
 }
 
 // The image leaves the database, with the reason in its photograph's record.
@@ -100,9 +111,8 @@ class FeatureWork {
     work.add_next = [this](TaskBatch& batch) {
       FeatureItem* const item = Next();
       if (item == nullptr) return false;
-      batch.Add(PhotoTask{static_cast<uint64_t>(item - items_.data()),
-                          PathInFolder(image_path_, item->image.name), item->camera_size,
-                          item->file_hash});
+      batch.Add(PhotoTask{static_cast<uint64_t>(item - items_.data()), PathsOf(*item),
+                          item->camera_size, item->input_hash});
       return true;
     };
     work.accept = [this](ByteSource& result, const std::string& helper) {
@@ -110,6 +120,10 @@ class FeatureWork {
     };
     work.stop = [this] { next_ = std::ssize(items_); };
     return work;
+  }
+
+  PhotoPaths PathsOf(const FeatureItem& item) const {
+    return {PathInFolder(image_path_, item.image.name), item.mask_path};
   }
 
   // nullptr: there are no more.
@@ -120,9 +134,9 @@ class FeatureWork {
 
   void Compute(FeatureItem& item) {
     try {
-      Keep(item,
-           ExtractPhoto(PathInFolder(image_path_, item.image.name), item.camera_size, options_));
+      Keep(item, ExtractPhoto(PathsOf(item), item.camera_size, options_));
     } catch (const IoError& error) {
+      if (error.path() == item.mask_path) throw;
       item.error = error.reason();
       writer_.Push([&item](Database& db) { WriteFailure(db, item); });
       run_.monitor.Advance(1);
@@ -163,36 +177,45 @@ class FeatureWork {
 
 }  // namespace
 
-Features ExtractPhoto(const std::string& path, const ImageSize& camera_size,
+Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
                       const FeatureOptions& options) {
-  const Bitmap bitmap = ReadBitmap(path, BitmapColor::kGray);
-  if (ImageSize{bitmap.width, bitmap.height} != camera_size) {
-    throw IoError(path, "is " + std::to_string(bitmap.width) + " x " +
-                            std::to_string(bitmap.height) + " pixels, its camera " +
-                            std::to_string(camera_size.width) + " x " +
-                            std::to_string(camera_size.height));
+  const Bitmap bitmap = ReadBitmap(photo.path, BitmapColor::kGray);
+  const ImageSize size{bitmap.width, bitmap.height};
+  if (size != camera_size) {
+    throw IoError(photo.path, "is " + Text(size) + " pixels, its camera " + Text(camera_size));
   }
-  return ExtractFeatures(bitmap, options);
+  if (photo.mask_path.empty()) return ExtractFeatures(bitmap, options);
+  const Bitmap mask = ReadBitmap(photo.mask_path, BitmapColor::kGray);
+  return ExtractFeatures(bitmap, options, &mask);
 }
 
-StageReport ExtractImageFeatures(Database& database, const std::string& image_path,
+StageReport ExtractImageFeatures(Database& database, const FeatureSource& source,
                                  const FeatureOptions& options, const RunContext& run,
                                  Helpers* helpers) {
   Stage stage(run.monitor, kStageFeatures);
   StageLedger ledger(database, kStageFeatures, DumpQualified("features", options));
   std::vector<FeatureItem> items;
-  if (!image_path.empty()) items = FindItems(database);
+  if (!source.mask_path.empty() && source.image_path.empty()) {
+    throw ConfigError("mask_path", "needs --image_path");
+  }
+  if (!source.image_path.empty()) {
+    const std::map<image_t, std::string> masks = FindMasks(database, source.mask_path, stage);
+    if (!masks.empty()) ForgetChangedMasks(database, masks);
+    items = FindItems(database, masks);
+  }
+  const size_t num_remarks = stage.NumMessages();
   int64_t num_features = 0;
   if (!items.empty()) {
     ledger.Begin(database);
     run.monitor.BeginStage("extracting features", std::ssize(items));
-    num_features = FeatureWork(database.path(), image_path, options, run, items).Run(helpers);
+    num_features =
+        FeatureWork(database.path(), source.image_path, options, run, items).Run(helpers);
     run.monitor.EndStage();
   }
   for (const FeatureItem& item : items) {
     if (!item.error.empty()) stage.Warn(item.image.name + ": " + item.error + "; skipped");
   }
-  const auto num_failed = static_cast<double>(stage.NumMessages());
+  const auto num_failed = static_cast<double>(stage.NumMessages() - num_remarks);
   stage.Add("images", database.ReadImages().size());
   stage.Add("images_with_features", database.ReadNumKeypoints().size());
   stage.Add("computed", static_cast<double>(items.size()) - num_failed);

@@ -8,6 +8,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/io/colmap_model.h"
+#include "cairn/io/gltf.h"
 #include "cairn/io/model.h"
 #include "cairn/io/ply.h"
 #include "cairn/io/transforms_json.h"
@@ -91,6 +92,8 @@ TEST(TransformsJson, ProjectsAsOpenGlCameras) {
   const auto json = nlohmann::json::parse(ReadFile(folder / "transforms.json"));
   EXPECT_EQ(json["camera_model"], "OPENCV");
   EXPECT_EQ(json["ply_file_path"], "points.ply");
+  EXPECT_EQ(json["applied_transform"],
+            nlohmann::json::parse("[[1.0,0.0,0.0,0.0],[0.0,1.0,0.0,0.0],[0.0,0.0,1.0,0.0]]"));
   ASSERT_EQ(json["frames"].size(), r.images.size());
   size_t i = 0;
   for (const auto& [id, image] : r.images) {
@@ -153,6 +156,85 @@ TEST(TransformsJson, FisheyesAndWhatDoesNotFit) {
   EXPECT_THAT(write({CameraModel::kFov}, &model),
               ::testing::ElementsAre(
                   ::testing::AllOf(::testing::HasSubstr("FOV"), ::testing::HasSubstr("left out"))));
+}
+
+// The chunks of a binary glTF file.
+struct GlbFile {
+  nlohmann::json json;
+  std::string bin;
+};
+
+GlbFile ReadGlb(const std::string& path) {
+  const std::string bytes = ReadFile(path);
+  const auto word = [&](size_t at) {
+    uint32_t value = 0;
+    std::memcpy(&value, bytes.data() + at, 4);
+    return value;
+  };
+  EXPECT_EQ(bytes.substr(0, 4), "glTF");
+  EXPECT_EQ(word(4), 2u);
+  EXPECT_EQ(word(8), bytes.size());
+  EXPECT_EQ(bytes.substr(16, 4), "JSON");
+  EXPECT_EQ(word(12) % 4, 0u);
+  GlbFile file{nlohmann::json::parse(bytes.substr(20, word(12))), ""};
+  const size_t bin = 20 + word(12);
+  if (bin == bytes.size()) return file;
+  EXPECT_EQ(bytes.substr(bin + 4, 4), std::string("BIN\0", 4));
+  file.bin = bytes.substr(bin + 8);
+  EXPECT_EQ(file.bin.size(), word(bin));
+  EXPECT_EQ(file.bin.size(), file.json["buffers"][0]["byteLength"]);
+  return file;
+}
+
+TEST(Gltf, HoldsPointsFrustaAndCameras) {
+  const TempFolder folder;
+  const Reconstruction r = RandomReconstruction(4, {.num_images = 3, .num_points = 10});
+  WriteGltf(r, folder / "model.glb");
+  const GlbFile file = ReadGlb(folder / "model.glb");
+  ASSERT_EQ(file.json["meshes"].size(), 2u);
+  const auto accessor = [&](int mesh, const char* attribute) {
+    return file
+        .json["accessors"]
+             [file.json["meshes"][mesh]["primitives"][0]["attributes"][attribute].get<int>()];
+  };
+  EXPECT_EQ(accessor(0, "POSITION")["count"], 10);
+  EXPECT_EQ(accessor(1, "POSITION")["count"], 15);
+  // Every accessor lies within its view, and holds what it says.
+  for (const auto& item : file.json["accessors"]) {
+    const auto& view = file.json["bufferViews"][item["bufferView"].get<int>()];
+    const size_t size = item["type"] == "VEC3" ? 12 : 4;
+    EXPECT_LE(item["byteOffset"].get<size_t>() + size * item["count"].get<size_t>(),
+              view["byteLength"].get<size_t>());
+    EXPECT_LE(view["byteOffset"].get<size_t>() + view["byteLength"].get<size_t>(), file.bin.size());
+  }
+  float xyz[3];
+  std::memcpy(xyz, file.bin.data() + accessor(0, "POSITION")["byteOffset"].get<size_t>(), 12);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(xyz[i], static_cast<float>(r.points3D.begin()->second.xyz[i]));
+    EXPECT_LE(accessor(0, "POSITION")["min"][i].get<float>(), xyz[i]);
+    EXPECT_GE(accessor(0, "POSITION")["max"][i].get<float>(), xyz[i]);
+  }
+  // Two nodes for the meshes, then the cameras, which look along -z with y up.
+  ASSERT_EQ(file.json["nodes"].size(), 2u + 3);
+  const auto& node = file.json["nodes"][2];
+  const RegisteredImage& image = r.images.begin()->second;
+  EXPECT_EQ(node["name"], image.image.name);
+  Eigen::Matrix4d world_from_gl;
+  for (int i = 0; i < 16; ++i) world_from_gl(i % 4, i / 4) = node["matrix"][i];
+  const Eigen::Vector4d ahead = world_from_gl * Eigen::Vector4d(0, 0, -2, 1);
+  EXPECT_LT(
+      (image.cam_from_world * Eigen::Vector3d(ahead.head<3>()) - Eigen::Vector3d(0, 0, 2)).norm(),
+      1e-9);
+  const Camera& camera = r.CameraOf(image);
+  const auto& lens = file.json["cameras"][node["camera"].get<int>()]["perspective"];
+  EXPECT_NEAR(std::tan(lens["yfov"].get<double>() / 2), 0.5 * camera.height / camera.FocalY(),
+              1e-9);
+}
+
+TEST(Gltf, AnEmptyModelIsAnEmptyScene) {
+  const TempFolder folder;
+  WriteGltf({}, folder / "model.glb");
+  EXPECT_FALSE(ReadGlb(folder / "model.glb").json.contains("buffers"));
 }
 
 TEST(Export, UnwritablePlacesAreErrorsAndLeaveNothing) {

@@ -135,17 +135,12 @@ TEST(ChoosePairs, SpatialByAFileOfPositions) {
 }
 
 TEST(ChoosePairs, WaysThatCannotWorkSayWhatIsMissing) {
-  const testing::TempFolder folder;
   const auto message = [](const PairChoosing& choosing) {
     return ThrownMessage<ConfigError>([&] { ChooseOnRing(choosing); });
   };
   EXPECT_THAT(message({.ways = "spatial"}), HasSubstr("0 of 20 photographs have GPS"));
   EXPECT_THAT(message({.ways = "sequential", .options = {.order = PhotoOrder::kTime}}),
               HasSubstr("0 of 20 photographs have one in their EXIF"));
-  WriteFileAtomically(folder / "gps.csv", "img000.jpg,45,7,300\nimg001.jpg,45\n");
-  EXPECT_THAT(ThrownMessage<IoError>([&] { ReadGpsFile(folder / "gps.csv"); }),
-              HasSubstr("gps.csv:2: 'img001.jpg,45' is not name,latitude"));
-  EXPECT_THROW(ReadGpsFile(folder / "absent.csv"), IoError);
 }
 
 TEST(ChoosePairs, NewImagesMeanNewPairsOnly) {

@@ -48,9 +48,19 @@ class StagesTest : public ::testing::Test {
   void AddDepth(int i, float depth = 2) {
     testing::WriteNpy(depth_ + "/" + Name(i) + ".npy", 16, 12, std::vector<float>(16 * 12, depth));
   }
+  // Black left of column x.
+  static Bitmap Mask(int x) {
+    Bitmap mask{kWidth, kHeight, 1, {}};
+    for (int i = 0; i < kWidth * kHeight; ++i) mask.data.push_back(i % kWidth < x ? 0 : 255);
+    return mask;
+  }
+  void AddMask(int i, int x) {
+    fs::create_directories(masks_);
+    WriteBitmap(masks_ + "/" + Name(i) + ".png", Mask(x));
+  }
   StageReport Extract(ProgressMonitor& monitor = NullMonitor()) {
     ImportPhotos(database_, {images_}, {}, {.num_threads = 2});
-    return ExtractImageFeatures(database_, images_, FastFeatures(),
+    return ExtractImageFeatures(database_, {images_, masks_}, FastFeatures(),
                                 {.num_threads = 2, .monitor = monitor});
   }
   StageReport Depth(ProgressMonitor& monitor = NullMonitor(), const DepthOptions& options = {}) {
@@ -63,6 +73,7 @@ class StagesTest : public ::testing::Test {
   testing::TempFolder folder_;
   const std::string images_ = folder_ / "images";
   const std::string depth_ = folder_ / "depth";
+  std::string masks_;  // none
   Database database_{folder_ / "scene.db"};
 };
 
@@ -118,9 +129,77 @@ TEST_F(StagesTest, APhotographThatDoesNotFitItsGivenCameraIsSkipped) {
 TEST_F(StagesTest, WithoutImagePathNothingIsExtracted) {
   ImportPhotos(database_, {images_}, {}, {.num_threads = 2});
   const StageReport report =
-      ExtractImageFeatures(database_, "", FastFeatures(), {.num_threads = 2});
+      ExtractImageFeatures(database_, {""}, FastFeatures(), {.num_threads = 2});
   EXPECT_EQ(report.status, StageStatus::kOk);
   EXPECT_TRUE(database_.ReadNumKeypoints().empty());
+}
+
+TEST_F(StagesTest, NoFeaturesWhereTheMaskIsBlack) {
+  masks_ = folder_ / "masks";
+  AddMask(1, kWidth / 2);
+  TestMonitor monitor;
+  EXPECT_EQ(Extract(monitor).status, StageStatus::kWarning);
+  EXPECT_THAT(monitor.warnings(),
+              ElementsAre("no mask of 3 images, such as photo0.png; features are found everywhere "
+                          "in them"));
+  const Bitmap mask = Mask(kWidth / 2), photo = testing::WallPhoto(kWidth, kHeight, 10);
+  const Features features = ExtractFeatures(photo, FastFeatures(), &mask);
+  EXPECT_EQ(*database_.ReadKeypoints(2), features.keypoints);
+  EXPECT_GT(features.keypoints.size(), 20u);
+  for (const Keypoint& keypoint : features.keypoints) EXPECT_GE(keypoint.x, kWidth / 2);
+  // Those that stay are those of the whole photograph.
+  EXPECT_EQ(
+      database_.ReadKeypoints(1)->size(),
+      ExtractFeatures(testing::WallPhoto(kWidth, kHeight, 0), FastFeatures()).keypoints.size());
+}
+
+// As a database that was made with the masks at once.
+TEST_F(StagesTest, AChangedMaskRecomputesItsImageAndPairs) {
+  masks_ = folder_ / "masks";
+  for (int i = 0; i < 4; ++i) AddMask(i, 60);
+  Extract();
+  Match();
+  AddMask(1, 40);
+  const auto other = *database_.ReadKeypoints(1);
+  TestMonitor monitor;
+  Extract(monitor);
+  EXPECT_EQ(monitor.num_done(), 1);
+  EXPECT_EQ(*database_.ReadKeypoints(1), other);
+  EXPECT_EQ(database_.ReadNumMatches().size(), 3u);  // those without image 2
+  Match();
+  Database fresh(folder_ / "fresh.db");
+  ImportPhotos(fresh, {images_}, {}, {.num_threads = 2});
+  ExtractImageFeatures(fresh, {images_, masks_}, FastFeatures(), {.num_threads = 2});
+  MatchImagePairs(fresh, std::nullopt, {}, {}, {.num_threads = 2});
+  EXPECT_EQ(DumpDatabase(folder_ / "scene.db"), DumpDatabase(folder_ / "fresh.db"));
+  TestMonitor again;
+  Extract(again);
+  EXPECT_EQ(again.num_done(), 0);
+}
+
+TEST_F(StagesTest, MasksThatComeLaterRecomputeTheirImages) {
+  Extract();
+  masks_ = folder_ / "masks";
+  AddMask(2, 60);
+  TestMonitor monitor;
+  Extract(monitor);
+  EXPECT_EQ(monitor.num_done(), 1);
+  const std::vector<Keypoint> keypoints = *database_.ReadKeypoints(3);
+  for (const Keypoint& keypoint : keypoints) EXPECT_GE(keypoint.x, 60);
+}
+
+TEST_F(StagesTest, MasksOfAnotherSizeAreRefusedByName) {
+  masks_ = folder_ / "masks";
+  AddMask(0, 60);
+  WriteBitmap(masks_ + "/" + Name(3) + ".png", Bitmap{20, 10, 1, std::vector<uint8_t>(200)});
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Extract(); }),
+              HasSubstr("photo3.png.png is 20 x 10 pixels, its photograph 160 x 120"));
+  EXPECT_TRUE(database_.ReadNumKeypoints().empty());
+  std::ofstream(masks_ + "/" + Name(3) + ".png") << "broken";
+  EXPECT_THAT(ThrownMessage<IoError>([&] { Extract(); }), HasSubstr("photo3.png.png"));
+  EXPECT_EQ(database_.ReadImages().size(), 4u);
+  masks_ = images_;  // no masks at all
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Extract(); }), HasSubstr("no mask"));
 }
 
 TEST_F(StagesTest, DepthIsSampledAtTheKeypoints) {

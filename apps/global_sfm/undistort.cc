@@ -1,0 +1,74 @@
+#include "cairn/undistortion/undistort.h"
+
+#include <filesystem>
+#include <memory>
+
+#include "cairn/io/model.h"
+#include "common/console_monitor.h"
+#include "global_sfm/commands.h"
+#include "global_sfm/image_sizes.h"
+#include "global_sfm/run_folder.h"
+
+namespace cairn {
+namespace {
+
+struct UndistortFlags {
+  std::string model_path;
+  std::string image_path;
+  std::string output_path;
+  DenseLayout output_type = DenseLayout::kColmap;
+  bool overwrite = false;
+  int num_threads = 0;
+  UndistortOptions undistort;
+
+  void VisitFields(OptionVisitor& v) {
+    v.String(
+        "model_path", model_path,
+        "folder that reconstruct wrote (its largest model is taken), or a model of any format");
+    v.String("image_path", image_path, "folder of the photographs");
+    v.String("output_path", output_path, "folder to write into, created if absent");
+    v.Choice("output_type", output_type, kDenseLayouts,
+             "colmap: images, sparse and stereo, for COLMAP's dense stereo and OpenMVS; 3dgs: "
+             "images and sparse/0, for 3D Gaussian splatting");
+    v.Bool("overwrite", overwrite, "replace files in output_path that cairn did not write, too");
+    v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
+    undistort.VisitFields(v);
+  }
+};
+
+int Run(const Command& command, const UndistortFlags& flags) {
+  ConsoleMonitor monitor;
+  Reconstruction model = ReadModel(LargestModelIn(flags.model_path));
+  CompleteImageSizes(flags.image_path, model);
+  const UndistortJob job{.image_path = flags.image_path,
+                         .output_path = flags.output_path,
+                         .layout = flags.output_type,
+                         .overwrites = flags.overwrite,
+                         .effective_toml = command.EffectiveToml()};
+  const UndistortReport report = UndistortImages(
+      model, job, flags.undistort, {.num_threads = flags.num_threads, .monitor = monitor});
+  for (const auto& [name, reason] : report.failed) {
+    monitor.Warning(name + ": " + reason + "; left out");
+  }
+  const int num_images = report.num_written + report.num_kept;
+  monitor.Info(std::to_string(num_images) + " of " + std::to_string(model.images.size()) +
+               " images undistorted in " + flags.output_path + ", " +
+               std::to_string(report.num_kept) + " of them by an earlier run");
+  if (report.was_stopped) monitor.Info("stopped; the same command continues");
+  return report.was_stopped || num_images == 0 ? kExitNoUsableResult : kExitSuccess;
+}
+
+}  // namespace
+
+void AddUndistortCommand(Program& program) {
+  Command& command = program.AddCommand(
+      "undistort", "Pinhole images and their model, for dense stereo and Gaussian splatting.");
+  const auto flags = std::make_shared<UndistortFlags>();
+  command.AddOptions("", *flags);
+  command.SetRun([&command, flags] {
+    for (const char* key : {"model_path", "image_path", "output_path"}) command.Require(key);
+    return Run(command, *flags);
+  });
+}
+
+}  // namespace cairn

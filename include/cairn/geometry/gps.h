@@ -1,0 +1,31 @@
+#pragma once
+
+#include <Eigen/Core>
+
+namespace cairn {
+
+// A place on Earth, WGS84.
+struct GpsPosition {
+  double latitude_deg = 0;   // positive: north
+  double longitude_deg = 0;  // positive: east
+  double altitude_m = 0;     // above the ellipsoid, or what the receiver took for it; 0: not known
+};
+
+// Earth-centered, Earth-fixed, meters.
+Eigen::Vector3d EarthCentered(const GpsPosition& position);
+
+// East-north-up axes at a place: x east, y north, z up (along the ellipsoid's normal), meters from
+// it. Exact at any distance: axes are straight and do not follow the Earth's curve.
+class LocalFrame {
+ public:
+  explicit LocalFrame(const GpsPosition& origin);
+  const GpsPosition& origin() const { return origin_; }
+  Eigen::Vector3d FromGps(const GpsPosition& position) const;
+
+ private:
+  GpsPosition origin_;
+  Eigen::Vector3d center_;
+  Eigen::Matrix3d enu_from_ecef_;
+};
+
+}  // namespace cairn

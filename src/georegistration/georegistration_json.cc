@@ -1,0 +1,43 @@
+#include <nlohmann/json.hpp>
+
+#include "cairn/georegistration/georegister.h"
+
+namespace cairn {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json ToJson(const Eigen::Vector3d& v) { return Json::array({v.x(), v.y(), v.z()}); }
+
+Json ToJson(const GpsPosition& gps) {
+  return Json{{"latitude_deg", gps.latitude_deg},
+              {"longitude_deg", gps.longitude_deg},
+              {"altitude_m", gps.altitude_m}};
+}
+
+}  // namespace
+
+std::string GeoregistrationToJson(const Georegistration& georegistration) {
+  const Sim3d& enu_from_world = georegistration.enu_from_world;
+  const Eigen::Quaterniond& q = enu_from_world.rotation;
+  Json root;
+  root["axes"] = "x east, y north, z up, meters from the origin (WGS84)";
+  root["origin"] = ToJson(georegistration.origin);
+  root["enu_from_world"] = Json{{"scale", enu_from_world.scale},
+                                {"rotation_wxyz", Json::array({q.w(), q.x(), q.y(), q.z()})},
+                                {"translation", ToJson(enu_from_world.translation)}};
+  root["median_residual_m"] = georegistration.median_residual_m;
+  root["roll_sigma_deg"] = georegistration.roll_sigma_deg;
+  root["without_altitude"] = georegistration.without_altitude;
+  root["images"] = Json::array();
+  for (const GeoregisteredImage& image : georegistration.images) {
+    root["images"].push_back(Json{{"name", image.name},
+                                  {"gps", ToJson(image.gps)},
+                                  {"gps_enu", ToJson(image.gps_enu)},
+                                  {"residual_m", ToJson(image.residual)},
+                                  {"is_wrong", image.is_wrong}});
+  }
+  return root.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace cairn

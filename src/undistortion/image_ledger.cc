@@ -1,0 +1,78 @@
+#include "undistortion/image_ledger.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <sstream>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+
+namespace cairn {
+namespace {
+
+std::string Line(const std::string& name, const ImageLedger::Entry& entry) {
+  return entry.input_hash + " " + entry.file_hash + " " + name + "\n";
+}
+
+}  // namespace
+
+ImageLedger::ImageLedger(const std::string& path) : path_(path) {
+  if (!std::filesystem::exists(path)) return;
+  std::istringstream text(ReadFile(path));
+  Entry entry;
+  std::string name;
+  // The last line of a run that was killed may be torn; it names no image that is there.
+  while (text >> entry.input_hash >> entry.file_hash && text.get() == ' ' &&
+         std::getline(text, name)) {
+    entries_[name].push_back(entry);
+  }
+}
+
+bool ImageLedger::IsOurs(const std::string& name, const std::string& file_hash) const {
+  const std::lock_guard lock(mutex_);
+  const auto it = entries_.find(name);
+  if (it == entries_.end()) return false;
+  return std::any_of(it->second.begin(), it->second.end(),
+                     [&](const Entry& entry) { return entry.file_hash == file_hash; });
+}
+
+bool ImageLedger::Has(const std::string& name, const Entry& entry) const {
+  const std::lock_guard lock(mutex_);
+  const auto it = entries_.find(name);
+  if (it == entries_.end()) return false;
+  return std::find(it->second.begin(), it->second.end(), entry) != it->second.end();
+}
+
+void ImageLedger::Add(const std::string& name, const Entry& entry) {
+  const std::lock_guard lock(mutex_);
+  if (!file_.is_open()) {
+    Write();  // without a torn line
+    file_.open(path_, std::ios::app);
+  }
+  entries_[name].push_back(entry);
+  file_ << Line(name, entry) << std::flush;
+  if (!file_) throw IoError(path_, "cannot be written");
+}
+
+std::vector<std::string> ImageLedger::Names() const {
+  std::vector<std::string> names;
+  for (const auto& [name, entries] : entries_) names.push_back(name);
+  return names;
+}
+
+void ImageLedger::Keep(const std::map<std::string, Entry>& entries) {
+  file_.close();
+  entries_.clear();
+  for (const auto& [name, entry] : entries) entries_[name] = {entry};
+  Write();
+}
+
+void ImageLedger::Write() {
+  std::string text;
+  for (const auto& [name, entries] : entries_) {
+    for (const Entry& entry : entries) text += Line(name, entry);
+  }
+  WriteFileAtomically(path_, text);
+}
+
+}  // namespace cairn

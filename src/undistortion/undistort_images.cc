@@ -1,0 +1,243 @@
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+
+#include "base/hash.h"
+#include "base/output_folder.h"
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
+#include "cairn/image/resample.h"
+#include "cairn/io/colmap_model.h"
+#include "cairn/undistortion/undistort.h"
+#include "image/codecs.h"
+#include "undistortion/image_ledger.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kLedger[] = ".cairn-images";
+// Changes with every change of what an image's pixels are.
+constexpr int kPixelsVersion = 1;
+constexpr int kJpegQuality = 95;
+// All that a run writes but images. What dense stereo writes into stereo/ later is its own.
+const std::vector<std::string> kResultNames = {"sparse", "stereo/patch-match.cfg",
+                                               "stereo/fusion.cfg", "effective.toml"};
+
+// An image of the model on its way.
+struct Item {
+  std::string name;
+  const Camera* source = nullptr;
+  const Camera* target = nullptr;
+  std::string photo_path, file_path;
+  std::string present_hash;  // of the file that is there; "": none
+  ImageLedger::Entry entry;  // once it is done
+  bool is_kept = false;      // it was done before
+  std::string error;         // why there is none
+};
+
+std::string Extension(const std::string& name) {
+  std::string extension = fs::path(name).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
+std::string HashInputs(const Item& item) {
+  Hasher hasher;
+  hasher.Add(HashFile(item.photo_path)).Add(kPixelsVersion).Add(kJpegQuality);
+  for (const Camera* camera : {item.source, item.target}) {
+    hasher.Add(static_cast<int>(camera->model)).Add(camera->width).Add(camera->height);
+    for (const double param : camera->params) hasher.Add(param);
+  }
+  return HashToHex(hasher.Digest());
+}
+
+// The bytes of the undistorted image's file.
+std::string Undistort(const Item& item) {
+  const Bitmap photo = ReadBitmap(item.photo_path, BitmapColor::kRgb);
+  const Camera& camera = *item.source;
+  const auto size = [](int width, int height) {
+    return std::to_string(width) + " x " + std::to_string(height);
+  };
+  if (photo.width != camera.width || photo.height != camera.height) {
+    throw IoError(item.photo_path, "is " + size(photo.width, photo.height) +
+                                       " pixels, its camera " + size(camera.width, camera.height));
+  }
+  if (std::max(photo.width, photo.height) > kMaxResampledSide) {
+    throw IoError(item.photo_path,
+                  "has more than " + std::to_string(kMaxResampledSide) + " pixels on a side");
+  }
+  const std::vector<uint8_t> bytes =
+      EncodeImage(item.photo_path, Extension(item.name),
+                  ResampleBitmap(photo, camera, *item.target), kJpegQuality);
+  return {bytes.begin(), bytes.end()};
+}
+
+// One run: the images, and the folder they are written to.
+class DenseFolder {
+ public:
+  DenseFolder(const UndistortJob& job)
+      : job_(job),
+        results_(std::in_place, job.output_path, kResultNames, job.overwrites),
+        ledger_((fs::path(job.output_path) / kLedger).string()) {}
+
+  // Throws ConfigError where the item's file is somebody else's.
+  void Check(Item& item) const;
+  // Fills the item's entry, and writes the image unless it is there.
+  void Write(Item& item);
+  // Removes images that are not the result any more, and puts the model in place.
+  void Finish(const std::vector<Item>& items, const Reconstruction& model);
+
+ private:
+  void RemoveModel();
+  void WriteStereo(const Reconstruction& model) const;
+
+  const UndistortJob& job_;
+  std::optional<OutputFolder> results_;
+  ImageLedger ledger_;
+  std::once_flag model_is_removed_;
+};
+
+void DenseFolder::Check(Item& item) const {
+  std::error_code ignored;
+  if (!fs::exists(fs::symlink_status(item.file_path, ignored))) return;
+  if (fs::equivalent(item.file_path, item.photo_path, ignored)) {
+    throw ConfigError("output_path", item.photo_path +
+                                         " is a photograph, and would be replaced by its own "
+                                         "undistorted image; give another folder");
+  }
+  item.present_hash = HashToHex(HashFile(item.file_path));
+  if (job_.overwrites || ledger_.IsOurs(item.name, item.present_hash)) return;
+  throw ConfigError("output_path", item.file_path +
+                                       " is not as cairn wrote it and would be replaced; give "
+                                       "another folder, or --overwrite");
+}
+
+void DenseFolder::Write(Item& item) {
+  item.entry = {HashInputs(item), item.present_hash};
+  item.is_kept = !item.present_hash.empty() && ledger_.Has(item.name, item.entry);
+  if (item.is_kept) return;
+  const std::string bytes = Undistort(item);
+  item.entry.file_hash = HashToHex(Hasher().AddBytes(bytes.data(), bytes.size()).Digest());
+  std::call_once(model_is_removed_, [this] { RemoveModel(); });
+  CreateFolders(fs::path(item.file_path).parent_path().string());
+  ledger_.Add(item.name, item.entry);
+  WriteFileAtomically(item.file_path, bytes);
+}
+
+// While images change, no model is there that would not fit them.
+void DenseFolder::RemoveModel() {
+  results_->Commit();
+  results_.reset();
+  results_.emplace(job_.output_path, kResultNames, job_.overwrites);
+}
+
+void DenseFolder::WriteStereo(const Reconstruction& model) const {
+  std::string patch_match, fusion;
+  for (const auto& [id, image] : model.images) {
+    patch_match += image.image.name + "\n__auto__, 20\n";
+    fusion += image.image.name + "\n";
+    for (const char* folder : {"depth_maps", "normal_maps", "consistency_graphs"}) {
+      const fs::path file = fs::path(job_.output_path) / "stereo" / folder / image.image.name;
+      CreateFolders(file.parent_path().string());
+    }
+  }
+  const std::string folder = results_->staging() + "/stereo";
+  CreateFolders(folder);
+  WriteFileAtomically(folder + "/patch-match.cfg", patch_match);
+  WriteFileAtomically(folder + "/fusion.cfg", fusion);
+}
+
+void DenseFolder::Finish(const std::vector<Item>& items, const Reconstruction& model) {
+  std::map<std::string, ImageLedger::Entry> entries;
+  for (const Item& item : items) {
+    if (item.error.empty()) entries[item.name] = item.entry;
+  }
+  for (const std::string& name : ledger_.Names()) {
+    const fs::path file = PathInFolder((fs::path(job_.output_path) / "images").string(), name);
+    if (entries.count(name) > 0 || !fs::is_regular_file(file)) continue;
+    if (ledger_.IsOurs(name, HashToHex(HashFile(file.string())))) fs::remove(file);
+  }
+  ledger_.Keep(entries);
+  const std::string staging = results_->staging();
+  const bool is_colmap = job_.layout == DenseLayout::kColmap;
+  WriteColmapModel(model, staging + (is_colmap ? "/sparse" : "/sparse/0"));
+  if (is_colmap) WriteStereo(model);
+  if (!job_.effective_toml.empty()) {
+    WriteFileAtomically(staging + "/effective.toml", job_.effective_toml);
+  }
+  results_->Commit();
+}
+
+std::vector<Item> MakeItems(const Reconstruction& model, const UndistortJob& job,
+                            const std::map<camera_t, Camera>& targets) {
+  std::vector<Item> items;
+  for (const auto& [id, image] : model.images) {
+    Item& item = items.emplace_back();
+    item.name = image.image.name;
+    item.source = &model.CameraOf(image);
+    item.target = &targets.at(item.source->camera_id);
+    item.photo_path = PathInFolder(job.image_path, item.name);
+    item.file_path = PathInFolder((fs::path(job.output_path) / "images").string(), item.name);
+  }
+  return items;
+}
+
+UndistortReport MakeReport(const std::vector<Item>& items, bool was_stopped) {
+  UndistortReport report;
+  report.was_stopped = was_stopped;
+  for (const Item& item : items) {
+    if (!item.error.empty()) {
+      report.failed[item.name] = item.error;
+    } else if (!item.entry.input_hash.empty()) {
+      ++(item.is_kept ? report.num_kept : report.num_written);
+    }
+  }
+  return report;
+}
+
+}  // namespace
+
+UndistortReport UndistortImages(const Reconstruction& model, const UndistortJob& job,
+                                const UndistortOptions& options, const RunContext& run) {
+  ValidateOptions(options, "");
+  std::map<camera_t, Camera> targets;
+  for (const auto& [id, image] : model.images) {
+    const Camera& camera = model.CameraOf(image);
+    if (targets.count(camera.camera_id) > 0) continue;
+    targets[camera.camera_id] = UndistortedCamera(camera, options);
+  }
+  std::vector<Item> items = MakeItems(model, job, targets);
+  const auto num_items = static_cast<int64_t>(items.size());
+  DenseFolder folder(job);
+  ParallelFor(run.num_threads, num_items, [&](int64_t i) { folder.Check(items[i]); });
+  run.monitor.BeginStage("undistorting", num_items);
+  ParallelFor(run.num_threads, num_items, [&](int64_t i) {
+    if (run.monitor.StopRequested()) return;
+    try {
+      folder.Write(items[i]);
+    } catch (const IoError& error) {
+      if (error.path() != items[i].photo_path) throw;
+      items[i].error = error.reason();
+      items[i].entry = {};
+    }
+    run.monitor.Advance(1);
+  });
+  run.monitor.EndStage();
+  UndistortReport report = MakeReport(items, run.monitor.StopRequested());
+  if (report.was_stopped || report.num_written + report.num_kept == 0) return report;
+  std::set<std::string> names;
+  for (const Item& item : items) {
+    if (item.error.empty()) names.insert(item.name);
+  }
+  folder.Finish(items, UndistortedModel(model, names, options));
+  return report;
+}
+
+}  // namespace cairn

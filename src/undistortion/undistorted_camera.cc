@@ -1,0 +1,112 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cairn/base/error.h"
+#include "cairn/image/resample.h"
+#include "cairn/undistortion/undistort.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Distances of a side of the photograph from the principal point on the undistorted image, pixels:
+// of its nearest and of its farthest point.
+struct Side {
+  double nearest = kInfinity;
+  double farthest = -kInfinity;
+};
+
+// Grows from a point at `distance`, which is infinite where there is none.
+void Add(double distance, Side& side) {
+  side.nearest = std::min(side.nearest, distance);
+  side.farthest = std::max(side.farthest, distance);
+}
+
+// The distances of the four sides, each sampled at every pixel.
+struct Sides {
+  Side left, right, top, bottom;
+};
+
+Sides MeasureSides(const Camera& camera, const Camera& pinhole) {
+  Sides sides;
+  const Eigen::Vector2d center = pinhole.PrincipalPoint();
+  const auto offset = [&](double x, double y) -> std::optional<Eigen::Vector2d> {
+    const auto pixel = ResamplePixel({x, y}, camera, pinhole);
+    if (!pixel) return std::nullopt;
+    return *pixel - center;
+  };
+  for (int i = 0; i <= camera.height; ++i) {
+    const auto left = offset(0, i), right = offset(camera.width, i);
+    Add(left ? -left->x() : kInfinity, sides.left);
+    Add(right ? right->x() : kInfinity, sides.right);
+  }
+  for (int i = 0; i <= camera.width; ++i) {
+    const auto top = offset(i, 0), bottom = offset(i, camera.height);
+    Add(top ? -top->y() : kInfinity, sides.top);
+    Add(bottom ? bottom->y() : kInfinity, sides.bottom);
+  }
+  return sides;
+}
+
+// The factor of the image's size along one axis, in which the principal point lies at `center` of
+// `size`. The smallest image that holds both sides and the largest that both fill are mixed by
+// their inverses, as COLMAP does.
+double Scale(const Side& low, const Side& high, double center, double size,
+             const UndistortOptions& options) {
+  // A principal point beyond the image: the side behind it limits nothing.
+  const double below = center > 0 ? center : kInfinity;
+  const double above = size - center > 0 ? size - center : kInfinity;
+  const double inner = std::min(center > 0 ? low.nearest / below : kInfinity,
+                                size - center > 0 ? high.nearest / above : kInfinity);
+  const double outer = std::max(low.farthest / below, high.farthest / above);
+  const double scale = 1.0 / ((1.0 - options.blank_pixels) / inner + options.blank_pixels / outer);
+  if (!(inner > 0) || !(scale > options.min_scale)) return options.min_scale;
+  return std::min(scale, options.max_scale);
+}
+
+// The camera with the image resized to width x height.
+void Resize(int width, int height, Camera& pinhole) {
+  const double x = static_cast<double>(width) / pinhole.width;
+  const double y = static_cast<double>(height) / pinhole.height;
+  pinhole.params = {x * pinhole.params[0], y * pinhole.params[1], x * pinhole.params[2],
+                    y * pinhole.params[3]};
+  pinhole.width = width;
+  pinhole.height = height;
+}
+
+}  // namespace
+
+Camera UndistortedCamera(const Camera& camera, const UndistortOptions& options) {
+  if (options.min_scale > options.max_scale) {
+    throw ConfigError("min_scale", "is larger than max_scale");
+  }
+  if (camera.model == CameraModel::kEquirectangular) {
+    throw ConfigError("model_path", "camera " + std::to_string(camera.camera_id) +
+                                        " is a panorama, which no pinhole image holds");
+  }
+  Camera pinhole = camera;
+  pinhole.model = CameraModel::kPinhole;
+  const Eigen::Vector2d center = camera.PrincipalPoint();
+  pinhole.params = {camera.FocalX(), camera.FocalY(), center.x(), center.y()};
+  const Sides sides = MeasureSides(camera, pinhole);
+  const double x = Scale(sides.left, sides.right, center.x(), camera.width, options);
+  const double y = Scale(sides.top, sides.bottom, center.y(), camera.height, options);
+  // Whole pixels; a size that is whole but for rounding stays.
+  pinhole.width = std::max(1, static_cast<int>(x * camera.width + 1e-6));
+  pinhole.height = std::max(1, static_cast<int>(y * camera.height + 1e-6));
+  pinhole.params[2] *= static_cast<double>(pinhole.width) / camera.width;
+  pinhole.params[3] *= static_cast<double>(pinhole.height) / camera.height;
+  const int limit = options.max_image_size > 0 ? options.max_image_size : kMaxResampledSide;
+  const double factor = static_cast<double>(limit) / std::max(pinhole.width, pinhole.height);
+  if (factor < 1) {
+    const auto reduced = [&](int side) {
+      return std::clamp(static_cast<int>(std::lround(side * factor)), 1, limit);
+    };
+    Resize(reduced(pinhole.width), reduced(pinhole.height), pinhole);
+  }
+  return pinhole;
+}
+
+}  // namespace cairn

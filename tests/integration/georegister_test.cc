@@ -1,0 +1,88 @@
+// Where on Earth a model is, by the program.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <fstream>
+#include <iomanip>
+#include <nlohmann/json.hpp>
+
+#include "cairn/base/file.h"
+#include "cairn/geometry/gps.h"
+#include "cairn/io/colmap_model.h"
+#include "cairn/math/angles.h"
+#include "integration/scene_files.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::ProgramResult;
+using testing::RunProgram;
+using testing::SceneFiles;
+
+// Positions around 47 degrees north, 11.12 m for a unit of the true model; the last but one may be
+// wrong.
+void WritePositions(const Reconstruction& model, const std::string& path, bool has_wrong) {
+  std::ofstream file(path);
+  file << std::setprecision(17);
+  size_t left = model.images.size();
+  for (const auto& [id, image] : model.images) {
+    const Eigen::Vector3d center = image.cam_from_world.Center();
+    const double off = has_wrong && --left == 1 ? 0.01 : 0.0;
+    const double unit_deg = 1e-4, cosine = std::cos(DegToRad(47));
+    file << image.image.name << " " << 47 + unit_deg * center.y() + off << " "
+         << 8 + unit_deg / cosine * center.x() << " " << 500 + 11.12 * center.z() << "\n";
+  }
+}
+
+TEST(Georegister, WrongPositionsAreNamedAndTheModelIsMoved) {
+  const SceneFiles scene;
+  const Reconstruction truth = ReadColmapModel(SceneFiles::truth());
+  WritePositions(truth, scene / "gps.txt", true);
+  const ProgramResult result =
+      RunProgram("global_sfm", {"georegister", "--model_path", SceneFiles::truth(), "--gps_path",
+                                scene / "gps.txt", "--output_path", scene / "enu"});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  const auto json = nlohmann::json::parse(ReadFile(scene / "enu/georegistration.json"));
+  const LocalFrame frame({json["origin"]["latitude_deg"], json["origin"]["longitude_deg"],
+                          json["origin"]["altitude_m"]});
+  int num_wrong = 0;
+  for (const auto& image : json["images"]) num_wrong += image["is_wrong"].get<bool>();
+  EXPECT_EQ(num_wrong, 1);
+  EXPECT_THAT(result.output, HasSubstr("m north"));
+  // The moved cameras are where the residuals say.
+  const Reconstruction moved = ReadColmapModel(scene / "enu");
+  for (const auto& [id, image] : moved.images) {
+    for (const auto& row : json["images"]) {
+      if (row["name"] != image.image.name) continue;
+      const Eigen::Vector3d gps = frame.FromGps(
+          {row["gps"]["latitude_deg"], row["gps"]["longitude_deg"], row["gps"]["altitude_m"]});
+      const Eigen::Vector3d residual(row["residual_m"][0], row["residual_m"][1],
+                                     row["residual_m"][2]);
+      EXPECT_LT((image.cam_from_world.Center() - gps - residual).norm(), 1e-6);
+    }
+  }
+}
+
+TEST(Georegister, FailuresSayWhatIsMissing) {
+  const SceneFiles scene;
+  std::ofstream(scene / "gps.txt") << "other.jpg 47 8 500\n";
+  const std::vector<std::string> model = {"georegister", "--model_path", SceneFiles::truth()};
+  const auto run = [&](std::vector<std::string> others) {
+    others.insert(others.begin(), model.begin(), model.end());
+    return RunProgram("global_sfm", others);
+  };
+  EXPECT_EQ(run({}).exit_code, 2);
+  EXPECT_EQ(run({"--gps_path", scene / "absent.txt"}).exit_code, 3);
+  for (const auto& [flag, path] :
+       {std::pair("--gps_path", "gps.txt"), {"--image_path", "images"}}) {
+    const ProgramResult result = run({flag, scene / path});
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_THAT(result.output, HasSubstr("0 images of the model have a position"));
+  }
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,50 @@
+// The commands that README gives for one's own photographs, as they stand there.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <sstream>
+
+#include "cairn/base/file.h"
+#include "cairn/io/colmap_model.h"
+#include "integration/scene_files.h"
+
+namespace cairn {
+namespace {
+
+// The lines of README's section on one's own photographs that run our programs.
+std::vector<std::string> Commands() {
+  std::istringstream text(ReadFile(CAIRN_SOURCE_DIR "/README.md"));
+  std::vector<std::string> commands;
+  bool is_in_section = false;
+  for (std::string line; std::getline(text, line);) {
+    if (line.starts_with("## ")) is_in_section = line == "## Your own photographs";
+    if (is_in_section && line.starts_with("build/bin/")) commands.push_back(line);
+  }
+  return commands;
+}
+
+TEST(Readme, ThreeCommandsLeadFromPhotographsToSplatsAndAReport) {
+  namespace fs = std::filesystem;
+  const testing::SceneFiles scene;
+  fs::create_directory_symlink(scene.images(), scene / "photos");
+  fs::create_directory_symlink(CAIRN_BINARY_DIR, scene / "build");
+  fs::remove(scene.database());
+  const std::vector<std::string> commands = Commands();
+  ASSERT_EQ(commands.size(), 3u);
+  for (const std::string& command : commands) {
+    const testing::ProgramResult result =
+        testing::RunExecutable("sh", {"-c", "cd '" + (scene / "") + "' && " + command});
+    ASSERT_EQ(result.exit_code, 0) << command << "\n" << result.output;
+  }
+  EXPECT_TRUE(ReadFile(scene / "model/report.html").starts_with("<!doctype html>"));
+  const Reconstruction model = ReadColmapModel(scene / "splats/sparse/0");
+  EXPECT_EQ(model.images.size(), 8u);
+  EXPECT_GT(model.points3D.size(), 100u);
+  for (const auto& [id, image] : model.images) {
+    EXPECT_EQ(model.CameraOf(image).model, CameraModel::kPinhole);
+    EXPECT_TRUE(fs::is_regular_file(scene / ("splats/images/" + image.image.name)));
+  }
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,201 @@
+#include "cairn/georegistration/georegister.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <nlohmann/json.hpp>
+
+#include "cairn/base/rng.h"
+#include "cairn/math/angles.h"
+#include "support/synthetic_reconstruction.h"
+
+namespace cairn {
+namespace {
+
+const LocalFrame kFrame({46.2, 7.1, 1200});
+
+// The inverse of LocalFrame::FromGps, by Newton's method on differences.
+GpsPosition GpsAt(const Eigen::Vector3d& enu) {
+  Eigen::Vector3d gps(46.2, 7.1, 1200);
+  const auto at = [](const Eigen::Vector3d& v) { return kFrame.FromGps({v.x(), v.y(), v.z()}); };
+  for (int i = 0; i < 8; ++i) {
+    Eigen::Matrix3d J;
+    const Eigen::Vector3d steps(1e-4, 1e-4, 10);
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::Vector3d step = steps[k] * Eigen::Vector3d::Unit(k);
+      J.col(k) = (at(gps + step) - at(gps - step)) / (2 * steps[k]);
+    }
+    gps += J.inverse() * (enu - at(gps));
+  }
+  return {gps.x(), gps.y(), gps.z()};
+}
+
+// A model of 40 images in a frame of its own, and the positions of its cameras in east, north, up.
+class GeoregisterTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    model_ = testing_support::MakeSyntheticScene({.num_images = 40, .num_points = 10}).truth;
+    Rng rng(3);
+    for (auto& [id, image] : model_.images) {
+      Eigen::Vector3d enu(rng.Uniform(-300, 300), rng.Uniform(-200, 200), rng.Uniform(40, 90));
+      Place(id, enu);
+      rows_[image.image.name].position = GpsAt(enu);
+    }
+    truth_ = Inverse(world_from_enu_);
+  }
+  // Gives the image's camera this center.
+  void Place(image_t id, const Eigen::Vector3d& enu) {
+    enu_[id] = enu;
+    Rigid3d& pose = model_.images.at(id).cam_from_world;
+    pose.translation = -(pose.rotation * (world_from_enu_ * enu));
+  }
+  void AddNoise(double sigma_m) {
+    Rng rng(5);
+    for (const auto& [id, enu] : enu_) {
+      const Eigen::Vector3d noise(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+      rows_[model_.images.at(id).image.name].position = GpsAt(enu + sigma_m * noise);
+    }
+  }
+  // Moves every fifth position by some hundred meters; returns which.
+  std::set<std::string> MakeEveryFifthWrong() {
+    std::set<std::string> wrong;
+    Rng rng(9);
+    for (const auto& [id, enu] : enu_) {
+      if (id % 5 != 0) continue;
+      const std::string name = model_.images.at(id).image.name;
+      rows_[name].position =
+          GpsAt(enu + Eigen::Vector3d(rng.Uniform(20, 300), rng.Uniform(-300, 300), 5));
+      wrong.insert(name);
+    }
+    return wrong;
+  }
+  static std::set<std::string> WrongOf(const Georegistration& found) {
+    std::set<std::string> names;
+    for (const GeoregisteredImage& image : found.images) {
+      if (image.is_wrong) names.insert(image.name);
+    }
+    return names;
+  }
+  // Largest distance of a camera, moved into the frame, from the truth, meters.
+  double LargestError(const Georegistration& found) {
+    Reconstruction moved = model_;
+    moved.Transform(found.enu_from_world);
+    const LocalFrame frame(found.origin);
+    double largest = 0;
+    for (const auto& [id, image] : moved.images) {
+      largest = std::max(largest,
+                         (image.cam_from_world.Center() - frame.FromGps(GpsAt(enu_[id]))).norm());
+    }
+    return largest;
+  }
+
+  const Sim3d world_from_enu_{.scale = 0.013,
+                              .rotation = Eigen::Quaterniond(0.3, -0.5, 0.7, 0.2).normalized(),
+                              .translation = Eigen::Vector3d(3, -4, 5)};
+  Sim3d truth_;
+  Reconstruction model_;
+  std::map<image_t, Eigen::Vector3d> enu_;
+  std::map<std::string, GpsRow> rows_;
+};
+
+TEST_F(GeoregisterTest, ExactPositionsGiveTheExactFrame) {
+  const Georegistration found = Georegister(model_, rows_);
+  EXPECT_EQ(found.status, GeoregistrationStatus::kOk);
+  EXPECT_LT(LargestError(found), 1e-6);
+  EXPECT_LT(found.median_residual_m, 1e-6);
+  EXPECT_TRUE(WrongOf(found).empty());
+  EXPECT_NEAR(found.enu_from_world.scale, truth_.scale, 1e-9 * truth_.scale);
+}
+
+// The axes are east, north and up: a camera moved by a meter in one of them moves along it.
+TEST_F(GeoregisterTest, AxesAreEastNorthUp) {
+  const GpsPosition place{46.2, 7.1, 1200};
+  const auto moved = [&](double latitude, double longitude, double altitude) {
+    return kFrame.FromGps({place.latitude_deg + latitude, place.longitude_deg + longitude,
+                           place.altitude_m + altitude});
+  };
+  EXPECT_LT(moved(0, 0, 0).norm(), 1e-9);
+  EXPECT_LT((moved(0, 0, 7) - Eigen::Vector3d(0, 0, 7)).norm(), 1e-8);
+  // Radii of curvature of WGS84 at 46.2 degrees (plus the altitude): N 6389279 m, M 6368657 m.
+  EXPECT_NEAR(moved(0, 1e-5, 0).x(), DegToRad(1e-5) * (6389283 + 1200) * std::cos(DegToRad(46.2)),
+              1e-5);
+  EXPECT_NEAR(moved(1e-5, 0, 0).y(), DegToRad(1e-5) * (6368752 + 1200), 1e-4);
+}
+
+TEST_F(GeoregisterTest, WrongRowsAreFoundAndDoNotMatter) {
+  const std::set<std::string> wrong = MakeEveryFifthWrong();
+  const Georegistration found = Georegister(model_, rows_);
+  EXPECT_EQ(found.status, GeoregistrationStatus::kOk);
+  EXPECT_EQ(WrongOf(found), wrong);
+  EXPECT_LT(LargestError(found), 1e-6);
+}
+
+TEST_F(GeoregisterTest, WrongRowsAreFoundInNoise) {
+  AddNoise(1.5);
+  const std::set<std::string> wrong = MakeEveryFifthWrong();
+  const Georegistration found = Georegister(model_, rows_);
+  EXPECT_EQ(WrongOf(found), wrong);
+  EXPECT_NEAR(found.median_residual_m, 1.5 * 1.538, 0.8);
+  EXPECT_LT(LargestError(found), 1.5);
+}
+
+TEST_F(GeoregisterTest, SigmasWeigh) {
+  AddNoise(20);
+  for (const auto& [id, enu] : enu_) {
+    GpsRow& row = rows_[model_.images.at(id).image.name];
+    row.sigma_m = 20;
+    if (id % 4 != 0) continue;
+    row = {GpsAt(enu), 0.1};
+  }
+  EXPECT_LT(LargestError(Georegister(model_, rows_)), 0.5);
+}
+
+TEST_F(GeoregisterTest, TooFewPositionsAreNoResult) {
+  while (rows_.size() > 2) rows_.erase(rows_.begin());
+  rows_["other.jpg"] = {};
+  EXPECT_EQ(Georegister(model_, rows_).status, GeoregistrationStatus::kTooFewImages);
+  EXPECT_EQ(Georegister(model_, {}).status, GeoregistrationStatus::kTooFewImages);
+}
+
+TEST_F(GeoregisterTest, ALineIsToldFromAStrip) {
+  for (auto& [id, enu] : enu_) {
+    enu = {10.0 * id, 3.0 * id, 60};
+    Place(id, enu);
+    rows_[model_.images.at(id).image.name].position = GpsAt(enu);
+  }
+  EXPECT_EQ(Georegister(model_, rows_).status, GeoregistrationStatus::kOnALine);
+  for (auto& [id, enu] : enu_) {
+    enu.y() += id % 2;  // one meter
+    Place(id, enu);
+  }
+  AddNoise(1);
+  const Georegistration found = Georegister(model_, rows_);
+  EXPECT_EQ(found.status, GeoregistrationStatus::kOk);
+  EXPECT_GT(found.roll_sigma_deg, 5);
+}
+
+TEST_F(GeoregisterTest, PositionsOfAnotherPlaceDoNotAgree) {
+  Rng rng(1);
+  for (auto& [name, row] : rows_) {
+    row.position = GpsAt({rng.Uniform(-300, 300), rng.Uniform(-300, 300), rng.Uniform(0, 300)});
+  }
+  EXPECT_EQ(Georegister(model_, rows_).status, GeoregistrationStatus::kNoAgreement);
+}
+
+TEST_F(GeoregisterTest, RowsWithoutAltitudeAreNotMixedIn) {
+  rows_.begin()->second.position.altitude_m = 0;
+  const Georegistration found = Georegister(model_, rows_);
+  EXPECT_EQ(found.without_altitude, std::vector<std::string>{rows_.begin()->first});
+  EXPECT_LT(LargestError(found), 1e-6);
+}
+
+TEST_F(GeoregisterTest, JsonHasTheSimilarityAndEveryResidual) {
+  const Georegistration found = Georegister(model_, rows_);
+  const auto json = nlohmann::json::parse(GeoregistrationToJson(found));
+  EXPECT_EQ(json["images"].size(), 40u);
+  EXPECT_EQ(json["enu_from_world"]["scale"], found.enu_from_world.scale);
+  EXPECT_EQ(json["images"][3]["is_wrong"], false);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,54 @@
+#include "cairn/io/gps_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "support/temp_folder.h"
+#include "support/thrown_message.h"
+
+namespace cairn {
+namespace {
+
+class GpsFileTest : public ::testing::Test {
+ protected:
+  std::map<std::string, GpsRow> Read(const std::string& text) {
+    WriteFileAtomically(folder_ / "gps.txt", text);
+    return ReadGpsFile(folder_ / "gps.txt");
+  }
+  std::string Message(const std::string& text) {
+    return testing::ThrownMessage<IoError>([&] { Read(text); });
+  }
+  testing::TempFolder folder_;
+};
+
+TEST_F(GpsFileTest, CommasAndBlanksSeparate) {
+  const auto rows = Read(
+      "# a comment\n\na.jpg,45.5, 7 ,300,2\n"
+      "day 1/b 2.jpg 45.5\t-7 300.5 \n  c.jpg -45 7 1.5 0.5\r\nd.jpg,1,2\ne.jpg 1 2\n");
+  ASSERT_EQ(rows.size(), 5u);
+  const auto values = [&](const std::string& name) {
+    const GpsRow& row = rows.at(name);
+    return std::vector<double>{row.position.latitude_deg, row.position.longitude_deg,
+                               row.position.altitude_m, row.sigma_m};
+  };
+  EXPECT_THAT(values("a.jpg"), ::testing::ElementsAre(45.5, 7, 300, 2));
+  EXPECT_THAT(values("day 1/b 2.jpg"), ::testing::ElementsAre(45.5, -7, 300.5, 0));
+  EXPECT_THAT(values("c.jpg"), ::testing::ElementsAre(-45, 7, 1.5, 0.5));
+  EXPECT_THAT(values("d.jpg"), ::testing::ElementsAre(1, 2, 0, 0));
+  EXPECT_THAT(values("e.jpg"), ::testing::ElementsAre(1, 2, 0, 0));
+}
+
+TEST_F(GpsFileTest, RowsThatAreNoneAreNamed) {
+  EXPECT_THAT(Message("a.jpg,45,7,300\nb.jpg,45\n"),
+              ::testing::HasSubstr("gps.txt:2: 'b.jpg,45' is not name,latitude"));
+  for (const char* line : {"a.jpg 45", "a.jpg 45 x", "a.jpg,91,7", "a.jpg,45,181",
+                           "a.jpg,45,7,1,-1", "a.jpg,45,7,1,1,1", "a.jpg,45,,1", "nan nan nan"}) {
+    EXPECT_THAT(Message(line), ::testing::HasSubstr("is not name,latitude")) << line;
+  }
+  EXPECT_THROW(ReadGpsFile(folder_ / "absent.csv"), IoError);
+}
+
+}  // namespace
+}  // namespace cairn
