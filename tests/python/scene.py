@@ -38,7 +38,8 @@ class Scene:
                                    has_prior_focal_length=True)
         self.points = np.column_stack([rng.uniform(-1, 1, num_points), rng.uniform(-0.4, 0.4, num_points),
                                        rng.uniform(-0.7, 0.7, num_points)])
-        self.tangents = rng.normal(size=(num_points, 3, 2)) * 0.003 + np.eye(3)[:, [0, 2]] * 0.01
+        turns = np.array([[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in rng.uniform(0, 7, num_points)])
+        self.tangents = (rng.normal(size=(num_points, 3, 2)) * 0.003 + np.eye(3)[:, [0, 2]] * 0.01) @ turns
         self.image_ids = np.arange(1, num_images + 1)
         self.rotations, self.centers = {}, {}
         for i, turn in zip(self.image_ids, np.linspace(-0.6, 0.6, num_images)):
