@@ -44,7 +44,8 @@ class Scene:
         self.rotations, self.centers = {}, {}
         for i, turn in zip(self.image_ids, np.linspace(-0.6, 0.6, num_images)):
             center = np.array([3 * np.sin(turn), -3 * np.cos(turn), 0.3 * np.cos(5 * turn)])
-            self.rotations[i], self.centers[i] = look_at(center, wander * rng.normal(size=3)), center
+            roll = [[np.cos(i), -np.sin(i), 0], [np.sin(i), np.cos(i), 0], [0, 0, 1]]
+            self.rotations[i], self.centers[i] = roll @ look_at(center, wander * rng.normal(size=3)), center
         # Keypoint k of image i shows point order[i][k].
         self.order = {i: rng.permutation(num_points) for i in self.image_ids}
 
