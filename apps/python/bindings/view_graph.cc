@@ -92,7 +92,8 @@ py::array_t<image_t> EdgePairs(const ViewGraph& graph) {
 }
 
 void BindColumns(py::class_<ViewGraph>& c) {
-  c.def_property_readonly("pairs", &EdgePairs, "(n, 2) image ids, the smaller one first, ascending.")
+  c.def_property_readonly("pairs", &EdgePairs,
+                          "(n, 2) image ids, the smaller one first, ascending.")
       .def_property_readonly(
           "rotations",
           [](const ViewGraph& g) {
