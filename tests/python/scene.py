@@ -38,12 +38,14 @@ class Scene:
                                    has_prior_focal_length=True)
         self.points = np.column_stack([rng.uniform(-1, 1, num_points), rng.uniform(-0.4, 0.4, num_points),
                                        rng.uniform(-0.7, 0.7, num_points)])
-        self.tangents = rng.normal(size=(num_points, 3, 2)) * 0.003 + np.eye(3)[:, [0, 2]] * 0.01
+        turns = np.array([[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in rng.uniform(0, 7, num_points)])
+        self.tangents = (rng.normal(size=(num_points, 3, 2)) * 0.003 + np.eye(3)[:, [0, 2]] * 0.01) @ turns
         self.image_ids = np.arange(1, num_images + 1)
         self.rotations, self.centers = {}, {}
         for i, turn in zip(self.image_ids, np.linspace(-0.6, 0.6, num_images)):
             center = np.array([3 * np.sin(turn), -3 * np.cos(turn), 0.3 * np.cos(5 * turn)])
-            self.rotations[i], self.centers[i] = look_at(center, wander * rng.normal(size=3)), center
+            roll = [[np.cos(i), -np.sin(i), 0], [np.sin(i), np.cos(i), 0], [0, 0, 1]]
+            self.rotations[i], self.centers[i] = roll @ look_at(center, wander * rng.normal(size=3)), center
         # Keypoint k of image i shows point order[i][k].
         self.order = {i: rng.permutation(num_points) for i in self.image_ids}
 
