@@ -35,27 +35,44 @@ EdgeRemoval RemovalOf(const std::string& name) {
 // A number, or null where it was not finite.
 double NumberOf(const Json& value) { return value.is_number() ? value.get<double>() : 0.0; }
 
+int64_t IntegerOf(const Json& value) {
+  if (value.is_number_integer()) return value.get<int64_t>();
+  throw Json::type_error::create(302, "a whole number is expected, not " + value.dump(), &value);
+}
+
 // Reads what ViewGraphToJson wrote.
 ViewGraph ReadViewGraph(const std::string& path) {
   const Json json = ReadJson(path);
   ViewGraph graph;
   try {
-    for (const Json& image : json.at("images")) graph.image_ids.push_back(image.at("id"));
+    for (const Json& image : json.at("images"))
+      graph.image_ids.push_back(static_cast<image_t>(IntegerOf(image.at("id"))));
     for (const Json& item : json.at("edges")) {
       ViewEdge& edge = graph.edges.emplace_back();
-      edge.image_id1 = item.at("image_id1");
-      edge.image_id2 = item.at("image_id2");
-      edge.num_inliers = item.at("num_inliers");
+      edge.image_id1 = static_cast<image_t>(IntegerOf(item.at("image_id1")));
+      edge.image_id2 = static_cast<image_t>(IntegerOf(item.at("image_id2")));
+      edge.num_inliers = static_cast<int>(IntegerOf(item.at("num_inliers")));
       edge.residual_px = NumberOf(item.at("residual_px"));
       edge.triangulation_angle_deg = NumberOf(item.at("triangulation_angle_deg"));
-      edge.verifier = item.at("verifier");
-      edge.removal = RemovalOf(item.at("status"));
+      edge.verifier = item.at("verifier").get<std::string>();
+      edge.removal = RemovalOf(item.at("status").get<std::string>());
     }
   } catch (const Json::exception& error) {
     throw IoError(path, error.what());
   }
   graph.Normalize();
   return graph;
+}
+
+// How many models the report says that there are.
+int NumModels(const std::string& report_path) {
+  const Json report = ReadJson(report_path);
+  try {
+    const bool has_models = report.value("succeeded", false) && report.contains("values");
+    return has_models ? static_cast<int>(IntegerOf(report["values"].value("models", Json(0)))) : 0;
+  } catch (const Json::exception& error) {
+    throw IoError(report_path, error.what());
+  }
 }
 
 }  // namespace
@@ -82,10 +99,7 @@ std::string LargestModelIn(const std::string& path) {
 RunFolder ReadRunFolder(const std::string& folder) {
   RunFolder run;
   run.report_json = ReadFile(folder + "/report.json");
-  const Json report = ReadJson(folder + "/report.json");
-  const int num_models = report.value("succeeded", false) && report.contains("values")
-                             ? report["values"].value("models", 0)
-                             : 0;
+  const int num_models = NumModels(folder + "/report.json");
   for (int k = 0; k < num_models; ++k) {
     run.model_names.push_back("sparse/" + std::to_string(k));
     run.models.push_back(ReadModel(folder + "/" + run.model_names.back()));

@@ -196,8 +196,9 @@ void OutputFolder::Apply() {
     for (const auto& [name, hash] : ReadHashes(committed / kFiles)) {
       if (!fs::exists(committed / name)) continue;  // of an earlier run, or in place
       CreateFolders((folder / name).parent_path().string());
-      Do(folder / name,
-         [&](std::error_code& error) { fs::rename(committed / name, folder / name, error); });
+      Do(folder / name, [&, &name = name](std::error_code& error) {
+        fs::rename(committed / name, folder / name, error);
+      });
       Sync((folder / name).parent_path());
     }
     Do(folder / kFiles,

@@ -87,6 +87,8 @@ void Open(Database::Impl& impl, Database::Mode mode) {
   const int code = sqlite3_open_v2(name.c_str(), &impl.connection, flags, nullptr);
   if (code != SQLITE_OK) impl.Throw("cannot be opened", code);
   sqlite3_busy_timeout(impl.connection, kBusyTimeoutMs);
+  // Triggers and the like in a stranger's file must not call functions that reach beyond it.
+  sqlite3_db_config(impl.connection, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
 }
 
 void CreateColmapTables(Database::Impl& impl) {

@@ -111,8 +111,9 @@ MatrixBlob ReadMatrixBlob(const Database::Impl& impl, const Query& query, int fi
   matrix.rows = query.Int(first_column);
   matrix.cols = query.Int(first_column + 1);
   const std::span<const std::byte> blob = query.Blob(first_column + 2);
-  const bool fits = matrix.rows >= 0 && matrix.cols >= 0 && matrix.rows < (int64_t{1} << 32) &&
-                    matrix.cols < (int64_t{1} << 16);
+  // Rows without columns need no bytes, and would be as many as the row says.
+  const bool fits = matrix.rows >= 0 && matrix.rows < (int64_t{1} << 32) &&
+                    matrix.cols >= (matrix.rows > 0 ? 1 : 0) && matrix.cols < (int64_t{1} << 16);
   const size_t expected =
       fits ? static_cast<size_t>(matrix.rows) * static_cast<size_t>(matrix.cols) * value_size : 0;
   if (!fits || blob.size() != expected) {

@@ -8,7 +8,7 @@
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
-#include "image/cv_memory.h"
+#include "image/cv_decode.h"
 
 namespace cairn {
 namespace {

@@ -9,15 +9,13 @@
 #include "cairn/base/file.h"
 #include "cairn/depth/depth_map.h"
 #include "depth/raw_map.h"
+#include "image/cv_decode.h"
 
 namespace cairn {
 namespace {
 
 RawMap ReadPng(const std::string& path, const std::string& bytes) {
-  const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1,
-                        const_cast<char*>(bytes.data()));
-  const cv::Mat image = cv::imdecode(encoded, cv::IMREAD_UNCHANGED);
-  if (image.empty()) throw IoError(path, "cannot be decoded");
+  const cv::Mat image = DecodeToMat(path, bytes, cv::IMREAD_UNCHANGED);
   if (image.channels() != 1) throw IoError(path, "has several channels; one is read");
   cv::Mat values;
   image.convertTo(values, CV_32F);

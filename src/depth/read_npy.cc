@@ -55,7 +55,8 @@ NpyHeader ParseHeader(const std::string& path, const std::string& bytes) {
   const auto type = DictionaryValue(text, "descr");
   const auto order = DictionaryValue(text, "fortran_order");
   const auto shape = DictionaryValue(text, "shape");
-  if (!type || !order || !shape) throw IoError(path, "incomplete .npy header");
+  if (!type || !order || !shape || !shape->starts_with('('))
+    throw IoError(path, "incomplete .npy header");
 
   NpyHeader header;
   header.data_begin = begin + length;

@@ -7,7 +7,7 @@
 
 #include "cairn/base/check.h"
 #include "features/frames.h"
-#include "image/cv_memory.h"
+#include "image/cv_decode.h"
 
 namespace cairn {
 namespace {

@@ -15,9 +15,6 @@ namespace {
 std::string ReadImageFile(const std::string& path) {
   std::string bytes = ReadFile(path);
   if (bytes.empty()) throw IoError(path, "the file is empty");
-  if (bytes.size() > static_cast<size_t>(std::numeric_limits<int>::max())) {
-    throw IoError(path, "the file has more than 2 GiB");
-  }
   return bytes;
 }
 
@@ -30,9 +27,7 @@ std::string ExtensionOf(const std::string& path) {
 }  // namespace
 
 Bitmap ReadBitmap(const std::string& path, BitmapColor color) {
-  const std::string bytes = ReadImageFile(path);
-  if (!InspectContainer(bytes).is_complete) throw IoError(path, "the image is truncated");
-  return DecodeImage(path, bytes, color);
+  return DecodeImage(path, ReadImageFile(path), color);
 }
 
 void WriteBitmap(const std::string& path, const Bitmap& bitmap, int jpeg_quality) {

@@ -1,11 +1,13 @@
 #include "image/codecs.h"
 
 #include <algorithm>
+#include <limits>
 #include <opencv2/core/mat.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "cairn/base/error.h"
-#include "image/cv_memory.h"
+#include "image/cv_decode.h"
+#include "image/image_container.h"
 
 namespace cairn {
 namespace {
@@ -34,20 +36,39 @@ Bitmap CopyImage(const cv::Mat& image) {
   return bitmap;
 }
 
+// A frequent format that OpenCV does not decode, by the first bytes; "": none of them.
+std::string_view UnreadFormat(std::string_view bytes) {
+  if (bytes.starts_with("GIF8")) return "GIF";
+  if (bytes.size() >= 12 && bytes.substr(4, 4) == "ftyp") return "HEIC, AVIF or a video";
+  return "";
+}
+
 }  // namespace
 
-Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor color) {
+cv::Mat DecodeToMat(const std::string& path, std::string_view bytes, int flags) {
+  if (!InspectContainer(bytes).is_complete) throw IoError(path, "the image is truncated");
+  if (bytes.size() > static_cast<size_t>(std::numeric_limits<int>::max())) {
+    throw IoError(path, "the file has more than 2 GiB");
+  }
+  const std::string essential = EssentialPngChunks(bytes);
+  if (!essential.empty()) bytes = essential;
   // OpenCV wants a mutable pointer but only reads.
   const cv::Mat row(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
-  const int flags = color == BitmapColor::kGray ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR;
   try {
-    const cv::Mat image = cv::imdecode(row, flags | cv::IMREAD_IGNORE_ORIENTATION);
-    if (!image.empty()) return CopyImage(image);
+    cv::Mat image = cv::imdecode(row, flags);
+    if (!image.empty()) return image;
   } catch (const cv::Exception& exception) {
     ThrowIfOutOfMemory(exception);
     throw IoError(path, "cannot be decoded: " + exception.err);
   }
+  const std::string_view format = UnreadFormat(bytes);
+  if (!format.empty()) throw IoError(path, std::string(format) + " is not read");
   throw IoError(path, "cannot be decoded: not an image, or a damaged one");
+}
+
+Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor color) {
+  const int flags = color == BitmapColor::kGray ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR;
+  return CopyImage(DecodeToMat(path, bytes, flags | cv::IMREAD_IGNORE_ORIENTATION));
 }
 
 std::vector<uint8_t> EncodeImage(const std::string& path, const std::string& extension,

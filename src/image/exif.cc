@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <exception>
 #include <exiv2/exiv2.hpp>
+#include <exiv2/webpimage.hpp>
 #include <mutex>
 #include <new>
 #include <string>
@@ -38,6 +39,14 @@ void InitializeExiv2() {
         },
         &xmp_mutex);
   });
+}
+
+// Exiv2 goes by the first bytes, not by the name. Of all formats that it knows only those that
+// photographs are read in are given to it: its readers of videos, for one, can run for ever.
+bool IsPhotograph(const std::string& path) {
+  const auto type = Exiv2::ImageFactory::getType(path);
+  return type == Exiv2::ImageType::jpeg || type == Exiv2::ImageType::png ||
+         type == Exiv2::ImageType::tiff || type == Exiv2::ImageType::webp;
 }
 
 std::string Text(const Exiv2::ExifData& data, const char* key) {
@@ -181,6 +190,7 @@ ExifInfo ReadExif(const std::string& path, int width, int height) {
   InputFile{path};  // throws where it cannot be read
   ExifInfo info;
   try {
+    if (!IsPhotograph(path)) return info;
     const auto image = Exiv2::ImageFactory::open(path);
     image->readMetadata();
     const Exiv2::ExifData& data = image->exifData();

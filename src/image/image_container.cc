@@ -1,6 +1,7 @@
 #include "image/image_container.h"
 
-#include <cstring>
+#include <algorithm>
+#include <cstdint>
 
 namespace cairn {
 namespace {
@@ -11,6 +12,15 @@ uint32_t BigEndian(std::string_view bytes, size_t position, int num_bytes) {
     value = value << 8 | static_cast<uint8_t>(bytes[position + i]);
   }
   return value;
+}
+
+// Can a file of so many bytes hold the pixels? Deflate gives at most 1032 bytes for one, which are
+// 8 pixels each in an image of one bit; a JPEG has at least a bit for 64 pixels. So a short file
+// with a large size in its header takes no memory.
+bool CanHold(const ImageSize& size, size_t num_bytes) {
+  constexpr uint64_t kMaxPixelsPerByte = 8 * 1032;
+  return static_cast<uint64_t>(std::max(0, size.width)) * std::max(0, size.height) <=
+         kMaxPixelsPerByte * num_bytes;
 }
 
 // Start of frame: the segments that hold the image's size (C4, C8 and CC are others).
@@ -48,7 +58,7 @@ ContainerInfo InspectJpeg(std::string_view bytes) {
     }
     const uint8_t marker = static_cast<uint8_t>(bytes[position + 1]);
     if (marker == 0xD9) {  // end of image
-      info.is_complete = info.size.has_value();
+      info.is_complete = info.size && CanHold(*info.size, bytes.size());
       return info;
     }
     if (marker == 0xFF) {
@@ -73,9 +83,11 @@ ContainerInfo InspectJpeg(std::string_view bytes) {
   return info;
 }
 
+constexpr std::string_view kPngSignature = "\x89PNG\r\n\x1A\n";
+
 ContainerInfo InspectPng(std::string_view bytes) {
   ContainerInfo info{std::nullopt, false};
-  size_t position = 8;  // after the signature
+  size_t position = kPngSignature.size();
   while (position + 12 <= bytes.size()) {
     const size_t length = BigEndian(bytes, position, 4);
     const std::string_view type = bytes.substr(position + 4, 4);
@@ -85,7 +97,7 @@ ContainerInfo InspectPng(std::string_view bytes) {
                             static_cast<int>(BigEndian(bytes, position + 12, 4))};
     }
     if (type == "IEND") {
-      info.is_complete = info.size.has_value();
+      info.is_complete = info.size && CanHold(*info.size, bytes.size());
       return info;
     }
     position += 12 + length;
@@ -97,8 +109,25 @@ ContainerInfo InspectPng(std::string_view bytes) {
 
 ContainerInfo InspectContainer(std::string_view bytes) {
   if (bytes.starts_with("\xFF\xD8\xFF")) return InspectJpeg(bytes);
-  if (bytes.starts_with("\x89PNG\r\n\x1A\n")) return InspectPng(bytes);
+  if (bytes.starts_with(kPngSignature)) return InspectPng(bytes);
   return {};
+}
+
+std::string EssentialPngChunks(std::string_view bytes) {
+  if (!bytes.starts_with(kPngSignature)) return "";
+  std::string essential(kPngSignature);
+  size_t position = kPngSignature.size();
+  while (position + 12 <= bytes.size()) {
+    const size_t length = BigEndian(bytes, position, 4);
+    if (length > bytes.size() - position - 12) break;
+    const std::string_view chunk = bytes.substr(position, 12 + length);
+    const std::string_view type = chunk.substr(4, 4);
+    const bool is_critical = (type[0] & 0x20) == 0;
+    if (is_critical || type == "tRNS") essential += chunk;
+    position += chunk.size();
+    if (type == "IEND") break;
+  }
+  return essential;
 }
 
 }  // namespace cairn

@@ -8,6 +8,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/image/bitmap.h"
+#include "image/cv_decode.h"
 
 namespace cairn {
 namespace {
@@ -26,11 +27,8 @@ int DecodeFlags(const ImageSize& size, int max_side_px) {
 
 std::string MakeThumbnail(const std::string& path, int max_side_px, int jpeg_quality) {
   const int flags = DecodeFlags(ReadImageSize(path), max_side_px);
-  std::string bytes = ReadFile(path);
-  const cv::Mat row(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data());
+  cv::Mat image = DecodeToMat(path, ReadFile(path), flags);
   try {
-    cv::Mat image = cv::imdecode(row, flags);
-    if (image.empty()) throw IoError(path, "cannot be decoded");
     const double scale = static_cast<double>(max_side_px) / std::max(image.cols, image.rows);
     if (scale < 1) {
       const cv::Size size(std::max(1, static_cast<int>(image.cols * scale + 0.5)),
@@ -43,6 +41,7 @@ std::string MakeThumbnail(const std::string& path, int max_side_px, int jpeg_qua
     cv::imencode(".jpg", image, jpeg, {cv::IMWRITE_JPEG_QUALITY, jpeg_quality});
     return {jpeg.begin(), jpeg.end()};
   } catch (const cv::Exception& exception) {
+    ThrowIfOutOfMemory(exception);
     throw IoError(path, "cannot be decoded: " + exception.err);
   }
 }

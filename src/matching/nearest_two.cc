@@ -39,7 +39,8 @@ constexpr int kVectorsPerBlock = 16;  // of columns, packed together; stay in th
 constexpr int32_t kFar = 1 << 30;     // larger than any distance, 2 * 128 * 255^2
 constexpr int32_t kPaddingNorm = 1 << 28;  // makes padded rows and columns farther than real ones
 
-#if HWY_TARGET == HWY_AVX3_DL
+// Clang knows no such pragma as above.
+#if HWY_TARGET == HWY_AVX3_DL && !HWY_COMPILER_CLANG
 // Four unsigned column elements times four signed row elements (minus 128) a lane, by VNNI. The
 // shift is undone by the columns' offsets: (r - 128) . c = r . c - 128 sum(c).
 constexpr int kWords = kDim / 4;

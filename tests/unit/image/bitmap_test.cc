@@ -121,6 +121,46 @@ TEST(Bitmap, EveryTruncatedJpegAndPngIsAnError) {
   }
 }
 
+// The header alone says 30000 x 30000; there are a few bytes.
+TEST(Bitmap, AFileTooShortForItsSizeIsRefusedBeforeMemoryIsTaken) {
+  const TempFolder folder;
+  for (const char* name : {"a.jpg", "a.png"}) {
+    WriteBitmap(folder / name, MakeBitmap(96, 64, 3));
+    std::string bytes = ReadFile(folder / name);
+    const size_t at = std::string(name) == "a.png" ? 18 : bytes.find("\xFF\xC0") + 5;
+    for (const size_t position : {at, at + (name[2] == 'p' ? 4 : 2)}) {
+      bytes[position] = 0x75;
+      bytes[position + 1] = 0x30;
+    }
+    WriteFileAtomically(folder / name, bytes);
+    EXPECT_EQ(ReadImageSize(folder / name), (ImageSize{30000, 30000})) << name;
+    EXPECT_THAT(ReasonOf(folder / name), HasSubstr("truncated")) << name;
+  }
+}
+
+TEST(Bitmap, WhatPixelsDoNotDependOnIsNotLookedAt) {
+  const TempFolder folder;
+  const Bitmap bitmap = MakeBitmap(24, 16, 3);
+  WriteBitmap(folder / "a.png", bitmap);
+  std::string bytes = ReadFile(folder / "a.png");
+  // A color profile of which libpng says on the error stream that it is damaged.
+  bytes.insert(33, std::string("\0\0\0\x08iCCPprofile\0CRC.", 20));
+  WriteFileAtomically(folder / "a.png", bytes);
+  ::testing::internal::CaptureStderr();
+  EXPECT_EQ(ReadBitmap(folder / "a.png", BitmapColor::kRgb).data, bitmap.data);
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+}
+
+TEST(Bitmap, FormatsThatAreNotReadAreNamed) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a.gif", "GIF89a and what follows");
+  EXPECT_THAT(ReasonOf(folder / "a.gif"), HasSubstr("GIF is not read"));
+  WriteFileAtomically(folder / "a.jpg", std::string("\0\0\0\x18"
+                                                    "ftypheic and what follows",
+                                                    28));
+  EXPECT_THAT(ReasonOf(folder / "a.jpg"), HasSubstr("HEIC, AVIF or a video is not read"));
+}
+
 TEST(Bitmap, DamagedHeadersAreReadOrRefused) {
   const TempFolder folder;
   Rng rng(3);

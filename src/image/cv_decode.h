@@ -2,6 +2,8 @@
 
 #include <new>
 #include <opencv2/core.hpp>
+#include <string>
+#include <string_view>
 
 namespace cairn {
 
@@ -9,5 +11,9 @@ namespace cairn {
 inline void ThrowIfOutOfMemory(const cv::Exception& exception) {
   if (exception.code == cv::Error::StsNoMem) throw std::bad_alloc();
 }
+
+// The pixels of an image file in memory; flags as cv::imdecode has them. Throws IoError(path,
+// reason).
+cv::Mat DecodeToMat(const std::string& path, std::string_view bytes, int flags);
 
 }  // namespace cairn

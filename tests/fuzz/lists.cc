@@ -1,0 +1,19 @@
+// Text files that users write: pairs of images, positions, relative rotations.
+#include "cairn/pipeline/stages.h"
+#include "fuzz/input.h"
+#include "fuzz/targets.h"
+#include "global_sfm/rotation_files.h"
+#include "pipeline/pairs/photo_facts.h"
+
+namespace cairn::fuzz {
+
+void FuzzLists(std::string_view input) {
+  static const Scratch scratch;
+  static const std::vector<Image> images = {{1, "a.jpg", 1}, {2, "b c.jpg", 1}, {3, "c.jpg", 1}};
+  const std::string path = scratch.Write("list.txt", input);
+  ReadOrRefuse([&] { ReadPairList(path, images, NullMonitor()); });
+  ReadOrRefuse([&] { ReadGpsFile(path); });
+  ReadOrRefuse([&] { ReadRelativeRotations(path); });
+}
+
+}  // namespace cairn::fuzz
