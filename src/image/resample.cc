@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "cairn/base/check.h"
-#include "image/cv_memory.h"
+#include "image/cv_decode.h"
 
 namespace cairn {
 namespace {

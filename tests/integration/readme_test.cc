@@ -13,7 +13,7 @@ namespace {
 
 // The lines of README's section on one's own photographs that run our programs.
 std::vector<std::string> Commands() {
-  std::istringstream text(ReadFile(CAIRN_SOURCE_DIR "/README.md"));
+  std::istringstream text(ReadFile(std::filesystem::path(CAIRN_SOURCE_DIR) / "README.md"));
   std::vector<std::string> commands;
   bool is_in_section = false;
   for (std::string line; std::getline(text, line);) {
