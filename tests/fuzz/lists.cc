@@ -1,9 +1,9 @@
 // Text files that users write: pairs of images, positions, relative rotations.
+#include "cairn/io/gps_file.h"
 #include "cairn/pipeline/stages.h"
 #include "fuzz/input.h"
 #include "fuzz/targets.h"
 #include "global_sfm/rotation_files.h"
-#include "pipeline/pairs/photo_facts.h"
 
 namespace cairn::fuzz {
 

@@ -10,7 +10,7 @@
 namespace cairn::fuzz {
 namespace {
 
-constexpr int kMaxChanges = 6;
+constexpr int kMaxPairChanges = 6;
 constexpr double kNumbers[] = {0.0,  1e-300, 1e-30, -1e30, 1e30, 1e300, HUGE_VAL, NAN,
                                -1.0, 1e-6,   1e6,   0.5,   320,  3e38,  1e-45,    -0.0};
 
@@ -123,7 +123,7 @@ void FuzzVerifyPair(std::string_view input) {
   for (Side* side : {&pair.side1, &pair.side2}) {
     side->camera.has_prior_focal_length = (flags & 1) != 0;
   }
-  for (int i = 0; i < kMaxChanges && !bytes.IsEmpty(); ++i) {
+  for (int i = 0; i < kMaxPairChanges && !bytes.IsEmpty(); ++i) {
     Side& side = bytes.TakeIndex(2) == 0 ? pair.side1 : pair.side2;
     if (side.points.empty()) break;
     Change(bytes, side);
