@@ -173,7 +173,7 @@
 
   let flight = 0;
   // Moves the viewer to `position`, looking at `target`.
-  function fly(position, target, isAtOnce) {
+  function fly(position, target, isAtOnce, arrived) {
     const from = camera.position.clone(), fromTarget = controls.target.clone();
     const started = performance.now(), number = ++flight;
     const step = (now) => {
@@ -185,6 +185,7 @@
       controls.update();
       draw();
       if (t < 1) requestAnimationFrame(step);
+      else if (arrived) arrived();
     };
     step(started);
   }
@@ -214,8 +215,8 @@
     if (images[i].model !== view.model) showModel(images[i].model);
     const center = toView(centerOf(i)), forward = toViewDirection(axisOf(i, 2));
     const depth = Math.max(0.1, new THREE.Vector3().sub(center).dot(forward));
-    fly(center.clone().addScaledVector(forward, -1.5 * view.frustum), center.clone().addScaledVector(forward, depth));
-    view.flownTo = i;
+    fly(center.clone().addScaledVector(forward, -1.5 * view.frustum), center.clone().addScaledVector(forward, depth), false,
+      () => { view.flownTo = i; });
   }
 
   // ---- hovering and clicking
