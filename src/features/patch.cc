@@ -238,10 +238,7 @@ std::array<float, kNumAngles> AngleHistogram(const PatchGradient& gradient) {
   HWY_DYNAMIC_DISPATCH(AnglesKernel)(gradient, kTables, kNumAngles, bins, weights);
   std::array<float, kNumAngles> histogram{};
   for (int i = 0; i < kPoints; ++i) {
-    const int bin = static_cast<int>(bins[i]);
-    const float share = bins[i] - static_cast<float>(bin);
-    histogram[bin % kNumAngles] += (1 - share) * weights[i];
-    histogram[(bin + 1) % kNumAngles] += share * weights[i];
+    histogram[static_cast<int>(bins[i] + 0.5f) % kNumAngles] += weights[i];
   }
   return histogram;
 }

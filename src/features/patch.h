@@ -31,8 +31,8 @@ PatchGradient SampleGradient(const Plane& below, const Plane& above, double shar
 // Sum of weight * g g^T; the weight is a Gaussian of 3 units, as wide as a cell of SIFT.
 Eigen::Matrix2d SecondMoments(const PatchGradient& gradient);
 
-// Sums of weight * |g| over bins of 10 degrees (linear between two), from the first axis to the
-// second; the weight is a Gaussian of 1.5 units (Lowe, IJCV 2004, section 5).
+// Sums of weight * |g| over bins of 10 degrees, from the first axis to the second; the weight is a
+// Gaussian of 1.5 units (Lowe, IJCV 2004, section 5).
 inline constexpr int kNumAngles = 36;
 std::array<float, kNumAngles> AngleHistogram(const PatchGradient& gradient);
 
