@@ -131,6 +131,10 @@ void Run(const std::vector<Bitmap>& photographs) {
 }  // namespace cairn
 
 int main(int argc, char** argv) {
+  if (argc < 2) {
+    std::fprintf(stderr, "usage: features_bench PHOTOGRAPH ...\n");
+    return 2;
+  }
   std::vector<cairn::Bitmap> photographs;
   for (int i = 1; i < argc; ++i) {
     photographs.push_back(cairn::ReadBitmap(argv[i], cairn::BitmapColor::kGray));

@@ -124,7 +124,7 @@ TEST_F(Colmap, MapperRunsOnOurDatabase) {
   std::filesystem::create_directory(scene / "mapper");
   const ProgramResult result =
       RunColmap({"mapper", "--database_path", scene.database(), "--image_path", scene.images(),
-                 "--output_path", scene / "mapper", "--Mapper.multiple_models", "0"});
+                 "--output_path", scene / "mapper"});
   ASSERT_EQ(result.exit_code, 0) << result.output;
   EXPECT_EQ(ReadColmapModel(scene / "mapper/0").images.size(), 8u);
 }
