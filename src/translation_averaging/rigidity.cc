@@ -78,21 +78,28 @@ class Game {
   std::vector<int> LargestSet(int num_cameras) const {
     std::vector<int> best;
     for (const std::vector<int>& nodes : rigidity_.Components()) {
-      std::vector<char> has(num_cameras, 0);
-      for (const int node : nodes) {
-        if (node < num_cameras) has[node] = 1;
-      }
-      const bool has_body = body_.size > 0 && has[body_.first] && has[body_.second];
       std::vector<int> cameras;
-      for (int v = 0; v < num_cameras; ++v) {
-        if (has[v] || (has_body && body_.has[v])) cameras.push_back(v);
-      }
-      if (cameras.size() > best.size()) best = cameras;
+      std::copy_if(nodes.begin(), nodes.end(), std::back_inserter(cameras),
+                   [&](int node) { return node < num_cameras; });
+      AddBody(cameras);
+      if (cameras.size() > best.size()) best = std::move(cameras);
     }
     return best;
   }
 
  private:
+  // Where the cameras (of one component) have the two where the body began, all of it belongs.
+  void AddBody(std::vector<int>& cameras) const {
+    if (body_.size == 0) return;
+    for (const int camera : {body_.first, body_.second}) {
+      if (std::find(cameras.begin(), cameras.end(), camera) == cameras.end()) return;
+    }
+    for (size_t v = 0; v < body_.has.size(); ++v) {
+      if (body_.has[v]) cameras.push_back(static_cast<int>(v));
+    }
+    std::sort(cameras.begin(), cameras.end());
+    cameras.erase(std::unique(cameras.begin(), cameras.end()), cameras.end());
+  }
   // Joins a camera of the body to the two where it began.
   void Tie(int camera) {
     if (!body_.has[camera] || is_tied_[camera]) return;
