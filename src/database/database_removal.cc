@@ -2,11 +2,12 @@
 
 #include "database/query.h"
 #include "database/sql.h"
+#include "database/stage_names.h"
 
 namespace cairn {
 namespace {
 
-// Tables with rows of pairs, or (jobs and times) of images and pairs, by this column.
+// Tables with rows of pairs, or (jobs but those of cameras, and times) of images and pairs.
 struct TableOfImages {
   const char* read;
   const char* erase;
@@ -30,7 +31,7 @@ bool IsOf(int64_t item, const std::set<image_t>& images) {
 
 }  // namespace
 
-void Database::DeleteImagesAndPairs(const std::set<image_t>& images) {
+void Database::DeleteFeaturesAndPairs(const std::set<image_t>& images) {
   for (const TableOfImages& table : kTables) {
     std::vector<int64_t> items;
     {
@@ -42,6 +43,16 @@ void Database::DeleteImagesAndPairs(const std::set<image_t>& images) {
     for (const int64_t item : items) Query(*impl_, table.erase).Bind(1, item).Run();
   }
   for (const image_t id : images) {
+    for (const char* sql :
+         {sql::kDeleteKeypoints, sql::kDeleteDescriptors, sql::kDeleteDepthSamples}) {
+      Query(*impl_, sql).Bind(1, id).Run();
+    }
+  }
+}
+
+void Database::DeleteImagesAndPairs(const std::set<image_t>& images) {
+  DeleteFeaturesAndPairs(images);
+  for (const image_t id : images) {
     std::string name;
     {
       Query query(*impl_, sql::kReadImageName);
@@ -49,6 +60,7 @@ void Database::DeleteImagesAndPairs(const std::set<image_t>& images) {
       name = query.Text(0);
     }
     Query(*impl_, sql::kDeletePhoto).Bind(1, std::string_view(name)).Run();
+    DeleteJob(kStageCameras, id);
     DeleteImage(id);
   }
 }

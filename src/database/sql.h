@@ -275,13 +275,17 @@ inline constexpr const char* kReadPairMetricItems =
     "SELECT DISTINCT pair_id FROM cairn_pair_metrics;";
 inline constexpr const char* kReadPairChoiceItems = "SELECT pair_id FROM cairn_pair_choices;";
 inline constexpr const char* kReadFocalEvidenceItems = "SELECT pair_id FROM cairn_focal_evidence;";
-inline constexpr const char* kReadJobItems = "SELECT DISTINCT item FROM cairn_jobs;";
+inline constexpr const char* kReadJobItems =
+    "SELECT DISTINCT item FROM cairn_jobs WHERE stage <> 'cameras';";
 inline constexpr const char* kReadTimingItems =
     "SELECT DISTINCT item FROM cairn_timings WHERE item > 0;";  // 0: of a whole stage
 inline constexpr const char* kDeleteMatches = "DELETE FROM matches WHERE pair_id = ?1;";
 inline constexpr const char* kDeletePairChoice =
     "DELETE FROM cairn_pair_choices WHERE pair_id = ?1;";
-inline constexpr const char* kDeleteJobsOfItem = "DELETE FROM cairn_jobs WHERE item = ?1;";
+inline constexpr const char* kDeleteJobsOfItem =
+    "DELETE FROM cairn_jobs WHERE item = ?1 AND stage <> 'cameras';";
+inline constexpr const char* kDeleteKeypoints = "DELETE FROM keypoints WHERE image_id = ?1;";
+inline constexpr const char* kDeleteDescriptors = "DELETE FROM descriptors WHERE image_id = ?1;";
 inline constexpr const char* kDeleteTimingsOfItem = "DELETE FROM cairn_timings WHERE item = ?1;";
 inline constexpr const char* kReadImageName = "SELECT name FROM images WHERE image_id = ?1;";
 inline constexpr const char* kDeletePhoto = "DELETE FROM cairn_photos WHERE name = ?1;";

@@ -51,6 +51,8 @@ class Database {
   void WriteImage(const Image& image);     // image_id must be set; replaces
   // Removes the image with its features, and its camera if no other image has it.
   void DeleteImage(image_t image_id);
+  // Removes what was made from images: features, depth, pairs. The images and their cameras stay.
+  void DeleteFeaturesAndPairs(const std::set<image_t>& images);
   // Removes images with all that was made from them, their pairs and photographs included.
   void DeleteImagesAndPairs(const std::set<image_t>& images);
   // Removes cameras that no image has.

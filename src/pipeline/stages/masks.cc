@@ -15,42 +15,8 @@ namespace {
 void CheckSize(const std::string& path, const ImageSize& photo) {
   const ImageSize mask = ReadImageSize(path);
   if (mask == photo) return;
-  const auto text = [](const ImageSize& size) {
-    return std::to_string(size.width) + " x " + std::to_string(size.height);
-  };
   throw ConfigError("mask_path",
-                    path + " is " + text(mask) + " pixels, its photograph " + text(photo));
-}
-
-// Removes what was made from the images; they stay, with their cameras.
-void ForgetFeatures(Database& database, const std::set<image_t>& ids) {
-  const std::vector<Camera> cameras = database.ReadCameras();
-  const std::vector<Image> images = database.ReadImages();
-  const std::vector<PhotoRecord> photos = database.ReadPhotos();
-  const std::vector<JobRecord> jobs = database.ReadJobs(kStageCameras);
-  Database::Transaction transaction(database);
-  database.DeleteImagesAndPairs(ids);
-  std::set<camera_t> camera_ids;
-  std::set<std::string> names;
-  for (const Image& image : images) {
-    if (ids.count(image.image_id) == 0) continue;
-    camera_ids.insert(image.camera_id);
-    names.insert(image.name);
-  }
-  for (const Camera& camera : database.ReadCameras()) camera_ids.erase(camera.camera_id);
-  for (const Camera& camera : cameras) {
-    if (camera_ids.count(camera.camera_id) > 0) database.WriteCamera(camera);
-  }
-  for (const Image& image : images) {
-    if (ids.count(image.image_id) > 0) database.WriteImage(image);
-  }
-  for (const PhotoRecord& photo : photos) {
-    if (names.count(photo.name) > 0) database.WritePhoto(photo);
-  }
-  for (const JobRecord& job : jobs) {
-    if (ids.count(static_cast<image_t>(job.item)) > 0) database.WriteJob(kStageCameras, job);
-  }
-  transaction.Commit();
+                    path + " is " + SizeText(mask) + " pixels, its photograph " + SizeText(photo));
 }
 
 }  // namespace
@@ -105,7 +71,10 @@ void ForgetChangedMasks(Database& database, const std::map<image_t, std::string>
     const std::string path = mask == masks.end() ? "" : mask->second;
     if (hash->second != FeatureInputHash(file_hash->second, path)) changed.insert(image.image_id);
   }
-  if (!changed.empty()) ForgetFeatures(database, changed);
+  if (changed.empty()) return;
+  Database::Transaction transaction(database);
+  database.DeleteFeaturesAndPairs(changed);
+  transaction.Commit();
 }
 
 }  // namespace cairn

@@ -363,6 +363,36 @@ TEST_F(DatabaseTest, DeleteImageTakesItsFeaturesAndItsUnusedCamera) {
   ASSERT_EQ(database.ReadCameras().size(), 1u);
 }
 
+TEST_F(DatabaseTest, DeletedFeaturesTakeTheirPairsAndLeaveImagesAndCameras) {
+  Database database(":memory:");
+  WriteImages(database, 3);
+  for (const image_t id : {1u, 2u, 3u}) {
+    database.WriteKeypoints(id, RandomKeypoints(1, 1));
+    database.WriteDescriptors(id, Descriptors::Random(1, 128));
+    database.WriteDepthSamples(id, std::vector<DepthSample>(1));
+    database.WriteJob("cameras", {id, 1, ""});
+    database.WriteJob("features", {id, 1, ""});
+  }
+  for (const auto pair : {ImagePairToPairId(1, 2), ImagePairToPairId(1, 3)}) {
+    database.WriteMatches(pair, {{0, 0}});
+    database.WriteTwoViewGeometry(pair, TestGeometry());
+  }
+  database.WriteCameraLens(1, {.focal_px = 500, .focal_sigma = 0.1});
+  database.DeleteFeaturesAndPairs({1, 2});
+  EXPECT_EQ(database.ReadImages().size(), 3u);
+  EXPECT_EQ(database.ReadCameraLenses().size(), 1u);
+  EXPECT_EQ(database.ReadJobs("cameras").size(), 3u);
+  EXPECT_EQ(database.ReadJobs("features").size(), 1u);
+  EXPECT_EQ(database.ReadNumKeypoints().size(), 1u);
+  EXPECT_EQ(database.ReadNumDescriptors().size(), 1u);
+  EXPECT_EQ(database.ReadNumDepthSamples().size(), 1u);
+  EXPECT_TRUE(database.ReadNumMatches().empty());
+  EXPECT_TRUE(database.ReadNumInliers().empty());
+  database.DeleteImagesAndPairs({1, 2, 3});
+  EXPECT_TRUE(database.ReadImages().empty());
+  EXPECT_TRUE(database.ReadJobs("cameras").empty());
+}
+
 TEST_F(DatabaseTest, OrderOfWritingDoesNotShowInTheDump) {
   const auto write = [&](const std::string& name, std::vector<int> order) {
     Database database(Path(name));
