@@ -31,8 +31,8 @@ struct Masked {
 std::vector<Frame> FindFrames(const Octave& octave, const FeatureOptions& options,
                               const Masked& is_masked, size_t max_frames);
 
-// The gradient around a frame, from the level below the one whose blur is the frame's shorter axis:
-// the grid adds some blur of its own.
+// The gradient around a frame, read between the two levels of the pyramid whose blur is next to the
+// frame's shorter axis.
 PatchGradient GradientAround(const Octave& octave, const Eigen::Vector2d& center,
                              const Eigen::Matrix2d& M);
 

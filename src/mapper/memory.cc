@@ -40,12 +40,6 @@ BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks) {
   return size;
 }
 
-// Where bundle adjustment meets one of its limits.
-struct BundleLimits {
-  int64_t bytes = 0;
-  int64_t observations = 0;
-};
-
 // The most free intrinsics that a camera of the model has.
 int NumFreeIntrinsics(const Reconstruction& model) {
   size_t most = 0;
@@ -59,19 +53,68 @@ std::vector<Track> Select(std::span<const Track> tracks, int per_image) {
   return selected;
 }
 
-// Which limit it is.
-std::string Needs(int64_t bytes, const BundleSize& size, const BundleLimits& limits) {
-  if (bytes > limits.bytes) return Gib(bytes) + " needed, " + Gib(limits.bytes) + " available";
-  return std::to_string(size.num_observations) + " observations, of which the solver takes " +
-         std::to_string(limits.observations);
-}
-
 // What the option allows, or what the machine has left.
 int64_t MemoryLimit(const ReconstructOptions& options, const MemoryUse& use) {
   if (options.max_memory_gib > 0) return GibToBytes(options.max_memory_gib);
   if (use.available < 0) return std::numeric_limits<int64_t>::max();
   return std::max<int64_t>(0, use.resident) + use.available;
 }
+
+std::string MemoryAdvice(const ReconstructOptions& options) {
+  return options.max_memory_gib > 0 ? "raise --reconstruct.max_memory_gib"
+                                    : "use a machine with more memory, or reconstruct fewer images";
+}
+
+// What bundle adjustment of a set of tracks would take.
+struct BundleNeed {
+  int64_t bytes = 0;
+  int64_t observations = 0;
+};
+
+// What bundle adjustment of a model may take, and what tracks of it would.
+class BundleBudget {
+ public:
+  BundleBudget(const StageContext& context, const Reconstruction& model)
+      : model_(model), options_(context.settings.bundle_adjustment) {
+    const MemoryUse use = ReadMemoryUse();
+    resident_ = std::max<int64_t>(0, use.resident);
+    limit_ = {MemoryLimit(context.settings.reconstruct, use),
+              MaxBundleObservations(NumFreeIntrinsics(model))};
+  }
+  int64_t resident() const { return resident_; }
+  int64_t limit_bytes() const { return limit_.bytes; }
+
+  BundleNeed Need(std::span<const Track> tracks) const {
+    const BundleSize size = SizeOf(model_, tracks);
+    return {resident_ + EstimateBundleBytes(options_, size), size.num_observations};
+  }
+  bool Allows(const BundleNeed& need) const {
+    return need.bytes <= limit_.bytes && need.observations <= limit_.observations;
+  }
+  // Which limit a need exceeds.
+  std::string Excess(const BundleNeed& need) const {
+    if (need.bytes > limit_.bytes) {
+      return Gib(need.bytes) + " needed, " + Gib(limit_.bytes) + " available";
+    }
+    return std::to_string(need.observations) + " observations, of which the solver takes " +
+           std::to_string(limit_.observations);
+  }
+  // The most tracks an image that are allowed, found by bisection to a twentieth.
+  int MostTracksPerImage(std::span<const Track> tracks) const {
+    int too_many = 1 << 20, enough = kMinTracksPerImage;
+    while (too_many - enough > std::max(1, enough / 20)) {
+      const int middle = enough + (too_many - enough) / 2;
+      (Allows(Need(Select(tracks, middle))) ? enough : too_many) = middle;
+    }
+    return enough;
+  }
+
+ private:
+  const Reconstruction& model_;
+  const BundleAdjustmentOptions& options_;
+  int64_t resident_ = 0;
+  BundleNeed limit_;
+};
 
 }  // namespace
 
@@ -85,9 +128,7 @@ bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, Ru
                  std::to_string(counts.num_matches) + " matches of " +
                  std::to_string(counts.num_keypoints) + " keypoints: " + Gib(bytes) +
                  " needed to find tracks, " + Gib(limit) + " available",
-             options.max_memory_gib > 0
-                 ? "raise --reconstruct.max_memory_gib"
-                 : "use a machine with more memory, or reconstruct fewer images");
+             MemoryAdvice(options));
   return false;
 }
 
@@ -105,55 +146,32 @@ int64_t EstimateSceneBytes(const SceneCounts& counts) {
 bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
                        std::vector<Track>& tracks) {
   ModelStage stage(context, "memory");
-  const BundleAdjustmentOptions& options = context.settings.bundle_adjustment;
-  const MemoryUse use = ReadMemoryUse();
-  const int64_t resident = std::max<int64_t>(0, use.resident);
-  const BundleLimits limits{MemoryLimit(context.settings.reconstruct, use),
-                            MaxBundleObservations(NumFreeIntrinsics(model))};
-  const auto estimate = [&](std::span<const Track> of) {
-    return resident + EstimateBundleBytes(options, SizeOf(model, of));
-  };
-  const auto fits = [&](std::span<const Track> of) {
-    return estimate(of) <= limits.bytes &&
-           SizeOf(model, of).num_observations <= limits.observations;
-  };
-  const int64_t wanted = estimate(tracks);
+  const BundleBudget budget(context, model);
+  const BundleNeed wanted = budget.Need(tracks);
   stage.Add("tracks_in", tracks.size());
-  stage.Add("resident_gib", BytesToGib(resident));
-  stage.Add("estimated_peak_gib", BytesToGib(wanted));
-  if (limits.bytes < std::numeric_limits<int64_t>::max()) {
-    stage.Add("limit_gib", BytesToGib(limits.bytes));
+  stage.Add("resident_gib", BytesToGib(budget.resident()));
+  stage.Add("estimated_peak_gib", BytesToGib(wanted.bytes));
+  if (budget.limit_bytes() < std::numeric_limits<int64_t>::max()) {
+    stage.Add("limit_gib", BytesToGib(budget.limit_bytes()));
   }
   stage.Note("triangulation and bundle adjustment of " + std::to_string(model.images.size()) +
              " images and " + std::to_string(tracks.size()) + " tracks: predicted peak memory " +
-             Gib(wanted) + ", " + Gib(resident) + " in use now");
-  if (!fits(tracks)) {
-    // The most tracks an image that fit, by bisection.
-    int too_many = 1 << 20, enough = kMinTracksPerImage;
-    std::vector<Track> fitting = Select(tracks, enough);
-    if (!fits(fitting)) {
-      stage.Fail("even with " + std::to_string(kMinTracksPerImage) + " tracks an image, " +
-                     Needs(estimate(fitting), SizeOf(model, fitting), limits),
-                 context.settings.reconstruct.max_memory_gib > 0
-                     ? "raise --reconstruct.max_memory_gib"
-                     : "use a machine with more memory, or reconstruct fewer images");
+             Gib(wanted.bytes) + ", " + Gib(budget.resident()) + " in use now");
+  if (!budget.Allows(wanted)) {
+    const int per_image = budget.MostTracksPerImage(tracks);
+    std::vector<Track> fitting = Select(tracks, per_image);
+    const BundleNeed need = budget.Need(fitting);
+    if (!budget.Allows(need)) {
+      stage.Fail(
+          "even with " + std::to_string(per_image) + " tracks an image, " + budget.Excess(need),
+          MemoryAdvice(context.settings.reconstruct));
       return false;
     }
-    while (too_many - enough > std::max(1, enough / 20)) {
-      const int middle = enough + (too_many - enough) / 2;
-      std::vector<Track> candidate = Select(tracks, middle);
-      if (fits(candidate)) {
-        enough = middle;
-        fitting = std::move(candidate);
-      } else {
-        too_many = middle;
-      }
-    }
-    stage.Warn(Needs(wanted, SizeOf(model, tracks), limits) + ": " +
-               std::to_string(fitting.size()) + " of " + std::to_string(tracks.size()) +
-               " tracks are used, at least " + std::to_string(enough) + " an image");
+    stage.Warn(budget.Excess(wanted) + ": " + std::to_string(fitting.size()) + " of " +
+               std::to_string(tracks.size()) + " tracks are used, at least " +
+               std::to_string(per_image) + " an image");
     tracks = std::move(fitting);
-    stage.Add("reduced_peak_gib", BytesToGib(estimate(tracks)));
+    stage.Add("reduced_peak_gib", BytesToGib(need.bytes));
   }
   stage.Add("tracks_out", tracks.size());
   return true;
