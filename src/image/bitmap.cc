@@ -26,6 +26,10 @@ std::string ExtensionOf(const std::string& path) {
 
 }  // namespace
 
+std::string SizeText(const ImageSize& size) {
+  return std::to_string(size.width) + " x " + std::to_string(size.height);
+}
+
 Bitmap ReadBitmap(const std::string& path, BitmapColor color) {
   return DecodeImage(path, ReadImageFile(path), color);
 }
@@ -56,8 +60,7 @@ ImageSize ReadImageSize(const std::string& path) {
   if (size->width <= 0 || size->height <= 0) throw IoError(path, "the image has no pixels");
   constexpr int64_t kMaxPixels = 1 << 30;  // what OpenCV decodes
   if (static_cast<int64_t>(size->width) * size->height > kMaxPixels) {
-    throw IoError(path, "the image has " + std::to_string(size->width) + " x " +
-                            std::to_string(size->height) + " pixels; up to 2^30 are read");
+    throw IoError(path, "the image has " + SizeText(*size) + " pixels; up to 2^30 are read");
   }
   return *size;
 }

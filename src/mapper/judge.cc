@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/first_names.h"
 #include "mapper/stages.h"
 #include "view_graph/symmetry.h"
 
@@ -40,18 +41,6 @@ int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, 
     }
   }
   return num_gained;
-}
-
-std::string FirstNames(std::span<const std::string> names) {
-  constexpr size_t kMaxNames = 20;
-  std::string text;
-  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
-    text += (i > 0 ? ", " : "") + names[i];
-  }
-  if (names.size() > kMaxNames) {
-    text += " and " + std::to_string(names.size() - kMaxNames) + " more";
-  }
-  return text;
 }
 
 std::string Names(const StageContext& context, std::span<const image_t> images) {

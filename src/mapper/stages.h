@@ -211,7 +211,6 @@ int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, 
 std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstruction& model,
                                       const ModelEvidence& evidence, const ViewGraph& graph);
 // The first twenty names, and how many more there are.
-std::string FirstNames(std::span<const std::string> names);
 std::string Names(const StageContext& context, std::span<const image_t> images);
 
 // verify_again.cc

@@ -62,12 +62,10 @@ std::string HashInputs(const Item& item) {
 std::string Undistort(const Item& item) {
   const Bitmap photo = ReadBitmap(item.photo_path, BitmapColor::kRgb);
   const Camera& camera = *item.source;
-  const auto size = [](int width, int height) {
-    return std::to_string(width) + " x " + std::to_string(height);
-  };
-  if (photo.width != camera.width || photo.height != camera.height) {
-    throw IoError(item.photo_path, "is " + size(photo.width, photo.height) +
-                                       " pixels, its camera " + size(camera.width, camera.height));
+  const ImageSize size{photo.width, photo.height}, camera_size{camera.width, camera.height};
+  if (size != camera_size) {
+    throw IoError(item.photo_path,
+                  "is " + SizeText(size) + " pixels, its camera " + SizeText(camera_size));
   }
   if (std::max(photo.width, photo.height) > kMaxResampledSide) {
     throw IoError(item.photo_path,

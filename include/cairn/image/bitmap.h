@@ -33,6 +33,8 @@ struct ImageSize {
   int height = 0;
   bool operator==(const ImageSize&) const = default;
 };
+// "1200 x 900".
+std::string SizeText(const ImageSize& size);
 // The size in pixels from the file's header (JPEG and PNG, some 10 microseconds; other formats are
 // decoded). Throws IoError as ReadBitmap does, except that a truncated body goes undetected.
 ImageSize ReadImageSize(const std::string& path);

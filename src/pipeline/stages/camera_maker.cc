@@ -60,9 +60,8 @@ std::optional<camera_t> CameraMaker::SingleCamera(Photo& photo) {
   if (photo.size.width == shared_->width && photo.size.height == shared_->height) {
     return shared_->camera_id;
   }
-  photo.error = "is " + std::to_string(photo.size.width) + " x " +
-                std::to_string(photo.size.height) + " pixels, the single camera " +
-                std::to_string(shared_->width) + " x " + std::to_string(shared_->height);
+  photo.error = "is " + SizeText(photo.size) + " pixels, the single camera " +
+                SizeText({shared_->width, shared_->height});
   return std::nullopt;
 }
 

@@ -62,10 +62,6 @@ std::vector<FeatureItem> FindItems(const Database& database,
   return items;
 }
 
-std::string Text(const ImageSize& size) {
-  return std::to_string(size.width) + " x " + std::to_string(size.height);
-}
-
 void WriteFeatures(Database& database, const FeatureItem& item, const Features& features) {
   database.WriteKeypoints(item.image.image_id, features.keypoints);
   database.WriteDescriptors(item.image.image_id, features.descriptors);
@@ -182,7 +178,8 @@ Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
   const Bitmap bitmap = ReadBitmap(photo.path, BitmapColor::kGray);
   const ImageSize size{bitmap.width, bitmap.height};
   if (size != camera_size) {
-    throw IoError(photo.path, "is " + Text(size) + " pixels, its camera " + Text(camera_size));
+    throw IoError(photo.path,
+                  "is " + SizeText(size) + " pixels, its camera " + SizeText(camera_size));
   }
   if (photo.mask_path.empty()) return ExtractFeatures(bitmap, options);
   const Bitmap mask = ReadBitmap(photo.mask_path, BitmapColor::kGray);

@@ -3,6 +3,7 @@
 #include <map>
 #include <set>
 
+#include "base/first_names.h"
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
@@ -39,18 +40,6 @@ std::vector<Photo> ListPhotos(const PhotoSource& source) {
     if (!IsImageName(photo.name)) photo.error = "no model can hold a name with a line break";
   }
   return photos;
-}
-
-// "a.jpg, b.jpg and 7 more".
-std::string FirstNames(const std::vector<std::string>& names) {
-  constexpr size_t kMaxNames = 10;
-  std::string text;
-  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
-    text += (i > 0 ? ", " : "") + names[i];
-  }
-  if (names.size() > kMaxNames)
-    text += " and " + std::to_string(names.size() - kMaxNames) + " more";
-  return text;
 }
 
 // What the user may take for part of the run, and is not.

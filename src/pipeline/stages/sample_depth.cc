@@ -131,7 +131,7 @@ std::vector<DepthItem> FindWork(const Database& database, std::vector<DepthItem>
 // turned by a right angle they are of another image, or in the wrong order.
 void CheckShape(const DepthItem& item, const DepthMap& map) {
   constexpr double kMaxStretch = 1.1;  // of networks whose sides are multiples of 32
-  const std::string text = std::to_string(map.width) + " x " + std::to_string(map.height);
+  const std::string text = SizeText({map.width, map.height});
   if (std::min(map.width, map.height) < 2) {
     throw IoError(item.path, "a map of " + text + " values has no gradient");
   }
@@ -141,9 +141,8 @@ void CheckShape(const DepthItem& item, const DepthMap& map) {
     return std::abs(std::log(shape / image_shape)) < std::log(kMaxStretch);
   };
   if (!is_like(map_shape) && is_like(1 / map_shape)) {
-    throw IoError(item.path, "a map of " + text + " values for an image of " +
-                                 std::to_string(item.size.width) + " x " +
-                                 std::to_string(item.size.height) + " pixels: it is transposed");
+    throw IoError(item.path, "a map of " + text + " values for an image of " + SizeText(item.size) +
+                                 " pixels: it is transposed");
   }
 }
 
