@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <ostream>
 
 #include "cairn/base/file.h"
 #include "cairn/base/timer.h"
@@ -18,6 +19,9 @@ constexpr double kMaxSeconds = 10;  // of one input
 struct NamedTarget {
   const char* name;
   Target run;
+
+  // For the name of the test at ctest, which else shows the addresses of the fields.
+  friend void PrintTo(const NamedTarget& target, std::ostream* out) { *out << target.name; }
 };
 constexpr NamedTarget kTargets[] = {{"Image", FuzzImage},
                                     {"DepthMap", FuzzDepthMap},
