@@ -8,7 +8,7 @@
 
 int main(int argc, char** argv) try {
   if (argc != 3) throw std::runtime_error("usage: reconstruct DATABASE MODEL_FOLDER");
-  const cairn::Database database(argv[1], cairn::Database::Mode::kReadOnly);
+  const cairn::Database database(argv[1], cairn::Database::Mode::kSnapshot);
   // "": no photographs, so points without colors.
   const cairn::ReconstructResult result = cairn::Reconstruct(database, "");
   if (!result.report.Succeeded()) {

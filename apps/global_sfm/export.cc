@@ -77,7 +77,7 @@ void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& f
 
 void ExportOneDsfmDataset(const Reconstruction& reconstruction, const ExportFlags& flags,
                           ProgressMonitor& monitor) {
-  const Database database(flags.database_path, Database::Mode::kReadOnly);
+  const Database database(flags.database_path, Database::Mode::kSnapshot);
   const OneDsfmExportReport report =
       ExportOneDsfm(reconstruction, database, flags.image_path, flags.output_path,
                     {.num_threads = flags.num_threads, .monitor = monitor});

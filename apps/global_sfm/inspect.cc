@@ -43,7 +43,7 @@ void WritePairs(const Database& database, const InspectFlags& flags) {
 }
 
 void InspectDatabase(const InspectFlags& flags, ViewGraphBuilderOptions options) {
-  const Database database(flags.database_path, Database::Mode::kReadOnly);
+  const Database database(flags.database_path, Database::Mode::kSnapshot);
   ConsoleMonitor monitor;
   RunReport rows;
   ReportBadRows(database, rows, monitor);

@@ -83,7 +83,7 @@ int Run(const Command& command, State& state) {
   // A folder that cannot or must not be written to is noticed before the work, not after it.
   CheckReconstructOutput(flags.output_path, flags.overwrite);
   ConsoleMonitor monitor;
-  const Database database(flags.database_path, Database::Mode::kReadOnly);
+  const Database database(flags.database_path, Database::Mode::kSnapshot);
   const RunContext run = flags.run.Run(monitor);
   std::vector<Reconstruction> earlier;
   if (!flags.input_path.empty()) earlier = ReadModels(flags.input_path);

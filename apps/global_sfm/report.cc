@@ -58,7 +58,7 @@ int Run(Command& command, ReportFlags& flags) {
   }
   if (flags.database_path.empty()) command.Require("database_path");
   ConsoleMonitor monitor;
-  const Database database(flags.database_path, Database::Mode::kReadOnly);
+  const Database database(flags.database_path, Database::Mode::kSnapshot);
   RunFolder run;
   if (folder.empty()) {
     run.models.push_back(ReadModel(flags.model_path));

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "cairn/base/error.h"
-#include "cairn/base/file.h"
 #include "database/sql.h"
 
 namespace cairn {
@@ -30,6 +29,10 @@ constexpr std::pair<const char*, std::array<const char*, 6>> kColmapTables[] = {
     {"two_view_geometries", {"pair_id", "rows", "cols", "data", "config"}}};
 // Those of two_view_geometries that came later.
 constexpr std::array kLaterColumns = {"F", "E", "H", "qvec", "tvec"};
+
+bool IsReadOnly(Database::Mode mode) {
+  return mode == Database::Mode::kReadOnly || mode == Database::Mode::kSnapshot;
+}
 
 bool TableExists(Database::Impl& impl, const char* table) {
   return Query(impl, sql::kTableExists).Bind(1, std::string_view(table)).Step();
@@ -68,13 +71,17 @@ std::string FileUri(const std::string& path) {
 void Open(Database::Impl& impl, Database::Mode mode) {
   const bool in_memory = impl.path == ":memory:";
   if (!in_memory && fs::is_directory(impl.path)) throw IoError(impl.path, "is a folder");
-  if (!in_memory && fs::exists(impl.path)) InputFile{impl.path};  // throws where it is no file
+  // Not by opening it: closing it again would take the locks from all connections of this process
+  // to the file, and another process could then damage it.
+  if (!in_memory && fs::exists(impl.path) && !fs::is_regular_file(impl.path)) {
+    throw IoError(impl.path, "is a pipe or a device, not a file");
+  }
   if (!in_memory && mode != Database::Mode::kCreateOrOpen && !fs::exists(impl.path)) {
     throw IoError(impl.path, "no such file");
   }
   int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
   std::string name = impl.path;
-  if (mode == Database::Mode::kReadOnly) {
+  if (IsReadOnly(mode)) {
     flags |= SQLITE_OPEN_READONLY;
     if (MustOpenImmutable(impl.path)) {
       name = FileUri(impl.path) + "?immutable=1";
@@ -168,7 +175,7 @@ std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database
   auto impl = std::make_unique<Database::Impl>();
   impl->path = path;
   Open(*impl, mode);
-  const bool is_read_only = mode == Database::Mode::kReadOnly;
+  const bool is_read_only = IsReadOnly(mode);
   const bool is_empty = !Query(*impl, sql::kAnyTableExists).Step();  // The first look at the file.
   if (is_read_only || !is_empty) CheckColmapTables(*impl);           // Before anything is changed.
   impl->Execute("PRAGMA temp_store = MEMORY;");
@@ -189,6 +196,7 @@ std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database
   impl->has_choice_table = TableExists(*impl, "cairn_pair_choices");
   impl->has_rigs = TableExists(*impl, "rigs") && TableExists(*impl, "frame_data");
   impl->has_descriptor_types = ColumnExists(*impl, "descriptors", "type");
+  if (mode == Database::Mode::kSnapshot) impl->Execute(sql::kBeginReading);
   return impl;
 }
 

@@ -295,6 +295,7 @@ inline constexpr const char* kClearTimings = "DELETE FROM cairn_timings WHERE st
 inline constexpr const char* kClearStage = "DELETE FROM cairn_stages WHERE stage = ?1;";
 
 inline constexpr const char* kBegin = "BEGIN IMMEDIATE;";
+inline constexpr const char* kBeginReading = "BEGIN;";
 inline constexpr const char* kCommit = "COMMIT;";
 inline constexpr const char* kRollback = "ROLLBACK;";
 

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "base/file_lock.h"
 #include "base/memory.h"
 #include "cairn/base/error.h"
 #include "cairn/database/report_bad_rows.h"
@@ -225,6 +226,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   report.run.seed = run.seed;
   report.run.num_threads = run.num_threads;
   const Sources sources = FindSources(inputs);
+  const FileLock lock(inputs.database_path);
   Database database = OpenDatabase(inputs);
   ReportBadRows(database, report.run, run.monitor);
   PrepareRecompute(database, std::string(NameOf(kBuildStages, inputs.recompute)),

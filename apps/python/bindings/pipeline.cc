@@ -62,7 +62,7 @@ ReconstructResult MakeModels(const path& database_path, const std::optional<path
   if (output_path) CheckReconstructOutput(output_path->string(), overwrite);
   ReconstructResult result;
   RunInterruptibly({seed, num_threads, progress}, [&](const RunContext& run) {
-    const Database database(database_path.string(), Database::Mode::kReadOnly);
+    const Database database(database_path.string(), Database::Mode::kSnapshot);
     result = Reconstruct(database, image_path ? image_path->string() : "", settings, run);
     if (!output_path || run.monitor.StopRequested()) return;
     WriteReconstructResult(result, output_path->string(), EffectiveToml("reconstruct", settings),

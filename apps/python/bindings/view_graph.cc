@@ -64,7 +64,7 @@ ViewGraph FromEdges(const py::object& pairs, const Array<double>& rotations,
 }
 
 ViewGraph FromDatabase(const std::filesystem::path& path, const py::object& options) {
-  const Database database(path.string(), Database::Mode::kReadOnly);
+  const Database database(path.string(), Database::Mode::kSnapshot);
   std::vector<image_t> images;
   for (const Image& image : database.ReadImages()) images.push_back(image.image_id);
   return Build(std::move(images), ReadViewEdges(database), options);

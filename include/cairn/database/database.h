@@ -26,7 +26,8 @@ namespace cairn {
 class Database {
  public:
   // kReadOnly also opens files in folders that cannot be written to, and never changes the file.
-  enum class Mode { kCreateOrOpen, kOpenExisting, kReadOnly };
+  // kSnapshot sees it as it is at the first look, too, whatever others write meanwhile.
+  enum class Mode { kCreateOrOpen, kOpenExisting, kReadOnly, kSnapshot };
   explicit Database(const std::string& path, Mode mode = Mode::kCreateOrOpen);
   ~Database();
   Database(Database&&) noexcept;

@@ -1,6 +1,8 @@
 // Databases that are damaged, locked or none at all are named, with the reason.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <sqlite3.h>
+#include <unistd.h>
 
 #include <fstream>
 
@@ -80,6 +82,34 @@ TEST_F(DatabaseFailureTest, AnotherProgramsLockIsNamed) {
             Path() + ": is locked by another program");
   sqlite3_close(other);
   WriteImages(database, 1);  // Goes on when the lock is gone.
+}
+
+TEST_F(DatabaseFailureTest, OpeningTheFileAgainKeepsItsLocks) {
+  Database database(Path());
+  const int file = open(Path().c_str(), O_RDWR | O_CLOEXEC);
+  const auto is_locked = [file] {
+    struct flock lock = {};
+    lock.l_type = F_WRLCK;
+    EXPECT_EQ(fcntl(file, F_OFD_GETLK, &lock), 0);
+    return lock.l_type != F_UNLCK;
+  };
+  EXPECT_TRUE(is_locked());
+  for (const auto mode : {Database::Mode::kReadOnly, Database::Mode::kOpenExisting}) {
+    const Database another(Path(), mode);
+    EXPECT_TRUE(is_locked());
+  }
+  close(file);  // which gives the locks of this process up
+}
+
+TEST_F(DatabaseFailureTest, ASnapshotDoesNotSeeWhatIsWrittenLater) {
+  Database database(Path());
+  WriteImages(database, 2);
+  const Database later(Path(), Database::Mode::kReadOnly);
+  const Database snapshot(Path(), Database::Mode::kSnapshot);
+  EXPECT_EQ(snapshot.ReadImages().size(), 2u);
+  WriteImages(database, 3);
+  EXPECT_EQ(later.ReadImages().size(), 3u);
+  EXPECT_EQ(snapshot.ReadImages().size(), 2u);
 }
 
 TEST_F(DatabaseFailureTest, ReadOnlyFoldersCanBeReadAndNotWritten) {

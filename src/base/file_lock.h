@@ -1,0 +1,23 @@
+#pragma once
+
+#include <string>
+
+namespace cairn {
+
+// While it lives, no other FileLock of the same path can be made, in this process or another: its
+// constructor throws IoError. The lock is that of a file `path`.lock, which it removes; the system
+// gives it up when a process is killed. Where no such file can be made, or the file system has no
+// locks, there is none.
+class FileLock {
+ public:
+  explicit FileLock(const std::string& path);
+  ~FileLock();
+  FileLock(const FileLock&) = delete;
+  FileLock& operator=(const FileLock&) = delete;
+
+ private:
+  std::string lock_path_;
+  int descriptor_;
+};
+
+}  // namespace cairn
