@@ -13,6 +13,7 @@
 #include "database/stage_names.h"
 #include "pipeline/machines/helpers.h"
 #include "pipeline/stages/extract_photo.h"
+#include "pipeline/stages/failed_photo.h"
 #include "pipeline/stages/masks.h"
 #include "pipeline/stages/stage_ledger.h"
 
@@ -69,8 +70,8 @@ void WriteFeatures(Database& database, const FeatureItem& item, const Features& 
 }
 
 // The image leaves the database, with the reason in its photograph's record.
-void WriteFailure(Database& database, const FeatureItem& item) {
-  database.WritePhoto({item.image.name, item.file_hash, item.error});
+void WriteFailure(Database& database, const std::string& folder, const FeatureItem& item) {
+  database.WritePhoto(FailedPhoto(folder, {item.image.name, item.file_hash, item.error}));
   if (item.is_ours) database.DeleteImage(item.image.image_id);
 }
 
@@ -134,7 +135,7 @@ class FeatureWork {
     } catch (const IoError& error) {
       if (error.path() == item.mask_path) throw;
       item.error = error.reason();
-      writer_.Push([&item](Database& db) { WriteFailure(db, item); });
+      writer_.Push([this, &item](Database& db) { WriteFailure(db, image_path_, item); });
       run_.monitor.Advance(1);
     }
   }

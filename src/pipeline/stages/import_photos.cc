@@ -14,6 +14,7 @@
 #include "cairn/scene/image_name.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
+#include "pipeline/stages/failed_photo.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -178,6 +179,10 @@ std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos
     const auto record = records.find(photo.name);
     const auto image = image_ids.find(photo.name);
     if (record != records.end()) {
+      if (record->second.error.empty() && !photo.error.empty()) {
+        stage.Warn(photo.name + ": " + photo.error + "; what the database has of it stays");
+        continue;
+      }
       const bool is_same = record->second.file_hash == photo.file_hash;
       if (record->second.error.empty() && !is_same) {
         throw ConfigError("image_path", photo.name +
@@ -268,8 +273,8 @@ NewImages MakeImages(const StoredImages& stored, const CameraOptions& options,
   return added;
 }
 
-void WriteImages(Database& database, const NewImages& added, const std::vector<Photo>& photos,
-                 StageLedger& ledger) {
+void WriteImages(Database& database, const NewImages& added, const std::string& image_path,
+                 const std::vector<Photo>& photos, StageLedger& ledger) {
   Database::Transaction transaction(database);
   if (!added.images.empty()) ledger.Begin(database);
   for (const Camera& camera : added.cameras) database.WriteCamera(camera);
@@ -279,7 +284,8 @@ void WriteImages(Database& database, const NewImages& added, const std::vector<P
   }
   if (added.has_reassigned) database.DeleteUnusedCameras();
   for (const Photo& photo : photos) {
-    database.WritePhoto({photo.name, photo.file_hash, photo.error});
+    const PhotoRecord record = {photo.name, photo.file_hash, photo.error};
+    database.WritePhoto(photo.error.empty() ? record : FailedPhoto(image_path, record));
   }
   ledger.Complete(database);
   transaction.Commit();
@@ -322,7 +328,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   }
 
   const NewImages added = MakeImages(stored, options, ledger, known_photos, photos);
-  if (!photos.empty()) WriteImages(database, added, photos, ledger);
+  if (!photos.empty()) WriteImages(database, added, image_path, photos, ledger);
   for (const Photo& photo : photos) {
     if (!photo.error.empty()) stage.Warn(photo.name + ": " + photo.error + "; skipped");
   }

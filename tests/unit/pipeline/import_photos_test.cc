@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <fstream>
@@ -88,6 +89,43 @@ TEST_F(ImportPhotosTest, WhatIsNotReadAndWhatIsGoneIsNamed) {
   Import({}, second);
   EXPECT_THAT(second.warnings(),
               ElementsAre(HasSubstr("no longer has 1 photographs of the database: a.png; their")));
+  EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
+}
+
+// Removes a file when the first photograph's hash is known.
+class Remover : public TestMonitor {
+ public:
+  explicit Remover(std::string path) : path_(std::move(path)) {}
+  void Advance(int64_t num_done) override {
+    fs::remove(path_);
+    TestMonitor::Advance(num_done);
+  }
+
+ private:
+  const std::string path_;
+};
+
+TEST_F(ImportPhotosTest, WhatCannotBeReadForNowIsTriedAgain) {
+  AddPhoto("a.png");
+  AddPhoto("b.png");
+  Remover remover(images_ + "/a.png");
+  ImportPhotos(database_, {images_}, {}, {.num_threads = 1, .monitor = remover});
+  EXPECT_THAT(remover.warnings(), ElementsAre("a.png: No such file or directory; skipped"));
+  AddPhoto("a.png");
+  Import();
+  EXPECT_THAT(Names(), ElementsAre("b.png", "a.png"));
+}
+
+TEST_F(ImportPhotosTest, APhotographThatCannotBeReadForNowDidNotChange) {
+  AddPhoto("a.png");
+  AddPhoto("b.png");
+  Import();
+  fs::remove(images_ + "/a.png");
+  ASSERT_EQ(mkfifo((images_ + "/a.png").c_str(), 0600), 0);
+  TestMonitor monitor;
+  Import({}, monitor);
+  EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("a.png: is a pipe or a device, not a file; "
+                                                        "what the database has of it stays")));
   EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
 }
 

@@ -116,6 +116,18 @@ TEST_F(StagesTest, ATruncatedPhotographLeavesTheDatabaseAndTheRestGoesOn) {
   EXPECT_EQ(database_.ReadNumKeypoints().size(), 4u);
 }
 
+TEST_F(StagesTest, APhotographThatIsGoneWhenItsFeaturesAreMadeIsTriedAgain) {
+  ImportPhotos(database_, {images_}, {}, {.num_threads = 2});
+  std::filesystem::remove(images_ + "/" + Name(1));
+  TestMonitor monitor;
+  ExtractImageFeatures(database_, {images_}, FastFeatures(),
+                       {.num_threads = 2, .monitor = monitor});
+  EXPECT_THAT(monitor.warnings(), ElementsAre(Name(1) + ": No such file or directory; skipped"));
+  AddPhoto(1);
+  EXPECT_EQ(Extract().status, StageStatus::kOk);
+  EXPECT_EQ(database_.ReadNumKeypoints().size(), 4u);
+}
+
 TEST_F(StagesTest, APhotographThatDoesNotFitItsGivenCameraIsSkipped) {
   database_.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 100, 10, 10));
   database_.WriteImage({1, Name(0), 1});
