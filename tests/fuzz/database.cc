@@ -121,7 +121,7 @@ void FuzzDatabaseRows(std::string_view input) {
   static const MutatedDatabase mutated;
   const std::string& path = mutated.Mutate(input);
   ReadOrRefuse([&] {
-    const Database database(path, Database::Mode::kReadOnly);
+    const Database database(path, Database::Mode::kSnapshot);
     ReadTables(database);
     for (const Image& image : database.ReadImages()) ReadImageRows(database, image.image_id);
     for (const image_pair_t pair : database.ReadMatchedPairIds()) ReadPairRows(database, pair);

@@ -13,7 +13,7 @@ void FuzzReconstruct(std::string_view input) {
   ReconstructSettings settings;
   settings.reconstruct.max_rounds = 1;
   ReadOrRefuse([&] {
-    const Database database(path, Database::Mode::kReadOnly);
+    const Database database(path, Database::Mode::kSnapshot);
     ReconstructResult result = Reconstruct(database, "", settings, {.num_threads = 1});
     WriteReconstructResult(result, output.path(), "");
   });
