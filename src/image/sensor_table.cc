@@ -32,9 +32,9 @@ std::map<CameraName, double> ReadTable() {
   for (; cameras && *cameras; ++cameras) {
     const lfCamera& camera = **cameras;
     if (!camera.Maker || !camera.Model || !(camera.CropFactor > 0)) continue;
-    const auto [entry, is_new] =
-        table.try_emplace(MakeName(camera.Maker, camera.Model), camera.CropFactor);
-    const auto [smaller, larger] = std::minmax<double>(entry->second, camera.CropFactor);
+    const double crop = camera.CropFactor;  // a float there
+    const auto [entry, is_new] = table.try_emplace(MakeName(camera.Maker, camera.Model), crop);
+    const auto [smaller, larger] = std::minmax(entry->second, crop);
     if (larger > kSameCrop * smaller) entry->second = 0;
   }
   return table;
