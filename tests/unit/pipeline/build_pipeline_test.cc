@@ -9,7 +9,6 @@
 
 #include "cairn/base/error.h"
 #include "cairn/io/one_dsfm_writer.h"
-#include "cairn/mapper/view_edges.h"
 #include "support/database_dump.h"
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
@@ -75,7 +74,7 @@ TEST_F(BuildPipelineTest, FromPhotographsToVerifiedPairs) {
                 HasSubstr(" " + step + " " + std::to_string(num_pairs) + " ("));
   }
   EXPECT_EQ(num_decided, report.summary.num_tried);
-  EXPECT_FALSE(HasImportedEdges(ReadViewEdges(database)));
+  EXPECT_EQ(database.ReadPairMetrics()[0].verifier, "cascade");
 }
 
 TEST_F(BuildPipelineTest, DumpsAreEqualForAnyNumberOfThreads) {
@@ -245,7 +244,6 @@ TEST_F(BuildPipelineTest, ADatasetWithoutPhotographsIsImported) {
   EXPECT_EQ(report.summary.num_verified, 2);
   EXPECT_EQ(report.summary.largest_component, 3);
   const Database database(folder_ / "a.db");
-  EXPECT_TRUE(HasImportedEdges(ReadViewEdges(database)));
   EXPECT_EQ(database.ReadImages()[2].name, "photo3.png");
   EXPECT_EQ(database.ReadImages()[2].image_id, 4u);
   EXPECT_EQ(database.ReadCameras()[0].width, 160);
@@ -253,15 +251,18 @@ TEST_F(BuildPipelineTest, ADatasetWithoutPhotographsIsImported) {
   EXPECT_FLOAT_EQ((*database.ReadKeypoints(1))[3].x, 13.5f);
   EXPECT_EQ(database.ReadMatches(ImagePairToPairId(1, 2))->size(), 25u);
   EXPECT_EQ((*database.ReadMatches(ImagePairToPairId(1, 2)))[7], (FeatureMatch{7, 7}));
-  const std::vector<ViewEdge> edges = ReadViewEdges(database);
+  const std::vector<PairMetrics> edges = database.ReadPairMetrics();
   ASSERT_EQ(edges.size(), 2u);
+  const auto rotation = [&](const PairMetrics& edge) {
+    EXPECT_EQ(edge.verifier, "imported");
+    return database.ReadTwoViewGeometry(edge.pair_id)->cam2_from_cam1->rotation;
+  };
   const Rigid3d pose(Eigen::Quaterniond(0.8, 0.6, 0, 0), {0, 0.6, 0.8});
-  EXPECT_LT(edges[0].cam2_from_cam1.rotation.angularDistance(pose.rotation), 1e-9);
+  EXPECT_LT(rotation(edges[0]).angularDistance(pose.rotation), 1e-9);
   EXPECT_EQ(edges[0].num_inliers, 25);
-  EXPECT_EQ(edges[1].image_id1, 2u);  // Stored as (3, 1).
-  EXPECT_LT(edges[1].cam2_from_cam1.rotation.angularDistance(pose.rotation.conjugate()), 1e-9);
+  EXPECT_EQ(edges[1].pair_id, ImagePairToPairId(2, 4));  // Stored as (3, 1).
+  EXPECT_LT(rotation(edges[1]).angularDistance(pose.rotation.conjugate()), 1e-9);
   EXPECT_EQ(edges[1].num_inliers, 0);
-  EXPECT_EQ(edges[1].removal, EdgeRemoval::kNone);
   const std::string dump = Dump("a.db");
   RunBuildPipeline(options);
   EXPECT_EQ(Dump("a.db"), dump);
