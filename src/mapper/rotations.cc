@@ -16,7 +16,7 @@ constexpr double kTurnedDeg = 5.0;
 constexpr double kMinTurnedShare = 0.05;
 // Where pairs with this share of all inliers agree with the rotations, weighed or not, other sets
 // of edges are not tried.
-constexpr double kClearSupport = 0.75;
+constexpr double kClearShare = 0.75;
 
 std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<double>& weights) {
   std::vector<RotationEdge> edges;
@@ -111,7 +111,8 @@ class Averager {
 
   bool IsClear() const {
     return !all_.empty() && !IsAnother(all_.front(), all_.back()) &&
-           all_.front().support > kClearSupport * all_.front().possible_support;
+           static_cast<double>(all_.front().num_explainable) >
+               kClearShare * all_.front().possible_support;
   }
 
   size_t NumTried() const { return all_.size(); }
