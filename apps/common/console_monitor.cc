@@ -114,7 +114,6 @@ void ConsoleMonitor::Warning(const std::string& message) {
   const std::lock_guard<std::mutex> lock(mutex_);
   ClearLine();
   spdlog::warn("{}", message);
-  ++num_warnings_;
 }
 
 bool ConsoleMonitor::StopRequested() const { return stop_requested != 0; }

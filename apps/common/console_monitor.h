@@ -24,8 +24,6 @@ class ConsoleMonitor : public ProgressMonitor {
   void Warning(const std::string& message) override;
   bool StopRequested() const override;
 
-  int num_warnings() const { return num_warnings_; }
-
  private:
   using Clock = std::chrono::steady_clock;
   void ShowProgress(Clock::time_point now);
@@ -39,7 +37,6 @@ class ConsoleMonitor : public ProgressMonitor {
   int64_t done_ = 0;
   Clock::time_point stage_start_;
   Clock::time_point last_shown_;
-  int num_warnings_ = 0;
 };
 
 // "75 s", "12 min", "3.4 h".

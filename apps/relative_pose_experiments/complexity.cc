@@ -84,40 +84,36 @@ ComplexityReport RunComplexity(uint64_t seed, int num_instances, int num_counted
 }
 
 Table ToTable(const ComplexityReport& report) {
-  Table table({"solver", "sample_size", "paper_operations", "counted_operations",
-               "counted_divisions_and_roots", "counted_instructions", "models_per_sample",
-               "outlier_share", "iterations", "paper_total", "counted_total"});
+  Table table;
   for (const SolverCost& cost : report.solvers) {
     for (const double share : kTableOutlierShares) {
       const double iterations = RansacIterations(share, cost.sample_size);
-      table.Row()
-          .Add(SolverName(cost.solver))
-          .Add(cost.sample_size)
-          .Add(cost.paper_operations)
-          .Add(cost.counted_operations)
-          .Add(cost.counted_divisions_and_roots)
-          .Add(cost.counted_instructions)
-          .Add(cost.models_per_sample)
-          .Add(share)
-          .Add(iterations)
-          .Add(iterations * cost.paper_operations)
-          .Add(iterations * cost.counted_operations);
+      table.AddRow({{"solver", SolverName(cost.solver)},
+                    {"sample_size", cost.sample_size},
+                    {"paper_operations", cost.paper_operations},
+                    {"counted_operations", cost.counted_operations},
+                    {"counted_divisions_and_roots", cost.counted_divisions_and_roots},
+                    {"counted_instructions", cost.counted_instructions},
+                    {"models_per_sample", cost.models_per_sample},
+                    {"outlier_share", share},
+                    {"iterations", iterations},
+                    {"paper_total", iterations * cost.paper_operations},
+                    {"counted_total", iterations * cost.counted_operations}});
     }
   }
   return table;
 }
 
 Table IterationTable(const ComplexityReport& report) {
-  Table table({"solver", "outlier_share", "iterations", "paper_operations", "counted_operations"});
+  Table table;
   for (const SolverCost& cost : report.solvers) {
     for (int percent = 5; percent <= 95; percent += 5) {
       const double iterations = RansacIterations(percent / 100.0, cost.sample_size);
-      table.Row()
-          .Add(SolverName(cost.solver))
-          .Add(percent / 100.0)
-          .Add(iterations)
-          .Add(iterations * cost.paper_operations)
-          .Add(iterations * cost.counted_operations);
+      table.AddRow({{"solver", SolverName(cost.solver)},
+                    {"outlier_share", percent / 100.0},
+                    {"iterations", iterations},
+                    {"paper_operations", iterations * cost.paper_operations},
+                    {"counted_operations", iterations * cost.counted_operations}});
     }
   }
   return table;
@@ -154,8 +150,9 @@ std::vector<SolverTime> TimeSolvers(uint64_t seed, int64_t num_instances, int nu
 }
 
 Table ToTable(const std::vector<SolverTime>& times) {
-  Table table({"solver", "ns"});
-  for (const SolverTime& time : times) table.Row().Add(SolverName(time.solver)).Add(time.ns);
+  Table table;
+  for (const SolverTime& time : times)
+    table.AddRow({{"solver", SolverName(time.solver)}, {"ns", time.ns}});
   return table;
 }
 

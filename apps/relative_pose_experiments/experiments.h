@@ -5,7 +5,6 @@
 
 #include "cairn/base/options.h"
 #include "cairn/base/progress.h"
-#include "cairn/depth/options.h"
 #include "cairn/two_view/options.h"
 #include "relative_pose_experiments/real_scene.h"
 #include "relative_pose_experiments/table.h"
@@ -18,30 +17,21 @@ struct ExperimentOptions {
   bool quick = false;
   int seed = 0;
   int num_threads = -1;
-  std::string verifiers = "one_ac_depth,five_point,cascade";
-  bool refine_intrinsics = true;
 
   void VisitFields(OptionVisitor& v) {
     v.String("output_path", output_path, "folder for the tables (CSV) and the checks");
-    v.Choice(
-        "experiment", experiment,
-        {"all", "errata", "complexity", "timings", "stability", "noise", "pairs", "reconstruction"},
-        "one experiment, or all");
+    v.Choice("experiment", experiment,
+             {"all", "complexity", "timings", "stability", "noise", "pairs"},
+             "one experiment, or all");
     v.Bool("quick", quick, "fewer instances: under two minutes");
     v.Int("seed", seed, {0, 1e9}, "seed of all random numbers");
     v.Int("num_threads", num_threads, {-1, 1024}, "threads; -1: all");
-    v.String("verifiers", verifiers,
-             "experiment reconstruction: verifiers to compare, with commas between them");
-    v.Bool("refine_intrinsics", refine_intrinsics,
-           "experiment reconstruction: refine focal lengths and distortions");
   }
 };
 
-// What the experiments pairs and reconstruction work on; without data.database_path, on a synthetic
-// scene.
+// What the experiment pairs works on; without data.database_path, a synthetic scene.
 struct RealExperimentOptions {
   RealDataOptions data;
-  DepthOptions depth;
   TwoViewOptions verification;
 };
 

@@ -16,7 +16,6 @@ int Main(int argc, char** argv) {
   experiments::RealExperimentOptions real;
   command.AddOptions("", options);
   command.AddOptions("", real.data);
-  command.AddOptions("depth", real.depth);
   command.AddOptions("verification", real.verification);
   command.SetRun([&] {
     command.Require("output_path");

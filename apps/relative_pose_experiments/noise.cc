@@ -133,41 +133,36 @@ NoiseReport RunNoise(const std::vector<Instance>& instances, uint64_t seed, int 
 }
 
 Table CurveTable(const NoiseReport& report) {
-  Table table({"setup", "varied", "image_px", "affine", "depth", "solver", "rotation_median_deg",
-               "rotation_mean_deg", "translation_median_deg", "translation_mean_deg",
-               "share_without_model"});
+  Table table;
   for (const NoiseCurve& curve : report.curves) {
     for (const NoiseFigures& f : curve.figures) {
-      table.Row()
-          .Add(curve.setup)
-          .Add(curve.varied)
-          .Add(f.levels.image_px)
-          .Add(f.levels.affine)
-          .Add(f.levels.depth)
-          .Add(SolverName(f.solver))
-          .Add(f.rotation_median_deg)
-          .Add(f.rotation_mean_deg)
-          .Add(f.translation_median_deg)
-          .Add(f.translation_mean_deg)
-          .Add(f.share_without_model);
+      table.AddRow({{"setup", curve.setup},
+                    {"varied", curve.varied},
+                    {"image_px", f.levels.image_px},
+                    {"affine", f.levels.affine},
+                    {"depth", f.levels.depth},
+                    {"solver", SolverName(f.solver)},
+                    {"rotation_median_deg", f.rotation_median_deg},
+                    {"rotation_mean_deg", f.rotation_mean_deg},
+                    {"translation_median_deg", f.translation_median_deg},
+                    {"translation_mean_deg", f.translation_mean_deg},
+                    {"share_without_model", f.share_without_model}});
     }
   }
   return table;
 }
 
 Table HeatMapTable(const NoiseReport& report) {
-  Table table({"solver", "vertical", "image_px", "affine", "depth", "rotation_median_deg",
-               "rotation_mean_deg"});
+  Table table;
   for (const NoiseHeatMap& map : report.heat_maps) {
     for (const NoiseFigures& f : map.figures) {
-      table.Row()
-          .Add(SolverName(map.solver))
-          .Add(map.vertical)
-          .Add(f.levels.image_px)
-          .Add(f.levels.affine)
-          .Add(f.levels.depth)
-          .Add(f.rotation_median_deg)
-          .Add(f.rotation_mean_deg);
+      table.AddRow({{"solver", SolverName(map.solver)},
+                    {"vertical", map.vertical},
+                    {"image_px", f.levels.image_px},
+                    {"affine", f.levels.affine},
+                    {"depth", f.levels.depth},
+                    {"rotation_median_deg", f.rotation_median_deg},
+                    {"rotation_mean_deg", f.rotation_mean_deg}});
     }
   }
   return table;

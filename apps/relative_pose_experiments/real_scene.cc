@@ -1,15 +1,10 @@
 #include "relative_pose_experiments/real_scene.h"
 
-#include <memory>
 #include <optional>
 #include <set>
 
 #include "cairn/base/error.h"
 #include "cairn/database/database.h"
-#include "cairn/depth/depth_map.h"
-#include "cairn/depth/depth_network.h"
-#include "cairn/depth/sample_depth.h"
-#include "cairn/image/bitmap.h"
 #include "cairn/io/model.h"
 #include "cairn/math/angles.h"
 #include "cairn/pipeline/stages.h"
@@ -70,40 +65,7 @@ class Reference {
   std::set<image_pair_t> connected_;
 };
 
-bool HasDepthSource(const RealDataOptions& options) {
-  return !options.depth_path.empty() || !options.depth_model.empty();
-}
-
-void SampleDepths(const RealDataOptions& options, const DepthOptions& depth_options,
-                  ProgressMonitor& monitor, std::map<image_t, RealImage>* images) {
-  if (!HasDepthSource(options)) return;
-  std::unique_ptr<DepthNetwork> network;
-  if (!options.depth_model.empty()) {
-    network = std::make_unique<DepthNetwork>(options.depth_model, depth_options);
-  }
-  monitor.BeginStage("depth", static_cast<int64_t>(images->size()));
-  for (auto& [id, image] : *images) {
-    try {
-      DepthMap map;
-      if (network) {
-        map =
-            network->Compute(ReadBitmap(options.image_path + "/" + image.name, BitmapColor::kRgb));
-      } else {
-        const auto path = FindDepthMap(options.depth_path, image.name);
-        if (!path) throw IoError(options.depth_path, "no depth map of " + image.name);
-        map = ReadDepthMap(*path, depth_options);
-      }
-      image.depth = SampleDepth(map, image.camera.width, image.camera.height, image.keypoints,
-                                depth_options.Windows());
-    } catch (const IoError& error) {
-      monitor.Warning(std::string(error.what()) + "; the image has no depth");
-    }
-    monitor.Advance(1);
-  }
-  monitor.EndStage();
-}
-
-std::map<image_t, RealImage> ReadRealImages(const Database& database, bool read_depth) {
+std::map<image_t, RealImage> ReadRealImages(const Database& database) {
   std::map<camera_t, Camera> cameras;
   for (const Camera& camera : database.ReadCameras()) cameras[camera.camera_id] = camera;
   std::map<image_t, RealImage> images;
@@ -112,26 +74,21 @@ std::map<image_t, RealImage> ReadRealImages(const Database& database, bool read_
     if (!keypoints) continue;
     RealImage& out = images[image.image_id];
     out = {image.name, cameras.at(image.camera_id), std::move(*keypoints), {}};
-    if (read_depth) {
-      out.depth = database.ReadDepthSamples(image.image_id).value_or(std::vector<DepthSample>());
-    }
+    out.depth = database.ReadDepthSamples(image.image_id).value_or(std::vector<DepthSample>());
   }
   return images;
 }
 
 }  // namespace
 
-RealScene LoadRealScene(const RealDataOptions& options, const DepthOptions& depth_options,
-                        int min_num_matches, ProgressMonitor& monitor) {
+RealScene LoadRealScene(const RealDataOptions& options, int min_num_matches,
+                        ProgressMonitor& monitor) {
   if (options.database_path.empty()) throw ConfigError("database_path", "is needed");
   if (options.reference_path.empty()) throw ConfigError("reference_path", "is needed");
-  if (!options.depth_model.empty() && options.image_path.empty()) {
-    throw ConfigError("image_path", "is needed for depth_model");
-  }
   const Database database(options.database_path, Database::Mode::kReadOnly);
   const OwnMatches own_matches(database);
   RealScene scene;
-  scene.images = ReadRealImages(database, !HasDepthSource(options));
+  scene.images = ReadRealImages(database);
   const Reference reference(options.reference_path, scene.images);
   const std::vector<image_pair_t> pair_ids =
       options.pairs_path.empty() ? database.ReadMatchedPairIds()
@@ -149,7 +106,6 @@ RealScene LoadRealScene(const RealDataOptions& options, const DepthOptions& dept
   if (scene.pairs.empty()) {
     throw ConfigError("database_path", "no pair with matches that the reference connects");
   }
-  SampleDepths(options, depth_options, monitor, &scene.images);
   return scene;
 }
 

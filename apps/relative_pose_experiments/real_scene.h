@@ -7,7 +7,6 @@
 #include "cairn/base/options.h"
 #include "cairn/base/progress.h"
 #include "cairn/camera/camera.h"
-#include "cairn/depth/options.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/scene/features.h"
 #include "cairn/two_view/pair_verifier.h"
@@ -18,20 +17,14 @@ namespace cairn::experiments {
 struct RealDataOptions {
   std::string database_path;
   std::string reference_path;
-  std::string image_path;
-  std::string depth_path;
-  std::string depth_model;
   std::string pairs_path;
   std::string scene = "scene";
   std::string depth_name = "depth";
 
   void VisitFields(OptionVisitor& v) {
-    v.String("database_path", database_path, "database with keypoints and matches");
+    v.String("database_path", database_path, "database with keypoints, depth and matches");
     v.String("reference_path", reference_path,
              "reference poses: COLMAP model, bundle.out with its list, or folder of .camera files");
-    v.String("image_path", image_path, "photographs, for depth_model");
-    v.String("depth_path", depth_path, "folder of depth maps");
-    v.String("depth_model", depth_model, "ONNX network that gives depth, instead of depth_path");
     v.String("pairs_path", pairs_path, "file with two image names a line; without, all pairs");
     v.String("scene", scene, "name of the scene in the tables");
     v.String("depth_name", depth_name, "name of the depth source in the tables");
@@ -61,11 +54,10 @@ struct RealScene {
 
 // The database's pairs with at least min_num_matches matches that the reference connects: both
 // images have a pose at different places, and, where the reference has points, see one in common.
-// Depth is sampled from the given source, where an image without depth is named in a warning;
-// without a source, the database's own depth is taken. Images meet by name, or by the last part of
-// their path. Throws IoError, and ConfigError where a path is missing or nothing is left.
-RealScene LoadRealScene(const RealDataOptions& options, const DepthOptions& depth_options,
-                        int min_num_matches, ProgressMonitor& monitor);
+// Images meet by name, or by the last part of their path. Throws IoError, and ConfigError where a
+// path is missing or nothing is left.
+RealScene LoadRealScene(const RealDataOptions& options, int min_num_matches,
+                        ProgressMonitor& monitor);
 
 PairInput InputOf(const RealPair& pair, uint64_t seed);
 

@@ -64,31 +64,29 @@ std::vector<FigureCheck> Checks(const SingleReport& report) {
 }
 
 Table SingleSummaryTable(const SingleReport& report, const RealDataOptions& data) {
-  Table table({"scene", "depth", "matches", "hypotheses", "share_six_inliers", "share_within_20_15",
-               "share_within_10_10"});
-  table.Row()
-      .Add(data.scene)
-      .Add(data.depth_name)
-      .Add(report.num_matches)
-      .Add(report.num_hypotheses)
-      .Add(report.share_six_inliers)
-      .Add(report.share_within_20_15)
-      .Add(report.share_within_10_10);
+  Table table;
+  table.AddRow({{"scene", data.scene},
+                {"depth", data.depth_name},
+                {"matches", report.num_matches},
+                {"hypotheses", report.num_hypotheses},
+                {"share_six_inliers", report.share_six_inliers},
+                {"share_within_20_15", report.share_within_20_15},
+                {"share_within_10_10", report.share_within_10_10}});
   return table;
 }
 
 Table SingleDistributionTable(const SingleReport& report, const RealDataOptions& data) {
-  Table table({"scene", "depth", "matches", "degrees", "rotation_share", "translation_share"});
+  Table table;
   const double with_hypothesis =
       static_cast<double>(report.num_hypotheses) / std::max<int64_t>(report.num_matches, 1);
   for (int degrees = 1; degrees <= 180; ++degrees) {
-    table.Row()
-        .Add(data.scene)
-        .Add(data.depth_name)
-        .Add(report.num_matches)
-        .Add(degrees)
-        .Add(with_hypothesis * ShareBelow(report.rotation_deg, degrees))
-        .Add(with_hypothesis * ShareBelow(report.translation_deg, degrees));
+    table.AddRow(
+        {{"scene", data.scene},
+         {"depth", data.depth_name},
+         {"matches", report.num_matches},
+         {"degrees", degrees},
+         {"rotation_share", with_hypothesis * ShareBelow(report.rotation_deg, degrees)},
+         {"translation_share", with_hypothesis * ShareBelow(report.translation_deg, degrees)}});
   }
   return table;
 }

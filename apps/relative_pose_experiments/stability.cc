@@ -57,38 +57,35 @@ std::vector<StabilityFigures> RunStability(const std::vector<Instance>& instance
 }
 
 Table ToTable(const std::vector<StabilityFigures>& figures) {
-  Table table({"solver", "error", "median", "p99", "p99.9", "max", "share_above_1e-6", "instances",
-               "without_model"});
+  Table table;
   for (const StabilityFigures& f : figures) {
     for (const auto& [name, values] : AllErrors(f)) {
-      table.Row()
-          .Add(f.solver)
-          .Add(name)
-          .Add(Median(*values))
-          .Add(Quantile(*values, 0.99))
-          .Add(Quantile(*values, 0.999))
-          .Add(Quantile(*values, 1.0))
-          .Add(1.0 - ShareBelow(*values, 1e-6))
-          .Add(static_cast<int64_t>(values->size()) + f.num_without_model)
-          .Add(f.num_without_model);
+      table.AddRow({{"solver", f.solver},
+                    {"error", name},
+                    {"median", Median(*values)},
+                    {"p99", Quantile(*values, 0.99)},
+                    {"p99.9", Quantile(*values, 0.999)},
+                    {"max", Quantile(*values, 1.0)},
+                    {"share_above_1e-6", 1.0 - ShareBelow(*values, 1e-6)},
+                    {"instances", static_cast<int64_t>(values->size()) + f.num_without_model},
+                    {"without_model", f.num_without_model}});
     }
   }
   return table;
 }
 
 Table HistogramTable(const std::vector<StabilityFigures>& figures) {
-  Table table({"error", "solver", "log10_min", "log10_max", "count"});
+  Table table;
   for (const StabilityFigures& f : figures) {
     for (const auto& [name, values] : AllErrors(f)) {
       const LogHistogram histogram = MakeLogHistogram(*values);
       for (size_t bin = 0; bin < histogram.counts.size(); ++bin) {
         const double low = histogram.log10_min + histogram.bin_width * static_cast<double>(bin);
-        table.Row()
-            .Add(name)
-            .Add(f.solver)
-            .Add(low)
-            .Add(low + histogram.bin_width)
-            .Add(histogram.counts[bin]);
+        table.AddRow({{"error", name},
+                      {"solver", f.solver},
+                      {"log10_min", low},
+                      {"log10_max", low + histogram.bin_width},
+                      {"count", histogram.counts[bin]}});
       }
     }
   }

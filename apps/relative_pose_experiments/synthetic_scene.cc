@@ -1,10 +1,11 @@
 #include "relative_pose_experiments/synthetic_scene.h"
 
+#include <filesystem>
+
 #include "cairn/base/file.h"
 #include "cairn/database/database.h"
 #include "cairn/io/colmap_model.h"
 #include "cairn/synthetic/scene.h"
-#include "relative_pose_experiments/remove_database.h"
 
 namespace cairn::experiments {
 
@@ -26,7 +27,9 @@ RealDataOptions WriteSyntheticScene(const std::string& folder, bool quick, uint6
   data.database_path = folder + "/synthetic/scene.db";
   data.reference_path = folder + "/synthetic/truth";
   CreateFolders(folder + "/synthetic");
-  RemoveDatabase(data.database_path);
+  for (const char* suffix : {"", "-wal", "-shm"}) {  // of an earlier run
+    std::filesystem::remove(data.database_path + suffix);
+  }
   const SyntheticScene scene = MakeScene(options, seed);
   Database database(data.database_path);
   WriteScene(scene, SceneContent::kMatches, database);

@@ -1,5 +1,6 @@
 #include "relative_pose_experiments/table.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "cairn/base/check.h"
@@ -8,41 +9,26 @@
 namespace cairn::experiments {
 namespace {
 
-void AppendLine(const std::vector<std::string>& cells, std::string* csv) {
-  for (size_t i = 0; i < cells.size(); ++i) {
-    CAIRN_CHECK(cells[i].find_first_of(",\"\n") == std::string::npos);
-    if (i > 0) *csv += ',';
-    *csv += cells[i];
+std::string Line(const std::vector<Table::Cell>& cells, std::string Table::Cell::*part) {
+  std::string line;
+  for (const Table::Cell& cell : cells) {
+    CAIRN_CHECK((cell.*part).find_first_of(",\"\n") == std::string::npos);
+    line += (&cell == &cells.front() ? "" : ",") + cell.*part;
   }
-  *csv += '\n';
+  return line + '\n';
 }
 
 }  // namespace
 
-Table::Table(std::vector<std::string> columns) : columns_(std::move(columns)) {}
-
-Table& Table::Row() {
-  rows_.emplace_back();
-  return *this;
+void Table::AddRow(std::initializer_list<Cell> cells) {
+  rows_.emplace_back(cells);
+  CAIRN_CHECK(std::ranges::equal(rows_.front(), rows_.back(), {}, &Cell::name, &Cell::name));
 }
-
-Table& Table::Add(std::string_view text) {
-  CAIRN_CHECK(!rows_.empty());
-  rows_.back().emplace_back(text);
-  return *this;
-}
-
-Table& Table::Add(double value) { return Add(FormatNumber(value)); }
-
-Table& Table::Add(int64_t value) { return Add(std::to_string(value)); }
 
 std::string Table::ToCsv() const {
   std::string csv;
-  AppendLine(columns_, &csv);
-  for (const auto& row : rows_) {
-    CAIRN_CHECK_EQ(row.size(), columns_.size());
-    AppendLine(row, &csv);
-  }
+  if (!rows_.empty()) csv += Line(rows_.front(), &Cell::name);
+  for (const std::vector<Cell>& row : rows_) csv += Line(row, &Cell::text);
   return csv;
 }
 

@@ -1,35 +1,37 @@
 #pragma once
 
+#include <concepts>
+#include <initializer_list>
 #include <string>
 #include <string_view>
 #include <vector>
 
 namespace cairn::experiments {
 
+// "%.6g", the same on every machine.
+std::string FormatNumber(double value);
+
 // A table of text, written as CSV with a header.
 class Table {
  public:
-  explicit Table(std::vector<std::string> columns);
+  // A named value: a text, a whole number, or six significant digits.
+  struct Cell {
+    Cell(const char* column, std::string_view value) : name(column), text(value) {}
+    Cell(const char* column, std::integral auto value)
+        : name(column), text(std::to_string(value)) {}
+    Cell(const char* column, double value) : name(column), text(FormatNumber(value)) {}
+    std::string name, text;
+  };
+  // All rows have the same columns.
+  void AddRow(std::initializer_list<Cell> cells);
 
-  // Starts a row; Add fills its cells from the left.
-  Table& Row();
-  Table& Add(std::string_view text);
-  Table& Add(double value);  // six significant digits
-  Table& Add(int value) { return Add(static_cast<int64_t>(value)); }
-  Table& Add(int64_t value);
-
-  // Checks that every row is complete.
   std::string ToCsv() const;
   // Throws IoError.
   void Write(const std::string& path) const;
 
  private:
-  std::vector<std::string> columns_;
-  std::vector<std::vector<std::string>> rows_;
+  std::vector<std::vector<Cell>> rows_;
 };
-
-// "%.6g", the same on every machine.
-std::string FormatNumber(double value);
 
 // A figure that must lie within wide bounds: far enough to hold for every machine and seed, near
 // enough that a wrong sign or a transposed matrix breaks it.

@@ -2,41 +2,68 @@
 
 #include <cstdint>
 #include <cstring>
-#include <span>
+#include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <vector>
 
 #include "cairn/base/check.h"
-#include "cairn/base/options.h"
 
 namespace cairn {
+
+// What a value consists of, where it is more than plain memory, a text, a vector or an optional
+// value: `Visit(bytes, value)` gives its parts to `bytes`, a ByteSink or a ByteSource. So one list
+// of fields writes and reads.
+template <class T>
+struct BytesOf;
 
 // Values as bytes in memory, for another process of the same program: no format that is kept.
 class ByteSink {
  public:
-  template <class T>
-  requires std::is_trivially_copyable_v<T>
-  void Add(const T& value) { bytes_.append(reinterpret_cast<const char*>(&value), sizeof(T)); }
-  template <class T>
-  requires std::is_trivially_copyable_v<T>
-  void AddArray(std::span<const T> values) {
-    Add(static_cast<uint64_t>(values.size()));
-    bytes_.append(reinterpret_cast<const char*>(values.data()), values.size_bytes());
+  template <class... T>
+  void operator()(const T&... values) {
+    (Add(values), ...);
   }
-  template <class T>
-  void AddVector(const std::vector<T>& values) {
-    AddArray(std::span<const T>(values));
+  void AddText(std::string_view text) {
+    Add(uint64_t{text.size()});
+    Append(text);
   }
-  void AddText(std::string_view text) { AddArray(std::span<const char>(text)); }
-
   void Append(std::string_view bytes) { bytes_.append(bytes); }
 
   size_t size() const { return bytes_.size(); }
   std::string Take() { return std::move(bytes_); }
 
  private:
+  template <class T>
+  void AddMemory(const T* values, size_t num) {
+    Append({reinterpret_cast<const char*>(values), num * sizeof(T)});
+  }
+  template <class T>
+  void Add(const T& value) {
+    if constexpr (std::is_trivially_copyable_v<T>) {
+      AddMemory(&value, 1);
+    } else {
+      BytesOf<T>::Visit(*this, value);
+    }
+  }
+  void Add(const std::string& text) { AddText(text); }
+  template <class T>
+  void Add(const std::vector<T>& values) {
+    Add(uint64_t{values.size()});
+    if constexpr (std::is_trivially_copyable_v<T>) {
+      AddMemory(values.data(), values.size());
+    } else {
+      for (const T& value : values) Add(value);
+    }
+  }
+  template <class T>
+  void Add(const std::optional<T>& value) {
+    Add(value.has_value());
+    if (value) Add(*value);
+  }
+
   std::string bytes_;
 };
 
@@ -45,89 +72,70 @@ class ByteSource {
  public:
   explicit ByteSource(std::string_view bytes) : rest_(bytes) {}
 
+  template <class... T>
+  void operator()(T&... values) {
+    (Read(values), ...);
+  }
   template <class T>
-  requires std::is_trivially_copyable_v<T> T Get() {
-    T value;
-    std::memcpy(&value, Skip(sizeof(T)), sizeof(T));
+  T Get() {
+    T value{};
+    Read(value);
     return value;
   }
-  template <class T>
-  requires std::is_trivially_copyable_v<T> std::vector<T> GetVector() {
-    const auto size = Get<uint64_t>();
-    CAIRN_CHECK(size <= rest_.size() / sizeof(T));
-    std::vector<T> values(size);
-    if (size > 0) std::memcpy(values.data(), Skip(size * sizeof(T)), size * sizeof(T));
-    return values;
-  }
   // Valid as long as the bytes.
-  std::string_view GetText() {
-    const auto size = Get<uint64_t>();
-    return {Skip(size), size};
-  }
+  std::string_view GetText() { return Skip(Get<uint64_t>()); }
   bool IsAtEnd() const { return rest_.empty(); }
 
  private:
-  const char* Skip(uint64_t num_bytes) {
+  std::string_view Skip(uint64_t num_bytes) {
     CAIRN_CHECK(num_bytes <= rest_.size());
-    const char* begin = rest_.data();
+    const std::string_view skipped = rest_.substr(0, num_bytes);
     rest_.remove_prefix(num_bytes);
-    return begin;
+    return skipped;
+  }
+  template <class T>
+  void ReadMemory(T* values, size_t num) {
+    CAIRN_CHECK(num <= rest_.size() / sizeof(T));
+    if (num > 0) std::memcpy(values, Skip(num * sizeof(T)).data(), num * sizeof(T));
+  }
+  template <class T>
+  void Read(T& value) {
+    if constexpr (std::is_trivially_copyable_v<T>) {
+      ReadMemory(&value, 1);
+    } else {
+      BytesOf<T>::Visit(*this, value);
+    }
+  }
+  void Read(std::string& text) { text = GetText(); }
+  template <class T>
+  void Read(std::vector<T>& values) {
+    const auto num = Get<uint64_t>();
+    CAIRN_CHECK(num <= rest_.size());
+    values.resize(num);
+    if constexpr (std::is_trivially_copyable_v<T>) {
+      ReadMemory(values.data(), num);
+    } else {
+      for (T& value : values) Read(value);
+    }
+  }
+  template <class T>
+  void Read(std::optional<T>& value) {
+    value.reset();
+    if (Get<bool>()) Read(value.emplace());
   }
 
   std::string_view rest_;
 };
 
-// The fields of an options struct as bytes, and back.
-class OptionSaver : public OptionVisitor {
- public:
-  explicit OptionSaver(ByteSink& sink) : sink_(sink) {}
-  void Bool(std::string_view, bool& value, std::string_view) override { sink_.Add(value); }
-  void Int(std::string_view, int& value, OptionRange, std::string_view) override {
-    sink_.Add(value);
+// Shared memory is sent as what it holds; none arrives as an empty value.
+template <class T>
+struct BytesOf<std::shared_ptr<const T>> {
+  static void Visit(ByteSink& bytes, const std::shared_ptr<const T>& value) {
+    value ? bytes(*value) : bytes(T());
   }
-  void Double(std::string_view, double& value, OptionRange, std::string_view) override {
-    sink_.Add(value);
+  static void Visit(ByteSource& bytes, std::shared_ptr<const T>& value) {
+    value = std::make_shared<const T>(bytes.Get<T>());
   }
-  void String(std::string_view, std::string& value, std::string_view) override {
-    sink_.AddText(value);
-  }
-  void Doubles(std::string_view, std::vector<double>& value, std::string_view) override {
-    sink_.AddVector(value);
-  }
-
- private:
-  void Choice(std::string_view, const ChoiceField& field, std::string_view) override {
-    sink_.AddText(field.get());
-  }
-
-  ByteSink& sink_;
-};
-
-class OptionLoader : public OptionVisitor {
- public:
-  explicit OptionLoader(ByteSource& source) : source_(source) {}
-  void Bool(std::string_view, bool& value, std::string_view) override {
-    value = source_.Get<bool>();
-  }
-  void Int(std::string_view, int& value, OptionRange, std::string_view) override {
-    value = source_.Get<int>();
-  }
-  void Double(std::string_view, double& value, OptionRange, std::string_view) override {
-    value = source_.Get<double>();
-  }
-  void String(std::string_view, std::string& value, std::string_view) override {
-    value = source_.GetText();
-  }
-  void Doubles(std::string_view, std::vector<double>& value, std::string_view) override {
-    value = source_.GetVector<double>();
-  }
-
- private:
-  void Choice(std::string_view, const ChoiceField& field, std::string_view) override {
-    field.set(std::string(source_.GetText()));
-  }
-
-  ByteSource& source_;
 };
 
 }  // namespace cairn

@@ -19,14 +19,13 @@ namespace {
 struct Table {
   const char* name;
   const char* sql;
-  bool is_cairn;
 };
 constexpr Table kPairTables[] = {
-    {"matches", CAIRN_SQL_BAD_PAIRS("matches"), false},
-    {"two_view_geometries", CAIRN_SQL_BAD_PAIRS("two_view_geometries"), false},
-    {"cairn_pair_metrics", CAIRN_SQL_BAD_PAIRS("cairn_pair_metrics"), true}};
-constexpr Table kImageTables[] = {{"keypoints", CAIRN_SQL_BAD_IMAGE_ROWS("keypoints"), false},
-                                  {"descriptors", CAIRN_SQL_BAD_IMAGE_ROWS("descriptors"), false}};
+    {"matches", CAIRN_SQL_BAD_PAIRS("matches")},
+    {"two_view_geometries", CAIRN_SQL_BAD_PAIRS("two_view_geometries")},
+    {"cairn_pair_metrics", CAIRN_SQL_BAD_PAIRS("cairn_pair_metrics")}};
+constexpr Table kImageTables[] = {{"keypoints", CAIRN_SQL_BAD_IMAGE_ROWS("keypoints")},
+                                  {"descriptors", CAIRN_SQL_BAD_IMAGE_ROWS("descriptors")}};
 
 // Why the row of a pair cannot be used.
 std::string ReasonAgainstPair(int64_t pair_id) {
@@ -113,7 +112,6 @@ std::vector<std::string> Database::FindBadRows() const {
     }
   }
   for (const Table& table : kPairTables) {
-    if (table.is_cairn && !impl_->has_cairn_tables) continue;
     Query query(*impl_, table.sql);
     while (query.Step()) {
       bad.push_back(PairRowName(table.name, query.Int(0)) + ": " + ReasonAgainstPair(query.Int(0)));

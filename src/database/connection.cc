@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <sstream>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -35,7 +36,7 @@ bool IsReadOnly(Database::Mode mode) {
 }
 
 bool TableExists(Database::Impl& impl, const char* table) {
-  return Query(impl, sql::kTableExists).Bind(1, std::string_view(table)).Step();
+  return Query(impl, sql::kTableExists, table).Step();
 }
 
 // A file in write-ahead mode needs a file beside it even for reading. Where the folder does not
@@ -106,7 +107,7 @@ void CreateColmapTables(Database::Impl& impl) {
 }
 
 bool ColumnExists(Database::Impl& impl, std::string_view table, std::string_view column) {
-  return Query(impl, sql::kColumnExists).Bind(1, table).Bind(2, column).Step();
+  return Query(impl, sql::kColumnExists, table, column).Step();
 }
 
 // The table of two-view geometries, under the name that it has in this file.
@@ -171,6 +172,18 @@ void ViewOldTables(Database::Impl& impl) {
 
 }  // namespace
 
+// For reading alone: those of our tables that the file lacks, as empty ones of this connection.
+void AddEmptyTables(Database::Impl& impl) {
+  std::istringstream schema(sql::kCairnSchema);
+  for (std::string statement; std::getline(schema, statement, ';');) {
+    const size_t begin = statement.find("cairn_");
+    if (begin == std::string::npos) continue;
+    const std::string table = statement.substr(begin);
+    const std::string name = table.substr(0, table.find('\n'));
+    if (!TableExists(impl, name.c_str())) impl.Execute(("CREATE TEMP TABLE " + table).c_str());
+  }
+}
+
 std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database::Mode mode) {
   auto impl = std::make_unique<Database::Impl>();
   impl->path = path;
@@ -186,14 +199,11 @@ std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database
     if (is_empty) CreateColmapTables(*impl);
     UpdateColmapTables(*impl);
     impl->Execute(sql::kCairnSchema);
+  } else {
+    AddEmptyTables(*impl);
   }
   ViewOldTables(*impl);
   impl->Execute(sql::kCreateUsableImages);
-  impl->has_cairn_tables = TableExists(*impl, "cairn_stages");
-  impl->has_depth_tables = TableExists(*impl, "cairn_depth_scales");
-  impl->has_lens_table = TableExists(*impl, "cairn_camera_lenses");
-  impl->has_focal_tables = TableExists(*impl, "cairn_camera_focals");
-  impl->has_choice_table = TableExists(*impl, "cairn_pair_choices");
   impl->has_rigs = TableExists(*impl, "rigs") && TableExists(*impl, "frame_data");
   impl->has_descriptor_types = ColumnExists(*impl, "descriptors", "type");
   if (mode == Database::Mode::kSnapshot) impl->Execute(sql::kBeginReading);

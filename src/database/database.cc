@@ -13,10 +13,10 @@ namespace {
 int64_t RigOfCamera(Database::Impl& impl, camera_t camera_id) {
   for (int attempt = 0; attempt < 2; ++attempt) {
     for (const char* sql : {sql::kReadRig, sql::kReadRigSensor}) {
-      Query query(impl, sql);
-      if (query.Bind(1, camera_id).Step()) return query.Int(0);
+      Query query(impl, sql, camera_id);
+      if (query.Step()) return query.Int(0);
     }
-    if (attempt == 0) Query(impl, sql::kWriteRig).Bind(1, camera_id).Run();
+    if (attempt == 0) Run(impl, sql::kWriteRig, camera_id);
   }
   throw BugError("a rig was written and cannot be found");
 }
@@ -27,8 +27,8 @@ struct FrameRow {
 };
 
 std::optional<FrameRow> ReadFrame(Database::Impl& impl, image_t image_id) {
-  Query query(impl, sql::kReadFrame);
-  if (!query.Bind(1, image_id).Step()) return std::nullopt;
+  Query query(impl, sql::kReadFrame, image_id);
+  if (!query.Step()) return std::nullopt;
   return FrameRow{query.Int(0), query.Int(1)};
 }
 
@@ -36,8 +36,8 @@ std::optional<FrameRow> ReadFrame(Database::Impl& impl, image_t image_id) {
 void DeleteFrame(Database::Impl& impl, image_t image_id) {
   const std::optional<FrameRow> frame = ReadFrame(impl, image_id);
   if (!frame) return;
-  Query(impl, sql::kDeleteFrameData).Bind(1, frame->frame_id).Run();
-  Query(impl, sql::kDeleteFrame).Bind(1, frame->frame_id).Run();
+  Run(impl, sql::kDeleteFrameData, frame->frame_id);
+  Run(impl, sql::kDeleteFrame, frame->frame_id);
 }
 
 // COLMAP 4.x: a frame of its own for the image, unless it has one.
@@ -45,13 +45,13 @@ void EnsureFrame(Database::Impl& impl, const Image& image) {
   const std::optional<FrameRow> frame = ReadFrame(impl, image.image_id);
   if (frame && frame->sensor_id == image.camera_id) return;
   DeleteFrame(impl, image.image_id);
-  Query(impl, sql::kWriteFrame).Bind(1, RigOfCamera(impl, image.camera_id)).Run();
-  Query(impl, sql::kWriteFrameData).Bind(1, image.image_id).Bind(2, image.camera_id).Run();
+  Run(impl, sql::kWriteFrame, RigOfCamera(impl, image.camera_id));
+  Run(impl, sql::kWriteFrameData, image.image_id, image.camera_id);
 }
 
 void DeleteCamera(Database::Impl& impl, int64_t camera_id) {
-  if (impl.has_rigs) Query(impl, sql::kDeleteRig).Bind(1, camera_id).Run();
-  Query(impl, sql::kDeleteCamera).Bind(1, camera_id).Run();
+  if (impl.has_rigs) Run(impl, sql::kDeleteRig, camera_id);
+  Run(impl, sql::kDeleteCamera, camera_id);
 }
 
 }  // namespace
@@ -103,38 +103,29 @@ std::vector<Image> Database::ReadImages() const {
 
 void Database::WriteCamera(const Camera& camera) {
   CAIRN_CHECK(camera.camera_id != kInvalidCameraId);
-  Query(*impl_, sql::kWriteCamera)
-      .Bind(1, camera.camera_id)
-      .Bind(2, static_cast<int>(camera.model))
-      .Bind(3, camera.width)
-      .Bind(4, camera.height)
-      .BindBlob(5, camera.params.data(), camera.params.size() * sizeof(double))
-      .Bind(6, static_cast<int>(camera.has_prior_focal_length))
-      .Run();
+  Run(*impl_, sql::kWriteCamera, camera.camera_id, static_cast<int>(camera.model), camera.width,
+      camera.height, BoundBlob{camera.params.data(), camera.params.size() * sizeof(double)},
+      camera.has_prior_focal_length);
   if (impl_->has_rigs) RigOfCamera(*impl_, camera.camera_id);
 }
 
 void Database::WriteImage(const Image& image) {
   CAIRN_CHECK(image.image_id != kInvalidImageId);
   CAIRN_CHECK(image.camera_id != kInvalidCameraId);
-  Query(*impl_, sql::kWriteImage)
-      .Bind(1, image.image_id)
-      .Bind(2, std::string_view(image.name))
-      .Bind(3, image.camera_id)
-      .Run();
+  Run(*impl_, sql::kWriteImage, image.image_id, image.name, image.camera_id);
   if (impl_->has_rigs) EnsureFrame(*impl_, image);
 }
 
 void Database::DeleteImage(image_t image_id) {
   int64_t camera_id = 0;
   {
-    Query query(*impl_, sql::kReadImageCamera);
-    if (!query.Bind(1, image_id).Step()) return;
+    Query query(*impl_, sql::kReadImageCamera, image_id);
+    if (!query.Step()) return;
     camera_id = query.Int(0);
   }
   if (impl_->has_rigs) DeleteFrame(*impl_, image_id);
-  Query(*impl_, sql::kDeleteImage).Bind(1, image_id).Run();
-  const bool is_used = Query(*impl_, sql::kCameraIsUsed).Bind(1, camera_id).Step();
+  Run(*impl_, sql::kDeleteImage, image_id);
+  const bool is_used = Query(*impl_, sql::kCameraIsUsed, camera_id).Step();
   if (!is_used) DeleteCamera(*impl_, camera_id);
 }
 

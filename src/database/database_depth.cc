@@ -28,9 +28,8 @@ std::vector<float> DepthRows(const std::vector<DepthSample>& samples) {
 }  // namespace
 
 std::optional<std::vector<DepthSample>> Database::ReadDepthSamples(image_t image_id) const {
-  if (!impl_->has_depth_tables) return std::nullopt;
-  Query query(*impl_, sql::kReadDepthSamples);
-  if (!query.Bind(1, image_id).Step()) return std::nullopt;
+  Query query(*impl_, sql::kReadDepthSamples, image_id);
+  if (!query.Step()) return std::nullopt;
   const std::string row = "cairn_depth_scales of image " + std::to_string(image_id);
   const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, 0, sizeof(float), row);
   if (matrix.cols != kDepthColumns) {
@@ -46,28 +45,21 @@ std::optional<std::vector<DepthSample>> Database::ReadDepthSamples(image_t image
 }
 
 std::optional<uint64_t> Database::ReadDepthHash(image_t image_id) const {
-  if (!impl_->has_depth_tables) return std::nullopt;
-  Query query(*impl_, sql::kReadDepthHash);
-  if (!query.Bind(1, image_id).Step()) return std::nullopt;
+  Query query(*impl_, sql::kReadDepthHash, image_id);
+  if (!query.Step()) return std::nullopt;
   return static_cast<uint64_t>(query.Int(0));
 }
 
 void Database::WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples) {
   const std::vector<float> rows = DepthRows(samples);
   const size_t num_bytes = rows.size() * sizeof(float);
-  Query(*impl_, sql::kDeleteDepthSamples).Bind(1, image_id).Run();
-  Query(*impl_, sql::kWriteDepthSamples)
-      .Bind(1, image_id)
-      .Bind(2, Hasher().AddBytes(rows.data(), num_bytes).Digest())
-      .Bind(3, static_cast<uint64_t>(samples.size()))
-      .Bind(4, kDepthColumns)
-      .BindBlob(5, rows.data(), num_bytes)
-      .Run();
+  Run(*impl_, sql::kDeleteDepthSamples, image_id);
+  Run(*impl_, sql::kWriteDepthSamples, image_id, Hasher().AddBytes(rows.data(), num_bytes).Digest(),
+      samples.size(), kDepthColumns, BoundBlob{rows.data(), num_bytes});
 }
 
 std::map<image_t, int> Database::ReadNumDepthSamples() const {
   std::map<image_t, int> num_samples;
-  if (!impl_->has_depth_tables) return num_samples;
   Query query(*impl_, sql::kReadNumDepthSamples);
   while (query.Step()) {
     num_samples[static_cast<image_t>(query.Int(0))] = static_cast<int>(query.Int(1));

@@ -42,8 +42,8 @@ std::map<image_t, int> NumRowsOfImages(Database::Impl& impl, const char* sql) {
 }  // namespace
 
 std::optional<std::vector<Keypoint>> Database::ReadKeypoints(image_t image_id) const {
-  Query query(*impl_, sql::kReadKeypoints);
-  if (!query.Bind(1, image_id).Step()) return std::nullopt;
+  Query query(*impl_, sql::kReadKeypoints, image_id);
+  if (!query.Step()) return std::nullopt;
   const std::string row = RowName("keypoints", image_id);
   const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, 0, sizeof(float), row);
   std::vector<Keypoint> keypoints(static_cast<size_t>(matrix.rows));
@@ -70,8 +70,8 @@ std::optional<std::vector<Keypoint>> Database::ReadKeypoints(image_t image_id) c
 }
 
 std::optional<Descriptors> Database::ReadDescriptors(image_t image_id) const {
-  Query query(*impl_, sql::kReadDescriptors);
-  if (!query.Bind(1, image_id).Step()) return std::nullopt;
+  Query query(*impl_, sql::kReadDescriptors, image_id);
+  if (!query.Step()) return std::nullopt;
   const MatrixBlob matrix =
       ReadMatrixBlob(*impl_, query, 0, sizeof(uint8_t), RowName("descriptors", image_id));
   Descriptors descriptors(matrix.rows, matrix.cols);
@@ -82,22 +82,15 @@ std::optional<Descriptors> Database::ReadDescriptors(image_t image_id) const {
 }
 
 void Database::WriteKeypoints(image_t image_id, const std::vector<Keypoint>& keypoints) {
-  Query(*impl_, sql::kWriteKeypoints)
-      .Bind(1, image_id)
-      .Bind(2, static_cast<uint64_t>(keypoints.size()))
-      .Bind(3, 6)
-      .BindBlob(4, keypoints.data(), keypoints.size() * sizeof(Keypoint))
-      .Run();
+  Run(*impl_, sql::kWriteKeypoints, image_id, keypoints.size(), 6,
+      BoundBlob{keypoints.data(), keypoints.size() * sizeof(Keypoint)});
 }
 
 void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors) {
   const bool typed = impl_->has_descriptor_types;
-  Query(*impl_, typed ? sql::kWriteTypedDescriptors : sql::kWriteDescriptors)
-      .Bind(1, image_id)
-      .Bind(2, static_cast<int64_t>(descriptors.rows()))
-      .Bind(3, static_cast<int64_t>(descriptors.cols()))
-      .BindBlob(4, descriptors.data(), static_cast<size_t>(descriptors.size()))
-      .Run();
+  Run(*impl_, typed ? sql::kWriteTypedDescriptors : sql::kWriteDescriptors, image_id,
+      descriptors.rows(), descriptors.cols(),
+      BoundBlob{descriptors.data(), static_cast<size_t>(descriptors.size())});
 }
 
 std::map<image_t, int> Database::ReadNumKeypoints() const {

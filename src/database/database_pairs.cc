@@ -87,29 +87,23 @@ std::optional<Rigid3d> ReadPose(const Database::Impl& impl, const Query& query, 
   return Rigid3d(is_unit ? rotation : rotation.normalized(), translation);
 }
 
-void BindMatrix3d(Query& query, int position, const std::optional<Eigen::Matrix3d>& matrix,
-                  RowMajorMatrix3d& storage) {
-  if (!matrix) {
-    query.BindNull(position);
-    return;
-  }
-  storage = *matrix;
-  query.BindBlob(position, storage.data(), 9 * sizeof(double));
+// As they are stored.
+std::optional<std::array<double, 9>> RowMajor(const std::optional<Eigen::Matrix3d>& matrix) {
+  std::optional<std::array<double, 9>> values;
+  if (matrix) Eigen::Map<RowMajorMatrix3d>(values.emplace().data()) = *matrix;
+  return values;
 }
 
-// qvec at `position`, tvec after it.
-void BindPose(Query& query, int position, const std::optional<Rigid3d>& pose,
-              double (&storage)[7]) {
-  if (!pose) {
-    query.BindNull(position).BindNull(position + 1);
-    return;
-  }
+std::optional<std::array<double, 4>> QvecOf(const std::optional<Rigid3d>& pose) {
+  if (!pose) return std::nullopt;
   const Eigen::Quaterniond& q = pose->rotation;
+  return {{q.w(), q.x(), q.y(), q.z()}};
+}
+
+std::optional<std::array<double, 3>> TvecOf(const std::optional<Rigid3d>& pose) {
+  if (!pose) return std::nullopt;
   const Eigen::Vector3d& t = pose->translation;
-  const double values[7] = {q.w(), q.x(), q.y(), q.z(), t.x(), t.y(), t.z()};
-  std::memcpy(storage, values, sizeof(values));
-  query.BindBlob(position, storage, 4 * sizeof(double));
-  query.BindBlob(position + 1, storage + 4, 3 * sizeof(double));
+  return {{t.x(), t.y(), t.z()}};
 }
 
 // COLMAP 4.x knows 9, calibrated rig.
@@ -174,23 +168,19 @@ std::vector<image_pair_t> Database::ReadTwoViewGeometryPairIds() const {
 }
 
 std::optional<FeatureMatches> Database::ReadMatches(image_pair_t pair_id) const {
-  Query query(*impl_, sql::kReadMatches);
-  if (!query.Bind(1, pair_id).Step()) return std::nullopt;
+  Query query(*impl_, sql::kReadMatches, pair_id);
+  if (!query.Step()) return std::nullopt;
   return MatchesFromBlob(*impl_, query, RowName("matches", pair_id));
 }
 
 void Database::WriteMatches(image_pair_t pair_id, const FeatureMatches& matches) {
-  Query(*impl_, sql::kWriteMatches)
-      .Bind(1, pair_id)
-      .Bind(2, static_cast<uint64_t>(matches.size()))
-      .Bind(3, 2)
-      .BindBlob(4, matches.data(), matches.size() * sizeof(FeatureMatch))
-      .Run();
+  Run(*impl_, sql::kWriteMatches, pair_id, matches.size(), 2,
+      BoundBlob{matches.data(), matches.size() * sizeof(FeatureMatch)});
 }
 
 std::optional<TwoViewGeometry> Database::ReadTwoViewGeometry(image_pair_t pair_id) const {
-  Query query(*impl_, sql::kReadTwoViewGeometry);
-  if (!query.Bind(1, pair_id).Step()) return std::nullopt;
+  Query query(*impl_, sql::kReadTwoViewGeometry, pair_id);
+  if (!query.Step()) return std::nullopt;
   const std::string row = RowName("two_view_geometries", pair_id);
   TwoViewGeometry geometry;
   geometry.inlier_matches = MatchesFromBlob(*impl_, query, row);
@@ -203,25 +193,16 @@ std::optional<TwoViewGeometry> Database::ReadTwoViewGeometry(image_pair_t pair_i
 }
 
 void Database::WriteTwoViewGeometry(image_pair_t pair_id, const TwoViewGeometry& geometry) {
-  RowMajorMatrix3d F, E, H;
-  double pose[7];
-  Query query(*impl_, sql::kWriteTwoViewGeometry);
-  query.Bind(1, pair_id)
-      .Bind(2, static_cast<uint64_t>(geometry.inlier_matches.size()))
-      .Bind(3, 2)
-      .BindBlob(4, geometry.inlier_matches.data(),
-                geometry.inlier_matches.size() * sizeof(FeatureMatch))
-      .Bind(5, static_cast<int>(geometry.config));
-  BindMatrix3d(query, 6, geometry.F, F);
-  BindMatrix3d(query, 7, geometry.E, E);
-  BindMatrix3d(query, 8, geometry.H, H);
-  BindPose(query, 9, geometry.cam2_from_cam1, pose);
-  query.Run();
+  const FeatureMatches& inliers = geometry.inlier_matches;
+  const std::optional<Rigid3d>& pose = geometry.cam2_from_cam1;
+  Run(*impl_, sql::kWriteTwoViewGeometry, pair_id, inliers.size(), 2,
+      BoundBlob{inliers.data(), inliers.size() * sizeof(FeatureMatch)},
+      static_cast<int>(geometry.config), RowMajor(geometry.F), RowMajor(geometry.E),
+      RowMajor(geometry.H), QvecOf(pose), TvecOf(pose));
 }
 
 std::vector<PairChoiceRecord> Database::ReadPairChoices() const {
   std::vector<PairChoiceRecord> choices;
-  if (!impl_->has_choice_table) return choices;
   Query query(*impl_, sql::kReadPairChoices);
   while (query.Step()) {
     choices.push_back(
@@ -231,16 +212,11 @@ std::vector<PairChoiceRecord> Database::ReadPairChoices() const {
 }
 
 void Database::WritePairChoice(const PairChoiceRecord& choice) {
-  Query(*impl_, sql::kWritePairChoice)
-      .Bind(1, choice.pair_id)
-      .Bind(2, choice.round)
-      .Bind(3, std::string_view(choice.reason))
-      .Run();
+  Run(*impl_, sql::kWritePairChoice, choice.pair_id, choice.round, choice.reason);
 }
 
 std::vector<PairMetrics> Database::ReadPairMetrics() const {
   std::vector<PairMetrics> metrics;
-  if (!impl_->has_cairn_tables) return metrics;
   Query query(*impl_, sql::kReadAllPairMetrics);
   while (query.Step()) metrics.push_back(MetricsFromRow(*impl_, query));
   return metrics;
@@ -248,16 +224,13 @@ std::vector<PairMetrics> Database::ReadPairMetrics() const {
 
 std::vector<PairMetrics> Database::ReadPairMetrics(image_pair_t pair_id) const {
   std::vector<PairMetrics> metrics;
-  if (!impl_->has_cairn_tables) return metrics;
-  Query query(*impl_, sql::kReadPairMetrics);
-  query.Bind(1, pair_id);
+  Query query(*impl_, sql::kReadPairMetrics, pair_id);
   while (query.Step()) metrics.push_back(MetricsFromRow(*impl_, query));
   return metrics;
 }
 
 std::map<std::string, int64_t> Database::CountWinners() const {
   std::map<std::string, int64_t> counts;
-  if (!impl_->has_cairn_tables) return counts;
   Query query(*impl_, sql::kCountWinners);
   while (query.Step()) counts[query.Text(0)] = query.Int(1);
   return counts;
@@ -265,28 +238,16 @@ std::map<std::string, int64_t> Database::CountWinners() const {
 
 std::vector<Database::StepTimes> Database::ReadStepTimes() const {
   std::vector<StepTimes> steps;
-  if (!impl_->has_cairn_tables) return steps;
   Query query(*impl_, sql::kReadStepTimes);
   while (query.Step()) steps.push_back({query.Text(0), query.Int(1), query.Double(2)});
   return steps;
 }
 
 void Database::WritePairMetrics(const PairMetrics& metrics) {
-  double pose[7];
-  Query query(*impl_, sql::kWritePairMetrics);
-  query.Bind(1, metrics.pair_id)
-      .Bind(2, std::string_view(metrics.verifier))
-      .Bind(3, std::string_view(metrics.status))
-      .Bind(4, static_cast<int>(metrics.is_winner))
-      .Bind(5, std::string_view(metrics.step))
-      .Bind(6, metrics.num_matches)
-      .Bind(7, metrics.num_inliers)
-      .Bind(8, metrics.num_iterations)
-      .Bind(9, metrics.score)
-      .Bind(10, metrics.residual_px)
-      .Bind(11, metrics.triangulation_angle_deg);
-  BindPose(query, 12, metrics.cam2_from_cam1, pose);
-  query.Run();
+  Run(*impl_, sql::kWritePairMetrics, metrics.pair_id, metrics.verifier, metrics.status,
+      metrics.is_winner, metrics.step, metrics.num_matches, metrics.num_inliers,
+      metrics.num_iterations, metrics.score, metrics.residual_px, metrics.triangulation_angle_deg,
+      QvecOf(metrics.cam2_from_cam1), TvecOf(metrics.cam2_from_cam1));
 }
 
 }  // namespace cairn

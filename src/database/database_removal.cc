@@ -7,19 +7,6 @@
 namespace cairn {
 namespace {
 
-// Tables with rows of pairs, or (jobs but those of cameras, and times) of images and pairs.
-struct TableOfImages {
-  const char* read;
-  const char* erase;
-};
-constexpr TableOfImages kTables[] = {{sql::kReadMatchItems, sql::kDeleteMatches},
-                                     {sql::kReadTwoViewItems, sql::kDeleteTwoViewGeometry},
-                                     {sql::kReadPairMetricItems, sql::kDeletePairMetrics},
-                                     {sql::kReadPairChoiceItems, sql::kDeletePairChoice},
-                                     {sql::kReadFocalEvidenceItems, sql::kDeleteFocalEvidence},
-                                     {sql::kReadJobItems, sql::kDeleteJobsOfItem},
-                                     {sql::kReadTimingItems, sql::kDeleteTimingsOfItem}};
-
 // Is the item one of the images, or a pair with one of them? (Ids of pairs are larger than those of
 // images.)
 bool IsOf(int64_t item, const std::set<image_t>& images) {
@@ -32,7 +19,7 @@ bool IsOf(int64_t item, const std::set<image_t>& images) {
 }  // namespace
 
 void Database::DeleteFeaturesAndPairs(const std::set<image_t>& images) {
-  for (const TableOfImages& table : kTables) {
+  for (const sql::TableOfItems& table : sql::kTablesOfItems) {
     std::vector<int64_t> items;
     {
       Query query(*impl_, table.read);
@@ -40,12 +27,12 @@ void Database::DeleteFeaturesAndPairs(const std::set<image_t>& images) {
         if (IsOf(query.Int(0), images)) items.push_back(query.Int(0));
       }
     }
-    for (const int64_t item : items) Query(*impl_, table.erase).Bind(1, item).Run();
+    for (const int64_t item : items) Run(*impl_, table.erase, item);
   }
   for (const image_t id : images) {
     for (const char* sql :
          {sql::kDeleteKeypoints, sql::kDeleteDescriptors, sql::kDeleteDepthSamples}) {
-      Query(*impl_, sql).Bind(1, id).Run();
+      Run(*impl_, sql, id);
     }
   }
 }
@@ -55,11 +42,11 @@ void Database::DeleteImagesAndPairs(const std::set<image_t>& images) {
   for (const image_t id : images) {
     std::string name;
     {
-      Query query(*impl_, sql::kReadImageName);
-      if (!query.Bind(1, id).Step()) continue;
+      Query query(*impl_, sql::kReadImageName, id);
+      if (!query.Step()) continue;
       name = query.Text(0);
     }
-    Query(*impl_, sql::kDeletePhoto).Bind(1, std::string_view(name)).Run();
+    Run(*impl_, sql::kDeletePhoto, name);
     DeleteJob(kStageCameras, id);
     DeleteImage(id);
   }

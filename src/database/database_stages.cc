@@ -7,10 +7,6 @@
 namespace cairn {
 namespace {
 
-void BindTiming(Query& query, const std::string& stage, uint64_t item, const std::string& label) {
-  query.Bind(1, std::string_view(stage)).Bind(2, item).Bind(3, std::string_view(label));
-}
-
 JobRecord JobFromRow(const Query& query) {
   return {static_cast<uint64_t>(query.Int(0)), static_cast<uint64_t>(query.Int(1)), query.Text(2)};
 }
@@ -19,30 +15,23 @@ JobRecord JobFromRow(const Query& query) {
 
 void Database::WriteTiming(const std::string& stage, uint64_t item, const std::string& label,
                            double seconds) {
-  Query query(*impl_, sql::kWriteTiming);
-  BindTiming(query, stage, item, label);
-  query.Bind(4, seconds).Run();
+  Run(*impl_, sql::kWriteTiming, stage, item, label, seconds);
 }
 
 void Database::AddTiming(const std::string& stage, uint64_t item, const std::string& label,
                          double seconds) {
-  Query query(*impl_, sql::kAddTiming);
-  BindTiming(query, stage, item, label);
-  query.Bind(4, seconds).Run();
+  Run(*impl_, sql::kAddTiming, stage, item, label, seconds);
 }
 
 std::optional<double> Database::ReadTiming(const std::string& stage, uint64_t item,
                                            const std::string& label) const {
-  if (!impl_->has_cairn_tables) return std::nullopt;
-  Query query(*impl_, sql::kReadTiming);
-  BindTiming(query, stage, item, label);
+  Query query(*impl_, sql::kReadTiming, stage, item, label);
   if (!query.Step()) return std::nullopt;
   return query.Double(0);
 }
 
 std::vector<PhotoRecord> Database::ReadPhotos() const {
   std::vector<PhotoRecord> photos;
-  if (!impl_->has_cairn_tables) return photos;
   Query query(*impl_, sql::kReadPhotos);
   while (query.Step()) {
     photos.push_back({query.Text(0), static_cast<uint64_t>(query.Int(1)), query.Text(2)});
@@ -51,49 +40,35 @@ std::vector<PhotoRecord> Database::ReadPhotos() const {
 }
 
 void Database::WritePhoto(const PhotoRecord& photo) {
-  Query(*impl_, sql::kWritePhoto)
-      .Bind(1, std::string_view(photo.name))
-      .Bind(2, photo.file_hash)
-      .Bind(3, std::string_view(photo.error))
-      .Run();
+  Run(*impl_, sql::kWritePhoto, photo.name, photo.file_hash, photo.error);
 }
 
-void Database::ClearPhotos() { Query(*impl_, sql::kClearPhotos).Run(); }
+void Database::ClearPhotos() { impl_->Execute(sql::kClearPhotos); }
 
 std::vector<JobRecord> Database::ReadJobs(const std::string& stage) const {
   std::vector<JobRecord> jobs;
-  if (!impl_->has_cairn_tables) return jobs;
-  Query query(*impl_, sql::kReadJobs);
-  query.Bind(1, std::string_view(stage));
+  Query query(*impl_, sql::kReadJobs, stage);
   while (query.Step()) jobs.push_back(JobFromRow(query));
   return jobs;
 }
 
 std::optional<JobRecord> Database::ReadJob(const std::string& stage, uint64_t item) const {
-  if (!impl_->has_cairn_tables) return std::nullopt;
-  Query query(*impl_, sql::kReadJob);
-  if (!query.Bind(1, std::string_view(stage)).Bind(2, item).Step()) return std::nullopt;
+  Query query(*impl_, sql::kReadJob, stage, item);
+  if (!query.Step()) return std::nullopt;
   return JobFromRow(query);
 }
 
 void Database::WriteJob(const std::string& stage, const JobRecord& job) {
-  Query(*impl_, sql::kWriteJob)
-      .Bind(1, std::string_view(stage))
-      .Bind(2, job.item)
-      .Bind(3, job.input_hash)
-      .Bind(4, std::string_view(job.note))
-      .Run();
+  Run(*impl_, sql::kWriteJob, stage, job.item, job.input_hash, job.note);
 }
 
 void Database::DeleteJob(const std::string& stage, uint64_t item) {
-  Query(*impl_, sql::kDeleteJob).Bind(1, std::string_view(stage)).Bind(2, item).Run();
+  Run(*impl_, sql::kDeleteJob, stage, item);
 }
 
 std::map<std::string, int64_t> Database::CountJobNotes(const std::string& stage) const {
   std::map<std::string, int64_t> counts;
-  if (!impl_->has_cairn_tables) return counts;
-  Query query(*impl_, sql::kCountJobNotes);
-  query.Bind(1, std::string_view(stage));
+  Query query(*impl_, sql::kCountJobNotes, stage);
   while (query.Step()) counts[query.Text(0)] = query.Int(1);
   return counts;
 }
@@ -109,44 +84,30 @@ std::map<std::string, std::string> StageRecord::OptionValues() const {
 }
 
 std::optional<StageRecord> Database::ReadStage(const std::string& stage) const {
-  if (!impl_->has_cairn_tables) return std::nullopt;
-  Query query(*impl_, sql::kReadStage);
-  if (!query.Bind(1, std::string_view(stage)).Step()) return std::nullopt;
+  Query query(*impl_, sql::kReadStage, stage);
+  if (!query.Step()) return std::nullopt;
   return StageRecord{query.Text(0), query.Text(1), static_cast<uint64_t>(query.Int(2)),
                      query.Int(3) != 0};
 }
 
 void Database::WriteStage(const StageRecord& record) {
-  Query(*impl_, sql::kWriteStage)
-      .Bind(1, std::string_view(record.stage))
-      .Bind(2, std::string_view(record.options))
-      .Bind(3, record.input_hash)
-      .Bind(4, static_cast<int>(record.is_complete))
-      .Run();
+  Run(*impl_, sql::kWriteStage, record.stage, record.options, record.input_hash,
+      record.is_complete);
 }
 
-void Database::ClearFeatures() {
-  Query(*impl_, sql::kClearKeypoints).Run();
-  Query(*impl_, sql::kClearDescriptors).Run();
-}
+void Database::ClearFeatures() { impl_->Execute(sql::kClearFeatures); }
 
-void Database::ClearDepth() { Query(*impl_, sql::kClearDepthSamples).Run(); }
+void Database::ClearDepth() { impl_->Execute(sql::kClearDepth); }
 
-void Database::ClearPairChoices() { Query(*impl_, sql::kClearPairChoices).Run(); }
+void Database::ClearPairChoices() { impl_->Execute(sql::kClearPairChoices); }
 
-void Database::ClearMatches() { Query(*impl_, sql::kClearMatches).Run(); }
+void Database::ClearMatches() { impl_->Execute(sql::kClearMatches); }
 
-void Database::ClearVerification() {
-  Query(*impl_, sql::kClearTwoViewGeometries).Run();
-  Query(*impl_, sql::kClearPairMetrics).Run();
-  Query(*impl_, sql::kClearFocalEvidence).Run();
-  Query(*impl_, sql::kClearCameraFocals).Run();
-  Query(*impl_, sql::kClearCameraLenses).Run();
-}
+void Database::ClearVerification() { impl_->Execute(sql::kClearVerification); }
 
 void Database::ClearStage(const std::string& stage) {
   for (const char* sql : {sql::kClearJobs, sql::kClearTimings, sql::kClearStage}) {
-    Query(*impl_, sql).Bind(1, std::string_view(stage)).Run();
+    Run(*impl_, sql, stage);
   }
 }
 

@@ -51,35 +51,22 @@ Query::~Query() {
   sqlite3_clear_bindings(statement_);
 }
 
-Query& Query::Bind(int position, int64_t value) {
-  sqlite3_bind_int64(statement_, position, value);
-  return *this;
-}
+void Query::Bind(int position, int64_t value) { sqlite3_bind_int64(statement_, position, value); }
 
-Query& Query::Bind(int position, double value) {
-  sqlite3_bind_double(statement_, position, value);
-  return *this;
-}
+void Query::Bind(int position, double value) { sqlite3_bind_double(statement_, position, value); }
 
-Query& Query::Bind(int position, std::string_view value) {
+void Query::Bind(int position, std::string_view value) {
   sqlite3_bind_text64(statement_, position, value.data() ? value.data() : "", value.size(),
                       SQLITE_STATIC, SQLITE_UTF8);
-  return *this;
 }
 
-Query& Query::BindBlob(int position, const void* data, size_t num_bytes) {
-  if (num_bytes == 0) {
+void Query::Bind(int position, const BoundBlob& blob) {
+  if (blob.num_bytes == 0) {
     sqlite3_bind_zeroblob(statement_, position, 0);
-  } else if (sqlite3_bind_blob64(statement_, position, data, num_bytes, SQLITE_STATIC) !=
+  } else if (sqlite3_bind_blob64(statement_, position, blob.data, blob.num_bytes, SQLITE_STATIC) !=
              SQLITE_OK) {
-    throw IoError(impl_.path, "a blob of " + std::to_string(num_bytes) + " bytes is too big");
+    throw IoError(impl_.path, "a blob of " + std::to_string(blob.num_bytes) + " bytes is too big");
   }
-  return *this;
-}
-
-Query& Query::BindNull(int position) {
-  sqlite3_bind_null(statement_, position);
-  return *this;
 }
 
 bool Query::Step() {

@@ -2,7 +2,9 @@
 
 #include <sqlite3.h>
 
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -18,13 +20,8 @@ struct Database::Impl {
   std::string path;
   sqlite3* connection = nullptr;
   std::unordered_map<const char*, sqlite3_stmt*> statements;  // by address of the SQL constant
-  bool has_cairn_tables = false;
-  bool has_depth_tables = false;      // cairn_depth_scales
-  bool has_lens_table = false;        // cairn_camera_lenses
-  bool has_focal_tables = false;      // cairn_focal_evidence, cairn_camera_focals
-  bool has_choice_table = false;      // cairn_pair_choices
-  bool has_rigs = false;              // COLMAP 4.x: rigs, frames
-  bool has_descriptor_types = false;  // COLMAP 4.x: descriptors.type
+  bool has_rigs = false;                                      // COLMAP 4.x: rigs, frames
+  bool has_descriptor_types = false;                          // COLMAP 4.x: descriptors.type
 
   ~Impl();
   // Throws what SQLite says, in our words where it is one of the usual troubles.
@@ -32,24 +29,25 @@ struct Database::Impl {
   void Execute(const char* sql);
 };
 
-// One use of a prepared statement: binds by 1-based position, steps, reads by 0-based column.
-// Blobs and texts that are bound must live until Step.
+// Memory that becomes a blob; never NULL, even when empty.
+struct BoundBlob {
+  const void* data = nullptr;
+  size_t num_bytes = 0;
+};
+
+// One use of a prepared statement with its values, ?1 first: numbers, texts, blobs, and arrays of
+// doubles that become blobs, or NULL. They must live until Step. Columns are 0-based.
 class Query {
  public:
   Query(Database::Impl& impl, const char* sql);
+  template <class... Values>
+  Query(Database::Impl& impl, const char* sql, const Values&... values) : Query(impl, sql) {
+    int position = 0;
+    (Bind(++position, values), ...);
+  }
   ~Query();
   Query(const Query&) = delete;
   Query& operator=(const Query&) = delete;
-
-  Query& Bind(int position, int64_t value);
-  Query& Bind(int position, uint64_t value) { return Bind(position, static_cast<int64_t>(value)); }
-  Query& Bind(int position, int value) { return Bind(position, static_cast<int64_t>(value)); }
-  Query& Bind(int position, uint32_t value) { return Bind(position, static_cast<int64_t>(value)); }
-  Query& Bind(int position, double value);
-  Query& Bind(int position, std::string_view value);
-  // Never NULL, even when empty.
-  Query& BindBlob(int position, const void* data, size_t num_bytes);
-  Query& BindNull(int position);
 
   // True: a row is there. False: done.
   bool Step();
@@ -62,9 +60,27 @@ class Query {
   std::span<const std::byte> Blob(int column) const;
 
  private:
+  void Bind(int position, int64_t value);
+  void Bind(int position, uint64_t value) { Bind(position, static_cast<int64_t>(value)); }
+  void Bind(int position, int value) { Bind(position, static_cast<int64_t>(value)); }
+  void Bind(int position, uint32_t value) { Bind(position, static_cast<int64_t>(value)); }
+  void Bind(int position, double value);
+  void Bind(int position, std::string_view value);
+  void Bind(int position, const BoundBlob& blob);
+  template <size_t n>
+  void Bind(int position, const std::optional<std::array<double, n>>& values) {
+    if (values) Bind(position, BoundBlob{values->data(), n * sizeof(double)});
+  }
+
   Database::Impl& impl_;
   sqlite3_stmt* statement_;
 };
+
+// A statement that gives no rows.
+template <class... Values>
+void Run(Database::Impl& impl, const char* sql, const Values&... values) {
+  Query(impl, sql, values...).Run();
+}
 
 // Blob of a matrix with `rows` x `cols` values of `value_size` bytes at the columns (rows, cols,
 // data) from `first_column` on; checks the size. `row_name`, as in "keypoints of image 3", is for

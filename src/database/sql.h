@@ -185,7 +185,6 @@ inline constexpr const char* kReadPairChoices =
     "SELECT pair_id, round, reason FROM cairn_pair_choices ORDER BY pair_id;";
 inline constexpr const char* kWritePairChoice =
     "INSERT OR IGNORE INTO cairn_pair_choices(pair_id, round, reason) VALUES(?1, ?2, ?3);";
-inline constexpr const char* kClearPairChoices = "DELETE FROM cairn_pair_choices;";
 
 inline constexpr const char* kReadAllPairMetrics =
     "SELECT pair_id, verifier, status, is_winner, step, num_matches, num_inliers, num_iterations, "
@@ -234,19 +233,12 @@ inline constexpr const char* kWriteStage =
     "INSERT OR REPLACE INTO cairn_stages(stage, options, input_hash, is_complete) "
     "VALUES(?1, ?2, ?3, ?4);";
 
-inline constexpr const char* kClearPhotos = "DELETE FROM cairn_photos;";
-inline constexpr const char* kClearKeypoints = "DELETE FROM keypoints;";
-inline constexpr const char* kClearDescriptors = "DELETE FROM descriptors;";
-inline constexpr const char* kClearDepthSamples = "DELETE FROM cairn_depth_scales;";
-inline constexpr const char* kClearMatches = "DELETE FROM matches;";
-inline constexpr const char* kClearTwoViewGeometries = "DELETE FROM two_view_geometries;";
 inline constexpr const char* kReadFocalEvidence =
     "SELECT pair_id, num_matches, num_by_essential, num_by_fundamental FROM cairn_focal_evidence "
     "WHERE " CAIRN_SQL_USABLE_PAIR " ORDER BY pair_id;";
 inline constexpr const char* kWriteFocalEvidence =
     "INSERT OR REPLACE INTO cairn_focal_evidence(pair_id, num_matches, num_by_essential, "
     "num_by_fundamental) VALUES(?1, ?2, ?3, ?4);";
-inline constexpr const char* kClearFocalEvidence = "DELETE FROM cairn_focal_evidence;";
 inline constexpr const char* kReadCameraFocals =
     "SELECT camera_id, is_refuted, num_pairs, num_refuting FROM cairn_camera_focals "
     "ORDER BY camera_id;";
@@ -259,8 +251,6 @@ inline constexpr const char* kReadCameraLenses =
 inline constexpr const char* kWriteCameraLens =
     "INSERT OR REPLACE INTO cairn_camera_lenses(camera_id, focal_px, focal_sigma, is_focal_known, "
     "k, k_sigma, num_pairs) VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7);";
-inline constexpr const char* kClearCameraLenses = "DELETE FROM cairn_camera_lenses;";
-inline constexpr const char* kClearCameraFocals = "DELETE FROM cairn_camera_focals;";
 inline constexpr const char* kDeleteTwoViewGeometry =
     "DELETE FROM two_view_geometries WHERE pair_id = ?1;";
 inline constexpr const char* kDeletePairMetrics =
@@ -268,31 +258,41 @@ inline constexpr const char* kDeletePairMetrics =
 inline constexpr const char* kDeleteFocalEvidence =
     "DELETE FROM cairn_focal_evidence WHERE pair_id = ?1;";
 inline constexpr const char* kDeleteJob = "DELETE FROM cairn_jobs WHERE stage = ?1 AND item = ?2;";
-// What is kept by pair, or by image and pair.
-inline constexpr const char* kReadMatchItems = "SELECT pair_id FROM matches;";
-inline constexpr const char* kReadTwoViewItems = "SELECT pair_id FROM two_view_geometries;";
-inline constexpr const char* kReadPairMetricItems =
-    "SELECT DISTINCT pair_id FROM cairn_pair_metrics;";
-inline constexpr const char* kReadPairChoiceItems = "SELECT pair_id FROM cairn_pair_choices;";
-inline constexpr const char* kReadFocalEvidenceItems = "SELECT pair_id FROM cairn_focal_evidence;";
-inline constexpr const char* kReadJobItems =
-    "SELECT DISTINCT item FROM cairn_jobs WHERE stage <> 'cameras';";
-inline constexpr const char* kReadTimingItems =
-    "SELECT DISTINCT item FROM cairn_timings WHERE item > 0;";  // 0: of a whole stage
-inline constexpr const char* kDeleteMatches = "DELETE FROM matches WHERE pair_id = ?1;";
-inline constexpr const char* kDeletePairChoice =
-    "DELETE FROM cairn_pair_choices WHERE pair_id = ?1;";
-inline constexpr const char* kDeleteJobsOfItem =
-    "DELETE FROM cairn_jobs WHERE item = ?1 AND stage <> 'cameras';";
+// Tables of pairs, or (jobs but those of cameras, and times but those of whole stages) of images
+// and pairs: which there are, and how to delete the rows of one.
+struct TableOfItems {
+  const char* read;
+  const char* erase;
+};
+inline constexpr TableOfItems kTablesOfItems[] = {
+    {"SELECT pair_id FROM matches;", "DELETE FROM matches WHERE pair_id = ?1;"},
+    {"SELECT pair_id FROM two_view_geometries;", kDeleteTwoViewGeometry},
+    {"SELECT DISTINCT pair_id FROM cairn_pair_metrics;", kDeletePairMetrics},
+    {"SELECT pair_id FROM cairn_pair_choices;",
+     "DELETE FROM cairn_pair_choices WHERE pair_id = ?1;"},
+    {"SELECT pair_id FROM cairn_focal_evidence;", kDeleteFocalEvidence},
+    {"SELECT DISTINCT item FROM cairn_jobs WHERE stage <> 'cameras';",
+     "DELETE FROM cairn_jobs WHERE item = ?1 AND stage <> 'cameras';"},
+    {"SELECT DISTINCT item FROM cairn_timings WHERE item > 0;",
+     "DELETE FROM cairn_timings WHERE item = ?1;"}};
 inline constexpr const char* kDeleteKeypoints = "DELETE FROM keypoints WHERE image_id = ?1;";
 inline constexpr const char* kDeleteDescriptors = "DELETE FROM descriptors WHERE image_id = ?1;";
-inline constexpr const char* kDeleteTimingsOfItem = "DELETE FROM cairn_timings WHERE item = ?1;";
 inline constexpr const char* kReadImageName = "SELECT name FROM images WHERE image_id = ?1;";
 inline constexpr const char* kDeletePhoto = "DELETE FROM cairn_photos WHERE name = ?1;";
-inline constexpr const char* kClearPairMetrics = "DELETE FROM cairn_pair_metrics;";
 inline constexpr const char* kClearJobs = "DELETE FROM cairn_jobs WHERE stage = ?1;";
 inline constexpr const char* kClearTimings = "DELETE FROM cairn_timings WHERE stage = ?1;";
 inline constexpr const char* kClearStage = "DELETE FROM cairn_stages WHERE stage = ?1;";
+
+// What a stage wrote, whichever program did.
+inline constexpr const char* kClearPhotos = "DELETE FROM cairn_photos;";
+inline constexpr const char* kClearFeatures = "DELETE FROM keypoints; DELETE FROM descriptors;";
+inline constexpr const char* kClearDepth = "DELETE FROM cairn_depth_scales;";
+inline constexpr const char* kClearPairChoices = "DELETE FROM cairn_pair_choices;";
+inline constexpr const char* kClearMatches = "DELETE FROM matches;";
+inline constexpr const char* kClearVerification =
+    "DELETE FROM two_view_geometries; DELETE FROM cairn_pair_metrics; "
+    "DELETE FROM cairn_focal_evidence; DELETE FROM cairn_camera_focals; "
+    "DELETE FROM cairn_camera_lenses;";
 
 inline constexpr const char* kBegin = "BEGIN IMMEDIATE;";
 inline constexpr const char* kBeginReading = "BEGIN;";

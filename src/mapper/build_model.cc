@@ -184,7 +184,10 @@ bool GrowEarlier(StageContext& context, ViewGraph& graph, Reconstruction& model)
   ReviseEdges(EvidenceFor(context, model, graph), model, graph);
   if (!FitAndRefine(context, TracksOfModel(context, graph, model), false, model)) return false;
   const std::optional<int> num_refined = GrowModel(context, graph, model);
-  return num_refined && (*num_refined == 0 || RefineWithMovedIntrinsics(context, graph, model));
+  if (!num_refined) return false;
+  if (*num_refined > 0 && !RefineWithMovedIntrinsics(context, graph, model)) return false;
+  FinishModel(context, model);
+  return true;
 }
 
 }  // namespace
@@ -212,6 +215,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
       best.model.reset();
       return best;
     }
+    FinishModel(context, *best.model);
     best.model->UpdatePointErrors();
     best.evidence = EvidenceFor(context, *best.model, best.graph);
   }

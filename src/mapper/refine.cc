@@ -10,7 +10,7 @@ namespace {
 // One round: triangulate, adjust, filter.
 struct Round {
   std::string name;
-  std::span<const Track> tracks;
+  std::span<const Track> tracks = {};
   double error_factor = 1.0;     // of triangulation.max_error_px
   bool positions_first = false;  // a stage with fixed rotations and intrinsics before
   bool distortions = true;
@@ -20,8 +20,10 @@ struct Round {
   double tolerance = 0;  // relative; not below bundle_adjustment.function_tolerance
 };
 
-// Rounds that only find a start need not converge: what comes next changes the cost by more.
-constexpr double kStartTolerance = 1e-2;
+// Relative changes of the cost at which stages stop that others follow, since what comes next
+// changes it by more: positions alone before all else, and rounds of tracks that change.
+constexpr double kPositionsTolerance = 1e-2;
+constexpr double kRoundTolerance = 1e-3;
 
 // Gives every keypoint the standard deviation of the errors of keypoints like it.
 void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& model) {
@@ -41,7 +43,8 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   ModelStage stage(context, everything ? "bundle_adjustment" : "bundle_adjustment_positions");
   BundleAdjustmentOptions options = settings.bundle_adjustment;
   options.max_iterations = std::min(options.max_iterations, round.max_iterations);
-  options.function_tolerance = std::max(options.function_tolerance, round.tolerance);
+  options.function_tolerance =
+      std::max(options.function_tolerance, everything ? round.tolerance : kPositionsTolerance);
   BundleAdjustmentScope scope;
   scope.rotations = everything;
   scope.focal_lengths = everything;
@@ -179,20 +182,21 @@ void RefineModel(StageContext& context, std::span<const Track> tracks, bool from
               .distortions = false,
               .weigh = false,
               .max_iterations = 20,
-              .tolerance = kStartTolerance},
+              .tolerance = kRoundTolerance},
              model);
     RunRound(context,
              {.name = "middle",
               .tracks = coarse_tracks,
               .error_factor = std::max(1.0, 0.25 * options.coarse_error_factor),
               .max_iterations = 20,
-              .tolerance = kStartTolerance},
+              .tolerance = kRoundTolerance},
              model);
   }
   Round round{.name = "",
               .tracks = tracks,
               .principal_points = true,
-              .max_iterations = std::numeric_limits<int>::max()};
+              .max_iterations = std::numeric_limits<int>::max(),
+              .tolerance = kRoundTolerance};
   double num_triangulated = 0;
   for (int i = 0; i < options.max_rounds && !context.run.monitor.StopRequested(); ++i) {
     round.name = std::to_string(i + 1);
@@ -206,6 +210,13 @@ void RefineModel(StageContext& context, std::span<const Track> tracks, bool from
     Adjust(context, round, true, model);
     FilterRound(context, round, model);
   }
+}
+
+void FinishModel(StageContext& context, Reconstruction& model) {
+  const Round round{
+      .name = "final", .principal_points = true, .max_iterations = std::numeric_limits<int>::max()};
+  Adjust(context, round, true, model);
+  FilterRound(context, round, model);
 }
 
 }  // namespace cairn

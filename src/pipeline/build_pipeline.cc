@@ -119,12 +119,12 @@ bool RunRounds(Database& database, const BuildPipelineOptions& options,
   PairChooser chooser(database, matching, choosing, run);
   if (!KeepGoing(report, chooser.ChooseFirst())) return false;
   if (in.stop_after < BuildStage::kMatching) return true;
+  std::vector<image_pair_t> pairs = chooser.Chosen();
   do {
-    if (!MatchAndVerify(database, options, chooser.Chosen(), std::nullopt, run, helpers, report)) {
-      return false;
-    }
+    if (!MatchAndVerify(database, options, pairs, std::nullopt, run, helpers, report)) return false;
     if (in.stop_after < BuildStage::kVerification) return true;
-  } while (chooser.ChooseNext());
+    pairs = chooser.ChooseNext();
+  } while (!pairs.empty());
   if (!run.monitor.StopRequested()) return true;
   report.stages.back().MarkStopped();
   return false;

@@ -33,20 +33,6 @@ Placement Arc(int i, int n, double distance) {
   return {FrontCenter(distance, DegToRad(100.0) * along, (i % 2 == 0 ? 0.02 : 0.22) * distance)};
 }
 
-Placement Grid(int i, int n, double distance) {
-  const int columns = std::max(1, static_cast<int>(std::ceil(std::sqrt(1.5 * n))));
-  const int rows = (n + columns - 1) / columns;
-  const double x = (i % columns + 0.5) / columns - 0.5;
-  const double z = (i / columns + 0.5) / rows - 0.5;
-  const Eigen::Vector3d center(1.2 * distance * x, -distance, 0.6 * distance * (z + 0.2));
-  return {center, 0.3 * Eigen::Vector3d(center.x(), 0, center.z())};
-}
-
-Placement Line(int i, int n, double distance) {
-  const double x = distance * (n > 1 ? 2.0 * i / (n - 1) - 1.0 : 0.0);
-  return {{x, -distance, 0.05 * distance}, {0.5 * x, 0, 0}};
-}
-
 // A few spots where many stand; most of the cameras look straight at the landmark.
 Placement Landmark(int num_spots, double distance, Rng& rng) {
   // Popularity falls with the spot's rank; spots are spread by the golden angle.
@@ -97,12 +83,6 @@ std::vector<Rigid3d> MakeCameraPoses(CameraLayout layout, int num_cameras, doubl
         break;
       case CameraLayout::kArc:
         placement = Arc(i, num_cameras, distance);
-        break;
-      case CameraLayout::kGrid:
-        placement = Grid(i, num_cameras, distance);
-        break;
-      case CameraLayout::kLine:
-        placement = Line(i, num_cameras, distance);
         break;
       case CameraLayout::kLandmark:
         placement = Landmark(std::max(4, num_cameras / 60), distance, rng);

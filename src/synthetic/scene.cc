@@ -16,19 +16,15 @@ namespace {
 constexpr double kReliefAmplitude = 0.15;  // world units
 constexpr double kMinFacingCosine = 0.25;  // an element is detected up to 75 degrees off its normal
 
-bool IsWallLayout(CameraLayout layout) {
-  return layout == CameraLayout::kArc || layout == CameraLayout::kGrid ||
-         layout == CameraLayout::kLine;
-}
-
 std::vector<SurfaceElement> MakeElements(CameraLayout layout, int n, Rng& rng) {
   const Relief relief(rng);
   std::vector<SurfaceElement> elements;
   elements.reserve(n);
   for (int i = 0; i < n; ++i) {
     const double size = 0.005 * std::exp(rng.Uniform(0.0, 1.8));
-    elements.push_back(IsWallLayout(layout) ? SampleWall(relief, kReliefAmplitude, size, rng)
-                                            : SampleTower(relief, kReliefAmplitude, size, rng));
+    elements.push_back(layout == CameraLayout::kArc
+                           ? SampleWall(relief, kReliefAmplitude, size, rng)
+                           : SampleTower(relief, kReliefAmplitude, size, rng));
   }
   return elements;
 }

@@ -103,27 +103,28 @@ PairPlan PlanCityPairs(const SyntheticScene& scene, const std::vector<VisiblePoi
 }
 
 PairPlan PlanPairs(const SyntheticScene& scene, const std::vector<VisiblePoints>& visible) {
-  if (scene.options.layout == CameraLayout::kCity && scene.options.num_pairs > 0) {
+  const auto wanted = static_cast<size_t>(scene.options.num_pairs);
+  if (scene.options.layout == CameraLayout::kCity && wanted > 0) {
     return PlanCityPairs(scene, visible);
   }
-  const auto n = static_cast<int64_t>(scene.images.size());
-  const auto wanted = static_cast<size_t>(scene.options.num_pairs);
-  std::vector<bool> chosen;
-  if (wanted > 0 && wanted < static_cast<size_t>(n * (n - 1) / 2)) {
-    PairCosts costs(n);
-    ParallelFor(0, n, [&](int64_t i) {
-      for (int64_t j = i + 1; j < n; ++j) {
-        costs[costs.Pair(i, j)] = -static_cast<float>(NumCommonPoints(visible[i], visible[j]));
-      }
-    });
-    chosen = ChoosePairs(costs, std::max<size_t>(wanted, n - 1));
+  const size_t n = scene.images.size();
+  std::vector<CandidatePair> candidates;
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t j = i + 1; j < n; ++j) {
+      candidates.push_back({static_cast<int>(i), static_cast<int>(j), 0});
+    }
   }
   PairPlan plan;
-  size_t pair = 0;
-  for (int64_t i = 0; i < n; ++i) {
-    for (int64_t j = i + 1; j < n; ++j, ++pair) {
-      if (chosen.empty() || chosen[pair]) plan.pairs.emplace_back(i, j);
+  if (wanted > 0 && wanted < candidates.size()) {
+    ParallelFor(0, std::ssize(candidates), [&](int64_t k) {
+      CandidatePair& pair = candidates[k];
+      pair.cost = -static_cast<float>(NumCommonPoints(visible[pair.item1], visible[pair.item2]));
+    });
+    for (const size_t k : ChoosePairs(n, candidates, std::max(wanted, n - 1))) {
+      plan.pairs.emplace_back(candidates[k].item1, candidates[k].item2);
     }
+  } else {
+    for (const CandidatePair& pair : candidates) plan.pairs.emplace_back(pair.item1, pair.item2);
   }
   plan.is_outlier.assign(plan.pairs.size(), 0);
   const double ratio = scene.options.pair_outlier_ratio;

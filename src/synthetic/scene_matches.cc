@@ -3,10 +3,7 @@
 #include <numeric>
 
 #include "cairn/base/check.h"
-#include "cairn/base/parallel.h"
 #include "cairn/geometry/epipolar.h"
-#include "cairn/math/angles.h"
-#include "cairn/math/median.h"
 #include "cairn/synthetic/scene.h"
 #include "synthetic/visible_points.h"
 
@@ -30,17 +27,6 @@ std::vector<point2D_t> FreeKeypoints(size_t num_keypoints, const FeatureMatches&
 point3D_t PointOf(const SyntheticScene& scene, image_t image_id, point2D_t keypoint) {
   const auto it = scene.truth.images.find(image_id);
   return it == scene.truth.images.end() ? kInvalidPoint3DId : it->second.point3D_ids[keypoint];
-}
-
-double MedianTriangulationAngleDeg(const Reconstruction& truth, const RegisteredImage& image1,
-                                   const RegisteredImage& image2, const FeatureMatches& matches) {
-  std::vector<double> angles;
-  for (const FeatureMatch& match : matches) {
-    const Eigen::Vector3d& xyz = truth.points3D.at(image1.point3D_ids[match.point1]).xyz;
-    angles.push_back(AngleBetween(Eigen::Vector3d(image1.cam_from_world.Center() - xyz),
-                                  Eigen::Vector3d(image2.cam_from_world.Center() - xyz)));
-  }
-  return RadToDeg(UpperMedian(std::move(angles)));
 }
 
 Rigid3d RelativePose(const RegisteredImage& image1, const RegisteredImage& image2) {
@@ -156,39 +142,6 @@ TwoViewGeometry TrueTwoViewGeometry(const SyntheticScene& scene, image_t image_i
     if (matches.is_inlier[i]) geometry.inlier_matches.push_back(matches.matches[i]);
   }
   return geometry;
-}
-
-ViewGraph MakeViewGraph(const SyntheticScene& scene, int min_num_matches) {
-  ViewGraph graph;
-  std::vector<VisiblePoints> visible;
-  for (const auto& [id, image] : scene.truth.images) {
-    graph.image_ids.push_back(id);
-    visible.push_back(FindVisiblePoints(scene, id));
-  }
-  const size_t n = graph.image_ids.size();
-  std::vector<std::vector<ViewEdge>> edges(n);  // by their first image
-  ParallelFor(0, static_cast<int64_t>(n), [&](int64_t i) {
-    const RegisteredImage& image1 = scene.truth.images.at(graph.image_ids[i]);
-    for (size_t j = i + 1; j < n; ++j) {
-      const FeatureMatches common = CommonPoints(visible[i], visible[j]);
-      if (common.empty() || static_cast<int>(common.size()) < min_num_matches) continue;
-      const RegisteredImage& image2 = scene.truth.images.at(graph.image_ids[j]);
-      ViewEdge edge;
-      edge.image_id1 = graph.image_ids[i];
-      edge.image_id2 = graph.image_ids[j];
-      edge.cam2_from_cam1 = RelativePose(image1, image2);
-      edge.num_inliers = static_cast<int>(common.size());
-      edge.residual_px = scene.options.image_noise_px;
-      edge.triangulation_angle_deg =
-          MedianTriangulationAngleDeg(scene.truth, image1, image2, common);
-      edges[i].push_back(edge);
-    }
-  });
-  for (const std::vector<ViewEdge>& part : edges) {
-    graph.edges.insert(graph.edges.end(), part.begin(), part.end());
-  }
-  graph.Normalize();
-  return graph;
 }
 
 }  // namespace cairn

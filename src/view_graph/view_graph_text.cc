@@ -1,11 +1,9 @@
 #include "cairn/view_graph/view_graph_text.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
-#include <initializer_list>
-#include <string_view>
+#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "cairn/view_graph/view_graph_builder.h"
@@ -14,46 +12,16 @@
 namespace cairn {
 namespace {
 
+using Json = nlohmann::ordered_json;
+
+// Numbers that are not finite become null. A text is one of Graphviz, too.
+std::string Dump(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
 std::string Name(image_t id, const std::map<image_t, std::string>& names) {
   const auto it = names.find(id);
   return it == names.end() ? std::to_string(id) : it->second;
-}
-
-// As a string of JSON and of Graphviz alike.
-std::string Quoted(const std::string& text) {
-  std::string result = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') result += '\\';
-    if (static_cast<unsigned char>(c) >= 0x20) {
-      result += c;
-    } else {
-      char escaped[8];
-      std::snprintf(escaped, sizeof(escaped), "\\u%04x", c);
-      result += escaped;
-    }
-  }
-  return result + '"';
-}
-
-std::string Number(double value) {
-  if (!std::isfinite(value)) return "null";
-  char text[32];
-  return std::string(text, std::to_chars(text, text + sizeof(text), value).ptr);
-}
-
-std::string Concat(std::initializer_list<std::string_view> parts) {
-  std::string text;
-  for (const std::string_view part : parts) text += part;
-  return text;
-}
-
-std::string Joined(const std::vector<std::string>& items, const char* separator) {
-  std::string text;
-  for (const std::string& item : items) {
-    if (!text.empty()) text += separator;
-    text += item;
-  }
-  return text;
 }
 
 std::vector<int> ActiveDegrees(const ViewGraph& graph) {
@@ -65,38 +33,18 @@ std::vector<int> ActiveDegrees(const ViewGraph& graph) {
   return degrees;
 }
 
-std::string EdgeToJson(const ViewEdge& edge) {
+Json EdgeToJson(const ViewEdge& edge) {
   const Eigen::Quaterniond& q = edge.cam2_from_cam1.rotation;
   const Eigen::Vector3d& t = edge.cam2_from_cam1.translation;
-  return Concat({"{\"image_id1\": ",
-                 std::to_string(edge.image_id1),
-                 ", \"image_id2\": ",
-                 std::to_string(edge.image_id2),
-                 ", \"num_inliers\": ",
-                 std::to_string(edge.num_inliers),
-                 ", \"residual_px\": ",
-                 Number(edge.residual_px),
-                 ", \"triangulation_angle_deg\": ",
-                 Number(edge.triangulation_angle_deg),
-                 ", \"verifier\": ",
-                 Quoted(edge.verifier),
-                 ", \"status\": ",
-                 Quoted(std::string(EdgeRemovalName(edge.removal))),
-                 ", \"qvec\": [",
-                 Number(q.w()),
-                 ", ",
-                 Number(q.x()),
-                 ", ",
-                 Number(q.y()),
-                 ", ",
-                 Number(q.z()),
-                 "], \"tvec\": [",
-                 Number(t.x()),
-                 ", ",
-                 Number(t.y()),
-                 ", ",
-                 Number(t.z()),
-                 "]}"});
+  return {{"image_id1", edge.image_id1},
+          {"image_id2", edge.image_id2},
+          {"num_inliers", edge.num_inliers},
+          {"residual_px", edge.residual_px},
+          {"triangulation_angle_deg", edge.triangulation_angle_deg},
+          {"verifier", edge.verifier},
+          {"status", EdgeRemovalName(edge.removal)},
+          {"qvec", {q.w(), q.x(), q.y(), q.z()}},
+          {"tvec", {t.x(), t.y(), t.z()}}};
 }
 
 const char* Color(EdgeRemoval removal) {
@@ -127,46 +75,42 @@ const char* Color(EdgeRemoval removal) {
 }  // namespace
 
 std::string ViewGraphToJson(const ViewGraph& graph, const std::map<image_t, std::string>& names) {
-  const auto components = ActiveComponents(graph);
-  std::map<image_t, int> component_of;
-  std::vector<std::string> component_texts;
+  const std::vector<std::vector<image_t>> components = ActiveComponents(graph);
+  std::map<image_t, size_t> component_of;
   for (size_t c = 0; c < components.size(); ++c) {
-    std::vector<std::string> ids;
-    for (const image_t id : components[c]) {
-      component_of[id] = static_cast<int>(c);
-      ids.push_back(std::to_string(id));
-    }
-    component_texts.push_back(Concat({"[", Joined(ids, ", "), "]"}));
+    for (const image_t id : components[c]) component_of[id] = c;
   }
   const std::vector<int> degrees = ActiveDegrees(graph);
-  std::vector<std::string> images, edges, removed;
+  // Images and edges are a line each.
+  std::string text = "{\n\"images\": [\n";
   for (size_t k = 0; k < graph.image_ids.size(); ++k) {
     const image_t id = graph.image_ids[k];
     const auto component = component_of.find(id);
-    const std::string component_text =
-        component == component_of.end() ? "null" : std::to_string(component->second);
-    images.push_back(Concat(
-        {"{\"id\": ", std::to_string(id), ", \"name\": ", Quoted(Name(id, names)),
-         ", \"degree\": ", std::to_string(degrees[k]), ", \"component\": ", component_text, "}"}));
+    text +=
+        (k > 0 ? ",\n" : "") +
+        Dump({{"id", id},
+              {"name", Name(id, names)},
+              {"degree", degrees[k]},
+              {"component", component == component_of.end() ? Json() : Json(component->second)}});
   }
+  text += "\n],\n\"edges\": [\n";
   std::map<EdgeRemoval, int> counts;
-  for (const ViewEdge& edge : graph.edges) {
-    edges.push_back(EdgeToJson(edge));
+  for (size_t k = 0; k < graph.edges.size(); ++k) {
+    const ViewEdge& edge = graph.edges[k];
+    text += (k > 0 ? ",\n" : "") + Dump(EdgeToJson(edge));
     if (!edge.IsActive()) ++counts[edge.removal];
   }
-  for (const auto& [removal, count] : counts) {
-    removed.push_back(
-        Concat({Quoted(std::string(EdgeRemovalName(removal))), ": ", std::to_string(count)}));
-  }
-  return Concat({"{\n\"images\": [\n", Joined(images, ",\n"), "\n],\n\"edges\": [\n",
-                 Joined(edges, ",\n"), "\n],\n\"removed\": {", Joined(removed, ", "),
-                 "},\n\"components\": [", Joined(component_texts, ", "), "]\n}\n"});
+  Json removed = Json::object();
+  for (const auto& [removal, count] : counts)
+    removed[std::string(EdgeRemovalName(removal))] = count;
+  return text + "\n],\n\"removed\": " + Dump(removed) + ",\n\"components\": " + Dump(components) +
+         "\n}\n";
 }
 
 std::string ViewGraphToDot(const ViewGraph& graph, const std::map<image_t, std::string>& names) {
   std::string text = "graph view_graph {\n  node [shape=box, fontsize=9];\n  overlap=false;\n";
   for (const image_t id : graph.image_ids) {
-    text += Concat({"  ", std::to_string(id), " [label=", Quoted(Name(id, names)), "];\n"});
+    text += "  " + std::to_string(id) + " [label=" + Dump(Name(id, names)) + "];\n";
   }
   for (const ViewEdge& edge : graph.edges) {
     char style[128];
@@ -175,8 +119,8 @@ std::string ViewGraphToDot(const ViewGraph& graph, const std::map<image_t, std::
     std::snprintf(style, sizeof(style), "color=%s, penwidth=%.2f%s, tooltip=\"%d %s\"",
                   Color(edge.removal), width, edge.IsActive() ? "" : ", style=dashed",
                   edge.num_inliers, std::string(EdgeRemovalName(edge.removal)).c_str());
-    text += Concat({"  ", std::to_string(edge.image_id1), " -- ", std::to_string(edge.image_id2),
-                    " [", style, "];\n"});
+    text += "  " + std::to_string(edge.image_id1) + " -- " + std::to_string(edge.image_id2) + " [" +
+            style + "];\n";
   }
   return text + "}\n";
 }

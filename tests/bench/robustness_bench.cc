@@ -8,9 +8,9 @@
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
-#include "cairn/synthetic/two_view_problem.h"
 #include "cairn/two_view/pair_verifier.h"
 #include "common/program.h"
+#include "support/two_view_problem.h"
 
 namespace cairn::bench {
 namespace {

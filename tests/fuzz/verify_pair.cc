@@ -3,9 +3,9 @@
 #include "cairn/two_view/verify_pair.h"
 
 #include "cairn/base/check.h"
-#include "cairn/synthetic/two_view_problem.h"
 #include "fuzz/input.h"
 #include "fuzz/targets.h"
+#include "support/two_view_problem.h"
 
 namespace cairn::fuzz {
 namespace {

@@ -5,8 +5,8 @@
 #include <fstream>
 
 #include "cairn/io/colmap_model.h"
-#include "cairn/synthetic/two_view_problem.h"
 #include "integration/scene_files.h"
+#include "support/two_view_problem.h"
 
 namespace cairn {
 namespace {

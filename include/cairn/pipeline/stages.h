@@ -105,11 +105,9 @@ struct SchedulerOptions {
 std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vector<Image>& images,
                                        ProgressMonitor& monitor = NullMonitor());
 
-// Matches of the given pairs, or (nullopt) of all pairs of images, where they are missing. When
-// matches were made by another program, pairs between its images count as chosen by it: they are
-// matched only if `pairs` names them.
-StageReport MatchImagePairs(Database& database,
-                            const std::optional<std::vector<image_pair_t>>& pairs,
+// Matches of the given pairs (ascending) where they are missing. Images of these pairs whose
+// descriptors changed since they were matched are an error.
+StageReport MatchImagePairs(Database& database, const std::vector<image_pair_t>& pairs,
                             const MatchingOptions& options = {},
                             const SchedulerOptions& scheduler = {}, const RunContext& run = {},
                             Helpers* helpers = nullptr);

@@ -23,15 +23,13 @@ Eigen::Vector3d RandomDirection(Rng& rng);
 enum class CameraLayout {
   kRing,      // evenly around the scene, at one distance: one long loop
   kArc,       // on an arc of 100 degrees in front (negative y), in two heights
-  kGrid,      // on a vertical grid in front
-  kLine,      // along a straight walk past the front
   kLandmark,  // as tourists: clusters around the scene, at different distances and heights
   kCity,      // so around many places on a grid of streets, two and two of which look alike
 };
-inline constexpr NamedValue<CameraLayout> kCameraLayouts[] = {
-    {CameraLayout::kRing, "ring"},         {CameraLayout::kArc, "arc"},
-    {CameraLayout::kGrid, "grid"},         {CameraLayout::kLine, "line"},
-    {CameraLayout::kLandmark, "landmark"}, {CameraLayout::kCity, "city"}};
+inline constexpr NamedValue<CameraLayout> kCameraLayouts[] = {{CameraLayout::kRing, "ring"},
+                                                              {CameraLayout::kArc, "arc"},
+                                                              {CameraLayout::kLandmark, "landmark"},
+                                                              {CameraLayout::kCity, "city"}};
 
 // cam_from_world of `num_cameras` cameras, with small random deviations from the layout; `distance`
 // (world units) is the typical distance from the scene's center.

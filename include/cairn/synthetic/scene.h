@@ -8,7 +8,6 @@
 #include "cairn/base/options.h"
 #include "cairn/scene/reconstruction.h"
 #include "cairn/scene/two_view_geometry.h"
-#include "cairn/scene/view_graph.h"
 #include "cairn/synthetic/rig.h"
 #include "cairn/synthetic/surface.h"
 
@@ -83,9 +82,6 @@ SyntheticMatches MakeMatches(const SyntheticScene& scene, image_t image_id1, ima
 // distractors, with the correct ones of the given matches.
 TwoViewGeometry TrueTwoViewGeometry(const SyntheticScene& scene, image_t image_id1,
                                     image_t image_id2, const SyntheticMatches& matches);
-
-// The exact view graph: an edge for every pair with at least min_num_matches correct matches.
-ViewGraph MakeViewGraph(const SyntheticScene& scene, int min_num_matches = 20);
 
 // Descriptors (rows x 128) of an image's keypoints: the same scene point looks nearly the same in
 // all images.

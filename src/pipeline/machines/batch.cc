@@ -39,7 +39,7 @@ void HeldImages::Clear() {
 }
 
 void TaskBatch::Add(const PhotoTask& task) {
-  Put(tasks_, task);
+  tasks_(task);
   ++num_tasks_;
 }
 
@@ -49,15 +49,14 @@ void TaskBatch::Add(const PairTask& task) {
     AddImage(id1, *task.image1);
     AddImage(id2, *task.image2);
   }
-  Put(tasks_, task);
+  tasks_(task, task.image1 != nullptr);
   ++num_tasks_;
 }
 
 void TaskBatch::AddImage(image_t id, const PairImage& image) {
   if (held_.Use(id)) return;
   const size_t size_before = images_.size();
-  images_.Add(id);
-  Put(images_, image);
+  images_(id, image);
   ++num_images_;
   held_.Add(id, static_cast<int64_t>(images_.size() - size_before));
 }
@@ -65,12 +64,9 @@ void TaskBatch::AddImage(image_t id, const PairImage& image) {
 // The helper forgets first, so that an image can be forgotten and sent again in one message.
 std::string TaskBatch::Finish() {
   ByteSink message;
-  message.Add(MessageKind::kTasks);
-  message.Add(kind_);
-  message.AddVector(held_.EndBatch());
-  message.Add(num_images_);
+  message(MessageKind::kTasks, kind_, held_.EndBatch(), num_images_);
   message.Append(images_.Take());
-  message.Add(num_tasks_);
+  message(num_tasks_);
   message.Append(tasks_.Take());
   return message.Take();
 }

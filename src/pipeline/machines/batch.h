@@ -45,7 +45,6 @@ class TaskBatch {
   void Add(const PairTask& task);
 
   int64_t num_tasks() const { return num_tasks_; }
-  int64_t num_images() const { return num_images_; }
   int64_t NumBytes() const { return static_cast<int64_t>(images_.size() + tasks_.size()); }
   // The message; the batch is spent.
   std::string Finish();

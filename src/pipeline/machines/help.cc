@@ -92,7 +92,7 @@ class TaskThreads {
 template <class Result>
 std::string ToBytes(const Result& result) {
   ByteSink sink;
-  Put(sink, result);
+  sink(result);
   return sink.Take();
 }
 
@@ -145,7 +145,7 @@ class Helper {
 
   void Send(MessageKind kind, const std::string& content) {
     ByteSink message;
-    message.Add(kind);
+    message(kind);
     message.Append(content);
     peers_.Send(0, message.Take());
   }
@@ -169,22 +169,22 @@ class Helper {
   void Handle(const std::string& bytes) {
     ByteSource source(bytes);
     if (source.Get<MessageKind>() == MessageKind::kSetup) {
-      setup_ = GetSetup(source);
+      setup_ = source.Get<HelperSetup>();
       threads_ = std::make_unique<TaskThreads>(setup_);
       return;
     }
     const auto kind = source.Get<TaskKind>();
-    for (const image_t id : source.GetVector<image_t>()) images_.erase(id);
+    for (const image_t id : source.Get<std::vector<image_t>>()) images_.erase(id);
     for (auto num = source.Get<int64_t>(); num > 0; --num) {
       const auto id = source.Get<image_t>();
-      images_[id] = std::make_shared<const PairImage>(GetPairImage(source));
+      images_[id] = std::make_shared<const PairImage>(source.Get<PairImage>());
     }
     for (auto num = source.Get<int64_t>(); num > 0; --num) threads_->Push(MakeTask(kind, source));
   }
 
   TaskThreads::Task MakeTask(TaskKind kind, ByteSource& source) const {
     if (kind == TaskKind::kExtract) {
-      return [task = GetPhotoTask(source), &options = setup_.features](TaskVerifier&) {
+      return [task = source.Get<PhotoTask>(), &options = setup_.features](TaskVerifier&) {
         return Extract(task, options);
       };
     }
@@ -200,13 +200,13 @@ class Helper {
   }
 
   PairTask GetTask(ByteSource& source) const {
-    SentPairTask sent = GetPairTask(source);
-    if (sent.has_images) {
-      const auto [id1, id2] = PairIdToImagePair(sent.task.pair_id);
-      sent.task.image1 = images_.at(id1);
-      sent.task.image2 = images_.at(id2);
+    auto task = source.Get<PairTask>();
+    if (source.Get<bool>()) {  // it has images
+      const auto [id1, id2] = PairIdToImagePair(task.pair_id);
+      task.image1 = images_.at(id1);
+      task.image2 = images_.at(id2);
     }
-    return std::move(sent.task);
+    return task;
   }
 
   Peers& peers_;

@@ -43,8 +43,7 @@ Helpers::Helpers(Peers& peers, const HelperSetup& setup, int64_t max_image_bytes
     run.monitor.Info(helper.name + " helps, with " + std::to_string(helper.num_threads) +
                      (helper.num_threads == 1 ? " thread" : " threads"));
     ByteSink message;
-    message.Add(MessageKind::kSetup);
-    Put(message, setup);
+    message(MessageKind::kSetup, setup);
     peers.Send(rank, message.Take());
   }
 }
@@ -52,7 +51,7 @@ Helpers::Helpers(Peers& peers, const HelperSetup& setup, int64_t max_image_bytes
 void Helpers::ReceiveHello(const Peers::Message& message, int num_threads) {
   ByteSource source(message.bytes);
   CAIRN_CHECK(source.Get<MessageKind>() == MessageKind::kHello);
-  const HelperHello hello = GetHello(source);
+  const HelperHello hello = source.Get<HelperHello>();
   Helper& helper = helpers_[message.from - 1];
   helper.name = "rank " + std::to_string(message.from) + " on " + hello.host;
   helper.num_threads = std::max(1, num_threads > 0 ? num_threads : hello.num_threads);

@@ -33,8 +33,6 @@ struct HelperHello {
 
   static HelperHello OfThisProcess();
 };
-void Put(ByteSink& sink, const HelperHello& hello);
-HelperHello GetHello(ByteSource& source);
 
 // What helpers compute with.
 struct HelperSetup {
@@ -45,8 +43,6 @@ struct HelperSetup {
   MatchingOptions matching;
   TwoViewOptions verification;
 };
-void Put(ByteSink& sink, HelperSetup setup);
-HelperSetup GetSetup(ByteSource& source);
 
 // A photograph whose features are wanted.
 struct PhotoTask {
@@ -55,36 +51,110 @@ struct PhotoTask {
   ImageSize camera_size;
   uint64_t input_hash = 0;  // of the photograph and its mask (masks.h)
 };
-void Put(ByteSink& sink, const PhotoTask& task);
-PhotoTask GetPhotoTask(ByteSource& source);
 
 struct PhotoResult {
   uint64_t item = 0;
   std::string error;  // why there are none
   Features features;
 };
-void Put(ByteSink& sink, const PhotoResult& result);
-PhotoResult GetPhotoResult(ByteSource& source);
-
-void Put(ByteSink& sink, const PairImage& image);
-PairImage GetPairImage(ByteSource& source);
-
-// Without the images, of which only is told whether there are any.
-void Put(ByteSink& sink, const PairTask& task);
-struct SentPairTask {
-  PairTask task;
-  bool has_images = false;
-};
-SentPairTask GetPairTask(ByteSource& source);
 
 struct MatchResult {
   image_pair_t pair_id = 0;
   FeatureMatches matches;
 };
-void Put(ByteSink& sink, const MatchResult& result);
-MatchResult GetMatchResult(ByteSource& source);
 
-void Put(ByteSink& sink, const PairOutcome& outcome);
-PairOutcome GetPairOutcome(ByteSource& source);
+// The fields of messages (base/bytes.h).
+template <>
+struct BytesOf<HelperHello> {
+  static void Visit(auto& bytes, auto& hello) {
+    bytes(hello.build_hash, hello.num_threads, hello.host);
+  }
+};
+template <>
+struct BytesOf<HelperSetup> {
+  static void Visit(auto& bytes, auto& setup) {
+    bytes(setup.seed, setup.num_threads, setup.verifier, setup.features, setup.matching,
+          setup.verification);
+  }
+};
+template <>
+struct BytesOf<PhotoTask> {
+  static void Visit(auto& bytes, auto& task) {
+    bytes(task.item, task.photo.path, task.photo.mask_path, task.camera_size, task.input_hash);
+  }
+};
+template <>
+struct BytesOf<PhotoResult> {
+  static void Visit(auto& bytes, auto& result) {
+    bytes(result.item, result.error, result.features.keypoints, result.features.descriptors);
+  }
+};
+template <>
+struct BytesOf<MatchResult> {
+  static void Visit(auto& bytes, auto& result) { bytes(result.pair_id, result.matches); }
+};
+// Without the images: whether there are any follows it.
+template <>
+struct BytesOf<PairTask> {
+  static void Visit(auto& bytes, auto& task) {
+    bytes(task.pair_id, task.matches, task.are_best_first, task.weigh_focals, task.input_hash);
+  }
+};
+template <>
+struct BytesOf<Camera> {
+  static void Visit(auto& bytes, auto& camera) {
+    bytes(camera.camera_id, camera.model, camera.width, camera.height, camera.params,
+          camera.has_prior_focal_length);
+  }
+};
+template <>
+struct BytesOf<Descriptors> {
+  static void Visit(ByteSink& bytes, const Descriptors& descriptors);
+  static void Visit(ByteSource& bytes, Descriptors& descriptors);
+};
+template <>
+struct BytesOf<PreparedDescriptors> {
+  static void Visit(ByteSink& bytes, const PreparedDescriptors& descriptors);
+  static void Visit(ByteSource& bytes, PreparedDescriptors& descriptors);
+};
+template <>
+struct BytesOf<PairImage> {
+  static void Visit(auto& bytes, auto& image) {
+    bytes(image.camera, image.keypoints, image.depth, image.descriptors);
+  }
+};
+template <int kRows, int kColumns>
+struct BytesOf<Eigen::Matrix<double, kRows, kColumns>> {
+  static void Visit(auto& bytes, auto& matrix) {
+    for (int i = 0; i < kRows * kColumns; ++i) bytes(matrix.data()[i]);
+  }
+};
+template <>
+struct BytesOf<Rigid3d> {
+  static void Visit(auto& bytes, auto& pose) { bytes(pose.rotation.coeffs(), pose.translation); }
+};
+template <>
+struct BytesOf<TwoViewGeometry> {
+  static void Visit(auto& bytes, auto& geometry) {
+    bytes(geometry.config, geometry.cam2_from_cam1, geometry.E, geometry.F, geometry.H,
+          geometry.inlier_matches);
+  }
+};
+// What is written of a run (WriteOutcome).
+template <>
+struct BytesOf<PairOutcome::Run> {
+  static void Visit(auto& bytes, auto& run) {
+    auto& report = run.report;
+    bytes(run.verifier, run.step, run.seconds, report.status, report.geometry, report.num_inliers,
+          report.num_iterations, report.score, report.residual_px, report.triangulation_angle_deg);
+  }
+};
+template <>
+struct BytesOf<PairOutcome> {
+  static void Visit(auto& bytes, auto& outcome) {
+    bytes(outcome.pair_id, outcome.input_hash, outcome.num_matches, outcome.winner,
+          outcome.focal_evidence, outcome.runs);
+  }
+};
 
 }  // namespace cairn

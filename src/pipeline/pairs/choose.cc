@@ -239,8 +239,8 @@ PairChooser::Choices PairChooser::NextChoices() {
   return choices;
 }
 
-int64_t PairChooser::Write(const Choices& choices, int round) {
-  int64_t num_new = 0;
+std::vector<image_pair_t> PairChooser::Write(const Choices& choices, int round) {
+  std::vector<image_pair_t> added;
   const auto matched = database_.ReadNumMatches();
   const auto recorded = Chosen();
   for (const auto& [pair, reason] : choices) {
@@ -251,9 +251,9 @@ int64_t PairChooser::Write(const Choices& choices, int round) {
     if (given_.DecidedAbout(pair)) continue;
     if (std::binary_search(recorded.begin(), recorded.end(), pair)) continue;
     database_.WritePairChoice({pair, round, std::string(NameOf(kPairReasons, reason))});
-    ++num_new;
+    added.push_back(pair);
   }
-  return num_new;
+  return added;
 }
 
 void PairChooser::WriteStage(bool is_complete) {
@@ -272,7 +272,7 @@ StageReport PairChooser::ChooseFirst() {
   for (const JobRecord& job : database_.ReadJobs(kStagePairs)) {
     if (job.input_hash == hash) fresh.erase(static_cast<image_t>(job.item));
   }
-  int64_t num_new = 0;
+  size_t num_new = 0;
   if (!fresh.empty()) {
     Choices choices = FirstChoices();
     if (run_.monitor.StopRequested()) {
@@ -284,7 +284,7 @@ StageReport PairChooser::ChooseFirst() {
       return fresh.count(id1) == 0 && fresh.count(id2) == 0;
     });
     Database::Transaction transaction(database_);
-    num_new = Write(choices, LastRound(database_.ReadPairChoices()) + 1);
+    num_new = Write(choices, LastRound(database_.ReadPairChoices()) + 1).size();
     for (const image_t id : fresh) database_.WriteJob(kStagePairs, {id, hash, ""});
     WriteStage(IsExhaustive());
     transaction.Commit();
@@ -294,26 +294,26 @@ StageReport PairChooser::ChooseFirst() {
   return EndStage(stage, database_);
 }
 
-bool PairChooser::ChooseNext() {
+std::vector<image_pair_t> PairChooser::ChooseNext() {
   const std::optional<StageRecord> record = database_.ReadStage(kStagePairs);
-  if (!record || record->is_complete) return false;
+  if (!record || record->is_complete) return {};
   const Timer timer;
   const std::vector<PairChoiceRecord> records = database_.ReadPairChoices();
   const int last_round = LastRound(records);
   const bool is_last = last_round - LastFirstRound(records) >= choosing_.options.max_rounds;
   Choices choices;
   if (!is_last) choices = NextChoices();
-  if (run_.monitor.StopRequested()) return false;
+  if (run_.monitor.StopRequested()) return {};
   Database::Transaction transaction(database_);
-  const int64_t num_new = Write(choices, last_round + 1);
-  if (num_new == 0) WriteStage(true);
+  std::vector<image_pair_t> added = Write(choices, last_round + 1);
+  if (added.empty()) WriteStage(true);
   transaction.Commit();
-  if (num_new > 0) {
-    run_.monitor.Info("round " + std::to_string(last_round + 1) + ": " + std::to_string(num_new) +
-                      " pairs proposed by the view graph");
+  if (!added.empty()) {
+    run_.monitor.Info("round " + std::to_string(last_round + 1) + ": " +
+                      std::to_string(added.size()) + " pairs proposed by the view graph");
   }
   database_.AddTiming(kStagePairs, 0, "", timer.Seconds());
-  return num_new > 0;
+  return added;
 }
 
 std::vector<image_pair_t> PairChooser::Chosen() const {

@@ -41,8 +41,8 @@ class PairChooser {
 
   // The first round. Throws ConfigError for a way that the photographs do not allow.
   StageReport ChooseFirst();
-  // Proposals of the view graph; true if there are any, and the pairs are to be matched.
-  bool ChooseNext();
+  // Proposals of the view graph, to be matched; ascending. None: there are no more.
+  std::vector<image_pair_t> ChooseNext();
   // Pairs chosen so far; ascending.
   std::vector<image_pair_t> Chosen() const;
 
@@ -57,8 +57,8 @@ class PairChooser {
   void AddSpatial(const PhotoFacts& facts, Choices& choices);
   Choices FirstChoices();
   Choices NextChoices();
-  // Writes those that are new.
-  int64_t Write(const Choices& choices, int round);
+  // Writes those that are new, and returns them; ascending.
+  std::vector<image_pair_t> Write(const Choices& choices, int round);
   void WriteStage(bool is_complete);
 
   Database& database_;

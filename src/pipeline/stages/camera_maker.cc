@@ -8,8 +8,6 @@
 namespace cairn {
 namespace {
 
-// COLMAP's default where nothing is known.
-constexpr double kDefaultFocalFactor = 1.2;
 // An equidistant lens that shows 150 degrees across the larger side: between those that fill the
 // diagonal with 180 degrees (about 140) and circles of 180 degrees in the smaller side.
 constexpr double kFisheyeFocalFactor = 180.0 / 150.0 / std::numbers::pi;

@@ -14,6 +14,9 @@
 
 namespace cairn {
 
+// Focal length over the larger side where nothing is known: COLMAP's.
+inline constexpr double kDefaultFocalFactor = 1.2;
+
 // A file of the folder on its way into the database.
 struct Photo {
   std::string name;

@@ -1,5 +1,4 @@
 #include <atomic>
-#include <filesystem>
 #include <map>
 #include <mutex>
 #include <set>
@@ -12,6 +11,7 @@
 #include "database/database_writer.h"
 #include "database/stage_names.h"
 #include "pipeline/machines/helpers.h"
+#include "pipeline/stages/camera_sizes.h"
 #include "pipeline/stages/extract_photo.h"
 #include "pipeline/stages/failed_photo.h"
 #include "pipeline/stages/masks.h"
@@ -20,45 +20,28 @@
 namespace cairn {
 namespace {
 
-namespace fs = std::filesystem;
-
 struct FeatureItem {
   Image image;
   ImageSize camera_size;
-  uint64_t file_hash = 0;
-  std::string mask_path;    // "": none
-  uint64_t input_hash = 0;  // of what its features are made from
-  bool is_ours = false;     // cairn added the image, so cairn may take it out again
+  FeatureInput input;
+  bool is_ours = false;  // cairn added the image, so cairn may take it out again
   std::string error;
 };
 
 // Images without keypoints whose photograph is known.
 std::vector<FeatureItem> FindItems(const Database& database,
-                                   const std::map<image_t, std::string>& masks) {
-  std::map<camera_t, ImageSize> sizes;
-  for (const Camera& camera : database.ReadCameras()) {
-    sizes[camera.camera_id] = {camera.width, camera.height};
-  }
-  for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
-    sizes[camera.camera_id] = {camera.width, camera.height};
-  }
-  std::map<std::string, uint64_t> file_hashes;
-  for (const PhotoRecord& photo : database.ReadPhotos()) {
-    if (photo.error.empty()) file_hashes[photo.name] = photo.file_hash;
-  }
+                                   const std::map<image_t, FeatureInput>& inputs) {
+  std::map<camera_t, ImageSize> sizes = CameraSizes(database);
   std::set<uint64_t> ours;
   for (const JobRecord& job : database.ReadJobs(kStageCameras)) ours.insert(job.item);
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
   std::vector<FeatureItem> items;
   for (const Image& image : database.ReadImages()) {
     if (num_keypoints.count(image.image_id) > 0) continue;
-    const auto file_hash = file_hashes.find(image.name);
-    if (file_hash == file_hashes.end()) continue;
-    const auto mask = masks.find(image.image_id);
-    const std::string mask_path = mask == masks.end() ? "" : mask->second;
-    items.push_back({image, sizes[image.camera_id], file_hash->second, mask_path,
-                     FeatureInputHash(file_hash->second, mask_path), ours.count(image.image_id) > 0,
-                     ""});
+    const auto input = inputs.find(image.image_id);
+    if (input == inputs.end()) continue;
+    items.push_back(
+        {image, sizes[image.camera_id], input->second, ours.count(image.image_id) > 0, ""});
   }
   return items;
 }
@@ -66,12 +49,12 @@ std::vector<FeatureItem> FindItems(const Database& database,
 void WriteFeatures(Database& database, const FeatureItem& item, const Features& features) {
   database.WriteKeypoints(item.image.image_id, features.keypoints);
   database.WriteDescriptors(item.image.image_id, features.descriptors);
-  database.WriteJob(kStageFeatures, {item.image.image_id, item.input_hash, ""});
+  database.WriteJob(kStageFeatures, {item.image.image_id, item.input.input_hash, ""});
 }
 
 // The image leaves the database, with the reason in its photograph's record.
 void WriteFailure(Database& database, const std::string& folder, const FeatureItem& item) {
-  database.WritePhoto(FailedPhoto(folder, {item.image.name, item.file_hash, item.error}));
+  database.WritePhoto(FailedPhoto(folder, {item.image.name, item.input.file_hash, item.error}));
   if (item.is_ours) database.DeleteImage(item.image.image_id);
 }
 
@@ -109,18 +92,18 @@ class FeatureWork {
       FeatureItem* const item = Next();
       if (item == nullptr) return false;
       batch.Add(PhotoTask{static_cast<uint64_t>(item - items_.data()), PathsOf(*item),
-                          item->camera_size, item->input_hash});
+                          item->camera_size, item->input.input_hash});
       return true;
     };
     work.accept = [this](ByteSource& result, const std::string& helper) {
-      Accept(GetPhotoResult(result), helper);
+      Accept(result.Get<PhotoResult>(), helper);
     };
     work.stop = [this] { next_ = std::ssize(items_); };
     return work;
   }
 
   PhotoPaths PathsOf(const FeatureItem& item) const {
-    return {PathInFolder(image_path_, item.image.name), item.mask_path};
+    return {PathInFolder(image_path_, item.image.name), item.input.mask_path};
   }
 
   // nullptr: there are no more.
@@ -133,7 +116,7 @@ class FeatureWork {
     try {
       Keep(item, ExtractPhoto(PathsOf(item), item.camera_size, options_));
     } catch (const IoError& error) {
-      if (error.path() == item.mask_path) throw;
+      if (error.path() == item.input.mask_path) throw;
       item.error = error.reason();
       writer_.Push([this, &item](Database& db) { WriteFailure(db, image_path_, item); });
       run_.monitor.Advance(1);
@@ -197,9 +180,9 @@ StageReport ExtractImageFeatures(Database& database, const FeatureSource& source
     throw ConfigError("mask_path", "needs --image_path");
   }
   if (!source.image_path.empty()) {
-    const std::map<image_t, std::string> masks = FindMasks(database, source.mask_path, stage);
-    if (!masks.empty()) ForgetChangedMasks(database, masks);
-    items = FindItems(database, masks);
+    const auto inputs = FindFeatureInputs(database, source.mask_path, stage);
+    if (!source.mask_path.empty()) ForgetChangedFeatures(database, inputs);
+    items = FindItems(database, inputs);
   }
   const size_t num_remarks = stage.NumMessages();
   int64_t num_features = 0;

@@ -17,8 +17,6 @@ namespace {
 
 // The side of an image of which nothing is known, px.
 constexpr double kUnknownSize = 1000;
-// COLMAP's ratio of focal length to image size where nothing is known.
-constexpr double kFocalFactor = 1.2;
 
 image_t ImageId(int index) { return static_cast<image_t>(index + 1); }
 
@@ -103,7 +101,8 @@ Photo DescribeImage(const OneDsfmDataset& dataset, const DatasetKeys& keys, int 
     }
   }
   if (photo.size.width < 1 || photo.size.height < 1) {
-    const double side = photo.given_focal_px ? *photo.given_focal_px / kFocalFactor : kUnknownSize;
+    const double side =
+        photo.given_focal_px ? *photo.given_focal_px / kDefaultFocalFactor : kUnknownSize;
     photo.size.width = photo.size.height = std::max(1, static_cast<int>(std::lround(side)));
   }
   return photo;

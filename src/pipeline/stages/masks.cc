@@ -8,6 +8,7 @@
 #include "cairn/base/path_in_folder.h"
 #include "cairn/image/bitmap.h"
 #include "database/stage_names.h"
+#include "pipeline/stages/camera_sizes.h"
 
 namespace cairn {
 namespace {
@@ -19,16 +20,12 @@ void CheckSize(const std::string& path, const ImageSize& photo) {
                     path + " is " + SizeText(mask) + " pixels, its photograph " + SizeText(photo));
 }
 
-}  // namespace
-
+// The mask of each image that has one; the stage is told how many have none.
 std::map<image_t, std::string> FindMasks(const Database& database, const std::string& mask_path,
                                          Stage& stage) {
   std::map<image_t, std::string> masks;
   if (mask_path.empty()) return masks;
-  std::map<camera_t, ImageSize> sizes;
-  for (const Camera& camera : database.ReadCameras()) {
-    sizes[camera.camera_id] = {camera.width, camera.height};
-  }
+  const std::map<camera_t, ImageSize> sizes = CameraSizes(database);
   std::vector<std::string> without;
   for (const Image& image : database.ReadImages()) {
     const std::string path = PathInFolder(mask_path, image.name + ".png");
@@ -50,26 +47,36 @@ std::map<image_t, std::string> FindMasks(const Database& database, const std::st
   return masks;
 }
 
+}  // namespace
+
 uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path) {
   if (mask_path.empty()) return file_hash;
   return Hasher().Add(file_hash).Add(HashFile(mask_path)).Digest();
 }
 
-void ForgetChangedMasks(Database& database, const std::map<image_t, std::string>& masks) {
-  std::map<image_t, uint64_t> made_from;
-  for (const JobRecord& job : database.ReadJobs(kStageFeatures)) {
-    made_from[static_cast<image_t>(job.item)] = job.input_hash;
-  }
+std::map<image_t, FeatureInput> FindFeatureInputs(const Database& database,
+                                                  const std::string& mask_path, Stage& stage) {
+  std::map<image_t, std::string> masks = FindMasks(database, mask_path, stage);
   std::map<std::string, uint64_t> file_hashes;
-  for (const PhotoRecord& photo : database.ReadPhotos()) file_hashes[photo.name] = photo.file_hash;
-  std::set<image_t> changed;
+  for (const PhotoRecord& photo : database.ReadPhotos()) {
+    if (photo.error.empty()) file_hashes[photo.name] = photo.file_hash;
+  }
+  std::map<image_t, FeatureInput> inputs;
   for (const Image& image : database.ReadImages()) {
-    const auto hash = made_from.find(image.image_id);
     const auto file_hash = file_hashes.find(image.name);
-    if (hash == made_from.end() || file_hash == file_hashes.end()) continue;
-    const auto mask = masks.find(image.image_id);
-    const std::string path = mask == masks.end() ? "" : mask->second;
-    if (hash->second != FeatureInputHash(file_hash->second, path)) changed.insert(image.image_id);
+    if (file_hash == file_hashes.end()) continue;
+    const std::string& mask = masks[image.image_id];
+    inputs[image.image_id] = {file_hash->second, mask, FeatureInputHash(file_hash->second, mask)};
+  }
+  return inputs;
+}
+
+void ForgetChangedFeatures(Database& database, const std::map<image_t, FeatureInput>& inputs) {
+  std::set<image_t> changed;
+  for (const JobRecord& job : database.ReadJobs(kStageFeatures)) {
+    const auto input = inputs.find(static_cast<image_t>(job.item));
+    if (input == inputs.end() || input->second.input_hash == job.input_hash) continue;
+    changed.insert(input->first);
   }
   if (changed.empty()) return;
   Database::Transaction transaction(database);

@@ -8,15 +8,23 @@
 
 namespace cairn {
 
-// The mask of each image that has one, `<mask_path>/<image name>.png`; the stage is told how many
-// have none. Throws ConfigError where none has one, or one has not its image's size.
-std::map<image_t, std::string> FindMasks(const Database& database, const std::string& mask_path,
-                                         Stage& stage);
-
-// Hash of what an image's features are made from; mask_path "": no mask.
+// What the features of an image are made from.
+struct FeatureInput {
+  uint64_t file_hash = 0;   // of the photograph
+  std::string mask_path;    // "": none
+  uint64_t input_hash = 0;  // of the photograph and the mask
+};
+// Hash of both; mask_path "": no mask.
 uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path);
 
-// Images whose features cairn made with another mask are as if they had just been added.
-void ForgetChangedMasks(Database& database, const std::map<image_t, std::string>& masks);
+// Of every image whose photograph is known. Masks are `<mask_path>/<image name>.png`; the stage is
+// told how many images have none. Throws ConfigError where none has one, or one has not its image's
+// size.
+std::map<image_t, FeatureInput> FindFeatureInputs(const Database& database,
+                                                  const std::string& mask_path, Stage& stage);
+
+// Images whose features cairn made from something else (another mask) are as if they had just been
+// added.
+void ForgetChangedFeatures(Database& database, const std::map<image_t, FeatureInput>& inputs);
 
 }  // namespace cairn

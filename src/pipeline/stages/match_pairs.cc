@@ -30,65 +30,61 @@ struct MatchingWork {
   size_t num_left_out = 0;  // images without descriptors and without matches
 };
 
-// Hash of every image's descriptors. Images whose row cannot be read are reported and left out of
-// num_descriptors.
-std::map<image_t, uint64_t> HashAllDescriptors(const Database& database,
-                                               std::map<image_t, int>& num_descriptors,
-                                               Stage& stage) {
+// Hashes of the descriptors of these images, as far as they have any. Images whose row cannot be
+// read are reported and left out.
+std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
+                                              const Database& database, Stage& stage) {
   std::map<image_t, uint64_t> hashes;
-  for (const auto& [id, num] : num_descriptors) {
+  for (const image_t id : images) {
     try {
-      hashes[id] = HashDescriptors(*database.ReadDescriptors(id));
+      if (const auto descriptors = database.ReadDescriptors(id)) {
+        hashes[id] = HashDescriptors(*descriptors);
+      }
     } catch (const IoError& error) {
       stage.Warn(std::string(error.what()) + "; the image is not matched");
     }
   }
-  std::erase_if(num_descriptors, [&](const auto& entry) { return hashes.count(entry.first) == 0; });
   return hashes;
 }
 
-MatchingWork FindWork(const Database& database,
-                      const std::optional<std::vector<image_pair_t>>& chosen,
+std::set<image_t> ImagesOf(const std::vector<image_pair_t>& pairs) {
+  std::set<image_t> images;
+  for (const image_pair_t pair : pairs) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    images.insert({id1, id2});
+  }
+  return images;
+}
+
+MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted,
                       const StageLedger& ledger, Stage& stage) {
   MatchingWork work;
   work.num_descriptors = database.ReadNumDescriptors();
-  const std::map<image_t, int> all_descriptors = work.num_descriptors;
-  const auto hashes = HashAllDescriptors(database, work.num_descriptors, stage);
-  std::map<image_t, std::string> names;
-  for (const Image& image : database.ReadImages()) names[image.image_id] = image.name;
   std::vector<image_pair_t> present;
   for (const auto& [pair, num] : database.ReadNumMatches()) present.push_back(pair);
+  const std::set<image_t> matched = ImagesOf(present);
+  std::map<image_t, std::string> names;
+  for (const Image& image : database.ReadImages()) {
+    const image_t id = image.image_id;
+    names[id] = image.name;
+    work.num_left_out += work.num_descriptors.count(id) == 0 && matched.count(id) == 0;
+  }
   const GivenImages given(database, ledger);
-  std::set<image_t> matched;
-  for (const image_pair_t pair : present) {
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    matched.insert({id1, id2});
-  }
-  for (const auto& [id, name] : names) {
-    work.num_left_out += all_descriptors.count(id) == 0 && matched.count(id) == 0;
-  }
-
-  std::vector<image_pair_t> wanted =
-      chosen ? *chosen : ExhaustivePairs(work.num_descriptors, given);
+  const std::set<image_t>& unrecorded = given.unrecorded();
+  std::set<image_t> images = ImagesOf(wanted);
+  images.insert(unrecorded.begin(), unrecorded.end());
+  const std::map<image_t, uint64_t> hashes = HashDescriptorsOf(images, database, stage);
   std::erase_if(wanted, [&](image_pair_t pair) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    return work.num_descriptors.count(id1) == 0 || work.num_descriptors.count(id2) == 0;
+    return hashes.count(id1) == 0 || hashes.count(id2) == 0;
   });
   std::set_difference(wanted.begin(), wanted.end(), present.begin(), present.end(),
                       std::back_inserter(work.pairs));
-
-  std::set<image_t> taking_part;
-  for (const image_pair_t pair : work.pairs) {
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    taking_part.insert({id1, id2});
-  }
   // Records are written for given images too, but only where the stage has something to do.
-  const std::set<image_t>& unrecorded = given.unrecorded();
+  std::set<image_t> taking_part = ImagesOf(work.pairs);
   if (!work.pairs.empty()) taking_part.insert(unrecorded.begin(), unrecorded.end());
-  for (const auto& [id, num] : work.num_descriptors) {
-    const JobRecord* job = ledger.Find(id);
-    if (job == nullptr && taking_part.count(id) == 0) continue;
-    const uint64_t hash = hashes.at(id);
+  for (const auto& [id, hash] : hashes) {
+    if (ledger.Find(id) == nullptr && taking_part.count(id) == 0) continue;
     if (ledger.IsDone(id, hash, "the features of " + names[id])) continue;
     work.new_jobs.push_back({id, {id, hash, unrecorded.count(id) > 0 ? kGivenNote : ""}});
   }
@@ -135,10 +131,10 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
     });
     run.monitor.Advance(1);
   };
-  HelperLoop loop(
-      helpers,
-      PairWork(TaskKind::kMatch, feed, [&](ByteSource& result) { keep(GetMatchResult(result)); }),
-      run);
+  HelperLoop loop(helpers,
+                  PairWork(TaskKind::kMatch, feed,
+                           [&](ByteSource& result) { keep(result.Get<MatchResult>()); }),
+                  run);
   ParallelFor(run.num_threads, static_cast<int64_t>(work.pairs.size()), [&](int64_t) {
     if (run.monitor.StopRequested()) feed.Stop();
     const std::optional<PairTask> task = feed.Next();
@@ -154,8 +150,7 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
 
 }  // namespace
 
-StageReport MatchImagePairs(Database& database,
-                            const std::optional<std::vector<image_pair_t>>& pairs,
+StageReport MatchImagePairs(Database& database, const std::vector<image_pair_t>& pairs,
                             const MatchingOptions& options, const SchedulerOptions& scheduler,
                             const RunContext& run, Helpers* helpers) {
   Stage stage(run.monitor, kStageMatching);

@@ -17,6 +17,7 @@
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
 #include "database/stage_names.h"
+#include "pipeline/stages/camera_sizes.h"
 #include "pipeline/stages/content_hash.h"
 #include "pipeline/stages/stage_ledger.h"
 #include "pipeline/stages/stage_options.h"
@@ -83,13 +84,7 @@ void FindFile(const std::string& image_path, const DepthSource& source, DepthIte
 std::vector<DepthItem> ListImagesWithKeypoints(const Database& database,
                                                const std::string& image_path,
                                                const DepthSource& source) {
-  std::map<camera_t, ImageSize> sizes;
-  for (const Camera& camera : database.ReadCameras()) {
-    sizes[camera.camera_id] = {camera.width, camera.height};
-  }
-  for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
-    sizes[camera.camera_id] = {camera.width, camera.height};
-  }
+  std::map<camera_t, ImageSize> sizes = CameraSizes(database);
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
   std::vector<DepthItem> items;
   for (const Image& image : database.ReadImages()) {

@@ -30,8 +30,6 @@ class StageLedger {
   // options.
   StageLedger(Database& database, const std::string& stage, const std::string& options);
 
-  bool WasBegun() const { return was_begun_; }
-  size_t NumDone() const { return jobs_.size(); }
   // The item's record, or nullptr.
   const JobRecord* Find(uint64_t item) const;
   // True if the item is done from the same inputs, false if it is not done. Throws ConfigError if

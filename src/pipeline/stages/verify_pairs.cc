@@ -179,7 +179,7 @@ class Rounds {
     };
     HelperLoop loop(helpers_,
                     PairWork(TaskKind::kVerify, feed,
-                             [&](ByteSource& result) { keep(GetPairOutcome(result)); }),
+                             [&](ByteSource& result) { keep(result.Get<PairOutcome>()); }),
                     run_);
     ParallelForWorker(num_workers, std::ssize(pairs), [&](int worker, int64_t) {
       if (run_.monitor.StopRequested()) feed.Stop();

@@ -57,7 +57,7 @@ TEST(EstimateBundleBytes, IsWithinThirtyPercentOfWhatIsTaken) {
   scene.num_points = 30000;
   scene.max_keypoints = 4000;
   scene.image_noise_px = 0.5;
-  const Reconstruction truth = MakeReconstruction(scene, 1);
+  const Reconstruction truth = MakeScene(scene, 1).truth;
   malloc_trim(0);
   std::ofstream("/proc/self/clear_refs") << "5";
   const MemoryUse before = ReadMemoryUse();

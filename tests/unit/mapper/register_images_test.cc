@@ -4,6 +4,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/math/angles.h"
 #include "mapper/stages.h"
+#include "support/scene_view_graph.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
@@ -19,7 +20,7 @@ struct IncompleteModel {
     options.num_cameras = options.num_images;
     const SyntheticScene synthetic = MakeScene(options, seed);
     truth = model = synthetic.truth;
-    graph = MakeViewGraph(synthetic);
+    graph = testing::MakeViewGraph(synthetic);
     scene.cameras = synthetic.cameras;
     for (auto& [id, camera] : scene.cameras) camera.has_prior_focal_length = true;
     for (const auto& [id, image] : truth.images) {

@@ -146,8 +146,8 @@ TEST_F(MachinesTest, ADamagedPhotographIsSkippedAsAlone) {
 // Sends one message of its own where a helper would send results.
 void HelpBadly(Peers& peers, const std::function<std::string(const std::string&)>& answer) {
   ByteSink hello;
-  hello.Add(MessageKind::kHello);
-  Put(hello, HelperHello::OfThisProcess());
+  hello(MessageKind::kHello);
+  hello(HelperHello::OfThisProcess());
   peers.Send(0, hello.Take());
   while (true) {
     const auto message = peers.Receive();
@@ -161,7 +161,7 @@ void HelpBadly(Peers& peers, const std::function<std::string(const std::string&)
 
 std::string ErrorMessage(const std::string& text) {
   ByteSink error;
-  error.Add(MessageKind::kError);
+  error(MessageKind::kError);
   error.AddText(text);
   return error.Take();
 }
@@ -201,12 +201,12 @@ TEST_F(MachinesTest, APhotographThatAHelperAloneCannotReadIsAnError) {
       ByteSource source(bytes);
       source.Get<MessageKind>();
       if (source.Get<TaskKind>() != TaskKind::kExtract) return ErrorMessage("no photograph came");
-      source.GetVector<image_t>();
+      source.Get<std::vector<image_t>>();
       source.Get<int64_t>();
       source.Get<int64_t>();
       ByteSink result, results;
-      Put(result, PhotoResult{GetPhotoTask(source).item, "no such file", {}});
-      results.Add(MessageKind::kResults);
+      result(PhotoResult{source.Get<PhotoTask>().item, "no such file", {}});
+      results(MessageKind::kResults);
       results.AddText(result.Take());
       return results.Take();
     });
@@ -226,8 +226,8 @@ TEST_F(MachinesTest, AnotherBuildIsRefused) {
     HelperHello hello = HelperHello::OfThisProcess();
     ++hello.build_hash;
     ByteSink message;
-    message.Add(MessageKind::kHello);
-    Put(message, hello);
+    message(MessageKind::kHello);
+    message(hello);
     peers.Send(0, message.Take());
   };
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { job.Run(Options("a.db"), {}, help); }),
@@ -244,10 +244,10 @@ TEST(MachineMessages, OptionsArriveAsTheyWere) {
   setup.matching.cross_check = false;
   setup.verification.num_resamples = 17;
   ByteSink sink;
-  Put(sink, setup);
+  sink(setup);
   const std::string bytes = sink.Take();
   ByteSource source(bytes);
-  const HelperSetup got = GetSetup(source);
+  const HelperSetup got = source.Get<HelperSetup>();
   EXPECT_TRUE(source.IsAtEnd());
   EXPECT_EQ(got.seed, 5u);
   EXPECT_EQ(got.num_threads, 3);
@@ -259,10 +259,10 @@ TEST(MachineMessages, OptionsArriveAsTheyWere) {
 
 TEST(MachineMessages, AShortMessageIsABug) {
   ByteSink sink;
-  Put(sink, MatchResult{5, {{1, 2}, {3, 4}}});
+  sink(MatchResult{5, {{1, 2}, {3, 4}}});
   const std::string bytes = sink.Take();
   ByteSource source(std::string_view(bytes).substr(0, bytes.size() - 1));
-  EXPECT_THROW(GetMatchResult(source), BugError);
+  EXPECT_THROW(source.Get<MatchResult>(), BugError);
 }
 
 TEST(MachineMessages, PairsArriveAsTheyWere) {
@@ -272,12 +272,11 @@ TEST(MachineMessages, PairsArriveAsTheyWere) {
   task.are_best_first = task.weigh_focals = true;
   task.input_hash = 12345;
   ByteSink sink;
-  Put(sink, task);
+  sink(task);
   const std::string bytes = sink.Take();
   ByteSource source(bytes);
-  const auto [got, has_images] = GetPairTask(source);
+  const auto got = source.Get<PairTask>();
   EXPECT_TRUE(source.IsAtEnd());
-  EXPECT_FALSE(has_images);
   EXPECT_EQ(got.pair_id, task.pair_id);
   EXPECT_EQ(got.matches, task.matches);
   EXPECT_TRUE(got.are_best_first);
@@ -294,10 +293,10 @@ TEST(MachineMessages, ImagesArriveAsTheyWere) {
   image.depth = {{1.5f, 0.1f, 0.2f, true}, {}};
   image.descriptors = PreparedDescriptors(Descriptors::Random(37, 128));
   ByteSink sink;
-  Put(sink, image);
+  sink(image);
   const std::string bytes = sink.Take();
   ByteSource source(bytes);
-  const PairImage got = GetPairImage(source);
+  const PairImage got = source.Get<PairImage>();
   EXPECT_TRUE(source.IsAtEnd());
   EXPECT_EQ(got.camera.camera_id, 4u);
   EXPECT_EQ(got.camera.model, CameraModel::kOpenCV);
@@ -341,10 +340,10 @@ TEST(MachineMessages, OutcomesArriveAsTheyWere) {
   report.triangulation_angle_deg = 4;
   outcome.runs.push_back({"second", "other_step", report, 0.5});
   ByteSink sink;
-  Put(sink, outcome);
+  sink(outcome);
   const std::string bytes = sink.Take();
   ByteSource source(bytes);
-  const PairOutcome got = GetPairOutcome(source);
+  const PairOutcome got = source.Get<PairOutcome>();
   EXPECT_TRUE(source.IsAtEnd());
 
   const testing::TempFolder folder;
@@ -378,10 +377,10 @@ Sent Read(const std::string& bytes) {
   source.Get<MessageKind>();
   source.Get<TaskKind>();
   Sent sent;
-  sent.forgotten = source.GetVector<image_t>();
+  sent.forgotten = source.Get<std::vector<image_t>>();
   for (auto num = source.Get<int64_t>(); num > 0; --num) {
     sent.images.push_back(source.Get<image_t>());
-    GetPairImage(source);
+    source.Get<PairImage>();
   }
   return sent;
 }
@@ -407,8 +406,8 @@ TEST(TaskBatch, NoImageIsSentTwiceToAHelperThatHasIt) {
 
 TEST(TaskBatch, TheLongestUnusedImagesAreForgotten) {
   ByteSink image;
-  image.Add(image_t{1});
-  Put(image, PairImage());
+  image(image_t{1});
+  image(PairImage());
   HeldImages held(3 * static_cast<int64_t>(image.size()));
   const auto send = [&held](image_t id1, image_t id2) {
     TaskBatch batch(TaskKind::kVerify, held);

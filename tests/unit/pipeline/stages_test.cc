@@ -9,6 +9,9 @@
 #include <fstream>
 
 #include "cairn/base/error.h"
+#include "database/stage_names.h"
+#include "pipeline/pairs/exhaustive.h"
+#include "pipeline/stages/stage_ledger.h"
 #include "support/database_dump.h"
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
@@ -67,9 +70,16 @@ class StagesTest : public ::testing::Test {
     return SampleImageDepth(database_, images_, {depth_, ""}, options,
                             {.num_threads = 2, .monitor = monitor});
   }
-  StageReport Match(const std::optional<std::vector<image_pair_t>>& pairs = std::nullopt) {
+  // Those of --pairs exhaustive.
+  static std::vector<image_pair_t> AllPairs(Database& database) {
+    const StageLedger ledger(database, kStageMatching,
+                             DumpQualified("matching", MatchingOptions()));
+    return ExhaustivePairs(database.ReadNumDescriptors(), GivenImages(database, ledger));
+  }
+  StageReport Match(const std::vector<image_pair_t>& pairs) {
     return MatchImagePairs(database_, pairs, {}, {}, {.num_threads = 2});
   }
+  StageReport Match() { return Match(AllPairs(database_)); }
   testing::TempFolder folder_;
   const std::string images_ = folder_ / "images";
   const std::string depth_ = folder_ / "depth";
@@ -182,7 +192,7 @@ TEST_F(StagesTest, AChangedMaskRecomputesItsImageAndPairs) {
   Database fresh(folder_ / "fresh.db");
   ImportPhotos(fresh, {images_}, {}, {.num_threads = 2});
   ExtractImageFeatures(fresh, {images_, masks_}, FastFeatures(), {.num_threads = 2});
-  MatchImagePairs(fresh, std::nullopt, {}, {}, {.num_threads = 2});
+  MatchImagePairs(fresh, AllPairs(fresh), {}, {}, {.num_threads = 2});
   EXPECT_EQ(DumpDatabase(folder_ / "scene.db"), DumpDatabase(folder_ / "fresh.db"));
   TestMonitor again;
   Extract(again);
@@ -355,7 +365,7 @@ TEST_F(StagesTest, PairsChosenByAnotherProgramAreNotCompleted) {
   EXPECT_EQ(*database_.ReadMatches(ImagePairToPairId(1, 2)), (FeatureMatches{{0, 0}}));
   Match();  // Nor the next time.
   EXPECT_EQ(database_.ReadNumMatches().size(), 5u);
-  Match(std::vector<image_pair_t>{ImagePairToPairId(1, 3)});  // Unless named.
+  Match({ImagePairToPairId(1, 3)});  // Unless named.
   EXPECT_EQ(database_.ReadNumMatches().size(), 6u);
 }
 
@@ -366,7 +376,8 @@ TEST_F(StagesTest, DamagedRowsAreNamedAndTheRestGoesOn) {
   RunSql(database_.path(), "UPDATE descriptors SET rows = 1 WHERE image_id = 2");
   TestMonitor monitor;
   EXPECT_EQ(Depth(monitor).status, StageStatus::kWarning);
-  EXPECT_EQ(MatchImagePairs(database_, std::nullopt, {}, {}, {.num_threads = 2, .monitor = monitor})
+  EXPECT_EQ(MatchImagePairs(database_, AllPairs(database_), {}, {},
+                            {.num_threads = 2, .monitor = monitor})
                 .status,
             StageStatus::kWarning);
   EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("keypoints of image 2: 1 x 6 values"),
@@ -381,6 +392,7 @@ TEST_F(StagesTest, ChangedFeaturesAreNoticedByMatching) {
   database_.WriteDescriptors(2, Descriptors::Constant(5, 128, 1));
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { Match(); }),
               HasSubstr("the features of " + Name(1)));
+  EXPECT_NO_THROW(Match({ImagePairToPairId(3, 4)}));  // Of other images.
 }
 
 }  // namespace

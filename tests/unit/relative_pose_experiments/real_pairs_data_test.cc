@@ -4,6 +4,8 @@
 #include <fstream>
 #include <map>
 
+#include "cairn/database/database.h"
+#include "cairn/pipeline/stages.h"
 #include "relative_pose_experiments/real_pairs.h"
 #include "support/shared_data.h"
 #include "support/temp_folder.h"
@@ -26,17 +28,19 @@ class RealPairsData : public ::testing::Test {
       }
     }
     pairs.close();
-    options_.database_path = folder + "/colmap_loose_matches.db";
+    options_.database_path = folder_ / "matches.db";
+    std::filesystem::copy_file(folder + "/colmap_loose_matches.db", options_.database_path);
+    Database database(options_.database_path);
+    SampleImageDepth(database, "", {folder + "/depth_good", ""});
     options_.reference_path = folder + "/gt";
     options_.pairs_path = folder_ / "pairs.txt";
-    options_.depth_path = folder + "/depth_good";
   }
   cairn::testing::TempFolder folder_;
   RealDataOptions options_;
 };
 
 TEST_F(RealPairsData, OneCorrespondenceWithDepthFindsMostPoses) {
-  const RealScene scene = LoadRealScene(options_, {}, 20, NullMonitor());
+  const RealScene scene = LoadRealScene(options_, 20, NullMonitor());
   EXPECT_EQ(scene.pairs.size(), 28u);
   const SingleReport single = RunSingleCorrespondences(scene, 2);
   EXPECT_GT(single.share_within_20_15, 0.1);

@@ -6,8 +6,8 @@
 #include "cairn/base/error.h"
 #include "cairn/database/database.h"
 #include "cairn/io/colmap_model.h"
-#include "cairn/synthetic/two_view_problem.h"
 #include "support/temp_folder.h"
+#include "support/two_view_problem.h"
 
 namespace cairn::experiments {
 namespace {
@@ -134,7 +134,7 @@ class RealSceneFiles : public ::testing::Test {
 TEST_F(RealSceneFiles, PairsAreThoseThatTheReferenceConnects) {
   for (const char* reference : {"with_points", "without_points"}) {
     options_.reference_path = folder_ / reference;
-    const RealScene scene = LoadRealScene(options_, {}, 20, NullMonitor());
+    const RealScene scene = LoadRealScene(options_, 20, NullMonitor());
     ASSERT_EQ(scene.pairs.size(), 1u);
     EXPECT_EQ(scene.pairs[0].image1->name, "sub/1.jpg");
     EXPECT_LT(ErrorsOf(truth_, scene.pairs[0]).rotation_deg, 1e-9);
@@ -145,7 +145,7 @@ TEST_F(RealSceneFiles, PairsAreThoseThatTheReferenceConnects) {
 TEST_F(RealSceneFiles, SayWhatIsMissing) {
   const auto error_of = [&] {
     try {
-      LoadRealScene(options_, {}, 20, NullMonitor());
+      LoadRealScene(options_, 20, NullMonitor());
     } catch (const std::exception& error) {
       return std::string(error.what());
     }
@@ -155,24 +155,10 @@ TEST_F(RealSceneFiles, SayWhatIsMissing) {
   EXPECT_THAT(error_of(), HasSubstr("nowhere"));
   options_.reference_path.clear();
   EXPECT_THAT(error_of(), HasSubstr("reference_path"));
-  options_.reference_path = folder_ / "with_points";
-  options_.depth_model = "net.onnx";
-  EXPECT_THAT(error_of(), HasSubstr("image_path"));
-}
-
-TEST_F(RealSceneFiles, ImagesWithoutADepthMapAreNamed) {
-  struct Warnings : ProgressMonitor {
-    void Warning(const std::string& message) override { text += message + "\n"; }
-    std::string text;
-  } monitor;
-  options_.depth_path = folder_.path();
-  const RealScene scene = LoadRealScene(options_, {}, 20, monitor);
-  EXPECT_TRUE(scene.pairs[0].image1->depth.empty());
-  EXPECT_THAT(monitor.text, HasSubstr("sub/1.jpg"));
 }
 
 TEST_F(RealSceneFiles, EveryEstimatorHasARowAPair) {
-  const RealScene scene = LoadRealScene(options_, {}, 20, NullMonitor());
+  const RealScene scene = LoadRealScene(options_, 20, NullMonitor());
   const auto results = RunRealPairs(scene, {}, 0, NullMonitor());
   ASSERT_EQ(results.size(), kRealEstimators.size());
   for (const PairResult& result : results) {

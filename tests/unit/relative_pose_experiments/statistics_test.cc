@@ -34,14 +34,14 @@ TEST(Statistics, HistogramHoldsEveryValue) {
 }
 
 TEST(Table, WritesCsvAndRefusesBrokenRows) {
-  Table table({"a", "b"});
-  table.Row().Add("x y").Add(0.1);
-  table.Row().Add(int64_t{7}).Add(1e-20);
+  Table table;
+  table.AddRow({{"a", "x y"}, {"b", 0.1}});
+  table.AddRow({{"a", 7}, {"b", 1e-20}});
   EXPECT_EQ(table.ToCsv(), "a,b\nx y,0.1\n7,1e-20\n");
-  table.Row().Add("short");
-  EXPECT_THROW(table.ToCsv(), BugError);
-  Table comma({"a"});
-  comma.Row().Add("1,2");
+  EXPECT_THROW(table.AddRow({{"a", "short"}}), BugError);
+  EXPECT_THROW(table.AddRow({{"b", 0.1}, {"a", "another order"}}), BugError);
+  Table comma;
+  comma.AddRow({{"a", "1,2"}});
   EXPECT_THROW(comma.ToCsv(), BugError);
 }
 

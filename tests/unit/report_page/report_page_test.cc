@@ -8,6 +8,7 @@
 #include "cairn/base/file.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/synthetic/scene.h"
+#include "support/scene_view_graph.h"
 #include "support/temp_folder.h"
 
 namespace cairn {
@@ -30,7 +31,7 @@ class ReportPageTest : public ::testing::Test {
     options.pair_metrics = true;
     const SyntheticScene scene = MakeScene(options, 1);
     WriteScene(scene, SceneContent::kTwoViewGeometries, database_);
-    graph_ = MakeViewGraph(scene);
+    graph_ = testing::MakeViewGraph(scene);
     models_.push_back(scene.truth);
     for (const image_t id : {7, 8}) Remove(id);
   }

@@ -17,9 +17,9 @@ Reconstruction MakeSmall() {
   SceneOptions options;
   options.num_images = 5;
   options.num_points = 200;
-  options.layout = CameraLayout::kGrid;
+  options.layout = CameraLayout::kArc;
   options.image_noise_px = 1.0;
-  return MakeReconstruction(options, 1);
+  return MakeScene(options, 1).truth;
 }
 
 int64_t NumReferences(const Reconstruction& reconstruction) {

@@ -10,6 +10,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/geometry/epipolar.h"
+#include "support/scene_view_graph.h"
 
 namespace cairn {
 namespace {
@@ -29,7 +30,7 @@ TEST(Scene, ExactReconstructionIsConsistent) {
       options.layout = layout;
       options.camera_model = model;
       options.radial_distortion = -0.05;
-      const Reconstruction truth = MakeReconstruction(options, 1);
+      const Reconstruction truth = MakeScene(options, 1).truth;
       EXPECT_NO_THROW(truth.CheckConsistency());
       EXPECT_EQ(truth.images.size(), 8u);
       EXPECT_GT(truth.points3D.size(), 100u) << name;
@@ -42,7 +43,7 @@ TEST(Scene, ExactReconstructionIsConsistent) {
 TEST(Scene, KeypointNoiseIsTheReprojectionError) {
   SceneOptions options = SmallSceneOptions();
   options.image_noise_px = 2.0;
-  const Reconstruction truth = MakeReconstruction(options, 1);
+  const Reconstruction truth = MakeScene(options, 1).truth;
   // Mean of a Rayleigh distribution.
   EXPECT_NEAR(truth.MeanReprojectionErrorPx(), 2.0 * std::sqrt(std::numbers::pi / 2), 0.1);
 }
@@ -137,7 +138,7 @@ TEST(Scene, TrueGeometryFitsItsInliers) {
 
 TEST(Scene, ViewGraphJoinsImagesWithCommonPoints) {
   const SyntheticScene scene = MakeScene(SmallSceneOptions(), 6);
-  const ViewGraph graph = MakeViewGraph(scene, 30);
+  const ViewGraph graph = testing::MakeViewGraph(scene, 30);
   EXPECT_EQ(graph.image_ids.size(), 8u);
   ASSERT_GE(graph.edges.size(), 8u);   // a ring
   EXPECT_LT(graph.edges.size(), 28u);  // opposite sides see nothing in common
@@ -182,7 +183,7 @@ TEST(Scene, SameSeedSameScene) {
 TEST(Scene, EveryOptionHasAnEffect) {
   using Change = std::function<void(SceneOptions&)>;
   const std::vector<Change> changes = {
-      [](SceneOptions& o) { o.layout = CameraLayout::kLine; },
+      [](SceneOptions& o) { o.layout = CameraLayout::kArc; },
       [](SceneOptions& o) { o.num_images = 9; },
       [](SceneOptions& o) { o.num_points = 601; },
       [](SceneOptions& o) { o.max_keypoints = 50; },

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/math/angles.h"
-#include "cairn/synthetic/two_view_problem.h"
+#include "support/two_view_problem.h"
 #include "two_view/decide/focal_plausibility.h"
 #include "unit/two_view/pair_fixture.h"
 

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "cairn/synthetic/two_view_problem.h"
 #include "cairn/two_view/pair_verifier.h"
+#include "support/two_view_problem.h"
 #include "two_view/pair_fixture.h"
 
 namespace cairn {

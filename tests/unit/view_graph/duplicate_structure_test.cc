@@ -8,6 +8,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/synthetic/scene.h"
+#include "support/scene_view_graph.h"
 
 namespace cairn {
 namespace {
@@ -29,7 +30,7 @@ struct Place {
     options.twin_places = is_twin;
     const SyntheticScene scene = MakeScene(options, seed);
     model = scene.truth;
-    graph = MakeViewGraph(scene);
+    graph = testing::MakeViewGraph(scene);
   }
 
   Pairs BetweenDuplicates(int num_threads = 1) const {

@@ -1,4 +1,4 @@
-#include "cairn/synthetic/two_view_problem.h"
+#include "support/two_view_problem.h"
 
 #include <algorithm>
 #include <cmath>
