@@ -19,9 +19,10 @@ Eigen::Vector3d EarthCentered(const GpsPosition& position) {
   const double squared_eccentricity = kFlattening * (2 - kFlattening);
   const double sine = std::sin(latitude);
   const double normal = kSemiMajorM / std::sqrt(1 - squared_eccentricity * sine * sine);
-  const double across = (normal + position.altitude_m) * std::cos(latitude);
+  const double altitude_m = position.altitude_m.value_or(0);
+  const double across = (normal + altitude_m) * std::cos(latitude);
   return {across * std::cos(longitude), across * std::sin(longitude),
-          ((1 - squared_eccentricity) * normal + position.altitude_m) * sine};
+          ((1 - squared_eccentricity) * normal + altitude_m) * sine};
 }
 
 LocalFrame::LocalFrame(const GpsPosition& origin)

@@ -35,13 +35,15 @@ struct Problem {
 };
 
 GpsPosition MedianPosition(const std::vector<GeoregisteredImage>& images) {
-  const auto median = [&](double GpsPosition::*field) {
-    std::vector<double> values;
-    for (const GeoregisteredImage& image : images) values.push_back(image.gps.*field);
-    return Median(std::move(values));
-  };
-  return {median(&GpsPosition::latitude_deg), median(&GpsPosition::longitude_deg),
-          median(&GpsPosition::altitude_m)};
+  std::vector<double> latitudes, longitudes, altitudes;
+  for (const GeoregisteredImage& image : images) {
+    latitudes.push_back(image.gps.latitude_deg);
+    longitudes.push_back(image.gps.longitude_deg);
+    if (image.gps.altitude_m) altitudes.push_back(*image.gps.altitude_m);
+  }
+  GpsPosition middle{Median(std::move(latitudes)), Median(std::move(longitudes))};
+  if (!altitudes.empty()) middle.altitude_m = Median(std::move(altitudes));
+  return middle;
 }
 
 // The images that have positions, and (unless none has) an altitude.
@@ -49,13 +51,13 @@ Problem FindImages(const Reconstruction& model, const std::map<std::string, GpsR
                    Georegistration& out) {
   const bool need_altitude = std::any_of(model.images.begin(), model.images.end(), [&](auto& item) {
     const auto row = rows.find(item.second.image.name);
-    return row != rows.end() && row->second.position.altitude_m != 0;
+    return row != rows.end() && row->second.position.altitude_m;
   });
   Problem problem;
   for (const auto& [id, image] : model.images) {
     const auto row = rows.find(image.image.name);
     if (row == rows.end()) continue;
-    if (need_altitude && row->second.position.altitude_m == 0) {
+    if (need_altitude && !row->second.position.altitude_m) {
       out.without_altitude.push_back(image.image.name);
       continue;
     }

@@ -12,7 +12,7 @@ Json ToJson(const Eigen::Vector3d& v) { return Json::array({v.x(), v.y(), v.z()}
 Json ToJson(const GpsPosition& gps) {
   return Json{{"latitude_deg", gps.latitude_deg},
               {"longitude_deg", gps.longitude_deg},
-              {"altitude_m", gps.altitude_m}};
+              {"altitude_m", gps.altitude_m ? Json(*gps.altitude_m) : Json()}};
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 namespace cairn {
 
@@ -8,10 +9,11 @@ namespace cairn {
 struct GpsPosition {
   double latitude_deg = 0;   // positive: north
   double longitude_deg = 0;  // positive: east
-  double altitude_m = 0;     // above the ellipsoid, or what the receiver took for it; 0: not known
+  // Above the ellipsoid, or what the receiver took for it; absent: not known.
+  std::optional<double> altitude_m = {};
 };
 
-// Earth-centered, Earth-fixed, meters.
+// Earth-centered, Earth-fixed, meters; on the ellipsoid where the altitude is not known.
 Eigen::Vector3d EarthCentered(const GpsPosition& position);
 
 // East-north-up axes at a place: x east, y north, z up (along the ellipsoid's normal), meters from

@@ -45,7 +45,7 @@ struct Georegistration {
 // least squares over the rows that agree, until these stay the same. A row is wrong if its residual
 // is far out by Tukey's fence: three quartile distances beyond the upper quartile of the rows that
 // agree, relative to each row's sigma; but never within 5 cm.
-// Where some positions have an altitude, those without (0) are not used.
+// Where some positions have an altitude, those without are not used.
 Georegistration Georegister(const Reconstruction& model, const std::map<std::string, GpsRow>& rows,
                             const RunContext& run = {});
 

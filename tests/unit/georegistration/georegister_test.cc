@@ -112,7 +112,7 @@ TEST_F(GeoregisterTest, AxesAreEastNorthUp) {
   const GpsPosition place{46.2, 7.1, 1200};
   const auto moved = [&](double latitude, double longitude, double altitude) {
     return kFrame.FromGps({place.latitude_deg + latitude, place.longitude_deg + longitude,
-                           place.altitude_m + altitude});
+                           *place.altitude_m + altitude});
   };
   EXPECT_LT(moved(0, 0, 0).norm(), 1e-9);
   EXPECT_LT((moved(0, 0, 7) - Eigen::Vector3d(0, 0, 7)).norm(), 1e-8);
@@ -183,10 +183,37 @@ TEST_F(GeoregisterTest, PositionsOfAnotherPlaceDoNotAgree) {
 }
 
 TEST_F(GeoregisterTest, RowsWithoutAltitudeAreNotMixedIn) {
-  rows_.begin()->second.position.altitude_m = 0;
+  rows_.begin()->second.position.altitude_m.reset();
   const Georegistration found = Georegister(model_, rows_);
   EXPECT_EQ(found.without_altitude, std::vector<std::string>{rows_.begin()->first});
   EXPECT_LT(LargestError(found), 1e-6);
+}
+
+// A boat: what is above the sea is not all that there is.
+TEST_F(GeoregisterTest, AltitudesOfZeroAreUsed) {
+  for (auto& [id, enu] : enu_) {
+    const std::string name = model_.images.at(id).image.name;
+    GpsPosition gps = GpsAt(enu);
+    gps.altitude_m = id % 3 == 0 ? 0.0 : 5.0 * (id % 7);
+    rows_[name].position = gps;
+    Place(id, kFrame.FromGps(gps));
+  }
+  const Georegistration found = Georegister(model_, rows_);
+  EXPECT_EQ(found.images.size(), model_.images.size());
+  EXPECT_TRUE(found.without_altitude.empty());
+  EXPECT_LT(found.median_residual_m, 1e-6);
+  EXPECT_EQ(nlohmann::json::parse(GeoregistrationToJson(found))["images"][2]["gps"]["altitude_m"],
+            0.0);
+}
+
+// Where no position has an altitude, heights do not enter: the origin has none.
+TEST_F(GeoregisterTest, WithoutAnyAltitudeTheJsonHasNone) {
+  for (auto& [name, row] : rows_) row.position.altitude_m.reset();
+  const Georegistration found = Georegister(model_, rows_);
+  EXPECT_EQ(found.images.size(), model_.images.size());
+  const auto json = nlohmann::json::parse(GeoregistrationToJson(found));
+  EXPECT_TRUE(json["origin"]["altitude_m"].is_null());
+  EXPECT_TRUE(json["images"][0]["gps"]["altitude_m"].is_null());
 }
 
 TEST_F(GeoregisterTest, JsonHasTheSimilarityAndEveryResidual) {
