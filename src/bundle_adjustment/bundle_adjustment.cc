@@ -44,14 +44,13 @@ double MeanCovisibility(const Reconstruction& reconstruction) {
 }
 
 BundleSolver ChooseSolver(const BundleAdjustmentOptions& options,
-                          const BundleAdjustmentScope& scope,
-                          const Reconstruction& reconstruction) {
+                          const BundleAdjustmentScope& scope, int64_t num_images,
+                          double covisibility) {
   // Without points, or with nothing but points, there is nothing to eliminate.
   const bool has_others =
       scope.rotations || scope.positions || scope.focal_lengths || scope.distortions;
   if (!scope.points || !has_others) return BundleSolver::kSparseNormalCholesky;
-  return SchurSolver(options, static_cast<int64_t>(reconstruction.images.size()),
-                     MeanCovisibility(reconstruction));
+  return SchurSolver(options, num_images, covisibility);
 }
 
 ceres::LinearSolverType CeresSolverType(BundleSolver solver) {
@@ -229,10 +228,12 @@ class BundleProblem {
 };
 
 ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options, BundleSolver solver,
-                                     int num_threads) {
+                                     double covisibility, int num_threads) {
   ceres::Solver::Options ceres_options;
   ceres_options.linear_solver_type = CeresSolverType(solver);
   ceres_options.preconditioner_type = ceres::SCHUR_JACOBI;
+  ceres_options.use_explicit_schur_complement =
+      solver == BundleSolver::kIterativeSchur && FormsSchurComplement(covisibility);
   ceres_options.max_num_iterations = options.max_iterations;
   ceres_options.function_tolerance = options.function_tolerance;
   ceres_options.gradient_tolerance = 1e-12;
@@ -291,8 +292,10 @@ BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
   report.num_observations = problem.num_observations();
   if (report.num_observations == 0) return report;
 
-  report.solver = ChooseSolver(options, scope, reconstruction);
-  ceres::Solver::Options solver_options = SolverOptions(options, report.solver, run.num_threads);
+  const double covisibility = MeanCovisibility(reconstruction);
+  report.solver = ChooseSolver(options, scope, report.num_images, covisibility);
+  ceres::Solver::Options solver_options =
+      SolverOptions(options, report.solver, covisibility, run.num_threads);
   if (!scope.image_positions.empty() || !scope.surveyed_points.empty()) {
     // Positions hold the world frame, and the initial damping would be stiffer than they are.
     solver_options.initial_trust_region_radius = solver_options.max_trust_region_radius;

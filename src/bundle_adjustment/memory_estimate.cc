@@ -30,6 +30,10 @@ constexpr int64_t kBytesPerPoint =
     (160 + kMalloc) + 3 * (kMapNode + 2 * kPointer + kMalloc) + 12 * kPointSize * sizeof(double) +
     2 * kPointSize * kPointSize * sizeof(double);
 
+// A block of the cameras' system: values with their rows and columns, and its place in a map.
+constexpr int64_t kBytesPerImagePair =
+    kPoseSize * kPoseSize * (sizeof(double) + 2 * sizeof(int32_t)) + 2 * kMapNode + kMalloc;
+
 constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t) + sizeof(float);
 
 }  // namespace
@@ -37,6 +41,7 @@ constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t
 int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const BundleSize& size) {
   const int64_t rows = kPoseSize * size.num_images;
   int64_t schur = rows * kPoseSize * static_cast<int64_t>(sizeof(double));
+  if (FormsSchurComplement(size.covisibility)) schur += size.num_image_pairs * kBytesPerImagePair;
   const bool is_iterative =
       SchurSolver(options, size.num_images, size.covisibility) == BundleSolver::kIterativeSchur;
   // The complement and its factor.

@@ -7,15 +7,22 @@ namespace cairn {
 // The solver of the cameras' system that the options ask for, or that kAuto stands for. Where many
 // images see the same points, that system is nearly full: forming and factorizing it costs more
 // than conjugate gradients take. covisibility: images that see an observation's point, on average.
+inline constexpr double kMaxSparseCovisibility = 20.0;
 inline BundleSolver SchurSolver(const BundleAdjustmentOptions& options, int64_t num_images,
                                 double covisibility) {
-  constexpr double kMaxSparseCovisibility = 20.0;
   if (options.solver != BundleSolver::kAuto) return options.solver;
   if (num_images <= options.max_dense_images) return BundleSolver::kDenseSchur;
   const bool is_sparse = num_images <= 3 * static_cast<int64_t>(options.max_dense_images) ||
                          covisibility <= kMaxSparseCovisibility;
   return num_images <= options.max_sparse_images && is_sparse ? BundleSolver::kSparseSchur
                                                               : BundleSolver::kIterativeSchur;
+}
+
+// Should conjugate gradients have the cameras' system formed? A product with it then takes a tenth
+// of one by way of the points; forming it costs what some forty of the latter do, more where it is
+// nearly full.
+inline bool FormsSchurComplement(double covisibility) {
+  return covisibility <= kMaxSparseCovisibility;
 }
 
 }  // namespace cairn

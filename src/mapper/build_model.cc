@@ -145,6 +145,8 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   std::string first_failure = std::exchange(context.report.failure, "");
   for (const RotationHypothesis& hypothesis : hypotheses) {
     if (context.run.monitor.StopRequested()) break;
+    // Where the best model explains more than its pairs have, it cannot be better.
+    if (best.model && hypothesis.num_explainable < best.evidence.all.num_explained) continue;
     BuiltModel built = BuildFrom(context, component, graph, hypothesis);
     const std::string failure = std::exchange(context.report.failure, "");
     if (first_failure.empty()) first_failure = failure;

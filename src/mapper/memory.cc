@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <limits>
+#include <unordered_map>
 
 #include "bundle_adjustment/memory_estimate.h"
 #include "mapper/stages.h"
@@ -26,14 +27,27 @@ BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks) {
     size.num_keypoints += static_cast<int64_t>(image.points2D.size());
   }
   double num_pairs = 0;
+  std::unordered_map<image_t, int64_t> index;
+  for (const auto& [id, image] : model.images) index.emplace(id, index.size());
+  std::vector<bool> is_seen_together(size.num_images * size.num_images, false);
+  std::vector<int64_t> used;
   for (const Track& track : tracks) {
-    int64_t num_used = 0;
-    for (const TrackElement& element : track) num_used += model.images.count(element.image_id) > 0;
-    if (num_used < 2) continue;
+    used.clear();
+    for (const TrackElement& element : track) {
+      const auto image = index.find(element.image_id);
+      if (image != index.end()) used.push_back(image->second);
+    }
+    if (used.size() < 2) continue;
     ++size.num_points;
-    size.num_observations += num_used;
-    num_pairs += static_cast<double>(num_used * num_used);
+    size.num_observations += static_cast<int64_t>(used.size());
+    num_pairs += static_cast<double>(used.size() * used.size());
+    for (const int64_t i : used) {
+      for (const int64_t j : used) {
+        if (i < j) is_seen_together[i * size.num_images + j] = true;
+      }
+    }
   }
+  size.num_image_pairs = std::count(is_seen_together.begin(), is_seen_together.end(), true);
   if (size.num_observations > 0) {
     size.covisibility = num_pairs / static_cast<double>(size.num_observations);
   }

@@ -1,5 +1,7 @@
+#include <cmath>
 #include <cstdio>
 #include <limits>
+#include <utility>
 
 #include "base/first_names.h"
 #include "cairn/base/error.h"
@@ -128,7 +130,7 @@ void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResul
     Reconstruction& model = result.models[k];
     RunStage stage(result.report, run.monitor, "georegistration");
     stage.Add("model", static_cast<double>(k));
-    const Georegistration found = Georegister(model, *scene.places, run);
+    Georegistration found = Georegister(model, *scene.places, run);
     for (ResultWarning& warning : WarningsOf(found)) {
       warning.what = "sparse/" + std::to_string(k) + " (" + std::to_string(model.images.size()) +
                      " images): " + warning.what;
@@ -136,10 +138,11 @@ void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResul
       result.report.warnings.push_back(std::move(warning));
     }
     const bool is_placed = found.status == GeoregistrationStatus::kOk;
+    if (is_placed) {
+      model.Transform(std::exchange(found.enu_from_world, Sim3d()));  // the frame is its world now
+      ReportPlace(found, stage);
+    }
     result.georegistrations.push_back(is_placed ? GeoregistrationToJson(found) : "");
-    if (!is_placed) continue;
-    model.Transform(found.enu_from_world);
-    ReportPlace(found, stage);
   }
 }
 

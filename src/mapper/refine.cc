@@ -17,8 +17,12 @@ struct Round {
   bool principal_points = false;
   bool weigh = true;  // observations by their precision, which errors at rough poses do not show
   int max_iterations = 0;
+  double tolerance = 0;  // relative; not below bundle_adjustment.function_tolerance
   const PlacePriors* places = nullptr;
 };
+
+// Rounds that only find a start need not converge: what comes next changes the cost by more.
+constexpr double kStartTolerance = 1e-2;
 
 // Gives every keypoint the standard deviation of the errors of keypoints like it.
 void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& model) {
@@ -38,6 +42,7 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   ModelStage stage(context, everything ? "bundle_adjustment" : "bundle_adjustment_positions");
   BundleAdjustmentOptions options = settings.bundle_adjustment;
   options.max_iterations = std::min(options.max_iterations, round.max_iterations);
+  options.function_tolerance = std::max(options.function_tolerance, round.tolerance);
   BundleAdjustmentScope scope;
   scope.rotations = everything;
   scope.focal_lengths = everything;
@@ -188,13 +193,15 @@ void RefineModel(StageContext& context, std::span<const Track> tracks, bool from
               .positions_first = true,
               .distortions = false,
               .weigh = false,
-              .max_iterations = 20},
+              .max_iterations = 20,
+              .tolerance = kStartTolerance},
              model);
     RunRound(context,
              {.name = "middle",
               .tracks = coarse_tracks,
               .error_factor = std::max(1.0, 0.25 * options.coarse_error_factor),
-              .max_iterations = 20},
+              .max_iterations = 20,
+              .tolerance = kStartTolerance},
              model);
   }
   Round round{.name = "",

@@ -16,7 +16,7 @@ constexpr double kTurnedDeg = 5.0;
 constexpr double kMinTurnedShare = 0.05;
 // Where pairs with this share of all inliers agree with the rotations, weighed or not, other sets
 // of edges are not tried.
-constexpr double kClearSupport = 0.75;
+constexpr double kClearShare = 0.75;
 
 std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<double>& weights) {
   std::vector<RotationEdge> edges;
@@ -30,7 +30,8 @@ std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<doub
 
 // Inliers of all pairs that have a pose, those that were taken out among them, by how well they
 // agree with the rotations.
-void SetSupport(const ViewGraph& graph, double scale_deg, RotationHypothesis& hypothesis) {
+void SetSupport(const ViewGraph& graph, double scale_deg, double max_error_deg,
+                RotationHypothesis& hypothesis) {
   for (const ViewEdge& edge : graph.edges) {
     const auto rotation1 = hypothesis.cam_from_world.find(edge.image_id1);
     const auto rotation2 = hypothesis.cam_from_world.find(edge.image_id2);
@@ -42,6 +43,7 @@ void SetSupport(const ViewGraph& graph, double scale_deg, RotationHypothesis& hy
                                                edge.cam2_from_cam1.rotation));
     hypothesis.possible_support += std::max(1, edge.num_inliers);
     hypothesis.support += std::max(1, edge.num_inliers) / (1.0 + std::pow(error / scale_deg, 2));
+    if (error <= max_error_deg) hypothesis.num_explainable += edge.num_inliers;
   }
 }
 
@@ -109,7 +111,8 @@ class Averager {
 
   bool IsClear() const {
     return !all_.empty() && !IsAnother(all_.front(), all_.back()) &&
-           all_.front().support > kClearSupport * all_.front().possible_support;
+           static_cast<double>(all_.front().num_explainable) >
+               kClearShare * all_.front().possible_support;
   }
 
   size_t NumTried() const { return all_.size(); }
@@ -148,7 +151,8 @@ class Averager {
     if (static_cast<double>(report.cam_from_world.size()) <= min_images_) return false;
     all_.push_back({min_num_inliers, weighing.name, std::move(report.cam_from_world),
                     report.median_residual_deg});
-    SetSupport(component_, options.sigma_start_deg, all_.back());
+    SetSupport(component_, options.sigma_start_deg,
+               context_.settings.view_graph.max_rotation_error_deg, all_.back());
     return true;
   }
 

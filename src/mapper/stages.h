@@ -136,6 +136,7 @@ struct RotationHypothesis {
   double median_residual_deg = 0;
   double support = 0;           // inliers of the pairs that agree with it
   double possible_support = 0;  // of all pairs between its images
+  int64_t num_explainable = 0;  // matches of the pairs that a model with these rotations can keep
 };
 // Global rotations of the component, averaged from all of its edges and from those with more and
 // more inliers while they join more than this share of the images, weighed by inliers, alike, and

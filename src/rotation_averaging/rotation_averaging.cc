@@ -6,23 +6,11 @@
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
 #include "rotation_averaging/rotation_problem.h"
-#include "rotation_averaging/spanning_tree.h"
 #include "rotation_averaging/stages.h"
-#include "sparse/laplacian_solver.h"
+#include "rotation_averaging/start.h"
 
 namespace cairn {
 namespace {
-
-// Weights change in every iteration: beyond some half second for a factorization, conjugate
-// gradients are taken.
-constexpr double kMaxCholeskyFlops = 3e9;
-
-LaplacianSolver MakeSolver(const RotationProblem& problem, const std::vector<char>& is_gauge) {
-  std::vector<LaplacianSolver::Edge> edges;
-  edges.reserve(problem.edges.size());
-  for (const GraphEdge& edge : problem.edges) edges.push_back({edge.node1, edge.node2});
-  return LaplacianSolver(problem.NumNodes(), edges, is_gauge, kMaxCholeskyFlops);
-}
 
 void FillResiduals(const RotationProblem& problem, double max_error_deg,
                    const Eigen::Matrix3Xd& errors, RotationAveragingReport& report) {
@@ -65,30 +53,23 @@ RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
     report.components.emplace_back();
     for (const int v : nodes) report.components.back().push_back(problem.image_ids[v]);
   }
-  SpanningTreeRotations tree = InitializeBySpanningTree(problem, run.num_threads);
-  LaplacianSolver solver = MakeSolver(problem, tree.is_root);
-  const StageResult l1 = RunL1Stage(problem, options, run, solver, tree.cam_from_world);
-  while (report.num_consensus_rounds < options.max_consensus_rounds &&
-         !run.monitor.StopRequested()) {
-    const int num_moved = RunConsensusRound(problem, options.sigma_start_deg, tree.cam_from_world);
-    ++report.num_consensus_rounds;
-    if (num_moved == 0) break;
-  }
-  const StageResult irls = RunIrlsStage(problem, options, run, solver, tree.cam_from_world);
-  report.num_l1_iterations = l1.num_iterations;
+  RotationStart start = FindRotationStart(problem, options, run);
+  const StageResult irls = RunIrlsStage(problem, options, run, start.solver, start.cam_from_world);
+  report.num_l1_iterations = start.l1.num_iterations;
+  report.num_consensus_rounds = start.num_consensus_rounds;
   report.num_irls_iterations = irls.num_iterations;
   if (run.monitor.StopRequested()) {
     report.status = RotationAveragingStatus::kInterrupted;
     return report;
   }
-  const bool converged = options.max_irls_iterations > 0 ? irls.converged : l1.converged;
+  const bool converged = options.max_irls_iterations > 0 ? irls.converged : start.l1.converged;
   report.status =
       converged ? RotationAveragingStatus::kSuccess : RotationAveragingStatus::kNotConverged;
   for (int v = 0; v < problem.NumNodes(); ++v) {
-    report.cam_from_world[problem.image_ids[v]] = tree.cam_from_world[v];
+    report.cam_from_world[problem.image_ids[v]] = start.cam_from_world[v];
   }
   FillResiduals(problem, options.max_error_deg,
-                RotationErrors(problem, tree.cam_from_world, run.num_threads), report);
+                RotationErrors(problem, start.cam_from_world, run.num_threads), report);
   return report;
 }
 

@@ -19,8 +19,10 @@ City::City(int64_t num_images)
       width_(std::max(1, static_cast<int>(std::lround(std::sqrt(0.5 * num_places_))))) {}
 
 Rigid3d City::WorldFromPlace(int place) const {
-  // The golden angle: no two places are turned alike.
-  const double turn = place * std::numbers::pi * (3.0 - std::sqrt(5.0));
+  // Multiples of the golden angle by squares: no two places are turned alike, and no two pairs of
+  // twins against each other, as one turn of half of the city would explain.
+  const double turn =
+      std::fmod(0.5 * (3.0 - std::sqrt(5.0)) * place * place, 1.0) * 2 * std::numbers::pi;
   return {Eigen::Quaterniond(Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ())),
           kSpacing * Eigen::Vector3d(place % width_, place / width_, 0)};
 }

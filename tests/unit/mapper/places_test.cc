@@ -134,6 +134,8 @@ TEST_F(PlacesTest, GpsKeepsAStreetStraight) {
   EXPECT_GT(bend_m, 2);
   EXPECT_LT(BendM(result), 0.3 * bend_m);
   EXPECT_LT(ErrorM(result), 1.5);
+  const auto json = nlohmann::json::parse(result.georegistrations.at(0));
+  EXPECT_EQ(json["enu_from_world"]["scale"], 1.0);  // the model is in the frame
   ASSERT_EQ(result.report.warnings.size(), 1u);
   EXPECT_THAT(result.report.warnings[0].what, HasSubstr("the path is nearly straight"));
 }

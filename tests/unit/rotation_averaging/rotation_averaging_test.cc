@@ -132,6 +132,59 @@ TEST(RotationAveraging, LandmarkGraphWithRealisticErrors) {
   EXPECT_GT(summary.FractionBelow(5.0), 0.97);
 }
 
+// Places on a grid, each with many images; of every two that are half of the city apart, many pairs
+// say, consistently, that they are one place. They are fewer than those to all neighbors together,
+// but more than those to any one, and surer.
+Problem MakeLookAlikePlaces(int width, int images_per_place, uint64_t seed) {
+  Rng rng(seed, "look-alike places");
+  const int num_places = 2 * width * width;
+  Problem p;
+  std::vector<Eigen::Quaterniond> cam_from_place, place_from_world;
+  for (int k = 0; k < num_places; ++k) place_from_world.push_back(RandomRotation(rng));
+  for (int i = 0; i < num_places * images_per_place; ++i) {
+    cam_from_place.push_back(RandomRotation(rng));
+    p.truth[i + 1] = cam_from_place[i] * place_from_world[i % num_places];
+  }
+  const auto add = [&](int i, int j, double share, double weight, bool is_outlier) {
+    if (rng.Uniform() > share) return;
+    const Eigen::Vector3d noise(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+    const Eigen::Quaterniond q = is_outlier ? cam_from_place[j] * cam_from_place[i].conjugate()
+                                            : p.truth[j + 1] * p.truth[i + 1].conjugate();
+    p.edges.push_back({static_cast<image_t>(i + 1), static_cast<image_t>(j + 1),
+                       ExpSO3(DegToRad(1.0) * noise) * q, weight});
+    p.is_outlier.push_back(is_outlier);
+  };
+  for (size_t i = 0; i < cam_from_place.size(); ++i) {
+    for (size_t j = i + 1; j < cam_from_place.size(); ++j) {
+      const int a = static_cast<int>(i) % num_places, b = static_cast<int>(j) % num_places;
+      const bool are_neighbors =
+          std::abs(a % width - b % width) <= 1 && std::abs(a / width - b / width) <= 1;
+      const int from = static_cast<int>(i), to = static_cast<int>(j);
+      if (a == b) {
+        add(from, to, 0.6, 200, false);
+      } else if (are_neighbors) {
+        add(from, to, 0.2, 40, false);
+      } else if (std::abs(a - b) == num_places / 2) {
+        add(from, to, 0.4, 50, true);
+      }
+    }
+  }
+  return p;
+}
+
+TEST(RotationAveraging, PlacesThatLookAlikeAreNotPutOnTopOfEachOther) {
+  for (const uint64_t seed : {1, 2, 3}) {
+    const Problem p = MakeLookAlikePlaces(3, 20, seed);
+    for (const double power : {0.0, 1.0}) {
+      RotationAveragingOptions options;
+      options.weight_power = power;
+      const RotationAveragingReport report = AverageRotations(p.edges, options);
+      EXPECT_LT(Summarize(AlignedRotationErrorsDeg(report.cam_from_world, p.truth)).max, 3)
+          << "seed " << seed << ", weight_power " << power;
+    }
+  }
+}
+
 TEST(RotationAveraging, SameBytesForAnyOrderDirectionAndThreads) {
   const Problem p = MakeProblem(80, 1500, 1.0, 0.3, 11);
   const RotationAveragingReport reference = AverageRotations(p.edges);
