@@ -296,9 +296,14 @@ BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
   report.solver = ChooseSolver(options, scope, report.num_images, covisibility);
   ceres::Solver::Options solver_options =
       SolverOptions(options, report.solver, covisibility, run.num_threads);
-  if (!scope.image_positions.empty() || !scope.surveyed_points.empty()) {
-    // Positions hold the world frame, and the initial damping would be stiffer than they are.
+  const auto num_positions =
+      static_cast<double>(scope.image_positions.size() + scope.surveyed_points.size());
+  if (num_positions > 0) {
+    // Positions hold the world frame, and the initial damping would be stiffer than they are. What
+    // they still bring is small beside the cost of all observations.
     solver_options.initial_trust_region_radius = solver_options.max_trust_region_radius;
+    solver_options.function_tolerance *=
+        num_positions / (num_positions + static_cast<double>(report.num_observations));
   }
   StopCallback stop(run.monitor);
   solver_options.callbacks.push_back(&stop);
