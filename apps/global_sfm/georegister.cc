@@ -6,9 +6,6 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
-#include "cairn/base/parallel.h"
-#include "cairn/base/path_in_folder.h"
-#include "cairn/image/exif.h"
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "common/console_monitor.h"
@@ -22,6 +19,7 @@ struct GeoregisterFlags {
   std::string model_path;
   std::string gps_path;
   std::string image_path;
+  std::string gcp_path;
   std::string output_path;
   int seed = 0;
   int num_threads = 0;
@@ -36,45 +34,15 @@ struct GeoregisterFlags {
         "between; degrees (WGS84), meters");
     v.String("image_path", image_path,
              "folder of the photographs, whose EXIF has GPS, instead of gps_path");
+    v.String("gcp_path", gcp_path,
+             "ground control points, OpenDroneMap's gcp_list.txt: with three that the model has, "
+             "they decide, and GPS is checked; names that begin with CHK- are of check points");
     v.String("output_path", output_path,
              "folder for georegistration.json and the model in east, north, up, meters");
     v.Int("seed", seed, {0, 1e9}, "seed of the random numbers");
     v.Int("num_threads", num_threads, {0, 1024}, "threads that read EXIF; 0: all");
   }
 };
-
-std::map<std::string, GpsRow> ReadExifPositions(const Reconstruction& model,
-                                                const GeoregisterFlags& flags) {
-  std::vector<std::string> names;
-  for (const auto& [id, image] : model.images) names.push_back(image.image.name);
-  std::vector<std::optional<GpsPosition>> positions(names.size());
-  ParallelFor(flags.num_threads, std::ssize(names), [&](int64_t i) {
-    const std::string path = PathInFolder(flags.image_path, names[i]);
-    if (std::filesystem::exists(path)) positions[i] = ReadExif(path, 1, 1).gps;
-  });
-  std::map<std::string, GpsRow> rows;
-  for (size_t i = 0; i < names.size(); ++i) {
-    if (positions[i]) rows[names[i]].position = *positions[i];
-  }
-  return rows;
-}
-
-// Why the model has no place on Earth; "": it has one.
-std::string Failure(const Georegistration& found) {
-  switch (found.status) {
-    case GeoregistrationStatus::kOk:
-      return "";
-    case GeoregistrationStatus::kTooFewImages:
-      return std::to_string(found.images.size()) +
-             " images of the model have a position; it takes three";
-    case GeoregistrationStatus::kOnALine:
-      return "the cameras, or their positions, lie on a line, about which the model may turn";
-    case GeoregistrationStatus::kNoAgreement:
-      return "the positions contradict the model: half of them are far off, whatever the "
-             "similarity";
-  }
-  return "";
-}
 
 std::string Format(const char* format, double a, double b, double c) {
   char text[160];
@@ -98,30 +66,39 @@ void Describe(const Georegistration& found, ProgressMonitor& monitor) {
                     " positions have no altitude, such as that of " +
                     found.without_altitude.front() + "; they are not used");
   }
-  if (found.roll_sigma_deg > 5) {
+  for (const std::string& line : DescribePoints(found)) monitor.Info(line);
+  if (found.roll_sigma_deg > kLargeRollDeg) {
     monitor.Warning(
         Format("the cameras' path is nearly straight: the model may turn about it by "
                "%.0f degrees",
                found.roll_sigma_deg, 0, 0));
   }
-  monitor.Info(std::to_string(found.images.size() - num_wrong) + " positions agree, " +
-               std::to_string(num_wrong) + " are wrong; " +
+  const std::string rows = std::to_string(found.images.size() - num_wrong) + " positions agree, " +
+                           std::to_string(num_wrong) + " are wrong";
+  monitor.Info((found.by_control_points ? "by control points" : rows) + "; " +
                Format("median residual %.3g m, scale %.6g m", found.median_residual_m,
                       found.enu_from_world.scale, 0));
 }
 
 int Run(const GeoregisterFlags& flags) {
-  if (flags.gps_path.empty() == flags.image_path.empty()) {
-    throw ConfigError("gps_path", "or image_path is required, one of them");
+  const bool has_gps = !flags.gps_path.empty() || !flags.image_path.empty();
+  if ((!flags.gps_path.empty() && !flags.image_path.empty()) ||
+      (!has_gps && flags.gcp_path.empty())) {
+    throw ConfigError("gps_path", "or image_path, one of them, or gcp_path is required");
   }
   ConsoleMonitor monitor;
   const std::string path = LargestModelIn(flags.model_path);
   Reconstruction model = ReadModel(path);
-  const std::map<std::string, GpsRow> rows =
-      flags.gps_path.empty() ? ReadExifPositions(model, flags) : ReadGpsFile(flags.gps_path);
+  KnownPositions known;
+  std::vector<std::string> names;
+  for (const auto& [id, image] : model.images) names.push_back(image.image.name);
+  if (has_gps) {
+    known.images = ReadPositions(names, flags.gps_path, flags.image_path, flags.num_threads);
+  }
+  if (!flags.gcp_path.empty()) known.control_points = ReadGcpFile(flags.gcp_path);
   const Georegistration found =
-      Georegister(model, rows, {.seed = static_cast<uint64_t>(flags.seed), .monitor = monitor});
-  if (const std::string failure = Failure(found); !failure.empty()) {
+      Georegister(model, known, {.seed = static_cast<uint64_t>(flags.seed), .monitor = monitor});
+  if (const std::string failure = GeoregistrationFailure(found); !failure.empty()) {
     monitor.Warning(failure);
     return kExitNoUsableResult;
   }

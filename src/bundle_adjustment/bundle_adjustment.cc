@@ -76,6 +76,9 @@ double DistortionPrecision(const Camera& camera, int index) {
   return std::hypot(J[index], J[camera.params.size() + index]) / (share * r * camera.MeanFocal());
 }
 
+// The length that 1 in 20 vectors of three normal coordinates exceeds.
+constexpr double kPositionLossScale = 2.796;
+
 class StopCallback : public ceres::IterationCallback {
  public:
   explicit StopCallback(ProgressMonitor& monitor) : monitor_(monitor) {}
@@ -107,6 +110,14 @@ class BundleProblem {
       if (camera == reconstruction.cameras.end()) continue;
       AddPrior(camera->second, prior, state_.Intrinsics(id));
     }
+    for (const SurveyedPoint& point : scope.surveyed_points) {
+      AddSurveyedPoint(scope, reconstruction, point, state_.Point(index++));
+    }
+    for (const auto& [id, prior] : scope.image_positions) {
+      if (!scope.positions || reconstruction.images.count(id) == 0) continue;
+      double* const block = state_.Pose(id).block.data();
+      AddPositionPrior(prior, scope.rotations ? 3 : 0, block + (scope.rotations ? 0 : 3));
+    }
   }
 
   ceres::Solver::Summary Solve(ceres::Solver::Options options) {
@@ -135,26 +146,52 @@ class BundleProblem {
     int num_used = 0;
     for (const TrackElement& element : point.track) {
       const RegisteredImage& image = reconstruction.images.at(element.image_id);
-      if (!reconstruction.CameraOf(image).ImgFromRay(image.cam_from_world * point.xyz)) continue;
-      PoseState& pose = state_.Pose(element.image_id);
-      IntrinsicsState& intrinsics = *pose.intrinsics;
-      const bool pose_is_free = scope.fixed_images.count(element.image_id) == 0;
-      const ReprojectionCost::Free free{.point = scope.points,
-                                        .rotation = scope.rotations && pose_is_free,
-                                        .position = scope.positions && pose_is_free};
-      parameters_.clear();
-      if (free.point) Use(0, xyz.data());
-      if (free.rotation || free.position) Use(1, pose.block.data() + (free.rotation ? 0 : 3));
-      if (intrinsics.num_free > 0) Use(2, intrinsics.free.data());
-      if (parameters_.empty()) continue;
       const double sigma_px = image.sigmas_px.empty() ? 1.0 : image.sigmas_px[element.point2D];
-      auto cost = std::make_unique<ReprojectionCost>(&pose, &xyz, image.points2D[element.point2D],
-                                                     sigma_px, free);
-      problem_.AddResidualBlock(cost.release(), loss_.get(), parameters_);
-      ++num_used;
+      num_used += AddObservation(scope, reconstruction, element.image_id,
+                                 image.points2D[element.point2D], sigma_px, loss_.get(), xyz);
     }
     num_observations_ += num_used;
     num_points_ += num_used > 0;
+  }
+
+  // False: nothing of it is free, or the point is not in front of the camera.
+  bool AddObservation(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
+                      image_t id, const Eigen::Vector2d& pixel, double sigma_px,
+                      ceres::LossFunction* loss, Eigen::Vector3d& xyz) {
+    const RegisteredImage& image = reconstruction.images.at(id);
+    if (!reconstruction.CameraOf(image).ImgFromRay(image.cam_from_world * xyz)) return false;
+    PoseState& pose = state_.Pose(id);
+    IntrinsicsState& intrinsics = *pose.intrinsics;
+    const bool pose_is_free = scope.fixed_images.count(id) == 0;
+    const ReprojectionCost::Free free{.point = scope.points,
+                                      .rotation = scope.rotations && pose_is_free,
+                                      .position = scope.positions && pose_is_free};
+    parameters_.clear();
+    if (free.point) Use(0, xyz.data());
+    if (free.rotation || free.position) Use(1, pose.block.data() + (free.rotation ? 0 : 3));
+    if (intrinsics.num_free > 0) Use(2, intrinsics.free.data());
+    if (parameters_.empty()) return false;
+    auto cost = std::make_unique<ReprojectionCost>(&pose, &xyz, pixel, sigma_px, free);
+    problem_.AddResidualBlock(cost.release(), loss, parameters_);
+    return true;
+  }
+
+  void AddSurveyedPoint(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
+                        const SurveyedPoint& point, Eigen::Vector3d& xyz) {
+    for (const auto& [id, pixel] : point.pixels) {
+      AddObservation(scope, reconstruction, id, pixel, 1.0, &position_loss_, xyz);
+    }
+    AddPositionPrior(point.prior, 0, xyz.data());
+  }
+
+  // Of the three coordinates that begin at `offset` in a block of offset + 3.
+  void AddPositionPrior(const PositionPrior& prior, int offset, double* block) {
+    if (!problem_.HasParameterBlock(block)) return;
+    ceres::Matrix A = ceres::Matrix::Zero(3, offset + 3);
+    ceres::Vector b = ceres::Vector::Zero(offset + 3);
+    A.rightCols(3) = prior.precision.asDiagonal();
+    b.tail(3) = prior.position;
+    problem_.AddResidualBlock(new ceres::NormalPrior(A, b), &position_loss_, block);
   }
 
   void AddPrior(const Camera& camera, const IntrinsicsPrior& prior, IntrinsicsState& state) {
@@ -182,6 +219,7 @@ class BundleProblem {
 
   BundleState state_;
   std::unique_ptr<ceres::LossFunction> loss_;
+  ceres::HuberLoss position_loss_{kPositionLossScale};
   ceres::Problem problem_;
   std::shared_ptr<ceres::ParameterBlockOrdering> ordering_;
   std::vector<double*> parameters_;
@@ -258,6 +296,15 @@ BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
   report.solver = ChooseSolver(options, scope, report.num_images, covisibility);
   ceres::Solver::Options solver_options =
       SolverOptions(options, report.solver, covisibility, run.num_threads);
+  const auto num_positions =
+      static_cast<double>(scope.image_positions.size() + scope.surveyed_points.size());
+  if (num_positions > 0) {
+    // Positions hold the world frame, and the initial damping would be stiffer than they are. What
+    // they still bring is small beside the cost of all observations.
+    solver_options.initial_trust_region_radius = solver_options.max_trust_region_radius;
+    solver_options.function_tolerance *=
+        num_positions / (num_positions + static_cast<double>(report.num_observations));
+  }
   StopCallback stop(run.monitor);
   solver_options.callbacks.push_back(&stop);
   const ceres::Solver::Summary summary = problem.Solve(solver_options);

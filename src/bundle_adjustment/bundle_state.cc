@@ -75,8 +75,9 @@ BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstructio
     pose_index_[id] = poses_.size();
     poses_.push_back(pose);
   }
-  points_.reserve(reconstruction.points3D.size());
+  points_.reserve(reconstruction.points3D.size() + scope.surveyed_points.size());
   for (const auto& [id, point] : reconstruction.points3D) points_.push_back(point.xyz);
+  for (const SurveyedPoint& point : scope.surveyed_points) points_.push_back(point.prior.position);
 }
 
 void BundleState::PrepareForEvaluation(bool evaluate_jacobians, bool new_evaluation_point) {

@@ -57,6 +57,7 @@ class BundleState : public ceres::EvaluationCallback {
   void PrepareForEvaluation(bool evaluate_jacobians, bool new_evaluation_point) override;
 
   PoseState& Pose(image_t id) { return poses_[pose_index_.at(id)]; }
+  // Those of the reconstruction, then those that were surveyed.
   Eigen::Vector3d& Point(size_t index) { return points_[index]; }
   IntrinsicsState& Intrinsics(camera_t id) { return intrinsics_[intrinsics_index_.at(id)]; }
 

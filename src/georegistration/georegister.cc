@@ -7,6 +7,7 @@
 #include "cairn/evaluation/alignment.h"
 #include "cairn/evaluation/error_statistics.h"
 #include "cairn/math/angles.h"
+#include "georegistration/control_points.h"
 
 namespace cairn {
 namespace {
@@ -20,115 +21,166 @@ constexpr double kFarOut = 3.0;
 constexpr double kNormalFence = 4.80;
 // The first guess at what agrees: residuals up to so many medians, 4.6 standard deviations.
 constexpr double kFirstMedians = 3.0;
-// No receiver is better than this (differential GPS, fixed), meters.
-constexpr double kMinSigmaM = 0.01;
+// No receiver is better than this.
+constexpr double kMinSigmaM = kControlPointSigmaM;
 constexpr int kMaxRounds = 50;
 // Cameras whose path is this much longer than wide are on a line but for rounding.
 constexpr double kMinWidth = 1e-6;
 
 using Points = std::vector<Eigen::Vector3d>;
 
-// What is aligned: rows of the images, and of each the center in the model.
-struct Problem {
-  Points centers, positions;
-  std::vector<double> sigmas_m;
+// A place that is known, and where the model has it.
+struct Row {
+  Eigen::Vector3d in_model, enu;
+  double sigma_m = 0;
+  bool is_wrong = false;
+  Eigen::Vector3d residual = Eigen::Vector3d::Zero();
 };
+using Rows = std::vector<Row>;
 
-GpsPosition MedianPosition(const std::vector<GeoregisteredImage>& images) {
-  const auto median = [&](double GpsPosition::*field) {
-    std::vector<double> values;
-    for (const GeoregisteredImage& image : images) values.push_back(image.gps.*field);
-    return Median(std::move(values));
-  };
-  return {median(&GpsPosition::latitude_deg), median(&GpsPosition::longitude_deg),
-          median(&GpsPosition::altitude_m)};
+GpsPosition MedianPosition(const std::vector<GpsPosition>& positions) {
+  std::vector<double> latitudes, longitudes, altitudes;
+  for (const GpsPosition& position : positions) {
+    latitudes.push_back(position.latitude_deg);
+    longitudes.push_back(position.longitude_deg);
+    if (position.altitude_m) altitudes.push_back(*position.altitude_m);
+  }
+  GpsPosition middle;
+  if (positions.empty()) return middle;
+  middle = {Median(std::move(latitudes)), Median(std::move(longitudes))};
+  if (!altitudes.empty()) middle.altitude_m = Median(std::move(altitudes));
+  return middle;
 }
 
-// The images that have positions, and (unless none has) an altitude.
-Problem FindImages(const Reconstruction& model, const std::map<std::string, GpsRow>& rows,
-                   Georegistration& out) {
-  const bool need_altitude = std::any_of(model.images.begin(), model.images.end(), [&](auto& item) {
-    const auto row = rows.find(item.second.image.name);
-    return row != rows.end() && row->second.position.altitude_m != 0;
-  });
-  Problem problem;
+// Of the control points, if three are not checks; else of the images.
+GpsPosition OriginOf(const KnownPositions& known) {
+  std::vector<GpsPosition> images, points;
+  for (const auto& [name, row] : known.images) images.push_back(row.position);
+  for (const ControlPoint& point : known.control_points) {
+    if (!point.is_check) points.push_back(point.position);
+  }
+  return MedianPosition(points.size() < 3 && !images.empty() ? images : points);
+}
+
+// The images that have positions, and (unless none has) an altitude. Rows without sigma are as good
+// as the middle one of those that have it.
+void FindImages(const Reconstruction& model, const std::map<std::string, GpsRow>& rows,
+                const LocalFrame& frame, Georegistration& out) {
+  std::vector<double> given;
+  bool need_altitude = false;
+  for (const auto& [name, row] : rows) {
+    if (row.sigma_m > 0) given.push_back(row.sigma_m);
+    need_altitude |= row.position.altitude_m.has_value();
+  }
+  const double usual = given.empty() ? 1.0 : Median(given);
   for (const auto& [id, image] : model.images) {
     const auto row = rows.find(image.image.name);
     if (row == rows.end()) continue;
-    if (need_altitude && row->second.position.altitude_m == 0) {
+    const auto& [position, sigma_m] = row->second;
+    if (need_altitude && !position.altitude_m) {
       out.without_altitude.push_back(image.image.name);
       continue;
     }
     GeoregisteredImage& found = out.images.emplace_back();
     found.image_id = id;
     found.name = image.image.name;
-    found.gps = row->second.position;
-    problem.centers.push_back(image.cam_from_world.Center());
-    problem.sigmas_m.push_back(row->second.sigma_m);
+    found.gps = position;
+    found.gps_enu = frame.FromGps(position);
+    found.sigma_m = sigma_m > 0 ? sigma_m : usual;
   }
-  if (out.images.empty()) return problem;
-  // Rows without sigma are as good as the middle one of those that have it.
-  std::vector<double> given;
-  std::copy_if(problem.sigmas_m.begin(), problem.sigmas_m.end(), std::back_inserter(given),
-               [](double sigma) { return sigma > 0; });
-  const double usual = given.empty() ? 1.0 : Median(given);
-  for (double& sigma : problem.sigmas_m) sigma = sigma > 0 ? sigma : usual;
-  out.origin = MedianPosition(out.images);
-  const LocalFrame frame(out.origin);
-  for (GeoregisteredImage& image : out.images) {
-    image.gps_enu = frame.FromGps(image.gps);
-    problem.positions.push_back(image.gps_enu);
-  }
-  return problem;
 }
 
-// Residuals under the similarity; their lengths, divided by the sigmas.
-std::vector<double> Measure(const Problem& problem, const std::vector<double>& sigmas_m,
-                            Georegistration& out) {
+Rows RowsOfImages(const Reconstruction& model, const Georegistration& out) {
+  Rows rows;
+  for (const GeoregisteredImage& image : out.images) {
+    rows.push_back(
+        {model.images.at(image.image_id).cam_from_world.Center(), image.gps_enu, image.sigma_m});
+  }
+  return rows;
+}
+
+// The control points that the model has, as rows.
+Rows FindPoints(const Reconstruction& model, const std::vector<ControlPoint>& points,
+                const LocalFrame& frame, Georegistration& out) {
+  std::map<std::string, image_t> ids;
+  for (const auto& [id, image] : model.images) ids[image.image.name] = id;
+  Rows rows;
+  for (const ControlPoint& point : points) {
+    const auto located = LocatePoint(model, ids, point);
+    if (!located) continue;
+    GeoregisteredPoint& found = out.points.emplace_back();
+    found.name = point.name;
+    found.position = point.position;
+    found.enu = frame.FromGps(point.position);
+    found.pixels = located->pixels;
+    found.is_check = point.is_check;
+    rows.push_back({located->in_model, found.enu, kMinSigmaM});
+  }
+  return rows;
+}
+
+void Measure(const Sim3d& enu_from_world, Rows& rows) {
+  for (Row& row : rows) row.residual = enu_from_world * row.in_model - row.enu;
+}
+
+// Of the rows that are not wrong.
+std::vector<double> RelativeResiduals(const Rows& rows) {
   std::vector<double> relative;
-  for (size_t i = 0; i < out.images.size(); ++i) {
-    out.images[i].residual = out.enu_from_world * problem.centers[i] - problem.positions[i];
-    relative.push_back(out.images[i].residual.norm() / sigmas_m[i]);
+  for (const Row& row : rows) {
+    if (!row.is_wrong) relative.push_back(row.residual.norm() / row.sigma_m);
   }
   return relative;
 }
 
 // Beyond which a relative residual is far out, by those of the rows that are not wrong.
-double Fence(const std::vector<double>& relative, const Georegistration& out) {
-  std::vector<double> kept;
-  for (size_t i = 0; i < relative.size(); ++i) {
-    if (!out.images[i].is_wrong) kept.push_back(relative[i]);
-  }
+double Fence(const Rows& rows) {
+  std::vector<double> kept = RelativeResiduals(rows);
   std::sort(kept.begin(), kept.end());
   const double lower = kept[kept.size() / 4], upper = kept[(3 * kept.size()) / 4];
   return upper + kFarOut * (upper - lower);
 }
 
 // Says which rows are wrong; whether any answer changed.
-bool Judge(const Problem& problem, Georegistration& out) {
-  const std::vector<double> relative = Measure(problem, problem.sigmas_m, out);
-  const double fence = Fence(relative, out);
+bool Judge(Rows& rows) {
+  const double fence = Fence(rows);
   bool has_changed = false;
-  for (size_t i = 0; i < out.images.size(); ++i) {
-    const double largest_m = std::max(fence * problem.sigmas_m[i], kNormalFence * kMinSigmaM);
-    const bool is_wrong = out.images[i].residual.norm() > largest_m;
-    has_changed |= is_wrong != out.images[i].is_wrong;
-    out.images[i].is_wrong = is_wrong;
+  for (Row& row : rows) {
+    const double largest_m = std::max(fence * row.sigma_m, kNormalFence * kMinSigmaM);
+    const bool is_wrong = row.residual.norm() > largest_m;
+    has_changed |= is_wrong != row.is_wrong;
+    row.is_wrong = is_wrong;
   }
   return has_changed;
 }
 
 // Least squares over the rows that are not wrong.
-std::optional<Sim3d> Fit(const Problem& problem, const Georegistration& out) {
-  Points centers, positions;
+std::optional<Sim3d> Fit(const Rows& rows) {
+  Points in_model, enu;
   std::vector<double> weights;
-  for (size_t i = 0; i < out.images.size(); ++i) {
-    if (out.images[i].is_wrong) continue;
-    centers.push_back(problem.centers[i]);
-    positions.push_back(problem.positions[i]);
-    weights.push_back(1.0 / (problem.sigmas_m[i] * problem.sigmas_m[i]));
+  for (const Row& row : rows) {
+    if (row.is_wrong) continue;
+    in_model.push_back(row.in_model);
+    enu.push_back(row.enu);
+    weights.push_back(1.0 / (row.sigma_m * row.sigma_m));
   }
-  return AlignSimilarity(centers, positions, weights);
+  return AlignSimilarity(in_model, enu, weights);
+}
+
+// The first guess, which does not know sigmas: precise rows are not wrong because it is off.
+std::optional<Sim3d> Start(uint64_t seed, Rows& rows) {
+  Points in_model, enu;
+  for (const Row& row : rows) {
+    in_model.push_back(row.in_model);
+    enu.push_back(row.enu);
+  }
+  const std::optional<Sim3d> start = AlignSimilarityRobust(in_model, enu, seed);
+  if (!start) return std::nullopt;
+  Measure(*start, rows);
+  std::vector<double> residuals_m;
+  for (const Row& row : rows) residuals_m.push_back(row.residual.norm());
+  const double largest_m = std::max(kFirstMedians * Median(residuals_m), kNormalFence * kMinSigmaM);
+  for (Row& row : rows) row.is_wrong = row.residual.norm() > largest_m;
+  return start;
 }
 
 // Standard deviations of the points along their principal axes, the smallest first.
@@ -146,14 +198,14 @@ Eigen::Vector3d Extents(const Points& points) {
 }
 
 // Fills the figures of the final fit, and its status.
-void Assess(const Problem& problem, Georegistration& out) {
+void Assess(const Rows& rows, Georegistration& out) {
   Points kept;
-  std::vector<double> residuals, distances;
-  for (size_t i = 0; i < out.images.size(); ++i) {
-    if (out.images[i].is_wrong) continue;
-    kept.push_back(out.enu_from_world * problem.centers[i]);
-    residuals.push_back(out.images[i].residual.norm());
-    distances.push_back(problem.positions[i].norm());  // from their middle
+  std::vector<double> residuals, coordinates[3], distances;
+  for (const Row& row : rows) {
+    if (row.is_wrong) continue;
+    kept.push_back(out.enu_from_world * row.in_model);
+    residuals.push_back(row.residual.norm());
+    for (int k = 0; k < 3; ++k) coordinates[k].push_back(row.enu[k]);
   }
   out.median_residual_m = Median(residuals);
   const Eigen::Vector3d extents = Extents(kept);
@@ -165,37 +217,101 @@ void Assess(const Problem& problem, Georegistration& out) {
   out.roll_sigma_deg = RadToDeg(std::atan(sigma_m / (std::hypot(extents[0], extents[1]) *
                                                      std::sqrt(static_cast<double>(kept.size())))));
   // A similarity that shrinks the model to a point explains nothing, and leaves the distances.
+  const Eigen::Vector3d middle(Median(coordinates[0]), Median(coordinates[1]),
+                               Median(coordinates[2]));
+  for (const Row& row : rows) {
+    if (!row.is_wrong) distances.push_back((row.enu - middle).norm());
+  }
   out.status = out.median_residual_m > 0.5 * Median(distances) ? GeoregistrationStatus::kNoAgreement
                                                                : GeoregistrationStatus::kOk;
 }
 
+// Three rows agree, whatever they say. Of the others, no more than half do: then a model that bends
+// leaves as much, and nothing tells which rows are wrong.
+bool IsByChance(const Rows& rows) {
+  const auto num_kept =
+      std::count_if(rows.begin(), rows.end(), [](const Row& row) { return !row.is_wrong; });
+  return 2 * (num_kept - 3) <= std::ssize(rows) - 3;
+}
+
+// The similarity by these rows; false: there is none.
+bool Align(uint64_t seed, Rows& rows, Georegistration& out) {
+  const std::optional<Sim3d> start = Start(seed, rows);
+  if (!start) return false;
+  out.enu_from_world = *start;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const std::optional<Sim3d> fit = Fit(rows);
+    if (!fit) break;
+    out.enu_from_world = *fit;
+    Measure(*fit, rows);
+    if (!Judge(rows)) break;
+  }
+  if (!IsByChance(rows)) return true;
+  for (Row& row : rows) row.is_wrong = false;
+  out.enu_from_world = Fit(rows).value_or(out.enu_from_world);
+  Measure(out.enu_from_world, rows);
+  return true;
+}
+
+// Residuals of the images, and how good their positions are.
+void FinishImages(const KnownPositions& known, Rows rows, Georegistration& out) {
+  Measure(out.enu_from_world, rows);
+  const double factor = Median(RelativeResiduals(rows)) / kMedianLength;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    GeoregisteredImage& image = out.images[i];
+    image.residual = rows[i].residual;
+    image.is_wrong = rows[i].is_wrong;
+    const bool is_given = known.images.at(image.name).sigma_m > 0;
+    image.sigma_m =
+        std::max(image.sigma_m * (is_given ? std::max(1.0, factor) : factor), kMinSigmaM);
+  }
+}
+
+// Residuals of the control points.
+void FinishPoints(const Reconstruction& model, Rows rows, Georegistration& out) {
+  Measure(out.enu_from_world, rows);
+  const Sim3d world_from_enu = Inverse(out.enu_from_world);
+  for (size_t i = 0; i < rows.size(); ++i) {
+    GeoregisteredPoint& point = out.points[i];
+    point.residual = rows[i].residual;
+    for (const auto& [id, pixel] : point.pixels) {
+      const RegisteredImage& image = model.images.at(id);
+      point.error_px += ReprojectionErrorPx(model.CameraOf(image), image.cam_from_world,
+                                            world_from_enu * point.enu, pixel) /
+                        static_cast<double>(point.pixels.size());
+    }
+  }
+}
+
 }  // namespace
 
-Georegistration Georegister(const Reconstruction& model, const std::map<std::string, GpsRow>& rows,
+Georegistration Georegister(const Reconstruction& model, const KnownPositions& known,
                             const RunContext& run) {
   Georegistration out;
-  const Problem problem = FindImages(model, rows, out);
-  if (out.images.size() < 3) return out;
-  const auto start = AlignSimilarityRobust(problem.centers, problem.positions, run.seed);
-  if (!start) {
+  out.origin = OriginOf(known);
+  const LocalFrame frame(out.origin);
+  FindImages(model, known.images, frame, out);
+  Rows images = RowsOfImages(model, out);
+  const Rows points = FindPoints(model, known.control_points, frame, out);
+  Rows control;
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (!out.points[i].is_check) control.push_back(points[i]);
+  }
+  out.by_control_points = control.size() >= 3;
+  Rows& rows = out.by_control_points ? control : images;
+  if (rows.size() < 3) return out;
+  if (!Align(run.seed, rows, out)) {
     out.status = GeoregistrationStatus::kOnALine;
     return out;
   }
-  out.enu_from_world = *start;
-  // The start does not know sigmas: precise rows are not wrong because it is off.
-  const std::vector<double> residuals_m =
-      Measure(problem, std::vector<double>(problem.sigmas_m.size(), 1.0), out);
-  const double largest_m = std::max(kFirstMedians * Median(residuals_m), kNormalFence * kMinSigmaM);
-  for (size_t i = 0; i < residuals_m.size(); ++i) {
-    out.images[i].is_wrong = residuals_m[i] > largest_m;
+  Assess(rows, out);
+  if (!images.empty()) FinishImages(known, std::move(images), out);
+  FinishPoints(model, points, out);
+  size_t next = 0;
+  for (GeoregisteredPoint& point : out.points) {
+    if (!out.by_control_points) point.is_check = true;
+    if (!point.is_check) point.is_wrong = control[next++].is_wrong;
   }
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const std::optional<Sim3d> fit = Fit(problem, out);
-    if (!fit) break;
-    out.enu_from_world = *fit;
-    if (!Judge(problem, out)) break;
-  }
-  Assess(problem, out);
   return out;
 }
 

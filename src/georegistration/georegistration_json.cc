@@ -12,7 +12,7 @@ Json ToJson(const Eigen::Vector3d& v) { return Json::array({v.x(), v.y(), v.z()}
 Json ToJson(const GpsPosition& gps) {
   return Json{{"latitude_deg", gps.latitude_deg},
               {"longitude_deg", gps.longitude_deg},
-              {"altitude_m", gps.altitude_m}};
+              {"altitude_m", gps.altitude_m ? Json(*gps.altitude_m) : Json()}};
 }
 
 }  // namespace
@@ -26,6 +26,7 @@ std::string GeoregistrationToJson(const Georegistration& georegistration) {
   root["enu_from_world"] = Json{{"scale", enu_from_world.scale},
                                 {"rotation_wxyz", Json::array({q.w(), q.x(), q.y(), q.z()})},
                                 {"translation", ToJson(enu_from_world.translation)}};
+  root["by_control_points"] = georegistration.by_control_points;
   root["median_residual_m"] = georegistration.median_residual_m;
   root["roll_sigma_deg"] = georegistration.roll_sigma_deg;
   root["without_altitude"] = georegistration.without_altitude;
@@ -36,6 +37,17 @@ std::string GeoregistrationToJson(const Georegistration& georegistration) {
                                   {"gps_enu", ToJson(image.gps_enu)},
                                   {"residual_m", ToJson(image.residual)},
                                   {"is_wrong", image.is_wrong}});
+  }
+  root["control_points"] = Json::array();
+  for (const GeoregisteredPoint& point : georegistration.points) {
+    root["control_points"].push_back(Json{{"name", point.name},
+                                          {"position", ToJson(point.position)},
+                                          {"enu", ToJson(point.enu)},
+                                          {"images", point.pixels.size()},
+                                          {"residual_m", ToJson(point.residual)},
+                                          {"error_px", point.error_px},
+                                          {"is_check", point.is_check},
+                                          {"is_wrong", point.is_wrong}});
   }
   return root.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

@@ -58,22 +58,26 @@ std::string Text(const Exiv2::ExifData& data, const char* key) {
   return text;
 }
 
-// A positive finite number, or nothing.
+// A finite number, or nothing.
 std::optional<double> Number(const Exiv2::ExifData& data, const char* key) {
   const auto it = data.findKey(Exiv2::ExifKey(key));
   if (it == data.end() || it->count() == 0) return std::nullopt;
   const Exiv2::Rational ratio = it->toRational();
   if (ratio.second == 0) return std::nullopt;
-  const double value = static_cast<double>(ratio.first) / ratio.second;
-  if (!(value > 0) || !std::isfinite(value)) return std::nullopt;
-  return value;
+  return static_cast<double>(ratio.first) / ratio.second;
+}
+
+// A positive number, or nothing.
+std::optional<double> Positive(const Exiv2::ExifData& data, const char* key) {
+  const auto value = Number(data, key);
+  return value && *value > 0 ? value : std::nullopt;
 }
 
 // Length of one FocalPlaneResolutionUnit in mm (EXIF 2.32: inch, the default, or centimeter; mm
 // and micrometer are written by some cameras).
 double FocalPlaneUnitMm(const Exiv2::ExifData& data) {
   const int unit =
-      static_cast<int>(Number(data, "Exif.Photo.FocalPlaneResolutionUnit").value_or(2));
+      static_cast<int>(Positive(data, "Exif.Photo.FocalPlaneResolutionUnit").value_or(2));
   switch (unit) {
     case 3:
       return 10.0;
@@ -89,10 +93,10 @@ double FocalPlaneUnitMm(const Exiv2::ExifData& data) {
 // The longer side of the sensor. The resolution is that of the image as it left the camera, whose
 // size EXIF keeps, whatever the size of the file is now.
 std::optional<double> SensorLongSideMm(const Exiv2::ExifData& data) {
-  const auto x_resolution = Number(data, "Exif.Photo.FocalPlaneXResolution");
-  const auto y_resolution = Number(data, "Exif.Photo.FocalPlaneYResolution");
-  const auto width = Number(data, "Exif.Photo.PixelXDimension");
-  const auto height = Number(data, "Exif.Photo.PixelYDimension");
+  const auto x_resolution = Positive(data, "Exif.Photo.FocalPlaneXResolution");
+  const auto y_resolution = Positive(data, "Exif.Photo.FocalPlaneYResolution");
+  const auto width = Positive(data, "Exif.Photo.PixelXDimension");
+  const auto height = Positive(data, "Exif.Photo.PixelYDimension");
   if (!x_resolution || !width || !height) return std::nullopt;
   return FocalPlaneUnitMm(data) *
          std::max(*width / *x_resolution, *height / y_resolution.value_or(*x_resolution));
@@ -109,10 +113,10 @@ double SensorDiagonalPx(int width, int height) {
 // As ReadExif says, without the check of what comes out.
 std::optional<double> FocalPx(const Exiv2::ExifData& data, const ExifInfo& camera, int width,
                               int height) {
-  if (const auto f35 = Number(data, "Exif.Photo.FocalLengthIn35mmFilm")) {
+  if (const auto f35 = Positive(data, "Exif.Photo.FocalLengthIn35mmFilm")) {
     return *f35 / kFilmDiagonalMm * std::hypot(width, height);
   }
-  const auto focal_mm = Number(data, "Exif.Photo.FocalLength");
+  const auto focal_mm = Positive(data, "Exif.Photo.FocalLength");
   if (!focal_mm) return std::nullopt;
   if (const auto sensor_mm = SensorLongSideMm(data)) {
     return *focal_mm / *sensor_mm * std::max(width, height);
@@ -157,10 +161,11 @@ std::optional<GpsPosition> Gps(const Exiv2::ExifData& data) {
   const auto latitude = Degrees(data, "Exif.GPSInfo.GPSLatitude");
   const auto longitude = Degrees(data, "Exif.GPSInfo.GPSLongitude");
   if (!latitude || !longitude || (*latitude == 0 && *longitude == 0)) return std::nullopt;
-  GpsPosition gps{*latitude, *longitude, Number(data, "Exif.GPSInfo.GPSAltitude").value_or(0.0)};
+  GpsPosition gps{*latitude, *longitude, Number(data, "Exif.GPSInfo.GPSAltitude")};
   if (Text(data, "Exif.GPSInfo.GPSLatitudeRef") == "S") gps.latitude_deg *= -1;
   if (Text(data, "Exif.GPSInfo.GPSLongitudeRef") == "W") gps.longitude_deg *= -1;
-  if (Text(data, "Exif.GPSInfo.GPSAltitudeRef") == "1") gps.altitude_m *= -1;
+  const bool is_below = Text(data, "Exif.GPSInfo.GPSAltitudeRef") == "1";
+  if (gps.altitude_m && is_below) *gps.altitude_m *= -1;
   const bool is_on_earth = std::abs(gps.latitude_deg) <= 90 && std::abs(gps.longitude_deg) <= 180;
   if (!is_on_earth) return std::nullopt;
   return gps;
@@ -178,9 +183,10 @@ void AddGps(const GpsPosition& gps, Exiv2::ExifData& data) {
   data["Exif.GPSInfo.GPSLatitudeRef"] = gps.latitude_deg < 0 ? "S" : "N";
   data["Exif.GPSInfo.GPSLongitude"] = DegreesText(gps.longitude_deg);
   data["Exif.GPSInfo.GPSLongitudeRef"] = gps.longitude_deg < 0 ? "W" : "E";
+  if (!gps.altitude_m) return;
   data["Exif.GPSInfo.GPSAltitude"] =
-      std::to_string(std::llround(std::abs(gps.altitude_m) * 1000)) + "/1000";
-  data["Exif.GPSInfo.GPSAltitudeRef"] = gps.altitude_m < 0 ? "1" : "0";
+      std::to_string(std::llround(std::abs(*gps.altitude_m) * 1000)) + "/1000";
+  data["Exif.GPSInfo.GPSAltitudeRef"] = *gps.altitude_m < 0 ? "1" : "0";
 }
 
 }  // namespace

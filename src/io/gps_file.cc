@@ -58,7 +58,9 @@ std::optional<GpsRow> ParseRow(const GpsFields& fields) {
     values[i] = *value;
   }
   if (std::abs(values[0]) > 90 || std::abs(values[1]) > 180 || values[3] < 0) return std::nullopt;
-  return GpsRow{{values[0], values[1], values[2]}, values[3]};
+  GpsRow row{{values[0], values[1]}, values[3]};
+  if (fields.numbers.size() > 2) row.position.altitude_m = values[2];
+  return row;
 }
 
 }  // namespace

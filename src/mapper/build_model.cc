@@ -216,6 +216,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
       return best;
     }
     FinishModel(context, *best.model);
+    AdjustToPlaces(context, *best.model);
     best.model->UpdatePointErrors();
     best.evidence = EvidenceFor(context, *best.model, best.graph);
   }
@@ -242,6 +243,7 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   if (!FitTracksToMemory(context, model, tracks)) return built;
   const auto confidences = TriangulateModel(context, tracks, model);
   if (!GrowEarlier(context, built.graph, model)) return built;
+  AdjustToPlaces(context, model);
   built.evidence = EvidenceFor(context, model, built.graph);
   if (!CheckModel(context, earlier.images.size(), "an earlier model", built.evidence, model)) {
     return built;

@@ -69,6 +69,18 @@ void ColorModels(const SceneData& scene, const std::string& image_path,
 
 }  // namespace
 
+void PlaceOptions::VisitFields(OptionVisitor& v) {
+  v.Bool("use_gps", use_gps,
+         "positions of the photographs, of gps_path or of the EXIF at image_path, are weak priors "
+         "of bundle adjustment, so that long strips do not bend; models are in east, north, up, "
+         "meters");
+  v.String("gps_path", gps_path,
+           "file with name,latitude,longitude[,altitude[,sigma]] a line, instead of GPS in EXIF");
+  v.String("gcp_path", gcp_path,
+           "ground control points, OpenDroneMap's gcp_list.txt: constraints of bundle adjustment "
+           "in place of GPS, and checks (names that begin with CHK-); models are in meters, too");
+}
+
 void ReconstructOptions::VisitFields(OptionVisitor& v) {
   v.Int("min_model_images", min_model_images, {2, 1000000},
         "images that a model needs; the largest component is always tried");
@@ -102,14 +114,17 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
                               std::span<const Reconstruction> earlier) {
   ReconstructSettings(settings).VisitModules(
       [](const char* module, auto& options) { ValidateOptions(options, module); });
+  CheckPlaceOptions(settings.places, image_path);
   const Timer timer;
   RunReport read;
   SceneData scene = ReadSceneData(database, settings, run, read);
+  scene.places = ReadPlaces(scene, settings.places, image_path, run);
   std::vector<Reconstruction> adopted;
   if (read.Succeeded() && !earlier.empty()) adopted = AdoptModels(earlier, scene, run, read);
   ReconstructResult result;
   if (read.Succeeded()) {
     result = ReconstructBest(scene, adopted, settings, run);
+    PlaceModels(scene, run, result);
     if (settings.reconstruct.colors && !image_path.empty()) {
       ColorModels(scene, image_path, settings, run, result);
     }

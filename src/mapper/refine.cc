@@ -18,6 +18,7 @@ struct Round {
   bool weigh = true;  // observations by their precision, which errors at rough poses do not show
   int max_iterations = 0;
   double tolerance = 0;  // relative; not below bundle_adjustment.function_tolerance
+  const PlacePriors* places = nullptr;
 };
 
 // Relative changes of the cost at which stages stop that others follow, since what comes next
@@ -57,6 +58,10 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
     scope.priors[id] = {camera.params,
                         camera.has_prior_focal_length ? focals.exif_sigma : focals.guess_sigma,
                         focals.principal_point_sigma * std::max(camera.width, camera.height)};
+  }
+  if (round.places != nullptr) {
+    scope.image_positions = round.places->images;
+    scope.surveyed_points = round.places->points;
   }
   if (round.weigh) EstimateSigmas(context, stage, model);
   const BundleAdjustmentReport report = AdjustBundle(model, scope, options, context.run);
@@ -160,6 +165,16 @@ std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
   }
   FilterRound(context, round, model);
   return EstimatePoseConfidence(model);
+}
+
+void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstruction& model) {
+  const Round round{.name = "positions",
+                    .tracks = {},
+                    .principal_points = true,
+                    .max_iterations = std::numeric_limits<int>::max(),
+                    .places = &priors};
+  Adjust(context, round, true, model);
+  FilterRound(context, round, model);
 }
 
 void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,

@@ -11,6 +11,7 @@
 #include "bundle_adjustment/keypoint_noise.h"
 #include "cairn/base/run_context.h"
 #include "cairn/bundle_adjustment/pose_confidence.h"
+#include "cairn/georegistration/georegister.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/scene/view_graph.h"
 #include "cairn/tracks/tracks.h"
@@ -39,6 +40,7 @@ struct SceneData {
   // has no matches either, and the models have no points.
   bool poses_imported = false;
   bool poses_alone = false;
+  std::optional<KnownPositions> places;  // what is to be used of them
   // The focal lengths before calibration, where the pairs do not decide which are right.
   struct Calibration {
     std::map<camera_t, Camera> cameras;
@@ -192,6 +194,25 @@ void FinishModel(StageContext& context, Reconstruction& model);
 std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
                                                    std::span<const Track> tracks,
                                                    Reconstruction& model);
+
+// Bundle adjustment and filter where positions are known, too, in the model's world frame.
+struct PlacePriors {
+  std::map<image_t, PositionPrior> images;
+  std::vector<SurveyedPoint> points;
+};
+void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstruction& model);
+
+// places.cc
+// Throws ConfigError.
+void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path);
+// nullopt: none are to be used.
+std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
+                                         const std::string& image_path, const RunContext& run);
+// Adjusts a model, moved to where the known positions put it, with these as priors, until they
+// agree no better. A model whose place they do not tell stays as it is.
+void AdjustToPlaces(StageContext& context, Reconstruction& model);
+// Moves finished models to east-north-up axes, and warns of what stays where it was.
+void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResult& result);
 
 // poses_alone.cc
 // How far all relative poses, those that were filtered out among them, agree with the model.

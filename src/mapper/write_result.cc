@@ -48,7 +48,10 @@ std::string ConfidenceCsv(const ReconstructResult& result) {
 
 void WriteModels(ReconstructResult& result, const fs::path& output) {
   for (size_t k = 0; k < result.models.size(); ++k) {
-    WriteColmapModel(result.models[k], (output / "sparse" / std::to_string(k)).string());
+    const fs::path folder = output / "sparse" / std::to_string(k);
+    WriteColmapModel(result.models[k], folder.string());
+    if (k >= result.georegistrations.size() || result.georegistrations[k].empty()) continue;
+    WriteFileAtomically((folder / "georegistration.json").string(), result.georegistrations[k]);
   }
   const Reconstruction& largest = result.models.front();
   const std::vector<std::string> warnings = WriteBundler(

@@ -12,7 +12,7 @@ std::vector<image_pair_t> SpatialPairs(const std::map<image_t, GpsPosition>& pos
   std::vector<Eigen::Vector3d> points;
   for (const auto& [image, gps] : positions) {
     images.push_back(image);
-    points.push_back(EarthCentered({gps.latitude_deg, gps.longitude_deg, 0}));
+    points.push_back(EarthCentered({gps.latitude_deg, gps.longitude_deg}));
   }
   const auto num = static_cast<int64_t>(images.size());
   std::vector<std::vector<image_pair_t>> pairs_of(images.size());

@@ -33,6 +33,12 @@ Placement Arc(int i, int n, double distance) {
   return {FrontCenter(distance, DegToRad(100.0) * along, (i % 2 == 0 ? 0.02 : 0.22) * distance)};
 }
 
+// An image's width and height are near 0.8 and 0.6 of the distance: five images show a place.
+Placement Street(int i, int n, double distance) {
+  const double x = kStreetStep * distance * (i - 0.5 * (n - 1));
+  return {{x, -distance, 0}, {x, 0, 0}};
+}
+
 // A few spots where many stand; most of the cameras look straight at the landmark.
 Placement Landmark(int num_spots, double distance, Rng& rng) {
   // Popularity falls with the spot's rank; spots are spread by the golden angle.
@@ -83,6 +89,9 @@ std::vector<Rigid3d> MakeCameraPoses(CameraLayout layout, int num_cameras, doubl
         break;
       case CameraLayout::kArc:
         placement = Arc(i, num_cameras, distance);
+        break;
+      case CameraLayout::kStreet:
+        placement = Street(i, num_cameras, distance);
         break;
       case CameraLayout::kLandmark:
         placement = Landmark(std::max(4, num_cameras / 60), distance, rng);

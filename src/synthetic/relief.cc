@@ -25,8 +25,9 @@ double Relief::Value(double u, double v, Eigen::Vector2d* gradient) const {
   return h;
 }
 
-SurfaceElement SampleWall(const Relief& relief, double amplitude, double size, Rng& rng) {
-  const double u = rng.Uniform(-1.0, 1.0);
+SurfaceElement SampleWall(const Relief& relief, double amplitude, double half_length, double size,
+                          Rng& rng) {
+  const double u = half_length * rng.Uniform(-1.0, 1.0);
   const double v = rng.Uniform(-0.75, 0.75);
   Eigen::Vector2d dh;
   const double h = amplitude * relief.Value(u, v, &dh);

@@ -22,8 +22,10 @@ class Relief {
   std::array<Wave, 6> waves_;
 };
 
-// Points of a wall of width 2 and height 1.5 in the plane y = 0, its front towards negative y.
-SurfaceElement SampleWall(const Relief& relief, double amplitude, double size, Rng& rng);
+// Points of a wall of the given half length and height 1.5 in the plane y = 0, its front towards
+// negative y.
+SurfaceElement SampleWall(const Relief& relief, double amplitude, double half_length, double size,
+                          Rng& rng);
 // Points of a tower of radius about 0.8 and height 1.5 around the z axis.
 SurfaceElement SampleTower(const Relief& relief, double amplitude, double size, Rng& rng);
 

@@ -16,14 +16,25 @@ namespace {
 constexpr double kReliefAmplitude = 0.15;  // world units
 constexpr double kMinFacingCosine = 0.25;  // an element is detected up to 75 degrees off its normal
 
-std::vector<SurfaceElement> MakeElements(CameraLayout layout, int n, Rng& rng) {
+bool IsWallLayout(CameraLayout layout) {
+  return layout == CameraLayout::kArc || layout == CameraLayout::kStreet;
+}
+
+// Half of the wall's length: what the cameras of a street see, or 1.
+double HalfLength(const RigOptions& options) {
+  return options.layout == CameraLayout::kStreet
+             ? 0.5 * options.distance * (1 + kStreetStep * options.num_images)
+             : 1.0;
+}
+
+std::vector<SurfaceElement> MakeElements(const SceneOptions& options, Rng& rng) {
   const Relief relief(rng);
   std::vector<SurfaceElement> elements;
-  elements.reserve(n);
-  for (int i = 0; i < n; ++i) {
+  elements.reserve(options.num_points);
+  for (int i = 0; i < options.num_points; ++i) {
     const double size = 0.005 * std::exp(rng.Uniform(0.0, 1.8));
-    elements.push_back(layout == CameraLayout::kArc
-                           ? SampleWall(relief, kReliefAmplitude, size, rng)
+    elements.push_back(IsWallLayout(options.layout)
+                           ? SampleWall(relief, kReliefAmplitude, HalfLength(options), size, rng)
                            : SampleTower(relief, kReliefAmplitude, size, rng));
   }
   return elements;
@@ -98,7 +109,7 @@ Surface MakeCitySurface(const SceneOptions& options, uint64_t seed) {
 Surface MakeSurface(const SceneOptions& options, uint64_t seed) {
   if (options.layout == CameraLayout::kCity) return MakeCitySurface(options, seed);
   Rng element_rng(seed, "scene_elements");
-  Surface surface{MakeElements(options.layout, options.num_points, element_rng), {}, {}};
+  Surface surface{MakeElements(options, element_rng), {}, {}};
   Rng salience_rng(seed, "scene_salience");
   for (int i = 0; i < options.num_points; ++i) {
     surface.salience.push_back(DrawSalience(options, salience_rng));

@@ -47,7 +47,7 @@ TEST(Georegister, WrongPositionsAreNamedAndTheModelIsMoved) {
   ASSERT_EQ(result.exit_code, 0) << result.output;
   const auto json = nlohmann::json::parse(ReadFile(scene / "enu/georegistration.json"));
   const LocalFrame frame({json["origin"]["latitude_deg"], json["origin"]["longitude_deg"],
-                          json["origin"]["altitude_m"]});
+                          json["origin"]["altitude_m"].get<double>()});
   int num_wrong = 0;
   for (const auto& image : json["images"]) num_wrong += image["is_wrong"].get<bool>();
   EXPECT_EQ(num_wrong, 1);
@@ -57,13 +57,68 @@ TEST(Georegister, WrongPositionsAreNamedAndTheModelIsMoved) {
   for (const auto& [id, image] : moved.images) {
     for (const auto& row : json["images"]) {
       if (row["name"] != image.image.name) continue;
-      const Eigen::Vector3d gps = frame.FromGps(
-          {row["gps"]["latitude_deg"], row["gps"]["longitude_deg"], row["gps"]["altitude_m"]});
+      const Eigen::Vector3d gps =
+          frame.FromGps({row["gps"]["latitude_deg"], row["gps"]["longitude_deg"],
+                         row["gps"]["altitude_m"].get<double>()});
       const Eigen::Vector3d residual(row["residual_m"][0], row["residual_m"][1],
                                      row["residual_m"][2]);
       EXPECT_LT((image.cam_from_world.Center() - gps - residual).norm(), 1e-6);
     }
   }
+}
+
+TEST(Georegister, ReconstructPutsModelsInTheFrame) {
+  const SceneFiles scene;
+  WritePositions(ReadColmapModel(SceneFiles::truth()), scene / "gps.txt", true);
+  const std::vector<std::string> arguments = {
+      "reconstruct",     "--database_path", scene.database(),
+      "--output_path",   scene / "model",   "--gps_path",
+      scene / "gps.txt", "--report",        "0"};
+  EXPECT_EQ(RunProgram("global_sfm", arguments).exit_code, 2);  // what is it for?
+  std::vector<std::string> with = arguments;
+  with.insert(with.end(), {"--use_gps", "1"});
+  const ProgramResult result = RunProgram("global_sfm", with);
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("1 positions are far from where the others put them"));
+  const auto json = nlohmann::json::parse(ReadFile(scene / "model/sparse/0/georegistration.json"));
+  EXPECT_LT(json["median_residual_m"], 0.2);
+  const Reconstruction model = ReadColmapModel(scene / "model/sparse/0");
+  for (const auto& row : json["images"]) {
+    const Eigen::Vector3d gps(row["gps_enu"][0], row["gps_enu"][1], row["gps_enu"][2]);
+    for (const auto& [id, image] : model.images) {
+      if (row["name"] != image.image.name || row["is_wrong"]) continue;
+      EXPECT_LT((image.cam_from_world.Center() - gps).norm(), 1);
+    }
+  }
+}
+
+TEST(Georegister, ControlPointsAreReported) {
+  const SceneFiles scene;
+  const Reconstruction truth = ReadColmapModel(SceneFiles::truth());
+  std::ofstream file(scene / "gcp_list.txt");
+  file << std::setprecision(17) << "EPSG:4326\n";
+  int index = 0;
+  for (const Eigen::Vector3d& xyz :
+       {Eigen::Vector3d(0.2, 0, 0), {0, 0.3, 0.1}, {0.1, 0.1, 0.4}, {-0.2, 0.1, 0.2}}) {
+    ++index;
+    for (const auto& [id, image] : truth.images) {
+      const auto pixel = truth.CameraOf(image).ImgFromRay(image.cam_from_world * xyz);
+      ASSERT_TRUE(pixel);
+      file << 8 + 1e-4 / std::cos(DegToRad(47)) * xyz.x() << " " << 47 + 1e-4 * xyz.y() << " "
+           << 11.12 * xyz.z() << " " << pixel->x() << " " << pixel->y() << " " << image.image.name
+           << " " << (index == 4 ? "CHK-" : "P") << index << "\n";
+    }
+  }
+  file.close();
+  const ProgramResult result =
+      RunProgram("global_sfm", {"georegister", "--model_path", SceneFiles::truth(), "--gcp_path",
+                                scene / "gcp_list.txt", "--output_path", scene / "enu"});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("control point P1: "));
+  EXPECT_THAT(result.output, HasSubstr("in 8 images (check)"));
+  const auto json = nlohmann::json::parse(ReadFile(scene / "enu/georegistration.json"));
+  EXPECT_TRUE(json["by_control_points"]);
+  EXPECT_EQ(json["control_points"].size(), 4u);
 }
 
 TEST(Georegister, FailuresSayWhatIsMissing) {

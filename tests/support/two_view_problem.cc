@@ -71,7 +71,7 @@ SurfaceElement SampleElement(TwoViewLayout layout, const Relief& relief, Rng& rn
     return MakeSurfaceElement(point, RandomDirection(rng), size,
                               rng.Uniform(0.0, 2.0 * std::numbers::pi));
   }
-  return SampleWall(relief, layout == TwoViewLayout::kPlane ? 0.0 : 0.2, size, rng);
+  return SampleWall(relief, layout == TwoViewLayout::kPlane ? 0.0 : 0.2, 1.0, size, rng);
 }
 
 // Draws until both cameras see an element: in kPaper from the same side, else both its front and

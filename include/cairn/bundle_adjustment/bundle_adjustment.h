@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <map>
 #include <set>
 #include <string_view>
@@ -60,6 +61,19 @@ struct IntrinsicsPrior {
   double principal_point_sigma_px = 0;
 };
 
+// Where something is, as told by other means than the images.
+struct PositionPrior {
+  Eigen::Vector3d position;   // world
+  Eigen::Vector3d precision;  // 1 / standard deviation along each axis; 0: not known along it
+};
+
+// A point whose place was measured, and where images show it (with a standard deviation of a
+// pixel). It is no point of the reconstruction.
+struct SurveyedPoint {
+  PositionPrior prior;
+  std::map<image_t, Eigen::Vector2d> pixels;
+};
+
 // What is adjusted; everything else is constant.
 struct BundleAdjustmentScope {
   bool rotations = true;
@@ -71,6 +85,10 @@ struct BundleAdjustmentScope {
   std::set<camera_t> fixed_cameras;  // constant intrinsics, whatever the flags above
   std::set<image_t> fixed_images;    // constant poses
   std::map<camera_t, IntrinsicsPrior> priors;  // none: nothing is known of a camera
+  // Of camera centers, each with Huber's loss from the length on that 1 in 20 normal errors exceed:
+  // a wrong one pulls no harder than that. They give the world its frame.
+  std::map<image_t, PositionPrior> image_positions;
+  std::vector<SurveyedPoint> surveyed_points;  // with the same loss, on their images, too
 };
 
 enum class BundleAdjustmentStatus : int {
@@ -98,14 +116,14 @@ struct BundleAdjustmentReport {
 // Minimizes the robust reprojection error, weighed by the observations' precision, over `scope`:
 // Levenberg-Marquardt by Ceres, analytic Jacobians, points eliminated first (Schur complement;
 // Triggs et al., "Bundle adjustment - a modern synthesis", 2000). The seven degrees of freedom of
-// the world frame are free, since fixing some of them slows convergence; the damping keeps them
-// bounded. Observations that are behind their camera at the start are left out. A prior's
-// distortion coefficients have the standard deviation with which each alone would move a corner of
-// the image as far as lenses differ: from the pinhole's projection to the equidistant one (a
-// fisheye's), and by 3 % of the radius at any field of view. The reconstruction is changed in
-// place: it may be large. One thread gives the same bytes every time; with more the order of sums,
-// and so the last digits, differ from run to run (Ceres). Throws ConfigError for options out of
-// range.
+// the world frame are free (but for what positions tell), since fixing some of them slows
+// convergence; the damping keeps them bounded. Observations that are behind their camera at the
+// start are left out. A prior's distortion coefficients have the standard deviation with which each
+// alone would move a corner of the image as far as lenses differ: from the pinhole's projection to
+// the equidistant one (a fisheye's), and by 3 % of the radius at any field of view. The
+// reconstruction is changed in place: it may be large. One thread gives the same bytes every time;
+// with more the order of sums, and so the last digits, differ from run to run (Ceres). Throws
+// ConfigError for options out of range.
 BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentScope& scope = {},
                                     const BundleAdjustmentOptions& options = {},

@@ -2,14 +2,34 @@
 
 #include <Eigen/Core>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "cairn/base/run_context.h"
+#include "cairn/io/gcp_file.h"
 #include "cairn/io/gps_file.h"
 #include "cairn/scene/reconstruction.h"
 
 namespace cairn {
+
+// What is known of places on Earth.
+struct KnownPositions {
+  std::map<std::string, GpsRow> images;  // by name
+  std::vector<ControlPoint> control_points = {};
+};
+
+// Of the images with these names: by the file gps_path or, where it is "", by the EXIF of the
+// photographs under image_path. Throws IoError where the file cannot be read.
+std::map<std::string, GpsRow> ReadPositions(std::span<const std::string> names,
+                                            const std::string& gps_path,
+                                            const std::string& image_path, int num_threads);
+
+// Of a surveyed point, along each axis: no receiver is better (differential GPS, fixed), and few
+// are as good.
+inline constexpr double kControlPointSigmaM = 0.01;
+// A rotation about the path that is less certain than this is worth a warning.
+inline constexpr double kLargeRollDeg = 5;
 
 enum class GeoregistrationStatus {
   kOk,
@@ -23,33 +43,58 @@ struct GeoregisteredImage {
   image_t image_id = kInvalidImageId;
   std::string name;
   GpsPosition gps;
-  Eigen::Vector3d gps_enu;   // meters
+  Eigen::Vector3d gps_enu;  // meters
+  // Standard deviation along each axis: as given, but not less than the residuals show; where none
+  // is given, what they show.
+  double sigma_m = 0;
   Eigen::Vector3d residual;  // the camera's center in the model, moved, minus gps_enu; meters
   bool is_wrong = false;     // the position is too far off to be what the others make of it
 };
 
+// A control point that two images of the model or more show.
+struct GeoregisteredPoint {
+  std::string name;
+  GpsPosition position;
+  Eigen::Vector3d enu;                        // meters
+  std::map<image_t, Eigen::Vector2d> pixels;  // of the images that agree on where it is
+  Eigen::Vector3d residual;                   // where the model has it, moved, minus enu; meters
+  double error_px = 0;    // mean distance of its place, projected, from the measurements
+  bool is_check = false;  // or one of too few control points: it has no part in the similarity
+  bool is_wrong = false;
+};
+
 struct Georegistration {
   GeoregistrationStatus status = GeoregistrationStatus::kTooFewImages;
-  GpsPosition origin;    // of the east-north-up frame: the medians of the positions
-  Sim3d enu_from_world;  // meters
+  GpsPosition origin;              // of the east-north-up frame: the medians of the positions
+  Sim3d enu_from_world;            // meters
+  bool by_control_points = false;  // not by the images' positions
   std::vector<GeoregisteredImage> images;     // in the order of their ids
+  std::vector<GeoregisteredPoint> points;     // in the order of the file
   std::vector<std::string> without_altitude;  // names; their positions are not used
-  double median_residual_m = 0;               // of the positions that are not wrong
+  double median_residual_m = 0;               // of what the similarity is by, without wrong rows
   // Standard deviation of the rotation about the longest axis of the cameras' path, which their
   // extent across it holds; large for a nearly straight strip.
   double roll_sigma_deg = 0;
 };
 
-// The similarity from the model to local east-north-up axes by the positions of its images, of
-// which up to half may be wrong: least median of residuals (AlignSimilarityRobust), then weighted
-// least squares over the rows that agree, until these stay the same. A row is wrong if its residual
-// is far out by Tukey's fence: three quartile distances beyond the upper quartile of the rows that
-// agree, relative to each row's sigma; but never within 5 cm.
-// Where some positions have an altitude, those without (0) are not used.
-Georegistration Georegister(const Reconstruction& model, const std::map<std::string, GpsRow>& rows,
+// The similarity from the model to local east-north-up axes, by the control points that the model
+// has, if there are three, or else by the positions of its images. Of these nearly half may be
+// wrong (of those beyond the three that a similarity takes): least median of residuals
+// (AlignSimilarityRobust), then weighted least squares over the rows that agree, until these stay
+// the same. A row is wrong if its residual is far out by Tukey's fence: three quartile distances
+// beyond the upper quartile of the rows that agree, relative to each row's sigma; but never within
+// 5 cm. Where some positions have an altitude, those without are not used. The frame is that of
+// `known`, whatever the model: models of one collection share it.
+Georegistration Georegister(const Reconstruction& model, const KnownPositions& known,
                             const RunContext& run = {});
 
-// As JSON: frame, similarity, and each image's position and residual.
+// Why the model has no place on Earth; "": it has one.
+std::string GeoregistrationFailure(const Georegistration& georegistration);
+
+// A line a control point: its residuals, in meters and pixels.
+std::vector<std::string> DescribePoints(const Georegistration& georegistration);
+
+// As JSON: frame, similarity, and each image's and control point's position and residual.
 std::string GeoregistrationToJson(const Georegistration& georegistration);
 
 }  // namespace cairn

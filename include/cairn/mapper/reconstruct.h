@@ -50,8 +50,18 @@ struct ReconstructOptions {
   void VisitFields(OptionVisitor& v);
 };
 
+// What is known of places on Earth (georegistration/georegister.h), and what it is used for.
+struct PlaceOptions {
+  bool use_gps = false;
+  std::string gps_path = {};
+  std::string gcp_path = {};
+
+  void VisitFields(OptionVisitor& v);
+};
+
 // The options of all stages.
 struct ReconstructSettings {
+  PlaceOptions places;
   ReconstructOptions reconstruct;
   FocalCalibrationOptions focal_calibration;
   ViewGraphBuilderOptions view_graph;
@@ -68,6 +78,7 @@ struct ReconstructSettings {
   // Calls visit(module, options) for each module's options, in order: for flags and validation.
   template <class Visit>
   void VisitModules(const Visit& visit) {
+    visit("", places);
     visit("reconstruct", reconstruct);
     visit("focal_calibration", focal_calibration);
     visit("view_graph", view_graph);
@@ -86,6 +97,8 @@ struct ReconstructResult {
   std::vector<Image> images;  // all images of the database, by id
   ViewGraph graph;            // all verified pairs, with the reasons of those that were taken out
   RunReport report;
+  // Of the models, JSON (see GeoregistrationToJson); "": its place is not known.
+  std::vector<std::string> georegistrations = {};
   std::string page = {};  // text of report.html (see MakeReportPage); "": none is written
 };
 
@@ -98,7 +111,8 @@ struct ReconstructResult {
 // With `earlier` models, of whichever program, their poses and cameras take the place of averaging
 // and calibration: their images are told by name, points are triangulated anew, images that are not
 // in them are registered (ReconstructOptions::register_left_out), and everything is refined. Their
-// world frames stay, and report.warnings names poses that moved by more than their confidence.
+// world frames stay (without PlaceOptions), and report.warnings names poses that moved by more than
+// their confidence.
 ReconstructResult Reconstruct(const Database& database, const std::string& image_path,
                               const ReconstructSettings& settings = {}, const RunContext& run = {},
                               std::span<const Reconstruction> earlier = {});
@@ -108,14 +122,14 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
 // program's work, or the user's. Throws IoError where the folder cannot be written to.
 void CheckReconstructOutput(const std::string& output_path, bool overwrites = false);
 
-// Writes sparse/<k>/{cameras,images,points3D}.bin for every model, bundle.out with list.txt and
-// points.ply of the largest, confidence.csv (a line an image: pairs in use, points, standard
-// deviations of its pose; see EstimatePoseConfidence), the view graph as view_graph.json and
-// view_graph.dot (Graphviz), report.json, effective.toml and report.html. All of it appears
-// together, in place of an earlier run's files. After a failure only the last five are written;
-// where an earlier run's models are, these stay with all that belongs to them, and the failure is
-// put into failed/. Adds what a format cannot hold to the report's messages. Returns the path of
-// report.json. Throws as CheckReconstructOutput does.
+// Writes sparse/<k>/{cameras,images,points3D}.bin for every model (and georegistration.json),
+// bundle.out with list.txt and points.ply of the largest, confidence.csv (a line an image: pairs in
+// use, points, standard deviations of its pose; see EstimatePoseConfidence), the view graph as
+// view_graph.json and view_graph.dot (Graphviz), report.json, effective.toml and report.html. All
+// of it appears together, in place of an earlier run's files. After a failure only the last five
+// are written; where an earlier run's models are, these stay with all that belongs to them, and the
+// failure is put into failed/. Adds what a format cannot hold to the report's messages. Returns the
+// path of report.json. Throws as CheckReconstructOutput does.
 std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
                                    const std::string& effective_toml, bool overwrites = false);
 

@@ -23,13 +23,18 @@ Eigen::Vector3d RandomDirection(Rng& rng);
 enum class CameraLayout {
   kRing,      // evenly around the scene, at one distance: one long loop
   kArc,       // on an arc of 100 degrees in front (negative y), in two heights
+  kStreet,    // along a front as long as it takes, straight at it: a strip, which may bend
   kLandmark,  // as tourists: clusters around the scene, at different distances and heights
   kCity,      // so around many places on a grid of streets, two and two of which look alike
 };
 inline constexpr NamedValue<CameraLayout> kCameraLayouts[] = {{CameraLayout::kRing, "ring"},
                                                               {CameraLayout::kArc, "arc"},
+                                                              {CameraLayout::kStreet, "street"},
                                                               {CameraLayout::kLandmark, "landmark"},
                                                               {CameraLayout::kCity, "city"}};
+
+// Of kStreet: from one camera to the next, in units of the distance.
+inline constexpr double kStreetStep = 0.15;
 
 // cam_from_world of `num_cameras` cameras, with small random deviations from the layout; `distance`
 // (world units) is the typical distance from the scene's center.

@@ -429,6 +429,83 @@ TEST(AdjustBundle, NothingToAdjustIsSaidAndChangesNothing) {
             BundleAdjustmentStatus::kNoObservations);
 }
 
+// Largest distance of a camera center from the truth, as they are.
+double LargestShift(const Reconstruction& model, const Reconstruction& truth) {
+  double largest = 0;
+  for (const auto& [id, image] : truth.images) {
+    const Eigen::Vector3d center = model.images.at(id).cam_from_world.Center();
+    largest = std::max(largest, (center - image.cam_from_world.Center()).norm());
+  }
+  return largest;
+}
+
+TEST(AdjustBundle, PositionsGiveTheWorldItsFrame) {
+  const Reconstruction truth = MakeSyntheticScene({}).truth;
+  BundleAdjustmentScope scope;
+  for (const auto& [id, image] : truth.images) {
+    scope.image_positions[id] = {image.cam_from_world.Center(), {10, 10, 10}};
+  }
+  scope.image_positions[1].position.z() += 3;  // what is not known does not count
+  scope.image_positions[1].precision.z() = 0;
+  scope.image_positions[99] = {{0, 0, 0}, {1, 1, 1}};  // no image
+  for (const auto& [solver, name] : kBundleSolvers) {
+    BundleAdjustmentOptions options = Precise();
+    options.solver = solver;
+    Reconstruction model = Perturbed(truth, {});
+    AdjustBundle(model, scope, options, kOneThread);
+    // Conjugate gradients stop early where the frame is weak beside the points: a tenth of sigma.
+    const bool is_iterative = solver == BundleSolver::kIterativeSchur;
+    EXPECT_LT(LargestShift(model, truth), is_iterative ? 1e-2 : 1e-6) << name;
+  }
+  // With rotations, or all poses of some images, constant.
+  for (const bool rotations : {false, true}) {
+    scope.rotations = rotations;
+    scope.fixed_images = {2};
+    Reconstruction model = truth;
+    for (auto& [id, point] : model.points3D) point.xyz.x() += 0.01;
+    AdjustBundle(model, scope, Precise(), kOneThread);
+    EXPECT_LT(LargestShift(model, truth), 1e-6);
+  }
+  // A wrong one pulls, but not in proportion.
+  scope = {};
+  for (const auto& [id, image] : truth.images) {
+    scope.image_positions[id] = {image.cam_from_world.Center(), {10, 10, 10}};
+  }
+  double shifts[2];
+  for (const double off : {10.0, 1000.0}) {
+    scope.image_positions[3].position =
+        truth.images.at(3).cam_from_world.Center() + Eigen::Vector3d(0, off, 0);
+    Reconstruction model = truth;
+    AdjustBundle(model, scope, Precise(), kOneThread);
+    shifts[off > 100] = LargestShift(model, truth);
+  }
+  EXPECT_LT(shifts[1], 1.2 * shifts[0]);
+  EXPECT_LT(shifts[1], 1);
+}
+
+TEST(AdjustBundle, SurveyedPointsGiveTheWorldItsFrame) {
+  const Reconstruction truth = MakeSyntheticScene({}).truth;
+  BundleAdjustmentScope scope;
+  Reconstruction start = truth;
+  for (point3D_t id = 1; id <= 5; ++id) {
+    SurveyedPoint point{{truth.points3D.at(id).xyz, {100, 100, 100}}, {}};
+    for (const TrackElement& element : truth.points3D.at(id).track) {
+      point.pixels[element.image_id] = truth.images.at(element.image_id).points2D[element.point2D];
+    }
+    scope.surveyed_points.push_back(point);
+    start.RemovePoint3D(id);
+  }
+  start.Transform({1.02, Eigen::Quaterniond(ExpSO3({0.01, 0.02, -0.01})), {0.1, -0.1, 0.2}});
+  for (const auto& [solver, name] : kBundleSolvers) {
+    BundleAdjustmentOptions options = Precise();
+    options.solver = solver;
+    Reconstruction model = start;
+    AdjustBundle(model, scope, options, kOneThread);
+    EXPECT_LT(LargestShift(model, truth), 1e-6) << name;
+    EXPECT_EQ(model.points3D.size(), start.points3D.size());
+  }
+}
+
 TEST(AdjustBundle, RefusesMeaninglessOptions) {
   Reconstruction model = MakeSyntheticScene({}).truth;
   BundleAdjustmentOptions options = Precise();

@@ -1,5 +1,6 @@
 #include "cairn/georegistration/georegister.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -7,6 +8,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/math/angles.h"
+#include "support/gps_at.h"
 #include "support/synthetic_reconstruction.h"
 
 namespace cairn {
@@ -14,21 +16,7 @@ namespace {
 
 const LocalFrame kFrame({46.2, 7.1, 1200});
 
-// The inverse of LocalFrame::FromGps, by Newton's method on differences.
-GpsPosition GpsAt(const Eigen::Vector3d& enu) {
-  Eigen::Vector3d gps(46.2, 7.1, 1200);
-  const auto at = [](const Eigen::Vector3d& v) { return kFrame.FromGps({v.x(), v.y(), v.z()}); };
-  for (int i = 0; i < 8; ++i) {
-    Eigen::Matrix3d J;
-    const Eigen::Vector3d steps(1e-4, 1e-4, 10);
-    for (int k = 0; k < 3; ++k) {
-      const Eigen::Vector3d step = steps[k] * Eigen::Vector3d::Unit(k);
-      J.col(k) = (at(gps + step) - at(gps - step)) / (2 * steps[k]);
-    }
-    gps += J.inverse() * (enu - at(gps));
-  }
-  return {gps.x(), gps.y(), gps.z()};
-}
+GpsPosition GpsAt(const Eigen::Vector3d& enu) { return testing::GpsAt(kFrame, enu); }
 
 // A model of 40 images in a frame of its own, and the positions of its cameras in east, north, up.
 class GeoregisterTest : public ::testing::Test {
@@ -99,7 +87,7 @@ class GeoregisterTest : public ::testing::Test {
 };
 
 TEST_F(GeoregisterTest, ExactPositionsGiveTheExactFrame) {
-  const Georegistration found = Georegister(model_, rows_);
+  const Georegistration found = Georegister(model_, {rows_});
   EXPECT_EQ(found.status, GeoregistrationStatus::kOk);
   EXPECT_LT(LargestError(found), 1e-6);
   EXPECT_LT(found.median_residual_m, 1e-6);
@@ -112,7 +100,7 @@ TEST_F(GeoregisterTest, AxesAreEastNorthUp) {
   const GpsPosition place{46.2, 7.1, 1200};
   const auto moved = [&](double latitude, double longitude, double altitude) {
     return kFrame.FromGps({place.latitude_deg + latitude, place.longitude_deg + longitude,
-                           place.altitude_m + altitude});
+                           *place.altitude_m + altitude});
   };
   EXPECT_LT(moved(0, 0, 0).norm(), 1e-9);
   EXPECT_LT((moved(0, 0, 7) - Eigen::Vector3d(0, 0, 7)).norm(), 1e-8);
@@ -124,7 +112,7 @@ TEST_F(GeoregisterTest, AxesAreEastNorthUp) {
 
 TEST_F(GeoregisterTest, WrongRowsAreFoundAndDoNotMatter) {
   const std::set<std::string> wrong = MakeEveryFifthWrong();
-  const Georegistration found = Georegister(model_, rows_);
+  const Georegistration found = Georegister(model_, {rows_});
   EXPECT_EQ(found.status, GeoregistrationStatus::kOk);
   EXPECT_EQ(WrongOf(found), wrong);
   EXPECT_LT(LargestError(found), 1e-6);
@@ -133,7 +121,7 @@ TEST_F(GeoregisterTest, WrongRowsAreFoundAndDoNotMatter) {
 TEST_F(GeoregisterTest, WrongRowsAreFoundInNoise) {
   AddNoise(1.5);
   const std::set<std::string> wrong = MakeEveryFifthWrong();
-  const Georegistration found = Georegister(model_, rows_);
+  const Georegistration found = Georegister(model_, {rows_});
   EXPECT_EQ(WrongOf(found), wrong);
   EXPECT_NEAR(found.median_residual_m, 1.5 * 1.538, 0.8);
   EXPECT_LT(LargestError(found), 1.5);
@@ -147,13 +135,13 @@ TEST_F(GeoregisterTest, SigmasWeigh) {
     if (id % 4 != 0) continue;
     row = {GpsAt(enu), 0.1};
   }
-  EXPECT_LT(LargestError(Georegister(model_, rows_)), 0.5);
+  EXPECT_LT(LargestError(Georegister(model_, {rows_})), 0.5);
 }
 
 TEST_F(GeoregisterTest, TooFewPositionsAreNoResult) {
   while (rows_.size() > 2) rows_.erase(rows_.begin());
   rows_["other.jpg"] = {};
-  EXPECT_EQ(Georegister(model_, rows_).status, GeoregistrationStatus::kTooFewImages);
+  EXPECT_EQ(Georegister(model_, {rows_}).status, GeoregistrationStatus::kTooFewImages);
   EXPECT_EQ(Georegister(model_, {}).status, GeoregistrationStatus::kTooFewImages);
 }
 
@@ -163,13 +151,13 @@ TEST_F(GeoregisterTest, ALineIsToldFromAStrip) {
     Place(id, enu);
     rows_[model_.images.at(id).image.name].position = GpsAt(enu);
   }
-  EXPECT_EQ(Georegister(model_, rows_).status, GeoregistrationStatus::kOnALine);
+  EXPECT_EQ(Georegister(model_, {rows_}).status, GeoregistrationStatus::kOnALine);
   for (auto& [id, enu] : enu_) {
     enu.y() += id % 2;  // one meter
     Place(id, enu);
   }
   AddNoise(1);
-  const Georegistration found = Georegister(model_, rows_);
+  const Georegistration found = Georegister(model_, {rows_});
   EXPECT_EQ(found.status, GeoregistrationStatus::kOk);
   EXPECT_GT(found.roll_sigma_deg, 5);
 }
@@ -179,18 +167,141 @@ TEST_F(GeoregisterTest, PositionsOfAnotherPlaceDoNotAgree) {
   for (auto& [name, row] : rows_) {
     row.position = GpsAt({rng.Uniform(-300, 300), rng.Uniform(-300, 300), rng.Uniform(0, 300)});
   }
-  EXPECT_EQ(Georegister(model_, rows_).status, GeoregistrationStatus::kNoAgreement);
+  EXPECT_EQ(Georegister(model_, {rows_}).status, GeoregistrationStatus::kNoAgreement);
 }
 
 TEST_F(GeoregisterTest, RowsWithoutAltitudeAreNotMixedIn) {
-  rows_.begin()->second.position.altitude_m = 0;
-  const Georegistration found = Georegister(model_, rows_);
+  rows_.begin()->second.position.altitude_m.reset();
+  const Georegistration found = Georegister(model_, {rows_});
   EXPECT_EQ(found.without_altitude, std::vector<std::string>{rows_.begin()->first});
   EXPECT_LT(LargestError(found), 1e-6);
 }
 
+// A boat: what is above the sea is not all that there is.
+TEST_F(GeoregisterTest, AltitudesOfZeroAreUsed) {
+  for (auto& [id, enu] : enu_) {
+    const std::string name = model_.images.at(id).image.name;
+    GpsPosition gps = GpsAt(enu);
+    gps.altitude_m = id % 3 == 0 ? 0.0 : 5.0 * (id % 7);
+    rows_[name].position = gps;
+    Place(id, kFrame.FromGps(gps));
+  }
+  const Georegistration found = Georegister(model_, {rows_});
+  EXPECT_EQ(found.images.size(), model_.images.size());
+  EXPECT_TRUE(found.without_altitude.empty());
+  EXPECT_LT(found.median_residual_m, 1e-6);
+  EXPECT_EQ(nlohmann::json::parse(GeoregistrationToJson(found))["images"][2]["gps"]["altitude_m"],
+            0.0);
+}
+
+// Where no position has an altitude, heights do not enter: the origin has none.
+TEST_F(GeoregisterTest, WithoutAnyAltitudeTheJsonHasNone) {
+  for (auto& [name, row] : rows_) row.position.altitude_m.reset();
+  const Georegistration found = Georegister(model_, {rows_});
+  EXPECT_EQ(found.images.size(), model_.images.size());
+  const auto json = nlohmann::json::parse(GeoregistrationToJson(found));
+  EXPECT_TRUE(json["origin"]["altitude_m"].is_null());
+  EXPECT_TRUE(json["images"][0]["gps"]["altitude_m"].is_null());
+}
+
+// Control points at points of the model, seen exactly; in the order of their ids.
+class ControlPointsTest : public GeoregisterTest {
+ protected:
+  void SetUp() override {
+    GeoregisterTest::SetUp();
+    model_ = testing_support::MakeSyntheticScene({.num_images = 8, .num_points = 8}).truth;
+    model_.Transform(world_from_enu_);
+    for (const auto& [id, point] : model_.points3D) {
+      ControlPoint& control = points_.emplace_back();
+      control.name = "point " + std::to_string(id);
+      control.position = GpsAt(truth_ * point.xyz);
+      for (const TrackElement& element : point.track) {
+        const RegisteredImage& image = model_.images.at(element.image_id);
+        control.pixels[image.image.name] = image.points2D[element.point2D];
+      }
+    }
+    rows_.clear();
+  }
+  std::vector<ControlPoint> points_;
+};
+
+TEST_F(ControlPointsTest, ExactPointsGiveTheExactFrameAndChecksOfZero) {
+  points_[1].is_check = points_[4].is_check = true;
+  points_[5].pixels = {{"another.jpg", {1, 2}}};
+  const Georegistration found = Georegister(model_, {rows_, points_});
+  ASSERT_EQ(found.status, GeoregistrationStatus::kOk);
+  EXPECT_TRUE(found.by_control_points);
+  ASSERT_EQ(found.points.size(), points_.size() - 1);
+  const LocalFrame frame(found.origin);
+  for (const GeoregisteredPoint& point : found.points) {
+    EXPECT_LT(point.residual.norm(), 1e-6) << point.name;
+    EXPECT_LT(point.error_px, 1e-6) << point.name;
+    EXPECT_FALSE(point.is_wrong);
+    EXPECT_EQ(point.is_check, point.name == points_[1].name || point.name == points_[4].name);
+    EXPECT_LT((frame.FromGps(point.position) - point.enu).norm(), 1e-9);
+  }
+  const auto json = nlohmann::json::parse(GeoregistrationToJson(found));
+  EXPECT_EQ(json["control_points"][1]["is_check"], true);
+  EXPECT_THAT(DescribePoints(found)[1], ::testing::HasSubstr("(check)"));
+}
+
+TEST_F(ControlPointsTest, AWrongPointIsFoundAndACheckShowsItsError) {
+  const auto moved = [&](size_t i, double up_m) {
+    GpsPosition gps = points_[i].position;
+    *gps.altitude_m += up_m;
+    return gps;
+  };
+  points_[2].position = moved(2, 3);
+  points_[3].position = moved(3, 0.5);
+  points_[3].is_check = true;
+  const Georegistration found = Georegister(model_, {rows_, points_});
+  ASSERT_EQ(found.status, GeoregistrationStatus::kOk);
+  for (size_t i = 0; i < found.points.size(); ++i) {
+    EXPECT_EQ(found.points[i].is_wrong, i == 2);
+    const double off_m = i == 2 ? -3 : i == 3 ? -0.5 : 0;
+    EXPECT_LT((found.points[i].residual - Eigen::Vector3d(0, 0, off_m)).norm(), 1e-3);
+    EXPECT_EQ(found.points[i].error_px > 1, off_m != 0);
+  }
+}
+
+// Below three, the images' positions decide, and the points are checks. Above, these are checked.
+TEST_F(ControlPointsTest, TakeTheImagesPlaceWhenThereAreThree) {
+  for (const auto& [id, image] : model_.images) {
+    const Eigen::Vector3d enu = truth_ * image.cam_from_world.Center();
+    rows_[image.image.name].position = GpsAt(enu + Eigen::Vector3d(5, 0, 0));
+  }
+  points_.resize(2);
+  Georegistration found = Georegister(model_, {rows_, points_});
+  EXPECT_FALSE(found.by_control_points);
+  ASSERT_EQ(found.points.size(), 2u);
+  EXPECT_TRUE(found.points[0].is_check);
+  EXPECT_LT((found.points[0].residual - Eigen::Vector3d(5, 0, 0)).norm(), 1e-3);
+  points_.push_back(points_[1]);
+  points_[2].name = "the same again";
+  EXPECT_EQ(Georegister(model_, {rows_, points_}).status, GeoregistrationStatus::kOnALine);
+  SetUp();
+  for (const auto& [id, image] : model_.images) {
+    const Eigen::Vector3d enu = truth_ * image.cam_from_world.Center();
+    rows_[image.image.name].position = GpsAt(enu + Eigen::Vector3d(5, 0, 0));
+  }
+  found = Georegister(model_, {rows_, points_});
+  EXPECT_TRUE(found.by_control_points);
+  EXPECT_LT((found.images[0].residual + Eigen::Vector3d(5, 0, 0)).norm(), 1e-3);
+}
+
+TEST_F(GeoregisterTest, SigmasAreWhatResidualsShow) {
+  AddNoise(2);
+  for (const GeoregisteredImage& image : Georegister(model_, {rows_}).images) {
+    EXPECT_NEAR(image.sigma_m, 2, 0.5);
+  }
+  for (auto& [name, row] : rows_) row.sigma_m = 7;
+  EXPECT_EQ(Georegister(model_, {rows_}).images[0].sigma_m, 7);
+  for (auto& [name, row] : rows_) row.sigma_m = 0.1;
+  EXPECT_NEAR(Georegister(model_, {rows_}).images[0].sigma_m, 2, 0.5);
+}
+
 TEST_F(GeoregisterTest, JsonHasTheSimilarityAndEveryResidual) {
-  const Georegistration found = Georegister(model_, rows_);
+  const Georegistration found = Georegister(model_, {rows_});
   const auto json = nlohmann::json::parse(GeoregistrationToJson(found));
   EXPECT_EQ(json["images"].size(), 40u);
   EXPECT_EQ(json["enu_from_world"]["scale"], found.enu_from_world.scale);

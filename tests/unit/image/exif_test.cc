@@ -136,8 +136,12 @@ TEST(Exif, GpsPosition) {
   ASSERT_TRUE(found);
   EXPECT_NEAR(found->latitude_deg, -35.91, 1e-12);
   EXPECT_NEAR(found->longitude_deg, -79.025, 1e-12);
-  EXPECT_NEAR(found->altitude_m, 150.5, 1e-12);
+  EXPECT_EQ(found->altitude_m, 150.5);
   EXPECT_FALSE(gps({tags[0]}));
+  // At sea level is not the same as not known.
+  EXPECT_EQ(gps({tags[0], tags[2], {"Exif.GPSInfo.GPSAltitude", "0/10"}})->altitude_m, 0.0);
+  EXPECT_FALSE(gps({tags[0], tags[2], {"Exif.GPSInfo.GPSAltitude", "0/0"}})->altitude_m);
+  EXPECT_FALSE(gps({tags[0], tags[2]})->altitude_m);
   EXPECT_FALSE(gps({{tags[0].first, "0/1 0/1 0/1"}, {tags[2].first, "0/1 0/1 0/1"}}));
   EXPECT_FALSE(gps({{tags[0].first, "1/0 0/1 0/1"}, tags[2]}));
   EXPECT_FALSE(gps({{tags[0].first, "91/1 0/1 0/1"}, tags[2]}));
@@ -154,6 +158,9 @@ TEST(Exif, WrittenTimeAndPlaceAreRead) {
   EXPECT_NEAR(info.gps->latitude_deg, 48.1234567, 1e-8);
   EXPECT_NEAR(info.gps->longitude_deg, -11.7654321, 1e-8);
   EXPECT_EQ(info.gps->altitude_m, -3.5);
+  WriteJpegWithExif(folder / "a.jpg", {});
+  WriteExif(folder / "a.jpg", {.gps = GpsPosition{48, 11}});
+  EXPECT_FALSE(ReadExif(folder / "a.jpg", 120, 80).gps->altitude_m);
 }
 
 TEST(Exif, DamagedOrAbsentExifIsEmptyAndSilent) {

@@ -26,18 +26,20 @@ class GpsFileTest : public ::testing::Test {
 TEST_F(GpsFileTest, CommasAndBlanksSeparate) {
   const auto rows = Read(
       "# a comment\n\na.jpg,45.5, 7 ,300,2\n"
-      "day 1/b 2.jpg 45.5\t-7 300.5 \n  c.jpg -45 7 1.5 0.5\r\nd.jpg,1,2\ne.jpg 1 2\n");
-  ASSERT_EQ(rows.size(), 5u);
+      "day 1/b 2.jpg 45.5\t-7 300.5 \n  c.jpg -45 7 1.5 0.5\r\nd.jpg,1,2\ne.jpg 1 2\n"
+      "sea.jpg,1,2,0\n");
+  ASSERT_EQ(rows.size(), 6u);
   const auto values = [&](const std::string& name) {
     const GpsRow& row = rows.at(name);
     return std::vector<double>{row.position.latitude_deg, row.position.longitude_deg,
-                               row.position.altitude_m, row.sigma_m};
+                               row.position.altitude_m.value_or(-9999), row.sigma_m};
   };
   EXPECT_THAT(values("a.jpg"), ::testing::ElementsAre(45.5, 7, 300, 2));
   EXPECT_THAT(values("day 1/b 2.jpg"), ::testing::ElementsAre(45.5, -7, 300.5, 0));
   EXPECT_THAT(values("c.jpg"), ::testing::ElementsAre(-45, 7, 1.5, 0.5));
-  EXPECT_THAT(values("d.jpg"), ::testing::ElementsAre(1, 2, 0, 0));
-  EXPECT_THAT(values("e.jpg"), ::testing::ElementsAre(1, 2, 0, 0));
+  EXPECT_THAT(values("d.jpg"), ::testing::ElementsAre(1, 2, -9999, 0));
+  EXPECT_THAT(values("e.jpg"), ::testing::ElementsAre(1, 2, -9999, 0));
+  EXPECT_THAT(values("sea.jpg"), ::testing::ElementsAre(1, 2, 0, 0));
 }
 
 TEST_F(GpsFileTest, RowsThatAreNoneAreNamed) {

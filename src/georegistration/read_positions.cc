@@ -1,0 +1,33 @@
+#include <filesystem>
+#include <optional>
+
+#include "cairn/base/parallel.h"
+#include "cairn/base/path_in_folder.h"
+#include "cairn/georegistration/georegister.h"
+#include "cairn/image/exif.h"
+
+namespace cairn {
+
+std::map<std::string, GpsRow> ReadPositions(std::span<const std::string> names,
+                                            const std::string& gps_path,
+                                            const std::string& image_path, int num_threads) {
+  std::map<std::string, GpsRow> rows;
+  if (!gps_path.empty()) {
+    const std::map<std::string, GpsRow> all = ReadGpsFile(gps_path);
+    for (const std::string& name : names) {
+      if (const auto row = all.find(name); row != all.end()) rows.insert(*row);
+    }
+    return rows;
+  }
+  std::vector<std::optional<GpsPosition>> positions(names.size());
+  ParallelFor(num_threads, std::ssize(names), [&](int64_t i) {
+    const std::string path = PathInFolder(image_path, names[i]);
+    if (std::filesystem::exists(path)) positions[i] = ReadExif(path, 1, 1).gps;
+  });
+  for (size_t i = 0; i < names.size(); ++i) {
+    if (positions[i]) rows[names[i]].position = *positions[i];
+  }
+  return rows;
+}
+
+}  // namespace cairn

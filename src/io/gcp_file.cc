@@ -1,0 +1,145 @@
+#include "cairn/io/gcp_file.h"
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <optional>
+
+#include "io/text_reader.h"
+
+namespace cairn {
+namespace {
+
+// What the first line says.
+struct GcpProjection {
+  int utm_zone = 0;  // 0: degrees
+  bool is_south = false;
+};
+
+std::optional<int> UtmZone(std::string_view text) {
+  int zone = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), zone);
+  const bool is_zone = error == std::errc() && end == text.data() + text.size();
+  return is_zone && zone >= 1 && zone <= 60 ? std::optional<int>(zone) : std::nullopt;
+}
+
+// Of PROJ's "+proj=utm +zone=32 [+south] +datum=WGS84 ...".
+std::optional<GcpProjection> ParseProj(const std::vector<std::string_view>& words) {
+  const auto has = [&](std::string_view word) {
+    return std::find(words.begin(), words.end(), word) != words.end();
+  };
+  if (!has("+PROJ=UTM") || !(has("+DATUM=WGS84") || has("+ELLPS=WGS84"))) return std::nullopt;
+  for (const std::string_view word : words) {
+    if (!word.starts_with("+ZONE=")) continue;
+    if (const auto zone = UtmZone(word.substr(6))) return GcpProjection{*zone, has("+SOUTH")};
+  }
+  return std::nullopt;
+}
+
+std::optional<GcpProjection> ParseGcpProjection(const std::vector<std::string_view>& words) {
+  if (words[0] == "+PROJ=UTM") return ParseProj(words);
+  if (words.size() == 1) {
+    if (words[0] == "EPSG:4326" || words[0] == "WGS84") return GcpProjection{};
+    const bool is_north = words[0].starts_with("EPSG:326");
+    if (!is_north && !words[0].starts_with("EPSG:327")) return std::nullopt;
+    const auto zone = UtmZone(words[0].substr(8));
+    return zone ? std::optional(GcpProjection{*zone, !is_north}) : std::nullopt;
+  }
+  if (words.size() != 3 || words[0] != "WGS84" || words[1] != "UTM") return std::nullopt;
+  const bool is_south = words[2].ends_with('S');
+  if (is_south || words[2].ends_with('N')) {
+    if (const auto zone = UtmZone(words[2].substr(0, words[2].size() - 1))) {
+      return GcpProjection{*zone, is_south};
+    }
+  }
+  return std::nullopt;
+}
+
+GcpProjection ReadGcpProjection(TextReader& reader) {
+  reader.ExpectDataLine("the projection");
+  std::string upper(reader.line());
+  std::transform(upper.begin(), upper.end(), upper.begin(),
+                 [](unsigned char c) { return std::toupper(c); });
+  std::vector<std::string_view> words;
+  for (const std::string_view word : reader.RemainingWords()) {
+    words.push_back(
+        std::string_view(upper).substr(word.data() - reader.line().data(), word.size()));
+  }
+  const auto projection = ParseGcpProjection(words);
+  if (!projection) {
+    reader.Fail("'" + std::string(reader.line()) +
+                "' is no projection that is read: EPSG:4326, or WGS84 UTM such as "
+                "WGS84 UTM 32N or EPSG:32632");
+  }
+  return *projection;
+}
+
+std::vector<std::string_view> GcpFields(TextReader& reader) {
+  if (reader.line().find('\t') == std::string_view::npos) return reader.RemainingWords();
+  std::vector<std::string_view> fields;
+  for (size_t begin = 0; begin <= reader.line().size();) {
+    const size_t end = std::min(reader.line().find('\t', begin), reader.line().size());
+    fields.push_back(reader.line().substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return fields;
+}
+
+// A measurement.
+struct GcpRow {
+  std::string name;
+  GpsPosition position;
+  Eigen::Vector2d pixel;
+  std::string image;
+};
+
+std::optional<GcpRow> ParseGcpRow(const std::vector<std::string_view>& fields,
+                                  const GcpProjection& projection) {
+  if (fields.size() < 6 || fields[5].empty()) return std::nullopt;
+  double values[5];
+  for (int i = 0; i < 5; ++i) {
+    const auto value = TextReader::ToDouble(fields[i]);
+    if (!value) return std::nullopt;
+    values[i] = *value;
+  }
+  GcpRow row{"", {values[1], values[0]}, {values[3], values[4]}, std::string(fields[5])};
+  if (projection.utm_zone > 0) {
+    row.position = GpsFromUtm(projection.utm_zone, projection.is_south, values[0], values[1]);
+  }
+  row.position.altitude_m = values[2];
+  if (!(std::abs(row.position.latitude_deg) <= 90 && std::abs(row.position.longitude_deg) <= 180)) {
+    return std::nullopt;
+  }
+  if (fields.size() > 6) row.name = fields[6];
+  if (!row.name.empty()) return row;
+  for (int i = 0; i < 3; ++i) row.name += (i > 0 ? " " : "") + std::string(fields[i]);
+  return row;
+}
+
+}  // namespace
+
+std::vector<ControlPoint> ReadGcpFile(const std::string& path) {
+  TextReader reader(path);
+  const GcpProjection projection = ReadGcpProjection(reader);
+  std::vector<ControlPoint> points;
+  std::map<std::string, size_t> indices;
+  while (reader.NextDataLine()) {
+    const std::optional<GcpRow> row = ParseGcpRow(GcpFields(reader), projection);
+    if (!row) {
+      reader.Fail("'" + std::string(reader.line()) + "' is not x y z pixel_x pixel_y image [name]");
+    }
+    const auto [index, is_new] = indices.try_emplace(row->name, points.size());
+    if (is_new) points.push_back({row->name, row->position, row->name.starts_with("CHK-")});
+    ControlPoint& point = points[index->second];
+    if (EarthCentered(point.position) != EarthCentered(row->position)) {
+      reader.Fail("'" + row->name + "' has other coordinates than before");
+    }
+    if (!point.pixels.emplace(row->image, row->pixel).second) {
+      reader.Fail("'" + row->name + "' is measured twice in " + row->image);
+    }
+  }
+  return points;
+}
+
+}  // namespace cairn

@@ -1,0 +1,149 @@
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <utility>
+
+#include "base/first_names.h"
+#include "cairn/base/error.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+PlacePriors PriorsOf(const Georegistration& found) {
+  PlacePriors priors;
+  for (const GeoregisteredPoint& point : found.points) {
+    if (point.is_check || point.is_wrong) continue;
+    priors.points.push_back(
+        {{point.enu, Eigen::Vector3d::Constant(1.0 / kControlPointSigmaM)}, point.pixels});
+  }
+  // The images' positions err together, by meters: control points need no help of theirs.
+  if (found.by_control_points) return priors;
+  for (const GeoregisteredImage& image : found.images) {
+    if (image.is_wrong) continue;
+    Eigen::Vector3d precision = Eigen::Vector3d::Constant(1.0 / image.sigma_m);
+    if (!image.gps.altitude_m) precision.z() = 0;
+    priors.images[image.image_id] = {image.gps_enu, precision};
+  }
+  return priors;
+}
+
+std::vector<std::string> WrongOf(const Georegistration& found) {
+  std::vector<std::string> names;
+  for (const GeoregisteredImage& image : found.images) {
+    if (image.is_wrong) names.push_back(image.name);
+  }
+  for (const GeoregisteredPoint& point : found.points) {
+    if (point.is_wrong) names.push_back("control point " + point.name);
+  }
+  return names;
+}
+
+// What is doubtful about a model's place.
+std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
+  std::vector<ResultWarning> warnings;
+  if (const std::string failure = GeoregistrationFailure(found); !failure.empty()) {
+    return {{"it is not in meters, east, north and up, and no positions were used: " + failure,
+             "see the formats of --gps_path and --gcp_path, and the names in them"}};
+  }
+  if (const std::vector<std::string> wrong = WrongOf(found); !wrong.empty()) {
+    warnings.push_back(
+        {std::to_string(wrong.size()) +
+             " positions are far from where the others put them, and are not used: " +
+             FirstNames(wrong),
+         "georegistration.json says how far"});
+  }
+  if (!found.without_altitude.empty()) {
+    warnings.push_back({std::to_string(found.without_altitude.size()) +
+                            " positions have no altitude, as others have, and are not used: " +
+                            FirstNames(found.without_altitude),
+                        ""});
+  }
+  if (found.roll_sigma_deg > kLargeRollDeg) {
+    char text[120];
+    std::snprintf(text, sizeof(text),
+                  "the path is nearly straight: the model may turn about it by %.0f degrees",
+                  found.roll_sigma_deg);
+    warnings.push_back({text, ""});
+  }
+  return warnings;
+}
+
+void ReportPlace(const Georegistration& found, Stage& stage) {
+  double num_checks = 0, squared_m = 0;
+  for (const GeoregisteredPoint& point : found.points) {
+    num_checks += point.is_check;
+    if (point.is_check) squared_m += point.residual.squaredNorm();
+  }
+  stage.Add("positions", static_cast<double>(found.images.size()));
+  stage.Add("control_points", static_cast<double>(found.points.size()));
+  stage.Add("wrong", static_cast<double>(WrongOf(found).size()));
+  stage.Add("median_residual_m", found.median_residual_m);
+  if (num_checks > 0) stage.Add("check_points_rms_m", std::sqrt(squared_m / num_checks));
+  for (const std::string& line : DescribePoints(found)) stage.Note(line);
+}
+
+}  // namespace
+
+void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path) {
+  if (!places.gps_path.empty() && !places.use_gps) {
+    throw ConfigError("gps_path", "is read with --use_gps 1 only");
+  }
+  if (places.use_gps && places.gps_path.empty() && image_path.empty()) {
+    throw ConfigError("use_gps", "needs gps_path, or image_path with photographs that have GPS");
+  }
+}
+
+std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
+                                         const std::string& image_path, const RunContext& run) {
+  if (!places.use_gps && places.gcp_path.empty()) return std::nullopt;
+  KnownPositions known;
+  std::vector<std::string> names;
+  for (const auto& [id, image] : scene.images) names.push_back(image.name);
+  if (places.use_gps) {
+    known.images = ReadPositions(names, places.gps_path, image_path, run.num_threads);
+  }
+  if (!places.gcp_path.empty()) known.control_points = ReadGcpFile(places.gcp_path);
+  return known;
+}
+
+void AdjustToPlaces(StageContext& context, Reconstruction& model) {
+  const ReconstructOptions& options = context.settings.reconstruct;
+  if (!context.scene.places || model.points3D.empty()) return;
+  double last_residual_m = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < options.max_rounds && !context.run.monitor.StopRequested(); ++i) {
+    const Georegistration found = Georegister(model, *context.scene.places, context.run);
+    // A straighter model shows better how good the positions are, and which are wrong.
+    if (found.status != GeoregistrationStatus::kOk ||
+        !(found.median_residual_m < (1.0 - options.min_gain) * last_residual_m)) {
+      return;
+    }
+    last_residual_m = found.median_residual_m;
+    model.Transform(found.enu_from_world);
+    AdjustWithPriors(context, PriorsOf(found), model);
+  }
+}
+
+void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResult& result) {
+  if (!scene.places) return;
+  for (size_t k = 0; k < result.models.size(); ++k) {
+    Reconstruction& model = result.models[k];
+    RunStage stage(result.report, run.monitor, "georegistration");
+    stage.Add("model", static_cast<double>(k));
+    Georegistration found = Georegister(model, *scene.places, run);
+    for (ResultWarning& warning : WarningsOf(found)) {
+      warning.what = "sparse/" + std::to_string(k) + " (" + std::to_string(model.images.size()) +
+                     " images): " + warning.what;
+      stage.Warn(warning.what);
+      result.report.warnings.push_back(std::move(warning));
+    }
+    const bool is_placed = found.status == GeoregistrationStatus::kOk;
+    if (is_placed) {
+      model.Transform(std::exchange(found.enu_from_world, Sim3d()));  // the frame is its world now
+      ReportPlace(found, stage);
+    }
+    result.georegistrations.push_back(is_placed ? GeoregistrationToJson(found) : "");
+  }
+}
+
+}  // namespace cairn
