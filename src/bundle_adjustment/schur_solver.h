@@ -7,9 +7,9 @@ namespace cairn {
 // The solver of the cameras' system that the options ask for, or that kAuto stands for. Where many
 // images see the same points, that system is nearly full: forming and factorizing it costs more
 // than conjugate gradients take. covisibility: images that see an observation's point, on average.
-inline constexpr double kMaxSparseCovisibility = 20.0;
 inline BundleSolver SchurSolver(const BundleAdjustmentOptions& options, int64_t num_images,
                                 double covisibility) {
+  constexpr double kMaxSparseCovisibility = 20.0;
   if (options.solver != BundleSolver::kAuto) return options.solver;
   if (num_images <= options.max_dense_images) return BundleSolver::kDenseSchur;
   const bool is_sparse = num_images <= 3 * static_cast<int64_t>(options.max_dense_images) ||
@@ -18,11 +18,12 @@ inline BundleSolver SchurSolver(const BundleAdjustmentOptions& options, int64_t 
                                                               : BundleSolver::kIterativeSchur;
 }
 
-// Should conjugate gradients have the cameras' system formed? A product with it then takes a tenth
-// of one by way of the points; forming it costs what some forty of the latter do, more where it is
-// nearly full.
+// Should conjugate gradients have the cameras' system formed? That takes as long as two or three
+// products by way of the points for every image that sees a point, and a step of thousands of
+// images takes a hundred products; with the system formed, these take a tenth.
 inline bool FormsSchurComplement(double covisibility) {
-  return covisibility <= kMaxSparseCovisibility;
+  constexpr double kMaxFormedCovisibility = 40.0;
+  return covisibility <= kMaxFormedCovisibility;
 }
 
 }  // namespace cairn

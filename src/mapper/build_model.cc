@@ -184,10 +184,7 @@ bool GrowEarlier(StageContext& context, ViewGraph& graph, Reconstruction& model)
   ReviseEdges(EvidenceFor(context, model, graph), model, graph);
   if (!FitAndRefine(context, TracksOfModel(context, graph, model), false, model)) return false;
   const std::optional<int> num_refined = GrowModel(context, graph, model);
-  if (!num_refined) return false;
-  if (*num_refined > 0 && !RefineWithMovedIntrinsics(context, graph, model)) return false;
-  FinishModel(context, model);
-  return true;
+  return num_refined && (*num_refined == 0 || RefineWithMovedIntrinsics(context, graph, model));
 }
 
 }  // namespace
@@ -215,7 +212,6 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
       best.model.reset();
       return best;
     }
-    FinishModel(context, *best.model);
     AdjustToPlaces(context, *best.model);
     best.model->UpdatePointErrors();
     best.evidence = EvidenceFor(context, *best.model, best.graph);

@@ -187,8 +187,6 @@ void RemoveImage(image_t id, Reconstruction& model);
 // Triangulation, bundle adjustment and filtering from coarse to fine.
 void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
                  Reconstruction& model);
-// Adjusts until it converges, as rounds that others may follow do not, and filters.
-void FinishModel(StageContext& context, Reconstruction& model);
 // Triangulation and filtering at poses that stay as they are, and how well the points determine
 // these.
 std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,

@@ -25,8 +25,9 @@ RotationStart AverageFlat(const RotationProblem& problem, const RotationAveragin
   std::vector<LaplacianSolver::Edge> edges;
   edges.reserve(problem.edges.size());
   for (const GraphEdge& edge : problem.edges) edges.push_back({edge.node1, edge.node2});
-  RotationStart start{std::move(tree.cam_from_world),
-                      LaplacianSolver(problem.NumNodes(), edges, tree.is_root, kMaxCholeskyFlops)};
+  RotationStart start{
+      std::move(tree.cam_from_world),
+      LaplacianSolver(problem.NumNodes(), edges, tree.is_root, kMaxCholeskyFlops, run.num_threads)};
   start.l1 = RunL1Stage(problem, options, run, start.solver, start.cam_from_world);
   while (start.num_consensus_rounds < options.max_consensus_rounds &&
          !run.monitor.StopRequested()) {

@@ -3,18 +3,28 @@
 #include <algorithm>
 
 #include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
 
 namespace cairn {
 namespace {
 
 // Both averagings iterate: the next step mends what one leaves.
 constexpr double kTolerance = 1e-4;
+// An edge joins nodes to an aggregate where it weighs at least this share of the mean at one end.
+constexpr double kStrongShare = 0.25;
+// Of more aggregates, factorizing their system takes longer than it saves.
+constexpr int kMaxAggregates = 2000;
+constexpr int kGrain = 256;  // rows a task
 
 }  // namespace
 
 LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
-                                 std::span<const char> is_gauge, double max_cholesky_flops)
-    : num_nodes_(num_nodes), row_of_node_(num_nodes, -1), edges_(edges.begin(), edges.end()) {
+                                 std::span<const char> is_gauge, double max_cholesky_flops,
+                                 int num_threads)
+    : num_nodes_(num_nodes),
+      num_threads_(num_threads),
+      row_of_node_(num_nodes, -1),
+      edges_(edges.begin(), edges.end()) {
   CAIRN_CHECK_EQ(is_gauge.size(), static_cast<size_t>(num_nodes));
   int num_rows = 0;
   for (int v = 0; v < num_nodes; ++v) {
@@ -85,47 +95,111 @@ bool LaplacianSolver::SetWeights(std::span<const double> weights,
   for (size_t v = 0; v < diagonal.size(); ++v) {
     if (row_of_node_[v] >= 0) diagonal_[row_of_node_[v]] += diagonal[v];
   }
-  return (diagonal_.array() > 0).all();
+  if (!(diagonal_.array() > 0).all()) return false;
+  FindAggregates();
+  if (num_aggregates_ <= kMaxAggregates) FactorizeAggregates();
+  return true;
+}
+
+// Rows whose strong neighbors are all free make an aggregate with these; what remains goes to where
+// its strongest neighbor is (Vanek et al., "Algebraic multigrid by smoothed aggregation", 1996).
+void LaplacianSolver::FindAggregates() {
+  const auto num_rows = static_cast<int>(diagonal_of_row_.size());
+  aggregate_of_row_.assign(num_rows, -1);
+  num_aggregates_ = 0;
+  const auto neighbors_of = [&](int r) {
+    return std::span(neighbors_)
+        .subspan(neighbors_begin_[r], neighbors_begin_[r + 1] - neighbors_begin_[r]);
+  };
+  for (int r = 0; r < num_rows; ++r) {
+    const std::span<const Neighbor> neighbors = neighbors_of(r);
+    const double strong = kStrongShare * diagonal_[r] / std::max<double>(1, neighbors.size());
+    const auto is_strong = [&](const Neighbor& n) { return n.weight >= strong; };
+    if (aggregate_of_row_[r] >= 0 || std::any_of(neighbors.begin(), neighbors.end(), [&](auto& n) {
+          return is_strong(n) && aggregate_of_row_[n.row] >= 0;
+        })) {
+      continue;
+    }
+    aggregate_of_row_[r] = num_aggregates_;
+    for (const Neighbor& n : neighbors) {
+      if (is_strong(n)) aggregate_of_row_[n.row] = num_aggregates_;
+    }
+    ++num_aggregates_;
+  }
+  for (int r = 0; r < num_rows; ++r) {
+    double most = 0;
+    int joined = -1;
+    for (const Neighbor& n : neighbors_of(r)) {
+      if (aggregate_of_row_[n.row] < 0 || n.weight <= most) continue;
+      most = n.weight;
+      joined = aggregate_of_row_[n.row];
+    }
+    if (aggregate_of_row_[r] < 0) aggregate_of_row_[r] = joined >= 0 ? joined : num_aggregates_++;
+  }
+}
+
+void LaplacianSolver::FactorizeAggregates() {
+  Eigen::MatrixXd system = Eigen::MatrixXd::Zero(num_aggregates_, num_aggregates_);
+  for (size_t r = 0; r < aggregate_of_row_.size(); ++r) {
+    const int a = aggregate_of_row_[r];
+    system(a, a) += diagonal_[r];
+    for (int64_t k = neighbors_begin_[r]; k < neighbors_begin_[r + 1]; ++k) {
+      system(aggregate_of_row_[neighbors_[k].row], a) -= neighbors_[k].weight;
+    }
+  }
+  aggregates_.compute(system);
+}
+
+LaplacianSolver::Rows LaplacianSolver::Precondition(const Rows& residual) const {
+  Rows result = diagonal_.cwiseInverse().asDiagonal() * residual;
+  if (num_aggregates_ > kMaxAggregates) return result;
+  Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(num_aggregates_, residual.cols());
+  for (Eigen::Index r = 0; r < residual.rows(); ++r)
+    sums.row(aggregate_of_row_[r]) += residual.row(r);
+  sums = aggregates_.solve(sums);
+  for (Eigen::Index r = 0; r < residual.rows(); ++r)
+    result.row(r) += sums.row(aggregate_of_row_[r]);
+  return result;
 }
 
 LaplacianSolver::Rows LaplacianSolver::Multiply(const Rows& X) const {
   const Eigen::Index num_columns = X.cols();
   Rows Y = diagonal_.asDiagonal() * X;
-  for (Eigen::Index r = 0; r < X.rows(); ++r) {
+  const auto add_neighbors = [&](int64_t r) {
     double* y = Y.data() + r * num_columns;
     for (int64_t k = neighbors_begin_[r]; k < neighbors_begin_[r + 1]; ++k) {
       const double* x = X.data() + neighbors_[k].row * num_columns;
       for (Eigen::Index c = 0; c < num_columns; ++c) y[c] -= neighbors_[k].weight * x[c];
     }
-  }
+  };
+  ParallelFor(num_threads_, X.rows(), add_neighbors, kGrain);
   return Y;
 }
 
 // All columns at once, each with steps of its own.
 Eigen::MatrixXd LaplacianSolver::SolveByConjugateGradients(const Eigen::MatrixXd& B) const {
   constexpr int kMaxIterations = 500;
-  const Eigen::VectorXd inverse = diagonal_.cwiseInverse();
   Rows X = Rows::Zero(B.rows(), B.cols());
   Rows residual = B;
-  Rows direction = inverse.asDiagonal() * residual;
+  Rows direction = Precondition(residual);
   Eigen::RowVectorXd rho = residual.cwiseProduct(direction).colwise().sum();
   const Eigen::RowVectorXd target = kTolerance * kTolerance * rho;
   for (int k = 0; k < kMaxIterations && (rho.array() > target.array()).any(); ++k) {
     const Rows image = Multiply(direction);
     const Eigen::RowVectorXd curvature = direction.cwiseProduct(image).colwise().sum();
     for (Eigen::Index c = 0; c < B.cols(); ++c) {
-      if (!(rho[c] > target[c]) || !(curvature[c] > 0)) {
-        rho[c] = 0;  // this column is done
-        continue;
-      }
-      const double length = rho[c] / curvature[c];
+      // A column that is done stays.
+      const bool is_done = !(rho[c] > target[c]) || !(curvature[c] > 0);
+      const double length = is_done ? 0.0 : rho[c] / curvature[c];
       X.col(c) += length * direction.col(c);
       residual.col(c) -= length * image.col(c);
-      const Eigen::VectorXd z = inverse.cwiseProduct(residual.col(c));
-      const double next_rho = residual.col(c).dot(z);
-      direction.col(c) = z + next_rho / rho[c] * direction.col(c);
-      rho[c] = next_rho;
     }
+    const Rows z = Precondition(residual);
+    const Eigen::RowVectorXd next_rho = residual.cwiseProduct(z).colwise().sum();
+    for (Eigen::Index c = 0; c < B.cols(); ++c) {
+      direction.col(c) = z.col(c) + (rho[c] > 0 ? next_rho[c] / rho[c] : 0.0) * direction.col(c);
+    }
+    rho = next_rho;
   }
   return X;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <memory>
 #include <span>
@@ -14,8 +15,10 @@ namespace cairn {
 // connected component makes the system positive definite for positive weights.
 // The pattern is analyzed once, weights are refactored as often as needed, and all columns of B are
 // solved together: n x n instead of the 3n x 3n of three coordinates. Where a factorization would
-// take more than max_cholesky_flops, conjugate gradients with the diagonal as preconditioner solve
-// to 1e-4 of the right-hand side instead.
+// take more than max_cholesky_flops, conjugate gradients solve to 1e-4 of the right-hand side
+// instead. Their preconditioner has two levels: the diagonal, and the system of aggregates of nodes
+// that move as one (Nicolaides, "Deflation of conjugate gradients with applications to boundary
+// value problems", 1987), without which they need ever more iterations the farther a graph reaches.
 class LaplacianSolver {
  public:
   struct Edge {
@@ -26,7 +29,7 @@ class LaplacianSolver {
   // Nodes 0 .. num_nodes-1; edges may repeat, self-loops are ignored. is_gauge[node] tells the
   // nodes held at zero.
   LaplacianSolver(int num_nodes, std::span<const Edge> edges, std::span<const char> is_gauge,
-                  double max_cholesky_flops = 1e12);
+                  double max_cholesky_flops = 1e12, int num_threads = 1);
 
   // Weights >= 0, one an edge; `diagonal`, if not empty, is added to the diagonal (one value >= 0 a
   // node: a pull towards zero). False if the matrix is not positive definite (weights of zero leave
@@ -47,10 +50,14 @@ class LaplacianSolver {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   void BuildNeighbors();
   bool SetWeights(std::span<const double> weights, std::span<const double> diagonal);
+  void FindAggregates();
+  void FactorizeAggregates();
   Rows Multiply(const Rows& X) const;
+  Rows Precondition(const Rows& residual) const;
   Eigen::MatrixXd SolveByConjugateGradients(const Eigen::MatrixXd& B) const;
 
   int num_nodes_;
+  int num_threads_;
   std::vector<int> row_of_node_;  // -1: gauge
   std::vector<int64_t> diagonal_of_row_;
   // Where an edge's weight goes: off-diagonal entry (-1: none), and the diagonal entries of its
@@ -62,6 +69,9 @@ class LaplacianSolver {
   std::vector<int64_t> neighbors_begin_;    // of each row
   std::vector<Neighbor> neighbors_;
   Eigen::VectorXd diagonal_;
+  std::vector<int> aggregate_of_row_;
+  int num_aggregates_ = 0;
+  Eigen::LDLT<Eigen::MatrixXd> aggregates_;  // system of the aggregates, each as one
 };
 
 }  // namespace cairn

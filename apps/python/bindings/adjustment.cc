@@ -18,9 +18,16 @@ BundleAdjustmentReport Adjust(Reconstruction& reconstruction, bool rotations, bo
                               const std::map<camera_t, IntrinsicsPrior>& priors,
                               const py::object& options, int num_threads,
                               const py::object& progress) {
-  const BundleAdjustmentScope scope{rotations,     positions,    points,
-                                    focal_lengths, distortions,  principal_points,
-                                    fixed_cameras, fixed_images, priors};
+  BundleAdjustmentScope scope;
+  scope.rotations = rotations;
+  scope.positions = positions;
+  scope.points = points;
+  scope.focal_lengths = focal_lengths;
+  scope.distortions = distortions;
+  scope.principal_points = principal_points;
+  scope.fixed_cameras = fixed_cameras;
+  scope.fixed_images = fixed_images;
+  scope.priors = priors;
   const auto settings = ToOptions<BundleAdjustmentOptions>(options);
   BundleAdjustmentReport report;
   RunInterruptibly({0, num_threads, progress}, [&](const RunContext& run) {

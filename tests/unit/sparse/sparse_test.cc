@@ -71,6 +71,33 @@ TEST(LaplacianSolver, SolvesWithGaugeForSparseAndDenseGraphs) {
   }
 }
 
+// A street of places with many nodes each: what one end knows has far to go to the other.
+TEST(LaplacianSolver, ConjugateGradientsReachFar) {
+  constexpr int kPlaces = 300, kNodes = 20;
+  Rng rng(3);
+  Problem p;
+  for (int place = 0; place < kPlaces; ++place) {
+    for (int i = 0; i < kNodes; ++i) {
+      for (int j = i + 1; j < kNodes; ++j) {
+        p.edges.push_back({place * kNodes + i, place * kNodes + j});
+      }
+      if (place > 0) p.edges.push_back({place * kNodes + i, (place - 1) * kNodes + i});
+    }
+  }
+  for (size_t e = 0; e < p.edges.size(); ++e) p.weights.push_back(rng.Uniform(0.5, 2));
+  p.is_gauge.assign(kPlaces * kNodes, 0);
+  p.is_gauge[0] = 1;
+  const Eigen::MatrixXd B = RandomMatrix(kPlaces * kNodes, 3, 1);
+  LaplacianSolver exact(kPlaces * kNodes, p.edges, p.is_gauge);
+  ASSERT_TRUE(exact.UsesCholesky() && exact.Factorize(p.weights));
+  const Eigen::MatrixXd X = exact.Solve(B);
+  for (const int num_threads : {1, 2}) {
+    LaplacianSolver solver(kPlaces * kNodes, p.edges, p.is_gauge, 0, num_threads);
+    ASSERT_TRUE(!solver.UsesCholesky() && solver.Factorize(p.weights));
+    EXPECT_LT((solver.Solve(B) - X).norm(), 1e-2 * X.norm());
+  }
+}
+
 TEST(LaplacianSolver, DiagonalPullsToZero) {
   const Problem p = RandomProblem(30, 20, 5);
   const std::vector<char> no_gauge(30, 0);
