@@ -127,9 +127,10 @@ TEST(Poses, EveryLayoutLooksAtTheScene) {
     const auto poses = MakeCameraPoses(layout, 60, 3.0, rng);
     ASSERT_EQ(poses.size(), 60u);
     for (const Rigid3d& pose : poses) {
-      const Eigen::Vector3d origin = pose.translation;  // the world's origin in the camera
-      EXPECT_GT(origin.z(), 0.9) << name;
-      EXPECT_LT(origin.head<2>().norm(), 0.8 * origin.z()) << name;
+      const double along = layout == CameraLayout::kStreet ? pose.Center().x() : 0.0;
+      const Eigen::Vector3d place = pose * Eigen::Vector3d(along, 0, 0);
+      EXPECT_GT(place.z(), 0.9) << name;
+      EXPECT_LT(place.head<2>().norm(), 0.8 * place.z()) << name;
     }
   }
 }
