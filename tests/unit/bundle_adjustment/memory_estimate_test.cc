@@ -25,6 +25,15 @@ TEST(EstimateBundleBytes, GrowsWithWhatThereIs) {
     larger.*field *= 2;
     EXPECT_GT(EstimateBundleBytes(options, larger), bytes);
   }
+  // The system that conjugate gradients have formed.
+  BundleAdjustmentOptions iterative;
+  iterative.solver = BundleSolver::kIterativeSchur;
+  BundleSize paired = size;
+  paired.num_image_pairs = 1000;
+  EXPECT_GT(EstimateBundleBytes(iterative, paired),
+            EstimateBundleBytes(iterative, size) + int64_t{1000} * 36 * sizeof(double));
+  paired.covisibility = 100;  // too full to be formed
+  EXPECT_EQ(EstimateBundleBytes(iterative, paired), EstimateBundleBytes(iterative, size));
   // A full Schur complement of thousands of images, or none at all.
   BundleSize many = size;
   many.num_images = 5000;
