@@ -12,7 +12,7 @@ struct BundleSize {
   int64_t num_points = 0;
   int64_t num_observations = 0;
   double covisibility = 0;      // images that see an observation's point, on average
-  int64_t num_image_pairs = 0;  // that see a point together
+  int64_t num_image_pairs = 0;  // that see a point together; only where FormsSchurComplement
 };
 
 // Predicted peak memory, bytes, of a reconstruction of this size (points, tracks, keypoints of the

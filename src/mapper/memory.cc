@@ -6,6 +6,7 @@
 #include <unordered_map>
 
 #include "bundle_adjustment/memory_estimate.h"
+#include "bundle_adjustment/schur_solver.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -20,16 +21,12 @@ std::string Gib(int64_t bytes) {
   return text;
 }
 
-BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks) {
-  BundleSize size;
-  size.num_images = static_cast<int64_t>(model.images.size());
-  for (const auto& [id, image] : model.images) {
-    size.num_keypoints += static_cast<int64_t>(image.points2D.size());
-  }
-  double num_pairs = 0;
+// Pairs of the model's images that see one of the tracks together.
+int64_t NumImagePairs(const Reconstruction& model, std::span<const Track> tracks) {
+  const auto num_images = static_cast<int64_t>(model.images.size());
   std::unordered_map<image_t, int64_t> index;
   for (const auto& [id, image] : model.images) index.emplace(id, index.size());
-  std::vector<bool> is_seen_together(size.num_images * size.num_images, false);
+  std::vector<bool> see_together(num_images * num_images, false);
   std::vector<int64_t> used;
   for (const Track& track : tracks) {
     used.clear();
@@ -37,20 +34,34 @@ BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks) {
       const auto image = index.find(element.image_id);
       if (image != index.end()) used.push_back(image->second);
     }
-    if (used.size() < 2) continue;
-    ++size.num_points;
-    size.num_observations += static_cast<int64_t>(used.size());
-    num_pairs += static_cast<double>(used.size() * used.size());
     for (const int64_t i : used) {
       for (const int64_t j : used) {
-        if (i < j) is_seen_together[i * size.num_images + j] = true;
+        if (i < j) see_together[i * num_images + j] = true;
       }
     }
   }
-  size.num_image_pairs = std::count(is_seen_together.begin(), is_seen_together.end(), true);
+  return std::count(see_together.begin(), see_together.end(), true);
+}
+
+BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks) {
+  BundleSize size;
+  size.num_images = static_cast<int64_t>(model.images.size());
+  for (const auto& [id, image] : model.images) {
+    size.num_keypoints += static_cast<int64_t>(image.points2D.size());
+  }
+  double num_pairs = 0;
+  for (const Track& track : tracks) {
+    int64_t num_used = 0;
+    for (const TrackElement& element : track) num_used += model.images.count(element.image_id) > 0;
+    if (num_used < 2) continue;
+    ++size.num_points;
+    size.num_observations += num_used;
+    num_pairs += static_cast<double>(num_used * num_used);
+  }
   if (size.num_observations > 0) {
     size.covisibility = num_pairs / static_cast<double>(size.num_observations);
   }
+  if (FormsSchurComplement(size.covisibility)) size.num_image_pairs = NumImagePairs(model, tracks);
   return size;
 }
 

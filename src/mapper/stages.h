@@ -232,7 +232,7 @@ int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, 
 // Warnings of a model that contradicts its own verified pairs, or parts of it that do.
 std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstruction& model,
                                       const ModelEvidence& evidence, const ViewGraph& graph);
-// The first twenty names, and how many more there are.
+// Of the first twenty images, and how many more there are.
 std::string Names(const StageContext& context, std::span<const image_t> images);
 
 // verify_again.cc
