@@ -1,6 +1,7 @@
 #include "rotation_averaging/start.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -29,11 +30,7 @@ RotationStart AverageFlat(const RotationProblem& problem, const RotationAveragin
       std::move(tree.cam_from_world),
       LaplacianSolver(problem.NumNodes(), edges, tree.is_root, kMaxCholeskyFlops, run.num_threads)};
   start.l1 = RunL1Stage(problem, options, run, start.solver, start.cam_from_world);
-  while (start.num_consensus_rounds < options.max_consensus_rounds &&
-         !run.monitor.StopRequested()) {
-    ++start.num_consensus_rounds;
-    if (RunConsensusRound(problem, options.sigma_start_deg, start.cam_from_world) == 0) break;
-  }
+  start.num_consensus_rounds = RunConsensusStage(problem, options, run, start.cam_from_world);
   return start;
 }
 
@@ -49,11 +46,16 @@ double SupportOf(const RotationProblem& problem,
 }
 
 // Cameras that hang together: each takes the label that its edges give the most weight (Raghavan et
-// al., "Near linear time algorithm to detect community structures", 2007), in the order of nodes.
+// al., "Near linear time algorithm to detect community structures", 2007), in the order of nodes,
+// of those with room: groups have at most twice the square root of all cameras, so that many of
+// them meet and outvote those that look alike (Meyerhenke et al., "Partitioning complex networks
+// via size-constrained clustering", 2014).
 GraphComponents FindGroups(const RotationProblem& problem) {
   const GraphAdjacency adjacency = BuildAdjacency(problem.NumNodes(), problem.edges);
   std::vector<int> label(problem.NumNodes());
   std::iota(label.begin(), label.end(), 0);
+  const auto max_size = static_cast<int>(std::ceil(2.0 * std::sqrt(problem.NumNodes())));
+  std::vector<int> size(problem.NumNodes(), 1);
   std::map<int, double> weight_of;
   bool has_changed = true;
   for (int sweep = 0; sweep < kMaxSweeps && has_changed; ++sweep) {
@@ -66,12 +68,17 @@ GraphComponents FindGroups(const RotationProblem& problem) {
       }
       const auto own = weight_of.find(label[v]);
       double most = own == weight_of.end() ? 0.0 : own->second;
+      int best = label[v];
       for (const auto& [other, weight] : weight_of) {
-        if (weight <= most) continue;
+        if (weight <= most || size[other] >= max_size) continue;
         most = weight;
-        label[v] = other;
-        has_changed = true;
+        best = other;
       }
+      if (best == label[v]) continue;
+      --size[label[v]];
+      ++size[best];
+      label[v] = best;
+      has_changed = true;
     }
   }
   std::vector<GraphEdge> inside;
@@ -142,6 +149,7 @@ std::optional<std::vector<Eigen::Quaterniond>> AverageByGroups(
   for (int v = 0; v < problem.NumNodes(); ++v) {
     rotations[v] = (rotations[v] * group_from_world[group_of[v]]).normalized();
   }
+  RunConsensusStage(problem, options, run, rotations);  // cameras of groups that mix two places
   return rotations;
 }
 
