@@ -47,14 +47,12 @@ double SupportOf(const RotationProblem& problem,
 
 // Cameras that hang together: each takes the label that its edges give the most weight (Raghavan et
 // al., "Near linear time algorithm to detect community structures", 2007), in the order of nodes,
-// of those with room: groups have at most twice the square root of all cameras, so that many of
-// them meet and outvote those that look alike (Meyerhenke et al., "Partitioning complex networks
-// via size-constrained clustering", 2014).
-GraphComponents FindGroups(const RotationProblem& problem) {
+// of those with room (Meyerhenke et al., "Partitioning complex networks via size-constrained
+// clustering", 2014).
+GraphComponents FindGroups(const RotationProblem& problem, int max_size) {
   const GraphAdjacency adjacency = BuildAdjacency(problem.NumNodes(), problem.edges);
   std::vector<int> label(problem.NumNodes());
   std::iota(label.begin(), label.end(), 0);
-  const auto max_size = static_cast<int>(std::ceil(2.0 * std::sqrt(problem.NumNodes())));
   std::vector<int> size(problem.NumNodes(), 1);
   std::map<int, double> weight_of;
   bool has_changed = true;
@@ -131,9 +129,9 @@ std::vector<RotationEdge> EdgesBetween(const RotationProblem& problem,
 }
 
 std::optional<std::vector<Eigen::Quaterniond>> AverageByGroups(
-    const RotationProblem& problem, const RotationAveragingOptions& options,
+    const RotationProblem& problem, int max_size, const RotationAveragingOptions& options,
     const RunContext& run) {
-  const GraphComponents groups = FindGroups(problem);
+  const GraphComponents groups = FindGroups(problem, max_size);
   if (groups.Num() < kMinGroups || groups.Num() == problem.NumNodes()) return std::nullopt;
   const std::vector<int>& group_of = groups.component_of_node;
   std::vector<Eigen::Quaterniond> rotations =
@@ -158,12 +156,17 @@ std::optional<std::vector<Eigen::Quaterniond>> AverageByGroups(
 RotationStart FindRotationStart(const RotationProblem& problem,
                                 const RotationAveragingOptions& options, const RunContext& run) {
   RotationStart start = AverageFlat(problem, options, run);
-  if (auto rotations = AverageByGroups(problem, options, run)) {
-    const double sigma = DegToRad(options.sigma_start_deg);
-    if (SupportOf(problem, *rotations, sigma, run.num_threads) >
-        SupportOf(problem, start.cam_from_world, sigma, run.num_threads)) {
-      start.cam_from_world = std::move(*rotations);
-    }
+  const double sigma = DegToRad(options.sigma_start_deg);
+  double support = SupportOf(problem, start.cam_from_world, sigma, run.num_threads);
+  // Groups as they are, and so many that they outvote those that look alike.
+  const int balanced = static_cast<int>(std::ceil(2.0 * std::sqrt(problem.NumNodes())));
+  for (const int max_size : {problem.NumNodes(), balanced}) {
+    auto rotations = AverageByGroups(problem, max_size, options, run);
+    if (!rotations) continue;
+    const double by_groups = SupportOf(problem, *rotations, sigma, run.num_threads);
+    if (by_groups <= support) continue;
+    support = by_groups;
+    start.cam_from_world = std::move(*rotations);
   }
   return start;
 }
