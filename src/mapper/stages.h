@@ -80,7 +80,8 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
 
 // still_parts.cc
 // What to say where most images have matches that stay where they are in the picture while others
-// move, or no pair that moves: a turntable's background, marks over photographs.
+// move, or mostly pairs that stay still as a whole: a turntable's background, marks over
+// photographs.
 std::optional<ResultWarning> FindStillParts(const SceneData& scene);
 
 // scene_graph.cc

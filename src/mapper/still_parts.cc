@@ -25,25 +25,30 @@ bool Moves(const SceneData& scene, const ViewEdge& edge) {
   return 2 * CountStill(scene, edge, inliers) < static_cast<int>(inliers.size());
 }
 
-// The pair that moves with the most inliers of every image with pairs; null: none of them moves.
-// (Photographs of a video may stay still against the next ones.)
-std::map<image_t, const ViewEdge*> BestMovingPairs(const SceneData& scene) {
-  std::vector<const ViewEdge*> edges;
+// What an image's verified pairs show.
+struct ImageMotion {
+  int num_pairs = 0;
+  int num_still = 0;
+  const ViewEdge* best = nullptr;  // of those that move, the one with the most inliers
+
+  // Photographs of a video may stay still against the next ones, but not against most.
+  bool IsStill() const { return 2 * num_still > num_pairs; }
+};
+
+std::map<image_t, ImageMotion> ImageMotions(const SceneData& scene) {
+  std::map<image_t, ImageMotion> motions;
   for (const ViewEdge& edge : scene.edges) {
-    if (edge.num_inliers > 0) edges.push_back(&edge);
+    if (edge.num_inliers == 0) continue;
+    const bool moves = Moves(scene, edge);
+    for (const image_t id : {edge.image_id1, edge.image_id2}) {
+      ImageMotion& motion = motions[id];
+      ++motion.num_pairs;
+      motion.num_still += !moves;
+      const bool is_better = motion.best == nullptr || edge.num_inliers > motion.best->num_inliers;
+      if (moves && is_better) motion.best = &edge;
+    }
   }
-  std::stable_sort(edges.begin(), edges.end(), [](const ViewEdge* a, const ViewEdge* b) {
-    return a->num_inliers > b->num_inliers;
-  });
-  std::map<image_t, const ViewEdge*> best;
-  for (const ViewEdge* edge : edges) {
-    const ViewEdge*& best1 = best[edge->image_id1];
-    const ViewEdge*& best2 = best[edge->image_id2];
-    if ((best1 != nullptr && best2 != nullptr) || !Moves(scene, *edge)) continue;
-    if (best1 == nullptr) best1 = edge;
-    if (best2 == nullptr) best2 = edge;
-  }
-  return best;
+  return motions;
 }
 
 // Natural logarithm of a bound of the chance of k or more successes in n trials, k > n * chance
@@ -82,29 +87,30 @@ int CountStrangers(const SceneData& scene, const ViewEdge& edge, size_t num_test
 }  // namespace
 
 std::optional<ResultWarning> FindStillParts(const SceneData& scene) {
-  const std::map<image_t, const ViewEdge*> best = BestMovingPairs(scene);
+  const std::map<image_t, ImageMotion> motions = ImageMotions(scene);
   std::map<image_pair_t, int> num_strangers;
   size_t num_still = 0, num_partly = 0;
   int most = 0;
   std::string example;
-  for (const auto& [id, edge] : best) {
-    num_still += edge == nullptr;
-    if (edge == nullptr) continue;
-    const auto [known, is_new] = num_strangers.try_emplace(edge->PairId());
-    if (is_new) known->second = CountStrangers(scene, *edge, best.size());
+  for (const auto& [id, motion] : motions) {
+    num_still += motion.IsStill();
+    if (motion.IsStill()) continue;
+    const ViewEdge& edge = *motion.best;
+    const auto [known, is_new] = num_strangers.try_emplace(edge.PairId());
+    if (is_new) known->second = CountStrangers(scene, edge, motions.size());
     num_partly += known->second > 0;
     if (known->second <= most) continue;
     most = known->second;
-    example = " (" + std::to_string(most) + " matches of " + scene.images.at(edge->image_id1).name +
-              " and " + scene.images.at(edge->image_id2).name + ", and others)";
+    example = " (" + std::to_string(most) + " matches of " + scene.images.at(edge.image_id1).name +
+              " and " + scene.images.at(edge.image_id2).name + ", and others)";
   }
-  if (2 * (num_still + num_partly) <= best.size()) return std::nullopt;
-  const std::string photos = " of " + std::to_string(best.size()) + " photos";
+  if (2 * (num_still + num_partly) <= motions.size()) return std::nullopt;
+  const std::string photos = " of " + std::to_string(motions.size()) + " photos";
   return ResultWarning{
       (num_partly > num_still ? "parts of the picture stay still while others move, in " +
                                     std::to_string(num_partly) + photos + example
-                              : "what most matches show stays still in the picture, in " +
-                                    std::to_string(num_still) + photos) +
+                              : "what most pairs of photos share stays still in the picture (" +
+                                    std::to_string(num_still) + photos + ")") +
           ": a background that does not turn with the object?",
       "Leave out by masks (--mask_path of build_view_graph) what does not turn, or lies over the "
       "photos; if the camera did not move, add photos from other places."};

@@ -103,7 +103,7 @@ TEST(StillParts, ThatOutweighTheObjectAreTheReasonForTheFailure) {
   const ReconstructResult result = Reconstruct(database);
   EXPECT_TRUE(result.models.empty());
   EXPECT_THAT(result.report.failure, AllOf(HasSubstr("no_pose"), HasSubstr("--mask_path")));
-  EXPECT_THAT(Warnings(result), HasSubstr("stays still in the picture, in 10 of 10 photos"));
+  EXPECT_THAT(Warnings(result), HasSubstr("stays still in the picture (10 of 10 photos)"));
 }
 
 }  // namespace
