@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "bundle_adjustment/block_kernels.h"
 #include "bundle_adjustment/camera_system.h"
 #include "bundle_adjustment/intrinsics_prior.h"
 #include "bundle_adjustment/reprojection_cost.h"
@@ -357,29 +358,21 @@ class LargeBundle {
     Image right = Image::Zero();
     for (const int a : observations_.of_image[i]) {
       const int p = observations_.point_of[a];
-      const Eigen::Matrix<double, 2, kBlock> J = linear_[a].by_camera.template cast<double>();
       const Eigen::Matrix<double, 2, 3> Q =
           linear_[a].by_point.template cast<double>() * inverse_[p];
-      right += J.transpose() * (Q * gradient.segment<3>(PointAt(p)));
-      system_.BlockAt(system_.RowBegin(i)) += J.transpose() * J;
+      right += linear_[a].by_camera.transpose().template cast<double>() *
+               (Q * gradient.segment<3>(PointAt(p)));
       int b = a;
       while (b > observations_.begin[p] && observations_.all[b - 1].image == i) --b;
       for (; b < observations_.begin[p + 1]; ++b) {
-        const Eigen::Matrix2d M = Q * linear_[b].by_point.transpose().template cast<double>();
-        SubtractProduct(J, M * linear_[b].by_camera.template cast<double>(),
-                        system_.BlockAt(block_of[observations_.all[b].image]));
+        Eigen::Matrix<double, 2, 2, Eigen::RowMajor> M =
+            Q * linear_[b].by_point.transpose().template cast<double>();
+        if (b == a) M -= Eigen::Matrix2d::Identity();
+        SubtractProduct<kBlock>(linear_[a].by_camera.data(), M.data(), linear_[b].by_camera.data(),
+                                system_.BlockAt(block_of[observations_.all[b].image]).data());
       }
     }
     return right;
-  }
-
-  // block -= J^T T. Most of the time goes here.
-  static void SubtractProduct(const Eigen::Matrix<double, 2, kBlock>& J,
-                              const Eigen::Matrix<double, 2, kBlock, Eigen::RowMajor>& T,
-                              typename System::Block& block) {
-    for (int row = 0; row < kBlock; ++row) {
-      block.row(row) -= J(0, row) * T.row(0) + J(1, row) * T.row(1);
-    }
   }
 
   // The points' part of a step, from that of the cameras.
@@ -455,9 +448,9 @@ LargeBundleReport AdjustLargeBundle(const LevenbergMarquardtOptions& options,
   for (const IntrinsicsState& intrinsics : bundle.intrinsics()) {
     num_free = std::max(num_free, intrinsics.num_free);
   }
-  return num_free <= 4
-             ? Adjust<6, 4>(options, scope, reconstruction, loss, run, bundle)
-             : Adjust<6, kMaxCameraParams>(options, scope, reconstruction, loss, run, bundle);
+  static_assert(kMaxCameraParams <= 18);
+  return num_free <= 6 ? Adjust<6, 6>(options, scope, reconstruction, loss, run, bundle)
+                       : Adjust<6, 18>(options, scope, reconstruction, loss, run, bundle);
 }
 
 }  // namespace cairn
