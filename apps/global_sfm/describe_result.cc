@@ -83,6 +83,19 @@ std::string PointsText(const ReconstructResult& result) {
                      static_cast<double>(num_observations) / static_cast<double>(num_points));
 }
 
+// How far the largest model is from positions that are known; "": none is.
+std::string PlaceText(const RunReport& report) {
+  for (const StageReport& stage : report.stages) {
+    if (stage.name != "georegistration") continue;
+    for (const auto& [key, value] : stage.values) {
+      if (key == "model" && value > 0) break;
+      if (key == "median_residual_m")
+        return fmt::format("; {:.3g} m from known positions (median)", value);
+    }
+  }
+  return "";
+}
+
 std::string TimeText(const RunReport& report) {
   double seconds = 0, peak_gib = 0;
   for (const auto& [key, value] : report.values) {
@@ -105,9 +118,10 @@ std::string DescribeResult(const ReconstructResult& result, const std::string& o
   std::string text = Line("models", ModelsText(result)) + Line("photos", PhotosText(result)) +
                      Line("points", PointsText(result));
   if (!result.models.front().points3D.empty()) {
-    text += Line("error", fmt::format("{:.3f} px (mean reprojection error{})",
-                                      result.models.front().MeanReprojectionErrorPx(),
-                                      result.models.size() > 1 ? " of sparse/0" : ""));
+    text += Line("error",
+                 fmt::format("{:.3f} px (mean reprojection error{}){}",
+                             result.models.front().MeanReprojectionErrorPx(),
+                             result.models.size() > 1 ? " of sparse/0" : "", PlaceText(report)));
     text += Line("confidence", ConfidenceText(result));
   }
   text += Line("warnings", report.warnings.empty() ? "none" : report.warnings.front().what);

@@ -6,12 +6,11 @@
 #include <memory>
 
 #include "cairn/io/model.h"
-#include "cairn/report_page/report_page.h"
 #include "common/console_monitor.h"
 #include "common/run_flags.h"
+#include "common/run_page.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/describe_result.h"
-#include "global_sfm/run_folder.h"
 
 namespace cairn {
 namespace {
@@ -53,26 +52,6 @@ struct State {
   ReconstructSettings settings{};
 };
 
-// The page of the run, of failed ones, too. What goes wrong in it does not cost the models.
-std::string MakePage(const Database& database, const ReconstructFlags& flags,
-                     const ReconstructResult& result, const RunContext& run) try {
-  std::vector<std::string> names;
-  for (size_t k = 0; k < result.models.size(); ++k) names.push_back("sparse/" + std::to_string(k));
-  const ReportPageInput input{.title = std::filesystem::path(flags.database_path).stem().string(),
-                              .image_path = flags.image_path,
-                              .models = result.models,
-                              .model_names = names,
-                              .graph = result.graph,
-                              .run_json = ToJson(result.report),
-                              .build_json = ReadBuildReport(flags.database_path)};
-  ReportPage page = MakeReportPage(database, input, run);
-  for (const std::string& warning : page.warnings) spdlog::warn("{}", warning);
-  return std::move(page.html);
-} catch (const std::exception& error) {
-  spdlog::warn("report.html could not be made: {}", error.what());
-  return "";
-}
-
 int Run(const Command& command, State& state) {
   for (const char* key : {"database_path", "output_path"}) command.Require(key);
   if (state.needs_input) command.Require("input_path");
@@ -89,7 +68,7 @@ int Run(const Command& command, State& state) {
   if (!flags.input_path.empty()) earlier = ReadModels(flags.input_path);
   ReconstructResult result = Reconstruct(database, flags.image_path, settings, run, earlier);
   result.report.program = "global_sfm " + state.name;
-  if (flags.report) result.page = MakePage(database, flags, result, run);
+  if (flags.report) result.page = MakeRunPage(database, flags.image_path, result, run);
   const std::string report_path =
       WriteReconstructResult(result, flags.output_path, command.EffectiveToml(), flags.overwrite);
   if (flags.verbose) std::fputs(Summary(result.report).c_str(), stdout);

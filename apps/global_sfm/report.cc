@@ -10,6 +10,7 @@
 #include "cairn/report_page/report_page.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "common/console_monitor.h"
+#include "common/run_page.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/run_folder.h"
 

@@ -124,9 +124,4 @@ RunFolder ReadRunFolder(const std::string& folder) {
   return run;
 }
 
-std::string ReadBuildReport(const std::string& database_path) {
-  const std::string path = database_path + ".report.json";
-  return fs::exists(path) ? ReadFile(path) : "";
-}
-
 }  // namespace cairn

@@ -22,7 +22,5 @@ std::string RunFolderOf(const std::string& path);
 std::string LargestModelIn(const std::string& path);
 // Throws IoError where a file cannot be read.
 RunFolder ReadRunFolder(const std::string& folder);
-// The text of the report that build_view_graph wrote beside the database; "": there is none.
-std::string ReadBuildReport(const std::string& database_path);
 
 }  // namespace cairn

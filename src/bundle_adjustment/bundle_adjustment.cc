@@ -8,6 +8,8 @@
 #include <memory>
 
 #include "bundle_adjustment/bundle_state.h"
+#include "bundle_adjustment/intrinsics_prior.h"
+#include "bundle_adjustment/large_bundle.h"
 #include "bundle_adjustment/reprojection_cost.h"
 #include "bundle_adjustment/schur_solver.h"
 #include "cairn/base/check.h"
@@ -59,25 +61,6 @@ ceres::LinearSolverType CeresSolverType(BundleSolver solver) {
   if (solver == BundleSolver::kIterativeSchur) return ceres::ITERATIVE_SCHUR;
   return ceres::SPARSE_NORMAL_CHOLESKY;
 }
-
-// Distortion of ordinary lenses at an image's corner, relative to its radius: data sheets of zoom
-// lenses state 1 % to 5 %.
-constexpr double kLensDistortion = 0.03;
-
-// 1 / standard deviation of a distortion coefficient, as AdjustBundle says.
-double DistortionPrecision(const Camera& camera, int index) {
-  const Eigen::Vector2d corner(0.5 * camera.width / camera.FocalX(),
-                               0.5 * camera.height / camera.FocalY());
-  std::vector<double> J(2 * camera.params.size());
-  Eigen::Matrix2d J_uv;
-  camera.ImgFromCam(corner, &J_uv, J.data());
-  const double r = corner.norm();
-  const double share = std::hypot(kLensDistortion, 1.0 - std::atan(r) / r);
-  return std::hypot(J[index], J[camera.params.size() + index]) / (share * r * camera.MeanFocal());
-}
-
-// The length that 1 in 20 vectors of three normal coordinates exceeds.
-constexpr double kPositionLossScale = 2.796;
 
 class StopCallback : public ceres::IterationCallback {
  public:
@@ -163,15 +146,16 @@ class BundleProblem {
     PoseState& pose = state_.Pose(id);
     IntrinsicsState& intrinsics = *pose.intrinsics;
     const bool pose_is_free = scope.fixed_images.count(id) == 0;
-    const ReprojectionCost::Free free{.point = scope.points,
-                                      .rotation = scope.rotations && pose_is_free,
-                                      .position = scope.positions && pose_is_free};
+    const Reprojection::Free free{.point = scope.points,
+                                  .rotation = scope.rotations && pose_is_free,
+                                  .position = scope.positions && pose_is_free};
     parameters_.clear();
     if (free.point) Use(0, xyz.data());
     if (free.rotation || free.position) Use(1, pose.block.data() + (free.rotation ? 0 : 3));
     if (intrinsics.num_free > 0) Use(2, intrinsics.free.data());
     if (parameters_.empty()) return false;
-    auto cost = std::make_unique<ReprojectionCost>(&pose, &xyz, pixel, sigma_px, free);
+    auto cost =
+        std::make_unique<ReprojectionCost>(Reprojection{&pose, &xyz, pixel, 1.0 / sigma_px, free});
     problem_.AddResidualBlock(cost.release(), loss, parameters_);
     return true;
   }
@@ -196,19 +180,10 @@ class BundleProblem {
 
   void AddPrior(const Camera& camera, const IntrinsicsPrior& prior, IntrinsicsState& state) {
     if (!problem_.HasParameterBlock(state.free.data())) return;
-    CAIRN_CHECK_EQ(prior.params.size(), camera.params.size());
-    ceres::Vector mean(state.num_free);
-    ceres::Vector precision(state.num_free);
-    for (int i = 0; i < state.num_free; ++i) {
-      const int k = state.free_index[i];
-      const bool is_focal = i < state.num_free_focal;
-      mean[i] = is_focal ? std::log(prior.params[k] / state.initial[k]) : prior.params[k];
-      precision[i] = is_focal                           ? 1.0 / prior.focal_sigma
-                     : i >= state.first_principal_point ? 1.0 / prior.principal_point_sigma_px
-                                                        : DistortionPrecision(camera, k);
-    }
-    problem_.AddResidualBlock(new ceres::NormalPrior(ceres::Matrix(precision.asDiagonal()), mean),
-                              nullptr, state.free.data());
+    const FreeIntrinsicsPrior of_free = PriorOfFree(camera, prior, state);
+    problem_.AddResidualBlock(
+        new ceres::NormalPrior(ceres::Matrix(of_free.precision.asDiagonal()), of_free.mean),
+        nullptr, state.free.data());
   }
 
   // Within a group Ceres orders blocks by address: so a group is one array (see BundleState).
@@ -228,24 +203,103 @@ class BundleProblem {
 };
 
 ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options, BundleSolver solver,
-                                     double covisibility, int num_threads) {
+                                     int num_threads) {
   ceres::Solver::Options ceres_options;
   ceres_options.linear_solver_type = CeresSolverType(solver);
   ceres_options.preconditioner_type = ceres::SCHUR_JACOBI;
-  ceres_options.use_explicit_schur_complement =
-      solver == BundleSolver::kIterativeSchur && FormsSchurComplement(covisibility);
   ceres_options.max_num_iterations = options.max_iterations;
-  ceres_options.function_tolerance = options.function_tolerance;
   ceres_options.gradient_tolerance = 1e-12;
   ceres_options.parameter_tolerance = 1e-10;
   ceres_options.max_num_consecutive_invalid_steps = 10;
   ceres_options.max_linear_solver_iterations = 200;
-  // The damping never vanishes, since it alone holds the world frame.
-  ceres_options.max_trust_region_radius = 1e9;
   // Ceres warns when asked for more threads than there are.
   ceres_options.num_threads = std::min(EffectiveNumThreads(num_threads), EffectiveNumThreads(0));
   ceres_options.logging_type = ceres::SILENT;
   return ceres_options;
+}
+
+// How an adjustment begins and ends.
+struct Tempo {
+  double initial_damping = 1e-4;  // as Ceres has it
+  double tolerance = 0;
+};
+// The damping never vanishes, since it alone holds the world frame.
+constexpr double kMinDamping = 1e-9;
+
+Tempo TempoOf(const BundleAdjustmentOptions& options, const BundleAdjustmentScope& scope,
+              int64_t num_observations) {
+  const auto num_positions =
+      static_cast<double>(scope.image_positions.size() + scope.surveyed_points.size());
+  Tempo tempo{.tolerance = options.function_tolerance};
+  if (num_positions > 0) {
+    // Positions hold the world frame, and the initial damping would be stiffer than they are. What
+    // they still bring is small beside the cost of all observations.
+    tempo.initial_damping = kMinDamping;
+    tempo.tolerance *= num_positions / (num_positions + static_cast<double>(num_observations));
+  }
+  return tempo;
+}
+
+void SetRmse(double initial_cost, double final_cost, BundleAdjustmentReport& report) {
+  const auto rmse = [&](double cost) {
+    return std::sqrt(2.0 * cost / static_cast<double>(report.num_observations));
+  };
+  report.initial_rmse = rmse(initial_cost);
+  report.final_rmse = rmse(final_cost);
+}
+
+BundleAdjustmentReport AdjustByCeres(const BundleAdjustmentOptions& options,
+                                     const BundleAdjustmentScope& scope, BundleSolver solver,
+                                     const RunContext& run, Reconstruction& reconstruction) {
+  BundleProblem problem(options, scope, reconstruction);
+  BundleAdjustmentReport report;
+  report.num_points = problem.num_points();
+  report.num_observations = problem.num_observations();
+  if (report.num_observations == 0) return report;
+  ceres::Solver::Options solver_options = SolverOptions(options, solver, run.num_threads);
+  const Tempo tempo = TempoOf(options, scope, report.num_observations);
+  solver_options.initial_trust_region_radius = 1.0 / tempo.initial_damping;
+  solver_options.max_trust_region_radius = 1.0 / kMinDamping;
+  solver_options.function_tolerance = tempo.tolerance;
+  StopCallback stop(run.monitor);
+  solver_options.callbacks.push_back(&stop);
+  const ceres::Solver::Summary summary = problem.Solve(solver_options);
+  report.num_iterations = static_cast<int>(summary.iterations.size());
+  SetRmse(summary.initial_cost, summary.final_cost, report);
+  report.status = BundleAdjustmentStatus::kFailed;
+  if (!summary.IsSolutionUsable()) return report;
+  problem.state().Store(scope, reconstruction);
+  report.status = stop.stopped() ? BundleAdjustmentStatus::kStopped
+                  : summary.termination_type == ceres::CONVERGENCE
+                      ? BundleAdjustmentStatus::kConverged
+                      : BundleAdjustmentStatus::kMaxIterations;
+  return report;
+}
+
+BundleAdjustmentReport AdjustByRows(const BundleAdjustmentOptions& options,
+                                    const BundleAdjustmentScope& scope, const RunContext& run,
+                                    Reconstruction& reconstruction) {
+  BundleState state(scope, reconstruction);
+  const Tempo tempo = TempoOf(options, scope, reconstruction.NumObservations());
+  const auto loss = MakeLoss(options);
+  const LargeBundleReport large = AdjustLargeBundle({.max_iterations = options.max_iterations,
+                                                     .min_relative_gain = tempo.tolerance,
+                                                     .initial_damping = tempo.initial_damping},
+                                                    scope, reconstruction, loss.get(), run, state);
+  BundleAdjustmentReport report;
+  report.num_points = large.num_points;
+  report.num_observations = large.num_observations;
+  if (report.num_observations == 0) return report;
+  report.num_iterations = large.solution.num_iterations;
+  SetRmse(large.initial_cost, large.solution.cost, report);
+  report.status = BundleAdjustmentStatus::kFailed;
+  if (!std::isfinite(large.solution.cost)) return report;
+  state.Store(scope, reconstruction);
+  report.status = run.monitor.StopRequested() ? BundleAdjustmentStatus::kStopped
+                  : report.num_iterations < options.max_iterations
+                      ? BundleAdjustmentStatus::kConverged
+                      : BundleAdjustmentStatus::kMaxIterations;
+  return report;
 }
 
 }  // namespace
@@ -285,45 +339,16 @@ BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentOptions& options, const RunContext& run) {
   ValidateOptions(options, "bundle_adjustment");
   const Timer timer;
-  BundleAdjustmentReport report;
-  BundleProblem problem(options, scope, reconstruction);
-  report.num_images = static_cast<int64_t>(reconstruction.images.size());
-  report.num_points = problem.num_points();
-  report.num_observations = problem.num_observations();
-  if (report.num_observations == 0) return report;
-
+  const auto num_images = static_cast<int64_t>(reconstruction.images.size());
   const double covisibility = MeanCovisibility(reconstruction);
-  report.solver = ChooseSolver(options, scope, report.num_images, covisibility);
-  ceres::Solver::Options solver_options =
-      SolverOptions(options, report.solver, covisibility, run.num_threads);
-  const auto num_positions =
-      static_cast<double>(scope.image_positions.size() + scope.surveyed_points.size());
-  if (num_positions > 0) {
-    // Positions hold the world frame, and the initial damping would be stiffer than they are. What
-    // they still bring is small beside the cost of all observations.
-    solver_options.initial_trust_region_radius = solver_options.max_trust_region_radius;
-    solver_options.function_tolerance *=
-        num_positions / (num_positions + static_cast<double>(report.num_observations));
-  }
-  StopCallback stop(run.monitor);
-  solver_options.callbacks.push_back(&stop);
-  const ceres::Solver::Summary summary = problem.Solve(solver_options);
-
-  const auto rmse = [&](double cost) {
-    return std::sqrt(2.0 * cost / static_cast<double>(report.num_observations));
-  };
-  report.num_iterations = static_cast<int>(summary.iterations.size());
-  report.initial_rmse = rmse(summary.initial_cost);
-  report.final_rmse = rmse(summary.final_cost);
-  if (!summary.IsSolutionUsable()) {
-    report.status = BundleAdjustmentStatus::kFailed;
-  } else {
-    problem.state().Store(scope, reconstruction);
-    report.status = stop.stopped() ? BundleAdjustmentStatus::kStopped
-                    : summary.termination_type == ceres::CONVERGENCE
-                        ? BundleAdjustmentStatus::kConverged
-                        : BundleAdjustmentStatus::kMaxIterations;
-  }
+  const BundleSolver solver = ChooseSolver(options, scope, num_images, covisibility);
+  const bool is_large = solver == BundleSolver::kIterativeSchur &&
+                        FormsSchurComplement(covisibility) && SuitsLargeBundle(scope);
+  BundleAdjustmentReport report = is_large
+                                      ? AdjustByRows(options, scope, run, reconstruction)
+                                      : AdjustByCeres(options, scope, solver, run, reconstruction);
+  report.num_images = num_images;
+  report.solver = solver;
   report.seconds = timer.Seconds();
   return report;
 }

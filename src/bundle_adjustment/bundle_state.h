@@ -61,6 +61,11 @@ class BundleState : public ceres::EvaluationCallback {
   Eigen::Vector3d& Point(size_t index) { return points_[index]; }
   IntrinsicsState& Intrinsics(camera_t id) { return intrinsics_[intrinsics_index_.at(id)]; }
 
+  // All of them, in the order of their ids.
+  std::vector<PoseState>& poses() { return poses_; }
+  std::vector<IntrinsicsState>& intrinsics() { return intrinsics_; }
+  std::vector<Eigen::Vector3d>& points() { return points_; }
+
   // Copies what was adjusted back.
   void Store(const BundleAdjustmentScope& scope, Reconstruction& reconstruction) const;
 

@@ -3,93 +3,92 @@
 #include "cairn/math/so3.h"
 
 namespace cairn {
-ReprojectionCost::ReprojectionCost(const PoseState* pose, const Eigen::Vector3d* point,
-                                   const Eigen::Vector2d& pixel, double sigma_px, const Free& free)
-    : pose_(pose), point_(point), pixel_(pixel), precision_(1.0 / sigma_px), free_(free) {
+
+ReprojectionCost::ReprojectionCost(const Reprojection& reprojection) : reprojection_(reprojection) {
   set_num_residuals(2);
+  const Reprojection::Free& free = reprojection.free;
+  const int num_intrinsics = reprojection.pose->intrinsics->num_free;
   std::vector<int32_t>& sizes = *mutable_parameter_block_sizes();
   if (free.point) sizes.push_back(3);
   if (free.rotation || free.position) sizes.push_back(free.rotation && free.position ? 6 : 3);
-  if (pose->intrinsics->num_free > 0) sizes.push_back(pose->intrinsics->num_free);
+  if (num_intrinsics > 0) sizes.push_back(num_intrinsics);
 }
 
-bool ReprojectionCost::Evaluate(const double* const* parameters, double* residuals,
-                                double** jacobians) const {
-  // The state was brought up to date with `parameters` before (BundleState).
-  const IntrinsicsState& intrinsics = *pose_->intrinsics;
-  const Eigen::Vector3d x = pose_->cam_from_world * (*point_ - pose_->Center());
+bool Reprojection::Evaluate(double* residuals, double** jacobians) const {
+  const IntrinsicsState& intrinsics = *pose->intrinsics;
+  const Eigen::Vector3d x = pose->cam_from_world * (*point - pose->Center());
   if (!CameraModelIsPlanar(intrinsics.model)) return EvaluateWide(x, residuals, jacobians);
   if (x.z() == 0) return false;
   const double inverse_z = 1.0 / x.z();
   const double uv[2] = {x.x() * inverse_z, x.y() * inverse_z};
-  double pixel[2];
+  double projected[2];
   if (!jacobians) {
-    ImgFromCam({intrinsics.model, intrinsics.params.data()}, uv, pixel, nullptr, nullptr);
-    residuals[0] = precision_ * (pixel[0] - pixel_.x());
-    residuals[1] = precision_ * (pixel[1] - pixel_.y());
+    ImgFromCam({intrinsics.model, intrinsics.params.data()}, uv, projected, nullptr, nullptr);
+    residuals[0] = precision * (projected[0] - pixel.x());
+    residuals[1] = precision * (projected[1] - pixel.y());
     return true;
   }
   double J_uv[4];
   double J_params[2 * IntrinsicsState::kMaxParams];
-  ImgFromCam({intrinsics.model, intrinsics.params.data()}, uv, pixel, J_uv,
+  ImgFromCam({intrinsics.model, intrinsics.params.data()}, uv, projected, J_uv,
              intrinsics.num_free > 0 ? J_params : nullptr);
-  residuals[0] = precision_ * (pixel[0] - pixel_.x());
-  residuals[1] = precision_ * (pixel[1] - pixel_.y());
+  residuals[0] = precision * (projected[0] - pixel.x());
+  residuals[1] = precision * (projected[1] - pixel.y());
 
   // d(pixel)/d(x_cam), then along the world's axes.
   RowMajor2<3> J_camera;
   for (int row = 0; row < 2; ++row) {
-    const double a = precision_ * J_uv[2 * row] * inverse_z;
-    const double b = precision_ * J_uv[2 * row + 1] * inverse_z;
+    const double a = precision * J_uv[2 * row] * inverse_z;
+    const double b = precision * J_uv[2 * row + 1] * inverse_z;
     J_camera.row(row) << a, b, -(a * uv[0] + b * uv[1]);
   }
   FillJacobians(x, J_camera, J_params, jacobians);
   return true;
 }
 
-bool ReprojectionCost::EvaluateWide(const Eigen::Vector3d& x, double* residuals,
-                                    double** jacobians) const {
-  const IntrinsicsState& intrinsics = *pose_->intrinsics;
-  double pixel[2];
+bool Reprojection::EvaluateWide(const Eigen::Vector3d& x, double* residuals,
+                                double** jacobians) const {
+  const IntrinsicsState& intrinsics = *pose->intrinsics;
+  double projected[2];
   double J_params[2 * IntrinsicsState::kMaxParams];
   RowMajor2<3> J_camera;
-  if (!ImgFromRay({intrinsics.model, intrinsics.params.data()}, x.data(), pixel,
+  if (!ImgFromRay({intrinsics.model, intrinsics.params.data()}, x.data(), projected,
                   jacobians ? J_camera.data() : nullptr,
                   jacobians && intrinsics.num_free > 0 ? J_params : nullptr)) {
     return false;
   }
-  residuals[0] = precision_ * (pixel[0] - pixel_.x());
-  residuals[1] = precision_ * (pixel[1] - pixel_.y());
+  residuals[0] = precision * (projected[0] - pixel.x());
+  residuals[1] = precision * (projected[1] - pixel.y());
   if (!jacobians) return true;
-  J_camera *= precision_;
+  J_camera *= precision;
   FillJacobians(x, J_camera, J_params, jacobians);
   return true;
 }
 
-void ReprojectionCost::FillJacobians(const Eigen::Vector3d& x, const RowMajor2<3>& J_camera,
-                                     const double* J_params, double** jacobians) const {
-  const IntrinsicsState& intrinsics = *pose_->intrinsics;
-  const RowMajor2<3> J_world = J_camera * pose_->cam_from_world;
+void Reprojection::FillJacobians(const Eigen::Vector3d& x, const RowMajor2<3>& J_camera,
+                                 const double* J_params, double** jacobians) const {
+  const IntrinsicsState& intrinsics = *pose->intrinsics;
+  const RowMajor2<3> J_world = J_camera * pose->cam_from_world;
   // -J_camera [x]x left_jacobian: row times cross matrix is a cross product.
   RowMajor2<3> J_omega;
-  if (free_.rotation) {
+  if (free.rotation) {
     for (int row = 0; row < 2; ++row) {
-      J_omega.row(row) = x.cross(J_camera.row(row).transpose()).transpose() * pose_->left_jacobian;
+      J_omega.row(row) = x.cross(J_camera.row(row).transpose()).transpose() * pose->left_jacobian;
     }
   }
   int block = 0;
-  if (free_.point) {
+  if (free.point) {
     if (double* J = jacobians[block]) Eigen::Map<RowMajor2<3>>{J} = J_world;
     ++block;
   }
-  if (free_.rotation || free_.position) {
+  if (free.rotation || free.position) {
     if (double* J = jacobians[block]) {
-      if (free_.rotation && free_.position) {
+      if (free.rotation && free.position) {
         Eigen::Map<RowMajor2<6>> J_pose(J);
         J_pose.leftCols<3>() = J_omega;
         J_pose.rightCols<3>() = -J_world;
       } else {
-        Eigen::Map<RowMajor2<3>>{J} = free_.rotation ? J_omega : RowMajor2<3>(-J_world);
+        Eigen::Map<RowMajor2<3>>{J} = free.rotation ? J_omega : RowMajor2<3>(-J_world);
       }
     }
     ++block;
@@ -100,7 +99,7 @@ void ReprojectionCost::FillJacobians(const Eigen::Vector3d& x, const RowMajor2<3
         for (int i = 0; i < intrinsics.num_free; ++i) {
           const int k = intrinsics.free_index[i];
           const double factor =
-              precision_ * (i < intrinsics.num_free_focal ? intrinsics.params[k] : 1.0);
+              precision * (i < intrinsics.num_free_focal ? intrinsics.params[k] : 1.0);
           J[row * intrinsics.num_free + i] = factor * J_params[row * intrinsics.num_params + k];
         }
       }

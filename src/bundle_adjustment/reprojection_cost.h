@@ -6,22 +6,24 @@
 
 namespace cairn {
 
-// Reprojection error of one observation, in its standard deviations. Its parameter blocks are those
-// that are free, in this order: point (3), pose (omega and center, 6, or one of them, 3),
-// intrinsics.
-class ReprojectionCost : public ceres::CostFunction {
- public:
+// Reprojection error of one observation, in its standard deviations, and its derivatives by what is
+// free, in this order: point (3), pose (omega and center, 6, or one of them, 3), intrinsics. The
+// state must be up to date (BundleState).
+struct Reprojection {
   struct Free {
     bool point = true;
     bool rotation = true;
     bool position = true;
   };
 
-  ReprojectionCost(const PoseState* pose, const Eigen::Vector3d* point,
-                   const Eigen::Vector2d& pixel, double sigma_px, const Free& free);
+  const PoseState* pose;
+  const Eigen::Vector3d* point;
+  Eigen::Vector2d pixel;
+  double precision;  // 1 / sigma_px
+  Free free;
 
-  bool Evaluate(const double* const* parameters, double* residuals,
-                double** jacobians) const override;
+  // As ceres::CostFunction. False: the point lies where its camera sees nothing.
+  bool Evaluate(double* residuals, double** jacobians) const;
 
  private:
   template <int kCols>
@@ -32,12 +34,20 @@ class ReprojectionCost : public ceres::CostFunction {
   // From d(residual)/d(x_cam) and d(pixel)/d(params), 2 x num_params.
   void FillJacobians(const Eigen::Vector3d& x, const RowMajor2<3>& J_camera, const double* J_params,
                      double** jacobians) const;
+};
 
-  const PoseState* pose_;
-  const Eigen::Vector3d* point_;
-  Eigen::Vector2d pixel_;
-  double precision_;  // 1 / sigma_px
-  Free free_;
+// For Ceres.
+class ReprojectionCost : public ceres::CostFunction {
+ public:
+  explicit ReprojectionCost(const Reprojection& reprojection);
+
+  bool Evaluate(const double* const* /* in the state */, double* residuals,
+                double** jacobians) const override {
+    return reprojection_.Evaluate(residuals, jacobians);
+  }
+
+ private:
+  Reprojection reprojection_;
 };
 
 }  // namespace cairn

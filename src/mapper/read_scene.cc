@@ -177,6 +177,11 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
     scene.poses_alone = scene.poses_imported && num_matches == 0;
     ChooseConstantCameras(intrinsics, settings.refine_intrinsics, stage, scene);
+    scene.still_parts = FindStillParts(scene);
+    if (scene.still_parts) {
+      report.warnings.push_back(*scene.still_parts);
+      stage.Warn(scene.still_parts->what);
+    }
     stage.Add("cameras", scene.cameras.size());
     stage.Add("cameras_constant", scene.constant_cameras.size());
     stage.Add("images", scene.pixels.size());

@@ -6,12 +6,13 @@ namespace cairn {
 namespace {
 
 // What to try where the most frequent reason took all pairs out.
-std::string AdviceFor(const std::map<EdgeRemoval, int>& num_removed) {
+std::string AdviceFor(const SceneData& scene, const std::map<EdgeRemoval, int>& num_removed) {
   const auto most =
       std::max_element(num_removed.begin(), num_removed.end(),
                        [](const auto& a, const auto& b) { return a.second < b.second; });
   switch (most == num_removed.end() ? EdgeRemoval::kNone : most->first) {
     case EdgeRemoval::kNoPose:
+      if (scene.still_parts) return scene.still_parts->what + " " + scene.still_parts->advice;
       return "the camera seems to have turned without moving, or only a plane is seen: add photos "
              "from other places";
     case EdgeRemoval::kTripletInconsistent:
@@ -50,7 +51,7 @@ ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSetting
     }
     stage.Fail("of " + std::to_string(result.report.num_edges) +
                    " verified pairs none is fit for use (" + reasons + ")",
-               AdviceFor(result.report.num_removed));
+               AdviceFor(scene, result.report.num_removed));
   }
   return result;
 }

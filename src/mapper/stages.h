@@ -40,7 +40,8 @@ struct SceneData {
   // has no matches either, and the models have no points.
   bool poses_imported = false;
   bool poses_alone = false;
-  std::optional<KnownPositions> places;  // what is to be used of them
+  std::optional<KnownPositions> places;      // what is to be used of them
+  std::optional<ResultWarning> still_parts;  // see FindStillParts
   // The focal lengths before calibration, where the pairs do not decide which are right.
   struct Calibration {
     std::map<camera_t, Camera> cameras;
@@ -76,6 +77,12 @@ class ModelStage : public RunStage {
 // read_scene.cc
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
                         const RunContext& run, RunReport& report);
+
+// still_parts.cc
+// What to say where most images have matches that stay where they are in the picture while others
+// move, or mostly pairs that stay still as a whole: a turntable's background, marks over
+// photographs.
+std::optional<ResultWarning> FindStillParts(const SceneData& scene);
 
 // scene_graph.cc
 ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSettings& settings,

@@ -14,6 +14,7 @@ struct LevenbergMarquardtOptions {
   int max_iterations = 50;  // steps tried
   // A step that brings less than this share of the cost is the last.
   double min_relative_gain = 1e-6;
+  double initial_damping = 1e-3;
 };
 
 struct LevenbergMarquardtReport {
@@ -48,7 +49,7 @@ bool DampedStep(const NormalEquations<N>& model, double damping,
 template <class Problem>
 LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOptions& options,
                                   typename Problem::State* state) {
-  constexpr double kInitialDamping = 1e-3, kMinDamping = 1e-8, kMaxDamping = 1e6;
+  constexpr double kMinDamping = 1e-8, kMaxDamping = 1e6;
   // Of the gain that ends it: what a step promises that is not worth trying, and one after which
   // the end is near.
   constexpr double kNegligible = 1e-3, kProbablyLast = 2.0;
@@ -56,7 +57,7 @@ LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOpti
   auto model = problem.Linearize(*state);
   LevenbergMarquardtReport report;
   report.cost = model.cost;
-  double damping = kInitialDamping;
+  double damping = options.initial_damping;
   while (report.num_iterations < options.max_iterations && damping <= kMaxDamping) {
     ++report.num_iterations;
     std::decay_t<decltype(model.gradient)> step;

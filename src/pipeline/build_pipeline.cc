@@ -8,6 +8,7 @@
 #include "cairn/database/report_bad_rows.h"
 #include "database/stage_names.h"
 #include "intrinsics/wide_focals.h"
+#include "pipeline/depth_gain.h"
 #include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/choose.h"
 #include "pipeline/stages/import_dataset.h"
@@ -22,6 +23,19 @@ std::string VerificationStageOptions(const BuildPipelineOptions& options, uint64
   return "verifier = \"" + std::string(NameOf(kVerifierChoices, options.inputs.verifier)) +
          "\"\nseed = " + std::to_string(seed) + "\n" +
          DumpQualified("verification", options.verification);
+}
+
+// Of all pairs with matches.
+VerificationInput InputOfVerification(const BuildPipelineOptions& options, uint64_t seed) {
+  VerificationInput input;
+  input.min_num_matches = options.verification.min_num_matches;
+  input.options = VerificationStageOptions(options, seed);
+  return input;
+}
+
+std::vector<NamedVerifier> VerifiersOf(const BuildPipelineOptions& options) {
+  return MakeVerifiers(std::string(NameOf(kVerifierChoices, options.inputs.verifier)),
+                       options.verification);
 }
 
 // Options that differ from those of rows that are there are an error at once, not after an hour.
@@ -95,19 +109,14 @@ bool MatchAndVerify(Database& database, const BuildPipelineOptions& options,
     return false;
   }
   if (in.stop_after < BuildStage::kVerification) return true;
-  VerificationInput input;
+  VerificationInput input = InputOfVerification(options, run.seed);
   input.pairs = to_verify;
-  input.min_num_matches = options.verification.min_num_matches;
-  input.options = VerificationStageOptions(options, run.seed);
   for (const std::string& text : LearnWideFocals(database, options.verification, run)) {
     run.monitor.Info(text);
   }
-  return KeepGoing(report,
-                   VerifyPairs(database,
-                               MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)),
-                                             options.verification),
-                               input, options.scheduler, run, helpers)
-                       .stage);
+  return KeepGoing(
+      report,
+      VerifyPairs(database, VerifiersOf(options), input, options.scheduler, run, helpers).stage);
 }
 
 // Chooses, matches and verifies pairs, round by round.
@@ -175,6 +184,23 @@ std::optional<Helpers> FindHelpers(const BuildPipelineOptions& options, const Ru
   return Helpers(*peers, setup, GibToBytes(options.scheduler.max_memory_gib) / 2, run);
 }
 
+// Of a run that verified pairs, within a share of its time. Not of verifiers that do without depth,
+// or not without it.
+std::optional<DepthGain> DepthGainOf(const RunReport& report, Database& database,
+                                     const BuildPipelineOptions& options) {
+  const VerifierChoice choice = options.inputs.verifier;
+  if (choice != VerifierChoice::kCascade && choice != VerifierChoice::kFast) return std::nullopt;
+  double seconds = 0, num_tried = 0;
+  for (const StageReport& stage : report.stages) {
+    seconds += stage.seconds;
+    if (stage.name != kStageVerification) continue;
+    for (const auto& [key, value] : stage.values) num_tried += key == "tried" ? value : 0;
+  }
+  if (num_tried == 0) return std::nullopt;
+  return MeasureDepthGain(database, InputOfVerification(options, report.seed),
+                          VerifiersOf(options).front(), report.seed, seconds);
+}
+
 std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) {
   if (summary.num_verified > 0) return "";
   if (summary.num_images_with_features == 0) {
@@ -236,6 +262,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   report.was_stopped =
       !RunStages(database, options, sources, run, helpers ? &*helpers : nullptr, report.run);
   report.summary = SummarizeDatabase(database);
+  if (!report.was_stopped) report.summary.depth_gain = DepthGainOf(report.run, database, options);
   report.run.values = SummaryValues(report.summary);
   report.run.failure = report.was_stopped ? report.run.stages.back().name + ": " +
                                                 report.run.stages.back().messages.back()

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <map>
 
@@ -44,7 +45,20 @@ std::string DepthText(const ViewGraphSummary& s) {
                   1e3 * seconds / static_cast<double>(num_pairs));
     text += item;
   }
-  return text + "\n";
+  text += "\n";
+  if (!s.depth_gain) return text;
+  const DepthGain& gain = *s.depth_gain;
+  const double with = gain.seconds_with / gain.num_sampled;
+  const double without = gain.seconds_without / gain.num_sampled;
+  char line[200];
+  std::snprintf(line, sizeof(line),
+                "depth     %s about %.2g s of processor time on %lld pairs (%.2f ms each, %.2f "
+                "without it; %d sampled)\n",
+                with < without ? "saves" : "costs",
+                std::abs(without - with) * static_cast<double>(gain.num_with_depth),
+                static_cast<long long>(gain.num_with_depth), 1e3 * with, 1e3 * without,
+                gain.num_sampled);
+  return text + line;
 }
 
 // "12 (a 10, b 2)".
@@ -112,6 +126,11 @@ std::vector<std::pair<std::string, double>> SummaryValues(const ViewGraphSummary
   for (const auto& [step, num_pairs, seconds] : s.decided_by) {
     values.emplace_back("decided_by_" + step, static_cast<double>(num_pairs));
     values.emplace_back("seconds_of_" + step, seconds);
+  }
+  if (s.depth_gain) {
+    values.emplace_back("depth_sampled_pairs", s.depth_gain->num_sampled);
+    values.emplace_back("depth_sampled_seconds", s.depth_gain->seconds_with);
+    values.emplace_back("depth_sampled_seconds_without", s.depth_gain->seconds_without);
   }
   values.emplace_back("components", s.num_components);
   values.emplace_back("images_in_largest_component", s.largest_component);

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
 #include "rotation_averaging/stages.h"
 
@@ -11,6 +12,9 @@ constexpr int kMaxAdmmIterations = 12;
 // The step of the dual, 1 / rho: errors beyond it count as outliers from the first iteration.
 constexpr double kShrinkDeg = 2.0;
 constexpr double kConvergenceDeg = 0.05;
+// Of a step within ADMM, where conjugate gradients make it: the next one mends what it leaves.
+constexpr double kSolverTolerance = 1e-2;
+constexpr int kAdmmGrain = 1024;
 
 // z = argmin |z| + |z - v|^2 / (2 * threshold).
 Eigen::Vector3d Shrink(const Eigen::Vector3d& v, double threshold) {
@@ -19,31 +23,40 @@ Eigen::Vector3d Shrink(const Eigen::Vector3d& v, double threshold) {
 }
 
 // min sum_e trust_e |delta_2 - delta_1 - error_e|, started at delta = 0.
-Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& errors,
-                        const LaplacianSolver& solver) {
+Eigen::MatrixXd SolveL1(const RotationProblem& problem, const GraphAdjacency& adjacency,
+                        const Eigen::Matrix3Xd& errors, const LaplacianSolver& solver,
+                        int num_threads) {
   const double threshold = DegToRad(kShrinkDeg);
-  const int num_edges = problem.NumEdges();
+  const int num_edges = problem.NumEdges(), num_nodes = problem.NumNodes();
+  if (num_edges < kMinParallelEdges) num_threads = 1;
   Eigen::Matrix3Xd dual = Eigen::Matrix3Xd::Zero(3, num_edges);
-  Eigen::Matrix3Xd slack = -errors;  // residual delta_2 - delta_1 - error, where it may stay
-  for (int e = 0; e < num_edges; ++e) slack.col(e) = Shrink(slack.col(e), threshold);
-  Eigen::MatrixXd delta;
+  // Where the difference of an edge's ends should be: error + slack - dual, with the slack where
+  // the residual delta_2 - delta_1 - error may stay.
+  Eigen::Matrix3Xd target(3, num_edges);
+  for (int e = 0; e < num_edges; ++e) {
+    target.col(e) = errors.col(e) + Shrink(-errors.col(e), threshold);
+  }
+  Eigen::MatrixXd delta, rhs(num_nodes, 3);
+  const auto sum_targets = [&](int64_t v) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const int e : adjacency.EdgesOf(static_cast<int>(v))) {
+      sum += (problem.edges[e].node2 == v ? 1.0 : -1.0) * problem.trust[e] * target.col(e);
+    }
+    rhs.row(v) = sum.transpose();
+  };
+  const auto update = [&](int64_t e) {
+    const Eigen::Vector3d residual =
+        (delta.row(problem.edges[e].node2) - delta.row(problem.edges[e].node1)).transpose() -
+        errors.col(e);
+    const Eigen::Vector3d shifted = residual + dual.col(e);
+    const Eigen::Vector3d slack = Shrink(shifted, threshold);
+    dual.col(e) = shifted - slack;
+    target.col(e) = errors.col(e) + slack - dual.col(e);
+  };
   for (int iteration = 0; iteration < kMaxAdmmIterations; ++iteration) {
-    Eigen::MatrixXd rhs = Eigen::MatrixXd::Zero(problem.NumNodes(), 3);
-    for (int e = 0; e < num_edges; ++e) {
-      const Eigen::RowVector3d target =
-          problem.trust[e] * (errors.col(e) + slack.col(e) - dual.col(e)).transpose();
-      rhs.row(problem.edges[e].node2) += target;
-      rhs.row(problem.edges[e].node1) -= target;
-    }
-    delta = solver.Solve(rhs);
-    for (int e = 0; e < num_edges; ++e) {
-      const Eigen::Vector3d residual =
-          (delta.row(problem.edges[e].node2) - delta.row(problem.edges[e].node1)).transpose() -
-          errors.col(e);
-      const Eigen::Vector3d shifted = residual + dual.col(e);
-      slack.col(e) = Shrink(shifted, threshold);
-      dual.col(e) = shifted - slack.col(e);
-    }
+    ParallelFor(num_threads, num_nodes, sum_targets, kAdmmGrain);
+    delta = solver.Solve(rhs, delta, kSolverTolerance);
+    ParallelFor(num_threads, num_edges, update, kAdmmGrain);
   }
   return delta;
 }
@@ -56,9 +69,11 @@ StageResult RunL1Stage(const RotationProblem& problem, const RotationAveragingOp
   StageResult result;
   if (options.max_l1_iterations == 0) return result;
   CAIRN_CHECK(solver.Factorize(problem.trust));
+  const GraphAdjacency adjacency = BuildAdjacency(problem.NumNodes(), problem.edges);
   while (result.num_iterations < options.max_l1_iterations && !run.monitor.StopRequested()) {
     const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, run.num_threads);
-    const double moved = ApplyRotationUpdate(SolveL1(problem, errors, solver), cam_from_world);
+    const double moved = ApplyRotationUpdate(
+        SolveL1(problem, adjacency, errors, solver, run.num_threads), cam_from_world);
     ++result.num_iterations;
     result.converged =
         moved < std::max(DegToRad(kConvergenceDeg), DegToRad(options.convergence_deg));

@@ -14,8 +14,6 @@ namespace cairn {
 namespace {
 
 constexpr int kBlock = 4096;  // edges a task
-// Below, a pass over the edges is over before a second thread is awake.
-constexpr int kMinParallelEdges = 50000;
 
 // node1 < node2, and one sign of the quaternion.
 RotationEdge Canonical(const RotationEdge& edge) {

@@ -10,6 +10,9 @@
 
 namespace cairn {
 
+// With fewer edges, a pass over them is over before a second thread is awake.
+inline constexpr int kMinParallelEdges = 50000;
+
 // Rotation averaging over nodes 0 .. n-1 (the images that have an edge, by increasing id) and edges
 // in an order that depends on their content alone: sorted by their nodes, node1 < node2.
 struct RotationProblem {

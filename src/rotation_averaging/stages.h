@@ -15,11 +15,11 @@ struct StageResult {
   bool converged = false;
 };
 
-// Every camera in turn goes to the rotation that most of its edges agree on (within about sigma),
-// among those that single edges propose: out of wrong minima that a step by least squares cannot
-// leave. Returns how many cameras moved.
-int RunConsensusRound(const RotationProblem& problem, double sigma_deg,
-                      std::vector<Eigen::Quaterniond>& cam_from_world);
+// In rounds, every camera in turn goes to the rotation that most of its edges agree on (within
+// about sigma_start), among those that single edges propose: out of wrong minima that a step by
+// least squares cannot leave. Ends when none moves; returns the number of rounds.
+int RunConsensusStage(const RotationProblem& problem, const RotationAveragingOptions& options,
+                      const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world);
 
 // Minimizes the sum of unsquared errors: each iteration solves min sum_e trust_e |delta_2 - delta_1
 // - error_e| by ADMM (Boyd et al. 2011, 6.1; the norm of a whole 3-vector, so that the result does

@@ -1,6 +1,7 @@
 #include "rotation_averaging/start.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -29,11 +30,7 @@ RotationStart AverageFlat(const RotationProblem& problem, const RotationAveragin
       std::move(tree.cam_from_world),
       LaplacianSolver(problem.NumNodes(), edges, tree.is_root, kMaxCholeskyFlops, run.num_threads)};
   start.l1 = RunL1Stage(problem, options, run, start.solver, start.cam_from_world);
-  while (start.num_consensus_rounds < options.max_consensus_rounds &&
-         !run.monitor.StopRequested()) {
-    ++start.num_consensus_rounds;
-    if (RunConsensusRound(problem, options.sigma_start_deg, start.cam_from_world) == 0) break;
-  }
+  start.num_consensus_rounds = RunConsensusStage(problem, options, run, start.cam_from_world);
   return start;
 }
 
@@ -49,11 +46,14 @@ double SupportOf(const RotationProblem& problem,
 }
 
 // Cameras that hang together: each takes the label that its edges give the most weight (Raghavan et
-// al., "Near linear time algorithm to detect community structures", 2007), in the order of nodes.
-GraphComponents FindGroups(const RotationProblem& problem) {
+// al., "Near linear time algorithm to detect community structures", 2007), in the order of nodes,
+// of those with room (Meyerhenke et al., "Partitioning complex networks via size-constrained
+// clustering", 2014).
+GraphComponents FindGroups(const RotationProblem& problem, int max_size) {
   const GraphAdjacency adjacency = BuildAdjacency(problem.NumNodes(), problem.edges);
   std::vector<int> label(problem.NumNodes());
   std::iota(label.begin(), label.end(), 0);
+  std::vector<int> size(problem.NumNodes(), 1);
   std::map<int, double> weight_of;
   bool has_changed = true;
   for (int sweep = 0; sweep < kMaxSweeps && has_changed; ++sweep) {
@@ -66,12 +66,17 @@ GraphComponents FindGroups(const RotationProblem& problem) {
       }
       const auto own = weight_of.find(label[v]);
       double most = own == weight_of.end() ? 0.0 : own->second;
+      int best = label[v];
       for (const auto& [other, weight] : weight_of) {
-        if (weight <= most) continue;
+        if (weight <= most || size[other] >= max_size) continue;
         most = weight;
-        label[v] = other;
-        has_changed = true;
+        best = other;
       }
+      if (best == label[v]) continue;
+      --size[label[v]];
+      ++size[best];
+      label[v] = best;
+      has_changed = true;
     }
   }
   std::vector<GraphEdge> inside;
@@ -124,9 +129,9 @@ std::vector<RotationEdge> EdgesBetween(const RotationProblem& problem,
 }
 
 std::optional<std::vector<Eigen::Quaterniond>> AverageByGroups(
-    const RotationProblem& problem, const RotationAveragingOptions& options,
+    const RotationProblem& problem, int max_size, const RotationAveragingOptions& options,
     const RunContext& run) {
-  const GraphComponents groups = FindGroups(problem);
+  const GraphComponents groups = FindGroups(problem, max_size);
   if (groups.Num() < kMinGroups || groups.Num() == problem.NumNodes()) return std::nullopt;
   const std::vector<int>& group_of = groups.component_of_node;
   std::vector<Eigen::Quaterniond> rotations =
@@ -142,6 +147,7 @@ std::optional<std::vector<Eigen::Quaterniond>> AverageByGroups(
   for (int v = 0; v < problem.NumNodes(); ++v) {
     rotations[v] = (rotations[v] * group_from_world[group_of[v]]).normalized();
   }
+  RunConsensusStage(problem, options, run, rotations);  // cameras of groups that mix two places
   return rotations;
 }
 
@@ -150,12 +156,17 @@ std::optional<std::vector<Eigen::Quaterniond>> AverageByGroups(
 RotationStart FindRotationStart(const RotationProblem& problem,
                                 const RotationAveragingOptions& options, const RunContext& run) {
   RotationStart start = AverageFlat(problem, options, run);
-  if (auto rotations = AverageByGroups(problem, options, run)) {
-    const double sigma = DegToRad(options.sigma_start_deg);
-    if (SupportOf(problem, *rotations, sigma, run.num_threads) >
-        SupportOf(problem, start.cam_from_world, sigma, run.num_threads)) {
-      start.cam_from_world = std::move(*rotations);
-    }
+  const double sigma = DegToRad(options.sigma_start_deg);
+  double support = SupportOf(problem, start.cam_from_world, sigma, run.num_threads);
+  // Groups as they are, and so many that they outvote those that look alike.
+  const int balanced = static_cast<int>(std::ceil(2.0 * std::sqrt(problem.NumNodes())));
+  for (const int max_size : {problem.NumNodes(), balanced}) {
+    auto rotations = AverageByGroups(problem, max_size, options, run);
+    if (!rotations) continue;
+    const double by_groups = SupportOf(problem, *rotations, sigma, run.num_threads);
+    if (by_groups <= support) continue;
+    support = by_groups;
+    start.cam_from_world = std::move(*rotations);
   }
   return start;
 }

@@ -1,6 +1,7 @@
 #include "sparse/laplacian_solver.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
@@ -8,8 +9,6 @@
 namespace cairn {
 namespace {
 
-// Both averagings iterate: the next step mends what one leaves.
-constexpr double kTolerance = 1e-4;
 // An edge joins nodes to an aggregate where it weighs at least this share of the mean at one end.
 constexpr double kStrongShare = 0.25;
 // Of more aggregates, factorizing their system takes longer than it saves.
@@ -176,14 +175,15 @@ LaplacianSolver::Rows LaplacianSolver::Multiply(const Rows& X) const {
   return Y;
 }
 
-// All columns at once, each with steps of its own.
-Eigen::MatrixXd LaplacianSolver::SolveByConjugateGradients(const Eigen::MatrixXd& B) const {
+// All columns at once, each with steps of its own, from X on.
+LaplacianSolver::Rows LaplacianSolver::SolveByConjugateGradients(const Rows& B, Rows X,
+                                                                 double tolerance) const {
   constexpr int kMaxIterations = 500;
-  Rows X = Rows::Zero(B.rows(), B.cols());
-  Rows residual = B;
+  const Eigen::RowVectorXd target =
+      tolerance * tolerance * B.cwiseProduct(Precondition(B)).colwise().sum();
+  Rows residual = B - Multiply(X);
   Rows direction = Precondition(residual);
   Eigen::RowVectorXd rho = residual.cwiseProduct(direction).colwise().sum();
-  const Eigen::RowVectorXd target = kTolerance * kTolerance * rho;
   for (int k = 0; k < kMaxIterations && (rho.array() > target.array()).any(); ++k) {
     const Rows image = Multiply(direction);
     const Eigen::RowVectorXd curvature = direction.cwiseProduct(image).colwise().sum();
@@ -223,13 +223,25 @@ bool LaplacianSolver::Factorize(std::span<const double> weights, std::span<const
   return factor_->Factorize(values_);
 }
 
-Eigen::MatrixXd LaplacianSolver::Solve(const Eigen::MatrixXd& B) const {
-  CAIRN_CHECK_EQ(B.rows(), num_nodes_);
-  Eigen::MatrixXd rhs(static_cast<Eigen::Index>(diagonal_of_row_.size()), B.cols());
+LaplacianSolver::Rows LaplacianSolver::RowsOf(const Eigen::MatrixXd& of_nodes) const {
+  Rows rows(static_cast<Eigen::Index>(diagonal_of_row_.size()), of_nodes.cols());
   for (int v = 0; v < num_nodes_; ++v) {
-    if (row_of_node_[v] >= 0) rhs.row(row_of_node_[v]) = B.row(v);
+    if (row_of_node_[v] >= 0) rows.row(row_of_node_[v]) = of_nodes.row(v);
   }
-  const Eigen::MatrixXd solution = factor_ ? factor_->Solve(rhs) : SolveByConjugateGradients(rhs);
+  return rows;
+}
+
+Eigen::MatrixXd LaplacianSolver::Solve(const Eigen::MatrixXd& B, const Eigen::MatrixXd& guess,
+                                       double tolerance) const {
+  CAIRN_CHECK_EQ(B.rows(), num_nodes_);
+  const Rows right = RowsOf(B);
+  Rows solution;
+  if (factor_) {
+    solution = factor_->Solve(right);
+  } else {
+    Rows start = guess.size() > 0 ? RowsOf(guess) : Rows(Rows::Zero(right.rows(), right.cols()));
+    solution = SolveByConjugateGradients(right, std::move(start), tolerance);
+  }
   Eigen::MatrixXd X = Eigen::MatrixXd::Zero(num_nodes_, B.cols());
   for (int v = 0; v < num_nodes_; ++v) {
     if (row_of_node_[v] >= 0) X.row(v) = solution.row(row_of_node_[v]);

@@ -15,10 +15,10 @@ namespace cairn {
 // connected component makes the system positive definite for positive weights.
 // The pattern is analyzed once, weights are refactored as often as needed, and all columns of B are
 // solved together: n x n instead of the 3n x 3n of three coordinates. Where a factorization would
-// take more than max_cholesky_flops, conjugate gradients solve to 1e-4 of the right-hand side
-// instead. Their preconditioner has two levels: the diagonal, and the system of aggregates of nodes
-// that move as one (Nicolaides, "Deflation of conjugate gradients with applications to boundary
-// value problems", 1987), without which they need ever more iterations the farther a graph reaches.
+// take more than max_cholesky_flops, conjugate gradients are taken instead. Their preconditioner
+// has two levels: the diagonal, and the system of aggregates of nodes that move as one (Nicolaides,
+// "Deflation of conjugate gradients with applications to boundary value problems", 1987), without
+// which they need ever more iterations the farther a graph reaches.
 class LaplacianSolver {
  public:
   struct Edge {
@@ -37,7 +37,11 @@ class LaplacianSolver {
   bool Factorize(std::span<const double> weights, std::span<const double> diagonal = {});
 
   // B and the result: num_nodes x k. Rows of gauge nodes are ignored in B and zero in the result.
-  Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const;
+  // Conjugate gradients begin at `guess`, unless it is empty, and end when the error is this share
+  // of the solution (in the norm that they minimize); one that is near saves most of the
+  // iterations.
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& B, const Eigen::MatrixXd& guess = {},
+                        double tolerance = 1e-4) const;
 
   bool UsesCholesky() const { return factor_ != nullptr; }
 
@@ -54,7 +58,8 @@ class LaplacianSolver {
   void FactorizeAggregates();
   Rows Multiply(const Rows& X) const;
   Rows Precondition(const Rows& residual) const;
-  Eigen::MatrixXd SolveByConjugateGradients(const Eigen::MatrixXd& B) const;
+  Rows RowsOf(const Eigen::MatrixXd& of_nodes) const;
+  Rows SolveByConjugateGradients(const Rows& B, Rows X, double tolerance) const;
 
   int num_nodes_;
   int num_threads_;

@@ -105,7 +105,7 @@ FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weight
     Positions step;
     double next_cost = std::numeric_limits<double>::infinity();
     Positions next;
-    if (system.Solve(fit.EdgeModels(), fit.RayModels(), damping, step)) {
+    if (system.Solve(fit.EdgeModels(), fit.RayModels(), damping, positions.cameras, step)) {
       next = {positions.cameras + step.cameras, positions.points + step.points};
       next_cost = fit.Cost(next);
     }

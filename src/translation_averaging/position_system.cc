@@ -2,6 +2,10 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <map>
+#include <numeric>
+#include <span>
+#include <utility>
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
@@ -15,11 +19,37 @@ constexpr double kCgTolerance = 3e-2;
 // Keeps the gauge (translation and scale) and loose nodes solvable.
 constexpr double kMinDamping = 1e-9;
 constexpr int kGrain = 64;
+// Cameras of a group, at most, and groups, at most: a system of more takes longer than it saves.
+constexpr int kMaxGroup = 32;
+constexpr int kMaxGroups = 1000;
 
 Eigen::Matrix3d Damped(const Eigen::Matrix3d& curvature, double damping) {
   const double mean = curvature.trace() / 3.0;
   return curvature +
          std::max(damping, kMinDamping) * (mean > 0 ? mean : 1.0) * Eigen::Matrix3d::Identity();
+}
+
+// Halves the cameras along the longest side of their bounding box until few enough are left.
+void SplitIntoGroups(const Eigen::Matrix3Xd& positions, std::span<int> cameras, size_t max_size,
+                     std::vector<int>& group_of, int& num_groups) {
+  if (cameras.size() <= max_size) {
+    for (const int i : cameras) group_of[i] = num_groups;
+    ++num_groups;
+    return;
+  }
+  Eigen::Vector3d low = positions.col(cameras[0]), high = low;
+  for (const int i : cameras) {
+    low = low.cwiseMin(positions.col(i));
+    high = high.cwiseMax(positions.col(i));
+  }
+  int axis = 0;
+  (high - low).maxCoeff(&axis);
+  const auto middle = cameras.begin() + static_cast<std::ptrdiff_t>(cameras.size() / 2);
+  std::nth_element(cameras.begin(), middle, cameras.end(), [&](int a, int b) {
+    return std::pair(positions(axis, a), a) < std::pair(positions(axis, b), b);
+  });
+  SplitIntoGroups(positions, {cameras.begin(), middle}, max_size, group_of, num_groups);
+  SplitIntoGroups(positions, {middle, cameras.end()}, max_size, group_of, num_groups);
 }
 
 }  // namespace
@@ -98,7 +128,7 @@ void PositionSystem::BuildCholesky(double max_flops) {
 
 bool PositionSystem::Solve(const std::vector<TermModel>& edge_models,
                            const std::vector<TermModel>& ray_models, double damping,
-                           Positions& step) {
+                           const Eigen::Matrix3Xd& positions, Positions& step) {
   CAIRN_CHECK_EQ(edge_models.size(), problem_.edges.size());
   CAIRN_CHECK_EQ(ray_models.size(), problem_.rays.size());
   const int n = problem_.NumCameras();
@@ -110,7 +140,15 @@ bool PositionSystem::Solve(const std::vector<TermModel>& edge_models,
   ParallelFor(
       num_threads_, n, [&](int64_t i) { AssembleDiagonal(static_cast<int>(i), terms); }, kGrain);
   if (!cholesky_) {
+    if (group_of_.empty()) {
+      std::vector<int> cameras(n);
+      std::iota(cameras.begin(), cameras.end(), 0);
+      group_of_.resize(n);
+      SplitIntoGroups(positions, cameras, std::max(kMaxGroup, n / kMaxGroups), group_of_,
+                      num_groups_);
+    }
     BuildCouplings(terms);
+    MakePreconditioner(terms);
     SolveByConjugateGradients(step.cameras);
   } else if (!SolveByCholesky(terms, step.cameras)) {
     return false;
@@ -280,18 +318,55 @@ Eigen::Matrix3Xd PositionSystem::Multiply(const Eigen::Matrix3Xd& x) const {
   return y;
 }
 
+// Of the diagonal blocks, and of the cameras' system where all cameras of a group move alike.
+void PositionSystem::MakePreconditioner(const Terms& terms) {
+  Eigen::MatrixXd system = Eigen::MatrixXd::Zero(3 * num_groups_, 3 * num_groups_);
+  const auto add = [&](int group1, int group2, const Eigen::Matrix3d& block) {
+    system.block<3, 3>(3 * group1, 3 * group2) += block;
+  };
+  for (int i = 0; i < problem_.NumCameras(); ++i) add(group_of_[i], group_of_[i], damped_[i]);
+  for (size_t e = 0; e < problem_.edges.size(); ++e) {
+    const int group1 = group_of_[problem_.edges[e].camera1];
+    const int group2 = group_of_[problem_.edges[e].camera2];
+    add(group1, group2, -terms.edges[e].curvature);
+    add(group2, group1, -terms.edges[e].curvature);
+  }
+  std::map<int, Eigen::Matrix3d> pulls;  // of a point, on each group
+  for (int k = 0; k < problem_.NumTracks(); ++k) {
+    pulls.clear();
+    for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
+      const auto [pull, is_new] =
+          pulls.try_emplace(group_of_[problem_.rays[r].camera], Eigen::Matrix3d::Zero());
+      pull->second += terms.rays[r].curvature;
+    }
+    for (const auto& [group1, pull1] : pulls) {
+      const Eigen::Matrix3d weighted = pull1 * point_inverse_[k];
+      for (const auto& [group2, pull2] : pulls) add(group1, group2, -weighted * pull2);
+    }
+  }
+  groups_.compute(system);
+  diagonal_inverse_.resize(diagonal_.size());
+  for (size_t i = 0; i < diagonal_.size(); ++i) diagonal_inverse_[i] = diagonal_[i].inverse();
+}
+
+Eigen::Matrix3Xd PositionSystem::Precondition(const Eigen::Matrix3Xd& residual) const {
+  Eigen::VectorXd sums = Eigen::VectorXd::Zero(3 * num_groups_);
+  for (Eigen::Index i = 0; i < residual.cols(); ++i) {
+    sums.segment<3>(3 * group_of_[i]) += residual.col(i);
+  }
+  groups_.solveInPlace(sums);
+  Eigen::Matrix3Xd result(3, residual.cols());
+  for (Eigen::Index i = 0; i < residual.cols(); ++i) {
+    result.col(i) = diagonal_inverse_[i] * residual.col(i) + sums.segment<3>(3 * group_of_[i]);
+  }
+  return result;
+}
+
 void PositionSystem::SolveByConjugateGradients(Eigen::Matrix3Xd& step) const {
   const int n = problem_.NumCameras();
-  std::vector<Eigen::Matrix3d> preconditioner(n);
-  for (int i = 0; i < n; ++i) preconditioner[i] = diagonal_[i].inverse();
-  const auto precondition = [&](const Eigen::Matrix3Xd& residual) {
-    Eigen::Matrix3Xd result(3, n);
-    for (int i = 0; i < n; ++i) result.col(i) = preconditioner[i] * residual.col(i);
-    return result;
-  };
   step = Eigen::Matrix3Xd::Zero(3, n);
   Eigen::Matrix3Xd residual = rhs_;
-  Eigen::Matrix3Xd z = precondition(residual);
+  Eigen::Matrix3Xd z = Precondition(residual);
   Eigen::Matrix3Xd direction = z;
   double rho = residual.cwiseProduct(z).sum();
   const double target = kCgTolerance * kCgTolerance * rho;
@@ -302,7 +377,7 @@ void PositionSystem::SolveByConjugateGradients(Eigen::Matrix3Xd& step) const {
     const double length = rho / curvature;
     step += length * direction;
     residual -= length * image;
-    z = precondition(residual);
+    z = Precondition(residual);
     const double next_rho = residual.cwiseProduct(z).sum();
     direction = z + (next_rho / rho) * direction;
     rho = next_rho;

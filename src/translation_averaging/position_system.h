@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <memory>
 #include <vector>
@@ -25,8 +26,10 @@ struct Positions {
 // The linear systems of a fit of cameras and points whose terms are functions of c2 - c1 (edges)
 // and X - c (rays). Points are eliminated first (Schur complement), the cameras' system
 // is solved by sparse Cholesky with a pattern analyzed once. Where the factor would be too
-// expensive, by conjugate gradients with block-Jacobi preconditioning, without forming that system:
-// time and memory grow with the numbers of edges and rays, not with the pairs that a point joins.
+// expensive, by conjugate gradients, without forming that system: time and memory grow with the
+// numbers of edges and rays, not with the pairs that a point joins. Their preconditioner has two
+// levels: the diagonal blocks, and the system of groups of cameras that move as one (Nicolaides,
+// "Deflation of conjugate gradients with applications to boundary value problems", 1987).
 class PositionSystem {
  public:
   // Beyond max_cholesky_flops a factorization takes longer than a few hundred iterations.
@@ -35,8 +38,9 @@ class PositionSystem {
 
   // The step that minimizes the sum of all models plus damping times half the squared step, weighed
   // at every node with the mean curvature there. False if the system is singular.
+  // positions: where the cameras are now, more or less; those near each other make a group.
   bool Solve(const std::vector<TermModel>& edge_models, const std::vector<TermModel>& ray_models,
-             double damping, Positions& step);
+             double damping, const Eigen::Matrix3Xd& positions, Positions& step);
 
   bool UsesCholesky() const { return cholesky_ != nullptr; }
   // Less damping changes nothing that matters, but costs conjugate gradients many iterations.
@@ -57,6 +61,8 @@ class PositionSystem {
   bool SolveByCholesky(const Terms& terms, Eigen::Matrix3Xd& step);
   void SolveByConjugateGradients(Eigen::Matrix3Xd& step) const;
   void BuildCouplings(const Terms& terms);
+  void MakePreconditioner(const Terms& terms);
+  Eigen::Matrix3Xd Precondition(const Eigen::Matrix3Xd& residual) const;
   Eigen::Matrix3Xd Multiply(const Eigen::Matrix3Xd& x) const;
 
   const DirectionProblem& problem_;
@@ -71,6 +77,7 @@ class PositionSystem {
   std::vector<Eigen::Matrix3d> blocks_;
   std::vector<Eigen::Matrix3d> damped_;    // diagonal block of each camera before points are out
   std::vector<Eigen::Matrix3d> diagonal_;  // and after
+  std::vector<Eigen::Matrix3d> diagonal_inverse_;
   // For conjugate gradients: terms in the order in which they are read, half as large; a step is
   // not that exact.
   struct Coupling {
@@ -79,6 +86,9 @@ class PositionSystem {
   };
   std::vector<Coupling> edges_by_camera_, rays_by_camera_, rays_by_track_;
   std::vector<size_t> edges_begin_, rays_begin_;  // of each camera
+  std::vector<int> group_of_;                     // of each camera
+  int num_groups_ = 0;
+  Eigen::LLT<Eigen::MatrixXd> groups_;
   Eigen::Matrix3Xd rhs_;
   std::vector<Eigen::Matrix3d> point_inverse_;
   Eigen::Matrix3Xd point_rhs_;

@@ -31,7 +31,9 @@ const std::vector<std::string> kResultNames = {"sparse", "stereo/patch-match.cfg
 
 // An image of the model on its way.
 struct Item {
-  std::string name;
+  image_t image_id = kInvalidImageId;
+  std::string name;       // of the photograph
+  std::string file_name;  // of the image in images/ and in the model
   const Camera* source = nullptr;
   const Camera* target = nullptr;
   std::string photo_path, file_path;
@@ -111,7 +113,7 @@ void DenseFolder::Check(Item& item) const {
                                          "undistorted image; give another folder");
   }
   item.present_hash = HashToHex(HashFile(item.file_path));
-  if (job_.overwrites || ledger_.IsOurs(item.name, item.present_hash)) return;
+  if (job_.overwrites || ledger_.IsOurs(item.file_name, item.present_hash)) return;
   throw ConfigError("output_path", item.file_path +
                                        " is not as cairn wrote it and would be replaced; give "
                                        "another folder, or --overwrite");
@@ -119,13 +121,13 @@ void DenseFolder::Check(Item& item) const {
 
 void DenseFolder::Write(Item& item) {
   item.entry = {HashInputs(item), item.present_hash};
-  item.is_kept = !item.present_hash.empty() && ledger_.Has(item.name, item.entry);
+  item.is_kept = !item.present_hash.empty() && ledger_.Has(item.file_name, item.entry);
   if (item.is_kept) return;
   const std::string bytes = Undistort(item);
   item.entry.file_hash = HashToHex(Hasher().AddBytes(bytes.data(), bytes.size()).Digest());
   std::call_once(model_is_removed_, [this] { RemoveModel(); });
   CreateFolders(fs::path(item.file_path).parent_path().string());
-  ledger_.Add(item.name, item.entry);
+  ledger_.Add(item.file_name, item.entry);
   WriteFileAtomically(item.file_path, bytes);
 }
 
@@ -155,7 +157,7 @@ void DenseFolder::WriteStereo(const Reconstruction& model) const {
 void DenseFolder::Finish(const std::vector<Item>& items, const Reconstruction& model) {
   std::map<std::string, ImageLedger::Entry> entries;
   for (const Item& item : items) {
-    if (item.error.empty()) entries[item.name] = item.entry;
+    if (item.error.empty()) entries[item.file_name] = item.entry;
   }
   for (const std::string& name : ledger_.Names()) {
     const fs::path file = PathInFolder((fs::path(job_.output_path) / "images").string(), name);
@@ -173,16 +175,33 @@ void DenseFolder::Finish(const std::vector<Item>& items, const Reconstruction& m
   results_->Commit();
 }
 
+// Trainers of Gaussian splatting take the last part of a name alone, so that images of folders of
+// their own would not be found, or taken for each other.
+std::map<image_t, std::string> FileNames(const Reconstruction& model, DenseLayout layout) {
+  std::map<image_t, std::string> names;
+  std::set<std::string> taken;
+  for (const auto& [id, image] : model.images) {
+    std::string name = image.image.name;
+    if (layout == DenseLayout::kGaussianSplatting) std::replace(name.begin(), name.end(), '/', '_');
+    while (!taken.insert(name).second) name = std::to_string(id) + "_" + name;
+    names[id] = name;
+  }
+  return names;
+}
+
 std::vector<Item> MakeItems(const Reconstruction& model, const UndistortJob& job,
                             const std::map<camera_t, Camera>& targets) {
   std::vector<Item> items;
+  const std::map<image_t, std::string> file_names = FileNames(model, job.layout);
   for (const auto& [id, image] : model.images) {
     Item& item = items.emplace_back();
+    item.image_id = id;
     item.name = image.image.name;
+    item.file_name = file_names.at(id);
     item.source = &model.CameraOf(image);
     item.target = &targets.at(item.source->camera_id);
     item.photo_path = PathInFolder(job.image_path, item.name);
-    item.file_path = PathInFolder((fs::path(job.output_path) / "images").string(), item.name);
+    item.file_path = PathInFolder((fs::path(job.output_path) / "images").string(), item.file_name);
   }
   return items;
 }
@@ -234,7 +253,12 @@ UndistortReport UndistortImages(const Reconstruction& model, const UndistortJob&
   for (const Item& item : items) {
     if (item.error.empty()) names.insert(item.name);
   }
-  folder.Finish(items, UndistortedModel(model, names, options));
+  Reconstruction undistorted = UndistortedModel(model, names, options);
+  for (const Item& item : items) {
+    const auto image = undistorted.images.find(item.image_id);
+    if (image != undistorted.images.end()) image->second.image.name = item.file_name;
+  }
+  folder.Finish(items, undistorted);
   return report;
 }
 

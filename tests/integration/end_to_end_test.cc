@@ -79,7 +79,8 @@ TEST(EndToEnd, OneThreadGivesTheSameBytesTwice) {
 TEST(EndToEnd, ExportWritesEveryType) {
   const SceneFiles scene;
   ASSERT_EQ(Reconstruct(scene, scene / "out").exit_code, 0);
-  for (const std::string type : {"colmap_bin", "colmap_txt", "bundler", "ply"}) {
+  for (const std::string type :
+       {"colmap_bin", "colmap_txt", "bundler", "ply", "gltf", "nerfstudio"}) {
     const std::string path = scene / ("export_" + type + (type == "ply" ? ".ply" : ""));
     const ProgramResult result =
         RunProgram("global_sfm", {"export", "--model_path", scene / "out/sparse/0", "--output_path",
@@ -91,6 +92,26 @@ TEST(EndToEnd, ExportWritesEveryType) {
   const Reconstruction text = ReadColmapModel(scene / "export_colmap_txt");
   EXPECT_EQ(binary.images.size(), text.images.size());
   EXPECT_EQ(binary.points3D.size(), text.points3D.size());
+}
+
+// As README has it for MeshLab: the names in list.txt are those of the images beside it.
+TEST(EndToEnd, BundlerFilesOfUndistortedImages) {
+  const SceneFiles scene;
+  const std::string images = scene / "dense/images";
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{"undistort", "--model_path", SceneFiles::truth(), "--image_path",
+                                 scene.images(), "--output_path", scene / "dense"},
+        {"export", "--model_path", scene / "dense/sparse", "--output_path", images, "--output_type",
+         "bundler"}}) {
+    const ProgramResult result = RunProgram("global_sfm", arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+  }
+  std::ifstream list(images + "/list.txt");
+  int num_images = 0;
+  for (std::string name; std::getline(list, name); ++num_images) {
+    EXPECT_TRUE(std::filesystem::is_regular_file(images + "/" + name)) << name;
+  }
+  EXPECT_EQ(num_images, 8);
 }
 
 TEST(EndToEnd, NothingToReconstructIsExitCodeOne) {

@@ -97,6 +97,15 @@ TEST(Failure, InputThatIsAbsent) {
             3, "empty", "no photograph");
 }
 
+TEST(Failure, OnePhotographAlone) {
+  const SceneFiles scene;
+  std::filesystem::create_directory(scene / "one");
+  std::filesystem::copy(scene / "images/image00000.jpg", scene / "one");
+  ExpectEnd(RunProgram("build_view_graph",
+                       {"--image_path", scene / "one", "--database_path", scene / "one.db"}),
+            1, "one photograph alone", "give two or more");
+}
+
 // A run without a usable result: exit code 1, one line that says where and what to try, the report
 // and the graph; the database stays as it is, and the next run with it succeeds.
 TEST(Failure, ReconstructionThatFailsLeavesWhatThereIs) {

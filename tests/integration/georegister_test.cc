@@ -84,6 +84,7 @@ TEST(Georegister, ReconstructPutsModelsInTheFrame) {
   EXPECT_THAT(result.output, HasSubstr("image00006.jpg"));
   const auto json = nlohmann::json::parse(ReadFile(scene / "model/sparse/0/georegistration.json"));
   EXPECT_LT(json["median_residual_m"], 0.2);
+  EXPECT_THAT(result.output, HasSubstr(" m from known positions (median)"));
   const Reconstruction model = ReadColmapModel(scene / "model/sparse/0");
   for (const auto& row : json["images"]) {
     const Eigen::Vector3d gps(row["gps_enu"][0], row["gps_enu"][1], row["gps_enu"][2]);

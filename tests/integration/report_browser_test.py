@@ -190,6 +190,26 @@ class ReportTest(unittest.TestCase):
         self.assertGreater(self.ink("#matrix"), 0.1)
         self.assertNoErrors()
 
+    def test_a_collection_and_its_failed_run(self):
+        images = HERE.parents[2] / "shared/data/temple_ring/images"
+        if not images.exists():
+            self.skipTest(f"{images} is not there")
+        database = self.folder / "collection.db"
+        build = [PROGRAM.parent / "build_view_graph", "--image_path", images, "--database_path", database, "--single_camera",
+                 "--camera_model", "PINHOLE", "--camera_params", "1520.4,1525.9,302.82,247.37"]
+        subprocess.run(build, check=True, capture_output=True)
+        for name, others in (("collection", []), ("collection_failed", ["--view_graph.min_num_inliers", 100000])):
+            made = run("reconstruct", "--database_path", database, "--image_path", images, "--output_path", self.folder / name, *others)
+            self.open(self.folder / name / "report.html")
+            self.assertEqual(self.browser.run("return document.querySelectorAll('#photo-grid img').length"), 19)
+            self.assertEqual(made.returncode, 1 if others else 0)
+            self.assertIn("No model came of 19 photos" if others else "19 of 19 photos in 1 model", self.text("#lead"))
+            self.assertGreater(self.ink("#matrix"), 0.1)
+            self.assertEqual(self.browser.run("return document.querySelector('#scene').hidden"), bool(others))
+            if not others:
+                self.assertGreater(self.ink("#view-canvas"), 0.001)
+            self.assertNoErrors()
+
     def test_without_three_the_rest_is_there(self):
         page = self.folder / "without.html"
         made = run("report", "--model_path", self.folder / "model/sparse/0", "--output_path", page, "--three_path", "/nonexistent")

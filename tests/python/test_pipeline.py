@@ -88,14 +88,30 @@ def test_reconstruct_writes_what_the_program_writes(tmp_path):
                                options={"reconstruct.min_image_points": 10})
     check_models(result)
     assert cairn.evaluate(output / "sparse/0", result.models[0]).auc[1] > 0.9999
+    page = (output / "report.html").read_text()
+    assert page.startswith("<!doctype html>") and "photo03.jpg" in page and "sparse/0" in page
+    assert f'database_path = "{path}"' in (output / "effective.toml").read_text()
     assert {"report.json", "view_graph.json", "confidence.csv"} <= {file.name for file in output.iterdir()}
     assert "min_image_points = 10" in (output / "effective.toml").read_text()
     assert len({name for name, done, total in stages}) > 2 and all(0 <= done for _, done, _ in stages)
     assert result.image_names[3] == "photo03.jpg" and len(result.view_graph) == 28
     assert {stage["name"] for stage in result.to_dict()["stages"]} >= {"view_graph", "rotation_averaging"}
+    cairn.reconstruct(path, output_path=output, report=False)
+    assert not (output / "report.html").exists()
+    failed = cairn.reconstruct(path, output_path=tmp_path / "failed", options={"view_graph.min_num_inliers": 100000})
+    assert not failed.succeeded and "view_graph.min_num_inliers" in (tmp_path / "failed/report.html").read_text()
     (output / "sparse/0/images.bin").write_bytes(b"mine")
     with pytest.raises(cairn.ConfigError, match="images.bin"):
         cairn.reconstruct(path, output_path=output)
+
+
+def test_warnings_are_texts(tmp_path):
+    path, gps = tmp_path / "scene.db", tmp_path / "gps.txt"
+    TRUTH.write(path)
+    assert cairn.build_view_graph(path).warnings == []
+    gps.write_text("photo01.jpg 47 8 500\n")
+    result = cairn.reconstruct(path, options={"use_gps": True, "gps_path": str(gps)})
+    assert result.succeeded and len(result.warnings) == 1 and "not in meters" in result.warnings[0]
 
 
 def test_expected_failures_are_told_in_the_result(tmp_path):

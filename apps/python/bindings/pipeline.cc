@@ -8,6 +8,7 @@
 #include "cairn/base/error.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/pipeline/build_pipeline.h"
+#include "common/run_page.h"
 #include "options.h"
 #include "run.h"
 
@@ -20,15 +21,36 @@ py::object FromJson(const std::string& text) {
   return py::module_::import("json").attr("loads")(text);
 }
 
+// From what reconstruct makes a model; `global_sfm report` finds it where it was written.
+struct ReconstructInputs {
+  std::string database_path;
+  std::string image_path;
+
+  void VisitFields(OptionVisitor& v) {
+    v.String("database_path", database_path, "");
+    v.String("image_path", image_path, "");
+  }
+};
+
 // As the programs write it beside their output.
 template <class Settings>
-std::string EffectiveToml(const std::string& function, Settings& settings) {
+std::string EffectiveToml(const std::string& function, const ReconstructInputs& inputs,
+                          Settings& settings) {
   std::string text = "# " + function + " of Python, cairn " CAIRN_VERSION "\n";
+  text += DumpOptions(inputs);
   settings.VisitModules([&](const char* module, const auto& options) {
     if (*module) text += "\n[" + std::string(module) + "]\n";
     text += DumpOptions(options);
   });
   return text;
+}
+
+std::vector<std::string> WarningTexts(const RunReport& report) {
+  std::vector<std::string> texts;
+  for (const ResultWarning& warning : report.warnings) {
+    texts.push_back(warning.what + (warning.advice.empty() ? "" : " - " + warning.advice));
+  }
+  return texts;
 }
 
 BuildPipelineReport BuildGraph(const path& database_path, const std::optional<path>& image_path,
@@ -51,7 +73,7 @@ BuildPipelineReport BuildGraph(const path& database_path, const std::optional<pa
 }
 
 ReconstructResult MakeModels(const path& database_path, const std::optional<path>& image_path,
-                             const std::optional<path>& output_path, bool overwrite,
+                             const std::optional<path>& output_path, bool overwrite, bool report,
                              std::optional<bool> refine_intrinsics, const py::object& given,
                              uint64_t seed, int num_threads, const py::object& progress) {
   ReconstructSettings settings;
@@ -63,10 +85,13 @@ ReconstructResult MakeModels(const path& database_path, const std::optional<path
   ReconstructResult result;
   RunInterruptibly({seed, num_threads, progress}, [&](const RunContext& run) {
     const Database database(database_path.string(), Database::Mode::kSnapshot);
-    result = Reconstruct(database, image_path ? image_path->string() : "", settings, run);
+    const ReconstructInputs inputs = {database_path.string(),
+                                      image_path ? image_path->string() : ""};
+    result = Reconstruct(database, inputs.image_path, settings, run);
     if (!output_path || run.monitor.StopRequested()) return;
-    WriteReconstructResult(result, output_path->string(), EffectiveToml("reconstruct", settings),
-                           overwrite);
+    if (report) result.page = MakeRunPage(database, inputs.image_path, result, run);
+    WriteReconstructResult(result, output_path->string(),
+                           EffectiveToml("reconstruct", inputs, settings), overwrite);
   });
   return result;
 }
@@ -82,7 +107,7 @@ void BindBuilding(py::module_& m) {
       .def_property_readonly(
           "failure", [](const Report& r) { return r.run.failure; },
           "'', or why there is no usable result and what can be tried.")
-      .def_property_readonly("warnings", [](const Report& r) { return r.run.warnings; })
+      .def_property_readonly("warnings", [](const Report& r) { return WarningTexts(r.run); })
       .def_property_readonly("num_images", number(&Summary::num_images))
       .def_property_readonly("num_pairs", number(&Summary::num_pairs), "With matches.")
       .def_property_readonly("num_verified", number(&Summary::num_verified))
@@ -123,19 +148,21 @@ void BindReconstructing(py::module_& m) {
           "failure", [](const Result& r) { return r.report.failure; },
           "'', or at which stage it failed and what can be tried.")
       .def_property_readonly(
-          "warnings", [](const Result& r) { return r.report.warnings; }, "What is doubtful.")
+          "warnings", [](const Result& r) { return WarningTexts(r.report); },
+          "What is doubtful, and what can be tried.")
       .def(
           "to_dict", [](const Result& r) { return FromJson(ToJson(r.report)); },
           "What each stage did.");
   m.def("reconstruct", &MakeModels, py::arg("database_path"), py::arg("image_path") = py::none(),
         py::arg("output_path") = py::none(), py::kw_only(), py::arg("overwrite") = false,
-        py::arg("refine_intrinsics") = py::none(), py::arg("options") = py::none(),
-        py::arg("seed") = 0, py::arg("num_threads") = 0, py::arg("progress") = py::none(),
+        py::arg("report") = true, py::arg("refine_intrinsics") = py::none(),
+        py::arg("options") = py::none(), py::arg("seed") = 0, py::arg("num_threads") = 0,
+        py::arg("progress") = py::none(),
         R"(Cameras and points from the verified pairs of a database.
 
 image_path: the photographs, for colors; output_path: where to write all that the program
-`global_sfm reconstruct` writes but report.html (`global_sfm report` makes that). A failure that is
-to be expected (too few pairs, ...) is told in the result.)");
+`global_sfm reconstruct` writes, report.html (unless not report) included. A failure that is to be
+expected (too few pairs, ...) is told in the result.)");
 }
 
 }  // namespace

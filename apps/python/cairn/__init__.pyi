@@ -459,5 +459,5 @@ class ReconstructResult:
     def to_dict(self) -> dict[str, Any]: ...
 
 def reconstruct(database_path: Path, image_path: Path | None = None, output_path: Path | None = None, *,
-                overwrite: bool = False, refine_intrinsics: bool | None = None, options: Options = None,
+                overwrite: bool = False, report: bool = True, refine_intrinsics: bool | None = None, options: Options = None,
                 seed: int = 0, num_threads: int = 0, progress: Progress = None) -> ReconstructResult: ...

@@ -64,7 +64,8 @@ struct UndistortReport {
 // model of those that did not fail, as binary COLMAP model:
 // - kColmap: sparse/, and stereo/ with patch-match.cfg (all images, 20 sources each, chosen by
 //   COLMAP), fusion.cfg and empty folders: what COLMAP's patch_match_stereo and OpenMVS read;
-// - kGaussianSplatting: sparse/0/: what trainers of 3D Gaussian splatting read.
+// - kGaussianSplatting: sparse/0/: what trainers of 3D Gaussian splatting read; images of folders
+//   are in images/ itself, with "_" in place of "/" in their names.
 // Every file appears complete or not at all. Images that an earlier call finished are kept if the
 // photograph's bytes, both cameras and the image itself are as they were; images that are no longer
 // in the model are removed, and a model is only there while its images are. Nothing that others

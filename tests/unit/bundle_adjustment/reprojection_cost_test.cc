@@ -26,8 +26,8 @@ class CostUnderTest {
     if (free_.rotation) pose.block[0] = 0.3, pose.block[1] = -0.5, pose.block[2] = 0.2;
     if (pose.intrinsics->num_free_focal > 0) pose.intrinsics->free[0] = 0.1;
     state_.PrepareForEvaluation(true, true);
-    cost_ = std::make_unique<ReprojectionCost>(&pose, &state_.Point(0), Eigen::Vector2d(300, 500),
-                                               0.4, free_);
+    cost_ = std::make_unique<ReprojectionCost>(
+        Reprojection{&pose, &state_.Point(0), {300, 500}, 2.5, free_});
   }
 
   const std::vector<int32_t>& sizes() const { return cost_->parameter_block_sizes(); }
@@ -59,7 +59,7 @@ class CostUnderTest {
  private:
   Reconstruction truth_;
   BundleState state_;
-  ReprojectionCost::Free free_;
+  Reprojection::Free free_;
   std::vector<double*> blocks_;
   std::unique_ptr<ReprojectionCost> cost_;
 };

@@ -48,7 +48,12 @@ TEST_F(ColmapFilesTest, ImagesJoinAColmap4FileWithRigsAndFrames) {
                "000000000000F03F', 1);"
                "INSERT INTO rigs VALUES(9, 4, 0); INSERT INTO frames VALUES(6, 9);"
                "INSERT INTO images VALUES(2, 'old.jpg', 4);"
-               "INSERT INTO frame_data VALUES(6, 2, 4, 0);",
+               "INSERT INTO frame_data VALUES(6, 2, 4, 0);"
+               "CREATE TABLE pose_priors(pose_prior_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,"
+               " corr_data_id INTEGER NOT NULL, corr_sensor_id INTEGER NOT NULL,"
+               " corr_sensor_type INTEGER NOT NULL, position BLOB, position_covariance BLOB,"
+               " gravity BLOB, coordinate_system INTEGER NOT NULL);"
+               "INSERT INTO pose_priors VALUES(3, 2, 4, 0, X'01', X'02', X'03', 0);",
                nullptr, nullptr, nullptr);
   sqlite3_close(db);
   {
@@ -76,6 +81,8 @@ TEST_F(ColmapFilesTest, ImagesJoinAColmap4FileWithRigsAndFrames) {
   EXPECT_EQ(RunSql(path, "SELECT * FROM rigs"), (Rows{{"9", "4", "0"}}));
   EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), (Rows{{"6", "9"}, {"8", "9"}}));
   EXPECT_EQ(RunSql(path, "SELECT frame_id FROM frame_data"), (Rows{{"6"}, {"8"}}));
+  EXPECT_EQ(RunSql(path, "SELECT pose_prior_id, corr_data_id, hex(position) FROM pose_priors"),
+            (Rows{{"3", "2", "01"}}));
 }
 
 // Debian's COLMAP 3.8 opens our file, reads our rows, and goes on from our matches.

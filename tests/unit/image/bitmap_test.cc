@@ -138,6 +138,20 @@ TEST(Bitmap, AFileTooShortForItsSizeIsRefusedBeforeMemoryIsTaken) {
   }
 }
 
+TEST(Bitmap, ImagesOfTooManyPixelsAreNamed) {
+  const TempFolder folder;
+  WriteBitmap(folder / "a.png", MakeBitmap(96, 64, 3));
+  std::string bytes = ReadFile(folder / "a.png");
+  for (const size_t position : {18, 22}) bytes.replace(position, 2, "\x9C\x40");  // 40000
+  WriteFileAtomically(folder / "a.png", bytes);
+  try {
+    ReadImageSize(folder / "a.png");
+    ADD_FAILURE() << "not refused";
+  } catch (const IoError& error) {
+    EXPECT_THAT(error.reason(), HasSubstr("40000 x 40000 pixels; up to 2^30"));
+  }
+}
+
 TEST(Bitmap, WhatPixelsDoNotDependOnIsNotLookedAt) {
   const TempFolder folder;
   const Bitmap bitmap = MakeBitmap(24, 16, 3);

@@ -213,6 +213,11 @@ TEST(ColmapModelFiles, RigsOfTheReplacedModelGoOthersStay) {
   }
   EXPECT_THAT(names, ::testing::UnorderedElementsAre("cameras.bin", "images.bin", "points3D.bin",
                                                      "rigs.txt", "notes.txt"));
+  // Beside a model that is read they change nothing.
+  WriteFileAtomically(folder / "rigs.bin", "of COLMAP 4");
+  WriteFileAtomically(folder / "frames.bin", "likewise");
+  EXPECT_EQ(ReadColmapModel(folder.path()).images.size(), RandomReconstruction(3).images.size());
+  EXPECT_TRUE(std::filesystem::exists(folder / "rigs.bin"));
 }
 
 TEST(ColmapBinary, LayoutByHand) {

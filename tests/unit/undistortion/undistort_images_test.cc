@@ -97,10 +97,31 @@ TEST_F(UndistortImagesTest, WritesImagesModelAndStereoConfiguration) {
   EXPECT_EQ(ReadFile(Dense("effective.toml")), "# options\n");
 }
 
+// As the loader of "3D Gaussian Splatting for Real-Time Radiance Field Rendering" has it: pinhole
+// cameras alone, images in images/ by the last part of their names, of their cameras' sizes.
 TEST_F(UndistortImagesTest, WritesWhatGaussianSplattingReads) {
   job_.layout = DenseLayout::kGaussianSplatting;
+  // Two names that would be one.
+  model_.images.at(5).image.name = "more_image4.png";
+  WritePhoto(5, 0);
   EXPECT_EQ(Run().num_written, 5);
-  EXPECT_EQ(ReadColmapModel(Dense("sparse/0")).images.size(), 5u);
+  const Reconstruction model = ReadColmapModel(Dense("sparse/0"));
+  std::set<std::string> files;
+  for (const auto& [id, image] : model.images) {
+    const Camera& camera = model.CameraOf(image);
+    EXPECT_EQ(camera.model, CameraModel::kPinhole);
+    const std::string file = fs::path(image.image.name).filename().string();
+    const Bitmap bitmap = ReadBitmap(Dense("images/") + file, BitmapColor::kRgb);
+    EXPECT_EQ(bitmap.width, camera.width);
+    EXPECT_EQ(bitmap.height, camera.height);
+    const Bitmap photo =
+        ReadBitmap(job_.image_path + "/" + model_.images.at(id).image.name, BitmapColor::kRgb);
+    EXPECT_EQ(bitmap.data, ResampleBitmap(photo, model_.cameras.at(1), camera).data) << file;
+    files.insert(file);
+  }
+  EXPECT_EQ(files.size(), 5u);
+  EXPECT_GT(model.points3D.size(), 20u);
+  EXPECT_EQ(Run().num_kept, 5);
   EXPECT_FALSE(fs::exists(Dense("stereo")));
   EXPECT_FALSE(fs::exists(Dense("sparse/cameras.bin")));
 }

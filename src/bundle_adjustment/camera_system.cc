@@ -1,0 +1,151 @@
+#include "bundle_adjustment/camera_system.h"
+
+#include <Eigen/Cholesky>
+#include <utility>
+
+#include "cairn/base/parallel.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kMaxSteps = 200;
+constexpr double kMinShareOfGain = 0.1;
+// Parts of the product, each with sums of its own: their number must not depend on the threads.
+constexpr int kNumParts = 8;
+
+}  // namespace
+
+template <int kPose, int kIntrinsics>
+CameraSystem<kPose, kIntrinsics>::CameraSystem(const std::vector<std::vector<int>>& columns,
+                                               std::vector<int> camera_of_image, int num_cameras,
+                                               int num_threads)
+    : camera_of_image_(std::move(camera_of_image)),
+      num_cameras_(num_cameras),
+      num_threads_(num_threads),
+      row_begin_{0} {
+  for (const std::vector<int>& row : columns) {
+    column_.insert(column_.end(), row.begin(), row.end());
+    row_begin_.push_back(static_cast<int64_t>(column_.size()));
+  }
+  blocks_.resize(column_.size());
+  for (int i = 0, part = 0; i < NumImages(); ++i) {
+    for (; part < kNumParts && row_begin_[i] * kNumParts >= part * row_begin_.back(); ++part) {
+      part_begin_.push_back(i);
+    }
+  }
+  part_begin_.push_back(NumImages());
+}
+
+template <int kPose, int kIntrinsics>
+auto CameraSystem<kPose, kIntrinsics>::Spread(const Eigen::VectorXd& x) const -> Images {
+  Images images(kBlock, NumImages());
+  for (int i = 0; i < NumImages(); ++i) {
+    images.col(i) << x.segment<kPose>(PoseAt(i)),
+        x.segment<kIntrinsics>(IntrinsicsAt(camera_of_image_[i]));
+  }
+  return images;
+}
+
+template <int kPose, int kIntrinsics>
+void CameraSystem<kPose, kIntrinsics>::Gather(const Images& images, Eigen::VectorXd& x) const {
+  for (int i = 0; i < NumImages(); ++i) {
+    x.segment<kPose>(PoseAt(i)) += images.col(i).template head<kPose>();
+    x.segment<kIntrinsics>(IntrinsicsAt(camera_of_image_[i])) +=
+        images.col(i).template tail<kIntrinsics>();
+  }
+}
+
+template <int kPose, int kIntrinsics>
+Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::Multiply(const Eigen::VectorXd& diagonal,
+                                                           const Eigen::VectorXd& x) const {
+  const Images X = Spread(x);
+  std::vector<Images> sums(part_begin_.size() - 1);
+  ParallelFor(num_threads_, static_cast<int64_t>(sums.size()), [&](int64_t part) {
+    Images& Y = sums[part];
+    Y.setZero(kBlock, NumImages());
+    for (int i = part_begin_[part]; i < part_begin_[part + 1]; ++i) {
+      Eigen::Matrix<double, kBlock, 1> y = blocks_[RowBegin(i)].lazyProduct(X.col(i));
+      for (int64_t k = RowBegin(i) + 1; k < RowEnd(i); ++k) {
+        y += blocks_[k].lazyProduct(X.col(column_[k]));
+        Y.col(column_[k]) += blocks_[k].transpose().lazyProduct(X.col(i));
+      }
+      Y.col(i) += y;
+    }
+  });
+  Eigen::VectorXd result = diagonal.cwiseProduct(x);
+  for (const Images& Y : sums) Gather(Y, result);
+  return result;
+}
+
+template <int kPose, int kIntrinsics>
+auto CameraSystem<kPose, kIntrinsics>::MakePreconditioner(const Eigen::VectorXd& diagonal) const
+    -> Preconditioner {
+  using PoseBlock = Eigen::Matrix<double, kPose, kPose>;
+  using IntrinsicsBlock = Eigen::Matrix<double, kIntrinsics, kIntrinsics>;
+  Preconditioner inverse;
+  for (int c = 0; c < num_cameras_; ++c) {
+    inverse.intrinsics.push_back(diagonal.segment<kIntrinsics>(IntrinsicsAt(c)).asDiagonal());
+  }
+  for (int i = 0; i < NumImages(); ++i) {
+    PoseBlock pose = blocks_[RowBegin(i)].template topLeftCorner<kPose, kPose>();
+    pose.diagonal() += diagonal.segment<kPose>(PoseAt(i));
+    inverse.poses.push_back(pose.ldlt().solve(PoseBlock::Identity()));
+    for (int64_t k = RowBegin(i); k < RowEnd(i); ++k) {
+      if (camera_of_image_[column_[k]] != camera_of_image_[i]) continue;
+      const IntrinsicsBlock shared =
+          blocks_[k].template bottomRightCorner<kIntrinsics, kIntrinsics>();
+      inverse.intrinsics[camera_of_image_[i]] += shared;
+      if (column_[k] != i) inverse.intrinsics[camera_of_image_[i]] += shared.transpose();
+    }
+  }
+  for (IntrinsicsBlock& block : inverse.intrinsics) {
+    block = block.ldlt().solve(IntrinsicsBlock::Identity()).eval();
+  }
+  return inverse;
+}
+
+template <int kPose, int kIntrinsics>
+Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::Precondition(const Preconditioner& inverse,
+                                                               const Eigen::VectorXd& x) const {
+  Eigen::VectorXd result(x.size());
+  for (int i = 0; i < NumImages(); ++i) {
+    result.segment<kPose>(PoseAt(i)) = inverse.poses[i] * x.segment<kPose>(PoseAt(i));
+  }
+  for (int c = 0; c < num_cameras_; ++c) {
+    result.segment<kIntrinsics>(IntrinsicsAt(c)) =
+        inverse.intrinsics[c] * x.segment<kIntrinsics>(IntrinsicsAt(c));
+  }
+  return result;
+}
+
+template <int kPose, int kIntrinsics>
+Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::Solve(const Eigen::VectorXd& diagonal,
+                                                        const Eigen::VectorXd& right) const {
+  const Preconditioner inverse = MakePreconditioner(diagonal);
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(right.size());
+  Eigen::VectorXd residual = right;
+  Eigen::VectorXd direction = Precondition(inverse, residual);
+  double rho = residual.dot(direction);
+  double gain = 0;  // twice what the quadratic model has fallen
+  for (int k = 1; k <= kMaxSteps && rho > 0; ++k) {
+    const Eigen::VectorXd image = Multiply(diagonal, direction);
+    const double curvature = direction.dot(image);
+    if (!(curvature > 0)) break;
+    const double length = rho / curvature;
+    x += length * direction;
+    residual -= length * image;
+    gain += length * rho;
+    if (k * length * rho < kMinShareOfGain * gain) break;
+    const Eigen::VectorXd z = Precondition(inverse, residual);
+    const double next_rho = residual.dot(z);
+    direction = z + (next_rho / rho) * direction;
+    rho = next_rho;
+  }
+  return x;
+}
+
+template class CameraSystem<3, 1>;
+template class CameraSystem<6, 4>;
+template class CameraSystem<6, kMaxCameraParams>;
+
+}  // namespace cairn

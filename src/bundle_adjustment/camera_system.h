@@ -1,0 +1,75 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "cairn/camera/camera.h"
+
+namespace cairn {
+
+// The cameras' system of bundle adjustment, the normal equations without the points (Schur
+// complement), as a symmetric block matrix over images, and its solution by conjugate gradients
+// (Agarwal et al., "Bundle adjustment in the large", 2010). An image's block has its pose
+// (kPose unknowns) and the intrinsics of its camera (kIntrinsics), as if it had them for itself;
+// the images of a camera share them in products and in the solution. A vector of the unknowns: the
+// poses of all images, then the intrinsics of all cameras.
+template <int kPose, int kIntrinsics>
+class CameraSystem {
+ public:
+  static constexpr int kBlock = kPose + kIntrinsics;
+  using Block = Eigen::Matrix<double, kBlock, kBlock, Eigen::RowMajor>;
+
+  // columns[i]: the images from i on that see a point together with image i, ascending, i first.
+  CameraSystem(const std::vector<std::vector<int>>& columns, std::vector<int> camera_of_image,
+               int num_cameras, int num_threads);
+
+  int NumImages() const { return static_cast<int>(camera_of_image_.size()); }
+  int NumUnknowns() const { return NumImages() * kPose + num_cameras_ * kIntrinsics; }
+  Eigen::Index PoseAt(int image) const { return static_cast<Eigen::Index>(image) * kPose; }
+  Eigen::Index IntrinsicsAt(int camera) const {
+    return static_cast<Eigen::Index>(NumImages()) * kPose + camera * kIntrinsics;
+  }
+  int CameraOf(int image) const { return camera_of_image_[image]; }
+
+  // The blocks of an image's row, in the order of its columns. The caller fills them.
+  int64_t RowBegin(int image) const { return row_begin_[image]; }
+  int64_t RowEnd(int image) const { return row_begin_[image + 1]; }
+  int Column(int64_t block) const { return column_[block]; }
+  Block& BlockAt(int64_t block) { return blocks_[block]; }
+
+  using Images = Eigen::Matrix<double, kBlock, Eigen::Dynamic>;  // a column an image
+  // What each image has of a vector of the unknowns (or of a longer one that begins with them).
+  Images Spread(const Eigen::VectorXd& x) const;
+  // Adds what images have to the unknowns.
+  void Gather(const Images& images, Eigen::VectorXd& x) const;
+
+  // Adds `diagonal`, and solves until an iteration promises less than a tenth of the mean one
+  // before (Nash and Sofer, "Assessing a search direction within a truncated-Newton method", 1990).
+  // Equal for any number of threads.
+  Eigen::VectorXd Solve(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& right) const;
+
+ private:
+  Eigen::VectorXd Multiply(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& x) const;
+  // Inverses of the diagonal blocks, of poses and of intrinsics.
+  struct Preconditioner {
+    std::vector<Eigen::Matrix<double, kPose, kPose>> poses;
+    std::vector<Eigen::Matrix<double, kIntrinsics, kIntrinsics>> intrinsics;
+  };
+  Preconditioner MakePreconditioner(const Eigen::VectorXd& diagonal) const;
+  Eigen::VectorXd Precondition(const Preconditioner& inverse, const Eigen::VectorXd& x) const;
+
+  std::vector<int> camera_of_image_;
+  int num_cameras_;
+  int num_threads_;
+  std::vector<int64_t> row_begin_;
+  std::vector<int> column_;
+  std::vector<Block> blocks_;
+  std::vector<int> part_begin_;  // images; rows that are multiplied as one task
+};
+
+extern template class CameraSystem<3, 1>;
+extern template class CameraSystem<6, 4>;
+extern template class CameraSystem<6, kMaxCameraParams>;
+
+}  // namespace cairn

@@ -1,0 +1,44 @@
+#include "bundle_adjustment/intrinsics_prior.h"
+
+#include <cmath>
+#include <vector>
+
+#include "cairn/base/check.h"
+
+namespace cairn {
+namespace {
+
+// Distortion of ordinary lenses at an image's corner, relative to its radius: data sheets of zoom
+// lenses state 1 % to 5 %.
+constexpr double kLensDistortion = 0.03;
+
+// 1 / standard deviation of a distortion coefficient, as AdjustBundle says.
+double DistortionPrecision(const Camera& camera, int index) {
+  const Eigen::Vector2d corner(0.5 * camera.width / camera.FocalX(),
+                               0.5 * camera.height / camera.FocalY());
+  std::vector<double> J(2 * camera.params.size());
+  Eigen::Matrix2d J_uv;
+  camera.ImgFromCam(corner, &J_uv, J.data());
+  const double r = corner.norm();
+  const double share = std::hypot(kLensDistortion, 1.0 - std::atan(r) / r);
+  return std::hypot(J[index], J[camera.params.size() + index]) / (share * r * camera.MeanFocal());
+}
+
+}  // namespace
+
+FreeIntrinsicsPrior PriorOfFree(const Camera& camera, const IntrinsicsPrior& prior,
+                                const IntrinsicsState& state) {
+  CAIRN_CHECK_EQ(prior.params.size(), camera.params.size());
+  FreeIntrinsicsPrior result{Eigen::VectorXd(state.num_free), Eigen::VectorXd(state.num_free)};
+  for (int i = 0; i < state.num_free; ++i) {
+    const int k = state.free_index[i];
+    const bool is_focal = i < state.num_free_focal;
+    result.mean[i] = is_focal ? std::log(prior.params[k] / state.initial[k]) : prior.params[k];
+    result.precision[i] = is_focal                           ? 1.0 / prior.focal_sigma
+                          : i >= state.first_principal_point ? 1.0 / prior.principal_point_sigma_px
+                                                             : DistortionPrecision(camera, k);
+  }
+  return result;
+}
+
+}  // namespace cairn

@@ -1,0 +1,463 @@
+#include "bundle_adjustment/large_bundle.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "bundle_adjustment/camera_system.h"
+#include "bundle_adjustment/intrinsics_prior.h"
+#include "bundle_adjustment/reprojection_cost.h"
+#include "cairn/base/parallel.h"
+
+namespace cairn {
+namespace {
+
+constexpr int64_t kPointsPerTask = 1024;
+constexpr int64_t kImagesPerTask = 4;
+
+struct BundleObservation {
+  Eigen::Vector2d pixel;
+  float precision;
+  int image;
+};
+
+// Those of points in front of their cameras.
+struct BundleObservations {
+  std::vector<BundleObservation> all;  // point by point, of each in the order of images
+  std::vector<int> begin{0};           // of each point
+  std::vector<int> point_of;           // of each observation
+  std::vector<std::vector<int>> of_image;
+
+  int NumPoints() const { return static_cast<int>(begin.size()) - 1; }
+};
+
+BundleObservations CollectObservations(const Reconstruction& reconstruction) {
+  std::map<image_t, int> index_of;
+  for (const auto& [id, image] : reconstruction.images) {
+    index_of.emplace(id, static_cast<int>(index_of.size()));
+  }
+  BundleObservations result;
+  result.all.reserve(reconstruction.NumObservations());
+  result.of_image.resize(index_of.size());
+  for (const auto& [id, point] : reconstruction.points3D) {
+    for (const TrackElement& element : point.track) {
+      const RegisteredImage& image = reconstruction.images.at(element.image_id);
+      if (!reconstruction.CameraOf(image).ImgFromRay(image.cam_from_world * point.xyz)) continue;
+      const float sigma_px = image.sigmas_px.empty() ? 1.0F : image.sigmas_px[element.point2D];
+      result.all.push_back(
+          {image.points2D[element.point2D], 1.0F / sigma_px, index_of.at(element.image_id)});
+    }
+    std::sort(result.all.begin() + result.begin.back(), result.all.end(),
+              [](const auto& a, const auto& b) { return a.image < b.image; });
+    result.point_of.resize(result.all.size(), result.NumPoints());
+    result.begin.push_back(static_cast<int>(result.all.size()));
+  }
+  for (size_t k = 0; k < result.all.size(); ++k) {
+    result.of_image[result.all[k].image].push_back(static_cast<int>(k));
+  }
+  return result;
+}
+
+// As CameraSystem takes them.
+std::vector<std::vector<int>> ImagesSeenTogether(const BundleObservations& observations,
+                                                 int num_threads) {
+  std::vector<std::vector<int>> columns(observations.of_image.size());
+  std::vector<std::vector<int>> found_for(EffectiveNumThreads(num_threads));  // by worker
+  const auto find = [&](int worker, int64_t row) {
+    const auto i = static_cast<int>(row);
+    std::vector<int>& found = found_for[worker];
+    found.resize(columns.size(), -1);
+    found[i] = i;
+    columns[i].push_back(i);
+    for (const int a : observations.of_image[i]) {
+      for (int b = a + 1; b < observations.begin[observations.point_of[a] + 1]; ++b) {
+        const int j = observations.all[b].image;
+        if (std::exchange(found[j], i) != i) columns[i].push_back(j);
+      }
+    }
+    std::sort(columns[i].begin(), columns[i].end());
+  };
+  ParallelForWorker(num_threads, static_cast<int64_t>(columns.size()), find, kImagesPerTask);
+  return columns;
+}
+
+std::vector<int> CamerasOfImages(BundleState& bundle) {
+  std::vector<int> cameras;
+  for (const PoseState& pose : bundle.poses()) {
+    cameras.push_back(static_cast<int>(pose.intrinsics - bundle.intrinsics().data()));
+  }
+  return cameras;
+}
+
+// Half of the loss, and the weight by which it acts on squares (Triggs et al., "Bundle adjustment -
+// a modern synthesis", 2000, without the second derivative, as Ceres where the loss flattens).
+std::pair<double, double> RobustCost(const ceres::LossFunction* loss, double squared_error) {
+  if (loss == nullptr) return {0.5 * squared_error, 1.0};
+  std::array<double, 3> rho{};
+  loss->Evaluate(squared_error, rho.data());
+  return {0.5 * rho[0], rho[1]};
+}
+
+// A problem for Minimize (math/levenberg_marquardt.h). kPose: 6, or 3 where rotations stay;
+// kIntrinsics: no camera has more that are free. What is not free has zeros in the Jacobian.
+template <int kPose, int kIntrinsics>
+class LargeBundle {
+ public:
+  static constexpr int kBlock = kPose + kIntrinsics;
+  using System = CameraSystem<kPose, kIntrinsics>;
+  using State = Eigen::VectorXd;  // CameraSystem's unknowns, then the points
+  struct Model {
+    double cost = 0;
+    Eigen::VectorXd gradient;
+    State state;
+    int number = 0;  // of the linearization
+  };
+
+  LargeBundle(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
+              const ceres::LossFunction* loss, const RunContext& run, BundleState& bundle)
+      : scope_(scope),
+        loss_(loss),
+        run_(run),
+        bundle_(bundle),
+        observations_(CollectObservations(reconstruction)),
+        system_(ImagesSeenTogether(observations_, run.num_threads), CamerasOfImages(bundle),
+                static_cast<int>(bundle.intrinsics().size()), run.num_threads),
+        linear_(observations_.all.size()),
+        inverse_(observations_.NumPoints()) {
+    for (const auto& [id, image] : reconstruction.images) {
+      pose_is_free_.push_back(scope.fixed_images.count(id) == 0);
+    }
+    for (const auto& [id, camera] : reconstruction.cameras) {
+      const auto prior = scope.priors.find(id);
+      const IntrinsicsState& intrinsics = bundle.Intrinsics(id);
+      if (prior == scope.priors.end() || intrinsics.num_free == 0) continue;
+      const FreeIntrinsicsPrior of_free = PriorOfFree(camera, prior->second, intrinsics);
+      const auto index = static_cast<int>(&intrinsics - bundle.intrinsics().data());
+      priors_.push_back({system_.IntrinsicsAt(index), of_free.mean, of_free.precision, nullptr});
+    }
+    for (const auto& [id, prior] : scope.image_positions) {
+      if (reconstruction.images.count(id) == 0 || scope.fixed_images.count(id) > 0) continue;
+      const auto index = static_cast<int>(&bundle.Pose(id) - bundle.poses().data());
+      priors_.push_back(
+          {system_.PoseAt(index) + kPose - 3, prior.position, prior.precision, &position_loss_});
+    }
+  }
+
+  const BundleObservations& observations() const { return observations_; }
+
+  State Start() {
+    State x = State::Zero(system_.NumUnknowns() + 3 * static_cast<Eigen::Index>(inverse_.size()));
+    ForEachBlock([&](Eigen::Index at, double* block, int size) {
+      x.segment(at, size) = Eigen::Map<const Eigen::VectorXd>(block, size);
+    });
+    return x;
+  }
+  void SetState(const State& x) {
+    ForEachBlock([&](Eigen::Index at, double* block, int size) {
+      Eigen::Map<Eigen::VectorXd>(block, size) = x.segment(at, size);
+    });
+    bundle_.PrepareForEvaluation(true, true);
+  }
+
+  State Moved(const State& state, const Eigen::VectorXd& step) const { return state + step; }
+  double Cost(const State& state) { return Evaluate(state, nullptr); }
+
+  Model Linearize(const State& state) {
+    Model model;
+    model.state = state;
+    model.cost = Evaluate(state, &model.gradient);
+    model.number = number_ = ++last_number_;
+    return model;
+  }
+
+  bool Solve(const Model& model, double damping, Eigen::VectorXd* step) {
+    if (run_.monitor.StopRequested()) return false;
+    if (model.number != number_) {  // what is there is of a step that was not taken
+      Evaluate(model.state, step);
+      number_ = model.number;
+    }
+    InvertPoints(damping);
+    const Eigen::VectorXd right = FormSystem(model.gradient);
+    const Eigen::VectorXd cameras = system_.Solve(DampedDiagonal(damping), right);
+    step->resize(model.gradient.size());
+    step->head(cameras.size()) = cameras;
+    FindPoints(model.gradient, *step);
+    return step->allFinite();
+  }
+
+ private:
+  // An observation's residual and its derivatives, weighed by the loss. They are rounded once, and
+  // what is computed from them is exact for the rounded ones.
+  struct Linear {
+    Eigen::Matrix<float, 2, kBlock, Eigen::RowMajor> by_camera;
+    Eigen::Matrix<float, 2, 3, Eigen::RowMajor> by_point;
+    Eigen::Vector2f residual;
+  };
+  using Image = Eigen::Matrix<double, kBlock, 1>;
+
+  Eigen::Index PointAt(int64_t p) const { return system_.NumUnknowns() + 3 * p; }
+
+  // Of each parameter block: where it stands in a vector of all, where in the state, and its size.
+  void ForEachBlock(const std::function<void(Eigen::Index, double*, int)>& fn) {
+    for (int i = 0; i < system_.NumImages(); ++i) {
+      fn(system_.PoseAt(i), bundle_.poses()[i].block.data() + 6 - kPose, kPose);
+    }
+    for (int c = 0; c < static_cast<int>(bundle_.intrinsics().size()); ++c) {
+      IntrinsicsState& intrinsics = bundle_.intrinsics()[c];
+      fn(system_.IntrinsicsAt(c), intrinsics.free.data(), intrinsics.num_free);
+    }
+    for (int p = 0; p < observations_.NumPoints(); ++p)
+      fn(PointAt(p), bundle_.points()[p].data(), 3);
+  }
+
+  // The cost, and with a gradient everything that Solve takes.
+  double Evaluate(const State& state, Eigen::VectorXd* gradient) {
+    SetState(state);
+    if (gradient) gradient->setZero(state.size());
+    const int64_t num_points = observations_.NumPoints();
+    std::vector<double> costs((num_points + kPointsPerTask - 1) / kPointsPerTask);
+    ParallelFor(run_.num_threads, static_cast<int64_t>(costs.size()), [&](int64_t task) {
+      const int64_t end = std::min(num_points, (task + 1) * kPointsPerTask);
+      for (int64_t p = task * kPointsPerTask; p < end; ++p) {
+        for (int k = observations_.begin[p]; k < observations_.begin[p + 1]; ++k) {
+          costs[task] += EvaluateOne(k, gradient != nullptr);
+          if (!gradient) continue;
+          gradient->segment<3>(PointAt(p)) +=
+              linear_[k].by_point.template cast<double>().transpose() *
+              linear_[k].residual.template cast<double>();
+        }
+      }
+    });
+    double cost = 0;
+    for (const double part : costs) cost += part;
+    if (gradient) SumUpCameras(*gradient);
+    return cost + EvaluatePriors(state, gradient);
+  }
+
+  double EvaluatePriors(const State& state, Eigen::VectorXd* gradient) {
+    double cost = 0;
+    if (gradient) of_priors_.setZero(system_.NumUnknowns());
+    for (const Prior& prior : priors_) {
+      const Eigen::Index n = prior.mean.size();
+      const Eigen::VectorXd error =
+          prior.precision.cwiseProduct(state.segment(prior.at, n) - prior.mean);
+      const auto [half_rho, weight] = RobustCost(prior.loss, error.squaredNorm());
+      cost += half_rho;
+      if (!gradient) continue;
+      gradient->segment(prior.at, n) += weight * prior.precision.cwiseProduct(error);
+      of_priors_.segment(prior.at, n) = weight * prior.precision.cwiseAbs2();
+    }
+    return cost;
+  }
+
+  // Its cost; NaN where its camera does not see the point.
+  double EvaluateOne(int k, bool with_derivatives) {
+    const BundleObservation& observation = observations_.all[k];
+    const PoseState& pose = bundle_.poses()[observation.image];
+    const bool is_free = pose_is_free_[observation.image];
+    const Reprojection reprojection{
+        &pose,
+        &bundle_.points()[observations_.point_of[k]],
+        observation.pixel,
+        observation.precision,
+        {.point = true, .rotation = is_free && kPose == 6, .position = is_free}};
+    Eigen::Vector2d residual;
+    Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
+    Eigen::Matrix<double, 2, kPose, Eigen::RowMajor> by_pose;
+    std::array<double, 2 * IntrinsicsState::kMaxParams> by_intrinsics;
+    std::array<double*, 3> jacobians{by_point.data(), by_pose.data(), by_intrinsics.data()};
+    if (!is_free) jacobians[1] = by_intrinsics.data();
+    if (!reprojection.Evaluate(residual.data(), with_derivatives ? jacobians.data() : nullptr)) {
+      return std::numeric_limits<double>::quiet_NaN();
+    }
+    const auto [cost, squared_weight] = RobustCost(loss_, residual.squaredNorm());
+    if (!with_derivatives) return cost;
+    const double weight = std::sqrt(squared_weight);
+    Linear& linear = linear_[k];
+    linear.residual = (weight * residual).template cast<float>();
+    linear.by_point = (weight * by_point).template cast<float>();
+    linear.by_camera.setZero();
+    if (is_free)
+      linear.by_camera.template leftCols<kPose>() = (weight * by_pose).template cast<float>();
+    const int num_free = pose.intrinsics->num_free;
+    for (int row = 0; row < 2; ++row) {
+      for (int column = 0; column < num_free; ++column) {
+        linear.by_camera(row, kPose + column) =
+            static_cast<float>(weight * by_intrinsics[row * num_free + column]);
+      }
+    }
+    return cost;
+  }
+
+  // Gradient and diagonal of the normal equations, of poses and intrinsics.
+  void SumUpCameras(Eigen::VectorXd& gradient) {
+    Eigen::Matrix<double, kBlock, Eigen::Dynamic> slopes(kBlock, system_.NumImages());
+    Eigen::Matrix<double, kBlock, Eigen::Dynamic> curvatures(kBlock, system_.NumImages());
+    const auto sum_up = [&](int64_t i) {
+      Image slope = Image::Zero(), curvature = Image::Zero();
+      for (const int k : observations_.of_image[i]) {
+        const auto J = linear_[k].by_camera.template cast<double>();
+        slope += J.transpose() * linear_[k].residual.template cast<double>();
+        curvature += J.colwise().squaredNorm().transpose();
+      }
+      slopes.col(i) = slope;
+      curvatures.col(i) = curvature;
+    };
+    ParallelFor(run_.num_threads, system_.NumImages(), sum_up, kImagesPerTask);
+    curvature_.setZero(system_.NumUnknowns());
+    system_.Gather(slopes, gradient);
+    system_.Gather(curvatures, curvature_);
+  }
+
+  // What is added to the diagonal. Without curvature an unknown stays.
+  Eigen::VectorXd DampedDiagonal(double damping) const {
+    const Eigen::ArrayXd curvature = curvature_ + of_priors_;
+    return (curvature > 0).select(damping * curvature + of_priors_.array(), 1.0);
+  }
+
+  void InvertPoints(double damping) {
+    const auto invert = [&](int64_t p) {
+      Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+      for (int k = observations_.begin[p]; k < observations_.begin[p + 1]; ++k) {
+        const Eigen::Matrix<double, 2, 3> J = linear_[k].by_point.template cast<double>();
+        H += J.transpose() * J;
+      }
+      for (int i = 0; i < 3; ++i) H(i, i) += H(i, i) > 0 ? damping * H(i, i) : 1.0;
+      inverse_[p] = H.inverse();
+    };
+    ParallelFor(run_.num_threads, observations_.NumPoints(), invert, kPointsPerTask);
+  }
+
+  // The cameras' system, and its right-hand side.
+  Eigen::VectorXd FormSystem(const Eigen::VectorXd& gradient) {
+    Eigen::Matrix<double, kBlock, Eigen::Dynamic> rights(kBlock, system_.NumImages());
+    std::vector<std::vector<int64_t>> block_of(EffectiveNumThreads(run_.num_threads));
+    const auto form = [&](int worker, int64_t i) {
+      block_of[worker].resize(system_.NumImages());
+      rights.col(i) = FormRow(static_cast<int>(i), gradient, block_of[worker]);
+    };
+    ParallelForWorker(run_.num_threads, system_.NumImages(), form, kImagesPerTask);
+    Eigen::VectorXd right = -gradient.head(system_.NumUnknowns());
+    system_.Gather(rights, right);
+    return right;
+  }
+
+  // Fills an image's row; what the points add to its right-hand side. block_of: scratch, of images.
+  Image FormRow(int i, const Eigen::VectorXd& gradient, std::vector<int64_t>& block_of) {
+    for (int64_t k = system_.RowBegin(i); k < system_.RowEnd(i); ++k) {
+      block_of[system_.Column(k)] = k;
+      system_.BlockAt(k).setZero();
+    }
+    Image right = Image::Zero();
+    for (const int a : observations_.of_image[i]) {
+      const int p = observations_.point_of[a];
+      const Eigen::Matrix<double, 2, kBlock> J = linear_[a].by_camera.template cast<double>();
+      const Eigen::Matrix<double, 2, 3> Q =
+          linear_[a].by_point.template cast<double>() * inverse_[p];
+      right += J.transpose() * (Q * gradient.segment<3>(PointAt(p)));
+      system_.BlockAt(system_.RowBegin(i)) += J.transpose() * J;
+      int b = a;
+      while (b > observations_.begin[p] && observations_.all[b - 1].image == i) --b;
+      for (; b < observations_.begin[p + 1]; ++b) {
+        const Eigen::Matrix2d M = Q * linear_[b].by_point.transpose().template cast<double>();
+        SubtractProduct(J, M * linear_[b].by_camera.template cast<double>(),
+                        system_.BlockAt(block_of[observations_.all[b].image]));
+      }
+    }
+    return right;
+  }
+
+  // block -= J^T T. Most of the time goes here.
+  static void SubtractProduct(const Eigen::Matrix<double, 2, kBlock>& J,
+                              const Eigen::Matrix<double, 2, kBlock, Eigen::RowMajor>& T,
+                              typename System::Block& block) {
+    for (int row = 0; row < kBlock; ++row) {
+      block.row(row) -= J(0, row) * T.row(0) + J(1, row) * T.row(1);
+    }
+  }
+
+  // The points' part of a step, from that of the cameras.
+  void FindPoints(const Eigen::VectorXd& gradient, Eigen::VectorXd& step) const {
+    const auto images = system_.Spread(step);
+    const auto find = [&](int64_t p) {
+      Eigen::Vector3d right = gradient.segment<3>(PointAt(p));
+      for (int k = observations_.begin[p]; k < observations_.begin[p + 1]; ++k) {
+        const Eigen::Vector2d moved =
+            linear_[k].by_camera.template cast<double>() * images.col(observations_.all[k].image);
+        right += linear_[k].by_point.transpose().template cast<double>() * moved;
+      }
+      step.segment<3>(PointAt(p)) = -inverse_[p] * right;
+    };
+    ParallelFor(run_.num_threads, observations_.NumPoints(), find, kPointsPerTask);
+  }
+
+  const BundleAdjustmentScope& scope_;
+  const ceres::LossFunction* loss_;
+  const RunContext& run_;
+  BundleState& bundle_;
+  BundleObservations observations_;
+  System system_;
+  std::vector<Linear> linear_;
+  std::vector<Eigen::Matrix3d> inverse_;  // of the points' blocks
+  Eigen::VectorXd curvature_;             // of the unknowns of cameras, by the observations
+  std::vector<char> pose_is_free_;
+  ceres::HuberLoss position_loss_{kPositionLossScale};
+  struct Prior {
+    Eigen::Index at;  // of the first of its unknowns
+    Eigen::VectorXd mean, precision;
+    const ceres::LossFunction* loss;
+  };
+  std::vector<Prior> priors_;
+  Eigen::VectorXd of_priors_;  // what they add to the normal equations' diagonal
+  int number_ = 0;             // of the linearization in linear_
+  int last_number_ = 0;
+};
+
+template <int kPose, int kIntrinsics>
+LargeBundleReport Adjust(const LevenbergMarquardtOptions& options,
+                         const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
+                         const ceres::LossFunction* loss, const RunContext& run,
+                         BundleState& bundle) {
+  LargeBundle<kPose, kIntrinsics> problem(scope, reconstruction, loss, run, bundle);
+  LargeBundleReport report;
+  report.num_observations = static_cast<int64_t>(problem.observations().all.size());
+  for (int p = 0; p < problem.observations().NumPoints(); ++p) {
+    report.num_points += problem.observations().begin[p] < problem.observations().begin[p + 1];
+  }
+  Eigen::VectorXd state = problem.Start();
+  report.initial_cost = problem.Cost(state);
+  report.solution = Minimize(problem, options, &state);
+  problem.SetState(state);
+  return report;
+}
+
+}  // namespace
+
+bool SuitsLargeBundle(const BundleAdjustmentScope& scope) {
+  const bool has_intrinsics = scope.focal_lengths || scope.distortions || scope.principal_points;
+  return scope.points && scope.positions && (scope.rotations || !has_intrinsics) &&
+         scope.surveyed_points.empty();
+}
+
+LargeBundleReport AdjustLargeBundle(const LevenbergMarquardtOptions& options,
+                                    const BundleAdjustmentScope& scope,
+                                    const Reconstruction& reconstruction,
+                                    const ceres::LossFunction* loss, const RunContext& run,
+                                    BundleState& bundle) {
+  if (!scope.rotations) return Adjust<3, 1>(options, scope, reconstruction, loss, run, bundle);
+  int num_free = 0;
+  for (const IntrinsicsState& intrinsics : bundle.intrinsics()) {
+    num_free = std::max(num_free, intrinsics.num_free);
+  }
+  return num_free <= 4
+             ? Adjust<6, 4>(options, scope, reconstruction, loss, run, bundle)
+             : Adjust<6, kMaxCameraParams>(options, scope, reconstruction, loss, run, bundle);
+}
+
+}  // namespace cairn

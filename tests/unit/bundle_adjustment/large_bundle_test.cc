@@ -1,0 +1,135 @@
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "support/synthetic_reconstruction.h"
+#include "unit/bundle_adjustment/perturbed.h"
+
+// Conjugate gradients on the cameras' system, formed row by row: what kIterativeSchur stands for
+// where images see few points together.
+namespace cairn {
+namespace {
+
+using testing_support::kOneThread;
+using testing_support::MakeSyntheticScene;
+using testing_support::Perturbed;
+using testing_support::Precise;
+
+BundleAdjustmentOptions With(BundleSolver solver) {
+  BundleAdjustmentOptions options = Precise();
+  options.solver = solver;
+  return options;
+}
+
+// Largest differences of the poses, of the intrinsics (relative) and of the points.
+double LargestDifference(const Reconstruction& a, const Reconstruction& b) {
+  double largest = 0;
+  for (const auto& [id, image] : a.images) {
+    const Rigid3d& other = b.images.at(id).cam_from_world;
+    largest = std::max({largest, (image.cam_from_world.translation - other.translation).norm(),
+                        image.cam_from_world.rotation.angularDistance(other.rotation)});
+  }
+  for (const auto& [id, camera] : a.cameras) {
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      const double value = b.cameras.at(id).params[k];
+      largest = std::max(largest, std::abs(camera.params[k] - value) / (1 + std::abs(value)));
+    }
+  }
+  for (const auto& [id, point] : a.points3D) {
+    largest = std::max(largest, (point.xyz - b.points3D.at(id).xyz).norm());
+  }
+  return largest;
+}
+
+struct ScopeCase {
+  std::string name;
+  std::function<void(const Reconstruction&, BundleAdjustmentScope&)> change;
+  CameraModel model = CameraModel::kSimpleRadial;
+};
+
+std::vector<ScopeCase> ScopeCases() {
+  const auto everything = [](const Reconstruction& model, BundleAdjustmentScope& scope) {
+    scope.focal_lengths = scope.distortions = scope.principal_points = true;
+    for (const auto& [id, camera] : model.cameras) {
+      scope.priors[id] = {camera.params, 0.1, 10};
+      scope.priors[id].params[0] *= 1.05;
+    }
+  };
+  return {{"poses and points", [](auto&, auto&) {}},
+          {"positions alone", [](auto&, auto& scope) { scope.rotations = false; }},
+          {"intrinsics with priors", everything},
+          {"intrinsics of many parameters", everything, CameraModel::kFullOpenCV},
+          {"a constant camera",
+           [&](const auto& model, auto& scope) {
+             scope.focal_lengths = true;
+             scope.fixed_cameras = {model.cameras.begin()->first};
+           }},
+          {"positions that are known, one wrong", [](const auto& model, auto& scope) {
+             for (const auto& [id, image] : model.images) {
+               scope.image_positions[id] = {image.cam_from_world.Center(), {10, 10, 10}};
+             }
+             scope.image_positions.at(2).position.x() += 5;
+           }}};
+}
+
+TEST(LargeBundle, EndsWhereCeresEnds) {
+  for (const ScopeCase& of : ScopeCases()) {
+    for (const bool shared : {true, false}) {
+      const Reconstruction truth = MakeSyntheticScene({.num_images = 12,
+                                                       .num_points = 300,
+                                                       .noise_px = 0.5,
+                                                       .outlier_share = 0.02,
+                                                       .model = of.model,
+                                                       .shared_camera = shared})
+                                       .truth;
+      BundleAdjustmentScope scope;
+      of.change(truth, scope);
+      scope.fixed_images = {1, 6};  // the gauge
+      const Reconstruction start = Perturbed(truth, {0.005, 0.02, 0.02});
+      Reconstruction large = start, dense = start;
+      for (const image_t id : scope.fixed_images) {
+        large.images.at(id).cam_from_world = dense.images.at(id).cam_from_world =
+            truth.images.at(id).cam_from_world;
+      }
+      const auto report =
+          AdjustBundle(large, scope, With(BundleSolver::kIterativeSchur), kOneThread);
+      const auto reference =
+          AdjustBundle(dense, scope, With(BundleSolver::kDenseSchur), kOneThread);
+      EXPECT_EQ(report.status, BundleAdjustmentStatus::kConverged) << of.name;
+      EXPECT_EQ(report.num_observations, reference.num_observations);
+      EXPECT_NEAR(report.initial_rmse, reference.initial_rmse, 1e-9 * reference.initial_rmse);
+      EXPECT_NEAR(report.final_rmse, reference.final_rmse, 1e-7) << of.name;
+      EXPECT_LT(LargestDifference(large, dense), 1e-3) << of.name << shared;
+    }
+  }
+}
+
+TEST(LargeBundle, IsEqualForAnyNumberOfThreads) {
+  const Reconstruction truth =
+      MakeSyntheticScene({.num_images = 20, .num_points = 3000, .noise_px = 0.5}).truth;
+  BundleAdjustmentScope scope;
+  scope.focal_lengths = scope.distortions = true;
+  Reconstruction one = Perturbed(truth, {}), three = one;
+  BundleAdjustmentOptions options = With(BundleSolver::kIterativeSchur);
+  options.max_iterations = 5;
+  AdjustBundle(one, scope, options, kOneThread);
+  AdjustBundle(three, scope, options, {.num_threads = 3});
+  EXPECT_EQ(LargestDifference(one, three), 0);
+}
+
+TEST(LargeBundle, StopsWhenAsked) {
+  class Stopper : public ProgressMonitor {
+   public:
+    bool StopRequested() const override { return true; }
+  } stopper;
+  Reconstruction model = Perturbed(MakeSyntheticScene({}).truth, {});
+  EXPECT_EQ(AdjustBundle(model, {}, With(BundleSolver::kIterativeSchur),
+                         {.num_threads = 1, .monitor = stopper})
+                .status,
+            BundleAdjustmentStatus::kStopped);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,110 @@
+// Turntables in front of a background that stays, and marks over photographs.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "cairn/base/rng.h"
+#include "reconstruct_fixture.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+constexpr int kNumMarks = 15;
+
+// Ten photographs of a scene; the first num_marked of them show marks at the same pixels, which
+// were matched, and verification rejected.
+Database MakeMarkedDatabase(int num_marked) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  Database database = MakeDatabase(scene);
+  Rng rng(1);
+  std::vector<Keypoint> marks(kNumMarks);
+  for (Keypoint& mark : marks) {
+    mark.x = static_cast<float>(rng.Uniform(20, 600));
+    mark.y = static_cast<float>(rng.Uniform(20, 440));
+  }
+  for (image_t id = 1; id <= static_cast<image_t>(num_marked); ++id) {
+    std::vector<Keypoint> keypoints = scene.keypoints.at(id);
+    for (Keypoint mark : marks) {
+      mark.x += static_cast<float>(0.2 * rng.Gaussian());
+      mark.y += static_cast<float>(0.2 * rng.Gaussian());
+      keypoints.push_back(mark);
+    }
+    database.WriteKeypoints(id, keypoints);
+  }
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    if (id2 > static_cast<image_t>(num_marked)) continue;
+    FeatureMatches matches = database.ReadMatches(pair_id).value();
+    for (size_t k = 0; k < kNumMarks; ++k) {
+      matches.push_back({static_cast<point2D_t>(scene.keypoints.at(id1).size() + k),
+                         static_cast<point2D_t>(scene.keypoints.at(id2).size() + k)});
+    }
+    database.WriteMatches(pair_id, matches);
+  }
+  return database;
+}
+
+std::string Warnings(const ReconstructResult& result) {
+  std::string text;
+  for (const ResultWarning& warning : result.report.warnings) {
+    text += warning.what + " " + warning.advice + "\n";
+  }
+  return text;
+}
+
+TEST(StillParts, AreNamedWithTheWayOut) {
+  const ReconstructResult result = Reconstruct(MakeMarkedDatabase(10));
+  ASSERT_EQ(result.models.size(), 1u);
+  EXPECT_EQ(result.models[0].images.size(), 10u);
+  EXPECT_THAT(Warnings(result), AllOf(HasSubstr("while others move, in 10 of 10 photos"),
+                                      HasSubstr("(15 matches of "), HasSubstr("--mask_path")));
+}
+
+TEST(StillParts, OfFewPhotographsAreNot) {
+  EXPECT_EQ(Warnings(Reconstruct(MakeMarkedDatabase(0))), "");
+  EXPECT_EQ(Warnings(Reconstruct(MakeMarkedDatabase(4))), "");
+}
+
+// As photographs of a video against the next ones: others show that the camera moves.
+TEST(StillParts, PairsAloneAreNot) {
+  Database database = MakeMarkedDatabase(0);
+  for (image_t id = 1; id < 10; ++id) {
+    const image_pair_t pair_id = ImagePairToPairId(id, id + 1);
+    auto geometry = database.ReadTwoViewGeometry(pair_id);
+    if (!geometry) continue;
+    geometry->config = TwoViewConfig::kPanoramic;
+    geometry->cam2_from_cam1 = Rigid3d();
+    database.WriteTwoViewGeometry(pair_id, *geometry);
+  }
+  EXPECT_EQ(Warnings(Reconstruct(database)), "");
+}
+
+// The background has more matches than the object: verification finds that nothing moves.
+TEST(StillParts, ThatOutweighTheObjectAreTheReasonForTheFailure) {
+  Database database = MakeMarkedDatabase(10);
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    geometry.config = TwoViewConfig::kPanoramic;
+    geometry.cam2_from_cam1 = Rigid3d();
+    geometry.inlier_matches = database.ReadMatches(pair_id).value();
+    geometry.inlier_matches.erase(geometry.inlier_matches.begin(),
+                                  geometry.inlier_matches.end() - kNumMarks);  // the marks
+    database.WriteTwoViewGeometry(pair_id, geometry);
+    PairMetrics metrics;  // of our own verification
+    metrics.pair_id = pair_id;
+    metrics.verifier = metrics.step = "test";
+    metrics.is_winner = true;
+    database.WritePairMetrics(metrics);
+  }
+  const ReconstructResult result = Reconstruct(database);
+  EXPECT_TRUE(result.models.empty());
+  EXPECT_THAT(result.report.failure, AllOf(HasSubstr("no_pose"), HasSubstr("--mask_path")));
+  EXPECT_THAT(Warnings(result), HasSubstr("stays still in the picture (10 of 10 photos)"));
+}
+
+}  // namespace
+}  // namespace cairn
