@@ -2,6 +2,8 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <string>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -40,6 +42,19 @@ int64_t IntegerOf(const Json& value) {
   throw Json::type_error::create(302, "a whole number is expected, not " + value.dump(), &value);
 }
 
+// Throws where an edge cannot be one of a view graph, or is there twice.
+void CheckEdges(const ViewGraph& graph, const std::string& path) {
+  const std::set<image_t> images(graph.image_ids.begin(), graph.image_ids.end());
+  std::set<image_pair_t> pairs;
+  for (const ViewEdge& edge : graph.edges) {
+    const image_t id1 = edge.image_id1, id2 = edge.image_id2;
+    const bool has_images = id1 < id2 && images.contains(id1) && images.contains(id2);
+    if (has_images && pairs.insert(edge.PairId()).second) continue;
+    throw IoError(path, "an edge of images " + std::to_string(id1) + " and " + std::to_string(id2) +
+                            (has_images ? " is there twice" : " cannot be"));
+  }
+}
+
 // Reads what ViewGraphToJson wrote.
 ViewGraph ReadViewGraph(const std::string& path) {
   const Json json = ReadJson(path);
@@ -60,6 +75,7 @@ ViewGraph ReadViewGraph(const std::string& path) {
   } catch (const Json::exception& error) {
     throw IoError(path, error.what());
   }
+  CheckEdges(graph, path);
   graph.Normalize();
   return graph;
 }

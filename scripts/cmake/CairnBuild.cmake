@@ -1,6 +1,9 @@
 # Compiler settings, and the helpers that every module, program and test uses.
 include(GNUInstallDirs)
 
+if(CAIRN_SANITIZE)
+  set(CMAKE_BUILD_TYPE Sanitizer)  # without NDEBUG, so that CAIRN_DCHECK is on
+endif()
 if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
   set(CMAKE_BUILD_TYPE Release CACHE STRING "" FORCE)
 endif()
@@ -40,22 +43,29 @@ if(CAIRN_WERROR)
   add_compile_options(-Werror)
 endif()
 if(CAIRN_SANITIZE STREQUAL "address")
-  # Without the checks that double GCC's time; the fuzzers, built by Clang, have them.
-  add_compile_options(-fsanitize=address,undefined -fno-sanitize=null,alignment,object-size,vptr -fno-omit-frame-pointer -g1)
-  add_link_options(-fsanitize=address,undefined)
-elseif(CAIRN_SANITIZE STREQUAL "thread")
-  add_compile_options(-fsanitize=thread -g1)
-  add_link_options(-fsanitize=thread)
-elseif(CAIRN_SANITIZE STREQUAL "fuzzer")
-  # What libFuzzer needs, with the address and undefined sanitizers of Clang; the first finding ends the program.
+  # Address and undefined, and the counters of coverage that guide libFuzzer (tests/fuzz); the first finding ends the program.
+  # Left out are checks that cost most of the time to compile (a kernel of SIMD ten times as much) and say little: of null (a
+  # crash anyway), of objects' sizes and pointers that wrap around (the address sanitizer sees their use), of virtual tables.
+  # -O2, since Clang's -O1 inlines nothing of Eigen and takes as long to compile.
   if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
-    message(FATAL_ERROR "CAIRN_FUZZERS needs -DCMAKE_CXX_COMPILER=clang++")
+    message(FATAL_ERROR "CAIRN_SANITIZE=address needs CXX=clang++; scripts/run_sanitizers sets it")
   endif()
-  add_compile_options(-fsanitize=fuzzer-no-link,address,undefined,float-cast-overflow -fno-sanitize-recover=all
-    -fno-omit-frame-pointer -g1 -Wno-unknown-warning-option)
+  add_compile_options(-O2 -fsanitize=fuzzer-no-link,address,undefined,float-cast-overflow
+    -fno-sanitize=null,object-size,pointer-overflow,vptr -fno-sanitize-recover=all -fno-omit-frame-pointer
+    -Wno-unknown-warning-option)
   add_link_options(-fsanitize=address,undefined,float-cast-overflow)
+elseif(CAIRN_SANITIZE STREQUAL "thread")
+  add_compile_options(-O1 -fsanitize=thread -g1)
+  add_link_options(-fsanitize=thread)
 elseif(CAIRN_SANITIZE)
   message(FATAL_ERROR "CAIRN_SANITIZE is '${CAIRN_SANITIZE}'; use 'address' or 'thread'")
+endif()
+# Modules that read bytes of strangers. All others are without checks of alignment and without what tells the fuzzers which
+# values are compared: both are for parsers, and slow down what computes.
+set(cairn_parsers image depth database io)
+set(cairn_no_parser "")
+if(CAIRN_SANITIZE STREQUAL "address")
+  set(cairn_no_parser -fno-sanitize-coverage=trace-cmp -fno-sanitize=alignment)
 endif()
 
 # cairn_module(NAME SOURCES a.cc ... [KERNELS k.cc ...] [PUBLIC lib ...] [PRIVATE lib ...])
@@ -72,6 +82,9 @@ function(cairn_module name)
     # Shared libraries, Python modules among them, can be made of it; functions are inlined as ever.
     set_target_properties(cairn_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
     target_compile_options(cairn_${name} PRIVATE -fno-semantic-interposition)
+    if(NOT name IN_LIST cairn_parsers)
+      target_compile_options(cairn_${name} PRIVATE ${cairn_no_parser})
+    endif()
   else()
     add_library(cairn_${name} INTERFACE)
     set(scope INTERFACE)
@@ -108,6 +121,7 @@ function(cairn_test name)
   target_compile_definitions(${name} PRIVATE
     CAIRN_SHARED_DIR="${PROJECT_SOURCE_DIR}/../shared" CAIRN_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     CAIRN_BINARY_DIR="${CMAKE_BINARY_DIR}")
+  target_compile_options(${name} PRIVATE ${cairn_no_parser})
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gmock_main)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 120
     PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600)

@@ -37,7 +37,7 @@ std::string HashToHex(uint64_t hash) {
 uint64_t HashFile(const std::string& path) {
   InputFile file(path);
   Hasher hasher;
-  std::vector<char> buffer(1 << 20);
+  std::vector<char> buffer(1 << 16);
   while (const size_t count = file.Read(buffer.data(), buffer.size())) {
     hasher.AddBytes(buffer.data(), count);
   }

@@ -118,11 +118,10 @@ void FuzzDatabaseBlobs(std::string_view input) {
 }
 
 void FuzzDatabaseRows(std::string_view input) {
-  static const MutatedDatabase mutated;
-  const std::string& path = mutated.Mutate(input);
+  static MutatedDatabase mutated;
+  const Database& database = mutated.Mutate(input);
+  ReadTables(database);
   ReadOrRefuse([&] {
-    const Database database(path, Database::Mode::kSnapshot);
-    ReadTables(database);
     for (const Image& image : database.ReadImages()) ReadImageRows(database, image.image_id);
     for (const image_pair_t pair : database.ReadMatchedPairIds()) ReadPairRows(database, pair);
   });

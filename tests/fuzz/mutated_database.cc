@@ -1,10 +1,6 @@
 #include "fuzz/mutated_database.h"
 
-#include <filesystem>
-
 #include "cairn/base/check.h"
-#include "cairn/base/file.h"
-#include "cairn/database/database.h"
 #include "cairn/synthetic/scene.h"
 
 namespace cairn::fuzz {
@@ -21,14 +17,6 @@ SceneOptions SmallScene() {
   options.outlier_ratio = 0.1;
   options.pair_metrics = true;
   return options;
-}
-
-sqlite3* Open(const std::string& path) {
-  sqlite3* connection = nullptr;
-  CAIRN_CHECK_EQ(sqlite3_open(path.c_str(), &connection), SQLITE_OK);
-  sqlite3_exec(connection, "PRAGMA journal_mode = MEMORY; PRAGMA synchronous = OFF;", nullptr,
-               nullptr, nullptr);
-  return connection;
 }
 
 // The first column of all rows, as text.
@@ -90,52 +78,69 @@ void BindChange(sqlite3_stmt* statement, Bytes& bytes, std::string old) {
 
 }  // namespace
 
-MutatedDatabase::MutatedDatabase() : path_(scratch_.path() + "/scene.db") {
+MutatedDatabase::MutatedDatabase() {
+  const std::string path = scratch_.path() + "/scene.db";
   {
-    Database database(path_);
+    Database database(path);
     WriteScene(MakeScene(SmallScene(), 1), SceneContent::kTwoViewGeometries, database);
   }
+  CAIRN_CHECK_EQ(sqlite3_open(path.c_str(), &connection_), SQLITE_OK);
+  Execute("PRAGMA synchronous = OFF; PRAGMA foreign_keys = OFF; ATTACH ':memory:' AS original");
   ReadTables();
-  content_ = ReadFile(path_);
+  for (const Table& table : tables_) {
+    Execute("CREATE TABLE original." + table.name + " AS SELECT * FROM main." + table.name);
+  }
+  database_.emplace(path, Database::Mode::kReadOnly);
+}
+
+void MutatedDatabase::Execute(const std::string& sql) const {
+  CAIRN_CHECK_EQ(sqlite3_exec(connection_, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
 }
 
 void MutatedDatabase::ReadTables() {
-  sqlite3* const connection = Open(path_);
+  const auto column = [&](const std::string& sql) { return Column(connection_, sql); };
   for (const std::string& name :
-       Column(connection, "SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name")) {
-    Table table{name, Column(connection, "SELECT name FROM pragma_table_info('" + name + "')"), {}};
+       column("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name")) {
+    Table table{name, column("SELECT name FROM pragma_table_info('" + name + "')"), {}};
     std::string condition;  // SQL for the one of a row: "key = 1 AND ..."
     for (const std::string& key :
-         Column(connection, "SELECT name FROM pragma_table_info('" + name + "') WHERE pk > 0")) {
+         column("SELECT name FROM pragma_table_info('" + name + "') WHERE pk > 0")) {
       condition += (condition.empty() ? "'" : " || ' AND ") + key + " = ' || quote(" + key + ")";
     }
     if (condition.empty()) continue;  // SQLite's own
-    table.rows = Column(connection, "SELECT " + condition + " FROM " + name + " ORDER BY 1");
+    table.rows = column("SELECT " + condition + " FROM " + name + " ORDER BY 1");
     if (!table.rows.empty()) tables_.push_back(std::move(table));
   }
-  sqlite3_close(connection);
 }
 
-void MutatedDatabase::ChangeValue(sqlite3* connection, const Table& table, Bytes& bytes) const {
+void MutatedDatabase::Restore(Table& table) const {
+  if (!table.is_changed) return;
+  Execute("DELETE FROM main." + table.name);
+  Execute("INSERT INTO main." + table.name + " SELECT * FROM original." + table.name);
+  table.is_changed = false;
+}
+
+void MutatedDatabase::ChangeValue(const Table& table, Bytes& bytes) const {
   const std::string where = " WHERE " + table.rows[bytes.TakeIndex(table.rows.size())];
   const std::string column = table.columns[bytes.TakeIndex(table.columns.size())];
   sqlite3_stmt* statement = nullptr;
   std::string old;
   const std::string read = "SELECT CAST(" + column + " AS BLOB) FROM " + table.name + where;
-  CAIRN_CHECK_EQ(sqlite3_prepare_v2(connection, read.c_str(), -1, &statement, nullptr), SQLITE_OK);
+  CAIRN_CHECK_EQ(sqlite3_prepare_v2(connection_, read.c_str(), -1, &statement, nullptr), SQLITE_OK);
   if (sqlite3_step(statement) == SQLITE_ROW && sqlite3_column_bytes(statement, 0) > 0) {
     old.assign(static_cast<const char*>(sqlite3_column_blob(statement, 0)),
                static_cast<size_t>(sqlite3_column_bytes(statement, 0)));
   }
   sqlite3_finalize(statement);
   const std::string write = "UPDATE OR IGNORE " + table.name + " SET " + column + " = ?1" + where;
-  CAIRN_CHECK_EQ(sqlite3_prepare_v2(connection, write.c_str(), -1, &statement, nullptr), SQLITE_OK);
+  CAIRN_CHECK_EQ(sqlite3_prepare_v2(connection_, write.c_str(), -1, &statement, nullptr),
+                 SQLITE_OK);
   BindChange(statement, bytes, std::move(old));
   sqlite3_step(statement);
   sqlite3_finalize(statement);
 }
 
-void MutatedDatabase::ChangeRow(sqlite3* connection, const Table& table, Bytes& bytes) const {
+void MutatedDatabase::ChangeRow(const Table& table, Bytes& bytes) const {
   const std::string where = " WHERE " + table.rows[bytes.TakeIndex(table.rows.size())];
   const std::string other = " WHERE " + table.rows[bytes.TakeIndex(table.rows.size())];
   const std::string key = table.columns.front();
@@ -143,25 +148,24 @@ void MutatedDatabase::ChangeRow(sqlite3* connection, const Table& table, Bytes& 
                               ? "DELETE FROM " + table.name + where
                               : "UPDATE OR REPLACE " + table.name + " SET " + key + " = (SELECT " +
                                     key + " FROM " + table.name + other + ")" + where;
-  sqlite3_exec(connection, sql.c_str(), nullptr, nullptr, nullptr);
+  sqlite3_exec(connection_, sql.c_str(), nullptr, nullptr, nullptr);
 }
 
-const std::string& MutatedDatabase::Mutate(std::string_view input) const {
-  scratch_.Write("scene.db", content_);
-  sqlite3* const connection = Open(path_);
-  sqlite3_exec(connection, "PRAGMA foreign_keys = OFF; BEGIN;", nullptr, nullptr, nullptr);
+const Database& MutatedDatabase::Mutate(std::string_view input) {
+  Execute("BEGIN");
+  for (Table& table : tables_) Restore(table);
   Bytes bytes(input);
   for (int i = 0; i < kMaxChanges && !bytes.IsEmpty(); ++i) {
-    const Table& table = tables_[bytes.TakeIndex(tables_.size())];
+    Table& table = tables_[bytes.TakeIndex(tables_.size())];
+    table.is_changed = true;
     if (bytes.TakeIndex(8) == 0) {
-      ChangeRow(connection, table, bytes);
+      ChangeRow(table, bytes);
     } else {
-      ChangeValue(connection, table, bytes);
+      ChangeValue(table, bytes);
     }
   }
-  sqlite3_exec(connection, "COMMIT;", nullptr, nullptr, nullptr);
-  sqlite3_close(connection);
-  return path_;
+  Execute("COMMIT");
+  return *database_;
 }
 
 }  // namespace cairn::fuzz

@@ -7,13 +7,12 @@
 namespace cairn::fuzz {
 
 void FuzzReconstruct(std::string_view input) {
-  static const MutatedDatabase mutated;
+  static MutatedDatabase mutated;
   static const Scratch output;
-  const std::string& path = mutated.Mutate(input);
+  const Database& database = mutated.Mutate(input);
   ReconstructSettings settings;
   settings.reconstruct.max_rounds = 1;
   ReadOrRefuse([&] {
-    const Database database(path, Database::Mode::kSnapshot);
     ReconstructResult result = Reconstruct(database, "", settings, {.num_threads = 1});
     WriteReconstructResult(result, output.path(), "");
   });

@@ -61,7 +61,9 @@ int EstimateNumDistinct(const PreparedPair& pair, std::span<const int32_t> match
   const double scale2 = pair.points.focal2_px() / (kOutside * pair.max_error_px);
   // 16 bits a coordinate: cells far outside the image may coincide, which does no harm.
   auto cell = [](double scaled) {
-    return static_cast<uint64_t>(static_cast<int64_t>(std::floor(scaled)) & 0xffff);
+    constexpr double kFar = 1e15;  // an integer holds it; NaN is far, too
+    const double bounded = std::fmax(std::fmin(std::floor(scaled), kFar), -kFar);
+    return static_cast<uint64_t>(static_cast<int64_t>(bounded) & 0xffff);
   };
   if (matches.empty()) return 0;
   std::vector<uint64_t> cells;

@@ -46,7 +46,9 @@ void Resample(const ResamplingOptions& options, Rng* rng, Neighborhood* neighbor
     double best_support = support_before;
     const int count = neighborhood->Sample(options.num_samples, options.effort, rng);
     for (int k = 0; k < count; ++k) best_support = neighborhood->Try(k, best_support);
-    num_stale_rounds = best_support < kGain * support_before ? num_stale_rounds + 1 : 0;
+    // (Where nothing is supported, 0 is no gain over 0.)
+    const bool gains = best_support > support_before && best_support >= kGain * support_before;
+    num_stale_rounds = gains ? 0 : num_stale_rounds + 1;
   }
 }
 

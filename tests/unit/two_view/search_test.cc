@@ -201,7 +201,7 @@ class SearchTest : public ::testing::Test {
     PreparePair(pair.Input(), options, MatchOrder::kByConsensus, &prepared_);
   }
   PreparedPair prepared_;
-  const TwoViewOptions options_;
+  const TwoViewOptions options_{};
 };
 
 TEST_F(SearchTest, ConvergesFromARoughHypothesis) {

@@ -248,7 +248,7 @@ TEST(SpecialPairs, OneOfManyPiecesGivesNoPose) {
     EXPECT_EQ(report.geometry.config, TwoViewConfig::kMultiple) << num_pieces;
     EXPECT_FALSE(report.geometry.cam2_from_cam1.has_value());
   }
-  EXPECT_EQ(VerifyPieces(8, {.min_competing_share = 10.0}).geometry.config,
+  EXPECT_EQ(VerifyPieces(5, {.min_competing_share = 10.0}).geometry.config,
             TwoViewConfig::kCalibrated);
 }
 
