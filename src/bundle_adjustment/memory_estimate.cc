@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "bundle_adjustment/bundle_state.h"
+#include "bundle_adjustment/large_bundle.h"
 #include "bundle_adjustment/reprojection_cost.h"
 #include "bundle_adjustment/schur_solver.h"
 
@@ -23,16 +24,21 @@ constexpr int64_t kBytesPerObservation = sizeof(TrackElement) + sizeof(Reproject
                                          2 * (kPointSize + kPoseSize) * sizeof(double) +
                                          (40 + 2 * kPointer + kMalloc) + 2 * 4 * sizeof(double);
 
-// Point3D in its map with its track; Ceres' parameter block, its entries in two maps and an
-// ordering; its share of a dozen vectors; inverse of its block.
-constexpr int64_t kBytesPerPoint =
-    kMapNode + sizeof(point3D_t) + sizeof(Point3D) + 2 * kMalloc + kPointSize * sizeof(double) +
-    (160 + kMalloc) + 3 * (kMapNode + 2 * kPointer + kMalloc) + 12 * kPointSize * sizeof(double) +
-    2 * kPointSize * kPointSize * sizeof(double);
+// Point3D in its map with its track.
+constexpr int64_t kBytesOfPoint = kMapNode + sizeof(point3D_t) + sizeof(Point3D) + 2 * kMalloc;
 
-// A block of the cameras' system: values with their rows and columns, and its place in a map.
-constexpr int64_t kBytesPerImagePair =
-    kPoseSize * kPoseSize * (sizeof(double) + 2 * sizeof(int32_t)) + 2 * kMapNode + kMalloc;
+// Position; Ceres' parameter block, its entries in two maps and an ordering; its share of a dozen
+// vectors; inverse of its block.
+constexpr int64_t kCeresBytesPerPoint =
+    kPointSize * sizeof(double) + (160 + kMalloc) + 3 * (kMapNode + 2 * kPointer + kMalloc) +
+    12 * kPointSize * sizeof(double) + 2 * kPointSize * kPointSize * sizeof(double);
+
+// As far as they are more than the reconstruction's own, of a large bundle (large_bundle.h).
+// A point: position, inverse of its block, and what it has of the state, the next one, their
+// gradients and a step. A pair of images: a block of pose and up to 6 intrinsics, and its column,
+// once more while they are found.
+constexpr int64_t kLargeBytesPerPoint = (3 + 9 + 7 * 3) * sizeof(double);
+constexpr int64_t kLargeBytesPerImagePair = 12 * 12 * sizeof(double) + 3 * sizeof(int32_t);
 
 constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t) + sizeof(float);
 
@@ -40,15 +46,21 @@ constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t
 
 int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const BundleSize& size) {
   const int64_t rows = kPoseSize * size.num_images;
-  int64_t schur = rows * kPoseSize * static_cast<int64_t>(sizeof(double));
-  if (FormsSchurComplement(size.covisibility)) schur += size.num_image_pairs * kBytesPerImagePair;
   const bool is_iterative =
       SchurSolver(options, size.num_images, size.covisibility) == BundleSolver::kIterativeSchur;
-  // The complement and its factor.
-  if (!is_iterative) schur = 2 * rows * rows * static_cast<int64_t>(sizeof(double)) / 2;
-  return size.num_keypoints * kBytesPerKeypoint + size.num_observations * kBytesPerObservation +
-         size.num_points * kBytesPerPoint + schur +
-         size.num_images * static_cast<int64_t>(sizeof(PoseState));
+  const int64_t reconstruction = size.num_keypoints * kBytesPerKeypoint +
+                                 size.num_images * static_cast<int64_t>(sizeof(PoseState));
+  if (is_iterative && FormsSchurComplement(size.covisibility)) {
+    return reconstruction +
+           size.num_observations *
+               (static_cast<int64_t>(sizeof(TrackElement)) + kLargeBundleObservationBytes) +
+           size.num_points * (kBytesOfPoint + kLargeBytesPerPoint) +
+           size.num_image_pairs * kLargeBytesPerImagePair;
+  }
+  // The diagonal blocks, or the complement and its factor.
+  const int64_t schur = rows * (is_iterative ? kPoseSize : rows) * int64_t{sizeof(double)};
+  return reconstruction + size.num_observations * kBytesPerObservation +
+         size.num_points * (kBytesOfPoint + kCeresBytesPerPoint) + schur;
 }
 
 int64_t MaxBundleObservations(int num_free_intrinsics) {

@@ -16,8 +16,8 @@ struct BundleSize {
 };
 
 // Predicted peak memory, bytes, of a reconstruction of this size (points, tracks, keypoints of the
-// images) while it is adjusted with everything free: cost functions, Jacobian and solver of Ceres.
-// From the sizes of what is allocated; within a fifth of what was measured on 500 to 2,000 images.
+// images) while it is adjusted with everything free: cost functions, Jacobian and solver of Ceres,
+// or a large bundle. From the sizes of what is allocated; within a fifth of what was measured.
 // Sparse and dense Schur complements are taken as full, so they are an upper bound.
 int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const BundleSize& size);
 

@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 #include <malloc.h>
 
+#include <cmath>
 #include <fstream>
 
 #include "base/memory.h"
+#include "bundle_adjustment/schur_solver.h"
 #include "cairn/synthetic/scene.h"
 
 namespace cairn {
@@ -32,8 +34,9 @@ TEST(EstimateBundleBytes, GrowsWithWhatThereIs) {
   paired.num_image_pairs = 1000;
   EXPECT_GT(EstimateBundleBytes(iterative, paired),
             EstimateBundleBytes(iterative, size) + int64_t{1000} * 36 * sizeof(double));
-  paired.covisibility = 100;  // too full to be formed
-  EXPECT_EQ(EstimateBundleBytes(iterative, paired), EstimateBundleBytes(iterative, size));
+  BundleSize full = size;
+  paired.covisibility = full.covisibility = 100;  // it is not formed
+  EXPECT_EQ(EstimateBundleBytes(iterative, paired), EstimateBundleBytes(iterative, full));
   // A full Schur complement of thousands of images, or none at all.
   BundleSize many = size;
   many.num_images = 5000;
@@ -67,24 +70,33 @@ TEST(EstimateBundleBytes, IsWithinThirtyPercentOfWhatIsTaken) {
   scene.max_keypoints = 4000;
   scene.image_noise_px = 0.5;
   const Reconstruction truth = MakeScene(scene, 1).truth;
-  malloc_trim(0);
-  std::ofstream("/proc/self/clear_refs") << "5";
-  const MemoryUse before = ReadMemoryUse();
-  if (before.peak > before.resident + (1 << 22)) GTEST_SKIP() << "the peak cannot be reset";
-  Reconstruction model = truth;
-  BundleAdjustmentOptions options;
-  options.max_iterations = 3;
-  AdjustBundle(model, {}, options, {.num_threads = 1});
-  const auto taken = static_cast<double>(ReadMemoryUse().peak - before.resident);
-  BundleSize size;
-  size.num_images = static_cast<int64_t>(model.images.size());
-  for (const auto& [id, image] : model.images) {
+  BundleSize size{.num_images = scene.num_images,
+                  .num_points = static_cast<int64_t>(truth.points3D.size()),
+                  .num_observations = truth.NumObservations(),
+                  .num_image_pairs = scene.num_images * (scene.num_images + 1) / 2};
+  for (const auto& [id, image] : truth.images) {
     size.num_keypoints += static_cast<int64_t>(image.points2D.size());
   }
-  size.num_points = static_cast<int64_t>(model.points3D.size());
-  size.num_observations = model.NumObservations();
-  ASSERT_GT(taken, 3e7);
-  EXPECT_NEAR(static_cast<double>(EstimateBundleBytes(options, size)) / taken, 1.0, 0.3);
+  for (const auto& [id, point] : truth.points3D) {
+    size.covisibility += std::pow(static_cast<double>(point.track.size()), 2) /
+                         static_cast<double>(size.num_observations);
+  }
+  ASSERT_TRUE(FormsSchurComplement(size.covisibility));
+  for (const BundleSolver solver : {BundleSolver::kAuto, BundleSolver::kIterativeSchur}) {
+    Reconstruction model;
+    malloc_trim(0);
+    std::ofstream("/proc/self/clear_refs") << "5";
+    const MemoryUse before = ReadMemoryUse();
+    if (before.peak > before.resident + (1 << 22)) GTEST_SKIP() << "the peak cannot be reset";
+    model = truth;
+    BundleAdjustmentOptions options;
+    options.max_iterations = 3;
+    options.solver = solver;
+    AdjustBundle(model, {}, options, {.num_threads = 1});
+    const auto taken = static_cast<double>(ReadMemoryUse().peak - before.resident);
+    ASSERT_GT(taken, 3e7);
+    EXPECT_NEAR(static_cast<double>(EstimateBundleBytes(options, size)) / taken, 1.0, 0.3);
+  }
 }
 
 }  // namespace
