@@ -114,15 +114,16 @@ struct BundleAdjustmentReport {
 };
 
 // Minimizes the robust reprojection error, weighed by the observations' precision, over `scope`:
-// Levenberg-Marquardt by Ceres, analytic Jacobians, points eliminated first (Schur complement;
-// Triggs et al., "Bundle adjustment - a modern synthesis", 2000). The seven degrees of freedom of
+// Levenberg-Marquardt by Ceres (thousands of images that see few points together: by a solver of
+// our own), analytic Jacobians, points eliminated first (Schur complement; Triggs et al., "Bundle
+// adjustment - a modern synthesis", 2000). The seven degrees of freedom of
 // the world frame are free (but for what positions tell), since fixing some of them slows
 // convergence; the damping keeps them bounded. Observations that are behind their camera at the
 // start are left out. A prior's distortion coefficients have the standard deviation with which each
 // alone would move a corner of the image as far as lenses differ: from the pinhole's projection to
 // the equidistant one (a fisheye's), and by 3 % of the radius at any field of view. The
 // reconstruction is changed in place: it may be large. One thread gives the same bytes every time;
-// with more the order of sums, and so the last digits, differ from run to run (Ceres). Throws
+// with more the order of Ceres' sums, and so the last digits, differ from run to run. Throws
 // ConfigError for options out of range.
 BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentScope& scope = {},
