@@ -22,14 +22,14 @@ HWY_INLINE void SubtractProductOf(const float* J, const double* M, const float* 
   for (int k = 0; k < kNumVectors; ++k) {
     const V upper = LoadAsDouble(L + k * kLanes), lower = LoadAsDouble(L + kSize + k * kLanes);
     for (int i = 0; i < 2; ++i) {
-      T[i][k] = hn::MulAdd(Const(M[2 * i]), upper, Const(M[2 * i + 1]) * lower);
+      T[i][k] = Const(M[2 * i]) * upper + Const(M[2 * i + 1]) * lower;
     }
   }
   for (int row = 0; row < kSize; ++row) {
     const V upper = Const(J[row]), lower = Const(J[kSize + row]);
     for (int k = 0; k < kNumVectors; ++k) {
       double* p = block + row * kSize + k * kLanes;
-      Store(hn::NegMulAdd(lower, T[1][k], hn::NegMulAdd(upper, T[0][k], Load(p))), p);
+      Store(Load(p) - (upper * T[0][k] + lower * T[1][k]), p);
     }
   }
 }
