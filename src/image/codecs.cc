@@ -1,6 +1,7 @@
 #include "image/codecs.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <opencv2/core/mat.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -36,6 +37,18 @@ Bitmap CopyImage(const cv::Mat& image) {
   return bitmap;
 }
 
+// OpenCV gives files with this mark to GDCM, which ends the program where one is damaged, unless a
+// decoder before has taken them by their first bytes.
+bool IsDicom(std::string_view bytes) {
+  using namespace std::string_view_literals;
+  constexpr size_t kMarkAt = 128;
+  constexpr std::string_view kTakenBefore[] = {"\xFF\xD8\xFF"sv, "\x89PNG\r\n\x1A\n"sv, "BM"sv,
+                                               "II\x2A\0"sv, "MM\0\x2A"sv};
+  return bytes.size() >= kMarkAt + 4 && bytes.substr(kMarkAt, 4) == "DICM" &&
+         std::none_of(std::begin(kTakenBefore), std::end(kTakenBefore),
+                      [&](std::string_view signature) { return bytes.starts_with(signature); });
+}
+
 // A frequent format that OpenCV does not decode, by the first bytes; "": none of them.
 std::string_view UnreadFormat(std::string_view bytes) {
   if (bytes.starts_with("GIF8")) return "GIF";
@@ -50,6 +63,7 @@ cv::Mat DecodeToMat(const std::string& path, std::string_view bytes, int flags) 
   if (bytes.size() > static_cast<size_t>(std::numeric_limits<int>::max())) {
     throw IoError(path, "the file has more than 2 GiB");
   }
+  if (IsDicom(bytes)) throw IoError(path, "DICOM is not read");
   const std::string essential = EssentialPngChunks(bytes);
   if (!essential.empty()) bytes = essential;
   // OpenCV wants a mutable pointer but only reads.
