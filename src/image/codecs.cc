@@ -1,6 +1,7 @@
 #include "image/codecs.h"
 
 #include <algorithm>
+#include <cctype>
 #include <iterator>
 #include <limits>
 #include <opencv2/core/mat.hpp>
@@ -37,19 +38,28 @@ Bitmap CopyImage(const cv::Mat& image) {
   return bitmap;
 }
 
-// OpenCV gives files with this mark to GDCM, which ends the program where one is damaged, unless a
-// decoder before has taken them by their first bytes.
-bool IsDicom(std::string_view bytes) {
+// Is it of a format that is read, by the first bytes by which OpenCV's decoder takes a file? OpenCV
+// has decoders of more formats, which are not for files of strangers (src/UNTRUSTED_DATA.md).
+bool IsOfReadFormat(std::string_view bytes) {
   using namespace std::string_view_literals;
-  constexpr size_t kMarkAt = 128;
-  constexpr std::string_view kTakenBefore[] = {"\xFF\xD8\xFF"sv, "\x89PNG\r\n\x1A\n"sv, "BM"sv,
-                                               "II\x2A\0"sv, "MM\0\x2A"sv};
-  return bytes.size() >= kMarkAt + 4 && bytes.substr(kMarkAt, 4) == "DICM" &&
-         std::none_of(std::begin(kTakenBefore), std::end(kTakenBefore),
-                      [&](std::string_view signature) { return bytes.starts_with(signature); });
+  constexpr std::string_view kSignatures[] = {"\xFF\xD8\xFF"sv, "\x89PNG\r\n\x1A\n"sv, "BM"sv,
+                                              "II\x2A\0"sv,     "MM\0\x2A"sv,  // TIFF and BigTIFF
+                                              "II\x2B\0"sv,     "MM\0\x2B"sv};
+  if (std::any_of(std::begin(kSignatures), std::end(kSignatures),
+                  [&](std::string_view signature) { return bytes.starts_with(signature); })) {
+    return true;
+  }
+  if (bytes.starts_with('P')) {
+    return bytes.size() > 2 && bytes[1] >= '1' && bytes[1] <= '6' &&
+           std::isspace(static_cast<unsigned char>(bytes[2]));
+  }
+  // A WebP file with a damaged header is offered to the other decoders, and GDCM, which ends the
+  // program on damaged files, takes all with this mark at byte 128.
+  return bytes.starts_with("RIFF") && bytes.size() >= 12 && bytes.substr(8, 4) == "WEBP" &&
+         (bytes.size() < 132 || bytes.substr(128, 4) != "DICM");
 }
 
-// A frequent format that OpenCV does not decode, by the first bytes; "": none of them.
+// A frequent format that is not read, by the first bytes; "": none of them.
 std::string_view UnreadFormat(std::string_view bytes) {
   if (bytes.starts_with("GIF8")) return "GIF";
   if (bytes.size() >= 12 && bytes.substr(4, 4) == "ftyp") return "HEIC, AVIF or a video";
@@ -63,21 +73,24 @@ cv::Mat DecodeToMat(const std::string& path, std::string_view bytes, int flags) 
   if (bytes.size() > static_cast<size_t>(std::numeric_limits<int>::max())) {
     throw IoError(path, "the file has more than 2 GiB");
   }
-  if (IsDicom(bytes)) throw IoError(path, "DICOM is not read");
+  if (!IsOfReadFormat(bytes)) {
+    const std::string_view format = UnreadFormat(bytes);
+    throw IoError(path, format.empty() ? "cannot be decoded: not an image, or a damaged one"
+                                       : std::string(format) + " is not read");
+  }
   const std::string essential = EssentialPngChunks(bytes);
   if (!essential.empty()) bytes = essential;
   // OpenCV wants a mutable pointer but only reads.
   const cv::Mat row(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
+  cv::Mat image;
   try {
-    cv::Mat image = cv::imdecode(row, flags);
-    if (!image.empty()) return image;
+    image = cv::imdecode(row, flags);
   } catch (const cv::Exception& exception) {
     ThrowIfOutOfMemory(exception);
     throw IoError(path, "cannot be decoded: " + exception.err);
   }
-  const std::string_view format = UnreadFormat(bytes);
-  if (!format.empty()) throw IoError(path, std::string(format) + " is not read");
-  throw IoError(path, "cannot be decoded: not an image, or a damaged one");
+  if (image.empty()) throw IoError(path, "cannot be decoded: a damaged image");
+  return image;
 }
 
 Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor color) {

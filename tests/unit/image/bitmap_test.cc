@@ -175,6 +175,20 @@ TEST(Bitmap, FormatsThatAreNotReadAreNamed) {
   EXPECT_THAT(ReasonOf(folder / "a.jpg"), HasSubstr("HEIC, AVIF or a video is not read"));
 }
 
+// OpenCV decodes more formats than are read, by libraries that are not for files of strangers.
+TEST(Bitmap, OtherFormatsDoNotReachTheirDecoders) {
+  const TempFolder folder;
+  const std::vector<uint8_t> raster = EncodeImage("a.ras", ".ras", MakeBitmap(40, 30, 3), 90);
+  WriteFileAtomically(folder / "a.jpg", std::string(raster.begin(), raster.end()));
+  EXPECT_THAT(ReasonOf(folder / "a.jpg"), HasSubstr("not an image"));
+  // GDCM looks at this mark alone, and ends the program on a damaged file.
+  for (const std::string_view begin : {"\x89PNG", "RIFF\x10\x10\x10\x10WEBP"}) {
+    WriteFileAtomically(folder / "a.jpg",
+                        std::string(begin) + std::string(128 - begin.size(), '\xE0') + "DICM`");
+    EXPECT_THAT(ReasonOf(folder / "a.jpg"), HasSubstr("not an image"));
+  }
+}
+
 TEST(Bitmap, DamagedHeadersAreReadOrRefused) {
   const TempFolder folder;
   Rng rng(3);
