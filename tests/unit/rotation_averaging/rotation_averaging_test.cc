@@ -9,6 +9,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/synthetic/poses.h"
 #include "cairn/synthetic/view_graph_problem.h"
+#include "support/test_monitor.h"
 #include "unit/rotation_averaging/rotation_test_util.h"
 
 namespace cairn {
@@ -319,9 +320,7 @@ TEST(RotationAveraging, SaysWhenIterationsDidNotSuffice) {
 }
 
 TEST(RotationAveraging, StopsWhenAsked) {
-  struct Stopper : ProgressMonitor {
-    bool StopRequested() const override { return true; }
-  } stopper;
+  TestMonitor stopper(0);
   const RotationAveragingReport report =
       AverageRotations(MakeProblem(20, 80, 2, 0, 1).edges, {}, {.monitor = stopper});
   EXPECT_EQ(report.status, RotationAveragingStatus::kInterrupted);

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "cairn/base/error.h"
+#include "support/test_monitor.h"
 #include "unit/translation_averaging/direction_test_util.h"
 
 namespace cairn {
@@ -257,9 +258,7 @@ TEST(TranslationAveraging, EveryOptionChangesTheResult) {
 }
 
 TEST(TranslationAveraging, StopsWhenAsked) {
-  struct Stopper : ProgressMonitor {
-    bool StopRequested() const override { return true; }
-  } stopper;
+  TestMonitor stopper(0);
   Rng rng(12);
   DirectionScene scene;
   scene.AddCenters(Ring(10));
