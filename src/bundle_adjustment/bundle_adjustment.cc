@@ -342,8 +342,7 @@ BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
   const auto num_images = static_cast<int64_t>(reconstruction.images.size());
   const double covisibility = MeanCovisibility(reconstruction);
   const BundleSolver solver = ChooseSolver(options, scope, num_images, covisibility);
-  const bool is_large = solver == BundleSolver::kIterativeSchur &&
-                        FormsSchurComplement(covisibility) && SuitsLargeBundle(scope);
+  const bool is_large = IsLargeBundle(options, num_images, covisibility) && SuitsLargeBundle(scope);
   BundleAdjustmentReport report = is_large
                                       ? AdjustByRows(options, scope, run, reconstruction)
                                       : AdjustByCeres(options, scope, solver, run, reconstruction);

@@ -145,7 +145,7 @@ Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::Solve(const Eigen::VectorXd& d
 }
 
 template class CameraSystem<3, 1>;
-template class CameraSystem<6, 6>;
-template class CameraSystem<6, 18>;
+template class CameraSystem<6, 4>;
+template class CameraSystem<6, kMaxCameraParams>;
 
 }  // namespace cairn

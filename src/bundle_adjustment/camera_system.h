@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "cairn/camera/camera.h"
+
 namespace cairn {
 
 // The cameras' system of bundle adjustment, the normal equations without the points (Schur
@@ -67,7 +69,7 @@ class CameraSystem {
 };
 
 extern template class CameraSystem<3, 1>;
-extern template class CameraSystem<6, 6>;
-extern template class CameraSystem<6, 18>;
+extern template class CameraSystem<6, 4>;
+extern template class CameraSystem<6, kMaxCameraParams>;
 
 }  // namespace cairn

@@ -10,7 +10,6 @@
 #include <utility>
 #include <vector>
 
-#include "bundle_adjustment/block_kernels.h"
 #include "bundle_adjustment/camera_system.h"
 #include "bundle_adjustment/intrinsics_prior.h"
 #include "bundle_adjustment/reprojection_cost.h"
@@ -200,6 +199,7 @@ class LargeBundle {
     Eigen::Matrix<float, 2, 3, Eigen::RowMajor> by_point;
     Eigen::Vector2f residual;
   };
+  using ByCamera = Eigen::Matrix<double, 2, kBlock, Eigen::RowMajor>;
   using Image = Eigen::Matrix<double, kBlock, 1>;
 
   Eigen::Index PointAt(int64_t p) const { return system_.NumUnknowns() + 3 * p; }
@@ -358,18 +358,20 @@ class LargeBundle {
     Image right = Image::Zero();
     for (const int a : observations_.of_image[i]) {
       const int p = observations_.point_of[a];
+      const ByCamera J = linear_[a].by_camera.template cast<double>();
       const Eigen::Matrix<double, 2, 3> Q =
           linear_[a].by_point.template cast<double>() * inverse_[p];
-      right += linear_[a].by_camera.transpose().template cast<double>() *
-               (Q * gradient.segment<3>(PointAt(p)));
+      right += J.transpose() * (Q * gradient.segment<3>(PointAt(p)));
       int b = a;
       while (b > observations_.begin[p] && observations_.all[b - 1].image == i) --b;
       for (; b < observations_.begin[p + 1]; ++b) {
-        Eigen::Matrix<double, 2, 2, Eigen::RowMajor> M =
-            Q * linear_[b].by_point.transpose().template cast<double>();
+        Eigen::Matrix2d M = Q * linear_[b].by_point.transpose().template cast<double>();
         if (b == a) M -= Eigen::Matrix2d::Identity();
-        SubtractProduct<kBlock>(linear_[a].by_camera.data(), M.data(), linear_[b].by_camera.data(),
-                                system_.BlockAt(block_of[observations_.all[b].image]).data());
+        const ByCamera T = M * linear_[b].by_camera.template cast<double>();
+        typename System::Block& block = system_.BlockAt(block_of[observations_.all[b].image]);
+        for (int row = 0; row < kBlock; ++row) {
+          block.row(row) -= J(0, row) * T.row(0) + J(1, row) * T.row(1);
+        }
       }
     }
     return right;
@@ -448,9 +450,9 @@ LargeBundleReport AdjustLargeBundle(const LevenbergMarquardtOptions& options,
   for (const IntrinsicsState& intrinsics : bundle.intrinsics()) {
     num_free = std::max(num_free, intrinsics.num_free);
   }
-  static_assert(kMaxCameraParams <= 18);
-  return num_free <= 6 ? Adjust<6, 6>(options, scope, reconstruction, loss, run, bundle)
-                       : Adjust<6, 18>(options, scope, reconstruction, loss, run, bundle);
+  return num_free <= 4
+             ? Adjust<6, 4>(options, scope, reconstruction, loss, run, bundle)
+             : Adjust<6, kMaxCameraParams>(options, scope, reconstruction, loss, run, bundle);
 }
 
 }  // namespace cairn

@@ -12,7 +12,7 @@ namespace cairn {
 
 // What LargeBundle keeps of an observation: it as it was, linearized in single precision, and its
 // place in its image's list.
-inline constexpr int64_t kLargeBundleObservationBytes = 24 + 128 + 8;
+inline constexpr int64_t kLargeBundleObservationBytes = 24 + 112 + 8;
 
 struct LargeBundleReport {
   LevenbergMarquardtReport solution;

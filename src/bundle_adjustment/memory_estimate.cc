@@ -35,10 +35,10 @@ constexpr int64_t kCeresBytesPerPoint =
 
 // As far as they are more than the reconstruction's own, of a large bundle (large_bundle.h).
 // A point: position, inverse of its block, and what it has of the state, the next one, their
-// gradients and a step. A pair of images: a block of pose and up to 6 intrinsics, and its column,
+// gradients and a step. A pair of images: a block of pose and up to 4 intrinsics, and its column,
 // once more while they are found.
 constexpr int64_t kLargeBytesPerPoint = (3 + 9 + 7 * 3) * sizeof(double);
-constexpr int64_t kLargeBytesPerImagePair = 12 * 12 * sizeof(double) + 3 * sizeof(int32_t);
+constexpr int64_t kLargeBytesPerImagePair = 10 * 10 * sizeof(double) + 3 * sizeof(int32_t);
 
 constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t) + sizeof(float);
 
@@ -46,11 +46,9 @@ constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t
 
 int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const BundleSize& size) {
   const int64_t rows = kPoseSize * size.num_images;
-  const bool is_iterative =
-      SchurSolver(options, size.num_images, size.covisibility) == BundleSolver::kIterativeSchur;
   const int64_t reconstruction = size.num_keypoints * kBytesPerKeypoint +
                                  size.num_images * static_cast<int64_t>(sizeof(PoseState));
-  if (is_iterative && FormsSchurComplement(size.covisibility)) {
+  if (IsLargeBundle(options, size.num_images, size.covisibility)) {
     return reconstruction +
            size.num_observations *
                (static_cast<int64_t>(sizeof(TrackElement)) + kLargeBundleObservationBytes) +
@@ -58,13 +56,18 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
            size.num_image_pairs * kLargeBytesPerImagePair;
   }
   // The diagonal blocks, or the complement and its factor.
+  const bool is_iterative =
+      SchurSolver(options, size.num_images, size.covisibility) == BundleSolver::kIterativeSchur;
   const int64_t schur = rows * (is_iterative ? kPoseSize : rows) * int64_t{sizeof(double)};
   return reconstruction + size.num_observations * kBytesPerObservation +
          size.num_points * (kBytesOfPoint + kCeresBytesPerPoint) + schur;
 }
 
-int64_t MaxBundleObservations(int num_free_intrinsics) {
-  return std::numeric_limits<int>::max() / (2 * (kPointSize + kPoseSize + num_free_intrinsics));
+int64_t MaxBundleObservations(const BundleAdjustmentOptions& options, const BundleSize& size,
+                              int num_free_intrinsics) {
+  const int64_t most = std::numeric_limits<int>::max();
+  if (IsLargeBundle(options, size.num_images, size.covisibility)) return most;
+  return most / (2 * (kPointSize + kPoseSize + num_free_intrinsics));
 }
 
 }  // namespace cairn

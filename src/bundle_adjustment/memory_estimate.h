@@ -12,7 +12,7 @@ struct BundleSize {
   int64_t num_points = 0;
   int64_t num_observations = 0;
   double covisibility = 0;      // images that see an observation's point, on average
-  int64_t num_image_pairs = 0;  // that see a point together; only where FormsSchurComplement
+  int64_t num_image_pairs = 0;  // that see a point together; only of a large bundle
 };
 
 // Predicted peak memory, bytes, of a reconstruction of this size (points, tracks, keypoints of the
@@ -21,8 +21,10 @@ struct BundleSize {
 // Sparse and dense Schur complements are taken as full, so they are an upper bound.
 int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const BundleSize& size);
 
-// The most observations that Ceres can adjust with so many free intrinsics of a camera: it counts
-// the entries of the Jacobian (two rows an observation, of point, pose and intrinsics) by int.
-int64_t MaxBundleObservations(int num_free_intrinsics);
+// The most observations that can be adjusted with so many free intrinsics of a camera: Ceres counts
+// the entries of the Jacobian (two rows an observation, of point, pose and intrinsics) by int, a
+// large bundle the observations.
+int64_t MaxBundleObservations(const BundleAdjustmentOptions& options, const BundleSize& size,
+                              int num_free_intrinsics);
 
 }  // namespace cairn

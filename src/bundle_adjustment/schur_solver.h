@@ -26,4 +26,11 @@ inline bool FormsSchurComplement(double covisibility) {
   return covisibility <= kMaxFormedCovisibility;
 }
 
+// Is it a large bundle (large_bundle.h), where the scope allows?
+inline bool IsLargeBundle(const BundleAdjustmentOptions& options, int64_t num_images,
+                          double covisibility) {
+  return SchurSolver(options, num_images, covisibility) == BundleSolver::kIterativeSchur &&
+         FormsSchurComplement(covisibility);
+}
+
 }  // namespace cairn

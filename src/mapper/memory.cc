@@ -43,7 +43,8 @@ int64_t NumImagePairs(const Reconstruction& model, std::span<const Track> tracks
   return std::count(see_together.begin(), see_together.end(), true);
 }
 
-BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks) {
+BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks,
+                  const BundleAdjustmentOptions& options) {
   BundleSize size;
   size.num_images = static_cast<int64_t>(model.images.size());
   for (const auto& [id, image] : model.images) {
@@ -61,7 +62,9 @@ BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks) {
   if (size.num_observations > 0) {
     size.covisibility = num_pairs / static_cast<double>(size.num_observations);
   }
-  if (FormsSchurComplement(size.covisibility)) size.num_image_pairs = NumImagePairs(model, tracks);
+  if (IsLargeBundle(options, size.num_images, size.covisibility)) {
+    size.num_image_pairs = NumImagePairs(model, tracks);
+  }
   return size;
 }
 
@@ -94,6 +97,7 @@ std::string MemoryAdvice(const ReconstructOptions& options) {
 struct BundleNeed {
   int64_t bytes = 0;
   int64_t observations = 0;
+  int64_t max_observations = 0;  // of its solver
 };
 
 // What bundle adjustment of a model may take, and what tracks of it would.
@@ -103,26 +107,26 @@ class BundleBudget {
       : model_(model), options_(context.settings.bundle_adjustment) {
     const MemoryUse use = ReadMemoryUse();
     resident_ = std::max<int64_t>(0, use.resident);
-    limit_ = {MemoryLimit(context.settings.reconstruct, use),
-              MaxBundleObservations(NumFreeIntrinsics(model))};
+    limit_bytes_ = MemoryLimit(context.settings.reconstruct, use);
   }
   int64_t resident() const { return resident_; }
-  int64_t limit_bytes() const { return limit_.bytes; }
+  int64_t limit_bytes() const { return limit_bytes_; }
 
   BundleNeed Need(std::span<const Track> tracks) const {
-    const BundleSize size = SizeOf(model_, tracks);
-    return {resident_ + EstimateBundleBytes(options_, size), size.num_observations};
+    const BundleSize size = SizeOf(model_, tracks, options_);
+    return {resident_ + EstimateBundleBytes(options_, size), size.num_observations,
+            MaxBundleObservations(options_, size, NumFreeIntrinsics(model_))};
   }
   bool Allows(const BundleNeed& need) const {
-    return need.bytes <= limit_.bytes && need.observations <= limit_.observations;
+    return need.bytes <= limit_bytes_ && need.observations <= need.max_observations;
   }
   // Which limit a need exceeds.
   std::string Excess(const BundleNeed& need) const {
-    if (need.bytes > limit_.bytes) {
-      return Gib(need.bytes) + " needed, " + Gib(limit_.bytes) + " available";
+    if (need.bytes > limit_bytes_) {
+      return Gib(need.bytes) + " needed, " + Gib(limit_bytes_) + " available";
     }
     return std::to_string(need.observations) + " observations, of which the solver takes " +
-           std::to_string(limit_.observations);
+           std::to_string(need.max_observations);
   }
   // The most tracks an image that are allowed, found by bisection to a twentieth.
   int MostTracksPerImage(std::span<const Track> tracks) const {
@@ -138,7 +142,7 @@ class BundleBudget {
   const Reconstruction& model_;
   const BundleAdjustmentOptions& options_;
   int64_t resident_ = 0;
-  BundleNeed limit_;
+  int64_t limit_bytes_ = 0;
 };
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test_monitor.h"
 #include "unit/bundle_adjustment/perturbed.h"
 
 namespace cairn {
@@ -274,10 +275,7 @@ TEST(AdjustBundle, RefusesMeaninglessOptions) {
 }
 
 TEST(AdjustBundle, StopsWhenAsked) {
-  class Stopper : public ProgressMonitor {
-   public:
-    bool StopRequested() const override { return true; }
-  } stopper;
+  TestMonitor stopper(0);
   Reconstruction model = Perturbed(MakeSyntheticScene({}).truth, {});
   EXPECT_EQ(AdjustBundle(model, {}, Precise(), {.num_threads = 1, .monitor = stopper}).status,
             BundleAdjustmentStatus::kStopped);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "support/synthetic_reconstruction.h"
+#include "support/test_monitor.h"
 #include "unit/bundle_adjustment/perturbed.h"
 
 // Conjugate gradients on the cameras' system, formed row by row: what kIterativeSchur stands for
@@ -120,10 +121,7 @@ TEST(LargeBundle, IsEqualForAnyNumberOfThreads) {
 }
 
 TEST(LargeBundle, StopsWhenAsked) {
-  class Stopper : public ProgressMonitor {
-   public:
-    bool StopRequested() const override { return true; }
-  } stopper;
+  TestMonitor stopper(0);
   Reconstruction model = Perturbed(MakeSyntheticScene({}).truth, {});
   EXPECT_EQ(AdjustBundle(model, {}, With(BundleSolver::kIterativeSchur),
                          {.num_threads = 1, .monitor = stopper})
