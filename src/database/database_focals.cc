@@ -19,6 +19,10 @@ void Database::WriteFocalEvidence(const PairFocalEvidence& evidence) {
       evidence.num_by_essential, evidence.num_by_fundamental);
 }
 
+void Database::DeleteFocalEvidence(image_pair_t pair_id) {
+  Run(*impl_, sql::kDeleteFocalEvidence, pair_id);
+}
+
 std::map<camera_t, CameraFocal> Database::ReadCameraFocals() const {
   std::map<camera_t, CameraFocal> focals;
   Query query(*impl_, sql::kReadCameraFocals);
@@ -29,9 +33,12 @@ std::map<camera_t, CameraFocal> Database::ReadCameraFocals() const {
   return focals;
 }
 
-void Database::WriteCameraFocal(camera_t camera_id, const CameraFocal& focal) {
-  Run(*impl_, sql::kWriteCameraFocal, camera_id, focal.is_rejected, focal.num_pairs,
-      focal.num_contradicting);
+void Database::WriteCameraFocals(const std::map<camera_t, CameraFocal>& focals) {
+  Run(*impl_, sql::kClearCameraFocals);
+  for (const auto& [id, focal] : focals) {
+    Run(*impl_, sql::kWriteCameraFocal, id, focal.is_rejected, focal.num_pairs,
+        focal.num_contradicting);
+  }
 }
 
 std::map<camera_t, CameraLens> Database::ReadCameraLenses() const {
@@ -51,8 +58,7 @@ void Database::WriteCameraLens(camera_t camera_id, const CameraLens& lens) {
 }
 
 void Database::DeletePairResults(image_pair_t pair_id) {
-  for (const char* sql :
-       {sql::kDeleteTwoViewGeometry, sql::kDeletePairMetrics, sql::kDeleteFocalEvidence}) {
+  for (const char* sql : {sql::kDeleteTwoViewGeometry, sql::kDeletePairMetrics}) {
     Run(*impl_, sql, pair_id);
   }
 }

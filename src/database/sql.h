@@ -242,6 +242,7 @@ inline constexpr const char* kWriteFocalEvidence =
 inline constexpr const char* kReadCameraFocals =
     "SELECT camera_id, is_refuted, num_pairs, num_refuting FROM cairn_camera_focals "
     "ORDER BY camera_id;";
+inline constexpr const char* kClearCameraFocals = "DELETE FROM cairn_camera_focals;";
 inline constexpr const char* kWriteCameraFocal =
     "INSERT OR REPLACE INTO cairn_camera_focals(camera_id, is_refuted, num_pairs, num_refuting) "
     "VALUES(?1, ?2, ?3, ?4);";

@@ -1,6 +1,7 @@
 #include "intrinsics/camera_pairs.h"
 
 #include <algorithm>
+#include <array>
 
 #include "base/hash.h"
 #include "database/stage_names.h"
@@ -38,18 +39,22 @@ std::vector<image_pair_t> DrawPairs(std::vector<image_pair_t> pairs,
   return drawn;
 }
 
+bool IsOfCameras(image_pair_t pair, const std::map<image_t, camera_t>& camera_of,
+                 const std::set<camera_t>& cameras) {
+  const auto [id1, id2] = PairIdToImagePair(pair);
+  return std::ranges::any_of(std::array{id1, id2}, [&](image_t id) {
+    const auto camera = camera_of.find(id);
+    return camera != camera_of.end() && cameras.count(camera->second) > 0;
+  });
+}
+
 std::vector<image_pair_t> UndoVerification(Database& database,
                                            const std::map<image_t, camera_t>& camera_of,
                                            const std::set<camera_t>& cameras) {
   std::vector<image_pair_t> undone;
   if (cameras.empty()) return undone;
-  const auto is_of_them = [&](image_t id) {
-    const auto camera = camera_of.find(id);
-    return camera != camera_of.end() && cameras.count(camera->second) > 0;
-  };
   for (const JobRecord& job : database.ReadJobs(kStageVerification)) {
-    const auto [id1, id2] = PairIdToImagePair(job.item);
-    if (is_of_them(id1) || is_of_them(id2)) undone.push_back(job.item);
+    if (IsOfCameras(job.item, camera_of, cameras)) undone.push_back(job.item);
   }
   for (const image_pair_t pair : undone) {
     database.DeletePairResults(pair);

@@ -21,6 +21,10 @@ std::vector<image_pair_t> DrawPairs(std::vector<image_pair_t> pairs,
                                     const std::map<image_t, camera_t>& camera_of,
                                     const std::set<camera_t>& wanted, int max_per_camera);
 
+// Has the pair an image of one of these cameras?
+bool IsOfCameras(image_pair_t pair, const std::map<image_t, camera_t>& camera_of,
+                 const std::set<camera_t>& cameras);
+
 // Removes the results and the jobs of verified pairs that have an image of one of these cameras.
 // Returns the pairs, ascending. The caller has the transaction.
 std::vector<image_pair_t> UndoVerification(Database& database,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <iterator>
 
 #include "intrinsics/camera_pairs.h"
 #include "intrinsics/known_intrinsics.h"
@@ -60,26 +61,61 @@ camera_t FindWorst(const std::map<camera_t, Tally>& tallies) {
   return worst;
 }
 
+struct DrawnEvidence {
+  std::vector<PairFocalEvidence> drawn;  // in the order in which they were drawn
+  std::vector<PairFocalEvidence> stale;  // of pairs that are not drawn today
+};
+
+DrawnEvidence ReadEvidence(const Database& database, const std::vector<image_pair_t>& pairs) {
+  DrawnEvidence evidence;
+  for (const PairFocalEvidence& pair : database.ReadFocalEvidence()) {
+    const bool is_drawn = std::binary_search(pairs.begin(), pairs.end(), pair.pair_id);
+    (is_drawn ? evidence.drawn : evidence.stale).push_back(pair);
+  }
+  std::sort(evidence.drawn.begin(), evidence.drawn.end(),
+            [](const PairFocalEvidence& a, const PairFocalEvidence& b) {
+              return DrawingOrder(a.pair_id) < DrawingOrder(b.pair_id);
+            });
+  return evidence;
+}
+
+std::set<camera_t> Difference(const std::set<camera_t>& a, const std::set<camera_t>& b) {
+  std::set<camera_t> difference;
+  std::set_difference(a.begin(), a.end(), b.begin(), b.end(),
+                      std::inserter(difference, difference.end()));
+  return difference;
+}
+
 }  // namespace
 
 std::vector<image_pair_t> PairsToWeigh(const Database& database,
                                        const std::vector<image_pair_t>& pairs) {
   const std::map<image_t, camera_t> camera_of = CamerasOfImages(database);
-  std::set<camera_t> trusted, judged;
+  std::set<camera_t> with_prior;
   for (const auto& [id, known] : ReadKnownIntrinsics(database)) {
-    if (known.IsFocalTrusted()) trusted.insert(id);
-    if (known.judgement) judged.insert(id);
+    if (known.HasPriorFocal()) with_prior.insert(id);
   }
   std::vector<image_pair_t> candidates;
   for (const image_pair_t pair : pairs) {
     const auto [id1, id2] = PairIdToImagePair(pair);
     const auto camera1 = camera_of.find(id1), camera2 = camera_of.find(id2);
     if (camera1 == camera_of.end() || camera2 == camera_of.end()) continue;
-    if (trusted.count(camera1->second) == 0 || trusted.count(camera2->second) == 0) continue;
-    if (judged.count(camera1->second) > 0 && judged.count(camera2->second) > 0) continue;
-    candidates.push_back(pair);
+    if (with_prior.count(camera1->second) > 0 && with_prior.count(camera2->second) > 0) {
+      candidates.push_back(pair);
+    }
   }
-  return DrawPairs(std::move(candidates), camera_of, trusted, kMaxFocalPairs);
+  return DrawPairs(std::move(candidates), camera_of, with_prior, kMaxFocalPairs);
+}
+
+std::vector<image_pair_t> WithoutEvidence(const Database& database,
+                                          const std::vector<image_pair_t>& pairs) {
+  std::vector<image_pair_t> known, missing;
+  for (const PairFocalEvidence& evidence : database.ReadFocalEvidence()) {
+    known.push_back(evidence.pair_id);
+  }
+  std::set_difference(pairs.begin(), pairs.end(), known.begin(), known.end(),
+                      std::back_inserter(missing));
+  return missing;
 }
 
 bool IsContradicting(const PairFocalEvidence& evidence) {
@@ -111,27 +147,29 @@ std::map<camera_t, CameraFocal> JudgeFocals(std::vector<CameraPairEvidence> pair
   return judged;
 }
 
-LearnedFocals LearnFocals(Database& database) {
-  const std::map<camera_t, CameraFocal> known = database.ReadCameraFocals();
+LearnedFocals LearnFocals(Database& database, const std::vector<image_pair_t>& pairs) {
   const std::map<image_t, camera_t> camera_of = CamerasOfImages(database);
-  std::vector<PairFocalEvidence> all = database.ReadFocalEvidence();
-  std::sort(all.begin(), all.end(), [](const PairFocalEvidence& a, const PairFocalEvidence& b) {
-    return DrawingOrder(a.pair_id) < DrawingOrder(b.pair_id);
-  });
-  std::vector<CameraPairEvidence> pairs;
-  for (const PairFocalEvidence& evidence : all) {
-    if (evidence.num_by_fundamental < kMinExplained) continue;
-    const auto [id1, id2] = PairIdToImagePair(evidence.pair_id);
-    pairs.push_back({camera_of.at(id1), camera_of.at(id2), IsContradicting(evidence)});
+  const auto [evidence, stale] = ReadEvidence(database, pairs);
+  std::vector<CameraPairEvidence> camera_pairs;
+  for (const PairFocalEvidence& pair : evidence) {
+    if (pair.num_by_fundamental < kMinExplained) continue;
+    const auto [id1, id2] = PairIdToImagePair(pair.pair_id);
+    camera_pairs.push_back({camera_of.at(id1), camera_of.at(id2), IsContradicting(pair)});
   }
-  std::map<camera_t, CameraFocal> judged = JudgeFocals(std::move(pairs));
-  std::erase_if(judged, [&](const auto& entry) { return known.count(entry.first) > 0; });
+  const std::map<camera_t, CameraFocal> judged = JudgeFocals(std::move(camera_pairs));
+  const std::map<camera_t, CameraFocal> before = database.ReadCameraFocals();
   LearnedFocals learned;
-  if (judged.empty()) return learned;
-  learned.rejected = RejectedCameras(judged);
+  if (judged == before && stale.empty()) return learned;
+  const std::set<camera_t> is_rejected = RejectedCameras(judged);
+  const std::set<camera_t> was_rejected = RejectedCameras(before);
+  learned.rejected = Difference(is_rejected, was_rejected);
+  learned.restored = Difference(was_rejected, is_rejected);
+  std::set<camera_t> changed = learned.rejected;
+  changed.insert(learned.restored.begin(), learned.restored.end());
   Database::Transaction transaction(database);
-  for (const auto& [id, focal] : judged) database.WriteCameraFocal(id, focal);
-  learned.undone = UndoVerification(database, camera_of, learned.rejected);
+  for (const PairFocalEvidence& pair : stale) database.DeleteFocalEvidence(pair.pair_id);
+  database.WriteCameraFocals(judged);
+  learned.undone = UndoVerification(database, camera_of, changed);
   transaction.Commit();
   return learned;
 }

@@ -14,10 +14,14 @@ namespace cairn {
 // most pairs of its camera: the essential matrix explains clearly fewer of the matches that have
 // votes of affine frames than a fundamental matrix does.
 
-// Among the given pairs, those to collect evidence from: some of each camera that has a prior and
-// no verdict yet, drawn by their ids. Ascending.
+// Among the given pairs, those to collect evidence from: some of each camera that has a prior,
+// rejected or not, drawn by their ids. Ascending.
 std::vector<image_pair_t> PairsToWeigh(const Database& database,
                                        const std::vector<image_pair_t>& pairs);
+
+// Those of the pairs (ascending) of which the database has no evidence.
+std::vector<image_pair_t> WithoutEvidence(const Database& database,
+                                          const std::vector<image_pair_t>& pairs);
 
 // Evidence of one pair of cameras.
 struct CameraPairEvidence {
@@ -35,13 +39,15 @@ bool IsContradicting(const PairFocalEvidence& evidence);
 std::map<camera_t, CameraFocal> JudgeFocals(std::vector<CameraPairEvidence> pairs);
 
 struct LearnedFocals {
-  std::set<camera_t> rejected;       // by this call alone
-  std::vector<image_pair_t> undone;  // their pairs that had been verified; ascending
+  std::set<camera_t> rejected;       // that were not before
+  std::set<camera_t> restored;       // that were rejected before
+  std::vector<image_pair_t> undone;  // the pairs of both that had been verified; ascending
 };
-// Judges the cameras by the evidence in the database, and stores the verdicts. The results of pairs
-// with a focal length that is rejected now are removed with their jobs, in the same transaction:
-// these pairs count as not verified.
-LearnedFocals LearnFocals(Database& database);
+// Judges the cameras by the evidence of these pairs (ascending) alone, whatever was found before,
+// so that the verdicts are those of a new database with the same photographs, and stores them. The
+// results of the pairs of cameras with another verdict than before are removed with their jobs, in
+// the same transaction: these pairs count as not verified.
+LearnedFocals LearnFocals(Database& database, const std::vector<image_pair_t>& pairs);
 
 // One line a rejected prior, with one of the camera's images.
 std::vector<std::string> RejectedFocalTexts(const Database& database,

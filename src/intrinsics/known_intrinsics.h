@@ -17,12 +17,14 @@ struct KnownIntrinsics {
   bool is_given = false;                 // by --camera_params
 
   bool HasLearned() const { return lens && !lens->IsEmpty(); }
+  // Given, from EXIF, or learned as precisely as that.
+  bool HasPriorFocal() const {
+    return camera.has_prior_focal_length || (lens && lens->is_focal_known);
+  }
   // The camera's pairs contradict its prior focal length.
   bool IsRejected() const { return judgement && judgement->is_rejected; }
   // Essential matrices are searched with this focal length.
-  bool IsFocalTrusted() const {
-    return !IsRejected() && (camera.has_prior_focal_length || (lens && lens->is_focal_known));
-  }
+  bool IsFocalTrusted() const { return HasPriorFocal() && !IsRejected(); }
   // Bundle adjustment keeps them: given, or measured (LooksMeasured) and not rejected.
   bool IsConstant() const;
 };

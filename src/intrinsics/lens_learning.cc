@@ -194,6 +194,11 @@ std::vector<image_pair_t> Store(Database& database, const Lenses& known,
     if (!lens.IsEmpty()) changed.insert(id);
   }
   const std::vector<image_pair_t> undone = UndoVerification(database, known.camera_of, changed);
+  for (const PairFocalEvidence& evidence : database.ReadFocalEvidence()) {
+    if (IsOfCameras(evidence.pair_id, known.camera_of, changed)) {
+      database.DeleteFocalEvidence(evidence.pair_id);
+    }
+  }
   transaction.Commit();
   return undone;
 }

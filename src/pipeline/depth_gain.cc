@@ -39,10 +39,10 @@ std::optional<DepthGain> MeasureDepthGain(Database& database, const Verification
                                           double budget_seconds) {
   const std::vector<image_pair_t> pairs = PairsWithDepth(database, seed);
   if (pairs.empty()) return std::nullopt;
-  StageLedger ledger(database, kStageVerification, input.options);
+  const StageLedger ledger(database, kStageVerification, input.options);
   // What cannot be read was named before.
   PairLoader loader(database.path(), input.min_num_matches, false, ledger, NullMonitor());
-  loader.UpdateIntrinsics();
+  loader.BeginDoneAgain(PairLoader::Priors::kKnown);
   const auto read_image = [&loader](image_t id) {
     return std::make_shared<const PairImage>(loader.LoadImage(id));
   };
@@ -55,7 +55,6 @@ std::optional<DepthGain> MeasureDepthGain(Database& database, const Verification
     if (gain.num_sampled == kMaxSampledPairs || (gain.num_sampled > 0 && is_enough)) break;
     PairTask task;
     task.pair_id = pair_id;
-    ledger.Forget(pair_id);  // it is read again
     if (!loader.LoadPair(task, read_image) || !task.image1) continue;
     if (gain.num_sampled == 0) worker.Run(task);  // the verifier takes its memory
     gain.seconds_with += worker.Run(task).runs[0].seconds;

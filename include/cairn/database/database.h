@@ -95,11 +95,13 @@ class Database {
   // Evidence about prior focal lengths, ascending by pair, and the conclusions from it.
   std::vector<PairFocalEvidence> ReadFocalEvidence() const;
   void WriteFocalEvidence(const PairFocalEvidence& evidence);
+  void DeleteFocalEvidence(image_pair_t pair_id);
   std::map<camera_t, CameraFocal> ReadCameraFocals() const;
-  void WriteCameraFocal(camera_t camera_id, const CameraFocal& focal);
+  // In place of all that are there.
+  void WriteCameraFocals(const std::map<camera_t, CameraFocal>& focals);
   std::map<camera_t, CameraLens> ReadCameraLenses() const;
   void WriteCameraLens(camera_t camera_id, const CameraLens& lens);
-  // Removes the results of verification for a pair; its job stays.
+  // Removes what verification found for a pair; its job and its focal evidence stay.
   void DeletePairResults(image_pair_t pair_id);
   // Pairs won by each verifier.
   std::map<std::string, int64_t> CountWinners() const;

@@ -29,7 +29,8 @@ struct PairMetrics {
 };
 
 // cairn_focal_evidence: among the matches of a pair that have votes of affine frames, those that E
-// explains at the prior focal lengths, and those that F explains. Key: pair_id.
+// explains at the prior focal lengths, and those that F explains; all 0: the pair was looked at and
+// is no evidence. Key: pair_id.
 struct PairFocalEvidence {
   image_pair_t pair_id = 0;
   int num_matches = 0;
@@ -50,6 +51,8 @@ struct CameraFocal {
   bool is_rejected = false;  // rejected: its pairs are verified as without a prior
   int num_pairs = 0;         // with evidence
   int num_contradicting = 0;
+
+  bool operator==(const CameraFocal&) const = default;
 };
 
 // cairn_camera_lenses: lens and focal length of a camera for which they were unknown, as its pairs

@@ -24,6 +24,18 @@ PairLoader::PairLoader(const std::string& database_path, int min_num_matches, bo
   }
 }
 
+void PairLoader::BeginRound() {
+  intrinsics_ = ReadKnownIntrinsics(database_);
+  reads_done_ = false;
+}
+
+void PairLoader::BeginDoneAgain(Priors priors) {
+  intrinsics_ = ReadKnownIntrinsics(database_);
+  reads_done_ = true;
+  if (priors == Priors::kKnown) return;
+  for (auto& [id, known] : intrinsics_) known.judgement.reset();
+}
+
 void PairLoader::Report(const std::string& message) {
   monitor_.Warning(message);
   messages_.push_back(message);
@@ -127,12 +139,12 @@ bool PairLoader::ReadPair(PairTask& task, const std::function<PairFeed::ImagePtr
   }
   task.input_hash = hasher.Digest();
   const JobRecord* job = ledger_.Find(task.pair_id);
-  if (job == nullptr) return true;
+  if (job == nullptr) return !reads_done_;
   if (job->input_hash != task.input_hash) {
     ledger_.ThrowChanged("the features, depth, cameras or matches of " + Name(id1) + " and " +
                          Name(id2));
   }
-  return false;
+  return reads_done_;
 }
 
 void PairLoader::CheckMatches(const PairTask& task) const {

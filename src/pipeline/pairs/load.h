@@ -26,12 +26,16 @@ class PairLoader {
   PairLoader(const std::string& database_path, int min_num_matches, bool keeps_keypoints,
              const StageLedger& ledger, ProgressMonitor& monitor);
 
-  // From now on, pairs are verified by what is known of cameras now.
-  void UpdateIntrinsics() { intrinsics_ = ReadKnownIntrinsics(database_); }
+  // From now on, pairs that are not done are read, with what is known of cameras now.
+  void BeginRound();
+  // From now on, pairs that are done are read again: with what is known of cameras now, or before
+  // any prior focal length was rejected.
+  enum class Priors { kKnown, kUnjudged };
+  void BeginDoneAgain(Priors priors);
 
   PairImage LoadImage(image_t id);
-  // False: the pair is done, or left out. Pairs with fewer than min_num_matches come without
-  // images. Throws ConfigError if the pair was done from other inputs.
+  // False: the pair is none of these, or left out. Pairs with fewer than min_num_matches come
+  // without images. Throws ConfigError if the pair was done from other inputs.
   bool LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image);
 
   // To be read when the feed is at its end.
@@ -61,6 +65,7 @@ class PairLoader {
   std::map<camera_t, Camera> cameras_;
   std::map<image_t, Image> images_;
   std::map<camera_t, KnownIntrinsics> intrinsics_;
+  bool reads_done_ = false;
   std::map<image_t, HashedKeypoints> kept_keypoints_;
   std::map<image_t, bool> is_damaged_;  // images that were looked at; reported once
   std::vector<std::string> messages_;

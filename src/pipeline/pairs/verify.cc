@@ -9,7 +9,10 @@ PairOutcome TaskVerifier::Run(const PairTask& task) {
   outcome.pair_id = task.pair_id;
   outcome.input_hash = task.input_hash;
   outcome.num_matches = static_cast<int>(task.matches.size());
-  if (!task.image1) return outcome;  // Too few matches.
+  if (!task.image1) {  // Too few matches.
+    if (task.weigh_focals) outcome.focal_evidence = FocalEvidence();
+    return outcome;
+  }
   PairInput pair;
   pair.pair_id = task.pair_id;
   pair.seed = seed_;
@@ -32,6 +35,9 @@ PairOutcome TaskVerifier::Run(const PairTask& task) {
     const std::string step(report.verifier);
     outcome.runs.push_back({makers_[i].name, step, std::move(report), timer.Seconds()});
   }
+  const bool was_weighed = task.weigh_focals && pair.camera1->has_prior_focal_length &&
+                           pair.camera2->has_prior_focal_length;
+  if (was_weighed && !outcome.focal_evidence) outcome.focal_evidence = FocalEvidence();
   outcome.winner = ChooseWinner(outcome.runs);
   return outcome;
 }

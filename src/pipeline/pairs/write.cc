@@ -24,6 +24,13 @@ int ChooseWinner(const std::vector<PairOutcome::Run>& runs) {
   return winner;
 }
 
+void WriteFocalEvidence(Database& database, const PairOutcome& outcome) {
+  if (!outcome.focal_evidence) return;
+  database.WriteFocalEvidence({outcome.pair_id, outcome.focal_evidence->num_matches,
+                               outcome.focal_evidence->num_by_essential,
+                               outcome.focal_evidence->num_by_fundamental});
+}
+
 void WriteOutcome(Database& database, const PairOutcome& outcome) {
   for (size_t i = 0; i < outcome.runs.size(); ++i) {
     const PairOutcome::Run& run = outcome.runs[i];
@@ -46,11 +53,7 @@ void WriteOutcome(Database& database, const PairOutcome& outcome) {
     database.WritePairMetrics(metrics);
     database.WriteTiming(kStageVerification, outcome.pair_id, run.verifier, run.seconds);
   }
-  if (outcome.focal_evidence) {
-    database.WriteFocalEvidence({outcome.pair_id, outcome.focal_evidence->num_matches,
-                                 outcome.focal_evidence->num_by_essential,
-                                 outcome.focal_evidence->num_by_fundamental});
-  }
+  WriteFocalEvidence(database, outcome);
   const bool is_verified = outcome.winner >= 0;
   database.WriteTwoViewGeometry(outcome.pair_id, is_verified
                                                      ? outcome.runs[outcome.winner].report.geometry

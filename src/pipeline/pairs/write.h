@@ -23,7 +23,7 @@ struct PairOutcome {
   };
   std::vector<Run> runs;                        // empty: not tried
   int winner = -1;                              // index into runs, -1: no verifier accepted
-  std::optional<FocalEvidence> focal_evidence;  // of the first run that has it
+  std::optional<FocalEvidence> focal_evidence;  // of the first run that has it, or none of it
 
   // Why it was rejected: the reason of the run that came nearest.
   std::string RejectionReason() const;
@@ -31,6 +31,9 @@ struct PairOutcome {
 
 // The verified run with the largest score; of equal ones the first. -1 if there is none.
 int ChooseWinner(const std::vector<PairOutcome::Run>& runs);
+
+// Writes the evidence about the focal lengths of a pair, if it was asked for it.
+void WriteFocalEvidence(Database& database, const PairOutcome& outcome);
 
 // Writes the pair's rows; the note of its job is the reason of a rejection.
 void WriteOutcome(Database& database, const PairOutcome& outcome);

@@ -1,6 +1,7 @@
 #include "cairn/pipeline/verify_pairs.h"
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -129,15 +130,19 @@ class Rounds {
     for (const image_pair_t pair : pairs) {
       (std::binary_search(likely.begin(), likely.end(), pair) ? first : second).push_back(pair);
     }
-    to_weigh_ = PairsToWeigh(database_, likely);
+    std::vector<image_pair_t> ours = likely;  // of them, those of this list or one before
+    std::erase_if(ours, [&](image_pair_t pair) {
+      return ledger_.Find(pair) == nullptr && !std::binary_search(first.begin(), first.end(), pair);
+    });
+    to_weigh_ = PairsToWeigh(database_, ours);
     RunRound(first, true);
     if (!run_.monitor.StopRequested() && may_learn) {
       const std::vector<image_pair_t> undone = LearnLens(likely);
-      to_weigh_ = PairsToWeigh(database_, likely);
+      to_weigh_ = PairsToWeigh(database_, ours);
       RunAgain(first, undone);
     }
-    to_weigh_.clear();
-    if (!run_.monitor.StopRequested()) RunAgain(first, RejectFocals());
+    if (!run_.monitor.StopRequested()) WeighFocals();
+    if (!run_.monitor.StopRequested()) RunAgain(first, JudgeFocals());
     if (!run_.monitor.StopRequested()) RunRound(second, false);
     for (const std::string& message : loader_.messages()) stage_.Keep(message);
     report_.reading_seconds = loader_.busy_seconds();
@@ -150,9 +155,39 @@ class Rounds {
     return sum;
   }
 
-  // Verifies pairs; adds to the counts and times.
+  // Verifies pairs that are not done; adds to the counts and times.
   void RunRound(const std::vector<image_pair_t>& pairs, bool may_come_again) {
-    loader_.UpdateIntrinsics();
+    loader_.BeginRound();
+    std::mutex counts_mutex;
+    VerifyEach(pairs, [&](PairOutcome found, DatabaseWriter& writer) {
+      const auto outcome = std::make_shared<PairOutcome>(std::move(found));
+      bool is_new = true;
+      {
+        const std::lock_guard<std::mutex> lock(counts_mutex);
+        is_new = counter_.Add(*outcome, may_come_again);
+        for (const PairOutcome::Run& run : outcome->runs) report_.verifying_seconds += run.seconds;
+      }
+      writer.Push([outcome](Database& db) { WriteOutcome(db, *outcome); });
+      if (is_new) run_.monitor.Advance(1);
+    });
+  }
+
+  // Collects the evidence about prior focal lengths that is missing: of pairs that were verified
+  // before they were drawn, or while one of the priors was rejected.
+  void WeighFocals() {
+    const std::vector<image_pair_t> missing = WithoutEvidence(database_, to_weigh_);
+    if (missing.empty()) return;
+    loader_.BeginDoneAgain(PairLoader::Priors::kUnjudged);
+    VerifyEach(missing, [](PairOutcome found, DatabaseWriter& writer) {
+      writer.Push([outcome = std::make_shared<PairOutcome>(std::move(found))](Database& db) {
+        WriteFocalEvidence(db, *outcome);
+      });
+    });
+  }
+
+  // Verifies the pairs that the loader reads; `keep` gets what is found, from any thread.
+  void VerifyEach(const std::vector<image_pair_t>& pairs,
+                  const std::function<void(PairOutcome, DatabaseWriter&)>& keep) {
     DatabaseWriter writer(database_.path());
     PairFeed feed(
         PlanPairTiles(pairs, image_bytes_, max_bytes_),
@@ -165,26 +200,14 @@ class Rounds {
     const int num_workers = EffectiveNumThreads(run_.num_threads);
     std::vector<TaskVerifier> workers;
     for (int i = 0; i < num_workers; ++i) workers.emplace_back(verifiers_, run_.seed);
-    std::mutex counts_mutex;
-    const auto keep = [&](PairOutcome found) {
-      const auto outcome = std::make_shared<PairOutcome>(std::move(found));
-      bool is_new = true;
-      {
-        const std::lock_guard<std::mutex> lock(counts_mutex);
-        is_new = counter_.Add(*outcome, may_come_again);
-        for (const PairOutcome::Run& run : outcome->runs) report_.verifying_seconds += run.seconds;
-      }
-      writer.Push([outcome](Database& db) { WriteOutcome(db, *outcome); });
-      if (is_new) run_.monitor.Advance(1);
-    };
     HelperLoop loop(helpers_,
                     PairWork(TaskKind::kVerify, feed,
-                             [&](ByteSource& result) { keep(result.Get<PairOutcome>()); }),
+                             [&](ByteSource& result) { keep(result.Get<PairOutcome>(), writer); }),
                     run_);
     ParallelForWorker(num_workers, std::ssize(pairs), [&](int worker, int64_t) {
       if (run_.monitor.StopRequested()) feed.Stop();
       const std::optional<PairTask> task = feed.Next();
-      if (task) keep(workers[worker].Run(*task));
+      if (task) keep(workers[worker].Run(*task), writer);
     });
     loop.Finish();
     writer.Finish();
@@ -210,13 +233,17 @@ class Rounds {
     return learned.undone;
   }
 
-  // Learns which trusted focal lengths are wrong; returns the pairs to be verified again.
-  std::vector<image_pair_t> RejectFocals() {
+  // Learns which prior focal lengths are wrong; returns the pairs to be verified again.
+  std::vector<image_pair_t> JudgeFocals() {
     const Timer timer;
-    const LearnedFocals learned = LearnFocals(database_);
+    const LearnedFocals learned = LearnFocals(database_, to_weigh_);
     for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
     for (const std::string& text : RejectedFocalTexts(database_, learned.rejected)) {
       stage_.Warn(text);
+    }
+    for (const camera_t id : learned.restored) {
+      run_.monitor.Info("camera " + std::to_string(id) +
+                        ": its prior focal length is no longer rejected, by the pairs of today");
     }
     report_.num_rejected_focals = static_cast<int>(learned.rejected.size());
     report_.learning_seconds += timer.Seconds();

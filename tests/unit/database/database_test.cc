@@ -125,7 +125,7 @@ TEST_F(DatabaseTest, LearnedFocalsRoundTrip) {
     database.WriteTwoViewGeometry(pair, TestGeometry());
     database.WriteFocalEvidence({pair, 100, 60, 90});
     database.WriteJob("verification", {pair, 1, ""});
-    database.WriteCameraFocal(database.ReadCameras()[0].camera_id, {true, 5, 4});
+    database.WriteCameraFocals({{database.ReadCameras()[0].camera_id, {true, 5, 4}}});
     database.WriteCameraLens(database.ReadCameras()[0].camera_id, lens);
   };
   fill();
@@ -142,11 +142,15 @@ TEST_F(DatabaseTest, LearnedFocalsRoundTrip) {
 
   database.DeletePairResults(pair);
   EXPECT_FALSE(database.ReadTwoViewGeometry(pair));
+  EXPECT_EQ(database.ReadFocalEvidence().size(), 1u);
+  database.DeleteFocalEvidence(pair);
   EXPECT_TRUE(database.ReadFocalEvidence().empty());
   EXPECT_TRUE(database.ReadJob("verification", pair));
   database.DeleteJob("verification", pair);
   EXPECT_FALSE(database.ReadJob("verification", pair));
   EXPECT_EQ(database.ReadCameraFocals().size(), 1u);
+  database.WriteCameraFocals({});
+  EXPECT_TRUE(database.ReadCameraFocals().empty());
   fill();
   database.ClearVerification();
   EXPECT_TRUE(database.ReadFocalEvidence().empty());

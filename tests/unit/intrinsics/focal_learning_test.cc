@@ -2,6 +2,7 @@
 #include "intrinsics/focal_learning.h"
 
 #include <gmock/gmock.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/synthetic/scene.h"
@@ -150,14 +151,64 @@ TEST_F(FocalLearningTest, RowsDoNotDependOnThreadsOrInterruptions) {
   EXPECT_NE(rows.find("\ncairn_camera_focals: 104 1 "), std::string::npos);
 }
 
-TEST_F(FocalLearningTest, OnlyTrustedCamerasOfWhichNothingIsKnownAreWeighed) {
+// Photographs come and go: the last one comes later, and a verdict is left that only photographs
+// which are gone can have given, for a camera whose prior is right.
+TEST_F(FocalLearningTest, VerdictsAreThoseOfThePhotographsOfToday) {
+  for (const double factor : {1.0, 0.5}) {
+    const std::string name = std::to_string(factor);
+    const std::string fresh = MakeDatabase(name + "_fresh.db", factor);
+    Verify(fresh);
+    const std::string grown = MakeDatabase(name + "_grown.db", factor);
+    {
+      Database all(fresh), database(grown);
+      const std::vector<Image> images = database.ReadImages();
+      const image_t last = images.back().image_id;
+      std::map<image_pair_t, FeatureMatches> matches;
+      for (const image_pair_t pair : database.ReadMatchedPairIds()) {
+        if (PairIdToImagePair(pair).second == last) matches[pair] = *database.ReadMatches(pair);
+      }
+      ASSERT_GE(matches.size(), 4u);
+      database.DeleteImagesAndPairs({last});
+      database.WriteCameraFocals({{101, {true, 5, 5}}});
+      Verify(grown);
+      EXPECT_FALSE(RejectedCameras(database.ReadCameraFocals()).contains(101));
+      for (const Camera& camera : all.ReadCameras()) database.WriteCamera(camera);
+      database.WriteImage(images.back());
+      database.WriteKeypoints(last, *all.ReadKeypoints(last));
+      database.WriteDescriptors(last, *all.ReadDescriptors(last));
+      database.WriteDepthSamples(last, *all.ReadDepthSamples(last));
+      for (const auto& [pair, of_pair] : matches) database.WriteMatches(pair, of_pair);
+      EXPECT_NE(DumpDatabase(grown), DumpDatabase(fresh));
+    }
+    Verify(grown);
+    EXPECT_TRUE(DumpDatabase(grown) == DumpDatabase(fresh)) << factor;
+  }
+}
+
+// A database of pairs that were verified before anything was weighed, or by a cairn that did not
+// keep the evidence of rejected cameras.
+TEST_F(FocalLearningTest, MissingEvidenceIsCollected) {
+  const std::string path = MakeDatabase("a.db", 0.5);
+  Verify(path);
+  const std::string rows = DumpDatabase(path);
+  {
+    Database database(path);
+    for (const PairFocalEvidence& pair : database.ReadFocalEvidence()) {
+      database.DeleteFocalEvidence(pair.pair_id);
+    }
+  }
+  TestMonitor monitor;
+  EXPECT_EQ(Verify(path, 2, monitor).num_rejected_focals, 0);  // It was before.
+  EXPECT_EQ(monitor.num_done(), 0);
+  EXPECT_TRUE(DumpDatabase(path) == rows);
+}
+
+TEST_F(FocalLearningTest, CamerasWithAPriorAreWeighedWhateverWasFoundBefore) {
   Database database(MakeDatabase("a.db", 1.0));
   const std::vector<image_pair_t> all = database.ReadMatchedPairIds();
   EXPECT_EQ(PairsToWeigh(database, all), all);
-  for (camera_t id = 101; id <= 100 + kNumImages; ++id) {
-    database.WriteCameraFocal(id, {id == 101, 5, 4});
-  }
-  EXPECT_TRUE(PairsToWeigh(database, all).empty());
+  database.WriteCameraFocals({{101, {true, 5, 4}}, {102, {false, 5, 1}}});
+  EXPECT_EQ(PairsToWeigh(database, all), all);
 
   Database guessed(MakeDatabase("b.db", 1.0));
   Camera camera = guessed.ReadCameras().back();

@@ -41,9 +41,9 @@ TEST_F(KnownIntrinsicsTest, MeasuredOnesAreConstantUnlessTheirPairsContradictThe
   database_.WriteCamera(camera);
   EXPECT_TRUE(Read().IsConstant());
   EXPECT_TRUE(Read().IsFocalTrusted());
-  database_.WriteCameraFocal(1, {false, 8, 1});
+  database_.WriteCameraFocals({{1, {false, 8, 1}}});
   EXPECT_TRUE(Read().IsConstant());
-  database_.WriteCameraFocal(1, {true, 8, 7});
+  database_.WriteCameraFocals({{1, {true, 8, 7}}});
   EXPECT_FALSE(Read().IsConstant());
   EXPECT_FALSE(Read().IsFocalTrusted());
   EXPECT_TRUE(Read().camera.has_prior_focal_length);

@@ -136,7 +136,7 @@ TEST(Reconstruct, RejectedFocalLengthsAreGuesses) {
     if (id == 1) camera.SetMeanFocal(2.5 * camera.MeanFocal());
     database.WriteCamera(camera);
   }
-  database.WriteCameraFocal(1, {true, 5, 4});
+  database.WriteCameraFocals({{1, {true, 5, 4}}});
   const ReconstructResult result = Reconstruct(database);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   const StageReport* stage = FindStage(result.report, "focal_calibration");
@@ -155,7 +155,7 @@ TEST(Reconstruct, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
     camera.has_prior_focal_length = true;
     database.WriteCamera(camera);
   }
-  database.WriteCameraFocal(1, {true, 5, 4});
+  database.WriteCameraFocals({{1, {true, 5, 4}}});
   const RunReport report = Reconstruct(database).report;
   EXPECT_EQ(Value(*FindStage(report, "read"), "cameras_constant"), 1);
   EXPECT_EQ(FindStage(report, "read")->status, StageStatus::kOk);
