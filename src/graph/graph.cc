@@ -155,7 +155,8 @@ LoopFinder::LoopFinder(int num_nodes, std::span<const GraphEdge> edges) : neighb
   }
 }
 
-std::vector<LoopFinder::Corner> LoopFinder::Find(int node1, int node2, int max_corners) const {
+std::vector<LoopFinder::Corner> LoopFinder::Find(int node1, int node2, int max_corners,
+                                                 int* num_all) const {
   std::vector<Corner> corners;
   auto a = neighbors_[node1].begin();
   auto b = neighbors_[node2].begin();
@@ -166,6 +167,7 @@ std::vector<LoopFinder::Corner> LoopFinder::Find(int node1, int node2, int max_c
     a += advance_a;
     b += advance_b;
   }
+  if (num_all != nullptr) *num_all = static_cast<int>(corners.size());
   const size_t num = std::min<size_t>(corners.size(), max_corners);
   for (size_t k = 0; k < num; ++k) corners[k] = corners[k * corners.size() / num];
   corners.resize(num);

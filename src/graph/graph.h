@@ -72,8 +72,9 @@ class LoopFinder {
     int edge2 = 0;  // to the second node
   };
   // By increasing node; of parallel edges only that with the smallest index counts. At most
-  // max_corners of them, spread evenly. O(degree of both).
-  std::vector<Corner> Find(int node1, int node2, int max_corners) const;
+  // max_corners of them, spread evenly; num_all, if not null, is how many there are. O(degree of
+  // both).
+  std::vector<Corner> Find(int node1, int node2, int max_corners, int* num_all = nullptr) const;
 
  private:
   struct Neighbor {

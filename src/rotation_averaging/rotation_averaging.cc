@@ -6,11 +6,23 @@
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
 #include "rotation_averaging/rotation_problem.h"
+#include "rotation_averaging/spanning_tree.h"
 #include "rotation_averaging/stages.h"
-#include "rotation_averaging/start.h"
 
 namespace cairn {
 namespace {
+
+// Weights change in every iteration: beyond some half second for a factorization, conjugate
+// gradients are taken.
+constexpr double kMaxCholeskyFlops = 3e9;
+
+LaplacianSolver MakeSolver(const RotationProblem& problem, std::span<const char> is_root,
+                           int num_threads) {
+  std::vector<LaplacianSolver::Edge> edges;
+  edges.reserve(problem.edges.size());
+  for (const GraphEdge& edge : problem.edges) edges.push_back({edge.node1, edge.node2});
+  return {problem.NumNodes(), edges, is_root, kMaxCholeskyFlops, num_threads};
+}
 
 void FillResiduals(const RotationProblem& problem, double max_error_deg,
                    const Eigen::Matrix3Xd& errors, RotationAveragingReport& report) {
@@ -53,23 +65,28 @@ RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
     report.components.emplace_back();
     for (const int v : nodes) report.components.back().push_back(problem.image_ids[v]);
   }
-  RotationStart start = FindRotationStart(problem, options, run);
-  const StageResult irls = RunIrlsStage(problem, options, run, start.solver, start.cam_from_world);
-  report.num_l1_iterations = start.l1.num_iterations;
-  report.num_consensus_rounds = start.num_consensus_rounds;
+  SpanningTreeRotations tree = InitializeBySpanningTree(problem, run.num_threads);
+  std::vector<Eigen::Quaterniond>& cam_from_world = tree.cam_from_world;
+  LaplacianSolver solver = MakeSolver(problem, tree.is_root, run.num_threads);
+  const StageResult l1 = RunL1Stage(problem, options, run, solver, cam_from_world);
+  report.num_consensus_rounds = RunConsensusStage(problem, options, run, cam_from_world);
+  report.num_region_rounds =
+      RunRegionStage(problem, tree.num_loops, options, run, solver, cam_from_world);
+  const StageResult irls = RunIrlsStage(problem, options, run, solver, cam_from_world);
+  report.num_l1_iterations = l1.num_iterations;
   report.num_irls_iterations = irls.num_iterations;
   if (run.monitor.StopRequested()) {
     report.status = RotationAveragingStatus::kInterrupted;
     return report;
   }
-  const bool converged = options.max_irls_iterations > 0 ? irls.converged : start.l1.converged;
+  const bool converged = options.max_irls_iterations > 0 ? irls.converged : l1.converged;
   report.status =
       converged ? RotationAveragingStatus::kSuccess : RotationAveragingStatus::kNotConverged;
   for (int v = 0; v < problem.NumNodes(); ++v) {
-    report.cam_from_world[problem.image_ids[v]] = start.cam_from_world[v];
+    report.cam_from_world[problem.image_ids[v]] = cam_from_world[v];
   }
   FillResiduals(problem, options.max_error_deg,
-                RotationErrors(problem, start.cam_from_world, run.num_threads), report);
+                RotationErrors(problem, cam_from_world, run.num_threads), report);
   return report;
 }
 

@@ -16,34 +16,45 @@ Eigen::Quaterniond To(const RotationProblem& problem, int edge, int node) {
   return problem.edges[edge].node2 == node ? q : q.conjugate();
 }
 
-}  // namespace
+struct Loops {
+  int num_consistent = 0;  // of those looked at
+  double estimate = 0;     // of all
+};
 
-std::vector<int> CountConsistentLoops(const RotationProblem& problem, double max_error_deg,
-                                      int max_loops, int num_threads) {
+std::vector<Loops> CountConsistentLoops(const RotationProblem& problem, int num_threads) {
   const LoopFinder finder(problem.NumNodes(), problem.edges);
-  const double min_cos_half = std::cos(0.5 * DegToRad(max_error_deg));
-  std::vector<int> counts(problem.NumEdges(), 0);
+  const double min_cos_half = std::cos(0.5 * DegToRad(kLoopErrorDeg));
+  std::vector<Loops> loops(problem.NumEdges());
   const auto count = [&](int64_t e) {
     const auto [node1, node2] = problem.edges[e];
-    for (const LoopFinder::Corner& corner : finder.Find(node1, node2, max_loops)) {
+    int num_all = 0;
+    const auto corners = finder.Find(node1, node2, kMaxLoops, &num_all);
+    for (const LoopFinder::Corner& corner : corners) {
       const Eigen::Quaterniond detour =
           To(problem, corner.edge2, node2) * To(problem, corner.edge1, corner.node);
-      counts[e] += std::abs(detour.dot(problem.relative[e])) >= min_cos_half;
+      loops[e].num_consistent += std::abs(detour.dot(problem.relative[e])) >= min_cos_half;
     }
+    if (corners.empty()) return;
+    loops[e].estimate =
+        static_cast<double>(loops[e].num_consistent) * num_all / std::ssize(corners);
   };
   ParallelFor(num_threads, problem.NumEdges(), count, 256);
-  return counts;
+  return loops;
 }
 
+}  // namespace
+
 SpanningTreeRotations InitializeBySpanningTree(const RotationProblem& problem, int num_threads) {
-  const std::vector<int> loops =
-      CountConsistentLoops(problem, kLoopErrorDeg, kMaxLoops, num_threads);
+  const std::vector<Loops> loops = CountConsistentLoops(problem, num_threads);
   std::vector<double> weights = problem.weights;
-  for (size_t e = 0; e < weights.size(); ++e) weights[e] *= 1.0 + loops[e];
+  SpanningTreeRotations result;
+  for (size_t e = 0; e < weights.size(); ++e) {
+    weights[e] *= 1.0 + loops[e].num_consistent;
+    result.num_loops.push_back(loops[e].estimate);
+  }
   const int num_nodes = problem.NumNodes();
   const std::vector<int> forest = MaximumSpanningForest(num_nodes, problem.edges, weights);
 
-  SpanningTreeRotations result;
   result.cam_from_world.assign(num_nodes, Eigen::Quaterniond::Identity());
   result.is_root.assign(num_nodes, 0);
   for (const ForestStep& step : WalkForest(num_nodes, problem.edges, forest)) {

@@ -8,15 +8,13 @@
 
 namespace cairn {
 
-// How many loops of three through each edge close within max_error_deg; at most max_loops loops an
-// edge are looked at, spread evenly over those there are.
-std::vector<int> CountConsistentLoops(const RotationProblem& problem, double max_error_deg,
-                                      int max_loops, int num_threads);
-
 // Rotations along a maximum spanning forest (weight times consistent loops), and its roots: the
 // gauge of each component.
 struct SpanningTreeRotations {
   std::vector<Eigen::Quaterniond> cam_from_world;
+  // Of each edge the loops of three that close within 5 degrees; where there are more than 32, by
+  // the share of 32 that do.
+  std::vector<double> num_loops;
   std::vector<char> is_root;
 };
 SpanningTreeRotations InitializeBySpanningTree(const RotationProblem& problem, int num_threads);

@@ -27,6 +27,7 @@ struct RotationEdge {
 struct RotationAveragingOptions {
   int max_l1_iterations = 5;
   int max_consensus_rounds = 8;
+  int max_region_rounds = 30;
   int max_irls_iterations = 60;
   double sigma_start_deg = 5.0;
   double sigma_end_deg = 1.0;
@@ -41,6 +42,9 @@ struct RotationAveragingOptions {
     v.Int("max_consensus_rounds", max_consensus_rounds, {0, 1000},
           "rounds in which single cameras may jump to the rotation that most of their edges agree "
           "on; 0 skips them");
+    v.Int(
+        "max_region_rounds", max_region_rounds, {0, 1000},
+        "rounds in which regions of cameras may turn as one, where more edges agree then; 0: none");
     v.Int("max_irls_iterations", max_irls_iterations, {0, 1000},
           "iterations of the reweighted least-squares stage; 0 skips it");
     v.Double("sigma_start_deg", sigma_start_deg, {1e-6, 180},
@@ -79,6 +83,7 @@ struct RotationAveragingReport {
   int num_rejected = 0;
   int num_l1_iterations = 0;
   int num_consensus_rounds = 0;
+  int num_region_rounds = 0;  // that turned a region
   int num_irls_iterations = 0;
   double median_residual_deg = 0;
 };
@@ -87,8 +92,9 @@ struct RotationAveragingReport {
 // least squares with the kernel's scale annealed (Chatterjee and Govindu, "Efficient and Robust
 // Large-Scale Rotation Averaging", 2013; "Robust Relative Rotation Averaging", 2018). Every step
 // solves three right-hand sides with the n x n weighted Laplacian and updates on the manifold.
-// Between the two, cameras in a wrong local minimum are moved by a vote of their edges.
-// The result does not depend on the order of the edges or on the number of threads.
+// Between the two, cameras in a wrong local minimum are moved by a vote of their edges: single
+// ones, and regions as one. The result does not depend on the order of the edges or on the number
+// of threads.
 RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
                                          const RotationAveragingOptions& options = {},
                                          const RunContext& run = {});

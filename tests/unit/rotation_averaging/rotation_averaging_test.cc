@@ -133,16 +133,26 @@ TEST(RotationAveraging, LandmarkGraphWithRealisticErrors) {
   EXPECT_GT(summary.FractionBelow(5.0), 0.97);
 }
 
-// Places on a grid, each with many images; of every two that are half of the city apart, many pairs
-// say, consistently, that they are one place. They are fewer than those to all neighbors together,
-// but more than those to any one, and surer.
-Problem MakeLookAlikePlaces(int width, int images_per_place, uint64_t seed) {
+// A city: places on a grid, each with many images. Of every two places that are half of the city
+// apart, pairs say, consistently, that they are one. They are fewer than those to all neighbors
+// together, but more than those to any one.
+struct LookAlikes {
+  int width = 3;  // of the city, in places; it is twice as long
+  int images_per_place = 20;
+  double part = 1;   // share of a place's images that see what looks alike
+  double share = 1;  // of the pairs of such images that were found
+  double own_weight = 50;
+};
+
+Problem MakeLookAlikePlaces(const LookAlikes& options, uint64_t seed) {
   Rng rng(seed, "look-alike places");
-  const int num_places = 2 * width * width;
+  const int width = options.width, num_places = 2 * width * width;
   Problem p;
+  std::vector<char> sees_part;
   std::vector<Eigen::Quaterniond> cam_from_place, place_from_world;
   for (int k = 0; k < num_places; ++k) place_from_world.push_back(RandomRotation(rng));
-  for (int i = 0; i < num_places * images_per_place; ++i) {
+  for (int i = 0; i < num_places * options.images_per_place; ++i) {
+    sees_part.push_back(rng.Uniform() < options.part);
     cam_from_place.push_back(RandomRotation(rng));
     p.truth[i + 1] = cam_from_place[i] * place_from_world[i % num_places];
   }
@@ -162,11 +172,11 @@ Problem MakeLookAlikePlaces(int width, int images_per_place, uint64_t seed) {
           std::abs(a % width - b % width) <= 1 && std::abs(a / width - b / width) <= 1;
       const int from = static_cast<int>(i), to = static_cast<int>(j);
       if (a == b) {
-        add(from, to, 0.6, 200, false);
+        add(from, to, 0.6, options.own_weight, false);
       } else if (are_neighbors) {
         add(from, to, 0.2, 40, false);
-      } else if (std::abs(a - b) == num_places / 2) {
-        add(from, to, 0.4, 50, true);
+      } else if (std::abs(a - b) == num_places / 2 && sees_part[i] && sees_part[j]) {
+        add(from, to, options.share, 50, true);
       }
     }
   }
@@ -175,7 +185,7 @@ Problem MakeLookAlikePlaces(int width, int images_per_place, uint64_t seed) {
 
 TEST(RotationAveraging, PlacesThatLookAlikeAreNotPutOnTopOfEachOther) {
   for (const uint64_t seed : {1, 2, 3}) {
-    const Problem p = MakeLookAlikePlaces(3, 20, seed);
+    const Problem p = MakeLookAlikePlaces({.share = 0.4, .own_weight = 200}, seed);
     for (const double power : {0.0, 1.0}) {
       RotationAveragingOptions options;
       options.weight_power = power;
@@ -183,6 +193,20 @@ TEST(RotationAveraging, PlacesThatLookAlikeAreNotPutOnTopOfEachOther) {
       EXPECT_LT(Summarize(AlignedRotationErrorsDeg(report.cam_from_world, p.truth)).max, 3)
           << "seed " << seed << ", weight_power " << power;
     }
+  }
+}
+
+// Here the images of two places that see what looks alike hang together more than either place's
+// own do, so that no clustering of images finds the places.
+TEST(RotationAveraging, RegionsThatAreFoldedOntoOthersAreTurnedBack) {
+  for (const uint64_t seed : {1, 2, 3}) {
+    const Problem p = MakeLookAlikePlaces({.width = 5, .part = 0.6}, seed);
+    const auto share_right = [&p](const RotationAveragingOptions& options) {
+      const auto found = AverageRotations(p.edges, options).cam_from_world;
+      return Summarize(AlignedRotationErrorsDeg(found, p.truth)).FractionBelow(3);
+    };
+    EXPECT_GT(share_right({}), 0.99) << seed;
+    EXPECT_LT(share_right({.max_region_rounds = 0}), 0.9) << seed;
   }
 }
 
