@@ -2,7 +2,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <map>
 #include <numeric>
 #include <span>
 #include <utility>
@@ -22,6 +21,8 @@ constexpr int kGrain = 64;
 // Cameras of a group, at most, and groups, at most: a system of more takes longer than it saves.
 constexpr int kMaxGroup = 32;
 constexpr int kMaxGroups = 1000;
+// Their system is summed up in so many parts, whatever the number of threads.
+constexpr int kNumParts = 4;
 
 Eigen::Matrix3d Damped(const Eigen::Matrix3d& curvature, double damping) {
   const double mean = curvature.trace() / 3.0;
@@ -318,35 +319,53 @@ Eigen::Matrix3Xd PositionSystem::Multiply(const Eigen::Matrix3Xd& x) const {
   return y;
 }
 
-// Of the diagonal blocks, and of the cameras' system where all cameras of a group move alike.
-void PositionSystem::MakePreconditioner(const Terms& terms) {
-  Eigen::MatrixXd system = Eigen::MatrixXd::Zero(3 * num_groups_, 3 * num_groups_);
-  const auto add = [&](int group1, int group2, const Eigen::Matrix3d& block) {
-    system.block<3, 3>(3 * group1, 3 * group2) += block;
+// Adds a part of the cameras, edges and points to the lower triangle of the cameras' system where
+// all cameras of a group move alike.
+void PositionSystem::AddToGroups(const Terms& terms, int part, Eigen::MatrixXd& system) const {
+  const auto for_part = [part](int64_t size, auto use) {
+    for (int64_t k = part * size / kNumParts; k < (part + 1) * size / kNumParts; ++k) use(k);
   };
-  for (int i = 0; i < problem_.NumCameras(); ++i) add(group_of_[i], group_of_[i], damped_[i]);
-  for (size_t e = 0; e < problem_.edges.size(); ++e) {
+  const auto add = [&system](int group1, int group2, const Eigen::Matrix3d& block) {
+    if (group1 >= group2) system.block<3, 3>(3 * group1, 3 * group2) += block;
+  };
+  for_part(problem_.NumCameras(), [&](int64_t i) { add(group_of_[i], group_of_[i], damped_[i]); });
+  for_part(std::ssize(problem_.edges), [&](int64_t e) {
     const int group1 = group_of_[problem_.edges[e].camera1];
     const int group2 = group_of_[problem_.edges[e].camera2];
     add(group1, group2, -terms.edges[e].curvature);
     add(group2, group1, -terms.edges[e].curvature);
-  }
-  std::map<int, Eigen::Matrix3d> pulls;  // of a point, on each group
-  for (int k = 0; k < problem_.NumTracks(); ++k) {
+  });
+  std::vector<std::pair<int, Eigen::Matrix3d>> pulls;  // of a point, on each group
+  for_part(problem_.NumTracks(), [&](int64_t k) {
     pulls.clear();
     for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
-      const auto [pull, is_new] =
-          pulls.try_emplace(group_of_[problem_.rays[r].camera], Eigen::Matrix3d::Zero());
-      pull->second += terms.rays[r].curvature;
+      const int group = group_of_[problem_.rays[r].camera];
+      const auto pull = std::find_if(pulls.begin(), pulls.end(),
+                                     [group](const auto& p) { return p.first == group; });
+      if (pull == pulls.end()) {
+        pulls.emplace_back(group, terms.rays[r].curvature);
+      } else {
+        pull->second += terms.rays[r].curvature;
+      }
     }
     for (const auto& [group1, pull1] : pulls) {
       const Eigen::Matrix3d weighted = pull1 * point_inverse_[k];
       for (const auto& [group2, pull2] : pulls) add(group1, group2, -weighted * pull2);
     }
-  }
-  groups_.compute(system);
+  });
+}
+
+void PositionSystem::MakePreconditioner(const Terms& terms) {
   diagonal_inverse_.resize(diagonal_.size());
   for (size_t i = 0; i < diagonal_.size(); ++i) diagonal_inverse_[i] = diagonal_[i].inverse();
+  std::vector<Eigen::MatrixXd> parts(kNumParts);
+  const auto make = [&](int64_t part) {
+    parts[part] = Eigen::MatrixXd::Zero(3 * num_groups_, 3 * num_groups_);
+    AddToGroups(terms, static_cast<int>(part), parts[part]);
+  };
+  ParallelFor(num_threads_, kNumParts, make, 1);
+  for (int part = 1; part < kNumParts; ++part) parts[0] += parts[part];
+  groups_.compute(parts[0]);
 }
 
 Eigen::Matrix3Xd PositionSystem::Precondition(const Eigen::Matrix3Xd& residual) const {

@@ -61,7 +61,9 @@ class PositionSystem {
   bool SolveByCholesky(const Terms& terms, Eigen::Matrix3Xd& step);
   void SolveByConjugateGradients(Eigen::Matrix3Xd& step) const;
   void BuildCouplings(const Terms& terms);
+  // Of the diagonal blocks, and of groups.
   void MakePreconditioner(const Terms& terms);
+  void AddToGroups(const Terms& terms, int part, Eigen::MatrixXd& system) const;
   Eigen::Matrix3Xd Precondition(const Eigen::Matrix3Xd& residual) const;
   Eigen::Matrix3Xd Multiply(const Eigen::Matrix3Xd& x) const;
 
