@@ -2,7 +2,6 @@
 #include "intrinsics/focal_learning.h"
 
 #include <gmock/gmock.h>
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/synthetic/scene.h"
