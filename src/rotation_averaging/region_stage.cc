@@ -126,16 +126,15 @@ class RegionTurner {
     ParallelFor(run_.num_threads, std::ssize(ranked), rank, 1);
     std::sort(ranked.begin(), ranked.end());
     std::vector<Eigen::Quaterniond> turns;
-    for (const auto& [wanted, e] : ranked) {
-      const auto is_near = [&](const Eigen::Quaterniond& other) {
-        return IsNear(other, misfit_[e]);
-      };
+    for (const std::pair<double, int>& proposed : ranked) {
+      const Eigen::Quaterniond& turn = misfit_[proposed.second];
+      const auto is_near = [&](const Eigen::Quaterniond& other) { return IsNear(other, turn); };
       if (is_near(Eigen::Quaterniond::Identity()) ||
           std::any_of(turns.begin(), turns.end(), is_near) ||
           std::any_of(failed_.begin(), failed_.end(), is_near)) {
         continue;
       }
-      turns.push_back(misfit_[e]);
+      turns.push_back(turn);
       if (turns.size() == kMaxTurns) break;
     }
     ParallelFor(
