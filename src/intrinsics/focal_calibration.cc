@@ -129,11 +129,11 @@ FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras
   });
 
   FocalCalibrationReport report;
-  std::map<camera_t, int> variable;  // index of the camera's unknown; -1: trusted
+  std::map<camera_t, int> index;  // of the cameras that are sought; -1: trusted
   std::vector<camera_t> camera_ids;
   std::vector<double> prior_sigmas;
   const auto use = [&](camera_t id) {
-    const auto [it, is_new] = variable.try_emplace(id, -1);
+    const auto [it, is_new] = index.try_emplace(id, -1);
     if (is_new && trusted.count(id) == 0) {
       it->second = static_cast<int>(camera_ids.size());
       camera_ids.push_back(id);
@@ -151,12 +151,12 @@ FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras
   for (size_t i = 0; i < pairs.size(); ++i) {
     if (!fits[i]) continue;
     FocalTerm term;
-    term.variable1 = use(pairs[i].camera_id1);
-    term.variable2 = use(pairs[i].camera_id2);
+    term.camera1 = use(pairs[i].camera_id1);
+    term.camera2 = use(pairs[i].camera_id2);
     term.principal_point_sigmas = {principal_point_sigma(pairs[i].camera_id1),
                                    principal_point_sigma(pairs[i].camera_id2)};
     term.fit = *fits[i];
-    if (term.variable1 >= 0 || term.variable2 >= 0) terms.push_back(std::move(term));
+    if (term.camera1 >= 0 || term.camera2 >= 0) terms.push_back(std::move(term));
   }
   FocalProblem problem(std::move(terms), std::move(prior_sigmas));
   const internal::FocalSolution solution = problem.Solve();

@@ -16,6 +16,7 @@ constexpr double kMaxSquaredError = 9.21;
 // What F's covariance does not know: distortion, matches that hang together.
 constexpr double kModelSigma = 0.005;
 constexpr int kMaxSweeps = 3;
+constexpr int kPointIterations = 3;
 constexpr int kMaxRounds = 4;
 constexpr int kMaxIterations = 30;
 constexpr double kMinRelativeGain = 1e-10;
@@ -31,12 +32,6 @@ double LossWeight(double squared) {
   return weight * weight;
 }
 
-Eigen::Matrix2d TermInformation(const FocalTerm& term, const Eigen::Vector2d& log_focals) {
-  Eigen::Matrix2d covariance = KruppaCovariance(term.fit, log_focals, term.principal_point_sigmas);
-  covariance.diagonal().array() += kModelSigma * kModelSigma;
-  return covariance.inverse();
-}
-
 }  // namespace
 
 FocalProblem::FocalProblem(std::vector<FocalTerm> terms, std::vector<double> prior_sigmas)
@@ -44,96 +39,172 @@ FocalProblem::FocalProblem(std::vector<FocalTerm> terms, std::vector<double> pri
       prior_sigmas_(std::move(prior_sigmas)),
       terms_of_(prior_sigmas_.size()) {
   for (size_t i = 0; i < terms_.size(); ++i) {
-    const auto [v1, v2] = std::pair(terms_[i].variable1, terms_[i].variable2);
+    const auto [v1, v2] = std::pair(terms_[i].camera1, terms_[i].camera2);
     if (v1 >= 0) terms_of_[v1].push_back(static_cast<int>(i));
     if (v2 >= 0 && v2 != v1) terms_of_[v2].push_back(static_cast<int>(i));
   }
 }
 
-double FocalProblem::SquaredError(const FocalTerm& term, const Eigen::VectorXd& x) const {
-  const Eigen::Vector2d log_focals = LogFocals(term, x);
-  const Eigen::Vector2d r = EvaluateKruppa(term.fit, log_focals).value;
-  return r.dot(TermInformation(term, log_focals) * r);
+Eigen::Vector2d FocalProblem::LogFocals(const FocalTerm& term, const State& x) const {
+  const auto log_focal = [&](int camera) { return camera < 0 ? 0.0 : x[camera]; };
+  return {log_focal(term.camera1), log_focal(term.camera2)};
 }
 
-double FocalProblem::PriorLoss(const Eigen::VectorXd& x, size_t v) const {
-  return Loss(std::pow(x[v] / prior_sigmas_[v], 2));
+Eigen::Vector4d FocalProblem::PrincipalPoints(const FocalTerm& term, const State& x) const {
+  Eigen::Vector4d points = Eigen::Vector4d::Zero();
+  const int cameras[] = {term.camera1, term.camera2};
+  for (int k = 0; k < 2; ++k) {
+    if (cameras[k] < 0) continue;
+    points.segment<2>(2 * k) =
+        term.principal_point_sigmas[k] * x.segment<2>(PrincipalPointAt(cameras[k]));
+  }
+  return points;
 }
 
-double FocalProblem::Cost(const Eigen::VectorXd& x) const {
+FocalProblem::Residual FocalProblem::Evaluate(const FocalTerm& term, const State& x) const {
+  const KruppaResidual kruppa =
+      EvaluateKruppa(term.fit, LogFocals(term, x), PrincipalPoints(term, x));
+  Residual residual{kruppa.value, {}, {term.camera1, term.camera2}};
+  residual.by.leftCols<2>() = kruppa.by_log_focals;
+  for (int k = 0; k < 2; ++k) {
+    const int camera = k == 0 ? term.camera1 : term.camera2;
+    residual.by.middleCols<2>(2 + 2 * k) =
+        term.principal_point_sigmas[k] * kruppa.by_principal_points.middleCols<2>(2 * k);
+    for (int axis = 0; axis < 2; ++axis) {
+      residual.variables[2 + 2 * k + axis] = camera < 0 ? -1 : PrincipalPointAt(camera) + axis;
+    }
+  }
+  return residual;
+}
+
+Eigen::Matrix2d FocalProblem::Information(const FocalTerm& term, const State& x) const {
+  Eigen::Matrix2d covariance =
+      KruppaCovariance(term.fit, LogFocals(term, x), PrincipalPoints(term, x));
+  covariance.diagonal().array() += kModelSigma * kModelSigma;
+  if (term.camera1 < 0 || term.camera2 < 0) {
+    const Residual residual = Evaluate(term, x);
+    for (int k = 2; k < 6; ++k) {
+      if (residual.variables[k] >= 0) continue;
+      covariance += residual.by.col(k) * residual.by.col(k).transpose();
+    }
+  }
+  return covariance.inverse();
+}
+
+std::vector<Eigen::Matrix2d> FocalProblem::AllInformation(const State& x) const {
+  std::vector<Eigen::Matrix2d> information;
+  for (const FocalTerm& term : terms_) information.push_back(Information(term, x));
+  return information;
+}
+
+double FocalProblem::SquaredError(const FocalTerm& term, const State& x) const {
+  const Eigen::Vector2d r = Evaluate(term, x).value;
+  return r.dot(Information(term, x) * r);
+}
+
+double FocalProblem::PriorLoss(const State& x, int camera) const {
+  return Loss(std::pow(x[camera] / prior_sigmas_[camera], 2)) +
+         x.segment<2>(PrincipalPointAt(camera)).squaredNorm();
+}
+
+double FocalProblem::Cost(const State& x) const {
   double cost = 0;
   for (const FocalTerm& term : terms_) cost += Loss(SquaredError(term, x));
-  for (size_t v = 0; v < prior_sigmas_.size(); ++v) {
-    cost += PriorLoss(x, v);
-  }
+  for (int v = 0; v < NumCameras(); ++v) cost += PriorLoss(x, v);
   return cost;
 }
 
-void FocalProblem::Search(Eigen::VectorXd& x) const {
+double FocalProblem::CostOf(const State& x, int camera) const {
+  double cost = PriorLoss(x, camera);
+  for (const int t : terms_of_[camera]) cost += Loss(SquaredError(terms_[t], x));
+  return cost;
+}
+
+void FocalProblem::FitPrincipalPoint(int camera, State& x) const {
+  auto point = x.segment<2>(PrincipalPointAt(camera));
+  point.setZero();
+  for (int k = 0; k < kPointIterations; ++k) {
+    Eigen::Matrix2d hessian = Eigen::Matrix2d::Identity();
+    Eigen::Vector2d gradient = point;
+    for (const int t : terms_of_[camera]) {
+      const Residual residual = Evaluate(terms_[t], x);
+      Eigen::Matrix2d by = Eigen::Matrix2d::Zero();
+      if (terms_[t].camera1 == camera) by += residual.by.middleCols<2>(2);
+      if (terms_[t].camera2 == camera) by += residual.by.middleCols<2>(4);
+      const Eigen::Matrix2d information = Information(terms_[t], x);
+      // At first, the pairs count as many as agree with any likely principal point.
+      const Eigen::Matrix2d unsure =
+          k > 0 ? information
+                : Eigen::Matrix2d((information.inverse() + by * by.transpose()).inverse());
+      const Eigen::Matrix2d weighted =
+          LossWeight(residual.value.dot(unsure * residual.value)) * information * by;
+      hessian += by.transpose() * weighted;
+      gradient += weighted.transpose() * residual.value;
+    }
+    point -= hessian.inverse() * gradient;
+  }
+}
+
+void FocalProblem::Search(State& x) const {
   for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
     bool changed = false;
-    for (int v = 0; v < x.size(); ++v) {
+    for (int v = 0; v < NumCameras(); ++v) {
       const double before = x[v];
-      double best_cost = 0, best = before;
+      State best = x;
+      double best_cost = 0;
       // From 0.2 to 7 image sides, if the guess is 1.2.
       for (int k = -1; k <= 24; ++k) {
         x[v] = k < 0 ? before : 0.15 * (k - 12);
-        double cost = PriorLoss(x, v);
-        for (const int t : terms_of_[v]) cost += Loss(SquaredError(terms_[t], x));
+        FitPrincipalPoint(v, x);
+        const double cost = CostOf(x, v);
         if (k >= 0 && !(cost < best_cost)) continue;
         best_cost = cost;
-        best = x[v];
+        best = x;
       }
-      x[v] = best;
-      changed |= best != before;
+      x = best;
+      changed |= x[v] != before;
     }
     if (!changed) break;
   }
 }
 
-std::vector<Eigen::Matrix2d> FocalProblem::Information(const Eigen::VectorXd& x) const {
-  std::vector<Eigen::Matrix2d> information;
-  for (const FocalTerm& term : terms_) {
-    information.push_back(TermInformation(term, LogFocals(term, x)));
-  }
-  return information;
-}
-
-SparseNormals FocalProblem::Linearize(const Eigen::VectorXd& x,
+SparseNormals FocalProblem::Linearize(const State& x,
                                       const std::vector<Eigen::Matrix2d>& information) const {
   std::vector<Eigen::Triplet<double>> entries;
   SparseNormals model;
   model.gradient.setZero(x.size());
   for (size_t i = 0; i < terms_.size(); ++i) {
-    const KruppaResidual residual = EvaluateKruppa(terms_[i].fit, LogFocals(terms_[i], x));
+    const Residual residual = Evaluate(terms_[i], x);
     const double squared = residual.value.dot(information[i] * residual.value);
     model.cost += Loss(squared);
-    const Eigen::Matrix2d weight = LossWeight(squared) * information[i];
-    const int variables[] = {terms_[i].variable1, terms_[i].variable2};
-    for (int a = 0; a < 2; ++a) {
-      if (variables[a] < 0) continue;
-      const Eigen::Vector2d weighted = weight * residual.by_log_focals.col(a);
-      model.gradient[variables[a]] += weighted.dot(residual.value);
-      for (int b = 0; b < 2; ++b) {
-        if (variables[b] < 0) continue;
-        entries.emplace_back(variables[a], variables[b],
-                             weighted.dot(residual.by_log_focals.col(b)));
+    const Eigen::Matrix<double, 2, 6> weighted = LossWeight(squared) * information[i] * residual.by;
+    for (int a = 0; a < 6; ++a) {
+      if (residual.variables[a] < 0) continue;
+      model.gradient[residual.variables[a]] += weighted.col(a).dot(residual.value);
+      for (int b = 0; b < 6; ++b) {
+        if (residual.variables[b] < 0) continue;
+        entries.emplace_back(residual.variables[a], residual.variables[b],
+                             weighted.col(a).dot(residual.by.col(b)));
       }
     }
   }
-  for (size_t v = 0; v < prior_sigmas_.size(); ++v) {
+  for (int v = 0; v < NumCameras(); ++v) {
     const double squared = std::pow(x[v] / prior_sigmas_[v], 2);
     const double precision = LossWeight(squared) / (prior_sigmas_[v] * prior_sigmas_[v]);
-    model.cost += Loss(squared);
-    model.gradient[static_cast<Eigen::Index>(v)] += precision * x[v];
-    entries.emplace_back(static_cast<int>(v), static_cast<int>(v), precision);
+    model.cost += PriorLoss(x, v);
+    model.gradient[v] += precision * x[v];
+    entries.emplace_back(v, v, precision);
+    for (int k = PrincipalPointAt(v); k < PrincipalPointAt(v) + 2; ++k) {
+      model.gradient[k] += x[k];
+      entries.emplace_back(k, k, 1.0);
+    }
   }
   model.hessian.resize(x.size(), x.size());
   model.hessian.setFromTriplets(entries.begin(), entries.end());
   return model;
 }
 
-void FocalProblem::Refine(Eigen::VectorXd& x) const {
+void FocalProblem::Refine(State& x) const {
   struct Problem {
     using State = Eigen::VectorXd;
     SparseNormals Linearize(const State& at) const { return all.Linearize(at, information); }
@@ -145,8 +216,8 @@ void FocalProblem::Refine(Eigen::VectorXd& x) const {
     std::vector<Eigen::Matrix2d> information;
   };
   for (int round = 0; round < kMaxRounds; ++round) {
-    Problem problem{*this, Information(x)};
-    const Eigen::VectorXd before = x;
+    Problem problem{*this, AllInformation(x)};
+    const State before = x;
     Minimize(problem, {kMaxIterations, kMinRelativeGain}, &x);
     if ((x - before).cwiseAbs().maxCoeff() < 1e-4) break;
   }
@@ -154,17 +225,18 @@ void FocalProblem::Refine(Eigen::VectorXd& x) const {
 
 FocalSolution FocalProblem::Solve() {
   FocalSolution solution;
-  const auto n = static_cast<Eigen::Index>(prior_sigmas_.size());
+  const int n = NumCameras();
   solution.num_agreeing_of.assign(prior_sigmas_.size(), 0);
   for (const auto& terms : terms_of_) {
     solution.num_terms_of.push_back(static_cast<int>(terms.size()));
   }
   solution.num_terms = static_cast<int>(terms_.size());
   if (n == 0) return solution;
-  Eigen::VectorXd best;
+  State best;
   double best_cost = 0;
   for (const double start : {0.0, -0.5, 0.5}) {
-    Eigen::VectorXd x = Eigen::VectorXd::Constant(n, start);
+    State x = State::Zero(3 * n);
+    x.head(n).setConstant(start);
     Search(x);
     Refine(x);
     const double cost = Cost(x);
@@ -177,15 +249,15 @@ FocalSolution FocalProblem::Solve() {
     squared_errors.push_back(SquaredError(term, best));
     if (squared_errors.back() > kMaxSquaredError) continue;
     ++solution.num_agreeing;
-    if (term.variable1 >= 0) ++solution.num_agreeing_of[term.variable1];
-    if (term.variable2 >= 0 && term.variable2 != term.variable1) {
-      ++solution.num_agreeing_of[term.variable2];
+    if (term.camera1 >= 0) ++solution.num_agreeing_of[term.camera1];
+    if (term.camera2 >= 0 && term.camera2 != term.camera1) {
+      ++solution.num_agreeing_of[term.camera2];
     }
   }
-  const SparseNormals model = Linearize(best, Information(best));
+  const SparseNormals model = Linearize(best, AllInformation(best));
   // Where most pairs contradict what their matches promise, the promise is worth less.
   const double excess = std::max(1.0, UpperMedian(squared_errors) / kChiSquareMedian);
-  for (Eigen::Index v = 0; v < n; ++v) {
+  for (int v = 0; v < n; ++v) {
     solution.log_focals.push_back(best[v]);
     solution.sigmas.push_back(std::sqrt(excess * model.LocalVariance(v)));
   }

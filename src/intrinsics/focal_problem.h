@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 #include "intrinsics/kruppa.h"
@@ -8,27 +9,29 @@
 
 namespace cairn::internal {
 
-// One pair of the problem. A variable is the logarithm of a camera's true over its nominal focal
-// length; -1 stands for a trusted camera, whose logarithm is 0.
+// One pair of the problem. A camera's index; -1 stands for a trusted camera, whose focal length is
+// the nominal one. Principal points have standard deviations in units of nominal focal lengths.
 struct FocalTerm {
-  int variable1 = -1;
-  int variable2 = -1;
+  int camera1 = -1;
+  int camera2 = -1;
   Eigen::Vector2d principal_point_sigmas;
   FundamentalFit fit;
 };
 
 struct FocalSolution {
-  std::vector<double> log_focals;
+  std::vector<double> log_focals;    // of true over nominal focal lengths, by camera
   std::vector<double> sigmas;        // of these
-  std::vector<int> num_terms_of;     // terms of a variable
-  std::vector<int> num_agreeing_of;  // terms of a variable that agree with the solution
+  std::vector<int> num_terms_of;     // terms of a camera
+  std::vector<int> num_agreeing_of;  // terms of a camera that agree with the solution
   int num_terms = 0;
   int num_agreeing = 0;
 };
 
-// Minimizes the sum of rho(r^T Sigma^-1 r) over the terms' Kruppa residuals r and of
-// rho((x / prior sigma)^2) over the variables x, with Geman and McClure's loss rho. Sigma is that
-// of the present focal lengths.
+// Minimizes the sum of rho(r^T Sigma^-1 r) over the terms' Kruppa residuals r and of the priors:
+// rho((log focal / its sigma)^2), and the squared principal points in their sigmas. rho is Geman
+// and McClure's loss, Sigma that of the present intrinsics. A camera's principal point is the same
+// in all of its pairs: where optical axes meet in one point at one distance, as around an object,
+// any focal length fits with some principal point, and many pairs say no more than one.
 class FocalProblem {
  public:
   FocalProblem(std::vector<FocalTerm> terms, std::vector<double> prior_sigmas);
@@ -36,29 +39,41 @@ class FocalProblem {
   FocalSolution Solve();
 
  private:
-  double LogFocal(int variable, const Eigen::VectorXd& x) const {
-    return variable < 0 ? 0.0 : x[variable];
-  }
-  Eigen::Vector2d LogFocals(const FocalTerm& term, const Eigen::VectorXd& x) const {
-    return {LogFocal(term.variable1, x), LogFocal(term.variable2, x)};
-  }
-  // Squared residual of one term, with the Sigma of its own focal lengths.
-  double SquaredError(const FocalTerm& term, const Eigen::VectorXd& x) const;
-  double PriorLoss(const Eigen::VectorXd& x, size_t v) const;
+  // Of camera v: its log focal length at v, its principal point, in its sigmas, from n + 2 v on.
+  using State = Eigen::VectorXd;
+  // A term's residual and its changes with the variables (-1: a constant).
+  struct Residual {
+    Eigen::Vector2d value;
+    Eigen::Matrix<double, 2, 6> by;
+    std::array<int, 6> variables;
+  };
+
+  int NumCameras() const { return static_cast<int>(prior_sigmas_.size()); }
+  int PrincipalPointAt(int camera) const { return NumCameras() + 2 * camera; }
+  Eigen::Vector2d LogFocals(const FocalTerm& term, const State& x) const;
+  Eigen::Vector4d PrincipalPoints(const FocalTerm& term, const State& x) const;
+  Residual Evaluate(const FocalTerm& term, const State& x) const;
+  // The inverse of Sigma.
+  Eigen::Matrix2d Information(const FocalTerm& term, const State& x) const;
+  std::vector<Eigen::Matrix2d> AllInformation(const State& x) const;
+  // Squared residual of one term, with the Sigma of its own intrinsics.
+  double SquaredError(const FocalTerm& term, const State& x) const;
+  double PriorLoss(const State& x, int camera) const;
   // Cost with each term's own Sigma: for comparing starts.
-  double Cost(const Eigen::VectorXd& x) const;
-  // Every variable in turn goes to its best value of a grid.
-  void Search(Eigen::VectorXd& x) const;
+  double Cost(const State& x) const;
+  double CostOf(const State& x, int camera) const;
+  // The principal point that suits the camera's focal length.
+  void FitPrincipalPoint(int camera, State& x) const;
+  // Every camera in turn goes to its best focal length of a grid.
+  void Search(State& x) const;
   // Levenberg-Marquardt with Sigma updated between its rounds.
-  void Refine(Eigen::VectorXd& x) const;
+  void Refine(State& x) const;
   // Gauss-Newton normal equations with given inverse covariances of the terms.
-  SparseNormals Linearize(const Eigen::VectorXd& x,
-                          const std::vector<Eigen::Matrix2d>& information) const;
-  std::vector<Eigen::Matrix2d> Information(const Eigen::VectorXd& x) const;
+  SparseNormals Linearize(const State& x, const std::vector<Eigen::Matrix2d>& information) const;
 
   std::vector<FocalTerm> terms_;
   std::vector<double> prior_sigmas_;
-  std::vector<std::vector<int>> terms_of_;  // by variable
+  std::vector<std::vector<int>> terms_of_;  // by camera
 };
 
 }  // namespace cairn::internal

@@ -10,12 +10,16 @@ namespace {
 
 using Basis = Eigen::Matrix<double, 3, 2>;
 
-// One camera's side: C = basis^T K K^T basis and its Cholesky factor.
+// One camera's side: C = basis^T K K^T basis and its Cholesky factor. K K^T = diag(a^2, a^2, 0) +
+// center center^T.
 struct Side {
-  Side(const Eigen::Matrix3d& rotation, double log_focal)
-      : basis(rotation.leftCols<2>()), omega(Eigen::Vector3d::Ones()) {
-    omega.head<2>() *= std::exp(2 * log_focal);
-    const Eigen::Matrix2d C = basis.transpose() * omega.asDiagonal() * basis;
+  Side(const Eigen::Matrix3d& rotation, double log_focal, const Eigen::Vector2d& principal_point)
+      : basis(rotation.leftCols<2>()),
+        focal_squares(std::exp(2 * log_focal) * Eigen::Vector3d(1, 1, 0)),
+        center(principal_point.homogeneous()) {
+    omega = center * center.transpose();
+    omega.diagonal() += focal_squares;
+    const Eigen::Matrix2d C = basis.transpose() * omega * basis;
     L(0, 0) = std::sqrt(C(0, 0));
     L(1, 0) = C(1, 0) / L(0, 0);
     L(1, 1) = std::sqrt(std::max(C(1, 1) - L(1, 0) * L(1, 0), 1e-300));
@@ -30,22 +34,22 @@ struct Side {
     return L * change;
   }
   Eigen::Matrix2d ByLogFocal() const {
-    Eigen::Vector3d change = 2 * omega;
-    change.z() = 0;
-    return FactorChange(basis.transpose() * change.asDiagonal() * basis);
+    return FactorChange(basis.transpose() * (2 * focal_squares).asDiagonal() * basis);
   }
   Eigen::Matrix2d ByRotation(const Eigen::Matrix3d& rotation, int axis) const {
     const Basis moved = (rotation * CrossMatrix(Eigen::Vector3d::Unit(axis))).leftCols<2>();
-    const Eigen::Matrix2d half = moved.transpose() * omega.asDiagonal() * basis;
+    const Eigen::Matrix2d half = moved.transpose() * omega * basis;
     return FactorChange(half + half.transpose());
   }
   Eigen::Matrix2d ByPrincipalPoint(int axis) const {
-    const Eigen::Matrix2d half = basis.row(axis).transpose() * basis.row(2);
+    const Eigen::Matrix2d half = basis.row(axis).transpose() * (center.transpose() * basis);
     return FactorChange(half + half.transpose());
   }
 
   Basis basis;
-  Eigen::Vector3d omega;  // diagonal of K K^T
+  Eigen::Vector3d focal_squares;
+  Eigen::Vector3d center;
+  Eigen::Matrix3d omega;  // K K^T
   Eigen::Matrix2d L;
 };
 
@@ -63,19 +67,10 @@ struct Split {
 
 }  // namespace
 
-KruppaResidual EvaluateKruppa(const FundamentalFit& fit, const Eigen::Vector2d& log_focals) {
-  const Side side1(fit.V, log_focals[0]), side2(fit.U, log_focals[1]);
-  const Split split(side2.L.transpose() * fit.B * side1.L);
-  KruppaResidual residual;
-  residual.value = split.Value();
-  residual.by_log_focals.col(0) = split.Change(side2.L.transpose() * fit.B * side1.ByLogFocal());
-  residual.by_log_focals.col(1) = split.Change(side2.ByLogFocal().transpose() * fit.B * side1.L);
-  return residual;
-}
-
-Eigen::Matrix2d KruppaCovariance(const FundamentalFit& fit, const Eigen::Vector2d& log_focals,
-                                 const Eigen::Vector2d& principal_point_sigmas) {
-  const Side side1(fit.V, log_focals[0]), side2(fit.U, log_focals[1]);
+KruppaResidual EvaluateKruppa(const FundamentalFit& fit, const Eigen::Vector2d& log_focals,
+                              const Eigen::Vector4d& principal_points) {
+  const Side side1(fit.V, log_focals[0], principal_points.head<2>());
+  const Side side2(fit.U, log_focals[1], principal_points.tail<2>());
   const Split split(side2.L.transpose() * fit.B * side1.L);
   const auto by_side1 = [&](const Eigen::Matrix2d& dL) {
     return split.Change(side2.L.transpose() * fit.B * dL);
@@ -83,20 +78,31 @@ Eigen::Matrix2d KruppaCovariance(const FundamentalFit& fit, const Eigen::Vector2
   const auto by_side2 = [&](const Eigen::Matrix2d& dL) {
     return split.Change(dL.transpose() * fit.B * side1.L);
   };
-  Eigen::Matrix<double, 2, FundamentalFit::kDof> by_fit;
-  Eigen::Matrix<double, 2, 4> by_principal_points;
+  KruppaResidual residual;
+  residual.value = split.Value();
+  residual.by_log_focals.col(0) = by_side1(side1.ByLogFocal());
+  residual.by_log_focals.col(1) = by_side2(side2.ByLogFocal());
   for (int k = 0; k < 2; ++k) {
-    by_fit.col(k) = by_side2(side2.ByRotation(fit.U, k));
-    by_fit.col(2 + k) = by_side1(side1.ByRotation(fit.V, k));
-    by_principal_points.col(k) = principal_point_sigmas[0] * by_side1(side1.ByPrincipalPoint(k));
-    by_principal_points.col(2 + k) =
-        principal_point_sigmas[1] * by_side2(side2.ByPrincipalPoint(k));
+    residual.by_principal_points.col(k) = by_side1(side1.ByPrincipalPoint(k));
+    residual.by_principal_points.col(2 + k) = by_side2(side2.ByPrincipalPoint(k));
+  }
+  return residual;
+}
+
+Eigen::Matrix2d KruppaCovariance(const FundamentalFit& fit, const Eigen::Vector2d& log_focals,
+                                 const Eigen::Vector4d& principal_points) {
+  const Side side1(fit.V, log_focals[0], principal_points.head<2>());
+  const Side side2(fit.U, log_focals[1], principal_points.tail<2>());
+  const Split split(side2.L.transpose() * fit.B * side1.L);
+  Eigen::Matrix<double, 2, FundamentalFit::kDof> by_fit;
+  for (int k = 0; k < 2; ++k) {
+    by_fit.col(k) = split.Change(side2.ByRotation(fit.U, k).transpose() * fit.B * side1.L);
+    by_fit.col(2 + k) = split.Change(side2.L.transpose() * fit.B * side1.ByRotation(fit.V, k));
   }
   for (int k = 0; k < 3; ++k) {
     by_fit.col(4 + k) = split.Change(side2.L.transpose() * fit.Direction(k) * side1.L);
   }
-  return by_fit * fit.covariance * by_fit.transpose() +
-         by_principal_points * by_principal_points.transpose();
+  return by_fit * fit.covariance * by_fit.transpose();
 }
 
 }  // namespace cairn::internal

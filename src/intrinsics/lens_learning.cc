@@ -18,8 +18,9 @@ namespace {
 
 constexpr int kMaxLensPairs = 100;   // of a camera
 constexpr size_t kMaxMatches = 300;  // of a pair
-// A focal length as precise as that counts as known, like EXIF's, which is no more precise; where
-// the camera's pairs contradict it, it is rejected like EXIF's (focal_learning.h).
+// A focal length as precise as that is taken, like EXIF's, which is no more precise; where the
+// camera's pairs contradict it, it is rejected like EXIF's (focal_learning.h). The mapper can try
+// another one beside the guess.
 constexpr double kKnownSigma = 0.05;
 
 struct LensPair {
@@ -149,10 +150,11 @@ CameraLens MakeLens(const Camera& camera, const CalibratedDistortion* distortion
                     const CalibratedFocal* focal) {
   CameraLens lens;
   double factor = 1.0;
-  if (focal != nullptr && focal->status == FocalStatus::kCalibrated) {
+  if (focal != nullptr && focal->status == FocalStatus::kCalibrated &&
+      focal->sigma <= kKnownSigma) {
     lens.focal_px = focal->focal_px;
     lens.focal_sigma = focal->sigma;
-    lens.is_focal_known = focal->sigma <= kKnownSigma;
+    lens.is_focal_known = true;
     factor = std::pow(focal->focal_px / camera.MeanFocal(), 2);
   }
   if (distortion != nullptr && distortion->is_significant) {
@@ -166,8 +168,8 @@ std::string Describe(camera_t id, const CameraLens& lens) {
   std::string text = "camera " + std::to_string(id) + ": learned";
   char part[100];
   if (lens.focal_px > 0) {
-    std::snprintf(part, sizeof(part), " focal length %.1f px (sigma %.1f %%)%s", lens.focal_px,
-                  100 * lens.focal_sigma, lens.is_focal_known ? "" : " (uncertain)");
+    std::snprintf(part, sizeof(part), " focal length %.1f px (sigma %.1f %%)", lens.focal_px,
+                  100 * lens.focal_sigma);
     text += part;
   }
   if (lens.k != 0) {

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
 
@@ -235,6 +236,33 @@ TEST(FocalCalibration, DegenerateMotionsAreRefused) {
   }
 }
 
+// Around an object, optical axes meet in one point at one distance: any focal length fits with some
+// principal point, which all pairs share.
+TEST(FocalCalibration, PrincipalPointsOfFixatingCamerasMisleadNobody) {
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
+    Rig rig({1500}, 24, seed);
+    for (size_t i = 0; i < rig.poses.size(); ++i) {
+      // An arc of 120 degrees at two heights, 12 degrees apart.
+      const double yaw = 2.1 / 24 * static_cast<double>(i),
+                   pitch = 0.2 * static_cast<double>(i % 2);
+      const Eigen::Quaterniond R = ExpSO3({pitch, 0, 0}) * ExpSO3({0, yaw, 0});
+      rig.poses[i] = Rigid3d(R, Eigen::Vector3d(0, 0, 5));
+    }
+    std::vector<FocalPair> pairs = rig.AllPairs(0.2);
+    const Eigen::Vector2d shift(15, 12);  // one and a half standard deviations
+    const Eigen::Matrix3d to_shifted = Eigen::Affine2d(Eigen::Translation2d(-shift)).matrix();
+    for (FocalPair& pair : pairs) {
+      for (Eigen::Vector2d& x : pair.pixels1) x += shift;
+      for (Eigen::Vector2d& x : pair.pixels2) x += shift;
+      pair.F = to_shifted.transpose() * pair.F * to_shifted;
+    }
+    const CalibratedFocal focal = Calibrate(rig.Guesses(1200), pairs).cameras.at(1);
+    EXPECT_LT(std::abs(std::log(focal.focal_px / 1500)), 3 * focal.sigma)
+        << focal.focal_px << " sigma " << focal.sigma;
+    EXPECT_EQ(focal.status, FocalStatus::kUndetermined);
+  }
+}
+
 TEST(FocalCalibration, PairsThatContradictEachOtherAreRefused) {
   Rig rig({1000}, 7);
   std::vector<FocalPair> pairs = rig.AllPairs();
@@ -266,7 +294,7 @@ TEST(FocalCalibration, OptionsDecideWhatIsBelieved) {
   EXPECT_GT(run({}, 1030, true).focal_px, run({.exif_sigma = 1}, 1030, true).focal_px + 0.1);
   EXPECT_EQ(run({}, 1030, true).status, FocalStatus::kConfirmed);
   EXPECT_EQ(run({.min_exif_error = 0}, 1030, true).status, FocalStatus::kCalibrated);
-  EXPECT_GT(run({.principal_point_sigma = 0.05}).sigma, 1.5 * run({}).sigma);
+  EXPECT_GT(run({.principal_point_sigma = 0.05}).sigma, run({.principal_point_sigma = 0}).sigma);
 }
 
 TEST(FocalCalibration, TheSamePairsInAnotherOrderAndWithMoreThreads) {
@@ -326,13 +354,21 @@ TEST(Kruppa, JacobianAndCovarianceMatchDifferences) {
   const internal::FundamentalFit fit = FitOf(rig.MakePair(0, 1), 1000);
   const Eigen::Vector2d at(0.15, -0.1);
   const double h = 1e-6;
-  const auto residual = internal::EvaluateKruppa(fit, at);
+  const Eigen::Vector4d points(0.02, -0.01, 0.03, 0.015);
+  const auto residual = internal::EvaluateKruppa(fit, at, points);
   for (int k = 0; k < 2; ++k) {
     const Eigen::Vector2d step = h * Eigen::Vector2d::Unit(k);
-    const Eigen::Vector2d difference = (internal::EvaluateKruppa(fit, at + step).value -
-                                        internal::EvaluateKruppa(fit, at - step).value) /
+    const Eigen::Vector2d difference = (internal::EvaluateKruppa(fit, at + step, points).value -
+                                        internal::EvaluateKruppa(fit, at - step, points).value) /
                                        (2 * h);
     EXPECT_LT((residual.by_log_focals.col(k) - difference).norm(), 1e-7);
+  }
+  for (int k = 0; k < 4; ++k) {
+    const Eigen::Vector4d step = h * Eigen::Vector4d::Unit(k);
+    const Eigen::Vector2d difference = (internal::EvaluateKruppa(fit, at, points + step).value -
+                                        internal::EvaluateKruppa(fit, at, points - step).value) /
+                                       (2 * h);
+    EXPECT_LT((residual.by_principal_points.col(k) - difference).norm(), 1e-7);
   }
   // Along the directions of the fit.
   Eigen::Matrix<double, 2, 7> by_fit;
@@ -344,15 +380,13 @@ TEST(Kruppa, JacobianAndCovarianceMatchDifferences) {
       if (k < 2) moved.U = fit.U * ExpSO3(turn).toRotationMatrix();
       if (k == 2 || k == 3) moved.V = fit.V * ExpSO3(turn).toRotationMatrix();
       if (k >= 4) moved.B += sign * h * fit.Direction(k - 4);
-      values[sign > 0] = internal::EvaluateKruppa(moved, at).value;
+      values[sign > 0] = internal::EvaluateKruppa(moved, at, points).value;
     }
     by_fit.col(k) = (values[1] - values[0]) / (2 * h);
   }
   const Eigen::Matrix2d expected = by_fit * fit.covariance * by_fit.transpose();
-  const Eigen::Matrix2d covariance = internal::KruppaCovariance(fit, at, {0, 0});
+  const Eigen::Matrix2d covariance = internal::KruppaCovariance(fit, at, points);
   EXPECT_LT((covariance - expected).norm(), 1e-4 * expected.norm());
-  EXPECT_GT(internal::KruppaCovariance(fit, at, {0.01, 0}).trace(), covariance.trace());
-  EXPECT_GT(internal::KruppaCovariance(fit, at, {0, 0.01}).trace(), covariance.trace());
 }
 
 TEST(FundamentalFit, FindsTheMatrixAndKnowsHowSureItIs) {
@@ -370,7 +404,7 @@ TEST(FundamentalFit, FindsTheMatrixAndKnowsHowSureItIs) {
     num_within += (sign * fit.F() - exact).norm() < 0.05;
     const Eigen::Vector2d r = internal::EvaluateKruppa(fit, {0, 0}).value;
     spread += r * r.transpose() / 60;
-    predicted += internal::KruppaCovariance(fit, {0, 0}, {0, 0}) / 60;
+    predicted += internal::KruppaCovariance(fit, {0, 0}) / 60;
   }
   EXPECT_EQ(num_within, 60);
   // Noise and jackknife together: twice the variance that there is.
