@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <set>
 #include <utility>
 
 #include "cairn/math/median.h"
@@ -51,10 +53,10 @@ std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& 
 }
 
 // False: there is not enough memory, and the report has the failure.
-bool FitAndRefine(StageContext& context, std::vector<Track> tracks, bool from_averaging,
+bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart start,
                   Reconstruction& model) {
   if (!FitTracksToMemory(context, model, tracks)) return false;
-  RefineModel(context, tracks, from_averaging, model);
+  RefineModel(context, tracks, start, model);
   return true;
 }
 
@@ -70,9 +72,10 @@ std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruc
         static_cast<double>(num_gained) < options.min_gain * model.NumObservations()) {
       break;
     }
-    if (!FitAndRefine(context, TracksOfGraph(context, graph).tracks, false, model)) {
-      return std::nullopt;
-    }
+    std::vector<Track> tracks = TracksOfGraph(context, graph).tracks;
+    if (!FitTracksToMemory(context, model, tracks)) return std::nullopt;
+    const RefineStart start = num_new > 0 ? RefineStart::kChanged : RefineStart::kRefined;
+    if (!RefineModel(context, tracks, start, model)) break;
   }
   return round;
 }
@@ -86,7 +89,8 @@ bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
       context.settings.reconstruct.min_gain * model.NumObservations()) {
     return true;
   }
-  return FitAndRefine(context, TracksOfGraph(context, graph, again.matches).tracks, false, model);
+  return FitAndRefine(context, TracksOfGraph(context, graph, again.matches).tracks,
+                      RefineStart::kRefined, model);
 }
 
 // False: the model is not fit to be written, and the report has the failure.
@@ -125,7 +129,8 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
     built.model = std::move(model);
     return built;
   }
-  if (!FitAndRefine(context, std::move(initial->tracks), true, model)) return built;
+  if (!FitAndRefine(context, std::move(initial->tracks), RefineStart::kAveraging, model))
+    return built;
   if (!GrowModel(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
   const std::string origin = "pairs of " + std::to_string(rotations.min_num_inliers) +
@@ -137,6 +142,55 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
 
 // Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
 constexpr double kSameModel = 1e-4;
+
+// Images that most of their matches contradict, or most of their pairs: small groups that are
+// misplaced together explain the many matches among themselves.
+std::set<image_t> FindMisplaced(const BuiltModel& built, bool by_pairs) {
+  std::map<image_t, Support> supports = built.evidence.images;
+  if (by_pairs) supports.clear();
+  for (size_t e = 0; by_pairs && e < built.graph.edges.size(); ++e) {
+    const Support& pair = built.evidence.pairs[e];
+    const ViewEdge& edge = built.graph.edges[e];
+    if (pair.num_matches == 0) continue;
+    for (const image_t id : {edge.image_id1, edge.image_id2}) {
+      ++supports[id].num_matches;
+      supports[id].num_explained += !pair.IsContradicted();
+    }
+  }
+  std::set<image_t> misplaced;
+  for (const auto& [id, support] : supports) {
+    if (support.IsContradicted() && built.model->images.count(id) > 0) misplaced.insert(id);
+  }
+  return misplaced;
+}
+
+// The model with these images registered anew, by resection in the model of the others; none where
+// that explains no more.
+std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& built,
+                                       const std::set<image_t>& misplaced) {
+  if (misplaced.empty() || 2 * misplaced.size() >= built.model->images.size()) return std::nullopt;
+  BuiltModel other = built;
+  for (const image_t id : misplaced) RemoveImage(id, *other.model);
+  const std::string failure = context.report.failure;
+  const bool has_grown = GrowModel(context, other.graph, *other.model).has_value();
+  context.report.failure = failure;
+  if (!has_grown) return std::nullopt;
+  other.evidence = EvidenceFor(context, *other.model, other.graph);
+  if (!(other.evidence.nats > (1.0 + kSameModel) * built.evidence.nats)) return std::nullopt;
+  return other;
+}
+
+void ReplaceMisplaced(StageContext& context, BuiltModel& best) {
+  const ReconstructOptions& options = context.settings.reconstruct;
+  for (int round = 0; round < options.max_rounds && options.register_left_out; ++round) {
+    std::optional<BuiltModel> other;
+    for (const bool by_pairs : {false, true}) {
+      if (!other) other = RegisterAnew(context, best, FindMisplaced(best, by_pairs));
+    }
+    if (!other) break;
+    best = std::move(*other);
+  }
+}
 
 // The model with the most evidence of those that the hypotheses lead to.
 BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
@@ -182,7 +236,8 @@ std::vector<Track> TracksOfModel(StageContext& context, const ViewGraph& graph,
 bool GrowEarlier(StageContext& context, ViewGraph& graph, Reconstruction& model) {
   if (context.settings.reconstruct.register_left_out) RegisterLeftOut(context, graph, model);
   ReviseEdges(EvidenceFor(context, model, graph), model, graph);
-  if (!FitAndRefine(context, TracksOfModel(context, graph, model), false, model)) return false;
+  if (!FitAndRefine(context, TracksOfModel(context, graph, model), RefineStart::kChanged, model))
+    return false;
   const std::optional<int> num_refined = GrowModel(context, graph, model);
   return num_refined && (*num_refined == 0 || RefineWithMovedIntrinsics(context, graph, model));
 }
@@ -208,6 +263,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
   }
   if (!best.model) return best;
   if (!context.scene.poses_alone) {
+    ReplaceMisplaced(context, best);
     if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) {
       best.model.reset();
       return best;

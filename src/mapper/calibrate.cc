@@ -179,17 +179,35 @@ std::string Describe(camera_t id, const Camera& camera, const CalibratedFocal& f
   return text;
 }
 
-// Reports what became of each camera; returns those that change.
-std::set<camera_t> Report(const FocalCalibrationReport& report,
-                          const std::map<camera_t, Camera>& cameras, Stage& stage) {
+// A focal length that the pairs do not determine well is tried where it is off the guess by more,
+// as a logarithm: bundle adjustment finds the way over less by itself.
+constexpr double kMinDifference = 0.15;
+
+// Focal lengths to try in place of those that the cameras have.
+struct Candidates {
   std::set<camera_t> calibrated;
+  std::set<camera_t> tentative;  // guessed ones, where pairs do not determine better ones
+};
+
+bool IsTentative(const Camera& camera, const CalibratedFocal& focal) {
+  return !camera.has_prior_focal_length &&
+         (focal.status == FocalStatus::kUndetermined ||
+          focal.status == FocalStatus::kContradicted) &&
+         std::abs(std::log(focal.focal_px / focal.focal_before_px)) > kMinDifference;
+}
+
+// Reports what became of each camera.
+Candidates Report(const FocalCalibrationReport& report, const std::map<camera_t, Camera>& cameras,
+                  Stage& stage) {
+  Candidates candidates;
   std::map<FocalStatus, int> num_of;
   for (const auto& [id, focal] : report.cameras) {
     const bool is_exif = cameras.at(id).has_prior_focal_length;
     const bool is_calibrated = focal.status == FocalStatus::kCalibrated;
     const std::string text = Describe(id, cameras.at(id), focal);
     ++num_of[focal.status];
-    if (is_calibrated) calibrated.insert(id);
+    if (is_calibrated) candidates.calibrated.insert(id);
+    if (IsTentative(cameras.at(id), focal)) candidates.tentative.insert(id);
     if (is_exif == is_calibrated) {
       stage.Warn(text + (is_exif ? "; EXIF's focal length is rejected" : "; the guess is kept"));
     } else {
@@ -197,7 +215,14 @@ std::set<camera_t> Report(const FocalCalibrationReport& report,
     }
   }
   for (const auto& [status, count] : num_of) stage.Add(std::string(FocalStatusName(status)), count);
-  return calibrated;
+  return candidates;
+}
+
+bool HasMostImages(const std::set<camera_t>& cameras, const SceneData& scene) {
+  const auto num = std::count_if(scene.images.begin(), scene.images.end(), [&](const auto& entry) {
+    return cameras.count(entry.second.camera_id) > 0;
+  });
+  return 2 * num > std::ssize(scene.images);
 }
 
 // What calibration replaces.
@@ -205,6 +230,7 @@ struct Replaced {
   std::map<camera_t, double> focals_px;
   std::vector<ViewEdge> edges;
   std::vector<ViewEdge> guessed_edges;  // the same with poses at these focal lengths
+  std::set<camera_t> tentative;
 };
 
 // Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
@@ -219,7 +245,9 @@ void TakeBackRejected(const Replaced& before, Stage& stage, SceneData& scene) {
       if (before.focals_px.count(id) > 0) cameras.insert(id);
     }
     const double improvement = loops.Improvement();
-    if (cameras.empty() || improvement >= kDecisive) continue;
+    const bool is_tentative =
+        std::ranges::any_of(cameras, [&](camera_t id) { return before.tentative.count(id) > 0; });
+    if (cameras.empty() || (improvement >= kDecisive && !is_tentative)) continue;
     const bool is_rejected = improvement <= -kDecisive;
     (is_rejected ? rejected : undecided).insert(cameras.begin(), cameras.end());
     char text[200];
@@ -256,11 +284,15 @@ void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOpti
   stage.Add("pairs_in", pairs.size());
   stage.Add("pairs_used", report.num_pairs);
   stage.Add("pairs_agreeing", report.num_pairs_agreeing);
-  const std::set<camera_t> calibrated = Report(report, scene.cameras, stage);
+  const Candidates candidates = Report(report, scene.cameras, stage);
   ImproveRelativePoses(scene.foreign, run, scene);
-  if (calibrated.empty()) return;
-
+  std::set<camera_t> calibrated = candidates.calibrated;
   Replaced before;
+  if (HasMostImages(candidates.tentative, scene)) {
+    before.tentative = candidates.tentative;
+    calibrated.insert(before.tentative.begin(), before.tentative.end());
+  }
+  if (calibrated.empty()) return;
   before.edges = scene.edges;
   const std::map<image_pair_t, TwoViewGeometry> geometries =
       ReadGeometriesOf(calibrated, scene, read);

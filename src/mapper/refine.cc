@@ -174,11 +174,11 @@ void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstr
   FilterRound(context, round, model);
 }
 
-void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
+bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineStart start,
                  Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
   std::vector<Track> coarse_tracks;
-  if (from_averaging) {
+  if (start == RefineStart::kAveraging) {
     if (options.coarse_tracks_per_image > 0) {
       for (const size_t i : SelectTracks(tracks, options.coarse_tracks_per_image, 0)) {
         coarse_tracks.push_back(tracks[i]);
@@ -208,19 +208,22 @@ void RefineModel(StageContext& context, std::span<const Track> tracks, bool from
               .tracks = tracks,
               .principal_points = true,
               .max_iterations = std::numeric_limits<int>::max()};
-  double num_triangulated = 0;
-  for (int i = 0; i < options.max_rounds && !context.run.monitor.StopRequested(); ++i) {
+  // Better poses or more edges may bring more observations in; where they do not, the model stays
+  // as it is.
+  int64_t num_known = start == RefineStart::kRefined ? model.NumObservations() : 0;
+  int i = 0;
+  for (; i < options.max_rounds && !context.run.monitor.StopRequested(); ++i) {
     round.name = std::to_string(i + 1);
-    // Better poses may bring more observations in; where they do not, the model stays as it is.
     Reconstruction candidate = model;
     TriangulateRound(context, round, candidate);
-    const auto num_observations = static_cast<double>(candidate.NumObservations());
-    if (i > 0 && num_observations < (1.0 + options.min_gain) * num_triangulated) break;
-    num_triangulated = num_observations;
+    const int64_t num_observations = candidate.NumObservations();
+    if (static_cast<double>(num_observations) < (1.0 + options.min_gain) * num_known) break;
+    num_known = num_observations;
     model = std::move(candidate);
     Adjust(context, round, true, model);
     FilterRound(context, round, model);
   }
+  return i > 0;
 }
 
 }  // namespace cairn

@@ -191,8 +191,13 @@ Reconstruction MakeReconstruction(const SceneData& scene,
                                   const std::map<image_t, Rigid3d>& cam_from_world);
 // Takes an image out of a model; points that fewer than two others see go with it.
 void RemoveImage(image_t id, Reconstruction& model);
-// Triangulation, bundle adjustment and filtering from coarse to fine.
-void RefineModel(StageContext& context, std::span<const Track> tracks, bool from_averaging,
+enum class RefineStart {
+  kAveraging,  // poses of averaging: coarse rounds come first
+  kChanged,    // new images, or a model that was not refined
+  kRefined,    // a refined model: it stays as it is unless the tracks bring more observations
+};
+// Triangulation, bundle adjustment and filtering from coarse to fine. False: the model stayed.
+bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineStart start,
                  Reconstruction& model);
 // Triangulation and filtering at poses that stay as they are, and how well the points determine
 // these.

@@ -6,6 +6,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
+#include "cairn/math/so3.h"
 #include "cairn/synthetic/poses.h"
 #include "cairn/synthetic/scene.h"
 #include "database/stage_names.h"
@@ -248,6 +249,33 @@ TEST(Reconstruct, PairsWithARotationAloneTakePart) {
   settings.reconstruct.register_left_out = false;
   const ReconstructResult result = Reconstruct(database, settings);
   ASSERT_EQ(result.models.at(0).images.size(), 10u) << ToJson(result.report);
+  EXPECT_LT(testing_support::CompareAligned(result.models[0], scene.truth).center,
+            5e-3 * Extent(scene.truth));
+}
+
+// The pairs of images 9 and 10 with the others agree on wrong poses, and the pair of the two holds
+// them there; their matches are right.
+TEST(Reconstruct, MisplacedImagesAreRegisteredAnew) {
+  SceneOptions options = SmallScene();
+  options.pair_metrics = true;  // verified by us, so that the stored poses count
+  const SyntheticScene scene = MakeScene(options, 7);
+  Database database = MakeDatabase(scene);
+  const Rigid3d turn(ExpSO3({0, 2, 0}), Eigen::Vector3d(0.5, 0, 0));
+  const auto wrong_pose = [&](image_t id) {
+    const Rigid3d& right = scene.truth.images.at(id).cam_from_world;
+    return id < 9 ? right : right * turn;
+  };
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    if (!geometry.cam2_from_cam1) continue;
+    geometry.cam2_from_cam1 = wrong_pose(id2) * Inverse(wrong_pose(id1));
+    geometry.E.reset();
+    database.WriteTwoViewGeometry(pair_id, geometry);
+  }
+  const ReconstructResult result = Reconstruct(database);
+  ASSERT_EQ(result.models.size(), 1u) << ToJson(result.report);
+  ASSERT_EQ(result.models[0].images.size(), 10u);
   EXPECT_LT(testing_support::CompareAligned(result.models[0], scene.truth).center,
             5e-3 * Extent(scene.truth));
 }
