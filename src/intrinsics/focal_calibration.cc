@@ -158,8 +158,8 @@ FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras
     term.fit = *fits[i];
     if (term.camera1 >= 0 || term.camera2 >= 0) terms.push_back(std::move(term));
   }
-  FocalProblem problem(std::move(terms), std::move(prior_sigmas));
-  const internal::FocalSolution solution = problem.Solve();
+  const FocalProblem problem(std::move(terms), std::move(prior_sigmas));
+  const internal::FocalSolution solution = problem.Solve(run.num_threads);
   report.num_pairs = solution.num_terms;
   report.num_pairs_agreeing = solution.num_agreeing;
   for (size_t v = 0; v < camera_ids.size(); ++v) {

@@ -2,8 +2,11 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <utility>
 
+#include "cairn/base/parallel.h"
 #include "cairn/math/median.h"
 #include "math/levenberg_marquardt.h"
 
@@ -30,6 +33,10 @@ double Loss(double squared) { return squared / (1.0 + squared / kMaxSquaredError
 double LossWeight(double squared) {
   const double weight = 1.0 / (1.0 + squared / kMaxSquaredError);
   return weight * weight;
+}
+
+double Squared(const Eigen::Vector2d& r, const Eigen::Matrix2d& information) {
+  return r.dot(information * r);
 }
 
 }  // namespace
@@ -77,29 +84,29 @@ FocalProblem::Residual FocalProblem::Evaluate(const FocalTerm& term, const State
   return residual;
 }
 
-Eigen::Matrix2d FocalProblem::Information(const FocalTerm& term, const State& x) const {
+Eigen::Matrix2d FocalProblem::Covariance(const FocalTerm& term, const Residual& residual,
+                                         const State& x) const {
   Eigen::Matrix2d covariance =
       KruppaCovariance(term.fit, LogFocals(term, x), PrincipalPoints(term, x));
   covariance.diagonal().array() += kModelSigma * kModelSigma;
-  if (term.camera1 < 0 || term.camera2 < 0) {
-    const Residual residual = Evaluate(term, x);
-    for (int k = 2; k < 6; ++k) {
-      if (residual.variables[k] >= 0) continue;
-      covariance += residual.by.col(k) * residual.by.col(k).transpose();
-    }
+  for (int k = 2; k < 6; ++k) {
+    if (residual.variables[k] >= 0) continue;
+    covariance += residual.by.col(k) * residual.by.col(k).transpose();
   }
-  return covariance.inverse();
+  return covariance;
 }
 
 std::vector<Eigen::Matrix2d> FocalProblem::AllInformation(const State& x) const {
   std::vector<Eigen::Matrix2d> information;
-  for (const FocalTerm& term : terms_) information.push_back(Information(term, x));
+  for (const FocalTerm& term : terms_) {
+    information.push_back(Covariance(term, Evaluate(term, x), x).inverse());
+  }
   return information;
 }
 
 double FocalProblem::SquaredError(const FocalTerm& term, const State& x) const {
-  const Eigen::Vector2d r = Evaluate(term, x).value;
-  return r.dot(Information(term, x) * r);
+  const Residual residual = Evaluate(term, x);
+  return Squared(residual.value, Covariance(term, residual, x).inverse());
 }
 
 double FocalProblem::PriorLoss(const State& x, int camera) const {
@@ -114,57 +121,68 @@ double FocalProblem::Cost(const State& x) const {
   return cost;
 }
 
-double FocalProblem::CostOf(const State& x, int camera) const {
-  double cost = PriorLoss(x, camera);
-  for (const int t : terms_of_[camera]) cost += Loss(SquaredError(terms_[t], x));
-  return cost;
-}
-
-void FocalProblem::FitPrincipalPoint(int camera, State& x) const {
+double FocalProblem::FitPrincipalPoint(int camera, State& x) const {
   auto point = x.segment<2>(PrincipalPointAt(camera));
   point.setZero();
+  struct Linear {
+    Eigen::Vector2d value;
+    Eigen::Matrix2d by, information;
+    Eigen::Matrix2d unsure;  // information with any likely principal point
+    Eigen::Vector2d ValueAt(const Eigen::Vector2d& at) const { return value + by * at; }
+  };
+  std::vector<Linear> terms;
+  for (const int t : terms_of_[camera]) {
+    const Residual residual = Evaluate(terms_[t], x);
+    const Eigen::Matrix2d covariance = Covariance(terms_[t], residual, x);
+    Eigen::Matrix2d by = Eigen::Matrix2d::Zero();
+    if (terms_[t].camera1 == camera) by += residual.by.middleCols<2>(2);
+    if (terms_[t].camera2 == camera) by += residual.by.middleCols<2>(4);
+    terms.push_back(
+        {residual.value, by, covariance.inverse(), (covariance + by * by.transpose()).inverse()});
+  }
   for (int k = 0; k < kPointIterations; ++k) {
     Eigen::Matrix2d hessian = Eigen::Matrix2d::Identity();
     Eigen::Vector2d gradient = point;
-    for (const int t : terms_of_[camera]) {
-      const Residual residual = Evaluate(terms_[t], x);
-      Eigen::Matrix2d by = Eigen::Matrix2d::Zero();
-      if (terms_[t].camera1 == camera) by += residual.by.middleCols<2>(2);
-      if (terms_[t].camera2 == camera) by += residual.by.middleCols<2>(4);
-      const Eigen::Matrix2d information = Information(terms_[t], x);
-      // At first, the pairs count as many as agree with any likely principal point.
-      const Eigen::Matrix2d unsure =
-          k > 0 ? information
-                : Eigen::Matrix2d((information.inverse() + by * by.transpose()).inverse());
-      const Eigen::Matrix2d weighted =
-          LossWeight(residual.value.dot(unsure * residual.value)) * information * by;
-      hessian += by.transpose() * weighted;
-      gradient += weighted.transpose() * residual.value;
+    for (const Linear& term : terms) {
+      const Eigen::Vector2d value = term.ValueAt(point);
+      const double squared = Squared(value, k == 0 ? term.unsure : term.information);
+      const Eigen::Matrix2d weighted = LossWeight(squared) * term.information * term.by;
+      hessian += term.by.transpose() * weighted;
+      gradient += weighted.transpose() * value;
     }
     point -= hessian.inverse() * gradient;
   }
+  double cost = PriorLoss(x, camera);
+  for (const Linear& term : terms) cost += Loss(Squared(term.ValueAt(point), term.information));
+  return cost;
 }
 
 void FocalProblem::Search(State& x) const {
+  std::vector<char> is_open(NumCameras(), 1);
   for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
-    bool changed = false;
     for (int v = 0; v < NumCameras(); ++v) {
+      if (!std::exchange(is_open[v], 0)) continue;
       const double before = x[v];
-      State best = x;
-      double best_cost = 0;
+      double best = before, best_cost = FitPrincipalPoint(v, x);
+      Eigen::Vector2d best_point = x.segment<2>(PrincipalPointAt(v));
       // From 0.2 to 7 image sides, if the guess is 1.2.
-      for (int k = -1; k <= 24; ++k) {
-        x[v] = k < 0 ? before : 0.15 * (k - 12);
-        FitPrincipalPoint(v, x);
-        const double cost = CostOf(x, v);
-        if (k >= 0 && !(cost < best_cost)) continue;
+      for (int k = 0; k <= 24; ++k) {
+        x[v] = 0.15 * (k - 12);
+        const double cost = FitPrincipalPoint(v, x);
+        if (!(cost < best_cost)) continue;
         best_cost = cost;
-        best = x;
+        best = x[v];
+        best_point = x.segment<2>(PrincipalPointAt(v));
       }
-      x = best;
-      changed |= x[v] != before;
+      x[v] = best;
+      x.segment<2>(PrincipalPointAt(v)) = best_point;
+      if (best == before) continue;
+      for (const int t : terms_of_[v]) {
+        for (const int other : {terms_[t].camera1, terms_[t].camera2}) {
+          if (other >= 0 && other != v) is_open[other] = 1;
+        }
+      }
     }
-    if (!changed) break;
   }
 }
 
@@ -175,7 +193,7 @@ SparseNormals FocalProblem::Linearize(const State& x,
   model.gradient.setZero(x.size());
   for (size_t i = 0; i < terms_.size(); ++i) {
     const Residual residual = Evaluate(terms_[i], x);
-    const double squared = residual.value.dot(information[i] * residual.value);
+    const double squared = Squared(residual.value, information[i]);
     model.cost += Loss(squared);
     const Eigen::Matrix<double, 2, 6> weighted = LossWeight(squared) * information[i] * residual.by;
     for (int a = 0; a < 6; ++a) {
@@ -223,7 +241,7 @@ void FocalProblem::Refine(State& x) const {
   }
 }
 
-FocalSolution FocalProblem::Solve() {
+FocalSolution FocalProblem::Solve(int num_threads) const {
   FocalSolution solution;
   const int n = NumCameras();
   solution.num_agreeing_of.assign(prior_sigmas_.size(), 0);
@@ -232,18 +250,18 @@ FocalSolution FocalProblem::Solve() {
   }
   solution.num_terms = static_cast<int>(terms_.size());
   if (n == 0) return solution;
-  State best;
-  double best_cost = 0;
-  for (const double start : {0.0, -0.5, 0.5}) {
-    State x = State::Zero(3 * n);
-    x.head(n).setConstant(start);
-    Search(x);
-    Refine(x);
-    const double cost = Cost(x);
-    if (best.size() > 0 && !(cost < best_cost)) continue;
-    best_cost = cost;
-    best = x;
-  }
+  constexpr std::array kStarts = {0.0, -0.5, 0.5};
+  std::array<State, kStarts.size()> found;
+  std::array<double, kStarts.size()> costs;
+  const auto solve = [&](int64_t k) {
+    found[k] = State::Zero(3 * n);
+    found[k].head(n).setConstant(kStarts[k]);
+    Search(found[k]);
+    Refine(found[k]);
+    costs[k] = Cost(found[k]);
+  };
+  ParallelFor(num_threads, std::ssize(kStarts), solve, 1);
+  const State& best = found[std::ranges::min_element(costs) - costs.begin()];
   std::vector<double> squared_errors;
   for (const FocalTerm& term : terms_) {
     squared_errors.push_back(SquaredError(term, best));

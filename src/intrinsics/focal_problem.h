@@ -36,7 +36,7 @@ class FocalProblem {
  public:
   FocalProblem(std::vector<FocalTerm> terms, std::vector<double> prior_sigmas);
 
-  FocalSolution Solve();
+  FocalSolution Solve(int num_threads) const;
 
  private:
   // Of camera v: its log focal length at v, its principal point, in its sigmas, from n + 2 v on.
@@ -53,17 +53,18 @@ class FocalProblem {
   Eigen::Vector2d LogFocals(const FocalTerm& term, const State& x) const;
   Eigen::Vector4d PrincipalPoints(const FocalTerm& term, const State& x) const;
   Residual Evaluate(const FocalTerm& term, const State& x) const;
-  // The inverse of Sigma.
-  Eigen::Matrix2d Information(const FocalTerm& term, const State& x) const;
+  // Sigma.
+  Eigen::Matrix2d Covariance(const FocalTerm& term, const Residual& residual, const State& x) const;
+  // Its inverses.
   std::vector<Eigen::Matrix2d> AllInformation(const State& x) const;
   // Squared residual of one term, with the Sigma of its own intrinsics.
   double SquaredError(const FocalTerm& term, const State& x) const;
   double PriorLoss(const State& x, int camera) const;
   // Cost with each term's own Sigma: for comparing starts.
   double Cost(const State& x) const;
-  double CostOf(const State& x, int camera) const;
-  // The principal point that suits the camera's focal length.
-  void FitPrincipalPoint(int camera, State& x) const;
+  // Finds the principal point that suits the camera's focal length, to first order; returns the
+  // cost of its terms and priors.
+  double FitPrincipalPoint(int camera, State& x) const;
   // Every camera in turn goes to its best focal length of a grid.
   void Search(State& x) const;
   // Levenberg-Marquardt with Sigma updated between its rounds.
