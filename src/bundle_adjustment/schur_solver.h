@@ -18,19 +18,15 @@ inline BundleSolver SchurSolver(const BundleAdjustmentOptions& options, int64_t 
                                                               : BundleSolver::kIterativeSchur;
 }
 
-// Should conjugate gradients have the cameras' system formed? That takes as long as two or three
-// products by way of the points for every image that sees a point, and a step of thousands of
-// images takes a hundred products; with the system formed, these take a tenth.
-inline bool FormsSchurComplement(double covisibility) {
-  constexpr double kMaxFormedCovisibility = 40.0;
-  return covisibility <= kMaxFormedCovisibility;
-}
-
-// Is it a large bundle (large_bundle.h), where the scope allows?
+// Is it a large bundle (large_bundle.h), where the scope allows? It forms the cameras' system for
+// conjugate gradients. That takes as long as two or three products by way of the points for every
+// image that sees a point, and a step of thousands of images takes a hundred products; with the
+// system formed, these take a tenth.
 inline bool IsLargeBundle(const BundleAdjustmentOptions& options, int64_t num_images,
                           double covisibility) {
+  constexpr double kMaxFormedCovisibility = 40.0;
   return SchurSolver(options, num_images, covisibility) == BundleSolver::kIterativeSchur &&
-         FormsSchurComplement(covisibility);
+         covisibility <= kMaxFormedCovisibility;
 }
 
 }  // namespace cairn

@@ -186,7 +186,8 @@ constexpr double kMinDifference = 0.15;
 // Focal lengths to try in place of those that the cameras have.
 struct Candidates {
   std::set<camera_t> calibrated;
-  std::set<camera_t> tentative;  // guessed ones, where pairs do not determine better ones
+  // Guessed ones, where pairs do not determine better ones: if most images are of such cameras.
+  std::set<camera_t> tentative;
 };
 
 bool IsTentative(const Camera& camera, const CalibratedFocal& focal) {
@@ -196,33 +197,40 @@ bool IsTentative(const Camera& camera, const CalibratedFocal& focal) {
          std::abs(std::log(focal.focal_px / focal.focal_before_px)) > kMinDifference;
 }
 
-// Reports what became of each camera.
-Candidates Report(const FocalCalibrationReport& report, const std::map<camera_t, Camera>& cameras,
-                  Stage& stage) {
+bool HaveMostImages(const std::set<camera_t>& cameras, const SceneData& scene) {
+  const auto num = std::ranges::count_if(
+      scene.images, [&](const auto& entry) { return cameras.count(entry.second.camera_id) > 0; });
+  return 2 * num > std::ssize(scene.images);
+}
+
+Candidates FindCandidates(const FocalCalibrationReport& report, const SceneData& scene) {
   Candidates candidates;
+  for (const auto& [id, focal] : report.cameras) {
+    if (focal.status == FocalStatus::kCalibrated) candidates.calibrated.insert(id);
+    if (IsTentative(scene.cameras.at(id), focal)) candidates.tentative.insert(id);
+  }
+  if (!HaveMostImages(candidates.tentative, scene)) candidates.tentative.clear();
+  return candidates;
+}
+
+// Reports what became of each camera.
+void Report(const FocalCalibrationReport& report, const Candidates& candidates,
+            const std::map<camera_t, Camera>& cameras, Stage& stage) {
   std::map<FocalStatus, int> num_of;
   for (const auto& [id, focal] : report.cameras) {
     const bool is_exif = cameras.at(id).has_prior_focal_length;
-    const bool is_calibrated = focal.status == FocalStatus::kCalibrated;
+    const bool is_calibrated = candidates.calibrated.count(id) > 0;
     const std::string text = Describe(id, cameras.at(id), focal);
     ++num_of[focal.status];
-    if (is_calibrated) candidates.calibrated.insert(id);
-    if (IsTentative(cameras.at(id), focal)) candidates.tentative.insert(id);
-    if (is_exif == is_calibrated) {
+    if (candidates.tentative.count(id) > 0) {
+      stage.Note(text + "; tried beside the guess");
+    } else if (is_exif == is_calibrated) {
       stage.Warn(text + (is_exif ? "; EXIF's focal length is rejected" : "; the guess is kept"));
     } else {
       stage.Note(text);
     }
   }
   for (const auto& [status, count] : num_of) stage.Add(std::string(FocalStatusName(status)), count);
-  return candidates;
-}
-
-bool HasMostImages(const std::set<camera_t>& cameras, const SceneData& scene) {
-  const auto num = std::count_if(scene.images.begin(), scene.images.end(), [&](const auto& entry) {
-    return cameras.count(entry.second.camera_id) > 0;
-  });
-  return 2 * num > std::ssize(scene.images);
 }
 
 // What calibration replaces.
@@ -284,15 +292,15 @@ void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOpti
   stage.Add("pairs_in", pairs.size());
   stage.Add("pairs_used", report.num_pairs);
   stage.Add("pairs_agreeing", report.num_pairs_agreeing);
-  const Candidates candidates = Report(report, scene.cameras, stage);
+  const Candidates candidates = FindCandidates(report, scene);
+  Report(report, candidates, scene.cameras, stage);
   ImproveRelativePoses(scene.foreign, run, scene);
   std::set<camera_t> calibrated = candidates.calibrated;
-  Replaced before;
-  if (HasMostImages(candidates.tentative, scene)) {
-    before.tentative = candidates.tentative;
-    calibrated.insert(before.tentative.begin(), before.tentative.end());
-  }
+  calibrated.insert(candidates.tentative.begin(), candidates.tentative.end());
   if (calibrated.empty()) return;
+
+  Replaced before;
+  before.tentative = candidates.tentative;
   before.edges = scene.edges;
   const std::map<image_pair_t, TwoViewGeometry> geometries =
       ReadGeometriesOf(calibrated, scene, read);

@@ -87,7 +87,8 @@ TEST(EstimateBundleBytes, IsWithinThirtyPercentOfWhatIsTaken) {
     size.covisibility += std::pow(static_cast<double>(point.track.size()), 2) /
                          static_cast<double>(size.num_observations);
   }
-  ASSERT_TRUE(FormsSchurComplement(size.covisibility));
+  ASSERT_TRUE(IsLargeBundle({.solver = BundleSolver::kIterativeSchur}, scene.num_images,
+                            size.covisibility));
   for (const BundleSolver solver : {BundleSolver::kAuto, BundleSolver::kIterativeSchur}) {
     Reconstruction model;
     malloc_trim(0);
