@@ -129,8 +129,9 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
     built.model = std::move(model);
     return built;
   }
-  if (!FitAndRefine(context, std::move(initial->tracks), RefineStart::kAveraging, model))
+  if (!FitAndRefine(context, std::move(initial->tracks), RefineStart::kAveraging, model)) {
     return built;
+  }
   if (!GrowModel(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
   const std::string origin = "pairs of " + std::to_string(rotations.min_num_inliers) +
@@ -143,25 +144,31 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
 // Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
 constexpr double kSameModel = 1e-4;
 
-// Images that most of their matches contradict, or most of their pairs: small groups that are
-// misplaced together explain the many matches among themselves.
-std::set<image_t> FindMisplaced(const BuiltModel& built, bool by_pairs) {
-  std::map<image_t, Support> supports = built.evidence.images;
-  if (by_pairs) supports.clear();
-  for (size_t e = 0; by_pairs && e < built.graph.edges.size(); ++e) {
-    const Support& pair = built.evidence.pairs[e];
+// How many of its pairs within the model agree with an image's pose.
+std::map<image_t, Support> SupportByPairs(const BuiltModel& built) {
+  std::map<image_t, Support> supports;
+  for (size_t e = 0; e < built.graph.edges.size(); ++e) {
     const ViewEdge& edge = built.graph.edges[e];
-    if (pair.num_matches == 0) continue;
+    const Support& pair = built.evidence.pairs[e];
+    if (edge.removal == EdgeRemoval::kAmbiguous || pair.num_matches == 0 ||
+        built.model->images.count(edge.image_id1) == 0 ||
+        built.model->images.count(edge.image_id2) == 0) {
+      continue;
+    }
     for (const image_t id : {edge.image_id1, edge.image_id2}) {
       ++supports[id].num_matches;
       supports[id].num_explained += !pair.IsContradicted();
     }
   }
-  std::set<image_t> misplaced;
+  return supports;
+}
+
+std::set<image_t> Contradicted(const std::map<image_t, Support>& supports) {
+  std::set<image_t> contradicted;
   for (const auto& [id, support] : supports) {
-    if (support.IsContradicted() && built.model->images.count(id) > 0) misplaced.insert(id);
+    if (support.IsContradicted()) contradicted.insert(id);
   }
-  return misplaced;
+  return contradicted;
 }
 
 // The model with these images registered anew, by resection in the model of the others; none where
@@ -180,13 +187,13 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   return other;
 }
 
+// Images that most of their matches contradict, or most of their pairs (small groups that are
+// misplaced together explain the many matches among themselves), are registered anew.
 void ReplaceMisplaced(StageContext& context, BuiltModel& best) {
   const ReconstructOptions& options = context.settings.reconstruct;
   for (int round = 0; round < options.max_rounds && options.register_left_out; ++round) {
-    std::optional<BuiltModel> other;
-    for (const bool by_pairs : {false, true}) {
-      if (!other) other = RegisterAnew(context, best, FindMisplaced(best, by_pairs));
-    }
+    auto other = RegisterAnew(context, best, Contradicted(best.evidence.images));
+    if (!other) other = RegisterAnew(context, best, Contradicted(SupportByPairs(best)));
     if (!other) break;
     best = std::move(*other);
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
@@ -99,9 +100,10 @@ FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weight
   double cost = result.initial_cost = fit.Cost(positions);
   double damping = kInitialDamping;
   double growth = 2;
+  bool has_moved = true;
   while (result.num_iterations < weights.max_iterations && !run.monitor.StopRequested()) {
     ++result.num_iterations;
-    fit.Linearize(positions);
+    if (std::exchange(has_moved, false)) fit.Linearize(positions);
     Positions step;
     double next_cost = std::numeric_limits<double>::infinity();
     Positions next;
@@ -120,6 +122,7 @@ FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weight
     }
     const double decrease = cost - next_cost;
     positions = std::move(next);
+    has_moved = true;
     cost = next_cost;
     damping = std::max(damping / 5, system.MinDamping());
     growth = 2;
