@@ -243,8 +243,8 @@ std::vector<Track> TracksOfModel(StageContext& context, const ViewGraph& graph,
 bool GrowEarlier(StageContext& context, ViewGraph& graph, Reconstruction& model) {
   if (context.settings.reconstruct.register_left_out) RegisterLeftOut(context, graph, model);
   ReviseEdges(EvidenceFor(context, model, graph), model, graph);
-  if (!FitAndRefine(context, TracksOfModel(context, graph, model), RefineStart::kChanged, model))
-    return false;
+  std::vector<Track> tracks = TracksOfModel(context, graph, model);
+  if (!FitAndRefine(context, std::move(tracks), RefineStart::kChanged, model)) return false;
   const std::optional<int> num_refined = GrowModel(context, graph, model);
   return num_refined && (*num_refined == 0 || RefineWithMovedIntrinsics(context, graph, model));
 }

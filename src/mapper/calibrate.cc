@@ -243,8 +243,8 @@ struct Replaced {
 
 // Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
 // by those of the focal lengths before. Where they close worse, the cameras and their edges are
-// taken back; where loops do not decide, both ways are kept: the model
-// decides.
+// taken back; where loops do not decide, or would decide for a tentative one, both ways are kept:
+// the model decides.
 void TakeBackRejected(const Replaced& before, Stage& stage, SceneData& scene) {
   std::set<camera_t> rejected, undecided;
   for (const LoopErrors& loops : CompareLoops(scene, before.guessed_edges, scene.edges)) {

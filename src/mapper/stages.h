@@ -191,6 +191,7 @@ Reconstruction MakeReconstruction(const SceneData& scene,
                                   const std::map<image_t, Rigid3d>& cam_from_world);
 // Takes an image out of a model; points that fewer than two others see go with it.
 void RemoveImage(image_t id, Reconstruction& model);
+
 enum class RefineStart {
   kAveraging,  // poses of averaging: coarse rounds come first
   kChanged,    // new images, or a model that was not refined
