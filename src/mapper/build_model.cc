@@ -144,33 +144,6 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
 // Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
 constexpr double kSameModel = 1e-4;
 
-// How many of its pairs within the model agree with an image's pose.
-std::map<image_t, Support> SupportByPairs(const BuiltModel& built) {
-  std::map<image_t, Support> supports;
-  for (size_t e = 0; e < built.graph.edges.size(); ++e) {
-    const ViewEdge& edge = built.graph.edges[e];
-    const Support& pair = built.evidence.pairs[e];
-    if (edge.removal == EdgeRemoval::kAmbiguous || pair.num_matches == 0 ||
-        built.model->images.count(edge.image_id1) == 0 ||
-        built.model->images.count(edge.image_id2) == 0) {
-      continue;
-    }
-    for (const image_t id : {edge.image_id1, edge.image_id2}) {
-      ++supports[id].num_matches;
-      supports[id].num_explained += !pair.IsContradicted();
-    }
-  }
-  return supports;
-}
-
-std::set<image_t> Contradicted(const std::map<image_t, Support>& supports) {
-  std::set<image_t> contradicted;
-  for (const auto& [id, support] : supports) {
-    if (support.IsContradicted()) contradicted.insert(id);
-  }
-  return contradicted;
-}
-
 // The model with these images registered anew, by resection in the model of the others; none where
 // that explains no more.
 std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& built,
@@ -187,13 +160,17 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   return other;
 }
 
-// Images that most of their matches contradict, or most of their pairs (small groups that are
-// misplaced together explain the many matches among themselves), are registered anew.
+// Registers misplaced groups anew, all at once or, where that brings nothing, the worst alone.
 void ReplaceMisplaced(StageContext& context, BuiltModel& best) {
   const ReconstructOptions& options = context.settings.reconstruct;
   for (int round = 0; round < options.max_rounds && options.register_left_out; ++round) {
-    auto other = RegisterAnew(context, best, Contradicted(best.evidence.images));
-    if (!other) other = RegisterAnew(context, best, Contradicted(SupportByPairs(best)));
+    const std::vector<MisplacedGroup> groups =
+        FindMisplacedGroups(*best.model, best.graph, best.evidence);
+    if (groups.empty()) break;
+    std::set<image_t> all;
+    for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
+    auto other = RegisterAnew(context, best, all);
+    if (!other && groups.size() > 1) other = RegisterAnew(context, best, groups.front().images);
     if (!other) break;
     best = std::move(*other);
   }

@@ -10,6 +10,20 @@ namespace {
 
 const FeatureMatches kNoMatches;
 
+// Where the groups are most of the model, only some of them can be misplaced.
+ResultWarning MisplacedWarning(const StageContext& context, const Reconstruction& model,
+                               size_t num_groups, std::span<const image_t> images) {
+  const std::string what =
+      2 * images.size() < model.images.size()
+          ? std::to_string(images.size()) +
+                " images contradict most of their verified matches with the others and are "
+                "probably misplaced: "
+          : std::to_string(num_groups) +
+                " groups of images contradict most of the verified matches between them; some are "
+                "probably misplaced: ";
+  return {what + Names(context, images), kMisplacedAdvice};
+}
+
 }  // namespace
 
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
@@ -61,13 +75,11 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstructio
     stage.Warn(warning.what + "; " + warning.advice);
     warnings.push_back(warning);
   };
+  const std::vector<MisplacedGroup> groups = FindMisplacedGroups(model, graph, evidence);
   std::vector<image_t> doubtful;
-  for (const auto& [id, support] : evidence.images) {
-    if (support.IsContradicted()) doubtful.push_back(id);
+  for (const MisplacedGroup& group : groups) {
+    doubtful.insert(doubtful.end(), group.images.begin(), group.images.end());
   }
-  std::stable_sort(doubtful.begin(), doubtful.end(), [&](image_t a, image_t b) {
-    return evidence.images.at(a).Share() < evidence.images.at(b).Share();
-  });
   const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
   if (evidence.inside.IsContradicted()) {
     warn({"it explains only " + percent +
@@ -77,10 +89,7 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstructio
           "of their own",
           /*is_wrong=*/true});
   } else if (!doubtful.empty()) {
-    warn({std::to_string(doubtful.size()) +
-              " images contradict most of their verified matches and are probably misplaced: " +
-              Names(context, doubtful),
-          kMisplacedAdvice});
+    warn(MisplacedWarning(context, model, groups.size(), doubtful));
   }
   if (symmetry.IsFold()) {
     warn({std::to_string(symmetry.num_pairs) +

@@ -248,6 +248,19 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstructio
 // Of the first twenty images, and how many more there are.
 std::string Names(const StageContext& context, std::span<const image_t> images);
 
+// misplaced.cc
+// Images that a model misplaces together: most of the matches of their pairs with the others
+// contradict it, while those among themselves may not.
+struct MisplacedGroup {
+  std::set<image_t> images;
+  int64_t num_contradicting = 0;  // matches with the others
+};
+// Of the groups, single images among them, that arise when images are joined by the pairs with the
+// most explained matches first: the largest of fewer than half of the images, those with the most
+// contradicting matches first.
+std::vector<MisplacedGroup> FindMisplacedGroups(const Reconstruction& model, const ViewGraph& graph,
+                                                const ModelEvidence& evidence);
+
 // verify_again.cc
 // Where bundle adjustment has moved the rays of cameras by more than verification's threshold: of
 // pairs in use between their images, all matches that agree with the model's pose, if these are

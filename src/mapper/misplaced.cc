@@ -1,0 +1,144 @@
+#include <algorithm>
+#include <numeric>
+
+#include "graph/graph.h"
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// Images, as indices, that the pairs with the most explained matches join, and the pairs that lead
+// out of them.
+struct Group {
+  std::vector<int> members;
+  Support across;
+  std::vector<MisplacedGroup> misplaced;  // the largest such groups within it
+};
+
+Support operator+(const Support& a, const Support& b) {
+  return {a.num_matches + b.num_matches, a.num_explained + b.num_explained};
+}
+Support operator-(const Support& a, const Support& b) {
+  return {a.num_matches - b.num_matches, a.num_explained - b.num_explained};
+}
+
+// The pairs between images of a model.
+struct PairsWithin {
+  std::vector<image_t> images;
+  std::vector<GraphEdge> edges;
+  std::vector<Support> supports;
+};
+
+PairsWithin FindPairsWithin(const Reconstruction& model, const ViewGraph& graph,
+                            const ModelEvidence& evidence) {
+  PairsWithin pairs;
+  std::map<image_t, int> index;
+  for (const auto& [id, image] : model.images) {
+    index[id] = static_cast<int>(pairs.images.size());
+    pairs.images.push_back(id);
+  }
+  for (size_t e = 0; e < graph.edges.size(); ++e) {
+    const ViewEdge& edge = graph.edges[e];
+    const auto image1 = index.find(edge.image_id1);
+    const auto image2 = index.find(edge.image_id2);
+    if (edge.removal == EdgeRemoval::kAmbiguous || evidence.pairs[e].num_matches == 0 ||
+        image1 == index.end() || image2 == index.end()) {
+      continue;
+    }
+    pairs.edges.push_back({image1->second, image2->second});
+    pairs.supports.push_back(evidence.pairs[e]);
+  }
+  return pairs;
+}
+
+// Joins groups until no pair leads from one to another.
+class Grouping {
+ public:
+  explicit Grouping(const PairsWithin& pairs)
+      : pairs_(pairs),
+        adjacency_(BuildAdjacency(static_cast<int>(pairs.images.size()), pairs.edges)) {
+    const int num_images = static_cast<int>(pairs.images.size());
+    groups_.resize(num_images);
+    group_of_.resize(num_images);
+    for (int i = 0; i < num_images; ++i) {
+      group_of_[i] = i;
+      groups_[i].members = {i};
+      for (const int e : adjacency_.EdgesOf(i))
+        groups_[i].across = groups_[i].across + pairs.supports[e];
+      Judge(groups_[i]);
+    }
+  }
+
+  void JoinAll() {
+    std::vector<int> order(pairs_.edges.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+      return pairs_.supports[a].num_explained > pairs_.supports[b].num_explained;
+    });
+    for (const int e : order)
+      Join(group_of_[pairs_.edges[e].node1], group_of_[pairs_.edges[e].node2]);
+  }
+
+  // The one with the most matches that are not explained first.
+  std::vector<MisplacedGroup> Misplaced() const {
+    std::vector<MisplacedGroup> misplaced;
+    for (const Group& group : groups_) {
+      misplaced.insert(misplaced.end(), group.misplaced.begin(), group.misplaced.end());
+    }
+    std::stable_sort(misplaced.begin(), misplaced.end(), [](const auto& a, const auto& b) {
+      return a.num_contradicting > b.num_contradicting;
+    });
+    return misplaced;
+  }
+
+ private:
+  void Join(int a, int b) {
+    if (a == b) return;
+    if (groups_[a].members.size() < groups_[b].members.size()) std::swap(a, b);
+    Support between;
+    for (const int i : groups_[b].members) {
+      for (const int e : adjacency_.EdgesOf(i)) {
+        const GraphEdge& edge = pairs_.edges[e];
+        if (group_of_[edge.node1 == i ? edge.node2 : edge.node1] == a) {
+          between = between + pairs_.supports[e];
+        }
+      }
+    }
+    Group& group = groups_[a];
+    for (const int i : groups_[b].members) {
+      group_of_[i] = a;
+      group.members.push_back(i);
+    }
+    group.across = group.across + groups_[b].across - between - between;
+    group.misplaced.insert(group.misplaced.end(), groups_[b].misplaced.begin(),
+                           groups_[b].misplaced.end());
+    groups_[b] = {};
+    Judge(group);
+  }
+
+  // Where most matches across contradict the model, the fewer images are misplaced.
+  void Judge(Group& group) {
+    if (!group.across.IsContradicted() || 2 * group.members.size() >= pairs_.images.size()) return;
+    MisplacedGroup misplaced;
+    for (const int i : group.members) misplaced.images.insert(pairs_.images[i]);
+    misplaced.num_contradicting = group.across.num_matches - group.across.num_explained;
+    group.misplaced = {std::move(misplaced)};
+  }
+
+  const PairsWithin& pairs_;
+  const GraphAdjacency adjacency_;
+  std::vector<Group> groups_;
+  std::vector<int> group_of_;
+};
+
+}  // namespace
+
+std::vector<MisplacedGroup> FindMisplacedGroups(const Reconstruction& model, const ViewGraph& graph,
+                                                const ModelEvidence& evidence) {
+  const PairsWithin pairs = FindPairsWithin(model, graph, evidence);
+  Grouping grouping(pairs);
+  grouping.JoinAll();
+  return grouping.Misplaced();
+}
+
+}  // namespace cairn

@@ -1,0 +1,33 @@
+#include "cairn/math/so3.h"
+#include "unit/mapper/incomplete_model.h"
+
+namespace cairn {
+namespace {
+
+TEST(MisplacedGroups, ARightModelHasNone) {
+  IncompleteModel scene({});
+  const ModelEvidence evidence = EvidenceFor(scene.context, scene.model, scene.graph);
+  EXPECT_TRUE(FindMisplacedGroups(scene.model, scene.graph, evidence).empty());
+}
+
+// Images 8 to 10 lie right to each other, and wrong to the others. Each keeps most of its matches:
+// nine in ten of those with the others are taken away.
+TEST(MisplacedGroups, AGroupIsFoundThoughEachOfItsImagesKeepsMostMatches) {
+  IncompleteModel scene({});
+  const Rigid3d turn(ExpSO3({0, 0.3, 0}), Eigen::Vector3d(0.5, 0.2, 0));
+  for (auto& [id, image] : scene.model.images) {
+    if (id >= 8) image.cam_from_world = image.cam_from_world * turn;
+  }
+  for (auto& [pair_id, matches] : scene.scene.matches) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    if (id1 < 8 && id2 >= 8) matches.resize(matches.size() / 10);
+  }
+  const ModelEvidence evidence = EvidenceFor(scene.context, scene.model, scene.graph);
+  for (const image_t id : {8, 9, 10}) EXPECT_FALSE(evidence.images.at(id).IsContradicted());
+  const auto groups = FindMisplacedGroups(scene.model, scene.graph, evidence);
+  ASSERT_EQ(groups.size(), 1u);
+  EXPECT_EQ(groups[0].images, (std::set<image_t>{8, 9, 10}));
+}
+
+}  // namespace
+}  // namespace cairn
