@@ -160,17 +160,28 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   return other;
 }
 
-// Registers misplaced groups anew, all at once or, where that brings nothing, the worst alone.
+// Sets of images that may be misplaced, the first that is to be tried first: all groups that the
+// matches contradict, the worst of them, and the images that find a better place by resection.
+std::vector<std::set<image_t>> FindMisplaced(const StageContext& context, const BuiltModel& built) {
+  const std::vector<MisplacedGroup> groups =
+      FindMisplacedGroups(*built.model, built.graph, built.evidence);
+  std::set<image_t> all;
+  for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
+  std::vector<std::set<image_t>> misplaced = {all};
+  if (groups.size() > 1) misplaced.push_back(groups.front().images);
+  misplaced.push_back(FindOutvoted(context, built.graph, built.evidence, *built.model));
+  return misplaced;
+}
+
+// Registers misplaced images anew, while that brings more evidence.
 void ReplaceMisplaced(StageContext& context, BuiltModel& best) {
   const ReconstructOptions& options = context.settings.reconstruct;
   for (int round = 0; round < options.max_rounds && options.register_left_out; ++round) {
-    const std::vector<MisplacedGroup> groups =
-        FindMisplacedGroups(*best.model, best.graph, best.evidence);
-    if (groups.empty()) break;
-    std::set<image_t> all;
-    for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
-    auto other = RegisterAnew(context, best, all);
-    if (!other && groups.size() > 1) other = RegisterAnew(context, best, groups.front().images);
+    std::optional<BuiltModel> other;
+    for (const std::set<image_t>& misplaced : FindMisplaced(context, best)) {
+      other = RegisterAnew(context, best, misplaced);
+      if (other) break;
+    }
     if (!other) break;
     best = std::move(*other);
   }

@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <cmath>
 
+#include "cairn/base/parallel.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -11,10 +13,12 @@ struct Correspondences {
   std::vector<point3D_t> points;
 };
 
-// Pairs of images outside the model with images in it, by the former.
-using PairsOfOutsiders = std::map<image_t, std::vector<const ViewEdge*>>;
-PairsOfOutsiders FindPairsOfOutsiders(const ViewGraph& graph, const Reconstruction& model) {
-  PairsOfOutsiders pairs;
+// Pairs with images in the model, by the other image.
+using PairsOfImages = std::map<image_t, std::vector<const ViewEdge*>>;
+
+// Of images outside the model.
+PairsOfImages FindPairsOfOutsiders(const ViewGraph& graph, const Reconstruction& model) {
+  PairsOfImages pairs;
   for (const ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kAmbiguous) continue;  // leads to another place
     const bool has_first = model.images.count(edge.image_id1) > 0;
@@ -24,7 +28,29 @@ PairsOfOutsiders FindPairsOfOutsiders(const ViewGraph& graph, const Reconstructi
   return pairs;
 }
 
-// For every keypoint the point that most of its matches show; of equal ones the smallest id.
+// Of images in the model.
+PairsOfImages FindPairsOfMembers(const ViewGraph& graph, const Reconstruction& model) {
+  PairsOfImages pairs;
+  for (const ViewEdge& edge : graph.edges) {
+    if (edge.removal == EdgeRemoval::kAmbiguous || model.images.count(edge.image_id1) == 0 ||
+        model.images.count(edge.image_id2) == 0) {
+      continue;
+    }
+    pairs[edge.image_id1].push_back(&edge);
+    pairs[edge.image_id2].push_back(&edge);
+  }
+  return pairs;
+}
+
+// Do two images other than this one see the point?
+bool IsSeenByOthers(const Point3D& point, image_t image_id) {
+  return std::count_if(point.track.begin(), point.track.end(), [&](const TrackElement& element) {
+           return element.image_id != image_id;
+         }) >= 2;
+}
+
+// For every keypoint the point of others that most of its matches show; of equal ones the smallest
+// id.
 Correspondences FindCorrespondences(const SceneData& scene,
                                     const std::vector<const ViewEdge*>& edges,
                                     const Reconstruction& model, image_t image_id) {
@@ -35,7 +61,9 @@ Correspondences FindCorrespondences(const SceneData& scene,
     for (const FeatureMatch& match : scene.matches.at(edge->PairId())) {
       const point2D_t keypoint = is_first ? match.point1 : match.point2;
       const point3D_t point = other->second.point3D_ids[is_first ? match.point2 : match.point1];
-      if (point != kInvalidPoint3DId) ++votes[keypoint][point];
+      if (point != kInvalidPoint3DId && IsSeenByOthers(model.points3D.at(point), image_id)) {
+        ++votes[keypoint][point];
+      }
     }
   }
   Correspondences result;
@@ -66,6 +94,28 @@ ResectionReport Resect(const StageContext& context, const Correspondences& corre
   }
   return EstimateAbsolutePose(camera, {pixels, xyz}, is_guess, context.settings.resection,
                               Rng(context.run.seed, "resection", image_id));
+}
+
+// Does resection find a pose with which more of the correspondences agree, by a sign test?
+bool IsOutvoted(const StageContext& context, const Correspondences& correspondences,
+                const Reconstruction& model, image_t image_id) {
+  constexpr double kMinDeviations = 3;
+  const ResectionReport report = Resect(context, correspondences, model, image_id);
+  if (report.status != ResectionStatus::kSuccess) return false;
+  const RegisteredImage& image = model.images.at(image_id);
+  const auto agrees = [&](size_t i) {
+    return ReprojectionErrorPx(model.CameraOf(image), image.cam_from_world,
+                               model.points3D.at(correspondences.points[i]).xyz,
+                               image.points2D[correspondences.keypoints[i]]) <=
+           context.settings.resection.max_error_px;
+  };
+  int num_before = 0;
+  for (size_t i = 0; i < correspondences.points.size(); ++i) num_before += agrees(i);
+  int num_both = 0;
+  for (const int i : report.inliers) num_both += agrees(i);
+  const double num_gained = static_cast<double>(report.inliers.size()) - num_both;
+  const double num_lost = num_before - num_both;
+  return num_gained - num_lost > kMinDeviations * std::sqrt(num_gained + num_lost);
 }
 
 void AddImage(const StageContext& context, const ResectionReport& report, image_t image_id,
@@ -114,6 +164,31 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
   stage.Add("candidates", candidates.size());
   stage.Add("registered", num_registered);
   return num_registered;
+}
+
+std::set<image_t> FindOutvoted(const StageContext& context, const ViewGraph& graph,
+                               const ModelEvidence& evidence, const Reconstruction& model) {
+  const PairsOfImages pairs = FindPairsOfMembers(graph, model);
+  std::set<image_t> doubted;
+  for (size_t e = 0; e < graph.edges.size(); ++e) {
+    const ViewEdge& edge = graph.edges[e];
+    if (!evidence.pairs[e].IsContradicted()) continue;
+    for (const image_t id : {edge.image_id1, edge.image_id2}) {
+      if (pairs.count(id) > 0) doubted.insert(id);
+    }
+  }
+  const std::vector<image_t> images(doubted.begin(), doubted.end());
+  std::vector<char> is_outvoted(images.size(), 0);
+  ParallelFor(context.run.num_threads, static_cast<int64_t>(images.size()), [&](int64_t i) {
+    const Correspondences found =
+        FindCorrespondences(context.scene, pairs.at(images[i]), model, images[i]);
+    is_outvoted[i] = IsOutvoted(context, found, model, images[i]);
+  });
+  std::set<image_t> outvoted;
+  for (size_t i = 0; i < images.size(); ++i) {
+    if (is_outvoted[i]) outvoted.insert(images[i]);
+  }
+  return outvoted;
 }
 
 }  // namespace cairn

@@ -232,6 +232,10 @@ void ReportAgreement(StageContext& context, const Reconstruction& model);
 // register_images.cc
 // Poses for images that are in no model yet, from the points. Returns the number of new images.
 int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model);
+// Images of contradicted pairs to which resection gives another pose, with which more of the points
+// that others show agree (a plane leaves two poses; most pairs of an image may be wrong together).
+std::set<image_t> FindOutvoted(const StageContext& context, const ViewGraph& graph,
+                               const ModelEvidence& evidence, const Reconstruction& model);
 
 // judge.cc
 // The evidence for the model in all verified pairs of the images that are in no other model,
