@@ -38,15 +38,17 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
   return EvaluateEvidence(model, pairs, context.run);
 }
 
+bool IsWithin(const ViewEdge& edge, const Reconstruction& model) {
+  return edge.removal != EdgeRemoval::kAmbiguous && model.images.count(edge.image_id1) > 0 &&
+         model.images.count(edge.image_id2) > 0;
+}
+
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph) {
   int64_t num_gained = 0;
   for (size_t e = 0; e < graph.edges.size(); ++e) {
     ViewEdge& edge = graph.edges[e];
     const Support& support = evidence.pairs[e];
-    if (edge.removal == EdgeRemoval::kAmbiguous || support.num_matches == 0 ||
-        model.images.count(edge.image_id1) == 0 || model.images.count(edge.image_id2) == 0) {
-      continue;
-    }
+    if (support.num_matches == 0 || !IsWithin(edge, model)) continue;
     if (support.IsContradicted()) {
       if (edge.IsActive()) edge.removal = EdgeRemoval::kModelInconsistent;
     } else if (!edge.IsActive()) {

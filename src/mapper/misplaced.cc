@@ -39,13 +39,8 @@ PairsWithin FindPairsWithin(const Reconstruction& model, const ViewGraph& graph,
   }
   for (size_t e = 0; e < graph.edges.size(); ++e) {
     const ViewEdge& edge = graph.edges[e];
-    const auto image1 = index.find(edge.image_id1);
-    const auto image2 = index.find(edge.image_id2);
-    if (edge.removal == EdgeRemoval::kAmbiguous || evidence.pairs[e].num_matches == 0 ||
-        image1 == index.end() || image2 == index.end()) {
-      continue;
-    }
-    pairs.edges.push_back({image1->second, image2->second});
+    if (evidence.pairs[e].num_matches == 0 || !IsWithin(edge, model)) continue;
+    pairs.edges.push_back({index.at(edge.image_id1), index.at(edge.image_id2)});
     pairs.supports.push_back(evidence.pairs[e]);
   }
   return pairs;

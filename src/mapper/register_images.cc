@@ -32,10 +32,7 @@ PairsOfImages FindPairsOfOutsiders(const ViewGraph& graph, const Reconstruction&
 PairsOfImages FindPairsOfMembers(const ViewGraph& graph, const Reconstruction& model) {
   PairsOfImages pairs;
   for (const ViewEdge& edge : graph.edges) {
-    if (edge.removal == EdgeRemoval::kAmbiguous || model.images.count(edge.image_id1) == 0 ||
-        model.images.count(edge.image_id2) == 0) {
-      continue;
-    }
+    if (!IsWithin(edge, model)) continue;
     pairs[edge.image_id1].push_back(&edge);
     pairs[edge.image_id2].push_back(&edge);
   }
@@ -172,10 +169,8 @@ std::set<image_t> FindOutvoted(const StageContext& context, const ViewGraph& gra
   std::set<image_t> doubted;
   for (size_t e = 0; e < graph.edges.size(); ++e) {
     const ViewEdge& edge = graph.edges[e];
-    if (!evidence.pairs[e].IsContradicted()) continue;
-    for (const image_t id : {edge.image_id1, edge.image_id2}) {
-      if (pairs.count(id) > 0) doubted.insert(id);
-    }
+    if (!evidence.pairs[e].IsContradicted() || !IsWithin(edge, model)) continue;
+    doubted.insert({edge.image_id1, edge.image_id2});
   }
   const std::vector<image_t> images(doubted.begin(), doubted.end());
   std::vector<char> is_outvoted(images.size(), 0);

@@ -238,6 +238,8 @@ std::set<image_t> FindOutvoted(const StageContext& context, const ViewGraph& gra
                                const ModelEvidence& evidence, const Reconstruction& model);
 
 // judge.cc
+// Is it a pair of two images of the model, and of one place?
+bool IsWithin(const ViewEdge& edge, const Reconstruction& model);
 // The evidence for the model in all verified pairs of the images that are in no other model,
 // in use in the graph or not. `pairs` are in the order of graph.edges; those of other
 // models' images have no matches.
