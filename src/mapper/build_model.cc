@@ -144,25 +144,39 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
 // Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
 constexpr double kSameModel = 1e-4;
 
+bool ExplainsMore(const BuiltModel& a, const BuiltModel& b) {
+  return a.evidence.nats > (1.0 + kSameModel) * b.evidence.nats;
+}
+
 // The model with these images registered anew, by resection in the model of the others; none where
 // that explains no more.
 std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& built,
                                        const std::set<image_t>& misplaced) {
   if (misplaced.empty() || 2 * misplaced.size() >= built.model->images.size()) return std::nullopt;
   BuiltModel other = built;
-  for (const image_t id : misplaced) RemoveImage(id, *other.model);
+  Reconstruction& model = *other.model;
+  for (const image_t id : misplaced) RemoveImage(id, model);
+  if (RegisterLeftOut(context, other.graph, model) == 0) return std::nullopt;
+  other.evidence = EvidenceFor(context, model, other.graph);
+  // Bundle adjustment is for models that are better already, or may get more images.
+  const bool is_complete = model.images.size() == built.model->images.size();
+  if (is_complete && !ExplainsMore(other, built)) return std::nullopt;
+  ReviseEdges(other.evidence, model, other.graph);
   const std::string failure = context.report.failure;
-  const bool has_grown = GrowModel(context, other.graph, *other.model).has_value();
+  const bool has_grown = FitAndRefine(context, TracksOfGraph(context, other.graph).tracks,
+                                      RefineStart::kChanged, model) &&
+                         GrowModel(context, other.graph, model);
   context.report.failure = failure;
   if (!has_grown) return std::nullopt;
-  other.evidence = EvidenceFor(context, *other.model, other.graph);
-  if (!(other.evidence.nats > (1.0 + kSameModel) * built.evidence.nats)) return std::nullopt;
+  other.evidence = EvidenceFor(context, model, other.graph);
+  if (!ExplainsMore(other, built)) return std::nullopt;
   return other;
 }
 
 // Sets of images that may be misplaced, the first that is to be tried first: all groups that the
 // matches contradict, the worst of them, and the images that find a better place by resection.
-std::vector<std::set<image_t>> FindMisplaced(const StageContext& context, const BuiltModel& built) {
+std::vector<std::set<image_t>> FindMisplaced(StageContext& context, const BuiltModel& built) {
+  ModelStage stage(context, "misplaced");
   const std::vector<MisplacedGroup> groups =
       FindMisplacedGroups(*built.model, built.graph, built.evidence);
   std::set<image_t> all;
@@ -170,6 +184,9 @@ std::vector<std::set<image_t>> FindMisplaced(const StageContext& context, const 
   std::vector<std::set<image_t>> misplaced = {all};
   if (groups.size() > 1) misplaced.push_back(groups.front().images);
   misplaced.push_back(FindOutvoted(context, built.graph, built.evidence, *built.model));
+  stage.Add("contradicted_groups", groups.size());
+  stage.Add("images_of_groups", all.size());
+  stage.Add("outvoted_images", misplaced.back().size());
   return misplaced;
 }
 

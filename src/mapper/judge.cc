@@ -10,18 +10,19 @@ namespace {
 
 const FeatureMatches kNoMatches;
 
-// Where the groups are most of the model, only some of them can be misplaced.
-ResultWarning MisplacedWarning(const StageContext& context, const Reconstruction& model,
-                               size_t num_groups, std::span<const image_t> images) {
-  const std::string what =
-      2 * images.size() < model.images.size()
-          ? std::to_string(images.size()) +
-                " images contradict most of their verified matches with the others and are "
-                "probably misplaced: "
-          : std::to_string(num_groups) +
-                " groups of images contradict most of the verified matches between them; some are "
-                "probably misplaced: ";
-  return {what + Names(context, images), kMisplacedAdvice};
+// Images that contradict most of their verified matches, alone or as groups. Where such groups are
+// most of the model, places look alike everywhere, and they tell nothing.
+std::vector<image_t> DoubtfulImages(const Reconstruction& model, const ModelEvidence& evidence,
+                                    const ViewGraph& graph) {
+  std::vector<image_t> of_groups, alone;
+  for (const MisplacedGroup& group : FindMisplacedGroups(model, graph, evidence)) {
+    of_groups.insert(of_groups.end(), group.images.begin(), group.images.end());
+  }
+  if (2 * of_groups.size() < model.images.size()) return of_groups;
+  for (const auto& [id, support] : evidence.images) {
+    if (support.IsContradicted()) alone.push_back(id);
+  }
+  return alone;
 }
 
 }  // namespace
@@ -77,11 +78,7 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstructio
     stage.Warn(warning.what + "; " + warning.advice);
     warnings.push_back(warning);
   };
-  const std::vector<MisplacedGroup> groups = FindMisplacedGroups(model, graph, evidence);
-  std::vector<image_t> doubtful;
-  for (const MisplacedGroup& group : groups) {
-    doubtful.insert(doubtful.end(), group.images.begin(), group.images.end());
-  }
+  const std::vector<image_t> doubtful = DoubtfulImages(model, evidence, graph);
   const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
   if (evidence.inside.IsContradicted()) {
     warn({"it explains only " + percent +
@@ -91,7 +88,11 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstructio
           "of their own",
           /*is_wrong=*/true});
   } else if (!doubtful.empty()) {
-    warn(MisplacedWarning(context, model, groups.size(), doubtful));
+    warn({std::to_string(doubtful.size()) +
+              " images contradict most of their verified matches with the others and are probably "
+              "misplaced: " +
+              Names(context, doubtful),
+          kMisplacedAdvice});
   }
   if (symmetry.IsFold()) {
     warn({std::to_string(symmetry.num_pairs) +

@@ -116,6 +116,7 @@ class Grouping {
     if (!group.across.IsContradicted() || 2 * group.members.size() >= pairs_.images.size()) return;
     MisplacedGroup misplaced;
     for (const int i : group.members) misplaced.images.insert(pairs_.images[i]);
+
     misplaced.num_contradicting = group.across.num_matches - group.across.num_explained;
     group.misplaced = {std::move(misplaced)};
   }

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 
 #include "cairn/base/parallel.h"
 #include "mapper/stages.h"
@@ -39,39 +38,52 @@ PairsOfImages FindPairsOfMembers(const ViewGraph& graph, const Reconstruction& m
   return pairs;
 }
 
-// Do two images other than this one see the point?
-bool IsSeenByOthers(const Point3D& point, image_t image_id) {
-  return std::count_if(point.track.begin(), point.track.end(), [&](const TrackElement& element) {
-           return element.image_id != image_id;
-         }) >= 2;
-}
-
-// For every keypoint the point of others that most of its matches show; of equal ones the smallest
-// id.
+// For every keypoint the point that most of its matches show; of equal ones the smallest id.
 Correspondences FindCorrespondences(const SceneData& scene,
                                     const std::vector<const ViewEdge*>& edges,
                                     const Reconstruction& model, image_t image_id) {
-  std::map<point2D_t, std::map<point3D_t, int>> votes;
+  std::vector<std::pair<point2D_t, point3D_t>> votes;
   for (const ViewEdge* edge : edges) {
     const bool is_first = edge->image_id1 == image_id;
     const auto other = model.images.find(is_first ? edge->image_id2 : edge->image_id1);
     for (const FeatureMatch& match : scene.matches.at(edge->PairId())) {
-      const point2D_t keypoint = is_first ? match.point1 : match.point2;
       const point3D_t point = other->second.point3D_ids[is_first ? match.point2 : match.point1];
-      if (point != kInvalidPoint3DId && IsSeenByOthers(model.points3D.at(point), image_id)) {
-        ++votes[keypoint][point];
-      }
+      if (point == kInvalidPoint3DId) continue;
+      votes.emplace_back(is_first ? match.point1 : match.point2, point);
     }
   }
+  std::sort(votes.begin(), votes.end());
   Correspondences result;
-  for (const auto& [keypoint, counts] : votes) {
-    const auto best =
-        std::max_element(counts.begin(), counts.end(),
-                         [](const auto& a, const auto& b) { return a.second < b.second; });
-    result.keypoints.push_back(keypoint);
-    result.points.push_back(best->first);
+  size_t most = 0;
+  for (auto begin = votes.begin(), end = begin; begin != votes.end(); begin = end) {
+    end = std::find_if(begin, votes.end(), [&](const auto& vote) { return vote != *begin; });
+    const size_t num = end - begin;
+    const bool is_other = result.keypoints.empty() || result.keypoints.back() != begin->first;
+    if (!is_other && num <= most) continue;
+    if (is_other) {
+      result.keypoints.push_back(begin->first);
+      result.points.emplace_back();
+    }
+    result.points.back() = begin->second;
+    most = num;
   }
   return result;
+}
+
+// Without the points that only one image beside this one sees.
+Correspondences SeenByOthers(const Correspondences& correspondences, const Reconstruction& model,
+                             image_t image_id) {
+  Correspondences seen;
+  for (size_t i = 0; i < correspondences.points.size(); ++i) {
+    const auto& track = model.points3D.at(correspondences.points[i]).track;
+    const auto is_of_other = [&](const TrackElement& element) {
+      return element.image_id != image_id;
+    };
+    if (std::count_if(track.begin(), track.end(), is_of_other) < 2) continue;
+    seen.keypoints.push_back(correspondences.keypoints[i]);
+    seen.points.push_back(correspondences.points[i]);
+  }
+  return seen;
 }
 
 ResectionReport Resect(const StageContext& context, const Correspondences& correspondences,
@@ -93,26 +105,20 @@ ResectionReport Resect(const StageContext& context, const Correspondences& corre
                               Rng(context.run.seed, "resection", image_id));
 }
 
-// Does resection find a pose with which more of the correspondences agree, by a sign test?
+// Do most of the correspondences lie off the image's pose, and agree with another one?
 bool IsOutvoted(const StageContext& context, const Correspondences& correspondences,
                 const Reconstruction& model, image_t image_id) {
-  constexpr double kMinDeviations = 3;
-  const ResectionReport report = Resect(context, correspondences, model, image_id);
-  if (report.status != ResectionStatus::kSuccess) return false;
   const RegisteredImage& image = model.images.at(image_id);
-  const auto agrees = [&](size_t i) {
-    return ReprojectionErrorPx(model.CameraOf(image), image.cam_from_world,
-                               model.points3D.at(correspondences.points[i]).xyz,
-                               image.points2D[correspondences.keypoints[i]]) <=
-           context.settings.resection.max_error_px;
-  };
-  int num_before = 0;
-  for (size_t i = 0; i < correspondences.points.size(); ++i) num_before += agrees(i);
-  int num_both = 0;
-  for (const int i : report.inliers) num_both += agrees(i);
-  const double num_gained = static_cast<double>(report.inliers.size()) - num_both;
-  const double num_lost = num_before - num_both;
-  return num_gained - num_lost > kMinDeviations * std::sqrt(num_gained + num_lost);
+  size_t num_agreeing = 0;
+  for (size_t i = 0; i < correspondences.points.size(); ++i) {
+    num_agreeing += ReprojectionErrorPx(model.CameraOf(image), image.cam_from_world,
+                                        model.points3D.at(correspondences.points[i]).xyz,
+                                        image.points2D[correspondences.keypoints[i]]) <=
+                    context.settings.resection.max_error_px;
+  }
+  if (2 * num_agreeing >= correspondences.points.size()) return false;
+  const ResectionReport report = Resect(context, correspondences, model, image_id);
+  return report.status == ResectionStatus::kSuccess && report.inliers.size() > num_agreeing;
 }
 
 void AddImage(const StageContext& context, const ResectionReport& report, image_t image_id,
@@ -166,18 +172,15 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
 std::set<image_t> FindOutvoted(const StageContext& context, const ViewGraph& graph,
                                const ModelEvidence& evidence, const Reconstruction& model) {
   const PairsOfImages pairs = FindPairsOfMembers(graph, model);
-  std::set<image_t> doubted;
-  for (size_t e = 0; e < graph.edges.size(); ++e) {
-    const ViewEdge& edge = graph.edges[e];
-    if (!evidence.pairs[e].IsContradicted() || !IsWithin(edge, model)) continue;
-    doubted.insert({edge.image_id1, edge.image_id2});
+  std::vector<image_t> images;
+  for (const auto& [id, edges] : pairs) {
+    if (evidence.images.at(id).Share() < evidence.inside.Share()) images.push_back(id);
   }
-  const std::vector<image_t> images(doubted.begin(), doubted.end());
   std::vector<char> is_outvoted(images.size(), 0);
   ParallelFor(context.run.num_threads, static_cast<int64_t>(images.size()), [&](int64_t i) {
     const Correspondences found =
         FindCorrespondences(context.scene, pairs.at(images[i]), model, images[i]);
-    is_outvoted[i] = IsOutvoted(context, found, model, images[i]);
+    is_outvoted[i] = IsOutvoted(context, SeenByOthers(found, model, images[i]), model, images[i]);
   });
   std::set<image_t> outvoted;
   for (size_t i = 0; i < images.size(); ++i) {

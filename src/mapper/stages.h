@@ -232,8 +232,9 @@ void ReportAgreement(StageContext& context, const Reconstruction& model);
 // register_images.cc
 // Poses for images that are in no model yet, from the points. Returns the number of new images.
 int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model);
-// Images of contradicted pairs to which resection gives another pose, with which more of the points
-// that others show agree (a plane leaves two poses; most pairs of an image may be wrong together).
+// Images that contradict more than others do and that lie off most of the points that others show,
+// while resection finds a pose with which more of these agree (a plane leaves two poses; most pairs
+// of an image may be wrong together).
 std::set<image_t> FindOutvoted(const StageContext& context, const ViewGraph& graph,
                                const ModelEvidence& evidence, const Reconstruction& model);
 
