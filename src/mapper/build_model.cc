@@ -144,9 +144,15 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
 // Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
 constexpr double kSameModel = 1e-4;
 
-bool ExplainsMore(const BuiltModel& a, const BuiltModel& b) {
-  return a.evidence.nats > (1.0 + kSameModel) * b.evidence.nats;
+// Evidence if all matches of the images that a model lacks were explained.
+double PossibleNats(const ModelEvidence& evidence) {
+  const int64_t num_lacking = evidence.all.num_matches - evidence.inside.num_matches;
+  return evidence.nats * (1.0 + static_cast<double>(num_lacking) /
+                                    std::max<int64_t>(1, evidence.inside.num_explained));
 }
+
+// What bundle adjustment may bring, relatively: with less, it is not tried.
+constexpr double kWorthAdjusting = 0.95;
 
 // The model with these images registered anew, by resection in the model of the others; none where
 // that explains no more.
@@ -158,9 +164,7 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   for (const image_t id : misplaced) RemoveImage(id, model);
   if (RegisterLeftOut(context, other.graph, model) == 0) return std::nullopt;
   other.evidence = EvidenceFor(context, model, other.graph);
-  // Bundle adjustment is for models that are better already, or may get more images.
-  const bool is_complete = model.images.size() == built.model->images.size();
-  if (is_complete && !ExplainsMore(other, built)) return std::nullopt;
+  if (PossibleNats(other.evidence) < kWorthAdjusting * built.evidence.nats) return std::nullopt;
   ReviseEdges(other.evidence, model, other.graph);
   const std::string failure = context.report.failure;
   const bool has_grown = FitAndRefine(context, TracksOfGraph(context, other.graph).tracks,
@@ -169,7 +173,7 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   context.report.failure = failure;
   if (!has_grown) return std::nullopt;
   other.evidence = EvidenceFor(context, model, other.graph);
-  if (!ExplainsMore(other, built)) return std::nullopt;
+  if (!(other.evidence.nats > (1.0 + kSameModel) * built.evidence.nats)) return std::nullopt;
   return other;
 }
 
