@@ -144,15 +144,19 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
 // Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
 constexpr double kSameModel = 1e-4;
 
-// Evidence if all matches of the images that a model lacks were explained.
-double PossibleNats(const ModelEvidence& evidence) {
-  const int64_t num_lacking = evidence.all.num_matches - evidence.inside.num_matches;
-  return evidence.nats * (1.0 + static_cast<double>(num_lacking) /
-                                    std::max<int64_t>(1, evidence.inside.num_explained));
-}
-
 // What bundle adjustment may bring, relatively: with less, it is not tried.
 constexpr double kWorthAdjusting = 0.95;
+
+// Does a model, before it is adjusted, explain about as many matches between its images as another?
+bool IsWorthAdjusting(const BuiltModel& built, const BuiltModel& before) {
+  int64_t num_explained = 0, num_before = 0;
+  for (size_t e = 0; e < built.graph.edges.size(); ++e) {
+    if (!IsWithin(built.graph.edges[e], *built.model)) continue;
+    num_explained += built.evidence.pairs[e].num_explained;
+    num_before += before.evidence.pairs[e].num_explained;
+  }
+  return static_cast<double>(num_explained) >= kWorthAdjusting * static_cast<double>(num_before);
+}
 
 // The model with these images registered anew, by resection in the model of the others; none where
 // that explains no more.
@@ -164,7 +168,7 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   for (const image_t id : misplaced) RemoveImage(id, model);
   if (RegisterLeftOut(context, other.graph, model) == 0) return std::nullopt;
   other.evidence = EvidenceFor(context, model, other.graph);
-  if (PossibleNats(other.evidence) < kWorthAdjusting * built.evidence.nats) return std::nullopt;
+  if (!IsWorthAdjusting(other, built)) return std::nullopt;
   ReviseEdges(other.evidence, model, other.graph);
   const std::string failure = context.report.failure;
   const bool has_grown = FitAndRefine(context, TracksOfGraph(context, other.graph).tracks,
