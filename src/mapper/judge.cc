@@ -10,21 +10,6 @@ namespace {
 
 const FeatureMatches kNoMatches;
 
-// Images that contradict most of their verified matches, alone or as groups. Where such groups are
-// most of the model, places look alike everywhere, and they tell nothing.
-std::vector<image_t> DoubtfulImages(const Reconstruction& model, const ModelEvidence& evidence,
-                                    const ViewGraph& graph) {
-  std::vector<image_t> of_groups, alone;
-  for (const MisplacedGroup& group : FindMisplacedGroups(model, graph, evidence)) {
-    of_groups.insert(of_groups.end(), group.images.begin(), group.images.end());
-  }
-  if (2 * of_groups.size() < model.images.size()) return of_groups;
-  for (const auto& [id, support] : evidence.images) {
-    if (support.IsContradicted()) alone.push_back(id);
-  }
-  return alone;
-}
-
 }  // namespace
 
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
@@ -78,7 +63,13 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstructio
     stage.Warn(warning.what + "; " + warning.advice);
     warnings.push_back(warning);
   };
-  const std::vector<image_t> doubtful = DoubtfulImages(model, evidence, graph);
+  std::vector<image_t> doubtful;
+  for (const auto& [id, support] : evidence.images) {
+    if (support.IsContradicted()) doubtful.push_back(id);
+  }
+  std::stable_sort(doubtful.begin(), doubtful.end(), [&](image_t a, image_t b) {
+    return evidence.images.at(a).Share() < evidence.images.at(b).Share();
+  });
   const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
   if (evidence.inside.IsContradicted()) {
     warn({"it explains only " + percent +
@@ -89,8 +80,7 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstructio
           /*is_wrong=*/true});
   } else if (!doubtful.empty()) {
     warn({std::to_string(doubtful.size()) +
-              " images contradict most of their verified matches with the others and are probably "
-              "misplaced: " +
+              " images contradict most of their verified matches and are probably misplaced: " +
               Names(context, doubtful),
           kMisplacedAdvice});
   }

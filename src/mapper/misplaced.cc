@@ -58,8 +58,9 @@ class Grouping {
     for (int i = 0; i < num_images; ++i) {
       group_of_[i] = i;
       groups_[i].members = {i};
-      for (const int e : adjacency_.EdgesOf(i))
+      for (const int e : adjacency_.EdgesOf(i)) {
         groups_[i].across = groups_[i].across + pairs.supports[e];
+      }
       Judge(groups_[i]);
     }
   }
@@ -70,8 +71,9 @@ class Grouping {
     std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
       return pairs_.supports[a].num_explained > pairs_.supports[b].num_explained;
     });
-    for (const int e : order)
+    for (const int e : order) {
       Join(group_of_[pairs_.edges[e].node1], group_of_[pairs_.edges[e].node2]);
+    }
   }
 
   // The one with the most matches that are not explained first.
@@ -116,7 +118,6 @@ class Grouping {
     if (!group.across.IsContradicted() || 2 * group.members.size() >= pairs_.images.size()) return;
     MisplacedGroup misplaced;
     for (const int i : group.members) misplaced.images.insert(pairs_.images[i]);
-
     misplaced.num_contradicting = group.across.num_matches - group.across.num_explained;
     group.misplaced = {std::move(misplaced)};
   }
