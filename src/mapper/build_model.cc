@@ -181,32 +181,25 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   return other;
 }
 
-// Sets of images that may be misplaced, the first that is to be tried first: all groups that the
-// matches contradict, the worst of them, and the images that find a better place by resection.
-std::vector<std::set<image_t>> FindMisplaced(StageContext& context, const BuiltModel& built) {
-  ModelStage stage(context, "misplaced");
+// Registers anew what may be misplaced: all groups that the matches contradict, else the worst of
+// them alone, else the images that find a better place by resection.
+std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltModel& built) {
   const std::vector<MisplacedGroup> groups =
-      FindMisplacedGroups(*built.model, built.graph, built.evidence);
+      FindMisplacedGroups(context, *built.model, built.graph, built.evidence);
   std::set<image_t> all;
   for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
-  std::vector<std::set<image_t>> misplaced = {all};
-  if (groups.size() > 1) misplaced.push_back(groups.front().images);
-  misplaced.push_back(FindOutvoted(context, built.graph, built.evidence, *built.model));
-  stage.Add("contradicted_groups", groups.size());
-  stage.Add("images_of_groups", all.size());
-  stage.Add("outvoted_images", misplaced.back().size());
-  return misplaced;
+  auto other = RegisterAnew(context, built, all);
+  if (!other && groups.size() > 1) other = RegisterAnew(context, built, groups.front().images);
+  if (other) return other;
+  return RegisterAnew(context, built,
+                      FindOutvoted(context, built.graph, built.evidence, *built.model));
 }
 
 // Registers misplaced images anew, while that brings more evidence.
 void ReplaceMisplaced(StageContext& context, BuiltModel& best) {
   const ReconstructOptions& options = context.settings.reconstruct;
   for (int round = 0; round < options.max_rounds && options.register_left_out; ++round) {
-    std::optional<BuiltModel> other;
-    for (const std::set<image_t>& misplaced : FindMisplaced(context, best)) {
-      other = RegisterAnew(context, best, misplaced);
-      if (other) break;
-    }
+    auto other = RegisterMisplaced(context, best);
     if (!other) break;
     best = std::move(*other);
   }

@@ -130,12 +130,19 @@ class Grouping {
 
 }  // namespace
 
-std::vector<MisplacedGroup> FindMisplacedGroups(const Reconstruction& model, const ViewGraph& graph,
+std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Reconstruction& model,
+                                                const ViewGraph& graph,
                                                 const ModelEvidence& evidence) {
+  ModelStage stage(context, "misplaced_groups");
   const PairsWithin pairs = FindPairsWithin(model, graph, evidence);
   Grouping grouping(pairs);
   grouping.JoinAll();
-  return grouping.Misplaced();
+  std::vector<MisplacedGroup> misplaced = grouping.Misplaced();
+  size_t num_images = 0;
+  for (const MisplacedGroup& group : misplaced) num_images += group.images.size();
+  stage.Add("groups", misplaced.size());
+  stage.Add("images", num_images);
+  return misplaced;
 }
 
 }  // namespace cairn

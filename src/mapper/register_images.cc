@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "base/first_names.h"
 #include "cairn/base/parallel.h"
 #include "mapper/stages.h"
 
@@ -149,28 +150,29 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
     correspondences[id] = std::move(found);
   }
   std::sort(candidates.begin(), candidates.end());
-  int num_registered = 0;
+  std::vector<std::string> registered, refused;
   for (const auto& [negative_count, id] : candidates) {
     const ResectionReport report = Resect(context, correspondences.at(id), model, id);
-    const std::string what = context.scene.images.at(id).name + ": " +
+    const std::string what = context.scene.images.at(id).name + " (" +
                              std::to_string(report.inliers.size()) + " of " +
-                             std::to_string(-negative_count) + " points agree";
-    if (report.status != ResectionStatus::kSuccess) {
-      stage.Note(what + ", not registered (" + std::string(ResectionStatusName(report.status)) +
-                 ")");
-      continue;
+                             std::to_string(-negative_count) + " points agree)";
+    if (report.status == ResectionStatus::kSuccess) {
+      AddImage(context, report, id, model);
+      registered.push_back(what);
+    } else {
+      refused.push_back(what);
     }
-    stage.Note(what + ", registered by resection");
-    AddImage(context, report, id, model);
-    ++num_registered;
   }
+  if (!registered.empty()) stage.Note("registered by resection: " + FirstNames(registered));
+  if (!refused.empty()) stage.Note("not registered: " + FirstNames(refused));
   stage.Add("candidates", candidates.size());
-  stage.Add("registered", num_registered);
-  return num_registered;
+  stage.Add("registered", registered.size());
+  return static_cast<int>(registered.size());
 }
 
-std::set<image_t> FindOutvoted(const StageContext& context, const ViewGraph& graph,
+std::set<image_t> FindOutvoted(StageContext& context, const ViewGraph& graph,
                                const ModelEvidence& evidence, const Reconstruction& model) {
+  ModelStage stage(context, "outvoted");
   const PairsOfImages pairs = FindPairsOfMembers(graph, model);
   std::vector<image_t> images;
   for (const auto& [id, edges] : pairs) {
@@ -186,6 +188,8 @@ std::set<image_t> FindOutvoted(const StageContext& context, const ViewGraph& gra
   for (size_t i = 0; i < images.size(); ++i) {
     if (is_outvoted[i]) outvoted.insert(images[i]);
   }
+  stage.Add("candidates", images.size());
+  stage.Add("images", outvoted.size());
   return outvoted;
 }
 

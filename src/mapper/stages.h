@@ -235,7 +235,7 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
 // Images that contradict more than others do and that lie off most of the points that others show,
 // while resection finds a pose with which more of these agree (a plane leaves two poses; most pairs
 // of an image may be wrong together).
-std::set<image_t> FindOutvoted(const StageContext& context, const ViewGraph& graph,
+std::set<image_t> FindOutvoted(StageContext& context, const ViewGraph& graph,
                                const ModelEvidence& evidence, const Reconstruction& model);
 
 // judge.cc
@@ -265,7 +265,8 @@ struct MisplacedGroup {
 // Of the groups, single images among them, that arise when images are joined by the pairs with the
 // most explained matches first: the largest of fewer than half of the images, those with the most
 // contradicting matches first.
-std::vector<MisplacedGroup> FindMisplacedGroups(const Reconstruction& model, const ViewGraph& graph,
+std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Reconstruction& model,
+                                                const ViewGraph& graph,
                                                 const ModelEvidence& evidence);
 
 // verify_again.cc

@@ -145,20 +145,6 @@ void ResectionOptions::VisitFields(OptionVisitor& v) {
         "other focal lengths tried where it is only a guess");
 }
 
-std::string_view ResectionStatusName(ResectionStatus status) {
-  switch (status) {
-    case ResectionStatus::kSuccess:
-      return "success";
-    case ResectionStatus::kTooFewPoints:
-      return "too_few_points";
-    case ResectionStatus::kNoModel:
-      return "no_model";
-    case ResectionStatus::kTooFewInliers:
-      return "too_few_inliers";
-  }
-  return "unknown";
-}
-
 ResectionReport EstimateAbsolutePose(const Camera& camera, const PixelsOfPoints& points,
                                      bool estimate_focal, const ResectionOptions& options,
                                      const Rng& rng) {

@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <span>
-#include <string_view>
 #include <vector>
 
 #include "cairn/base/options.h"
@@ -35,7 +34,6 @@ enum class ResectionStatus : int {
   kNoModel,        // no sample gave a pose
   kTooFewInliers,  // fewer than min_num_inliers or min_inlier_ratio
 };
-std::string_view ResectionStatusName(ResectionStatus status);
 
 struct ResectionReport {
   ResectionStatus status = ResectionStatus::kNoModel;

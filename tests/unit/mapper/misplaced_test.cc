@@ -7,7 +7,7 @@ namespace {
 TEST(MisplacedGroups, ARightModelHasNone) {
   IncompleteModel scene({});
   const ModelEvidence evidence = EvidenceFor(scene.context, scene.model, scene.graph);
-  EXPECT_TRUE(FindMisplacedGroups(scene.model, scene.graph, evidence).empty());
+  EXPECT_TRUE(FindMisplacedGroups(scene.context, scene.model, scene.graph, evidence).empty());
 }
 
 // Images 8 to 10 lie right to each other, and wrong to the others. Each keeps most of its matches:
@@ -24,7 +24,7 @@ TEST(MisplacedGroups, AGroupIsFoundThoughEachOfItsImagesKeepsMostMatches) {
   }
   const ModelEvidence evidence = EvidenceFor(scene.context, scene.model, scene.graph);
   for (const image_t id : {8, 9, 10}) EXPECT_FALSE(evidence.images.at(id).IsContradicted());
-  const auto groups = FindMisplacedGroups(scene.model, scene.graph, evidence);
+  const auto groups = FindMisplacedGroups(scene.context, scene.model, scene.graph, evidence);
   ASSERT_EQ(groups.size(), 1u);
   EXPECT_EQ(groups[0].images, (std::set<image_t>{8, 9, 10}));
 }
