@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <ranges>
 
 #include "cairn/base/check.h"
 #include "graph/union_find.h"
@@ -102,42 +103,107 @@ std::vector<ForestStep> WalkForest(int num_nodes, std::span<const GraphEdge> edg
   return steps;
 }
 
-std::vector<int> Bridges(int num_nodes, std::span<const GraphEdge> edges) {
-  const GraphAdjacency adjacency = BuildAdjacency(num_nodes, edges);
-  std::vector<int> bridges;
-  std::vector<int> order(num_nodes, -1);  // of discovery
-  std::vector<int> low(num_nodes);        // earliest node reachable by one back edge
-  std::vector<int> next(adjacency.begin.begin(), adjacency.begin.end() - 1);
-  std::vector<int> edge_to(num_nodes, -1);
-  int num_found = 0;
-  std::vector<int> stack;  // depth-first search without recursion: chains may be long
-  for (int root = 0; root < num_nodes; ++root) {
-    if (order[root] >= 0) continue;
-    stack.push_back(root);
-    order[root] = low[root] = num_found++;
-    while (!stack.empty()) {
-      const int v = stack.back();
-      if (next[v] < adjacency.begin[v + 1]) {
-        const int e = adjacency.edge[next[v]];
-        const int u = adjacency.neighbor[next[v]++];
-        if (e == edge_to[v] || u == v) continue;
-        if (order[u] >= 0) {
-          low[v] = std::min(low[v], order[u]);
-        } else {
-          order[u] = low[u] = num_found++;
+namespace {
+
+// A depth-first search of every component, without recursion: chains may be long.
+struct DepthFirstSearch {
+  std::vector<int> node;    // by order of discovery: those below a node follow it
+  std::vector<int> order;   // of discovery, of every node
+  std::vector<int> low;     // earliest node reachable from those below by one back edge
+  std::vector<int> parent;  // -1: a root
+  std::vector<int> edge_to;
+  std::vector<int> num_below;  // with the node itself
+  std::vector<int> root;
+
+  DepthFirstSearch(int num_nodes, std::span<const GraphEdge> edges)
+      : order(num_nodes, -1),
+        low(num_nodes),
+        parent(num_nodes, -1),
+        edge_to(num_nodes, -1),
+        num_below(num_nodes, 1),
+        root(num_nodes) {
+    const GraphAdjacency adjacency = BuildAdjacency(num_nodes, edges);
+    std::vector<int> next(adjacency.begin.begin(), adjacency.begin.end() - 1);
+    for (int first = 0; first < num_nodes; ++first) {
+      if (order[first] >= 0) continue;
+      Discover(first, first);
+      for (int v = first; v >= 0;) {
+        if (next[v] < adjacency.begin[v + 1]) {
+          const int e = adjacency.edge[next[v]];
+          const int u = adjacency.neighbor[next[v]++];
+          if (e == edge_to[v] || u == v) continue;
+          if (order[u] >= 0) {
+            low[v] = std::min(low[v], order[u]);
+            continue;
+          }
+          parent[u] = v;
           edge_to[u] = e;
-          stack.push_back(u);
+          Discover(u, first);
+          v = u;
+          continue;
         }
-        continue;
+        const int above = parent[v];
+        if (above >= 0) {
+          low[above] = std::min(low[above], low[v]);
+          num_below[above] += num_below[v];
+        }
+        v = above;
       }
-      stack.pop_back();
-      if (stack.empty()) break;
-      low[stack.back()] = std::min(low[stack.back()], low[v]);
-      if (low[v] > order[stack.back()]) bridges.push_back(edge_to[v]);
     }
+  }
+
+ private:
+  void Discover(int v, int first) {
+    order[v] = low[v] = static_cast<int>(node.size());
+    root[v] = first;
+    node.push_back(v);
+  }
+};
+
+}  // namespace
+
+std::vector<int> Bridges(int num_nodes, std::span<const GraphEdge> edges) {
+  const DepthFirstSearch search(num_nodes, edges);
+  std::vector<int> bridges;
+  for (int v = 0; v < num_nodes; ++v) {
+    const int above = search.parent[v];
+    if (above >= 0 && search.low[v] > search.order[above]) bridges.push_back(search.edge_to[v]);
   }
   std::sort(bridges.begin(), bridges.end());
   return bridges;
+}
+
+std::vector<std::vector<int>> HingedParts(int num_nodes, std::span<const GraphEdge> edges) {
+  const DepthFirstSearch search(num_nodes, edges);
+  const auto with_below = [&](int v) {
+    return std::span(search.node).subspan(search.order[v], search.num_below[v]);
+  };
+  std::vector<std::vector<int>> parts = ConnectedComponents(num_nodes, edges).nodes;
+  if (!parts.empty()) parts.erase(parts.begin());
+  for (int v = 0; v < num_nodes; ++v) {
+    const int hinge = search.parent[v];
+    if (hinge < 0 || search.low[v] < search.order[hinge]) continue;
+    // Without the hinge, v and what is below it are apart from the rest of the component.
+    const std::span<const int> all = with_below(search.root[v]), below = with_below(v);
+    std::vector<int> part(below.begin(), below.end());
+    if (2 * below.size() >= all.size()) {
+      part.assign(all.begin(), all.begin() + (below.data() - all.data()));
+      part.insert(part.end(), below.data() + below.size(), all.data() + all.size());
+      std::erase(part, hinge);
+    }
+    if (!part.empty()) parts.push_back(std::move(part));
+  }
+  // Smaller parts lie within larger ones or beside them.
+  std::stable_sort(parts.begin(), parts.end(),
+                   [](const auto& a, const auto& b) { return a.size() > b.size(); });
+  std::vector<char> is_taken(num_nodes, 0);
+  std::erase_if(parts, [&](const std::vector<int>& part) {
+    if (std::ranges::any_of(part, [&](int v) { return is_taken[v]; })) return true;
+    for (const int v : part) is_taken[v] = 1;
+    return false;
+  });
+  for (std::vector<int>& part : parts) std::sort(part.begin(), part.end());
+  return parts;
 }
 
 LoopFinder::LoopFinder(int num_nodes, std::span<const GraphEdge> edges) : neighbors_(num_nodes) {

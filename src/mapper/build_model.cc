@@ -144,19 +144,38 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
 // Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
 constexpr double kSameModel = 1e-4;
 
-// What bundle adjustment may bring, relatively: with less, it is not tried.
-constexpr double kWorthAdjusting = 0.95;
+// A model with so many observations is adjusted in some seconds, whatever may come of it.
+constexpr int64_t kQuickObservations = 500'000;
 
-// Does a model, before it is adjusted, explain about as many matches between its images as another?
-bool IsWorthAdjusting(const BuiltModel& built, const BuiltModel& before) {
-  int64_t num_explained = 0, num_before = 0;
-  for (size_t e = 0; e < built.graph.edges.size(); ++e) {
-    if (!IsWithin(built.graph.edges[e], *built.model)) continue;
-    num_explained += built.evidence.pairs[e].num_explained;
-    num_before += before.evidence.pairs[e].num_explained;
+// Do most of the points that an image saw before lie off its new pose?
+bool HasMoved(const StageContext& context, const RegisteredImage& image,
+              const Reconstruction& before, const Camera& camera) {
+  int num_points = 0, num_off = 0;
+  const std::vector<point3D_t>& points = before.images.at(image.image.image_id).point3D_ids;
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (points[i] == kInvalidPoint3DId) continue;
+    ++num_points;
+    num_off += ReprojectionErrorPx(camera, image.cam_from_world, before.points3D.at(points[i]).xyz,
+                                   image.points2D[i]) > context.settings.resection.max_error_px;
   }
-  return static_cast<double>(num_explained) >= kWorthAdjusting * static_cast<double>(num_before);
+  return 2 * num_off > num_points;
 }
+
+// Do most of the images that were registered anew lie elsewhere than before?
+bool HaveMoved(const StageContext& context, const std::set<image_t>& anew,
+               const Reconstruction& before, const Reconstruction& after) {
+  int num_registered = 0, num_moved = 0;
+  for (const image_t id : anew) {
+    const auto image = after.images.find(id);
+    if (image == after.images.end()) continue;
+    ++num_registered;
+    num_moved += HasMoved(context, image->second, before, after.CameraOf(image->second));
+  }
+  return 2 * num_moved > num_registered;
+}
+
+// Nats by which one of two models of the same images is the better one beyond doubt.
+constexpr double kDecisiveNats = 10;
 
 // The model with these images registered anew, by resection in the model of the others; none where
 // that explains no more.
@@ -167,9 +186,11 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   Reconstruction& model = *other.model;
   for (const image_t id : misplaced) RemoveImage(id, model);
   if (RegisterLeftOut(context, other.graph, model) == 0) return std::nullopt;
-  other.evidence = EvidenceFor(context, model, other.graph);
-  if (!IsWorthAdjusting(other, built)) return std::nullopt;
-  ReviseEdges(other.evidence, model, other.graph);
+  if (built.model->NumObservations() > kQuickObservations &&
+      !HaveMoved(context, misplaced, *built.model, model)) {
+    return std::nullopt;
+  }
+  ReviseEdges(EvidenceFor(context, model, other.graph), model, other.graph);
   const std::string failure = context.report.failure;
   const bool has_grown = FitAndRefine(context, TracksOfGraph(context, other.graph).tracks,
                                       RefineStart::kChanged, model) &&
@@ -177,12 +198,13 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   context.report.failure = failure;
   if (!has_grown) return std::nullopt;
   other.evidence = EvidenceFor(context, model, other.graph);
-  if (!(other.evidence.nats > (1.0 + kSameModel) * built.evidence.nats)) return std::nullopt;
+  if (!(other.evidence.nats > built.evidence.nats + kDecisiveNats)) return std::nullopt;
   return other;
 }
 
 // Registers anew what may be misplaced: all groups that the matches contradict, else the worst of
-// them alone, else the images that find a better place by resection.
+// them alone, else the images that find a better place by resection, else those whose scale beside
+// the others the model does not know.
 std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltModel& built) {
   const std::vector<MisplacedGroup> groups =
       FindMisplacedGroups(context, *built.model, built.graph, built.evidence);
@@ -191,8 +213,14 @@ std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltMo
   auto other = RegisterAnew(context, built, all);
   if (!other && groups.size() > 1) other = RegisterAnew(context, built, groups.front().images);
   if (other) return other;
-  return RegisterAnew(context, built,
-                      FindOutvoted(context, built.graph, built.evidence, *built.model));
+  other = RegisterAnew(context, built,
+                       FindOutvoted(context, built.graph, built.evidence, *built.model));
+  if (other) return other;
+  for (const std::set<image_t>& part : FindHinged(context, built.graph, *built.model)) {
+    other = RegisterAnew(context, built, part);
+    if (other) return other;
+  }
+  return std::nullopt;
 }
 
 // Registers misplaced images anew, while that brings more evidence.

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <set>
 
 #include "cairn/base/rng.h"
 #include "graph/union_find.h"
@@ -123,6 +124,34 @@ TEST(Bridges, LongChainDoesNotOverflowTheStack) {
   std::vector<GraphEdge> edges;
   for (int v = 1; v < n; ++v) edges.push_back({v - 1, v});
   EXPECT_EQ(Bridges(n, edges).size(), edges.size());
+}
+
+// Of parts that are left without some node, those of fewer than half of the nodes.
+TEST(HingedParts, AreWhatOneNodeJoinsWithTheRest) {
+  for (uint64_t seed = 0; seed < 50; ++seed) {
+    const std::vector<GraphEdge> edges = RandomEdges(21, 28, seed);
+    const GraphComponents components = ConnectedComponents(21, edges);
+    std::set<int> expected;
+    for (int v = 0; v < 21; ++v) {
+      if (components.component_of_node[v] > 0) expected.insert(v);
+    }
+    for (int hinge = 0; hinge < 21; ++hinge) {
+      if (components.component_of_node[hinge] > 0) continue;
+      std::vector<GraphEdge> rest = edges;
+      std::erase_if(rest, [&](const GraphEdge& e) { return e.node1 == hinge || e.node2 == hinge; });
+      for (const std::vector<int>& nodes : ConnectedComponents(21, rest).nodes) {
+        if (components.component_of_node[nodes[0]] > 0 || nodes[0] == hinge) continue;
+        if (2 * nodes.size() < components.nodes[0].size()) {
+          expected.insert(nodes.begin(), nodes.end());
+        }
+      }
+    }
+    std::set<int> hinged;
+    for (const std::vector<int>& part : HingedParts(21, edges)) {
+      for (const int v : part) EXPECT_TRUE(hinged.insert(v).second);
+    }
+    EXPECT_EQ(hinged, expected) << seed;
+  }
 }
 
 TEST(BuildAdjacency, ListsEdgesAndNeighbors) {

@@ -46,5 +46,24 @@ TEST(Outvoted, ImagesFindTheirPlaceByThePointsOfOthers) {
   EXPECT_EQ(find(), std::set<image_t>{5});
 }
 
+// Points of images 8 to 10 are no points of images 1 to 6, though their pairs are verified.
+TEST(Hinged, APartThatASingleImageJoinsWithTheRestIsFound) {
+  IncompleteModel scene({});
+  EXPECT_TRUE(FindHinged(scene.context, scene.graph, scene.model).empty());
+  for (auto& [id, point] : scene.model.points3D) {
+    const auto is_of_others = [&](const TrackElement& element) {
+      return id % 2 == 0 ? element.image_id < 7 : element.image_id > 7;
+    };
+    for (const TrackElement& element : point.track) {
+      if (!is_of_others(element)) continue;
+      scene.model.images.at(element.image_id).point3D_ids[element.point2D] = kInvalidPoint3DId;
+    }
+    std::erase_if(point.track, is_of_others);
+  }
+  const auto parts = FindHinged(scene.context, scene.graph, scene.model);
+  ASSERT_EQ(parts.size(), 1u);
+  EXPECT_EQ(parts[0], (std::set<image_t>{8, 9, 10}));
+}
+
 }  // namespace
 }  // namespace cairn
