@@ -147,31 +147,20 @@ constexpr double kSameModel = 1e-4;
 // A model with so many observations is adjusted in some seconds, whatever may come of it.
 constexpr int64_t kQuickObservations = 500'000;
 
-// Do most of the points that an image saw before lie off its new pose?
-bool HasMoved(const StageContext& context, const RegisteredImage& image,
-              const Reconstruction& before, const Camera& camera) {
-  int num_points = 0, num_off = 0;
-  const std::vector<point3D_t>& points = before.images.at(image.image.image_id).point3D_ids;
-  for (size_t i = 0; i < points.size(); ++i) {
-    if (points[i] == kInvalidPoint3DId) continue;
-    ++num_points;
-    num_off += ReprojectionErrorPx(camera, image.cam_from_world, before.points3D.at(points[i]).xyz,
-                                   image.points2D[i]) > context.settings.resection.max_error_px;
+// Do images that were registered anew explain more matches than before, though others may be
+// missing still?
+bool ExplainMore(const std::set<image_t>& anew, const BuiltModel& after, const BuiltModel& before) {
+  const auto is_registered = [&](image_t id) {
+    return anew.count(id) > 0 && after.model->images.count(id) > 0;
+  };
+  int64_t num_after = 0, num_before = 0;
+  for (size_t e = 0; e < after.graph.edges.size(); ++e) {
+    const ViewEdge& edge = after.graph.edges[e];
+    if (!is_registered(edge.image_id1) && !is_registered(edge.image_id2)) continue;
+    num_after += after.evidence.pairs[e].num_explained;
+    num_before += before.evidence.pairs[e].num_explained;
   }
-  return 2 * num_off > num_points;
-}
-
-// Do most of the images that were registered anew lie elsewhere than before?
-bool HaveMoved(const StageContext& context, const std::set<image_t>& anew,
-               const Reconstruction& before, const Reconstruction& after) {
-  int num_registered = 0, num_moved = 0;
-  for (const image_t id : anew) {
-    const auto image = after.images.find(id);
-    if (image == after.images.end()) continue;
-    ++num_registered;
-    num_moved += HasMoved(context, image->second, before, after.CameraOf(image->second));
-  }
-  return 2 * num_moved > num_registered;
+  return num_after > num_before;
 }
 
 // Nats by which one of two models of the same images is the better one beyond doubt.
@@ -186,11 +175,12 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   Reconstruction& model = *other.model;
   for (const image_t id : misplaced) RemoveImage(id, model);
   if (RegisterLeftOut(context, other.graph, model) == 0) return std::nullopt;
+  other.evidence = EvidenceFor(context, model, other.graph);
   if (built.model->NumObservations() > kQuickObservations &&
-      !HaveMoved(context, misplaced, *built.model, model)) {
+      !ExplainMore(misplaced, other, built)) {
     return std::nullopt;
   }
-  ReviseEdges(EvidenceFor(context, model, other.graph), model, other.graph);
+  ReviseEdges(other.evidence, model, other.graph);
   const std::string failure = context.report.failure;
   const bool has_grown = FitAndRefine(context, TracksOfGraph(context, other.graph).tracks,
                                       RefineStart::kChanged, model) &&

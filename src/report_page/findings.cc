@@ -118,7 +118,7 @@ void AddDoubtfulCameras(const PageScene& scene, Json& findings) {
         Finding("doubtful", (ids.size() > 1 ? "Cameras " : "Camera ") + names + ": " + doubt,
                 "Give the calibration, where you have it: --camera_model and --camera_params of "
                 "build_view_graph; or take more photos with the same camera and zoom "
-                "(--single_camera)."));
+                "(--single_camera, --single_camera_per_folder)."));
   }
 }
 

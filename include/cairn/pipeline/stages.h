@@ -31,6 +31,7 @@ struct CameraOptions {
   CameraModel camera_model = CameraModel::kSimpleRadial;
   std::vector<double> camera_params;
   bool single_camera = false;
+  bool single_camera_per_folder = false;
 
   void VisitFields(OptionVisitor& v) {
     v.Choice("camera_model", camera_model, NamedCameraModels(), "model of new cameras");
@@ -38,6 +39,8 @@ struct CameraOptions {
               "parameters of new cameras, in COLMAP's order; without, the focal length comes from "
               "EXIF, or is 1.2 times the larger side (fisheye models: 150 degrees across it)");
     v.Bool("single_camera", single_camera, "all images were taken by one camera");
+    v.Bool("single_camera_per_folder", single_camera_per_folder,
+           "all images of a sub-folder were taken by one camera");
   }
 };
 
@@ -54,11 +57,11 @@ struct PhotoSource {
 };
 
 // Adds the photographs of the source that the database does not have, with their cameras, in the
-// order of their names. Cameras as COLMAP 3.8 makes them: one for all (single_camera), else one for
-// all images with equal EXIF make, model, focal length and size, else one an image; photographs
-// that join later share the cameras of those that are there. Throws IoError when the folder cannot
-// be read or neither it nor the database has an image, ConfigError where drop_missing would leave
-// none of the folder's images.
+// order of their names. Cameras as COLMAP 3.8 makes them: one for all (single_camera) or for a
+// sub-folder (single_camera_per_folder), else one for all images with equal EXIF make, model, focal
+// length and size, else one an image; photographs that join later share the cameras of those that
+// are there. Throws IoError when the folder cannot be read or neither it nor the database has an
+// image, ConfigError where drop_missing would leave none of the folder's images.
 StageReport ImportPhotos(Database& database, const PhotoSource& source,
                          const CameraOptions& options = {}, const RunContext& run = {});
 

@@ -1,6 +1,7 @@
 #include "pipeline/stages/camera_maker.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <numbers>
 
 #include "cairn/base/error.h"
@@ -27,6 +28,9 @@ std::optional<ExifKey> KeyOf(const Photo& photo) {
 }  // namespace
 
 void CheckCameraOptions(const CameraOptions& options) {
+  if (options.single_camera && options.single_camera_per_folder) {
+    throw ConfigError("single_camera_per_folder", "single_camera is given, too");
+  }
   if (options.camera_params.empty()) return;
   const auto expected = static_cast<size_t>(CameraModelNumParams(options.camera_model));
   if (options.camera_params.size() == expected) return;
@@ -36,12 +40,21 @@ void CheckCameraOptions(const CameraOptions& options) {
                                          " are given");
 }
 
+std::optional<std::string> SharingFolder(const CameraOptions& options,
+                                         const std::string& image_name) {
+  if (options.single_camera) return "";
+  if (options.single_camera_per_folder) {
+    return std::filesystem::path(image_name).parent_path().string();
+  }
+  return std::nullopt;
+}
+
 CameraMaker::CameraMaker(const CameraOptions& options, camera_t first_id,
-                         std::optional<Camera> shared)
+                         std::map<std::string, Camera> shared)
     : options_(options), next_id_(first_id), shared_(std::move(shared)) {}
 
 std::optional<camera_t> CameraMaker::CameraOf(Photo& photo) {
-  if (options_.single_camera) return SingleCamera(photo);
+  if (const auto folder = SharingFolder(options_, photo.name)) return SharedCamera(*folder, photo);
   const std::optional<ExifKey> key = KeyOf(photo);
   if (!key) return Make(photo).camera_id;
   const auto it = by_exif_.find(*key);
@@ -53,13 +66,15 @@ void CameraMaker::AddKnown(const Photo& photo, camera_t camera_id) {
   if (const std::optional<ExifKey> key = KeyOf(photo)) by_exif_.try_emplace(*key, camera_id);
 }
 
-std::optional<camera_t> CameraMaker::SingleCamera(Photo& photo) {
-  if (!shared_) shared_ = Make(photo);
-  if (photo.size.width == shared_->width && photo.size.height == shared_->height) {
-    return shared_->camera_id;
+std::optional<camera_t> CameraMaker::SharedCamera(const std::string& folder, Photo& photo) {
+  auto shared = shared_.find(folder);
+  if (shared == shared_.end()) shared = shared_.emplace(folder, Make(photo)).first;
+  const Camera& camera = shared->second;
+  if (photo.size.width == camera.width && photo.size.height == camera.height) {
+    return camera.camera_id;
   }
   photo.error = "is " + SizeText(photo.size) + " pixels, the single camera " +
-                SizeText({shared_->width, shared_->height});
+                (folder.empty() ? "" : "of its folder ") + SizeText({camera.width, camera.height});
   return std::nullopt;
 }
 

@@ -27,31 +27,38 @@ struct Photo {
   ExifInfo exif;
 };
 
-// Throws ConfigError when camera_params do not fit camera_model.
+// Throws ConfigError when camera_params do not fit camera_model, or both ways to share are asked
+// for.
 void CheckCameraOptions(const CameraOptions& options);
 
 // What photographs of one camera have in common: make, model, focal length and size.
 using ExifKey = std::tuple<std::string, std::string, double, int, int>;
 
-// Gives photos their cameras, making new ones with ids from first_id on. `shared` is the single
-// camera, if there is one already.
+// What the images have in common that share a camera whatever EXIF says: nothing ("",
+// single_camera), or the sub-folder; nullopt: EXIF decides.
+std::optional<std::string> SharingFolder(const CameraOptions& options,
+                                         const std::string& image_name);
+
+// Gives photos their cameras, making new ones with ids from first_id on. `shared` are the cameras
+// that sharing folders have already.
 class CameraMaker {
  public:
-  CameraMaker(const CameraOptions& options, camera_t first_id, std::optional<Camera> shared);
+  CameraMaker(const CameraOptions& options, camera_t first_id,
+              std::map<std::string, Camera> shared);
 
   // A photograph that has this camera, for others to share.
   void AddKnown(const Photo& photo, camera_t camera_id);
-  // The camera of the photo; nullopt, with photo.error set, if the single camera does not fit.
+  // The camera of the photo; nullopt, with photo.error set, if the shared camera does not fit.
   std::optional<camera_t> CameraOf(Photo& photo);
   const std::vector<Camera>& cameras() const { return cameras_; }
 
  private:
-  std::optional<camera_t> SingleCamera(Photo& photo);
+  std::optional<camera_t> SharedCamera(const std::string& folder, Photo& photo);
   const Camera& Make(const Photo& photo);
 
   const CameraOptions options_;
   camera_t next_id_;
-  std::optional<Camera> shared_;
+  std::map<std::string, Camera> shared_;
   std::map<ExifKey, camera_t> by_exif_;
   std::vector<Camera> cameras_;
 };

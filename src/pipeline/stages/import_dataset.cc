@@ -110,7 +110,7 @@ Photo DescribeImage(const OneDsfmDataset& dataset, const DatasetKeys& keys, int 
 
 void WriteImages(Database& database, const OneDsfmDataset& dataset, const DatasetKeys& keys,
                  const CameraOptions& options) {
-  CameraMaker maker(options, 1, std::nullopt);
+  CameraMaker maker(options, 1, {});
   std::vector<Image> images;
   for (const int index : dataset.component) {
     Photo photo = DescribeImage(dataset, keys, index);

@@ -129,16 +129,20 @@ bool IsPending(const StageLedger& ledger, image_t id) {
   return job != nullptr && job->note == kPendingCamera;
 }
 
-// With single_camera, photos that join later share the camera of our first image.
-std::optional<Camera> SharedCamera(const std::vector<Image>& images,
-                                   const std::vector<Camera>& cameras, const StageLedger& ledger) {
+// The cameras that photos which join later share: those of the first image of each sharing folder.
+std::map<std::string, Camera> SharedCameras(const CameraOptions& options,
+                                            const std::vector<Image>& images,
+                                            const std::vector<Camera>& cameras,
+                                            const StageLedger& ledger) {
+  std::map<std::string, Camera> shared;
   for (const Image& image : images) {
+    const std::optional<std::string> folder = SharingFolder(options, image.name);
+    if (!folder || shared.count(*folder) > 0) continue;
     if (ledger.Find(image.image_id) == nullptr || IsPending(ledger, image.image_id)) continue;
-    for (const Camera& camera : cameras) {
-      if (camera.camera_id == image.camera_id) return camera;
-    }
+    const auto camera = std::ranges::find(cameras, image.camera_id, &Camera::camera_id);
+    if (camera != cameras.end()) shared.emplace(*folder, *camera);
   }
-  return std::nullopt;
+  return shared;
 }
 
 // After all cameras but those that only images waiting for a new one have.
@@ -247,7 +251,8 @@ NewImages MakeImages(const StoredImages& stored, const CameraOptions& options,
   for (const UnknownCamera& camera : stored.unknown_cameras) {
     first_id = std::max(first_id, camera.camera_id + 1);
   }
-  CameraMaker maker(options, first_id, SharedCamera(stored.images, stored.cameras, ledger));
+  CameraMaker maker(options, first_id,
+                    SharedCameras(options, stored.images, stored.cameras, ledger));
   for (const auto& [camera_id, photo] : known_photos) maker.AddKnown(photo, camera_id);
   std::map<std::string, image_t> known;
   for (const Image& image : stored.images) known[image.name] = image.image_id;
@@ -260,8 +265,9 @@ NewImages MakeImages(const StoredImages& stored, const CameraOptions& options,
     const bool is_reassigned = old != known.end();
     const std::optional<camera_t> camera_id = maker.CameraOf(photo);
     if (!camera_id && is_reassigned) {
-      throw ConfigError("single_camera", photo.name + " " + photo.error +
-                                             "; use --recompute features to leave it out");
+      throw ConfigError(
+          options.single_camera ? "single_camera" : "single_camera_per_folder",
+          photo.name + " " + photo.error + "; use --recompute features to leave it out");
     }
     if (!camera_id) continue;
     added.has_reassigned |= is_reassigned;

@@ -203,6 +203,34 @@ TEST_F(ImportPhotosTest, CameraParamsAndSingleCamera) {
   EXPECT_EQ(database_.ReadImages()[2].camera_id, 1u);
 }
 
+TEST_F(ImportPhotosTest, OneCameraASubFolder) {
+  for (const char* folder : {"/left", "/right"})
+    std::filesystem::create_directory(images_ + folder);
+  for (const char* name : {"left/a.png", "left/b.png", "right/a.png", "top.png"}) AddPhoto(name);
+  CameraOptions options;
+  options.single_camera_per_folder = true;
+  Import(options);
+  const auto cameras_of_images = [&] {
+    std::vector<camera_t> ids;
+    for (const Image& image : database_.ReadImages()) ids.push_back(image.camera_id);
+    return ids;
+  };
+  EXPECT_THAT(cameras_of_images(), ElementsAre(1, 1, 2, 3));
+  // Photographs that join later have the cameras of their folders; other sizes do not fit.
+  AddPhoto("right/b.png");
+  AddPhoto("right/c.png", 32, 32);
+  TestMonitor monitor;
+  Import(options, monitor);
+  EXPECT_THAT(cameras_of_images(), ElementsAre(1, 1, 2, 3, 2));
+  EXPECT_THAT(
+      monitor.warnings(),
+      ElementsAre("right/c.png: is 32 x 32 pixels, the single camera of its folder 64 x 48; "
+                  "skipped"));
+  options.single_camera = true;
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(options); }),
+              HasSubstr("single_camera_per_folder: single_camera is given, too"));
+}
+
 TEST_F(ImportPhotosTest, WrongCameraParamsAreNamed) {
   AddPhoto("a.png");
   CameraOptions options;
