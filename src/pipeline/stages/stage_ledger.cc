@@ -24,6 +24,7 @@ void CheckOptions(const StageRecord& stored, const std::string& present) {
     const std::string key = line.substr(0, equals);
     const std::string value = line.substr(equals + 3);
     const auto old_value = old_values.find(key);
+    if (old_value == old_values.end() && value == ImpliedValue(key)) continue;
     if (old_value == old_values.end()) {
       throw ConfigError(key, "the database's stage '" + stage +
                                  "' was made by a version without this option; use --recompute " +

@@ -65,7 +65,10 @@ class ProgramTest : public testing::Test {
   }
 
   std::string WriteConfig(const std::string& text) {
-    const std::string path = testing::TempDir() + "/cairn_program_test.toml";
+    // A file a test: ctest runs them side by side.
+    const std::string path = testing::TempDir() + "/cairn_program_test_" +
+                             testing::UnitTest::GetInstance()->current_test_info()->name() +
+                             ".toml";
     std::ofstream(path) << text;
     return path;
   }

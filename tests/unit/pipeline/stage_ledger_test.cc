@@ -45,6 +45,18 @@ TEST(StageLedger, NamesTheOptionThatDiffers) {
               HasSubstr("no longer an option"));
 }
 
+TEST(StageLedger, OptionsThatJoinedDoNotBindWhereEarlierVersionsWorkedByTheirValue) {
+  Database database(":memory:");
+  const std::string before = "single_camera = true\n";
+  StageLedger(database, kStageCameras, before).Begin(database);
+  EXPECT_NO_THROW(
+      StageLedger(database, kStageCameras, before + "single_camera_per_folder = false\n"));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] {
+                StageLedger(database, kStageCameras, before + "single_camera_per_folder = true\n");
+              }),
+              HasSubstr("made by a version without this option"));
+}
+
 TEST(StageLedger, OptionsThatWereTakenOutDoNotBindWhereTheyWereTheDefault) {
   for (const bool is_default : {true, false}) {
     Database database(":memory:");
