@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <numeric>
-#include <ranges>
 
 #include "cairn/base/check.h"
 #include "graph/union_find.h"
