@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 namespace cairn {
@@ -46,11 +48,12 @@ TEST(Parallel, WorkerIndicesAreInRange) {
 TEST(Parallel, FirstExceptionReachesTheCallerAndStopsTheLoop) {
   for (const int threads : {1, 2, 8}) {
     std::atomic<int64_t> num_run{0};
-    const int64_t n = 1'000'000;
+    const int64_t n = 20'000;  // Seconds, if it were not stopped: the thrower may have to wait.
     try {
       ParallelFor(threads, n, [&](int64_t i) {
         ++num_run;
         if (i == 10) throw std::runtime_error("index 10");
+        if (i > 10) std::this_thread::sleep_for(std::chrono::milliseconds(1));
       });
       FAIL() << "no exception";
     } catch (const std::runtime_error& error) {
