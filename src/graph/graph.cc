@@ -177,8 +177,7 @@ std::vector<std::vector<int>> HingedParts(int num_nodes, std::span<const GraphEd
   const auto with_below = [&](int v) {
     return std::span(search.node).subspan(search.order[v], search.num_below[v]);
   };
-  std::vector<std::vector<int>> parts = ConnectedComponents(num_nodes, edges).nodes;
-  if (!parts.empty()) parts.erase(parts.begin());
+  std::vector<std::vector<int>> parts;
   for (int v = 0; v < num_nodes; ++v) {
     const int hinge = search.parent[v];
     if (hinge < 0 || search.low[v] < search.order[hinge]) continue;
@@ -190,18 +189,17 @@ std::vector<std::vector<int>> HingedParts(int num_nodes, std::span<const GraphEd
       part.insert(part.end(), below.data() + below.size(), all.data() + all.size());
       std::erase(part, hinge);
     }
-    if (!part.empty()) parts.push_back(std::move(part));
+    if (part.size() > 1) parts.push_back(std::move(part));
   }
   // Smaller parts lie within larger ones or beside them.
   std::stable_sort(parts.begin(), parts.end(),
                    [](const auto& a, const auto& b) { return a.size() > b.size(); });
   std::vector<char> is_taken(num_nodes, 0);
   std::erase_if(parts, [&](const std::vector<int>& part) {
-    if (std::ranges::any_of(part, [&](int v) { return is_taken[v]; })) return true;
+    if (is_taken[part.front()]) return true;
     for (const int v : part) is_taken[v] = 1;
     return false;
   });
-  for (std::vector<int>& part : parts) std::sort(part.begin(), part.end());
   return parts;
 }
 

@@ -206,11 +206,7 @@ std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltMo
   other = RegisterAnew(context, built,
                        FindOutvoted(context, built.graph, built.evidence, *built.model));
   if (other) return other;
-  for (const std::set<image_t>& part : FindHinged(context, built.graph, *built.model)) {
-    other = RegisterAnew(context, built, part);
-    if (other) return other;
-  }
-  return std::nullopt;
+  return RegisterAnew(context, built, FindHinged(context, built.graph, *built.model));
 }
 
 // Registers misplaced images anew, while that brings more evidence.

@@ -19,8 +19,8 @@ int NumSharedPoints(const ViewEdge& edge, const FeatureMatches& matches,
 
 }  // namespace
 
-std::vector<std::set<image_t>> FindHinged(StageContext& context, const ViewGraph& graph,
-                                          const Reconstruction& model) {
+std::set<image_t> FindHinged(StageContext& context, const ViewGraph& graph,
+                             const Reconstruction& model) {
   ModelStage stage(context, "hinged");
   std::vector<image_t> images;
   std::map<image_t, int> index;
@@ -37,13 +37,14 @@ std::vector<std::set<image_t>> FindHinged(StageContext& context, const ViewGraph
     }
     joined.push_back({index.at(edge.image_id1), index.at(edge.image_id2)});
   }
-  std::vector<std::set<image_t>> hinged;
-  for (const std::vector<int>& part : HingedParts(static_cast<int>(images.size()), joined)) {
-    for (std::set<image_t>& of_part = hinged.emplace_back(); const int i : part) {
-      of_part.insert(images[i]);
-    }
+  const std::vector<std::vector<int>> parts = HingedParts(static_cast<int>(images.size()), joined);
+  std::set<image_t> hinged;
+  for (auto part = parts.rbegin(); part != parts.rend(); ++part) {
+    if (2 * (hinged.size() + part->size()) >= images.size()) break;
+    for (const int i : *part) hinged.insert(images[i]);
   }
-  stage.Add("parts", hinged.size());
+  stage.Add("parts", parts.size());
+  stage.Add("images", hinged.size());
   return hinged;
 }
 

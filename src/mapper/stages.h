@@ -270,10 +270,11 @@ std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Rec
                                                 const ModelEvidence& evidence);
 
 // hinged.cc
-// Parts of a model that share points with the rest through a single image, or through too few to
-// be registered by: two parts with one image in common have no common scale. The largest first.
-std::vector<std::set<image_t>> FindHinged(StageContext& context, const ViewGraph& graph,
-                                          const Reconstruction& model);
+// Images of parts of a model that share points with the rest through a single image: two parts with
+// one image in common have no common scale. Of all such parts the smaller ones, while they are
+// fewer than half of the images.
+std::set<image_t> FindHinged(StageContext& context, const ViewGraph& graph,
+                             const Reconstruction& model);
 
 // verify_again.cc
 // Where bundle adjustment has moved the rays of cameras by more than verification's threshold: of

@@ -126,22 +126,19 @@ TEST(Bridges, LongChainDoesNotOverflowTheStack) {
   EXPECT_EQ(Bridges(n, edges).size(), edges.size());
 }
 
-// Of parts that are left without some node, those of fewer than half of the nodes.
+// Of parts that are left without some node, those of fewer than half of the component's nodes.
 TEST(HingedParts, AreWhatOneNodeJoinsWithTheRest) {
   for (uint64_t seed = 0; seed < 50; ++seed) {
     const std::vector<GraphEdge> edges = RandomEdges(21, 28, seed);
     const GraphComponents components = ConnectedComponents(21, edges);
     std::set<int> expected;
-    for (int v = 0; v < 21; ++v) {
-      if (components.component_of_node[v] > 0) expected.insert(v);
-    }
     for (int hinge = 0; hinge < 21; ++hinge) {
-      if (components.component_of_node[hinge] > 0) continue;
       std::vector<GraphEdge> rest = edges;
       std::erase_if(rest, [&](const GraphEdge& e) { return e.node1 == hinge || e.node2 == hinge; });
+      const int component = components.component_of_node[hinge];
       for (const std::vector<int>& nodes : ConnectedComponents(21, rest).nodes) {
-        if (components.component_of_node[nodes[0]] > 0 || nodes[0] == hinge) continue;
-        if (2 * nodes.size() < components.nodes[0].size()) {
+        if (components.component_of_node[nodes[0]] != component || nodes.size() < 2) continue;
+        if (2 * nodes.size() < components.nodes[component].size()) {
           expected.insert(nodes.begin(), nodes.end());
         }
       }
