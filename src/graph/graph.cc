@@ -183,11 +183,19 @@ std::vector<std::vector<int>> HingedParts(int num_nodes, std::span<const GraphEd
     if (hinge < 0 || search.low[v] < search.order[hinge]) continue;
     // Without the hinge, v and what is below it are apart from the rest of the component.
     const std::span<const int> all = with_below(search.root[v]), below = with_below(v);
-    std::vector<int> part(below.begin(), below.end());
-    if (2 * below.size() >= all.size()) {
-      part.assign(all.begin(), all.begin() + (below.data() - all.data()));
-      part.insert(part.end(), below.data() + below.size(), all.data() + all.size());
-      std::erase(part, hinge);
+    std::vector<int> part;
+    const auto add = [&](std::span<const int> nodes) {
+      part.insert(part.end(), nodes.begin(), nodes.end());
+    };
+    if (2 * below.size() < all.size()) {
+      add(below);
+    } else {  // What is above, with what hangs on it as well.
+      const std::span<const int> of_hinge = with_below(hinge);
+      add(all.first(of_hinge.data() - all.data()));
+      add(all.last(all.data() + all.size() - (of_hinge.data() + of_hinge.size())));
+      for (size_t i = 1; i < of_hinge.size(); i += search.num_below[of_hinge[i]]) {
+        if (search.low[of_hinge[i]] < search.order[hinge]) add(with_below(of_hinge[i]));
+      }
     }
     if (part.size() > 1) parts.push_back(std::move(part));
   }

@@ -157,17 +157,6 @@ bool IsOf(const ViewEdge& edge, const std::set<camera_t>& cameras, const SceneDa
          cameras.count(scene.CameraIdOf(edge.image_id2)) > 0;
 }
 
-// The geometries of the edges of these cameras.
-std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
-                                                         const SceneData& scene,
-                                                         const GeometryReader& read) {
-  std::map<image_pair_t, TwoViewGeometry> geometries;
-  for (const ViewEdge& edge : scene.edges) {
-    if (IsOf(edge, cameras, scene)) geometries[edge.PairId()] = read(edge.PairId());
-  }
-  return geometries;
-}
-
 std::string Describe(camera_t id, const Camera& camera, const CalibratedFocal& focal) {
   char text[200];
   std::snprintf(
@@ -245,7 +234,8 @@ struct Replaced {
 // by those of the focal lengths before. Where they close worse, the cameras and their edges are
 // taken back; where loops do not decide, or would decide for a tentative one, both ways are kept:
 // the model decides.
-void TakeBackRejected(const Replaced& before, Stage& stage, SceneData& scene) {
+std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage,
+                                            SceneData& scene) {
   std::set<camera_t> rejected, undecided;
   for (const LoopErrors& loops : CompareLoops(scene, before.guessed_edges, scene.edges)) {
     std::set<camera_t> cameras;
@@ -274,18 +264,30 @@ void TakeBackRejected(const Replaced& before, Stage& stage, SceneData& scene) {
     }
   };
   take_back(rejected, scene.cameras, scene.edges);
-  if (!undecided.empty()) {
-    scene.alternative = {scene.cameras, scene.edges};
-    take_back(undecided, scene.alternative->cameras, scene.alternative->edges);
-  }
   stage.Add("rejected_by_loops", rejected.size());
   stage.Add("undecided_by_loops", undecided.size());
+  if (undecided.empty()) return std::nullopt;
+  Calibration other = scene;
+  take_back(undecided, other.cameras, other.edges);
+  return other;
 }
 
 }  // namespace
 
-void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOptions& options,
-                          const RunContext& run, Stage& stage, SceneData& scene) {
+std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
+                                                         const SceneData& scene,
+                                                         const GeometryReader& read) {
+  std::map<image_pair_t, TwoViewGeometry> geometries;
+  for (const ViewEdge& edge : scene.edges) {
+    if (IsOf(edge, cameras, scene)) geometries[edge.PairId()] = read(edge.PairId());
+  }
+  return geometries;
+}
+
+std::optional<Calibration> CalibrateSceneFocals(const GeometryReader& read,
+                                                const FocalCalibrationOptions& options,
+                                                const RunContext& run, Stage& stage,
+                                                SceneData& scene) {
   const std::vector<FocalPair> pairs = CollectPairs(scene, read, options.max_pairs);
   const FocalCalibrationReport report =
       CalibrateFocals(scene.cameras, scene.constant_cameras, pairs, options, run);
@@ -297,7 +299,7 @@ void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOpti
   ImproveRelativePoses(scene.foreign, run, scene);
   std::set<camera_t> calibrated = candidates.calibrated;
   calibrated.insert(candidates.tentative.begin(), candidates.tentative.end());
-  if (calibrated.empty()) return;
+  if (calibrated.empty()) return std::nullopt;
 
   Replaced before;
   before.tentative = candidates.tentative;
@@ -318,7 +320,7 @@ void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOpti
     scene.cameras.at(id).SetMeanFocal(report.cameras.at(id).focal_px);
   }
   ImproveRelativePoses(geometries, run, scene);
-  TakeBackRejected(before, stage, scene);
+  return TakeBackRejected(before, stage, scene);
 }
 
 }  // namespace cairn

@@ -150,7 +150,6 @@ class CameraAdopter {
 std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, SceneData& scene,
                                         const RunContext& run, RunReport& report) {
   RunStage stage(report, run.monitor, "input");
-  scene.alternative.reset();  // the models tell the focal lengths
   std::vector<const Reconstruction*> by_size;
   for (const Reconstruction& model : models) by_size.push_back(&model);
   std::stable_sort(by_size.begin(), by_size.end(), [](const auto* a, const auto* b) {

@@ -204,16 +204,6 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
           "the pairs have poses and no matches: only poses are averaged, there are no points");
     }
   }
-  if (!report.Succeeded() || scene.poses_alone) return scene;
-  if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
-    RunStage stage(report, run.monitor, "focal_calibration");
-    const GeometryReader read = [&](image_pair_t pair_id) {
-      return database.ReadTwoViewGeometry(pair_id).value();
-    };
-    CalibrateSceneFocals(read, settings.focal_calibration, run, stage, scene);
-  } else {
-    ImproveRelativePoses(scene.foreign, run, scene);
-  }
   return scene;
 }
 

@@ -9,54 +9,6 @@
 namespace cairn {
 namespace {
 
-// Graph and models with the scene's calibration.
-struct CalibratedResult {
-  ReconstructResult result;
-  double evidence_nats = 0;
-};
-CalibratedResult ReconstructCalibrated(const SceneData& scene,
-                                       std::span<const Reconstruction> earlier,
-                                       const ReconstructSettings& settings, const RunContext& run) {
-  CalibratedResult calibrated;
-  ReconstructResult& result = calibrated.result;
-  ViewGraphResult graph = BuildSceneGraph(scene, settings, run, result.report);
-  if (result.report.Succeeded()) {
-    StageContext context{scene, settings, run, result.report};
-    SceneModels models = BuildModels(context, graph.report.components, earlier, graph.graph);
-    calibrated.evidence_nats = models.evidence_nats;
-    result.models = std::move(models.models);
-  }
-  result.graph = std::move(graph.graph);
-  return calibrated;
-}
-
-// With the scene's calibration and, where its pairs did not decide between two, with the other one:
-// the result with more evidence.
-ReconstructResult ReconstructBest(SceneData& scene, std::span<const Reconstruction> earlier,
-                                  const ReconstructSettings& settings, const RunContext& run) {
-  CalibratedResult best = ReconstructCalibrated(scene, earlier, settings, run);
-  if (!scene.alternative || run.monitor.StopRequested()) return std::move(best.result);
-  run.monitor.Info(
-      "reconstructed again with the focal lengths from before calibration: pairs did not decide "
-      "which are right");
-  std::swap(scene.cameras, scene.alternative->cameras);
-  std::swap(scene.edges, scene.alternative->edges);
-  CalibratedResult other = ReconstructCalibrated(scene, earlier, settings, run);
-  const bool takes_other = other.evidence_nats > best.evidence_nats;
-  if (takes_other) std::swap(best, other);
-  // What was tried stays in the report.
-  std::vector<StageReport>& stages = best.result.report.stages;
-  stages.insert(stages.begin(), other.result.report.stages.begin(),
-                other.result.report.stages.end());
-  StageReport stage;
-  stage.name = "focal_choice";
-  stage.Add("calibrated", takes_other ? 0 : 1);
-  stage.Add("evidence_nats", best.evidence_nats);
-  stage.Add("evidence_nats_otherwise", other.evidence_nats);
-  stages.push_back(std::move(stage));
-  return std::move(best.result);
-}
-
 void ColorModels(const SceneData& scene, const std::string& image_path,
                  const ReconstructSettings& settings, const RunContext& run,
                  ReconstructResult& result) {
@@ -101,6 +53,9 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
            "tracks; 0: what the machine has left");
   v.Bool("register_left_out", register_left_out,
          "try images that were left out again, by resection");
+  v.Bool("share_camera", share_camera,
+         "try one camera for images of one size that have a camera each, of the same prior focal "
+         "length or none, if they are most");
   v.Bool("separate_duplicates", separate_duplicates,
          "detect duplicate structure, places that look alike, and reconstruct them separately");
   v.Bool("refine_principal_points", refine_principal_points,
@@ -119,11 +74,9 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
   RunReport read;
   SceneData scene = ReadSceneData(database, settings, run, read);
   scene.places = ReadPlaces(scene, settings.places, image_path, run);
-  std::vector<Reconstruction> adopted;
-  if (read.Succeeded() && !earlier.empty()) adopted = AdoptModels(earlier, scene, run, read);
   ReconstructResult result;
+  if (read.Succeeded()) result = ReconstructBest(database, earlier, settings, run, read, scene);
   if (read.Succeeded()) {
-    result = ReconstructBest(scene, adopted, settings, run);
     PlaceModels(scene, run, result);
     if (settings.reconstruct.colors && !image_path.empty()) {
       ColorModels(scene, image_path, settings, run, result);

@@ -21,13 +21,19 @@
 
 namespace cairn {
 
-// What the database holds, ready for the stages.
-struct SceneData {
+// What a scene leaves open: its cameras, which images share one, and the poses of pairs by that.
+struct Calibration {
   std::map<camera_t, Camera> cameras;
   std::map<image_t, Image> images;
+  std::vector<ViewEdge> edges;
+  std::map<image_t, camera_t> stored_cameras;  // of images that share one by ShareCamera
+  std::string origin;                          // in words
+};
+
+// What the database holds, ready for the stages.
+struct SceneData : Calibration {
   std::map<image_t, std::vector<Eigen::Vector2d>> pixels;  // of the keypoints
   KeypointScales scales;
-  std::vector<ViewEdge> edges;
   // Geometries, without matches, of the pairs that another program verified.
   std::map<image_pair_t, TwoViewGeometry> foreign;
   // Inlier matches of the edges; keypoints at one position are replaced by the first of them.
@@ -42,12 +48,6 @@ struct SceneData {
   bool poses_alone = false;
   std::optional<KnownPositions> places;      // what is to be used of them
   std::optional<ResultWarning> still_parts;  // see FindStillParts
-  // The focal lengths before calibration, where the pairs do not decide which are right.
-  struct Calibration {
-    std::map<camera_t, Camera> cameras;
-    std::vector<ViewEdge> edges;
-  };
-  std::optional<Calibration> alternative;
 
   camera_t CameraIdOf(image_t id) const { return images.at(id).camera_id; }
   const Camera& CameraOf(image_t id) const { return cameras.at(CameraIdOf(id)); }
@@ -110,10 +110,41 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
 using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
 // Gives cameras whose intrinsics are not constant the focal lengths that the pairs' fundamental
 // matrices determine, unless loops of rotations then close worse than before, and reports what
-// became of each camera.
+// became of each camera. Where the pairs do not decide, it returns the scene's calibration with the
+// focal lengths from before.
 // Improves the poses of the scene's `foreign` edges, and of all whose focal lengths changed.
-void CalibrateSceneFocals(const GeometryReader& read, const FocalCalibrationOptions& options,
-                          const RunContext& run, Stage& stage, SceneData& scene);
+std::optional<Calibration> CalibrateSceneFocals(const GeometryReader& read,
+                                                const FocalCalibrationOptions& options,
+                                                const RunContext& run, Stage& stage,
+                                                SceneData& scene);
+// The geometries of the edges of these cameras.
+std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
+                                                         const SceneData& scene,
+                                                         const GeometryReader& read);
+
+// shared_camera.cc
+// Images that one camera may have taken, though each of them, or of some groups of them, has a
+// camera of its own (as COLMAP stores them): of one size and camera model, with the same prior
+// focal length or without one. Empty unless they are most of the images.
+std::set<image_t> LikelyOfOneCamera(const SceneData& scene);
+// In each model these images, known by their names, have equal cameras.
+bool AgreeWithOneCamera(std::span<const Reconstruction> models, const std::set<image_t>& images,
+                        const SceneData& scene);
+// The one of the median focal length.
+Camera MedianCamera(std::vector<Camera> cameras);
+// Gives these images one camera, and improves the poses of their pairs where that changes lenses.
+void ShareCamera(const std::set<image_t>& images, Camera camera, const GeometryReader& read,
+                 const RunContext& run, SceneData& scene);
+// Gives images that share a camera by that a camera each again, as they are stored: equal ones.
+void UnshareCamera(const std::map<image_t, camera_t>& stored, Reconstruction& model);
+
+// calibration_search.cc
+// Models and graph by the calibration of the scene whose models have the most evidence: with one
+// camera for likely images or without, with focal lengths by the pairs or as they were. Earlier
+// models tell theirs. `read` gets the stages before. Leaves the scene with what was tried last.
+ReconstructResult ReconstructBest(const Database& database, std::span<const Reconstruction> earlier,
+                                  const ReconstructSettings& settings, const RunContext& run,
+                                  RunReport& read, SceneData& scene);
 
 // relative_poses.cc
 // Refines the poses of edges that another program verified, or whose focal lengths changed, on

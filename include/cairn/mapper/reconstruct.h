@@ -42,6 +42,7 @@ struct ReconstructOptions {
   // bundle adjustment would take more, it gets fewer tracks.
   double max_memory_gib = 0.0;
   bool register_left_out = true;
+  bool share_camera = true;
   bool separate_duplicates = true;
   // Forward motion, or a lens that the camera model does not describe, throws principal points off.
   bool refine_principal_points = false;

@@ -87,14 +87,14 @@ TEST(Reconstruct, TriesUndeterminedFocalLengthsBesideTheGuess) {
   EXPECT_EQ(Value(*stage, "undetermined"), 2);
   EXPECT_THAT(stage->messages[0], HasSubstr("undetermined; tried beside the guess"));
   EXPECT_EQ(Value(*stage, "undecided_by_loops"), 2);
-  const StageReport* choice = FindStage(result.report, "focal_choice");
+  const StageReport* choice = FindStage(result.report, "calibration_choice");
   ASSERT_NE(choice, nullptr);
   EXPECT_GE(Value(*choice, "evidence_nats"), Value(*choice, "evidence_nats_otherwise"));
   ASSERT_EQ(result.models.size(), 1u);
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
   // What is nearly the guess is left to bundle adjustment.
   const RunReport near = Reconstruct(MakeDatabaseWithGuesses(scene, 1.05), settings).report;
-  EXPECT_EQ(FindStage(near, "focal_choice"), nullptr);
+  EXPECT_EQ(FindStage(near, "calibration_choice"), nullptr);
 }
 
 // What the pairs' matches say must bear out in loops of rotations: here the stored poses, of the
@@ -115,7 +115,7 @@ TEST(Reconstruct, TriesBothFocalLengthsThatLoopsDoNotTellApart) {
   EXPECT_EQ(Value(*stage, "rejected_by_loops"), 0);
   EXPECT_EQ(Value(*stage, "undecided_by_loops"), 2);
   EXPECT_THAT(stage->messages.back(), HasSubstr("2 cameras are undecided; both are tried"));
-  const StageReport* choice = FindStage(report, "focal_choice");
+  const StageReport* choice = FindStage(report, "calibration_choice");
   ASSERT_NE(choice, nullptr);
   EXPECT_GT(Value(*choice, "evidence_nats"), Value(*choice, "evidence_nats_otherwise"));
 }

@@ -1,0 +1,171 @@
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <utility>
+
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// The cameras of the database must explain more by this share than one camera for all: what camera
+// models leave out (a shutter that rolls, focus) differs from photograph to photograph, too.
+constexpr double kManyCameras = 0.005;
+
+// Graph and models by one calibration.
+struct CalibratedResult {
+  ReconstructResult result;
+  double evidence_nats = -1;
+  bool shares_camera = false;
+
+  double Score() const { return evidence_nats * (shares_camera ? 1 : 1 - kManyCameras); }
+};
+
+CalibratedResult ReconstructCalibrated(const SceneData& scene,
+                                       std::span<const Reconstruction> earlier,
+                                       const ReconstructSettings& settings, const RunContext& run) {
+  CalibratedResult calibrated;
+  ReconstructResult& result = calibrated.result;
+  calibrated.evidence_nats = 0;
+  calibrated.shares_camera = !scene.stored_cameras.empty();
+  ViewGraphResult graph = BuildSceneGraph(scene, settings, run, result.report);
+  if (result.report.Succeeded()) {
+    StageContext context{scene, settings, run, result.report};
+    SceneModels models = BuildModels(context, graph.report.components, earlier, graph.graph);
+    calibrated.evidence_nats = models.evidence_nats;
+    result.models = std::move(models.models);
+    for (Reconstruction& model : result.models) UnshareCamera(scene.stored_cameras, model);
+  }
+  result.graph = std::move(graph.graph);
+  return calibrated;
+}
+
+// Reconstructs by one calibration after the other and keeps the best result.
+class CalibrationSearch {
+ public:
+  CalibrationSearch(const ReconstructSettings& settings, const RunContext& run, SceneData& scene)
+      : settings_(settings), run_(run), scene_(scene) {
+    choice_.name = "calibration_choice";
+  }
+
+  void Try(Calibration calibration) {
+    if (num_tried_ > 0 && run_.monitor.StopRequested()) return;
+    static_cast<Calibration&>(scene_) = std::move(calibration);
+    if (num_tried_++ > 0) run_.monitor.Info("reconstructed again with " + scene_.origin);
+    CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
+    choice_.messages.push_back(std::to_string(std::llround(result.evidence_nats)) +
+                               " nats of evidence with " + scene_.origin);
+    if (result.Score() > best_.Score()) std::swap(result, best_);
+    otherwise_ = std::max(otherwise_, result.evidence_nats);
+    const std::vector<StageReport>& stages = result.result.report.stages;
+    tried_.insert(tried_.end(), stages.begin(), stages.end());
+  }
+
+  const CalibratedResult& best() const { return best_; }
+
+  // What was tried stays in the report.
+  ReconstructResult Finish() {
+    if (num_tried_ > 1) {
+      choice_.Add("evidence_nats", best_.evidence_nats);
+      choice_.Add("evidence_nats_otherwise", otherwise_);
+      for (const std::string& message : choice_.messages) run_.monitor.Info(message);
+      std::vector<StageReport>& stages = best_.result.report.stages;
+      stages.insert(stages.begin(), tried_.begin(), tried_.end());
+      stages.push_back(std::move(choice_));
+    }
+    return std::move(best_.result);
+  }
+
+ private:
+  const ReconstructSettings& settings_;
+  const RunContext& run_;
+  SceneData& scene_;
+  CalibratedResult best_;
+  double otherwise_ = 0;
+  int num_tried_ = 0;
+  std::vector<StageReport> tried_;
+  StageReport choice_;
+};
+
+// Takes the scene's calibration, with focal lengths by the pairs; two where these do not decide.
+std::vector<Calibration> Calibrate(const GeometryReader& read, const ReconstructSettings& settings,
+                                   const RunContext& run, RunReport& report, SceneData& scene) {
+  std::optional<Calibration> other;
+  if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
+    RunStage stage(report, run.monitor, "focal_calibration");
+    other = CalibrateSceneFocals(read, settings.focal_calibration, run, stage, scene);
+  } else if (!scene.poses_alone) {
+    ImproveRelativePoses(scene.foreign, run, scene);
+  }
+  std::vector<Calibration> calibrations;
+  calibrations.push_back(std::move<Calibration&>(scene));
+  if (other) {
+    other->origin += ", focal lengths from before calibration";
+    calibrations.push_back(std::move(*other));
+  }
+  return calibrations;
+}
+
+std::vector<Camera> CamerasOf(const std::set<image_t>& images, const SceneData& scene) {
+  std::vector<Camera> cameras;
+  for (const image_t id : images) cameras.push_back(scene.CameraOf(id));
+  return cameras;
+}
+
+std::vector<Camera> CamerasOf(const std::set<image_t>& images,
+                              const std::vector<Reconstruction>& models) {
+  std::vector<Camera> cameras;
+  for (const Reconstruction& model : models) {
+    for (const auto& [id, image] : model.images) {
+      if (images.count(id) > 0) cameras.push_back(model.cameras.at(image.image.camera_id));
+    }
+  }
+  return cameras;
+}
+
+}  // namespace
+
+ReconstructResult ReconstructBest(const Database& database, std::span<const Reconstruction> earlier,
+                                  const ReconstructSettings& settings, const RunContext& run,
+                                  RunReport& read, SceneData& scene) {
+  const GeometryReader read_geometry = [&](image_pair_t pair_id) {
+    return database.ReadTwoViewGeometry(pair_id).value();
+  };
+  const auto calibrate = [&] { return Calibrate(read_geometry, settings, run, read, scene); };
+  std::set<image_t> of_one;
+  if (settings.reconstruct.share_camera) of_one = LikelyOfOneCamera(scene);
+  const auto share = [&](std::vector<Camera> cameras, const std::string& origin) {
+    ShareCamera(of_one, MedianCamera(std::move(cameras)), read_geometry, run, scene);
+    scene.origin = "one camera for " + std::to_string(of_one.size()) + " images" + origin;
+  };
+  Calibration& calibration = scene;
+  calibration.origin = "the cameras of the database";
+  if (!earlier.empty()) {
+    if (!of_one.empty() && AgreeWithOneCamera(earlier, of_one, scene)) {
+      share(CamerasOf(of_one, scene), "");
+    }
+    calibration = std::move(calibrate().front());
+    const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, read);
+    if (!read.Succeeded()) return {};
+    return ReconstructCalibrated(scene, adopted, settings, run).result;
+  }
+
+  std::vector<Calibration> calibrations;
+  if (!of_one.empty() && !scene.CameraOf(*of_one.begin()).has_prior_focal_length) {
+    Calibration stored = scene;
+    share(CamerasOf(of_one, scene), "");
+    calibrations = calibrate();
+    calibration = std::move(stored);
+  }
+  std::ranges::move(calibrate(), std::back_inserter(calibrations));
+  CalibrationSearch search(settings, run, scene);
+  for (Calibration& each : calibrations) search.Try(std::move(each));
+  if (std::vector<Camera> found = CamerasOf(of_one, search.best().result.models);
+      !found.empty() && !search.best().shares_camera) {
+    share(std::move(found), ", by the models");
+    search.Try(std::move(calibration));
+  }
+  return search.Finish();
+}
+
+}  // namespace cairn

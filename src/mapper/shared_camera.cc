@@ -1,0 +1,89 @@
+#include <algorithm>
+#include <tuple>
+#include <utility>
+
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// What cameras have in common that may be one: model, size, and EXIF's focal length or none.
+using CameraKind = std::tuple<CameraModel, int, int, double>;
+
+CameraKind KindOf(const Camera& camera) {
+  return {camera.model, camera.width, camera.height,
+          camera.has_prior_focal_length ? camera.MeanFocal() : 0.0};
+}
+
+}  // namespace
+
+std::set<image_t> LikelyOfOneCamera(const SceneData& scene) {
+  std::map<CameraKind, std::set<image_t>> images;
+  std::map<CameraKind, std::set<camera_t>> cameras;
+  for (const auto& [id, pixels] : scene.pixels) {
+    const camera_t camera_id = scene.CameraIdOf(id);
+    if (scene.constant_cameras.count(camera_id) > 0) continue;
+    const CameraKind kind = KindOf(scene.cameras.at(camera_id));
+    images[kind].insert(id);
+    cameras[kind].insert(camera_id);
+  }
+  for (const auto& [kind, of_kind] : images) {
+    const bool are_most = 2 * of_kind.size() > scene.pixels.size();
+    if (are_most && cameras.at(kind).size() > 1) return of_kind;
+  }
+  return {};
+}
+
+bool AgreeWithOneCamera(std::span<const Reconstruction> models, const std::set<image_t>& images,
+                        const SceneData& scene) {
+  std::set<std::string> names;
+  for (const image_t id : images) names.insert(scene.images.at(id).name);
+  return std::ranges::all_of(models, [&](const Reconstruction& model) {
+    std::set<std::pair<CameraModel, std::vector<double>>> cameras;
+    for (const auto& [id, image] : model.images) {
+      if (names.count(image.image.name) == 0) continue;
+      const Camera& camera = model.cameras.at(image.image.camera_id);
+      cameras.insert({camera.model, camera.params});
+    }
+    return cameras.size() <= 1;
+  });
+}
+
+Camera MedianCamera(std::vector<Camera> cameras) {
+  const auto median = cameras.begin() + cameras.size() / 2;
+  std::ranges::nth_element(cameras, median, {}, [](const Camera& camera) {
+    return std::pair(camera.MeanFocal(), camera.camera_id);
+  });
+  return *median;
+}
+
+void ShareCamera(const std::set<image_t>& images, Camera camera, const GeometryReader& read,
+                 const RunContext& run, SceneData& scene) {
+  std::set<camera_t> ids;
+  for (const image_t id : images) ids.insert(scene.CameraIdOf(id));
+  camera.camera_id = *ids.rbegin();  // the last, so that no new camera gets the id of another
+  bool are_alike = true;
+  for (const camera_t id : ids) {
+    are_alike &= scene.cameras.at(id).params == camera.params;
+    scene.cameras.erase(id);
+  }
+  scene.cameras[camera.camera_id] = camera;
+  for (const image_t id : images) {
+    scene.stored_cameras[id] = std::exchange(scene.images.at(id).camera_id, camera.camera_id);
+  }
+  if (are_alike) return;
+  ImproveRelativePoses(ReadGeometriesOf({camera.camera_id}, scene, read), run, scene);
+}
+
+void UnshareCamera(const std::map<image_t, camera_t>& stored, Reconstruction& model) {
+  const std::map<camera_t, Camera> shared = std::exchange(model.cameras, {});
+  for (auto& [id, image] : model.images) {
+    camera_t& camera_id = image.image.camera_id;
+    Camera camera = shared.at(camera_id);
+    if (const auto own = stored.find(id); own != stored.end()) camera_id = own->second;
+    camera.camera_id = camera_id;
+    model.cameras[camera_id] = std::move(camera);
+  }
+}
+
+}  // namespace cairn

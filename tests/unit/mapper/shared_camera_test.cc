@@ -1,0 +1,129 @@
+// Images that have a camera each, though one may have taken them all.
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <set>
+
+#include "mapper/stages.h"
+#include "unit/mapper/reconstruct_fixture.h"
+
+namespace cairn {
+namespace {
+
+// Twelve images of one camera.
+SyntheticScene SceneOfOneCamera() {
+  SceneOptions options = SmallScene();
+  options.num_images = 12;
+  options.num_cameras = 1;
+  return MakeScene(options, 3);
+}
+
+// A camera for each image, of the scene's focal length times a factor, with nothing known.
+Database WithACameraEach(const SyntheticScene& scene, double factor, bool has_prior = false) {
+  Database database = MakeDatabase(scene);
+  for (Image image : scene.images) {
+    Camera camera = scene.cameras.at(image.camera_id);
+    camera.camera_id = 100 + image.image_id;
+    camera.SetMeanFocal(factor * camera.MeanFocal());
+    camera.has_prior_focal_length = has_prior;
+    database.WriteCamera(camera);
+    image.camera_id = camera.camera_id;
+    database.WriteImage(image);
+  }
+  return database;
+}
+
+std::set<std::vector<double>> IntrinsicsOf(const Reconstruction& model) {
+  std::set<std::vector<double>> intrinsics;
+  for (const auto& [id, camera] : model.cameras) intrinsics.insert(camera.params);
+  return intrinsics;
+}
+
+TEST(SharedCamera, IsFoundThoughEachImageHasItsOwn) {
+  const SyntheticScene scene = SceneOfOneCamera();
+  const ReconstructResult result = Reconstruct(WithACameraEach(scene, 1.4));
+  ASSERT_EQ(result.models.size(), 1u);
+  const Reconstruction& model = result.models.front();
+  EXPECT_EQ(model.images.size(), 12u);
+  EXPECT_EQ(model.cameras.size(), 12u);
+  ASSERT_EQ(IntrinsicsOf(model).size(), 1u);
+  const double focal = scene.cameras.at(1).MeanFocal();
+  for (const auto& [id, image] : model.images) {
+    EXPECT_EQ(image.image.camera_id, 100 + id);
+    EXPECT_EQ(model.cameras.at(100 + id).camera_id, 100 + id);
+    EXPECT_NEAR(model.cameras.at(100 + id).MeanFocal() / focal, 1.0, 0.01);
+  }
+  EXPECT_NE(FindStage(result.report, "calibration_choice"), nullptr);
+
+  ReconstructSettings settings;
+  settings.reconstruct.share_camera = false;
+  EXPECT_EQ(IntrinsicsOf(Reconstruct(WithACameraEach(scene, 1.4), settings).models.front()).size(),
+            12u);
+}
+
+// With EXIF the cameras of the database are tried first; what the models found is shared.
+TEST(SharedCamera, OfOnePriorFocalLengthIsFound) {
+  const SyntheticScene scene = SceneOfOneCamera();
+  const ReconstructResult result = Reconstruct(WithACameraEach(scene, 1.01, true));
+  ASSERT_EQ(result.models.size(), 1u);
+  EXPECT_EQ(IntrinsicsOf(result.models.front()).size(), 1u);
+}
+
+// Every image zoomed by a few percent of its own.
+TEST(SharedCamera, IsNotForcedOnImagesOfSeveral) {
+  const SyntheticScene scene = SceneOfOneCamera();
+  Database database = WithACameraEach(scene, 1.2);
+  std::map<image_t, double> zoom;
+  const Eigen::Vector2d center = scene.cameras.at(1).PrincipalPoint();
+  for (const Image& image : scene.images) {
+    zoom[image.image_id] = 1 + 0.04 * std::sin(5.0 * image.image_id);
+    std::vector<Keypoint> keypoints = scene.keypoints.at(image.image_id);
+    for (Keypoint& keypoint : keypoints) {
+      const Eigen::Vector2d moved = center + zoom[image.image_id] * (keypoint.Position() - center);
+      keypoint.x = static_cast<float>(moved.x());
+      keypoint.y = static_cast<float>(moved.y());
+    }
+    database.WriteKeypoints(image.image_id, keypoints);
+  }
+  const ReconstructResult result = Reconstruct(database);
+  ASSERT_EQ(result.models.size(), 1u);
+  EXPECT_EQ(result.models.front().images.size(), 12u);
+  for (const auto& [id, image] : result.models.front().images) {
+    const double focal = result.models.front().cameras.at(100 + id).MeanFocal();
+    EXPECT_NEAR(focal / scene.cameras.at(1).MeanFocal(), zoom[id], 0.02);
+  }
+}
+
+TEST(SharedCamera, StaysSharedInAModelThatGrows) {
+  const SyntheticScene scene = SceneOfOneCamera();
+  const Database all = WithACameraEach(scene, 1.4);
+  Database before = WithACameraEach(scene, 1.4);
+  before.DeleteImagesAndPairs({4, 8, 12});
+  const ReconstructResult earlier = Reconstruct(before);
+  ASSERT_EQ(earlier.models.size(), 1u);
+  const ReconstructResult result = Reconstruct(all, "", {}, kOneThread, earlier.models);
+  ASSERT_EQ(result.models.size(), 1u);
+  EXPECT_EQ(result.models.front().images.size(), 12u);
+  EXPECT_EQ(IntrinsicsOf(result.models.front()).size(), 1u);
+}
+
+TEST(SharedCamera, NeedsMostImagesOfOneKind) {
+  SceneData scene;
+  for (image_t id = 1; id <= 5; ++id) {
+    scene.images[id].camera_id = id;
+    scene.pixels[id];
+    scene.cameras[id] = Camera::FromFocal(id, CameraModel::kSimpleRadial, 900 + id, 800, 600);
+  }
+  EXPECT_EQ(LikelyOfOneCamera(scene), (std::set<image_t>{1, 2, 3, 4, 5}));
+  scene.cameras[1].width = 600;
+  scene.cameras[2].has_prior_focal_length = true;
+  EXPECT_EQ(LikelyOfOneCamera(scene), (std::set<image_t>{3, 4, 5}));
+  scene.constant_cameras = {3};
+  EXPECT_TRUE(LikelyOfOneCamera(scene).empty());
+  scene.constant_cameras = {};
+  scene.images[4].camera_id = scene.images[5].camera_id = 3;
+  EXPECT_TRUE(LikelyOfOneCamera(scene).empty());
+}
+
+}  // namespace
+}  // namespace cairn
