@@ -87,16 +87,24 @@ class CalibrationSearch {
   StageReport choice_;
 };
 
-// Takes the scene's calibration, with focal lengths by the pairs; two where these do not decide.
+// Focal lengths by the scene's pairs. Returns the other calibration where these do not decide.
+std::optional<Calibration> CalibrateByPairs(const GeometryReader& read,
+                                            const ReconstructSettings& settings,
+                                            const RunContext& run, RunReport& report,
+                                            SceneData& scene) {
+  if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
+    RunStage stage(report, run.monitor, "focal_calibration");
+    return CalibrateSceneFocals(read, settings.focal_calibration, run, stage, scene);
+  }
+  ImproveRelativePoses(scene.foreign, run, scene);
+  return std::nullopt;
+}
+
+// Takes the calibration out of the scene: one, or two.
 std::vector<Calibration> Calibrate(const GeometryReader& read, const ReconstructSettings& settings,
                                    const RunContext& run, RunReport& report, SceneData& scene) {
   std::optional<Calibration> other;
-  if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
-    RunStage stage(report, run.monitor, "focal_calibration");
-    other = CalibrateSceneFocals(read, settings.focal_calibration, run, stage, scene);
-  } else if (!scene.poses_alone) {
-    ImproveRelativePoses(scene.foreign, run, scene);
-  }
+  if (!scene.poses_alone) other = CalibrateByPairs(read, settings, run, report, scene);
   std::vector<Calibration> calibrations;
   calibrations.push_back(std::move<Calibration&>(scene));
   if (other) {
@@ -133,7 +141,7 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
   };
   const auto calibrate = [&] { return Calibrate(read_geometry, settings, run, read, scene); };
   std::set<image_t> of_one;
-  if (settings.reconstruct.share_camera) of_one = LikelyOfOneCamera(scene);
+  if (settings.reconstruct.share_camera && !scene.poses_alone) of_one = LikelyOfOneCamera(scene);
   const auto share = [&](std::vector<Camera> cameras, const std::string& origin) {
     ShareCamera(of_one, MedianCamera(std::move(cameras)), read_geometry, run, scene);
     scene.origin = "one camera for " + std::to_string(of_one.size()) + " images" + origin;

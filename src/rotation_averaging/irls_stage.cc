@@ -12,6 +12,9 @@ namespace {
 // bad edges hold does not come loose numerically.
 constexpr double kMinWeight = 1e-8;
 
+// Where conjugate gradients solve: the next iteration mends what they leave.
+constexpr double kStepTolerance = 1e-3;
+
 // Weight of an error of norm r in the next least-squares solve, 1 at r = 0.
 double KernelWeight(double squared_error, double sigma) {
   // Geman-McClure: rho = r^2 / (r^2 + sigma^2).
@@ -38,7 +41,8 @@ StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveraging
       rhs.row(problem.edges[e].node1) -= target;
     }
     CAIRN_CHECK(solver.Factorize(weights));
-    const double moved = ApplyRotationUpdate(solver.Solve(rhs), cam_from_world);
+    const double moved =
+        ApplyRotationUpdate(solver.Solve(rhs, {}, kStepTolerance), cam_from_world);
     ++result.num_iterations;
     if (sigma <= sigma_end && moved < DegToRad(options.convergence_deg)) {
       result.converged = true;

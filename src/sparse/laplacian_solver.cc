@@ -71,19 +71,22 @@ void LaplacianSolver::BuildNeighbors() {
   for (size_t e = 0; e < edges_.size(); ++e) {
     const int row1 = row_of_node_[edges_[e].node1], row2 = row_of_node_[edges_[e].node2];
     if (row1 < 0 || row2 < 0 || row1 == row2) continue;
-    of_row[row1].push_back({row2, static_cast<int>(e), 0});
-    of_row[row2].push_back({row1, static_cast<int>(e), 0});
+    of_row[row1].push_back({row2, static_cast<int>(e)});
+    of_row[row2].push_back({row1, static_cast<int>(e)});
   }
   neighbors_begin_ = {0};
   for (const std::vector<Neighbor>& neighbors : of_row) {
     neighbors_.insert(neighbors_.end(), neighbors.begin(), neighbors.end());
     neighbors_begin_.push_back(static_cast<int64_t>(neighbors_.size()));
   }
+  neighbor_weights_.resize(neighbors_.size());
 }
 
 bool LaplacianSolver::SetWeights(std::span<const double> weights,
                                  std::span<const double> diagonal) {
-  for (Neighbor& neighbor : neighbors_) neighbor.weight = weights[neighbor.edge];
+  for (size_t k = 0; k < neighbors_.size(); ++k) {
+    neighbor_weights_[k] = weights[neighbors_[k].edge];
+  }
   diagonal_.setZero(static_cast<Eigen::Index>(diagonal_of_row_.size()));
   for (size_t e = 0; e < edges_.size(); ++e) {
     if (edges_[e].node1 == edges_[e].node2) continue;
@@ -106,32 +109,28 @@ void LaplacianSolver::FindAggregates() {
   const auto num_rows = static_cast<int>(diagonal_of_row_.size());
   aggregate_of_row_.assign(num_rows, -1);
   num_aggregates_ = 0;
-  const auto neighbors_of = [&](int r) {
-    return std::span(neighbors_)
-        .subspan(neighbors_begin_[r], neighbors_begin_[r + 1] - neighbors_begin_[r]);
-  };
   for (int r = 0; r < num_rows; ++r) {
-    const std::span<const Neighbor> neighbors = neighbors_of(r);
-    const double strong = kStrongShare * diagonal_[r] / std::max<double>(1, neighbors.size());
-    const auto is_strong = [&](const Neighbor& n) { return n.weight >= strong; };
-    if (aggregate_of_row_[r] >= 0 || std::any_of(neighbors.begin(), neighbors.end(), [&](auto& n) {
-          return is_strong(n) && aggregate_of_row_[n.row] >= 0;
-        })) {
-      continue;
+    const int64_t begin = neighbors_begin_[r], end = neighbors_begin_[r + 1];
+    const double strong = kStrongShare * diagonal_[r] / std::max<double>(1, end - begin);
+    bool is_free = aggregate_of_row_[r] < 0;
+    for (int64_t k = begin; k < end && is_free; ++k) {
+      is_free = neighbor_weights_[k] < strong || aggregate_of_row_[neighbors_[k].row] < 0;
     }
+    if (!is_free) continue;
     aggregate_of_row_[r] = num_aggregates_;
-    for (const Neighbor& n : neighbors) {
-      if (is_strong(n)) aggregate_of_row_[n.row] = num_aggregates_;
+    for (int64_t k = begin; k < end; ++k) {
+      if (neighbor_weights_[k] >= strong) aggregate_of_row_[neighbors_[k].row] = num_aggregates_;
     }
     ++num_aggregates_;
   }
   for (int r = 0; r < num_rows; ++r) {
     double most = 0;
     int joined = -1;
-    for (const Neighbor& n : neighbors_of(r)) {
-      if (aggregate_of_row_[n.row] < 0 || n.weight <= most) continue;
-      most = n.weight;
-      joined = aggregate_of_row_[n.row];
+    for (int64_t k = neighbors_begin_[r]; k < neighbors_begin_[r + 1]; ++k) {
+      const int aggregate = aggregate_of_row_[neighbors_[k].row];
+      if (aggregate < 0 || neighbor_weights_[k] <= most) continue;
+      most = neighbor_weights_[k];
+      joined = aggregate;
     }
     if (aggregate_of_row_[r] < 0) aggregate_of_row_[r] = joined >= 0 ? joined : num_aggregates_++;
   }
@@ -143,7 +142,7 @@ void LaplacianSolver::FactorizeAggregates() {
     const int a = aggregate_of_row_[r];
     system(a, a) += diagonal_[r];
     for (int64_t k = neighbors_begin_[r]; k < neighbors_begin_[r + 1]; ++k) {
-      system(aggregate_of_row_[neighbors_[k].row], a) -= neighbors_[k].weight;
+      system(aggregate_of_row_[neighbors_[k].row], a) -= neighbor_weights_[k];
     }
   }
   aggregates_.compute(system);
@@ -161,17 +160,24 @@ LaplacianSolver::Rows LaplacianSolver::Precondition(const Rows& residual) const 
   return result;
 }
 
-LaplacianSolver::Rows LaplacianSolver::Multiply(const Rows& X) const {
+template <int kColumns>
+void LaplacianSolver::AddNeighbors(const Rows& X, Rows& Y) const {
+  using Row = Eigen::Array<double, 1, kColumns>;
   const Eigen::Index num_columns = X.cols();
-  Rows Y = diagonal_.asDiagonal() * X;
-  const auto add_neighbors = [&](int64_t r) {
-    double* y = Y.data() + r * num_columns;
+  const auto add = [&](int64_t r) {
+    Row sum = Row::Zero(num_columns);
     for (int64_t k = neighbors_begin_[r]; k < neighbors_begin_[r + 1]; ++k) {
       const double* x = X.data() + neighbors_[k].row * num_columns;
-      for (Eigen::Index c = 0; c < num_columns; ++c) y[c] -= neighbors_[k].weight * x[c];
+      sum += neighbor_weights_[k] * Eigen::Map<const Row>(x, num_columns);
     }
+    Y.row(r).array() -= sum;
   };
-  ParallelFor(num_threads_, X.rows(), add_neighbors, kGrain);
+  ParallelFor(num_threads_, X.rows(), add, kGrain);
+}
+
+LaplacianSolver::Rows LaplacianSolver::Multiply(const Rows& X) const {
+  Rows Y = diagonal_.asDiagonal() * X;
+  X.cols() == 3 ? AddNeighbors<3>(X, Y) : AddNeighbors<Eigen::Dynamic>(X, Y);
   return Y;
 }
 

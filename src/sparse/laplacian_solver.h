@@ -49,7 +49,6 @@ class LaplacianSolver {
   struct Neighbor {
     int row;
     int edge;
-    double weight;
   };
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   void BuildNeighbors();
@@ -57,6 +56,8 @@ class LaplacianSolver {
   void FindAggregates();
   void FactorizeAggregates();
   Rows Multiply(const Rows& X) const;
+  template <int kColumns>
+  void AddNeighbors(const Rows& X, Rows& Y) const;
   Rows Precondition(const Rows& residual) const;
   Rows RowsOf(const Eigen::MatrixXd& of_nodes) const;
   Rows SolveByConjugateGradients(const Rows& B, Rows X, double tolerance) const;
@@ -73,6 +74,7 @@ class LaplacianSolver {
   std::unique_ptr<SparseCholesky> factor_;  // null: conjugate gradients
   std::vector<int64_t> neighbors_begin_;    // of each row
   std::vector<Neighbor> neighbors_;
+  std::vector<double> neighbor_weights_;
   Eigen::VectorXd diagonal_;
   std::vector<int> aggregate_of_row_;
   int num_aggregates_ = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
@@ -14,24 +15,54 @@
 namespace cairn {
 namespace {
 
-// All pairs of images, and how unlikely each is to be matched: from the angle between their
-// directions to the scene, their distances from it, and chance.
-std::vector<CandidatePair> MakeCandidates(const std::vector<Rigid3d>& poses, Rng& rng) {
+// How unlike two views are: the angle between their directions to the scene, and their distances
+// from it.
+double Unlikeness(const Eigen::Vector3d& center1, const Eigen::Vector3d& center2) {
+  return 0.05 + AngleBetween(center1, center2) +
+         0.3 * std::abs(std::log(center1.norm() / center2.norm()));
+}
+
+// Of very many pairs only those that are alike are candidates, some for each edge.
+constexpr double kMaxCandidates = 1e9;
+constexpr double kCandidatesPerEdge = 8;
+
+// Pairs that are more unlike than that are none of the candidates.
+double MaxUnlikeness(const std::vector<Eigen::Vector3d>& centers, size_t num_edges, uint64_t seed) {
+  const auto n = static_cast<double>(centers.size());
+  const double num_pairs = n * (n - 1) / 2;
+  if (num_pairs <= kMaxCandidates) return std::numeric_limits<double>::infinity();
+  Rng rng(seed, "view_graph_unlikeness");
+  std::vector<double> sample(1'000'000);
+  for (double& unlikeness : sample) {
+    unlikeness = Unlikeness(centers[rng.UniformInt(centers.size())],
+                            centers[rng.UniformInt(centers.size())]);
+  }
+  const double share = kCandidatesPerEdge * static_cast<double>(num_edges) / num_pairs;
+  const auto bound = sample.begin() + static_cast<int64_t>(std::min(share, 0.999) *
+                                                           static_cast<double>(sample.size()));
+  std::nth_element(sample.begin(), bound, sample.end());
+  return *bound;
+}
+
+// Pairs of images, and how unlikely each is to be matched: how unlike they are, and chance.
+std::vector<CandidatePair> MakeCandidates(const std::vector<Rigid3d>& poses, size_t num_edges,
+                                          uint64_t seed) {
+  Rng rng(seed, "view_graph_pairs");
   std::vector<Eigen::Vector3d> centers;
   std::vector<double> obscurity;  // some photographs match badly with all others
   for (const Rigid3d& pose : poses) {
     centers.push_back(pose.Center());
     obscurity.push_back(0.3 * rng.Gaussian());
   }
+  const double max_unlikeness = MaxUnlikeness(centers, num_edges, seed);
   std::vector<CandidatePair> candidates;
-  candidates.reserve(poses.size() * (poses.size() - 1) / 2);
   for (size_t i = 0; i < poses.size(); ++i) {
     for (size_t j = i + 1; j < poses.size(); ++j) {
-      const double angle = AngleBetween(centers[i], centers[j]);
-      const double zoom = std::abs(std::log(centers[i].norm() / centers[j].norm()));
+      const double unlikeness = Unlikeness(centers[i], centers[j]);
+      if (unlikeness > max_unlikeness) continue;
       const double chance = 0.3 * rng.Gaussian() + obscurity[i] + obscurity[j];
       candidates.push_back({static_cast<int>(i), static_cast<int>(j),
-                            static_cast<float>((0.05 + angle + 0.3 * zoom) * std::exp(chance))});
+                            static_cast<float>(unlikeness * std::exp(chance))});
     }
   }
   return candidates;
@@ -84,8 +115,7 @@ ViewGraphProblem MakeViewGraphProblem(const ViewGraphOptions& options, uint64_t 
   Rng pose_rng(seed, "view_graph_poses");
   const std::vector<Rigid3d> poses =
       MakeCameraPoses(options.layout, options.num_images, 3.0, pose_rng);
-  Rng pair_rng(seed, "view_graph_pairs");
-  const std::vector<CandidatePair> candidates = MakeCandidates(poses, pair_rng);
+  const std::vector<CandidatePair> candidates = MakeCandidates(poses, num_edges, seed);
   const std::vector<size_t> chosen = ChoosePairs(poses.size(), candidates, num_edges);
 
   Rng rng(seed, "view_graph_errors");
