@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
+#include "cairn/base/rng.h"
 #include "cairn/evaluation/alignment.h"
 #include "cairn/math/angles.h"
 
@@ -51,26 +53,41 @@ Eigen::Vector3d CenterInFrameOf(const PosedCamera& other, const PosedCamera& cam
          (other.cam_from_world.Center() - camera.cam_from_world.Center());
 }
 
+// Of more pairs of images, a random sample of so many tells the errors to a hundredth of a percent.
+constexpr size_t kMaxPairs = 50'000'000;
+
+void ForPairs(size_t num, const std::function<void(size_t, size_t)>& fn) {
+  if (num * (num - 1) / 2 > kMaxPairs) {
+    Rng rng(0, "evaluated_pairs");
+    for (size_t k = 0; k < kMaxPairs; ++k) {
+      const uint32_t i = rng.UniformInt(static_cast<uint32_t>(num));
+      const uint32_t j = rng.UniformInt(static_cast<uint32_t>(num - 1));
+      fn(i, j < i ? j : j + 1);
+    }
+    return;
+  }
+  for (size_t i = 0; i < num; ++i) {
+    for (size_t j = i + 1; j < num; ++j) fn(i, j);
+  }
+}
+
 void EvaluatePairs(const std::vector<Match>& matches, PoseEvaluation& evaluation) {
   std::vector<double> rotation, translation, pose;
-  for (size_t i = 0; i < matches.size(); ++i) {
-    for (size_t j = i + 1; j < matches.size(); ++j) {
-      if (!matches[i].estimate || !matches[j].estimate) {
-        pose.push_back(kInfinity);
-        continue;
-      }
-      const auto relative = [](const PosedCamera* a, const PosedCamera* b) {
-        return b->cam_from_world.rotation * a->cam_from_world.rotation.conjugate();
-      };
-      rotation.push_back(
-          RadToDeg(AngleBetween(relative(matches[i].reference, matches[j].reference),
-                                relative(matches[i].estimate, matches[j].estimate))));
-      translation.push_back(
-          DirectionErrorDeg(CenterInFrameOf(*matches[j].reference, *matches[i].reference),
-                            CenterInFrameOf(*matches[j].estimate, *matches[i].estimate)));
-      pose.push_back(std::max(rotation.back(), translation.back()));
+  ForPairs(matches.size(), [&](size_t i, size_t j) {
+    if (!matches[i].estimate || !matches[j].estimate) {
+      pose.push_back(kInfinity);
+      return;
     }
-  }
+    const auto relative = [](const PosedCamera* a, const PosedCamera* b) {
+      return b->cam_from_world.rotation * a->cam_from_world.rotation.conjugate();
+    };
+    rotation.push_back(RadToDeg(AngleBetween(relative(matches[i].reference, matches[j].reference),
+                                             relative(matches[i].estimate, matches[j].estimate))));
+    translation.push_back(
+        DirectionErrorDeg(CenterInFrameOf(*matches[j].reference, *matches[i].reference),
+                          CenterInFrameOf(*matches[j].estimate, *matches[i].estimate)));
+    pose.push_back(std::max(rotation.back(), translation.back()));
+  });
   for (size_t k = 0; k < kAucThresholdsDeg.size(); ++k) {
     evaluation.auc[k] = RecallAuc(pose, kAucThresholdsDeg[k]);
   }

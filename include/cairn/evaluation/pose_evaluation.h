@@ -38,7 +38,8 @@ struct PoseEvaluation {
   int num_registered = 0;  // images of the reference that the estimate has
   int num_extra = 0;       // images of the estimate that the reference does not have
   // Of the larger of relative rotation and translation-direction error over all pairs of reference
-  // images; a pair with an image that is not registered counts as infinite. In [0, 1].
+  // images (of more than 10,000 images, a random sample); a pair with an image that is not
+  // registered counts as infinite. In [0, 1].
   std::array<double, 5> auc = {};
   // Medians over pairs of registered images; absent with fewer than two.
   std::optional<double> relative_rotation_median_deg;

@@ -391,8 +391,13 @@ TEST(Reconstruct, PosesWithoutMatchesGiveCamerasAlone) {
   const SyntheticScene scene = MakeScene(options, 10);
   const Database full = MakeDatabase(scene);
   Database database(":memory:");
-  for (const auto& [id, camera] : scene.cameras) database.WriteCamera(camera);
-  for (const Image& image : scene.images) database.WriteImage(image);
+  for (Image image : scene.images) {
+    Camera camera = scene.cameras.at(image.camera_id);
+    camera.has_prior_focal_length = false;
+    camera.camera_id = image.camera_id = image.image_id;
+    database.WriteCamera(camera);
+    database.WriteImage(image);
+  }
   int num_pairs = 0;
   for (const image_pair_t pair_id : full.ReadTwoViewGeometryPairIds()) {
     TwoViewGeometry geometry = full.ReadTwoViewGeometry(pair_id).value();
@@ -425,6 +430,8 @@ TEST(Reconstruct, PosesWithoutMatchesGiveCamerasAlone) {
   EXPECT_EQ(Value(*agreement, "pairs"), num_pairs);
   const double share_right = 1.0 - num_pairs / 20 / static_cast<double>(num_pairs);
   EXPECT_NEAR(Value(*agreement, "rotation_within_5_deg"), share_right, 1e-9);
+  EXPECT_EQ(FindStage(result.report, "focal_calibration"), nullptr);
+  EXPECT_EQ(FindStage(result.report, "calibration_choice"), nullptr);
   EXPECT_EQ(FindStage(result.report, "triangulation"), nullptr);
   EXPECT_EQ(FindStage(result.report, "colors"), nullptr);  // nothing to color
 }
