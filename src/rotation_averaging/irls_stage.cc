@@ -41,8 +41,7 @@ StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveraging
       rhs.row(problem.edges[e].node1) -= target;
     }
     CAIRN_CHECK(solver.Factorize(weights));
-    const double moved =
-        ApplyRotationUpdate(solver.Solve(rhs, {}, kStepTolerance), cam_from_world);
+    const double moved = ApplyRotationUpdate(solver.Solve(rhs, {}, kStepTolerance), cam_from_world);
     ++result.num_iterations;
     if (sigma <= sigma_end && moved < DegToRad(options.convergence_deg)) {
       result.converged = true;
