@@ -45,9 +45,9 @@ std::vector<ForestStep> WalkForest(int num_nodes, std::span<const GraphEdge> edg
 // edges are no bridges, self-loops are ignored. O(n + m).
 std::vector<int> Bridges(int num_nodes, std::span<const GraphEdge> edges);
 
-// Two nodes and more that a single other node joins with the rest of their component: of an
-// articulation's two sides the smaller one (Tarjan 1972), without that node. Parts within others
-// are left out. The largest first. O(n + m), and the sizes of the sides.
+// Two nodes and more that a single other node joins with the rest of their component: each side of
+// an articulation (Tarjan 1972) that has fewer than half of the nodes, without that node. Parts
+// within others are left out. The largest first. O(n + m), and the sizes of the sides.
 std::vector<std::vector<int>> HingedParts(int num_nodes, std::span<const GraphEdge> edges);
 
 // For every node the edges that touch it, in increasing index: edges of node v are

@@ -49,9 +49,10 @@ class CalibrationSearch {
   }
 
   void Try(Calibration calibration) {
-    if (num_tried_ > 0 && run_.monitor.StopRequested()) return;
+    const bool is_first = choice_.messages.empty();
+    if (!is_first && run_.monitor.StopRequested()) return;
     static_cast<Calibration&>(scene_) = std::move(calibration);
-    if (num_tried_++ > 0) run_.monitor.Info("reconstructed again with " + scene_.origin);
+    if (!is_first) run_.monitor.Info("reconstructed again with " + scene_.origin);
     CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
     choice_.messages.push_back(std::to_string(std::llround(result.evidence_nats)) +
                                " nats of evidence with " + scene_.origin);
@@ -65,7 +66,7 @@ class CalibrationSearch {
 
   // What was tried stays in the report.
   ReconstructResult Finish() {
-    if (num_tried_ > 1) {
+    if (choice_.messages.size() > 1) {
       choice_.Add("evidence_nats", best_.evidence_nats);
       choice_.Add("evidence_nats_otherwise", otherwise_);
       for (const std::string& message : choice_.messages) run_.monitor.Info(message);
@@ -82,9 +83,8 @@ class CalibrationSearch {
   SceneData& scene_;
   CalibratedResult best_;
   double otherwise_ = 0;
-  int num_tried_ = 0;
   std::vector<StageReport> tried_;
-  StageReport choice_;
+  StageReport choice_;  // a message for each calibration
 };
 
 // Focal lengths by the scene's pairs. Returns the other calibration where these do not decide.

@@ -38,15 +38,18 @@ bool AgreeWithOneCamera(std::span<const Reconstruction> models, const std::set<i
                         const SceneData& scene) {
   std::set<std::string> names;
   for (const image_t id : images) names.insert(scene.images.at(id).name);
-  return std::ranges::all_of(models, [&](const Reconstruction& model) {
+  int num_images = 0;
+  const bool agree = std::ranges::all_of(models, [&](const Reconstruction& model) {
     std::set<std::pair<CameraModel, std::vector<double>>> cameras;
     for (const auto& [id, image] : model.images) {
       if (names.count(image.image.name) == 0) continue;
       const Camera& camera = model.cameras.at(image.image.camera_id);
       cameras.insert({camera.model, camera.params});
+      ++num_images;
     }
     return cameras.size() <= 1;
   });
+  return agree && num_images >= 2;
 }
 
 Camera MedianCamera(std::vector<Camera> cameras) {

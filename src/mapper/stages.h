@@ -127,7 +127,7 @@ std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t
 // camera of its own (as COLMAP stores them): of one size and camera model, with the same prior
 // focal length or without one. Empty unless they are most of the images.
 std::set<image_t> LikelyOfOneCamera(const SceneData& scene);
-// In each model these images, known by their names, have equal cameras.
+// The models have several of these images, known by their names, and each model equal cameras.
 bool AgreeWithOneCamera(std::span<const Reconstruction> models, const std::set<image_t>& images,
                         const SceneData& scene);
 // The one of the median focal length.

@@ -160,6 +160,7 @@ LaplacianSolver::Rows LaplacianSolver::Precondition(const Rows& residual) const 
   return result;
 }
 
+// (Three columns, those of rotations, are summed in registers.)
 template <int kColumns>
 void LaplacianSolver::AddNeighbors(const Rows& X, Rows& Y) const {
   using Row = Eigen::Array<double, 1, kColumns>;

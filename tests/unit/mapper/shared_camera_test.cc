@@ -107,6 +107,21 @@ TEST(SharedCamera, StaysSharedInAModelThatGrows) {
   EXPECT_EQ(IntrinsicsOf(result.models.front()).size(), 1u);
 }
 
+TEST(SharedCamera, EarlierModelsTellOnlyWhereTheyHaveSeveralOfTheImages) {
+  const SyntheticScene synthetic = SceneOfOneCamera();
+  SceneData scene;
+  for (const Image& image : synthetic.images) scene.images[image.image_id] = image;
+  Reconstruction model = synthetic.truth;
+  EXPECT_TRUE(AgreeWithOneCamera(std::vector{model}, {1, 2, 3}, scene));
+  model.cameras[2] = model.cameras.at(1);
+  model.images.at(2).image.camera_id = 2;
+  EXPECT_TRUE(AgreeWithOneCamera(std::vector{model}, {1, 2, 3}, scene));
+  model.cameras[2].SetMeanFocal(1.1 * model.cameras[2].MeanFocal());
+  EXPECT_FALSE(AgreeWithOneCamera(std::vector{model}, {1, 2, 3}, scene));
+  EXPECT_FALSE(AgreeWithOneCamera(std::vector{model}, {1}, scene));
+  EXPECT_FALSE(AgreeWithOneCamera({}, {1, 2, 3}, scene));
+}
+
 TEST(SharedCamera, NeedsMostImagesOfOneKind) {
   SceneData scene;
   for (image_t id = 1; id <= 5; ++id) {
