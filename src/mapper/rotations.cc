@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "cairn/evaluation/alignment.h"
 #include "cairn/geometry/rigid3d.h"
@@ -17,6 +18,9 @@ constexpr double kMinTurnedShare = 0.05;
 // Where pairs with this share of all inliers agree with the rotations, weighed or not, other sets
 // of edges are not tried.
 constexpr double kClearShare = 0.75;
+// Of more edges, where each start takes seconds, an average by other powers of the same weights
+// goes on from the one before: regions that turn as one leave wrong minima.
+constexpr int kMaxFreshEdges = 100000;
 
 std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<double>& weights) {
   std::vector<RotationEdge> edges;
@@ -83,11 +87,10 @@ ViewGraph CoreOf(const StageContext& context, ViewGraph graph, int min_num_inlie
   return graph;
 }
 
-// How much edges count: weights of all edges of the component, to a power.
+// How much edges count: weights of all edges of the component, to these powers, by name.
 struct Weighing {
-  std::string name;
   std::vector<double> weights;
-  double power = 1;
+  std::vector<std::pair<std::string, double>> powers;
 };
 
 // Tries ways to average a component's rotations.
@@ -103,8 +106,19 @@ class Averager {
   // From a connected graph of the component's edges of so many inliers and more. False: it has too
   // few of the component's images.
   bool AddAll(const ViewGraph& graph, int min_num_inliers, std::span<const Weighing> weighings) {
+    const bool is_large = graph.NumActiveEdges() > kMaxFreshEdges;
     for (const Weighing& weighing : weighings) {
-      if (!Add(graph, min_num_inliers, weighing)) return false;
+      RotationAverager averager(EdgesOf(graph, weighing.weights), context_.run);
+      for (const auto& [name, power] : weighing.powers) {
+        RotationAveragingOptions options = context_.settings.rotation_averaging;
+        options.weight_power = power;
+        const bool goes_on = is_large && power != weighing.powers.front().second;
+        const bool is_added =
+            Add(goes_on ? averager.AverageFrom(all_.back().cam_from_world, options)
+                        : averager.Average(options),
+                min_num_inliers, name);
+        if (!is_added) return false;
+      }
     }
     return true;
   }
@@ -134,24 +148,20 @@ class Averager {
   }
 
  private:
-  bool Add(const ViewGraph& graph, int min_num_inliers, const Weighing& weighing) {
-    RotationAveragingOptions options = context_.settings.rotation_averaging;
-    options.weight_power = weighing.power;
-    const std::vector<RotationEdge> edges = EdgesOf(graph, weighing.weights);
-    RotationAveragingReport report = AverageRotations(edges, options, context_.run);
+  bool Add(RotationAveragingReport report, int min_num_inliers, const std::string& weighing) {
     if (report.status != RotationAveragingStatus::kSuccess &&
         report.status != RotationAveragingStatus::kNotConverged) {
       if (all_.empty()) {
         stage_.Fail(std::string(RotationAveragingStatusName(report.status)) + " on " +
-                        std::to_string(edges.size()) + " edges",
+                        std::to_string(component_.NumActiveEdges()) + " edges",
                     "look at the view graph with global_sfm inspect");
       }
       return false;
     }
     if (static_cast<double>(report.cam_from_world.size()) <= min_images_) return false;
-    all_.push_back({min_num_inliers, weighing.name, std::move(report.cam_from_world),
-                    report.median_residual_deg});
-    SetSupport(component_, options.sigma_start_deg,
+    all_.push_back(
+        {min_num_inliers, weighing, std::move(report.cam_from_world), report.median_residual_deg});
+    SetSupport(component_, context_.settings.rotation_averaging.sigma_start_deg,
                context_.settings.view_graph.max_rotation_error_deg, all_.back());
     return true;
   }
@@ -192,16 +202,15 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   stage.Add("edges_in", own.NumActiveEdges());
   // The variance of a rotation falls with the number of inliers; but a few pairs with very many,
   // all neighbors, must not decide alone.
-  const std::vector<double> inliers = InliersOf(own);
-  std::vector<Weighing> weighings = {{"inliers", inliers, 1}, {"alike", inliers, 0}};
+  std::vector<Weighing> weighings = {{InliersOf(own), {{"inliers", 1}, {"alike", 0}}}};
   if (const double power = context.settings.rotation_averaging.weight_power; power != 0) {
-    weighings.push_back({"weight_power", inliers, power});
+    weighings.front().powers.emplace_back("weight_power", power);
   }
   Averager averager(context, stage, own, component.size(), min_core_share);
   const bool has_any = averager.AddAll(own, 0, weighings);
   // Of a data set's pairs, inliers were not counted.
   if (has_any && !context.scene.poses_imported && (!averager.IsClear() || min_core_share == 0)) {
-    weighings.push_back({"precision", PrecisionsOf(context, own), 1});
+    weighings.push_back({PrecisionsOf(context, own), {{"precision", 1}}});
     averager.AddAll(own, 0, std::span(weighings).last(1));
     const int least = std::max(1, context.settings.view_graph.min_num_inliers);
     for (int n = 2 * least; n < (1 << 20) && averager.AddAll(CoreOf(context, own, n), n, weighings);

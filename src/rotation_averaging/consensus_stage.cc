@@ -1,3 +1,8 @@
+#include <algorithm>
+#include <optional>
+#include <vector>
+
+#include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
 #include "graph/graph.h"
 #include "rotation_averaging/stages.h"
@@ -8,37 +13,91 @@ namespace {
 
 // A camera moves only to a rotation that has this much more support, so that rounds end.
 constexpr double kMinGain = 1.05;
+constexpr int kLookAhead = 512;  // cameras that threads look at together
+
+// Moves cameras one after the other, each with all moves before it in sight. Threads look ahead at
+// a block of them; where a neighbor moves meanwhile, the camera is looked at again.
+class CameraVote {
+ public:
+  CameraVote(const RotationProblem& problem, double sigma, int num_threads,
+             std::vector<Eigen::Quaterniond>& cam_from_world)
+      : problem_(problem),
+        sigma_(sigma),
+        num_threads_(problem.NumEdges() < kMinParallelEdges ? 1 : num_threads),
+        cam_from_world_(cam_from_world),
+        is_open_(problem.NumNodes(), 1),
+        is_known_(problem.NumNodes(), 0),
+        moves_(problem.NumNodes()) {}
+
+  // True: a camera moved.
+  bool RunRound() {
+    bool has_moved = false;
+    for (int begin = 0; begin < problem_.NumNodes(); begin += kLookAhead) {
+      const int end = std::min(problem_.NumNodes(), begin + kLookAhead);
+      if (num_threads_ > 1) LookAhead(begin, end);
+      for (int v = begin; v < end; ++v) has_moved |= is_open_[v] && Decide(v);
+    }
+    return has_moved;
+  }
+
+ private:
+  void LookAhead(int begin, int end) {
+    ParallelFor(
+        num_threads_, end - begin,
+        [&](int64_t k) {
+          const int v = begin + static_cast<int>(k);
+          if (is_open_[v]) moves_[v] = MoveOf(v);
+          is_known_[v] = is_open_[v];
+        },
+        16);
+  }
+
+  bool Decide(int v) {
+    if (!is_known_[v]) moves_[v] = MoveOf(v);
+    is_open_[v] = 0;
+    if (!moves_[v]) return false;
+    cam_from_world_[v] = *moves_[v];
+    for (const int other : problem_.adjacency.NeighborsOf(v)) {
+      is_open_[other] = 1;
+      is_known_[other] = 0;
+    }
+    return true;
+  }
+
+  // The rotation that most edges agree on, if it has much more support than the present one.
+  std::optional<Eigen::Quaterniond> MoveOf(int v) const {
+    std::vector<Vote> votes;
+    for (const int e : problem_.adjacency.EdgesOf(v)) {
+      const auto [node1, node2] = problem_.edges[e];
+      const Eigen::Quaterniond& q = problem_.relative[e];
+      votes.push_back(
+          {node2 == v ? q * cam_from_world_[node1] : q.conjugate() * cam_from_world_[node2],
+           problem_.trust[e]});
+    }
+    const Mode mode = FindMode(votes, sigma_);
+    if (mode.support <= kMinGain * Support(cam_from_world_[v], votes, sigma_)) return std::nullopt;
+    return mode.rotation;
+  }
+
+  const RotationProblem& problem_;
+  const double sigma_;
+  const int num_threads_;
+  std::vector<Eigen::Quaterniond>& cam_from_world_;
+  std::vector<char> is_open_;   // a neighbor has moved since the camera was decided
+  std::vector<char> is_known_;  // its move is that of the present rotations
+  std::vector<std::optional<Eigen::Quaterniond>> moves_;
+};
 
 }  // namespace
 
 int RunConsensusStage(const RotationProblem& problem, const RotationAveragingOptions& options,
                       const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world) {
-  const double sigma = DegToRad(options.sigma_start_deg);
-  const GraphAdjacency adjacency = BuildAdjacency(problem.NumNodes(), problem.edges);
-  std::vector<char> is_open(problem.NumNodes(), 1);  // a neighbor has moved since it was looked at
-  std::vector<Vote> votes;
+  CameraVote vote(problem, DegToRad(options.sigma_start_deg), run.num_threads, cam_from_world);
   int num_rounds = 0;
   bool has_moved = true;
   while (has_moved && num_rounds < options.max_consensus_rounds && !run.monitor.StopRequested()) {
     ++num_rounds;
-    has_moved = false;
-    for (int v = 0; v < problem.NumNodes(); ++v) {
-      if (!is_open[v]) continue;
-      is_open[v] = 0;
-      votes.clear();
-      for (const int e : adjacency.EdgesOf(v)) {
-        const auto [node1, node2] = problem.edges[e];
-        const Eigen::Quaterniond& q = problem.relative[e];
-        votes.push_back(
-            {node2 == v ? q * cam_from_world[node1] : q.conjugate() * cam_from_world[node2],
-             problem.trust[e]});
-      }
-      const Mode mode = FindMode(votes, sigma);
-      if (mode.support <= kMinGain * Support(cam_from_world[v], votes, sigma)) continue;
-      cam_from_world[v] = mode.rotation;
-      has_moved = true;
-      for (const int other : adjacency.NeighborsOf(v)) is_open[other] = 1;
-    }
+    has_moved = vote.RunRound();
   }
   return num_rounds;
 }

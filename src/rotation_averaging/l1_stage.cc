@@ -23,9 +23,8 @@ Eigen::Vector3d Shrink(const Eigen::Vector3d& v, double threshold) {
 }
 
 // min sum_e trust_e |delta_2 - delta_1 - error_e|, started at delta = 0.
-Eigen::MatrixXd SolveL1(const RotationProblem& problem, const GraphAdjacency& adjacency,
-                        const Eigen::Matrix3Xd& errors, const LaplacianSolver& solver,
-                        int num_threads) {
+Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& errors,
+                        const LaplacianSolver& solver, int num_threads) {
   const double threshold = DegToRad(kShrinkDeg);
   const int num_edges = problem.NumEdges(), num_nodes = problem.NumNodes();
   if (num_edges < kMinParallelEdges) num_threads = 1;
@@ -33,13 +32,14 @@ Eigen::MatrixXd SolveL1(const RotationProblem& problem, const GraphAdjacency& ad
   // Where the difference of an edge's ends should be: error + slack - dual, with the slack where
   // the residual delta_2 - delta_1 - error may stay.
   Eigen::Matrix3Xd target(3, num_edges);
-  for (int e = 0; e < num_edges; ++e) {
+  const auto start = [&](int64_t e) {
     target.col(e) = errors.col(e) + Shrink(-errors.col(e), threshold);
-  }
+  };
+  ParallelFor(num_threads, num_edges, start, kAdmmGrain);
   Eigen::MatrixXd delta, rhs(num_nodes, 3);
   const auto sum_targets = [&](int64_t v) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const int e : adjacency.EdgesOf(static_cast<int>(v))) {
+    for (const int e : problem.adjacency.EdgesOf(static_cast<int>(v))) {
       sum += (problem.edges[e].node2 == v ? 1.0 : -1.0) * problem.trust[e] * target.col(e);
     }
     rhs.row(v) = sum.transpose();
@@ -69,11 +69,10 @@ StageResult RunL1Stage(const RotationProblem& problem, const RotationAveragingOp
   StageResult result;
   if (options.max_l1_iterations == 0) return result;
   CAIRN_CHECK(solver.Factorize(problem.trust));
-  const GraphAdjacency adjacency = BuildAdjacency(problem.NumNodes(), problem.edges);
   while (result.num_iterations < options.max_l1_iterations && !run.monitor.StopRequested()) {
     const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, run.num_threads);
-    const double moved = ApplyRotationUpdate(
-        SolveL1(problem, adjacency, errors, solver, run.num_threads), cam_from_world);
+    const double moved =
+        ApplyRotationUpdate(SolveL1(problem, errors, solver, run.num_threads), cam_from_world);
     ++result.num_iterations;
     result.converged =
         moved < std::max(DegToRad(kConvergenceDeg), DegToRad(options.convergence_deg));

@@ -1,6 +1,7 @@
 #include "cairn/rotation_averaging/rotation_averaging.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "cairn/base/check.h"
 #include "cairn/math/angles.h"
@@ -22,6 +23,17 @@ LaplacianSolver MakeSolver(const RotationProblem& problem, std::span<const char>
   edges.reserve(problem.edges.size());
   for (const GraphEdge& edge : problem.edges) edges.push_back({edge.node1, edge.node2});
   return {problem.NumNodes(), edges, is_root, kMaxCholeskyFlops, num_threads};
+}
+
+// Images of each component.
+std::vector<std::vector<image_t>> ComponentsOf(const RotationProblem& problem) {
+  std::vector<std::vector<image_t>> components;
+  for (const std::vector<int>& nodes :
+       ConnectedComponents(problem.NumNodes(), problem.edges).nodes) {
+    components.emplace_back();
+    for (const int v : nodes) components.back().push_back(problem.image_ids[v]);
+  }
+  return components;
 }
 
 void FillResiduals(const RotationProblem& problem, double max_error_deg,
@@ -52,30 +64,55 @@ std::string_view RotationAveragingStatusName(RotationAveragingStatus status) {
   return "unknown";
 }
 
-RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
-                                         const RotationAveragingOptions& options,
-                                         const RunContext& run) {
-  ValidateOptions(options, "rotation_averaging");
-  RotationAveragingReport report;
-  const RotationProblem problem = MakeRotationProblem(edges, options.weight_power);
-  if (problem.NumEdges() == 0) return report;
+struct RotationAverager::Prepared {
+  RotationProblem problem;
+  SpanningTreeRotations tree;
+  LaplacianSolver solver;
+  std::vector<std::vector<image_t>> components;
+};
 
-  for (const std::vector<int>& nodes :
-       ConnectedComponents(problem.NumNodes(), problem.edges).nodes) {
-    report.components.emplace_back();
-    for (const int v : nodes) report.components.back().push_back(problem.image_ids[v]);
-  }
-  SpanningTreeRotations tree = InitializeBySpanningTree(problem, run.num_threads);
-  std::vector<Eigen::Quaterniond>& cam_from_world = tree.cam_from_world;
-  LaplacianSolver solver = MakeSolver(problem, tree.is_root, run.num_threads);
-  const StageResult l1 = RunL1Stage(problem, options, run, solver, cam_from_world);
-  report.num_consensus_rounds = RunConsensusStage(problem, options, run, cam_from_world);
+RotationAverager::RotationAverager(std::span<const RotationEdge> edges, const RunContext& run)
+    : prepared_([&] {
+        RotationProblem problem = MakeRotationProblem(edges);
+        SpanningTreeRotations tree = InitializeBySpanningTree(problem, run.num_threads);
+        LaplacianSolver solver = MakeSolver(problem, tree.is_root, run.num_threads);
+        std::vector<std::vector<image_t>> components = ComponentsOf(problem);
+        return std::make_unique<Prepared>(std::move(problem), std::move(tree), std::move(solver),
+                                          std::move(components));
+      }()),
+      run_(run) {}
+
+RotationAverager::~RotationAverager() = default;
+
+RotationAveragingReport RotationAverager::Average(const RotationAveragingOptions& options) {
+  return Run(prepared_->tree.cam_from_world, true, options);
+}
+
+RotationAveragingReport RotationAverager::AverageFrom(
+    const std::map<image_t, Eigen::Quaterniond>& start, const RotationAveragingOptions& options) {
+  std::vector<Eigen::Quaterniond> cam_from_world;
+  for (const image_t id : prepared_->problem.image_ids) cam_from_world.push_back(start.at(id));
+  return Run(std::move(cam_from_world), false, options);
+}
+
+RotationAveragingReport RotationAverager::Run(std::vector<Eigen::Quaterniond> cam_from_world,
+                                              bool is_start,
+                                              const RotationAveragingOptions& options) {
+  ValidateOptions(options, "rotation_averaging");
+  auto& [problem, tree, solver, components] = *prepared_;
+  RotationAveragingReport report;
+  if (problem.NumEdges() == 0) return report;
+  problem.SetTrust(options.weight_power);
+  report.components = components;
+  StageResult l1;
+  if (is_start) l1 = RunL1Stage(problem, options, run_, solver, cam_from_world);
+  report.num_consensus_rounds = RunConsensusStage(problem, options, run_, cam_from_world);
   report.num_region_rounds =
-      RunRegionStage(problem, tree.num_loops, options, run, solver, cam_from_world);
-  const StageResult irls = RunIrlsStage(problem, options, run, solver, cam_from_world);
+      RunRegionStage(problem, tree.num_loops, options, run_, solver, cam_from_world);
+  const StageResult irls = RunIrlsStage(problem, options, run_, solver, cam_from_world);
   report.num_l1_iterations = l1.num_iterations;
   report.num_irls_iterations = irls.num_iterations;
-  if (run.monitor.StopRequested()) {
+  if (run_.monitor.StopRequested()) {
     report.status = RotationAveragingStatus::kInterrupted;
     return report;
   }
@@ -86,8 +123,15 @@ RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
     report.cam_from_world[problem.image_ids[v]] = cam_from_world[v];
   }
   FillResiduals(problem, options.max_error_deg,
-                RotationErrors(problem, cam_from_world, run.num_threads), report);
+                RotationErrors(problem, cam_from_world, run_.num_threads), report);
   return report;
+}
+
+RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
+                                         const RotationAveragingOptions& options,
+                                         const RunContext& run) {
+  ValidateOptions(options, "rotation_averaging");
+  return RotationAverager(edges, run).Average(options);
 }
 
 }  // namespace cairn

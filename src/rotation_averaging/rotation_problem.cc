@@ -30,17 +30,16 @@ RotationEdge Canonical(const RotationEdge& edge) {
   return result;
 }
 
-std::vector<double> Trust(const std::vector<double>& weights, double power) {
-  std::vector<double> trust(weights.size(), 1.0);
-  if (power == 0 || weights.empty()) return trust;
-  const double median = UpperMedian(weights);
-  for (size_t e = 0; e < trust.size(); ++e) trust[e] = std::pow(weights[e] / median, power);
-  return trust;
-}
-
 }  // namespace
 
-RotationProblem MakeRotationProblem(std::span<const RotationEdge> input, double weight_power) {
+void RotationProblem::SetTrust(double weight_power) {
+  trust.assign(weights.size(), 1.0);
+  if (weight_power == 0 || weights.empty()) return;
+  const double median = UpperMedian(weights);
+  for (size_t e = 0; e < trust.size(); ++e) trust[e] = std::pow(weights[e] / median, weight_power);
+}
+
+RotationProblem MakeRotationProblem(std::span<const RotationEdge> input) {
   std::vector<RotationEdge> edges;
   edges.reserve(input.size());
   for (const RotationEdge& edge : input) edges.push_back(Canonical(edge));
@@ -71,7 +70,7 @@ RotationProblem MakeRotationProblem(std::span<const RotationEdge> input, double 
     problem.relative.push_back(edges[e].cam2_from_cam1);
     problem.weights.push_back(edges[e].weight);
   }
-  problem.trust = Trust(problem.weights, weight_power);
+  problem.adjacency = BuildAdjacency(problem.NumNodes(), problem.edges);
   return problem;
 }
 

@@ -20,14 +20,18 @@ struct RotationProblem {
   std::vector<GraphEdge> edges;
   std::vector<Eigen::Quaterniond> relative;  // cam2_from_cam1 of each edge
   std::vector<double> weights;               // as given
-  std::vector<double> trust;                 // weight^weight_power, 1 in the median
+  std::vector<double> trust;                 // by SetTrust
   std::vector<int> edge_of_input;            // index in `edges` of each edge given
+  GraphAdjacency adjacency;
+
+  // weight^weight_power, 1 in the median.
+  void SetTrust(double weight_power);
 
   int NumNodes() const { return static_cast<int>(image_ids.size()); }
   int NumEdges() const { return static_cast<int>(edges.size()); }
 };
 
-RotationProblem MakeRotationProblem(std::span<const RotationEdge> edges, double weight_power);
+RotationProblem MakeRotationProblem(std::span<const RotationEdge> edges);
 
 // World-frame errors: Log(R_2^T * cam2_from_cam1 * R_1) of each edge (3 x m, radians). With
 // R <- R Exp(delta), the error becomes error - (delta_2 - delta_1) to first order.

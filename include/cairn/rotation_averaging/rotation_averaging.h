@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <map>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -98,5 +99,25 @@ struct RotationAveragingReport {
 RotationAveragingReport AverageRotations(std::span<const RotationEdge> edges,
                                          const RotationAveragingOptions& options = {},
                                          const RunContext& run = {});
+
+// The same, more than once over the same edges: what the edges alone decide is computed once.
+class RotationAverager {
+ public:
+  explicit RotationAverager(std::span<const RotationEdge> edges, const RunContext& run = {});
+  ~RotationAverager();
+
+  RotationAveragingReport Average(const RotationAveragingOptions& options = {});
+  // From these rotations of all images that have an edge, without spanning tree and L1.
+  RotationAveragingReport AverageFrom(const std::map<image_t, Eigen::Quaterniond>& start,
+                                      const RotationAveragingOptions& options = {});
+
+ private:
+  struct Prepared;
+  RotationAveragingReport Run(std::vector<Eigen::Quaterniond> cam_from_world, bool is_start,
+                              const RotationAveragingOptions& options);
+
+  const std::unique_ptr<Prepared> prepared_;
+  const RunContext run_;
+};
 
 }  // namespace cairn

@@ -229,6 +229,39 @@ TEST(RotationAveraging, SameBytesForAnyOrderDirectionAndThreads) {
   }
 }
 
+// Large enough for threads to look ahead, with cameras that jump.
+TEST(RotationAveraging, SameBytesForAnyNumberOfThreadsOnALargeGraph) {
+  const Problem p = MakeProblem(330, 52000, 1.0, 0.7, 12);
+  RotationAveragingOptions options;
+  options.max_l1_iterations = 0;
+  const auto average = [&](int num_threads) {
+    return AverageRotations(p.edges, options, {.num_threads = num_threads});
+  };
+  const RotationAveragingReport reference = average(1);
+  EXPECT_GT(reference.num_consensus_rounds, 2);
+  for (const int num_threads : {2, 3}) {
+    EXPECT_TRUE(SameBytes(average(num_threads).cam_from_world, reference.cam_from_world));
+  }
+}
+
+TEST(RotationAveraging, GoesOnFromOtherRotations) {
+  const Problem p = MakeProblem(60, 900, 1.0, 0.2, 13);
+  RotationAverager averager(p.edges);
+  const RotationAveragingReport first = averager.Average();
+  EXPECT_TRUE(SameBytes(first.cam_from_world, AverageRotations(p.edges).cam_from_world));
+  Rotations start = first.cam_from_world;
+  for (const image_t id : {7, 8, 9})
+    start.at(id) = ExpSO3(Eigen::Vector3d(0, 1.5, 0)) * start.at(id);
+  RotationAveragingOptions options;
+  options.weight_power = 1;
+  const RotationAveragingReport second = averager.AverageFrom(start, options);
+  EXPECT_EQ(second.status, RotationAveragingStatus::kSuccess);
+  EXPECT_EQ(second.num_l1_iterations, 0);
+  const Rotations fresh = AverageRotations(p.edges, options).cam_from_world;
+  EXPECT_LT(Summarize(AlignedRotationErrorsDeg(second.cam_from_world, fresh)).max, 0.01);
+  EXPECT_GT(Summarize(AlignedRotationErrorsDeg(first.cam_from_world, fresh)).max, 0.01);
+}
+
 TEST(RotationAveraging, RelabelingImagesChangesNothingButTheGauge) {
   const Problem p = MakeProblem(40, 300, 1.0, 0.2, 12);
   const RotationAveragingReport reference = AverageRotations(p.edges);
