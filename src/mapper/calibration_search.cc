@@ -140,18 +140,30 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
     return database.ReadTwoViewGeometry(pair_id).value();
   };
   const auto calibrate = [&] { return Calibrate(read_geometry, settings, run, read, scene); };
-  std::set<image_t> of_one;
+  std::vector<std::set<image_t>> of_one;
   if (settings.reconstruct.share_camera && !scene.poses_alone) of_one = LikelyOfOneCamera(scene);
-  const auto share = [&](std::vector<Camera> cameras, const std::string& origin) {
-    ShareCamera(of_one, MedianCamera(std::move(cameras)), read_geometry, run, scene);
-    scene.origin = "one camera for " + std::to_string(of_one.size()) + " images" + origin;
+  // The groups share the median of their cameras there.
+  const auto share = [&](const std::vector<std::set<image_t>>& groups, const auto& cameras_from,
+                         const std::string& origin) {
+    bool has_shared = false;
+    std::string numbers;
+    for (const std::set<image_t>& images : groups) {
+      std::vector<Camera> cameras = CamerasOf(images, cameras_from);
+      if (cameras.empty()) continue;
+      ShareCamera(images, MedianCamera(std::move(cameras)), read_geometry, run, scene);
+      numbers += (has_shared ? ", " : "") + std::to_string(images.size());
+      has_shared = true;
+    }
+    scene.origin = "one camera for " + numbers + " images" + origin;
+    return has_shared;
   };
   Calibration& calibration = scene;
   calibration.origin = "the cameras of the database";
   if (!earlier.empty()) {
-    if (!of_one.empty() && AgreeWithOneCamera(earlier, of_one, scene)) {
-      share(CamerasOf(of_one, scene), "");
-    }
+    std::erase_if(of_one, [&](const std::set<image_t>& images) {
+      return !AgreeWithOneCamera(earlier, images, scene);
+    });
+    share(of_one, scene, "");
     calibration = std::move(calibrate().front());
     const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, read);
     if (!read.Succeeded()) return {};
@@ -159,18 +171,21 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
   }
 
   std::vector<Calibration> calibrations;
-  if (!of_one.empty() && !scene.CameraOf(*of_one.begin()).has_prior_focal_length) {
+  std::vector<std::set<image_t>> without_prior = of_one;
+  std::erase_if(without_prior, [&](const std::set<image_t>& images) {
+    return scene.CameraOf(*images.begin()).has_prior_focal_length;
+  });
+  if (!without_prior.empty()) {
     Calibration stored = scene;
-    share(CamerasOf(of_one, scene), "");
+    share(without_prior, scene, "");
     calibrations = calibrate();
     calibration = std::move(stored);
   }
   std::ranges::move(calibrate(), std::back_inserter(calibrations));
   CalibrationSearch search(settings, run, scene);
   for (Calibration& each : calibrations) search.Try(std::move(each));
-  if (std::vector<Camera> found = CamerasOf(of_one, search.best().result.models);
-      !found.empty() && !search.best().shares_camera) {
-    share(std::move(found), ", by the models");
+  if (!search.best().shares_camera &&
+      share(of_one, search.best().result.models, ", by the models")) {
     search.Try(std::move(calibration));
   }
   return search.Finish();

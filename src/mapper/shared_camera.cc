@@ -2,6 +2,7 @@
 #include <tuple>
 #include <utility>
 
+#include "graph/graph.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -15,23 +16,55 @@ CameraKind KindOf(const Camera& camera) {
           camera.has_prior_focal_length ? camera.MeanFocal() : 0.0};
 }
 
+// Images that pairs connect.
+std::vector<std::vector<image_t>> ConnectedImages(const SceneData& scene) {
+  std::vector<image_t> ids;
+  std::map<image_t, int> node_of;
+  for (const auto& [id, pixels] : scene.pixels) {
+    node_of[id] = static_cast<int>(ids.size());
+    ids.push_back(id);
+  }
+  std::vector<GraphEdge> edges;
+  for (const ViewEdge& edge : scene.edges) {
+    edges.push_back({node_of.at(edge.image_id1), node_of.at(edge.image_id2)});
+  }
+  std::vector<std::vector<image_t>> connected;
+  for (const std::vector<int>& nodes : ConnectedComponents(std::ssize(ids), edges).nodes) {
+    connected.emplace_back();
+    for (const int node : nodes) connected.back().push_back(ids[node]);
+  }
+  return connected;
+}
+
 }  // namespace
 
-std::set<image_t> LikelyOfOneCamera(const SceneData& scene) {
-  std::map<CameraKind, std::set<image_t>> images;
-  std::map<CameraKind, std::set<camera_t>> cameras;
-  for (const auto& [id, pixels] : scene.pixels) {
-    const camera_t camera_id = scene.CameraIdOf(id);
-    if (scene.constant_cameras.count(camera_id) > 0) continue;
-    const CameraKind kind = KindOf(scene.cameras.at(camera_id));
-    images[kind].insert(id);
-    cameras[kind].insert(camera_id);
+std::vector<std::set<image_t>> LikelyOfOneCamera(const SceneData& scene) {
+  struct Group {
+    std::set<image_t> images;
+    std::set<camera_t> cameras;
+    size_t num_where_most = 0;
+  };
+  std::map<CameraKind, Group> groups;
+  for (const std::vector<image_t>& connected : ConnectedImages(scene)) {
+    std::map<CameraKind, size_t> num_images;
+    for (const image_t id : connected) {
+      const camera_t camera_id = scene.CameraIdOf(id);
+      if (scene.constant_cameras.count(camera_id) > 0) continue;
+      const CameraKind kind = KindOf(scene.cameras.at(camera_id));
+      groups[kind].images.insert(id);
+      groups[kind].cameras.insert(camera_id);
+      ++num_images[kind];
+    }
+    for (const auto& [kind, num] : num_images) {
+      if (num >= 2 && 2 * num > connected.size()) groups[kind].num_where_most += num;
+    }
   }
-  for (const auto& [kind, of_kind] : images) {
-    const bool are_most = 2 * of_kind.size() > scene.pixels.size();
-    if (are_most && cameras.at(kind).size() > 1) return of_kind;
+  std::vector<std::set<image_t>> likely;
+  for (auto& [kind, group] : groups) {
+    const bool is_mostly_there = 2 * group.num_where_most > group.images.size();
+    if (is_mostly_there && group.cameras.size() > 1) likely.push_back(std::move(group.images));
   }
-  return {};
+  return likely;
 }
 
 bool AgreeWithOneCamera(std::span<const Reconstruction> models, const std::set<image_t>& images,

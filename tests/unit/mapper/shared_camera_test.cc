@@ -122,22 +122,50 @@ TEST(SharedCamera, EarlierModelsTellOnlyWhereTheyHaveSeveralOfTheImages) {
   EXPECT_FALSE(AgreeWithOneCamera({}, {1, 2, 3}, scene));
 }
 
-TEST(SharedCamera, NeedsMostImagesOfOneKind) {
+// Five images with a camera each, every one with pairs to all others.
+SceneData SceneOfKinds() {
   SceneData scene;
   for (image_t id = 1; id <= 5; ++id) {
     scene.images[id].camera_id = id;
     scene.pixels[id];
     scene.cameras[id] = Camera::FromFocal(id, CameraModel::kSimpleRadial, 900 + id, 800, 600);
+    for (image_t other = 1; other < id; ++other) {
+      scene.edges.emplace_back();
+      scene.edges.back().image_id1 = other;
+      scene.edges.back().image_id2 = id;
+    }
   }
-  EXPECT_EQ(LikelyOfOneCamera(scene), (std::set<image_t>{1, 2, 3, 4, 5}));
+  return scene;
+}
+
+TEST(SharedCamera, NeedsMostImagesOfOneKind) {
+  using Groups = std::vector<std::set<image_t>>;
+  SceneData scene = SceneOfKinds();
+  EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{1, 2, 3, 4, 5}}));
   scene.cameras[1].width = 600;
   scene.cameras[2].has_prior_focal_length = true;
-  EXPECT_EQ(LikelyOfOneCamera(scene), (std::set<image_t>{3, 4, 5}));
+  EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{3, 4, 5}}));
   scene.constant_cameras = {3};
   EXPECT_TRUE(LikelyOfOneCamera(scene).empty());
   scene.constant_cameras = {};
   scene.images[4].camera_id = scene.images[5].camera_id = 3;
   EXPECT_TRUE(LikelyOfOneCamera(scene).empty());
+}
+
+TEST(SharedCamera, OfEveryPlaceInTheFolderIsLikely) {
+  using Groups = std::vector<std::set<image_t>>;
+  SceneData scene = SceneOfKinds();
+  for (const image_t id : {4, 5}) scene.cameras[id].width = 600;
+  EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{1, 2, 3}}));
+  std::erase_if(scene.edges, [](const ViewEdge& edge) {
+    return (edge.image_id1 <= 3) != (edge.image_id2 <= 3);
+  });
+  EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{4, 5}, {1, 2, 3}}));
+  // Half of a kind are single images, which may be of one size by chance.
+  for (const image_t id : {1, 2, 3}) scene.cameras[id].width = 600;
+  scene.cameras[1].has_prior_focal_length = true;
+  scene.edges.pop_back();
+  EXPECT_EQ(LikelyOfOneCamera(scene), Groups{});
 }
 
 }  // namespace
