@@ -27,7 +27,7 @@ find_program(CAIRN_CCACHE ccache)
 if(CAIRN_CCACHE)
   # Paths relative to the source tree: all work trees of one machine share the cache.
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
-      CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} CCACHE_NOHASHDIR=1 ${CAIRN_CCACHE})
+      CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} CCACHE_NOHASHDIR=1 CCACHE_SLOPPINESS=pch_defines,time_macros ${CAIRN_CCACHE})
 endif()
 find_program(CAIRN_MOLD mold)
 if(CAIRN_MOLD)
@@ -123,6 +123,10 @@ function(cairn_test name)
     CAIRN_BINARY_DIR="${CMAKE_BINARY_DIR}")
   target_compile_options(${name} PRIVATE ${cairn_no_parser})
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gmock_main)
+  if(TARGET cairn_test_headers)  # tests/support
+    target_compile_options(${name} PRIVATE $<TARGET_PROPERTY:cairn_test_headers,COMPILE_OPTIONS>)
+    target_precompile_headers(${name} REUSE_FROM cairn_test_headers)
+  endif()
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 120
     PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600)
 endfunction()

@@ -1,7 +1,6 @@
 #include "cairn/evaluation/alignment.h"
 
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +9,7 @@
 #include "cairn/base/check.h"
 #include "cairn/base/rng.h"
 #include "cairn/evaluation/error_statistics.h"
+#include "cairn/math/decompositions.h"
 #include "cairn/math/so3.h"
 
 namespace cairn {
@@ -40,12 +40,9 @@ std::optional<Sim3d> Align(const Points& src, const Points& dst, const std::vect
     variance_src += weights[i] / total * centered.squaredNorm();
   }
   if (!(variance_src > 0) || !covariance.allFinite()) return std::nullopt;
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,
-                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const bool reflects = svd.matrixU().determinant() * svd.matrixV().determinant() < 0;
-  const Eigen::Vector3d signs(1, 1, reflects ? -1 : 1);
+  const Svd3 svd = SingularValuesWithRotations(covariance);
+  const Eigen::Matrix3d R = svd.U * svd.V.transpose();
   Sim3d dst_from_src;
-  const Eigen::Matrix3d R = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
   dst_from_src.rotation = Eigen::Quaterniond(R).normalized();
   dst_from_src.scale = (R.transpose() * covariance).trace() / variance_src;
   if (!(dst_from_src.scale > 0) || !std::isfinite(dst_from_src.scale)) return std::nullopt;

@@ -1,12 +1,13 @@
 #include "features/frames.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
 #include <tuple>
 
+#include "cairn/math/decompositions.h"
 #include "features/extrema.h"
 
 namespace cairn {
@@ -45,11 +46,11 @@ Eigen::Matrix2d Upright(const Eigen::Matrix2d& M) {
 std::optional<Eigen::Matrix2d> AdaptShape(const Octave& octave, const Frame& frame) {
   Eigen::Matrix2d M = frame.M;
   for (int i = 0; i < kMaxAdaptations; ++i) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> moments(
-        SecondMoments(GradientAround(octave, frame.center, M)));
-    const Eigen::Vector2d strengths = moments.eigenvalues().cwiseMax(0).cwiseSqrt();
+    const auto [moments, directions] =
+        SymmetricEigen(SecondMoments(GradientAround(octave, frame.center, M)));
+    const Eigen::Vector2d strengths = moments.cwiseMax(0).cwiseSqrt();
     if (strengths[1] >= kMaxAnisotropy * strengths[0]) return std::nullopt;
-    M *= moments.operatorInverseSqrt();
+    M *= directions * moments.cwiseInverse().cwiseSqrt().asDiagonal() * directions.transpose();
     const Eigen::Vector2d axes = Axes(M);
     if (axes[1] > kMaxAnisotropy * axes[0]) return std::nullopt;
     M *= frame.sigma / axes[0];

@@ -1,12 +1,12 @@
 #include "cairn/georegistration/georegister.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "cairn/evaluation/alignment.h"
 #include "cairn/evaluation/error_statistics.h"
 #include "cairn/math/angles.h"
+#include "cairn/math/decompositions.h"
 #include "georegistration/control_points.h"
 
 namespace cairn {
@@ -191,10 +191,7 @@ Eigen::Vector3d Extents(const Points& points) {
   for (const Eigen::Vector3d& point : points) {
     covariance += (point - mean) * (point - mean).transpose() / static_cast<double>(points.size());
   }
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance)
-      .eigenvalues()
-      .cwiseMax(0)
-      .cwiseSqrt();
+  return SymmetricEigen(covariance).values.cwiseMax(0).cwiseSqrt();
 }
 
 // Fills the figures of the final fit, and its status.

@@ -1,4 +1,3 @@
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <numbers>
@@ -8,6 +7,7 @@
 #include "cairn/geometry/epipolar.h"
 #include "cairn/mapper/view_edges.h"
 #include "cairn/math/angles.h"
+#include "cairn/math/decompositions.h"
 #include "cairn/math/median.h"
 #include "cairn/solvers/homography.h"
 #include "mapper/stages.h"
@@ -160,7 +160,7 @@ Eigen::Vector3d TranslationFor(const Eigen::Matrix3d& R, const PairRays& rays) {
       const double weight = 1.0 / ((1.0 + error_px * error_px) * (1.0 + error_px * error_px));
       M += weight * normal * normal.transpose();
     }
-    t = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(M).eigenvectors().col(0);
+    t = SymmetricEigen(M).vectors.col(0);
   }
   return t;
 }
@@ -186,17 +186,8 @@ double RotationSigma(const SceneData& scene, const ViewEdge& edge) {
   if (rays.rays1.size() < 8 || !edge.HasTranslation()) return 0.0;
   // The median of a normal variable's size is 0.6745 standard deviations.
   const double sigma_px = std::max(kMinSigmaPx, edge.residual_px / 0.6745);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>> eigen(
-      PoseInformation(rays.points, edge.cam2_from_cam1, kFinePx));
-  const double floor = 1e-12 * eigen.eigenvalues()[4];
-  const Eigen::Matrix<double, 5, 5> covariance =
-      eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
-      eigen.eigenvectors().transpose();
-  const Eigen::Matrix3d rotation = covariance.topLeftCorner<3, 3>();
-  const double variance =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(rotation).eigenvalues().maxCoeff();
   // Where no match lies near the pose, nothing is known.
-  const double sigma = sigma_px * std::sqrt(variance);
+  const double sigma = sigma_px * SigmasOfPose(rays.points, edge.cam2_from_cam1, kFinePx).rotation;
   return sigma < std::numbers::pi ? sigma : std::numbers::pi;
 }
 

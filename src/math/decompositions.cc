@@ -18,10 +18,14 @@ Svd3 SingularValuesWithRotations(const Eigen::Matrix3d& M) {
   return svd;
 }
 
-SymmetricEigen3 SymmetricEigen(const Eigen::Matrix3d& A) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(A);
+template <int kSize>
+EigenPairs<kSize> SymmetricEigen(const Eigen::Matrix<double, kSize, kSize>& A) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kSize, kSize>> eigen(A);
   return {eigen.eigenvalues(), eigen.eigenvectors()};
 }
+template EigenPairs<2> SymmetricEigen(const Eigen::Matrix2d& A);
+template EigenPairs<3> SymmetricEigen(const Eigen::Matrix3d& A);
+template EigenPairs<5> SymmetricEigen(const Eigen::Matrix<double, 5, 5>& A);
 
 bool LeastEigenvector(const Eigen::Matrix<double, 9, 9>& A, Eigen::Matrix<double, 9, 1>* x) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> eigen(A);

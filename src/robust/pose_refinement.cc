@@ -1,8 +1,10 @@
 #include "robust/pose_refinement.h"
 
 #include <Eigen/Geometry>
+#include <cmath>
 
 #include "cairn/base/check.h"
+#include "cairn/math/decompositions.h"
 #include "cairn/math/so3.h"
 #include "math/levenberg_marquardt.h"
 
@@ -83,11 +85,18 @@ PoseRefinementReport RefinePose(std::span<const WeightedPoints> groups, const Ri
   return {state.pose, cost, num_iterations};
 }
 
-Eigen::Matrix<double, 5, 5> PoseInformation(const PointPairs& points, const Rigid3d& pose,
-                                            double scale_px) {
+PoseSigmas SigmasOfPose(const PointPairs& points, const Rigid3d& pose, double scale_px) {
   CAIRN_CHECK_GT(pose.translation.norm(), 0.0);
   const PoseProblem::State at(pose.rotation, pose.translation);
-  return AccumulateSampson(points, at.pose, at.tangent, RobustLoss::kTruncated, scale_px).hessian;
+  const auto [values, vectors] = SymmetricEigen(
+      AccumulateSampson(points, at.pose, at.tangent, RobustLoss::kTruncated, scale_px).hessian);
+  const double floor = 1e-12 * values[4];
+  const Eigen::Matrix<double, 5, 5> covariance =
+      vectors * values.cwiseMax(floor).cwiseInverse().asDiagonal() * vectors.transpose();
+  const Eigen::Matrix3d rotation = covariance.topLeftCorner<3, 3>();
+  const Eigen::Matrix2d translation = covariance.bottomRightCorner<2, 2>();
+  return {std::sqrt(SymmetricEigen(rotation).values[2]),
+          std::sqrt(SymmetricEigen(translation).values[1])};
 }
 
 }  // namespace cairn

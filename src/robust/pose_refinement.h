@@ -35,9 +35,13 @@ PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
 PoseRefinementReport RefinePose(std::span<const WeightedPoints> groups, const Rigid3d& start,
                                 const PoseRefinementOptions& options);
 
-// The Gauss-Newton hessian of the truncated loss at a pose, px^-2 units: its inverse is the
-// covariance of (rotation 3, translation 2) for unit noise.
-Eigen::Matrix<double, 5, 5> PoseInformation(const PointPairs& points, const Rigid3d& pose,
-                                            double scale_px);
+// Largest standard deviations, radians, of a pose's rotation and of its direction of translation,
+// for residuals of one pixel: by the Gauss-Newton hessian of the truncated loss. Not finite where
+// no match is within scale_px.
+struct PoseSigmas {
+  double rotation = 0.0;
+  double translation = 0.0;
+};
+PoseSigmas SigmasOfPose(const PointPairs& points, const Rigid3d& pose, double scale_px);
 
 }  // namespace cairn

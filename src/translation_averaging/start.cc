@@ -119,7 +119,7 @@ Eigen::Vector3d PointFromRays(std::span<const DirectionProblem::Ray> rays,
     center += cameras.col(ray.camera) / static_cast<double>(rays.size());
     mean_direction += ray.direction;
   }
-  const SymmetricEigen3 eigen = SymmetricEigen(A);
+  const auto eigen = SymmetricEigen(A);
   constexpr double kMinSquaredSine = 1e-6;  // rays within about 0.1 degrees
   if (eigen.values[0] > kMinSquaredSine * static_cast<double>(rays.size())) {
     const Eigen::Vector3d X = A.inverse() * b;

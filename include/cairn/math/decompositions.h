@@ -18,12 +18,14 @@ Svd3 SingularValues(const Eigen::Matrix3d& M);
 Svd3 SingularValuesWithRotations(const Eigen::Matrix3d& M);
 
 // Eigenvalues, ascending, and orthonormal eigenvectors, as columns, of a symmetric matrix (its
-// lower triangle).
-struct SymmetricEigen3 {
-  Eigen::Vector3d values;
-  Eigen::Matrix3d vectors;
+// lower triangle) of 2, 3 or 5 rows.
+template <int kSize>
+struct EigenPairs {
+  Eigen::Matrix<double, kSize, 1> values;
+  Eigen::Matrix<double, kSize, kSize> vectors;
 };
-SymmetricEigen3 SymmetricEigen(const Eigen::Matrix3d& A);
+template <int kSize>
+EigenPairs<kSize> SymmetricEigen(const Eigen::Matrix<double, kSize, kSize>& A);
 
 // The unit vector x with the least x^T A x of a symmetric matrix (its lower triangle). False if A
 // is not finite.

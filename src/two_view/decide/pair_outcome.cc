@@ -1,6 +1,5 @@
 #include "two_view/decide/pair_outcome.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
@@ -9,6 +8,7 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
+#include "cairn/math/decompositions.h"
 #include "cairn/math/median.h"
 #include "cairn/solvers/homography.h"
 #include "robust/pose_refinement.h"
@@ -64,12 +64,14 @@ class PairFinisher {
     Eigen::Quaterniond rotation = special.rotation;
     const double max_sigma = DegToRad(options_.max_pose_sigma_deg);
     if (config != TwoViewConfig::kPanoramic) {
-      const auto [rotation_sigma, translation_sigma] = PoseSigmas(pose);
-      if (rotation_sigma > max_sigma) {
+      // For errors of a third of the threshold.
+      const double sigma_px = pair_.max_error_px / 3.0;
+      const PoseSigmas sigmas = SigmasOfPose(pair_.points, pose, pair_.max_error_px);
+      if (sigma_px * sigmas.rotation > max_sigma) {
         report->status = PairStatus::kDegenerate;
         return;
       }
-      if (translation_sigma > max_sigma) {
+      if (sigma_px * sigmas.translation > max_sigma) {
         config = TwoViewConfig::kPanoramic;
         rotation = pose.rotation;
       }
@@ -163,26 +165,6 @@ class PairFinisher {
     return best;
   }
 
-  // Largest standard deviations of rotation and translation direction, radians, for errors of a
-  // third of the threshold.
-  std::pair<double, double> PoseSigmas(const Rigid3d& pose) const {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>> eigen(
-        PoseInformation(pair_.points, pose, pair_.max_error_px));
-    const double floor = 1e-12 * eigen.eigenvalues()[4];
-    const Eigen::Matrix<double, 5, 5> covariance =
-        eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
-        eigen.eigenvectors().transpose();
-    auto largest = [](const auto& block) {
-      return Eigen::SelfAdjointEigenSolver<std::decay_t<decltype(block)>>(block)
-          .eigenvalues()
-          .maxCoeff();
-    };
-    const double sigma_px = pair_.max_error_px / 3.0;
-    const Eigen::Matrix3d rotation = covariance.topLeftCorner<3, 3>();
-    const Eigen::Matrix2d translation = covariance.bottomRightCorner<2, 2>();
-    return {sigma_px * std::sqrt(largest(rotation)), sigma_px * std::sqrt(largest(translation))};
-  }
-
   // Largest standard deviation of a rotation that aligns the inliers' rays, radians.
   double PureRotationSigma(std::span<const int32_t> inliers) const {
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
@@ -190,8 +172,7 @@ class PairFinisher {
       const Eigen::Vector3d ray = pair_.points.Ray2(i).normalized();
       information += Eigen::Matrix3d::Identity() - ray * ray.transpose();
     }
-    const double smallest =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information).eigenvalues()[0];
+    const double smallest = SymmetricEigen(information).values[0];
     const double sigma = pair_.max_error_px / 3.0 / pair_.points.focal2_px();
     return smallest > 0.0 ? sigma / std::sqrt(smallest) : std::numeric_limits<double>::infinity();
   }

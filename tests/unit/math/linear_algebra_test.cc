@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <algorithm>
 
 #include "cairn/base/rng.h"
 #include "cairn/math/decompositions.h"
@@ -84,14 +85,22 @@ TEST(SingularValues, RebuildTheMatrix) {
   }
 }
 
-TEST(SymmetricEigen, RebuildsTheMatrix) {
-  Rng rng(5);
-  const auto M = Random<Eigen::Matrix3d>(rng);
-  const Eigen::Matrix3d A = M + M.transpose();
+template <int kSize>
+void ExpectEigenPairs(Rng& rng) {
+  using Matrix = Eigen::Matrix<double, kSize, kSize>;
+  const auto M = Random<Matrix>(rng);
+  const Matrix A = M + M.transpose();
   const auto [values, vectors] = SymmetricEigen(A);
   EXPECT_LT((vectors * values.asDiagonal() * vectors.transpose() - A).norm(), 1e-13);
-  EXPECT_LE(values[0], values[1]);
-  EXPECT_LE(values[1], values[2]);
+  EXPECT_LT((vectors.transpose() * vectors - Matrix::Identity()).norm(), 1e-13);
+  EXPECT_TRUE(std::is_sorted(values.begin(), values.end()));
+}
+
+TEST(SymmetricEigen, RebuildsTheMatrix) {
+  Rng rng(5);
+  ExpectEigenPairs<2>(rng);
+  ExpectEigenPairs<3>(rng);
+  ExpectEigenPairs<5>(rng);
 }
 
 TEST(LeastEigenvector, IsTheNullVectorWhereThereIsOne) {

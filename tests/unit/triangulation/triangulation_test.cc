@@ -6,6 +6,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "cairn/synthetic/poses.h"
 
 namespace cairn {
 namespace {
@@ -20,8 +21,7 @@ Eigen::Vector3d RandomVector(Rng& rng, double size) {
 TriangulationView RandomView(Rng& rng) {
   TriangulationView view;
   const Eigen::Vector3d center = Eigen::Vector3d(0, 0, -10) + RandomVector(rng, 4);
-  const Eigen::Quaterniond look =
-      Eigen::Quaterniond::FromTwoVectors(-center, Eigen::Vector3d::UnitZ());
+  const Eigen::Quaterniond look = LookAt(center, Eigen::Vector3d::Zero()).rotation;
   view.cam_from_world_rotation = (ExpSO3(RandomVector(rng, 0.2)) * look).toRotationMatrix();
   view.cam_from_world_translation = view.cam_from_world_rotation * -center;
   view.focal_px = rng.Uniform(500, 1500);
