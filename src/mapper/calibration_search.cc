@@ -145,17 +145,16 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
   // The groups share the median of their cameras there.
   const auto share = [&](const std::vector<std::set<image_t>>& groups, const auto& cameras_from,
                          const std::string& origin) {
-    bool has_shared = false;
-    std::string numbers;
+    std::string shared;
     for (const std::set<image_t>& images : groups) {
       std::vector<Camera> cameras = CamerasOf(images, cameras_from);
       if (cameras.empty()) continue;
       ShareCamera(images, MedianCamera(std::move(cameras)), read_geometry, run, scene);
-      numbers += (has_shared ? ", " : "") + std::to_string(images.size());
-      has_shared = true;
+      shared += (shared.empty() ? "one camera for " : ", one for ") +
+                std::to_string(images.size()) + " images";
     }
-    scene.origin = "one camera for " + numbers + " images" + origin;
-    return has_shared;
+    if (!shared.empty()) scene.origin = shared + origin;
+    return !shared.empty();
   };
   Calibration& calibration = scene;
   calibration.origin = "the cameras of the database";

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
 
