@@ -77,8 +77,8 @@ RotationAverager::RotationAverager(std::span<const RotationEdge> edges, const Ru
         SpanningTreeRotations tree = InitializeBySpanningTree(problem, run.num_threads);
         LaplacianSolver solver = MakeSolver(problem, tree.is_root, run.num_threads);
         std::vector<std::vector<image_t>> components = ComponentsOf(problem);
-        return std::make_unique<Prepared>(std::move(problem), std::move(tree), std::move(solver),
-                                          std::move(components));
+        return std::make_unique<Prepared>(Prepared{std::move(problem), std::move(tree),
+                                                   std::move(solver), std::move(components)});
       }()),
       run_(run) {}
 
