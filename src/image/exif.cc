@@ -29,16 +29,19 @@ constexpr double kFilmDiagonalMm = 43.27;
 // only with a lock.
 void InitializeExiv2() {
   static std::recursive_mutex xmp_mutex;
-  static std::once_flag once;
-  std::call_once(once, [] {
+  [[maybe_unused]] static const bool is_initialized = [] {
     Exiv2::LogMsg::setLevel(Exiv2::LogMsg::mute);
-    Exiv2::XmpParser::initialize(
-        [](void* mutex, bool lock) {
-          auto* const m = static_cast<std::recursive_mutex*>(mutex);
-          lock ? m->lock() : m->unlock();
-        },
-        &xmp_mutex);
-  });
+    const auto lock_or_unlock = [](void* mutex, bool lock) {
+      auto* const m = static_cast<std::recursive_mutex*>(mutex);
+      lock ? m->lock() : m->unlock();
+    };
+    try {
+      Exiv2::XmpParser::initialize(lock_or_unlock, &xmp_mutex);
+    } catch (...) {
+      throw std::bad_alloc();  // Adobe's toolkit has its own exception for that.
+    }
+    return true;
+  }();
 }
 
 // Exiv2 goes by the first bytes, not by the name. Of all formats that it knows only those that

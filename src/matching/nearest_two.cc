@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <new>
 #include <numeric>
 
 #include "matching/nearest_two.h"
@@ -81,6 +82,12 @@ HWY_INLINE V AddProducts(V sum, V columns, V row) { return hn::Add(sum, hn::Mul(
 
 using Buffer = hwy::AlignedFreeUniquePtr<int32_t[]>;
 
+Buffer Allocate(size_t size) {
+  Buffer buffer = hwy::AllocateAligned<int32_t>(size);
+  if (!buffer) throw std::bad_alloc();
+  return buffer;
+}
+
 // All rows as words, padded to whole tiles; their squared norms; and, lane by lane, the two
 // smallest distances so far.
 struct Rows {
@@ -102,7 +109,7 @@ Rows PackRows(const PreparedDescriptors& descriptors, bool track) {
   Rows rows;
   const int lanes = static_cast<int>(hn::Lanes(D()));
   rows.num_padded = (descriptors.size() + kTileRows - 1) / kTileRows * kTileRows;
-  rows.words = hwy::AllocateAligned<int32_t>(static_cast<size_t>(rows.num_padded) * kWords);
+  rows.words = Allocate(static_cast<size_t>(rows.num_padded) * kWords);
   rows.norms = descriptors.squared_norms();
   rows.norms.resize(rows.num_padded, kPaddingNorm);
   std::fill_n(rows.words.get(), static_cast<size_t>(rows.num_padded) * kWords, 0);
@@ -112,8 +119,8 @@ Rows PackRows(const PreparedDescriptors& descriptors, bool track) {
   }
   if (track) {
     const size_t size = static_cast<size_t>(rows.num_padded) * lanes;
-    rows.best = hwy::AllocateAligned<int32_t>(size);
-    rows.second = hwy::AllocateAligned<int32_t>(size);
+    rows.best = Allocate(size);
+    rows.second = Allocate(size);
     std::fill_n(rows.best.get(), size, kFar);
     std::fill_n(rows.second.get(), size, kFar);
   }
@@ -258,9 +265,9 @@ void FindNearestTwoImpl(const PreparedDescriptors& row_descriptors,
   const int lanes = static_cast<int>(hn::Lanes(D()));
   const Rows rows = PackRows(row_descriptors, row_neighbors != nullptr);
   ColumnBlock block;
-  block.words = hwy::AllocateAligned<int32_t>(kVectorsPerBlock * kWords * lanes);
+  block.words = Allocate(kVectorsPerBlock * kWords * lanes);
   for (Buffer* buffer : {&block.offsets, &block.best, &block.second, &block.index}) {
-    *buffer = hwy::AllocateAligned<int32_t>(kVectorsPerBlock * lanes);
+    *buffer = Allocate(kVectorsPerBlock * lanes);
   }
   const int columns_per_tile = kTileVectors * lanes;
   for (int first = 0; first < column_descriptors.size(); first += kVectorsPerBlock * lanes) {
