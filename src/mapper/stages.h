@@ -123,10 +123,9 @@ std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t
                                                          const GeometryReader& read);
 
 // shared_camera.cc
-// Groups of images that one camera each may have taken, though each image, or some of them
-// together, has a camera of its own (as COLMAP stores them): of one size and camera model, with the
-// same prior focal length or without one. Most of a group is where its images are most of those
-// that pairs connect.
+// Groups of images that one camera each may have taken, though they have more cameras than half of
+// their number (as COLMAP stores them): of one size and camera model, with the same prior focal
+// length or without one. Most of a group is where its images are most of those that pairs connect.
 std::vector<std::set<image_t>> LikelyOfOneCamera(const SceneData& scene);
 // The models have several of these images, known by their names, and each model equal cameras.
 bool AgreeWithOneCamera(std::span<const Reconstruction> models, const std::set<image_t>& images,

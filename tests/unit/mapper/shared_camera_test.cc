@@ -150,6 +150,11 @@ TEST(SharedCamera, NeedsMostImagesOfOneKind) {
   scene.constant_cameras = {};
   scene.images[4].camera_id = scene.images[5].camera_id = 3;
   EXPECT_TRUE(LikelyOfOneCamera(scene).empty());
+  // Three images have one camera already, two more cameras are of its kind.
+  scene.cameras[1] = scene.cameras[2] = scene.cameras[3];
+  EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{1, 2, 3, 4, 5}}));
+  scene.images[2].camera_id = 3;
+  EXPECT_TRUE(LikelyOfOneCamera(scene).empty());
 }
 
 TEST(SharedCamera, OfEveryPlaceInTheFolderIsLikely) {
