@@ -7,6 +7,7 @@
 #include <cstring>
 #include <exception>
 #include <new>
+#include <string_view>
 #include <system_error>
 
 #include "cairn/base/error.h"
@@ -15,7 +16,7 @@
 namespace cairn {
 namespace {
 
-int Say(const std::string& message, int exit_code) {
+int Say(std::string_view message, int exit_code) {
   spdlog::error("{}", message);
   return exit_code;
 }
@@ -44,9 +45,12 @@ int ReportException() noexcept {
   }
 }
 
-// An exception that leaves a thread, or a destructor, of a library.
+// An exception that leaves a thread, or a destructor, of a library. GCC 12 does not tell which left
+// a destructor; they throw for want of memory alone.
 [[noreturn]] void HandleTerminate() {
-  _exit(std::current_exception() ? ReportException() : Say("internal error", kExitBug));
+  if (std::current_exception()) _exit(ReportException());
+  if (std::uncaught_exceptions() > 0) _exit(Say("out of memory, or of threads", kExitIo));
+  _exit(Say("internal error", kExitBug));
 }
 
 bool main_has_returned = false;

@@ -66,6 +66,17 @@ std::string_view UnreadFormat(std::string_view bytes) {
   return "";
 }
 
+// GDAL, which OpenCV registers among its codecs where they are first used, ends the program where
+// memory is missing, and OpenBLAS's threads take what is left until each has its 128 MiB. So that
+// much is asked for before. Throws cv::Exception where it is not there.
+void PrepareCodecs() {
+  [[maybe_unused]] static const bool are_prepared = [] {
+    constexpr int kBytes = 192 << 20;
+    const cv::Mat room(1, kBytes, CV_8UC1);
+    return cv::haveImageWriter(".png");
+  }();
+}
+
 }  // namespace
 
 cv::Mat DecodeToMat(const std::string& path, std::string_view bytes, int flags) {
@@ -84,6 +95,7 @@ cv::Mat DecodeToMat(const std::string& path, std::string_view bytes, int flags) 
   const cv::Mat row(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
   cv::Mat image;
   try {
+    PrepareCodecs();
     image = cv::imdecode(row, flags);
   } catch (const cv::Exception& exception) {
     ThrowIfOutOfMemory(exception);
@@ -109,6 +121,7 @@ std::vector<uint8_t> EncodeImage(const std::string& path, const std::string& ext
   }
   std::vector<uint8_t> bytes;
   try {
+    PrepareCodecs();
     if (cv::imencode(extension, image, bytes, {cv::IMWRITE_JPEG_QUALITY, jpeg_quality})) {
       return bytes;
     }

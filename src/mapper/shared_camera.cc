@@ -63,9 +63,7 @@ std::vector<std::set<image_t>> LikelyOfOneCamera(const SceneData& scene) {
   for (auto& [kind, group] : groups) {
     const bool is_mostly_there = 2 * group.num_where_most > group.images.size();
     const bool has_a_camera_each = 2 * group.cameras.size() > group.images.size();
-    if (is_mostly_there && has_a_camera_each && group.cameras.size() > 1) {
-      likely.push_back(std::move(group.images));
-    }
+    if (is_mostly_there && has_a_camera_each) likely.push_back(std::move(group.images));
   }
   return likely;
 }

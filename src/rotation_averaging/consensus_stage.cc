@@ -34,7 +34,7 @@ class CameraVote {
     bool has_moved = false;
     for (int begin = 0; begin < problem_.NumNodes(); begin += kLookAhead) {
       const int end = std::min(problem_.NumNodes(), begin + kLookAhead);
-      if (num_threads_ > 1) LookAhead(begin, end);
+      if (num_threads_ != 1) LookAhead(begin, end);
       for (int v = begin; v < end; ++v) has_moved |= is_open_[v] && Decide(v);
     }
     return has_moved;

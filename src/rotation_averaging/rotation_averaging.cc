@@ -96,7 +96,7 @@ RotationAveragingReport RotationAverager::AverageFrom(
 }
 
 RotationAveragingReport RotationAverager::Run(std::vector<Eigen::Quaterniond> cam_from_world,
-                                              bool is_start,
+                                              bool from_tree,
                                               const RotationAveragingOptions& options) {
   ValidateOptions(options, "rotation_averaging");
   auto& [problem, tree, solver, components] = *prepared_;
@@ -105,7 +105,7 @@ RotationAveragingReport RotationAverager::Run(std::vector<Eigen::Quaterniond> ca
   problem.SetTrust(options.weight_power);
   report.components = components;
   StageResult l1;
-  if (is_start) l1 = RunL1Stage(problem, options, run_, solver, cam_from_world);
+  if (from_tree) l1 = RunL1Stage(problem, options, run_, solver, cam_from_world);
   report.num_consensus_rounds = RunConsensusStage(problem, options, run_, cam_from_world);
   report.num_region_rounds =
       RunRegionStage(problem, tree.num_loops, options, run_, solver, cam_from_world);

@@ -113,7 +113,7 @@ class RotationAverager {
 
  private:
   struct Prepared;
-  RotationAveragingReport Run(std::vector<Eigen::Quaterniond> cam_from_world, bool is_start,
+  RotationAveragingReport Run(std::vector<Eigen::Quaterniond> cam_from_world, bool from_tree,
                               const RotationAveragingOptions& options);
 
   const std::unique_ptr<Prepared> prepared_;
