@@ -6,13 +6,13 @@
 #include "cairn/math/angles.h"
 #include "graph/graph.h"
 #include "rotation_averaging/stages.h"
-#include "rotation_averaging/votes.h"
 
 namespace cairn {
 namespace {
 
 // A camera moves only to a rotation that has this much more support, so that rounds end.
 constexpr double kMinGain = 1.05;
+constexpr int kMaxTried = 32;
 constexpr int kLookAhead = 512;  // cameras that threads look at together
 
 // Moves cameras one after the other, each with all moves before it in sight. Threads look ahead at
@@ -22,7 +22,7 @@ class CameraVote {
   CameraVote(const RotationProblem& problem, double sigma, int num_threads,
              std::vector<Eigen::Quaterniond>& cam_from_world)
       : problem_(problem),
-        sigma_(sigma),
+        fall_(4.0 / (sigma * sigma)),
         num_threads_(problem.NumEdges() < kMinParallelEdges ? 1 : num_threads),
         cam_from_world_(cam_from_world),
         is_open_(problem.NumNodes(), 1),
@@ -64,23 +64,39 @@ class CameraVote {
     return true;
   }
 
-  // The rotation that most edges agree on, if it has much more support than the present one.
+  // The rotation of an edge that most edges agree on, if it has much more support than the present
+  // one: sum of trust / (1 + (angle / sigma)^2). Of many edges' some, evenly spread, are tried.
   std::optional<Eigen::Quaterniond> MoveOf(int v) const {
-    std::vector<Vote> votes;
-    for (const int e : problem_.adjacency.EdgesOf(v)) {
-      const auto [node1, node2] = problem_.edges[e];
-      const Eigen::Quaterniond& q = problem_.relative[e];
-      votes.push_back(
-          {node2 == v ? q * cam_from_world_[node1] : q.conjugate() * cam_from_world_[node2],
-           problem_.trust[e]});
+    const std::span<const int> edges = problem_.adjacency.EdgesOf(v);
+    const Eigen::Index num = std::ssize(edges), num_tried = std::min<Eigen::Index>(num, kMaxTried);
+    Eigen::MatrixX4d asked(num, 4);  // quaternions
+    Eigen::ArrayXd trust(num);
+    for (Eigen::Index k = 0; k < num; ++k) {
+      const auto [node1, node2] = problem_.edges[edges[k]];
+      const Eigen::Quaterniond& q = problem_.relative[edges[k]];
+      asked.row(k) =
+          (node2 == v ? q * cam_from_world_[node1] : q.conjugate() * cam_from_world_[node2])
+              .coeffs();
+      trust[k] = problem_.trust[edges[k]];
     }
-    const Mode mode = FindMode(votes, sigma_);
-    if (mode.support <= kMinGain * Support(cam_from_world_[v], votes, sigma_)) return std::nullopt;
-    return mode.rotation;
+    const auto support_of = [&](const Eigen::Vector4d& tried) {
+      const Eigen::ArrayXd cos_half = asked * tried;
+      return (trust / (1.0 + fall_ * (1.0 - cos_half.square()).max(0.0))).sum();
+    };
+    double most = kMinGain * support_of(cam_from_world_[v].coeffs());
+    std::optional<Eigen::Quaterniond> move;
+    for (Eigen::Index k = 0; k < num_tried; ++k) {
+      const Eigen::Vector4d tried = asked.row(k * num / num_tried);
+      const double support = support_of(tried);
+      if (support <= most) continue;
+      most = support;
+      move = Eigen::Quaterniond(tried).normalized();
+    }
+    return move;
   }
 
   const RotationProblem& problem_;
-  const double sigma_;
+  const double fall_;  // of support, by the squared sine of half of an angle
   const int num_threads_;
   std::vector<Eigen::Quaterniond>& cam_from_world_;
   std::vector<char> is_open_;   // a neighbor has moved since the camera was decided

@@ -24,9 +24,9 @@ double KernelWeight(double squared_error, double sigma) {
 
 }  // namespace
 
-StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveragingOptions& options,
-                         const RunContext& run, LaplacianSolver& solver,
-                         std::vector<Eigen::Quaterniond>& cam_from_world) {
+StageResult RunIrlsStage(RotationGraph& graph, const RotationAveragingOptions& options,
+                         const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world) {
+  const RotationProblem& problem = graph.problem;
   StageResult result;
   const double sigma_end = DegToRad(std::min(options.sigma_end_deg, options.sigma_start_deg));
   double sigma = DegToRad(options.sigma_start_deg);
@@ -40,8 +40,9 @@ StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveraging
       rhs.row(problem.edges[e].node2) += target;
       rhs.row(problem.edges[e].node1) -= target;
     }
-    CAIRN_CHECK(solver.Factorize(weights));
-    const double moved = ApplyRotationUpdate(solver.Solve(rhs, {}, kStepTolerance), cam_from_world);
+    CAIRN_CHECK(graph.solver.Factorize(weights));
+    const double moved =
+        ApplyRotationUpdate(graph.solver.Solve(rhs, {}, kStepTolerance), cam_from_world);
     ++result.num_iterations;
     if (sigma <= sigma_end && moved < DegToRad(options.convergence_deg)) {
       result.converged = true;

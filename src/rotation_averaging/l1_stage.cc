@@ -63,16 +63,16 @@ Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& 
 
 }  // namespace
 
-StageResult RunL1Stage(const RotationProblem& problem, const RotationAveragingOptions& options,
-                       const RunContext& run, LaplacianSolver& solver,
-                       std::vector<Eigen::Quaterniond>& cam_from_world) {
+StageResult RunL1Stage(RotationGraph& graph, const RotationAveragingOptions& options,
+                       const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world) {
+  const RotationProblem& problem = graph.problem;
   StageResult result;
   if (options.max_l1_iterations == 0) return result;
-  CAIRN_CHECK(solver.Factorize(problem.trust));
+  CAIRN_CHECK(graph.solver.Factorize(problem.trust));
   while (result.num_iterations < options.max_l1_iterations && !run.monitor.StopRequested()) {
     const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, run.num_threads);
-    const double moved =
-        ApplyRotationUpdate(SolveL1(problem, errors, solver, run.num_threads), cam_from_world);
+    const double moved = ApplyRotationUpdate(
+        SolveL1(problem, errors, graph.solver, run.num_threads), cam_from_world);
     ++result.num_iterations;
     result.converged =
         moved < std::max(DegToRad(kConvergenceDeg), DegToRad(options.convergence_deg));

@@ -21,29 +21,70 @@ constexpr double kMinConductance = 1e-3;
 constexpr double kTolerance = 0.1;
 // What an edge counts that no loop confirms.
 constexpr double kMinWitness = 0.05;
-constexpr int kGrain = 4096;  // edges a task
+constexpr int kGrain = 1024;  // edges a task, and at once
+
+// What edges ask for: R_2^T R_21 R_1 of each, a turn of the second camera, or its inverse of the
+// first. In columns, for arithmetic on several edges at once.
+struct Misfits {
+  Eigen::ArrayXd w;
+  Eigen::MatrixX3d v;
+  Eigen::ArrayXd trust;
+
+  explicit Misfits(Eigen::Index num_edges) : w(num_edges), v(num_edges, 3), trust(num_edges) {}
+
+  // Every `step`-th of some edges.
+  Misfits Of(std::span<const int> edges, size_t step) const {
+    Misfits some(static_cast<Eigen::Index>((edges.size() + step - 1) / step));
+    for (Eigen::Index k = 0; k < some.w.size(); ++k) {
+      const int e = edges[k * step];
+      some.w[k] = w[e];
+      some.v.row(k) = v.row(e);
+      some.trust[k] = trust[e];
+    }
+    return some;
+  }
+  Eigen::Quaterniond TurnOf(Eigen::Index e) const { return {w[e], v(e, 0), v(e, 1), v(e, 2)}; }
+};
+
+// Edges that close loops with each other are right or wrong together: of so many as agree, as of so
+// many measurements of one thing, the square root counts. An edge that closes none is not trusted.
+Eigen::ArrayXd IndependentTrust(const RotationGraph& graph) {
+  Eigen::ArrayXd trust(graph.problem.NumEdges());
+  for (Eigen::Index e = 0; e < trust.size(); ++e) {
+    const double num_loops = graph.num_loops[e];
+    trust[e] =
+        graph.problem.trust[e] * std::max(kMinWitness, std::sqrt(num_loops) / (1 + num_loops));
+  }
+  return trust;
+}
 
 // Turns regions of cameras: R <- R * turn for all cameras of one.
 class RegionTurner {
  public:
-  RegionTurner(RotationProblem problem, double sigma, const RunContext& run,
-               LaplacianSolver& solver, std::vector<Eigen::Quaterniond>& cam_from_world)
-      : problem_(std::move(problem)),
-        sigma_(sigma),
+  RegionTurner(RotationGraph& graph, double sigma, const RunContext& run,
+               std::vector<Eigen::Quaterniond>& cam_from_world)
+      : problem_(graph.problem),
+        solver_(graph.solver),
+        cos_sigma_(std::cos(sigma)),
+        fall_(4.0 / (sigma * sigma)),
         run_(run),
-        solver_(solver),
         cam_from_world_(cam_from_world),
-        // (What one camera's edges can gain is left to the consensus of single ones.)
-        min_gain_(0.2 * std::accumulate(problem_.trust.begin(), problem_.trust.end(), 0.0) /
-                  problem_.NumNodes()),
-        misfit_(problem_.NumEdges()),
-        support_(problem_.NumEdges()) {}
+        misfits_(problem_.NumEdges()) {
+    misfits_.trust = IndependentTrust(graph);
+    // (What one camera's edges can gain is left to the consensus of single ones.)
+    min_gain_ = 0.2 * misfits_.trust.sum() / problem_.NumNodes();
+  }
 
   // True: a region was turned.
   bool RunRound() {
+    const auto num_failed = std::ssize(failed_);
     if (TryTurns()) return true;
-    failed_.clear();  // What brought nothing before may gain now.
-    return TryTurns();
+    // What brought nothing before may gain now; what was tried just now will not.
+    in_vain_.assign(failed_.begin() + num_failed, failed_.end());
+    failed_.clear();
+    const bool has_turned = TryTurns();
+    in_vain_.clear();
+    return has_turned;
   }
 
  private:
@@ -55,7 +96,10 @@ class RegionTurner {
   bool TryTurns() {
     UpdateMisfits();
     const std::vector<int> bad = BadEdges();
-    const std::vector<Eigen::Quaterniond> turns = FindTurns(bad);
+    std::vector<Eigen::Quaterniond> turns = FindTurns(bad);
+    std::erase_if(turns, [&](const Eigen::Quaterniond& turn) {
+      return std::find(in_vain_.begin(), in_vain_.end(), turn) != in_vain_.end();
+    });
     if (turns.empty()) return false;
     const Eigen::MatrixXd potentials = FindPotentials(bad, turns);
     std::vector<Region> regions(turns.size());
@@ -74,60 +118,54 @@ class RegionTurner {
     return has_turned;
   }
 
-  // Support of an edge by the cosine of half of its error.
-  double SupportOf(int e, double cos_half) const {
-    const double squared_angle = 4.0 * std::max(0.0, 1.0 - cos_half * cos_half);
-    return problem_.trust[e] / (1.0 + squared_angle / (sigma_ * sigma_));
-  }
-  // If only the first, or the second, of its cameras turns.
-  double IfFirstTurns(int e, const Eigen::Quaterniond& turn) const {
-    return SupportOf(e, turn.conjugate().dot(misfit_[e]));
-  }
-  double IfSecondTurns(int e, const Eigen::Quaterniond& turn) const {
-    return SupportOf(e, turn.dot(misfit_[e]));
+  // An edge's support is its trust divided by this, of the cosine of half of its error. That cosine
+  // is w * w' - v * v' with a misfit and the turn of the first camera, and w * w' + v * v' with
+  // that of the second.
+  template <typename T>
+  auto Loss(const T& cos_half) const {
+    return 1.0 + fall_ * (1.0 - cos_half.square()).max(0.0);
   }
 
   void UpdateMisfits() {
     const auto update = [&](int64_t e) {
       const auto [node1, node2] = problem_.edges[e];
-      misfit_[e] =
-          cam_from_world_[node2].conjugate() * problem_.relative[e] * cam_from_world_[node1];
-      support_[e] = SupportOf(static_cast<int>(e), misfit_[e].w());
+      const Eigen::Quaterniond misfit =
+          (cam_from_world_[node2].conjugate() * problem_.relative[e] * cam_from_world_[node1]);
+      misfits_.w[e] = misfit.w();
+      misfits_.v.row(e) = misfit.vec();
     };
     ParallelFor(run_.num_threads, problem_.NumEdges(), update, kGrain);
+    support_ = misfits_.trust / Loss(misfits_.w);
   }
 
   std::vector<int> BadEdges() const {
     std::vector<int> bad;
     for (int e = 0; e < problem_.NumEdges(); ++e) {
-      if (support_[e] < kBadShare * problem_.trust[e]) bad.push_back(e);
+      if (support_[e] < kBadShare * misfits_.trust[e]) bad.push_back(e);
     }
     return bad;
   }
 
   bool IsNear(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) const {
-    return std::abs(a.dot(b)) > std::cos(sigma_) ||
-           std::abs(a.conjugate().dot(b)) > std::cos(sigma_);
+    return std::abs(a.dot(b)) > cos_sigma_ || std::abs(a.conjugate().dot(b)) > cos_sigma_;
   }
 
   // Turns that many bad edges ask for, the most wanted first: none that failed, and no small ones.
   std::vector<Eigen::Quaterniond> FindTurns(const std::vector<int>& bad) const {
     std::vector<std::pair<double, int>> ranked(std::min(bad.size(), kMaxProposals));
-    const size_t step = 1 + bad.size() / kMaxVoters;
+    const Misfits voters = misfits_.Of(bad, 1 + bad.size() / kMaxVoters);
     const auto rank = [&](int64_t k) {
       const int proposed = bad[k * bad.size() / ranked.size()];
-      double wanted = 0;
-      for (size_t i = 0; i < bad.size(); i += step) {
-        wanted +=
-            IfFirstTurns(bad[i], misfit_[proposed]) + IfSecondTurns(bad[i], misfit_[proposed]);
-      }
+      const Eigen::Quaterniond turn = misfits_.TurnOf(proposed);
+      const Eigen::ArrayXd w = turn.w() * voters.w, v = voters.v * turn.vec();
+      const double wanted = (voters.trust / Loss(w - v) + voters.trust / Loss(w + v)).sum();
       ranked[k] = {-wanted, proposed};
     };
     ParallelFor(run_.num_threads, std::ssize(ranked), rank, 1);
     std::sort(ranked.begin(), ranked.end());
     std::vector<Eigen::Quaterniond> turns;
     for (const std::pair<double, int>& proposed : ranked) {
-      const Eigen::Quaterniond& turn = misfit_[proposed.second];
+      const Eigen::Quaterniond turn = misfits_.TurnOf(proposed.second);
       const auto is_near = [&](const Eigen::Quaterniond& other) { return IsNear(other, turn); };
       if (is_near(Eigen::Quaterniond::Identity()) ||
           std::any_of(turns.begin(), turns.end(), is_near) ||
@@ -137,27 +175,21 @@ class RegionTurner {
       turns.push_back(turn);
       if (turns.size() == kMaxTurns) break;
     }
-    ParallelFor(
-        run_.num_threads, std::ssize(turns),
-        [&](int64_t k) { turns[k] = MeanOfBad(bad, turns[k]); }, 1);
+    const Misfits askers = misfits_.Of(bad, 1 + bad.size() / (4 * kMaxVoters));
+    const auto refine = [&](int64_t k) { turns[k] = MeanOf(askers, turns[k]); };
+    ParallelFor(run_.num_threads, std::ssize(turns), refine, 1);
     return turns;
   }
 
-  // The mean of what bad edges ask for near a turn.
-  Eigen::Quaterniond MeanOfBad(const std::vector<int>& bad, Eigen::Quaterniond turn) const {
-    const size_t step = 1 + bad.size() / (4 * kMaxVoters);
+  // The mean of what edges ask for near a turn.
+  Eigen::Quaterniond MeanOf(const Misfits& askers, Eigen::Quaterniond turn) const {
     for (int k = 0; k < 2; ++k) {
-      Eigen::Vector4d sum = Eigen::Vector4d::Zero();
-      const auto add = [&](const Eigen::Quaterniond& asked, double support, double trust) {
-        const double weight = support * support / trust;
-        sum += (asked.dot(turn) < 0 ? -weight : weight) * asked.coeffs();
-      };
-      for (size_t i = 0; i < bad.size(); i += step) {
-        const int e = bad[i];
-        add(misfit_[e], IfSecondTurns(e, turn), problem_.trust[e]);
-        add(misfit_[e].conjugate(), IfFirstTurns(e, turn), problem_.trust[e]);
-      }
-      turn = Eigen::Quaterniond(sum).normalized();
+      const Eigen::ArrayXd w = turn.w() * askers.w, v = askers.v * turn.vec();
+      const Eigen::ArrayXd by_first = (w - v).sign() * askers.trust / Loss(w - v).square();
+      const Eigen::ArrayXd by_second = (w + v).sign() * askers.trust / Loss(w + v).square();
+      turn.w() = ((by_second + by_first) * askers.w).sum();
+      turn.vec() = askers.v.transpose() * (by_second - by_first).matrix();
+      turn.normalize();
     }
     return turn;
   }
@@ -167,48 +199,71 @@ class RegionTurner {
   Eigen::MatrixXd FindPotentials(const std::vector<int>& bad,
                                  const std::vector<Eigen::Quaterniond>& turns) {
     Eigen::MatrixXd push = Eigen::MatrixXd::Zero(problem_.NumNodes(), std::ssize(turns));
+    const Misfits pushed = misfits_.Of(bad, 1);
     const auto fill = [&](int64_t k) {
-      for (const int e : bad) {
-        const double by_first = IfFirstTurns(e, turns[k]), by_second = IfSecondTurns(e, turns[k]);
-        const double flow = by_second > by_first ? by_second : -by_first;
-        push(problem_.edges[e].node2, k) += flow;
-        push(problem_.edges[e].node1, k) -= flow;
+      const Eigen::ArrayXd w = turns[k].w() * pushed.w, v = pushed.v * turns[k].vec();
+      const Eigen::ArrayXd flow = (w * v).sign() * pushed.trust / Loss(w.abs() + v.abs());
+      for (size_t i = 0; i < bad.size(); ++i) {
+        const auto [node1, node2] = problem_.edges[bad[i]];
+        push(node2, k) += flow[i];
+        push(node1, k) -= flow[i];
       }
     };
     ParallelFor(run_.num_threads, std::ssize(turns), fill, 1);
-    std::vector<double> conductance(problem_.NumEdges());
-    for (int e = 0; e < problem_.NumEdges(); ++e) {
-      conductance[e] = std::max(support_[e], kMinConductance * problem_.trust[e]);
+    const Eigen::ArrayXd conductance = support_.max(kMinConductance * misfits_.trust);
+    if (!solver_.Factorize({conductance.data(), conductance.data() + conductance.size()})) {
+      return push;
     }
-    if (!solver_.Factorize(conductance)) return push;
     return solver_.Solve(push, {}, kTolerance);
   }
 
   // Of the cameras in the order of their potential, so many that support gains the most.
   Region FindRegion(const Eigen::Quaterniond& turn, const Eigen::VectorXd& potential) const {
-    std::vector<int> order(problem_.NumNodes()), rank(problem_.NumNodes());
+    std::vector<int> order(problem_.NumNodes());
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(),
                      [&](int a, int b) { return potential[a] > potential[b]; });
+    Eigen::ArrayXi rank(problem_.NumNodes());
     for (size_t k = 0; k < order.size(); ++k) rank[order[k]] = static_cast<int>(k);
-    // An edge's support changes when one of its cameras turns, and is back when both have.
-    std::vector<double> change(problem_.NumNodes(), 0.0);
-    for (int e = 0; e < problem_.NumEdges(); ++e) {
-      const int rank1 = rank[problem_.edges[e].node1], rank2 = rank[problem_.edges[e].node2];
-      const double apart = rank1 < rank2 ? IfFirstTurns(e, turn) : IfSecondTurns(e, turn);
-      change[std::min(rank1, rank2)] += apart - support_[e];
-      change[std::max(rank1, rank2)] -= apart - support_[e];
-    }
+    const Eigen::ArrayXd change = ChangesBy(turn, rank);
     double gain = 0, most = 0;
     size_t size = 0;
     for (size_t k = 0; k < order.size(); ++k) {
-      gain += change[k];
+      gain += change[order[k]];
       if (gain <= most) continue;
       most = gain;
       size = k + 1;
     }
     order.resize(size);
     return {std::move(order), most};
+  }
+
+  // Of support by each camera, where they turn one after the other by their rank. An edge's support
+  // changes when one of its cameras turns, and is back when both have.
+  Eigen::ArrayXd ChangesBy(const Eigen::Quaterniond& turn, const Eigen::ArrayXi& rank) const {
+    Eigen::ArrayXd change = Eigen::ArrayXd::Zero(rank.size());
+    // 1: the first camera turns before the second; -1: after it.
+    Eigen::ArrayXd side(kGrain), gain(kGrain);
+    for (int begin = 0; begin < problem_.NumEdges(); begin += kGrain) {
+      const int num = std::min(kGrain, problem_.NumEdges() - begin);
+      const GraphEdge* edges = &problem_.edges[begin];
+      for (int k = 0; k < num; ++k) {
+        side[k] = 2 * static_cast<int>(rank[edges[k].node1] < rank[edges[k].node2]) - 1;
+      }
+      const auto v = misfits_.v.middleRows(begin, num).lazyProduct(turn.vec()).array();
+      const auto cos_half = turn.w() * misfits_.w.segment(begin, num) - side.head(num) * v;
+      gain.head(num) = side.head(num) * (misfits_.trust.segment(begin, num) / Loss(cos_half) -
+                                         support_.segment(begin, num));
+      double sum = 0;  // of edges of one first camera, which follow each other
+      for (int k = 0; k < num; ++k) {
+        change[edges[k].node2] -= gain[k];
+        sum += gain[k];
+        if (k + 1 < num && edges[k + 1].node1 == edges[k].node1) continue;
+        change[edges[k].node1] += sum;
+        sum = 0;
+      }
+    }
+    return change;
   }
 
   void Turn(const Region& region, const Eigen::Quaterniond& turn) {
@@ -218,42 +273,33 @@ class RegionTurner {
     UpdateMisfits();
   }
 
-  const RotationProblem problem_;
-  const double sigma_;
-  const RunContext& run_;
+  const RotationProblem& problem_;
   LaplacianSolver& solver_;
+  const double cos_sigma_;
+  const double fall_;  // of support, by the squared sine of half of an angle
+  const RunContext& run_;
   std::vector<Eigen::Quaterniond>& cam_from_world_;
-  const double min_gain_;
-  std::vector<Eigen::Quaterniond> misfit_;  // R_2^T R_21 R_1 of each edge
-  std::vector<double> support_;             // of each edge
-  std::vector<Eigen::Quaterniond> failed_;  // turns that have brought nothing
+  double min_gain_ = 0;
+  Misfits misfits_;
+  Eigen::ArrayXd support_;                   // of each edge
+  std::vector<Eigen::Quaterniond> failed_;   // turns that have brought nothing
+  std::vector<Eigen::Quaterniond> in_vain_;  // those of the present rotations
 };
-
-// Edges that close loops with each other are right or wrong together: of so many as agree, as of so
-// many measurements of one thing, the square root counts. An edge that closes none is not trusted.
-RotationProblem WithIndependentTrust(RotationProblem problem, std::span<const double> num_loops) {
-  for (int e = 0; e < problem.NumEdges(); ++e) {
-    problem.trust[e] *= std::max(kMinWitness, std::sqrt(num_loops[e]) / (1.0 + num_loops[e]));
-  }
-  return problem;
-}
 
 }  // namespace
 
-int RunRegionStage(const RotationProblem& problem, std::span<const double> num_loops,
-                   const RotationAveragingOptions& options, const RunContext& run,
-                   LaplacianSolver& solver, std::vector<Eigen::Quaterniond>& cam_from_world) {
+int RunRegionStage(RotationGraph& graph, const RotationAveragingOptions& options,
+                   const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world) {
   RotationAveragingOptions smoothing = options;
   smoothing.sigma_end_deg = options.sigma_start_deg;
   smoothing.max_irls_iterations = std::min(2, options.max_irls_iterations);
-  RegionTurner turner(WithIndependentTrust(problem, num_loops), DegToRad(options.sigma_start_deg),
-                      run, solver, cam_from_world);
+  RegionTurner turner(graph, DegToRad(options.sigma_start_deg), run, cam_from_world);
   int num_rounds = 0;
   while (num_rounds < options.max_region_rounds && !run.monitor.StopRequested()) {
     if (!turner.RunRound()) break;
     ++num_rounds;
-    RunConsensusStage(problem, options, run, cam_from_world);
-    RunIrlsStage(problem, smoothing, run, solver, cam_from_world);
+    RunConsensusStage(graph.problem, options, run, cam_from_world);
+    RunIrlsStage(graph, smoothing, run, cam_from_world);
   }
   return num_rounds;
 }

@@ -17,12 +17,13 @@ namespace {
 // gradients are taken.
 constexpr double kMaxCholeskyFlops = 3e9;
 
-LaplacianSolver MakeSolver(const RotationProblem& problem, std::span<const char> is_root,
-                           int num_threads) {
+RotationGraph MakeGraph(RotationProblem problem, std::vector<double> num_loops,
+                        std::span<const char> is_root, int num_threads) {
   std::vector<LaplacianSolver::Edge> edges;
   edges.reserve(problem.edges.size());
   for (const GraphEdge& edge : problem.edges) edges.push_back({edge.node1, edge.node2});
-  return {problem.NumNodes(), edges, is_root, kMaxCholeskyFlops, num_threads};
+  LaplacianSolver solver(problem.NumNodes(), edges, is_root, kMaxCholeskyFlops, num_threads);
+  return {std::move(problem), std::move(num_loops), std::move(solver)};
 }
 
 // Images of each component.
@@ -65,9 +66,8 @@ std::string_view RotationAveragingStatusName(RotationAveragingStatus status) {
 }
 
 struct RotationAverager::Prepared {
-  RotationProblem problem;
-  SpanningTreeRotations tree;
-  LaplacianSolver solver;
+  RotationGraph graph;
+  std::vector<Eigen::Quaterniond> tree_rotations;
   std::vector<std::vector<image_t>> components;
 };
 
@@ -75,23 +75,24 @@ RotationAverager::RotationAverager(std::span<const RotationEdge> edges, const Ru
     : prepared_([&] {
         RotationProblem problem = MakeRotationProblem(edges);
         SpanningTreeRotations tree = InitializeBySpanningTree(problem, run.num_threads);
-        LaplacianSolver solver = MakeSolver(problem, tree.is_root, run.num_threads);
         std::vector<std::vector<image_t>> components = ComponentsOf(problem);
-        return std::make_unique<Prepared>(Prepared{std::move(problem), std::move(tree),
-                                                   std::move(solver), std::move(components)});
+        return std::make_unique<Prepared>(Prepared{
+            MakeGraph(std::move(problem), std::move(tree.num_loops), tree.is_root, run.num_threads),
+            std::move(tree.cam_from_world), std::move(components)});
       }()),
       run_(run) {}
 
 RotationAverager::~RotationAverager() = default;
 
 RotationAveragingReport RotationAverager::Average(const RotationAveragingOptions& options) {
-  return Run(prepared_->tree.cam_from_world, true, options);
+  return Run(prepared_->tree_rotations, true, options);
 }
 
 RotationAveragingReport RotationAverager::AverageFrom(
     const std::map<image_t, Eigen::Quaterniond>& start, const RotationAveragingOptions& options) {
   std::vector<Eigen::Quaterniond> cam_from_world;
-  for (const image_t id : prepared_->problem.image_ids) cam_from_world.push_back(start.at(id));
+  for (const image_t id : prepared_->graph.problem.image_ids)
+    cam_from_world.push_back(start.at(id));
   return Run(std::move(cam_from_world), false, options);
 }
 
@@ -99,17 +100,17 @@ RotationAveragingReport RotationAverager::Run(std::vector<Eigen::Quaterniond> ca
                                               bool from_tree,
                                               const RotationAveragingOptions& options) {
   ValidateOptions(options, "rotation_averaging");
-  auto& [problem, tree, solver, components] = *prepared_;
+  RotationProblem& problem = prepared_->graph.problem;
   RotationAveragingReport report;
   if (problem.NumEdges() == 0) return report;
   problem.SetTrust(options.weight_power);
-  report.components = components;
+  report.components = prepared_->components;
+
   StageResult l1;
-  if (from_tree) l1 = RunL1Stage(problem, options, run_, solver, cam_from_world);
+  if (from_tree) l1 = RunL1Stage(prepared_->graph, options, run_, cam_from_world);
   report.num_consensus_rounds = RunConsensusStage(problem, options, run_, cam_from_world);
-  report.num_region_rounds =
-      RunRegionStage(problem, tree.num_loops, options, run_, solver, cam_from_world);
-  const StageResult irls = RunIrlsStage(problem, options, run_, solver, cam_from_world);
+  report.num_region_rounds = RunRegionStage(prepared_->graph, options, run_, cam_from_world);
+  const StageResult irls = RunIrlsStage(prepared_->graph, options, run_, cam_from_world);
   report.num_l1_iterations = l1.num_iterations;
   report.num_irls_iterations = irls.num_iterations;
   if (run_.monitor.StopRequested()) {

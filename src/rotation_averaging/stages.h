@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <span>
 #include <vector>
 
 #include "cairn/base/progress.h"
@@ -10,6 +9,13 @@
 #include "sparse/laplacian_solver.h"
 
 namespace cairn {
+
+// A problem, and what its edges alone decide.
+struct RotationGraph {
+  RotationProblem problem;
+  std::vector<double> num_loops;  // of each edge, that close (spanning_tree.h)
+  LaplacianSolver solver;
+};
 
 struct StageResult {
   int num_iterations = 0;
@@ -30,20 +36,17 @@ int RunConsensusStage(const RotationProblem& problem, const RotationAveragingOpt
 // the latter (Grady, "Random walks for image segmentation", 2006; Spielman and Teng, "Spectral
 // partitioning works", 2007, for such sweeps). After each round, single cameras follow, and the
 // errors of the edges that gave the turns are evened out. Returns the number of rounds.
-int RunRegionStage(const RotationProblem& problem, std::span<const double> num_loops,
-                   const RotationAveragingOptions& options, const RunContext& run,
-                   LaplacianSolver& solver, std::vector<Eigen::Quaterniond>& cam_from_world);
+int RunRegionStage(RotationGraph& graph, const RotationAveragingOptions& options,
+                   const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world);
 
 // Minimizes the sum of unsquared errors: each iteration solves min sum_e trust_e |delta_2 - delta_1
 // - error_e| by ADMM (Boyd et al. 2011, 6.1; the norm of a whole 3-vector, so that the result does
 // not depend on the world frame), with one factorization for all of them.
-StageResult RunL1Stage(const RotationProblem& problem, const RotationAveragingOptions& options,
-                       const RunContext& run, LaplacianSolver& solver,
-                       std::vector<Eigen::Quaterniond>& cam_from_world);
+StageResult RunL1Stage(RotationGraph& graph, const RotationAveragingOptions& options,
+                       const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world);
 
 // Iteratively reweighted least squares with the kernel's scale going from sigma_start to sigma_end.
-StageResult RunIrlsStage(const RotationProblem& problem, const RotationAveragingOptions& options,
-                         const RunContext& run, LaplacianSolver& solver,
-                         std::vector<Eigen::Quaterniond>& cam_from_world);
+StageResult RunIrlsStage(RotationGraph& graph, const RotationAveragingOptions& options,
+                         const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world);
 
 }  // namespace cairn

@@ -164,12 +164,15 @@ LaplacianSolver::Rows LaplacianSolver::Precondition(const Rows& residual) const 
 template <int kColumns>
 void LaplacianSolver::AddNeighbors(const Rows& X, Rows& Y) const {
   using Row = Eigen::Array<double, 1, kColumns>;
-  const Eigen::Index num_columns = X.cols();
+  const Eigen::Index num_columns = kColumns == Eigen::Dynamic ? X.cols() : kColumns;
   const auto add = [&](int64_t r) {
+    const int64_t begin = neighbors_begin_[r], num = neighbors_begin_[r + 1] - begin;
+    const Neighbor* neighbors = neighbors_.data() + begin;
+    const double* weights = neighbor_weights_.data() + begin;
+    const double* x = X.data();
     Row sum = Row::Zero(num_columns);
-    for (int64_t k = neighbors_begin_[r]; k < neighbors_begin_[r + 1]; ++k) {
-      const double* x = X.data() + neighbors_[k].row * num_columns;
-      sum += neighbor_weights_[k] * Eigen::Map<const Row>(x, num_columns);
+    for (int64_t k = 0; k < num; ++k) {
+      sum += weights[k] * Eigen::Map<const Row>(x + neighbors[k].row * num_columns, num_columns);
     }
     Y.row(r).array() -= sum;
   };
