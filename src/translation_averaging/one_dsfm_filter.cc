@@ -1,8 +1,11 @@
 #include "translation_averaging/one_dsfm_filter.h"
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
-#include <queue>
+#include <numeric>
+#include <vector>
 
 #include "cairn/base/parallel.h"
 #include "cairn/base/rng.h"
@@ -20,6 +23,33 @@ Eigen::Vector3d RandomAxis(uint64_t seed, int index) {
     if (axis.norm() > 1e-3) return axis.normalized();
   }
 }
+
+// The largest of n scores that change one at a time; of equal ones the first. (A heap that keeps
+// entries out of date has one for each change.)
+class Tournament {
+ public:
+  explicit Tournament(int n) : first_leaf_(std::bit_ceil(static_cast<unsigned>(std::max(n, 2)))) {
+    score_.assign(first_leaf_, -std::numeric_limits<double>::infinity());
+    winner_.resize(2 * first_leaf_);
+    std::iota(winner_.begin() + first_leaf_, winner_.end(), 0);
+    for (int k = first_leaf_ - 1; k > 0; --k) winner_[k] = winner_[2 * k];
+  }
+
+  int Winner() const { return winner_[1]; }
+
+  void Set(int v, double score) {
+    score_[v] = score;
+    for (int k = (first_leaf_ + v) / 2; k > 0; k /= 2) {
+      const int left = winner_[2 * k], right = winner_[2 * k + 1];
+      winner_[k] = score_[right] > score_[left] ? right : left;
+    }
+  }
+
+ private:
+  const int first_leaf_;
+  std::vector<double> score_;
+  std::vector<int> winner_;  // of each node of a binary tree; the root is node 1
+};
 
 // Positions of the cameras in an order that breaks few of the projected edges. Cameras are taken
 // one by one, always the one with the largest (1 + weight out) / (1 + weight in) among those left
@@ -39,34 +69,23 @@ std::vector<int> OrderAlongAxis(const DirectionProblem& problem, const GraphAdja
       (p > 0 ? weight_out : weight_in)[v] += std::abs(p);
     }
   }
-  struct Candidate {
-    double score;
-    int camera;
-    bool operator<(const Candidate& other) const {
-      return score != other.score ? score < other.score : camera > other.camera;
-    }
+  Tournament tournament(n);
+  const auto set_score = [&](int v) {
+    tournament.Set(v, weight_in[v] < kZeroWeight ? std::numeric_limits<double>::infinity()
+                                                 : (1 + weight_out[v]) / (1 + weight_in[v]));
   };
-  std::vector<double> score(n);
-  std::priority_queue<Candidate> queue;  // out-of-date entries are skipped
-  const auto push = [&](int v) {
-    score[v] = weight_in[v] < kZeroWeight ? std::numeric_limits<double>::infinity()
-                                          : (1 + weight_out[v]) / (1 + weight_in[v]);
-    queue.push({score[v], v});
-  };
-  for (int v = 0; v < n; ++v) push(v);
+  for (int v = 0; v < n; ++v) set_score(v);
   std::vector<int> position(n, -1);
-  int num_placed = 0;
-  while (!queue.empty()) {
-    const auto [candidate_score, v] = queue.top();
-    queue.pop();
-    if (position[v] >= 0 || candidate_score != score[v]) continue;
-    position[v] = num_placed++;
+  for (int num_placed = 0; num_placed < n; ++num_placed) {
+    const int v = tournament.Winner();
+    position[v] = num_placed;
+    tournament.Set(v, -std::numeric_limits<double>::infinity());
     for (int k = adjacency.begin[v]; k < adjacency.begin[v + 1]; ++k) {
       const int u = adjacency.neighbor[k];
       if (position[u] >= 0) continue;
       const double p = projection(adjacency.edge[k], v);
       (p > 0 ? weight_in : weight_out)[u] -= std::abs(p);
-      push(u);
+      set_score(u);
     }
   }
   return position;

@@ -350,7 +350,9 @@ void PositionSystem::AddToGroups(const Terms& terms, int part, Eigen::MatrixXd& 
     }
     for (const auto& [group1, pull1] : pulls) {
       const Eigen::Matrix3d weighted = pull1 * point_inverse_[k];
-      for (const auto& [group2, pull2] : pulls) add(group1, group2, -weighted * pull2);
+      for (const auto& [group2, pull2] : pulls) {
+        if (group1 >= group2) add(group1, group2, -weighted * pull2);
+      }
     }
   });
 }
