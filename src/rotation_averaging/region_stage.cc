@@ -130,7 +130,7 @@ class RegionTurner {
     const auto update = [&](int64_t e) {
       const auto [node1, node2] = problem_.edges[e];
       const Eigen::Quaterniond misfit =
-          (cam_from_world_[node2].conjugate() * problem_.relative[e] * cam_from_world_[node1]);
+          cam_from_world_[node2].conjugate() * problem_.relative[e] * cam_from_world_[node1];
       misfits_.w[e] = misfit.w();
       misfits_.v.row(e) = misfit.vec();
     };
@@ -283,7 +283,7 @@ class RegionTurner {
   Misfits misfits_;
   Eigen::ArrayXd support_;                   // of each edge
   std::vector<Eigen::Quaterniond> failed_;   // turns that have brought nothing
-  std::vector<Eigen::Quaterniond> in_vain_;  // those of the present rotations
+  std::vector<Eigen::Quaterniond> in_vain_;  // tried on the present rotations
 };
 
 }  // namespace
