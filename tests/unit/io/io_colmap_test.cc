@@ -118,9 +118,9 @@ TEST(Colmap, BundlerFilesAgree) {
   EXPECT_EQ(theirs.NumObservations(), ours.NumObservations());
   EXPECT_NEAR(theirs.MeanReprojectionErrorPx(), ours.MeanReprojectionErrorPx(), 1e-3);
   for (const auto& [id, image] : ours.images) {
-    const auto same = std::find_if(theirs.images.begin(), theirs.images.end(), [&](const auto& i) {
-      return i.second.image.name == image.image.name;
-    });
+    const std::string& name = image.image.name;
+    const auto same = std::find_if(theirs.images.begin(), theirs.images.end(),
+                                   [&](const auto& i) { return i.second.image.name == name; });
     ASSERT_NE(same, theirs.images.end());
     EXPECT_LT((same->second.cam_from_world.Center() - image.cam_from_world.Center()).norm(), 1e-6);
     EXPECT_LT(AngleBetween(same->second.cam_from_world.rotation, image.cam_from_world.rotation),

@@ -51,8 +51,9 @@ TEST(Hinged, APartThatASingleImageJoinsWithTheRestIsFound) {
   IncompleteModel scene({});
   EXPECT_TRUE(FindHinged(scene.context, scene.graph, scene.model).empty());
   for (auto& [id, point] : scene.model.points3D) {
+    const bool is_even = id % 2 == 0;
     const auto is_of_others = [&](const TrackElement& element) {
-      return id % 2 == 0 ? element.image_id < 7 : element.image_id > 7;
+      return is_even ? element.image_id < 7 : element.image_id > 7;
     };
     for (const TrackElement& element : point.track) {
       if (!is_of_others(element)) continue;
