@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "cairn/base/parallel.h"
@@ -22,7 +23,7 @@ class CameraVote {
   CameraVote(const RotationProblem& problem, double sigma, int num_threads,
              std::vector<Eigen::Quaterniond>& cam_from_world)
       : problem_(problem),
-        fall_(4.0 / (sigma * sigma)),
+        sigma_(sigma),
         num_threads_(problem.NumEdges() < kMinParallelEdges ? 1 : num_threads),
         cam_from_world_(cam_from_world),
         is_open_(problem.NumNodes(), 1),
@@ -65,7 +66,7 @@ class CameraVote {
   }
 
   // The rotation of an edge that most edges agree on, if it has much more support than the present
-  // one: sum of trust / (1 + (angle / sigma)^2). Of many edges' some, evenly spread, are tried.
+  // one. Of many edges' some, evenly spread, are tried.
   std::optional<Eigen::Quaterniond> MoveOf(int v) const {
     const std::span<const int> edges = problem_.adjacency.EdgesOf(v);
     const Eigen::Index num = std::ssize(edges), num_tried = std::min<Eigen::Index>(num, kMaxTried);
@@ -81,7 +82,7 @@ class CameraVote {
     }
     const auto support_of = [&](const Eigen::Vector4d& tried) {
       const Eigen::ArrayXd cos_half = asked * tried;
-      return (trust / (1.0 + fall_ * (1.0 - cos_half.square()).max(0.0))).sum();
+      return (trust / SupportLoss(cos_half, sigma_)).sum();
     };
     double most = kMinGain * support_of(cam_from_world_[v].coeffs());
     std::optional<Eigen::Quaterniond> move;
@@ -96,7 +97,7 @@ class CameraVote {
   }
 
   const RotationProblem& problem_;
-  const double fall_;  // of support, by the squared sine of half of an angle
+  const double sigma_;
   const int num_threads_;
   std::vector<Eigen::Quaterniond>& cam_from_world_;
   std::vector<char> is_open_;   // a neighbor has moved since the camera was decided

@@ -1,7 +1,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
@@ -65,8 +67,7 @@ class RegionTurner {
                std::vector<Eigen::Quaterniond>& cam_from_world)
       : problem_(graph.problem),
         solver_(graph.solver),
-        cos_sigma_(std::cos(sigma)),
-        fall_(4.0 / (sigma * sigma)),
+        sigma_(sigma),
         run_(run),
         cam_from_world_(cam_from_world),
         misfits_(problem_.NumEdges()) {
@@ -78,13 +79,11 @@ class RegionTurner {
   // True: a region was turned.
   bool RunRound() {
     const auto num_failed = std::ssize(failed_);
-    if (TryTurns()) return true;
+    if (TryTurns({})) return true;
     // What brought nothing before may gain now; what was tried just now will not.
-    in_vain_.assign(failed_.begin() + num_failed, failed_.end());
+    const std::vector<Eigen::Quaterniond> in_vain(failed_.begin() + num_failed, failed_.end());
     failed_.clear();
-    const bool has_turned = TryTurns();
-    in_vain_.clear();
-    return has_turned;
+    return TryTurns(in_vain);
   }
 
  private:
@@ -93,12 +92,12 @@ class RegionTurner {
     double gain = 0;
   };
 
-  bool TryTurns() {
+  bool TryTurns(std::span<const Eigen::Quaterniond> in_vain) {
     UpdateMisfits();
     const std::vector<int> bad = BadEdges();
     std::vector<Eigen::Quaterniond> turns = FindTurns(bad);
     std::erase_if(turns, [&](const Eigen::Quaterniond& turn) {
-      return std::find(in_vain_.begin(), in_vain_.end(), turn) != in_vain_.end();
+      return std::find(in_vain.begin(), in_vain.end(), turn) != in_vain.end();
     });
     if (turns.empty()) return false;
     const Eigen::MatrixXd potentials = FindPotentials(bad, turns);
@@ -118,12 +117,11 @@ class RegionTurner {
     return has_turned;
   }
 
-  // An edge's support is its trust divided by this, of the cosine of half of its error. That cosine
-  // is w * w' - v * v' with a misfit and the turn of the first camera, and w * w' + v * v' with
-  // that of the second.
+  // The cosine of half of an edge's error is w * w' - v * v' with its misfit and the turn of its
+  // first camera, and w * w' + v * v' with that of the second.
   template <typename T>
   auto Loss(const T& cos_half) const {
-    return 1.0 + fall_ * (1.0 - cos_half.square()).max(0.0);
+    return SupportLoss(cos_half, sigma_);
   }
 
   void UpdateMisfits() {
@@ -147,7 +145,7 @@ class RegionTurner {
   }
 
   bool IsNear(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) const {
-    return std::abs(a.dot(b)) > cos_sigma_ || std::abs(a.conjugate().dot(b)) > cos_sigma_;
+    return std::max(std::abs(a.dot(b)), std::abs(a.conjugate().dot(b))) > std::cos(sigma_);
   }
 
   // Turns that many bad edges ask for, the most wanted first: none that failed, and no small ones.
@@ -275,15 +273,13 @@ class RegionTurner {
 
   const RotationProblem& problem_;
   LaplacianSolver& solver_;
-  const double cos_sigma_;
-  const double fall_;  // of support, by the squared sine of half of an angle
+  const double sigma_;
   const RunContext& run_;
   std::vector<Eigen::Quaterniond>& cam_from_world_;
   double min_gain_ = 0;
   Misfits misfits_;
-  Eigen::ArrayXd support_;                   // of each edge
-  std::vector<Eigen::Quaterniond> failed_;   // turns that have brought nothing
-  std::vector<Eigen::Quaterniond> in_vain_;  // tried on the present rotations
+  Eigen::ArrayXd support_;                  // of each edge
+  std::vector<Eigen::Quaterniond> failed_;  // turns that have brought nothing
 };
 
 }  // namespace

@@ -39,6 +39,13 @@ Eigen::Matrix3Xd RotationErrors(const RotationProblem& problem,
                                 const std::vector<Eigen::Quaterniond>& cam_from_world,
                                 int num_threads);
 
+// Support of an edge is its trust divided by this, 1 + (angle / sigma)^2 with 2 sin(angle / 2) for
+// the angle, by the cosines of half of the angles.
+template <typename Derived>
+auto SupportLoss(const Eigen::ArrayBase<Derived>& cos_half, double sigma) {
+  return 1.0 + 4.0 / (sigma * sigma) * (1.0 - cos_half.square()).max(0.0);
+}
+
 // R <- R Exp(delta), delta n x 3; returns the mean angle moved, radians.
 double ApplyRotationUpdate(const Eigen::MatrixXd& delta,
                            std::vector<Eigen::Quaterniond>& cam_from_world);
