@@ -28,6 +28,15 @@ PlacePriors PriorsOf(const Georegistration& found) {
   return priors;
 }
 
+// In the frame of the model that was moved.
+CenterPrior PriorInModel(image_t image_id, const PositionPrior& prior,
+                         const Sim3d& enu_from_world) {
+  const Eigen::Matrix3d axes = enu_from_world.rotation.toRotationMatrix();
+  const Eigen::Vector3d precision = enu_from_world.scale * prior.precision;
+  return {image_id, Inverse(enu_from_world) * prior.position,
+          axes.transpose() * precision.cwiseAbs2().asDiagonal() * axes};
+}
+
 std::vector<std::string> WrongOf(const Georegistration& found) {
   std::vector<std::string> names;
   for (const GeoregisteredImage& image : found.images) {
@@ -105,6 +114,25 @@ std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOpti
   }
   if (!places.gcp_path.empty()) known.control_points = ReadGcpFile(places.gcp_path);
   return known;
+}
+
+CenterPriors PriorsOfCenters(const StageContext& context) {
+  if (!context.scene.places || context.scene.places->images.empty()) return nullptr;
+  return [&context](const std::map<image_t, Eigen::Vector3d>& centers) {
+    Reconstruction model;
+    for (const auto& [id, center] : centers) {
+      model.images[id].image = context.scene.images.at(id);
+      model.images[id].cam_from_world.translation = -center;
+    }
+    const Georegistration found =
+        Georegister(model, {.images = context.scene.places->images}, context.run);
+    std::vector<CenterPrior> priors;
+    if (found.status != GeoregistrationStatus::kOk) return priors;
+    for (const auto& [id, prior] : PriorsOf(found).images) {
+      priors.push_back(PriorInModel(id, prior, found.enu_from_world));
+    }
+    return priors;
+  };
 }
 
 void AdjustToPlaces(StageContext& context, Reconstruction& model) {

@@ -73,11 +73,13 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
   const std::vector<PointDirections> points =
       RaysOfTracks(context.scene, rotations, tracks, selected);
   const TranslationAveragingReport report =
-      AverageTranslations(directions, points, context.settings.translation_averaging, context.run);
+      AverageTranslations(directions, points, context.settings.translation_averaging, context.run,
+                          PriorsOfCenters(context));
   stage.Add("edges_in", directions.size());
   stage.Add("tracks_in", points.size());
   stage.Add("edges_removed", report.num_filtered);
   stage.Add("images_out", report.centers.size());
+  stage.Add("positions_known", report.num_priors);
   stage.Add("iterations", report.num_iterations);
   stage.Add("median_edge_error_deg", report.median_edge_error_deg);
   stage.Add("median_ray_error_deg", report.median_ray_error_deg);

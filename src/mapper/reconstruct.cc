@@ -24,8 +24,8 @@ void ColorModels(const SceneData& scene, const std::string& image_path,
 void PlaceOptions::VisitFields(OptionVisitor& v) {
   v.Bool("use_gps", use_gps,
          "positions of the photographs, of gps_path or of the EXIF at image_path, are weak priors "
-         "of bundle adjustment, so that long strips do not bend; models are in east, north, up, "
-         "meters");
+         "of translation averaging and bundle adjustment, so that long strips do not bend; models "
+         "are in east, north, up, meters");
   v.String("gps_path", gps_path,
            "file with name,latitude,longitude[,altitude[,sigma]] a line, instead of GPS in EXIF");
   v.String("gcp_path", gcp_path,

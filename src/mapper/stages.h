@@ -15,6 +15,7 @@
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/scene/view_graph.h"
 #include "cairn/tracks/tracks.h"
+#include "cairn/translation_averaging/translation_averaging.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "evaluation/model_evidence.h"
 #include "report/stage.h"
@@ -250,6 +251,8 @@ void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path
 // nullopt: none are to be used.
 std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
                                          const std::string& image_path, const RunContext& run);
+// By the images' positions, for translation averaging; nullptr: none are to be used.
+CenterPriors PriorsOfCenters(const StageContext& context);
 // Adjusts a model, moved to where the known positions put it, with these as priors, until they
 // agree no better. A model whose place they do not tell stays as it is.
 void AdjustToPlaces(StageContext& context, Reconstruction& model);

@@ -30,8 +30,9 @@ class Fit {
     for (int k = 0; k < problem.NumTracks(); ++k) {
       track_of_ray_.insert(track_of_ray_.end(), problem.RaysOf(k).size(), k);
     }
-    models_[0].resize(problem.edges.size());
-    models_[1].resize(problem.rays.size());
+    models_.edges.resize(problem.edges.size());
+    models_.rays.resize(problem.rays.size());
+    if (!weights.centers.empty()) models_.centers.resize(problem.NumCameras());
   }
 
   double Cost(const Positions& x) const {
@@ -45,6 +46,10 @@ class Fit {
     });
     double cost = 0;
     for (const double sum : sums) cost += sum;
+    for (const CenterTerm& term : weights_.centers) {
+      const Eigen::Vector3d offset = x.cameras.col(term.camera) - term.center;
+      cost += 0.5 * offset.dot(term.information * offset);
+    }
     return cost;
   }
 
@@ -56,13 +61,19 @@ class Fit {
         TermModel model = ChordalModel(DirectionOf(t), D, HuberOf(t));
         model.curvature *= WeightOf(t);
         model.gradient *= WeightOf(t);
-        (t < NumEdges() ? models_[0][t] : models_[1][t - NumEdges()]) = model;
+        (t < NumEdges() ? models_.edges[t] : models_.rays[t - NumEdges()]) = model;
       }
     });
+    for (TermModel& model : models_.centers) {
+      model = {Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()};
+    }
+    for (const CenterTerm& term : weights_.centers) {
+      const Eigen::Vector3d offset = x.cameras.col(term.camera) - term.center;
+      models_.centers[term.camera] = {term.information, term.information * offset};
+    }
   }
 
-  const std::vector<TermModel>& EdgeModels() const { return models_[0]; }
-  const std::vector<TermModel>& RayModels() const { return models_[1]; }
+  const FitModels& Models() const { return models_; }
 
  private:
   size_t NumEdges() const { return problem_.edges.size(); }
@@ -88,7 +99,7 @@ class Fit {
   double ray_huber_;
   int num_threads_;
   std::vector<int> track_of_ray_;
-  std::vector<TermModel> models_[2];
+  FitModels models_;
 };
 
 }  // namespace
@@ -107,7 +118,7 @@ FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weight
     Positions step;
     double next_cost = std::numeric_limits<double>::infinity();
     Positions next;
-    if (system.Solve(fit.EdgeModels(), fit.RayModels(), damping, positions.cameras, step)) {
+    if (system.Solve(fit.Models(), damping, positions.cameras, step)) {
       next = {positions.cameras + step.cameras, positions.points + step.points};
       next_cost = fit.Cost(next);
     }

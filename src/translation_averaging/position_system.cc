@@ -127,19 +127,19 @@ void PositionSystem::BuildCholesky(double max_flops) {
   blocks_.resize(column_.size());
 }
 
-bool PositionSystem::Solve(const std::vector<TermModel>& edge_models,
-                           const std::vector<TermModel>& ray_models, double damping,
+bool PositionSystem::Solve(const FitModels& models, double damping,
                            const Eigen::Matrix3Xd& positions, Positions& step) {
-  CAIRN_CHECK_EQ(edge_models.size(), problem_.edges.size());
-  CAIRN_CHECK_EQ(ray_models.size(), problem_.rays.size());
   const int n = problem_.NumCameras();
-  const Terms terms{edge_models, ray_models, damping};
-  EliminatePoints(terms);
+  CAIRN_CHECK_EQ(models.edges.size(), problem_.edges.size());
+  CAIRN_CHECK_EQ(models.rays.size(), problem_.rays.size());
+  CAIRN_CHECK(models.centers.empty() || models.centers.size() == edges_of_.size());
+  EliminatePoints(models, damping);
   rhs_.resize(3, n);
   damped_.resize(n);
   diagonal_.resize(n);
   ParallelFor(
-      num_threads_, n, [&](int64_t i) { AssembleDiagonal(static_cast<int>(i), terms); }, kGrain);
+      num_threads_, n, [&](int64_t i) { AssembleDiagonal(static_cast<int>(i), models, damping); },
+      kGrain);
   if (!cholesky_) {
     if (group_of_.empty()) {
       std::vector<int> cameras(n);
@@ -148,10 +148,10 @@ bool PositionSystem::Solve(const std::vector<TermModel>& edge_models,
       SplitIntoGroups(positions, cameras, std::max(kMaxGroup, n / kMaxGroups), group_of_,
                       num_groups_);
     }
-    BuildCouplings(terms);
-    MakePreconditioner(terms);
+    BuildCouplings(models);
+    MakePreconditioner(models);
     SolveByConjugateGradients(step.cameras);
-  } else if (!SolveByCholesky(terms, step.cameras)) {
+  } else if (!SolveByCholesky(models, step.cameras)) {
     return false;
   }
 
@@ -161,7 +161,7 @@ bool PositionSystem::Solve(const std::vector<TermModel>& edge_models,
       [&](int64_t k) {
         Eigen::Vector3d rhs = point_rhs_.col(k);
         for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
-          rhs += ray_models[r].curvature * step.cameras.col(problem_.rays[r].camera);
+          rhs += models.rays[r].curvature * step.cameras.col(problem_.rays[r].camera);
         }
         step.points.col(k) = point_inverse_[k] * rhs;
       },
@@ -169,7 +169,7 @@ bool PositionSystem::Solve(const std::vector<TermModel>& edge_models,
   return step.cameras.allFinite() && step.points.allFinite();
 }
 
-void PositionSystem::EliminatePoints(const Terms& terms) {
+void PositionSystem::EliminatePoints(const FitModels& models, double damping) {
   point_inverse_.resize(problem_.NumTracks());
   point_rhs_.resize(3, problem_.NumTracks());
   ParallelFor(
@@ -178,50 +178,54 @@ void PositionSystem::EliminatePoints(const Terms& terms) {
         Eigen::Matrix3d curvature = Eigen::Matrix3d::Zero();
         Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
         for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
-          curvature += terms.rays[r].curvature;
-          gradient += terms.rays[r].gradient;
+          curvature += models.rays[r].curvature;
+          gradient += models.rays[r].gradient;
         }
-        point_inverse_[k] = Damped(curvature, terms.damping).inverse();
+        point_inverse_[k] = Damped(curvature, damping).inverse();
         point_rhs_.col(k) = -gradient;
       },
       kGrain);
 }
 
-void PositionSystem::AssembleDiagonal(int camera, const Terms& terms) {
+void PositionSystem::AssembleDiagonal(int camera, const FitModels& models, double damping) {
   Eigen::Matrix3d diagonal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
   for (const int e : edges_of_[camera]) {
     const bool is_first = problem_.edges[e].camera1 == camera;
-    diagonal += terms.edges[e].curvature;
-    rhs += is_first ? terms.edges[e].gradient : Eigen::Vector3d(-terms.edges[e].gradient);
+    diagonal += models.edges[e].curvature;
+    rhs += is_first ? models.edges[e].gradient : Eigen::Vector3d(-models.edges[e].gradient);
+  }
+  if (!models.centers.empty()) {
+    diagonal += models.centers[camera].curvature;
+    rhs -= models.centers[camera].gradient;
   }
   Eigen::Matrix3d fill = Eigen::Matrix3d::Zero();  // by the points eliminated
   for (const int r : rays_of_[camera]) {
     const int k = track_of_ray_[r];
-    diagonal += terms.rays[r].curvature;
-    const Eigen::Matrix3d weighted = terms.rays[r].curvature * point_inverse_[k];
-    rhs += terms.rays[r].gradient + weighted * point_rhs_.col(k);
-    fill += weighted * terms.rays[r].curvature;
+    diagonal += models.rays[r].curvature;
+    const Eigen::Matrix3d weighted = models.rays[r].curvature * point_inverse_[k];
+    rhs += models.rays[r].gradient + weighted * point_rhs_.col(k);
+    fill += weighted * models.rays[r].curvature;
   }
-  damped_[camera] = Damped(diagonal, terms.damping);
+  damped_[camera] = Damped(diagonal, damping);
   diagonal_[camera] = damped_[camera] - fill;
   rhs_.col(camera) = rhs;
 }
 
-void PositionSystem::AssembleRow(int camera, const Terms& terms,
+void PositionSystem::AssembleRow(int camera, const FitModels& models,
                                  std::vector<Eigen::Matrix3d>& scratch) {
   scratch.resize(problem_.NumCameras());
   for (int k = row_begin_[camera]; k < row_begin_[camera + 1]; ++k) scratch[column_[k]].setZero();
   for (const int e : edges_of_[camera]) {
     const bool is_first = problem_.edges[e].camera1 == camera;
     const int other = is_first ? problem_.edges[e].camera2 : problem_.edges[e].camera1;
-    if (other > camera) scratch[other] -= terms.edges[e].curvature;
+    if (other > camera) scratch[other] -= models.edges[e].curvature;
   }
   for (const int r : rays_of_[camera]) {
     const int k = track_of_ray_[r];
-    const Eigen::Matrix3d weighted = terms.rays[r].curvature * point_inverse_[k];
+    const Eigen::Matrix3d weighted = models.rays[r].curvature * point_inverse_[k];
     for (int s = r + 1; s < problem_.track_begin[k + 1]; ++s) {
-      scratch[problem_.rays[s].camera] -= weighted * terms.rays[s].curvature;
+      scratch[problem_.rays[s].camera] -= weighted * models.rays[s].curvature;
     }
   }
   scratch[camera] = diagonal_[camera];
@@ -230,10 +234,10 @@ void PositionSystem::AssembleRow(int camera, const Terms& terms,
   }
 }
 
-bool PositionSystem::SolveByCholesky(const Terms& terms, Eigen::Matrix3Xd& step) {
+bool PositionSystem::SolveByCholesky(const FitModels& models, Eigen::Matrix3Xd& step) {
   std::vector<std::vector<Eigen::Matrix3d>> scratch(EffectiveNumThreads(num_threads_));
   ParallelForWorker(num_threads_, problem_.NumCameras(), [&](int worker, int64_t i) {
-    AssembleRow(static_cast<int>(i), terms, scratch[worker]);
+    AssembleRow(static_cast<int>(i), models, scratch[worker]);
   });
   size_t next = 0;
   for (int i = 0; i < problem_.NumCameras(); ++i) {
@@ -251,7 +255,7 @@ bool PositionSystem::SolveByCholesky(const Terms& terms, Eigen::Matrix3Xd& step)
   return true;
 }
 
-void PositionSystem::BuildCouplings(const Terms& terms) {
+void PositionSystem::BuildCouplings(const FitModels& models) {
   const int n = problem_.NumCameras();
   const auto make = [](const Eigen::Matrix3d& c, int other) {
     return Coupling{static_cast<float>(c(0, 0)),
@@ -276,12 +280,12 @@ void PositionSystem::BuildCouplings(const Terms& terms) {
     for (const int e : edges_of_[i]) {
       const DirectionProblem::Edge& edge = problem_.edges[e];
       const int other = edge.camera1 == i ? edge.camera2 : edge.camera1;
-      edges_by_camera_[next++] = make(terms.edges[e].curvature, other);
+      edges_by_camera_[next++] = make(models.edges[e].curvature, other);
     }
     next = rays_begin_[i];
     for (const int r : rays_of_[i]) {
-      rays_by_camera_[next++] = make(terms.rays[r].curvature, track_of_ray_[r]);
-      rays_by_track_[r] = make(terms.rays[r].curvature, static_cast<int>(i));
+      rays_by_camera_[next++] = make(models.rays[r].curvature, track_of_ray_[r]);
+      rays_by_track_[r] = make(models.rays[r].curvature, static_cast<int>(i));
     }
   };
   ParallelFor(num_threads_, n, fill, kGrain);
@@ -321,7 +325,7 @@ Eigen::Matrix3Xd PositionSystem::Multiply(const Eigen::Matrix3Xd& x) const {
 
 // Adds a part of the cameras, edges and points to the lower triangle of the cameras' system where
 // all cameras of a group move alike.
-void PositionSystem::AddToGroups(const Terms& terms, int part, Eigen::MatrixXd& system) const {
+void PositionSystem::AddToGroups(const FitModels& models, int part, Eigen::MatrixXd& system) const {
   const auto for_part = [part](int64_t size, auto use) {
     for (int64_t k = part * size / kNumParts; k < (part + 1) * size / kNumParts; ++k) use(k);
   };
@@ -332,8 +336,8 @@ void PositionSystem::AddToGroups(const Terms& terms, int part, Eigen::MatrixXd& 
   for_part(std::ssize(problem_.edges), [&](int64_t e) {
     const int group1 = group_of_[problem_.edges[e].camera1];
     const int group2 = group_of_[problem_.edges[e].camera2];
-    add(group1, group2, -terms.edges[e].curvature);
-    add(group2, group1, -terms.edges[e].curvature);
+    add(group1, group2, -models.edges[e].curvature);
+    add(group2, group1, -models.edges[e].curvature);
   });
   std::vector<std::pair<int, Eigen::Matrix3d>> pulls;  // of a point, on each group
   for_part(problem_.NumTracks(), [&](int64_t k) {
@@ -343,9 +347,9 @@ void PositionSystem::AddToGroups(const Terms& terms, int part, Eigen::MatrixXd& 
       const auto pull = std::find_if(pulls.begin(), pulls.end(),
                                      [group](const auto& p) { return p.first == group; });
       if (pull == pulls.end()) {
-        pulls.emplace_back(group, terms.rays[r].curvature);
+        pulls.emplace_back(group, models.rays[r].curvature);
       } else {
-        pull->second += terms.rays[r].curvature;
+        pull->second += models.rays[r].curvature;
       }
     }
     for (const auto& [group1, pull1] : pulls) {
@@ -357,13 +361,13 @@ void PositionSystem::AddToGroups(const Terms& terms, int part, Eigen::MatrixXd& 
   });
 }
 
-void PositionSystem::MakePreconditioner(const Terms& terms) {
+void PositionSystem::MakePreconditioner(const FitModels& models) {
   diagonal_inverse_.resize(diagonal_.size());
   for (size_t i = 0; i < diagonal_.size(); ++i) diagonal_inverse_[i] = diagonal_[i].inverse();
   std::vector<Eigen::MatrixXd> parts(kNumParts);
   const auto make = [&](int64_t part) {
     parts[part] = Eigen::MatrixXd::Zero(3 * num_groups_, 3 * num_groups_);
-    AddToGroups(terms, static_cast<int>(part), parts[part]);
+    AddToGroups(models, static_cast<int>(part), parts[part]);
   };
   ParallelFor(num_threads_, kNumParts, make, 1);
   for (int part = 1; part < kNumParts; ++part) parts[0] += parts[part];

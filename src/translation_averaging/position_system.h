@@ -17,14 +17,21 @@ struct TermModel {
   Eigen::Vector3d gradient;
 };
 
+// Of every term of a fit.
+struct FitModels {
+  std::vector<TermModel> edges;
+  std::vector<TermModel> rays;
+  std::vector<TermModel> centers = {};  // one a camera, in its own position; empty: none
+};
+
 // Positions of cameras (3 x n) and points (3 x number of tracks).
 struct Positions {
   Eigen::Matrix3Xd cameras;
   Eigen::Matrix3Xd points;
 };
 
-// The linear systems of a fit of cameras and points whose terms are functions of c2 - c1 (edges)
-// and X - c (rays). Points are eliminated first (Schur complement), the cameras' system
+// The linear systems of a fit of cameras and points whose terms are functions of c2 - c1 (edges),
+// X - c (rays) and c (centers). Points are eliminated first (Schur complement), the cameras' system
 // is solved by sparse Cholesky with a pattern analyzed once. Where the factor would be too
 // expensive, by conjugate gradients, without forming that system: time and memory grow with the
 // numbers of edges and rays, not with the pairs that a point joins. Their preconditioner has two
@@ -39,31 +46,25 @@ class PositionSystem {
   // The step that minimizes the sum of all models plus damping times half the squared step, weighed
   // at every node with the mean curvature there. False if the system is singular.
   // positions: where the cameras are now, more or less; those near each other make a group.
-  bool Solve(const std::vector<TermModel>& edge_models, const std::vector<TermModel>& ray_models,
-             double damping, const Eigen::Matrix3Xd& positions, Positions& step);
+  bool Solve(const FitModels& models, double damping, const Eigen::Matrix3Xd& positions,
+             Positions& step);
 
   bool UsesCholesky() const { return cholesky_ != nullptr; }
   // Less damping changes nothing that matters, but costs conjugate gradients many iterations.
   double MinDamping() const { return UsesCholesky() ? 1e-9 : 1e-5; }
 
  private:
-  // The quadratic models of one fit.
-  struct Terms {
-    const std::vector<TermModel>& edges;
-    const std::vector<TermModel>& rays;
-    double damping;
-  };
   void BuildPattern();
   void BuildCholesky(double max_flops);
-  void EliminatePoints(const Terms& terms);
-  void AssembleDiagonal(int camera, const Terms& terms);
-  void AssembleRow(int camera, const Terms& terms, std::vector<Eigen::Matrix3d>& scratch);
-  bool SolveByCholesky(const Terms& terms, Eigen::Matrix3Xd& step);
+  void EliminatePoints(const FitModels& models, double damping);
+  void AssembleDiagonal(int camera, const FitModels& models, double damping);
+  void AssembleRow(int camera, const FitModels& models, std::vector<Eigen::Matrix3d>& scratch);
+  bool SolveByCholesky(const FitModels& models, Eigen::Matrix3Xd& step);
   void SolveByConjugateGradients(Eigen::Matrix3Xd& step) const;
-  void BuildCouplings(const Terms& terms);
+  void BuildCouplings(const FitModels& models);
   // Of the diagonal blocks, and of groups.
-  void MakePreconditioner(const Terms& terms);
-  void AddToGroups(const Terms& terms, int part, Eigen::MatrixXd& system) const;
+  void MakePreconditioner(const FitModels& models);
+  void AddToGroups(const FitModels& models, int part, Eigen::MatrixXd& system) const;
   Eigen::Matrix3Xd Precondition(const Eigen::Matrix3Xd& residual) const;
   Eigen::Matrix3Xd Multiply(const Eigen::Matrix3Xd& x) const;
 

@@ -23,6 +23,8 @@ constexpr double kMinRayNoiseDeg = 0.02;
 // Relative decrease of the cost at which a fit ends, before the weights change and after.
 constexpr double kCoarseTolerance = 1e-3;
 constexpr double kFineTolerance = 1e-5;
+// Errors count linearly from so many times the noise on, once it is known.
+constexpr double kHuberNoises = 2;
 
 // Mean zero, median distance from it 1.
 void Normalize(Positions& x) {
@@ -84,8 +86,8 @@ FitWeights WeightsFromErrors(const DirectionProblem& problem, const Errors& erro
   const double edge_noise = std::max(UpperMedian(errors.edges_deg), kMinEdgeNoiseDeg);
   const double ray_noise = std::max(UpperMedian(errors.rays_deg), kMinRayNoiseDeg);
   FitWeights weights = BalancedWeights(problem, options);
-  weights.edge_huber_deg = 2 * edge_noise;
-  weights.ray_huber_deg = 2 * ray_noise;
+  weights.edge_huber_deg = kHuberNoises * edge_noise;
+  weights.ray_huber_deg = kHuberNoises * ray_noise;
   for (size_t e = 0; e < weights.edges.size(); ++e) {
     weights.edges[e] *= TukeyWeight(errors.edges_deg[e], edge_noise);
   }
@@ -94,6 +96,55 @@ FitWeights WeightsFromErrors(const DirectionProblem& problem, const Errors& erro
     weights.rays[r] = ratio * ratio * TukeyWeight(errors.rays_deg[r], ray_noise);
   }
   return weights;
+}
+
+std::map<image_t, Eigen::Vector3d> CentersOf(const DirectionProblem& problem, const Positions& x) {
+  std::map<image_t, Eigen::Vector3d> centers;
+  for (int i = 0; i < problem.NumCameras(); ++i) centers[problem.image_ids[i]] = x.cameras.col(i);
+  return centers;
+}
+
+// The unit of their cost is the variance of an edge, as it is of all others.
+std::vector<CenterTerm> TermsOf(const std::vector<CenterPrior>& priors,
+                                const DirectionProblem& problem, double edge_noise_deg) {
+  const double noise = DegToRad(edge_noise_deg);
+  std::vector<CenterTerm> terms;
+  for (const CenterPrior& prior : priors) {
+    const auto id =
+        std::lower_bound(problem.image_ids.begin(), problem.image_ids.end(), prior.image_id);
+    if (id == problem.image_ids.end() || *id != prior.image_id) continue;
+    terms.push_back({static_cast<int>(id - problem.image_ids.begin()), prior.center,
+                     noise * noise * prior.information});
+  }
+  return terms;
+}
+
+// By the directions, and then with priors of the centers, too.
+Positions PlaceCameras(const DirectionProblem& problem, const TranslationAveragingOptions& options,
+                       const CenterPriors& priors, const RunContext& run,
+                       TranslationAveragingReport& report) {
+  Positions x = LeastUnsquaredDeviations(problem, run.num_threads);
+  PositionSystem system(problem, run.num_threads);
+  FitWeights weights = BalancedWeights(problem, options);
+  const auto fit = [&] {
+    report.num_iterations += FitPositions(problem, weights, system, x, run).num_iterations;
+  };
+  for (int pass = 0; pass <= options.num_reweightings && !run.monitor.StopRequested(); ++pass) {
+    if (pass > 0) weights = WeightsFromErrors(problem, MeasureErrors(problem, x), options);
+    weights.tolerance = pass < options.num_reweightings ? kCoarseTolerance : kFineTolerance;
+    fit();
+  }
+  Normalize(x);
+  if (!priors || run.monitor.StopRequested()) return x;
+  weights = WeightsFromErrors(problem, MeasureErrors(problem, x), options);
+  weights.tolerance = kFineTolerance;
+  weights.centers =
+      TermsOf(priors(CentersOf(problem, x)), problem, weights.edge_huber_deg / kHuberNoises);
+  report.num_priors = static_cast<int>(weights.centers.size());
+  if (report.num_priors == 0) return x;
+  fit();
+  Normalize(x);
+  return x;
 }
 
 // Fills the status; false if the solution must not be used.
@@ -157,7 +208,7 @@ std::string_view TranslationAveragingStatusName(TranslationAveragingStatus statu
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,
                                                const TranslationAveragingOptions& options,
-                                               const RunContext& run) {
+                                               const RunContext& run, const CenterPriors& priors) {
   ValidateOptions(options, "translation_averaging");
   TranslationAveragingReport report;
   if (!options.use_points) tracks = {};
@@ -173,22 +224,14 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
   if (placeable.empty()) return report;
 
   const DirectionProblem part = Restrict(whole, placeable, edge_is_out);
-  Positions x = LeastUnsquaredDeviations(part, run.num_threads);
-  PositionSystem system(part, run.num_threads);
-  FitWeights weights = BalancedWeights(part, options);
-  for (int pass = 0; pass <= options.num_reweightings && !run.monitor.StopRequested(); ++pass) {
-    if (pass > 0) weights = WeightsFromErrors(part, MeasureErrors(part, x), options);
-    weights.tolerance = pass < options.num_reweightings ? kCoarseTolerance : kFineTolerance;
-    report.num_iterations += FitPositions(part, weights, system, x, run).num_iterations;
-  }
+  const Positions x = PlaceCameras(part, options, priors, run, report);
   if (run.monitor.StopRequested()) {
     report.status = TranslationAveragingStatus::kInterrupted;
     return report;
   }
-  Normalize(x);
   const SpreadReport spread = AnalyzeSpread(x.cameras, options.min_spread);
   if (!Accept(part, x, spread, options, report)) return report;
-  for (int i = 0; i < part.NumCameras(); ++i) report.centers[part.image_ids[i]] = x.cameras.col(i);
+  report.centers = CentersOf(part, x);
   for (const int camera : spread.thrown_away) report.centers.erase(part.image_ids[camera]);
   return report;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <map>
 #include <span>
 #include <string>
@@ -33,6 +34,17 @@ struct PointDirections {
   std::vector<PointRay> rays;
 };
 
+// What is known beforehand of a camera center, by GPS for one.
+struct CenterPrior {
+  image_t image_id = kInvalidImageId;
+  Eigen::Vector3d center;
+  Eigen::Matrix3d information;  // inverse covariance; singular where an axis is not known
+};
+// Priors in the frame of these centers, which are what the directions alone give, and whose place,
+// orientation and scale mean nothing.
+using CenterPriors =
+    std::function<std::vector<CenterPrior>(const std::map<image_t, Eigen::Vector3d>& centers)>;
+
 enum class TranslationAveragingStatus {
   kSuccess,
   kNoEdges,       // no two cameras that directions join (see not_rigid)
@@ -54,6 +66,7 @@ struct TranslationAveragingReport {
   // One an input edge: whether the 1DSfM filter took it out.
   std::vector<char> edge_is_filtered;
   int num_filtered = 0;
+  int num_priors = 0;  // that were used
   int num_iterations = 0;
   double median_edge_error_deg = 0;  // of the edges in use
   double median_ray_error_deg = 0;
@@ -62,11 +75,12 @@ struct TranslationAveragingReport {
 // Camera centers from directions, with known rotations: outlier filter of 1DSfM
 // (Wilson and Snavely 2014); parallel-rigidity check; a deterministic start by least unsquared
 // deviations (Ozyesil and Singer 2015); robust nonlinear fit of the chordal error over
-// camera-camera and camera-point directions; refusal of a collapsed solution. Edge and track order
-// do not matter, nor does the number of threads.
+// camera-camera and camera-point directions; one more fit with `priors`, where it is given; refusal of a collapsed solution. Edge and track order do not matter, nor does the number
+// of threads.
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,
                                                const TranslationAveragingOptions& options = {},
-                                               const RunContext& run = {});
+                                               const RunContext& run = {},
+                                               const CenterPriors& priors = {});
 
 }  // namespace cairn

@@ -131,6 +131,8 @@ TEST_F(PlacesTest, GpsKeepsAStreetStraight) {
   const double bend_m = BendM(Run({}));
   WriteGps(1.0, 0);
   const ReconstructResult result = Run(Gps());
+  EXPECT_EQ(Value(*FindStage(result.report, "translation_averaging"), "positions_known"),
+            scene_.truth.images.size());
   EXPECT_GT(bend_m, 2);
   EXPECT_LT(BendM(result), 0.3 * bend_m);
   EXPECT_LT(ErrorM(result), 1.5);

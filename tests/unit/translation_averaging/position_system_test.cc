@@ -26,7 +26,7 @@ struct Fixture {
     scene.AddChain(3, 1, 0, rng);
     scene.AddPoints(30, 4, 2, 1, 0, rng);
     problem = MakeDirectionProblem(scene.edges, scene.tracks);
-    const auto models = [&](size_t num) {
+    const auto random_models = [&](size_t num) {
       std::vector<TermModel> result(num);
       for (TermModel& m : result) {
         Eigen::Matrix3d A;
@@ -36,8 +36,9 @@ struct Fixture {
       }
       return result;
     };
-    edge_models = models(problem.edges.size());
-    ray_models = models(problem.rays.size());
+    models.edges = random_models(problem.edges.size());
+    models.rays = random_models(problem.rays.size());
+    models.centers = random_models(problem.NumCameras());
   }
 
   // The whole system, points not eliminated.
@@ -54,12 +55,16 @@ struct Fixture {
       b.segment<3>(3 * j) -= m.gradient;
     };
     for (size_t e = 0; e < problem.edges.size(); ++e) {
-      add(problem.edges[e].camera1, problem.edges[e].camera2, edge_models[e]);
+      add(problem.edges[e].camera1, problem.edges[e].camera2, models.edges[e]);
     }
     for (int k = 0; k < p; ++k) {
       for (int r = problem.track_begin[k]; r < problem.track_begin[k + 1]; ++r) {
-        add(problem.rays[r].camera, n + k, ray_models[r]);
+        add(problem.rays[r].camera, n + k, models.rays[r]);
       }
+    }
+    for (int i = 0; i < n; ++i) {
+      H.block<3, 3>(3 * i, 3 * i) += models.centers[i].curvature;
+      b.segment<3>(3 * i) -= models.centers[i].gradient;
     }
     for (int i = 0; i < n + p; ++i) {
       const double mean = H.block<3, 3>(3 * i, 3 * i).trace() / 3;
@@ -78,18 +83,19 @@ struct Fixture {
     };
     for (size_t e = 0; e < problem.edges.size(); ++e) {
       const DirectionProblem::Edge& edge = problem.edges[e];
-      add(step.cameras.col(edge.camera2) - step.cameras.col(edge.camera1), edge_models[e]);
+      add(step.cameras.col(edge.camera2) - step.cameras.col(edge.camera1), models.edges[e]);
     }
     for (int k = 0; k < problem.NumTracks(); ++k) {
       for (int r = problem.track_begin[k]; r < problem.track_begin[k + 1]; ++r) {
-        add(step.points.col(k) - step.cameras.col(problem.rays[r].camera), ray_models[r]);
+        add(step.points.col(k) - step.cameras.col(problem.rays[r].camera), models.rays[r]);
       }
     }
+    for (int i = 0; i < problem.NumCameras(); ++i) add(step.cameras.col(i), models.centers[i]);
     return gain;
   }
 
   DirectionProblem problem;
-  std::vector<TermModel> edge_models, ray_models;
+  FitModels models;
 };
 
 TEST(PositionSystem, EliminatingPointsChangesNothing) {
@@ -98,7 +104,7 @@ TEST(PositionSystem, EliminatingPointsChangesNothing) {
     PositionSystem system(f.problem, 1);
     EXPECT_TRUE(system.UsesCholesky());
     Positions step;
-    ASSERT_TRUE(system.Solve(f.edge_models, f.ray_models, damping, Line(12), step));
+    ASSERT_TRUE(system.Solve(f.models, damping, Line(12), step));
     const Positions expected = f.SolveDensely(damping);
     EXPECT_LT((step.cameras - expected.cameras).norm(), 1e-9 * expected.cameras.norm());
     EXPECT_LT((step.points - expected.points).norm(), 1e-9 * expected.points.norm());
@@ -113,8 +119,8 @@ TEST(PositionSystem, ConjugateGradientsGainNearlyWhatCholeskyDoes) {
     PositionSystem iterative(f.problem, 1, 0.0);
     EXPECT_FALSE(iterative.UsesCholesky());
     Positions a, b;
-    ASSERT_TRUE(direct.Solve(f.edge_models, f.ray_models, 1e-5, Line(num_cameras), a));
-    ASSERT_TRUE(iterative.Solve(f.edge_models, f.ray_models, 1e-5, Line(num_cameras), b));
+    ASSERT_TRUE(direct.Solve(f.models, 1e-5, Line(num_cameras), a));
+    ASSERT_TRUE(iterative.Solve(f.models, 1e-5, Line(num_cameras), b));
     EXPECT_GT(f.Gain(b), 0.98 * f.Gain(a)) << num_cameras;
   }
 }
@@ -124,8 +130,8 @@ TEST(PositionSystem, SameBytesForAnyNumberOfThreads) {
   for (const double max_cholesky_flops : {2e10, 0.0}) {
     PositionSystem one(f.problem, 1, max_cholesky_flops), eight(f.problem, 8, max_cholesky_flops);
     Positions a, b;
-    ASSERT_TRUE(one.Solve(f.edge_models, f.ray_models, 1e-2, Line(20), a));
-    ASSERT_TRUE(eight.Solve(f.edge_models, f.ray_models, 1e-2, Line(20), b));
+    ASSERT_TRUE(one.Solve(f.models, 1e-2, Line(20), a));
+    ASSERT_TRUE(eight.Solve(f.models, 1e-2, Line(20), b));
     EXPECT_EQ(a.cameras, b.cameras);
     EXPECT_EQ(a.points, b.points);
   }

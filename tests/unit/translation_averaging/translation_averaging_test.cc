@@ -49,6 +49,43 @@ std::vector<Eigen::Vector3d> Line(int n, uint64_t seed) {
 
 bool SameBytes(const Centers& a, const Centers& b) { return a == b; }
 
+// Cameras 1 .. n along a road, each joined to the next three, with directions that err by a degree:
+// the scale drifts.
+DirectionScene Road(int n) {
+  Rng rng(7);
+  std::vector<Eigen::Vector3d> centers;
+  for (int k = 0; k < n; ++k) centers.push_back({0.3 * k, 0.1 * std::sin(2.0 * k), 0.05 * (k % 3)});
+  DirectionScene scene;
+  scene.AddCenters(centers);
+  scene.AddChain(3, 1.0, 0, rng);
+  scene.AddPoints(10 * n, 4, 0.5, 1.0, 0, rng);
+  return scene;
+}
+
+// Of the truth, with this standard deviation along two axes and nothing known of the third, moved
+// to the frame of `centers`.
+std::vector<CenterPrior> NoisyPriors(const Centers& truth, double sigma, const Centers& centers) {
+  const Eigen::Index n = static_cast<Eigen::Index>(centers.size());
+  Eigen::Matrix3Xd a(3, n), b(3, n);
+  Eigen::Index k = 0;
+  for (const auto& [id, center] : centers) {
+    a.col(k) = truth.at(id);
+    b.col(k++) = center;
+  }
+  const Eigen::Matrix4d moved = Eigen::umeyama(a, b);
+  const Eigen::Matrix3d to_truth = moved.topLeftCorner<3, 3>().inverse() / sigma;
+  const Eigen::Matrix3d known = Eigen::Vector3d(1, 1, 0).asDiagonal();
+  Rng rng(3);
+  std::vector<CenterPrior> priors;
+  for (const auto& [id, center] : truth) {
+    const Eigen::Vector3d measured =
+        center + Eigen::Vector3d(sigma * rng.Gaussian(), sigma * rng.Gaussian(), 1000);
+    priors.push_back(
+        {id, (moved * measured.homogeneous()).head<3>(), to_truth.transpose() * known * to_truth});
+  }
+  return priors;
+}
+
 TEST(TranslationAveraging, ExactWithoutNoise) {
   for (const bool with_points : {false, true}) {
     for (const auto& centers : {Ring(12), Grid(4, 5), Ring(100)}) {
@@ -76,6 +113,35 @@ TEST(TranslationAveraging, PointsPlaceCollinearCameras) {
   const auto report = AverageTranslations(scene.edges, scene.tracks);
   ASSERT_EQ(report.centers.size(), 30u);
   EXPECT_LT(MaxError(RelativeCenterErrors(report.centers, scene.truth)), 1e-3);
+}
+
+TEST(TranslationAveraging, PriorsOfCentersHoldALongRoad) {
+  const DirectionScene scene = Road(100);
+  const double sigma = 0.5;
+  const auto free = AverageTranslations(scene.edges, scene.tracks);
+  const auto held =
+      AverageTranslations(scene.edges, scene.tracks, {}, {}, [&](const Centers& centers) {
+        EXPECT_EQ(centers, free.centers);
+        return NoisyPriors(scene.truth, sigma, centers);
+      });
+  ASSERT_EQ(held.status, TranslationAveragingStatus::kSuccess);
+  const double error = MaxError(RelativeCenterErrors(held.centers, scene.truth));
+  EXPECT_LT(error, 0.5 * MaxError(RelativeCenterErrors(free.centers, scene.truth)));
+  EXPECT_LT(error, sigma / 7.5);  // smaller than a prior's own error; 7.5 is the road's extent
+}
+
+// Images without directions have no position; a prior gives them none.
+TEST(TranslationAveraging, PriorsOfOtherImagesOrNoneChangeNothing) {
+  const DirectionScene scene = Road(20);
+  const auto free = AverageTranslations(scene.edges, scene.tracks);
+  const auto other = AverageTranslations(
+      scene.edges, scene.tracks, {}, {}, [](const Centers&) -> std::vector<CenterPrior> {
+        return {{77, Eigen::Vector3d::Ones(), Eigen::Matrix3d::Identity()}};
+      });
+  const auto none = AverageTranslations(scene.edges, scene.tracks, {}, {},
+                                        [](const Centers&) { return std::vector<CenterPrior>(); });
+  EXPECT_EQ(none.centers, free.centers);
+  EXPECT_EQ(other.centers, free.centers);
 }
 
 TEST(TranslationAveraging, PointsAloneWithoutAnyEdge) {
