@@ -75,8 +75,8 @@ struct TranslationAveragingReport {
 // Camera centers from directions, with known rotations: outlier filter of 1DSfM
 // (Wilson and Snavely 2014); parallel-rigidity check; a deterministic start by least unsquared
 // deviations (Ozyesil and Singer 2015); robust nonlinear fit of the chordal error over
-// camera-camera and camera-point directions; one more fit with `priors`, where it is given; refusal of a collapsed solution. Edge and track order do not matter, nor does the number
-// of threads.
+// camera-camera and camera-point directions; one more fit with `priors`, where it is given; refusal
+// of a collapsed solution. Edge and track order do not matter, nor does the number of threads.
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,
                                                const TranslationAveragingOptions& options = {},
