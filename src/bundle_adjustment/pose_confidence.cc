@@ -1,15 +1,20 @@
 #include "cairn/bundle_adjustment/pose_confidence.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
+#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 #include <vector>
 
 #include "cairn/math/angles.h"
+#include "cairn/math/decompositions.h"
 #include "cairn/math/so3.h"
 
 namespace cairn {
 namespace {
+
+// Below this share of the largest, information is rounding.
+constexpr double kMinInformation = 1e-10;
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
@@ -33,6 +38,29 @@ Jacobians Linearize(const Camera& camera, const RegisteredImage& image, point2D_
   jacobians.pose.rightCols<3>() = -by_x * R;
   jacobians.point = by_x * R;
   return jacobians;
+}
+
+// On the axes that `information` knows.
+Eigen::Matrix3d InverseOfKnown(const Eigen::Matrix3d& information) {
+  const EigenPairs<3> axes = SymmetricEigen(information);
+  Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();
+  for (int k = 0; k < 3; ++k) {
+    if (!(axes.values[k] > kMinInformation * axes.values.maxCoeff())) continue;
+    inverse += axes.vectors.col(k) * axes.vectors.col(k).transpose() / axes.values[k];
+  }
+  return inverse;
+}
+
+// Of three coordinates with three others free, from the blocks of their information: root of the
+// sum of the variances.
+double MarginalSigma(const Eigen::Matrix3d& own, const Eigen::Matrix3d& cross,
+                     const Eigen::Matrix3d& others) {
+  const Eigen::Matrix3d left = own - cross * InverseOfKnown(others) * cross.transpose();
+  const Eigen::Vector3d values = SymmetricEigen(left).values;
+  if (!(values.minCoeff() > kMinInformation * own.trace())) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return std::sqrt(values.cwiseInverse().sum());
 }
 
 }  // namespace
@@ -64,13 +92,11 @@ std::map<image_t, PoseConfidence> EstimatePoseConfidence(const Reconstruction& r
     }
   }
   for (auto& [id, confidence] : result) {
-    const Eigen::LDLT<Matrix6> ldlt(information.at(id));
-    confidence.rotation_sigma_deg = std::numeric_limits<double>::infinity();
-    confidence.position_sigma = std::numeric_limits<double>::infinity();
-    if (ldlt.info() != Eigen::Success || !(ldlt.vectorD().minCoeff() > 0)) continue;
-    const Matrix6 covariance = ldlt.solve(Matrix6::Identity());
-    confidence.rotation_sigma_deg = RadToDeg(std::sqrt(covariance.diagonal().head<3>().sum()));
-    confidence.position_sigma = std::sqrt(covariance.diagonal().tail<3>().sum());
+    const Matrix6& H = information.at(id);
+    const Eigen::Matrix3d rotation = H.topLeftCorner<3, 3>(), cross = H.topRightCorner<3, 3>(),
+                          position = H.bottomRightCorner<3, 3>();
+    confidence.rotation_sigma_deg = RadToDeg(MarginalSigma(rotation, cross, position));
+    confidence.position_sigma = MarginalSigma(position, cross.transpose(), rotation);
   }
   return result;
 }

@@ -10,7 +10,7 @@ namespace cairn {
 struct PoseConfidence {
   int num_points = 0;
   // Standard deviations (root of the sum of the variances of three axes); infinite where the points
-  // do not determine the pose.
+  // leave an axis open: positions of an image whose points only one other sees.
   double rotation_sigma_deg = 0;
   double position_sigma = 0;  // world units
 };

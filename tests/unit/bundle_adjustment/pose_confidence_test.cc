@@ -54,5 +54,18 @@ TEST(PoseConfidence, IsInfiniteWithoutEnoughPoints) {
   EXPECT_GT(confidences.at(2).position_sigma, 1e3 * confidences.at(1).position_sigma);
 }
 
+// Two images know the direction to each other, and not how far apart they are.
+TEST(PoseConfidence, OfTwoImagesIsThatOfRotations) {
+  const auto sigma_deg = [](int num_images) {
+    const Reconstruction model =
+        MakeSyntheticScene({.num_images = num_images, .num_points = 60}).truth;
+    const PoseConfidence confidence = EstimatePoseConfidence(model).at(2);
+    EXPECT_EQ(std::isinf(confidence.position_sigma), num_images == 2);
+    return confidence.rotation_sigma_deg;
+  };
+  EXPECT_GT(sigma_deg(2), sigma_deg(3));
+  EXPECT_LT(sigma_deg(2), 30 * sigma_deg(3));
+}
+
 }  // namespace
 }  // namespace cairn
