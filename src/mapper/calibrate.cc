@@ -232,8 +232,8 @@ struct Replaced {
 
 // Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
 // by those of the focal lengths before. Where they close worse, the cameras and their edges are
-// taken back; where loops do not decide, or would decide for a tentative one, both ways are kept:
-// the model decides.
+// taken back; where loops do not decide, or would decide for a tentative one, or between pairs and
+// EXIF, both ways are kept: the model decides.
 std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage,
                                             SceneData& scene) {
   std::set<camera_t> rejected, undecided;
@@ -246,7 +246,9 @@ std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage
     const bool is_tentative =
         std::ranges::any_of(cameras, [&](camera_t id) { return before.tentative.count(id) > 0; });
     if (cameras.empty() || (improvement >= kDecisive && !is_tentative)) continue;
-    const bool is_rejected = improvement <= -kDecisive;
+    const bool overrules_exif = std::ranges::any_of(
+        cameras, [&](camera_t id) { return scene.cameras.at(id).has_prior_focal_length; });
+    const bool is_rejected = improvement <= -kDecisive && !overrules_exif;
     (is_rejected ? rejected : undecided).insert(cameras.begin(), cameras.end());
     char text[200];
     std::snprintf(
@@ -289,12 +291,19 @@ std::optional<Calibration> CalibrateSceneFocals(const GeometryReader& read,
                                                 const RunContext& run, Stage& stage,
                                                 SceneData& scene) {
   const std::vector<FocalPair> pairs = CollectPairs(scene, read, options.max_pairs);
+  std::set<camera_t> trusted = scene.constant_cameras;
+  for (const auto& [id, sigma] : scene.held_focals) trusted.insert(id);
   const FocalCalibrationReport report =
-      CalibrateFocals(scene.cameras, scene.constant_cameras, pairs, options, run);
+      CalibrateFocals(scene.cameras, trusted, pairs, options, run);
   stage.Add("pairs_in", pairs.size());
   stage.Add("pairs_used", report.num_pairs);
   stage.Add("pairs_agreeing", report.num_pairs_agreeing);
   const Candidates candidates = FindCandidates(report, scene);
+  for (const camera_t id : candidates.calibrated) {
+    if (scene.cameras.at(id).has_prior_focal_length) {
+      scene.exif_by_pairs[id] = report.cameras.at(id);
+    }
+  }
   Report(report, candidates, scene.cameras, stage);
   ImproveRelativePoses(scene.foreign, run, scene);
   std::set<camera_t> calibrated = candidates.calibrated;

@@ -8,17 +8,19 @@
 namespace cairn {
 namespace {
 
-// The cameras of the database must explain more by this share than one camera for all: what camera
-// models leave out (a shutter that rolls, focus) differs from photograph to photograph, too.
-constexpr double kManyCameras = 0.005;
+// What camera models leave out (a shutter that rolls, focus) may explain as much of the evidence:
+// many cameras must explain more by this share than one camera for all, since it differs from
+// photograph to photograph, and so must focal lengths far from EXIF's.
+constexpr double kModelErrors = 0.005;
 
 // Graph and models by one calibration.
 struct CalibratedResult {
   ReconstructResult result;
   double evidence_nats = -1;
   bool shares_camera = false;
+  std::set<image_t> left_exif;
 
-  double Score() const { return evidence_nats * (shares_camera ? 1 : 1 - kManyCameras); }
+  double Score() const { return evidence_nats * (shares_camera ? 1 : 1 - kModelErrors); }
 };
 
 CalibratedResult ReconstructCalibrated(const SceneData& scene,
@@ -35,6 +37,8 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene,
     calibrated.evidence_nats = models.evidence_nats;
     result.models = std::move(models.models);
     for (Reconstruction& model : result.models) UnshareCamera(scene.stored_cameras, model);
+    calibrated.left_exif =
+        ImagesThatLeftExif(scene, settings.focal_calibration.exif_sigma, result.models);
   }
   result.graph = std::move(graph.graph);
   return calibrated;
@@ -48,7 +52,8 @@ class CalibrationSearch {
     choice_.name = "calibration_choice";
   }
 
-  void Try(Calibration calibration) {
+  // It is better than the best so far if its score is more than this share of the best one's.
+  void Try(Calibration calibration, double least_share = 1) {
     const bool is_first = choice_.messages.empty();
     if (!is_first && run_.monitor.StopRequested()) return;
     static_cast<Calibration&>(scene_) = std::move(calibration);
@@ -56,7 +61,7 @@ class CalibrationSearch {
     CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
     choice_.messages.push_back(std::to_string(std::llround(result.evidence_nats)) +
                                " nats of evidence with " + scene_.origin);
-    if (result.Score() > best_.Score()) std::swap(result, best_);
+    if (result.Score() > least_share * best_.Score()) std::swap(result, best_);
     otherwise_ = std::max(otherwise_, result.evidence_nats);
     const std::vector<StageReport>& stages = result.result.report.stages;
     tried_.insert(tried_.end(), stages.begin(), stages.end());
@@ -114,6 +119,22 @@ std::vector<Calibration> Calibrate(const GeometryReader& read, const Reconstruct
   return calibrations;
 }
 
+bool RefinesExif(const SceneData& scene) {
+  return std::ranges::any_of(scene.cameras, [&](const auto& entry) {
+    return entry.second.has_prior_focal_length && scene.constant_cameras.count(entry.first) == 0;
+  });
+}
+
+// Holds the focal lengths of EXIF so that to leave them by three of its standard deviations costs
+// what it must explain.
+void HoldExif(const CalibratedResult& best, double exif_sigma, SceneData& scene) {
+  const double sigma = 3 * exif_sigma / std::sqrt(2 * kModelErrors * best.evidence_nats);
+  for (const image_t id : best.left_exif) {
+    scene.held_focals[scene.CameraIdOf(id)] = std::min(sigma, exif_sigma);
+  }
+  scene.origin += ", focal lengths held at EXIF's";
+}
+
 std::vector<Camera> CamerasOf(const std::set<image_t>& images, const SceneData& scene) {
   std::vector<Camera> cameras;
   for (const image_t id : images) cameras.push_back(scene.CameraOf(id));
@@ -142,13 +163,17 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
   const auto calibrate = [&] { return Calibrate(read_geometry, settings, run, read, scene); };
   std::vector<std::set<image_t>> of_one;
   if (settings.reconstruct.share_camera && !scene.poses_alone) of_one = LikelyOfOneCamera(scene);
-  // The groups share the median of their cameras there.
+  const auto have_exif = [&](const std::set<image_t>& images) {
+    return scene.CameraOf(*images.begin()).has_prior_focal_length;
+  };
+  // The groups share the median of their cameras there; what is known by EXIF stays as it is.
   const auto share = [&](const std::vector<std::set<image_t>>& groups, const auto& cameras_from,
                          const std::string& origin) {
     std::string shared;
     for (const std::set<image_t>& images : groups) {
       std::vector<Camera> cameras = CamerasOf(images, cameras_from);
       if (cameras.empty()) continue;
+      if (have_exif(images)) cameras = CamerasOf(images, scene);
       ShareCamera(images, MedianCamera(std::move(cameras)), read_geometry, run, scene);
       shared += (shared.empty() ? "one camera for " : ", one for ") +
                 std::to_string(images.size()) + " images";
@@ -169,16 +194,16 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
     return ReconstructCalibrated(scene, adopted, settings, run).result;
   }
 
+  std::optional<Calibration> stored;
+  if (RefinesExif(scene)) stored = scene;
   std::vector<Calibration> calibrations;
   std::vector<std::set<image_t>> without_prior = of_one;
-  std::erase_if(without_prior, [&](const std::set<image_t>& images) {
-    return scene.CameraOf(*images.begin()).has_prior_focal_length;
-  });
+  std::erase_if(without_prior, have_exif);
   if (!without_prior.empty()) {
-    Calibration stored = scene;
+    Calibration own = scene;
     share(without_prior, scene, "");
     calibrations = calibrate();
-    calibration = std::move(stored);
+    calibration = std::move(own);
   }
   std::ranges::move(calibrate(), std::back_inserter(calibrations));
   CalibrationSearch search(settings, run, scene);
@@ -186,6 +211,12 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
   if (!search.best().shares_camera &&
       share(of_one, search.best().result.models, ", by the models")) {
     search.Try(std::move(calibration));
+  }
+  if (!search.best().left_exif.empty()) {
+    calibration = std::move(*stored);
+    share(of_one, scene, "");
+    HoldExif(search.best(), settings.focal_calibration.exif_sigma, scene);
+    search.Try(std::move(calibrate().front()), 1 - kModelErrors);
   }
   return search.Finish();
 }

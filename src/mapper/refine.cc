@@ -53,8 +53,11 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   scope.fixed_cameras = context.scene.constant_cameras;
   for (const auto& [id, camera] : context.scene.cameras) {
     const FocalCalibrationOptions& focals = settings.focal_calibration;
+    const auto held = context.scene.held_focals.find(id);
     scope.priors[id] = {camera.params,
-                        camera.has_prior_focal_length ? focals.exif_sigma : focals.guess_sigma,
+                        held != context.scene.held_focals.end() ? held->second
+                        : camera.has_prior_focal_length         ? focals.exif_sigma
+                                                                : focals.guess_sigma,
                         focals.principal_point_sigma * std::max(camera.width, camera.height)};
   }
   if (round.places != nullptr) {

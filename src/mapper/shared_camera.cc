@@ -103,6 +103,7 @@ void ShareCamera(const std::set<image_t>& images, Camera camera, const GeometryR
   for (const camera_t id : ids) {
     are_alike &= scene.cameras.at(id).params == camera.params;
     scene.cameras.erase(id);
+    scene.exif_by_pairs.erase(id);
   }
   scene.cameras[camera.camera_id] = camera;
   for (const image_t id : images) {

@@ -12,6 +12,7 @@
 #include "cairn/base/run_context.h"
 #include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/georegistration/georegister.h"
+#include "cairn/intrinsics/focal_calibration.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/scene/view_graph.h"
 #include "cairn/tracks/tracks.h"
@@ -27,8 +28,10 @@ struct Calibration {
   std::map<camera_t, Camera> cameras;
   std::map<image_t, Image> images;
   std::vector<ViewEdge> edges;
-  std::map<image_t, camera_t> stored_cameras;  // of images that share one by ShareCamera
-  std::string origin;                          // in words
+  std::map<image_t, camera_t> stored_cameras;         // of images that share one by ShareCamera
+  std::map<camera_t, CalibratedFocal> exif_by_pairs;  // what pairs found in place of EXIF's
+  std::map<camera_t, double> held_focals;  // standard deviations, as logarithms (HoldExif)
+  std::string origin;                      // in words
 };
 
 // What the database holds, ready for the stages.
@@ -184,6 +187,12 @@ struct RotationHypothesis {
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      std::span<const image_t> component,
                                                      const ViewGraph& graph, double min_core_share);
+
+// exif_focals.cc
+// The images whose focal lengths in the models are more than three standard deviations off EXIF's,
+// and off what the pairs found in place of it; none if most images of the models are not of these.
+std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
+                                     std::span<const Reconstruction> models);
 
 // positions.cc
 struct InitialModel {

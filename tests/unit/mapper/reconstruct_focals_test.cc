@@ -201,5 +201,70 @@ TEST(Reconstruct, OverrulesExifThatIsFarOff) {
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
 }
 
+// Images' only camera with this focal length, by EXIF.
+Database MakeDatabaseWithExif(SyntheticScene scene, double factor) {
+  for (auto& [id, camera] : scene.cameras) {
+    camera.SetMeanFocal(factor * camera.MeanFocal());
+    camera.has_prior_focal_length = true;
+  }
+  return MakeDatabase(scene);
+}
+
+// The stored poses close loops better than those of noisy matches, and yet EXIF is wrong.
+TEST(Reconstruct, LoopsAloneDoNotDecideBetweenPairsAndExif) {
+  SceneOptions options = SmallScene();
+  options.image_noise_px = 2.0;
+  options.pair_metrics = true;  // verified by us, so that the stored poses count
+  const SyntheticScene scene = MakeScene(options, 3);
+  ReconstructSettings settings;
+  settings.focal_calibration.max_sigma = 0.3;
+  const ReconstructResult result = Reconstruct(MakeDatabaseWithExif(scene, 2.0), settings);
+  const StageReport* stage = FindStage(result.report, "focal_calibration");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_EQ(Value(*stage, "rejected_by_loops"), 0);
+  EXPECT_EQ(Value(*stage, "undecided_by_loops"), 2);
+  ASSERT_EQ(result.models.size(), 1u);
+  ExpectFocals(result.models.front(), scene, 1.0, 0.05);
+}
+
+// Along a front, hardly anything tells the focal length; what a camera model leaves out, here
+// distortion that grows with the sixth power of the radius, must not.
+TEST(Reconstruct, LensErrorsDoNotOverruleExif) {
+  SceneOptions options;
+  options.layout = CameraLayout::kStreet;
+  options.num_images = 16;
+  options.num_points = 1500;
+  options.num_cameras = 1;
+  options.image_noise_px = 0.5;
+  options.camera_model = CameraModel::kSimpleRadial;
+  SyntheticScene scene = MakeScene(options, 1);
+  const Eigen::Vector2d center = scene.cameras.at(1).PrincipalPoint();
+  for (auto& [id, keypoints] : scene.keypoints) {
+    for (Keypoint& keypoint : keypoints) {
+      const Eigen::Vector2d offset = keypoint.Position() - center;
+      const Eigen::Vector2d pixel = center + (1 - 0.8 * std::pow(offset.norm() / 1000, 6)) * offset;
+      keypoint.x = static_cast<float>(pixel.x());
+      keypoint.y = static_cast<float>(pixel.y());
+    }
+  }
+  const ReconstructResult result = Reconstruct(MakeDatabaseWithExif(scene, 1.0));
+  ASSERT_EQ(result.models.size(), 1u);
+  EXPECT_EQ(result.models.front().images.size(), 16u);
+  ExpectFocals(result.models.front(), scene, 1.0, 0.15);
+}
+
+// The pairs are not sure enough, but the model is.
+TEST(Reconstruct, EvidenceOverrulesExif) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  ReconstructSettings settings;
+  settings.focal_calibration.exif_sigma = 0.01;
+  const ReconstructResult result = Reconstruct(MakeDatabaseWithExif(scene, 1.15), settings);
+  const StageReport* choice = FindStage(result.report, "calibration_choice");
+  ASSERT_NE(choice, nullptr);
+  EXPECT_THAT(choice->messages.back(), HasSubstr("focal lengths held at EXIF's"));
+  ASSERT_EQ(result.models.size(), 1u);
+  ExpectFocals(result.models.front(), scene, 1.0, 0.01);
+}
+
 }  // namespace
 }  // namespace cairn
