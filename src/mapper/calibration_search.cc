@@ -126,11 +126,11 @@ bool RefinesExif(const SceneData& scene) {
 }
 
 // Holds the focal lengths of EXIF so that to leave them by three of its standard deviations costs
-// what it must explain.
+// what it must explain, and no less than usual.
 void HoldExif(const CalibratedResult& best, double exif_sigma, SceneData& scene) {
-  const double sigma = 3 * exif_sigma / std::sqrt(2 * kModelErrors * best.evidence_nats);
+  const double cost_nats = std::max(kModelErrors * best.evidence_nats, 0.5 * 3 * 3);
   for (const image_t id : best.left_exif) {
-    scene.held_focals[scene.CameraIdOf(id)] = std::min(sigma, exif_sigma);
+    scene.held_focals[scene.CameraIdOf(id)] = 3 * exif_sigma / std::sqrt(2 * cost_nats);
   }
   scene.origin += ", focal lengths held at EXIF's";
 }

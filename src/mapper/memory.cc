@@ -165,9 +165,9 @@ int64_t EstimateSceneBytes(const SceneCounts& counts) {
   // A keypoint: pixel, scale, the first one at its position; of tracks its node, element, parent
   // and next one; again in the model with the point it shows.
   constexpr int64_t kKeypoint = 16 + 4 + 4 + 4 + 8 + 4 + 4 + 16 + 8;
-  // An edge in the scene, the graph, and copies of a component and of its model; in the map of
-  // matches.
-  constexpr int64_t kPair = 4 * sizeof(ViewEdge) + 96;
+  // An edge in the scene, before calibration, in the graph, and copies of a component and of its
+  // model; in the map of matches.
+  constexpr int64_t kPair = 5 * sizeof(ViewEdge) + 96;
   return counts.num_keypoints * kKeypoint + counts.num_pairs * kPair +
          counts.num_matches * static_cast<int64_t>(sizeof(FeatureMatch));
 }
