@@ -119,22 +119,6 @@ std::vector<Calibration> Calibrate(const GeometryReader& read, const Reconstruct
   return calibrations;
 }
 
-bool RefinesExif(const SceneData& scene) {
-  return std::ranges::any_of(scene.cameras, [&](const auto& entry) {
-    return entry.second.has_prior_focal_length && scene.constant_cameras.count(entry.first) == 0;
-  });
-}
-
-// Holds the focal lengths of EXIF so that to leave them by three of its standard deviations costs
-// what it must explain, and no less than usual.
-void HoldExif(const CalibratedResult& best, double exif_sigma, SceneData& scene) {
-  const double cost_nats = std::max(kModelErrors * best.evidence_nats, 0.5 * 3 * 3);
-  for (const image_t id : best.left_exif) {
-    scene.held_focals[scene.CameraIdOf(id)] = 3 * exif_sigma / std::sqrt(2 * cost_nats);
-  }
-  scene.origin += ", focal lengths held at EXIF's";
-}
-
 std::vector<Camera> CamerasOf(const std::set<image_t>& images, const SceneData& scene) {
   std::vector<Camera> cameras;
   for (const image_t id : images) cameras.push_back(scene.CameraOf(id));
@@ -195,7 +179,8 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
   }
 
   std::optional<Calibration> stored;
-  if (RefinesExif(scene)) stored = scene;
+  const auto refines_exif = [&](const auto& entry) { return RefinesExif(entry.second, scene); };
+  if (std::ranges::any_of(scene.cameras, refines_exif)) stored = scene;
   std::vector<Calibration> calibrations;
   std::vector<std::set<image_t>> without_prior = of_one;
   std::erase_if(without_prior, have_exif);
@@ -215,7 +200,8 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
   if (!search.best().left_exif.empty()) {
     calibration = std::move(*stored);
     share(of_one, scene, "");
-    HoldExif(search.best(), settings.focal_calibration.exif_sigma, scene);
+    HoldExif(search.best().left_exif, settings.focal_calibration.exif_sigma,
+             kModelErrors * search.best().evidence_nats, scene);
     search.Try(std::move(calibrate().front()), 1 - kModelErrors);
   }
   return search.Finish();

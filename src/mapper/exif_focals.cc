@@ -1,16 +1,22 @@
+#include <algorithm>
 #include <cmath>
 
 #include "mapper/stages.h"
 
 namespace cairn {
-
 namespace {
 
+constexpr double kFarSigmas = 3;
+
 bool AreFar(double focal1, double focal2, double sigma) {
-  return std::abs(std::log(focal1 / focal2)) > 3 * sigma;
+  return std::abs(std::log(focal1 / focal2)) > kFarSigmas * sigma;
 }
 
 }  // namespace
+
+bool RefinesExif(const Camera& camera, const SceneData& scene) {
+  return camera.has_prior_focal_length && scene.constant_cameras.count(camera.camera_id) == 0;
+}
 
 std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
                                      std::span<const Reconstruction> models) {
@@ -20,8 +26,7 @@ std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
     num_images += model.images.size();
     for (const auto& [id, image] : model.images) {
       const Camera& known = scene.CameraOf(id);
-      if (!known.has_prior_focal_length || scene.constant_cameras.count(known.camera_id) > 0)
-        continue;
+      if (!RefinesExif(known, scene)) continue;
       const double focal = model.cameras.at(image.image.camera_id).MeanFocal();
       const auto by_pairs = scene.exif_by_pairs.find(known.camera_id);
       const bool agrees_with_pairs =
@@ -32,6 +37,14 @@ std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
   }
   if (2 * left.size() <= num_images) left.clear();
   return left;
+}
+
+void HoldExif(const std::set<image_t>& images, double exif_sigma, double cost_nats,
+              SceneData& scene) {
+  const double usual_nats = 0.5 * kFarSigmas * kFarSigmas;
+  const double sigma = exif_sigma * std::sqrt(usual_nats / std::max(cost_nats, usual_nats));
+  for (const image_t id : images) scene.held_focals[scene.CameraIdOf(id)] = sigma;
+  scene.origin += ", focal lengths held at EXIF's";
 }
 
 }  // namespace cairn

@@ -189,10 +189,16 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      const ViewGraph& graph, double min_core_share);
 
 // exif_focals.cc
+// Whether EXIF has the camera's focal length, and bundle adjustment may change it.
+bool RefinesExif(const Camera& camera, const SceneData& scene);
 // The images whose focal lengths in the models are more than three standard deviations off EXIF's,
 // and off what the pairs found in place of it; none if most images of the models are not of these.
 std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
                                      std::span<const Reconstruction> models);
+// Holds the focal lengths of these images' cameras, EXIF's, so that to leave them by three standard
+// deviations costs so much, and no less than usual.
+void HoldExif(const std::set<image_t>& images, double exif_sigma, double cost_nats,
+              SceneData& scene);
 
 // positions.cc
 struct InitialModel {
