@@ -3,11 +3,14 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 
+#include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/epipolar.h"
+#include "graph/union_find.h"
 
 namespace cairn {
 namespace {
@@ -25,13 +28,11 @@ double WidthPx(const Camera& camera) {
 }
 
 struct PairEvidence {
-  int64_t num_explained = 0;
-  FeatureMatches explained;  // where they are asked for
+  FeatureMatches explained;
   double nats = 0;
 };
 
-PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMatches& matches,
-                          bool keep_matches) {
+PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMatches& matches) {
   const Rigid3d cam2_from_cam1 = view2.image->cam_from_world * Inverse(view1.image->cam_from_world);
   const double focal_px = 0.5 * (view1.camera->MeanFocal() + view2.camera->MeanFocal());
   // Two-view verification's threshold is taken as the standard deviation: what remains of it in a
@@ -56,8 +57,7 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
     if (!(nats > 0)) continue;
     if (!test.IsInFront(*x1, *x2)) continue;
     evidence.nats += nats;
-    ++evidence.num_explained;
-    if (keep_matches) evidence.explained.push_back(match);
+    evidence.explained.push_back(match);
   }
   return evidence;
 }
@@ -94,49 +94,109 @@ std::map<image_t, View> MakeViews(const Reconstruction& model, std::span<const V
   return views;
 }
 
-// Pairs with an image that the model lacks have nothing.
-std::vector<PairEvidence> EvaluatePairs(const Reconstruction& model,
-                                        std::span<const VerifiedPair> pairs, int num_threads,
-                                        bool keep_matches) {
+// The explained matches of so many pairs are held at a time.
+constexpr int64_t kPairsAtATime = 4096;
+
+// Visits the pairs in their order. Those with an image that the model lacks have nothing.
+template <typename Visit>
+void EvaluatePairs(const Reconstruction& model, std::span<const VerifiedPair> pairs,
+                   int num_threads, const Visit& visit) {
   const std::map<image_t, View> views = MakeViews(model, pairs, num_threads);
-  std::vector<PairEvidence> of_pair(pairs.size());
-  ParallelFor(
-      num_threads, static_cast<int64_t>(pairs.size()),
-      [&](int64_t i) {
-        const auto view1 = views.find(pairs[i].image_id1);
-        const auto view2 = views.find(pairs[i].image_id2);
-        if (view1 == views.end() || view2 == views.end()) return;
-        of_pair[i] = EvaluatePair(view1->second, view2->second, *pairs[i].matches, keep_matches);
-      },
-      16);
-  return of_pair;
+  const auto num_pairs = static_cast<int64_t>(pairs.size());
+  std::vector<PairEvidence> of_pair;
+  for (int64_t begin = 0; begin < num_pairs; begin += kPairsAtATime) {
+    of_pair.assign(std::min(kPairsAtATime, num_pairs - begin), {});
+    ParallelFor(
+        num_threads, std::ssize(of_pair),
+        [&](int64_t i) {
+          const VerifiedPair& pair = pairs[begin + i];
+          const auto view1 = views.find(pair.image_id1);
+          const auto view2 = views.find(pair.image_id2);
+          if (view1 == views.end() || view2 == views.end()) return;
+          of_pair[i] = EvaluatePair(view1->second, view2->second, *pair.matches);
+        },
+        16);
+    for (size_t i = 0; i < of_pair.size(); ++i) visit(pairs[begin + i], std::move(of_pair[i]));
+  }
 }
+
+// Counts matches that do not follow from those before: what joins n keypoints to one track is n - 1
+// of them.
+class IndependentMatches {
+ public:
+  explicit IndependentMatches(const std::map<image_t, size_t>& num_keypoints) {
+    size_t total = 0;
+    for (const auto& [id, num] : num_keypoints) {
+      first_node_[id] = static_cast<int>(total);
+      total += num;
+    }
+    CAIRN_CHECK_LE(total, static_cast<size_t>(std::numeric_limits<int>::max()));
+    tracks_.emplace(static_cast<int>(total));
+  }
+
+  void Add(const VerifiedPair& pair, const FeatureMatches& matches) {
+    if (matches.empty()) return;
+    const int first1 = first_node_.at(pair.image_id1);
+    const int first2 = first_node_.at(pair.image_id2);
+    for (const FeatureMatch& match : matches) {
+      num_ += tracks_->Union(first1 + static_cast<int>(match.point1),
+                             first2 + static_cast<int>(match.point2));
+    }
+  }
+
+  int64_t Num() const { return num_; }
+
+ private:
+  std::map<image_t, int> first_node_;
+  std::optional<UnionFind> tracks_;
+  int64_t num_ = 0;
+};
 
 }  // namespace
 
+int64_t CountIndependent(std::span<const VerifiedPair> pairs) {
+  std::map<image_t, size_t> num_keypoints;
+  const auto include = [&](image_t id, point2D_t point) {
+    size_t& num = num_keypoints[id];
+    num = std::max<size_t>(num, point + 1);
+  };
+  for (const VerifiedPair& pair : pairs) {
+    for (const FeatureMatch& match : *pair.matches) {
+      include(pair.image_id1, match.point1);
+      include(pair.image_id2, match.point2);
+    }
+  }
+  IndependentMatches independent(num_keypoints);
+  for (const VerifiedPair& pair : pairs) independent.Add(pair, *pair.matches);
+  return independent.Num();
+}
+
 ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
                                const RunContext& run) {
-  const std::vector<PairEvidence> of_pair = EvaluatePairs(model, pairs, run.num_threads, false);
   ModelEvidence evidence;
-  for (const auto& [id, image] : model.images) evidence.images[id] = {};
-  for (size_t i = 0; i < pairs.size(); ++i) {
-    const Support support = {static_cast<int64_t>(pairs[i].matches->size()),
-                             of_pair[i].num_explained};
+  std::map<image_t, size_t> num_keypoints;
+  for (const auto& [id, image] : model.images) {
+    evidence.images[id] = {};
+    num_keypoints[id] = image.points2D.size();
+  }
+  IndependentMatches independent(num_keypoints);
+  double nats = 0;
+  EvaluatePairs(model, pairs, run.num_threads, [&](const VerifiedPair& pair, PairEvidence found) {
+    const Support support = {std::ssize(*pair.matches), std::ssize(found.explained)};
     evidence.pairs.push_back(support);
-    evidence.all.num_matches += support.num_matches;
-    evidence.all.num_explained += support.num_explained;
-    evidence.nats += of_pair[i].nats;
-    const auto image1 = evidence.images.find(pairs[i].image_id1);
-    const auto image2 = evidence.images.find(pairs[i].image_id2);
-    if (image1 == evidence.images.end() || image2 == evidence.images.end()) continue;
+    evidence.all = evidence.all + support;
+    nats += found.nats;
+    independent.Add(pair, found.explained);
+    const auto image1 = evidence.images.find(pair.image_id1);
+    const auto image2 = evidence.images.find(pair.image_id2);
+    if (image1 == evidence.images.end() || image2 == evidence.images.end()) return;
     ++evidence.num_pairs;
-    evidence.inside.num_matches += support.num_matches;
-    evidence.inside.num_explained += support.num_explained;
     evidence.num_contradicted += support.IsContradicted();
-    for (Support* of_image : {&image1->second, &image2->second}) {
-      of_image->num_matches += support.num_matches;
-      of_image->num_explained += support.num_explained;
-    }
+    for (Support* of : {&evidence.inside, &image1->second, &image2->second}) *of = *of + support;
+  });
+  evidence.num_independent = independent.Num();
+  if (evidence.all.num_explained > 0) {
+    evidence.nats = nats * evidence.num_independent / evidence.all.num_explained;
   }
   constexpr double kPoseParameters = 6;
   for (const auto& [id, support] : evidence.images) {
@@ -149,9 +209,9 @@ std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,
                                              std::span<const VerifiedPair> pairs,
                                              const RunContext& run) {
   std::vector<FeatureMatches> explained;
-  for (PairEvidence& pair : EvaluatePairs(model, pairs, run.num_threads, true)) {
-    explained.push_back(std::move(pair.explained));
-  }
+  EvaluatePairs(model, pairs, run.num_threads, [&](const VerifiedPair&, PairEvidence found) {
+    explained.push_back(std::move(found.explained));
+  });
   return explained;
 }
 

@@ -26,6 +26,13 @@ struct Support {
   // Most of them are not explained: an image is probably misplaced, a model wrong.
   bool IsContradicted() const { return 2 * num_explained < num_matches; }
   double Share() const { return num_matches > 0 ? double(num_explained) / num_matches : 0.0; }
+
+  Support operator+(const Support& other) const {
+    return {num_matches + other.num_matches, num_explained + other.num_explained};
+  }
+  Support operator-(const Support& other) const {
+    return {num_matches - other.num_matches, num_explained - other.num_explained};
+  }
 };
 inline constexpr const char* kMisplacedAdvice =
     "look at these photos in the report's 3D view and at their pairs; leave them out, or add "
@@ -36,10 +43,14 @@ struct ModelEvidence {
   // What the model saves in the description of all given matches, nats. A match that lies e px from
   // its epipolar line is a normal error of standard deviation sigma instead of a uniform one over
   // the image: it saves log(width / (sigma sqrt(2 pi))) - e^2 / (2 sigma^2), and nothing where that
-  // is negative or the point is behind a camera. An image costs six parameters, each half the
-  // logarithm of its matches (Rissanen, "Modeling by shortest data description", 1978).
+  // is negative or the point is behind a camera. The independent ones of the explained matches save
+  // as much as these do on average: else a part that looks like another one, shown in its place,
+  // would gain by all pairs of their images what is one coincidence a point. An image costs six
+  // parameters, each half the logarithm of its matches (Rissanen, "Modeling by shortest data
+  // description", 1978).
   // Models of the same images and matches can be compared by it, whatever they were built from.
   double nats = 0;
+  int64_t num_independent = 0;  // of the explained matches (CountIndependent)
   Support all;
   Support inside;                     // of pairs between images of the model
   int num_pairs = 0;                  // such pairs
@@ -47,6 +58,10 @@ struct ModelEvidence {
   std::vector<Support> pairs;         // in the order of the input
   std::map<image_t, Support> images;  // of the model; a match counts for both of its images
 };
+
+// Of all matches, those that do not follow from others: n keypoints that matches join to a track
+// have n - 1.
+int64_t CountIndependent(std::span<const VerifiedPair> pairs);
 
 // The evidence for a model in verified pairs. Pairs with an image that the model lacks have nothing
 // explained; they count in `all`, not in num_pairs. O(number of matches). The result does not

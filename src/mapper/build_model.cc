@@ -141,9 +141,6 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   return built;
 }
 
-// Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
-constexpr double kSameModel = 1e-4;
-
 // A model with so many observations is adjusted in some seconds, whatever may come of it.
 constexpr int64_t kQuickObservations = 500'000;
 
@@ -219,6 +216,10 @@ void ReplaceMisplaced(StageContext& context, BuiltModel& best) {
   }
 }
 
+// Pairs that disagree with a hypothesis bring its model matches, too, once they have another pose
+// (RefitEdges), but seldom more than the rest of this share.
+constexpr double kAgreeingShare = 0.9;
+
 // The model with the most evidence of those that the hypotheses lead to.
 BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
                      const ViewGraph& graph, std::span<const RotationHypothesis> hypotheses) {
@@ -226,17 +227,16 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   std::string first_failure = std::exchange(context.report.failure, "");
   for (const RotationHypothesis& hypothesis : hypotheses) {
     if (context.run.monitor.StopRequested()) break;
-    // Where the best model explains more than its pairs have, it cannot be better.
-    if (best.model && hypothesis.num_explainable < best.evidence.all.num_explained) continue;
+    if (best.model && static_cast<double>(NumExplainable(context, graph, hypothesis)) <
+                          kAgreeingShare * static_cast<double>(best.evidence.num_independent)) {
+      continue;
+    }
     BuiltModel built = BuildFrom(context, component, graph, hypothesis);
     const std::string failure = std::exchange(context.report.failure, "");
     if (first_failure.empty()) first_failure = failure;
-    if (!built.model) continue;
-    // Different rotations that lead to one model confirm it.
-    const bool is_same = best.model && std::abs(built.evidence.nats - best.evidence.nats) <
-                                           kSameModel * std::abs(best.evidence.nats);
-    if (!best.model || built.evidence.nats > best.evidence.nats) best = std::move(built);
-    if (is_same) break;
+    if (built.model && (!best.model || built.evidence.nats > best.evidence.nats)) {
+      best = std::move(built);
+    }
   }
   if (!best.model) context.report.failure = first_failure;
   return best;

@@ -201,7 +201,7 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
     calibration = std::move(*stored);
     share(of_one, scene, "");
     HoldExif(search.best().left_exif, settings.focal_calibration.exif_sigma,
-             kModelErrors * search.best().evidence_nats, scene);
+             2 * kModelErrors * search.best().evidence_nats, scene);
     search.Try(std::move(calibrate().front()), 1 - kModelErrors);
   }
   return search.Finish();

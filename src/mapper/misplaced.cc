@@ -15,13 +15,6 @@ struct Group {
   std::vector<MisplacedGroup> misplaced;  // the largest such groups within it
 };
 
-Support operator+(const Support& a, const Support& b) {
-  return {a.num_matches + b.num_matches, a.num_explained + b.num_explained};
-}
-Support operator-(const Support& a, const Support& b) {
-  return {a.num_matches - b.num_matches, a.num_explained - b.num_explained};
-}
-
 // The pairs between images of a model.
 struct PairsWithin {
   std::vector<image_t> images;

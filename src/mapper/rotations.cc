@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "cairn/evaluation/alignment.h"
@@ -32,22 +33,28 @@ std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<doub
   return edges;
 }
 
+// How far a pair's rotation is from the hypothesis; nullopt: it has no pose, or its images none.
+std::optional<double> ErrorDeg(const ViewEdge& edge, const RotationHypothesis& hypothesis) {
+  const auto rotation1 = hypothesis.cam_from_world.find(edge.image_id1);
+  const auto rotation2 = hypothesis.cam_from_world.find(edge.image_id2);
+  if (edge.removal == EdgeRemoval::kNoPose || rotation1 == hypothesis.cam_from_world.end() ||
+      rotation2 == hypothesis.cam_from_world.end()) {
+    return std::nullopt;
+  }
+  return RadToDeg(AngleBetween(rotation2->second * rotation1->second.conjugate(),
+                               edge.cam2_from_cam1.rotation));
+}
+
 // Inliers of all pairs that have a pose, those that were taken out among them, by how well they
 // agree with the rotations.
 void SetSupport(const ViewGraph& graph, double scale_deg, double max_error_deg,
                 RotationHypothesis& hypothesis) {
   for (const ViewEdge& edge : graph.edges) {
-    const auto rotation1 = hypothesis.cam_from_world.find(edge.image_id1);
-    const auto rotation2 = hypothesis.cam_from_world.find(edge.image_id2);
-    if (edge.removal == EdgeRemoval::kNoPose || rotation1 == hypothesis.cam_from_world.end() ||
-        rotation2 == hypothesis.cam_from_world.end()) {
-      continue;
-    }
-    const double error = RadToDeg(AngleBetween(rotation2->second * rotation1->second.conjugate(),
-                                               edge.cam2_from_cam1.rotation));
+    const std::optional<double> error = ErrorDeg(edge, hypothesis);
+    if (!error) continue;
     hypothesis.possible_support += std::max(1, edge.num_inliers);
-    hypothesis.support += std::max(1, edge.num_inliers) / (1.0 + std::pow(error / scale_deg, 2));
-    if (error <= max_error_deg) hypothesis.num_explainable += edge.num_inliers;
+    hypothesis.support += std::max(1, edge.num_inliers) / (1.0 + std::pow(*error / scale_deg, 2));
+    if (*error <= max_error_deg) hypothesis.num_agreeing += edge.num_inliers;
   }
 }
 
@@ -125,7 +132,7 @@ class Averager {
 
   bool IsClear() const {
     return !all_.empty() && !IsAnother(all_.front(), all_.back()) &&
-           static_cast<double>(all_.front().num_explainable) >
+           static_cast<double>(all_.front().num_agreeing) >
                kClearShare * all_.front().possible_support;
   }
 
@@ -191,6 +198,21 @@ std::vector<double> PrecisionsOf(const StageContext& context, const ViewGraph& g
 }
 
 }  // namespace
+
+int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
+                       const RotationHypothesis& hypothesis) {
+  std::vector<VerifiedPair> agreeing;
+  for (const ViewEdge& edge : graph.edges) {
+    const std::optional<double> error = ErrorDeg(edge, hypothesis);
+    const auto matches = context.scene.matches.find(edge.PairId());
+    if (!error || *error > context.settings.view_graph.max_rotation_error_deg ||
+        matches == context.scene.matches.end()) {
+      continue;
+    }
+    agreeing.push_back({edge.image_id1, edge.image_id2, &matches->second});
+  }
+  return CountIndependent(agreeing);
+}
 
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      std::span<const image_t> component,

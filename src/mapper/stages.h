@@ -176,10 +176,13 @@ struct RotationHypothesis {
   std::string weighing;     // of their weights
   std::map<image_t, Eigen::Quaterniond> cam_from_world;
   double median_residual_deg = 0;
-  double support = 0;           // inliers of the pairs that agree with it
+  double support = 0;           // inliers of the pairs, by how well they agree with it
   double possible_support = 0;  // of all pairs between its images
-  int64_t num_explainable = 0;  // matches of the pairs that a model with these rotations can keep
+  int64_t num_agreeing = 0;     // of these, of pairs within the largest rotation error
 };
+// Independent matches of the pairs that a model with these rotations can keep.
+int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
+                       const RotationHypothesis& hypothesis);
 // Global rotations of the component, averaged from all of its edges and from those with more and
 // more inliers while they join more than this share of the images, weighed by inliers, alike, and
 // by their precision. Where these agree there is one hypothesis, else those that differ, the best

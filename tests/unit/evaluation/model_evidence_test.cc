@@ -4,6 +4,7 @@
 
 #include <numbers>
 
+#include "cairn/base/rng.h"
 #include "cairn/geometry/rigid3d.h"
 #include "support/synthetic_reconstruction.h"
 
@@ -47,9 +48,82 @@ TEST(ModelEvidence, TheTruthExplainsAllMatches) {
   EXPECT_EQ(evidence.num_pairs, 15);
   EXPECT_EQ(evidence.num_contradicted, 0);
   EXPECT_EQ(evidence.pairs.size(), pairs.views.size());
-  // Some six nats a match: the logarithm of the image's width over the noise.
-  EXPECT_GT(evidence.nats, 4.5 * static_cast<double>(evidence.all.num_matches));
-  EXPECT_LT(evidence.nats, 7.0 * static_cast<double>(evidence.all.num_matches));
+  // Some six nats a match that does not follow from others: the logarithm of the image's width over
+  // the noise.
+  EXPECT_EQ(evidence.num_independent, CountIndependent(pairs.views));
+  EXPECT_GT(evidence.nats, 4.5 * static_cast<double>(evidence.num_independent));
+  EXPECT_LT(evidence.nats, 7.0 * static_cast<double>(evidence.num_independent));
+}
+
+TEST(ModelEvidence, MatchesThatFollowFromOthersDoNotCount) {
+  // Keypoint 0 of four images is one point, keypoint 1 of two another.
+  const FeatureMatches both = {{0, 0}, {1, 1}}, one = {{0, 0}};
+  const std::vector<VerifiedPair> chain = {{1, 2, &both}, {2, 3, &one}, {3, 4, &one}};
+  EXPECT_EQ(CountIndependent(chain), 4);
+  std::vector<VerifiedPair> all = chain;
+  for (const auto& [a, b] : {std::pair(1, 3), std::pair(1, 4), std::pair(2, 4)}) {
+    all.push_back({static_cast<image_t>(a), static_cast<image_t>(b), &one});
+  }
+  EXPECT_EQ(CountIndependent(all), 4);
+  EXPECT_EQ(CountIndependent({}), 0);
+}
+
+// Two sides of a box with one logo, each photographed by many, and few photographs around the edge:
+// the model that shows the two sides as one explains more pairs, all by one coincidence a point.
+TEST(ModelEvidence, OneSideShownOnTopOfAnotherHasLess) {
+  constexpr int kPerSide = 8, kLogo = 30, kEdge = 60, kSeers = 2;
+  Rng rng(1);
+  const auto draw = [&](int num, double width) {
+    std::vector<Eigen::Vector3d> points;
+    for (int k = 0; k < num; ++k) {
+      points.emplace_back(width * (rng.Uniform() - 0.5), width * (rng.Uniform() - 0.5),
+                          0.5 * rng.Uniform());
+    }
+    return points;
+  };
+  const std::vector<Eigen::Vector3d> logo = draw(kLogo, 2), edge = draw(kEdge, 3);
+  const Rigid3d turn{Eigen::Quaterniond(Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitY())),
+                     Eigen::Vector3d(3, 0, 1)};  // of the first side onto the second one
+  Reconstruction truth, fold;
+  truth.cameras[1] = fold.cameras[1] = Camera::FromFocal(1, CameraModel::kPinhole, 500, 640, 480);
+  for (int i = 0; i < 2 * kPerSide; ++i) {
+    const bool is_second = i >= kPerSide;
+    RegisteredImage image;
+    image.image = {static_cast<image_t>(i + 1), "image", 1};
+    const Rigid3d before{Eigen::Quaterniond::Identity(),
+                         Eigen::Vector3d(0.4 * (i % kPerSide) - 1.5, 0.1 * i, 6)};
+    image.cam_from_world = is_second ? before * Inverse(turn) : before;
+    const auto see = [&](const Eigen::Vector3d& point) {
+      const auto pixel = truth.cameras[1].ImgFromRay(image.cam_from_world * point);
+      image.points2D.push_back(pixel.value_or(Eigen::Vector2d::Zero()));
+    };
+    for (const Eigen::Vector3d& point : logo) see(is_second ? turn * point : point);
+    for (const Eigen::Vector3d& point : edge) see(point);
+    image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
+    truth.images[i + 1] = image;
+    image.cam_from_world = before;
+    fold.images[i + 1] = image;
+  }
+  FeatureMatches of_logo, of_edge, of_both;
+  for (int k = 0; k < kLogo + kEdge; ++k) {
+    const auto point = static_cast<point2D_t>(k);
+    (k < kLogo ? of_logo : of_edge).push_back({point, point});
+    of_both.push_back({point, point});
+  }
+  std::vector<VerifiedPair> pairs;
+  for (int a = 0; a < 2 * kPerSide; ++a) {
+    for (int b = a + 1; b < 2 * kPerSide; ++b) {
+      const bool see_edge = a % kPerSide < kSeers && b % kPerSide < kSeers;
+      const bool see_one_side = (a < kPerSide) == (b < kPerSide);
+      pairs.push_back({static_cast<image_t>(a + 1), static_cast<image_t>(b + 1),
+                       !see_edge      ? &of_logo
+                       : see_one_side ? &of_both
+                                      : &of_edge});
+    }
+  }
+  const ModelEvidence right = EvaluateEvidence(truth, pairs), wrong = EvaluateEvidence(fold, pairs);
+  EXPECT_GT(wrong.all.num_explained, 1.5 * right.all.num_explained);
+  EXPECT_GT(right.nats, 1.05 * wrong.nats);
 }
 
 TEST(ModelEvidence, DoesNotDependOnTheWorldFrameOrOnThreads) {
