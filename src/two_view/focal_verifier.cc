@@ -37,6 +37,37 @@ PairReport WithoutEssential(PairReport report) {
 }  // namespace
 
 PairReport FocalVerifier::Verify(const PairInput& input) {
+  PairReport report = VerifyMatches(input);
+  if (!options_.detect_watermark || report.status != PairStatus::kVerified) return report;
+  return LookUnderOverlay(input, std::move(report));
+}
+
+PairReport FocalVerifier::LookUnderOverlay(const PairInput& input, PairReport report) {
+  const double max_error_px = pair_.max_error_px;
+  const auto shift = OverlayShift(input, report.geometry.inlier_matches, max_error_px);
+  if (!shift) return report;
+  FeatureMatches overlay, others;
+  for (const FeatureMatch& match : input.matches) {
+    const bool is_still = (ShiftOf(input, match) - *shift).norm() < kOutside * max_error_px;
+    (is_still ? overlay : others).push_back(match);
+  }
+  PairInput part = input;
+  part.matches = others;
+  PairReport under = VerifyMatches(part);
+  const TwoViewGeometry& geometry = under.geometry;
+  if (under.status != PairStatus::kVerified || !(geometry.E || geometry.F)) return report;
+  // What explains the overlay, too, may be more of it.
+  part.matches = overlay;
+  PreparePair(part, options_, MatchOrder::kGiven, &pair_);
+  MatchErrors errors;
+  errors.SetSampson(pair_.points,
+                    geometry.E ? *geometry.E
+                               : Eigen::Matrix3d(input.camera2->CalibrationMatrix().transpose() *
+                                                 *geometry.F * input.camera1->CalibrationMatrix()));
+  return 2 * errors.CountBelow(max_error_px) > pair_.size() ? report : under;
+}
+
+PairReport FocalVerifier::VerifyMatches(const PairInput& input) {
   if (static_cast<int>(input.matches.size()) < options_.min_num_matches) {
     PairReport report;
     report.verifier = steps_.name;
@@ -155,7 +186,8 @@ void FocalVerifier::Fill(const FundamentalModel& model, PairReport* report) cons
   TwoViewGeometry& geometry = report->geometry;
   report->status = PairStatus::kVerified;
   geometry.E.reset();  // It stands and falls with the focal lengths.
-  if (options_.detect_watermark && IsOverlay(pair_, model.inliers)) {
+  if (options_.detect_watermark &&
+      OverlayShift(pair_.input, pair_.Matches(model.inliers), pair_.max_error_px)) {
     geometry.config = TwoViewConfig::kWatermark;
     geometry.cam2_from_cam1.reset();
     geometry.F.reset();

@@ -20,6 +20,10 @@ class FocalVerifier : public PairVerifier {
   PairReport Verify(const PairInput& input) override;
 
  private:
+  PairReport VerifyMatches(const PairInput& input);
+  // Where most inliers lie over the photographs: what the other matches show, if that moves against
+  // these.
+  PairReport LookUnderOverlay(const PairInput& input, PairReport report);
   // Is there to be a search for F, after what was found by the focal lengths as they are?
   bool NeedsFundamental(const PairReport& report) const;
   // Decides between the report and a fundamental matrix.

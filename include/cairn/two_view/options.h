@@ -33,8 +33,8 @@ struct TwoViewOptions {
   // A second model of other matches with this share of the first one's support competes with it:
   // duplicate structure, and no pose.
   double min_competing_share = 0.5;
-  // Label pairs whose inliers are an overlay (marks along the border of the images, or text all
-  // over them) as watermarks, without a pose.
+  // Look under an overlay (marks along the border of the images, or text all over them): pairs of
+  // which other matches show no scene are watermarks, without a pose.
   bool detect_watermark = true;
   // Most five-point samples of a pair without affine frames and of the five-point verifier, and
   // fewest samples of the search for a fundamental matrix.
@@ -75,7 +75,8 @@ struct TwoViewOptions {
     v.Double("min_competing_share", min_competing_share, {0.01, 10.0},
              "a second model with this share of the first one's support makes a pair ambiguous");
     v.Bool("detect_watermark", detect_watermark,
-           "give pairs of marks in the frame, or printed over photographs, no pose");
+           "look under marks in the frame, or printed over photographs; pairs of marks alone get "
+           "no pose");
     v.Int("max_iterations", max_iterations, {1, 1e9},
           "most five-point samples of a pair without affine frames, or by five_point");
     v.Int("min_iterations", min_iterations, {1, 1e9}, "fewest seven-point samples of a pair");

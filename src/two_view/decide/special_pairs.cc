@@ -45,7 +45,7 @@ bool IsWatermark(const PreparedPair& pair, std::span<const int32_t> inliers, dou
   for (const int32_t i : inliers) {
     if (IsInFrame(*pair.input.camera1, pair.Keypoint1(i)) &&
         IsInFrame(*pair.input.camera2, pair.Keypoint2(i))) {
-      shifts.push_back(pair.Keypoint2(i).Position() - pair.Keypoint1(i).Position());
+      shifts.push_back(ShiftOf(pair.input, pair.Match(i)));
     }
   }
   const double needed = share * static_cast<double>(inliers.size());
@@ -67,22 +67,27 @@ bool IsWatermark(const PreparedPair& pair, std::span<const int32_t> inliers, dou
 
 }  // namespace
 
-bool IsOverlay(const PreparedPair& pair, std::span<const int32_t> matches) {
-  const Camera &camera1 = *pair.input.camera1, &camera2 = *pair.input.camera2;
-  const Eigen::Vector2d size1(camera1.width, camera1.height), size2(camera2.width, camera2.height);
+Eigen::Vector2d ShiftOf(const PairInput& input, const FeatureMatch& match) {
+  return input.keypoints2[match.point2].Position() - input.keypoints1[match.point1].Position();
+}
+
+std::optional<Eigen::Vector2d> OverlayShift(const PairInput& input,
+                                            std::span<const FeatureMatch> matches,
+                                            double max_error_px) {
+  const Eigen::Vector2d size1(input.camera1->width, input.camera1->height);
+  const Eigen::Vector2d size2(input.camera2->width, input.camera2->height);
   constexpr double kAnchors[] = {0.0, 0.5, 1.0};
-  const double max_distance_px = kNearby * pair.max_error_px;
   for (const double x : kAnchors) {
     for (const double y : kAnchors) {
       const Eigen::Vector2d shift = Eigen::Vector2d(x, y).cwiseProduct(size2 - size1);
-      const auto num_equal = std::count_if(matches.begin(), matches.end(), [&](int32_t i) {
-        return (pair.Keypoint2(i).Position() - pair.Keypoint1(i).Position() - shift).norm() <
-               max_distance_px;
-      });
-      if (2 * num_equal > std::ssize(matches)) return true;
+      const auto num_equal =
+          std::count_if(matches.begin(), matches.end(), [&](const FeatureMatch& match) {
+            return (ShiftOf(input, match) - shift).norm() < kNearby * max_error_px;
+          });
+      if (2 * num_equal > std::ssize(matches)) return shift;
     }
   }
-  return false;
+  return std::nullopt;
 }
 
 SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inliers,
@@ -111,7 +116,8 @@ SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inli
     special.H = R;
     return special;
   }
-  if (options.detect_watermark && IsOverlay(pair, inliers)) {
+  if (options.detect_watermark &&
+      OverlayShift(pair.input, pair.Matches(inliers), pair.max_error_px)) {
     special.config = TwoViewConfig::kWatermark;
     return special;
   }

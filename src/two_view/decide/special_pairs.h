@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -22,9 +23,15 @@ struct SpecialPair {
 SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inliers,
                          const TwoViewOptions& options);
 
-// Are more than half of these matches at the same place of both images, measured from a corner, the
-// middle of a side, or the center? Marks that are printed over photographs are, wherever they are
-// and however often they repeat; points of a scene only if the camera does not move.
-bool IsOverlay(const PreparedPair& pair, std::span<const int32_t> matches);
+// How far a match moves in the picture, pixels.
+Eigen::Vector2d ShiftOf(const PairInput& input, const FeatureMatch& match);
+
+// The shift between the images of more than half of these matches, if they are at the same place of
+// both, measured from a corner, the middle of a side, or the center. Marks that are printed over
+// photographs are, wherever they are and however often they repeat; points of a scene only if the
+// camera does not move.
+std::optional<Eigen::Vector2d> OverlayShift(const PairInput& input,
+                                            std::span<const FeatureMatch> matches,
+                                            double max_error_px);
 
 }  // namespace cairn::internal

@@ -146,6 +146,34 @@ TEST(SpecialPairs, MarksAllOverUnrelatedImagesAreNoScene) {
   EXPECT_NE(other.geometry.config, TwoViewConfig::kWatermark);
 }
 
+// The same marks on photographs of one scene, which has fewer matches than they.
+TEST(SpecialPairs, MarksDoNotHideTheSceneUnderThem) {
+  for (const bool is_trusted : {true, false}) {
+    for (uint64_t seed = 0; seed < 5; ++seed) {
+      Pair pair = MakePair({.num_inliers = 100, .num_outliers = 20}, seed);
+      const size_t num_before = pair.matches.size();
+      const Pair marks = MakeOverlay(1000.0, seed);
+      for (const FeatureMatch& match : marks.matches) {
+        const auto k = static_cast<point2D_t>(pair.keypoints1.size());
+        pair.keypoints1.push_back(marks.keypoints1[match.point1]);
+        pair.keypoints2.push_back(marks.keypoints2[match.point2]);
+        pair.matches.push_back({k, k});
+      }
+      pair.camera1.has_prior_focal_length = pair.camera2.has_prior_focal_length = is_trusted;
+      const PairReport report =
+          MakePairVerifier(VerifierKind::kCascade, {})->Verify(pair.Input(false));
+      ASSERT_EQ(report.status, PairStatus::kVerified);
+      EXPECT_EQ(report.geometry.config,
+                is_trusted ? TwoViewConfig::kCalibrated : TwoViewConfig::kUncalibrated);
+      ASSERT_TRUE(report.geometry.cam2_from_cam1.has_value());
+      EXPECT_LT(PoseErrorDeg(report, pair), 1.0);
+      EXPECT_GT(std::ranges::count_if(report.geometry.inlier_matches,
+                                      [&](const FeatureMatch& m) { return m.point1 < num_before; }),
+                90);
+    }
+  }
+}
+
 TEST(SpecialPairs, ATinyPatchFixesNoPose) {
   Pair pair = MakePair({.num_inliers = 0, .num_outliers = 30}, 4);
   Rng rng(4);
