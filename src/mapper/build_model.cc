@@ -141,6 +141,9 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   return built;
 }
 
+// Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
+constexpr double kSameModel = 1e-4;
+
 // A model with so many observations is adjusted in some seconds, whatever may come of it.
 constexpr int64_t kQuickObservations = 500'000;
 
@@ -234,9 +237,12 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
     BuiltModel built = BuildFrom(context, component, graph, hypothesis);
     const std::string failure = std::exchange(context.report.failure, "");
     if (first_failure.empty()) first_failure = failure;
-    if (built.model && (!best.model || built.evidence.nats > best.evidence.nats)) {
-      best = std::move(built);
-    }
+    if (!built.model) continue;
+    // Different rotations that lead to one model confirm it.
+    const bool is_same = best.model && std::abs(built.evidence.nats - best.evidence.nats) <
+                                           kSameModel * std::abs(best.evidence.nats);
+    if (!best.model || built.evidence.nats > best.evidence.nats) best = std::move(built);
+    if (is_same) break;
   }
   if (!best.model) context.report.failure = first_failure;
   return best;
