@@ -200,6 +200,7 @@ ReconstructResult ReconstructBest(const Database& database, std::span<const Reco
   if (!search.best().left_exif.empty()) {
     calibration = std::move(*stored);
     share(of_one, scene, "");
+    // (An observation of bundle adjustment has two coordinates, a match one.)
     HoldExif(search.best().left_exif, settings.focal_calibration.exif_sigma,
              2 * kModelErrors * search.best().evidence_nats, scene);
     search.Try(std::move(calibrate().front()), 1 - kModelErrors);
