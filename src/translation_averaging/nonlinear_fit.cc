@@ -58,13 +58,13 @@ class Fit {
     ParallelFor(num_threads_, static_cast<int64_t>(num_blocks), [&](int64_t b) {
       for (size_t t = b * kBlock; t < std::min<size_t>(NumTerms(), (b + 1) * kBlock); ++t) {
         const Eigen::Vector3d D = DifferenceOf(t, x);
-        TermModel model = ChordalModel(DirectionOf(t), D, HuberOf(t));
-        model.curvature *= WeightOf(t);
+        DirectionModel model = ChordalModel(DirectionOf(t), D, HuberOf(t));
+        model.axis *= std::sqrt(WeightOf(t));
         model.gradient *= WeightOf(t);
         (t < NumEdges() ? models_.edges[t] : models_.rays[t - NumEdges()]) = model;
       }
     });
-    for (TermModel& model : models_.centers) {
+    for (CenterModel& model : models_.centers) {
       model = {Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()};
     }
     for (const CenterTerm& term : weights_.centers) {

@@ -30,6 +30,11 @@ Eigen::Matrix3d Damped(const Eigen::Matrix3d& curvature, double damping) {
          std::max(damping, kMinDamping) * (mean > 0 ? mean : 1.0) * Eigen::Matrix3d::Identity();
 }
 
+// The curvature of DirectionModel times x.
+Eigen::Vector3d Across(const Eigen::Vector3d& axis, const Eigen::Vector3d& x) {
+  return axis.squaredNorm() * x - axis.dot(x) * axis;
+}
+
 // Halves the cameras along the longest side of their bounding box until few enough are left.
 void SplitIntoGroups(const Eigen::Matrix3Xd& positions, std::span<int> cameras, size_t max_size,
                      std::vector<int>& group_of, int& num_groups) {
@@ -161,7 +166,7 @@ bool PositionSystem::Solve(const FitModels& models, double damping,
       [&](int64_t k) {
         Eigen::Vector3d rhs = point_rhs_.col(k);
         for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
-          rhs += models.rays[r].curvature * step.cameras.col(problem_.rays[r].camera);
+          rhs += Across(models.rays[r].axis, step.cameras.col(problem_.rays[r].camera));
         }
         step.points.col(k) = point_inverse_[k] * rhs;
       },
@@ -178,7 +183,7 @@ void PositionSystem::EliminatePoints(const FitModels& models, double damping) {
         Eigen::Matrix3d curvature = Eigen::Matrix3d::Zero();
         Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
         for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
-          curvature += models.rays[r].curvature;
+          curvature += models.rays[r].Curvature();
           gradient += models.rays[r].gradient;
         }
         point_inverse_[k] = Damped(curvature, damping).inverse();
@@ -192,7 +197,7 @@ void PositionSystem::AssembleDiagonal(int camera, const FitModels& models, doubl
   Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
   for (const int e : edges_of_[camera]) {
     const bool is_first = problem_.edges[e].camera1 == camera;
-    diagonal += models.edges[e].curvature;
+    diagonal += models.edges[e].Curvature();
     rhs += is_first ? models.edges[e].gradient : Eigen::Vector3d(-models.edges[e].gradient);
   }
   if (!models.centers.empty()) {
@@ -202,10 +207,11 @@ void PositionSystem::AssembleDiagonal(int camera, const FitModels& models, doubl
   Eigen::Matrix3d fill = Eigen::Matrix3d::Zero();  // by the points eliminated
   for (const int r : rays_of_[camera]) {
     const int k = track_of_ray_[r];
-    diagonal += models.rays[r].curvature;
-    const Eigen::Matrix3d weighted = models.rays[r].curvature * point_inverse_[k];
+    const Eigen::Matrix3d curvature = models.rays[r].Curvature();
+    diagonal += curvature;
+    const Eigen::Matrix3d weighted = curvature * point_inverse_[k];
     rhs += models.rays[r].gradient + weighted * point_rhs_.col(k);
-    fill += weighted * models.rays[r].curvature;
+    fill += weighted * curvature;
   }
   damped_[camera] = Damped(diagonal, damping);
   diagonal_[camera] = damped_[camera] - fill;
@@ -219,13 +225,13 @@ void PositionSystem::AssembleRow(int camera, const FitModels& models,
   for (const int e : edges_of_[camera]) {
     const bool is_first = problem_.edges[e].camera1 == camera;
     const int other = is_first ? problem_.edges[e].camera2 : problem_.edges[e].camera1;
-    if (other > camera) scratch[other] -= models.edges[e].curvature;
+    if (other > camera) scratch[other] -= models.edges[e].Curvature();
   }
   for (const int r : rays_of_[camera]) {
     const int k = track_of_ray_[r];
-    const Eigen::Matrix3d weighted = models.rays[r].curvature * point_inverse_[k];
+    const Eigen::Matrix3d weighted = models.rays[r].Curvature() * point_inverse_[k];
     for (int s = r + 1; s < problem_.track_begin[k + 1]; ++s) {
-      scratch[problem_.rays[s].camera] -= weighted * models.rays[s].curvature;
+      scratch[problem_.rays[s].camera] -= weighted * models.rays[s].Curvature();
     }
   }
   scratch[camera] = diagonal_[camera];
@@ -257,14 +263,9 @@ bool PositionSystem::SolveByCholesky(const FitModels& models, Eigen::Matrix3Xd& 
 
 void PositionSystem::BuildCouplings(const FitModels& models) {
   const int n = problem_.NumCameras();
-  const auto make = [](const Eigen::Matrix3d& c, int other) {
-    return Coupling{static_cast<float>(c(0, 0)),
-                    static_cast<float>(c(0, 1)),
-                    static_cast<float>(c(0, 2)),
-                    static_cast<float>(c(1, 1)),
-                    static_cast<float>(c(1, 2)),
-                    static_cast<float>(c(2, 2)),
-                    other};
+  const auto make = [](const DirectionModel& model, int other) {
+    const Eigen::Vector3f axis = model.axis.cast<float>();
+    return Coupling{axis.x(), axis.y(), axis.z(), other};
   };
   edges_begin_.assign(1, 0);
   rays_begin_.assign(1, 0);
@@ -280,12 +281,12 @@ void PositionSystem::BuildCouplings(const FitModels& models) {
     for (const int e : edges_of_[i]) {
       const DirectionProblem::Edge& edge = problem_.edges[e];
       const int other = edge.camera1 == i ? edge.camera2 : edge.camera1;
-      edges_by_camera_[next++] = make(models.edges[e].curvature, other);
+      edges_by_camera_[next++] = make(models.edges[e], other);
     }
     next = rays_begin_[i];
     for (const int r : rays_of_[i]) {
-      rays_by_camera_[next++] = make(models.rays[r].curvature, track_of_ray_[r]);
-      rays_by_track_[r] = make(models.rays[r].curvature, static_cast<int>(i));
+      rays_by_camera_[next++] = make(models.rays[r], track_of_ray_[r]);
+      rays_by_track_[r] = make(models.rays[r], static_cast<int>(i));
     }
   };
   ParallelFor(num_threads_, n, fill, kGrain);
@@ -296,10 +297,7 @@ Eigen::Matrix3Xd PositionSystem::Multiply(const Eigen::Matrix3Xd& x) const {
   const auto apply = [](std::span<const Coupling> couplings, const Eigen::Matrix3Xd& to) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const Coupling& c : couplings) {
-      const double a = to(0, c.other), b = to(1, c.other), d = to(2, c.other);
-      sum[0] += c.xx * a + c.xy * b + c.xz * d;
-      sum[1] += c.xy * a + c.yy * b + c.yz * d;
-      sum[2] += c.xz * a + c.yz * b + c.zz * d;
+      sum += Across(Eigen::Vector3d(c.x, c.y, c.z), to.col(c.other));
     }
     return sum;
   };
@@ -336,8 +334,9 @@ void PositionSystem::AddToGroups(const FitModels& models, int part, Eigen::Matri
   for_part(std::ssize(problem_.edges), [&](int64_t e) {
     const int group1 = group_of_[problem_.edges[e].camera1];
     const int group2 = group_of_[problem_.edges[e].camera2];
-    add(group1, group2, -models.edges[e].curvature);
-    add(group2, group1, -models.edges[e].curvature);
+    const Eigen::Matrix3d curvature = models.edges[e].Curvature();
+    add(group1, group2, -curvature);
+    add(group2, group1, -curvature);
   });
   std::vector<std::pair<int, Eigen::Matrix3d>> pulls;  // of a point, on each group
   for_part(problem_.NumTracks(), [&](int64_t k) {
@@ -347,9 +346,9 @@ void PositionSystem::AddToGroups(const FitModels& models, int part, Eigen::Matri
       const auto pull = std::find_if(pulls.begin(), pulls.end(),
                                      [group](const auto& p) { return p.first == group; });
       if (pull == pulls.end()) {
-        pulls.emplace_back(group, models.rays[r].curvature);
+        pulls.emplace_back(group, models.rays[r].Curvature());
       } else {
-        pull->second += models.rays[r].curvature;
+        pull->second += models.rays[r].Curvature();
       }
     }
     for (const auto& [group1, pull1] : pulls) {

@@ -10,18 +10,29 @@
 
 namespace cairn {
 
-// Quadratic model of one term in the difference of its two positions: cost(delta + step) = cost +
-// gradient' step + step' curvature step / 2.
-struct TermModel {
+// Quadratic model of a direction in the difference of its two positions: cost(delta + step) = cost +
+// gradient' step + step' curvature step / 2, where the curvature is none along an axis and the
+// square of the axis' length across it.
+struct DirectionModel {
+  Eigen::Vector3d axis;
+  Eigen::Vector3d gradient;
+
+  Eigen::Matrix3d Curvature() const {
+    return axis.squaredNorm() * Eigen::Matrix3d::Identity() - axis * axis.transpose();
+  }
+};
+
+// The same of a camera's own position.
+struct CenterModel {
   Eigen::Matrix3d curvature;  // symmetric, positive semidefinite
   Eigen::Vector3d gradient;
 };
 
 // Of every term of a fit.
 struct FitModels {
-  std::vector<TermModel> edges;
-  std::vector<TermModel> rays;
-  std::vector<TermModel> centers = {};  // one a camera, in its own position; empty: none
+  std::vector<DirectionModel> edges;
+  std::vector<DirectionModel> rays;
+  std::vector<CenterModel> centers = {};  // one a camera; empty: none
 };
 
 // Positions of cameras (3 x n) and points (3 x number of tracks).
@@ -81,10 +92,10 @@ class PositionSystem {
   std::vector<Eigen::Matrix3d> damped_;    // diagonal block of each camera before points are out
   std::vector<Eigen::Matrix3d> diagonal_;  // and after
   std::vector<Eigen::Matrix3d> diagonal_inverse_;
-  // For conjugate gradients: terms in the order in which they are read, half as large; a step is
+  // For conjugate gradients: the axes in the order in which they are read, half as large; a step is
   // not that exact.
   struct Coupling {
-    float xx, xy, xz, yy, yz, zz;
+    float x, y, z;
     int other;
   };
   std::vector<Coupling> edges_by_camera_, rays_by_camera_, rays_by_track_;

@@ -26,12 +26,11 @@ double ChordalCost(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double hu
 
 // With u = D / |D|: d(u)/dD = (I - u u') / |D|, so the gradient of |v - u|^2 / 2 is
 // -(I - u u') v / |D|, and Gauss-Newton's curvature (I - u u') / |D|^2.
-TermModel ChordalModel(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double huber) {
+DirectionModel ChordalModel(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double huber) {
   const double length = Length(D);
   const Eigen::Vector3d u = D / length;
   const double weight = HuberWeight((v - u).norm(), huber);
-  return {weight / (length * length) * (Eigen::Matrix3d::Identity() - u * u.transpose()),
-          -weight / length * (v - u.dot(v) * u)};
+  return {std::sqrt(weight) / length * u, -weight / length * (v - u.dot(v) * u)};
 }
 
 }  // namespace cairn

@@ -14,6 +14,6 @@ double HuberWeight(double residual, double scale);
 
 // |v - D / |D||: twice the sine of half of the angle between them.
 double ChordalCost(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double huber);
-TermModel ChordalModel(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double huber);
+DirectionModel ChordalModel(const Eigen::Vector3d& v, const Eigen::Vector3d& D, double huber);
 
 }  // namespace cairn

@@ -1,4 +1,4 @@
-"""`pip install ./apps/python` without a network, of what is built already."""
+"""`pip install .` without a network, of what is built already."""
 import os
 import pathlib
 import subprocess
@@ -6,12 +6,13 @@ import sys
 
 import pytest
 
-SOURCE = pathlib.Path(__file__).resolve().parents[2] / "apps/python"
+CHECKOUT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def test_pip_installs_what_imports_beside_opencv(tmp_path):
+    assert (CHECKOUT / "pyproject.toml").exists(), "scripts/install_deps links it"
     environment = {**os.environ, "PIP_NO_INDEX": "1", "PYTHONPATH": ""}
-    pip = [sys.executable, "-m", "pip", "install", "--no-deps", "--target", tmp_path, SOURCE]
+    pip = [sys.executable, "-m", "pip", "install", "--no-deps", "--target", tmp_path, CHECKOUT]
     run = subprocess.run(pip, capture_output=True, text=True, env=environment)
     assert run.returncode == 0, run.stdout + run.stderr
     pytest.importorskip("cv2")

@@ -26,19 +26,21 @@ struct Fixture {
     scene.AddChain(3, 1, 0, rng);
     scene.AddPoints(30, 4, 2, 1, 0, rng);
     problem = MakeDirectionProblem(scene.edges, scene.tracks);
+    const auto random = [&rng] {
+      return Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+    };
     const auto random_models = [&](size_t num) {
-      std::vector<TermModel> result(num);
-      for (TermModel& m : result) {
-        Eigen::Matrix3d A;
-        for (int k = 0; k < 9; ++k) A(k) = rng.Gaussian();
-        m.curvature = A * A.transpose();
-        m.gradient = Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
-      }
+      std::vector<DirectionModel> result(num);
+      for (DirectionModel& m : result) m = {random(), random()};
       return result;
     };
     models.edges = random_models(problem.edges.size());
     models.rays = random_models(problem.rays.size());
-    models.centers = random_models(problem.NumCameras());
+    for (int i = 0; i < problem.NumCameras(); ++i) {
+      Eigen::Matrix3d A;
+      A << random(), random(), random();
+      models.centers.push_back({A * A.transpose(), random()});
+    }
   }
 
   // The whole system, points not eliminated.
@@ -46,11 +48,11 @@ struct Fixture {
     const int n = problem.NumCameras(), p = problem.NumTracks();
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(3 * (n + p), 3 * (n + p));
     Eigen::VectorXd b = Eigen::VectorXd::Zero(3 * (n + p));
-    const auto add = [&](int i, int j, const TermModel& m) {
-      H.block<3, 3>(3 * i, 3 * i) += m.curvature;
-      H.block<3, 3>(3 * j, 3 * j) += m.curvature;
-      H.block<3, 3>(3 * i, 3 * j) -= m.curvature;
-      H.block<3, 3>(3 * j, 3 * i) -= m.curvature;
+    const auto add = [&](int i, int j, const DirectionModel& m) {
+      H.block<3, 3>(3 * i, 3 * i) += m.Curvature();
+      H.block<3, 3>(3 * j, 3 * j) += m.Curvature();
+      H.block<3, 3>(3 * i, 3 * j) -= m.Curvature();
+      H.block<3, 3>(3 * j, 3 * i) -= m.Curvature();
       b.segment<3>(3 * i) += m.gradient;
       b.segment<3>(3 * j) -= m.gradient;
     };
@@ -78,19 +80,25 @@ struct Fixture {
   // By how much a step makes the sum of all models smaller.
   double Gain(const Positions& step) const {
     double gain = 0;
-    const auto add = [&](const Eigen::Vector3d& difference, const TermModel& m) {
-      gain -= m.gradient.dot(difference) + 0.5 * difference.dot(m.curvature * difference);
+    const auto add = [&](const Eigen::Vector3d& difference, const Eigen::Vector3d& gradient,
+                         const Eigen::Matrix3d& curvature) {
+      gain -= gradient.dot(difference) + 0.5 * difference.dot(curvature * difference);
+    };
+    const auto add_direction = [&](const Eigen::Vector3d& difference, const DirectionModel& m) {
+      add(difference, m.gradient, m.Curvature());
     };
     for (size_t e = 0; e < problem.edges.size(); ++e) {
       const DirectionProblem::Edge& edge = problem.edges[e];
-      add(step.cameras.col(edge.camera2) - step.cameras.col(edge.camera1), models.edges[e]);
+      add_direction(step.cameras.col(edge.camera2) - step.cameras.col(edge.camera1), models.edges[e]);
     }
     for (int k = 0; k < problem.NumTracks(); ++k) {
       for (int r = problem.track_begin[k]; r < problem.track_begin[k + 1]; ++r) {
-        add(step.points.col(k) - step.cameras.col(problem.rays[r].camera), models.rays[r]);
+        add_direction(step.points.col(k) - step.cameras.col(problem.rays[r].camera), models.rays[r]);
       }
     }
-    for (int i = 0; i < problem.NumCameras(); ++i) add(step.cameras.col(i), models.centers[i]);
+    for (int i = 0; i < problem.NumCameras(); ++i) {
+      add(step.cameras.col(i), models.centers[i].gradient, models.centers[i].curvature);
+    }
     return gain;
   }
 

@@ -46,7 +46,7 @@ TEST(TermCost, CurvatureIsTheHessianAtAPerfectFit) {
   for (int trial = 0; trial < 100; ++trial) {
     const Eigen::Vector3d D = rng.Uniform(0.5, 3) * RandomDirection(rng);
     const Eigen::Vector3d v = D.normalized();
-    const Eigen::Matrix3d chordal = ChordalModel(v, D, 1).curvature;
+    const Eigen::Matrix3d chordal = ChordalModel(v, D, 1).Curvature();
     Eigen::Matrix3d numeric;
     for (int k = 0; k < 3; ++k) {
       const Eigen::Vector3d h = kStep * Eigen::Vector3d::Unit(k);
