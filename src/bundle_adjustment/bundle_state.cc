@@ -55,7 +55,9 @@ BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstructio
         }
       }
       state.first_principal_point = state.num_free;
-      if (scope.principal_points && scope.priors.count(id) > 0) {
+      const auto prior = scope.priors.find(id);
+      if (scope.principal_points && prior != scope.priors.end() &&
+          prior->second.principal_point_sigma_px > 0) {
         for (const int k : camera.PrincipalPointIndices()) {
           state.free[state.num_free] = camera.params[k];
           state.free_index[state.num_free++] = k;

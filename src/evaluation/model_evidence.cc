@@ -180,12 +180,10 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
     num_keypoints[id] = image.points2D.size();
   }
   IndependentMatches independent(num_keypoints);
-  double nats = 0;
   EvaluatePairs(model, pairs, run.num_threads, [&](const VerifiedPair& pair, PairEvidence found) {
-    const Support support = {std::ssize(*pair.matches), std::ssize(found.explained)};
+    const Support support = {std::ssize(*pair.matches), std::ssize(found.explained), found.nats};
     evidence.pairs.push_back(support);
     evidence.all = evidence.all + support;
-    nats += found.nats;
     independent.Add(pair, found.explained);
     const auto image1 = evidence.images.find(pair.image_id1);
     const auto image2 = evidence.images.find(pair.image_id2);
@@ -196,13 +194,28 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
   });
   evidence.num_independent = independent.Num();
   if (evidence.all.num_explained > 0) {
-    evidence.nats = nats * evidence.num_independent / evidence.all.num_explained;
+    evidence.nats = evidence.all.nats * evidence.num_independent / evidence.all.num_explained;
   }
   constexpr double kPoseParameters = 6;
   for (const auto& [id, support] : evidence.images) {
     evidence.nats -= 0.5 * kPoseParameters * std::log(std::max<double>(1, support.num_matches));
   }
   return evidence;
+}
+
+double StandardErrorsOfGain(const ModelEvidence& model1, const ModelEvidence& model2) {
+  const double num_images = static_cast<double>(model2.images.size());
+  const double gain = model2.inside.nats - model1.inside.nats;
+  std::vector<double> without;  // each image
+  double mean = 0;
+  for (const auto& [id, support] : model2.images) {
+    without.push_back(gain - (support.nats - model1.images.at(id).nats));
+    mean += without.back() / num_images;
+  }
+  double sum = 0;
+  for (const double each : without) sum += (each - mean) * (each - mean);
+  const double error = std::sqrt(sum * (num_images - 1) / num_images);
+  return error > 0 ? gain / error : 0;
 }
 
 std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,

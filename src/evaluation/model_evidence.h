@@ -22,16 +22,19 @@ struct VerifiedPair {
 struct Support {
   int64_t num_matches = 0;
   int64_t num_explained = 0;
+  double nats = 0;  // that the explained ones save (ModelEvidence)
 
   // Most of them are not explained: an image is probably misplaced, a model wrong.
   bool IsContradicted() const { return 2 * num_explained < num_matches; }
   double Share() const { return num_matches > 0 ? double(num_explained) / num_matches : 0.0; }
 
   Support operator+(const Support& other) const {
-    return {num_matches + other.num_matches, num_explained + other.num_explained};
+    return {num_matches + other.num_matches, num_explained + other.num_explained,
+            nats + other.nats};
   }
   Support operator-(const Support& other) const {
-    return {num_matches - other.num_matches, num_explained - other.num_explained};
+    return {num_matches - other.num_matches, num_explained - other.num_explained,
+            nats - other.nats};
   }
 };
 inline constexpr const char* kMisplacedAdvice =
@@ -68,6 +71,12 @@ int64_t CountIndependent(std::span<const VerifiedPair> pairs);
 // depend on run.num_threads.
 ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
                                const RunContext& run = {});
+
+// How many more nats the matches of each image save in model 2 than in model 1, of the same images,
+// together, in standard errors of that sum: how far it depends on which images there are (the
+// jackknife; as in Vuong, "Likelihood ratio tests for model selection", 1989, without the number of
+// parameters, which are few).
+double StandardErrorsOfGain(const ModelEvidence& model1, const ModelEvidence& model2);
 
 // Those matches of each pair that the model explains; none where it lacks an image.
 std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,

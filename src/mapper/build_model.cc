@@ -80,19 +80,6 @@ std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruc
   return round;
 }
 
-// Once more with the matches that the intrinsics found by bundle adjustment make inliers, if these
-// are many. False: as above.
-bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
-                               Reconstruction& model) {
-  const ReverifiedPairs again = VerifyAgain(context, model, graph);
-  if (static_cast<double>(again.num_gained) <=
-      context.settings.reconstruct.min_gain * model.NumObservations()) {
-    return true;
-  }
-  return FitAndRefine(context, TracksOfGraph(context, graph, again.matches).tracks,
-                      RefineStart::kRefined, model);
-}
-
 // False: the model is not fit to be written, and the report has the failure.
 bool CheckModel(StageContext& context, size_t num_images, const std::string& origin,
                 const ModelEvidence& evidence, Reconstruction& model) {
@@ -279,6 +266,7 @@ bool GrowEarlier(StageContext& context, ViewGraph& graph, Reconstruction& model)
 
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph) {
+  context.free_principal_points.clear();
   BuiltModel best =
       BuildBest(context, component, graph, HypothesizeRotations(context, component, graph, 0.5));
   if (!best.model && !context.run.monitor.StopRequested()) {
@@ -297,6 +285,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
   if (!best.model) return best;
   if (!context.scene.poses_alone) {
     ReplaceMisplaced(context, best);
+    FreePrincipalPoints(context, best.graph, *best.model);
     if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) {
       best.model.reset();
       return best;
@@ -327,7 +316,9 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   std::vector<Track> tracks = TracksOfModel(context, built.graph, model);
   if (!FitTracksToMemory(context, model, tracks)) return built;
   const auto confidences = TriangulateModel(context, tracks, model);
+  context.free_principal_points.clear();
   if (!GrowEarlier(context, built.graph, model)) return built;
+  FreePrincipalPoints(context, built.graph, model);
   AdjustToPlaces(context, model);
   built.evidence = EvidenceFor(context, model, built.graph);
   if (!CheckModel(context, earlier.images.size(), "an earlier model", built.evidence, model)) {

@@ -147,8 +147,11 @@ void AdjustToPlaces(StageContext& context, Reconstruction& model) {
       return;
     }
     last_residual_m = found.median_residual_m;
-    model.Transform(found.enu_from_world);
-    AdjustWithPriors(context, PriorsOf(found), model);
+    Reconstruction other = model;
+    other.Transform(found.enu_from_world);
+    AdjustWithPriors(context, PriorsOf(found), other);
+    if (!ReasonToRefuse(other).empty()) return;
+    model = std::move(other);
   }
 }
 

@@ -59,8 +59,8 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
   v.Bool("separate_duplicates", separate_duplicates,
          "detect duplicate structure, places that look alike, and reconstruct them separately");
   v.Bool("refine_principal_points", refine_principal_points,
-         "adjust the principal points of cameras whose intrinsics are not constant, near the image "
-         "centers (focal_calibration.principal_point_sigma)");
+         "adjust principal points that are guesses, the image centers, where the matches agree "
+         "better with that beyond doubt (within some focal_calibration.principal_point_sigma)");
   v.Bool("colors", colors, "color the points from the photographs");
 }
 

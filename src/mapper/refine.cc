@@ -14,7 +14,6 @@ struct Round {
   double error_factor = 1.0;     // of triangulation.max_error_px
   bool positions_first = false;  // a stage with fixed rotations and intrinsics before
   bool distortions = true;
-  bool principal_points = false;
   bool weigh = true;  // observations by their precision, which errors at rough poses do not show
   int max_iterations = 0;
   double tolerance = 0;  // relative; not below bundle_adjustment.function_tolerance
@@ -48,8 +47,7 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   scope.rotations = everything;
   scope.focal_lengths = everything;
   scope.distortions = everything && round.distortions;
-  scope.principal_points =
-      everything && round.principal_points && settings.reconstruct.refine_principal_points;
+  scope.principal_points = everything && !context.free_principal_points.empty();
   scope.fixed_cameras = context.scene.constant_cameras;
   for (const auto& [id, camera] : context.scene.cameras) {
     const FocalCalibrationOptions& focals = settings.focal_calibration;
@@ -58,7 +56,9 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
                         held != context.scene.held_focals.end() ? held->second
                         : camera.has_prior_focal_length         ? focals.exif_sigma
                                                                 : focals.guess_sigma,
-                        focals.principal_point_sigma * std::max(camera.width, camera.height)};
+                        context.free_principal_points.count(id) > 0
+                            ? focals.principal_point_sigma * std::max(camera.width, camera.height)
+                            : 0};
   }
   if (round.places != nullptr) {
     scope.image_positions = round.places->images;
@@ -168,11 +168,15 @@ std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
   return EstimatePoseConfidence(model);
 }
 
+void AdjustModel(StageContext& context, int max_iterations, Reconstruction& model) {
+  const Round round{.name = "as it is", .max_iterations = max_iterations};
+  Adjust(context, round, true, model);
+  FilterRound(context, round, model);
+}
+
 void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstruction& model) {
-  const Round round{.name = "positions",
-                    .principal_points = true,
-                    .max_iterations = std::numeric_limits<int>::max(),
-                    .places = &priors};
+  const Round round{
+      .name = "positions", .max_iterations = std::numeric_limits<int>::max(), .places = &priors};
   Adjust(context, round, true, model);
   FilterRound(context, round, model);
 }
@@ -207,10 +211,7 @@ bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineSta
               .tolerance = kStartTolerance},
              model);
   }
-  Round round{.name = "",
-              .tracks = tracks,
-              .principal_points = true,
-              .max_iterations = std::numeric_limits<int>::max()};
+  Round round{.name = "", .tracks = tracks, .max_iterations = std::numeric_limits<int>::max()};
   // Better poses or more edges may bring more observations in; where they do not, the model stays
   // as it is.
   int64_t num_known = start == RefineStart::kRefined ? model.NumObservations() : 0;

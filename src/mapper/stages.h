@@ -67,6 +67,7 @@ struct StageContext {
   std::set<image_t> taken{};  // images of the models that are done
   // Images of other places that look like this one, which wait for a model of their own.
   std::set<image_t> reserved{};
+  std::set<camera_t> free_principal_points{};  // bundle adjustment of the model refines them
 };
 
 // A stage of one model.
@@ -256,12 +257,21 @@ std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
                                                    std::span<const Track> tracks,
                                                    Reconstruction& model);
 
+// Bundle adjustment and filter of the points that the model has.
+void AdjustModel(StageContext& context, int max_iterations, Reconstruction& model);
+
 // Bundle adjustment and filter where positions are known, too, in the model's world frame.
 struct PlacePriors {
   std::map<image_t, PositionPrior> images;
   std::vector<SurveyedPoint> points;
 };
 void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstruction& model);
+
+// principal_points.cc
+// Frees the principal points of cameras, from here on, where the matches agree better with what
+// bundle adjustment then finds, beyond doubt, and that is wanted; else says in the report that they
+// do. Forward motion, or a lens that the camera model does not describe, throws others off.
+void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model);
 
 // places.cc
 // Throws ConfigError.
@@ -338,6 +348,10 @@ struct ReverifiedPairs {
 };
 ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
                             const ViewGraph& graph);
+// Refines the model once more with these, if they bring many matches, and unless it would lose
+// images by it. False: there is not enough memory, and the report has the failure.
+bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
+                               Reconstruction& model);
 
 // movement.cc
 // Puts a model that goes on from an earlier one where that was. Warns of images that moved by more

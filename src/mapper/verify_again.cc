@@ -71,4 +71,19 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
   return result;
 }
 
+bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
+                               Reconstruction& model) {
+  const ReverifiedPairs again = VerifyAgain(context, model, graph);
+  if (static_cast<double>(again.num_gained) <=
+      context.settings.reconstruct.min_gain * model.NumObservations()) {
+    return true;
+  }
+  std::vector<Track> tracks = TracksOfGraph(context, graph, again.matches).tracks;
+  if (!FitTracksToMemory(context, model, tracks)) return false;
+  Reconstruction other = model;
+  RefineModel(context, tracks, RefineStart::kRefined, other);
+  if (other.images.size() == model.images.size()) model = std::move(other);
+  return true;
+}
+
 }  // namespace cairn

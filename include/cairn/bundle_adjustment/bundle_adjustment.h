@@ -58,7 +58,7 @@ struct BundleAdjustmentOptions {
 struct IntrinsicsPrior {
   std::vector<double> params;  // expected Camera::params
   double focal_sigma = 0;      // standard deviation of the focal length's logarithm
-  double principal_point_sigma_px = 0;
+  double principal_point_sigma_px = 0;  // 0: it is constant
 };
 
 // Where something is, as told by other means than the images.
@@ -81,7 +81,7 @@ struct BundleAdjustmentScope {
   bool points = true;
   bool focal_lengths = false;
   bool distortions = false;
-  bool principal_points = false;     // of cameras with a prior, which keeps weak ones in place
+  bool principal_points = false;     // of cameras with a prior of it
   std::set<camera_t> fixed_cameras;  // constant intrinsics, whatever the flags above
   std::set<image_t> fixed_images;    // constant poses
   std::map<camera_t, IntrinsicsPrior> priors;  // none: nothing is known of a camera

@@ -44,7 +44,7 @@ struct ReconstructOptions {
   bool register_left_out = true;
   bool share_camera = true;
   bool separate_duplicates = true;
-  // Forward motion, or a lens that the camera model does not describe, throws principal points off.
+  // Where the matches agree better with them, by more than three standard errors.
   bool refine_principal_points = false;
   bool colors = true;
 

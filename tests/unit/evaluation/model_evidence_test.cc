@@ -55,6 +55,24 @@ TEST(ModelEvidence, TheTruthExplainsAllMatches) {
   EXPECT_LT(evidence.nats, 7.0 * static_cast<double>(evidence.num_independent));
 }
 
+TEST(ModelEvidence, AGainThatAllImagesShareIsBeyondDoubtAndOneOfASingleImageIsNot) {
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.3});
+  const Pairs pairs(scene.truth);
+  const auto evidence = [&](const Reconstruction& model) {
+    return EvaluateEvidence(model, pairs.views, {.num_threads = 1});
+  };
+  const ModelEvidence truth = evidence(scene.truth);
+  Reconstruction wrong_lens = scene.truth;
+  for (auto& [id, camera] : wrong_lens.cameras) camera.SetMeanFocal(1.05 * camera.MeanFocal());
+  EXPECT_GT(StandardErrorsOfGain(evidence(wrong_lens), truth), 3);
+  EXPECT_LT(StandardErrorsOfGain(truth, evidence(wrong_lens)), -3);
+  const image_t first = scene.truth.images.begin()->first;
+  const double of_one = StandardErrorsOfGain(evidence(Turned(scene.truth, first, 0.01)), truth);
+  EXPECT_GT(of_one, 0.5);
+  EXPECT_LT(of_one, 2);
+  EXPECT_EQ(StandardErrorsOfGain(truth, truth), 0);
+}
+
 TEST(ModelEvidence, MatchesThatFollowFromOthersDoNotCount) {
   // Keypoint 0 of four images is one point, keypoint 1 of two another.
   const FeatureMatches both = {{0, 0}, {1, 1}}, one = {{0, 0}};

@@ -9,6 +9,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::Contains;
 using ::testing::HasSubstr;
 
 // The scene's database, in which focal lengths are guesses, off by a factor.
@@ -41,6 +42,47 @@ TEST(Reconstruct, RefinesUnknownFocalLengths) {
   const ReconstructResult fixed = Reconstruct(database, held);
   ASSERT_TRUE(fixed.report.Succeeded());
   ExpectFocals(fixed.models.front(), scene, 1.04, 1e-9);
+}
+
+// One camera of unknown focal length, whose principal point lies so far off the center, where the
+// database has it.
+Database MakeDatabaseOffCenter(const Eigen::Vector2f& offset_px) {
+  SceneOptions options = SmallScene();
+  options.num_images = 14;
+  options.num_cameras = 1;
+  SyntheticScene scene = MakeScene(options, 3);
+  for (auto& [id, keypoints] : scene.keypoints) {
+    for (Keypoint& keypoint : keypoints) {
+      keypoint.x += offset_px.x();
+      keypoint.y += offset_px.y();
+    }
+  }
+  return MakeDatabaseWithGuesses(scene, 1.02);
+}
+
+TEST(Reconstruct, RefinesPrincipalPointsWhereTheMatchesTell) {
+  ReconstructSettings as_told, wanted;
+  wanted.reconstruct.refine_principal_points = true;
+  const auto offset = [](const ReconstructResult& result) -> Eigen::Vector2d {
+    const Camera& camera = result.models.front().cameras.begin()->second;
+    return camera.PrincipalPoint() - Eigen::Vector2d(0.5 * camera.width, 0.5 * camera.height);
+  };
+  const Database off_center = MakeDatabaseOffCenter({14, -9});
+  const ReconstructResult refined = Reconstruct(off_center, wanted);
+  ASSERT_TRUE(refined.report.Succeeded()) << refined.report.failure;
+  EXPECT_LT((offset(refined) - Eigen::Vector2d(14, -9)).norm(), 6);
+
+  // By itself it only says so.
+  const ReconstructResult stays = Reconstruct(off_center, as_told);
+  ASSERT_TRUE(stays.report.Succeeded()) << stays.report.failure;
+  EXPECT_EQ(offset(stays), Eigen::Vector2d::Zero());
+  EXPECT_THAT(FindStage(stays.report, "principal_points")->messages,
+              Contains(HasSubstr("--reconstruct.refine_principal_points 1 takes it")));
+
+  const ReconstructResult centered = Reconstruct(MakeDatabaseOffCenter({0, 0}), wanted);
+  ASSERT_TRUE(centered.report.Succeeded()) << centered.report.failure;
+  EXPECT_EQ(offset(centered), Eigen::Vector2d::Zero());
+  EXPECT_LT(Value(*FindStage(centered.report, "principal_points"), "standard_errors_of_gain"), 3);
 }
 
 TEST(Reconstruct, FocalLengthsStayNearAGuessThatIsSure) {
