@@ -17,11 +17,15 @@ constexpr int64_t kMaxObservationsToLook = 500'000;
 constexpr int kIterations = 100;
 constexpr int kIterationsToLook = 4;
 
+std::string WithOneDigit(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.1f", value);
+  return text;
+}
+
 std::string CenterText(const Camera& camera) {
   const Eigen::Vector2d center = camera.PrincipalPoint();
-  char text[64];
-  std::snprintf(text, sizeof(text), "(%.1f, %.1f)", center.x(), center.y());
-  return text;
+  return "(" + WithOneDigit(center.x()) + ", " + WithOneDigit(center.y()) + ")";
 }
 
 // Cameras of enough images whose principal points are guesses, the image centers.
@@ -56,13 +60,13 @@ void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstr
   stage.Add("standard_errors_of_gain", errors);
   stage.Add("refined", context.free_principal_points.size());
   if (!is_decisive) return;
-  char text[64];
-  std::snprintf(text, sizeof(text), "(%.1f standard errors)", errors);
   for (const camera_t id : guessed) {
-    stage.Note("camera " + std::to_string(id) + ": with the principal point " +
-               CenterText(other.cameras.at(id)) + " in place of " +
-               CenterText(model.cameras.at(id)) + " the matches agree better " + text +
-               (is_wanted ? "" : "; --reconstruct.refine_principal_points 1 takes it"));
+    stage.Note("camera " + std::to_string(id) + ": " +
+               (is_wanted ? "principal point " + CenterText(other.cameras.at(id)) + " in place of "
+                          : "the principal point is not ") +
+               CenterText(model.cameras.at(id)) + ", by " + WithOneDigit(errors) +
+               " standard errors" +
+               (is_wanted ? "" : "; --reconstruct.refine_principal_points 1 finds it"));
   }
   if (is_wanted) model = std::move(other);
 }

@@ -10,8 +10,8 @@
 
 namespace cairn {
 
-// Quadratic model of a direction in the difference of its two positions: cost(delta + step) = cost +
-// gradient' step + step' curvature step / 2, where the curvature is none along an axis and the
+// Quadratic model of a direction in the difference of its two positions: cost(delta + step) = cost
+// + gradient' step + step' curvature step / 2, where the curvature is none along an axis and the
 // square of the axis' length across it.
 struct DirectionModel {
   Eigen::Vector3d axis;

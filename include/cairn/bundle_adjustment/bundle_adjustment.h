@@ -56,8 +56,8 @@ struct BundleAdjustmentOptions {
 // deviations as the others are: a camera with few points stays near its prior, and one with many
 // points is determined by these.
 struct IntrinsicsPrior {
-  std::vector<double> params;  // expected Camera::params
-  double focal_sigma = 0;      // standard deviation of the focal length's logarithm
+  std::vector<double> params;           // expected Camera::params
+  double focal_sigma = 0;               // standard deviation of the focal length's logarithm
   double principal_point_sigma_px = 0;  // 0: it is constant
 };
 
@@ -81,9 +81,9 @@ struct BundleAdjustmentScope {
   bool points = true;
   bool focal_lengths = false;
   bool distortions = false;
-  bool principal_points = false;     // of cameras with a prior of it
-  std::set<camera_t> fixed_cameras;  // constant intrinsics, whatever the flags above
-  std::set<image_t> fixed_images;    // constant poses
+  bool principal_points = false;               // of cameras with a prior of it
+  std::set<camera_t> fixed_cameras;            // constant intrinsics, whatever the flags above
+  std::set<image_t> fixed_images;              // constant poses
   std::map<camera_t, IntrinsicsPrior> priors;  // none: nothing is known of a camera
   // Of camera centers, each with Huber's loss from the length on that 1 in 20 normal errors exceed:
   // a wrong one pulls no harder than that. They give the world its frame.

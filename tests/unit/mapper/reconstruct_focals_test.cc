@@ -77,7 +77,7 @@ TEST(Reconstruct, RefinesPrincipalPointsWhereTheMatchesTell) {
   ASSERT_TRUE(stays.report.Succeeded()) << stays.report.failure;
   EXPECT_EQ(offset(stays), Eigen::Vector2d::Zero());
   EXPECT_THAT(FindStage(stays.report, "principal_points")->messages,
-              Contains(HasSubstr("--reconstruct.refine_principal_points 1 takes it")));
+              Contains(HasSubstr("--reconstruct.refine_principal_points 1 finds it")));
 
   const ReconstructResult centered = Reconstruct(MakeDatabaseOffCenter({0, 0}), wanted);
   ASSERT_TRUE(centered.report.Succeeded()) << centered.report.failure;

@@ -89,11 +89,13 @@ struct Fixture {
     };
     for (size_t e = 0; e < problem.edges.size(); ++e) {
       const DirectionProblem::Edge& edge = problem.edges[e];
-      add_direction(step.cameras.col(edge.camera2) - step.cameras.col(edge.camera1), models.edges[e]);
+      add_direction(step.cameras.col(edge.camera2) - step.cameras.col(edge.camera1),
+                    models.edges[e]);
     }
     for (int k = 0; k < problem.NumTracks(); ++k) {
       for (int r = problem.track_begin[k]; r < problem.track_begin[k + 1]; ++r) {
-        add_direction(step.points.col(k) - step.cameras.col(problem.rays[r].camera), models.rays[r]);
+        add_direction(step.points.col(k) - step.cameras.col(problem.rays[r].camera),
+                      models.rays[r]);
       }
     }
     for (int i = 0; i < problem.NumCameras(); ++i) {
