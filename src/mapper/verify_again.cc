@@ -78,9 +78,9 @@ bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
       context.settings.reconstruct.min_gain * model.NumObservations()) {
     return true;
   }
-  std::vector<Track> tracks = TracksOfGraph(context, graph, again.matches).tracks;
-  if (!FitTracksToMemory(context, model, tracks)) return false;
   Reconstruction other = model;
+  std::vector<Track> tracks = TracksOfGraph(context, graph, again.matches).tracks;
+  if (!FitTracksToMemory(context, other, tracks)) return false;
   RefineModel(context, tracks, RefineStart::kRefined, other);
   if (other.images.size() == model.images.size()) model = std::move(other);
   return true;
