@@ -1,4 +1,3 @@
-#include <cmath>
 #include <cstdio>
 
 #include "mapper/stages.h"
@@ -10,8 +9,7 @@ namespace {
 constexpr int kMinImages = 8;
 // Standard errors of a gain beyond doubt.
 constexpr double kDecisiveErrors = 3;
-// Where principal points are not to be refined, it takes no longer than this to see that they
-// should be.
+// Larger models are not adjusted once more only to say that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;
 // Of bundle adjustment, which is nearly there after the first few.
 constexpr int kIterations = 100;
@@ -60,13 +58,14 @@ void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstr
   stage.Add("standard_errors_of_gain", errors);
   stage.Add("refined", context.free_principal_points.size());
   if (!is_decisive) return;
+  const std::string by = ", by " + WithOneDigit(errors) + " standard errors";
   for (const camera_t id : guessed) {
-    stage.Note("camera " + std::to_string(id) + ": " +
-               (is_wanted ? "principal point " + CenterText(other.cameras.at(id)) + " in place of "
-                          : "the principal point is not ") +
-               CenterText(model.cameras.at(id)) + ", by " + WithOneDigit(errors) +
-               " standard errors" +
-               (is_wanted ? "" : "; --reconstruct.refine_principal_points 1 finds it"));
+    const std::string camera = "camera " + std::to_string(id) + ": ";
+    const std::string before = CenterText(model.cameras.at(id));
+    stage.Note(is_wanted ? camera + "principal point " + CenterText(other.cameras.at(id)) +
+                               " in place of " + before + by
+                         : camera + "the principal point is not " + before + by +
+                               "; --reconstruct.refine_principal_points 1 finds it");
   }
   if (is_wanted) model = std::move(other);
 }
