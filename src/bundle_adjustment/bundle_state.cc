@@ -22,9 +22,11 @@ Eigen::Matrix3d LeftJacobianSO3(const Eigen::Vector3d& omega) {
 }
 
 void IntrinsicsState::Update() {
-  for (int i = 0; i < num_free; ++i) {
+  for (int i = num_free_focal; i < num_free; ++i) params[free_index[i]] = free[i];
+  const double half_ratio = num_free_focal == 2 ? 0.5 * free[1] : 0.0;
+  for (int i = 0; i < num_free_focal; ++i) {
     const int k = free_index[i];
-    params[k] = i < num_free_focal ? initial[k] * std::exp(free[i]) : free[i];
+    params[k] = initial[k] * std::exp(free[0] + (i == 0 ? half_ratio : -half_ratio));
   }
 }
 

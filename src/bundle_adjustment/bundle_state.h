@@ -13,8 +13,9 @@
 namespace cairn {
 
 // A camera's intrinsics during the adjustment. The free parameters are few, so the parameter block
-// holds these alone: logarithms of focal factors first (a focal length stays positive), then
-// distortion coefficients, then the principal point.
+// holds these alone: the logarithm of a factor of the focal lengths first (they stay positive) and,
+// where there are two, of a factor of their ratio x : y; then distortion coefficients, then the
+// principal point.
 struct IntrinsicsState {
   static constexpr int kMaxParams = kMaxCameraParams;
   CameraModel model = CameraModel::kPinhole;

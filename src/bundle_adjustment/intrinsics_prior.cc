@@ -12,6 +12,10 @@ namespace {
 // lenses state 1 % to 5 %.
 constexpr double kLensDistortion = 0.03;
 
+// Standard deviation of the logarithm of fx / fy: the calibrated cameras of ../shared/data have
+// square pixels within 0.5 %, and sizes of images are rounded.
+constexpr double kPixelShape = 0.01;
+
 // 1 / standard deviation of a distortion coefficient, as AdjustBundle says.
 double DistortionPrecision(const Camera& camera, int index) {
   const Eigen::Vector2d corner(0.5 * camera.width / camera.FocalX(),
@@ -30,13 +34,23 @@ FreeIntrinsicsPrior PriorOfFree(const Camera& camera, const IntrinsicsPrior& pri
                                 const IntrinsicsState& state) {
   CAIRN_CHECK_EQ(prior.params.size(), camera.params.size());
   FreeIntrinsicsPrior result{Eigen::VectorXd(state.num_free), Eigen::VectorXd(state.num_free)};
-  for (int i = 0; i < state.num_free; ++i) {
+  const auto log_factor = [&](int i) {
+    return std::log(prior.params[state.free_index[i]] / state.initial[state.free_index[i]]);
+  };
+  if (state.num_free_focal > 0) {
+    result.mean[0] = log_factor(0);
+    result.precision[0] = 1.0 / prior.focal_sigma;
+  }
+  if (state.num_free_focal == 2) {
+    result.mean[0] = 0.5 * (log_factor(0) + log_factor(1));
+    result.mean[1] = log_factor(0) - log_factor(1);
+    result.precision[1] = 1.0 / kPixelShape;
+  }
+  for (int i = state.num_free_focal; i < state.num_free; ++i) {
     const int k = state.free_index[i];
-    const bool is_focal = i < state.num_free_focal;
-    result.mean[i] = is_focal ? std::log(prior.params[k] / state.initial[k]) : prior.params[k];
-    result.precision[i] = is_focal                           ? 1.0 / prior.focal_sigma
-                          : i >= state.first_principal_point ? 1.0 / prior.principal_point_sigma_px
-                                                             : DistortionPrecision(camera, k);
+    result.mean[i] = prior.params[k];
+    result.precision[i] = i >= state.first_principal_point ? 1.0 / prior.principal_point_sigma_px
+                                                           : DistortionPrecision(camera, k);
   }
   return result;
 }

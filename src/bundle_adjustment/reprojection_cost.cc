@@ -102,6 +102,12 @@ void Reprojection::FillJacobians(const Eigen::Vector3d& x, const RowMajor2<3>& J
               precision * (i < intrinsics.num_free_focal ? intrinsics.params[k] : 1.0);
           J[row * intrinsics.num_free + i] = factor * J_params[row * intrinsics.num_params + k];
         }
+        if (intrinsics.num_free_focal < 2) continue;
+        // By log fx and log fy so far, see IntrinsicsState.
+        double* const focals = J + row * intrinsics.num_free;
+        const double by_x = focals[0], by_y = focals[1];
+        focals[0] = by_x + by_y;
+        focals[1] = 0.5 * (by_x - by_y);
       }
     }
   }

@@ -52,34 +52,6 @@ std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& 
   return edges;
 }
 
-// False: there is not enough memory, and the report has the failure.
-bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart start,
-                  Reconstruction& model) {
-  if (!FitTracksToMemory(context, model, tracks)) return false;
-  RefineModel(context, tracks, start, model);
-  return true;
-}
-
-// Registers what was left out and lets the model choose its pairs, until neither brings anything.
-// How often it was refined; nullopt: as above.
-std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model) {
-  const ReconstructOptions& options = context.settings.reconstruct;
-  int round = 0;
-  for (; round < options.max_rounds && !context.run.monitor.StopRequested(); ++round) {
-    const int num_new = options.register_left_out ? RegisterLeftOut(context, graph, model) : 0;
-    const int64_t num_gained = ReviseEdges(EvidenceFor(context, model, graph), model, graph);
-    if (num_new == 0 &&
-        static_cast<double>(num_gained) < options.min_gain * model.NumObservations()) {
-      break;
-    }
-    std::vector<Track> tracks = TracksOfGraph(context, graph).tracks;
-    if (!FitTracksToMemory(context, model, tracks)) return std::nullopt;
-    const RefineStart start = num_new > 0 ? RefineStart::kChanged : RefineStart::kRefined;
-    if (!RefineModel(context, tracks, start, model)) break;
-  }
-  return round;
-}
-
 // False: the model is not fit to be written, and the report has the failure.
 bool CheckModel(StageContext& context, size_t num_images, const std::string& origin,
                 const ModelEvidence& evidence, Reconstruction& model) {
@@ -130,81 +102,6 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
 
 // Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
 constexpr double kSameModel = 1e-4;
-
-// A model with so many observations is adjusted in some seconds, whatever may come of it.
-constexpr int64_t kQuickObservations = 500'000;
-
-// Do images that were registered anew explain more matches than before, though others may be
-// missing still?
-bool ExplainMore(const std::set<image_t>& anew, const BuiltModel& after, const BuiltModel& before) {
-  const auto is_registered = [&](image_t id) {
-    return anew.count(id) > 0 && after.model->images.count(id) > 0;
-  };
-  int64_t num_after = 0, num_before = 0;
-  for (size_t e = 0; e < after.graph.edges.size(); ++e) {
-    const ViewEdge& edge = after.graph.edges[e];
-    if (!is_registered(edge.image_id1) && !is_registered(edge.image_id2)) continue;
-    num_after += after.evidence.pairs[e].num_explained;
-    num_before += before.evidence.pairs[e].num_explained;
-  }
-  return num_after > num_before;
-}
-
-// Nats by which one of two models of the same images is the better one beyond doubt.
-constexpr double kDecisiveNats = 10;
-
-// The model with these images registered anew, by resection in the model of the others; none where
-// that explains no more.
-std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& built,
-                                       const std::set<image_t>& misplaced) {
-  if (misplaced.empty() || 2 * misplaced.size() >= built.model->images.size()) return std::nullopt;
-  BuiltModel other = built;
-  Reconstruction& model = *other.model;
-  for (const image_t id : misplaced) RemoveImage(id, model);
-  if (RegisterLeftOut(context, other.graph, model) == 0) return std::nullopt;
-  other.evidence = EvidenceFor(context, model, other.graph);
-  if (built.model->NumObservations() > kQuickObservations &&
-      !ExplainMore(misplaced, other, built)) {
-    return std::nullopt;
-  }
-  ReviseEdges(other.evidence, model, other.graph);
-  const std::string failure = context.report.failure;
-  const bool has_grown = FitAndRefine(context, TracksOfGraph(context, other.graph).tracks,
-                                      RefineStart::kChanged, model) &&
-                         GrowModel(context, other.graph, model);
-  context.report.failure = failure;
-  if (!has_grown) return std::nullopt;
-  other.evidence = EvidenceFor(context, model, other.graph);
-  if (!(other.evidence.nats > built.evidence.nats + kDecisiveNats)) return std::nullopt;
-  return other;
-}
-
-// Registers anew what may be misplaced: all groups that the matches contradict, else the worst of
-// them alone, else the images that find a better place by resection, else those whose scale beside
-// the others the model does not know.
-std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltModel& built) {
-  const std::vector<MisplacedGroup> groups =
-      FindMisplacedGroups(context, *built.model, built.graph, built.evidence);
-  std::set<image_t> all;
-  for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
-  auto other = RegisterAnew(context, built, all);
-  if (!other && groups.size() > 1) other = RegisterAnew(context, built, groups.front().images);
-  if (other) return other;
-  other = RegisterAnew(context, built,
-                       FindOutvoted(context, built.graph, built.evidence, *built.model));
-  if (other) return other;
-  return RegisterAnew(context, built, FindHinged(context, built.graph, *built.model));
-}
-
-// Registers misplaced images anew, while that brings more evidence.
-void ReplaceMisplaced(StageContext& context, BuiltModel& best) {
-  const ReconstructOptions& options = context.settings.reconstruct;
-  for (int round = 0; round < options.max_rounds && options.register_left_out; ++round) {
-    auto other = RegisterMisplaced(context, best);
-    if (!other) break;
-    best = std::move(*other);
-  }
-}
 
 // Pairs that disagree with a hypothesis bring its model matches, too, once they have another pose
 // (RefitEdges), but seldom more than the rest of this share.
@@ -305,6 +202,28 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
   NormalizeFrame(*best.model);
   RenumberPoints(*best.model);
   return best;
+}
+
+std::optional<BuiltModel> JoinModels(StageContext& context, const Reconstruction& model,
+                                     const BuiltModel& other, const ViewGraph& graph) {
+  const auto model_from_other = PlacePart(context, graph, model, *other.model);
+  if (!model_from_other) return std::nullopt;
+  const double nats_of_both = EvidenceFor(context, model, graph).nats + other.evidence.nats;
+  BuiltModel joined{model, graph, {}, {}};
+  for (const auto& [id, image] : other.model->images) {
+    RegisteredImage& moved = joined.model->images[id] = image;
+    moved.cam_from_world = TransformCameraWorld(*model_from_other, image.cam_from_world);
+    std::fill(moved.point3D_ids.begin(), moved.point3D_ids.end(), kInvalidPoint3DId);
+    joined.model->cameras.insert(*other.model->cameras.find(image.image.camera_id));
+  }
+  auto better = RefineIfBetter(context, std::move(joined), nats_of_both);
+  if (!better || !EdgesBetweenDuplicates(*better->model, better->graph, context.run).empty()) {
+    return std::nullopt;
+  }
+  better->model->UpdatePointErrors();
+  NormalizeFrame(*better->model);
+  RenumberPoints(*better->model);
+  return better;
 }
 
 BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,

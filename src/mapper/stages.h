@@ -317,6 +317,25 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstructio
 // Of the first twenty images, and how many more there are.
 std::string Names(const StageContext& context, std::span<const image_t> images);
 
+// grow_model.cc
+struct BuiltModel {
+  std::optional<Reconstruction> model;  // absent: see the report's failure, or duplicate_edges
+  ViewGraph graph;                      // with what became of the component's edges
+  ModelEvidence evidence;
+  std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
+  std::vector<ResultWarning> warnings{};
+};
+// False: there is not enough memory, and the report has the failure.
+bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart start,
+                  Reconstruction& model);
+// Registers what was left out and lets the model choose its pairs, until neither brings anything.
+// How often it was refined; nullopt: as above.
+std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model);
+// A model whose images were moved, refined; none unless it has more evidence than this beyond
+// doubt.
+std::optional<BuiltModel> RefineIfBetter(StageContext& context, BuiltModel changed,
+                                         double nats_before);
+
 // misplaced.cc
 // Images that a model misplaces together: most of the matches of their pairs with the others
 // contradict it, while those among themselves may not.
@@ -331,12 +350,31 @@ std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Rec
                                                 const ViewGraph& graph,
                                                 const ModelEvidence& evidence);
 
-// hinged.cc
-// Images of parts of a model that share points with the rest through a single image: two parts with
-// one image in common have no common scale. Of all such parts the smaller ones, while they are
-// fewer than half of the images.
-std::set<image_t> FindHinged(StageContext& context, const ViewGraph& graph,
-                             const Reconstruction& model);
+// weak_parts.cc
+// Parts of a model that few of its points hold together.
+struct WeakParts {
+  // Of several images, no one of which shares as many points with one outside as resection asks
+  // for. The largest part of the model is none.
+  std::vector<std::set<image_t>> loose;
+  // Images of parts that share points with the rest through a single image: two parts with one
+  // image in common have no common scale. Of all such parts the smaller ones, while they are fewer
+  // than half of the images.
+  std::set<image_t> hinged;
+};
+WeakParts FindWeakParts(StageContext& context, const ViewGraph& graph, const Reconstruction& model);
+
+// place_part.cc
+// These images of a model, with the points that two of them see.
+Reconstruction PartOf(const Reconstruction& model, const std::set<image_t>& images);
+// The similarity that puts a part where most matches with images of the rest agree: points of each
+// that are seen in the other. None where the present place has as many.
+std::optional<Sim3d> PlacePart(StageContext& context, const ViewGraph& graph,
+                               const Reconstruction& rest, const Reconstruction& part);
+
+// replace_misplaced.cc
+// Places loose parts of the model and registers misplaced images anew, while that brings more
+// evidence.
+void ReplaceMisplaced(StageContext& context, BuiltModel& best);
 
 // verify_again.cc
 // Where bundle adjustment has moved the rays of cameras by more than verification's threshold: of
@@ -365,18 +403,15 @@ std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction
 std::string ReasonToRefuse(const Reconstruction& model);
 
 // build_model.cc
-struct BuiltModel {
-  std::optional<Reconstruction> model;  // absent: see the report's failure, or duplicate_edges
-  ViewGraph graph;                      // with what became of the component's edges
-  ModelEvidence evidence;
-  std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
-  std::vector<ResultWarning> warnings{};
-};
 // One component of the graph from averaging to the finished model: built from all of its edges,
 // and, while the model leaves much of the verified matches unexplained, from those with more and
 // more inliers, the other images by resection. The model with the most evidence is kept.
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph);
+// Two models as one, the second placed as a whole by the matches between them; none unless it
+// explains more than both.
+std::optional<BuiltModel> JoinModels(StageContext& context, const Reconstruction& model,
+                                     const BuiltModel& other, const ViewGraph& graph);
 // An earlier model with the images that can be registered in it, refined, in its frame.
 BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
                          const ViewGraph& graph);

@@ -56,8 +56,8 @@ struct BundleAdjustmentOptions {
 // deviations as the others are: a camera with few points stays near its prior, and one with many
 // points is determined by these.
 struct IntrinsicsPrior {
-  std::vector<double> params;           // expected Camera::params
-  double focal_sigma = 0;               // standard deviation of the focal length's logarithm
+  std::vector<double> params;  // expected Camera::params
+  double focal_sigma = 0;  // standard deviation of the focal length's logarithm; of fx / fy: 1 %
   double principal_point_sigma_px = 0;  // 0: it is constant
 };
 

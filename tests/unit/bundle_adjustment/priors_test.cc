@@ -94,6 +94,49 @@ TEST(AdjustBundle, APriorPullsTowardsItsFocalLength) {
   }
 }
 
+// Image 3 sees few points, close to one row: how high its pixels are is open.
+Reconstruction SceneWithARowInImage3(uint64_t seed) {
+  Reconstruction model =
+      MakeSyntheticScene(
+          {.num_points = 1000, .noise_px = 0.5, .shared_camera = false, .seed = seed})
+          .truth;
+  const RegisteredImage& image = model.images.at(3);
+  const double row = 0.5 * model.CameraOf(image).height;
+  for (const point3D_t id : std::vector<point3D_t>(image.point3D_ids)) {
+    const Track track = model.points3D.at(id).track;
+    const auto in3 = std::find_if(track.begin(), track.end(),
+                                  [](const TrackElement& e) { return e.image_id == 3; });
+    if (std::abs(image.points2D[in3->point2D].y() - row) > 2) model.RemoveObservation(id, *in3);
+  }
+  return model;
+}
+
+TEST(AdjustBundle, APriorHoldsPixelsSquareWhereNothingTellsTheirShape) {
+  double without_prior = 0;
+  for (uint64_t seed = 0; seed < 5; ++seed) {
+    const Reconstruction start = SceneWithARowInImage3(seed);
+    const auto shape = [&](double focal_sigma) {
+      Reconstruction model = start;
+      AdjustBundle(model, IntrinsicsScope(start, focal_sigma), Precise(), kOneThread);
+      const Camera& camera = model.cameras.at(3);
+      return std::abs(std::log(camera.FocalX() / camera.FocalY()));
+    };
+    EXPECT_LT(shape(0.7), 0.03);
+    without_prior = std::max(without_prior, shape(0));
+  }
+  EXPECT_GT(without_prior, 0.1);
+}
+
+TEST(AdjustBundle, PixelsThatAreNotSquareAreFoundInSpiteOfThePrior) {
+  const Reconstruction truth = MakeSyntheticScene({.num_points = 500, .noise_px = 0.5}).truth;
+  Reconstruction model = truth;
+  model.cameras.at(1).params[1] *= 1.07;
+  AdjustBundle(model, IntrinsicsScope(model, 0.7), Precise(), kOneThread);
+  for (const int k : truth.cameras.at(1).FocalIndices()) {
+    EXPECT_NEAR(model.cameras.at(1).params[k] / truth.cameras.at(1).params[k], 1, 0.01);
+  }
+}
+
 TEST(AdjustBundle, APriorDoesNotMoveACameraThatItsPointsDetermine) {
   constexpr int kNumScenes = 5;
   double squared_error[2] = {}, shift[2] = {};  // of log focal length and distortion

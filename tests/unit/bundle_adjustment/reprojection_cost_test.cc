@@ -24,7 +24,8 @@ class CostUnderTest {
     }
     if (pose.intrinsics->num_free > 0) blocks_.push_back(pose.intrinsics->free.data());
     if (free_.rotation) pose.block[0] = 0.3, pose.block[1] = -0.5, pose.block[2] = 0.2;
-    if (pose.intrinsics->num_free_focal > 0) pose.intrinsics->free[0] = 0.1;
+    for (int i = 0; i < pose.intrinsics->num_free_focal; ++i)
+      pose.intrinsics->free[i] = 0.1 + 0.2 * i;
     state_.PrepareForEvaluation(true, true);
     cost_ = std::make_unique<ReprojectionCost>(
         Reprojection{&pose, &state_.Point(0), {300, 500}, 2.5, free_});

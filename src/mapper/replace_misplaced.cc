@@ -1,0 +1,93 @@
+#include <utility>
+
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// A model with so many observations is adjusted in some seconds, whatever may come of it.
+constexpr int64_t kQuickObservations = 500'000;
+
+// Do images that were registered anew explain more matches than before, though others may be
+// missing still?
+bool ExplainMore(const std::set<image_t>& anew, const BuiltModel& after, const BuiltModel& before) {
+  const auto is_registered = [&](image_t id) {
+    return anew.count(id) > 0 && after.model->images.count(id) > 0;
+  };
+  int64_t num_after = 0, num_before = 0;
+  for (size_t e = 0; e < after.graph.edges.size(); ++e) {
+    const ViewEdge& edge = after.graph.edges[e];
+    if (!is_registered(edge.image_id1) && !is_registered(edge.image_id2)) continue;
+    num_after += after.evidence.pairs[e].num_explained;
+    num_before += before.evidence.pairs[e].num_explained;
+  }
+  return num_after > num_before;
+}
+
+// The model with these images registered anew, by resection in the model of the others; none where
+// that explains no more.
+std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& built,
+                                       const std::set<image_t>& misplaced) {
+  if (misplaced.empty() || 2 * misplaced.size() >= built.model->images.size()) return std::nullopt;
+  BuiltModel other = built;
+  Reconstruction& model = *other.model;
+  for (const image_t id : misplaced) RemoveImage(id, model);
+  if (RegisterLeftOut(context, other.graph, model) == 0) return std::nullopt;
+  if (built.model->NumObservations() > kQuickObservations) {
+    other.evidence = EvidenceFor(context, model, other.graph);
+    if (!ExplainMore(misplaced, other, built)) return std::nullopt;
+  }
+  return RefineIfBetter(context, std::move(other), built.evidence.nats);
+}
+
+// The model with a loose part placed as a whole; none where that explains no more.
+std::optional<BuiltModel> PlaceAnew(StageContext& context, const BuiltModel& built,
+                                    const std::set<image_t>& loose) {
+  std::set<image_t> others;
+  for (const auto& [id, image] : built.model->images) {
+    if (loose.count(id) == 0) others.insert(id);
+  }
+  const auto rest_from_part =
+      PlacePart(context, built.graph, PartOf(*built.model, others), PartOf(*built.model, loose));
+  if (!rest_from_part) return std::nullopt;
+  BuiltModel other = built;
+  for (const image_t id : loose) {
+    Rigid3d& cam_from_world = other.model->images.at(id).cam_from_world;
+    cam_from_world = TransformCameraWorld(*rest_from_part, cam_from_world);
+  }
+  return RefineIfBetter(context, std::move(other), built.evidence.nats);
+}
+
+// Places a loose part as a whole, or registers anew what may be misplaced: all groups that the
+// matches contradict, else the worst of them alone, else the images that find a better place by
+// resection, else those whose scale beside the others the model does not know.
+std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltModel& built) {
+  const WeakParts weak = FindWeakParts(context, built.graph, *built.model);
+  for (const std::set<image_t>& loose : weak.loose) {
+    if (auto other = PlaceAnew(context, built, loose)) return other;
+  }
+  const std::vector<MisplacedGroup> groups =
+      FindMisplacedGroups(context, *built.model, built.graph, built.evidence);
+  std::set<image_t> all;
+  for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
+  auto other = RegisterAnew(context, built, all);
+  if (!other && groups.size() > 1) other = RegisterAnew(context, built, groups.front().images);
+  if (other) return other;
+  other = RegisterAnew(context, built,
+                       FindOutvoted(context, built.graph, built.evidence, *built.model));
+  if (other) return other;
+  return RegisterAnew(context, built, weak.hinged);
+}
+
+}  // namespace
+
+void ReplaceMisplaced(StageContext& context, BuiltModel& best) {
+  const ReconstructOptions& options = context.settings.reconstruct;
+  for (int round = 0; round < options.max_rounds && options.register_left_out; ++round) {
+    auto other = RegisterMisplaced(context, best);
+    if (!other) break;
+    best = std::move(*other);
+  }
+}
+
+}  // namespace cairn

@@ -1,0 +1,122 @@
+#include "cairn/math/so3.h"
+#include "unit/mapper/incomplete_model.h"
+
+namespace cairn {
+namespace {
+
+const std::set<image_t> kRest = {1, 2, 3, 4, 5, 6, 7}, kPart = {8, 9, 10};
+const Sim3d kMoved{1.7, Eigen::Quaterniond(ExpSO3({0.4, -1.1, 0.6})), {3, -2, 5}};
+
+// The true model in two; the part in a frame of its own. Few matches are left between them, and of
+// these every other one is wrong.
+struct TwoModels : IncompleteModel {
+  TwoModels() : IncompleteModel({}), rest(PartOf(model, kRest)), part(PartOf(model, kPart)) {
+    part.Transform(kMoved);
+    for (auto& [pair_id, matches] : scene.matches) {
+      const auto [id1, id2] = PairIdToImagePair(pair_id);
+      if (kRest.count(id1) == kRest.count(id2)) continue;
+      matches.resize(std::min<size_t>(matches.size(), 12));
+      for (size_t i = 0; i + 3 < matches.size(); i += 4) {
+        std::swap(matches[i].point2, matches[i + 2].point2);
+      }
+    }
+  }
+  Reconstruction rest, part;
+};
+
+// Centers are of the order of 1.
+void ExpectTruePoses(const IncompleteModel& scene, double max_error_deg, double max_center_error) {
+  for (const auto& [id, image] : scene.model.images) {
+    EXPECT_LT(scene.RotationErrorDeg(id), max_error_deg) << id;
+    EXPECT_LT(scene.CenterError(id), max_center_error) << id;
+  }
+}
+
+TEST(PartOf, HasThePointsThatTwoOfItsImagesSee) {
+  const IncompleteModel scene({});
+  const Reconstruction part = PartOf(scene.model, kPart);
+  part.CheckConsistency();
+  EXPECT_EQ(part.images.size(), kPart.size());
+  size_t num_expected = 0;
+  for (const auto& [id, point] : scene.model.points3D) {
+    num_expected += std::count_if(point.track.begin(), point.track.end(), [](const auto& element) {
+                      return kPart.count(element.image_id) > 0;
+                    }) >= 2;
+  }
+  EXPECT_GT(num_expected, 0u);
+  EXPECT_EQ(part.points3D.size(), num_expected);
+}
+
+TEST(PlacePart, FindsThePlaceAmongWrongMatches) {
+  TwoModels scene;
+  const auto place = PlacePart(scene.context, scene.graph, scene.rest, scene.part);
+  ASSERT_TRUE(place);
+  scene.model = scene.part;
+  scene.model.Transform(*place);
+  ExpectTruePoses(scene, 1.0, 0.1);
+}
+
+TEST(PlacePart, LeavesAPartThatIsInItsPlace) {
+  TwoModels scene;
+  scene.part.Transform(Inverse(kMoved));
+  EXPECT_FALSE(PlacePart(scene.context, scene.graph, scene.rest, scene.part));
+}
+
+TEST(WeakParts, APartThatSharesTooFewPointsIsLoose) {
+  TwoModels scene;
+  EXPECT_TRUE(FindWeakParts(scene.context, scene.graph, scene.rest).loose.empty());
+  for (const image_t id : kPart) RemoveImage(id, scene.model);
+  for (auto& [id, image] : scene.part.images) {
+    std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
+    scene.model.images[id] = image;
+  }
+  for (const auto& [id, point] : scene.part.points3D) scene.model.AddPoint3D(point);
+  const WeakParts weak = FindWeakParts(scene.context, scene.graph, scene.model);
+  ASSERT_EQ(weak.loose.size(), 1u);
+  EXPECT_EQ(weak.loose[0], kPart);
+}
+
+// As after bundle adjustment without a point in common: the part lies anywhere.
+TEST(ReplaceMisplaced, PlacesALoosePartAsAWhole) {
+  TwoModels scene;
+  for (const image_t id : kPart) {
+    scene.model.images.at(id).cam_from_world = scene.part.images.at(id).cam_from_world;
+  }
+  BuiltModel built{scene.model, scene.graph, {}, {}};
+  ReviseEdges(EvidenceFor(scene.context, *built.model, built.graph), *built.model, built.graph);
+  ASSERT_TRUE(FitAndRefine(scene.context, TracksOfGraph(scene.context, built.graph).tracks,
+                           RefineStart::kChanged, *built.model));
+  built.evidence = EvidenceFor(scene.context, *built.model, built.graph);
+  ReplaceMisplaced(scene.context, built);
+  EXPECT_EQ(built.model->images.size(), kRest.size() + kPart.size());
+  EXPECT_EQ(built.evidence.num_contradicted, 0);
+}
+
+TEST(JoinModels, PlacesOneInTheFrameOfTheOther) {
+  TwoModels scene;
+  BuiltModel other{scene.part, scene.graph, {}, {}};
+  other.evidence = EvidenceFor(scene.context, scene.part, scene.graph);
+  const auto joined = JoinModels(scene.context, scene.rest, other, scene.graph);
+  ASSERT_TRUE(joined);
+  joined->model->CheckConsistency();
+  EXPECT_EQ(joined->model->images.size(), kRest.size() + kPart.size());
+  EXPECT_GT(joined->evidence.nats, other.evidence.nats);
+  const Rigid3d& of_rest = joined->model->images.at(7).cam_from_world;
+  const Rigid3d& of_part = joined->model->images.at(8).cam_from_world;
+  const Rigid3d truth =
+      scene.truth.images.at(8).cam_from_world * Inverse(scene.truth.images.at(7).cam_from_world);
+  EXPECT_LT(RadToDeg(AngleBetween((of_part * Inverse(of_rest)).rotation, truth.rotation)), 0.5);
+}
+
+TEST(JoinModels, ModelsWithoutCommonMatchesStayTwo) {
+  TwoModels scene;
+  for (auto& [pair_id, matches] : scene.scene.matches) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    if (kRest.count(id1) != kRest.count(id2)) matches.clear();
+  }
+  BuiltModel other{scene.part, scene.graph, {}, {}};
+  EXPECT_FALSE(JoinModels(scene.context, scene.rest, other, scene.graph));
+}
+
+}  // namespace
+}  // namespace cairn
