@@ -27,14 +27,14 @@ BundleAdjustmentScope IntrinsicsScope(const Reconstruction& model, double focal_
 
 // Image 3 sees 20 points on a plane that faces it, and nothing else: its focal length and its
 // distance from them say the same.
-Reconstruction SceneWithAPlaneInImage3(uint64_t seed) {
+Reconstruction SceneWithAPlaneInImage3(uint64_t seed,
+                                       CameraModel camera_model = CameraModel::kSimpleRadial) {
   constexpr double kNoisePx = 0.5;
-  Reconstruction model = MakeSyntheticScene({.noise_px = kNoisePx,
-                                             .model = CameraModel::kSimpleRadial,
-                                             .shared_camera = false,
-                                             .seed = seed})
-                             .truth;
-  model.cameras.at(3).params.back() = 0;
+  Reconstruction model =
+      MakeSyntheticScene(
+          {.noise_px = kNoisePx, .model = camera_model, .shared_camera = false, .seed = seed})
+          .truth;
+  for (const int k : model.cameras.at(3).DistortionIndices()) model.cameras.at(3).params[k] = 0;
   Rng rng(seed);
   const std::vector<point3D_t> seen = model.images.at(3).point3D_ids;
   for (size_t k = 0; k < seen.size(); ++k) {
@@ -83,14 +83,16 @@ TEST(AdjustBundle, APriorHoldsACameraThatItsPointsDoNotDetermine) {
 
 // Also where bundle adjustment begins elsewhere.
 TEST(AdjustBundle, APriorPullsTowardsItsFocalLength) {
-  const Reconstruction start = SceneWithAPlaneInImage3(1);
-  for (const double factor : {0.9, 1.2}) {
-    Reconstruction model = start;
-    BundleAdjustmentScope scope = IntrinsicsScope(start, 0.001);
-    for (const int k : start.cameras.at(3).FocalIndices()) scope.priors.at(3).params[k] *= factor;
-    AdjustBundle(model, scope, Precise(), kOneThread);
-    const double change = model.cameras.at(3).MeanFocal() / start.cameras.at(3).MeanFocal();
-    EXPECT_NEAR(change, factor, 0.02);
+  for (const CameraModel camera_model : {CameraModel::kSimpleRadial, CameraModel::kPinhole}) {
+    const Reconstruction start = SceneWithAPlaneInImage3(1, camera_model);
+    for (const double factor : {0.9, 1.2}) {
+      Reconstruction model = start;
+      BundleAdjustmentScope scope = IntrinsicsScope(start, 0.001);
+      for (const int k : start.cameras.at(3).FocalIndices()) scope.priors.at(3).params[k] *= factor;
+      AdjustBundle(model, scope, Precise(), kOneThread);
+      const double change = model.cameras.at(3).MeanFocal() / start.cameras.at(3).MeanFocal();
+      EXPECT_NEAR(change, factor, 0.02) << CameraModelName(camera_model);
+    }
   }
 }
 
