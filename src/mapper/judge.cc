@@ -55,6 +55,7 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstructio
                                       const ModelEvidence& evidence, const ViewGraph& graph) {
   ModelStage stage(context, "judgement");
   const Symmetry symmetry = FindSymmetry(model, graph);
+  const WeakParts weak = FindWeakParts(context, graph, model);
   stage.Add("explained_share", evidence.inside.Share());
   stage.Add("contradicted_pairs", evidence.num_contradicted);
   stage.Add("symmetric_pairs", symmetry.num_pairs);
@@ -83,6 +84,14 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstructio
               " images contradict most of their verified matches and are probably misplaced: " +
               Names(context, doubtful),
           kMisplacedAdvice});
+  }
+  for (const std::set<image_t>& part : weak.loose) {
+    const int num_shared = MostSharedPoints(part, model);
+    if (num_shared >= context.settings.resection.min_num_inliers) continue;
+    warn({std::to_string(part.size()) + " images share " + std::to_string(num_shared) +
+              " points at most with any other, and may lie elsewhere beside these: " +
+              Names(context, std::vector<image_t>(part.begin(), part.end())),
+          "add photos between them and the others"});
   }
   if (symmetry.IsFold()) {
     warn({std::to_string(symmetry.num_pairs) +

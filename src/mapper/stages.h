@@ -362,6 +362,8 @@ struct WeakParts {
   std::set<image_t> hinged;
 };
 WeakParts FindWeakParts(StageContext& context, const ViewGraph& graph, const Reconstruction& model);
+// The most points that an image of the part shares with one outside, by whatever pairs.
+int MostSharedPoints(const std::set<image_t>& part, const Reconstruction& model);
 
 // place_part.cc
 // These images of a model, with the points that two of them see.

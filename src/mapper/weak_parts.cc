@@ -73,4 +73,19 @@ WeakParts FindWeakParts(StageContext& context, const ViewGraph& graph,
   return weak;
 }
 
+int MostSharedPoints(const std::set<image_t>& part, const Reconstruction& model) {
+  std::map<std::pair<image_t, image_t>, int> num_shared;  // of one within, one outside
+  for (const auto& [id, point] : model.points3D) {
+    for (const TrackElement& within : point.track) {
+      if (part.count(within.image_id) == 0) continue;
+      for (const TrackElement& outside : point.track) {
+        if (part.count(outside.image_id) == 0) ++num_shared[{within.image_id, outside.image_id}];
+      }
+    }
+  }
+  int most = 0;
+  for (const auto& [images, num] : num_shared) most = std::max(most, num);
+  return most;
+}
+
 }  // namespace cairn

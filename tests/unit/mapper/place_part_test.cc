@@ -74,6 +74,14 @@ TEST(WeakParts, APartThatSharesTooFewPointsIsLoose) {
   const WeakParts weak = FindWeakParts(scene.context, scene.graph, scene.model);
   ASSERT_EQ(weak.loose.size(), 1u);
   EXPECT_EQ(weak.loose[0], kPart);
+  EXPECT_EQ(MostSharedPoints(kPart, scene.model), 0);
+  EXPECT_GT(MostSharedPoints(kPart, scene.truth), 15);
+  const auto warnings = JudgeModel(scene.context, scene.model, {}, scene.graph);
+  EXPECT_EQ(std::count_if(warnings.begin(), warnings.end(),
+                          [](const ResultWarning& warning) {
+                            return warning.what.starts_with("3 images share 0 points at most");
+                          }),
+            1);
 }
 
 // As after bundle adjustment without a point in common: the part lies anywhere.
