@@ -206,13 +206,16 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
 
 std::optional<BuiltModel> JoinModels(StageContext& context, const Reconstruction& model,
                                      const BuiltModel& other, const ViewGraph& graph) {
-  const auto model_from_other = PlacePart(context, graph, model, *other.model);
-  if (!model_from_other) return std::nullopt;
+  const PlaceOfPart place = PlacePart(context, graph, model, *other.model);
+  if (place.num_agreeing < context.settings.resection.min_num_inliers ||
+      2 * place.num_agreeing < place.num_sightings) {
+    return std::nullopt;
+  }
   const double nats_of_both = EvidenceFor(context, model, graph).nats + other.evidence.nats;
   BuiltModel joined{model, graph, {}, {}};
   for (const auto& [id, image] : other.model->images) {
     RegisteredImage& moved = joined.model->images[id] = image;
-    moved.cam_from_world = TransformCameraWorld(*model_from_other, image.cam_from_world);
+    moved.cam_from_world = TransformCameraWorld(place.rest_from_part, image.cam_from_world);
     std::fill(moved.point3D_ids.begin(), moved.point3D_ids.end(), kInvalidPoint3DId);
     joined.model->cameras.insert(*other.model->cameras.find(image.image.camera_id));
   }

@@ -1,10 +1,12 @@
 #include <algorithm>
 #include <array>
-#include <tuple>
+#include <cmath>
+#include <utility>
 
 #include "cairn/base/parallel.h"
 #include "cairn/base/rng.h"
 #include "cairn/evaluation/alignment.h"
+#include "cairn/math/median.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -17,13 +19,19 @@ struct Sighting {
   point2D_t keypoint;
 };
 
+// A verified pair of an image of each.
+struct CrossingPair {
+  const RegisteredImage* in_rest;
+  const RegisteredImage* in_part;
+  Rigid3d part_from_rest;  // camera frames, |translation| = 1
+};
+
 // What the matches between the images of two models say.
 struct Crossing {
+  std::vector<CrossingPair> pairs;                        // with a direction
   std::vector<Sighting> in_rest;                          // points of the part
   std::vector<Sighting> in_part;                          // points of the rest
   std::vector<Eigen::Vector3d> rest_points, part_points;  // that a match says are one
-
-  size_t NumSightings() const { return in_rest.size() + in_part.size(); }
 };
 
 // Matched keypoints, each match and each sighting once.
@@ -77,6 +85,7 @@ class CrossingFinder {
 Crossing FindCrossing(const StageContext& context, const ViewGraph& graph,
                       const Reconstruction& rest, const Reconstruction& part) {
   CrossingFinder finder(rest, part);
+  std::vector<CrossingPair> pairs;
   for (const ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kAmbiguous) continue;  // leads to another place
     const bool is_rest_first = rest.images.count(edge.image_id1) > 0;
@@ -87,9 +96,33 @@ Crossing FindCrossing(const StageContext& context, const ViewGraph& graph,
       finder.Add({in_rest, is_rest_first ? match.point1 : match.point2},
                  {in_part, is_rest_first ? match.point2 : match.point1});
     }
+    if (!edge.HasTranslation()) continue;
+    pairs.push_back({&rest.images.at(in_rest), &part.images.at(in_part),
+                     is_rest_first ? edge.cam2_from_cam1 : Inverse(edge.cam2_from_cam1)});
   }
-  return finder.Find();
+  Crossing crossing = finder.Find();
+  crossing.pairs = std::move(pairs);
+  return crossing;
 }
+
+// The length of the baseline a_from_b.translation in the unit of points near camera b that camera a
+// sees: the median of what each point says; 0 without any.
+class BaselineLength {
+ public:
+  explicit BaselineLength(const Rigid3d& a_from_b) : a_from_b_(a_from_b) {}
+
+  // ray x (R point + length t) = 0.
+  void Add(const Eigen::Vector3d& ray_in_a, const Eigen::Vector3d& point_in_b) {
+    const Eigen::Vector3d along = ray_in_a.cross(a_from_b_.translation);
+    const Eigen::Vector3d turned = ray_in_a.cross(a_from_b_.rotation * point_in_b);
+    lengths_.push_back(-along.dot(turned) / along.squaredNorm());
+  }
+  double Median() const { return lengths_.empty() ? 0 : UpperMedian(lengths_); }
+
+ private:
+  const Rigid3d& a_from_b_;
+  std::vector<double> lengths_;
+};
 
 // Whether a sighting agrees with a similarity that takes its point to its image's world.
 bool Agrees(const Sighting& sighting, const Sim3d& image_from_point, const Reconstruction& model,
@@ -120,8 +153,52 @@ class PlaceSearch {
     return num_agreeing;
   }
 
-  // By triples of points that matches say are one (RANSAC; Fischler and Bolles, 1981).
-  std::optional<Sim3d> Find() const {
+  // The best of what triples of points and single pairs say.
+  PlaceOfPart Find() const {
+    PlaceOfPart best;
+    const auto consider = [&](const std::optional<Sim3d>& found) {
+      const int num_agreeing = found ? NumAgreeing(*found) : 0;
+      if (num_agreeing <= best.num_agreeing) return;
+      best.rest_from_part = *found;
+      best.num_agreeing = num_agreeing;
+    };
+    consider(ByTriples());
+    for (const CrossingPair& pair : crossing_.pairs) consider(ByPair(pair));
+    return best;
+  }
+
+ private:
+  // A pair's relative pose leaves the scale open, which points of each model in the other's image
+  // tell.
+  std::optional<Sim3d> ByPair(const CrossingPair& pair) const {
+    const Rigid3d rest_from_part = Inverse(pair.part_from_rest);
+    BaselineLength in_rest_unit(pair.part_from_rest), in_part_unit(rest_from_part);
+    AddSightings(crossing_.in_part, pair.in_part, part_, pair.in_rest, in_rest_unit);
+    AddSightings(crossing_.in_rest, pair.in_rest, rest_, pair.in_part, in_part_unit);
+    const double scale = in_rest_unit.Median() / in_part_unit.Median();
+    if (!(in_rest_unit.Median() > 0) || !std::isfinite(scale) || !(scale > 0)) return std::nullopt;
+    const Rigid3d cam_from_rest = Rigid3d(pair.part_from_rest.rotation,
+                                          in_rest_unit.Median() * pair.part_from_rest.translation) *
+                                  pair.in_rest->cam_from_world;
+    const Rigid3d& cam_from_part = pair.in_part->cam_from_world;
+    const Rigid3d scaled =
+        Inverse(cam_from_rest) * Rigid3d(cam_from_part.rotation, scale * cam_from_part.translation);
+    return Sim3d{scale, scaled.rotation, scaled.translation};
+  }
+
+  // Those of this image, of points in the frame of the other one's camera.
+  static void AddSightings(const std::vector<Sighting>& sightings, const RegisteredImage* image,
+                           const Reconstruction& model, const RegisteredImage* other,
+                           BaselineLength& length) {
+    for (const Sighting& sighting : sightings) {
+      if (sighting.image != image) continue;
+      const auto ray = model.CameraOf(*image).RayFromImg(image->points2D[sighting.keypoint]);
+      if (ray) length.Add(*ray, other->cam_from_world * sighting.xyz);
+    }
+  }
+
+  // Of points that matches say are one (RANSAC; Fischler and Bolles, 1981).
+  std::optional<Sim3d> ByTriples() const {
     constexpr int kNumTriples = 3000;
     const auto num_points = static_cast<uint32_t>(crossing_.rest_points.size());
     if (num_points < 3) return std::nullopt;
@@ -142,7 +219,6 @@ class PlaceSearch {
     return found[std::max_element(num_agreeing.begin(), num_agreeing.end()) - num_agreeing.begin()];
   }
 
- private:
   const StageContext& context_;
   const Reconstruction& rest_;
   const Reconstruction& part_;
@@ -167,19 +243,20 @@ Reconstruction PartOf(const Reconstruction& model, const std::set<image_t>& imag
   return part;
 }
 
-std::optional<Sim3d> PlacePart(StageContext& context, const ViewGraph& graph,
-                               const Reconstruction& rest, const Reconstruction& part) {
+PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Reconstruction& rest,
+                      const Reconstruction& part) {
   ModelStage stage(context, "place_part");
   const Crossing crossing = FindCrossing(context, graph, rest, part);
   const PlaceSearch search(context, rest, part, crossing);
-  const int num_before = search.NumAgreeing({});
-  const std::optional<Sim3d> rest_from_part = search.Find();
-  const int num_agreeing = rest_from_part ? search.NumAgreeing(*rest_from_part) : 0;
+  PlaceOfPart place = search.Find();
+  place.num_sightings = static_cast<int>(crossing.in_rest.size() + crossing.in_part.size());
+  place.num_before = search.NumAgreeing({});
   stage.Add("images", part.images.size());
-  stage.Add("sightings", crossing.NumSightings());
-  stage.Add("agreed_before", num_before);
-  stage.Add("agree", num_agreeing);
-  return num_agreeing > num_before ? rest_from_part : std::nullopt;
+  stage.Add("pairs", crossing.pairs.size());
+  stage.Add("sightings", place.num_sightings);
+  stage.Add("agreed_before", place.num_before);
+  stage.Add("agree", place.num_agreeing);
+  return place;
 }
 
 }  // namespace cairn

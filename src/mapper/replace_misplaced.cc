@@ -47,13 +47,13 @@ std::optional<BuiltModel> PlaceAnew(StageContext& context, const BuiltModel& bui
   for (const auto& [id, image] : built.model->images) {
     if (loose.count(id) == 0) others.insert(id);
   }
-  const auto rest_from_part =
+  const PlaceOfPart place =
       PlacePart(context, built.graph, PartOf(*built.model, others), PartOf(*built.model, loose));
-  if (!rest_from_part) return std::nullopt;
+  if (place.num_agreeing <= place.num_before) return std::nullopt;
   BuiltModel other = built;
   for (const image_t id : loose) {
     Rigid3d& cam_from_world = other.model->images.at(id).cam_from_world;
-    cam_from_world = TransformCameraWorld(*rest_from_part, cam_from_world);
+    cam_from_world = TransformCameraWorld(place.rest_from_part, cam_from_world);
   }
   return RefineIfBetter(context, std::move(other), built.evidence.nats);
 }

@@ -368,10 +368,18 @@ int MostSharedPoints(const std::set<image_t>& part, const Reconstruction& model)
 // place_part.cc
 // These images of a model, with the points that two of them see.
 Reconstruction PartOf(const Reconstruction& model, const std::set<image_t>& images);
-// The similarity that puts a part where most matches with images of the rest agree: points of each
-// that are seen in the other. None where the present place has as many.
-std::optional<Sim3d> PlacePart(StageContext& context, const ViewGraph& graph,
-                               const Reconstruction& rest, const Reconstruction& part);
+// Where matches put a part beside the rest.
+struct PlaceOfPart {
+  Sim3d rest_from_part;
+  // Points of each that matches show in an image of the other; those that agree there, and now.
+  int num_sightings = 0;
+  int num_agreeing = 0;
+  int num_before = 0;
+};
+// The place where most agree, by points of both that matches say are one, and by the relative poses
+// of pairs.
+PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Reconstruction& rest,
+                      const Reconstruction& part);
 
 // replace_misplaced.cc
 // Places loose parts of the model and registers misplaced images anew, while that brings more
@@ -410,8 +418,8 @@ std::string ReasonToRefuse(const Reconstruction& model);
 // more inliers, the other images by resection. The model with the most evidence is kept.
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph);
-// Two models as one, the second placed as a whole by the matches between them; none unless it
-// explains more than both.
+// Two models as one, the second placed as a whole where as many points agree, and half of them, as
+// resection asks for of one image; none unless that explains more than both.
 std::optional<BuiltModel> JoinModels(StageContext& context, const Reconstruction& model,
                                      const BuiltModel& other, const ViewGraph& graph);
 // An earlier model with the images that can be registered in it, refined, in its frame.
