@@ -227,18 +227,25 @@ class PlaceSearch {
 
 }  // namespace
 
-Reconstruction PartOf(const Reconstruction& model, const std::set<image_t>& images) {
+Reconstruction PartOf(const Reconstruction& model, const std::set<image_t>& images,
+                      const std::function<bool(image_t)>& is_of_part) {
   Reconstruction part;
   part.cameras = model.cameras;
+  std::set<point3D_t> seen;
   for (const image_t id : images) {
     RegisteredImage image = model.images.at(id);
+    seen.insert(image.point3D_ids.begin(), image.point3D_ids.end());
     std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
     part.images[id] = std::move(image);
   }
-  for (const auto& [id, point] : model.points3D) {
-    Point3D within = point;
-    std::erase_if(within.track, [&](const auto& e) { return images.count(e.image_id) == 0; });
-    if (within.track.size() >= 2) part.AddPoint3D(within);
+  seen.erase(kInvalidPoint3DId);
+  for (const point3D_t id : seen) {
+    Point3D point = model.points3D.at(id);
+    std::erase_if(point.track, [&](const auto& element) { return !is_of_part(element.image_id); });
+    if (point.track.size() < 2) continue;
+    std::erase_if(point.track,
+                  [&](const auto& element) { return images.count(element.image_id) == 0; });
+    part.AddPoint3D(point);
   }
   return part;
 }

@@ -1,3 +1,4 @@
+#include <functional>
 #include <utility>
 
 #include "mapper/stages.h"
@@ -24,6 +25,14 @@ bool ExplainMore(const std::set<image_t>& anew, const BuiltModel& after, const B
   return num_after > num_before;
 }
 
+// May the model be better after? `after` gets its evidence where it is large.
+bool IsWorthRefining(const StageContext& context, const std::set<image_t>& anew,
+                     const BuiltModel& before, BuiltModel& after) {
+  if (before.model->NumObservations() <= kQuickObservations) return true;
+  after.evidence = EvidenceFor(context, *after.model, after.graph);
+  return ExplainMore(anew, after, before);
+}
+
 // The model with these images registered anew, by resection in the model of the others; none where
 // that explains no more.
 std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& built,
@@ -33,28 +42,37 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   Reconstruction& model = *other.model;
   for (const image_t id : misplaced) RemoveImage(id, model);
   if (RegisterLeftOut(context, other.graph, model) == 0) return std::nullopt;
-  if (built.model->NumObservations() > kQuickObservations) {
-    other.evidence = EvidenceFor(context, model, other.graph);
-    if (!ExplainMore(misplaced, other, built)) return std::nullopt;
-  }
+  if (!IsWorthRefining(context, misplaced, built, other)) return std::nullopt;
   return RefineIfBetter(context, std::move(other), built.evidence.nats);
+}
+
+// Images that a verified pair joins with one of these.
+std::set<image_t> NeighborsOf(const std::set<image_t>& images, const Reconstruction& model,
+                              const ViewGraph& graph) {
+  std::set<image_t> neighbors;
+  for (const ViewEdge& edge : graph.edges) {
+    const bool has_first = images.count(edge.image_id1) > 0;
+    if (!IsWithin(edge, model) || has_first == (images.count(edge.image_id2) > 0)) continue;
+    neighbors.insert(has_first ? edge.image_id2 : edge.image_id1);
+  }
+  return neighbors;
 }
 
 // The model with a loose part placed as a whole; none where that explains no more.
 std::optional<BuiltModel> PlaceAnew(StageContext& context, const BuiltModel& built,
                                     const std::set<image_t>& loose) {
-  std::set<image_t> others;
-  for (const auto& [id, image] : built.model->images) {
-    if (loose.count(id) == 0) others.insert(id);
-  }
+  const auto is_loose = [&](image_t id) { return loose.count(id) > 0; };
+  const Reconstruction rest =
+      PartOf(*built.model, NeighborsOf(loose, *built.model, built.graph), std::not_fn(is_loose));
   const PlaceOfPart place =
-      PlacePart(context, built.graph, PartOf(*built.model, others), PartOf(*built.model, loose));
+      PlacePart(context, built.graph, rest, PartOf(*built.model, loose, is_loose));
   if (place.num_agreeing <= place.num_before) return std::nullopt;
   BuiltModel other = built;
   for (const image_t id : loose) {
     Rigid3d& cam_from_world = other.model->images.at(id).cam_from_world;
     cam_from_world = TransformCameraWorld(place.rest_from_part, cam_from_world);
   }
+  if (!IsWorthRefining(context, loose, built, other)) return std::nullopt;
   return RefineIfBetter(context, std::move(other), built.evidence.nats);
 }
 

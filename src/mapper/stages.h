@@ -366,8 +366,9 @@ WeakParts FindWeakParts(StageContext& context, const ViewGraph& graph, const Rec
 int MostSharedPoints(const std::set<image_t>& part, const Reconstruction& model);
 
 // place_part.cc
-// These images of a model, with the points that two of them see.
-Reconstruction PartOf(const Reconstruction& model, const std::set<image_t>& images);
+// These images of a part of a model, with the points that two of the part see.
+Reconstruction PartOf(const Reconstruction& model, const std::set<image_t>& images,
+                      const std::function<bool(image_t)>& is_of_part);
 // Where matches put a part beside the rest.
 struct PlaceOfPart {
   Sim3d rest_from_part;

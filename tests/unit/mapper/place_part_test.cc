@@ -5,13 +5,17 @@ namespace cairn {
 namespace {
 
 const std::set<image_t> kRest = {1, 2, 3, 4, 5, 6, 7}, kPart = {8, 9, 10};
+bool IsOfPart(image_t id) { return kPart.count(id) > 0; }
+bool IsOfRest(image_t id) { return kRest.count(id) > 0; }
 const Sim3d kMoved{1.7, Eigen::Quaterniond(ExpSO3({0.4, -1.1, 0.6})), {3, -2, 5}};
 
 // The true model in two; the part in a frame of its own. Few matches are left between them, and a
 // quarter of these is wrong.
 struct TwoModels : IncompleteModel {
   explicit TwoModels(size_t num_kept = 12)
-      : IncompleteModel({}), rest(PartOf(model, kRest)), part(PartOf(model, kPart)) {
+      : IncompleteModel({}),
+        rest(PartOf(model, kRest, IsOfRest)),
+        part(PartOf(model, kPart, IsOfPart)) {
     part.Transform(kMoved);
     for (auto& [pair_id, matches] : scene.matches) {
       const auto [id1, id2] = PairIdToImagePair(pair_id);
@@ -35,7 +39,7 @@ void ExpectTruePoses(const IncompleteModel& scene, double max_error_deg, double 
 
 TEST(PartOf, HasThePointsThatTwoOfItsImagesSee) {
   const IncompleteModel scene({});
-  const Reconstruction part = PartOf(scene.model, kPart);
+  const Reconstruction part = PartOf(scene.model, kPart, IsOfPart);
   part.CheckConsistency();
   EXPECT_EQ(part.images.size(), kPart.size());
   size_t num_expected = 0;
