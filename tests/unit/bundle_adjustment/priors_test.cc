@@ -104,11 +104,9 @@ Reconstruction SceneWithARowInImage3(uint64_t seed) {
           .truth;
   const RegisteredImage& image = model.images.at(3);
   const double row = 0.5 * model.CameraOf(image).height;
-  for (const point3D_t id : std::vector<point3D_t>(image.point3D_ids)) {
-    const Track track = model.points3D.at(id).track;
-    const auto in3 = std::find_if(track.begin(), track.end(),
-                                  [](const TrackElement& e) { return e.image_id == 3; });
-    if (std::abs(image.points2D[in3->point2D].y() - row) > 2) model.RemoveObservation(id, *in3);
+  for (size_t k = 0; k < image.points2D.size(); ++k) {
+    if (std::abs(image.points2D[k].y() - row) <= 2) continue;
+    model.RemoveObservation(image.point3D_ids[k], {3, static_cast<point2D_t>(k)});
   }
   return model;
 }
