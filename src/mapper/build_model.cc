@@ -220,10 +220,13 @@ std::optional<BuiltModel> JoinModels(StageContext& context, const Reconstruction
     joined.model->cameras.insert(*other.model->cameras.find(image.image.camera_id));
   }
   auto better = RefineIfBetter(context, std::move(joined), nats_of_both);
-  if (!better || !EdgesBetweenDuplicates(*better->model, better->graph, context.run).empty()) {
+  if (!better || (context.settings.reconstruct.separate_duplicates &&
+                  !EdgesBetweenDuplicates(*better->model, better->graph, context.run).empty())) {
     return std::nullopt;
   }
+  AdjustToPlaces(context, *better->model);
   better->model->UpdatePointErrors();
+  better->evidence = EvidenceFor(context, *better->model, better->graph);
   NormalizeFrame(*better->model);
   RenumberPoints(*better->model);
   return better;
