@@ -219,6 +219,7 @@ std::optional<BuiltModel> JoinModels(StageContext& context, const Reconstruction
     std::fill(moved.point3D_ids.begin(), moved.point3D_ids.end(), kInvalidPoint3DId);
     joined.model->cameras.insert(*other.model->cameras.find(image.image.camera_id));
   }
+  joined.evidence = EvidenceFor(context, *joined.model, graph);
   auto better = RefineIfBetter(context, std::move(joined), nats_of_both);
   if (!better || (context.settings.reconstruct.separate_duplicates &&
                   !EdgesBetweenDuplicates(*better->model, better->graph, context.run).empty())) {

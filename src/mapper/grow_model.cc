@@ -38,7 +38,7 @@ std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruc
 std::optional<BuiltModel> RefineIfBetter(StageContext& context, BuiltModel changed,
                                          double nats_before) {
   Reconstruction& model = *changed.model;
-  ReviseEdges(EvidenceFor(context, model, changed.graph), model, changed.graph);
+  ReviseEdges(changed.evidence, model, changed.graph);
   const std::string failure = context.report.failure;
   const bool has_grown = FitAndRefine(context, TracksOfGraph(context, changed.graph).tracks,
                                       RefineStart::kChanged, model) &&

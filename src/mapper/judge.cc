@@ -53,9 +53,9 @@ std::string Names(const StageContext& context, std::span<const image_t> images) 
 
 std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstruction& model,
                                       const ModelEvidence& evidence, const ViewGraph& graph) {
+  const WeakParts weak = FindWeakParts(context, graph, model);
   ModelStage stage(context, "judgement");
   const Symmetry symmetry = FindSymmetry(model, graph);
-  const WeakParts weak = FindWeakParts(context, graph, model);
   stage.Add("explained_share", evidence.inside.Share());
   stage.Add("contradicted_pairs", evidence.num_contradicted);
   stage.Add("symmetric_pairs", symmetry.num_pairs);

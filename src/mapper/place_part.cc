@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <utility>
 
 #include "cairn/base/parallel.h"
@@ -105,24 +104,24 @@ Crossing FindCrossing(const StageContext& context, const ViewGraph& graph,
   return crossing;
 }
 
-// The length of the baseline a_from_b.translation in the unit of points near camera b that camera a
-// sees: the median of what each point says; 0 without any.
-class BaselineLength {
- public:
-  explicit BaselineLength(const Rigid3d& a_from_b) : a_from_b_(a_from_b) {}
-
-  // ray x (R point + length t) = 0.
-  void Add(const Eigen::Vector3d& ray_in_a, const Eigen::Vector3d& point_in_b) {
-    const Eigen::Vector3d along = ray_in_a.cross(a_from_b_.translation);
-    const Eigen::Vector3d turned = ray_in_a.cross(a_from_b_.rotation * point_in_b);
-    lengths_.push_back(-along.dot(turned) / along.squaredNorm());
+// The length of the baseline a_from_b.translation in the unit of the world of camera b, whose
+// points camera a's image shows: ray x (R point + length t) = 0, the median over these; 0 without
+// any.
+double BaselineLength(const Rigid3d& a_from_b, const std::vector<Sighting>& sightings,
+                      const RegisteredImage& a, const Camera& camera_of_a,
+                      const RegisteredImage& b) {
+  std::vector<double> lengths;
+  for (const Sighting& sighting : sightings) {
+    if (sighting.image != &a) continue;
+    const auto ray = camera_of_a.RayFromImg(a.points2D[sighting.keypoint]);
+    if (!ray) continue;
+    const Eigen::Vector3d along = ray->cross(a_from_b.translation);
+    const Eigen::Vector3d turned =
+        ray->cross(a_from_b.rotation * (b.cam_from_world * sighting.xyz));
+    lengths.push_back(-along.dot(turned) / along.squaredNorm());
   }
-  double Median() const { return lengths_.empty() ? 0 : UpperMedian(lengths_); }
-
- private:
-  const Rigid3d& a_from_b_;
-  std::vector<double> lengths_;
-};
+  return lengths.empty() ? 0 : UpperMedian(lengths);
+}
 
 // Whether a sighting agrees with a similarity that takes its point to its image's world.
 bool Agrees(const Sighting& sighting, const Sim3d& image_from_point, const Reconstruction& model,
@@ -171,30 +170,21 @@ class PlaceSearch {
   // A pair's relative pose leaves the scale open, which points of each model in the other's image
   // tell.
   std::optional<Sim3d> ByPair(const CrossingPair& pair) const {
-    const Rigid3d rest_from_part = Inverse(pair.part_from_rest);
-    BaselineLength in_rest_unit(pair.part_from_rest), in_part_unit(rest_from_part);
-    AddSightings(crossing_.in_part, pair.in_part, part_, pair.in_rest, in_rest_unit);
-    AddSightings(crossing_.in_rest, pair.in_rest, rest_, pair.in_part, in_part_unit);
-    const double scale = in_rest_unit.Median() / in_part_unit.Median();
-    if (!(in_rest_unit.Median() > 0) || !std::isfinite(scale) || !(scale > 0)) return std::nullopt;
-    const Rigid3d cam_from_rest = Rigid3d(pair.part_from_rest.rotation,
-                                          in_rest_unit.Median() * pair.part_from_rest.translation) *
-                                  pair.in_rest->cam_from_world;
+    const double length_in_rest =
+        BaselineLength(pair.part_from_rest, crossing_.in_part, *pair.in_part,
+                       part_.CameraOf(*pair.in_part), *pair.in_rest);
+    const double length_in_part =
+        BaselineLength(Inverse(pair.part_from_rest), crossing_.in_rest, *pair.in_rest,
+                       rest_.CameraOf(*pair.in_rest), *pair.in_part);
+    if (!(length_in_rest > 0 && length_in_part > 0)) return std::nullopt;
+    const double scale = length_in_rest / length_in_part;
+    const Rigid3d cam_from_rest =
+        Rigid3d(pair.part_from_rest.rotation, length_in_rest * pair.part_from_rest.translation) *
+        pair.in_rest->cam_from_world;
     const Rigid3d& cam_from_part = pair.in_part->cam_from_world;
     const Rigid3d scaled =
         Inverse(cam_from_rest) * Rigid3d(cam_from_part.rotation, scale * cam_from_part.translation);
     return Sim3d{scale, scaled.rotation, scaled.translation};
-  }
-
-  // Those of this image, of points in the frame of the other one's camera.
-  static void AddSightings(const std::vector<Sighting>& sightings, const RegisteredImage* image,
-                           const Reconstruction& model, const RegisteredImage* other,
-                           BaselineLength& length) {
-    for (const Sighting& sighting : sightings) {
-      if (sighting.image != image) continue;
-      const auto ray = model.CameraOf(*image).RayFromImg(image->points2D[sighting.keypoint]);
-      if (ray) length.Add(*ray, other->cam_from_world * sighting.xyz);
-    }
   }
 
   // Of points that matches say are one (RANSAC; Fischler and Bolles, 1981).

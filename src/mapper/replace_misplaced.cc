@@ -25,12 +25,9 @@ bool ExplainMore(const std::set<image_t>& anew, const BuiltModel& after, const B
   return num_after > num_before;
 }
 
-// May the model be better after? `after` gets its evidence where it is large.
-bool IsWorthRefining(const StageContext& context, const std::set<image_t>& anew,
-                     const BuiltModel& before, BuiltModel& after) {
-  if (before.model->NumObservations() <= kQuickObservations) return true;
-  after.evidence = EvidenceFor(context, *after.model, after.graph);
-  return ExplainMore(anew, after, before);
+bool IsWorthRefining(const std::set<image_t>& anew, const BuiltModel& before,
+                     const BuiltModel& after) {
+  return before.model->NumObservations() <= kQuickObservations || ExplainMore(anew, after, before);
 }
 
 // The model with these images registered anew, by resection in the model of the others; none where
@@ -42,7 +39,8 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   Reconstruction& model = *other.model;
   for (const image_t id : misplaced) RemoveImage(id, model);
   if (RegisterLeftOut(context, other.graph, model) == 0) return std::nullopt;
-  if (!IsWorthRefining(context, misplaced, built, other)) return std::nullopt;
+  other.evidence = EvidenceFor(context, model, other.graph);
+  if (!IsWorthRefining(misplaced, built, other)) return std::nullopt;
   return RefineIfBetter(context, std::move(other), built.evidence.nats);
 }
 
@@ -72,7 +70,8 @@ std::optional<BuiltModel> PlaceAnew(StageContext& context, const BuiltModel& bui
     Rigid3d& cam_from_world = other.model->images.at(id).cam_from_world;
     cam_from_world = TransformCameraWorld(place.rest_from_part, cam_from_world);
   }
-  if (!IsWorthRefining(context, loose, built, other)) return std::nullopt;
+  other.evidence = EvidenceFor(context, *other.model, other.graph);
+  if (!IsWorthRefining(loose, built, other)) return std::nullopt;
   return RefineIfBetter(context, std::move(other), built.evidence.nats);
 }
 

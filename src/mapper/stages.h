@@ -331,8 +331,8 @@ bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart 
 // Registers what was left out and lets the model choose its pairs, until neither brings anything.
 // How often it was refined; nullopt: as above.
 std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model);
-// A model whose images were moved, refined; none unless it has more evidence than this beyond
-// doubt.
+// A model whose images were moved, with its evidence, refined; none unless it then has more than
+// this beyond doubt.
 std::optional<BuiltModel> RefineIfBetter(StageContext& context, BuiltModel changed,
                                          double nats_before);
 

@@ -74,17 +74,16 @@ WeakParts FindWeakParts(StageContext& context, const ViewGraph& graph,
 }
 
 int MostSharedPoints(const std::set<image_t>& part, const Reconstruction& model) {
-  std::map<std::pair<image_t, image_t>, int> num_shared;  // of one within, one outside
-  for (const auto& [id, point] : model.points3D) {
-    for (const TrackElement& within : point.track) {
-      if (part.count(within.image_id) == 0) continue;
-      for (const TrackElement& outside : point.track) {
-        if (part.count(outside.image_id) == 0) ++num_shared[{within.image_id, outside.image_id}];
+  int most = 0;
+  for (const image_t id : part) {
+    std::map<image_t, int> num_shared;  // by the image outside
+    for (const point3D_t point : model.images.at(id).point3D_ids) {
+      if (point == kInvalidPoint3DId) continue;
+      for (const TrackElement& other : model.points3D.at(point).track) {
+        if (part.count(other.image_id) == 0) most = std::max(most, ++num_shared[other.image_id]);
       }
     }
   }
-  int most = 0;
-  for (const auto& [images, num] : num_shared) most = std::max(most, num);
   return most;
 }
 
