@@ -206,19 +206,23 @@ Candidates FindCandidates(const FocalCalibrationReport& report, const SceneData&
 void Report(const FocalCalibrationReport& report, const Candidates& candidates,
             const std::map<camera_t, Camera>& cameras, Stage& stage) {
   std::map<FocalStatus, int> num_of;
+  std::vector<std::string> notes, warnings;
   for (const auto& [id, focal] : report.cameras) {
     const bool is_exif = cameras.at(id).has_prior_focal_length;
     const bool is_calibrated = candidates.calibrated.count(id) > 0;
     const std::string text = Describe(id, cameras.at(id), focal);
     ++num_of[focal.status];
     if (candidates.tentative.count(id) > 0) {
-      stage.Note(text + "; tried beside the guess");
+      notes.push_back(text + "; tried beside the guess");
     } else if (is_exif == is_calibrated) {
-      stage.Warn(text + (is_exif ? "; EXIF's focal length is rejected" : "; the guess is kept"));
+      warnings.push_back(text +
+                         (is_exif ? "; EXIF's focal length is rejected" : "; the guess is kept"));
     } else {
-      stage.Note(text);
+      notes.push_back(text);
     }
   }
+  stage.WarnEach(warnings);
+  stage.NoteEach(notes);
   for (const auto& [status, count] : num_of) stage.Add(std::string(FocalStatusName(status)), count);
 }
 

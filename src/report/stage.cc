@@ -5,6 +5,19 @@
 #include "base/memory.h"
 
 namespace cairn {
+namespace {
+
+constexpr size_t kMaxShown = 10;
+
+std::vector<std::string> FirstLines(std::vector<std::string> lines) {
+  if (lines.size() <= kMaxShown) return lines;
+  const size_t num_more = lines.size() - kMaxShown;
+  lines.resize(kMaxShown);
+  lines.push_back("... " + std::to_string(num_more) + " more such lines are in the report");
+  return lines;
+}
+
+}  // namespace
 
 Stage::Stage(ProgressMonitor& monitor, const std::string& name) : monitor_(monitor) {
   report_.name = name;
@@ -18,6 +31,16 @@ void Stage::Note(const std::string& message) {
 void Stage::Warn(const std::string& message) {
   monitor_.Warning(message);
   Keep(message);
+}
+
+void Stage::NoteEach(const std::vector<std::string>& messages) {
+  for (const std::string& line : FirstLines(messages)) monitor_.Info(line);
+  report_.messages.insert(report_.messages.end(), messages.begin(), messages.end());
+}
+
+void Stage::WarnEach(const std::vector<std::string>& messages) {
+  for (const std::string& line : FirstLines(messages)) monitor_.Warning(line);
+  for (const std::string& message : messages) Keep(message);
 }
 
 void Stage::Keep(const std::string& message) {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "cairn/base/progress.h"
 #include "cairn/base/timer.h"
@@ -19,6 +20,9 @@ class Stage {
   // A line for the user, kept in the report.
   void Note(const std::string& message);
   void Warn(const std::string& message);
+  // A line each for many things: the user sees the first ten, the report keeps all.
+  void NoteEach(const std::vector<std::string>& messages);
+  void WarnEach(const std::vector<std::string>& messages);
   // A warning that the user has seen.
   void Keep(const std::string& message);
   // The user asked to stop, or there is nothing to do.

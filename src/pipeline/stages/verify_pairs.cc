@@ -227,7 +227,7 @@ class Rounds {
     const Timer timer;
     const LearnedLenses learned = LearnLenses(database_, likely, run_);
     for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
-    for (const std::string& text : learned.texts) run_.monitor.Info(text);
+    stage_.NoteEach(learned.texts);
     report_.num_learned_lenses = static_cast<int>(learned.texts.size());
     report_.learning_seconds += timer.Seconds();
     return learned.undone;
@@ -238,9 +238,7 @@ class Rounds {
     const Timer timer;
     const LearnedFocals learned = LearnFocals(database_, to_weigh_);
     for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
-    for (const std::string& text : RejectedFocalTexts(database_, learned.rejected)) {
-      stage_.Warn(text);
-    }
+    stage_.WarnEach(RejectedFocalTexts(database_, learned.rejected));
     for (const camera_t id : learned.restored) {
       run_.monitor.Info("camera " + std::to_string(id) +
                         ": its prior focal length is no longer rejected, by the pairs of today");

@@ -26,6 +26,27 @@ TEST(Stage, WarningsAreShownAndKept) {
   EXPECT_THAT(monitor.stages(), IsEmpty());
 }
 
+// A folder may have a thousand cameras.
+TEST(Stage, OfManyWarningsTheFirstTenAreShownAndAllKept) {
+  for (const int num : {10, 13}) {
+    TestMonitor monitor;
+    Stage stage(monitor, "reading");
+    std::vector<std::string> warnings;
+    for (int i = 0; i < num; ++i) warnings.push_back("camera " + std::to_string(i));
+    stage.WarnEach(warnings);
+    stage.NoteEach({"a note"});
+    const StageReport report = stage.Finish();
+    EXPECT_EQ(report.status, StageStatus::kWarning);
+    EXPECT_EQ(report.messages.size(), num + 1u);
+    EXPECT_EQ(report.messages.back(), "a note");
+    ASSERT_EQ(monitor.warnings().size(), num == 10 ? 10u : 11u);
+    EXPECT_EQ(monitor.warnings()[9], "camera 9");
+    if (num > 10) {
+      EXPECT_EQ(monitor.warnings()[10], "... 3 more such lines are in the report");
+    }
+  }
+}
+
 TEST(Stage, WhatTheUserStoppedIsNoWarning) {
   Stage stage(NullMonitor(), "reading");
   stage.Warn("a warning");
