@@ -1,6 +1,5 @@
 #include "database/bad_rows.h"
 
-#include <algorithm>
 #include <cstring>
 
 #include "cairn/database/report_bad_rows.h"
@@ -121,18 +120,12 @@ std::vector<std::string> Database::FindBadRows() const {
 }
 
 void ReportBadRows(const Database& database, RunReport& report, ProgressMonitor& monitor) {
-  constexpr size_t kMaxNamed = 20;
-  const std::vector<std::string> bad = database.FindBadRows();
+  std::vector<std::string> bad = database.FindBadRows();
   if (bad.empty()) return;
   RunStage stage(report, monitor, "database");
   stage.Add("bad_rows", static_cast<double>(bad.size()));
-  for (size_t i = 0; i < std::min(bad.size(), kMaxNamed); ++i) {
-    stage.Warn(database.path() + ": " + bad[i] + "; the row is left out");
-  }
-  if (bad.size() > kMaxNamed) {
-    stage.Warn(database.path() + ": " + std::to_string(bad.size() - kMaxNamed) +
-               " more rows are left out");
-  }
+  for (std::string& row : bad) row = database.path() + ": " + row + "; the row is left out";
+  stage.WarnEach(bad);
 }
 
 }  // namespace cairn

@@ -92,11 +92,8 @@ FeatureMatches MergeMatches(FeatureMatches matches, const std::vector<point2D_t>
 void ReadEdges(const Database& database,
                const std::map<image_t, std::vector<point2D_t>>& first_keypoint, Stage& stage,
                SceneData& scene) {
-  constexpr int kMaxNamed = 20;
-  int num_bad = 0;
-  const auto warn = [&](const std::string& message) {
-    if (++num_bad <= kMaxNamed) stage.Warn(message);
-  };
+  std::vector<std::string> bad;
+  const auto warn = [&](const std::string& message) { bad.push_back(message); };
   const auto is_used = [&](const ViewEdge& edge) {
     return scene.pixels.count(edge.image_id1) > 0 && scene.pixels.count(edge.image_id2) > 0;
   };
@@ -116,10 +113,8 @@ void ReadEdges(const Database& database,
   scene.edges = ReadViewEdges(database, warn, keep);
   std::erase_if(scene.edges, [&](const ViewEdge& edge) { return !is_used(edge); });
   scene.poses_imported = HasImportedEdges(scene.edges);
-  if (num_bad > 0) stage.Add("bad_pairs", num_bad);
-  if (num_bad > kMaxNamed) {
-    stage.Warn(std::to_string(num_bad - kMaxNamed) + " more pairs are left out");
-  }
+  if (!bad.empty()) stage.Add("bad_pairs", static_cast<double>(bad.size()));
+  stage.WarnEach(bad);
 }
 
 SceneCounts CountScene(const Database& database) {

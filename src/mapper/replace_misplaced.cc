@@ -25,9 +25,14 @@ bool ExplainMore(const std::set<image_t>& anew, const BuiltModel& after, const B
   return num_after > num_before;
 }
 
-bool IsWorthRefining(const std::set<image_t>& anew, const BuiltModel& before,
-                     const BuiltModel& after) {
-  return before.model->NumObservations() <= kQuickObservations || ExplainMore(anew, after, before);
+// The model after these images found another place, refined; none where that explains no more.
+std::optional<BuiltModel> RefineAnew(StageContext& context, const std::set<image_t>& anew,
+                                     const BuiltModel& before, BuiltModel after) {
+  after.evidence = EvidenceFor(context, *after.model, after.graph);
+  if (before.model->NumObservations() > kQuickObservations && !ExplainMore(anew, after, before)) {
+    return std::nullopt;
+  }
+  return RefineIfBetter(context, std::move(after), before.evidence.nats);
 }
 
 // The model with these images registered anew, by resection in the model of the others; none where
@@ -36,12 +41,9 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
                                        const std::set<image_t>& misplaced) {
   if (misplaced.empty() || 2 * misplaced.size() >= built.model->images.size()) return std::nullopt;
   BuiltModel other = built;
-  Reconstruction& model = *other.model;
-  for (const image_t id : misplaced) RemoveImage(id, model);
-  if (RegisterLeftOut(context, other.graph, model) == 0) return std::nullopt;
-  other.evidence = EvidenceFor(context, model, other.graph);
-  if (!IsWorthRefining(misplaced, built, other)) return std::nullopt;
-  return RefineIfBetter(context, std::move(other), built.evidence.nats);
+  for (const image_t id : misplaced) RemoveImage(id, *other.model);
+  if (RegisterLeftOut(context, other.graph, *other.model) == 0) return std::nullopt;
+  return RefineAnew(context, misplaced, built, std::move(other));
 }
 
 // Images that a verified pair joins with one of these.
@@ -70,9 +72,7 @@ std::optional<BuiltModel> PlaceAnew(StageContext& context, const BuiltModel& bui
     Rigid3d& cam_from_world = other.model->images.at(id).cam_from_world;
     cam_from_world = TransformCameraWorld(place.rest_from_part, cam_from_world);
   }
-  other.evidence = EvidenceFor(context, *other.model, other.graph);
-  if (!IsWorthRefining(loose, built, other)) return std::nullopt;
-  return RefineIfBetter(context, std::move(other), built.evidence.nats);
+  return RefineAnew(context, loose, built, std::move(other));
 }
 
 // Places a loose part as a whole, or registers anew what may be misplaced: all groups that the

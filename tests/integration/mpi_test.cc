@@ -24,8 +24,8 @@ using testing::SceneFiles;
 const char* const kProgram = CAIRN_BINARY_DIR "/bin/build_view_graph";
 
 // Runs its arguments as a program with its output in the file $3; the rank $1 is killed $2 seconds
-// after the helpers are there. A rank that dies before can leave mpirun itself waiting forever (8
-// of 100 times in the first 60 ms with PMIx 4.2.2, in PMIx_server_finalize).
+// after the helpers are there. A rank that dies before can leave mpirun itself waiting forever
+// (PMIx 4.2.2, in PMIx_server_finalize).
 const char* const kKillRank =
     "rank=$1; seconds=$2; output=$3; shift 3; "
     "if [ $OMPI_COMM_WORLD_RANK = $rank ]; then "

@@ -239,10 +239,12 @@ class Rounds {
     const LearnedFocals learned = LearnFocals(database_, to_weigh_);
     for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
     stage_.WarnEach(RejectedFocalTexts(database_, learned.rejected));
+    std::vector<std::string> restored;
     for (const camera_t id : learned.restored) {
-      run_.monitor.Info("camera " + std::to_string(id) +
-                        ": its prior focal length is no longer rejected, by the pairs of today");
+      restored.push_back("camera " + std::to_string(id) +
+                         ": its prior focal length is no longer rejected, by the pairs of today");
     }
+    stage_.NoteEach(restored);
     report_.num_rejected_focals = static_cast<int>(learned.rejected.size());
     report_.learning_seconds += timer.Seconds();
     return learned.undone;
