@@ -1,31 +1,29 @@
 #include "relative_pose_experiments/complexity.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <vector>
 
 #include "cairn/base/timer.h"
 #include "relative_pose_experiments/operation_counter.h"
+#include "relative_pose_experiments/solver_runs.h"
 
 namespace cairn::experiments {
 namespace {
 
-// The sums of the paper's Table 1.
-int PaperOperations(Solver solver) {
-  switch (solver) {
-    case Solver::kFivePoint:
-      return 5 * 5 * 9 + 10 * 10 * 20 + 10 * 10;
-    case Solver::kTwoAffine:
-      return 6 * 6 * 9 + 10 * 10 * 10 + 10 * 10;
-    case Solver::kUmeyama:
-      return 11 * 3 * 3 * 3 + 27 + 21;
-    case Solver::kProposed:
-      return 72 + 21 + 40;
-    case Solver::kTwoAffineFivePoint:
-      break;
-  }
-  return 0;
-}
+// The row "1 iter" of the paper's Table 1; 2AC+5PT is not in it.
+constexpr std::array<int, kNumSolvers> kPaperOperations = {2325, 1424, 345, 133, 0};
+
+// Means; what is counted on the processor is 0 where that is not possible.
+struct SolverCost {
+  double models_per_sample = 0;
+  double operations = 0;
+  double divisions_and_roots = 0;  // those among them
+  double instructions = 0;
+};
 
 template <class SolverType>
 SolverCost MeanCost(const std::vector<Instance>& instances, int num_counted) {
@@ -42,9 +40,9 @@ SolverCost MeanCost(const std::vector<Instance>& instances, int num_counted) {
   }
   const double n = std::max(num_counted, 1);
   return {.models_per_sample = static_cast<double>(num_models) / instances.size(),
-          .counted_operations = sum.Arithmetic() / n,
-          .counted_divisions_and_roots = (sum.divisions + sum.square_roots) / n,
-          .counted_instructions = sum.instructions / n};
+          .operations = sum.Arithmetic() / n,
+          .divisions_and_roots = (sum.divisions + sum.square_roots) / n,
+          .instructions = sum.instructions / n};
 }
 
 template <class SolverType>
@@ -63,103 +61,73 @@ double LeastNanoseconds(const std::vector<Instance>& instances, int num_passes) 
 
 }  // namespace
 
-double RansacIterations(double outlier_share, int sample_size, double confidence) {
+double RansacIterations(double outlier_share, int sample_size) {
   const double good_sample = std::pow(1.0 - outlier_share, sample_size);
-  return std::log1p(-confidence) / std::log1p(-good_sample);
+  return std::log1p(-0.99) / std::log1p(-good_sample);
 }
 
-ComplexityReport RunComplexity(uint64_t seed, int num_instances, int num_counted) {
+Results RunComplexity(uint64_t seed, int num_instances, int num_counted) {
   const std::vector<Instance> instances = MakeInstances(seed, num_instances, 1);
-  ComplexityReport report;
+  Results results;
+  std::map<Solver, SolverCost> costs;
   for (const Solver solver : kAllSolvers) {
-    SolverCost cost = WithSolverType(solver, [&](auto type) {
-      return MeanCost<typename decltype(type)::type>(instances, num_counted);
-    });
-    cost.solver = solver;
-    cost.sample_size = SampleSize(solver);
-    cost.paper_operations = PaperOperations(solver);
-    report.solvers.push_back(cost);
-  }
-  return report;
-}
-
-Table ToTable(const ComplexityReport& report) {
-  Table table;
-  for (const SolverCost& cost : report.solvers) {
-    for (const double share : kTableOutlierShares) {
-      const double iterations = RansacIterations(share, cost.sample_size);
-      table.AddRow({{"solver", SolverName(cost.solver)},
-                    {"sample_size", cost.sample_size},
-                    {"paper_operations", cost.paper_operations},
-                    {"counted_operations", cost.counted_operations},
-                    {"counted_divisions_and_roots", cost.counted_divisions_and_roots},
-                    {"counted_instructions", cost.counted_instructions},
-                    {"models_per_sample", cost.models_per_sample},
-                    {"outlier_share", share},
-                    {"iterations", iterations},
-                    {"paper_total", iterations * cost.paper_operations},
-                    {"counted_total", iterations * cost.counted_operations}});
+    const int paper_operations = kPaperOperations[static_cast<int>(solver)];
+    const int sample_size = SampleSize(solver);
+    const SolverCost cost = costs[solver] = WithSolverType(
+        solver, [&]<class SolverType>() { return MeanCost<SolverType>(instances, num_counted); });
+    for (const double share : {0.50, 0.75, 0.90}) {
+      const double iterations = RansacIterations(share, sample_size);
+      results.tables["complexity"].AddRow(
+          {{"solver", SolverName(solver)},
+           {"sample_size", sample_size},
+           {"paper_operations", paper_operations},
+           {"counted_operations", cost.operations},
+           {"counted_divisions_and_roots", cost.divisions_and_roots},
+           {"counted_instructions", cost.instructions},
+           {"models_per_sample", cost.models_per_sample},
+           {"outlier_share", share},
+           {"iterations", iterations},
+           {"paper_total", iterations * paper_operations},
+           {"counted_total", iterations * cost.operations}});
     }
-  }
-  return table;
-}
-
-Table IterationTable(const ComplexityReport& report) {
-  Table table;
-  for (const SolverCost& cost : report.solvers) {
     for (int percent = 5; percent <= 95; percent += 5) {
-      const double iterations = RansacIterations(percent / 100.0, cost.sample_size);
-      table.AddRow({{"solver", SolverName(cost.solver)},
-                    {"outlier_share", percent / 100.0},
-                    {"iterations", iterations},
-                    {"paper_operations", iterations * cost.paper_operations},
-                    {"counted_operations", iterations * cost.counted_operations}});
+      const double iterations = RansacIterations(percent / 100.0, sample_size);
+      results.tables["iterations"].AddRow({{"solver", SolverName(solver)},
+                                           {"outlier_share", percent / 100.0},
+                                           {"iterations", iterations},
+                                           {"paper_operations", iterations * paper_operations},
+                                           {"counted_operations", iterations * cost.operations}});
     }
   }
-  return table;
-}
-
-std::vector<FigureCheck> Checks(const ComplexityReport& report) {
-  const auto at = [&](Solver solver) { return report.solvers[static_cast<int>(solver)]; };
-  std::vector<FigureCheck> checks = {
-      {"complexity.models.proposed", at(Solver::kProposed).models_per_sample, 0.999, 1.0},
-      {"complexity.models.5PT", at(Solver::kFivePoint).models_per_sample, 3, 6},
+  const SolverCost &five_point = costs[Solver::kFivePoint], &proposed = costs[Solver::kProposed];
+  results.checks = {
+      {"complexity.models.proposed", proposed.models_per_sample, 0.999, 1.0},
+      {"complexity.models.5PT", five_point.models_per_sample, 3, 6},
       {"complexity.iterations.5PT.0.75", RansacIterations(0.75, 5), 4712, 4714},
       {"complexity.iterations.2AC.0.90", RansacIterations(0.90, 2), 458, 459},
       {"complexity.iterations.1AC+D.0.90", RansacIterations(0.90, 1), 43, 44},
   };
   if (CanCountOperations()) {
-    const double proposed = at(Solver::kProposed).counted_operations;
-    const double five_point = at(Solver::kFivePoint).counted_operations;
-    checks.push_back({"complexity.counted.proposed", proposed, 100, 500});
-    checks.push_back({"complexity.counted.5PT_over_proposed", five_point / proposed, 10, 1000});
+    results.checks.push_back({"complexity.counted.proposed", proposed.operations, 100, 500});
+    results.checks.push_back({"complexity.counted.5PT_over_proposed",
+                              five_point.operations / proposed.operations, 10, 1000});
   }
-  return checks;
+  return results;
 }
 
-std::vector<SolverTime> TimeSolvers(uint64_t seed, int64_t num_instances, int num_passes) {
+Results TimeSolvers(uint64_t seed, int64_t num_instances, int num_passes) {
   const std::vector<Instance> instances = MakeInstances(seed, num_instances, 1);
-  std::vector<SolverTime> times;
+  Results results;
+  std::map<Solver, double> ns;
   for (const Solver solver : kAllSolvers) {
-    times.push_back({solver, WithSolverType(solver, [&](auto type) {
-                       return LeastNanoseconds<typename decltype(type)::type>(instances,
-                                                                              num_passes);
-                     })});
+    ns[solver] = WithSolverType(solver, [&]<class SolverType>() {
+      return LeastNanoseconds<SolverType>(instances, num_passes);
+    });
+    results.tables["timings"].AddRow({{"solver", SolverName(solver)}, {"ns", ns[solver]}});
   }
-  return times;
-}
-
-Table ToTable(const std::vector<SolverTime>& times) {
-  Table table;
-  for (const SolverTime& time : times)
-    table.AddRow({{"solver", SolverName(time.solver)}, {"ns", time.ns}});
-  return table;
-}
-
-std::vector<FigureCheck> Checks(const std::vector<SolverTime>& times) {
-  const double five_point = times[static_cast<int>(Solver::kFivePoint)].ns;
-  const double proposed = times[static_cast<int>(Solver::kProposed)].ns;
-  return {{"timings.5PT_over_proposed", five_point / proposed, 5, 1e6}};
+  results.checks = {
+      {"timings.5PT_over_proposed", ns[Solver::kFivePoint] / ns[Solver::kProposed], 5, 1e6}};
+  return results;
 }
 
 }  // namespace cairn::experiments

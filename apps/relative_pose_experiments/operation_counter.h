@@ -5,7 +5,7 @@
 
 namespace cairn::experiments {
 
-// What a piece of code costs, counted on the processor and not on paper.
+// What a piece of code costs, counted on the processor.
 struct OperationCount {
   int64_t instructions = 0;
   // Floating-point operations; one that works on two numbers at once counts as two.

@@ -1,28 +1,29 @@
 #include "relative_pose_experiments/paper_estimator.h"
 
-#include <cmath>
-
 #include "cairn/geometry/epipolar.h"
 #include "cairn/solvers/five_point.h"
 #include "cairn/solvers/one_affine_depth.h"
 #include "robust/pose_refinement.h"
 #include "robust/ransac.h"
 #include "robust/sampson_kernels.h"
+#include "two_view/search/match_errors.h"
 
 namespace cairn::experiments {
 namespace {
+
+using internal::MatchErrors;
+using internal::PreparedPair;
 
 // Everything of the estimator but its minimal solver.
 class SampsonEstimator {
  public:
   using Model = Eigen::Matrix3d;
 
-  SampsonEstimator(const NormalizedMatches& matches, double max_error_px)
-      : matches_(matches), max_error_px_(max_error_px) {}
+  explicit SampsonEstimator(const PreparedPair& pair) : pair_(pair) {}
 
-  int NumData() const { return matches_.size(); }
+  int NumData() const { return pair_.size(); }
   double Score(const Model& E, double bound) const {
-    return ScoreSampson(matches_.points(), E, max_error_px_, bound);
+    return ScoreSampson(pair_.points, E, pair_.max_error_px, bound);
   }
   // Hypotheses of depth are rough: first a wide, smooth loss, then the threshold.
   double Optimize(Model& E, int* num_inliers) const {
@@ -31,8 +32,8 @@ class SampsonEstimator {
     for (const double scale : {8.0, 3.0, 1.0}) {
       PoseRefinementOptions options;
       options.loss = scale > 1.0 ? RobustLoss::kGemanMcClure : RobustLoss::kTruncated;
-      options.scale_px = scale * max_error_px_;
-      pose = RefinePose(matches_.points(), pose, options).cam2_from_cam1;
+      options.scale_px = scale * pair_.max_error_px;
+      pose = RefinePose(pair_.points, pose, options).cam2_from_cam1;
       const Model refined = EssentialFromPose(pose);
       const double score = Score(refined, -1.0);
       if (score > best) {
@@ -40,23 +41,12 @@ class SampsonEstimator {
         E = refined;
       }
     }
-    *num_inliers = static_cast<int>(Inliers(E).size());
+    *num_inliers = MatchErrors(pair_.points, E).CountBelow(pair_.max_error_px);
     return best;
   }
 
-  std::vector<int> Inliers(const Model& E) const {
-    std::vector<float> errors(matches_.points().num_blocks() * PointPairs::kBlock);
-    SampsonErrors(matches_.points(), E, errors.data());
-    std::vector<int> inliers;
-    for (int i = 0; i < matches_.size(); ++i) {
-      if (errors[i] < max_error_px_) inliers.push_back(i);
-    }
-    return inliers;
-  }
-
  protected:
-  const NormalizedMatches& matches_;
-  const double max_error_px_;
+  const PreparedPair& pair_;
 };
 
 class FivePointEstimator : public SampsonEstimator {
@@ -66,10 +56,7 @@ class FivePointEstimator : public SampsonEstimator {
   using SampsonEstimator::SampsonEstimator;
   int Solve(const uint32_t* sample, Model* models) const {
     PointCorrespondence points[kSampleSize];
-    for (int i = 0; i < kSampleSize; ++i) {
-      const int k = static_cast<int>(sample[i]);
-      points[i] = {matches_.points().Point1(k), matches_.points().Point2(k)};
-    }
+    for (int i = 0; i < kSampleSize; ++i) points[i] = pair_.Points(static_cast<int>(sample[i]));
     return FivePoint::Solve(points, models);
   }
 };
@@ -80,7 +67,7 @@ class OneAffineDepthEstimator : public SampsonEstimator {
   static constexpr int kMaxSolutions = 1;
   using SampsonEstimator::SampsonEstimator;
   int Solve(const uint32_t* sample, Model* models) const {
-    const auto pose = matches_.PoseFromOne(static_cast<int>(sample[0]));
+    const auto pose = PoseFromOne(pair_, static_cast<int>(sample[0]));
     if (!pose) return 0;
     models[0] = EssentialFromPose(*pose);
     return 1;
@@ -88,60 +75,53 @@ class OneAffineDepthEstimator : public SampsonEstimator {
 };
 
 template <class Estimator>
-PaperEstimate Run(const PairInput& input, const NormalizedMatches& matches,
-                  const PaperEstimatorOptions& options) {
-  Estimator estimator(matches, PaperThresholdPx(input, options));
-  Rng rng(input.seed, "paper_estimator", input.pair_id);
-  const auto report = Ransac(estimator,
-                             {.confidence = options.confidence,
-                              .min_iterations = options.min_iterations,
-                              .max_iterations = options.max_iterations,
-                              .initial_score = 0.0},
-                             rng);
-  PaperEstimate estimate;
-  estimate.num_iterations = report.num_iterations;
-  if (report.status != RansacStatus::kConfident && report.status != RansacStatus::kExhausted) {
-    return estimate;
+PairReport Run(const PreparedPair& pair) {
+  Estimator estimator(pair);
+  Rng rng(pair.input.seed, "paper_estimator", pair.input.pair_id);
+  const auto found =
+      Ransac(estimator, {.confidence = 0.99, .min_iterations = 20, .max_iterations = 10000}, rng);
+  PairReport report;
+  report.num_iterations = found.num_iterations;
+  if (found.status != RansacStatus::kConfident && found.status != RansacStatus::kExhausted) {
+    return report;
   }
   std::vector<Eigen::Vector3d> rays1, rays2;
-  for (const int i : estimator.Inliers(report.model)) {
-    rays1.push_back(matches.points().Ray1(i));
-    rays2.push_back(matches.points().Ray2(i));
+  for (const int32_t i : MatchErrors(pair.points, found.model).Below(pair.max_error_px)) {
+    rays1.push_back(pair.points.Ray1(i));
+    rays2.push_back(pair.points.Ray2(i));
   }
-  const CheiralityResult best = SelectPoseByCheirality(report.model, rays1, rays2);
-  estimate.cam2_from_cam1 = best.cam2_from_cam1;
-  estimate.num_inliers = best.num_in_front;
-  return estimate;
+  const CheiralityResult best = SelectPoseByCheirality(found.model, rays1, rays2);
+  report.status = PairStatus::kVerified;
+  report.geometry.cam2_from_cam1 = best.cam2_from_cam1;
+  report.num_inliers = best.num_in_front;
+  return report;
+}
+
+std::optional<LiftedFrame> Lift(const Camera& camera, const Keypoint& keypoint,
+                                const DepthSample& depth) {
+  if (!depth.is_valid) return std::nullopt;
+  return LiftFrame(camera, keypoint.Position(), keypoint.Shape(), depth.depth,
+                   {depth.ddepth_dx, depth.ddepth_dy});
 }
 
 }  // namespace
 
-NormalizedMatches::NormalizedMatches(const PairInput& input) : input_(input) {
-  const int n = static_cast<int>(input.matches.size());
-  points_.Reset(n, input.camera1->MeanFocal(), input.camera2->MeanFocal());
-  for (int i = 0; i < n; ++i) {
-    const FeatureMatch& match = input.matches[i];
-    const auto x1 = input.camera1->CamFromImg(input.keypoints1[match.point1].Position());
-    const auto x2 = input.camera2->CamFromImg(input.keypoints2[match.point2].Position());
-    if (!x1 || !x2) continue;
-    points_.Set(static_cast<int>(match_index_.size()), *x1, *x2);
-    match_index_.push_back(i);
-  }
-  points_.Truncate(static_cast<int>(match_index_.size()));
+double PaperThresholdPx(const PairInput& input) {
+  return 0.0005 * 0.5 * (input.camera1->DiagonalPx() + input.camera2->DiagonalPx());
 }
 
-std::optional<Rigid3d> NormalizedMatches::PoseFromOne(int i) const {
-  if (input_.depth1.empty() || input_.depth2.empty()) return std::nullopt;
-  const FeatureMatch& match = input_.matches[match_index_[i]];
-  const auto lift = [](const Camera& camera, const Keypoint& keypoint, const DepthSample& depth) {
-    return depth.is_valid ? LiftFrame(camera, keypoint.Position(), keypoint.Shape(), depth.depth,
-                                      {depth.ddepth_dx, depth.ddepth_dy})
-                          : std::nullopt;
-  };
-  const auto frame1 =
-      lift(*input_.camera1, input_.keypoints1[match.point1], input_.depth1[match.point1]);
-  const auto frame2 =
-      lift(*input_.camera2, input_.keypoints2[match.point2], input_.depth2[match.point2]);
+PreparedPair PrepareAsPaper(PairInput input) {
+  input.are_best_first = true;  // PreparePair keeps their order then
+  PreparedPair pair;
+  PreparePair(input, {.max_error_px = PaperThresholdPx(input)}, internal::MatchOrder::kGiven,
+              &pair);
+  return pair;
+}
+
+std::optional<Rigid3d> PoseFromOne(const PreparedPair& pair, int i) {
+  if (!pair.HasDepth()) return std::nullopt;
+  const auto frame1 = Lift(*pair.input.camera1, pair.Keypoint1(i), pair.Depth1(i));
+  const auto frame2 = Lift(*pair.input.camera2, pair.Keypoint2(i), pair.Depth2(i));
   if (!frame1 || !frame2) return std::nullopt;
   const LiftedCorrespondence sample{*frame1, *frame2};
   ScaledPose model;
@@ -151,17 +131,10 @@ std::optional<Rigid3d> NormalizedMatches::PoseFromOne(int i) const {
   return model.cam2_from_cam1;
 }
 
-double PaperThresholdPx(const PairInput& input, const PaperEstimatorOptions& options) {
-  return options.max_error_over_diagonal * 0.5 *
-         (input.camera1->DiagonalPx() + input.camera2->DiagonalPx());
-}
-
-PaperEstimate EstimateAsPaper(const PairInput& input, MinimalSolver solver,
-                              const PaperEstimatorOptions& options) {
-  const NormalizedMatches matches(input);
-  return solver == MinimalSolver::kFivePoint
-             ? Run<FivePointEstimator>(input, matches, options)
-             : Run<OneAffineDepthEstimator>(input, matches, options);
+PairReport EstimateAsPaper(const PairInput& input, MinimalSolver solver) {
+  const PreparedPair pair = PrepareAsPaper(input);
+  return solver == MinimalSolver::kFivePoint ? Run<FivePointEstimator>(pair)
+                                             : Run<OneAffineDepthEstimator>(pair);
 }
 
 }  // namespace cairn::experiments

@@ -12,9 +12,9 @@
 
 namespace cairn::experiments {
 
-// Correspondences of an instance: those that the solvers may take (the five-point solver all five,
-// 2AC the first two, 1AC+D the first), then others, by which a solver with several solutions is
-// told which one to keep, as a robust estimator would.
+// Correspondences of an instance: samples for the solvers (the five-point solver takes all five,
+// 2AC the first two, 1AC+D the first), then others, which choose among several solutions as a
+// robust estimator would.
 inline constexpr int kNumSampled = 5;
 inline constexpr int kNumOthers = 10;
 

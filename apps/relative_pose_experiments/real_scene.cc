@@ -6,7 +6,6 @@
 #include "cairn/base/error.h"
 #include "cairn/database/database.h"
 #include "cairn/io/model.h"
-#include "cairn/math/angles.h"
 #include "cairn/pipeline/stages.h"
 #include "database/own_matches.h"
 
@@ -120,11 +119,6 @@ PairInput InputOf(const RealPair& pair, uint64_t seed) {
           .depth2 = pair.image2->depth,
           .matches = pair.matches,
           .are_best_first = pair.are_best_first};
-}
-
-RelativeErrors ErrorsOf(const Rigid3d& cam2_from_cam1, const RealPair& pair) {
-  return {RadToDeg(AngleBetween(cam2_from_cam1.rotation, pair.cam2_from_cam1.rotation)),
-          RadToDeg(AngleBetween(cam2_from_cam1.translation, pair.cam2_from_cam1.translation))};
 }
 
 }  // namespace cairn::experiments

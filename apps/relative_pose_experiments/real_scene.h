@@ -61,11 +61,4 @@ RealScene LoadRealScene(const RealDataOptions& options, int min_num_matches,
 
 PairInput InputOf(const RealPair& pair, uint64_t seed);
 
-// Errors of a relative pose in degrees: angle of the rotation, angle between the directions.
-struct RelativeErrors {
-  double rotation_deg = 180.0;
-  double translation_deg = 180.0;
-};
-RelativeErrors ErrorsOf(const Rigid3d& cam2_from_cam1, const RealPair& pair);
-
 }  // namespace cairn::experiments

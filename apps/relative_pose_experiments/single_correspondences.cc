@@ -2,32 +2,28 @@
 
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/epipolar.h"
+#include "relative_pose_experiments/paper_estimator.h"
 #include "relative_pose_experiments/real_pairs.h"
-#include "relative_pose_experiments/statistics.h"
-#include "robust/sampson_kernels.h"
+#include "two_view/search/match_errors.h"
 
 namespace cairn::experiments {
 namespace {
 
 struct Hypothesis {
-  RelativeErrors errors;
+  PoseErrors errors;
   int num_inliers = 0;
 };
 
 std::vector<Hypothesis> HypothesesOf(const RealPair& pair) {
-  const PairInput input = InputOf(pair, 0);
-  const NormalizedMatches matches(input);
-  const double max_error_px = PaperThresholdPx(input, {});
-  std::vector<float> errors(matches.points().num_blocks() * PointPairs::kBlock);
+  const internal::PreparedPair prepared = PrepareAsPaper(InputOf(pair, 0));
+  internal::MatchErrors errors;
   std::vector<Hypothesis> hypotheses;
-  for (int i = 0; i < matches.size(); ++i) {
-    const auto pose = matches.PoseFromOne(i);
+  for (int i = 0; i < prepared.size(); ++i) {
+    const auto pose = PoseFromOne(prepared, i);
     if (!pose) continue;
-    SampsonErrors(matches.points(), EssentialFromPose(*pose), errors.data());
-    const auto num_inliers =
-        std::count_if(errors.begin(), errors.begin() + matches.size(),
-                      [max_error_px](float error) { return error < max_error_px; });
-    hypotheses.push_back({ErrorsOf(*pose, pair), static_cast<int>(num_inliers)});
+    errors.SetSampson(prepared.points, EssentialFromPose(*pose));
+    hypotheses.push_back(
+        {ErrorsOf(*pose, pair.cam2_from_cam1), errors.CountBelow(prepared.max_error_px)});
   }
   return hypotheses;
 }
@@ -42,13 +38,12 @@ SingleReport RunSingleCorrespondences(const RealScene& scene, int num_threads) {
   int64_t num_six = 0, num_20_15 = 0, num_10_10 = 0;
   for (size_t i = 0; i < by_pair.size(); ++i) {
     report.num_matches += static_cast<int64_t>(scene.pairs[i].matches.size());
-    for (const Hypothesis& h : by_pair[i]) {
-      ++report.num_hypotheses;
-      num_six += h.num_inliers >= 6;
-      num_20_15 += h.errors.rotation_deg <= 20 && h.errors.translation_deg <= 15;
-      num_10_10 += h.errors.rotation_deg <= 10 && h.errors.translation_deg <= 10;
-      report.rotation_deg.push_back(h.errors.rotation_deg);
-      report.translation_deg.push_back(h.errors.translation_deg);
+    for (const auto& [errors, num_inliers] : by_pair[i]) {
+      num_six += num_inliers >= 6;
+      num_20_15 += errors.rotation_deg <= 20 && errors.translation_deg <= 15;
+      num_10_10 += errors.rotation_deg <= 10 && errors.translation_deg <= 10;
+      report.rotation_deg.push_back(errors.rotation_deg);
+      report.translation_deg.push_back(errors.translation_deg);
     }
   }
   const double n = static_cast<double>(std::max<int64_t>(report.num_matches, 1));
@@ -58,29 +53,20 @@ SingleReport RunSingleCorrespondences(const RealScene& scene, int num_threads) {
   return report;
 }
 
-std::vector<FigureCheck> Checks(const SingleReport& report) {
-  return {{"single.share_six_inliers", report.share_six_inliers, 0.03, 1},
-          {"single.share_within_20_15", report.share_within_20_15, 0.05, 0.5}};
-}
-
-Table SingleSummaryTable(const SingleReport& report, const RealDataOptions& data) {
-  Table table;
-  table.AddRow({{"scene", data.scene},
-                {"depth", data.depth_name},
-                {"matches", report.num_matches},
-                {"hypotheses", report.num_hypotheses},
-                {"share_six_inliers", report.share_six_inliers},
-                {"share_within_20_15", report.share_within_20_15},
-                {"share_within_10_10", report.share_within_10_10}});
-  return table;
-}
-
-Table SingleDistributionTable(const SingleReport& report, const RealDataOptions& data) {
-  Table table;
+Results TabulateSingle(const SingleReport& report, const RealDataOptions& data) {
+  Results results;
+  const size_t num_hypotheses = report.rotation_deg.size();
+  results.tables["single"].AddRow({{"scene", data.scene},
+                                   {"depth", data.depth_name},
+                                   {"matches", report.num_matches},
+                                   {"hypotheses", num_hypotheses},
+                                   {"share_six_inliers", report.share_six_inliers},
+                                   {"share_within_20_15", report.share_within_20_15},
+                                   {"share_within_10_10", report.share_within_10_10}});
   const double with_hypothesis =
-      static_cast<double>(report.num_hypotheses) / std::max<int64_t>(report.num_matches, 1);
+      static_cast<double>(num_hypotheses) / std::max<int64_t>(report.num_matches, 1);
   for (int degrees = 1; degrees <= 180; ++degrees) {
-    table.AddRow(
+    results.tables["single_distribution"].AddRow(
         {{"scene", data.scene},
          {"depth", data.depth_name},
          {"matches", report.num_matches},
@@ -88,7 +74,9 @@ Table SingleDistributionTable(const SingleReport& report, const RealDataOptions&
          {"rotation_share", with_hypothesis * ShareBelow(report.rotation_deg, degrees)},
          {"translation_share", with_hypothesis * ShareBelow(report.translation_deg, degrees)}});
   }
-  return table;
+  results.checks = {{"single.share_six_inliers", report.share_six_inliers, 0.03, 1},
+                    {"single.share_within_20_15", report.share_within_20_15, 0.05, 0.5}};
+  return results;
 }
 
 }  // namespace cairn::experiments

@@ -5,21 +5,11 @@
 #include <vector>
 
 #include "cairn/geometry/epipolar.h"
-#include "cairn/math/angles.h"
 
 namespace cairn::experiments {
 namespace {
 
 constexpr int kNumAll = kNumSampled + kNumOthers;
-
-double MeanSampsonPx(const Eigen::Matrix3d& E, const Instance& instance, int begin) {
-  double sum = 0;
-  for (int i = begin; i < kNumAll; ++i) {
-    const PointCorrespondence points = PointsOf(instance, i);
-    sum += std::sqrt(SquaredSampsonError(E, points.x1, points.x2));
-  }
-  return sum / (kNumAll - begin) * instance.camera.MeanFocal();
-}
 
 Rigid3d PoseInFront(const Eigen::Matrix3d& E, const Instance& instance) {
   std::vector<Eigen::Vector3d> x1, x2;
@@ -49,6 +39,15 @@ std::optional<Rigid3d> SelectPose(const Eigen::Matrix3d* models, int count, bool
 
 }  // namespace
 
+double MeanSampsonPx(const Eigen::Matrix3d& E, const Instance& instance, int begin) {
+  double sum = 0;
+  for (int i = begin; i < kNumAll; ++i) {
+    const PointCorrespondence points = PointsOf(instance, i);
+    sum += std::sqrt(SquaredSampsonError(E, points.x1, points.x2));
+  }
+  return sum / (kNumAll - begin) * instance.camera.MeanFocal();
+}
+
 std::string_view SolverName(Solver solver) {
   static constexpr std::string_view kNames[kNumSolvers] = {"5PT", "2AC", "1AC+D (Umeyama)",
                                                            "1AC+D (Proposed)", "2AC+5PT"};
@@ -56,12 +55,11 @@ std::string_view SolverName(Solver solver) {
 }
 
 int SampleSize(Solver solver) {
-  return WithSolverType(solver, [](auto type) { return decltype(type)::type::kSampleSize; });
+  return WithSolverType(solver, []<class SolverType>() { return SolverType::kSampleSize; });
 }
 
 std::optional<Rigid3d> EstimatePose(Solver solver, const Instance& noisy) {
-  return WithSolverType(solver, [&](auto type) -> std::optional<Rigid3d> {
-    using SolverType = typename decltype(type)::type;
+  return WithSolverType(solver, [&]<class SolverType>() -> std::optional<Rigid3d> {
     const auto sample = SampleOf<SolverType>(noisy);
     typename SolverType::Model models[SolverType::kMaxSolutions];
     const int count = SolverType::Solve(sample.data(), models);
@@ -73,16 +71,6 @@ std::optional<Rigid3d> EstimatePose(Solver solver, const Instance& noisy) {
       return SelectPose(models, count, solver != Solver::kTwoAffine, noisy);
     }
   });
-}
-
-PoseErrors ErrorsOf(const Rigid3d& cam2_from_cam1, const Instance& exact) {
-  PoseErrors errors;
-  errors.rotation_deg =
-      RadToDeg(AngleBetween(cam2_from_cam1.rotation, exact.cam2_from_cam1.rotation));
-  errors.translation_deg =
-      RadToDeg(AngleBetween(cam2_from_cam1.translation, exact.cam2_from_cam1.translation));
-  errors.sampson_px = MeanSampsonPx(EssentialFromPose(cam2_from_cam1), exact, 0);
-  return errors;
 }
 
 }  // namespace cairn::experiments

@@ -31,23 +31,23 @@ std::string_view SolverName(Solver solver);
 // The number of correspondences in a sample.
 int SampleSize(Solver solver);
 
-// Calls fn with a std::type_identity of the solver's type.
+// Calls fn.operator()<the solver's type>().
 template <class Fn>
-auto WithSolverType(Solver solver, Fn&& fn) {
+auto WithSolverType(Solver solver, const Fn& fn) {
   switch (solver) {
     case Solver::kFivePoint:
-      return fn(std::type_identity<FivePoint>());
+      return fn.template operator()<FivePoint>();
     case Solver::kTwoAffine:
-      return fn(std::type_identity<TwoAffine>());
+      return fn.template operator()<TwoAffine>();
     case Solver::kUmeyama:
-      return fn(std::type_identity<OneAffineDepthUmeyama>());
+      return fn.template operator()<OneAffineDepthUmeyama>();
     case Solver::kProposed:
-      return fn(std::type_identity<OneAffineDepthProposed>());
+      return fn.template operator()<OneAffineDepthProposed>();
     case Solver::kTwoAffineFivePoint:
       break;
   }
   CAIRN_CHECK(solver == Solver::kTwoAffineFivePoint);
-  return fn(std::type_identity<TwoAffineFivePoint>());
+  return fn.template operator()<TwoAffineFivePoint>();
 }
 
 // The instance's first correspondences in the form that the solver takes.
@@ -73,11 +73,7 @@ std::array<typename SolverType::Sample, SolverType::kSampleSize> SampleOf(
 // of both cameras. Absent if the solver returns no model.
 std::optional<Rigid3d> EstimatePose(Solver solver, const Instance& noisy);
 
-struct PoseErrors {
-  double rotation_deg = 180.0;
-  double translation_deg = 180.0;  // of the direction
-  double sampson_px = 0.0;         // mean over all correspondences of the instance
-};
-PoseErrors ErrorsOf(const Rigid3d& cam2_from_cam1, const Instance& exact);
+// Mean Sampson error of the instance's correspondences from `begin` on.
+double MeanSampsonPx(const Eigen::Matrix3d& E, const Instance& instance, int begin);
 
 }  // namespace cairn::experiments

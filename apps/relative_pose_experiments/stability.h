@@ -22,12 +22,9 @@ struct StabilityFigures {
 using PoseEstimator = std::function<std::optional<Rigid3d>(const Instance&)>;
 StabilityFigures MeasureStability(std::string solver, const PoseEstimator& estimate,
                                   const std::vector<Instance>& instances, int num_threads);
-// Of all solvers: the paper's Figure 3.
-std::vector<StabilityFigures> RunStability(const std::vector<Instance>& instances, int num_threads);
+std::vector<FigureCheck> Checks(const StabilityFigures& figures);
 
-Table ToTable(const std::vector<StabilityFigures>& figures);
-// Histograms of log10 of the three errors.
-Table HistogramTable(const std::vector<StabilityFigures>& figures);
-std::vector<FigureCheck> Checks(const std::vector<StabilityFigures>& figures);
+// Of all solvers: the paper's Figure 3, with histograms of log10 of the three errors.
+Results RunStability(const std::vector<Instance>& instances, int num_threads);
 
 }  // namespace cairn::experiments

@@ -5,8 +5,14 @@
 #include <limits>
 
 #include "cairn/base/check.h"
+#include "cairn/math/angles.h"
 
 namespace cairn::experiments {
+
+PoseErrors ErrorsOf(const Rigid3d& cam2_from_cam1, const Rigid3d& truth) {
+  return {RadToDeg(AngleBetween(cam2_from_cam1.rotation, truth.rotation)),
+          RadToDeg(AngleBetween(cam2_from_cam1.translation, truth.translation))};
+}
 
 double Quantile(std::vector<double> values, double q) {
   CAIRN_CHECK(q >= 0 && q <= 1);
@@ -30,16 +36,14 @@ double ShareBelow(const std::vector<double>& values, double limit) {
   return static_cast<double>(count) / static_cast<double>(values.size());
 }
 
-LogHistogram MakeLogHistogram(const std::vector<double>& values) {
-  LogHistogram histogram;
+std::vector<int64_t> LogHistogram(const std::vector<double>& values) {
   constexpr int kNumBins = 42;  // up to 10^3
-  histogram.counts.assign(kNumBins, 0);
+  std::vector<int64_t> counts(kNumBins);
   for (const double value : values) {
-    const double bin =
-        value > 0 ? (std::log10(value) - histogram.log10_min) / histogram.bin_width : 0.0;
-    ++histogram.counts[static_cast<int>(std::clamp(bin, 0.0, kNumBins - 1.0))];
+    const double bin = value > 0 ? (std::log10(value) - kLog10Min) / kLog10BinWidth : 0.0;
+    ++counts[static_cast<int>(std::clamp(bin, 0.0, kNumBins - 1.0))];
   }
-  return histogram;
+  return counts;
 }
 
 }  // namespace cairn::experiments

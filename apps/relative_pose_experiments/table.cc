@@ -4,7 +4,6 @@
 #include <cstdio>
 
 #include "cairn/base/check.h"
-#include "cairn/base/file.h"
 
 namespace cairn::experiments {
 namespace {
@@ -31,8 +30,6 @@ std::string Table::ToCsv() const {
   for (const std::vector<Cell>& row : rows_) csv += Line(row, &Cell::text);
   return csv;
 }
-
-void Table::Write(const std::string& path) const { WriteFileAtomically(path, ToCsv()); }
 
 std::string FormatNumber(double value) {
   char text[32];

@@ -2,6 +2,7 @@
 
 #include <concepts>
 #include <initializer_list>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -26,21 +27,25 @@ class Table {
   void AddRow(std::initializer_list<Cell> cells);
 
   std::string ToCsv() const;
-  // Throws IoError.
-  void Write(const std::string& path) const;
 
  private:
   std::vector<std::vector<Cell>> rows_;
 };
 
-// A figure that must lie within wide bounds: far enough to hold for every machine and seed, near
-// enough that a wrong sign or a transposed matrix breaks it.
+// A figure and its bounds: wide enough to hold for every machine and seed, narrow enough that a
+// wrong sign or a transposed matrix breaks them.
 struct FigureCheck {
   std::string name;
   double value = 0;
   double min = 0;
   double max = 0;
   bool Holds() const { return value >= min && value <= max; }
+};
+
+// What an experiment gives: its tables by the names of their files (without .csv), and checks.
+struct Results {
+  std::map<std::string, Table> tables;
+  std::vector<FigureCheck> checks;
 };
 
 }  // namespace cairn::experiments

@@ -1,11 +1,14 @@
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <set>
 
+#include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
 #include "cairn/database/database.h"
 #include "cairn/geometry/rigid3d.h"
+#include "cairn/io/colmap_model.h"
 #include "cairn/synthetic/poses.h"
 #include "cairn/synthetic/scene.h"
 #include "synthetic/city.h"
@@ -276,6 +279,16 @@ void WriteScene(const SyntheticScene& scene, SceneContent content, Database& dat
   if (content >= SceneContent::kMatches) {
     WritePairs(scene, content >= SceneContent::kTwoViewGeometries, database);
   }
+}
+
+void WriteSceneFolder(const SyntheticScene& scene, SceneContent content,
+                      const std::string& folder) {
+  CreateFolders(folder);
+  const std::string path = folder + "/scene.db";
+  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path + suffix);
+  Database database(path);
+  WriteScene(scene, content, database);
+  WriteColmapModel(scene.truth, folder + "/truth");
 }
 
 }  // namespace cairn

@@ -92,5 +92,8 @@ enum class SceneContent { kFeatures, kDepth, kMatches, kTwoViewGeometries };
 
 // Writes the scene into a database, as the stages of build_view_graph would have.
 void WriteScene(const SyntheticScene& scene, SceneContent content, Database& database);
+// Makes the folder if absent, and in it scene.db, in place of an earlier one, and truth (a COLMAP
+// model). Throws IoError.
+void WriteSceneFolder(const SyntheticScene& scene, SceneContent content, const std::string& folder);
 
 }  // namespace cairn

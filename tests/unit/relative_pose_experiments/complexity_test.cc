@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <map>
 
 #include "relative_pose_experiments/operation_counter.h"
+#include "relative_pose_experiments/solver_runs.h"
 
 namespace cairn::experiments {
 namespace {
@@ -58,26 +58,8 @@ TEST(OperationCounter, IsDeterministic) {
   EXPECT_EQ(first.Arithmetic(), second.Arithmetic());
 }
 
-// The row "1 iter" of its Table 1.
-TEST(Complexity, PaperOperationsAreThoseOfThePapersTable) {
-  const std::map<Solver, int> printed = {{Solver::kFivePoint, 2325},
-                                         {Solver::kTwoAffine, 1424},
-                                         {Solver::kUmeyama, 345},
-                                         {Solver::kProposed, 133}};
-  const ComplexityReport report = RunComplexity(0, 10, 0);
-  ASSERT_EQ(report.solvers.size(), kAllSolvers.size());
-  int num_printed = 0;
-  for (const SolverCost& cost : report.solvers) {
-    const auto row = printed.find(cost.solver);
-    EXPECT_EQ(cost.paper_operations, row == printed.end() ? 0 : row->second)
-        << SolverName(cost.solver);
-    num_printed += row != printed.end();
-  }
-  EXPECT_EQ(num_printed, 4);
-}
-
 TEST(Complexity, FiguresHoldTheirBounds) {
-  const std::vector<FigureCheck> checks = Checks(RunComplexity(0, 300, 1));
+  const std::vector<FigureCheck> checks = RunComplexity(0, 300, 1).checks;
   // Two of them are of what is counted.
   ASSERT_EQ(checks.size(), CanCountOperations() ? 7u : 5u);
   for (const FigureCheck& check : checks) {

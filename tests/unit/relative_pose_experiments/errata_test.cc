@@ -112,7 +112,7 @@ struct Figures {
     std::vector<double> rotation, translation, scale;
     for (const Instance& instance : Instances()) {
       const PaperPose pose = SolveInPaperForm(instance, 0, form);
-      const PoseErrors errors = ErrorsOf(ToCam2FromCam1(pose), instance);
+      const PoseErrors errors = ErrorsOf(ToCam2FromCam1(pose), instance.cam2_from_cam1);
       const double true_scale = instance.depth1_unit / instance.depth2_unit;
       rotation.push_back(errors.rotation_deg);
       translation.push_back(errors.translation_deg);
@@ -202,7 +202,7 @@ TEST(Errata, ThePrintedFormsBreakTheBoundsOfTheExperiments) {
           return ToCam2FromCam1(SolveInPaperForm(instance, 0, form));
         },
         instances, 1);
-    const auto checks = Checks({figures});
+    const auto checks = Checks(figures);
     const bool all_hold =
         std::all_of(checks.begin(), checks.end(), [](const auto& c) { return c.Holds(); });
     EXPECT_EQ(all_hold, form == PaperForm::kCorrected) << static_cast<int>(form);

@@ -50,8 +50,9 @@ TEST(PaperSetup, DoesNotDependOnTheNumberOfThreads) {
   EXPECT_NE(MakeInstance(3, 0).view1[0].pixel, one[0].view1[0].pixel);
 }
 
-TEST(PaperSetup, NoiseGrowsWithItsLevelAndSpareWhatIsNotNoisy) {
+TEST(PaperSetup, NoiseGrowsWithItsLevelAndSparesWhatIsNotNoisy) {
   const Instance exact = MakeInstance(4, 0);
+  EXPECT_EQ(WithNoise(exact, {}, 4, 0).view1[0].pixel, exact.view1[0].pixel);
   const Instance small = WithNoise(exact, {.image_px = 1}, 4, 0);
   const Instance large = WithNoise(exact, {.image_px = 2}, 4, 0);
   EXPECT_TRUE((large.view1[0].pixel - exact.view1[0].pixel)
