@@ -25,7 +25,7 @@ Radial RadialAt(const Polynomial& p, const double* extra, double r2) {
     dn += (i + 1) * a * power;
     dd += (i + 1) * b * power;
     power *= r2;
-    for (int k = 0; k <= i; ++k) {
+    for (int k = 0; k <= i; ++k) {  // not by the power: the models' last digits depend on it
       a *= r2;
       b *= r2;
     }
