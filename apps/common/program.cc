@@ -10,12 +10,12 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
-#include "cairn/base/unknown_option.h"
+#include "cairn/base/options.h"
 
 namespace cairn {
 
 // How a field is set from text (a flag) or from a TOML value turned into text.
-struct OptionField {
+struct BoundOption {
   std::string key;  // "module.field" or "field"
   std::function<void(const std::string& text)> set;
   std::vector<std::string> flag_text;  // values given on the command line
@@ -23,12 +23,6 @@ struct OptionField {
 };
 
 namespace {
-
-bool ParseBool(const std::string& key, const std::string& text) {
-  if (text.empty() || text == "1" || text == "true") return true;
-  if (text == "0" || text == "false") return false;
-  throw ConfigError(key, "'" + text + "' is not a boolean (0, 1, true, false)");
-}
 
 template <class Number>
 Number ParseNumber(const std::string& key, const std::string& text, const char* what) {
@@ -53,95 +47,55 @@ std::vector<double> ParseDoubles(const std::string& key, const std::string& text
   return values;
 }
 
-// Adds a CLI11 option and an OptionField for every field that it visits.
-class Binder : public OptionVisitor {
- public:
-  Binder(CLI::App& app, std::string module, std::vector<std::unique_ptr<OptionField>>& fields)
-      : app_(app), module_(std::move(module)), fields_(fields) {}
+std::string Shortest(double value) {
+  char text[32];
+  return std::string(text, std::to_chars(text, text + sizeof(text), value).ptr);
+}
 
-  void Bool(std::string_view name, bool& value, std::string_view help) override {
-    // CLI11 would take a default text as the value of a bare `--x`, so the default stands in the
-    // type.
-    Add(name, help, value ? "BOOLEAN=1" : "BOOLEAN=0", "",
-        [&value](const std::string& key, const std::string& text) { value = ParseBool(key, text); })
-        ->expected(0, 1);
-  }
-  void Int(std::string_view name, int& value, OptionRange range, std::string_view help) override {
-    Add(name, help, "INT", std::to_string(value),
-        [&value](const std::string& key, const std::string& text) {
-          value = ParseNumber<int>(key, text, "an integer");
-        });
-  }
-  void Double(std::string_view name, double& value, OptionRange range,
-              std::string_view help) override {
-    Add(name, help, "NUMBER", Shortest(value),
-        [&value](const std::string& key, const std::string& text) {
-          value = ParseNumber<double>(key, text, "a number");
-        });
-  }
-  void String(std::string_view name, std::string& value, std::string_view help) override {
-    Add(name, help, "TEXT", value,
-        [&value](const std::string&, const std::string& text) { value = text; });
-  }
-  void Doubles(std::string_view name, std::vector<double>& value, std::string_view help) override {
-    Add(name, help, "A,B,...", "", [&value](const std::string& key, const std::string& text) {
-      value = ParseDoubles(key, text);
-    });
-  }
-
- private:
-  void Choice(std::string_view name, const ChoiceField& field, std::string_view help) override {
-    std::string allowed;
-    for (const std::string& choice : field.names) allowed += (allowed.empty() ? "" : "|") + choice;
-    Add(name, help, allowed, field.get(), [field](const std::string& key, const std::string& text) {
-      CheckChoice(key, text, field.names);
-      field.set(text);
-    });
-  }
-
-  static std::string Shortest(double value) {
-    char text[32];
-    return std::string(text, std::to_chars(text, text + sizeof(text), value).ptr);
-  }
-
-  CLI::Option* Add(std::string_view name, std::string_view help, const std::string& type,
-                   const std::string& default_text,
-                   std::function<void(const std::string&, const std::string&)> set) {
-    auto field = std::make_unique<OptionField>();
-    field->key = module_.empty() ? std::string(name) : module_ + "." + std::string(name);
-    field->set = [key = field->key, set = std::move(set)](const std::string& text) {
-      set(key, text);
-    };
-    OptionField* const raw = field.get();
-    CLI::Option* option = app_.add_option(
-        "--" + field->key,
-        [raw](const CLI::results_t& results) {
-          raw->has_flag = true;
-          raw->flag_text = results;
-          return true;
-        },
-        std::string(help));
-    option->type_name(type)
-        ->default_str(default_text)
-        ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
-    if (!module_.empty()) option->group("Options of " + module_);
-    fields_.push_back(std::move(field));
-    return option;
-  }
-
-  CLI::App& app_;
-  std::string module_;
-  std::vector<std::unique_ptr<OptionField>>& fields_;
+// The type and the default of a flag in --help.
+struct FlagHelp {
+  std::string type, default_text;
 };
+
+// CLI11 would take a default text as the value of a bare `--x`, so the default stands in the type.
+FlagHelp HelpOf(const bool* value) { return {*value ? "BOOLEAN=1" : "BOOLEAN=0", ""}; }
+FlagHelp HelpOf(const int* value) { return {"INT", std::to_string(*value)}; }
+FlagHelp HelpOf(const double* value) { return {"NUMBER", Shortest(*value)}; }
+FlagHelp HelpOf(const std::string* value) { return {"TEXT", *value}; }
+FlagHelp HelpOf(const std::vector<double>*) { return {"A,B,...", ""}; }
+FlagHelp HelpOf(const ChoiceField& field) {
+  std::string allowed;
+  for (const std::string& choice : field.names) allowed += (allowed.empty() ? "" : "|") + choice;
+  return {allowed, field.get()};
+}
+
+void Set(const std::string& key, bool* value, const std::string& text) {
+  const bool is_true = text.empty() || text == "1" || text == "true";
+  if (!is_true && text != "0" && text != "false") {
+    throw ConfigError(key, "'" + text + "' is not a boolean (0, 1, true, false)");
+  }
+  *value = is_true;
+}
+void Set(const std::string& key, int* value, const std::string& text) {
+  *value = ParseNumber<int>(key, text, "an integer");
+}
+void Set(const std::string& key, double* value, const std::string& text) {
+  *value = ParseNumber<double>(key, text, "a number");
+}
+void Set(const std::string&, std::string* value, const std::string& text) { *value = text; }
+void Set(const std::string& key, std::vector<double>* value, const std::string& text) {
+  *value = ParseDoubles(key, text);
+}
+void Set(const std::string& key, const ChoiceField& field, const std::string& text) {
+  CheckChoice(key, text, field.names);
+  field.set(text);
+}
 
 // A TOML value as the text that a flag would have.
 std::string TomlText(const std::string& key, const toml::node& node) {
   if (const auto* v = node.as_boolean()) return v->get() ? "true" : "false";
   if (const auto* v = node.as_integer()) return std::to_string(v->get());
-  if (const auto* v = node.as_floating_point()) {
-    char text[32];
-    return std::string(text, std::to_chars(text, text + sizeof(text), v->get()).ptr);
-  }
+  if (const auto* v = node.as_floating_point()) return Shortest(v->get());
   if (const auto* v = node.as_string()) return v->get();
   if (const auto* v = node.as_array()) {
     std::string text;
@@ -174,8 +128,29 @@ Command::Command(CLI::App& app, std::string name) : app_(app), name_(std::move(n
 
 Command::~Command() = default;
 
-std::unique_ptr<OptionVisitor> Command::MakeBinder(const std::string& module) {
-  return std::make_unique<Binder>(app_, module, fields_);
+void Command::AddFields(const std::string& module, const std::vector<OptionField>& fields) {
+  for (const OptionField& field : fields) {
+    fields_.push_back(std::make_unique<BoundOption>());
+    BoundOption* const bound = fields_.back().get();
+    bound->key = OptionKey(module, field.name);
+    bound->set = [bound, value = field.value](const std::string& text) {
+      std::visit([&](const auto& v) { Set(bound->key, v, text); }, value);
+    };
+    CLI::Option* const option = app_.add_option(
+        "--" + bound->key,
+        [bound](const CLI::results_t& results) {
+          bound->has_flag = true;
+          bound->flag_text = results;
+          return true;
+        },
+        field.help);
+    const FlagHelp help = std::visit([](const auto& v) { return HelpOf(v); }, field.value);
+    option->type_name(help.type)
+        ->default_str(help.default_text)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+    if (std::holds_alternative<bool*>(field.value)) option->expected(0, 1);
+    if (!module.empty()) option->group("Options of " + module);
+  }
 }
 
 void Command::SetRun(std::function<int()> run) {

@@ -21,7 +21,7 @@ enum ExitCode : int {
 };
 
 // One field of an options struct, bound to its flag and its TOML key.
-struct OptionField;
+struct BoundOption;
 
 // A program's only command, or one of its subcommands. It binds options structs to flags
 // `--module.field` and to the TOML tables `[module]` of `--config FILE`; precedence: default, file,
@@ -34,8 +34,7 @@ class Command {
   // Binds the fields that options.VisitFields lists. `options` must outlive the program's Run.
   template <class Options>
   void AddOptions(const std::string& module, Options& options) {
-    const std::unique_ptr<OptionVisitor> binder = MakeBinder(module);
-    options.VisitFields(*binder);
+    AddFields(module, FieldsOf(options));
     validators_.push_back([module, &options] { ValidateOptions(options, module); });
     dumpers_.push_back({module, [&options] { return DumpOptions(options); }});
   }
@@ -53,14 +52,14 @@ class Command {
   std::string EffectiveToml() const;
 
  private:
-  std::unique_ptr<OptionVisitor> MakeBinder(const std::string& module);
+  void AddFields(const std::string& module, const std::vector<OptionField>& fields);
   void ReadConfigFile(const std::string& path);
   void Apply();
 
   CLI::App& app_;
   std::string name_;
   std::string config_path_;
-  std::vector<std::unique_ptr<OptionField>> fields_;
+  std::vector<std::unique_ptr<BoundOption>> fields_;
   std::vector<std::function<void()>> validators_;
   struct Dumper {
     std::string module;

@@ -1,7 +1,7 @@
 #include "global_sfm/image_sizes.h"
 
 #include "cairn/base/error.h"
-#include "cairn/base/path_in_folder.h"
+#include "cairn/base/file.h"
 #include "cairn/image/bitmap.h"
 
 namespace cairn {

@@ -10,7 +10,6 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/path_in_folder.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/image/exif.h"
 #include "cairn/image/resample.h"
@@ -32,12 +31,6 @@ struct Entry {
   std::vector<std::optional<Eigen::Vector2d>> pixels;  // the same after resampling
   std::vector<std::array<uint8_t, 3>> colors;          // by key; empty without a photograph
 };
-
-std::string LowerCase(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
 
 std::vector<Entry> MakeEntries(const Reconstruction& model, const Database& database,
                                const std::string& output_path) {
@@ -88,7 +81,7 @@ void PlaceKeys(const Database& database, Entry* entry) {
 // the source where it has them.
 void WriteCameraTags(const Entry& entry, const std::string& source_path, bool is_copy,
                      const std::string& path) {
-  const std::string extension = LowerCase(std::filesystem::path(path).extension().string());
+  const std::string extension = LowerCaseExtension(path);
   if (extension != ".jpg" && extension != ".jpeg" && extension != ".png") return;
   if (!entry.target.has_prior_focal_length) return;
   const ExifInfo exif = ReadExif(source_path, entry.source.width, entry.source.height);

@@ -8,7 +8,6 @@
 #include <numeric>
 
 #include "cairn/base/error.h"
-#include "cairn/base/unknown_option.h"
 
 namespace cairn {
 namespace {
@@ -46,16 +45,27 @@ std::string Quote(std::string_view value) {
   return text + "\"";
 }
 
-// `format` writes a bound or value: integers without a point, though ranges are doubles.
-void CheckRange(const std::string& key, double value, OptionRange range,
-                std::string (*format)(double)) {
+// Numbers and bounds as messages show them.
+std::string FormatInt(double value) {
+  return std::isinf(value) ? FormatDouble(value) : std::to_string(static_cast<int64_t>(value));
+}
+
+template <class Format>
+void CheckRange(const std::string& key, double value, OptionRange range, Format format) {
   if (value >= range.min && value <= range.max) return;  // Also refuses NaN.
   throw ConfigError(key, format(value) + " is out of range [" + format(range.min) + ", " +
                              format(range.max) + "]");
 }
 
-std::string FormatInt(double value) {
-  return std::isinf(value) ? FormatDouble(value) : std::to_string(static_cast<int64_t>(value));
+std::string TomlValue(const bool* value) { return *value ? "true" : "false"; }
+std::string TomlValue(const int* value) { return std::to_string(*value); }
+std::string TomlValue(const double* value) { return FormatDouble(*value); }
+std::string TomlValue(const std::string* value) { return Quote(*value); }
+std::string TomlValue(const ChoiceField& field) { return Quote(field.get()); }
+std::string TomlValue(const std::vector<double>* values) {
+  std::string text = "[";
+  for (const double v : *values) text += (text.size() > 1 ? ", " : "") + FormatDouble(v);
+  return text + "]";
 }
 
 }  // namespace
@@ -68,47 +78,32 @@ void CheckChoice(const std::string& key, const std::string& value,
   throw ConfigError(key, "'" + value + "' is not one of " + allowed);
 }
 
-std::string OptionValidator::Key(std::string_view name) const {
-  return module_.empty() ? std::string(name) : module_ + "." + std::string(name);
-}
-void OptionValidator::Bool(std::string_view, bool&, std::string_view) {}
-void OptionValidator::Int(std::string_view name, int& value, OptionRange range, std::string_view) {
-  CheckRange(Key(name), value, range, FormatInt);
-}
-void OptionValidator::Double(std::string_view name, double& value, OptionRange range,
-                             std::string_view) {
-  CheckRange(Key(name), value, range, FormatDouble);
-}
-void OptionValidator::String(std::string_view, std::string&, std::string_view) {}
-void OptionValidator::Doubles(std::string_view name, std::vector<double>& value, std::string_view) {
-  for (const double v : value) CheckRange(Key(name), v, {}, FormatDouble);
-}
-void OptionValidator::Choice(std::string_view name, const ChoiceField& field, std::string_view) {
-  CheckChoice(Key(name), field.get(), field.names);
+std::string OptionKey(const std::string& module, const std::string& field) {
+  return module.empty() ? field : module + "." + field;
 }
 
-void OptionDumper::Line(std::string_view name, const std::string& value) {
-  text_ += std::string(name) + " = " + value + "\n";
+void ValidateFields(const std::vector<OptionField>& fields, const std::string& module) {
+  for (const OptionField& field : fields) {
+    const std::string key = OptionKey(module, field.name);
+    if (const auto* number = std::get_if<int*>(&field.value)) {
+      CheckRange(key, **number, field.range, FormatInt);
+    } else if (const auto* number = std::get_if<double*>(&field.value)) {
+      CheckRange(key, **number, field.range, FormatDouble);
+    } else if (const auto* numbers = std::get_if<std::vector<double>*>(&field.value)) {
+      for (const double v : **numbers) CheckRange(key, v, {}, FormatDouble);
+    } else if (const auto* choice = std::get_if<ChoiceField>(&field.value)) {
+      CheckChoice(key, choice->get(), choice->names);
+    }
+  }
 }
-void OptionDumper::Bool(std::string_view name, bool& value, std::string_view) {
-  Line(name, value ? "true" : "false");
-}
-void OptionDumper::Int(std::string_view name, int& value, OptionRange, std::string_view) {
-  Line(name, std::to_string(value));
-}
-void OptionDumper::Double(std::string_view name, double& value, OptionRange, std::string_view) {
-  Line(name, FormatDouble(value));
-}
-void OptionDumper::String(std::string_view name, std::string& value, std::string_view) {
-  Line(name, Quote(value));
-}
-void OptionDumper::Doubles(std::string_view name, std::vector<double>& value, std::string_view) {
-  std::string text = "[";
-  for (const double v : value) text += (text.size() > 1 ? ", " : "") + FormatDouble(v);
-  Line(name, text + "]");
-}
-void OptionDumper::Choice(std::string_view name, const ChoiceField& field, std::string_view) {
-  Line(name, Quote(field.get()));
+
+std::string DumpFields(const std::vector<OptionField>& fields) {
+  std::string text;
+  for (const OptionField& field : fields) {
+    const auto value = [](const auto& v) { return TomlValue(v); };
+    text += field.name + " = " + std::visit(value, field.value) + "\n";
+  }
+  return text;
 }
 
 std::string RetiredValue(std::string_view name) {
@@ -130,14 +125,10 @@ std::string ImpliedValue(std::string_view name) {
   return name == "single_camera_per_folder" ? "false" : "";
 }
 
-std::string NewNameOf(std::string_view name) {
-  return name == "reconstruct.separate_twins" ? "reconstruct.separate_duplicates" : "";
-}
-
-std::string NearestName(std::string_view name, const std::vector<std::string>& candidates) {
-  std::string best;
-  size_t best_distance = std::max<size_t>(2, name.size() / 3) + 1;
-  for (const std::string& candidate : candidates) {
+std::string DidYouMean(const std::string& name, const std::vector<std::string>& known) {
+  std::string nearest;
+  size_t least_distance = std::max<size_t>(2, name.size() / 3) + 1;
+  for (const std::string& candidate : known) {
     std::vector<size_t> row(candidate.size() + 1);  // Levenshtein distance, one row at a time.
     std::iota(row.begin(), row.end(), size_t{0});
     for (size_t i = 1; i <= name.size(); ++i) {
@@ -149,23 +140,18 @@ std::string NearestName(std::string_view name, const std::vector<std::string>& c
         row[j] = std::min({replace, row[j] + 1, row[j - 1] + 1});
       }
     }
-    if (row.back() < best_distance) {
-      best_distance = row.back();
-      best = candidate;
+    if (row.back() < least_distance) {
+      least_distance = row.back();
+      nearest = candidate;
     }
   }
-  return best;
-}
-
-std::string DidYouMean(const std::string& name, const std::vector<std::string>& known) {
-  const std::string nearest = NearestName(name, known);
   return nearest.empty() ? "" : "; did you mean '" + nearest + "'?";
 }
 
 std::string DescribeUnknownOption(const std::string& key, const std::vector<std::string>& known) {
   const size_t dashes = key.starts_with("--") ? 2 : 0;
-  if (const std::string name = NewNameOf(key.substr(dashes)); !name.empty()) {
-    return "'" + key + "' is now '" + key.substr(0, dashes) + name + "'";
+  if (key.substr(dashes) == "reconstruct.separate_twins") {
+    return "'" + key + "' is now '" + key.substr(0, dashes) + "reconstruct.separate_duplicates'";
   }
   if (const std::string value = RetiredValue(key.substr(dashes)); !value.empty()) {
     return "'" + key + "': this option was removed; it " +

@@ -12,7 +12,6 @@
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
-#include "cairn/base/path_in_folder.h"
 
 namespace cairn {
 namespace {

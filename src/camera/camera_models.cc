@@ -5,46 +5,21 @@
 #include <limits>
 #include <numbers>
 
-#include "camera/polynomial_distortion.h"
-
 namespace cairn::internal {
 namespace {
 
-constexpr std::array<ModelInfo, kNumCameraModels> kModels = {{
-    {CameraModel::kSimplePinhole, "SIMPLE_PINHOLE", 3, 0, 0, 1, 2, -1, -1, -1, -1},
-    {CameraModel::kPinhole, "PINHOLE", 4, 0, 1, 2, 3, -1, -1, -1, -1},
-    {CameraModel::kSimpleRadial, "SIMPLE_RADIAL", 4, 0, 0, 1, 2, 3, -1, -1, -1},
-    {CameraModel::kRadial, "RADIAL", 5, 0, 0, 1, 2, 3, 4, -1, -1},
-    {CameraModel::kOpenCV, "OPENCV", 8, 0, 1, 2, 3, 4, 5, 6, 7},
-    {CameraModel::kOpenCVFisheye, "OPENCV_FISHEYE", 8, 0, 1, 2, 3, -1, -1, -1, -1},
-    {CameraModel::kFullOpenCV, "FULL_OPENCV", 12, 0, 1, 2, 3, -1, -1, -1, -1},
-    {CameraModel::kFov, "FOV", 5, 0, 1, 2, 3, -1, -1, -1, -1},
-    {CameraModel::kSimpleRadialFisheye, "SIMPLE_RADIAL_FISHEYE", 4, 0, 0, 1, 2, -1, -1, -1, -1},
-    {CameraModel::kRadialFisheye, "RADIAL_FISHEYE", 5, 0, 0, 1, 2, -1, -1, -1, -1},
-    {CameraModel::kThinPrismFisheye, "THIN_PRISM_FISHEYE", 12, 0, 1, 2, 3, -1, -1, -1, -1},
-    {CameraModel::kRadTanThinPrismFisheye, "RAD_TAN_THIN_PRISM_FISHEYE", 16, 0, 1, 2, 3, -1, -1, -1,
-     -1},
-    {CameraModel::kSimpleDivision, "SIMPLE_DIVISION", 4, 0, 0, 1, 2, -1, -1, -1, -1},
-    {CameraModel::kDivision, "DIVISION", 5, 0, 1, 2, 3, -1, -1, -1, -1},
-    {CameraModel::kSimpleFisheye, "SIMPLE_FISHEYE", 3, 0, 0, 1, 2, -1, -1, -1, -1},
-    {CameraModel::kFisheye, "FISHEYE", 4, 0, 1, 2, 3, -1, -1, -1, -1},
-    {CameraModel::kEucm, "EUCM", 6, 0, 1, 2, 3, -1, -1, -1, -1},
-    {CameraModel::kEquirectangular, "EQUIRECTANGULAR", 2, -1, -1, -1, -1, -1, -1, -1, -1},
-}};
-
 constexpr double kPi = std::numbers::pi;
 
-constexpr Polynomial kNoPolynomial;
 constexpr Polynomial kOneRadial{.num_radial = 1, .radial = {0}};
 constexpr Polynomial kTwoRadial{.num_radial = 2, .radial = {0, 1}};
 constexpr Polynomial kFourRadial{.num_radial = 4, .radial = {0, 1, 2, 3}};
+constexpr Polynomial kOpenCV{.num_radial = 2, .radial = {0, 1}, .p1 = 2, .p2 = 3};
 constexpr Polynomial kFullOpenCV{.num_radial = 3,
                                  .radial = {0, 1, 4},
                                  .num_denominator = 3,
                                  .denominator = {5, 6, 7},
                                  .p1 = 2,
                                  .p2 = 3};
-constexpr Polynomial kOpenCV{.num_radial = 2, .radial = {0, 1}, .p1 = 2, .p2 = 3};
 constexpr Polynomial kThinPrism{
     .num_radial = 4, .radial = {0, 1, 4, 5}, .p1 = 2, .p2 = 3, .sx = 6, .sy = 7};
 // Here p0 belongs to the first coordinate.
@@ -58,51 +33,27 @@ constexpr Polynomial kRadTan{.num_radial = 6,
                              .sy2 = 11,
                              .is_two_steps = true};
 
-enum class Family { kPlanar, kFisheye, kFov, kDivision, kEucm };
-
-struct Shape {
-  Family family;
-  const Polynomial* polynomial = &kNoPolynomial;
+// By COLMAP's ids.
+constexpr ModelInfo kModels[kNumCameraModels] = {
+    {"SIMPLE_PINHOLE", Family::kPlanar, 1, 0},
+    {"PINHOLE", Family::kPlanar, 2, 0},
+    {"SIMPLE_RADIAL", Family::kPlanar, 1, 1, kOneRadial},
+    {"RADIAL", Family::kPlanar, 1, 2, kTwoRadial},
+    {"OPENCV", Family::kPlanar, 2, 4, kOpenCV},
+    {"OPENCV_FISHEYE", Family::kFisheye, 2, 4, kFourRadial},
+    {"FULL_OPENCV", Family::kPlanar, 2, 8, kFullOpenCV},
+    {"FOV", Family::kFov, 2, 1},
+    {"SIMPLE_RADIAL_FISHEYE", Family::kFisheye, 1, 1, kOneRadial},
+    {"RADIAL_FISHEYE", Family::kFisheye, 1, 2, kTwoRadial},
+    {"THIN_PRISM_FISHEYE", Family::kFisheye, 2, 8, kThinPrism},
+    {"RAD_TAN_THIN_PRISM_FISHEYE", Family::kFisheye, 2, 12, kRadTan},
+    {"SIMPLE_DIVISION", Family::kDivision, 1, 1},
+    {"DIVISION", Family::kDivision, 2, 1},
+    {"SIMPLE_FISHEYE", Family::kFisheye, 1, 0},
+    {"FISHEYE", Family::kFisheye, 2, 0},
+    {"EUCM", Family::kEucm, 2, 2},
+    {"EQUIRECTANGULAR", Family::kEquirectangular, 0, 0},
 };
-
-Shape ShapeOf(CameraModel model) {
-  switch (model) {
-    case CameraModel::kSimplePinhole:
-    case CameraModel::kPinhole:
-      return {Family::kPlanar};
-    case CameraModel::kSimpleRadial:
-      return {Family::kPlanar, &kOneRadial};
-    case CameraModel::kRadial:
-      return {Family::kPlanar, &kTwoRadial};
-    case CameraModel::kOpenCV:
-      return {Family::kPlanar, &kOpenCV};
-    case CameraModel::kFullOpenCV:
-      return {Family::kPlanar, &kFullOpenCV};
-    case CameraModel::kOpenCVFisheye:
-      return {Family::kFisheye, &kFourRadial};
-    case CameraModel::kSimpleRadialFisheye:
-      return {Family::kFisheye, &kOneRadial};
-    case CameraModel::kRadialFisheye:
-      return {Family::kFisheye, &kTwoRadial};
-    case CameraModel::kThinPrismFisheye:
-      return {Family::kFisheye, &kThinPrism};
-    case CameraModel::kRadTanThinPrismFisheye:
-      return {Family::kFisheye, &kRadTan};
-    case CameraModel::kSimpleFisheye:
-    case CameraModel::kFisheye:
-      return {Family::kFisheye};
-    case CameraModel::kFov:
-      return {Family::kFov};
-    case CameraModel::kSimpleDivision:
-    case CameraModel::kDivision:
-      return {Family::kDivision};
-    case CameraModel::kEucm:
-      return {Family::kEucm};
-    case CameraModel::kEquirectangular:
-      break;
-  }
-  return {Family::kPlanar};
-}
 
 // Below this tangent, quotients by it are taken from their series: the terms left out and the
 // cancellation in the quotients are both about 1e-12 there.
@@ -113,11 +64,13 @@ struct Axial {
   double s, g, h;
 };
 
-void FromAxial(const Axial& a, const double* x, PlanePoint* out) {
+void FromAxial(const Axial& a, const double* f, const double* x, PlanePoint* out) {
   for (int i = 0; i < 2; ++i) {
     out->d[i] = a.s * x[i];
-    for (int j = 0; j < 2; ++j) out->J[3 * i + j] = (i == j ? a.s : 0.0) + a.g * x[i] * x[j];
-    out->J[3 * i + 2] = a.h * x[i];
+    for (int j = 0; j < 2; ++j) {
+      out->J[3 * i + j] = f[i] * ((i == j ? a.s : 0.0) + a.g * x[i] * x[j]);
+    }
+    out->J[3 * i + 2] = f[i] * a.h * x[i];
   }
 }
 
@@ -138,22 +91,20 @@ bool AngleAxial(const double* x, double T, Axial* out) {
   return true;
 }
 
-bool ProjectFisheye(const Polynomial& p, const double* extra, const double* x, bool derive_extra,
-                    PlanePoint* out) {
+bool ProjectFisheye(const Polynomial& p, const double* f, const double* extra, const double* x,
+                    const ExtraRows* J_extra, PlanePoint* out) {
+  constexpr double kUnit[2] = {1.0, 1.0};
   Axial axial;
   if (!AngleAxial(x, 1.0, &axial)) return false;
-  FromAxial(axial, x, out);
-  if (p.num_radial == 0) return true;
-  const PlaneMap map = Distort(p, extra, out->d, derive_extra);
-  double J[6];
-  for (int i = 0; i < 2; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      J[3 * i + j] = map.J[2 * i] * out->J[j] + map.J[2 * i + 1] * out->J[3 + j];
+  FromAxial(axial, kUnit, x, out);
+  const PlaneMap map = Distort(p, extra, out->d, J_extra);
+  for (int j = 0; j < 3; ++j) {
+    const double a = out->J[j], b = out->J[3 + j];
+    for (int i = 0; i < 2; ++i) {
+      out->J[3 * i + j] = f[i] * (map.J[2 * i] * a + map.J[2 * i + 1] * b);
     }
-    out->d[i] = map.d[i];
-    if (derive_extra) std::copy_n(map.extra[i], 12, out->extra[i]);
   }
-  std::copy_n(J, 6, out->J);
+  std::copy_n(map.d, 2, out->d);
   return true;
 }
 
@@ -162,7 +113,8 @@ constexpr double kSmallOmega = 1e-4;
 
 // Devernay and Faugeras, "Straight lines have to be straight", 2001: the distorted radius is
 // atan(2 tan(omega / 2) r) / omega. It goes on beside and behind the camera.
-bool ProjectFov(const double* extra, const double* x, bool derive_extra, PlanePoint* out) {
+bool ProjectFov(const double* f, const double* extra, const double* x, const ExtraRows* J_extra,
+                PlanePoint* out) {
   const double omega = extra[0], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
   Axial axial;
   double ds;  // d(s)/d(omega)
@@ -180,17 +132,18 @@ bool ProjectFov(const double* extra, const double* x, bool derive_extra, PlanePo
     axial = {axial.s / omega, axial.g / omega, axial.h / omega};
     ds = (z * (1.0 + 0.25 * T * T) / (T * T * rho2 + z * z) - angle_over_rho / omega) / omega;
   }
-  FromAxial(axial, x, out);
-  if (derive_extra) {
-    out->extra[0][0] = ds * x[0];
-    out->extra[1][0] = ds * x[1];
+  FromAxial(axial, f, x, out);
+  if (J_extra) {
+    (*J_extra)[0][0] = ds * x[0];
+    (*J_extra)[1][0] = ds * x[1];
   }
   return true;
 }
 
 // Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion", 2001:
 // the ray of a point d of the plane is (d, 1 + k |d|^2).
-bool ProjectDivision(const double* extra, const double* x, bool derive_extra, PlanePoint* out) {
+bool ProjectDivision(const double* f, const double* extra, const double* x,
+                     const ExtraRows* J_extra, PlanePoint* out) {
   const double k = extra[0], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
   const double discriminant = z * z - 4.0 * k * rho2;
   if (!(discriminant > 0.0)) return false;
@@ -199,17 +152,18 @@ bool ProjectDivision(const double* extra, const double* x, bool derive_extra, Pl
   const double s = 2.0 / sum;
   // ds = -2 / sum^2 d(sum).
   const double factor = -2.0 / (sum * sum);
-  FromAxial({s, -4.0 * k * factor / root, factor * (1.0 + z / root)}, x, out);
-  if (derive_extra) {
+  FromAxial({s, -4.0 * k * factor / root, factor * (1.0 + z / root)}, f, x, out);
+  if (J_extra) {
     const double ds = -2.0 * rho2 * factor / root;
-    out->extra[0][0] = ds * x[0];
-    out->extra[1][0] = ds * x[1];
+    (*J_extra)[0][0] = ds * x[0];
+    (*J_extra)[1][0] = ds * x[1];
   }
   return true;
 }
 
 // Khomutenko, Garcia and Martinet, "An enhanced unified camera model", 2016.
-bool ProjectEucm(const double* extra, const double* x, bool derive_extra, PlanePoint* out) {
+bool ProjectEucm(const double* f, const double* extra, const double* x, const ExtraRows* J_extra,
+                 PlanePoint* out) {
   const double alpha = extra[0], beta = extra[1], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
   const double squared = beta * rho2 + z * z;
   if (!(squared > 0.0)) return false;
@@ -220,30 +174,28 @@ bool ProjectEucm(const double* extra, const double* x, bool derive_extra, PlaneP
   if (!(z > -w * d) || !(m > 1e-12 * d)) return false;
   const double s = 1.0 / m;
   const double factor = -s * s;  // ds = factor dm
-  FromAxial({s, factor * alpha * beta / d, factor * (alpha * z / d + 1.0 - alpha)}, x, out);
-  if (derive_extra) {
+  FromAxial({s, factor * alpha * beta / d, factor * (alpha * z / d + 1.0 - alpha)}, f, x, out);
+  if (J_extra) {
     const double by_alpha = factor * (d - z), by_beta = factor * alpha * 0.5 * rho2 / d;
     for (int i = 0; i < 2; ++i) {
-      out->extra[i][0] = by_alpha * x[i];
-      out->extra[i][1] = by_beta * x[i];
+      (*J_extra)[i][0] = by_alpha * x[i];
+      (*J_extra)[i][1] = by_beta * x[i];
     }
   }
   return true;
 }
 
-bool ProjectPlanar(const Polynomial& p, const double* extra, const double* x, bool derive_extra,
-                   PlanePoint* out) {
+bool ProjectPlanar(const Polynomial& p, const double* f, const double* extra, const double* x,
+                   const ExtraRows* J_extra, PlanePoint* out) {
   if (!(x[2] > 0.0)) return false;
-  const double inverse_z = 1.0 / x[2];
-  const double q[2] = {x[0] * inverse_z, x[1] * inverse_z};
-  const PlaneMap map = Distort(p, extra, q, derive_extra);
+  const double q[2] = {x[0] / x[2], x[1] / x[2]};
+  const PlaneMap map = Distort(p, extra, q, J_extra);
   for (int i = 0; i < 2; ++i) {
-    const double a = map.J[2 * i] * inverse_z, b = map.J[2 * i + 1] * inverse_z;
+    const double a = f[i] * map.J[2 * i] / x[2], b = f[i] * map.J[2 * i + 1] / x[2];
     out->d[i] = map.d[i];
     out->J[3 * i] = a;
     out->J[3 * i + 1] = b;
     out->J[3 * i + 2] = -(a * q[0] + b * q[1]);
-    if (derive_extra) std::copy_n(map.extra[i], 12, out->extra[i]);
   }
   return true;
 }
@@ -286,36 +238,35 @@ std::optional<Eigen::Vector3d> UnprojectEucm(const double* extra, const Eigen::V
 
 const ModelInfo& Info(CameraModel model) { return kModels[static_cast<int>(model)]; }
 
-bool Project(CameraModel model, const double* extra, const double* point, bool derive_extra,
-             PlanePoint* out) {
-  const Shape shape = ShapeOf(model);
-  switch (shape.family) {
+bool Project(const ModelInfo& info, const double* f, const double* extra, const double* point,
+             const ExtraRows* J_extra, PlanePoint* out) {
+  switch (info.family) {
     case Family::kPlanar:
-      return ProjectPlanar(*shape.polynomial, extra, point, derive_extra, out);
+      return ProjectPlanar(info.polynomial, f, extra, point, J_extra, out);
     case Family::kFisheye:
-      return ProjectFisheye(*shape.polynomial, extra, point, derive_extra, out);
+      return ProjectFisheye(info.polynomial, f, extra, point, J_extra, out);
     case Family::kFov:
-      return ProjectFov(extra, point, derive_extra, out);
+      return ProjectFov(f, extra, point, J_extra, out);
     case Family::kDivision:
-      return ProjectDivision(extra, point, derive_extra, out);
+      return ProjectDivision(f, extra, point, J_extra, out);
     case Family::kEucm:
-      return ProjectEucm(extra, point, derive_extra, out);
+      return ProjectEucm(f, extra, point, J_extra, out);
+    case Family::kEquirectangular:
+      break;
   }
   return false;
 }
 
-std::optional<Eigen::Vector3d> Unproject(CameraModel model, const double* extra,
+std::optional<Eigen::Vector3d> Unproject(const ModelInfo& info, const double* extra,
                                          const Eigen::Vector2d& d) {
-  const Shape shape = ShapeOf(model);
-  switch (shape.family) {
+  switch (info.family) {
     case Family::kPlanar: {
-      const auto q =
-          Undistort(*shape.polynomial, extra, d, std::numeric_limits<double>::infinity());
+      const auto q = Undistort(info.polynomial, extra, d, std::numeric_limits<double>::infinity());
       if (!q) return std::nullopt;
       return Eigen::Vector3d(q->x(), q->y(), 1.0);
     }
     case Family::kFisheye: {
-      const auto q = Undistort(*shape.polynomial, extra, d, kPi);
+      const auto q = Undistort(info.polynomial, extra, d, kPi);
       if (!q) return std::nullopt;
       const double angle = q->norm(), s = Sinc(angle);
       return Eigen::Vector3d(s * q->x(), s * q->y(), std::cos(angle));
@@ -326,6 +277,8 @@ std::optional<Eigen::Vector3d> Unproject(CameraModel model, const double* extra,
       return UnprojectDivision(extra, d);
     case Family::kEucm:
       return UnprojectEucm(extra, d);
+    case Family::kEquirectangular:
+      break;
   }
   return std::nullopt;
 }

@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "cairn/database/report_bad_rows.h"
-#include "cairn/scene/image_name.h"
+#include "cairn/scene/image.h"
 #include "database/sql.h"
 #include "report/stage.h"
 

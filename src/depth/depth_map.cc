@@ -1,11 +1,12 @@
 #include "cairn/depth/depth_map.h"
 
+#include <bit>
 #include <cmath>
 #include <filesystem>
 #include <numeric>
 
 #include "cairn/base/check.h"
-#include "cairn/base/path_in_folder.h"
+#include "cairn/base/file.h"
 
 namespace cairn {
 
@@ -30,6 +31,22 @@ DepthMap DepthMapFromValues(int width, int height, const std::vector<float>& val
     map.is_valid[i] = 1;
   }
   return map;
+}
+
+// NumPy's format, version 1.0: little-endian, C order.
+void WriteDepthMap(const std::string& path, const DepthMap& map) {
+  static_assert(std::endian::native == std::endian::little);
+  std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (" +
+                       std::to_string(map.height) + ", " + std::to_string(map.width) + "), }";
+  constexpr size_t kPreamble = 10;  // magic, version, length of the header
+  header.append(63 - (kPreamble + header.size()) % 64, ' ');
+  header += '\n';
+  std::string bytes("\x93NUMPY\x01\x00", 8);
+  bytes += static_cast<char>(header.size() & 0xff);
+  bytes += static_cast<char>(header.size() >> 8);
+  bytes += header;
+  bytes.append(reinterpret_cast<const char*>(map.values.data()), map.values.size() * sizeof(float));
+  WriteFileAtomically(path, bytes);
 }
 
 std::optional<std::string> FindDepthMap(const std::string& folder, const std::string& image_name) {

@@ -8,7 +8,7 @@
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
-#include "image/cv_decode.h"
+#include "image/cv_bitmap.h"
 
 namespace cairn {
 namespace {
@@ -40,10 +40,9 @@ struct DepthNetwork::Impl {
 
   // 1 x 3 x S x S, normalized.
   cv::Mat MakeInput(const Bitmap& rgb) const {
-    const cv::Mat image(rgb.height, rgb.width, CV_8UC3, const_cast<uint8_t*>(rgb.data.data()));
     const int size = options.input_size;
     cv::Mat resized;
-    cv::resize(image, resized, cv::Size(size, size), 0, 0,
+    cv::resize(View(rgb), resized, cv::Size(size, size), 0, 0,
                rgb.width > size ? cv::INTER_AREA : cv::INTER_LINEAR);
     const int dims[] = {1, 3, size, size};
     cv::Mat input(4, dims, CV_32F);
@@ -65,8 +64,7 @@ DepthNetwork::DepthNetwork(const std::string& path, const DepthOptions& options)
   ValidateOptions(options, "depth");
   CheckNormalization(options);
   InputFile{path};  // throws where it cannot be read
-  // Once only: it crashes while another network is running.
-  [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
+  KeepOpenCvToTheCallersThread();
   impl_->path = path;
   impl_->options = options;
   const QuietOpenCv quiet;

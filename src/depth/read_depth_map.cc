@@ -9,7 +9,7 @@
 #include "cairn/base/file.h"
 #include "cairn/depth/depth_map.h"
 #include "depth/raw_map.h"
-#include "image/cv_decode.h"
+#include "image/cv_bitmap.h"
 
 namespace cairn {
 namespace {

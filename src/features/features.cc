@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 
 #include "cairn/base/check.h"
+#include "cairn/image/resample.h"
 #include "features/frames.h"
-#include "image/cv_decode.h"
+#include "image/cv_bitmap.h"
 
 namespace cairn {
 namespace {
@@ -55,29 +55,6 @@ Features Extract(const Bitmap& gray, const FeatureOptions& options, const Bitmap
   return features;
 }
 
-// Area averaging, so that nothing aliases and pixel areas map onto each other.
-Bitmap Reduce(const Bitmap& gray, double scale) {
-  Bitmap reduced;
-  reduced.width = std::max(1, static_cast<int>(std::lround(gray.width * scale)));
-  reduced.height = std::max(1, static_cast<int>(std::lround(gray.height * scale)));
-  reduced.data.resize(static_cast<size_t>(reduced.width) * reduced.height);
-  const cv::Mat source(gray.height, gray.width, CV_8UC1, const_cast<uint8_t*>(gray.data.data()));
-  cv::Mat target(reduced.height, reduced.width, CV_8UC1, reduced.data.data());
-  try {
-    cv::resize(source, target, target.size(), 0, 0, cv::INTER_AREA);
-  } catch (const cv::Exception& exception) {
-    ThrowIfOutOfMemory(exception);
-    throw;
-  }
-  return reduced;
-}
-
-// Callers have an image a thread; OpenCV would add its own to each. Once only: setNumThreads
-// crashes while another thread is inside OpenCV.
-void KeepOpenCvToTheCallersThread() {
-  [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
-}
-
 }  // namespace
 
 Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options, const Bitmap* mask) {
@@ -93,7 +70,11 @@ Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options, cons
   const int size = std::max(gray.width, gray.height);
   if (size <= options.max_image_size) return Extract(gray, options, mask);
 
-  const Bitmap reduced = Reduce(gray, static_cast<double>(options.max_image_size) / size);
+  const double scale = static_cast<double>(options.max_image_size) / size;
+  const auto reduced_side = [&](int side) {
+    return std::max(1, static_cast<int>(std::lround(side * scale)));
+  };
+  const Bitmap reduced = ReducedBitmap(gray, reduced_side(gray.width), reduced_side(gray.height));
   Features features = Extract(reduced, options, mask);
   const float scale_x = static_cast<float>(gray.width) / reduced.width;
   const float scale_y = static_cast<float>(gray.height) / reduced.height;

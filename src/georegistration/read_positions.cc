@@ -1,8 +1,8 @@
 #include <filesystem>
 #include <optional>
 
+#include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/path_in_folder.h"
 #include "cairn/georegistration/georegister.h"
 #include "cairn/image/exif.h"
 

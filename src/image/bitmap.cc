@@ -1,8 +1,5 @@
 #include "cairn/image/bitmap.h"
 
-#include <algorithm>
-#include <filesystem>
-
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -16,12 +13,6 @@ std::string ReadImageFile(const std::string& path) {
   std::string bytes = ReadFile(path);
   if (bytes.empty()) throw IoError(path, "the file is empty");
   return bytes;
-}
-
-std::string ExtensionOf(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return extension;
 }
 
 }  // namespace
@@ -39,7 +30,8 @@ void WriteBitmap(const std::string& path, const Bitmap& bitmap, int jpeg_quality
   CAIRN_CHECK(bitmap.width > 0 && bitmap.height > 0);
   CAIRN_CHECK_EQ(bitmap.data.size(),
                  static_cast<size_t>(bitmap.width) * bitmap.height * bitmap.channels);
-  const std::vector<uint8_t> bytes = EncodeImage(path, ExtensionOf(path), bitmap, jpeg_quality);
+  const std::vector<uint8_t> bytes =
+      EncodeImage(path, LowerCaseExtension(path), bitmap, jpeg_quality);
   WriteFileAtomically(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 

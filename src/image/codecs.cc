@@ -8,34 +8,17 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "cairn/base/error.h"
-#include "image/cv_decode.h"
+#include "image/cv_bitmap.h"
 #include "image/image_container.h"
 
 namespace cairn {
 namespace {
 
-// Swaps the first and the third channel while copying from `src` to `dst`, both of n pixels.
-void SwapRedBlue(const uint8_t* src, uint8_t* dst, size_t n) {
-  for (size_t i = 0; i < 3 * n; i += 3) {
-    dst[i] = src[i + 2];
-    dst[i + 1] = src[i + 1];
-    dst[i + 2] = src[i];
-  }
-}
-
-Bitmap CopyImage(const cv::Mat& image) {
-  Bitmap bitmap{image.cols, image.rows, image.channels(), {}};
-  const size_t row_size = static_cast<size_t>(image.cols) * bitmap.channels;
-  bitmap.data.resize(row_size * image.rows);
-  for (int y = 0; y < image.rows; ++y) {
-    uint8_t* row = bitmap.data.data() + row_size * y;
-    if (bitmap.channels == 1) {
-      std::copy_n(image.ptr<uint8_t>(y), row_size, row);
-    } else {
-      SwapRedBlue(image.ptr<uint8_t>(y), row, image.cols);
-    }
-  }
-  return bitmap;
+// Copies the channels in reverse order (RGB, OpenCV's BGR) to an image of the same size.
+void SwapRedBlue(const cv::Mat& from, cv::Mat to) {
+  if (from.channels() == 1) return from.copyTo(to);
+  constexpr int kReversed[] = {0, 2, 1, 1, 2, 0};
+  cv::mixChannels(&from, 1, &to, 1, kReversed, 3);
 }
 
 // Is it of a format that is read, by the first bytes by which OpenCV's decoder takes a file? OpenCV
@@ -105,20 +88,23 @@ cv::Mat DecodeToMat(const std::string& path, std::string_view bytes, int flags) 
   return image;
 }
 
-Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor color) {
-  const int flags = color == BitmapColor::kGray ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR;
-  return CopyImage(DecodeToMat(path, bytes, flags | cv::IMREAD_IGNORE_ORIENTATION));
+Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor color,
+                   int reduction) {
+  int flags = color == BitmapColor::kGray ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR;
+  if (reduction == 2) flags |= cv::IMREAD_REDUCED_GRAYSCALE_2;
+  if (reduction == 4) flags |= cv::IMREAD_REDUCED_GRAYSCALE_4;
+  if (reduction == 8) flags |= cv::IMREAD_REDUCED_GRAYSCALE_8;
+  const cv::Mat image = DecodeToMat(path, bytes, flags | cv::IMREAD_IGNORE_ORIENTATION);
+  Bitmap bitmap{image.cols, image.rows, image.channels(), {}};
+  bitmap.data.resize(image.total() * image.channels());
+  SwapRedBlue(image, View(bitmap));
+  return bitmap;
 }
 
 std::vector<uint8_t> EncodeImage(const std::string& path, const std::string& extension,
                                  const Bitmap& bitmap, int jpeg_quality) {
-  cv::Mat image(bitmap.height, bitmap.width, bitmap.channels == 1 ? CV_8UC1 : CV_8UC3);
-  if (bitmap.channels == 1) {
-    std::copy(bitmap.data.begin(), bitmap.data.end(), image.ptr<uint8_t>());
-  } else {
-    SwapRedBlue(bitmap.data.data(), image.ptr<uint8_t>(),
-                static_cast<size_t>(bitmap.width) * bitmap.height);
-  }
+  cv::Mat image(bitmap.height, bitmap.width, CV_8UC(bitmap.channels));
+  SwapRedBlue(View(bitmap), image);
   std::vector<uint8_t> bytes;
   try {
     PrepareCodecs();

@@ -10,7 +10,9 @@
 namespace cairn {
 
 // Whole files in memory, by OpenCV's codecs. They throw IoError(path, reason).
-Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor color);
+// reduction: 1, or 2, 4 or 8, by which both sides are divided (at once, in a JPEG).
+Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor color,
+                   int reduction = 1);
 // extension: ".png", ... in lower case.
 std::vector<uint8_t> EncodeImage(const std::string& path, const std::string& extension,
                                  const Bitmap& bitmap, int jpeg_quality);

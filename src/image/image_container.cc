@@ -85,23 +85,31 @@ ContainerInfo InspectJpeg(std::string_view bytes) {
 
 constexpr std::string_view kPngSignature = "\x89PNG\r\n\x1A\n";
 
+// Calls visit(type, chunk) for every whole chunk up to IEND. False where the data end before it.
+template <class Visit>
+bool ForEachChunk(std::string_view bytes, const Visit& visit) {
+  constexpr size_t kFrame = 12;  // length, type and checksum
+  size_t position = kPngSignature.size();
+  while (position + kFrame <= bytes.size()) {
+    const size_t length = BigEndian(bytes, position, 4);
+    if (length > bytes.size() - position - kFrame) return false;
+    const std::string_view chunk = bytes.substr(position, kFrame + length);
+    const std::string_view type = chunk.substr(4, 4);
+    visit(type, chunk);
+    if (type == "IEND") return true;
+    position += chunk.size();
+  }
+  return false;
+}
+
 ContainerInfo InspectPng(std::string_view bytes) {
   ContainerInfo info{std::nullopt, false};
-  size_t position = kPngSignature.size();
-  while (position + 12 <= bytes.size()) {
-    const size_t length = BigEndian(bytes, position, 4);
-    const std::string_view type = bytes.substr(position + 4, 4);
-    if (length > bytes.size() - position - 12) return info;
-    if (type == "IHDR" && length >= 8) {
-      info.size = ImageSize{static_cast<int>(BigEndian(bytes, position + 8, 4)),
-                            static_cast<int>(BigEndian(bytes, position + 12, 4))};
-    }
-    if (type == "IEND") {
-      info.is_complete = info.size && CanHold(*info.size, bytes.size());
-      return info;
-    }
-    position += 12 + length;
-  }
+  const bool has_end = ForEachChunk(bytes, [&](std::string_view type, std::string_view chunk) {
+    if (type != "IHDR" || chunk.size() < 20) return;
+    info.size = ImageSize{static_cast<int>(BigEndian(chunk, 8, 4)),
+                          static_cast<int>(BigEndian(chunk, 12, 4))};
+  });
+  info.is_complete = has_end && info.size && CanHold(*info.size, bytes.size());
   return info;
 }
 
@@ -116,17 +124,10 @@ ContainerInfo InspectContainer(std::string_view bytes) {
 std::string EssentialPngChunks(std::string_view bytes) {
   if (!bytes.starts_with(kPngSignature)) return "";
   std::string essential(kPngSignature);
-  size_t position = kPngSignature.size();
-  while (position + 12 <= bytes.size()) {
-    const size_t length = BigEndian(bytes, position, 4);
-    if (length > bytes.size() - position - 12) break;
-    const std::string_view chunk = bytes.substr(position, 12 + length);
-    const std::string_view type = chunk.substr(4, 4);
+  ForEachChunk(bytes, [&](std::string_view type, std::string_view chunk) {
     const bool is_critical = (type[0] & 0x20) == 0;
     if (is_critical || type == "tRNS") essential += chunk;
-    position += chunk.size();
-    if (type == "IEND") break;
-  }
+  });
   return essential;
 }
 

@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 
 namespace cairn {
 namespace {
@@ -23,8 +24,7 @@ constexpr std::string_view kUnread[] = {".gif", ".heic", ".heif", ".avif", ".jxl
                                         ".orf", ".rw2",  ".raf",  ".mp4",  ".mov", ".avi", ".mkv"};
 
 bool HasExtension(const fs::path& path, Extensions extensions) {
-  std::string extension = path.extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::string extension = LowerCaseExtension(path.string());
   return std::find(extensions.begin(), extensions.end(), extension) != extensions.end();
 }
 

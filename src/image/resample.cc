@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "cairn/base/check.h"
-#include "image/cv_decode.h"
+#include "image/cv_bitmap.h"
 
 namespace cairn {
 namespace {
@@ -79,16 +79,10 @@ void ResampleBand(const cv::Mat& in, const Camera& source, const Camera& target,
   out.setTo(cv::Scalar::all(0), blank);
 }
 
-Bitmap Blank(const Camera& camera, int channels) {
-  Bitmap bitmap{camera.width, camera.height, channels, {}};
-  bitmap.data.resize(static_cast<size_t>(camera.width) * camera.height * channels);
+Bitmap Blank(int width, int height, int channels) {
+  Bitmap bitmap{width, height, channels, {}};
+  bitmap.data.resize(static_cast<size_t>(width) * height * channels);
   return bitmap;
-}
-
-// OpenCV's view of a bitmap's pixels.
-cv::Mat View(const Bitmap& bitmap) {
-  return {bitmap.height, bitmap.width, bitmap.channels == 1 ? CV_8UC1 : CV_8UC3,
-          const_cast<uint8_t*>(bitmap.data.data())};
 }
 
 }  // namespace
@@ -98,6 +92,18 @@ Camera CenteredPinhole(const Camera& camera) {
                                      camera.MeanFocal(), camera.width, camera.height);
   pinhole.has_prior_focal_length = camera.has_prior_focal_length;
   return pinhole;
+}
+
+Bitmap ReducedBitmap(const Bitmap& bitmap, int width, int height) {
+  Bitmap reduced = Blank(width, height, bitmap.channels);
+  cv::Mat view = View(reduced);
+  try {
+    cv::resize(View(bitmap), view, view.size(), 0, 0, cv::INTER_AREA);
+  } catch (const cv::Exception& exception) {
+    ThrowIfOutOfMemory(exception);
+    throw;
+  }
+  return reduced;
 }
 
 Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& target,
@@ -112,16 +118,13 @@ Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& 
     CAIRN_CHECK_LE(std::max(camera->width, camera->height), kMaxResampledSide);
   }
   try {
-    Bitmap out = Blank(fine, bitmap.channels);
+    Bitmap out = Blank(fine.width, fine.height, bitmap.channels);
     for (int y = 0; y < fine.height; y += kBandRows) {
       ResampleBand(View(bitmap), source, fine, y, options,
                    View(out).rowRange(y, std::min(y + kBandRows, fine.height)));
     }
     if (fine.width == target.width && fine.height == target.height) return out;
-    Bitmap reduced = Blank(target, bitmap.channels);
-    cv::Mat view = View(reduced);
-    cv::resize(View(out), view, view.size(), 0, 0, cv::INTER_AREA);
-    return reduced;
+    return ReducedBitmap(out, target.width, target.height);
   } catch (const cv::Exception& exception) {
     ThrowIfOutOfMemory(exception);
     throw;

@@ -7,7 +7,7 @@
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
-#include "cairn/scene/image_name.h"
+#include "cairn/scene/image.h"
 #include "io/colmap_files.h"
 
 namespace cairn {

@@ -1,8 +1,8 @@
 #include <algorithm>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/path_in_folder.h"
 #include "cairn/image/bitmap.h"
 #include "mapper/stages.h"
 

@@ -11,7 +11,6 @@
 namespace cairn {
 namespace {
 
-constexpr int kDim = 128;
 constexpr double kUnitLength = 512.0;  // of a descriptor as stored
 
 bool Passes(const NearestTwo& nearest, const MatchingOptions& options) {
@@ -44,52 +43,25 @@ FeatureMatches BestFirst(std::vector<RankedMatch> ranked) {
 
 }  // namespace
 
-PreparedDescriptors::PreparedDescriptors(const Descriptors& descriptors)
-    : size_(static_cast<int>(descriptors.rows())) {
-  CAIRN_CHECK(descriptors.cols() == kDim || descriptors.rows() == 0);
-  data_.assign(descriptors.data(), descriptors.data() + descriptors.size());
-  squared_norms_.resize(size_);
-  for (int i = 0; i < size_; ++i) {
-    for (int k = 0; k < kDim; ++k) squared_norms_[i] += Row(i)[k] * Row(i)[k];
-  }
-}
-
-FeatureMatches MatchDescriptors(const PreparedDescriptors& descriptors1,
-                                const PreparedDescriptors& descriptors2,
-                                const MatchingOptions& options) {
-  ValidateOptions(options, "matching");
-  std::vector<RankedMatch> ranked;
-  if (!options.cross_check) {
-    std::vector<NearestTwo> nearest;
-    FindNearestTwo(descriptors2, descriptors1, &nearest, nullptr);
-    for (point2D_t i = 0; i < nearest.size(); ++i) {
-      if (!Passes(nearest[i], options)) continue;
-      ranked.push_back({SquaredRatio(nearest[i]), {i, static_cast<point2D_t>(nearest[i].index)}});
-    }
-    return BestFirst(std::move(ranked));
-  }
-  std::vector<NearestTwo> nearest1, nearest2;
-  FindNearestTwo(descriptors1, descriptors2, &nearest2, &nearest1);
-  // A passing row has one nearest column alone (a tie fails the ratio test), so equal distances
-  // mean that the two are each other's nearest.
-  std::vector<point2D_t> match_of(nearest1.size(), kInvalidPoint2D);
-  for (point2D_t j = 0; j < nearest2.size(); ++j) {
-    if (!Passes(nearest2[j], options)) continue;
-    const int i = nearest2[j].index;
-    if (Passes(nearest1[i], options) && nearest1[i].best == nearest2[j].best) match_of[i] = j;
-  }
-  for (point2D_t i = 0; i < match_of.size(); ++i) {
-    const point2D_t j = match_of[i];
-    if (j == kInvalidPoint2D) continue;
-    ranked.push_back({std::max(SquaredRatio(nearest1[i]), SquaredRatio(nearest2[j])), {i, j}});
-  }
-  return BestFirst(std::move(ranked));
-}
-
 FeatureMatches MatchDescriptors(const Descriptors& descriptors1, const Descriptors& descriptors2,
                                 const MatchingOptions& options) {
-  return MatchDescriptors(PreparedDescriptors(descriptors1), PreparedDescriptors(descriptors2),
-                          options);
+  ValidateOptions(options, "matching");
+  std::vector<NearestTwo> nearest1, nearest2;
+  FindNearestTwo(descriptors2, descriptors1, &nearest1, &nearest2);
+  std::vector<RankedMatch> ranked;
+  for (point2D_t i = 0; i < nearest1.size(); ++i) {
+    if (!Passes(nearest1[i], options)) continue;
+    const auto j = static_cast<point2D_t>(nearest1[i].index);
+    double squared_ratio = SquaredRatio(nearest1[i]);
+    if (options.cross_check) {
+      // What passes has one nearest neighbor alone (a tie fails the ratio test), so equal distances
+      // mean that the two are each other's nearest.
+      if (!Passes(nearest2[j], options) || nearest2[j].best != nearest1[i].best) continue;
+      squared_ratio = std::max(squared_ratio, SquaredRatio(nearest2[j]));
+    }
+    ranked.push_back({squared_ratio, {i, j}});
+  }
+  return BestFirst(std::move(ranked));
 }
 
 }  // namespace cairn

@@ -14,6 +14,7 @@
 #include <new>
 #include <numeric>
 
+#include "cairn/base/check.h"
 #include "matching/nearest_two.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -105,38 +106,44 @@ struct ColumnBlock {
   Buffer offsets, best, second, index;  // vectors x lanes
 };
 
-Rows PackRows(const PreparedDescriptors& descriptors, bool track) {
+int Num(const Descriptors& descriptors) { return static_cast<int>(descriptors.rows()); }
+
+int32_t SquaredNorm(const uint8_t* descriptor) {
+  int32_t sum = 0;
+  for (int k = 0; k < kDim; ++k) sum += descriptor[k] * descriptor[k];
+  return sum;
+}
+
+Rows PackRows(const Descriptors& descriptors) {
   Rows rows;
   const int lanes = static_cast<int>(hn::Lanes(D()));
-  rows.num_padded = (descriptors.size() + kTileRows - 1) / kTileRows * kTileRows;
+  rows.num_padded = (Num(descriptors) + kTileRows - 1) / kTileRows * kTileRows;
   rows.words = Allocate(static_cast<size_t>(rows.num_padded) * kWords);
-  rows.norms = descriptors.squared_norms();
-  rows.norms.resize(rows.num_padded, kPaddingNorm);
+  rows.norms.assign(rows.num_padded, kPaddingNorm);
   std::fill_n(rows.words.get(), static_cast<size_t>(rows.num_padded) * kWords, 0);
-  for (int i = 0; i < descriptors.size(); ++i) {
+  for (int i = 0; i < Num(descriptors); ++i) {
     int32_t* words = rows.words.get() + static_cast<size_t>(i) * kWords;
-    for (int k = 0; k < kWords; ++k) words[k] = RowWord(descriptors.Row(i), k);
+    const uint8_t* descriptor = descriptors.row(i).data();
+    for (int k = 0; k < kWords; ++k) words[k] = RowWord(descriptor, k);
+    rows.norms[i] = SquaredNorm(descriptor);
   }
-  if (track) {
+  for (Buffer* buffer : {&rows.best, &rows.second}) {
     const size_t size = static_cast<size_t>(rows.num_padded) * lanes;
-    rows.best = Allocate(size);
-    rows.second = Allocate(size);
-    std::fill_n(rows.best.get(), size, kFar);
-    std::fill_n(rows.second.get(), size, kFar);
+    *buffer = Allocate(size);
+    std::fill_n(buffer->get(), size, kFar);
   }
   return rows;
 }
 
 // Columns first .. first + vectors * lanes; those past the end are padding.
-void PackColumns(const PreparedDescriptors& descriptors, int first, int vectors,
-                 ColumnBlock* block) {
+void PackColumns(const Descriptors& descriptors, int first, int vectors, ColumnBlock* block) {
   const int lanes = static_cast<int>(hn::Lanes(D()));
   for (int j = 0; j < vectors * lanes; ++j) {
     int32_t* words = block->words.get() + j / lanes * kWords * lanes + j % lanes;
-    const bool real = first + j < descriptors.size();
-    const uint8_t* descriptor = real ? descriptors.Row(first + j) : nullptr;
+    const bool real = first + j < Num(descriptors);
+    const uint8_t* descriptor = real ? descriptors.row(first + j).data() : nullptr;
     for (int k = 0; k < kWords; ++k) words[k * lanes] = real ? ColumnWord(descriptor, k) : 0;
-    int32_t offset = real ? descriptors.squared_norms()[first + j] : kPaddingNorm;
+    int32_t offset = real ? SquaredNorm(descriptor) : kPaddingNorm;
     if (kRowShift != 0 && real) {
       offset -= 2 * kRowShift * std::accumulate(descriptor, descriptor + kDim, 0);
     }
@@ -146,7 +153,6 @@ void PackColumns(const PreparedDescriptors& descriptors, int first, int vectors,
   }
 }
 
-template <bool kTrackRows>
 HWY_INLINE void ProcessTile(const Rows& rows, int row, const ColumnBlock& block, int vector) {
   const D d;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -186,12 +192,9 @@ HWY_INLINE void ProcessTile(const Rows& rows, int row, const ColumnBlock& block,
   for (int r = 0; r < kTileRows; ++r) {
     const V norm = hn::Set(d, rows.norms[row + r]);
     const V row_index = hn::Set(d, row + r);
-    V row_best, row_second;
     const size_t state = static_cast<size_t>(row + r) * lanes;
-    if (kTrackRows) {
-      row_best = hn::Load(d, rows.best.get() + state);
-      row_second = hn::Load(d, rows.second.get() + state);
-    }
+    V row_best = hn::Load(d, rows.best.get() + state);
+    V row_second = hn::Load(d, rows.second.get() + state);
 #pragma GCC unroll 4
     for (int v = 0; v < kTileVectors; ++v) {
       const V distance = hn::Sub(hn::Add(offset[v], norm), hn::Add(sums[r][v], sums[r][v]));
@@ -199,15 +202,11 @@ HWY_INLINE void ProcessTile(const Rows& rows, int row, const ColumnBlock& block,
       second[v] = hn::Min(second[v], hn::Max(best[v], distance));
       best[v] = hn::Min(best[v], distance);
       index[v] = hn::IfThenElse(nearer, row_index, index[v]);
-      if (kTrackRows) {
-        row_second = hn::Min(row_second, hn::Max(row_best, distance));
-        row_best = hn::Min(row_best, distance);
-      }
+      row_second = hn::Min(row_second, hn::Max(row_best, distance));
+      row_best = hn::Min(row_best, distance);
     }
-    if (kTrackRows) {
-      hn::Store(row_best, d, rows.best.get() + state);
-      hn::Store(row_second, d, rows.second.get() + state);
-    }
+    hn::Store(row_best, d, rows.best.get() + state);
+    hn::Store(row_second, d, rows.second.get() + state);
   }
 #pragma GCC unroll 4
   for (int v = 0; v < kTileVectors; ++v) {
@@ -226,13 +225,6 @@ NearestTwo MakeNearest(int32_t best, int32_t second, int32_t index) {
   }
   if (second < kPadding) nearest.second = second;
   return nearest;
-}
-
-template <bool kTrackRows>
-void ProcessBlock(const Rows& rows, const ColumnBlock& block, int vectors) {
-  for (int row = 0; row < rows.num_padded; row += kTileRows) {
-    for (int v = 0; v < vectors; v += kTileVectors) ProcessTile<kTrackRows>(rows, row, block, v);
-  }
 }
 
 void FinishColumns(const ColumnBlock& block, int first, int num_columns,
@@ -258,31 +250,28 @@ void FinishRows(const Rows& rows, std::vector<NearestTwo>* neighbors) {
   }
 }
 
-void FindNearestTwoImpl(const PreparedDescriptors& row_descriptors,
-                        const PreparedDescriptors& column_descriptors,
+void FindNearestTwoImpl(const Descriptors& row_descriptors, const Descriptors& column_descriptors,
                         std::vector<NearestTwo>* column_neighbors,
                         std::vector<NearestTwo>* row_neighbors) {
   const int lanes = static_cast<int>(hn::Lanes(D()));
-  const Rows rows = PackRows(row_descriptors, row_neighbors != nullptr);
+  const Rows rows = PackRows(row_descriptors);
   ColumnBlock block;
   block.words = Allocate(kVectorsPerBlock * kWords * lanes);
   for (Buffer* buffer : {&block.offsets, &block.best, &block.second, &block.index}) {
     *buffer = Allocate(kVectorsPerBlock * lanes);
   }
   const int columns_per_tile = kTileVectors * lanes;
-  for (int first = 0; first < column_descriptors.size(); first += kVectorsPerBlock * lanes) {
-    const int left = column_descriptors.size() - first;
+  for (int first = 0; first < Num(column_descriptors); first += kVectorsPerBlock * lanes) {
+    const int left = Num(column_descriptors) - first;
     const int tiles = (left + columns_per_tile - 1) / columns_per_tile;
     const int vectors = std::min(kVectorsPerBlock, tiles * kTileVectors);
     PackColumns(column_descriptors, first, vectors, &block);
-    if (row_neighbors != nullptr) {
-      ProcessBlock<true>(rows, block, vectors);
-    } else {
-      ProcessBlock<false>(rows, block, vectors);
+    for (int row = 0; row < rows.num_padded; row += kTileRows) {
+      for (int v = 0; v < vectors; v += kTileVectors) ProcessTile(rows, row, block, v);
     }
     FinishColumns(block, first, vectors * lanes, column_neighbors);
   }
-  if (row_neighbors != nullptr) FinishRows(rows, row_neighbors);
+  FinishRows(rows, row_neighbors);
 }
 
 }  // namespace
@@ -295,12 +284,15 @@ namespace cairn {
 
 HWY_EXPORT(FindNearestTwoImpl);
 
-void FindNearestTwo(const PreparedDescriptors& rows, const PreparedDescriptors& columns,
+void FindNearestTwo(const Descriptors& rows, const Descriptors& columns,
                     std::vector<NearestTwo>* column_neighbors,
                     std::vector<NearestTwo>* row_neighbors) {
-  column_neighbors->assign(columns.size(), {});
-  if (row_neighbors != nullptr) row_neighbors->assign(rows.size(), {});
-  if (rows.size() == 0 || columns.size() == 0) return;
+  for (const Descriptors* descriptors : {&rows, &columns}) {
+    CAIRN_CHECK(descriptors->cols() == 128 || descriptors->rows() == 0);
+  }
+  column_neighbors->assign(columns.rows(), {});
+  row_neighbors->assign(rows.rows(), {});
+  if (rows.rows() == 0 || columns.rows() == 0) return;
   HWY_DYNAMIC_DISPATCH(FindNearestTwoImpl)(rows, columns, column_neighbors, row_neighbors);
 }
 

@@ -4,7 +4,7 @@
 #include <limits>
 #include <vector>
 
-#include "cairn/matching/matching.h"
+#include "cairn/scene/features.h"
 
 namespace cairn {
 
@@ -19,10 +19,10 @@ struct NearestTwo {
   bool operator==(const NearestTwo&) const = default;
 };
 
-// For every descriptor of `columns` its nearest two among `rows`; and, if row_neighbors is given,
-// in the same pass for every descriptor of `rows` the distances to its nearest two among `columns`
-// (index is left at -1). Integer arithmetic throughout: the same on every SIMD target.
-void FindNearestTwo(const PreparedDescriptors& rows, const PreparedDescriptors& columns,
+// For every descriptor of `columns` its nearest two among `rows`; in the same pass for every
+// descriptor of `rows` the distances to its nearest two among `columns` (index is left at -1).
+// All have 128 elements. Integer arithmetic throughout: the same on every SIMD target.
+void FindNearestTwo(const Descriptors& rows, const Descriptors& columns,
                     std::vector<NearestTwo>* column_neighbors,
                     std::vector<NearestTwo>* row_neighbors);
 

@@ -42,8 +42,8 @@ std::vector<std::vector<int>> MostSimilarRows(const FloatRows& rows, int num, in
   return similar;
 }
 
-PreparedDescriptors LargestFeatures(const std::vector<Keypoint>& keypoints,
-                                    const Descriptors& descriptors, int num) {
+Descriptors LargestFeatures(const std::vector<Keypoint>& keypoints, const Descriptors& descriptors,
+                            int num) {
   CAIRN_CHECK_EQ(static_cast<Eigen::Index>(keypoints.size()), descriptors.rows());
   std::vector<std::pair<float, Eigen::Index>> ranked;  // larger areas first
   for (size_t i = 0; i < keypoints.size(); ++i) {
@@ -56,12 +56,12 @@ PreparedDescriptors LargestFeatures(const std::vector<Keypoint>& keypoints,
   for (size_t i = 0; i < ranked.size(); ++i) {
     largest.row(static_cast<Eigen::Index>(i)) = descriptors.row(ranked[i].second);
   }
-  return PreparedDescriptors(largest);
+  return largest;
 }
 
 std::map<image_t, std::vector<Candidate>> FindCandidates(
     const std::vector<image_t>& images, const FloatRows& descriptions,
-    const std::vector<PreparedDescriptors>& largest_features, int num_candidates, int num_threads) {
+    const std::vector<Descriptors>& largest_features, int num_candidates, int num_threads) {
   CAIRN_CHECK_EQ(static_cast<Eigen::Index>(images.size()), descriptions.rows());
   CAIRN_CHECK_EQ(images.size(), largest_features.size());
   const auto similar = MostSimilarRows(descriptions, num_candidates, num_threads);

@@ -2,8 +2,8 @@
 #include <cmath>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/path_in_folder.h"
 #include "cairn/image/thumbnail.h"
 #include "report_page/page_parts.h"
 

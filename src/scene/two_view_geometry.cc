@@ -1,32 +1,17 @@
 #include "cairn/scene/two_view_geometry.h"
 
 #include <Eigen/LU>
+#include <iterator>
 #include <utility>
 
 namespace cairn {
 
 std::string_view TwoViewConfigName(TwoViewConfig config) {
-  switch (config) {
-    case TwoViewConfig::kUndefined:
-      return "undefined";
-    case TwoViewConfig::kDegenerate:
-      return "degenerate";
-    case TwoViewConfig::kCalibrated:
-      return "calibrated";
-    case TwoViewConfig::kUncalibrated:
-      return "uncalibrated";
-    case TwoViewConfig::kPlanar:
-      return "planar";
-    case TwoViewConfig::kPanoramic:
-      return "panoramic";
-    case TwoViewConfig::kPlanarOrPanoramic:
-      return "planar_or_panoramic";
-    case TwoViewConfig::kWatermark:
-      return "watermark";
-    case TwoViewConfig::kMultiple:
-      return "multiple";
-  }
-  return "unknown";
+  constexpr std::string_view kNames[] = {"undefined",           "degenerate", "calibrated",
+                                         "uncalibrated",        "planar",     "panoramic",
+                                         "planar_or_panoramic", "watermark",  "multiple"};
+  const auto index = static_cast<size_t>(config);
+  return index < std::size(kNames) ? kNames[index] : "unknown";
 }
 
 TwoViewGeometry Inverted(const TwoViewGeometry& geometry) {

@@ -1,35 +1,25 @@
 #include "cairn/scene/view_graph.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "cairn/base/check.h"
 
 namespace cairn {
 
 std::string_view EdgeRemovalName(EdgeRemoval removal) {
-  switch (removal) {
-    case EdgeRemoval::kNone:
-      return "in_use";
-    case EdgeRemoval::kTooFewInliers:
-      return "too_few_inliers";
-    case EdgeRemoval::kNoPose:
-      return "no_pose";
-    case EdgeRemoval::kTripletInconsistent:
-      return "triplet_inconsistent";
-    case EdgeRemoval::kRotationInconsistent:
-      return "rotation_inconsistent";
-    case EdgeRemoval::kDirectionInconsistent:
-      return "direction_inconsistent";
-    case EdgeRemoval::kOtherComponent:
-      return "other_component";
-    case EdgeRemoval::kAmbiguous:
-      return "ambiguous";
-    case EdgeRemoval::kWeakBridge:
-      return "weak_bridge";
-    case EdgeRemoval::kModelInconsistent:
-      return "model_inconsistent";
-  }
-  return "unknown";
+  constexpr std::string_view kNames[] = {"in_use",
+                                         "too_few_inliers",
+                                         "no_pose",
+                                         "triplet_inconsistent",
+                                         "rotation_inconsistent",
+                                         "direction_inconsistent",
+                                         "other_component",
+                                         "ambiguous",
+                                         "weak_bridge",
+                                         "model_inconsistent"};
+  const auto index = static_cast<size_t>(removal);
+  return index < std::size(kNames) ? kNames[index] : "unknown";
 }
 
 int ViewGraph::NumActiveEdges() const {

@@ -82,27 +82,6 @@ void LaplacianSolver::BuildNeighbors() {
   neighbor_weights_.resize(neighbors_.size());
 }
 
-bool LaplacianSolver::SetWeights(std::span<const double> weights,
-                                 std::span<const double> diagonal) {
-  for (size_t k = 0; k < neighbors_.size(); ++k) {
-    neighbor_weights_[k] = weights[neighbors_[k].edge];
-  }
-  diagonal_.setZero(static_cast<Eigen::Index>(diagonal_of_row_.size()));
-  for (size_t e = 0; e < edges_.size(); ++e) {
-    if (edges_[e].node1 == edges_[e].node2) continue;
-    for (const int node : {edges_[e].node1, edges_[e].node2}) {
-      if (row_of_node_[node] >= 0) diagonal_[row_of_node_[node]] += weights[e];
-    }
-  }
-  for (size_t v = 0; v < diagonal.size(); ++v) {
-    if (row_of_node_[v] >= 0) diagonal_[row_of_node_[v]] += diagonal[v];
-  }
-  if (!(diagonal_.array() > 0).all()) return false;
-  FindAggregates();
-  if (num_aggregates_ <= kMaxAggregates) FactorizeAggregates();
-  return true;
-}
-
 // Rows whose strong neighbors are all free make an aggregate with these; what remains goes to where
 // its strongest neighbor is (Vanek et al., "Algebraic multigrid by smoothed aggregation", 1996).
 void LaplacianSolver::FindAggregates() {
@@ -217,19 +196,30 @@ LaplacianSolver::Rows LaplacianSolver::SolveByConjugateGradients(const Rows& B, 
 bool LaplacianSolver::Factorize(std::span<const double> weights, std::span<const double> diagonal) {
   CAIRN_CHECK_EQ(weights.size(), edges_.size());
   CAIRN_CHECK(diagonal.empty() || diagonal.size() == row_of_node_.size());
-  if (!factor_) return SetWeights(weights, diagonal);
-  std::fill(values_.begin(), values_.end(), 0.0);
+  diagonal_.setZero(static_cast<Eigen::Index>(diagonal_of_row_.size()));
   for (size_t e = 0; e < edges_.size(); ++e) {
-    const int row1 = row_of_node_[edges_[e].node1];
-    const int row2 = row_of_node_[edges_[e].node2];
     if (edges_[e].node1 == edges_[e].node2) continue;
-    if (row1 >= 0) values_[diagonal_of_row_[row1]] += weights[e];
-    if (row2 >= 0) values_[diagonal_of_row_[row2]] += weights[e];
-    if (entry_of_edge_[e] >= 0) values_[entry_of_edge_[e]] -= weights[e];
+    for (const int node : {edges_[e].node1, edges_[e].node2}) {
+      if (row_of_node_[node] >= 0) diagonal_[row_of_node_[node]] += weights[e];
+    }
   }
   for (size_t v = 0; v < diagonal.size(); ++v) {
-    if (row_of_node_[v] >= 0) values_[diagonal_of_row_[row_of_node_[v]]] += diagonal[v];
+    if (row_of_node_[v] >= 0) diagonal_[row_of_node_[v]] += diagonal[v];
   }
+  if (!factor_) {
+    for (size_t k = 0; k < neighbors_.size(); ++k) {
+      neighbor_weights_[k] = weights[neighbors_[k].edge];
+    }
+    if (!(diagonal_.array() > 0).all()) return false;
+    FindAggregates();
+    if (num_aggregates_ <= kMaxAggregates) FactorizeAggregates();
+    return true;
+  }
+  std::fill(values_.begin(), values_.end(), 0.0);
+  for (size_t e = 0; e < edges_.size(); ++e) {
+    if (entry_of_edge_[e] >= 0) values_[entry_of_edge_[e]] -= weights[e];
+  }
+  for (Eigen::Index r = 0; r < diagonal_.size(); ++r) values_[diagonal_of_row_[r]] = diagonal_[r];
   return factor_->Factorize(values_);
 }
 

@@ -52,7 +52,6 @@ class LaplacianSolver {
   };
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   void BuildNeighbors();
-  bool SetWeights(std::span<const double> weights, std::span<const double> diagonal);
   void FindAggregates();
   void FactorizeAggregates();
   Rows Multiply(const Rows& X) const;
@@ -66,9 +65,7 @@ class LaplacianSolver {
   int num_threads_;
   std::vector<int> row_of_node_;  // -1: gauge
   std::vector<int64_t> diagonal_of_row_;
-  // Where an edge's weight goes: off-diagonal entry (-1: none), and the diagonal entries of its
-  // ends.
-  std::vector<int64_t> entry_of_edge_;
+  std::vector<int64_t> entry_of_edge_;  // off the diagonal; -1: none
   std::vector<Edge> edges_;
   std::vector<double> values_;
   std::unique_ptr<SparseCholesky> factor_;  // null: conjugate gradients

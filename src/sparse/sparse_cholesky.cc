@@ -7,7 +7,8 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
-#include "sparse/blas_threads.h"
+
+extern "C" void openblas_set_num_threads(int num_threads);
 
 namespace cairn {
 namespace {
@@ -67,7 +68,7 @@ struct SparseCholesky::Impl {
 SparseCholesky::SparseCholesky(const SymmetricPattern& pattern) {
   CAIRN_CHECK(!pattern.begin.empty());
   CAIRN_CHECK_EQ(static_cast<size_t>(pattern.begin.back()), pattern.row.size());
-  SetBlasNumThreads(1);
+  openblas_set_num_threads(1);
   impl_ = std::make_unique<Impl>(pattern);
 }
 

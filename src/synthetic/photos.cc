@@ -5,8 +5,11 @@
 #include <cmath>
 
 #include "cairn/base/check.h"
+#include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/rng.h"
+#include "cairn/image/exif.h"
+#include "cairn/io/colmap_model.h"
 #include "cairn/synthetic/poses.h"
 #include "synthetic/world.h"
 
@@ -187,13 +190,16 @@ Bitmap RenderPhoto(const PhotoScene& scene, int index, int num_threads) {
   return bitmap;
 }
 
-SyntheticDepthMap RenderDepthMap(const PhotoScene& scene, int index, int num_threads) {
+DepthMap RenderDepthMap(const PhotoScene& scene, int index, int num_threads) {
   const Camera& camera = CameraOf(scene, index);
   const World world = MakeWorld(scene, index);
   const RayCaster caster(camera, scene.cam_from_world[index]);
   const int step = scene.options.depth_downscale;
-  SyntheticDepthMap map{(camera.width + step - 1) / step, (camera.height + step - 1) / step, {}};
-  map.depth.assign(static_cast<size_t>(map.width) * map.height, 0.0f);
+  DepthMap map;
+  map.width = (camera.width + step - 1) / step;
+  map.height = (camera.height + step - 1) / step;
+  map.values.resize(static_cast<size_t>(map.width) * map.height);
+  map.is_valid.resize(map.values.size());
   const double pixel_width = static_cast<double>(camera.width) / map.width;
   const double pixel_height = static_cast<double>(camera.height) / map.height;
   const double unit = scene.depth_units[index];
@@ -211,12 +217,33 @@ SyntheticDepthMap RenderDepthMap(const PhotoScene& scene, int index, int num_thr
         const double smooth =
             SmoothDepthError(error_seed, (x + 0.5) / map.width, (y + 0.5) / map.height);
         const double error = scene.options.depth_noise * (0.97 * smooth + 0.25 * fine);
-        map.depth[static_cast<size_t>(y) * map.width + x] =
-            static_cast<float>(unit * hit->t * std::max(0.1, 1.0 + error));
+        const size_t pixel = static_cast<size_t>(y) * map.width + x;
+        map.values[pixel] = static_cast<float>(unit * hit->t * std::max(0.1, 1.0 + error));
+        map.is_valid[pixel] = 1;
       }
     }
   });
   return map;
+}
+
+void WritePhotoScene(const PhotoScene& scene, const std::string& folder, int num_threads,
+                     ProgressMonitor& monitor) {
+  CreateFolders(folder + "/images");
+  CreateFolders(folder + "/depth");
+  monitor.BeginStage("render photographs", static_cast<int64_t>(scene.images.size()));
+  for (size_t i = 0; i < scene.images.size() && !monitor.StopRequested(); ++i) {
+    const Image& image = scene.images[i];
+    const std::string path = folder + "/images/" + image.name;
+    WriteBitmap(path, RenderPhoto(scene, static_cast<int>(i), num_threads));
+    const int camera_index = static_cast<int>(image.camera_id) - 1;
+    WriteExif(path, {FocalLength35mm(scene.options, camera_index), "cairn",
+                     "synthetic camera " + std::to_string(image.camera_id)});
+    WriteDepthMap(folder + "/depth/" + image.name + ".npy",
+                  RenderDepthMap(scene, static_cast<int>(i), num_threads));
+    monitor.Advance(1);
+  }
+  monitor.EndStage();
+  WriteColmapModel(scene.truth, folder + "/truth", ColmapModelFormat::kText);
 }
 
 }  // namespace cairn

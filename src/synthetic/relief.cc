@@ -16,11 +16,11 @@ Relief::Relief(Rng& rng) {
 
 double Relief::Value(double u, double v, Eigen::Vector2d* gradient) const {
   double h = 0;
-  if (gradient) gradient->setZero();
+  gradient->setZero();
   for (const Wave& wave : waves_) {
     const double angle = wave.u * u + wave.v * v + wave.phase;
     h += wave.amplitude * std::sin(angle);
-    if (gradient) *gradient += wave.amplitude * std::cos(angle) * Eigen::Vector2d(wave.u, wave.v);
+    *gradient += wave.amplitude * std::cos(angle) * Eigen::Vector2d(wave.u, wave.v);
   }
   return h;
 }

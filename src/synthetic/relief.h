@@ -12,7 +12,7 @@ namespace cairn {
 class Relief {
  public:
   explicit Relief(Rng& rng);
-  // h, and its derivatives if asked for.
+  // h and its derivatives.
   double Value(double u, double v, Eigen::Vector2d* gradient) const;
 
  private:

@@ -7,6 +7,14 @@
 #include "cairn/synthetic/poses.h"
 
 namespace cairn {
+namespace {
+
+// Of the first images, so many have a camera of their own.
+int NumOwnCameras(const RigOptions& options, int num_images) {
+  return static_cast<int>(options.own_camera_share * num_images);
+}
+
+}  // namespace
 
 void RigOptions::VisitFields(OptionVisitor& v) {
   v.Choice("layout", layout, kCameraLayouts, "how the cameras stand around the scene");
@@ -25,10 +33,6 @@ void RigOptions::VisitFields(OptionVisitor& v) {
   v.Int("image_height", image_height, {16, 20000},
         "pixels; every second camera has four fifths of it");
   v.Double("distance", distance, {1.5, 100.0}, "of the cameras; the scene's radius is 1");
-}
-
-int NumOwnCameras(const RigOptions& options, int num_images) {
-  return static_cast<int>(options.own_camera_share * num_images);
 }
 
 int FocalLength35mm(const RigOptions& options, int camera_index) {

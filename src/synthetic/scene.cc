@@ -323,8 +323,4 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   return scene;
 }
 
-Reconstruction MakeReconstruction(const SceneOptions& options, uint64_t seed) {
-  return MakeScene(options, seed).truth;
-}
-
 }  // namespace cairn

@@ -42,30 +42,27 @@ std::vector<VisiblePoints> FindAllVisiblePoints(const SyntheticScene& scene) {
 }
 
 // Points that image 1 shows of its place and image 2 of the twin place, as if they were the same.
-// Ids are by place.
-struct TwinPoints {
-  VisiblePoints points1, points2;
-};
-TwinPoints FindTwinPoints(const SyntheticScene& scene, const City& city, int64_t i, int64_t j,
-                          const std::vector<VisiblePoints>& visible) {
+FeatureMatches FindTwinMatches(const SyntheticScene& scene, const City& city, int64_t i, int64_t j,
+                               const std::vector<VisiblePoints>& visible) {
   const auto size = static_cast<point3D_t>(scene.options.num_points / city.NumPlaces());
+  // By their numbers within the place.
   const auto alike = [&](int64_t image) {
     const point3D_t first = 1 + city.PlaceOf(image) * size;
-    const VisiblePoints& all = visible[image];
     VisiblePoints points;
-    for (auto it = std::lower_bound(all.begin(), all.end(), std::pair(first, point2D_t{0}));
-         it != all.end() && it->first < first + size; ++it) {
-      if ((it->first - first) % City::kAlikeEvery == 0)
-        points.emplace_back(it->first - first, it->second);
+    for (const auto& [id, keypoint] : visible[image]) {
+      const bool is_of_place = id >= first && id < first + size;
+      if (is_of_place && (id - first) % City::kAlikeEvery == 0) {
+        points.emplace_back(id - first, keypoint);
+      }
     }
     return points;
   };
-  return {alike(i), alike(j)};
+  return CommonPoints(alike(i), alike(j));
 }
 
 // True pairs of neighboring places, and wrong ones of twins.
 PairPlan PlanCityPairs(const SyntheticScene& scene, const std::vector<VisiblePoints>& visible) {
-  constexpr int kMinCommon = 15;
+  constexpr size_t kMinCommon = 15;
   const auto n = static_cast<int64_t>(scene.images.size());
   const City city(n);
   std::vector<std::vector<CandidatePair>> of_image[2];  // true and wrong ones
@@ -75,13 +72,8 @@ PairPlan PlanCityPairs(const SyntheticScene& scene, const std::vector<VisiblePoi
     for (int64_t j = i + 1; j < n; ++j) {
       const bool is_wrong = !city.AreNeighbors(place, city.PlaceOf(j));
       if (is_wrong && city.PlaceOf(j) != city.TwinOf(place)) continue;
-      int num_common = 0;
-      if (is_wrong) {
-        const TwinPoints twins = FindTwinPoints(scene, city, i, j, visible);
-        num_common = NumCommonPoints(twins.points1, twins.points2);
-      } else {
-        num_common = NumCommonPoints(visible[i], visible[j]);
-      }
+      const size_t num_common = is_wrong ? FindTwinMatches(scene, city, i, j, visible).size()
+                                         : CommonPoints(visible[i], visible[j]).size();
       if (num_common < kMinCommon) continue;
       of_image[is_wrong][i].push_back(
           {static_cast<int>(i), static_cast<int>(j), -static_cast<float>(num_common)});
@@ -121,7 +113,8 @@ PairPlan PlanPairs(const SyntheticScene& scene, const std::vector<VisiblePoints>
   if (wanted > 0 && wanted < candidates.size()) {
     ParallelFor(0, std::ssize(candidates), [&](int64_t k) {
       CandidatePair& pair = candidates[k];
-      pair.cost = -static_cast<float>(NumCommonPoints(visible[pair.item1], visible[pair.item2]));
+      pair.cost =
+          -static_cast<float>(CommonPoints(visible[pair.item1], visible[pair.item2]).size());
     });
     for (const size_t k : ChoosePairs(n, candidates, std::max(wanted, n - 1))) {
       plan.pairs.emplace_back(candidates[k].item1, candidates[k].item2);
@@ -200,12 +193,11 @@ class PairMaker {
   // The second image as if it were of the place that looks the same.
   PairRows MakeTwinPair(int64_t i, int64_t j) const {
     const City city(static_cast<int64_t>(scene_.images.size()));
-    const TwinPoints twins = FindTwinPoints(scene_, city, i, j, visible_);
     const auto pose = [&](int64_t image) {
       return scene_.truth.images.at(scene_.images[image].image_id).cam_from_world;
     };
     PairRows rows;
-    rows.matches = CommonPoints(twins.points1, twins.points2);
+    rows.matches = FindTwinMatches(scene_, city, i, j, visible_);
     rows.geometry.config = TwoViewConfig::kCalibrated;
     rows.geometry.inlier_matches = rows.matches;
     Rigid3d cam2_from_cam1 =

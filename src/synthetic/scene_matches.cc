@@ -66,18 +66,6 @@ FeatureMatches CommonPoints(const VisiblePoints& visible1, const VisiblePoints& 
   return matches;
 }
 
-int NumCommonPoints(const VisiblePoints& visible1, const VisiblePoints& visible2) {
-  int num = 0;
-  for (size_t a = 0, b = 0; a < visible1.size() && b < visible2.size();) {
-    const point3D_t point1 = visible1[a].first;
-    const point3D_t point2 = visible2[b].first;
-    num += point1 == point2;
-    a += point1 <= point2;
-    b += point2 <= point1;
-  }
-  return num;
-}
-
 SyntheticMatches MakeMatches(const SyntheticScene& scene, image_t image_id1, image_t image_id2,
                              const VisiblePoints& visible1, const VisiblePoints& visible2) {
   CAIRN_CHECK_LT(image_id1, image_id2);

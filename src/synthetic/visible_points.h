@@ -12,9 +12,6 @@ namespace cairn {
 using VisiblePoints = std::vector<std::pair<point3D_t, point2D_t>>;
 VisiblePoints FindVisiblePoints(const SyntheticScene& scene, image_t image_id);
 
-// How many points both show.
-int NumCommonPoints(const VisiblePoints& visible1, const VisiblePoints& visible2);
-
 // Keypoints of common points, by the points' ids.
 FeatureMatches CommonPoints(const VisiblePoints& visible1, const VisiblePoints& visible2);
 

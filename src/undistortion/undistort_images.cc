@@ -9,7 +9,6 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/path_in_folder.h"
 #include "cairn/image/resample.h"
 #include "cairn/io/colmap_model.h"
 #include "cairn/undistortion/undistort.h"
@@ -43,13 +42,6 @@ struct Item {
   std::string error;         // why there is none
 };
 
-std::string Extension(const std::string& name) {
-  std::string extension = fs::path(name).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
-
 std::string HashInputs(const Item& item) {
   Hasher hasher;
   hasher.Add(HashFile(item.photo_path)).Add(kPixelsVersion).Add(kJpegQuality);
@@ -74,7 +66,7 @@ std::string Undistort(const Item& item) {
                   "has more than " + std::to_string(kMaxResampledSide) + " pixels on a side");
   }
   const std::vector<uint8_t> bytes =
-      EncodeImage(item.photo_path, Extension(item.name),
+      EncodeImage(item.photo_path, LowerCaseExtension(item.name),
                   ResampleBitmap(photo, camera, *item.target), kJpegQuality);
   return {bytes.begin(), bytes.end()};
 }

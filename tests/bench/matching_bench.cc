@@ -29,8 +29,7 @@ Descriptors MakeDescriptors(uint64_t seed, const Descriptors* first) {
 }
 
 void Cairn(benchmark::State& state) {
-  const Descriptors first = MakeDescriptors(1, nullptr), second = MakeDescriptors(2, &first);
-  const PreparedDescriptors a(first), b(second);
+  const Descriptors a = MakeDescriptors(1, nullptr), b = MakeDescriptors(2, &a);
   MatchingOptions options;
   options.max_distance = 2.0;
   size_t num_matches = 0;

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string>
 #include <vector>
 
 #include "cairn/base/rng.h"
+#include "cairn/depth/depth_map.h"
 #include "cairn/image/bitmap.h"
 
 namespace cairn::testing {
@@ -41,17 +41,7 @@ inline Bitmap WallPhoto(int width, int height, int shift, uint64_t wall = 1) {
 // A float32 .npy file.
 inline void WriteNpy(const std::string& path, int width, int height,
                      const std::vector<float>& values) {
-  std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (" +
-                       std::to_string(height) + ", " + std::to_string(width) + "), }";
-  while ((10 + header.size() + 1) % 64 != 0) header += ' ';
-  header += '\n';
-  std::FILE* file = std::fopen(path.c_str(), "wb");
-  const auto size = static_cast<uint16_t>(header.size());
-  std::fwrite("\x93NUMPY\x01\x00", 1, 8, file);
-  std::fwrite(&size, 1, 2, file);
-  std::fwrite(header.data(), 1, header.size(), file);
-  std::fwrite(values.data(), sizeof(float), values.size(), file);
-  std::fclose(file);
+  WriteDepthMap(path, {width, height, false, values, {}});
 }
 
 }  // namespace cairn::testing

@@ -8,7 +8,6 @@
 
 #include "bindings.h"
 #include "cairn/base/error.h"
-#include "cairn/base/unknown_option.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 #include "cairn/intrinsics/focal_calibration.h"
 #include "cairn/mapper/reconstruct.h"
@@ -31,57 +30,35 @@ Value Cast(const std::string& key, py::handle value, const char* what) {
   }
 }
 
-class Collector : public OptionVisitor {
- public:
-  Collector(const std::string& module, std::vector<OptionTable::Field>& fields)
-      : prefix_(module.empty() ? "" : module + "."), fields_(fields) {}
+void Assign(const std::string& key, bool* value, py::handle given) {
+  *value = Cast<bool>(key, given, "a boolean");
+}
+void Assign(const std::string& key, int* value, py::handle given) {
+  *value = Cast<int>(key, given, "an integer");
+}
+void Assign(const std::string& key, double* value, py::handle given) {
+  *value = Cast<double>(key, given, "a number");
+}
+void Assign(const std::string& key, std::string* value, py::handle given) {
+  // Folders may be of pathlib.
+  *value = py::isinstance<py::str>(given) || !py::hasattr(given, "__fspath__")
+               ? Cast<std::string>(key, given, "a text")
+               : std::string(py::str(given));
+}
+void Assign(const std::string& key, std::vector<double>* value, py::handle given) {
+  *value = Cast<std::vector<double>>(key, given, "a list of numbers");
+}
+void Assign(const std::string& key, const ChoiceField& field, py::handle given) {
+  const auto text = Cast<std::string>(key, given, "a text");
+  CheckChoice(key, text, field.names);
+  field.set(text);
+}
 
-  void Bool(std::string_view name, bool& value, std::string_view help) override {
-    Add(name, help, value, "a boolean");
-  }
-  void Int(std::string_view name, int& value, OptionRange, std::string_view help) override {
-    Add(name, help, value, "an integer");
-  }
-  void Double(std::string_view name, double& value, OptionRange, std::string_view help) override {
-    Add(name, help, value, "a number");
-  }
-  void String(std::string_view name, std::string& value, std::string_view help) override {
-    const std::string key = Key(name);
-    // Folders may be of pathlib.
-    const auto set = [key, &value](py::handle given) {
-      value = py::isinstance<py::str>(given) || !py::hasattr(given, "__fspath__")
-                  ? Cast<std::string>(key, given, "a text")
-                  : std::string(py::str(given));
-    };
-    fields_.push_back({key, std::string(help), set, [&value] { return py::cast(value); }});
-  }
-  void Doubles(std::string_view name, std::vector<double>& value, std::string_view help) override {
-    Add(name, help, value, "a list of numbers");
-  }
-
- private:
-  void Choice(std::string_view name, const ChoiceField& field, std::string_view help) override {
-    const std::string key = Key(name);
-    const auto set = [key, field](py::handle given) {
-      const auto text = Cast<std::string>(key, given, "a text");
-      CheckChoice(key, text, field.names);
-      field.set(text);
-    };
-    fields_.push_back({key, std::string(help), set, [field] { return py::cast(field.get()); }});
-  }
-  std::string Key(std::string_view name) const { return prefix_ + std::string(name); }
-  template <class Value>
-  void Add(std::string_view name, std::string_view help, Value& value, const char* what) {
-    const std::string key = Key(name);
-    const auto set = [key, &value, what](py::handle given) {
-      value = Cast<Value>(key, given, what);
-    };
-    fields_.push_back({key, std::string(help), set, [&value] { return py::cast(value); }});
-  }
-
-  const std::string prefix_;
-  std::vector<OptionTable::Field>& fields_;
-};
+template <class Value>
+py::object Get(const Value* value) {
+  return py::cast(*value);
+}
+py::object Get(const ChoiceField& field) { return py::cast(field.get()); }
 
 // Values by whole keys, of a dictionary that may have dictionaries of modules in it.
 std::vector<std::pair<std::string, py::object>> Flatten(const py::object& given) {
@@ -147,10 +124,17 @@ py::dict OptionHelp(const std::string& function) {
 
 }  // namespace
 
-void OptionTable::AddFields(const std::string& module,
-                            const std::function<void(OptionVisitor&)>& visit) {
-  Collector collector(module, fields_);
-  visit(collector);
+void OptionTable::AddFields(const std::string& module, const std::vector<OptionField>& fields) {
+  for (const OptionField& field : fields) {
+    const std::string key = OptionKey(module, field.name);
+    const auto set = [key, value = field.value](py::handle given) {
+      std::visit([&](const auto& v) { Assign(key, v, given); }, value);
+    };
+    const auto get = [value = field.value] {
+      return std::visit([](const auto& v) { return Get(v); }, value);
+    };
+    fields_.push_back({key, field.help, set, get});
+  }
 }
 
 const OptionTable::Field* OptionTable::Find(const std::string& key) const {

@@ -25,7 +25,7 @@ class OptionTable {
   // `options` must outlive the table.
   template <class Options>
   void Add(const std::string& module, Options& options) {
-    AddFields(module, [&options](OptionVisitor& v) { options.VisitFields(v); });
+    AddFields(module, FieldsOf(options));
   }
   // All modules of BuildPipelineOptions or ReconstructSettings.
   template <class Settings>
@@ -42,7 +42,7 @@ class OptionTable {
   const std::vector<Field>& fields() const { return fields_; }
 
  private:
-  void AddFields(const std::string& module, const std::function<void(OptionVisitor&)>& visit);
+  void AddFields(const std::string& module, const std::vector<OptionField>& fields);
   const Field* Find(const std::string& key) const;
   std::vector<Field> fields_;
 };

@@ -58,4 +58,14 @@ void WriteFileAtomically(const std::string& path, std::string_view content);
 // Creates a folder and its parents if absent. Throws IoError.
 void CreateFolders(const std::string& path);
 
+// ".jpg" of "a/b.JPG"; "" where there is none.
+std::string LowerCaseExtension(const std::string& path);
+
+// A relative path without a part "..".
+bool StaysInFolder(const std::string& name);
+
+// folder/name. Names of images come from databases and models, which may be a stranger's: throws
+// IoError where the name would lead out of the folder.
+std::string PathInFolder(const std::string& folder, const std::string& name);
+
 }  // namespace cairn

@@ -6,6 +6,8 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "cairn/base/named_value.h"
@@ -31,23 +33,36 @@ struct OptionRange {
   double max = std::numeric_limits<double>::infinity();
 };
 
-// A field that has one of several names, as visitors see it.
+// A field that has one of several names.
 struct ChoiceField {
   std::vector<std::string> names;
   std::function<std::string()> get;             // "" if the value has no name
   std::function<void(const std::string&)> set;  // of one of the names
 };
 
+struct OptionField {
+  std::string name;
+  std::string help;
+  std::variant<bool*, int*, double*, std::string*, std::vector<double>*, ChoiceField> value;
+  OptionRange range = {};
+};
+
+// Takes down the fields that VisitFields lists.
 class OptionVisitor {
  public:
-  virtual ~OptionVisitor() = default;
-  virtual void Bool(std::string_view name, bool& value, std::string_view help) = 0;
-  virtual void Int(std::string_view name, int& value, OptionRange range, std::string_view help) = 0;
-  virtual void Double(std::string_view name, double& value, OptionRange range,
-                      std::string_view help) = 0;
-  virtual void String(std::string_view name, std::string& value, std::string_view help) = 0;
-  virtual void Doubles(std::string_view name, std::vector<double>& value,
-                       std::string_view help) = 0;
+  void Bool(std::string_view name, bool& value, std::string_view help) { Add(name, &value, help); }
+  void Int(std::string_view name, int& value, OptionRange range, std::string_view help) {
+    Add(name, &value, help, range);
+  }
+  void Double(std::string_view name, double& value, OptionRange range, std::string_view help) {
+    Add(name, &value, help, range);
+  }
+  void String(std::string_view name, std::string& value, std::string_view help) {
+    Add(name, &value, help);
+  }
+  void Doubles(std::string_view name, std::vector<double>& value, std::string_view help) {
+    Add(name, &value, help);
+  }
   // One of the values that `table` names; users write the name.
   template <class Enum>
   requires std::is_enum_v<Enum>
@@ -62,70 +77,56 @@ class OptionVisitor {
         if (entry.name == text) value = entry.value;
       }
     };
-    Choice(name, field, help);
+    Add(name, std::move(field), help);
   }
   // A string that must be one of `choices`: where it is no more than a name.
   void Choice(std::string_view name, std::string& value, std::vector<std::string> choices,
               std::string_view help) {
     const auto set = [&value](const std::string& text) { value = text; };
-    Choice(name, ChoiceField{std::move(choices), [&value] { return value; }, set}, help);
+    Add(name, ChoiceField{std::move(choices), [&value] { return value; }, set}, help);
   }
 
- protected:
-  virtual void Choice(std::string_view name, const ChoiceField& field, std::string_view help) = 0;
+  const std::vector<OptionField>& fields() const { return fields_; }
+
+ private:
+  void Add(std::string_view name, decltype(OptionField::value) value, std::string_view help,
+           OptionRange range = {}) {
+    fields_.push_back({std::string(name), std::string(help), std::move(value), range});
+  }
+  std::vector<OptionField> fields_;
 };
+
+// The fields of `options`, which must outlive them.
+template <class Options>
+std::vector<OptionField> FieldsOf(Options& options) {
+  OptionVisitor visitor;
+  options.VisitFields(visitor);
+  return visitor.fields();
+}
+
+// "<module>.<field>", or the field's name alone in the module "".
+std::string OptionKey(const std::string& module, const std::string& field);
 
 // Throws ConfigError that names the key, the value and the names unless it is one of them.
 void CheckChoice(const std::string& key, const std::string& value,
                  const std::vector<std::string>& names);
 
-// Checks every field of an options struct against its range and choices; throws ConfigError that
-// names "<module>.<field>", the value, and what is allowed.
-class OptionValidator : public OptionVisitor {
- public:
-  explicit OptionValidator(std::string module) : module_(std::move(module)) {}
-  void Bool(std::string_view name, bool& value, std::string_view help) override;
-  void Int(std::string_view name, int& value, OptionRange range, std::string_view help) override;
-  void Double(std::string_view name, double& value, OptionRange range,
-              std::string_view help) override;
-  void String(std::string_view name, std::string& value, std::string_view help) override;
-  void Doubles(std::string_view name, std::vector<double>& value, std::string_view help) override;
+// Checks every field against its range and choices; throws ConfigError that names
+// "<module>.<field>", the value, and what is allowed.
+void ValidateFields(const std::vector<OptionField>& fields, const std::string& module);
 
- private:
-  void Choice(std::string_view name, const ChoiceField& field, std::string_view help) override;
-  std::string Key(std::string_view name) const;
-  std::string module_;
-};
-
-// Writes the fields as TOML lines "name = value", in order. Two equal option sets give equal text,
-// so the text also serves to compare stored options with present ones.
-class OptionDumper : public OptionVisitor {
- public:
-  void Bool(std::string_view name, bool& value, std::string_view help) override;
-  void Int(std::string_view name, int& value, OptionRange range, std::string_view help) override;
-  void Double(std::string_view name, double& value, OptionRange range,
-              std::string_view help) override;
-  void String(std::string_view name, std::string& value, std::string_view help) override;
-  void Doubles(std::string_view name, std::vector<double>& value, std::string_view help) override;
-  const std::string& text() const { return text_; }
-
- private:
-  void Choice(std::string_view name, const ChoiceField& field, std::string_view help) override;
-  void Line(std::string_view name, const std::string& value);
-  std::string text_;
-};
+// TOML lines "name = value", in order. Two equal option sets give equal text, so the text also
+// serves to compare stored options with present ones.
+std::string DumpFields(const std::vector<OptionField>& fields);
 
 template <class Options>
 void ValidateOptions(Options options, const std::string& module) {
-  OptionValidator validator(module);
-  options.VisitFields(validator);
+  ValidateFields(FieldsOf(options), module);
 }
 
 template <class Options>
 std::string DumpOptions(Options options) {
-  OptionDumper dumper;
-  options.VisitFields(dumper);
-  return dumper.text();
+  return DumpFields(FieldsOf(options));
 }
 
 // Of an option of earlier versions that was removed: the value that all runs have today, "*"
@@ -136,10 +137,11 @@ std::string RetiredValue(std::string_view name);
 // names. Databases of those versions lack it.
 std::string ImpliedValue(std::string_view name);
 
-// Today's name of an option of earlier versions; "" for other names.
-std::string NewNameOf(std::string_view name);
+// "; did you mean '<nearest>'?", the known name nearest by edit distance, or "" where none is near.
+std::string DidYouMean(const std::string& name, const std::vector<std::string>& known);
 
-// The candidate nearest to `name` by edit distance, or "" if none is near: for "did you mean".
-std::string NearestName(std::string_view name, const std::vector<std::string>& candidates);
+// "'<key>'", with what is to be said about an option that is not `known` by this name: its new
+// name, that it was removed, or which one may be meant. A key may begin with "--".
+std::string DescribeUnknownOption(const std::string& key, const std::vector<std::string>& known);
 
 }  // namespace cairn

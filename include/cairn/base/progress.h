@@ -28,6 +28,9 @@ class ProgressMonitor {
 };
 
 // A monitor that does nothing.
-ProgressMonitor& NullMonitor();
+inline ProgressMonitor& NullMonitor() {
+  static ProgressMonitor monitor;  // Stateless, so sharing it is harmless.
+  return monitor;
+}
 
 }  // namespace cairn

@@ -98,12 +98,10 @@ struct Camera {
   // infinite where ImgFromRay has no value.
   double RadiansPerPx(const Eigen::Vector3d& point) const;
 
-  // Pixel of the ray (u, v, 1). J_uv, if given, is d(pixel)/d(u, v). Not a number where the model
-  // has none.
-  Eigen::Vector2d ImgFromCam(const Eigen::Vector2d& uv, Eigen::Matrix2d* J_uv = nullptr) const;
-  // Also d(pixel)/d(params), 2 x NumParams row-major, written to J_params.
-  Eigen::Vector2d ImgFromCam(const Eigen::Vector2d& uv, Eigen::Matrix2d* J_uv,
-                             double* J_params) const;
+  // Pixel of the ray (u, v, 1), and if given, J_uv = d(pixel)/d(u, v), and d(pixel)/d(params), 2 x
+  // NumParams row-major, in J_params. Not a number where the model has none.
+  Eigen::Vector2d ImgFromCam(const Eigen::Vector2d& uv, Eigen::Matrix2d* J_uv = nullptr,
+                             double* J_params = nullptr) const;
   // Ray (u, v) with third component 1 of a pixel; distortion is removed by Newton's method, and
   // nullopt means that it did not converge (a pixel beyond what the distortion model can express),
   // or that the ray does not point forward.
@@ -128,7 +126,7 @@ void ImgFromCam(const CameraParams& params, const double* uv, double* pixel, dou
                 double* J_params_2xn);
 
 // The same for a point in the camera's frame; J_point is 2 x 3. False where the model has no pixel;
-// nothing is written then.
+// what is written then means nothing.
 bool ImgFromRay(const CameraParams& params, const double* point, double* pixel, double* J_point_2x3,
                 double* J_params_2xn);
 

@@ -32,6 +32,9 @@ DepthMap DepthMapFromValues(int width, int height, const std::vector<float>& val
 // truncated, wrong shape or type, no valid value at all.
 DepthMap ReadDepthMap(const std::string& path, const DepthOptions& options);
 
+// Writes the values as .npy: float32, 0 where none is valid. Throws IoError.
+void WriteDepthMap(const std::string& path, const DepthMap& map);
+
 // The depth map of an image in a folder: <image name> with .npy, .pfm, .png, .bin,
 // .geometric.bin or .photometric.bin appended, the first that exists.
 std::optional<std::string> FindDepthMap(const std::string& folder, const std::string& image_name);

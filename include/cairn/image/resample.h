@@ -32,6 +32,10 @@ struct ResampleOptions {
 Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& target,
                       const ResampleOptions& options = {});
 
+// A bitmap reduced to a size by averaging over areas, so that nothing aliases and pixel areas map
+// onto each other.
+Bitmap ReducedBitmap(const Bitmap& bitmap, int width, int height);
+
 // Where a source pixel lies in the target; nullopt where the source has no ray of it, or the target
 // no pixel of the ray.
 std::optional<Eigen::Vector2d> ResamplePixel(const Eigen::Vector2d& pixel, const Camera& source,

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <vector>
-
 #include "cairn/base/options.h"
 #include "cairn/scene/features.h"
 
@@ -22,34 +19,13 @@ struct MatchingOptions {
   }
 };
 
-// An image's descriptors in the layout that matching reads; make it once, use it for many pairs.
-// About one byte a descriptor element.
-class PreparedDescriptors {
- public:
-  PreparedDescriptors() = default;
-  // n x 128 uint8 (or 0 rows).
-  explicit PreparedDescriptors(const Descriptors& descriptors);
-
-  int size() const { return size_; }
-  // Padded by rows of zeros to a multiple of 32 rows.
-  const uint8_t* Row(int i) const { return data_.data() + static_cast<size_t>(i) * 128; }
-  const std::vector<int32_t>& squared_norms() const { return squared_norms_; }
-
- private:
-  int size_ = 0;
-  std::vector<uint8_t> data_;
-  std::vector<int32_t> squared_norms_;
-};
-
 // Exact nearest neighbors of all against all by Euclidean distance, with the ratio test and
 // (cross_check) mutual agreement, where the ratio test then holds in both directions. Distances are
 // integers, so the result is the same on every machine; of equal distances the smaller index
 // counts. A descriptor without a second neighbor passes the ratio test. Best first: by the larger
 // of a match's two ratios, then by point1 (verification draws from the best). Cost: n1 * n2 * 128
-// multiplications, 20 ms for 4096 x 4096 (AVX-512 VNNI; build/bench/matching_bench).
-FeatureMatches MatchDescriptors(const PreparedDescriptors& descriptors1,
-                                const PreparedDescriptors& descriptors2,
-                                const MatchingOptions& options);
+// multiplications, 20 ms for 4096 x 4096 (AVX-512 VNNI; build/bench/matching_bench). Descriptors
+// are n x 128, or have 0 rows.
 FeatureMatches MatchDescriptors(const Descriptors& descriptors1, const Descriptors& descriptors2,
                                 const MatchingOptions& options);
 

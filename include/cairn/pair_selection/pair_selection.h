@@ -85,8 +85,8 @@ Eigen::RowVectorXf DescribeImage(const Descriptors& descriptors, const FloatRows
 std::vector<std::vector<int>> MostSimilarRows(const FloatRows& rows, int num, int num_threads);
 
 // The `num` descriptors of the features with the largest areas, of equal ones the first.
-PreparedDescriptors LargestFeatures(const std::vector<Keypoint>& keypoints,
-                                    const Descriptors& descriptors, int num);
+Descriptors LargestFeatures(const std::vector<Keypoint>& keypoints, const Descriptors& descriptors,
+                            int num);
 
 // An image that looks like another one.
 struct Candidate {
@@ -99,7 +99,7 @@ struct Candidate {
 // largest features, which is what decides; of equal ones the more similar first.
 std::map<image_t, std::vector<Candidate>> FindCandidates(
     const std::vector<image_t>& images, const FloatRows& descriptions,
-    const std::vector<PreparedDescriptors>& largest_features, int num_candidates, int num_threads);
+    const std::vector<Descriptors>& largest_features, int num_candidates, int num_threads);
 
 // Each image with its first `neighbors` candidates. Ascending.
 std::vector<image_pair_t> RetrievalPairs(

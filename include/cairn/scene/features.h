@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -16,7 +17,11 @@ struct Keypoint {
   float a11 = 1, a12 = 0, a21 = 0, a22 = 1;
 
   // The similarity frame scale * Rot(orientation), orientation in radians.
-  static Keypoint FromScaleOrientation(float x, float y, float scale, float orientation);
+  static Keypoint FromScaleOrientation(float x, float y, float scale, float orientation) {
+    const float c = scale * std::cos(orientation);
+    const float s = scale * std::sin(orientation);
+    return {x, y, c, -s, s, c};
+  }
 
   Eigen::Vector2d Position() const { return {x, y}; }
   Eigen::Matrix2d Shape() const { return (Eigen::Matrix2d() << a11, a12, a21, a22).finished(); }

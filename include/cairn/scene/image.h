@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "cairn/base/types.h"
 
@@ -12,5 +13,10 @@ struct Image {
   std::string name;
   camera_t camera_id = kInvalidCameraId;
 };
+
+// Names with a line break or a zero byte cannot be written to any model.
+inline bool IsImageName(std::string_view name) {
+  return !name.empty() && name.find_first_of(std::string_view("\0\n\r", 3)) == name.npos;
+}
 
 }  // namespace cairn

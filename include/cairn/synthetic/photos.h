@@ -6,6 +6,7 @@
 
 #include "cairn/base/options.h"
 #include "cairn/base/progress.h"
+#include "cairn/depth/depth_map.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/scene/reconstruction.h"
 #include "cairn/synthetic/rig.h"
@@ -22,14 +23,6 @@ struct PhotoOptions : RigOptions {
   void VisitFields(OptionVisitor& v);
 };
 
-// z-depth over an image, as a depth network might give it: in a unit of its own, 0 where there is
-// none (the sky). The map is stretched over the image.
-struct SyntheticDepthMap {
-  int width = 0;
-  int height = 0;
-  std::vector<float> depth;  // row-major
-};
-
 // A place that is photographed (all images but the distractors) and another one (the distractors).
 struct PhotoScene {
   PhotoOptions options;
@@ -44,8 +37,9 @@ PhotoScene MakePhotoScene(const PhotoOptions& options, uint64_t seed);
 
 // Renders image `index` by ray casting. The bytes do not depend on num_threads (0: all).
 Bitmap RenderPhoto(const PhotoScene& scene, int index, int num_threads = 0);
-// Its depth map: depth at the centers of the map's pixels, times the image's unit, with noise.
-SyntheticDepthMap RenderDepthMap(const PhotoScene& scene, int index, int num_threads = 0);
+// Its depth map, as a network might give it: depth at the centers of the map's pixels in the
+// image's own unit, with noise; none where the sky is.
+DepthMap RenderDepthMap(const PhotoScene& scene, int index, int num_threads = 0);
 
 // Writes folder/images/<name> (JPEG, quality 95, with the focal length in EXIF),
 // folder/depth/<name>.npy, and folder/truth (a COLMAP text model). Throws IoError.

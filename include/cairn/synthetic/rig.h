@@ -29,9 +29,6 @@ struct RigOptions {
   void VisitFields(OptionVisitor& v);
 };
 
-// Of the first i images, so many have a camera of their own.
-int NumOwnCameras(const RigOptions& options, int num_images);
-
 // The focal length of a camera in 35 mm equivalents: whole numbers from 36 to 56, since EXIF holds
 // no others.
 int FocalLength35mm(const RigOptions& options, int camera_index);

@@ -65,10 +65,6 @@ struct SyntheticScene {
 
 SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed);
 
-// Only the truth of a scene, for tests of the later stages: exact poses and points, keypoints with
-// image_noise_px.
-Reconstruction MakeReconstruction(const SceneOptions& options, uint64_t seed);
-
 // Matches of a pair, image_id1 < image_id2: all correct ones that there are, outlier_ratio of wrong
 // ones among them (or num_chance_matches, if there are fewer than two correct ones), each keypoint
 // at most once, in a random order. The correct ones come with is_inlier.

@@ -28,14 +28,4 @@ void BytesOf<Descriptors>::Visit(ByteSource& bytes, Descriptors& descriptors) {
                                               num_rows, num_columns);
 }
 
-void BytesOf<PreparedDescriptors>::Visit(ByteSink& bytes, const PreparedDescriptors& descriptors) {
-  const int num_rows = descriptors.size();
-  bytes(Descriptors(
-      Eigen::Map<const Descriptors>(num_rows > 0 ? descriptors.Row(0) : nullptr, num_rows, 128)));
-}
-
-void BytesOf<PreparedDescriptors>::Visit(ByteSource& bytes, PreparedDescriptors& descriptors) {
-  descriptors = PreparedDescriptors(bytes.Get<Descriptors>());
-}
-
 }  // namespace cairn

@@ -113,11 +113,6 @@ struct BytesOf<Descriptors> {
   static void Visit(ByteSource& bytes, Descriptors& descriptors);
 };
 template <>
-struct BytesOf<PreparedDescriptors> {
-  static void Visit(ByteSink& bytes, const PreparedDescriptors& descriptors);
-  static void Visit(ByteSource& bytes, PreparedDescriptors& descriptors);
-};
-template <>
 struct BytesOf<PairImage> {
   static void Visit(auto& bytes, auto& image) {
     bytes(image.camera, image.keypoints, image.depth, image.descriptors);

@@ -76,7 +76,7 @@ std::map<image_t, std::vector<Candidate>> ReadCandidates(const Database& databas
   if (images.empty() || monitor.StopRequested()) return {};
   const FloatRows words = TrainWords(samples, options.num_words, run.num_threads);
   FloatRows descriptions(static_cast<Eigen::Index>(images.size()), words.size());
-  std::vector<PreparedDescriptors> largest(images.size(), PreparedDescriptors(Descriptors(0, 128)));
+  std::vector<Descriptors> largest(images.size(), Descriptors(0, 128));
   monitor.BeginStage("describing photographs", std::ssize(images));
   for (size_t first = 0; first < images.size() && !monitor.StopRequested(); first += kBlock) {
     std::vector<ImageFeatures> block;

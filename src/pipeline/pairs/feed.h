@@ -26,7 +26,7 @@ struct PairImage {
   Camera camera;
   std::shared_ptr<const std::vector<Keypoint>> keypoints;  // none if the image is damaged
   std::vector<DepthSample> depth;                          // empty: the image has no depth
-  PreparedDescriptors descriptors;
+  Descriptors descriptors;
   uint64_t content_hash = 0;
   bool is_damaged = false;  // a row of it cannot be read: its pairs are left out
 };

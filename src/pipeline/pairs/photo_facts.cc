@@ -1,8 +1,8 @@
 #include "pipeline/pairs/photo_facts.h"
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/path_in_folder.h"
 #include "cairn/io/gps_file.h"
 
 namespace cairn {

@@ -4,8 +4,8 @@
 #include <set>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/path_in_folder.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"

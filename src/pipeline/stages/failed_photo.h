@@ -4,7 +4,7 @@
 
 #include "base/hash.h"
 #include "cairn/base/error.h"
-#include "cairn/base/path_in_folder.h"
+#include "cairn/base/file.h"
 #include "cairn/database/records.h"
 
 namespace cairn {

@@ -5,7 +5,7 @@
 
 #include "base/hash.h"
 #include "cairn/base/error.h"
-#include "cairn/base/path_in_folder.h"
+#include "cairn/base/file.h"
 #include "cairn/image/bitmap.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/camera_sizes.h"

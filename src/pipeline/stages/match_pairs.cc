@@ -19,8 +19,8 @@
 namespace cairn {
 namespace {
 
-// Prepared descriptors, per row.
-constexpr int64_t kBytesPerDescriptor = 136;
+// Descriptors, per row.
+constexpr int64_t kBytesPerDescriptor = 128;
 
 // What the stage finds in the database and has to add to it.
 struct MatchingWork {
@@ -112,7 +112,7 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
       PlanPairTiles(work.pairs, image_bytes, max_bytes),
       [&reader](image_t id) {
         PairImage image;
-        image.descriptors = PreparedDescriptors(*reader.ReadDescriptors(id));
+        image.descriptors = *reader.ReadDescriptors(id);
         return image;
       },
       [](PairTask& task, const auto& image) {

@@ -9,8 +9,8 @@
 #include <mutex>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
-#include "cairn/base/path_in_folder.h"
 #include "cairn/depth/depth_map.h"
 #include "cairn/depth/depth_network.h"
 #include "cairn/image/bitmap.h"

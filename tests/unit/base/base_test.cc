@@ -84,8 +84,6 @@ TEST(Timer, RunsForward) {
   const double first = timer.Seconds();
   EXPECT_GE(first, 0);
   EXPECT_GE(timer.Seconds(), first);
-  timer.Restart();
-  EXPECT_LT(timer.Seconds(), 60);
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 #include <filesystem>
 
 #include "cairn/base/error.h"
-#include "cairn/base/path_in_folder.h"
 #include "support/temp_folder.h"
 #include "support/thrown_message.h"
 #include "support/unprivileged.h"

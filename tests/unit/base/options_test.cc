@@ -87,12 +87,12 @@ TEST(Options, DumpedNumbersReadBackExactly) {
 
 TEST(Options, NearestNameFindsTyposAndNothingElse) {
   const std::vector<std::string> names = {"max_ratio", "cross_check", "max_num_features"};
-  EXPECT_EQ(NearestName("max_rato", names), "max_ratio");
-  EXPECT_EQ(NearestName("crosscheck", names), "cross_check");
-  EXPECT_EQ(NearestName("max_num_featrues", names), "max_num_features");
-  EXPECT_EQ(NearestName("colour", names), "");
-  EXPECT_EQ(NearestName("", names), "");
-  EXPECT_EQ(NearestName("x", {}), "");
+  EXPECT_EQ(DidYouMean("max_rato", names), "; did you mean 'max_ratio'?");
+  EXPECT_EQ(DidYouMean("crosscheck", names), "; did you mean 'cross_check'?");
+  EXPECT_EQ(DidYouMean("max_num_featrues", names), "; did you mean 'max_num_features'?");
+  EXPECT_EQ(DidYouMean("colour", names), "");
+  EXPECT_EQ(DidYouMean("", names), "");
+  EXPECT_EQ(DidYouMean("x", {}), "");
 }
 
 }  // namespace

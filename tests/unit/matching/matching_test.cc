@@ -120,14 +120,11 @@ TEST_F(EveryTarget, NearestTwoEqualTheNaiveSearch) {
       const Descriptors a = RandomDescriptors(n1, n1, max_value);
       Descriptors b = RandomDescriptors(n2, 1000 + n2, max_value);
       if (max_value == 255) b.row(0).setConstant(255);
-      const PreparedDescriptors rows(a), columns(b);
       ForEachTarget([&, n1 = n1, n2 = n2] {
-        std::vector<NearestTwo> of_columns, of_rows, of_columns_alone;
-        FindNearestTwo(rows, columns, &of_columns, &of_rows);
-        FindNearestTwo(rows, columns, &of_columns_alone, nullptr);
+        std::vector<NearestTwo> of_columns, of_rows;
+        FindNearestTwo(a, b, &of_columns, &of_rows);
         ASSERT_EQ(of_columns.size(), static_cast<size_t>(n2));
         ASSERT_EQ(of_rows.size(), static_cast<size_t>(n1));
-        EXPECT_EQ(of_columns, of_columns_alone);
         for (int j = 0; j < n2; ++j) ASSERT_EQ(of_columns[j], NaiveNearestTwo(b, j, a)) << j;
         for (int i = 0; i < n1; ++i) {
           const NearestTwo expected = NaiveNearestTwo(a, i, b);
@@ -233,8 +230,8 @@ TEST(MatchDescriptors, EmptyImagesHaveNoMatches) {
   }
 }
 
-TEST(PreparedDescriptors, OtherDimensionsAreABug) {
-  EXPECT_THROW(PreparedDescriptors(Descriptors::Zero(3, 64)), BugError);
+TEST(MatchDescriptors, OtherDimensionsAreABug) {
+  EXPECT_THROW(MatchDescriptors(Descriptors::Zero(3, 64), Descriptors::Zero(3, 64), {}), BugError);
 }
 
 TEST(MatchingOptions, AreValidated) {

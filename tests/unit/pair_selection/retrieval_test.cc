@@ -73,7 +73,7 @@ TEST(Retrieval, LargestFeaturesDecideTheOrder) {
   const std::vector<Descriptors> images = RingImages();
   const FloatRows rows = Describe(images, TrainWords(SamplesOf(images), 16, 2));
   std::vector<image_t> ids;
-  std::vector<PreparedDescriptors> largest;
+  std::vector<Descriptors> largest;
   std::vector<Keypoint> keypoints(3 * kPerPlace);
   // The last place is seen with the largest features.
   for (int k = 0; k < 3 * kPerPlace; ++k) keypoints[k].a11 = static_cast<float>(1 + k / kPerPlace);

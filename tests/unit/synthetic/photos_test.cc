@@ -39,13 +39,13 @@ struct Agreement {
 
 Agreement Compare(const PhotoScene& scene, int a, int b, const Rigid3d& b_from_a) {
   const Bitmap image_a = RenderPhoto(scene, a), image_b = RenderPhoto(scene, b);
-  const SyntheticDepthMap depth_a = RenderDepthMap(scene, a), depth_b = RenderDepthMap(scene, b);
+  const DepthMap depth_a = RenderDepthMap(scene, a), depth_b = RenderDepthMap(scene, b);
   const Camera& camera_a = scene.truth.cameras.at(scene.images[a].camera_id);
   const Camera& camera_b = scene.truth.cameras.at(scene.images[b].camera_id);
   Agreement result;
   for (int y = 0; y < depth_a.height; y += 3) {
     for (int x = 0; x < depth_a.width; x += 3) {
-      const double depth = depth_a.depth[y * depth_a.width + x] / scene.depth_units[a];
+      const double depth = depth_a.values[y * depth_a.width + x] / scene.depth_units[a];
       if (depth == 0) continue;
       const Eigen::Vector3d point =
           b_from_a * (depth * camera_a.CamFromImg({x + 0.5, y + 0.5})->homogeneous());
@@ -56,7 +56,7 @@ Agreement Compare(const PhotoScene& scene, int a, int b, const Rigid3d& b_from_a
       }
       ++result.num_in_both;
       const int xb = static_cast<int>(pixel.x()), yb = static_cast<int>(pixel.y());
-      const double depth_b_here = depth_b.depth[yb * depth_b.width + xb] / scene.depth_units[b];
+      const double depth_b_here = depth_b.values[yb * depth_b.width + xb] / scene.depth_units[b];
       if (std::abs(depth_b_here - point.z()) > 0.01 * point.z()) continue;
       ++result.num_same_depth;
       for (int k = 0; k < 3; ++k) {
@@ -108,7 +108,7 @@ TEST(Photos, BytesDoNotDependOnThreads) {
   options.depth_noise = 0.05;
   const PhotoScene scene = MakePhotoScene(options, 3);
   EXPECT_EQ(RenderPhoto(scene, 1, 1).data, RenderPhoto(scene, 1, 8).data);
-  EXPECT_EQ(RenderDepthMap(scene, 1, 1).depth, RenderDepthMap(scene, 1, 8).depth);
+  EXPECT_EQ(RenderDepthMap(scene, 1, 1).values, RenderDepthMap(scene, 1, 8).values);
   EXPECT_NE(RenderPhoto(scene, 1).data, RenderPhoto(MakePhotoScene(options, 4), 1).data);
 }
 
@@ -121,12 +121,12 @@ TEST(Photos, DepthNoiseIsAboutTheStatedDeviation) {
   double sum = 0;
   int n = 0, num_sky = 0;
   for (int i = 0; i < 8; ++i) {
-    const SyntheticDepthMap a = RenderDepthMap(exact, i), b = RenderDepthMap(noisy, i);
-    for (size_t k = 0; k < a.depth.size(); ++k) {
-      EXPECT_EQ(a.depth[k] == 0, b.depth[k] == 0);
-      num_sky += a.depth[k] == 0;
-      if (a.depth[k] == 0) continue;
-      sum += std::pow(b.depth[k] / a.depth[k] - 1.0, 2);
+    const DepthMap a = RenderDepthMap(exact, i), b = RenderDepthMap(noisy, i);
+    for (size_t k = 0; k < a.values.size(); ++k) {
+      EXPECT_EQ(a.values[k] == 0, b.values[k] == 0);
+      num_sky += a.values[k] == 0;
+      if (a.values[k] == 0) continue;
+      sum += std::pow(b.values[k] / a.values[k] - 1.0, 2);
       ++n;
     }
   }
@@ -155,7 +155,7 @@ TEST(Photos, EveryOptionHasAnEffect) {
   };
   const auto render = [](const PhotoOptions& options) {
     const PhotoScene scene = MakePhotoScene(options, 7);
-    return std::pair(RenderPhoto(scene, 0).data, RenderDepthMap(scene, 0).depth);
+    return std::pair(RenderPhoto(scene, 0).data, RenderDepthMap(scene, 0).values);
   };
   PhotoOptions options = SmallOptions();
   options.image_width = 80;
@@ -198,9 +198,9 @@ TEST(Photos, WrittenFilesAreWhatTheProgramsRead) {
   const auto path = FindDepthMap(folder / "scene/depth", scene.images[1].name);
   ASSERT_TRUE(path.has_value());
   const DepthMap map = ReadDepthMap(*path, {});
-  const SyntheticDepthMap rendered = RenderDepthMap(scene, 1);
+  const DepthMap rendered = RenderDepthMap(scene, 1);
   EXPECT_EQ(map.width, rendered.width);
-  EXPECT_EQ(map.values, rendered.depth);
+  EXPECT_EQ(map.values, rendered.values);
   EXPECT_LT(map.NumValid(), map.width * map.height);  // the sky has no depth
 }
 

@@ -5,11 +5,25 @@
 #include <string>
 #include <string_view>
 
+#include "cairn/image/bitmap.h"
+
 namespace cairn {
 
 // OpenCV has an error code where others throw std::bad_alloc.
 inline void ThrowIfOutOfMemory(const cv::Exception& exception) {
   if (exception.code == cv::Error::StsNoMem) throw std::bad_alloc();
+}
+
+// Callers have an image a thread; OpenCV would add its own to each. Once only: setNumThreads
+// crashes while another thread is inside OpenCV.
+inline void KeepOpenCvToTheCallersThread() {
+  [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
+}
+
+// OpenCV's view of a bitmap's pixels (channels in our order).
+inline cv::Mat View(const Bitmap& bitmap) {
+  return {bitmap.height, bitmap.width, CV_8UC(bitmap.channels),
+          const_cast<uint8_t*>(bitmap.data.data())};
 }
 
 // The pixels of an image file in memory; flags as cv::imdecode has them. Throws IoError(path,
