@@ -126,10 +126,6 @@ std::string RetiredValue(std::string_view name) {
   return "";
 }
 
-std::string ImpliedValue(std::string_view name) {
-  return name == "single_camera_per_folder" ? "false" : "";
-}
-
 std::string NewNameOf(std::string_view name) {
   return name == "reconstruct.separate_twins" ? "reconstruct.separate_duplicates" : "";
 }

@@ -129,12 +129,8 @@ std::string DumpOptions(Options options) {
 }
 
 // Of an option of earlier versions that was removed: the value that all runs have today, "*"
-// where it never mattered. "" for other names. Files and databases of those versions may name it.
+// where it never mattered. "" for other names. Files of those versions may name it.
 std::string RetiredValue(std::string_view name);
-
-// Of an option that earlier versions did not have: the value by which they worked. "" for other
-// names. Databases of those versions lack it.
-std::string ImpliedValue(std::string_view name);
 
 // Today's name of an option of earlier versions; "" for other names.
 std::string NewNameOf(std::string_view name);
