@@ -6,9 +6,8 @@
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/path_in_folder.h"
-#include "cairn/image/bitmap.h"
 #include "database/stage_names.h"
-#include "pipeline/stages/camera_sizes.h"
+#include "pipeline/stages/camera_maker.h"
 
 namespace cairn {
 namespace {
@@ -20,7 +19,7 @@ void CheckSize(const std::string& path, const ImageSize& photo) {
                     path + " is " + SizeText(mask) + " pixels, its photograph " + SizeText(photo));
 }
 
-// The mask of each image that has one; the stage is told how many have none.
+// The mask of each image that has one; the stage warns of the others.
 std::map<image_t, std::string> FindMasks(const Database& database, const std::string& mask_path,
                                          Stage& stage) {
   std::map<image_t, std::string> masks;
@@ -48,6 +47,19 @@ std::map<image_t, std::string> FindMasks(const Database& database, const std::st
 }
 
 }  // namespace
+
+Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
+                      const FeatureOptions& options) {
+  const Bitmap bitmap = ReadBitmap(photo.path, BitmapColor::kGray);
+  const ImageSize size{bitmap.width, bitmap.height};
+  if (size != camera_size) {
+    throw IoError(photo.path,
+                  "is " + SizeText(size) + " pixels, its camera " + SizeText(camera_size));
+  }
+  if (photo.mask_path.empty()) return ExtractFeatures(bitmap, options);
+  const Bitmap mask = ReadBitmap(photo.mask_path, BitmapColor::kGray);
+  return ExtractFeatures(bitmap, options, &mask);
+}
 
 uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path) {
   if (mask_path.empty()) return file_hash;

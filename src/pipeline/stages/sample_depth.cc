@@ -17,10 +17,9 @@
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
 #include "database/stage_names.h"
-#include "pipeline/stages/camera_sizes.h"
+#include "pipeline/stages/camera_maker.h"
 #include "pipeline/stages/content_hash.h"
 #include "pipeline/stages/stage_ledger.h"
-#include "pipeline/stages/stage_options.h"
 
 namespace cairn {
 namespace {
