@@ -25,6 +25,7 @@ struct Photo {
   std::string error;  // why it cannot be used
   ImageSize size;
   ExifInfo exif;
+  std::optional<Image> image;  // that it becomes
 };
 
 // How a photograph with an error is remembered: with its hash, so that it stays out until it

@@ -229,56 +229,50 @@ KnownPhotos FindKnownPhotos(const StoredImages& stored, const StageLedger& ledge
   return known;
 }
 
-// New images with their cameras, in the order of the photos.
-struct NewImages {
-  std::vector<Image> images;
-  std::vector<uint64_t> file_hashes;
-  std::vector<Camera> cameras;
-  bool has_reassigned = false;  // some are old images whose cameras are made anew
-};
-
-NewImages MakeImages(const StoredImages& stored, const CameraOptions& options,
-                     const StageLedger& ledger, const KnownPhotos& known_photos,
-                     std::vector<Photo>& photos) {
+// Gives new images their ids and cameras, in the order of the photos. Returns the new cameras.
+std::vector<Camera> AssignCameras(const StoredImages& stored, const CameraOptions& options,
+                                  const StageLedger& ledger, const KnownPhotos& known_photos,
+                                  std::vector<Photo>& photos) {
   CameraMaker maker(options, FirstFreeCameraId(stored, ledger),
                     SharedCameras(options, stored, ledger));
   for (const auto& [camera_id, photo] : known_photos) maker.AddKnown(photo, camera_id);
   image_t next_id = stored.images.empty() ? 1 : stored.images.back().image_id + 1;
-  NewImages added;
   for (Photo& photo : photos) {
     if (!photo.error.empty()) continue;
     const auto old = stored.ids.find(photo.name);
-    const bool is_reassigned = old != stored.ids.end();
-    if (is_reassigned && !IsPending(ledger, old->second)) continue;
+    const bool is_stored = old != stored.ids.end();
+    if (is_stored && !IsPending(ledger, old->second)) continue;
     const std::optional<camera_t> camera_id = maker.CameraOf(photo);
-    if (!camera_id && is_reassigned) {
+    if (!camera_id && is_stored) {
       throw ConfigError(
           options.single_camera ? "single_camera" : "single_camera_per_folder",
           photo.name + " " + photo.error + "; use --recompute features to leave it out");
     }
-    if (!camera_id) continue;
-    added.has_reassigned |= is_reassigned;
-    added.images.push_back({is_reassigned ? old->second : next_id++, photo.name, *camera_id});
-    added.file_hashes.push_back(photo.file_hash);
+    if (camera_id) photo.image = {is_stored ? old->second : next_id++, photo.name, *camera_id};
   }
-  added.cameras = maker.cameras();
-  return added;
+  return maker.cameras();
 }
 
-void WriteImages(Database& database, const NewImages& added, const std::string& image_path,
-                 const std::vector<Photo>& photos, StageLedger& ledger) {
+int64_t NumNewImages(const std::vector<Photo>& photos) {
+  return std::ranges::count_if(photos, [](const Photo& photo) { return photo.image.has_value(); });
+}
+
+void WriteImages(Database& database, const std::vector<Camera>& cameras,
+                 const std::string& image_path, const std::vector<Photo>& photos,
+                 StageLedger& ledger) {
   Database::Transaction transaction(database);
-  if (!added.images.empty()) ledger.Begin(database);
-  for (const Camera& camera : added.cameras) database.WriteCamera(camera);
-  for (size_t i = 0; i < added.images.size(); ++i) {
-    database.WriteImage(added.images[i]);
-    database.WriteJob(kStageCameras, {added.images[i].image_id, added.file_hashes[i], ""});
-  }
-  if (added.has_reassigned) database.DeleteUnusedCameras();
+  if (NumNewImages(photos) > 0) ledger.Begin(database);
+  bool has_reassigned = false;  // old images with new cameras
+  for (const Camera& camera : cameras) database.WriteCamera(camera);
   for (const Photo& photo : photos) {
     const PhotoRecord record = {photo.name, photo.file_hash, photo.error};
     database.WritePhoto(photo.error.empty() ? record : FailedPhoto(image_path, record));
+    if (!photo.image) continue;
+    database.WriteImage(*photo.image);
+    database.WriteJob(kStageCameras, {photo.image->image_id, photo.file_hash, ""});
+    has_reassigned |= IsPending(ledger, photo.image->image_id);
   }
+  if (has_reassigned) database.DeleteUnusedCameras();
   ledger.Complete(database);
   transaction.Commit();
 }
@@ -318,14 +312,14 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
     return stage.Finish();
   }
 
-  const NewImages added = MakeImages(stored, options, ledger, known_photos, photos);
-  if (!photos.empty()) WriteImages(database, added, image_path, photos, ledger);
+  const std::vector<Camera> cameras = AssignCameras(stored, options, ledger, known_photos, photos);
+  if (!photos.empty()) WriteImages(database, cameras, image_path, photos, ledger);
   for (const Photo& photo : photos) {
     if (!photo.error.empty()) stage.Warn(photo.name + ": " + photo.error + "; skipped");
   }
   stage.Add("photographs", num_photos);
-  stage.Add("new_images", added.images.size());
-  stage.Add("new_cameras", added.cameras.size());
+  stage.Add("new_images", NumNewImages(photos));
+  stage.Add("new_cameras", cameras.size());
   stage.Add("skipped", stage.NumMessages() - num_remarks);
   stage.Add("dropped", num_dropped);
   return EndStage(stage, database);
