@@ -142,12 +142,11 @@ void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors
 
 void Database::WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples) {
   const std::vector<float> rows = DepthRows(samples);
-  const size_t num_bytes = rows.size() * sizeof(float);
   Run(*impl_,
       "INSERT OR REPLACE INTO cairn_depth_scales(image_id, scale, hash, rows, cols, data) "
       "VALUES(?1, 0, ?2, ?3, ?4, ?5);",
-      image_id, Hasher().AddBytes(rows.data(), num_bytes).Digest(), samples.size(), kDepthColumns,
-      BoundBlob{rows.data(), num_bytes});
+      image_id, HashValues(rows), samples.size(), kDepthColumns,
+      BoundBlob{rows.data(), rows.size() * sizeof(float)});
 }
 
 std::map<image_t, int> Database::ReadNumKeypoints() const {

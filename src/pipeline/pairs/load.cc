@@ -1,10 +1,21 @@
 #include "pipeline/pairs/load.h"
 
+#include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/timer.h"
-#include "pipeline/stages/content_hash.h"
 
 namespace cairn {
+namespace {
+
+// What the geometry of a pair depends on; not the camera's id.
+uint64_t HashCamera(const Camera& camera) {
+  Hasher hasher;
+  hasher.Add(static_cast<int>(camera.model)).Add(camera.width).Add(camera.height);
+  for (const double param : camera.params) hasher.Add(param);
+  return hasher.Add(camera.has_prior_focal_length ? 1 : 0).Digest();
+}
+
+}  // namespace
 
 PairLoader::PairLoader(const std::string& database_path, int min_num_matches,
                        const StageLedger& ledger, Stage& stage)
@@ -87,7 +98,7 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
     loaded.depth.clear();
   }
   Hasher hasher;
-  hasher.Add(HashCamera(loaded.camera)).Add(HashKeypoints(loaded.keypoints));
+  hasher.Add(HashCamera(loaded.camera)).Add(HashValues(loaded.keypoints));
   if (!loaded.depth.empty()) hasher.Add(*database_.ReadDepthHash(id));
   loaded.content_hash = hasher.Digest();
   const auto known = intrinsics_.find(camera->first);
@@ -113,7 +124,7 @@ bool PairLoader::ReadPair(PairTask& task, const std::function<PairFeed::ImagePtr
   task.matches = *database_.ReadMatches(task.pair_id);
   task.are_best_first = own_matches_.Contains(task.pair_id);
   Hasher hasher;
-  hasher.Add(HashMatches(task.matches));
+  hasher.Add(HashValues(task.matches));
   if (static_cast<int>(task.matches.size()) >= min_num_matches_) {
     task.image1 = image(id1);
     task.image2 = image(id2);

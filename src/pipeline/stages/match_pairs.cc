@@ -3,6 +3,7 @@
 #include <map>
 #include <set>
 
+#include "base/hash.h"
 #include "base/memory.h"
 #include "cairn/base/error.h"
 #include "cairn/pipeline/stages.h"
@@ -12,7 +13,6 @@
 #include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/exhaustive.h"
 #include "pipeline/pairs/feed.h"
-#include "pipeline/stages/content_hash.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -37,7 +37,7 @@ std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
   for (const image_t id : images) {
     try {
       if (const auto descriptors = database.ReadDescriptors(id)) {
-        hashes[id] = HashDescriptors(*descriptors);
+        hashes[id] = HashValues(*descriptors);
       }
     } catch (const IoError& error) {
       stage.Warn(std::string(error.what()) + "; the image is not matched");

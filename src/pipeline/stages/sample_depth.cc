@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 
+#include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/path_in_folder.h"
@@ -18,7 +19,6 @@
 #include "database/database_writer.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
-#include "pipeline/stages/content_hash.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -59,7 +59,7 @@ uint64_t InputHash(const Database& database, const DepthItem& item, uint64_t sou
   Hasher hasher;
   hasher.Add(source_hash);
   hasher.Add(item.path.empty() ? uint64_t{0} : HashFile(item.path));
-  hasher.Add(HashKeypoints(*database.ReadKeypoints(item.image.image_id)));
+  hasher.Add(HashValues(*database.ReadKeypoints(item.image.image_id)));
   return hasher.Add(item.size.width).Add(item.size.height).Digest();
 }
 
