@@ -6,7 +6,6 @@
 #include "cairn/base/file.h"
 #include "cairn/mpi/join_job.h"
 #include "cairn/pipeline/build_pipeline.h"
-#include "cairn/pipeline/help.h"
 #include "common/console_monitor.h"
 #include "common/program.h"
 #include "common/run_flags.h"

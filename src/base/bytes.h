@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <cstring>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -125,17 +124,6 @@ class ByteSource {
   }
 
   std::string_view rest_;
-};
-
-// Shared memory is sent as what it holds; none arrives as an empty value.
-template <class T>
-struct BytesOf<std::shared_ptr<const T>> {
-  static void Visit(ByteSink& bytes, const std::shared_ptr<const T>& value) {
-    value ? bytes(*value) : bytes(T());
-  }
-  static void Visit(ByteSource& bytes, std::shared_ptr<const T>& value) {
-    value = std::make_shared<const T>(bytes.Get<T>());
-  }
 };
 
 }  // namespace cairn

@@ -31,6 +31,13 @@ class Hasher {
   std::unique_ptr<State> state_;
 };
 
+// Hash of the memory of a vector's or a matrix's values.
+template <class Values>
+uint64_t HashValues(const Values& values) {
+  const auto num_values = static_cast<size_t>(values.size());
+  return Hasher().AddBytes(values.data(), num_values * sizeof(*values.data())).Digest();
+}
+
 // 16 hexadecimal digits.
 std::string HashToHex(uint64_t hash);
 

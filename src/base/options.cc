@@ -121,10 +121,6 @@ std::string RetiredValue(std::string_view name) {
   return "";
 }
 
-std::string ImpliedValue(std::string_view name) {
-  return name == "single_camera_per_folder" ? "false" : "";
-}
-
 std::string DidYouMean(const std::string& name, const std::vector<std::string>& known) {
   std::string nearest;
   size_t least_distance = std::max<size_t>(2, name.size() / 3) + 1;

@@ -51,14 +51,11 @@ std::string ReasonAgainstImage(const Query& query) {
 CameraRow ReadCameraRow(const Query& query) {
   CameraRow row;
   Camera& camera = row.camera;
-  camera.camera_id = static_cast<camera_t>(query.Int(0));
-  const std::optional<CameraModel> model = query.Int(1) == static_cast<int>(query.Int(1))
-                                               ? CameraModelFromId(static_cast<int>(query.Int(1)))
-                                               : std::nullopt;
+  camera.camera_id = query.Int<camera_t>(0);
+  const auto is_int = [&](int column) { return query.Int(column) == query.Int<int>(column); };
+  const std::optional<CameraModel> model =
+      is_int(1) ? CameraModelFromId(query.Int<int>(1)) : std::nullopt;
   row.is_known_model = model.has_value();
-  const auto is_int = [&](int column) {
-    return query.Int(column) == static_cast<int>(query.Int(column));
-  };
   if (query.Int(0) < 0 || query.Int(0) >= kInvalidCameraId) row.bad = "the id is out of range";
   if (!model || !row.bad.empty()) return row;
   if (!is_int(2) || !is_int(3)) {
@@ -66,8 +63,8 @@ CameraRow ReadCameraRow(const Query& query) {
     return row;
   }
   camera.model = *model;
-  camera.width = static_cast<int>(query.Int(2));
-  camera.height = static_cast<int>(query.Int(3));
+  camera.width = query.Int<int>(2);
+  camera.height = query.Int<int>(3);
   const std::span<const std::byte> blob = query.Blob(4);
   const size_t expected = CameraModelNumParams(*model) * sizeof(double);
   if (blob.size() != expected) {
@@ -77,7 +74,7 @@ CameraRow ReadCameraRow(const Query& query) {
   }
   camera.params.resize(blob.size() / sizeof(double));
   std::memcpy(camera.params.data(), blob.data(), blob.size());
-  camera.has_prior_focal_length = query.Int(5) != 0;
+  camera.has_prior_focal_length = query.Int<bool>(5);
   row.bad = camera.Validate();
   return row;
 }
@@ -98,7 +95,9 @@ std::vector<std::string> Database::FindBadRows() const {
     }
   }
   {
-    Query query(*impl_, sql::kReadBadImages);
+    Query query(*impl_,
+                "SELECT image_id, name, camera_id FROM images WHERE NOT " CAIRN_SQL_USABLE_IMAGE
+                " ORDER BY image_id;");
     while (query.Step()) {
       bad.push_back("image " + query.Text(0) + ": " + ReasonAgainstImage(query));
     }

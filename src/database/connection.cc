@@ -1,17 +1,14 @@
-#include "database/connection.h"
-
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <sstream>
 #include <string_view>
 #include <utility>
-#include <vector>
 
 #include "cairn/base/error.h"
+#include "database/query.h"
 #include "database/sql.h"
 
 namespace cairn {
@@ -28,19 +25,18 @@ constexpr std::pair<const char*, std::array<const char*, 6>> kColmapTables[] = {
     {"descriptors", {"image_id", "rows", "cols", "data"}},
     {"matches", {"pair_id", "rows", "cols", "data"}},
     {"two_view_geometries", {"pair_id", "rows", "cols", "data", "config"}}};
-// Those of two_view_geometries that came later.
-constexpr std::array kLaterColumns = {"F", "E", "H", "qvec", "tvec"};
 
 bool IsReadOnly(Database::Mode mode) {
   return mode == Database::Mode::kReadOnly || mode == Database::Mode::kSnapshot;
 }
 
 bool TableExists(Database::Impl& impl, const char* table) {
-  return Query(impl, sql::kTableExists, table).Step();
+  return Query(impl, "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?1;", table)
+      .Step();
 }
 
 // A file in write-ahead mode needs a file beside it even for reading. Where the folder does not
-// allow that, the database is opened as one that nobody changes, which holds as long as no log is
+// allow that, the database is opened as immutable, which is right as long as no log is
 // left beside it.
 bool MustOpenImmutable(const std::string& path) {
   const fs::path folder = fs::absolute(path).parent_path();
@@ -52,19 +48,7 @@ bool MustOpenImmutable(const std::string& path) {
 std::string FileUri(const std::string& path) {
   std::string uri = "file:";
   for (const char c : fs::absolute(path).string()) {
-    switch (c) {
-      case '?':
-        uri += "%3f";
-        break;
-      case '#':
-        uri += "%23";
-        break;
-      case '%':
-        uri += "%25";
-        break;
-      default:
-        uri += c;
-    }
+    uri += c == '?' ? "%3f" : c == '#' ? "%23" : c == '%' ? "%25" : std::string(1, c);
   }
   return uri;
 }
@@ -100,14 +84,13 @@ void Open(Database::Impl& impl, Database::Mode mode) {
 }
 
 void CreateColmapTables(Database::Impl& impl) {
-  impl.Execute(sql::kBegin);
-  impl.Execute(sql::kColmapSchema);
-  impl.Execute(("PRAGMA user_version = " + std::to_string(sql::kColmapVersion) + ";").c_str());
-  impl.Execute(sql::kCommit);
+  impl.Execute((std::string("BEGIN IMMEDIATE;") + sql::kColmapSchema +
+                "PRAGMA user_version = " + std::to_string(sql::kColmapVersion) + ";COMMIT;")
+                   .c_str());
 }
 
 bool ColumnExists(Database::Impl& impl, std::string_view table, std::string_view column) {
-  return Query(impl, sql::kColumnExists, table, column).Step();
+  return Query(impl, "SELECT 1 FROM pragma_table_info(?1) WHERE name = ?2;", table, column).Step();
 }
 
 // The table of two-view geometries, under the name that it has in this file.
@@ -133,44 +116,28 @@ void CheckColmapTables(Database::Impl& impl) {
   }
 }
 
-std::vector<std::string> MissingColumns(Database::Impl& impl, const char* table) {
-  std::vector<std::string> missing;
-  for (const char* column : kLaterColumns) {
-    if (!ColumnExists(impl, table, column)) missing.push_back(column);
-  }
-  return missing;
-}
-
-// A file of an old COLMAP gets the schema of 3.8, as COLMAP does it.
-void UpdateColmapTables(Database::Impl& impl) {
-  const char* const table = GeometryTable(impl);
-  const bool is_old_name = std::string_view(table) != "two_view_geometries";
-  const std::vector<std::string> missing = MissingColumns(impl, table);
-  if (!is_old_name && missing.empty()) return;
-  impl.Execute(sql::kBegin);
-  if (is_old_name) impl.Execute(sql::kRenameInlierMatches);
-  for (const std::string& column : missing) {
-    impl.Execute(("ALTER TABLE two_view_geometries ADD COLUMN " + column + " BLOB;").c_str());
-  }
-  impl.Execute(sql::kCommit);
-}
-
-// The same for reading alone: a view, which this connection sees in place of the table.
-void ViewOldTables(Database::Impl& impl) {
+// A file of an old COLMAP gets the schema of 3.8, as COLMAP does it: before 3.0 inlier_matches,
+// before 3.4 no F, E, H, before 3.6 no qvec, tvec. For reading alone it is a view, which this
+// connection sees in place of the table.
+void AdaptOldTables(Database::Impl& impl, bool is_read_only) {
   const std::string table = GeometryTable(impl);
-  const std::vector<std::string> missing = MissingColumns(impl, table.c_str());
-  if (table == "two_view_geometries" && missing.empty()) return;
-  std::string columns = "pair_id, rows, cols, data, config";
-  for (const char* column : kLaterColumns) {
-    const bool is_missing = std::find(missing.begin(), missing.end(), column) != missing.end();
-    columns += std::string(is_missing ? ", NULL AS " : ", ") + column;
+  const bool is_old_name = table != "two_view_geometries";
+  std::string change, columns = "pair_id, rows, cols, data, config";
+  if (is_old_name) change = "ALTER TABLE inlier_matches RENAME TO two_view_geometries;";
+  for (const std::string column : {"F", "E", "H", "qvec", "tvec"}) {
+    const bool is_missing = !ColumnExists(impl, table, column);
+    if (is_missing) change += "ALTER TABLE two_view_geometries ADD COLUMN " + column + " BLOB;";
+    columns += (is_missing ? ", NULL AS " : ", ") + column;
   }
-  impl.Execute(
-      ("CREATE TEMP VIEW two_view_geometries AS SELECT " + columns + " FROM main." + table + ";")
-          .c_str());
+  if (change.empty()) return;
+  if (is_read_only) {
+    impl.Execute(
+        ("CREATE TEMP VIEW two_view_geometries AS SELECT " + columns + " FROM main." + table + ";")
+            .c_str());
+  } else {
+    impl.Execute(("BEGIN IMMEDIATE;" + change + "COMMIT;").c_str());
+  }
 }
-
-}  // namespace
 
 // For reading alone: those of our tables that the file lacks, as empty ones of this connection.
 void AddEmptyTables(Database::Impl& impl) {
@@ -184,12 +151,15 @@ void AddEmptyTables(Database::Impl& impl) {
   }
 }
 
+}  // namespace
+
 std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database::Mode mode) {
   auto impl = std::make_unique<Database::Impl>();
   impl->path = path;
   Open(*impl, mode);
   const bool is_read_only = IsReadOnly(mode);
-  const bool is_empty = !Query(*impl, sql::kAnyTableExists).Step();  // The first look at the file.
+  const bool is_empty =
+      !Query(*impl, "SELECT 1 FROM sqlite_master LIMIT 1;").Step();  // The first look at the file.
   if (is_read_only || !is_empty) CheckColmapTables(*impl);           // Before anything is changed.
   impl->Execute("PRAGMA temp_store = MEMORY;");
   if (!is_read_only) {
@@ -197,16 +167,15 @@ std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database
     impl->Execute("PRAGMA synchronous = NORMAL;");
     impl->Execute("PRAGMA foreign_keys = ON;");
     if (is_empty) CreateColmapTables(*impl);
-    UpdateColmapTables(*impl);
     impl->Execute(sql::kCairnSchema);
   } else {
     AddEmptyTables(*impl);
   }
-  ViewOldTables(*impl);
+  AdaptOldTables(*impl, is_read_only);
   impl->Execute(sql::kCreateUsableImages);
   impl->has_rigs = TableExists(*impl, "rigs") && TableExists(*impl, "frame_data");
   impl->has_descriptor_types = ColumnExists(*impl, "descriptors", "type");
-  if (mode == Database::Mode::kSnapshot) impl->Execute(sql::kBeginReading);
+  if (mode == Database::Mode::kSnapshot) impl->Execute("BEGIN;");
   return impl;
 }
 

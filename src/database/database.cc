@@ -3,20 +3,29 @@
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "database/bad_rows.h"
-#include "database/connection.h"
+#include "database/query.h"
 #include "database/sql.h"
+#include "database/stage_names.h"
 
 namespace cairn {
 namespace {
 
-// COLMAP 4.x: the camera's rig, made if there is none.
+// COLMAP 4.x: each camera is the reference sensor (type 0) of a rig of its own, each image a frame.
+
+// The camera's rig, made if there is none.
 int64_t RigOfCamera(Database::Impl& impl, camera_t camera_id) {
   for (int attempt = 0; attempt < 2; ++attempt) {
-    for (const char* sql : {sql::kReadRig, sql::kReadRigSensor}) {
+    for (const char* sql :
+         {"SELECT rig_id FROM rigs WHERE ref_sensor_id = ?1 AND ref_sensor_type = 0;",
+          "SELECT rig_id FROM rig_sensors WHERE sensor_id = ?1 AND sensor_type = 0;"}) {
       Query query(impl, sql, camera_id);
       if (query.Step()) return query.Int(0);
     }
-    if (attempt == 0) Run(impl, sql::kWriteRig, camera_id);
+    if (attempt > 0) break;
+    Run(impl,
+        "INSERT INTO rigs(rig_id, ref_sensor_id, ref_sensor_type) "
+        "VALUES((SELECT COALESCE(MAX(rig_id), 0) + 1 FROM rigs), ?1, 0);",
+        camera_id);
   }
   throw BugError("a rig was written and cannot be found");
 }
@@ -27,31 +36,34 @@ struct FrameRow {
 };
 
 std::optional<FrameRow> ReadFrame(Database::Impl& impl, image_t image_id) {
-  Query query(impl, sql::kReadFrame, image_id);
+  Query query(impl,
+              "SELECT frame_id, sensor_id FROM frame_data WHERE data_id = ?1 AND sensor_type = 0;",
+              image_id);
   if (!query.Step()) return std::nullopt;
   return FrameRow{query.Int(0), query.Int(1)};
 }
 
-// COLMAP 4.x: takes the image out of its frame, which must hold nothing else.
+// Takes the image out of its frame, which must hold nothing else.
 void DeleteFrame(Database::Impl& impl, image_t image_id) {
   const std::optional<FrameRow> frame = ReadFrame(impl, image_id);
   if (!frame) return;
-  Run(impl, sql::kDeleteFrameData, frame->frame_id);
-  Run(impl, sql::kDeleteFrame, frame->frame_id);
+  Run(impl, "DELETE FROM frame_data WHERE frame_id = ?1;", frame->frame_id);
+  Run(impl, "DELETE FROM frames WHERE frame_id = ?1;", frame->frame_id);
 }
 
-// COLMAP 4.x: a frame of its own for the image, unless it has one.
+// A frame of its own for the image, unless it has one.
 void EnsureFrame(Database::Impl& impl, const Image& image) {
   const std::optional<FrameRow> frame = ReadFrame(impl, image.image_id);
   if (frame && frame->sensor_id == image.camera_id) return;
   DeleteFrame(impl, image.image_id);
-  Run(impl, sql::kWriteFrame, RigOfCamera(impl, image.camera_id));
-  Run(impl, sql::kWriteFrameData, image.image_id, image.camera_id);
-}
-
-void DeleteCamera(Database::Impl& impl, int64_t camera_id) {
-  if (impl.has_rigs) Run(impl, sql::kDeleteRig, camera_id);
-  Run(impl, sql::kDeleteCamera, camera_id);
+  Run(impl,
+      "INSERT INTO frames(frame_id, rig_id) "
+      "VALUES((SELECT COALESCE(MAX(frame_id), 0) + 1 FROM frames), ?1);",
+      RigOfCamera(impl, image.camera_id));
+  Run(impl,
+      "INSERT INTO frame_data(frame_id, data_id, sensor_id, sensor_type) "
+      "VALUES((SELECT MAX(frame_id) FROM frames), ?1, ?2, 0);",
+      image.image_id, image.camera_id);
 }
 
 }  // namespace
@@ -81,30 +93,31 @@ std::vector<UnknownCamera> Database::ReadUnknownCameras() const {
   std::vector<UnknownCamera> cameras;
   Query query(*impl_, sql::kReadCameras);
   while (query.Step()) {
-    if (CameraModelFromId(static_cast<int>(query.Int(1)))) continue;
-    cameras.push_back({.camera_id = static_cast<camera_t>(query.Int(0)),
+    if (CameraModelFromId(query.Int<int>(1))) continue;
+    cameras.push_back({.camera_id = query.Int<camera_t>(0),
                        .model_id = query.Int(1),
-                       .width = static_cast<int>(query.Int(2)),
-                       .height = static_cast<int>(query.Int(3))});
+                       .width = query.Int<int>(2),
+                       .height = query.Int<int>(3)});
   }
   return cameras;
 }
 
 std::vector<Image> Database::ReadImages() const {
-  std::vector<Image> images;
-  Query query(*impl_, sql::kReadImages);
-  while (query.Step()) {
-    images.push_back({.image_id = static_cast<image_t>(query.Int(0)),
-                      .name = query.Text(1),
-                      .camera_id = static_cast<camera_t>(query.Int(2))});
-  }
-  return images;
+  return ReadRows<std::vector<Image>>(
+      {*impl_, "SELECT image_id, name, camera_id FROM usable_images ORDER BY image_id;"},
+      [](const Query& row) {
+        return Image{row.Int<image_t>(0), row.Text(1), row.Int<camera_t>(2)};
+      });
 }
 
 void Database::WriteCamera(const Camera& camera) {
   CAIRN_CHECK(camera.camera_id != kInvalidCameraId);
-  Run(*impl_, sql::kWriteCamera, camera.camera_id, static_cast<int>(camera.model), camera.width,
-      camera.height, BoundBlob{camera.params.data(), camera.params.size() * sizeof(double)},
+  Run(*impl_,
+      "INSERT INTO cameras(camera_id, model, width, height, params, prior_focal_length) "
+      "VALUES(?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT(camera_id) DO UPDATE SET model = ?2, width = ?3, "
+      "height = ?4, params = ?5, prior_focal_length = ?6;",
+      camera.camera_id, static_cast<int>(camera.model), camera.width, camera.height,
+      BoundBlob{camera.params.data(), camera.params.size() * sizeof(double)},
       camera.has_prior_focal_length);
   if (impl_->has_rigs) RigOfCamera(*impl_, camera.camera_id);
 }
@@ -112,46 +125,90 @@ void Database::WriteCamera(const Camera& camera) {
 void Database::WriteImage(const Image& image) {
   CAIRN_CHECK(image.image_id != kInvalidImageId);
   CAIRN_CHECK(image.camera_id != kInvalidCameraId);
-  Run(*impl_, sql::kWriteImage, image.image_id, image.name, image.camera_id);
+  Run(*impl_,
+      "INSERT INTO images(image_id, name, camera_id) VALUES(?1, ?2, ?3) "
+      "ON CONFLICT(image_id) DO UPDATE SET name = ?2, camera_id = ?3;",
+      image.image_id, image.name, image.camera_id);
   if (impl_->has_rigs) EnsureFrame(*impl_, image);
 }
 
 void Database::DeleteImage(image_t image_id) {
-  int64_t camera_id = 0;
-  {
-    Query query(*impl_, sql::kReadImageCamera, image_id);
-    if (!query.Step()) return;
-    camera_id = query.Int(0);
-  }
+  const auto cameras = ReadRows<std::vector<camera_t>>(
+      {*impl_, "SELECT camera_id FROM images WHERE image_id = ?1;", image_id},
+      [](const Query& row) { return row.Int<camera_t>(0); });
   if (impl_->has_rigs) DeleteFrame(*impl_, image_id);
-  Run(*impl_, sql::kDeleteImage, image_id);
-  const bool is_used = Query(*impl_, sql::kCameraIsUsed, camera_id).Step();
-  if (!is_used) DeleteCamera(*impl_, camera_id);
+  Run(*impl_, "DELETE FROM images WHERE image_id = ?1;", image_id);
+  for (const camera_t camera_id : cameras) {
+    if (impl_->has_rigs) {
+      Run(*impl_,
+          "DELETE FROM rigs WHERE ref_sensor_id = ?1 AND ref_sensor_type = 0 "
+          "AND ref_sensor_id NOT IN (SELECT camera_id FROM images);",
+          camera_id);
+    }
+    Run(*impl_,
+        "DELETE FROM cameras WHERE camera_id = ?1 "
+        "AND camera_id NOT IN (SELECT camera_id FROM images);",
+        camera_id);
+  }
 }
 
 void Database::DeleteUnusedCameras() {
-  std::vector<int64_t> unused;
-  {
-    Query query(*impl_, sql::kReadUnusedCameras);
-    while (query.Step()) unused.push_back(query.Int(0));
+  if (impl_->has_rigs) {
+    impl_->Execute(
+        "DELETE FROM rigs WHERE ref_sensor_type = 0 AND ref_sensor_id IN (SELECT camera_id FROM "
+        "cameras WHERE camera_id NOT IN (SELECT camera_id FROM images));");
   }
-  for (const int64_t camera_id : unused) DeleteCamera(*impl_, camera_id);
+  impl_->Execute("DELETE FROM cameras WHERE camera_id NOT IN (SELECT camera_id FROM images);");
+}
+
+void Database::DeleteFeaturesAndPairs(const std::set<image_t>& images) {
+  impl_->Execute("CREATE TEMP TABLE IF NOT EXISTS removed(image_id INTEGER PRIMARY KEY);");
+  for (const image_t id : images) Run(*impl_, "INSERT INTO removed VALUES(?1);", id);
+  for (const std::string table : {"keypoints", "descriptors", "cairn_depth_scales"}) {
+    impl_->Execute(
+        ("DELETE FROM " + table + " WHERE image_id IN (SELECT image_id FROM removed);").c_str());
+  }
+  // An item is an image, or a pair, whose ids are larger than those of images.
+  const auto erase = [&](const std::string& from_where, const std::string& item) {
+    const std::string is_removed = " IN (SELECT image_id FROM removed)";
+    impl_->Execute(("DELETE FROM " + from_where + " " + item + " >= 0 AND (" + item +
+                    " % 2147483647" + is_removed + " OR (" + item + " > 2147483646 AND " + item +
+                    " / 2147483647" + is_removed + "));")
+                       .c_str());
+  };
+  for (const std::string table : {"matches", "two_view_geometries", "cairn_pair_metrics",
+                                  "cairn_pair_choices", "cairn_focal_evidence"}) {
+    erase(table + " WHERE", "pair_id");
+  }
+  erase("cairn_jobs WHERE stage <> 'cameras' AND", "item");
+  erase("cairn_timings WHERE item > 0 AND", "item");
+  impl_->Execute("DELETE FROM removed;");
+}
+
+void Database::DeleteImagesAndPairs(const std::set<image_t>& images) {
+  DeleteFeaturesAndPairs(images);
+  for (const image_t id : images) {
+    Run(*impl_,
+        "DELETE FROM cairn_photos WHERE name = (SELECT name FROM images WHERE image_id = ?1);", id);
+    DeleteJob(kStageCameras, id);
+    DeleteImage(id);
+  }
 }
 
 Database::Transaction::Transaction(Database& database) : database_(&database) {
-  database.impl_->Execute(sql::kBegin);
+  database.impl_->Execute("BEGIN IMMEDIATE;");
 }
 
 Database::Transaction::~Transaction() {
   // A failed statement may already have rolled back; then there is nothing left to do.
   if (database_ && !sqlite3_get_autocommit(database_->impl_->connection)) {
-    sqlite3_exec(database_->impl_->connection, sql::kRollback, nullptr, nullptr, nullptr);
+    sqlite3_exec(database_->impl_->connection, "ROLLBACK;", nullptr, nullptr, nullptr);
   }
 }
 
 void Database::Transaction::Commit() {
   CAIRN_CHECK(database_ != nullptr);
-  database_->impl_->Execute(sql::kCommit);
+  database_->impl_->Execute("COMMIT;");
   database_ = nullptr;
 }
 

@@ -1,6 +1,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/database/database.h"
 #include "database/query.h"
@@ -30,22 +31,35 @@ bool AreFinite(const std::byte* floats, size_t n) {
   return any == 0;
 }
 
-std::map<image_t, int> NumRowsOfImages(Database::Impl& impl, const char* sql) {
-  std::map<image_t, int> num_rows;
-  Query query(impl, sql);
-  while (query.Step()) {
-    num_rows[static_cast<image_t>(query.Int(0))] = static_cast<int>(query.Int(1));
+std::map<image_t, int> ReadNumRows(Query&& query) {
+  return ReadRows<std::map<image_t, int>>(std::move(query), [](const Query& row) {
+    return std::pair(row.Int<image_t>(0), row.Int<int>(1));
+  });
+}
+
+// A stored depth sample: depth, ddepth_dx, ddepth_dy. Valid where depth is positive; 0: missing.
+constexpr int kDepthColumns = 3;
+
+std::vector<float> DepthRows(const std::vector<DepthSample>& samples) {
+  std::vector<float> rows;
+  rows.reserve(samples.size() * kDepthColumns);
+  for (const DepthSample& s : samples) {
+    if (s.is_valid) {
+      rows.insert(rows.end(), {s.depth, s.ddepth_dx, s.ddepth_dy});
+    } else {
+      rows.insert(rows.end(), kDepthColumns, 0.0f);
+    }
   }
-  return num_rows;
+  return rows;
 }
 
 }  // namespace
 
 std::optional<std::vector<Keypoint>> Database::ReadKeypoints(image_t image_id) const {
-  Query query(*impl_, sql::kReadKeypoints, image_id);
+  Query query(*impl_, "SELECT rows, cols, data FROM keypoints WHERE image_id = ?1;", image_id);
   if (!query.Step()) return std::nullopt;
   const std::string row = RowName("keypoints", image_id);
-  const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, 0, sizeof(float), row);
+  const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, sizeof(float), row);
   std::vector<Keypoint> keypoints(static_cast<size_t>(matrix.rows));
   if (keypoints.empty()) return keypoints;
   if (matrix.cols != 2 && matrix.cols != 4 && matrix.cols != 6) {
@@ -70,10 +84,10 @@ std::optional<std::vector<Keypoint>> Database::ReadKeypoints(image_t image_id) c
 }
 
 std::optional<Descriptors> Database::ReadDescriptors(image_t image_id) const {
-  Query query(*impl_, sql::kReadDescriptors, image_id);
+  Query query(*impl_, "SELECT rows, cols, data FROM descriptors WHERE image_id = ?1;", image_id);
   if (!query.Step()) return std::nullopt;
   const MatrixBlob matrix =
-      ReadMatrixBlob(*impl_, query, 0, sizeof(uint8_t), RowName("descriptors", image_id));
+      ReadMatrixBlob(*impl_, query, sizeof(uint8_t), RowName("descriptors", image_id));
   Descriptors descriptors(matrix.rows, matrix.cols);
   if (descriptors.size() > 0) {
     std::memcpy(descriptors.data(), matrix.data, static_cast<size_t>(descriptors.size()));
@@ -81,24 +95,74 @@ std::optional<Descriptors> Database::ReadDescriptors(image_t image_id) const {
   return descriptors;
 }
 
+std::optional<std::vector<DepthSample>> Database::ReadDepthSamples(image_t image_id) const {
+  Query query(*impl_,
+              "SELECT rows, cols, data FROM cairn_depth_scales WHERE image_id = ?1 AND scale = 0;",
+              image_id);
+  if (!query.Step()) return std::nullopt;
+  const std::string row = RowName("cairn_depth_scales", image_id);
+  const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, sizeof(float), row);
+  if (matrix.cols != kDepthColumns) {
+    throw IoError(path(), row + ": " + std::to_string(matrix.cols) + " columns instead of 3");
+  }
+  std::vector<DepthSample> samples(static_cast<size_t>(matrix.rows));
+  for (size_t i = 0; i < samples.size(); ++i) {
+    float values[kDepthColumns];
+    std::memcpy(values, matrix.data + i * sizeof(values), sizeof(values));
+    samples[i] = {values[0], values[1], values[2], values[0] > 0};
+  }
+  return samples;
+}
+
+std::optional<uint64_t> Database::ReadDepthHash(image_t image_id) const {
+  Query query(*impl_, "SELECT hash FROM cairn_depth_scales WHERE image_id = ?1 AND scale = 0;",
+              image_id);
+  if (!query.Step()) return std::nullopt;
+  return query.Int<uint64_t>(0);
+}
+
 void Database::WriteKeypoints(image_t image_id, const std::vector<Keypoint>& keypoints) {
-  Run(*impl_, sql::kWriteKeypoints, image_id, keypoints.size(), 6,
+  Run(*impl_,
+      "INSERT OR REPLACE INTO keypoints(image_id, rows, cols, data) VALUES(?1, ?2, ?3, ?4);",
+      image_id, keypoints.size(), 6,
       BoundBlob{keypoints.data(), keypoints.size() * sizeof(Keypoint)});
 }
 
 void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors) {
-  const bool typed = impl_->has_descriptor_types;
-  Run(*impl_, typed ? sql::kWriteTypedDescriptors : sql::kWriteDescriptors, image_id,
-      descriptors.rows(), descriptors.cols(),
+  // In COLMAP 4.x descriptors have a type; 0 is SIFT.
+  Run(*impl_,
+      impl_->has_descriptor_types
+          ? "INSERT OR REPLACE INTO descriptors(image_id, rows, cols, data, type) "
+            "VALUES(?1, ?2, ?3, ?4, 0);"
+          : "INSERT OR REPLACE INTO descriptors(image_id, rows, cols, data) "
+            "VALUES(?1, ?2, ?3, ?4);",
+      image_id, descriptors.rows(), descriptors.cols(),
       BoundBlob{descriptors.data(), static_cast<size_t>(descriptors.size())});
 }
 
+void Database::WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples) {
+  const std::vector<float> rows = DepthRows(samples);
+  Run(*impl_,
+      "INSERT OR REPLACE INTO cairn_depth_scales(image_id, scale, hash, rows, cols, data) "
+      "VALUES(?1, 0, ?2, ?3, ?4, ?5);",
+      image_id, HashValues(rows), samples.size(), kDepthColumns,
+      BoundBlob{rows.data(), rows.size() * sizeof(float)});
+}
+
 std::map<image_t, int> Database::ReadNumKeypoints() const {
-  return NumRowsOfImages(*impl_, sql::kReadNumKeypoints);
+  return ReadNumRows(
+      {*impl_, "SELECT image_id, rows FROM keypoints WHERE " CAIRN_SQL_USABLE_IMAGE ";"});
 }
 
 std::map<image_t, int> Database::ReadNumDescriptors() const {
-  return NumRowsOfImages(*impl_, sql::kReadNumDescriptors);
+  return ReadNumRows(
+      {*impl_, "SELECT image_id, rows FROM descriptors WHERE " CAIRN_SQL_USABLE_IMAGE ";"});
+}
+
+std::map<image_t, int> Database::ReadNumDepthSamples() const {
+  return ReadNumRows({*impl_,
+                      "SELECT image_id, rows FROM cairn_depth_scales WHERE scale = 0 "
+                      "AND " CAIRN_SQL_USABLE_IMAGE ";"});
 }
 
 }  // namespace cairn

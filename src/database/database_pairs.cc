@@ -18,7 +18,7 @@ std::string RowName(const char* table, image_pair_t pair_id) {
 
 FeatureMatches MatchesFromBlob(const Database::Impl& impl, const Query& query,
                                const std::string& row_name) {
-  const MatrixBlob matrix = ReadMatrixBlob(impl, query, 0, sizeof(uint32_t), row_name);
+  const MatrixBlob matrix = ReadMatrixBlob(impl, query, sizeof(uint32_t), row_name);
   FeatureMatches matches(static_cast<size_t>(matrix.rows));
   if (matches.empty()) return matches;
   if (matrix.cols != 2) {
@@ -112,13 +112,10 @@ TwoViewConfig ConfigFromInt(int64_t config) {
   return config == 9 ? TwoViewConfig::kCalibrated : TwoViewConfig::kUndefined;
 }
 
-std::vector<std::pair<image_pair_t, int>> NumRowsOfPairs(Database::Impl& impl, const char* sql) {
-  std::vector<std::pair<image_pair_t, int>> num_rows;
-  Query query(impl, sql);
-  while (query.Step()) {
-    num_rows.emplace_back(static_cast<image_pair_t>(query.Int(0)), static_cast<int>(query.Int(1)));
-  }
-  return num_rows;
+std::vector<std::pair<image_pair_t, int>> ReadNumRowsOfPairs(Query&& query) {
+  return ReadRows<std::vector<std::pair<image_pair_t, int>>>(
+      std::move(query),
+      [](const Query& row) { return std::pair(row.Int<image_pair_t>(0), row.Int<int>(1)); });
 }
 
 std::vector<image_pair_t> IdsWithRows(const std::vector<std::pair<image_pair_t, int>>& num_rows) {
@@ -129,21 +126,21 @@ std::vector<image_pair_t> IdsWithRows(const std::vector<std::pair<image_pair_t, 
   return ids;
 }
 
-PairMetrics MetricsFromRow(const Database::Impl& impl, const Query& query) {
+PairMetrics MetricsFromRow(const Database::Impl& impl, const Query& row) {
   PairMetrics m;
-  m.pair_id = static_cast<image_pair_t>(query.Int(0));
-  m.verifier = query.Text(1);
-  m.status = query.Text(2);
-  m.is_winner = query.Int(3) != 0;
-  m.step = query.Text(4);
-  m.num_matches = static_cast<int>(query.Int(5));
-  m.num_inliers = static_cast<int>(query.Int(6));
-  m.num_iterations = query.Int(7);
-  m.score = query.Double(8);
-  m.residual_px = query.Double(9);
-  m.triangulation_angle_deg = query.Double(10);
+  m.pair_id = row.Int<image_pair_t>(0);
+  m.verifier = row.Text(1);
+  m.status = row.Text(2);
+  m.is_winner = row.Int<bool>(3);
+  m.step = row.Text(4);
+  m.num_matches = row.Int<int>(5);
+  m.num_inliers = row.Int<int>(6);
+  m.num_iterations = row.Int(7);
+  m.score = row.Double(8);
+  m.residual_px = row.Double(9);
+  m.triangulation_angle_deg = row.Double(10);
   try {
-    m.cam2_from_cam1 = ReadPose(impl, query, 11, RowName("cairn_pair_metrics", m.pair_id));
+    m.cam2_from_cam1 = ReadPose(impl, row, 11, RowName("cairn_pair_metrics", m.pair_id));
   } catch (const IoError&) {  // a figure for people, which the row can do without
   }
   return m;
@@ -152,11 +149,15 @@ PairMetrics MetricsFromRow(const Database::Impl& impl, const Query& query) {
 }  // namespace
 
 std::vector<std::pair<image_pair_t, int>> Database::ReadNumMatches() const {
-  return NumRowsOfPairs(*impl_, sql::kReadNumMatches);
+  return ReadNumRowsOfPairs({*impl_,
+                             "SELECT pair_id, rows FROM matches WHERE " CAIRN_SQL_USABLE_PAIR
+                             " ORDER BY pair_id;"});
 }
 
 std::vector<std::pair<image_pair_t, int>> Database::ReadNumInliers() const {
-  return NumRowsOfPairs(*impl_, sql::kReadNumInliers);
+  return ReadNumRowsOfPairs(
+      {*impl_, "SELECT pair_id, rows FROM two_view_geometries WHERE " CAIRN_SQL_USABLE_PAIR
+               " ORDER BY pair_id;"});
 }
 
 std::vector<image_pair_t> Database::ReadMatchedPairIds() const {
@@ -168,18 +169,21 @@ std::vector<image_pair_t> Database::ReadTwoViewGeometryPairIds() const {
 }
 
 std::optional<FeatureMatches> Database::ReadMatches(image_pair_t pair_id) const {
-  Query query(*impl_, sql::kReadMatches, pair_id);
+  Query query(*impl_, "SELECT rows, cols, data FROM matches WHERE pair_id = ?1;", pair_id);
   if (!query.Step()) return std::nullopt;
   return MatchesFromBlob(*impl_, query, RowName("matches", pair_id));
 }
 
 void Database::WriteMatches(image_pair_t pair_id, const FeatureMatches& matches) {
-  Run(*impl_, sql::kWriteMatches, pair_id, matches.size(), 2,
-      BoundBlob{matches.data(), matches.size() * sizeof(FeatureMatch)});
+  Run(*impl_, "INSERT OR REPLACE INTO matches(pair_id, rows, cols, data) VALUES(?1, ?2, ?3, ?4);",
+      pair_id, matches.size(), 2, BoundBlob{matches.data(), matches.size() * sizeof(FeatureMatch)});
 }
 
 std::optional<TwoViewGeometry> Database::ReadTwoViewGeometry(image_pair_t pair_id) const {
-  Query query(*impl_, sql::kReadTwoViewGeometry, pair_id);
+  Query query(*impl_,
+              "SELECT rows, cols, data, config, F, E, H, qvec, tvec FROM two_view_geometries "
+              "WHERE pair_id = ?1;",
+              pair_id);
   if (!query.Step()) return std::nullopt;
   const std::string row = RowName("two_view_geometries", pair_id);
   TwoViewGeometry geometry;
@@ -195,59 +199,133 @@ std::optional<TwoViewGeometry> Database::ReadTwoViewGeometry(image_pair_t pair_i
 void Database::WriteTwoViewGeometry(image_pair_t pair_id, const TwoViewGeometry& geometry) {
   const FeatureMatches& inliers = geometry.inlier_matches;
   const std::optional<Rigid3d>& pose = geometry.cam2_from_cam1;
-  Run(*impl_, sql::kWriteTwoViewGeometry, pair_id, inliers.size(), 2,
-      BoundBlob{inliers.data(), inliers.size() * sizeof(FeatureMatch)},
+  Run(*impl_,
+      "INSERT OR REPLACE INTO two_view_geometries(pair_id, rows, cols, data, config, F, E, H, "
+      "qvec, tvec) VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10);",
+      pair_id, inliers.size(), 2, BoundBlob{inliers.data(), inliers.size() * sizeof(FeatureMatch)},
       static_cast<int>(geometry.config), RowMajor(geometry.F), RowMajor(geometry.E),
       RowMajor(geometry.H), QvecOf(pose), TvecOf(pose));
 }
 
 std::vector<PairChoiceRecord> Database::ReadPairChoices() const {
-  std::vector<PairChoiceRecord> choices;
-  Query query(*impl_, sql::kReadPairChoices);
-  while (query.Step()) {
-    choices.push_back(
-        {static_cast<image_pair_t>(query.Int(0)), static_cast<int>(query.Int(1)), query.Text(2)});
-  }
-  return choices;
+  return ReadRows<std::vector<PairChoiceRecord>>(
+      {*impl_, "SELECT pair_id, round, reason FROM cairn_pair_choices ORDER BY pair_id;"},
+      [](const Query& row) {
+        return PairChoiceRecord{row.Int<image_pair_t>(0), row.Int<int>(1), row.Text(2)};
+      });
 }
 
 void Database::WritePairChoice(const PairChoiceRecord& choice) {
-  Run(*impl_, sql::kWritePairChoice, choice.pair_id, choice.round, choice.reason);
+  Run(*impl_,
+      "INSERT OR IGNORE INTO cairn_pair_choices(pair_id, round, reason) VALUES(?1, ?2, ?3);",
+      choice.pair_id, choice.round, choice.reason);
 }
 
 std::vector<PairMetrics> Database::ReadPairMetrics() const {
-  std::vector<PairMetrics> metrics;
-  Query query(*impl_, sql::kReadAllPairMetrics);
-  while (query.Step()) metrics.push_back(MetricsFromRow(*impl_, query));
-  return metrics;
-}
-
-std::vector<PairMetrics> Database::ReadPairMetrics(image_pair_t pair_id) const {
-  std::vector<PairMetrics> metrics;
-  Query query(*impl_, sql::kReadPairMetrics, pair_id);
-  while (query.Step()) metrics.push_back(MetricsFromRow(*impl_, query));
-  return metrics;
-}
-
-std::map<std::string, int64_t> Database::CountWinners() const {
-  std::map<std::string, int64_t> counts;
-  Query query(*impl_, sql::kCountWinners);
-  while (query.Step()) counts[query.Text(0)] = query.Int(1);
-  return counts;
-}
-
-std::vector<Database::StepTimes> Database::ReadStepTimes() const {
-  std::vector<StepTimes> steps;
-  Query query(*impl_, sql::kReadStepTimes);
-  while (query.Step()) steps.push_back({query.Text(0), query.Int(1), query.Double(2)});
-  return steps;
+  return ReadRows<std::vector<PairMetrics>>(
+      {*impl_,
+       "SELECT pair_id, verifier, status, is_winner, step, num_matches, num_inliers, "
+       "num_iterations, score, residual_px, triangulation_angle_deg, qvec, tvec "
+       "FROM cairn_pair_metrics WHERE " CAIRN_SQL_USABLE_PAIR " ORDER BY pair_id, verifier;"},
+      [this](const Query& row) { return MetricsFromRow(*impl_, row); });
 }
 
 void Database::WritePairMetrics(const PairMetrics& metrics) {
-  Run(*impl_, sql::kWritePairMetrics, metrics.pair_id, metrics.verifier, metrics.status,
-      metrics.is_winner, metrics.step, metrics.num_matches, metrics.num_inliers,
-      metrics.num_iterations, metrics.score, metrics.residual_px, metrics.triangulation_angle_deg,
-      QvecOf(metrics.cam2_from_cam1), TvecOf(metrics.cam2_from_cam1));
+  Run(*impl_,
+      "INSERT OR REPLACE INTO cairn_pair_metrics(pair_id, verifier, status, is_winner, step, "
+      "num_matches, num_inliers, num_iterations, score, residual_px, triangulation_angle_deg, "
+      "qvec, tvec) VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13);",
+      metrics.pair_id, metrics.verifier, metrics.status, metrics.is_winner, metrics.step,
+      metrics.num_matches, metrics.num_inliers, metrics.num_iterations, metrics.score,
+      metrics.residual_px, metrics.triangulation_angle_deg, QvecOf(metrics.cam2_from_cam1),
+      TvecOf(metrics.cam2_from_cam1));
+}
+
+std::map<std::string, int64_t> Database::CountWinners() const {
+  return ReadRows<std::map<std::string, int64_t>>(
+      {*impl_,
+       "SELECT verifier, COUNT(*) FROM cairn_pair_metrics WHERE is_winner GROUP BY verifier;"},
+      [](const Query& row) { return std::pair(row.Text(0), row.Int(1)); });
+}
+
+std::vector<Database::StepTimes> Database::ReadStepTimes() const {
+  return ReadRows<std::vector<StepTimes>>(
+      {*impl_,
+       "SELECT m.step, COUNT(*), TOTAL(t.seconds) FROM cairn_pair_metrics AS m LEFT JOIN "
+       "cairn_timings AS t ON t.stage = 'verification' AND t.item = m.pair_id AND t.label = "
+       "m.verifier WHERE m.step <> '' GROUP BY m.step ORDER BY COUNT(*) DESC, m.step;"},
+      [](const Query& row) {
+        return StepTimes{row.Text(0), row.Int(1), row.Double(2)};
+      });
+}
+
+void Database::DeletePairResults(image_pair_t pair_id) {
+  Run(*impl_, "DELETE FROM two_view_geometries WHERE pair_id = ?1;", pair_id);
+  Run(*impl_, "DELETE FROM cairn_pair_metrics WHERE pair_id = ?1;", pair_id);
+}
+
+std::vector<PairFocalEvidence> Database::ReadFocalEvidence() const {
+  return ReadRows<std::vector<PairFocalEvidence>>(
+      {*impl_,
+       "SELECT pair_id, num_matches, num_by_essential, num_by_fundamental FROM "
+       "cairn_focal_evidence WHERE " CAIRN_SQL_USABLE_PAIR " ORDER BY pair_id;"},
+      [](const Query& row) {
+        return PairFocalEvidence{row.Int<image_pair_t>(0), row.Int<int>(1), row.Int<int>(2),
+                                 row.Int<int>(3)};
+      });
+}
+
+void Database::WriteFocalEvidence(const PairFocalEvidence& evidence) {
+  Run(*impl_,
+      "INSERT OR REPLACE INTO cairn_focal_evidence(pair_id, num_matches, num_by_essential, "
+      "num_by_fundamental) VALUES(?1, ?2, ?3, ?4);",
+      evidence.pair_id, evidence.num_matches, evidence.num_by_essential,
+      evidence.num_by_fundamental);
+}
+
+void Database::DeleteFocalEvidence(image_pair_t pair_id) {
+  Run(*impl_, "DELETE FROM cairn_focal_evidence WHERE pair_id = ?1;", pair_id);
+}
+
+std::map<camera_t, CameraFocal> Database::ReadCameraFocals() const {
+  return ReadRows<std::map<camera_t, CameraFocal>>(
+      {*impl_,
+       "SELECT camera_id, is_refuted, num_pairs, num_refuting FROM cairn_camera_focals "
+       "ORDER BY camera_id;"},
+      [](const Query& row) {
+        return std::pair(row.Int<camera_t>(0),
+                         CameraFocal{row.Int<bool>(1), row.Int<int>(2), row.Int<int>(3)});
+      });
+}
+
+void Database::WriteCameraFocals(const std::map<camera_t, CameraFocal>& focals) {
+  impl_->Execute("DELETE FROM cairn_camera_focals;");
+  for (const auto& [id, focal] : focals) {
+    Run(*impl_,
+        "INSERT INTO cairn_camera_focals(camera_id, is_refuted, num_pairs, num_refuting) "
+        "VALUES(?1, ?2, ?3, ?4);",
+        id, focal.is_rejected, focal.num_pairs, focal.num_contradicting);
+  }
+}
+
+std::map<camera_t, CameraLens> Database::ReadCameraLenses() const {
+  return ReadRows<std::map<camera_t, CameraLens>>(
+      {*impl_,
+       "SELECT camera_id, focal_px, focal_sigma, is_focal_known, k, k_sigma, num_pairs "
+       "FROM cairn_camera_lenses ORDER BY camera_id;"},
+      [](const Query& row) {
+        return std::pair(row.Int<camera_t>(0),
+                         CameraLens{row.Double(1), row.Double(2), row.Int<bool>(3), row.Double(4),
+                                    row.Double(5), row.Int<int>(6)});
+      });
+}
+
+void Database::WriteCameraLens(camera_t camera_id, const CameraLens& lens) {
+  Run(*impl_,
+      "INSERT OR REPLACE INTO cairn_camera_lenses(camera_id, focal_px, focal_sigma, "
+      "is_focal_known, k, k_sigma, num_pairs) VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7);",
+      camera_id, lens.focal_px, lens.focal_sigma, lens.is_focal_known, lens.k, lens.k_sigma,
+      lens.num_pairs);
 }
 
 }  // namespace cairn

@@ -2,75 +2,71 @@
 
 #include "cairn/database/database.h"
 #include "database/query.h"
-#include "database/sql.h"
+#include "database/stage_names.h"
 
 namespace cairn {
-namespace {
-
-JobRecord JobFromRow(const Query& query) {
-  return {static_cast<uint64_t>(query.Int(0)), static_cast<uint64_t>(query.Int(1)), query.Text(2)};
-}
-
-}  // namespace
 
 void Database::WriteTiming(const std::string& stage, uint64_t item, const std::string& label,
                            double seconds) {
-  Run(*impl_, sql::kWriteTiming, stage, item, label, seconds);
+  Run(*impl_,
+      "INSERT OR REPLACE INTO cairn_timings(stage, item, label, seconds) VALUES(?1, ?2, ?3, ?4);",
+      stage, item, label, seconds);
 }
 
-void Database::AddTiming(const std::string& stage, uint64_t item, const std::string& label,
-                         double seconds) {
-  Run(*impl_, sql::kAddTiming, stage, item, label, seconds);
+void Database::AddStageTime(const std::string& stage, double seconds) {
+  Run(*impl_,
+      "INSERT INTO cairn_timings(stage, item, label, seconds) VALUES(?1, 0, '', ?2) "
+      "ON CONFLICT(stage, item, label) DO UPDATE SET seconds = seconds + ?2;",
+      stage, seconds);
 }
 
 std::optional<double> Database::ReadTiming(const std::string& stage, uint64_t item,
                                            const std::string& label) const {
-  Query query(*impl_, sql::kReadTiming, stage, item, label);
+  Query query(*impl_,
+              "SELECT seconds FROM cairn_timings WHERE stage = ?1 AND item = ?2 AND label = ?3;",
+              stage, item, label);
   if (!query.Step()) return std::nullopt;
   return query.Double(0);
 }
 
 std::vector<PhotoRecord> Database::ReadPhotos() const {
-  std::vector<PhotoRecord> photos;
-  Query query(*impl_, sql::kReadPhotos);
-  while (query.Step()) {
-    photos.push_back({query.Text(0), static_cast<uint64_t>(query.Int(1)), query.Text(2)});
-  }
-  return photos;
+  return ReadRows<std::vector<PhotoRecord>>(
+      {*impl_, "SELECT name, file_hash, error FROM cairn_photos ORDER BY name;"},
+      [](const Query& row) {
+        return PhotoRecord{row.Text(0), row.Int<uint64_t>(1), row.Text(2)};
+      });
 }
 
 void Database::WritePhoto(const PhotoRecord& photo) {
-  Run(*impl_, sql::kWritePhoto, photo.name, photo.file_hash, photo.error);
+  Run(*impl_, "INSERT OR REPLACE INTO cairn_photos(name, file_hash, error) VALUES(?1, ?2, ?3);",
+      photo.name, photo.file_hash, photo.error);
 }
 
-void Database::ClearPhotos() { impl_->Execute(sql::kClearPhotos); }
+void Database::ClearPhotos() { impl_->Execute("DELETE FROM cairn_photos;"); }
 
 std::vector<JobRecord> Database::ReadJobs(const std::string& stage) const {
-  std::vector<JobRecord> jobs;
-  Query query(*impl_, sql::kReadJobs, stage);
-  while (query.Step()) jobs.push_back(JobFromRow(query));
-  return jobs;
-}
-
-std::optional<JobRecord> Database::ReadJob(const std::string& stage, uint64_t item) const {
-  Query query(*impl_, sql::kReadJob, stage, item);
-  if (!query.Step()) return std::nullopt;
-  return JobFromRow(query);
+  return ReadRows<std::vector<JobRecord>>(
+      {*impl_, "SELECT item, input_hash, note FROM cairn_jobs WHERE stage = ?1 ORDER BY item;",
+       stage},
+      [](const Query& row) {
+        return JobRecord{row.Int<uint64_t>(0), row.Int<uint64_t>(1), row.Text(2)};
+      });
 }
 
 void Database::WriteJob(const std::string& stage, const JobRecord& job) {
-  Run(*impl_, sql::kWriteJob, stage, job.item, job.input_hash, job.note);
+  Run(*impl_,
+      "INSERT OR REPLACE INTO cairn_jobs(stage, item, input_hash, note) VALUES(?1, ?2, ?3, ?4);",
+      stage, job.item, job.input_hash, job.note);
 }
 
 void Database::DeleteJob(const std::string& stage, uint64_t item) {
-  Run(*impl_, sql::kDeleteJob, stage, item);
+  Run(*impl_, "DELETE FROM cairn_jobs WHERE stage = ?1 AND item = ?2;", stage, item);
 }
 
 std::map<std::string, int64_t> Database::CountJobNotes(const std::string& stage) const {
-  std::map<std::string, int64_t> counts;
-  Query query(*impl_, sql::kCountJobNotes, stage);
-  while (query.Step()) counts[query.Text(0)] = query.Int(1);
-  return counts;
+  return ReadRows<std::map<std::string, int64_t>>(
+      {*impl_, "SELECT note, COUNT(*) FROM cairn_jobs WHERE stage = ?1 GROUP BY note;", stage},
+      [](const Query& row) { return std::pair(row.Text(0), row.Int(1)); });
 }
 
 std::map<std::string, std::string> StageRecord::OptionValues() const {
@@ -84,31 +80,34 @@ std::map<std::string, std::string> StageRecord::OptionValues() const {
 }
 
 std::optional<StageRecord> Database::ReadStage(const std::string& stage) const {
-  Query query(*impl_, sql::kReadStage, stage);
+  Query query(*impl_, "SELECT stage, options, is_complete FROM cairn_stages WHERE stage = ?1;",
+              stage);
   if (!query.Step()) return std::nullopt;
-  return StageRecord{query.Text(0), query.Text(1), static_cast<uint64_t>(query.Int(2)),
-                     query.Int(3) != 0};
+  return StageRecord{query.Text(0), query.Text(1), query.Int<bool>(2)};
 }
 
 void Database::WriteStage(const StageRecord& record) {
-  Run(*impl_, sql::kWriteStage, record.stage, record.options, record.input_hash,
-      record.is_complete);
+  Run(*impl_,
+      "INSERT OR REPLACE INTO cairn_stages(stage, options, input_hash, is_complete) "
+      "VALUES(?1, ?2, 0, ?3);",
+      record.stage, record.options, record.is_complete);
 }
 
-void Database::ClearFeatures() { impl_->Execute(sql::kClearFeatures); }
-
-void Database::ClearDepth() { impl_->Execute(sql::kClearDepth); }
-
-void Database::ClearPairChoices() { impl_->Execute(sql::kClearPairChoices); }
-
-void Database::ClearMatches() { impl_->Execute(sql::kClearMatches); }
-
-void Database::ClearVerification() { impl_->Execute(sql::kClearVerification); }
-
 void Database::ClearStage(const std::string& stage) {
-  for (const char* sql : {sql::kClearJobs, sql::kClearTimings, sql::kClearStage}) {
-    Run(*impl_, sql, stage);
-  }
+  const std::map<std::string, const char*> erase_results = {
+      {kStageFeatures, "DELETE FROM keypoints; DELETE FROM descriptors;"},
+      {kStageDepth, "DELETE FROM cairn_depth_scales;"},
+      {kStagePairs, "DELETE FROM cairn_pair_choices;"},
+      {kStageMatching, "DELETE FROM matches;"},
+      {kStageVerification,
+       "DELETE FROM two_view_geometries; DELETE FROM cairn_pair_metrics; "
+       "DELETE FROM cairn_focal_evidence; DELETE FROM cairn_camera_focals; "
+       "DELETE FROM cairn_camera_lenses;"}};
+  const auto results = erase_results.find(stage);
+  if (results != erase_results.end()) impl_->Execute(results->second);
+  Run(*impl_, "DELETE FROM cairn_jobs WHERE stage = ?1;", stage);
+  Run(*impl_, "DELETE FROM cairn_timings WHERE stage = ?1;", stage);
+  Run(*impl_, "DELETE FROM cairn_stages WHERE stage = ?1;", stage);
 }
 
 }  // namespace cairn

@@ -9,8 +9,8 @@ namespace cairn {
 // The note of a matching record: its image came with matches of another program.
 inline constexpr char kGivenNote[] = "given";
 
-// Which pairs our own matching stage matched: theirs are best first (MatchDescriptors). Other
-// programs' matches are in an order that tells nothing.
+// Which pairs our own matching stage matched: their matches are best first (MatchDescriptors);
+// those of other programs are in no known order.
 class OwnMatches {
  public:
   explicit OwnMatches(const Database& database);

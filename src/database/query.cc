@@ -92,13 +92,13 @@ std::span<const std::byte> Query::Blob(int column) const {
   return {data, static_cast<size_t>(sqlite3_column_bytes(statement_, column))};
 }
 
-MatrixBlob ReadMatrixBlob(const Database::Impl& impl, const Query& query, int first_column,
-                          size_t value_size, const std::string& row_name) {
+MatrixBlob ReadMatrixBlob(const Database::Impl& impl, const Query& query, size_t value_size,
+                          const std::string& row_name) {
   MatrixBlob matrix;
-  matrix.rows = query.Int(first_column);
-  matrix.cols = query.Int(first_column + 1);
-  const std::span<const std::byte> blob = query.Blob(first_column + 2);
-  // Rows without columns need no bytes, and would be as many as the row says.
+  matrix.rows = query.Int(0);
+  matrix.cols = query.Int(1);
+  const std::span<const std::byte> blob = query.Blob(2);
+  // (A row count without columns would need no bytes, and could be any number.)
   const bool fits = matrix.rows >= 0 && matrix.rows < (int64_t{1} << 32) &&
                     matrix.cols >= (matrix.rows > 0 ? 1 : 0) && matrix.cols < (int64_t{1} << 16);
   const size_t expected =

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -19,15 +20,19 @@ namespace cairn {
 struct Database::Impl {
   std::string path;
   sqlite3* connection = nullptr;
-  std::unordered_map<const char*, sqlite3_stmt*> statements;  // by address of the SQL constant
+  std::unordered_map<const char*, sqlite3_stmt*> statements;  // by address of the SQL literal
   bool has_rigs = false;                                      // COLMAP 4.x: rigs, frames
   bool has_descriptor_types = false;                          // COLMAP 4.x: descriptors.type
 
   ~Impl();
-  // Throws what SQLite says, in our words where it is one of the usual troubles.
+  // Throws IoError with SQLite's reason, in our words for the usual ones.
   [[noreturn]] void Throw(const std::string& what, int code) const;
   void Execute(const char* sql);
 };
+
+// Opens the file, creates missing tables where the mode allows, and finds out which COLMAP wrote
+// it. Throws IoError.
+std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database::Mode mode);
 
 // Memory that becomes a blob; never NULL, even when empty.
 struct BoundBlob {
@@ -35,8 +40,9 @@ struct BoundBlob {
   size_t num_bytes = 0;
 };
 
-// One use of a prepared statement with its values, ?1 first: numbers, texts, blobs, and arrays of
-// doubles that become blobs, or NULL. They must live until Step. Columns are 0-based.
+// One use of a prepared statement (`sql` is a literal) with its values, ?1 first: numbers, texts,
+// blobs, and arrays of doubles that become blobs, or NULL. They must live until Step. Columns are
+// 0-based.
 class Query {
  public:
   Query(Database::Impl& impl, const char* sql);
@@ -54,7 +60,10 @@ class Query {
   // For statements that give no rows.
   void Run();
 
-  int64_t Int(int column) const { return sqlite3_column_int64(statement_, column); }
+  template <class T = int64_t>
+  T Int(int column) const {
+    return static_cast<T>(sqlite3_column_int64(statement_, column));
+  }
   double Double(int column) const { return sqlite3_column_double(statement_, column); }
   std::string Text(int column) const;
   std::span<const std::byte> Blob(int column) const;
@@ -82,15 +91,23 @@ void Run(Database::Impl& impl, const char* sql, const Values&... values) {
   Query(impl, sql, values...).Run();
 }
 
-// Blob of a matrix with `rows` x `cols` values of `value_size` bytes at the columns (rows, cols,
-// data) from `first_column` on; checks the size. `row_name`, as in "keypoints of image 3", is for
+// All rows of a query in a vector or map, each as `from_row(query)` gives it.
+template <class Rows, class FromRow>
+Rows ReadRows(Query&& query, const FromRow& from_row) {
+  Rows rows;
+  while (query.Step()) rows.insert(rows.end(), from_row(query));
+  return rows;
+}
+
+// Blob of a matrix with `rows` x `cols` values of `value_size` bytes, of a query whose first
+// columns are rows, cols, data; checks the size. `row_name`, as in "keypoints of image 3", is for
 // the message.
 struct MatrixBlob {
   int64_t rows = 0;
   int64_t cols = 0;
   const std::byte* data = nullptr;
 };
-MatrixBlob ReadMatrixBlob(const Database::Impl& impl, const Query& query, int first_column,
-                          size_t value_size, const std::string& row_name);
+MatrixBlob ReadMatrixBlob(const Database::Impl& impl, const Query& query, size_t value_size,
+                          const std::string& row_name);
 
 }  // namespace cairn

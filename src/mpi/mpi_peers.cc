@@ -31,8 +31,8 @@ class MpiPeers : public Peers {
     MPI_Comm_size(MPI_COMM_WORLD, &size_);
   }
 
-  // Who leaves says so by an empty message. Rank 0 takes what comes before it, late results which
-  // nobody waits for any more, so that everybody can send what is left.
+  // A rank that leaves sends an empty message. Rank 0 receives, and drops, the late results that
+  // come before it, so that all can send what is left.
   ~MpiPeers() override {
     if (rank_ > 0) MpiPeers::Send(0, "");
     for (int to = 1; rank_ == 0 && to < size_; ++to) MpiPeers::Send(to, "");

@@ -91,8 +91,8 @@ std::map<image_t, int> FindComponents(const PairEvidence& evidence) {
   return component_of;
 }
 
-// The count of matches of largest features that tells verified candidates from the others that were
-// matched with the fewest errors; of equal ones the largest.
+// The count of matches of largest features that separates verified candidates from matched, but not
+// verified, ones with the fewest errors; of equal ones the largest.
 int SeparatingCount(const PairEvidence& evidence,
                     const std::map<image_t, std::vector<Candidate>>& candidates) {
   std::map<int, int, std::greater<>> gain;  // count -> verified less others with that count

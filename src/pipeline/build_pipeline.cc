@@ -14,22 +14,17 @@
 #include "pipeline/stages/import_dataset.h"
 #include "pipeline/stages/recompute.h"
 #include "pipeline/stages/stage_ledger.h"
-#include "pipeline/stages/stage_options.h"
 
 namespace cairn {
 namespace {
-
-std::string VerificationStageOptions(const BuildPipelineOptions& options, uint64_t seed) {
-  return "verifier = \"" + std::string(NameOf(kVerifierChoices, options.inputs.verifier)) +
-         "\"\nseed = " + std::to_string(seed) + "\n" +
-         DumpQualified("verification", options.verification);
-}
 
 // Of all pairs with matches.
 VerificationInput InputOfVerification(const BuildPipelineOptions& options, uint64_t seed) {
   VerificationInput input;
   input.min_num_matches = options.verification.min_num_matches;
-  input.options = VerificationStageOptions(options, seed);
+  input.options = "verifier = \"" + std::string(NameOf(kVerifierChoices, options.inputs.verifier)) +
+                  "\"\nseed = " + std::to_string(seed) + "\n" +
+                  DumpQualified("verification", options.verification);
   return input;
 }
 
@@ -51,7 +46,7 @@ void CheckStageOptions(Database& database, const BuildPipelineOptions& options, 
     StageLedger(database, kStageMatching, DumpQualified("matching", options.matching));
   }
   if (last >= BuildStage::kVerification) {
-    StageLedger(database, kStageVerification, VerificationStageOptions(options, seed));
+    StageLedger(database, kStageVerification, InputOfVerification(options, seed).options);
   }
 }
 
@@ -115,8 +110,7 @@ bool MatchAndVerify(Database& database, const BuildPipelineOptions& options,
     run.monitor.Info(text);
   }
   return KeepGoing(
-      report,
-      VerifyPairs(database, VerifiersOf(options), input, options.scheduler, run, helpers).stage);
+      report, VerifyPairs(database, VerifiersOf(options), input, options.scheduler, run, helpers));
 }
 
 // Chooses, matches and verifies pairs, round by round.
@@ -193,8 +187,7 @@ std::optional<DepthGain> DepthGainOf(const RunReport& report, Database& database
   double seconds = 0, num_tried = 0;
   for (const StageReport& stage : report.stages) {
     seconds += stage.seconds;
-    if (stage.name != kStageVerification) continue;
-    for (const auto& [key, value] : stage.values) num_tried += key == "tried" ? value : 0;
+    if (stage.name == kStageVerification) num_tried += stage.Value("tried");
   }
   if (num_tried == 0) return std::nullopt;
   return MeasureDepthGain(database, InputOfVerification(options, report.seed),

@@ -40,8 +40,8 @@ std::optional<DepthGain> MeasureDepthGain(Database& database, const Verification
   const std::vector<image_pair_t> pairs = PairsWithDepth(database, seed);
   if (pairs.empty()) return std::nullopt;
   const StageLedger ledger(database, kStageVerification, input.options);
-  // What cannot be read was named before.
-  PairLoader loader(database.path(), input.min_num_matches, false, ledger, NullMonitor());
+  Stage stage(NullMonitor(), kStageVerification);  // What cannot be read was named before.
+  PairLoader loader(database.path(), input.min_num_matches, ledger, stage);
   loader.BeginDoneAgain(PairLoader::Priors::kKnown);
   const auto read_image = [&loader](image_t id) {
     return std::make_shared<const PairImage>(loader.LoadImage(id));

@@ -11,19 +11,18 @@ namespace cairn {
 namespace {
 
 void CountComponents(const std::vector<std::pair<image_pair_t, int>>& pairs,
-                     const std::vector<Image>& images, ViewGraphSummary& summary) {
+                     ViewGraphSummary& summary) {
+  const bool are_imported = summary.verified_by.count(kImportedVerifier) > 0;  // without inliers
   std::map<image_t, int> nodes;
-  for (const Image& image : images) nodes.emplace(image.image_id, static_cast<int>(nodes.size()));
+  const auto node = [&nodes](image_t id) {
+    return nodes.emplace(id, static_cast<int>(nodes.size())).first->second;
+  };
   std::vector<GraphEdge> edges;
   for (const auto& [pair, num_inliers] : pairs) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    const bool is_edge = num_inliers > 0 || summary.verified_by.count(kImportedVerifier) > 0;
-    if (is_edge && nodes.count(id1) > 0 && nodes.count(id2) > 0) {
-      edges.push_back({nodes[id1], nodes[id2]});
-    }
+    if (num_inliers > 0 || are_imported) edges.push_back({node(id1), node(id2)});
   }
   for (const auto& component : ConnectedComponents(static_cast<int>(nodes.size()), edges).nodes) {
-    if (component.size() < 2) continue;
     ++summary.num_components;
     summary.largest_component =
         std::max(summary.largest_component, static_cast<int>(component.size()));
@@ -75,8 +74,7 @@ std::string WithParts(int64_t total, const std::map<std::string, int64_t>& parts
 
 ViewGraphSummary SummarizeDatabase(const Database& database) {
   ViewGraphSummary summary;
-  const std::vector<Image> images = database.ReadImages();
-  summary.num_images = static_cast<int>(images.size());
+  summary.num_images = static_cast<int>(database.ReadImages().size());
   summary.num_images_with_features = static_cast<int>(database.ReadNumKeypoints().size());
   summary.num_images_with_depth = static_cast<int>(database.ReadNumDepthSamples().size());
   for (const PhotoRecord& photo : database.ReadPhotos()) {
@@ -103,7 +101,7 @@ ViewGraphSummary SummarizeDatabase(const Database& database) {
       summary.num_tried += num;
     }
   }
-  CountComponents(num_inliers, images, summary);
+  CountComponents(num_inliers, summary);
   return summary;
 }
 

@@ -1,5 +1,6 @@
 #include "cairn/report/run_report.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -37,6 +38,11 @@ std::string_view StageStatusName(StageStatus status) {
       return "skipped";
   }
   return "unknown";
+}
+
+double StageReport::Value(std::string_view key) const {
+  const auto entry = std::ranges::find(values, key, &std::pair<std::string, double>::first);
+  return entry == values.end() ? 0 : entry->second;
 }
 
 std::string ToJson(const RunReport& report) {

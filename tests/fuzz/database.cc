@@ -73,7 +73,6 @@ void ReadImageRows(const Database& database, image_t id) {
 
 void ReadPairRows(const Database& database, image_pair_t pair) {
   ReadOrRefuse([&] { database.ReadMatches(pair); });
-  ReadOrRefuse([&] { database.ReadPairMetrics(pair); });
   ReadOrRefuse([&] {
     const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(pair);
     if (!geometry || !geometry->cam2_from_cam1) return;

@@ -130,12 +130,8 @@ std::string DumpOptions(Options options) {
 }
 
 // Of an option of earlier versions that was removed: the value that all runs have today, "*"
-// where it never mattered. "" for other names. Files and databases of those versions may name it.
+// where it never mattered. "" for other names. Files of those versions may name it.
 std::string RetiredValue(std::string_view name);
-
-// Of an option that earlier versions did not have: the value by which they worked. "" for other
-// names. Databases of those versions lack it.
-std::string ImpliedValue(std::string_view name);
 
 // "; did you mean '<nearest>'?", the known name nearest by edit distance, or "" where none is near.
 std::string DidYouMean(const std::string& name, const std::vector<std::string>& known);

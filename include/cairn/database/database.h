@@ -90,7 +90,6 @@ class Database {
 
   // What each verifier found, ascending by (pair, verifier).
   std::vector<PairMetrics> ReadPairMetrics() const;
-  std::vector<PairMetrics> ReadPairMetrics(image_pair_t pair_id) const;
   void WritePairMetrics(const PairMetrics& metrics);
   // Evidence about prior focal lengths, ascending by pair, and the conclusions from it.
   std::vector<PairFocalEvidence> ReadFocalEvidence() const;
@@ -115,10 +114,10 @@ class Database {
   std::vector<StepTimes> ReadStepTimes() const;
 
   // Measured times: of a pair and verifier (stage "verification"), or of a whole stage (item 0,
-  // label ""). AddTiming adds to what is there, for stages that were interrupted.
+  // label ""), which is added to what is there, since a stage may have been interrupted.
   void WriteTiming(const std::string& stage, uint64_t item, const std::string& label,
                    double seconds);
-  void AddTiming(const std::string& stage, uint64_t item, const std::string& label, double seconds);
+  void AddStageTime(const std::string& stage, double seconds);
   std::optional<double> ReadTiming(const std::string& stage, uint64_t item,
                                    const std::string& label) const;
 
@@ -128,7 +127,6 @@ class Database {
   void WritePhoto(const PhotoRecord& photo);
   void ClearPhotos();
   std::vector<JobRecord> ReadJobs(const std::string& stage) const;  // ascending by item
-  std::optional<JobRecord> ReadJob(const std::string& stage, uint64_t item) const;
   void WriteJob(const std::string& stage, const JobRecord& job);
   void DeleteJob(const std::string& stage, uint64_t item);
   // Jobs of the stage with each note.
@@ -136,12 +134,8 @@ class Database {
   std::optional<StageRecord> ReadStage(const std::string& stage) const;
   void WriteStage(const StageRecord& record);
 
-  // Remove the results of a stage, whichever program wrote them, with its timings and its record.
-  void ClearFeatures();      // keypoints, descriptors
-  void ClearDepth();         // depth samples
-  void ClearPairChoices();   // why pairs were chosen
-  void ClearMatches();       // matches
-  void ClearVerification();  // two-view geometries, pair metrics, what was learned from them
+  // Removes the results of a stage, whichever program wrote them, with its jobs, timings and
+  // record. (Photographs, images and cameras stay.)
   void ClearStage(const std::string& stage);
 
   // Runs the writes between construction and Commit() as one transaction; rolled back if destroyed

@@ -96,8 +96,7 @@ struct JobRecord {
 // cairn_stages: a stage that was begun. Key: stage.
 struct StageRecord {
   std::string stage;
-  std::string options;      // TOML lines of all options that its results depend on
-  uint64_t input_hash = 0;  // of options and all jobs; 0 while the stage is not complete
+  std::string options;  // TOML lines of all options that its results depend on
   bool is_complete = false;
 
   std::map<std::string, std::string> OptionValues() const;  // by key

@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-// What the order of photographs of a sequence goes by.
+// What photographs of a sequence are ordered by.
 enum class PhotoOrder { kName, kTime };
 inline constexpr NamedValue<PhotoOrder> kPhotoOrders[] = {{PhotoOrder::kName, "name"},
                                                           {PhotoOrder::kTime, "time"}};

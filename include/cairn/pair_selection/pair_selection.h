@@ -37,12 +37,6 @@ inline constexpr NamedValue<PairReason> kPairReasons[] = {{PairReason::kExhausti
                                                           {PairReason::kLoop, "loop"},
                                                           {PairReason::kWeak, "weak"}};
 
-struct PairChoice {
-  image_pair_t pair_id = 0;
-  PairReason reason = PairReason::kExhaustive;
-  bool operator==(const PairChoice&) const = default;
-};
-
 // ---- sequential
 
 // The images of each folder in the order of their names, in which numbers count as numbers (a9

@@ -104,7 +104,7 @@ struct BuildPipelineOptions {
 };
 
 // The options, as TOML text, of the stages that are in the database already and that this run
-// keeps: what a run is not told stays as it was.
+// keeps: options that are not given again stay as they were.
 std::vector<std::string> StoredOptions(const BuildInputs& inputs);
 
 // What depth is worth to verification: times of sampled pairs, with it and without, on one thread.
@@ -148,10 +148,15 @@ struct BuildPipelineReport {
 // all in the database, which may have some of it already. Throws ConfigError for options that are
 // out of range or contradict each other or the database, IoError when the run cannot go on. Where
 // there is no usable result (nothing verified, or no features with stop_after features),
-// report.run.failure says so. With peers, this is rank 0 of a job whose other ranks run HelpToBuild
-// (help.h): they compute features, matches and verified pairs, too, and the database has the same
-// bytes.
+// report.run.failure says so. With peers, this is rank 0 of a job whose other ranks run
+// HelpToBuild: they compute features, matches and verified pairs, too, and the database has the
+// same bytes.
 BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options,
                                      const RunContext& run = {}, Peers* peers = nullptr);
+
+// What every other rank of a job does while rank 0 runs RunBuildPipeline: computes what it is sent,
+// until rank 0 leaves. It needs no database, and of the options none; photographs it reads by the
+// paths that rank 0 knows them by. Errors are sent to rank 0, whose run they end.
+void HelpToBuild(Peers& peers);
 
 }  // namespace cairn

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -29,35 +28,13 @@ struct VerificationInput {
   std::string options;
 };
 
-// What became of the pairs that this run worked on.
-struct VerificationCounts {
-  int64_t num_pairs = 0;    // looked at
-  int64_t num_too_few = 0;  // not tried: too few matches
-  int64_t num_tried = 0;    // given to the verifiers
-  int64_t num_verified = 0;
-  std::map<std::string, int64_t> verified_by;  // verifier -> pairs that it won
-  std::map<std::string, int64_t> rejected_by;  // reason -> pairs
-};
-
-struct VerificationReport {
-  StageReport stage;
-  VerificationCounts counts;
-  // Summed over all threads, for measuring the scheduler's own share.
-  double verifying_seconds = 0;
-  double reading_seconds = 0;
-  double writing_seconds = 0;
-  double learning_seconds = 0;  // wall clock, between the rounds
-  int num_learned_lenses = 0;   // cameras of which this run learned distortion or focal length
-  int num_rejected_focals = 0;  // cameras whose trusted focal lengths this run found to be wrong
-};
-
 // Verifies every pair with matches that has no row in two_view_geometries.
 // Each verifier runs on each pair independently; its outcome is a row of cairn_pair_metrics, its
 // time one of cairn_timings; the verified one with the largest score becomes the pair's row in
 // two_view_geometries (of equal ones the earlier in `verifiers`). A pair that no verifier accepts,
 // or that was not tried, gets an empty row, as from COLMAP.
 //
-// Likely pairs come first, in a round of their own (pipeline/pairs/rounds.h), after which it
+// Likely pairs come first, in a round of their own (pipeline/pairs/plan.h), after which it
 // is learned and stored what lenses unknown cameras have (intrinsics/lens_learning.h), and which
 // trusted focal lengths are wrong (intrinsics/focal_learning.h; the pairs of these cameras are
 // verified again, with what was learned). Within a round, pairs are ordered so that
@@ -66,10 +43,15 @@ struct VerificationReport {
 // matches, the options, the seed and what the first round learned, and on nothing else. Pairs that
 // are done are not done again; if their inputs have changed, ConfigError names the pair. Pairs with
 // a row that cannot be read are left out, with one Warning a row.
-VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
-                               const VerificationInput& input,
-                               const SchedulerOptions& scheduler = {}, const RunContext& run = {},
-                               Helpers* helpers = nullptr);
+//
+// Values of the report: of the pairs that this run worked on, "pairs", "tried" (those with enough
+// matches), "verified", "verified_by_<verifier>", "rejected_<reason>"; cameras of which it learned
+// a lens ("learned_lenses"), or that a trusted focal length is wrong ("rejected_focals"); and
+// "learning_seconds", "verifying_seconds", "reading_seconds", "writing_seconds", the last three
+// summed over threads.
+StageReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
+                        const VerificationInput& input, const SchedulerOptions& scheduler = {},
+                        const RunContext& run = {}, Helpers* helpers = nullptr);
 
 // The verifiers of --verifier, in the order of precedence. Throws ConfigError.
 std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options);

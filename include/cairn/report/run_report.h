@@ -30,6 +30,8 @@ struct StageReport {
     values.emplace_back(key, value);
     return *this;
   }
+  // 0 for a key that is not there.
+  double Value(std::string_view key) const;
   void MarkStopped() {
     status = StageStatus::kStopped;
     messages.push_back("stopped; run again to continue");

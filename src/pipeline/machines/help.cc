@@ -1,7 +1,3 @@
-#include "cairn/pipeline/help.h"
-
-#include <condition_variable>
-#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -9,11 +5,11 @@
 #include <thread>
 
 #include "base/hash.h"
+#include "base/work_queue.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "cairn/pipeline/build_pipeline.h"
 #include "pipeline/machines/messages.h"
-#include "pipeline/pairs/verify.h"
-#include "pipeline/stages/masks.h"
 
 namespace cairn {
 namespace {
@@ -32,21 +28,11 @@ class TaskThreads {
 
   // What is waiting is dropped.
   ~TaskThreads() {
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      is_over_ = true;
-    }
-    task_arrived_.notify_all();
+    tasks_.Stop();
     for (std::thread& thread : threads_) thread.join();
   }
 
-  void Push(Task task) {
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      tasks_.push_back(std::move(task));
-    }
-    task_arrived_.notify_one();
-  }
+  void Push(Task task) { tasks_.Push(std::move(task)); }
 
   // The results since the last call. Throws what a task threw.
   std::vector<std::string> TakeResults() {
@@ -58,21 +44,15 @@ class TaskThreads {
  private:
   void Run() {
     TaskVerifier verifier(verifiers_, seed_);
-    std::unique_lock<std::mutex> lock(mutex_);
-    while (true) {
-      task_arrived_.wait(lock, [this] { return is_over_ || !tasks_.empty(); });
-      if (is_over_) return;
-      const Task task = std::move(tasks_.front());
-      tasks_.pop_front();
-      lock.unlock();
+    while (const std::optional<Task> task = tasks_.Next()) {
       std::string result;
       std::exception_ptr error;
       try {
-        result = task(verifier);
+        result = (*task)(verifier);
       } catch (...) {
         error = std::current_exception();
       }
-      lock.lock();
+      const std::lock_guard<std::mutex> lock(mutex_);
       if (error) error_ = error;
       results_.push_back(std::move(result));
     }
@@ -80,12 +60,10 @@ class TaskThreads {
 
   const std::vector<NamedVerifier> verifiers_;
   const uint64_t seed_;
-  std::mutex mutex_;
-  std::condition_variable task_arrived_;
-  std::deque<Task> tasks_;
+  WorkQueue<Task> tasks_;
+  std::mutex mutex_;  // of what follows
   std::vector<std::string> results_;
   std::exception_ptr error_;
-  bool is_over_ = false;
   std::vector<std::thread> threads_;
 };
 

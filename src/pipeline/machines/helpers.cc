@@ -58,23 +58,6 @@ void Helpers::ReceiveHello(const Peers::Message& message, int num_threads) {
   if (hello.build_hash != build_hash_) wrong_build_ = helper.name;
 }
 
-HelperWork PairWork(TaskKind kind, PairFeed& feed, std::function<void(ByteSource& result)> accept) {
-  HelperWork work;
-  work.kind = kind;
-  work.max_tasks_per_thread = kMaxPairsPerThread;
-  work.num_left = [&feed] { return feed.NumLeft(); };
-  work.add_next = [&feed](TaskBatch& batch) {
-    const std::optional<PairTask> task = feed.Next();
-    if (task) batch.Add(*task);
-    return task.has_value();
-  };
-  work.accept = [accept = std::move(accept)](ByteSource& result, const std::string&) {
-    accept(result);
-  };
-  work.stop = [&feed] { feed.Stop(); };
-  return work;
-}
-
 HelperLoop::HelperLoop(Helpers* helpers, HelperWork work, const RunContext& run)
     : helpers_(helpers), work_(std::move(work)), run_(run) {
   if (helpers_ == nullptr) return;
@@ -150,8 +133,8 @@ void HelperLoop::SendTasks(int rank) {
 
 int64_t HelperLoop::BatchSize(const Helpers::Helper& helper) const {
   const int64_t share = work_.num_left() * helper.num_threads / (num_threads_ * kStepsPerThread);
-  return std::clamp<int64_t>(share, helper.num_threads,
-                             work_.max_tasks_per_thread * helper.num_threads);
+  const int64_t most = work_.kind == TaskKind::kExtract ? 1 : kMaxPairsPerThread;
+  return std::clamp<int64_t>(share, helper.num_threads, most * helper.num_threads);
 }
 
 }  // namespace cairn

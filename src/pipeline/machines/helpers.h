@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "cairn/base/parallel.h"
 #include "cairn/base/peers.h"
 #include "cairn/base/run_context.h"
 #include "pipeline/machines/batch.h"
@@ -15,8 +16,8 @@
 namespace cairn {
 
 // The other ranks of a job as rank 0 sees them: they compute features, matches and verified pairs
-// from what it sends them (help.h is their side). Rank 0 alone has the database, and its threads
-// compute too.
+// from what it sends them (HelpToBuild is their side). Rank 0 alone has the database, and its
+// threads compute too.
 class Helpers {
  public:
   // Tells them the setup. A helper keeps at most max_image_bytes of images for pairs to come.
@@ -45,16 +46,11 @@ class Helpers {
 // A stage's tasks, as HelperLoop takes them. All run in its thread.
 struct HelperWork {
   TaskKind kind = TaskKind::kExtract;
-  // Most tasks in a batch for each of the helper's threads; the last ones are smaller.
-  int64_t max_tasks_per_thread = 1;
   std::function<int64_t()> num_left;               // tasks that are left, about
   std::function<bool(TaskBatch& batch)> add_next;  // false: none is left
   std::function<void(ByteSource& result, const std::string& helper)> accept;
   std::function<void()> stop;  // the loop has failed: the threads of this process are to stop
 };
-
-// The work on the pairs of a feed.
-HelperWork PairWork(TaskKind kind, PairFeed& feed, std::function<void(ByteSource& result)> accept);
 
 // Has helpers compute tasks of a stage while the threads of this process take others. The stage's
 // results are the same: a task's result depends on the task alone.
@@ -84,5 +80,33 @@ class HelperLoop {
   std::exception_ptr error_;
   std::thread thread_;
 };
+
+// Computes all tasks of a queue (PairFeed, WorkQueue), in the threads of this process by
+// compute(worker, task) or by helpers, and gives each result to keep(result, helper), in any
+// thread; helper is "" for this process. Returns early, with what is done, when the monitor wants
+// to stop.
+template <class Result, class Queue, class Compute, class Keep>
+void ForEachTask(TaskKind kind, Queue& queue, Helpers* helpers, const RunContext& run,
+                 const Compute& compute, const Keep& keep) {
+  HelperWork work;
+  work.kind = kind;
+  work.num_left = [&queue] { return queue.NumLeft(); };
+  work.add_next = [&queue](TaskBatch& batch) {
+    const auto task = queue.Next();
+    if (task) batch.Add(*task);
+    return task.has_value();
+  };
+  work.accept = [&keep](ByteSource& result, const std::string& helper) {
+    keep(result.Get<Result>(), helper);
+  };
+  work.stop = [&queue] { queue.Stop(); };
+  const int64_t num_tasks = queue.NumLeft();
+  HelperLoop loop(helpers, std::move(work), run);
+  ParallelForWorker(run.num_threads, num_tasks, [&](int worker, int64_t) {
+    if (run.monitor.StopRequested()) queue.Stop();
+    if (const auto task = queue.Next()) keep(compute(worker, *task), "");
+  });
+  loop.Finish();
+}
 
 }  // namespace cairn

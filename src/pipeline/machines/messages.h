@@ -9,8 +9,8 @@
 #include "cairn/matching/matching.h"
 #include "cairn/two_view/options.h"
 #include "pipeline/pairs/feed.h"
-#include "pipeline/pairs/write.h"
-#include "pipeline/stages/extract_photo.h"
+#include "pipeline/pairs/verify.h"
+#include "pipeline/stages/masks.h"
 
 namespace cairn {
 

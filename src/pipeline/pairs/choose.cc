@@ -51,8 +51,8 @@ void CheckFacts(const PhotoFacts& facts, size_t num_images, const std::vector<Pa
   }
 }
 
-// Share of the neighbors in the sequences of which the one is among the first candidates of the
-// other: near 1 for a walk with a camera, near 0 where the order means nothing.
+// Share of the neighbors in the sequences that are among the first candidates of each other: near 1
+// for a walk with a camera, near 0 where the order means nothing.
 double ShareOfAlikeNeighbors(const std::vector<std::vector<image_t>>& sequences,
                              const std::vector<image_pair_t>& alike) {
   const std::vector<image_pair_t> neighbors = SequentialPairs(sequences, 1, false);
@@ -74,43 +74,41 @@ PairEvidence ReadEvidence(const Database& database, const std::map<image_t, int>
   return evidence;
 }
 
+// The last round that chose pairs for one of these reasons; -1: none did.
+int LastRound(const std::vector<PairChoiceRecord>& choices, PairReason first, PairReason last) {
+  int round = -1;
+  for (const auto& [reason, name] : kPairReasons) {
+    if (reason < first || reason > last) continue;
+    for (const PairChoiceRecord& choice : choices) {
+      if (choice.reason == name) round = std::max(round, choice.round);
+    }
+  }
+  return round;
+}
+
 int LastRound(const std::vector<PairChoiceRecord>& choices) {
-  int last = -1;
-  for (const auto& choice : choices) last = std::max(last, choice.round);
-  return last;
+  return LastRound(choices, PairReason::kExhaustive, PairReason::kWeak);
 }
 
 // The last round whose pairs were not proposed by the view graph: of the photographs that joined
 // last.
 int LastFirstRound(const std::vector<PairChoiceRecord>& choices) {
-  int last = 0;
-  for (const auto& choice : choices) {
-    const bool is_first =
-        std::any_of(std::begin(kPairReasons), std::end(kPairReasons), [&](const auto& reason) {
-          return reason.name == choice.reason && reason.value <= PairReason::kRetrieval;
-        });
-    if (is_first) last = std::max(last, choice.round);
-  }
-  return last;
+  return std::max(0, LastRound(choices, PairReason::kExhaustive, PairReason::kRetrieval));
 }
 
 // Of the pairs that were chosen for the reason in the latest round that had any: the share that is
 // verified; 1 if there was no such round since photographs joined.
 double LatestYield(const std::vector<PairChoiceRecord>& choices, const PairEvidence& evidence,
                    PairReason reason) {
-  const std::string name(NameOf(kPairReasons, reason));
-  int latest = 0;
-  for (const auto& choice : choices) {
-    if (choice.reason == name) latest = std::max(latest, choice.round);
-  }
-  if (latest <= LastFirstRound(choices)) return 1.0;  // Not yet for those that joined last.
+  const int latest = LastRound(choices, reason, reason);
+  if (latest <= LastFirstRound(choices)) return 1.0;
   int num = 0, num_verified = 0;
   for (const auto& choice : choices) {
-    if (choice.reason != name || choice.round != latest) continue;
+    if (choice.reason != NameOf(kPairReasons, reason) || choice.round != latest) continue;
     ++num;
     num_verified += evidence.verified.count(choice.pair_id) > 0;
   }
-  return num == 0 ? 1.0 : static_cast<double>(num_verified) / num;
+  return static_cast<double>(num_verified) / num;
 }
 
 }  // namespace
@@ -215,9 +213,8 @@ PairChooser::Choices PairChooser::FirstChoices() {
   return choices;
 }
 
-PairChooser::Choices PairChooser::NextChoices() {
+PairChooser::Choices PairChooser::NextChoices(const std::vector<PairChoiceRecord>& records) {
   Choices choices;
-  const std::vector<PairChoiceRecord> records = database_.ReadPairChoices();
   const PairEvidence evidence = ReadEvidence(database_, num_descriptors_);
   const auto add = [&](const std::vector<image_pair_t>& pairs, PairReason reason) {
     for (const image_pair_t pair : pairs) choices.emplace(pair, reason);
@@ -257,7 +254,7 @@ std::vector<image_pair_t> PairChooser::Write(const Choices& choices, int round) 
 }
 
 void PairChooser::WriteStage(bool is_complete) {
-  database_.WriteStage({kStagePairs, PairStageOptions(choosing_), 0, is_complete});
+  database_.WriteStage({kStagePairs, PairStageOptions(choosing_), is_complete});
 }
 
 StageReport PairChooser::ChooseFirst() {
@@ -302,7 +299,7 @@ std::vector<image_pair_t> PairChooser::ChooseNext() {
   const int last_round = LastRound(records);
   const bool is_last = last_round - LastFirstRound(records) >= choosing_.options.max_rounds;
   Choices choices;
-  if (!is_last) choices = NextChoices();
+  if (!is_last) choices = NextChoices(records);
   if (run_.monitor.StopRequested()) return {};
   Database::Transaction transaction(database_);
   std::vector<image_pair_t> added = Write(choices, last_round + 1);
@@ -312,7 +309,7 @@ std::vector<image_pair_t> PairChooser::ChooseNext() {
     run_.monitor.Info("round " + std::to_string(last_round + 1) + ": " +
                       std::to_string(added.size()) + " pairs proposed by the view graph");
   }
-  database_.AddTiming(kStagePairs, 0, "", timer.Seconds());
+  database_.AddStageTime(kStagePairs, timer.Seconds());
   return added;
 }
 

@@ -25,8 +25,8 @@ struct PairChoosing {
 // What the stage "pairs" depends on, as lines "key = value".
 std::string PairStageOptions(const PairChoosing& choosing);
 
-// Throws ConfigError for a way that needs what is not known of the photographs of a database where
-// none was chosen yet, so that it is told before features are extracted.
+// Throws ConfigError for a way that needs times or positions that the photographs lack, where no
+// pairs were chosen yet: before features are extracted, not after.
 void CheckPairWays(const Database& database, const PairChoosing& choosing, const RunContext& run);
 
 // Chooses the pairs that are matched, in rounds, and writes each with its reason into the database,
@@ -56,7 +56,7 @@ class PairChooser {
   void AddSequential(const PhotoFacts& facts, Choices& choices);
   void AddSpatial(const PhotoFacts& facts, Choices& choices);
   Choices FirstChoices();
-  Choices NextChoices();
+  Choices NextChoices(const std::vector<PairChoiceRecord>& records);
   // Writes those that are new, and returns them; ascending.
   std::vector<image_pair_t> Write(const Choices& choices, int round);
   void WriteStage(bool is_complete);

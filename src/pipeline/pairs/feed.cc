@@ -27,8 +27,8 @@ PairFeed::PairFeed(std::vector<PairTile> plan, LoadImage load_image, LoadPair lo
     : plan_(std::move(plan)),
       load_image_(std::move(load_image)),
       load_pair_(std::move(load_pair)),
-      max_queue_bytes_(max_queue_bytes),
       num_left_(CountPairs(plan_)),
+      queue_(kMaxQueueSize, max_queue_bytes),
       thread_([this] { Read(); }) {}
 
 PairFeed::~PairFeed() {
@@ -38,74 +38,38 @@ PairFeed::~PairFeed() {
 
 void PairFeed::Read() {
   try {
-    const auto image = [this](image_t id) -> ImagePtr {
-      ImagePtr& slot = images_[id];
+    std::map<image_t, ImagePtr> images;  // of the present tile
+    const auto image = [&](image_t id) -> ImagePtr {
+      ImagePtr& slot = images[id];
       if (!slot) slot = std::make_shared<const PairImage>(load_image_(id));
       return slot;
     };
     for (const PairTile& tile : plan_) {
-      std::erase_if(images_, [&tile](const auto& entry) {
+      std::erase_if(images, [&tile](const auto& entry) {
         return !std::binary_search(tile.images.begin(), tile.images.end(), entry.first);
       });
       for (const image_pair_t pair_id : tile.pairs) {
+        if (queue_.IsStopped()) return;
         PairTask task;
         task.pair_id = pair_id;
-        if (!load_pair_(task, image)) {
+        if (load_pair_(task, image)) {
+          const int64_t num_bytes = TaskBytes(task);
+          queue_.Push(std::move(task), num_bytes);
+        } else {
           --num_left_;
-        } else if (!Push(std::move(task))) {
-          return;
         }
-        if (is_stopped_) return;
       }
     }
+    queue_.Finish();
   } catch (...) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    error_ = std::current_exception();
+    queue_.Stop(std::current_exception());
   }
-  images_.clear();
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    is_over_ = true;
-  }
-  task_arrived_.notify_all();
-}
-
-bool PairFeed::Push(PairTask task) {
-  const int64_t bytes = TaskBytes(task);
-  std::unique_lock<std::mutex> lock(mutex_);
-  task_taken_.wait(lock, [&] {
-    return is_stopped_ || queue_.empty() ||
-           (queue_bytes_ + bytes <= max_queue_bytes_ && queue_.size() < kMaxQueueSize);
-  });
-  if (is_stopped_) return false;
-  queue_bytes_ += bytes;
-  queue_.push_back(std::move(task));
-  lock.unlock();
-  task_arrived_.notify_one();
-  return true;
 }
 
 std::optional<PairTask> PairFeed::Next() {
-  std::unique_lock<std::mutex> lock(mutex_);
-  task_arrived_.wait(lock, [this] { return !queue_.empty() || is_over_ || is_stopped_; });
-  if (error_) std::rethrow_exception(error_);
-  if (is_stopped_ || queue_.empty()) return std::nullopt;
-  PairTask task = std::move(queue_.front());
-  queue_.pop_front();
-  queue_bytes_ -= TaskBytes(task);
-  --num_left_;
-  lock.unlock();
-  task_taken_.notify_one();
+  std::optional<PairTask> task = queue_.Next();
+  if (task) --num_left_;
   return task;
-}
-
-void PairFeed::Stop() {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    is_stopped_ = true;
-  }
-  task_taken_.notify_all();
-  task_arrived_.notify_all();
 }
 
 }  // namespace cairn

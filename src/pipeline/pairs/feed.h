@@ -1,18 +1,15 @@
 #pragma once
 
 #include <atomic>
-#include <condition_variable>
 #include <cstdint>
-#include <deque>
-#include <exception>
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <thread>
 #include <vector>
 
+#include "base/work_queue.h"
 #include "cairn/base/types.h"
 #include "cairn/camera/camera.h"
 #include "cairn/matching/matching.h"
@@ -24,8 +21,8 @@ namespace cairn {
 // What a stage over pairs needs of one image.
 struct PairImage {
   Camera camera;
-  std::shared_ptr<const std::vector<Keypoint>> keypoints;  // none if the image is damaged
-  std::vector<DepthSample> depth;                          // empty: the image has no depth
+  std::vector<Keypoint> keypoints;
+  std::vector<DepthSample> depth;  // empty: the image has no depth
   Descriptors descriptors;
   uint64_t content_hash = 0;
   bool is_damaged = false;  // a row of it cannot be read: its pairs are left out
@@ -64,26 +61,16 @@ class PairFeed {
   // Tasks that are still to come, at most.
   int64_t NumLeft() const { return num_left_; }
   // No more tasks come after this.
-  void Stop();
+  void Stop() { queue_.Stop(); }
 
  private:
   void Read();
-  bool Push(PairTask task);  // false: stopped
 
   const std::vector<PairTile> plan_;
   const LoadImage load_image_;
   const LoadPair load_pair_;
-  const int64_t max_queue_bytes_;
-  std::mutex mutex_;
-  std::condition_variable task_arrived_;
-  std::condition_variable task_taken_;
-  std::deque<PairTask> queue_;
-  int64_t queue_bytes_ = 0;
-  std::atomic<int64_t> num_left_ = 0;
-  bool is_over_ = false;
-  std::atomic<bool> is_stopped_ = false;
-  std::exception_ptr error_;
-  std::map<image_t, ImagePtr> images_;  // of the present tile; the reading thread's own
+  std::atomic<int64_t> num_left_;
+  WorkQueue<PairTask> queue_;
   std::thread thread_;
 };
 

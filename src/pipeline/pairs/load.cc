@@ -1,18 +1,28 @@
 #include "pipeline/pairs/load.h"
 
+#include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/timer.h"
-#include "pipeline/stages/content_hash.h"
 
 namespace cairn {
+namespace {
 
-PairLoader::PairLoader(const std::string& database_path, int min_num_matches, bool keeps_keypoints,
-                       const StageLedger& ledger, ProgressMonitor& monitor)
+// What the geometry of a pair depends on; not the camera's id.
+uint64_t HashCamera(const Camera& camera) {
+  Hasher hasher;
+  hasher.Add(static_cast<int>(camera.model)).Add(camera.width).Add(camera.height);
+  for (const double param : camera.params) hasher.Add(param);
+  return hasher.Add(camera.has_prior_focal_length ? 1 : 0).Digest();
+}
+
+}  // namespace
+
+PairLoader::PairLoader(const std::string& database_path, int min_num_matches,
+                       const StageLedger& ledger, Stage& stage)
     : database_(database_path, Database::Mode::kReadOnly),
       min_num_matches_(min_num_matches),
-      keeps_keypoints_(keeps_keypoints),
       ledger_(ledger),
-      monitor_(monitor),
+      stage_(stage),
       own_matches_(database_) {
   for (Camera& camera : database_.ReadCameras()) {
     const camera_t id = camera.camera_id;
@@ -36,11 +46,6 @@ void PairLoader::BeginDoneAgain(Priors priors) {
   for (auto& [id, known] : intrinsics_) known.judgement.reset();
 }
 
-void PairLoader::Report(const std::string& message) {
-  monitor_.Warning(message);
-  messages_.push_back(message);
-}
-
 std::string PairLoader::Name(image_t id) const {
   const auto image = images_.find(id);
   return image == images_.end() ? "image " + std::to_string(id) : image->second.name;
@@ -56,7 +61,7 @@ PairImage PairLoader::LoadImage(image_t id) {
   try {
     ReadImage(id, loaded);
   } catch (const IoError& error) {
-    Report(std::string(error.what()) + "; the pairs of " + Name(id) + " are left out");
+    stage_.Warn(std::string(error.what()) + "; the pairs of " + Name(id) + " are left out");
     loaded.is_damaged = true;
   }
   is_damaged_[id] = loaded.is_damaged;
@@ -77,21 +82,23 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
     throw IoError(database_.path(), "has no camera of " + Name(id));
   }
   loaded.camera = camera->second;
-  const HashedKeypoints keypoints = ReadKeypoints(id);
-  loaded.keypoints = keypoints.keypoints;
+  auto keypoints = database_.ReadKeypoints(id);
+  if (!keypoints) throw IoError(database_.path(), "has matches, but no keypoints of " + Name(id));
+  loaded.keypoints = std::move(*keypoints);
   try {
     loaded.depth = database_.ReadDepthSamples(id).value_or(std::vector<DepthSample>());
-    if (!loaded.depth.empty() && loaded.depth.size() != loaded.keypoints->size()) {
-      throw IoError(database_.path(), "has " + std::to_string(loaded.keypoints->size()) +
+    if (!loaded.depth.empty() && loaded.depth.size() != loaded.keypoints.size()) {
+      throw IoError(database_.path(), "has " + std::to_string(loaded.keypoints.size()) +
                                           " keypoints of " + Name(id) + ", but " +
                                           std::to_string(loaded.depth.size()) + " depth samples");
     }
   } catch (const IoError& error) {
-    if (is_damaged_.count(id) == 0) Report(std::string(error.what()) + "; its depth is not used");
+    if (is_damaged_.count(id) == 0)
+      stage_.Warn(std::string(error.what()) + "; its depth is not used");
     loaded.depth.clear();
   }
   Hasher hasher;
-  hasher.Add(HashCamera(loaded.camera)).Add(keypoints.hash);
+  hasher.Add(HashCamera(loaded.camera)).Add(HashValues(loaded.keypoints));
   if (!loaded.depth.empty()) hasher.Add(*database_.ReadDepthHash(id));
   loaded.content_hash = hasher.Digest();
   const auto known = intrinsics_.find(camera->first);
@@ -100,25 +107,13 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
   loaded.camera.has_prior_focal_length = known->second.IsFocalTrusted();
 }
 
-PairLoader::HashedKeypoints PairLoader::ReadKeypoints(image_t id) {
-  const auto kept = kept_keypoints_.find(id);
-  if (kept != kept_keypoints_.end()) return kept->second;
-  auto keypoints = database_.ReadKeypoints(id);
-  if (!keypoints) throw IoError(database_.path(), "has matches, but no keypoints of " + Name(id));
-  HashedKeypoints hashed;
-  hashed.hash = HashKeypoints(*keypoints);
-  hashed.keypoints = std::make_shared<const std::vector<Keypoint>>(std::move(*keypoints));
-  if (keeps_keypoints_) kept_keypoints_[id] = hashed;
-  return hashed;
-}
-
 bool PairLoader::LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image) {
   const Timer timer;
   bool is_wanted = false;
   try {
     is_wanted = ReadPair(task, image);
   } catch (const IoError& error) {
-    Report(std::string(error.what()) + "; the pair is left out");
+    stage_.Warn(std::string(error.what()) + "; the pair is left out");
   }
   busy_seconds_ += timer.Seconds();
   return is_wanted;
@@ -129,7 +124,7 @@ bool PairLoader::ReadPair(PairTask& task, const std::function<PairFeed::ImagePtr
   task.matches = *database_.ReadMatches(task.pair_id);
   task.are_best_first = own_matches_.Contains(task.pair_id);
   Hasher hasher;
-  hasher.Add(HashMatches(task.matches));
+  hasher.Add(HashValues(task.matches));
   if (static_cast<int>(task.matches.size()) >= min_num_matches_) {
     task.image1 = image(id1);
     task.image2 = image(id2);
@@ -149,8 +144,8 @@ bool PairLoader::ReadPair(PairTask& task, const std::function<PairFeed::ImagePtr
 
 void PairLoader::CheckMatches(const PairTask& task) const {
   for (const FeatureMatch& match : task.matches) {
-    if (match.point1 < task.image1->keypoints->size() &&
-        match.point2 < task.image2->keypoints->size()) {
+    if (match.point1 < task.image1->keypoints.size() &&
+        match.point2 < task.image2->keypoints.size()) {
       continue;
     }
     const auto [id1, id2] = PairIdToImagePair(task.pair_id);

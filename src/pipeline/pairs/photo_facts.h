@@ -17,7 +17,7 @@ struct PhotoFacts {
 };
 
 // From EXIF of the files below image_path ("": none), and positions instead from the file gps_path,
-// if there is one. A file that is absent tells nothing.
+// if there is one. Absent files are passed over.
 PhotoFacts ReadPhotoFacts(const std::vector<Image>& images, const std::string& image_path,
                           const std::string& gps_path, int num_threads);
 

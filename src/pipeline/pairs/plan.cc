@@ -1,7 +1,7 @@
 #include "pipeline/pairs/plan.h"
 
 #include <algorithm>
-#include <set>
+#include <functional>
 #include <tuple>
 #include <utility>
 
@@ -33,11 +33,7 @@ std::map<image_t, int> GroupImages(const std::set<image_t>& images,
 }
 
 PairTile MakeTile(std::vector<image_pair_t> pairs) {
-  std::set<image_t> images;
-  for (const image_pair_t pair : pairs) {
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    images.insert({id1, id2});
-  }
+  const std::set<image_t> images = ImagesOf(pairs);
   std::map<image_t, size_t> blocks;
   for (const image_t id : images) {
     const size_t position = blocks.size();
@@ -55,14 +51,19 @@ PairTile MakeTile(std::vector<image_pair_t> pairs) {
 
 }  // namespace
 
-std::vector<PairTile> PlanPairTiles(const std::vector<image_pair_t>& pairs,
-                                    const std::map<image_t, int64_t>& image_bytes,
-                                    int64_t max_bytes) {
+std::set<image_t> ImagesOf(const std::vector<image_pair_t>& pairs) {
   std::set<image_t> images;
   for (const image_pair_t pair : pairs) {
     const auto [id1, id2] = PairIdToImagePair(pair);
     images.insert({id1, id2});
   }
+  return images;
+}
+
+std::vector<PairTile> PlanPairTiles(const std::vector<image_pair_t>& pairs,
+                                    const std::map<image_t, int64_t>& image_bytes,
+                                    int64_t max_bytes) {
+  const std::set<image_t> images = ImagesOf(pairs);
   const std::map<image_t, int> groups = GroupImages(images, image_bytes, max_bytes / 2);
   // (row, column or its negative in odd rows) sorts tiles in serpentine order.
   std::map<std::pair<int, int>, std::vector<image_pair_t>> tiles;
@@ -77,6 +78,27 @@ std::vector<PairTile> PlanPairTiles(const std::vector<image_pair_t>& pairs,
     plan.push_back(MakeTile(std::move(tile_pairs)));
   }
   return plan;
+}
+
+std::vector<image_pair_t> LikelyPairs(const std::vector<std::pair<image_pair_t, int>>& num_matches,
+                                      int per_image) {
+  // (fewer matches first, larger pair id first) of each image's best pairs so far.
+  std::map<image_t, std::set<std::pair<int, image_pair_t>, std::greater<>>> best;
+  const auto offer = [&best, per_image](image_t image, int matches, image_pair_t pair) {
+    auto& ranked = best[image];
+    ranked.insert({matches, ~pair});
+    if (static_cast<int>(ranked.size()) > per_image) ranked.erase(std::prev(ranked.end()));
+  };
+  for (const auto& [pair, matches] : num_matches) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    offer(id1, matches, pair);
+    offer(id2, matches, pair);
+  }
+  std::set<image_pair_t> likely;
+  for (const auto& [image, ranked] : best) {
+    for (const auto& [matches, inverted_pair] : ranked) likely.insert(~inverted_pair);
+  }
+  return {likely.begin(), likely.end()};
 }
 
 }  // namespace cairn

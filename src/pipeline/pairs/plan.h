@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <set>
+#include <utility>
 #include <vector>
 
 #include "cairn/base/types.h"
@@ -12,6 +14,8 @@ namespace cairn {
 // Of 1024 pairs that follow each other, most are of 64 images: so many, or a little more, go to one
 // machine together, and few images with them (machines/helpers.h).
 inline constexpr size_t kBlockImages = 32;
+
+std::set<image_t> ImagesOf(const std::vector<image_pair_t>& pairs);
 
 // Pairs that are done while the features of `images` are in memory.
 struct PairTile {
@@ -27,5 +31,14 @@ struct PairTile {
 std::vector<PairTile> PlanPairTiles(const std::vector<image_pair_t>& pairs,
                                     const std::map<image_t, int64_t>& image_bytes,
                                     int64_t max_bytes);
+
+// The pairs of the first of verification's two rounds, which are likely to be verified: they give a
+// connected view graph early, and the second round knows what is learned of cameras from them. The
+// rounds are fixed sets, so that a pair's result depends on no order of work.
+//
+// Of `num_matches` (ascending by pair), those among the `per_image` pairs with the most matches of
+// one of their images; of equal ones the smaller pair id comes first. Ascending.
+std::vector<image_pair_t> LikelyPairs(const std::vector<std::pair<image_pair_t, int>>& num_matches,
+                                      int per_image);
 
 }  // namespace cairn

@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <numbers>
 
+#include "base/hash.h"
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 
 namespace cairn {
 namespace {
@@ -26,6 +28,26 @@ std::optional<ExifKey> KeyOf(const Photo& photo) {
 }
 
 }  // namespace
+
+PhotoRecord FailedPhoto(const std::string& folder, PhotoRecord photo) {
+  try {
+    if (HashFile(PathInFolder(folder, photo.name)) != photo.file_hash) photo.file_hash = 0;
+  } catch (const IoError&) {
+    photo.file_hash = 0;
+  }
+  return photo;
+}
+
+std::map<camera_t, ImageSize> CameraSizes(const Database& database) {
+  std::map<camera_t, ImageSize> sizes;
+  for (const Camera& camera : database.ReadCameras()) {
+    sizes[camera.camera_id] = {camera.width, camera.height};
+  }
+  for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
+    sizes[camera.camera_id] = {camera.width, camera.height};
+  }
+  return sizes;
+}
 
 void CheckCameraOptions(const CameraOptions& options) {
   if (options.single_camera && options.single_camera_per_folder) {
@@ -50,11 +72,12 @@ std::optional<std::string> SharingFolder(const CameraOptions& options,
 }
 
 CameraMaker::CameraMaker(const CameraOptions& options, camera_t first_id,
-                         std::map<std::string, Camera> shared)
+                         std::map<std::string, SharedCamera> shared)
     : options_(options), next_id_(first_id), shared_(std::move(shared)) {}
 
 std::optional<camera_t> CameraMaker::CameraOf(Photo& photo) {
-  if (const auto folder = SharingFolder(options_, photo.name)) return SharedCamera(*folder, photo);
+  if (const auto folder = SharingFolder(options_, photo.name))
+    return CameraOfFolder(*folder, photo);
   const std::optional<ExifKey> key = KeyOf(photo);
   if (!key) return Make(photo).camera_id;
   const auto it = by_exif_.find(*key);
@@ -66,15 +89,15 @@ void CameraMaker::AddKnown(const Photo& photo, camera_t camera_id) {
   if (const std::optional<ExifKey> key = KeyOf(photo)) by_exif_.try_emplace(*key, camera_id);
 }
 
-std::optional<camera_t> CameraMaker::SharedCamera(const std::string& folder, Photo& photo) {
+std::optional<camera_t> CameraMaker::CameraOfFolder(const std::string& folder, Photo& photo) {
   auto shared = shared_.find(folder);
-  if (shared == shared_.end()) shared = shared_.emplace(folder, Make(photo)).first;
-  const Camera& camera = shared->second;
-  if (photo.size.width == camera.width && photo.size.height == camera.height) {
-    return camera.camera_id;
+  if (shared == shared_.end()) {
+    shared = shared_.emplace(folder, SharedCamera{Make(photo).camera_id, photo.size}).first;
   }
+  const SharedCamera& camera = shared->second;
+  if (photo.size == camera.size) return camera.camera_id;
   photo.error = "is " + SizeText(photo.size) + " pixels, the single camera " +
-                (folder.empty() ? "" : "of its folder ") + SizeText({camera.width, camera.height});
+                (folder.empty() ? "" : "of its folder ") + SizeText(camera.size);
   return std::nullopt;
 }
 

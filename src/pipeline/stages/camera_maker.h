@@ -25,7 +25,16 @@ struct Photo {
   std::string error;  // why it cannot be used
   ImageSize size;
   ExifInfo exif;
+  std::optional<Image> image;  // that it becomes
 };
+
+// How a photograph with an error is remembered: with its hash, so that it stays out until it
+// changes. 0 where it is another file by now or cannot be read for now (gone, no connection), so
+// that the next run tries it.
+PhotoRecord FailedPhoto(const std::string& folder, PhotoRecord photo);
+
+// The size of the photographs of each camera, those of unknown models included.
+std::map<camera_t, ImageSize> CameraSizes(const Database& database);
 
 // Throws ConfigError when camera_params do not fit camera_model, or both ways to share are asked
 // for.
@@ -39,12 +48,18 @@ using ExifKey = std::tuple<std::string, std::string, double, int, int>;
 std::optional<std::string> SharingFolder(const CameraOptions& options,
                                          const std::string& image_name);
 
+// A camera that photos share.
+struct SharedCamera {
+  camera_t camera_id = kInvalidCameraId;
+  ImageSize size;
+};
+
 // Gives photos their cameras, making new ones with ids from first_id on. `shared` are the cameras
 // that sharing folders have already.
 class CameraMaker {
  public:
   CameraMaker(const CameraOptions& options, camera_t first_id,
-              std::map<std::string, Camera> shared);
+              std::map<std::string, SharedCamera> shared);
 
   // A photograph that has this camera, for others to share.
   void AddKnown(const Photo& photo, camera_t camera_id);
@@ -53,12 +68,12 @@ class CameraMaker {
   const std::vector<Camera>& cameras() const { return cameras_; }
 
  private:
-  std::optional<camera_t> SharedCamera(const std::string& folder, Photo& photo);
+  std::optional<camera_t> CameraOfFolder(const std::string& folder, Photo& photo);
   const Camera& Make(const Photo& photo);
 
   const CameraOptions options_;
   camera_t next_id_;
-  std::map<std::string, Camera> shared_;
+  std::map<std::string, SharedCamera> shared_;
   std::map<ExifKey, camera_t> by_exif_;
   std::vector<Camera> cameras_;
 };

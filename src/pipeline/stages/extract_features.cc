@@ -1,19 +1,15 @@
 #include <atomic>
 #include <map>
-#include <mutex>
 #include <set>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
-#include "cairn/base/parallel.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
 #include "database/stage_names.h"
 #include "pipeline/machines/helpers.h"
-#include "pipeline/stages/camera_sizes.h"
-#include "pipeline/stages/extract_photo.h"
-#include "pipeline/stages/failed_photo.h"
+#include "pipeline/stages/camera_maker.h"
 #include "pipeline/stages/masks.h"
 #include "pipeline/stages/stage_ledger.h"
 
@@ -58,117 +54,67 @@ void WriteFailure(Database& database, const std::string& folder, const FeatureIt
   if (item.is_ours) database.DeleteImage(item.image.image_id);
 }
 
-// Extracts the features of all items, in the threads of this process and with helpers.
-class FeatureWork {
- public:
-  FeatureWork(const std::string& database_path, const std::string& image_path,
-              const FeatureOptions& options, const RunContext& run, std::vector<FeatureItem>& items)
-      : image_path_(image_path),
-        options_(options),
-        run_(run),
-        items_(items),
-        // An image's features are megabytes.
-        writer_(database_path, DatabaseWriter::Options{.max_queue_size = 8}) {}
-
-  // Returns the number of features.
-  int64_t Run(Helpers* helpers) {
-    HelperLoop loop(helpers, Work(), run_);
-    ParallelFor(run_.num_threads, std::ssize(items_), [this](int64_t) {
-      if (run_.monitor.StopRequested()) return;
-      FeatureItem* const item = Next();
-      if (item != nullptr) Compute(*item);
+// Extracts the features of all items, here and by helpers. Returns their number.
+int64_t ExtractAll(const std::string& database_path, const std::string& image_path,
+                   const FeatureOptions& options, const RunContext& run, Helpers* helpers,
+                   std::vector<FeatureItem>& items) {
+  DatabaseWriter writer(database_path, {.max_queue_size = 8});  // an image's features are megabytes
+  std::atomic<int64_t> num_features = 0;
+  const auto finish = [&](FeatureItem& item, Features features) {
+    num_features += std::ssize(features.keypoints);
+    writer.Push([&, features = std::make_shared<Features>(std::move(features))](Database& db) {
+      item.error.empty() ? WriteFeatures(db, item, *features) : WriteFailure(db, image_path, item);
     });
-    loop.Finish();
-    writer_.Finish();
-    return num_features_;
-  }
-
- private:
-  HelperWork Work() {
-    HelperWork work;
-    work.kind = TaskKind::kExtract;
-    work.num_left = [this] { return std::ssize(items_) - next_; };
-    work.add_next = [this](TaskBatch& batch) {
-      FeatureItem* const item = Next();
-      if (item == nullptr) return false;
-      batch.Add(PhotoTask{static_cast<uint64_t>(item - items_.data()), PathsOf(*item),
-                          item->camera_size, item->input.input_hash});
-      return true;
-    };
-    work.accept = [this](ByteSource& result, const std::string& helper) {
-      Accept(result.Get<PhotoResult>(), helper);
-    };
-    work.stop = [this] { next_ = std::ssize(items_); };
-    return work;
-  }
-
-  PhotoPaths PathsOf(const FeatureItem& item) const {
-    return {PathInFolder(image_path_, item.image.name), item.input.mask_path};
-  }
-
-  // nullptr: there are no more.
-  FeatureItem* Next() {
-    const int64_t i = next_++;
-    return i < std::ssize(items_) ? &items_[i] : nullptr;
-  }
-
-  void Compute(FeatureItem& item) {
+    run.monitor.Advance(1);
+  };
+  const auto extract = [&](const PhotoTask& task) {
+    PhotoResult result{task.item, "", {}};
     try {
-      Keep(item, ExtractPhoto(PathsOf(item), item.camera_size, options_));
+      result.features = ExtractPhoto(task.photo, task.camera_size, options);
     } catch (const IoError& error) {
-      if (error.path() == item.input.mask_path) throw;
-      item.error = error.reason();
-      writer_.Push([this, &item](Database& db) { WriteFailure(db, image_path_, item); });
-      run_.monitor.Advance(1);
+      if (error.path() == task.photo.mask_path) throw;
+      result.error = error.reason();
+    }
+    return result;
+  };
+  std::vector<PhotoTask> tasks(items.size());
+  WorkQueue<PhotoTask> queue;
+  for (size_t i = 0; i < items.size(); ++i) {
+    const FeatureInput& input = items[i].input;
+    try {
+      tasks[i] = {i,
+                  {PathInFolder(image_path, items[i].image.name), input.mask_path},
+                  items[i].camera_size,
+                  input.input_hash};
+      queue.Push(tasks[i]);
+    } catch (const IoError& error) {
+      items[i].error = error.reason();
+      finish(items[i], {});
     }
   }
-
-  void Keep(FeatureItem& item, Features features) {
-    num_features_ += std::ssize(features.keypoints);
-    writer_.Push([&item, features = std::make_shared<Features>(std::move(features))](Database& db) {
-      WriteFeatures(db, item, *features);
-    });
-    run_.monitor.Advance(1);
-  }
-
-  // A photograph that a helper cannot read may be damaged; but then this process cannot either.
-  void Accept(PhotoResult result, const std::string& helper) {
-    FeatureItem& item = items_[result.item];
-    if (result.error.empty()) {
-      Keep(item, std::move(result.features));
-      return;
-    }
-    Compute(item);
-    if (item.error.empty()) {
-      throw IoError(helper, "cannot use " + PathInFolder(image_path_, item.image.name) +
-                                ", which rank 0 can (" + result.error +
-                                "); all machines need the same photographs at the same path");
-    }
-  }
-
-  const std::string& image_path_;
-  const FeatureOptions& options_;
-  const RunContext& run_;
-  std::vector<FeatureItem>& items_;
-  DatabaseWriter writer_;
-  std::atomic<int64_t> next_ = 0;
-  std::atomic<int64_t> num_features_ = 0;
-};
+  queue.Finish();
+  ForEachTask<PhotoResult>(
+      TaskKind::kExtract, queue, helpers, run,
+      [&](int, const PhotoTask& task) { return extract(task); },
+      [&](PhotoResult result, const std::string& helper) {
+        // A photograph that a helper cannot read may be damaged; but then this process cannot
+        // either.
+        if (!result.error.empty() && !helper.empty()) {
+          const std::string error = std::exchange(result, extract(tasks[result.item])).error;
+          if (result.error.empty()) {
+            throw IoError(helper, "cannot use " + tasks[result.item].photo.path +
+                                      ", which rank 0 can (" + error +
+                                      "); all machines need the same photographs at the same path");
+          }
+        }
+        items[result.item].error = result.error;
+        finish(items[result.item], std::move(result.features));
+      });
+  writer.Finish();
+  return num_features;
+}
 
 }  // namespace
-
-Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
-                      const FeatureOptions& options) {
-  const Bitmap bitmap = ReadBitmap(photo.path, BitmapColor::kGray);
-  const ImageSize size{bitmap.width, bitmap.height};
-  if (size != camera_size) {
-    throw IoError(photo.path,
-                  "is " + SizeText(size) + " pixels, its camera " + SizeText(camera_size));
-  }
-  if (photo.mask_path.empty()) return ExtractFeatures(bitmap, options);
-  const Bitmap mask = ReadBitmap(photo.mask_path, BitmapColor::kGray);
-  return ExtractFeatures(bitmap, options, &mask);
-}
 
 StageReport ExtractImageFeatures(Database& database, const FeatureSource& source,
                                  const FeatureOptions& options, const RunContext& run,
@@ -189,8 +135,7 @@ StageReport ExtractImageFeatures(Database& database, const FeatureSource& source
   if (!items.empty()) {
     ledger.Begin(database);
     run.monitor.BeginStage("extracting features", std::ssize(items));
-    num_features =
-        FeatureWork(database.path(), source.image_path, options, run, items).Run(helpers);
+    num_features = ExtractAll(database.path(), source.image_path, options, run, helpers, items);
     run.monitor.EndStage();
   }
   for (const FeatureItem& item : items) {

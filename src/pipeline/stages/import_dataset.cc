@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-// The side of an image of which nothing is known, px.
+// The side of an image with unknown size and focal length, px.
 constexpr double kUnknownSize = 1000;
 
 image_t ImageId(int index) { return static_cast<image_t>(index + 1); }

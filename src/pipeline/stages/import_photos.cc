@@ -14,7 +14,6 @@
 #include "cairn/scene/image.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
-#include "pipeline/stages/failed_photo.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -129,93 +128,87 @@ bool IsPending(const StageLedger& ledger, image_t id) {
   return job != nullptr && job->note == kPendingCamera;
 }
 
-// The cameras that photos which join later share: those of the first image of each sharing folder.
-std::map<std::string, Camera> SharedCameras(const CameraOptions& options,
-                                            const std::vector<Image>& images,
-                                            const std::vector<Camera>& cameras,
-                                            const StageLedger& ledger) {
-  std::map<std::string, Camera> shared;
-  for (const Image& image : images) {
-    const std::optional<std::string> folder = SharingFolder(options, image.name);
-    if (!folder || shared.count(*folder) > 0) continue;
-    if (ledger.Find(image.image_id) == nullptr || IsPending(ledger, image.image_id)) continue;
-    const auto camera = std::ranges::find(cameras, image.camera_id, &Camera::camera_id);
-    if (camera != cameras.end()) shared.emplace(*folder, *camera);
-  }
-  return shared;
-}
-
-// After all cameras but those that only images waiting for a new one have.
-camera_t FirstFreeCameraId(const std::vector<Image>& images, const std::vector<Camera>& cameras,
-                           const StageLedger& ledger) {
-  std::map<camera_t, bool> is_pending;
-  for (const Image& image : images) {
-    is_pending.try_emplace(image.camera_id, true).first->second &=
-        IsPending(ledger, image.image_id);
-  }
-  camera_t id = 1;
-  for (const Camera& camera : cameras) {
-    const auto it = is_pending.find(camera.camera_id);
-    if (it == is_pending.end() || !it->second) id = std::max(id, camera.camera_id + 1);
-  }
-  return id;
-}
-
-uint64_t CameraInputHash(const Photo& photo) {
-  Hasher hasher;
-  hasher.Add(photo.size.width).Add(photo.size.height);
-  hasher.Add(photo.given_focal_px.value_or(photo.exif.focal_px.value_or(0)));
-  hasher.Add(photo.exif.camera_make).Add(photo.exif.camera_model);
-  return hasher.Digest();
-}
-
-// Sorts out which photos are new; throws ConfigError if one changed that has results.
-std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos,
-                             const std::vector<Image>& images, const StageLedger& ledger,
-                             Stage& stage) {
-  std::map<std::string, PhotoRecord> records;
-  for (PhotoRecord& record : database.ReadPhotos()) records[record.name] = record;
-  std::map<std::string, image_t> image_ids;
-  for (const Image& image : images) image_ids[image.name] = image.image_id;
-  const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
-  std::vector<Photo> fresh;
-  for (Photo& photo : photos) {
-    const auto record = records.find(photo.name);
-    const auto image = image_ids.find(photo.name);
-    if (record != records.end()) {
-      if (record->second.error.empty() && !photo.error.empty()) {
-        stage.Warn(photo.name + ": " + photo.error + "; what the database has of it stays");
-        continue;
-      }
-      const bool is_same = record->second.file_hash == photo.file_hash;
-      if (record->second.error.empty() && !is_same) {
-        throw ConfigError("image_path", photo.name +
-                                            " changed since its features were computed; use "
-                                            "--recompute features");
-      }
-      if (record->second.error.empty()) {
-        const bool is_pending = image != image_ids.end() && IsPending(ledger, image->second);
-        if (is_pending) fresh.push_back(std::move(photo));
-        continue;
-      }
-      if (is_same) {
-        stage.Warn(photo.name + ": " + record->second.error + "; still skipped");
-        continue;
-      }
-    } else if (image != image_ids.end() && num_keypoints.count(image->second) > 0) {
-      continue;  // Another program's image, with features.
-    }
-    fresh.push_back(std::move(photo));
-  }
-  return fresh;
+// Did this stage give the image the camera that it has?
+bool HasOurCamera(const StageLedger& ledger, image_t id) {
+  return ledger.Find(id) != nullptr && !IsPending(ledger, id);
 }
 
 // What the database has.
 struct StoredImages {
   std::vector<Image> images;
-  std::vector<Camera> cameras;
-  std::vector<UnknownCamera> unknown_cameras;
+  std::map<std::string, image_t> ids;
+  std::map<camera_t, ImageSize> cameras;
 };
+
+StoredImages ReadStored(const Database& database) {
+  StoredImages stored = {database.ReadImages(), {}, CameraSizes(database)};
+  for (const Image& image : stored.images) stored.ids[image.name] = image.image_id;
+  return stored;
+}
+
+// The cameras that photos which join later share: those of the first image of each sharing folder.
+std::map<std::string, SharedCamera> SharedCameras(const CameraOptions& options,
+                                                  const StoredImages& stored,
+                                                  const StageLedger& ledger) {
+  std::map<std::string, SharedCamera> shared;
+  for (const Image& image : stored.images) {
+    const std::optional<std::string> folder = SharingFolder(options, image.name);
+    const auto camera = stored.cameras.find(image.camera_id);
+    if (!folder || camera == stored.cameras.end() || !HasOurCamera(ledger, image.image_id))
+      continue;
+    shared.try_emplace(*folder, SharedCamera{camera->first, camera->second});
+  }
+  return shared;
+}
+
+// After all cameras but those that only images waiting for a new one have.
+camera_t FirstFreeCameraId(const StoredImages& stored, const StageLedger& ledger) {
+  std::map<camera_t, bool> is_pending;
+  for (const Image& image : stored.images) {
+    is_pending.try_emplace(image.camera_id, true).first->second &=
+        IsPending(ledger, image.image_id);
+  }
+  camera_t first_free = 1;
+  for (const auto& [id, size] : stored.cameras) {
+    const auto it = is_pending.find(id);
+    if (it == is_pending.end() || !it->second) first_free = id + 1;
+  }
+  return first_free;
+}
+
+// Sorts out which photos are new; throws ConfigError if one changed that has results.
+std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos,
+                             const StoredImages& stored, const StageLedger& ledger, Stage& stage) {
+  std::map<std::string, PhotoRecord> records;
+  for (PhotoRecord& record : database.ReadPhotos()) records[record.name] = record;
+  const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
+  std::vector<Photo> fresh;
+  for (Photo& photo : photos) {
+    const auto record = records.find(photo.name);
+    const auto image = stored.ids.find(photo.name);
+    const bool is_stored = image != stored.ids.end();
+    if (record == records.end()) {
+      // Another program's image, with features, stays as it is.
+      if (is_stored && num_keypoints.count(image->second) > 0) continue;
+    } else if (!record->second.error.empty()) {
+      if (record->second.file_hash == photo.file_hash) {
+        stage.Warn(photo.name + ": " + record->second.error + "; still skipped");
+        continue;
+      }
+    } else if (!photo.error.empty()) {
+      stage.Warn(photo.name + ": " + photo.error + "; what the database has of it stays");
+      continue;
+    } else if (record->second.file_hash != photo.file_hash) {
+      throw ConfigError("image_path", photo.name +
+                                          " changed since its features were computed; use "
+                                          "--recompute features");
+    } else if (!is_stored || !IsPending(ledger, image->second)) {
+      continue;
+    }
+    fresh.push_back(std::move(photo));
+  }
+  return fresh;
+}
 
 // A photograph, with its header, of each camera that we made: for later ones to share.
 using KnownPhotos = std::map<camera_t, Photo>;
@@ -228,7 +221,7 @@ KnownPhotos FindKnownPhotos(const StoredImages& stored, const StageLedger& ledge
   for (const Image& image : stored.images) {
     const auto photo = by_name.find(image.name);
     if (photo == by_name.end() || known.count(image.camera_id) > 0) continue;
-    if (ledger.Find(image.image_id) == nullptr || IsPending(ledger, image.image_id)) continue;
+    if (!HasOurCamera(ledger, image.image_id)) continue;
     Photo read = *photo->second;
     ReadHeader(image_path, read);
     if (read.error.empty()) known.emplace(image.camera_id, std::move(read));
@@ -236,63 +229,50 @@ KnownPhotos FindKnownPhotos(const StoredImages& stored, const StageLedger& ledge
   return known;
 }
 
-// New images with their cameras, in the order of the photos.
-struct NewImages {
-  std::vector<Image> images;
-  std::vector<uint64_t> input_hashes;
-  std::vector<Camera> cameras;
-  bool has_reassigned = false;  // some are old images whose cameras are made anew
-};
-
-NewImages MakeImages(const StoredImages& stored, const CameraOptions& options,
-                     const StageLedger& ledger, const KnownPhotos& known_photos,
-                     std::vector<Photo>& photos) {
-  camera_t first_id = FirstFreeCameraId(stored.images, stored.cameras, ledger);
-  for (const UnknownCamera& camera : stored.unknown_cameras) {
-    first_id = std::max(first_id, camera.camera_id + 1);
-  }
-  CameraMaker maker(options, first_id,
-                    SharedCameras(options, stored.images, stored.cameras, ledger));
+// Gives new images their ids and cameras, in the order of the photos. Returns the new cameras.
+std::vector<Camera> AssignCameras(const StoredImages& stored, const CameraOptions& options,
+                                  const StageLedger& ledger, const KnownPhotos& known_photos,
+                                  std::vector<Photo>& photos) {
+  CameraMaker maker(options, FirstFreeCameraId(stored, ledger),
+                    SharedCameras(options, stored, ledger));
   for (const auto& [camera_id, photo] : known_photos) maker.AddKnown(photo, camera_id);
-  std::map<std::string, image_t> known;
-  for (const Image& image : stored.images) known[image.name] = image.image_id;
   image_t next_id = stored.images.empty() ? 1 : stored.images.back().image_id + 1;
-  NewImages added;
   for (Photo& photo : photos) {
     if (!photo.error.empty()) continue;
-    const auto old = known.find(photo.name);
-    if (old != known.end() && !IsPending(ledger, old->second)) continue;
-    const bool is_reassigned = old != known.end();
+    const auto old = stored.ids.find(photo.name);
+    const bool is_stored = old != stored.ids.end();
+    if (is_stored && !IsPending(ledger, old->second)) continue;
     const std::optional<camera_t> camera_id = maker.CameraOf(photo);
-    if (!camera_id && is_reassigned) {
+    if (!camera_id && is_stored) {
       throw ConfigError(
           options.single_camera ? "single_camera" : "single_camera_per_folder",
           photo.name + " " + photo.error + "; use --recompute features to leave it out");
     }
-    if (!camera_id) continue;
-    added.has_reassigned |= is_reassigned;
-    const image_t id = is_reassigned ? old->second : next_id++;
-    added.images.push_back({id, photo.name, *camera_id});
-    added.input_hashes.push_back(CameraInputHash(photo));
+    if (camera_id) photo.image = {is_stored ? old->second : next_id++, photo.name, *camera_id};
   }
-  added.cameras = maker.cameras();
-  return added;
+  return maker.cameras();
 }
 
-void WriteImages(Database& database, const NewImages& added, const std::string& image_path,
-                 const std::vector<Photo>& photos, StageLedger& ledger) {
+int64_t NumNewImages(const std::vector<Photo>& photos) {
+  return std::ranges::count_if(photos, [](const Photo& photo) { return photo.image.has_value(); });
+}
+
+void WriteImages(Database& database, const std::vector<Camera>& cameras,
+                 const std::string& image_path, const std::vector<Photo>& photos,
+                 StageLedger& ledger) {
   Database::Transaction transaction(database);
-  if (!added.images.empty()) ledger.Begin(database);
-  for (const Camera& camera : added.cameras) database.WriteCamera(camera);
-  for (size_t i = 0; i < added.images.size(); ++i) {
-    database.WriteImage(added.images[i]);
-    database.WriteJob(kStageCameras, {added.images[i].image_id, added.input_hashes[i], ""});
-  }
-  if (added.has_reassigned) database.DeleteUnusedCameras();
+  if (NumNewImages(photos) > 0) ledger.Begin(database);
+  bool has_reassigned = false;  // old images with new cameras
+  for (const Camera& camera : cameras) database.WriteCamera(camera);
   for (const Photo& photo : photos) {
     const PhotoRecord record = {photo.name, photo.file_hash, photo.error};
     database.WritePhoto(photo.error.empty() ? record : FailedPhoto(image_path, record));
+    if (!photo.image) continue;
+    database.WriteImage(*photo.image);
+    database.WriteJob(kStageCameras, {photo.image->image_id, photo.file_hash, ""});
+    has_reassigned |= IsPending(ledger, photo.image->image_id);
   }
+  if (has_reassigned) database.DeleteUnusedCameras();
   ledger.Complete(database);
   transaction.Commit();
 }
@@ -311,8 +291,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
     RemarkOnUnread(image_path, stage);
     num_dropped = HandleMissing(database, source, photos, stage);
   }
-  const StoredImages stored = {database.ReadImages(), database.ReadCameras(),
-                               database.ReadUnknownCameras()};
+  const StoredImages stored = ReadStored(database);
   if (photos.empty() && stored.images.empty()) {
     throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
   }
@@ -323,7 +302,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   KnownPhotos known_photos;
   if (!run.monitor.StopRequested()) {
     const std::vector<Photo> all = photos;
-    photos = SelectNew(database, std::move(photos), stored.images, ledger, stage);
+    photos = SelectNew(database, std::move(photos), stored, ledger, stage);
     ReadHeaders(image_path, run, photos);
     if (!photos.empty()) known_photos = FindKnownPhotos(stored, ledger, image_path, all);
   }
@@ -333,14 +312,14 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
     return stage.Finish();
   }
 
-  const NewImages added = MakeImages(stored, options, ledger, known_photos, photos);
-  if (!photos.empty()) WriteImages(database, added, image_path, photos, ledger);
+  const std::vector<Camera> cameras = AssignCameras(stored, options, ledger, known_photos, photos);
+  if (!photos.empty()) WriteImages(database, cameras, image_path, photos, ledger);
   for (const Photo& photo : photos) {
     if (!photo.error.empty()) stage.Warn(photo.name + ": " + photo.error + "; skipped");
   }
   stage.Add("photographs", num_photos);
-  stage.Add("new_images", added.images.size());
-  stage.Add("new_cameras", added.cameras.size());
+  stage.Add("new_images", NumNewImages(photos));
+  stage.Add("new_cameras", cameras.size());
   stage.Add("skipped", stage.NumMessages() - num_remarks);
   stage.Add("dropped", num_dropped);
   return EndStage(stage, database);

@@ -8,7 +8,7 @@
 #include "cairn/base/file.h"
 #include "cairn/image/bitmap.h"
 #include "database/stage_names.h"
-#include "pipeline/stages/camera_sizes.h"
+#include "pipeline/stages/camera_maker.h"
 
 namespace cairn {
 namespace {
@@ -20,34 +20,20 @@ void CheckSize(const std::string& path, const ImageSize& photo) {
                     path + " is " + SizeText(mask) + " pixels, its photograph " + SizeText(photo));
 }
 
-// The mask of each image that has one; the stage is told how many have none.
-std::map<image_t, std::string> FindMasks(const Database& database, const std::string& mask_path,
-                                         Stage& stage) {
-  std::map<image_t, std::string> masks;
-  if (mask_path.empty()) return masks;
-  const std::map<camera_t, ImageSize> sizes = CameraSizes(database);
-  std::vector<std::string> without;
-  for (const Image& image : database.ReadImages()) {
-    const std::string path = PathInFolder(mask_path, image.name + ".png");
-    if (!std::filesystem::exists(path)) {
-      without.push_back(image.name);
-      continue;
-    }
-    const auto size = sizes.find(image.camera_id);
-    if (size != sizes.end()) CheckSize(path, size->second);
-    masks[image.image_id] = path;
-  }
-  if (without.empty()) return masks;
-  if (masks.empty()) {
-    throw ConfigError("mask_path", mask_path + " has no mask of any image: there is no " +
-                                       without.front() + ".png");
-  }
-  stage.Warn("no mask of " + std::to_string(without.size()) + " images, such as " +
-             without.front() + "; features are found everywhere in them");
-  return masks;
-}
-
 }  // namespace
+
+Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
+                      const FeatureOptions& options) {
+  const Bitmap bitmap = ReadBitmap(photo.path, BitmapColor::kGray);
+  const ImageSize size{bitmap.width, bitmap.height};
+  if (size != camera_size) {
+    throw IoError(photo.path,
+                  "is " + SizeText(size) + " pixels, its camera " + SizeText(camera_size));
+  }
+  if (photo.mask_path.empty()) return ExtractFeatures(bitmap, options);
+  const Bitmap mask = ReadBitmap(photo.mask_path, BitmapColor::kGray);
+  return ExtractFeatures(bitmap, options, &mask);
+}
 
 uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path) {
   if (mask_path.empty()) return file_hash;
@@ -56,18 +42,33 @@ uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path) {
 
 std::map<image_t, FeatureInput> FindFeatureInputs(const Database& database,
                                                   const std::string& mask_path, Stage& stage) {
-  std::map<image_t, std::string> masks = FindMasks(database, mask_path, stage);
   std::map<std::string, uint64_t> file_hashes;
   for (const PhotoRecord& photo : database.ReadPhotos()) {
     if (photo.error.empty()) file_hashes[photo.name] = photo.file_hash;
   }
+  std::map<camera_t, ImageSize> sizes = CameraSizes(database);
+  const std::vector<Image> images = database.ReadImages();
   std::map<image_t, FeatureInput> inputs;
-  for (const Image& image : database.ReadImages()) {
+  std::vector<std::string> without;
+  for (const Image& image : images) {
+    std::string mask;
+    if (!mask_path.empty()) mask = PathInFolder(mask_path, image.name + ".png");
+    if (!mask.empty() && !std::filesystem::exists(mask)) {
+      without.push_back(image.name);
+      mask.clear();
+    }
+    if (!mask.empty() && sizes.count(image.camera_id) > 0) CheckSize(mask, sizes[image.camera_id]);
     const auto file_hash = file_hashes.find(image.name);
     if (file_hash == file_hashes.end()) continue;
-    const std::string& mask = masks[image.image_id];
     inputs[image.image_id] = {file_hash->second, mask, FeatureInputHash(file_hash->second, mask)};
   }
+  if (without.empty()) return inputs;
+  if (without.size() == images.size()) {
+    throw ConfigError("mask_path", mask_path + " has no mask of any image: there is no " +
+                                       without.front() + ".png");
+  }
+  stage.Warn("no mask of " + std::to_string(without.size()) + " images, such as " +
+             without.front() + "; features are found everywhere in them");
   return inputs;
 }
 

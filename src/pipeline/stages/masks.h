@@ -4,9 +4,20 @@
 #include <string>
 
 #include "cairn/database/database.h"
+#include "cairn/features/features.h"
+#include "cairn/image/bitmap.h"
 #include "report/stage.h"
 
 namespace cairn {
+
+// A photograph, and its mask ("": none).
+struct PhotoPaths {
+  std::string path;
+  std::string mask_path;
+};
+// Features of a photograph. Throws IoError where it cannot be read, or has not its camera's size.
+Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
+                      const FeatureOptions& options);
 
 // What the features of an image are made from.
 struct FeatureInput {
@@ -17,8 +28,8 @@ struct FeatureInput {
 // Hash of both; mask_path "": no mask.
 uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path);
 
-// Of every image whose photograph is known. Masks are `<mask_path>/<image name>.png`; the stage is
-// told how many images have none. Throws ConfigError where none has one, or one has not its image's
+// Of every image whose photograph is known. Masks are `<mask_path>/<image name>.png`; the stage
+// warns of images that have none. Throws ConfigError where none has one, or one has not its image's
 // size.
 std::map<image_t, FeatureInput> FindFeatureInputs(const Database& database,
                                                   const std::string& mask_path, Stage& stage);

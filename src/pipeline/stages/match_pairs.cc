@@ -3,9 +3,9 @@
 #include <map>
 #include <set>
 
+#include "base/hash.h"
 #include "base/memory.h"
 #include "cairn/base/error.h"
-#include "cairn/base/parallel.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
 #include "database/own_matches.h"
@@ -13,7 +13,6 @@
 #include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/exhaustive.h"
 #include "pipeline/pairs/feed.h"
-#include "pipeline/stages/content_hash.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -26,8 +25,8 @@ constexpr int64_t kBytesPerDescriptor = 128;
 struct MatchingWork {
   std::map<image_t, int> num_descriptors;
   std::vector<image_pair_t> pairs;
-  std::vector<std::pair<image_t, JobRecord>> new_jobs;  // images that take part for the first time
-  size_t num_left_out = 0;  // images without descriptors and without matches
+  std::vector<JobRecord> new_jobs;  // images that take part for the first time
+  size_t num_left_out = 0;          // images without descriptors and without matches
 };
 
 // Hashes of the descriptors of these images, as far as they have any. Images whose row cannot be
@@ -38,22 +37,13 @@ std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
   for (const image_t id : images) {
     try {
       if (const auto descriptors = database.ReadDescriptors(id)) {
-        hashes[id] = HashDescriptors(*descriptors);
+        hashes[id] = HashValues(*descriptors);
       }
     } catch (const IoError& error) {
       stage.Warn(std::string(error.what()) + "; the image is not matched");
     }
   }
   return hashes;
-}
-
-std::set<image_t> ImagesOf(const std::vector<image_pair_t>& pairs) {
-  std::set<image_t> images;
-  for (const image_pair_t pair : pairs) {
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    images.insert({id1, id2});
-  }
-  return images;
 }
 
 MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted,
@@ -86,7 +76,7 @@ MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted
   for (const auto& [id, hash] : hashes) {
     if (ledger.Find(id) == nullptr && taking_part.count(id) == 0) continue;
     if (ledger.IsDone(id, hash, "the features of " + names[id])) continue;
-    work.new_jobs.push_back({id, {id, hash, unrecorded.count(id) > 0 ? kGivenNote : ""}});
+    work.new_jobs.push_back({id, hash, unrecorded.count(id) > 0 ? kGivenNote : ""});
   }
   return work;
 }
@@ -94,7 +84,7 @@ MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted
 void BeginStage(Database& database, const MatchingWork& work, StageLedger& ledger) {
   Database::Transaction transaction(database);
   ledger.Begin(database);
-  for (const auto& [id, job] : work.new_jobs) database.WriteJob(kStageMatching, job);
+  for (const JobRecord& job : work.new_jobs) database.WriteJob(kStageMatching, job);
   transaction.Commit();
 }
 
@@ -124,25 +114,18 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
       max_bytes / 8);
   std::atomic<int64_t> num_matches = 0;
   run.monitor.BeginStage("matching", static_cast<int64_t>(work.pairs.size()));
-  const auto keep = [&](MatchResult result) {
+  const auto keep = [&](MatchResult result, const std::string&) {
     num_matches += std::ssize(result.matches);
     writer.Push([result = std::move(result)](Database& db) {
       db.WriteMatches(result.pair_id, result.matches);
     });
     run.monitor.Advance(1);
   };
-  HelperLoop loop(helpers,
-                  PairWork(TaskKind::kMatch, feed,
-                           [&](ByteSource& result) { keep(result.Get<MatchResult>()); }),
-                  run);
-  ParallelFor(run.num_threads, static_cast<int64_t>(work.pairs.size()), [&](int64_t) {
-    if (run.monitor.StopRequested()) feed.Stop();
-    const std::optional<PairTask> task = feed.Next();
-    if (!task) return;
-    keep({task->pair_id,
-          MatchDescriptors(task->image1->descriptors, task->image2->descriptors, options)});
-  });
-  loop.Finish();
+  const auto match = [&](int, const PairTask& task) {
+    return MatchResult{task.pair_id, MatchDescriptors(task.image1->descriptors,
+                                                      task.image2->descriptors, options)};
+  };
+  ForEachTask<MatchResult>(TaskKind::kMatch, feed, helpers, run, match, keep);
   writer.Finish();
   run.monitor.EndStage();
   return num_matches;

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 
+#include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
@@ -17,10 +18,8 @@
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
 #include "database/stage_names.h"
-#include "pipeline/stages/camera_sizes.h"
-#include "pipeline/stages/content_hash.h"
+#include "pipeline/stages/camera_maker.h"
 #include "pipeline/stages/stage_ledger.h"
-#include "pipeline/stages/stage_options.h"
 
 namespace cairn {
 namespace {
@@ -60,7 +59,7 @@ uint64_t InputHash(const Database& database, const DepthItem& item, uint64_t sou
   Hasher hasher;
   hasher.Add(source_hash);
   hasher.Add(item.path.empty() ? uint64_t{0} : HashFile(item.path));
-  hasher.Add(HashKeypoints(*database.ReadKeypoints(item.image.image_id)));
+  hasher.Add(HashValues(*database.ReadKeypoints(item.image.image_id)));
   return hasher.Add(item.size.width).Add(item.size.height).Digest();
 }
 
@@ -81,31 +80,23 @@ void FindFile(const std::string& image_path, const DepthSource& source, DepthIte
   }
 }
 
-std::vector<DepthItem> ListImagesWithKeypoints(const Database& database,
-                                               const std::string& image_path,
-                                               const DepthSource& source) {
+// The images that are to be computed. Rows and files that cannot be read are reported.
+std::vector<DepthItem> FindWork(const Database& database, const std::string& image_path,
+                                const DepthSource& source, const StageLedger& ledger,
+                                Stage& stage) {
+  const uint64_t source_hash = source.depth_model.empty() ? 0 : HashFile(source.depth_model);
   std::map<camera_t, ImageSize> sizes = CameraSizes(database);
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
-  std::vector<DepthItem> items;
+  const std::map<image_t, int> num_samples = database.ReadNumDepthSamples();
+  std::vector<DepthItem> work;
   for (const Image& image : database.ReadImages()) {
     if (num_keypoints.count(image.image_id) == 0) continue;
+    const JobRecord* job = ledger.Find(image.image_id);
+    if (job == nullptr && num_samples.count(image.image_id) > 0) continue;  // Given.
     DepthItem item;
     item.image = image;
     item.size = sizes[image.camera_id];
     FindFile(image_path, source, item);
-    items.push_back(std::move(item));
-  }
-  return items;
-}
-
-// The items that are to be computed. Rows and files that cannot be read are reported.
-std::vector<DepthItem> FindWork(const Database& database, std::vector<DepthItem> items,
-                                const StageLedger& ledger, uint64_t source_hash, Stage& stage) {
-  const std::map<image_t, int> num_samples = database.ReadNumDepthSamples();
-  std::vector<DepthItem> work;
-  for (DepthItem& item : items) {
-    const JobRecord* job = ledger.Find(item.image.image_id);
-    if (job == nullptr && num_samples.count(item.image.image_id) > 0) continue;  // Given.
     try {
       item.input_hash = InputHash(database, item, source_hash);
     } catch (const IoError& error) {  // Keypoints or a map that cannot be read.
@@ -115,7 +106,7 @@ std::vector<DepthItem> FindWork(const Database& database, std::vector<DepthItem>
     if (job != nullptr && job->input_hash == item.input_hash) continue;
     // An image that had no depth may get it; depth that was there must not change.
     if (job != nullptr && job->note.empty()) {
-      ledger.ThrowChanged("the depth source or the keypoints of " + item.image.name);
+      ledger.ThrowChanged("the depth source or the keypoints of " + image.name);
     }
     work.push_back(std::move(item));
   }
@@ -229,9 +220,7 @@ StageReport SampleImageDepth(Database& database, const std::string& image_path,
   }
   CheckSource(database, image_path, source, options);
   StageLedger ledger(database, kStageDepth, DepthStageOptions(source, options));
-  const uint64_t source_hash = source.depth_model.empty() ? 0 : HashFile(source.depth_model);
-  std::vector<DepthItem> items = FindWork(
-      database, ListImagesWithKeypoints(database, image_path, source), ledger, source_hash, stage);
+  std::vector<DepthItem> items = FindWork(database, image_path, source, ledger, stage);
   if (!items.empty()) {
     ledger.Begin(database);
     DepthSampler sampler(source, options, EffectiveNumThreads(run.num_threads));

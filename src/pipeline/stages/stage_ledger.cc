@@ -3,7 +3,6 @@
 #include <map>
 #include <sstream>
 
-#include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/options.h"
 #include "database/stage_names.h"
@@ -11,35 +10,27 @@
 namespace cairn {
 namespace {
 
-// Throws ConfigError for the first option, in the order of the present ones, that differs.
+// Throws ConfigError for the first option, by name, that differs.
 void CheckOptions(const StageRecord& stored, const std::string& present) {
-  if (stored.options == present) return;
-  const std::string& stage = stored.stage;
   const std::map<std::string, std::string> old_values = stored.OptionValues();
-  const std::string advice = "; use the same, or --recompute " + stage;
-  std::istringstream lines(present);
-  std::string line;
-  while (std::getline(lines, line)) {
-    const size_t equals = line.find(" = ");
-    const std::string key = line.substr(0, equals);
-    const std::string value = line.substr(equals + 3);
+  const std::map<std::string, std::string> values = StageRecord{"", present}.OptionValues();
+  const std::string stage = "the database's stage '" + stored.stage + "'";
+  const std::string recompute = "--recompute " + stored.stage;
+  for (const auto& [key, value] : values) {
     const auto old_value = old_values.find(key);
-    if (old_value == old_values.end() && value == ImpliedValue(key)) continue;
     if (old_value == old_values.end()) {
-      throw ConfigError(key, "the database's stage '" + stage +
-                                 "' was made by a version without this option; use --recompute " +
-                                 stage);
+      throw ConfigError(key,
+                        stage + " was made by a version without this option; use " + recompute);
     }
     if (old_value->second != value) {
-      throw ConfigError(key, "is " + value + ", but the database's stage '" + stage +
-                                 "' was made with " + old_value->second + advice);
+      throw ConfigError(key, "is " + value + ", but " + stage + " was made with " +
+                                 old_value->second + "; use the same, or " + recompute);
     }
   }
-  const auto values = StageRecord{stage, present, 0, false}.OptionValues();
   for (const auto& [key, value] : old_values) {
-    if (values.count(key) > 0 || value == '"' + RetiredValue(key) + '"') continue;
-    throw ConfigError(key, "is " + value + " in the database's stage '" + stage +
-                               "', and no longer an option; use --recompute " + stage);
+    if (values.count(key) > 0) continue;
+    throw ConfigError(
+        key, "is " + value + " in " + stage + ", and no longer an option; use " + recompute);
   }
 }
 
@@ -82,18 +73,12 @@ void StageLedger::ThrowChanged(const std::string& what) const {
 }
 
 void StageLedger::Begin(Database& database) {
-  database.WriteStage({stage_, options_, 0, false});
+  database.WriteStage({stage_, options_, false});
   was_begun_ = true;
 }
 
 void StageLedger::Complete(Database& database) {
-  if (!was_begun_) return;
-  Hasher hasher;
-  hasher.Add(options_);
-  for (const JobRecord& job : database.ReadJobs(stage_)) {
-    hasher.Add(job.item).Add(job.input_hash).Add(job.note);
-  }
-  database.WriteStage({stage_, options_, hasher.Digest(), true});
+  if (was_begun_) database.WriteStage({stage_, options_, true});
 }
 
 StageReport EndStage(Stage& stage, const RunContext& run, StageLedger& ledger, Database& database) {
@@ -107,7 +92,7 @@ StageReport EndStage(Stage& stage, const RunContext& run, StageLedger& ledger, D
 
 StageReport EndStage(Stage& stage, Database& database) {
   StageReport report = stage.Finish();
-  database.AddTiming(report.name, 0, "", report.seconds);
+  database.AddStageTime(report.name, report.seconds);
   return report;
 }
 
@@ -121,14 +106,7 @@ std::vector<std::string> StageAndDependents(const std::string& stage) {
 }
 
 void ClearStageAndDependents(Database& database, const std::string& stage) {
-  for (const std::string& cleared : StageAndDependents(stage)) {
-    if (cleared == kStageFeatures) database.ClearFeatures();
-    if (cleared == kStageDepth) database.ClearDepth();
-    if (cleared == kStagePairs) database.ClearPairChoices();
-    if (cleared == kStageMatching) database.ClearMatches();
-    if (cleared == kStageVerification) database.ClearVerification();
-    database.ClearStage(cleared);
-  }
+  for (const std::string& cleared : StageAndDependents(stage)) database.ClearStage(cleared);
 }
 
 }  // namespace cairn

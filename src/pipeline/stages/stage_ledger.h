@@ -9,6 +9,7 @@
 #include "cairn/base/options.h"
 #include "cairn/base/run_context.h"
 #include "cairn/database/database.h"
+#include "cairn/pipeline/stages.h"
 #include "report/stage.h"
 
 namespace cairn {
@@ -20,6 +21,9 @@ template <class Options>
 std::string DumpQualified(std::string_view module, const Options& options) {
   return QualifiedOptions(module, DumpOptions(options));
 }
+
+// Those of the depth stage: where depth comes from decides what the samples are.
+std::string DepthStageOptions(const DepthSource& source, const DepthOptions& options);
 
 // The state of one stage in the database: with which options it ran, and which items it finished
 // from which inputs. Written only once there is something to do, so that rows of other programs
@@ -41,8 +45,7 @@ class StageLedger {
 
   // Writes the record as incomplete: work is about to begin.
   void Begin(Database& database);
-  // Writes the record as complete, with a hash of the options and all jobs. Nothing, if the stage
-  // never began.
+  // Writes the record as complete. Nothing, if the stage never began.
   void Complete(Database& database);
 
  private:

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <unordered_map>
 
 #include "base/memory.h"
 #include "cairn/base/check.h"
@@ -18,9 +19,8 @@
 #include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/pairs/load.h"
-#include "pipeline/pairs/rounds.h"
+#include "pipeline/pairs/plan.h"
 #include "pipeline/pairs/verify.h"
-#include "pipeline/pairs/write.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -51,76 +51,28 @@ std::vector<image_pair_t> FindPairs(const Database& database,
   return pairs;
 }
 
-// Counts each pair once, by what was found last.
-class OutcomeCounter {
- public:
-  explicit OutcomeCounter(VerificationCounts* counts) : counts_(*counts) {}
-
-  // False: the pair was there before. Only pairs that are `remembered` may come again.
-  bool Add(const PairOutcome& outcome, bool remembered) {
-    Entry entry = {!outcome.runs.empty(), outcome.winner >= 0, {}};
-    entry.name =
-        entry.is_verified ? outcome.runs[outcome.winner].verifier : outcome.RejectionReason();
-    const auto before = entries_.find(outcome.pair_id);
-    const bool is_new = before == entries_.end();
-    if (!is_new) Count(before->second, -1);
-    Count(entry, 1);
-    if (remembered) entries_[outcome.pair_id] = std::move(entry);
-    return is_new;
-  }
-
- private:
-  struct Entry {
-    bool is_tried, is_verified;
-    std::string name;  // of the verifier, or the reason
-  };
-
-  void Count(const Entry& entry, int sign) {
-    counts_.num_pairs += sign;
-    (entry.is_tried ? counts_.num_tried : counts_.num_too_few) += sign;
-    if (entry.is_verified) counts_.num_verified += sign;
-    auto& counts = entry.is_verified ? counts_.verified_by : counts_.rejected_by;
-    if ((counts[entry.name] += sign) == 0) counts.erase(entry.name);
-  }
-
-  VerificationCounts& counts_;
-  std::map<image_pair_t, Entry> entries_;
-};
-
 std::map<image_t, int64_t> ImageBytes(const Database& database) {
   std::map<image_t, int64_t> bytes;
   for (const auto& [id, num] : database.ReadNumKeypoints()) bytes[id] = num * kBytesPerKeypoint;
   return bytes;
 }
 
-// What VerifyPairs was given.
-struct Verification {
-  Database& database;
-  const std::vector<NamedVerifier>& verifiers;
-  const VerificationInput& input;
-  const SchedulerOptions& scheduler;
-  const RunContext& run;
-  Helpers* helpers;
-};
-
 // The rounds of a run: what they share, and what they leave behind.
 class Rounds {
  public:
-  Rounds(const Verification& verification, StageLedger& ledger, Stage& stage,
-         VerificationReport& report)
-      : database_(verification.database),
-        verifiers_(verification.verifiers),
-        run_(verification.run),
-        helpers_(verification.helpers),
+  Rounds(Database& database, const std::vector<NamedVerifier>& verifiers,
+         const VerificationInput& input, const SchedulerOptions& scheduler, const RunContext& run,
+         Helpers* helpers, StageLedger& ledger, Stage& stage)
+      : database_(database),
+        verifiers_(verifiers),
+        run_(run),
+        helpers_(helpers),
         ledger_(ledger),
         stage_(stage),
-        report_(report),
-        counter_(&report.counts),
         // Half for the present tile; tasks that still hold images of the last one have the rest.
-        max_bytes_(GibToBytes(verification.scheduler.max_memory_gib) / 2),
-        image_bytes_(ImageBytes(database_)),
-        loader_(database_.path(), verification.input.min_num_matches, SumOfBytes() <= max_bytes_,
-                ledger, run_.monitor) {}
+        max_bytes_(GibToBytes(scheduler.max_memory_gib) / 2),
+        image_bytes_(ImageBytes(database)),
+        loader_(database.path(), input.min_num_matches, ledger, stage) {}
 
   // The likely pairs first, then the others.
   void Run(const std::vector<image_pair_t>& pairs,
@@ -135,7 +87,7 @@ class Rounds {
       return ledger_.Find(pair) == nullptr && !std::binary_search(first.begin(), first.end(), pair);
     });
     to_weigh_ = PairsToWeigh(database_, ours);
-    RunRound(first, true);
+    RunRound(first);
     if (!run_.monitor.StopRequested() && may_learn) {
       const std::vector<image_pair_t> undone = LearnLens(likely);
       to_weigh_ = PairsToWeigh(database_, ours);
@@ -143,29 +95,54 @@ class Rounds {
     }
     if (!run_.monitor.StopRequested()) WeighFocals();
     if (!run_.monitor.StopRequested()) RunAgain(first, JudgeFocals());
-    if (!run_.monitor.StopRequested()) RunRound(second, false);
-    for (const std::string& message : loader_.messages()) stage_.Keep(message);
-    report_.reading_seconds = loader_.busy_seconds();
+    if (!run_.monitor.StopRequested()) RunRound(second);
+  }
+
+  void AddValues() const {
+    int64_t num_tried = 0, num_verified = 0;
+    std::map<std::string, int64_t> rejected_by, verified_by;
+    for (const auto& [pair, finding] : findings_) {
+      num_tried += finding.is_tried;
+      num_verified += finding.is_verified;
+      ++(finding.is_verified ? verified_by : rejected_by)[finding.name];
+    }
+    stage_.Add("pairs", std::ssize(findings_));
+    stage_.Add("tried", num_tried);
+    stage_.Add("verified", num_verified);
+    for (const auto& [verifier, num] : verified_by) stage_.Add("verified_by_" + verifier, num);
+    for (const auto& [reason, num] : rejected_by) stage_.Add("rejected_" + reason, num);
+    stage_.Add("learned_lenses", num_learned_lenses_);
+    stage_.Add("rejected_focals", num_rejected_focals_);
+    stage_.Add("learning_seconds", learning_seconds_);
+    stage_.Add("verifying_seconds", verifying_seconds_);
+    stage_.Add("reading_seconds", loader_.busy_seconds());
+    stage_.Add("writing_seconds", writing_seconds_);
   }
 
  private:
-  int64_t SumOfBytes() const {
-    int64_t sum = 0;
-    for (const auto& [id, bytes] : image_bytes_) sum += bytes;
-    return sum;
-  }
+  // What was found last of a pair.
+  struct Finding {
+    bool is_tried = false, is_verified = false;
+    std::string name;  // of the verifier that won, or the reason of the rejection
+  };
 
-  // Verifies pairs that are not done; adds to the counts and times.
-  void RunRound(const std::vector<image_pair_t>& pairs, bool may_come_again) {
+  // Verifies pairs that are not done.
+  void RunRound(const std::vector<image_pair_t>& pairs) {
     loader_.BeginRound();
-    std::mutex counts_mutex;
+    std::mutex findings_mutex;
     VerifyEach(pairs, [&](PairOutcome found, DatabaseWriter& writer) {
       const auto outcome = std::make_shared<PairOutcome>(std::move(found));
+      const bool is_verified = outcome->winner >= 0;
       bool is_new = true;
       {
-        const std::lock_guard<std::mutex> lock(counts_mutex);
-        is_new = counter_.Add(*outcome, may_come_again);
-        for (const PairOutcome::Run& run : outcome->runs) report_.verifying_seconds += run.seconds;
+        const std::lock_guard<std::mutex> lock(findings_mutex);
+        is_new = findings_
+                     .insert_or_assign(outcome->pair_id,
+                                       Finding{!outcome->runs.empty(), is_verified,
+                                               is_verified ? outcome->runs[outcome->winner].verifier
+                                                           : outcome->RejectionReason()})
+                     .second;
+        for (const PairOutcome::Run& run : outcome->runs) verifying_seconds_ += run.seconds;
       }
       writer.Push([outcome](Database& db) { WriteOutcome(db, *outcome); });
       if (is_new) run_.monitor.Advance(1);
@@ -197,21 +174,16 @@ class Rounds {
           return loader_.LoadPair(task, image);
         },
         max_bytes_ / 8);
-    const int num_workers = EffectiveNumThreads(run_.num_threads);
     std::vector<TaskVerifier> workers;
-    for (int i = 0; i < num_workers; ++i) workers.emplace_back(verifiers_, run_.seed);
-    HelperLoop loop(helpers_,
-                    PairWork(TaskKind::kVerify, feed,
-                             [&](ByteSource& result) { keep(result.Get<PairOutcome>(), writer); }),
-                    run_);
-    ParallelForWorker(num_workers, std::ssize(pairs), [&](int worker, int64_t) {
-      if (run_.monitor.StopRequested()) feed.Stop();
-      const std::optional<PairTask> task = feed.Next();
-      if (task) keep(workers[worker].Run(*task), writer);
-    });
-    loop.Finish();
+    for (int i = 0; i < EffectiveNumThreads(run_.num_threads); ++i) {
+      workers.emplace_back(verifiers_, run_.seed);
+    }
+    ForEachTask<PairOutcome>(
+        TaskKind::kVerify, feed, helpers_, run_,
+        [&](int worker, const PairTask& task) { return workers[worker].Run(task); },
+        [&](PairOutcome outcome, const std::string&) { keep(std::move(outcome), writer); });
     writer.Finish();
-    report_.writing_seconds += writer.busy_seconds();
+    writing_seconds_ += writer.busy_seconds();
   }
 
   // The pairs of the first round that are undone.
@@ -219,7 +191,7 @@ class Rounds {
     std::vector<image_pair_t> again;
     std::set_intersection(first.begin(), first.end(), undone.begin(), undone.end(),
                           std::back_inserter(again));
-    if (!again.empty()) RunRound(again, true);
+    if (!again.empty()) RunRound(again);
   }
 
   // Learns unknown distortions and focal lengths; returns the pairs to be verified again.
@@ -228,8 +200,8 @@ class Rounds {
     const LearnedLenses learned = LearnLenses(database_, likely, run_);
     for (const image_pair_t pair : learned.undone) ledger_.Forget(pair);
     stage_.NoteEach(learned.texts);
-    report_.num_learned_lenses = static_cast<int>(learned.texts.size());
-    report_.learning_seconds += timer.Seconds();
+    num_learned_lenses_ = std::ssize(learned.texts);
+    learning_seconds_ += timer.Seconds();
     return learned.undone;
   }
 
@@ -245,8 +217,8 @@ class Rounds {
                          ": its prior focal length is no longer rejected, by the pairs of today");
     }
     stage_.NoteEach(restored);
-    report_.num_rejected_focals = static_cast<int>(learned.rejected.size());
-    report_.learning_seconds += timer.Seconds();
+    num_rejected_focals_ = std::ssize(learned.rejected);
+    learning_seconds_ += timer.Seconds();
     return learned.undone;
   }
 
@@ -256,61 +228,39 @@ class Rounds {
   Helpers* const helpers_;
   StageLedger& ledger_;
   Stage& stage_;
-  VerificationReport& report_;
-  OutcomeCounter counter_;
   const int64_t max_bytes_;
   const std::map<image_t, int64_t> image_bytes_;
   PairLoader loader_;
   std::vector<image_pair_t> to_weigh_;
+  std::unordered_map<image_pair_t, Finding> findings_;
+  int64_t num_learned_lenses_ = 0, num_rejected_focals_ = 0;
+  double learning_seconds_ = 0, verifying_seconds_ = 0, writing_seconds_ = 0;
 };
-
-void AddValues(const VerificationReport& report, Stage& stage) {
-  const VerificationCounts& counts = report.counts;
-  stage.Add("pairs", counts.num_pairs);
-  stage.Add("tried", counts.num_tried);
-  stage.Add("verified", counts.num_verified);
-  for (const auto& [verifier, num] : counts.verified_by) {
-    stage.Add("verified_by_" + verifier, num);
-  }
-  for (const auto& [reason, num] : counts.rejected_by) {
-    stage.Add("rejected_" + reason, num);
-  }
-  stage.Add("learned_lenses", report.num_learned_lenses);
-  stage.Add("rejected_focals", report.num_rejected_focals);
-  stage.Add("learning_seconds", report.learning_seconds);
-  stage.Add("verifying_seconds", report.verifying_seconds);
-  stage.Add("reading_seconds", report.reading_seconds);
-  stage.Add("writing_seconds", report.writing_seconds);
-}
 
 }  // namespace
 
-VerificationReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
-                               const VerificationInput& input, const SchedulerOptions& scheduler,
-                               const RunContext& run, Helpers* helpers) {
+StageReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
+                        const VerificationInput& input, const SchedulerOptions& scheduler,
+                        const RunContext& run, Helpers* helpers) {
   CAIRN_CHECK(!verifiers.empty());
   Stage stage(run.monitor, kStageVerification);
-  VerificationReport report;
   const std::optional<StageRecord> record = database.ReadStage(kStageVerification);
   StageLedger ledger(database, kStageVerification, input.options);
   const auto num_matches = database.ReadNumMatches();
   const std::vector<image_pair_t> pairs = FindPairs(database, num_matches, input, ledger);
-  const auto num_new =
-      static_cast<int64_t>(std::count_if(pairs.begin(), pairs.end(), [&ledger](image_pair_t pair) {
-        return ledger.Find(pair) == nullptr;
-      }));
+  const auto num_new = std::ranges::count_if(
+      pairs, [&ledger](image_pair_t pair) { return ledger.Find(pair) == nullptr; });
+  Rounds rounds(database, verifiers, input, scheduler, run, helpers, ledger, stage);
   if (!pairs.empty()) {
     if (num_new > 0) ledger.Begin(database);
     run.monitor.BeginStage("verifying pairs", num_new);
     // What is complete stays as it is.
     const bool may_learn = num_new > 0 || (record && !record->is_complete);
-    Rounds({database, verifiers, input, scheduler, run, helpers}, ledger, stage, report)
-        .Run(pairs, num_matches, may_learn);
+    rounds.Run(pairs, num_matches, may_learn);
     run.monitor.EndStage();
   }
-  AddValues(report, stage);
-  report.stage = EndStage(stage, run, ledger, database);
-  return report;
+  rounds.AddValues();
+  return EndStage(stage, run, ledger, database);
 }
 
 std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options) {

@@ -145,14 +145,14 @@ TEST_F(DatabaseTest, LearnedFocalsRoundTrip) {
   EXPECT_EQ(database.ReadFocalEvidence().size(), 1u);
   database.DeleteFocalEvidence(pair);
   EXPECT_TRUE(database.ReadFocalEvidence().empty());
-  EXPECT_TRUE(database.ReadJob("verification", pair));
+  EXPECT_EQ(database.ReadJobs("verification").size(), 1u);
   database.DeleteJob("verification", pair);
-  EXPECT_FALSE(database.ReadJob("verification", pair));
+  EXPECT_TRUE(database.ReadJobs("verification").empty());
   EXPECT_EQ(database.ReadCameraFocals().size(), 1u);
   database.WriteCameraFocals({});
   EXPECT_TRUE(database.ReadCameraFocals().empty());
   fill();
-  database.ClearVerification();
+  database.ClearStage("verification");
   EXPECT_TRUE(database.ReadFocalEvidence().empty());
   EXPECT_TRUE(database.ReadCameraFocals().empty());
   EXPECT_TRUE(database.ReadCameraLenses().empty());
@@ -272,8 +272,6 @@ TEST_F(DatabaseTest, CairnTablesRoundTrip) {
   EXPECT_EQ(read[1].num_iterations, int64_t{1} << 40);
   EXPECT_EQ(read[1].score, 55.25);
   EXPECT_EQ(read[1].cam2_from_cam1->translation, TestGeometry().cam2_from_cam1->translation);
-  EXPECT_EQ(database.ReadPairMetrics(metrics.pair_id).size(), 2u);
-  EXPECT_TRUE(database.ReadPairMetrics(77).empty());
 
   database.WritePhoto({"b.jpg", ~uint64_t{0}, ""});
   database.WritePhoto({"a.jpg", 5, "is truncated"});
@@ -287,24 +285,24 @@ TEST_F(DatabaseTest, CairnTablesRoundTrip) {
   database.WriteJob("depth", {3, 2, ""});
   EXPECT_EQ(database.ReadJobs("matching").size(), 2u);
   EXPECT_EQ(database.ReadJobs("matching")[1].note, "given");
-  EXPECT_EQ(database.ReadJob("depth", 3)->input_hash, 2u);
-  EXPECT_FALSE(database.ReadJob("depth", 7));
+  ASSERT_EQ(database.ReadJobs("depth").size(), 1u);
+  EXPECT_EQ(database.ReadJobs("depth")[0].input_hash, 2u);
 
-  database.WriteStage({"depth", "a = 1\n", 9, true});
+  database.WriteStage({"depth", "a = 1\n", true});
   EXPECT_EQ(database.ReadStage("depth")->options, "a = 1\n");
   EXPECT_TRUE(database.ReadStage("depth")->is_complete);
   EXPECT_FALSE(database.ReadStage("matching"));
 
   database.WriteTiming("depth", 0, "", 1.5);
-  database.AddTiming("depth", 0, "", 2.0);
-  database.AddTiming("matching", 0, "", 2.0);
+  database.AddStageTime("depth", 2.0);
+  database.AddStageTime("matching", 2.0);
   EXPECT_EQ(database.ReadTiming("depth", 0, ""), 3.5);
   EXPECT_EQ(database.ReadTiming("matching", 0, ""), 2.0);
   database.ClearStage("depth");
   EXPECT_FALSE(database.ReadStage("depth"));
-  EXPECT_FALSE(database.ReadJob("depth", 3));
+  EXPECT_TRUE(database.ReadJobs("depth").empty());
   EXPECT_FALSE(database.ReadTiming("depth", 0, ""));
-  EXPECT_TRUE(database.ReadJob("matching", 3));
+  EXPECT_EQ(database.ReadJobs("matching").size(), 2u);
 }
 
 TEST_F(DatabaseTest, APairKeepsTheReasonThatItHadFirst) {
@@ -316,38 +314,6 @@ TEST_F(DatabaseTest, APairKeepsTheReasonThatItHadFirst) {
   ASSERT_EQ(database.ReadPairChoices().size(), 2u);
   EXPECT_EQ(database.ReadPairChoices()[0].reason, "two_edges");
   EXPECT_EQ(database.ReadPairChoices()[1], first);
-}
-
-TEST_F(DatabaseTest, ClearRemovesOnlyItsOwnTables) {
-  Database database(":memory:");
-  WriteImages(database, 2);
-  const auto fill = [&] {
-    database.WriteKeypoints(1, RandomKeypoints(1, 1));
-    database.WriteDescriptors(1, Descriptors::Random(1, 128));
-    database.WriteDepthSamples(1, std::vector<DepthSample>(1));
-    database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
-    database.WritePairChoice({ImagePairToPairId(1, 2), 0, "spatial"});
-    database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), TestGeometry());
-  };
-  fill();
-  database.ClearVerification();
-  EXPECT_EQ(database.ReadPairChoices().size(), 1u);
-  EXPECT_FALSE(database.ReadTwoViewGeometry(ImagePairToPairId(1, 2)));
-  EXPECT_TRUE(database.ReadMatches(ImagePairToPairId(1, 2)));
-  fill();
-  database.ClearMatches();
-  EXPECT_FALSE(database.ReadMatches(ImagePairToPairId(1, 2)));
-  EXPECT_EQ(database.ReadPairChoices().size(), 1u);
-  database.ClearPairChoices();
-  EXPECT_TRUE(database.ReadPairChoices().empty());
-  EXPECT_TRUE(database.ReadDepthSamples(1));
-  database.ClearDepth();
-  EXPECT_FALSE(database.ReadDepthSamples(1));
-  EXPECT_TRUE(database.ReadKeypoints(1));
-  database.ClearFeatures();
-  EXPECT_FALSE(database.ReadKeypoints(1));
-  EXPECT_FALSE(database.ReadDescriptors(1));
-  EXPECT_EQ(database.ReadImages().size(), 2u);
 }
 
 TEST_F(DatabaseTest, DeleteImageTakesItsFeaturesAndItsUnusedCamera) {
@@ -369,32 +335,53 @@ TEST_F(DatabaseTest, DeleteImageTakesItsFeaturesAndItsUnusedCamera) {
 
 TEST_F(DatabaseTest, DeletedFeaturesTakeTheirPairsAndLeaveImagesAndCameras) {
   Database database(":memory:");
-  WriteImages(database, 3);
-  for (const image_t id : {1u, 2u, 3u}) {
+  WriteImages(database, 4);
+  for (const image_t id : {1u, 2u, 3u, 4u}) {
     database.WriteKeypoints(id, RandomKeypoints(1, 1));
     database.WriteDescriptors(id, Descriptors::Random(1, 128));
     database.WriteDepthSamples(id, std::vector<DepthSample>(1));
     database.WriteJob("cameras", {id, 1, ""});
     database.WriteJob("features", {id, 1, ""});
+    database.WritePhoto({"image" + std::to_string(id) + ".jpg", 1, ""});
   }
-  for (const auto pair : {ImagePairToPairId(1, 2), ImagePairToPairId(1, 3)}) {
+  const image_pair_t left = ImagePairToPairId(3, 4);
+  for (const auto pair : {ImagePairToPairId(1, 2), ImagePairToPairId(1, 3), left}) {
     database.WriteMatches(pair, {{0, 0}});
     database.WriteTwoViewGeometry(pair, TestGeometry());
+    database.WriteJob("verification", {pair, 1, ""});
+    database.WriteTiming("verification", pair, "fast", 1.0);
+    database.WritePairChoice({pair, 0, "exhaustive"});
+    PairMetrics metrics;
+    metrics.pair_id = pair;
+    metrics.verifier = "fast";
+    database.WritePairMetrics(metrics);
+    database.WriteFocalEvidence({.pair_id = pair});
   }
+  database.AddStageTime("verification", 1.0);
   database.WriteCameraLens(1, {.focal_px = 500, .focal_sigma = 0.1});
   database.DeleteFeaturesAndPairs({1, 2});
-  EXPECT_EQ(database.ReadImages().size(), 3u);
+  EXPECT_EQ(database.ReadImages().size(), 4u);
   EXPECT_EQ(database.ReadCameraLenses().size(), 1u);
-  EXPECT_EQ(database.ReadJobs("cameras").size(), 3u);
-  EXPECT_EQ(database.ReadJobs("features").size(), 1u);
-  EXPECT_EQ(database.ReadNumKeypoints().size(), 1u);
-  EXPECT_EQ(database.ReadNumDescriptors().size(), 1u);
-  EXPECT_EQ(database.ReadNumDepthSamples().size(), 1u);
-  EXPECT_TRUE(database.ReadNumMatches().empty());
-  EXPECT_TRUE(database.ReadNumInliers().empty());
+  EXPECT_EQ(database.ReadJobs("cameras").size(), 4u);
+  EXPECT_EQ(database.ReadJobs("features").size(), 2u);
+  EXPECT_EQ(database.ReadNumKeypoints(), (std::map<image_t, int>{{3, 1}, {4, 1}}));
+  EXPECT_EQ(database.ReadNumDescriptors().size(), 2u);
+  EXPECT_EQ(database.ReadNumDepthSamples().size(), 2u);
+  const auto expected = std::vector<std::pair<image_pair_t, int>>{{left, 1}};
+  EXPECT_EQ(database.ReadNumMatches(), expected);
+  EXPECT_EQ(database.ReadNumInliers().size(), 1u);
+  EXPECT_EQ(database.ReadJobs("verification").size(), 1u);
+  EXPECT_TRUE(database.ReadTiming("verification", left, "fast"));
+  EXPECT_TRUE(database.ReadTiming("verification", 0, ""));
+  EXPECT_FALSE(database.ReadTiming("verification", ImagePairToPairId(1, 3), "fast"));
+  EXPECT_EQ(database.ReadPairChoices().size(), 1u);
+  EXPECT_EQ(database.ReadPairMetrics().size(), 1u);
+  EXPECT_EQ(database.ReadFocalEvidence().size(), 1u);
   database.DeleteImagesAndPairs({1, 2, 3});
-  EXPECT_TRUE(database.ReadImages().empty());
-  EXPECT_TRUE(database.ReadJobs("cameras").empty());
+  EXPECT_EQ(database.ReadImages().size(), 1u);
+  EXPECT_EQ(database.ReadJobs("cameras").size(), 1u);
+  EXPECT_EQ(database.ReadPhotos().size(), 1u);
+  EXPECT_TRUE(database.ReadNumMatches().empty());
 }
 
 TEST_F(DatabaseTest, OrderOfWritingDoesNotShowInTheDump) {

@@ -105,8 +105,8 @@ class FocalLearningTest : public LearningTest {
 TEST_F(FocalLearningTest, RightFocalLengthsStayTrusted) {
   const std::string path = MakeDatabase("a.db", 1.0);
   TestMonitor monitor;
-  const VerificationReport report = Verify(path, 2, monitor);
-  EXPECT_EQ(report.num_rejected_focals, 0);
+  const StageReport report = Verify(path, 2, monitor);
+  EXPECT_EQ(report.Value("rejected_focals"), 0);
   EXPECT_THAT(monitor.warnings(), ::testing::IsEmpty());
   const Database database(path);
   EXPECT_EQ(database.ReadCameraFocals().size(), static_cast<size_t>(kNumImages));
@@ -117,16 +117,16 @@ TEST_F(FocalLearningTest, AWrongOneIsNamedAndItsPairsGetFundamentalMatrices) {
   for (const double factor : {0.5, 2.0}) {
     const std::string path = MakeDatabase(std::to_string(factor) + ".db", factor);
     TestMonitor monitor;
-    const VerificationReport report = Verify(path, 2, monitor);
-    EXPECT_EQ(report.num_rejected_focals, 1);
-    EXPECT_EQ(report.stage.status, StageStatus::kWarning);
-    EXPECT_THAT(report.stage.messages,
+    const StageReport report = Verify(path, 2, monitor);
+    EXPECT_EQ(report.Value("rejected_focals"), 1);
+    EXPECT_EQ(report.status, StageStatus::kWarning);
+    EXPECT_THAT(report.messages,
                 ElementsAre(AllOf(HasSubstr("camera 104 ("), HasSubstr("prior focal length"))));
-    EXPECT_EQ(monitor.warnings(), report.stage.messages);
+    EXPECT_EQ(monitor.warnings(), report.messages);
     const Database database(path);
     // The pairs that were verified twice count once.
-    EXPECT_EQ(report.counts.num_pairs, std::ssize(database.ReadMatchedPairIds()));
-    EXPECT_EQ(monitor.num_done(), report.counts.num_pairs);
+    EXPECT_EQ(report.Value("pairs"), std::ssize(database.ReadMatchedPairIds()));
+    EXPECT_EQ(monitor.num_done(), report.Value("pairs"));
     int num_uncalibrated = 0;
     for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
       const auto [id1, id2] = PairIdToImagePair(pair);
@@ -144,9 +144,8 @@ TEST_F(FocalLearningTest, AWrongOneIsNamedAndItsPairsGetFundamentalMatrices) {
 }
 
 TEST_F(FocalLearningTest, RowsDoNotDependOnThreadsOrInterruptions) {
-  const std::string rows =
-      ExpectEqualRows([&](const std::string& name) { return MakeDatabase(name, 0.5); },
-                      &VerificationReport::num_rejected_focals, 1);
+  const std::string rows = ExpectEqualRows(
+      [&](const std::string& name) { return MakeDatabase(name, 0.5); }, "rejected_focals", 1);
   EXPECT_NE(rows.find("\ncairn_camera_focals: 104 1 "), std::string::npos);
 }
 
@@ -197,7 +196,7 @@ TEST_F(FocalLearningTest, MissingEvidenceIsCollected) {
     }
   }
   TestMonitor monitor;
-  EXPECT_EQ(Verify(path, 2, monitor).num_rejected_focals, 0);  // It was before.
+  EXPECT_EQ(Verify(path, 2, monitor).Value("rejected_focals"), 0);  // It was before.
   EXPECT_EQ(monitor.num_done(), 0);
   EXPECT_TRUE(DumpDatabase(path) == rows);
 }

@@ -28,9 +28,9 @@ class KnownIntrinsicsTest : public ::testing::Test {
 TEST_F(KnownIntrinsicsTest, GivenOnesAreConstant) {
   database_.WriteCamera(GuessedCamera(1));
   EXPECT_FALSE(Read().IsConstant());
-  database_.WriteStage({"cameras", "camera_model = \"PINHOLE\"\ncamera_params = []\n", 0, true});
+  database_.WriteStage({"cameras", "camera_model = \"PINHOLE\"\ncamera_params = []\n", true});
   EXPECT_FALSE(Read().IsConstant());
-  database_.WriteStage({"cameras", "camera_params = [1.0, 2.0]\n", 0, true});
+  database_.WriteStage({"cameras", "camera_params = [1.0, 2.0]\n", true});
   EXPECT_TRUE(Read().IsConstant());
 }
 

@@ -15,8 +15,8 @@ namespace cairn {
 // Databases with matches, and what verification learns from them of their cameras.
 class LearningTest : public ::testing::Test {
  protected:
-  static VerificationReport Verify(const std::string& path, int num_threads = 2,
-                                   ProgressMonitor& monitor = NullMonitor()) {
+  static StageReport Verify(const std::string& path, int num_threads = 2,
+                            ProgressMonitor& monitor = NullMonitor()) {
     Database database(path);
     VerificationInput input;
     input.options = "a = 1\n";
@@ -28,7 +28,7 @@ class LearningTest : public ::testing::Test {
   // databases that `make` makes by name. The parts of that run together count `num_learned`.
   // Returns the rows.
   static std::string ExpectEqualRows(const std::function<std::string(const std::string&)>& make,
-                                     int VerificationReport::*counted, int num_learned) {
+                                     const std::string& counted, int num_learned) {
     const std::string whole = make("whole.db"), threads = make("threads.db");
     Verify(whole, 1);
     Verify(threads, 8);
@@ -38,9 +38,9 @@ class LearningTest : public ::testing::Test {
     int num_runs = 0, sum = 0;
     for (; num_runs < 60; ++num_runs) {
       TestMonitor monitor(3);
-      const VerificationReport report = Verify(parts, 2, monitor);
-      sum += report.*counted;
-      if (!report.stage.WasStopped()) break;
+      const StageReport report = Verify(parts, 2, monitor);
+      sum += static_cast<int>(report.Value(counted));
+      if (!report.WasStopped()) break;
     }
     EXPECT_GT(num_runs, 4);
     EXPECT_LT(num_runs, 60);

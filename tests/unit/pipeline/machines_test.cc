@@ -11,13 +11,9 @@
 #include <thread>
 
 #include "cairn/base/error.h"
-#include "cairn/pipeline/build_pipeline.h"
-#include "cairn/pipeline/help.h"
 #include "pipeline/machines/batch.h"
-#include "support/database_dump.h"
-#include "support/temp_folder.h"
-#include "support/test_photos.h"
 #include "support/thrown_message.h"
+#include "unit/pipeline/wall_fixture.h"
 
 namespace cairn {
 namespace {
@@ -87,32 +83,14 @@ class ThreadJob {
   int num_result_messages_ = 0;
 };
 
-class MachinesTest : public ::testing::Test {
+class MachinesTest : public WallTest {
  protected:
-  void SetUp() override {
-    fs::create_directories(folder_ / "images");
-    fs::create_directories(folder_ / "depth");
-    for (int i = 0; i < 12; ++i) {
-      const std::string name = "photo" + std::to_string(i) + ".png";
-      WriteBitmap(folder_ / ("images/" + name), testing::WallPhoto(160, 120, 4 * i));
-      if (i % 3 == 2) continue;  // without depth
-      testing::WriteNpy(folder_ / ("depth/" + name + ".npy"), 16, 12,
-                        std::vector<float>(16 * 12, 2.0f + 0.1f * i));
-    }
-  }
+  MachinesTest() : WallTest(12, 4) {}
   BuildPipelineOptions Options(const std::string& database) const {
-    BuildPipelineOptions options;
-    options.inputs.image_path = folder_ / "images";
-    options.inputs.database_path = folder_ / database;
-    options.inputs.depth_path = folder_ / "depth";
-    options.features.type = FeatureType::kSift;
-    options.features.first_octave = 0;
-    options.verification.max_iterations = 200;
+    BuildPipelineOptions options = WallTest::Options(database);
     options.inputs.verifier = VerifierChoice::kBoth;
     return options;
   }
-  std::string Dump(const std::string& database) const { return DumpDatabase(folder_ / database); }
-  testing::TempFolder folder_;
 };
 
 TEST_F(MachinesTest, DumpsAreEqualWithHelpers) {
@@ -234,6 +212,17 @@ TEST_F(MachinesTest, AnotherBuildIsRefused) {
               HasSubstr("rank 1 on"));
 }
 
+template <class T>
+T Received(const T& sent) {
+  ByteSink sink;
+  sink(sent);
+  const std::string bytes = sink.Take();
+  ByteSource source(bytes);
+  T received = source.Get<T>();
+  EXPECT_TRUE(source.IsAtEnd());
+  return received;
+}
+
 TEST(MachineMessages, OptionsArriveAsTheyWere) {
   HelperSetup setup;
   setup.seed = 5;
@@ -243,12 +232,7 @@ TEST(MachineMessages, OptionsArriveAsTheyWere) {
   setup.features.peak_threshold = 0.1;
   setup.matching.cross_check = false;
   setup.verification.num_resamples = 17;
-  ByteSink sink;
-  sink(setup);
-  const std::string bytes = sink.Take();
-  ByteSource source(bytes);
-  const HelperSetup got = source.Get<HelperSetup>();
-  EXPECT_TRUE(source.IsAtEnd());
+  const auto got = Received(setup);
   EXPECT_EQ(got.seed, 5u);
   EXPECT_EQ(got.num_threads, 3);
   EXPECT_EQ(got.verifier, "both");
@@ -271,12 +255,7 @@ TEST(MachineMessages, PairsArriveAsTheyWere) {
   task.matches = {{1, 2}, {5, 6}};
   task.are_best_first = task.weigh_focals = true;
   task.input_hash = 12345;
-  ByteSink sink;
-  sink(task);
-  const std::string bytes = sink.Take();
-  ByteSource source(bytes);
-  const auto got = source.Get<PairTask>();
-  EXPECT_TRUE(source.IsAtEnd());
+  const auto got = Received(task);
   EXPECT_EQ(got.pair_id, task.pair_id);
   EXPECT_EQ(got.matches, task.matches);
   EXPECT_TRUE(got.are_best_first);
@@ -288,23 +267,17 @@ TEST(MachineMessages, ImagesArriveAsTheyWere) {
   PairImage image;
   image.camera = Camera::FromFocal(4, CameraModel::kOpenCV, 500, 640, 480);
   image.camera.has_prior_focal_length = true;
-  image.keypoints = std::make_shared<const std::vector<Keypoint>>(
-      std::vector<Keypoint>{{1, 2, 3, 4, 5, 6}, {7, 8}});
+  image.keypoints = {{1, 2, 3, 4, 5, 6}, {7, 8}};
   image.depth = {{1.5f, 0.1f, 0.2f, true}, {}};
   image.descriptors = Descriptors::Random(37, 128);
-  ByteSink sink;
-  sink(image);
-  const std::string bytes = sink.Take();
-  ByteSource source(bytes);
-  const PairImage got = source.Get<PairImage>();
-  EXPECT_TRUE(source.IsAtEnd());
+  const auto got = Received(image);
   EXPECT_EQ(got.camera.camera_id, 4u);
   EXPECT_EQ(got.camera.model, CameraModel::kOpenCV);
   EXPECT_EQ(got.camera.width, 640);
   EXPECT_EQ(got.camera.height, 480);
   EXPECT_EQ(got.camera.params, image.camera.params);
   EXPECT_TRUE(got.camera.has_prior_focal_length);
-  EXPECT_EQ(*got.keypoints, *image.keypoints);
+  EXPECT_EQ(got.keypoints, image.keypoints);
   ASSERT_EQ(got.depth.size(), 2u);
   EXPECT_EQ(got.depth[0].ddepth_dy, 0.2f);
   EXPECT_FALSE(got.depth[1].is_valid);
@@ -336,12 +309,7 @@ TEST(MachineMessages, OutcomesArriveAsTheyWere) {
   report.residual_px = 0.3;
   report.triangulation_angle_deg = 4;
   outcome.runs.push_back({"second", "other_step", report, 0.5});
-  ByteSink sink;
-  sink(outcome);
-  const std::string bytes = sink.Take();
-  ByteSource source(bytes);
-  const PairOutcome got = source.Get<PairOutcome>();
-  EXPECT_TRUE(source.IsAtEnd());
+  const auto got = Received(outcome);
 
   const testing::TempFolder folder;
   const auto write = [&folder](const std::string& name, const PairOutcome& written) {

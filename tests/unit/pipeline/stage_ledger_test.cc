@@ -45,35 +45,6 @@ TEST(StageLedger, NamesTheOptionThatDiffers) {
               HasSubstr("no longer an option"));
 }
 
-TEST(StageLedger, OptionsThatJoinedDoNotBindWhereEarlierVersionsWorkedByTheirValue) {
-  Database database(":memory:");
-  const std::string before = "single_camera = true\n";
-  StageLedger(database, kStageCameras, before).Begin(database);
-  EXPECT_NO_THROW(
-      StageLedger(database, kStageCameras, before + "single_camera_per_folder = false\n"));
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] {
-                StageLedger(database, kStageCameras, before + "single_camera_per_folder = true\n");
-              }),
-              HasSubstr("made by a version without this option"));
-}
-
-TEST(StageLedger, OptionsThatWereTakenOutDoNotBindWhereTheyWereTheDefault) {
-  for (const bool is_default : {true, false}) {
-    Database database(":memory:");
-    const std::string today = "verification.confidence = 0.99\n";
-    const std::string solver = is_default ? "proposed" : "umeyama";
-    StageLedger(database, kStageVerification,
-                today + "verification.depth_solver = \"" + solver + "\"\n")
-        .Begin(database);
-    const auto open = [&] { StageLedger(database, kStageVerification, today); };
-    if (is_default) {
-      EXPECT_NO_THROW(open());
-    } else {
-      EXPECT_THAT(ThrownMessage<ConfigError>(open), HasSubstr("verification.depth_solver"));
-    }
-  }
-}
-
 TEST(StageLedger, KnowsWhatIsDoneFromWhichInputs) {
   Database database(":memory:");
   {
@@ -90,23 +61,13 @@ TEST(StageLedger, KnowsWhatIsDoneFromWhichInputs) {
             "--recompute depth");
 }
 
-TEST(StageLedger, TheRecordsHashCoversOptionsAndJobs) {
-  const auto hash = [](const std::string& options, std::vector<JobRecord> jobs) {
-    Database database(":memory:");
-    StageLedger ledger(database, kStageDepth, options);
-    ledger.Begin(database);
-    EXPECT_FALSE(database.ReadStage(kStageDepth)->is_complete);
-    EXPECT_EQ(database.ReadStage(kStageDepth)->input_hash, 0u);
-    for (const JobRecord& job : jobs) database.WriteJob(kStageDepth, job);
-    ledger.Complete(database);
-    EXPECT_TRUE(database.ReadStage(kStageDepth)->is_complete);
-    return database.ReadStage(kStageDepth)->input_hash;
-  };
-  const uint64_t reference = hash("a = 1\n", {{1, 2, ""}, {3, 4, ""}});
-  EXPECT_EQ(hash("a = 1\n", {{3, 4, ""}, {1, 2, ""}}), reference);
-  EXPECT_NE(hash("a = 2\n", {{1, 2, ""}, {3, 4, ""}}), reference);
-  EXPECT_NE(hash("a = 1\n", {{1, 2, ""}, {3, 5, ""}}), reference);
-  EXPECT_NE(hash("a = 1\n", {{1, 2, ""}, {3, 4, "given"}}), reference);
+TEST(StageLedger, BeginAndCompleteAreRecorded) {
+  Database database(":memory:");
+  StageLedger ledger(database, kStageDepth, "a = 1\n");
+  ledger.Begin(database);
+  EXPECT_FALSE(database.ReadStage(kStageDepth)->is_complete);
+  ledger.Complete(database);
+  EXPECT_TRUE(database.ReadStage(kStageDepth)->is_complete);
 }
 
 TEST(StageLedger, AStageThatNeverBeganLeavesNoRecord) {
@@ -121,30 +82,35 @@ TEST(StageLedger, ClearingAStageClearsWhatDependsOnIt) {
     database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 10, 10, 10));
     database.WriteImage({1, "a", 1});
     database.WriteKeypoints(1, std::vector<Keypoint>(1));
+    database.WriteDescriptors(1, Descriptors::Random(1, 128));
     database.WriteDepthSamples(1, std::vector<DepthSample>(1));
+    database.WritePairChoice({ImagePairToPairId(1, 2), 0, "spatial"});
     database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
     database.WriteTwoViewGeometry(ImagePairToPairId(1, 2), {});
-    for (const std::string& stage :
-         {kStageCameras, kStageFeatures, kStageDepth, kStageMatching, kStageVerification}) {
-      database.WriteStage({stage, "", 0, true});
+    for (const std::string& stage : {kStageCameras, kStageFeatures, kStageDepth, kStagePairs,
+                                     kStageMatching, kStageVerification}) {
+      database.WriteStage({stage, "", true});
     }
     ClearStageAndDependents(database, cleared);
     std::string left;
     if (database.ReadKeypoints(1)) left += "features ";
+    EXPECT_EQ(database.ReadKeypoints(1).has_value(), database.ReadDescriptors(1).has_value());
     if (database.ReadDepthSamples(1)) left += "depth ";
+    if (!database.ReadPairChoices().empty()) left += "pairs ";
     if (database.ReadMatches(ImagePairToPairId(1, 2))) left += "matching ";
     if (database.ReadTwoViewGeometry(ImagePairToPairId(1, 2))) left += "verification ";
     for (const std::string& stage :
-         {kStageFeatures, kStageDepth, kStageMatching, kStageVerification}) {
+         {kStageFeatures, kStageDepth, kStagePairs, kStageMatching, kStageVerification}) {
       EXPECT_EQ(database.ReadStage(stage).has_value(), left.find(stage) != std::string::npos);
     }
     return left;
   };
   EXPECT_EQ(stages_left(kStageFeatures), "");
-  EXPECT_EQ(stages_left(kStageDepth), "features matching ");
-  EXPECT_EQ(stages_left(kStageMatching), "features depth ");
-  EXPECT_EQ(stages_left(kStageVerification), "features depth matching ");
-  EXPECT_EQ(stages_left(kStageCameras), "features depth matching ");
+  EXPECT_EQ(stages_left(kStageDepth), "features pairs matching ");
+  EXPECT_EQ(stages_left(kStagePairs), "features depth ");
+  EXPECT_EQ(stages_left(kStageMatching), "features depth pairs ");
+  EXPECT_EQ(stages_left(kStageVerification), "features depth pairs matching ");
+  EXPECT_EQ(stages_left(kStageCameras), "features depth pairs matching ");
 }
 
 }  // namespace
