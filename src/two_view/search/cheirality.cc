@@ -24,11 +24,8 @@ Cheirality::Choice Cheirality::Choose(const Rigid3d& pose, std::span<const int32
 }
 
 double Cheirality::WeightOf(const Rigid3d& pose) {
-  // Wrong matches may be behind right poses; few of them are no reason to choose between these.
-  constexpr double kMostInFront = 0.75;
   errors_.SetSampson(pair_.points, EssentialFromPose(pose));
-  const double share = Choose(pose, errors_.Below(pair_.max_error_px)).share;
-  return share < kMostInFront ? share : 1.0;
+  return Choose(pose, errors_.Below(pair_.max_error_px)).share;
 }
 
 }  // namespace cairn::internal

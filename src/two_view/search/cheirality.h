@@ -23,8 +23,8 @@ class Cheirality {
   };
   Choice Choose(const Rigid3d& pose, std::span<const int32_t> matches) const;
 
-  // What support of a pose is worth: the share of the matches that it explains in front of both
-  // cameras, 1 where these are most of them.
+  // What support of a pose is worth: the share of the matches near its epipolar lines that it puts
+  // in front of both cameras.
   double WeightOf(const Rigid3d& pose);
 
  private:

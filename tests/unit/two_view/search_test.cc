@@ -278,34 +278,40 @@ TEST_F(SearchTest, RoughScaleDecidesWhatIsRefined) {
 
 // Two motions: one has more matches on its epipolar lines, the other more in front of the cameras.
 TEST(PoseSearch, OnlyPointsInFrontOfBothCamerasSpeakForAPose) {
-  Rng rng(5);
   const Rigid3d true_pose(ExpSO3(Eigen::Vector3d(0.1, -0.2, 0.1)), Eigen::Vector3d(0.8, 0.6, 0.0));
   const Rigid3d wrong_pose(ExpSO3(Eigen::Vector3d(-0.2, 0.1, 0.3)), Eigen::Vector3d(0.0, 0.6, 0.8));
-  PreparedPair pair;
-  pair.points.Reset(160, 1000.0, 1000.0);
-  int num_points = 0;
-  auto add = [&](const Rigid3d& pose, bool in_front, int count) {
-    while (count > 0) {
-      const Eigen::Vector2d x1(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.6, 0.6));
-      const Eigen::Vector3d X2 = pose * Eigen::Vector3d(rng.Uniform(-0.7, 4.0) * x1.homogeneous());
-      const Eigen::Vector3d X1 = Inverse(pose) * X2;
-      const bool is_in_front = X1.z() > 0.0 && X2.z() > 0.0;
-      if (is_in_front != in_front || (!in_front && X1.z() * X2.z() > 0.0)) continue;
-      const Eigen::Vector2d x2 = X2.hnormalized();
-      if (!(x2.cwiseAbs().maxCoeff() < 0.8)) continue;
-      pair.points.Set(num_points++, x1, x2);
-      --count;
-    }
+  struct Matches {
+    int in_front, behind;  // of the wrong pose
   };
-  add(true_pose, true, 70);
-  add(wrong_pose, true, 50);
-  add(wrong_pose, false, 40);
-  const TwoViewOptions options;
-  for (const bool wrong_first : {true, false}) {
-    PoseSearch search(pair, options);
-    search.AddRefined(wrong_first ? wrong_pose : true_pose);
-    search.AddRefined(wrong_first ? true_pose : wrong_pose);
-    EXPECT_LT(test::PoseError(search.best().pose, true_pose), 1e-6);
+  for (const auto [in_front, behind] : {Matches{50, 40}, Matches{60, 15}}) {
+    Rng rng(5);
+    PreparedPair pair;
+    pair.points.Reset(70 + in_front + behind, 1000.0, 1000.0);
+    int num_points = 0;
+    auto add = [&](const Rigid3d& pose, bool in_front, int count) {
+      while (count > 0) {
+        const Eigen::Vector2d x1(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.6, 0.6));
+        const Eigen::Vector3d X2 =
+            pose * Eigen::Vector3d(rng.Uniform(-0.7, 4.0) * x1.homogeneous());
+        const Eigen::Vector3d X1 = Inverse(pose) * X2;
+        const bool is_in_front = X1.z() > 0.0 && X2.z() > 0.0;
+        if (is_in_front != in_front || (!in_front && X1.z() * X2.z() > 0.0)) continue;
+        const Eigen::Vector2d x2 = X2.hnormalized();
+        if (!(x2.cwiseAbs().maxCoeff() < 0.8)) continue;
+        pair.points.Set(num_points++, x1, x2);
+        --count;
+      }
+    };
+    add(true_pose, true, 70);
+    add(wrong_pose, true, in_front);
+    add(wrong_pose, false, behind);
+    const TwoViewOptions options;
+    for (const bool wrong_first : {true, false}) {
+      PoseSearch search(pair, options);
+      search.AddRefined(wrong_first ? wrong_pose : true_pose);
+      search.AddRefined(wrong_first ? true_pose : wrong_pose);
+      EXPECT_LT(test::PoseError(search.best().pose, true_pose), 1e-6) << behind;
+    }
   }
 }
 
