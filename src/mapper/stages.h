@@ -419,10 +419,6 @@ std::string ReasonToRefuse(const Reconstruction& model);
 // more inliers, the other images by resection. The model with the most evidence is kept.
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph);
-// Two models as one, the second placed as a whole where as many points agree, and half of them, as
-// resection asks for of one image; none unless that explains more than both.
-std::optional<BuiltModel> JoinModels(StageContext& context, const Reconstruction& model,
-                                     const BuiltModel& other, const ViewGraph& graph);
 // An earlier model with the images that can be registered in it, refined, in its frame.
 BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
                          const ViewGraph& graph);

@@ -131,31 +131,5 @@ TEST(ReplaceMisplaced, PlacesALoosePartAsAWhole) {
   EXPECT_EQ(built.evidence.num_contradicted, 0);
 }
 
-TEST(JoinModels, PlacesOneInTheFrameOfTheOther) {
-  TwoModels scene;
-  BuiltModel other{scene.part, scene.graph, {}, {}};
-  other.evidence = EvidenceFor(scene.context, scene.part, scene.graph);
-  const auto joined = JoinModels(scene.context, scene.rest, other, scene.graph);
-  ASSERT_TRUE(joined);
-  joined->model->CheckConsistency();
-  EXPECT_EQ(joined->model->images.size(), kRest.size() + kPart.size());
-  EXPECT_GT(joined->evidence.nats, other.evidence.nats);
-  const Rigid3d& of_rest = joined->model->images.at(7).cam_from_world;
-  const Rigid3d& of_part = joined->model->images.at(8).cam_from_world;
-  const Rigid3d truth =
-      scene.truth.images.at(8).cam_from_world * Inverse(scene.truth.images.at(7).cam_from_world);
-  EXPECT_LT(RadToDeg(AngleBetween((of_part * Inverse(of_rest)).rotation, truth.rotation)), 0.5);
-}
-
-TEST(JoinModels, ModelsWithoutCommonMatchesStayTwo) {
-  TwoModels scene;
-  for (auto& [pair_id, matches] : scene.scene.matches) {
-    const auto [id1, id2] = PairIdToImagePair(pair_id);
-    if (kRest.count(id1) != kRest.count(id2)) matches.clear();
-  }
-  BuiltModel other{scene.part, scene.graph, {}, {}};
-  EXPECT_FALSE(JoinModels(scene.context, scene.rest, other, scene.graph));
-}
-
 }  // namespace
 }  // namespace cairn
