@@ -165,20 +165,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph) {
   context.free_principal_points.clear();
   BuiltModel best =
-      BuildBest(context, component, graph, HypothesizeRotations(context, component, graph, 0.5));
-  if (!best.model && !context.run.monitor.StopRequested()) {
-    // Not all at once: from a sure core, the others by resection.
-    const std::string failure = std::exchange(context.report.failure, "");
-    auto cores = HypothesizeRotations(context, component, graph, 0.0);
-    std::erase_if(cores, [](const RotationHypothesis& h) { return h.min_num_inliers == 0; });
-    best = BuildBest(context, component, graph, cores);
-    if (best.model) {
-      ModelStage(context, "fallback")
-          .Warn(failure + "; the model is grown from a well-supported core instead");
-    } else {
-      context.report.failure = failure;
-    }
-  }
+      BuildBest(context, component, graph, HypothesizeRotations(context, component, graph));
   if (!best.model) return best;
   if (!context.scene.poses_alone) {
     ReplaceMisplaced(context, best);

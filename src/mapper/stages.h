@@ -185,12 +185,12 @@ struct RotationHypothesis {
 int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
                        const RotationHypothesis& hypothesis);
 // Global rotations of the component, averaged from all of its edges and from those with more and
-// more inliers while they join more than this share of the images, weighed by inliers, alike, and
-// by their precision. Where these agree there is one hypothesis, else those that differ, the best
+// more inliers while they join more than half of the images, weighed by inliers, alike, and by
+// their precision. Where these agree there is one hypothesis, else those that differ, the best
 // supported first. Empty: the report has the failure.
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      std::span<const image_t> component,
-                                                     const ViewGraph& graph, double min_core_share);
+                                                     const ViewGraph& graph);
 
 // exif_focals.cc
 // Whether EXIF has the camera's focal length, and bundle adjustment may change it.
