@@ -108,7 +108,7 @@ namespace {
 struct DepthFirstSearch {
   std::vector<int> node;       // by order of discovery: those below a node follow it
   std::vector<int> order;      // of discovery, of every node
-  std::vector<int> low;        // earliest node reachable from those below by one back edge
+  std::vector<int> low;        // earliest node that one edge reaches from those below
   std::vector<int> parent;     // -1: a root
   std::vector<int> num_below;  // with the node itself
   std::vector<int> root;
