@@ -7,8 +7,6 @@
 namespace cairn {
 namespace {
 
-std::string Count(int64_t n, const std::string& what) { return std::to_string(n) + " " + what; }
-
 // Takes out the edges that disagree with the rotations, unless another pose that agrees explains
 // their matches too, and the images that this cuts off. Rotations of the images that stay.
 std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
@@ -36,11 +34,11 @@ std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
 
 std::vector<PointDirections> RaysOfTracks(
     const SceneData& scene, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
-    std::span<const Track> tracks, std::span<const size_t> selected) {
+    std::span<const Track> tracks) {
   std::vector<PointDirections> points;
-  for (const size_t i : selected) {
+  for (const Track& track : tracks) {
     PointDirections point;
-    for (const TrackElement& element : tracks[i]) {
+    for (const TrackElement& element : track) {
       const auto rotation = cam_from_world.find(element.image_id);
       if (rotation == cam_from_world.end()) continue;
       const Camera& camera = scene.CameraOf(element.image_id);
@@ -68,10 +66,9 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
     directions.push_back({edge.image_id1, edge.image_id2, direction});
     edge_indices.push_back(i);
   }
-  const std::vector<size_t> selected =
-      SelectTracks(tracks, context.settings.reconstruct.position_tracks_per_image, 0);
   const std::vector<PointDirections> points =
-      RaysOfTracks(context.scene, rotations, tracks, selected);
+      RaysOfTracks(context.scene, rotations,
+                   SelectTracks(tracks, context.settings.reconstruct.position_tracks_per_image));
   const TranslationAveragingReport report =
       AverageTranslations(directions, points, context.settings.translation_averaging, context.run,
                           PriorsOfCenters(context));
@@ -90,8 +87,8 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
   if (report.status != TranslationAveragingStatus::kSuccess) {
     std::string reason(TranslationAveragingStatusName(report.status));
     if (!report.message.empty()) reason += ": " + report.message;
-    stage.Fail(reason + " (" + Count(static_cast<int64_t>(directions.size()), "directions, ") +
-                   Count(static_cast<int64_t>(points.size()), "tracks)"),
+    stage.Fail(reason + " (" + std::to_string(directions.size()) + " directions, " +
+                   std::to_string(points.size()) + " tracks)",
                "add photos that connect the scene better, or loosen "
                "--translation_averaging.filter_max_inconsistency");
     return std::nullopt;

@@ -35,14 +35,9 @@ std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<doub
 
 // How far a pair's rotation is from the hypothesis; nullopt: it has no pose, or its images none.
 std::optional<double> ErrorDeg(const ViewEdge& edge, const RotationHypothesis& hypothesis) {
-  const auto rotation1 = hypothesis.cam_from_world.find(edge.image_id1);
-  const auto rotation2 = hypothesis.cam_from_world.find(edge.image_id2);
-  if (edge.removal == EdgeRemoval::kNoPose || rotation1 == hypothesis.cam_from_world.end() ||
-      rotation2 == hypothesis.cam_from_world.end()) {
-    return std::nullopt;
-  }
-  return RadToDeg(AngleBetween(rotation2->second * rotation1->second.conjugate(),
-                               edge.cam2_from_cam1.rotation));
+  const auto rotation = RelativeRotation(edge, hypothesis.cam_from_world);
+  if (!rotation || edge.removal == EdgeRemoval::kNoPose) return std::nullopt;
+  return RadToDeg(AngleBetween(*rotation, edge.cam2_from_cam1.rotation));
 }
 
 // Inliers of all pairs that have a pose, those that were taken out among them, by how well they

@@ -240,6 +240,9 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
 // Cameras and keypoints of the images with a pose, no points.
 Reconstruction MakeReconstruction(const SceneData& scene,
                                   const std::map<image_t, Rigid3d>& cam_from_world);
+// Gives a model an image without points, and its camera where the model does not have it.
+void AddImage(const SceneData& scene, image_t id, const Rigid3d& cam_from_world,
+              const Camera& camera, Reconstruction& model);
 // Takes an image out of a model; points that fewer than two others see go with it.
 void RemoveImage(image_t id, Reconstruction& model);
 
@@ -331,10 +334,6 @@ bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart 
 // Registers what was left out and lets the model choose its pairs, until neither brings anything.
 // How often it was refined; nullopt: as above.
 std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model);
-// A model whose images were moved, with its evidence, refined; none unless it then has more than
-// this beyond doubt.
-std::optional<BuiltModel> RefineIfBetter(StageContext& context, BuiltModel changed,
-                                         double nats_before);
 
 // misplaced.cc
 // Images that a model misplaces together: most of the matches of their pairs with the others

@@ -19,17 +19,23 @@ int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph) {
   return num_removed;
 }
 
+std::optional<Eigen::Quaterniond> RelativeRotation(
+    const ViewEdge& edge, const std::map<image_t, Eigen::Quaterniond>& cam_from_world) {
+  const auto rotation1 = cam_from_world.find(edge.image_id1);
+  const auto rotation2 = cam_from_world.find(edge.image_id2);
+  if (rotation1 == cam_from_world.end() || rotation2 == cam_from_world.end()) return std::nullopt;
+  return rotation2->second * rotation1->second.conjugate();
+}
+
 int RemoveRotationOutliers(const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
                            double max_error_deg, ViewGraph& graph) {
   int num_removed = 0;
   for (ViewEdge& edge : graph.edges) {
     if (!edge.IsActive()) continue;
-    const auto rotation1 = cam_from_world.find(edge.image_id1);
-    const auto rotation2 = cam_from_world.find(edge.image_id2);
-    if (rotation1 != cam_from_world.end() && rotation2 != cam_from_world.end()) {
-      const double error = AngleBetween(rotation2->second * rotation1->second.conjugate(),
-                                        edge.cam2_from_cam1.rotation);
-      if (RadToDeg(error) <= max_error_deg) continue;
+    const auto rotation = RelativeRotation(edge, cam_from_world);
+    if (rotation &&
+        RadToDeg(AngleBetween(*rotation, edge.cam2_from_cam1.rotation)) <= max_error_deg) {
+      continue;
     }
     edge.removal = EdgeRemoval::kRotationInconsistent;
     ++num_removed;

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -47,6 +48,10 @@ ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewE
 
 // Edges with fewer than min_num_inliers inliers (kTooFewInliers).
 int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph);
+
+// The relative rotation of an edge's images by global rotations; nullopt: one of them has none.
+std::optional<Eigen::Quaterniond> RelativeRotation(
+    const ViewEdge& edge, const std::map<image_t, Eigen::Quaterniond>& cam_from_world);
 
 // Edges that disagree with global rotations by more than max_error_deg, or that have an image
 // without one (kRotationInconsistent).
