@@ -177,6 +177,12 @@ struct Candidates {
   std::set<camera_t> calibrated;
   // Guessed ones, where pairs do not determine better ones: if most images are of such cameras.
   std::set<camera_t> tentative;
+
+  std::set<camera_t> All() const {
+    std::set<camera_t> all = calibrated;
+    all.insert(tentative.begin(), tentative.end());
+    return all;
+  }
 };
 
 bool IsTentative(const Camera& camera, const CalibratedFocal& focal) {
@@ -233,6 +239,28 @@ struct Replaced {
   std::vector<ViewEdge> guessed_edges;  // the same with poses at these focal lengths
   std::set<camera_t> tentative;
 };
+
+// Gives the cameras the focal lengths that the pairs found, and their edges poses by these.
+Replaced TakeFocals(const std::map<camera_t, CalibratedFocal>& focals,
+                    const std::map<image_pair_t, TwoViewGeometry>& geometries,
+                    const std::set<camera_t>& cameras, const RunContext& run, SceneData& scene) {
+  Replaced before;
+  before.edges = scene.edges;
+  // The stored pose of an uncalibrated pair may be that of other focal lengths than the guessed
+  // ones.
+  std::map<image_pair_t, TwoViewGeometry> uncalibrated;
+  for (const auto& [pair_id, geometry] : geometries) {
+    if (geometry.config == TwoViewConfig::kUncalibrated) uncalibrated[pair_id] = geometry;
+  }
+  ImproveRelativePoses(uncalibrated, run, scene);
+  before.guessed_edges = std::exchange(scene.edges, before.edges);
+  for (const camera_t id : cameras) {
+    before.focals_px[id] = focals.at(id).focal_before_px;
+    scene.cameras.at(id).SetMeanFocal(focals.at(id).focal_px);
+  }
+  ImproveRelativePoses(geometries, run, scene);
+  return before;
+}
 
 // Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
 // by those of the focal lengths before. Where they close worse, the cameras and their edges are
@@ -310,29 +338,11 @@ std::optional<Calibration> CalibrateSceneFocals(const GeometryReader& read,
   }
   Report(report, candidates, scene.cameras, stage);
   ImproveRelativePoses(scene.foreign, run, scene);
-  std::set<camera_t> calibrated = candidates.calibrated;
-  calibrated.insert(candidates.tentative.begin(), candidates.tentative.end());
+  const std::set<camera_t> calibrated = candidates.All();
   if (calibrated.empty()) return std::nullopt;
-
-  Replaced before;
+  Replaced before =
+      TakeFocals(report.cameras, ReadGeometriesOf(calibrated, scene, read), calibrated, run, scene);
   before.tentative = candidates.tentative;
-  before.edges = scene.edges;
-  const std::map<image_pair_t, TwoViewGeometry> geometries =
-      ReadGeometriesOf(calibrated, scene, read);
-  // The stored pose of an uncalibrated pair may be that of other focal lengths than the guessed
-  // ones.
-  std::map<image_pair_t, TwoViewGeometry> uncalibrated;
-  for (const auto& [pair_id, geometry] : geometries) {
-    if (geometry.config != TwoViewConfig::kUncalibrated) continue;
-    uncalibrated[pair_id] = geometry;
-  }
-  ImproveRelativePoses(uncalibrated, run, scene);
-  before.guessed_edges = std::exchange(scene.edges, before.edges);
-  for (const camera_t id : calibrated) {
-    before.focals_px[id] = report.cameras.at(id).focal_before_px;
-    scene.cameras.at(id).SetMeanFocal(report.cameras.at(id).focal_px);
-  }
-  ImproveRelativePoses(geometries, run, scene);
   return TakeBackRejected(before, stage, scene);
 }
 

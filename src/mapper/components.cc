@@ -132,7 +132,7 @@ void TakeIn(StageContext& context, BuiltModel built, std::vector<JudgedModel>& j
   for (const auto& [id, image] : built.model->images) context.taken.insert(id);
   std::vector<ResultWarning> warnings = std::move(built.warnings);
   if (!context.scene.poses_alone) {
-    for (ResultWarning& each : JudgeModel(context, *built.model, built.evidence, built.graph)) {
+    for (ResultWarning& each : JudgeModel(context, built)) {
       warnings.push_back(std::move(each));
     }
   }

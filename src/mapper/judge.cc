@@ -51,11 +51,12 @@ std::string Names(const StageContext& context, std::span<const image_t> images) 
   return FirstNames(names);
 }
 
-std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstruction& model,
-                                      const ModelEvidence& evidence, const ViewGraph& graph) {
-  const WeakParts weak = FindWeakParts(context, graph, model);
+std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& built) {
+  const Reconstruction& model = *built.model;
+  const ModelEvidence& evidence = built.evidence;
+  const WeakParts weak = FindWeakParts(context, built.graph, model);
   ModelStage stage(context, "judgement");
-  const Symmetry symmetry = FindSymmetry(model, graph);
+  const Symmetry symmetry = FindSymmetry(model, built.graph);
   stage.Add("explained_share", evidence.inside.Share());
   stage.Add("contradicted_pairs", evidence.num_contradicted);
   stage.Add("symmetric_pairs", symmetry.num_pairs);

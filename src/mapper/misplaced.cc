@@ -22,19 +22,19 @@ struct PairsWithin {
   std::vector<Support> supports;
 };
 
-PairsWithin FindPairsWithin(const Reconstruction& model, const ViewGraph& graph,
-                            const ModelEvidence& evidence) {
+PairsWithin FindPairsWithin(const BuiltModel& built) {
   PairsWithin pairs;
   std::map<image_t, int> index;
-  for (const auto& [id, image] : model.images) {
+  for (const auto& [id, image] : built.model->images) {
     index[id] = static_cast<int>(pairs.images.size());
     pairs.images.push_back(id);
   }
-  for (size_t e = 0; e < graph.edges.size(); ++e) {
-    const ViewEdge& edge = graph.edges[e];
-    if (evidence.pairs[e].num_matches == 0 || !IsWithin(edge, model)) continue;
+  for (size_t e = 0; e < built.graph.edges.size(); ++e) {
+    const ViewEdge& edge = built.graph.edges[e];
+    const Support& support = built.evidence.pairs[e];
+    if (support.num_matches == 0 || !IsWithin(edge, *built.model)) continue;
     pairs.edges.push_back({index.at(edge.image_id1), index.at(edge.image_id2)});
-    pairs.supports.push_back(evidence.pairs[e]);
+    pairs.supports.push_back(support);
   }
   return pairs;
 }
@@ -123,11 +123,9 @@ class Grouping {
 
 }  // namespace
 
-std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Reconstruction& model,
-                                                const ViewGraph& graph,
-                                                const ModelEvidence& evidence) {
+std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const BuiltModel& built) {
   ModelStage stage(context, "misplaced_groups");
-  const PairsWithin pairs = FindPairsWithin(model, graph, evidence);
+  const PairsWithin pairs = FindPairsWithin(built);
   Grouping grouping(pairs);
   grouping.JoinAll();
   std::vector<MisplacedGroup> misplaced = grouping.Misplaced();

@@ -159,10 +159,11 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
   return static_cast<int>(registered.size());
 }
 
-std::set<image_t> FindOutvoted(StageContext& context, const ViewGraph& graph,
-                               const ModelEvidence& evidence, const Reconstruction& model) {
+std::set<image_t> FindOutvoted(StageContext& context, const BuiltModel& built) {
   ModelStage stage(context, "outvoted");
-  const PairsOfImages pairs = FindPairsOfMembers(graph, model);
+  const Reconstruction& model = *built.model;
+  const ModelEvidence& evidence = built.evidence;
+  const PairsOfImages pairs = FindPairsOfMembers(built.graph, model);
   std::vector<image_t> images;
   for (const auto& [id, edges] : pairs) {
     if (evidence.images.at(id).Share() < evidence.inside.Share()) images.push_back(id);

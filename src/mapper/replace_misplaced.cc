@@ -97,15 +97,13 @@ std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltMo
   for (const std::set<image_t>& loose : weak.loose) {
     if (auto other = PlaceAnew(context, built, loose)) return other;
   }
-  const std::vector<MisplacedGroup> groups =
-      FindMisplacedGroups(context, *built.model, built.graph, built.evidence);
+  const std::vector<MisplacedGroup> groups = FindMisplacedGroups(context, built);
   std::set<image_t> all;
   for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
   auto other = RegisterAnew(context, built, all);
   if (!other && groups.size() > 1) other = RegisterAnew(context, built, groups.front().images);
   if (other) return other;
-  other = RegisterAnew(context, built,
-                       FindOutvoted(context, built.graph, built.evidence, *built.model));
+  other = RegisterAnew(context, built, FindOutvoted(context, built));
   if (other) return other;
   return RegisterAnew(context, built, weak.hinged);
 }

@@ -79,6 +79,15 @@ class ModelStage : public RunStage {
   }
 };
 
+// A model that is being built, or done.
+struct BuiltModel {
+  std::optional<Reconstruction> model;  // absent: see the report's failure, or duplicate_edges
+  ViewGraph graph;                      // with what became of the component's edges
+  ModelEvidence evidence;
+  std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
+  std::vector<ResultWarning> warnings{};
+};
+
 // read_scene.cc
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
                         const RunContext& run, RunReport& report);
@@ -300,8 +309,7 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
 // Images that contradict more than others do and that lie off most of the points that others show,
 // while resection finds a pose with which more of these agree (a plane leaves two poses; most pairs
 // of an image may be wrong together).
-std::set<image_t> FindOutvoted(StageContext& context, const ViewGraph& graph,
-                               const ModelEvidence& evidence, const Reconstruction& model);
+std::set<image_t> FindOutvoted(StageContext& context, const BuiltModel& built);
 
 // judge.cc
 // Is it a pair of two images of the model, and of one place?
@@ -315,19 +323,11 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
 // half of the matches. Returns how many matches the pairs have that come in.
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
 // Warnings of a model that contradicts its own verified pairs, or parts of it that do.
-std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstruction& model,
-                                      const ModelEvidence& evidence, const ViewGraph& graph);
+std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& built);
 // Of the first twenty images, and how many more there are.
 std::string Names(const StageContext& context, std::span<const image_t> images);
 
 // grow_model.cc
-struct BuiltModel {
-  std::optional<Reconstruction> model;  // absent: see the report's failure, or duplicate_edges
-  ViewGraph graph;                      // with what became of the component's edges
-  ModelEvidence evidence;
-  std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
-  std::vector<ResultWarning> warnings{};
-};
 // False: there is not enough memory, and the report has the failure.
 bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart start,
                   Reconstruction& model);
@@ -345,9 +345,7 @@ struct MisplacedGroup {
 // Of the groups, single images among them, that arise when images are joined by the pairs with the
 // most explained matches first: the largest of fewer than half of the images, those with the most
 // contradicting matches first.
-std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Reconstruction& model,
-                                                const ViewGraph& graph,
-                                                const ModelEvidence& evidence);
+std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const BuiltModel& built);
 
 // weak_parts.cc
 // Parts of a model that few of its points hold together.

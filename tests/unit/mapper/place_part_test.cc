@@ -107,7 +107,7 @@ TEST(WeakParts, APartThatSharesTooFewPointsIsLoose) {
   EXPECT_EQ(weak.loose[0], kPart);
   EXPECT_EQ(MostSharedPoints(kPart, scene.model), 0);
   EXPECT_GT(MostSharedPoints(kPart, scene.truth), 15);
-  const auto warnings = JudgeModel(scene.context, scene.model, {}, scene.graph);
+  const auto warnings = JudgeModel(scene.context, {scene.model, scene.graph, {}, {}});
   EXPECT_EQ(std::count_if(warnings.begin(), warnings.end(),
                           [](const ResultWarning& warning) {
                             return warning.what.starts_with("3 images share 0 points at most");
@@ -121,8 +121,8 @@ TEST(ReplaceMisplaced, PlacesALoosePartAsAWhole) {
   for (const image_t id : kPart) {
     scene.model.images.at(id).cam_from_world = scene.part.images.at(id).cam_from_world;
   }
-  BuiltModel built{scene.model, scene.graph, {}, {}};
-  ReviseEdges(EvidenceFor(scene.context, *built.model, built.graph), *built.model, built.graph);
+  BuiltModel built = scene.Built();
+  ReviseEdges(built.evidence, *built.model, built.graph);
   ASSERT_TRUE(FitAndRefine(scene.context, TracksOfGraph(scene.context, built.graph).tracks,
                            RefineStart::kChanged, *built.model));
   built.evidence = EvidenceFor(scene.context, *built.model, built.graph);
