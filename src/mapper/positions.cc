@@ -1,36 +1,10 @@
 #include <algorithm>
 
 #include "cairn/translation_averaging/translation_averaging.h"
-#include "cairn/view_graph/view_graph_builder.h"
 #include "mapper/stages.h"
 
 namespace cairn {
 namespace {
-
-// Takes out the edges that disagree with the rotations, unless another pose that agrees explains
-// their matches too, and the images that this cuts off. Rotations of the images that stay.
-std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
-    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
-    ViewGraph& graph) {
-  ModelStage stage(context, "edges");
-  const double max_error_deg = context.settings.view_graph.max_rotation_error_deg;
-  stage.Add("edges_in", graph.NumActiveEdges());
-  stage.Add("refitted", context.scene.poses_imported
-                            ? 0
-                            : RefitEdges(context, cam_from_world, max_error_deg, graph));
-  stage.Add("edges_removed", RemoveRotationOutliers(cam_from_world, max_error_deg, graph));
-  const std::vector<std::vector<image_t>> components = ActiveComponents(graph);
-  if (components.empty()) {
-    stage.Fail("no edge agrees with the global rotations",
-               "try a larger --view_graph.max_rotation_error_deg");
-    return std::nullopt;
-  }
-  if (components.size() > 1) KeepImages(components.front(), graph);
-  std::map<image_t, Eigen::Quaterniond> rotations;
-  for (const image_t id : components.front()) rotations[id] = cam_from_world.at(id);
-  stage.Add("images_out", rotations.size());
-  return rotations;
-}
 
 std::vector<PointDirections> RaysOfTracks(
     const SceneData& scene, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,

@@ -213,6 +213,18 @@ std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
 void HoldExif(const std::set<image_t>& images, double exif_sigma, double cost_nats,
               SceneData& scene);
 
+// edges.cc
+// Takes out the edges that disagree with the rotations, unless another pose that agrees explains
+// their matches too, and the images that this cuts off. Rotations of the images that stay.
+std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
+    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+    ViewGraph& graph);
+// Is it a pair of two images of the model, and of one place?
+bool IsWithin(const ViewEdge& edge, const Reconstruction& model);
+// The model decides which pairs between its images are in use: those of which it explains at least
+// half of the matches. Returns how many matches the pairs have that come in.
+int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
+
 // positions.cc
 struct InitialModel {
   std::map<image_t, Rigid3d> cam_from_world;
@@ -312,16 +324,11 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
 std::set<image_t> FindOutvoted(StageContext& context, const BuiltModel& built);
 
 // judge.cc
-// Is it a pair of two images of the model, and of one place?
-bool IsWithin(const ViewEdge& edge, const Reconstruction& model);
 // The evidence for the model in all verified pairs of the images that are in no other model,
 // in use in the graph or not. `pairs` are in the order of graph.edges; those of other
 // models' images have no matches.
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
                           const ViewGraph& graph);
-// The model decides which pairs between its images are in use: those of which it explains at least
-// half of the matches. Returns how many matches the pairs have that come in.
-int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
 // Warnings of a model that contradicts its own verified pairs, or parts of it that do.
 std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& built);
 // Of the first twenty images, and how many more there are.
