@@ -88,9 +88,29 @@ struct BuiltModel {
   std::vector<ResultWarning> warnings{};
 };
 
+// The steps, in the order of README.md.
+
 // read_scene.cc
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
                         const RunContext& run, RunReport& report);
+
+// memory.cc
+// What a database holds, by its counts alone.
+struct SceneCounts {
+  int64_t num_keypoints = 0;
+  int64_t num_pairs = 0;
+  int64_t num_matches = 0;  // inliers
+};
+// Peak memory, bytes, from reading such a database until there are tracks.
+int64_t EstimateSceneBytes(const SceneCounts& counts);
+// False: there is not so much memory, and the report has the failure, before anything is read.
+bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, RunStage& stage);
+// Predicts the peak memory of RefineModel with these tracks. Where it is more than
+// there is (ReconstructOptions::max_memory_gib), or than Ceres can count observations, takes fewer
+// tracks, long ones first. False: not
+// even the least that a model needs would fit, and the report has the failure.
+bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
+                       std::vector<Track>& tracks);
 
 // still_parts.cc
 // What to say where most images have matches that stay where they are in the picture while others
@@ -98,27 +118,13 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
 // photographs.
 std::optional<ResultWarning> FindStillParts(const SceneData& scene);
 
-// scene_graph.cc
-ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSettings& settings,
-                                const RunContext& run, RunReport& report);
-
-// earlier_models.cc
-// Models to go on from, the largest first: the poses and cameras of `models`, by the names of the
-// images, without points. Images of the scene get the cameras that they share in the models. Says
-// in the report what of the models is left out; it has the failure where nothing is left.
-std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, SceneData& scene,
-                                        const RunContext& run, RunReport& report);
-
-// components.cc
-struct SceneModels {
-  std::vector<Reconstruction> models;  // the largest first; the report has their warnings
-  double evidence_nats = 0;
-};
-// Models of the graph's components, and of the parts into which they fall. Where there are earlier
-// models, these first, with the images that can be registered in them, then, unless nothing is to
-// be registered, models of the images that are left.
-SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
-                        std::span<const Reconstruction> earlier, ViewGraph& graph);
+// calibration_search.cc
+// Models and graph by the calibration of the scene whose models have the most evidence: with one
+// camera for likely images or without, with focal lengths by the pairs or as they were. Earlier
+// models tell theirs. `read` gets the stages before. Leaves the scene with what was tried last.
+ReconstructResult ReconstructBest(const Database& database, std::span<const Reconstruction> earlier,
+                                  const ReconstructSettings& settings, const RunContext& run,
+                                  RunReport& read, SceneData& scene);
 
 // calibrate.cc
 using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
@@ -152,32 +158,42 @@ void ShareCamera(const std::set<image_t>& images, Camera camera, const GeometryR
 // Gives images that share a camera by that a camera each again, as they are stored: equal ones.
 void UnshareCamera(const std::map<image_t, camera_t>& stored, Reconstruction& model);
 
-// calibration_search.cc
-// Models and graph by the calibration of the scene whose models have the most evidence: with one
-// camera for likely images or without, with focal lengths by the pairs or as they were. Earlier
-// models tell theirs. `read` gets the stages before. Leaves the scene with what was tried last.
-ReconstructResult ReconstructBest(const Database& database, std::span<const Reconstruction> earlier,
-                                  const ReconstructSettings& settings, const RunContext& run,
-                                  RunReport& read, SceneData& scene);
+// exif_focals.cc
+// Whether EXIF has the camera's focal length, and bundle adjustment may change it.
+bool RefinesExif(const Camera& camera, const SceneData& scene);
+// The images whose focal lengths in the models are more than three standard deviations off EXIF's,
+// and off what the pairs found in place of it; none if most images of the models are not of these.
+std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
+                                     std::span<const Reconstruction> models);
+// Holds the focal lengths of these images' cameras, EXIF's, so that to leave them by three standard
+// deviations costs so much, and no less than usual.
+void HoldExif(const std::set<image_t>& images, double exif_sigma, double cost_nats,
+              SceneData& scene);
 
-// relative_poses.cc
-// Refines the poses of edges that another program verified, or whose focal lengths changed, on
-// their inlier matches, and finds those that were not stored or left open (COLMAP's
-// planar-or-panoramic pairs). Edges whose matches show no parallax keep a rotation alone; those
-// without any pose end with the reason kNoPose.
-void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
-                          const RunContext& run, SceneData& scene);
-// How precise the rotation of each edge of the graph is: the standard deviation about the least
-// determined axis, radians. (Through a long lens, which is nearly affine, two views leave the angle
-// between them open: Koenderink and van Doorn, "Affine structure from motion", 1991.)
-std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph);
-// Gives edges that disagree with global rotations, whatever took them out, the pose near these that
-// explains their matches, where there is one that explains more than half: a plane, a narrow field
-// of view or few matches leave several poses that explain them all. Such edges are in use again.
-// Returns how many there are.
-int RefitEdges(const StageContext& context,
-               const std::map<image_t, Eigen::Quaterniond>& cam_from_world, double max_error_deg,
-               ViewGraph& graph);
+// scene_graph.cc
+ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSettings& settings,
+                                const RunContext& run, RunReport& report);
+
+// components.cc
+struct SceneModels {
+  std::vector<Reconstruction> models;  // the largest first; the report has their warnings
+  double evidence_nats = 0;
+};
+// Models of the graph's components, and of the parts into which they fall. Where there are earlier
+// models, these first, with the images that can be registered in them, then, unless nothing is to
+// be registered, models of the images that are left.
+SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
+                        std::span<const Reconstruction> earlier, ViewGraph& graph);
+
+// build_model.cc
+// One component of the graph from averaging to the finished model: built from all of its edges,
+// and, while the model leaves much of the verified matches unexplained, from those with more and
+// more inliers, the other images by resection. The model with the most evidence is kept.
+BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
+                      const ViewGraph& graph);
+// An earlier model with the images that can be registered in it, refined, in its frame.
+BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
+                         const ViewGraph& graph);
 
 // rotations.cc
 // Global rotations of a component, by one choice of edges and weights.
@@ -201,17 +217,24 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      std::span<const image_t> component,
                                                      const ViewGraph& graph);
 
-// exif_focals.cc
-// Whether EXIF has the camera's focal length, and bundle adjustment may change it.
-bool RefinesExif(const Camera& camera, const SceneData& scene);
-// The images whose focal lengths in the models are more than three standard deviations off EXIF's,
-// and off what the pairs found in place of it; none if most images of the models are not of these.
-std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
-                                     std::span<const Reconstruction> models);
-// Holds the focal lengths of these images' cameras, EXIF's, so that to leave them by three standard
-// deviations costs so much, and no less than usual.
-void HoldExif(const std::set<image_t>& images, double exif_sigma, double cost_nats,
-              SceneData& scene);
+// relative_poses.cc
+// Refines the poses of edges that another program verified, or whose focal lengths changed, on
+// their inlier matches, and finds those that were not stored or left open (COLMAP's
+// planar-or-panoramic pairs). Edges whose matches show no parallax keep a rotation alone; those
+// without any pose end with the reason kNoPose.
+void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
+                          const RunContext& run, SceneData& scene);
+// How precise the rotation of each edge of the graph is: the standard deviation about the least
+// determined axis, radians. (Through a long lens, which is nearly affine, two views leave the angle
+// between them open: Koenderink and van Doorn, "Affine structure from motion", 1991.)
+std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph);
+// Gives edges that disagree with global rotations, whatever took them out, the pose near these that
+// explains their matches, where there is one that explains more than half: a plane, a narrow field
+// of view or few matches leave several poses that explain them all. Such edges are in use again.
+// Returns how many there are.
+int RefitEdges(const StageContext& context,
+               const std::map<image_t, Eigen::Quaterniond>& cam_from_world, double max_error_deg,
+               ViewGraph& graph);
 
 // edges.cc
 // Takes out the edges that disagree with the rotations, unless another pose that agrees explains
@@ -238,24 +261,6 @@ std::optional<InitialModel> AverageComponent(
 // Tracks over the graph's active edges; `again` has the matches of pairs that were verified again.
 TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
                           const std::map<image_pair_t, FeatureMatches>& again = {});
-
-// memory.cc
-// What a database holds, by its counts alone.
-struct SceneCounts {
-  int64_t num_keypoints = 0;
-  int64_t num_pairs = 0;
-  int64_t num_matches = 0;  // inliers
-};
-// Peak memory, bytes, from reading such a database until there are tracks.
-int64_t EstimateSceneBytes(const SceneCounts& counts);
-// False: there is not so much memory, and the report has the failure, before anything is read.
-bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, RunStage& stage);
-// Predicts the peak memory of RefineModel with these tracks. Where it is more than
-// there is (ReconstructOptions::max_memory_gib), or than Ceres can count observations, takes fewer
-// tracks, long ones first. False: not
-// even the least that a model needs would fit, and the report has the failure.
-bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
-                       std::vector<Track>& tracks);
 
 // refine.cc
 // Cameras and keypoints of the images with a pose, no points.
@@ -291,30 +296,6 @@ struct PlacePriors {
 };
 void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstruction& model);
 
-// principal_points.cc
-// Frees the principal points of cameras, from here on, where the matches agree better with what
-// bundle adjustment then finds, beyond doubt, and that is wanted; else says in the report that they
-// do. Forward motion, or a lens that the camera model does not describe, throws others off.
-void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model);
-
-// places.cc
-// Throws ConfigError.
-void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path);
-// nullopt: none are to be used.
-std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
-                                         const std::string& image_path, const RunContext& run);
-// By the images' positions, for translation averaging; nullptr: none are to be used.
-CenterPriors PriorsOfCenters(const StageContext& context);
-// Adjusts a model, moved to where the known positions put it, with these as priors, until they
-// agree no better. A model whose place they do not tell stays as it is.
-void AdjustToPlaces(StageContext& context, Reconstruction& model);
-// Moves finished models to east-north-up axes, and warns of what stays where it was.
-void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResult& result);
-
-// poses_alone.cc
-// How far all relative poses, those that were filtered out among them, agree with the model.
-void ReportAgreement(StageContext& context, const Reconstruction& model);
-
 // register_images.cc
 // Poses for images that are in no model yet, from the points. Returns the number of new images.
 int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model);
@@ -341,6 +322,11 @@ bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart 
 // Registers what was left out and lets the model choose its pairs, until neither brings anything.
 // How often it was refined; nullopt: as above.
 std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model);
+
+// replace_misplaced.cc
+// Places loose parts of the model and registers misplaced images anew, while that brings more
+// evidence.
+void ReplaceMisplaced(StageContext& context, BuiltModel& best);
 
 // misplaced.cc
 // Images that a model misplaces together: most of the matches of their pairs with the others
@@ -386,10 +372,11 @@ struct PlaceOfPart {
 PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Reconstruction& rest,
                       const Reconstruction& part);
 
-// replace_misplaced.cc
-// Places loose parts of the model and registers misplaced images anew, while that brings more
-// evidence.
-void ReplaceMisplaced(StageContext& context, BuiltModel& best);
+// principal_points.cc
+// Frees the principal points of cameras, from here on, where the matches agree better with what
+// bundle adjustment then finds, beyond doubt, and that is wanted; else says in the report that they
+// do. Forward motion, or a lens that the camera model does not describe, throws others off.
+void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model);
 
 // verify_again.cc
 // Where bundle adjustment has moved the rays of cameras by more than verification's threshold: of
@@ -406,26 +393,41 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
 bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
                                Reconstruction& model);
 
+// places.cc
+// Throws ConfigError.
+void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path);
+// nullopt: none are to be used.
+std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
+                                         const std::string& image_path, const RunContext& run);
+// By the images' positions, for translation averaging; nullptr: none are to be used.
+CenterPriors PriorsOfCenters(const StageContext& context);
+// Adjusts a model, moved to where the known positions put it, with these as priors, until they
+// agree no better. A model whose place they do not tell stays as it is.
+void AdjustToPlaces(StageContext& context, Reconstruction& model);
+// Moves finished models to east-north-up axes, and warns of what stays where it was.
+void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResult& result);
+
+// poses_alone.cc
+// How far all relative poses, those that were filtered out among them, agree with the model.
+void ReportAgreement(StageContext& context, const Reconstruction& model);
+
+// checks.cc
+// "" or why the model is not fit to be written.
+std::string ReasonToRefuse(const Reconstruction& model);
+
+// earlier_models.cc
+// Models to go on from, the largest first: the poses and cameras of `models`, by the names of the
+// images, without points. Images of the scene get the cameras that they share in the models. Says
+// in the report what of the models is left out; it has the failure where nothing is left.
+std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, SceneData& scene,
+                                        const RunContext& run, RunReport& report);
+
 // movement.cc
 // Puts a model that goes on from an earlier one where that was. Warns of images that moved by more
 // than the confidence in their earlier poses, with the reason.
 std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction& earlier,
                                      const std::map<image_t, PoseConfidence>& confidences,
                                      Reconstruction& model);
-
-// checks.cc
-// "" or why the model is not fit to be written.
-std::string ReasonToRefuse(const Reconstruction& model);
-
-// build_model.cc
-// One component of the graph from averaging to the finished model: built from all of its edges,
-// and, while the model leaves much of the verified matches unexplained, from those with more and
-// more inliers, the other images by resection. The model with the most evidence is kept.
-BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
-                      const ViewGraph& graph);
-// An earlier model with the images that can be registered in it, refined, in its frame.
-BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
-                         const ViewGraph& graph);
 
 // colors.cc
 void ColorPoints(StageContext& context, const std::string& image_path, Reconstruction& model);
