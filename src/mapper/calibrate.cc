@@ -9,7 +9,7 @@
 #include "cairn/intrinsics/focal_calibration.h"
 #include "cairn/math/median.h"
 #include "cairn/view_graph/view_graph_builder.h"
-#include "graph/graph.h"
+#include "mapper/image_nodes.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -112,19 +112,16 @@ struct LoopErrors {
 std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<ViewEdge>& before,
                                      const std::vector<ViewEdge>& after) {
   std::map<camera_t, int> node_of;  // a node a camera: an image's edges are its camera's
-  std::map<image_t, int> image_node;
+  const ImageNodes images(scene.images);
   std::vector<GraphEdge> image_graph, camera_graph;
   std::vector<size_t> index;
   for (const auto& [id, camera] : scene.cameras) {
     node_of.try_emplace(id, static_cast<int>(node_of.size()));
   }
-  for (const auto& [id, image] : scene.images) {
-    image_node.try_emplace(id, static_cast<int>(image_node.size()));
-  }
   for (size_t i = 0; i < after.size(); ++i) {
     if (!before[i].IsActive() || !after[i].IsActive()) continue;
     const auto [id1, id2] = std::pair(after[i].image_id1, after[i].image_id2);
-    image_graph.push_back({image_node.at(id1), image_node.at(id2)});
+    image_graph.push_back(images.EdgeOf(after[i]));
     camera_graph.push_back({node_of.at(scene.CameraIdOf(id1)), node_of.at(scene.CameraIdOf(id2))});
     index.push_back(i);
   }
@@ -134,7 +131,7 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<V
   for (const auto& [id, node] : node_of) {
     errors[components.component_of_node[node]].cameras.insert(id);
   }
-  const LoopFinder finder(static_cast<int>(image_node.size()), image_graph);
+  const LoopFinder finder(images.size(), image_graph);
   for (size_t e = 0; e < image_graph.size(); ++e) {
     const auto [node1, node2] = image_graph[e];
     LoopErrors& loops = errors[components.component_of_node[camera_graph[e].node1]];

@@ -1,5 +1,3 @@
-#include <utility>
-
 #include "mapper/stages.h"
 
 namespace cairn {
