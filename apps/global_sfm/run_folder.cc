@@ -31,7 +31,7 @@ EdgeRemoval RemovalOf(const std::string& name) {
   for (int i = 0; i <= static_cast<int>(EdgeRemoval::kModelInconsistent); ++i) {
     if (EdgeRemovalName(static_cast<EdgeRemoval>(i)) == name) return static_cast<EdgeRemoval>(i);
   }
-  return EdgeRemoval::kNone;
+  return EdgeRemoval::kOtherComponent;  // not in use, for a reason of another version
 }
 
 // A number, or null where it was not finite.

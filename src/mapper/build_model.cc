@@ -165,20 +165,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph) {
   context.free_principal_points.clear();
   BuiltModel best =
-      BuildBest(context, component, graph, HypothesizeRotations(context, component, graph, 0.5));
-  if (!best.model && !context.run.monitor.StopRequested()) {
-    // Not all at once: from a sure core, the others by resection.
-    const std::string failure = std::exchange(context.report.failure, "");
-    auto cores = HypothesizeRotations(context, component, graph, 0.0);
-    std::erase_if(cores, [](const RotationHypothesis& h) { return h.min_num_inliers == 0; });
-    best = BuildBest(context, component, graph, cores);
-    if (best.model) {
-      ModelStage(context, "fallback")
-          .Warn(failure + "; the model is grown from a well-supported core instead");
-    } else {
-      context.report.failure = failure;
-    }
-  }
+      BuildBest(context, component, graph, HypothesizeRotations(context, component, graph));
   if (!best.model) return best;
   if (!context.scene.poses_alone) {
     ReplaceMisplaced(context, best);
@@ -202,35 +189,6 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
   NormalizeFrame(*best.model);
   RenumberPoints(*best.model);
   return best;
-}
-
-std::optional<BuiltModel> JoinModels(StageContext& context, const Reconstruction& model,
-                                     const BuiltModel& other, const ViewGraph& graph) {
-  const PlaceOfPart place = PlacePart(context, graph, model, *other.model);
-  if (place.num_agreeing < context.settings.resection.min_num_inliers ||
-      2 * place.num_agreeing < place.num_sightings) {
-    return std::nullopt;
-  }
-  const double nats_of_both = EvidenceFor(context, model, graph).nats + other.evidence.nats;
-  BuiltModel joined{model, graph, {}, {}};
-  for (const auto& [id, image] : other.model->images) {
-    RegisteredImage& moved = joined.model->images[id] = image;
-    moved.cam_from_world = TransformCameraWorld(place.rest_from_part, image.cam_from_world);
-    std::fill(moved.point3D_ids.begin(), moved.point3D_ids.end(), kInvalidPoint3DId);
-    joined.model->cameras.insert(*other.model->cameras.find(image.image.camera_id));
-  }
-  joined.evidence = EvidenceFor(context, *joined.model, graph);
-  auto better = RefineIfBetter(context, std::move(joined), nats_of_both);
-  if (!better || (context.settings.reconstruct.separate_duplicates &&
-                  !EdgesBetweenDuplicates(*better->model, better->graph, context.run).empty())) {
-    return std::nullopt;
-  }
-  AdjustToPlaces(context, *better->model);
-  better->model->UpdatePointErrors();
-  better->evidence = EvidenceFor(context, *better->model, better->graph);
-  NormalizeFrame(*better->model);
-  RenumberPoints(*better->model);
-  return better;
 }
 
 BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,

@@ -9,7 +9,7 @@
 #include "cairn/intrinsics/focal_calibration.h"
 #include "cairn/math/median.h"
 #include "cairn/view_graph/view_graph_builder.h"
-#include "graph/graph.h"
+#include "mapper/image_nodes.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -112,19 +112,16 @@ struct LoopErrors {
 std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<ViewEdge>& before,
                                      const std::vector<ViewEdge>& after) {
   std::map<camera_t, int> node_of;  // a node a camera: an image's edges are its camera's
-  std::map<image_t, int> image_node;
+  const ImageNodes images(scene.images);
   std::vector<GraphEdge> image_graph, camera_graph;
   std::vector<size_t> index;
   for (const auto& [id, camera] : scene.cameras) {
     node_of.try_emplace(id, static_cast<int>(node_of.size()));
   }
-  for (const auto& [id, image] : scene.images) {
-    image_node.try_emplace(id, static_cast<int>(image_node.size()));
-  }
   for (size_t i = 0; i < after.size(); ++i) {
     if (!before[i].IsActive() || !after[i].IsActive()) continue;
     const auto [id1, id2] = std::pair(after[i].image_id1, after[i].image_id2);
-    image_graph.push_back({image_node.at(id1), image_node.at(id2)});
+    image_graph.push_back(images.EdgeOf(after[i]));
     camera_graph.push_back({node_of.at(scene.CameraIdOf(id1)), node_of.at(scene.CameraIdOf(id2))});
     index.push_back(i);
   }
@@ -134,7 +131,7 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<V
   for (const auto& [id, node] : node_of) {
     errors[components.component_of_node[node]].cameras.insert(id);
   }
-  const LoopFinder finder(static_cast<int>(image_node.size()), image_graph);
+  const LoopFinder finder(images.size(), image_graph);
   for (size_t e = 0; e < image_graph.size(); ++e) {
     const auto [node1, node2] = image_graph[e];
     LoopErrors& loops = errors[components.component_of_node[camera_graph[e].node1]];
@@ -177,6 +174,12 @@ struct Candidates {
   std::set<camera_t> calibrated;
   // Guessed ones, where pairs do not determine better ones: if most images are of such cameras.
   std::set<camera_t> tentative;
+
+  std::set<camera_t> All() const {
+    std::set<camera_t> all = calibrated;
+    all.insert(tentative.begin(), tentative.end());
+    return all;
+  }
 };
 
 bool IsTentative(const Camera& camera, const CalibratedFocal& focal) {
@@ -233,6 +236,28 @@ struct Replaced {
   std::vector<ViewEdge> guessed_edges;  // the same with poses at these focal lengths
   std::set<camera_t> tentative;
 };
+
+// Gives the cameras the focal lengths that the pairs found, and their edges poses by these.
+Replaced TakeFocals(const std::map<camera_t, CalibratedFocal>& focals,
+                    const std::map<image_pair_t, TwoViewGeometry>& geometries,
+                    const std::set<camera_t>& cameras, const RunContext& run, SceneData& scene) {
+  Replaced before;
+  before.edges = scene.edges;
+  // The stored pose of an uncalibrated pair may be that of other focal lengths than the guessed
+  // ones.
+  std::map<image_pair_t, TwoViewGeometry> uncalibrated;
+  for (const auto& [pair_id, geometry] : geometries) {
+    if (geometry.config == TwoViewConfig::kUncalibrated) uncalibrated[pair_id] = geometry;
+  }
+  ImproveRelativePoses(uncalibrated, run, scene);
+  before.guessed_edges = std::exchange(scene.edges, before.edges);
+  for (const camera_t id : cameras) {
+    before.focals_px[id] = focals.at(id).focal_before_px;
+    scene.cameras.at(id).SetMeanFocal(focals.at(id).focal_px);
+  }
+  ImproveRelativePoses(geometries, run, scene);
+  return before;
+}
 
 // Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
 // by those of the focal lengths before. Where they close worse, the cameras and their edges are
@@ -310,29 +335,11 @@ std::optional<Calibration> CalibrateSceneFocals(const GeometryReader& read,
   }
   Report(report, candidates, scene.cameras, stage);
   ImproveRelativePoses(scene.foreign, run, scene);
-  std::set<camera_t> calibrated = candidates.calibrated;
-  calibrated.insert(candidates.tentative.begin(), candidates.tentative.end());
+  const std::set<camera_t> calibrated = candidates.All();
   if (calibrated.empty()) return std::nullopt;
-
-  Replaced before;
+  Replaced before =
+      TakeFocals(report.cameras, ReadGeometriesOf(calibrated, scene, read), calibrated, run, scene);
   before.tentative = candidates.tentative;
-  before.edges = scene.edges;
-  const std::map<image_pair_t, TwoViewGeometry> geometries =
-      ReadGeometriesOf(calibrated, scene, read);
-  // The stored pose of an uncalibrated pair may be that of other focal lengths than the guessed
-  // ones.
-  std::map<image_pair_t, TwoViewGeometry> uncalibrated;
-  for (const auto& [pair_id, geometry] : geometries) {
-    if (geometry.config != TwoViewConfig::kUncalibrated) continue;
-    uncalibrated[pair_id] = geometry;
-  }
-  ImproveRelativePoses(uncalibrated, run, scene);
-  before.guessed_edges = std::exchange(scene.edges, before.edges);
-  for (const camera_t id : calibrated) {
-    before.focals_px[id] = report.cameras.at(id).focal_before_px;
-    scene.cameras.at(id).SetMeanFocal(report.cameras.at(id).focal_px);
-  }
-  ImproveRelativePoses(geometries, run, scene);
   return TakeBackRejected(before, stage, scene);
 }
 

@@ -92,33 +92,6 @@ class CalibrationSearch {
   StageReport choice_;  // a message for each calibration
 };
 
-// Focal lengths by the scene's pairs. Returns the other calibration where these do not decide.
-std::optional<Calibration> CalibrateByPairs(const GeometryReader& read,
-                                            const ReconstructSettings& settings,
-                                            const RunContext& run, RunReport& report,
-                                            SceneData& scene) {
-  if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
-    RunStage stage(report, run.monitor, "focal_calibration");
-    return CalibrateSceneFocals(read, settings.focal_calibration, run, stage, scene);
-  }
-  ImproveRelativePoses(scene.foreign, run, scene);
-  return std::nullopt;
-}
-
-// Takes the calibration out of the scene: one, or two.
-std::vector<Calibration> Calibrate(const GeometryReader& read, const ReconstructSettings& settings,
-                                   const RunContext& run, RunReport& report, SceneData& scene) {
-  std::optional<Calibration> other;
-  if (!scene.poses_alone) other = CalibrateByPairs(read, settings, run, report, scene);
-  std::vector<Calibration> calibrations;
-  calibrations.push_back(std::move<Calibration&>(scene));
-  if (other) {
-    other->origin += ", focal lengths from before calibration";
-    calibrations.push_back(std::move(*other));
-  }
-  return calibrations;
-}
-
 std::vector<Camera> CamerasOf(const std::set<image_t>& images, const SceneData& scene) {
   std::vector<Camera> cameras;
   for (const image_t id : images) cameras.push_back(scene.CameraOf(id));
@@ -136,76 +109,125 @@ std::vector<Camera> CamerasOf(const std::set<image_t>& images,
   return cameras;
 }
 
-}  // namespace
+bool HaveExif(const std::set<image_t>& images, const SceneData& scene) {
+  return scene.CameraOf(*images.begin()).has_prior_focal_length;
+}
 
-ReconstructResult ReconstructBest(const Database& database, std::span<const Reconstruction> earlier,
-                                  const ReconstructSettings& settings, const RunContext& run,
-                                  RunReport& read, SceneData& scene) {
-  const GeometryReader read_geometry = [&](image_pair_t pair_id) {
-    return database.ReadTwoViewGeometry(pair_id).value();
-  };
-  const auto calibrate = [&] { return Calibrate(read_geometry, settings, run, read, scene); };
-  std::vector<std::set<image_t>> of_one;
-  if (settings.reconstruct.share_camera && !scene.poses_alone) of_one = LikelyOfOneCamera(scene);
-  const auto have_exif = [&](const std::set<image_t>& images) {
-    return scene.CameraOf(*images.begin()).has_prior_focal_length;
-  };
-  // The groups share the median of their cameras there; what is known by EXIF stays as it is.
-  const auto share = [&](const std::vector<std::set<image_t>>& groups, const auto& cameras_from,
-                         const std::string& origin) {
+// Finds calibrations of the scene.
+class Calibrator {
+ public:
+  Calibrator(const Database& database, const ReconstructSettings& settings, const RunContext& run,
+             RunReport& report, SceneData& scene)
+      : settings_(settings), run_(run), report_(report), scene_(scene) {
+    read_ = [&database](image_pair_t pair_id) {
+      return database.ReadTwoViewGeometry(pair_id).value();
+    };
+  }
+
+  // Takes the calibration by the pairs out of the scene; where these do not decide, there are two.
+  std::vector<Calibration> Calibrate() {
+    std::optional<Calibration> other;
+    if (!scene_.poses_alone) other = CalibrateByPairs();
+    std::vector<Calibration> calibrations;
+    calibrations.push_back(std::move<Calibration&>(scene_));
+    if (other) {
+      other->origin += ", focal lengths from before calibration";
+      calibrations.push_back(std::move(*other));
+    }
+    return calibrations;
+  }
+
+  // Gives the images of each group the median of their cameras in a scene or in models; what is
+  // known by EXIF stays as it is. False: there are none.
+  template <typename Source>
+  bool Share(const std::vector<std::set<image_t>>& groups, const Source& cameras_from,
+             const std::string& origin) {
     std::string shared;
     for (const std::set<image_t>& images : groups) {
       std::vector<Camera> cameras = CamerasOf(images, cameras_from);
       if (cameras.empty()) continue;
-      if (have_exif(images)) cameras = CamerasOf(images, scene);
-      ShareCamera(images, MedianCamera(std::move(cameras)), read_geometry, run, scene);
+      if (HaveExif(images, scene_)) cameras = CamerasOf(images, scene_);
+      ShareCamera(images, MedianCamera(std::move(cameras)), read_, run_, scene_);
       shared += (shared.empty() ? "one camera for " : ", one for ") +
                 std::to_string(images.size()) + " images";
     }
-    if (!shared.empty()) scene.origin = shared + origin;
+    if (!shared.empty()) scene_.origin = shared + origin;
     return !shared.empty();
-  };
-  Calibration& calibration = scene;
-  calibration.origin = "the cameras of the database";
-  if (!earlier.empty()) {
-    std::erase_if(of_one, [&](const std::set<image_t>& images) {
-      return !AgreeWithOneCamera(earlier, images, scene);
-    });
-    share(of_one, scene, "");
-    calibration = std::move(calibrate().front());
-    const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, read);
-    if (!read.Succeeded()) return {};
-    return ReconstructCalibrated(scene, adopted, settings, run).result;
   }
 
+ private:
+  // Returns the other calibration where pairs do not decide.
+  std::optional<Calibration> CalibrateByPairs() {
+    const FocalCalibrationOptions& options = settings_.focal_calibration;
+    if (options.enabled && scene_.constant_cameras.size() < scene_.cameras.size()) {
+      RunStage stage(report_, run_.monitor, "focal_calibration");
+      return CalibrateSceneFocals(read_, options, run_, stage, scene_);
+    }
+    ImproveRelativePoses(scene_.foreign, run_, scene_);
+    return std::nullopt;
+  }
+
+  const ReconstructSettings& settings_;
+  const RunContext& run_;
+  RunReport& report_;
+  SceneData& scene_;
+  GeometryReader read_;
+};
+
+// Where no earlier model tells the calibration. `of_one`: groups of images, likely of one camera
+// each.
+ReconstructResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
+                                    const ReconstructSettings& settings, const RunContext& run,
+                                    Calibrator& calibrator, SceneData& scene) {
+  Calibration& calibration = scene;
   std::optional<Calibration> stored;
   const auto refines_exif = [&](const auto& entry) { return RefinesExif(entry.second, scene); };
   if (std::ranges::any_of(scene.cameras, refines_exif)) stored = scene;
   std::vector<Calibration> calibrations;
   std::vector<std::set<image_t>> without_prior = of_one;
-  std::erase_if(without_prior, have_exif);
+  std::erase_if(without_prior, [&](const auto& images) { return HaveExif(images, scene); });
   if (!without_prior.empty()) {
     Calibration own = scene;
-    share(without_prior, scene, "");
-    calibrations = calibrate();
+    calibrator.Share(without_prior, scene, "");
+    calibrations = calibrator.Calibrate();
     calibration = std::move(own);
   }
-  std::ranges::move(calibrate(), std::back_inserter(calibrations));
+  std::ranges::move(calibrator.Calibrate(), std::back_inserter(calibrations));
   CalibrationSearch search(settings, run, scene);
   for (Calibration& each : calibrations) search.Try(std::move(each));
   if (!search.best().shares_camera &&
-      share(of_one, search.best().result.models, ", by the models")) {
+      calibrator.Share(of_one, search.best().result.models, ", by the models")) {
     search.Try(std::move(calibration));
   }
   if (!search.best().left_exif.empty()) {
     calibration = std::move(*stored);
-    share(of_one, scene, "");
+    calibrator.Share(of_one, scene, "");
     // (An observation of bundle adjustment has two coordinates, a match one.)
     HoldExif(search.best().left_exif, settings.focal_calibration.exif_sigma,
              2 * kModelErrors * search.best().evidence_nats, scene);
-    search.Try(std::move(calibrate().front()), 1 - kModelErrors);
+    search.Try(std::move(calibrator.Calibrate().front()), 1 - kModelErrors);
   }
   return search.Finish();
+}
+
+}  // namespace
+
+ReconstructResult ReconstructBest(const Database& database, std::span<const Reconstruction> earlier,
+                                  const ReconstructSettings& settings, const RunContext& run,
+                                  RunReport& read, SceneData& scene) {
+  Calibrator calibrator(database, settings, run, read, scene);
+  std::vector<std::set<image_t>> of_one;
+  if (settings.reconstruct.share_camera && !scene.poses_alone) of_one = LikelyOfOneCamera(scene);
+  scene.origin = "the cameras of the database";
+  if (earlier.empty()) return SearchCalibration(of_one, settings, run, calibrator, scene);
+  std::erase_if(of_one, [&](const std::set<image_t>& images) {
+    return !AgreeWithOneCamera(earlier, images, scene);
+  });
+  calibrator.Share(of_one, scene, "");
+  static_cast<Calibration&>(scene) = std::move(calibrator.Calibrate().front());
+  const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, read);
+  if (!read.Succeeded()) return {};
+  return ReconstructCalibrated(scene, adopted, settings, run).result;
 }
 
 }  // namespace cairn

@@ -132,45 +132,11 @@ void TakeIn(StageContext& context, BuiltModel built, std::vector<JudgedModel>& j
   for (const auto& [id, image] : built.model->images) context.taken.insert(id);
   std::vector<ResultWarning> warnings = std::move(built.warnings);
   if (!context.scene.poses_alone) {
-    for (ResultWarning& each : JudgeModel(context, *built.model, built.evidence, built.graph)) {
+    for (ResultWarning& each : JudgeModel(context, built)) {
       warnings.push_back(std::move(each));
     }
   }
   judged.push_back({std::move(*built.model), std::move(warnings), built.evidence.nats});
-}
-
-// The models with which verified pairs connect this one, in their order.
-std::set<size_t> FindNeighbors(const Reconstruction& model, const ViewGraph& graph,
-                               const std::vector<JudgedModel>& judged) {
-  std::map<image_t, size_t> owners;
-  for (size_t k = 0; k < judged.size(); ++k) {
-    for (const auto& [id, image] : judged[k].model.images) owners[id] = k;
-  }
-  std::set<size_t> neighbors;
-  for (const ViewEdge& edge : graph.edges) {
-    const auto owner1 = owners.find(edge.image_id1), owner2 = owners.find(edge.image_id2);
-    if ((owner1 == owners.end()) == (owner2 == owners.end())) continue;
-    const bool is_first = owner1 != owners.end();
-    if (model.images.count(is_first ? edge.image_id2 : edge.image_id1) == 0) continue;
-    neighbors.insert(is_first ? owner1->second : owner2->second);
-  }
-  return neighbors;
-}
-
-// Joins a new model with those before it that matches join it with: these are then part of it.
-void JoinWithOthers(StageContext& context, const ViewGraph& graph, BuiltModel& built,
-                    std::vector<JudgedModel>& judged) {
-  const std::set<size_t> neighbors = FindNeighbors(*built.model, graph, judged);
-  for (auto k = neighbors.rbegin(); k != neighbors.rend(); ++k) {
-    const std::set<image_t> taken = context.taken;
-    for (const image_t id : ImagesOf(judged[*k].model)) context.taken.erase(id);
-    if (auto joined = JoinModels(context, judged[*k].model, built, graph)) {
-      built = std::move(*joined);
-      judged.erase(judged.begin() + static_cast<std::ptrdiff_t>(*k));
-    } else {
-      context.taken = taken;
-    }
-  }
 }
 
 // Of the components without a model: the images of each, and why the first has none.
@@ -223,12 +189,6 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
     TakeOver(built.graph, graph);
     for (const size_t e : built.duplicate_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {
-      // Earlier models keep their frames, and parts were taken from each other on purpose.
-      if (earlier.empty() && !component.is_part && options.register_left_out &&
-          !context.scene.poses_alone) {
-        JoinWithOthers(context, graph, built, judged);
-        TakeOver(built.graph, graph);
-      }
       TakeIn(context, std::move(built), judged);
       if (component.earlier == nullptr) {
         queue.AddPartsOf(NotTaken(context, component.images), component.is_part, graph);

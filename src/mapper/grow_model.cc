@@ -1,14 +1,6 @@
-#include <utility>
-
 #include "mapper/stages.h"
 
 namespace cairn {
-namespace {
-
-// Nats by which one of two models of the same images is the better one beyond doubt.
-constexpr double kDecisiveNats = 10;
-
-}  // namespace
 
 bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart start,
                   Reconstruction& model) {
@@ -33,21 +25,6 @@ std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruc
     if (!RefineModel(context, tracks, start, model)) break;
   }
   return round;
-}
-
-std::optional<BuiltModel> RefineIfBetter(StageContext& context, BuiltModel changed,
-                                         double nats_before) {
-  Reconstruction& model = *changed.model;
-  ReviseEdges(changed.evidence, model, changed.graph);
-  const std::string failure = context.report.failure;
-  const bool has_grown = FitAndRefine(context, TracksOfGraph(context, changed.graph).tracks,
-                                      RefineStart::kChanged, model) &&
-                         GrowModel(context, changed.graph, model);
-  context.report.failure = failure;
-  if (!has_grown) return std::nullopt;
-  changed.evidence = EvidenceFor(context, model, changed.graph);
-  if (!(changed.evidence.nats > nats_before + kDecisiveNats)) return std::nullopt;
-  return changed;
 }
 
 }  // namespace cairn

@@ -24,38 +24,18 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
   return EvaluateEvidence(model, pairs, context.run);
 }
 
-bool IsWithin(const ViewEdge& edge, const Reconstruction& model) {
-  return edge.removal != EdgeRemoval::kAmbiguous && model.images.count(edge.image_id1) > 0 &&
-         model.images.count(edge.image_id2) > 0;
-}
-
-int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph) {
-  int64_t num_gained = 0;
-  for (size_t e = 0; e < graph.edges.size(); ++e) {
-    ViewEdge& edge = graph.edges[e];
-    const Support& support = evidence.pairs[e];
-    if (support.num_matches == 0 || !IsWithin(edge, model)) continue;
-    if (support.IsContradicted()) {
-      if (edge.IsActive()) edge.removal = EdgeRemoval::kModelInconsistent;
-    } else if (!edge.IsActive()) {
-      edge.removal = EdgeRemoval::kNone;
-      num_gained += support.num_explained;
-    }
-  }
-  return num_gained;
-}
-
 std::string Names(const StageContext& context, std::span<const image_t> images) {
   std::vector<std::string> names;
   for (const image_t id : images) names.push_back(context.scene.images.at(id).name);
   return FirstNames(names);
 }
 
-std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstruction& model,
-                                      const ModelEvidence& evidence, const ViewGraph& graph) {
-  const WeakParts weak = FindWeakParts(context, graph, model);
+std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& built) {
+  const Reconstruction& model = *built.model;
+  const ModelEvidence& evidence = built.evidence;
+  const WeakParts weak = FindWeakParts(context, built.graph, model);
   ModelStage stage(context, "judgement");
-  const Symmetry symmetry = FindSymmetry(model, graph);
+  const Symmetry symmetry = FindSymmetry(model, built.graph);
   stage.Add("explained_share", evidence.inside.Share());
   stage.Add("contradicted_pairs", evidence.num_contradicted);
   stage.Add("symmetric_pairs", symmetry.num_pairs);

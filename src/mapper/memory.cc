@@ -75,12 +75,6 @@ int NumFreeIntrinsics(const Reconstruction& model) {
   return static_cast<int>(most);
 }
 
-std::vector<Track> Select(std::span<const Track> tracks, int per_image) {
-  std::vector<Track> selected;
-  for (const size_t i : SelectTracks(tracks, per_image, 0)) selected.push_back(tracks[i]);
-  return selected;
-}
-
 // What the option allows, or what the machine has left.
 int64_t MemoryLimit(const ReconstructOptions& options, const MemoryUse& use) {
   if (options.max_memory_gib > 0) return GibToBytes(options.max_memory_gib);
@@ -133,7 +127,7 @@ class BundleBudget {
     int too_many = 1 << 20, enough = kMinTracksPerImage;
     while (too_many - enough > std::max(1, enough / 20)) {
       const int middle = enough + (too_many - enough) / 2;
-      (Allows(Need(Select(tracks, middle))) ? enough : too_many) = middle;
+      (Allows(Need(SelectTracks(tracks, middle))) ? enough : too_many) = middle;
     }
     return enough;
   }
@@ -188,7 +182,7 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
              Gib(wanted.bytes) + ", " + Gib(budget.resident()) + " in use now");
   if (!budget.Allows(wanted)) {
     const int per_image = budget.MostTracksPerImage(tracks);
-    std::vector<Track> fitting = Select(tracks, per_image);
+    std::vector<Track> fitting = SelectTracks(tracks, per_image);
     const BundleNeed need = budget.Need(fitting);
     if (!budget.Allows(need)) {
       stage.Fail(

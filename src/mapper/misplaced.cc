@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "graph/graph.h"
+#include "mapper/image_nodes.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -17,24 +17,19 @@ struct Group {
 
 // The pairs between images of a model.
 struct PairsWithin {
-  std::vector<image_t> images;
+  ImageNodes images;
   std::vector<GraphEdge> edges;
   std::vector<Support> supports;
 };
 
-PairsWithin FindPairsWithin(const Reconstruction& model, const ViewGraph& graph,
-                            const ModelEvidence& evidence) {
-  PairsWithin pairs;
-  std::map<image_t, int> index;
-  for (const auto& [id, image] : model.images) {
-    index[id] = static_cast<int>(pairs.images.size());
-    pairs.images.push_back(id);
-  }
-  for (size_t e = 0; e < graph.edges.size(); ++e) {
-    const ViewEdge& edge = graph.edges[e];
-    if (evidence.pairs[e].num_matches == 0 || !IsWithin(edge, model)) continue;
-    pairs.edges.push_back({index.at(edge.image_id1), index.at(edge.image_id2)});
-    pairs.supports.push_back(evidence.pairs[e]);
+PairsWithin FindPairsWithin(const BuiltModel& built) {
+  PairsWithin pairs{ImageNodes(built.model->images), {}, {}};
+  for (size_t e = 0; e < built.graph.edges.size(); ++e) {
+    const ViewEdge& edge = built.graph.edges[e];
+    const Support& support = built.evidence.pairs[e];
+    if (support.num_matches == 0 || !IsWithin(edge, *built.model)) continue;
+    pairs.edges.push_back(pairs.images.EdgeOf(edge));
+    pairs.supports.push_back(support);
   }
   return pairs;
 }
@@ -43,9 +38,8 @@ PairsWithin FindPairsWithin(const Reconstruction& model, const ViewGraph& graph,
 class Grouping {
  public:
   explicit Grouping(const PairsWithin& pairs)
-      : pairs_(pairs),
-        adjacency_(BuildAdjacency(static_cast<int>(pairs.images.size()), pairs.edges)) {
-    const int num_images = static_cast<int>(pairs.images.size());
+      : pairs_(pairs), adjacency_(BuildAdjacency(pairs.images.size(), pairs.edges)) {
+    const int num_images = pairs.images.size();
     groups_.resize(num_images);
     group_of_.resize(num_images);
     for (int i = 0; i < num_images; ++i) {
@@ -108,9 +102,11 @@ class Grouping {
 
   // Where most matches across contradict the model, the fewer images are misplaced.
   void Judge(Group& group) {
-    if (!group.across.IsContradicted() || 2 * group.members.size() >= pairs_.images.size()) return;
+    if (!group.across.IsContradicted() || 2 * std::ssize(group.members) >= pairs_.images.size()) {
+      return;
+    }
     MisplacedGroup misplaced;
-    for (const int i : group.members) misplaced.images.insert(pairs_.images[i]);
+    misplaced.images = pairs_.images.ImagesOf(group.members);
     misplaced.num_contradicting = group.across.num_matches - group.across.num_explained;
     group.misplaced = {std::move(misplaced)};
   }
@@ -123,11 +119,9 @@ class Grouping {
 
 }  // namespace
 
-std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Reconstruction& model,
-                                                const ViewGraph& graph,
-                                                const ModelEvidence& evidence) {
+std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const BuiltModel& built) {
   ModelStage stage(context, "misplaced_groups");
-  const PairsWithin pairs = FindPairsWithin(model, graph, evidence);
+  const PairsWithin pairs = FindPairsWithin(built);
   Grouping grouping(pairs);
   grouping.JoinAll();
   std::vector<MisplacedGroup> misplaced = grouping.Misplaced();

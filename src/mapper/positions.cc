@@ -1,46 +1,18 @@
 #include <algorithm>
 
 #include "cairn/translation_averaging/translation_averaging.h"
-#include "cairn/view_graph/view_graph_builder.h"
 #include "mapper/stages.h"
 
 namespace cairn {
 namespace {
 
-std::string Count(int64_t n, const std::string& what) { return std::to_string(n) + " " + what; }
-
-// Takes out the edges that disagree with the rotations, unless another pose that agrees explains
-// their matches too, and the images that this cuts off. Rotations of the images that stay.
-std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
-    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
-    ViewGraph& graph) {
-  ModelStage stage(context, "edges");
-  const double max_error_deg = context.settings.view_graph.max_rotation_error_deg;
-  stage.Add("edges_in", graph.NumActiveEdges());
-  stage.Add("refitted", context.scene.poses_imported
-                            ? 0
-                            : RefitEdges(context, cam_from_world, max_error_deg, graph));
-  stage.Add("edges_removed", RemoveRotationOutliers(cam_from_world, max_error_deg, graph));
-  const std::vector<std::vector<image_t>> components = ActiveComponents(graph);
-  if (components.empty()) {
-    stage.Fail("no edge agrees with the global rotations",
-               "try a larger --view_graph.max_rotation_error_deg");
-    return std::nullopt;
-  }
-  if (components.size() > 1) KeepImages(components.front(), graph);
-  std::map<image_t, Eigen::Quaterniond> rotations;
-  for (const image_t id : components.front()) rotations[id] = cam_from_world.at(id);
-  stage.Add("images_out", rotations.size());
-  return rotations;
-}
-
 std::vector<PointDirections> RaysOfTracks(
     const SceneData& scene, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
-    std::span<const Track> tracks, std::span<const size_t> selected) {
+    std::span<const Track> tracks) {
   std::vector<PointDirections> points;
-  for (const size_t i : selected) {
+  for (const Track& track : tracks) {
     PointDirections point;
-    for (const TrackElement& element : tracks[i]) {
+    for (const TrackElement& element : track) {
       const auto rotation = cam_from_world.find(element.image_id);
       if (rotation == cam_from_world.end()) continue;
       const Camera& camera = scene.CameraOf(element.image_id);
@@ -68,10 +40,9 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
     directions.push_back({edge.image_id1, edge.image_id2, direction});
     edge_indices.push_back(i);
   }
-  const std::vector<size_t> selected =
-      SelectTracks(tracks, context.settings.reconstruct.position_tracks_per_image, 0);
   const std::vector<PointDirections> points =
-      RaysOfTracks(context.scene, rotations, tracks, selected);
+      RaysOfTracks(context.scene, rotations,
+                   SelectTracks(tracks, context.settings.reconstruct.position_tracks_per_image));
   const TranslationAveragingReport report =
       AverageTranslations(directions, points, context.settings.translation_averaging, context.run,
                           PriorsOfCenters(context));
@@ -90,8 +61,8 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
   if (report.status != TranslationAveragingStatus::kSuccess) {
     std::string reason(TranslationAveragingStatusName(report.status));
     if (!report.message.empty()) reason += ": " + report.message;
-    stage.Fail(reason + " (" + Count(static_cast<int64_t>(directions.size()), "directions, ") +
-                   Count(static_cast<int64_t>(points.size()), "tracks)"),
+    stage.Fail(reason + " (" + std::to_string(directions.size()) + " directions, " +
+                   std::to_string(points.size()) + " tracks)",
                "add photos that connect the scene better, or loosen "
                "--translation_averaging.filter_max_inconsistency");
     return std::nullopt;

@@ -37,6 +37,22 @@ void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& m
   }
 }
 
+IntrinsicsPrior PriorOf(const StageContext& context, camera_t id, const Camera& camera) {
+  const FocalCalibrationOptions& options = context.settings.focal_calibration;
+  IntrinsicsPrior prior{camera.params};
+  const auto held = context.scene.held_focals.find(id);
+  if (held != context.scene.held_focals.end()) {
+    prior.focal_sigma = held->second;
+  } else {
+    prior.focal_sigma = camera.has_prior_focal_length ? options.exif_sigma : options.guess_sigma;
+  }
+  if (context.free_principal_points.count(id) > 0) {
+    prior.principal_point_sigma_px =
+        options.principal_point_sigma * std::max(camera.width, camera.height);
+  }
+  return prior;
+}
+
 void Adjust(StageContext& context, const Round& round, bool everything, Reconstruction& model) {
   const ReconstructSettings& settings = context.settings;
   ModelStage stage(context, everything ? "bundle_adjustment" : "bundle_adjustment_positions");
@@ -50,15 +66,7 @@ void Adjust(StageContext& context, const Round& round, bool everything, Reconstr
   scope.principal_points = everything && !context.free_principal_points.empty();
   scope.fixed_cameras = context.scene.constant_cameras;
   for (const auto& [id, camera] : context.scene.cameras) {
-    const FocalCalibrationOptions& focals = settings.focal_calibration;
-    const auto held = context.scene.held_focals.find(id);
-    scope.priors[id] = {camera.params,
-                        held != context.scene.held_focals.end() ? held->second
-                        : camera.has_prior_focal_length         ? focals.exif_sigma
-                                                                : focals.guess_sigma,
-                        context.free_principal_points.count(id) > 0
-                            ? focals.principal_point_sigma * std::max(camera.width, camera.height)
-                            : 0};
+    scope.priors[id] = PriorOf(context, id, camera);
   }
   if (round.places != nullptr) {
     scope.image_positions = round.places->images;
@@ -129,21 +137,53 @@ void RunRound(StageContext& context, const Round& round, Reconstruction& model) 
   FilterRound(context, round, model);
 }
 
+// Rounds over few tracks, from poses that are rough.
+void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruction& model) {
+  const ReconstructOptions& options = context.settings.reconstruct;
+  std::vector<Track> selected;
+  if (options.coarse_tracks_per_image > 0) {
+    selected = SelectTracks(tracks, options.coarse_tracks_per_image);
+    tracks = selected;
+  }
+  RunRound(context,
+           {.name = "coarse",
+            .tracks = tracks,
+            .error_factor = options.coarse_error_factor,
+            .positions_first = true,
+            .distortions = false,
+            .weigh = false,
+            .max_iterations = 20,
+            .tolerance = kStartTolerance},
+           model);
+  RunRound(context,
+           {.name = "middle",
+            .tracks = tracks,
+            .error_factor = std::max(1.0, 0.25 * options.coarse_error_factor),
+            .max_iterations = 20,
+            .tolerance = kStartTolerance},
+           model);
+}
+
 }  // namespace
 
 Reconstruction MakeReconstruction(const SceneData& scene,
                                   const std::map<image_t, Rigid3d>& cam_from_world) {
   Reconstruction model;
   for (const auto& [id, pose] : cam_from_world) {
-    RegisteredImage image;
-    image.image = scene.images.at(id);
-    image.cam_from_world = pose;
-    image.points2D = scene.pixels.at(id);
-    image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
-    model.cameras[image.image.camera_id] = scene.cameras.at(image.image.camera_id);
-    model.images[id] = std::move(image);
+    AddImage(scene, id, pose, scene.CameraOf(id), model);
   }
   return model;
+}
+
+void AddImage(const SceneData& scene, image_t id, const Rigid3d& cam_from_world,
+              const Camera& camera, Reconstruction& model) {
+  RegisteredImage image;
+  image.image = scene.images.at(id);
+  image.cam_from_world = cam_from_world;
+  image.points2D = scene.pixels.at(id);
+  image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
+  model.cameras.try_emplace(image.image.camera_id, camera);
+  model.images[id] = std::move(image);
 }
 
 void RemoveImage(image_t id, Reconstruction& model) {
@@ -184,33 +224,7 @@ void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstr
 bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineStart start,
                  Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
-  std::vector<Track> coarse_tracks;
-  if (start == RefineStart::kAveraging) {
-    if (options.coarse_tracks_per_image > 0) {
-      for (const size_t i : SelectTracks(tracks, options.coarse_tracks_per_image, 0)) {
-        coarse_tracks.push_back(tracks[i]);
-      }
-    } else {
-      coarse_tracks.assign(tracks.begin(), tracks.end());
-    }
-    RunRound(context,
-             {.name = "coarse",
-              .tracks = coarse_tracks,
-              .error_factor = options.coarse_error_factor,
-              .positions_first = true,
-              .distortions = false,
-              .weigh = false,
-              .max_iterations = 20,
-              .tolerance = kStartTolerance},
-             model);
-    RunRound(context,
-             {.name = "middle",
-              .tracks = coarse_tracks,
-              .error_factor = std::max(1.0, 0.25 * options.coarse_error_factor),
-              .max_iterations = 20,
-              .tolerance = kStartTolerance},
-             model);
-  }
+  if (start == RefineStart::kAveraging) FindStart(context, tracks, model);
   Round round{.name = "", .tracks = tracks, .max_iterations = std::numeric_limits<int>::max()};
   // Better poses or more edges may bring more observations in; where they do not, the model stays
   // as it is.

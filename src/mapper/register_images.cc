@@ -122,17 +122,6 @@ bool IsOutvoted(const StageContext& context, const Correspondences& corresponden
   return report.status == ResectionStatus::kSuccess && report.inliers.size() > num_agreeing;
 }
 
-void AddImage(const StageContext& context, const ResectionReport& report, image_t image_id,
-              Reconstruction& model) {
-  RegisteredImage image;
-  image.image = context.scene.images.at(image_id);
-  image.cam_from_world = report.cam_from_world;
-  image.points2D = context.scene.pixels.at(image_id);
-  image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
-  model.cameras.try_emplace(image.image.camera_id, report.camera);
-  model.images[image_id] = std::move(image);
-}
-
 }  // namespace
 
 int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model) {
@@ -157,7 +146,7 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
                              std::to_string(report.inliers.size()) + " of " +
                              std::to_string(-negative_count) + " points agree)";
     if (report.status == ResectionStatus::kSuccess) {
-      AddImage(context, report, id, model);
+      AddImage(context.scene, id, report.cam_from_world, report.camera, model);
       registered.push_back(what);
     } else {
       refused.push_back(what);
@@ -170,10 +159,11 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
   return static_cast<int>(registered.size());
 }
 
-std::set<image_t> FindOutvoted(StageContext& context, const ViewGraph& graph,
-                               const ModelEvidence& evidence, const Reconstruction& model) {
+std::set<image_t> FindOutvoted(StageContext& context, const BuiltModel& built) {
   ModelStage stage(context, "outvoted");
-  const PairsOfImages pairs = FindPairsOfMembers(graph, model);
+  const Reconstruction& model = *built.model;
+  const ModelEvidence& evidence = built.evidence;
+  const PairsOfImages pairs = FindPairsOfMembers(built.graph, model);
   std::vector<image_t> images;
   for (const auto& [id, edges] : pairs) {
     if (evidence.images.at(id).Share() < evidence.inside.Share()) images.push_back(id);

@@ -27,21 +27,30 @@ struct PairRays {
   PointPairs points;
 };
 
-void FillRays(const SceneData& scene, const ViewEdge& edge, PairRays* rays) {
+PairRays RaysOf(const SceneData& scene, const ViewEdge& edge) {
   const Camera& camera1 = scene.CameraOf(edge.image_id1);
   const Camera& camera2 = scene.CameraOf(edge.image_id2);
   const std::vector<Eigen::Vector2d>& pixels1 = scene.pixels.at(edge.image_id1);
   const std::vector<Eigen::Vector2d>& pixels2 = scene.pixels.at(edge.image_id2);
   const FeatureMatches& matches = scene.matches.at(edge.PairId());
-  rays->points.Reset(static_cast<int>(matches.size()), camera1, camera2);
+  PairRays rays;
+  rays.points.Reset(static_cast<int>(matches.size()), camera1, camera2);
   for (const FeatureMatch& match : matches) {
     const Eigen::Vector2d &pixel1 = pixels1[match.point1], &pixel2 = pixels2[match.point2];
-    const int i = static_cast<int>(rays->rays1.size());
-    if (!rays->points.SetPixels(i, camera1, pixel1, camera2, pixel2)) continue;
-    rays->rays1.push_back(camera1.RayFromImg(pixel1).value());
-    rays->rays2.push_back(camera2.RayFromImg(pixel2).value());
+    const int i = static_cast<int>(rays.rays1.size());
+    if (!rays.points.SetPixels(i, camera1, pixel1, camera2, pixel2)) continue;
+    rays.rays1.push_back(camera1.RayFromImg(pixel1).value());
+    rays.rays2.push_back(camera2.RayFromImg(pixel2).value());
   }
-  rays->points.Truncate(static_cast<int>(rays->rays1.size()));
+  rays.points.Truncate(static_cast<int>(rays.rays1.size()));
+  return rays;
+}
+
+// Sampson errors of all points, pixels; more values than points.
+std::vector<float> ErrorsOf(const PointPairs& points, const Rigid3d& pose) {
+  std::vector<float> errors(static_cast<size_t>(points.num_blocks()) * PointPairs::kBlock);
+  SampsonErrors(points, EssentialFromPose(pose), errors.data());
+  return errors;
 }
 
 // Poses to start from: what is stored, and what E, F and H decompose to.
@@ -103,8 +112,7 @@ Rigid3d RefineBest(const PointPairs& points, const std::vector<Rigid3d>& candida
 // The pose that the inliers support best, without translation if they show no parallax; the edge is
 // without one if there is none.
 void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEdge& edge) {
-  PairRays rays;
-  FillRays(scene, edge, &rays);
+  const PairRays rays = RaysOf(scene, edge);
   const PointPairs& points = rays.points;
   std::vector<Rigid3d> candidates = Candidates(scene, edge, geometry);
   // A rotation that is stored without anything else is all that there is.
@@ -113,8 +121,7 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
   if (points.size() < 8 || candidates.empty()) return;
 
   const Rigid3d best = RefineBest(points, candidates);
-  std::vector<float> errors(static_cast<size_t>(points.num_blocks()) * PointPairs::kBlock);
-  SampsonErrors(points, EssentialFromPose(best), errors.data());
+  const std::vector<float> errors = ErrorsOf(points, best);
   std::vector<Eigen::Vector3d> inliers1, inliers2;
   std::vector<double> parallaxes, inlier_errors;
   for (int i = 0; i < points.size(); ++i) {
@@ -167,8 +174,7 @@ Eigen::Vector3d TranslationFor(const Eigen::Matrix3d& R, const PairRays& rays) {
 
 // How many of the pair's matches a pose explains: near their epipolar lines, in front.
 int NumExplained(const PairRays& rays, const Rigid3d& pose) {
-  std::vector<float> errors(static_cast<size_t>(rays.points.num_blocks()) * PointPairs::kBlock);
-  SampsonErrors(rays.points, EssentialFromPose(pose), errors.data());
+  const std::vector<float> errors = ErrorsOf(rays.points, pose);
   const CheiralityTest test(pose);
   int num_explained = 0;
   for (size_t i = 0; i < rays.rays1.size(); ++i) {
@@ -181,8 +187,7 @@ int NumExplained(const PairRays& rays, const Rigid3d& pose) {
 // matches' information on the pose, at the pair's own noise.
 double RotationSigma(const SceneData& scene, const ViewEdge& edge) {
   constexpr double kMinSigmaPx = 0.1;
-  PairRays rays;
-  FillRays(scene, edge, &rays);
+  const PairRays rays = RaysOf(scene, edge);
   if (rays.rays1.size() < 8 || !edge.HasTranslation()) return 0.0;
   // The median of a normal variable's size is 0.6745 standard deviations.
   const double sigma_px = std::max(kMinSigmaPx, edge.residual_px / 0.6745);
@@ -194,8 +199,7 @@ double RotationSigma(const SceneData& scene, const ViewEdge& edge) {
 // False: no pose near the rotation explains the matches.
 bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, double max_error_deg,
                ViewEdge& edge) {
-  PairRays rays;
-  FillRays(scene, edge, &rays);
+  const PairRays rays = RaysOf(scene, edge);
   if (rays.rays1.size() < 8) return false;
   const Rigid3d start(rotation, TranslationFor(rotation.toRotationMatrix(), rays));
   PoseRefinementOptions options;
@@ -231,16 +235,13 @@ int RefitEdges(const StageContext& context,
                ViewGraph& graph) {
   std::vector<std::pair<ViewEdge*, Eigen::Quaterniond>> edges;
   for (ViewEdge& edge : graph.edges) {
-    const auto rotation1 = cam_from_world.find(edge.image_id1);
-    const auto rotation2 = cam_from_world.find(edge.image_id2);
-    if (edge.removal == EdgeRemoval::kNoPose || edge.removal == EdgeRemoval::kAmbiguous ||
-        !edge.HasTranslation() || rotation1 == cam_from_world.end() ||
-        rotation2 == cam_from_world.end()) {
+    const auto rotation = RelativeRotation(edge, cam_from_world);
+    if (!rotation || edge.removal == EdgeRemoval::kNoPose ||
+        edge.removal == EdgeRemoval::kAmbiguous || !edge.HasTranslation()) {
       continue;
     }
-    const Eigen::Quaterniond rotation = rotation2->second * rotation1->second.conjugate();
-    const double error = AngleBetween(rotation, edge.cam2_from_cam1.rotation);
-    if (RadToDeg(error) > max_error_deg) edges.emplace_back(&edge, rotation);
+    const double error = AngleBetween(*rotation, edge.cam2_from_cam1.rotation);
+    if (RadToDeg(error) > max_error_deg) edges.emplace_back(&edge, *rotation);
   }
   std::vector<char> is_refitted(edges.size(), 0);
   ParallelFor(context.run.num_threads, static_cast<int64_t>(edges.size()), [&](int64_t i) {

@@ -6,6 +6,9 @@
 namespace cairn {
 namespace {
 
+// Nats by which one of two models of the same images is the better one beyond doubt.
+constexpr double kDecisiveNats = 10;
+
 // A model with so many observations is adjusted in some seconds, whatever may come of it.
 constexpr int64_t kQuickObservations = 500'000;
 
@@ -25,14 +28,25 @@ bool ExplainMore(const std::set<image_t>& anew, const BuiltModel& after, const B
   return num_after > num_before;
 }
 
-// The model after these images found another place, refined; none where that explains no more.
+// The model after these images found another place, refined; none unless it then has more evidence
+// beyond doubt.
 std::optional<BuiltModel> RefineAnew(StageContext& context, const std::set<image_t>& anew,
                                      const BuiltModel& before, BuiltModel after) {
-  after.evidence = EvidenceFor(context, *after.model, after.graph);
+  Reconstruction& model = *after.model;
+  after.evidence = EvidenceFor(context, model, after.graph);
   if (before.model->NumObservations() > kQuickObservations && !ExplainMore(anew, after, before)) {
     return std::nullopt;
   }
-  return RefineIfBetter(context, std::move(after), before.evidence.nats);
+  ReviseEdges(after.evidence, model, after.graph);
+  const std::string failure = context.report.failure;
+  const bool has_grown = FitAndRefine(context, TracksOfGraph(context, after.graph).tracks,
+                                      RefineStart::kChanged, model) &&
+                         GrowModel(context, after.graph, model);
+  context.report.failure = failure;
+  if (!has_grown) return std::nullopt;
+  after.evidence = EvidenceFor(context, model, after.graph);
+  if (!(after.evidence.nats > before.evidence.nats + kDecisiveNats)) return std::nullopt;
+  return after;
 }
 
 // The model with these images registered anew, by resection in the model of the others; none where
@@ -83,15 +97,13 @@ std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltMo
   for (const std::set<image_t>& loose : weak.loose) {
     if (auto other = PlaceAnew(context, built, loose)) return other;
   }
-  const std::vector<MisplacedGroup> groups =
-      FindMisplacedGroups(context, *built.model, built.graph, built.evidence);
+  const std::vector<MisplacedGroup> groups = FindMisplacedGroups(context, built);
   std::set<image_t> all;
   for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
   auto other = RegisterAnew(context, built, all);
   if (!other && groups.size() > 1) other = RegisterAnew(context, built, groups.front().images);
   if (other) return other;
-  other = RegisterAnew(context, built,
-                       FindOutvoted(context, built.graph, built.evidence, *built.model));
+  other = RegisterAnew(context, built, FindOutvoted(context, built));
   if (other) return other;
   return RegisterAnew(context, built, weak.hinged);
 }

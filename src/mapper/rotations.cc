@@ -35,14 +35,9 @@ std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<doub
 
 // How far a pair's rotation is from the hypothesis; nullopt: it has no pose, or its images none.
 std::optional<double> ErrorDeg(const ViewEdge& edge, const RotationHypothesis& hypothesis) {
-  const auto rotation1 = hypothesis.cam_from_world.find(edge.image_id1);
-  const auto rotation2 = hypothesis.cam_from_world.find(edge.image_id2);
-  if (edge.removal == EdgeRemoval::kNoPose || rotation1 == hypothesis.cam_from_world.end() ||
-      rotation2 == hypothesis.cam_from_world.end()) {
-    return std::nullopt;
-  }
-  return RadToDeg(AngleBetween(rotation2->second * rotation1->second.conjugate(),
-                               edge.cam2_from_cam1.rotation));
+  const auto rotation = RelativeRotation(edge, hypothesis.cam_from_world);
+  if (!rotation || edge.removal == EdgeRemoval::kNoPose) return std::nullopt;
+  return RadToDeg(AngleBetween(*rotation, edge.cam2_from_cam1.rotation));
 }
 
 // Inliers of all pairs that have a pose, those that were taken out among them, by how well they
@@ -81,10 +76,7 @@ bool IsAnother(const RotationHypothesis& a, const RotationHypothesis& b) {
 // loops reject other ones than among all pairs.
 ViewGraph CoreOf(const StageContext& context, ViewGraph graph, int min_num_inliers) {
   for (ViewEdge& edge : graph.edges) {
-    if (edge.removal == EdgeRemoval::kTripletInconsistent ||
-        edge.removal == EdgeRemoval::kWeakBridge) {
-      edge.removal = EdgeRemoval::kNone;
-    }
+    if (edge.removal == EdgeRemoval::kTripletInconsistent) edge.removal = EdgeRemoval::kNone;
   }
   RemoveWeakEdges(min_num_inliers, graph);
   const ViewGraphBuilderOptions& options = context.settings.view_graph;
@@ -103,15 +95,11 @@ struct Weighing {
 // Tries ways to average a component's rotations.
 class Averager {
  public:
-  Averager(StageContext& context, RunStage& stage, const ViewGraph& component, size_t num_images,
-           double min_core_share)
-      : context_(context),
-        stage_(stage),
-        component_(component),
-        min_images_(min_core_share * static_cast<double>(num_images)) {}
+  Averager(StageContext& context, RunStage& stage, const ViewGraph& component, size_t num_images)
+      : context_(context), stage_(stage), component_(component), num_images_(num_images) {}
 
-  // From a connected graph of the component's edges of so many inliers and more. False: it has too
-  // few of the component's images.
+  // From a connected graph of the component's edges of so many inliers and more. False: it has no
+  // more than half of the component's images.
   bool AddAll(const ViewGraph& graph, int min_num_inliers, std::span<const Weighing> weighings) {
     const bool is_large = graph.NumActiveEdges() > kMaxFreshEdges;
     for (const Weighing& weighing : weighings) {
@@ -165,7 +153,7 @@ class Averager {
       }
       return false;
     }
-    if (static_cast<double>(report.cam_from_world.size()) <= min_images_) return false;
+    if (2 * report.cam_from_world.size() <= num_images_) return false;
     all_.push_back(
         {min_num_inliers, weighing, std::move(report.cam_from_world), report.median_residual_deg});
     SetSupport(component_, context_.settings.rotation_averaging.sigma_start_deg,
@@ -176,7 +164,7 @@ class Averager {
   StageContext& context_;
   RunStage& stage_;
   const ViewGraph& component_;
-  const double min_images_;
+  const size_t num_images_;  // of the component
   std::vector<RotationHypothesis> all_;
 };
 
@@ -216,8 +204,7 @@ int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
 
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      std::span<const image_t> component,
-                                                     const ViewGraph& graph,
-                                                     double min_core_share) {
+                                                     const ViewGraph& graph) {
   ModelStage stage(context, "rotation_averaging");
   ViewGraph own = graph;
   KeepImages(component, own);
@@ -228,10 +215,10 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   if (const double power = context.settings.rotation_averaging.weight_power; power != 0) {
     weighings.front().powers.emplace_back("weight_power", power);
   }
-  Averager averager(context, stage, own, component.size(), min_core_share);
+  Averager averager(context, stage, own, component.size());
   const bool has_any = averager.AddAll(own, 0, weighings);
   // Of a data set's pairs, inliers were not counted.
-  if (has_any && !context.scene.poses_imported && (!averager.IsClear() || min_core_share == 0)) {
+  if (has_any && !context.scene.poses_imported && !averager.IsClear()) {
     weighings.push_back({PrecisionsOf(context, own), {{"precision", 1}}});
     averager.AddAll(own, 0, std::span(weighings).last(1));
     const int least = std::max(1, context.settings.view_graph.min_num_inliers);

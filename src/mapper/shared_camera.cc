@@ -2,7 +2,7 @@
 #include <tuple>
 #include <utility>
 
-#include "graph/graph.h"
+#include "mapper/image_nodes.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -17,21 +17,13 @@ CameraKind KindOf(const Camera& camera) {
 }
 
 // Images that pairs connect.
-std::vector<std::vector<image_t>> ConnectedImages(const SceneData& scene) {
-  std::vector<image_t> ids;
-  std::map<image_t, int> node_of;
-  for (const auto& [id, pixels] : scene.pixels) {
-    node_of[id] = static_cast<int>(ids.size());
-    ids.push_back(id);
-  }
+std::vector<std::set<image_t>> ConnectedImages(const SceneData& scene) {
+  const ImageNodes images(scene.pixels);
   std::vector<GraphEdge> edges;
-  for (const ViewEdge& edge : scene.edges) {
-    edges.push_back({node_of.at(edge.image_id1), node_of.at(edge.image_id2)});
-  }
-  std::vector<std::vector<image_t>> connected;
-  for (const std::vector<int>& nodes : ConnectedComponents(std::ssize(ids), edges).nodes) {
-    connected.emplace_back();
-    for (const int node : nodes) connected.back().push_back(ids[node]);
+  for (const ViewEdge& edge : scene.edges) edges.push_back(images.EdgeOf(edge));
+  std::vector<std::set<image_t>> connected;
+  for (const std::vector<int>& nodes : ConnectedComponents(images.size(), edges).nodes) {
+    connected.push_back(images.ImagesOf(nodes));
   }
   return connected;
 }
@@ -45,7 +37,7 @@ std::vector<std::set<image_t>> LikelyOfOneCamera(const SceneData& scene) {
     size_t num_where_most = 0;
   };
   std::map<CameraKind, Group> groups;
-  for (const std::vector<image_t>& connected : ConnectedImages(scene)) {
+  for (const std::set<image_t>& connected : ConnectedImages(scene)) {
     std::map<CameraKind, size_t> num_images;
     for (const image_t id : connected) {
       const camera_t camera_id = scene.CameraIdOf(id);

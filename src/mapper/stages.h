@@ -79,9 +79,38 @@ class ModelStage : public RunStage {
   }
 };
 
+// A model that is being built, or done.
+struct BuiltModel {
+  std::optional<Reconstruction> model;  // absent: see the report's failure, or duplicate_edges
+  ViewGraph graph;                      // with what became of the component's edges
+  ModelEvidence evidence;
+  std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
+  std::vector<ResultWarning> warnings{};
+};
+
+// The steps, in the order of README.md.
+
 // read_scene.cc
 SceneData ReadSceneData(const Database& database, const ReconstructSettings& settings,
                         const RunContext& run, RunReport& report);
+
+// memory.cc
+// What a database holds, by its counts alone.
+struct SceneCounts {
+  int64_t num_keypoints = 0;
+  int64_t num_pairs = 0;
+  int64_t num_matches = 0;  // inliers
+};
+// Peak memory, bytes, from reading such a database until there are tracks.
+int64_t EstimateSceneBytes(const SceneCounts& counts);
+// False: there is not so much memory, and the report has the failure, before anything is read.
+bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, RunStage& stage);
+// Predicts the peak memory of RefineModel with these tracks. Where it is more than
+// there is (ReconstructOptions::max_memory_gib), or than Ceres can count observations, takes fewer
+// tracks, long ones first. False: not
+// even the least that a model needs would fit, and the report has the failure.
+bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
+                       std::vector<Track>& tracks);
 
 // still_parts.cc
 // What to say where most images have matches that stay where they are in the picture while others
@@ -89,27 +118,13 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
 // photographs.
 std::optional<ResultWarning> FindStillParts(const SceneData& scene);
 
-// scene_graph.cc
-ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSettings& settings,
-                                const RunContext& run, RunReport& report);
-
-// earlier_models.cc
-// Models to go on from, the largest first: the poses and cameras of `models`, by the names of the
-// images, without points. Images of the scene get the cameras that they share in the models. Says
-// in the report what of the models is left out; it has the failure where nothing is left.
-std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, SceneData& scene,
-                                        const RunContext& run, RunReport& report);
-
-// components.cc
-struct SceneModels {
-  std::vector<Reconstruction> models;  // the largest first; the report has their warnings
-  double evidence_nats = 0;
-};
-// Models of the graph's components, and of the parts into which they fall. Where there are earlier
-// models, these first, with the images that can be registered in them, then, unless nothing is to
-// be registered, models of the images that are left.
-SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
-                        std::span<const Reconstruction> earlier, ViewGraph& graph);
+// calibration_search.cc
+// Models and graph by the calibration of the scene whose models have the most evidence: with one
+// camera for likely images or without, with focal lengths by the pairs or as they were. Earlier
+// models tell theirs. `read` gets the stages before. Leaves the scene with what was tried last.
+ReconstructResult ReconstructBest(const Database& database, std::span<const Reconstruction> earlier,
+                                  const ReconstructSettings& settings, const RunContext& run,
+                                  RunReport& read, SceneData& scene);
 
 // calibrate.cc
 using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
@@ -143,13 +158,64 @@ void ShareCamera(const std::set<image_t>& images, Camera camera, const GeometryR
 // Gives images that share a camera by that a camera each again, as they are stored: equal ones.
 void UnshareCamera(const std::map<image_t, camera_t>& stored, Reconstruction& model);
 
-// calibration_search.cc
-// Models and graph by the calibration of the scene whose models have the most evidence: with one
-// camera for likely images or without, with focal lengths by the pairs or as they were. Earlier
-// models tell theirs. `read` gets the stages before. Leaves the scene with what was tried last.
-ReconstructResult ReconstructBest(const Database& database, std::span<const Reconstruction> earlier,
-                                  const ReconstructSettings& settings, const RunContext& run,
-                                  RunReport& read, SceneData& scene);
+// exif_focals.cc
+// Whether EXIF has the camera's focal length, and bundle adjustment may change it.
+bool RefinesExif(const Camera& camera, const SceneData& scene);
+// The images whose focal lengths in the models are more than three standard deviations off EXIF's,
+// and off what the pairs found in place of it; none if most images of the models are not of these.
+std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
+                                     std::span<const Reconstruction> models);
+// Holds the focal lengths of these images' cameras, EXIF's, so that to leave them by three standard
+// deviations costs so much, and no less than usual.
+void HoldExif(const std::set<image_t>& images, double exif_sigma, double cost_nats,
+              SceneData& scene);
+
+// scene_graph.cc
+ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSettings& settings,
+                                const RunContext& run, RunReport& report);
+
+// components.cc
+struct SceneModels {
+  std::vector<Reconstruction> models;  // the largest first; the report has their warnings
+  double evidence_nats = 0;
+};
+// Models of the graph's components, and of the parts into which they fall. Where there are earlier
+// models, these first, with the images that can be registered in them, then, unless nothing is to
+// be registered, models of the images that are left.
+SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
+                        std::span<const Reconstruction> earlier, ViewGraph& graph);
+
+// build_model.cc
+// One component of the graph from averaging to the finished model: built from all of its edges,
+// and, while the model leaves much of the verified matches unexplained, from those with more and
+// more inliers, the other images by resection. The model with the most evidence is kept.
+BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
+                      const ViewGraph& graph);
+// An earlier model with the images that can be registered in it, refined, in its frame.
+BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
+                         const ViewGraph& graph);
+
+// rotations.cc
+// Global rotations of a component, by one choice of edges and weights.
+struct RotationHypothesis {
+  int min_num_inliers = 0;  // of the edges it comes from
+  std::string weighing;     // of their weights
+  std::map<image_t, Eigen::Quaterniond> cam_from_world;
+  double median_residual_deg = 0;
+  double support = 0;           // inliers of the pairs, by how well they agree with it
+  double possible_support = 0;  // of all pairs between its images
+  int64_t num_agreeing = 0;     // of these, of pairs within the largest rotation error
+};
+// Independent matches of the pairs that a model with these rotations can keep.
+int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
+                       const RotationHypothesis& hypothesis);
+// Global rotations of the component, averaged from all of its edges and from those with more and
+// more inliers while they join more than half of the images, weighed by inliers, alike, and by
+// their precision. Where these agree there is one hypothesis, else those that differ, the best
+// supported first. Empty: the report has the failure.
+std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
+                                                     std::span<const image_t> component,
+                                                     const ViewGraph& graph);
 
 // relative_poses.cc
 // Refines the poses of edges that another program verified, or whose focal lengths changed, on
@@ -170,39 +236,17 @@ int RefitEdges(const StageContext& context,
                const std::map<image_t, Eigen::Quaterniond>& cam_from_world, double max_error_deg,
                ViewGraph& graph);
 
-// rotations.cc
-// Global rotations of a component, by one choice of edges and weights.
-struct RotationHypothesis {
-  int min_num_inliers = 0;  // of the edges it comes from
-  std::string weighing;     // of their weights
-  std::map<image_t, Eigen::Quaterniond> cam_from_world;
-  double median_residual_deg = 0;
-  double support = 0;           // inliers of the pairs, by how well they agree with it
-  double possible_support = 0;  // of all pairs between its images
-  int64_t num_agreeing = 0;     // of these, of pairs within the largest rotation error
-};
-// Independent matches of the pairs that a model with these rotations can keep.
-int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
-                       const RotationHypothesis& hypothesis);
-// Global rotations of the component, averaged from all of its edges and from those with more and
-// more inliers while they join more than this share of the images, weighed by inliers, alike, and
-// by their precision. Where these agree there is one hypothesis, else those that differ, the best
-// supported first. Empty: the report has the failure.
-std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
-                                                     std::span<const image_t> component,
-                                                     const ViewGraph& graph, double min_core_share);
-
-// exif_focals.cc
-// Whether EXIF has the camera's focal length, and bundle adjustment may change it.
-bool RefinesExif(const Camera& camera, const SceneData& scene);
-// The images whose focal lengths in the models are more than three standard deviations off EXIF's,
-// and off what the pairs found in place of it; none if most images of the models are not of these.
-std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
-                                     std::span<const Reconstruction> models);
-// Holds the focal lengths of these images' cameras, EXIF's, so that to leave them by three standard
-// deviations costs so much, and no less than usual.
-void HoldExif(const std::set<image_t>& images, double exif_sigma, double cost_nats,
-              SceneData& scene);
+// edges.cc
+// Takes out the edges that disagree with the rotations, unless another pose that agrees explains
+// their matches too, and the images that this cuts off. Rotations of the images that stay.
+std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
+    StageContext& context, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+    ViewGraph& graph);
+// Is it a pair of two images of the model, and of one place?
+bool IsWithin(const ViewEdge& edge, const Reconstruction& model);
+// The model decides which pairs between its images are in use: those of which it explains at least
+// half of the matches. Returns how many matches the pairs have that come in.
+int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
 
 // positions.cc
 struct InitialModel {
@@ -218,28 +262,13 @@ std::optional<InitialModel> AverageComponent(
 TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
                           const std::map<image_pair_t, FeatureMatches>& again = {});
 
-// memory.cc
-// What a database holds, by its counts alone.
-struct SceneCounts {
-  int64_t num_keypoints = 0;
-  int64_t num_pairs = 0;
-  int64_t num_matches = 0;  // inliers
-};
-// Peak memory, bytes, from reading such a database until there are tracks.
-int64_t EstimateSceneBytes(const SceneCounts& counts);
-// False: there is not so much memory, and the report has the failure, before anything is read.
-bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, RunStage& stage);
-// Predicts the peak memory of RefineModel with these tracks. Where it is more than
-// there is (ReconstructOptions::max_memory_gib), or than Ceres can count observations, takes fewer
-// tracks, long ones first. False: not
-// even the least that a model needs would fit, and the report has the failure.
-bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
-                       std::vector<Track>& tracks);
-
 // refine.cc
 // Cameras and keypoints of the images with a pose, no points.
 Reconstruction MakeReconstruction(const SceneData& scene,
                                   const std::map<image_t, Rigid3d>& cam_from_world);
+// Gives a model an image without points, and its camera where the model does not have it.
+void AddImage(const SceneData& scene, image_t id, const Rigid3d& cam_from_world,
+              const Camera& camera, Reconstruction& model);
 // Takes an image out of a model; points that fewer than two others see go with it.
 void RemoveImage(image_t id, Reconstruction& model);
 
@@ -267,74 +296,37 @@ struct PlacePriors {
 };
 void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstruction& model);
 
-// principal_points.cc
-// Frees the principal points of cameras, from here on, where the matches agree better with what
-// bundle adjustment then finds, beyond doubt, and that is wanted; else says in the report that they
-// do. Forward motion, or a lens that the camera model does not describe, throws others off.
-void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model);
-
-// places.cc
-// Throws ConfigError.
-void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path);
-// nullopt: none are to be used.
-std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
-                                         const std::string& image_path, const RunContext& run);
-// By the images' positions, for translation averaging; nullptr: none are to be used.
-CenterPriors PriorsOfCenters(const StageContext& context);
-// Adjusts a model, moved to where the known positions put it, with these as priors, until they
-// agree no better. A model whose place they do not tell stays as it is.
-void AdjustToPlaces(StageContext& context, Reconstruction& model);
-// Moves finished models to east-north-up axes, and warns of what stays where it was.
-void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResult& result);
-
-// poses_alone.cc
-// How far all relative poses, those that were filtered out among them, agree with the model.
-void ReportAgreement(StageContext& context, const Reconstruction& model);
-
 // register_images.cc
 // Poses for images that are in no model yet, from the points. Returns the number of new images.
 int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model);
 // Images that contradict more than others do and that lie off most of the points that others show,
 // while resection finds a pose with which more of these agree (a plane leaves two poses; most pairs
 // of an image may be wrong together).
-std::set<image_t> FindOutvoted(StageContext& context, const ViewGraph& graph,
-                               const ModelEvidence& evidence, const Reconstruction& model);
+std::set<image_t> FindOutvoted(StageContext& context, const BuiltModel& built);
 
 // judge.cc
-// Is it a pair of two images of the model, and of one place?
-bool IsWithin(const ViewEdge& edge, const Reconstruction& model);
 // The evidence for the model in all verified pairs of the images that are in no other model,
 // in use in the graph or not. `pairs` are in the order of graph.edges; those of other
 // models' images have no matches.
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
                           const ViewGraph& graph);
-// The model decides which pairs between its images are in use: those of which it explains at least
-// half of the matches. Returns how many matches the pairs have that come in.
-int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
 // Warnings of a model that contradicts its own verified pairs, or parts of it that do.
-std::vector<ResultWarning> JudgeModel(StageContext& context, const Reconstruction& model,
-                                      const ModelEvidence& evidence, const ViewGraph& graph);
+std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& built);
 // Of the first twenty images, and how many more there are.
 std::string Names(const StageContext& context, std::span<const image_t> images);
 
 // grow_model.cc
-struct BuiltModel {
-  std::optional<Reconstruction> model;  // absent: see the report's failure, or duplicate_edges
-  ViewGraph graph;                      // with what became of the component's edges
-  ModelEvidence evidence;
-  std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
-  std::vector<ResultWarning> warnings{};
-};
 // False: there is not enough memory, and the report has the failure.
 bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart start,
                   Reconstruction& model);
 // Registers what was left out and lets the model choose its pairs, until neither brings anything.
 // How often it was refined; nullopt: as above.
 std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model);
-// A model whose images were moved, with its evidence, refined; none unless it then has more than
-// this beyond doubt.
-std::optional<BuiltModel> RefineIfBetter(StageContext& context, BuiltModel changed,
-                                         double nats_before);
+
+// replace_misplaced.cc
+// Places loose parts of the model and registers misplaced images anew, while that brings more
+// evidence.
+void ReplaceMisplaced(StageContext& context, BuiltModel& best);
 
 // misplaced.cc
 // Images that a model misplaces together: most of the matches of their pairs with the others
@@ -346,9 +338,7 @@ struct MisplacedGroup {
 // Of the groups, single images among them, that arise when images are joined by the pairs with the
 // most explained matches first: the largest of fewer than half of the images, those with the most
 // contradicting matches first.
-std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Reconstruction& model,
-                                                const ViewGraph& graph,
-                                                const ModelEvidence& evidence);
+std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const BuiltModel& built);
 
 // weak_parts.cc
 // Parts of a model that few of its points hold together.
@@ -382,10 +372,11 @@ struct PlaceOfPart {
 PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Reconstruction& rest,
                       const Reconstruction& part);
 
-// replace_misplaced.cc
-// Places loose parts of the model and registers misplaced images anew, while that brings more
-// evidence.
-void ReplaceMisplaced(StageContext& context, BuiltModel& best);
+// principal_points.cc
+// Frees the principal points of cameras, from here on, where the matches agree better with what
+// bundle adjustment then finds, beyond doubt, and that is wanted; else says in the report that they
+// do. Forward motion, or a lens that the camera model does not describe, throws others off.
+void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model);
 
 // verify_again.cc
 // Where bundle adjustment has moved the rays of cameras by more than verification's threshold: of
@@ -402,30 +393,41 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
 bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
                                Reconstruction& model);
 
+// places.cc
+// Throws ConfigError.
+void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path);
+// nullopt: none are to be used.
+std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
+                                         const std::string& image_path, const RunContext& run);
+// By the images' positions, for translation averaging; nullptr: none are to be used.
+CenterPriors PriorsOfCenters(const StageContext& context);
+// Adjusts a model, moved to where the known positions put it, with these as priors, until they
+// agree no better. A model whose place they do not tell stays as it is.
+void AdjustToPlaces(StageContext& context, Reconstruction& model);
+// Moves finished models to east-north-up axes, and warns of what stays where it was.
+void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResult& result);
+
+// poses_alone.cc
+// How far all relative poses, those that were filtered out among them, agree with the model.
+void ReportAgreement(StageContext& context, const Reconstruction& model);
+
+// checks.cc
+// "" or why the model is not fit to be written.
+std::string ReasonToRefuse(const Reconstruction& model);
+
+// earlier_models.cc
+// Models to go on from, the largest first: the poses and cameras of `models`, by the names of the
+// images, without points. Images of the scene get the cameras that they share in the models. Says
+// in the report what of the models is left out; it has the failure where nothing is left.
+std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, SceneData& scene,
+                                        const RunContext& run, RunReport& report);
+
 // movement.cc
 // Puts a model that goes on from an earlier one where that was. Warns of images that moved by more
 // than the confidence in their earlier poses, with the reason.
 std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction& earlier,
                                      const std::map<image_t, PoseConfidence>& confidences,
                                      Reconstruction& model);
-
-// checks.cc
-// "" or why the model is not fit to be written.
-std::string ReasonToRefuse(const Reconstruction& model);
-
-// build_model.cc
-// One component of the graph from averaging to the finished model: built from all of its edges,
-// and, while the model leaves much of the verified matches unexplained, from those with more and
-// more inliers, the other images by resection. The model with the most evidence is kept.
-BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
-                      const ViewGraph& graph);
-// Two models as one, the second placed as a whole where as many points agree, and half of them, as
-// resection asks for of one image; none unless that explains more than both.
-std::optional<BuiltModel> JoinModels(StageContext& context, const Reconstruction& model,
-                                     const BuiltModel& other, const ViewGraph& graph);
-// An earlier model with the images that can be registered in it, refined, in its frame.
-BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
-                         const ViewGraph& graph);
 
 // colors.cc
 void ColorPoints(StageContext& context, const std::string& image_path, Reconstruction& model);

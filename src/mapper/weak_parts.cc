@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "graph/graph.h"
+#include "mapper/image_nodes.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -19,35 +19,17 @@ int NumSharedPoints(const ViewEdge& edge, const FeatureMatches& matches,
   return num_shared;
 }
 
-// The model's images, and the pairs of them that share as many points as resection asks for.
-struct JoinedImages {
-  std::vector<image_t> ids;
-  std::vector<GraphEdge> pairs;
-};
-
-JoinedImages FindJoined(const StageContext& context, const ViewGraph& graph,
-                        const Reconstruction& model) {
-  JoinedImages joined;
-  std::map<image_t, int> index;
-  for (const auto& [id, image] : model.images) {
-    index[id] = static_cast<int>(joined.ids.size());
-    joined.ids.push_back(id);
-  }
+// The pairs of images that share as many points as resection asks for.
+std::vector<GraphEdge> FindJoined(const StageContext& context, const ViewGraph& graph,
+                                  const Reconstruction& model, const ImageNodes& images) {
+  std::vector<GraphEdge> joined;
   for (const ViewEdge& edge : graph.edges) {
     if (!IsWithin(edge, model)) continue;
-    if (NumSharedPoints(edge, context.scene.matches.at(edge.PairId()), model) <
-        context.settings.resection.min_num_inliers) {
-      continue;
-    }
-    joined.pairs.push_back({index.at(edge.image_id1), index.at(edge.image_id2)});
+    const int num_shared = NumSharedPoints(edge, context.scene.matches.at(edge.PairId()), model);
+    if (num_shared < context.settings.resection.min_num_inliers) continue;
+    joined.push_back(images.EdgeOf(edge));
   }
   return joined;
-}
-
-std::set<image_t> IdsOf(const std::vector<int>& part, const JoinedImages& joined) {
-  std::set<image_t> ids;
-  for (const int i : part) ids.insert(joined.ids[i]);
-  return ids;
 }
 
 }  // namespace
@@ -55,17 +37,17 @@ std::set<image_t> IdsOf(const std::vector<int>& part, const JoinedImages& joined
 WeakParts FindWeakParts(StageContext& context, const ViewGraph& graph,
                         const Reconstruction& model) {
   ModelStage stage(context, "weak_parts");
-  const JoinedImages joined = FindJoined(context, graph, model);
-  const auto num_images = static_cast<int>(joined.ids.size());
+  const ImageNodes images(model.images);
+  const std::vector<GraphEdge> joined = FindJoined(context, graph, model, images);
   WeakParts weak;
-  const GraphComponents components = ConnectedComponents(num_images, joined.pairs);
+  const GraphComponents components = ConnectedComponents(images.size(), joined);
   for (int c = 1; c < components.Num() && components.nodes[c].size() > 1; ++c) {
-    weak.loose.push_back(IdsOf(components.nodes[c], joined));
+    weak.loose.push_back(images.ImagesOf(components.nodes[c]));
   }
-  const std::vector<std::vector<int>> hinged = HingedParts(num_images, joined.pairs);
+  const std::vector<std::vector<int>> hinged = HingedParts(images.size(), joined);
   for (auto part = hinged.rbegin(); part != hinged.rend(); ++part) {
-    if (2 * (weak.hinged.size() + part->size()) >= joined.ids.size()) break;
-    weak.hinged.merge(IdsOf(*part, joined));
+    if (2 * (weak.hinged.size() + part->size()) >= model.images.size()) break;
+    weak.hinged.merge(images.ImagesOf(*part));
   }
   stage.Add("loose", weak.loose.size());
   stage.Add("hinged", hinged.size());

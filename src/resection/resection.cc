@@ -131,6 +131,58 @@ std::vector<double> FocalFactors(bool estimate_focal, int num_guesses) {
   return factors;
 }
 
+// The pose, and focal length, with the most support. False: there is none.
+bool SearchPose(const Camera& camera, const PixelsOfPoints& points,
+                const std::vector<double>& focal_factors, const ResectionOptions& options,
+                const Rng& rng, ResectionReport& report) {
+  RansacOptions ransac_options;
+  ransac_options.confidence = options.confidence;
+  ransac_options.max_iterations = options.max_iterations;
+  ransac_options.min_iterations =
+      std::min(ransac_options.min_iterations, ransac_options.max_iterations);
+  bool found = false;
+  for (const double factor : focal_factors) {
+    Camera candidate = camera;
+    candidate.SetMeanFocal(factor * camera.MeanFocal());
+    ResectionEstimator estimator(candidate, points, options.max_error_px);
+    Rng own_rng = rng;
+    const auto ransac = Ransac(estimator, ransac_options, own_rng);
+    report.num_iterations += static_cast<int>(ransac.num_iterations);
+    if (ransac.status == RansacStatus::kNoModel || ransac.status == RansacStatus::kTooFewSamples) {
+      continue;
+    }
+    found = true;
+    ransac_options.initial_score = ransac.score;
+    // Another length has to beat this one, so it has at least about as many inliers.
+    ransac_options.max_iterations =
+        std::min(ransac_options.max_iterations,
+                 NumRansacIterations(ransac.score / static_cast<double>(points.pixels.size()),
+                                     P3pSolver::kSampleSize, options.confidence));
+    ransac_options.min_iterations =
+        std::min(ransac_options.min_iterations, ransac_options.max_iterations);
+    report.camera = candidate;
+    report.cam_from_world = ransac.model;
+  }
+  return found;
+}
+
+// With the focal length where it is open; the inliers may become more.
+void RefineOnInliers(const PixelsOfPoints& points, bool estimate_focal,
+                     const ResectionOptions& options, ResectionReport& report) {
+  for (int round = 0; round < 3; ++round) {
+    const ResectionEstimator estimator(report.camera, points, options.max_error_px);
+    std::vector<int> inliers = estimator.Inliers(report.cam_from_world);
+    const bool same = round > 0 && inliers == report.inliers;
+    report.inliers = std::move(inliers);
+    if (same || report.inliers.size() < 4) break;
+    RefinePose(points, report.inliers,
+               {.refine_focal = estimate_focal, .loss_scale_px = 0.25 * options.max_error_px},
+               report.camera, report.cam_from_world);
+  }
+  const ResectionEstimator estimator(report.camera, points, options.max_error_px);
+  report.inliers = estimator.Inliers(report.cam_from_world);
+}
+
 }  // namespace
 
 void ResectionOptions::VisitFields(OptionVisitor& v) {
@@ -156,49 +208,9 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, const PixelsOfPoints&
     report.status = ResectionStatus::kTooFewPoints;
     return report;
   }
-  RansacOptions ransac_options;
-  ransac_options.confidence = options.confidence;
-  ransac_options.max_iterations = options.max_iterations;
-  ransac_options.min_iterations =
-      std::min(ransac_options.min_iterations, ransac_options.max_iterations);
-  bool found = false;
-  for (const double factor : FocalFactors(estimate_focal, options.num_focal_guesses)) {
-    Camera candidate = camera;
-    candidate.SetMeanFocal(factor * camera.MeanFocal());
-    ResectionEstimator estimator(candidate, points, options.max_error_px);
-    Rng own_rng = rng;
-    const auto ransac = Ransac(estimator, ransac_options, own_rng);
-    report.num_iterations += static_cast<int>(ransac.num_iterations);
-    if (ransac.status == RansacStatus::kNoModel || ransac.status == RansacStatus::kTooFewSamples) {
-      continue;
-    }
-    found = true;
-    ransac_options.initial_score = ransac.score;
-    // Another length has to beat this one, so it has at least about as many inliers.
-    ransac_options.max_iterations =
-        std::min(ransac_options.max_iterations,
-                 NumRansacIterations(ransac.score / static_cast<double>(pixels.size()),
-                                     P3pSolver::kSampleSize, options.confidence));
-    ransac_options.min_iterations =
-        std::min(ransac_options.min_iterations, ransac_options.max_iterations);
-    report.camera = candidate;
-    report.cam_from_world = ransac.model;
-  }
-  if (!found) return report;
-
-  // Refine on the inliers, with the focal length where it is open; they may become more.
-  for (int round = 0; round < 3; ++round) {
-    const ResectionEstimator estimator(report.camera, points, options.max_error_px);
-    std::vector<int> inliers = estimator.Inliers(report.cam_from_world);
-    const bool same = round > 0 && inliers == report.inliers;
-    report.inliers = std::move(inliers);
-    if (same || report.inliers.size() < 4) break;
-    RefinePose(points, report.inliers,
-               {.refine_focal = estimate_focal, .loss_scale_px = 0.25 * options.max_error_px},
-               report.camera, report.cam_from_world);
-  }
-  const ResectionEstimator estimator(report.camera, points, options.max_error_px);
-  report.inliers = estimator.Inliers(report.cam_from_world);
+  const std::vector<double> factors = FocalFactors(estimate_focal, options.num_focal_guesses);
+  if (!SearchPose(camera, points, factors, options, rng, report)) return report;
+  RefineOnInliers(points, estimate_focal, options, report);
   const auto num_inliers = static_cast<double>(report.inliers.size());
   if (num_inliers < options.min_num_inliers ||
       num_inliers < options.min_inlier_ratio * static_cast<double>(pixels.size())) {

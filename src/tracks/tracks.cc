@@ -161,11 +161,7 @@ TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& 
   }
   report.num_tracks_before_selection = static_cast<int64_t>(report.tracks.size());
   if (options.max_per_image > 0) {
-    std::vector<Track> selected;
-    for (const size_t i : SelectTracks(report.tracks, options.max_per_image, 0)) {
-      selected.push_back(std::move(report.tracks[i]));
-    }
-    report.tracks = std::move(selected);
+    report.tracks = SelectTracks(report.tracks, options.max_per_image);
   }
   report.num_tracks = static_cast<int64_t>(report.tracks.size());
   for (const Track& track : report.tracks) {
@@ -174,34 +170,25 @@ TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& 
   return report;
 }
 
-std::vector<size_t> SelectTracks(std::span<const Track> tracks, int min_per_image,
-                                 int min_per_pair) {
+std::vector<Track> SelectTracks(std::span<const Track> tracks, int min_per_image) {
   std::vector<size_t> order(tracks.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::stable_sort(order.begin(), order.end(),
                    [&](size_t a, size_t b) { return tracks[a].size() > tracks[b].size(); });
   std::unordered_map<image_t, int> per_image;
-  std::unordered_map<image_pair_t, int> per_pair;
-  std::vector<size_t> selected;
+  std::vector<char> is_selected(tracks.size(), 0);
   for (const size_t i : order) {
     const Track& track = tracks[i];
-    bool needed = false;
-    for (size_t a = 0; a < track.size() && !needed; ++a) {
-      needed = per_image[track[a].image_id] < min_per_image;
-      for (size_t b = 0; b < a && !needed && min_per_pair > 0; ++b) {
-        needed = per_pair[ImagePairToPairId(track[a].image_id, track[b].image_id)] < min_per_pair;
-      }
-    }
-    if (!needed) continue;
-    selected.push_back(i);
-    for (size_t a = 0; a < track.size(); ++a) {
-      ++per_image[track[a].image_id];
-      for (size_t b = 0; b < a && min_per_pair > 0; ++b) {
-        ++per_pair[ImagePairToPairId(track[a].image_id, track[b].image_id)];
-      }
-    }
+    is_selected[i] = std::any_of(track.begin(), track.end(), [&](const TrackElement& element) {
+      return per_image[element.image_id] < min_per_image;
+    });
+    if (!is_selected[i]) continue;
+    for (const TrackElement& element : track) ++per_image[element.image_id];
   }
-  std::sort(selected.begin(), selected.end());
+  std::vector<Track> selected;
+  for (size_t i = 0; i < tracks.size(); ++i) {
+    if (is_selected[i]) selected.push_back(tracks[i]);
+  }
   return selected;
 }
 

@@ -125,6 +125,45 @@ TrackOutcome TriangulateTrack(const Track& track, const TriangulationOptions& op
   return outcome;
 }
 
+// What the filter does with a point.
+struct Verdict {
+  bool keep = false;
+  Track bad;  // observations to remove from a point that is kept
+  int num_undecided = 0;
+};
+
+Verdict Judge(const Point3D& point, const Reconstruction& reconstruction,
+              const std::map<image_t, Eigen::Vector3d>& centers,
+              const TriangulationOptions& options) {
+  const auto is_undecided = [](double value, double limit) {
+    return std::abs(value - limit) <= 1e-6 * limit;
+  };
+  Verdict verdict;
+  std::vector<Eigen::Vector3d> good_centers;
+  for (const TrackElement& element : point.track) {
+    const RegisteredImage& image = reconstruction.images.at(element.image_id);
+    const double error_px =
+        ReprojectionErrorPx(reconstruction.CameraOf(image), image.cam_from_world, point.xyz,
+                            image.points2D[element.point2D]);
+    const double max_error_px =
+        image.sigmas_px.empty()
+            ? options.max_error_px
+            : std::min(options.max_error_px,
+                       options.max_error_sigmas * image.sigmas_px[element.point2D]);
+    verdict.num_undecided += is_undecided(error_px, max_error_px);
+    if (error_px <= max_error_px) {
+      good_centers.push_back(centers.at(element.image_id));
+    } else {
+      verdict.bad.push_back(element);
+    }
+  }
+  if (static_cast<int>(good_centers.size()) < options.min_views) return verdict;
+  const double angle_deg = MaxTriangulationAngleDeg(point.xyz, good_centers);
+  verdict.num_undecided += is_undecided(angle_deg, options.min_angle_deg);
+  verdict.keep = angle_deg >= options.min_angle_deg;
+  return verdict;
+}
+
 }  // namespace
 
 TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
@@ -184,41 +223,10 @@ FilterReport FilterPoints(Reconstruction& reconstruction, const TriangulationOpt
     ids.push_back(id);
     points.push_back(&point);
   }
-  struct Verdict {
-    bool keep = false;
-    Track bad;  // observations to remove from a point that is kept
-    int num_undecided = 0;
-  };
-  const auto is_undecided = [](double value, double limit) {
-    return std::abs(value - limit) <= 1e-6 * limit;
-  };
   std::vector<Verdict> verdicts(points.size());
-  const auto judge = [&](int64_t i) {
-    Verdict& verdict = verdicts[i];
-    std::vector<Eigen::Vector3d> good_centers;
-    for (const TrackElement& element : points[i]->track) {
-      const RegisteredImage& image = reconstruction.images.at(element.image_id);
-      const double error_px =
-          ReprojectionErrorPx(reconstruction.CameraOf(image), image.cam_from_world, points[i]->xyz,
-                              image.points2D[element.point2D]);
-      const double max_error_px =
-          image.sigmas_px.empty()
-              ? options.max_error_px
-              : std::min(options.max_error_px,
-                         options.max_error_sigmas * image.sigmas_px[element.point2D]);
-      verdict.num_undecided += is_undecided(error_px, max_error_px);
-      if (error_px <= max_error_px) {
-        good_centers.push_back(centers.at(element.image_id));
-      } else {
-        verdict.bad.push_back(element);
-      }
-    }
-    if (static_cast<int>(good_centers.size()) < options.min_views) return;
-    const double angle_deg = MaxTriangulationAngleDeg(points[i]->xyz, good_centers);
-    verdict.num_undecided += is_undecided(angle_deg, options.min_angle_deg);
-    verdict.keep = angle_deg >= options.min_angle_deg;
-  };
-  ParallelFor(run.num_threads, static_cast<int64_t>(points.size()), judge, 64);
+  ParallelFor(
+      run.num_threads, static_cast<int64_t>(points.size()),
+      [&](int64_t i) { verdicts[i] = Judge(*points[i], reconstruction, centers, options); }, 64);
 
   FilterReport report;
   for (size_t i = 0; i < ids.size(); ++i) {

@@ -116,8 +116,8 @@ std::vector<int> Agreeing(Views views, const Eigen::Vector3d& xyz,
 }
 
 // The best point from pairs of views by the sum of squared errors, each in units of the largest
-// that is allowed and truncated there. Where there are more
-// pairs than allowed, an even choice of them.
+// that is allowed and truncated there. Where there are more pairs than allowed, an even choice of
+// them.
 bool SearchPairs(Views views, const TriangulationOptions& options, Eigen::Vector3d* best) {
   const int n = static_cast<int>(views.size());
   const int num_pairs = n * (n - 1) / 2;

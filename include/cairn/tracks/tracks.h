@@ -42,11 +42,9 @@ struct TrackReport {
 // m) in the number of matches.
 TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& options);
 
-// Indices (ascending) of a subset of `tracks` that gives every image, and every pair of images that
-// share tracks, enough of them: long tracks come first, a track is taken while one of its images
-// has fewer than `min_per_image`, or one of its pairs fewer than `min_per_pair`, taken tracks.
-std::vector<size_t> SelectTracks(std::span<const Track> tracks, int min_per_image,
-                                 int min_per_pair);
+// Some of the tracks, in their order, that give every image enough of them: long tracks come first,
+// a track is taken while one of its images has fewer than `min_per_image` taken tracks.
+std::vector<Track> SelectTracks(std::span<const Track> tracks, int min_per_image);
 
 // Detectors give one position several keypoints (one an orientation). For every keypoint, the first
 // keypoint of the image at the same position.

@@ -37,6 +37,7 @@ struct IncompleteModel {
     }
   }
 
+  BuiltModel Built() const { return {model, graph, EvidenceFor(context, model, graph), {}}; }
   int Register() { return RegisterLeftOut(context, graph, model); }
 
   double RotationErrorDeg(image_t id) const {

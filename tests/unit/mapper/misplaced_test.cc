@@ -6,8 +6,7 @@ namespace {
 
 TEST(MisplacedGroups, ARightModelHasNone) {
   IncompleteModel scene({});
-  const ModelEvidence evidence = EvidenceFor(scene.context, scene.model, scene.graph);
-  EXPECT_TRUE(FindMisplacedGroups(scene.context, scene.model, scene.graph, evidence).empty());
+  EXPECT_TRUE(FindMisplacedGroups(scene.context, scene.Built()).empty());
 }
 
 // Images 8 to 10 lie right to each other, and wrong to the others. Each keeps most of its matches:
@@ -22,9 +21,9 @@ TEST(MisplacedGroups, AGroupIsFoundThoughEachOfItsImagesKeepsMostMatches) {
     const auto [id1, id2] = PairIdToImagePair(pair_id);
     if (id1 < 8 && id2 >= 8) matches.resize(matches.size() / 10);
   }
-  const ModelEvidence evidence = EvidenceFor(scene.context, scene.model, scene.graph);
-  for (const image_t id : {8, 9, 10}) EXPECT_FALSE(evidence.images.at(id).IsContradicted());
-  const auto groups = FindMisplacedGroups(scene.context, scene.model, scene.graph, evidence);
+  const BuiltModel built = scene.Built();
+  for (const image_t id : {8, 9, 10}) EXPECT_FALSE(built.evidence.images.at(id).IsContradicted());
+  const auto groups = FindMisplacedGroups(scene.context, built);
   ASSERT_EQ(groups.size(), 1u);
   EXPECT_EQ(groups[0].images, (std::set<image_t>{8, 9, 10}));
 }
@@ -36,9 +35,9 @@ TEST(Outvoted, ImagesFindTheirPlaceByThePointsOfOthers) {
   FeatureMatches& wrong = scene.scene.matches.at(ImagePairToPairId(1, 2));
   for (size_t i = 0; i + 1 < wrong.size(); ++i) std::swap(wrong[i].point2, wrong[i + 1].point2);
   const auto find = [&] {
-    const ModelEvidence evidence = EvidenceFor(scene.context, scene.model, scene.graph);
-    EXPECT_GT(evidence.num_contradicted, 0);
-    return FindOutvoted(scene.context, scene.graph, evidence, scene.model);
+    const BuiltModel built = scene.Built();
+    EXPECT_GT(built.evidence.num_contradicted, 0);
+    return FindOutvoted(scene.context, built);
   };
   EXPECT_TRUE(find().empty());
   Rigid3d& pose = scene.model.images.at(5).cam_from_world;

@@ -107,7 +107,7 @@ TEST(WeakParts, APartThatSharesTooFewPointsIsLoose) {
   EXPECT_EQ(weak.loose[0], kPart);
   EXPECT_EQ(MostSharedPoints(kPart, scene.model), 0);
   EXPECT_GT(MostSharedPoints(kPart, scene.truth), 15);
-  const auto warnings = JudgeModel(scene.context, scene.model, {}, scene.graph);
+  const auto warnings = JudgeModel(scene.context, {scene.model, scene.graph, {}, {}});
   EXPECT_EQ(std::count_if(warnings.begin(), warnings.end(),
                           [](const ResultWarning& warning) {
                             return warning.what.starts_with("3 images share 0 points at most");
@@ -121,40 +121,14 @@ TEST(ReplaceMisplaced, PlacesALoosePartAsAWhole) {
   for (const image_t id : kPart) {
     scene.model.images.at(id).cam_from_world = scene.part.images.at(id).cam_from_world;
   }
-  BuiltModel built{scene.model, scene.graph, {}, {}};
-  ReviseEdges(EvidenceFor(scene.context, *built.model, built.graph), *built.model, built.graph);
+  BuiltModel built = scene.Built();
+  ReviseEdges(built.evidence, *built.model, built.graph);
   ASSERT_TRUE(FitAndRefine(scene.context, TracksOfGraph(scene.context, built.graph).tracks,
                            RefineStart::kChanged, *built.model));
   built.evidence = EvidenceFor(scene.context, *built.model, built.graph);
   ReplaceMisplaced(scene.context, built);
   EXPECT_EQ(built.model->images.size(), kRest.size() + kPart.size());
   EXPECT_EQ(built.evidence.num_contradicted, 0);
-}
-
-TEST(JoinModels, PlacesOneInTheFrameOfTheOther) {
-  TwoModels scene;
-  BuiltModel other{scene.part, scene.graph, {}, {}};
-  other.evidence = EvidenceFor(scene.context, scene.part, scene.graph);
-  const auto joined = JoinModels(scene.context, scene.rest, other, scene.graph);
-  ASSERT_TRUE(joined);
-  joined->model->CheckConsistency();
-  EXPECT_EQ(joined->model->images.size(), kRest.size() + kPart.size());
-  EXPECT_GT(joined->evidence.nats, other.evidence.nats);
-  const Rigid3d& of_rest = joined->model->images.at(7).cam_from_world;
-  const Rigid3d& of_part = joined->model->images.at(8).cam_from_world;
-  const Rigid3d truth =
-      scene.truth.images.at(8).cam_from_world * Inverse(scene.truth.images.at(7).cam_from_world);
-  EXPECT_LT(RadToDeg(AngleBetween((of_part * Inverse(of_rest)).rotation, truth.rotation)), 0.5);
-}
-
-TEST(JoinModels, ModelsWithoutCommonMatchesStayTwo) {
-  TwoModels scene;
-  for (auto& [pair_id, matches] : scene.scene.matches) {
-    const auto [id1, id2] = PairIdToImagePair(pair_id);
-    if (kRest.count(id1) != kRest.count(id2)) matches.clear();
-  }
-  BuiltModel other{scene.part, scene.graph, {}, {}};
-  EXPECT_FALSE(JoinModels(scene.context, scene.rest, other, scene.graph));
 }
 
 }  // namespace
