@@ -76,14 +76,8 @@ GcpProjection ReadGcpProjection(TextReader& reader) {
 }
 
 std::vector<std::string_view> GcpFields(TextReader& reader) {
-  if (reader.line().find('\t') == std::string_view::npos) return reader.RemainingWords();
-  std::vector<std::string_view> fields;
-  for (size_t begin = 0; begin <= reader.line().size();) {
-    const size_t end = std::min(reader.line().find('\t', begin), reader.line().size());
-    fields.push_back(reader.line().substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return fields;
+  const bool has_tabs = reader.line().find('\t') != std::string_view::npos;
+  return has_tabs ? Split(reader.line(), '\t') : reader.RemainingWords();
 }
 
 // A measurement.
@@ -97,12 +91,9 @@ struct GcpRow {
 std::optional<GcpRow> ParseGcpRow(const std::vector<std::string_view>& fields,
                                   const GcpProjection& projection) {
   if (fields.size() < 6 || fields[5].empty()) return std::nullopt;
-  double values[5];
-  for (int i = 0; i < 5; ++i) {
-    const auto value = TextReader::ToDouble(fields[i]);
-    if (!value) return std::nullopt;
-    values[i] = *value;
-  }
+  const auto numbers = TextReader::ToDoubles(std::span(fields).first(5));
+  if (!numbers) return std::nullopt;
+  const std::vector<double>& values = *numbers;
   GcpRow row{"", {values[1], values[0]}, {values[3], values[4]}, std::string(fields[5])};
   if (projection.utm_zone > 0) {
     row.position = GpsFromUtm(projection.utm_zone, projection.is_south, values[0], values[1]);
