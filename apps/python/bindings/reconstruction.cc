@@ -75,8 +75,7 @@ py::array KeypointsOf(const py::object& self) {
 }
 
 py::array Point3DIdsOf(const RegisteredImage& image) {
-  return py::array_t<point3D_t>(static_cast<py::ssize_t>(image.point3D_ids.size()),
-                                image.point3D_ids.data());
+  return MoveToArray<point3D_t, 1>(image.point3D_ids);
 }
 
 RegisteredImage MakeImage(const std::string& name, const Rigid3d& cam_from_world,
@@ -178,9 +177,7 @@ std::string SummaryOf(const Reconstruction& model) {
 }
 
 py::array PointPositions(const Reconstruction& model) {
-  auto point = model.points3D.begin();
-  return StackMatrices(model.points3D.size(),
-                       [&](size_t) -> Eigen::Vector3d { return (point++)->second.xyz; });
+  return StackMatrices(model.points3D, [](const auto& entry) { return entry.second.xyz; });
 }
 
 py::array PointColors(const Reconstruction& model) {
@@ -266,7 +263,7 @@ void BindEvaluation(py::module_& m) {
       .def(
           "to_dict",
           [](const PoseEvaluation& evaluation) {
-            return py::module_::import("json").attr("loads")(PoseEvaluationToJson(evaluation));
+            return FromJson(PoseEvaluationToJson(evaluation));
           },
           "All figures, with those of each image, as global_sfm evaluate writes them.")
       .def("__str__", &FormatPoseEvaluation);
