@@ -30,8 +30,7 @@ struct Side {
     CheckShape(name, array, {-1, 2, 2});
     frames.resize(static_cast<size_t>(array.shape(0)));
     for (size_t i = 0; i < frames.size(); ++i) {
-      const double* row = array.data() + 4 * i;
-      frames[i] << row[0], row[1], row[2], row[3];
+      frames[i] = Eigen::Matrix<double, 2, 2, Eigen::RowMajor>::Map(array.data() + 4 * i);
     }
   }
 };

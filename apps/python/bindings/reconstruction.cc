@@ -29,6 +29,7 @@ void BindMap(py::module_& m, const char* name) {
   using Key = typename Map::key_type;
   using Value = typename Map::mapped_type;
   constexpr auto kInside = py::return_value_policy::reference_internal;
+  const auto keys = [](Map& map) { return py::make_key_iterator(map.begin(), map.end()); };
   const auto find = [](Map& map, Key key) -> Value& {
     const auto entry = map.find(key);
     if (entry == map.end()) throw py::key_error(std::to_string(key));
@@ -39,12 +40,8 @@ void BindMap(py::module_& m, const char* name) {
       .def("__contains__", [](const Map& map, Key key) { return map.contains(key); })
       .def("__contains__", [](const Map&, const py::object&) { return false; })
       .def("__getitem__", find, py::arg("id"), kInside)
-      .def(
-          "__iter__", [](Map& map) { return py::make_key_iterator(map.begin(), map.end()); },
-          py::keep_alive<0, 1>())
-      .def(
-          "keys", [](Map& map) { return py::make_key_iterator(map.begin(), map.end()); },
-          py::keep_alive<0, 1>())
+      .def("__iter__", keys, py::keep_alive<0, 1>())
+      .def("keys", keys, py::keep_alive<0, 1>())
       .def(
           "values",
           [](Map& map) { return py::make_value_iterator<kInside>(map.begin(), map.end()); },
