@@ -15,10 +15,11 @@
 namespace cairn {
 namespace {
 
-// A posed image, with the unit bearings of its keypoints.
+// A posed image, with the unit bearings of its matched keypoints.
 struct View {
   const RegisteredImage* image = nullptr;
   const Camera* camera = nullptr;
+  std::vector<char> is_matched;
   std::vector<std::optional<Eigen::Vector3d>> rays;
 };
 
@@ -62,7 +63,6 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
   return evidence;
 }
 
-// The views of the model; rays only of keypoints that are matched.
 std::map<image_t, View> MakeViews(const Reconstruction& model, std::span<const VerifiedPair> pairs,
                                   int num_threads) {
   std::map<image_t, View> views;
@@ -71,24 +71,21 @@ std::map<image_t, View> MakeViews(const Reconstruction& model, std::span<const V
     View& view = views[id];
     view.image = &image;
     view.camera = &model.CameraOf(image);
+    view.is_matched.resize(image.points2D.size());
     view.rays.resize(image.points2D.size());
     order.push_back(&view);
   }
-  std::map<image_t, std::vector<char>> is_matched;
-  for (const auto& [id, view] : views) is_matched[id].assign(view.rays.size(), 0);
   for (const VerifiedPair& pair : pairs) {
-    const auto matched1 = is_matched.find(pair.image_id1);
-    const auto matched2 = is_matched.find(pair.image_id2);
+    const auto view1 = views.find(pair.image_id1), view2 = views.find(pair.image_id2);
     for (const FeatureMatch& match : *pair.matches) {
-      if (matched1 != is_matched.end()) matched1->second[match.point1] = 1;
-      if (matched2 != is_matched.end()) matched2->second[match.point2] = 1;
+      if (view1 != views.end()) view1->second.is_matched[match.point1] = 1;
+      if (view2 != views.end()) view2->second.is_matched[match.point2] = 1;
     }
   }
   ParallelFor(num_threads, static_cast<int64_t>(order.size()), [&](int64_t i) {
     View& view = *order[i];
-    const std::vector<char>& matched = is_matched.at(view.image->image.image_id);
     for (size_t k = 0; k < view.rays.size(); ++k) {
-      if (matched[k]) view.rays[k] = view.camera->RayFromImg(view.image->points2D[k]);
+      if (view.is_matched[k]) view.rays[k] = view.camera->RayFromImg(view.image->points2D[k]);
     }
   });
   return views;

@@ -18,22 +18,28 @@ std::string BaseName(const std::string& name) { return name.substr(name.rfind('/
 
 // An image of the reference with its counterpart, if it was registered.
 struct Match {
-  const std::string* name;
   const PosedCamera* reference;
   const PosedCamera* estimate;  // null: not registered
+  ImageErrors* errors;
 };
 
-std::vector<Match> MatchNames(const PosedCameras& estimate, const PosedCameras& reference) {
+// All images of the reference, with a place for their errors.
+std::vector<Match> MatchNames(const PosedCameras& estimate, const PosedCameras& reference,
+                              std::vector<ImageErrors>& errors) {
   std::map<std::string, const PosedCamera*> by_base_name;
   for (const auto& [name, camera] : estimate) by_base_name[BaseName(name)] = &camera;
   std::vector<Match> matches;
+  errors.resize(reference.size());
   for (const auto& [name, camera] : reference) {
     const auto exact = estimate.find(name);
     const auto base = by_base_name.find(BaseName(name));
     const PosedCamera* found = exact != estimate.end()      ? &exact->second
                                : base != by_base_name.end() ? base->second
                                                             : nullptr;
-    matches.push_back({&name, &camera, found});
+    ImageErrors& of_image = errors[matches.size()];
+    of_image.name = name;
+    of_image.registered = found != nullptr;
+    matches.push_back({&camera, found, &of_image});
   }
   return matches;
 }
@@ -96,10 +102,9 @@ void EvaluatePairs(const std::vector<Match>& matches, PoseEvaluation& evaluation
   evaluation.relative_translation_median_deg = Median(translation);
 }
 
-void EvaluateCenters(const std::vector<Match>& matches, PoseEvaluation& evaluation) {
+void EvaluateCenters(const std::vector<Match>& registered, PoseEvaluation& evaluation) {
   std::vector<Eigen::Vector3d> estimate, reference;
-  for (const Match& match : matches) {
-    if (!match.estimate) continue;
+  for (const Match& match : registered) {
     estimate.push_back(match.estimate->cam_from_world.Center());
     reference.push_back(match.reference->cam_from_world.Center());
   }
@@ -109,49 +114,43 @@ void EvaluateCenters(const std::vector<Match>& matches, PoseEvaluation& evaluati
   for (const Eigen::Vector3d& center : reference) mean += center / double(reference.size());
   double extent = 0;
   std::vector<double> errors;
-  for (size_t i = 0, k = 0; i < matches.size(); ++i) {
-    if (!matches[i].estimate) continue;
+  for (size_t k = 0; k < registered.size(); ++k) {
     errors.push_back((*reference_from_estimate * estimate[k] - reference[k]).norm());
     extent = std::max(extent, (reference[k] - mean).norm());
-    evaluation.images[i].center = errors.back();
-    ++k;
+    registered[k].errors->center = errors.back();
   }
   evaluation.center = ComputeErrorStatistics(errors);
   evaluation.extent = extent;
 }
 
-void EvaluateOrientations(const std::vector<Match>& matches, PoseEvaluation& evaluation) {
+void EvaluateOrientations(const std::vector<Match>& registered, PoseEvaluation& evaluation) {
   std::vector<Eigen::Quaterniond> estimate, reference;
-  for (const Match& match : matches) {
-    if (!match.estimate) continue;
+  for (const Match& match : registered) {
     estimate.push_back(match.estimate->cam_from_world.rotation);
     reference.push_back(match.reference->cam_from_world.rotation);
   }
   const auto reference_from_estimate = AlignRotationsL1(estimate, reference);
   if (!reference_from_estimate) return;
   std::vector<double> errors;
-  for (size_t i = 0, k = 0; i < matches.size(); ++i) {
-    if (!matches[i].estimate) continue;
+  for (size_t k = 0; k < registered.size(); ++k) {
     const Eigen::Quaterniond aligned = estimate[k] * reference_from_estimate->conjugate();
     errors.push_back(RadToDeg(AngleBetween(aligned, reference[k])));
-    evaluation.images[i].orientation_deg = errors.back();
-    ++k;
+    registered[k].errors->orientation_deg = errors.back();
   }
   evaluation.orientation_deg = ComputeErrorStatistics(errors);
 }
 
-void EvaluateFocals(const std::vector<Match>& matches, PoseEvaluation& evaluation) {
+void EvaluateFocals(const std::vector<Match>& registered, PoseEvaluation& evaluation) {
   std::vector<double> errors;
-  for (size_t i = 0; i < matches.size(); ++i) {
-    const auto& [name, reference, estimate] = matches[i];
-    if (!estimate || reference->focal_px <= 0 || estimate->focal_px <= 0) continue;
+  for (const auto& [reference, estimate, of_image] : registered) {
+    if (reference->focal_px <= 0 || estimate->focal_px <= 0) continue;
     const bool sizes_known = reference->width > 0 && estimate->width > 0;
     // Where one is unknown, nothing tells whether they are of one size.
     if (!sizes_known && reference->width + estimate->width > 0) continue;
     const double scale = sizes_known ? double(estimate->width) / reference->width : 1.0;
     const double expected = scale * reference->focal_px;
     errors.push_back(std::abs(estimate->focal_px - expected) / expected);
-    evaluation.images[i].focal_relative = errors.back();
+    of_image->focal_relative = errors.back();
   }
   if (!errors.empty()) evaluation.focal_relative = ComputeErrorStatistics(errors);
 }
@@ -168,17 +167,13 @@ PosedCameras PosedCamerasOf(const Reconstruction& reconstruction) {
 }
 
 PoseEvaluation EvaluatePoses(const PosedCameras& estimate, const PosedCameras& reference) {
-  const std::vector<Match> matches = MatchNames(estimate, reference);
   PoseEvaluation evaluation;
-  evaluation.num_reference = static_cast<int>(matches.size());
-  for (const Match& match : matches) {
-    ImageErrors& errors = evaluation.images.emplace_back();
-    errors.name = *match.name;
-    errors.registered = match.estimate != nullptr;
-    evaluation.num_registered += match.estimate != nullptr;
-  }
-  evaluation.num_extra = static_cast<int>(estimate.size()) - evaluation.num_registered;
+  std::vector<Match> matches = MatchNames(estimate, reference, evaluation.images);
   EvaluatePairs(matches, evaluation);
+  std::erase_if(matches, [](const Match& match) { return match.estimate == nullptr; });
+  evaluation.num_reference = static_cast<int>(reference.size());
+  evaluation.num_registered = static_cast<int>(matches.size());
+  evaluation.num_extra = static_cast<int>(estimate.size()) - evaluation.num_registered;
   EvaluateCenters(matches, evaluation);
   EvaluateOrientations(matches, evaluation);
   EvaluateFocals(matches, evaluation);

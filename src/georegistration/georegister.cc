@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <iterator>
+#include <utility>
 
 #include "cairn/evaluation/alignment.h"
 #include "cairn/evaluation/error_statistics.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/decompositions.h"
-#include "georegistration/control_points.h"
+#include "cairn/triangulation/triangulate_tracks.h"
 
 namespace cairn {
 namespace {
@@ -27,8 +30,6 @@ constexpr int kMaxRounds = 50;
 // Cameras whose path is this much longer than wide are on a line but for rounding.
 constexpr double kMinWidth = 1e-6;
 
-using Points = std::vector<Eigen::Vector3d>;
-
 // A place that is known, and where the model has it.
 struct Row {
   Eigen::Vector3d in_model, enu;
@@ -37,6 +38,21 @@ struct Row {
   Eigen::Vector3d residual = Eigen::Vector3d::Zero();
 };
 using Rows = std::vector<Row>;
+
+// Those that are not wrong.
+Rows Kept(const Rows& rows) {
+  Rows kept;
+  std::ranges::copy_if(rows, std::back_inserter(kept), std::logical_not(), &Row::is_wrong);
+  return kept;
+}
+
+// A value of each row: of a field, or what a function gives.
+template <class Get>
+auto Column(const Rows& rows, const Get& get) {
+  std::vector<std::decay_t<std::invoke_result_t<Get, const Row&>>> column;
+  for (const Row& row : rows) column.push_back(std::invoke(get, row));
+  return column;
+}
 
 GpsPosition MedianPosition(const std::vector<GpsPosition>& positions) {
   std::vector<double> latitudes, longitudes, altitudes;
@@ -62,9 +78,9 @@ GpsPosition OriginOf(const KnownPositions& known) {
   return MedianPosition(points.size() < 3 && !images.empty() ? images : points);
 }
 
-// The images that have positions, and (unless none has) an altitude. Rows without sigma are as good
-// as the middle one of those that have it.
-void FindImages(const Reconstruction& model, const std::map<std::string, GpsRow>& rows,
+// The images that have positions, and (unless none has) an altitude, as rows. Those without sigma
+// are as good as the middle one of those that have it.
+Rows FindImages(const Reconstruction& model, const std::map<std::string, GpsRow>& rows,
                 const LocalFrame& frame, Georegistration& out) {
   std::vector<double> given;
   bool need_altitude = false;
@@ -73,6 +89,7 @@ void FindImages(const Reconstruction& model, const std::map<std::string, GpsRow>
     need_altitude |= row.position.altitude_m.has_value();
   }
   const double usual = given.empty() ? 1.0 : Median(given);
+  Rows found_rows;
   for (const auto& [id, image] : model.images) {
     const auto row = rows.find(image.image.name);
     if (row == rows.end()) continue;
@@ -87,16 +104,42 @@ void FindImages(const Reconstruction& model, const std::map<std::string, GpsRow>
     found.gps = position;
     found.gps_enu = frame.FromGps(position);
     found.sigma_m = sigma_m > 0 ? sigma_m : usual;
+    found_rows.push_back({image.cam_from_world.Center(), found.gps_enu, found.sigma_m});
   }
+  return found_rows;
 }
 
-Rows RowsOfImages(const Reconstruction& model, const Georegistration& out) {
-  Rows rows;
-  for (const GeoregisteredImage& image : out.images) {
-    rows.push_back(
-        {model.images.at(image.image_id).cam_from_world.Center(), image.gps_enu, image.sigma_m});
+// Where the model has a control point.
+struct LocatedPoint {
+  Eigen::Vector3d in_model;
+  std::map<image_t, Eigen::Vector2d> pixels;  // of the images that agree
+};
+
+// Triangulated from its measurements (with the usual thresholds); nullopt: fewer than two images of
+// the model show it, or they contradict each other.
+std::optional<LocatedPoint> LocatePoint(const Reconstruction& model,
+                                        const std::map<std::string, image_t>& ids,
+                                        const ControlPoint& point) {
+  Reconstruction views;  // the images that show it, with it as their only keypoint
+  Track track;
+  for (const auto& [name, pixel] : point.pixels) {
+    const auto id = ids.find(name);
+    if (id == ids.end()) continue;
+    const RegisteredImage& image = model.images.at(id->second);
+    views.cameras[image.image.camera_id] = model.CameraOf(image);
+    views.images[id->second] = {image.image, image.cam_from_world, {pixel}, {kInvalidPoint3DId}};
+    track.push_back({id->second, 0});
   }
-  return rows;
+  if (track.size() < 2) return std::nullopt;
+  std::sort(track.begin(), track.end());
+  TriangulateTracks({&track, 1}, views, {}, {.num_threads = 1});
+  if (views.points3D.empty()) return std::nullopt;
+  const Point3D& found = views.points3D.begin()->second;
+  LocatedPoint located{found.xyz, {}};
+  for (const TrackElement& element : found.track) {
+    located.pixels[element.image_id] = views.images.at(element.image_id).points2D[0];
+  }
+  return located;
 }
 
 // The control points that the model has, as rows.
@@ -123,68 +166,49 @@ void Measure(const Sim3d& enu_from_world, Rows& rows) {
   for (Row& row : rows) row.residual = enu_from_world * row.in_model - row.enu;
 }
 
-// Of the rows that are not wrong.
-std::vector<double> RelativeResiduals(const Rows& rows) {
-  std::vector<double> relative;
-  for (const Row& row : rows) {
-    if (!row.is_wrong) relative.push_back(row.residual.norm() / row.sigma_m);
-  }
-  return relative;
-}
+double ResidualM(const Row& row) { return row.residual.norm(); }
+double RelativeResidual(const Row& row) { return row.residual.norm() / row.sigma_m; }
 
 // Beyond which a relative residual is far out, by those of the rows that are not wrong.
 double Fence(const Rows& rows) {
-  std::vector<double> kept = RelativeResiduals(rows);
+  std::vector<double> kept = Column(Kept(rows), RelativeResidual);
   std::sort(kept.begin(), kept.end());
   const double lower = kept[kept.size() / 4], upper = kept[(3 * kept.size()) / 4];
   return upper + kFarOut * (upper - lower);
 }
 
-// Says which rows are wrong; whether any answer changed.
-bool Judge(Rows& rows) {
-  const double fence = Fence(rows);
+// Says which rows are wrong, by residuals over a limit; whether any answer changed.
+template <class LimitM>
+bool Judge(const LimitM& limit_m, Rows& rows) {
   bool has_changed = false;
   for (Row& row : rows) {
-    const double largest_m = std::max(fence * row.sigma_m, kNormalFence * kMinSigmaM);
-    const bool is_wrong = row.residual.norm() > largest_m;
-    has_changed |= is_wrong != row.is_wrong;
-    row.is_wrong = is_wrong;
+    const bool is_wrong = ResidualM(row) > std::max(limit_m(row), kNormalFence * kMinSigmaM);
+    has_changed |= std::exchange(row.is_wrong, is_wrong) != is_wrong;
   }
   return has_changed;
 }
 
 // Least squares over the rows that are not wrong.
 std::optional<Sim3d> Fit(const Rows& rows) {
-  Points in_model, enu;
-  std::vector<double> weights;
-  for (const Row& row : rows) {
-    if (row.is_wrong) continue;
-    in_model.push_back(row.in_model);
-    enu.push_back(row.enu);
-    weights.push_back(1.0 / (row.sigma_m * row.sigma_m));
-  }
-  return AlignSimilarity(in_model, enu, weights);
+  const Rows kept = Kept(rows);
+  const auto weight = [](const Row& row) { return 1.0 / (row.sigma_m * row.sigma_m); };
+  return AlignSimilarity(Column(kept, &Row::in_model), Column(kept, &Row::enu),
+                         Column(kept, weight));
 }
 
 // The first guess, which does not know sigmas: precise rows are not wrong because it is off.
 std::optional<Sim3d> Start(uint64_t seed, Rows& rows) {
-  Points in_model, enu;
-  for (const Row& row : rows) {
-    in_model.push_back(row.in_model);
-    enu.push_back(row.enu);
-  }
-  const std::optional<Sim3d> start = AlignSimilarityRobust(in_model, enu, seed);
+  const std::optional<Sim3d> start =
+      AlignSimilarityRobust(Column(rows, &Row::in_model), Column(rows, &Row::enu), seed);
   if (!start) return std::nullopt;
   Measure(*start, rows);
-  std::vector<double> residuals_m;
-  for (const Row& row : rows) residuals_m.push_back(row.residual.norm());
-  const double largest_m = std::max(kFirstMedians * Median(residuals_m), kNormalFence * kMinSigmaM);
-  for (Row& row : rows) row.is_wrong = row.residual.norm() > largest_m;
+  const double median_m = Median(Column(rows, ResidualM));
+  Judge([&](const Row&) { return kFirstMedians * median_m; }, rows);
   return start;
 }
 
 // Standard deviations of the points along their principal axes, the smallest first.
-Eigen::Vector3d Extents(const Points& points) {
+Eigen::Vector3d Extents(const std::vector<Eigen::Vector3d>& points) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& point : points) mean += point / static_cast<double>(points.size());
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
@@ -196,16 +220,10 @@ Eigen::Vector3d Extents(const Points& points) {
 
 // Fills the figures of the final fit, and its status.
 void Assess(const Rows& rows, Georegistration& out) {
-  Points kept;
-  std::vector<double> residuals, coordinates[3], distances;
-  for (const Row& row : rows) {
-    if (row.is_wrong) continue;
-    kept.push_back(out.enu_from_world * row.in_model);
-    residuals.push_back(row.residual.norm());
-    for (int k = 0; k < 3; ++k) coordinates[k].push_back(row.enu[k]);
-  }
-  out.median_residual_m = Median(residuals);
-  const Eigen::Vector3d extents = Extents(kept);
+  const Rows kept = Kept(rows);
+  out.median_residual_m = Median(Column(kept, ResidualM));
+  const Eigen::Vector3d extents =
+      Extents(Column(kept, [&](const Row& row) { return out.enu_from_world * row.in_model; }));
   if (!(extents[1] > kMinWidth * extents[2])) {
     out.status = GeoregistrationStatus::kOnALine;
     return;
@@ -214,21 +232,20 @@ void Assess(const Rows& rows, Georegistration& out) {
   out.roll_sigma_deg = RadToDeg(std::atan(sigma_m / (std::hypot(extents[0], extents[1]) *
                                                      std::sqrt(static_cast<double>(kept.size())))));
   // A similarity that shrinks the model to a point explains nothing, and leaves the distances.
-  const Eigen::Vector3d middle(Median(coordinates[0]), Median(coordinates[1]),
-                               Median(coordinates[2]));
-  for (const Row& row : rows) {
-    if (!row.is_wrong) distances.push_back((row.enu - middle).norm());
+  Eigen::Vector3d middle;
+  for (int k = 0; k < 3; ++k) {
+    middle[k] = Median(Column(kept, [k](const Row& row) { return row.enu[k]; }));
   }
-  out.status = out.median_residual_m > 0.5 * Median(distances) ? GeoregistrationStatus::kNoAgreement
+  const double median_distance_m =
+      Median(Column(kept, [&](const Row& row) { return (row.enu - middle).norm(); }));
+  out.status = out.median_residual_m > 0.5 * median_distance_m ? GeoregistrationStatus::kNoAgreement
                                                                : GeoregistrationStatus::kOk;
 }
 
 // Three rows agree, whatever they say. Of the others, no more than half do: then a model that bends
 // leaves as much, and nothing tells which rows are wrong.
 bool IsByChance(const Rows& rows) {
-  const auto num_kept =
-      std::count_if(rows.begin(), rows.end(), [](const Row& row) { return !row.is_wrong; });
-  return 2 * (num_kept - 3) <= std::ssize(rows) - 3;
+  return 2 * (std::ssize(Kept(rows)) - 3) <= std::ssize(rows) - 3;
 }
 
 // The similarity by these rows; false: there is none.
@@ -241,7 +258,8 @@ bool Align(uint64_t seed, Rows& rows, Georegistration& out) {
     if (!fit) break;
     out.enu_from_world = *fit;
     Measure(*fit, rows);
-    if (!Judge(rows)) break;
+    const double fence = Fence(rows);
+    if (!Judge([&](const Row& row) { return fence * row.sigma_m; }, rows)) break;
   }
   if (!IsByChance(rows)) return true;
   for (Row& row : rows) row.is_wrong = false;
@@ -253,7 +271,7 @@ bool Align(uint64_t seed, Rows& rows, Georegistration& out) {
 // Residuals of the images, and how good their positions are.
 void FinishImages(const KnownPositions& known, Rows rows, Georegistration& out) {
   Measure(out.enu_from_world, rows);
-  const double factor = Median(RelativeResiduals(rows)) / kMedianLength;
+  const double factor = Median(Column(Kept(rows), RelativeResidual)) / kMedianLength;
   for (size_t i = 0; i < rows.size(); ++i) {
     GeoregisteredImage& image = out.images[i];
     image.residual = rows[i].residual;
@@ -287,8 +305,7 @@ Georegistration Georegister(const Reconstruction& model, const KnownPositions& k
   Georegistration out;
   out.origin = OriginOf(known);
   const LocalFrame frame(out.origin);
-  FindImages(model, known.images, frame, out);
-  Rows images = RowsOfImages(model, out);
+  Rows images = FindImages(model, known.images, frame, out);
   const Rows points = FindPoints(model, known.control_points, frame, out);
   Rows control;
   for (size_t i = 0; i < points.size(); ++i) {

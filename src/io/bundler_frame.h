@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <optional>
 
 #include "cairn/math/so3.h"
 
@@ -11,17 +12,13 @@ namespace cairn {
 // its own inverse.
 inline Eigen::Matrix3d FlipYZ() { return Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal(); }
 
-// Whether a matrix read from a file is a rotation up to the file's rounding.
-inline bool IsNearRotation(const Eigen::Matrix3d& R) {
-  constexpr double kTolerance = 1e-2;
-  return (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < kTolerance &&
-         R.row(0).cross(R.row(1)).dot(R.row(2)) > 0;
-}
-
-// The rotation that such a matrix means: as it is where it is exact, else the nearest one.
-inline Eigen::Quaterniond ToRotation(const Eigen::Matrix3d& R) {
+// The rotation that a matrix read from a file means: as it is where it is exact, else the nearest
+// one; nullopt if it is none up to the file's rounding.
+inline std::optional<Eigen::Quaterniond> ToRotation(const Eigen::Matrix3d& R) {
+  constexpr double kExact = 1e-13, kRounded = 1e-2;
   const double error = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  return Eigen::Quaterniond(error < 1e-13 ? R : NearestRotation(R)).normalized();
+  if (!(error < kRounded) || !(R.row(0).cross(R.row(1)).dot(R.row(2)) > 0)) return std::nullopt;
+  return Eigen::Quaterniond(error < kExact ? R : NearestRotation(R)).normalized();
 }
 
 }  // namespace cairn

@@ -1,5 +1,5 @@
 #include <algorithm>
-#include <tuple>
+#include <utility>
 
 #include "cairn/base/error.h"
 #include "cairn/io/bundler.h"
@@ -18,14 +18,12 @@ struct View {
 
 void ReadCamera(TextReader& reader, image_t id, const std::string& name,
                 Reconstruction& reconstruction) {
-  double intrinsics[3];
-  for (double& value : intrinsics) value = reader.DoubleOnAnyLine("focal length or distortion");
-  Eigen::Matrix3d R;
-  for (int i = 0; i < 9; ++i) R(i / 3, i % 3) = reader.DoubleOnAnyLine("rotation");
-  Eigen::Vector3d t;
-  for (int i = 0; i < 3; ++i) t[i] = reader.DoubleOnAnyLine("translation");
+  const auto intrinsics = reader.DoublesOnAnyLine<Eigen::Vector3d>("focal length or distortion");
+  const auto R = reader.DoublesOnAnyLine<Eigen::Matrix3d>("rotation");
+  const auto t = reader.DoublesOnAnyLine<Eigen::Vector3d>("translation");
   if (intrinsics[0] <= 0 || R.isZero(0.0)) return;  // not registered
-  if (!IsNearRotation(R)) reader.Fail("the camera's matrix is not a rotation");
+  const auto rotation = ToRotation(FlipYZ() * R);
+  if (!rotation) reader.Fail("the camera's matrix is not a rotation");
 
   Camera& camera = reconstruction.cameras[id];
   camera.camera_id = id;
@@ -33,7 +31,7 @@ void ReadCamera(TextReader& reader, image_t id, const std::string& name,
   camera.params = {intrinsics[0], 0.0, 0.0, intrinsics[1], intrinsics[2]};
   RegisteredImage& image = reconstruction.images[id];
   image.image = {id, name, id};
-  image.cam_from_world = Rigid3d(ToRotation(FlipYZ() * R), FlipYZ() * t);
+  image.cam_from_world = Rigid3d(*rotation, FlipYZ() * t);
 }
 
 // `n`, then per view `camera key x y`, or `camera key` where pixels were left out.
@@ -58,7 +56,7 @@ std::vector<View> ReadViews(TextReader& reader, size_t num_cameras) {
 
 Point3D ReadPoint(TextReader& reader) {
   Point3D point;
-  for (int i = 0; i < 3; ++i) point.xyz[i] = reader.DoubleOnAnyLine("point");
+  point.xyz = reader.DoublesOnAnyLine<Eigen::Vector3d>("point");
   for (uint8_t& channel : point.color) {
     channel = static_cast<uint8_t>(std::clamp(reader.DoubleOnAnyLine("color"), 0.0, 255.0));
   }
@@ -67,21 +65,18 @@ Point3D ReadPoint(TextReader& reader) {
 
 // Turns the views into keypoints, in each image in the order of Bundler's keys.
 void AddObservations(const std::vector<std::vector<View>>& views, Reconstruction& reconstruction) {
-  std::vector<std::tuple<int64_t, int64_t, size_t, Eigen::Vector2d>> order;
+  std::vector<std::pair<size_t, View>> order;  // with the points' indices
   for (size_t point = 0; point < views.size(); ++point) {
-    for (const View& view : views[point]) {
-      order.emplace_back(view.camera, view.key, point, view.pixel);
-    }
+    for (const View& view : views[point]) order.emplace_back(point, view);
   }
-  std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
-    return std::tie(std::get<0>(a), std::get<1>(a), std::get<2>(a)) <
-           std::tie(std::get<0>(b), std::get<1>(b), std::get<2>(b));
+  std::ranges::stable_sort(order, {}, [](const std::pair<size_t, View>& entry) {
+    return std::pair(entry.second.camera, entry.second.key);
   });
-  for (const auto& [camera, key, point, pixel] : order) {
-    const image_t image_id = static_cast<image_t>(camera + 1);
+  for (const auto& [point, view] : order) {
+    const image_t image_id = static_cast<image_t>(view.camera + 1);
     RegisteredImage& image = reconstruction.images.at(image_id);
     const point2D_t index = static_cast<point2D_t>(image.points2D.size());
-    image.points2D.push_back(pixel);
+    image.points2D.push_back(view.pixel);
     image.point3D_ids.push_back(point + 1);
     reconstruction.points3D.at(point + 1).track.push_back({image_id, index});
   }
@@ -122,7 +117,7 @@ std::vector<BundlerListEntry> ReadBundlerList(const std::string& path) {
     if (focal_px && words[n - 2] == "0") {
       if (*focal_px > 0) entry.focal_px = focal_px;
       const std::string_view name = line.substr(0, words[n - 2].data() - line.data());
-      entry.name = std::string(name.substr(0, name.find_last_not_of(" \t") + 1));
+      entry.name = std::string(Trimmed(name));
     }
     entries.push_back(std::move(entry));
   }

@@ -8,21 +8,18 @@
 #include "cairn/base/error.h"
 #include "cairn/io/bundler.h"
 #include "io/bundler_frame.h"
-#include "io/text_writer.h"
+#include "io/writers.h"
 
 namespace cairn {
 namespace {
 
-struct BundlerIntrinsics {
-  double focal_px = 0, k1 = 0, k2 = 0;
-};
-
-BundlerIntrinsics IntrinsicsOf(const Camera& camera) {
-  BundlerIntrinsics intrinsics{camera.MeanFocal()};
+// The focal length (px), k1 and k2.
+Eigen::Vector3d IntrinsicsOf(const Camera& camera) {
+  Eigen::Vector3d intrinsics(camera.MeanFocal(), 0, 0);
   if (!camera.IsPlanar()) return intrinsics;
   const std::vector<int> distortion = camera.DistortionIndices();
-  if (!distortion.empty()) intrinsics.k1 = camera.params[distortion[0]];
-  if (distortion.size() >= 2) intrinsics.k2 = camera.params[distortion[1]];
+  if (!distortion.empty()) intrinsics[1] = camera.params[distortion[0]];
+  if (distortion.size() >= 2) intrinsics[2] = camera.params[distortion[1]];
   return intrinsics;
 }
 
@@ -109,19 +106,15 @@ void WriteCamera(const Reconstruction& reconstruction, image_t image_id, TextWri
     for (int line = 0; line < 5; ++line) out << "0 0 0\n";
     return;
   }
-  const BundlerIntrinsics intrinsics = IntrinsicsOf(reconstruction.CameraOf(it->second));
-  out << intrinsics.focal_px << " " << intrinsics.k1 << " " << intrinsics.k2 << "\n";
+  out << IntrinsicsOf(reconstruction.CameraOf(it->second)) << "\n";
   const Eigen::Matrix3d R = FlipYZ() * it->second.cam_from_world.RotationMatrix();
-  for (int row = 0; row < 3; ++row) out.Row(R.row(row)) << "\n";
   const Eigen::Vector3d t = FlipYZ() * it->second.cam_from_world.translation;
-  out.Row(t) << "\n";
+  out << R.row(0) << "\n" << R.row(1) << "\n" << R.row(2) << "\n" << t << "\n";
 }
 
 void WritePoint(const Reconstruction& reconstruction, const Point3D& point,
                 const std::map<image_t, size_t>& camera_index, TextWriter& out) {
-  out.Row(point.xyz) << "\n";
-  out << int{point.color[0]} << " " << int{point.color[1]} << " " << int{point.color[2]} << "\n";
-  out << point.track.size();
+  out << point.xyz << "\n" << point.color << "\n" << point.track.size();
   for (const TrackElement& element : point.track) {
     const RegisteredImage& image = reconstruction.images.at(element.image_id);
     const Eigen::Vector2d offset =
@@ -164,10 +157,7 @@ std::vector<std::string> WriteBundler(const Reconstruction& reconstruction,
   for (const auto& [id, point] : reconstruction.points3D) {
     WritePoint(reconstruction, point, camera_index, out);
   }
-  list.Flush();
-  out.Flush();
-  list.Commit();
-  out.Commit();
+  BlockWriter::CommitAll({&list, &out});
   return Approximations(reconstruction, images);
 }
 

@@ -1,7 +1,7 @@
 // The layout is documented in COLMAP's code only; see third_party_notes/colmap-model-format.md.
 #include "io/byte_reader.h"
-#include "io/byte_writer.h"
 #include "io/colmap_files.h"
+#include "io/writers.h"
 
 namespace cairn {
 namespace {
@@ -12,10 +12,10 @@ constexpr size_t kPoint2DSize = 3 * 8;
 constexpr size_t kMinPoint3DSize = 8 + 3 * 8 + 3 + 8 + 8;
 constexpr size_t kTrackElementSize = 2 * 4;
 
-Camera ReadCamera(ByteReader& reader) {
+Camera ReadBinaryCamera(ByteReader& reader, camera_t id) {
   Camera camera;
-  camera.camera_id = reader.Read<uint32_t>();
-  const std::string name = "camera " + std::to_string(camera.camera_id);
+  camera.camera_id = id;
+  const std::string name = "camera " + std::to_string(id);
   const int32_t model_id = reader.Read<int32_t>();
   const std::optional<CameraModel> model = CameraModelFromId(model_id);
   if (!model) {
@@ -35,16 +35,16 @@ Camera ReadCamera(ByteReader& reader) {
   return camera;
 }
 
-RegisteredImage ReadImage(ByteReader& reader) {
+RegisteredImage ReadBinaryImage(ByteReader& reader, image_t id) {
   RegisteredImage image;
-  image.image.image_id = reader.Read<uint32_t>();
-  double pose[7];
-  for (double& value : pose) value = reader.Read<double>();
-  image.cam_from_world.rotation = UnitQuaternion(pose[0], pose[1], pose[2], pose[3]);
-  image.cam_from_world.translation << pose[4], pose[5], pose[6];
-  if (image.cam_from_world.rotation.squaredNorm() == 0 ||
-      !image.cam_from_world.translation.allFinite()) {
-    reader.Fail("image " + std::to_string(image.image.image_id) + " has an impossible pose");
+  image.image.image_id = id;
+  Eigen::Vector4d wxyz;
+  auto& [rotation, translation] = image.cam_from_world;
+  for (double& value : wxyz) value = reader.Read<double>();
+  for (double& value : translation) value = reader.Read<double>();
+  rotation = UnitQuaternion(wxyz);
+  if (rotation.squaredNorm() == 0 || !translation.allFinite()) {
+    reader.Fail("image " + std::to_string(id) + " has an impossible pose");
   }
   image.image.camera_id = reader.Read<uint32_t>();
   image.image.name = reader.ReadCString();
@@ -61,7 +61,7 @@ RegisteredImage ReadImage(ByteReader& reader) {
 
 Point3D ReadBinaryPoint(ByteReader& reader, point3D_t id) {
   Point3D point;
-  for (int i = 0; i < 3; ++i) point.xyz[i] = reader.Read<double>();
+  for (double& value : point.xyz) value = reader.Read<double>();
   for (uint8_t& channel : point.color) channel = reader.Read<uint8_t>();
   point.error_px = reader.Read<double>();
   if (!point.xyz.allFinite()) reader.Fail("point " + std::to_string(id) + " is not finite");
@@ -73,36 +73,14 @@ Point3D ReadBinaryPoint(ByteReader& reader, point3D_t id) {
   return point;
 }
 
-void ReadBinaryCameras(const std::string& path, Reconstruction& reconstruction) {
+// A file of records, each of which begins with its id.
+template <class Id, class Value>
+void ReadRecords(const std::string& path, const char* kind, size_t min_size,
+                 Value (*read)(ByteReader&, Id), std::map<Id, Value>& records) {
   ByteReader reader(path);
-  for (size_t n = reader.ReadCount(kMinCameraSize); n > 0; --n) {
-    const Camera camera = ReadCamera(reader);
-    if (!reconstruction.cameras.emplace(camera.camera_id, camera).second) {
-      reader.Fail("camera " + std::to_string(camera.camera_id) + " appears twice");
-    }
-  }
-  reader.ExpectEnd();
-}
-
-void ReadBinaryImages(const std::string& path, Reconstruction& reconstruction) {
-  ByteReader reader(path);
-  for (size_t n = reader.ReadCount(kMinImageSize); n > 0; --n) {
-    RegisteredImage image = ReadImage(reader);
-    const image_t id = image.image.image_id;
-    if (!reconstruction.images.emplace(id, std::move(image)).second) {
-      reader.Fail("image " + std::to_string(id) + " appears twice");
-    }
-  }
-  reader.ExpectEnd();
-}
-
-void ReadBinaryPoints(const std::string& path, Reconstruction& reconstruction) {
-  ByteReader reader(path);
-  for (size_t n = reader.ReadCount(kMinPoint3DSize); n > 0; --n) {
-    const point3D_t id = reader.Read<uint64_t>();
-    if (!reconstruction.points3D.emplace(id, ReadBinaryPoint(reader, id)).second) {
-      reader.Fail("point " + std::to_string(id) + " appears twice");
-    }
+  for (size_t n = reader.ReadCount(min_size); n > 0; --n) {
+    const Id id = reader.Read<Id>();
+    AddNew(reader, kind, id, read(reader, id), records);
   }
   reader.ExpectEnd();
 }
@@ -144,9 +122,12 @@ void WritePoints(const Reconstruction& reconstruction, ByteWriter& out) {
 
 Reconstruction ReadColmapBinary(const std::string& folder) {
   Reconstruction reconstruction;
-  ReadBinaryCameras(folder + "/cameras.bin", reconstruction);
-  ReadBinaryImages(folder + "/images.bin", reconstruction);
-  ReadBinaryPoints(folder + "/points3D.bin", reconstruction);
+  ReadRecords(folder + "/cameras.bin", "camera", kMinCameraSize, ReadBinaryCamera,
+              reconstruction.cameras);
+  ReadRecords(folder + "/images.bin", "image", kMinImageSize, ReadBinaryImage,
+              reconstruction.images);
+  ReadRecords(folder + "/points3D.bin", "point", kMinPoint3DSize, ReadBinaryPoint,
+              reconstruction.points3D);
   return reconstruction;
 }
 
@@ -157,8 +138,7 @@ void WriteColmapBinary(const Reconstruction& reconstruction, const std::string& 
   WriteCameras(reconstruction, cameras);
   WriteImages(reconstruction, images);
   WritePoints(reconstruction, points);
-  for (ByteWriter* file : {&cameras, &images, &points}) file->Flush();
-  for (ByteWriter* file : {&cameras, &images, &points}) file->Commit();
+  BlockWriter::CommitAll({&cameras, &images, &points});
 }
 
 }  // namespace cairn

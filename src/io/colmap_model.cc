@@ -73,8 +73,8 @@ void RemoveRigFiles(const std::string& folder, ColmapModelFormat format) {
 
 }  // namespace
 
-Eigen::Quaterniond UnitQuaternion(double w, double x, double y, double z) {
-  Eigen::Quaterniond q(w, x, y, z);
+Eigen::Quaterniond UnitQuaternion(const Eigen::Vector4d& wxyz) {
+  Eigen::Quaterniond q(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
   const double squared_norm = q.squaredNorm();
   if (!(squared_norm > 1e-20) || !std::isfinite(squared_norm))
     return Eigen::Quaterniond(0, 0, 0, 0);

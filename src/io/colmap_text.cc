@@ -1,23 +1,21 @@
 #include "io/colmap_files.h"
 #include "io/text_reader.h"
-#include "io/text_writer.h"
+#include "io/writers.h"
 
 namespace cairn {
 namespace {
 
-constexpr int64_t kMaxId32 = 0xFFFFFFFF;
-
-Camera ReadCamera(TextReader& reader) {
+Camera ReadTextCamera(TextReader& reader, camera_t id) {
   Camera camera;
-  camera.camera_id = static_cast<camera_t>(reader.Integer("camera id", 0, kMaxId32));
+  camera.camera_id = id;
   const std::string_view model_name = reader.Word();
   const std::optional<CameraModel> model = CameraModelFromName(model_name);
   if (!model) {
     reader.Fail("'" + std::string(model_name) + "' is none of COLMAP 4's camera models");
   }
   camera.model = *model;
-  camera.width = static_cast<int>(reader.Integer("width", 0, INT32_MAX));
-  camera.height = static_cast<int>(reader.Integer("height", 0, INT32_MAX));
+  camera.width = reader.Integer<int>("width", 0);
+  camera.height = reader.Integer<int>("height", 0);
   camera.params.resize(CameraModelNumParams(*model));
   for (double& param : camera.params) param = reader.Double("camera parameter");
   reader.ExpectLineEnd();
@@ -38,15 +36,13 @@ void ReadKeypoints(TextReader& reader, RegisteredImage& image) {
   }
 }
 
-RegisteredImage ReadImage(TextReader& reader) {
+RegisteredImage ReadTextImage(TextReader& reader, image_t id) {
   RegisteredImage image;
-  image.image.image_id = static_cast<image_t>(reader.Integer("image id", 0, kMaxId32));
-  double q[4];
-  for (double& value : q) value = reader.Double("quaternion");
-  image.cam_from_world.rotation = UnitQuaternion(q[0], q[1], q[2], q[3]);
+  image.image.image_id = id;
+  image.cam_from_world.rotation = UnitQuaternion(reader.Doubles<Eigen::Vector4d>("quaternion"));
   if (image.cam_from_world.rotation.squaredNorm() == 0) reader.Fail("the quaternion is zero");
-  image.cam_from_world.translation = reader.Vector3("translation");
-  image.image.camera_id = static_cast<camera_t>(reader.Integer("camera id", 0, kMaxId32));
+  image.cam_from_world.translation = reader.Doubles<Eigen::Vector3d>("translation");
+  image.image.camera_id = reader.Integer<camera_t>("camera id");
   image.image.name = std::string(reader.Rest());
   if (image.image.name.empty()) reader.Fail("the line is too short: the name is missing");
   return image;
@@ -54,50 +50,15 @@ RegisteredImage ReadImage(TextReader& reader) {
 
 Point3D ReadTextPoint(TextReader& reader) {
   Point3D point;
-  point.xyz = reader.Vector3("point");
-  for (uint8_t& channel : point.color) {
-    channel = static_cast<uint8_t>(reader.Integer("color", 0, 255));
-  }
+  point.xyz = reader.Doubles<Eigen::Vector3d>("point");
+  for (uint8_t& channel : point.color) channel = reader.Integer<uint8_t>("color");
   point.error_px = reader.Double("error");
   while (!reader.AtLineEnd()) {
-    const auto image_id = static_cast<image_t>(reader.Integer("image id", 0, kMaxId32));
-    const auto point2D = static_cast<point2D_t>(reader.Integer("keypoint index", 0, kMaxId32));
-    point.track.push_back({image_id, point2D});
+    TrackElement& element = point.track.emplace_back();
+    element.image_id = reader.Integer<image_t>("image id");
+    element.point2D = reader.Integer<point2D_t>("keypoint index");
   }
   return point;
-}
-
-void ReadTextCameras(const std::string& path, Reconstruction& reconstruction) {
-  TextReader reader(path);
-  while (reader.NextDataLine()) {
-    const Camera camera = ReadCamera(reader);
-    if (!reconstruction.cameras.emplace(camera.camera_id, camera).second) {
-      reader.Fail("camera " + std::to_string(camera.camera_id) + " appears twice");
-    }
-  }
-}
-
-void ReadTextImages(const std::string& path, Reconstruction& reconstruction) {
-  TextReader reader(path);
-  while (reader.NextDataLine()) {
-    RegisteredImage image = ReadImage(reader);
-    const image_t id = image.image.image_id;
-    if (reconstruction.images.count(id) > 0) {
-      reader.Fail("image " + std::to_string(id) + " appears twice");
-    }
-    ReadKeypoints(reader, image);
-    reconstruction.images.emplace(id, std::move(image));
-  }
-}
-
-void ReadTextPoints(const std::string& path, Reconstruction& reconstruction) {
-  TextReader reader(path);
-  while (reader.NextDataLine()) {
-    const point3D_t id = reader.Unsigned("3D point id");
-    if (!reconstruction.points3D.emplace(id, ReadTextPoint(reader)).second) {
-      reader.Fail("point " + std::to_string(id) + " appears twice");
-    }
-  }
 }
 
 void WriteCameras(const Reconstruction& reconstruction, TextWriter& out) {
@@ -107,8 +68,7 @@ void WriteCameras(const Reconstruction& reconstruction, TextWriter& out) {
       << reconstruction.cameras.size() << "\n";
   for (const auto& [id, camera] : reconstruction.cameras) {
     out << id << " " << CameraModelName(camera.model) << " " << camera.width << " " << camera.height
-        << " ";
-    out.Row(camera.params) << "\n";
+        << " " << camera.params << "\n";
   }
 }
 
@@ -124,13 +84,11 @@ void WriteImages(const Reconstruction& reconstruction, TextWriter& out) {
       << "\n";
   for (const auto& [id, image] : reconstruction.images) {
     const Eigen::Quaterniond& q = image.cam_from_world.rotation;
-    out << id << " ";
-    out.Row(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z())) << " ";
-    out.Row(image.cam_from_world.translation)
-        << " " << image.image.camera_id << " " << image.image.name << "\n";
+    out << id << " " << Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()) << " "
+        << image.cam_from_world.translation << " " << image.image.camera_id << " "
+        << image.image.name << "\n";
     for (size_t i = 0; i < image.points2D.size(); ++i) {
-      out << (i > 0 ? " " : "");
-      out.Row(image.points2D[i]) << " ";
+      out << (i > 0 ? " " : "") << image.points2D[i] << " ";
       if (image.point3D_ids[i] == kInvalidPoint3DId) {
         out << "-1";
       } else {
@@ -148,10 +106,7 @@ void WritePoints(const Reconstruction& reconstruction, TextWriter& out) {
       << reconstruction.points3D.size()
       << ", mean track length: " << reconstruction.MeanTrackLength() << "\n";
   for (const auto& [id, point] : reconstruction.points3D) {
-    out << id << " ";
-    out.Row(point.xyz);
-    for (const uint8_t channel : point.color) out << " " << static_cast<int>(channel);
-    out << " " << StoredError(point);
+    out << id << " " << point.xyz << " " << point.color << " " << StoredError(point);
     for (const TrackElement& element : point.track) {
       out << " " << element.image_id << " " << element.point2D;
     }
@@ -163,9 +118,19 @@ void WritePoints(const Reconstruction& reconstruction, TextWriter& out) {
 
 Reconstruction ReadColmapText(const std::string& folder) {
   Reconstruction reconstruction;
-  ReadTextCameras(folder + "/cameras.txt", reconstruction);
-  ReadTextImages(folder + "/images.txt", reconstruction);
-  ReadTextPoints(folder + "/points3D.txt", reconstruction);
+  for (TextReader reader(folder + "/cameras.txt"); reader.NextDataLine();) {
+    const auto id = reader.Integer<camera_t>("camera id");
+    AddNew(reader, "camera", id, ReadTextCamera(reader, id), reconstruction.cameras);
+  }
+  for (TextReader reader(folder + "/images.txt"); reader.NextDataLine();) {
+    const auto id = reader.Integer<image_t>("image id");
+    ReadKeypoints(reader,
+                  AddNew(reader, "image", id, ReadTextImage(reader, id), reconstruction.images));
+  }
+  for (TextReader reader(folder + "/points3D.txt"); reader.NextDataLine();) {
+    const point3D_t id = reader.Unsigned("3D point id");
+    AddNew(reader, "point", id, ReadTextPoint(reader), reconstruction.points3D);
+  }
   return reconstruction;
 }
 
@@ -176,8 +141,7 @@ void WriteColmapText(const Reconstruction& reconstruction, const std::string& fo
   WriteCameras(reconstruction, cameras);
   WriteImages(reconstruction, images);
   WritePoints(reconstruction, points);
-  for (TextWriter* file : {&cameras, &images, &points}) file->Flush();
-  for (TextWriter* file : {&cameras, &images, &points}) file->Commit();
+  BlockWriter::CommitAll({&cameras, &images, &points});
 }
 
 }  // namespace cairn

@@ -17,43 +17,33 @@ struct GcpProjection {
   bool is_south = false;
 };
 
-std::optional<int> UtmZone(std::string_view text) {
-  int zone = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), zone);
-  const bool is_zone = error == std::errc() && end == text.data() + text.size();
-  return is_zone && zone >= 1 && zone <= 60 ? std::optional<int>(zone) : std::nullopt;
-}
-
-// Of PROJ's "+proj=utm +zone=32 [+south] +datum=WGS84 ...".
-std::optional<GcpProjection> ParseProj(const std::vector<std::string_view>& words) {
+// Of the words of the first line, in capitals. UTM is written in three ways; PROJ's is
+// "+proj=utm +zone=32 [+south] +datum=WGS84 ...".
+std::optional<GcpProjection> ParseGcpProjection(const std::vector<std::string_view>& words) {
   const auto has = [&](std::string_view word) {
     return std::find(words.begin(), words.end(), word) != words.end();
   };
-  if (!has("+PROJ=UTM") || !(has("+DATUM=WGS84") || has("+ELLPS=WGS84"))) return std::nullopt;
-  for (const std::string_view word : words) {
-    if (!word.starts_with("+ZONE=")) continue;
-    if (const auto zone = UtmZone(word.substr(6))) return GcpProjection{*zone, has("+SOUTH")};
-  }
-  return std::nullopt;
-}
-
-std::optional<GcpProjection> ParseGcpProjection(const std::vector<std::string_view>& words) {
-  if (words[0] == "+PROJ=UTM") return ParseProj(words);
-  if (words.size() == 1) {
-    if (words[0] == "EPSG:4326" || words[0] == "WGS84") return GcpProjection{};
-    const bool is_north = words[0].starts_with("EPSG:326");
-    if (!is_north && !words[0].starts_with("EPSG:327")) return std::nullopt;
-    const auto zone = UtmZone(words[0].substr(8));
-    return zone ? std::optional(GcpProjection{*zone, !is_north}) : std::nullopt;
-  }
-  if (words.size() != 3 || words[0] != "WGS84" || words[1] != "UTM") return std::nullopt;
-  const bool is_south = words[2].ends_with('S');
-  if (is_south || words[2].ends_with('N')) {
-    if (const auto zone = UtmZone(words[2].substr(0, words[2].size() - 1))) {
-      return GcpProjection{*zone, is_south};
+  const std::string_view first = words.front(), last = words.back();
+  if (words.size() == 1 && (first == "EPSG:4326" || first == "WGS84")) return GcpProjection{};
+  std::string_view zone;
+  bool is_south = false;
+  if (words.size() == 1 && (first.starts_with("EPSG:326") || first.starts_with("EPSG:327"))) {
+    zone = first.substr(8);
+    is_south = first[7] == '7';
+  } else if (words.size() == 3 && first == "WGS84" && words[1] == "UTM") {
+    is_south = last.ends_with('S');
+    if (is_south || last.ends_with('N')) zone = last.substr(0, last.size() - 1);
+  } else if (first == "+PROJ=UTM" && (has("+DATUM=WGS84") || has("+ELLPS=WGS84"))) {
+    for (const std::string_view word : words) {
+      if (word.starts_with("+ZONE=")) zone = word.substr(6);
     }
+    is_south = has("+SOUTH");
   }
-  return std::nullopt;
+  int number = 0;
+  const char* const end = zone.data() + zone.size();
+  const auto parsed = std::from_chars(zone.data(), end, number);
+  const bool is_zone = parsed.ec == std::errc() && parsed.ptr == end && number >= 1 && number <= 60;
+  return is_zone ? std::optional(GcpProjection{number, is_south}) : std::nullopt;
 }
 
 GcpProjection ReadGcpProjection(TextReader& reader) {
@@ -76,14 +66,8 @@ GcpProjection ReadGcpProjection(TextReader& reader) {
 }
 
 std::vector<std::string_view> GcpFields(TextReader& reader) {
-  if (reader.line().find('\t') == std::string_view::npos) return reader.RemainingWords();
-  std::vector<std::string_view> fields;
-  for (size_t begin = 0; begin <= reader.line().size();) {
-    const size_t end = std::min(reader.line().find('\t', begin), reader.line().size());
-    fields.push_back(reader.line().substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return fields;
+  const bool has_tabs = reader.line().find('\t') != std::string_view::npos;
+  return has_tabs ? Split(reader.line(), '\t') : reader.RemainingWords();
 }
 
 // A measurement.
@@ -97,12 +81,9 @@ struct GcpRow {
 std::optional<GcpRow> ParseGcpRow(const std::vector<std::string_view>& fields,
                                   const GcpProjection& projection) {
   if (fields.size() < 6 || fields[5].empty()) return std::nullopt;
-  double values[5];
-  for (int i = 0; i < 5; ++i) {
-    const auto value = TextReader::ToDouble(fields[i]);
-    if (!value) return std::nullopt;
-    values[i] = *value;
-  }
+  const auto numbers = TextReader::ToDoubles(std::span(fields).first(5));
+  if (!numbers) return std::nullopt;
+  const std::vector<double>& values = *numbers;
   GcpRow row{"", {values[1], values[0]}, {values[3], values[4]}, std::string(fields[5])};
   if (projection.utm_zone > 0) {
     row.position = GpsFromUtm(projection.utm_zone, projection.is_south, values[0], values[1]);

@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "io/bundler_frame.h"
-#include "io/byte_writer.h"
 #include "io/drawing.h"
+#include "io/writers.h"
 
 namespace cairn {
 namespace {

@@ -26,16 +26,16 @@ OneDsfmEdge ReadEdge(TextReader& reader, int num_images) {
   edge.i = ReadIndex(reader, "image index", num_images);
   edge.j = ReadIndex(reader, "image index", num_images);
   if (edge.i == edge.j) reader.Fail("an edge from image " + std::to_string(edge.i) + " to itself");
-  const Eigen::Matrix3d R = reader.RowMajor3x3("rotation");
-  const Eigen::Vector3d t = reader.Vector3("direction");
+  const auto R = reader.Doubles<Eigen::Matrix3d>("rotation");
+  const auto t = reader.Doubles<Eigen::Vector3d>("direction");
   reader.ExpectLineEnd();
-  if (!IsNearRotation(R)) reader.Fail("the matrix is not a rotation");
-  if (t.norm() < 1e-9) reader.Fail("the direction is zero");
   // src/io/FORMATS.md, "1DSfM": R = R_i R_j^T and t, the direction of j's center, in i's Bundler
   // frame.
-  const Eigen::Quaterniond cam_j_from_cam_i = ToRotation(FlipYZ() * R.transpose() * FlipYZ());
+  const auto cam_j_from_cam_i = ToRotation(FlipYZ() * R.transpose() * FlipYZ());
+  if (!cam_j_from_cam_i) reader.Fail("the matrix is not a rotation");
+  if (t.norm() < 1e-9) reader.Fail("the direction is zero");
   const Eigen::Vector3d center_j_in_cam_i = FlipYZ() * t.normalized();
-  edge.cam_j_from_cam_i = Rigid3d(cam_j_from_cam_i, cam_j_from_cam_i * -center_j_in_cam_i);
+  edge.cam_j_from_cam_i = Rigid3d(*cam_j_from_cam_i, *cam_j_from_cam_i * -center_j_in_cam_i);
   return edge;
 }
 

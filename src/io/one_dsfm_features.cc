@@ -55,14 +55,13 @@ OneDsfmImageKeys ReadHeader(TextReader& reader, int num_images, int64_t& num_key
 // "<key> <x> <y> 0 0 <R> <G> <B>"; the center of the upper left pixel is (1, 1).
 OneDsfmKey ReadKey(TextReader& reader) {
   OneDsfmKey key;
-  key.key = static_cast<int>(reader.Integer("key", 0, INT32_MAX));
+  key.key = reader.Integer<int>("key", 0);
   const double x = reader.Double("x");
   const double y = reader.Double("y");
   key.pixel << x - 0.5, y - 0.5;
   reader.Double("scale");
   reader.Double("orientation");
-  for (uint8_t& channel : key.color)
-    channel = static_cast<uint8_t>(reader.Integer("color", 0, 255));
+  for (uint8_t& channel : key.color) channel = reader.Integer<uint8_t>("color");
   return key;
 }
 
@@ -103,10 +102,9 @@ std::vector<std::vector<OneDsfmObservation>> ReadOneDsfmTracks(const std::string
     const int64_t length = reader.Integer("track length", 0);
     std::vector<OneDsfmObservation>& track = tracks.emplace_back();
     for (int64_t k = 0; k < length; ++k) {
-      OneDsfmObservation observation;
-      observation.image = static_cast<int>(reader.Integer("image index", 0, num_images - 1));
-      observation.key = static_cast<int>(reader.Integer("key", 0, INT32_MAX));
-      track.push_back(observation);
+      OneDsfmObservation& observation = track.emplace_back();
+      observation.image = reader.Integer<int>("image index", 0, num_images - 1);
+      observation.key = reader.Integer<int>("key", 0);
     }
     reader.ExpectLineEnd();
   }

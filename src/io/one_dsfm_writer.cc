@@ -4,7 +4,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "io/bundler_frame.h"
-#include "io/text_writer.h"
+#include "io/writers.h"
 
 namespace cairn {
 namespace {
@@ -45,13 +45,8 @@ void WriteEdges(const OneDsfmFiles& files, const std::string& path) {
     const Rigid3d cam_i_from_cam_j = Inverse(edge.cam_j_from_cam_i);
     const Eigen::Matrix3d R = FlipYZ() * cam_i_from_cam_j.RotationMatrix() * FlipYZ();
     const Eigen::Vector3d t = FlipYZ() * cam_i_from_cam_j.translation.normalized();
-    out << edge.i << " " << edge.j;
-    for (int row = 0; row < 3; ++row) {
-      out << " ";
-      out.Row(R.row(row));
-    }
-    out << " ";
-    out.Row(t) << "\n";
+    out << edge.i << " " << edge.j << " " << R.row(0) << " " << R.row(1) << " " << R.row(2) << " "
+        << t << "\n";
   }
   out.Commit();
 }
@@ -65,9 +60,8 @@ void WriteCoords(const OneDsfmFiles& files, const std::string& path) {
         << ", keys = " << image.keys.size() << ", px = " << image.principal_point.x()
         << ", py = " << image.principal_point.y() << ", focal = " << image.focal_px << "\n";
     for (const OneDsfmKey& key : image.keys) {
-      out << key.key << " " << key.pixel.x() + 0.5 << " " << key.pixel.y() + 0.5 << " 0 0";
-      for (const uint8_t channel : key.color) out << " " << int{channel};
-      out << "\n";
+      out << key.key << " " << key.pixel.x() + 0.5 << " " << key.pixel.y() + 0.5 << " 0 0 "
+          << key.color << "\n";
     }
   }
   out.Commit();

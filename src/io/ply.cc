@@ -1,7 +1,7 @@
 #include "cairn/io/ply.h"
 
-#include "io/byte_writer.h"
 #include "io/drawing.h"
+#include "io/writers.h"
 
 namespace cairn {
 namespace {

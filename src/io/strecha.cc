@@ -26,28 +26,21 @@ std::vector<std::string> ListCameraFiles(const std::string& folder) {
   return names;
 }
 
-Eigen::Matrix3d ReadMatrix(TextReader& reader, std::string_view what) {
-  Eigen::Matrix3d m;
-  for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = reader.DoubleOnAnyLine(what);
-  return m;
-}
-
 // 0, which Camera::Validate refuses, for what cannot be a size.
 int ToSize(double value) { return value >= 1 && value < 1e9 ? static_cast<int>(value) : 0; }
 
 void ReadCameraFile(const std::string& path, Camera& camera, Rigid3d& cam_from_world) {
   TextReader reader(path);
-  const Eigen::Matrix3d K = ReadMatrix(reader, "calibration matrix");
-  for (int i = 0; i < 3; ++i) reader.DoubleOnAnyLine("distortion");
-  const Eigen::Matrix3d world_from_cam = ReadMatrix(reader, "rotation");
-  Eigen::Vector3d center;
-  for (int i = 0; i < 3; ++i) center[i] = reader.DoubleOnAnyLine("camera center");
+  const auto K = reader.DoublesOnAnyLine<Eigen::Matrix3d>("calibration matrix");
+  reader.DoublesOnAnyLine<Eigen::Vector3d>("distortion");
+  const auto world_from_cam = reader.DoublesOnAnyLine<Eigen::Matrix3d>("rotation");
+  const auto center = reader.DoublesOnAnyLine<Eigen::Vector3d>("camera center");
   camera.width = ToSize(reader.DoubleOnAnyLine("width"));
   camera.height = ToSize(reader.DoubleOnAnyLine("height"));
 
-  if (!IsNearRotation(world_from_cam)) throw IoError(path, "its matrix is not a rotation");
-  const Eigen::Quaterniond R = ToRotation(world_from_cam.transpose());
-  cam_from_world = Rigid3d(R, R * -center);
+  const auto R = ToRotation(world_from_cam.transpose());
+  if (!R) throw IoError(path, "its matrix is not a rotation");
+  cam_from_world = Rigid3d(*R, *R * -center);
   camera.model = CameraModel::kPinhole;
   camera.params = {K(0, 0), K(1, 1), K(0, 2) + 0.5, K(1, 2) + 0.5};
   camera.has_prior_focal_length = true;

@@ -1,14 +1,18 @@
 #include "io/text_reader.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
+#include <utility>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 
 namespace cairn {
 namespace {
+
+constexpr char kBlanks[] = " \t";
 
 bool IsBlank(char c) { return c == ' ' || c == '\t'; }
 
@@ -32,6 +36,19 @@ bool Parse(std::string_view word, T& value) {
 }
 
 }  // namespace
+
+std::string_view Trimmed(std::string_view text) {
+  text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
+  return text.substr(0, text.find_last_not_of(kBlanks) + 1);
+}
+
+std::vector<std::string_view> Split(std::string_view text, char separator) {
+  std::vector<std::string_view> parts;
+  for (size_t begin = 0; begin <= text.size(); begin += parts.back().size() + 1) {
+    parts.push_back(text.substr(begin, text.find(separator, begin) - begin));
+  }
+  return parts;
+}
 
 TextReader::TextReader(const std::string& path) : path_(path), text_(ReadFile(path)) {}
 
@@ -80,7 +97,7 @@ double TextReader::Double(std::string_view what) {
   return *value;
 }
 
-int64_t TextReader::Integer(std::string_view what, int64_t min, int64_t max) {
+int64_t TextReader::IntegerWithin(std::string_view what, int64_t min, int64_t max) {
   const std::string_view word = Word();
   int64_t value = 0;
   if (!Parse(word, value)) Fail(Expected(what, word));
@@ -96,18 +113,6 @@ uint64_t TextReader::Unsigned(std::string_view what) {
   uint64_t value = 0;
   if (!Parse(word, value)) Fail(Expected(what, word));
   return value;
-}
-
-Eigen::Vector3d TextReader::Vector3(std::string_view what) {
-  Eigen::Vector3d v;
-  for (int i = 0; i < 3; ++i) v[i] = Double(what);
-  return v;
-}
-
-Eigen::Matrix3d TextReader::RowMajor3x3(std::string_view what) {
-  Eigen::Matrix3d m;
-  for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = Double(what);
-  return m;
 }
 
 double TextReader::DoubleOnAnyLine(std::string_view what) {
@@ -129,12 +134,18 @@ std::optional<double> TextReader::ToDouble(std::string_view word) {
   return value;
 }
 
+std::optional<std::vector<double>> TextReader::ToDoubles(std::span<const std::string_view> words) {
+  std::vector<double> values;
+  for (const std::string_view word : words) {
+    const std::optional<double> value = ToDouble(word);
+    if (!value) return std::nullopt;
+    values.push_back(*value);
+  }
+  return values;
+}
+
 std::string_view TextReader::Rest() {
-  SkipBlanks();
-  std::string_view rest = line_.substr(position_);
-  while (!rest.empty() && IsBlank(rest.back())) rest.remove_suffix(1);
-  position_ = line_.size();
-  return rest;
+  return Trimmed(line_.substr(std::exchange(position_, line_.size())));
 }
 
 bool TextReader::AtLineEnd() {

@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "cairn/base/named_value.h"
+
 namespace cairn {
 namespace {
 
@@ -25,19 +27,12 @@ Json Values(const std::vector<std::pair<std::string, double>>& values) {
 }  // namespace
 
 std::string_view StageStatusName(StageStatus status) {
-  switch (status) {
-    case StageStatus::kOk:
-      return "ok";
-    case StageStatus::kWarning:
-      return "warning";
-    case StageStatus::kFailed:
-      return "failed";
-    case StageStatus::kStopped:
-      return "stopped";
-    case StageStatus::kSkipped:
-      return "skipped";
-  }
-  return "unknown";
+  constexpr NamedValue<StageStatus> kNames[] = {{StageStatus::kOk, "ok"},
+                                                {StageStatus::kWarning, "warning"},
+                                                {StageStatus::kFailed, "failed"},
+                                                {StageStatus::kStopped, "stopped"},
+                                                {StageStatus::kSkipped, "skipped"}};
+  return NameOf(kNames, status);
 }
 
 double StageReport::Value(std::string_view key) const {

@@ -46,13 +46,21 @@ void AddRunFindings(const PageScene& scene, Json& findings) {
   }
 }
 
+// The positions of images of which something is true.
+template <class Condition>
+std::vector<int> ImagesThat(const PageScene& scene, const Condition& condition) {
+  std::vector<int> images;
+  for (size_t i = 0; i < scene.images.size(); ++i) {
+    if (condition(scene.images[i])) images.push_back(static_cast<int>(i));
+  }
+  return images;
+}
+
 // The judgement of models that come without a run's report.
 void AddContradictions(const PageScene& scene, Json& findings) {
   if (scene.run_report.is_object()) return;
-  std::vector<int> images;
-  for (size_t i = 0; i < scene.images.size(); ++i) {
-    if (scene.images[i].support.IsContradicted()) images.push_back(static_cast<int>(i));
-  }
+  const std::vector<int> images =
+      ImagesThat(scene, [](const PageImage& image) { return image.support.IsContradicted(); });
   if (images.empty()) return;
   findings.push_back(Finding("doubtful",
                              Photos(images.size()) + " contradict most of their verified matches "
@@ -61,14 +69,10 @@ void AddContradictions(const PageScene& scene, Json& findings) {
 }
 
 void AddWeakPoses(const PageScene& scene, Json& findings) {
-  std::vector<int> images;
-  for (size_t i = 0; i < scene.images.size(); ++i) {
-    const PageImage& image = scene.images[i];
-    if (image.model < 0 || scene.input.models[image.model].points3D.empty()) continue;
-    if (!(image.confidence.rotation_sigma_deg <= kWeakRotationDeg)) {
-      images.push_back(static_cast<int>(i));
-    }
-  }
+  const std::vector<int> images = ImagesThat(scene, [&](const PageImage& image) {
+    return image.model >= 0 && !scene.input.models[image.model].points3D.empty() &&
+           !(image.confidence.rotation_sigma_deg <= kWeakRotationDeg);
+  });
   if (images.empty()) return;
   const std::string hang = images.size() == 1 ? " hangs" : " hang";
   findings.push_back(
@@ -79,17 +83,15 @@ void AddWeakPoses(const PageScene& scene, Json& findings) {
 }
 
 void AddLeftOut(const PageScene& scene, Json& findings) {
-  std::map<std::pair<std::string, std::string>, std::vector<int>> groups;
-  for (size_t i = 0; i < scene.images.size(); ++i) {
-    if (scene.images[i].model >= 0) continue;
-    const LeftOutReason reason = WhyLeftOut(scene, static_cast<int>(i));
-    groups[{reason.what, reason.advice}].push_back(static_cast<int>(i));
+  std::map<LeftOutReason, std::vector<int>> groups;
+  for (const int i : ImagesThat(scene, [](const PageImage& image) { return image.model < 0; })) {
+    groups[WhyLeftOut(scene.images[i])].push_back(i);
   }
   for (const auto& [reason, images] : groups) {
     findings.push_back(Finding("note",
                                Photos(images.size()) + (images.size() == 1 ? " is" : " are") +
-                                   " in no model: " + reason.first,
-                               reason.second, images));
+                                   " in no model: " + reason.what,
+                               reason.advice, images));
   }
 }
 
@@ -149,8 +151,7 @@ std::string DoubtAboutCamera(const PageCamera& camera) {
   return "";
 }
 
-LeftOutReason WhyLeftOut(const PageScene& scene, int index) {
-  const PageImage& image = scene.images[index];
+LeftOutReason WhyLeftOut(const PageImage& image) {
   if (image.num_keypoints == 0) {
     return {"no features were found", "They may be blurred, dark or empty; take sharper ones."};
   }

@@ -50,7 +50,7 @@ void AddPoints(const Reconstruction& model, int64_t step, PageBlocks& blocks, Js
 
 // How sure a model is of its photos' poses, and how much of their matches it explains.
 void AddConfidence(const PageScene& scene, int model, double radius, Json& json) {
-  Support inside;
+  Support inside;  // of the pairs between its images
   std::vector<double> rotations_deg, positions;
   int num_pairs = 0, num_contradicted = 0;
   for (const PagePair& pair : scene.pairs) {
@@ -60,8 +60,7 @@ void AddConfidence(const PageScene& scene, int model, double radius, Json& json)
     }
     ++num_pairs;
     num_contradicted += pair.support.IsContradicted();
-    inside.num_matches += pair.support.num_matches;
-    inside.num_explained += pair.support.num_explained;
+    inside = inside + pair.support;
   }
   for (const PageImage& image : scene.images) {
     if (image.model != model) continue;
@@ -151,8 +150,7 @@ Json ImagesJson(const PageScene& scene, PageBlocks& blocks) {
       Eigen::Map<Eigen::Vector3f> center(&poses[kNumPose * i + 9]);
       center = pose.Center().cast<float>();
     } else {
-      const LeftOutReason reason = WhyLeftOut(scene, static_cast<int>(i));
-      json["reason"] = reason.what;
+      json["reason"] = WhyLeftOut(image).what;
     }
     list.push_back(std::move(json));
   }

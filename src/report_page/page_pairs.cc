@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <numeric>
 #include <set>
 #include <tuple>
@@ -9,15 +11,16 @@
 namespace cairn {
 namespace {
 
-// Indices of the pairs that go into the page, by pair: those with the most inliers, then matches.
-std::vector<size_t> SelectPairs(const PageScene& scene) {
-  std::vector<size_t> selected(scene.pairs.size());
-  std::iota(selected.begin(), selected.end(), 0);
+using Pairs = std::vector<const PagePair*>;
+
+// The pairs that go into the page, in their order: those with the most inliers, then matches.
+Pairs SelectPairs(const PageScene& scene) {
+  Pairs selected;
+  for (const PagePair& pair : scene.pairs) selected.push_back(&pair);
   const auto size = static_cast<size_t>(std::max<int64_t>(0, scene.input.limits.pairs));
   if (selected.size() <= size) return selected;
-  std::stable_sort(selected.begin(), selected.end(), [&](size_t a, size_t b) {
-    const PagePair &p = scene.pairs[a], &q = scene.pairs[b];
-    return std::tie(p.num_inliers, p.num_matches) > std::tie(q.num_inliers, q.num_matches);
+  std::stable_sort(selected.begin(), selected.end(), [](const PagePair* a, const PagePair* b) {
+    return std::tie(a->num_inliers, a->num_matches) > std::tie(b->num_inliers, b->num_matches);
   });
   selected.resize(size);
   std::sort(selected.begin(), selected.end());
@@ -25,12 +28,12 @@ std::vector<size_t> SelectPairs(const PageScene& scene) {
 }
 
 // The largest number of matches that every pair can have (or all that it has), within the limit.
-int ShareOfAll(const PageScene& scene, const std::vector<size_t>& selected) {
+int ShareOfAll(const Pairs& selected, int64_t limit) {
   constexpr int kMinMatches = 32, kMaxMatches = 400;  // more lines hide each other
   const auto fits = [&](int share) {
     int64_t sum = 0;
-    for (const size_t i : selected) sum += std::min(share, scene.pairs[i].num_matches);
-    return sum <= scene.input.limits.matches;
+    for (const PagePair* pair : selected) sum += std::min(share, pair->num_matches);
+    return sum <= limit;
   };
   int share = kMaxMatches;
   while (share > kMinMatches && !fits(share)) --share;
@@ -39,19 +42,17 @@ int ShareOfAll(const PageScene& scene, const std::vector<size_t>& selected) {
 
 // How many matches of each selected pair go into the page; where the limit does not last for all,
 // those with the most inliers have theirs.
-std::vector<int> ShareMatches(const PageScene& scene, const std::vector<size_t>& selected) {
-  const int share = ShareOfAll(scene, selected);
+std::vector<int> ShareMatches(const Pairs& selected, int64_t limit) {
+  const int share = ShareOfAll(selected, limit);
   std::vector<size_t> order(selected.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-    return scene.pairs[selected[a]].num_inliers > scene.pairs[selected[b]].num_inliers;
+    return selected[a]->num_inliers > selected[b]->num_inliers;
   });
   std::vector<int> shares(selected.size(), 0);
-  int64_t left = scene.input.limits.matches;
   for (const size_t i : order) {
-    shares[i] =
-        static_cast<int>(std::min<int64_t>({share, scene.pairs[selected[i]].num_matches, left}));
-    left -= shares[i];
+    shares[i] = static_cast<int>(std::min<int64_t>({share, selected[i]->num_matches, limit}));
+    limit -= shares[i];
   }
   return shares;
 }
@@ -128,16 +129,14 @@ DrawnMatches DrawMatches(const PageScene& scene, const PagePair& pair, int share
   return drawn;
 }
 
-Json MatchesJson(const PageScene& scene, const std::vector<size_t>& selected, PageBlocks& blocks) {
-  const std::vector<int> shares = ShareMatches(scene, selected);
+Json MatchesJson(const PageScene& scene, const Pairs& selected, PageBlocks& blocks) {
+  const std::vector<int> shares = ShareMatches(selected, scene.input.limits.matches);
   KeypointReader keypoints(scene);
   std::vector<uint16_t> xyxy, num_inliers;
   std::vector<uint32_t> end;
   for (size_t i = 0; i < selected.size(); ++i) {
     DrawnMatches drawn;
-    if (shares[i] > 0) {
-      drawn = DrawMatches(scene, scene.pairs[selected[i]], shares[i], keypoints);
-    }
+    if (shares[i] > 0) drawn = DrawMatches(scene, *selected[i], shares[i], keypoints);
     xyxy.insert(xyxy.end(), drawn.xyxy.begin(), drawn.xyxy.end());
     end.push_back(static_cast<uint32_t>(xyxy.size() / 4));
     num_inliers.push_back(static_cast<uint16_t>(drawn.num_inliers));
@@ -154,56 +153,56 @@ uint8_t Position(const std::string& text, std::vector<std::string>& list) {
   return static_cast<uint8_t>(std::min<size_t>(position, 254));
 }
 
-// Columns of numbers, a row a pair; fractions in steps that the page knows.
-struct PairColumns {
-  std::vector<uint32_t> image1, image2;
-  std::vector<uint8_t> state, verifier;
-  std::vector<uint16_t> inliers, matches, residual, angle, time, explained;
+// A block with a number of each pair: of a field, or what a function gives.
+template <class T, class Get>
+int AddColumn(const Pairs& pairs, const Get& get, PageBlocks& blocks) {
+  std::vector<T> column;
+  for (const PagePair* pair : pairs) column.push_back(static_cast<T>(std::invoke(get, *pair)));
+  return blocks.Add(column);
+}
 
-  static uint16_t Steps(double value, double step) {
-    return static_cast<uint16_t>(std::clamp(value / step + 0.5, 0.0, 65535.0));
-  }
-};
+// The same as 16-bit numbers of steps; the largest one stands for all beyond it.
+template <class Get>
+int AddSteps(const Pairs& pairs, double step, const Get& get, PageBlocks& blocks) {
+  const auto steps = [&](const PagePair& pair) {
+    return std::clamp(std::invoke(get, pair) / step + 0.5, 0.0, 65535.0);
+  };
+  return AddColumn<uint16_t>(pairs, steps, blocks);
+}
 
 }  // namespace
 
 Json PairsJson(const PageScene& scene, PageBlocks& blocks) {
-  constexpr double kResidualStep = 0.001, kAngleStep = 0.01, kTimeStep = 0.01, kShareStep = 0.0001;
-  const std::vector<size_t> selected = SelectPairs(scene);
-  PairColumns columns;
-  std::vector<std::string> states = {"in_use"}, verifiers = {""};
-  for (const size_t i : selected) {
-    const PagePair& pair = scene.pairs[i];
-    columns.image1.push_back(pair.image1);
-    columns.image2.push_back(pair.image2);
-    columns.state.push_back(Position(pair.state, states));
-    columns.verifier.push_back(Position(pair.verifier, verifiers));
-    columns.inliers.push_back(PairColumns::Steps(pair.num_inliers, 1));
-    columns.matches.push_back(PairColumns::Steps(pair.num_matches, 1));
-    columns.residual.push_back(PairColumns::Steps(pair.residual_px, kResidualStep));
-    columns.angle.push_back(PairColumns::Steps(pair.angle_deg, kAngleStep));
-    columns.time.push_back(PairColumns::Steps(pair.milliseconds, kTimeStep));
-    columns.explained.push_back(pair.support.num_matches > 0
-                                    ? PairColumns::Steps(pair.support.Share(), kShareStep)
-                                    : 65535);  // no model has both images
-  }
+  const Pairs selected = SelectPairs(scene);
   std::map<std::string, int64_t> counts;
   for (const PagePair& pair : scene.pairs) ++counts[pair.state];
+  std::vector<std::string> states = {"in_use"}, verifiers = {""};
+  const auto state = [&](const PagePair& pair) { return Position(pair.state, states); };
+  const auto verifier = [&](const PagePair& pair) { return Position(pair.verifier, verifiers); };
+  const auto explained = [](const PagePair& pair) {  // infinite: no model has both images
+    return pair.support.num_matches > 0 ? pair.support.Share()
+                                        : std::numeric_limits<double>::infinity();
+  };
+  const auto fractions = [&](double step, const auto& get) -> Json {
+    return {{"block", AddSteps(selected, step, get, blocks)}, {"step", step}};
+  };
   Json json = {{"total", scene.pairs.size()},
                {"shown", selected.size()},
                {"counts", counts},
-               {"states", states},
-               {"verifiers", verifiers}};
-  json["image1"] = blocks.Add(columns.image1);
-  json["image2"] = blocks.Add(columns.image2);
-  json["state"] = blocks.Add(columns.state);
-  json["verifier"] = blocks.Add(columns.verifier);
-  json["inliers"] = blocks.Add(columns.inliers);
-  json["matches"] = blocks.Add(columns.matches);
-  json["residual"] = {{"block", blocks.Add(columns.residual)}, {"step", kResidualStep}};
-  json["angle"] = {{"block", blocks.Add(columns.angle)}, {"step", kAngleStep}};
-  json["time"] = {{"block", blocks.Add(columns.time)}, {"step", kTimeStep}};
-  json["explained"] = {{"block", blocks.Add(columns.explained)}, {"step", kShareStep}};
+               {"states", nullptr},  // filled below
+               {"verifiers", nullptr}};
+  json["image1"] = AddColumn<uint32_t>(selected, &PagePair::image1, blocks);
+  json["image2"] = AddColumn<uint32_t>(selected, &PagePair::image2, blocks);
+  json["state"] = AddColumn<uint8_t>(selected, state, blocks);
+  json["verifier"] = AddColumn<uint8_t>(selected, verifier, blocks);
+  json["inliers"] = AddSteps(selected, 1, &PagePair::num_inliers, blocks);
+  json["matches"] = AddSteps(selected, 1, &PagePair::num_matches, blocks);
+  json["residual"] = fractions(0.001, &PagePair::residual_px);
+  json["angle"] = fractions(0.01, &PagePair::angle_deg);
+  json["time"] = fractions(0.01, &PagePair::milliseconds);
+  json["explained"] = fractions(0.0001, explained);
+  json["states"] = states;
+  json["verifiers"] = verifiers;
   json["drawn"] = MatchesJson(scene, selected, blocks);
   return json;
 }

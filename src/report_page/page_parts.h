@@ -94,8 +94,9 @@ Json Findings(const PageScene& scene);
 struct LeftOutReason {
   std::string what;
   std::string advice;
+  auto operator<=>(const LeftOutReason&) const = default;
 };
-LeftOutReason WhyLeftOut(const PageScene& scene, int image);
+LeftOutReason WhyLeftOut(const PageImage& image);
 // "" or why a camera's intrinsics are doubtful.
 std::string DoubtAboutCamera(const PageCamera& camera);
 

@@ -147,8 +147,8 @@ void JudgePairs(std::span<PagePair* const> pairs, const Reconstruction& model, P
   for (size_t i = 0; i < pairs.size(); ++i) {
     pairs[i]->support = evidence.pairs[i];
     for (const int image : {pairs[i]->image1, pairs[i]->image2}) {
-      scene.images[image].support.num_matches += evidence.pairs[i].num_matches;
-      scene.images[image].support.num_explained += evidence.pairs[i].num_explained;
+      Support& support = scene.images[image].support;
+      support = support + pairs[i]->support;
     }
   }
 }

@@ -1,5 +1,6 @@
 #include "cairn/report_page/report_page.h"
 
+#include <algorithm>
 #include <filesystem>
 
 #include "cairn/base/check.h"
@@ -10,42 +11,30 @@
 namespace cairn {
 namespace {
 
+// The text with `to` in every place of `from`.
+std::string Replaced(std::string_view text, std::string_view from, std::string_view to) {
+  std::string replaced;
+  for (size_t begin = 0; begin < text.size();) {
+    const size_t found = std::min(text.find(from, begin), text.size());
+    replaced += text.substr(begin, found - begin);
+    if (found < text.size()) replaced += to;
+    begin = found + from.size();
+  }
+  return replaced;
+}
+
 // Text as HTML shows it.
 std::string EscapedHtml(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) {
-    if (c == '&') {
-      escaped += "&amp;";
-    } else if (c == '<') {
-      escaped += "&lt;";
-    } else if (c == '>') {
-      escaped += "&gt;";
-    } else {
-      escaped += c;
-    }
-  }
-  return escaped;
+  return Replaced(Replaced(Replaced(text, "&", "&amp;"), "<", "&lt;"), ">", "&gt;");
 }
 
-// What would end the <script> element, or open a comment in it, written otherwise. In JSON and in
-// strings of JavaScript the result means the same.
-std::string WithoutTags(const std::string& script, std::string_view replacement) {
-  std::string escaped;
-  for (size_t i = 0; i < script.size(); ++i) {
-    const bool is_tag =
-        script[i] == '<' && (replacement.size() > 2 || script.compare(i, 2, "</") == 0 ||
-                             script.compare(i, 2, "<!") == 0);
-    if (is_tag) {
-      escaped += replacement;
-    } else {
-      escaped += script[i];
-    }
-  }
-  return escaped;
-}
-
+// What would end the <script> element, or open a comment in it, written otherwise: in JSON, and in
+// strings of JavaScript, the result means the same.
 std::string DataText(const Json& data) {
-  return WithoutTags(data.dump(-1, ' ', false, Json::error_handler_t::replace), "\\u003c");
+  return Replaced(data.dump(-1, ' ', false, Json::error_handler_t::replace), "<", "\\u003c");
+}
+std::string ScriptText(const std::string& script) {
+  return Replaced(Replaced(script, "</", "<\\/"), "<!", "<\\!");
 }
 
 // The minified file comes without its licence, which must go along.
@@ -74,7 +63,7 @@ std::string ThreeScripts(const std::string& folder) {
   for (const char* name : {"build/three.min.js", "examples/js/controls/OrbitControls.js"}) {
     const std::string path = folder + "/" + name;
     if (!std::filesystem::exists(path)) return "";
-    scripts += "<script>" + WithoutTags(ReadFile(path), "<\\") + "</script>\n";
+    scripts += "<script>" + ScriptText(ReadFile(path)) + "</script>\n";
   }
   return scripts;
 }

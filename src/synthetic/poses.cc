@@ -24,21 +24,6 @@ Eigen::Vector3d FrontCenter(double distance, double angle, double height) {
   return {distance * std::sin(angle), -distance * std::cos(angle), height};
 }
 
-Placement Ring(int i, int n, double distance) {
-  return {FrontCenter(distance, 2.0 * kPi * i / n, 0.1 * distance)};
-}
-
-Placement Arc(int i, int n, double distance) {
-  const double along = n > 1 ? static_cast<double>(i) / (n - 1) - 0.5 : 0.0;
-  return {FrontCenter(distance, DegToRad(100.0) * along, (i % 2 == 0 ? 0.02 : 0.22) * distance)};
-}
-
-// An image's width and height are near 0.8 and 0.6 of the distance: five images show a place.
-Placement Street(int i, int n, double distance) {
-  const double x = kStreetStep * distance * (i - 0.5 * (n - 1));
-  return {{x, -distance, 0}, {x, 0, 0}};
-}
-
 // A few spots where many stand; most of the cameras look straight at the landmark.
 Placement Landmark(int num_spots, double distance, Rng& rng) {
   // Popularity falls with the spot's rank; spots are spread by the golden angle.
@@ -50,6 +35,24 @@ Placement Landmark(int num_spots, double distance, Rng& rng) {
   Placement placement{FrontCenter(d, angle, height)};
   placement.target = 0.2 * Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
   return placement;
+}
+
+// Camera i of n.
+Placement Place(CameraLayout layout, int i, int n, double distance, Rng& rng) {
+  constexpr int kSpotsOfCity = 12;  // around each place
+  if (layout == CameraLayout::kCity) return Landmark(kSpotsOfCity, distance, rng);
+  if (layout == CameraLayout::kLandmark) return Landmark(std::max(4, n / 60), distance, rng);
+  if (layout == CameraLayout::kRing) {
+    return {FrontCenter(distance, 2.0 * kPi * i / n, 0.1 * distance)};
+  }
+  if (layout == CameraLayout::kArc) {
+    const double along = n > 1 ? static_cast<double>(i) / (n - 1) - 0.5 : 0.0;
+    return {FrontCenter(distance, DegToRad(100.0) * along, (i % 2 == 0 ? 0.02 : 0.22) * distance)};
+  }
+  // A street. An image's width and height are near 0.8 and 0.6 of the distance: five images show a
+  // place.
+  const double x = kStreetStep * distance * (i - 0.5 * (n - 1));
+  return {{x, -distance, 0}, {x, 0, 0}};
 }
 
 }  // namespace
@@ -78,28 +81,10 @@ Eigen::Vector3d RandomDirection(Rng& rng) {
 
 std::vector<Rigid3d> MakeCameraPoses(CameraLayout layout, int num_cameras, double distance,
                                      Rng& rng) {
-  constexpr int kSpotsPerPlace = 12;
   const City city(num_cameras);
   std::vector<Rigid3d> poses;
   for (int i = 0; i < num_cameras; ++i) {
-    Placement placement;
-    switch (layout) {
-      case CameraLayout::kRing:
-        placement = Ring(i, num_cameras, distance);
-        break;
-      case CameraLayout::kArc:
-        placement = Arc(i, num_cameras, distance);
-        break;
-      case CameraLayout::kStreet:
-        placement = Street(i, num_cameras, distance);
-        break;
-      case CameraLayout::kLandmark:
-        placement = Landmark(std::max(4, num_cameras / 60), distance, rng);
-        break;
-      case CameraLayout::kCity:
-        placement = Landmark(kSpotsPerPlace, distance, rng);
-        break;
-    }
+    Placement placement = Place(layout, i, num_cameras, distance, rng);
     for (int k = 0; k < 3; ++k) {
       placement.center[k] += 0.02 * distance * rng.Gaussian();
       placement.target[k] += 0.05 * rng.Gaussian();

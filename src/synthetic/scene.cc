@@ -46,14 +46,13 @@ struct Detection {
   int element = -1;  // -1: clutter
 };
 
-bool IsSeen(const Camera& camera, const Rigid3d& cam_from_world, const SurfaceElement& element,
-            AffineObservation* observation) {
+// Absent where the camera does not see the element.
+std::optional<AffineObservation> See(const Camera& camera, const Rigid3d& cam_from_world,
+                                     const SurfaceElement& element) {
   const Eigen::Vector3d ray = cam_from_world.Center() - element.point;
-  if (ray.dot(element.Normal()) < kMinFacingCosine * ray.norm()) return false;
+  if (ray.dot(element.Normal()) < kMinFacingCosine * ray.norm()) return std::nullopt;
   const auto view = Observe(camera, cam_from_world, element);
-  if (!view || !IsInImage(camera, view->pixel)) return false;
-  *observation = *view;
-  return true;
+  return view && IsInImage(camera, view->pixel) ? view : std::nullopt;
 }
 
 // What an image shows that no other does: frames and depth of a plausible size.
@@ -166,12 +165,10 @@ std::vector<Detection> Detect(const SceneOptions& options, int image, const Came
   if (cam_from_world) {
     for (const auto& [begin, end] : RangesInView(surface, image, camera, *cam_from_world)) {
       for (size_t i = begin; i < end; ++i) {
-        AffineObservation view;
         const int index = static_cast<int>(i);
         if (options.twin_places && !IsInPlace(surface.elements[i], index, image % 2)) continue;
-        if (IsSeen(camera, *cam_from_world, surface.elements[i], &view)) {
-          detections.push_back({view, index});
-        }
+        const auto view = See(camera, *cam_from_world, surface.elements[i]);
+        if (view) detections.push_back({*view, index});
       }
     }
     if (options.salience > 0) KeepNoticed(surface, options.max_keypoints, rng, &detections);
@@ -284,7 +281,6 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
 SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   ValidateOptions(static_cast<const RigOptions&>(options), "");
   ValidateOptions(options, "scene");
-  const CameraLayout layout = options.layout;
   SyntheticScene scene;
   scene.options = options;
   scene.seed = seed;
@@ -293,7 +289,7 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   const Surface surface = MakeSurface(options, seed);
   Rng pose_rng(seed, "scene_poses");
   const std::vector<Rigid3d> poses =
-      MakeCameraPoses(layout, options.num_images, options.distance, pose_rng);
+      MakeCameraPoses(options.layout, options.num_images, options.distance, pose_rng);
 
   const int num_images = static_cast<int>(scene.images.size());
   std::vector<ImageData> data(num_images);

@@ -130,10 +130,19 @@ PairPlan PlanPairs(const SyntheticScene& scene, const std::vector<VisiblePoints>
   return plan;
 }
 
-// A pair that was verified by mistake.
+// A pair that was verified by mistake, with this pose.
+PairRows WrongPair(FeatureMatches matches, const Rigid3d& cam2_from_cam1) {
+  PairRows rows;
+  rows.geometry.config = TwoViewConfig::kCalibrated;
+  rows.geometry.cam2_from_cam1 = cam2_from_cam1;
+  rows.geometry.inlier_matches = matches;
+  rows.matches = std::move(matches);
+  return rows;
+}
+
 PairRows MakeOutlierPair(const SyntheticScene& scene, image_t id1, image_t id2) {
   Rng rng(scene.seed, "scene_outlier_pair", ImagePairToPairId(id1, id2));
-  PairRows rows;
+  FeatureMatches matches;
   const size_t n1 = scene.keypoints.at(id1).size();
   const size_t n2 = scene.keypoints.at(id2).size();
   std::set<point2D_t> used1, used2;
@@ -141,14 +150,11 @@ PairRows MakeOutlierPair(const SyntheticScene& scene, image_t id1, image_t id2) 
     const FeatureMatch match{rng.UniformInt(static_cast<uint32_t>(n1)),
                              rng.UniformInt(static_cast<uint32_t>(n2))};
     if (used1.insert(match.point1).second && used2.insert(match.point2).second) {
-      rows.matches.push_back(match);
+      matches.push_back(match);
     }
   }
-  rows.geometry.config = TwoViewConfig::kCalibrated;
-  rows.geometry.inlier_matches = rows.matches;
   const Eigen::Quaterniond rotation = RandomRotation(rng);
-  rows.geometry.cam2_from_cam1 = Rigid3d(rotation, RandomDirection(rng));
-  return rows;
+  return WrongPair(std::move(matches), Rigid3d(rotation, RandomDirection(rng)));
 }
 
 class PairMaker {
@@ -196,14 +202,10 @@ class PairMaker {
     const auto pose = [&](int64_t image) {
       return scene_.truth.images.at(scene_.images[image].image_id).cam_from_world;
     };
-    PairRows rows;
-    rows.matches = FindTwinMatches(scene_, city, i, j, visible_);
-    rows.geometry.config = TwoViewConfig::kCalibrated;
-    rows.geometry.inlier_matches = rows.matches;
     Rigid3d cam2_from_cam1 =
         pose(j) * city.Motion(city.PlaceOf(i), city.PlaceOf(j)) * Inverse(pose(i));
     cam2_from_cam1.translation.normalize();
-    rows.geometry.cam2_from_cam1 = cam2_from_cam1;
+    PairRows rows = WrongPair(FindTwinMatches(scene_, city, i, j, visible_), cam2_from_cam1);
     Disturb(i, j, &rows.geometry);
     return rows;
   }

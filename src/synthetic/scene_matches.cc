@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <utility>
+#include <vector>
 
 #include "cairn/base/check.h"
 #include "cairn/geometry/epipolar.h"
@@ -89,24 +90,20 @@ SyntheticMatches MakeMatches(const SyntheticScene& scene, image_t image_id1, ima
   const auto free1 = FreeKeypoints(num_keypoints1, correct, &FeatureMatch::point1, rng);
   const auto free2 = FreeKeypoints(num_keypoints2, correct, &FeatureMatch::point2, rng);
 
-  SyntheticMatches out;
-  out.matches = std::move(correct);
-  const size_t num_correct = out.matches.size();
+  std::vector<std::pair<FeatureMatch, bool>> matches;  // and whether they are correct
+  for (const FeatureMatch& match : correct) matches.emplace_back(match, true);
   for (size_t i = 0; i < std::min({num_outliers, free1.size(), free2.size()}); ++i) {
     // By chance two free keypoints may show the same point: such a pair is left out.
     const point3D_t point1 = PointOf(scene, image_id1, free1[i]);
     if (point1 != kInvalidPoint3DId && point1 == PointOf(scene, image_id2, free2[i])) continue;
-    out.matches.push_back({free1[i], free2[i]});
+    matches.emplace_back(FeatureMatch{free1[i], free2[i]}, false);
   }
-  std::vector<size_t> order(out.matches.size());
-  std::iota(order.begin(), order.end(), size_t{0});
-  rng.Shuffle(order);
-  FeatureMatches shuffled;
-  for (const size_t i : order) {
-    shuffled.push_back(out.matches[i]);
-    out.is_inlier.push_back(i < num_correct);
+  rng.Shuffle(matches);
+  SyntheticMatches out;
+  for (const auto& [match, is_correct] : matches) {
+    out.matches.push_back(match);
+    out.is_inlier.push_back(is_correct);
   }
-  out.matches = std::move(shuffled);
   return out;
 }
 

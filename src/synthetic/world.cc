@@ -71,27 +71,24 @@ void IntersectCylinder(const Eigen::Vector3d& o, const Eigen::Vector3d& d, doubl
 // Something of size `half` on the wall with the outward direction `side` * pi/2.
 Solid OnWall(int side, double along, double up, const Eigen::Vector3d& half,
              const Eigen::Vector3d& building, int material) {
-  Solid solid;
   const bool is_front = side % 2 == 0;  // front and back walls run along x
   const double wall = is_front ? building.y() : building.x();
-  solid.half = half;
-  solid.angle = side * 0.5 * std::numbers::pi;
-  solid.center = RotatedZ({along, -wall, up}, solid.angle);
-  solid.material = material;
-  return solid;
+  const double angle = side * 0.5 * std::numbers::pi;
+  return {.center = RotatedZ({along, -wall, up}, angle),
+          .half = half,
+          .angle = angle,
+          .material = material};
 }
 
 void AddBuilding(Rng& rng, std::vector<Solid>* solids) {
   const Eigen::Vector3d half(rng.Uniform(0.7, 0.8), rng.Uniform(0.45, 0.6), 0.65);
-  Solid body;
-  body.center = {0, 0, kGroundHeight + half.z()};
-  body.half = half;
-  body.material = static_cast<int>(rng.UniformInt(3));
+  const Solid body{.center = {0, 0, kGroundHeight + half.z()},
+                   .half = half,
+                   .material = static_cast<int>(rng.UniformInt(3))};
   solids->push_back(body);
-  Solid roof;
-  roof.half = {0.7 * half.x(), 0.7 * half.y(), rng.Uniform(0.08, 0.2)};
+  Solid roof{.half = {0.7 * half.x(), 0.7 * half.y(), rng.Uniform(0.08, 0.2)},
+             .material = body.material + 1};
   roof.center = {0.1 * rng.Gaussian(), 0, body.center.z() + half.z() + roof.half.z()};
-  roof.material = body.material + 1;
   solids->push_back(roof);
   for (int side = 0; side < 4; ++side) {
     const double width = side % 2 == 0 ? half.x() : half.y();

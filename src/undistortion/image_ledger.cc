@@ -24,23 +24,20 @@ ImageLedger::ImageLedger(const std::string& path) : path_(path) {
   // The last line of a run that was killed may be torn; it names no image that is there.
   while (text >> entry.input_hash >> entry.file_hash && text.get() == ' ' &&
          std::getline(text, name)) {
-    entries_[name].push_back(entry);
+    entries_.emplace(name, entry);
   }
 }
 
 bool ImageLedger::IsOurs(const std::string& name, const std::string& file_hash) const {
   const std::lock_guard lock(mutex_);
-  const auto it = entries_.find(name);
-  if (it == entries_.end()) return false;
-  return std::any_of(it->second.begin(), it->second.end(),
-                     [&](const Entry& entry) { return entry.file_hash == file_hash; });
+  const auto [begin, end] = entries_.equal_range(name);
+  return std::any_of(begin, end, [&](const auto& of) { return of.second.file_hash == file_hash; });
 }
 
 bool ImageLedger::Has(const std::string& name, const Entry& entry) const {
   const std::lock_guard lock(mutex_);
-  const auto it = entries_.find(name);
-  if (it == entries_.end()) return false;
-  return std::find(it->second.begin(), it->second.end(), entry) != it->second.end();
+  const auto [begin, end] = entries_.equal_range(name);
+  return std::any_of(begin, end, [&](const auto& of) { return of.second == entry; });
 }
 
 void ImageLedger::Add(const std::string& name, const Entry& entry) {
@@ -49,29 +46,26 @@ void ImageLedger::Add(const std::string& name, const Entry& entry) {
     Write();  // without a torn line
     file_.open(path_, std::ios::app);
   }
-  entries_[name].push_back(entry);
+  entries_.emplace(name, entry);
   file_ << Line(name, entry) << std::flush;
   if (!file_) throw IoError(path_, "cannot be written");
 }
 
-std::vector<std::string> ImageLedger::Names() const {
-  std::vector<std::string> names;
-  for (const auto& [name, entries] : entries_) names.push_back(name);
+std::set<std::string> ImageLedger::Names() const {
+  std::set<std::string> names;
+  for (const auto& [name, entry] : entries_) names.insert(name);
   return names;
 }
 
 void ImageLedger::Keep(const std::map<std::string, Entry>& entries) {
   file_.close();
-  entries_.clear();
-  for (const auto& [name, entry] : entries) entries_[name] = {entry};
+  entries_ = {entries.begin(), entries.end()};
   Write();
 }
 
 void ImageLedger::Write() {
   std::string text;
-  for (const auto& [name, entries] : entries_) {
-    for (const Entry& entry : entries) text += Line(name, entry);
-  }
+  for (const auto& [name, entry] : entries_) text += Line(name, entry);
   WriteFileAtomically(path_, text);
 }
 

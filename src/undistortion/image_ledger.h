@@ -4,8 +4,8 @@
 #include <fstream>
 #include <map>
 #include <mutex>
+#include <set>
 #include <string>
-#include <vector>
 
 namespace cairn {
 
@@ -28,7 +28,7 @@ class ImageLedger {
   // Announces an image that is about to be written. Throws IoError.
   void Add(const std::string& name, const Entry& entry);
 
-  std::vector<std::string> Names() const;
+  std::set<std::string> Names() const;
   // From now on, these are the images. Call it from one thread.
   void Keep(const std::map<std::string, Entry>& entries);
 
@@ -37,7 +37,7 @@ class ImageLedger {
 
   std::string path_;
   mutable std::mutex mutex_;
-  std::map<std::string, std::vector<Entry>> entries_;
+  std::multimap<std::string, Entry> entries_;  // by name, those of one in the order of the file
   std::ofstream file_;
 };
 

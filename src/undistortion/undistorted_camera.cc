@@ -18,43 +18,34 @@ struct Side {
   double farthest = -kInfinity;
 };
 
-// Grows from a point at `distance`, which is infinite where there is none.
-void Add(double distance, Side& side) {
-  side.nearest = std::min(side.nearest, distance);
-  side.farthest = std::max(side.farthest, distance);
+// The side across an axis of the image (0: x, 1: y), at its low or its high end, sampled at every
+// pixel. Infinite where there is no undistorted pixel.
+Side MeasureSide(const Camera& camera, const Camera& pinhole, int axis, bool is_high) {
+  const int size[2] = {camera.width, camera.height};
+  const double center = pinhole.PrincipalPoint()[axis];
+  Side side;
+  for (int i = 0; i <= size[1 - axis]; ++i) {
+    Eigen::Vector2d point;
+    point[axis] = is_high ? size[axis] : 0;
+    point[1 - axis] = i;
+    double distance = kInfinity;
+    if (const auto pixel = ResamplePixel(point, camera, pinhole)) {
+      distance = is_high ? (*pixel)[axis] - center : center - (*pixel)[axis];
+    }
+    side.nearest = std::min(side.nearest, distance);
+    side.farthest = std::max(side.farthest, distance);
+  }
+  return side;
 }
 
-// The distances of the four sides, each sampled at every pixel.
-struct Sides {
-  Side left, right, top, bottom;
-};
-
-Sides MeasureSides(const Camera& camera, const Camera& pinhole) {
-  Sides sides;
-  const Eigen::Vector2d center = pinhole.PrincipalPoint();
-  const auto offset = [&](double x, double y) -> std::optional<Eigen::Vector2d> {
-    const auto pixel = ResamplePixel({x, y}, camera, pinhole);
-    if (!pixel) return std::nullopt;
-    return *pixel - center;
-  };
-  for (int i = 0; i <= camera.height; ++i) {
-    const auto left = offset(0, i), right = offset(camera.width, i);
-    Add(left ? -left->x() : kInfinity, sides.left);
-    Add(right ? right->x() : kInfinity, sides.right);
-  }
-  for (int i = 0; i <= camera.width; ++i) {
-    const auto top = offset(i, 0), bottom = offset(i, camera.height);
-    Add(top ? -top->y() : kInfinity, sides.top);
-    Add(bottom ? bottom->y() : kInfinity, sides.bottom);
-  }
-  return sides;
-}
-
-// The factor of the image's size along one axis, in which the principal point lies at `center` of
-// `size`. The smallest image that holds both sides and the largest that both fill are mixed by
-// their inverses, as COLMAP does.
-double Scale(const Side& low, const Side& high, double center, double size,
+// The factor of the image's size along one axis. The smallest image that holds both sides and the
+// largest that both fill are mixed by their inverses, as COLMAP does.
+double Scale(const Camera& camera, const Camera& pinhole, int axis,
              const UndistortOptions& options) {
+  const Side low = MeasureSide(camera, pinhole, axis, false);
+  const Side high = MeasureSide(camera, pinhole, axis, true);
+  const double center = pinhole.PrincipalPoint()[axis];
+  const double size = axis == 0 ? camera.width : camera.height;
   // A principal point beyond the image: the side behind it limits nothing.
   const double below = center > 0 ? center : kInfinity;
   const double above = size - center > 0 ? size - center : kInfinity;
@@ -90,9 +81,8 @@ Camera UndistortedCamera(const Camera& camera, const UndistortOptions& options) 
   pinhole.model = CameraModel::kPinhole;
   const Eigen::Vector2d center = camera.PrincipalPoint();
   pinhole.params = {camera.FocalX(), camera.FocalY(), center.x(), center.y()};
-  const Sides sides = MeasureSides(camera, pinhole);
-  const double x = Scale(sides.left, sides.right, center.x(), camera.width, options);
-  const double y = Scale(sides.top, sides.bottom, center.y(), camera.height, options);
+  const double x = Scale(camera, pinhole, 0, options);
+  const double y = Scale(camera, pinhole, 1, options);
   // Whole pixels; a size that is whole but for rounding stays.
   pinhole.width = std::max(1, static_cast<int>(x * camera.width + 1e-6));
   pinhole.height = std::max(1, static_cast<int>(y * camera.height + 1e-6));

@@ -1,6 +1,7 @@
 #include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 
+#include "arrays.h"
 #include "bindings.h"
 #include "cairn/base/error.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
@@ -29,20 +30,17 @@ BundleAdjustmentReport Adjust(Reconstruction& reconstruction, bool rotations, bo
   scope.fixed_images = fixed_images;
   scope.priors = priors;
   const auto settings = ToOptions<BundleAdjustmentOptions>(options);
-  BundleAdjustmentReport report;
-  RunInterruptibly({0, num_threads, progress}, [&](const RunContext& run) {
-    report = AdjustBundle(reconstruction, scope, settings, run);
+  return ResultOf({0, num_threads, progress}, [&](const RunContext& run) {
+    const BundleAdjustmentReport report = AdjustBundle(reconstruction, scope, settings, run);
     if (report.status != BundleAdjustmentStatus::kFailed) reconstruction.UpdatePointErrors();
+    return report;
   });
-  return report;
 }
 
 void BindReports(py::module_& m) {
   using Report = BundleAdjustmentReport;
   py::class_<Report>(m, "BundleAdjustmentReport", "The result of adjust_bundle.")
-      .def_property_readonly(
-          "status",
-          [](const Report& r) { return std::string(BundleAdjustmentStatusName(r.status)); })
+      .def_property_readonly("status", EnumName(&Report::status, BundleAdjustmentStatusName))
       .def_readonly("num_images", &Report::num_images)
       .def_readonly("num_points", &Report::num_points)
       .def_readonly("num_observations", &Report::num_observations)

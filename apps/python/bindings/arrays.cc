@@ -1,6 +1,5 @@
 #include "arrays.h"
 
-#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -76,18 +75,23 @@ std::vector<std::pair<image_t, image_t>> ToPairs(const py::object& values) {
   return pairs;
 }
 
-std::vector<Eigen::Matrix3d> ToRotations(const Array<double>& array, size_t size) {
-  constexpr double kMaxNonOrthogonality = 1e-2;  // as of files with few digits
+std::optional<Eigen::Quaterniond> ToRotation(const Eigen::Matrix3d& R, double max_defect) {
+  const double defect = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(defect < max_defect) || R.determinant() < 0) return std::nullopt;
+  return Eigen::Quaterniond(R).normalized();
+}
+
+std::vector<Eigen::Quaterniond> ToRotations(const Array<double>& array, size_t size) {
+  constexpr double kMaxDefect = 1e-2;  // as of files with few digits
   CheckShape("rotations", array, {static_cast<py::ssize_t>(size), 3, 3});
-  std::vector<Eigen::Matrix3d> rotations(size);
+  std::vector<Eigen::Quaterniond> rotations;
   for (size_t i = 0; i < size; ++i) {
-    Eigen::Matrix3d& R = rotations[i];
-    R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(array.data() + 9 * i);
-    const double defect = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-    if (!(defect < kMaxNonOrthogonality) || R.determinant() < 0) {
+    using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+    const auto rotation = ToRotation(RowMajor::Map(array.data() + 9 * i), kMaxDefect);
+    if (!rotation) {
       throw ConfigError("rotations[" + std::to_string(i) + "]", "not a rotation matrix");
     }
-    R = Eigen::Quaterniond(R).normalized().toRotationMatrix();
+    rotations.push_back(*rotation);
   }
   return rotations;
 }

@@ -3,11 +3,15 @@
 #include <pybind11/numpy.h>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <initializer_list>
 #include <memory>
+#include <optional>
+#include <ranges>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -35,8 +39,16 @@ std::vector<uint32_t> ToIndices(const std::string& name, const py::object& value
 // (n, 2) ids of different images.
 std::vector<std::pair<image_t, image_t>> ToPairs(const py::object& values);
 
-// (size, 3, 3) rotation matrices. Throws ConfigError.
-std::vector<Eigen::Matrix3d> ToRotations(const Array<double>& array, size_t size);
+// The rotation that a matrix means; nullopt where R R^T is not the identity up to max_defect.
+std::optional<Eigen::Quaterniond> ToRotation(const Eigen::Matrix3d& R, double max_defect);
+
+// Of (size, 3, 3) matrices. Throws ConfigError.
+std::vector<Eigen::Quaterniond> ToRotations(const Array<double>& array, size_t size);
+
+// Three numbers of row i of an (n, 3) array.
+inline Eigen::Vector3d Row3(const Array<double>& array, size_t i) {
+  return Eigen::Vector3d::Map(array.data() + 3 * i);
+}
 
 // (n, 2) numbers as Eigen's vectors; without a copy where their memory is aligned as Eigen needs
 // it.
@@ -79,21 +91,36 @@ inline py::array_t<uint32_t> FromMatches(FeatureMatches matches) {
   return MoveToArray<uint32_t, 2>(std::move(matches));
 }
 
-// (n, rows, columns), or (n, rows) for vectors: get(i) is a fixed-size matrix of doubles.
-template <class Get>
-py::array_t<double> StackMatrices(size_t size, const Get& get) {
-  using Matrix = std::decay_t<decltype(get(size_t{0}))>;
+// (n, rows, columns), or (n, rows) for vectors: get(value) is a fixed-size matrix of doubles.
+template <class Values, class Get>
+py::array_t<double> StackMatrices(const Values& values, const Get& get) {
+  using Matrix = std::decay_t<decltype(get(*values.begin()))>;
   constexpr int kRows = Matrix::RowsAtCompileTime, kColumns = Matrix::ColsAtCompileTime;
   using Layout =
       Eigen::Matrix<double, kRows, kColumns, kColumns == 1 ? Eigen::ColMajor : Eigen::RowMajor>;
-  std::vector<py::ssize_t> shape = {static_cast<py::ssize_t>(size), kRows};
+  std::vector<py::ssize_t> shape = {static_cast<py::ssize_t>(values.size()), kRows};
   if (kColumns > 1) shape.push_back(kColumns);
   py::array_t<double> array(shape);
   double* data = array.mutable_data();
-  for (size_t i = 0; i < size; ++i) {
-    Eigen::Map<Layout, Eigen::Unaligned>(data + i * kRows * kColumns) = get(i);
+  for (const auto& value : values) {
+    Layout::Map(data) = get(value);
+    data += kRows * kColumns;
   }
   return array;
+}
+
+// The values 0 ... size - 1 for StackMatrices.
+inline auto Indices(size_t size) { return std::views::iota(size_t{0}, size); }
+
+// A getter of the name of an enum's value.
+template <class Class, class Enum>
+auto EnumName(Enum Class::*field, std::string_view (*name)(Enum)) {
+  return [field, name](const Class& object) { return name(object.*field); };
+}
+
+// A JSON text as Python's dictionaries and lists.
+inline py::object FromJson(const std::string& text) {
+  return py::module_::import("json").attr("loads")(text);
 }
 
 }  // namespace cairn::python

@@ -13,7 +13,7 @@
 namespace cairn::python {
 namespace {
 
-// Ids of a report's map, and of its values an array, in the same order.
+// Ids of a report's map, in their order.
 template <class Map>
 py::array_t<image_t> IdsOf(const Map& map) {
   std::vector<image_t> ids;
@@ -21,19 +21,14 @@ py::array_t<image_t> IdsOf(const Map& map) {
   return MoveToArray<image_t, 1>(std::move(ids));
 }
 
-py::array_t<bool> FlagsOf(const std::vector<char>& flags) {
-  return MoveToArray<bool, 1>(std::vector<char>(flags));
-}
-
 std::vector<RotationEdge> ToRotationEdges(const py::object& pairs, const Array<double>& rotations,
                                           const std::optional<Array<double>>& weights) {
   const auto ids = ToPairs(pairs);
-  const std::vector<Eigen::Matrix3d> matrices = ToRotations(rotations, ids.size());
+  const std::vector<Eigen::Quaterniond> relative = ToRotations(rotations, ids.size());
   if (weights) CheckShape("weights", *weights, {static_cast<py::ssize_t>(ids.size())});
   std::vector<RotationEdge> edges(ids.size());
   for (size_t i = 0; i < edges.size(); ++i) {
-    edges[i] = {ids[i].first, ids[i].second, Eigen::Quaterniond(matrices[i]),
-                weights ? weights->data()[i] : 1.0};
+    edges[i] = {ids[i].first, ids[i].second, relative[i], weights ? weights->data()[i] : 1.0};
   }
   return edges;
 }
@@ -44,37 +39,29 @@ RotationAveragingReport Rotations(const py::object& pairs, const Array<double>& 
                                   const py::object& progress) {
   const std::vector<RotationEdge> edges = ToRotationEdges(pairs, rotations, weights);
   const auto settings = ToOptions<RotationAveragingOptions>(options);
-  RotationAveragingReport report;
-  RunInterruptibly({seed, num_threads, progress},
-                   [&](const RunContext& run) { report = AverageRotations(edges, settings, run); });
-  return report;
+  return ResultOf({seed, num_threads, progress},
+                  [&](const RunContext& run) { return AverageRotations(edges, settings, run); });
 }
 
 void BindRotations(py::module_& m) {
   using Report = RotationAveragingReport;
   py::class_<Report>(m, "RotationAveragingReport", "The result of average_rotations.")
-      .def_property_readonly(
-          "status",
-          [](const Report& r) { return std::string(RotationAveragingStatusName(r.status)); })
+      .def_property_readonly("status", EnumName(&Report::status, RotationAveragingStatusName))
       .def_property_readonly("image_ids", [](const Report& r) { return IdsOf(r.cam_from_world); })
       .def_property_readonly(
           "rotations",
           [](const Report& r) {
-            auto entry = r.cam_from_world.begin();
-            return StackMatrices(r.cam_from_world.size(),
-                                 [&](size_t) { return (entry++)->second.toRotationMatrix(); });
+            return StackMatrices(r.cam_from_world,
+                                 [](const auto& entry) { return entry.second.toRotationMatrix(); });
           },
           "(n, 3, 3) cam_from_world, in the order of image_ids. Each component has its own frame.")
       .def_readonly("components", &Report::components, "Image ids, the largest component first.")
       .def_property_readonly(
           "edge_residuals_deg",
-          [](const Report& r) {
-            return py::array_t<double>(static_cast<py::ssize_t>(r.edge_residuals_deg.size()),
-                                       r.edge_residuals_deg.data());
-          },
+          [](const Report& r) { return MoveToArray<double, 1>(r.edge_residuals_deg); },
           "One an edge, in the order given.")
       .def_property_readonly("edge_rejected",
-                             [](const Report& r) { return FlagsOf(r.edge_rejected); })
+                             [](const Report& r) { return MoveToArray<bool, 1>(r.edge_rejected); })
       .def_readonly("num_rejected", &Report::num_rejected)
       .def_readonly("median_residual_deg", &Report::median_residual_deg);
   m.def("average_rotations", &Rotations, py::arg("pairs"), py::arg("rotations"), py::kw_only(),
@@ -102,7 +89,7 @@ std::vector<PointDirections> ToTracks(const std::optional<py::object>& point_ids
   for (size_t i = 0; i < points.size(); ++i) {
     const size_t track = track_of.try_emplace(points[i], tracks.size()).first->second;
     tracks.resize(std::max(tracks.size(), track + 1));
-    tracks[track].rays.push_back({images[i], Eigen::Vector3d::Map(directions->data() + 3 * i)});
+    tracks[track].rays.push_back({images[i], Row3(*directions, i)});
   }
   return tracks;
 }
@@ -117,7 +104,7 @@ TranslationAveragingReport Translations(const py::object& pairs, const Array<dou
   CheckShape("directions", directions, {static_cast<py::ssize_t>(ids.size()), 3});
   std::vector<DirectionEdge> edges(ids.size());
   for (size_t i = 0; i < edges.size(); ++i) {
-    const Eigen::Vector3d direction = Eigen::Vector3d::Map(directions.data() + 3 * i);
+    const Eigen::Vector3d direction = Row3(directions, i);
     if (!(direction.norm() > 0) || !direction.allFinite()) {
       throw ConfigError("directions[" + std::to_string(i) + "]", "is zero or not finite");
     }
@@ -125,32 +112,27 @@ TranslationAveragingReport Translations(const py::object& pairs, const Array<dou
   }
   const auto tracks = ToTracks(ray_points, ray_images, ray_directions);
   const auto settings = ToOptions<TranslationAveragingOptions>(options);
-  TranslationAveragingReport report;
-  RunInterruptibly({seed, num_threads, progress}, [&](const RunContext& run) {
-    report = AverageTranslations(edges, tracks, settings, run);
+  return ResultOf({seed, num_threads, progress}, [&](const RunContext& run) {
+    return AverageTranslations(edges, tracks, settings, run);
   });
-  return report;
 }
 
 void BindTranslations(py::module_& m) {
   using Report = TranslationAveragingReport;
   py::class_<Report>(m, "TranslationAveragingReport", "The result of average_translations.")
-      .def_property_readonly(
-          "status",
-          [](const Report& r) { return std::string(TranslationAveragingStatusName(r.status)); })
+      .def_property_readonly("status", EnumName(&Report::status, TranslationAveragingStatusName))
       .def_readonly("message", &Report::message, "Why there is no result.")
       .def_property_readonly("image_ids", [](const Report& r) { return IdsOf(r.centers); })
       .def_property_readonly(
           "centers",
           [](const Report& r) {
-            auto entry = r.centers.begin();
-            return StackMatrices(r.centers.size(),
-                                 [&](size_t) -> Eigen::Vector3d { return (entry++)->second; });
+            return StackMatrices(r.centers, [](const auto& entry) { return entry.second; });
           },
           "(n, 3) in the order of image_ids: the mean is zero, the median distance from it 1.")
       .def_readonly("not_rigid", &Report::not_rigid, "Images that the directions do not fix.")
-      .def_property_readonly("edge_is_filtered",
-                             [](const Report& r) { return FlagsOf(r.edge_is_filtered); })
+      .def_property_readonly(
+          "edge_is_filtered",
+          [](const Report& r) { return MoveToArray<bool, 1>(r.edge_is_filtered); })
       .def_readonly("num_filtered", &Report::num_filtered)
       .def_readonly("median_edge_error_deg", &Report::median_edge_error_deg);
   m.def("average_translations", &Translations, py::arg("pairs"), py::arg("directions"),
@@ -186,11 +168,9 @@ FocalCalibrationReport Focals(const std::vector<Camera>& cameras,
     }
   }
   const auto settings = ToOptions<FocalCalibrationOptions>(options);
-  FocalCalibrationReport report;
-  RunInterruptibly({seed, num_threads, progress}, [&](const RunContext& run) {
-    report = CalibrateFocals(by_id, trusted, pairs, settings, run);
+  return ResultOf({seed, num_threads, progress}, [&](const RunContext& run) {
+    return CalibrateFocals(by_id, trusted, pairs, settings, run);
   });
-  return report;
 }
 
 void BindFocals(py::module_& m) {
@@ -199,8 +179,7 @@ void BindFocals(py::module_& m) {
       .def(py::init(&MakeFocalPair), py::arg("camera_id1"), py::arg("camera_id2"), py::arg("F"),
            py::arg("points1"), py::arg("points2"));
   py::class_<CalibratedFocal>(m, "CalibratedFocal", "What the pairs tell of a focal length.")
-      .def_property_readonly(
-          "status", [](const CalibratedFocal& f) { return std::string(FocalStatusName(f.status)); })
+      .def_property_readonly("status", EnumName(&CalibratedFocal::status, FocalStatusName))
       .def_readonly("focal_before_px", &CalibratedFocal::focal_before_px)
       .def_readonly("focal_px", &CalibratedFocal::focal_px)
       .def_readonly("sigma", &CalibratedFocal::sigma, "Relative standard deviation.")

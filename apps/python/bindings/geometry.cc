@@ -15,17 +15,11 @@
 namespace cairn::python {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-// How far a matrix may be from a rotation, as of numbers rounded to six digits.
-constexpr double kMaxNonOrthogonality = 1e-5;
-
 Eigen::Quaterniond RotationFromMatrix(const Eigen::Matrix3d& R) {
-  const double defect = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(defect < kMaxNonOrthogonality) || R.determinant() < 0) {
-    throw ConfigError("matrix", "not a rotation");
-  }
-  return Eigen::Quaterniond(R).normalized();
+  constexpr double kMaxDefect = 1e-5;  // as of numbers rounded to six digits
+  const auto rotation = ToRotation(R, kMaxDefect);
+  if (!rotation) throw ConfigError("matrix", "not a rotation");
+  return *rotation;
 }
 
 // x, y, z, w, as pycolmap.
@@ -51,11 +45,8 @@ Array<double> TransformPoints(const Rigid3d& pose, const Array<double>& points) 
   CheckShape(
       "points", points,
       is_one ? std::initializer_list<py::ssize_t>{3} : std::initializer_list<py::ssize_t>{-1, 3});
-  const auto size = static_cast<size_t>(points.size() / 3);
-  Array<double> moved = StackMatrices(size, [&](size_t i) -> Eigen::Vector3d {
-    return pose * Eigen::Vector3d(points.data()[3 * i], points.data()[3 * i + 1],
-                                  points.data()[3 * i + 2]);
-  });
+  Array<double> moved =
+      StackMatrices(Indices(points.size() / 3), [&](size_t i) { return pose * Row3(points, i); });
   return is_one ? Array<double>(moved.squeeze()) : moved;
 }
 
@@ -122,29 +113,27 @@ Camera CameraFromFocal(camera_t camera_id, const std::string& model, double foca
 }
 
 // Where the model has no value, rows are not numbers.
+template <class Vector>
+Vector OrNaN(const std::optional<Vector>& value) {
+  return value.value_or(Vector::Constant(std::numeric_limits<double>::quiet_NaN()));
+}
+
 Array<double> ImgFromCam(const Camera& camera, const Array<double>& points) {
   CheckShape("points", points, {-1, 3});
-  const auto value = [&](size_t i) {
-    const double* row = points.data() + 3 * i;
-    return camera.ImgFromRay({row[0], row[1], row[2]}).value_or(Eigen::Vector2d(kNaN, kNaN));
-  };
-  return StackMatrices(static_cast<size_t>(points.shape(0)), value);
+  return StackMatrices(Indices(points.shape(0)),
+                       [&](size_t i) { return OrNaN(camera.ImgFromRay(Row3(points, i))); });
 }
 
 Array<double> CamFromImg(const Camera& camera, const Array<double>& points) {
-  const Points pixels("points", points);
-  const auto value = [&](size_t i) {
-    return camera.CamFromImg(pixels.span()[i]).value_or(Eigen::Vector2d(kNaN, kNaN));
-  };
-  return StackMatrices(pixels.span().size(), value);
+  return StackMatrices(Points("points", points).span(), [&](const Eigen::Vector2d& pixel) {
+    return OrNaN(camera.CamFromImg(pixel));
+  });
 }
 
 Array<double> RayFromImg(const Camera& camera, const Array<double>& points) {
-  const Points pixels("points", points);
-  const auto value = [&](size_t i) {
-    return camera.RayFromImg(pixels.span()[i]).value_or(Eigen::Vector3d(kNaN, kNaN, kNaN));
-  };
-  return StackMatrices(pixels.span().size(), value);
+  return StackMatrices(Points("points", points).span(), [&](const Eigen::Vector2d& pixel) {
+    return OrNaN(camera.RayFromImg(pixel));
+  });
 }
 
 std::string ReprOf(const Camera& camera) {
@@ -170,8 +159,7 @@ void BindCamera(py::module_& m) {
                   py::arg("focal_length"), py::arg("width"), py::arg("height"),
                   "The principal point at the image center, no distortion.")
       .def_readwrite("camera_id", &Camera::camera_id)
-      .def_property_readonly("model",
-                             [](const Camera& c) { return std::string(CameraModelName(c.model)); })
+      .def_property_readonly("model", [](const Camera& c) { return CameraModelName(c.model); })
       .def_readwrite("width", &Camera::width, "Pixels.")
       .def_readwrite("height", &Camera::height, "Pixels.")
       .def_property(

@@ -2,6 +2,8 @@
 
 #include <pybind11/stl.h>
 
+#include <algorithm>
+#include <functional>
 #include <map>
 #include <memory>
 #include <utility>
@@ -54,11 +56,19 @@ void Assign(const std::string& key, const ChoiceField& field, py::handle given) 
   field.set(text);
 }
 
+void SetField(const OptionField& field, py::handle given) {
+  std::visit([&](const auto& value) { Assign(field.name, value, given); }, field.value);
+}
+
 template <class Value>
 py::object Get(const Value* value) {
   return py::cast(*value);
 }
 py::object Get(const ChoiceField& field) { return py::cast(field.get()); }
+
+py::object GetField(const OptionField& field) {
+  return std::visit([](const auto& value) { return Get(value); }, field.value);
+}
 
 // Values by whole keys, of a dictionary that may have dictionaries of modules in it.
 std::vector<std::pair<std::string, py::object>> Flatten(const py::object& given) {
@@ -109,7 +119,7 @@ void WithOptionsOf(const std::string& function,
 py::dict DefaultOptions(const std::string& function) {
   py::dict values;
   WithOptionsOf(function, [&](const OptionTable& table) {
-    for (const auto& field : table.fields()) values[py::str(field.key)] = field.get();
+    for (const auto& field : table.fields()) values[py::str(field.name)] = GetField(field);
   });
   return values;
 }
@@ -117,41 +127,33 @@ py::dict DefaultOptions(const std::string& function) {
 py::dict OptionHelp(const std::string& function) {
   py::dict texts;
   WithOptionsOf(function, [&](const OptionTable& table) {
-    for (const auto& field : table.fields()) texts[py::str(field.key)] = field.help;
+    for (const auto& field : table.fields()) texts[py::str(field.name)] = field.help;
   });
   return texts;
 }
 
 }  // namespace
 
-void OptionTable::AddFields(const std::string& module, const std::vector<OptionField>& fields) {
-  for (const OptionField& field : fields) {
-    const std::string key = OptionKey(module, field.name);
-    const auto set = [key, value = field.value](py::handle given) {
-      std::visit([&](const auto& v) { Assign(key, v, given); }, value);
-    };
-    const auto get = [value = field.value] {
-      return std::visit([](const auto& v) { return Get(v); }, value);
-    };
-    fields_.push_back({key, field.help, set, get});
+void OptionTable::AddFields(const std::string& module, std::vector<OptionField> fields) {
+  for (OptionField& field : fields) {
+    field.name = OptionKey(module, field.name);
+    fields_.push_back(std::move(field));
   }
 }
 
-const OptionTable::Field* OptionTable::Find(const std::string& key) const {
-  for (const Field& field : fields_) {
-    if (field.key == key) return &field;
-  }
-  return nullptr;
+const OptionField* OptionTable::Find(const std::string& key) const {
+  const auto field = std::ranges::find(fields_, key, &OptionField::name);
+  return field == fields_.end() ? nullptr : &*field;
 }
 
 void OptionTable::Set(const py::object& given) const {
   for (const auto& [key, value] : Flatten(given)) {
-    if (const Field* field = Find(key)) {
-      field->set(value);
+    if (const OptionField* field = Find(key)) {
+      SetField(*field, value);
       continue;
     }
     std::vector<std::string> known;
-    for (const Field& field : fields_) known.push_back(field.key);
+    for (const OptionField& field : fields_) known.push_back(field.name);
     throw ConfigError("options", "unknown key " + DescribeUnknownOption(key, known));
   }
 }
@@ -161,10 +163,10 @@ void OptionTable::SetStored(const std::string& toml, const py::object& given) co
   std::map<std::string, py::object> set;
   for (const auto& [key, value] : Flatten(given)) set[key] = value;
   for (const auto& [key, value] : Flatten(values)) {
-    const Field* field = Find(key);
+    const OptionField* field = Find(key);
     if (!field || set.contains(key)) continue;
     try {
-      field->set(value);
+      SetField(*field, value);
     } catch (const ConfigError&) {
       // No value of today; the stage itself says so where it matters.
     }

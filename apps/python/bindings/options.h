@@ -2,7 +2,6 @@
 
 #include <pybind11/pybind11.h>
 
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -15,13 +14,6 @@ namespace py = pybind11;
 // Fields of options structs by their keys: those of flags and TOML files ("matching.max_ratio").
 class OptionTable {
  public:
-  struct Field {
-    std::string key;
-    std::string help;
-    std::function<void(py::handle value)> set;
-    std::function<py::object()> get;
-  };
-
   // `options` must outlive the table.
   template <class Options>
   void Add(const std::string& module, Options& options) {
@@ -39,12 +31,12 @@ class OptionTable {
   // The same for options that an earlier run stored, but for keys in `given`, and for what another
   // version wrote.
   void SetStored(const std::string& toml, const py::object& given) const;
-  const std::vector<Field>& fields() const { return fields_; }
+  const std::vector<OptionField>& fields() const { return fields_; }  // by their whole keys
 
  private:
-  void AddFields(const std::string& module, const std::vector<OptionField>& fields);
-  const Field* Find(const std::string& key) const;
-  std::vector<Field> fields_;
+  void AddFields(const std::string& module, std::vector<OptionField> fields);
+  const OptionField* Find(const std::string& key) const;
+  std::vector<OptionField> fields_;
 };
 
 // The options of one module from the argument `options` of a function.

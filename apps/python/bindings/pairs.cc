@@ -30,8 +30,7 @@ struct Side {
     CheckShape(name, array, {-1, 2, 2});
     frames.resize(static_cast<size_t>(array.shape(0)));
     for (size_t i = 0; i < frames.size(); ++i) {
-      const double* row = array.data() + 4 * i;
-      frames[i] << row[0], row[1], row[2], row[3];
+      frames[i] = Eigen::Matrix<double, 2, 2, Eigen::RowMajor>::Map(array.data() + 4 * i);
     }
   }
 };
@@ -53,18 +52,16 @@ PairReport Verify(const Camera& camera1, const Array<double>& points1, const Cam
 }
 
 py::array_t<uint32_t> InliersOf(const PairReport& report) {
-  const FeatureMatches& matches = report.geometry.inlier_matches;
-  py::array_t<uint32_t> inliers(static_cast<py::ssize_t>(matches.size()));
-  for (size_t i = 0; i < matches.size(); ++i) inliers.mutable_data()[i] = matches[i].point1;
-  return inliers;
+  std::vector<uint32_t> inliers;
+  for (const FeatureMatch& match : report.geometry.inlier_matches) inliers.push_back(match.point1);
+  return MoveToArray<uint32_t, 1>(std::move(inliers));
 }
 
 void BindGeometries(py::module_& m) {
   py::class_<TwoViewGeometry>(m, "TwoViewGeometry", "What verification found between two images.")
       .def(py::init<>())
       .def_property_readonly(
-          "config",
-          [](const TwoViewGeometry& g) { return std::string(TwoViewConfigName(g.config)); },
+          "config", EnumName(&TwoViewGeometry::config, TwoViewConfigName),
           "The kind of the pair: 'calibrated', 'uncalibrated', 'planar', 'panoramic', ...")
       .def_readonly("cam2_from_cam1", &TwoViewGeometry::cam2_from_cam1,
                     "x2 = R x1 + t with |t| = 1, or None.")
@@ -78,17 +75,15 @@ void BindGeometries(py::module_& m) {
 
 void BindReport(py::module_& m) {
   py::class_<PairReport>(m, "PairReport", "The result of verify_pair.")
-      .def_property_readonly(
-          "status", [](const PairReport& r) { return std::string(PairStatusName(r.status)); },
-          "'verified', or why there is no result.")
+      .def_property_readonly("status", EnumName(&PairReport::status, PairStatusName),
+                             "'verified', or why there is no result.")
       .def_readonly("geometry", &PairReport::geometry)
       .def_property_readonly(
           "cam2_from_cam1", [](const PairReport& r) { return r.geometry.cam2_from_cam1; },
           "x2 = R x1 + t with |t| = 1, or None.")
       .def_property_readonly("inliers", &InliersOf, "(n,) indices of matches.")
       .def_property_readonly(
-          "verifier", [](const PairReport& r) { return std::string(r.verifier); },
-          "The step that found it.")
+          "verifier", [](const PairReport& r) { return r.verifier; }, "The step that found it.")
       .def_readonly("num_inliers", &PairReport::num_inliers)
       .def_readonly("num_iterations", &PairReport::num_iterations, "Hypotheses generated.")
       .def_readonly("score", &PairReport::score)

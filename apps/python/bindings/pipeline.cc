@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 
+#include "arrays.h"
 #include "bindings.h"
 #include "cairn/base/error.h"
 #include "cairn/mapper/reconstruct.h"
@@ -16,10 +17,6 @@ namespace cairn::python {
 namespace {
 
 using std::filesystem::path;
-
-py::object FromJson(const std::string& text) {
-  return py::module_::import("json").attr("loads")(text);
-}
 
 // From what reconstruct makes a model; `global_sfm report` finds it where it was written.
 struct ReconstructInputs {
@@ -66,10 +63,8 @@ BuildPipelineReport BuildGraph(const path& database_path, const std::optional<pa
   if (depth_path) options.inputs.depth_path = depth_path->string();
   // What an earlier run was told stays as it was.
   for (const std::string& toml : StoredOptions(options.inputs)) table.SetStored(toml, given);
-  BuildPipelineReport report;
-  RunInterruptibly({seed, num_threads, progress},
-                   [&](const RunContext& run) { report = RunBuildPipeline(options, run); });
-  return report;
+  return ResultOf({seed, num_threads, progress},
+                  [&](const RunContext& run) { return RunBuildPipeline(options, run); });
 }
 
 ReconstructResult MakeModels(const path& database_path, const std::optional<path>& image_path,
@@ -82,18 +77,32 @@ ReconstructResult MakeModels(const path& database_path, const std::optional<path
   table.Set(given);
   settings.refine_intrinsics = refine_intrinsics;
   if (output_path) CheckReconstructOutput(output_path->string(), overwrite);
-  ReconstructResult result;
-  RunInterruptibly({seed, num_threads, progress}, [&](const RunContext& run) {
+  return ResultOf({seed, num_threads, progress}, [&](const RunContext& run) {
     const Database database(database_path.string(), Database::Mode::kSnapshot);
     const ReconstructInputs inputs = {database_path.string(),
                                       image_path ? image_path->string() : ""};
-    result = Reconstruct(database, inputs.image_path, settings, run);
-    if (!output_path || run.monitor.StopRequested()) return;
+    ReconstructResult result = Reconstruct(database, inputs.image_path, settings, run);
+    if (!output_path || run.monitor.StopRequested()) return result;
     if (report) result.page = MakeRunPage(database, inputs.image_path, result, run);
     WriteReconstructResult(result, output_path->string(),
                            EffectiveToml("reconstruct", inputs, settings), overwrite);
+    return result;
   });
-  return result;
+}
+
+// What a run tells of itself.
+template <class Result>
+void BindRun(py::class_<Result>& c, RunReport Result::*run) {
+  c.def_property_readonly("succeeded", [run](const Result& r) { return (r.*run).Succeeded(); })
+      .def_property_readonly(
+          "failure", [run](const Result& r) { return (r.*run).failure; },
+          "'', or at which stage it failed and what can be tried.")
+      .def_property_readonly(
+          "warnings", [run](const Result& r) { return WarningTexts(r.*run); },
+          "What is doubtful, and what can be tried.")
+      .def(
+          "to_dict", [run](const Result& r) { return FromJson(ToJson(r.*run)); },
+          "What each stage did.");
 }
 
 void BindBuilding(py::module_& m) {
@@ -102,20 +111,13 @@ void BindBuilding(py::module_& m) {
     return [field](const Report& report) { return report.summary.*field; };
   };
   using Summary = ViewGraphSummary;
-  py::class_<Report>(m, "BuildReport", "The result of build_view_graph.")
-      .def_property_readonly("succeeded", [](const Report& r) { return r.run.Succeeded(); })
-      .def_property_readonly(
-          "failure", [](const Report& r) { return r.run.failure; },
-          "'', or why there is no usable result and what can be tried.")
-      .def_property_readonly("warnings", [](const Report& r) { return WarningTexts(r.run); })
-      .def_property_readonly("num_images", number(&Summary::num_images))
+  py::class_<Report> c(m, "BuildReport", "The result of build_view_graph.");
+  BindRun(c, &Report::run);
+  c.def_property_readonly("num_images", number(&Summary::num_images))
       .def_property_readonly("num_pairs", number(&Summary::num_pairs), "With matches.")
       .def_property_readonly("num_verified", number(&Summary::num_verified))
       .def_property_readonly("verified_by", number(&Summary::verified_by), "Pairs by verifier.")
       .def_property_readonly("rejected_by", number(&Summary::rejected_by), "Pairs by reason.")
-      .def(
-          "to_dict", [](const Report& r) { return FromJson(ToJson(r.run)); },
-          "What each stage did.")
       .def("__str__", [](const Report& r) { return SummaryText(r.summary, r.run); });
   m.def("build_view_graph", &BuildGraph, py::arg("database_path"),
         py::arg("image_path") = py::none(), py::arg("depth_path") = py::none(), py::kw_only(),
@@ -130,9 +132,10 @@ such as {"verifier": "five_point", "matching.max_ratio": 0.9}. See ViewGraph.fro
 
 void BindReconstructing(py::module_& m) {
   using Result = ReconstructResult;
-  py::class_<Result>(m, "ReconstructResult", "The result of reconstruct.")
-      .def_readonly("models", &Result::models, "Reconstructions, the largest first.",
-                    py::return_value_policy::reference_internal)
+  py::class_<Result> c(m, "ReconstructResult", "The result of reconstruct.");
+  BindRun(c, &Result::report);
+  c.def_readonly("models", &Result::models, "Reconstructions, the largest first.",
+                 py::return_value_policy::reference_internal)
       .def_readonly("view_graph", &Result::graph, "All verified pairs, with reasons.",
                     py::return_value_policy::reference_internal)
       .def_property_readonly(
@@ -142,17 +145,7 @@ void BindReconstructing(py::module_& m) {
             for (const Image& image : result.images) names[image.image_id] = image.name;
             return names;
           },
-          "Of all images of the database, by id.")
-      .def_property_readonly("succeeded", [](const Result& r) { return r.report.Succeeded(); })
-      .def_property_readonly(
-          "failure", [](const Result& r) { return r.report.failure; },
-          "'', or at which stage it failed and what can be tried.")
-      .def_property_readonly(
-          "warnings", [](const Result& r) { return WarningTexts(r.report); },
-          "What is doubtful, and what can be tried.")
-      .def(
-          "to_dict", [](const Result& r) { return FromJson(ToJson(r.report)); },
-          "What each stage did.");
+          "Of all images of the database, by id.");
   m.def("reconstruct", &MakeModels, py::arg("database_path"), py::arg("image_path") = py::none(),
         py::arg("output_path") = py::none(), py::kw_only(), py::arg("overwrite") = false,
         py::arg("report") = true, py::arg("refine_intrinsics") = py::none(),

@@ -29,6 +29,7 @@ void BindMap(py::module_& m, const char* name) {
   using Key = typename Map::key_type;
   using Value = typename Map::mapped_type;
   constexpr auto kInside = py::return_value_policy::reference_internal;
+  const auto keys = [](Map& map) { return py::make_key_iterator(map.begin(), map.end()); };
   const auto find = [](Map& map, Key key) -> Value& {
     const auto entry = map.find(key);
     if (entry == map.end()) throw py::key_error(std::to_string(key));
@@ -39,12 +40,8 @@ void BindMap(py::module_& m, const char* name) {
       .def("__contains__", [](const Map& map, Key key) { return map.contains(key); })
       .def("__contains__", [](const Map&, const py::object&) { return false; })
       .def("__getitem__", find, py::arg("id"), kInside)
-      .def(
-          "__iter__", [](Map& map) { return py::make_key_iterator(map.begin(), map.end()); },
-          py::keep_alive<0, 1>())
-      .def(
-          "keys", [](Map& map) { return py::make_key_iterator(map.begin(), map.end()); },
-          py::keep_alive<0, 1>())
+      .def("__iter__", keys, py::keep_alive<0, 1>())
+      .def("keys", keys, py::keep_alive<0, 1>())
       .def(
           "values",
           [](Map& map) { return py::make_value_iterator<kInside>(map.begin(), map.end()); },
@@ -75,8 +72,7 @@ py::array KeypointsOf(const py::object& self) {
 }
 
 py::array Point3DIdsOf(const RegisteredImage& image) {
-  return py::array_t<point3D_t>(static_cast<py::ssize_t>(image.point3D_ids.size()),
-                                image.point3D_ids.data());
+  return MoveToArray<point3D_t, 1>(image.point3D_ids);
 }
 
 RegisteredImage MakeImage(const std::string& name, const Rigid3d& cam_from_world,
@@ -178,9 +174,7 @@ std::string SummaryOf(const Reconstruction& model) {
 }
 
 py::array PointPositions(const Reconstruction& model) {
-  auto point = model.points3D.begin();
-  return StackMatrices(model.points3D.size(),
-                       [&](size_t) -> Eigen::Vector3d { return (point++)->second.xyz; });
+  return StackMatrices(model.points3D, [](const auto& entry) { return entry.second.xyz; });
 }
 
 py::array PointColors(const Reconstruction& model) {
@@ -266,7 +260,7 @@ void BindEvaluation(py::module_& m) {
       .def(
           "to_dict",
           [](const PoseEvaluation& evaluation) {
-            return py::module_::import("json").attr("loads")(PoseEvaluationToJson(evaluation));
+            return FromJson(PoseEvaluationToJson(evaluation));
           },
           "All figures, with those of each image, as global_sfm evaluate writes them.")
       .def("__str__", &FormatPoseEvaluation);

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <type_traits>
 
 #include "cairn/base/run_context.h"
 
@@ -24,5 +25,13 @@ struct RunArguments {
 // exception goes on once it has.
 void RunInterruptibly(const RunArguments& arguments,
                       const std::function<void(const RunContext& context)>& work);
+
+// The same of work with a result.
+template <class Work>
+auto ResultOf(const RunArguments& arguments, const Work& work) {
+  std::invoke_result_t<Work, const RunContext&> result;
+  RunInterruptibly(arguments, [&](const RunContext& context) { result = work(context); });
+  return result;
+}
 
 }  // namespace cairn::python

@@ -28,14 +28,14 @@ std::vector<ViewEdge> ToEdges(const py::object& pairs, const Array<double>& rota
                               const Array<double>& translations, const py::object& num_inliers) {
   const auto ids = ToPairs(pairs);
   const auto size = static_cast<py::ssize_t>(ids.size());
-  const std::vector<Eigen::Matrix3d> matrices = ToRotations(rotations, ids.size());
+  const std::vector<Eigen::Quaterniond> relative = ToRotations(rotations, ids.size());
   CheckShape("translations", translations, {size, 3});
   const std::vector<uint32_t> inliers = ToIndices("num_inliers", num_inliers, 1);
   CheckSize("num_inliers", inliers.size(), ids.size());
   std::vector<ViewEdge> edges(ids.size());
   std::set<image_pair_t> seen;
   for (size_t i = 0; i < edges.size(); ++i) {
-    const Eigen::Vector3d t = Eigen::Vector3d::Map(translations.data() + 3 * i);
+    const Eigen::Vector3d t = Row3(translations, i);
     if (!t.allFinite())
       throw ConfigError("translations[" + std::to_string(i) + "]", "is not finite");
     if (!seen.insert(ImagePairToPairId(ids[i].first, ids[i].second)).second) {
@@ -45,7 +45,7 @@ std::vector<ViewEdge> ToEdges(const py::object& pairs, const Array<double>& rota
     ViewEdge& edge = edges[i];
     edge.image_id1 = ids[i].first;
     edge.image_id2 = ids[i].second;
-    edge.cam2_from_cam1 = Rigid3d(matrices[i], t.stableNormalized());
+    edge.cam2_from_cam1 = Rigid3d(relative[i], t.stableNormalized());
     edge.num_inliers = static_cast<int>(inliers[i]);
     if (edge.image_id1 < edge.image_id2) continue;
     std::swap(edge.image_id1, edge.image_id2);
@@ -70,19 +70,23 @@ ViewGraph FromDatabase(const std::filesystem::path& path, const py::object& opti
   return Build(std::move(images), ReadViewEdges(database), options);
 }
 
-// An array with a value of each edge.
+// Getters of an array and of a list with a value of each edge.
 template <class Scalar, class Get>
-py::array_t<Scalar> Column(const ViewGraph& graph, const Get& get) {
-  py::array_t<Scalar> column(static_cast<py::ssize_t>(graph.edges.size()));
-  std::transform(graph.edges.begin(), graph.edges.end(), column.mutable_data(), get);
-  return column;
+auto Column(const Get& get) {
+  return [get](const ViewGraph& graph) {
+    py::array_t<Scalar> column(static_cast<py::ssize_t>(graph.edges.size()));
+    std::ranges::transform(graph.edges, column.mutable_data(), get);
+    return column;
+  };
 }
 
 template <class Get>
-std::vector<std::string> Texts(const ViewGraph& graph, const Get& get) {
-  std::vector<std::string> texts;
-  for (const ViewEdge& edge : graph.edges) texts.emplace_back(get(edge));
-  return texts;
+auto Texts(const Get& get) {
+  return [get](const ViewGraph& graph) {
+    std::vector<std::string> texts;
+    for (const ViewEdge& edge : graph.edges) texts.emplace_back(std::invoke(get, edge));
+    return texts;
+  };
 }
 
 py::array_t<image_t> EdgePairs(const ViewGraph& graph) {
@@ -97,49 +101,29 @@ void BindColumns(py::class_<ViewGraph>& c) {
       .def_property_readonly(
           "rotations",
           [](const ViewGraph& g) {
-            return StackMatrices(g.edges.size(), [&](size_t i) {
-              return g.edges[i].cam2_from_cam1.RotationMatrix();
-            });
+            return StackMatrices(
+                g.edges, [](const ViewEdge& e) { return e.cam2_from_cam1.RotationMatrix(); });
           },
           "(n, 3, 3) of cam2_from_cam1.")
       .def_property_readonly(
           "translations",
           [](const ViewGraph& g) {
-            return StackMatrices(g.edges.size(), [&](size_t i) -> Eigen::Vector3d {
-              return g.edges[i].cam2_from_cam1.translation;
-            });
+            return StackMatrices(g.edges,
+                                 [](const ViewEdge& e) { return e.cam2_from_cam1.translation; });
           },
           "(n, 3) of cam2_from_cam1, of length 1; 0 where the camera turned without moving.")
-      .def_property_readonly("num_inliers",
-                             [](const ViewGraph& g) {
-                               return Column<int>(g,
-                                                  [](const ViewEdge& e) { return e.num_inliers; });
-                             })
-      .def_property_readonly(
-          "residuals_px",
-          [](const ViewGraph& g) {
-            return Column<double>(g, [](const ViewEdge& e) { return e.residual_px; });
-          },
-          "Median Sampson error of the inliers; 0: unknown.")
-      .def_property_readonly(
-          "triangulation_angles_deg",
-          [](const ViewGraph& g) {
-            return Column<double>(g, [](const ViewEdge& e) { return e.triangulation_angle_deg; });
-          },
-          "Median over the inliers; 0: unknown.")
-      .def_property_readonly(
-          "verifiers",
-          [](const ViewGraph& g) { return Texts(g, [](const ViewEdge& e) { return e.verifier; }); },
-          "What found each pose; '': unknown.")
-      .def_property_readonly(
-          "reasons",
-          [](const ViewGraph& g) {
-            return Texts(g, [](const ViewEdge& e) { return EdgeRemovalName(e.removal); });
-          },
-          "'in_use', or why an edge was taken out.")
-      .def_property_readonly("is_active", [](const ViewGraph& g) {
-        return Column<bool>(g, [](const ViewEdge& e) { return e.IsActive(); });
-      });
+      .def_property_readonly("num_inliers", Column<int>(&ViewEdge::num_inliers))
+      .def_property_readonly("residuals_px", Column<double>(&ViewEdge::residual_px),
+                             "Median Sampson error of the inliers; 0: unknown.")
+      .def_property_readonly("triangulation_angles_deg",
+                             Column<double>(&ViewEdge::triangulation_angle_deg),
+                             "Median over the inliers; 0: unknown.")
+      .def_property_readonly("verifiers", Texts(&ViewEdge::verifier),
+                             "What found each pose; '': unknown.")
+      .def_property_readonly("reasons",
+                             Texts([](const ViewEdge& e) { return EdgeRemovalName(e.removal); }),
+                             "'in_use', or why an edge was taken out.")
+      .def_property_readonly("is_active", Column<bool>(&ViewEdge::IsActive));
 }
 
 }  // namespace
@@ -156,10 +140,8 @@ void BindViewGraph(py::module_& m) {
                   "Finds edges whose loops do not close, and duplicate structure. "
                   "Arrays as the attributes of these names.")
       .def("__len__", [](const ViewGraph& g) { return g.edges.size(); })
-      .def_property_readonly("image_ids",
-                             [](const ViewGraph& g) {
-                               return MoveToArray<image_t, 1>(std::vector<image_t>(g.image_ids));
-                             })
+      .def_property_readonly(
+          "image_ids", [](const ViewGraph& g) { return MoveToArray<image_t, 1>(g.image_ids); })
       .def("components", &ActiveComponents, "Image ids that edges in use join, most images first.");
   BindColumns(c);
 }

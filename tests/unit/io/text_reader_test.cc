@@ -6,7 +6,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
-#include "io/text_writer.h"
+#include "io/writers.h"
 #include "support/temp_folder.h"
 
 namespace cairn {
@@ -62,7 +62,7 @@ TEST(TextWriter, NumbersReadBackExactly) {
   for (int i = 0; i < 1000; ++i)
     values.push_back(rng.Gaussian() * std::pow(10, rng.Uniform(-20, 20)));
   TextWriter writer(folder / "a");
-  writer.Row(values) << "\n" << 7 << " " << uint64_t{18446744073709551615u} << "\n";
+  writer << values << "\n" << 7 << " " << uint64_t{18446744073709551615u} << "\n";
   writer.Commit();
   TextReader reader(folder / "a");
   reader.NextLine();

@@ -97,20 +97,8 @@ TEST(DoubtAboutCamera, NamesWhatSpeaksAgainstIntrinsics) {
 }
 
 TEST(WhyLeftOut, GivesTheFirstThingThatWasMissing) {
-  const Database database(":memory:");
-  const ViewGraph graph;
-  const Reconstruction model;
-  ReportPageInput input{.title = "",
-                        .image_path = "",
-                        .models = {&model, 1},
-                        .model_names = {"0"},
-                        .graph = graph,
-                        .run_json = "",
-                        .build_json = ""};
-  const RunContext run;
-  PageScene scene{database, input, run, std::vector<PageImage>(1), {}, {}, {}, {}, {}};
-  PageImage& image = scene.images[0];
-  const auto reason = [&] { return WhyLeftOut(scene, 0).what; };
+  PageImage image;
+  const auto reason = [&] { return WhyLeftOut(image).what; };
   EXPECT_THAT(reason(), HasSubstr("no features"));
   image.num_keypoints = 100;
   EXPECT_THAT(reason(), HasSubstr("no photo has matches"));
