@@ -65,6 +65,7 @@ const char* Color(EdgeRemoval removal) {
       return "lightblue";
     case EdgeRemoval::kAmbiguous:
       return "purple";
+    case EdgeRemoval::kWeakBridge:
     case EdgeRemoval::kModelInconsistent:
       return "brown";
   }
