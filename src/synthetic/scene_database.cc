@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <set>
+#include <utility>
 
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
@@ -64,7 +65,7 @@ FeatureMatches FindTwinMatches(const SyntheticScene& scene, const City& city, in
 PairPlan PlanCityPairs(const SyntheticScene& scene, const std::vector<VisiblePoints>& visible) {
   constexpr size_t kMinCommon = 15;
   const auto n = static_cast<int64_t>(scene.images.size());
-  const City city(n);
+  const City city(scene.options.num_images);
   std::vector<std::vector<CandidatePair>> of_image[2];  // true and wrong ones
   for (auto& candidates : of_image) candidates.resize(n);
   ParallelFor(0, n, [&](int64_t i) {
@@ -179,7 +180,7 @@ class PairMaker {
     const auto [i, j] = plan_.pairs[pair];
     const auto [id1, id2] = PairIdToImagePair(PairId(pair));
     PairRows rows;
-    if (plan_.is_outlier[pair] && scene_.options.layout == CameraLayout::kCity) {
+    if (plan_.is_outlier[pair] && IsInCity(i) && IsInCity(j)) {
       rows = MakeTwinPair(i, j);
     } else if (plan_.is_outlier[pair]) {
       rows = MakeOutlierPair(scene_, id1, id2);
@@ -196,9 +197,15 @@ class PairMaker {
   }
 
  private:
+  // Distractors are of another place.
+  bool IsInCity(size_t image) const {
+    return scene_.options.layout == CameraLayout::kCity &&
+           std::cmp_less(image, scene_.options.num_images);
+  }
+
   // The second image as if it were of the place that looks the same.
   PairRows MakeTwinPair(int64_t i, int64_t j) const {
-    const City city(static_cast<int64_t>(scene_.images.size()));
+    const City city(scene_.options.num_images);
     const auto pose = [&](int64_t image) {
       return scene_.truth.images.at(scene_.images[image].image_id).cam_from_world;
     };

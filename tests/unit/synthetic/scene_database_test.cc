@@ -68,6 +68,20 @@ TEST(SceneDatabase, ContentEndsWhereAskedFor) {
   }
 }
 
+TEST(SceneDatabase, WrongPairsOfACityMayHaveDistractors) {
+  SceneOptions options;
+  options.layout = CameraLayout::kCity;
+  options.num_images = 8;
+  options.num_distractor_images = 2;
+  options.num_points = 300;
+  options.pair_outlier_ratio = 1.0;
+  Database database(":memory:");
+  WriteScene(MakeScene(options, 1), SceneContent::kTwoViewGeometries, database);
+  const auto with_distractor = ImagePairToPairId(1, 10);
+  ASSERT_TRUE(database.ReadTwoViewGeometry(with_distractor).has_value());
+  EXPECT_TRUE(database.ReadTwoViewGeometry(with_distractor)->cam2_from_cam1.has_value());
+}
+
 SceneOptions CrowdOptions() {
   SceneOptions options;
   options.layout = CameraLayout::kLandmark;
