@@ -58,7 +58,7 @@ void InspectDatabase(const InspectFlags& flags, ViewGraphBuilderOptions options)
   }
   std::vector<ViewEdge> edges =
       ReadViewEdges(database, [&](const std::string& m) { monitor.Warning(m); });
-  if (HasImportedEdges(edges)) options.min_num_inliers = options.min_bridge_inliers = 0;
+  if (HasImportedEdges(edges)) options.min_num_inliers = 0;
   const auto [graph, report] = BuildViewGraph(image_ids, std::move(edges), options);
   std::fputs(DescribeViewGraph(graph, report).c_str(), stdout);
   if (!flags.graph_json.empty()) {

@@ -46,7 +46,7 @@ ViewGraph GraphOf(const Database& database) {
   for (const Image& image : database.ReadImages()) image_ids.push_back(image.image_id);
   ViewGraphBuilderOptions options;
   std::vector<ViewEdge> edges = ReadViewEdges(database);
-  if (HasImportedEdges(edges)) options.min_num_inliers = options.min_bridge_inliers = 0;
+  if (HasImportedEdges(edges)) options.min_num_inliers = 0;
   return BuildViewGraph(image_ids, std::move(edges), options).graph;
 }
 

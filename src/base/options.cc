@@ -114,6 +114,8 @@ std::string RetiredValue(std::string_view name) {
       {"rotation_averaging.kernel", "geman_mcclure"},
       {"rotation_averaging.num_threads", "*"},  // --num_threads always overruled it
       {"translation_averaging.method", "chordal"},
+      {"view_graph.filter_weak_bridges", "*"},  // of hardly any
+      {"view_graph.min_bridge_inliers", "*"},
   };
   for (const auto& [retired, value] : kRetired) {
     if (retired == name) return std::string(value);

@@ -106,11 +106,10 @@ namespace {
 
 // A depth-first search of every component, without recursion: chains may be long.
 struct DepthFirstSearch {
-  std::vector<int> node;    // by order of discovery: those below a node follow it
-  std::vector<int> order;   // of discovery, of every node
-  std::vector<int> low;     // earliest node reachable from those below by one back edge
-  std::vector<int> parent;  // -1: a root
-  std::vector<int> edge_to;
+  std::vector<int> node;       // by order of discovery: those below a node follow it
+  std::vector<int> order;      // of discovery, of every node
+  std::vector<int> low;        // earliest node that one edge reaches from those below
+  std::vector<int> parent;     // -1: a root
   std::vector<int> num_below;  // with the node itself
   std::vector<int> root;
 
@@ -118,7 +117,6 @@ struct DepthFirstSearch {
       : order(num_nodes, -1),
         low(num_nodes),
         parent(num_nodes, -1),
-        edge_to(num_nodes, -1),
         num_below(num_nodes, 1),
         root(num_nodes) {
     const GraphAdjacency adjacency = BuildAdjacency(num_nodes, edges);
@@ -128,15 +126,12 @@ struct DepthFirstSearch {
       Discover(first, first);
       for (int v = first; v >= 0;) {
         if (next[v] < adjacency.begin[v + 1]) {
-          const int e = adjacency.edge[next[v]];
           const int u = adjacency.neighbor[next[v]++];
-          if (e == edge_to[v] || u == v) continue;
           if (order[u] >= 0) {
             low[v] = std::min(low[v], order[u]);
             continue;
           }
           parent[u] = v;
-          edge_to[u] = e;
           Discover(u, first);
           v = u;
           continue;
@@ -160,17 +155,6 @@ struct DepthFirstSearch {
 };
 
 }  // namespace
-
-std::vector<int> Bridges(int num_nodes, std::span<const GraphEdge> edges) {
-  const DepthFirstSearch search(num_nodes, edges);
-  std::vector<int> bridges;
-  for (int v = 0; v < num_nodes; ++v) {
-    const int above = search.parent[v];
-    if (above >= 0 && search.low[v] > search.order[above]) bridges.push_back(search.edge_to[v]);
-  }
-  std::sort(bridges.begin(), bridges.end());
-  return bridges;
-}
 
 std::vector<std::vector<int>> HingedParts(int num_nodes, std::span<const GraphEdge> edges) {
   const DepthFirstSearch search(num_nodes, edges);

@@ -41,10 +41,6 @@ struct ForestStep {
 std::vector<ForestStep> WalkForest(int num_nodes, std::span<const GraphEdge> edges,
                                    std::span<const int> subset);
 
-// Indices of the edges whose removal disconnects their component (Tarjan 1974), sorted. Parallel
-// edges are no bridges, self-loops are ignored. O(n + m).
-std::vector<int> Bridges(int num_nodes, std::span<const GraphEdge> edges);
-
 // Two nodes and more that a single other node joins with the rest of their component: each side of
 // an articulation (Tarjan 1972) that has fewer than half of the nodes, without that node. Parts
 // within others are left out. The largest first. O(n + m), and the sizes of the sides.

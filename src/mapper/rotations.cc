@@ -76,10 +76,7 @@ bool IsAnother(const RotationHypothesis& a, const RotationHypothesis& b) {
 // loops reject other ones than among all pairs.
 ViewGraph CoreOf(const StageContext& context, ViewGraph graph, int min_num_inliers) {
   for (ViewEdge& edge : graph.edges) {
-    if (edge.removal == EdgeRemoval::kTripletInconsistent ||
-        edge.removal == EdgeRemoval::kWeakBridge) {
-      edge.removal = EdgeRemoval::kNone;
-    }
+    if (edge.removal == EdgeRemoval::kTripletInconsistent) edge.removal = EdgeRemoval::kNone;
   }
   RemoveWeakEdges(min_num_inliers, graph);
   const ViewGraphBuilderOptions& options = context.settings.view_graph;

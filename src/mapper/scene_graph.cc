@@ -32,7 +32,7 @@ ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSetting
   std::vector<image_t> image_ids;
   for (const auto& [id, pixels] : scene.pixels) image_ids.push_back(id);
   ViewGraphBuilderOptions options = settings.view_graph;
-  if (scene.poses_imported) options.min_num_inliers = options.min_bridge_inliers = 0;
+  if (scene.poses_imported) options.min_num_inliers = 0;
   ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, options, run);
   stage.Add("edges_in", result.report.num_edges);
   stage.Add("edges_out", result.report.num_active_edges);

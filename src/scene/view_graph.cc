@@ -16,7 +16,6 @@ std::string_view EdgeRemovalName(EdgeRemoval removal) {
                                          "direction_inconsistent",
                                          "other_component",
                                          "ambiguous",
-                                         "weak_bridge",
                                          "model_inconsistent"};
   const auto index = static_cast<size_t>(removal);
   return index < std::size(kNames) ? kNames[index] : "unknown";

@@ -8,25 +8,6 @@
 #include "view_graph/active_edges.h"
 
 namespace cairn {
-namespace {
-
-// Nodes that can be reached from `start` without one edge.
-int NumReachable(const GraphAdjacency& adjacency, int start, int without_edge, int limit) {
-  std::vector<char> seen(adjacency.begin.size() - 1, 0);
-  std::vector<int> queue = {start};
-  seen[start] = 1;
-  for (size_t k = 0; k < queue.size() && static_cast<int>(queue.size()) < limit; ++k) {
-    for (int a = adjacency.begin[queue[k]]; a < adjacency.begin[queue[k] + 1]; ++a) {
-      const int neighbor = adjacency.neighbor[a];
-      if (adjacency.edge[a] == without_edge || seen[neighbor]) continue;
-      seen[neighbor] = 1;
-      queue.push_back(neighbor);
-    }
-  }
-  return static_cast<int>(queue.size());
-}
-
-}  // namespace
 
 int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph) {
   int num_removed = 0;
@@ -57,24 +38,6 @@ int RemoveRotationOutliers(const std::map<image_t, Eigen::Quaterniond>& cam_from
       continue;
     }
     edge.removal = EdgeRemoval::kRotationInconsistent;
-    ++num_removed;
-  }
-  return num_removed;
-}
-
-int RemoveWeakBridges(int min_num_inliers, ViewGraph& graph) {
-  const int num_nodes = static_cast<int>(graph.image_ids.size());
-  const ActiveEdges active(graph);
-  const GraphAdjacency adjacency = BuildAdjacency(num_nodes, active.edges);
-  int num_removed = 0;
-  for (const int e : Bridges(num_nodes, active.edges)) {
-    ViewEdge& edge = graph.edges[active.index[e]];
-    if (edge.num_inliers >= min_num_inliers) continue;
-    const auto [node1, node2] = active.edges[e];
-    if (NumReachable(adjacency, node1, e, 2) < 2 || NumReachable(adjacency, node2, e, 2) < 2) {
-      continue;
-    }
-    edge.removal = EdgeRemoval::kWeakBridge;
     ++num_removed;
   }
   return num_removed;
@@ -119,7 +82,6 @@ ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewE
   if (options.filter_triplets || options.filter_ambiguous) {
     report.loops = RemoveInconsistentTriplets(graph, options, run);
   }
-  if (options.filter_weak_bridges) RemoveWeakBridges(options.min_bridge_inliers, graph);
 
   report.num_edges = static_cast<int>(graph.edges.size());
   report.num_active_edges = graph.NumActiveEdges();

@@ -65,7 +65,6 @@ const char* Color(EdgeRemoval removal) {
       return "lightblue";
     case EdgeRemoval::kAmbiguous:
       return "purple";
-    case EdgeRemoval::kWeakBridge:
     case EdgeRemoval::kModelInconsistent:
       return "brown";
   }

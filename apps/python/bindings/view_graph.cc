@@ -137,7 +137,7 @@ void BindViewGraph(py::module_& m) {
       .def_static("from_edges", &FromEdges, py::arg("pairs"), py::arg("rotations"),
                   py::arg("translations"), py::arg("num_inliers"), py::kw_only(),
                   py::arg("options") = py::none(),
-                  "Finds edges whose loops do not close, duplicate structure and weak bridges. "
+                  "Finds edges whose loops do not close, and duplicate structure. "
                   "Arrays as the attributes of these names.")
       .def("__len__", [](const ViewGraph& g) { return g.edges.size(); })
       .def_property_readonly(

@@ -19,8 +19,7 @@ enum class EdgeRemoval : int {
   kDirectionInconsistent,  // 1DSfM: its translation direction contradicts the others.
   kOtherComponent,         // Not in the component that is reconstructed.
   kAmbiguous,              // Contradicts many well-supported loops: duplicate structure.
-  kWeakBridge,
-  kModelInconsistent,  // The finished model explains less than half of its matches.
+  kModelInconsistent,      // The finished model explains less than half of its matches.
 };
 
 std::string_view EdgeRemovalName(EdgeRemoval removal);

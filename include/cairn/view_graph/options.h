@@ -13,8 +13,6 @@ struct ViewGraphBuilderOptions {
   bool filter_ambiguous = true;
   int min_contradicting_loops = 5;
   double min_loop_agreement = 0.2;
-  bool filter_weak_bridges = true;
-  int min_bridge_inliers = 30;
   double max_rotation_error_deg = 10.0;
 
   void VisitFields(OptionVisitor& v) {
@@ -29,9 +27,6 @@ struct ViewGraphBuilderOptions {
           "loops of trusted pairs that must contradict an ambiguous pair");
     v.Double("min_loop_agreement", min_loop_agreement, {0, 1},
              "a pair of which a smaller share of such loops agrees is ambiguous");
-    v.Bool("filter_weak_bridges", filter_weak_bridges,
-           "drop a single pair that joins two parts of the graph and rests on few inliers");
-    v.Int("min_bridge_inliers", min_bridge_inliers, {0, 1e9}, "inliers that such a pair needs");
     v.Double("max_rotation_error_deg", max_rotation_error_deg, {0, 180},
              "largest angle between a pair and the global rotations, degrees");
   }

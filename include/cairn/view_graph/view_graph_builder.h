@@ -37,9 +37,9 @@ struct ViewGraphResult {
 };
 
 // The view graph of verified pairs, with every edge kept and the reason on those that are out: too
-// few inliers, loops of three that do not close, duplicate structure, weak bridges. Edges that come
-// with a removal reason keep it (kNoPose: set by the caller for pairs without a pose). Components
-// are not chosen here (see KeepImages).
+// few inliers, loops of three that do not close, duplicate structure. Edges that come with a
+// removal reason keep it (kNoPose: set by the caller for pairs without a pose). Components are not
+// chosen here (see KeepImages).
 ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewEdge> edges,
                                const ViewGraphBuilderOptions& options = {},
                                const RunContext& run = {});
@@ -69,10 +69,6 @@ double LoopErrorDeg(const ViewEdge& edge, const ViewEdge& from_first, const View
 // (kAmbiguous). Returns the loops as they were.
 LoopReport RemoveInconsistentTriplets(ViewGraph& graph, const ViewGraphBuilderOptions& options = {},
                                       const RunContext& run = {});
-
-// Bridges with fewer than min_num_inliers inliers, unless one of the sides is a single image
-// (kWeakBridge).
-int RemoveWeakBridges(int min_num_inliers, ViewGraph& graph);
 
 // Connected components of the active edges, with at least two images, largest first.
 std::vector<std::vector<image_t>> ActiveComponents(const ViewGraph& graph);

@@ -87,7 +87,6 @@ const STATES = {
   direction_inconsistent: ["disagrees with the positions", "#c04a9a"],
   other_component: ["in no reconstructed part", "#7fb2d6"],
   ambiguous: ["duplicate structure", "#7a3fa0"],
-  weak_bridge: ["a weak bridge", "#96623a"],
   model_inconsistent: ["the model contradicts it", "#7c1f1f"],
 };
 const stateText = (state) =>

@@ -87,14 +87,14 @@ TEST(Symmetry, OfTwoTheOneOfMorePairsIsFound) {
 
 TEST(Symmetry, PairsOfOtherKindsHaveNoSay) {
   FoldedModel folded(3);
-  for (const EdgeRemoval removal : {EdgeRemoval::kNone, EdgeRemoval::kTooFewInliers,
-                                    EdgeRemoval::kNoPose, EdgeRemoval::kDirectionInconsistent,
-                                    EdgeRemoval::kOtherComponent, EdgeRemoval::kWeakBridge}) {
+  for (const EdgeRemoval removal :
+       {EdgeRemoval::kNone, EdgeRemoval::kTooFewInliers, EdgeRemoval::kNoPose,
+        EdgeRemoval::kDirectionInconsistent, EdgeRemoval::kOtherComponent}) {
     folded.AddPairs(QuarterTurn(), removal);
   }
   folded.AddPairs(QuarterTurn(), EdgeRemoval::kAmbiguous, 29);             // inliers
   folded.AddPairs(ExpSO3({0, DegToRad(15), 0}), EdgeRemoval::kAmbiguous);  // an inexact pose
-  ASSERT_EQ(folded.graph.edges.size(), 19u + 8 * 7);
+  ASSERT_EQ(folded.graph.edges.size(), 19u + 7 * 7);
   EXPECT_EQ(folded.Find().num_pairs, 0);
   EXPECT_TRUE(folded.Find().images.empty());
   // Of images that the model lacks, none either.

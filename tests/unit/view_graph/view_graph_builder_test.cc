@@ -153,24 +153,6 @@ TEST(ViewGraphBuilder, DropsPairsOfRepeatedStructure) {
   EXPECT_EQ(RemovalOf(rig.Build(options), 2, 10), EdgeRemoval::kNone);
 }
 
-TEST(ViewGraphBuilder, DropsAWeakBridgeButNotTheLastPairOfAnImage) {
-  Rig rig(7);
-  rig.AddComplete(1, 3);
-  rig.AddComplete(4, 6);
-  rig.Add(3, 4, 20);
-  rig.Add(6, 7, 20);
-  const ViewGraphResult result = rig.Build();
-  EXPECT_EQ(RemovalOf(result, 3, 4), EdgeRemoval::kWeakBridge);
-  EXPECT_EQ(RemovalOf(result, 6, 7), EdgeRemoval::kNone);
-  EXPECT_THAT(result.report.components, ElementsAre(ElementsAre(4, 5, 6, 7), ElementsAre(1, 2, 3)));
-  ViewGraphBuilderOptions options;
-  options.min_bridge_inliers = 20;
-  EXPECT_EQ(RemovalOf(rig.Build(options), 3, 4), EdgeRemoval::kNone);
-  options = {};
-  options.filter_weak_bridges = false;
-  EXPECT_EQ(RemovalOf(rig.Build(options), 3, 4), EdgeRemoval::kNone);
-}
-
 TEST(ViewGraphBuilder, RemovesWhatGlobalRotationsContradict) {
   Rig rig(4);
   rig.Add(1, 2, 100, 9);
