@@ -105,10 +105,10 @@ struct SceneCounts {
 int64_t EstimateSceneBytes(const SceneCounts& counts);
 // False: there is not so much memory, and the report has the failure, before anything is read.
 bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, RunStage& stage);
-// Predicts the peak memory of RefineModel with these tracks. Where it is more than
-// there is (ReconstructOptions::max_memory_gib), or than Ceres can count observations, takes fewer
-// tracks, long ones first. False: not
-// even the least that a model needs would fit, and the report has the failure.
+// Predicts the peak memory of RefineModel with these tracks. Where it is more than there is
+// (ReconstructOptions::max_memory_gib), or than Ceres can count observations, takes fewer tracks,
+// long ones first. False: not even the least that a model needs would fit, and the report has the
+// failure.
 bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
                        std::vector<Track>& tracks);
 
