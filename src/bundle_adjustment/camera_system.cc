@@ -1,6 +1,7 @@
 #include "bundle_adjustment/camera_system.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <utility>
 
 #include "cairn/base/parallel.h"
@@ -34,6 +35,57 @@ CameraSystem<kPose, kIntrinsics>::CameraSystem(const std::vector<std::vector<int
     }
   }
   part_begin_.push_back(NumImages());
+  BlockPattern pattern = PatternOfNodes();
+  const double flops_of_product = 4.0 * kBlock * kBlock * static_cast<double>(column_.size());
+  if (EstimateFactorFlops(pattern) <= kMaxSteps * flops_of_product) {
+    factor_ = std::make_unique<BlockCholesky>(std::move(pattern));
+  }
+}
+
+template <int kPose, int kIntrinsics>
+BlockPattern CameraSystem<kPose, kIntrinsics>::PatternOfNodes() const {
+  BlockPattern pattern;
+  pattern.sizes.assign(NumImages(), kPose);
+  pattern.sizes.resize(NumImages() + num_cameras_, kIntrinsics);
+  pattern.columns.resize(pattern.sizes.size());
+  for (int node = 0; node < static_cast<int>(pattern.sizes.size()); ++node) {
+    pattern.columns[node].push_back(node);
+  }
+  for (int i = 0; i < NumImages(); ++i) {
+    for (int64_t k = RowBegin(i); k < RowEnd(i); ++k) {
+      const int camera1 = NumImages() + camera_of_image_[i];
+      const int camera2 = NumImages() + camera_of_image_[column_[k]];
+      pattern.columns[i].push_back(column_[k]);
+      pattern.columns[i].push_back(camera2);
+      pattern.columns[column_[k]].push_back(camera1);
+      pattern.columns[std::min(camera1, camera2)].push_back(std::max(camera1, camera2));
+    }
+  }
+  for (std::vector<int>& column : pattern.columns) {
+    std::sort(column.begin(), column.end());
+    column.erase(std::unique(column.begin(), column.end()), column.end());
+  }
+  return pattern;
+}
+
+template <int kPose, int kIntrinsics>
+void CameraSystem<kPose, kIntrinsics>::FillFactor(const Eigen::VectorXd& diagonal) {
+  factor_->SetZero();
+  factor_->AddToDiagonal(diagonal);
+  for (int i = 0; i < NumImages(); ++i) {
+    for (int64_t k = RowBegin(i); k < RowEnd(i); ++k) {
+      const Block& block = blocks_[k];
+      const int j = column_[k];
+      const int camera1 = NumImages() + camera_of_image_[i];
+      const int camera2 = NumImages() + camera_of_image_[j];
+      const auto shared = block.template bottomRightCorner<kIntrinsics, kIntrinsics>();
+      factor_->Add(j, i, block.template topLeftCorner<kPose, kPose>().transpose());
+      factor_->Add(camera2, i, block.template topRightCorner<kPose, kIntrinsics>().transpose());
+      if (i != j) factor_->Add(camera1, j, block.template bottomLeftCorner<kIntrinsics, kPose>());
+      if (camera1 >= camera2) factor_->Add(camera1, camera2, shared);
+      if (camera1 <= camera2 && i != j) factor_->Add(camera2, camera1, shared.transpose());
+    }
+  }
 }
 
 template <int kPose, int kIntrinsics>
@@ -119,8 +171,21 @@ Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::Precondition(const Preconditio
 }
 
 template <int kPose, int kIntrinsics>
-Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::Solve(const Eigen::VectorXd& diagonal,
-                                                        const Eigen::VectorXd& right) const {
+bool CameraSystem<kPose, kIntrinsics>::Solve(const Eigen::VectorXd& diagonal,
+                                             const Eigen::VectorXd& right, Eigen::VectorXd* x) {
+  if (!factor_) {
+    *x = SolveByConjugateGradients(diagonal, right);
+    return true;
+  }
+  FillFactor(diagonal);
+  if (!factor_->Factorize()) return false;
+  *x = factor_->Solve(right);
+  return true;
+}
+
+template <int kPose, int kIntrinsics>
+Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::SolveByConjugateGradients(
+    const Eigen::VectorXd& diagonal, const Eigen::VectorXd& right) const {
   const Preconditioner inverse = MakePreconditioner(diagonal);
   Eigen::VectorXd x = Eigen::VectorXd::Zero(right.size());
   Eigen::VectorXd residual = right;

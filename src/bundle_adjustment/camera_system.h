@@ -2,18 +2,21 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "cairn/camera/camera.h"
+#include "sparse/block_cholesky.h"
 
 namespace cairn {
 
 // The cameras' system of bundle adjustment, the normal equations without the points (Schur
-// complement), as a symmetric block matrix over images, and its solution by conjugate gradients
-// (Agarwal et al., "Bundle adjustment in the large", 2010). An image's block has its pose
-// (kPose unknowns) and the intrinsics of its camera (kIntrinsics), as if it had them for itself;
-// the images of a camera share them in products and in the solution. A vector of the unknowns: the
-// poses of all images, then the intrinsics of all cameras.
+// complement), as a symmetric block matrix over images, and its solution: by factorization where
+// that takes no more operations than conjugate gradients may, else by these (Agarwal et al.,
+// "Bundle adjustment in the large", 2010). An image's block has its pose (kPose unknowns) and the
+// intrinsics of its camera (kIntrinsics), as if it had them for itself; the images of a camera
+// share them in products and in the solution. A vector of the unknowns: the poses of all images,
+// then the intrinsics of all cameras.
 template <int kPose, int kIntrinsics>
 class CameraSystem {
  public:
@@ -44,12 +47,19 @@ class CameraSystem {
   // Adds what images have to the unknowns.
   void Gather(const Images& images, Eigen::VectorXd& x) const;
 
-  // Adds `diagonal`, and solves until an iteration promises less than a tenth of the mean one
-  // before (Nash and Sofer, "Assessing a search direction within a truncated-Newton method", 1990).
-  // Equal for any number of threads.
-  Eigen::VectorXd Solve(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& right) const;
+  bool IsFactorized() const { return factor_ != nullptr; }
+  // Adds `diagonal`, and solves. False if the system is not positive definite. Equal for any number
+  // of threads.
+  bool Solve(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& right, Eigen::VectorXd* x);
 
  private:
+  // Nodes are the images, then the cameras.
+  BlockPattern PatternOfNodes() const;
+  void FillFactor(const Eigen::VectorXd& diagonal);
+  // Ends when an iteration promises less than a tenth of the mean one before (Nash and Sofer,
+  // "Assessing a search direction within a truncated-Newton method", 1990).
+  Eigen::VectorXd SolveByConjugateGradients(const Eigen::VectorXd& diagonal,
+                                            const Eigen::VectorXd& right) const;
   Eigen::VectorXd Multiply(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& x) const;
   // Inverses of the diagonal blocks, of poses and of intrinsics.
   struct Preconditioner {
@@ -66,6 +76,7 @@ class CameraSystem {
   std::vector<int> column_;
   std::vector<Block> blocks_;
   std::vector<int> part_begin_;  // images; rows that are multiplied as one task
+  std::unique_ptr<BlockCholesky> factor_;  // null: conjugate gradients
 };
 
 extern template class CameraSystem<3, 1>;

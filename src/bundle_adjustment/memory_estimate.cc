@@ -3,9 +3,8 @@
 #include <limits>
 
 #include "bundle_adjustment/bundle_state.h"
-#include "bundle_adjustment/large_bundle.h"
 #include "bundle_adjustment/reprojection_cost.h"
-#include "bundle_adjustment/schur_solver.h"
+#include "bundle_adjustment/schur_bundle.h"
 
 namespace cairn {
 namespace {
@@ -33,12 +32,12 @@ constexpr int64_t kCeresBytesPerPoint =
     kPointSize * sizeof(double) + (160 + kMalloc) + 3 * (kMapNode + 2 * kPointer + kMalloc) +
     12 * kPointSize * sizeof(double) + 2 * kPointSize * kPointSize * sizeof(double);
 
-// As far as they are more than the reconstruction's own, of a large bundle (large_bundle.h).
+// As far as they are more than the reconstruction's own, of a SchurBundle.
 // A point: position, inverse of its block, and what it has of the state, the next one, their
 // gradients and a step. A pair of images: a block of pose and up to 4 intrinsics, and its column,
 // once more while they are found.
-constexpr int64_t kLargeBytesPerPoint = (3 + 9 + 7 * 3) * sizeof(double);
-constexpr int64_t kLargeBytesPerImagePair = 10 * 10 * sizeof(double) + 3 * sizeof(int32_t);
+constexpr int64_t kSchurBytesPerPoint = (3 + 9 + 7 * 3) * sizeof(double);
+constexpr int64_t kSchurBytesPerImagePair = 10 * 10 * sizeof(double) + 3 * sizeof(int32_t);
 
 constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t) + sizeof(float);
 
@@ -48,16 +47,16 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
   const int64_t rows = kPoseSize * size.num_images;
   const int64_t reconstruction = size.num_keypoints * kBytesPerKeypoint +
                                  size.num_images * static_cast<int64_t>(sizeof(PoseState));
-  if (IsLargeBundle(options, size.num_images, size.covisibility)) {
+  if (TakesSchurBundle(options, size.num_images, size.covisibility)) {
     return reconstruction +
            size.num_observations *
-               (static_cast<int64_t>(sizeof(TrackElement)) + kLargeBundleObservationBytes) +
-           size.num_points * (kBytesOfPoint + kLargeBytesPerPoint) +
-           size.num_image_pairs * kLargeBytesPerImagePair;
+               (static_cast<int64_t>(sizeof(TrackElement)) + kSchurBundleObservationBytes) +
+           size.num_points * (kBytesOfPoint + kSchurBytesPerPoint) +
+           size.num_image_pairs * kSchurBytesPerImagePair;
   }
   // The diagonal blocks, or the complement and its factor.
   const bool is_iterative =
-      SchurSolver(options, size.num_images, size.covisibility) == BundleSolver::kIterativeSchur;
+      options.solver == BundleSolver::kAuto || options.solver == BundleSolver::kIterativeSchur;
   const int64_t schur = rows * (is_iterative ? kPoseSize : rows) * int64_t{sizeof(double)};
   return reconstruction + size.num_observations * kBytesPerObservation +
          size.num_points * (kBytesOfPoint + kCeresBytesPerPoint) + schur;
@@ -66,7 +65,7 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
 int64_t MaxBundleObservations(const BundleAdjustmentOptions& options, const BundleSize& size,
                               int num_free_intrinsics) {
   const int64_t most = std::numeric_limits<int>::max();
-  if (IsLargeBundle(options, size.num_images, size.covisibility)) return most;
+  if (TakesSchurBundle(options, size.num_images, size.covisibility)) return most;
   return most / (2 * (kPointSize + kPoseSize + num_free_intrinsics));
 }
 

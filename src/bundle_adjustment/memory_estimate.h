@@ -12,18 +12,18 @@ struct BundleSize {
   int64_t num_points = 0;
   int64_t num_observations = 0;
   double covisibility = 0;      // images that see an observation's point, on average
-  int64_t num_image_pairs = 0;  // that see a point together; only of a large bundle
+  int64_t num_image_pairs = 0;  // that see a point together; only of a SchurBundle
 };
 
 // Predicted peak memory, bytes, of a reconstruction of this size (points, tracks, keypoints of the
-// images) while it is adjusted with everything free: cost functions, Jacobian and solver of Ceres,
-// or a large bundle. From the sizes of what is allocated; within a fifth of what was measured.
+// images) while it is adjusted with everything free, by SchurBundle, or with cost functions, Jacobian
+// and solver of Ceres. From the sizes of what is allocated; within a fifth of what was measured.
 // Sparse and dense Schur complements are taken as full, so they are an upper bound.
 int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const BundleSize& size);
 
 // The most observations that can be adjusted with so many free intrinsics of a camera: Ceres counts
-// the entries of the Jacobian (two rows an observation, of point, pose and intrinsics) by int, a
-// large bundle the observations.
+// the entries of the Jacobian (two rows an observation, of point, pose and intrinsics) by int,
+// SchurBundle the observations.
 int64_t MaxBundleObservations(const BundleAdjustmentOptions& options, const BundleSize& size,
                               int num_free_intrinsics);
 

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
@@ -143,6 +144,29 @@ class IndependentMatches {
 
   int64_t Num() const { return num_; }
 
+  // Those of a track that a model has points of: of n keypoints that show one, n - 1.
+  int64_t NumOfPoints(const Reconstruction& model) {
+    std::vector<std::pair<int, point3D_t>> keypoints;  // track and point, which may be none
+    for (const auto& [id, image] : model.images) {
+      for (size_t k = 0; k < image.point3D_ids.size(); ++k) {
+        const int node = first_node_.at(id) + static_cast<int>(k);
+        if (tracks_->SizeOf(node) < 2) continue;
+        keypoints.emplace_back(tracks_->Find(node), image.point3D_ids[k]);
+      }
+    }
+    std::sort(keypoints.begin(), keypoints.end());  // none is the last
+    int64_t num = 0;
+    bool has_points = false;  // the track
+    for (size_t i = 1; i < keypoints.size(); ++i) {
+      const auto& [track, point] = keypoints[i];
+      const bool is_same_track = track == keypoints[i - 1].first;
+      has_points = is_same_track && (has_points || keypoints[i - 1].second != kInvalidPoint3DId);
+      if (has_points && point == kInvalidPoint3DId) continue;
+      num += keypoints[i] == keypoints[i - 1];
+    }
+    return num;
+  }
+
  private:
   std::map<image_t, int> first_node_;
   std::optional<UnionFind> tracks_;
@@ -189,7 +213,7 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
     evidence.num_contradicted += support.IsContradicted();
     for (Support* of : {&evidence.inside, &image1->second, &image2->second}) *of = *of + support;
   });
-  evidence.num_independent = independent.Num();
+  evidence.num_independent = independent.NumOfPoints(model);
   if (evidence.all.num_explained > 0) {
     evidence.nats = evidence.all.nats * evidence.num_independent / evidence.all.num_explained;
   }

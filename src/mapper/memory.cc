@@ -6,7 +6,7 @@
 #include <unordered_map>
 
 #include "bundle_adjustment/memory_estimate.h"
-#include "bundle_adjustment/schur_solver.h"
+#include "bundle_adjustment/schur_bundle.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -62,7 +62,7 @@ BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks,
   if (size.num_observations > 0) {
     size.covisibility = num_pairs / static_cast<double>(size.num_observations);
   }
-  if (IsLargeBundle(options, size.num_images, size.covisibility)) {
+  if (TakesSchurBundle(options, size.num_images, size.covisibility)) {
     size.num_image_pairs = NumImagePairs(model, tracks);
   }
   return size;

@@ -10,11 +10,19 @@
 
 namespace cairn {
 
+// How the damping changes with each step.
+enum class DampingRule {
+  kTenfold,    // falls tenfold with every step that lowers the cost, grows tenfold with every other
+  kGainRatio,  // by how much of the gain that the model promised a step brought (Nielsen, "Damping
+               // parameter in Marquardt's method", 1999): it stays in the valley where it began
+};
+
 struct LevenbergMarquardtOptions {
   int max_iterations = 50;  // steps tried
   // A step that brings less than this share of the cost is the last.
   double min_relative_gain = 1e-6;
   double initial_damping = 1e-3;
+  DampingRule damping_rule = DampingRule::kTenfold;
 };
 
 struct LevenbergMarquardtReport {
@@ -36,20 +44,52 @@ bool DampedStep(const NormalEquations<N>& model, double damping,
   return SolvePositive<N>(damped, -model.gradient, step);
 }
 
+// The damping of one minimization.
+class Damping {
+ public:
+  Damping(DampingRule rule, double initial) : rule_(rule), value_(initial) {}
+
+  double value() const { return value_; }
+  // Did a step gain enough?
+  bool Accepts(double gain, double promised) const {
+    constexpr double kMinShare = 1e-3;
+    return gain > (rule_ == DampingRule::kGainRatio ? kMinShare * promised : 0.0);
+  }
+  void Grow() {
+    value_ *= growth_;
+    if (rule_ == DampingRule::kGainRatio) growth_ *= 2.0;
+  }
+  void Accept(double gain, double promised) {
+    constexpr double kMin = 1e-8;
+    if (rule_ == DampingRule::kTenfold) {
+      value_ *= 0.1;
+    } else {
+      value_ *= std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain / promised - 1.0, 3));
+      growth_ = 2.0;
+    }
+    value_ = std::max(value_, kMin);
+  }
+
+ private:
+  DampingRule rule_;
+  double value_;
+  double growth_ = rule_ == DampingRule::kTenfold ? 10.0 : 2.0;
+};
+
 // Levenberg and Marquardt's method from `state` on, which is never made worse. A problem gives
 //   State                       what is sought
-//   Linearize(state) -> Model   with members cost and gradient, as NormalEquations; it may complete
-//                               what of the state follows from the rest
+//   Linearize(state) -> Model   with members cost (squared errors) and gradient (half the cost's), as
+//                               NormalEquations; it may complete what of the state follows from the
+//                               rest
 //   Moved(state, step) -> State
 // and, where it has its own,
 //   Solve(model, damping, &step) -> bool   in place of DampedStep
 //   Cost(state) -> double                  cheaper than Linearize, for what may be the last step
-// The damping falls tenfold with every step that lowers the cost and grows tenfold with every
-// other. It ends with a small gain (see the options), when nothing lowers the cost, and on NaN.
+// It ends with a small gain (see the options), when nothing lowers the cost, and on NaN.
 template <class Problem>
 LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOptions& options,
                                   typename Problem::State* state) {
-  constexpr double kMinDamping = 1e-8, kMaxDamping = 1e6;
+  constexpr double kMaxDamping = 1e6;
   // Of the gain that ends it: what a step promises that is not worth trying, and one after which
   // the end is near.
   constexpr double kNegligible = 1e-3, kProbablyLast = 2.0;
@@ -57,18 +97,18 @@ LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOpti
   auto model = problem.Linearize(*state);
   LevenbergMarquardtReport report;
   report.cost = model.cost;
-  double damping = options.initial_damping;
-  while (report.num_iterations < options.max_iterations && damping <= kMaxDamping) {
+  Damping damping(options.damping_rule, options.initial_damping);
+  while (report.num_iterations < options.max_iterations && damping.value() <= kMaxDamping) {
     ++report.num_iterations;
     std::decay_t<decltype(model.gradient)> step;
     bool is_solved;
-    if constexpr (requires { problem.Solve(model, damping, &step); }) {
-      is_solved = problem.Solve(model, damping, &step);
+    if constexpr (requires { problem.Solve(model, damping.value(), &step); }) {
+      is_solved = problem.Solve(model, damping.value(), &step);
     } else {
-      is_solved = DampedStep(model, damping, &step);
+      is_solved = DampedStep(model, damping.value(), &step);
     }
     if (!is_solved) {
-      damping *= 10.0;
+      damping.Grow();
       continue;
     }
     const double min_gain = options.min_relative_gain * report.cost;
@@ -84,8 +124,8 @@ LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOpti
     }
     if (!only_cost) next_model = problem.Linearize(next);
     const double gain = report.cost - next_model.cost;
-    if (!(gain > 0.0)) {
-      damping *= 10.0;
+    if (!damping.Accepts(gain, promised)) {
+      damping.Grow();
       continue;
     }
     *state = std::move(next);
@@ -93,7 +133,7 @@ LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOpti
     ++report.num_accepted;
     if (is_last || gain < min_gain) break;
     model = only_cost ? problem.Linearize(*state) : std::move(next_model);
-    damping = std::max(0.1 * damping, kMinDamping);
+    damping.Accept(gain, promised);
   }
   return report;
 }

@@ -21,11 +21,10 @@ inline constexpr NamedValue<ReprojectionLoss> kReprojectionLosses[] = {
     {ReprojectionLoss::kCauchy, "cauchy"}};
 
 enum class BundleSolver {
-  kAuto,  // by the number of images, see BundleAdjustmentOptions
-  kDenseSchur,
+  kAuto,  // cairn's own, equal for any number of threads; Ceres where only some things are adjusted
+  kDenseSchur,  // Ceres, as the following
   kSparseSchur,
   kIterativeSchur,
-  kSparseNormalCholesky,  // where only points, or no points, are adjusted; no option
 };
 inline constexpr NamedValue<BundleSolver> kBundleSolvers[] = {
     {BundleSolver::kAuto, "auto"},
@@ -42,12 +41,7 @@ struct BundleAdjustmentOptions {
   // Stop when the relative change of the cost in one iteration is below. On photographs, 1e-6 takes
   // three times the iterations and changes AUC@1 by 0.02 at most.
   double function_tolerance = 1e-4;
-  // kAuto picks by the number of images: dense Schur complement up to max_dense_images, sparse up
-  // to max_sparse_images, conjugate gradients on the Schur complement beyond, and from three times
-  // max_dense_images on where so many images see the same points that it is nearly full.
   BundleSolver solver = BundleSolver::kAuto;
-  int max_dense_images = 50;
-  int max_sparse_images = 1000;
 
   void VisitFields(OptionVisitor& v);
 };
@@ -110,21 +104,21 @@ struct BundleAdjustmentReport {
   double initial_rmse = 0;
   double final_rmse = 0;
   double seconds = 0;
-  BundleSolver solver = BundleSolver::kAuto;  // the one that was used
 };
 
 // Minimizes the robust reprojection error, weighed by the observations' precision, over `scope`:
-// Levenberg-Marquardt by Ceres (thousands of images that see few points together: by a solver of
-// our own), analytic Jacobians, points eliminated first (Schur complement; Triggs et al., "Bundle
+// Levenberg-Marquardt, analytic Jacobians, points eliminated first (Schur complement; Triggs et al., "Bundle
 // adjustment - a modern synthesis", 2000). The seven degrees of freedom of
 // the world frame are free (but for what positions tell), since fixing some of them slows
 // convergence; the damping keeps them bounded. Observations that are behind their camera at the
 // start are left out. A prior's distortion coefficients have the standard deviation with which each
 // alone would move a corner of the image as far as lenses differ: from the pinhole's projection to
 // the equidistant one (a fisheye's), and by 3 % of the radius at any field of view. The
-// reconstruction is changed in place: it may be large. One thread gives the same bytes every time;
-// with more the order of Ceres' sums, and so the last digits, differ from run to run. Throws
-// ConfigError for options out of range.
+// reconstruction is changed in place: it may be large. The result does not depend on
+// run.num_threads, but for Ceres' (BundleSolver; also where there are no points or nothing but
+// points to adjust, or thousands of images see the same points): with several threads, the order of
+// its sums, and so the last digits, differ from run to run. Throws ConfigError for options out of
+// range.
 BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentScope& scope = {},
                                     const BundleAdjustmentOptions& options = {},

@@ -51,25 +51,6 @@ TEST(AdjustBundle, RecoversAnExactSceneWithEverySolver) {
   }
 }
 
-TEST(AdjustBundle, AutoChoosesTheSolverByTheNumberOfImages) {
-  const MadeReconstruction scene = MakeSyntheticScene({.num_points = 50});
-  BundleAdjustmentOptions options = Precise();
-  Reconstruction model = scene.truth;
-  EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kDenseSchur);
-  options.max_dense_images = 5;
-  EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kSparseSchur);
-  options.max_sparse_images = 5;
-  EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kIterativeSchur);
-  // Of 40 images that all see the same points nothing is sparse.
-  options = Precise();
-  options.max_iterations = 0;
-  options.max_dense_images = 10;
-  model = MakeSyntheticScene({.num_images = 40, .num_points = 20}).truth;
-  EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kIterativeSchur);
-  options.max_dense_images = 20;
-  EXPECT_EQ(AdjustBundle(model, {}, options, kOneThread).solver, BundleSolver::kSparseSchur);
-}
-
 TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
   for (const CameraModel model_kind :
        {CameraModel::kSimplePinhole, CameraModel::kPinhole, CameraModel::kSimpleRadial,

@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "base/memory.h"
-#include "bundle_adjustment/schur_solver.h"
+#include "bundle_adjustment/schur_bundle.h"
 #include "cairn/synthetic/scene.h"
 
 namespace cairn {
@@ -27,16 +27,15 @@ TEST(EstimateBundleBytes, GrowsWithWhatThereIs) {
     larger.*field *= 2;
     EXPECT_GT(EstimateBundleBytes(options, larger), bytes);
   }
-  // The system that conjugate gradients have formed.
-  BundleAdjustmentOptions iterative;
-  iterative.solver = BundleSolver::kIterativeSchur;
+  // The cameras' system.
   BundleSize paired = size;
   paired.num_image_pairs = 1000;
-  EXPECT_GT(EstimateBundleBytes(iterative, paired),
-            EstimateBundleBytes(iterative, size) + int64_t{1000} * 36 * sizeof(double));
+  EXPECT_GT(EstimateBundleBytes(options, paired),
+            EstimateBundleBytes(options, size) + int64_t{1000} * 36 * sizeof(double));
   BundleSize full = size;
+  full.num_images = paired.num_images = 1000;
   paired.covisibility = full.covisibility = 100;  // it is not formed
-  EXPECT_EQ(EstimateBundleBytes(iterative, paired), EstimateBundleBytes(iterative, full));
+  EXPECT_EQ(EstimateBundleBytes(options, paired), EstimateBundleBytes(options, full));
   // A full Schur complement of thousands of images, or none at all.
   BundleSize many = size;
   many.num_images = 5000;
@@ -61,7 +60,7 @@ TEST(MaxBundleObservations, KeepsTheJacobianWithinInt) {
   EXPECT_GT(22 * (most + 1), (int64_t{1} << 31) - 1);
   EXPECT_NEAR(static_cast<double>(most), 97.6e6, 0.1e6);
   // Without a Jacobian of all observations at once.
-  options.solver = BundleSolver::kIterativeSchur;
+  options.solver = BundleSolver::kAuto;
   EXPECT_EQ(MaxBundleObservations(options, {.num_images = 1000}, 2), (int64_t{1} << 31) - 1);
 }
 
@@ -87,9 +86,8 @@ TEST(EstimateBundleBytes, IsWithinThirtyPercentOfWhatIsTaken) {
     size.covisibility += std::pow(static_cast<double>(point.track.size()), 2) /
                          static_cast<double>(size.num_observations);
   }
-  ASSERT_TRUE(IsLargeBundle({.solver = BundleSolver::kIterativeSchur}, scene.num_images,
-                            size.covisibility));
-  for (const BundleSolver solver : {BundleSolver::kAuto, BundleSolver::kIterativeSchur}) {
+  ASSERT_TRUE(TakesSchurBundle({}, scene.num_images, size.covisibility));
+  for (const BundleSolver solver : {BundleSolver::kAuto, BundleSolver::kDenseSchur}) {
     Reconstruction model;
     malloc_trim(0);
     std::ofstream("/proc/self/clear_refs") << "5";

@@ -86,6 +86,42 @@ TEST(ModelEvidence, MatchesThatFollowFromOthersDoNotCount) {
   EXPECT_EQ(CountIndependent({}), 0);
 }
 
+// Three cameras on a line: where the third one stands on it, no pair can tell. In its right place,
+// points hold all three keypoints together; elsewhere only two.
+TEST(ModelEvidence, PointsShowWhatPairsDoNotSee) {
+  Reconstruction truth = MakeSyntheticScene({.num_images = 3, .visible_share = 1}).truth;
+  for (auto& [id, image] : truth.images) {
+    image.cam_from_world.translation =
+        image.cam_from_world.rotation * -Eigen::Vector3d(4.0 * id - 8, 1, -7);
+  }
+  for (const auto& [id, point] : truth.points3D) {
+    for (const TrackElement& element : point.track) {
+      RegisteredImage& image = truth.images.at(element.image_id);
+      image.points2D[element.point2D] =
+          *truth.CameraOf(image).ImgFromRay(image.cam_from_world * point.xyz);
+    }
+  }
+  const Pairs pairs(truth);
+  Reconstruction wrong = truth;
+  RegisteredImage& third = wrong.images.at(3);
+  third.cam_from_world.translation = third.cam_from_world.rotation * -Eigen::Vector3d(5, 1, -7);
+  for (size_t k = 0; k < third.points2D.size(); ++k) {
+    wrong.RemoveObservation(third.point3D_ids[k], {3, static_cast<point2D_t>(k)});
+  }
+  const auto num_points = static_cast<int64_t>(truth.points3D.size());
+  const ModelEvidence right = EvaluateEvidence(truth, pairs.views, {.num_threads = 1});
+  const ModelEvidence less = EvaluateEvidence(wrong, pairs.views, {.num_threads = 1});
+  EXPECT_EQ(right.all.num_explained, 3 * num_points);
+  EXPECT_EQ(less.all.num_explained, 3 * num_points);
+  EXPECT_EQ(right.num_independent, 2 * num_points);
+  EXPECT_EQ(less.num_independent, num_points);
+  EXPECT_LT(less.nats, 0.6 * right.nats);
+  // A track without any point, of rays that are nearly parallel, is not held against a model.
+  while (!wrong.points3D.empty()) wrong.RemovePoint3D(wrong.points3D.begin()->first);
+  EXPECT_EQ(EvaluateEvidence(wrong, pairs.views, {.num_threads = 1}).num_independent,
+            right.num_independent);
+}
+
 // Two sides of a box with one logo, each photographed by many, and few photographs around the edge:
 // the model that shows the two sides as one explains more pairs, all by one coincidence a point.
 TEST(ModelEvidence, OneSideShownOnTopOfAnotherHasLess) {

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
+#include <numbers>
 #include <vector>
 
 #include "cairn/base/rng.h"
@@ -29,13 +31,16 @@ struct Rosenbrock {
 };
 
 TEST(Minimize, ConvergesOnRosenbrocksValley) {
-  Rosenbrock problem;
-  Vector2d x(-1.2, 1);
-  const auto report = Minimize(problem, {.max_iterations = 100, .min_relative_gain = 0}, &x);
-  EXPECT_LT((x - Vector2d(1, 1)).norm(), 1e-12);
-  EXPECT_LT(report.cost, 1e-24);
-  EXPECT_LT(report.num_iterations, 60);
-  EXPECT_LE(report.num_accepted, report.num_iterations);
+  for (const DampingRule rule : {DampingRule::kTenfold, DampingRule::kGainRatio}) {
+    Rosenbrock problem;
+    Vector2d x(-1.2, 1);
+    const auto report = Minimize(
+        problem, {.max_iterations = 100, .min_relative_gain = 0, .damping_rule = rule}, &x);
+    EXPECT_LT((x - Vector2d(1, 1)).norm(), 1e-12);
+    EXPECT_LT(report.cost, 1e-24);
+    EXPECT_LT(report.num_iterations, 60);
+    EXPECT_LE(report.num_accepted, report.num_iterations);
+  }
 }
 
 TEST(Minimize, NeverRaisesTheCostHoweverManySteps) {
@@ -57,6 +62,33 @@ TEST(Minimize, EndsWithTheFirstSmallGain) {
   EXPECT_LT(Minimize(rough, {.min_relative_gain = 0.3}, &x).num_iterations,
             Minimize(fine, {.min_relative_gain = 1e-3}, &y).num_iterations);
   EXPECT_LT(fine.costs.back(), rough.costs.back());
+}
+
+// A sine: beyond the nearest valley there are others.
+struct Waves {
+  using State = double;
+  NormalEquations<1> Linearize(double at) const {
+    NormalEquations<1> model;
+    model.Add(1.5 + std::sin(at), NormalEquations<1>::Vector(std::cos(at)), 1);
+    model.cost = std::pow(1.5 + std::sin(at), 2);
+    return model;
+  }
+  State Moved(double from, const NormalEquations<1>::Vector& step) const { return from + step[0]; }
+};
+
+TEST(Minimize, StaysInItsValleyMoreOftenByTheGainRatio) {
+  const auto num_left = [](DampingRule rule) {
+    int num = 0;
+    for (double start = -1.4; start < 1.4; start += 0.1) {
+      Waves waves;
+      double x = start;
+      Minimize(waves, {.max_iterations = 200, .min_relative_gain = 0, .damping_rule = rule}, &x);
+      EXPECT_NEAR(std::sin(x), -1, 1e-6);
+      num += std::abs(x + 0.5 * std::numbers::pi) > 1;
+    }
+    return num;
+  };
+  EXPECT_LT(num_left(DampingRule::kGainRatio), num_left(DampingRule::kTenfold));
 }
 
 // A cost whose model lies.

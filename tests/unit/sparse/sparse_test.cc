@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "cairn/base/rng.h"
+#include "sparse/block_cholesky.h"
 #include "sparse/laplacian_solver.h"
 #include "sparse/sparse_cholesky.h"
 
@@ -167,6 +168,38 @@ TEST(SparseCholesky, PredictsWorkAndRejectsIndefinite) {
   ASSERT_TRUE(cholesky.Factorize(std::vector<double>{2, 1, 2}));
   const Eigen::MatrixXd X = cholesky.Solve(Eigen::Vector2d(3, 3));
   EXPECT_NEAR((X - Eigen::Vector2d(1, 1)).norm(), 0, 1e-14);
+}
+
+TEST(BlockCholesky, SolvesWhatWasAddedAndCanBeFilledAgain) {
+  const BlockPattern pattern{{3, 1, 2, 4}, {{0, 2, 3}, {1, 3}, {2, 3}, {3}}};
+  const std::vector<int> first = {0, 3, 4, 6, 10};
+  EXPECT_GT(EstimateFactorFlops(pattern), 100);
+  BlockCholesky matrix(pattern);
+  for (const uint64_t seed : {1, 2}) {
+    Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(10, 10);
+    matrix.SetZero();
+    for (int column = 0; column < 4; ++column) {
+      for (const int row : pattern.columns[column]) {
+        for (const uint64_t part : {0, 1}) {  // they add up
+          Eigen::MatrixXd block = RandomMatrix(pattern.sizes[row], pattern.sizes[column],
+                                               100 * seed + 10 * row + 2 * column + part);
+          if (row == column) block = block + block.transpose().eval();
+          matrix.Add(row, column, block);
+          dense.block(first[row], first[column], block.rows(), block.cols()) += block;
+          if (row != column) {
+            dense.block(first[column], first[row], block.cols(), block.rows()) += block.transpose();
+          }
+        }
+      }
+    }
+    const Eigen::VectorXd b = RandomMatrix(10, 1, seed);
+    EXPECT_FALSE(matrix.Factorize());  // indefinite
+    const Eigen::VectorXd diagonal = Eigen::VectorXd::LinSpaced(10, 30, 40);
+    matrix.AddToDiagonal(diagonal);
+    dense.diagonal() += diagonal;
+    ASSERT_TRUE(matrix.Factorize());
+    EXPECT_LT((dense * matrix.Solve(b) - b).norm(), 1e-12);
+  }
 }
 
 }  // namespace

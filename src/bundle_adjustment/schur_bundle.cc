@@ -1,4 +1,4 @@
-#include "bundle_adjustment/large_bundle.h"
+#include "bundle_adjustment/schur_bundle.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -7,13 +7,17 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <memory>
 #include <utility>
 #include <vector>
 
+#include "bundle_adjustment/bundle_state.h"
+#include "bundle_adjustment/bundle_terms.h"
 #include "bundle_adjustment/camera_system.h"
 #include "bundle_adjustment/intrinsics_prior.h"
 #include "bundle_adjustment/reprojection_cost.h"
 #include "cairn/base/parallel.h"
+#include "math/levenberg_marquardt.h"
 
 namespace cairn {
 namespace {
@@ -27,17 +31,21 @@ struct BundleObservation {
   int image;
 };
 
-// Those of points in front of their cameras.
+// Those of points in front of their cameras: of the reconstruction's points, then of surveyed ones.
 struct BundleObservations {
   std::vector<BundleObservation> all;  // point by point, of each in the order of images
   std::vector<int> begin{0};           // of each point
   std::vector<int> point_of;           // of each observation
   std::vector<std::vector<int>> of_image;
+  int num_unsurveyed = 0;  // points
 
   int NumPoints() const { return static_cast<int>(begin.size()) - 1; }
+  // Those of the reconstruction.
+  int NumUnsurveyed() const { return begin[num_unsurveyed]; }
 };
 
-BundleObservations CollectObservations(const Reconstruction& reconstruction) {
+BundleObservations CollectObservations(const BundleAdjustmentScope& scope,
+                                       const Reconstruction& reconstruction) {
   std::map<image_t, int> index_of;
   for (const auto& [id, image] : reconstruction.images) {
     index_of.emplace(id, static_cast<int>(index_of.size()));
@@ -45,18 +53,30 @@ BundleObservations CollectObservations(const Reconstruction& reconstruction) {
   BundleObservations result;
   result.all.reserve(reconstruction.NumObservations());
   result.of_image.resize(index_of.size());
-  for (const auto& [id, point] : reconstruction.points3D) {
-    for (const TrackElement& element : point.track) {
-      const RegisteredImage& image = reconstruction.images.at(element.image_id);
-      if (!reconstruction.CameraOf(image).ImgFromRay(image.cam_from_world * point.xyz)) continue;
-      const float sigma_px = image.sigmas_px.empty() ? 1.0F : image.sigmas_px[element.point2D];
-      result.all.push_back(
-          {image.points2D[element.point2D], 1.0F / sigma_px, index_of.at(element.image_id)});
-    }
+  const auto add = [&](image_t id, const Eigen::Vector2d& pixel, float sigma_px,
+                       const Eigen::Vector3d& xyz) {
+    const RegisteredImage& image = reconstruction.images.at(id);
+    if (!reconstruction.CameraOf(image).ImgFromRay(image.cam_from_world * xyz)) return;
+    result.all.push_back({pixel, 1.0F / sigma_px, index_of.at(id)});
+  };
+  const auto end_point = [&] {
     std::sort(result.all.begin() + result.begin.back(), result.all.end(),
               [](const auto& a, const auto& b) { return a.image < b.image; });
     result.point_of.resize(result.all.size(), result.NumPoints());
     result.begin.push_back(static_cast<int>(result.all.size()));
+  };
+  for (const auto& [id, point] : reconstruction.points3D) {
+    for (const TrackElement& element : point.track) {
+      const RegisteredImage& image = reconstruction.images.at(element.image_id);
+      const float sigma_px = image.sigmas_px.empty() ? 1.0F : image.sigmas_px[element.point2D];
+      add(element.image_id, image.points2D[element.point2D], sigma_px, point.xyz);
+    }
+    end_point();
+  }
+  result.num_unsurveyed = result.NumPoints();
+  for (const SurveyedPoint& point : scope.surveyed_points) {
+    for (const auto& [id, pixel] : point.pixels) add(id, pixel, 1.0F, point.prior.position);
+    end_point();
   }
   for (size_t k = 0; k < result.all.size(); ++k) {
     result.of_image[result.all[k].image].push_back(static_cast<int>(k));
@@ -95,19 +115,19 @@ std::vector<int> CamerasOfImages(BundleState& bundle) {
   return cameras;
 }
 
-// Half of the loss, and the weight by which it acts on squares (Triggs et al., "Bundle adjustment -
+// The loss, and the weight by which it acts on squares (Triggs et al., "Bundle adjustment -
 // a modern synthesis", 2000, without the second derivative, as Ceres where the loss flattens).
 std::pair<double, double> RobustCost(const ceres::LossFunction* loss, double squared_error) {
-  if (loss == nullptr) return {0.5 * squared_error, 1.0};
+  if (loss == nullptr) return {squared_error, 1.0};
   std::array<double, 3> rho{};
   loss->Evaluate(squared_error, rho.data());
-  return {0.5 * rho[0], rho[1]};
+  return {rho[0], rho[1]};
 }
 
 // A problem for Minimize (math/levenberg_marquardt.h). kPose: 6, or 3 where rotations stay;
 // kIntrinsics: no camera has more that are free. What is not free has zeros in the Jacobian.
 template <int kPose, int kIntrinsics>
-class LargeBundle {
+class SchurBundle {
  public:
   static constexpr int kBlock = kPose + kIntrinsics;
   using System = CameraSystem<kPose, kIntrinsics>;
@@ -119,13 +139,12 @@ class LargeBundle {
     int number = 0;  // of the linearization
   };
 
-  LargeBundle(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
+  SchurBundle(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
               const ceres::LossFunction* loss, const RunContext& run, BundleState& bundle)
-      : scope_(scope),
-        loss_(loss),
+      : loss_(loss),
         run_(run),
         bundle_(bundle),
-        observations_(CollectObservations(reconstruction)),
+        observations_(CollectObservations(scope, reconstruction)),
         system_(ImagesSeenTogether(observations_, run.num_threads), CamerasOfImages(bundle),
                 static_cast<int>(bundle.intrinsics().size()), run.num_threads),
         linear_(observations_.all.size()),
@@ -146,6 +165,11 @@ class LargeBundle {
       const auto index = static_cast<int>(&bundle.Pose(id) - bundle.poses().data());
       priors_.push_back(
           {system_.PoseAt(index) + kPose - 3, prior.position, prior.precision, &position_loss_});
+    }
+    int p = observations_.num_unsurveyed;
+    for (const SurveyedPoint& point : scope.surveyed_points) {
+      priors_.push_back(
+          {PointAt(p++), point.prior.position, point.prior.precision, &position_loss_});
     }
   }
 
@@ -184,7 +208,8 @@ class LargeBundle {
     }
     InvertPoints(damping);
     const Eigen::VectorXd right = FormSystem(model.gradient);
-    const Eigen::VectorXd cameras = system_.Solve(DampedDiagonal(damping), right);
+    Eigen::VectorXd cameras;
+    if (!system_.Solve(DampedDiagonal(damping), right, &cameras)) return false;
     step->resize(model.gradient.size());
     step->head(cameras.size()) = cameras;
     FindPoints(model.gradient, *step);
@@ -243,13 +268,13 @@ class LargeBundle {
 
   double EvaluatePriors(const State& state, Eigen::VectorXd* gradient) {
     double cost = 0;
-    if (gradient) of_priors_.setZero(system_.NumUnknowns());
+    if (gradient) of_priors_.setZero(state.size());
     for (const Prior& prior : priors_) {
       const Eigen::Index n = prior.mean.size();
       const Eigen::VectorXd error =
           prior.precision.cwiseProduct(state.segment(prior.at, n) - prior.mean);
-      const auto [half_rho, weight] = RobustCost(prior.loss, error.squaredNorm());
-      cost += half_rho;
+      const auto [of_prior, weight] = RobustCost(prior.loss, error.squaredNorm());
+      cost += of_prior;
       if (!gradient) continue;
       gradient->segment(prior.at, n) += weight * prior.precision.cwiseProduct(error);
       of_priors_.segment(prior.at, n) = weight * prior.precision.cwiseAbs2();
@@ -277,7 +302,9 @@ class LargeBundle {
     if (!reprojection.Evaluate(residual.data(), with_derivatives ? jacobians.data() : nullptr)) {
       return std::numeric_limits<double>::quiet_NaN();
     }
-    const auto [cost, squared_weight] = RobustCost(loss_, residual.squaredNorm());
+    const bool is_surveyed = k >= observations_.NumUnsurveyed();
+    const auto [cost, squared_weight] =
+        RobustCost(is_surveyed ? &position_loss_ : loss_, residual.squaredNorm());
     if (!with_derivatives) return cost;
     const double weight = std::sqrt(squared_weight);
     Linear& linear = linear_[k];
@@ -318,8 +345,9 @@ class LargeBundle {
 
   // What is added to the diagonal. Without curvature an unknown stays.
   Eigen::VectorXd DampedDiagonal(double damping) const {
-    const Eigen::ArrayXd curvature = curvature_ + of_priors_;
-    return (curvature > 0).select(damping * curvature + of_priors_.array(), 1.0);
+    const Eigen::ArrayXd of_priors = of_priors_.head(system_.NumUnknowns());
+    const Eigen::ArrayXd curvature = curvature_.array() + of_priors;
+    return (curvature > 0).select(damping * curvature + of_priors, 1.0);
   }
 
   void InvertPoints(double damping) {
@@ -329,6 +357,7 @@ class LargeBundle {
         const Eigen::Matrix<double, 2, 3> J = linear_[k].by_point.template cast<double>();
         H += J.transpose() * J;
       }
+      H.diagonal() += of_priors_.segment<3>(PointAt(p));
       for (int i = 0; i < 3; ++i) H(i, i) += H(i, i) > 0 ? damping * H(i, i) : 1.0;
       inverse_[p] = H.inverse();
     };
@@ -392,7 +421,6 @@ class LargeBundle {
     ParallelFor(run_.num_threads, observations_.NumPoints(), find, kPointsPerTask);
   }
 
-  const BundleAdjustmentScope& scope_;
   const ceres::LossFunction* loss_;
   const RunContext& run_;
   BundleState& bundle_;
@@ -415,44 +443,60 @@ class LargeBundle {
 };
 
 template <int kPose, int kIntrinsics>
-LargeBundleReport Adjust(const LevenbergMarquardtOptions& options,
-                         const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
-                         const ceres::LossFunction* loss, const RunContext& run,
-                         BundleState& bundle) {
-  LargeBundle<kPose, kIntrinsics> problem(scope, reconstruction, loss, run, bundle);
-  LargeBundleReport report;
-  report.num_observations = static_cast<int64_t>(problem.observations().all.size());
-  for (int p = 0; p < problem.observations().NumPoints(); ++p) {
-    report.num_points += problem.observations().begin[p] < problem.observations().begin[p + 1];
+BundleAdjustmentReport Adjust(const BundleAdjustmentOptions& options,
+                              const BundleAdjustmentScope& scope, const RunContext& run,
+                              Reconstruction& reconstruction, BundleState& state) {
+  const std::unique_ptr<ceres::LossFunction> loss = MakeLoss(options);
+  SchurBundle<kPose, kIntrinsics> problem(scope, reconstruction, loss.get(), run, state);
+  const BundleObservations& observations = problem.observations();
+  BundleAdjustmentReport report;
+  report.num_observations = observations.NumUnsurveyed();
+  for (int p = 0; p < observations.num_unsurveyed; ++p) {
+    report.num_points += observations.begin[p] < observations.begin[p + 1];
   }
-  Eigen::VectorXd state = problem.Start();
-  report.initial_cost = problem.Cost(state);
-  report.solution = Minimize(problem, options, &state);
-  problem.SetState(state);
+  if (report.num_observations == 0) return report;
+  const Tempo tempo = TempoOf(options, scope, report.num_observations);
+  Eigen::VectorXd x = problem.Start();
+  const double initial_cost = problem.Cost(x);
+  const LevenbergMarquardtReport solution =
+      Minimize(problem,
+               {.max_iterations = options.max_iterations,
+                .min_relative_gain = tempo.tolerance,
+                .initial_damping = tempo.initial_damping,
+                .damping_rule = DampingRule::kGainRatio},
+               &x);
+  report.num_iterations = solution.num_iterations;
+  SetRmse(initial_cost, solution.cost, report);
+  report.status = BundleAdjustmentStatus::kFailed;
+  if (!std::isfinite(solution.cost)) return report;
+  problem.SetState(x);
+  state.Store(scope, reconstruction);
+  report.status = run.monitor.StopRequested() ? BundleAdjustmentStatus::kStopped
+                  : report.num_iterations < options.max_iterations
+                      ? BundleAdjustmentStatus::kConverged
+                      : BundleAdjustmentStatus::kMaxIterations;
   return report;
 }
 
 }  // namespace
 
-bool SuitsLargeBundle(const BundleAdjustmentScope& scope) {
+bool SuitsSchurBundle(const BundleAdjustmentScope& scope) {
   const bool has_intrinsics = scope.focal_lengths || scope.distortions || scope.principal_points;
-  return scope.points && scope.positions && (scope.rotations || !has_intrinsics) &&
-         scope.surveyed_points.empty();
+  return scope.points && scope.positions && (scope.rotations || !has_intrinsics);
 }
 
-LargeBundleReport AdjustLargeBundle(const LevenbergMarquardtOptions& options,
-                                    const BundleAdjustmentScope& scope,
-                                    const Reconstruction& reconstruction,
-                                    const ceres::LossFunction* loss, const RunContext& run,
-                                    BundleState& bundle) {
-  if (!scope.rotations) return Adjust<3, 1>(options, scope, reconstruction, loss, run, bundle);
+BundleAdjustmentReport AdjustBySchurBundle(const BundleAdjustmentOptions& options,
+                                           const BundleAdjustmentScope& scope,
+                                           const RunContext& run, Reconstruction& reconstruction) {
+  BundleState state(scope, reconstruction);
+  if (!scope.rotations) return Adjust<3, 1>(options, scope, run, reconstruction, state);
   int num_free = 0;
-  for (const IntrinsicsState& intrinsics : bundle.intrinsics()) {
+  for (const IntrinsicsState& intrinsics : state.intrinsics()) {
     num_free = std::max(num_free, intrinsics.num_free);
   }
   return num_free <= 4
-             ? Adjust<6, 4>(options, scope, reconstruction, loss, run, bundle)
-             : Adjust<6, kMaxCameraParams>(options, scope, reconstruction, loss, run, bundle);
+             ? Adjust<6, 4>(options, scope, run, reconstruction, state)
+             : Adjust<6, kMaxCameraParams>(options, scope, run, reconstruction, state);
 }
 
 }  // namespace cairn
