@@ -54,12 +54,10 @@ BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
   ValidateOptions(options, "bundle_adjustment");
   const Timer timer;
   const auto num_images = static_cast<int64_t>(reconstruction.images.size());
-  const bool is_ours =
-      SuitsSchurBundle(scope) &&
-      TakesSchurBundle(options, num_images, MeanCovisibility(reconstruction));
-  BundleAdjustmentReport report = is_ours
-                                      ? AdjustBySchurBundle(options, scope, run, reconstruction)
-                                      : AdjustByCeres(options, scope, run, reconstruction);
+  const bool is_ours = SuitsSchurBundle(scope) &&
+                       TakesSchurBundle(options, num_images, MeanCovisibility(reconstruction));
+  BundleAdjustmentReport report = is_ours ? AdjustBySchurBundle(options, scope, run, reconstruction)
+                                          : AdjustByCeres(options, scope, run, reconstruction);
   report.num_images = num_images;
   report.seconds = timer.Seconds();
   return report;

@@ -75,7 +75,7 @@ class CameraSystem {
   std::vector<int64_t> row_begin_;
   std::vector<int> column_;
   std::vector<Block> blocks_;
-  std::vector<int> part_begin_;  // images; rows that are multiplied as one task
+  std::vector<int> part_begin_;            // images; rows that are multiplied as one task
   std::unique_ptr<BlockCholesky> factor_;  // null: conjugate gradients
 };
 

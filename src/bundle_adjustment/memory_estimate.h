@@ -16,9 +16,9 @@ struct BundleSize {
 };
 
 // Predicted peak memory, bytes, of a reconstruction of this size (points, tracks, keypoints of the
-// images) while it is adjusted with everything free, by SchurBundle, or with cost functions, Jacobian
-// and solver of Ceres. From the sizes of what is allocated; within a fifth of what was measured.
-// Sparse and dense Schur complements are taken as full, so they are an upper bound.
+// images) while it is adjusted with everything free, by SchurBundle, or with cost functions,
+// Jacobian and solver of Ceres. From the sizes of what is allocated; within a fifth of what was
+// measured. Sparse and dense Schur complements are taken as full, so they are an upper bound.
 int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const BundleSize& size);
 
 // The most observations that can be adjusted with so many free intrinsics of a camera: Ceres counts

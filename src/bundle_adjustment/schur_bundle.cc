@@ -458,13 +458,12 @@ BundleAdjustmentReport Adjust(const BundleAdjustmentOptions& options,
   const Tempo tempo = TempoOf(options, scope, report.num_observations);
   Eigen::VectorXd x = problem.Start();
   const double initial_cost = problem.Cost(x);
-  const LevenbergMarquardtReport solution =
-      Minimize(problem,
-               {.max_iterations = options.max_iterations,
-                .min_relative_gain = tempo.tolerance,
-                .initial_damping = tempo.initial_damping,
-                .damping_rule = DampingRule::kGainRatio},
-               &x);
+  const LevenbergMarquardtReport solution = Minimize(problem,
+                                                     {.max_iterations = options.max_iterations,
+                                                      .min_relative_gain = tempo.tolerance,
+                                                      .initial_damping = tempo.initial_damping,
+                                                      .damping_rule = DampingRule::kGainRatio},
+                                                     &x);
   report.num_iterations = solution.num_iterations;
   SetRmse(initial_cost, solution.cost, report);
   report.status = BundleAdjustmentStatus::kFailed;
@@ -494,9 +493,8 @@ BundleAdjustmentReport AdjustBySchurBundle(const BundleAdjustmentOptions& option
   for (const IntrinsicsState& intrinsics : state.intrinsics()) {
     num_free = std::max(num_free, intrinsics.num_free);
   }
-  return num_free <= 4
-             ? Adjust<6, 4>(options, scope, run, reconstruction, state)
-             : Adjust<6, kMaxCameraParams>(options, scope, run, reconstruction, state);
+  return num_free <= 4 ? Adjust<6, 4>(options, scope, run, reconstruction, state)
+                       : Adjust<6, kMaxCameraParams>(options, scope, run, reconstruction, state);
 }
 
 }  // namespace cairn

@@ -124,7 +124,6 @@ void FilterRound(StageContext& context, const Round& round, Reconstruction& mode
   const FilterReport report = FilterPoints(model, OptionsOf(context, round), context.run);
   stage.Add("observations_removed", report.num_observations_removed);
   stage.Add("points_removed", report.num_points_removed);
-  stage.Add("undecided", report.num_undecided);
   stage.Add("images_removed", RemoveWeakImages(context, stage, model));
   stage.Add("points_out", model.points3D.size());
   stage.Add("observations_out", model.NumObservations());

@@ -25,6 +25,7 @@ class BlockCholesky {
  public:
   explicit BlockCholesky(BlockPattern pattern);
 
+  double FactorFlops() const { return factor_->FactorFlops(); }
   void SetZero() { std::fill(values_.begin(), values_.end(), 0.0); }
   // Adds to the block of two nodes, row >= column; of a node with itself the lower triangle.
   template <class Block>

@@ -111,24 +111,18 @@ void PositionSystem::BuildPattern() {
   }
 }
 
-// A row of upper blocks is a column of lower ones: scalar column 3 i + a holds the scalar rows of
-// all blocks of row i, from 3 i + a on.
 void PositionSystem::BuildCholesky(double max_flops) {
-  SymmetricPattern pattern;
+  BlockPattern pattern;
   for (int i = 0; i < problem_.NumCameras(); ++i) {
-    for (int a = 0; a < 3; ++a) {
-      for (int k = row_begin_[i]; k < row_begin_[i + 1]; ++k) {
-        for (int b = column_[k] == i ? a : 0; b < 3; ++b) pattern.row.push_back(3 * column_[k] + b);
-      }
-      pattern.begin.push_back(static_cast<int64_t>(pattern.row.size()));
-    }
+    pattern.sizes.push_back(3);
+    pattern.columns.emplace_back(column_.begin() + row_begin_[i],
+                                 column_.begin() + row_begin_[i + 1]);
   }
-  cholesky_ = std::make_unique<SparseCholesky>(pattern);
+  cholesky_ = std::make_unique<BlockCholesky>(std::move(pattern));
   if (cholesky_->FactorFlops() > max_flops) {
     cholesky_.reset();
     return;
   }
-  cholesky_values_.resize(pattern.row.size());
   blocks_.resize(column_.size());
 }
 
@@ -245,17 +239,14 @@ bool PositionSystem::SolveByCholesky(const FitModels& models, Eigen::Matrix3Xd& 
   ParallelForWorker(num_threads_, problem_.NumCameras(), [&](int worker, int64_t i) {
     AssembleRow(static_cast<int>(i), models, scratch[worker]);
   });
-  size_t next = 0;
+  cholesky_->SetZero();
   for (int i = 0; i < problem_.NumCameras(); ++i) {
-    for (int a = 0; a < 3; ++a) {
-      for (int k = row_begin_[i]; k < row_begin_[i + 1]; ++k) {
-        for (int b = column_[k] == i ? a : 0; b < 3; ++b)
-          cholesky_values_[next++] = blocks_[k](a, b);
-      }
+    for (int k = row_begin_[i]; k < row_begin_[i + 1]; ++k) {
+      cholesky_->Add(column_[k], i, blocks_[k].transpose());
     }
   }
-  if (!cholesky_->Factorize(cholesky_values_)) return false;
-  const Eigen::MatrixXd solution =
+  if (!cholesky_->Factorize()) return false;
+  const Eigen::VectorXd solution =
       cholesky_->Solve(Eigen::Map<const Eigen::VectorXd>(rhs_.data(), rhs_.size()));
   step = Eigen::Map<const Eigen::Matrix3Xd>(solution.data(), 3, rhs_.cols());
   return true;

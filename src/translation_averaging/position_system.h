@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "sparse/sparse_cholesky.h"
+#include "sparse/block_cholesky.h"
 #include "translation_averaging/direction_problem.h"
 
 namespace cairn {
@@ -106,8 +106,7 @@ class PositionSystem {
   Eigen::Matrix3Xd rhs_;
   std::vector<Eigen::Matrix3d> point_inverse_;
   Eigen::Matrix3Xd point_rhs_;
-  std::unique_ptr<SparseCholesky> cholesky_;
-  std::vector<double> cholesky_values_;
+  std::unique_ptr<BlockCholesky> cholesky_;  // null: conjugate gradients
 };
 
 }  // namespace cairn

@@ -129,15 +129,11 @@ TrackOutcome TriangulateTrack(const Track& track, const TriangulationOptions& op
 struct Verdict {
   bool keep = false;
   Track bad;  // observations to remove from a point that is kept
-  int num_undecided = 0;
 };
 
 Verdict Judge(const Point3D& point, const Reconstruction& reconstruction,
               const std::map<image_t, Eigen::Vector3d>& centers,
               const TriangulationOptions& options) {
-  const auto is_undecided = [](double value, double limit) {
-    return std::abs(value - limit) <= 1e-6 * limit;
-  };
   Verdict verdict;
   std::vector<Eigen::Vector3d> good_centers;
   for (const TrackElement& element : point.track) {
@@ -150,7 +146,6 @@ Verdict Judge(const Point3D& point, const Reconstruction& reconstruction,
             ? options.max_error_px
             : std::min(options.max_error_px,
                        options.max_error_sigmas * image.sigmas_px[element.point2D]);
-    verdict.num_undecided += is_undecided(error_px, max_error_px);
     if (error_px <= max_error_px) {
       good_centers.push_back(centers.at(element.image_id));
     } else {
@@ -158,9 +153,7 @@ Verdict Judge(const Point3D& point, const Reconstruction& reconstruction,
     }
   }
   if (static_cast<int>(good_centers.size()) < options.min_views) return verdict;
-  const double angle_deg = MaxTriangulationAngleDeg(point.xyz, good_centers);
-  verdict.num_undecided += is_undecided(angle_deg, options.min_angle_deg);
-  verdict.keep = angle_deg >= options.min_angle_deg;
+  verdict.keep = MaxTriangulationAngleDeg(point.xyz, good_centers) >= options.min_angle_deg;
   return verdict;
 }
 
@@ -231,7 +224,6 @@ FilterReport FilterPoints(Reconstruction& reconstruction, const TriangulationOpt
   FilterReport report;
   for (size_t i = 0; i < ids.size(); ++i) {
     report.num_observations_removed += static_cast<int64_t>(verdicts[i].bad.size());
-    report.num_undecided += verdicts[i].num_undecided;
     if (!verdicts[i].keep) {
       reconstruction.RemovePoint3D(ids[i]);
       ++report.num_points_removed;

@@ -107,18 +107,17 @@ struct BundleAdjustmentReport {
 };
 
 // Minimizes the robust reprojection error, weighed by the observations' precision, over `scope`:
-// Levenberg-Marquardt, analytic Jacobians, points eliminated first (Schur complement; Triggs et al., "Bundle
-// adjustment - a modern synthesis", 2000). The seven degrees of freedom of
-// the world frame are free (but for what positions tell), since fixing some of them slows
-// convergence; the damping keeps them bounded. Observations that are behind their camera at the
-// start are left out. A prior's distortion coefficients have the standard deviation with which each
-// alone would move a corner of the image as far as lenses differ: from the pinhole's projection to
-// the equidistant one (a fisheye's), and by 3 % of the radius at any field of view. The
-// reconstruction is changed in place: it may be large. The result does not depend on
-// run.num_threads, but for Ceres' (BundleSolver; also where there are no points or nothing but
-// points to adjust, or thousands of images see the same points): with several threads, the order of
-// its sums, and so the last digits, differ from run to run. Throws ConfigError for options out of
-// range.
+// Levenberg-Marquardt, analytic Jacobians, points eliminated first (Schur complement; Triggs et
+// al., "Bundle adjustment - a modern synthesis", 2000). The seven degrees of freedom of the world
+// frame are free (but for what positions tell), since fixing some of them slows convergence; the
+// damping keeps them bounded. Observations that are behind their camera at the start are left out.
+// A prior's distortion coefficients have the standard deviation with which each alone would move a
+// corner of the image as far as lenses differ: from the pinhole's projection to the equidistant one
+// (a fisheye's), and by 3 % of the radius at any field of view. The reconstruction is changed in
+// place: it may be large. The result does not depend on run.num_threads, but for Ceres'
+// (BundleSolver; also where there are no points or nothing but points to adjust, or thousands of
+// images see the same points): with several threads, the order of its sums, and so the last digits,
+// differ from run to run. Throws ConfigError for options out of range.
 BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentScope& scope = {},
                                     const BundleAdjustmentOptions& options = {},

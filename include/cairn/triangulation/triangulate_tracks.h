@@ -30,9 +30,6 @@ TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
 struct FilterReport {
   int64_t num_observations_removed = 0;  // error too large, or behind the camera
   int64_t num_points_removed = 0;        // too few observations left, or too small an angle
-  // Errors and angles within a millionth of what is allowed: poses that differ by rounding, as
-  // after an adjustment with several threads, may decide them otherwise.
-  int64_t num_undecided = 0;
 };
 
 // Removes what does not fit the present poses: observations with larger errors than the options

@@ -37,7 +37,8 @@ struct Filled {
 // Blocks J1' J2 of random J, as normal equations have them.
 Filled Fill(const std::vector<std::vector<int>>& columns, int num_cameras, Rng& rng) {
   std::vector<int> camera_of;
-  for (size_t i = 0; i < columns.size(); ++i) camera_of.push_back(static_cast<int>(i) % num_cameras);
+  for (size_t i = 0; i < columns.size(); ++i)
+    camera_of.push_back(static_cast<int>(i) % num_cameras);
   Filled filled{System(columns, camera_of, num_cameras, 1), {}};
   System& system = filled.system;
   const int n = system.NumUnknowns();

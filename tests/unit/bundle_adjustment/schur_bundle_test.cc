@@ -25,22 +25,22 @@ BundleAdjustmentOptions With(BundleSolver solver) {
 
 // Largest differences of the poses, of the intrinsics (relative) and of the points.
 double LargestDifference(const Reconstruction& a, const Reconstruction& b) {
-  double oursst = 0;
+  double largest = 0;
   for (const auto& [id, image] : a.images) {
     const Rigid3d& other = b.images.at(id).cam_from_world;
-    oursst = std::max({oursst, (image.cam_from_world.translation - other.translation).norm(),
+    largest = std::max({largest, (image.cam_from_world.translation - other.translation).norm(),
                         image.cam_from_world.rotation.angularDistance(other.rotation)});
   }
   for (const auto& [id, camera] : a.cameras) {
     for (size_t k = 0; k < camera.params.size(); ++k) {
       const double value = b.cameras.at(id).params[k];
-      oursst = std::max(oursst, std::abs(camera.params[k] - value) / (1 + std::abs(value)));
+      largest = std::max(largest, std::abs(camera.params[k] - value) / (1 + std::abs(value)));
     }
   }
   for (const auto& [id, point] : a.points3D) {
-    oursst = std::max(oursst, (point.xyz - b.points3D.at(id).xyz).norm());
+    largest = std::max(largest, (point.xyz - b.points3D.at(id).xyz).norm());
   }
-  return oursst;
+  return largest;
 }
 
 struct ScopeCase {
@@ -66,7 +66,8 @@ std::vector<ScopeCase> ScopeCases() {
              scope.focal_lengths = true;
              scope.fixed_cameras = {model.cameras.begin()->first};
            }},
-          {"positions that are known, one wrong", [](const auto& model, auto& scope) {
+          {"positions that are known, one wrong",
+           [](const auto& model, auto& scope) {
              for (const auto& [id, image] : model.images) {
                scope.image_positions[id] = {image.cam_from_world.Center(), {10, 10, 10}};
              }

@@ -45,7 +45,7 @@ TEST(FitTracksToMemory, TakesAllThatFit) {
   const StageReport& stage = fixture.report.stages.back();
   EXPECT_EQ(stage.name, "memory");
   EXPECT_GT(Value(stage, "limit_gib"), 0.2);
-  EXPECT_GT(Value(stage, "estimated_peak_gib"), Value(stage, "resident_gib") + 0.1);
+  EXPECT_GT(Value(stage, "estimated_peak_gib"), Value(stage, "resident_gib") + 0.05);
   EXPECT_THAT(stage.messages[0], HasSubstr("10 images and 60000 tracks: predicted peak memory "));
 }
 

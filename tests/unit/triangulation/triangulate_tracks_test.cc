@@ -86,17 +86,6 @@ TEST(TriangulateTracks, AllowsErrorsInStandardDeviationsWhereTheyAreKnown) {
   EXPECT_FALSE(is_observed(filtered));
 }
 
-TEST(FilterPoints, CountsWhatRoundingMayDecide) {
-  const MadeReconstruction scene = MakeSyntheticScene({});
-  Reconstruction model = scene.truth;
-  TriangulationOptions options;
-  EXPECT_EQ(FilterPoints(model, options, {.num_threads = 1}).num_undecided, 0);
-  const auto& [id, point] = *model.points3D.begin();
-  const TrackElement moved = point.track.front();
-  model.images.at(moved.image_id).points2D[moved.point2D].x() += options.max_error_px;
-  EXPECT_EQ(FilterPoints(model, options, {.num_threads = 1}).num_undecided, 1);
-}
-
 TEST(TriangulateTracks, DoesNotDependOnTheNumberOfThreads) {
   SyntheticOptions synthetic;
   synthetic.noise_px = 1;
