@@ -107,15 +107,24 @@ constexpr double kSameModel = 1e-4;
 // (RefitEdges), but seldom more than the rest of this share.
 constexpr double kAgreeingShare = 0.9;
 
+// Independent matches of pairs that a hypothesis must agree with to be worth a model. Where a model
+// takes long, more than the best model's hypothesis agreed with.
+double NumWorthAModel(const BuiltModel& best, int64_t num_of_best_hypothesis) {
+  return IsQuick(*best.model)
+             ? kAgreeingShare * static_cast<double>(best.evidence.num_independent)
+             : static_cast<double>(num_of_best_hypothesis + 1);
+}
+
 // The model with the most evidence of those that the hypotheses lead to.
 BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
                      const ViewGraph& graph, std::span<const RotationHypothesis> hypotheses) {
   BuiltModel best{std::nullopt, graph, {}, {}};
   std::string first_failure = std::exchange(context.report.failure, "");
+  int64_t num_of_best = 0;
   for (const RotationHypothesis& hypothesis : hypotheses) {
     if (context.run.monitor.StopRequested()) break;
-    if (best.model && static_cast<double>(NumExplainable(context, graph, hypothesis)) <
-                          kAgreeingShare * static_cast<double>(best.evidence.num_independent)) {
+    const int64_t num_explainable = NumExplainable(context, graph, hypothesis);
+    if (best.model && static_cast<double>(num_explainable) < NumWorthAModel(best, num_of_best)) {
       continue;
     }
     BuiltModel built = BuildFrom(context, component, graph, hypothesis);
@@ -125,7 +134,10 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
     // Different rotations that lead to one model confirm it.
     const bool is_same = best.model && std::abs(built.evidence.nats - best.evidence.nats) <
                                            kSameModel * std::abs(best.evidence.nats);
-    if (!best.model || built.evidence.nats > best.evidence.nats) best = std::move(built);
+    if (!best.model || built.evidence.nats > best.evidence.nats) {
+      best = std::move(built);
+      num_of_best = num_explainable;
+    }
     if (is_same) break;
   }
   if (!best.model) context.report.failure = first_failure;

@@ -9,9 +9,6 @@ namespace {
 // Nats by which one of two models of the same images is the better one beyond doubt.
 constexpr double kDecisiveNats = 10;
 
-// A model with so many observations is adjusted in some seconds, whatever may come of it.
-constexpr int64_t kQuickObservations = 500'000;
-
 // Do images that were registered anew explain more matches than before, though others may be
 // missing still?
 bool ExplainMore(const std::set<image_t>& anew, const BuiltModel& after, const BuiltModel& before) {
@@ -34,7 +31,7 @@ std::optional<BuiltModel> RefineAnew(StageContext& context, const std::set<image
                                      const BuiltModel& before, BuiltModel after) {
   Reconstruction& model = *after.model;
   after.evidence = EvidenceFor(context, model, after.graph);
-  if (before.model->NumObservations() > kQuickObservations && !ExplainMore(anew, after, before)) {
+  if (!IsQuick(*before.model) && !ExplainMore(anew, after, before)) {
     return std::nullopt;
   }
   ReviseEdges(after.evidence, model, after.graph);

@@ -206,6 +206,10 @@ struct RotationHypothesis {
   double possible_support = 0;  // of all pairs between its images
   int64_t num_agreeing = 0;     // of these, of pairs within the largest rotation error
 };
+// A model of so few observations that it is built and adjusted in some seconds, whatever may come
+// of it.
+inline bool IsQuick(const Reconstruction& model) { return model.NumObservations() <= 500'000; }
+
 // Independent matches of the pairs that a model with these rotations can keep.
 int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
                        const RotationHypothesis& hypothesis);
