@@ -100,9 +100,6 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   return built;
 }
 
-// Models whose evidence differs by less, relatively, are one: rounding and the order of rounds.
-constexpr double kSameModel = 1e-4;
-
 // Pairs that disagree with a hypothesis bring its model matches, too, once they have another pose
 // (RefitEdges), but seldom more than the rest of this share.
 constexpr double kAgreeingShare = 0.9;
@@ -131,14 +128,10 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
     const std::string failure = std::exchange(context.report.failure, "");
     if (first_failure.empty()) first_failure = failure;
     if (!built.model) continue;
-    // Different rotations that lead to one model confirm it.
-    const bool is_same = best.model && std::abs(built.evidence.nats - best.evidence.nats) <
-                                           kSameModel * std::abs(best.evidence.nats);
     if (!best.model || built.evidence.nats > best.evidence.nats) {
       best = std::move(built);
       num_of_best = num_explainable;
     }
-    if (is_same) break;
   }
   if (!best.model) context.report.failure = first_failure;
   return best;
