@@ -107,9 +107,8 @@ constexpr double kAgreeingShare = 0.9;
 // Independent matches of pairs that a hypothesis must agree with to be worth a model. Where a model
 // takes long, more than the best model's hypothesis agreed with.
 double NumWorthAModel(const BuiltModel& best, int64_t num_of_best_hypothesis) {
-  return IsQuick(*best.model)
-             ? kAgreeingShare * static_cast<double>(best.evidence.num_independent)
-             : static_cast<double>(num_of_best_hypothesis + 1);
+  return IsQuick(*best.model) ? kAgreeingShare * static_cast<double>(best.evidence.num_independent)
+                              : static_cast<double>(num_of_best_hypothesis + 1);
 }
 
 // The model with the most evidence of those that the hypotheses lead to.

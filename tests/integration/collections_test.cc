@@ -1,5 +1,5 @@
 // Photographs to models through the two programs, on every collection of ../shared/data, against
-// the poses that come with it. One thread each: the same bytes every time, and ctest runs several.
+// the poses that come with it. One thread each, since ctest runs several.
 #include <gtest/gtest.h>
 
 #include <algorithm>
