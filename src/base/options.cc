@@ -116,6 +116,8 @@ std::string RetiredValue(std::string_view name) {
       {"translation_averaging.method", "chordal"},
       {"view_graph.filter_weak_bridges", "*"},  // of hardly any
       {"view_graph.min_bridge_inliers", "*"},
+      {"bundle_adjustment.max_dense_images", "*"},  // on cairn's own solver
+      {"bundle_adjustment.max_sparse_images", "*"},
   };
   for (const auto& [retired, value] : kRetired) {
     if (retired == name) return std::string(value);

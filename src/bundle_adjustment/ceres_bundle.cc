@@ -11,12 +11,13 @@
 #include "bundle_adjustment/bundle_terms.h"
 #include "bundle_adjustment/intrinsics_prior.h"
 #include "bundle_adjustment/reprojection_cost.h"
+#include "bundle_adjustment/schur_bundle.h"
 #include "cairn/base/parallel.h"
 
 namespace cairn {
 namespace {
 
-// kAuto: what SchurBundle does not take is too large, or too full, to be factorized.
+// kAuto: a scope that does not suit SchurBundle, or a system too large and too full to be formed.
 ceres::LinearSolverType LinearSolver(const BundleAdjustmentOptions& options,
                                      const BundleAdjustmentScope& scope) {
   // Without points, or with nothing but points, there is nothing to eliminate.
@@ -24,8 +25,9 @@ ceres::LinearSolverType LinearSolver(const BundleAdjustmentOptions& options,
       scope.rotations || scope.positions || scope.focal_lengths || scope.distortions;
   if (!scope.points || !has_others) return ceres::SPARSE_NORMAL_CHOLESKY;
   if (options.solver == BundleSolver::kDenseSchur) return ceres::DENSE_SCHUR;
-  if (options.solver == BundleSolver::kSparseSchur) return ceres::SPARSE_SCHUR;
-  return ceres::ITERATIVE_SCHUR;
+  const bool is_small = options.solver == BundleSolver::kAuto && !SuitsSchurBundle(scope);
+  return is_small || options.solver == BundleSolver::kSparseSchur ? ceres::SPARSE_SCHUR
+                                                                  : ceres::ITERATIVE_SCHUR;
 }
 
 class StopCallback : public ceres::IterationCallback {
