@@ -129,7 +129,8 @@ class IndependentMatches {
       total += num;
     }
     CAIRN_CHECK_LE(total, static_cast<size_t>(std::numeric_limits<int>::max()));
-    tracks_.emplace(static_cast<int>(total));
+    num_nodes_ = static_cast<int>(total);
+    tracks_.emplace(num_nodes_);
   }
 
   void Add(const VerifiedPair& pair, const FeatureMatches& matches) {
@@ -144,31 +145,31 @@ class IndependentMatches {
 
   int64_t Num() const { return num_; }
 
-  // Those of a track that a model has points of: of n keypoints that show one, n - 1.
+  // Those that a model's points agree with: of a track that has points, n - 1 for n keypoints of
+  // one.
   int64_t NumOfPoints(const Reconstruction& model) {
-    std::vector<std::pair<int, point3D_t>> keypoints;  // track and point, which may be none
-    for (const auto& [id, image] : model.images) {
-      for (size_t k = 0; k < image.point3D_ids.size(); ++k) {
-        const int node = first_node_.at(id) + static_cast<int>(k);
-        if (tracks_->SizeOf(node) < 2) continue;
-        keypoints.emplace_back(tracks_->Find(node), image.point3D_ids[k]);
+    int64_t num = num_;
+    std::vector<char> has_points(num_nodes_, 0);  // the track of a node that represents it
+    std::vector<int> of_point;                    // tracks of its keypoints
+    for (const auto& [id, point] : model.points3D) {
+      of_point.clear();
+      for (const TrackElement& element : point.track) {
+        of_point.push_back(
+            tracks_->Find(first_node_.at(element.image_id) + static_cast<int>(element.point2D)));
       }
-    }
-    std::sort(keypoints.begin(), keypoints.end());  // none is the last
-    int64_t num = 0;
-    bool has_points = false;  // the track
-    for (size_t i = 1; i < keypoints.size(); ++i) {
-      const auto& [track, point] = keypoints[i];
-      const bool is_same_track = track == keypoints[i - 1].first;
-      has_points = is_same_track && (has_points || keypoints[i - 1].second != kInvalidPoint3DId);
-      if (has_points && point == kInvalidPoint3DId) continue;
-      num += keypoints[i] == keypoints[i - 1];
+      std::sort(of_point.begin(), of_point.end());
+      for (size_t i = 0; i < of_point.size(); ++i) {
+        const int track = of_point[i];
+        if (i > 0 && track == of_point[i - 1]) ++num;
+        if (!std::exchange(has_points[track], 1)) num -= tracks_->SizeOf(track) - 1;
+      }
     }
     return num;
   }
 
  private:
   std::map<image_t, int> first_node_;
+  int num_nodes_ = 0;
   std::optional<UnionFind> tracks_;
   int64_t num_ = 0;
 };

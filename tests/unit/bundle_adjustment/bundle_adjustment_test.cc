@@ -256,10 +256,15 @@ TEST(AdjustBundle, RefusesMeaninglessOptions) {
 }
 
 TEST(AdjustBundle, StopsWhenAsked) {
-  TestMonitor stopper(0);
-  Reconstruction model = Perturbed(MakeSyntheticScene({}).truth, {});
-  EXPECT_EQ(AdjustBundle(model, {}, Precise(), {.num_threads = 1, .monitor = stopper}).status,
-            BundleAdjustmentStatus::kStopped);
+  for (const auto& [solver, name] : kBundleSolvers) {
+    TestMonitor stopper(0);
+    BundleAdjustmentOptions options = Precise();
+    options.solver = solver;
+    Reconstruction model = Perturbed(MakeSyntheticScene({}).truth, {});
+    EXPECT_EQ(AdjustBundle(model, {}, options, {.num_threads = 1, .monitor = stopper}).status,
+              BundleAdjustmentStatus::kStopped)
+        << name;
+  }
 }
 
 }  // namespace

@@ -76,19 +76,29 @@ Filled Fill(const std::vector<std::vector<int>>& columns, int num_cameras, Rng& 
   return filled;
 }
 
+struct Solved {
+  Eigen::VectorXd right, x;
+};
+
+// For a random right side; the dense matrix gets the diagonal, too.
+Solved Solve(Filled& filled, Rng& rng) {
+  const Eigen::Index n = filled.dense.rows();
+  const Eigen::VectorXd diagonal = Eigen::VectorXd::Constant(n, 0.1);
+  Solved solved{Eigen::VectorXd::NullaryExpr(n, [&] { return rng.Gaussian(); }), {}};
+  EXPECT_TRUE(filled.system.Solve(diagonal, solved.right, &solved.x));
+  filled.dense.diagonal() += diagonal;
+  return solved;
+}
+
 TEST(CameraSystem, IsFactorizedWhereThatIsCheap) {
   Rng rng(1);
   for (const int num_cameras : {1, 3, 40}) {
     Filled filled = Fill(Columns(40, 5, true, rng), num_cameras, rng);
     ASSERT_TRUE(filled.system.IsFactorized());
-    const Eigen::Index n = filled.dense.rows();
-    const Eigen::VectorXd diagonal = Eigen::VectorXd::Constant(n, 0.1);
-    const Eigen::VectorXd right = Eigen::VectorXd::NullaryExpr(n, [&] { return rng.Gaussian(); });
-    Eigen::VectorXd x;
-    ASSERT_TRUE(filled.system.Solve(diagonal, right, &x));
-    filled.dense.diagonal() += diagonal;
+    auto [right, x] = Solve(filled, rng);
     EXPECT_LT((filled.dense * x - right).norm(), 1e-9 * right.norm());
-    EXPECT_FALSE(filled.system.Solve(Eigen::VectorXd::Constant(n, -1e3), right, &x));
+    const Eigen::VectorXd negative = Eigen::VectorXd::Constant(right.size(), -1e3);
+    EXPECT_FALSE(filled.system.Solve(negative, right, &x));
   }
 }
 
@@ -96,12 +106,7 @@ TEST(CameraSystem, ConjugateGradientsFindMostOfWhatThereIsToGain) {
   Rng rng(2);
   Filled filled = Fill(Columns(300, 4, false, rng), 1, rng);
   ASSERT_FALSE(filled.system.IsFactorized());
-  const Eigen::Index n = filled.dense.rows();
-  const Eigen::VectorXd diagonal = Eigen::VectorXd::Constant(n, 0.1);
-  const Eigen::VectorXd right = Eigen::VectorXd::NullaryExpr(n, [&] { return rng.Gaussian(); });
-  Eigen::VectorXd x;
-  ASSERT_TRUE(filled.system.Solve(diagonal, right, &x));
-  filled.dense.diagonal() += diagonal;
+  const auto [right, x] = Solve(filled, rng);
   const double most = 0.5 * right.dot(filled.dense.ldlt().solve(right));
   const double found = right.dot(x) - 0.5 * x.dot(filled.dense * x);
   EXPECT_GT(found, 0.9 * most);

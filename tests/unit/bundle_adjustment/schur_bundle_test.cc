@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "support/synthetic_reconstruction.h"
-#include "support/test_monitor.h"
 #include "unit/bundle_adjustment/perturbed.h"
 
 // cairn's own bundle adjustment, which kAuto stands for.
@@ -133,13 +132,6 @@ TEST(SchurBundle, IsEqualForAnyNumberOfThreads) {
     AdjustBundle(model, scope, options, {.num_threads = num_threads});
     EXPECT_EQ(LargestDifference(one, model), 0);
   }
-}
-
-TEST(SchurBundle, StopsWhenAsked) {
-  TestMonitor stopper(0);
-  Reconstruction model = Perturbed(MakeSyntheticScene({}).truth, {});
-  EXPECT_EQ(AdjustBundle(model, {}, Precise(), {.num_threads = 1, .monitor = stopper}).status,
-            BundleAdjustmentStatus::kStopped);
 }
 
 }  // namespace
