@@ -38,6 +38,10 @@ constexpr int64_t kCeresBytesPerPoint =
 // once more while they are found.
 constexpr int64_t kSchurBytesPerPoint = (3 + 9 + 7 * 3) * sizeof(double);
 constexpr int64_t kSchurBytesPerImagePair = 10 * 10 * sizeof(double) + 3 * sizeof(int32_t);
+// Where the system is factorized: rows and values of the entries, here and in CHOLMOD, and the
+// factor. A full system of more images is left to conjugate gradients; others have few pairs.
+constexpr int64_t kFactorBytesPerImagePair = kPoseSize * kPoseSize * 5 * sizeof(double);
+constexpr int64_t kMaxFactorizedImages = 555;
 
 constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t) + sizeof(float);
 
@@ -48,11 +52,14 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
   const int64_t reconstruction = size.num_keypoints * kBytesPerKeypoint +
                                  size.num_images * static_cast<int64_t>(sizeof(PoseState));
   if (TakesSchurBundle(options, size.num_images, size.covisibility)) {
+    const int64_t per_pair =
+        kSchurBytesPerImagePair +
+        (size.num_images <= kMaxFactorizedImages ? kFactorBytesPerImagePair : 0);
     return reconstruction +
            size.num_observations *
                (static_cast<int64_t>(sizeof(TrackElement)) + kSchurBundleObservationBytes) +
            size.num_points * (kBytesOfPoint + kSchurBytesPerPoint) +
-           size.num_image_pairs * kSchurBytesPerImagePair;
+           size.num_image_pairs * per_pair;
   }
   // The diagonal blocks, or the complement and its factor.
   const bool is_iterative =
