@@ -29,6 +29,11 @@ double WidthPx(const Camera& camera) {
   return static_cast<double>(camera.width) * camera.height / camera.DiagonalPx();
 }
 
+// What a match saves that lies on its epipolar line (ModelEvidence).
+double MaxNats(double width_px, double sigma_px) {
+  return std::log(width_px / (sigma_px * std::sqrt(2 * std::numbers::pi)));
+}
+
 struct PairEvidence {
   FeatureMatches explained;
   double nats = 0;
@@ -40,8 +45,8 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
   // Two-view verification's threshold is taken as the standard deviation: what remains of it in a
   // finished model is less, and errors of the model itself must not count as contradictions.
   const double sigma_px = DefaultMaxErrorPx(*view1.camera, *view2.camera);
-  const double gain = std::log(0.5 * (WidthPx(*view1.camera) + WidthPx(*view2.camera)) /
-                               (sigma_px * std::sqrt(2 * std::numbers::pi)));
+  const double max_nats =
+      MaxNats(0.5 * (WidthPx(*view1.camera) + WidthPx(*view2.camera)), sigma_px);
   PairEvidence evidence;
   if (!(cam2_from_cam1.translation.norm() > 0)) return evidence;
   const Eigen::Matrix3d E = EssentialFromPose(cam2_from_cam1);
@@ -55,7 +60,7 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
         focal_px * focal_px *
         (is_planar ? SquaredSampsonError(E, x1->hnormalized(), x2->hnormalized())
                    : SquaredRaySampsonError(E, *x1, *x2));
-    const double nats = gain - 0.5 * squared_error / (sigma_px * sigma_px);
+    const double nats = max_nats - 0.5 * squared_error / (sigma_px * sigma_px);
     if (!(nats > 0)) continue;
     if (!test.IsInFront(*x1, *x2)) continue;
     evidence.nats += nats;
@@ -97,9 +102,8 @@ constexpr int64_t kPairsAtATime = 4096;
 
 // Visits the pairs in their order. Those with an image that the model lacks have nothing.
 template <typename Visit>
-void EvaluatePairs(const Reconstruction& model, std::span<const VerifiedPair> pairs,
+void EvaluatePairs(const std::map<image_t, View>& views, std::span<const VerifiedPair> pairs,
                    int num_threads, const Visit& visit) {
-  const std::map<image_t, View> views = MakeViews(model, pairs, num_threads);
   const auto num_pairs = static_cast<int64_t>(pairs.size());
   std::vector<PairEvidence> of_pair;
   for (int64_t begin = 0; begin < num_pairs; begin += kPairsAtATime) {
@@ -116,6 +120,14 @@ void EvaluatePairs(const Reconstruction& model, std::span<const VerifiedPair> pa
         16);
     for (size_t i = 0; i < of_pair.size(); ++i) visit(pairs[begin + i], std::move(of_pair[i]));
   }
+}
+
+// Is a point as near to a keypoint, and in front, as an explained match to its epipolar line?
+bool IsNear(const View& view, const Eigen::Vector3d& ray, const Eigen::Vector3d& xyz) {
+  const double sigma_px = DefaultMaxErrorPx(*view.camera, *view.camera);
+  const double max_error_px = sigma_px * std::sqrt(2 * MaxNats(WidthPx(*view.camera), sigma_px));
+  const Eigen::Vector3d x = (view.image->cam_from_world * xyz).normalized();
+  return x.dot(ray) > 0 && view.camera->MeanFocal() * x.cross(ray).norm() < max_error_px;
 }
 
 // Counts matches that do not follow from those before: what joins n keypoints to one track is n - 1
@@ -146,28 +158,61 @@ class IndependentMatches {
   int64_t Num() const { return num_; }
 
   // Those that a model's points agree with: of a track that has points, n - 1 for n keypoints of
-  // one.
-  int64_t NumOfPoints(const Reconstruction& model) {
+  // one. A keypoint that the model's filters took from its point counts where it lies near it:
+  // models are compared whatever their filters were.
+  int64_t NumOfPoints(const Reconstruction& model, const std::map<image_t, View>& views) {
     int64_t num = num_;
-    std::vector<char> has_points(num_nodes_, 0);  // the track of a node that represents it
-    std::vector<int> of_point;                    // tracks of its keypoints
+    PointsOfTracks points;
+    std::vector<int> tracks;  // of a point's keypoints
     for (const auto& [id, point] : model.points3D) {
-      of_point.clear();
-      for (const TrackElement& element : point.track) {
-        of_point.push_back(
-            tracks_->Find(first_node_.at(element.image_id) + static_cast<int>(element.point2D)));
+      tracks.clear();
+      for (const TrackElement& element : point.track) tracks.push_back(TrackOf(element));
+      std::sort(tracks.begin(), tracks.end());
+      for (size_t i = 0; i < tracks.size(); ++i) {
+        if (i > 0 && tracks[i] == tracks[i - 1]) {
+          ++num;
+        } else {
+          points.emplace_back(tracks[i], &point);
+        }
       }
-      std::sort(of_point.begin(), of_point.end());
-      for (size_t i = 0; i < of_point.size(); ++i) {
-        const int track = of_point[i];
-        if (i > 0 && track == of_point[i - 1]) ++num;
-        if (!std::exchange(has_points[track], 1)) num -= tracks_->SizeOf(track) - 1;
+    }
+    std::stable_sort(points.begin(), points.end(), IsOfEarlierTrack);
+    for (size_t i = 0; i < points.size(); ++i) {
+      const int track = points[i].first;
+      if (i == 0 || track != points[i - 1].first) num -= tracks_->SizeOf(track) - 1;
+    }
+    return num + NumNear(points, views);
+  }
+
+ private:
+  // Points by their tracks, as the nodes that represent these.
+  using PointsOfTracks = std::vector<std::pair<int, const Point3D*>>;
+  static bool IsOfEarlierTrack(const PointsOfTracks::value_type& a,
+                               const PointsOfTracks::value_type& b) {
+    return a.first < b.first;
+  }
+
+  int TrackOf(const TrackElement& element) {
+    return tracks_->Find(first_node_.at(element.image_id) + static_cast<int>(element.point2D));
+  }
+
+  // Keypoints without a point that lie near one of their track.
+  int64_t NumNear(const PointsOfTracks& points, const std::map<image_t, View>& views) {
+    int64_t num = 0;
+    for (const auto& [id, view] : views) {
+      for (point2D_t k = 0; k < view.rays.size(); ++k) {
+        if (!view.rays[k] || view.image->point3D_ids[k] != kInvalidPoint3DId) continue;
+        const auto [first, last] = std::equal_range(
+            points.begin(), points.end(), PointsOfTracks::value_type(TrackOf({id, k}), nullptr),
+            IsOfEarlierTrack);
+        num += std::any_of(first, last, [&](const auto& of_track) {
+          return IsNear(view, *view.rays[k], of_track.second->xyz);
+        });
       }
     }
     return num;
   }
 
- private:
   std::map<image_t, int> first_node_;
   int num_nodes_ = 0;
   std::optional<UnionFind> tracks_;
@@ -202,7 +247,8 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
     num_keypoints[id] = image.points2D.size();
   }
   IndependentMatches independent(num_keypoints);
-  EvaluatePairs(model, pairs, run.num_threads, [&](const VerifiedPair& pair, PairEvidence found) {
+  const std::map<image_t, View> views = MakeViews(model, pairs, run.num_threads);
+  EvaluatePairs(views, pairs, run.num_threads, [&](const VerifiedPair& pair, PairEvidence found) {
     const Support support = {std::ssize(*pair.matches), std::ssize(found.explained), found.nats};
     evidence.pairs.push_back(support);
     evidence.all = evidence.all + support;
@@ -214,7 +260,7 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
     evidence.num_contradicted += support.IsContradicted();
     for (Support* of : {&evidence.inside, &image1->second, &image2->second}) *of = *of + support;
   });
-  evidence.num_independent = independent.NumOfPoints(model);
+  evidence.num_independent = independent.NumOfPoints(model, views);
   if (evidence.all.num_explained > 0) {
     evidence.nats = evidence.all.nats * evidence.num_independent / evidence.all.num_explained;
   }
@@ -244,9 +290,10 @@ std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,
                                              std::span<const VerifiedPair> pairs,
                                              const RunContext& run) {
   std::vector<FeatureMatches> explained;
-  EvaluatePairs(model, pairs, run.num_threads, [&](const VerifiedPair&, PairEvidence found) {
-    explained.push_back(std::move(found.explained));
-  });
+  EvaluatePairs(MakeViews(model, pairs, run.num_threads), pairs, run.num_threads,
+                [&](const VerifiedPair&, PairEvidence found) {
+                  explained.push_back(std::move(found.explained));
+                });
   return explained;
 }
 

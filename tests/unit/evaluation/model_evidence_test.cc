@@ -122,6 +122,20 @@ TEST(ModelEvidence, PointsShowWhatPairsDoNotSee) {
             right.num_independent);
 }
 
+// A filter that takes away observations changes the points by nothing but these.
+TEST(ModelEvidence, DoesNotDependOnTheModelsFilters) {
+  Reconstruction model = MakeSyntheticScene({.num_images = 4, .visible_share = 1}).truth;
+  const Pairs pairs(model);
+  const ModelEvidence before = EvaluateEvidence(model, pairs.views, {.num_threads = 1});
+  RegisteredImage& image = model.images.at(2);
+  for (point2D_t k = 0; k < image.points2D.size(); k += 2) {
+    model.RemoveObservation(image.point3D_ids[k], {2, k});
+  }
+  const ModelEvidence filtered = EvaluateEvidence(model, pairs.views, {.num_threads = 1});
+  EXPECT_EQ(filtered.num_independent, before.num_independent);
+  EXPECT_EQ(filtered.nats, before.nats);
+}
+
 // Two sides of a box with one logo, each photographed by many, and few photographs around the edge:
 // the model that shows the two sides as one explains more pairs, all by one coincidence a point.
 TEST(ModelEvidence, OneSideShownOnTopOfAnotherHasLess) {
