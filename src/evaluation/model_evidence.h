@@ -49,8 +49,9 @@ struct ModelEvidence {
   // is negative or the point is behind a camera. The independent ones of the explained matches save
   // as much as these do on average: else a part that looks like another one, shown in its place,
   // would gain by all pairs of their images what is one coincidence a point. Of a track that the
-  // model has points of, those count that join the keypoints of a point: pairs alone do not see
-  // that a shape is bent, its points fall apart. An image costs six parameters, each half the
+  // model has points of, those count that join the keypoints of a point, and those near it that
+  // the model's filters took away: pairs alone do not see that a shape is bent, its points fall
+  // apart. An image costs six parameters, each half the
   // logarithm of its matches (Rissanen, "Modeling by shortest data description", 1978). Models of
   // the same images and matches can be compared by it, whatever they were built from.
   double nats = 0;

@@ -94,7 +94,8 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   if (!GrowModel(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
   const std::string origin = "pairs of " + std::to_string(rotations.min_num_inliers) +
-                             " inliers and more, rotations weighed by " + rotations.weighing;
+                             " inliers and more, rotations weighed " +
+                             (rotations.weight_power == 0 ? "alike" : "by inliers");
   if (!CheckModel(context, component.size(), origin, built.evidence, model)) return built;
   built.model = std::move(model);
   return built;

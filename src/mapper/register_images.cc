@@ -1,7 +1,6 @@
 #include <algorithm>
 
 #include "base/first_names.h"
-#include "cairn/base/parallel.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -13,28 +12,15 @@ struct Correspondences {
   std::vector<point3D_t> points;
 };
 
-// Pairs with images in the model, by the other image.
-using PairsOfImages = std::map<image_t, std::vector<const ViewEdge*>>;
-
-// Of images outside the model.
-PairsOfImages FindPairsOfOutsiders(const ViewGraph& graph, const Reconstruction& model) {
-  PairsOfImages pairs;
+// Pairs of an image in the model and one outside, by the one outside.
+std::map<image_t, std::vector<const ViewEdge*>> FindPairsOfOutsiders(const ViewGraph& graph,
+                                                                     const Reconstruction& model) {
+  std::map<image_t, std::vector<const ViewEdge*>> pairs;
   for (const ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kAmbiguous) continue;  // leads to another place
     const bool has_first = model.images.count(edge.image_id1) > 0;
     if (has_first == (model.images.count(edge.image_id2) > 0)) continue;
     pairs[has_first ? edge.image_id2 : edge.image_id1].push_back(&edge);
-  }
-  return pairs;
-}
-
-// Of images in the model.
-PairsOfImages FindPairsOfMembers(const ViewGraph& graph, const Reconstruction& model) {
-  PairsOfImages pairs;
-  for (const ViewEdge& edge : graph.edges) {
-    if (!IsWithin(edge, model)) continue;
-    pairs[edge.image_id1].push_back(&edge);
-    pairs[edge.image_id2].push_back(&edge);
   }
   return pairs;
 }
@@ -71,22 +57,6 @@ Correspondences FindCorrespondences(const SceneData& scene,
   return result;
 }
 
-// Without the points that only one image beside this one sees.
-Correspondences SeenByOthers(const Correspondences& correspondences, const Reconstruction& model,
-                             image_t image_id) {
-  Correspondences seen;
-  for (size_t i = 0; i < correspondences.points.size(); ++i) {
-    const auto& track = model.points3D.at(correspondences.points[i]).track;
-    const auto is_of_other = [&](const TrackElement& element) {
-      return element.image_id != image_id;
-    };
-    if (std::count_if(track.begin(), track.end(), is_of_other) < 2) continue;
-    seen.keypoints.push_back(correspondences.keypoints[i]);
-    seen.points.push_back(correspondences.points[i]);
-  }
-  return seen;
-}
-
 ResectionReport Resect(const StageContext& context, const Correspondences& correspondences,
                        const Reconstruction& model, image_t image_id) {
   const Image& image = context.scene.images.at(image_id);
@@ -104,22 +74,6 @@ ResectionReport Resect(const StageContext& context, const Correspondences& corre
   }
   return EstimateAbsolutePose(camera, {pixels, xyz}, is_guess, context.settings.resection,
                               Rng(context.run.seed, "resection", image_id));
-}
-
-// Do most of the correspondences lie off the image's pose, and agree with another one?
-bool IsOutvoted(const StageContext& context, const Correspondences& correspondences,
-                const Reconstruction& model, image_t image_id) {
-  const RegisteredImage& image = model.images.at(image_id);
-  size_t num_agreeing = 0;
-  for (size_t i = 0; i < correspondences.points.size(); ++i) {
-    num_agreeing += ReprojectionErrorPx(model.CameraOf(image), image.cam_from_world,
-                                        model.points3D.at(correspondences.points[i]).xyz,
-                                        image.points2D[correspondences.keypoints[i]]) <=
-                    context.settings.resection.max_error_px;
-  }
-  if (2 * num_agreeing >= correspondences.points.size()) return false;
-  const ResectionReport report = Resect(context, correspondences, model, image_id);
-  return report.status == ResectionStatus::kSuccess && report.inliers.size() > num_agreeing;
 }
 
 }  // namespace
@@ -157,30 +111,6 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
   stage.Add("candidates", candidates.size());
   stage.Add("registered", registered.size());
   return static_cast<int>(registered.size());
-}
-
-std::set<image_t> FindOutvoted(StageContext& context, const BuiltModel& built) {
-  ModelStage stage(context, "outvoted");
-  const Reconstruction& model = *built.model;
-  const ModelEvidence& evidence = built.evidence;
-  const PairsOfImages pairs = FindPairsOfMembers(built.graph, model);
-  std::vector<image_t> images;
-  for (const auto& [id, edges] : pairs) {
-    if (evidence.images.at(id).Share() < evidence.inside.Share()) images.push_back(id);
-  }
-  std::vector<char> is_outvoted(images.size(), 0);
-  ParallelFor(context.run.num_threads, static_cast<int64_t>(images.size()), [&](int64_t i) {
-    const Correspondences found =
-        FindCorrespondences(context.scene, pairs.at(images[i]), model, images[i]);
-    is_outvoted[i] = IsOutvoted(context, SeenByOthers(found, model, images[i]), model, images[i]);
-  });
-  std::set<image_t> outvoted;
-  for (size_t i = 0; i < images.size(); ++i) {
-    if (is_outvoted[i]) outvoted.insert(images[i]);
-  }
-  stage.Add("candidates", images.size());
-  stage.Add("images", outvoted.size());
-  return outvoted;
 }
 
 }  // namespace cairn

@@ -1,6 +1,5 @@
 #include <Eigen/LU>
 #include <algorithm>
-#include <numbers>
 #include <numeric>
 
 #include "cairn/base/parallel.h"
@@ -183,19 +182,6 @@ int NumExplained(const PairRays& rays, const Rigid3d& pose) {
   return num_explained;
 }
 
-// Standard deviation of the pair's rotation about its least determined axis, radians: by the
-// matches' information on the pose, at the pair's own noise.
-double RotationSigma(const SceneData& scene, const ViewEdge& edge) {
-  constexpr double kMinSigmaPx = 0.1;
-  const PairRays rays = RaysOf(scene, edge);
-  if (rays.rays1.size() < 8 || !edge.HasTranslation()) return 0.0;
-  // The median of a normal variable's size is 0.6745 standard deviations.
-  const double sigma_px = std::max(kMinSigmaPx, edge.residual_px / 0.6745);
-  // Where no match lies near the pose, nothing is known.
-  const double sigma = sigma_px * SigmasOfPose(rays.points, edge.cam2_from_cam1, kFinePx).rotation;
-  return sigma < std::numbers::pi ? sigma : std::numbers::pi;
-}
-
 // False: no pose near the rotation explains the matches.
 bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, double max_error_deg,
                ViewEdge& edge) {
@@ -217,18 +203,6 @@ bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, doubl
 }
 
 }  // namespace
-
-std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph) {
-  std::vector<double> sigmas(graph.edges.size(), 0.0);
-  ParallelFor(
-      context.run.num_threads, static_cast<int64_t>(graph.edges.size()),
-      [&](int64_t e) {
-        if (graph.edges[e].removal == EdgeRemoval::kNoPose) return;
-        sigmas[e] = RotationSigma(context.scene, graph.edges[e]);
-      },
-      16);
-  return sigmas;
-}
 
 int RefitEdges(const StageContext& context,
                const std::map<image_t, Eigen::Quaterniond>& cam_from_world, double max_error_deg,

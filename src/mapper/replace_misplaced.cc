@@ -87,8 +87,8 @@ std::optional<BuiltModel> PlaceAnew(StageContext& context, const BuiltModel& bui
 }
 
 // Places a loose part as a whole, or registers anew what may be misplaced: all groups that the
-// matches contradict, else the worst of them alone, else the images that find a better place by
-// resection, else those whose scale beside the others the model does not know.
+// matches contradict, else the worst of them alone, else those whose scale beside the others the
+// model does not know.
 std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltModel& built) {
   const WeakParts weak = FindWeakParts(context, built.graph, *built.model);
   for (const std::set<image_t>& loose : weak.loose) {
@@ -99,10 +99,7 @@ std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltMo
   for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
   auto other = RegisterAnew(context, built, all);
   if (!other && groups.size() > 1) other = RegisterAnew(context, built, groups.front().images);
-  if (other) return other;
-  other = RegisterAnew(context, built, FindOutvoted(context, built));
-  if (other) return other;
-  return RegisterAnew(context, built, weak.hinged);
+  return other ? std::move(other) : RegisterAnew(context, built, weak.hinged);
 }
 
 }  // namespace

@@ -23,12 +23,13 @@ constexpr double kClearShare = 0.75;
 // goes on from the one before: regions that turn as one leave wrong minima.
 constexpr int kMaxFreshEdges = 100000;
 
-std::vector<RotationEdge> EdgesOf(const ViewGraph& graph, const std::vector<double>& weights) {
+// In use, weighed by their numbers of inliers.
+std::vector<RotationEdge> EdgesOf(const ViewGraph& graph) {
   std::vector<RotationEdge> edges;
-  for (size_t e = 0; e < graph.edges.size(); ++e) {
-    const ViewEdge& edge = graph.edges[e];
+  for (const ViewEdge& edge : graph.edges) {
     if (!edge.IsActive()) continue;
-    edges.push_back({edge.image_id1, edge.image_id2, edge.cam2_from_cam1.rotation, weights[e]});
+    edges.push_back({edge.image_id1, edge.image_id2, edge.cam2_from_cam1.rotation,
+                     static_cast<double>(std::max(1, edge.num_inliers))});
   }
   return edges;
 }
@@ -86,11 +87,13 @@ ViewGraph CoreOf(const StageContext& context, ViewGraph graph, int min_num_inlie
   return graph;
 }
 
-// How much edges count: weights of all edges of the component, to these powers, by name.
-struct Weighing {
-  std::vector<double> weights;
-  std::vector<std::pair<std::string, double>> powers;
-};
+// The powers of the numbers of inliers that edges weigh by. The variance of a rotation falls with
+// the number of inliers; but a few pairs with very many, all neighbors, must not decide alone.
+std::vector<double> PowersOf(const RotationAveragingOptions& options) {
+  std::vector<double> powers = {1, 0};
+  if (options.weight_power != 0) powers.push_back(options.weight_power);
+  return powers;
+}
 
 // Tries ways to average a component's rotations.
 class Averager {
@@ -100,19 +103,18 @@ class Averager {
 
   // From a connected graph of the component's edges of so many inliers and more. False: it has no
   // more than half of the component's images.
-  bool AddAll(const ViewGraph& graph, int min_num_inliers, std::span<const Weighing> weighings) {
+  bool AddAll(const ViewGraph& graph, int min_num_inliers) {
     const bool is_large = graph.NumActiveEdges() > kMaxFreshEdges;
-    for (const Weighing& weighing : weighings) {
-      RotationAverager averager(EdgesOf(graph, weighing.weights), context_.run);
-      for (const auto& [name, power] : weighing.powers) {
-        RotationAveragingOptions options = context_.settings.rotation_averaging;
-        options.weight_power = power;
-        const bool goes_on = is_large && power != weighing.powers.front().second;
-        const bool is_added =
-            Add(goes_on ? averager.AverageFrom(all_.back().cam_from_world, options)
-                        : averager.Average(options),
-                min_num_inliers, name);
-        if (!is_added) return false;
+    RotationAverager averager(EdgesOf(graph), context_.run);
+    RotationAveragingOptions options = context_.settings.rotation_averaging;
+    const std::vector<double> powers = PowersOf(options);
+    for (const double power : powers) {
+      options.weight_power = power;
+      const bool goes_on = is_large && power != powers.front();
+      if (!Add(goes_on ? averager.AverageFrom(all_.back().cam_from_world, options)
+                       : averager.Average(options),
+               min_num_inliers, power)) {
+        return false;
       }
     }
     return true;
@@ -143,7 +145,7 @@ class Averager {
   }
 
  private:
-  bool Add(RotationAveragingReport report, int min_num_inliers, const std::string& weighing) {
+  bool Add(RotationAveragingReport report, int min_num_inliers, double weight_power) {
     if (report.status != RotationAveragingStatus::kSuccess &&
         report.status != RotationAveragingStatus::kNotConverged) {
       if (all_.empty()) {
@@ -154,8 +156,8 @@ class Averager {
       return false;
     }
     if (2 * report.cam_from_world.size() <= num_images_) return false;
-    all_.push_back(
-        {min_num_inliers, weighing, std::move(report.cam_from_world), report.median_residual_deg});
+    all_.push_back({min_num_inliers, weight_power, std::move(report.cam_from_world),
+                    report.median_residual_deg});
     SetSupport(component_, context_.settings.rotation_averaging.sigma_start_deg,
                context_.settings.view_graph.max_rotation_error_deg, all_.back());
     return true;
@@ -167,23 +169,6 @@ class Averager {
   const size_t num_images_;  // of the component
   std::vector<RotationHypothesis> all_;
 };
-
-std::vector<double> InliersOf(const ViewGraph& graph) {
-  std::vector<double> weights;
-  for (const ViewEdge& edge : graph.edges) weights.push_back(std::max(1, edge.num_inliers));
-  return weights;
-}
-
-// Inverse variances, degrees^-2. Below the scale that averaging ends with, an error does not
-// matter.
-std::vector<double> PrecisionsOf(const StageContext& context, const ViewGraph& graph) {
-  std::vector<double> precisions;
-  for (const double sigma : RotationSigmas(context, graph)) {
-    precisions.push_back(1.0 / (std::pow(RadToDeg(sigma), 2) +
-                                std::pow(context.settings.rotation_averaging.sigma_end_deg, 2)));
-  }
-  return precisions;
-}
 
 }  // namespace
 
@@ -209,21 +194,12 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   ViewGraph own = graph;
   KeepImages(component, own);
   stage.Add("edges_in", own.NumActiveEdges());
-  // The variance of a rotation falls with the number of inliers; but a few pairs with very many,
-  // all neighbors, must not decide alone.
-  std::vector<Weighing> weighings = {{InliersOf(own), {{"inliers", 1}, {"alike", 0}}}};
-  if (const double power = context.settings.rotation_averaging.weight_power; power != 0) {
-    weighings.front().powers.emplace_back("weight_power", power);
-  }
   Averager averager(context, stage, own, component.size());
-  const bool has_any = averager.AddAll(own, 0, weighings);
+  const bool has_any = averager.AddAll(own, 0);
   // Of a data set's pairs, inliers were not counted.
   if (has_any && !context.scene.poses_imported && !averager.IsClear()) {
-    weighings.push_back({PrecisionsOf(context, own), {{"precision", 1}}});
-    averager.AddAll(own, 0, std::span(weighings).last(1));
     const int least = std::max(1, context.settings.view_graph.min_num_inliers);
-    for (int n = 2 * least; n < (1 << 20) && averager.AddAll(CoreOf(context, own, n), n, weighings);
-         n *= 2) {
+    for (int n = 2 * least; n < (1 << 20) && averager.AddAll(CoreOf(context, own, n), n); n *= 2) {
     }
   }
   const std::vector<RotationHypothesis> distinct = averager.Distinct();

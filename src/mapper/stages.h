@@ -186,9 +186,8 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
                         std::span<const Reconstruction> earlier, ViewGraph& graph);
 
 // build_model.cc
-// One component of the graph from averaging to the finished model: built from all of its edges,
-// and, while the model leaves much of the verified matches unexplained, from those with more and
-// more inliers, the other images by resection. The model with the most evidence is kept.
+// One component of the graph from averaging to the finished model. Of those that different
+// rotations lead to, the one with the most evidence is kept and repaired.
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph);
 // An earlier model with the images that can be registered in it, refined, in its frame.
@@ -199,7 +198,7 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
 // Global rotations of a component, by one choice of edges and weights.
 struct RotationHypothesis {
   int min_num_inliers = 0;  // of the edges it comes from
-  std::string weighing;     // of their weights
+  double weight_power = 0;  // of the numbers of inliers that its edges are weighed by
   std::map<image_t, Eigen::Quaterniond> cam_from_world;
   double median_residual_deg = 0;
   double support = 0;           // inliers of the pairs, by how well they agree with it
@@ -214,9 +213,9 @@ inline bool IsQuick(const Reconstruction& model) { return model.NumObservations(
 int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
                        const RotationHypothesis& hypothesis);
 // Global rotations of the component, averaged from all of its edges and from those with more and
-// more inliers while they join more than half of the images, weighed by inliers, alike, and by
-// their precision. Where these agree there is one hypothesis, else those that differ, the best
-// supported first. Empty: the report has the failure.
+// more inliers while they join more than half of the images, weighed by inliers, and alike. Where
+// these agree there is one hypothesis, else those that differ, the best supported first. Empty: the
+// report has the failure.
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      std::span<const image_t> component,
                                                      const ViewGraph& graph);
@@ -228,10 +227,6 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
 // without any pose end with the reason kNoPose.
 void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometries,
                           const RunContext& run, SceneData& scene);
-// How precise the rotation of each edge of the graph is: the standard deviation about the least
-// determined axis, radians. (Through a long lens, which is nearly affine, two views leave the angle
-// between them open: Koenderink and van Doorn, "Affine structure from motion", 1991.)
-std::vector<double> RotationSigmas(const StageContext& context, const ViewGraph& graph);
 // Gives edges that disagree with global rotations, whatever took them out, the pose near these that
 // explains their matches, where there is one that explains more than half: a plane, a narrow field
 // of view or few matches leave several poses that explain them all. Such edges are in use again.
@@ -303,10 +298,6 @@ void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstr
 // register_images.cc
 // Poses for images that are in no model yet, from the points. Returns the number of new images.
 int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model);
-// Images that contradict more than others do and that lie off most of the points that others show,
-// while resection finds a pose with which more of these agree (a plane leaves two poses; most pairs
-// of an image may be wrong together).
-std::set<image_t> FindOutvoted(StageContext& context, const BuiltModel& built);
 
 // judge.cc
 // The evidence for the model in all verified pairs of the images that are in no other model,

@@ -28,23 +28,6 @@ TEST(MisplacedGroups, AGroupIsFoundThoughEachOfItsImagesKeepsMostMatches) {
   EXPECT_EQ(groups[0].images, (std::set<image_t>{8, 9, 10}));
 }
 
-// The matches of images 1 and 2 are wrong; image 5 lies wrong though most of its points, which
-// other images see as well, tell where it is.
-TEST(Outvoted, ImagesFindTheirPlaceByThePointsOfOthers) {
-  IncompleteModel scene({});
-  FeatureMatches& wrong = scene.scene.matches.at(ImagePairToPairId(1, 2));
-  for (size_t i = 0; i + 1 < wrong.size(); ++i) std::swap(wrong[i].point2, wrong[i + 1].point2);
-  const auto find = [&] {
-    const BuiltModel built = scene.Built();
-    EXPECT_GT(built.evidence.num_contradicted, 0);
-    return FindOutvoted(scene.context, built);
-  };
-  EXPECT_TRUE(find().empty());
-  Rigid3d& pose = scene.model.images.at(5).cam_from_world;
-  pose = pose * Rigid3d(ExpSO3({0, 0.3, 0}), Eigen::Vector3d(0.5, 0.2, 0));
-  EXPECT_EQ(find(), std::set<image_t>{5});
-}
-
 // Points of images 8 to 10 are no points of images 1 to 6, though their pairs are verified.
 TEST(Hinged, APartThatASingleImageJoinsWithTheRestIsFound) {
   IncompleteModel scene({});

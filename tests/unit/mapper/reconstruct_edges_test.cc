@@ -72,32 +72,6 @@ struct TwoImages {
   StageContext context{scene, settings, {.num_threads = 1}, report};
 };
 
-TEST(RotationSigmas, AreThoseOfTheErrorsThatNoiseMakes) {
-  double squared = 0, predicted = 0;
-  constexpr int kSeeds = 40;
-  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    TwoImages pair(1500, 0.3, seed);
-    // The pose that fits the noisy points, from the rotations of the truth.
-    pair.graph.edges[0].cam2_from_cam1.rotation = pair.Reversed();
-    ASSERT_EQ(RefitEdges(pair.context, pair.TrueRotations(), 5, pair.graph), 1);
-    squared += std::pow(DegToRad(pair.ErrorDeg()), 2) / kSeeds;
-    predicted += RotationSigmas(pair.context, pair.graph)[0] / kSeeds;
-  }
-  // The error has other, surer axes, too.
-  EXPECT_GT(std::sqrt(squared), 0.7 * predicted);
-  EXPECT_LT(std::sqrt(squared), 1.6 * predicted);
-}
-
-TEST(RotationSigmas, GrowWithTheFocalLength) {
-  TwoImages wide(1000, 0.3, 1), narrow(12000, 0.3, 1);
-  const double wide_sigma = RotationSigmas(wide.context, wide.graph)[0];
-  const double narrow_sigma = RotationSigmas(narrow.context, narrow.graph)[0];
-  EXPECT_GT(narrow_sigma, 5 * wide_sigma);
-  // A pose that no match agrees with says nothing.
-  wide.graph.edges[0].cam2_from_cam1.rotation = ExpSO3({1.5, 0, 1.5});
-  EXPECT_GT(RotationSigmas(wide.context, wide.graph)[0], 10 * wide_sigma);
-}
-
 TEST(RefitEdges, TakesThePoseThatFitsTheRotationsWhereItExplainsTheMatches) {
   TwoImages pair(3000, 0.2, 1);
   pair.graph.edges[0].cam2_from_cam1.rotation = pair.Reversed();
