@@ -141,8 +141,7 @@ class IndependentMatches {
       total += num;
     }
     CAIRN_CHECK_LE(total, static_cast<size_t>(std::numeric_limits<int>::max()));
-    num_nodes_ = static_cast<int>(total);
-    tracks_.emplace(num_nodes_);
+    tracks_.emplace(static_cast<int>(total));
   }
 
   void Add(const VerifiedPair& pair, const FeatureMatches& matches) {
@@ -214,7 +213,6 @@ class IndependentMatches {
   }
 
   std::map<image_t, int> first_node_;
-  int num_nodes_ = 0;
   std::optional<UnionFind> tracks_;
   int64_t num_ = 0;
 };

@@ -38,6 +38,7 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
   const Symmetry symmetry = FindSymmetry(model, built.graph);
   stage.Add("explained_share", evidence.inside.Share());
   stage.Add("contradicted_pairs", evidence.num_contradicted);
+  stage.Add("evidence_nats", evidence.nats);
   stage.Add("symmetric_pairs", symmetry.num_pairs);
   std::vector<ResultWarning> warnings;
   const auto warn = [&](const ResultWarning& warning) {

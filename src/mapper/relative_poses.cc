@@ -1,6 +1,5 @@
 #include <Eigen/LU>
 #include <algorithm>
-#include <numeric>
 
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/epipolar.h"
