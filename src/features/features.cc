@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 
 #include "cairn/base/check.h"
 #include "cairn/image/resample.h"
+#include "features/extrema.h"
 #include "features/frames.h"
 #include "image/cv_bitmap.h"
 
@@ -24,8 +26,36 @@ void WriteRootSift(const std::array<float, kSiftDim>& histogram, uint8_t* descri
       (512 * (values / sum).sqrt()).round().min(255).cast<uint8_t>();
 }
 
+// What extrema must reach: peak_threshold, or where fewer than min_num_extrema reach that, what as
+// many do. Coarse octaves first, which tell in most images.
+double LeastResponse(const ScaleSpace& scale_space, const FeatureOptions& options,
+                     const Masked& is_masked) {
+  FeatureOptions weak = options;
+  weak.peak_threshold = std::min(options.min_peak_threshold, options.peak_threshold);
+  const int wanted = options.min_num_extrema;
+  std::vector<double> below;
+  int num_above = 0;
+  for (int o = scale_space.last_octave(); o >= options.first_octave && num_above < wanted; --o) {
+    const Octave octave = scale_space.Build(o);
+    for (const Extremum& extremum : FindExtrema(octave, weak)) {
+      if (is_masked(octave.pixel_size * Eigen::Vector2d(extremum.x, extremum.y))) continue;
+      const double response = std::abs(extremum.value);
+      if (response >= options.peak_threshold) {
+        ++num_above;
+      } else {
+        below.push_back(response);
+      }
+    }
+  }
+  if (num_above >= wanted) return options.peak_threshold;
+  const int num_more = wanted - num_above;
+  if (std::ssize(below) <= num_more) return weak.peak_threshold;
+  std::nth_element(below.begin(), below.begin() + num_more - 1, below.end(), std::greater<>());
+  return below[num_more - 1];
+}
+
 // Coarse octaves first: the finest are built only where these have too few features.
-Features Extract(const Bitmap& gray, const FeatureOptions& options, const Bitmap* mask) {
+Features Extract(const Bitmap& gray, FeatureOptions options, const Bitmap* mask) {
   Features features;
   features.descriptors.resize(0, kSiftDim);
   if (std::min(gray.width, gray.height) < kMinImageSize) return features;
@@ -34,7 +64,8 @@ Features Extract(const Bitmap& gray, const FeatureOptions& options, const Bitmap
     is_masked.scale_x = static_cast<double>(mask->width) / gray.width;
     is_masked.scale_y = static_cast<double>(mask->height) / gray.height;
   }
-  ScaleSpace scale_space(gray);
+  const ScaleSpace scale_space(gray);
+  options.peak_threshold = LeastResponse(scale_space, options, is_masked);
   const auto max_num_features = static_cast<size_t>(options.max_num_features);
   for (int o = scale_space.last_octave(); o >= options.first_octave; --o) {
     const size_t begin = features.keypoints.size();

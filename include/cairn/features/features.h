@@ -21,6 +21,8 @@ struct FeatureOptions {
   int max_image_size = 3200;
   int first_octave = -1;
   double peak_threshold = 0.02 / 3;
+  int min_num_extrema = 2000;
+  double min_peak_threshold = 0.002;
   double edge_threshold = 10.0;
   int max_num_orientations = 2;
   bool estimate_upright = false;
@@ -36,6 +38,10 @@ struct FeatureOptions {
           "finest octave; -1 doubles the image first, 1 halves it");
     v.Double("peak_threshold", peak_threshold, {0.0, 1.0},
              "smallest |DoG| response, image values in [0, 1]");
+    v.Int("min_num_extrema", min_num_extrema, {0, 1000000},
+          "where fewer reach peak_threshold, as many reach a lower threshold");
+    v.Double("min_peak_threshold", min_peak_threshold, {0.0, 1.0},
+             "lowest such threshold");
     v.Double("edge_threshold", edge_threshold, {1.0, 1e6},
              "largest ratio of the principal curvatures of the response");
     v.Int("max_num_orientations", max_num_orientations, {1, 4}, "frames made from one point");
@@ -58,6 +64,11 @@ struct Features {
 // iteration (Mikolajczyk and Schmid 2004), orientations, SIFT on the normalized patch.
 // sift: the same without affine shape, M = scale * Rot(orientation).
 // Both: RootSIFT (Arandjelovic and Zisserman 2012), min(255, round(512 x)).
+//
+// An image of little texture, where fewer than min_num_extrema reach peak_threshold, gets a lower
+// one: the response of its min_num_extrema-th strongest extremum, but min_peak_threshold at least.
+// That is five standard deviations of what noise of one gray level makes of the finest difference
+// of Gaussians.
 //
 // mask, if given, has the image's size and one channel: where it is 0, there are no features (of
 // which max_num_features counts none). An image without texture gives no features. The result

@@ -159,8 +159,9 @@ TEST_P(FeaturesOfKind, FewAreTheLargest) {
   std::vector<Blob> blobs = GridOfBlobs(3, rng);
   blobs[5].covariance *= 9;
   const Bitmap bitmap = Draw(280, 220, blobs);
-  const Features all = ExtractFeatures(bitmap, Options());
   FeatureOptions options = Options();
+  options.min_num_extrema = 0;  // without the shades between the blobs
+  const Features all = ExtractFeatures(bitmap, options);
   for (const int number : {1, 4, 9}) {
     options.max_num_features = number;
     const Features few = ExtractFeatures(bitmap, options);
@@ -169,6 +170,62 @@ TEST_P(FeaturesOfKind, FewAreTheLargest) {
     EXPECT_EQ(few.descriptors, all.descriptors.topRows(number));
   }
   EXPECT_LT((all.keypoints[0].Position() - blobs[5].center).norm(), 1.0);
+}
+
+// Which of the blobs have a feature.
+std::vector<bool> Found(const Features& features, const std::vector<Blob>& blobs) {
+  std::vector<bool> found;
+  for (const Blob& blob : blobs) {
+    const Keypoint* nearest = Nearest(features, blob.center);
+    found.push_back(nearest != nullptr && (nearest->Position() - blob.center).norm() < 1.0);
+  }
+  return found;
+}
+
+// In a faint image, what reaches a third of the usual threshold are features; the strongest first.
+TEST_P(FeaturesOfKind, FaintOnesCountWhereThereAreFew) {
+  Rng rng(6);
+  std::vector<Blob> blobs = GridOfBlobs(4, rng);
+  for (size_t k = 0; k < blobs.size(); ++k) blobs[k].height = k < 4 ? 30 : k < 8 ? 11 : 8;
+  const Bitmap bitmap = Draw(280, 220, blobs);
+  FeatureOptions options = Options();
+  const auto first = [&](size_t number) {
+    std::vector<bool> found(blobs.size(), false);
+    std::fill_n(found.begin(), number, true);
+    return found;
+  };
+  EXPECT_EQ(Found(ExtractFeatures(bitmap, options), blobs), first(12));
+  for (const int number : {0, 4, 8}) {
+    options.min_num_extrema = number;
+    EXPECT_EQ(Found(ExtractFeatures(bitmap, options), blobs), first(std::max(4, number)));
+  }
+}
+
+TEST_P(FeaturesOfKind, NoiseOfAGrayLevelHasNone) {
+  Rng rng(7);
+  Bitmap bitmap = Draw(280, 220, {});
+  for (uint8_t& value : bitmap.data) {
+    value = static_cast<uint8_t>(std::lround(value + rng.Gaussian()));
+  }
+  EXPECT_LT(ExtractFeatures(bitmap, Options()).keypoints.size(), 10u);
+}
+
+// A mask hides texture: what it leaves has few.
+TEST_P(FeaturesOfKind, WhatIsMaskedDoesNotCountAsTexture) {
+  Rng rng(8);
+  std::vector<Blob> blobs = GridOfBlobs(4, rng);
+  for (size_t k = 8; k < blobs.size(); ++k) blobs[k].height = 8;  // the last row
+  const Bitmap bitmap = Draw(280, 220, blobs);
+  FeatureOptions options = Options();
+  options.min_num_extrema = 8;
+  Bitmap mask = Draw(280, 220, {});
+  std::fill_n(mask.data.begin(), 280 * 140, uint8_t{0});
+  const std::vector<bool> without = Found(ExtractFeatures(bitmap, options), blobs);
+  const std::vector<bool> with = Found(ExtractFeatures(bitmap, options, &mask), blobs);
+  for (size_t k = 0; k < blobs.size(); ++k) {
+    EXPECT_EQ(without[k], k < 8);
+    EXPECT_EQ(with[k], k >= 8);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Features, FeaturesOfKind,
