@@ -40,8 +40,7 @@ struct FeatureOptions {
              "smallest |DoG| response, image values in [0, 1]");
     v.Int("min_num_extrema", min_num_extrema, {0, 1000000},
           "where fewer reach peak_threshold, as many reach a lower threshold");
-    v.Double("min_peak_threshold", min_peak_threshold, {0.0, 1.0},
-             "lowest such threshold");
+    v.Double("min_peak_threshold", min_peak_threshold, {0.0, 1.0}, "lowest such threshold");
     v.Double("edge_threshold", edge_threshold, {1.0, 1e6},
              "largest ratio of the principal curvatures of the response");
     v.Int("max_num_orientations", max_num_orientations, {1, 4}, "frames made from one point");
