@@ -120,6 +120,15 @@ class Averager {
     return true;
   }
 
+  // From the tree of the pairs with the most inliers, and what agrees with it: pairs of things that
+  // look alike may outvote the right ones, but seldom have as many inliers as neighbors.
+  void AddTree(const ViewGraph& graph) {
+    RotationAveragingOptions options = context_.settings.rotation_averaging;
+    options.max_l1_iterations = options.max_consensus_rounds = options.max_region_rounds = 0;
+    options.weight_power = 1;
+    Add(AverageRotations(EdgesOf(graph), options, context_.run), 0, 1);
+  }
+
   bool IsClear() const {
     return !all_.empty() && !IsAnother(all_.front(), all_.back()) &&
            static_cast<double>(all_.front().num_agreeing) >
@@ -196,6 +205,7 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   stage.Add("edges_in", own.NumActiveEdges());
   Averager averager(context, stage, own, component.size());
   const bool has_any = averager.AddAll(own, 0);
+  if (has_any && own.NumActiveEdges() <= kMaxFreshEdges) averager.AddTree(own);
   // Of a data set's pairs, inliers were not counted.
   if (has_any && !context.scene.poses_imported && !averager.IsClear()) {
     const int least = std::max(1, context.settings.view_graph.min_num_inliers);
