@@ -129,8 +129,12 @@ class Averager {
     Add(AverageRotations(EdgesOf(graph), options, context_.run), 0, 1);
   }
 
+  // Of one average at least.
   bool IsClear() const {
-    return !all_.empty() && !IsAnother(all_.front(), all_.back()) &&
+    const auto differs = [&](const RotationHypothesis& other) {
+      return IsAnother(all_.front(), other);
+    };
+    return std::none_of(all_.begin(), all_.end(), differs) &&
            static_cast<double>(all_.front().num_agreeing) >
                kClearShare * all_.front().possible_support;
   }

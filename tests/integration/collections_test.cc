@@ -52,7 +52,7 @@ const Collection kCollections[] = {
     {"lund_door", {"lund_door"}, Cameras::kOne, 12, 93},
     {"reichstag", {"reichstag"}, Cameras::kUnknown, 9, 45},
     {"temple_ring", {"temple_ring"}, Cameras::kGiven, 19, 90, {.are_small = true}},
-    {"dino", {"collections/dino48"}, Cameras::kGiven, 46, 80, {.are_small = true}},
+    {"dino", {"collections/dino48"}, Cameras::kGiven, 48, 93, {.are_small = true}},
     {"dtu", {"collections/dtu_scan24"}, Cameras::kGiven, 49, 90},
     {"fox", {"collections/fox"}, Cameras::kOne, 48, 80},
     {"horns", {"collections/llff_horns"}, Cameras::kOne, 61, 88},
