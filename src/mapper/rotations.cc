@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -32,6 +33,28 @@ std::vector<RotationEdge> EdgesOf(const ViewGraph& graph) {
                      static_cast<double>(std::max(1, edge.num_inliers))});
   }
   return edges;
+}
+
+// How many cells of a grid over the pictures a pair's inliers lie in, in the picture where they lie
+// in fewer. A share of a cell is added, larger for more inliers.
+double Coverage(const SceneData& scene, const ViewEdge& edge) {
+  constexpr int kCells = 8;  // a side; any number from 4 to 16 does
+  std::bitset<kCells * kCells> cells1, cells2;
+  const auto cell = [&](image_t id, point2D_t point) {
+    const Camera& camera = scene.CameraOf(id);
+    const Eigen::Array2d share =
+        scene.pixels.at(id)[point].array() / Eigen::Array2d(camera.width, camera.height);
+    const Eigen::Array2i at = (kCells * share).floor().cast<int>().max(0).min(kCells - 1);
+    return static_cast<size_t>(at.y() * kCells + at.x());
+  };
+  const auto matches = scene.matches.find(edge.PairId());
+  if (matches == scene.matches.end()) return 1;
+  for (const FeatureMatch& match : matches->second) {
+    cells1.set(cell(edge.image_id1, match.point1));
+    cells2.set(cell(edge.image_id2, match.point2));
+  }
+  return static_cast<double>(std::min(cells1.count(), cells2.count())) +
+         edge.num_inliers / (1.0 + edge.num_inliers);
 }
 
 // How far a pair's rotation is from the hypothesis; nullopt: it has no pose, or its images none.
@@ -120,13 +143,18 @@ class Averager {
     return true;
   }
 
-  // From the tree of the pairs with the most inliers, and what agrees with it: pairs of things that
-  // look alike may outvote the right ones, but seldom have as many inliers as neighbors.
+  // From the tree of the pairs whose inliers cover the pictures best, and what agrees with it:
+  // pairs of things that look alike may outvote neighbors, but share the things alone.
   void AddTree(const ViewGraph& graph) {
+    std::vector<RotationEdge> edges = EdgesOf(graph);
+    size_t k = 0;
+    for (const ViewEdge& edge : graph.edges) {
+      if (edge.IsActive()) edges[k++].weight = Coverage(context_.scene, edge);
+    }
     RotationAveragingOptions options = context_.settings.rotation_averaging;
     options.max_l1_iterations = options.max_consensus_rounds = options.max_region_rounds = 0;
     options.weight_power = 1;
-    Add(AverageRotations(EdgesOf(graph), options, context_.run), 0, 1);
+    Add(AverageRotations(edges, options, context_.run), 0, 1);
   }
 
   // Of one average at least.
@@ -209,9 +237,10 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   stage.Add("edges_in", own.NumActiveEdges());
   Averager averager(context, stage, own, component.size());
   const bool has_any = averager.AddAll(own, 0);
-  if (has_any && own.NumActiveEdges() <= kMaxFreshEdges) averager.AddTree(own);
   // Of a data set's pairs, inliers were not counted.
-  if (has_any && !context.scene.poses_imported && !averager.IsClear()) {
+  const bool has_inliers = !context.scene.poses_imported;
+  if (has_any && has_inliers && own.NumActiveEdges() <= kMaxFreshEdges) averager.AddTree(own);
+  if (has_any && has_inliers && !averager.IsClear()) {
     const int least = std::max(1, context.settings.view_graph.min_num_inliers);
     for (int n = 2 * least; n < (1 << 20) && averager.AddAll(CoreOf(context, own, n), n); n *= 2) {
     }
