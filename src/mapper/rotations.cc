@@ -143,18 +143,16 @@ class Averager {
     return true;
   }
 
-  // From the tree of the pairs whose inliers cover the pictures best, and what agrees with it:
-  // pairs of things that look alike may outvote neighbors, but share the things alone.
-  void AddTree(const ViewGraph& graph) {
+  // From the tree of the surest pairs, and what agrees with it: pairs of things that look alike may
+  // outvote neighbors, but have fewer inliers, or share the things alone.
+  void AddTrees(const ViewGraph& graph) {
     std::vector<RotationEdge> edges = EdgesOf(graph);
+    AddTree(edges);
     size_t k = 0;
     for (const ViewEdge& edge : graph.edges) {
       if (edge.IsActive()) edges[k++].weight = Coverage(context_.scene, edge);
     }
-    RotationAveragingOptions options = context_.settings.rotation_averaging;
-    options.max_l1_iterations = options.max_consensus_rounds = options.max_region_rounds = 0;
-    options.weight_power = 1;
-    Add(AverageRotations(edges, options, context_.run), 0, 1);
+    AddTree(edges);
   }
 
   // Of one average at least.
@@ -186,6 +184,13 @@ class Averager {
   }
 
  private:
+  void AddTree(std::span<const RotationEdge> edges) {
+    RotationAveragingOptions options = context_.settings.rotation_averaging;
+    options.max_l1_iterations = options.max_consensus_rounds = options.max_region_rounds = 0;
+    options.weight_power = 1;
+    Add(AverageRotations(edges, options, context_.run), 0, 1);
+  }
+
   bool Add(RotationAveragingReport report, int min_num_inliers, double weight_power) {
     if (report.status != RotationAveragingStatus::kSuccess &&
         report.status != RotationAveragingStatus::kNotConverged) {
@@ -239,7 +244,7 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   const bool has_any = averager.AddAll(own, 0);
   // Of a data set's pairs, inliers were not counted.
   const bool has_inliers = !context.scene.poses_imported;
-  if (has_any && has_inliers && own.NumActiveEdges() <= kMaxFreshEdges) averager.AddTree(own);
+  if (has_any && has_inliers && own.NumActiveEdges() <= kMaxFreshEdges) averager.AddTrees(own);
   if (has_any && has_inliers && !averager.IsClear()) {
     const int least = std::max(1, context.settings.view_graph.min_num_inliers);
     for (int n = 2 * least; n < (1 << 20) && averager.AddAll(CoreOf(context, own, n), n); n *= 2) {

@@ -214,8 +214,9 @@ int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
                        const RotationHypothesis& hypothesis);
 // Global rotations of the component, averaged from all of its edges and from those with more and
 // more inliers while they join more than half of the images, weighed by inliers, and alike; and
-// from the tree of those whose inliers cover the pictures best. Where these agree there is one
-// hypothesis, else those that differ, the best supported first. Empty: the report has the failure.
+// from the trees of those with the most inliers, and whose inliers cover the pictures best. Where
+// these agree there is one hypothesis, else those that differ, the best supported first. Empty: the
+// report has the failure.
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
                                                      std::span<const image_t> component,
                                                      const ViewGraph& graph);
