@@ -29,9 +29,12 @@ if(CAIRN_CCACHE)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
       CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} CCACHE_NOHASHDIR=1 CCACHE_SLOPPINESS=pch_defines,time_macros ${CAIRN_CCACHE})
 endif()
-find_program(CAIRN_MOLD mold)
-if(CAIRN_MOLD)
-  add_link_options(-fuse-ld=mold)
+
+# A program loads only the libraries that it uses: OpenCV's image codecs bring 130 others, 0.2 s at each start.
+add_link_options(-Wl,--as-needed)
+find_program(CAIRN_LLD ld.lld)
+if(CAIRN_LLD)
+  add_link_options(-fuse-ld=lld)
 endif()
 
 # No contraction into fused operations: the same source gives the same bytes on every x86-64.
@@ -68,14 +71,15 @@ if(CAIRN_SANITIZE STREQUAL "address")
   set(cairn_no_parser -fno-sanitize-coverage=trace-cmp -fno-sanitize=alignment)
 endif()
 
-# cairn_module(NAME SOURCES a.cc ... [KERNELS k.cc ...] [PUBLIC lib ...] [PRIVATE lib ...])
+# cairn_module(NAME SOURCES a.cc ... [KERNELS k.cc ...] [APART b.cc ...] [PUBLIC lib ...] [PRIVATE lib ...])
 # One static library cairn_NAME (alias cairn::NAME). Without SOURCES, a header-only library.
-# KERNELS are sources that Highway compiles for every instruction set, each a translation unit.
+# KERNELS are sources that Highway compiles for every instruction set, each a translation unit. APART are sources that need
+# libraries which most programs with this module do without.
 function(cairn_module name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;KERNELS;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;KERNELS;APART;PUBLIC;PRIVATE" ${ARGN})
   if(ARG_SOURCES)
-    add_library(cairn_${name} STATIC ${ARG_SOURCES} ${ARG_KERNELS})
-    set_source_files_properties(${ARG_KERNELS} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+    add_library(cairn_${name} STATIC ${ARG_SOURCES} ${ARG_KERNELS} ${ARG_APART})
+    set_source_files_properties(${ARG_KERNELS} ${ARG_APART} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
     set(scope PUBLIC)
     target_link_libraries(cairn_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
     target_include_directories(cairn_${name} PRIVATE ${PROJECT_SOURCE_DIR}/src)
