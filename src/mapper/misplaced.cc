@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <functional>
 #include <numeric>
 
 #include "mapper/image_nodes.h"
@@ -7,8 +8,8 @@
 namespace cairn {
 namespace {
 
-// Images, as indices, that the pairs with the most explained matches join, and the pairs that lead
-// out of them.
+// Images, as indices, that the pairs with the most support join, and the pairs that lead out of
+// them.
 struct Group {
   std::vector<int> members;
   Support across;
@@ -22,23 +23,29 @@ struct PairsWithin {
   std::vector<Support> supports;
 };
 
-PairsWithin FindPairsWithin(const BuiltModel& built) {
+using SupportOfEdge = std::function<Support(size_t)>;
+
+PairsWithin FindPairsWithin(const BuiltModel& built, const SupportOfEdge& support_of) {
   PairsWithin pairs{ImageNodes(built.model->images), {}, {}};
   for (size_t e = 0; e < built.graph.edges.size(); ++e) {
     const ViewEdge& edge = built.graph.edges[e];
-    const Support& support = built.evidence.pairs[e];
-    if (support.num_matches == 0 || !IsWithin(edge, *built.model)) continue;
+    if (built.evidence.pairs[e].num_matches == 0 || !IsWithin(edge, *built.model)) continue;
     pairs.edges.push_back(pairs.images.EdgeOf(edge));
-    pairs.supports.push_back(support);
+    pairs.supports.push_back(support_of(e));
   }
   return pairs;
 }
 
+// Whether the pairs that lead out of a group say that it is misplaced.
+using Suspicion = std::function<bool(const Support&)>;
+
 // Joins groups until no pair leads from one to another.
 class Grouping {
  public:
-  explicit Grouping(const PairsWithin& pairs)
-      : pairs_(pairs), adjacency_(BuildAdjacency(pairs.images.size(), pairs.edges)) {
+  Grouping(const PairsWithin& pairs, Suspicion is_suspect)
+      : pairs_(pairs),
+        is_suspect_(std::move(is_suspect)),
+        adjacency_(BuildAdjacency(pairs.images.size(), pairs.edges)) {
     const int num_images = pairs.images.size();
     groups_.resize(num_images);
     group_of_.resize(num_images);
@@ -100,9 +107,9 @@ class Grouping {
     Judge(group);
   }
 
-  // Where most matches across contradict the model, the fewer images are misplaced.
+  // Of a group and the others, the fewer images are misplaced.
   void Judge(Group& group) {
-    if (!group.across.IsContradicted() || 2 * std::ssize(group.members) >= pairs_.images.size()) {
+    if (!is_suspect_(group.across) || 2 * std::ssize(group.members) >= pairs_.images.size()) {
       return;
     }
     MisplacedGroup misplaced;
@@ -112,17 +119,15 @@ class Grouping {
   }
 
   const PairsWithin& pairs_;
+  const Suspicion is_suspect_;
   const GraphAdjacency adjacency_;
   std::vector<Group> groups_;
   std::vector<int> group_of_;
 };
 
-}  // namespace
-
-std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const BuiltModel& built) {
-  ModelStage stage(context, "misplaced_groups");
-  const PairsWithin pairs = FindPairsWithin(built);
-  Grouping grouping(pairs);
+std::vector<MisplacedGroup> FindGroups(ModelStage& stage, const PairsWithin& pairs,
+                                       Suspicion is_suspect) {
+  Grouping grouping(pairs, std::move(is_suspect));
   grouping.JoinAll();
   std::vector<MisplacedGroup> misplaced = grouping.Misplaced();
   size_t num_images = 0;
@@ -130,6 +135,28 @@ std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Bui
   stage.Add("groups", misplaced.size());
   stage.Add("images", num_images);
   return misplaced;
+}
+
+}  // namespace
+
+std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const BuiltModel& built) {
+  ModelStage stage(context, "misplaced_groups");
+  const PairsWithin pairs =
+      FindPairsWithin(built, [&](size_t e) { return built.evidence.pairs[e]; });
+  return FindGroups(stage, pairs, [](const Support& across) { return across.IsContradicted(); });
+}
+
+std::vector<MisplacedGroup> FindGroupsOfOwnScale(StageContext& context, const BuiltModel& built) {
+  ModelStage stage(context, "groups_of_own_scale");
+  const PairsWithin pairs = FindPairsWithin(built, [&](size_t e) {
+    const FeatureMatches& matches = context.scene.matches.at(built.graph.edges[e].PairId());
+    return Support{built.evidence.pairs[e].num_explained,
+                   NumSharedPoints(built.graph.edges[e], matches, *built.model)};
+  });
+  Support all;
+  for (const Support& support : pairs.supports) all = all + support;
+  return FindGroups(stage, pairs,
+                    [&](const Support& across) { return 3 * across.Share() < 2 * all.Share(); });
 }
 
 }  // namespace cairn

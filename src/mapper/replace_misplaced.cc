@@ -86,13 +86,17 @@ std::optional<BuiltModel> PlaceAnew(StageContext& context, const BuiltModel& bui
   return RefineAnew(context, loose, built, std::move(other));
 }
 
-// Places a loose part as a whole, or registers anew what may be misplaced: all groups that the
-// matches contradict, else the worst of them alone, else those whose scale beside the others the
-// model does not know.
+// Places a loose part, or one whose scale may be wrong, as a whole, or registers anew what may be
+// misplaced: all groups that the matches contradict, else the worst of them alone, else those whose
+// scale beside the others the model does not know.
 std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltModel& built) {
   const WeakParts weak = FindWeakParts(context, built.graph, *built.model);
   for (const std::set<image_t>& loose : weak.loose) {
     if (auto other = PlaceAnew(context, built, loose)) return other;
+  }
+  for (const MisplacedGroup& group : FindGroupsOfOwnScale(context, built)) {
+    if (group.images.size() < 2) continue;  // it has no points of its own
+    if (auto other = PlaceAnew(context, built, group.images)) return other;
   }
   const std::vector<MisplacedGroup> groups = FindMisplacedGroups(context, built);
   std::set<image_t> all;

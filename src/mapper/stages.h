@@ -335,8 +335,15 @@ struct MisplacedGroup {
 // most explained matches first: the largest of fewer than half of the images, those with the most
 // contradicting matches first.
 std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const BuiltModel& built);
+// The same by how many of the matches that agree with the model became points: between a group and
+// the others less than two thirds as many as between all images. Relative poses do not tell how
+// large a group is beside the others, points that both see do.
+std::vector<MisplacedGroup> FindGroupsOfOwnScale(StageContext& context, const BuiltModel& built);
 
 // weak_parts.cc
+// Matches of which the model made one point.
+int NumSharedPoints(const ViewEdge& edge, const FeatureMatches& matches,
+                    const Reconstruction& model);
 // Parts of a model that few of its points hold together.
 struct WeakParts {
   // Of several images, no one of which shares as many points with one outside as resection asks

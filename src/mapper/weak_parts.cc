@@ -6,19 +6,6 @@
 namespace cairn {
 namespace {
 
-// Matches of which the model made one point.
-int NumSharedPoints(const ViewEdge& edge, const FeatureMatches& matches,
-                    const Reconstruction& model) {
-  const std::vector<point3D_t>& points1 = model.images.at(edge.image_id1).point3D_ids;
-  const std::vector<point3D_t>& points2 = model.images.at(edge.image_id2).point3D_ids;
-  int num_shared = 0;
-  for (const FeatureMatch& match : matches) {
-    const point3D_t point = points1[match.point1];
-    num_shared += point != kInvalidPoint3DId && point == points2[match.point2];
-  }
-  return num_shared;
-}
-
 // The pairs of images that share as many points as resection asks for.
 std::vector<GraphEdge> FindJoined(const StageContext& context, const ViewGraph& graph,
                                   const Reconstruction& model, const ImageNodes& images) {
@@ -33,6 +20,18 @@ std::vector<GraphEdge> FindJoined(const StageContext& context, const ViewGraph& 
 }
 
 }  // namespace
+
+int NumSharedPoints(const ViewEdge& edge, const FeatureMatches& matches,
+                    const Reconstruction& model) {
+  const std::vector<point3D_t>& points1 = model.images.at(edge.image_id1).point3D_ids;
+  const std::vector<point3D_t>& points2 = model.images.at(edge.image_id2).point3D_ids;
+  int num_shared = 0;
+  for (const FeatureMatch& match : matches) {
+    const point3D_t point = points1[match.point1];
+    num_shared += point != kInvalidPoint3DId && point == points2[match.point2];
+  }
+  return num_shared;
+}
 
 WeakParts FindWeakParts(StageContext& context, const ViewGraph& graph,
                         const Reconstruction& model) {

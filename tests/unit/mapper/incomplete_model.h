@@ -12,8 +12,8 @@ namespace cairn {
 // A scene with all of its pairs, and its true model without some images. Every image has a camera
 // of its own.
 struct IncompleteModel {
-  explicit IncompleteModel(const std::set<image_t>& left_out, uint64_t seed = 1) {
-    SceneOptions options = SmallScene();
+  explicit IncompleteModel(const std::set<image_t>& left_out, uint64_t seed = 1,
+                           SceneOptions options = SmallScene()) {
     options.num_cameras = options.num_images;
     const SyntheticScene synthetic = MakeScene(options, seed);
     truth = model = synthetic.truth;

@@ -131,5 +131,73 @@ TEST(ReplaceMisplaced, PlacesALoosePartAsAWhole) {
   EXPECT_EQ(built.evidence.num_contradicted, 0);
 }
 
+SceneOptions Street() {
+  SceneOptions options = SmallScene();
+  options.layout = CameraLayout::kStreet;
+  options.num_points = 3000;
+  options.max_keypoints = 2000;
+  return options;
+}
+
+// How long the way from image 8 to 10 is beside that from 1 to 3.
+double RelativeLength(const Reconstruction& model) {
+  const auto distance = [&](image_t id1, image_t id2) {
+    return (model.images.at(id1).cam_from_world.Center() -
+            model.images.at(id2).cam_from_world.Center())
+        .norm();
+  };
+  return distance(8, 10) / distance(1, 3);
+}
+
+// A street whose cameras stand on a straight line. An image lacks every third point, so no single
+// image joins the others.
+struct StraightStreet : IncompleteModel {
+  StraightStreet() : IncompleteModel({}, 1, Street()) {
+    for (auto& [id, image] : truth.images) {
+      const double x = image.cam_from_world.Center().x();
+      MoveTo({x, -3, 0}, image.cam_from_world);
+      for (size_t i = 0; i < image.points2D.size(); ++i) {
+        const auto point = truth.points3D.find(image.point3D_ids[i]);
+        if (point == truth.points3D.end()) continue;
+        const auto pixel =
+            truth.CameraOf(image).ImgFromRay(image.cam_from_world * point->second.xyz);
+        if (pixel) image.points2D[i] = *pixel;
+      }
+      scene.pixels[id] = image.points2D;
+    }
+    for (auto& [pair_id, matches] : scene.matches) {
+      const auto [id1, id2] = PairIdToImagePair(pair_id);
+      std::erase_if(matches, [&, id1 = id1, id2 = id2](const FeatureMatch& match) {
+        const point3D_t point = truth.images.at(id1).point3D_ids[match.point1];
+        return (point + id1) % 3 == 0 || (point + id2) % 3 == 0;
+      });
+    }
+    model = truth;
+  }
+  static void MoveTo(const Eigen::Vector3d& center, Rigid3d& cam_from_world) {
+    cam_from_world.translation = -(cam_from_world.rotation * center);
+  }
+};
+
+// Relative poses agree with a part of any size, on a straight line.
+TEST(ReplaceMisplaced, GivesAPartItsScaleBack) {
+  StraightStreet scene;
+  EXPECT_TRUE(FindGroupsOfOwnScale(scene.context, scene.Built()).empty());
+  const Eigen::Vector3d first = scene.truth.images.at(8).cam_from_world.Center();
+  for (const image_t id : kPart) {
+    Rigid3d& pose = scene.model.images.at(id).cam_from_world;
+    scene.MoveTo(first + 0.05 * (pose.Center() - first), pose);
+  }
+  TriangulateModel(scene.context, TracksOfGraph(scene.context, scene.graph).tracks, scene.model);
+  BuiltModel built = scene.Built();
+  EXPECT_EQ(built.evidence.num_contradicted, 0);
+  const auto groups = FindGroupsOfOwnScale(scene.context, built);
+  ASSERT_EQ(groups.size(), 1u);
+  EXPECT_EQ(groups[0].images, (std::set<image_t>{9, 10}));
+  EXPECT_TRUE(FindWeakParts(scene.context, built.graph, *built.model).hinged.empty());
+  ReplaceMisplaced(scene.context, built);
+  EXPECT_NEAR(RelativeLength(*built.model) / RelativeLength(scene.truth), 1.0, 0.05);
+}
+
 }  // namespace
 }  // namespace cairn
