@@ -37,6 +37,12 @@ void ExpectTruePoses(const IncompleteModel& scene, double max_error_deg, double 
   }
 }
 
+int NumWarnings(const std::vector<ResultWarning>& warnings, const std::string& what) {
+  return std::count_if(warnings.begin(), warnings.end(), [&](const ResultWarning& warning) {
+    return warning.what.starts_with(what);
+  });
+}
+
 TEST(PartOf, HasThePointsThatTwoOfItsImagesSee) {
   const IncompleteModel scene({});
   const Reconstruction part = PartOf(scene.model, kPart, IsOfPart);
@@ -107,12 +113,8 @@ TEST(WeakParts, APartThatSharesTooFewPointsIsLoose) {
   EXPECT_EQ(weak.loose[0], kPart);
   EXPECT_EQ(MostSharedPoints(kPart, scene.model), 0);
   EXPECT_GT(MostSharedPoints(kPart, scene.truth), 15);
-  const auto warnings = JudgeModel(scene.context, {scene.model, scene.graph, {}, {}});
-  EXPECT_EQ(std::count_if(warnings.begin(), warnings.end(),
-                          [](const ResultWarning& warning) {
-                            return warning.what.starts_with("3 images share 0 points at most");
-                          }),
-            1);
+  EXPECT_EQ(
+      NumWarnings(JudgeModel(scene.context, scene.Built()), "3 images share 0 points at most"), 1);
 }
 
 // As after bundle adjustment without a point in common: the part lies anywhere.
@@ -195,8 +197,11 @@ TEST(ReplaceMisplaced, GivesAPartItsScaleBack) {
   ASSERT_EQ(groups.size(), 1u);
   EXPECT_EQ(groups[0].images, (std::set<image_t>{9, 10}));
   EXPECT_TRUE(FindWeakParts(scene.context, built.graph, *built.model).hinged.empty());
+  const std::string warning = "2 images may be too small or too large beside the others";
+  EXPECT_EQ(NumWarnings(JudgeModel(scene.context, built), warning), 1);
   ReplaceMisplaced(scene.context, built);
   EXPECT_NEAR(RelativeLength(*built.model) / RelativeLength(scene.truth), 1.0, 0.05);
+  EXPECT_EQ(NumWarnings(JudgeModel(scene.context, built), warning), 0);
 }
 
 }  // namespace
