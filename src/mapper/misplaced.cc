@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <functional>
 #include <numeric>
+#include <utility>
 
 #include "mapper/image_nodes.h"
 #include "mapper/stages.h"
