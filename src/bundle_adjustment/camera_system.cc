@@ -16,10 +16,10 @@ constexpr int kNumParts = 8;
 
 }  // namespace
 
-template <int kPose, int kIntrinsics>
-CameraSystem<kPose, kIntrinsics>::CameraSystem(const std::vector<std::vector<int>>& columns,
-                                               std::vector<int> camera_of_image, int num_cameras,
-                                               int num_threads)
+template <int kIntrinsics>
+CameraSystem<kIntrinsics>::CameraSystem(const std::vector<std::vector<int>>& columns,
+                                        std::vector<int> camera_of_image, int num_cameras,
+                                        int num_threads)
     : camera_of_image_(std::move(camera_of_image)),
       num_cameras_(num_cameras),
       num_threads_(num_threads),
@@ -42,8 +42,8 @@ CameraSystem<kPose, kIntrinsics>::CameraSystem(const std::vector<std::vector<int
   }
 }
 
-template <int kPose, int kIntrinsics>
-BlockPattern CameraSystem<kPose, kIntrinsics>::PatternOfNodes() const {
+template <int kIntrinsics>
+BlockPattern CameraSystem<kIntrinsics>::PatternOfNodes() const {
   BlockPattern pattern;
   pattern.sizes.assign(NumImages(), kPose);
   pattern.sizes.resize(NumImages() + num_cameras_, kIntrinsics);
@@ -68,8 +68,8 @@ BlockPattern CameraSystem<kPose, kIntrinsics>::PatternOfNodes() const {
   return pattern;
 }
 
-template <int kPose, int kIntrinsics>
-void CameraSystem<kPose, kIntrinsics>::FillFactor(const Eigen::VectorXd& diagonal) {
+template <int kIntrinsics>
+void CameraSystem<kIntrinsics>::FillFactor(const Eigen::VectorXd& diagonal) {
   factor_->SetZero();
   factor_->AddToDiagonal(diagonal);
   for (int i = 0; i < NumImages(); ++i) {
@@ -88,8 +88,8 @@ void CameraSystem<kPose, kIntrinsics>::FillFactor(const Eigen::VectorXd& diagona
   }
 }
 
-template <int kPose, int kIntrinsics>
-auto CameraSystem<kPose, kIntrinsics>::Spread(const Eigen::VectorXd& x) const -> Images {
+template <int kIntrinsics>
+auto CameraSystem<kIntrinsics>::Spread(const Eigen::VectorXd& x) const -> Images {
   Images images(kBlock, NumImages());
   for (int i = 0; i < NumImages(); ++i) {
     images.col(i) << x.segment<kPose>(PoseAt(i)),
@@ -98,8 +98,8 @@ auto CameraSystem<kPose, kIntrinsics>::Spread(const Eigen::VectorXd& x) const ->
   return images;
 }
 
-template <int kPose, int kIntrinsics>
-void CameraSystem<kPose, kIntrinsics>::Gather(const Images& images, Eigen::VectorXd& x) const {
+template <int kIntrinsics>
+void CameraSystem<kIntrinsics>::Gather(const Images& images, Eigen::VectorXd& x) const {
   for (int i = 0; i < NumImages(); ++i) {
     x.segment<kPose>(PoseAt(i)) += images.col(i).template head<kPose>();
     x.segment<kIntrinsics>(IntrinsicsAt(camera_of_image_[i])) +=
@@ -107,9 +107,9 @@ void CameraSystem<kPose, kIntrinsics>::Gather(const Images& images, Eigen::Vecto
   }
 }
 
-template <int kPose, int kIntrinsics>
-Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::Multiply(const Eigen::VectorXd& diagonal,
-                                                           const Eigen::VectorXd& x) const {
+template <int kIntrinsics>
+Eigen::VectorXd CameraSystem<kIntrinsics>::Multiply(const Eigen::VectorXd& diagonal,
+                                                    const Eigen::VectorXd& x) const {
   const Images X = Spread(x);
   std::vector<Images> sums(part_begin_.size() - 1);
   ParallelFor(num_threads_, static_cast<int64_t>(sums.size()), [&](int64_t part) {
@@ -129,8 +129,8 @@ Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::Multiply(const Eigen::VectorXd
   return result;
 }
 
-template <int kPose, int kIntrinsics>
-auto CameraSystem<kPose, kIntrinsics>::MakePreconditioner(const Eigen::VectorXd& diagonal) const
+template <int kIntrinsics>
+auto CameraSystem<kIntrinsics>::MakePreconditioner(const Eigen::VectorXd& diagonal) const
     -> Preconditioner {
   using PoseBlock = Eigen::Matrix<double, kPose, kPose>;
   using IntrinsicsBlock = Eigen::Matrix<double, kIntrinsics, kIntrinsics>;
@@ -156,9 +156,9 @@ auto CameraSystem<kPose, kIntrinsics>::MakePreconditioner(const Eigen::VectorXd&
   return inverse;
 }
 
-template <int kPose, int kIntrinsics>
-Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::Precondition(const Preconditioner& inverse,
-                                                               const Eigen::VectorXd& x) const {
+template <int kIntrinsics>
+Eigen::VectorXd CameraSystem<kIntrinsics>::Precondition(const Preconditioner& inverse,
+                                                        const Eigen::VectorXd& x) const {
   Eigen::VectorXd result(x.size());
   for (int i = 0; i < NumImages(); ++i) {
     result.segment<kPose>(PoseAt(i)) = inverse.poses[i] * x.segment<kPose>(PoseAt(i));
@@ -170,9 +170,9 @@ Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::Precondition(const Preconditio
   return result;
 }
 
-template <int kPose, int kIntrinsics>
-bool CameraSystem<kPose, kIntrinsics>::Solve(const Eigen::VectorXd& diagonal,
-                                             const Eigen::VectorXd& right, Eigen::VectorXd* x) {
+template <int kIntrinsics>
+bool CameraSystem<kIntrinsics>::Solve(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& right,
+                                      Eigen::VectorXd* x) {
   if (!factor_) {
     *x = SolveByConjugateGradients(diagonal, right);
     return true;
@@ -183,8 +183,8 @@ bool CameraSystem<kPose, kIntrinsics>::Solve(const Eigen::VectorXd& diagonal,
   return true;
 }
 
-template <int kPose, int kIntrinsics>
-Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::SolveByConjugateGradients(
+template <int kIntrinsics>
+Eigen::VectorXd CameraSystem<kIntrinsics>::SolveByConjugateGradients(
     const Eigen::VectorXd& diagonal, const Eigen::VectorXd& right) const {
   const Preconditioner inverse = MakePreconditioner(diagonal);
   Eigen::VectorXd x = Eigen::VectorXd::Zero(right.size());
@@ -209,8 +209,7 @@ Eigen::VectorXd CameraSystem<kPose, kIntrinsics>::SolveByConjugateGradients(
   return x;
 }
 
-template class CameraSystem<3, 1>;
-template class CameraSystem<6, 4>;
-template class CameraSystem<6, kMaxCameraParams>;
+template class CameraSystem<4>;
+template class CameraSystem<kMaxCameraParams>;
 
 }  // namespace cairn

@@ -17,9 +17,10 @@ namespace cairn {
 // intrinsics of its camera (kIntrinsics), as if it had them for itself; the images of a camera
 // share them in products and in the solution. A vector of the unknowns: the poses of all images,
 // then the intrinsics of all cameras.
-template <int kPose, int kIntrinsics>
+template <int kIntrinsics>
 class CameraSystem {
  public:
+  static constexpr int kPose = 6;
   static constexpr int kBlock = kPose + kIntrinsics;
   using Block = Eigen::Matrix<double, kBlock, kBlock, Eigen::RowMajor>;
 
@@ -79,8 +80,7 @@ class CameraSystem {
   std::unique_ptr<BlockCholesky> factor_;  // null: conjugate gradients
 };
 
-extern template class CameraSystem<3, 1>;
-extern template class CameraSystem<6, 4>;
-extern template class CameraSystem<6, kMaxCameraParams>;
+extern template class CameraSystem<4>;
+extern template class CameraSystem<kMaxCameraParams>;
 
 }  // namespace cairn

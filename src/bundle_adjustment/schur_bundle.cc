@@ -124,13 +124,14 @@ std::pair<double, double> RobustCost(const ceres::LossFunction* loss, double squ
   return {rho[0], rho[1]};
 }
 
-// A problem for Minimize (math/levenberg_marquardt.h). kPose: 6, or 3 where rotations stay;
-// kIntrinsics: no camera has more that are free. What is not free has zeros in the Jacobian.
-template <int kPose, int kIntrinsics>
+// A problem for Minimize (math/levenberg_marquardt.h). kIntrinsics: no camera has more that
+// are free. What is not free has zeros in the Jacobian.
+template <int kIntrinsics>
 class SchurBundle {
  public:
-  static constexpr int kBlock = kPose + kIntrinsics;
-  using System = CameraSystem<kPose, kIntrinsics>;
+  using System = CameraSystem<kIntrinsics>;
+  static constexpr int kPose = System::kPose;
+  static constexpr int kBlock = System::kBlock;
   using State = Eigen::VectorXd;  // CameraSystem's unknowns, then the points
   struct Model {
     double cost = 0;
@@ -232,7 +233,7 @@ class SchurBundle {
   // Of each parameter block: where it stands in a vector of all, where in the state, and its size.
   void ForEachBlock(const std::function<void(Eigen::Index, double*, int)>& fn) {
     for (int i = 0; i < system_.NumImages(); ++i) {
-      fn(system_.PoseAt(i), bundle_.poses()[i].block.data() + 6 - kPose, kPose);
+      fn(system_.PoseAt(i), bundle_.poses()[i].block.data(), kPose);
     }
     for (int c = 0; c < static_cast<int>(bundle_.intrinsics().size()); ++c) {
       IntrinsicsState& intrinsics = bundle_.intrinsics()[c];
@@ -287,12 +288,11 @@ class SchurBundle {
     const BundleObservation& observation = observations_.all[k];
     const PoseState& pose = bundle_.poses()[observation.image];
     const bool is_free = pose_is_free_[observation.image];
-    const Reprojection reprojection{
-        &pose,
-        &bundle_.points()[observations_.point_of[k]],
-        observation.pixel,
-        observation.precision,
-        {.point = true, .rotation = is_free && kPose == 6, .position = is_free}};
+    const Reprojection reprojection{&pose,
+                                    &bundle_.points()[observations_.point_of[k]],
+                                    observation.pixel,
+                                    observation.precision,
+                                    {.point = true, .rotation = is_free, .position = is_free}};
     Eigen::Vector2d residual;
     Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
     Eigen::Matrix<double, 2, kPose, Eigen::RowMajor> by_pose;
@@ -442,12 +442,12 @@ class SchurBundle {
   int last_number_ = 0;
 };
 
-template <int kPose, int kIntrinsics>
+template <int kIntrinsics>
 BundleAdjustmentReport Adjust(const BundleAdjustmentOptions& options,
                               const BundleAdjustmentScope& scope, const RunContext& run,
                               Reconstruction& reconstruction, BundleState& state) {
   const std::unique_ptr<ceres::LossFunction> loss = MakeLoss(options);
-  SchurBundle<kPose, kIntrinsics> problem(scope, reconstruction, loss.get(), run, state);
+  SchurBundle<kIntrinsics> problem(scope, reconstruction, loss.get(), run, state);
   const BundleObservations& observations = problem.observations();
   BundleAdjustmentReport report;
   report.num_observations = observations.NumUnsurveyed();
@@ -480,21 +480,19 @@ BundleAdjustmentReport Adjust(const BundleAdjustmentOptions& options,
 }  // namespace
 
 bool SuitsSchurBundle(const BundleAdjustmentScope& scope) {
-  const bool has_intrinsics = scope.focal_lengths || scope.distortions || scope.principal_points;
-  return scope.points && scope.positions && (scope.rotations || !has_intrinsics);
+  return scope.points && scope.positions && scope.rotations;
 }
 
 BundleAdjustmentReport AdjustBySchurBundle(const BundleAdjustmentOptions& options,
                                            const BundleAdjustmentScope& scope,
                                            const RunContext& run, Reconstruction& reconstruction) {
   BundleState state(scope, reconstruction);
-  if (!scope.rotations) return Adjust<3, 1>(options, scope, run, reconstruction, state);
   int num_free = 0;
   for (const IntrinsicsState& intrinsics : state.intrinsics()) {
     num_free = std::max(num_free, intrinsics.num_free);
   }
-  return num_free <= 4 ? Adjust<6, 4>(options, scope, run, reconstruction, state)
-                       : Adjust<6, kMaxCameraParams>(options, scope, run, reconstruction, state);
+  return num_free <= 4 ? Adjust<4>(options, scope, run, reconstruction, state)
+                       : Adjust<kMaxCameraParams>(options, scope, run, reconstruction, state);
 }
 
 }  // namespace cairn

@@ -11,7 +11,7 @@ namespace cairn {
 // place in its image's list.
 inline constexpr int64_t kSchurBundleObservationBytes = 24 + 112 + 8;
 
-// Poses or positions, points and, with rotations, intrinsics.
+// Poses and points, with or without intrinsics.
 bool SuitsSchurBundle(const BundleAdjustmentScope& scope);
 
 // Does kAuto stand for it, where the scope suits? covisibility: images that see an observation's

@@ -217,6 +217,25 @@ class IndependentMatches {
   int64_t num_ = 0;
 };
 
+// Of poses, focal lengths and distortions.
+double ParameterCost(const Reconstruction& model, const std::map<image_t, Support>& images) {
+  constexpr int kPoseParameters = 6;
+  std::map<camera_t, int64_t> num_matches;
+  double nats = 0;
+  const auto add = [&nats](size_t num_parameters, int64_t num) {
+    nats += 0.5 * num_parameters * std::log(std::max<double>(1, num));
+  };
+  for (const auto& [id, support] : images) {
+    add(kPoseParameters, support.num_matches);
+    num_matches[model.images.at(id).image.camera_id] += support.num_matches;
+  }
+  for (const auto& [id, num] : num_matches) {
+    const Camera& camera = model.cameras.at(id);
+    add(camera.FocalIndices().size() + camera.DistortionIndices().size(), num);
+  }
+  return nats;
+}
+
 }  // namespace
 
 int64_t CountIndependent(std::span<const VerifiedPair> pairs) {
@@ -262,10 +281,7 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
   if (evidence.all.num_explained > 0) {
     evidence.nats = evidence.all.nats * evidence.num_independent / evidence.all.num_explained;
   }
-  constexpr double kPoseParameters = 6;
-  for (const auto& [id, support] : evidence.images) {
-    evidence.nats -= 0.5 * kPoseParameters * std::log(std::max<double>(1, support.num_matches));
-  }
+  evidence.nats -= ParameterCost(model, evidence.images);
   return evidence;
 }
 

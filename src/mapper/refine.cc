@@ -11,8 +11,7 @@ namespace {
 struct Round {
   std::string name;
   std::span<const Track> tracks = {};
-  double error_factor = 1.0;     // of triangulation.max_error_px
-  bool positions_first = false;  // a stage with fixed rotations and intrinsics before
+  double error_factor = 1.0;  // of triangulation.max_error_px
   bool distortions = true;
   bool weigh = true;  // observations by their precision, which errors at rough poses do not show
   int max_iterations = 0;
@@ -53,17 +52,16 @@ IntrinsicsPrior PriorOf(const StageContext& context, camera_t id, const Camera& 
   return prior;
 }
 
-void Adjust(StageContext& context, const Round& round, bool everything, Reconstruction& model) {
+void Adjust(StageContext& context, const Round& round, Reconstruction& model) {
   const ReconstructSettings& settings = context.settings;
-  ModelStage stage(context, everything ? "bundle_adjustment" : "bundle_adjustment_positions");
+  ModelStage stage(context, "bundle_adjustment");
   BundleAdjustmentOptions options = settings.bundle_adjustment;
   options.max_iterations = std::min(options.max_iterations, round.max_iterations);
   options.function_tolerance = std::max(options.function_tolerance, round.tolerance);
   BundleAdjustmentScope scope;
-  scope.rotations = everything;
-  scope.focal_lengths = everything;
-  scope.distortions = everything && round.distortions;
-  scope.principal_points = everything && !context.free_principal_points.empty();
+  scope.focal_lengths = true;
+  scope.distortions = round.distortions;
+  scope.principal_points = !context.free_principal_points.empty();
   scope.fixed_cameras = context.scene.constant_cameras;
   for (const auto& [id, camera] : context.scene.cameras) {
     scope.priors[id] = PriorOf(context, id, camera);
@@ -131,8 +129,7 @@ void FilterRound(StageContext& context, const Round& round, Reconstruction& mode
 
 void RunRound(StageContext& context, const Round& round, Reconstruction& model) {
   TriangulateRound(context, round, model);
-  if (round.positions_first) Adjust(context, round, false, model);
-  Adjust(context, round, true, model);
+  Adjust(context, round, model);
   FilterRound(context, round, model);
 }
 
@@ -148,7 +145,6 @@ void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruct
            {.name = "coarse",
             .tracks = tracks,
             .error_factor = options.coarse_error_factor,
-            .positions_first = true,
             .distortions = false,
             .weigh = false,
             .max_iterations = 20,
@@ -209,14 +205,14 @@ std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
 
 void AdjustModel(StageContext& context, int max_iterations, Reconstruction& model) {
   const Round round{.name = "as it is", .max_iterations = max_iterations};
-  Adjust(context, round, true, model);
+  Adjust(context, round, model);
   FilterRound(context, round, model);
 }
 
 void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstruction& model) {
   const Round round{
       .name = "positions", .max_iterations = std::numeric_limits<int>::max(), .places = &priors};
-  Adjust(context, round, true, model);
+  Adjust(context, round, model);
   FilterRound(context, round, model);
 }
 
@@ -237,7 +233,7 @@ bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineSta
     if (static_cast<double>(num_observations) < (1.0 + options.min_gain) * num_known) break;
     num_known = num_observations;
     model = std::move(candidate);
-    Adjust(context, round, true, model);
+    Adjust(context, round, model);
     FilterRound(context, round, model);
   }
   return i > 0;

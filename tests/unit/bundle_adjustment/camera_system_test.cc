@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-using System = CameraSystem<6, 4>;
+using System = CameraSystem<4>;
 
 // Images that see points with the next ones, or with any.
 std::vector<std::vector<int>> Columns(int num_images, int num_seen, bool are_near, Rng& rng) {

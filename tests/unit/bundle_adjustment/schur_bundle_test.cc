@@ -57,7 +57,6 @@ std::vector<ScopeCase> ScopeCases() {
     }
   };
   return {{"poses and points", [](auto&, auto&) {}},
-          {"positions alone", [](auto&, auto& scope) { scope.rotations = false; }},
           {"intrinsics with priors", everything},
           {"intrinsics of many parameters", everything, CameraModel::kFullOpenCV},
           {"a constant camera",

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numbers>
 
 #include "cairn/base/rng.h"
@@ -206,6 +207,28 @@ TEST(ModelEvidence, DoesNotDependOnTheWorldFrameOrOnThreads) {
   change.translation = Eigen::Vector3d(3, -2, 5);
   moved.Transform(change);
   EXPECT_NEAR(EvaluateEvidence(moved, pairs.views, {.num_threads = 1}).nats, nats, 1e-6 * nats);
+}
+
+// Two cameras of the same parameters explain what one explains, and are longer to describe: by half
+// the logarithm of the images' matches for each of focal length and distortion.
+TEST(ModelEvidence, EveryCameraCostsItsParameters) {
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.3});
+  const Pairs pairs(scene.truth);
+  Reconstruction two = scene.truth;
+  const image_t last = two.images.rbegin()->first;
+  Camera own = two.cameras.begin()->second;
+  own.camera_id = 99;
+  two.cameras[99] = own;
+  two.images.at(last).image.camera_id = 99;
+  const ModelEvidence with_one = EvaluateEvidence(scene.truth, pairs.views, {.num_threads = 1});
+  const ModelEvidence with_two = EvaluateEvidence(two, pairs.views, {.num_threads = 1});
+  int64_t all = 0;
+  for (const auto& [id, support] : with_one.images) all += support.num_matches;
+  const int64_t of_last = with_one.images.at(last).num_matches;
+  const double num_parameters = own.FocalIndices().size() + own.DistortionIndices().size();
+  const auto log = [](int64_t num) { return std::log(static_cast<double>(num)); };
+  EXPECT_NEAR(with_one.nats - with_two.nats,
+              0.5 * num_parameters * (log(of_last) + log(all - of_last) - log(all)), 1e-6);
 }
 
 TEST(ModelEvidence, AWrongPoseIsContradictedByItsOwnPairs) {

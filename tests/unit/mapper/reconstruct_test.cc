@@ -54,7 +54,7 @@ TEST(Reconstruct, ReportsEveryStage) {
   const ReconstructResult result = Reconstruct(MakeDatabase(scene));
   for (const char* name :
        {"read", "view_graph", "rotation_averaging", "tracks", "translation_averaging",
-        "triangulation", "bundle_adjustment_positions", "bundle_adjustment", "filter", "checks"}) {
+        "triangulation", "bundle_adjustment", "filter", "checks"}) {
     const StageReport* stage = FindStage(result.report, name);
     ASSERT_NE(stage, nullptr) << name;
     EXPECT_GE(stage->seconds, 0) << name;

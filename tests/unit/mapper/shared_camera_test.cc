@@ -76,7 +76,7 @@ TEST(SharedCamera, IsNotForcedOnImagesOfSeveral) {
   std::map<image_t, double> zoom;
   const Eigen::Vector2d center = scene.cameras.at(1).PrincipalPoint();
   for (const Image& image : scene.images) {
-    zoom[image.image_id] = 1 + 0.04 * std::sin(5.0 * image.image_id);
+    zoom[image.image_id] = 1 + 0.08 * std::sin(5.0 * image.image_id);
     std::vector<Keypoint> keypoints = scene.keypoints.at(image.image_id);
     for (Keypoint& keypoint : keypoints) {
       const Eigen::Vector2d moved = center + zoom[image.image_id] * (keypoint.Position() - center);
