@@ -80,7 +80,7 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
                        [&](const std::set<image_t>& part) { return part.count(id) > 0; });
   };
   for (const MisplacedGroup& group : groups) {
-    if (group.images.size() < 2 || is_loose(*group.images.begin())) continue;
+    if (is_loose(*group.images.begin())) continue;
     warn({std::to_string(group.images.size()) +
               " images may be too small or too large beside the others: the poses agree with their "
               "matches, the points seldom: " +

@@ -156,8 +156,10 @@ std::vector<MisplacedGroup> FindGroupsOfOwnScale(StageContext& context, const Bu
   });
   Support all;
   for (const Support& support : pairs.supports) all = all + support;
-  return FindGroups(stage, pairs,
-                    [&](const Support& across) { return 3 * across.Share() < 2 * all.Share(); });
+  std::vector<MisplacedGroup> groups = FindGroups(
+      stage, pairs, [&](const Support& across) { return 3 * across.Share() < 2 * all.Share(); });
+  std::erase_if(groups, [](const MisplacedGroup& group) { return group.images.size() < 2; });
+  return groups;
 }
 
 }  // namespace cairn

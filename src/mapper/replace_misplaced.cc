@@ -95,7 +95,6 @@ std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltMo
     if (auto other = PlaceAnew(context, built, loose)) return other;
   }
   for (const MisplacedGroup& group : FindGroupsOfOwnScale(context, built)) {
-    if (group.images.size() < 2) continue;  // it has no points of its own
     if (auto other = PlaceAnew(context, built, group.images)) return other;
   }
   const std::vector<MisplacedGroup> groups = FindMisplacedGroups(context, built);

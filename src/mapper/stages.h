@@ -337,7 +337,8 @@ struct MisplacedGroup {
 std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const BuiltModel& built);
 // The same by how many of the matches that agree with the model became points: between a group and
 // the others less than two thirds as many as between all images. Relative poses do not tell how
-// large a group is beside the others, points that both see do.
+// large a group is beside the others, points that both see do. (An image alone has no points of its
+// own, and is no group.)
 std::vector<MisplacedGroup> FindGroupsOfOwnScale(StageContext& context, const BuiltModel& built);
 
 // weak_parts.cc
