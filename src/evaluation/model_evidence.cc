@@ -217,8 +217,9 @@ class IndependentMatches {
   int64_t num_ = 0;
 };
 
-// Of poses, focal lengths and distortions.
-double ParameterCost(const Reconstruction& model, const std::map<image_t, Support>& images) {
+// Of poses, and of focal lengths and distortions that are not constant.
+double ParameterCost(const Reconstruction& model, const std::map<image_t, Support>& images,
+                     const std::set<camera_t>& constant_cameras) {
   constexpr int kPoseParameters = 6;
   std::map<camera_t, int64_t> num_matches;
   double nats = 0;
@@ -230,6 +231,7 @@ double ParameterCost(const Reconstruction& model, const std::map<image_t, Suppor
     num_matches[model.images.at(id).image.camera_id] += support.num_matches;
   }
   for (const auto& [id, num] : num_matches) {
+    if (constant_cameras.count(id) > 0) continue;
     const Camera& camera = model.cameras.at(id);
     add(camera.FocalIndices().size() + camera.DistortionIndices().size(), num);
   }
@@ -256,7 +258,7 @@ int64_t CountIndependent(std::span<const VerifiedPair> pairs) {
 }
 
 ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
-                               const RunContext& run) {
+                               const RunContext& run, const std::set<camera_t>& constant_cameras) {
   ModelEvidence evidence;
   std::map<image_t, size_t> num_keypoints;
   for (const auto& [id, image] : model.images) {
@@ -281,7 +283,7 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
   if (evidence.all.num_explained > 0) {
     evidence.nats = evidence.all.nats * evidence.num_independent / evidence.all.num_explained;
   }
-  evidence.nats -= ParameterCost(model, evidence.images);
+  evidence.nats -= ParameterCost(model, evidence.images, constant_cameras);
   return evidence;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <span>
 #include <vector>
 
@@ -51,10 +52,10 @@ struct ModelEvidence {
   // would gain by all pairs of their images what is one coincidence a point. Of a track that the
   // model has points of, those count that join the keypoints of a point, and those near it that
   // the model's filters took away: pairs alone do not see that a shape is bent, its points fall
-  // apart. An image costs the six parameters of its pose, a camera its focal lengths and
-  // distortions, each half the logarithm of its matches (Rissanen, "Modeling by shortest data
-  // description", 1978). Models of the same images and matches can be compared by it, whatever they
-  // were built from.
+  // apart. An image costs the six parameters of its pose, a camera that is not
+  // constant its focal lengths and distortions, each half the logarithm of its matches (Rissanen,
+  // "Modeling by shortest data description", 1978). Models of the same images and matches can be
+  // compared by it, whatever they were built from.
   double nats = 0;
   int64_t num_independent =
       0;  // of the explained matches (CountIndependent), that points agree with
@@ -74,7 +75,8 @@ int64_t CountIndependent(std::span<const VerifiedPair> pairs);
 // explained; they count in `all`, not in num_pairs. O(number of matches). The result does not
 // depend on run.num_threads.
 ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
-                               const RunContext& run = {});
+                               const RunContext& run = {},
+                               const std::set<camera_t>& constant_cameras = {});
 
 // How many more nats the matches of each image save in model 2 than in model 1, of the same images,
 // together, in standard errors of that sum: how far it depends on which images there are (the

@@ -21,7 +21,7 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
     pairs.push_back({edge.image_id1, edge.image_id2,
                      is_of_others ? &kNoMatches : &context.scene.matches.at(edge.PairId())});
   }
-  return EvaluateEvidence(model, pairs, context.run);
+  return EvaluateEvidence(model, pairs, context.run, context.scene.constant_cameras);
 }
 
 std::string Names(const StageContext& context, std::span<const image_t> images) {

@@ -127,10 +127,11 @@ class Grouping {
 };
 
 std::vector<MisplacedGroup> FindGroups(ModelStage& stage, const PairsWithin& pairs,
-                                       Suspicion is_suspect) {
+                                       size_t min_images, Suspicion is_suspect) {
   Grouping grouping(pairs, std::move(is_suspect));
   grouping.JoinAll();
   std::vector<MisplacedGroup> misplaced = grouping.Misplaced();
+  std::erase_if(misplaced, [&](const auto& group) { return group.images.size() < min_images; });
   size_t num_images = 0;
   for (const MisplacedGroup& group : misplaced) num_images += group.images.size();
   stage.Add("groups", misplaced.size());
@@ -144,7 +145,7 @@ std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Bui
   ModelStage stage(context, "misplaced_groups");
   const PairsWithin pairs =
       FindPairsWithin(built, [&](size_t e) { return built.evidence.pairs[e]; });
-  return FindGroups(stage, pairs, [](const Support& across) { return across.IsContradicted(); });
+  return FindGroups(stage, pairs, 1, [](const Support& across) { return across.IsContradicted(); });
 }
 
 std::vector<MisplacedGroup> FindGroupsOfOwnScale(StageContext& context, const BuiltModel& built) {
@@ -156,10 +157,8 @@ std::vector<MisplacedGroup> FindGroupsOfOwnScale(StageContext& context, const Bu
   });
   Support all;
   for (const Support& support : pairs.supports) all = all + support;
-  std::vector<MisplacedGroup> groups = FindGroups(
-      stage, pairs, [&](const Support& across) { return 3 * across.Share() < 2 * all.Share(); });
-  std::erase_if(groups, [](const MisplacedGroup& group) { return group.images.size() < 2; });
-  return groups;
+  return FindGroups(stage, pairs, 2,
+                    [&](const Support& across) { return 3 * across.Share() < 2 * all.Share(); });
 }
 
 }  // namespace cairn

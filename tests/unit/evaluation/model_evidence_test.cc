@@ -217,6 +217,7 @@ TEST(ModelEvidence, EveryCameraCostsItsParameters) {
   Reconstruction two = scene.truth;
   const image_t last = two.images.rbegin()->first;
   Camera own = two.cameras.begin()->second;
+  const camera_t first = own.camera_id;
   own.camera_id = 99;
   two.cameras[99] = own;
   two.images.at(last).image.camera_id = 99;
@@ -229,6 +230,10 @@ TEST(ModelEvidence, EveryCameraCostsItsParameters) {
   const auto log = [](int64_t num) { return std::log(static_cast<double>(num)); };
   EXPECT_NEAR(with_one.nats - with_two.nats,
               0.5 * num_parameters * (log(of_last) + log(all - of_last) - log(all)), 1e-6);
+  // What is known beforehand need not be described.
+  const double nats = EvaluateEvidence(scene.truth, pairs.views, {}, {first}).nats;
+  EXPECT_NEAR(EvaluateEvidence(two, pairs.views, {}, {first, 99}).nats, nats, 1e-6);
+  EXPECT_GT(nats, with_one.nats);
 }
 
 TEST(ModelEvidence, AWrongPoseIsContradictedByItsOwnPairs) {
