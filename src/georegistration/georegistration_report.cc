@@ -29,9 +29,15 @@ std::string GeoregistrationFailure(const Georegistration& georegistration) {
              " control points; it takes three of either";
     case GeoregistrationStatus::kOnALine:
       return "the positions, or the cameras, lie on a line, about which the model may turn";
-    case GeoregistrationStatus::kNoAgreement:
-      return "the positions contradict the model: half of them are far off, whatever the "
-             "similarity";
+    case GeoregistrationStatus::kNoAgreement: {
+      char text[220];
+      std::snprintf(text, sizeof(text),
+                    "by the best similarity the positions are %.1f m off the model (median), "
+                    "more than half of what they spread: they are wrong, or too imprecise for so "
+                    "small a scene",
+                    georegistration.median_residual_m);
+      return text;
+    }
   }
   return "";
 }

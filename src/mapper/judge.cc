@@ -33,7 +33,6 @@ std::string Names(const StageContext& context, std::span<const image_t> images) 
 std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& built) {
   const Reconstruction& model = *built.model;
   const ModelEvidence& evidence = built.evidence;
-  const WeakParts weak = FindWeakParts(context, built.graph, model);
   const std::vector<MisplacedGroup> groups = FindGroupsOfOwnScale(context, built);
   ModelStage stage(context, "judgement");
   const Symmetry symmetry = FindSymmetry(model, built.graph);
@@ -67,23 +66,11 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
               Names(context, doubtful),
           kMisplacedAdvice});
   }
-  for (const std::set<image_t>& part : weak.loose) {
-    const int num_shared = MostSharedPoints(part, model);
-    if (num_shared >= context.settings.resection.min_num_inliers) continue;
-    warn({std::to_string(part.size()) + " images share " + std::to_string(num_shared) +
-              " points at most with any other, and may lie elsewhere beside these: " +
-              Names(context, std::vector<image_t>(part.begin(), part.end())),
-          "add photos between them and the others"});
-  }
-  const auto is_loose = [&](image_t id) {
-    return std::any_of(weak.loose.begin(), weak.loose.end(),
-                       [&](const std::set<image_t>& part) { return part.count(id) > 0; });
-  };
   for (const MisplacedGroup& group : groups) {
-    if (is_loose(*group.images.begin())) continue;
     warn({std::to_string(group.images.size()) +
-              " images may be too small or too large beside the others: the poses agree with their "
-              "matches, the points seldom: " +
+              " images may be too small or too large beside the others, or lie elsewhere: few "
+              "points "
+              "join these: " +
               Names(context, std::vector<image_t>(group.images.begin(), group.images.end())),
           "add photos between them and the others"});
   }

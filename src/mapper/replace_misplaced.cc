@@ -69,31 +69,27 @@ std::set<image_t> NeighborsOf(const std::set<image_t>& images, const Reconstruct
   return neighbors;
 }
 
-// The model with a loose part placed as a whole; none where that explains no more.
+// The model with a part placed as a whole; none where that explains no more.
 std::optional<BuiltModel> PlaceAnew(StageContext& context, const BuiltModel& built,
-                                    const std::set<image_t>& loose) {
-  const auto is_loose = [&](image_t id) { return loose.count(id) > 0; };
+                                    const std::set<image_t>& part) {
+  const auto is_of_part = [&](image_t id) { return part.count(id) > 0; };
   const Reconstruction rest =
-      PartOf(*built.model, NeighborsOf(loose, *built.model, built.graph), std::not_fn(is_loose));
+      PartOf(*built.model, NeighborsOf(part, *built.model, built.graph), std::not_fn(is_of_part));
   const PlaceOfPart place =
-      PlacePart(context, built.graph, rest, PartOf(*built.model, loose, is_loose));
+      PlacePart(context, built.graph, rest, PartOf(*built.model, part, is_of_part));
   if (place.num_agreeing <= place.num_before) return std::nullopt;
   BuiltModel other = built;
-  for (const image_t id : loose) {
+  for (const image_t id : part) {
     Rigid3d& cam_from_world = other.model->images.at(id).cam_from_world;
     cam_from_world = TransformCameraWorld(place.rest_from_part, cam_from_world);
   }
-  return RefineAnew(context, loose, built, std::move(other));
+  return RefineAnew(context, part, built, std::move(other));
 }
 
-// Places a loose part, or one whose scale may be wrong, as a whole, or registers anew what may be
-// misplaced: all groups that the matches contradict, else the worst of them alone, else those whose
-// scale beside the others the model does not know.
+// Places a group whose scale may be wrong as a whole, or registers anew what may be misplaced: all
+// groups that the matches contradict, else the worst of them alone, else those whose scale beside
+// the others the model does not know.
 std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltModel& built) {
-  const WeakParts weak = FindWeakParts(context, built.graph, *built.model);
-  for (const std::set<image_t>& loose : weak.loose) {
-    if (auto other = PlaceAnew(context, built, loose)) return other;
-  }
   for (const MisplacedGroup& group : FindGroupsOfOwnScale(context, built)) {
     if (auto other = PlaceAnew(context, built, group.images)) return other;
   }
@@ -102,7 +98,8 @@ std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltMo
   for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
   auto other = RegisterAnew(context, built, all);
   if (!other && groups.size() > 1) other = RegisterAnew(context, built, groups.front().images);
-  return other ? std::move(other) : RegisterAnew(context, built, weak.hinged);
+  if (!other) other = RegisterAnew(context, built, FindHinged(context, built.graph, *built.model));
+  return other;
 }
 
 }  // namespace

@@ -320,8 +320,7 @@ bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart 
 std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model);
 
 // replace_misplaced.cc
-// Places loose parts of the model and registers misplaced images anew, while that brings more
-// evidence.
+// Places groups of own scale and registers misplaced images anew, while that brings more evidence.
 void ReplaceMisplaced(StageContext& context, BuiltModel& best);
 
 // misplaced.cc
@@ -341,23 +340,15 @@ std::vector<MisplacedGroup> FindMisplacedGroups(StageContext& context, const Bui
 // own, and is no group.)
 std::vector<MisplacedGroup> FindGroupsOfOwnScale(StageContext& context, const BuiltModel& built);
 
-// weak_parts.cc
+// hinged.cc
 // Matches of which the model made one point.
 int NumSharedPoints(const ViewEdge& edge, const FeatureMatches& matches,
                     const Reconstruction& model);
-// Parts of a model that few of its points hold together.
-struct WeakParts {
-  // Of several images, no one of which shares as many points with one outside as resection asks
-  // for. The largest part of the model is none.
-  std::vector<std::set<image_t>> loose;
-  // Images of parts that share points with the rest through a single image: two parts with one
-  // image in common have no common scale. Of all such parts the smaller ones, while they are fewer
-  // than half of the images.
-  std::set<image_t> hinged;
-};
-WeakParts FindWeakParts(StageContext& context, const ViewGraph& graph, const Reconstruction& model);
-// The most points that an image of the part shares with one outside, by whatever pairs.
-int MostSharedPoints(const std::set<image_t>& part, const Reconstruction& model);
+// Images of parts that share points, as many as resection asks for, with the rest through a single
+// image: two parts with one image in common have no common scale. Of all such parts the smaller
+// ones, while they are fewer than half of the images.
+std::set<image_t> FindHinged(StageContext& context, const ViewGraph& graph,
+                             const Reconstruction& model);
 
 // place_part.cc
 // These images of a part of a model, with the points that two of the part see.

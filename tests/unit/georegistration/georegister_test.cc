@@ -167,7 +167,10 @@ TEST_F(GeoregisterTest, PositionsOfAnotherPlaceDoNotAgree) {
   for (auto& [name, row] : rows_) {
     row.position = GpsAt({rng.Uniform(-300, 300), rng.Uniform(-300, 300), rng.Uniform(0, 300)});
   }
-  EXPECT_EQ(Georegister(model_, {rows_}).status, GeoregistrationStatus::kNoAgreement);
+  const Georegistration found = Georegister(model_, {rows_});
+  EXPECT_EQ(found.status, GeoregistrationStatus::kNoAgreement);
+  EXPECT_THAT(GeoregistrationFailure(found),
+              ::testing::MatchesRegex(".* are [0-9]{3}\\.[0-9] m off the model .*"));
 }
 
 TEST_F(GeoregisterTest, RowsWithoutAltitudeAreNotMixedIn) {

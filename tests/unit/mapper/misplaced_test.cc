@@ -31,7 +31,7 @@ TEST(MisplacedGroups, AGroupIsFoundThoughEachOfItsImagesKeepsMostMatches) {
 // Points of images 8 to 10 are no points of images 1 to 6, though their pairs are verified.
 TEST(Hinged, APartThatASingleImageJoinsWithTheRestIsFound) {
   IncompleteModel scene({});
-  EXPECT_TRUE(FindWeakParts(scene.context, scene.graph, scene.model).hinged.empty());
+  EXPECT_TRUE(FindHinged(scene.context, scene.graph, scene.model).empty());
   for (auto& [id, point] : scene.model.points3D) {
     const bool is_even = id % 2 == 0;
     const auto is_of_others = [&](const TrackElement& element) {
@@ -43,8 +43,7 @@ TEST(Hinged, APartThatASingleImageJoinsWithTheRestIsFound) {
     }
     std::erase_if(point.track, is_of_others);
   }
-  EXPECT_EQ(FindWeakParts(scene.context, scene.graph, scene.model).hinged,
-            (std::set<image_t>{8, 9, 10}));
+  EXPECT_EQ(FindHinged(scene.context, scene.graph, scene.model), (std::set<image_t>{8, 9, 10}));
 }
 
 }  // namespace

@@ -99,26 +99,25 @@ TEST(PlacePart, OnePairAndPointsOfOneModelAreEnough) {
   ExpectTruePoses(scene, 1.0, 0.1);
 }
 
-TEST(WeakParts, APartThatSharesTooFewPointsIsLoose) {
+TEST(GroupsOfOwnScale, APartThatSharesNoPointsIsOne) {
   TwoModels scene;
-  EXPECT_TRUE(FindWeakParts(scene.context, scene.graph, scene.rest).loose.empty());
+  EXPECT_TRUE(FindGroupsOfOwnScale(scene.context, scene.Built()).empty());
   for (const image_t id : kPart) RemoveImage(id, scene.model);
   for (auto& [id, image] : scene.part.images) {
     std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
     scene.model.images[id] = image;
   }
   for (const auto& [id, point] : scene.part.points3D) scene.model.AddPoint3D(point);
-  const WeakParts weak = FindWeakParts(scene.context, scene.graph, scene.model);
-  ASSERT_EQ(weak.loose.size(), 1u);
-  EXPECT_EQ(weak.loose[0], kPart);
-  EXPECT_EQ(MostSharedPoints(kPart, scene.model), 0);
-  EXPECT_GT(MostSharedPoints(kPart, scene.truth), 15);
-  EXPECT_EQ(
-      NumWarnings(JudgeModel(scene.context, scene.Built()), "3 images share 0 points at most"), 1);
+  const auto groups = FindGroupsOfOwnScale(scene.context, scene.Built());
+  ASSERT_EQ(groups.size(), 1u);
+  EXPECT_EQ(groups[0].images, kPart);
+  EXPECT_EQ(NumWarnings(JudgeModel(scene.context, scene.Built()),
+                        "3 images may be too small or too large beside the others"),
+            1);
 }
 
 // As after bundle adjustment without a point in common: the part lies anywhere.
-TEST(ReplaceMisplaced, PlacesALoosePartAsAWhole) {
+TEST(ReplaceMisplaced, PlacesAPartAsAWhole) {
   TwoModels scene;
   for (const image_t id : kPart) {
     scene.model.images.at(id).cam_from_world = scene.part.images.at(id).cam_from_world;
@@ -151,8 +150,7 @@ double RelativeLength(const Reconstruction& model) {
   return distance(8, 10) / distance(1, 3);
 }
 
-// A street whose cameras stand on a straight line. An image lacks every third point, so no single
-// image joins the others.
+// A street whose cameras stand on a straight line. An image lacks every third point.
 struct StraightStreet : IncompleteModel {
   StraightStreet() : IncompleteModel({}, 1, Street()) {
     for (auto& [id, image] : truth.images) {
@@ -196,7 +194,6 @@ TEST(ReplaceMisplaced, GivesAPartItsScaleBack) {
   const auto groups = FindGroupsOfOwnScale(scene.context, built);
   ASSERT_EQ(groups.size(), 1u);
   EXPECT_EQ(groups[0].images, (std::set<image_t>{9, 10}));
-  EXPECT_TRUE(FindWeakParts(scene.context, built.graph, *built.model).hinged.empty());
   const std::string warning = "2 images may be too small or too large beside the others";
   EXPECT_EQ(NumWarnings(JudgeModel(scene.context, built), warning), 1);
   ReplaceMisplaced(scene.context, built);
