@@ -68,9 +68,8 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
   }
   for (const MisplacedGroup& group : groups) {
     warn({std::to_string(group.images.size()) +
-              " images may be too small or too large beside the others, or lie elsewhere: few "
-              "points "
-              "join these: " +
+              " images may be too small or too large beside the others, or lie elsewhere, as "
+              "few points join them: " +
               Names(context, std::vector<image_t>(group.images.begin(), group.images.end())),
           "add photos between them and the others"});
   }
