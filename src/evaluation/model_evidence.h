@@ -52,10 +52,10 @@ struct ModelEvidence {
   // would gain by all pairs of their images what is one coincidence a point. Of a track that the
   // model has points of, those count that join the keypoints of a point, and those near it that
   // the model's filters took away: pairs alone do not see that a shape is bent, its points fall
-  // apart. An image costs the six parameters of its pose, a camera that is not
-  // constant its focal lengths and distortions, each half the logarithm of its matches (Rissanen,
-  // "Modeling by shortest data description", 1978). Models of the same images and matches can be
-  // compared by it, whatever they were built from.
+  // apart. An image costs the six parameters of its pose, a camera that is not constant its focal
+  // lengths and distortions, each half the logarithm of its matches (Rissanen, "Modeling by
+  // shortest data description", 1978). Models of the same images and matches can be compared by it,
+  // whatever they were built from.
   double nats = 0;
   int64_t num_independent =
       0;  // of the explained matches (CountIndependent), that points agree with

@@ -32,9 +32,9 @@ std::string GeoregistrationFailure(const Georegistration& georegistration) {
     case GeoregistrationStatus::kNoAgreement: {
       char text[220];
       std::snprintf(text, sizeof(text),
-                    "by the best similarity the positions are %.1f m off the model (median), "
-                    "more than half of what they spread: they are wrong, or too imprecise for so "
-                    "small a scene",
+                    "by the best similarity the positions are %.3g m off the model (median), "
+                    "more than half their spread: they are wrong, or too imprecise for so small a "
+                    "scene",
                     georegistration.median_residual_m);
       return text;
     }
