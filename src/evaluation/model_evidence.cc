@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -23,6 +24,7 @@ struct View {
   std::vector<char> is_matched;
   std::vector<std::optional<Eigen::Vector3d>> rays;
 };
+using Views = std::map<image_t, View>;
 
 // Mean width of an image across its epipolar lines, pixels.
 double WidthPx(const Camera& camera) {
@@ -69,18 +71,20 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
   return evidence;
 }
 
-std::map<image_t, View> MakeViews(const Reconstruction& model, std::span<const VerifiedPair> pairs,
-                                  int num_threads) {
-  std::map<image_t, View> views;
-  std::vector<View*> order;
+Views MakeViews(const Reconstruction& model) {
+  Views views;
   for (const auto& [id, image] : model.images) {
     View& view = views[id];
     view.image = &image;
     view.camera = &model.CameraOf(image);
     view.is_matched.resize(image.points2D.size());
     view.rays.resize(image.points2D.size());
-    order.push_back(&view);
   }
+  return views;
+}
+
+// Finds the rays of the keypoints of further pairs.
+void FindRays(std::span<const VerifiedPair> pairs, int num_threads, Views& views) {
   for (const VerifiedPair& pair : pairs) {
     const auto view1 = views.find(pair.image_id1), view2 = views.find(pair.image_id2);
     for (const FeatureMatch& match : *pair.matches) {
@@ -88,13 +92,15 @@ std::map<image_t, View> MakeViews(const Reconstruction& model, std::span<const V
       if (view2 != views.end()) view2->second.is_matched[match.point2] = 1;
     }
   }
-  ParallelFor(num_threads, static_cast<int64_t>(order.size()), [&](int64_t i) {
+  std::vector<View*> order;
+  for (auto& [id, view] : views) order.push_back(&view);
+  ParallelFor(num_threads, std::ssize(order), [&](int64_t i) {
     View& view = *order[i];
     for (size_t k = 0; k < view.rays.size(); ++k) {
-      if (view.is_matched[k]) view.rays[k] = view.camera->RayFromImg(view.image->points2D[k]);
+      if (!view.is_matched[k] || view.rays[k]) continue;
+      view.rays[k] = view.camera->RayFromImg(view.image->points2D[k]);
     }
   });
-  return views;
 }
 
 // The explained matches of so many pairs are held at a time.
@@ -102,8 +108,8 @@ constexpr int64_t kPairsAtATime = 4096;
 
 // Visits the pairs in their order. Those with an image that the model lacks have nothing.
 template <typename Visit>
-void EvaluatePairs(const std::map<image_t, View>& views, std::span<const VerifiedPair> pairs,
-                   int num_threads, const Visit& visit) {
+void EvaluatePairs(const Views& views, std::span<const VerifiedPair> pairs, int num_threads,
+                   const Visit& visit) {
   const auto num_pairs = static_cast<int64_t>(pairs.size());
   std::vector<PairEvidence> of_pair;
   for (int64_t begin = 0; begin < num_pairs; begin += kPairsAtATime) {
@@ -159,57 +165,76 @@ class IndependentMatches {
   // Those that a model's points agree with: of a track that has points, n - 1 for n keypoints of
   // one. A keypoint that the model's filters took from its point counts where it lies near it:
   // models are compared whatever their filters were.
-  int64_t NumOfPoints(const Reconstruction& model, const std::map<image_t, View>& views) {
-    int64_t num = num_;
-    PointsOfTracks points;
+  int64_t NumOfPoints(const Reconstruction& model, const Views& views, int num_threads) {
+    const PointsOfTracks points = SortByTracks(model);
+    int64_t num = num_ + points.num_joined;
+    for (size_t track = 0; track + 1 < points.begin.size(); ++track) {
+      if (!points.Of(track).empty()) num -= tracks_->SizeOf(track) - 1;
+    }
+    return num + NumNear(points, views, num_threads);
+  }
+
+ private:
+  // The points that have keypoints of a track, by the node that represents it.
+  struct PointsOfTracks {
+    std::vector<int> track_of;  // node
+    std::vector<size_t> begin;  // of the track's points, and one more
+    std::vector<const Point3D*> points;
+    int64_t num_joined = 0;  // n - 1 for n keypoints of one track in a point
+
+    std::span<const Point3D* const> Of(size_t track) const {
+      return std::span(points).subspan(begin[track], begin[track + 1] - begin[track]);
+    }
+  };
+
+  PointsOfTracks SortByTracks(const Reconstruction& model) {
+    PointsOfTracks sorted;
+    sorted.track_of.resize(tracks_->size());
+    for (int node = 0; node < tracks_->size(); ++node) sorted.track_of[node] = tracks_->Find(node);
+    std::vector<std::pair<int, const Point3D*>> points;
     std::vector<int> tracks;  // of a point's keypoints
     for (const auto& [id, point] : model.points3D) {
       tracks.clear();
-      for (const TrackElement& element : point.track) tracks.push_back(TrackOf(element));
+      for (const TrackElement& element : point.track) {
+        tracks.push_back(sorted.track_of[NodeOf(element.image_id, element.point2D)]);
+      }
       std::sort(tracks.begin(), tracks.end());
       for (size_t i = 0; i < tracks.size(); ++i) {
         if (i > 0 && tracks[i] == tracks[i - 1]) {
-          ++num;
+          ++sorted.num_joined;
         } else {
           points.emplace_back(tracks[i], &point);
         }
       }
     }
-    std::stable_sort(points.begin(), points.end(), IsOfEarlierTrack);
-    for (size_t i = 0; i < points.size(); ++i) {
-      const int track = points[i].first;
-      if (i == 0 || track != points[i - 1].first) num -= tracks_->SizeOf(track) - 1;
-    }
-    return num + NumNear(points, views);
-  }
-
- private:
-  // Points by their tracks, as the nodes that represent these.
-  using PointsOfTracks = std::vector<std::pair<int, const Point3D*>>;
-  static bool IsOfEarlierTrack(const PointsOfTracks::value_type& a,
-                               const PointsOfTracks::value_type& b) {
-    return a.first < b.first;
-  }
-
-  int TrackOf(const TrackElement& element) {
-    return tracks_->Find(first_node_.at(element.image_id) + static_cast<int>(element.point2D));
+    sorted.begin.assign(tracks_->size() + 1, 0);
+    for (const auto& [track, point] : points) ++sorted.begin[track + 1];
+    std::partial_sum(sorted.begin.begin(), sorted.begin.end(), sorted.begin.begin());
+    sorted.points.resize(points.size());
+    std::vector<size_t> next = sorted.begin;
+    for (const auto& [track, point] : points) sorted.points[next[track]++] = point;
+    return sorted;
   }
 
   // Keypoints without a point that lie near one of their track.
-  int64_t NumNear(const PointsOfTracks& points, const std::map<image_t, View>& views) {
-    int64_t num = 0;
-    for (const auto& [id, view] : views) {
-      for (point2D_t k = 0; k < view.rays.size(); ++k) {
-        if (!view.rays[k] || view.image->point3D_ids[k] != kInvalidPoint3DId) continue;
-        const auto [first, last] = std::equal_range(
-            points.begin(), points.end(), PointsOfTracks::value_type(TrackOf({id, k}), nullptr),
-            IsOfEarlierTrack);
-        num += std::any_of(first, last, [&](const auto& of_track) {
-          return IsNear(view, *view.rays[k], of_track.second->xyz);
-        });
+  int64_t NumNear(const PointsOfTracks& points, const Views& views, int num_threads) const {
+    std::vector<std::pair<image_t, const View*>> order;
+    for (const auto& [id, view] : views) order.emplace_back(id, &view);
+    std::vector<int64_t> num_of_view(order.size());
+    ParallelFor(num_threads, std::ssize(order), [&](int64_t i) {
+      const auto& [id, view] = order[i];
+      for (point2D_t k = 0; k < view->rays.size(); ++k) {
+        if (!view->rays[k] || view->image->point3D_ids[k] != kInvalidPoint3DId) continue;
+        num_of_view[i] += std::ranges::any_of(
+            points.Of(points.track_of[NodeOf(id, k)]),
+            [&](const Point3D* point) { return IsNear(*view, *view->rays[k], point->xyz); });
       }
-    }
-    return num;
+    });
+    return std::accumulate(num_of_view.begin(), num_of_view.end(), int64_t{0});
+  }
+
+  int NodeOf(image_t id, point2D_t point) const {
+    return first_node_.at(id) + static_cast<int>(point);
   }
 
   std::map<image_t, int> first_node_;
@@ -236,6 +261,10 @@ double ParameterCost(const Reconstruction& model, const std::map<image_t, Suppor
     add(camera.FocalIndices().size() + camera.DistortionIndices().size(), num);
   }
   return nats;
+}
+
+Support SupportOf(const VerifiedPair& pair, const PairEvidence& found) {
+  return {std::ssize(*pair.matches), std::ssize(found.explained), found.nats};
 }
 
 }  // namespace
@@ -266,9 +295,10 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
     num_keypoints[id] = image.points2D.size();
   }
   IndependentMatches independent(num_keypoints);
-  const std::map<image_t, View> views = MakeViews(model, pairs, run.num_threads);
+  Views views = MakeViews(model);
+  FindRays(pairs, run.num_threads, views);
   EvaluatePairs(views, pairs, run.num_threads, [&](const VerifiedPair& pair, PairEvidence found) {
-    const Support support = {std::ssize(*pair.matches), std::ssize(found.explained), found.nats};
+    const Support support = SupportOf(pair, found);
     evidence.pairs.push_back(support);
     evidence.all = evidence.all + support;
     independent.Add(pair, found.explained);
@@ -279,7 +309,7 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
     evidence.num_contradicted += support.IsContradicted();
     for (Support* of : {&evidence.inside, &image1->second, &image2->second}) *of = *of + support;
   });
-  evidence.num_independent = independent.NumOfPoints(model, views);
+  evidence.num_independent = independent.NumOfPoints(model, views, run.num_threads);
   if (evidence.all.num_explained > 0) {
     evidence.nats = evidence.all.nats * evidence.num_independent / evidence.all.num_explained;
   }
@@ -302,14 +332,29 @@ double StandardErrorsOfGain(const ModelEvidence& model1, const ModelEvidence& mo
   return error > 0 ? gain / error : 0;
 }
 
+std::vector<Support> EvaluateSupports(const Reconstruction& model, const PairReader& read,
+                                      const RunContext& run) {
+  Views views = MakeViews(model);
+  std::vector<Support> supports;
+  for (std::span<const VerifiedPair> pairs = read(); !pairs.empty(); pairs = read()) {
+    FindRays(pairs, run.num_threads, views);
+    EvaluatePairs(views, pairs, run.num_threads,
+                  [&](const VerifiedPair& pair, const PairEvidence& found) {
+                    supports.push_back(SupportOf(pair, found));
+                  });
+  }
+  return supports;
+}
+
 std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,
                                              std::span<const VerifiedPair> pairs,
                                              const RunContext& run) {
+  Views views = MakeViews(model);
+  FindRays(pairs, run.num_threads, views);
   std::vector<FeatureMatches> explained;
-  EvaluatePairs(MakeViews(model, pairs, run.num_threads), pairs, run.num_threads,
-                [&](const VerifiedPair&, PairEvidence found) {
-                  explained.push_back(std::move(found.explained));
-                });
+  EvaluatePairs(views, pairs, run.num_threads, [&](const VerifiedPair&, PairEvidence found) {
+    explained.push_back(std::move(found.explained));
+  });
   return explained;
 }
 

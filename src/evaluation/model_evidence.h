@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <set>
 #include <span>
@@ -77,6 +78,12 @@ int64_t CountIndependent(std::span<const VerifiedPair> pairs);
 ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const VerifiedPair> pairs,
                                const RunContext& run = {},
                                const std::set<camera_t>& constant_cameras = {});
+
+// ModelEvidence::pairs alone, of pairs that are in memory a part at a time: `read` returns the next
+// ones, none at the end.
+using PairReader = std::function<std::span<const VerifiedPair>()>;
+std::vector<Support> EvaluateSupports(const Reconstruction& model, const PairReader& read,
+                                      const RunContext& run = {});
 
 // How many more nats the matches of each image save in model 2 than in model 1, of the same images,
 // together, in standard errors of that sum: how far it depends on which images there are (the

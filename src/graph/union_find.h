@@ -10,6 +10,8 @@ class UnionFind {
  public:
   explicit UnionFind(int num_nodes);
 
+  int size() const { return static_cast<int>(parent_.size()); }
+
   // The representative of the node's set. It depends on the order of the unions: use it to compare,
   // not to name.
   int Find(int node);

@@ -130,22 +130,39 @@ bool AreInside(const FeatureMatches& matches, size_t num1, size_t num2) {
   });
 }
 
+// The verified matches of a chunk of pairs, read from the database.
+struct Chunk {
+  std::vector<FeatureMatches> matches;
+  std::vector<VerifiedPair> pairs;
+
+  void Read(std::span<PagePair* const> of, const Reconstruction& model, const Database& database) {
+    matches.assign(of.size(), {});
+    pairs.clear();
+    for (size_t i = 0; i < of.size(); ++i) {
+      const auto [id1, id2] = PairIdToImagePair(of[i]->pair_id);
+      auto geometry = database.ReadTwoViewGeometry(of[i]->pair_id);
+      if (geometry && AreInside(geometry->inlier_matches, model.images.at(id1).points2D.size(),
+                                model.images.at(id2).points2D.size())) {
+        matches[i] = std::move(geometry->inlier_matches);
+      }
+      pairs.push_back({id1, id2, &matches[i]});
+    }
+  }
+};
+
 // How much of their verified matches the model explains, of pairs between its images.
 void JudgePairs(std::span<PagePair* const> pairs, const Reconstruction& model, PageScene& scene) {
-  std::vector<FeatureMatches> matches(pairs.size());
-  std::vector<VerifiedPair> verified;
+  Chunk chunk;
+  size_t num_read = 0;
+  const auto read = [&]() -> std::span<const VerifiedPair> {
+    const size_t num = std::min(kChunk, pairs.size() - num_read);
+    chunk.Read(pairs.subspan(num_read, num), model, scene.database);
+    num_read += num;
+    return chunk.pairs;
+  };
+  const std::vector<Support> supports = EvaluateSupports(model, read, scene.run);
   for (size_t i = 0; i < pairs.size(); ++i) {
-    const auto [id1, id2] = PairIdToImagePair(pairs[i]->pair_id);
-    auto geometry = scene.database.ReadTwoViewGeometry(pairs[i]->pair_id);
-    if (geometry && AreInside(geometry->inlier_matches, model.images.at(id1).points2D.size(),
-                              model.images.at(id2).points2D.size())) {
-      matches[i] = std::move(geometry->inlier_matches);
-    }
-    verified.push_back({id1, id2, &matches[i]});
-  }
-  const ModelEvidence evidence = EvaluateEvidence(model, verified, scene.run);
-  for (size_t i = 0; i < pairs.size(); ++i) {
-    pairs[i]->support = evidence.pairs[i];
+    pairs[i]->support = supports[i];
     for (const int image : {pairs[i]->image1, pairs[i]->image2}) {
       Support& support = scene.images[image].support;
       support = support + pairs[i]->support;
@@ -161,11 +178,7 @@ void JudgeAllPairs(PageScene& scene) {
                              scene.images[pair.image2].model == static_cast<int>(k);
       if (is_inside && pair.num_inliers > 0) inside.push_back(&pair);
     }
-    for (size_t begin = 0; begin < inside.size(); begin += kChunk) {
-      const std::span<PagePair* const> all(inside);
-      JudgePairs(all.subspan(begin, std::min(kChunk, inside.size() - begin)), scene.input.models[k],
-                 scene);
-    }
+    JudgePairs(inside, scene.input.models[k], scene);
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -207,6 +208,30 @@ TEST(ModelEvidence, DoesNotDependOnTheWorldFrameOrOnThreads) {
   change.translation = Eigen::Vector3d(3, -2, 5);
   moved.Transform(change);
   EXPECT_NEAR(EvaluateEvidence(moved, pairs.views, {.num_threads = 1}).nats, nats, 1e-6 * nats);
+}
+
+// Pairs that are read a part at a time have the support that they have together. One image is
+// turned, so that supports differ.
+TEST(ModelEvidence, SupportsOfPartsAreThoseOfAll) {
+  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.5});
+  const Pairs pairs(scene.truth);
+  const Reconstruction model = Turned(scene.truth, scene.truth.images.begin()->first, 0.3);
+  const ModelEvidence together = EvaluateEvidence(model, pairs.views, {.num_threads = 1});
+  constexpr size_t kAtATime = 4;
+  size_t num_read = 0;
+  const auto read = [&] {
+    const size_t num = std::min(kAtATime, pairs.views.size() - num_read);
+    num_read += num;
+    return std::span<const VerifiedPair>(pairs.views).subspan(num_read - num, num);
+  };
+  const std::vector<Support> supports = EvaluateSupports(model, read, {.num_threads = 2});
+  ASSERT_EQ(supports.size(), together.pairs.size());
+  EXPECT_GT(together.num_contradicted, 0);
+  for (size_t i = 0; i < supports.size(); ++i) {
+    EXPECT_EQ(supports[i].num_matches, together.pairs[i].num_matches);
+    EXPECT_EQ(supports[i].num_explained, together.pairs[i].num_explained);
+    EXPECT_EQ(supports[i].nats, together.pairs[i].nats);
+  }
 }
 
 // Two cameras of the same parameters explain what one explains, and are longer to describe: by half
