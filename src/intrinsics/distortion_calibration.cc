@@ -25,6 +25,7 @@ constexpr double kScanScale = 3.0;     // of the loss while scanning, thresholds
 constexpr double kNoiseScale = 3.0;    // of the loss afterwards, standard deviations of the noise
 constexpr int kScanIterations = 12;    // of F, from one value of the scan to the next
 constexpr int kRefineIterations = 10;  // of F, from one step of k to the next
+constexpr int kJudgeIterations = 20;   // of F, where distortion has gone
 constexpr int kMaxSteps = 20;
 constexpr double kMinRelativeGain = 1e-7;
 constexpr double kMaxStep = 0.1;  // in units of the scan
@@ -69,7 +70,7 @@ constexpr double kChiSquares = kNoiseScale * kNoiseScale;
 class Problem {
  public:
   Problem(const std::map<camera_t, Camera>& cameras, const std::set<camera_t>& constant,
-          std::span<const DistortionPair> pairs, int num_threads);
+          const SharedLenses& shared, std::span<const DistortionPair> pairs, int num_threads);
 
   DistortionCalibrationReport Solve();
 
@@ -107,21 +108,22 @@ class Problem {
   std::vector<NormalEquations<2>> Evaluate(Distortions& at);
   SparseNormals Sum(const std::vector<NormalEquations<2>>& terms) const;
   void Judge(Distortions at);
-  void TakeSignificant(Distortions at);
+  DistortionCalibrationReport TakeSignificant(Distortions at);
 
   const std::map<camera_t, Camera>& all_cameras_;
   const std::set<camera_t>& constant_;
+  const SharedLenses& shared_;
   const int num_threads_;
-  std::map<camera_t, int> variable_of_;
-  std::vector<camera_t> camera_ids_;  // by variable
-  std::vector<const Camera*> cameras_;
+  std::map<camera_t, int> variable_of_;       // of all cameras
+  std::map<camera_t, int> variable_of_lens_;  // by the cameras that stand for them
+  std::vector<const Camera*> cameras_;        // these, by variable
+  std::vector<CalibratedDistortion> found_;   // by variable
   std::vector<Term> terms_;
-  DistortionCalibrationReport report_;
 };
 
 Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camera_t>& constant,
-                 std::span<const DistortionPair> pairs, int num_threads)
-    : all_cameras_(cameras), constant_(constant), num_threads_(num_threads) {
+                 const SharedLenses& shared, std::span<const DistortionPair> pairs, int num_threads)
+    : all_cameras_(cameras), constant_(constant), shared_(shared), num_threads_(num_threads) {
   for (const DistortionPair& pair : pairs) {
     auto F = FundamentalFactors::Of(pair.F);
     if (!F || pair.pixels1.size() < kMinMatches) continue;
@@ -131,17 +133,20 @@ Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camer
     term.variable2 = Variable(pair.camera_id2);
     term.threshold_px = DefaultMaxErrorPx(camera1, camera2);
   }
+  found_.resize(cameras_.size());
 }
 
 int Problem::Variable(camera_t id) {
-  const auto [it, is_new] = variable_of_.try_emplace(id, -1);
+  const auto [of_camera, is_new] = variable_of_.try_emplace(id, -1);
   const Camera& camera = all_cameras_.at(id);
   if (is_new && constant_.count(id) == 0 && CanCalibrateDistortion(camera)) {
-    it->second = static_cast<int>(camera_ids_.size());
-    camera_ids_.push_back(id);
-    cameras_.push_back(&camera);
+    const auto lens = shared_.find(id);
+    const auto [of_lens, is_first] = variable_of_lens_.try_emplace(
+        lens == shared_.end() ? id : lens->second, static_cast<int>(cameras_.size()));
+    if (is_first) cameras_.push_back(&camera);
+    of_camera->second = of_lens->second;
   }
-  return it->second;
+  return of_camera->second;
 }
 
 // Both cameras together, from no distortion outwards, so that each F begins near its end.
@@ -161,7 +166,7 @@ void Problem::Scan() {
 }
 
 Eigen::VectorXd Problem::BestOfScan() const {
-  std::vector<std::array<double, kScan.size()>> costs(camera_ids_.size());
+  std::vector<std::array<double, kScan.size()>> costs(cameras_.size());
   for (auto& cost : costs) cost.fill(0.0);
   for (const Term& term : terms_) {
     for (const int v : {term.variable1, term.variable2}) {
@@ -210,7 +215,7 @@ std::vector<NormalEquations<2>> Problem::Evaluate(Distortions& at) {
 }
 
 SparseNormals Problem::Sum(const std::vector<NormalEquations<2>>& terms) const {
-  const std::ptrdiff_t n = std::ssize(camera_ids_);
+  const std::ptrdiff_t n = std::ssize(cameras_);
   SparseNormals sum;
   sum.gradient = Eigen::VectorXd::Zero(n);
   std::vector<Eigen::Triplet<double>> entries;
@@ -235,7 +240,7 @@ SparseNormals Problem::Sum(const std::vector<NormalEquations<2>>& terms) const {
 
 void Problem::Judge(Distortions at) {
   const std::vector<NormalEquations<2>> evaluations = Evaluate(at);
-  // Without the distortion of one of its cameras.
+  // Without the distortion of one of its lenses.
   std::vector<std::array<double, 2>> costs(terms_.size());
   std::vector<int> num_explained(terms_.size());
   ParallelFor(num_threads_, std::ssize(terms_), [&](int64_t i) {
@@ -247,14 +252,13 @@ void Problem::Judge(Distortions at) {
                     side == 1 || is_one ? 0.0 : At(at.x, term.variable2));
       double cost = INFINITY;
       for (FundamentalFactors F : {at.F[i], term.scan_fits[0]}) {
-        cost = std::min(cost, term.pair.Refine(kNoiseScale * term.sigma_px, 20, &F));
+        cost = std::min(cost, term.pair.Refine(kNoiseScale * term.sigma_px, kJudgeIterations, &F));
       }
       costs[i][side] = kChiSquares * cost;
     }
   });
   const SparseNormals sum = Sum(evaluations);
-  std::vector<double> scatter(camera_ids_.size(), 0.0), expected(camera_ids_.size(), 0.0);
-  std::vector<CalibratedDistortion> found(camera_ids_.size());
+  std::vector<double> scatter(cameras_.size(), 0.0), expected(cameras_.size(), 0.0);
   for (size_t i = 0; i < terms_.size(); ++i) {
     const Term& term = terms_[i];
     const bool is_one = term.variable1 == term.variable2;
@@ -264,42 +268,46 @@ void Problem::Judge(Distortions at) {
       const auto& [hessian, gradient, cost] = evaluations[i];
       scatter[v] += std::pow(is_one ? gradient.sum() : gradient[side], 2);
       expected[v] += is_one ? hessian.sum() : hessian(side, side);
-      found[v].gain += 0.5 * (costs[i][side] - cost);
-      found[v].num_matches += num_explained[i];
-      ++found[v].num_pairs;
+      found_[v].gain += 0.5 * (costs[i][side] - cost);
+      found_[v].num_matches += num_explained[i];
+      ++found_[v].num_pairs;
     }
   }
-  for (size_t v = 0; v < found.size(); ++v) {
-    CalibratedDistortion& camera = found[v];
-    const double n = camera.num_pairs;
+  for (size_t v = 0; v < found_.size(); ++v) {
+    CalibratedDistortion& lens = found_[v];
+    const double n = lens.num_pairs;
     const double excess =
         n < 2 ? 1.0 : std::max(1.0, n / (n - 1) * scatter[v] / std::max(expected[v], 1e-300));
-    camera.k = K(static_cast<int>(v), at.x[static_cast<Eigen::Index>(v)]);
-    camera.sigma =
-        K(static_cast<int>(v), std::sqrt(excess * sum.LocalVariance(static_cast<Eigen::Index>(v))));
-    camera.gain /= excess;
-    const double num = std::max(1.0, static_cast<double>(camera.num_matches));
-    camera.cost = 0.5 * std::log(num) + 0.5 * kSystematic * kSystematic * num;
-    camera.is_significant = camera.num_pairs >= kMinPairs && camera.gain > camera.cost;
-    report_.cameras[camera_ids_[v]] = camera;
+    const auto index = static_cast<Eigen::Index>(v);
+    lens.k = K(static_cast<int>(v), at.x[index]);
+    lens.sigma = K(static_cast<int>(v), std::sqrt(excess * sum.LocalVariance(index)));
+    const double num = std::max(1.0, static_cast<double>(lens.num_matches));
+    lens.gain = (lens.gain - 0.5 * kSystematic * kSystematic * num) / excess;
+    lens.cost = 0.5 * std::log(num);
+    lens.is_significant = lens.num_pairs >= kMinPairs && lens.gain > lens.cost;
   }
 }
 
-void Problem::TakeSignificant(Distortions at) {
+DistortionCalibrationReport Problem::TakeSignificant(Distortions at) {
+  DistortionCalibrationReport report;
   for (Eigen::Index v = 0; v < at.x.size(); ++v) {
-    if (!report_.cameras.at(camera_ids_[v]).is_significant) at.x[v] = 0.0;
+    if (!found_[v].is_significant) at.x[v] = 0.0;
+  }
+  for (const auto& [id, variable] : variable_of_) {
+    if (variable >= 0) report.cameras[id] = found_[variable];
   }
   std::vector<FocalPair> pairs(terms_.size());
   ParallelFor(num_threads_, std::ssize(terms_), [&](int64_t i) {
     Term& term = terms_[i];
     const double scale_px = kNoiseScale * term.sigma_px;
     SetDistortion(term, At(at.x, term.variable1), At(at.x, term.variable2));
-    term.pair.Refine(scale_px, 20, &at.F[i]);
+    term.pair.Refine(scale_px, kJudgeIterations, &at.F[i]);
     pairs[i] = term.pair.Explained(at.F[i], scale_px, kMaxFocalMatches);
   });
   for (FocalPair& pair : pairs) {
-    if (!pair.pixels1.empty()) report_.pairs.push_back(std::move(pair));
+    if (!pair.pixels1.empty()) report.pairs.push_back(std::move(pair));
   }
+  return report;
 }
 
 DistortionCalibrationReport Problem::Solve() {
@@ -313,8 +321,7 @@ DistortionCalibrationReport Problem::Solve() {
   }
   Minimize(*this, kOptions, &at);
   Judge(at);
-  TakeSignificant(std::move(at));
-  return std::move(report_);
+  return TakeSignificant(std::move(at));
 }
 
 }  // namespace
@@ -331,9 +338,10 @@ bool CanCalibrateDistortion(const Camera& camera) {
 
 DistortionCalibrationReport CalibrateDistortion(const std::map<camera_t, Camera>& cameras,
                                                 const std::set<camera_t>& constant,
+                                                const SharedLenses& shared,
                                                 std::span<const DistortionPair> pairs,
                                                 const RunContext& run) {
-  return Problem(cameras, constant, pairs, run.num_threads).Solve();
+  return Problem(cameras, constant, shared, pairs, run.num_threads).Solve();
 }
 
 }  // namespace cairn

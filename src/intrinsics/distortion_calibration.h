@@ -24,8 +24,8 @@ struct CalibratedDistortion {
   // has, and its standard deviation. k (f' / f)^2 is the same lens at a focal length f'.
   double k = 0;
   double sigma = 0;
-  // What k saves in the description of the matches' errors, against k = 0, and what it must save:
-  // what it takes to write it down, and what systematic errors would give. Both in nats.
+  // What k saves in the description of the matches' errors, against k = 0, beyond what systematic
+  // errors would give; and what it takes to write it down. Both in nats.
   double gain = 0;
   double cost = 0;
   int num_pairs = 0;
@@ -44,7 +44,11 @@ struct DistortionCalibrationReport {
 // 0.
 bool CanCalibrateDistortion(const Camera& camera);
 
-// One radial distortion parameter a camera from fundamental matrices, without any focal length: the
+// Cameras that have one lens: the camera that stands for it. Their models, sizes and focal lengths
+// are equal. Cameras that the map lacks have a lens each.
+using SharedLenses = std::map<camera_t, camera_t>;
+
+// One radial distortion parameter a lens from fundamental matrices, without any focal length: the
 // matches of all pairs of a camera must lie on epipolar lines when they are undistorted
 // (Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion", CVPR
 // 2001; here by robust least squares over all pairs). What a fundamental matrix explains without
@@ -56,6 +60,7 @@ bool CanCalibrateDistortion(const Camera& camera);
 // in `constant` keep theirs. The result does not depend on run.num_threads.
 DistortionCalibrationReport CalibrateDistortion(const std::map<camera_t, Camera>& cameras,
                                                 const std::set<camera_t>& constant,
+                                                const SharedLenses& shared,
                                                 std::span<const DistortionPair> pairs,
                                                 const RunContext& run = {});
 

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <map>
 #include <set>
+#include <tuple>
 
 #include "cairn/base/error.h"
 #include "cairn/intrinsics/focal_calibration.h"
@@ -65,6 +66,29 @@ Lenses ReadLenses(const Database& database, const std::vector<image_pair_t>& lik
     lenses.open.insert(id);
   }
   return lenses;
+}
+
+// Few pairs of one photograph do not tell its lens: where most images have a camera of their own
+// and the same model, size and focal length, as those without EXIF have, they are of one lens.
+// (Focal lengths stay their own: the mapper decides whether the cameras are one.)
+SharedLenses FindSharedLenses(const Lenses& lenses) {
+  std::map<camera_t, int> num_images;
+  for (const auto& [image, id] : lenses.camera_of) ++num_images[id];
+  using Kind = std::tuple<CameraModel, int, int, bool, double>;
+  std::map<Kind, std::vector<camera_t>> kinds;
+  for (const camera_t id : lenses.open) {
+    const Camera& camera = lenses.cameras.at(id);
+    if (num_images[id] != 1) continue;
+    kinds[{camera.model, camera.width, camera.height, camera.has_prior_focal_length,
+           camera.MeanFocal()}]
+        .push_back(id);
+  }
+  SharedLenses shared;
+  for (const auto& [kind, cameras] : kinds) {
+    if (2 * cameras.size() <= lenses.camera_of.size()) continue;
+    for (const camera_t id : cameras) shared[id] = cameras.front();
+  }
+  return shared;
 }
 
 // F of the rays, or nothing.
@@ -222,7 +246,7 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
     if (known.open.count(id) == 0) constant.insert(id);
   }
   const DistortionCalibrationReport report =
-      CalibrateDistortion(known.cameras, constant, pairs, run);
+      CalibrateDistortion(known.cameras, constant, FindSharedLenses(known), pairs, run);
   const std::map<camera_t, CalibratedFocal> focals = LearnGuessedFocals(known, report.pairs, run);
   std::map<camera_t, CameraLens> lenses;
   for (const camera_t id : known.open) {

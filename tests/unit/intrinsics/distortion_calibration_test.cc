@@ -93,7 +93,7 @@ CalibratedDistortion OfOneCamera(const Lens& lens, uint64_t seed, const PairOpti
   for (uint64_t i = 0; i < 8; ++i) {
     pairs.push_back(MakePair(1, lens, 1, lens, 100 * seed + i, options));
   }
-  return CalibrateDistortion(Guesses(1), {}, pairs, {.num_threads = 1}).cameras.at(1);
+  return CalibrateDistortion(Guesses(1), {}, {}, pairs, {.num_threads = 1}).cameras.at(1);
 }
 
 TEST(DistortionCalibration, FindsTheLensWhateverItsFocalLength) {
@@ -143,7 +143,7 @@ TEST(DistortionCalibration, CamerasOfDifferentLensesAreToldApart) {
       }
     }
   }
-  const auto report = CalibrateDistortion(Guesses(3), {}, pairs, {.num_threads = 1});
+  const auto report = CalibrateDistortion(Guesses(3), {}, {}, pairs, {.num_threads = 1});
   for (camera_t id = 1; id <= 3; ++id) {
     const CalibratedDistortion& found = report.cameras.at(id);
     EXPECT_LT(std::abs(found.k - Nominal(lenses[id - 1])), 4 * found.sigma) << id;
@@ -153,9 +153,27 @@ TEST(DistortionCalibration, CamerasOfDifferentLensesAreToldApart) {
   // One that is held says what it is, and nothing is sought of it.
   auto cameras = Guesses(3);
   cameras[1] = MakeCamera(1, 1.2 * kWidth, Nominal(lenses[0]));
-  const auto held = CalibrateDistortion(cameras, {1}, pairs, {.num_threads = 1});
+  const auto held = CalibrateDistortion(cameras, {1}, {}, pairs, {.num_threads = 1});
   EXPECT_EQ(held.cameras.count(1), 0u);
   EXPECT_LT(std::abs(held.cameras.at(3).k - Nominal(lenses[2])), 4 * held.cameras.at(3).sigma);
+}
+
+// Three cameras of one pair each have too few to tell, and enough together.
+TEST(DistortionCalibration, CamerasOfOneLensAreJudgedTogether) {
+  const Lens lens = {1000, -0.1};
+  std::vector<DistortionPair> pairs;
+  for (camera_t id = 1; id <= 3; ++id) pairs.push_back(MakePair(id, lens, id, lens, id));
+  const auto find = [&](const SharedLenses& shared) {
+    return CalibrateDistortion(Guesses(3), {}, shared, pairs, {.num_threads = 1}).cameras;
+  };
+  for (const auto& [id, alone] : find({})) EXPECT_FALSE(alone.is_significant);
+  const auto together = find({{1, 1}, {2, 1}, {3, 1}});
+  ASSERT_EQ(together.size(), 3u);
+  for (const auto& [id, camera] : together) {
+    EXPECT_TRUE(camera.is_significant);
+    EXPECT_EQ(camera.num_pairs, 3);
+    EXPECT_LT(std::abs(camera.k - Nominal(lens)), 4 * camera.sigma);
+  }
 }
 
 TEST(DistortionCalibration, TwoPairsAreTooFew) {
@@ -163,8 +181,8 @@ TEST(DistortionCalibration, TwoPairsAreTooFew) {
   const std::vector<DistortionPair> pairs = {MakePair(1, lens, 1, lens, 1),
                                              MakePair(1, lens, 1, lens, 2)};
   EXPECT_FALSE(
-      CalibrateDistortion(Guesses(1), {}, pairs, {.num_threads = 1}).cameras.at(1).is_significant);
-  EXPECT_TRUE(CalibrateDistortion(Guesses(1), {}, {}, {.num_threads = 1}).cameras.empty());
+      CalibrateDistortion(Guesses(1), {}, {}, pairs, {.num_threads = 1}).cameras.at(1).is_significant);
+  EXPECT_TRUE(CalibrateDistortion(Guesses(1), {}, {}, {}, {.num_threads = 1}).cameras.empty());
 }
 
 TEST(DistortionCalibration, IsOfCamerasThatCanHaveIt) {
@@ -179,7 +197,7 @@ TEST(DistortionCalibration, FocalLengthsFollowFromTheUndistortedPairs) {
   const Lens lens = {800, -0.12};
   std::vector<DistortionPair> pairs;
   for (uint64_t i = 1; i <= 20; ++i) pairs.push_back(MakePair(1, lens, 1, lens, i));
-  const auto report = CalibrateDistortion(Guesses(1), {}, pairs, {.num_threads = 1});
+  const auto report = CalibrateDistortion(Guesses(1), {}, {}, pairs, {.num_threads = 1});
   EXPECT_EQ(report.pairs.size(), 20u);
   const CalibratedFocal with = CalibrateFocals(Guesses(1), {}, report.pairs).cameras.at(1);
   EXPECT_EQ(with.status, FocalStatus::kCalibrated);
@@ -190,8 +208,8 @@ TEST(DistortionCalibration, DoesNotDependOnThreads) {
   std::vector<DistortionPair> pairs;
   for (uint64_t i = 1; i <= 9; ++i)
     pairs.push_back(MakePair(1 + i % 2, {1000, -0.1}, 1, {1000, -0.1}, i));
-  const auto one = CalibrateDistortion(Guesses(2), {}, pairs, {.num_threads = 1});
-  const auto four = CalibrateDistortion(Guesses(2), {}, pairs, {.num_threads = 4});
+  const auto one = CalibrateDistortion(Guesses(2), {}, {}, pairs, {.num_threads = 1});
+  const auto four = CalibrateDistortion(Guesses(2), {}, {}, pairs, {.num_threads = 4});
   ASSERT_EQ(one.cameras.size(), 2u);
   for (const auto& [id, camera] : one.cameras) {
     EXPECT_EQ(camera.k, four.cameras.at(id).k);

@@ -20,6 +20,7 @@ struct LensCase {
   bool has_prior = true;
   camera_t wrong_camera = kInvalidCameraId;  // the only one with that factor
   bool own_cameras = false;                  // one an image, 100 + its id
+  int num_kinds = 2;                         // different focal lengths
 };
 
 class LensLearningTest : public LearningTest {
@@ -27,6 +28,7 @@ class LensLearningTest : public LearningTest {
   // Two cameras with the same distortion, of which the database says nothing.
   std::string MakeDatabase(const std::string& name, const LensCase& lens) const {
     SceneOptions options;
+    options.num_cameras = lens.num_kinds;
     options.num_images = lens.own_cameras ? 9 : 14;
     // (On a ring all optical axes meet in one point, which leaves focal lengths open.)
     options.layout = lens.own_cameras ? CameraLayout::kRing : CameraLayout::kLandmark;
@@ -134,6 +136,41 @@ TEST_F(LensLearningTest, GuessedFocalLengthsAreLearned) {
     const auto& [first_id, first] = *known.begin();
     EXPECT_NEAR(first.camera.MeanFocal() / true_focals_.at(first_id), 1.0, 0.04);
   }
+}
+
+// Photographs with a camera each, all of one lens, which the few pairs of one photograph do not
+// tell.
+TEST_F(LensLearningTest, CamerasOfOneKindShareTheirDistortion) {
+  const std::string path = MakeDatabase(
+      "one.db",
+      {.k = -0.2, .focal_factor = 1.3, .has_prior = false, .own_cameras = true, .num_kinds = 1});
+  Verify(path);
+  std::vector<double> distortions;  // at the guessed focal lengths, which are equal
+  for (const auto& [id, lens] : Database(path).ReadCameraLenses()) {
+    const double guess_px = 1.3 * true_focals_.at(id);
+    distortions.push_back(lens.k *
+                          (lens.focal_px > 0 ? std::pow(guess_px / lens.focal_px, 2) : 1));
+  }
+  ASSERT_EQ(distortions.size(), 9u);
+  for (const double k : distortions) {
+    EXPECT_NEAR(k, distortions.front(), 1e-9);
+    EXPECT_NEAR(k, 1.3 * 1.3 * -0.2, 0.1);
+  }
+}
+
+// A photograph of another kind keeps what its own pairs say.
+TEST_F(LensLearningTest, CamerasOfTwoKindsHaveLensesOfTheirOwn) {
+  const std::string path = MakeDatabase(
+      "two.db", {.k = -0.2, .focal_factor = 1.3, .has_prior = false, .own_cameras = true});
+  Verify(path);
+  std::set<double> distortions;
+  for (const auto& [id, lens] : Database(path).ReadCameraLenses()) {
+    if (lens.focal_px == 0 && lens.k != 0) distortions.insert(lens.k);
+    if (lens.focal_px > 0 && lens.k != 0) {
+      distortions.insert(lens.k * std::pow(1.3 * true_focals_.at(id) / lens.focal_px, 2));
+    }
+  }
+  EXPECT_GT(distortions.size(), 2u);
 }
 
 TEST_F(LensLearningTest, GivenAndMeasuredCamerasAreLeftAlone) {
