@@ -180,8 +180,9 @@ TEST(DistortionCalibration, TwoPairsAreTooFew) {
   const Lens lens = {1000, -0.1};
   const std::vector<DistortionPair> pairs = {MakePair(1, lens, 1, lens, 1),
                                              MakePair(1, lens, 1, lens, 2)};
-  EXPECT_FALSE(
-      CalibrateDistortion(Guesses(1), {}, {}, pairs, {.num_threads = 1}).cameras.at(1).is_significant);
+  EXPECT_FALSE(CalibrateDistortion(Guesses(1), {}, {}, pairs, {.num_threads = 1})
+                   .cameras.at(1)
+                   .is_significant);
   EXPECT_TRUE(CalibrateDistortion(Guesses(1), {}, {}, {}, {.num_threads = 1}).cameras.empty());
 }
 
