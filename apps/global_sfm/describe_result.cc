@@ -48,7 +48,7 @@ std::string PhotosText(const ReconstructResult& result) {
 
 // How much of their matches the models explain (the last judgements are theirs), and how well the
 // points determine the poses of the largest.
-std::string ConfidenceText(const ReconstructResult& result) {
+std::string ConfidenceText(const ReconstructResult& result, const RunContext& run) {
   std::vector<double> shares;
   for (const StageReport& stage : result.report.stages) {
     if (stage.name != "judgement") continue;
@@ -59,7 +59,7 @@ std::string ConfidenceText(const ReconstructResult& result) {
   if (shares.size() > result.models.size())
     shares.erase(shares.begin(), shares.end() - static_cast<std::ptrdiff_t>(result.models.size()));
   std::vector<double> sigmas_deg;
-  for (const auto& [id, confidence] : EstimatePoseConfidence(result.models.front())) {
+  for (const auto& [id, confidence] : EstimatePoseConfidence(result.models.front(), run)) {
     sigmas_deg.push_back(confidence.rotation_sigma_deg);
   }
   std::string text;
@@ -112,7 +112,8 @@ std::string ReportLine(const ReconstructResult& result, const std::string& outpu
 
 }  // namespace
 
-std::string DescribeResult(const ReconstructResult& result, const std::string& output_path) {
+std::string DescribeResult(const ReconstructResult& result, const std::string& output_path,
+                           const RunContext& run) {
   const RunReport& report = result.report;
   if (!report.Succeeded()) return ReportLine(result, output_path);
   std::string text = Line("models", ModelsText(result)) + Line("photos", PhotosText(result)) +
@@ -122,7 +123,7 @@ std::string DescribeResult(const ReconstructResult& result, const std::string& o
                  fmt::format("{:.3f} px (mean reprojection error{}){}",
                              result.models.front().MeanReprojectionErrorPx(),
                              result.models.size() > 1 ? " of sparse/0" : "", PlaceText(report)));
-    text += Line("confidence", ConfidenceText(result));
+    text += Line("confidence", ConfidenceText(result, run));
   }
   text += Line("warnings", report.warnings.empty() ? "none" : report.warnings.front().what);
   if (report.warnings.size() > 1) {

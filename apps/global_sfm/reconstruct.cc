@@ -69,11 +69,11 @@ int Run(const Command& command, State& state) {
   ReconstructResult result = Reconstruct(database, flags.image_path, settings, run, earlier);
   result.report.program = "global_sfm " + state.name;
   if (flags.report) result.page = MakeRunPage(database, flags.image_path, result, run);
-  const std::string report_path =
-      WriteReconstructResult(result, flags.output_path, command.EffectiveToml(), flags.overwrite);
+  const std::string report_path = WriteReconstructResult(
+      result, flags.output_path, command.EffectiveToml(), flags.overwrite, run);
   if (flags.verbose) std::fputs(Summary(result.report).c_str(), stdout);
   const std::string folder = std::filesystem::path(report_path).parent_path().string();
-  std::fputs(DescribeResult(result, folder).c_str(), stdout);
+  std::fputs(DescribeResult(result, folder, run).c_str(), stdout);
   if (result.report.Succeeded()) return kExitSuccess;
   spdlog::error("{}", result.report.failure);
   return kExitNoUsableResult;

@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/decompositions.h"
 #include "cairn/math/so3.h"
@@ -15,6 +16,7 @@ namespace {
 
 // Below this share of the largest, information is rounding.
 constexpr double kMinInformation = 1e-10;
+constexpr int kNumPointParts = 16;  // whose sums are taken side by side
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
@@ -63,40 +65,69 @@ double MarginalSigma(const Eigen::Matrix3d& own, const Eigen::Matrix3d& cross,
   return std::sqrt(values.cwiseInverse().sum());
 }
 
+// What points say of an image's pose.
+struct PoseSum {
+  Matrix6 information = Matrix6::Zero();
+  int num_points = 0;
+};
+using PoseSums = std::map<image_t, PoseSum>;
+
+void AddPoint(const Reconstruction& reconstruction, const Point3D& point,
+              std::vector<Jacobians>& jacobians, PoseSums& sums) {
+  jacobians.clear();
+  Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
+  for (const TrackElement& element : point.track) {
+    const RegisteredImage& image = reconstruction.images.at(element.image_id);
+    jacobians.push_back(
+        Linearize(reconstruction.CameraOf(image), image, element.point2D, point.xyz));
+    V += jacobians.back().point.transpose() * jacobians.back().point;
+  }
+  const Eigen::Matrix3d V_inverse = V.inverse();
+  if (!V_inverse.allFinite()) return;
+  for (size_t k = 0; k < jacobians.size(); ++k) {
+    const auto& [J, Jp] = jacobians[k];
+    const Eigen::Matrix<double, 6, 3> W = J.transpose() * Jp;
+    PoseSum& sum = sums[point.track[k].image_id];
+    sum.information += J.transpose() * J - W * V_inverse * W.transpose();
+    ++sum.num_points;
+  }
+}
+
+// Of points in kNumPointParts parts: the sums do not depend on the number of threads.
+std::vector<PoseSums> SumUpPoints(const Reconstruction& reconstruction, int num_threads) {
+  std::vector<const Point3D*> points;
+  for (const auto& [id, point] : reconstruction.points3D) points.push_back(&point);
+  std::vector<PoseSums> parts(kNumPointParts);
+  ParallelFor(num_threads, kNumPointParts, [&](int64_t part) {
+    std::vector<Jacobians> jacobians;
+    const auto end = static_cast<size_t>(part + 1) * points.size() / kNumPointParts;
+    for (auto i = static_cast<size_t>(part) * points.size() / kNumPointParts; i < end; ++i) {
+      AddPoint(reconstruction, *points[i], jacobians, parts[part]);
+    }
+  });
+  return parts;
+}
+
 }  // namespace
 
-std::map<image_t, PoseConfidence> EstimatePoseConfidence(const Reconstruction& reconstruction) {
-  std::map<image_t, Matrix6> information;
+std::map<image_t, PoseConfidence> EstimatePoseConfidence(const Reconstruction& reconstruction,
+                                                         const RunContext& run) {
+  PoseSums sums;
+  for (const auto& [id, image] : reconstruction.images) sums[id];
+  for (const PoseSums& part : SumUpPoints(reconstruction, run.num_threads)) {
+    for (const auto& [id, sum] : part) {
+      sums.at(id).information += sum.information;
+      sums.at(id).num_points += sum.num_points;
+    }
+  }
   std::map<image_t, PoseConfidence> result;
-  for (const auto& [id, image] : reconstruction.images) {
-    information[id].setZero();
-    result[id];
-  }
-  std::vector<Jacobians> jacobians;
-  for (const auto& [id, point] : reconstruction.points3D) {
-    jacobians.clear();
-    Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
-    for (const TrackElement& element : point.track) {
-      const RegisteredImage& image = reconstruction.images.at(element.image_id);
-      jacobians.push_back(
-          Linearize(reconstruction.CameraOf(image), image, element.point2D, point.xyz));
-      V += jacobians.back().point.transpose() * jacobians.back().point;
-    }
-    const Eigen::Matrix3d V_inverse = V.inverse();
-    if (!V_inverse.allFinite()) continue;
-    for (size_t k = 0; k < jacobians.size(); ++k) {
-      const auto& [J, Jp] = jacobians[k];
-      const Eigen::Matrix<double, 6, 3> W = J.transpose() * Jp;
-      information.at(point.track[k].image_id) += J.transpose() * J - W * V_inverse * W.transpose();
-      ++result.at(point.track[k].image_id).num_points;
-    }
-  }
-  for (auto& [id, confidence] : result) {
-    const Matrix6& H = information.at(id);
+  for (const auto& [id, sum] : sums) {
+    const Matrix6& H = sum.information;
     const Eigen::Matrix3d rotation = H.topLeftCorner<3, 3>(), cross = H.topRightCorner<3, 3>(),
                           position = H.bottomRightCorner<3, 3>();
-    confidence.rotation_sigma_deg = RadToDeg(MarginalSigma(rotation, cross, position));
-    confidence.position_sigma = MarginalSigma(position, cross.transpose(), rotation);
+    result[id] = {.num_points = sum.num_points,
+                  .rotation_sigma_deg = RadToDeg(MarginalSigma(rotation, cross, position)),
+                  .position_sigma = MarginalSigma(position, cross.transpose(), rotation)};
   }
   return result;
 }

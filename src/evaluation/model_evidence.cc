@@ -271,14 +271,11 @@ Support SupportOf(const VerifiedPair& pair, const PairEvidence& found) {
 
 int64_t CountIndependent(std::span<const VerifiedPair> pairs) {
   std::map<image_t, size_t> num_keypoints;
-  const auto include = [&](image_t id, point2D_t point) {
-    size_t& num = num_keypoints[id];
-    num = std::max<size_t>(num, point + 1);
-  };
   for (const VerifiedPair& pair : pairs) {
+    size_t &num1 = num_keypoints[pair.image_id1], &num2 = num_keypoints[pair.image_id2];
     for (const FeatureMatch& match : *pair.matches) {
-      include(pair.image_id1, match.point1);
-      include(pair.image_id2, match.point2);
+      num1 = std::max<size_t>(num1, match.point1 + 1);
+      num2 = std::max<size_t>(num2, match.point2 + 1);
     }
   }
   IndependentMatches independent(num_keypoints);

@@ -200,7 +200,7 @@ std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
     EstimateSigmas(context, stage, model);
   }
   FilterRound(context, round, model);
-  return EstimatePoseConfidence(model);
+  return EstimatePoseConfidence(model, context.run);
 }
 
 void AdjustModel(StageContext& context, int max_iterations, Reconstruction& model) {

@@ -23,7 +23,7 @@ const std::vector<std::string> kResultNames = {
     "effective.toml", "report.html",     "failed"};
 
 // One line an image: what holds its pose.
-std::string ConfidenceCsv(const ReconstructResult& result) {
+std::string ConfidenceCsv(const ReconstructResult& result, const RunContext& run) {
   std::string text = "image,model,pairs,points,rotation_sigma_deg,position_sigma\n";
   for (size_t k = 0; k < result.models.size(); ++k) {
     const Reconstruction& model = result.models[k];
@@ -35,7 +35,7 @@ std::string ConfidenceCsv(const ReconstructResult& result) {
       ++num_pairs[edge.image_id1];
       ++num_pairs[edge.image_id2];
     }
-    for (const auto& [id, confidence] : EstimatePoseConfidence(model)) {
+    for (const auto& [id, confidence] : EstimatePoseConfidence(model, run)) {
       char line[128];
       std::snprintf(line, sizeof(line), ",%zu,%d,%d,%.6g,%.6g\n", k, num_pairs[id],
                     confidence.num_points, confidence.rotation_sigma_deg,
@@ -46,7 +46,7 @@ std::string ConfidenceCsv(const ReconstructResult& result) {
   return text;
 }
 
-void WriteModels(ReconstructResult& result, const fs::path& output) {
+void WriteModels(ReconstructResult& result, const fs::path& output, const RunContext& run) {
   for (size_t k = 0; k < result.models.size(); ++k) {
     const fs::path folder = output / "sparse" / std::to_string(k);
     WriteColmapModel(result.models[k], folder.string());
@@ -62,7 +62,7 @@ void WriteModels(ReconstructResult& result, const fs::path& output) {
     stage.messages = warnings;
     result.report.stages.push_back(std::move(stage));
   }
-  WriteFileAtomically((output / "confidence.csv").string(), ConfidenceCsv(result));
+  WriteFileAtomically((output / "confidence.csv").string(), ConfidenceCsv(result, run));
   WritePly(largest, (output / "points.ply").string());
 }
 
@@ -73,13 +73,14 @@ void CheckReconstructOutput(const std::string& output_path, bool overwrites) {
 }
 
 std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
-                                   const std::string& effective_toml, bool overwrites) {
+                                   const std::string& effective_toml, bool overwrites,
+                                   const RunContext& run) {
   OutputFolder output(output_path, kResultNames, overwrites);
   const bool keeps_earlier = result.models.empty() && output.Has("sparse/");
   const fs::path folder = keeps_earlier ? "failed" : "";
   const fs::path staging = output.staging() / folder;
   CreateFolders(staging.string());
-  if (!result.models.empty()) WriteModels(result, staging);
+  if (!result.models.empty()) WriteModels(result, staging, run);
   std::map<image_t, std::string> names;
   for (const Image& image : result.images) names[image.image_id] = image.name;
   const auto write = [&](const char* name, const std::string& text) {

@@ -59,7 +59,7 @@ void MeasureImage(const Reconstruction& model, const RegisteredImage& image, Pag
 void MeasureModels(PageScene& scene) {
   for (size_t k = 0; k < scene.input.models.size(); ++k) {
     const Reconstruction& model = scene.input.models[k];
-    const std::map<image_t, PoseConfidence> confidence = EstimatePoseConfidence(model);
+    const std::map<image_t, PoseConfidence> confidence = EstimatePoseConfidence(model, scene.run);
     for (const auto& [id, image] : model.images) {
       PageImage& result = ImageOf(scene, image);
       if (result.model >= 0) continue;  // a smaller model of the same image

@@ -18,9 +18,12 @@ class Nodes {
   explicit Nodes(std::span<const PairMatches> pairs) {
     for (const PairMatches& pair : pairs) {
       CAIRN_CHECK_NE(pair.image_id1, pair.image_id2);
+      if (pair.matches.empty()) continue;
+      std::vector<int>& marks1 = node_of_[pair.image_id1];
+      std::vector<int>& marks2 = node_of_[pair.image_id2];
       for (const FeatureMatch& match : pair.matches) {
-        Mark(node_of_[pair.image_id1], match.point1);
-        Mark(node_of_[pair.image_id2], match.point2);
+        Mark(marks1, match.point1);
+        Mark(marks2, match.point2);
       }
     }
     for (auto& [image_id, marks] : node_of_) {

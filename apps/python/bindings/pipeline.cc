@@ -85,7 +85,7 @@ ReconstructResult MakeModels(const path& database_path, const std::optional<path
     if (!output_path || run.monitor.StopRequested()) return result;
     if (report) result.page = MakeRunPage(database, inputs.image_path, result, run);
     WriteReconstructResult(result, output_path->string(),
-                           EffectiveToml("reconstruct", inputs, settings), overwrite);
+                           EffectiveToml("reconstruct", inputs, settings), overwrite, run);
     return result;
   });
 }

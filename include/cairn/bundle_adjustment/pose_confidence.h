@@ -2,6 +2,7 @@
 
 #include <map>
 
+#include "cairn/base/run_context.h"
 #include "cairn/scene/reconstruction.h"
 
 namespace cairn {
@@ -17,7 +18,9 @@ struct PoseConfidence {
 
 // From the diagonal blocks of the reduced camera system: the covariance of each pose with the
 // points free and the other cameras constant, for observations with RegisteredImage::sigmas_px. A
-// lower bound, linear in the observations: errors that many cameras share do not show in it.
-std::map<image_t, PoseConfidence> EstimatePoseConfidence(const Reconstruction& reconstruction);
+// lower bound, linear in the observations: errors that many cameras share do not show in it. The
+// result does not depend on run.num_threads.
+std::map<image_t, PoseConfidence> EstimatePoseConfidence(const Reconstruction& reconstruction,
+                                                         const RunContext& run = {});
 
 }  // namespace cairn

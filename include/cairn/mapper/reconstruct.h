@@ -132,6 +132,7 @@ void CheckReconstructOutput(const std::string& output_path, bool overwrites = fa
 // failure is put into failed/. Adds what a format cannot hold to the report's messages. Returns the
 // path of report.json. Throws as CheckReconstructOutput does.
 std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
-                                   const std::string& effective_toml, bool overwrites = false);
+                                   const std::string& effective_toml, bool overwrites = false,
+                                   const RunContext& run = {});
 
 }  // namespace cairn

@@ -54,6 +54,18 @@ TEST(PoseConfidence, IsInfiniteWithoutEnoughPoints) {
   EXPECT_GT(confidences.at(2).position_sigma, 1e3 * confidences.at(1).position_sigma);
 }
 
+TEST(PoseConfidence, DoesNotDependOnThreads) {
+  const Reconstruction model = MakeSyntheticScene({.num_images = 6, .num_points = 200}).truth;
+  const auto one = EstimatePoseConfidence(model, {.num_threads = 1});
+  const auto eight = EstimatePoseConfidence(model, {.num_threads = 8});
+  ASSERT_EQ(one.size(), 6u);
+  for (const auto& [id, confidence] : one) {
+    EXPECT_EQ(confidence.num_points, eight.at(id).num_points);
+    EXPECT_EQ(confidence.rotation_sigma_deg, eight.at(id).rotation_sigma_deg);
+    EXPECT_EQ(confidence.position_sigma, eight.at(id).position_sigma);
+  }
+}
+
 // Two images know the direction to each other, and not how far apart they are.
 TEST(PoseConfidence, OfTwoImagesIsThatOfRotations) {
   const auto sigma_deg = [](int num_images) {
