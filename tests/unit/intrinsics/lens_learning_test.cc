@@ -148,8 +148,7 @@ TEST_F(LensLearningTest, CamerasOfOneKindShareTheirDistortion) {
   std::vector<double> distortions;  // at the guessed focal lengths, which are equal
   for (const auto& [id, lens] : Database(path).ReadCameraLenses()) {
     const double guess_px = 1.3 * true_focals_.at(id);
-    distortions.push_back(lens.k *
-                          (lens.focal_px > 0 ? std::pow(guess_px / lens.focal_px, 2) : 1));
+    distortions.push_back(lens.k * (lens.focal_px > 0 ? std::pow(guess_px / lens.focal_px, 2) : 1));
   }
   ASSERT_EQ(distortions.size(), 9u);
   for (const double k : distortions) {
