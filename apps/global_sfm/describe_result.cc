@@ -121,7 +121,7 @@ std::string DescribeResult(const ReconstructResult& result, const std::string& o
   if (!result.models.front().points3D.empty()) {
     text += Line("error",
                  fmt::format("{:.3f} px (mean reprojection error{}){}",
-                             result.models.front().MeanReprojectionErrorPx(),
+                             result.models.front().MeanReprojectionErrorPx(run.num_threads),
                              result.models.size() > 1 ? " of sparse/0" : "", PlaceText(report)));
     text += Line("confidence", ConfidenceText(result, run));
   }

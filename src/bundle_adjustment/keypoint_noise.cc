@@ -4,11 +4,14 @@
 #include <cmath>
 #include <span>
 
+#include "scene/view_table.h"
+
 namespace cairn {
 namespace {
 
 constexpr int kNumBins = 16;
 constexpr size_t kMinObservationsPerBin = 30;
+constexpr size_t kMaxPoints = 200'000;  // more do not change medians of bins
 // Errors of an observation that alone decides where its point lies tell nothing.
 constexpr double kMaxLeverage = 0.8;
 // No detector is more exact than this; exact data would have no scale otherwise.
@@ -24,24 +27,25 @@ struct Sample {
 std::vector<Sample> CollectSamples(const Reconstruction& reconstruction,
                                    const KeypointScales& scales) {
   std::vector<Sample> samples;
-  const auto precision = [](const RegisteredImage& image, point2D_t point2D) {
-    const double sigma = image.sigmas_px.empty() ? 1.0 : image.sigmas_px[point2D];
-    return 1.0 / (sigma * sigma);
+  const ViewTable views(reconstruction);
+  const auto precision = [](const ViewTable::View& view, point2D_t k) {
+    return 1.0 / (view.SigmaPx(k) * view.SigmaPx(k));
   };
+  const size_t step = 1 + reconstruction.points3D.size() / kMaxPoints;
+  size_t next = 0;
   for (const auto& [id, point] : reconstruction.points3D) {
+    if (next++ % step != 0) continue;
     double total = 0;
     for (const TrackElement& element : point.track) {
-      total += precision(reconstruction.images.at(element.image_id), element.point2D);
+      total += precision(views.Of(element.image_id), element.point2D);
     }
     for (const TrackElement& element : point.track) {
-      const RegisteredImage& image = reconstruction.images.at(element.image_id);
-      const double error_px =
-          ReprojectionErrorPx(reconstruction.CameraOf(image), image.cam_from_world, point.xyz,
-                              image.points2D[element.point2D]);
+      const ViewTable::View& view = views.Of(element.image_id);
+      const double error_px = view.ErrorPx(point.xyz, element.point2D);
       if (!std::isfinite(error_px)) continue;
       // The point's 3 coordinates adapt to the 2n coordinates of its errors, most to the precise
       // ones.
-      const double leverage = 1.5 * precision(image, element.point2D) / total;
+      const double leverage = 1.5 * precision(view, element.point2D) / total;
       if (leverage > kMaxLeverage) continue;
       samples.push_back(
           {scales.at(element.image_id)[element.point2D], error_px / std::sqrt(1.0 - leverage)});

@@ -10,6 +10,7 @@
 #include "cairn/math/angles.h"
 #include "cairn/math/decompositions.h"
 #include "cairn/math/so3.h"
+#include "scene/view_table.h"
 
 namespace cairn {
 namespace {
@@ -27,14 +28,12 @@ struct Jacobians {
   Eigen::Matrix<double, 2, 3> point;
 };
 
-Jacobians Linearize(const Camera& camera, const RegisteredImage& image, point2D_t keypoint,
-                    const Eigen::Vector3d& xyz) {
-  const Eigen::Matrix3d R = image.cam_from_world.RotationMatrix();
-  const Eigen::Vector3d x = image.cam_from_world * xyz;
+Jacobians Linearize(const ViewTable::View& view, point2D_t keypoint, const Eigen::Vector3d& xyz) {
+  const Eigen::Matrix3d R = view.image->cam_from_world.RotationMatrix();
+  const Eigen::Vector3d x = view.image->cam_from_world * xyz;
   Eigen::Matrix<double, 2, 3> pixel_by_x;
-  if (!camera.ImgFromRay(x, &pixel_by_x)) pixel_by_x.setZero();
-  const double sigma_px = image.sigmas_px.empty() ? 1.0 : image.sigmas_px[keypoint];
-  const Eigen::Matrix<double, 2, 3> by_x = pixel_by_x / sigma_px;
+  if (!view.camera->ImgFromRay(x, &pixel_by_x)) pixel_by_x.setZero();
+  const Eigen::Matrix<double, 2, 3> by_x = pixel_by_x / view.SigmaPx(keypoint);
   Jacobians jacobians;
   jacobians.pose.leftCols<3>() = -by_x * CrossMatrix(x);
   jacobians.pose.rightCols<3>() = -by_x * R;
@@ -70,16 +69,14 @@ struct PoseSum {
   Matrix6 information = Matrix6::Zero();
   int num_points = 0;
 };
-using PoseSums = std::map<image_t, PoseSum>;
+using PoseSums = std::vector<PoseSum>;  // by ViewTable's index
 
-void AddPoint(const Reconstruction& reconstruction, const Point3D& point,
-              std::vector<Jacobians>& jacobians, PoseSums& sums) {
+void AddPoint(const ViewTable& views, const Point3D& point, std::vector<Jacobians>& jacobians,
+              PoseSums& sums) {
   jacobians.clear();
   Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
   for (const TrackElement& element : point.track) {
-    const RegisteredImage& image = reconstruction.images.at(element.image_id);
-    jacobians.push_back(
-        Linearize(reconstruction.CameraOf(image), image, element.point2D, point.xyz));
+    jacobians.push_back(Linearize(views.Of(element.image_id), element.point2D, point.xyz));
     V += jacobians.back().point.transpose() * jacobians.back().point;
   }
   const Eigen::Matrix3d V_inverse = V.inverse();
@@ -87,41 +84,45 @@ void AddPoint(const Reconstruction& reconstruction, const Point3D& point,
   for (size_t k = 0; k < jacobians.size(); ++k) {
     const auto& [J, Jp] = jacobians[k];
     const Eigen::Matrix<double, 6, 3> W = J.transpose() * Jp;
-    PoseSum& sum = sums[point.track[k].image_id];
+    PoseSum& sum = sums[views.Of(point.track[k].image_id).index];
     sum.information += J.transpose() * J - W * V_inverse * W.transpose();
     ++sum.num_points;
   }
 }
 
 // Of points in kNumPointParts parts: the sums do not depend on the number of threads.
-std::vector<PoseSums> SumUpPoints(const Reconstruction& reconstruction, int num_threads) {
+PoseSums SumUpPoints(const Reconstruction& reconstruction, int num_threads) {
+  const ViewTable views(reconstruction);
   std::vector<const Point3D*> points;
   for (const auto& [id, point] : reconstruction.points3D) points.push_back(&point);
   std::vector<PoseSums> parts(kNumPointParts);
   ParallelFor(num_threads, kNumPointParts, [&](int64_t part) {
+    parts[part].resize(views.size());
     std::vector<Jacobians> jacobians;
     const auto end = static_cast<size_t>(part + 1) * points.size() / kNumPointParts;
     for (auto i = static_cast<size_t>(part) * points.size() / kNumPointParts; i < end; ++i) {
-      AddPoint(reconstruction, *points[i], jacobians, parts[part]);
+      AddPoint(views, *points[i], jacobians, parts[part]);
     }
   });
-  return parts;
+  PoseSums sums(views.size());
+  for (const PoseSums& part : parts) {
+    for (size_t i = 0; i < sums.size(); ++i) {
+      sums[i].information += part[i].information;
+      sums[i].num_points += part[i].num_points;
+    }
+  }
+  return sums;
 }
 
 }  // namespace
 
 std::map<image_t, PoseConfidence> EstimatePoseConfidence(const Reconstruction& reconstruction,
                                                          const RunContext& run) {
-  PoseSums sums;
-  for (const auto& [id, image] : reconstruction.images) sums[id];
-  for (const PoseSums& part : SumUpPoints(reconstruction, run.num_threads)) {
-    for (const auto& [id, sum] : part) {
-      sums.at(id).information += sum.information;
-      sums.at(id).num_points += sum.num_points;
-    }
-  }
+  const PoseSums sums = SumUpPoints(reconstruction, run.num_threads);
   std::map<image_t, PoseConfidence> result;
-  for (const auto& [id, sum] : sums) {
+  size_t next = 0;
+  for (const auto& [id, image] : reconstruction.images) {
+    const PoseSum& sum = sums[next++];
     const Matrix6& H = sum.information;
     const Eigen::Matrix3d rotation = H.topLeftCorner<3, 3>(), cross = H.topRightCorner<3, 3>(),
                           position = H.bottomRightCorner<3, 3>();

@@ -16,8 +16,10 @@
 #include "bundle_adjustment/camera_system.h"
 #include "bundle_adjustment/intrinsics_prior.h"
 #include "bundle_adjustment/reprojection_cost.h"
+#include "bundle_adjustment/schur_kernels.h"
 #include "cairn/base/parallel.h"
 #include "math/levenberg_marquardt.h"
+#include "scene/view_table.h"
 
 namespace cairn {
 namespace {
@@ -46,18 +48,14 @@ struct BundleObservations {
 
 BundleObservations CollectObservations(const BundleAdjustmentScope& scope,
                                        const Reconstruction& reconstruction) {
-  std::map<image_t, int> index_of;
-  for (const auto& [id, image] : reconstruction.images) {
-    index_of.emplace(id, static_cast<int>(index_of.size()));
-  }
+  const ViewTable views(reconstruction);
   BundleObservations result;
   result.all.reserve(reconstruction.NumObservations());
-  result.of_image.resize(index_of.size());
-  const auto add = [&](image_t id, const Eigen::Vector2d& pixel, float sigma_px,
+  result.of_image.resize(views.size());
+  const auto add = [&](const ViewTable::View& view, const Eigen::Vector2d& pixel, float sigma_px,
                        const Eigen::Vector3d& xyz) {
-    const RegisteredImage& image = reconstruction.images.at(id);
-    if (!reconstruction.CameraOf(image).ImgFromRay(image.cam_from_world * xyz)) return;
-    result.all.push_back({pixel, 1.0F / sigma_px, index_of.at(id)});
+    if (!view.camera->ImgFromRay(view.image->cam_from_world * xyz)) return;
+    result.all.push_back({pixel, 1.0F / sigma_px, view.index});
   };
   const auto end_point = [&] {
     std::sort(result.all.begin() + result.begin.back(), result.all.end(),
@@ -67,15 +65,17 @@ BundleObservations CollectObservations(const BundleAdjustmentScope& scope,
   };
   for (const auto& [id, point] : reconstruction.points3D) {
     for (const TrackElement& element : point.track) {
-      const RegisteredImage& image = reconstruction.images.at(element.image_id);
-      const float sigma_px = image.sigmas_px.empty() ? 1.0F : image.sigmas_px[element.point2D];
-      add(element.image_id, image.points2D[element.point2D], sigma_px, point.xyz);
+      const ViewTable::View& view = views.Of(element.image_id);
+      add(view, view.Pixel(element.point2D), static_cast<float>(view.SigmaPx(element.point2D)),
+          point.xyz);
     }
     end_point();
   }
   result.num_unsurveyed = result.NumPoints();
   for (const SurveyedPoint& point : scope.surveyed_points) {
-    for (const auto& [id, pixel] : point.pixels) add(id, pixel, 1.0F, point.prior.position);
+    for (const auto& [id, pixel] : point.pixels) {
+      add(views.Of(id), pixel, 1.0F, point.prior.position);
+    }
     end_point();
   }
   for (size_t k = 0; k < result.all.size(); ++k) {
@@ -132,7 +132,9 @@ class SchurBundle {
   using System = CameraSystem<kIntrinsics>;
   static constexpr int kPose = System::kPose;
   static constexpr int kBlock = System::kBlock;
-  using State = Eigen::VectorXd;  // CameraSystem's unknowns, then the points
+  static constexpr size_t kNear = 4, kFar = 12;  // observations ahead, to have memory load them
+  static constexpr int kUsualLength = 6;         // of a track
+  using State = Eigen::VectorXd;                 // CameraSystem's unknowns, then the points
   struct Model {
     double cost = 0;
     Eigen::VectorXd gradient;
@@ -148,7 +150,7 @@ class SchurBundle {
         observations_(CollectObservations(scope, reconstruction)),
         system_(ImagesSeenTogether(observations_, run.num_threads), CamerasOfImages(bundle),
                 static_cast<int>(bundle.intrinsics().size()), run.num_threads),
-        linear_(observations_.all.size()),
+        linear_(std::make_unique_for_overwrite<Linear[]>(observations_.all.size())),
         inverse_(observations_.NumPoints()) {
     for (const auto& [id, image] : reconstruction.images) {
       pose_is_free_.push_back(scope.fixed_images.count(id) == 0);
@@ -329,7 +331,10 @@ class SchurBundle {
     Eigen::Matrix<double, kBlock, Eigen::Dynamic> curvatures(kBlock, system_.NumImages());
     const auto sum_up = [&](int64_t i) {
       Image slope = Image::Zero(), curvature = Image::Zero();
-      for (const int k : observations_.of_image[i]) {
+      const std::vector<int>& observations = observations_.of_image[i];
+      for (size_t n = 0; n < observations.size(); ++n) {
+        if (n + kNear < observations.size()) PrefetchLinear(observations[n + kNear]);
+        const int k = observations[n];
         const auto J = linear_[k].by_camera.template cast<double>();
         slope += J.transpose() * linear_[k].residual.template cast<double>();
         curvature += J.colwise().squaredNorm().transpose();
@@ -385,25 +390,46 @@ class SchurBundle {
       system_.BlockAt(k).setZero();
     }
     Image right = Image::Zero();
-    for (const int a : observations_.of_image[i]) {
-      const int p = observations_.point_of[a];
+    std::vector<internal::SchurPartner> partners;  // of one observation, itself among them
+    const std::vector<int>& observations = observations_.of_image[i];
+    for (size_t n = 0; n < observations.size(); ++n) {
+      Prefetch(observations, n);
+      const int a = observations[n], p = observations_.point_of[a];
       const ByCamera J = linear_[a].by_camera.template cast<double>();
       const Eigen::Matrix<double, 2, 3> Q =
           linear_[a].by_point.template cast<double>() * inverse_[p];
       right += J.transpose() * (Q * gradient.segment<3>(PointAt(p)));
       int b = a;
       while (b > observations_.begin[p] && observations_.all[b - 1].image == i) --b;
+      partners.clear();
       for (; b < observations_.begin[p + 1]; ++b) {
         Eigen::Matrix2d M = Q * linear_[b].by_point.transpose().template cast<double>();
         if (b == a) M -= Eigen::Matrix2d::Identity();
-        const ByCamera T = M * linear_[b].by_camera.template cast<double>();
-        typename System::Block& block = system_.BlockAt(block_of[observations_.all[b].image]);
-        for (int row = 0; row < kBlock; ++row) {
-          block.row(row) -= J(0, row) * T.row(0) + J(1, row) * T.row(1);
-        }
+        partners.push_back({{M(0, 0), M(0, 1), M(1, 0), M(1, 1)},
+                            linear_[b].by_camera.data(),
+                            system_.BlockAt(block_of[observations_.all[b].image]).data()});
       }
+      internal::SubtractFromBlocks<kBlock>(J.data(), partners.data(),
+                                           static_cast<int>(partners.size()));
     }
     return right;
+  }
+
+  // Has memory load what FormRow will read: an image's points are far apart.
+  void Prefetch(const std::vector<int>& observations, size_t n) const {
+    if (n + kFar >= observations.size()) return;
+    const int far = observations[n + kFar], near = observations[n + kNear];
+    __builtin_prefetch(&observations_.point_of[far]);
+    __builtin_prefetch(&observations_.all[far]);
+    const int p = observations_.point_of[near];
+    __builtin_prefetch(&inverse_[p]);
+    __builtin_prefetch(&observations_.begin[p]);
+    const int end = std::min(near + kUsualLength, observations_.begin.back());
+    for (int b = near; b < end; ++b) PrefetchLinear(b);
+  }
+  void PrefetchLinear(int k) const {
+    __builtin_prefetch(linear_[k].by_camera.data());
+    __builtin_prefetch(linear_[k].residual.data());
   }
 
   // The points' part of a step, from that of the cameras.
@@ -426,7 +452,8 @@ class SchurBundle {
   BundleState& bundle_;
   BundleObservations observations_;
   System system_;
-  std::vector<Linear> linear_;
+  std::unique_ptr<Linear[]>
+      linear_;  // of the observations; the threads that fill it touch it first
   std::vector<Eigen::Matrix3d> inverse_;  // of the points' blocks
   Eigen::VectorXd curvature_;             // of the unknowns of cameras, by the observations
   std::vector<char> pose_is_free_;

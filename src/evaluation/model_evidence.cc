@@ -105,6 +105,7 @@ void FindRays(std::span<const VerifiedPair> pairs, int num_threads, Views& views
 
 // The explained matches of so many pairs are held at a time.
 constexpr int64_t kPairsAtATime = 4096;
+constexpr size_t kLookahead = 16;  // matches; some ten lookups fit into one wait for memory
 
 // Visits the pairs in their order. Those with an image that the model lacks have nothing.
 template <typename Visit>
@@ -154,9 +155,13 @@ class IndependentMatches {
     if (matches.empty()) return;
     const int first1 = first_node_.at(pair.image_id1);
     const int first2 = first_node_.at(pair.image_id2);
-    for (const FeatureMatch& match : matches) {
-      num_ += tracks_->Union(first1 + static_cast<int>(match.point1),
-                             first2 + static_cast<int>(match.point2));
+    for (size_t i = 0; i < matches.size(); ++i) {
+      if (i + kLookahead < matches.size()) {
+        tracks_->Prefetch(first1 + static_cast<int>(matches[i + kLookahead].point1));
+        tracks_->Prefetch(first2 + static_cast<int>(matches[i + kLookahead].point2));
+      }
+      num_ += tracks_->Union(first1 + static_cast<int>(matches[i].point1),
+                             first2 + static_cast<int>(matches[i].point2));
     }
   }
 

@@ -36,7 +36,7 @@ void RenumberPoints(Reconstruction& model) {
   for (auto& [id, image] : model.images) {
     std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
   }
-  for (auto& [id, point] : points) model.AddPoint3D(point);
+  for (auto& [id, point] : points) model.AddPoint3D(std::move(point));
 }
 
 // Warns of places shown on top of each other, and finds the edges that did it.
@@ -67,7 +67,7 @@ bool CheckModel(StageContext& context, size_t num_images, const std::string& ori
   stage.Add("points", model.points3D.size());
   stage.Add("observations", model.NumObservations());
   stage.Add("mean_track_length", model.MeanTrackLength());
-  stage.Add("mean_reprojection_error_px", model.MeanReprojectionErrorPx());
+  stage.Add("mean_reprojection_error_px", model.MeanReprojectionErrorPx(context.run.num_threads));
   stage.Add("explained_share", evidence.all.Share());
   stage.Add("pairs", evidence.num_pairs);
   stage.Add("contradicted_pairs", evidence.num_contradicted);
@@ -180,7 +180,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
       return best;
     }
     AdjustToPlaces(context, *best.model);
-    best.model->UpdatePointErrors();
+    best.model->UpdatePointErrors(context.run.num_threads);
     best.evidence = EvidenceFor(context, *best.model, best.graph);
   }
   if (context.settings.reconstruct.separate_duplicates && !context.scene.poses_alone) {
@@ -219,7 +219,7 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
     built.warnings.push_back({"it puts similar places on top of each other",
                               "reconstruct without --input_path to separate them"});
   }
-  model.UpdatePointErrors();
+  model.UpdatePointErrors(context.run.num_threads);
   const std::vector<ResultWarning> moved = KeepFrame(context, earlier, confidences, model);
   built.warnings.insert(built.warnings.end(), moved.begin(), moved.end());
   RenumberPoints(model);

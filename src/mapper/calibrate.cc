@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "cairn/base/parallel.h"
 #include "cairn/geometry/epipolar.h"
 #include "cairn/intrinsics/focal_calibration.h"
 #include "cairn/math/median.h"
@@ -59,7 +60,7 @@ std::optional<FocalPair> MakePair(const SceneData& scene, const ViewEdge& edge,
 }
 
 std::vector<FocalPair> CollectPairs(const SceneData& scene, const GeometryReader& read,
-                                    int max_pairs) {
+                                    int max_pairs, int num_threads) {
   std::vector<FocalPairCount> counts;
   std::vector<const ViewEdge*> edges;
   for (const ViewEdge& edge : scene.edges) {
@@ -76,9 +77,16 @@ std::vector<FocalPair> CollectPairs(const SceneData& scene, const GeometryReader
     counts.push_back({camera_id1, camera_id2, edge.num_inliers});
     edges.push_back(&edge);
   }
+  const std::vector<size_t> selected = SelectFocalPairs(counts, max_pairs);
+  std::vector<TwoViewGeometry> geometries;
+  for (const size_t i : selected) geometries.push_back(read(edges[i]->PairId()));
+  std::vector<std::optional<FocalPair>> made(selected.size());
+  ParallelFor(
+      num_threads, std::ssize(selected),
+      [&](int64_t i) { made[i] = MakePair(scene, *edges[selected[i]], geometries[i]); },
+      /*grain=*/16);
   std::vector<FocalPair> pairs;
-  for (const size_t i : SelectFocalPairs(counts, max_pairs)) {
-    auto pair = MakePair(scene, *edges[i], read(edges[i]->PairId()));
+  for (auto& pair : made) {
     if (pair) pairs.push_back(std::move(*pair));
   }
   return pairs;
@@ -165,59 +173,16 @@ std::string Describe(camera_t id, const Camera& camera, const CalibratedFocal& f
   return text;
 }
 
-// A focal length that the pairs do not determine well is tried where it is off the guess by more,
-// as a logarithm: bundle adjustment finds the way over less by itself.
-constexpr double kMinDifference = 0.15;
-
-// Focal lengths to try in place of those that the cameras have.
-struct Candidates {
-  std::set<camera_t> calibrated;
-  // Guessed ones, where pairs do not determine better ones: if most images are of such cameras.
-  std::set<camera_t> tentative;
-
-  std::set<camera_t> All() const {
-    std::set<camera_t> all = calibrated;
-    all.insert(tentative.begin(), tentative.end());
-    return all;
-  }
-};
-
-bool IsTentative(const Camera& camera, const CalibratedFocal& focal) {
-  return !camera.has_prior_focal_length &&
-         (focal.status == FocalStatus::kUndetermined ||
-          focal.status == FocalStatus::kContradicted) &&
-         std::abs(std::log(focal.focal_px / focal.focal_before_px)) > kMinDifference;
-}
-
-bool HaveMostImages(const std::set<camera_t>& cameras, const SceneData& scene) {
-  const auto num = std::ranges::count_if(
-      scene.images, [&](const auto& entry) { return cameras.count(entry.second.camera_id) > 0; });
-  return 2 * num > std::ssize(scene.images);
-}
-
-Candidates FindCandidates(const FocalCalibrationReport& report, const SceneData& scene) {
-  Candidates candidates;
-  for (const auto& [id, focal] : report.cameras) {
-    if (focal.status == FocalStatus::kCalibrated) candidates.calibrated.insert(id);
-    if (IsTentative(scene.cameras.at(id), focal)) candidates.tentative.insert(id);
-  }
-  if (!HaveMostImages(candidates.tentative, scene)) candidates.tentative.clear();
-  return candidates;
-}
-
 // Reports what became of each camera.
-void Report(const FocalCalibrationReport& report, const Candidates& candidates,
-            const std::map<camera_t, Camera>& cameras, Stage& stage) {
+void Report(const FocalCalibrationReport& report, const std::map<camera_t, Camera>& cameras,
+            Stage& stage) {
   std::map<FocalStatus, int> num_of;
   std::vector<std::string> notes, warnings;
   for (const auto& [id, focal] : report.cameras) {
     const bool is_exif = cameras.at(id).has_prior_focal_length;
-    const bool is_calibrated = candidates.calibrated.count(id) > 0;
     const std::string text = Describe(id, cameras.at(id), focal);
     ++num_of[focal.status];
-    if (candidates.tentative.count(id) > 0) {
-      notes.push_back(text + "; tried beside the guess");
-    } else if (is_exif == is_calibrated) {
+    if (is_exif == (focal.status == FocalStatus::kCalibrated)) {
       warnings.push_back(text +
                          (is_exif ? "; EXIF's focal length is rejected" : "; the guess is kept"));
     } else {
@@ -234,7 +199,6 @@ struct Replaced {
   std::map<camera_t, double> focals_px;
   std::vector<ViewEdge> edges;
   std::vector<ViewEdge> guessed_edges;  // the same with poses at these focal lengths
-  std::set<camera_t> tentative;
 };
 
 // Gives the cameras the focal lengths that the pairs found, and their edges poses by these.
@@ -261,8 +225,8 @@ Replaced TakeFocals(const std::map<camera_t, CalibratedFocal>& focals,
 
 // Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
 // by those of the focal lengths before. Where they close worse, the cameras and their edges are
-// taken back; where loops do not decide, or would decide for a tentative one, or between pairs and
-// EXIF, both ways are kept: the model decides.
+// taken back; where loops do not decide, or would decide between pairs and EXIF, both ways are
+// kept: the model decides.
 std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage,
                                             SceneData& scene) {
   std::set<camera_t> rejected, undecided;
@@ -272,9 +236,7 @@ std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage
       if (before.focals_px.count(id) > 0) cameras.insert(id);
     }
     const double improvement = loops.Improvement();
-    const bool is_tentative =
-        std::ranges::any_of(cameras, [&](camera_t id) { return before.tentative.count(id) > 0; });
-    if (cameras.empty() || (improvement >= kDecisive && !is_tentative)) continue;
+    if (cameras.empty() || improvement >= kDecisive) continue;
     const bool overrules_exif = std::ranges::any_of(
         cameras, [&](camera_t id) { return scene.cameras.at(id).has_prior_focal_length; });
     const bool is_rejected = improvement <= -kDecisive && !overrules_exif;
@@ -319,7 +281,8 @@ std::optional<Calibration> CalibrateSceneFocals(const GeometryReader& read,
                                                 const FocalCalibrationOptions& options,
                                                 const RunContext& run, Stage& stage,
                                                 SceneData& scene) {
-  const std::vector<FocalPair> pairs = CollectPairs(scene, read, options.max_pairs);
+  const std::vector<FocalPair> pairs =
+      CollectPairs(scene, read, options.max_pairs, run.num_threads);
   std::set<camera_t> trusted = scene.constant_cameras;
   for (const auto& [id, sigma] : scene.held_focals) trusted.insert(id);
   const FocalCalibrationReport report =
@@ -327,19 +290,17 @@ std::optional<Calibration> CalibrateSceneFocals(const GeometryReader& read,
   stage.Add("pairs_in", pairs.size());
   stage.Add("pairs_used", report.num_pairs);
   stage.Add("pairs_agreeing", report.num_pairs_agreeing);
-  const Candidates candidates = FindCandidates(report, scene);
-  for (const camera_t id : candidates.calibrated) {
-    if (scene.cameras.at(id).has_prior_focal_length) {
-      scene.exif_by_pairs[id] = report.cameras.at(id);
-    }
+  std::set<camera_t> calibrated;
+  for (const auto& [id, focal] : report.cameras) {
+    if (focal.status != FocalStatus::kCalibrated) continue;
+    calibrated.insert(id);
+    if (scene.cameras.at(id).has_prior_focal_length) scene.exif_by_pairs[id] = focal;
   }
-  Report(report, candidates, scene.cameras, stage);
+  Report(report, scene.cameras, stage);
   ImproveRelativePoses(scene.foreign, run, scene);
-  const std::set<camera_t> calibrated = candidates.All();
   if (calibrated.empty()) return std::nullopt;
-  Replaced before =
+  const Replaced before =
       TakeFocals(report.cameras, ReadGeometriesOf(calibrated, scene, read), calibrated, run, scene);
-  before.tentative = candidates.tentative;
   return TakeBackRejected(before, stage, scene);
 }
 

@@ -235,7 +235,7 @@ Reconstruction PartOf(const Reconstruction& model, const std::set<image_t>& imag
     if (point.track.size() < 2) continue;
     std::erase_if(point.track,
                   [&](const auto& element) { return images.count(element.image_id) == 0; });
-    part.AddPoint3D(point);
+    part.AddPoint3D(std::move(point));
   }
   return part;
 }

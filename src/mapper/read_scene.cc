@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
 #include "cairn/database/report_bad_rows.h"
 #include "cairn/mapper/view_edges.h"
 #include "intrinsics/known_intrinsics.h"
@@ -90,8 +91,8 @@ FeatureMatches MergeMatches(FeatureMatches matches, const std::vector<point2D_t>
 
 // Edges with their merged inlier matches; geometries of those that another program verified.
 void ReadEdges(const Database& database,
-               const std::map<image_t, std::vector<point2D_t>>& first_keypoint, Stage& stage,
-               SceneData& scene) {
+               const std::map<image_t, std::vector<point2D_t>>& first_keypoint, int num_threads,
+               Stage& stage, SceneData& scene) {
   std::vector<std::string> bad;
   const auto warn = [&](const std::string& message) { bad.push_back(message); };
   const auto is_used = [&](const ViewEdge& edge) {
@@ -103,14 +104,22 @@ void ReadEdges(const Database& database,
     const bool is_still = geometry.config == TwoViewConfig::kPanoramic && geometry.cam2_from_cam1 &&
                           !HasTurned(geometry.cam2_from_cam1->rotation);
     if (is_still || geometry.config == TwoViewConfig::kWatermark) geometry.inlier_matches.clear();
-    scene.matches[edge.PairId()] =
-        MergeMatches(std::move(geometry.inlier_matches), first_keypoint.at(edge.image_id1),
-                     first_keypoint.at(edge.image_id2));
+    scene.matches[edge.PairId()] = std::move(geometry.inlier_matches);
     if (edge.source == EdgeSource::kOtherProgram) {
       scene.foreign[edge.PairId()] = std::move(geometry);
     }
   };
   scene.edges = ReadViewEdges(database, warn, keep);
+  std::vector<std::pair<const image_pair_t, FeatureMatches>*> pairs;
+  for (auto& pair : scene.matches) pairs.push_back(&pair);
+  ParallelFor(
+      num_threads, std::ssize(pairs),
+      [&](int64_t i) {
+        auto& [pair_id, matches] = *pairs[i];
+        const auto [id1, id2] = PairIdToImagePair(pair_id);
+        matches = MergeMatches(std::move(matches), first_keypoint.at(id1), first_keypoint.at(id2));
+      },
+      /*grain=*/64);
   std::erase_if(scene.edges, [&](const ViewEdge& edge) { return !is_used(edge); });
   scene.poses_imported = HasImportedEdges(scene.edges);
   if (!bad.empty()) stage.Add("bad_pairs", static_cast<double>(bad.size()));
@@ -163,7 +172,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
     ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);
-    ReadEdges(database, first_keypoint, stage, scene);
+    ReadEdges(database, first_keypoint, run.num_threads, stage, scene);
     scene.raw_matches = [&database, first_keypoint](const ViewEdge& edge) {
       return MergeMatches(ReadRawMatches(database, edge.PairId()),
                           first_keypoint.at(edge.image_id1), first_keypoint.at(edge.image_id2));

@@ -1,9 +1,11 @@
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 
 #include "base/output_folder.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/base/parallel.h"
 #include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/io/bundler.h"
 #include "cairn/io/colmap_model.h"
@@ -46,24 +48,47 @@ std::string ConfidenceCsv(const ReconstructResult& result, const RunContext& run
   return text;
 }
 
-void WriteModels(ReconstructResult& result, const fs::path& output, const RunContext& run) {
+void WriteColmapModels(const ReconstructResult& result, const fs::path& output) {
   for (size_t k = 0; k < result.models.size(); ++k) {
     const fs::path folder = output / "sparse" / std::to_string(k);
     WriteColmapModel(result.models[k], folder.string());
     if (k >= result.georegistrations.size() || result.georegistrations[k].empty()) continue;
     WriteFileAtomically((folder / "georegistration.json").string(), result.georegistrations[k]);
   }
-  const Reconstruction& largest = result.models.front();
-  const std::vector<std::string> warnings = WriteBundler(
-      largest, (output / "bundle.out").string(), (output / "list.txt").string(), result.images);
+}
+
+// Each file is written by a thread of its own: they are text, and large.
+void WriteFiles(ReconstructResult& result, const fs::path& output,
+                const std::string& effective_toml, const RunContext& run) {
+  std::map<image_t, std::string> names;
+  for (const Image& image : result.images) names[image.image_id] = image.name;
+  const auto path = [&](const char* name) { return (output / name).string(); };
+  std::vector<std::string> warnings;
+  std::vector<std::function<void()>> tasks = {
+      [&] { WriteFileAtomically(path("effective.toml"), effective_toml); },
+      [&] { WriteFileAtomically(path("view_graph.json"), ViewGraphToJson(result.graph, names)); },
+      [&] { WriteFileAtomically(path("view_graph.dot"), ViewGraphToDot(result.graph, names)); }};
+  if (!result.page.empty()) {
+    tasks.push_back([&] { WriteFileAtomically(path("report.html"), result.page); });
+  }
+  if (!result.models.empty()) {
+    const Reconstruction& largest = result.models.front();
+    tasks.push_back([&] {
+      warnings = WriteBundler(largest, path("bundle.out"), path("list.txt"), result.images);
+    });
+    tasks.push_back([&] { WriteColmapModels(result, output); });
+    tasks.push_back(
+        [&] { WriteFileAtomically(path("confidence.csv"), ConfidenceCsv(result, run)); });
+    tasks.push_back([&] { WritePly(largest, path("points.ply")); });
+  }
+  ParallelFor(run.num_threads, std::ssize(tasks), [&](int64_t i) { tasks[i](); });
   if (!warnings.empty()) {
     StageReport stage;
     stage.name = "bundler";
     stage.messages = warnings;
     result.report.stages.push_back(std::move(stage));
   }
-  WriteFileAtomically((output / "confidence.csv").string(), ConfidenceCsv(result, run));
-  WritePly(largest, (output / "points.ply").string());
+  WriteFileAtomically(path("report.json"), ToJson(result.report));
 }
 
 }  // namespace
@@ -80,17 +105,7 @@ std::string WriteReconstructResult(ReconstructResult& result, const std::string&
   const fs::path folder = keeps_earlier ? "failed" : "";
   const fs::path staging = output.staging() / folder;
   CreateFolders(staging.string());
-  if (!result.models.empty()) WriteModels(result, staging, run);
-  std::map<image_t, std::string> names;
-  for (const Image& image : result.images) names[image.image_id] = image.name;
-  const auto write = [&](const char* name, const std::string& text) {
-    WriteFileAtomically((staging / name).string(), text);
-  };
-  write("effective.toml", effective_toml);
-  write("view_graph.json", ViewGraphToJson(result.graph, names));
-  write("view_graph.dot", ViewGraphToDot(result.graph, names));
-  write("report.json", ToJson(result.report));
-  if (!result.page.empty()) write("report.html", result.page);
+  WriteFiles(result, staging, effective_toml, run);
   output.Commit(keeps_earlier);
   return (fs::path(output_path) / folder / "report.json").string();
 }

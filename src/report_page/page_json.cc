@@ -114,7 +114,8 @@ Json ModelsJson(const PageScene& scene, PageBlocks& blocks) {
     json["points"] = model.points3D.size();
     json["observations"] = model.NumObservations();
     json["track_length"] = model.points3D.empty() ? 0.0 : model.MeanTrackLength();
-    json["error_px"] = model.points3D.empty() ? 0.0 : model.MeanReprojectionErrorPx();
+    json["error_px"] =
+        model.points3D.empty() ? 0.0 : model.MeanReprojectionErrorPx(scene.run.num_threads);
     AddConfidence(scene, static_cast<int>(k), extent.radius, json);
     AddPoints(model, step, blocks, json);
     models.push_back(std::move(json));

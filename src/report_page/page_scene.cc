@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "cairn/base/error.h"
+#include "cairn/base/parallel.h"
 #include "report_page/page_parts.h"
 
 namespace cairn {
@@ -37,40 +38,68 @@ PageImage& ImageOf(PageScene& scene, const RegisteredImage& image) {
   return scene.images[found->second];
 }
 
-// Errors of an image's observations, in itself and on its camera's map.
-void MeasureImage(const Reconstruction& model, const RegisteredImage& image, PageCamera& camera,
-                  PageImage& result) {
-  double sum_px = 0;
+struct Residual {
+  Eigen::Vector2d pixel, error;
+};
+
+std::vector<Residual> ResidualsOf(const RegisteredImage& image, const Reconstruction& model) {
+  std::vector<Residual> residuals;
+  const Camera& camera = model.CameraOf(image);
   for (size_t i = 0; i < image.points2D.size(); ++i) {
     if (image.point3D_ids[i] == kInvalidPoint3DId) continue;
-    const Camera& intrinsics = model.CameraOf(image);
     const Eigen::Vector3d& xyz = model.points3D.at(image.point3D_ids[i]).xyz;
-    const auto predicted = intrinsics.ImgFromRay(image.cam_from_world * xyz);
-    if (!predicted) continue;
-    const Eigen::Vector2d residual = image.points2D[i] - *predicted;
-    sum_px += residual.norm();
-    ++result.num_points;
-    if (camera.map) camera.map->Add(intrinsics, image.points2D[i], residual);
+    const auto predicted = camera.ImgFromRay(image.cam_from_world * xyz);
+    if (predicted) residuals.push_back({image.points2D[i], image.points2D[i] - *predicted});
   }
-  camera.num_observations += result.num_points;
-  if (result.num_points > 0) result.error_px = sum_px / result.num_points;
+  return residuals;
+}
+
+// Errors of an image's observations, in itself and on its camera's map.
+void AddResiduals(const std::vector<Residual>& residuals, const Camera& intrinsics,
+                  PageCamera& camera, PageImage& image) {
+  double sum_px = 0;
+  for (const Residual& residual : residuals) {
+    sum_px += residual.error.norm();
+    if (camera.map) camera.map->Add(intrinsics, residual.pixel, residual.error);
+  }
+  image.num_points += static_cast<int>(residuals.size());
+  camera.num_observations += image.num_points;
+  if (image.num_points > 0) image.error_px = sum_px / image.num_points;
+}
+
+void MeasureImages(const Reconstruction& model, std::span<const RegisteredImage* const> images,
+                   PageScene& scene) {
+  std::vector<std::vector<Residual>> residuals(images.size());
+  ParallelFor(scene.run.num_threads, std::ssize(images),
+              [&](int64_t i) { residuals[i] = ResidualsOf(*images[i], model); });
+  for (size_t i = 0; i < images.size(); ++i) {
+    PageImage& image = ImageOf(scene, *images[i]);
+    PageCamera& camera = scene.cameras[image.image.camera_id];  // models may number them anew
+    const Camera& intrinsics = model.CameraOf(*images[i]);
+    if (!camera.refined) {
+      camera.refined = intrinsics;
+      camera.map.emplace(intrinsics.width, intrinsics.height);
+    }
+    AddResiduals(residuals[i], intrinsics, camera, image);
+  }
 }
 
 void MeasureModels(PageScene& scene) {
+  constexpr size_t kImagesAtATime = 256;  // whose residuals are in memory
   for (size_t k = 0; k < scene.input.models.size(); ++k) {
     const Reconstruction& model = scene.input.models[k];
     const std::map<image_t, PoseConfidence> confidence = EstimatePoseConfidence(model, scene.run);
+    std::vector<const RegisteredImage*> images;
     for (const auto& [id, image] : model.images) {
       PageImage& result = ImageOf(scene, image);
       if (result.model >= 0) continue;  // a smaller model of the same image
       result.model = static_cast<int>(k);
       result.confidence = confidence.at(id);
-      PageCamera& camera = scene.cameras[result.image.camera_id];  // models may number them anew
-      if (!camera.refined) {
-        camera.refined = model.CameraOf(image);
-        camera.map.emplace(camera.refined->width, camera.refined->height);
-      }
-      MeasureImage(model, image, camera, result);
+      images.push_back(&image);
+    }
+    for (size_t begin = 0; begin < images.size(); begin += kImagesAtATime) {
+      const size_t num = std::min(kImagesAtATime, images.size() - begin);
+      MeasureImages(model, std::span(images).subspan(begin, num), scene);
     }
   }
   for (auto& [id, camera] : scene.cameras) {

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
+#include "scene/view_table.h"
 
 namespace cairn {
 
@@ -13,15 +16,14 @@ double ReprojectionErrorPx(const Camera& camera, const Rigid3d& cam_from_world,
   return projected ? (*projected - pixel).norm() : std::numeric_limits<double>::infinity();
 }
 
-point3D_t Reconstruction::AddPoint3D(const Point3D& point) {
+point3D_t Reconstruction::AddPoint3D(Point3D point) {
   const point3D_t id = points3D.empty() ? 1 : points3D.rbegin()->first + 1;
   for (const TrackElement& element : point.track) {
-    CAIRN_CHECK_EQ(images.at(element.image_id).point3D_ids.at(element.point2D), kInvalidPoint3DId);
+    point3D_t& shown = images.at(element.image_id).point3D_ids.at(element.point2D);
+    CAIRN_CHECK_EQ(shown, kInvalidPoint3DId);
+    shown = id;
   }
-  for (const TrackElement& element : point.track) {
-    images.at(element.image_id).point3D_ids[element.point2D] = id;
-  }
-  points3D.emplace(id, point);
+  points3D.emplace_hint(points3D.end(), id, std::move(point));
   return id;
 }
 
@@ -56,21 +58,27 @@ double Reconstruction::MeanTrackLength() const {
              : static_cast<double>(NumObservations()) / static_cast<double>(points3D.size());
 }
 
-double Reconstruction::PointErrorPx(const Point3D& point) const {
-  double sum = 0;
-  for (const TrackElement& element : point.track) {
-    const RegisteredImage& image = images.at(element.image_id);
-    sum += ReprojectionErrorPx(CameraOf(image), image.cam_from_world, point.xyz,
-                               image.points2D[element.point2D]);
-  }
-  return sum / static_cast<double>(point.track.size());
+std::vector<double> Reconstruction::PointErrorsPx(int num_threads) const {
+  const ViewTable views(*this);
+  std::vector<const Point3D*> points;
+  for (const auto& [id, point] : points3D) points.push_back(&point);
+  std::vector<double> errors(points.size());
+  ParallelFor(
+      num_threads, std::ssize(points),
+      [&](int64_t i) {
+        for (const TrackElement& element : points[i]->track) {
+          errors[i] += views.Of(element.image_id).ErrorPx(points[i]->xyz, element.point2D);
+        }
+        errors[i] /= static_cast<double>(points[i]->track.size());
+      },
+      /*grain=*/256);
+  return errors;
 }
 
-double Reconstruction::MeanReprojectionErrorPx() const {
+double Reconstruction::MeanReprojectionErrorPx(int num_threads) const {
   double sum = 0;
   int64_t n = 0;
-  for (const auto& [id, point] : points3D) {
-    const double error = PointErrorPx(point);
+  for (const double error : PointErrorsPx(num_threads)) {
     if (error == std::numeric_limits<double>::infinity()) continue;
     sum += error;
     ++n;
@@ -78,8 +86,10 @@ double Reconstruction::MeanReprojectionErrorPx() const {
   return n == 0 ? 0.0 : sum / static_cast<double>(n);
 }
 
-void Reconstruction::UpdatePointErrors() {
-  for (auto& [id, point] : points3D) point.error_px = PointErrorPx(point);
+void Reconstruction::UpdatePointErrors(int num_threads) {
+  size_t next = 0;
+  const std::vector<double> errors = PointErrorsPx(num_threads);
+  for (auto& [id, point] : points3D) point.error_px = errors[next++];
 }
 
 void Reconstruction::Transform(const Sim3d& new_from_old_world) {

@@ -11,6 +11,8 @@
 namespace cairn {
 namespace {
 
+constexpr size_t kLookahead = 16;  // matches; some ten lookups fit into one wait for memory
+
 // Keypoints that are matched, as consecutive nodes, ordered by (image, keypoint), so that node
 // order is element order.
 class Nodes {
@@ -75,51 +77,57 @@ std::vector<size_t> OrderBySupport(std::span<const PairMatches> pairs) {
   return order;
 }
 
-// Disjoint sets of nodes, each a list in ascending order that begins at its root: eight bytes a
-// keypoint.
+// Disjoint sets of nodes, each a list in ascending order that begins at its root. What a walk along
+// a list reads of a node lies together: members are far apart, and each costs a wait for memory.
 class NodeSets {
  public:
-  explicit NodeSets(const Nodes& nodes)
-      : nodes_(nodes), parent_(nodes.Num()), next_(nodes.Num(), -1) {
-    std::iota(parent_.begin(), parent_.end(), 0);
+  explicit NodeSets(const Nodes& nodes) : members_(nodes.Num()) {
+    for (int node = 0; node < nodes.Num(); ++node) {
+      members_[node] = {.parent = node, .next = -1, .image_id = nodes.ImageOf(node)};
+    }
   }
 
   int Root(int node) {
-    while (parent_[node] != node) {
-      parent_[node] = parent_[parent_[node]];
-      node = parent_[node];
+    while (members_[node].parent != node) {
+      members_[node].parent = members_[members_[node].parent].parent;
+      node = members_[node].parent;
     }
     return node;
   }
-  bool IsRoot(int node) const { return parent_[node] == node; }
-  int Next(int node) const { return next_[node]; }  // -1: the last one
+  // Has memory load what Root(node) will read.
+  void Prefetch(int node) const { __builtin_prefetch(&members_[members_[node].parent]); }
+  bool IsRoot(int node) const { return members_[node].parent == node; }
+  int Next(int node) const { return members_[node].next; }  // -1: the last one
   // Ascending nodes have ascending images.
   bool ShareImage(int root1, int root2) const {
     for (int a = root1, b = root2; a >= 0 && b >= 0;) {
-      const image_t image1 = nodes_.ImageOf(a);
-      const image_t image2 = nodes_.ImageOf(b);
+      const image_t image1 = members_[a].image_id;
+      const image_t image2 = members_[b].image_id;
       if (image1 == image2) return true;
       int& behind = image1 < image2 ? a : b;
-      behind = next_[behind];
+      behind = members_[behind].next;
     }
     return false;
   }
   void Join(int root1, int root2) {
     if (root1 > root2) std::swap(root1, root2);
-    parent_[root2] = root1;
-    int last = root1, a = next_[root1], b = root2;
+    members_[root2].parent = root1;
+    int last = root1, a = members_[root1].next, b = root2;
     while (a >= 0 && b >= 0) {
       int& smaller = a < b ? a : b;
-      last = next_[last] = smaller;
-      smaller = next_[smaller];
+      last = members_[last].next = smaller;
+      smaller = members_[smaller].next;
     }
-    next_[last] = a >= 0 ? a : b;
+    members_[last].next = a >= 0 ? a : b;
   }
 
  private:
-  const Nodes& nodes_;
-  std::vector<int> parent_;
-  std::vector<int> next_;
+  struct Member {
+    int parent;
+    int next;
+    image_t image_id;
+  };
+  std::vector<Member> members_;
 };
 
 }  // namespace
@@ -139,7 +147,12 @@ TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& 
   for (const size_t i : OrderBySupport(pairs)) {
     nodes.MatchesOf(pairs[i], matches);
     report.num_matches += static_cast<int64_t>(matches.size());
-    for (const auto& [node1, node2] : matches) {
+    for (size_t m = 0; m < matches.size(); ++m) {
+      if (m + kLookahead < matches.size()) {
+        sets.Prefetch(matches[m + kLookahead].first);
+        sets.Prefetch(matches[m + kLookahead].second);
+      }
+      const auto [node1, node2] = matches[m];
       const int root1 = sets.Root(node1);
       const int root2 = sets.Root(node2);
       if (root1 == root2) continue;

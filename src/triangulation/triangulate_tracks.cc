@@ -3,8 +3,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <unordered_map>
 
 #include "cairn/base/parallel.h"
+#include "scene/view_table.h"
 
 namespace cairn {
 namespace {
@@ -60,9 +62,10 @@ void UndistortRays(const Camera& camera, PreparedImage* p) {
   }
 }
 
-std::map<image_t, PreparedImage> PrepareImages(std::span<const Track> tracks, int num_threads,
-                                               const Reconstruction& reconstruction) {
-  std::map<image_t, PreparedImage> prepared;
+std::unordered_map<image_t, PreparedImage> PrepareImages(std::span<const Track> tracks,
+                                                         int num_threads,
+                                                         const Reconstruction& reconstruction) {
+  std::unordered_map<image_t, PreparedImage> prepared;
   for (const auto& [image_id, image] : reconstruction.images) {
     PreparedImage& p = prepared[image_id];
     p.image = &image;
@@ -93,7 +96,7 @@ struct TrackOutcome {
 };
 
 TrackOutcome TriangulateTrack(const Track& track, const TriangulationOptions& options,
-                              const std::map<image_t, PreparedImage>& prepared) {
+                              const std::unordered_map<image_t, PreparedImage>& prepared) {
   TrackOutcome outcome;
   Track elements;
   std::vector<TriangulationView> views;
@@ -131,23 +134,20 @@ struct Verdict {
   Track bad;  // observations to remove from a point that is kept
 };
 
-Verdict Judge(const Point3D& point, const Reconstruction& reconstruction,
-              const std::map<image_t, Eigen::Vector3d>& centers,
-              const TriangulationOptions& options) {
+Verdict Judge(const Point3D& point, const ViewTable& views,
+              const std::vector<Eigen::Vector3d>& centers, const TriangulationOptions& options) {
   Verdict verdict;
   std::vector<Eigen::Vector3d> good_centers;
   for (const TrackElement& element : point.track) {
-    const RegisteredImage& image = reconstruction.images.at(element.image_id);
-    const double error_px =
-        ReprojectionErrorPx(reconstruction.CameraOf(image), image.cam_from_world, point.xyz,
-                            image.points2D[element.point2D]);
+    const ViewTable::View& view = views.Of(element.image_id);
+    const double error_px = view.ErrorPx(point.xyz, element.point2D);
     const double max_error_px =
-        image.sigmas_px.empty()
+        view.image->sigmas_px.empty()
             ? options.max_error_px
             : std::min(options.max_error_px,
-                       options.max_error_sigmas * image.sigmas_px[element.point2D]);
+                       options.max_error_sigmas * view.image->sigmas_px[element.point2D]);
     if (error_px <= max_error_px) {
-      good_centers.push_back(centers.at(element.image_id));
+      good_centers.push_back(centers[view.index]);
     } else {
       verdict.bad.push_back(element);
     }
@@ -168,7 +168,7 @@ TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
     std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
   }
   reconstruction.points3D.clear();
-  const std::map<image_t, PreparedImage> prepared =
+  const std::unordered_map<image_t, PreparedImage> prepared =
       PrepareImages(tracks, run.num_threads, reconstruction);
   std::vector<TrackOutcome> outcomes(tracks.size());
   ParallelFor(
@@ -176,7 +176,7 @@ TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
       [&](int64_t i) { outcomes[i] = TriangulateTrack(tracks[i], options, prepared); }, 64);
 
   TriangulateTracksReport report;
-  for (const TrackOutcome& outcome : outcomes) {
+  for (TrackOutcome& outcome : outcomes) {
     if (!outcome.has_two_views) continue;
     ++report.num_tracks;
     switch (outcome.status) {
@@ -194,10 +194,10 @@ TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
         break;
     }
     if (outcome.points.size() > 1) ++report.num_second_points;
-    for (const Point3D& point : outcome.points) {
-      reconstruction.AddPoint3D(point);
+    for (Point3D& point : outcome.points) {
       ++report.num_points;
-      report.num_observations += static_cast<int64_t>(point.track.size());
+      report.num_observations += std::ssize(point.track);
+      reconstruction.AddPoint3D(std::move(point));
     }
   }
   return report;
@@ -206,9 +206,10 @@ TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
 FilterReport FilterPoints(Reconstruction& reconstruction, const TriangulationOptions& options,
                           const RunContext& run) {
   ValidateOptions(options, "triangulation");
-  std::map<image_t, Eigen::Vector3d> centers;
+  const ViewTable views(reconstruction);
+  std::vector<Eigen::Vector3d> centers;
   for (const auto& [image_id, image] : reconstruction.images) {
-    centers[image_id] = image.cam_from_world.Center();
+    centers.push_back(image.cam_from_world.Center());
   }
   std::vector<point3D_t> ids;
   std::vector<const Point3D*> points;
@@ -219,7 +220,7 @@ FilterReport FilterPoints(Reconstruction& reconstruction, const TriangulationOpt
   std::vector<Verdict> verdicts(points.size());
   ParallelFor(
       run.num_threads, static_cast<int64_t>(points.size()),
-      [&](int64_t i) { verdicts[i] = Judge(*points[i], reconstruction, centers, options); }, 64);
+      [&](int64_t i) { verdicts[i] = Judge(*points[i], views, centers, options); }, 64);
 
   FilterReport report;
   for (size_t i = 0; i < ids.size(); ++i) {

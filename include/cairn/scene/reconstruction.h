@@ -55,7 +55,7 @@ struct Reconstruction {
 
   // Adds a point with a new id, and sets the references of its track's images to it. The track's
   // keypoints must not show another point.
-  point3D_t AddPoint3D(const Point3D& point);
+  point3D_t AddPoint3D(Point3D point);
   // Removes a point and every reference to it.
   void RemovePoint3D(point3D_t id);
   // Removes one observation; the whole point if fewer than two would remain.
@@ -63,14 +63,14 @@ struct Reconstruction {
 
   int64_t NumObservations() const;
   double MeanTrackLength() const;
-  // Mean reprojection error of a point's observations; infinite if one camera does not have it in
-  // front.
-  double PointErrorPx(const Point3D& point) const;
+  // By point, the mean reprojection error of its observations; infinite if one camera does not have
+  // it in front.
+  std::vector<double> PointErrorsPx(int num_threads = 1) const;
   // Mean over the points of their errors, as COLMAP's model_analyzer states it; points with an
   // infinite error are left out.
-  double MeanReprojectionErrorPx() const;
+  double MeanReprojectionErrorPx(int num_threads = 1) const;
   // Recomputes error_px of every point.
-  void UpdatePointErrors();
+  void UpdatePointErrors(int num_threads = 1);
   // Applies new_from_old_world to every pose and point.
   void Transform(const Sim3d& new_from_old_world);
   // Points refer to observations that refer back, tracks are sorted and distinct,
