@@ -116,29 +116,6 @@ TEST(Reconstruct, CalibratesFocalLengthsFromThePairs) {
   EXPECT_EQ(FindStage(Reconstruct(database, settings).report, "focal_calibration"), nullptr);
 }
 
-// Focal lengths that pairs do not determine well are tried beside the guess: the models decide, not
-// the loops alone.
-TEST(Reconstruct, TriesUndeterminedFocalLengthsBesideTheGuess) {
-  const SyntheticScene scene = MakeScene(SmallScene(), 3);
-  const Database database = MakeDatabaseWithGuesses(scene, 1.7);
-  ReconstructSettings settings;
-  settings.focal_calibration.max_sigma = 1e-6;
-  const ReconstructResult result = Reconstruct(database, settings);
-  const StageReport* stage = FindStage(result.report, "focal_calibration");
-  ASSERT_NE(stage, nullptr);
-  EXPECT_EQ(Value(*stage, "undetermined"), 2);
-  EXPECT_THAT(stage->messages[0], HasSubstr("undetermined; tried beside the guess"));
-  EXPECT_EQ(Value(*stage, "undecided_by_loops"), 2);
-  const StageReport* choice = FindStage(result.report, "calibration_choice");
-  ASSERT_NE(choice, nullptr);
-  EXPECT_GE(Value(*choice, "evidence_nats"), Value(*choice, "evidence_nats_otherwise"));
-  ASSERT_EQ(result.models.size(), 1u);
-  ExpectFocals(result.models.front(), scene, 1.0, 0.01);
-  // What is nearly the guess is left to bundle adjustment.
-  const RunReport near = Reconstruct(MakeDatabaseWithGuesses(scene, 1.05), settings).report;
-  EXPECT_EQ(FindStage(near, "calibration_choice"), nullptr);
-}
-
 // What the pairs' matches say must bear out in loops of rotations: here the stored poses, of the
 // true focal lengths, close better than those that noisy matches give.
 // Where loops do not tell which focal lengths are right, both are tried, and the models decide.
