@@ -204,7 +204,8 @@ void BindModel(py::module_& m) {
       .def("num_points3D", [](const Reconstruction& r) { return r.points3D.size(); })
       .def("compute_num_observations", &Reconstruction::NumObservations)
       .def("compute_mean_track_length", &Reconstruction::MeanTrackLength)
-      .def("compute_mean_reprojection_error", &Reconstruction::MeanReprojectionErrorPx, "Pixels.")
+      .def("compute_mean_reprojection_error", &Reconstruction::MeanReprojectionErrorPx,
+           py::arg("num_threads") = 1, "Pixels.")
       .def(
           "write",
           [](const Reconstruction& r, const path& folder) { WriteColmapModel(r, folder.string()); },
