@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "bundle_adjustment/bundle_observations.h"
 #include "bundle_adjustment/bundle_state.h"
 #include "bundle_adjustment/bundle_terms.h"
 #include "bundle_adjustment/camera_system.h"
@@ -19,93 +20,12 @@
 #include "bundle_adjustment/schur_kernels.h"
 #include "cairn/base/parallel.h"
 #include "math/levenberg_marquardt.h"
-#include "scene/view_table.h"
 
 namespace cairn {
 namespace {
 
 constexpr int64_t kPointsPerTask = 1024;
 constexpr int64_t kImagesPerTask = 4;
-
-struct BundleObservation {
-  Eigen::Vector2d pixel;
-  float precision;
-  int image;
-};
-
-// Those of points in front of their cameras: of the reconstruction's points, then of surveyed ones.
-struct BundleObservations {
-  std::vector<BundleObservation> all;  // point by point, of each in the order of images
-  std::vector<int> begin{0};           // of each point
-  std::vector<int> point_of;           // of each observation
-  std::vector<std::vector<int>> of_image;
-  int num_unsurveyed = 0;  // points
-
-  int NumPoints() const { return static_cast<int>(begin.size()) - 1; }
-  // Those of the reconstruction.
-  int NumUnsurveyed() const { return begin[num_unsurveyed]; }
-};
-
-BundleObservations CollectObservations(const BundleAdjustmentScope& scope,
-                                       const Reconstruction& reconstruction) {
-  const ViewTable views(reconstruction);
-  BundleObservations result;
-  result.all.reserve(reconstruction.NumObservations());
-  result.of_image.resize(views.size());
-  const auto add = [&](const ViewTable::View& view, const Eigen::Vector2d& pixel, float sigma_px,
-                       const Eigen::Vector3d& xyz) {
-    if (!view.camera->ImgFromRay(view.image->cam_from_world * xyz)) return;
-    result.all.push_back({pixel, 1.0F / sigma_px, view.index});
-  };
-  const auto end_point = [&] {
-    std::sort(result.all.begin() + result.begin.back(), result.all.end(),
-              [](const auto& a, const auto& b) { return a.image < b.image; });
-    result.point_of.resize(result.all.size(), result.NumPoints());
-    result.begin.push_back(static_cast<int>(result.all.size()));
-  };
-  for (const auto& [id, point] : reconstruction.points3D) {
-    for (const TrackElement& element : point.track) {
-      const ViewTable::View& view = views.Of(element.image_id);
-      add(view, view.Pixel(element.point2D), static_cast<float>(view.SigmaPx(element.point2D)),
-          point.xyz);
-    }
-    end_point();
-  }
-  result.num_unsurveyed = result.NumPoints();
-  for (const SurveyedPoint& point : scope.surveyed_points) {
-    for (const auto& [id, pixel] : point.pixels) {
-      add(views.Of(id), pixel, 1.0F, point.prior.position);
-    }
-    end_point();
-  }
-  for (size_t k = 0; k < result.all.size(); ++k) {
-    result.of_image[result.all[k].image].push_back(static_cast<int>(k));
-  }
-  return result;
-}
-
-// As CameraSystem takes them.
-std::vector<std::vector<int>> ImagesSeenTogether(const BundleObservations& observations,
-                                                 int num_threads) {
-  std::vector<std::vector<int>> columns(observations.of_image.size());
-  std::vector<std::vector<int>> found_for(EffectiveNumThreads(num_threads));  // by worker
-  const auto find = [&](int worker, int64_t row) {
-    const auto i = static_cast<int>(row);
-    std::vector<int>& found = found_for[worker];
-    found.resize(columns.size(), -1);
-    found[i] = i;
-    columns[i].push_back(i);
-    for (const int a : observations.of_image[i]) {
-      for (int b = a + 1; b < observations.begin[observations.point_of[a] + 1]; ++b) {
-        const int j = observations.all[b].image;
-        if (std::exchange(found[j], i) != i) columns[i].push_back(j);
-      }
-    }
-    std::sort(columns[i].begin(), columns[i].end());
-  };
-  ParallelForWorker(num_threads, static_cast<int64_t>(columns.size()), find, kImagesPerTask);
-  return columns;
-}
 
 std::vector<int> CamerasOfImages(BundleState& bundle) {
   std::vector<int> cameras;
@@ -132,9 +52,7 @@ class SchurBundle {
   using System = CameraSystem<kIntrinsics>;
   static constexpr int kPose = System::kPose;
   static constexpr int kBlock = System::kBlock;
-  static constexpr size_t kNear = 4, kFar = 12;  // observations ahead, to have memory load them
-  static constexpr int kUsualLength = 6;         // of a track
-  using State = Eigen::VectorXd;                 // CameraSystem's unknowns, then the points
+  using State = Eigen::VectorXd;  // CameraSystem's unknowns, then the points
   struct Model {
     double cost = 0;
     Eigen::VectorXd gradient;
@@ -415,7 +333,11 @@ class SchurBundle {
     return right;
   }
 
-  // Has memory load what FormRow will read: an image's points are far apart.
+  // An image's points are far apart: how many observations ahead memory is told to load them.
+  static constexpr size_t kNear = 4, kFar = 12;
+  static constexpr int kUsualLength = 6;  // of a track
+
+  // What FormRow will read.
   void Prefetch(const std::vector<int>& observations, size_t n) const {
     if (n + kFar >= observations.size()) return;
     const int far = observations[n + kFar], near = observations[n + kNear];
@@ -452,8 +374,8 @@ class SchurBundle {
   BundleState& bundle_;
   BundleObservations observations_;
   System system_;
-  std::unique_ptr<Linear[]>
-      linear_;  // of the observations; the threads that fill it touch it first
+  // Of the observations. Not set to zero: the threads that fill it are the first to touch it.
+  std::unique_ptr<Linear[]> linear_;
   std::vector<Eigen::Matrix3d> inverse_;  // of the points' blocks
   Eigen::VectorXd curvature_;             // of the unknowns of cameras, by the observations
   std::vector<char> pose_is_free_;

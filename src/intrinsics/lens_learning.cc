@@ -20,8 +20,7 @@ namespace {
 constexpr int kMaxLensPairs = 100;   // of a camera
 constexpr size_t kMaxMatches = 300;  // of a pair
 // A focal length as precise as that is taken, like EXIF's, which is no more precise; where the
-// camera's pairs contradict it, it is rejected like EXIF's (focal_learning.h). The mapper can try
-// another one beside the guess.
+// camera's pairs contradict it, it is rejected like EXIF's (focal_learning.h).
 constexpr double kKnownSigma = 0.05;
 
 struct LensPair {

@@ -57,7 +57,7 @@ void WriteColmapModels(const ReconstructResult& result, const fs::path& output) 
   }
 }
 
-// Each file is written by a thread of its own: they are text, and large.
+// Side by side: the text of some takes long to make.
 void WriteFiles(ReconstructResult& result, const fs::path& output,
                 const std::string& effective_toml, const RunContext& run) {
   std::map<image_t, std::string> names;

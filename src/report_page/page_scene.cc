@@ -60,9 +60,9 @@ void AddResiduals(const std::vector<Residual>& residuals, const Camera& intrinsi
   double sum_px = 0;
   for (const Residual& residual : residuals) {
     sum_px += residual.error.norm();
-    if (camera.map) camera.map->Add(intrinsics, residual.pixel, residual.error);
+    camera.map->Add(intrinsics, residual.pixel, residual.error);
   }
-  image.num_points += static_cast<int>(residuals.size());
+  image.num_points = static_cast<int>(residuals.size());
   camera.num_observations += image.num_points;
   if (image.num_points > 0) image.error_px = sum_px / image.num_points;
 }

@@ -9,6 +9,27 @@
 #include "scene/view_table.h"
 
 namespace cairn {
+namespace {
+
+// By point, the mean reprojection error of its observations.
+std::vector<double> PointErrorsPx(const Reconstruction& model, int num_threads) {
+  const ViewTable views(model);
+  std::vector<const Point3D*> points;
+  for (const auto& [id, point] : model.points3D) points.push_back(&point);
+  std::vector<double> errors(points.size());
+  ParallelFor(
+      num_threads, std::ssize(points),
+      [&](int64_t i) {
+        for (const TrackElement& element : points[i]->track) {
+          errors[i] += views.Of(element.image_id).ErrorPx(points[i]->xyz, element.point2D);
+        }
+        errors[i] /= static_cast<double>(points[i]->track.size());
+      },
+      /*grain=*/256);
+  return errors;
+}
+
+}  // namespace
 
 double ReprojectionErrorPx(const Camera& camera, const Rigid3d& cam_from_world,
                            const Eigen::Vector3d& xyz, const Eigen::Vector2d& pixel) {
@@ -58,27 +79,10 @@ double Reconstruction::MeanTrackLength() const {
              : static_cast<double>(NumObservations()) / static_cast<double>(points3D.size());
 }
 
-std::vector<double> Reconstruction::PointErrorsPx(int num_threads) const {
-  const ViewTable views(*this);
-  std::vector<const Point3D*> points;
-  for (const auto& [id, point] : points3D) points.push_back(&point);
-  std::vector<double> errors(points.size());
-  ParallelFor(
-      num_threads, std::ssize(points),
-      [&](int64_t i) {
-        for (const TrackElement& element : points[i]->track) {
-          errors[i] += views.Of(element.image_id).ErrorPx(points[i]->xyz, element.point2D);
-        }
-        errors[i] /= static_cast<double>(points[i]->track.size());
-      },
-      /*grain=*/256);
-  return errors;
-}
-
 double Reconstruction::MeanReprojectionErrorPx(int num_threads) const {
   double sum = 0;
   int64_t n = 0;
-  for (const double error : PointErrorsPx(num_threads)) {
+  for (const double error : PointErrorsPx(*this, num_threads)) {
     if (error == std::numeric_limits<double>::infinity()) continue;
     sum += error;
     ++n;
@@ -88,7 +92,7 @@ double Reconstruction::MeanReprojectionErrorPx(int num_threads) const {
 
 void Reconstruction::UpdatePointErrors(int num_threads) {
   size_t next = 0;
-  const std::vector<double> errors = PointErrorsPx(num_threads);
+  const std::vector<double> errors = PointErrorsPx(*this, num_threads);
   for (auto& [id, point] : points3D) point.error_px = errors[next++];
 }
 

@@ -63,13 +63,10 @@ struct Reconstruction {
 
   int64_t NumObservations() const;
   double MeanTrackLength() const;
-  // By point, the mean reprojection error of its observations; infinite if one camera does not have
-  // it in front.
-  std::vector<double> PointErrorsPx(int num_threads = 1) const;
-  // Mean over the points of their errors, as COLMAP's model_analyzer states it; points with an
-  // infinite error are left out.
+  // Mean over the points of their mean reprojection errors, as COLMAP's model_analyzer states it;
+  // points that one of their cameras does not have in front are left out.
   double MeanReprojectionErrorPx(int num_threads = 1) const;
-  // Recomputes error_px of every point.
+  // Recomputes error_px of every point: infinite if one camera does not have it in front.
   void UpdatePointErrors(int num_threads = 1);
   // Applies new_from_old_world to every pose and point.
   void Transform(const Sim3d& new_from_old_world);

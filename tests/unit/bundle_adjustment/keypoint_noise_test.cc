@@ -61,6 +61,15 @@ TEST(KeypointNoise, IsFoundFromTheErrorsAfterAnAdjustment) {
   EXPECT_NEAR(noise.per_scale, kPerScale, 0.015);
 }
 
+// Not all of very many points are looked at.
+TEST(KeypointNoise, OfManyPointsIsThatOfFewer) {
+  const NoisyScene few = MakeNoisyScene(20'000), many = MakeNoisyScene(250'000);
+  const KeypointNoise of_few = EstimateKeypointNoise(few.model, few.scales);
+  const KeypointNoise of_many = EstimateKeypointNoise(many.model, many.scales);
+  EXPECT_NEAR(of_many.floor_px, of_few.floor_px, 0.02 * kFloorPx);
+  EXPECT_NEAR(of_many.per_scale, of_few.per_scale, 0.02 * kPerScale);
+}
+
 TEST(KeypointNoise, IsOnePixelWhereThereIsTooLittleToTell) {
   const NoisyScene scene = MakeNoisyScene(30);
   const KeypointNoise noise = EstimateKeypointNoise(scene.model, scene.scales);
