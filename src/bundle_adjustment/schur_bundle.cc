@@ -171,15 +171,17 @@ class SchurBundle {
     std::vector<double> costs((num_points + kPointsPerTask - 1) / kPointsPerTask);
     ParallelFor(run_.num_threads, static_cast<int64_t>(costs.size()), [&](int64_t task) {
       const int64_t end = std::min(num_points, (task + 1) * kPointsPerTask);
+      double cost = 0;  // not in costs[task]: its cache line is the other threads', too
       for (int64_t p = task * kPointsPerTask; p < end; ++p) {
         for (int k = observations_.begin[p]; k < observations_.begin[p + 1]; ++k) {
-          costs[task] += EvaluateOne(k, gradient != nullptr);
+          cost += EvaluateOne(k, gradient != nullptr);
           if (!gradient) continue;
           gradient->segment<3>(PointAt(p)) +=
               linear_[k].by_point.template cast<double>().transpose() *
               linear_[k].residual.template cast<double>();
         }
       }
+      costs[task] = cost;
     });
     double cost = 0;
     for (const double part : costs) cost += part;

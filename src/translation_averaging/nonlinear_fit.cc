@@ -39,10 +39,12 @@ class Fit {
     const size_t num_blocks = (NumTerms() + kBlock - 1) / kBlock;
     std::vector<double> sums(num_blocks, 0.0);
     ParallelFor(num_threads_, static_cast<int64_t>(num_blocks), [&](int64_t b) {
+      double sum = 0;  // not in sums[b]: its cache line is the other threads', too
       for (size_t t = b * kBlock; t < std::min<size_t>(NumTerms(), (b + 1) * kBlock); ++t) {
         const Eigen::Vector3d D = DifferenceOf(t, x);
-        sums[b] += WeightOf(t) * ChordalCost(DirectionOf(t), D, HuberOf(t));
+        sum += WeightOf(t) * ChordalCost(DirectionOf(t), D, HuberOf(t));
       }
+      sums[b] = sum;
     });
     double cost = 0;
     for (const double sum : sums) cost += sum;
