@@ -5,58 +5,17 @@
 #include <algorithm>
 #include <atomic>
 #include <exception>
-#include <latch>
 #include <mutex>
 #include <thread>
-#include <vector>
+
+#include "base/thread_pool.h"
 
 namespace cairn {
-namespace {
-
-// Runs body(worker) on num_workers threads: OpenMP, or std::thread under the thread sanitizer,
-// which cannot see into the OpenMP runtime.
-template <class Body>
-void RunWorkers(int num_workers, const Body& body) {
-#if defined(__SANITIZE_THREAD__)
-  std::vector<std::thread> threads;
-  for (int w = 1; w < num_workers; ++w) threads.emplace_back([&body, w] { body(w); });
-  body(0);
-  for (std::thread& thread : threads) thread.join();
-#else
-#pragma omp parallel num_threads(num_workers)
-  body(omp_get_thread_num());
-#endif
-}
-
-// How many of so many threads there can be at once. The OpenMP runtime ends the program where it
-// cannot make a thread (too little memory, a limit of the system), so the first time that a number
-// is asked for, it is tried.
-int NumThreadsThatStart(int num_threads) {
-  static std::mutex mutex;
-  static int num_tried = 1, num_started = 1;
-  const std::lock_guard<std::mutex> lock(mutex);
-  if (num_threads > num_tried) {
-    std::latch end(1);
-    std::vector<std::thread> threads;
-    try {
-      while (static_cast<int>(threads.size()) + 1 < num_threads) {
-        threads.emplace_back([&end] { end.wait(); });
-      }
-    } catch (const std::exception&) {  // std::system_error or std::bad_alloc: these are all
-    }
-    end.count_down();
-    for (std::thread& thread : threads) thread.join();
-    num_tried = num_threads;
-    num_started = static_cast<int>(threads.size()) + 1;
-  }
-  return std::min(num_threads, num_started);
-}
-
-}  // namespace
 
 int EffectiveNumThreads(int num_threads) {
   if (num_threads <= 0) num_threads = static_cast<int>(std::thread::hardware_concurrency());
-  return NumThreadsThatStart(std::max(1, num_threads));
+  num_threads = std::max(1, num_threads);
+  return std::min(num_threads, ThreadPool::Get().Grow(num_threads - 1) + 1);
 }
 
 void ParallelForWorker(int num_threads, int64_t n, const std::function<void(int, int64_t)>& fn,
@@ -73,7 +32,7 @@ void ParallelForWorker(int num_threads, int64_t n, const std::function<void(int,
   std::atomic<bool> stop{false};
   std::exception_ptr error;
   std::mutex error_mutex;
-  RunWorkers(num_workers, [&](int worker) {
+  ThreadPool::Get().Run(num_workers, [&](int worker) {
     while (!stop.load(std::memory_order_relaxed)) {
       const int64_t begin = next.fetch_add(grain, std::memory_order_relaxed);
       if (begin >= n) return;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <span>
 
+#include "cairn/base/parallel.h"
 #include "scene/view_table.h"
 
 namespace cairn {
@@ -13,6 +14,7 @@ constexpr int kNumBins = 16;
 constexpr size_t kMinObservationsPerBin = 30;
 // With half as many, of two errors each, a bin's median is known to less than a percent.
 constexpr size_t kMaxPoints = 200'000;
+constexpr size_t kPointsPerPart = 1024;  // that one thread looks at
 // Errors of an observation that alone decides where its point lies tell nothing.
 constexpr double kMaxLeverage = 0.8;
 // No detector is more exact than this; exact data would have no scale otherwise.
@@ -25,32 +27,47 @@ struct Sample {
   double error_px;  // as it would be if the point were known exactly
 };
 
-std::vector<Sample> CollectSamples(const Reconstruction& reconstruction,
-                                   const KeypointScales& scales) {
-  std::vector<Sample> samples;
-  const ViewTable views(reconstruction);
+void AddSamples(const Point3D& point, const ViewTable& views, const KeypointScales& scales,
+                std::vector<Sample>& samples) {
   const auto precision = [](const ViewTable::View& view, point2D_t k) {
     return 1.0 / (view.SigmaPx(k) * view.SigmaPx(k));
   };
+  double total = 0;
+  for (const TrackElement& element : point.track) {
+    total += precision(views.Of(element.image_id), element.point2D);
+  }
+  for (const TrackElement& element : point.track) {
+    const ViewTable::View& view = views.Of(element.image_id);
+    const double error_px = view.ErrorPx(point.xyz, element.point2D);
+    if (!std::isfinite(error_px)) continue;
+    // The point's 3 coordinates adapt to the 2n coordinates of its errors, most to the precise
+    // ones.
+    const double leverage = 1.5 * precision(view, element.point2D) / total;
+    if (leverage > kMaxLeverage) continue;
+    samples.push_back(
+        {scales.at(element.image_id)[element.point2D], error_px / std::sqrt(1.0 - leverage)});
+  }
+}
+
+std::vector<Sample> CollectSamples(const Reconstruction& reconstruction,
+                                   const KeypointScales& scales, int num_threads) {
   const size_t step = 1 + reconstruction.points3D.size() / kMaxPoints;
+  std::vector<const Point3D*> points;
   size_t next = 0;
   for (const auto& [id, point] : reconstruction.points3D) {
-    if (next++ % step != 0) continue;
-    double total = 0;
-    for (const TrackElement& element : point.track) {
-      total += precision(views.Of(element.image_id), element.point2D);
+    if (next++ % step == 0) points.push_back(&point);
+  }
+  const ViewTable views(reconstruction);
+  std::vector<std::vector<Sample>> parts((points.size() + kPointsPerPart - 1) / kPointsPerPart);
+  ParallelFor(num_threads, std::ssize(parts), [&](int64_t part) {
+    const size_t end = std::min(points.size(), (part + 1) * kPointsPerPart);
+    for (size_t i = part * kPointsPerPart; i < end; ++i) {
+      AddSamples(*points[i], views, scales, parts[part]);
     }
-    for (const TrackElement& element : point.track) {
-      const ViewTable::View& view = views.Of(element.image_id);
-      const double error_px = view.ErrorPx(point.xyz, element.point2D);
-      if (!std::isfinite(error_px)) continue;
-      // The point's 3 coordinates adapt to the 2n coordinates of its errors, most to the precise
-      // ones.
-      const double leverage = 1.5 * precision(view, element.point2D) / total;
-      if (leverage > kMaxLeverage) continue;
-      samples.push_back(
-          {scales.at(element.image_id)[element.point2D], error_px / std::sqrt(1.0 - leverage)});
-    }
+  });
+  std::vector<Sample> samples;
+  for (const std::vector<Sample>& part : parts) {
+    samples.insert(samples.end(), part.begin(), part.end());
   }
   return samples;
 }
@@ -73,8 +90,8 @@ double KeypointNoise::SigmaPx(double scale) const {
 }
 
 KeypointNoise EstimateKeypointNoise(const Reconstruction& reconstruction,
-                                    const KeypointScales& scales) {
-  std::vector<Sample> samples = CollectSamples(reconstruction, scales);
+                                    const KeypointScales& scales, int num_threads) {
+  std::vector<Sample> samples = CollectSamples(reconstruction, scales, num_threads);
   if (samples.size() < kNumBins * kMinObservationsPerBin) return {};
   std::sort(samples.begin(), samples.end(),
             [](const Sample& a, const Sample& b) { return a.scale < b.scale; });

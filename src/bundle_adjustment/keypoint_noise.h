@@ -25,6 +25,6 @@ using KeypointScales = std::map<image_t, std::vector<float>>;
 // similar scale, corrected for the degrees of freedom of the points, which reduce the errors of
 // short tracks. With fewer than a few hundred observations it is 1 pixel for all.
 KeypointNoise EstimateKeypointNoise(const Reconstruction& reconstruction,
-                                    const KeypointScales& scales);
+                                    const KeypointScales& scales, int num_threads = 1);
 
 }  // namespace cairn

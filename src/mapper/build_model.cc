@@ -4,6 +4,7 @@
 #include <set>
 #include <utility>
 
+#include "cairn/base/parallel.h"
 #include "cairn/math/median.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "mapper/stages.h"
@@ -118,19 +119,22 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   BuiltModel best{std::nullopt, graph, {}, {}};
   std::string first_failure = std::exchange(context.report.failure, "");
   int64_t num_of_best = 0;
-  for (const RotationHypothesis& hypothesis : hypotheses) {
+  std::vector<int64_t> num_explainable(hypotheses.size());
+  ParallelFor(context.run.num_threads, std::ssize(hypotheses), [&](int64_t i) {
+    num_explainable[i] = NumExplainable(context, graph, hypotheses[i]);
+  });
+  for (size_t i = 0; i < hypotheses.size(); ++i) {
     if (context.run.monitor.StopRequested()) break;
-    const int64_t num_explainable = NumExplainable(context, graph, hypothesis);
-    if (best.model && static_cast<double>(num_explainable) < NumWorthAModel(best, num_of_best)) {
+    if (best.model && static_cast<double>(num_explainable[i]) < NumWorthAModel(best, num_of_best)) {
       continue;
     }
-    BuiltModel built = BuildFrom(context, component, graph, hypothesis);
+    BuiltModel built = BuildFrom(context, component, graph, hypotheses[i]);
     const std::string failure = std::exchange(context.report.failure, "");
     if (first_failure.empty()) first_failure = failure;
     if (!built.model) continue;
     if (!best.model || built.evidence.nats > best.evidence.nats) {
       best = std::move(built);
-      num_of_best = num_explainable;
+      num_of_best = num_explainable[i];
     }
   }
   if (!best.model) context.report.failure = first_failure;

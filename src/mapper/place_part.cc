@@ -154,19 +154,28 @@ class PlaceSearch {
 
   // The best of what triples of points and single pairs say.
   PlaceOfPart Find() const {
-    PlaceOfPart best;
-    const auto consider = [&](const std::optional<Sim3d>& found) {
-      const int num_agreeing = found ? NumAgreeing(*found) : 0;
-      if (num_agreeing <= best.num_agreeing) return;
-      best.rest_from_part = *found;
-      best.num_agreeing = num_agreeing;
-    };
-    consider(ByTriples());
-    for (const CrossingPair& pair : crossing_.pairs) consider(ByPair(pair));
-    return best;
+    const int num_triples = crossing_.rest_points.size() < 3 ? 0 : kNumTriples;
+    const PlaceOfPart by_triples = BestOf(num_triples, [&](int64_t i) { return ByTriple(i); });
+    const PlaceOfPart by_pairs =
+        BestOf(std::ssize(crossing_.pairs), [&](int64_t i) { return ByPair(crossing_.pairs[i]); });
+    return by_pairs.num_agreeing > by_triples.num_agreeing ? by_pairs : by_triples;
   }
 
  private:
+  static constexpr int kNumTriples = 3000;
+
+  PlaceOfPart BestOf(int64_t n, const std::function<std::optional<Sim3d>(int64_t)>& find) const {
+    std::vector<PlaceOfPart> found(n);
+    ParallelFor(context_.run.num_threads, n, [&](int64_t i) {
+      const std::optional<Sim3d> place = find(i);
+      if (place) found[i] = {.rest_from_part = *place, .num_agreeing = NumAgreeing(*place)};
+    });
+    const auto has_fewer = [](const PlaceOfPart& a, const PlaceOfPart& b) {
+      return a.num_agreeing < b.num_agreeing;
+    };
+    return n == 0 ? PlaceOfPart{} : *std::ranges::max_element(found, has_fewer);
+  }
+
   // A pair's relative pose leaves the scale open, which points of each model in the other's image
   // tell.
   std::optional<Sim3d> ByPair(const CrossingPair& pair) const {
@@ -188,25 +197,16 @@ class PlaceSearch {
   }
 
   // Of points that matches say are one (RANSAC; Fischler and Bolles, 1981).
-  std::optional<Sim3d> ByTriples() const {
-    constexpr int kNumTriples = 3000;
-    const auto num_points = static_cast<uint32_t>(crossing_.rest_points.size());
-    if (num_points < 3) return std::nullopt;
-    std::vector<std::optional<Sim3d>> found(kNumTriples);
-    std::vector<int> num_agreeing(kNumTriples);
-    ParallelFor(context_.run.num_threads, kNumTriples, [&](int64_t i) {
-      Rng rng(context_.run.seed, "place_part", i);
-      std::array<uint32_t, 3> triple;
-      rng.Sample(num_points, 3, triple.data());
-      std::vector<Eigen::Vector3d> of_rest, of_part;
-      for (const uint32_t k : triple) {
-        of_rest.push_back(crossing_.rest_points[k]);
-        of_part.push_back(crossing_.part_points[k]);
-      }
-      found[i] = AlignSimilarity(of_part, of_rest);
-      if (found[i]) num_agreeing[i] = NumAgreeing(*found[i]);
-    });
-    return found[std::max_element(num_agreeing.begin(), num_agreeing.end()) - num_agreeing.begin()];
+  std::optional<Sim3d> ByTriple(int64_t i) const {
+    Rng rng(context_.run.seed, "place_part", i);
+    std::array<uint32_t, 3> triple;
+    rng.Sample(static_cast<uint32_t>(crossing_.rest_points.size()), 3, triple.data());
+    std::vector<Eigen::Vector3d> of_rest, of_part;
+    for (const uint32_t k : triple) {
+      of_rest.push_back(crossing_.rest_points[k]);
+      of_part.push_back(crossing_.part_points[k]);
+    }
+    return AlignSimilarity(of_part, of_rest);
   }
 
   const StageContext& context_;

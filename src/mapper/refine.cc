@@ -25,7 +25,8 @@ constexpr double kStartTolerance = 1e-3;
 
 // Gives every keypoint the standard deviation of the errors of keypoints like it.
 void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& model) {
-  const KeypointNoise noise = EstimateKeypointNoise(model, context.scene.scales);
+  const KeypointNoise noise =
+      EstimateKeypointNoise(model, context.scene.scales, context.run.num_threads);
   stage.Add("noise_floor_px", noise.floor_px);
   stage.Add("noise_per_scale", noise.per_scale);
   for (auto& [id, image] : model.images) {

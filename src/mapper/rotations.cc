@@ -4,6 +4,7 @@
 #include <optional>
 #include <utility>
 
+#include "cairn/base/parallel.h"
 #include "cairn/evaluation/alignment.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/math/angles.h"
@@ -96,9 +97,16 @@ bool IsAnother(const RotationHypothesis& a, const RotationHypothesis& b) {
   return num_turned > kMinTurnedShare * static_cast<double>(rotations_a.size());
 }
 
+// A connected set of a component's edges.
+struct Core {
+  std::vector<RotationEdge> edges;
+  size_t num_images = 0;
+  int min_num_inliers = 0;
+};
+
 // The largest component of the edges with so many inliers and more: of pairs that are all surer,
 // loops reject other ones than among all pairs.
-ViewGraph CoreOf(const StageContext& context, ViewGraph graph, int min_num_inliers) {
+Core CoreOf(const StageContext& context, ViewGraph graph, int min_num_inliers) {
   for (ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kTripletInconsistent) edge.removal = EdgeRemoval::kNone;
   }
@@ -106,8 +114,14 @@ ViewGraph CoreOf(const StageContext& context, ViewGraph graph, int min_num_inlie
   const ViewGraphBuilderOptions& options = context.settings.view_graph;
   if (options.filter_triplets) RemoveInconsistentTriplets(graph, options, context.run);
   const auto components = ActiveComponents(graph);
-  if (!components.empty()) KeepImages(components.front(), graph);
-  return graph;
+  if (components.empty()) return {};
+  KeepImages(components.front(), graph);
+  return {EdgesOf(graph), components.front().size(), min_num_inliers};
+}
+
+bool HasRotations(const RotationAveragingReport& report) {
+  return report.status == RotationAveragingStatus::kSuccess ||
+         report.status == RotationAveragingStatus::kNotConverged;
 }
 
 // The powers of the numbers of inliers that edges weigh by. The variance of a rotation falls with
@@ -118,29 +132,53 @@ std::vector<double> PowersOf(const RotationAveragingOptions& options) {
   return powers;
 }
 
+// Averages by each power, as long as it succeeds.
+std::vector<RotationAveragingReport> AverageByPowers(std::span<const RotationEdge> edges,
+                                                     RotationAveragingOptions options,
+                                                     const RunContext& run) {
+  RotationAverager averager(edges, run);
+  std::vector<RotationAveragingReport> reports;
+  for (const double power : PowersOf(options)) {
+    options.weight_power = power;
+    const bool goes_on = std::ssize(edges) > kMaxFreshEdges && !reports.empty();
+    reports.push_back(goes_on ? averager.AverageFrom(reports.back().cam_from_world, options)
+                              : averager.Average(options));
+    if (!HasRotations(reports.back())) break;
+  }
+  return reports;
+}
+
 // Tries ways to average a component's rotations.
 class Averager {
  public:
   Averager(StageContext& context, RunStage& stage, const ViewGraph& component, size_t num_images)
       : context_(context), stage_(stage), component_(component), num_images_(num_images) {}
 
-  // From a connected graph of the component's edges of so many inliers and more. False: it has no
-  // more than half of the component's images.
-  bool AddAll(const ViewGraph& graph, int min_num_inliers) {
-    const bool is_large = graph.NumActiveEdges() > kMaxFreshEdges;
-    RotationAverager averager(EdgesOf(graph), context_.run);
-    RotationAveragingOptions options = context_.settings.rotation_averaging;
-    const std::vector<double> powers = PowersOf(options);
-    for (const double power : powers) {
-      options.weight_power = power;
-      const bool goes_on = is_large && power != powers.front();
-      if (!Add(goes_on ? averager.AverageFrom(all_.back().cam_from_world, options)
-                       : averager.Average(options),
-               min_num_inliers, power)) {
-        return false;
-      }
+  // From all edges. False: it fails.
+  bool AddAll() {
+    const RotationAveragingOptions& options = context_.settings.rotation_averaging;
+    return Add(AverageByPowers(EdgesOf(component_), options, context_.run), 0);
+  }
+
+  // From the edges with more and more inliers, as long as they join more than half of the images;
+  // side by side.
+  void AddCores() {
+    const int least = std::max(1, context_.settings.view_graph.min_num_inliers);
+    std::vector<Core> cores;
+    for (int n = 2 * least; n < (1 << 20); n *= 2) {
+      Core core = CoreOf(context_, component_, n);
+      if (2 * core.num_images <= num_images_) break;
+      cores.push_back(std::move(core));
     }
-    return true;
+    RunContext of_one = context_.run;
+    if (cores.size() > 1) of_one.num_threads = 1;
+    std::vector<std::vector<RotationAveragingReport>> reports(cores.size());
+    ParallelFor(context_.run.num_threads, std::ssize(cores), [&](int64_t i) {
+      reports[i] = AverageByPowers(cores[i].edges, context_.settings.rotation_averaging, of_one);
+    });
+    for (size_t i = 0; i < cores.size(); ++i) {
+      if (!Add(std::move(reports[i]), cores[i].min_num_inliers)) return;
+    }
   }
 
   // From the tree of the surest pairs, and what agrees with it: pairs of things that look alike may
@@ -191,9 +229,16 @@ class Averager {
     Add(AverageRotations(edges, options, context_.run), 0, 1);
   }
 
+  bool Add(std::vector<RotationAveragingReport> by_powers, int min_num_inliers) {
+    const std::vector<double> powers = PowersOf(context_.settings.rotation_averaging);
+    for (size_t i = 0; i < by_powers.size(); ++i) {
+      if (!Add(std::move(by_powers[i]), min_num_inliers, powers[i])) return false;
+    }
+    return true;
+  }
+
   bool Add(RotationAveragingReport report, int min_num_inliers, double weight_power) {
-    if (report.status != RotationAveragingStatus::kSuccess &&
-        report.status != RotationAveragingStatus::kNotConverged) {
+    if (!HasRotations(report)) {
       if (all_.empty()) {
         stage_.Fail(std::string(RotationAveragingStatusName(report.status)) + " on " +
                         std::to_string(component_.NumActiveEdges()) + " edges",
@@ -201,7 +246,6 @@ class Averager {
       }
       return false;
     }
-    if (2 * report.cam_from_world.size() <= num_images_) return false;
     all_.push_back({min_num_inliers, weight_power, std::move(report.cam_from_world),
                     report.median_residual_deg});
     SetSupport(component_, context_.settings.rotation_averaging.sigma_start_deg,
@@ -241,14 +285,10 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   KeepImages(component, own);
   stage.Add("edges_in", own.NumActiveEdges());
   Averager averager(context, stage, own, component.size());
-  const bool has_any = averager.AddAll(own, 0);
   // Of a data set's pairs, inliers were not counted.
-  const bool has_inliers = !context.scene.poses_imported;
-  if (has_any && has_inliers && own.NumActiveEdges() <= kMaxFreshEdges) averager.AddTrees(own);
-  if (has_any && has_inliers && !averager.IsClear()) {
-    const int least = std::max(1, context.settings.view_graph.min_num_inliers);
-    for (int n = 2 * least; n < (1 << 20) && averager.AddAll(CoreOf(context, own, n), n); n *= 2) {
-    }
+  if (averager.AddAll() && !context.scene.poses_imported) {
+    if (own.NumActiveEdges() <= kMaxFreshEdges) averager.AddTrees(own);
+    if (!averager.IsClear()) averager.AddCores();
   }
   const std::vector<RotationHypothesis> distinct = averager.Distinct();
   stage.Add("averaged", averager.NumTried());

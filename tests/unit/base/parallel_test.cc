@@ -69,6 +69,35 @@ TEST(Parallel, NestedLoopsRunCompletely) {
   EXPECT_EQ(sum.load(), 100);
 }
 
+TEST(Parallel, ALoopDoesNotWaitForThreadsThatOthersKeep) {
+  std::atomic<bool> is_over{false};
+  std::atomic<int> num_waiting{0};
+  std::thread other([&] {
+    ParallelFor(4, 4, [&](int64_t) {
+      ++num_waiting;
+      while (!is_over) std::this_thread::yield();
+    });
+  });
+  while (num_waiting < 4) std::this_thread::yield();
+  std::atomic<int> num_run{0};
+  ParallelFor(4, 1000, [&](int64_t) { ++num_run; });
+  EXPECT_EQ(num_run, 1000);
+  is_over = true;
+  other.join();
+}
+
+TEST(Parallel, ManyThreadsHaveLoopsAtOnce) {
+  std::vector<std::thread> callers;
+  std::atomic<int64_t> sum{0};
+  for (int t = 0; t < 8; ++t) {
+    callers.emplace_back([&] {
+      for (int k = 0; k < 200; ++k) ParallelFor(4, 20, [&](int64_t i) { sum += i; });
+    });
+  }
+  for (std::thread& caller : callers) caller.join();
+  EXPECT_EQ(sum, 8 * 200 * 190);
+}
+
 TEST(Parallel, EffectiveNumThreads) {
   EXPECT_EQ(EffectiveNumThreads(3), 3);
   EXPECT_GE(EffectiveNumThreads(0), 1);
