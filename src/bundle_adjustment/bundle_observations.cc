@@ -8,40 +8,82 @@
 
 namespace cairn {
 
-BundleObservations CollectObservations(const BundleAdjustmentScope& scope,
-                                       const Reconstruction& reconstruction) {
-  const ViewTable views(reconstruction);
-  BundleObservations result;
-  result.all.reserve(reconstruction.NumObservations());
-  result.of_image.resize(views.size());
-  const auto add = [&](const ViewTable::View& view, const Eigen::Vector2d& pixel, float sigma_px,
-                       const Eigen::Vector3d& xyz) {
-    if (!view.camera->ImgFromRay(view.image->cam_from_world * xyz)) return;
-    result.all.push_back({pixel, 1.0F / sigma_px, view.index});
-  };
-  const auto end_point = [&] {
-    std::sort(result.all.begin() + result.begin.back(), result.all.end(),
+namespace {
+
+constexpr int64_t kPointsPerPart = 1024;  // that one thread looks at
+
+// Those of points one after the other, and how many each has.
+struct Part {
+  std::vector<BundleObservation> all;
+  std::vector<int> nums;
+};
+
+class Collector {
+ public:
+  Collector(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction)
+      : surveyed_(scope.surveyed_points), views_(reconstruction) {
+    for (const auto& [id, point] : reconstruction.points3D) points_.push_back(&point);
+  }
+
+  int64_t NumPoints() const { return NumUnsurveyed() + std::ssize(surveyed_); }
+  int64_t NumUnsurveyed() const { return std::ssize(points_); }
+  size_t NumImages() const { return views_.size(); }
+
+  void AddPoint(int64_t p, Part& part) const {
+    const auto num_before = std::ssize(part.all);
+    if (p < NumUnsurveyed()) {
+      for (const TrackElement& element : points_[p]->track) {
+        const ViewTable::View& view = views_.Of(element.image_id);
+        Add(view, view.Pixel(element.point2D), static_cast<float>(view.SigmaPx(element.point2D)),
+            points_[p]->xyz, part);
+      }
+    } else {
+      const SurveyedPoint& point = surveyed_[p - NumUnsurveyed()];
+      for (const auto& [id, pixel] : point.pixels) {
+        Add(views_.Of(id), pixel, 1.0F, point.prior.position, part);
+      }
+    }
+    std::sort(part.all.begin() + num_before, part.all.end(),
               [](const auto& a, const auto& b) { return a.image < b.image; });
-    result.point_of.resize(result.all.size(), result.NumPoints());
-    result.begin.push_back(static_cast<int>(result.all.size()));
-  };
-  for (const auto& [id, point] : reconstruction.points3D) {
-    for (const TrackElement& element : point.track) {
-      const ViewTable::View& view = views.Of(element.image_id);
-      add(view, view.Pixel(element.point2D), static_cast<float>(view.SigmaPx(element.point2D)),
-          point.xyz);
-    }
-    end_point();
+    part.nums.push_back(static_cast<int>(std::ssize(part.all) - num_before));
   }
-  result.num_unsurveyed = result.NumPoints();
-  for (const SurveyedPoint& point : scope.surveyed_points) {
-    for (const auto& [id, pixel] : point.pixels) {
-      add(views.Of(id), pixel, 1.0F, point.prior.position);
-    }
-    end_point();
+
+ private:
+  static void Add(const ViewTable::View& view, const Eigen::Vector2d& pixel, float sigma_px,
+                  const Eigen::Vector3d& xyz, Part& part) {
+    if (!view.camera->ImgFromRay(view.image->cam_from_world * xyz)) return;
+    part.all.push_back({pixel, 1.0F / sigma_px, view.index});
   }
-  for (size_t k = 0; k < result.all.size(); ++k) {
-    result.of_image[result.all[k].image].push_back(static_cast<int>(k));
+
+  std::vector<const Point3D*> points_;
+  const std::vector<SurveyedPoint>& surveyed_;
+  const ViewTable views_;
+};
+
+}  // namespace
+
+BundleObservations CollectObservations(const BundleAdjustmentScope& scope,
+                                       const Reconstruction& reconstruction, int num_threads) {
+  const Collector collector(scope, reconstruction);
+  const int64_t num_points = collector.NumPoints();
+  std::vector<Part> parts((num_points + kPointsPerPart - 1) / kPointsPerPart);
+  ParallelFor(num_threads, std::ssize(parts), [&](int64_t k) {
+    const int64_t end = std::min(num_points, (k + 1) * kPointsPerPart);
+    for (int64_t p = k * kPointsPerPart; p < end; ++p) collector.AddPoint(p, parts[k]);
+  });
+  BundleObservations result;
+  result.num_unsurveyed = static_cast<int>(collector.NumUnsurveyed());
+  result.of_image.resize(collector.NumImages());
+  for (Part& part : parts) {
+    for (const int num : part.nums) {
+      result.point_of.resize(result.point_of.size() + num, result.NumPoints());
+      result.begin.push_back(result.begin.back() + num);
+    }
+    for (const BundleObservation& observation : part.all) {
+      result.of_image[observation.image].push_back(static_cast<int>(result.all.size()));
+      result.all.push_back(observation);
+    }
+    part = {};
   }
   return result;
 }

@@ -30,7 +30,7 @@ struct BundleObservations {
 };
 
 BundleObservations CollectObservations(const BundleAdjustmentScope& scope,
-                                       const Reconstruction& reconstruction);
+                                       const Reconstruction& reconstruction, int num_threads);
 
 // By image, the images from it on that see a point together with it, ascending, itself first
 // (CameraSystem).

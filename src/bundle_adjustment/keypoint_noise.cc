@@ -14,7 +14,7 @@ constexpr int kNumBins = 16;
 constexpr size_t kMinObservationsPerBin = 30;
 // With half as many, of two errors each, a bin's median is known to less than a percent.
 constexpr size_t kMaxPoints = 200'000;
-constexpr size_t kPointsPerPart = 1024;  // that one thread looks at
+constexpr size_t kPointsATime = 1024;  // that one thread looks at
 // Errors of an observation that alone decides where its point lies tell nothing.
 constexpr double kMaxLeverage = 0.8;
 // No detector is more exact than this; exact data would have no scale otherwise.
@@ -58,10 +58,10 @@ std::vector<Sample> CollectSamples(const Reconstruction& reconstruction,
     if (next++ % step == 0) points.push_back(&point);
   }
   const ViewTable views(reconstruction);
-  std::vector<std::vector<Sample>> parts((points.size() + kPointsPerPart - 1) / kPointsPerPart);
+  std::vector<std::vector<Sample>> parts((points.size() + kPointsATime - 1) / kPointsATime);
   ParallelFor(num_threads, std::ssize(parts), [&](int64_t part) {
-    const size_t end = std::min(points.size(), (part + 1) * kPointsPerPart);
-    for (size_t i = part * kPointsPerPart; i < end; ++i) {
+    const size_t end = std::min(points.size(), (part + 1) * kPointsATime);
+    for (size_t i = part * kPointsATime; i < end; ++i) {
       AddSamples(*points[i], views, scales, parts[part]);
     }
   });

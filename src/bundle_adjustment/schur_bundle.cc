@@ -65,7 +65,7 @@ class SchurBundle {
       : loss_(loss),
         run_(run),
         bundle_(bundle),
-        observations_(CollectObservations(scope, reconstruction)),
+        observations_(CollectObservations(scope, reconstruction, run.num_threads)),
         system_(ImagesSeenTogether(observations_, run.num_threads), CamerasOfImages(bundle),
                 static_cast<int>(bundle.intrinsics().size()), run.num_threads),
         linear_(std::make_unique_for_overwrite<Linear[]>(observations_.all.size())),
