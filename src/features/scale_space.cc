@@ -1,36 +1,16 @@
 #include "features/scale_space.h"
 
-#include <sys/mman.h>
-
 #include <algorithm>
 #include <cmath>
-#include <memory>
-#include <new>
 
 #include "features/blur.h"
+#include "features/plane_memory.h"
 
 namespace cairn {
 namespace {
 
 constexpr double kCameraSigma = 0.5;  // blur of the photograph itself (Lowe, section 3.3), px
 constexpr int kMinOctaveSize = 16;    // smaller side, px
-
-// Not set to anything. What takes megabytes is of large pages, where the system has them: to map
-// and clear a pyramid by pages of 4 kB takes as long as to blur it.
-std::shared_ptr<float[]> AllocateFloats(size_t n) {
-  constexpr size_t kLargePage = size_t{1} << 21;
-  const size_t num_bytes = (n * sizeof(float) + kLargePage - 1) / kLargePage * kLargePage;
-  if (num_bytes <= kLargePage) return std::make_shared_for_overwrite<float[]>(n);
-  void* const mapped = mmap(nullptr, num_bytes + kLargePage, PROT_READ | PROT_WRITE,
-                            MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  if (mapped == MAP_FAILED) throw std::bad_alloc();
-  void* first = mapped;
-  size_t space = num_bytes + kLargePage;
-  std::align(kLargePage, num_bytes, first, space);
-  madvise(first, num_bytes, MADV_HUGEPAGE);  // where this fails, pages are small
-  return {static_cast<float*>(first),
-          [mapped, num_bytes](float*) { munmap(mapped, num_bytes + kLargePage); }};
-}
 
 Plane Blurred(const Plane& source, double sigma_before, double sigma_after, int step = 1) {
   return Blur(source, std::sqrt(sigma_after * sigma_after - sigma_before * sigma_before), step);

@@ -8,6 +8,7 @@
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
 #include "database/stage_names.h"
+#include "features/plane_memory.h"
 #include "pipeline/machines/helpers.h"
 #include "pipeline/stages/camera_maker.h"
 #include "pipeline/stages/masks.h"
@@ -58,6 +59,7 @@ void WriteFailure(Database& database, const std::string& folder, const FeatureIt
 int64_t ExtractAll(const std::string& database_path, const std::string& image_path,
                    const FeatureOptions& options, const RunContext& run, Helpers* helpers,
                    std::vector<FeatureItem>& items) {
+  const PlaneReuse reuse;
   DatabaseWriter writer(database_path, {.max_queue_size = 8});  // an image's features are megabytes
   std::atomic<int64_t> num_features = 0;
   const auto finish = [&](FeatureItem& item, Features features) {

@@ -9,6 +9,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/math/decompositions.h"
+#include "features/plane_memory.h"
 #include "support/instruction_sets.h"
 
 namespace cairn {
@@ -151,6 +152,22 @@ TEST_P(FeaturesOfKind, DoNotDependOnTheInstructionSet) {
     EXPECT_EQ(features.keypoints, expected.keypoints);
     EXPECT_EQ(features.descriptors, expected.descriptors);
   });
+}
+
+// Images of several sizes one after the other, large enough for pages that are used again.
+TEST_P(FeaturesOfKind, DoNotDependOnImagesBefore) {
+  Rng rng(4);
+  const std::vector<Blob> blobs = GridOfBlobs(2, rng);
+  const std::vector<Bitmap> bitmaps = {Draw(1000, 600, blobs), Draw(700, 500, blobs),
+                                       Draw(1000, 600, GridOfBlobs(3, rng))};
+  std::vector<Features> expected;
+  for (const Bitmap& bitmap : bitmaps) expected.push_back(ExtractFeatures(bitmap, Options()));
+  const PlaneReuse reuse;
+  for (const size_t i : {0, 1, 2, 0, 2, 1}) {
+    const Features features = ExtractFeatures(bitmaps[i], Options());
+    EXPECT_EQ(features.keypoints, expected[i].keypoints);
+    EXPECT_EQ(features.descriptors, expected[i].descriptors);
+  }
 }
 
 // Fewer features are the first of more, which are the larger.
