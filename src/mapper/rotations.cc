@@ -170,11 +170,10 @@ class Averager {
       if (2 * core.num_images <= num_images_) break;
       cores.push_back(std::move(core));
     }
-    RunContext of_one = context_.run;
-    if (cores.size() > 1) of_one.num_threads = 1;
+    const RotationAveragingOptions& options = context_.settings.rotation_averaging;
     std::vector<std::vector<RotationAveragingReport>> reports(cores.size());
     ParallelFor(context_.run.num_threads, std::ssize(cores), [&](int64_t i) {
-      reports[i] = AverageByPowers(cores[i].edges, context_.settings.rotation_averaging, of_one);
+      reports[i] = AverageByPowers(cores[i].edges, options, context_.run);
     });
     for (size_t i = 0; i < cores.size(); ++i) {
       if (!Add(std::move(reports[i]), cores[i].min_num_inliers)) return;

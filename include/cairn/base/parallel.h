@@ -12,6 +12,7 @@ int EffectiveNumThreads(int num_threads);
 // scheduling in blocks of `grain` indices. The first exception stops the loop (blocks already begun
 // are finished) and is thrown again in the caller. fn must write only what belongs to i: then the
 // result does not depend on the number of threads. This is the only place with threads in loops.
+// Loops within loops are welcome: threads without work help with any that is open.
 void ParallelFor(int num_threads, int64_t n, const std::function<void(int64_t)>& fn,
                  int64_t grain = 1);
 
