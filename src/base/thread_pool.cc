@@ -6,8 +6,8 @@
 namespace cairn {
 namespace {
 
-// Who waits for another thread looks so often whether it has come before he sleeps: for about as
-// long as it takes to be woken (some 50 us).
+// A thread that waits for another looks so often whether it has come before it sleeps: for about as
+// long as it takes to be woken.
 constexpr int kLooks = 100;
 
 template <class HasCome>

@@ -10,10 +10,10 @@
 
 namespace cairn {
 
-// Threads that help with the loops of others. Who starts a loop works on it, too, and waits only
-// for helpers that have begun: a loop ends without those that another program, another loop or
-// their own start keeps away. (OpenMP's threads all have to come before a region ends, and turn
-// idly for milliseconds after it: measured in tests/bench/README.md, "Threads of loops".)
+// Threads that help with the loops of others. The thread that starts a loop works on it, too, and
+// waits only for helpers that have begun: a loop ends without those that another program, another
+// loop or their own start keeps away. (OpenMP's threads all have to come before a region ends, and
+// turn idly for milliseconds after it: measured in tests/bench/README.md, "Threads of loops".)
 class ThreadPool {
  public:
   // The one of this process. It has no end: threads wait in it until the process has one.

@@ -74,6 +74,11 @@ BundleObservations CollectObservations(const BundleAdjustmentScope& scope,
   BundleObservations result;
   result.num_unsurveyed = static_cast<int>(collector.NumUnsurveyed());
   result.of_image.resize(collector.NumImages());
+  size_t num_observations = 0;
+  for (const Part& part : parts) num_observations += part.all.size();
+  result.all.reserve(num_observations);
+  result.point_of.reserve(num_observations);
+  result.begin.reserve(num_points + 1);
   for (Part& part : parts) {
     for (const int num : part.nums) {
       result.point_of.resize(result.point_of.size() + num, result.NumPoints());
