@@ -76,9 +76,18 @@ bool CheckModel(StageContext& context, size_t num_images, const std::string& ori
   return true;
 }
 
-// From global rotations to the finished model. Without one, the report has the failure.
+bool FindsAgain(StageContext& context, const Reconstruction& best, const Reconstruction& rough) {
+  ModelStage stage(context, "comparison");
+  const bool finds_again = LeadsTo(context, best, rough);
+  stage.Add("finds_best_again", finds_again);
+  return finds_again;
+}
+
+// From global rotations to the finished model. Without one, the report has the failure, or the
+// rotations lead to the best one once more (nullptr: there is none).
 BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
-                     const ViewGraph& graph, const RotationHypothesis& rotations) {
+                     const ViewGraph& graph, const RotationHypothesis& rotations,
+                     const Reconstruction* best) {
   BuiltModel built{std::nullopt, graph, {}, {}};
   KeepImages(component, built.graph);
   auto initial = AverageComponent(context, rotations.cam_from_world, built.graph);
@@ -89,9 +98,10 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
     built.model = std::move(model);
     return built;
   }
-  if (!FitAndRefine(context, std::move(initial->tracks), RefineStart::kAveraging, model)) {
-    return built;
-  }
+  if (!FitTracksToMemory(context, model, initial->tracks)) return built;
+  FindStart(context, initial->tracks, model);
+  if (best != nullptr && FindsAgain(context, *best, model)) return built;
+  RefineModel(context, initial->tracks, RefineStart::kChanged, model);
   if (!GrowModel(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
   const std::string origin = "pairs of " + std::to_string(rotations.min_num_inliers) +
@@ -128,7 +138,8 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
     if (best.model && static_cast<double>(num_explainable[i]) < NumWorthAModel(best, num_of_best)) {
       continue;
     }
-    BuiltModel built = BuildFrom(context, component, graph, hypotheses[i]);
+    BuiltModel built =
+        BuildFrom(context, component, graph, hypotheses[i], best.model ? &*best.model : nullptr);
     const std::string failure = std::exchange(context.report.failure, "");
     if (first_failure.empty()) first_failure = failure;
     if (!built.model) continue;
@@ -163,7 +174,7 @@ bool GrowEarlier(StageContext& context, ViewGraph& graph, Reconstruction& model)
   if (context.settings.reconstruct.register_left_out) RegisterLeftOut(context, graph, model);
   ReviseEdges(EvidenceFor(context, model, graph), model, graph);
   std::vector<Track> tracks = TracksOfModel(context, graph, model);
-  if (!FitAndRefine(context, std::move(tracks), RefineStart::kChanged, model)) return false;
+  if (!FitAndRefine(context, std::move(tracks), model)) return false;
   const std::optional<int> num_refined = GrowModel(context, graph, model);
   return num_refined && (*num_refined == 0 || RefineWithMovedIntrinsics(context, graph, model));
 }

@@ -1,6 +1,6 @@
 #include <algorithm>
 #include <cmath>
-#include <iterator>
+#include <limits>
 #include <utility>
 
 #include "mapper/stages.h"
@@ -44,6 +44,23 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene,
   return calibrated;
 }
 
+// Finished models, adjusted and grown by the calibration of the scene.
+CalibratedResult AdjustModels(const SceneData& scene, const ReconstructResult& finished,
+                              const ReconstructSettings& settings, const RunContext& run) {
+  CalibratedResult adjusted;
+  adjusted.evidence_nats = 0;
+  StageContext context{scene, settings, run, adjusted.result.report};
+  for (Reconstruction model : finished.models) {
+    ViewGraph graph = finished.graph;
+    AdjustModel(context, std::numeric_limits<int>::max(), model);
+    GrowModel(context, graph, model);
+    adjusted.evidence_nats += EvidenceFor(context, model, graph).nats;
+    for (const auto& [id, image] : model.images) context.taken.insert(id);
+    ++context.model;
+  }
+  return adjusted;
+}
+
 // Reconstructs by one calibration after the other and keeps the best result.
 class CalibrationSearch {
  public:
@@ -62,12 +79,22 @@ class CalibrationSearch {
     choice_.messages.push_back(std::to_string(std::llround(result.evidence_nats)) +
                                " nats of evidence with " + scene_.origin);
     if (result.Score() > least_share * best_.Score()) std::swap(result, best_);
-    otherwise_ = std::max(otherwise_, result.evidence_nats);
-    const std::vector<StageReport>& stages = result.result.report.stages;
-    tried_.insert(tried_.end(), stages.begin(), stages.end());
+    Keep(result);
   }
 
   const CalibratedResult& best() const { return best_; }
+
+  // Whether separate cameras are worth models of their own: where the best models, of one camera,
+  // get these, they have more evidence, or there are none.
+  bool SeparatePays(Calibration separate) {
+    if (best_.result.models.empty()) return true;
+    static_cast<Calibration&>(scene_) = std::move(separate);
+    const CalibratedResult adjusted = AdjustModels(scene_, best_.result, settings_, run_);
+    choice_.messages.push_back(std::to_string(std::llround(adjusted.evidence_nats)) +
+                               " nats of evidence where these models have " + scene_.origin);
+    Keep(adjusted);
+    return adjusted.Score() > best_.Score();
+  }
 
   // What was tried stays in the report.
   ReconstructResult Finish() {
@@ -83,6 +110,12 @@ class CalibrationSearch {
   }
 
  private:
+  void Keep(const CalibratedResult& tried) {
+    otherwise_ = std::max(otherwise_, tried.evidence_nats);
+    const std::vector<StageReport>& stages = tried.result.report.stages;
+    tried_.insert(tried_.end(), stages.begin(), stages.end());
+  }
+
   const ReconstructSettings& settings_;
   const RunContext& run_;
   SceneData& scene_;
@@ -183,18 +216,21 @@ ReconstructResult SearchCalibration(const std::vector<std::set<image_t>>& of_one
   std::optional<Calibration> stored;
   const auto refines_exif = [&](const auto& entry) { return RefinesExif(entry.second, scene); };
   if (std::ranges::any_of(scene.cameras, refines_exif)) stored = scene;
-  std::vector<Calibration> calibrations;
+  CalibrationSearch search(settings, run, scene);
+  const auto try_calibrations = [&] {
+    for (Calibration& each : calibrator.Calibrate()) search.Try(std::move(each));
+  };
   std::vector<std::set<image_t>> without_prior = of_one;
   std::erase_if(without_prior, [&](const auto& images) { return HaveExif(images, scene); });
+  bool tries_separate = true;
   if (!without_prior.empty()) {
-    Calibration own = scene;
+    Calibration separate = scene;
     calibrator.Share(without_prior, scene, "");
-    calibrations = calibrator.Calibrate();
-    calibration = std::move(own);
+    try_calibrations();
+    tries_separate = search.SeparatePays(separate);
+    calibration = std::move(separate);
   }
-  std::ranges::move(calibrator.Calibrate(), std::back_inserter(calibrations));
-  CalibrationSearch search(settings, run, scene);
-  for (Calibration& each : calibrations) search.Try(std::move(each));
+  if (tries_separate) try_calibrations();
   if (!search.best().shares_camera &&
       calibrator.Share(of_one, search.best().result.models, ", by the models")) {
     search.Try(std::move(calibration));

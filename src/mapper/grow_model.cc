@@ -2,10 +2,9 @@
 
 namespace cairn {
 
-bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart start,
-                  Reconstruction& model) {
+bool FitAndRefine(StageContext& context, std::vector<Track> tracks, Reconstruction& model) {
   if (!FitTracksToMemory(context, model, tracks)) return false;
-  RefineModel(context, tracks, start, model);
+  RefineModel(context, tracks, RefineStart::kChanged, model);
   return true;
 }
 

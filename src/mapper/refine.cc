@@ -134,32 +134,6 @@ void RunRound(StageContext& context, const Round& round, Reconstruction& model) 
   FilterRound(context, round, model);
 }
 
-// Rounds over few tracks, from poses that are rough.
-void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruction& model) {
-  const ReconstructOptions& options = context.settings.reconstruct;
-  std::vector<Track> selected;
-  if (options.coarse_tracks_per_image > 0) {
-    selected = SelectTracks(tracks, options.coarse_tracks_per_image);
-    tracks = selected;
-  }
-  RunRound(context,
-           {.name = "coarse",
-            .tracks = tracks,
-            .error_factor = options.coarse_error_factor,
-            .distortions = false,
-            .weigh = false,
-            .max_iterations = 20,
-            .tolerance = kStartTolerance},
-           model);
-  RunRound(context,
-           {.name = "middle",
-            .tracks = tracks,
-            .error_factor = std::max(1.0, 0.25 * options.coarse_error_factor),
-            .max_iterations = 20,
-            .tolerance = kStartTolerance},
-           model);
-}
-
 }  // namespace
 
 Reconstruction MakeReconstruction(const SceneData& scene,
@@ -217,10 +191,34 @@ void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstr
   FilterRound(context, round, model);
 }
 
+void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruction& model) {
+  const ReconstructOptions& options = context.settings.reconstruct;
+  std::vector<Track> selected;
+  if (options.coarse_tracks_per_image > 0) {
+    selected = SelectTracks(tracks, options.coarse_tracks_per_image);
+    tracks = selected;
+  }
+  RunRound(context,
+           {.name = "coarse",
+            .tracks = tracks,
+            .error_factor = options.coarse_error_factor,
+            .distortions = false,
+            .weigh = false,
+            .max_iterations = 20,
+            .tolerance = kStartTolerance},
+           model);
+  RunRound(context,
+           {.name = "middle",
+            .tracks = tracks,
+            .error_factor = std::max(1.0, 0.25 * options.coarse_error_factor),
+            .max_iterations = 20,
+            .tolerance = kStartTolerance},
+           model);
+}
+
 bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineStart start,
                  Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
-  if (start == RefineStart::kAveraging) FindStart(context, tracks, model);
   Round round{.name = "", .tracks = tracks, .max_iterations = std::numeric_limits<int>::max()};
   // Better poses or more edges may bring more observations in; where they do not, the model stays
   // as it is.

@@ -36,8 +36,7 @@ std::optional<BuiltModel> RefineAnew(StageContext& context, const std::set<image
   }
   ReviseEdges(after.evidence, model, after.graph);
   const std::string failure = context.report.failure;
-  const bool has_grown = FitAndRefine(context, TracksOfGraph(context, after.graph).tracks,
-                                      RefineStart::kChanged, model) &&
+  const bool has_grown = FitAndRefine(context, TracksOfGraph(context, after.graph).tracks, model) &&
                          GrowModel(context, after.graph, model);
   context.report.failure = failure;
   if (!has_grown) return std::nullopt;

@@ -272,10 +272,12 @@ void AddImage(const SceneData& scene, image_t id, const Rigid3d& cam_from_world,
 // Takes an image out of a model; points that fewer than two others see go with it.
 void RemoveImage(image_t id, Reconstruction& model);
 
+// Coarse rounds over few tracks, from poses of averaging.
+void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruction& model);
+
 enum class RefineStart {
-  kAveraging,  // poses of averaging: coarse rounds come first
-  kChanged,    // new images, or a model that was not refined
-  kRefined,    // a refined model: it stays as it is unless the tracks bring more observations
+  kChanged,  // new images, or a model that was not refined
+  kRefined,  // a refined model: it stays as it is unless the tracks bring more observations
 };
 // Triangulation, bundle adjustment and filtering from coarse to fine. False: the model stayed.
 bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineStart start,
@@ -296,6 +298,16 @@ struct PlacePriors {
 };
 void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstruction& model);
 
+// same_model.cc
+// The similarity that puts the images of a model where they are in another one: the rotation that
+// most of them agree on, then scale and shift with the least sum of distances (20 reweighted
+// rounds).
+Sim3d FrameOf(const Reconstruction& other, const Reconstruction& model);
+// Whether to refine a rough model would find a finished one once more: by the poses of each image,
+// most points that it sees in the finished one lie where triangulation would take them.
+bool LeadsTo(const StageContext& context, const Reconstruction& finished,
+             const Reconstruction& rough);
+
 // register_images.cc
 // Poses for images that are in no model yet, from the points. Returns the number of new images.
 int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model);
@@ -313,8 +325,7 @@ std::string Names(const StageContext& context, std::span<const image_t> images);
 
 // grow_model.cc
 // False: there is not enough memory, and the report has the failure.
-bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart start,
-                  Reconstruction& model);
+bool FitAndRefine(StageContext& context, std::vector<Track> tracks, Reconstruction& model);
 // Registers what was left out and lets the model choose its pairs, until neither brings anything.
 // How often it was refined; nullopt: as above.
 std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model);

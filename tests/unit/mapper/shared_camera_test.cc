@@ -53,7 +53,11 @@ TEST(SharedCamera, IsFoundThoughEachImageHasItsOwn) {
     EXPECT_EQ(model.cameras.at(100 + id).camera_id, 100 + id);
     EXPECT_NEAR(model.cameras.at(100 + id).MeanFocal() / focal, 1.0, 0.01);
   }
-  EXPECT_NE(FindStage(result.report, "calibration_choice"), nullptr);
+  // Separate cameras do not pay in these models, so that none are built for them.
+  EXPECT_THAT(
+      FindStage(result.report, "calibration_choice")->messages,
+      ::testing::ElementsAre(::testing::HasSubstr("with one camera for 12 images"),
+                             ::testing::HasSubstr("where these models have the cameras of")));
 
   ReconstructSettings settings;
   settings.reconstruct.share_camera = false;
@@ -88,6 +92,9 @@ TEST(SharedCamera, IsNotForcedOnImagesOfSeveral) {
   const ReconstructResult result = Reconstruct(database);
   ASSERT_EQ(result.models.size(), 1u);
   EXPECT_EQ(result.models.front().images.size(), 12u);
+  EXPECT_THAT(
+      FindStage(result.report, "calibration_choice")->messages,
+      ::testing::Contains(::testing::HasSubstr("evidence with the cameras of the database")));
   for (const auto& [id, image] : result.models.front().images) {
     const double focal = result.models.front().cameras.at(100 + id).MeanFocal();
     EXPECT_NEAR(focal / scene.cameras.at(1).MeanFocal(), zoom[id], 0.02);

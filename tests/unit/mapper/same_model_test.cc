@@ -1,0 +1,67 @@
+// Rough poses that refinement would take to a model that is there already.
+#include <algorithm>
+
+#include "cairn/math/so3.h"
+#include "unit/mapper/incomplete_model.h"
+
+namespace cairn {
+namespace {
+
+// The true model of a scene without an image, turned in another frame; each pose off by a little.
+struct RoughModel : IncompleteModel {
+  RoughModel() : IncompleteModel({3}) {
+    for (auto& [id, image] : model.images) {
+      const Rigid3d error(ExpSO3({0, 5e-4 * (id % 3), 0}), {1e-3, 0, 0});
+      image.cam_from_world = error * image.cam_from_world;
+    }
+    model.Transform({2.5, ExpSO3({0.3, -1, 2}), {5, -3, 1}});
+  }
+  bool LeadsToTruth() const { return LeadsTo(context, truth, model); }
+};
+
+TEST(LeadsTo, PosesThatAreNearInAnyFrame) { EXPECT_TRUE(RoughModel().LeadsToTruth()); }
+
+TEST(LeadsTo, NotWhereOneImageIsElsewhere) {
+  RoughModel turned;
+  RegisteredImage& image = turned.model.images.at(7);
+  image.cam_from_world = Rigid3d(ExpSO3({0, 0.1, 0}), {0, 0, 0}) * image.cam_from_world;
+  EXPECT_FALSE(turned.LeadsToTruth());
+
+  RoughModel moved;
+  Rigid3d& pose = moved.model.images.at(7).cam_from_world;
+  pose.translation += Eigen::Vector3d(1, 0, 0);
+  EXPECT_FALSE(moved.LeadsToTruth());
+}
+
+TEST(LeadsTo, NotWhereTheFinishedModelLacksAnImage) {
+  RoughModel rough;
+  RemoveImage(5, rough.truth);
+  EXPECT_FALSE(rough.LeadsToTruth());
+}
+
+// Most pairs of two images, those of few inliers, have rotations that are wrong together; bundle
+// adjustment starts from these and from right ones, and ends in one place.
+TEST(BuildModel, DoesNotFinishWhatLeadsToTheModelThatIsThere) {
+  IncompleteModel scene({});
+  std::vector<ViewEdge*> edges;
+  for (ViewEdge& edge : scene.graph.edges) {
+    if ((edge.image_id1 > 8) != (edge.image_id2 > 8)) edges.push_back(&edge);
+  }
+  std::ranges::sort(edges, {}, [](const ViewEdge* edge) { return edge->num_inliers; });
+  edges.resize(edges.size() * 2 / 3);
+  for (ViewEdge* edge : edges) {
+    Eigen::Quaterniond& rotation = edge->cam2_from_cam1.rotation;
+    rotation = ExpSO3({0, 0.12, 0}) * rotation;
+  }
+  scene.graph.image_ids.clear();
+  for (const auto& [id, image] : scene.truth.images) scene.graph.image_ids.push_back(id);
+  const BuiltModel built = BuildModel(scene.context, scene.graph.image_ids, scene.graph);
+  ASSERT_TRUE(built.model.has_value());
+  EXPECT_EQ(Value(*FindStage(scene.report, "rotation_averaging"), "hypotheses_out"), 2);
+  EXPECT_EQ(Value(*FindStage(scene.report, "comparison"), "finds_best_again"), 1);
+  const auto is_check = [](const StageReport& stage) { return stage.name == "checks"; };
+  EXPECT_EQ(std::ranges::count_if(scene.report.stages, is_check), 1);
+}
+
+}  // namespace
+}  // namespace cairn
