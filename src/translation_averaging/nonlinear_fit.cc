@@ -111,7 +111,6 @@ FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weight
   Fit fit(problem, weights, run.num_threads);
   FitResult result;
   double cost = result.initial_cost = fit.Cost(positions);
-  system.Restart();
   double damping = kInitialDamping;
   double growth = 2;
   bool has_moved = true;

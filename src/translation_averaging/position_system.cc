@@ -18,14 +18,11 @@ constexpr double kCgTolerance = 3e-2;
 // Keeps the gauge (translation and scale) and loose nodes solvable.
 constexpr double kMinDamping = 1e-9;
 constexpr int kGrain = 64;
-constexpr int kAhead = 8;  // rays that are fetched before they are used
 // Cameras of a group, at most, and groups, at most: a system of more takes longer than it saves.
 constexpr int kMaxGroup = 32;
 constexpr int kMaxGroups = 1000;
 // Their system is summed up in so many parts, whatever the number of threads.
 constexpr int kNumParts = 4;
-// It is made anew after so many steps: what they change makes it only a little worse.
-constexpr int kStepsWithGroups = 4;
 
 Eigen::Matrix3d Damped(const Eigen::Matrix3d& curvature, double damping) {
   const double mean = curvature.trace() / 3.0;
@@ -202,19 +199,12 @@ void PositionSystem::AssembleDiagonal(int camera, const FitModels& models, doubl
     rhs -= models.centers[camera].gradient;
   }
   Eigen::Matrix3d fill = Eigen::Matrix3d::Zero();  // by the points eliminated
-  const std::vector<int>& rays = rays_of_[camera];
-  for (size_t i = 0; i < rays.size(); ++i) {
-    if (i + kAhead < rays.size()) {  // elsewhere in memory
-      const int next = rays[i + kAhead];
-      __builtin_prefetch(&models.rays[next]);
-      __builtin_prefetch(&point_inverse_[track_of_ray_[next]]);
-    }
-    const DirectionModel& ray = models.rays[rays[i]];
-    const int k = track_of_ray_[rays[i]];
-    const Eigen::Matrix3d curvature = ray.Curvature();
+  for (const int r : rays_of_[camera]) {
+    const int k = track_of_ray_[r];
+    const Eigen::Matrix3d curvature = models.rays[r].Curvature();
     diagonal += curvature;
     const Eigen::Matrix3d weighted = curvature * point_inverse_[k];
-    rhs += ray.gradient + weighted * point_rhs_.col(k);
+    rhs += models.rays[r].gradient + weighted * point_rhs_.col(k);
     fill += weighted * curvature;
   }
   damped_[camera] = Damped(diagonal, damping);
@@ -364,7 +354,6 @@ void PositionSystem::AddToGroups(const FitModels& models, int part, Eigen::Matri
 void PositionSystem::MakePreconditioner(const FitModels& models) {
   diagonal_inverse_.resize(diagonal_.size());
   for (size_t i = 0; i < diagonal_.size(); ++i) diagonal_inverse_[i] = diagonal_[i].inverse();
-  if (num_solved_++ % kStepsWithGroups != 0) return;
   std::vector<Eigen::MatrixXd> parts(kNumParts);
   const auto make = [&](int64_t part) {
     parts[part] = Eigen::MatrixXd::Zero(3 * num_groups_, 3 * num_groups_);

@@ -60,9 +60,6 @@ class PositionSystem {
   bool Solve(const FitModels& models, double damping, const Eigen::Matrix3Xd& positions,
              Positions& step);
 
-  // Before a fit with other weights.
-  void Restart() { num_solved_ = 0; }
-
   bool UsesCholesky() const { return cholesky_ != nullptr; }
   // Less damping changes nothing that matters, but costs conjugate gradients many iterations.
   double MinDamping() const { return UsesCholesky() ? 1e-9 : 1e-5; }
@@ -105,7 +102,6 @@ class PositionSystem {
   std::vector<size_t> edges_begin_, rays_begin_;  // of each camera
   std::vector<int> group_of_;                     // of each camera
   int num_groups_ = 0;
-  int num_solved_ = 0;  // since Restart
   Eigen::LLT<Eigen::MatrixXd> groups_;
   Eigen::Matrix3Xd rhs_;
   std::vector<Eigen::Matrix3d> point_inverse_;
