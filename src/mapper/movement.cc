@@ -1,9 +1,7 @@
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 
 #include "cairn/math/angles.h"
-#include "cairn/math/median.h"
 #include "mapper/stages.h"
 
 namespace cairn {
