@@ -87,6 +87,7 @@ class CalibrationSearch {
   // Whether separate cameras are worth models of their own: where the best models, of one camera,
   // get these, they have more evidence, or there are none.
   bool SeparatePays(Calibration separate) {
+    if (run_.monitor.StopRequested()) return false;
     if (best_.result.models.empty()) return true;
     static_cast<Calibration&>(scene_) = std::move(separate);
     const CalibratedResult adjusted = AdjustModels(scene_, best_.result, settings_, run_);
