@@ -50,8 +50,8 @@ CalibratedResult AdjustModels(const SceneData& scene, const ReconstructResult& f
   CalibratedResult adjusted;
   adjusted.evidence_nats = 0;
   StageContext context{scene, settings, run, adjusted.result.report};
+  ViewGraph graph = finished.graph;
   for (Reconstruction model : finished.models) {
-    ViewGraph graph = finished.graph;
     AdjustModel(context, std::numeric_limits<int>::max(), model);
     GrowModel(context, graph, model);
     adjusted.evidence_nats += EvidenceFor(context, model, graph).nats;
@@ -84,12 +84,11 @@ class CalibrationSearch {
 
   const CalibratedResult& best() const { return best_; }
 
-  // Whether separate cameras are worth models of their own: where the best models, of one camera,
-  // get these, they have more evidence, or there are none.
-  bool SeparatePays(Calibration separate) {
+  // Whether the scene's cameras are worth models of their own, where the best models have one
+  // camera for many images: with these cameras they have more evidence, or there are none.
+  bool SeparatePays() {
     if (run_.monitor.StopRequested()) return false;
     if (best_.result.models.empty()) return true;
-    static_cast<Calibration&>(scene_) = std::move(separate);
     const CalibratedResult adjusted = AdjustModels(scene_, best_.result, settings_, run_);
     choice_.messages.push_back(std::to_string(std::llround(adjusted.evidence_nats)) +
                                " nats of evidence where these models have " + scene_.origin);
@@ -223,15 +222,13 @@ ReconstructResult SearchCalibration(const std::vector<std::set<image_t>>& of_one
   };
   std::vector<std::set<image_t>> without_prior = of_one;
   std::erase_if(without_prior, [&](const auto& images) { return HaveExif(images, scene); });
-  bool tries_separate = true;
   if (!without_prior.empty()) {
     Calibration separate = scene;
     calibrator.Share(without_prior, scene, "");
     try_calibrations();
-    tries_separate = search.SeparatePays(separate);
     calibration = std::move(separate);
   }
-  if (tries_separate) try_calibrations();
+  if (without_prior.empty() || search.SeparatePays()) try_calibrations();
   if (!search.best().shares_camera &&
       calibrator.Share(of_one, search.best().result.models, ", by the models")) {
     search.Try(std::move(calibration));

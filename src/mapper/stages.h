@@ -279,7 +279,8 @@ enum class RefineStart {
   kChanged,  // new images, or a model that was not refined
   kRefined,  // a refined model: it stays as it is unless the tracks bring more observations
 };
-// Triangulation, bundle adjustment and filtering from coarse to fine. False: the model stayed.
+// Rounds of triangulation, bundle adjustment and filtering over all tracks. False: the model
+// stayed.
 bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineStart start,
                  Reconstruction& model);
 // Triangulation and filtering at poses that stay as they are, and how well the points determine

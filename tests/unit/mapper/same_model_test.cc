@@ -53,8 +53,6 @@ TEST(BuildModel, DoesNotFinishWhatLeadsToTheModelThatIsThere) {
     Eigen::Quaterniond& rotation = edge->cam2_from_cam1.rotation;
     rotation = ExpSO3({0, 0.12, 0}) * rotation;
   }
-  scene.graph.image_ids.clear();
-  for (const auto& [id, image] : scene.truth.images) scene.graph.image_ids.push_back(id);
   const BuiltModel built = BuildModel(scene.context, scene.graph.image_ids, scene.graph);
   ASSERT_TRUE(built.model.has_value());
   EXPECT_EQ(Value(*FindStage(scene.report, "rotation_averaging"), "hypotheses_out"), 2);
