@@ -116,11 +116,14 @@ FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weight
   bool has_moved = true;
   while (result.num_iterations < weights.max_iterations && !run.monitor.StopRequested()) {
     ++result.num_iterations;
-    if (std::exchange(has_moved, false)) fit.Linearize(positions);
+    if (std::exchange(has_moved, false)) {
+      fit.Linearize(positions);
+      system.SetModels(fit.Models(), positions.cameras);
+    }
     Positions step;
     double next_cost = std::numeric_limits<double>::infinity();
     Positions next;
-    if (system.Solve(fit.Models(), damping, positions.cameras, step)) {
+    if (system.Solve(damping, step)) {
       next = {positions.cameras + step.cameras, positions.points + step.points};
       next_cost = fit.Cost(next);
     }

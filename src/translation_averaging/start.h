@@ -1,7 +1,7 @@
 #pragma once
 
 #include "translation_averaging/direction_problem.h"
-#include "translation_averaging/position_system.h"
+#include "translation_averaging/position_models.h"
 
 namespace cairn {
 

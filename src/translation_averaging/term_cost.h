@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 
-#include "translation_averaging/position_system.h"
+#include "translation_averaging/position_models.h"
 
 namespace cairn {
 

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "translation_averaging/direction_problem.h"
+#include "translation_averaging/position_models.h"
+
+namespace cairn {
+
+// Solves the cameras' system, out of which the points are eliminated, by conjugate gradients and
+// without forming it: time and memory grow with the numbers of edges and rays, not with the pairs
+// that a point joins. The preconditioner has two levels: the diagonal blocks, and the system of
+// groups of cameras that move as one (Nicolaides, "Deflation of conjugate gradients with
+// applications to boundary value problems", 1987).
+class IterativeCameras {
+ public:
+  IterativeCameras(const DirectionProblem& problem, int num_threads);
+
+  // Keeps a pointer. positions: where the cameras are now, more or less; those near each other make
+  // a group, once and for all.
+  void SetModels(const FitModels& models, const Eigen::Matrix3Xd& positions);
+  // The step of the cameras (3 x n), nearly. The groups' system is of the first damping of the
+  // models: it needs to be near alone.
+  Eigen::Matrix3Xd Solve(double damping, const EliminatedPoints& points);
+
+ private:
+  // What a part of the edges and tracks adds to a camera's block of the diagonal and right side.
+  struct Diagonal {
+    Eigen::Matrix3d own = Eigen::Matrix3d::Zero();
+    Eigen::Matrix3d fill = Eigen::Matrix3d::Zero();  // by the points eliminated; subtracted
+    Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
+  };
+  // Of x, y, z and nothing: in two halves, which all instruction sets have.
+  struct Sum {
+    Eigen::Vector2d xy = Eigen::Vector2d::Zero();
+    Eigen::Vector2d zw = Eigen::Vector2d::Zero();
+
+    void Add(const Eigen::Vector4f& x) {
+      xy += x.head<2>().cast<double>();
+      zw += x.tail<2>().cast<double>();
+    }
+    Eigen::Vector3d Xyz() const { return {xy[0], xy[1], zw[0]}; }
+  };
+  void Assemble(double damping);
+  void AssemblePart(int64_t part, std::vector<Diagonal>& diagonal);
+  void AddToGroups(int64_t part, std::vector<Eigen::Matrix3d>& blocks) const;
+  void FactorizeGroups();
+  Eigen::Matrix3Xd Precondition(const Eigen::Matrix3Xd& residual) const;
+  Eigen::Matrix3Xd Multiply(const Eigen::Matrix3Xd& x) const;
+  void MultiplyPart(int64_t part, const Eigen::Vector4f* x, Sum* sums) const;
+  Eigen::Matrix3Xd Iterate() const;
+
+  const DirectionProblem& problem_;
+  int num_threads_;
+  const FitModels* models_ = nullptr;
+  const EliminatedPoints* points_ = nullptr;
+  // For the products: half as large as in models and problem; a step is not that exact.
+  std::vector<Eigen::Vector4f> edge_axes_, ray_axes_;
+  std::vector<std::pair<int, int>> edge_cameras_;
+  std::vector<int> ray_cameras_;
+  std::vector<Eigen::Matrix3d> damped_;  // diagonal block of each camera before points are out
+  std::vector<Eigen::Matrix3d> diagonal_inverse_;  // and the inverse of that after
+  Eigen::Matrix3Xd rhs_;
+  std::vector<int> group_of_;  // of each camera
+  int num_groups_ = 0;
+  Eigen::LLT<Eigen::MatrixXd> groups_;
+  bool groups_are_old_ = true;
+};
+
+}  // namespace cairn
