@@ -31,15 +31,13 @@ StageResult RunIrlsStage(RotationGraph& graph, const RotationAveragingOptions& o
   const double sigma_end = DegToRad(std::min(options.sigma_end_deg, options.sigma_start_deg));
   double sigma = DegToRad(options.sigma_start_deg);
   std::vector<double> weights(problem.NumEdges());
+  Eigen::MatrixXd rhs;
   while (result.num_iterations < options.max_irls_iterations && !run.monitor.StopRequested()) {
     const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, run.num_threads);
-    Eigen::MatrixXd rhs = Eigen::MatrixXd::Zero(problem.NumNodes(), 3);
     for (int e = 0; e < problem.NumEdges(); ++e) {
       weights[e] = problem.trust[e] * KernelWeight(errors.col(e).squaredNorm(), sigma);
-      const Eigen::RowVector3d target = weights[e] * errors.col(e).transpose();
-      rhs.row(problem.edges[e].node2) += target;
-      rhs.row(problem.edges[e].node1) -= target;
     }
+    SumAtNodes(problem, weights, errors, run.num_threads, rhs);
     CAIRN_CHECK(graph.solver.Factorize(weights));
     const double moved =
         ApplyRotationUpdate(graph.solver.Solve(rhs, {}, kStepTolerance), cam_from_world);

@@ -26,7 +26,7 @@ Eigen::Vector3d Shrink(const Eigen::Vector3d& v, double threshold) {
 Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& errors,
                         const LaplacianSolver& solver, int num_threads) {
   const double threshold = DegToRad(kShrinkDeg);
-  const int num_edges = problem.NumEdges(), num_nodes = problem.NumNodes();
+  const int num_edges = problem.NumEdges();
   if (num_edges < kMinParallelEdges) num_threads = 1;
   Eigen::Matrix3Xd dual = Eigen::Matrix3Xd::Zero(3, num_edges);
   // Where the difference of an edge's ends should be: error + slack - dual, with the slack where
@@ -36,14 +36,7 @@ Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& 
     target.col(e) = errors.col(e) + Shrink(-errors.col(e), threshold);
   };
   ParallelFor(num_threads, num_edges, start, kAdmmGrain);
-  Eigen::MatrixXd delta, rhs(num_nodes, 3);
-  const auto sum_targets = [&](int64_t v) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const int e : problem.adjacency.EdgesOf(static_cast<int>(v))) {
-      sum += (problem.edges[e].node2 == v ? 1.0 : -1.0) * problem.trust[e] * target.col(e);
-    }
-    rhs.row(v) = sum.transpose();
-  };
+  Eigen::MatrixXd delta, rhs;
   const auto update = [&](int64_t e) {
     const Eigen::Vector3d residual =
         (delta.row(problem.edges[e].node2) - delta.row(problem.edges[e].node1)).transpose() -
@@ -54,7 +47,7 @@ Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& 
     target.col(e) = errors.col(e) + slack - dual.col(e);
   };
   for (int iteration = 0; iteration < kMaxAdmmIterations; ++iteration) {
-    ParallelFor(num_threads, num_nodes, sum_targets, kAdmmGrain);
+    SumAtNodes(problem, problem.trust, target, num_threads, rhs);
     delta = solver.Solve(rhs, delta, kSolverTolerance);
     ParallelFor(num_threads, num_edges, update, kAdmmGrain);
   }

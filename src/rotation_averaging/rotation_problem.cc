@@ -91,6 +91,21 @@ Eigen::Matrix3Xd RotationErrors(const RotationProblem& problem,
   return errors;
 }
 
+void SumAtNodes(const RotationProblem& problem, std::span<const double> weights,
+                const Eigen::Matrix3Xd& vectors, int num_threads, Eigen::MatrixXd& sums) {
+  constexpr int kNodesATask = 256;
+  if (problem.NumEdges() < kMinParallelEdges) num_threads = 1;
+  sums.resize(problem.NumNodes(), 3);
+  const auto sum_node = [&](int64_t v) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const int e : problem.adjacency.EdgesOf(static_cast<int>(v))) {
+      sum += (problem.edges[e].node2 == v ? 1.0 : -1.0) * weights[e] * vectors.col(e);
+    }
+    sums.row(v) = sum.transpose();
+  };
+  ParallelFor(num_threads, problem.NumNodes(), sum_node, kNodesATask);
+}
+
 double ApplyRotationUpdate(const Eigen::MatrixXd& delta,
                            std::vector<Eigen::Quaterniond>& cam_from_world) {
   double sum = 0;

@@ -39,6 +39,11 @@ Eigen::Matrix3Xd RotationErrors(const RotationProblem& problem,
                                 const std::vector<Eigen::Quaterniond>& cam_from_world,
                                 int num_threads);
 
+// At each node, the sum of weight * vector over the edges that end there, less those that begin
+// there (n x 3): the right side of least squares for differences of nodes. vectors: 3 x m.
+void SumAtNodes(const RotationProblem& problem, std::span<const double> weights,
+                const Eigen::Matrix3Xd& vectors, int num_threads, Eigen::MatrixXd& sums);
+
 // Support of an edge is its trust divided by this, 1 + (angle / sigma)^2 with 2 sin(angle / 2) for
 // the angle, by the cosines of half of the angles.
 template <typename Derived>
