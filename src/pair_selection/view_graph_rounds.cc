@@ -115,19 +115,31 @@ int SeparatingCount(const PairEvidence& evidence,
 }  // namespace
 
 std::vector<image_pair_t> PairsTwoEdgesApart(const PairEvidence& evidence, int min_shared_points,
-                                             int num_threads) {
+                                             int max_neighbors, int num_threads) {
   const LinksOfImages links = FindLinks(evidence);
   std::vector<image_t> images;
   for (const auto& [image, of_image] : links) images.push_back(image);
-  std::vector<std::vector<image_pair_t>> found(images.size());
-  ParallelFor(num_threads, std::ssize(images), [&](int64_t i) {
-    for (const auto& [other, count] : CountSharedPoints(images[i], links)) {
-      const image_pair_t pair = ImagePairToPairId(images[i], other);
-      if (count >= min_shared_points && evidence.matched.count(pair) == 0) found[i].push_back(pair);
+  std::vector<std::map<image_t, int>> counts(images.size());
+  ParallelFor(num_threads, std::ssize(images),
+              [&](int64_t i) { counts[i] = CountSharedPoints(images[i], links); });
+  std::map<image_t, std::vector<std::pair<int, image_t>>> found;  // minus shared points, other image
+  for (size_t i = 0; i < images.size(); ++i) {
+    for (const auto& [other, count] : counts[i]) {
+      if (count < min_shared_points) continue;
+      if (evidence.matched.count(ImagePairToPairId(images[i], other)) > 0) continue;
+      found[images[i]].emplace_back(-count, other);
+      found[other].emplace_back(-count, images[i]);
     }
-  });
+  }
+  const NeighborsOfImages neighbors = FindNeighbors(evidence);
   std::vector<image_pair_t> pairs;
-  for (const auto& of_image : found) pairs.insert(pairs.end(), of_image.begin(), of_image.end());
+  for (auto& [image, of_image] : found) {
+    std::sort(of_image.begin(), of_image.end());
+    const int64_t num_missing = max_neighbors - std::ssize(neighbors.at(image));
+    for (int64_t k = 0; k < std::min(num_missing, std::ssize(of_image)); ++k) {
+      pairs.push_back(ImagePairToPairId(image, of_image[k].second));
+    }
+  }
   return Unique(std::move(pairs));
 }
 

@@ -109,9 +109,11 @@ struct PairEvidence {
 };
 
 // Pairs that were not matched, of images that a third one is verified with, where at least
-// min_shared_points keypoints of the one lead through inliers to keypoints of the other. Ascending.
+// min_shared_points keypoints of the one lead through inliers to keypoints of the other. Each image
+// asks for those with the most such keypoints, until it has max_neighbors with its verified pairs;
+// a pair that either image asks for is taken. Ascending.
 std::vector<image_pair_t> PairsTwoEdgesApart(const PairEvidence& evidence, int min_shared_points,
-                                             int num_threads);
+                                             int max_neighbors, int num_threads);
 // Of each image, the best candidate that was not matched, is more than two edges away in the view
 // graph, and has at least as many matches of largest features as tell verified candidates from
 // others that were matched (the count that errs least often). Ascending.

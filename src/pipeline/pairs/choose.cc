@@ -23,6 +23,8 @@ constexpr int kAutoOverlap = 2;
 constexpr double kHalf = 0.5;
 // A round of fewer pairs two edges apart, of those that are matched, is not worth its start.
 constexpr double kMinGrowth = 0.01;
+// An image with so many times the verified pairs that retrieval proposes needs no more of the kind.
+constexpr int kEnough = 8;
 
 std::string CountOf(size_t num, size_t all) {
   return std::to_string(num) + " of " + std::to_string(all) + " photographs";
@@ -223,7 +225,8 @@ PairChooser::Choices PairChooser::NextChoices(const std::vector<PairChoiceRecord
   const PairSelectionOptions& options = choosing_.options;
   if (yields(PairReason::kTwoEdges) >= kHalf) {
     const std::vector<image_pair_t> pairs =
-        PairsTwoEdgesApart(evidence, options.min_shared_points, run_.num_threads);
+        PairsTwoEdgesApart(evidence, options.min_shared_points,
+                           kEnough * options.retrieval_neighbors, run_.num_threads);
     const double min_num = kMinGrowth * static_cast<double>(evidence.matched.size());
     if (static_cast<double>(pairs.size()) >= min_num) add(pairs, PairReason::kTwoEdges);
   }

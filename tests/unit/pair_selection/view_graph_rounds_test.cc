@@ -32,12 +32,23 @@ TEST(PairsTwoEdgesApart, CountsPointsThatAThirdImageShares) {
   AddVerified(evidence, 3, 4, Same(70, 60));  // 10 are in 2, 3 and 4
   AddVerified(evidence, 1, 5, Same(0, 50));   // 50 are in 2, 1 and 5,
   AddVerified(evidence, 3, 5, Same(30, 20));  // of which 2, 3 and 5 have 20: no new ones
-  EXPECT_THAT(PairsTwoEdgesApart(evidence, 40, 1), ElementsAre(pair(1, 3), pair(2, 5)));
-  EXPECT_THAT(PairsTwoEdgesApart(evidence, 41, 2), ElementsAre(pair(2, 5)));
-  EXPECT_THAT(PairsTwoEdgesApart(evidence, 51, 2), ElementsAre());
-  EXPECT_THAT(PairsTwoEdgesApart(evidence, 10, 2), ElementsAre(pair(1, 3), pair(2, 4), pair(2, 5)));
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 40, 9, 1), ElementsAre(pair(1, 3), pair(2, 5)));
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 41, 9, 2), ElementsAre(pair(2, 5)));
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 51, 9, 2), ElementsAre());
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 10, 9, 2), ElementsAre(pair(1, 3), pair(2, 4), pair(2, 5)));
   evidence.matched.insert(pair(1, 3));  // in vain
-  EXPECT_THAT(PairsTwoEdgesApart(evidence, 40, 2), ElementsAre(pair(2, 5)));
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 40, 9, 2), ElementsAre(pair(2, 5)));
+}
+
+// Without a limit, the pairs of an object that all photographs see are all there are.
+TEST(PairsTwoEdgesApart, ImagesWithEnoughNeighborsAskForNoMore) {
+  PairEvidence evidence;
+  for (image_t i = 2; i <= 6; ++i) AddVerified(evidence, 1, i, Same(0, 10 * i));
+  EXPECT_EQ(PairsTwoEdgesApart(evidence, 1, 9, 2).size(), 10);  // all others
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 1, 1, 2), ElementsAre());
+  // Each asks for one: that with the most shared points, of equal ones the first.
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 1, 2, 2),
+              ElementsAre(pair(2, 3), pair(3, 4), pair(4, 5), pair(5, 6)));
 }
 
 // A chain 1 - 2 - ... - 8; 1 and 8 look alike.
