@@ -35,7 +35,8 @@ TEST(PairsTwoEdgesApart, CountsPointsThatAThirdImageShares) {
   EXPECT_THAT(PairsTwoEdgesApart(evidence, 40, 9, 1), ElementsAre(pair(1, 3), pair(2, 5)));
   EXPECT_THAT(PairsTwoEdgesApart(evidence, 41, 9, 2), ElementsAre(pair(2, 5)));
   EXPECT_THAT(PairsTwoEdgesApart(evidence, 51, 9, 2), ElementsAre());
-  EXPECT_THAT(PairsTwoEdgesApart(evidence, 10, 9, 2), ElementsAre(pair(1, 3), pair(2, 4), pair(2, 5)));
+  EXPECT_THAT(PairsTwoEdgesApart(evidence, 10, 9, 2),
+              ElementsAre(pair(1, 3), pair(2, 4), pair(2, 5)));
   evidence.matched.insert(pair(1, 3));  // in vain
   EXPECT_THAT(PairsTwoEdgesApart(evidence, 40, 9, 2), ElementsAre(pair(2, 5)));
 }
