@@ -62,16 +62,16 @@ Eigen::Vector4f WithSquare(const Eigen::Vector3d& axis) {
 }
 
 // The curvature of such an axis times x, y, z of a vector whose last element is 0; the result's
-// last one means nothing.
-Eigen::Vector4f Across(const Eigen::Vector4f& axis, const Eigen::Vector4f& x) {
-  return axis[3] * x - axis.cwiseProduct(x).sum() * axis;
+// last one means nothing. (By halves, which all instruction sets have. In double precision, since
+// the curvature is none along the axis, and may be large across it.)
+Eigen::Vector4d Across(const Eigen::Vector4f& axis, const Eigen::Vector4d& x) {
+  Eigen::Vector4d a;
+  a.head<2>() = axis.head<2>().cast<double>();
+  a.tail<2>() = axis.tail<2>().cast<double>();
+  return a[3] * x - a.cwiseProduct(x).sum() * a;
 }
 
-Eigen::Vector4f WithZero(const Eigen::Vector3d& x) {
-  Eigen::Vector4f result;
-  result << x.cast<float>(), 0;
-  return result;
-}
+Eigen::Vector4d WithZero(const Eigen::Vector3d& x) { return {x.x(), x.y(), x.z(), 0}; }
 
 // Of a part of `size` terms.
 int64_t PartBegin(int64_t part, int64_t size) { return part * size / kNumParts; }
@@ -168,18 +168,18 @@ void IterativeCameras::AssemblePart(int64_t part, std::vector<Diagonal>& diagona
 // The cameras' system times x, by way of the points.
 Eigen::Matrix3Xd IterativeCameras::Multiply(const Eigen::Matrix3Xd& x) const {
   const int64_t n = x.cols();
-  std::vector<Eigen::Vector4f> cameras(n);
+  std::vector<Eigen::Vector4d> cameras(n);
   for (int64_t i = 0; i < n; ++i) cameras[i] = WithZero(x.col(i));
-  std::vector<std::vector<Sum>> parts(kNumParts);
+  std::vector<std::vector<Eigen::Vector4d>> parts(kNumParts);
   const auto multiply_part = [&](int64_t part) {
-    parts[part].resize(n);
+    parts[part].assign(n, Eigen::Vector4d::Zero());
     MultiplyPart(part, cameras.data(), parts[part].data());
   };
   ParallelFor(num_threads_, kNumParts, multiply_part, 1);
   Eigen::Matrix3Xd y(3, n);
   const auto sum_camera = [&](int64_t i) {
     Eigen::Vector3d sum = damped_[i] * x.col(i);
-    for (const std::vector<Sum>& part : parts) sum -= part[i].Xyz();
+    for (const std::vector<Eigen::Vector4d>& part : parts) sum -= part[i].head<3>();
     y.col(i) = sum;
   };
   ParallelFor(num_threads_, n, sum_camera, kIterationGrain);
@@ -187,23 +187,24 @@ Eigen::Matrix3Xd IterativeCameras::Multiply(const Eigen::Matrix3Xd& x) const {
 }
 
 // By pointers: bounds checks would take a third of the time.
-void IterativeCameras::MultiplyPart(int64_t part, const Eigen::Vector4f* x, Sum* sums) const {
+void IterativeCameras::MultiplyPart(int64_t part, const Eigen::Vector4d* x,
+                                    Eigen::Vector4d* sums) const {
   const int64_t num_edges = std::ssize(problem_.edges), num_tracks = problem_.NumTracks();
   for (int64_t e = PartBegin(part, num_edges); e < PartBegin(part + 1, num_edges); ++e) {
     const auto [camera1, camera2] = edge_cameras_[e];
-    sums[camera1].Add(Across(edge_axes_[e], x[camera2]));
-    sums[camera2].Add(Across(edge_axes_[e], x[camera1]));
+    sums[camera1] += Across(edge_axes_[e], x[camera2]);
+    sums[camera2] += Across(edge_axes_[e], x[camera1]);
   }
   for (int64_t k = PartBegin(part, num_tracks); k < PartBegin(part + 1, num_tracks); ++k) {
     const std::span axes(ray_axes_.data() + problem_.track_begin[k],
                          ray_axes_.data() + problem_.track_begin[k + 1]);
     const int* const cameras = ray_cameras_.data() + problem_.track_begin[k];
-    Eigen::Vector4f pull = Eigen::Vector4f::Zero();
+    Eigen::Vector4d pull = Eigen::Vector4d::Zero();
     const int* camera = cameras;
     for (const Eigen::Vector4f& axis : axes) pull += Across(axis, x[*camera++]);
-    const Eigen::Vector4f point = WithZero(points_->inverse[k] * pull.head<3>().cast<double>());
+    const Eigen::Vector4d point = WithZero(points_->inverse[k] * pull.head<3>());
     camera = cameras;
-    for (const Eigen::Vector4f& axis : axes) sums[*camera++].Add(Across(axis, point));
+    for (const Eigen::Vector4f& axis : axes) sums[*camera++] += Across(axis, point);
   }
 }
 

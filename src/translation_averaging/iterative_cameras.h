@@ -34,31 +34,21 @@ class IterativeCameras {
     Eigen::Matrix3d fill = Eigen::Matrix3d::Zero();  // by the points eliminated; subtracted
     Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
   };
-  // Of x, y, z and nothing: in two halves, which all instruction sets have.
-  struct Sum {
-    Eigen::Vector2d xy = Eigen::Vector2d::Zero();
-    Eigen::Vector2d zw = Eigen::Vector2d::Zero();
-
-    void Add(const Eigen::Vector4f& x) {
-      xy += x.head<2>().cast<double>();
-      zw += x.tail<2>().cast<double>();
-    }
-    Eigen::Vector3d Xyz() const { return {xy[0], xy[1], zw[0]}; }
-  };
   void Assemble(double damping);
   void AssemblePart(int64_t part, std::vector<Diagonal>& diagonal);
   void AddToGroups(int64_t part, std::vector<Eigen::Matrix3d>& blocks) const;
   void FactorizeGroups();
   Eigen::Matrix3Xd Precondition(const Eigen::Matrix3Xd& residual) const;
   Eigen::Matrix3Xd Multiply(const Eigen::Matrix3Xd& x) const;
-  void MultiplyPart(int64_t part, const Eigen::Vector4f* x, Sum* sums) const;
+  void MultiplyPart(int64_t part, const Eigen::Vector4d* x, Eigen::Vector4d* sums) const;
   Eigen::Matrix3Xd Iterate() const;
 
   const DirectionProblem& problem_;
   int num_threads_;
   const FitModels* models_ = nullptr;
   const EliminatedPoints* points_ = nullptr;
-  // For the products: half as large as in models and problem; a step is not that exact.
+  // For the products: axes (x, y, z and the squared length) half as large as in models; a step is
+  // not that exact.
   std::vector<Eigen::Vector4f> edge_axes_, ray_axes_;
   std::vector<std::pair<int, int>> edge_cameras_;
   std::vector<int> ray_cameras_;
