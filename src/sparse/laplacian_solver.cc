@@ -207,12 +207,9 @@ bool LaplacianSolver::Factorize(std::span<const double> weights, std::span<const
     if (row_of_node_[v] >= 0) diagonal_[row_of_node_[v]] += diagonal[v];
   }
   if (!factor_) {
-    const auto weigh_row = [&](int64_t r) {
-      for (int64_t k = neighbors_begin_[r]; k < neighbors_begin_[r + 1]; ++k) {
-        neighbor_weights_[k] = weights[neighbors_[k].edge];
-      }
-    };
-    ParallelFor(num_threads_, std::ssize(diagonal_of_row_), weigh_row, kGrain);
+    for (size_t k = 0; k < neighbors_.size(); ++k) {
+      neighbor_weights_[k] = weights[neighbors_[k].edge];
+    }
     if (!(diagonal_.array() > 0).all()) return false;
     FindAggregates();
     if (num_aggregates_ <= kMaxAggregates) FactorizeAggregates();
