@@ -73,8 +73,11 @@ Eigen::Vector4d Across(const Eigen::Vector4f& axis, const Eigen::Vector4d& x) {
 
 Eigen::Vector4d WithZero(const Eigen::Vector3d& x) { return {x.x(), x.y(), x.z(), 0}; }
 
-// Of a part of `size` terms.
-int64_t PartBegin(int64_t part, int64_t size) { return part * size / kNumParts; }
+// Calls use(k) for the elements k of a part of `size`.
+template <class Use>
+void ForPart(int64_t part, int64_t size, const Use& use) {
+  for (int64_t k = part * size / kNumParts; k < (part + 1) * size / kNumParts; ++k) use(k);
+}
 
 // Of blocks (row, column), row >= column, by rows.
 size_t LowerIndex(int row, int column) { return static_cast<size_t>(row) * (row + 1) / 2 + column; }
@@ -89,9 +92,8 @@ IterativeCameras::IterativeCameras(const DirectionProblem& problem, int num_thre
   for (const DirectionProblem::Ray& ray : problem.rays) ray_cameras_.push_back(ray.camera);
 }
 
-void IterativeCameras::SetModels(const FitModels& models, const Eigen::Matrix3Xd& positions) {
-  models_ = &models;
-  groups_are_old_ = true;
+void IterativeCameras::Restart(const Eigen::Matrix3Xd& positions) {
+  has_groups_ = false;
   if (!group_of_.empty()) return;
   const int n = problem_.NumCameras();
   std::vector<int> cameras(n);
@@ -100,21 +102,22 @@ void IterativeCameras::SetModels(const FitModels& models, const Eigen::Matrix3Xd
   SplitIntoGroups(positions, cameras, std::max(kMaxGroup, n / kMaxGroups), group_of_, num_groups_);
 }
 
-Eigen::Matrix3Xd IterativeCameras::Solve(double damping, const EliminatedPoints& points) {
-  points_ = &points;
-  Assemble(damping);
-  if (std::exchange(groups_are_old_, false)) FactorizeGroups();
-  return Iterate();
+Eigen::Matrix3Xd IterativeCameras::Solve(const FitModels& models, const EliminatedPoints& points,
+                                         double damping) {
+  Assemble(models, points, damping);
+  if (!std::exchange(has_groups_, true)) FactorizeGroups(models, points);
+  return Iterate(points);
 }
 
-void IterativeCameras::Assemble(double damping) {
+void IterativeCameras::Assemble(const FitModels& models, const EliminatedPoints& points,
+                                double damping) {
   const int n = problem_.NumCameras();
   edge_axes_.resize(problem_.edges.size());
   ray_axes_.resize(problem_.rays.size());
   std::vector<std::vector<Diagonal>> parts(kNumParts);
   const auto assemble_part = [&](int64_t part) {
     parts[part].resize(n);
-    AssemblePart(part, parts[part]);
+    AssemblePart(part, models, points, parts[part]);
   };
   ParallelFor(num_threads_, kNumParts, assemble_part, 1);
   rhs_.resize(3, n);
@@ -122,9 +125,9 @@ void IterativeCameras::Assemble(double damping) {
   diagonal_inverse_.resize(n);
   const auto assemble_camera = [&](int64_t i) {
     Diagonal sum;
-    if (!models_->centers.empty()) {
-      sum.own = models_->centers[i].curvature;
-      sum.rhs = -models_->centers[i].gradient;
+    if (!models.centers.empty()) {
+      sum.own = models.centers[i].curvature;
+      sum.rhs = -models.centers[i].gradient;
     }
     for (const std::vector<Diagonal>& part : parts) {
       sum.own += part[i].own;
@@ -138,10 +141,11 @@ void IterativeCameras::Assemble(double damping) {
   ParallelFor(num_threads_, n, assemble_camera, kIterationGrain);
 }
 
-void IterativeCameras::AssemblePart(int64_t part, std::vector<Diagonal>& diagonal) {
-  const int64_t num_edges = std::ssize(problem_.edges), num_tracks = problem_.NumTracks();
-  for (int64_t e = PartBegin(part, num_edges); e < PartBegin(part + 1, num_edges); ++e) {
-    const DirectionModel& model = models_->edges[e];
+void IterativeCameras::AssemblePart(int64_t part, const FitModels& models,
+                                    const EliminatedPoints& points,
+                                    std::vector<Diagonal>& diagonal) {
+  ForPart(part, std::ssize(problem_.edges), [&](int64_t e) {
+    const DirectionModel& model = models.edges[e];
     Diagonal& camera1 = diagonal[problem_.edges[e].camera1];
     Diagonal& camera2 = diagonal[problem_.edges[e].camera2];
     const Eigen::Matrix3d curvature = model.Curvature();
@@ -150,30 +154,31 @@ void IterativeCameras::AssemblePart(int64_t part, std::vector<Diagonal>& diagona
     camera1.rhs += model.gradient;
     camera2.rhs -= model.gradient;
     edge_axes_[e] = WithSquare(model.axis);
-  }
-  for (int64_t k = PartBegin(part, num_tracks); k < PartBegin(part + 1, num_tracks); ++k) {
-    const Eigen::Matrix3d& P = points_->inverse[k];
-    const Eigen::Vector3d point = P * points_->rhs.col(k);
+  });
+  ForPart(part, problem_.NumTracks(), [&](int64_t k) {
+    const Eigen::Matrix3d& P = points.inverse[k];
+    const Eigen::Vector3d point = P * points.rhs.col(k);
     for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
-      const DirectionModel& model = models_->rays[r];
+      const DirectionModel& model = models.rays[r];
       Diagonal& camera = diagonal[problem_.rays[r].camera];
       camera.own += model.Curvature();
       camera.fill += FromBothSides(model.axis, P);
       camera.rhs += model.gradient + model.CurvatureTimes(point);
       ray_axes_[r] = WithSquare(model.axis);
     }
-  }
+  });
 }
 
 // The cameras' system times x, by way of the points.
-Eigen::Matrix3Xd IterativeCameras::Multiply(const Eigen::Matrix3Xd& x) const {
+Eigen::Matrix3Xd IterativeCameras::Multiply(const EliminatedPoints& points,
+                                            const Eigen::Matrix3Xd& x) const {
   const int64_t n = x.cols();
   std::vector<Eigen::Vector4d> cameras(n);
   for (int64_t i = 0; i < n; ++i) cameras[i] = WithZero(x.col(i));
   std::vector<std::vector<Eigen::Vector4d>> parts(kNumParts);
   const auto multiply_part = [&](int64_t part) {
     parts[part].assign(n, Eigen::Vector4d::Zero());
-    MultiplyPart(part, cameras.data(), parts[part].data());
+    MultiplyPart(part, points, cameras.data(), parts[part].data());
   };
   ParallelFor(num_threads_, kNumParts, multiply_part, 1);
   Eigen::Matrix3Xd y(3, n);
@@ -187,54 +192,52 @@ Eigen::Matrix3Xd IterativeCameras::Multiply(const Eigen::Matrix3Xd& x) const {
 }
 
 // By pointers: bounds checks would take a third of the time.
-void IterativeCameras::MultiplyPart(int64_t part, const Eigen::Vector4d* x,
-                                    Eigen::Vector4d* sums) const {
-  const int64_t num_edges = std::ssize(problem_.edges), num_tracks = problem_.NumTracks();
-  for (int64_t e = PartBegin(part, num_edges); e < PartBegin(part + 1, num_edges); ++e) {
+void IterativeCameras::MultiplyPart(int64_t part, const EliminatedPoints& points,
+                                    const Eigen::Vector4d* x, Eigen::Vector4d* sums) const {
+  ForPart(part, std::ssize(problem_.edges), [&](int64_t e) {
     const auto [camera1, camera2] = edge_cameras_[e];
     sums[camera1] += Across(edge_axes_[e], x[camera2]);
     sums[camera2] += Across(edge_axes_[e], x[camera1]);
-  }
-  for (int64_t k = PartBegin(part, num_tracks); k < PartBegin(part + 1, num_tracks); ++k) {
+  });
+  ForPart(part, problem_.NumTracks(), [&](int64_t k) {
     const std::span axes(ray_axes_.data() + problem_.track_begin[k],
                          ray_axes_.data() + problem_.track_begin[k + 1]);
     const int* const cameras = ray_cameras_.data() + problem_.track_begin[k];
     Eigen::Vector4d pull = Eigen::Vector4d::Zero();
     const int* camera = cameras;
     for (const Eigen::Vector4f& axis : axes) pull += Across(axis, x[*camera++]);
-    const Eigen::Vector4d point = WithZero(points_->inverse[k] * pull.head<3>());
+    const Eigen::Vector4d point = WithZero(points.inverse[k] * pull.head<3>());
     camera = cameras;
     for (const Eigen::Vector4f& axis : axes) sums[*camera++] += Across(axis, point);
-  }
+  });
 }
 
-void IterativeCameras::AddToGroups(int64_t part, std::vector<Eigen::Matrix3d>& blocks) const {
-  const auto for_part = [part](int64_t size, auto use) {
-    for (int64_t k = PartBegin(part, size); k < PartBegin(part + 1, size); ++k) use(k);
-  };
-  for_part(problem_.NumCameras(),
-           [&](int64_t i) { blocks[LowerIndex(group_of_[i], group_of_[i])] += damped_[i]; });
-  for_part(std::ssize(problem_.edges), [&](int64_t e) {
+void IterativeCameras::AddToGroups(int64_t part, const FitModels& models,
+                                   const EliminatedPoints& points,
+                                   std::vector<Eigen::Matrix3d>& blocks) const {
+  ForPart(part, problem_.NumCameras(),
+          [&](int64_t i) { blocks[LowerIndex(group_of_[i], group_of_[i])] += damped_[i]; });
+  ForPart(part, std::ssize(problem_.edges), [&](int64_t e) {
     const auto [group2, group1] =
         std::minmax(group_of_[problem_.edges[e].camera1], group_of_[problem_.edges[e].camera2]);
     const double times = group1 == group2 ? 2 : 1;
-    blocks[LowerIndex(group1, group2)] -= times * models_->edges[e].Curvature();
+    blocks[LowerIndex(group1, group2)] -= times * models.edges[e].Curvature();
   });
   std::vector<std::pair<int, Eigen::Matrix3d>> pulls;  // of a point, on each group
-  for_part(problem_.NumTracks(), [&](int64_t k) {
+  ForPart(part, problem_.NumTracks(), [&](int64_t k) {
     pulls.clear();
     for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
       const int group = group_of_[problem_.rays[r].camera];
       const auto pull = std::find_if(pulls.begin(), pulls.end(),
                                      [group](const auto& p) { return p.first == group; });
       if (pull == pulls.end()) {
-        pulls.emplace_back(group, models_->rays[r].Curvature());
+        pulls.emplace_back(group, models.rays[r].Curvature());
       } else {
-        pull->second += models_->rays[r].Curvature();
+        pull->second += models.rays[r].Curvature();
       }
     }
     for (const auto& [group1, pull1] : pulls) {
-      const Eigen::Matrix3d weighted = pull1 * points_->inverse[k];
+      const Eigen::Matrix3d weighted = pull1 * points.inverse[k];
       for (const auto& [group2, pull2] : pulls) {
         if (group1 >= group2) blocks[LowerIndex(group1, group2)] -= weighted * pull2;
       }
@@ -242,11 +245,11 @@ void IterativeCameras::AddToGroups(int64_t part, std::vector<Eigen::Matrix3d>& b
   });
 }
 
-void IterativeCameras::FactorizeGroups() {
+void IterativeCameras::FactorizeGroups(const FitModels& models, const EliminatedPoints& points) {
   std::vector<std::vector<Eigen::Matrix3d>> parts(kNumParts);
   const auto make = [&](int64_t part) {
     parts[part].assign(LowerIndex(num_groups_, 0), Eigen::Matrix3d::Zero());
-    AddToGroups(part, parts[part]);
+    AddToGroups(part, models, points, parts[part]);
   };
   ParallelFor(num_threads_, kNumParts, make, 1);
   Eigen::MatrixXd system(3 * num_groups_, 3 * num_groups_);  // its lower triangle
@@ -273,7 +276,7 @@ Eigen::Matrix3Xd IterativeCameras::Precondition(const Eigen::Matrix3Xd& residual
   return result;
 }
 
-Eigen::Matrix3Xd IterativeCameras::Iterate() const {
+Eigen::Matrix3Xd IterativeCameras::Iterate(const EliminatedPoints& points) const {
   Eigen::Matrix3Xd step = Eigen::Matrix3Xd::Zero(3, problem_.NumCameras());
   Eigen::Matrix3Xd residual = rhs_;
   Eigen::Matrix3Xd z = Precondition(residual);
@@ -281,7 +284,7 @@ Eigen::Matrix3Xd IterativeCameras::Iterate() const {
   double rho = residual.cwiseProduct(z).sum();
   const double target = kCgTolerance * kCgTolerance * rho;
   for (int iteration = 0; iteration < kMaxCgIterations && rho > target; ++iteration) {
-    const Eigen::Matrix3Xd image = Multiply(direction);
+    const Eigen::Matrix3Xd image = Multiply(points, direction);
     const double curvature = direction.cwiseProduct(image).sum();
     if (!(curvature > 0)) break;
     const double length = rho / curvature;

@@ -118,12 +118,12 @@ FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weight
     ++result.num_iterations;
     if (std::exchange(has_moved, false)) {
       fit.Linearize(positions);
-      system.SetModels(fit.Models(), positions.cameras);
+      system.Restart(positions.cameras);
     }
     Positions step;
     double next_cost = std::numeric_limits<double>::infinity();
     Positions next;
-    if (system.Solve(damping, step)) {
+    if (system.Solve(fit.Models(), damping, step)) {
       next = {positions.cameras + step.cameras, positions.points + step.points};
       next_cost = fit.Cost(next);
     }

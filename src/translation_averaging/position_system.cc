@@ -80,19 +80,18 @@ void PositionSystem::BuildCholesky(double max_flops) {
   blocks_.resize(column_.size());
 }
 
-void PositionSystem::SetModels(const FitModels& models, const Eigen::Matrix3Xd& positions) {
+void PositionSystem::Restart(const Eigen::Matrix3Xd& positions) {
+  if (iterative_) iterative_->Restart(positions);
+}
+
+bool PositionSystem::Solve(const FitModels& models, double damping, Positions& step) {
   CAIRN_CHECK_EQ(models.edges.size(), problem_.edges.size());
   CAIRN_CHECK_EQ(models.rays.size(), problem_.rays.size());
   CAIRN_CHECK(models.centers.empty() || models.centers.size() == terms_of_.size());
-  models_ = &models;
-  if (iterative_) iterative_->SetModels(models, positions);
-}
-
-bool PositionSystem::Solve(double damping, Positions& step) {
-  EliminatePoints(damping);
+  EliminatePoints(models, damping);
   if (iterative_) {
-    step.cameras = iterative_->Solve(damping, points_);
-  } else if (!SolveByCholesky(damping, step.cameras)) {
+    step.cameras = iterative_->Solve(models, points_, damping);
+  } else if (!SolveByCholesky(models, damping, step.cameras)) {
     return false;
   }
   step.points.resize(3, problem_.NumTracks());
@@ -101,7 +100,7 @@ bool PositionSystem::Solve(double damping, Positions& step) {
       [&](int64_t k) {
         Eigen::Vector3d rhs = points_.rhs.col(k);
         for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
-          rhs += models_->rays[r].CurvatureTimes(step.cameras.col(problem_.rays[r].camera));
+          rhs += models.rays[r].CurvatureTimes(step.cameras.col(problem_.rays[r].camera));
         }
         step.points.col(k) = points_.inverse[k] * rhs;
       },
@@ -109,7 +108,7 @@ bool PositionSystem::Solve(double damping, Positions& step) {
   return step.cameras.allFinite() && step.points.allFinite();
 }
 
-void PositionSystem::EliminatePoints(double damping) {
+void PositionSystem::EliminatePoints(const FitModels& models, double damping) {
   points_.inverse.resize(problem_.NumTracks());
   points_.rhs.resize(3, problem_.NumTracks());
   ParallelFor(
@@ -118,8 +117,8 @@ void PositionSystem::EliminatePoints(double damping) {
         Eigen::Matrix3d curvature = Eigen::Matrix3d::Zero();
         Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
         for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
-          curvature += models_->rays[r].Curvature();
-          gradient += models_->rays[r].gradient;
+          curvature += models.rays[r].Curvature();
+          gradient += models.rays[r].gradient;
         }
         points_.inverse[k] = Damped(curvature, damping).inverse();
         points_.rhs.col(k) = -gradient;
@@ -127,42 +126,43 @@ void PositionSystem::EliminatePoints(double damping) {
       kGrain);
 }
 
-void PositionSystem::AssembleDiagonal(int camera, double damping) {
+void PositionSystem::AssembleDiagonal(int camera, const FitModels& models, double damping) {
   Eigen::Matrix3d diagonal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
   for (const int e : terms_of_[camera].edges) {
     const bool is_first = problem_.edges[e].camera1 == camera;
-    diagonal += models_->edges[e].Curvature();
-    rhs += is_first ? models_->edges[e].gradient : Eigen::Vector3d(-models_->edges[e].gradient);
+    diagonal += models.edges[e].Curvature();
+    rhs += is_first ? models.edges[e].gradient : Eigen::Vector3d(-models.edges[e].gradient);
   }
-  if (!models_->centers.empty()) {
-    diagonal += models_->centers[camera].curvature;
-    rhs -= models_->centers[camera].gradient;
+  if (!models.centers.empty()) {
+    diagonal += models.centers[camera].curvature;
+    rhs -= models.centers[camera].gradient;
   }
   Eigen::Matrix3d fill = Eigen::Matrix3d::Zero();  // by the points eliminated
   for (const auto [r, k] : terms_of_[camera].rays) {
-    const Eigen::Matrix3d curvature = models_->rays[r].Curvature();
+    const Eigen::Matrix3d curvature = models.rays[r].Curvature();
     diagonal += curvature;
     const Eigen::Matrix3d weighted = curvature * points_.inverse[k];
-    rhs += models_->rays[r].gradient + weighted * points_.rhs.col(k);
+    rhs += models.rays[r].gradient + weighted * points_.rhs.col(k);
     fill += weighted * curvature;
   }
   diagonal_[camera] = Damped(diagonal, damping) - fill;
   rhs_.col(camera) = rhs;
 }
 
-void PositionSystem::AssembleRow(int camera, std::vector<Eigen::Matrix3d>& scratch) {
+void PositionSystem::AssembleRow(int camera, const FitModels& models,
+                                 std::vector<Eigen::Matrix3d>& scratch) {
   scratch.resize(problem_.NumCameras());
   for (int k = row_begin_[camera]; k < row_begin_[camera + 1]; ++k) scratch[column_[k]].setZero();
   for (const int e : terms_of_[camera].edges) {
     const bool is_first = problem_.edges[e].camera1 == camera;
     const int other = is_first ? problem_.edges[e].camera2 : problem_.edges[e].camera1;
-    if (other > camera) scratch[other] -= models_->edges[e].Curvature();
+    if (other > camera) scratch[other] -= models.edges[e].Curvature();
   }
   for (const auto [r, k] : terms_of_[camera].rays) {
-    const Eigen::Matrix3d weighted = models_->rays[r].Curvature() * points_.inverse[k];
+    const Eigen::Matrix3d weighted = models.rays[r].Curvature() * points_.inverse[k];
     for (int s = r + 1; s < problem_.track_begin[k + 1]; ++s) {
-      scratch[problem_.rays[s].camera] -= weighted * models_->rays[s].Curvature();
+      scratch[problem_.rays[s].camera] -= weighted * models.rays[s].Curvature();
     }
   }
   scratch[camera] = diagonal_[camera];
@@ -171,15 +171,16 @@ void PositionSystem::AssembleRow(int camera, std::vector<Eigen::Matrix3d>& scrat
   }
 }
 
-bool PositionSystem::SolveByCholesky(double damping, Eigen::Matrix3Xd& step) {
+bool PositionSystem::SolveByCholesky(const FitModels& models, double damping,
+                                     Eigen::Matrix3Xd& step) {
   rhs_.resize(3, problem_.NumCameras());
   diagonal_.resize(problem_.NumCameras());
   ParallelFor(
       num_threads_, problem_.NumCameras(),
-      [&](int64_t i) { AssembleDiagonal(static_cast<int>(i), damping); }, kGrain);
+      [&](int64_t i) { AssembleDiagonal(static_cast<int>(i), models, damping); }, kGrain);
   std::vector<std::vector<Eigen::Matrix3d>> scratch(EffectiveNumThreads(num_threads_));
   ParallelForWorker(num_threads_, problem_.NumCameras(), [&](int worker, int64_t i) {
-    AssembleRow(static_cast<int>(i), scratch[worker]);
+    AssembleRow(static_cast<int>(i), models, scratch[worker]);
   });
   cholesky_->SetZero();
   for (int i = 0; i < problem_.NumCameras(); ++i) {

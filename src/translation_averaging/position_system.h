@@ -21,11 +21,12 @@ class PositionSystem {
   PositionSystem(const DirectionProblem& problem, int num_threads,
                  double max_cholesky_flops = 2e10);
 
-  // Keeps a pointer. positions: where the cameras are now, more or less.
-  void SetModels(const FitModels& models, const Eigen::Matrix3Xd& positions);
+  // Before the first Solve, and before one with other models than the last. positions: where the
+  // cameras are now, more or less.
+  void Restart(const Eigen::Matrix3Xd& positions);
   // The step that minimizes the sum of all models plus damping times half the squared step, weighed
   // at every node with the mean curvature there. False if the system is singular.
-  bool Solve(double damping, Positions& step);
+  bool Solve(const FitModels& models, double damping, Positions& step);
 
   bool UsesCholesky() const { return cholesky_ != nullptr; }
   // Less damping changes nothing that matters, but costs conjugate gradients many iterations.
@@ -34,14 +35,13 @@ class PositionSystem {
  private:
   void BuildPattern();
   void BuildCholesky(double max_flops);
-  void EliminatePoints(double damping);
-  void AssembleDiagonal(int camera, double damping);
-  void AssembleRow(int camera, std::vector<Eigen::Matrix3d>& scratch);
-  bool SolveByCholesky(double damping, Eigen::Matrix3Xd& step);
+  void EliminatePoints(const FitModels& models, double damping);
+  void AssembleDiagonal(int camera, const FitModels& models, double damping);
+  void AssembleRow(int camera, const FitModels& models, std::vector<Eigen::Matrix3d>& scratch);
+  bool SolveByCholesky(const FitModels& models, double damping, Eigen::Matrix3Xd& step);
 
   const DirectionProblem& problem_;
   int num_threads_;
-  const FitModels* models_ = nullptr;
   std::vector<CameraTerms> terms_of_;  // each camera
   EliminatedPoints points_;
   // Upper triangle of the reduced system by rows of blocks: row i holds column_[k] for k in
