@@ -122,8 +122,8 @@ std::vector<image_pair_t> PairsTwoEdgesApart(const PairEvidence& evidence, int m
   std::vector<std::map<image_t, int>> counts(images.size());
   ParallelFor(num_threads, std::ssize(images),
               [&](int64_t i) { counts[i] = CountSharedPoints(images[i], links); });
-  std::map<image_t, std::vector<std::pair<int, image_t>>>
-      found;  // minus shared points, other image
+  // Of each image: minus the number of shared points, and with which other.
+  std::map<image_t, std::vector<std::pair<int, image_t>>> found;
   for (size_t i = 0; i < images.size(); ++i) {
     for (const auto& [other, count] : counts[i]) {
       if (count < min_shared_points) continue;
