@@ -195,33 +195,48 @@ std::vector<std::vector<int>> HingedParts(int num_nodes, std::span<const GraphEd
   return parts;
 }
 
-LoopFinder::LoopFinder(int num_nodes, std::span<const GraphEdge> edges) : neighbors_(num_nodes) {
+LoopFinder::LoopFinder(int num_nodes, std::span<const GraphEdge> edges)
+    : edge_to_marked_(num_nodes, -1) {
+  Neighbors neighbors(num_nodes);
   for (size_t e = 0; e < edges.size(); ++e) {
     const auto [node1, node2] = edges[e];
     if (node1 == node2) continue;
-    neighbors_[node1].push_back({node2, static_cast<int>(e)});
-    neighbors_[node2].push_back({node1, static_cast<int>(e)});
+    neighbors[node1].push_back({node2, static_cast<int>(e)});
+    neighbors[node2].push_back({node1, static_cast<int>(e)});
   }
-  for (std::vector<Neighbor>& list : neighbors_) {
+  for (std::vector<Neighbor>& list : neighbors) {
     std::stable_sort(list.begin(), list.end(),
                      [](const Neighbor& a, const Neighbor& b) { return a.node < b.node; });
     const auto is_same = [](const Neighbor& a, const Neighbor& b) { return a.node == b.node; };
     list.erase(std::unique(list.begin(), list.end(), is_same), list.end());
   }
+  neighbors_ = std::make_shared<const Neighbors>(std::move(neighbors));
+}
+
+void LoopFinder::Mark(int node) {
+  if (marked_ == node) return;
+  if (marked_ >= 0) {
+    for (const Neighbor& neighbor : (*neighbors_)[marked_]) edge_to_marked_[neighbor.node] = -1;
+  }
+  for (const Neighbor& neighbor : (*neighbors_)[node])
+    edge_to_marked_[neighbor.node] = neighbor.edge;
+  marked_ = node;
 }
 
 std::vector<LoopFinder::Corner> LoopFinder::Find(int node1, int node2, int max_corners,
-                                                 int* num_all) const {
-  std::vector<Corner> corners;
-  auto a = neighbors_[node1].begin();
-  auto b = neighbors_[node2].begin();
-  while (a != neighbors_[node1].end() && b != neighbors_[node2].end()) {
-    if (a->node == b->node) corners.push_back({a->node, a->edge, b->edge});
-    const bool advance_a = a->node <= b->node;
-    const bool advance_b = b->node <= a->node;
-    a += advance_a;
-    b += advance_b;
+                                                 int* num_all) {
+  Mark(node1);
+  const std::vector<Neighbor>& candidates = (*neighbors_)[node2];
+  // (Each is written down, and the next one over it unless it is a corner: a branch would often go
+  // astray.)
+  std::vector<Corner> corners(candidates.size() + 1);
+  size_t num_found = 0;
+  for (const auto [node, edge2] : candidates) {
+    const int edge1 = edge_to_marked_[node];
+    corners[num_found] = {node, edge1, edge2};
+    num_found += edge1 >= 0;
   }
+  corners.resize(num_found);
   if (num_all != nullptr) *num_all = static_cast<int>(corners.size());
   const size_t num = std::min<size_t>(corners.size(), max_corners);
   for (size_t k = 0; k < num; ++k) corners[k] = corners[k * corners.size() / num];

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -62,7 +63,8 @@ struct GraphAdjacency {
 };
 GraphAdjacency BuildAdjacency(int num_nodes, std::span<const GraphEdge> edges);
 
-// Loops of three: the nodes that two nodes both have an edge to.
+// Loops of three: the nodes that two nodes both have an edge to. Copies share the graph; each
+// thread needs one.
 class LoopFinder {
  public:
   LoopFinder(int num_nodes, std::span<const GraphEdge> edges);
@@ -74,15 +76,21 @@ class LoopFinder {
   };
   // By increasing node; of parallel edges only that with the smallest index counts. At most
   // max_corners of them, spread evenly; num_all, if not null, is how many there are. O(degree of
-  // both).
-  std::vector<Corner> Find(int node1, int node2, int max_corners, int* num_all = nullptr) const;
+  // the second node), and of the first one where the last call had another.
+  std::vector<Corner> Find(int node1, int node2, int max_corners, int* num_all = nullptr);
 
  private:
   struct Neighbor {
     int node;
     int edge;
   };
-  std::vector<std::vector<Neighbor>> neighbors_;  // sorted by node
+  using Neighbors = std::vector<std::vector<Neighbor>>;  // of each node, sorted
+
+  void Mark(int node);
+
+  std::shared_ptr<const Neighbors> neighbors_;
+  int marked_ = -1;
+  std::vector<int> edge_to_marked_;  // of each node; -1: none
 };
 
 }  // namespace cairn

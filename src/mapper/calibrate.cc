@@ -139,7 +139,7 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<V
   for (const auto& [id, node] : node_of) {
     errors[components.component_of_node[node]].cameras.insert(id);
   }
-  const LoopFinder finder(images.size(), image_graph);
+  LoopFinder finder(images.size(), image_graph);
   for (size_t e = 0; e < image_graph.size(); ++e) {
     const auto [node1, node2] = image_graph[e];
     LoopErrors& loops = errors[components.component_of_node[camera_graph[e].node1]];

@@ -31,13 +31,12 @@ StageResult RunIrlsStage(RotationGraph& graph, const RotationAveragingOptions& o
   const double sigma_end = DegToRad(std::min(options.sigma_end_deg, options.sigma_start_deg));
   double sigma = DegToRad(options.sigma_start_deg);
   std::vector<double> weights(problem.NumEdges());
-  Eigen::MatrixXd rhs;
   while (result.num_iterations < options.max_irls_iterations && !run.monitor.StopRequested()) {
-    const Eigen::Matrix3Xd errors = RotationErrors(problem, cam_from_world, run.num_threads);
-    for (int e = 0; e < problem.NumEdges(); ++e) {
-      weights[e] = problem.trust[e] * KernelWeight(errors.col(e).squaredNorm(), sigma);
-    }
-    SumAtNodes(problem, weights, errors, run.num_threads, rhs);
+    const Eigen::MatrixXd rhs = SumAtNodes(problem, run.num_threads, [&](int e) {
+      const Eigen::Vector3d error = RotationError(problem, cam_from_world, e);
+      weights[e] = problem.trust[e] * KernelWeight(error.squaredNorm(), sigma);
+      return Eigen::Vector3d(weights[e] * error);
+    });
     CAIRN_CHECK(graph.solver.Factorize(weights));
     const double moved =
         ApplyRotationUpdate(graph.solver.Solve(rhs, {}, kStepTolerance), cam_from_world);

@@ -14,7 +14,6 @@ constexpr double kShrinkDeg = 2.0;
 constexpr double kConvergenceDeg = 0.05;
 // Of a step within ADMM, where conjugate gradients make it: the next one mends what it leaves.
 constexpr double kSolverTolerance = 1e-2;
-constexpr int kAdmmGrain = 1024;
 
 // z = argmin |z| + |z - v|^2 / (2 * threshold).
 Eigen::Vector3d Shrink(const Eigen::Vector3d& v, double threshold) {
@@ -26,30 +25,25 @@ Eigen::Vector3d Shrink(const Eigen::Vector3d& v, double threshold) {
 Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& errors,
                         const LaplacianSolver& solver, int num_threads) {
   const double threshold = DegToRad(kShrinkDeg);
-  const int num_edges = problem.NumEdges();
-  if (num_edges < kMinParallelEdges) num_threads = 1;
-  Eigen::Matrix3Xd dual = Eigen::Matrix3Xd::Zero(3, num_edges);
+  Eigen::Matrix3Xd dual = Eigen::Matrix3Xd::Zero(3, problem.NumEdges());
   // Where the difference of an edge's ends should be: error + slack - dual, with the slack where
   // the residual delta_2 - delta_1 - error may stay.
-  Eigen::Matrix3Xd target(3, num_edges);
-  const auto start = [&](int64_t e) {
-    target.col(e) = errors.col(e) + Shrink(-errors.col(e), threshold);
+  const auto first_target = [&](int e) -> Eigen::Vector3d {
+    return problem.trust[e] * (errors.col(e) + Shrink(-errors.col(e), threshold));
   };
-  ParallelFor(num_threads, num_edges, start, kAdmmGrain);
-  Eigen::MatrixXd delta, rhs;
-  const auto update = [&](int64_t e) {
+  Eigen::MatrixXd delta =
+      solver.Solve(SumAtNodes(problem, num_threads, first_target), {}, kSolverTolerance);
+  const auto target = [&](int e) -> Eigen::Vector3d {
+    const auto [node1, node2] = problem.edges[e];
     const Eigen::Vector3d residual =
-        (delta.row(problem.edges[e].node2) - delta.row(problem.edges[e].node1)).transpose() -
-        errors.col(e);
+        (delta.row(node2) - delta.row(node1)).transpose() - errors.col(e);
     const Eigen::Vector3d shifted = residual + dual.col(e);
     const Eigen::Vector3d slack = Shrink(shifted, threshold);
     dual.col(e) = shifted - slack;
-    target.col(e) = errors.col(e) + slack - dual.col(e);
+    return problem.trust[e] * (errors.col(e) + slack - dual.col(e));
   };
-  for (int iteration = 0; iteration < kMaxAdmmIterations; ++iteration) {
-    SumAtNodes(problem, problem.trust, target, num_threads, rhs);
-    delta = solver.Solve(rhs, delta, kSolverTolerance);
-    ParallelFor(num_threads, num_edges, update, kAdmmGrain);
+  for (int iteration = 1; iteration < kMaxAdmmIterations; ++iteration) {
+    delta = solver.Solve(SumAtNodes(problem, num_threads, target), delta, kSolverTolerance);
   }
   return delta;
 }

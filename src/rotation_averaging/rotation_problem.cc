@@ -13,8 +13,6 @@
 namespace cairn {
 namespace {
 
-constexpr int kBlock = 4096;  // edges a task
-
 // node1 < node2, and one sign of the quaternion.
 RotationEdge Canonical(const RotationEdge& edge) {
   CAIRN_CHECK_NE(edge.image_id1, edge.image_id2);
@@ -74,36 +72,23 @@ RotationProblem MakeRotationProblem(std::span<const RotationEdge> input) {
   return problem;
 }
 
+Eigen::Vector3d RotationError(const RotationProblem& problem,
+                              const std::vector<Eigen::Quaterniond>& cam_from_world, int edge) {
+  const auto [node1, node2] = problem.edges[edge];
+  return LogSO3(cam_from_world[node2].conjugate() * problem.relative[edge] * cam_from_world[node1]);
+}
+
 Eigen::Matrix3Xd RotationErrors(const RotationProblem& problem,
                                 const std::vector<Eigen::Quaterniond>& cam_from_world,
                                 int num_threads) {
-  const int num_edges = problem.NumEdges();
-  if (num_edges < kMinParallelEdges) num_threads = 1;
-  Eigen::Matrix3Xd errors(3, num_edges);
-  ParallelFor(num_threads, (num_edges + kBlock - 1) / kBlock, [&](int64_t block) {
-    const int end = std::min<int>(num_edges, static_cast<int>(block + 1) * kBlock);
-    for (int e = static_cast<int>(block) * kBlock; e < end; ++e) {
-      const GraphEdge& edge = problem.edges[e];
-      errors.col(e) = LogSO3(cam_from_world[edge.node2].conjugate() * problem.relative[e] *
-                             cam_from_world[edge.node1]);
-    }
-  });
-  return errors;
-}
-
-void SumAtNodes(const RotationProblem& problem, std::span<const double> weights,
-                const Eigen::Matrix3Xd& vectors, int num_threads, Eigen::MatrixXd& sums) {
-  constexpr int kNodesATask = 256;
+  constexpr int kEdgesATask = 4096;
   if (problem.NumEdges() < kMinParallelEdges) num_threads = 1;
-  sums.resize(problem.NumNodes(), 3);
-  const auto sum_node = [&](int64_t v) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const int e : problem.adjacency.EdgesOf(static_cast<int>(v))) {
-      sum += (problem.edges[e].node2 == v ? 1.0 : -1.0) * weights[e] * vectors.col(e);
-    }
-    sums.row(v) = sum.transpose();
+  Eigen::Matrix3Xd errors(3, problem.NumEdges());
+  const auto fill = [&](int64_t e) {
+    errors.col(e) = RotationError(problem, cam_from_world, static_cast<int>(e));
   };
-  ParallelFor(num_threads, problem.NumNodes(), sum_node, kNodesATask);
+  ParallelFor(num_threads, problem.NumEdges(), fill, kEdgesATask);
+  return errors;
 }
 
 double ApplyRotationUpdate(const Eigen::MatrixXd& delta,

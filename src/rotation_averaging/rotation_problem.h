@@ -2,9 +2,11 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <span>
 #include <vector>
 
+#include "cairn/base/parallel.h"
 #include "cairn/rotation_averaging/rotation_averaging.h"
 #include "graph/graph.h"
 
@@ -33,16 +35,38 @@ struct RotationProblem {
 
 RotationProblem MakeRotationProblem(std::span<const RotationEdge> edges);
 
-// World-frame errors: Log(R_2^T * cam2_from_cam1 * R_1) of each edge (3 x m, radians). With
-// R <- R Exp(delta), the error becomes error - (delta_2 - delta_1) to first order.
+// World-frame error of an edge: Log(R_2^T * cam2_from_cam1 * R_1), radians. With R <- R Exp(delta),
+// it becomes error - (delta_2 - delta_1) to first order.
+Eigen::Vector3d RotationError(const RotationProblem& problem,
+                              const std::vector<Eigen::Quaterniond>& cam_from_world, int edge);
+
+// Of each edge (3 x m).
 Eigen::Matrix3Xd RotationErrors(const RotationProblem& problem,
                                 const std::vector<Eigen::Quaterniond>& cam_from_world,
                                 int num_threads);
 
-// At each node, the sum of weight * vector over the edges that end there, less those that begin
-// there (n x 3): the right side of least squares for differences of nodes. vectors: 3 x m.
-void SumAtNodes(const RotationProblem& problem, std::span<const double> weights,
-                const Eigen::Matrix3Xd& vectors, int num_threads, Eigen::MatrixXd& sums);
+// At each node, the sum of vector_of(e) over the edges e that end there, less those that begin
+// there (n x 3): the right side of least squares for differences of nodes. Of many edges, parts are
+// summed side by side: always the same ones.
+template <typename VectorOf>
+Eigen::MatrixXd SumAtNodes(const RotationProblem& problem, int num_threads,
+                           const VectorOf& vector_of) {
+  const int num_edges = problem.NumEdges();
+  const int num_parts = num_edges < kMinParallelEdges ? 1 : 8;
+  std::vector<Eigen::Matrix3Xd> sums(num_parts);
+  const auto sum_part = [&](int64_t part) {
+    Eigen::Matrix3Xd& sum = sums[part].setZero(3, problem.NumNodes());
+    const auto end = static_cast<int>((part + 1) * num_edges / num_parts);
+    for (auto e = static_cast<int>(part * num_edges / num_parts); e < end; ++e) {
+      const Eigen::Vector3d vector = vector_of(e);
+      sum.col(problem.edges[e].node2) += vector;
+      sum.col(problem.edges[e].node1) -= vector;
+    }
+  };
+  ParallelFor(num_threads, num_parts, sum_part, 1);
+  for (int part = 1; part < num_parts; ++part) sums[0] += sums[part];
+  return sums[0].transpose();
+}
 
 // Support of an edge is its trust divided by this, 1 + (angle / sigma)^2 with 2 sin(angle / 2) for
 // the angle, by the cosines of half of the angles.

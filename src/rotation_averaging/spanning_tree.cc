@@ -22,13 +22,14 @@ struct Loops {
 };
 
 std::vector<Loops> CountConsistentLoops(const RotationProblem& problem, int num_threads) {
-  const LoopFinder finder(problem.NumNodes(), problem.edges);
+  std::vector<LoopFinder> finders(EffectiveNumThreads(num_threads),
+                                  LoopFinder(problem.NumNodes(), problem.edges));
   const double min_cos_half = std::cos(0.5 * DegToRad(kLoopErrorDeg));
   std::vector<Loops> loops(problem.NumEdges());
-  const auto count = [&](int64_t e) {
+  const auto count = [&](int worker, int64_t e) {
     const auto [node1, node2] = problem.edges[e];
     int num_all = 0;
-    const auto corners = finder.Find(node1, node2, kMaxLoops, &num_all);
+    const auto corners = finders[worker].Find(node1, node2, kMaxLoops, &num_all);
     for (const LoopFinder::Corner& corner : corners) {
       const Eigen::Quaterniond detour =
           To(problem, corner.edge2, node2) * To(problem, corner.edge1, corner.node);
@@ -38,7 +39,7 @@ std::vector<Loops> CountConsistentLoops(const RotationProblem& problem, int num_
     loops[e].estimate =
         static_cast<double>(loops[e].num_consistent) * num_all / std::ssize(corners);
   };
-  ParallelFor(num_threads, problem.NumEdges(), count, 256);
+  ParallelForWorker(num_threads, problem.NumEdges(), count, 256);
   return loops;
 }
 

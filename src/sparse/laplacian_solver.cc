@@ -20,24 +20,23 @@ constexpr int kGrain = 256;  // rows a task
 LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
                                  std::span<const char> is_gauge, double max_cholesky_flops,
                                  int num_threads)
-    : num_nodes_(num_nodes),
-      num_threads_(num_threads),
-      row_of_node_(num_nodes, -1),
-      edges_(edges.begin(), edges.end()) {
+    : num_nodes_(num_nodes), num_threads_(num_threads), row_of_node_(num_nodes, -1) {
   CAIRN_CHECK_EQ(is_gauge.size(), static_cast<size_t>(num_nodes));
   int num_rows = 0;
   for (int v = 0; v < num_nodes; ++v) {
     if (!is_gauge[v]) row_of_node_[v] = num_rows++;
   }
+  rows_of_edge_.reserve(edges.size());
+  for (const auto& [node1, node2] : edges) {
+    const bool is_loop = node1 == node2;
+    rows_of_edge_.push_back(
+        {is_loop ? -1 : row_of_node_[node1], is_loop ? -1 : row_of_node_[node2]});
+  }
 
   std::vector<std::vector<int64_t>> columns(num_rows);
   for (int r = 0; r < num_rows; ++r) columns[r].push_back(r);
-  const auto rows_of = [&](const Edge& edge) {
-    return std::minmax(row_of_node_[edge.node1], row_of_node_[edge.node2]);
-  };
-  for (const Edge& edge : edges_) {
-    const auto [low, high] = rows_of(edge);
-    if (low >= 0 && low != high) columns[low].push_back(high);
+  for (const auto& [row1, row2] : rows_of_edge_) {
+    if (row1 >= 0 && row2 >= 0) columns[std::min(row1, row2)].push_back(std::max(row1, row2));
   }
   SymmetricPattern pattern;
   for (std::vector<int64_t>& column : columns) {
@@ -47,10 +46,10 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
     pattern.row.insert(pattern.row.end(), column.begin(), column.end());
     pattern.begin.push_back(static_cast<int64_t>(pattern.row.size()));
   }
-  for (const Edge& edge : edges_) {
-    const auto [low, high] = rows_of(edge);
+  for (const auto& [row1, row2] : rows_of_edge_) {
     int64_t entry = -1;
-    if (low >= 0 && low != high) {
+    if (row1 >= 0 && row2 >= 0) {
+      const auto [low, high] = std::minmax(row1, row2);
       const auto first = pattern.row.begin() + pattern.begin[low];
       const auto last = pattern.row.begin() + pattern.begin[low + 1];
       entry = std::lower_bound(first, last, high) - pattern.row.begin();
@@ -68,9 +67,9 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
 
 void LaplacianSolver::BuildNeighbors() {
   std::vector<std::vector<Neighbor>> of_row(diagonal_of_row_.size());
-  for (size_t e = 0; e < edges_.size(); ++e) {
-    const int row1 = row_of_node_[edges_[e].node1], row2 = row_of_node_[edges_[e].node2];
-    if (row1 < 0 || row2 < 0 || row1 == row2) continue;
+  for (size_t e = 0; e < rows_of_edge_.size(); ++e) {
+    const auto [row1, row2] = rows_of_edge_[e];
+    if (row1 < 0 || row2 < 0) continue;
     of_row[row1].push_back({row2, static_cast<int>(e)});
     of_row[row2].push_back({row1, static_cast<int>(e)});
   }
@@ -103,6 +102,7 @@ void LaplacianSolver::FindAggregates() {
     ++num_aggregates_;
   }
   for (int r = 0; r < num_rows; ++r) {
+    if (aggregate_of_row_[r] >= 0) continue;
     double most = 0;
     int joined = -1;
     for (int64_t k = neighbors_begin_[r]; k < neighbors_begin_[r + 1]; ++k) {
@@ -111,7 +111,7 @@ void LaplacianSolver::FindAggregates() {
       most = neighbor_weights_[k];
       joined = aggregate;
     }
-    if (aggregate_of_row_[r] < 0) aggregate_of_row_[r] = joined >= 0 ? joined : num_aggregates_++;
+    aggregate_of_row_[r] = joined >= 0 ? joined : num_aggregates_++;
   }
 }
 
@@ -194,14 +194,13 @@ LaplacianSolver::Rows LaplacianSolver::SolveByConjugateGradients(const Rows& B, 
 }
 
 bool LaplacianSolver::Factorize(std::span<const double> weights, std::span<const double> diagonal) {
-  CAIRN_CHECK_EQ(weights.size(), edges_.size());
+  CAIRN_CHECK_EQ(weights.size(), rows_of_edge_.size());
   CAIRN_CHECK(diagonal.empty() || diagonal.size() == row_of_node_.size());
   diagonal_.setZero(static_cast<Eigen::Index>(diagonal_of_row_.size()));
-  for (size_t e = 0; e < edges_.size(); ++e) {
-    if (edges_[e].node1 == edges_[e].node2) continue;
-    for (const int node : {edges_[e].node1, edges_[e].node2}) {
-      if (row_of_node_[node] >= 0) diagonal_[row_of_node_[node]] += weights[e];
-    }
+  for (size_t e = 0; e < weights.size(); ++e) {
+    const auto [row1, row2] = rows_of_edge_[e];
+    if (row1 >= 0) diagonal_[row1] += weights[e];
+    if (row2 >= 0) diagonal_[row2] += weights[e];
   }
   for (size_t v = 0; v < diagonal.size(); ++v) {
     if (row_of_node_[v] >= 0) diagonal_[row_of_node_[v]] += diagonal[v];
@@ -216,7 +215,7 @@ bool LaplacianSolver::Factorize(std::span<const double> weights, std::span<const
     return true;
   }
   std::fill(values_.begin(), values_.end(), 0.0);
-  for (size_t e = 0; e < edges_.size(); ++e) {
+  for (size_t e = 0; e < weights.size(); ++e) {
     if (entry_of_edge_[e] >= 0) values_[entry_of_edge_[e]] -= weights[e];
   }
   for (Eigen::Index r = 0; r < diagonal_.size(); ++r) values_[diagonal_of_row_[r]] = diagonal_[r];

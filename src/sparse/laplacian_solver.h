@@ -46,6 +46,11 @@ class LaplacianSolver {
   bool UsesCholesky() const { return factor_ != nullptr; }
 
  private:
+  // Of an edge's ends; -1: gauge, or both ends are one node.
+  struct RowPair {
+    int row1;
+    int row2;
+  };
   struct Neighbor {
     int row;
     int edge;
@@ -64,9 +69,9 @@ class LaplacianSolver {
   int num_nodes_;
   int num_threads_;
   std::vector<int> row_of_node_;  // -1: gauge
+  std::vector<RowPair> rows_of_edge_;
   std::vector<int64_t> diagonal_of_row_;
   std::vector<int64_t> entry_of_edge_;  // off the diagonal; -1: none
-  std::vector<Edge> edges_;
   std::vector<double> values_;
   std::unique_ptr<SparseCholesky> factor_;  // null: conjugate gradients
   std::vector<int64_t> neighbors_begin_;    // of each row

@@ -53,17 +53,18 @@ class Triplets {
  public:
   Triplets(const ViewGraph& graph, double max_error_deg, int num_threads)
       : active_(graph),
-        finder_(static_cast<int>(graph.image_ids.size()), active_.edges),
+        finders_(EffectiveNumThreads(num_threads),
+                 LoopFinder(static_cast<int>(graph.image_ids.size()), active_.edges)),
         num_loops_(active_.edges.size()),
         closes_(active_.edges.size()) {
-    std::vector<ErrorCounts> errors(EffectiveNumThreads(num_threads));
+    std::vector<ErrorCounts> errors(finders_.size());
     ParallelForWorker(
         num_threads, NumEdges(),
         [&](int worker, int64_t e) {
           const auto edge = [&](int64_t k) -> const ViewEdge& {
             return graph.edges[active_.index[k]];
           };
-          const auto corners = CornersOf(static_cast<int>(e));
+          const auto corners = CornersOf(static_cast<int>(e), worker);
           num_loops_[e] = static_cast<int>(corners.size());
           for (size_t k = 0; k < corners.size(); ++k) {
             const double error_deg =
@@ -79,8 +80,8 @@ class Triplets {
 
   int NumEdges() const { return static_cast<int>(closes_.size()); }
   // Their bits in Closes are in this order.
-  std::vector<LoopFinder::Corner> CornersOf(int e) const {
-    return finder_.Find(active_.edges[e].node1, active_.edges[e].node2, kMaxLoops);
+  std::vector<LoopFinder::Corner> CornersOf(int e, int worker) {
+    return finders_[worker].Find(active_.edges[e].node1, active_.edges[e].node2, kMaxLoops);
   }
   uint64_t Closes(int e) const { return closes_[e]; }
   int NumLoops(int e) const { return num_loops_[e]; }
@@ -94,18 +95,18 @@ class Triplets {
 
  private:
   ActiveEdges active_;
-  LoopFinder finder_;
+  std::vector<LoopFinder> finders_;  // of each worker
   std::vector<int> num_loops_;
   std::vector<uint64_t> closes_;
   double median_error_deg_ = 0;
 };
 
 // Should the edge go, and why?
-EdgeRemoval Judge(const Triplets& triplets, int e, const ViewGraphBuilderOptions& options) {
+EdgeRemoval Judge(Triplets& triplets, int e, int worker, const ViewGraphBuilderOptions& options) {
   const int num_agreeing = triplets.NumClosed(e);
   int num_contradicting = 0;
   bool is_contradicted = false;
-  const auto corners = triplets.CornersOf(e);
+  const auto corners = triplets.CornersOf(e, worker);
   for (size_t k = 0; k < corners.size(); ++k) {
     if (triplets.Closes(e) >> k & 1) continue;
     const auto [node, edge1, edge2] = corners[k];
@@ -138,11 +139,12 @@ double LoopErrorDeg(const ViewEdge& edge, const ViewEdge& from_first, const View
 
 LoopReport RemoveInconsistentTriplets(ViewGraph& graph, const ViewGraphBuilderOptions& options,
                                       const RunContext& run) {
-  const Triplets triplets(graph, options.max_triplet_error_deg, run.num_threads);
+  Triplets triplets(graph, options.max_triplet_error_deg, run.num_threads);
   std::vector<EdgeRemoval> verdicts(triplets.NumEdges());
-  ParallelFor(
-      run.num_threads, triplets.NumEdges(),
-      [&](int64_t e) { verdicts[e] = Judge(triplets, static_cast<int>(e), options); }, kGrain);
+  const auto judge = [&](int worker, int64_t e) {
+    verdicts[e] = Judge(triplets, static_cast<int>(e), worker, options);
+  };
+  ParallelForWorker(run.num_threads, triplets.NumEdges(), judge, kGrain);
   LoopReport report;
   report.median_error_deg = triplets.MedianErrorDeg();
   for (int e = 0; e < triplets.NumEdges(); ++e) {

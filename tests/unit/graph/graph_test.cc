@@ -142,7 +142,7 @@ TEST(BuildAdjacency, ListsEdgesAndNeighbors) {
 TEST(LoopFinder, FindsEveryLoopOfThree) {
   for (uint64_t seed = 0; seed < 20; ++seed) {
     const std::vector<GraphEdge> edges = RandomEdges(12, 40, seed);
-    const LoopFinder finder(12, edges);
+    LoopFinder finder(12, edges);
     const auto joined = [&](int a, int b) {
       return a != b && std::any_of(edges.begin(), edges.end(), [&](const GraphEdge& e) {
                return std::minmax(e.node1, e.node2) == std::minmax(a, b);
