@@ -18,8 +18,8 @@ constexpr int kGrain = 256;  // rows a task
 }  // namespace
 
 LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
-                                 std::span<const char> is_gauge, double max_cholesky_flops,
-                                 int num_threads)
+                                 std::span<const char> is_gauge, int num_threads,
+                                 int max_cholesky_steps)
     : num_nodes_(num_nodes), num_threads_(num_threads), row_of_node_(num_nodes, -1) {
   CAIRN_CHECK_EQ(is_gauge.size(), static_cast<size_t>(num_nodes));
   int num_rows = 0;
@@ -57,7 +57,8 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
     entry_of_edge_.push_back(entry);
   }
   factor_ = std::make_unique<SparseCholesky>(pattern);
-  if (factor_->FactorFlops() > max_cholesky_flops) {
+  const double flops_of_step = 3 * 2 * static_cast<double>(2 * pattern.row.size() - num_rows);
+  if (factor_->FactorFlops() > max_cholesky_steps * flops_of_step) {
     factor_.reset();
     BuildNeighbors();
   } else {

@@ -15,8 +15,8 @@ namespace cairn {
 // connected component makes the system positive definite for positive weights.
 // The pattern is analyzed once, weights are refactored as often as needed, and all columns of B are
 // solved together: n x n instead of the 3n x 3n of three coordinates. Where a factorization would
-// take more than max_cholesky_flops, conjugate gradients are taken instead. Their preconditioner
-// has two levels: the diagonal, and the system of aggregates of nodes that move as one (Nicolaides,
+// take more operations than max_cholesky_steps of conjugate gradients for three columns, these are
+// taken instead. Their preconditioner has two levels: the diagonal, and the system of aggregates of nodes that move as one (Nicolaides,
 // "Deflation of conjugate gradients with applications to boundary value problems", 1987), without
 // which they need ever more iterations the farther a graph reaches.
 class LaplacianSolver {
@@ -29,7 +29,7 @@ class LaplacianSolver {
   // Nodes 0 .. num_nodes-1; edges may repeat, self-loops are ignored. is_gauge[node] tells the
   // nodes held at zero.
   LaplacianSolver(int num_nodes, std::span<const Edge> edges, std::span<const char> is_gauge,
-                  double max_cholesky_flops = 1e12, int num_threads = 1);
+                  int num_threads = 1, int max_cholesky_steps = 200);
 
   // Weights >= 0, one an edge; `diagonal`, if not empty, is added to the diagonal (one value >= 0 a
   // node: a pull towards zero). False if the matrix is not positive definite (weights of zero leave

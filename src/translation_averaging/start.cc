@@ -13,10 +13,7 @@ namespace {
 
 constexpr int kNumIterations = 200;
 
-// Beyond some half second for a factorization, each of its many solutions takes longer than a few
-// conjugate gradients from the last one.
-constexpr double kMaxStartCholeskyFlops = 3e9;
-constexpr double kStartTolerance = 1e-3;  // of these
+constexpr double kStartTolerance = 1e-3;  // of conjugate gradients
 constexpr int kStartGrain = 1024;
 
 // min sum |x_2 - x_1 - l v|, l >= 1, over nodes 0 .. n-1 and a connected graph.
@@ -26,7 +23,7 @@ Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<GraphEdge>& edges,
   is_gauge[0] = 1;
   std::vector<LaplacianSolver::Edge> solver_edges;
   for (const GraphEdge& edge : edges) solver_edges.push_back({edge.node1, edge.node2});
-  LaplacianSolver solver(num_nodes, solver_edges, is_gauge, kMaxStartCholeskyFlops, num_threads);
+  LaplacianSolver solver(num_nodes, solver_edges, is_gauge, num_threads);
   CAIRN_CHECK(solver.Factorize(std::vector<double>(edges.size(), 1.0)));
 
   const size_t m = edges.size();

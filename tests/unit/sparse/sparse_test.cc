@@ -94,7 +94,7 @@ TEST(LaplacianSolver, ConjugateGradientsReachFar) {
   ASSERT_TRUE(exact.UsesCholesky() && exact.Factorize(p.weights));
   const Eigen::MatrixXd X = exact.Solve(B);
   for (const int num_threads : {1, 2}) {
-    LaplacianSolver solver(kPlaces * kNodes, p.edges, p.is_gauge, 0, num_threads);
+    LaplacianSolver solver(kPlaces * kNodes, p.edges, p.is_gauge, num_threads, 0);
     ASSERT_TRUE(!solver.UsesCholesky() && solver.Factorize(p.weights));
     EXPECT_LT((solver.Solve(B) - X).norm(), 1e-2 * X.norm());
   }
@@ -144,7 +144,7 @@ TEST(LaplacianSolver, SameBytesWhateverBlasThreadsWere) {
 TEST(LaplacianSolver, ConjugateGradientsAgreeWithCholesky) {
   const Problem p = RandomProblem(400, 20000, 9);
   const Eigen::MatrixXd B = RandomMatrix(400, 3, 3);
-  LaplacianSolver direct(400, p.edges, p.is_gauge), iterative(400, p.edges, p.is_gauge, 0.0);
+  LaplacianSolver direct(400, p.edges, p.is_gauge), iterative(400, p.edges, p.is_gauge, 1, 0);
   EXPECT_TRUE(direct.UsesCholesky());
   EXPECT_FALSE(iterative.UsesCholesky());
   const std::vector<double> diagonal(400, 0.1);
