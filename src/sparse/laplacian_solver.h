@@ -16,9 +16,10 @@ namespace cairn {
 // The pattern is analyzed once, weights are refactored as often as needed, and all columns of B are
 // solved together: n x n instead of the 3n x 3n of three coordinates. Where a factorization would
 // take more operations than max_cholesky_steps of conjugate gradients for three columns, these are
-// taken instead. Their preconditioner has two levels: the diagonal, and the system of aggregates of nodes that move as one (Nicolaides,
-// "Deflation of conjugate gradients with applications to boundary value problems", 1987), without
-// which they need ever more iterations the farther a graph reaches.
+// taken instead. Their preconditioner has two levels: the diagonal, and the system of aggregates of
+// nodes that move as one (Nicolaides, "Deflation of conjugate gradients with applications to
+// boundary value problems", 1987), without which they need ever more iterations the farther a graph
+// reaches.
 class LaplacianSolver {
  public:
   struct Edge {
