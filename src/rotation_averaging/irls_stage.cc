@@ -32,11 +32,12 @@ StageResult RunIrlsStage(RotationGraph& graph, const RotationAveragingOptions& o
   double sigma = DegToRad(options.sigma_start_deg);
   std::vector<double> weights(problem.NumEdges());
   while (result.num_iterations < options.max_irls_iterations && !run.monitor.StopRequested()) {
-    const Eigen::MatrixXd rhs = SumAtNodes(problem, run.num_threads, [&](int e) {
-      const Eigen::Vector3d error = RotationError(problem, cam_from_world, e);
-      weights[e] = problem.trust[e] * KernelWeight(error.squaredNorm(), sigma);
-      return Eigen::Vector3d(weights[e] * error);
-    });
+    const Eigen::MatrixXd rhs =
+        SumAtNodes(problem.NumNodes(), problem.edges, run.num_threads, [&](int e) {
+          const Eigen::Vector3d error = RotationError(problem, cam_from_world, e);
+          weights[e] = problem.trust[e] * KernelWeight(error.squaredNorm(), sigma);
+          return Eigen::Vector3d(weights[e] * error);
+        });
     CAIRN_CHECK(graph.solver.Factorize(weights));
     const double moved =
         ApplyRotationUpdate(graph.solver.Solve(rhs, {}, kStepTolerance), cam_from_world);

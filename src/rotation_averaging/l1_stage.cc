@@ -31,8 +31,10 @@ Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& 
   const auto first_target = [&](int e) -> Eigen::Vector3d {
     return problem.trust[e] * (errors.col(e) + Shrink(-errors.col(e), threshold));
   };
-  Eigen::MatrixXd delta =
-      solver.Solve(SumAtNodes(problem, num_threads, first_target), {}, kSolverTolerance);
+  const auto sum_at_nodes = [&](const auto& vector_of) {
+    return SumAtNodes(problem.NumNodes(), problem.edges, num_threads, vector_of);
+  };
+  Eigen::MatrixXd delta = solver.Solve(sum_at_nodes(first_target), {}, kSolverTolerance);
   const auto target = [&](int e) -> Eigen::Vector3d {
     const auto [node1, node2] = problem.edges[e];
     const Eigen::Vector3d residual =
@@ -43,7 +45,7 @@ Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& 
     return problem.trust[e] * (errors.col(e) + slack - dual.col(e));
   };
   for (int iteration = 1; iteration < kMaxAdmmIterations; ++iteration) {
-    delta = solver.Solve(SumAtNodes(problem, num_threads, target), delta, kSolverTolerance);
+    delta = solver.Solve(sum_at_nodes(target), delta, kSolverTolerance);
   }
   return delta;
 }

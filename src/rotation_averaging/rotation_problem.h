@@ -2,18 +2,14 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <cstdint>
 #include <span>
 #include <vector>
 
-#include "cairn/base/parallel.h"
 #include "cairn/rotation_averaging/rotation_averaging.h"
 #include "graph/graph.h"
+#include "graph/sum_at_nodes.h"
 
 namespace cairn {
-
-// With fewer edges, a pass over them is over before a second thread is awake.
-inline constexpr int kMinParallelEdges = 50000;
 
 // Rotation averaging over nodes 0 .. n-1 (the images that have an edge, by increasing id) and edges
 // in an order that depends on their content alone: sorted by their nodes, node1 < node2.
@@ -44,29 +40,6 @@ Eigen::Vector3d RotationError(const RotationProblem& problem,
 Eigen::Matrix3Xd RotationErrors(const RotationProblem& problem,
                                 const std::vector<Eigen::Quaterniond>& cam_from_world,
                                 int num_threads);
-
-// At each node, the sum of vector_of(e) over the edges e that end there, less those that begin
-// there (n x 3): the right side of least squares for differences of nodes. Of many edges, parts are
-// summed side by side: always the same ones.
-template <typename VectorOf>
-Eigen::MatrixXd SumAtNodes(const RotationProblem& problem, int num_threads,
-                           const VectorOf& vector_of) {
-  const int num_edges = problem.NumEdges();
-  const int num_parts = num_edges < kMinParallelEdges ? 1 : 8;
-  std::vector<Eigen::Matrix3Xd> sums(num_parts);
-  const auto sum_part = [&](int64_t part) {
-    Eigen::Matrix3Xd& sum = sums[part].setZero(3, problem.NumNodes());
-    const auto end = static_cast<int>((part + 1) * num_edges / num_parts);
-    for (auto e = static_cast<int>(part * num_edges / num_parts); e < end; ++e) {
-      const Eigen::Vector3d vector = vector_of(e);
-      sum.col(problem.edges[e].node2) += vector;
-      sum.col(problem.edges[e].node1) -= vector;
-    }
-  };
-  ParallelFor(num_threads, num_parts, sum_part, 1);
-  for (int part = 1; part < num_parts; ++part) sums[0] += sums[part];
-  return sums[0].transpose();
-}
 
 // Support of an edge is its trust divided by this, 1 + (angle / sigma)^2 with 2 sin(angle / 2) for
 // the angle, by the cosines of half of the angles.

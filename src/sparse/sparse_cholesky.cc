@@ -49,7 +49,6 @@ struct SparseCholesky::Impl {
     CheckMemory(common);
     CAIRN_CHECK(factor != nullptr);
     flops = common.fl;
-    entries = common.lnz;
     Reorder(pattern);
   }
   ~Impl() {
@@ -102,7 +101,6 @@ struct SparseCholesky::Impl {
   std::vector<int64_t> row;
   std::vector<double> values;
   double flops = 0;
-  double entries = 0;
   bool is_factorized = false;
 };
 
@@ -116,7 +114,6 @@ SparseCholesky::SparseCholesky(const SymmetricPattern& pattern) {
 SparseCholesky::~SparseCholesky() = default;
 
 double SparseCholesky::FactorFlops() const { return impl_->flops; }
-double SparseCholesky::FactorEntries() const { return impl_->entries; }
 
 bool SparseCholesky::Factorize(std::span<const double> values) {
   CAIRN_CHECK_EQ(values.size(), impl_->row.size());

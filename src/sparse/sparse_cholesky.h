@@ -29,9 +29,8 @@ class SparseCholesky {
   SparseCholesky(const SparseCholesky&) = delete;
   SparseCholesky& operator=(const SparseCholesky&) = delete;
 
-  // Floating-point operations of one factorization and entries of the factor, as predicted.
+  // Floating-point operations of one factorization, as predicted.
   double FactorFlops() const;
-  double FactorEntries() const;
 
   // One value for each entry of the pattern. False if the matrix is not positive definite; then
   // Solve must not be called.

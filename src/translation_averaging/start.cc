@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "cairn/base/check.h"
-#include "cairn/base/parallel.h"
 #include "cairn/math/decompositions.h"
+#include "graph/sum_at_nodes.h"
 #include "sparse/laplacian_solver.h"
 
 namespace cairn {
@@ -14,7 +14,6 @@ namespace {
 constexpr int kNumIterations = 200;
 
 constexpr double kStartTolerance = 1e-3;  // of conjugate gradients
-constexpr int kStartGrain = 1024;
 
 // min sum |x_2 - x_1 - l v|, l >= 1, over nodes 0 .. n-1 and a connected graph.
 Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<GraphEdge>& edges,
@@ -26,39 +25,26 @@ Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<GraphEdge>& edges,
   LaplacianSolver solver(num_nodes, solver_edges, is_gauge, num_threads);
   CAIRN_CHECK(solver.Factorize(std::vector<double>(edges.size(), 1.0)));
 
-  const size_t m = edges.size();
-  const GraphAdjacency adjacency = BuildAdjacency(num_nodes, edges);
+  std::vector<Eigen::Vector3d> slack(edges.size(), Eigen::Vector3d::Zero());  // allowed errors
+  std::vector<Eigen::Vector3d> dual(edges.size(), Eigen::Vector3d::Zero());
   Eigen::MatrixXd x;
-  std::vector<Eigen::Vector3d> slack(m, Eigen::Vector3d::Zero());  // allowed error of each edge
-  std::vector<Eigen::Vector3d> dual(m, Eigen::Vector3d::Zero());
-  std::vector<Eigen::Vector3d> target(directions);
-  std::vector<double> length(m, 1.0);
-  for (int iteration = 0; iteration < kNumIterations; ++iteration) {
-    Eigen::MatrixXd rhs(num_nodes, 3);
-    const auto sum_targets = [&](int64_t v) {
-      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-      for (const int e : adjacency.EdgesOf(static_cast<int>(v))) {
-        sum += edges[e].node2 == v ? target[e] : Eigen::Vector3d(-target[e]);
-      }
-      rhs.row(v) = sum.transpose();
-    };
-    ParallelFor(num_threads, num_nodes, sum_targets, kStartGrain);
-    x = solver.Solve(rhs, x, kStartTolerance);
-    // Errors beyond the threshold count as outliers: the shortest edges have length 1.
-    constexpr double kThreshold = 1.0;
-    const auto update = [&](int64_t e) {
-      const Eigen::Vector3d difference =
-          (x.row(edges[e].node2) - x.row(edges[e].node1)).transpose();
-      length[e] = std::max(1.0, directions[e].dot(difference - slack[e] + dual[e]));
-      const Eigen::Vector3d shifted = difference - length[e] * directions[e] + dual[e];
-      const double norm = shifted.norm();
-      slack[e] = norm <= kThreshold ? Eigen::Vector3d(0, 0, 0)
-                                    : Eigen::Vector3d((1 - kThreshold / norm) * shifted);
-      dual[e] = shifted - slack[e];
-      target[e] = length[e] * directions[e] + slack[e] - dual[e];
-    };
-    ParallelFor(num_threads, static_cast<int64_t>(m), update, kStartGrain);
-  }
+  const auto solve = [&](const auto& target_of) {
+    x = solver.Solve(SumAtNodes(num_nodes, edges, num_threads, target_of), x, kStartTolerance);
+  };
+  solve([&](int e) { return directions[e]; });
+  // Errors beyond the threshold count as outliers: the shortest edges have length 1.
+  constexpr double kThreshold = 1.0;
+  const auto next_target = [&](int e) -> Eigen::Vector3d {
+    const Eigen::Vector3d difference = (x.row(edges[e].node2) - x.row(edges[e].node1)).transpose();
+    const double length = std::max(1.0, directions[e].dot(difference - slack[e] + dual[e]));
+    const Eigen::Vector3d shifted = difference - length * directions[e] + dual[e];
+    const double norm = shifted.norm();
+    slack[e] = norm <= kThreshold ? Eigen::Vector3d(0, 0, 0)
+                                  : Eigen::Vector3d((1 - kThreshold / norm) * shifted);
+    dual[e] = shifted - slack[e];
+    return length * directions[e] + slack[e] - dual[e];
+  };
+  for (int iteration = 1; iteration < kNumIterations; ++iteration) solve(next_target);
   return x;
 }
 

@@ -162,7 +162,6 @@ TEST(SparseCholesky, PredictsWorkAndRejectsIndefinite) {
   pattern.begin = {0, 2, 3};
   pattern.row = {0, 1, 1};
   SparseCholesky cholesky(pattern);
-  EXPECT_GE(cholesky.FactorEntries(), 3);
   EXPECT_GT(cholesky.FactorFlops(), 0);
   EXPECT_FALSE(cholesky.Factorize(std::vector<double>{1, 2, 1}));
   ASSERT_TRUE(cholesky.Factorize(std::vector<double>{2, 1, 2}));
