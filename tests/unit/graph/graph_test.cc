@@ -6,6 +6,7 @@
 #include <set>
 
 #include "cairn/base/rng.h"
+#include "graph/sum_at_nodes.h"
 #include "graph/union_find.h"
 
 namespace cairn {
@@ -174,6 +175,22 @@ TEST(LoopFinder, SpreadsALimitedNumberEvenly) {
   const auto corners = LoopFinder(12, edges).Find(0, 1, 5);
   ASSERT_EQ(corners.size(), 5u);
   for (int k = 0; k < 5; ++k) EXPECT_EQ(corners[k].node, 2 + 2 * k);
+}
+
+// Few edges, and more than one thread takes.
+TEST(SumAtNodes, TakesEachEdgeOnceWhateverTheThreads) {
+  for (const int num_edges : {1000, kMinParallelEdges + 7}) {
+    const std::vector<GraphEdge> edges = RandomEdges(300, num_edges, 1);
+    const auto vector_of = [](int e) { return Eigen::Vector3d(e, 1.0 / (e + 1), 1); };
+    Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(300, 3);
+    for (int e = 0; e < num_edges; ++e) {
+      expected.row(edges[e].node2) += vector_of(e).transpose();
+      expected.row(edges[e].node1) -= vector_of(e).transpose();
+    }
+    const Eigen::MatrixXd sums = SumAtNodes(300, edges, 1, vector_of);
+    EXPECT_LT((sums - expected).norm(), 1e-12 * expected.norm());
+    EXPECT_EQ(SumAtNodes(300, edges, 3, vector_of), sums);
+  }
 }
 
 }  // namespace
