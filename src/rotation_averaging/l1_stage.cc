@@ -26,8 +26,8 @@ Eigen::MatrixXd SolveL1(const RotationProblem& problem, const Eigen::Matrix3Xd& 
                         const LaplacianSolver& solver, int num_threads) {
   const double threshold = DegToRad(kShrinkDeg);
   Eigen::Matrix3Xd dual = Eigen::Matrix3Xd::Zero(3, problem.NumEdges());
-  // Where the difference of an edge's ends should be: error + slack - dual, with the slack where
-  // the residual delta_2 - delta_1 - error may stay.
+  // Where the difference of an edge's ends should be, times its trust: error + slack - dual, with
+  // the slack where the residual delta_2 - delta_1 - error may stay.
   const auto first_target = [&](int e) -> Eigen::Vector3d {
     return problem.trust[e] * (errors.col(e) + Shrink(-errors.col(e), threshold));
   };

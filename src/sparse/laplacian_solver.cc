@@ -46,6 +46,17 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
     pattern.row.insert(pattern.row.end(), column.begin(), column.end());
     pattern.begin.push_back(static_cast<int64_t>(pattern.row.size()));
   }
+  factor_ = std::make_unique<SparseCholesky>(pattern);
+  const double flops_of_step = 3 * 2 * static_cast<double>(2 * pattern.row.size() - num_rows);
+  if (factor_->FactorFlops() > max_cholesky_steps * flops_of_step) {
+    factor_.reset();
+    BuildNeighbors();
+  } else {
+    FindEntries(pattern);
+  }
+}
+
+void LaplacianSolver::FindEntries(const SymmetricPattern& pattern) {
   for (const auto& [row1, row2] : rows_of_edge_) {
     int64_t entry = -1;
     if (row1 >= 0 && row2 >= 0) {
@@ -56,14 +67,7 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
     }
     entry_of_edge_.push_back(entry);
   }
-  factor_ = std::make_unique<SparseCholesky>(pattern);
-  const double flops_of_step = 3 * 2 * static_cast<double>(2 * pattern.row.size() - num_rows);
-  if (factor_->FactorFlops() > max_cholesky_steps * flops_of_step) {
-    factor_.reset();
-    BuildNeighbors();
-  } else {
-    values_.resize(pattern.row.size());
-  }
+  values_.resize(pattern.row.size());
 }
 
 void LaplacianSolver::BuildNeighbors() {

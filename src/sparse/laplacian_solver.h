@@ -57,6 +57,7 @@ class LaplacianSolver {
     int edge;
   };
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  void FindEntries(const SymmetricPattern& pattern);
   void BuildNeighbors();
   void FindAggregates();
   void FactorizeAggregates();
@@ -72,13 +73,15 @@ class LaplacianSolver {
   std::vector<int> row_of_node_;  // -1: gauge
   std::vector<RowPair> rows_of_edge_;
   std::vector<int64_t> diagonal_of_row_;
+  Eigen::VectorXd diagonal_;
+  std::unique_ptr<SparseCholesky> factor_;  // null: conjugate gradients
+  // Of the factorization's matrix.
   std::vector<int64_t> entry_of_edge_;  // off the diagonal; -1: none
   std::vector<double> values_;
-  std::unique_ptr<SparseCholesky> factor_;  // null: conjugate gradients
-  std::vector<int64_t> neighbors_begin_;    // of each row
+  // Of conjugate gradients.
+  std::vector<int64_t> neighbors_begin_;  // of each row
   std::vector<Neighbor> neighbors_;
   std::vector<double> neighbor_weights_;
-  Eigen::VectorXd diagonal_;
   std::vector<int> aggregate_of_row_;
   int num_aggregates_ = 0;
   Eigen::LDLT<Eigen::MatrixXd> aggregates_;  // system of the aggregates, each as one

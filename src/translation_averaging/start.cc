@@ -12,7 +12,6 @@ namespace cairn {
 namespace {
 
 constexpr int kNumIterations = 200;
-
 constexpr double kStartTolerance = 1e-3;  // of conjugate gradients
 
 // min sum |x_2 - x_1 - l v|, l >= 1, over nodes 0 .. n-1 and a connected graph.
