@@ -11,11 +11,13 @@ namespace cairn {
 namespace {
 
 constexpr int kGrain = 64;
+// Of an edge or a ray in a step of conjugate gradients: its curvature times two vectors.
+constexpr double kFlopsOfTerm = 30;
 
 }  // namespace
 
 PositionSystem::PositionSystem(const DirectionProblem& problem, int num_threads,
-                               double max_cholesky_flops)
+                               int max_cholesky_steps)
     : problem_(problem), num_threads_(num_threads) {
   terms_of_.resize(problem.NumCameras());
   for (size_t e = 0; e < problem.edges.size(); ++e) {
@@ -34,7 +36,9 @@ PositionSystem::PositionSystem(const DirectionProblem& problem, int num_threads,
     const double num_blocks = row_begin_[i + 1] - row_begin_[i];
     least_flops += 27 * num_blocks * num_blocks;
   }
-  if (least_flops <= max_cholesky_flops) BuildCholesky(max_cholesky_flops);
+  const auto num_terms = static_cast<double>(problem.edges.size() + problem.rays.size());
+  const double max_flops = max_cholesky_steps * kFlopsOfTerm * num_terms;
+  if (least_flops <= max_flops) BuildCholesky(max_flops);
   if (cholesky_) return;
   row_begin_ = column_ = {};
   iterative_ = std::make_unique<IterativeCameras>(problem, num_threads);

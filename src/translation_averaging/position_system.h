@@ -17,9 +17,8 @@ namespace cairn {
 // factor would be too expensive.
 class PositionSystem {
  public:
-  // Beyond max_cholesky_flops a factorization takes longer than a few hundred iterations.
-  PositionSystem(const DirectionProblem& problem, int num_threads,
-                 double max_cholesky_flops = 2e10);
+  // Factorizes where that takes no more operations than max_cholesky_steps of conjugate gradients.
+  PositionSystem(const DirectionProblem& problem, int num_threads, int max_cholesky_steps = 200);
 
   // Before the first Solve, and before one with other models than the last. positions: where the
   // cameras are now, more or less.

@@ -127,7 +127,7 @@ TEST(PositionSystem, ConjugateGradientsGainNearlyWhatCholeskyDoes) {
   for (const int num_cameras : {30, 3000}) {
     const Fixture f(num_cameras);
     PositionSystem direct(f.problem, 1);
-    PositionSystem iterative(f.problem, 1, 0.0);
+    PositionSystem iterative(f.problem, 1, 0);
     EXPECT_FALSE(iterative.UsesCholesky());
     Positions a, b;
     direct.Restart(Line(num_cameras));
@@ -142,8 +142,8 @@ TEST(PositionSystem, ConjugateGradientsGainNearlyWhatCholeskyDoes) {
 
 TEST(PositionSystem, SameBytesForAnyNumberOfThreads) {
   const Fixture f(20);
-  for (const double max_cholesky_flops : {2e10, 0.0}) {
-    PositionSystem one(f.problem, 1, max_cholesky_flops), eight(f.problem, 8, max_cholesky_flops);
+  for (const int max_cholesky_steps : {200, 0}) {
+    PositionSystem one(f.problem, 1, max_cholesky_steps), eight(f.problem, 8, max_cholesky_steps);
     Positions a, b;
     one.Restart(Line(20));
     ASSERT_TRUE(one.Solve(f.models, 1e-2, a));
