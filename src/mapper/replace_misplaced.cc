@@ -104,8 +104,8 @@ std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltMo
 }  // namespace
 
 void ReplaceMisplaced(StageContext& context, BuiltModel& best) {
-  const ReconstructOptions& options = context.settings.reconstruct;
-  for (int round = 0; round < options.max_rounds && options.register_left_out; ++round) {
+  if (!context.settings.reconstruct.register_left_out) return;
+  while (!context.run.monitor.StopRequested()) {
     auto other = RegisterMisplaced(context, best);
     if (!other) break;
     best = std::move(*other);
