@@ -164,7 +164,8 @@ void Database::DeleteUnusedCameras() {
 void Database::DeleteFeaturesAndPairs(const std::set<image_t>& images) {
   impl_->Execute("CREATE TEMP TABLE IF NOT EXISTS removed(image_id INTEGER PRIMARY KEY);");
   for (const image_t id : images) Run(*impl_, "INSERT INTO removed VALUES(?1);", id);
-  for (const std::string table : {"keypoints", "descriptors", "cairn_depth_scales"}) {
+  for (const std::string table :
+       {"keypoints", "descriptors", "cairn_polarities", "cairn_depth_scales"}) {
     impl_->Execute(
         ("DELETE FROM " + table + " WHERE image_id IN (SELECT image_id FROM removed);").c_str());
   }

@@ -1,7 +1,9 @@
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 
 #include "base/hash.h"
+#include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/database/database.h"
 #include "database/query.h"
@@ -95,6 +97,19 @@ std::optional<Descriptors> Database::ReadDescriptors(image_t image_id) const {
   return descriptors;
 }
 
+Polarities Database::ReadPolarities(image_t image_id, const Descriptors& descriptors) const {
+  Query query(*impl_, "SELECT hash, data FROM cairn_polarities WHERE image_id = ?1;", image_id);
+  if (!query.Step() || query.Int<uint64_t>(0) != HashValues(descriptors)) return {};
+  const std::span<const std::byte> data = query.Blob(1);
+  Polarities polarities(data.size());
+  if (!data.empty()) std::memcpy(polarities.data(), data.data(), data.size());
+  if (std::ssize(polarities) != descriptors.rows() ||
+      std::ranges::any_of(polarities, [](uint8_t polarity) { return polarity > 1; })) {
+    throw IoError(path(), RowName("cairn_polarities", image_id) + ": not a 0 or 1 a descriptor");
+  }
+  return polarities;
+}
+
 std::optional<std::vector<DepthSample>> Database::ReadDepthSamples(image_t image_id) const {
   Query query(*impl_,
               "SELECT rows, cols, data FROM cairn_depth_scales WHERE image_id = ?1 AND scale = 0;",
@@ -128,7 +143,8 @@ void Database::WriteKeypoints(image_t image_id, const std::vector<Keypoint>& key
       BoundBlob{keypoints.data(), keypoints.size() * sizeof(Keypoint)});
 }
 
-void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors) {
+void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors,
+                                const Polarities& polarities) {
   // In COLMAP 4.x descriptors have a type; 0 is SIFT.
   Run(*impl_,
       impl_->has_descriptor_types
@@ -138,6 +154,13 @@ void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors
             "VALUES(?1, ?2, ?3, ?4);",
       image_id, descriptors.rows(), descriptors.cols(),
       BoundBlob{descriptors.data(), static_cast<size_t>(descriptors.size())});
+  if (polarities.empty()) {
+    Run(*impl_, "DELETE FROM cairn_polarities WHERE image_id = ?1;", image_id);
+    return;
+  }
+  CAIRN_CHECK_EQ(std::ssize(polarities), descriptors.rows());
+  Run(*impl_, "INSERT OR REPLACE INTO cairn_polarities(image_id, hash, data) VALUES(?1, ?2, ?3);",
+      image_id, HashValues(descriptors), BoundBlob{polarities.data(), polarities.size()});
 }
 
 void Database::WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples) {

@@ -95,7 +95,8 @@ void Database::WriteStage(const StageRecord& record) {
 
 void Database::ClearStage(const std::string& stage) {
   const std::map<std::string, const char*> erase_results = {
-      {kStageFeatures, "DELETE FROM keypoints; DELETE FROM descriptors;"},
+      {kStageFeatures,
+       "DELETE FROM keypoints; DELETE FROM descriptors; DELETE FROM cairn_polarities;"},
       {kStageDepth, "DELETE FROM cairn_depth_scales;"},
       {kStagePairs, "DELETE FROM cairn_pair_choices;"},
       {kStageMatching, "DELETE FROM matches;"},

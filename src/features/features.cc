@@ -79,6 +79,7 @@ Features Extract(const Bitmap& gray, FeatureOptions options, const Bitmap* mask)
           (frames[i].center * octave.pixel_size).array().cast<float>() + 0.5f;
       const Eigen::Matrix2f M = frames[i].M.cast<float>();
       features.keypoints.push_back({center.x(), center.y(), M(0, 0), M(0, 1), M(1, 0), M(1, 1)});
+      features.polarities.push_back(frames[i].is_bright);
       const auto histogram = SiftHistogram(GradientAround(octave, frames[i].center, frames[i].M));
       WriteRootSift(histogram, features.descriptors.row(begin + i).data());
     }

@@ -116,6 +116,7 @@ std::vector<Frame> FindFrames(const Octave& octave, const FeatureOptions& option
     detected.push_back({{extremum.x, extremum.y},
                         sigma,
                         std::abs(extremum.value),
+                        extremum.value < 0,
                         sigma * Eigen::Matrix2d::Identity()});
   }
   std::sort(detected.begin(), detected.end(), LargerFirst);

@@ -13,7 +13,8 @@ namespace cairn {
 struct Frame {
   Eigen::Vector2d center;  // in the octave's pixels
   double sigma = 0;        // where it was detected, in pixels of the image
-  double response = 0;
+  double response = 0;     // absolute value of the difference of Gaussians
+  bool is_bright = false;  // brighter inside than around
   Eigen::Matrix2d M;
 };
 

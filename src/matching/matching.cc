@@ -21,6 +21,40 @@ bool Passes(const NearestTwo& nearest, const MatchingOptions& options) {
   return nearest.best < options.max_ratio * options.max_ratio * nearest.second;
 }
 
+// The descriptors of an image's features of one polarity.
+struct PickedRows {
+  std::vector<int> index;
+  Descriptors descriptors;
+
+  PickedRows(const MatchInput& image, uint8_t polarity) {
+    for (size_t i = 0; i < image.polarities.size(); ++i) {
+      if (image.polarities[i] == polarity) index.push_back(static_cast<int>(i));
+    }
+    descriptors.resize(std::ssize(index), image.descriptors.cols());
+    for (size_t k = 0; k < index.size(); ++k) {
+      descriptors.row(static_cast<Eigen::Index>(k)) = image.descriptors.row(index[k]);
+    }
+  }
+};
+
+// FindNearestTwo among the features of the same polarity; indices are those of all features.
+void FindNearestOfSamePolarity(const MatchInput& image1, const MatchInput& image2,
+                               std::vector<NearestTwo>* nearest1,
+                               std::vector<NearestTwo>* nearest2) {
+  nearest1->assign(image1.polarities.size(), {});
+  nearest2->assign(image2.polarities.size(), {});
+  for (const uint8_t polarity : {0, 1}) {
+    const PickedRows picked1(image1, polarity), picked2(image2, polarity);
+    std::vector<NearestTwo> of1, of2;
+    FindNearestTwo(picked2.descriptors, picked1.descriptors, &of1, &of2);
+    for (size_t k = 0; k < of1.size(); ++k) {
+      if (of1[k].index >= 0) of1[k].index = picked2.index[of1[k].index];
+      (*nearest1)[picked1.index[k]] = of1[k];
+    }
+    for (size_t k = 0; k < of2.size(); ++k) (*nearest2)[picked2.index[k]] = of2[k];
+  }
+}
+
 // The square of the ratio; 0 without a second neighbour.
 double SquaredRatio(const NearestTwo& nearest) {
   return nearest.second == kNoNeighbor ? 0.0 : static_cast<double>(nearest.best) / nearest.second;
@@ -43,11 +77,15 @@ FeatureMatches BestFirst(std::vector<RankedMatch> ranked) {
 
 }  // namespace
 
-FeatureMatches MatchDescriptors(const Descriptors& descriptors1, const Descriptors& descriptors2,
+FeatureMatches MatchDescriptors(const MatchInput& image1, const MatchInput& image2,
                                 const MatchingOptions& options) {
   ValidateOptions(options, "matching");
   std::vector<NearestTwo> nearest1, nearest2;
-  FindNearestTwo(descriptors2, descriptors1, &nearest1, &nearest2);
+  if (image1.polarities.empty() || image2.polarities.empty()) {
+    FindNearestTwo(image2.descriptors, image1.descriptors, &nearest1, &nearest2);
+  } else {
+    FindNearestOfSamePolarity(image1, image2, &nearest1, &nearest2);
+  }
   std::vector<RankedMatch> ranked;
   for (point2D_t i = 0; i < nearest1.size(); ++i) {
     if (!Passes(nearest1[i], options)) continue;

@@ -1,5 +1,6 @@
-// One pair of images, 4096 x 4096 descriptors, one thread: ours and OpenCV's brute force, both with
-// ratio test and cross-check.   build/bench/matching_bench
+// One pair of images, 4096 x 4096 descriptors, one thread: ours, ours with polarities (half of the
+// features are bright), and OpenCV's brute force, all with ratio test and cross-check.
+// build/bench/matching_bench
 #include <benchmark/benchmark.h>
 
 #include <opencv2/features2d.hpp>
@@ -28,15 +29,27 @@ Descriptors MakeDescriptors(uint64_t seed, const Descriptors* first) {
   return descriptors;
 }
 
-void Cairn(benchmark::State& state) {
+void Match(benchmark::State& state, const Polarities& polarities) {
   const Descriptors a = MakeDescriptors(1, nullptr), b = MakeDescriptors(2, &a);
   MatchingOptions options;
   options.max_distance = 2.0;
   size_t num_matches = 0;
-  for (auto _ : state) num_matches = MatchDescriptors(a, b, options).size();
+  for (auto _ : state) {
+    num_matches = MatchDescriptors({a, polarities}, {b, polarities}, options).size();
+  }
   state.counters["matches"] = static_cast<double>(num_matches);
 }
+
+void Cairn(benchmark::State& state) { Match(state, {}); }
 BENCHMARK(Cairn)->Unit(benchmark::kMillisecond);
+
+void CairnWithPolarities(benchmark::State& state) {
+  Rng rng(3);
+  Polarities polarities(kNum);
+  for (uint8_t& polarity : polarities) polarity = static_cast<uint8_t>(rng.UniformInt(2));
+  Match(state, polarities);
+}
+BENCHMARK(CairnWithPolarities)->Unit(benchmark::kMillisecond);
 
 void OpenCv(benchmark::State& state) {
   cv::setNumThreads(1);

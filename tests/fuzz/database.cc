@@ -32,7 +32,7 @@ struct SmallDatabase {
     for (const image_t id : {1, 2}) {
       database.WriteImage({id, std::to_string(id) + ".jpg", 1});
       database.WriteKeypoints(id, {{}, {}});
-      database.WriteDescriptors(id, Descriptors::Zero(2, 128));
+      database.WriteDescriptors(id, Descriptors::Zero(2, 128), {1, 0});
       database.WriteDepthSamples(id, std::vector<DepthSample>(2));
     }
     database.WriteMatches(pair, {{0, 0}});
@@ -67,7 +67,11 @@ struct SmallDatabase {
 
 void ReadImageRows(const Database& database, image_t id) {
   ReadOrRefuse([&] { database.ReadKeypoints(id); });
-  ReadOrRefuse([&] { database.ReadDescriptors(id); });
+  ReadOrRefuse([&] {
+    if (const auto descriptors = database.ReadDescriptors(id)) {
+      database.ReadPolarities(id, *descriptors);
+    }
+  });
   ReadOrRefuse([&] { database.ReadDepthSamples(id); });
 }
 

@@ -62,10 +62,13 @@ class Database {
   // Features. A missing row is nullopt; rows with 2, 4 or 6 columns become affine frames.
   std::optional<std::vector<Keypoint>> ReadKeypoints(image_t image_id) const;
   std::optional<Descriptors> ReadDescriptors(image_t image_id) const;
+  // Empty unless they were written with these descriptors: another program may have replaced those.
+  Polarities ReadPolarities(image_t image_id, const Descriptors& descriptors) const;
   std::optional<std::vector<DepthSample>> ReadDepthSamples(image_t image_id) const;
   std::optional<uint64_t> ReadDepthHash(image_t image_id) const;
   void WriteKeypoints(image_t image_id, const std::vector<Keypoint>& keypoints);
-  void WriteDescriptors(image_t image_id, const Descriptors& descriptors);
+  void WriteDescriptors(image_t image_id, const Descriptors& descriptors,
+                        const Polarities& polarities = {});
   void WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples);
   // Number of rows of every image that has the row, without reading the data.
   std::map<image_t, int> ReadNumKeypoints() const;

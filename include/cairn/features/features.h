@@ -53,6 +53,7 @@ struct FeatureOptions {
 struct Features {
   std::vector<Keypoint> keypoints;
   Descriptors descriptors;  // n x 128 uint8: RootSIFT times 512, COLMAP's order of bins
+  Polarities polarities;    // n
 };
 
 // Detects and describes local features of a gray image (channels = 1). Pixels as everywhere: the

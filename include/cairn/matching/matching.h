@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstdint>
+#include <span>
+
 #include "cairn/base/options.h"
 #include "cairn/scene/features.h"
 
@@ -19,6 +22,15 @@ struct MatchingOptions {
   }
 };
 
+// The features of an image, which must outlive it.
+struct MatchInput {
+  MatchInput(const Descriptors& descriptors, std::span<const uint8_t> polarities = {})
+      : descriptors(descriptors), polarities(polarities) {}
+
+  const Descriptors& descriptors;
+  std::span<const uint8_t> polarities;
+};
+
 // Exact nearest neighbors of all against all by Euclidean distance, with the ratio test and
 // (cross_check) mutual agreement, where the ratio test then holds in both directions. Distances are
 // integers, so the result is the same on every machine; of equal distances the smaller index
@@ -26,7 +38,10 @@ struct MatchingOptions {
 // of a match's two ratios, then by point1 (verification draws from the best). Cost: n1 * n2 * 128
 // multiplications, 20 ms for 4096 x 4096 (AVX-512 VNNI; build/bench/matching_bench). Descriptors
 // are n x 128, or have 0 rows.
-FeatureMatches MatchDescriptors(const Descriptors& descriptors1, const Descriptors& descriptors2,
+//
+// Where both images have polarities, only features of the same polarity are matched (Bay et al.,
+// CVIU 2008), which is half the work.
+FeatureMatches MatchDescriptors(const MatchInput& image1, const MatchInput& image2,
                                 const MatchingOptions& options);
 
 }  // namespace cairn

@@ -32,6 +32,10 @@ static_assert(sizeof(Keypoint) == 6 * sizeof(float));
 // One row a keypoint; SIFT: 128 columns.
 using Descriptors = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
+// One value a keypoint: 1 where it is brighter inside than around, 0 where it is darker; the sign
+// of the Laplacian (SURF: Bay et al., CVIU 2008). Empty: not known.
+using Polarities = std::vector<uint8_t>;
+
 // z-depth at a keypoint and its gradient per image pixel, in the depth map's own (unknown) unit.
 // Where the map has no value, is_valid is false and the numbers are meaningless.
 struct DepthSample {

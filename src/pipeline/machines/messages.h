@@ -86,7 +86,8 @@ struct BytesOf<PhotoTask> {
 template <>
 struct BytesOf<PhotoResult> {
   static void Visit(auto& bytes, auto& result) {
-    bytes(result.item, result.error, result.features.keypoints, result.features.descriptors);
+    bytes(result.item, result.error, result.features.keypoints, result.features.descriptors,
+          result.features.polarities);
   }
 };
 template <>
@@ -115,7 +116,7 @@ struct BytesOf<Descriptors> {
 template <>
 struct BytesOf<PairImage> {
   static void Visit(auto& bytes, auto& image) {
-    bytes(image.camera, image.keypoints, image.depth, image.descriptors);
+    bytes(image.camera, image.keypoints, image.depth, image.descriptors, image.polarities);
   }
 };
 template <int kRows, int kColumns>

@@ -24,6 +24,7 @@ struct PairImage {
   std::vector<Keypoint> keypoints;
   std::vector<DepthSample> depth;  // empty: the image has no depth
   Descriptors descriptors;
+  Polarities polarities;
   uint64_t content_hash = 0;
   bool is_damaged = false;  // a row of it cannot be read: its pairs are left out
 };

@@ -45,7 +45,7 @@ std::vector<FeatureItem> FindItems(const Database& database,
 
 void WriteFeatures(Database& database, const FeatureItem& item, const Features& features) {
   database.WriteKeypoints(item.image.image_id, features.keypoints);
-  database.WriteDescriptors(item.image.image_id, features.descriptors);
+  database.WriteDescriptors(item.image.image_id, features.descriptors, features.polarities);
   database.WriteJob(kStageFeatures, {item.image.image_id, item.input.input_hash, ""});
 }
 

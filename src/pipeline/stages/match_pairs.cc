@@ -29,6 +29,13 @@ struct MatchingWork {
   size_t num_left_out = 0;          // images without descriptors and without matches
 };
 
+uint64_t HashOf(const Descriptors& descriptors, const Polarities& polarities) {
+  return Hasher()
+      .AddBytes(descriptors.data(), static_cast<size_t>(descriptors.size()))
+      .AddBytes(polarities.data(), polarities.size())
+      .Digest();
+}
+
 // Hashes of the descriptors of these images, as far as they have any. Images whose row cannot be
 // read are reported and left out.
 std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
@@ -37,7 +44,7 @@ std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
   for (const image_t id : images) {
     try {
       if (const auto descriptors = database.ReadDescriptors(id)) {
-        hashes[id] = HashValues(*descriptors);
+        hashes[id] = HashOf(*descriptors, database.ReadPolarities(id, *descriptors));
       }
     } catch (const IoError& error) {
       stage.Warn(std::string(error.what()) + "; the image is not matched");
@@ -103,6 +110,7 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
       [&reader](image_t id) {
         PairImage image;
         image.descriptors = *reader.ReadDescriptors(id);
+        image.polarities = reader.ReadPolarities(id, image.descriptors);
         return image;
       },
       [](PairTask& task, const auto& image) {
@@ -122,8 +130,10 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
     run.monitor.Advance(1);
   };
   const auto match = [&](int, const PairTask& task) {
-    return MatchResult{task.pair_id, MatchDescriptors(task.image1->descriptors,
-                                                      task.image2->descriptors, options)};
+    const PairImage &image1 = *task.image1, &image2 = *task.image2;
+    return MatchResult{task.pair_id,
+                       MatchDescriptors({image1.descriptors, image1.polarities},
+                                        {image2.descriptors, image2.polarities}, options)};
   };
   ForEachTask<MatchResult>(TaskKind::kMatch, feed, helpers, run, match, keep);
   writer.Finish();

@@ -70,6 +70,21 @@ TEST_F(DatabaseFailureTest, BlobsOfAWrongSizeAreNamed) {
   EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadKeypoints(3); }), HasSubstr("3 columns"));
 }
 
+TEST_F(DatabaseFailureTest, PolaritiesThatAreNotZeroOrOneADescriptorAreNamed) {
+  const Descriptors descriptors = Descriptors::Random(2, 128);
+  {
+    Database database(Path());
+    WriteImages(database, 1);
+    database.WriteDescriptors(1, descriptors, {1, 0});
+  }
+  for (const std::string bad : {"X'01'", "X'010000'", "X'0102'"}) {
+    RunSql(Path(), "UPDATE cairn_polarities SET data = " + bad);
+    Database database(Path());
+    EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadPolarities(1, descriptors); }),
+                HasSubstr("cairn_polarities of image 1: not a 0 or 1 a descriptor"));
+  }
+}
+
 TEST_F(DatabaseFailureTest, AnotherProgramsLockIsNamed) {
   Database database(Path());
   database.SetBusyTimeout(10);

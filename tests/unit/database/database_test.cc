@@ -12,6 +12,7 @@ namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 void ExpectEqual(const TwoViewGeometry& a, const TwoViewGeometry& b) {
   EXPECT_EQ(a.config, b.config);
@@ -92,6 +93,24 @@ TEST_F(DatabaseTest, FeaturesRoundTrip) {
   EXPECT_EQ(database.ReadNumKeypoints(), (std::map<image_t, int>{{1, 50}, {2, 0}}));
   EXPECT_EQ(database.ReadNumDescriptors(), (std::map<image_t, int>{{1, 50}, {2, 0}}));
   EXPECT_EQ(database.ReadNumDepthSamples(), (std::map<image_t, int>{{1, 50}}));
+}
+
+TEST_F(DatabaseTest, PolaritiesBelongToTheDescriptorsThatTheyWereWrittenWith) {
+  Database database(":memory:");
+  WriteImages(database, 2);
+  const Descriptors descriptors = Descriptors::Random(3, 128), others = Descriptors::Random(3, 128);
+  const Polarities polarities = {1, 0, 1};
+  EXPECT_THAT(database.ReadPolarities(1, descriptors), IsEmpty());
+  database.WriteDescriptors(1, descriptors, polarities);
+  EXPECT_EQ(database.ReadPolarities(1, descriptors), polarities);
+  EXPECT_THAT(database.ReadPolarities(1, others), IsEmpty());
+  EXPECT_THAT(database.ReadPolarities(2, descriptors), IsEmpty());
+  database.WriteDescriptors(1, descriptors);
+  EXPECT_THAT(database.ReadPolarities(1, descriptors), IsEmpty());
+  EXPECT_THROW(database.WriteDescriptors(1, descriptors, {1, 0}), BugError);
+  database.WriteDescriptors(1, descriptors, polarities);
+  database.ClearStage("features");
+  EXPECT_THAT(database.ReadPolarities(1, descriptors), IsEmpty());
 }
 
 TEST_F(DatabaseTest, DepthSamplesReplaceOthersAndTheirHashFollows) {

@@ -94,6 +94,19 @@ TEST_P(FeaturesOfKind, LieOnTheBlobsAndHaveTheirSize) {
   }
 }
 
+TEST_P(FeaturesOfKind, TellBrightBlobsFromDarkOnes) {
+  Rng rng(9);
+  std::vector<Blob> blobs = GridOfBlobs(4, rng);
+  for (size_t k = 0; k < blobs.size(); k += 3) blobs[k].height = -50;
+  const Features features = ExtractFeatures(Draw(280, 220, blobs), Options());
+  ASSERT_EQ(features.polarities.size(), features.keypoints.size());
+  for (size_t k = 0; k < blobs.size(); ++k) {
+    const Keypoint* keypoint = Nearest(features, blobs[k].center);
+    ASSERT_LT((keypoint->Position() - blobs[k].center).norm(), 1.0);
+    EXPECT_EQ(features.polarities[keypoint - features.keypoints.data()], k % 3 == 0 ? 0 : 1);
+  }
+}
+
 TEST_P(FeaturesOfKind, ComeAgainWhereTheImageIsTurned) {
   Rng rng(2);
   std::vector<Blob> blobs, turned;

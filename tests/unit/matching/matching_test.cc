@@ -152,6 +152,55 @@ TEST_F(EveryTarget, MatchesEqualTheNaiveOnes) {
   }
 }
 
+// Matches of the features that have a polarity, found among these alone.
+FeatureMatches NaiveMatchesOf(uint8_t polarity, const MatchInput& a, const MatchInput& b,
+                              const MatchingOptions& options) {
+  const auto pick = [&](const MatchInput& image) {
+    std::vector<int> rows;
+    for (int i = 0; i < image.descriptors.rows(); ++i) {
+      if (image.polarities[i] == polarity) rows.push_back(i);
+    }
+    return rows;
+  };
+  const std::vector<int> rows_a = pick(a), rows_b = pick(b);
+  FeatureMatches matches =
+      NaiveMatches(Shuffled(a.descriptors, rows_a, 0), Shuffled(b.descriptors, rows_b, 0), options);
+  for (FeatureMatch& match : matches) {
+    match = {static_cast<point2D_t>(rows_a[match.point1]),
+             static_cast<point2D_t>(rows_b[match.point2])};
+  }
+  return matches;
+}
+
+TEST_F(EveryTarget, FeaturesMatchWithinTheirPolarityWhereBothImagesHaveIt) {
+  const Descriptors a = RandomDescriptors(120, 1, 60);
+  std::vector<int> order;
+  for (int i = 119; i >= 20; --i) order.push_back(i);
+  const Descriptors b = Shuffled(a, order, 25);
+  Rng rng(4, "polarities");
+  Polarities of_a(120), of_b(100);
+  for (uint8_t& polarity : of_a) polarity = static_cast<uint8_t>(rng.UniformInt(2));
+  for (size_t j = 0; j < of_b.size(); ++j) of_b[j] = j % 10 == 0 ? !of_a[order[j]] : of_a[order[j]];
+  const auto sorted = [](FeatureMatches matches) {
+    std::ranges::sort(matches, {}, &FeatureMatch::point1);
+    return matches;
+  };
+  for (const bool cross_check : {false, true}) {
+    const MatchingOptions options{.max_ratio = 0.9, .cross_check = cross_check};
+    FeatureMatches expected = NaiveMatchesOf(0, {a, of_a}, {b, of_b}, options);
+    const FeatureMatches bright = NaiveMatchesOf(1, {a, of_a}, {b, of_b}, options);
+    expected.insert(expected.end(), bright.begin(), bright.end());
+    EXPECT_GT(expected.size(), 60u);
+    ForEachTarget([&] {
+      EXPECT_EQ(sorted(MatchDescriptors({a, of_a}, {b, of_b}, options)), sorted(expected));
+      EXPECT_EQ(MatchDescriptors({a, {}}, {b, of_b}, options), MatchDescriptors(a, b, options));
+      EXPECT_EQ(MatchDescriptors({a, of_a}, {b, {}}, options), MatchDescriptors(a, b, options));
+    });
+  }
+  const Polarities all_bright(120, 1), all_dark(100, 0);
+  EXPECT_THAT(MatchDescriptors({a, all_bright}, {b, all_dark}, {}), IsEmpty());
+}
+
 TEST(MatchDescriptors, FindsAPermutation) {
   const Descriptors a = RandomDescriptors(200, 3, 120);
   std::vector<int> order(200);
@@ -231,7 +280,8 @@ TEST(MatchDescriptors, EmptyImagesHaveNoMatches) {
 }
 
 TEST(MatchDescriptors, OtherDimensionsAreABug) {
-  EXPECT_THROW(MatchDescriptors(Descriptors::Zero(3, 64), Descriptors::Zero(3, 64), {}), BugError);
+  const Descriptors other = Descriptors::Zero(3, 64);
+  EXPECT_THROW(MatchDescriptors(other, other, {}), BugError);
 }
 
 TEST(MatchingOptions, AreValidated) {

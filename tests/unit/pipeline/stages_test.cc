@@ -316,10 +316,23 @@ TEST_F(StagesTest, AllPairsAreMatchedAsByTheMatcher) {
   Extract();
   EXPECT_EQ(Match().status, StageStatus::kOk);
   EXPECT_EQ(database_.ReadNumMatches().size(), 6u);
-  const FeatureMatches matches =
-      MatchDescriptors(*database_.ReadDescriptors(1), *database_.ReadDescriptors(2), {});
+  const Descriptors first = *database_.ReadDescriptors(1), second = *database_.ReadDescriptors(2);
+  const Polarities of_first = database_.ReadPolarities(1, first),
+                   of_second = database_.ReadPolarities(2, second);
+  EXPECT_EQ(std::ssize(of_first), first.rows());
+  const FeatureMatches matches = MatchDescriptors({first, of_first}, {second, of_second}, {});
   EXPECT_GT(matches.size(), 20u);
   EXPECT_EQ(*database_.ReadMatches(ImagePairToPairId(1, 2)), matches);
+  // Changed polarities are changed features, and they decide what matches.
+  Polarities inverted = of_first;
+  for (uint8_t& polarity : inverted) polarity = 1 - polarity;
+  database_.WriteDescriptors(1, first, inverted);
+  EXPECT_THROW(Match(), ConfigError);
+  database_.ClearStage("matching");
+  Match();
+  EXPECT_EQ(*database_.ReadMatches(ImagePairToPairId(1, 2)),
+            MatchDescriptors({first, inverted}, {second, of_second}, {}));
+  EXPECT_NE(*database_.ReadMatches(ImagePairToPairId(1, 2)), matches);
 }
 
 TEST_F(StagesTest, OnlyListedPairsAreMatched) {
