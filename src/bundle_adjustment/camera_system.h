@@ -52,6 +52,10 @@ class CameraSystem {
   // Adds `diagonal`, and solves. False if the system is not positive definite. Equal for any number
   // of threads.
   bool Solve(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& right, Eigen::VectorXd* x);
+  // Solves once more, by the factor of the last Solve.
+  Eigen::VectorXd SolveByFactor(const Eigen::VectorXd& right) const {
+    return factor_->Solve(right);
+  }
 
  private:
   // Nodes are the images, then the cameras.

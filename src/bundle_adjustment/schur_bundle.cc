@@ -70,6 +70,10 @@ class SchurBundle {
                 static_cast<int>(bundle.intrinsics().size()), run.num_threads),
         linear_(std::make_unique_for_overwrite<Linear[]>(observations_.all.size())),
         inverse_(observations_.NumPoints()) {
+    if (system_.IsFactorized()) {
+      weights_.resize(observations_.all.size());
+      bends_.resize(observations_.all.size());
+    }
     for (const auto& [id, image] : reconstruction.images) {
       pose_is_free_.push_back(scope.fixed_images.count(id) == 0);
     }
@@ -137,7 +141,26 @@ class SchurBundle {
     return step->allFinite();
   }
 
+  // Adds half the acceleration to a step of Solve (see Minimize), where a factor makes it cheap.
+  void Accelerate(const Model& model, Eigen::VectorXd* step) {
+    if (!system_.IsFactorized()) return;
+    SetState(model.state + kProbe * *step);
+    Eigen::VectorXd slope(step->size());
+    const Eigen::VectorXd right = FindBends(*step, slope);
+    if (!right.allFinite()) return;
+    Eigen::VectorXd acceleration(step->size());
+    acceleration.head(right.size()) = system_.SolveByFactor(right);
+    FindPoints(slope, acceleration);
+    if (2 * LengthOf(acceleration) < kMaxAcceleration * LengthOf(*step)) {
+      *step += 0.5 * acceleration;
+    }
+  }
+
  private:
+  // How far along a step its residuals are looked at, and its longest acceleration (Transtrum and
+  // Sethna's h and alpha).
+  static constexpr double kProbe = 0.1, kMaxAcceleration = 0.75;
+
   // An observation's residual and its derivatives, weighed by the loss. They are rounded once, and
   // what is computed from them is exact for the rounded ones.
   struct Linear {
@@ -205,16 +228,20 @@ class SchurBundle {
     return cost;
   }
 
+  Reprojection ReprojectionOf(int k) const {
+    const BundleObservation& observation = observations_.all[k];
+    const bool is_free = pose_is_free_[observation.image];
+    return {&bundle_.poses()[observation.image],
+            &bundle_.points()[observations_.point_of[k]],
+            observation.pixel,
+            observation.precision,
+            {.point = true, .rotation = is_free, .position = is_free}};
+  }
+
   // Its cost; NaN where its camera does not see the point.
   double EvaluateOne(int k, bool with_derivatives) {
-    const BundleObservation& observation = observations_.all[k];
-    const PoseState& pose = bundle_.poses()[observation.image];
-    const bool is_free = pose_is_free_[observation.image];
-    const Reprojection reprojection{&pose,
-                                    &bundle_.points()[observations_.point_of[k]],
-                                    observation.pixel,
-                                    observation.precision,
-                                    {.point = true, .rotation = is_free, .position = is_free}};
+    const Reprojection reprojection = ReprojectionOf(k);
+    const bool is_free = reprojection.free.rotation;
     Eigen::Vector2d residual;
     Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
     Eigen::Matrix<double, 2, kPose, Eigen::RowMajor> by_pose;
@@ -235,7 +262,8 @@ class SchurBundle {
     linear.by_camera.setZero();
     if (is_free)
       linear.by_camera.template leftCols<kPose>() = (weight * by_pose).template cast<float>();
-    const int num_free = pose.intrinsics->num_free;
+    if (!weights_.empty()) weights_[k] = static_cast<float>(weight);
+    const int num_free = reprojection.pose->intrinsics->num_free;
     for (int row = 0; row < 2; ++row) {
       for (int column = 0; column < num_free; ++column) {
         linear.by_camera(row, kPose + column) =
@@ -243,6 +271,61 @@ class SchurBundle {
       }
     }
     return cost;
+  }
+
+  // The second derivatives of the residuals along a step, from residuals a part of it ahead, where
+  // the state is. Fills their products with the derivatives by points; returns the right-hand side
+  // of the cameras' system.
+  Eigen::VectorXd FindBends(const Eigen::VectorXd& step, Eigen::VectorXd& slope) {
+    const auto images = system_.Spread(step);
+    const auto by_point = [&](int64_t p) {
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (int k = observations_.begin[p]; k < observations_.begin[p + 1]; ++k) {
+        const auto& J = linear_[k].by_point;
+        const Eigen::Vector2d moved =
+            linear_[k].by_camera.template cast<double>() * images.col(observations_.all[k].image) +
+            J.template cast<double>() * step.segment<3>(PointAt(p));
+        const Eigen::Vector2d bend = BendOf(k, moved);
+        bends_[k] = bend.cast<float>();
+        sum += J.template cast<double>().transpose() * bend;
+      }
+      slope.segment<3>(PointAt(p)) = sum;
+    };
+    ParallelFor(run_.num_threads, observations_.NumPoints(), by_point, kPointsPerTask);
+    Eigen::Matrix<double, kBlock, Eigen::Dynamic> rights(kBlock, system_.NumImages());
+    const auto by_image = [&](int64_t i) {
+      Image right = Image::Zero();
+      const std::vector<int>& observations = observations_.of_image[i];
+      for (size_t n = 0; n < observations.size(); ++n) {
+        if (n + kNear < observations.size()) PrefetchLinear(observations[n + kNear]);
+        const int k = observations[n], p = observations_.point_of[k];
+        const Eigen::Vector2d of_point = linear_[k].by_point.template cast<double>() *
+                                         (inverse_[p] * slope.segment<3>(PointAt(p)));
+        right += linear_[k].by_camera.template cast<double>().transpose() *
+                 (of_point - bends_[k].template cast<double>());
+      }
+      rights.col(i) = right;
+    };
+    ParallelFor(run_.num_threads, system_.NumImages(), by_image, kImagesPerTask);
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(system_.NumUnknowns());
+    system_.Gather(rights, right);
+    return right;
+  }
+
+  // moved: what the derivatives say of the whole step. NaN where the camera does not see the point.
+  Eigen::Vector2d BendOf(int k, const Eigen::Vector2d& moved) const {
+    Eigen::Vector2d ahead;
+    if (!ReprojectionOf(k).Evaluate(ahead.data(), nullptr)) {
+      return Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+    }
+    const Eigen::Vector2d change =
+        weights_[k] * ahead - linear_[k].residual.template cast<double>();
+    return 2 / kProbe * (change / kProbe - moved);
+  }
+
+  // Of what the cameras have of a step, each unknown in the unit of its own curvature.
+  double LengthOf(const Eigen::VectorXd& step) const {
+    return std::sqrt(curvature_.dot(step.head(curvature_.size()).cwiseAbs2()));
   }
 
   // Gradient and diagonal of the normal equations, of poses and intrinsics.
@@ -378,6 +461,8 @@ class SchurBundle {
   System system_;
   // Of the observations. Not set to zero: the threads that fill it are the first to touch it.
   std::unique_ptr<Linear[]> linear_;
+  std::vector<float> weights_;            // of the observations' residuals, for Accelerate
+  std::vector<Eigen::Vector2f> bends_;    // as FindBends found them
   std::vector<Eigen::Matrix3d> inverse_;  // of the points' blocks
   Eigen::VectorXd curvature_;             // of the unknowns of cameras, by the observations
   std::vector<char> pose_is_free_;

@@ -7,9 +7,9 @@
 
 namespace cairn {
 
-// What SchurBundle keeps of an observation: it as it was, linearized in single precision, and its
-// place in its image's list.
-inline constexpr int64_t kSchurBundleObservationBytes = 24 + 112 + 8;
+// What SchurBundle keeps of an observation: it as it was, linearized in single precision, its place
+// in its image's list, its weight and its second derivative along a step.
+inline constexpr int64_t kSchurBundleObservationBytes = 24 + 112 + 8 + 4 + 8;
 
 // Poses and points, with or without intrinsics.
 bool SuitsSchurBundle(const BundleAdjustmentScope& scope);

@@ -86,6 +86,11 @@ class Damping {
 // and, where it has its own,
 //   Solve(model, damping, &step) -> bool   in place of DampedStep
 //   Cost(state) -> double                  cheaper than Linearize, for what may be the last step
+//   Accelerate(model, &step)               adds half the acceleration of the way that the step
+//                                          begins, so that it follows the bends of a valley
+//                                          (Transtrum and Sethna, "Improvements to the
+//                                          Levenberg-Marquardt algorithm", 2012); called after
+//                                          Solve, once a step was in vain
 // It ends with a small gain (see the options), when nothing lowers the cost, and on NaN.
 template <class Problem>
 LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOptions& options,
@@ -99,6 +104,7 @@ LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOpti
   LevenbergMarquardtReport report;
   report.cost = model.cost;
   Damping damping(options.damping_rule, options.initial_damping);
+  bool was_in_vain = false;  // a step: the model is a poor one where it leads
   while (report.num_iterations < options.max_iterations && damping.value() <= kMaxDamping) {
     ++report.num_iterations;
     std::decay_t<decltype(model.gradient)> step;
@@ -115,6 +121,9 @@ LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOpti
     const double min_gain = options.min_relative_gain * report.cost;
     const double promised = -model.gradient.dot(step);
     if (!(promised > kNegligible * min_gain)) break;  // also when not finite
+    if constexpr (requires { problem.Accelerate(model, &step); }) {
+      if (was_in_vain) problem.Accelerate(model, &step);
+    }
     typename Problem::State next = problem.Moved(*state, step);
     const bool is_last = report.num_iterations == options.max_iterations;
     // Nobody needs the derivatives at the end.
@@ -126,6 +135,7 @@ LevenbergMarquardtReport Minimize(Problem& problem, const LevenbergMarquardtOpti
     if (!only_cost) next_model = problem.Linearize(next);
     const double gain = report.cost - next_model.cost;
     if (!damping.Accepts(gain, promised)) {
+      was_in_vain = true;
       damping.Grow();
       continue;
     }

@@ -14,13 +14,14 @@ namespace {
 
 using Eigen::Vector2d;
 
-// Rosenbrock's valley: errors 10 (y - x^2) and 1 - x, least at (1, 1).
+// Rosenbrock's valley: errors steepness * (y - x^2) and 1 - x, least at (1, 1).
 struct Rosenbrock {
   using State = Vector2d;
+  double steepness = 10;
   NormalEquations<2> Linearize(const State& at) {
     NormalEquations<2> model;
-    const double errors[2] = {10 * (at.y() - at.x() * at.x()), 1 - at.x()};
-    model.Add(errors[0], {-20 * at.x(), 10}, 1);
+    const double errors[2] = {steepness * (at.y() - at.x() * at.x()), 1 - at.x()};
+    model.Add(errors[0], {-2 * steepness * at.x(), steepness}, 1);
     model.Add(errors[1], {-1, 0}, 1);
     model.cost = errors[0] * errors[0] + errors[1] * errors[1];
     costs.push_back(model.cost);
@@ -41,6 +42,46 @@ TEST(Minimize, ConvergesOnRosenbrocksValley) {
     EXPECT_LT(report.num_iterations, 60);
     EXPECT_LE(report.num_accepted, report.num_iterations);
   }
+}
+
+// The same with the second derivatives along a step, (-2 steepness step_x^2, 0).
+struct BentRosenbrock : Rosenbrock {
+  struct Model : NormalEquations<2> {
+    Vector2d at;
+  };
+  Model Linearize(const State& at) { return {Rosenbrock::Linearize(at), at}; }
+  bool Solve(const Model& model, double damping, Vector2d* step) {
+    damping_ = damping;
+    return DampedStep(model, damping, step);
+  }
+  void Accelerate(const Model& model, Vector2d* step) {
+    Model of_bend = model;
+    of_bend.gradient =
+        -2 * steepness * step->x() * step->x() * Vector2d(-2 * steepness * model.at.x(), steepness);
+    Vector2d acceleration;
+    ASSERT_TRUE(DampedStep(of_bend, damping_, &acceleration));
+    *step += 0.5 * acceleration;
+    ++num_accelerated;
+  }
+  int num_accelerated = 0;
+
+ private:
+  double damping_ = 0;
+};
+
+TEST(Minimize, FollowsABentValleyByAcceleratedSteps) {
+  const LevenbergMarquardtOptions options{
+      .max_iterations = 10000, .min_relative_gain = 0, .damping_rule = DampingRule::kGainRatio};
+  Rosenbrock straight;
+  BentRosenbrock bent;
+  straight.steepness = bent.steepness = 1000;
+  Vector2d x(-1.2, 1), y(-1.2, 1);
+  const auto report = Minimize(straight, options, &x);
+  const auto accelerated = Minimize(bent, options, &y);
+  EXPECT_LT((y - Vector2d(1, 1)).norm(), 1e-12);
+  EXPECT_LT(2 * accelerated.num_iterations, report.num_iterations);
+  EXPECT_GT(bent.num_accelerated, 0);
+  EXPECT_LT(bent.num_accelerated, accelerated.num_iterations);  // not before a step was in vain
 }
 
 TEST(Minimize, NeverRaisesTheCostHoweverManySteps) {
