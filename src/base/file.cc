@@ -1,6 +1,7 @@
 #include "cairn/base/file.h"
 
 #include <fcntl.h>
+#include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -8,6 +9,7 @@
 #include <atomic>
 #include <cctype>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
@@ -18,10 +20,20 @@
 namespace cairn {
 namespace {
 
+constexpr const char* kTemporary = ".tmp-";
+
 // Unique in this process; with the process id, unique in the folder.
 std::string TemporaryPath(const std::string& path) {
   static std::atomic<int> counter = 0;
-  return path + ".tmp-" + std::to_string(getpid()) + "-" + std::to_string(counter++);
+  return path + kTemporary + std::to_string(getpid()) + "-" + std::to_string(counter++);
+}
+
+// "12-0", of a TemporaryPath, is of a process 12 that is not there.
+bool IsOfNoProcess(const std::string& ending) {
+  int process = 0, number = 0, length = 0;
+  const int found = std::sscanf(ending.c_str(), "%d-%d%n", &process, &number, &length);
+  return found == 2 && length == static_cast<int>(ending.size()) && process > 0 &&
+         kill(process, 0) != 0 && errno == ESRCH;
 }
 
 }  // namespace
@@ -115,6 +127,21 @@ void WriteFileAtomically(const std::string& path, std::string_view content) {
   AtomicFile file(path);
   file.Write(content);
   file.Commit();
+}
+
+void RemoveLeftovers(const std::string& path) {
+  const std::filesystem::path target(path);
+  const std::string beginning = target.filename().string() + kTemporary;
+  std::error_code error;
+  const auto folder = target.has_parent_path() ? target.parent_path() : std::filesystem::path(".");
+  std::filesystem::directory_iterator entry(folder, error);
+  for (; entry != std::filesystem::directory_iterator(); entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    if (name.starts_with(beginning) && IsOfNoProcess(name.substr(beginning.size()))) {
+      std::error_code ignored;
+      std::filesystem::remove(entry->path(), ignored);
+    }
+  }
 }
 
 std::string LowerCaseExtension(const std::string& path) {

@@ -55,6 +55,9 @@ class AtomicFile {
 
 void WriteFileAtomically(const std::string& path, std::string_view content);
 
+// Removes the temporary files for this path of processes that are gone: a killed one cannot.
+void RemoveLeftovers(const std::string& path);
+
 // Creates a folder and its parents if absent. Throws IoError.
 void CreateFolders(const std::string& path);
 

@@ -23,6 +23,25 @@ size_t NumFiles(const TempFolder& folder) {
   return std::distance(std::filesystem::directory_iterator(folder.path()), {});
 }
 
+TEST(RemoveLeftovers, RemovesThoseOfProcessesThatAreGone) {
+  const TempFolder folder;
+  const std::string alive = "a.tmp-" + std::to_string(getpid()) + "-0";
+  const std::string gone = "a.tmp-2000000000-0";  // more than Linux has
+  for (const std::string& name :
+       {std::string("a"), alive, gone, std::string("b.tmp-2000000000-0"),
+        std::string("a.tmp-2000000000-0.jpg"), std::string("a.tmp-notes")}) {
+    WriteFileAtomically(folder / name, "x");
+  }
+  RemoveLeftovers(folder / "a");
+  EXPECT_FALSE(std::filesystem::exists(folder / gone));
+  for (const std::string& name :
+       {std::string("a"), alive, std::string("b.tmp-2000000000-0"),
+        std::string("a.tmp-2000000000-0.jpg"), std::string("a.tmp-notes")}) {
+    EXPECT_TRUE(std::filesystem::exists(folder / name)) << name;
+  }
+  EXPECT_NO_THROW(RemoveLeftovers(folder / "absent/a"));
+}
+
 TEST(File, ContentComesBackWhateverTheBytes) {
   const TempFolder folder;
   std::string content = "a\0b\r\n\xFF";
