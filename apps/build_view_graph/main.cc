@@ -19,12 +19,8 @@ int Build(const BuildPipelineOptions& options, const RunFlags& flags,
   ConsoleMonitor monitor;
   const BuildPipelineReport report = RunBuildPipeline(options, flags.Run(monitor), peers);
   const std::string& database_path = options.inputs.database_path;
-  const auto write = [&](const std::string& ending, const std::string& content) {
-    RemoveLeftovers(database_path + ending);
-    WriteFileAtomically(database_path + ending, content);
-  };
-  write(".effective.toml", effective_toml);
-  write(".report.json", ToJson(report.run));
+  WriteFileAtomically(database_path + ".effective.toml", effective_toml);
+  WriteFileAtomically(database_path + ".report.json", ToJson(report.run));
   std::cout << SummaryText(report.summary, report.run) << std::flush;
   if (report.run.Succeeded()) return kExitSuccess;
   spdlog::error("{}", report.run.failure);

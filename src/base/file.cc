@@ -1,42 +1,21 @@
 #include "cairn/base/file.h"
 
 #include <fcntl.h>
-#include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cctype>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
 
+#include "base/file_lock.h"
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 
 namespace cairn {
-namespace {
-
-constexpr const char* kTemporary = ".tmp-";
-
-// Unique in this process; with the process id, unique in the folder.
-std::string TemporaryPath(const std::string& path) {
-  static std::atomic<int> counter = 0;
-  return path + kTemporary + std::to_string(getpid()) + "-" + std::to_string(counter++);
-}
-
-// "12-0", of a TemporaryPath, is of a process 12 that is not there.
-bool IsOfNoProcess(const std::string& ending) {
-  int process = 0, number = 0, length = 0;
-  const int found = std::sscanf(ending.c_str(), "%d-%d%n", &process, &number, &length);
-  return found == 2 && length == static_cast<int>(ending.size()) && process > 0 &&
-         kill(process, 0) != 0 && errno == ESRCH;
-}
-
-}  // namespace
 
 InputFile::InputFile(const std::string& path)
     // Without O_NONBLOCK, opening a pipe waits for its writer.
@@ -90,15 +69,17 @@ std::string ReadFile(const std::string& path, size_t max_bytes) {
 }
 
 AtomicFile::AtomicFile(const std::string& path)
-    : path_(path), temporary_path_(TemporaryPath(path)) {
-  file_ = std::fopen(temporary_path_.c_str(), "wb");
-  if (!file_) throw IoError(path_, std::string("cannot be written: ") + std::strerror(errno));
+    : path_(path),
+      temporary_path_(path + ".cairn-tmp"),
+      lock_(OpenLocked(temporary_path_, /*waits=*/true)) {
+  if (lock_ >= 0 && ftruncate(lock_, 0) == 0) {
+    if (const int descriptor = dup(lock_); descriptor >= 0) file_ = fdopen(descriptor, "wb");
+  }
+  if (!file_) Fail("cannot be written");
 }
 
 AtomicFile::~AtomicFile() {
-  if (!file_) return;
-  std::fclose(file_);
-  std::remove(temporary_path_.c_str());
+  if (lock_ >= 0) RemoveTemporary();
 }
 
 void AtomicFile::Write(std::string_view bytes) {
@@ -113,13 +94,21 @@ void AtomicFile::Commit() {
   file_ = nullptr;
   if (closed != 0) Fail("cannot be written");
   if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0) Fail("cannot be replaced");
+  close(lock_);  // not before: the next writer would begin in what is renamed
+  lock_ = -1;
+}
+
+void AtomicFile::RemoveTemporary() {
+  if (file_) std::fclose(file_);
+  file_ = nullptr;
+  std::remove(temporary_path_.c_str());
+  close(lock_);
+  lock_ = -1;
 }
 
 void AtomicFile::Fail(const std::string& what) {
   const std::string reason = std::strerror(errno);
-  if (file_) std::fclose(file_);
-  file_ = nullptr;
-  std::remove(temporary_path_.c_str());
+  if (lock_ >= 0) RemoveTemporary();
   throw IoError(path_, what + ": " + reason);
 }
 
@@ -127,21 +116,6 @@ void WriteFileAtomically(const std::string& path, std::string_view content) {
   AtomicFile file(path);
   file.Write(content);
   file.Commit();
-}
-
-void RemoveLeftovers(const std::string& path) {
-  const std::filesystem::path target(path);
-  const std::string beginning = target.filename().string() + kTemporary;
-  std::error_code error;
-  const auto folder = target.has_parent_path() ? target.parent_path() : std::filesystem::path(".");
-  std::filesystem::directory_iterator entry(folder, error);
-  for (; entry != std::filesystem::directory_iterator(); entry.increment(error)) {
-    const std::string name = entry->path().filename().string();
-    if (name.starts_with(beginning) && IsOfNoProcess(name.substr(beginning.size()))) {
-      std::error_code ignored;
-      std::filesystem::remove(entry->path(), ignored);
-    }
-  }
 }
 
 std::string LowerCaseExtension(const std::string& path) {

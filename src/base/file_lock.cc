@@ -21,21 +21,29 @@ bool IsNamed(int descriptor, const std::string& path) {
 
 }  // namespace
 
-FileLock::FileLock(const std::string& path) : lock_path_(path + ".lock") {
-  // Again where the owner before removed the file between our opening and locking it.
-  do {
-    descriptor_ = open(lock_path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
-    if (descriptor_ < 0) return;
-    if (flock(descriptor_, LOCK_EX | LOCK_NB) == 0) {
-      if (IsNamed(descriptor_, lock_path_)) return;
-    } else if (errno == EWOULDBLOCK) {
-      close(descriptor_);
-      throw IoError(path, "another run of cairn is writing to it");
-    } else {
-      return;
+int OpenLocked(const std::string& path, bool waits) {
+  while (true) {
+    const int descriptor = open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
+    if (descriptor < 0) return -1;
+    int result;
+    do {
+      result = flock(descriptor, waits ? LOCK_EX : LOCK_EX | LOCK_NB);
+    } while (result != 0 && errno == EINTR);
+    const bool is_taken = result != 0 && errno == EWOULDBLOCK;
+    if (!is_taken && (result != 0 || IsNamed(descriptor, path))) return descriptor;
+    close(descriptor);
+    if (is_taken) {
+      errno = EWOULDBLOCK;
+      return -1;
     }
-    close(descriptor_);
-  } while (true);
+  }
+}
+
+FileLock::FileLock(const std::string& path)
+    : lock_path_(path + ".lock"), descriptor_(OpenLocked(lock_path_, false)) {
+  if (descriptor_ < 0 && errno == EWOULDBLOCK) {
+    throw IoError(path, "another run of cairn is writing to it");
+  }
 }
 
 FileLock::~FileLock() {

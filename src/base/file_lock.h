@@ -4,6 +4,12 @@
 
 namespace cairn {
 
+// Opens a file for writing, or makes it, and locks it (flock); another file where the owner before
+// renamed or removed this one meanwhile. -1 with errno: it cannot be opened,
+// or, without waiting, another has the lock (EWOULDBLOCK). A file system without locks does
+// without.
+int OpenLocked(const std::string& path, bool waits);
+
 // While it lives, no other FileLock of the same path can be made, in this process or another: its
 // constructor throws IoError. The lock is that of a file `path`.lock, which it removes; the system
 // gives it up when a process is killed. Where no such file can be made, or the file system has no

@@ -32,10 +32,11 @@ std::string ReadFile(const std::string& path,
                      size_t max_bytes = std::numeric_limits<size_t>::max());
 
 // A file that appears under its name complete, or not at all: everything goes to a temporary file
-// in the same folder, which Commit() renames. An interrupted program, a full disk or an exception
-// leave the file that was there before untouched. Every method throws IoError with the path of the
-// final file and the system's reason (read-only folder, no space, ...). Not synced to the disk: a
-// power failure is not covered.
+// in the same folder, `path`.cairn-tmp, which Commit() renames. An interrupted program, a full disk
+// or an exception leave the file that was there before untouched. What a killed process leaves, the
+// next one that writes the file takes; writers of the same file wait for each other. Every method
+// throws IoError with the path of the final file and the system's reason (read-only folder, no
+// space, ...). Not synced to the disk: a power failure is not covered.
 class AtomicFile {
  public:
   explicit AtomicFile(const std::string& path);
@@ -47,16 +48,15 @@ class AtomicFile {
   void Commit();
 
  private:
+  void RemoveTemporary();
   [[noreturn]] void Fail(const std::string& what);
   std::string path_;
   std::string temporary_path_;
+  int lock_;  // the temporary file; -1: it is not there
   std::FILE* file_ = nullptr;
 };
 
 void WriteFileAtomically(const std::string& path, std::string_view content);
-
-// Removes the temporary files for this path of processes that are gone: a killed one cannot.
-void RemoveLeftovers(const std::string& path);
 
 // Creates a folder and its parents if absent. Throws IoError.
 void CreateFolders(const std::string& path);

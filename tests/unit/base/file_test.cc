@@ -3,9 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <filesystem>
+#include <thread>
+#include <vector>
 
 #include "cairn/base/error.h"
 #include "support/temp_folder.h"
@@ -21,25 +24,6 @@ using testing::ThrownMessage;
 
 size_t NumFiles(const TempFolder& folder) {
   return std::distance(std::filesystem::directory_iterator(folder.path()), {});
-}
-
-TEST(RemoveLeftovers, RemovesThoseOfProcessesThatAreGone) {
-  const TempFolder folder;
-  const std::string alive = "a.tmp-" + std::to_string(getpid()) + "-0";
-  const std::string gone = "a.tmp-2000000000-0";  // more than Linux has
-  for (const std::string& name :
-       {std::string("a"), alive, gone, std::string("b.tmp-2000000000-0"),
-        std::string("a.tmp-2000000000-0.jpg"), std::string("a.tmp-notes")}) {
-    WriteFileAtomically(folder / name, "x");
-  }
-  RemoveLeftovers(folder / "a");
-  EXPECT_FALSE(std::filesystem::exists(folder / gone));
-  for (const std::string& name :
-       {std::string("a"), alive, std::string("b.tmp-2000000000-0"),
-        std::string("a.tmp-2000000000-0.jpg"), std::string("a.tmp-notes")}) {
-    EXPECT_TRUE(std::filesystem::exists(folder / name)) << name;
-  }
-  EXPECT_NO_THROW(RemoveLeftovers(folder / "absent/a"));
 }
 
 TEST(File, ContentComesBackWhateverTheBytes) {
@@ -102,6 +86,42 @@ TEST(File, NothingAppearsBeforeCommitAndTheOldFileStays) {
   file.Write("ew");
   file.Commit();
   EXPECT_EQ(ReadFile(folder / "a"), "new");
+  EXPECT_EQ(NumFiles(folder), 1u);
+}
+
+TEST(File, TheNextWriterTakesWhatAKilledOneLeft) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a", "old");
+  const pid_t child = fork();
+  if (child == 0) {
+    AtomicFile file(folder / "a");
+    file.Write(std::string(100000, 'x'));
+    _exit(0);
+  }
+  ASSERT_EQ(waitpid(child, nullptr, 0), child);
+  EXPECT_EQ(ReadFile(folder / "a"), "old");
+  EXPECT_EQ(NumFiles(folder), 2u);
+  WriteFileAtomically(folder / "a", "new");
+  EXPECT_EQ(ReadFile(folder / "a"), "new");
+  EXPECT_EQ(NumFiles(folder), 1u);
+}
+
+TEST(File, IsWholeHoweverManyWriteIt) {
+  const TempFolder folder;
+  const auto content = [](int writer) { return std::string(20000 + 1000 * writer, 'a' + writer); };
+  {
+    std::vector<std::jthread> writers;
+    for (int writer = 0; writer < 4; ++writer) {
+      writers.emplace_back([&, writer] {
+        for (int k = 0; k < 100; ++k) WriteFileAtomically(folder / "a", content(writer));
+      });
+    }
+    for (int k = 0; k < 200; ++k) {
+      if (!std::filesystem::exists(folder / "a")) continue;
+      const std::string read = ReadFile(folder / "a");
+      ASSERT_EQ(read, content(read.at(0) - 'a'));
+    }
+  }
   EXPECT_EQ(NumFiles(folder), 1u);
 }
 
