@@ -171,10 +171,7 @@ class Helper {
       return [task](TaskVerifier& verifier) { return ToBytes(verifier.Run(task)); };
     }
     return [task, &options = setup_.matching](TaskVerifier&) {
-      const PairImage &image1 = *task.image1, &image2 = *task.image2;
-      return ToBytes(MatchResult{
-          task.pair_id, MatchDescriptors({image1.descriptors, image1.polarities},
-                                         {image2.descriptors, image2.polarities}, options)});
+      return ToBytes(MatchTask(task, options));
     };
   }
 

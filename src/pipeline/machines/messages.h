@@ -63,6 +63,12 @@ struct MatchResult {
   FeatureMatches matches;
 };
 
+inline MatchResult MatchTask(const PairTask& task, const MatchingOptions& options) {
+  const PairImage &image1 = *task.image1, &image2 = *task.image2;
+  return {task.pair_id, MatchDescriptors({image1.descriptors, image1.polarities},
+                                         {image2.descriptors, image2.polarities}, options)};
+}
+
 // The fields of messages (base/bytes.h).
 template <>
 struct BytesOf<HelperHello> {

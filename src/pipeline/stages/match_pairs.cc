@@ -29,6 +29,7 @@ struct MatchingWork {
   size_t num_left_out = 0;          // images without descriptors and without matches
 };
 
+// Without polarities that of the descriptors alone, as in databases that have none.
 uint64_t HashOf(const Descriptors& descriptors, const Polarities& polarities) {
   return Hasher()
       .AddBytes(descriptors.data(), static_cast<size_t>(descriptors.size()))
@@ -129,12 +130,7 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
     });
     run.monitor.Advance(1);
   };
-  const auto match = [&](int, const PairTask& task) {
-    const PairImage &image1 = *task.image1, &image2 = *task.image2;
-    return MatchResult{task.pair_id,
-                       MatchDescriptors({image1.descriptors, image1.polarities},
-                                        {image2.descriptors, image2.polarities}, options)};
-  };
+  const auto match = [&](int, const PairTask& task) { return MatchTask(task, options); };
   ForEachTask<MatchResult>(TaskKind::kMatch, feed, helpers, run, match, keep);
   writer.Finish();
   run.monitor.EndStage();
