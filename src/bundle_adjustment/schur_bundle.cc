@@ -1,31 +1,22 @@
 #include "bundle_adjustment/schur_bundle.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <functional>
-#include <limits>
-#include <map>
 #include <memory>
-#include <utility>
 #include <vector>
 
 #include "bundle_adjustment/bundle_observations.h"
 #include "bundle_adjustment/bundle_state.h"
 #include "bundle_adjustment/bundle_terms.h"
 #include "bundle_adjustment/camera_system.h"
-#include "bundle_adjustment/intrinsics_prior.h"
-#include "bundle_adjustment/reprojection_cost.h"
+#include "bundle_adjustment/linear_bundle.h"
 #include "bundle_adjustment/schur_kernels.h"
 #include "cairn/base/parallel.h"
 #include "math/levenberg_marquardt.h"
 
 namespace cairn {
 namespace {
-
-constexpr int64_t kPointsPerTask = 1024;
-constexpr int64_t kImagesPerTask = 4;
 
 std::vector<int> CamerasOfImages(BundleState& bundle) {
   std::vector<int> cameras;
@@ -35,24 +26,15 @@ std::vector<int> CamerasOfImages(BundleState& bundle) {
   return cameras;
 }
 
-// The loss, and the weight by which it acts on squares (Triggs et al., "Bundle adjustment -
-// a modern synthesis", 2000, without the second derivative, as Ceres where the loss flattens).
-std::pair<double, double> RobustCost(const ceres::LossFunction* loss, double squared_error) {
-  if (loss == nullptr) return {squared_error, 1.0};
-  std::array<double, 3> rho{};
-  loss->Evaluate(squared_error, rho.data());
-  return {rho[0], rho[1]};
-}
-
-// A problem for Minimize (math/levenberg_marquardt.h). kIntrinsics: no camera has more that
-// are free. What is not free has zeros in the Jacobian.
+// A problem for Minimize (math/levenberg_marquardt.h): the points are eliminated from the normal
+// equations of a LinearBundle. kIntrinsics: no camera has more that are free.
 template <int kIntrinsics>
 class SchurBundle {
  public:
+  using Bundle = LinearBundle<kIntrinsics>;
   using System = CameraSystem<kIntrinsics>;
-  static constexpr int kPose = System::kPose;
   static constexpr int kBlock = System::kBlock;
-  using State = Eigen::VectorXd;  // CameraSystem's unknowns, then the points
+  using State = Eigen::VectorXd;
   struct Model {
     double cost = 0;
     Eigen::VectorXd gradient;
@@ -62,65 +44,24 @@ class SchurBundle {
 
   SchurBundle(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
               const ceres::LossFunction* loss, const RunContext& run, BundleState& bundle)
-      : loss_(loss),
-        run_(run),
-        bundle_(bundle),
+      : run_(run),
         observations_(CollectObservations(scope, reconstruction, run.num_threads)),
         system_(ImagesSeenTogether(observations_, run.num_threads), CamerasOfImages(bundle),
                 static_cast<int>(bundle.intrinsics().size()), run.num_threads),
-        linear_(std::make_unique_for_overwrite<Linear[]>(observations_.all.size())),
-        inverse_(observations_.NumPoints()) {
-    if (system_.IsFactorized()) {
-      weights_.resize(observations_.all.size());
-      bends_.resize(observations_.all.size());
-    }
-    for (const auto& [id, image] : reconstruction.images) {
-      pose_is_free_.push_back(scope.fixed_images.count(id) == 0);
-    }
-    for (const auto& [id, camera] : reconstruction.cameras) {
-      const auto prior = scope.priors.find(id);
-      const IntrinsicsState& intrinsics = bundle.Intrinsics(id);
-      if (prior == scope.priors.end() || intrinsics.num_free == 0) continue;
-      const FreeIntrinsicsPrior of_free = PriorOfFree(camera, prior->second, intrinsics);
-      const auto index = static_cast<int>(&intrinsics - bundle.intrinsics().data());
-      priors_.push_back({system_.IntrinsicsAt(index), of_free.mean, of_free.precision, nullptr});
-    }
-    for (const auto& [id, prior] : scope.image_positions) {
-      if (reconstruction.images.count(id) == 0 || scope.fixed_images.count(id) > 0) continue;
-      const auto index = static_cast<int>(&bundle.Pose(id) - bundle.poses().data());
-      priors_.push_back(
-          {system_.PoseAt(index) + kPose - 3, prior.position, prior.precision, &position_loss_});
-    }
-    int p = observations_.num_unsurveyed;
-    for (const SurveyedPoint& point : scope.surveyed_points) {
-      priors_.push_back(
-          {PointAt(p++), point.prior.position, point.prior.precision, &position_loss_});
-    }
-  }
+        linear_(scope, reconstruction, loss, run, bundle, observations_, system_),
+        inverse_(observations_.NumPoints()) {}
 
   const BundleObservations& observations() const { return observations_; }
-
-  State Start() {
-    State x = State::Zero(system_.NumUnknowns() + 3 * static_cast<Eigen::Index>(inverse_.size()));
-    ForEachBlock([&](Eigen::Index at, double* block, int size) {
-      x.segment(at, size) = Eigen::Map<const Eigen::VectorXd>(block, size);
-    });
-    return x;
-  }
-  void SetState(const State& x) {
-    ForEachBlock([&](Eigen::Index at, double* block, int size) {
-      Eigen::Map<Eigen::VectorXd>(block, size) = x.segment(at, size);
-    });
-    bundle_.PrepareForEvaluation(true, true);
-  }
+  State Start() { return linear_.State(); }
+  void SetState(const State& x) { linear_.SetState(x); }
 
   State Moved(const State& state, const Eigen::VectorXd& step) const { return state + step; }
-  double Cost(const State& state) { return Evaluate(state, nullptr); }
+  double Cost(const State& state) { return linear_.Evaluate(state, nullptr); }
 
   Model Linearize(const State& state) {
     Model model;
     model.state = state;
-    model.cost = Evaluate(state, &model.gradient);
+    model.cost = linear_.Evaluate(state, &model.gradient);
     model.number = number_ = ++last_number_;
     return model;
   }
@@ -128,7 +69,7 @@ class SchurBundle {
   bool Solve(const Model& model, double damping, Eigen::VectorXd* step) {
     if (run_.monitor.StopRequested()) return false;
     if (model.number != number_) {  // what is there is of a step that was not taken
-      Evaluate(model.state, step);
+      linear_.Evaluate(model.state, step);
       number_ = model.number;
     }
     InvertPoints(damping);
@@ -144,9 +85,9 @@ class SchurBundle {
   // Adds half the acceleration to a step of Solve (see Minimize), where a factor makes it cheap.
   void Accelerate(const Model& model, Eigen::VectorXd* step) {
     if (!system_.IsFactorized()) return;
-    SetState(model.state + kProbe * *step);
-    Eigen::VectorXd slope(step->size());
-    const Eigen::VectorXd right = FindBends(*step, slope);
+    const std::vector<Eigen::Vector2f>& bends = linear_.FindBends(model.state, *step);
+    const Eigen::VectorXd slope = SlopesOfPoints(bends);
+    const Eigen::VectorXd right = RightOfBends(bends, slope);
     if (!right.allFinite()) return;
     Eigen::VectorXd acceleration(step->size());
     acceleration.head(right.size()) = system_.SolveByFactor(right);
@@ -157,204 +98,18 @@ class SchurBundle {
   }
 
  private:
-  // How far along a step its residuals are looked at, and its longest acceleration (Transtrum and
-  // Sethna's h and alpha).
-  static constexpr double kProbe = 0.1, kMaxAcceleration = 0.75;
-
-  // An observation's residual and its derivatives, weighed by the loss. They are rounded once, and
-  // what is computed from them is exact for the rounded ones.
-  struct Linear {
-    Eigen::Matrix<float, 2, kBlock, Eigen::RowMajor> by_camera;
-    Eigen::Matrix<float, 2, 3, Eigen::RowMajor> by_point;
-    Eigen::Vector2f residual;
-  };
+  // The longest acceleration beside its step (Transtrum and Sethna's alpha).
+  static constexpr double kMaxAcceleration = 0.75;
   using ByCamera = Eigen::Matrix<double, 2, kBlock, Eigen::RowMajor>;
-  using Image = Eigen::Matrix<double, kBlock, 1>;
+  using Image = typename Bundle::Image;
+  using Images = typename System::Images;
 
-  Eigen::Index PointAt(int64_t p) const { return system_.NumUnknowns() + 3 * p; }
-
-  // Of each parameter block: where it stands in a vector of all, where in the state, and its size.
-  void ForEachBlock(const std::function<void(Eigen::Index, double*, int)>& fn) {
-    for (int i = 0; i < system_.NumImages(); ++i) {
-      fn(system_.PoseAt(i), bundle_.poses()[i].block.data(), kPose);
-    }
-    for (int c = 0; c < static_cast<int>(bundle_.intrinsics().size()); ++c) {
-      IntrinsicsState& intrinsics = bundle_.intrinsics()[c];
-      fn(system_.IntrinsicsAt(c), intrinsics.free.data(), intrinsics.num_free);
-    }
-    for (int p = 0; p < observations_.NumPoints(); ++p)
-      fn(PointAt(p), bundle_.points()[p].data(), 3);
-  }
-
-  // The cost, and with a gradient everything that Solve takes.
-  double Evaluate(const State& state, Eigen::VectorXd* gradient) {
-    SetState(state);
-    if (gradient) gradient->setZero(state.size());
-    const int64_t num_points = observations_.NumPoints();
-    std::vector<double> costs((num_points + kPointsPerTask - 1) / kPointsPerTask);
-    ParallelFor(run_.num_threads, static_cast<int64_t>(costs.size()), [&](int64_t task) {
-      const int64_t end = std::min(num_points, (task + 1) * kPointsPerTask);
-      double cost = 0;  // not in costs[task]: its cache line is the other threads', too
-      for (int64_t p = task * kPointsPerTask; p < end; ++p) {
-        for (int k = observations_.begin[p]; k < observations_.begin[p + 1]; ++k) {
-          cost += EvaluateOne(k, gradient != nullptr);
-          if (!gradient) continue;
-          gradient->segment<3>(PointAt(p)) +=
-              linear_[k].by_point.template cast<double>().transpose() *
-              linear_[k].residual.template cast<double>();
-        }
-      }
-      costs[task] = cost;
-    });
-    double cost = 0;
-    for (const double part : costs) cost += part;
-    if (gradient) SumUpCameras(*gradient);
-    return cost + EvaluatePriors(state, gradient);
-  }
-
-  double EvaluatePriors(const State& state, Eigen::VectorXd* gradient) {
-    double cost = 0;
-    if (gradient) of_priors_.setZero(state.size());
-    for (const Prior& prior : priors_) {
-      const Eigen::Index n = prior.mean.size();
-      const Eigen::VectorXd error =
-          prior.precision.cwiseProduct(state.segment(prior.at, n) - prior.mean);
-      const auto [of_prior, weight] = RobustCost(prior.loss, error.squaredNorm());
-      cost += of_prior;
-      if (!gradient) continue;
-      gradient->segment(prior.at, n) += weight * prior.precision.cwiseProduct(error);
-      of_priors_.segment(prior.at, n) = weight * prior.precision.cwiseAbs2();
-    }
-    return cost;
-  }
-
-  Reprojection ReprojectionOf(int k) const {
-    const BundleObservation& observation = observations_.all[k];
-    const bool is_free = pose_is_free_[observation.image];
-    return {&bundle_.poses()[observation.image],
-            &bundle_.points()[observations_.point_of[k]],
-            observation.pixel,
-            observation.precision,
-            {.point = true, .rotation = is_free, .position = is_free}};
-  }
-
-  // Its cost; NaN where its camera does not see the point.
-  double EvaluateOne(int k, bool with_derivatives) {
-    const Reprojection reprojection = ReprojectionOf(k);
-    const bool is_free = reprojection.free.rotation;
-    Eigen::Vector2d residual;
-    Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
-    Eigen::Matrix<double, 2, kPose, Eigen::RowMajor> by_pose;
-    std::array<double, 2 * IntrinsicsState::kMaxParams> by_intrinsics;
-    std::array<double*, 3> jacobians{by_point.data(), by_pose.data(), by_intrinsics.data()};
-    if (!is_free) jacobians[1] = by_intrinsics.data();
-    if (!reprojection.Evaluate(residual.data(), with_derivatives ? jacobians.data() : nullptr)) {
-      return std::numeric_limits<double>::quiet_NaN();
-    }
-    const bool is_surveyed = k >= observations_.NumUnsurveyed();
-    const auto [cost, squared_weight] =
-        RobustCost(is_surveyed ? &position_loss_ : loss_, residual.squaredNorm());
-    if (!with_derivatives) return cost;
-    const double weight = std::sqrt(squared_weight);
-    Linear& linear = linear_[k];
-    linear.residual = (weight * residual).template cast<float>();
-    linear.by_point = (weight * by_point).template cast<float>();
-    linear.by_camera.setZero();
-    if (is_free)
-      linear.by_camera.template leftCols<kPose>() = (weight * by_pose).template cast<float>();
-    if (!weights_.empty()) weights_[k] = static_cast<float>(weight);
-    const int num_free = reprojection.pose->intrinsics->num_free;
-    for (int row = 0; row < 2; ++row) {
-      for (int column = 0; column < num_free; ++column) {
-        linear.by_camera(row, kPose + column) =
-            static_cast<float>(weight * by_intrinsics[row * num_free + column]);
-      }
-    }
-    return cost;
-  }
-
-  // The second derivatives of the residuals along a step, from residuals a part of it ahead, where
-  // the state is. Fills their products with the derivatives by points; returns the right-hand side
-  // of the cameras' system.
-  Eigen::VectorXd FindBends(const Eigen::VectorXd& step, Eigen::VectorXd& slope) {
-    const auto images = system_.Spread(step);
-    const auto by_point = [&](int64_t p) {
-      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-      for (int k = observations_.begin[p]; k < observations_.begin[p + 1]; ++k) {
-        const auto& J = linear_[k].by_point;
-        const Eigen::Vector2d moved =
-            linear_[k].by_camera.template cast<double>() * images.col(observations_.all[k].image) +
-            J.template cast<double>() * step.segment<3>(PointAt(p));
-        const Eigen::Vector2d bend = BendOf(k, moved);
-        bends_[k] = bend.cast<float>();
-        sum += J.template cast<double>().transpose() * bend;
-      }
-      slope.segment<3>(PointAt(p)) = sum;
-    };
-    ParallelFor(run_.num_threads, observations_.NumPoints(), by_point, kPointsPerTask);
-    Eigen::Matrix<double, kBlock, Eigen::Dynamic> rights(kBlock, system_.NumImages());
-    const auto by_image = [&](int64_t i) {
-      Image right = Image::Zero();
-      const std::vector<int>& observations = observations_.of_image[i];
-      for (size_t n = 0; n < observations.size(); ++n) {
-        if (n + kNear < observations.size()) PrefetchLinear(observations[n + kNear]);
-        const int k = observations[n], p = observations_.point_of[k];
-        const Eigen::Vector2d of_point = linear_[k].by_point.template cast<double>() *
-                                         (inverse_[p] * slope.segment<3>(PointAt(p)));
-        right += linear_[k].by_camera.template cast<double>().transpose() *
-                 (of_point - bends_[k].template cast<double>());
-      }
-      rights.col(i) = right;
-    };
-    ParallelFor(run_.num_threads, system_.NumImages(), by_image, kImagesPerTask);
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(system_.NumUnknowns());
-    system_.Gather(rights, right);
-    return right;
-  }
-
-  // moved: what the derivatives say of the whole step. NaN where the camera does not see the point.
-  Eigen::Vector2d BendOf(int k, const Eigen::Vector2d& moved) const {
-    Eigen::Vector2d ahead;
-    if (!ReprojectionOf(k).Evaluate(ahead.data(), nullptr)) {
-      return Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
-    }
-    const Eigen::Vector2d change =
-        weights_[k] * ahead - linear_[k].residual.template cast<double>();
-    return 2 / kProbe * (change / kProbe - moved);
-  }
-
-  // Of what the cameras have of a step, each unknown in the unit of its own curvature.
-  double LengthOf(const Eigen::VectorXd& step) const {
-    return std::sqrt(curvature_.dot(step.head(curvature_.size()).cwiseAbs2()));
-  }
-
-  // Gradient and diagonal of the normal equations, of poses and intrinsics.
-  void SumUpCameras(Eigen::VectorXd& gradient) {
-    Eigen::Matrix<double, kBlock, Eigen::Dynamic> slopes(kBlock, system_.NumImages());
-    Eigen::Matrix<double, kBlock, Eigen::Dynamic> curvatures(kBlock, system_.NumImages());
-    const auto sum_up = [&](int64_t i) {
-      Image slope = Image::Zero(), curvature = Image::Zero();
-      const std::vector<int>& observations = observations_.of_image[i];
-      for (size_t n = 0; n < observations.size(); ++n) {
-        if (n + kNear < observations.size()) PrefetchLinear(observations[n + kNear]);
-        const int k = observations[n];
-        const auto J = linear_[k].by_camera.template cast<double>();
-        slope += J.transpose() * linear_[k].residual.template cast<double>();
-        curvature += J.colwise().squaredNorm().transpose();
-      }
-      slopes.col(i) = slope;
-      curvatures.col(i) = curvature;
-    };
-    ParallelFor(run_.num_threads, system_.NumImages(), sum_up, kImagesPerTask);
-    curvature_.setZero(system_.NumUnknowns());
-    system_.Gather(slopes, gradient);
-    system_.Gather(curvatures, curvature_);
-  }
+  Eigen::Index PointAt(int64_t p) const { return linear_.PointAt(p); }
 
   // What is added to the diagonal. Without curvature an unknown stays.
   Eigen::VectorXd DampedDiagonal(double damping) const {
-    const Eigen::ArrayXd of_priors = of_priors_.head(system_.NumUnknowns());
-    const Eigen::ArrayXd curvature = curvature_.array() + of_priors;
+    const Eigen::ArrayXd of_priors = linear_.of_priors().head(system_.NumUnknowns());
+    const Eigen::ArrayXd curvature = linear_.curvature().array() + of_priors;
     return (curvature > 0).select(damping * curvature + of_priors, 1.0);
   }
 
@@ -365,22 +120,22 @@ class SchurBundle {
         const Eigen::Matrix<double, 2, 3> J = linear_[k].by_point.template cast<double>();
         H += J.transpose() * J;
       }
-      H.diagonal() += of_priors_.segment<3>(PointAt(p));
+      H.diagonal() += linear_.of_priors().template segment<3>(PointAt(p));
       for (int i = 0; i < 3; ++i) H(i, i) += H(i, i) > 0 ? damping * H(i, i) : 1.0;
       inverse_[p] = H.inverse();
     };
-    ParallelFor(run_.num_threads, observations_.NumPoints(), invert, kPointsPerTask);
+    ParallelFor(run_.num_threads, observations_.NumPoints(), invert, Bundle::kPointsPerTask);
   }
 
   // The cameras' system, and its right-hand side.
   Eigen::VectorXd FormSystem(const Eigen::VectorXd& gradient) {
-    Eigen::Matrix<double, kBlock, Eigen::Dynamic> rights(kBlock, system_.NumImages());
+    Images rights(kBlock, system_.NumImages());
     std::vector<std::vector<int64_t>> block_of(EffectiveNumThreads(run_.num_threads));
     const auto form = [&](int worker, int64_t i) {
       block_of[worker].resize(system_.NumImages());
       rights.col(i) = FormRow(static_cast<int>(i), gradient, block_of[worker]);
     };
-    ParallelForWorker(run_.num_threads, system_.NumImages(), form, kImagesPerTask);
+    ParallelForWorker(run_.num_threads, system_.NumImages(), form, Bundle::kImagesPerTask);
     Eigen::VectorXd right = -gradient.head(system_.NumUnknowns());
     system_.Gather(rights, right);
     return right;
@@ -418,8 +173,7 @@ class SchurBundle {
     return right;
   }
 
-  // An image's points are far apart: how many observations ahead memory is told to load them.
-  static constexpr size_t kNear = 4, kFar = 12;
+  static constexpr size_t kNear = Bundle::kNear, kFar = 12;
   static constexpr int kUsualLength = 6;  // of a track
 
   // What FormRow will read.
@@ -432,11 +186,7 @@ class SchurBundle {
     __builtin_prefetch(&inverse_[p]);
     __builtin_prefetch(&observations_.begin[p]);
     const int end = std::min(near + kUsualLength, observations_.begin.back());
-    for (int b = near; b < end; ++b) PrefetchLinear(b);
-  }
-  void PrefetchLinear(int k) const {
-    __builtin_prefetch(linear_[k].by_camera.data());
-    __builtin_prefetch(linear_[k].residual.data());
+    for (int b = near; b < end; ++b) linear_.Prefetch(b);
   }
 
   // The points' part of a step, from that of the cameras.
@@ -451,30 +201,59 @@ class SchurBundle {
       }
       step.segment<3>(PointAt(p)) = -inverse_[p] * right;
     };
-    ParallelFor(run_.num_threads, observations_.NumPoints(), find, kPointsPerTask);
+    ParallelFor(run_.num_threads, observations_.NumPoints(), find, Bundle::kPointsPerTask);
   }
 
-  const ceres::LossFunction* loss_;
+  // The bends' products with the derivatives by points, where the points stand in a step.
+  Eigen::VectorXd SlopesOfPoints(const std::vector<Eigen::Vector2f>& bends) const {
+    Eigen::VectorXd slope(PointAt(observations_.NumPoints()));
+    const auto sum_up = [&](int64_t p) {
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (int k = observations_.begin[p]; k < observations_.begin[p + 1]; ++k) {
+        sum += linear_[k].by_point.template cast<double>().transpose() *
+               bends[k].template cast<double>();
+      }
+      slope.segment<3>(PointAt(p)) = sum;
+    };
+    ParallelFor(run_.num_threads, observations_.NumPoints(), sum_up, Bundle::kPointsPerTask);
+    return slope;
+  }
+
+  // The right-hand side of the cameras' system for the acceleration.
+  Eigen::VectorXd RightOfBends(const std::vector<Eigen::Vector2f>& bends,
+                               const Eigen::VectorXd& slope) const {
+    Images rights(kBlock, system_.NumImages());
+    const auto sum_up = [&](int64_t i) {
+      Image right = Image::Zero();
+      const std::vector<int>& observations = observations_.of_image[i];
+      for (size_t n = 0; n < observations.size(); ++n) {
+        if (n + kNear < observations.size()) linear_.Prefetch(observations[n + kNear]);
+        const int k = observations[n], p = observations_.point_of[k];
+        const Eigen::Vector2d of_point = linear_[k].by_point.template cast<double>() *
+                                         (inverse_[p] * slope.segment<3>(PointAt(p)));
+        right += linear_[k].by_camera.template cast<double>().transpose() *
+                 (of_point - bends[k].template cast<double>());
+      }
+      rights.col(i) = right;
+    };
+    ParallelFor(run_.num_threads, system_.NumImages(), sum_up, Bundle::kImagesPerTask);
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(system_.NumUnknowns());
+    system_.Gather(rights, right);
+    return right;
+  }
+
+  // Of what the cameras have of a step, each unknown in the unit of its own curvature.
+  double LengthOf(const Eigen::VectorXd& step) const {
+    const Eigen::VectorXd& curvature = linear_.curvature();
+    return std::sqrt(curvature.dot(step.head(curvature.size()).cwiseAbs2()));
+  }
+
   const RunContext& run_;
-  BundleState& bundle_;
-  BundleObservations observations_;
+  const BundleObservations observations_;
   System system_;
-  // Of the observations. Not set to zero: the threads that fill it are the first to touch it.
-  std::unique_ptr<Linear[]> linear_;
-  std::vector<float> weights_;            // of the observations' residuals, for Accelerate
-  std::vector<Eigen::Vector2f> bends_;    // as FindBends found them
+  Bundle linear_;
   std::vector<Eigen::Matrix3d> inverse_;  // of the points' blocks
-  Eigen::VectorXd curvature_;             // of the unknowns of cameras, by the observations
-  std::vector<char> pose_is_free_;
-  ceres::HuberLoss position_loss_{kPositionLossScale};
-  struct Prior {
-    Eigen::Index at;  // of the first of its unknowns
-    Eigen::VectorXd mean, precision;
-    const ceres::LossFunction* loss;
-  };
-  std::vector<Prior> priors_;
-  Eigen::VectorXd of_priors_;  // what they add to the normal equations' diagonal
-  int number_ = 0;             // of the linearization in linear_
+  int number_ = 0;                        // of the linearization in linear_
   int last_number_ = 0;
 };
 
