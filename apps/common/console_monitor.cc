@@ -21,6 +21,9 @@ volatile std::sig_atomic_t stop_requested = 0;
 // results are written as a whole or not at all.
 constexpr suseconds_t kMaxMicrosecondsToStop = 900'000;
 
+// Of a stage that ends. (The report has the times of all.)
+constexpr double kSecondsWorthALine = 1;
+
 void HandleStop(int signal) {
   if (stop_requested) _exit(128 + signal);
   stop_requested = 1;
@@ -101,7 +104,7 @@ void ConsoleMonitor::EndStage() {
   const std::lock_guard<std::mutex> lock(mutex_);
   ClearLine();
   const double seconds = std::chrono::duration<double>(Clock::now() - stage_start_).count();
-  spdlog::info("{}: done in {:.1f} s", stage_, seconds);
+  if (seconds >= kSecondsWorthALine) spdlog::info("{}: done in {:.1f} s", stage_, seconds);
 }
 
 void ConsoleMonitor::Info(const std::string& message) {

@@ -9,7 +9,8 @@
 namespace cairn {
 
 // Shows progress, messages and warnings on the error stream: one line that is rewritten on a
-// terminal, a line now and then elsewhere, each with percent and time left. From construction on,
+// terminal, a line now and then elsewhere, each with percent and time left, and a line for each
+// stage of a second and more. From construction on,
 // the first Ctrl-C (or SIGTERM) makes StopRequested true, and ends the program (exit code 1) if it
 // has not stopped within a second; the second ends it at once. One per program.
 class ConsoleMonitor : public ProgressMonitor {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <set>
+#include <span>
 
 #include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/math/median.h"
@@ -105,6 +106,18 @@ std::string TimeText(const RunReport& report) {
   return fmt::format("{}, {:.2f} GiB", FormatDuration(seconds), peak_gib);
 }
 
+std::string WarningLines(const std::vector<ResultWarning>& warnings) {
+  constexpr size_t kMost = 5;
+  if (warnings.empty()) return Line("warnings", "none");
+  std::string lines;
+  for (const auto& [what, advice, is_wrong] :
+       std::span(warnings).first(std::min(kMost, warnings.size()))) {
+    lines += Line(lines.empty() ? "warnings" : "", advice.empty() ? what : what + "; " + advice);
+  }
+  if (warnings.size() <= kMost) return lines;
+  return lines + Line("", fmt::format("and {} more", warnings.size() - kMost));
+}
+
 std::string ReportLine(const ReconstructResult& result, const std::string& output_path) {
   if (result.page.empty()) return Line("report", output_path + "/report.json");
   return Line("report", output_path + "/report.html (open it in a browser)");
@@ -125,12 +138,7 @@ std::string DescribeResult(const ReconstructResult& result, const std::string& o
                              result.models.size() > 1 ? " of sparse/0" : "", PlaceText(report)));
     text += Line("confidence", ConfidenceText(result, run));
   }
-  text += Line("warnings", report.warnings.empty() ? "none" : report.warnings.front().what);
-  if (report.warnings.size() > 1) {
-    text += Line("", report.warnings.size() == 2
-                         ? report.warnings[1].what
-                         : fmt::format("and {} more", report.warnings.size() - 1));
-  }
+  text += WarningLines(report.warnings);
   text += Line("time", TimeText(report));
   text += Line("files", output_path +
                             "/: sparse, points.ply, bundle.out, confidence.csv, "

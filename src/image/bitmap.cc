@@ -1,5 +1,7 @@
 #include "cairn/image/bitmap.h"
 
+#include <algorithm>
+
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -23,6 +25,16 @@ std::string SizeText(const ImageSize& size) {
 
 Bitmap ReadBitmap(const std::string& path, BitmapColor color) {
   return DecodeImage(path, ReadImageFile(path), color);
+}
+
+Bitmap ReadReducedBitmap(const std::string& path, BitmapColor color, int min_longer_side) {
+  const std::string bytes = ReadImageFile(path);
+  const ImageSize size = InspectContainer(bytes).size.value_or(ImageSize{});
+  int reduction = 1;
+  while (reduction < 8 && std::max(size.width, size.height) / (2 * reduction) >= min_longer_side) {
+    reduction *= 2;
+  }
+  return DecodeImage(path, bytes, color, reduction);
 }
 
 void WriteBitmap(const std::string& path, const Bitmap& bitmap, int jpeg_quality) {

@@ -2,17 +2,13 @@
 
 #include <algorithm>
 
-#include "cairn/base/file.h"
 #include "cairn/image/resample.h"
 #include "image/codecs.h"
 
 namespace cairn {
 
 std::string MakeThumbnail(const std::string& path, int max_side_px, int jpeg_quality) {
-  const ImageSize size = ReadImageSize(path);
-  const int factor = std::max(size.width, size.height) / std::max(1, max_side_px);
-  const int reduction = factor >= 8 ? 8 : factor >= 4 ? 4 : factor >= 2 ? 2 : 1;
-  Bitmap image = DecodeImage(path, ReadFile(path), BitmapColor::kRgb, reduction);
+  Bitmap image = ReadReducedBitmap(path, BitmapColor::kRgb, max_side_px);
   const double scale = static_cast<double>(max_side_px) / std::max(image.width, image.height);
   const auto scaled = [&](int side) { return std::max(1, static_cast<int>(side * scale + 0.5)); };
   if (scale < 1) image = ReducedBitmap(image, scaled(image.width), scaled(image.height));

@@ -62,7 +62,11 @@ bool CheckModel(StageContext& context, size_t num_images, const std::string& ori
                "look at the view graph with global_sfm inspect, and add photos that overlap more");
     return false;
   }
-  stage.Note("from " + origin);
+  const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
+  stage.Note("a model of " + std::to_string(model.images.size()) + " of " +
+             std::to_string(num_images) + " images from " + origin + " explains " + percent +
+             " % of their verified matches (" + std::to_string(std::llround(evidence.nats)) +
+             " nats of evidence)");
   stage.Add("images", model.images.size());
   stage.Add("images_of_component", num_images);
   stage.Add("points", model.points3D.size());
@@ -104,9 +108,11 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   RefineModel(context, initial->tracks, RefineStart::kChanged, model);
   if (!GrowModel(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
-  const std::string origin = "pairs of " + std::to_string(rotations.min_num_inliers) +
-                             " inliers and more, rotations weighed " +
-                             (rotations.weight_power == 0 ? "alike" : "by inliers");
+  const std::string origin =
+      (rotations.min_num_inliers == 0
+           ? "all pairs"
+           : "pairs of " + std::to_string(rotations.min_num_inliers) + " inliers and more") +
+      (rotations.weight_power == 0 ? ", weighed alike," : ", weighed by inliers,");
   if (!CheckModel(context, component.size(), origin, built.evidence, model)) return built;
   built.model = std::move(model);
   return built;

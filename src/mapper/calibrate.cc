@@ -248,7 +248,7 @@ std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage
         "to %.2f deg without: the calibrated focal lengths of %zu cameras are %s",
         loops.before_deg.size(), UpperMedian(loops.after_deg), UpperMedian(loops.before_deg),
         cameras.size(), is_rejected ? "rejected" : "undecided; both are tried");
-    stage.Warn(text);
+    stage.Note(text);
   }
   const auto take_back = [&](const std::set<camera_t>& cameras, auto& of_scene, auto& edges) {
     for (const camera_t id : cameras) of_scene.at(id).SetMeanFocal(before.focals_px.at(id));

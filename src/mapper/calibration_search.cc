@@ -74,11 +74,14 @@ class CalibrationSearch {
     const bool is_first = choice_.messages.empty();
     if (!is_first && run_.monitor.StopRequested()) return;
     static_cast<Calibration&>(scene_) = std::move(calibration);
-    if (!is_first) run_.monitor.Info("reconstructed again with " + scene_.origin);
+    if (!is_first) run_.monitor.Info("once more, with " + scene_.origin);
     CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
     choice_.messages.push_back(std::to_string(std::llround(result.evidence_nats)) +
                                " nats of evidence with " + scene_.origin);
-    if (result.Score() > least_share * best_.Score()) std::swap(result, best_);
+    if (result.Score() > least_share * best_.Score()) {
+      std::swap(result, best_);
+      best_origin_ = scene_.origin;
+    }
     Keep(result);
   }
 
@@ -101,6 +104,7 @@ class CalibrationSearch {
     if (choice_.messages.size() > 1) {
       choice_.Add("evidence_nats", best_.evidence_nats);
       choice_.Add("evidence_nats_otherwise", otherwise_);
+      choice_.messages.push_back("the models are those with " + best_origin_);
       for (const std::string& message : choice_.messages) run_.monitor.Info(message);
       std::vector<StageReport>& stages = best_.result.report.stages;
       stages.insert(stages.begin(), tried_.begin(), tried_.end());
@@ -120,6 +124,7 @@ class CalibrationSearch {
   const RunContext& run_;
   SceneData& scene_;
   CalibratedResult best_;
+  std::string best_origin_;  // in words
   double otherwise_ = 0;
   std::vector<StageReport> tried_;
   StageReport choice_;  // a message for each calibration

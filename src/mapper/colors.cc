@@ -9,6 +9,9 @@
 namespace cairn {
 namespace {
 
+// Of a photograph whose colors are read: a keypoint has several pixels of the whole one.
+constexpr int kMinLongerSide = 1500;
+
 // RGB at every keypoint of an image that shows a point.
 struct ImageColors {
   std::vector<std::pair<point3D_t, std::array<uint8_t, 3>>> colors;
@@ -20,12 +23,13 @@ ImageColors ReadColors(const std::string& folder, const Camera& camera,
   ImageColors result;
   Bitmap bitmap;
   try {
-    bitmap = ReadBitmap(PathInFolder(folder, image.image.name), BitmapColor::kRgb);
+    bitmap = ReadReducedBitmap(PathInFolder(folder, image.image.name), BitmapColor::kRgb,
+                               kMinLongerSide);
   } catch (const IoError& error) {
     result.error = error.what();
     return result;
   }
-  // The file may be stored at another size than the one that was matched.
+  // The file may be stored at another size than the one that was matched, too.
   const double scale_x = static_cast<double>(bitmap.width) / camera.width;
   const double scale_y = static_cast<double>(bitmap.height) / camera.height;
   for (size_t i = 0; i < image.points2D.size(); ++i) {

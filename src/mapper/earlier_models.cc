@@ -174,7 +174,7 @@ std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, 
     report.warnings.push_back({std::to_string(names.size()) + " images of the input model " +
                                    reason + ": " + FirstNames(names),
                                ""});
-    stage.Warn(report.warnings.back().what);
+    stage.RecordWarning(report.warnings.back().what);
   }
   if (num_other_keypoints > 0) {
     stage.Note("keypoints of " + std::to_string(num_other_keypoints) +

@@ -42,7 +42,7 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
   stage.Add("symmetric_pairs", symmetry.num_pairs);
   std::vector<ResultWarning> warnings;
   const auto warn = [&](const ResultWarning& warning) {
-    stage.Warn(warning.what + "; " + warning.advice);
+    stage.RecordWarning(warning.what + "; " + warning.advice);
     warnings.push_back(warning);
   };
   std::vector<image_t> doubtful;

@@ -15,6 +15,9 @@ namespace {
 // Fewer tracks an image do not hold a model together.
 constexpr int kMinTracksPerImage = 50;
 
+// Of a prediction that the user sees at once. (The report has all.)
+constexpr int64_t kBytesWorthALine = int64_t{1} << 30;
+
 std::string Gib(int64_t bytes) {
   char text[32];
   std::snprintf(text, sizeof(text), "%.2f GiB", BytesToGib(bytes));
@@ -177,9 +180,11 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
   if (budget.limit_bytes() < std::numeric_limits<int64_t>::max()) {
     stage.Add("limit_gib", BytesToGib(budget.limit_bytes()));
   }
-  stage.Note("triangulation and bundle adjustment of " + std::to_string(model.images.size()) +
-             " images and " + std::to_string(tracks.size()) + " tracks: predicted peak memory " +
-             Gib(wanted.bytes) + ", " + Gib(budget.resident()) + " in use now");
+  const std::string prediction = "triangulation and bundle adjustment of " +
+                                 std::to_string(model.images.size()) + " images and " +
+                                 std::to_string(tracks.size()) + " tracks: predicted peak memory " +
+                                 Gib(wanted.bytes) + ", " + Gib(budget.resident()) + " in use now";
+  wanted.bytes >= kBytesWorthALine ? stage.Note(prediction) : stage.Record(prediction);
   if (!budget.Allows(wanted)) {
     const int per_image = budget.MostTracksPerImage(tracks);
     std::vector<Track> fitting = SelectTracks(tracks, per_image);

@@ -124,7 +124,7 @@ std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction
   }
   std::vector<ResultWarning> warnings;
   const auto warn = [&](const std::string& what, const std::string& advice) {
-    stage.Warn(what);
+    stage.RecordWarning(what);
     warnings.push_back({what, advice});
   };
   if (!lost.empty()) {

@@ -165,7 +165,7 @@ void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResul
     for (ResultWarning& warning : WarningsOf(found)) {
       warning.what = "sparse/" + std::to_string(k) + " (" + std::to_string(model.images.size()) +
                      " images): " + warning.what;
-      stage.Warn(warning.what);
+      stage.RecordWarning(warning.what);
       result.report.warnings.push_back(std::move(warning));
     }
     const bool is_placed = found.status == GeoregistrationStatus::kOk;

@@ -55,8 +55,8 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
   stage.Add("median_edge_error_deg", report.median_edge_error_deg);
   stage.Add("median_ray_error_deg", report.median_ray_error_deg);
   for (const image_t id : report.not_rigid) {
-    stage.Note(context.scene.images.at(id).name +
-               ": its position is not determined by directions; tried again later");
+    stage.Record(context.scene.images.at(id).name +
+                 ": its position is not determined by directions; tried again later");
   }
   if (report.status != TranslationAveragingStatus::kSuccess) {
     std::string reason(TranslationAveragingStatusName(report.status));

@@ -184,16 +184,18 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     scene.still_parts = FindStillParts(scene);
     if (scene.still_parts) {
       report.warnings.push_back(*scene.still_parts);
-      stage.Warn(scene.still_parts->what);
+      stage.RecordWarning(scene.still_parts->what);
     }
     stage.Add("cameras", scene.cameras.size());
     stage.Add("cameras_constant", scene.constant_cameras.size());
     stage.Add("images", scene.pixels.size());
     stage.Add("pairs", scene.edges.size());
     stage.Add("matches", num_matches);
-    stage.Note("intrinsics of " + std::to_string(scene.constant_cameras.size()) + " of " +
-               std::to_string(scene.cameras.size()) +
-               " cameras are constant (--refine_intrinsics)");
+    if (!scene.constant_cameras.empty()) {
+      stage.Note("intrinsics of " + std::to_string(scene.constant_cameras.size()) + " of " +
+                 std::to_string(scene.cameras.size()) +
+                 " cameras are constant (--refine_intrinsics)");
+    }
     if (scene.pixels.empty()) {
       stage.Fail("the database has no image with keypoints",
                  "run build_view_graph with --image_path first");

@@ -94,7 +94,7 @@ int RemoveWeakImages(const StageContext& context, Stage& stage, Reconstruction& 
     if (num_points < context.settings.reconstruct.min_image_points) weak.push_back(id);
   }
   for (const image_t id : weak) {
-    stage.Note(model.images.at(id).image.name + ": removed: it sees too few points");
+    stage.Record(model.images.at(id).image.name + ": removed: it sees too few points");
     RemoveImage(id, model);
   }
   return static_cast<int>(weak.size());

@@ -106,8 +106,8 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
       refused.push_back(what);
     }
   }
-  if (!registered.empty()) stage.Note("registered by resection: " + FirstNames(registered));
-  if (!refused.empty()) stage.Note("not registered: " + FirstNames(refused));
+  if (!registered.empty()) stage.Record("registered by resection: " + FirstNames(registered));
+  if (!refused.empty()) stage.Record("not registered: " + FirstNames(refused));
   stage.Add("candidates", candidates.size());
   stage.Add("registered", registered.size());
   return static_cast<int>(registered.size());

