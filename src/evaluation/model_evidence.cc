@@ -17,14 +17,41 @@
 namespace cairn {
 namespace {
 
-// A posed image, with the unit bearings of its matched keypoints.
+// A keypoint's unit bearing, and how that changes with the pixel.
+struct PixelRay {
+  Eigen::Vector3d ray;
+  Eigen::Matrix<float, 3, 2> change_per_px;
+};
+
+// A posed image, with what its matched keypoints see.
 struct View {
   const RegisteredImage* image = nullptr;
   const Camera* camera = nullptr;
   std::vector<char> is_matched;
-  std::vector<std::optional<Eigen::Vector3d>> rays;
+  std::vector<std::optional<PixelRay>> rays;
 };
 using Views = std::map<image_t, View>;
+
+// nullopt: the camera model has none.
+std::optional<PixelRay> RayOf(const Camera& camera, const Eigen::Vector2d& pixel) {
+  const std::optional<Eigen::Vector3d> ray = camera.RayFromImg(pixel);
+  Eigen::Matrix<double, 2, 3> J;
+  if (!ray || !camera.ImgFromRay(*ray, &J)) return std::nullopt;
+  const Eigen::Matrix2d square = J * J.transpose();
+  if (!(square.determinant() > 0)) return std::nullopt;
+  return PixelRay{*ray, (J.transpose() * square.inverse()).cast<float>()};
+}
+
+// Sampson's error in pixels: the least change of both keypoints, to first order, that puts the rays
+// in one plane with the cameras. A lens that bends lines is no reason for a larger or a smaller
+// one.
+double SquaredErrorPx(const Eigen::Matrix3d& E, const PixelRay& x1, const PixelRay& x2) {
+  const Eigen::Vector3d normal1 = E.transpose() * x2.ray, normal2 = E * x1.ray;
+  const double error = x2.ray.dot(normal2);
+  return error * error /
+         ((x1.change_per_px.cast<double>().transpose() * normal1).squaredNorm() +
+          (x2.change_per_px.cast<double>().transpose() * normal2).squaredNorm());
+}
 
 // Mean width of an image across its epipolar lines, pixels.
 double WidthPx(const Camera& camera) {
@@ -53,18 +80,13 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
   if (!(cam2_from_cam1.translation.norm() > 0)) return evidence;
   const Eigen::Matrix3d E = EssentialFromPose(cam2_from_cam1);
   const CheiralityTest test(cam2_from_cam1, 2 * sigma_px / focal_px);
-  const bool is_planar = view1.camera->IsPlanar() && view2.camera->IsPlanar();
   for (const FeatureMatch& match : matches) {
     const auto& x1 = view1.rays[match.point1];
     const auto& x2 = view2.rays[match.point2];
     if (!x1 || !x2) continue;
-    const double squared_error =
-        focal_px * focal_px *
-        (is_planar ? SquaredSampsonError(E, x1->hnormalized(), x2->hnormalized())
-                   : SquaredRaySampsonError(E, *x1, *x2));
-    const double nats = max_nats - 0.5 * squared_error / (sigma_px * sigma_px);
+    const double nats = max_nats - 0.5 * SquaredErrorPx(E, *x1, *x2) / (sigma_px * sigma_px);
     if (!(nats > 0)) continue;
-    if (!test.IsInFront(*x1, *x2)) continue;
+    if (!test.IsInFront(x1->ray, x2->ray)) continue;
     evidence.nats += nats;
     evidence.explained.push_back(match);
   }
@@ -98,7 +120,7 @@ void FindRays(std::span<const VerifiedPair> pairs, int num_threads, Views& views
     View& view = *order[i];
     for (size_t k = 0; k < view.rays.size(); ++k) {
       if (!view.is_matched[k] || view.rays[k]) continue;
-      view.rays[k] = view.camera->RayFromImg(view.image->points2D[k]);
+      view.rays[k] = RayOf(*view.camera, view.image->points2D[k]);
     }
   });
 }
@@ -232,7 +254,7 @@ class IndependentMatches {
         if (!view->rays[k] || view->image->point3D_ids[k] != kInvalidPoint3DId) continue;
         num_of_view[i] += std::ranges::any_of(
             points.Of(points.track_of[NodeOf(id, k)]),
-            [&](const Point3D* point) { return IsNear(*view, *view->rays[k], point->xyz); });
+            [&](const Point3D* point) { return IsNear(*view, view->rays[k]->ray, point->xyz); });
       }
     });
     return std::accumulate(num_of_view.begin(), num_of_view.end(), int64_t{0});

@@ -194,6 +194,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
       BuildBest(context, component, graph, HypothesizeRotations(context, component, graph));
   if (!best.model) return best;
   if (!context.scene.poses_alone) {
+    if (ChooseLensModels(context, best)) GrowModel(context, best.graph, *best.model);
     ReplaceMisplaced(context, best);
     FreePrincipalPoints(context, best.graph, *best.model);
     if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) {

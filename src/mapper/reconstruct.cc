@@ -58,6 +58,9 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
          "length or none, if they are most");
   v.Bool("separate_duplicates", separate_duplicates,
          "detect duplicate structure, places that look alike, and reconstruct them separately");
+  v.Bool("choose_lens_models", choose_lens_models,
+         "give SIMPLE_RADIAL cameras that bend more than one parameter can tell the model RADIAL "
+         "or RADIAL_FISHEYE, where the matches agree better with that beyond doubt");
   v.Bool("refine_principal_points", refine_principal_points,
          "adjust principal points that are guesses, the image centers, where the matches agree "
          "better with that beyond doubt (within some focal_calibration.principal_point_sigma)");

@@ -37,6 +37,18 @@ void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& m
   }
 }
 
+// What the scene has of a camera, whatever its lens model in a model (ChooseLensModels).
+Camera PriorCamera(const Camera& camera, CameraModel model) {
+  if (camera.model == model) return camera;
+  Camera prior =
+      Camera::FromFocal(camera.camera_id, model, camera.MeanFocal(), camera.width, camera.height);
+  prior.has_prior_focal_length = camera.has_prior_focal_length;
+  for (int i = 0; i < 2; ++i) {
+    prior.params[prior.PrincipalPointIndices()[i]] = camera.PrincipalPoint()[i];
+  }
+  return prior;
+}
+
 IntrinsicsPrior PriorOf(const StageContext& context, camera_t id, const Camera& camera) {
   const FocalCalibrationOptions& options = context.settings.focal_calibration;
   IntrinsicsPrior prior{camera.params};
@@ -65,7 +77,9 @@ void Adjust(StageContext& context, const Round& round, Reconstruction& model) {
   scope.principal_points = !context.free_principal_points.empty();
   scope.fixed_cameras = context.scene.constant_cameras;
   for (const auto& [id, camera] : context.scene.cameras) {
-    scope.priors[id] = PriorOf(context, id, camera);
+    const auto adjusted = model.cameras.find(id);
+    if (adjusted == model.cameras.end()) continue;
+    scope.priors[id] = PriorOf(context, id, PriorCamera(camera, adjusted->second.model));
   }
   if (round.places != nullptr) {
     scope.image_positions = round.places->images;

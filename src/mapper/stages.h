@@ -379,7 +379,10 @@ struct PlaceOfPart {
 PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Reconstruction& rest,
                       const Reconstruction& part);
 
-// principal_points.cc
+// choose_intrinsics.cc
+// Gives cameras whose lens bends more than one parameter can tell a model of two, where the matches
+// agree better with it beyond doubt. Returns whether there is such a camera.
+bool ChooseLensModels(StageContext& context, BuiltModel& best);
 // Frees the principal points of cameras, from here on, where the matches agree better with what
 // bundle adjustment then finds, beyond doubt, and that is wanted; else says in the report that they
 // do. Forward motion, or a lens that the camera model does not describe, throws others off.

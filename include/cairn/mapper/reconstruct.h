@@ -45,6 +45,7 @@ struct ReconstructOptions {
   bool share_camera = true;
   bool separate_duplicates = true;
   // Where the matches agree better with them, by more than three standard errors.
+  bool choose_lens_models = true;
   bool refine_principal_points = false;
   bool colors = true;
 

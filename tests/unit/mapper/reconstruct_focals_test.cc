@@ -85,6 +85,56 @@ TEST(Reconstruct, RefinesPrincipalPointsWhereTheMatchesTell) {
   EXPECT_LT(Value(*FindStage(centered.report, "principal_points"), "standard_errors_of_gain"), 3);
 }
 
+// Photographs by one lens, of which the database has the focal length and no distortion.
+struct LensScene {
+  SyntheticScene scene;
+  Database database;
+};
+
+LensScene MakeLensScene(CameraModel lens, double distortion) {
+  SceneOptions options = SmallScene();
+  options.num_images = 16;
+  options.num_cameras = 1;
+  options.camera_model = lens;
+  options.radial_distortion = distortion;
+  options.focal_length = 0.6;
+  options.distance = 1.6;
+  options.num_points = 2000;
+  options.outlier_ratio = 0;
+  SyntheticScene scene = MakeScene(options, 3);
+  Database database = MakeDatabase(scene);
+  Camera camera = Camera::FromFocal(1, CameraModel::kSimpleRadial, scene.cameras.at(1).MeanFocal(),
+                                    options.image_width, options.image_height);
+  database.WriteCamera(camera);
+  return {std::move(scene), std::move(database)};
+}
+
+TEST(Reconstruct, GivesLensesThatBendMuchAModelOfTwoParameters) {
+  const LensScene fisheye = MakeLensScene(CameraModel::kSimpleRadialFisheye, 0.02);
+  const ReconstructResult chosen = Reconstruct(fisheye.database);
+  ASSERT_TRUE(chosen.report.Succeeded()) << chosen.report.failure;
+  const Reconstruction& model = chosen.models.front();
+  EXPECT_EQ(model.cameras.at(1).model, CameraModel::kRadialFisheye);
+  ExpectFocals(model, fisheye.scene, 1.0, 0.005);
+  EXPECT_LT(testing_support::CompareAligned(model, fisheye.scene.truth).angle, 0.002);
+  EXPECT_THAT(FindStage(chosen.report, "lens_models")->messages,
+              ::testing::ElementsAre(HasSubstr("RADIAL_FISHEYE of ")));
+
+  ReconstructSettings settings;
+  settings.reconstruct.choose_lens_models = false;
+  const ReconstructResult held = Reconstruct(fisheye.database, settings);
+  ASSERT_TRUE(held.report.Succeeded()) << held.report.failure;
+  EXPECT_EQ(held.models.front().cameras.at(1).model, CameraModel::kSimpleRadial);
+
+  // One parameter tells all of this one.
+  const LensScene bent = MakeLensScene(CameraModel::kSimpleRadial, -0.15);
+  const ReconstructResult stays = Reconstruct(bent.database);
+  ASSERT_TRUE(stays.report.Succeeded()) << stays.report.failure;
+  EXPECT_EQ(stays.models.front().cameras.at(1).model, CameraModel::kSimpleRadial);
+  EXPECT_LT(Value(*FindStage(stays.report, "lens_models"), "standard_errors_of_gain"), 3);
+  EXPECT_LT(testing_support::CompareAligned(stays.models.front(), bent.scene.truth).angle, 0.002);
+}
+
 TEST(Reconstruct, FocalLengthsStayNearAGuessThatIsSure) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   const Database database = MakeDatabaseWithGuesses(scene, 1.04);

@@ -1,0 +1,143 @@
+#include <cmath>
+#include <cstdio>
+#include <functional>
+
+#include "mapper/stages.h"
+
+namespace cairn {
+namespace {
+
+// In few photographs, a principal point is hardly told from their rotations.
+constexpr int kMinImages = 8;
+// Standard errors of a gain beyond doubt.
+constexpr double kDecisiveErrors = 3;
+// Larger models are not adjusted once more only to say that principal points are off.
+constexpr int64_t kMaxObservationsToLook = 500'000;
+// Of bundle adjustment, which is nearly there after the first few.
+constexpr int kIterations = 100;
+constexpr int kIterationsToLook = 4;
+
+std::string WithOneDigit(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.1f", value);
+  return text;
+}
+
+// The cameras of enough images whose intrinsics are not constant.
+std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& property,
+                               const StageContext& context, const Reconstruction& model) {
+  std::map<camera_t, int> num_images;
+  for (const auto& [id, image] : model.images) ++num_images[image.image.camera_id];
+  std::set<camera_t> cameras;
+  for (const auto& [id, num] : num_images) {
+    if (num >= kMinImages && context.scene.constant_cameras.count(id) == 0 &&
+        property(model.cameras.at(id))) {
+      cameras.insert(id);
+    }
+  }
+  return cameras;
+}
+
+// Standard errors of what another model of the same images gains.
+double ErrorsOfGain(const Reconstruction& model, const ModelEvidence& evidence,
+                    const Reconstruction& other, const ModelEvidence& evidence_of_other) {
+  if (other.images.size() != model.images.size()) return 0;
+  return StandardErrorsOfGain(evidence, evidence_of_other);
+}
+
+bool IsCentered(const Camera& camera) {
+  return camera.PrincipalPoint() == Eigen::Vector2d(0.5 * camera.width, 0.5 * camera.height);
+}
+
+std::string CenterText(const Camera& camera) {
+  const Eigen::Vector2d center = camera.PrincipalPoint();
+  return "(" + WithOneDigit(center.x()) + ", " + WithOneDigit(center.y()) + ")";
+}
+
+double DistortionOf(const Camera& camera) {
+  return camera.params[camera.DistortionIndices().front()];
+}
+
+// Whether the next term of a lens's series, about k^2 r^5, would be seen in the image's corner.
+bool MayNeedTwoParameters(const Camera& camera) {
+  if (camera.model != CameraModel::kSimpleRadial) return false;
+  const double radius = 0.5 * camera.DiagonalPx() / camera.MeanFocal();
+  const double next = std::pow(DistortionOf(camera), 2) * std::pow(radius, 5);
+  return camera.MeanFocal() * next > DefaultMaxErrorPx(camera, camera);
+}
+
+// A SIMPLE_RADIAL camera by a model of two parameters, equal up to the third power of the angle off
+// axis: tan(a) = a + a^3 / 3 + ...
+Camera WithTwoParameters(const Camera& camera, CameraModel lens) {
+  const Eigen::Vector2d center = camera.PrincipalPoint();
+  const double k = DistortionOf(camera) + (CameraModelIsFisheye(lens) ? 1.0 / 3 : 0);
+  Camera other = camera;
+  other.model = lens;
+  other.params = {camera.MeanFocal(), center.x(), center.y(), k, 0.0};
+  return other;
+}
+
+}  // namespace
+
+bool ChooseLensModels(StageContext& context, BuiltModel& best) {
+  if (!context.settings.reconstruct.choose_lens_models) return false;
+  const std::set<camera_t> bent = CamerasWith(MayNeedTwoParameters, context, *best.model);
+  if (bent.empty()) return false;
+  const Reconstruction before = *best.model;
+  const ModelEvidence evidence_before = best.evidence;
+  double best_errors = 0;
+  for (const CameraModel lens : {CameraModel::kRadial, CameraModel::kRadialFisheye}) {
+    Reconstruction other = before;
+    for (const camera_t id : bent) {
+      other.cameras.at(id) = WithTwoParameters(before.cameras.at(id), lens);
+    }
+    AdjustModel(context, kIterations, other);
+    ModelEvidence evidence = EvidenceFor(context, other, best.graph);
+    const double errors = ErrorsOfGain(before, evidence_before, other, evidence);
+    if (errors < kDecisiveErrors || evidence.nats < best.evidence.nats) continue;
+    best_errors = errors;
+    best.model = std::move(other);
+    best.evidence = std::move(evidence);
+  }
+  ModelStage stage(context, "lens_models");
+  stage.Add("cameras", bent.size());
+  stage.Add("standard_errors_of_gain", best_errors);
+  if (best_errors == 0) return false;
+  for (const camera_t id : bent) {
+    const Camera &was = before.cameras.at(id), &is = best.model->cameras.at(id);
+    stage.Note("camera " + std::to_string(id) + ": " + std::string(CameraModelName(is.model)) +
+               " of " + WithOneDigit(is.MeanFocal()) + " px in place of " +
+               std::string(CameraModelName(was.model)) + " of " + WithOneDigit(was.MeanFocal()) +
+               " px, by " + WithOneDigit(best_errors) + " standard errors");
+  }
+  return true;
+}
+
+void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model) {
+  const bool is_wanted = context.settings.reconstruct.refine_principal_points;
+  const std::set<camera_t> guessed = CamerasWith(IsCentered, context, model);
+  if (guessed.empty() || (!is_wanted && model.NumObservations() > kMaxObservationsToLook)) return;
+  Reconstruction other = model;
+  context.free_principal_points = guessed;
+  AdjustModel(context, is_wanted ? kIterations : kIterationsToLook, other);
+  const double errors = ErrorsOfGain(model, EvidenceFor(context, model, graph), other,
+                                     EvidenceFor(context, other, graph));
+  const bool is_decisive = errors > kDecisiveErrors;
+  if (!is_wanted || !is_decisive) context.free_principal_points.clear();
+  ModelStage stage(context, "principal_points");
+  stage.Add("standard_errors_of_gain", errors);
+  stage.Add("refined", context.free_principal_points.size());
+  if (!is_decisive) return;
+  const std::string by = ", by " + WithOneDigit(errors) + " standard errors";
+  for (const camera_t id : guessed) {
+    const std::string camera = "camera " + std::to_string(id) + ": ";
+    const std::string before = CenterText(model.cameras.at(id));
+    stage.Note(is_wanted ? camera + "principal point " + CenterText(other.cameras.at(id)) +
+                               " in place of " + before + by
+                         : camera + "the principal point is not " + before + by +
+                               "; --reconstruct.refine_principal_points 1 finds it");
+  }
+  if (is_wanted) model = std::move(other);
+}
+
+}  // namespace cairn
