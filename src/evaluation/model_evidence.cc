@@ -43,8 +43,8 @@ std::optional<PixelRay> RayOf(const Camera& camera, const Eigen::Vector2d& pixel
 }
 
 // Sampson's error in pixels: the least change of both keypoints, to first order, that puts the rays
-// in one plane with the cameras. A lens that bends lines is no reason for a larger or a smaller
-// one.
+// in one plane with the cameras (Terekhov and Larsson, "Tangent Sampson error", ICCV 2023). So it
+// means the same for every lens.
 double SquaredErrorPx(const Eigen::Matrix3d& E, const PixelRay& x1, const PixelRay& x2) {
   const Eigen::Vector3d normal1 = E.transpose() * x2.ray, normal2 = E * x1.ray;
   const double error = x2.ray.dot(normal2);

@@ -52,15 +52,6 @@ double SquaredSampsonError(const Eigen::Matrix3d& E, const Eigen::Vector2d& x1,
   return n > 0.0 ? c * c / n : 0.0;
 }
 
-double SquaredRaySampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& ray1,
-                              const Eigen::Vector3d& ray2) {
-  const Eigen::Vector3d q1 = ray1.normalized(), q2 = ray2.normalized();
-  const Eigen::Vector3d line2 = E * q1, line1 = E.transpose() * q2;
-  const double c = q2.dot(line2);
-  const double n = line2.squaredNorm() + line1.squaredNorm() - 2.0 * c * c;
-  return n > 0.0 ? c * c / n : 0.0;
-}
-
 bool CheiralityTest::IsInFront(const Eigen::Vector3d& ray1, const Eigen::Vector3d& ray2) const {
   // The depths that bring d1 a + t = d2 b nearest to each other, times det.
   const Eigen::Vector3d a = R_ * ray1;

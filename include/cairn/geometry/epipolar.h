@@ -28,10 +28,6 @@ Eigen::Matrix3d FundamentalFromEssential(const Eigen::Matrix3d& E, const Eigen::
 // the points (Hartley and Zisserman, eq. 11.9).
 double SquaredSampsonError(const Eigen::Matrix3d& E, const Eigen::Vector2d& x1,
                            const Eigen::Vector2d& x2);
-// The same of rays in any direction, in squared radians: the algebraic error of bearings over its
-// gradient on the unit spheres (Terekhov and Larsson, "Tangent Sampson error", ICCV 2023).
-double SquaredRaySampsonError(const Eigen::Matrix3d& E, const Eigen::Vector3d& ray1,
-                              const Eigen::Vector3d& ray2);
 
 // Whether points are in front of both cameras, by their rays in any direction and of any length.
 // Where rays are within `far_angle` (small; radians) of parallel, noise decides the signs of the

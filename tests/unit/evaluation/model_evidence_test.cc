@@ -75,6 +75,82 @@ TEST(ModelEvidence, AGainThatAllImagesShareIsBeyondDoubtAndOneOfASingleImageIsNo
   EXPECT_EQ(StandardErrorsOfGain(truth, truth), 0);
 }
 
+// Two photographs by one lens, with keypoints that err by half a pixel.
+struct TwoPhotographs {
+  explicit TwoPhotographs(const Camera& camera) {
+    Rng rng(3);
+    model.cameras[1] = camera;
+    for (const image_t id : {1, 2}) {
+      RegisteredImage& image = model.images[id];
+      image.image.image_id = id;
+      image.image.camera_id = 1;
+    }
+    model.images.at(2).cam_from_world = {ExpSO3(Eigen::Vector3d(0.1, -0.3, 0.2)),
+                                         Eigen::Vector3d(-0.8, 0.1, 0.3)};
+    while (matches.size() < 200) {
+      const Eigen::Vector3d xyz(rng.Uniform(-4, 4), rng.Uniform(-3, 3), rng.Uniform(2, 5));
+      std::vector<Eigen::Vector2d> pixels;
+      for (const auto& [id, image] : model.images) {
+        const auto pixel = camera.ImgFromRay(image.cam_from_world * xyz);
+        if (!pixel) break;
+        const Eigen::Vector2d noisy =
+            *pixel + 0.5 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+        const bool is_inside = (noisy.array() > 0).all() && noisy.x() < camera.width &&
+                               noisy.y() < camera.height && camera.RayFromImg(noisy);
+        if (is_inside) pixels.push_back(noisy);
+      }
+      if (pixels.size() < 2) continue;
+      const auto k = static_cast<point2D_t>(matches.size());
+      matches.push_back({k, k});
+      for (auto& [id, image] : model.images) {
+        image.points2D.push_back(pixels[id - 1]);
+        image.point3D_ids.push_back(kInvalidPoint3DId);
+      }
+    }
+  }
+
+  // By differences of pixels.
+  double SquaredSampsonErrorPx(size_t k) const {
+    const Camera& camera = model.cameras.at(1);
+    const Rigid3d& pose = model.images.at(2).cam_from_world;
+    const auto error = [&](const Eigen::Vector4d& pixels) {
+      const Eigen::Vector3d ray1 = *camera.RayFromImg(pixels.head<2>());
+      const Eigen::Vector3d ray2 = *camera.RayFromImg(pixels.tail<2>());
+      return ray2.dot(pose.translation.cross(pose.rotation * ray1));
+    };
+    Eigen::Vector4d at, gradient;
+    at << model.images.at(1).points2D[k], model.images.at(2).points2D[k];
+    for (int i = 0; i < 4; ++i) {
+      const Eigen::Vector4d step = 1e-4 * Eigen::Vector4d::Unit(i);
+      gradient[i] = (error(at + step) - error(at - step)) / 2e-4;
+    }
+    return error(at) * error(at) / gradient.squaredNorm();
+  }
+
+  Reconstruction model;
+  FeatureMatches matches;
+};
+
+TEST(ModelEvidence, ErrorsArePixelsWhateverTheLens) {
+  for (const CameraModel lens : {CameraModel::kSimplePinhole, CameraModel::kSimpleRadial,
+                                 CameraModel::kSimpleRadialFisheye}) {
+    Camera camera = Camera::FromFocal(1, lens, 400, 900, 700);
+    if (lens == CameraModel::kSimpleRadial) camera.params.back() = -0.05;
+    const TwoPhotographs pair(camera);
+    const VerifiedPair verified = {1, 2, &pair.matches};
+    const ModelEvidence evidence = EvaluateEvidence(pair.model, {&verified, 1}, {});
+    const double sigma_px = DefaultMaxErrorPx(camera, camera);
+    const double width_px = 900 * 700 / camera.DiagonalPx();
+    double nats = 0;
+    for (size_t k = 0; k < pair.matches.size(); ++k) {
+      nats += std::log(width_px / (sigma_px * std::sqrt(2 * std::numbers::pi))) -
+              0.5 * pair.SquaredSampsonErrorPx(k) / (sigma_px * sigma_px);
+    }
+    EXPECT_EQ(evidence.all.num_explained, 200) << CameraModelName(lens);
+    EXPECT_NEAR(evidence.all.nats, nats, 1e-3 * nats) << CameraModelName(lens);
+  }
+}
+
 TEST(ModelEvidence, MatchesThatFollowFromOthersDoNotCount) {
   // Keypoint 0 of four images is one point, keypoint 1 of two another.
   const FeatureMatches both = {{0, 0}, {1, 1}}, one = {{0, 0}};

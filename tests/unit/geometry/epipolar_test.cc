@@ -124,7 +124,7 @@ TEST(CheiralityTest, TellsBehindFromInFrontAndForgivesFarPoints) {
 }
 
 // Rays in any direction: beside and behind the cameras, too.
-TEST(Rays, SampsonErrorAndCheirality) {
+TEST(Rays, Cheirality) {
   Rng rng(7);
   const Rigid3d pose(ExpSO3(Eigen::Vector3d(0.3, -1.2, 0.4)), Eigen::Vector3d(0.6, 0.0, -0.8));
   const Eigen::Matrix3d E = EssentialFromPose(pose);
@@ -135,14 +135,7 @@ TEST(Rays, SampsonErrorAndCheirality) {
     const Eigen::Vector3d x2 = pose * x1;
     rays1.push_back(x1.normalized());
     rays2.push_back(x2.normalized());
-    EXPECT_LT(SquaredRaySampsonError(E, 2 * x1, x2), 1e-24);
     EXPECT_TRUE(CheiralityTest(pose).IsInFront(2 * x1, rays2[i]));
-    // A ray turned away from its epipolar plane by an angle: both rays share it.
-    const Eigen::Vector3d normal = (E * rays1[i]).normalized();
-    const Eigen::Vector3d turned = std::cos(1e-3) * rays2[i] + std::sin(1e-3) * normal;
-    const double g2 = (E * rays1[i]).norm(), g1 = (E.transpose() * turned).norm();
-    EXPECT_NEAR(std::sqrt(SquaredRaySampsonError(E, rays1[i], turned)),
-                1e-3 * g2 / std::hypot(g1, g2), 1e-5);
   }
   const CheiralityResult best = SelectPoseByCheirality(E, rays1, rays2);
   EXPECT_EQ(best.num_in_front, 100);
