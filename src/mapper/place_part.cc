@@ -139,41 +139,56 @@ class PlaceSearch {
               const Crossing& crossing)
       : context_(context), rest_(rest), part_(part), crossing_(crossing) {}
 
-  int NumAgreeing(const Sim3d& rest_from_part) const {
+  size_t NumSightings() const { return crossing_.in_rest.size() + crossing_.in_part.size(); }
+
+  // Of every so many sightings.
+  int NumAgreeing(const Sim3d& rest_from_part, size_t stride = 1) const {
     const double max_error_px = context_.settings.resection.max_error_px;
     const Sim3d part_from_rest = Inverse(rest_from_part);
     int num_agreeing = 0;
-    for (const Sighting& sighting : crossing_.in_rest) {
-      num_agreeing += Agrees(sighting, rest_from_part, rest_, max_error_px);
+    for (size_t i = 0; i < crossing_.in_rest.size(); i += stride) {
+      num_agreeing += Agrees(crossing_.in_rest[i], rest_from_part, rest_, max_error_px);
     }
-    for (const Sighting& sighting : crossing_.in_part) {
-      num_agreeing += Agrees(sighting, part_from_rest, part_, max_error_px);
+    for (size_t i = 0; i < crossing_.in_part.size(); i += stride) {
+      num_agreeing += Agrees(crossing_.in_part[i], part_from_rest, part_, max_error_px);
     }
     return num_agreeing;
   }
 
-  // The best of what triples of points and single pairs say.
+  // The best of what triples of points and single pairs say: of those that are best by some
+  // sightings, by all of them.
   PlaceOfPart Find() const {
-    const int num_triples = crossing_.rest_points.size() < 3 ? 0 : kNumTriples;
-    const PlaceOfPart by_triples = BestOf(num_triples, [&](int64_t i) { return ByTriple(i); });
-    const PlaceOfPart by_pairs =
-        BestOf(std::ssize(crossing_.pairs), [&](int64_t i) { return ByPair(crossing_.pairs[i]); });
-    return by_pairs.num_agreeing > by_triples.num_agreeing ? by_pairs : by_triples;
+    std::vector<PlaceOfPart> places = Hypothesize();
+    CountAgreeing(std::max<size_t>(1, NumSightings() / kRoughSightings), places);
+    const auto has_more = [](const PlaceOfPart& a, const PlaceOfPart& b) {
+      return a.num_agreeing > b.num_agreeing;
+    };
+    std::ranges::stable_sort(places, has_more);
+    places.resize(std::min(places.size(), kNumCounted));
+    CountAgreeing(1, places);
+    return places.empty() ? PlaceOfPart{} : *std::ranges::min_element(places, has_more);
   }
 
  private:
   static constexpr int kNumTriples = 3000;
+  static constexpr size_t kRoughSightings = 1000;
+  static constexpr size_t kNumCounted = 100;
 
-  PlaceOfPart BestOf(int64_t n, const std::function<std::optional<Sim3d>(int64_t)>& find) const {
-    std::vector<PlaceOfPart> found(n);
-    ParallelFor(context_.run.num_threads, n, [&](int64_t i) {
-      const std::optional<Sim3d> place = find(i);
-      if (place) found[i] = {.rest_from_part = *place, .num_agreeing = NumAgreeing(*place)};
+  std::vector<PlaceOfPart> Hypothesize() const {
+    const int64_t num_triples = crossing_.rest_points.size() < 3 ? 0 : kNumTriples;
+    std::vector<PlaceOfPart> places;
+    for (int64_t i = 0; i < num_triples + std::ssize(crossing_.pairs); ++i) {
+      const std::optional<Sim3d> place =
+          i < num_triples ? ByTriple(i) : ByPair(crossing_.pairs[i - num_triples]);
+      if (place) places.push_back({.rest_from_part = *place});
+    }
+    return places;
+  }
+
+  void CountAgreeing(size_t stride, std::vector<PlaceOfPart>& places) const {
+    ParallelFor(context_.run.num_threads, std::ssize(places), [&](int64_t i) {
+      places[i].num_agreeing = NumAgreeing(places[i].rest_from_part, stride);
     });
-    const auto has_fewer = [](const PlaceOfPart& a, const PlaceOfPart& b) {
-      return a.num_agreeing < b.num_agreeing;
-    };
-    return n == 0 ? PlaceOfPart{} : *std::ranges::max_element(found, has_fewer);
   }
 
   // A pair's relative pose leaves the scale open, which points of each model in the other's image
@@ -246,7 +261,7 @@ PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Recon
   const Crossing crossing = FindCrossing(context, graph, rest, part);
   const PlaceSearch search(context, rest, part, crossing);
   PlaceOfPart place = search.Find();
-  place.num_sightings = static_cast<int>(crossing.in_rest.size() + crossing.in_part.size());
+  place.num_sightings = static_cast<int>(search.NumSightings());
   place.num_before = search.NumAgreeing({});
   stage.Add("images", part.images.size());
   stage.Add("pairs", crossing.pairs.size());
