@@ -12,6 +12,7 @@
 #include "cairn/io/ply.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/view_graph/view_graph_text.h"
+#include "report/stage.h"
 
 namespace cairn {
 namespace {
@@ -83,10 +84,9 @@ void WriteFiles(ReconstructResult& result, const fs::path& output,
   }
   ParallelFor(run.num_threads, std::ssize(tasks), [&](int64_t i) { tasks[i](); });
   if (!warnings.empty()) {
-    StageReport stage;
-    stage.name = "bundler";
-    stage.messages = warnings;
-    result.report.stages.push_back(std::move(stage));
+    Stage stage(run.monitor, "bundler");
+    stage.NoteEach(warnings);
+    result.report.stages.push_back(stage.Finish());
   }
   WriteFileAtomically(path("report.json"), ToJson(result.report));
 }
