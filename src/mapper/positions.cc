@@ -40,6 +40,7 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
     directions.push_back({edge.image_id1, edge.image_id2, direction});
     edge_indices.push_back(i);
   }
+  if (!context.scene.poses_alone) FindBaselineLengths(context, rotations, directions);
   const std::vector<PointDirections> points =
       RaysOfTracks(context.scene, rotations,
                    SelectTracks(tracks, context.settings.reconstruct.position_tracks_per_image));

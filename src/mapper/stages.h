@@ -248,6 +248,14 @@ bool IsWithin(const ViewEdge& edge, const Reconstruction& model);
 // half of the matches. Returns how many matches the pairs have that come in.
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
 
+// baseline_lengths.cc
+// Finds how long the baselines of the pairs are, by points that pairs share, for global rotations.
+// Pairs that no such points join with most of the others stay without a length, and so do all pairs
+// of large scenes.
+void FindBaselineLengths(const StageContext& context,
+                         const std::map<image_t, Eigen::Quaterniond>& rotations,
+                         std::vector<DirectionEdge>& directions);
+
 // positions.cc
 struct InitialModel {
   std::map<image_t, Rigid3d> cam_from_world;

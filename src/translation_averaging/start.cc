@@ -13,6 +13,9 @@ namespace {
 
 constexpr int kNumIterations = 200;
 constexpr double kStartTolerance = 1e-3;  // of conjugate gradients
+// Of absolute deviations; a step is known to a hundredth.
+constexpr int kNumReweightings = 30;
+constexpr double kLeastError = 0.01;
 
 // min sum |x_2 - x_1 - l v|, l >= 1, over nodes 0 .. n-1 and a connected graph.
 Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<GraphEdge>& edges,
@@ -52,6 +55,18 @@ double SceneScale(const Eigen::Matrix3Xd& cameras) {
   return (cameras.colwise() - center).colwise().norm().mean();
 }
 
+// The cameras are the first rows.
+Positions WithPoints(const DirectionProblem& problem, const Eigen::MatrixXd& x) {
+  Positions positions;
+  positions.cameras = x.topRows(problem.NumCameras()).transpose();
+  positions.points.resize(3, problem.NumTracks());
+  const double scale = SceneScale(positions.cameras);
+  for (int k = 0; k < problem.NumTracks(); ++k) {
+    positions.points.col(k) = PointFromRays(problem.RaysOf(k), positions.cameras, scale);
+  }
+  return positions;
+}
+
 bool EdgesConnectAll(const DirectionProblem& problem) {
   std::vector<GraphEdge> edges;
   for (const DirectionProblem::Edge& e : problem.edges) edges.push_back({e.camera1, e.camera2});
@@ -59,6 +74,39 @@ bool EdgesConnectAll(const DirectionProblem& problem) {
 }
 
 }  // namespace
+
+std::optional<Positions> StartByLengths(const DirectionProblem& problem, int num_threads) {
+  std::vector<GraphEdge> edges;
+  std::vector<LaplacianSolver::Edge> solver_edges;
+  std::vector<Eigen::Vector3d> steps;
+  std::vector<double> sureness;
+  for (const DirectionProblem::Edge& edge : problem.edges) {
+    if (!(edge.length > 0)) continue;
+    edges.push_back({edge.camera1, edge.camera2});
+    solver_edges.push_back({edge.camera1, edge.camera2});
+    steps.push_back(edge.length * edge.direction);
+    sureness.push_back(edge.num_points / (edge.length * edge.length));
+  }
+  const int n = problem.NumCameras();
+  if (ConnectedComponents(n, edges).Num() != 1) return std::nullopt;
+  std::vector<char> is_gauge(n, 0);
+  is_gauge[0] = 1;
+  LaplacianSolver solver(n, solver_edges, is_gauge, num_threads);
+  std::vector<double> weights = sureness;
+  Eigen::MatrixXd x;
+  for (int iteration = 0; iteration < kNumReweightings; ++iteration) {
+    if (!solver.Factorize(weights)) return std::nullopt;
+    x = solver.Solve(SumAtNodes(n, edges, num_threads,
+                                [&](int e) -> Eigen::Vector3d { return weights[e] * steps[e]; }),
+                     x);
+    for (size_t e = 0; e < edges.size(); ++e) {
+      const Eigen::Vector3d step = (x.row(edges[e].node2) - x.row(edges[e].node1)).transpose();
+      const double error = (step - steps[e]).norm() / steps[e].norm();
+      weights[e] = sureness[e] / std::max(error, kLeastError);
+    }
+  }
+  return WithPoints(problem, x);
+}
 
 Positions LeastUnsquaredDeviations(const DirectionProblem& problem, int num_threads) {
   const int n = problem.NumCameras();
@@ -77,14 +125,7 @@ Positions LeastUnsquaredDeviations(const DirectionProblem& problem, int num_thre
   }
   const Eigen::MatrixXd x =
       SolveLud(cameras_only ? n : n + problem.NumTracks(), edges, directions, num_threads);
-  Positions positions;
-  positions.cameras = x.topRows(n).transpose();
-  positions.points.resize(3, problem.NumTracks());
-  const double scale = SceneScale(positions.cameras);
-  for (int k = 0; k < problem.NumTracks(); ++k) {
-    positions.points.col(k) = PointFromRays(problem.RaysOf(k), positions.cameras, scale);
-  }
-  return positions;
+  return WithPoints(problem, x);
 }
 
 Eigen::Vector3d PointFromRays(std::span<const DirectionProblem::Ray> rays,

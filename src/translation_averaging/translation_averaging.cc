@@ -123,14 +123,16 @@ std::vector<CenterTerm> TermsOf(const std::vector<CenterPrior>& priors,
 Positions PlaceCameras(const DirectionProblem& problem, const TranslationAveragingOptions& options,
                        const CenterPriors& priors, const RunContext& run,
                        TranslationAveragingReport& report) {
-  Positions x = LeastUnsquaredDeviations(problem, run.num_threads);
+  const std::optional<Positions> by_lengths = StartByLengths(problem, run.num_threads);
+  Positions x = by_lengths ? *by_lengths : LeastUnsquaredDeviations(problem, run.num_threads);
   PositionSystem system(problem, run.num_threads);
   FitWeights weights = BalancedWeights(problem, options);
   const auto fit = [&] {
     report.num_iterations += FitPositions(problem, weights, system, x, run).num_iterations;
   };
   for (int pass = 0; pass <= options.num_reweightings && !run.monitor.StopRequested(); ++pass) {
-    if (pass > 0) weights = WeightsFromErrors(problem, MeasureErrors(problem, x), options);
+    if (pass > 0 || by_lengths)
+      weights = WeightsFromErrors(problem, MeasureErrors(problem, x), options);
     weights.tolerance = pass < options.num_reweightings ? kCoarseTolerance : kFineTolerance;
     fit();
   }

@@ -21,6 +21,9 @@ struct DirectionEdge {
   image_t image_id1 = kInvalidImageId;
   image_t image_id2 = kInvalidImageId;
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
+  // |c_2 - c_1| in a unit that all edges share, and how many points tell it; 0: not known.
+  double length = 0;
+  int num_points = 0;
 };
 
 // A viewing ray from a camera center to a scene point, in the world frame.

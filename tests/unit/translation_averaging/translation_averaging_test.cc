@@ -115,6 +115,35 @@ TEST(TranslationAveraging, PointsPlaceCollinearCameras) {
   EXPECT_LT(MaxError(RelativeCenterErrors(report.centers, scene.truth)), 1e-3);
 }
 
+// Wrong directions along a line draw its cameras together; lengths of baselines keep them apart.
+TEST(TranslationAveraging, LengthsHoldCollinearCamerasAgainstWrongDirections) {
+  Rng rng(2);
+  DirectionScene scene;
+  scene.AddCenters(Line(30, 5));
+  scene.AddChain(4, 0.3, 0, rng);
+  scene.AddPoints(200, 5, 2.0, 0.1, 0, rng);
+  for (image_t id = 8; id < 20; ++id) {
+    for (const image_t far : {8, 9, 10}) {
+      scene.edges.push_back({id, id + far, Eigen::Vector3d(-1, 0.01 * far, 0)});
+    }
+  }
+  TranslationAveragingOptions options;
+  options.filter_directions = false;  // it has no answer to so many
+  const auto error = [&] {
+    const auto report = AverageTranslations(scene.edges, scene.tracks, options);
+    EXPECT_EQ(report.centers.size(), 30u);
+    return MaxError(RelativeCenterErrors(report.centers, scene.truth));
+  };
+  EXPECT_GT(error(), 0.2);
+  for (DirectionEdge& edge : scene.edges) {
+    const bool is_right = edge.image_id2 <= edge.image_id1 + 4;
+    const double length = (scene.truth[edge.image_id2] - scene.truth[edge.image_id1]).norm();
+    edge.length = is_right ? 0.37 * length * (1 + 0.01 * rng.Gaussian()) : rng.Uniform(0.3, 3);
+    edge.num_points = is_right ? 500 : 30;
+  }
+  EXPECT_LT(error(), 0.03);
+}
+
 TEST(TranslationAveraging, PriorsOfCentersHoldALongRoad) {
   const DirectionScene scene = Road(100);
   const double sigma = 0.5;

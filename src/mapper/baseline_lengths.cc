@@ -1,0 +1,199 @@
+// Cui and Tan, "Global structure-from-motion by similarity averaging", ICCV 2015: how long one
+// baseline is beside another, points tell that two pairs have in common; all lengths follow from
+// these ratios. Directions alone leave the steps along a straight line open.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <optional>
+
+#include "cairn/base/parallel.h"
+#include "cairn/math/angles.h"
+#include "cairn/math/median.h"
+#include "graph/union_find.h"
+#include "mapper/stages.h"
+#include "sparse/laplacian_solver.h"
+
+namespace cairn {
+namespace {
+
+// Rays that are nearer to parallel tell no depth.
+constexpr double kMinParallaxDeg = 0.5;
+// That two pairs have in common, to be compared.
+constexpr size_t kMinSharedPoints = 10;
+// Pairs of an image, those with the most points, that its others are compared with.
+constexpr size_t kNumReferences = 10;
+// Of the median of absolute values by reweighted least squares.
+constexpr int kNumReweightings = 20;
+constexpr double kLeastError = 0.01;  // of a logarithm: one percent
+// More matches (some 200 MB) are left to directions alone.
+constexpr size_t kMostMatches = 10'000'000;
+
+// The logarithm of the depth of a keypoint's point in baselines of a pair.
+struct PointDepth {
+  point2D_t keypoint;
+  float log_depth;
+};
+
+// A pair, as one of its images sees it: its points by keypoint.
+struct PairOfImage {
+  int pair = 0;
+  std::vector<PointDepth> depths;
+};
+
+// The points of a pair in each of its images: r1 l1 = d + r2 l2 for rays r and the direction d.
+std::array<PairOfImage, 2> DepthsOf(const SceneData& scene,
+                                    const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+                                    int pair, const DirectionEdge& edge) {
+  const auto ray_of = [&](image_t id, point2D_t keypoint) -> std::optional<Eigen::Vector3d> {
+    const auto ray = scene.CameraOf(id).RayFromImg(scene.pixels.at(id)[keypoint]);
+    if (!ray) return std::nullopt;
+    return cam_from_world.at(id).conjugate() * *ray;
+  };
+  const double min_squared_sine = std::pow(std::sin(DegToRad(kMinParallaxDeg)), 2);
+  const Eigen::Vector3d direction = edge.direction.normalized();
+  std::array<PairOfImage, 2> found = {PairOfImage{pair, {}}, PairOfImage{pair, {}}};
+  for (const FeatureMatch& match :
+       scene.matches.at(ImagePairToPairId(edge.image_id1, edge.image_id2))) {
+    const auto ray1 = ray_of(edge.image_id1, match.point1);
+    const auto ray2 = ray_of(edge.image_id2, match.point2);
+    if (!ray1 || !ray2) continue;
+    const Eigen::Vector3d normal = ray1->cross(*ray2);
+    const double depth1 = direction.cross(*ray2).dot(normal);
+    const double depth2 = direction.cross(*ray1).dot(normal);
+    const double squared_sine = normal.squaredNorm();
+    if (squared_sine < min_squared_sine || !(depth1 > 0) || !(depth2 > 0)) continue;
+    found[0].depths.push_back({match.point1, static_cast<float>(std::log(depth1 / squared_sine))});
+    found[1].depths.push_back({match.point2, static_cast<float>(std::log(depth2 / squared_sine))});
+  }
+  for (PairOfImage& each : found) std::ranges::sort(each.depths, {}, &PointDepth::keypoint);
+  return found;
+}
+
+// The logarithm of how long pair2's baseline is beside pair1's.
+struct Ratio {
+  int pair1 = 0;
+  int pair2 = 0;
+  double log_ratio = 0;
+  double num_points = 0;
+};
+
+std::optional<Ratio> RatioOf(const PairOfImage& a, const PairOfImage& b) {
+  std::vector<double> differences;
+  auto next = b.depths.begin();
+  for (const PointDepth& point : a.depths) {
+    while (next != b.depths.end() && next->keypoint < point.keypoint) ++next;
+    if (next == b.depths.end()) break;
+    if (next->keypoint == point.keypoint) {
+      differences.push_back(point.log_depth - next->log_depth);
+    }
+  }
+  if (differences.size() < kMinSharedPoints) return std::nullopt;
+  const auto num_points = static_cast<double>(differences.size());
+  return Ratio{a.pair, b.pair, UpperMedian(std::move(differences)), num_points};
+}
+
+// Of the pairs of one image.
+std::vector<Ratio> RatiosOf(std::vector<const PairOfImage*> pairs) {
+  std::ranges::stable_sort(pairs, std::greater<>(),
+                           [](const PairOfImage* pair) { return pair->depths.size(); });
+  std::vector<Ratio> ratios;
+  for (size_t a = 0; a < std::min(pairs.size(), kNumReferences); ++a) {
+    for (size_t b = a + 1; b < pairs.size(); ++b) {
+      if (const auto ratio = RatioOf(*pairs[a], *pairs[b])) ratios.push_back(*ratio);
+    }
+  }
+  return ratios;
+}
+
+// Of the pairs of all images.
+std::vector<Ratio> FindRatios(std::span<const DirectionEdge> directions,
+                              std::span<const std::array<PairOfImage, 2>> depths, int num_threads) {
+  std::map<image_t, std::vector<const PairOfImage*>> pairs_of_image;
+  for (size_t e = 0; e < directions.size(); ++e) {
+    pairs_of_image[directions[e].image_id1].push_back(&depths[e][0]);
+    pairs_of_image[directions[e].image_id2].push_back(&depths[e][1]);
+  }
+  std::vector<std::vector<const PairOfImage*>> images;
+  for (auto& [id, pairs] : pairs_of_image) images.push_back(std::move(pairs));
+  std::vector<std::vector<Ratio>> of_image(images.size());
+  ParallelFor(num_threads, std::ssize(images),
+              [&](int64_t i) { of_image[i] = RatiosOf(std::move(images[i])); });
+  std::vector<Ratio> ratios;
+  for (const auto& each : of_image) ratios.insert(ratios.end(), each.begin(), each.end());
+  return ratios;
+}
+
+// The pairs of the largest set that ratios join.
+std::vector<char> LargestSet(int num_pairs, std::span<const Ratio> ratios) {
+  UnionFind sets(num_pairs);
+  for (const Ratio& ratio : ratios) sets.Union(ratio.pair1, ratio.pair2);
+  int largest = 0;
+  for (int e = 1; e < num_pairs; ++e) {
+    if (sets.SizeOf(e) > sets.SizeOf(largest)) largest = e;
+  }
+  std::vector<char> is_in(num_pairs);
+  for (int e = 0; e < num_pairs; ++e) is_in[e] = sets.Connected(e, largest);
+  return is_in;
+}
+
+// Logarithms of lengths with the least sum of absolute errors of the ratios; those of pairs that
+// are not in the set mean nothing.
+Eigen::VectorXd AverageRatios(std::span<const Ratio> ratios, const std::vector<char>& is_in,
+                              int num_threads) {
+  std::vector<char> is_gauge(is_in.size());
+  for (size_t e = 0; e < is_in.size(); ++e) is_gauge[e] = !is_in[e];
+  *std::ranges::find(is_gauge, 0) = 1;
+  std::vector<LaplacianSolver::Edge> edges;
+  std::vector<double> weights;
+  for (const Ratio& ratio : ratios) {
+    edges.push_back({ratio.pair1, ratio.pair2});
+    weights.push_back(ratio.num_points);
+  }
+  LaplacianSolver solver(static_cast<int>(is_in.size()), edges, is_gauge, num_threads);
+  Eigen::MatrixXd x;
+  for (int iteration = 0; iteration < kNumReweightings; ++iteration) {
+    if (!solver.Factorize(weights)) break;
+    Eigen::MatrixXd right = Eigen::MatrixXd::Zero(std::ssize(is_in), 1);
+    for (size_t i = 0; i < ratios.size(); ++i) {
+      right(ratios[i].pair2, 0) += weights[i] * ratios[i].log_ratio;
+      right(ratios[i].pair1, 0) -= weights[i] * ratios[i].log_ratio;
+    }
+    x = solver.Solve(right, x);
+    for (size_t i = 0; i < ratios.size(); ++i) {
+      const double error = x(ratios[i].pair2, 0) - x(ratios[i].pair1, 0) - ratios[i].log_ratio;
+      weights[i] = ratios[i].num_points / std::max(std::abs(error), kLeastError);
+    }
+  }
+  return x.col(0);
+}
+
+}  // namespace
+
+void FindBaselineLengths(const StageContext& context,
+                         const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+                         std::vector<DirectionEdge>& directions) {
+  size_t num_matches = 0;
+  for (const DirectionEdge& edge : directions) {
+    num_matches +=
+        context.scene.matches.at(ImagePairToPairId(edge.image_id1, edge.image_id2)).size();
+  }
+  if (num_matches > kMostMatches) return;
+  const int num_threads = context.run.num_threads;
+  std::vector<std::array<PairOfImage, 2>> depths(directions.size());
+  ParallelFor(num_threads, std::ssize(directions), [&](int64_t e) {
+    depths[e] = DepthsOf(context.scene, cam_from_world, static_cast<int>(e), directions[e]);
+  });
+  const std::vector<Ratio> ratios = FindRatios(directions, depths, num_threads);
+  if (ratios.empty()) return;
+  const std::vector<char> is_in = LargestSet(static_cast<int>(directions.size()), ratios);
+  const Eigen::VectorXd log_lengths = AverageRatios(ratios, is_in, num_threads);
+  for (size_t e = 0; e < directions.size(); ++e) {
+    if (!is_in[e]) continue;
+    directions[e].length = std::exp(log_lengths[e]);
+    directions[e].num_points = static_cast<int>(depths[e][0].depths.size());
+  }
+}
+
+}  // namespace cairn
