@@ -27,8 +27,8 @@ constexpr size_t kNumReferences = 10;
 // Of the median of absolute values by reweighted least squares.
 constexpr int kNumReweightings = 20;
 constexpr double kLeastError = 0.01;  // of a logarithm: one percent
-// More matches (some 200 MB) are left to directions alone.
-constexpr size_t kMostMatches = 10'000'000;
+// More pairs are left to directions alone.
+constexpr size_t kMostPairs = 20'000;
 
 // The logarithm of the depth of a keypoint's point in baselines of a pair.
 struct PointDepth {
@@ -174,12 +174,7 @@ Eigen::VectorXd AverageRatios(std::span<const Ratio> ratios, const std::vector<c
 void FindBaselineLengths(const StageContext& context,
                          const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
                          std::vector<DirectionEdge>& directions) {
-  size_t num_matches = 0;
-  for (const DirectionEdge& edge : directions) {
-    num_matches +=
-        context.scene.matches.at(ImagePairToPairId(edge.image_id1, edge.image_id2)).size();
-  }
-  if (num_matches > kMostMatches) return;
+  if (directions.size() > kMostPairs) return;
   const int num_threads = context.run.num_threads;
   std::vector<std::array<PairOfImage, 2>> depths(directions.size());
   ParallelFor(num_threads, std::ssize(directions), [&](int64_t e) {

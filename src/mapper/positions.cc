@@ -53,6 +53,7 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
   stage.Add("images_out", report.centers.size());
   stage.Add("positions_known", report.num_priors);
   stage.Add("iterations", report.num_iterations);
+  stage.Add("by_lengths", report.is_by_lengths);
   stage.Add("median_edge_error_deg", report.median_edge_error_deg);
   stage.Add("median_ray_error_deg", report.median_ray_error_deg);
   for (const image_t id : report.not_rigid) {

@@ -1,7 +1,9 @@
 #include "cairn/translation_averaging/translation_averaging.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
+#include <optional>
 
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/math/angles.h"
@@ -23,8 +25,10 @@ constexpr double kMinRayNoiseDeg = 0.02;
 // Relative decrease of the cost at which a fit ends, before the weights change and after.
 constexpr double kCoarseTolerance = 1e-3;
 constexpr double kFineTolerance = 1e-5;
-// Errors count linearly from so many times the noise on, once it is known.
+// Errors count linearly from so many times the noise on, once it is known, and are gross ones from
+// so many on.
 constexpr double kHuberNoises = 2;
+constexpr double kMostNoises = 6;
 
 // Mean zero, median distance from it 1.
 void Normalize(Positions& x) {
@@ -73,9 +77,9 @@ FitWeights BalancedWeights(const DirectionProblem& problem,
   return weights;
 }
 
-// Tukey's weight of an error, 0 from six standard deviations on; `noise` is the median of errors.
+// Tukey's weight of an error; `noise` is the median of errors.
 double TukeyWeight(double error, double noise) {
-  const double u = error / (6 * noise);
+  const double u = error / (kMostNoises * noise);
   return u >= 1 ? 0.0 : (1 - u * u) * (1 - u * u);
 }
 
@@ -119,32 +123,79 @@ std::vector<CenterTerm> TermsOf(const std::vector<CenterPrior>& priors,
   return terms;
 }
 
-// By the directions, and then with priors of the centers, too.
+// The sum of squared errors in units of the noise, none above six (Tukey's limit).
+double RobustCost(const Errors& errors, double edge_noise, double ray_noise) {
+  const auto sum = [](const std::vector<double>& values, double noise) {
+    double cost = 0;
+    for (const double value : values) cost += std::pow(std::min(value / noise, kMostNoises), 2);
+    return cost;
+  };
+  return sum(errors.edges_deg, edge_noise) + sum(errors.rays_deg, ray_noise);
+}
+
+bool IsBetter(const Errors& a, const Errors& b) {
+  const auto noise = [&](std::vector<double> Errors::*of, double least) {
+    return std::max(std::min(UpperMedian(a.*of), UpperMedian(b.*of)), least);
+  };
+  const double edge_noise = noise(&Errors::edges_deg, kMinEdgeNoiseDeg);
+  const double ray_noise = noise(&Errors::rays_deg, kMinRayNoiseDeg);
+  return RobustCost(a, edge_noise, ray_noise) < RobustCost(b, edge_noise, ray_noise);
+}
+
+// Fits positions, again and again by weights from the errors; errors of a start that is near mean
+// something already.
+class PositionFit {
+ public:
+  PositionFit(const DirectionProblem& problem, const TranslationAveragingOptions& options,
+              const RunContext& run, TranslationAveragingReport& report)
+      : problem_(problem),
+        options_(options),
+        run_(run),
+        report_(report),
+        system_(problem, run.num_threads) {}
+
+  void Fit(const FitWeights& weights, Positions& x) {
+    report_.num_iterations += FitPositions(problem_, weights, system_, x, run_).num_iterations;
+  }
+  void FitFrom(bool is_near, Positions& x) {
+    for (int pass = 0; pass <= options_.num_reweightings && !run_.monitor.StopRequested(); ++pass) {
+      FitWeights weights = pass > 0 || is_near
+                               ? WeightsFromErrors(problem_, MeasureErrors(problem_, x), options_)
+                               : BalancedWeights(problem_, options_);
+      weights.tolerance = pass < options_.num_reweightings ? kCoarseTolerance : kFineTolerance;
+      Fit(weights, x);
+    }
+  }
+
+ private:
+  const DirectionProblem& problem_;
+  const TranslationAveragingOptions& options_;
+  const RunContext& run_;
+  TranslationAveragingReport& report_;
+  PositionSystem system_;
+};
+
+// By the directions, from the better of two starts, and then with priors of the centers, too.
 Positions PlaceCameras(const DirectionProblem& problem, const TranslationAveragingOptions& options,
                        const CenterPriors& priors, const RunContext& run,
                        TranslationAveragingReport& report) {
-  const std::optional<Positions> by_lengths = StartByLengths(problem, run.num_threads);
-  Positions x = by_lengths ? *by_lengths : LeastUnsquaredDeviations(problem, run.num_threads);
-  PositionSystem system(problem, run.num_threads);
-  FitWeights weights = BalancedWeights(problem, options);
-  const auto fit = [&] {
-    report.num_iterations += FitPositions(problem, weights, system, x, run).num_iterations;
-  };
-  for (int pass = 0; pass <= options.num_reweightings && !run.monitor.StopRequested(); ++pass) {
-    if (pass > 0 || by_lengths)
-      weights = WeightsFromErrors(problem, MeasureErrors(problem, x), options);
-    weights.tolerance = pass < options.num_reweightings ? kCoarseTolerance : kFineTolerance;
-    fit();
+  PositionFit fit(problem, options, run, report);
+  Positions x = LeastUnsquaredDeviations(problem, run.num_threads);
+  fit.FitFrom(false, x);
+  if (std::optional<Positions> by_lengths = StartByLengths(problem, run.num_threads)) {
+    fit.FitFrom(true, *by_lengths);
+    report.is_by_lengths = IsBetter(MeasureErrors(problem, *by_lengths), MeasureErrors(problem, x));
+    if (report.is_by_lengths) x = std::move(*by_lengths);
   }
   Normalize(x);
   if (!priors || run.monitor.StopRequested()) return x;
-  weights = WeightsFromErrors(problem, MeasureErrors(problem, x), options);
+  FitWeights weights = WeightsFromErrors(problem, MeasureErrors(problem, x), options);
   weights.tolerance = kFineTolerance;
   weights.centers =
       TermsOf(priors(CentersOf(problem, x)), problem, weights.edge_huber_deg / kHuberNoises);
   report.num_priors = static_cast<int>(weights.centers.size());
   if (report.num_priors == 0) return x;
-  fit();
+  fit.Fit(weights, x);
   Normalize(x);
   return x;
 }
