@@ -71,7 +71,7 @@ struct TranslationAveragingReport {
   int num_filtered = 0;
   int num_priors = 0;  // that were used
   int num_iterations = 0;
-  bool is_by_lengths = false;  // the start that the edges' lengths give led to the better fit
+  bool is_by_lengths = false;        // the start that the edges' lengths give led to the better fit
   double median_edge_error_deg = 0;  // of the edges in use
   double median_ray_error_deg = 0;
 };

@@ -117,8 +117,9 @@ TEST(Reconstruct, GivesLensesThatBendMuchAModelOfTwoParameters) {
   EXPECT_EQ(model.cameras.at(1).model, CameraModel::kRadialFisheye);
   ExpectFocals(model, fisheye.scene, 1.0, 0.005);
   EXPECT_LT(testing_support::CompareAligned(model, fisheye.scene.truth).angle, 0.002);
-  EXPECT_THAT(FindStage(chosen.report, "lens_models")->messages,
-              ::testing::ElementsAre(HasSubstr("RADIAL_FISHEYE of ")));
+  const StageReport* stage = FindStage(chosen.report, "lens_models");
+  ASSERT_NE(stage, nullptr);
+  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("RADIAL_FISHEYE of ")));
 
   ReconstructSettings settings;
   settings.reconstruct.choose_lens_models = false;
