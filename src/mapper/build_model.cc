@@ -158,6 +158,22 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   return best;
 }
 
+// Intrinsics and places of the model that was chosen. False: there is not enough memory, and the
+// report has the failure.
+bool ImproveBest(StageContext& context, BuiltModel& best) {
+  if (ChooseLensModels(context, best)) {
+    if (!GrowModel(context, best.graph, *best.model)) return false;
+    best.evidence = EvidenceFor(context, *best.model, best.graph);
+  }
+  ReplaceMisplaced(context, best);
+  FreePrincipalPoints(context, best.graph, *best.model);
+  if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) return false;
+  AdjustToPlaces(context, *best.model);
+  best.model->UpdatePointErrors(context.run.num_threads);
+  best.evidence = EvidenceFor(context, *best.model, best.graph);
+  return true;
+}
+
 // The images of an earlier model, and those that are in none.
 std::vector<image_t> ImagesWithin(const StageContext& context, const Reconstruction& earlier) {
   std::vector<image_t> images;
@@ -193,17 +209,9 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
   BuiltModel best =
       BuildBest(context, component, graph, HypothesizeRotations(context, component, graph));
   if (!best.model) return best;
-  if (!context.scene.poses_alone) {
-    if (ChooseLensModels(context, best)) GrowModel(context, best.graph, *best.model);
-    ReplaceMisplaced(context, best);
-    FreePrincipalPoints(context, best.graph, *best.model);
-    if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) {
-      best.model.reset();
-      return best;
-    }
-    AdjustToPlaces(context, *best.model);
-    best.model->UpdatePointErrors(context.run.num_threads);
-    best.evidence = EvidenceFor(context, *best.model, best.graph);
+  if (!context.scene.poses_alone && !ImproveBest(context, best)) {
+    best.model.reset();
+    return best;
   }
   if (context.settings.reconstruct.separate_duplicates && !context.scene.poses_alone) {
     best.duplicate_edges = FindDuplicates(context, *best.model, best.graph,
