@@ -8,6 +8,7 @@
 #include <functional>
 #include <optional>
 
+#include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
@@ -154,7 +155,7 @@ Eigen::VectorXd AverageRatios(std::span<const Ratio> ratios, const std::vector<c
   LaplacianSolver solver(static_cast<int>(is_in.size()), edges, is_gauge, num_threads);
   Eigen::MatrixXd x;
   for (int iteration = 0; iteration < kNumReweightings; ++iteration) {
-    if (!solver.Factorize(weights)) break;
+    CAIRN_CHECK(solver.Factorize(weights));
     Eigen::MatrixXd right = Eigen::MatrixXd::Zero(std::ssize(is_in), 1);
     for (size_t i = 0; i < ratios.size(); ++i) {
       right(ratios[i].pair2, 0) += weights[i] * ratios[i].log_ratio;
