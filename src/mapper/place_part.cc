@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <utility>
 
 #include "cairn/base/parallel.h"
@@ -158,38 +159,28 @@ class PlaceSearch {
   // The best of what triples of points and single pairs say: of those that are best by some
   // sightings, by all of them.
   PlaceOfPart Find() const {
-    std::vector<PlaceOfPart> places = Hypothesize();
-    CountAgreeing(std::max<size_t>(1, NumSightings() / kRoughSightings), places);
-    const auto has_more = [](const PlaceOfPart& a, const PlaceOfPart& b) {
-      return a.num_agreeing > b.num_agreeing;
-    };
-    std::ranges::stable_sort(places, has_more);
+    const int64_t num_triples = crossing_.rest_points.size() < 3 ? 0 : kNumTriples;
+    const size_t stride = std::max<size_t>(1, NumSightings() / kRoughSightings);
+    std::vector<PlaceOfPart> places(num_triples + crossing_.pairs.size());
+    ParallelFor(context_.run.num_threads, std::ssize(places), [&](int64_t i) {
+      const std::optional<Sim3d> place =
+          i < num_triples ? ByTriple(i) : ByPair(crossing_.pairs[i - num_triples]);
+      if (place)
+        places[i] = {.rest_from_part = *place, .num_agreeing = NumAgreeing(*place, stride)};
+    });
+    std::erase_if(places, [](const PlaceOfPart& place) { return place.num_agreeing == 0; });
+    std::ranges::stable_sort(places, std::greater<>(), &PlaceOfPart::num_agreeing);
     places.resize(std::min(places.size(), kNumCounted));
-    CountAgreeing(1, places);
-    return places.empty() ? PlaceOfPart{} : *std::ranges::min_element(places, has_more);
+    ParallelFor(context_.run.num_threads, std::ssize(places),
+                [&](int64_t i) { places[i].num_agreeing = NumAgreeing(places[i].rest_from_part); });
+    if (places.empty()) return {};
+    return *std::ranges::max_element(places, {}, &PlaceOfPart::num_agreeing);
   }
 
  private:
   static constexpr int kNumTriples = 3000;
   static constexpr size_t kRoughSightings = 1000;
   static constexpr size_t kNumCounted = 100;
-
-  std::vector<PlaceOfPart> Hypothesize() const {
-    const int64_t num_triples = crossing_.rest_points.size() < 3 ? 0 : kNumTriples;
-    std::vector<PlaceOfPart> places;
-    for (int64_t i = 0; i < num_triples + std::ssize(crossing_.pairs); ++i) {
-      const std::optional<Sim3d> place =
-          i < num_triples ? ByTriple(i) : ByPair(crossing_.pairs[i - num_triples]);
-      if (place) places.push_back({.rest_from_part = *place});
-    }
-    return places;
-  }
-
-  void CountAgreeing(size_t stride, std::vector<PlaceOfPart>& places) const {
-    ParallelFor(context_.run.num_threads, std::ssize(places), [&](int64_t i) {
-      places[i].num_agreeing = NumAgreeing(places[i].rest_from_part, stride);
-    });
-  }
 
   // A pair's relative pose leaves the scale open, which points of each model in the other's image
   // tell.
