@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 #include <optional>
+#include <utility>
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
@@ -25,9 +26,10 @@ constexpr double kMinParallaxDeg = 0.5;
 constexpr size_t kMinSharedPoints = 10;
 // Pairs of an image, those with the most points, that its others are compared with.
 constexpr size_t kNumReferences = 10;
-// Of the median of absolute values by reweighted least squares.
+// Of least absolute errors by reweighted least squares; logarithms: a hundredth is one percent.
 constexpr int kNumReweightings = 20;
-constexpr double kLeastError = 0.01;  // of a logarithm: one percent
+constexpr double kLeastError = 0.01;
+constexpr double kLeastChange = 0.001;
 // More pairs are left to directions alone.
 constexpr size_t kMostPairs = 20'000;
 
@@ -153,7 +155,7 @@ Eigen::VectorXd AverageRatios(std::span<const Ratio> ratios, const std::vector<c
     weights.push_back(ratio.num_points);
   }
   LaplacianSolver solver(static_cast<int>(is_in.size()), edges, is_gauge, num_threads);
-  Eigen::MatrixXd x;
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(std::ssize(is_in), 1);
   for (int iteration = 0; iteration < kNumReweightings; ++iteration) {
     CAIRN_CHECK(solver.Factorize(weights));
     Eigen::MatrixXd right = Eigen::MatrixXd::Zero(std::ssize(is_in), 1);
@@ -161,7 +163,8 @@ Eigen::VectorXd AverageRatios(std::span<const Ratio> ratios, const std::vector<c
       right(ratios[i].pair2, 0) += weights[i] * ratios[i].log_ratio;
       right(ratios[i].pair1, 0) -= weights[i] * ratios[i].log_ratio;
     }
-    x = solver.Solve(right, x);
+    const Eigen::MatrixXd last = std::exchange(x, solver.Solve(right, x));
+    if ((x - last).cwiseAbs().maxCoeff() < kLeastChange) break;
     for (size_t i = 0; i < ratios.size(); ++i) {
       const double error = x(ratios[i].pair2, 0) - x(ratios[i].pair1, 0) - ratios[i].log_ratio;
       weights[i] = ratios[i].num_points / std::max(std::abs(error), kLeastError);

@@ -88,7 +88,7 @@ DirectionProblem MakeDirectionProblem(std::span<const DirectionEdge> input,
   const auto key = [&](int e) {
     const DirectionEdge& edge = edges[e];
     return std::make_tuple(edge.image_id1, edge.image_id2, edge.direction.x(), edge.direction.y(),
-                           edge.direction.z());
+                           edge.direction.z(), edge.length);
   };
   problem.edge_of_input.resize(edges.size());
   for (const int e : SortedOrder(edges.size(), key)) {

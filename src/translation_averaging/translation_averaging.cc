@@ -182,7 +182,7 @@ Positions PlaceCameras(const DirectionProblem& problem, const TranslationAveragi
   PositionFit fit(problem, options, run, report);
   Positions x = LeastUnsquaredDeviations(problem, run.num_threads);
   fit.FitFrom(false, x);
-  if (std::optional<Positions> by_lengths = StartByLengths(problem, run.num_threads)) {
+  if (auto by_lengths = StartByLengths(problem, run.num_threads)) {
     fit.FitFrom(true, *by_lengths);
     report.is_by_lengths = IsBetter(MeasureErrors(problem, *by_lengths), MeasureErrors(problem, x));
     if (report.is_by_lengths) x = std::move(*by_lengths);
