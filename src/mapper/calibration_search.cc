@@ -16,6 +16,7 @@ constexpr double kModelErrors = 0.005;
 // Graph and models by one calibration.
 struct CalibratedResult {
   ReconstructResult result;
+  std::string origin;  // of the calibration, in words
   double evidence_nats = -1;
   bool shares_camera = false;
   std::set<image_t> left_exif;
@@ -28,6 +29,7 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene,
                                        const ReconstructSettings& settings, const RunContext& run) {
   CalibratedResult calibrated;
   ReconstructResult& result = calibrated.result;
+  calibrated.origin = scene.origin;
   calibrated.evidence_nats = 0;
   calibrated.shares_camera = !scene.stored_cameras.empty();
   ViewGraphResult graph = BuildSceneGraph(scene, settings, run, result.report);
@@ -78,10 +80,7 @@ class CalibrationSearch {
     CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
     choice_.messages.push_back(std::to_string(std::llround(result.evidence_nats)) +
                                " nats of evidence with " + scene_.origin);
-    if (result.Score() > least_share * best_.Score()) {
-      std::swap(result, best_);
-      best_origin_ = scene_.origin;
-    }
+    if (result.Score() > least_share * best_.Score()) std::swap(result, best_);
     Keep(result);
   }
 
@@ -104,7 +103,7 @@ class CalibrationSearch {
     if (choice_.messages.size() > 1) {
       choice_.Add("evidence_nats", best_.evidence_nats);
       choice_.Add("evidence_nats_otherwise", otherwise_);
-      choice_.messages.push_back("the models are those with " + best_origin_);
+      choice_.messages.push_back("the models are those with " + best_.origin);
       for (const std::string& message : choice_.messages) run_.monitor.Info(message);
       std::vector<StageReport>& stages = best_.result.report.stages;
       stages.insert(stages.begin(), tried_.begin(), tried_.end());
@@ -124,7 +123,6 @@ class CalibrationSearch {
   const RunContext& run_;
   SceneData& scene_;
   CalibratedResult best_;
-  std::string best_origin_;  // in words
   double otherwise_ = 0;
   std::vector<StageReport> tried_;
   StageReport choice_;  // a message for each calibration

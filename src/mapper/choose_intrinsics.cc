@@ -38,11 +38,9 @@ std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& propert
   return cameras;
 }
 
-// Standard errors of what another model of the same images gains.
-double ErrorsOfGain(const Reconstruction& model, const ModelEvidence& evidence,
-                    const Reconstruction& other, const ModelEvidence& evidence_of_other) {
-  if (other.images.size() != model.images.size()) return 0;
-  return StandardErrorsOfGain(evidence, evidence_of_other);
+// Standard errors of what another model of the same images gains; 0: it has lost images.
+double ErrorsOfGain(const ModelEvidence& before, const ModelEvidence& after) {
+  return after.images.size() == before.images.size() ? StandardErrorsOfGain(before, after) : 0;
 }
 
 bool IsCentered(const Camera& camera) {
@@ -93,7 +91,7 @@ bool ChooseLensModels(StageContext& context, BuiltModel& best) {
     }
     AdjustModel(context, kIterations, other);
     ModelEvidence evidence = EvidenceFor(context, other, best.graph);
-    const double errors = ErrorsOfGain(before, evidence_before, other, evidence);
+    const double errors = ErrorsOfGain(evidence_before, evidence);
     if (errors < kDecisiveErrors || evidence.nats < best.evidence.nats) continue;
     best_errors = errors;
     best.model = std::move(other);
@@ -120,8 +118,8 @@ void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstr
   Reconstruction other = model;
   context.free_principal_points = guessed;
   AdjustModel(context, is_wanted ? kIterations : kIterationsToLook, other);
-  const double errors = ErrorsOfGain(model, EvidenceFor(context, model, graph), other,
-                                     EvidenceFor(context, other, graph));
+  const double errors =
+      ErrorsOfGain(EvidenceFor(context, model, graph), EvidenceFor(context, other, graph));
   const bool is_decisive = errors > kDecisiveErrors;
   if (!is_wanted || !is_decisive) context.free_principal_points.clear();
   ModelStage stage(context, "principal_points");

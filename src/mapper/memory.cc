@@ -184,7 +184,11 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
                                  std::to_string(model.images.size()) + " images and " +
                                  std::to_string(tracks.size()) + " tracks: predicted peak memory " +
                                  Gib(wanted.bytes) + ", " + Gib(budget.resident()) + " in use now";
-  wanted.bytes >= kBytesWorthALine ? stage.Note(prediction) : stage.Record(prediction);
+  if (wanted.bytes >= kBytesWorthALine) {
+    stage.Note(prediction);
+  } else {
+    stage.Record(prediction);
+  }
   if (!budget.Allows(wanted)) {
     const int per_image = budget.MostTracksPerImage(tracks);
     std::vector<Track> fitting = SelectTracks(tracks, per_image);

@@ -24,8 +24,8 @@ enum class BitmapColor { kGray, kRgb };
 // Decodes a photograph without rotating it by its EXIF orientation, as COLMAP does. Throws IoError
 // with the path and the reason (absent, empty, truncated, not an image).
 Bitmap ReadBitmap(const std::string& path, BitmapColor color);
-// The same at a half, a quarter or an eighth of its size, which takes less time (a JPEG: a third),
-// while its longer side keeps so many pixels.
+// The same at a half, a quarter or an eighth of its size, while its longer side keeps so many
+// pixels. A JPEG takes less time then.
 Bitmap ReadReducedBitmap(const std::string& path, BitmapColor color, int min_longer_side);
 // Format by extension: .png, .jpg, .jpeg, .ppm (RGB) or .pgm (gray), .bmp, .tif. Appears complete
 // or not at all. Throws IoError.
