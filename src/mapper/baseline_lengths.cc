@@ -183,15 +183,14 @@ void FindBaselineLengths(const StageContext& context,
   std::vector<std::array<PairOfImage, 2>> depths(directions.size());
   ParallelFor(num_threads, std::ssize(directions), [&](int64_t e) {
     depths[e] = DepthsOf(context.scene, cam_from_world, static_cast<int>(e), directions[e]);
+    directions[e].num_points = static_cast<int>(depths[e][0].depths.size());
   });
   const std::vector<Ratio> ratios = FindRatios(directions, depths, num_threads);
   if (ratios.empty()) return;
   const std::vector<char> is_in = LargestSet(static_cast<int>(directions.size()), ratios);
   const Eigen::VectorXd log_lengths = AverageRatios(ratios, is_in, num_threads);
   for (size_t e = 0; e < directions.size(); ++e) {
-    if (!is_in[e]) continue;
-    directions[e].length = std::exp(log_lengths[e]);
-    directions[e].num_points = static_cast<int>(depths[e][0].depths.size());
+    if (is_in[e]) directions[e].length = std::exp(log_lengths[e]);
   }
 }
 

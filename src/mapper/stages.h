@@ -249,9 +249,9 @@ bool IsWithin(const ViewEdge& edge, const Reconstruction& model);
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph);
 
 // baseline_lengths.cc
-// Finds how long the baselines of the pairs are, by points that pairs share, for global rotations.
-// Pairs that no such points join with most of the others stay without a length, and so do all pairs
-// of large scenes.
+// Finds how long the baselines of the pairs are, by points that pairs share, for global rotations,
+// and how many points each pair has. Pairs that no points join with most of the others stay without
+// a length, and all pairs of large scenes without both.
 void FindBaselineLengths(const StageContext& context,
                          const std::map<image_t, Eigen::Quaterniond>& rotations,
                          std::vector<DirectionEdge>& directions);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <span>
 #include <vector>
 
 #include "cairn/base/parallel.h"
@@ -51,16 +52,28 @@ class Tournament {
   std::vector<int> winner_;  // of each node of a binary tree; the root is node 1
 };
 
+// What each edge counts, one on average: by the points that tell its length, where these are known.
+std::vector<double> VotesOf(const DirectionProblem& problem) {
+  std::vector<double> votes;
+  double sum = 0;
+  for (const DirectionProblem::Edge& edge : problem.edges) {
+    votes.push_back(std::max(1, edge.num_points));
+    sum += votes.back();
+  }
+  for (double& vote : votes) vote *= static_cast<double>(votes.size()) / sum;
+  return votes;
+}
+
 // Positions of the cameras in an order that breaks few of the projected edges. Cameras are taken
 // one by one, always the one with the largest (1 + weight out) / (1 + weight in) among those left
 // (Wilson and Snavely 2014, section 4.2).
 std::vector<int> OrderAlongAxis(const DirectionProblem& problem, const GraphAdjacency& adjacency,
-                                const Eigen::Vector3d& axis) {
+                                std::span<const double> votes, const Eigen::Vector3d& axis) {
   const int n = problem.NumCameras();
   std::vector<double> weight_in(n, 0.0), weight_out(n, 0.0);
-  // Projection of edge e, positive when it leads away from `camera`.
+  // Projection of edge e times its vote, positive when it leads away from `camera`.
   const auto projection = [&](int e, int camera) {
-    const double p = axis.dot(problem.edges[e].direction);
+    const double p = votes[e] * axis.dot(problem.edges[e].direction);
     return problem.edges[e].camera1 == camera ? p : -p;
   };
   for (int v = 0; v < n; ++v) {
@@ -100,11 +113,12 @@ std::vector<double> OneDsfmInconsistency(const DirectionProblem& problem, int nu
     edges.push_back({edge.camera1, edge.camera2});
   }
   const GraphAdjacency adjacency = BuildAdjacency(problem.NumCameras(), edges);
+  const std::vector<double> votes = VotesOf(problem);
   std::vector<Eigen::Vector3d> axes(num_axes);
   std::vector<std::vector<int>> positions(num_axes);
   ParallelFor(num_threads, num_axes, [&](int64_t a) {
     axes[a] = RandomAxis(seed, static_cast<int>(a));
-    positions[a] = OrderAlongAxis(problem, adjacency, axes[a]);
+    positions[a] = OrderAlongAxis(problem, adjacency, votes, axes[a]);
   });
   std::vector<double> inconsistency(edges.size(), 0.0);
   for (size_t e = 0; e < edges.size(); ++e) {

@@ -21,8 +21,10 @@ struct DirectionEdge {
   image_t image_id1 = kInvalidImageId;
   image_t image_id2 = kInvalidImageId;
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
-  // |c_2 - c_1| in a unit that all edges share, and how many points tell it; 0: not known.
+  // |c_2 - c_1| in a unit that all edges share; 0: not known.
   double length = 0;
+  // How many points both cameras see by rays that are not parallel: what the edge counts beside
+  // others; 0: not known.
   int num_points = 0;
 };
 

@@ -46,6 +46,28 @@ TEST(OneDsfmFilter, SeparatesOutliers) {
   EXPECT_LT(lost, 0.03 * static_cast<double>(scene.edges.size()));
 }
 
+// As many wrong edges as right ones, all in one direction along a line, but of fewer points.
+TEST(OneDsfmFilter, EdgesVoteByTheirPoints) {
+  std::vector<DirectionEdge> edges;
+  for (image_t id = 1; id < 30; ++id) edges.push_back({id, id + 1, Eigen::Vector3d::UnitX()});
+  const size_t num_right = edges.size();
+  for (image_t id = 1; id <= 20; ++id) {
+    for (const image_t far : {8, 9, 10}) {
+      edges.push_back({id, id + far, -Eigen::Vector3d::UnitX()});
+    }
+  }
+  const auto num_lost = [&] {
+    const DirectionProblem problem = MakeDirectionProblem(edges, {});
+    const std::vector<double> values = OneDsfmInconsistency(problem, 48, 0, 1);
+    int num = 0;
+    for (size_t e = 0; e < num_right; ++e) num += values[problem.edge_of_input[e]] > 0.1;
+    return num;
+  };
+  EXPECT_GT(num_lost(), 5);
+  for (size_t e = 0; e < edges.size(); ++e) edges[e].num_points = e < num_right ? 1000 : 50;
+  EXPECT_EQ(num_lost(), 0);
+}
+
 TEST(OneDsfmFilter, DependsOnTheSeedAloneNotOnThreads) {
   const DirectionProblem problem = MakeDirectionProblem(Landmark(0.25, 3).edges, {});
   const std::vector<double> reference = OneDsfmInconsistency(problem, 48, 7, 1);
