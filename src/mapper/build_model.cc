@@ -166,7 +166,9 @@ bool ImproveBest(StageContext& context, BuiltModel& best) {
     best.evidence = EvidenceFor(context, *best.model, best.graph);
   }
   ReplaceMisplaced(context, best);
-  FreePrincipalPoints(context, best.graph, *best.model);
+  if (auto warning = FreePrincipalPoints(context, best.graph, *best.model)) {
+    best.warnings.push_back(std::move(*warning));
+  }
   if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) return false;
   AdjustToPlaces(context, *best.model);
   best.model->UpdatePointErrors(context.run.num_threads);
@@ -237,7 +239,9 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   const auto confidences = TriangulateModel(context, tracks, model);
   context.free_principal_points.clear();
   if (!GrowEarlier(context, built.graph, model)) return built;
-  FreePrincipalPoints(context, built.graph, model);
+  if (auto warning = FreePrincipalPoints(context, built.graph, model)) {
+    built.warnings.push_back(std::move(*warning));
+  }
   AdjustToPlaces(context, model);
   built.evidence = EvidenceFor(context, model, built.graph);
   if (!CheckModel(context, earlier.images.size(), "an earlier model", built.evidence, model)) {

@@ -52,6 +52,20 @@ std::string CenterText(const Camera& camera) {
   return "(" + WithOneDigit(center.x()) + ", " + WithOneDigit(center.y()) + ")";
 }
 
+// How far off, the few iterations do not tell.
+ResultWarning OffCenter(const std::set<camera_t>& cameras, const Reconstruction& model,
+                        double errors) {
+  const camera_t first = *cameras.begin();
+  const size_t num_more = cameras.size() - 1;
+  return {"the principal point of camera " + std::to_string(first) +
+              (num_more > 0 ? " (and of " + std::to_string(num_more) + " more)" : "") +
+              " is not the image center " + CenterText(model.cameras.at(first)) +
+              ", where it is kept, by " + WithOneDigit(errors) +
+              " standard errors: all directions are off with it",
+          "take it from the photos by --reconstruct.refine_principal_points 1, or give the "
+          "camera's calibration"};
+}
+
 double DistortionOf(const Camera& camera) {
   return camera.params[camera.DistortionIndices().front()];
 }
@@ -111,10 +125,12 @@ bool ChooseLensModels(StageContext& context, BuiltModel& best) {
   return true;
 }
 
-void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model) {
+std::optional<ResultWarning> FreePrincipalPoints(StageContext& context, const ViewGraph& graph,
+                                                 Reconstruction& model) {
   const bool is_wanted = context.settings.reconstruct.refine_principal_points;
   const std::set<camera_t> guessed = CamerasWith(IsCentered, context, model);
-  if (guessed.empty() || (!is_wanted && model.NumObservations() > kMaxObservationsToLook)) return;
+  if (guessed.empty() || (!is_wanted && model.NumObservations() > kMaxObservationsToLook))
+    return {};
   Reconstruction other = model;
   context.free_principal_points = guessed;
   AdjustModel(context, is_wanted ? kIterations : kIterationsToLook, other);
@@ -125,17 +141,20 @@ void FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstr
   ModelStage stage(context, "principal_points");
   stage.Add("standard_errors_of_gain", errors);
   stage.Add("refined", context.free_principal_points.size());
-  if (!is_decisive) return;
-  const std::string by = ", by " + WithOneDigit(errors) + " standard errors";
-  for (const camera_t id : guessed) {
-    const std::string camera = "camera " + std::to_string(id) + ": ";
-    const std::string before = CenterText(model.cameras.at(id));
-    stage.Note(is_wanted ? camera + "principal point " + CenterText(other.cameras.at(id)) +
-                               " in place of " + before + by
-                         : camera + "the principal point is not " + before + by +
-                               "; --reconstruct.refine_principal_points 1 finds it");
+  if (!is_decisive) return {};
+  if (!is_wanted) {
+    const ResultWarning warning = OffCenter(guessed, model, errors);
+    stage.RecordWarning(warning.what + "; " + warning.advice);
+    return warning;
   }
-  if (is_wanted) model = std::move(other);
+  for (const camera_t id : guessed) {
+    stage.Note("camera " + std::to_string(id) + ": principal point " +
+               CenterText(other.cameras.at(id)) + " in place of " +
+               CenterText(model.cameras.at(id)) + ", by " + WithOneDigit(errors) +
+               " standard errors");
+  }
+  model = std::move(other);
+  return {};
 }
 
 }  // namespace cairn

@@ -61,17 +61,17 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
           "of their own",
           /*is_wrong=*/true});
   } else if (!doubtful.empty()) {
-    warn({std::to_string(doubtful.size()) +
-              " images contradict most of their verified matches and are probably misplaced: " +
-              Names(context, doubtful),
+    warn({"probably misplaced, since most of their verified matches contradict their poses (" +
+              std::to_string(doubtful.size()) + "): " + Names(context, doubtful),
           kMisplacedAdvice});
   }
   for (const MisplacedGroup& group : groups) {
-    warn({std::to_string(group.images.size()) +
-              " images may be too small or too large beside the others, or lie elsewhere, as "
-              "few points join them: " +
-              Names(context, std::vector<image_t>(group.images.begin(), group.images.end())),
-          "add photos between them and the others"});
+    warn(
+        {"perhaps too small or too large beside the others, or elsewhere, since few points join "
+         "them (" +
+             std::to_string(group.images.size()) +
+             "): " + Names(context, std::vector<image_t>(group.images.begin(), group.images.end())),
+         "add photos between them and the others"});
   }
   if (symmetry.IsFold()) {
     warn({std::to_string(symmetry.num_pairs) +

@@ -72,12 +72,15 @@ TEST(Reconstruct, RefinesPrincipalPointsWhereTheMatchesTell) {
   ASSERT_TRUE(refined.report.Succeeded()) << refined.report.failure;
   EXPECT_LT((offset(refined) - Eigen::Vector2d(14, -9)).norm(), 6);
 
-  // By itself it only says so.
+  // By itself it only warns.
   const ReconstructResult stays = Reconstruct(off_center, as_told);
   ASSERT_TRUE(stays.report.Succeeded()) << stays.report.failure;
   EXPECT_EQ(offset(stays), Eigen::Vector2d::Zero());
-  EXPECT_THAT(FindStage(stays.report, "principal_points")->messages,
-              Contains(HasSubstr("--reconstruct.refine_principal_points 1 finds it")));
+  ASSERT_EQ(stays.report.warnings.size(), 1u);
+  EXPECT_THAT(stays.report.warnings[0].what, HasSubstr("is not the image center"));
+  EXPECT_THAT(stays.report.warnings[0].advice,
+              HasSubstr("--reconstruct.refine_principal_points 1"));
+  EXPECT_TRUE(refined.report.warnings.empty());
 
   const ReconstructResult centered = Reconstruct(MakeDatabaseOffCenter({0, 0}), wanted);
   ASSERT_TRUE(centered.report.Succeeded()) << centered.report.failure;
