@@ -88,7 +88,8 @@ std::vector<Support> EvaluateSupports(const Reconstruction& model, const PairRea
 // How many more nats the matches of each image save in model 2 than in model 1, of the same images,
 // together, in standard errors of that sum: how far it depends on which images there are (the
 // jackknife; as in Vuong, "Likelihood ratio tests for model selection", 1989, without the number of
-// parameters, which are few).
+// parameters, which are few). Few images tell the standard error badly; the figure is the deviate
+// of the normal distribution that is as unlikely as Student's t.
 double StandardErrorsOfGain(const ModelEvidence& model1, const ModelEvidence& model2);
 
 // Those matches of each pair that the model explains; none where it lacks an image.

@@ -158,6 +158,14 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   return best;
 }
 
+// By intrinsics that have changed. False: as below.
+bool TriangulateAgain(StageContext& context, const ViewGraph& graph, Reconstruction& model) {
+  std::vector<Track> tracks = TracksOfGraph(context, graph).tracks;
+  if (!FitTracksToMemory(context, model, tracks)) return false;
+  RefineModel(context, tracks, RefineStart::kRefined, model);
+  return true;
+}
+
 // Intrinsics and places of the model that was chosen. False: there is not enough memory, and the
 // report has the failure.
 bool ImproveBest(StageContext& context, BuiltModel& best) {
@@ -166,8 +174,9 @@ bool ImproveBest(StageContext& context, BuiltModel& best) {
     best.evidence = EvidenceFor(context, *best.model, best.graph);
   }
   ReplaceMisplaced(context, best);
-  if (auto warning = FreePrincipalPoints(context, best.graph, *best.model)) {
-    best.warnings.push_back(std::move(*warning));
+  if (FreePrincipalPoints(context, best.graph, *best.model, best.warnings) &&
+      !TriangulateAgain(context, best.graph, *best.model)) {
+    return false;
   }
   if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) return false;
   AdjustToPlaces(context, *best.model);
@@ -239,8 +248,9 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   const auto confidences = TriangulateModel(context, tracks, model);
   context.free_principal_points.clear();
   if (!GrowEarlier(context, built.graph, model)) return built;
-  if (auto warning = FreePrincipalPoints(context, built.graph, model)) {
-    built.warnings.push_back(std::move(*warning));
+  if (FreePrincipalPoints(context, built.graph, model, built.warnings) &&
+      !TriangulateAgain(context, built.graph, model)) {
+    return built;
   }
   AdjustToPlaces(context, model);
   built.evidence = EvidenceFor(context, model, built.graph);

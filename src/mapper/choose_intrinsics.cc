@@ -11,7 +11,7 @@ namespace {
 constexpr int kMinImages = 8;
 // Standard errors of a gain beyond doubt.
 constexpr double kDecisiveErrors = 3;
-// Larger models are not adjusted once more only to say that principal points are off.
+// Larger models are not adjusted once more only to warn that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;
 // Of bundle adjustment, which is nearly there after the first few.
 constexpr int kIterations = 100;
@@ -52,6 +52,18 @@ std::string CenterText(const Camera& camera) {
   return "(" + WithOneDigit(center.x()) + ", " + WithOneDigit(center.y()) + ")";
 }
 
+bool MayBeFreed(const StageContext& context, const Camera& camera) {
+  switch (context.settings.reconstruct.refine_principal_points) {
+    case PrincipalPointRefinement::kNone:
+      return false;
+    case PrincipalPointRefinement::kUnknown:
+      return !context.scene.cameras.at(camera.camera_id).has_prior_focal_length;
+    case PrincipalPointRefinement::kAll:
+      return true;
+  }
+  return false;
+}
+
 // How far off, the few iterations do not tell.
 ResultWarning OffCenter(const std::set<camera_t>& cameras, const Reconstruction& model,
                         double errors) {
@@ -62,7 +74,7 @@ ResultWarning OffCenter(const std::set<camera_t>& cameras, const Reconstruction&
               " is not the image center " + CenterText(model.cameras.at(first)) +
               ", where it is kept, by " + WithOneDigit(errors) +
               " standard errors: all directions are off with it",
-          "take it from the photos by --reconstruct.refine_principal_points 1, or give the "
+          "take it from the photos by --reconstruct.refine_principal_points all, or give the "
           "camera's calibration"};
 }
 
@@ -125,36 +137,44 @@ bool ChooseLensModels(StageContext& context, BuiltModel& best) {
   return true;
 }
 
-std::optional<ResultWarning> FreePrincipalPoints(StageContext& context, const ViewGraph& graph,
-                                                 Reconstruction& model) {
-  const bool is_wanted = context.settings.reconstruct.refine_principal_points;
+bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model,
+                         std::vector<ResultWarning>& warnings) {
   const std::set<camera_t> guessed = CamerasWith(IsCentered, context, model);
-  if (guessed.empty() || (!is_wanted && model.NumObservations() > kMaxObservationsToLook))
-    return {};
+  const std::set<camera_t> wanted = CamerasWith(
+      [&](const Camera& camera) { return IsCentered(camera) && MayBeFreed(context, camera); },
+      context, model);
+  if (guessed.empty() || (wanted.empty() && model.NumObservations() > kMaxObservationsToLook)) {
+    return false;
+  }
+  const std::set<camera_t>& freed = wanted.empty() ? guessed : wanted;
+  const ModelEvidence evidence = EvidenceFor(context, model, graph);
   Reconstruction other = model;
-  context.free_principal_points = guessed;
-  AdjustModel(context, is_wanted ? kIterations : kIterationsToLook, other);
-  const double errors =
-      ErrorsOfGain(EvidenceFor(context, model, graph), EvidenceFor(context, other, graph));
+  context.free_principal_points = freed;
+  const auto errors_after = [&](int iterations) {
+    AdjustModel(context, iterations, other);
+    return ErrorsOfGain(evidence, EvidenceFor(context, other, graph));
+  };
+  double errors = errors_after(kIterationsToLook);
+  if (errors > kDecisiveErrors && !wanted.empty()) errors = errors_after(kIterations);
   const bool is_decisive = errors > kDecisiveErrors;
-  if (!is_wanted || !is_decisive) context.free_principal_points.clear();
+  if (!is_decisive || wanted.empty()) context.free_principal_points.clear();
   ModelStage stage(context, "principal_points");
   stage.Add("standard_errors_of_gain", errors);
   stage.Add("refined", context.free_principal_points.size());
-  if (!is_decisive) return {};
-  if (!is_wanted) {
-    const ResultWarning warning = OffCenter(guessed, model, errors);
-    stage.RecordWarning(warning.what + "; " + warning.advice);
-    return warning;
+  if (!is_decisive) return false;
+  if (wanted.empty()) {
+    warnings.push_back(OffCenter(guessed, model, errors));
+    stage.RecordWarning(warnings.back().what + "; " + warnings.back().advice);
+    return false;
   }
-  for (const camera_t id : guessed) {
+  for (const camera_t id : wanted) {
     stage.Note("camera " + std::to_string(id) + ": principal point " +
                CenterText(other.cameras.at(id)) + " in place of " +
                CenterText(model.cameras.at(id)) + ", by " + WithOneDigit(errors) +
                " standard errors");
   }
   model = std::move(other);
-  return {};
+  return true;
 }
 
 }  // namespace cairn

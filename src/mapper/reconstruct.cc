@@ -61,9 +61,10 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
   v.Bool("choose_lens_models", choose_lens_models,
          "give SIMPLE_RADIAL cameras that bend more than one parameter can tell the model RADIAL "
          "or RADIAL_FISHEYE, where the matches agree better with that beyond doubt");
-  v.Bool("refine_principal_points", refine_principal_points,
-         "adjust principal points that are guesses, the image centers, where the matches agree "
-         "better with that beyond doubt (within some focal_calibration.principal_point_sigma)");
+  v.Choice("refine_principal_points", refine_principal_points, kPrincipalPointRefinements,
+           "cameras whose principal points, guessed at the image centers, are adjusted where the "
+           "matches agree better with that beyond doubt (within some "
+           "focal_calibration.principal_point_sigma); unknown: without a focal length in EXIF");
   v.Bool("colors", colors, "color the points from the photographs");
 }
 

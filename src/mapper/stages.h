@@ -392,10 +392,11 @@ PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Recon
 // agree better with it beyond doubt. Returns whether there is such a camera.
 bool ChooseLensModels(StageContext& context, BuiltModel& best);
 // Frees the principal points of cameras, from here on, where the matches agree better with what
-// bundle adjustment then finds, beyond doubt, and that is wanted; else returns that they do.
-// Forward motion, or a lens that the camera model does not describe, throws others off.
-std::optional<ResultWarning> FreePrincipalPoints(StageContext& context, const ViewGraph& graph,
-                                                 Reconstruction& model);
+// bundle adjustment then finds, beyond doubt, and that is wanted; else warns that they do. Returns
+// whether there is such a camera. Forward motion, or a lens that the camera model does not
+// describe, throws others off.
+bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model,
+                         std::vector<ResultWarning>& warnings);
 
 // verify_again.cc
 // Where bundle adjustment has moved the rays of cameras by more than verification's threshold: of

@@ -21,6 +21,14 @@
 
 namespace cairn {
 
+// Cameras whose principal points, guessed at the image centers, may be adjusted: of photographs
+// without a focal length in EXIF, which may be cropped or rectified, or all.
+enum class PrincipalPointRefinement { kNone, kUnknown, kAll };
+inline constexpr NamedValue<PrincipalPointRefinement> kPrincipalPointRefinements[] = {
+    {PrincipalPointRefinement::kNone, "none"},
+    {PrincipalPointRefinement::kUnknown, "unknown"},
+    {PrincipalPointRefinement::kAll, "all"}};
+
 struct ReconstructOptions {
   // Every connected component of the view graph becomes a model, the largest first; all but the
   // largest need this many images.
@@ -46,7 +54,7 @@ struct ReconstructOptions {
   bool separate_duplicates = true;
   // Where the matches agree better with them, by more than three standard errors.
   bool choose_lens_models = true;
-  bool refine_principal_points = false;
+  PrincipalPointRefinement refine_principal_points = PrincipalPointRefinement::kUnknown;
   bool colors = true;
 
   void VisitFields(OptionVisitor& v);

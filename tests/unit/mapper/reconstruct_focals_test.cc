@@ -60,32 +60,41 @@ Database MakeDatabaseOffCenter(const Eigen::Vector2f& offset_px) {
   return MakeDatabaseWithGuesses(scene, 1.02);
 }
 
-TEST(Reconstruct, RefinesPrincipalPointsWhereTheMatchesTell) {
-  ReconstructSettings as_told, wanted;
-  wanted.reconstruct.refine_principal_points = true;
-  const auto offset = [](const ReconstructResult& result) -> Eigen::Vector2d {
-    const Camera& camera = result.models.front().cameras.begin()->second;
-    return camera.PrincipalPoint() - Eigen::Vector2d(0.5 * camera.width, 0.5 * camera.height);
-  };
-  const Database off_center = MakeDatabaseOffCenter({14, -9});
-  const ReconstructResult refined = Reconstruct(off_center, wanted);
-  ASSERT_TRUE(refined.report.Succeeded()) << refined.report.failure;
-  EXPECT_LT((offset(refined) - Eigen::Vector2d(14, -9)).norm(), 6);
+Eigen::Vector2d OffsetFromCenter(const ReconstructResult& result) {
+  const Camera& camera = result.models.front().cameras.begin()->second;
+  return camera.PrincipalPoint() - Eigen::Vector2d(0.5 * camera.width, 0.5 * camera.height);
+}
 
-  // By itself it only warns.
-  const ReconstructResult stays = Reconstruct(off_center, as_told);
+TEST(Reconstruct, RefinesPrincipalPointsOfUnknownCamerasWhereTheMatchesTell) {
+  const ReconstructResult refined = Reconstruct(MakeDatabaseOffCenter({14, -9}));
+  ASSERT_TRUE(refined.report.Succeeded()) << refined.report.failure;
+  EXPECT_LT((OffsetFromCenter(refined) - Eigen::Vector2d(14, -9)).norm(), 6);
+  EXPECT_TRUE(refined.report.warnings.empty());
+
+  const ReconstructResult centered = Reconstruct(MakeDatabaseOffCenter({0, 0}));
+  ASSERT_TRUE(centered.report.Succeeded()) << centered.report.failure;
+  EXPECT_EQ(OffsetFromCenter(centered), Eigen::Vector2d::Zero());
+  EXPECT_LT(Value(*FindStage(centered.report, "principal_points"), "standard_errors_of_gain"), 3);
+}
+
+// Whose photographs are whole: their principal points are near the centers, where COLMAP has them.
+TEST(Reconstruct, PrincipalPointsOfCamerasWithExifAreAWarning) {
+  Database database = MakeDatabaseOffCenter({14, -9});
+  for (Camera camera : database.ReadCameras()) {
+    camera.has_prior_focal_length = true;
+    database.WriteCamera(camera);
+  }
+  const ReconstructResult stays = Reconstruct(database);
   ASSERT_TRUE(stays.report.Succeeded()) << stays.report.failure;
-  EXPECT_EQ(offset(stays), Eigen::Vector2d::Zero());
+  EXPECT_EQ(OffsetFromCenter(stays), Eigen::Vector2d::Zero());
   ASSERT_EQ(stays.report.warnings.size(), 1u);
   EXPECT_THAT(stays.report.warnings[0].what, HasSubstr("is not the image center"));
   EXPECT_THAT(stays.report.warnings[0].advice,
-              HasSubstr("--reconstruct.refine_principal_points 1"));
-  EXPECT_TRUE(refined.report.warnings.empty());
+              HasSubstr("--reconstruct.refine_principal_points all"));
 
-  const ReconstructResult centered = Reconstruct(MakeDatabaseOffCenter({0, 0}), wanted);
-  ASSERT_TRUE(centered.report.Succeeded()) << centered.report.failure;
-  EXPECT_EQ(offset(centered), Eigen::Vector2d::Zero());
-  EXPECT_LT(Value(*FindStage(centered.report, "principal_points"), "standard_errors_of_gain"), 3);
+  ReconstructSettings all;
+  all.reconstruct.refine_principal_points = PrincipalPointRefinement::kAll;
+  EXPECT_LT((OffsetFromCenter(Reconstruct(database, all)) - Eigen::Vector2d(14, -9)).norm(), 6);
 }
 
 // Photographs by one lens, of which the database has the focal length and no distortion.
