@@ -294,15 +294,6 @@ Support SupportOf(const VerifiedPair& pair, const PairEvidence& found) {
   return {std::ssize(*pair.matches), std::ssize(found.explained), found.nats};
 }
 
-// The deviate of the normal distribution that is as unlikely as t of Student's with so many degrees
-// of freedom (Wallace, "Bounds on normal approximations to Student's and the chi-square
-// distributions", 1959).
-double NormalDeviate(double t, double degrees) {
-  const double deviate =
-      (8 * degrees + 1) / (8 * degrees + 3) * std::sqrt(degrees * std::log1p(t * t / degrees));
-  return std::copysign(deviate, t);
-}
-
 }  // namespace
 
 int64_t CountIndependent(std::span<const VerifiedPair> pairs) {
@@ -362,7 +353,13 @@ double StandardErrorsOfGain(const ModelEvidence& model1, const ModelEvidence& mo
   double sum = 0;
   for (const double each : without) sum += (each - mean) * (each - mean);
   const double error = std::sqrt(sum * (num_images - 1) / num_images);
-  return error > 0 ? NormalDeviate(gain / error, num_images - 1) : 0;
+  return error > 0 ? gain / error : 0;
+}
+
+double NormalDeviate(double t, double degrees) {
+  const double deviate =
+      (8 * degrees + 1) / (8 * degrees + 3) * std::sqrt(degrees * std::log1p(t * t / degrees));
+  return std::copysign(deviate, t);
 }
 
 std::vector<Support> EvaluateSupports(const Reconstruction& model, const PairReader& read,

@@ -88,9 +88,12 @@ std::vector<Support> EvaluateSupports(const Reconstruction& model, const PairRea
 // How many more nats the matches of each image save in model 2 than in model 1, of the same images,
 // together, in standard errors of that sum: how far it depends on which images there are (the
 // jackknife; as in Vuong, "Likelihood ratio tests for model selection", 1989, without the number of
-// parameters, which are few). Few images tell the standard error badly; the figure is the deviate
-// of the normal distribution that is as unlikely as Student's t.
+// parameters, which are few).
 double StandardErrorsOfGain(const ModelEvidence& model1, const ModelEvidence& model2);
+// The deviate of the normal distribution that is as unlikely as t of Student's with so many degrees
+// of freedom: few images tell a standard error badly (Wallace, "Bounds on normal approximations to
+// Student's and the chi-square distributions", 1959).
+double NormalDeviate(double t, double degrees);
 
 // Those matches of each pair that the model explains; none where it lacks an image.
 std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,

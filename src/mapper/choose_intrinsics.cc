@@ -9,7 +9,8 @@ namespace {
 
 // In few photographs, a principal point is hardly told from their rotations.
 constexpr int kMinImages = 8;
-// Standard errors of a gain beyond doubt.
+// Standard errors of a gain beyond doubt: of a lens, whose next term must show; of principal
+// points, which photographs in a row may throw off, by Student's t.
 constexpr double kDecisiveErrors = 3;
 // Larger models are not adjusted once more only to warn that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;
@@ -152,7 +153,8 @@ bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstr
   context.free_principal_points = freed;
   const auto errors_after = [&](int iterations) {
     AdjustModel(context, iterations, other);
-    return ErrorsOfGain(evidence, EvidenceFor(context, other, graph));
+    return NormalDeviate(ErrorsOfGain(evidence, EvidenceFor(context, other, graph)),
+                         static_cast<double>(evidence.images.size()) - 1);
   };
   double errors = errors_after(kIterationsToLook);
   if (errors > kDecisiveErrors && !wanted.empty()) errors = errors_after(kIterations);
