@@ -183,6 +183,7 @@ void FindBaselineLengths(const StageContext& context,
   std::vector<std::array<PairOfImage, 2>> depths(directions.size());
   ParallelFor(num_threads, std::ssize(directions), [&](int64_t e) {
     depths[e] = DepthsOf(context.scene, cam_from_world, static_cast<int>(e), directions[e]);
+    directions[e].num_points = static_cast<int>(depths[e][0].depths.size());
   });
   const std::vector<Ratio> ratios = FindRatios(directions, depths, num_threads);
   if (ratios.empty()) return;

@@ -37,10 +37,7 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
     if (!edge.IsActive() || !edge.HasTranslation()) continue;
     const Eigen::Vector3d direction =
         rotations.at(edge.image_id2).conjugate() * -edge.cam2_from_cam1.translation;
-    directions.push_back({.image_id1 = edge.image_id1,
-                          .image_id2 = edge.image_id2,
-                          .direction = direction,
-                          .num_inliers = edge.num_inliers});
+    directions.push_back({edge.image_id1, edge.image_id2, direction});
     edge_indices.push_back(i);
   }
   if (!context.scene.poses_alone) FindBaselineLengths(context, rotations, directions);

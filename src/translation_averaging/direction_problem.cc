@@ -94,7 +94,7 @@ DirectionProblem MakeDirectionProblem(std::span<const DirectionEdge> input,
   for (const int e : SortedOrder(edges.size(), key)) {
     problem.edge_of_input[e] = static_cast<int>(problem.edges.size());
     problem.edges.push_back({camera_of(edges[e].image_id1), camera_of(edges[e].image_id2),
-                             edges[e].direction, edges[e].length, edges[e].num_inliers});
+                             edges[e].direction, edges[e].length, edges[e].num_points});
   }
   AddTracks(tracks, problem);
   return problem;

@@ -17,7 +17,7 @@ struct DirectionProblem {
     int camera2 = 0;
     Eigen::Vector3d direction;  // of c2 - c1
     double length = 0;          // as DirectionEdge has it
-    int num_inliers = 0;
+    int num_points = 0;
   };
   struct Ray {
     int camera = 0;

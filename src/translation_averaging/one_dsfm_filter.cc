@@ -52,12 +52,12 @@ class Tournament {
   std::vector<int> winner_;  // of each node of a binary tree; the root is node 1
 };
 
-// What each edge counts, one on average: by its inliers, where they are known.
+// What each edge counts, one on average: by the points that tell its length, where these are known.
 std::vector<double> VotesOf(const DirectionProblem& problem) {
   std::vector<double> votes;
   double sum = 0;
   for (const DirectionProblem::Edge& edge : problem.edges) {
-    votes.push_back(std::max(1, edge.num_inliers));
+    votes.push_back(std::max(1, edge.num_points));
     sum += votes.back();
   }
   for (double& vote : votes) vote *= static_cast<double>(votes.size()) / sum;

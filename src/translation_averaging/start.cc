@@ -85,7 +85,7 @@ std::optional<Positions> StartByLengths(const DirectionProblem& problem, int num
     edges.push_back({edge.camera1, edge.camera2});
     solver_edges.push_back({edge.camera1, edge.camera2});
     steps.push_back(edge.length * edge.direction);
-    sureness.push_back(edge.num_inliers / (edge.length * edge.length));
+    sureness.push_back(edge.num_points / (edge.length * edge.length));
   }
   const int n = problem.NumCameras();
   if (ConnectedComponents(n, edges).Num() != 1) return std::nullopt;

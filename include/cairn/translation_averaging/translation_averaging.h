@@ -23,8 +23,9 @@ struct DirectionEdge {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
   // |c_2 - c_1| in a unit that all edges share; 0: not known.
   double length = 0;
-  // Of the pair: what the edge counts beside others; 0: not known.
-  int num_inliers = 0;
+  // How many points both cameras see by rays that are not parallel: what the edge counts beside
+  // others; 0: not known.
+  int num_points = 0;
 };
 
 // A viewing ray from a camera center to a scene point, in the world frame.

@@ -35,6 +35,7 @@ TEST(BaselineLengths, AreTheTrueOnesInAnyUnit) {
   ASSERT_GT(unit, 0);
   for (const DirectionEdge& edge : scene.directions) {
     EXPECT_NEAR(edge.length / scene.TrueLength(edge), unit, 0.02 * unit);
+    EXPECT_GT(edge.num_points, 10);
   }
 }
 

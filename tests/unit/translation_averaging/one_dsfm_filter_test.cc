@@ -64,7 +64,7 @@ TEST(OneDsfmFilter, EdgesVoteByTheirPoints) {
     return num;
   };
   EXPECT_GT(num_lost(), 5);
-  for (size_t e = 0; e < edges.size(); ++e) edges[e].num_inliers = e < num_right ? 1000 : 50;
+  for (size_t e = 0; e < edges.size(); ++e) edges[e].num_points = e < num_right ? 1000 : 50;
   EXPECT_EQ(num_lost(), 0);
 }
 

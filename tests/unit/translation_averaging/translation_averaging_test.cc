@@ -137,7 +137,7 @@ TEST(TranslationAveraging, LengthsHoldCollinearCamerasAgainstWrongDirections) {
     const bool is_right = edge.image_id2 <= edge.image_id1 + 4;
     const double length = (scene.truth[edge.image_id2] - scene.truth[edge.image_id1]).norm();
     edge.length = is_right ? 0.37 * length * (1 + 0.01 * rng.Gaussian()) : rng.Uniform(0.3, 3);
-    edge.num_inliers = is_right ? 500 : 30;
+    edge.num_points = is_right ? 500 : 30;
   }
   EXPECT_LT(error(), 0.03);
 }
