@@ -158,14 +158,6 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   return best;
 }
 
-// By intrinsics that have changed. False: as below.
-bool TriangulateAgain(StageContext& context, const ViewGraph& graph, Reconstruction& model) {
-  std::vector<Track> tracks = TracksOfGraph(context, graph).tracks;
-  if (!FitTracksToMemory(context, model, tracks)) return false;
-  RefineModel(context, tracks, RefineStart::kRefined, model);
-  return true;
-}
-
 // Intrinsics and places of the model that was chosen. False: there is not enough memory, and the
 // report has the failure.
 bool ImproveBest(StageContext& context, BuiltModel& best) {
@@ -175,7 +167,8 @@ bool ImproveBest(StageContext& context, BuiltModel& best) {
   }
   ReplaceMisplaced(context, best);
   if (FreePrincipalPoints(context, best.graph, *best.model, best.warnings) &&
-      !TriangulateAgain(context, best.graph, *best.model)) {
+      !FitAndRefine(context, TracksOfGraph(context, best.graph).tracks, RefineStart::kRefined,
+                    *best.model)) {
     return false;
   }
   if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) return false;
@@ -207,7 +200,7 @@ bool GrowEarlier(StageContext& context, ViewGraph& graph, Reconstruction& model)
   if (context.settings.reconstruct.register_left_out) RegisterLeftOut(context, graph, model);
   ReviseEdges(EvidenceFor(context, model, graph), model, graph);
   std::vector<Track> tracks = TracksOfModel(context, graph, model);
-  if (!FitAndRefine(context, std::move(tracks), model)) return false;
+  if (!FitAndRefine(context, std::move(tracks), RefineStart::kChanged, model)) return false;
   const std::optional<int> num_refined = GrowModel(context, graph, model);
   return num_refined && (*num_refined == 0 || RefineWithMovedIntrinsics(context, graph, model));
 }
@@ -249,7 +242,8 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   context.free_principal_points.clear();
   if (!GrowEarlier(context, built.graph, model)) return built;
   if (FreePrincipalPoints(context, built.graph, model, built.warnings) &&
-      !TriangulateAgain(context, built.graph, model)) {
+      !FitAndRefine(context, TracksOfGraph(context, built.graph).tracks, RefineStart::kRefined,
+                    model)) {
     return built;
   }
   AdjustToPlaces(context, model);

@@ -1,6 +1,9 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <optional>
+#include <utility>
 
 #include "mapper/stages.h"
 
@@ -14,7 +17,7 @@ constexpr int kMinImages = 8;
 constexpr double kDecisiveErrors = 3;
 // Larger models are not adjusted once more only to warn that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;
-// Of bundle adjustment, which is nearly there after the first few.
+// Of bundle adjustment; after the first few it is seen whether the matches agree better.
 constexpr int kIterations = 100;
 constexpr int kIterationsToLook = 4;
 
@@ -102,6 +105,65 @@ Camera WithTwoParameters(const Camera& camera, CameraModel lens) {
   return other;
 }
 
+// Adjusts a model with these cameras' principal points free. By how many standard errors the
+// matches agree better than before.
+double ErrorsWithFree(StageContext& context, const ViewGraph& graph,
+                      const std::set<camera_t>& cameras, int iterations,
+                      const ModelEvidence& before, Reconstruction& model) {
+  const auto kept = std::exchange(context.free_principal_points, cameras);
+  AdjustModel(context, iterations, model);
+  context.free_principal_points = kept;
+  const auto num_images = std::ranges::count_if(model.images, [&](const auto& entry) {
+    return cameras.count(entry.second.image.camera_id) > 0;
+  });
+  return NormalDeviate(ErrorsOfGain(before, EvidenceFor(context, model, graph)),
+                       static_cast<double>(num_images) - 1);
+}
+
+// Frees the principal points of these cameras, all or none.
+bool TakePrincipalPoints(StageContext& context, const ViewGraph& graph,
+                         const std::set<camera_t>& cameras, Reconstruction& model) {
+  if (cameras.empty()) return false;
+  const ModelEvidence before = EvidenceFor(context, model, graph);
+  Reconstruction other = model;
+  double errors = 0;
+  for (const int iterations : {kIterationsToLook, kIterations}) {
+    errors = ErrorsWithFree(context, graph, cameras, iterations, before, other);
+    if (errors <= kDecisiveErrors) break;
+  }
+  const bool is_decisive = errors > kDecisiveErrors;
+  ModelStage stage(context, "principal_points");
+  stage.Add("standard_errors_of_gain", errors);
+  stage.Add("refined", is_decisive ? cameras.size() : 0);
+  if (!is_decisive) return false;
+  for (const camera_t id : cameras) {
+    stage.Note("camera " + std::to_string(id) + ": principal point " +
+               CenterText(other.cameras.at(id)) + " in place of " +
+               CenterText(model.cameras.at(id)) + ", by " + WithOneDigit(errors) +
+               " standard errors");
+  }
+  context.free_principal_points = cameras;
+  model = std::move(other);
+  return true;
+}
+
+// Warns where the principal points of these cameras, which stay where they are, are elsewhere.
+std::optional<ResultWarning> LookAtPrincipalPoints(StageContext& context, const ViewGraph& graph,
+                                                   const std::set<camera_t>& cameras,
+                                                   const Reconstruction& model) {
+  if (cameras.empty() || model.NumObservations() > kMaxObservationsToLook) return std::nullopt;
+  Reconstruction other = model;
+  const double errors = ErrorsWithFree(context, graph, cameras, kIterationsToLook,
+                                       EvidenceFor(context, model, graph), other);
+  ModelStage stage(context, "principal_points");
+  stage.Add("standard_errors_of_gain", errors);
+  stage.Add("refined", 0);
+  if (errors <= kDecisiveErrors) return std::nullopt;
+  const ResultWarning warning = OffCenter(cameras, model, errors);
+  stage.RecordWarning(warning.what + "; " + warning.advice);
+  return warning;
+}
+
 }  // namespace
 
 bool ChooseLensModels(StageContext& context, BuiltModel& best) {
@@ -140,43 +202,18 @@ bool ChooseLensModels(StageContext& context, BuiltModel& best) {
 
 bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model,
                          std::vector<ResultWarning>& warnings) {
-  const std::set<camera_t> guessed = CamerasWith(IsCentered, context, model);
-  const std::set<camera_t> wanted = CamerasWith(
-      [&](const Camera& camera) { return IsCentered(camera) && MayBeFreed(context, camera); },
-      context, model);
-  if (guessed.empty() || (wanted.empty() && model.NumObservations() > kMaxObservationsToLook)) {
-    return false;
-  }
-  const std::set<camera_t>& freed = wanted.empty() ? guessed : wanted;
-  const ModelEvidence evidence = EvidenceFor(context, model, graph);
-  Reconstruction other = model;
-  context.free_principal_points = freed;
-  const auto errors_after = [&](int iterations) {
-    AdjustModel(context, iterations, other);
-    return NormalDeviate(ErrorsOfGain(evidence, EvidenceFor(context, other, graph)),
-                         static_cast<double>(evidence.images.size()) - 1);
+  const auto centered = [&](bool may_be_freed) {
+    return CamerasWith(
+        [&](const Camera& camera) {
+          return IsCentered(camera) && MayBeFreed(context, camera) == may_be_freed;
+        },
+        context, model);
   };
-  double errors = errors_after(kIterationsToLook);
-  if (errors > kDecisiveErrors && !wanted.empty()) errors = errors_after(kIterations);
-  const bool is_decisive = errors > kDecisiveErrors;
-  if (!is_decisive || wanted.empty()) context.free_principal_points.clear();
-  ModelStage stage(context, "principal_points");
-  stage.Add("standard_errors_of_gain", errors);
-  stage.Add("refined", context.free_principal_points.size());
-  if (!is_decisive) return false;
-  if (wanted.empty()) {
-    warnings.push_back(OffCenter(guessed, model, errors));
-    stage.RecordWarning(warnings.back().what + "; " + warnings.back().advice);
-    return false;
+  const bool are_taken = TakePrincipalPoints(context, graph, centered(true), model);
+  if (auto warning = LookAtPrincipalPoints(context, graph, centered(false), model)) {
+    warnings.push_back(std::move(*warning));
   }
-  for (const camera_t id : wanted) {
-    stage.Note("camera " + std::to_string(id) + ": principal point " +
-               CenterText(other.cameras.at(id)) + " in place of " +
-               CenterText(model.cameras.at(id)) + ", by " + WithOneDigit(errors) +
-               " standard errors");
-  }
-  model = std::move(other);
-  return true;
+  return are_taken;
 }
 
 }  // namespace cairn

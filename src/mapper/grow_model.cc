@@ -2,9 +2,10 @@
 
 namespace cairn {
 
-bool FitAndRefine(StageContext& context, std::vector<Track> tracks, Reconstruction& model) {
+bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart start,
+                  Reconstruction& model) {
   if (!FitTracksToMemory(context, model, tracks)) return false;
-  RefineModel(context, tracks, RefineStart::kChanged, model);
+  RefineModel(context, tracks, start, model);
   return true;
 }
 

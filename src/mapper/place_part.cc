@@ -165,8 +165,8 @@ class PlaceSearch {
     ParallelFor(context_.run.num_threads, std::ssize(places), [&](int64_t i) {
       const std::optional<Sim3d> place =
           i < num_triples ? ByTriple(i) : ByPair(crossing_.pairs[i - num_triples]);
-      if (place)
-        places[i] = {.rest_from_part = *place, .num_agreeing = NumAgreeing(*place, stride)};
+      if (!place) return;
+      places[i] = {.rest_from_part = *place, .num_agreeing = NumAgreeing(*place, stride)};
     });
     std::erase_if(places, [](const PlaceOfPart& place) { return place.num_agreeing == 0; });
     std::ranges::stable_sort(places, std::greater<>(), &PlaceOfPart::num_agreeing);

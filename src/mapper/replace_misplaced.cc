@@ -36,7 +36,8 @@ std::optional<BuiltModel> RefineAnew(StageContext& context, const std::set<image
   }
   ReviseEdges(after.evidence, model, after.graph);
   const std::string failure = context.report.failure;
-  const bool has_grown = FitAndRefine(context, TracksOfGraph(context, after.graph).tracks, model) &&
+  const bool has_grown = FitAndRefine(context, TracksOfGraph(context, after.graph).tracks,
+                                      RefineStart::kChanged, model) &&
                          GrowModel(context, after.graph, model);
   context.report.failure = failure;
   if (!has_grown) return std::nullopt;

@@ -334,7 +334,8 @@ std::string Names(const StageContext& context, std::span<const image_t> images);
 
 // grow_model.cc
 // False: there is not enough memory, and the report has the failure.
-bool FitAndRefine(StageContext& context, std::vector<Track> tracks, Reconstruction& model);
+bool FitAndRefine(StageContext& context, std::vector<Track> tracks, RefineStart start,
+                  Reconstruction& model);
 // Registers what was left out and lets the model choose its pairs, until neither brings anything.
 // How often it was refined; nullopt: as above.
 std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruction& model);
@@ -391,10 +392,10 @@ PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Recon
 // Gives cameras whose lens bends more than one parameter can tell a model of two, where the matches
 // agree better with it beyond doubt. Returns whether there is such a camera.
 bool ChooseLensModels(StageContext& context, BuiltModel& best);
-// Frees the principal points of cameras, from here on, where the matches agree better with what
-// bundle adjustment then finds, beyond doubt, and that is wanted; else warns that they do. Returns
-// whether there is such a camera. Forward motion, or a lens that the camera model does not
-// describe, throws others off.
+// Frees the principal points of cameras that may be freed, from here on, where the matches agree
+// better with what bundle adjustment then finds, beyond doubt; of the others it warns. Returns
+// whether there are some. Forward motion, or a lens that the camera model does not describe, throws
+// others off.
 bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model,
                          std::vector<ResultWarning>& warnings);
 

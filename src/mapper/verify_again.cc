@@ -79,9 +79,10 @@ bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
     return true;
   }
   Reconstruction other = model;
-  std::vector<Track> tracks = TracksOfGraph(context, graph, again.matches).tracks;
-  if (!FitTracksToMemory(context, other, tracks)) return false;
-  RefineModel(context, tracks, RefineStart::kRefined, other);
+  if (!FitAndRefine(context, TracksOfGraph(context, graph, again.matches).tracks,
+                    RefineStart::kRefined, other)) {
+    return false;
+  }
   if (other.images.size() == model.images.size()) model = std::move(other);
   return true;
 }

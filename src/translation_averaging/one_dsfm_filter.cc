@@ -52,7 +52,7 @@ class Tournament {
   std::vector<int> winner_;  // of each node of a binary tree; the root is node 1
 };
 
-// What each edge counts, one on average: by the points that tell its length, where these are known.
+// What each edge counts, one on average: by its points with parallax, where these are known.
 std::vector<double> VotesOf(const DirectionProblem& problem) {
   std::vector<double> votes;
   double sum = 0;

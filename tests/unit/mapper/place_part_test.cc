@@ -123,8 +123,8 @@ TEST(ReplaceMisplaced, PlacesAPartAsAWhole) {
   }
   BuiltModel built = scene.Built();
   ReviseEdges(built.evidence, *built.model, built.graph);
-  ASSERT_TRUE(
-      FitAndRefine(scene.context, TracksOfGraph(scene.context, built.graph).tracks, *built.model));
+  ASSERT_TRUE(FitAndRefine(scene.context, TracksOfGraph(scene.context, built.graph).tracks,
+                           RefineStart::kChanged, *built.model));
   built.evidence = EvidenceFor(scene.context, *built.model, built.graph);
   ReplaceMisplaced(scene.context, built);
   EXPECT_EQ(built.model->images.size(), kRest.size() + kPart.size());

@@ -97,6 +97,30 @@ TEST(Reconstruct, PrincipalPointsOfCamerasWithExifAreAWarning) {
   EXPECT_LT((OffsetFromCenter(Reconstruct(database, all)) - Eigen::Vector2d(14, -9)).norm(), 6);
 }
 
+TEST(Reconstruct, CamerasWithoutExifBesideThemDoNotHideThatWarning) {
+  SceneOptions options = SmallScene();
+  options.num_images = 24;
+  options.num_cameras = 2;
+  SyntheticScene scene = MakeScene(options, 3);
+  const camera_t with_exif = scene.cameras.begin()->first;
+  for (auto& [id, keypoints] : scene.keypoints) {
+    if (scene.truth.images.at(id).image.camera_id != with_exif) continue;
+    for (Keypoint& keypoint : keypoints) keypoint.x += 30;
+  }
+  Database database = MakeDatabaseWithGuesses(scene, 1.02);
+  for (Camera camera : database.ReadCameras()) {
+    camera.has_prior_focal_length = camera.camera_id == with_exif;
+    database.WriteCamera(camera);
+  }
+  ReconstructSettings settings;
+  settings.reconstruct.share_camera = false;
+  const ReconstructResult result = Reconstruct(database, settings);
+  ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+  ASSERT_EQ(result.report.warnings.size(), 1u);
+  EXPECT_THAT(result.report.warnings[0].what,
+              HasSubstr("camera " + std::to_string(with_exif) + " is not the image center"));
+}
+
 // Photographs by one lens, of which the database has the focal length and no distortion.
 struct LensScene {
   SyntheticScene scene;
