@@ -15,7 +15,7 @@ constexpr int kMinImages = 8;
 // Standard errors of a gain beyond doubt: of a lens, whose next term must show; of principal
 // points, which photographs in a row may throw off, by Student's t.
 constexpr double kDecisiveErrors = 3;
-// Larger models are not adjusted once more only to warn that principal points are off.
+// Larger models are not adjusted only to warn that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;
 // Of bundle adjustment; after the first few it is seen whether the matches agree better.
 constexpr int kIterations = 100;
@@ -68,20 +68,6 @@ bool MayBeFreed(const StageContext& context, const Camera& camera) {
   return false;
 }
 
-// How far off, the few iterations do not tell.
-ResultWarning OffCenter(const std::set<camera_t>& cameras, const Reconstruction& model,
-                        double errors) {
-  const camera_t first = *cameras.begin();
-  const size_t num_more = cameras.size() - 1;
-  return {"the principal point of camera " + std::to_string(first) +
-              (num_more > 0 ? " (and of " + std::to_string(num_more) + " more)" : "") +
-              " is not the image center " + CenterText(model.cameras.at(first)) +
-              ", where it is kept, by " + WithOneDigit(errors) +
-              " standard errors: all directions are off with it",
-          "take it from the photos by --reconstruct.refine_principal_points all, or give the "
-          "camera's calibration"};
-}
-
 double DistortionOf(const Camera& camera) {
   return camera.params[camera.DistortionIndices().front()];
 }
@@ -105,63 +91,59 @@ Camera WithTwoParameters(const Camera& camera, CameraModel lens) {
   return other;
 }
 
-// Adjusts a model with these cameras' principal points free. By how many standard errors the
-// matches agree better than before.
-double ErrorsWithFree(StageContext& context, const ViewGraph& graph,
-                      const std::set<camera_t>& cameras, int iterations,
-                      const ModelEvidence& before, Reconstruction& model) {
-  const auto kept = std::exchange(context.free_principal_points, cameras);
-  AdjustModel(context, iterations, model);
-  context.free_principal_points = kept;
+// A model with other principal points, and by how many standard errors the matches agree better.
+struct FoundPrincipalPoints {
+  Reconstruction model;
+  double errors = 0;
+};
+
+std::string FoundText(camera_t id, const Reconstruction& model, const FoundPrincipalPoints& found) {
+  return "camera " + std::to_string(id) + ": principal point " +
+         CenterText(found.model.cameras.at(id)) + " in place of " +
+         CenterText(model.cameras.at(id)) + ", by " + WithOneDigit(found.errors) +
+         " standard errors";
+}
+
+// That principal points stay where they are, though they are found elsewhere.
+ResultWarning OffCenter(const std::set<camera_t>& cameras, const Reconstruction& model,
+                        const FoundPrincipalPoints& found) {
+  const size_t num_more = cameras.size() - 1;
+  return {"image centers are kept that the photos contradict: " +
+              FoundText(*cameras.begin(), model, found) +
+              (num_more > 0 ? ", and " + std::to_string(num_more) + " more" : "") +
+              "; all directions are off with them",
+          "take them from the photos by --reconstruct.refine_principal_points all, or give the "
+          "camera's calibration"};
+}
+
+// Of these cameras, if the matches agree better beyond doubt with what bundle adjustment finds.
+std::optional<FoundPrincipalPoints> FindPrincipalPoints(StageContext& context,
+                                                        const ViewGraph& graph,
+                                                        const std::set<camera_t>& cameras,
+                                                        const Reconstruction& model) {
+  if (cameras.empty()) return std::nullopt;
+  const ModelEvidence before = EvidenceFor(context, model, graph);
   const auto num_images = std::ranges::count_if(model.images, [&](const auto& entry) {
     return cameras.count(entry.second.image.camera_id) > 0;
   });
-  return NormalDeviate(ErrorsOfGain(before, EvidenceFor(context, model, graph)),
-                       static_cast<double>(num_images) - 1);
-}
-
-// Frees the principal points of these cameras, all or none.
-bool TakePrincipalPoints(StageContext& context, const ViewGraph& graph,
-                         const std::set<camera_t>& cameras, Reconstruction& model) {
-  if (cameras.empty()) return false;
-  const ModelEvidence before = EvidenceFor(context, model, graph);
-  Reconstruction other = model;
-  double errors = 0;
+  FoundPrincipalPoints found{model};
+  const auto kept = std::exchange(context.free_principal_points, cameras);
   for (const int iterations : {kIterationsToLook, kIterations}) {
-    errors = ErrorsWithFree(context, graph, cameras, iterations, before, other);
-    if (errors <= kDecisiveErrors) break;
+    AdjustModel(context, iterations, found.model);
+    found.errors = NormalDeviate(ErrorsOfGain(before, EvidenceFor(context, found.model, graph)),
+                                 static_cast<double>(num_images) - 1);
+    if (found.errors <= kDecisiveErrors) break;
   }
-  const bool is_decisive = errors > kDecisiveErrors;
+  context.free_principal_points = kept;
+  const bool is_decisive = found.errors > kDecisiveErrors;
   ModelStage stage(context, "principal_points");
-  stage.Add("standard_errors_of_gain", errors);
-  stage.Add("refined", is_decisive ? cameras.size() : 0);
-  if (!is_decisive) return false;
-  for (const camera_t id : cameras) {
-    stage.Note("camera " + std::to_string(id) + ": principal point " +
-               CenterText(other.cameras.at(id)) + " in place of " +
-               CenterText(model.cameras.at(id)) + ", by " + WithOneDigit(errors) +
-               " standard errors");
+  stage.Add("standard_errors_of_gain", found.errors);
+  stage.Add("found", is_decisive ? cameras.size() : 0);
+  for (const camera_t id : is_decisive ? cameras : std::set<camera_t>()) {
+    stage.Record(FoundText(id, model, found));
   }
-  context.free_principal_points = cameras;
-  model = std::move(other);
-  return true;
-}
-
-// Warns where the principal points of these cameras, which stay where they are, are elsewhere.
-std::optional<ResultWarning> LookAtPrincipalPoints(StageContext& context, const ViewGraph& graph,
-                                                   const std::set<camera_t>& cameras,
-                                                   const Reconstruction& model) {
-  if (cameras.empty() || model.NumObservations() > kMaxObservationsToLook) return std::nullopt;
-  Reconstruction other = model;
-  const double errors = ErrorsWithFree(context, graph, cameras, kIterationsToLook,
-                                       EvidenceFor(context, model, graph), other);
-  ModelStage stage(context, "principal_points");
-  stage.Add("standard_errors_of_gain", errors);
-  stage.Add("refined", 0);
-  if (errors <= kDecisiveErrors) return std::nullopt;
-  const ResultWarning warning = OffCenter(cameras, model, errors);
-  stage.RecordWarning(warning.what + "; " + warning.advice);
-  return warning;
+  if (!is_decisive) return std::nullopt;
+  return found;
 }
 
 }  // namespace
@@ -209,11 +191,19 @@ bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstr
         },
         context, model);
   };
-  const bool are_taken = TakePrincipalPoints(context, graph, centered(true), model);
-  if (auto warning = LookAtPrincipalPoints(context, graph, centered(false), model)) {
-    warnings.push_back(std::move(*warning));
+  const std::set<camera_t> wanted = centered(true), others = centered(false);
+  auto taken = FindPrincipalPoints(context, graph, wanted, model);
+  if (taken) {
+    for (const camera_t id : wanted) context.run.monitor.Info(FoundText(id, model, *taken));
+    context.free_principal_points = wanted;
+    model = std::move(taken->model);
   }
-  return are_taken;
+  if (model.NumObservations() <= kMaxObservationsToLook) {
+    if (const auto left = FindPrincipalPoints(context, graph, others, model)) {
+      warnings.push_back(OffCenter(others, model, *left));
+    }
+  }
+  return taken.has_value();
 }
 
 }  // namespace cairn

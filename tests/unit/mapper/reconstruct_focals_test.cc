@@ -88,7 +88,7 @@ TEST(Reconstruct, PrincipalPointsOfCamerasWithExifAreAWarning) {
   ASSERT_TRUE(stays.report.Succeeded()) << stays.report.failure;
   EXPECT_EQ(OffsetFromCenter(stays), Eigen::Vector2d::Zero());
   ASSERT_EQ(stays.report.warnings.size(), 1u);
-  EXPECT_THAT(stays.report.warnings[0].what, HasSubstr("is not the image center"));
+  EXPECT_THAT(stays.report.warnings[0].what, HasSubstr("image centers are kept"));
   EXPECT_THAT(stays.report.warnings[0].advice,
               HasSubstr("--reconstruct.refine_principal_points all"));
 
@@ -118,7 +118,7 @@ TEST(Reconstruct, CamerasWithoutExifBesideThemDoNotHideThatWarning) {
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   ASSERT_EQ(result.report.warnings.size(), 1u);
   EXPECT_THAT(result.report.warnings[0].what,
-              HasSubstr("camera " + std::to_string(with_exif) + " is not the image center"));
+              HasSubstr("camera " + std::to_string(with_exif) + ": principal point"));
 }
 
 // Photographs by one lens, of which the database has the focal length and no distortion.
