@@ -42,7 +42,7 @@ void WritePairs(const Database& database, const InspectFlags& flags) {
                       FormatPairsCsv(ReadPairRows(database, flags.pairs_verifier)));
 }
 
-void InspectDatabase(const InspectFlags& flags, ViewGraphBuilderOptions options) {
+void InspectDatabase(const InspectFlags& flags, const ViewGraphBuilderOptions& options) {
   const Database database(flags.database_path, Database::Mode::kSnapshot);
   ConsoleMonitor monitor;
   RunReport rows;
@@ -58,7 +58,6 @@ void InspectDatabase(const InspectFlags& flags, ViewGraphBuilderOptions options)
   }
   std::vector<ViewEdge> edges =
       ReadViewEdges(database, [&](const std::string& m) { monitor.Warning(m); });
-  if (HasImportedEdges(edges)) options.min_num_inliers = 0;
   const auto [graph, report] = BuildViewGraph(image_ids, std::move(edges), options);
   std::fputs(DescribeViewGraph(graph, report).c_str(), stdout);
   if (!flags.graph_json.empty()) {

@@ -44,10 +44,7 @@ struct ReportFlags {
 ViewGraph GraphOf(const Database& database) {
   std::vector<image_t> image_ids;
   for (const Image& image : database.ReadImages()) image_ids.push_back(image.image_id);
-  ViewGraphBuilderOptions options;
-  std::vector<ViewEdge> edges = ReadViewEdges(database);
-  if (HasImportedEdges(edges)) options.min_num_inliers = 0;
-  return BuildViewGraph(image_ids, std::move(edges), options).graph;
+  return BuildViewGraph(image_ids, ReadViewEdges(database)).graph;
 }
 
 int Run(Command& command, ReportFlags& flags) {

@@ -121,7 +121,8 @@ void ReadEdges(const Database& database,
       },
       /*grain=*/64);
   std::erase_if(scene.edges, [&](const ViewEdge& edge) { return !is_used(edge); });
-  scene.poses_imported = HasImportedEdges(scene.edges);
+  scene.poses_imported = std::ranges::any_of(
+      scene.edges, [](const ViewEdge& edge) { return edge.source == EdgeSource::kDataset; });
   if (!bad.empty()) stage.Add("bad_pairs", static_cast<double>(bad.size()));
   stage.WarnEach(bad);
 }

@@ -31,9 +31,7 @@ ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSetting
   RunStage stage(report, run.monitor, "view_graph");
   std::vector<image_t> image_ids;
   for (const auto& [id, pixels] : scene.pixels) image_ids.push_back(id);
-  ViewGraphBuilderOptions options = settings.view_graph;
-  if (scene.poses_imported) options.min_num_inliers = 0;
-  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, options, run);
+  ViewGraphResult result = BuildViewGraph(image_ids, scene.edges, settings.view_graph, run);
   stage.Add("edges_in", result.report.num_edges);
   stage.Add("edges_out", result.report.num_active_edges);
   for (const auto& [reason, count] : result.report.num_removed) {

@@ -1,7 +1,6 @@
 #include "cairn/mapper/view_edges.h"
 
 #include <Eigen/LU>
-#include <algorithm>
 #include <map>
 
 #include "cairn/base/error.h"
@@ -153,11 +152,6 @@ std::vector<ViewEdge> ReadViewEdges(
     edges.push_back(std::move(edge));
   }
   return edges;
-}
-
-bool HasImportedEdges(std::span<const ViewEdge> edges) {
-  return std::any_of(edges.begin(), edges.end(),
-                     [](const ViewEdge& edge) { return edge.source == EdgeSource::kDataset; });
 }
 
 bool HasTurned(const Eigen::Quaterniond& cam2_from_cam1) {

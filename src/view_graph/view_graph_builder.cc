@@ -12,7 +12,8 @@ namespace cairn {
 int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph) {
   int num_removed = 0;
   for (ViewEdge& edge : graph.edges) {
-    if (!edge.IsActive() || edge.num_inliers >= min_num_inliers) continue;
+    if (!edge.IsActive() || edge.source == EdgeSource::kDataset) continue;
+    if (edge.num_inliers >= min_num_inliers) continue;
     edge.removal = EdgeRemoval::kTooFewInliers;
     ++num_removed;
   }

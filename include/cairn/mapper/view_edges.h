@@ -1,7 +1,6 @@
 #pragma once
 
 #include <functional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -14,17 +13,13 @@ namespace cairn {
 // residual, angle and verifier from cairn_pair_metrics where they are.
 // A pair without a stored pose (COLMAP up to 3.13 stores none) gets it from its E, or its F and the
 // cameras, by the cheirality of its inliers. Panoramic pairs have a rotation alone. Pairs without a
-// pose, or of other kinds (watermark, ...), come with the removal reason kNoPose. Edges imported
-// from a 1DSfM data set without keypoints have 0 inliers (see HasImportedEdges). Rows that cannot
+// pose, or of other kinds (watermark, ...), come with the removal reason kNoPose. Rows that cannot
 // be used are left out, and `warn` names them. `keep` gets every edge with its geometry, so that
 // these are decoded once. Throws IoError where the database cannot be read.
 std::vector<ViewEdge> ReadViewEdges(
     const Database& database,
     const std::function<void(const std::string&)>& warn = [](const std::string&) {},
     const std::function<void(const ViewEdge&, TwoViewGeometry&&)>& keep = {});
-
-// Edges of a data set: their numbers of inliers have no meaning.
-bool HasImportedEdges(std::span<const ViewEdge> edges);
 
 // A pair without translation is used if its camera turned: one that did neither sees what does not
 // move with the scene, such as a watermark, dust, or the background of a turntable.

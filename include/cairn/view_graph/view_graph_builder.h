@@ -46,7 +46,8 @@ ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewE
 
 // The single steps. Each looks at active edges only and returns how many it removed.
 
-// Edges with fewer than min_num_inliers inliers (kTooFewInliers).
+// Edges with fewer than min_num_inliers inliers (kTooFewInliers), where these were counted (not in
+// EdgeSource::kDataset).
 int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph);
 
 // The relative rotation of an edge's images by global rotations; nullopt: one of them has none.

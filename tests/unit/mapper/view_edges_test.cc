@@ -74,10 +74,9 @@ TEST_F(ViewEdgesTest, ItIsStatedWhoDeterminedAnEdge) {
   metrics.is_winner = true;
   database_.WritePairMetrics(metrics);
   EXPECT_EQ(OnlyEdge().source, EdgeSource::kVerified);
-  EXPECT_FALSE(HasImportedEdges(std::vector{OnlyEdge()}));
   metrics.verifier = "imported";
   database_.WritePairMetrics(metrics);
-  EXPECT_TRUE(HasImportedEdges(std::vector{OnlyEdge()}));
+  EXPECT_EQ(OnlyEdge().source, EdgeSource::kDataset);
 }
 
 TEST_F(ViewEdgesTest, APoseIsFoundFromTheEssentialMatrix) {

@@ -89,6 +89,16 @@ TEST(ViewGraphBuilder, DropsPairsWithFewInliersAndKeepsGivenReasons) {
   EXPECT_EQ(RemovalOf(rig.Build(options), 1, 2), EdgeRemoval::kNone);
 }
 
+TEST(ViewGraphBuilder, KeepsPairsOfADataSetWhoseInliersNobodyCounted) {
+  Rig rig(3);
+  rig.AddComplete(1, 3);
+  for (ViewEdge& edge : rig.edges) edge.num_inliers = 0;
+  rig.edges[0].source = EdgeSource::kDataset;
+  const ViewGraphResult result = rig.Build();
+  EXPECT_EQ(RemovalOf(result, 1, 2), EdgeRemoval::kNone);
+  EXPECT_EQ(RemovalOf(result, 1, 3), EdgeRemoval::kTooFewInliers);
+}
+
 TEST(ViewGraphBuilder, DropsAnEdgeThatClosesInNoLoop) {
   Rig rig(5);
   rig.AddComplete(1, 5);
