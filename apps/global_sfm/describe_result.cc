@@ -128,7 +128,11 @@ std::string ReportLine(const ReconstructResult& result, const std::string& outpu
 std::string DescribeResult(const ReconstructResult& result, const std::string& output_path,
                            const RunContext& run) {
   const RunReport& report = result.report;
-  if (!report.Succeeded()) return ReportLine(result, output_path);
+  if (!report.Succeeded()) {
+    return (result.models.empty() ? "" : Line("models", ModelsText(result))) +
+           (report.warnings.empty() ? "" : WarningLines(report.warnings)) +
+           ReportLine(result, output_path);
+  }
   std::string text = Line("models", ModelsText(result)) + Line("photos", PhotosText(result)) +
                      Line("points", PointsText(result));
   if (!result.models.front().points3D.empty()) {

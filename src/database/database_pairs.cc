@@ -168,6 +168,15 @@ std::vector<image_pair_t> Database::ReadTwoViewGeometryPairIds() const {
   return IdsWithRows(ReadNumInliers());
 }
 
+int64_t Database::CountPairsToVerify() const {
+  Query query(*impl_,
+              "SELECT COUNT(*) FROM (SELECT pair_id FROM matches WHERE " CAIRN_SQL_USABLE_PAIR
+              " UNION SELECT pair_id FROM cairn_pair_choices)"
+              " WHERE pair_id NOT IN (SELECT pair_id FROM two_view_geometries);");
+  query.Step();
+  return query.Int<int64_t>(0);
+}
+
 std::optional<FeatureMatches> Database::ReadMatches(image_pair_t pair_id) const {
   Query query(*impl_, "SELECT rows, cols, data FROM matches WHERE pair_id = ?1;", pair_id);
   if (!query.Step()) return std::nullopt;

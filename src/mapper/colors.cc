@@ -57,12 +57,9 @@ void ColorPoints(StageContext& context, const std::string& image_path, Reconstru
   });
   // Sums of color and number of views of every point.
   std::map<point3D_t, std::array<int, 4>> sums;
-  int num_skipped = 0;
+  std::vector<std::string> skipped;
   for (const ImageColors& image : colors) {
-    if (!image.error.empty()) {
-      stage.Warn(image.error + "; its colors are left out");
-      ++num_skipped;
-    }
+    if (!image.error.empty()) skipped.push_back(image.error + "; its colors are left out");
     for (const auto& [point, rgb] : image.colors) {
       std::array<int, 4>& sum = sums[point];
       for (int k = 0; k < 3; ++k) sum[k] += rgb[k];
@@ -74,7 +71,8 @@ void ColorPoints(StageContext& context, const std::string& image_path, Reconstru
       model.points3D.at(id).color[k] = static_cast<uint8_t>((sum[k] + sum[3] / 2) / sum[3]);
     }
   }
-  stage.Add("images_read", static_cast<double>(images.size()) - num_skipped);
+  stage.WarnEach(skipped);
+  stage.Add("images_read", images.size() - skipped.size());
   stage.Add("points_colored", sums.size());
 }
 

@@ -148,6 +148,7 @@ struct Failures {
 // A component that fails leaves the other models as they are.
 void GiveUp(StageContext& context, const ComponentQueue::Component& component, Failures& failures) {
   const std::string failure = std::exchange(context.report.failure, "");
+  if (context.run.monitor.StopRequested()) return;
   context.run.monitor.Warning(failure);
   if (failures.first.empty()) failures.first = failure;
   if (component.earlier == nullptr) {
@@ -169,12 +170,8 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
   Failures failures;
   std::vector<JudgedModel> judged;
   SceneModels result;
-  for (bool is_first = true; !queue.empty(); is_first = false) {
-    if (context.run.monitor.StopRequested()) {
-      context.report.failure = "stopped by the user after " + std::to_string(judged.size()) +
-                               " models; run again to reconstruct";
-      break;
-    }
+  for (bool is_first = true; !queue.empty() && !context.run.monitor.StopRequested();
+       is_first = false) {
     const ComponentQueue::Component component = queue.Pop();
     const bool is_small = component.earlier == nullptr &&
                           static_cast<int>(component.images.size()) < options.min_model_images;
@@ -205,7 +202,7 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
     }
   }
   if (judged.empty() && context.report.Succeeded()) context.report.failure = failures.first;
-  ReportLeftOut(context, failures.components);
+  if (!context.run.monitor.StopRequested()) ReportLeftOut(context, failures.components);
   for (const JudgedModel& each : judged) result.evidence_nats += each.evidence_nats;
   result.models = SortBySize(std::move(judged), context.report);
   return result;

@@ -146,6 +146,16 @@ FeatureMatches ReadRawMatches(const Database& database, image_pair_t pair_id) {
   }
 }
 
+// Results of pairs that a run of build_view_graph left for the next one are missed.
+void WarnOfUnfinishedPairs(int64_t num_pairs, Stage& stage, RunReport& report) {
+  stage.Add("pairs_to_verify", num_pairs);
+  if (num_pairs == 0) return;
+  const std::string pairs = num_pairs == 1 ? " pair of photos is" : " pairs of photos are";
+  report.warnings.push_back({std::to_string(num_pairs) + pairs + " not verified yet",
+                             "run build_view_graph to the end, then reconstruct"});
+  stage.RecordWarning(report.warnings.back().what);
+}
+
 // By the user's option, or by what is known of each camera; warns where the two contradict.
 void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
                            const std::optional<bool>& refine_intrinsics, Stage& stage,
@@ -182,6 +192,9 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
     scene.poses_alone = scene.poses_imported && num_matches == 0;
     ChooseConstantCameras(intrinsics, settings.refine_intrinsics, stage, scene);
+    if (!scene.poses_imported) {
+      WarnOfUnfinishedPairs(database.CountPairsToVerify(), stage, report);
+    }
     scene.still_parts = FindStillParts(scene);
     if (scene.still_parts) {
       report.warnings.push_back(*scene.still_parts);

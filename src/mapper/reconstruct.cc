@@ -1,8 +1,10 @@
 #include "cairn/mapper/reconstruct.h"
 
 #include <algorithm>
+#include <filesystem>
 
 #include "base/memory.h"
+#include "cairn/base/error.h"
 #include "cairn/base/timer.h"
 #include "mapper/stages.h"
 
@@ -73,6 +75,9 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
                               std::span<const Reconstruction> earlier) {
   ReconstructSettings(settings).VisitModules(
       [](const char* module, auto& options) { ValidateOptions(options, module); });
+  if (!image_path.empty() && !std::filesystem::is_directory(image_path)) {
+    throw IoError(image_path, "no such folder");
+  }
   CheckPlaceOptions(settings.places, image_path);
   const Timer timer;
   RunReport read;
@@ -80,13 +85,18 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
   scene.places = ReadPlaces(scene, settings.places, image_path, run);
   ReconstructResult result;
   if (read.Succeeded()) result = ReconstructBest(database, earlier, settings, run, read, scene);
+  const bool was_stopped = run.monitor.StopRequested();
   if (read.Succeeded()) {
     PlaceModels(scene, run, result);
-    if (settings.reconstruct.colors && !image_path.empty()) {
+    if (settings.reconstruct.colors && !image_path.empty() && !was_stopped) {
       ColorModels(scene, image_path, settings, run, result);
     }
   } else {
     result.report.failure = read.failure;
+  }
+  if (was_stopped) {
+    result.report.failure = "stopped by the user; run again to reconstruct" +
+                            std::string(result.models.empty() ? "" : "; models are unfinished");
   }
   for (const auto& [id, image] : scene.images) result.images.push_back(image);
   RunReport& report = result.report;

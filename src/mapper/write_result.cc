@@ -101,7 +101,7 @@ std::string WriteReconstructResult(ReconstructResult& result, const std::string&
                                    const std::string& effective_toml, bool overwrites,
                                    const RunContext& run) {
   OutputFolder output(output_path, kResultNames, overwrites);
-  const bool keeps_earlier = result.models.empty() && output.Has("sparse/");
+  const bool keeps_earlier = !result.report.Succeeded() && output.Has("sparse/");
   const fs::path folder = keeps_earlier ? "failed" : "";
   const fs::path staging = output.staging() / folder;
   CreateFolders(staging.string());

@@ -102,7 +102,8 @@ struct ReconstructSettings {
 };
 
 struct ReconstructResult {
-  // Largest first; empty where report.failure is not.
+  // Largest first. Where report.failure is not empty: none, or, of a run that the user stopped, as
+  // far as they got.
   std::vector<Reconstruction> models;
   std::vector<Image> images;  // all images of the database, by id
   ViewGraph graph;            // all verified pairs, with the reasons of those that were taken out
@@ -114,7 +115,8 @@ struct ReconstructResult {
 
 // View graph, rotation averaging, 1DSfM filter and translation averaging, tracks, triangulation,
 // bundle adjustment with filtering and retriangulation, resection of images left out, colors from
-// the photographs under image_path (skipped where they are absent; "": no colors). Where the pairs
+// the photographs under image_path (skipped where they are absent; "": no colors; IoError where
+// the folder is). Where the pairs
 // have poses but no matches, the models are cameras alone: graph, rotations, translations. An
 // expected failure is in report.failure; throws IoError where the database cannot be read,
 // ConfigError, before any work, for an option out of range.
@@ -136,9 +138,9 @@ void CheckReconstructOutput(const std::string& output_path, bool overwrites = fa
 // bundle.out with list.txt and points.ply of the largest, confidence.csv (a line an image: pairs in
 // use, points, standard deviations of its pose; see EstimatePoseConfidence), the view graph as
 // view_graph.json and view_graph.dot (Graphviz), report.json, effective.toml and report.html. All
-// of it appears together, in place of an earlier run's files. After a failure only the last five
-// are written; where an earlier run's models are, these stay with all that belongs to them, and the
-// failure is put into failed/. Adds what a format cannot hold to the report's messages. Returns the
+// of it appears together, in place of an earlier run's files. Without models only the last five are
+// written. Where an earlier run's models are, these stay with all that belongs to them after a
+// failure, which is put into failed/. Adds what a format cannot hold to the report's messages. Returns the
 // path of report.json. Throws as CheckReconstructOutput does.
 std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
                                    const std::string& effective_toml, bool overwrites = false,

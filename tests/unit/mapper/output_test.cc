@@ -54,6 +54,14 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   EXPECT_THAT(ReadFile(output + "/report.json"), Not(HasSubstr("stage: reason; advice")));
   EXPECT_THAT(ReadFile(output + "/failed/report.json"), HasSubstr("stage: reason; advice"));
   EXPECT_FALSE(std::filesystem::exists(output + "/failed/sparse"));
+
+  // So do models of a run that was stopped.
+  result = Reconstruct(MakeDatabase(scene));
+  result.report.failure = "stopped by the user";
+  WriteReconstructResult(result, output, "# options\n");
+  EXPECT_TRUE(std::filesystem::exists(output + "/sparse/0/images.bin"));
+  EXPECT_THAT(ReadFile(output + "/report.json"), Not(HasSubstr("stopped by the user")));
+  EXPECT_TRUE(std::filesystem::exists(output + "/failed/sparse/0/images.bin"));
 }
 
 TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
@@ -70,6 +78,12 @@ TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
   WriteFileAtomically(output + "/effective.toml", "# global_sfm reconstruct, cairn 0.1.0\n");
   EXPECT_THROW(CheckReconstructOutput(output), ConfigError);
   EXPECT_EQ(ReadFile(output + "/sparse/0/cameras.bin"), "COLMAP's");
+}
+
+TEST_F(OutputTest, AFolderOfPhotographsThatIsNotThereEndsTheRunBeforeAnyWork) {
+  const Database database = MakeDatabase(MakeScene(SmallScene(), 10));
+  EXPECT_THAT(testing::ThrownMessage<IoError>([&] { Reconstruct(database, folder_ / "absent"); }),
+              HasSubstr("absent: no such folder"));
 }
 
 // Red grows to the right, green downwards.

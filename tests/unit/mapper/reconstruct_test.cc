@@ -321,6 +321,50 @@ TEST(Reconstruct, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
   EXPECT_GT(num_outside, 100);
 }
 
+// Asks to stop when it was asked so often.
+class StopsAfter : public ProgressMonitor {
+ public:
+  explicit StopsAfter(int num_questions) : num_questions_(num_questions) {}
+  void Warning(const std::string& message) override { warnings.push_back(message); }
+  bool StopRequested() const override { return ++num_asked > num_questions_; }
+
+  mutable int num_asked = 0;
+  std::vector<std::string> warnings;
+
+ private:
+  const int num_questions_;
+};
+
+TEST(Reconstruct, AStoppedRunSaysSoWhereverItStops) {
+  const Database database = MakeDatabase(MakeScene(SmallScene(), 10));
+  StopsAfter never(std::numeric_limits<int>::max());
+  Reconstruct(database, "", {}, {.num_threads = 1, .monitor = never});
+  ASSERT_GT(never.num_asked, 20);
+  for (int k = 0; k < never.num_asked; k += never.num_asked / 10) {
+    StopsAfter monitor(k);
+    const ReconstructResult result =
+        Reconstruct(database, "", {}, {.num_threads = 1, .monitor = monitor});
+    EXPECT_THAT(result.report.failure, ::testing::StartsWith("stopped by the user")) << k;
+    EXPECT_THAT(monitor.warnings, ::testing::IsEmpty()) << k;
+  }
+}
+
+TEST(Reconstruct, PairsThatWaitForVerificationAreAWarning) {
+  Database database = MakeDatabase(MakeScene(SmallScene(), 10));
+  database.WriteMatches(ImagePairToPairId(1, 99), {});  // of an image that is not there
+  for (image_t id = 2; id <= 4; ++id) {
+    database.WritePairChoice({ImagePairToPairId(1, id), 0, "exhaustive"});
+  }
+  EXPECT_THAT(Reconstruct(database).report.warnings, ::testing::IsEmpty());
+  database.DeletePairResults(ImagePairToPairId(1, 2));
+  database.DeletePairResults(ImagePairToPairId(1, 5));
+  database.WriteMatches(ImagePairToPairId(1, 5), {{0, 0}});
+  const std::vector<ResultWarning> warnings = Reconstruct(database).report.warnings;
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0].what, HasSubstr("2 pairs"));
+  EXPECT_THAT(warnings[0].advice, HasSubstr("build_view_graph"));
+}
+
 TEST(Reconstruct, SaysWhatIsMissing) {
   Database empty(":memory:");
   const ReconstructResult nothing = Reconstruct(empty);
