@@ -19,7 +19,8 @@ std::string ReasonAgainst(const SceneData& scene, image_t id, const Camera& came
   if (pixels == scene.pixels.end() || pixels->second.empty()) {
     return "without keypoints in the database";
   }
-  if (camera.width <= 0 || camera.height <= 0) return "whose size the model does not tell (global_sfm export --image_path adds it)";
+  if (camera.width <= 0 || camera.height <= 0)
+    return "whose size the model does not tell (global_sfm export --image_path adds it)";
   if (const std::string reason = camera.Validate(); !reason.empty()) {
     return "whose camera in the model cannot be used (" + reason + ")";
   }

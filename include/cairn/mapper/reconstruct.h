@@ -140,8 +140,8 @@ void CheckReconstructOutput(const std::string& output_path, bool overwrites = fa
 // view_graph.json and view_graph.dot (Graphviz), report.json, effective.toml and report.html. All
 // of it appears together, in place of an earlier run's files. Without models only the last five are
 // written. Where an earlier run's models are, these stay with all that belongs to them after a
-// failure, which is put into failed/. Adds what a format cannot hold to the report's messages. Returns the
-// path of report.json. Throws as CheckReconstructOutput does.
+// failure, which is put into failed/. Adds what a format cannot hold to the report's messages.
+// Returns the path of report.json. Throws as CheckReconstructOutput does.
 std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
                                    const std::string& effective_toml, bool overwrites = false,
                                    const RunContext& run = {});
