@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "cairn/base/check.h"
+#include "cairn/base/named_value.h"
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
 #include "intrinsics/focal_problem.h"
@@ -81,21 +82,12 @@ void FocalCalibrationOptions::VisitFields(OptionVisitor& v) {
 }
 
 std::string_view FocalStatusName(FocalStatus status) {
-  switch (status) {
-    case FocalStatus::kCalibrated:
-      return "calibrated";
-    case FocalStatus::kConfirmed:
-      return "confirmed";
-    case FocalStatus::kTooFewPairs:
-      return "too_few_pairs";
-    case FocalStatus::kContradicted:
-      return "contradicted";
-    case FocalStatus::kUndetermined:
-      return "undetermined";
-    case FocalStatus::kImplausible:
-      return "implausible";
-  }
-  return "unknown";
+  using enum FocalStatus;
+  constexpr NamedValue<FocalStatus> kNames[] = {
+      {kCalibrated, "calibrated"},     {kConfirmed, "confirmed"},
+      {kTooFewPairs, "too_few_pairs"}, {kContradicted, "contradicted"},
+      {kUndetermined, "undetermined"}, {kImplausible, "implausible"}};
+  return NameOf(kNames, status);
 }
 
 std::vector<size_t> SelectFocalPairs(std::span<const FocalPairCount> pairs, int max_pairs) {

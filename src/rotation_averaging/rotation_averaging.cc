@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "cairn/base/check.h"
+#include "cairn/base/named_value.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
 #include "rotation_averaging/rotation_problem.h"
@@ -48,17 +49,12 @@ void FillResiduals(const RotationProblem& problem, double max_error_deg,
 }  // namespace
 
 std::string_view RotationAveragingStatusName(RotationAveragingStatus status) {
-  switch (status) {
-    case RotationAveragingStatus::kSuccess:
-      return "success";
-    case RotationAveragingStatus::kNoEdges:
-      return "no_edges";
-    case RotationAveragingStatus::kNotConverged:
-      return "not_converged";
-    case RotationAveragingStatus::kInterrupted:
-      return "interrupted";
-  }
-  return "unknown";
+  using enum RotationAveragingStatus;
+  constexpr NamedValue<RotationAveragingStatus> kNames[] = {{kSuccess, "success"},
+                                                            {kNoEdges, "no_edges"},
+                                                            {kNotConverged, "not_converged"},
+                                                            {kInterrupted, "interrupted"}};
+  return NameOf(kNames, status);
 }
 
 struct RotationAverager::Prepared {
