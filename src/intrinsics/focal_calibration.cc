@@ -4,7 +4,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
 
 #include "cairn/base/check.h"
@@ -12,6 +11,7 @@
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
 #include "intrinsics/focal_problem.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -91,13 +91,10 @@ std::string_view FocalStatusName(FocalStatus status) {
 }
 
 std::vector<size_t> SelectFocalPairs(std::span<const FocalPairCount> pairs, int max_pairs) {
-  std::vector<size_t> order(pairs.size());
-  std::iota(order.begin(), order.end(), size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](size_t a, size_t b) { return pairs[a].num_inliers > pairs[b].num_inliers; });
   std::map<camera_t, int> counts;
   std::vector<size_t> selected;
-  for (const size_t i : order) {
+  const auto key = [&](int i) { return -pairs[i].num_inliers; };
+  for (const int i : SortedOrder(pairs.size(), key)) {
     int& count1 = counts[pairs[i].camera_id1];
     int& count2 = counts[pairs[i].camera_id2];
     if (count1 >= max_pairs && count2 >= max_pairs) continue;

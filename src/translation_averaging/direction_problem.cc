@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <tuple>
 
 #include "cairn/base/check.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -26,14 +26,6 @@ DirectionEdge Canonical(const DirectionEdge& edge) {
     result.direction = -result.direction;
   }
   return result;
-}
-
-template <class Key>
-std::vector<int> SortedOrder(size_t size, const Key& key) {
-  std::vector<int> order(size);
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return key(a) < key(b); });
-  return order;
 }
 
 // Rays as numbers that can be compared.
