@@ -282,20 +282,17 @@ class RegionTurner {
 
 }  // namespace
 
-int RunRegionStage(RotationGraph& graph, const RotationAveragingOptions& options,
-                   const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world) {
+void RunRegionStage(RotationGraph& graph, const RotationAveragingOptions& options,
+                    const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world) {
   RotationAveragingOptions smoothing = options;
   smoothing.sigma_end_deg = options.sigma_start_deg;
   smoothing.max_irls_iterations = std::min(2, options.max_irls_iterations);
   RegionTurner turner(graph, DegToRad(options.sigma_start_deg), run, cam_from_world);
-  int num_rounds = 0;
-  while (num_rounds < options.max_region_rounds && !run.monitor.StopRequested()) {
+  for (int k = 0; k < options.max_region_rounds && !run.monitor.StopRequested(); ++k) {
     if (!turner.RunRound()) break;
-    ++num_rounds;
     RunConsensusStage(graph.problem, options, run, cam_from_world);
     RunIrlsStage(graph, smoothing, run, cam_from_world);
   }
-  return num_rounds;
 }
 
 }  // namespace cairn

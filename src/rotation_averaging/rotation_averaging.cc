@@ -100,8 +100,8 @@ RotationAveragingReport RotationAverager::Run(std::vector<Eigen::Quaterniond> ca
 
   StageResult l1;
   if (from_tree) l1 = RunL1Stage(prepared_->graph, options, run_, cam_from_world);
-  report.num_consensus_rounds = RunConsensusStage(problem, options, run_, cam_from_world);
-  report.num_region_rounds = RunRegionStage(prepared_->graph, options, run_, cam_from_world);
+  RunConsensusStage(problem, options, run_, cam_from_world);
+  RunRegionStage(prepared_->graph, options, run_, cam_from_world);
   const StageResult irls = RunIrlsStage(prepared_->graph, options, run_, cam_from_world);
   report.num_l1_iterations = l1.num_iterations;
   report.num_irls_iterations = irls.num_iterations;

@@ -162,13 +162,8 @@ TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& 
     Track track;
     for (int node = root; node >= 0; node = sets.Next(node)) track.push_back(nodes.Element(node));
     track.shrink_to_fit();
-    if (static_cast<int>(track.size()) < options.min_length) {
-      ++report.num_too_short;
-    } else {
-      report.tracks.push_back(std::move(track));
-    }
+    if (std::ssize(track) >= options.min_length) report.tracks.push_back(std::move(track));
   }
-  report.num_tracks_before_selection = static_cast<int64_t>(report.tracks.size());
   if (options.max_per_image > 0) {
     report.tracks = SelectTracks(report.tracks, options.max_per_image);
   }
