@@ -15,4 +15,10 @@ std::vector<int> SortedOrder(size_t size, const Key& key) {
   return order;
 }
 
+// The place of a value in a sorted list that has it.
+template <class T>
+int IndexIn(const std::vector<T>& sorted, const T& value) {
+  return static_cast<int>(std::lower_bound(sorted.begin(), sorted.end(), value) - sorted.begin());
+}
+
 }  // namespace cairn

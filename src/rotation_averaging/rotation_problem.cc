@@ -55,13 +55,10 @@ RotationProblem MakeRotationProblem(std::span<const RotationEdge> input) {
   std::vector<image_t>& ids = problem.image_ids;
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
-  const auto node_of = [&](image_t id) {
-    return static_cast<int>(std::lower_bound(ids.begin(), ids.end(), id) - ids.begin());
-  };
   problem.edge_of_input.resize(edges.size());
   for (const int e : SortedOrder(edges.size(), key)) {
     problem.edge_of_input[e] = problem.NumEdges();
-    problem.edges.push_back({node_of(edges[e].image_id1), node_of(edges[e].image_id2)});
+    problem.edges.push_back({IndexIn(ids, edges[e].image_id1), IndexIn(ids, edges[e].image_id2)});
     problem.relative.push_back(edges[e].cam2_from_cam1);
     problem.weights.push_back(edges[e].weight);
   }
