@@ -1,6 +1,7 @@
 #include "cairn/georegistration/georegister.h"
 
-#include <cstdio>
+#include <spdlog/fmt/fmt.h>
+
 #include <filesystem>
 #include <memory>
 
@@ -44,22 +45,17 @@ struct GeoregisterFlags {
   }
 };
 
-std::string Format(const char* format, double a, double b, double c) {
-  char text[160];
-  std::snprintf(text, sizeof(text), format, a, b, c);
-  return text;
-}
-
 void Describe(const Georegistration& found, ProgressMonitor& monitor) {
   int num_wrong = 0;
   for (const GeoregisteredImage& image : found.images) {
     if (!image.is_wrong) continue;
     ++num_wrong;
     const Eigen::Vector3d off = -image.residual;
-    monitor.Warning(image.name + ": its position is " +
-                    Format("%.2f m east, %.2f m north, %.2f m up of where the others put it",
-                           off.x(), off.y(), off.z()) +
-                    "; it is not used");
+    monitor.Warning(
+        image.name + ": its position is " +
+        fmt::format("{:.2f} m east, {:.2f} m north, {:.2f} m up of where the others put it",
+                    off.x(), off.y(), off.z()) +
+        "; it is not used");
   }
   if (!found.without_altitude.empty()) {
     monitor.Warning(std::to_string(found.without_altitude.size()) +
@@ -69,15 +65,15 @@ void Describe(const Georegistration& found, ProgressMonitor& monitor) {
   for (const std::string& line : DescribePoints(found)) monitor.Info(line);
   if (found.roll_sigma_deg > kLargeRollDeg) {
     monitor.Warning(
-        Format("the cameras' path is nearly straight: the model may turn about it by "
-               "%.0f degrees",
-               found.roll_sigma_deg, 0, 0));
+        fmt::format("the cameras' path is nearly straight: the model may turn about it by "
+                    "{:.0f} degrees",
+                    found.roll_sigma_deg));
   }
   const std::string rows = std::to_string(found.images.size() - num_wrong) + " positions agree, " +
                            std::to_string(num_wrong) + " are wrong";
   monitor.Info((found.by_control_points ? "by control points" : rows) + "; " +
-               Format("median residual %.3g m, scale %.6g m", found.median_residual_m,
-                      found.enu_from_world.scale, 0));
+               fmt::format("median residual {:.3g} m, scale {:.6g} m", found.median_residual_m,
+                           found.enu_from_world.scale));
 }
 
 int Run(const GeoregisterFlags& flags) {

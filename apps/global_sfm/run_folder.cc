@@ -27,13 +27,6 @@ Json ReadJson(const std::string& path) {
   }
 }
 
-EdgeRemoval RemovalOf(const std::string& name) {
-  for (int i = 0; i <= static_cast<int>(EdgeRemoval::kModelInconsistent); ++i) {
-    if (EdgeRemovalName(static_cast<EdgeRemoval>(i)) == name) return static_cast<EdgeRemoval>(i);
-  }
-  return EdgeRemoval::kOtherComponent;  // not in use, for a reason of another version
-}
-
 // A number, or null where it was not finite.
 double NumberOf(const Json& value) { return value.is_number() ? value.get<double>() : 0.0; }
 
@@ -70,7 +63,8 @@ ViewGraph ReadViewGraph(const std::string& path) {
       edge.residual_px = NumberOf(item.at("residual_px"));
       edge.triangulation_angle_deg = NumberOf(item.at("triangulation_angle_deg"));
       edge.verifier = item.at("verifier").get<std::string>();
-      edge.removal = RemovalOf(item.at("status").get<std::string>());
+      edge.removal = ValueOf(kEdgeRemovals, item.at("status").get<std::string>())
+                         .value_or(EdgeRemoval::kOtherComponent);  // of another version: not in use
     }
   } catch (const Json::exception& error) {
     throw IoError(path, error.what());

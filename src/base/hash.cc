@@ -2,9 +2,9 @@
 
 #include <xxhash.h>
 
-#include <cstdio>
 #include <vector>
 
+#include "base/text.h"
 #include "cairn/base/file.h"
 
 namespace cairn {
@@ -29,9 +29,7 @@ Hasher& Hasher::Add(std::string_view text) {
 uint64_t Hasher::Digest() const { return XXH3_64bits_digest(state_->xxh); }
 
 std::string HashToHex(uint64_t hash) {
-  char text[17];
-  std::snprintf(text, sizeof(text), "%016llx", static_cast<unsigned long long>(hash));
-  return text;
+  return Formatted("%016llx", static_cast<unsigned long long>(hash));
 }
 
 uint64_t HashFile(const std::string& path) {

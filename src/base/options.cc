@@ -4,9 +4,9 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <numeric>
 
+#include "base/text.h"
 #include "cairn/base/error.h"
 
 namespace cairn {
@@ -35,9 +35,7 @@ std::string Quote(std::string_view value) {
     } else if (c == '\t') {
       text += "\\t";
     } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
-      char buffer[8];
-      std::snprintf(buffer, sizeof(buffer), "\\u%04X", static_cast<unsigned>(c));
-      text += buffer;
+      text += Formatted("\\u%04X", static_cast<unsigned>(c));
     } else {
       text += c;
     }

@@ -1,5 +1,5 @@
+#include <Eigen/Core>
 #include <bit>
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <optional>
@@ -71,26 +71,12 @@ NpyHeader ParseHeader(const std::string& path, const std::string& bytes) {
   return header;
 }
 
-float HalfToFloat(uint16_t half) {
-  const int exponent = half >> 10 & 31;
-  const int mantissa = half & 1023;
-  float value;
-  if (exponent == 31) {
-    value = mantissa ? std::nanf("") : INFINITY;
-  } else if (exponent == 0) {
-    value = std::ldexp(static_cast<float>(mantissa), -24);
-  } else {
-    value = std::ldexp(static_cast<float>(mantissa + 1024), exponent - 25);
-  }
-  return half & 0x8000 ? -value : value;
-}
-
-template <class T, class Convert>
-void Copy(const char* data, Convert convert, std::vector<float>* values) {
+template <class T>
+void Copy(const char* data, std::vector<float>* values) {
   for (size_t i = 0; i < values->size(); ++i) {
     T value;
     std::memcpy(&value, data + i * sizeof(T), sizeof(T));
-    (*values)[i] = convert(value);
+    (*values)[i] = static_cast<float>(value);
   }
 }
 
@@ -122,12 +108,11 @@ RawMap ParseNpy(const std::string& path, const std::string& bytes) {
   map.height = static_cast<int>(header.shape[0]);
   map.values.resize(static_cast<size_t>(map.width) * map.height);
   const char* data = bytes.data() + header.data_begin;
-  const auto cast = [](auto value) { return static_cast<float>(value); };
-  if (header.type == "|u1") Copy<uint8_t>(data, cast, &map.values);
-  if (header.type == "<u2") Copy<uint16_t>(data, cast, &map.values);
-  if (header.type == "<f2") Copy<uint16_t>(data, HalfToFloat, &map.values);
-  if (header.type == "<f4") Copy<float>(data, cast, &map.values);
-  if (header.type == "<f8") Copy<double>(data, cast, &map.values);
+  if (header.type == "|u1") Copy<uint8_t>(data, &map.values);
+  if (header.type == "<u2") Copy<uint16_t>(data, &map.values);
+  if (header.type == "<f2") Copy<Eigen::half>(data, &map.values);
+  if (header.type == "<f4") Copy<float>(data, &map.values);
+  if (header.type == "<f8") Copy<double>(data, &map.values);
   return map;
 }
 

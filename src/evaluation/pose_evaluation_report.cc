@@ -1,6 +1,6 @@
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "base/text.h"
 #include "cairn/evaluation/pose_evaluation.h"
 
 namespace cairn {
@@ -21,37 +21,30 @@ void AddStatistics(const std::optional<ErrorStatistics>& statistics, const std::
   json[name + "_std" + unit] = statistics ? Json(statistics->standard_deviation) : Json(nullptr);
 }
 
-template <class... Args>
-std::string Print(const char* format, Args... args) {
-  char line[256];
-  std::snprintf(line, sizeof(line), format, args...);
-  return line;
-}
-
 std::string Row(const char* name, const std::optional<ErrorStatistics>& statistics, double factor) {
-  if (!statistics) return Print("%-32s %10s %10s %10s\n", name, "-", "-", "-");
-  return Print("%-32s %10.5g %10.5g %10.5g\n", name, factor * statistics->mean,
-               factor * statistics->median, factor * statistics->standard_deviation);
+  if (!statistics) return Formatted("%-32s %10s %10s %10s\n", name, "-", "-", "-");
+  return Formatted("%-32s %10.5g %10.5g %10.5g\n", name, factor * statistics->mean,
+                   factor * statistics->median, factor * statistics->standard_deviation);
 }
 
 }  // namespace
 
 std::string FormatPoseEvaluation(const PoseEvaluation& evaluation) {
-  std::string text = Print("%-32s %d of %d", "registered images", evaluation.num_registered,
-                           evaluation.num_reference);
-  if (evaluation.num_extra > 0) text += Print(" (and %d others)", evaluation.num_extra);
-  text += Print("\n%-32s", "pose AUC, %");
+  std::string text = Formatted("%-32s %d of %d", "registered images", evaluation.num_registered,
+                               evaluation.num_reference);
+  if (evaluation.num_extra > 0) text += Formatted(" (and %d others)", evaluation.num_extra);
+  text += Formatted("\n%-32s", "pose AUC, %");
   for (size_t k = 0; k < kAucThresholdsDeg.size(); ++k) {
-    text += Print(" @%g: %.2f", kAucThresholdsDeg[k], 100 * evaluation.auc[k]);
+    text += Formatted(" @%g: %.2f", kAucThresholdsDeg[k], 100 * evaluation.auc[k]);
   }
   text += "\n";
   if (evaluation.relative_rotation_median_deg) {
-    text += Print("%-32s %10.5g\n", "relative rotation, median deg",
-                  *evaluation.relative_rotation_median_deg);
-    text += Print("%-32s %10.5g\n", "relative translation, median deg",
-                  *evaluation.relative_translation_median_deg);
+    text += Formatted("%-32s %10.5g\n", "relative rotation, median deg",
+                      *evaluation.relative_rotation_median_deg);
+    text += Formatted("%-32s %10.5g\n", "relative translation, median deg",
+                      *evaluation.relative_translation_median_deg);
   }
-  text += Print("%-32s %10s %10s %10s\n", "after alignment", "mean", "median", "std");
+  text += Formatted("%-32s %10s %10s %10s\n", "after alignment", "mean", "median", "std");
   text += Row("orientation, deg", evaluation.orientation_deg, 1);
   text += Row("camera center, reference units", evaluation.center, 1);
   text += Row("focal length, %", evaluation.focal_relative, 100);

@@ -1,6 +1,6 @@
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "base/text.h"
 #include "cairn/georegistration/georegister.h"
 
 namespace cairn {
@@ -29,15 +29,12 @@ std::string GeoregistrationFailure(const Georegistration& georegistration) {
              " control points; it takes three of either";
     case GeoregistrationStatus::kOnALine:
       return "the positions, or the cameras, lie on a line, about which the model may turn";
-    case GeoregistrationStatus::kNoAgreement: {
-      char text[220];
-      std::snprintf(text, sizeof(text),
-                    "by the best similarity the positions are %.3g m off the model (median), "
-                    "more than half their spread: they are wrong, or too imprecise for so small a "
-                    "scene",
-                    georegistration.median_residual_m);
-      return text;
-    }
+    case GeoregistrationStatus::kNoAgreement:
+      return Formatted(
+          "by the best similarity the positions are %.3g m off the model (median), "
+          "more than half their spread: they are wrong, or too imprecise for so small a "
+          "scene",
+          georegistration.median_residual_m);
   }
   return "";
 }
@@ -45,15 +42,13 @@ std::string GeoregistrationFailure(const Georegistration& georegistration) {
 std::vector<std::string> DescribePoints(const Georegistration& georegistration) {
   std::vector<std::string> lines;
   for (const GeoregisteredPoint& point : georegistration.points) {
-    char text[160];
-    std::snprintf(text, sizeof(text),
-                  ": %.3f m east, %.3f m north, %.3f m up, %.2f px, in %zu images%s",
-                  point.residual.x(), point.residual.y(), point.residual.z(), point.error_px,
-                  point.pixels.size(),
-                  point.is_wrong   ? " (wrong: not used)"
-                  : point.is_check ? " (check)"
-                                   : "");
-    lines.push_back("control point " + point.name + text);
+    lines.push_back("control point " + point.name +
+                    Formatted(": %.3f m east, %.3f m north, %.3f m up, %.2f px, in %zu images%s",
+                              point.residual.x(), point.residual.y(), point.residual.z(),
+                              point.error_px, point.pixels.size(),
+                              point.is_wrong   ? " (wrong: not used)"
+                              : point.is_check ? " (check)"
+                                               : ""));
   }
   return lines;
 }

@@ -5,6 +5,7 @@
 
 #include "cairn/base/check.h"
 #include "graph/union_find.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 
@@ -35,13 +36,9 @@ GraphComponents ConnectedComponents(int num_nodes, std::span<const GraphEdge> ed
 std::vector<int> MaximumSpanningForest(int num_nodes, std::span<const GraphEdge> edges,
                                        std::span<const double> weights) {
   CAIRN_CHECK_EQ(edges.size(), weights.size());
-  std::vector<int> order(edges.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](int a, int b) { return weights[a] > weights[b]; });
   UnionFind sets(num_nodes);
   std::vector<int> forest;
-  for (const int e : order) {
+  for (const int e : SortedOrder(edges.size(), [&](int e) { return -weights[e]; })) {
     if (sets.Union(edges[e].node1, edges[e].node2)) forest.push_back(e);
   }
   std::sort(forest.begin(), forest.end());
@@ -77,15 +74,11 @@ std::vector<ForestStep> WalkForest(int num_nodes, std::span<const GraphEdge> edg
   for (const int e : subset) subset_edges.push_back(edges[e]);
   const GraphAdjacency adjacency = BuildAdjacency(num_nodes, subset_edges);
 
-  std::vector<int> roots(num_nodes);
-  std::iota(roots.begin(), roots.end(), 0);
-  std::stable_sort(roots.begin(), roots.end(), [&](int a, int b) {
-    return adjacency.EdgesOf(a).size() > adjacency.EdgesOf(b).size();
-  });
+  const auto key = [&](int node) { return -std::ssize(adjacency.EdgesOf(node)); };
   std::vector<char> seen(num_nodes, 0);
   std::vector<ForestStep> steps;
   steps.reserve(num_nodes);
-  for (const int root : roots) {
+  for (const int root : SortedOrder(num_nodes, key)) {
     if (seen[root]) continue;
     seen[root] = 1;
     steps.push_back({root, -1, -1});

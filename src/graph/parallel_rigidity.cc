@@ -142,11 +142,4 @@ std::vector<std::vector<int>> ParallelRigidity::Components() const {
   return components;
 }
 
-std::vector<std::vector<int>> ParallelRigidComponents(int num_nodes,
-                                                      std::span<const GraphEdge> edges) {
-  ParallelRigidity rigidity(num_nodes);
-  for (const GraphEdge& edge : edges) rigidity.AddEdge(edge.node1, edge.node2);
-  return rigidity.Components();
-}
-
 }  // namespace cairn

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <span>
 #include <vector>
 
 #include "graph/graph.h"
@@ -53,8 +52,5 @@ class ParallelRigidity {
   int stamp_ = 0;
   std::vector<Step> path_;
 };
-
-std::vector<std::vector<int>> ParallelRigidComponents(int num_nodes,
-                                                      std::span<const GraphEdge> edges);
 
 }  // namespace cairn

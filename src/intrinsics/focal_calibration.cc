@@ -4,13 +4,14 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
 
 #include "cairn/base/check.h"
+#include "cairn/base/named_value.h"
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
 #include "intrinsics/focal_problem.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -81,31 +82,19 @@ void FocalCalibrationOptions::VisitFields(OptionVisitor& v) {
 }
 
 std::string_view FocalStatusName(FocalStatus status) {
-  switch (status) {
-    case FocalStatus::kCalibrated:
-      return "calibrated";
-    case FocalStatus::kConfirmed:
-      return "confirmed";
-    case FocalStatus::kTooFewPairs:
-      return "too_few_pairs";
-    case FocalStatus::kContradicted:
-      return "contradicted";
-    case FocalStatus::kUndetermined:
-      return "undetermined";
-    case FocalStatus::kImplausible:
-      return "implausible";
-  }
-  return "unknown";
+  using enum FocalStatus;
+  constexpr NamedValue<FocalStatus> kNames[] = {
+      {kCalibrated, "calibrated"},     {kConfirmed, "confirmed"},
+      {kTooFewPairs, "too_few_pairs"}, {kContradicted, "contradicted"},
+      {kUndetermined, "undetermined"}, {kImplausible, "implausible"}};
+  return NameOf(kNames, status);
 }
 
 std::vector<size_t> SelectFocalPairs(std::span<const FocalPairCount> pairs, int max_pairs) {
-  std::vector<size_t> order(pairs.size());
-  std::iota(order.begin(), order.end(), size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](size_t a, size_t b) { return pairs[a].num_inliers > pairs[b].num_inliers; });
   std::map<camera_t, int> counts;
   std::vector<size_t> selected;
-  for (const size_t i : order) {
+  const auto key = [&](int i) { return -pairs[i].num_inliers; };
+  for (const int i : SortedOrder(pairs.size(), key)) {
     int& count1 = counts[pairs[i].camera_id1];
     int& count2 = counts[pairs[i].camera_id2];
     if (count1 >= max_pairs && count2 >= max_pairs) continue;

@@ -1,9 +1,9 @@
 #include "intrinsics/focal_learning.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <iterator>
 
+#include "base/text.h"
 #include "intrinsics/camera_pairs.h"
 #include "intrinsics/known_intrinsics.h"
 
@@ -193,15 +193,13 @@ std::vector<std::string> RejectedFocalTexts(const Database& database,
   for (const auto& [id, known] : ReadKnownIntrinsics(database)) {
     if (cameras.count(id) == 0) continue;
     const auto& [name, count] = images[id];
-    char text[200];
-    std::snprintf(text, sizeof(text),
-                  "prior focal length %.1f px rejected: in %d of %d pairs a fundamental matrix "
+    texts.push_back(
+        "camera " + std::to_string(id) + " (" + name +
+        (count > 1 ? " and " + std::to_string(count - 1) + " more" : "") + "): " +
+        Formatted("prior focal length %.1f px rejected: in %d of %d pairs a fundamental matrix "
                   "explains far more matches; its pairs are verified without the prior",
                   known.camera.MeanFocal(), known.judgement->num_contradicting,
-                  known.judgement->num_pairs);
-    texts.push_back("camera " + std::to_string(id) + " (" + name +
-                    (count > 1 ? " and " + std::to_string(count - 1) + " more" : "") +
-                    "): " + text);
+                  known.judgement->num_pairs));
   }
   return texts;
 }

@@ -3,11 +3,11 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <set>
 #include <tuple>
 
+#include "base/text.h"
 #include "cairn/base/error.h"
 #include "cairn/intrinsics/focal_calibration.h"
 #include "intrinsics/camera_pairs.h"
@@ -189,16 +189,12 @@ CameraLens MakeLens(const Camera& camera, const CalibratedDistortion* distortion
 
 std::string Describe(camera_t id, const CameraLens& lens) {
   std::string text = "camera " + std::to_string(id) + ": learned";
-  char part[100];
   if (lens.focal_px > 0) {
-    std::snprintf(part, sizeof(part), " focal length %.1f px (sigma %.1f %%)", lens.focal_px,
-                  100 * lens.focal_sigma);
-    text += part;
+    text +=
+        Formatted(" focal length %.1f px (sigma %.1f %%)", lens.focal_px, 100 * lens.focal_sigma);
   }
   if (lens.k != 0) {
-    std::snprintf(part, sizeof(part), "%s k %.4f (sigma %.4f)", lens.focal_px > 0 ? "," : "",
-                  lens.k, lens.k_sigma);
-    text += part;
+    text += Formatted("%s k %.4f (sigma %.4f)", lens.focal_px > 0 ? "," : "", lens.k, lens.k_sigma);
   }
   return text;
 }

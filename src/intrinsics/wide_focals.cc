@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <set>
 
+#include "base/text.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/two_view/pair_verifier.h"
@@ -79,17 +79,16 @@ class WideFocalFinder {
       try_around(0.0, kReach, kCoarseStep);
       if (best_support > 0.0) try_around(best, kCoarseStep - kFineStep, kFineStep);
     }
-    char text[200];
+    std::string text;
     CameraLens lens{.num_pairs = static_cast<int>(pairs.size())};
     if (best_support > 0.0) {
       lens.focal_px = guess * std::exp2(best);
       ApplyLens(lens, camera);
-      std::snprintf(text, sizeof(text),
-                    "camera %u: focal length %.1f px by %zu pairs (guessed %.1f)", id,
-                    camera.MeanFocal(), pairs.size(), guess);
+      text = Formatted("camera %u: focal length %.1f px by %zu pairs (guessed %.1f)", id,
+                       camera.MeanFocal(), pairs.size(), guess);
     } else {
-      std::snprintf(text, sizeof(text),
-                    "camera %u: no pair determines the focal length; the guess of %.1f px is kept",
+      text =
+          Formatted("camera %u: no pair determines the focal length; the guess of %.1f px is kept",
                     id, guess);
     }
     database_.WriteCameraLens(id, lens);

@@ -1,9 +1,9 @@
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <functional>
 #include <map>
 
+#include "base/text.h"
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/io/bundler.h"
@@ -38,11 +38,6 @@ double TangentialOf(const Camera& camera) {
   return largest;
 }
 
-std::string Rounded(double value) {
-  char digits[32];
-  return {digits, std::to_chars(digits, digits + 32, value, std::chars_format::general, 3).ptr};
-}
-
 // "<n> of <m> cameras have <what> of up to <largest><unit>: <consequence>", if any has.
 void Warn(const Reconstruction& reconstruction, const std::function<double(const Camera&)>& measure,
           double negligible, const std::string& what, const std::string& unit,
@@ -57,7 +52,7 @@ void Warn(const Reconstruction& reconstruction, const std::function<double(const
   if (count == 0) return;
   warnings.push_back("Bundler: " + std::to_string(count) + " of " +
                      std::to_string(reconstruction.cameras.size()) + " cameras have " + what +
-                     " of up to " + Rounded(largest) + unit + ": " + consequence);
+                     " of up to " + Formatted("%.3g", largest) + unit + ": " + consequence);
 }
 
 // Names the camera models that the format cannot hold.

@@ -11,7 +11,7 @@ namespace {
 constexpr std::array<uint8_t, 3> kCenterColor = {255, 0, 0};
 
 // A fifth of the median distance to the nearest other camera; 1 where there is none.
-double DefaultFrustumDepth(const Reconstruction& reconstruction) {
+double FrustumDepth(const Reconstruction& reconstruction) {
   std::vector<Eigen::Vector3d> centers;
   for (const auto& [id, image] : reconstruction.images) {
     centers.push_back(image.cam_from_world.Center());
@@ -58,8 +58,7 @@ Drawing Draw(const Reconstruction& reconstruction, const PlyOptions& options) {
   }
   drawing.num_points = drawing.vertices.size();
   if (!options.cameras) return drawing;
-  drawing.frustum_depth =
-      options.frustum_depth > 0 ? options.frustum_depth : DefaultFrustumDepth(reconstruction);
+  drawing.frustum_depth = FrustumDepth(reconstruction);
   for (const auto& [id, image] : reconstruction.images) {
     AddCamera(reconstruction.CameraOf(image), image.cam_from_world, drawing.frustum_depth, drawing);
   }

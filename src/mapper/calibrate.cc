@@ -2,9 +2,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
+#include "base/text.h"
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/epipolar.h"
 #include "cairn/intrinsics/focal_calibration.h"
@@ -163,14 +163,11 @@ bool IsOf(const ViewEdge& edge, const std::set<camera_t>& cameras, const SceneDa
 }
 
 std::string Describe(camera_t id, const Camera& camera, const CalibratedFocal& focal) {
-  char text[200];
-  std::snprintf(
-      text, sizeof(text),
+  return Formatted(
       "camera %u: focal length %.1f px (%s), by %d of %d pairs %.1f px (sigma %.1f %%): %s", id,
       focal.focal_before_px, camera.has_prior_focal_length ? "EXIF" : "guessed", focal.num_agreeing,
       focal.num_pairs, focal.focal_px, 100 * focal.sigma,
       std::string(FocalStatusName(focal.status)).c_str());
-  return text;
 }
 
 // Reports what became of each camera.
@@ -241,9 +238,7 @@ std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage
         cameras, [&](camera_t id) { return scene.cameras.at(id).has_prior_focal_length; });
     const bool is_rejected = improvement <= -kDecisive && !overrules_exif;
     (is_rejected ? rejected : undecided).insert(cameras.begin(), cameras.end());
-    char text[200];
-    std::snprintf(
-        text, sizeof(text),
+    const std::string text = Formatted(
         "%zu loops of rotations close to %.2f deg (median) with calibrated focal lengths, "
         "to %.2f deg without: the calibrated focal lengths of %zu cameras are %s",
         loops.before_deg.size(), UpperMedian(loops.after_deg), UpperMedian(loops.before_deg),

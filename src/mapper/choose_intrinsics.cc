@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <optional>
 #include <utility>
 
+#include "base/text.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -20,12 +20,6 @@ constexpr int64_t kMaxObservationsToLook = 500'000;
 // Of bundle adjustment; after the first few it is seen whether the matches agree better.
 constexpr int kIterations = 100;
 constexpr int kIterationsToLook = 4;
-
-std::string WithOneDigit(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.1f", value);
-  return text;
-}
 
 // The cameras of enough images whose intrinsics are not constant.
 std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& property,
@@ -53,7 +47,7 @@ bool IsCentered(const Camera& camera) {
 
 std::string CenterText(const Camera& camera) {
   const Eigen::Vector2d center = camera.PrincipalPoint();
-  return "(" + WithOneDigit(center.x()) + ", " + WithOneDigit(center.y()) + ")";
+  return Formatted("(%.1f, %.1f)", center.x(), center.y());
 }
 
 bool MayBeFreed(const StageContext& context, const Camera& camera) {
@@ -100,8 +94,7 @@ struct FoundPrincipalPoints {
 std::string FoundText(camera_t id, const Reconstruction& model, const FoundPrincipalPoints& found) {
   return "camera " + std::to_string(id) + ": principal point " +
          CenterText(found.model.cameras.at(id)) + " in place of " +
-         CenterText(model.cameras.at(id)) + ", by " + WithOneDigit(found.errors) +
-         " standard errors";
+         CenterText(model.cameras.at(id)) + Formatted(", by %.1f standard errors", found.errors);
 }
 
 // That principal points stay where they are, though they are found elsewhere.
@@ -175,9 +168,9 @@ bool ChooseLensModels(StageContext& context, BuiltModel& best) {
   for (const camera_t id : bent) {
     const Camera &was = before.cameras.at(id), &is = best.model->cameras.at(id);
     stage.Note("camera " + std::to_string(id) + ": " + std::string(CameraModelName(is.model)) +
-               " of " + WithOneDigit(is.MeanFocal()) + " px in place of " +
-               std::string(CameraModelName(was.model)) + " of " + WithOneDigit(was.MeanFocal()) +
-               " px, by " + WithOneDigit(best_errors) + " standard errors");
+               Formatted(" of %.1f px in place of ", is.MeanFocal()) +
+               std::string(CameraModelName(was.model)) +
+               Formatted(" of %.1f px, by %.1f standard errors", was.MeanFocal(), best_errors));
   }
   return true;
 }

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <tuple>
 
-#include "base/first_names.h"
+#include "base/text.h"
 #include "mapper/stages.h"
 
 namespace cairn {

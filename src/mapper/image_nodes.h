@@ -1,12 +1,12 @@
 #pragma once
 
-#include <algorithm>
 #include <set>
 #include <span>
 #include <vector>
 
 #include "cairn/scene/view_graph.h"
 #include "graph/graph.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 
@@ -21,7 +21,7 @@ class ImageNodes {
 
   int size() const { return static_cast<int>(ids_.size()); }
   GraphEdge EdgeOf(const ViewEdge& edge) const {
-    return {NodeOf(edge.image_id1), NodeOf(edge.image_id2)};
+    return {IndexIn(ids_, edge.image_id1), IndexIn(ids_, edge.image_id2)};
   }
   std::set<image_t> ImagesOf(std::span<const int> nodes) const {
     std::set<image_t> images;
@@ -30,10 +30,6 @@ class ImageNodes {
   }
 
  private:
-  int NodeOf(image_t id) const {
-    return static_cast<int>(std::lower_bound(ids_.begin(), ids_.end(), id) - ids_.begin());
-  }
-
   std::vector<image_t> ids_;
 };
 

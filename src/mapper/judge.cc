@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/first_names.h"
+#include "base/text.h"
 #include "mapper/stages.h"
 #include "view_graph/symmetry.h"
 

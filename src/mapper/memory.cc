@@ -1,10 +1,10 @@
 #include "base/memory.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <limits>
 #include <unordered_map>
 
+#include "base/text.h"
 #include "bundle_adjustment/memory_estimate.h"
 #include "bundle_adjustment/schur_bundle.h"
 #include "mapper/stages.h"
@@ -18,11 +18,7 @@ constexpr int kMinTracksPerImage = 50;
 // Of a prediction that the user sees at once. (The report has all.)
 constexpr int64_t kBytesWorthALine = int64_t{1} << 30;
 
-std::string Gib(int64_t bytes) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.2f GiB", BytesToGib(bytes));
-  return text;
-}
+std::string Gib(int64_t bytes) { return Formatted("%.2f GiB", BytesToGib(bytes)); }
 
 // Pairs of the model's images that see one of the tracks together.
 int64_t NumImagePairs(const Reconstruction& model, std::span<const Track> tracks) {

@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <functional>
-#include <numeric>
 #include <utility>
 
 #include "mapper/image_nodes.h"
 #include "mapper/stages.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -61,12 +61,8 @@ class Grouping {
   }
 
   void JoinAll() {
-    std::vector<int> order(pairs_.edges.size());
-    std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-      return pairs_.supports[a].num_explained > pairs_.supports[b].num_explained;
-    });
-    for (const int e : order) {
+    const auto key = [&](int e) { return -pairs_.supports[e].num_explained; };
+    for (const int e : SortedOrder(pairs_.edges.size(), key)) {
       Join(group_of_[pairs_.edges[e].node1], group_of_[pairs_.edges[e].node2]);
     }
   }

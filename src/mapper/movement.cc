@@ -1,6 +1,6 @@
 #include <algorithm>
-#include <cstdio>
 
+#include "base/text.h"
 #include "cairn/math/angles.h"
 #include "mapper/stages.h"
 
@@ -72,10 +72,8 @@ std::string Reasons(const Reconstruction& model, const Reconstruction& earlier,
     if (num > 0) text += (text.empty() ? "" : ", ") + std::to_string(num) + " " + what;
   };
   add(num_shared, "see points with new images");
-  char change[80];
-  std::snprintf(change, sizeof(change), "have a camera whose rays changed (by up to %.2g degrees)",
-                largest_change_deg);
-  add(num_cameras, change);
+  add(num_cameras,
+      Formatted("have a camera whose rays changed (by up to %.2g degrees)", largest_change_deg));
   add(num_others, "were refined further, or follow their neighbors");
   return text;
 }
@@ -143,9 +141,8 @@ std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction
     const std::span<const Move> far(moves.data(), num_far);
     std::vector<image_t> named;
     for (const Move& move : far) named.push_back(move.image_id);
-    char most[100];
-    std::snprintf(most, sizeof(most), "%.1f times (%.2g degrees, %.2g units)", far[0].times,
-                  far[0].turn_deg, far[0].shift);
+    const std::string most = Formatted("%.1f times (%.2g degrees, %.2g units)", far[0].times,
+                                       far[0].turn_deg, far[0].shift);
     warn(std::to_string(num_far) + " of " + std::to_string(moves.size()) +
              " poses of the input model moved by more than their confidence, by up to " + most +
              ": " + Reasons(model, earlier, confidences, far) + "; these are " +

@@ -1,9 +1,8 @@
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
 
-#include "base/first_names.h"
+#include "base/text.h"
 #include "cairn/base/error.h"
 #include "mapper/stages.h"
 
@@ -69,11 +68,10 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
                         ""});
   }
   if (found.roll_sigma_deg > kLargeRollDeg) {
-    char text[120];
-    std::snprintf(text, sizeof(text),
-                  "the path is nearly straight: the model may turn about it by %.0f degrees",
-                  found.roll_sigma_deg);
-    warnings.push_back({text, ""});
+    warnings.push_back(
+        {Formatted("the path is nearly straight: the model may turn about it by %.0f degrees",
+                   found.roll_sigma_deg),
+         ""});
   }
   return warnings;
 }

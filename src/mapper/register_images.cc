@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "base/first_names.h"
+#include "base/text.h"
 #include "mapper/stages.h"
 
 namespace cairn {

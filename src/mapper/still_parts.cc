@@ -3,6 +3,7 @@
 #include <iterator>
 
 #include "mapper/stages.h"
+#include "math/log_binomial.h"
 
 namespace cairn {
 namespace {
@@ -54,12 +55,7 @@ std::map<image_t, ImageMotion> ImageMotions(const SceneData& scene) {
 // Natural logarithm of a bound of the chance of k or more successes in n trials, k > n * chance
 // (Feller, "An introduction to probability theory and its applications", volume 1, VI.3.5).
 double LogTail(int k, int n, double chance) {
-  const auto log_factorial = [](int m) {
-    int sign;  // std::lgamma writes a global one
-    return lgamma_r(m + 1.0, &sign);
-  };
-  return log_factorial(n) - log_factorial(k) - log_factorial(n - k) + k * std::log(chance) +
-         (n - k) * std::log(1 - chance) +
+  return LogBinomial(n, k) + k * std::log(chance) + (n - k) * std::log(1 - chance) +
          std::log((k + 1) * (1 - chance) / (k + 1 - (n + 1) * chance));
 }
 
@@ -70,12 +66,9 @@ double LogTail(int k, int n, double chance) {
 int CountStrangers(const SceneData& scene, const ViewEdge& edge, size_t num_tests) {
   const FeatureMatches& inliers = scene.matches.at(edge.PairId());
   const FeatureMatches all = scene.raw_matches(edge);
-  const auto less = [](const FeatureMatch& a, const FeatureMatch& b) {
-    return std::pair(a.point1, a.point2) < std::pair(b.point1, b.point2);
-  };
   FeatureMatches rejected;
   std::set_difference(all.begin(), all.end(), inliers.begin(), inliers.end(),
-                      std::back_inserter(rejected), less);
+                      std::back_inserter(rejected));
   const int n = static_cast<int>(rejected.size());
   const int k = CountStill(scene, edge, rejected);
   const double chance =

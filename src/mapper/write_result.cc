@@ -1,8 +1,8 @@
-#include <cstdio>
 #include <filesystem>
 #include <functional>
 
 #include "base/output_folder.h"
+#include "base/text.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
@@ -39,11 +39,9 @@ std::string ConfidenceCsv(const ReconstructResult& result, const RunContext& run
       ++num_pairs[edge.image_id2];
     }
     for (const auto& [id, confidence] : EstimatePoseConfidence(model, run)) {
-      char line[128];
-      std::snprintf(line, sizeof(line), ",%zu,%d,%d,%.6g,%.6g\n", k, num_pairs[id],
-                    confidence.num_points, confidence.rotation_sigma_deg,
-                    confidence.position_sigma);
-      text += model.images.at(id).image.name + line;
+      text += model.images.at(id).image.name +
+              Formatted(",%zu,%d,%d,%.6g,%.6g\n", k, num_pairs[id], confidence.num_points,
+                        confidence.rotation_sigma_deg, confidence.position_sigma);
     }
   }
   return text;

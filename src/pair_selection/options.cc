@@ -14,9 +14,7 @@ std::vector<PairWay> ParsePairWays(const std::string& text) {
   std::istringstream parts(text);
   for (std::string name; std::getline(parts, name, ',');) {
     CheckChoice("pairs", name, names);
-    for (const auto& entry : kPairWays) {
-      if (entry.name == name) ways.push_back(entry.value);
-    }
+    ways.push_back(*ValueOf(kPairWays, name));
   }
   if (ways.empty()) CheckChoice("pairs", text, names);
   std::sort(ways.begin(), ways.end());

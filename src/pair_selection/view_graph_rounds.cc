@@ -3,6 +3,7 @@
 #include "cairn/base/parallel.h"
 #include "cairn/pair_selection/pair_selection.h"
 #include "graph/graph.h"
+#include "math/sorted_order.h"
 #include "pair_selection/unique_pairs.h"
 
 namespace cairn {
@@ -75,13 +76,10 @@ bool AreWithinTwoEdges(const std::set<image_t>& neighbors1, const std::set<image
 // Component of every image; 0 is the largest.
 std::map<image_t, int> FindComponents(const PairEvidence& evidence) {
   const std::vector<image_t> images(evidence.images.begin(), evidence.images.end());
-  const auto node = [&images](image_t id) {
-    return static_cast<int>(std::lower_bound(images.begin(), images.end(), id) - images.begin());
-  };
   std::vector<GraphEdge> edges;
   for (const auto& [pair, inliers] : evidence.verified) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    edges.push_back({node(id1), node(id2)});
+    edges.push_back({IndexIn(images, id1), IndexIn(images, id2)});
   }
   const GraphComponents components = ConnectedComponents(static_cast<int>(images.size()), edges);
   std::map<image_t, int> component_of;

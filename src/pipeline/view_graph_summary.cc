@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 
+#include "base/text.h"
 #include "cairn/pipeline/build_pipeline.h"
 #include "database/stage_names.h"
 #include "graph/graph.h"
@@ -38,26 +38,22 @@ std::string DepthText(const ViewGraphSummary& s) {
   }
   std::string text = "decided  ";
   for (const auto& [step, num_pairs, seconds] : s.decided_by) {
-    char item[100];
-    std::snprintf(item, sizeof(item), "%s %s %lld (%.2f ms each)", text.size() > 9 ? "," : "",
-                  step.c_str(), static_cast<long long>(num_pairs),
-                  1e3 * seconds / static_cast<double>(num_pairs));
-    text += item;
+    text += Formatted("%s %s %lld (%.2f ms each)", text.size() > 9 ? "," : "", step.c_str(),
+                      static_cast<long long>(num_pairs),
+                      1e3 * seconds / static_cast<double>(num_pairs));
   }
   text += "\n";
   if (!s.depth_gain) return text;
   const DepthGain& gain = *s.depth_gain;
   const double with = gain.seconds_with / gain.num_sampled;
   const double without = gain.seconds_without / gain.num_sampled;
-  char line[200];
-  std::snprintf(line, sizeof(line),
-                "depth     %s about %.2g s of processor time on %lld pairs (%.2f ms each, %.2f "
-                "without it; %d sampled)\n",
-                with < without ? "saves" : "costs",
-                std::abs(without - with) * static_cast<double>(gain.num_with_depth),
-                static_cast<long long>(gain.num_with_depth), 1e3 * with, 1e3 * without,
-                gain.num_sampled);
-  return text + line;
+  return text + Formatted(
+                    "depth     %s about %.2g s of processor time on %lld pairs (%.2f ms each, %.2f "
+                    "without it; %d sampled)\n",
+                    with < without ? "saves" : "costs",
+                    std::abs(without - with) * static_cast<double>(gain.num_with_depth),
+                    static_cast<long long>(gain.num_with_depth), 1e3 * with, 1e3 * without,
+                    gain.num_sampled);
 }
 
 // "12 (a 10, b 2)".
@@ -163,9 +159,7 @@ std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
     }
   }
   for (const auto& [name, sum] : seconds) {
-    char item[80];
-    std::snprintf(item, sizeof(item), " %s %.2f", name.c_str(), sum);
-    text += item;
+    text += Formatted(" %s %.2f", name.c_str(), sum);
   }
   return text + "\n";
 }

@@ -1,9 +1,9 @@
 #include "cairn/report/run_report.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "base/text.h"
 #include "cairn/base/named_value.h"
 
 namespace cairn {
@@ -70,16 +70,14 @@ std::string ToJson(const RunReport& report) {
 
 std::string Summary(const RunReport& report) {
   std::string text;
-  char number[64];
   for (const StageReport& stage : report.stages) {
-    std::snprintf(number, sizeof(number), "%8.2f s  ", stage.seconds);
-    text += number + stage.name;
+    text += Formatted("%8.2f s  ", stage.seconds) + stage.name;
     if (stage.status != StageStatus::kOk) {
       text += " (" + std::string(StageStatusName(stage.status)) + ")";
     }
     for (size_t i = 0; i < stage.values.size(); ++i) {
-      std::snprintf(number, sizeof(number), "%.6g", stage.values[i].second);
-      text += (i == 0 ? ": " : ", ") + stage.values[i].first + " " + number;
+      const auto& [key, value] = stage.values[i];
+      text += (i == 0 ? ": " : ", ") + key + Formatted(" %.6g", value);
     }
     text += "\n";
   }

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "base/text.h"
 #include "report_page/page_parts.h"
 
 namespace cairn {
@@ -104,23 +104,17 @@ void AddSkippedFiles(const PageScene& scene, Json& findings) {
 }
 
 void AddDoubtfulCameras(const PageScene& scene, Json& findings) {
-  std::map<std::string, std::vector<camera_t>> groups;
+  std::map<std::string, std::vector<std::string>> groups;
   for (const auto& [id, camera] : scene.cameras) {
     const std::string doubt = DoubtAboutCamera(camera);
-    if (!doubt.empty()) groups[doubt].push_back(id);
+    if (!doubt.empty()) groups[doubt].push_back(std::to_string(id));
   }
-  constexpr size_t kMaxNames = 8;
   for (const auto& [doubt, ids] : groups) {
-    std::string names;
-    for (size_t i = 0; i < std::min(ids.size(), kMaxNames); ++i) {
-      names += (i > 0 ? ", " : "") + std::to_string(ids[i]);
-    }
-    if (ids.size() > kMaxNames) names += " and " + std::to_string(ids.size() - kMaxNames) + " more";
-    findings.push_back(
-        Finding("doubtful", (ids.size() > 1 ? "Cameras " : "Camera ") + names + ": " + doubt,
-                "Give the calibration, where you have it: --camera_model and --camera_params of "
-                "build_view_graph; or take more photos with the same camera and zoom "
-                "(--single_camera, --single_camera_per_folder)."));
+    findings.push_back(Finding(
+        "doubtful", (ids.size() > 1 ? "Cameras " : "Camera ") + FirstNames(ids, 8) + ": " + doubt,
+        "Give the calibration, where you have it: --camera_model and --camera_params of "
+        "build_view_graph; or take more photos with the same camera and zoom "
+        "(--single_camera, --single_camera_per_folder)."));
   }
 }
 
@@ -130,20 +124,15 @@ std::string DoubtAboutCamera(const PageCamera& camera) {
   const bool is_known = !camera.known.camera.params.empty();  // the database may lack it
   if (!camera.refined || !is_known || camera.known.is_given) return "";
   const Camera& before = camera.known.camera;
-  char text[200];
   if (camera.known.IsRejected()) {
-    std::snprintf(text, sizeof(text),
-                  "%d of %d pairs contradict the focal length that came with the photos",
-                  camera.known.judgement->num_contradicting, camera.known.judgement->num_pairs);
-    return text;
+    return Formatted("%d of %d pairs contradict the focal length that came with the photos",
+                     camera.known.judgement->num_contradicting, camera.known.judgement->num_pairs);
   }
   const double focal_px = camera.refined->MeanFocal();
   const double ratio = focal_px / before.MeanFocal();
   if (before.has_prior_focal_length && std::abs(std::log(ratio)) > kFocalTolerance) {
-    std::snprintf(text, sizeof(text),
-                  "the focal length became %.0f px, where the photos came with %.0f px", focal_px,
-                  before.MeanFocal());
-    return text;
+    return Formatted("the focal length became %.0f px, where the photos came with %.0f px",
+                     focal_px, before.MeanFocal());
   }
   if (!camera.known.IsFocalTrusted() && focal_px == before.MeanFocal()) {
     return "the focal length is a guess that nothing confirmed";

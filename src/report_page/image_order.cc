@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "graph/graph.h"
+#include "math/sorted_order.h"
 #include "report_page/page_parts.h"
 
 namespace cairn {
@@ -59,13 +59,9 @@ std::vector<int> SpectralOrder(int num_nodes, const std::vector<WeightedEdge>& e
   const GraphComponents components = ConnectedComponents(num_nodes, graph);
   const std::vector<int>& component = components.component_of_node;
   const std::vector<double> value = FiedlerValues(num_nodes, edges, component, components.Num());
-  std::vector<int> order(num_nodes);
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-    if (component[a] != component[b]) return component[a] < component[b];  // the largest first
-    return value[a] < value[b];
+  return SortedOrder(num_nodes, [&](int node) {
+    return std::make_pair(component[node], value[node]);  // the largest component first
   });
-  return order;
 }
 
 }  // namespace cairn

@@ -2,10 +2,10 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <numeric>
 #include <set>
 #include <tuple>
 
+#include "math/sorted_order.h"
 #include "report_page/page_parts.h"
 
 namespace cairn {
@@ -44,13 +44,9 @@ int ShareOfAll(const Pairs& selected, int64_t limit) {
 // those with the most inliers have theirs.
 std::vector<int> ShareMatches(const Pairs& selected, int64_t limit) {
   const int share = ShareOfAll(selected, limit);
-  std::vector<size_t> order(selected.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-    return selected[a]->num_inliers > selected[b]->num_inliers;
-  });
   std::vector<int> shares(selected.size(), 0);
-  for (const size_t i : order) {
+  const auto key = [&](int i) { return -selected[i]->num_inliers; };
+  for (const int i : SortedOrder(selected.size(), key)) {
     shares[i] = static_cast<int>(std::min<int64_t>({share, selected[i]->num_matches, limit}));
     limit -= shares[i];
   }

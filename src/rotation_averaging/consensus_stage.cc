@@ -107,16 +107,12 @@ class CameraVote {
 
 }  // namespace
 
-int RunConsensusStage(const RotationProblem& problem, const RotationAveragingOptions& options,
-                      const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world) {
+void RunConsensusStage(const RotationProblem& problem, const RotationAveragingOptions& options,
+                       const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world) {
   CameraVote vote(problem, DegToRad(options.sigma_start_deg), run.num_threads, cam_from_world);
-  int num_rounds = 0;
-  bool has_moved = true;
-  while (has_moved && num_rounds < options.max_consensus_rounds && !run.monitor.StopRequested()) {
-    ++num_rounds;
-    has_moved = vote.RunRound();
+  for (int k = 0; k < options.max_consensus_rounds && !run.monitor.StopRequested(); ++k) {
+    if (!vote.RunRound()) break;
   }
-  return num_rounds;
 }
 
 }  // namespace cairn

@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
+#include "math/sorted_order.h"
 #include "rotation_averaging/stages.h"
 
 namespace cairn {
@@ -217,10 +217,8 @@ class RegionTurner {
 
   // Of the cameras in the order of their potential, so many that support gains the most.
   Region FindRegion(const Eigen::Quaterniond& turn, const Eigen::VectorXd& potential) const {
-    std::vector<int> order(problem_.NumNodes());
-    std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(),
-                     [&](int a, int b) { return potential[a] > potential[b]; });
+    std::vector<int> order =
+        SortedOrder(problem_.NumNodes(), [&](int node) { return -potential[node]; });
     Eigen::ArrayXi rank(problem_.NumNodes());
     for (size_t k = 0; k < order.size(); ++k) rank[order[k]] = static_cast<int>(k);
     const Eigen::ArrayXd change = ChangesBy(turn, rank);
@@ -284,20 +282,17 @@ class RegionTurner {
 
 }  // namespace
 
-int RunRegionStage(RotationGraph& graph, const RotationAveragingOptions& options,
-                   const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world) {
+void RunRegionStage(RotationGraph& graph, const RotationAveragingOptions& options,
+                    const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world) {
   RotationAveragingOptions smoothing = options;
   smoothing.sigma_end_deg = options.sigma_start_deg;
   smoothing.max_irls_iterations = std::min(2, options.max_irls_iterations);
   RegionTurner turner(graph, DegToRad(options.sigma_start_deg), run, cam_from_world);
-  int num_rounds = 0;
-  while (num_rounds < options.max_region_rounds && !run.monitor.StopRequested()) {
+  for (int k = 0; k < options.max_region_rounds && !run.monitor.StopRequested(); ++k) {
     if (!turner.RunRound()) break;
-    ++num_rounds;
     RunConsensusStage(graph.problem, options, run, cam_from_world);
     RunIrlsStage(graph, smoothing, run, cam_from_world);
   }
-  return num_rounds;
 }
 
 }  // namespace cairn

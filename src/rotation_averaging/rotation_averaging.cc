@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "cairn/base/check.h"
+#include "cairn/base/named_value.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
 #include "rotation_averaging/rotation_problem.h"
@@ -48,17 +49,12 @@ void FillResiduals(const RotationProblem& problem, double max_error_deg,
 }  // namespace
 
 std::string_view RotationAveragingStatusName(RotationAveragingStatus status) {
-  switch (status) {
-    case RotationAveragingStatus::kSuccess:
-      return "success";
-    case RotationAveragingStatus::kNoEdges:
-      return "no_edges";
-    case RotationAveragingStatus::kNotConverged:
-      return "not_converged";
-    case RotationAveragingStatus::kInterrupted:
-      return "interrupted";
-  }
-  return "unknown";
+  using enum RotationAveragingStatus;
+  constexpr NamedValue<RotationAveragingStatus> kNames[] = {{kSuccess, "success"},
+                                                            {kNoEdges, "no_edges"},
+                                                            {kNotConverged, "not_converged"},
+                                                            {kInterrupted, "interrupted"}};
+  return NameOf(kNames, status);
 }
 
 struct RotationAverager::Prepared {
@@ -104,8 +100,8 @@ RotationAveragingReport RotationAverager::Run(std::vector<Eigen::Quaterniond> ca
 
   StageResult l1;
   if (from_tree) l1 = RunL1Stage(prepared_->graph, options, run_, cam_from_world);
-  report.num_consensus_rounds = RunConsensusStage(problem, options, run_, cam_from_world);
-  report.num_region_rounds = RunRegionStage(prepared_->graph, options, run_, cam_from_world);
+  RunConsensusStage(problem, options, run_, cam_from_world);
+  RunRegionStage(prepared_->graph, options, run_, cam_from_world);
   const StageResult irls = RunIrlsStage(prepared_->graph, options, run_, cam_from_world);
   report.num_l1_iterations = l1.num_iterations;
   report.num_irls_iterations = irls.num_iterations;

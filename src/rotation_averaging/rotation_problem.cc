@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <tuple>
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
 #include "cairn/math/median.h"
 #include "cairn/math/so3.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -41,14 +41,11 @@ RotationProblem MakeRotationProblem(std::span<const RotationEdge> input) {
   std::vector<RotationEdge> edges;
   edges.reserve(input.size());
   for (const RotationEdge& edge : input) edges.push_back(Canonical(edge));
-  std::vector<int> order(edges.size());
-  std::iota(order.begin(), order.end(), 0);
   const auto key = [&](int e) {
     const Eigen::Quaterniond& q = edges[e].cam2_from_cam1;
     return std::make_tuple(edges[e].image_id1, edges[e].image_id2, edges[e].weight, q.w(), q.x(),
                            q.y(), q.z());
   };
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return key(a) < key(b); });
 
   RotationProblem problem;
   for (const RotationEdge& edge : edges) {
@@ -58,13 +55,10 @@ RotationProblem MakeRotationProblem(std::span<const RotationEdge> input) {
   std::vector<image_t>& ids = problem.image_ids;
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
-  const auto node_of = [&](image_t id) {
-    return static_cast<int>(std::lower_bound(ids.begin(), ids.end(), id) - ids.begin());
-  };
   problem.edge_of_input.resize(edges.size());
-  for (const int e : order) {
+  for (const int e : SortedOrder(edges.size(), key)) {
     problem.edge_of_input[e] = problem.NumEdges();
-    problem.edges.push_back({node_of(edges[e].image_id1), node_of(edges[e].image_id2)});
+    problem.edges.push_back({IndexIn(ids, edges[e].image_id1), IndexIn(ids, edges[e].image_id2)});
     problem.relative.push_back(edges[e].cam2_from_cam1);
     problem.weights.push_back(edges[e].weight);
   }

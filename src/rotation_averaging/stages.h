@@ -24,9 +24,9 @@ struct StageResult {
 
 // In rounds, every camera in turn goes to the rotation that most of its edges agree on (within
 // about sigma_start), among those that single edges propose: out of wrong minima that a step by
-// least squares cannot leave. Ends when none moves; returns the number of rounds.
-int RunConsensusStage(const RotationProblem& problem, const RotationAveragingOptions& options,
-                      const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world);
+// least squares cannot leave. Ends when none moves.
+void RunConsensusStage(const RotationProblem& problem, const RotationAveragingOptions& options,
+                       const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world);
 
 // In rounds, regions of cameras turn as one, R <- R * turn, where that gains support: out of wrong
 // minima that no single camera leaves, since hundreds of pairs of places that look alike agree on a
@@ -35,9 +35,9 @@ int RunConsensusStage(const RotationProblem& problem, const RotationAveragingOpt
 // the sets of cameras above a level of electric potential, where the former push current through
 // the latter (Grady, "Random walks for image segmentation", 2006; Spielman and Teng, "Spectral
 // partitioning works", 2007, for such sweeps). After each round, single cameras follow, and the
-// errors of the edges that gave the turns are evened out. Returns the number of rounds.
-int RunRegionStage(RotationGraph& graph, const RotationAveragingOptions& options,
-                   const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world);
+// errors of the edges that gave the turns are evened out.
+void RunRegionStage(RotationGraph& graph, const RotationAveragingOptions& options,
+                    const RunContext& run, std::vector<Eigen::Quaterniond>& cam_from_world);
 
 // Minimizes the sum of unsquared errors: each iteration solves min sum_e trust_e |delta_2 - delta_1
 // - error_e| by ADMM (Boyd et al. 2011, 6.1; the norm of a whole 3-vector, so that the result does

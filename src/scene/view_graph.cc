@@ -1,25 +1,12 @@
 #include "cairn/scene/view_graph.h"
 
 #include <algorithm>
-#include <iterator>
 
 #include "cairn/base/check.h"
 
 namespace cairn {
 
-std::string_view EdgeRemovalName(EdgeRemoval removal) {
-  constexpr std::string_view kNames[] = {"in_use",
-                                         "too_few_inliers",
-                                         "no_pose",
-                                         "triplet_inconsistent",
-                                         "rotation_inconsistent",
-                                         "direction_inconsistent",
-                                         "other_component",
-                                         "ambiguous",
-                                         "model_inconsistent"};
-  const auto index = static_cast<size_t>(removal);
-  return index < std::size(kNames) ? kNames[index] : "unknown";
-}
+std::string_view EdgeRemovalName(EdgeRemoval removal) { return NameOf(kEdgeRemovals, removal); }
 
 int ViewGraph::NumActiveEdges() const {
   return static_cast<int>(

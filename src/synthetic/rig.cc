@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "base/text.h"
 #include "cairn/synthetic/poses.h"
 
 namespace cairn {
@@ -66,9 +66,8 @@ std::vector<Image> MakeImages(const RigOptions& options) {
   std::vector<Image> images;
   for (int i = 0; i < options.num_images + options.num_distractor_images; ++i) {
     const bool is_distractor = i >= options.num_images;
-    char name[32];
-    std::snprintf(name, sizeof(name), is_distractor ? "other%05d.jpg" : "image%05d.jpg",
-                  is_distractor ? i - options.num_images : i);
+    const std::string name = Formatted(is_distractor ? "other%05d.jpg" : "image%05d.jpg",
+                                       is_distractor ? i - options.num_images : i);
     const int num_own = NumOwnCameras(options, i + 1);
     const bool is_own = num_own > NumOwnCameras(options, i);
     const int camera = is_own ? options.num_cameras + num_own : 1 + i % options.num_cameras;

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 #include <tuple>
 #include <unordered_map>
 
 #include "cairn/base/check.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -64,17 +64,10 @@ class Nodes {
 };
 
 // Pairs by falling support; the images break ties, so that the order given does not matter.
-std::vector<size_t> OrderBySupport(std::span<const PairMatches> pairs) {
-  std::vector<size_t> order(pairs.size());
-  std::iota(order.begin(), order.end(), size_t{0});
-  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-    const auto key = [&](size_t i) {
-      return std::make_tuple(-static_cast<int64_t>(pairs[i].matches.size()), pairs[i].image_id1,
-                             pairs[i].image_id2);
-    };
-    return key(a) < key(b);
+std::vector<int> OrderBySupport(std::span<const PairMatches> pairs) {
+  return SortedOrder(pairs.size(), [&](int i) {
+    return std::make_tuple(-std::ssize(pairs[i].matches), pairs[i].image_id1, pairs[i].image_id2);
   });
-  return order;
 }
 
 // Disjoint sets of nodes, each a list in ascending order that begins at its root. What a walk along
@@ -144,7 +137,7 @@ TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& 
   NodeSets sets(nodes);
   TrackReport report;
   std::vector<std::pair<int, int>> matches;
-  for (const size_t i : OrderBySupport(pairs)) {
+  for (const int i : OrderBySupport(pairs)) {
     nodes.MatchesOf(pairs[i], matches);
     report.num_matches += static_cast<int64_t>(matches.size());
     for (size_t m = 0; m < matches.size(); ++m) {
@@ -169,13 +162,8 @@ TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& 
     Track track;
     for (int node = root; node >= 0; node = sets.Next(node)) track.push_back(nodes.Element(node));
     track.shrink_to_fit();
-    if (static_cast<int>(track.size()) < options.min_length) {
-      ++report.num_too_short;
-    } else {
-      report.tracks.push_back(std::move(track));
-    }
+    if (std::ssize(track) >= options.min_length) report.tracks.push_back(std::move(track));
   }
-  report.num_tracks_before_selection = static_cast<int64_t>(report.tracks.size());
   if (options.max_per_image > 0) {
     report.tracks = SelectTracks(report.tracks, options.max_per_image);
   }
@@ -187,13 +175,10 @@ TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& 
 }
 
 std::vector<Track> SelectTracks(std::span<const Track> tracks, int min_per_image) {
-  std::vector<size_t> order(tracks.size());
-  std::iota(order.begin(), order.end(), size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](size_t a, size_t b) { return tracks[a].size() > tracks[b].size(); });
   std::unordered_map<image_t, int> per_image;
   std::vector<char> is_selected(tracks.size(), 0);
-  for (const size_t i : order) {
+  const auto key = [&](int i) { return -std::ssize(tracks[i]); };
+  for (const int i : SortedOrder(tracks.size(), key)) {
     const Track& track = tracks[i];
     is_selected[i] = std::any_of(track.begin(), track.end(), [&](const TrackElement& element) {
       return per_image[element.image_id] < min_per_image;
@@ -209,12 +194,8 @@ std::vector<Track> SelectTracks(std::span<const Track> tracks, int min_per_image
 }
 
 std::vector<point2D_t> FirstKeypointsAtPosition(std::span<const Keypoint> keypoints) {
-  std::vector<point2D_t> order(keypoints.size());
-  std::iota(order.begin(), order.end(), point2D_t{0});
-  std::sort(order.begin(), order.end(), [&](point2D_t a, point2D_t b) {
-    return std::make_tuple(keypoints[a].x, keypoints[a].y, a) <
-           std::make_tuple(keypoints[b].x, keypoints[b].y, b);
-  });
+  const std::vector<int> order = SortedOrder(
+      keypoints.size(), [&](int i) { return std::make_pair(keypoints[i].x, keypoints[i].y); });
   std::vector<point2D_t> first(keypoints.size());
   for (size_t i = 0; i < order.size(); ++i) {
     const bool same = i > 0 && keypoints[order[i]].x == keypoints[order[i - 1]].x &&

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <tuple>
 
 #include "cairn/base/check.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -26,14 +26,6 @@ DirectionEdge Canonical(const DirectionEdge& edge) {
     result.direction = -result.direction;
   }
   return result;
-}
-
-template <class Key>
-std::vector<int> SortedOrder(size_t size, const Key& key) {
-  std::vector<int> order(size);
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return key(a) < key(b); });
-  return order;
 }
 
 // Rays as numbers that can be compared.
@@ -58,9 +50,7 @@ void AddTracks(std::span<const PointDirections> tracks, DirectionProblem& proble
   for (const int k : SortedOrder(keys.size(), key)) {
     if (keys[k].size() < 2) continue;
     for (const auto& [image_id, x, y, z] : keys[k]) {
-      const auto& ids = problem.image_ids;
-      const auto it = std::lower_bound(ids.begin(), ids.end(), image_id);
-      problem.rays.push_back({static_cast<int>(it - ids.begin()), Eigen::Vector3d(x, y, z)});
+      problem.rays.push_back({IndexIn(problem.image_ids, image_id), Eigen::Vector3d(x, y, z)});
     }
     problem.track_begin.push_back(static_cast<int>(problem.rays.size()));
   }
@@ -81,9 +71,6 @@ DirectionProblem MakeDirectionProblem(std::span<const DirectionEdge> input,
   }
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
-  const auto camera_of = [&](image_t id) {
-    return static_cast<int>(std::lower_bound(ids.begin(), ids.end(), id) - ids.begin());
-  };
 
   const auto key = [&](int e) {
     const DirectionEdge& edge = edges[e];
@@ -93,7 +80,7 @@ DirectionProblem MakeDirectionProblem(std::span<const DirectionEdge> input,
   problem.edge_of_input.resize(edges.size());
   for (const int e : SortedOrder(edges.size(), key)) {
     problem.edge_of_input[e] = static_cast<int>(problem.edges.size());
-    problem.edges.push_back({camera_of(edges[e].image_id1), camera_of(edges[e].image_id2),
+    problem.edges.push_back({IndexIn(ids, edges[e].image_id1), IndexIn(ids, edges[e].image_id2),
                              edges[e].direction, edges[e].length, edges[e].num_points});
   }
   AddTracks(tracks, problem);

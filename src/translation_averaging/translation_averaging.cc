@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 
+#include "cairn/base/named_value.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
@@ -243,19 +244,13 @@ std::vector<char> FilterEdges(const DirectionProblem& problem,
 }  // namespace
 
 std::string_view TranslationAveragingStatusName(TranslationAveragingStatus status) {
-  switch (status) {
-    case TranslationAveragingStatus::kSuccess:
-      return "success";
-    case TranslationAveragingStatus::kNoEdges:
-      return "no_edges";
-    case TranslationAveragingStatus::kCollapsed:
-      return "collapsed";
-    case TranslationAveragingStatus::kInconsistent:
-      return "inconsistent";
-    case TranslationAveragingStatus::kInterrupted:
-      return "interrupted";
-  }
-  return "unknown";
+  using enum TranslationAveragingStatus;
+  constexpr NamedValue<TranslationAveragingStatus> kNames[] = {{kSuccess, "success"},
+                                                               {kNoEdges, "no_edges"},
+                                                               {kCollapsed, "collapsed"},
+                                                               {kInconsistent, "inconsistent"},
+                                                               {kInterrupted, "interrupted"}};
+  return NameOf(kNames, status);
 }
 
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,

@@ -30,9 +30,7 @@ std::string_view PairStatusName(PairStatus status) { return NameOf(kPairStatuses
 std::string_view VerifierKindName(VerifierKind kind) { return NameOf(kVerifierKinds, kind); }
 
 VerifierKind VerifierKindFromName(std::string_view name) {
-  for (const auto& [kind, kind_name] : kVerifierKinds) {
-    if (name == kind_name) return kind;
-  }
+  if (const auto kind = ValueOf(kVerifierKinds, name)) return *kind;
   throw ConfigError("verifier", "unknown name '" + std::string(name) + "'");
 }
 

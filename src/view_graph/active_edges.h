@@ -1,10 +1,10 @@
 #pragma once
 
-#include <algorithm>
 #include <vector>
 
 #include "cairn/scene/view_graph.h"
 #include "graph/graph.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 
@@ -15,16 +15,12 @@ struct ActiveEdges {
 
   explicit ActiveEdges(const ViewGraph& graph) {
     for (size_t e = 0; e < graph.edges.size(); ++e) {
-      if (!graph.edges[e].IsActive()) continue;
+      const ViewEdge& edge = graph.edges[e];
+      if (!edge.IsActive()) continue;
       edges.push_back(
-          {NodeOf(graph, graph.edges[e].image_id1), NodeOf(graph, graph.edges[e].image_id2)});
+          {IndexIn(graph.image_ids, edge.image_id1), IndexIn(graph.image_ids, edge.image_id2)});
       index.push_back(static_cast<int>(e));
     }
-  }
-
-  static int NodeOf(const ViewGraph& graph, image_t id) {
-    const auto& ids = graph.image_ids;
-    return static_cast<int>(std::lower_bound(ids.begin(), ids.end(), id) - ids.begin());
   }
 };
 

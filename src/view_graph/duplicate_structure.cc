@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <set>
 
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -248,13 +248,10 @@ class Groups {
   }
 
   void JoinAlongPairs() {
-    std::vector<int> order(pairs_.size());
-    std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-      return std::make_pair(pairs_[a].Vote() < 0, -pairs_[a].num_inliers) <
-             std::make_pair(pairs_[b].Vote() < 0, -pairs_[b].num_inliers);
-    });
-    for (const int k : order) {
+    const auto key = [&](int k) {
+      return std::make_pair(pairs_[k].Vote() < 0, -pairs_[k].num_inliers);
+    };
+    for (const int k : SortedOrder(pairs_.size(), key)) {
       int group1 = Of(pairs_[k].image1), group2 = Of(pairs_[k].image2);
       if (group1 == group2) continue;
       if (SizeOf(group1) < SizeOf(group2)) std::swap(group1, group2);

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "base/text.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "view_graph/active_edges.h"
 
@@ -112,12 +112,12 @@ std::string ViewGraphToDot(const ViewGraph& graph, const std::map<image_t, std::
     text += "  " + std::to_string(id) + " [label=" + Dump(Name(id, names)) + "];\n";
   }
   for (const ViewEdge& edge : graph.edges) {
-    char style[128];
     // Line width grows with the logarithm of the inliers: 15 give 1, 1500 give 3.
     const double width = std::max(0.5, std::log10(std::max(1, edge.num_inliers)) - 0.2);
-    std::snprintf(style, sizeof(style), "color=%s, penwidth=%.2f%s, tooltip=\"%d %s\"",
-                  Color(edge.removal), width, edge.IsActive() ? "" : ", style=dashed",
-                  edge.num_inliers, std::string(EdgeRemovalName(edge.removal)).c_str());
+    const std::string style =
+        Formatted("color=%s, penwidth=%.2f%s, tooltip=\"%d %s\"", Color(edge.removal), width,
+                  edge.IsActive() ? "" : ", style=dashed", edge.num_inliers,
+                  std::string(EdgeRemovalName(edge.removal)).c_str());
     text += "  " + std::to_string(edge.image_id1) + " -- " + std::to_string(edge.image_id2) + " [" +
             style + "];\n";
   }

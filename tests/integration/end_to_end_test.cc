@@ -9,6 +9,7 @@
 #include "cairn/base/file.h"
 #include "cairn/io/colmap_model.h"
 #include "integration/scene_files.h"
+#include "support/check_consistency.h"
 
 namespace cairn {
 namespace {
@@ -45,7 +46,7 @@ TEST(EndToEnd, TheModelIsNearTheTruthAndHasNoDistractor) {
     EXPECT_TRUE(std::filesystem::exists(output + "/" + file)) << file;
   }
   const Reconstruction model = ReadColmapModel(output + "/sparse/0");
-  model.CheckConsistency();
+  testing_support::CheckConsistency(model);
   EXPECT_EQ(model.images.size(), 8u);
   for (const auto& [id, image] : model.images) {
     EXPECT_EQ(image.image.name.rfind("image", 0), 0u) << image.image.name << " is a distractor";

@@ -1,6 +1,7 @@
 #pragma once
 
-#include <span>
+#include <cstddef>
+#include <optional>
 #include <string_view>
 
 namespace cairn {
@@ -20,6 +21,16 @@ constexpr std::string_view NameOf(const Table& table, Enum value) {
     if (entry.value == value) return entry.name;
   }
   return "";
+}
+
+// The value of a name in a table; absent if the table does not have it.
+template <class Enum, size_t kSize>
+constexpr std::optional<Enum> ValueOf(const NamedValue<Enum> (&table)[kSize],
+                                      std::string_view name) {
+  for (const NamedValue<Enum>& entry : table) {
+    if (entry.name == name) return entry.value;
+  }
+  return std::nullopt;
 }
 
 }  // namespace cairn

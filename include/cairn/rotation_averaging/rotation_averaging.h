@@ -83,8 +83,6 @@ struct RotationAveragingReport {
   std::vector<char> edge_rejected;  // residual > max_error_deg
   int num_rejected = 0;
   int num_l1_iterations = 0;
-  int num_consensus_rounds = 0;
-  int num_region_rounds = 0;  // that turned a region
   int num_irls_iterations = 0;
   double median_residual_deg = 0;
 };

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <compare>
 #include <cstdint>
 #include <vector>
 
@@ -48,7 +49,7 @@ struct DepthSample {
 struct FeatureMatch {
   point2D_t point1 = 0;
   point2D_t point2 = 0;
-  bool operator==(const FeatureMatch&) const = default;
+  auto operator<=>(const FeatureMatch&) const = default;
 };
 using FeatureMatches = std::vector<FeatureMatch>;
 

@@ -70,9 +70,6 @@ struct Reconstruction {
   void UpdatePointErrors(int num_threads = 1);
   // Applies new_from_old_world to every pose and point.
   void Transform(const Sim3d& new_from_old_world);
-  // Points refer to observations that refer back, tracks are sorted and distinct,
-  // poses and points are finite, cameras exist. Throws BugError.
-  void CheckConsistency() const;
 };
 
 // Reprojection error in pixels; infinite when the point is not in front of the camera.

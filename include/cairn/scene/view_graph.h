@@ -4,6 +4,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cairn/base/named_value.h"
 #include "cairn/base/types.h"
 #include "cairn/geometry/rigid3d.h"
 
@@ -20,6 +21,18 @@ enum class EdgeRemoval : int {
   kOtherComponent,         // Not in the component that is reconstructed.
   kAmbiguous,              // Contradicts many well-supported loops: duplicate structure.
   kModelInconsistent,      // The finished model explains less than half of its matches.
+};
+
+inline constexpr NamedValue<EdgeRemoval> kEdgeRemovals[] = {
+    {EdgeRemoval::kNone, "in_use"},
+    {EdgeRemoval::kTooFewInliers, "too_few_inliers"},
+    {EdgeRemoval::kNoPose, "no_pose"},
+    {EdgeRemoval::kTripletInconsistent, "triplet_inconsistent"},
+    {EdgeRemoval::kRotationInconsistent, "rotation_inconsistent"},
+    {EdgeRemoval::kDirectionInconsistent, "direction_inconsistent"},
+    {EdgeRemoval::kOtherComponent, "other_component"},
+    {EdgeRemoval::kAmbiguous, "ambiguous"},
+    {EdgeRemoval::kModelInconsistent, "model_inconsistent"},
 };
 
 std::string_view EdgeRemovalName(EdgeRemoval removal);

@@ -29,8 +29,6 @@ struct PairMatches {
 struct TrackReport {
   int64_t num_matches = 0;      // given
   int64_t num_conflicting = 0;  // matches left out
-  int64_t num_too_short = 0;    // tracks
-  int64_t num_tracks_before_selection = 0;
   int64_t num_tracks = 0;
   int64_t num_observations = 0;
   std::vector<Track> tracks;  // sorted by their first element, then the second, ...

@@ -80,11 +80,7 @@ std::map<image_pair_t, FeatureMatches> ReadTrackMatches(const OneDsfmDataset& da
       }
     }
   }
-  for (auto& [pair, list] : matches) {
-    std::sort(list.begin(), list.end(), [](const FeatureMatch& x, const FeatureMatch& y) {
-      return std::tie(x.point1, x.point2) < std::tie(y.point1, y.point2);
-    });
-  }
+  for (auto& [pair, list] : matches) std::sort(list.begin(), list.end());
   return matches;
 }
 

@@ -3,8 +3,8 @@
 #include <map>
 #include <set>
 
-#include "base/first_names.h"
 #include "base/hash.h"
+#include "base/text.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"

@@ -4,20 +4,13 @@
 #include <cmath>
 #include <vector>
 
+#include "math/log_binomial.h"
 #include "robust/sampson_kernels.h"
 
 namespace cairn::internal {
 namespace {
 
-// std::lgamma writes a global variable, the sign.
-double LogFactorial(int n) {
-  int sign;
-  return lgamma_r(n + 1.0, &sign);
-}
-
-double Log10Binomial(int n, int k) {
-  return (LogFactorial(n) - LogFactorial(k) - LogFactorial(n - k)) / std::log(10.0);
-}
+double Log10Binomial(int n, int k) { return LogBinomial(n, k) / std::log(10.0); }
 
 }  // namespace
 

@@ -9,6 +9,7 @@
 #include "cairn/base/file.h"
 #include "cairn/io/model.h"
 #include "random_reconstruction.h"
+#include "support/check_consistency.h"
 #include "support/temp_folder.h"
 #include "support/thrown_message.h"
 
@@ -87,7 +88,7 @@ TEST(Bundler, ComesBack) {
   const Reconstruction r = RandomReconstruction(2, {.all_camera_models = false});
   WriteBundler(r, folder / "bundle.out", folder / "list.txt");
   const Reconstruction read = ReadModel(folder / "bundle.out");
-  read.CheckConsistency();
+  testing_support::CheckConsistency(read);
   ASSERT_EQ(read.images.size(), r.images.size());
   for (const auto& [id, image] : r.images) {
     const RegisteredImage& other = read.images.at(id);

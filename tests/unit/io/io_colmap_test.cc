@@ -9,6 +9,7 @@
 #include "cairn/io/bundler.h"
 #include "cairn/io/colmap_model.h"
 #include "random_reconstruction.h"
+#include "support/check_consistency.h"
 #include "support/temp_folder.h"
 
 namespace cairn {
@@ -80,7 +81,7 @@ TEST(Colmap, ModelConverterGivesTheSameModel) {
       << ReadFile(folder / "log");
   for (const char* name : {"txt", "bin2"}) {
     const Reconstruction read = ReadColmapModel(folder / name);
-    read.CheckConsistency();
+    testing_support::CheckConsistency(read);
     ASSERT_EQ(read.images.size(), r.images.size());
     ASSERT_EQ(read.points3D.size(), r.points3D.size());
     for (const auto& [id, camera] : r.cameras) EXPECT_EQ(read.cameras.at(id).params, camera.params);

@@ -7,6 +7,7 @@
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "cairn/io/one_dsfm.h"
+#include "support/check_consistency.h"
 #include "support/shared_data.h"
 #include "support/temp_folder.h"
 
@@ -39,7 +40,7 @@ TEST(IoData, LundDoorIsConsistentAndItsPointsProject) {
   const Reconstruction r = ReadColmapModel(folder);
   EXPECT_EQ(r.images.size(), 12u);
   EXPECT_EQ(r.points3D.size(), 11384u);
-  r.CheckConsistency();
+  testing_support::CheckConsistency(r);
   double stored = 0;
   for (const auto& [id, point] : r.points3D) stored += point.error_px;
   EXPECT_NEAR(r.MeanReprojectionErrorPx(), stored / static_cast<double>(r.points3D.size()), 0.05);

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "cairn/base/rng.h"
+#include "support/check_consistency.h"
 #include "support/test_monitor.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
@@ -76,7 +77,7 @@ TEST_F(EarlierModelsTest, RegisterNewImagesAndStayWhereTheyAre) {
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   ASSERT_EQ(result.models.size(), 1u);
   const Reconstruction& model = result.models.front();
-  model.CheckConsistency();
+  testing_support::CheckConsistency(model);
   EXPECT_EQ(model.images.size(), 12u);
   const auto difference = testing_support::CompareAligned(model, scene_.truth);
   EXPECT_LT(difference.angle, 2e-3);

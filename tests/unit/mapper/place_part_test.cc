@@ -1,4 +1,5 @@
 #include "cairn/math/so3.h"
+#include "support/check_consistency.h"
 #include "unit/mapper/incomplete_model.h"
 
 namespace cairn {
@@ -46,7 +47,7 @@ int NumWarnings(const std::vector<ResultWarning>& warnings, const std::string& w
 TEST(PartOf, HasThePointsThatTwoOfItsImagesSee) {
   const IncompleteModel scene({});
   const Reconstruction part = PartOf(scene.model, kPart, IsOfPart);
-  part.CheckConsistency();
+  testing_support::CheckConsistency(part);
   EXPECT_EQ(part.images.size(), kPart.size());
   size_t num_expected = 0;
   for (const auto& [id, point] : scene.model.points3D) {

@@ -11,6 +11,7 @@
 #include "cairn/synthetic/scene.h"
 #include "database/stage_names.h"
 #include "mapper/stages.h"
+#include "support/check_consistency.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/test_monitor.h"
 #include "support/thrown_message.h"
@@ -40,7 +41,7 @@ TEST(Reconstruct, RecoversAScene) {
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   ASSERT_EQ(result.models.size(), 1u);
   const Reconstruction& model = result.models.front();
-  model.CheckConsistency();
+  testing_support::CheckConsistency(model);
   EXPECT_EQ(model.images.size(), 10u);
   EXPECT_GT(model.points3D.size(), 300u);
   const auto difference = testing_support::CompareAligned(model, scene.truth);

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "cairn/base/rng.h"
+#include "support/check_consistency.h"
 #include "unit/mapper/incomplete_model.h"
 
 namespace cairn {
@@ -15,7 +16,7 @@ TEST(RegisterLeftOut, GivesImagesTheirPoses) {
     ASSERT_EQ(incomplete.model.images.size(), 8u);
     const auto num_points = incomplete.model.points3D.size();
     EXPECT_EQ(incomplete.Register(), 2);
-    incomplete.model.CheckConsistency();
+    testing_support::CheckConsistency(incomplete.model);
     ASSERT_EQ(incomplete.model.images.size(), 10u);
     EXPECT_EQ(incomplete.model.points3D.size(), num_points);
     for (const image_t id : {3, 7}) {

@@ -7,6 +7,7 @@
 #include "cairn/pipeline/verify_pairs.h"
 #include "intrinsics/known_intrinsics.h"
 #include "intrinsics/wide_focals.h"
+#include "support/check_consistency.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
@@ -42,7 +43,7 @@ void ExpectNearTruth(const Database& database, const Reconstruction& truth, doub
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   ASSERT_EQ(result.models.size(), 1u);
   const Reconstruction& model = result.models.front();
-  model.CheckConsistency();
+  testing_support::CheckConsistency(model);
   EXPECT_EQ(model.images.size(), truth.images.size());
   const auto difference = testing_support::CompareAligned(model, truth);
   EXPECT_LT(difference.angle, max_angle);

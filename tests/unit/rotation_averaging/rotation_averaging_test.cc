@@ -238,7 +238,6 @@ TEST(RotationAveraging, SameBytesForAnyNumberOfThreadsOnALargeGraph) {
     return AverageRotations(p.edges, options, {.num_threads = num_threads});
   };
   const RotationAveragingReport reference = average(1);
-  EXPECT_GT(reference.num_consensus_rounds, 2);
   for (const int num_threads : {2, 3}) {
     EXPECT_TRUE(SameBytes(average(num_threads).cam_from_world, reference.cam_from_world));
   }

@@ -9,6 +9,7 @@
 #include "cairn/base/error.h"
 #include "cairn/math/so3.h"
 #include "cairn/synthetic/scene.h"
+#include "support/check_consistency.h"
 
 namespace cairn {
 namespace {
@@ -32,17 +33,17 @@ int64_t NumReferences(const Reconstruction& reconstruction) {
 
 TEST(Reconstruction, AddAndRemovePointsKeepBothSides) {
   Reconstruction r = MakeSmall();
-  r.CheckConsistency();
+  testing_support::CheckConsistency(r);
   EXPECT_EQ(NumReferences(r), r.NumObservations());
   EXPECT_DOUBLE_EQ(r.MeanTrackLength(), double(r.NumObservations()) / r.points3D.size());
 
   const auto [old_id, old_point] = *r.points3D.begin();
   const int64_t before = r.NumObservations();
   r.RemovePoint3D(old_id);
-  r.CheckConsistency();
+  testing_support::CheckConsistency(r);
   EXPECT_EQ(r.NumObservations(), before - static_cast<int64_t>(old_point.track.size()));
   const point3D_t new_id = r.AddPoint3D(old_point);
-  r.CheckConsistency();
+  testing_support::CheckConsistency(r);
   EXPECT_EQ(r.NumObservations(), before);
   EXPECT_EQ(new_id, r.points3D.rbegin()->first);
   EXPECT_EQ(NumReferences(r), before);
@@ -53,7 +54,7 @@ TEST(Reconstruction, AKeypointShowsOnePointOnly) {
   Reconstruction r = MakeSmall();
   const Point3D point = r.points3D.begin()->second;
   EXPECT_THROW(r.AddPoint3D(point), BugError);
-  r.CheckConsistency();  // nothing was changed
+  testing_support::CheckConsistency(r);  // nothing was changed
 }
 
 TEST(Reconstruction, RemoveObservationDropsShortTracks) {
@@ -68,7 +69,7 @@ TEST(Reconstruction, RemoveObservationDropsShortTracks) {
     }
     EXPECT_LE(rest.size(), 1u);
   }
-  r.CheckConsistency();
+  testing_support::CheckConsistency(r);
   EXPECT_EQ(NumReferences(r), 0);
 }
 
@@ -107,7 +108,7 @@ TEST(Reconstruction, ASimilarityChangesNoReprojection) {
   r.Transform(new_from_old);
   EXPECT_NEAR(r.MeanReprojectionErrorPx(), before, 1e-10);
   EXPECT_LT((r.images.at(1).cam_from_world.Center() - new_from_old * center).norm(), 1e-12);
-  r.CheckConsistency();
+  testing_support::CheckConsistency(r);
 }
 
 TEST(Reconstruction, CheckConsistencyFindsEachDefect) {
@@ -131,13 +132,13 @@ TEST(Reconstruction, CheckConsistencyFindsEachDefect) {
   for (size_t i = 0; i < defects.size(); ++i) {
     Reconstruction r = MakeSmall();
     defects[i](r);
-    EXPECT_ANY_THROW(r.CheckConsistency()) << "defect " << i;
+    EXPECT_ANY_THROW(testing_support::CheckConsistency(r)) << "defect " << i;
   }
 }
 
 TEST(Reconstruction, EmptyIsFine) {
   Reconstruction r;
-  r.CheckConsistency();
+  testing_support::CheckConsistency(r);
   EXPECT_EQ(r.MeanTrackLength(), 0);
   EXPECT_EQ(r.MeanReprojectionErrorPx(), 0);
   EXPECT_EQ(r.NumObservations(), 0);

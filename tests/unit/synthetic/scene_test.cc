@@ -10,6 +10,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/geometry/epipolar.h"
+#include "support/check_consistency.h"
 #include "support/scene_view_graph.h"
 
 namespace cairn {
@@ -31,7 +32,7 @@ TEST(Scene, ExactReconstructionIsConsistent) {
       options.camera_model = model;
       options.radial_distortion = -0.05;
       const Reconstruction truth = MakeScene(options, 1).truth;
-      EXPECT_NO_THROW(truth.CheckConsistency());
+      EXPECT_NO_THROW(testing_support::CheckConsistency(truth));
       EXPECT_EQ(truth.images.size(), 8u);
       EXPECT_GT(truth.points3D.size(), 100u) << name;
       EXPECT_LT(truth.MeanReprojectionErrorPx(), 1e-4) << "float keypoints";

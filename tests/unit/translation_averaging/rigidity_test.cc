@@ -3,13 +3,14 @@
 #include <gmock/gmock.h>
 
 #include "cairn/base/rng.h"
-#include "graph/parallel_rigidity.h"
+#include "support/parallel_rigid_components.h"
 
 namespace cairn {
 namespace {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
+using testing_support::ParallelRigidComponents;
 
 std::vector<int> Placeable(const std::vector<std::pair<int, int>>& edges,
                            const std::vector<std::vector<int>>& tracks) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/base/error.h"
+#include "support/check_consistency.h"
 #include "support/synthetic_reconstruction.h"
 
 namespace cairn {
@@ -21,7 +22,7 @@ TEST(TriangulateTracks, RecoversThePointsOfADistortedScene) {
     Reconstruction estimate = scene.truth;
     const TriangulateTracksReport report =
         TriangulateTracks(scene.tracks, estimate, {}, {.num_threads = 1});
-    estimate.CheckConsistency();
+    testing_support::CheckConsistency(estimate);
     EXPECT_EQ(report.num_triangulated, static_cast<int64_t>(scene.tracks.size()));
     ASSERT_EQ(estimate.points3D.size(), scene.truth.points3D.size());
     for (const auto& [id, point] : estimate.points3D) {
@@ -40,7 +41,7 @@ TEST(TriangulateTracks, LeavesOutWrongObservations) {
   Reconstruction estimate = scene.truth;
   const TriangulateTracksReport report =
       TriangulateTracks(scene.tracks, estimate, {}, {.num_threads = 2});
-  estimate.CheckConsistency();
+  testing_support::CheckConsistency(estimate);
   EXPECT_GT(report.num_triangulated, 190);
   int num_wrong = 0;
   for (const auto& [id, point] : estimate.points3D) {
@@ -108,7 +109,7 @@ TEST(TriangulateTracks, PassesOverImagesThatAreNotRegistered) {
   while (!estimate.points3D.empty()) estimate.RemovePoint3D(estimate.points3D.begin()->first);
   estimate.images.erase(2);
   TriangulateTracks(scene.tracks, estimate, {}, {.num_threads = 1});
-  estimate.CheckConsistency();
+  testing_support::CheckConsistency(estimate);
   EXPECT_GT(estimate.points3D.size(), 100u);
   estimate.points3D.clear();
   estimate.images.erase(1);
@@ -144,7 +145,7 @@ TEST(FilterPoints, RemovesWrongObservationsAndNarrowPoints) {
   model.points3D.at(3).xyz = Eigen::Vector3d(0, 0, -1000);
   const size_t num_points = model.points3D.size();
   const FilterReport report = FilterPoints(model, {}, {.num_threads = 2});
-  model.CheckConsistency();
+  testing_support::CheckConsistency(model);
   EXPECT_EQ(model.points3D.at(1).track.size(), 5u);
   EXPECT_EQ(model.points3D.size(), num_points - 2);
   EXPECT_EQ(report.num_points_removed, 2);

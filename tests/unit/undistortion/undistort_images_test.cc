@@ -9,6 +9,7 @@
 #include "cairn/image/resample.h"
 #include "cairn/io/colmap_model.h"
 #include "cairn/undistortion/undistort.h"
+#include "support/check_consistency.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/temp_folder.h"
 #include "support/test_monitor.h"
@@ -205,7 +206,7 @@ TEST_F(UndistortImagesTest, ABrokenPhotographIsNamedAndLeftOut) {
   EXPECT_EQ(report.failed.at("image1.png"), "is 100 x 75 pixels, its camera 200 x 150");
   const Reconstruction model = ReadColmapModel(Dense("sparse"));
   EXPECT_EQ(model.images.size(), 2u);
-  model.CheckConsistency();
+  testing_support::CheckConsistency(model);
   EXPECT_EQ(ReadFile(Dense("stereo/fusion.cfg")), "more/image4.png\nimage5.png\n");
 }
 

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/undistortion/undistort.h"
+#include "support/check_consistency.h"
 #include "support/synthetic_reconstruction.h"
 
 namespace cairn {
@@ -20,7 +21,7 @@ TEST(UndistortedModel, PointsAreWhereTheUndistortedCameraSeesThem) {
     const Reconstruction model =
         testing_support::MakeSyntheticScene({.model = camera_model, .shared_camera = false}).truth;
     const Reconstruction out = UndistortedModel(model, NamesOf(model), {});
-    out.CheckConsistency();
+    testing_support::CheckConsistency(out);
     EXPECT_EQ(out.NumObservations(), model.NumObservations());
     double largest = 0;
     for (const auto& [point_id, point] : out.points3D) {
@@ -42,7 +43,7 @@ TEST(UndistortedModel, LeavesOutWhatHasNoImage) {
   std::set<std::string> names = NamesOf(model);
   names.erase("image3");
   const Reconstruction out = UndistortedModel(model, names, {});
-  out.CheckConsistency();
+  testing_support::CheckConsistency(out);
   EXPECT_EQ(out.images.size(), 5u);
   EXPECT_EQ(out.cameras.count(3), 0u);
   EXPECT_EQ(out.images.count(3), 0u);
@@ -57,7 +58,7 @@ TEST(UndistortedModel, LeavesOutKeypointsWithoutAPinholePixel) {
   model.images.at(element.image_id).points2D[element.point2D] =
       model.cameras.at(1).PrincipalPoint() + Eigen::Vector2d(1.8 * model.cameras.at(1).FocalX(), 0);
   const Reconstruction out = UndistortedModel(model, NamesOf(model), {});
-  out.CheckConsistency();
+  testing_support::CheckConsistency(out);
   EXPECT_EQ(out.NumObservations(), model.NumObservations() - 1);
   EXPECT_EQ(out.images.at(element.image_id).points2D.size(),
             model.images.at(element.image_id).points2D.size() - 1);

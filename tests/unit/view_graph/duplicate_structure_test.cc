@@ -8,6 +8,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/synthetic/scene.h"
+#include "support/check_consistency.h"
 #include "support/scene_view_graph.h"
 
 namespace cairn {
@@ -135,7 +136,7 @@ Place Renumbered(Place place, const std::vector<image_t>& new_id) {
     std::sort(point.track.begin(), point.track.end());
     renumbered.points3D[new_point_id(id)] = point;
   }
-  renumbered.CheckConsistency();
+  testing_support::CheckConsistency(renumbered);
   place.model = std::move(renumbered);
   for (image_t& id : place.graph.image_ids) id = new_id[id];
   for (ViewEdge& edge : place.graph.edges) {

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <span>
+#include <string>
+
+namespace cairn {
+
+// The text that printf would print.
+[[gnu::format(printf, 1, 2)]] std::string Formatted(const char* format, ...);
+
+// "a.jpg, b.jpg and 7 more": the first names.
+std::string FirstNames(std::span<const std::string> names, size_t max_named = 20);
+
+}  // namespace cairn
