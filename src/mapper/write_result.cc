@@ -9,6 +9,7 @@
 #include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/io/bundler.h"
 #include "cairn/io/colmap_model.h"
+#include "cairn/io/csv.h"
 #include "cairn/io/ply.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/view_graph/view_graph_text.h"
@@ -43,7 +44,7 @@ std::string ConfidenceCsv(const ReconstructResult& result, const RunContext& run
       std::snprintf(line, sizeof(line), ",%zu,%d,%d,%.6g,%.6g\n", k, num_pairs[id],
                     confidence.num_points, confidence.rotation_sigma_deg,
                     confidence.position_sigma);
-      text += model.images.at(id).image.name + line;
+      text += CsvField(model.images.at(id).image.name) + line;
     }
   }
   return text;

@@ -32,6 +32,7 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   WriteReconstructResult(result, output, "# options\n");
   for (const char* name :
        {"sparse/0/cameras.bin", "sparse/1/points3D.bin", "bundle.out", "list.txt", "points.ply",
+  result.models[1].images.at(scene.images[8].image_id).image.name = "a, b.jpg";
         "confidence.csv", "view_graph.json", "view_graph.dot", "report.json", "effective.toml"}) {
     EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(output) / name)) << name;
   }
@@ -42,6 +43,7 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   EXPECT_EQ(read.images.size(), result.models[0].images.size());
   EXPECT_EQ(read.points3D.size(), result.models[0].points3D.size());
 
+  EXPECT_THAT(confidence, HasSubstr("\n\"a, b.jpg\",1,"));
   result.models.pop_back();
   WriteReconstructResult(result, output, "# options\n");
   EXPECT_FALSE(std::filesystem::exists(output + "/sparse/1"));
