@@ -91,13 +91,13 @@ int Run(const GeoregisterFlags& flags) {
   Reconstruction model = ReadModel(path);
   KnownPositions known;
   std::vector<std::string> names;
+  const RunContext run{static_cast<uint64_t>(flags.seed), flags.num_threads, monitor};
   for (const auto& [id, image] : model.images) names.push_back(image.image.name);
   if (has_gps) {
-    known.images = ReadPositions(names, flags.gps_path, flags.image_path, flags.num_threads);
+    known.images = ReadPositions(names, flags.gps_path, flags.image_path, run);
   }
   if (!flags.gcp_path.empty()) known.control_points = ReadGcpFile(flags.gcp_path);
-  const Georegistration found =
-      Georegister(model, known, {.seed = static_cast<uint64_t>(flags.seed), .monitor = monitor});
+  const Georegistration found = Georegister(model, known, run);
   if (const std::string failure = GeoregistrationFailure(found); !failure.empty()) {
     monitor.Warning(failure);
     return kExitNoUsableResult;

@@ -162,6 +162,7 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   if (last < BuildStage::kPairs) return true;
   if (listed && last < BuildStage::kMatching) return true;
   return listed ? MatchAndVerify(database, options, *listed, listed, run, helpers, report)
+  CheckPositions(in.gps_path, database.ReadImages(), run.monitor);
                 : RunRounds(database, options, choosing, run, helpers, report);
 }
 
