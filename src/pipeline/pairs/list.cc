@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <map>
-#include <sstream>
+#include <optional>
 
 #include "cairn/base/error.h"
-#include "cairn/base/file.h"
 #include "cairn/pipeline/stages.h"
+#include "io/text_reader.h"
 
 namespace cairn {
 namespace {
@@ -23,27 +23,19 @@ std::optional<std::pair<std::string, std::string>> SplitLine(
   return first;
 }
 
-std::string Trimmed(const std::string& line) {
-  const size_t begin = line.find_first_not_of(" \t\r");
-  if (begin == std::string::npos || line[begin] == '#') return "";
-  return line.substr(begin, line.find_last_not_of(" \t\r") - begin + 1);
-}
-
 }  // namespace
 
 std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vector<Image>& images,
                                        ProgressMonitor& monitor) {
-  std::istringstream file(ReadFile(path));
   std::map<std::string, image_t> ids;
   for (const Image& image : images) ids[image.name] = image.image_id;
   std::vector<image_pair_t> pairs;
-  std::string line;
-  for (int number = 1; std::getline(file, line); ++number) {
-    line = Trimmed(line);
-    if (line.empty()) continue;
-    const std::string where = path + ":" + std::to_string(number);
+  TextReader reader(path);
+  while (reader.NextDataLine()) {
+    const std::string line(reader.Rest());
+    const std::string where = path + ":" + std::to_string(reader.line_number());
     const auto names = SplitLine(line, ids);
-    if (!names) throw IoError(where, "'" + line + "' is not two image names");
+    if (!names) reader.Fail("'" + line + "' is not two image names");
     const auto id1 = ids.find(names->first);
     const auto id2 = ids.find(names->second);
     if (id1 == ids.end() || id2 == ids.end()) {
@@ -55,6 +47,7 @@ std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vecto
       pairs.push_back(ImagePairToPairId(id1->second, id2->second));
     }
   }
+  if (pairs.empty()) throw IoError(path, "names no pair of photographs of the database");
   std::sort(pairs.begin(), pairs.end());
   pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
   return pairs;
