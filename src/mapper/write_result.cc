@@ -60,6 +60,17 @@ void WriteColmapModels(const ReconstructResult& result, const fs::path& output) 
 }
 
 // Side by side: the text of some takes long to make.
+// The page is as large as all else, and worth less: what is not written for it is no page.
+void WritePage(const std::string& path, ReconstructResult& result, const RunContext& run) {
+  if (result.page.empty()) return;
+  try {
+    WriteFileAtomically(path, result.page);
+  } catch (const IoError& error) {
+    result.page.clear();
+    run.monitor.Warning("report.html " + error.reason() + "; there is none for this run");
+  }
+}
+
 void WriteFiles(ReconstructResult& result, const fs::path& output,
                 const std::string& effective_toml, const RunContext& run) {
   std::map<image_t, std::string> names;
@@ -70,9 +81,6 @@ void WriteFiles(ReconstructResult& result, const fs::path& output,
       [&] { WriteFileAtomically(path("effective.toml"), effective_toml); },
       [&] { WriteFileAtomically(path("view_graph.json"), ViewGraphToJson(result.graph, names)); },
       [&] { WriteFileAtomically(path("view_graph.dot"), ViewGraphToDot(result.graph, names)); }};
-  if (!result.page.empty()) {
-    tasks.push_back([&] { WriteFileAtomically(path("report.html"), result.page); });
-  }
   if (!result.models.empty()) {
     const Reconstruction& largest = result.models.front();
     tasks.push_back([&] {
@@ -91,6 +99,7 @@ void WriteFiles(ReconstructResult& result, const fs::path& output,
   }
   WriteFileAtomically(path("report.json"), ToJson(result.report));
 }
+  WritePage(path("report.html"), result, run);
 
 }  // namespace
 
