@@ -51,10 +51,12 @@ void NameOthers(const std::string& folder, ProgressMonitor& monitor) {
 
 int Run(const Command& command, const UndistortFlags& flags) {
   ConsoleMonitor monitor;
-  Reconstruction model = ReadModel(LargestModelIn(flags.model_path));
+  const std::string model_path = LargestModelIn(flags.model_path);
+  Reconstruction model = ReadModel(model_path);
   CompleteImageSizes(flags.image_path, model);
   const UndistortJob job{.image_path = flags.image_path,
                          .output_path = flags.output_path,
+                         .model_path = model_path,
                          .layout = flags.output_type,
                          .overwrites = flags.overwrite,
                          .effective_toml = command.EffectiveToml()};
@@ -67,9 +69,9 @@ int Run(const Command& command, const UndistortFlags& flags) {
   monitor.Info(std::to_string(num_images) + " of " + std::to_string(model.images.size()) +
                " images undistorted in " + flags.output_path + ", " +
                std::to_string(report.num_kept) + " of them by an earlier run");
+  NameOthers(flags.model_path, monitor);
   if (report.was_stopped) monitor.Info("stopped; the same command continues");
   return report.was_stopped || num_images == 0 ? kExitNoUsableResult : kExitSuccess;
-  NameOthers(flags.model_path, monitor);
 }
 
 }  // namespace

@@ -20,6 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kWriter[] = "reconstruct";  // and refine
 // Everything that a run may write.
 const std::vector<std::string> kResultNames = {
     "sparse",         "bundle.out",      "list.txt",       "points.ply",
@@ -59,7 +60,6 @@ void WriteColmapModels(const ReconstructResult& result, const fs::path& output) 
   }
 }
 
-// Side by side: the text of some takes long to make.
 // The page is as large as all else, and worth less: what is not written for it is no page.
 void WritePage(const std::string& path, ReconstructResult& result, const RunContext& run) {
   if (result.page.empty()) return;
@@ -71,6 +71,7 @@ void WritePage(const std::string& path, ReconstructResult& result, const RunCont
   }
 }
 
+// Side by side: the text of some takes long to make.
 void WriteFiles(ReconstructResult& result, const fs::path& output,
                 const std::string& effective_toml, const RunContext& run) {
   std::map<image_t, std::string> names;
@@ -98,19 +99,19 @@ void WriteFiles(ReconstructResult& result, const fs::path& output,
     result.report.stages.push_back(stage.Finish());
   }
   WriteFileAtomically(path("report.json"), ToJson(result.report));
-}
   WritePage(path("report.html"), result, run);
+}
 
 }  // namespace
 
 void CheckReconstructOutput(const std::string& output_path, bool overwrites) {
-  const OutputFolder output(output_path, kResultNames, overwrites);
+  const OutputFolder output(output_path, kWriter, kResultNames, overwrites);
 }
 
 std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
                                    const std::string& effective_toml, bool overwrites,
                                    const RunContext& run) {
-  OutputFolder output(output_path, kResultNames, overwrites);
+  OutputFolder output(output_path, kWriter, kResultNames, overwrites);
   const bool keeps_earlier = result.models.empty() && output.Has("sparse/");
   const fs::path folder = keeps_earlier ? "failed" : "";
   const fs::path staging = output.staging() / folder;
