@@ -90,6 +90,23 @@ TEST(EndToEnd, ExportWritesEveryType) {
     EXPECT_EQ(result.exit_code, 0) << result.output;
     EXPECT_TRUE(std::filesystem::exists(path));
   }
+  // The largest model of the folder, for every command.
+  const std::string with_frusta = ReadFile(scene / "export_ply.ply");
+  for (std::vector<std::string> arguments :
+       {std::vector<std::string>{"inspect"},
+        {"evaluate", "--reference_path", SceneFiles::truth()},
+        {"export", "--output_path", scene / "export_ply.ply", "--output_type", "ply"}}) {
+    arguments.insert(arguments.end(), {"--model_path", scene / "out"});
+    const ProgramResult result = RunProgram("global_sfm", arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+  }
+  EXPECT_EQ(ReadFile(scene / "export_ply.ply"), with_frusta);
+  // A model of another program is not replaced unasked.
+  std::vector<std::string> over = {"export", "--model_path", scene / "out", "--output_path",
+                                   scene / "out/sparse/0"};
+  const ProgramResult refused = RunProgram("global_sfm", over);
+  EXPECT_EQ(refused.exit_code, 2) << refused.output;
+  EXPECT_THAT(refused.output, HasSubstr("is not as cairn wrote it"));
   const Reconstruction binary = ReadColmapModel(scene / "out/sparse/0");
   const Reconstruction text = ReadColmapModel(scene / "export_colmap_txt");
   EXPECT_EQ(binary.images.size(), text.images.size());
@@ -116,19 +133,6 @@ TEST(EndToEnd, BundlerFilesOfUndistortedImages) {
   EXPECT_EQ(num_images, 8);
 }
 
-TEST(EndToEnd, NothingToReconstructIsExitCodeOne) {
-  const SceneFiles scene;
-  const std::string database = scene / "features.db";
-  ASSERT_EQ(scene.BuildViewGraph(database, {"--stop_after", "features"}).exit_code, 0);
-  const ProgramResult result =
-      RunProgram("global_sfm", {"reconstruct", "--database_path", database, "--image_path",
-                                scene.images(), "--output_path", scene / "out"});
-  EXPECT_EQ(result.exit_code, 1) << result.output;
-  EXPECT_FALSE(std::filesystem::exists(scene / "out/sparse/0/images.bin"));
-}
-
-}  // namespace
-}  // namespace cairn
 // Neither loses the other's results, nor the model that it reads.
 TEST(EndToEnd, ReconstructAndUndistortHaveFoldersOfTheirOwn) {
   const SceneFiles scene;
@@ -172,3 +176,16 @@ TEST(EndToEnd, UndistortNamesTheModelsThatItLeaves) {
                                        (scene / "two/sparse/1")));
 }
 
+TEST(EndToEnd, NothingToReconstructIsExitCodeOne) {
+  const SceneFiles scene;
+  const std::string database = scene / "features.db";
+  ASSERT_EQ(scene.BuildViewGraph(database, {"--stop_after", "features"}).exit_code, 0);
+  const ProgramResult result =
+      RunProgram("global_sfm", {"reconstruct", "--database_path", database, "--image_path",
+                                scene.images(), "--output_path", scene / "out"});
+  EXPECT_EQ(result.exit_code, 1) << result.output;
+  EXPECT_FALSE(std::filesystem::exists(scene / "out/sparse/0/images.bin"));
+}
+
+}  // namespace
+}  // namespace cairn
