@@ -16,7 +16,10 @@ struct EvaluateFlags {
   std::string reference_list;
   std::string output_path;
   void VisitFields(OptionVisitor& v) {
-    v.String("model_path", model_path, "what is evaluated: COLMAP model folder or Bundler file");
+    v.String(
+        "model_path", model_path,
+        "what is evaluated: folder that reconstruct wrote (its largest model is taken), COLMAP "
+        "model folder or Bundler file");
     v.String("model_list", model_list,
              "list of a Bundler model's images; default: list.txt beside it");
     v.String("reference_path", reference_path,

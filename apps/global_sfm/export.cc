@@ -24,11 +24,13 @@ struct ExportFlags {
   std::string output_type = "colmap_bin";
   std::string image_path;
   std::string database_path;
+  bool overwrite = false;
   int num_threads = 0;
   void VisitFields(OptionVisitor& v) {
-    v.String(
-        "model_path", model_path,
-        "COLMAP model folder (binary or text), Bundler file (.out) or folder of .camera files");
+    v.String("model_path", model_path,
+             "folder that reconstruct wrote (its largest model is taken), COLMAP model folder "
+             "(binary or "
+             "text), Bundler file (.out) or folder of .camera files");
     v.String("model_list", model_list,
              "list of a Bundler model's images; default: list.txt beside it");
     v.String("output_path", output_path,
@@ -42,6 +44,9 @@ struct ExportFlags {
              "folder of the photographs, which nerfstudio's file refers to (default: images), and "
              "1dsfm resamples; a Bundler model gets its image sizes from them");
     v.String("database_path", database_path, "database of the model, whose pairs 1dsfm writes");
+    v.Bool("overwrite", overwrite,
+           "replace files in output_path that cairn did not write, too (COLMAP models; files of "
+           "other types are always replaced)");
     v.Int("num_threads", num_threads, {0, 1024}, "threads that resample photographs; 0: all");
   }
 };
@@ -100,9 +105,10 @@ int Run(const ExportFlags& flags) {
   if (flags.output_type == "1dsfm") {
     ExportOneDsfmDataset(reconstruction, flags, monitor);
   } else if (flags.output_type == "colmap_bin") {
-    WriteColmapModel(reconstruction, flags.output_path, ColmapModelFormat::kBinary);
+    WriteColmapResult(reconstruction, flags.output_path, {.command = "export"}, flags.overwrite);
   } else if (flags.output_type == "colmap_txt") {
-    WriteColmapModel(reconstruction, flags.output_path, ColmapModelFormat::kText);
+    WriteColmapResult(reconstruction, flags.output_path,
+                      {.command = "export", .format = ColmapModelFormat::kText}, flags.overwrite);
   } else if (flags.output_type == "bundler") {
     CreateFolders(flags.output_path);
     const std::string folder = flags.output_path + "/";

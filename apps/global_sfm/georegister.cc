@@ -16,12 +16,15 @@
 namespace cairn {
 namespace {
 
+constexpr char kJsonName[] = "georegistration.json";
+
 struct GeoregisterFlags {
   std::string model_path;
   std::string gps_path;
   std::string image_path;
   std::string gcp_path;
   std::string output_path;
+  bool overwrite = false;
   int seed = 0;
   int num_threads = 0;
 
@@ -40,6 +43,7 @@ struct GeoregisterFlags {
              "they decide, and GPS is checked; names that begin with CHK- are of check points");
     v.String("output_path", output_path,
              "folder for georegistration.json and the model in east, north, up, meters");
+    v.Bool("overwrite", overwrite, "replace files in output_path that cairn did not write, too");
     v.Int("seed", seed, {0, 1e9}, "seed of the random numbers");
     v.Int("num_threads", num_threads, {0, 1024}, "threads that read EXIF; 0: all");
   }
@@ -83,17 +87,17 @@ int Run(const GeoregisterFlags& flags) {
     throw ConfigError("gps_path", "or image_path, one of them, or gcp_path is required");
   }
   ConsoleMonitor monitor;
+  const RunContext run{static_cast<uint64_t>(flags.seed), flags.num_threads, monitor};
   const std::string path = LargestModelIn(flags.model_path);
   Reconstruction model = ReadModel(path);
   KnownPositions known;
   std::vector<std::string> names;
   for (const auto& [id, image] : model.images) names.push_back(image.image.name);
   if (has_gps) {
-    known.images = ReadPositions(names, flags.gps_path, flags.image_path, flags.num_threads);
+    known.images = ReadPositions(names, flags.gps_path, flags.image_path, run);
   }
   if (!flags.gcp_path.empty()) known.control_points = ReadGcpFile(flags.gcp_path);
-  const Georegistration found =
-      Georegister(model, known, {.seed = static_cast<uint64_t>(flags.seed), .monitor = monitor});
+  const Georegistration found = Georegister(model, known, run);
   if (const std::string failure = GeoregistrationFailure(found); !failure.empty()) {
     monitor.Warning(failure);
     return kExitNoUsableResult;
@@ -101,13 +105,17 @@ int Run(const GeoregisterFlags& flags) {
   Describe(found, monitor);
   std::string folder = RunFolderOf(path);  // its models' own folders are reconstruct's
   if (folder.empty()) folder = std::filesystem::is_directory(path) ? path : ".";
-  if (!flags.output_path.empty()) {
+  if (!flags.output_path.empty()) folder = flags.output_path;
+  const std::string json = (std::filesystem::path(folder) / kJsonName).string();
+  if (flags.output_path.empty()) {
+    WriteFileAtomically(json, GeoregistrationToJson(found));
+  } else {
     model.Transform(found.enu_from_world);
-    WriteColmapModel(model, flags.output_path);
-    folder = flags.output_path;
+    WriteColmapResult(
+        model, folder,
+        {.command = "georegister", .texts = {{kJsonName, GeoregistrationToJson(found)}}},
+        flags.overwrite);
   }
-  const std::string json = (std::filesystem::path(folder) / "georegistration.json").string();
-  WriteFileAtomically(json, GeoregistrationToJson(found));
   monitor.Info("origin, similarity and residuals: " + json);
   return kExitSuccess;
 }

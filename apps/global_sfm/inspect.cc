@@ -24,7 +24,9 @@ struct InspectFlags {
   std::string graph_dot;
   void VisitFields(OptionVisitor& v) {
     v.String("database_path", database_path, "database to look into");
-    v.String("model_path", model_path, "model to look into");
+    v.String("model_path", model_path,
+             "model to look into: folder that reconstruct wrote (its largest model is taken), or a "
+             "model of any format");
     v.String("model_list", model_list,
              "list of a Bundler model's images; default: list.txt beside it");
     v.String("pairs_csv", pairs_csv,

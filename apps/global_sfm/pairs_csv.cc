@@ -5,6 +5,7 @@
 #include <set>
 
 #include "cairn/base/error.h"
+#include "cairn/io/csv.h"
 #include "cairn/mapper/view_edges.h"
 
 namespace cairn {
@@ -41,13 +42,6 @@ std::map<image_pair_t, int> ReadCandidates(const Database& database) {
     if (n > 0) candidates.emplace(pair_id, n);
   }
   return candidates;
-}
-
-std::string Quoted(const std::string& name) {
-  if (name.find_first_of(",\"\r\n") == std::string::npos) return name;
-  std::string quoted = "\"";
-  for (const char c : name) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
 }
 
 void Append(double value, std::string& text) {
@@ -94,8 +88,9 @@ std::vector<PairRow> ReadPairRows(const Database& database, const std::string& v
 std::string FormatPairsCsv(const std::vector<PairRow>& rows) {
   std::string text = "name1,name2,matches,inliers,iterations,ms,qw,qx,qy,qz,tx,ty,tz\n";
   for (const PairRow& row : rows) {
-    text += Quoted(row.name1) + "," + Quoted(row.name2) + "," + std::to_string(row.num_matches) +
-            "," + std::to_string(row.num_inliers) + "," + std::to_string(row.num_iterations);
+    text += CsvField(row.name1) + "," + CsvField(row.name2) + "," +
+            std::to_string(row.num_matches) + "," + std::to_string(row.num_inliers) + "," +
+            std::to_string(row.num_iterations);
     const Eigen::Quaterniond& q = row.cam2_from_cam1.rotation;
     const Eigen::Vector3d& t = row.cam2_from_cam1.translation;
     for (const double v : {row.milliseconds, q.w(), q.x(), q.y(), q.z(), t.x(), t.y(), t.z()}) {

@@ -6,6 +6,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/io/text_file.h"
 
 namespace cairn {
 namespace {
@@ -56,7 +57,7 @@ std::string ParseEdge(LineParser& parser, RotationEdge& edge) {
 }  // namespace
 
 std::vector<RotationEdge> ReadRelativeRotations(const std::string& path) {
-  const std::string text = ReadFile(path);
+  const std::string text = ReadTextFile(path);
   std::vector<RotationEdge> edges;
   size_t begin = 0;
   for (int line_number = 1; begin < text.size(); ++line_number) {

@@ -98,14 +98,6 @@ std::string RunFolderOf(const std::string& path) {
   return "";
 }
 
-std::string LargestModelIn(const std::string& path) {
-  const fs::path folder(path);
-  for (const char* cameras : {"cameras.bin", "cameras.txt"}) {
-    if (fs::exists(folder / cameras)) return path;
-  }
-  return fs::is_directory(folder / "sparse" / "0") ? (folder / "sparse" / "0").string() : path;
-}
-
 RunFolder ReadRunFolder(const std::string& folder) {
   RunFolder run;
   run.report_json = ReadFile(folder + "/report.json");

@@ -18,8 +18,6 @@ struct RunFolder {
 
 // The folder of the run that the path is in, as itself or as one of its models; "": of none.
 std::string RunFolderOf(const std::string& path);
-// The largest model of the run (or of COLMAP's workspace) in the folder; else the path itself.
-std::string LargestModelIn(const std::string& path);
 // Throws IoError where a file cannot be read.
 RunFolder ReadRunFolder(const std::string& folder);
 

@@ -3,11 +3,11 @@
 #include <filesystem>
 #include <memory>
 
+#include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "common/console_monitor.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/image_sizes.h"
-#include "global_sfm/run_folder.h"
 
 namespace cairn {
 namespace {
@@ -36,12 +36,27 @@ struct UndistortFlags {
   }
 };
 
+// The models beside the largest, which alone is undistorted.
+void NameOthers(const std::string& folder, ProgressMonitor& monitor) {
+  if (LargestModelIn(folder) == folder) return;
+  for (int k = 1;; ++k) {
+    const std::string name = "sparse/" + std::to_string(k);
+    const std::string path = (std::filesystem::path(folder) / name).string();
+    if (!IsColmapModel(path)) return;
+    monitor.Warning(name + " with " + std::to_string(ReadColmapModel(path).images.size()) +
+                    " more photographs is not undistorted: --model_path " + path +
+                    ", with another --output_path");
+  }
+}
+
 int Run(const Command& command, const UndistortFlags& flags) {
   ConsoleMonitor monitor;
-  Reconstruction model = ReadModel(LargestModelIn(flags.model_path));
+  const std::string model_path = LargestModelIn(flags.model_path);
+  Reconstruction model = ReadModel(model_path);
   CompleteImageSizes(flags.image_path, model);
   const UndistortJob job{.image_path = flags.image_path,
                          .output_path = flags.output_path,
+                         .model_path = model_path,
                          .layout = flags.output_type,
                          .overwrites = flags.overwrite,
                          .effective_toml = command.EffectiveToml()};
@@ -54,6 +69,7 @@ int Run(const Command& command, const UndistortFlags& flags) {
   monitor.Info(std::to_string(num_images) + " of " + std::to_string(model.images.size()) +
                " images undistorted in " + flags.output_path + ", " +
                std::to_string(report.num_kept) + " of them by an earlier run");
+  NameOthers(flags.model_path, monitor);
   if (report.was_stopped) monitor.Info("stopped; the same command continues");
   return report.was_stopped || num_images == 0 ? kExitNoUsableResult : kExitSuccess;
 }

@@ -18,7 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kFiles[] = ".cairn-files";    // hash and name of each file of the results
+constexpr char kFiles[] = ".cairn-files";               // hash and name of each file of the results
+constexpr std::string_view kWriter = "# written by: ";  // a line of it
 constexpr char kRemove[] = ".cairn-remove";  // in a committed folder: files to be removed
 
 // Folder operations whose failure is an IoError that names the path.
@@ -80,6 +81,16 @@ std::map<std::string, std::string> ReadHashes(const fs::path& file) {
   return hashes;
 }
 
+// Who wrote the list. Early versions did not say; reconstruct's results have a view graph.
+std::string WriterOf(const fs::path& file, const std::map<std::string, std::string>& hashes) {
+  for (const std::string& line : Lines(ReadFile(file.string()))) {
+    if (line.starts_with(kWriter)) return line.substr(kWriter.size());
+  }
+  const bool has_graph =
+      hashes.contains("view_graph.json") || hashes.contains("failed/view_graph.json");
+  return has_graph ? "reconstruct" : "undistort";
+}
+
 // Removes a file, and the folders that are empty without it.
 void RemoveFile(const fs::path& folder, const std::string& name) {
   Do(folder / name, [&](std::error_code& error) { fs::remove(folder / name, error); });
@@ -92,9 +103,10 @@ void RemoveFile(const fs::path& folder, const std::string& name) {
 
 }  // namespace
 
-OutputFolder::OutputFolder(const std::string& path, const std::vector<std::string>& names,
-                           bool overwrites)
+OutputFolder::OutputFolder(const std::string& path, const std::string& writer,
+                           const std::vector<std::string>& names, bool overwrites)
     : path_(path),
+      writer_(writer),
       staging_((fs::path(path) / ".cairn-new").string()),
       committed_((fs::path(path) / ".cairn-committed").string()),
       names_(names),
@@ -109,6 +121,7 @@ OutputFolder::OutputFolder(const std::string& path, const std::vector<std::strin
     }
     if (fs::exists(committed_)) Apply();
     earlier_ = ReadHashes(fs::path(path_) / kFiles);
+    CheckOneWriter();
     CheckNobodyElses();
     Do(staging_, [&](std::error_code& error) { fs::remove_all(staging_, error); });
     CreateFolders(staging_);
@@ -146,6 +159,15 @@ bool OutputFolder::IsOurs(const std::string& name) const {
          HashToHex(HashFile(file.string())) == known->second;
 }
 
+void OutputFolder::CheckOneWriter() const {
+  const fs::path list = fs::path(path_) / kFiles;
+  if (!fs::exists(list)) return;
+  const std::string writer = WriterOf(list, earlier_);
+  if (writer == writer_) return;
+  throw ConfigError("output_path", path_ + " holds the results of " + writer +
+                                       ", which would be lost; give another --output_path");
+}
+
 void OutputFolder::CheckNobodyElses() const {
   if (overwrites_) return;
   for (const std::string& name : FilesInTheWay()) {
@@ -173,6 +195,7 @@ void OutputFolder::Commit(bool keeps_earlier) {
     if (hashes.count(name) == 0) removed += name + "\n";
   }
   std::string list = "# Files that cairn wrote here, and may replace, each after its hash.\n";
+  list += std::string(kWriter) + writer_ + "\n";
   for (const auto& [name, hash] : hashes) list += hash + " " + name + "\n";
   WriteFileAtomically(staging_ + "/" + kFiles, list);
   WriteFileAtomically(staging_ + "/" + kRemove, removed);

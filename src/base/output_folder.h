@@ -10,13 +10,16 @@ namespace cairn {
 // folder beside their places, and appear there together at Commit(): once all are on the disk, one
 // rename decides that they are the results, and what is interrupted after it is finished by the
 // next run. Files that cairn wrote are listed in .cairn-files with a hash of each; a file that is
-// not listed, or that has changed since, is somebody else's.
+// not listed, or that has changed since, is somebody else's. The list names its writer, and a
+// folder has one.
 class OutputFolder {
  public:
-  // `names`: files and folders in `path` that the results may have. Makes the folder, removes what
-  // a killed run left there, and, unless `overwrites`, throws ConfigError where somebody else's
-  // file is in the way. Throws IoError: cannot be written to, or another run is writing.
-  OutputFolder(const std::string& path, const std::vector<std::string>& names, bool overwrites);
+  // `writer`: the command. `names`: files and folders in `path` that its results may have. Makes
+  // the folder, removes what a killed run left there, and throws ConfigError where the folder is
+  // another command's or, unless `overwrites`, somebody else's file is in the way. Throws IoError:
+  // cannot be written to, or another run is writing.
+  OutputFolder(const std::string& path, const std::string& writer,
+               const std::vector<std::string>& names, bool overwrites);
   ~OutputFolder();  // without Commit(): the folder is as it was
   OutputFolder(const OutputFolder&) = delete;
   OutputFolder& operator=(const OutputFolder&) = delete;
@@ -34,10 +37,11 @@ class OutputFolder {
 
   std::vector<std::string> FilesInTheWay() const;
   bool IsOurs(const std::string& name) const;
+  void CheckOneWriter() const;
   void CheckNobodyElses() const;
   void Apply();
 
-  std::string path_, staging_, committed_;
+  std::string path_, writer_, staging_, committed_;
   std::vector<std::string> names_;
   bool overwrites_;
   int lock_ = -1;

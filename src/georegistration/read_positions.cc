@@ -10,17 +10,20 @@ namespace cairn {
 
 std::map<std::string, GpsRow> ReadPositions(std::span<const std::string> names,
                                             const std::string& gps_path,
-                                            const std::string& image_path, int num_threads) {
+                                            const std::string& image_path, const RunContext& run) {
   std::map<std::string, GpsRow> rows;
   if (!gps_path.empty()) {
     const std::map<std::string, GpsRow> all = ReadGpsFile(gps_path);
+    if (const std::string unknown = UnknownNames(all, names); !unknown.empty()) {
+      run.monitor.Warning(gps_path + ": " + unknown);
+    }
     for (const std::string& name : names) {
       if (const auto row = all.find(name); row != all.end()) rows.insert(*row);
     }
     return rows;
   }
   std::vector<std::optional<GpsPosition>> positions(names.size());
-  ParallelFor(num_threads, std::ssize(names), [&](int64_t i) {
+  ParallelFor(run.num_threads, std::ssize(names), [&](int64_t i) {
     const std::string path = PathInFolder(image_path, names[i]);
     if (std::filesystem::exists(path)) positions[i] = ReadExif(path, 1, 1).gps;
   });

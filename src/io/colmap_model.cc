@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "base/output_folder.h"
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -124,6 +125,23 @@ void WriteColmapModel(const Reconstruction& reconstruction, const std::string& f
     WriteColmapText(reconstruction, folder);
   }
   RemoveRigFiles(folder, format);
+}
+
+void WriteColmapResult(const Reconstruction& reconstruction, const std::string& folder,
+                       const ColmapResult& result, bool overwrites) {
+  std::vector<std::string> names;
+  for (const char* extension : {".bin", ".txt"}) {
+    for (const char* name : {"cameras", "images", "points3D", "rigs", "frames"}) {
+      names.push_back(std::string(name) + extension);
+    }
+  }
+  for (const auto& [name, text] : result.texts) names.push_back(name);
+  OutputFolder output(folder, result.command, names, overwrites);
+  WriteColmapModel(reconstruction, output.staging(), result.format);
+  for (const auto& [name, text] : result.texts) {
+    WriteFileAtomically(output.staging() + "/" + name, text);
+  }
+  output.Commit();
 }
 
 }  // namespace cairn

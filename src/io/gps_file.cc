@@ -1,10 +1,13 @@
 #include "cairn/io/gps_file.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
+#include "base/text.h"
 #include "io/text_reader.h"
 
 namespace cairn {
@@ -38,6 +41,17 @@ GpsFields SplitAtBlanks(std::string_view line) {
   return fields;
 }
 
+// "name,latitude,longitude": what a spreadsheet has above its rows.
+bool IsHeader(std::string_view line) {
+  const char separator = line.find(',') != std::string_view::npos ? ',' : ' ';
+  std::vector<std::string_view> words = Split(line, separator);
+  std::erase_if(words, [](std::string_view word) { return Trimmed(word).empty(); });
+  return words.size() > 2 &&
+         std::none_of(words.begin() + 1, words.end(), [](std::string_view word) {
+           return TextReader::ToDouble(Trimmed(word)).has_value();
+         });
+}
+
 std::optional<GpsRow> ParseRow(const GpsFields& fields) {
   if (fields.numbers.size() < 2 || fields.numbers.size() > 4) return std::nullopt;
   const auto values = TextReader::ToDoubles(fields.numbers);
@@ -55,7 +69,8 @@ std::optional<GpsRow> ParseRow(const GpsFields& fields) {
 std::map<std::string, GpsRow> ReadGpsFile(const std::string& path) {
   std::map<std::string, GpsRow> rows;
   TextReader reader(path);
-  while (reader.NextDataLine()) {
+  for (bool is_first = true; reader.NextDataLine(); is_first = false) {
+    if (is_first && IsHeader(reader.line())) continue;
     const bool has_commas = reader.line().find(',') != std::string_view::npos;
     const GpsFields fields =
         has_commas ? SplitAtCommas(reader.line()) : SplitAtBlanks(reader.line());
@@ -67,6 +82,18 @@ std::map<std::string, GpsRow> ReadGpsFile(const std::string& path) {
     rows[std::string(fields.name)] = *row;
   }
   return rows;
+}
+
+std::string UnknownNames(const std::map<std::string, GpsRow>& rows,
+                         std::span<const std::string> names) {
+  const std::set<std::string> known(names.begin(), names.end());
+  std::vector<std::string> unknown;
+  for (const auto& [name, row] : rows) {
+    if (!known.contains(name)) unknown.push_back(name);
+  }
+  if (unknown.empty()) return "";
+  return std::to_string(unknown.size()) + " of " + std::to_string(rows.size()) +
+         " names are of no image: " + FirstNames(unknown);
 }
 
 }  // namespace cairn

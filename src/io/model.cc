@@ -9,6 +9,11 @@
 
 namespace cairn {
 
+std::string LargestModelIn(const std::string& path) {
+  const std::string largest = path + "/sparse/0";
+  return !IsColmapModel(path) && IsColmapModel(largest) ? largest : path;
+}
+
 Reconstruction ReadModel(const std::string& path, const ReadModelOptions& options) {
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored)) throw IoError(path, "no such file or folder");
@@ -17,11 +22,9 @@ Reconstruction ReadModel(const std::string& path, const ReadModelOptions& option
     return ReadBundler(path, options.list_path.empty() ? beside : options.list_path,
                        {.read_points = options.read_points});
   }
-  if (IsColmapModel(path)) return ReadColmapModel(path);
+  const std::string folder = LargestModelIn(path);
+  if (IsColmapModel(folder)) return ReadColmapModel(folder);
   if (IsStrechaFolder(path)) return ReadStrecha(path);
-  const std::string below = path + "/sparse/0";
-  if (IsColmapModel(below))
-    throw IoError(path, "holds no model itself; did you mean " + below + "?");
   throw IoError(path,
                 "is neither a COLMAP model (cameras.bin or cameras.txt), nor a folder of .camera "
                 "files, nor a Bundler file (.out)");

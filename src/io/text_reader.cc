@@ -8,6 +8,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/io/text_file.h"
 
 namespace cairn {
 namespace {
@@ -50,7 +51,14 @@ std::vector<std::string_view> Split(std::string_view text, char separator) {
   return parts;
 }
 
-TextReader::TextReader(const std::string& path) : path_(path), text_(ReadFile(path)) {}
+std::string ReadTextFile(const std::string& path) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  std::string text = ReadFile(path);
+  if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
+  return text;
+}
+
+TextReader::TextReader(const std::string& path) : path_(path), text_(ReadTextFile(path)) {}
 
 bool TextReader::NextLine() {
   if (next_line_ >= text_.size()) {

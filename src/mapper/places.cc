@@ -108,7 +108,7 @@ std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOpti
   std::vector<std::string> names;
   for (const auto& [id, image] : scene.images) names.push_back(image.name);
   if (places.use_gps) {
-    known.images = ReadPositions(names, places.gps_path, image_path, run.num_threads);
+    known.images = ReadPositions(names, places.gps_path, image_path, run);
   }
   if (!places.gcp_path.empty()) known.control_points = ReadGcpFile(places.gcp_path);
   return known;

@@ -9,6 +9,7 @@
 #include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/io/bundler.h"
 #include "cairn/io/colmap_model.h"
+#include "cairn/io/csv.h"
 #include "cairn/io/ply.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/view_graph/view_graph_text.h"
@@ -19,6 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kWriter[] = "reconstruct";  // and refine
 // Everything that a run may write.
 const std::vector<std::string> kResultNames = {
     "sparse",         "bundle.out",      "list.txt",       "points.ply",
@@ -39,8 +41,9 @@ std::string ConfidenceCsv(const ReconstructResult& result, const RunContext& run
       ++num_pairs[edge.image_id2];
     }
     for (const auto& [id, confidence] : EstimatePoseConfidence(model, run)) {
-      text += model.images.at(id).image.name +
-              Formatted(",%zu,%d,%d,%.6g,%.6g\n", k, num_pairs[id], confidence.num_points,
+      text += CsvField(model.images.at(id).image.name) +
+              Formatted(",%zu,%d,%d,%.6g,%.6g
+", k, num_pairs[id], confidence.num_points,
                         confidence.rotation_sigma_deg, confidence.position_sigma);
     }
   }
@@ -56,6 +59,17 @@ void WriteColmapModels(const ReconstructResult& result, const fs::path& output) 
   }
 }
 
+// The page is as large as all else, and worth less: what is not written for it is no page.
+void WritePage(const std::string& path, ReconstructResult& result, const RunContext& run) {
+  if (result.page.empty()) return;
+  try {
+    WriteFileAtomically(path, result.page);
+  } catch (const IoError& error) {
+    result.page.clear();
+    run.monitor.Warning("report.html " + error.reason() + "; there is none for this run");
+  }
+}
+
 // Side by side: the text of some takes long to make.
 void WriteFiles(ReconstructResult& result, const fs::path& output,
                 const std::string& effective_toml, const RunContext& run) {
@@ -67,9 +81,6 @@ void WriteFiles(ReconstructResult& result, const fs::path& output,
       [&] { WriteFileAtomically(path("effective.toml"), effective_toml); },
       [&] { WriteFileAtomically(path("view_graph.json"), ViewGraphToJson(result.graph, names)); },
       [&] { WriteFileAtomically(path("view_graph.dot"), ViewGraphToDot(result.graph, names)); }};
-  if (!result.page.empty()) {
-    tasks.push_back([&] { WriteFileAtomically(path("report.html"), result.page); });
-  }
   if (!result.models.empty()) {
     const Reconstruction& largest = result.models.front();
     tasks.push_back([&] {
@@ -87,18 +98,19 @@ void WriteFiles(ReconstructResult& result, const fs::path& output,
     result.report.stages.push_back(stage.Finish());
   }
   WriteFileAtomically(path("report.json"), ToJson(result.report));
+  WritePage(path("report.html"), result, run);
 }
 
 }  // namespace
 
 void CheckReconstructOutput(const std::string& output_path, bool overwrites) {
-  const OutputFolder output(output_path, kResultNames, overwrites);
+  const OutputFolder output(output_path, kWriter, kResultNames, overwrites);
 }
 
 std::string WriteReconstructResult(ReconstructResult& result, const std::string& output_path,
                                    const std::string& effective_toml, bool overwrites,
                                    const RunContext& run) {
-  OutputFolder output(output_path, kResultNames, overwrites);
+  OutputFolder output(output_path, kWriter, kResultNames, overwrites);
   const bool keeps_earlier = !result.report.Succeeded() && output.Has("sparse/");
   const fs::path folder = keeps_earlier ? "failed" : "";
   const fs::path staging = output.staging() / folder;

@@ -87,6 +87,21 @@ std::optional<std::vector<image_pair_t>> ListedPairs(const Database& database,
   return ReadPairList(inputs.pairs_path, database.ReadImages(), monitor);
 }
 
+// A list of pairs is not stored, as other options are: it may grow, and so may its file move.
+void NoteOtherPairs(const Database& database, bool has_list, ProgressMonitor& monitor) {
+  const bool were_chosen = database.ReadStage(kStagePairs).has_value();
+  if (has_list && were_chosen) {
+    monitor.Warning(
+        "pairs that earlier runs chose stay beside those of the list; --recompute "
+        "pairs removes them");
+  }
+  if (!has_list && !were_chosen && database.ReadStage(kStageMatching)) {
+    monitor.Warning(
+        "earlier runs took the pairs of a list; this one has none, and chooses pairs "
+        "by --pairs. Give --pairs_path again to add no others");
+  }
+}
+
 // Adds a stage to the report; false: the user stopped it.
 bool KeepGoing(RunReport& report, StageReport stage) {
   report.stages.push_back(std::move(stage));
@@ -147,8 +162,10 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   PhotoSource photos = {.image_path = sources.image_path, .drop_missing = in.drop_missing};
   if (sources.dataset) photos.selection = SelectDatasetPhotos(*sources.dataset);
   if (!keep_going(ImportPhotos(database, photos, options.cameras, run))) return false;
+  CheckPositions(in.gps_path, database.ReadImages(), run.monitor);
   const PairChoosing choosing = {in.pairs, options.pair_selection, sources.image_path, in.gps_path};
   const auto listed = ListedPairs(database, in, sources, run.monitor);
+  if (last >= BuildStage::kMatching) NoteOtherPairs(database, listed.has_value(), run.monitor);
   if (!listed && last >= BuildStage::kPairs) CheckPairWays(database, choosing, run);
   if (!keep_going(ExtractImageFeatures(database, {sources.image_path, in.mask_path},
                                        options.features, run, helpers))) {
@@ -225,6 +242,8 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
   for (const std::string& stage : {kStageCameras, kStageFeatures, kStageDepth, kStagePairs,
                                    kStageMatching, kStageVerification}) {
     const std::optional<StageRecord> record = database->ReadStage(stage);
+    // A list of pairs comes instead of the way that they were chosen by.
+    if (stage == kStagePairs && !inputs.pairs_path.empty()) continue;
     if (record && !ForgetsStage(recompute, stage)) options.push_back(record->options);
   }
   return options;
@@ -237,6 +256,9 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   BuildPipelineOptions(options).VisitModules(
       [](const char* module, auto& fields) { ValidateOptions(fields, module); });
   ParsePairWays(inputs.pairs);
+  if (!inputs.pairs_path.empty() && inputs.pairs != BuildInputs().pairs) {
+    throw ConfigError("pairs_path", "names the pairs itself; --pairs cannot be given too");
+  }
   if (inputs.drop_missing && inputs.image_path.empty()) {
     throw ConfigError("drop_missing", "needs --image_path, the folder that may lack photographs");
   }

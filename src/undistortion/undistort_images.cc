@@ -20,6 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kWriter[] = "undistort";
 constexpr char kLedger[] = ".cairn-images";
 // Changes with every change of what an image's pixels are.
 constexpr int kPixelsVersion = 1;
@@ -71,12 +72,24 @@ std::string Undistort(const Item& item) {
   return {bytes.begin(), bytes.end()};
 }
 
+// Throws ConfigError where the model that is undistorted would be replaced by its result.
+void CheckModelStays(const UndistortJob& job) {
+  if (job.model_path.empty()) return;
+  const fs::path model = fs::weakly_canonical(fs::absolute(job.model_path));
+  const fs::path results = fs::weakly_canonical(fs::absolute(job.output_path) / "sparse");
+  const auto apart = std::mismatch(results.begin(), results.end(), model.begin(), model.end());
+  if (apart.first != results.end()) return;
+  throw ConfigError("output_path", job.output_path +
+                                       " holds the model that is undistorted, which would be lost; "
+                                       "give another --output_path");
+}
+
 // One run: the images, and the folder they are written to.
 class DenseFolder {
  public:
   DenseFolder(const UndistortJob& job)
       : job_(job),
-        results_(std::in_place, job.output_path, kResultNames, job.overwrites),
+        results_(std::in_place, job.output_path, kWriter, kResultNames, job.overwrites),
         ledger_((fs::path(job.output_path) / kLedger).string()) {}
 
   // Throws ConfigError where the item's file is somebody else's.
@@ -127,7 +140,7 @@ void DenseFolder::Write(Item& item) {
 void DenseFolder::RemoveModel() {
   results_->Commit();
   results_.reset();
-  results_.emplace(job_.output_path, kResultNames, job_.overwrites);
+  results_.emplace(job_.output_path, kWriter, kResultNames, job_.overwrites);
 }
 
 void DenseFolder::WriteStereo(const Reconstruction& model) const {
@@ -216,6 +229,7 @@ UndistortReport MakeReport(const std::vector<Item>& items, bool was_stopped) {
 UndistortReport UndistortImages(const Reconstruction& model, const UndistortJob& job,
                                 const UndistortOptions& options, const RunContext& run) {
   ValidateOptions(options, "");
+  CheckModelStays(job);
   std::map<camera_t, Camera> targets;
   for (const auto& [id, image] : model.images) {
     const Camera& camera = model.CameraOf(image);

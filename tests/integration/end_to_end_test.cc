@@ -1,6 +1,6 @@
 // The whole road through the programs: rendered photographs with distractors, to a model near the
 // truth.
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <filesystem>
 #include <fstream>
@@ -14,6 +14,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::HasSubstr;
 using testing::ProgramResult;
 using testing::RunProgram;
 using testing::SceneFiles;
@@ -90,6 +91,23 @@ TEST(EndToEnd, ExportWritesEveryType) {
     EXPECT_EQ(result.exit_code, 0) << result.output;
     EXPECT_TRUE(std::filesystem::exists(path));
   }
+  // The largest model of the folder, for every command.
+  const std::string with_frusta = ReadFile(scene / "export_ply.ply");
+  for (std::vector<std::string> arguments :
+       {std::vector<std::string>{"inspect"},
+        {"evaluate", "--reference_path", SceneFiles::truth()},
+        {"export", "--output_path", scene / "export_ply.ply", "--output_type", "ply"}}) {
+    arguments.insert(arguments.end(), {"--model_path", scene / "out"});
+    const ProgramResult result = RunProgram("global_sfm", arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+  }
+  EXPECT_EQ(ReadFile(scene / "export_ply.ply"), with_frusta);
+  // A model of another program is not replaced unasked.
+  std::vector<std::string> over = {"export", "--model_path", scene / "out", "--output_path",
+                                   scene / "out/sparse/0"};
+  const ProgramResult refused = RunProgram("global_sfm", over);
+  EXPECT_EQ(refused.exit_code, 2) << refused.output;
+  EXPECT_THAT(refused.output, HasSubstr("is not as cairn wrote it"));
   const Reconstruction binary = ReadColmapModel(scene / "out/sparse/0");
   const Reconstruction text = ReadColmapModel(scene / "export_colmap_txt");
   EXPECT_EQ(binary.images.size(), text.images.size());
@@ -114,6 +132,49 @@ TEST(EndToEnd, BundlerFilesOfUndistortedImages) {
     EXPECT_TRUE(std::filesystem::is_regular_file(images + "/" + name)) << name;
   }
   EXPECT_EQ(num_images, 8);
+}
+
+// Neither loses the other's results, nor the model that it reads.
+TEST(EndToEnd, ReconstructAndUndistortHaveFoldersOfTheirOwn) {
+  const SceneFiles scene;
+  ASSERT_EQ(Reconstruct(scene, scene / "out").exit_code, 0);
+  const auto undistort = [&](const std::string& model, const std::string& output) {
+    return RunProgram("global_sfm",
+                      {"undistort", "--model_path", model, "--image_path", scene.images(),
+                       "--output_path", output, "--output_type", "3dgs", "--overwrite", "1"});
+  };
+  const std::string model = ReadFile(scene / "out/sparse/0/images.bin");
+  for (const std::string& path : {scene / "out", scene / "out/sparse/0", SceneFiles::truth()}) {
+    const ProgramResult result = undistort(path, scene / "out");
+    EXPECT_EQ(result.exit_code, 2) << result.output;
+    EXPECT_THAT(result.output, HasSubstr("give another --output_path")) << path;
+  }
+  EXPECT_FALSE(std::filesystem::exists(scene / "out/images"));
+  EXPECT_EQ(ReadFile(scene / "out/sparse/0/images.bin"), model);
+
+  ASSERT_EQ(undistort(scene / "out", scene / "splats").exit_code, 0);
+  const std::string undistorted = ReadFile(scene / "splats/sparse/0/images.bin");
+  const ProgramResult result = Reconstruct(scene, scene / "splats", {"--overwrite", "1"});
+  EXPECT_EQ(result.exit_code, 2) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("holds the results of undistort"));
+  EXPECT_EQ(ReadFile(scene / "splats/sparse/0/images.bin"), undistorted);
+  EXPECT_EQ(undistort(scene / "out", scene / "splats").exit_code, 0);
+  EXPECT_EQ(Reconstruct(scene, scene / "out").exit_code, 0);
+}
+
+TEST(EndToEnd, UndistortNamesTheModelsThatItLeaves) {
+  const SceneFiles scene;
+  for (const char* model : {"two/sparse/0", "two/sparse/1"}) {
+    std::filesystem::create_directories(scene / model);
+    std::filesystem::copy(SceneFiles::truth(), scene / model);
+  }
+  const ProgramResult result =
+      RunProgram("global_sfm", {"undistort", "--model_path", scene / "two", "--image_path",
+                                scene.images(), "--output_path", scene / "dense"});
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("sparse/1 with 8 more photographs is not undistorted: "
+                                       "--model_path " +
+                                       (scene / "two/sparse/1")));
 }
 
 TEST(EndToEnd, NothingToReconstructIsExitCodeOne) {

@@ -45,6 +45,15 @@ TEST(Georegister, WrongPositionsAreNamedAndTheModelIsMoved) {
       RunProgram("global_sfm", {"georegister", "--model_path", SceneFiles::truth(), "--gps_path",
                                 scene / "gps.txt", "--output_path", scene / "enu"});
   ASSERT_EQ(result.exit_code, 0) << result.output;
+  // A model of another program is not replaced unasked.
+  std::filesystem::copy(SceneFiles::truth(), scene / "theirs");
+  std::vector<std::string> over = {"georegister",   "--model_path",    SceneFiles::truth(),
+                                   "--gps_path",    scene / "gps.txt", "--output_path",
+                                   scene / "theirs"};
+  EXPECT_EQ(RunProgram("global_sfm", over).exit_code, 2);
+  EXPECT_FALSE(std::filesystem::exists(scene / "theirs/georegistration.json"));
+  over.insert(over.end(), {"--overwrite", "1"});
+  EXPECT_EQ(RunProgram("global_sfm", over).exit_code, 0);
   const auto json = nlohmann::json::parse(ReadFile(scene / "enu/georegistration.json"));
   const LocalFrame frame({json["origin"]["latitude_deg"], json["origin"]["longitude_deg"],
                           json["origin"]["altitude_m"].get<double>()});

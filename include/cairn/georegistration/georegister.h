@@ -20,10 +20,11 @@ struct KnownPositions {
 };
 
 // Of the images with these names: by the file gps_path or, where it is "", by the EXIF of the
-// photographs under image_path. Throws IoError where the file cannot be read.
+// photographs under image_path. Names of the file that are none of these are a warning. Throws
+// IoError where the file cannot be read.
 std::map<std::string, GpsRow> ReadPositions(std::span<const std::string> names,
                                             const std::string& gps_path,
-                                            const std::string& image_path, int num_threads);
+                                            const std::string& image_path, const RunContext& run);
 
 // Of a surveyed point, along each axis: no receiver is better (differential GPS, fixed), and few
 // are as good.

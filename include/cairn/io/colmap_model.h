@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 
 #include "cairn/scene/reconstruction.h"
@@ -26,5 +27,20 @@ bool IsColmapModel(const std::string& folder);
 // files. Throws IoError.
 void WriteColmapModel(const Reconstruction& reconstruction, const std::string& folder,
                       ColmapModelFormat format = ColmapModelFormat::kBinary);
+
+// What a command of cairn writes into a folder that the user names: a model, and other texts by the
+// names of their files.
+struct ColmapResult {
+  std::string command;
+  ColmapModelFormat format = ColmapModelFormat::kBinary;
+  std::map<std::string, std::string> texts = {};
+};
+
+// WriteColmapModel into a folder that may hold other things. All files appear together, in place of
+// those that an earlier run of the command left there, in either format. Throws ConfigError where a
+// file that is not as this command wrote it would be replaced (unless `overwrites`), and where the
+// folder has results of another command.
+void WriteColmapResult(const Reconstruction& reconstruction, const std::string& folder,
+                       const ColmapResult& result, bool overwrites = false);
 
 }  // namespace cairn

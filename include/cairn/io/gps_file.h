@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <span>
 #include <string>
 
 #include "cairn/geometry/gps.h"
@@ -14,8 +15,14 @@ struct GpsRow {
 };
 
 // Positions by image name: "name,latitude,longitude[,altitude[,sigma]]" a line, or the same with
-// blanks between; degrees and meters; '#' begins a comment. In lines with blanks the numbers are
+// blanks between; degrees and meters; '#' begins a comment. A first line without a number is a
+// header. In lines with blanks the numbers are
 // the last words, so names may have blanks. Throws IoError with file and line.
 std::map<std::string, GpsRow> ReadGpsFile(const std::string& path);
+
+// "2 of 9 names are of no image: x.jpg, y.jpg", where rows are of none of the images' names; "":
+// there are none.
+std::string UnknownNames(const std::map<std::string, GpsRow>& rows,
+                         std::span<const std::string> names);
 
 }  // namespace cairn

@@ -15,8 +15,13 @@ struct ReadModelOptions {
   bool read_points = true;
 };
 
+// The largest model in a folder that `reconstruct` wrote (or COLMAP's mapper): sparse/0. The path
+// itself, where that is a model, or where there is none.
+std::string LargestModelIn(const std::string& path);
+
 // Reads camera poses of any supported format: a COLMAP model folder, a folder of Strecha .camera
-// files, or a Bundler file (a path that ends in .out) with its list. Throws IoError.
+// files, or a Bundler file (a path that ends in .out) with its list. Of a folder of models, the
+// largest (LargestModelIn). Throws IoError.
 Reconstruction ReadModel(const std::string& path, const ReadModelOptions& options = {});
 
 // The model at a path; or else, of a folder, the COLMAP models 0, 1, ... in it or in its folder

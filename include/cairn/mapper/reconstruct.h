@@ -131,7 +131,8 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
 
 // Makes the folder, and removes what killed runs left in it. Throws ConfigError where a file that
 // WriteReconstructResult would replace is not as cairn wrote it (unless `overwrites`): another
-// program's work, or the user's. Throws IoError where the folder cannot be written to.
+// program's work, or the user's; and where the folder has results of another command. Throws
+// IoError where the folder cannot be written to.
 void CheckReconstructOutput(const std::string& output_path, bool overwrites = false);
 
 // Writes sparse/<k>/{cameras,images,points3D}.bin for every model (and georegistration.json),

@@ -48,6 +48,7 @@ inline constexpr NamedValue<DenseLayout> kDenseLayouts[] = {
 struct UndistortJob {
   std::string image_path;  // the photographs
   std::string output_path;
+  std::string model_path = {};  // where the model was read from; "": nowhere that matters
   DenseLayout layout = DenseLayout::kColmap;
   bool overwrites = false;          // also files that this function did not write
   std::string effective_toml = {};  // written beside the results, if it is not empty
@@ -69,9 +70,10 @@ struct UndistortReport {
 // Every file appears complete or not at all. Images that an earlier call finished are kept if the
 // photograph's bytes, both cameras and the image itself are as they were; images that are no longer
 // in the model are removed, and a model is only there while its images are. Nothing that others
-// wrote is replaced (ConfigError), unless job.overwrites; photographs never are. Throws IoError
-// where the output cannot be written. Parallel over images; each takes some three times its
-// decoded size in memory. Bytes do not depend on the number of threads.
+// wrote is replaced (ConfigError), unless job.overwrites; photographs, the model at job.model_path
+// and results of reconstruct never are. Throws IoError where the output cannot be written. Parallel
+// over images; each takes some three times its decoded size in memory. Bytes do not depend on the
+// number of threads.
 UndistortReport UndistortImages(const Reconstruction& model, const UndistortJob& job,
                                 const UndistortOptions& options, const RunContext& run = {});
 

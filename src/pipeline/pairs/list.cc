@@ -1,5 +1,7 @@
 #include <map>
+#include <optional>
 
+#include "cairn/base/error.h"
 #include "cairn/pipeline/stages.h"
 #include "io/text_reader.h"
 #include "pair_selection/unique_pairs.h"
@@ -45,6 +47,7 @@ std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vecto
       pairs.push_back(ImagePairToPairId(id1->second, id2->second));
     }
   }
+  if (pairs.empty()) throw IoError(path, "names no pair of photographs of the database");
   return Unique(std::move(pairs));
 }
 

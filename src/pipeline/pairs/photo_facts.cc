@@ -6,6 +6,7 @@
 #include "cairn/io/gps_file.h"
 
 namespace cairn {
+
 PhotoFacts ReadPhotoFacts(const std::vector<Image>& images, const std::string& image_path,
                           const std::string& gps_path, int num_threads) {
   std::vector<ExifInfo> exif(images.size());
@@ -31,6 +32,15 @@ PhotoFacts ReadPhotoFacts(const std::vector<Image>& images, const std::string& i
     }
   }
   return facts;
+}
+
+void CheckPositions(const std::string& gps_path, const std::vector<Image>& images,
+                    ProgressMonitor& monitor) {
+  if (gps_path.empty()) return;
+  std::vector<std::string> names;
+  for (const Image& image : images) names.push_back(image.name);
+  const std::string unknown = UnknownNames(ReadGpsFile(gps_path), names);
+  if (!unknown.empty()) monitor.Warning(gps_path + ": " + unknown);
 }
 
 }  // namespace cairn

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/base/progress.h"
 #include "cairn/base/types.h"
 #include "cairn/image/exif.h"
 #include "cairn/scene/image.h"
@@ -20,5 +21,9 @@ struct PhotoFacts {
 // if there is one. Absent files are passed over.
 PhotoFacts ReadPhotoFacts(const std::vector<Image>& images, const std::string& image_path,
                           const std::string& gps_path, int num_threads);
+
+// Reads the file, and warns of names in it that are no image's. Throws IoError.
+void CheckPositions(const std::string& gps_path, const std::vector<Image>& images,
+                    ProgressMonitor& monitor);
 
 }  // namespace cairn

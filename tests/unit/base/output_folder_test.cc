@@ -30,7 +30,7 @@ class OutputFolderTest : public ::testing::Test {
   }
   void Run(const std::map<std::string, std::string>& files, bool overwrites = false,
            bool keeps_earlier = false) {
-    OutputFolder output(path_, {"sparse", "report", "failed"}, overwrites);
+    OutputFolder output(path_, "test", {"sparse", "report", "failed"}, overwrites);
     for (const auto& [name, text] : files) Write(output, name, text);
     output.Commit(keeps_earlier);
   }
@@ -57,7 +57,7 @@ TEST_F(OutputFolderTest, ResultsReplaceThoseOfTheRunBefore) {
 TEST_F(OutputFolderTest, NothingChangesWithoutCommit) {
   Run({{"report", "1"}});
   {
-    OutputFolder output(path_, {"sparse", "report"}, false);
+    OutputFolder output(path_, "test", {"sparse", "report"}, false);
     Write(output, "report", "2");
     Write(output, "sparse/0/a", "2");
   }
@@ -93,8 +93,29 @@ TEST_F(OutputFolderTest, FilesOfOthersAreNotTouched) {
   EXPECT_EQ(Content("sparse/1/a"), "3");
 }
 
+TEST_F(OutputFolderTest, AFolderIsOfOneCommand) {
+  Run({{"report", "1"}});
+  for (const bool overwrites : {false, true}) {
+    EXPECT_THAT(
+        ThrownMessage<ConfigError>([&] { OutputFolder(path_, "another", {"report"}, overwrites); }),
+        HasSubstr(path_ + " holds the results of test, which would be lost; give another "
+                          "--output_path"));
+  }
+  EXPECT_EQ(Content("report"), "1");
+  // Versions before this rule named no writer.
+  const std::string hash = "0 ";
+  for (const auto& [files, writer] : {std::pair("view_graph.json", "reconstruct"),
+                                      std::pair("failed/view_graph.json", "reconstruct"),
+                                      std::pair("sparse/0/images.bin", "undistort")}) {
+    WriteFileAtomically(At(".cairn-files"),
+                        "# Files that cairn wrote here.\n" + hash + files + "\n");
+    EXPECT_NO_THROW(OutputFolder(path_, writer, {"other"}, false)) << files;
+    EXPECT_THROW(OutputFolder(path_, "third", {"other"}, false), ConfigError) << files;
+  }
+}
+
 TEST_F(OutputFolderTest, FilesThatComeDuringTheRunAreNotTouched) {
-  OutputFolder output(path_, {"report"}, false);
+  OutputFolder output(path_, "test", {"report"}, false);
   Write(output, "report", "1");
   WriteFileAtomically(At("report"), "another's");
   EXPECT_THROW(output.Commit(), ConfigError);
@@ -145,7 +166,7 @@ TEST_F(OutputFolderTest, AnInterruptedCommitIsFinished) {
     }
     if (step == 4) fs::rename(committed + "/.cairn-files", At(".cairn-files"));
     fs::remove_all(temp_ / "before");
-    { const OutputFolder output(path_, {"sparse", "report"}, false); }
+    { const OutputFolder output(path_, "test", {"sparse", "report"}, false); }
     EXPECT_EQ(Content("sparse/0/a"), "2") << step;
     EXPECT_EQ(Content("report"), "2") << step;
     EXPECT_FALSE(fs::exists(At("sparse/1"))) << step;
@@ -157,15 +178,16 @@ TEST_F(OutputFolderTest, ALineOfTheListLeadsNowhereElse) {
   Run({{"report", "1"}});
   WriteFileAtomically(temp_ / "victim", "x");
   CreateFolders(At(".cairn-committed"));
-  WriteFileAtomically(At(".cairn-committed/.cairn-files"), "0 ../victim\n0 /tmp/x\n");
+  WriteFileAtomically(At(".cairn-committed/.cairn-files"),
+                      "# written by: test\n0 ../victim\n0 /tmp/x\n");
   WriteFileAtomically(At(".cairn-committed/.cairn-remove"), "../victim\n");
-  { const OutputFolder output(path_, {"report"}, true); }
+  { const OutputFolder output(path_, "test", {"report"}, true); }
   EXPECT_EQ(ReadFile(temp_ / "victim"), "x");
 }
 
 TEST_F(OutputFolderTest, OneRunWritesAtATime) {
-  const OutputFolder output(path_, {"report"}, false);
-  EXPECT_THAT(ThrownMessage<IoError>([&] { OutputFolder(path_, {"report"}, false); }),
+  const OutputFolder output(path_, "test", {"report"}, false);
+  EXPECT_THAT(ThrownMessage<IoError>([&] { OutputFolder(path_, "test", {"report"}, false); }),
               HasSubstr("another run"));
 }
 

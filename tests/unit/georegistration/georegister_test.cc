@@ -6,10 +6,13 @@
 #include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
+#include "cairn/base/file.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/angles.h"
 #include "support/gps_at.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/temp_folder.h"
+#include "support/test_monitor.h"
 
 namespace cairn {
 namespace {
@@ -301,6 +304,16 @@ TEST_F(GeoregisterTest, SigmasAreWhatResidualsShow) {
   EXPECT_EQ(Georegister(model_, {rows_}).images[0].sigma_m, 7);
   for (auto& [name, row] : rows_) row.sigma_m = 0.1;
   EXPECT_NEAR(Georegister(model_, {rows_}).images[0].sigma_m, 2, 0.5);
+}
+
+TEST(ReadPositions, NamesOfNoImageAreAWarning) {
+  const testing::TempFolder folder;
+  WriteFileAtomically(folder / "gps.csv", "a.jpg,45,7\nB.jpg,45,7\n");
+  const std::vector<std::string> names = {"a.jpg", "b.jpg"};
+  TestMonitor monitor;
+  EXPECT_EQ(ReadPositions(names, folder / "gps.csv", "", {.monitor = monitor}).size(), 1u);
+  EXPECT_THAT(monitor.warnings(),
+              ::testing::ElementsAre(folder / "gps.csv: 1 of 2 names are of no image: B.jpg"));
 }
 
 TEST_F(GeoregisterTest, JsonHasTheSimilarityAndEveryResidual) {

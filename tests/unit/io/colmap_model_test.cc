@@ -303,6 +303,28 @@ TEST(ColmapText, IsNotWrittenBesideABinaryModel) {
   EXPECT_FALSE(std::filesystem::exists(folder / "cameras.txt"));
 }
 
+TEST(ColmapResult, ReplacesItsOwnFilesAndNobodyElses) {
+  const TempFolder folder;
+  const std::string path = folder / "out";
+  const auto write = [&](const ColmapResult& result, bool overwrites = false) {
+    WriteColmapResult(RandomReconstruction(3), path, result, overwrites);
+  };
+  write({"export"});
+  const ColmapResult text = {"export", ColmapModelFormat::kText, {{"a.json", "{}"}}};
+  write(text);
+  EXPECT_FALSE(std::filesystem::exists(path + "/cameras.bin"));
+  EXPECT_EQ(ReadFile(path + "/a.json"), "{}");
+  ExpectEqual(ReadColmapModel(path), RandomReconstruction(3));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { write({"georegister"}, true); }),
+              HasSubstr("holds the results of export"));
+  // COLMAP 4 has been here.
+  WriteFileAtomically(path + "/frames.bin", "another's");
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { write(text); }),
+              HasSubstr("frames.bin is not as cairn wrote it"));
+  write(text, true);
+  EXPECT_FALSE(std::filesystem::exists(path + "/frames.bin"));
+}
+
 TEST(ColmapText, QuaternionsAreNormalizedAndCarriageReturnsIgnored) {
   const TempFolder folder;
   WriteFileAtomically(folder / "cameras.txt", "1 SIMPLE_PINHOLE 10 10 5 5 5\r\n");

@@ -247,14 +247,23 @@ TEST(Export, UnwritablePlacesAreErrorsAndLeaveNothing) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
+TEST(ReadModel, TakesTheLargestModelOfAFolder) {
+  const TempFolder folder;
+  WriteColmapModel(RandomReconstruction(4), folder / "sparse/0");
+  WriteColmapModel({}, folder / "sparse/1");
+  const size_t num_images = RandomReconstruction(4).images.size();
+  for (const char* path : {"", "sparse/0", "/"}) {
+    EXPECT_EQ(ReadModel(folder / path).images.size(), num_images) << path;
+  }
+  WriteColmapModel({}, folder.path());
+  EXPECT_TRUE(ReadModel(folder.path()).images.empty());
+}
+
 TEST(ReadModel, WhatIsNoModelIsNamed) {
   const TempFolder folder;
   EXPECT_THROW(ReadModel(folder / "absent"), IoError);
   EXPECT_THAT(ThrownMessage<IoError>([&] { ReadModel(folder.path()); }),
               HasSubstr("neither a COLMAP model"));
-  WriteColmapModel({}, folder / "sparse/0");
-  EXPECT_THAT(ThrownMessage<IoError>([&] { ReadModel(folder.path()); }),
-              HasSubstr("did you mean " + (folder / "sparse/0")));
 }
 
 }  // namespace

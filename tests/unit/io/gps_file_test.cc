@@ -47,9 +47,31 @@ TEST_F(GpsFileTest, RowsThatAreNoneAreNamed) {
               ::testing::HasSubstr("gps.txt:2: 'b.jpg,45' is not name,latitude"));
   for (const char* line : {"a.jpg 45", "a.jpg 45 x", "a.jpg,91,7", "a.jpg,45,181",
                            "a.jpg,45,7,1,-1", "a.jpg,45,7,1,1,1", "a.jpg,45,,1", "nan nan nan"}) {
-    EXPECT_THAT(Message(line), ::testing::HasSubstr("is not name,latitude")) << line;
+    EXPECT_THAT(Message(std::string("z.jpg,1,2\n") + line),
+                ::testing::HasSubstr("is not name,latitude"))
+        << line;
   }
   EXPECT_THROW(ReadGpsFile(folder_ / "absent.csv"), IoError);
+}
+
+TEST_F(GpsFileTest, AHeaderIsSkipped) {
+  for (const char* header :
+       {"name,latitude,longitude,altitude", "\xEF\xBB\xBFname, latitude, longitude",
+        "# from a spreadsheet\nImage GPSLatitude  GPSLongitude\tsigma"}) {
+    EXPECT_EQ(Read(std::string(header) + "\na.jpg,45,7,300\n").count("a.jpg"), 1u) << header;
+    EXPECT_EQ(Read(std::string(header) + "\na.jpg,45,7,300\n").size(), 1u) << header;
+  }
+  // A row that lacks something is none.
+  for (const char* line : {"a.jpg", "a.jpg 45", "a.jpg,,", "a.jpg,45,"}) {
+    EXPECT_THAT(Message(line), ::testing::HasSubstr("is not name,latitude")) << line;
+  }
+}
+
+TEST_F(GpsFileTest, NamesOfNoImageAreCountedAndNamed) {
+  const auto rows = Read("a.jpg,45,7\nb.jpg,45,7\nc.JPG,45,7\n");
+  const std::vector<std::string> all = {"a.jpg", "b.jpg", "c.JPG"}, some = {"c.jpg", "a.jpg"};
+  EXPECT_EQ(UnknownNames(rows, all), "");
+  EXPECT_EQ(UnknownNames(rows, some), "2 of 3 names are of no image: b.jpg, c.JPG");
 }
 
 }  // namespace

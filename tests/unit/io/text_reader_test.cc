@@ -32,6 +32,17 @@ TEST(TextReader, WordsLinesAndNumbers) {
   EXPECT_FALSE(reader.NextLine());
 }
 
+// Windows' editors and spreadsheets begin UTF-8 with one.
+TEST(TextReader, AByteOrderMarkIsNoPartOfTheText) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a", "\xEF\xBB\xBFname\n\xEF\xBB\xBFsecond\n");
+  TextReader reader(folder / "a");
+  reader.NextLine();
+  EXPECT_EQ(reader.line(), "name");
+  reader.NextLine();
+  EXPECT_EQ(reader.line(), "\xEF\xBB\xBFsecond");
+}
+
 TEST(TextReader, ErrorsNameFileLineAndWord) {
   const TempFolder folder;
   WriteFileAtomically(folder / "a", "1\nx 1e999 9999999999999999999 inf\n");

@@ -1,6 +1,8 @@
 // The files of a reconstruction, and what it takes from photographs.
 #include <gmock/gmock.h>
+#include <sys/resource.h>
 
+#include <csignal>
 #include <filesystem>
 
 #include "cairn/base/error.h"
@@ -8,6 +10,7 @@
 #include "cairn/image/bitmap.h"
 #include "cairn/io/colmap_model.h"
 #include "support/temp_folder.h"
+#include "support/test_monitor.h"
 #include "support/thrown_message.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
@@ -15,6 +18,7 @@ namespace cairn {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -28,6 +32,7 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   const SyntheticScene scene = MakeScene(SmallScene(), 10);
   ReconstructResult result = Reconstruct(MakeDatabase(scene));
   result.models.push_back(result.models.front());
+  result.models[1].images.at(scene.images[8].image_id).image.name = "a, b.jpg";
   const std::string output = folder_ / "new/out";
   WriteReconstructResult(result, output, "# options\n");
   for (const char* name :
@@ -38,6 +43,7 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   const std::string confidence = ReadFile(output + "/confidence.csv");
   EXPECT_EQ(std::count(confidence.begin(), confidence.end(), '\n'), 21);
   EXPECT_THAT(confidence, HasSubstr(scene.images[9].name + ",1,6,"));
+  EXPECT_THAT(confidence, HasSubstr("\n\"a, b.jpg\",1,"));
   const Reconstruction read = ReadColmapModel(output + "/sparse/0");
   EXPECT_EQ(read.images.size(), result.models[0].images.size());
   EXPECT_EQ(read.points3D.size(), result.models[0].points3D.size());
@@ -62,6 +68,29 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   EXPECT_TRUE(std::filesystem::exists(output + "/sparse/0/images.bin"));
   EXPECT_THAT(ReadFile(output + "/report.json"), Not(HasSubstr("stopped by the user")));
   EXPECT_TRUE(std::filesystem::exists(output + "/failed/sparse/0/images.bin"));
+}
+
+// The page comes last: what it lacks room for is not the models'.
+TEST_F(OutputTest, APageThatCannotBeWrittenDoesNotLoseTheModels) {
+  ReconstructResult result = Reconstruct(MakeDatabase(MakeScene(SmallScene(), 10)));
+  constexpr size_t kRoom = 1 << 20;
+  result.page = std::string(2 * kRoom, ' ');
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit small{kRoom, before.rlim_max};
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  setrlimit(RLIMIT_FSIZE, &small);
+  TestMonitor monitor;
+  EXPECT_NO_THROW(
+      WriteReconstructResult(result, folder_ / "out", "# options\n", false, {.monitor = monitor}));
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_THAT(monitor.warnings(),
+              Contains(HasSubstr("report.html cannot be written: File too large")));
+  EXPECT_TRUE(result.page.empty());
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "out/report.json"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out/report.html"));
+  EXPECT_EQ(ReadColmapModel(folder_ / "out/sparse/0").images.size(), 10u);
 }
 
 TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {

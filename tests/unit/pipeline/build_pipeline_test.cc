@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "cairn/io/one_dsfm_writer.h"
 #include "support/test_monitor.h"
 #include "support/thrown_message.h"
@@ -17,8 +18,12 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::Contains;
+using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
 using testing::ThrownMessage;
 
 class BuildPipelineTest : public WallTest {
@@ -163,6 +168,44 @@ TEST_F(BuildPipelineTest, NewPhotographsJoin) {
   EXPECT_EQ(report.summary.num_pairs, 10);
   EXPECT_THAT(monitor.totals(), ElementsAre(5, 1, 1, 4, 4));
   EXPECT_EQ(*Database(folder_ / "a.db").ReadKeypoints(1), keypoints);
+}
+
+TEST_F(BuildPipelineTest, AListOfPairsIsNotLeftOutWithoutAWord) {
+  const auto warnings = [](BuildPipelineOptions options) {
+    options.inputs.depth_path = "";
+    TestMonitor monitor;
+    RunBuildPipeline(options, {.monitor = monitor});
+    return monitor.warnings();
+  };
+  WriteFileAtomically(folder_ / "pairs.txt", "photo0.png photo1.png\n");
+  BuildPipelineOptions listed = Options("a.db");
+  listed.inputs.pairs_path = folder_ / "pairs.txt";
+  EXPECT_THAT(warnings(listed), IsEmpty());
+  EXPECT_THAT(warnings(listed), IsEmpty());
+  EXPECT_THAT(warnings(Options("a.db")), ElementsAre(HasSubstr("earlier runs took the pairs of")));
+  EXPECT_THAT(warnings(Options("a.db")), IsEmpty());
+  EXPECT_THAT(warnings(listed), ElementsAre(HasSubstr("pairs that earlier runs chose stay")));
+  // A way that the database remembers is not one that is given.
+  BuildPipelineOptions sequential = Options("b.db");
+  sequential.inputs.pairs = "sequential";
+  RunBuildPipeline(sequential);
+  EXPECT_THAT(StoredOptions(sequential.inputs), Contains(HasSubstr("pairs = \"sequential\"")));
+  sequential.inputs.pairs_path = listed.inputs.pairs_path;
+  EXPECT_THAT(StoredOptions(sequential.inputs), Each(Not(HasSubstr("pairs = "))));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(sequential); }),
+              HasSubstr("--pairs cannot be given too"));
+}
+
+TEST_F(BuildPipelineTest, PositionsOfNoPhotographAreNamedWhateverThePairs) {
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.stop_after = BuildStage::kFeatures;
+  options.inputs.gps_path = folder_ / "gps.csv";
+  EXPECT_THROW(RunBuildPipeline(options), IoError);
+  WriteFileAtomically(folder_ / "gps.csv", "name,lat,lon\nphoto0.png,45,7\nphoto1.PNG,45,7\n");
+  TestMonitor monitor;
+  RunBuildPipeline(options, {.monitor = monitor});
+  EXPECT_THAT(monitor.warnings(),
+              ElementsAre(HasSubstr("gps.csv: 1 of 2 names are of no image: photo1.PNG")));
 }
 
 TEST_F(BuildPipelineTest, DepthThatComesAfterVerificationIsAnError) {

@@ -362,6 +362,15 @@ TEST_F(StagesTest, PairListsWithBlanksInNamesAndBrokenLines) {
   EXPECT_THAT(ThrownMessage<IoError>([&] { ReadPairList(folder_ / "pairs.txt", images); }),
               HasSubstr("pairs.txt:2: 'lonely.png' is not two image names"));
   EXPECT_THROW(ReadPairList(folder_ / "no.txt", images), IoError);
+  std::ofstream(folder_ / "pairs.txt") << "\xEF\xBB\xBF"
+                                          "a b.png c d.png\n";
+  EXPECT_THAT(ReadPairList(folder_ / "pairs.txt", images), ElementsAre(ImagePairToPairId(1, 2)));
+  for (const char* text : {"", "# nothing\n", "c.png a.png\n", "a b.png a b.png\n"}) {
+    std::ofstream(folder_ / "pairs.txt") << text;
+    EXPECT_THAT(ThrownMessage<IoError>([&] { ReadPairList(folder_ / "pairs.txt", images); }),
+                HasSubstr("pairs.txt: names no pair of photographs of the database"))
+        << text;
+  }
 }
 
 TEST_F(StagesTest, PairsChosenByAnotherProgramAreNotCompleted) {

@@ -225,6 +225,28 @@ TEST_F(UndistortImagesTest, NothingOfOthersIsReplaced) {
   EXPECT_NE(message().find("is a photograph"), std::string::npos);
 }
 
+TEST_F(UndistortImagesTest, TheModelThatIsReadStays) {
+  job_.layout = DenseLayout::kGaussianSplatting;
+  WriteColmapModel(model_, Dense("sparse/0"));
+  fs::create_directory_symlink(folder_ / "dense", folder_ / "link");
+  for (const bool overwrites : {false, true}) {
+    for (const std::string& path :
+         {Dense("sparse/0"), Dense("sparse/"), folder_ / "link/sparse/0/"}) {
+      job_.overwrites = overwrites;
+      job_.model_path = path;
+      EXPECT_NE(testing::ThrownMessage<ConfigError>([&] {
+                  Run();
+                }).find(folder_ / "dense holds the model that is undistorted"),
+                std::string::npos)
+          << path;
+    }
+  }
+  EXPECT_FALSE(fs::exists(Dense("images")));
+  EXPECT_EQ(ReadColmapModel(Dense("sparse/0")).images.size(), 5u);
+  job_.output_path = folder_ / "dense/sparse/0/dense";
+  EXPECT_EQ(Run().num_written, 5);
+}
+
 TEST_F(UndistortImagesTest, NamesThatLeaveTheFolderAreRefused) {
   model_.images.at(1).image.name = "../image1.png";
   EXPECT_THROW(Run(), IoError);
