@@ -144,7 +144,9 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   if (sources.dataset && !sources.dataset->has_photographs) {
     return keep_going(ImportDataset(database, *sources.dataset, options.cameras, run));
   }
-  PhotoSource photos = {.image_path = sources.image_path, .drop_missing = in.drop_missing};
+  PhotoSource photos = {.image_path = sources.image_path,
+                        .drop_missing = in.drop_missing,
+                        .recompute_changed = in.recompute == BuildStage::kChanged};
   if (sources.dataset) photos.selection = SelectDatasetPhotos(*sources.dataset);
   if (!keep_going(ImportPhotos(database, photos, options.cameras, run))) return false;
   const PairChoosing choosing = {in.pairs, options.pair_selection, sources.image_path, in.gps_path};
@@ -221,11 +223,10 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
     // Empty, since it was interrupted when it was made; or else RunBuildPipeline says what it is.
     return options;
   }
-  const std::string recompute(NameOf(kBuildStages, inputs.recompute));
   for (const std::string& stage : {kStageCameras, kStageFeatures, kStageDepth, kStagePairs,
                                    kStageMatching, kStageVerification}) {
     const std::optional<StageRecord> record = database->ReadStage(stage);
-    if (record && !ForgetsStage(recompute, stage)) options.push_back(record->options);
+    if (record) options.push_back(record->options);
   }
   return options;
 }

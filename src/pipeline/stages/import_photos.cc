@@ -90,6 +90,30 @@ size_t HandleMissing(Database& database, const PhotoSource& source,
   return missing.size();
 }
 
+// Forgets images whose photographs are no longer those that they were made from.
+void ForgetChanged(Database& database, const std::vector<Photo>& photos, Stage& stage) {
+  std::map<std::string, uint64_t> hashes;
+  for (const Photo& photo : photos) {
+    if (photo.error.empty()) hashes[photo.name] = photo.file_hash;
+  }
+  std::set<std::string> changed;
+  for (const PhotoRecord& record : database.ReadPhotos()) {
+    const auto hash = hashes.find(record.name);
+    if (!record.error.empty() || hash == hashes.end() || hash->second == record.file_hash) continue;
+    changed.insert(record.name);
+  }
+  std::set<image_t> ids;
+  for (const Image& image : database.ReadImages()) {
+    if (changed.count(image.name) > 0) ids.insert(image.image_id);
+  }
+  if (ids.empty()) return;
+  Database::Transaction transaction(database);
+  database.DeleteImagesAndPairs(ids);
+  transaction.Commit();
+  stage.Note("changed, and computed again: " +
+             FirstNames(std::vector<std::string>(changed.begin(), changed.end())));
+}
+
 // Runs fn, which may throw IoError about the photo's file, and keeps the reason.
 template <class Fn>
 void KeepError(Photo& photo, const Fn& fn) {
@@ -200,8 +224,8 @@ std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos
       continue;
     } else if (record->second.file_hash != photo.file_hash) {
       throw ConfigError("image_path", photo.name +
-                                          " changed since its features were computed; use "
-                                          "--recompute features");
+                                          " changed since its features were computed; --recompute "
+                                          "changed computes such photographs again, and no others");
     } else if (!is_stored || !IsPending(ledger, image->second)) {
       continue;
     }
@@ -291,14 +315,17 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
     RemarkOnUnread(image_path, stage);
     num_dropped = HandleMissing(database, source, photos, stage);
   }
-  const StoredImages stored = ReadStored(database);
-  if (photos.empty() && stored.images.empty()) {
+  if (photos.empty() && database.ReadImages().empty()) {
     throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
   }
-  const size_t num_remarks = stage.NumMessages();
   const size_t num_photos = photos.size();
   run.monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));
   HashPhotos(image_path, run, photos);
+  if (source.recompute_changed && !run.monitor.StopRequested()) {
+    ForgetChanged(database, photos, stage);
+  }
+  const size_t num_remarks = stage.NumMessages();
+  const StoredImages stored = ReadStored(database);
   KnownPhotos known_photos;
   if (!run.monitor.StopRequested()) {
     const std::vector<Photo> all = photos;

@@ -165,6 +165,21 @@ TEST_F(BuildPipelineTest, NewPhotographsJoin) {
   EXPECT_EQ(*Database(folder_ / "a.db").ReadKeypoints(1), keypoints);
 }
 
+TEST_F(BuildPipelineTest, ChangedPhotographsAreComputedAlone) {
+  RunBuildPipeline(Options("a.db"));
+  WriteBitmap(Images() + "/photo1.png", testing::WallPhoto(160, 120, 60));
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.recompute = BuildStage::kChanged;
+  TestMonitor monitor;
+  const BuildPipelineReport report = RunBuildPipeline(options, {.monitor = monitor});
+  EXPECT_EQ(report.summary.num_images, 4);
+  EXPECT_EQ(report.summary.num_pairs, 6);
+  EXPECT_THAT(monitor.totals(), ElementsAre(4, 1, 1, 3, 3));
+  options.inputs.image_path = "";
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("changed needs --image_path"));
+}
+
 TEST_F(BuildPipelineTest, DepthThatComesAfterVerificationIsAnError) {
   BuildPipelineOptions options = Options("a.db");
   options.inputs.depth_path = "";

@@ -21,6 +21,8 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using testing::ThrownMessage;
@@ -276,7 +278,32 @@ TEST_F(ImportPhotosTest, AChangedPhotographIsNoticed) {
   AddPhoto("a.png");
   Import();
   WriteBitmap(images_ + "/a.png", testing::WallPhoto(64, 48, 5));
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(); }), HasSubstr("a.png changed since"));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(); }),
+              AllOf(HasSubstr("a.png changed since"), HasSubstr("--recompute changed")));
+}
+
+TEST_F(ImportPhotosTest, ChangedPhotographsAloneAreNewOnRequest) {
+  for (const std::string name : {"a.png", "b.png", "c.png"}) AddPhoto(name);
+  Import();
+  for (const image_t id : {1, 2, 3}) database_.WriteKeypoints(id, std::vector<Keypoint>(3));
+  database_.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
+  database_.WriteMatches(ImagePairToPairId(1, 3), {{0, 0}});
+  WriteBitmap(images_ + "/b.png", testing::WallPhoto(80, 60, 5));
+  AddFile("c.png", "this is not a photograph\n");
+  fs::remove(images_ + "/a.png");
+  TestMonitor monitor;
+  const StageReport report = ImportPhotos(
+      database_, {.image_path = images_, .recompute_changed = true}, {}, {.monitor = monitor});
+  EXPECT_THAT(report.messages, Contains("changed, and computed again: b.png, c.png"));
+  EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
+  EXPECT_EQ(database_.ReadNumKeypoints(), (std::map<image_t, int>{{1, 3}}));
+  EXPECT_TRUE(database_.ReadNumMatches().empty());
+  EXPECT_EQ(database_.ReadCameras().back().width, 80);
+  // Nothing is left to do, and the file that was damaged can come back.
+  EXPECT_EQ(Import().Value("new_images"), 0);
+  AddPhoto("c.png");
+  Import();
+  EXPECT_THAT(Names(), ElementsAre("a.png", "b.png", "c.png"));
 }
 
 TEST_F(ImportPhotosTest, PhotographsOfAnotherSizeDoNotFitTheSingleCamera) {
