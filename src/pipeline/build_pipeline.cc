@@ -1,6 +1,8 @@
 #include "cairn/pipeline/build_pipeline.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <iterator>
 
 #include "base/file_lock.h"
 #include "base/memory.h"
@@ -89,6 +91,7 @@ std::optional<std::vector<image_pair_t>> ListedPairs(const Database& database,
 
 // Adds a stage to the report; false: the user stopped it.
 bool KeepGoing(RunReport& report, StageReport stage) {
+  std::ranges::move(stage.warnings, std::back_inserter(report.warnings));
   report.stages.push_back(std::move(stage));
   return !report.stages.back().WasStopped();
 }

@@ -167,7 +167,11 @@ std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
     std::snprintf(item, sizeof(item), " %s %.2f", name.c_str(), sum);
     text += item;
   }
-  return text + "\n";
+  text += "\n";
+  for (const ResultWarning& warning : report.warnings) {
+    text += "warning   " + WarningText(warning) + "\n";
+  }
+  return text;
 }
 
 }  // namespace cairn

@@ -14,6 +14,7 @@
 #include "cairn/scene/image.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
+#include "pipeline/stages/given_camera.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -277,6 +278,39 @@ std::vector<Camera> AssignCameras(const StoredImages& stored, const CameraOption
   return maker.cameras();
 }
 
+// What is doubtful of the parameters that the user gives; throws ConfigError where no camera has
+// them.
+std::vector<ResultWarning> CheckGivenParams(const CameraOptions& options,
+                                            const std::vector<Camera>& cameras,
+                                            const KnownPhotos& known_photos,
+                                            const std::vector<Photo>& photos) {
+  std::vector<ResultWarning> doubts;
+  if (options.camera_params.empty() || cameras.empty()) return doubts;
+  std::map<camera_t, const Photo*> first;
+  for (const Photo& photo : photos) {
+    if (photo.image) first.emplace(photo.image->camera_id, &photo);
+  }
+  std::set<std::string> sizes, told;
+  for (const auto& [id, photo] : known_photos) sizes.insert(SizeText(photo.size));
+  for (const Camera& camera : cameras) {
+    const auto photo = first.find(camera.camera_id);
+    sizes.insert(SizeText({camera.width, camera.height}));
+    for (const ResultWarning& odd : FindOddities(camera, photo->second->exif.focal_px)) {
+      if (odd.is_wrong) {
+        throw ConfigError("camera_params", photo->second->name + ": " + WarningText(odd));
+      }
+      if (told.insert(odd.what).second) doubts.push_back(odd);
+    }
+  }
+  if (sizes.size() > 1) {
+    doubts.push_back({"the given camera parameters are used for photographs of " +
+                          std::to_string(sizes.size()) + " sizes, and cannot be right for all: " +
+                          FirstNames(std::vector<std::string>(sizes.begin(), sizes.end())),
+                      "give photographs of one size, or leave camera_params out"});
+  }
+  return doubts;
+}
+
 int64_t NumNewImages(const std::vector<Photo>& photos) {
   return std::ranges::count_if(photos, [](const Photo& photo) { return photo.image.has_value(); });
 }
@@ -340,6 +374,8 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   }
 
   const std::vector<Camera> cameras = AssignCameras(stored, options, ledger, known_photos, photos);
+  const std::vector<ResultWarning> doubts =
+      CheckGivenParams(options, cameras, known_photos, photos);
   if (!photos.empty()) WriteImages(database, cameras, image_path, photos, ledger);
   for (const Photo& photo : photos) {
     if (!photo.error.empty()) stage.Warn(photo.name + ": " + photo.error + "; skipped");
@@ -349,6 +385,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   stage.Add("new_cameras", cameras.size());
   stage.Add("skipped", stage.NumMessages() - num_remarks);
   stage.Add("dropped", num_dropped);
+  for (const ResultWarning& doubt : doubts) stage.Warn(doubt);
   return EndStage(stage, database);
 }
 
