@@ -199,6 +199,15 @@ std::optional<DepthGain> DepthGainOf(const RunReport& report, Database& database
                           VerifiersOf(options).front(), report.seed, seconds);
 }
 
+// What another program took out of the database is computed again.
+void ForgetLostRows(Database& database, const Sources& sources, ProgressMonitor& monitor) {
+  const Database::LostRows lost = database.ForgetLostRows(!sources.image_path.empty());
+  if (lost.num_images + lost.num_pairs == 0) return;
+  monitor.Info("computed again, since another program deleted their rows: " +
+               std::to_string(lost.num_images) + " images, " + std::to_string(lost.num_pairs) +
+               " pairs");
+}
+
 std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) {
   if (summary.num_verified > 0) return "";
   if (summary.num_images_with_features == 0) {
@@ -251,6 +260,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   const Sources sources = FindSources(inputs);
   const FileLock lock(inputs.database_path);
   Database database = OpenDatabase(inputs);
+  ForgetLostRows(database, sources, run.monitor);
   ReportBadRows(database, report.run, run.monitor);
   PrepareRecompute(database, std::string(NameOf(kBuildStages, inputs.recompute)),
                    sources.image_path);

@@ -17,7 +17,9 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
+using ::testing::Field;
 using ::testing::HasSubstr;
 using testing::ThrownMessage;
 
@@ -178,6 +180,38 @@ TEST_F(BuildPipelineTest, ChangedPhotographsAreComputedAlone) {
   options.inputs.image_path = "";
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
               HasSubstr("changed needs --image_path"));
+}
+
+// As `colmap database_cleaner` deletes them, or somebody with SQL.
+TEST_F(BuildPipelineTest, RowsThatAnotherProgramDeletedAreComputedAgain) {
+  RunBuildPipeline(Options("a.db"));
+  const std::string dump = Dump("a.db");
+  for (const std::vector<std::string>& cleaned : std::vector<std::vector<std::string>>{
+           {"matches", "two_view_geometries"},
+           {"keypoints", "descriptors", "matches", "two_view_geometries"},
+           {"keypoints", "descriptors", "matches", "two_view_geometries", "images", "cameras"},
+           {"two_view_geometries WHERE pair_id % 2 = 0"},
+           {"cairn_depth_scales WHERE image_id = 2"}}) {
+    for (const std::string& rows : cleaned) RunSql(folder_ / "a.db", "DELETE FROM " + rows);
+    const BuildPipelineReport report = RunBuildPipeline(Options("a.db"));
+    EXPECT_EQ(report.summary.num_images, 4) << cleaned.back();
+    EXPECT_EQ(report.summary.num_tried + report.summary.num_too_few, 6) << cleaned.back();
+    EXPECT_TRUE(Dump("a.db") == dump) << cleaned.back();
+  }
+  RunSql(folder_ / "a.db", "DELETE FROM images WHERE image_id = 2");
+  EXPECT_THAT(
+      RunBuildPipeline(Options("a.db")).summary,
+      AllOf(Field(&ViewGraphSummary::num_images, 4), Field(&ViewGraphSummary::num_pairs, 6)));
+}
+
+TEST_F(BuildPipelineTest, DeletedPairsThatCannotBeHadAgainAreNotCounted) {
+  RunBuildPipeline(Options("a.db"));
+  for (const std::string table : {"matches", "two_view_geometries", "descriptors"}) {
+    RunSql(folder_ / "a.db", "DELETE FROM " + table);
+  }
+  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"));
+  EXPECT_EQ(report.summary.num_verified, 0);
+  EXPECT_THAT(report.run.failure, HasSubstr("none was verified"));
 }
 
 TEST_F(BuildPipelineTest, DepthThatComesAfterVerificationIsAnError) {
