@@ -79,6 +79,17 @@ Sources FindSources(const BuildInputs& inputs) {
   return sources;
 }
 
+// Before features are computed for hours.
+void CheckDepthSource(const BuildInputs& inputs) {
+  namespace fs = std::filesystem;
+  if (!inputs.depth_path.empty() && !fs::is_directory(inputs.depth_path)) {
+    throw IoError(inputs.depth_path, "no such folder");
+  }
+  if (!inputs.depth_model.empty() && !fs::exists(inputs.depth_model)) {
+    throw IoError(inputs.depth_model, "no such file");
+  }
+}
+
 // Pairs that the user or the data set names, if they do.
 std::optional<std::vector<image_pair_t>> ListedPairs(const Database& database,
                                                      const BuildInputs& inputs,
@@ -258,6 +269,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   report.run.seed = run.seed;
   report.run.num_threads = run.num_threads;
   const Sources sources = FindSources(inputs);
+  CheckDepthSource(inputs);
   const FileLock lock(inputs.database_path);
   Database database = OpenDatabase(inputs);
   ForgetLostRows(database, sources, run.monitor);

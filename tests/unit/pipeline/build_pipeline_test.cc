@@ -214,6 +214,18 @@ TEST_F(BuildPipelineTest, DeletedPairsThatCannotBeHadAgainAreNotCounted) {
   EXPECT_THAT(report.run.failure, HasSubstr("none was verified"));
 }
 
+TEST_F(BuildPipelineTest, DepthThatIsNotThereIsFoundBeforeAnyWork) {
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.depth_path = folder_ / "no_depth";
+  EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("no_depth: no such folder"));
+  options.inputs.depth_path = "";
+  options.inputs.depth_model = folder_ / "no.onnx";
+  EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("no.onnx: no such file"));
+  EXPECT_FALSE(fs::exists(folder_ / "a.db"));
+}
+
 TEST_F(BuildPipelineTest, DepthThatComesAfterVerificationIsAnError) {
   BuildPipelineOptions options = Options("a.db");
   options.inputs.depth_path = "";
