@@ -13,6 +13,7 @@
 #include "pipeline/depth_gain.h"
 #include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/choose.h"
+#include "pipeline/stages/foreign_features.h"
 #include "pipeline/stages/import_dataset.h"
 #include "pipeline/stages/recompute.h"
 #include "pipeline/stages/stage_ledger.h"
@@ -250,6 +251,11 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
                                    kStageMatching, kStageVerification}) {
     const std::optional<StageRecord> record = database->ReadStage(stage);
     if (record) options.push_back(record->options);
+  }
+  // So that new photographs match those that another program has found features in.
+  if (inputs.recompute != BuildStage::kFeatures && !database->ReadStage(kStageFeatures) &&
+      HasForeignSift(*database)) {
+    options.push_back("features.type = \"sift\"\n");
   }
   return options;
 }

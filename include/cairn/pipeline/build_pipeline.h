@@ -112,7 +112,8 @@ struct BuildPipelineOptions {
 };
 
 // The options, as TOML text, of the stages that are in the database already: options that are not
-// given again stay as they were, those of stages that are computed again, too.
+// given again stay as they were, those of stages that are computed again, too. Where features are
+// another program's SIFT, features.type is sift.
 std::vector<std::string> StoredOptions(const BuildInputs& inputs);
 
 // What depth is worth to verification: times of sampled pairs, with it and without, on one thread.

@@ -18,9 +18,11 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::Field;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::ThrownMessage;
 
 class BuildPipelineTest : public WallTest {
@@ -212,6 +214,30 @@ TEST_F(BuildPipelineTest, DeletedPairsThatCannotBeHadAgainAreNotCounted) {
   const BuildPipelineReport report = RunBuildPipeline(Options("a.db"));
   EXPECT_EQ(report.summary.num_verified, 0);
   EXPECT_THAT(report.run.failure, HasSubstr("none was verified"));
+}
+
+// Keypoints with four columns are COLMAP's.
+TEST_F(BuildPipelineTest, NewPhotographsGetSiftFeaturesWhereOthersHaveThem) {
+  const auto stored = [&] { return StoredOptions(Options("a.db").inputs); };
+  BuildPipelineOptions options = Options("a.db");
+  options.features.type = FeatureType::kSift;
+  RunBuildPipeline(options);
+  EXPECT_THAT(stored(), Not(Contains("features.type = \"sift\"\n")));
+  for (const std::string table : {"jobs", "stages"}) {
+    RunSql(folder_ / "a.db", "DELETE FROM cairn_" + table);
+  }
+  EXPECT_THAT(stored(), ElementsAre("features.type = \"sift\"\n"));
+  AddPhoto(4);
+  options.inputs.depth_path = "";
+  options.inputs.stop_after = BuildStage::kFeatures;
+  TestMonitor sift, affine;
+  RunBuildPipeline(options, {.monitor = sift});
+  EXPECT_THAT(sift.warnings(), ElementsAre());
+  RunSql(folder_ / "a.db", "DELETE FROM cairn_stages WHERE stage = 'features'");
+  AddPhoto(5);
+  options.features.type = FeatureType::kAffineDog;
+  RunBuildPipeline(options, {.monitor = affine});
+  EXPECT_THAT(affine.warnings(), ElementsAre(HasSubstr("use --features.type sift")));
 }
 
 TEST_F(BuildPipelineTest, DepthThatIsNotThereIsFoundBeforeAnyWork) {
