@@ -184,6 +184,17 @@ TEST_F(BuildPipelineTest, ChangedPhotographsAreComputedAlone) {
               HasSubstr("changed needs --image_path"));
 }
 
+TEST_F(BuildPipelineTest, DoubtfulCameraParamsAreInTheReportAndAtTheEndOfTheSummary) {
+  BuildPipelineOptions options = Options("a.db");
+  options.cameras.camera_model = CameraModel::kPinhole;
+  options.cameras.camera_params = {190, 190, 120, 60};
+  options.inputs.stop_after = BuildStage::kFeatures;
+  const BuildPipelineReport report = RunBuildPipeline(options);
+  EXPECT_THAT(SummaryText(report.summary, report.run),
+              HasSubstr("\nwarning   the given principal point 120,60 is far from the center"));
+  EXPECT_THAT(ToJson(report.run), HasSubstr("\"advice\": \"are camera_model and the order right?"));
+}
+
 // As `colmap database_cleaner` deletes them, or somebody with SQL.
 TEST_F(BuildPipelineTest, RowsThatAnotherProgramDeletedAreComputedAgain) {
   RunBuildPipeline(Options("a.db"));
@@ -204,6 +215,23 @@ TEST_F(BuildPipelineTest, RowsThatAnotherProgramDeletedAreComputedAgain) {
   EXPECT_THAT(
       RunBuildPipeline(Options("a.db")).summary,
       AllOf(Field(&ViewGraphSummary::num_images, 4), Field(&ViewGraphSummary::num_pairs, 6)));
+}
+
+TEST_F(BuildPipelineTest, PairsThatAnotherProgramMatchedAndDeletedAreMatched) {
+  RunBuildPipeline(Options("a.db"));
+  for (const std::string table : {"jobs", "stages", "pair_choices", "pair_metrics"}) {
+    RunSql(folder_ / "a.db", "DELETE FROM cairn_" + table);
+  }
+  AddPhoto(4);
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.depth_path = "";
+  EXPECT_EQ(RunBuildPipeline(options).summary.verified_by.count("given"), 1u);
+  for (const std::string table : {"matches", "two_view_geometries"}) {
+    RunSql(folder_ / "a.db", "DELETE FROM " + table);
+  }
+  const ViewGraphSummary summary = RunBuildPipeline(options).summary;
+  EXPECT_EQ(summary.num_pairs, 10);
+  EXPECT_EQ(summary.num_tried + summary.num_too_few, 10);
 }
 
 TEST_F(BuildPipelineTest, DeletedPairsThatCannotBeHadAgainAreNotCounted) {
