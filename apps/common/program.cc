@@ -265,11 +265,18 @@ std::string DescribeParseError(const CLI::App& app, const CLI::ParseError& error
     std::vector<std::string> names;
     for (const CLI::App* command : app.get_subcommands(nullptr))
       names.push_back(command->get_name());
+    if (words.front().starts_with("-")) return "options go after the command; see --help";
     return "unknown command '" + words.front() + "'" + DidYouMean(words.front(), names);
   }
   if (error.get_exit_code() != static_cast<int>(CLI::ExitCodes::ExtrasError)) return error.what();
   const CLI::App* command = &app;
-  if (!app.get_subcommands().empty()) command = app.get_subcommands().front();
+  if (!app.get_subcommands().empty()) {
+    command = app.get_subcommands().front();
+    if (!words.empty() && words.front().starts_with("-")) {
+      return "options go after the command: " + app.get_name() + " " + command->get_name() + " " +
+             words.front() + " ...";
+    }
+  }
   std::vector<std::string> known;
   for (const CLI::Option* option : command->get_options()) {
     known.push_back(option->get_name());

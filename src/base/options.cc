@@ -123,7 +123,10 @@ std::string RetiredValue(std::string_view name) {
   return "";
 }
 
-std::string DidYouMean(const std::string& name, const std::vector<std::string>& known) {
+namespace {
+
+// The known name nearest by edit distance; "" where none is near.
+std::string Nearest(const std::string& name, const std::vector<std::string>& known) {
   std::string nearest;
   size_t least_distance = std::max<size_t>(2, name.size() / 3) + 1;
   for (const std::string& candidate : known) {
@@ -143,7 +146,41 @@ std::string DidYouMean(const std::string& name, const std::vector<std::string>& 
       nearest = candidate;
     }
   }
-  return nearest.empty() ? "" : "; did you mean '" + nearest + "'?";
+  return nearest;
+}
+
+// The name of an option without its module and dashes: all but the module may be right.
+std::string_view FieldOf(std::string_view key) {
+  return key.substr(key.find_last_of(".-") + 1);  // 0 where there is neither
+}
+
+// "; did you mean 'a' or 'b'?"
+std::string Question(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) {
+    text += (text.empty() ? "; did you mean '" : " or '") + name + "'";
+  }
+  return text.empty() ? "" : text + "?";
+}
+
+// Of all modules' options of this name, the nearest, or where none is near, a few.
+std::vector<std::string> OfOtherModules(const std::string& key,
+                                        const std::vector<std::string>& known) {
+  constexpr size_t kFew = 3;
+  std::vector<std::string> names;
+  for (const std::string& name : known) {
+    if (FieldOf(name) == FieldOf(key)) names.push_back(name);
+  }
+  if (const std::string nearest = Nearest(key, names); !nearest.empty()) return {nearest};
+  if (names.size() > kFew) names.clear();
+  return names;
+}
+
+}  // namespace
+
+std::string DidYouMean(const std::string& name, const std::vector<std::string>& known) {
+  const std::string nearest = Nearest(name, known);
+  return nearest.empty() ? "" : Question({nearest});
 }
 
 std::string DescribeUnknownOption(const std::string& key, const std::vector<std::string>& known) {
@@ -155,7 +192,13 @@ std::string DescribeUnknownOption(const std::string& key, const std::vector<std:
     return "'" + key + "': this option was removed; it " +
            (value == "*" ? "had no effect" : "is always '" + value + "'");
   }
-  return "'" + key + "'" + DidYouMean(key, known);
+  if (key.substr(dashes) == "image_list_path") {
+    return "'" + key +
+           "': all photographs of image_path and its sub-folders are taken; put links to those of "
+           "the list into a folder of their own";
+  }
+  const std::vector<std::string> names = OfOtherModules(key, known);
+  return "'" + key + "'" + (names.empty() ? DidYouMean(key, known) : Question(names));
 }
 
 }  // namespace cairn

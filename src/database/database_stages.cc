@@ -1,6 +1,7 @@
 #include <sstream>
 
 #include "cairn/database/database.h"
+#include "database/own_matches.h"
 #include "database/query.h"
 #include "database/stage_names.h"
 
@@ -91,6 +92,56 @@ void Database::WriteStage(const StageRecord& record) {
       "INSERT OR REPLACE INTO cairn_stages(stage, options, input_hash, is_complete) "
       "VALUES(?1, ?2, 0, ?3);",
       record.stage, record.options, record.is_complete);
+}
+
+Database::LostRows Database::ForgetLostRows(bool has_photographs) {
+  // Items of jobs are images, or pairs, whose ids are larger.
+  const auto images = ReadRows<std::vector<image_t>>(
+      {*impl_,
+       "SELECT DISTINCT item FROM cairn_jobs WHERE ?1 AND item BETWEEN 1 AND 2147483646 "
+       "AND item NOT IN (SELECT image_id FROM images);",
+       has_photographs},
+      [](const Query& row) { return row.Int<image_t>(0); });
+  Transaction transaction(*this);
+  DeleteFeaturesAndPairs({images.begin(), images.end()});
+  for (const image_t id : images) DeleteJob(kStageCameras, id);
+  const auto pairs = ReadRows<std::vector<int64_t>>(
+      {*impl_,
+       "SELECT COUNT(*) FROM cairn_jobs WHERE stage = 'verification' "
+       "AND item NOT IN (SELECT pair_id FROM two_view_geometries);"},
+      [](const Query& row) { return row.Int(0); });
+  impl_->Execute(
+      "DELETE FROM cairn_photos WHERE error = '' AND name NOT IN (SELECT name FROM images);"
+      "DELETE FROM cairn_jobs WHERE stage = 'features' "
+      "AND item NOT IN (SELECT image_id FROM keypoints);"
+      "DELETE FROM cairn_jobs WHERE stage = 'depth' AND note = '' "
+      "AND item NOT IN (SELECT image_id FROM cairn_depth_scales);"
+      "DELETE FROM cairn_jobs WHERE stage = 'dataset' AND NOT EXISTS (SELECT 1 FROM images);");
+  // Images whose pairs another program chose, where its matches are gone.
+  Run(*impl_,
+      "DELETE FROM cairn_jobs WHERE stage = 'pairs' AND NOT EXISTS (SELECT 1 FROM matches) "
+      "AND EXISTS (SELECT 1 FROM cairn_jobs WHERE stage = 'matching' AND note = ?1);",
+      kGivenNote);
+  Run(*impl_,
+      "DELETE FROM cairn_jobs WHERE stage = 'matching' AND note = ?1 "
+      "AND NOT EXISTS (SELECT 1 FROM matches);",
+      kGivenNote);
+  if (pairs.front() > 0) {
+    impl_->Execute(
+        "DELETE FROM cairn_pair_metrics WHERE pair_id NOT IN "
+        "(SELECT pair_id FROM two_view_geometries);"
+        "DELETE FROM cairn_focal_evidence WHERE pair_id NOT IN "
+        "(SELECT pair_id FROM two_view_geometries);"
+        "DELETE FROM cairn_timings WHERE stage = 'verification' AND item > 0 "
+        "AND item NOT IN (SELECT pair_id FROM two_view_geometries);"
+        "DELETE FROM cairn_jobs WHERE stage = 'verification' "
+        "AND item NOT IN (SELECT pair_id FROM two_view_geometries);"
+        // What was learned from pairs, where none is left.
+        "DELETE FROM cairn_camera_focals WHERE NOT EXISTS (SELECT 1 FROM two_view_geometries);"
+        "DELETE FROM cairn_camera_lenses WHERE NOT EXISTS (SELECT 1 FROM two_view_geometries);");
+  }
+  transaction.Commit();
+  return {std::ssize(images), pairs.front()};
 }
 
 void Database::ClearStage(const std::string& stage) {

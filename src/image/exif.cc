@@ -18,10 +18,6 @@
 namespace cairn {
 namespace {
 
-// Focal lengths in units of the longer side that a photograph can have: 4 mm to 1100 mm of 35 mm
-// film.
-constexpr double kMinFocal = 0.1;
-constexpr double kMaxFocal = 30.0;
 // Of 35 mm film, 36 mm x 24 mm.
 constexpr double kFilmDiagonalMm = 43.27;
 
@@ -210,7 +206,8 @@ ExifInfo ReadExif(const std::string& path, int width, int height) {
     info.gps = Gps(data);
     info.focal_px = FocalPx(data, info, width, height);
     const double relative = info.focal_px.value_or(1.0) / std::max(width, height);
-    if (info.focal_px && (relative < kMinFocal || relative > kMaxFocal)) info.focal_px.reset();
+    if (info.focal_px && (relative < kMinFocalFactor || relative > kMaxFocalFactor))
+      info.focal_px.reset();
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception&) {

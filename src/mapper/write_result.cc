@@ -42,8 +42,7 @@ std::string ConfidenceCsv(const ReconstructResult& result, const RunContext& run
     }
     for (const auto& [id, confidence] : EstimatePoseConfidence(model, run)) {
       text += CsvField(model.images.at(id).image.name) +
-              Formatted(",%zu,%d,%d,%.6g,%.6g
-", k, num_pairs[id], confidence.num_points,
+              Formatted(",%zu,%d,%d,%.6g,%.6g\n", k, num_pairs[id], confidence.num_points,
                         confidence.rotation_sigma_deg, confidence.position_sigma);
     }
   }

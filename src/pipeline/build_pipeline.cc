@@ -1,6 +1,8 @@
 #include "cairn/pipeline/build_pipeline.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <iterator>
 
 #include "base/file_lock.h"
 #include "base/memory.h"
@@ -11,6 +13,7 @@
 #include "pipeline/depth_gain.h"
 #include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/choose.h"
+#include "pipeline/stages/foreign_features.h"
 #include "pipeline/stages/import_dataset.h"
 #include "pipeline/stages/recompute.h"
 #include "pipeline/stages/stage_ledger.h"
@@ -77,6 +80,17 @@ Sources FindSources(const BuildInputs& inputs) {
   return sources;
 }
 
+// Before features are computed for hours.
+void CheckDepthSource(const BuildInputs& inputs) {
+  namespace fs = std::filesystem;
+  if (!inputs.depth_path.empty() && !fs::is_directory(inputs.depth_path)) {
+    throw IoError(inputs.depth_path, "no such folder");
+  }
+  if (!inputs.depth_model.empty() && !fs::exists(inputs.depth_model)) {
+    throw IoError(inputs.depth_model, "no such file");
+  }
+}
+
 // Pairs that the user or the data set names, if they do.
 std::optional<std::vector<image_pair_t>> ListedPairs(const Database& database,
                                                      const BuildInputs& inputs,
@@ -104,6 +118,7 @@ void NoteOtherPairs(const Database& database, bool has_list, ProgressMonitor& mo
 
 // Adds a stage to the report; false: the user stopped it.
 bool KeepGoing(RunReport& report, StageReport stage) {
+  std::ranges::move(stage.warnings, std::back_inserter(report.warnings));
   report.stages.push_back(std::move(stage));
   return !report.stages.back().WasStopped();
 }
@@ -159,7 +174,9 @@ bool RunStages(Database& database, const BuildPipelineOptions& options, const So
   if (sources.dataset && !sources.dataset->has_photographs) {
     return keep_going(ImportDataset(database, *sources.dataset, options.cameras, run));
   }
-  PhotoSource photos = {.image_path = sources.image_path, .drop_missing = in.drop_missing};
+  PhotoSource photos = {.image_path = sources.image_path,
+                        .drop_missing = in.drop_missing,
+                        .recompute_changed = in.recompute == BuildStage::kChanged};
   if (sources.dataset) photos.selection = SelectDatasetPhotos(*sources.dataset);
   if (!keep_going(ImportPhotos(database, photos, options.cameras, run))) return false;
   CheckPositions(in.gps_path, database.ReadImages(), run.monitor);
@@ -211,6 +228,15 @@ std::optional<DepthGain> DepthGainOf(const RunReport& report, Database& database
                           VerifiersOf(options).front(), report.seed, seconds);
 }
 
+// What another program took out of the database is computed again.
+void ForgetLostRows(Database& database, const Sources& sources, ProgressMonitor& monitor) {
+  const Database::LostRows lost = database.ForgetLostRows(!sources.image_path.empty());
+  if (lost.num_images + lost.num_pairs == 0) return;
+  monitor.Info("computed again, since another program deleted their rows: " +
+               std::to_string(lost.num_images) + " images, " + std::to_string(lost.num_pairs) +
+               " pairs");
+}
+
 std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) {
   if (summary.num_verified > 0) return "";
   if (summary.num_images_with_features == 0) {
@@ -238,13 +264,17 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
     // Empty, since it was interrupted when it was made; or else RunBuildPipeline says what it is.
     return options;
   }
-  const std::string recompute(NameOf(kBuildStages, inputs.recompute));
   for (const std::string& stage : {kStageCameras, kStageFeatures, kStageDepth, kStagePairs,
                                    kStageMatching, kStageVerification}) {
     const std::optional<StageRecord> record = database->ReadStage(stage);
     // A list of pairs comes instead of the way that they were chosen by.
     if (stage == kStagePairs && !inputs.pairs_path.empty()) continue;
-    if (record && !ForgetsStage(recompute, stage)) options.push_back(record->options);
+    if (record) options.push_back(record->options);
+  }
+  // So that new photographs match those that another program has found features in.
+  if (inputs.recompute != BuildStage::kFeatures && !database->ReadStage(kStageFeatures) &&
+      HasForeignSift(*database)) {
+    options.push_back("features.type = \"sift\"\n");
   }
   return options;
 }
@@ -267,8 +297,10 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   report.run.seed = run.seed;
   report.run.num_threads = run.num_threads;
   const Sources sources = FindSources(inputs);
+  CheckDepthSource(inputs);
   const FileLock lock(inputs.database_path);
   Database database = OpenDatabase(inputs);
+  ForgetLostRows(database, sources, run.monitor);
   ReportBadRows(database, report.run, run.monitor);
   PrepareRecompute(database, std::string(NameOf(kBuildStages, inputs.recompute)),
                    sources.image_path);

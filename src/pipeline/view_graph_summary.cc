@@ -161,7 +161,11 @@ std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
   for (const auto& [name, sum] : seconds) {
     text += Formatted(" %s %.2f", name.c_str(), sum);
   }
-  return text + "\n";
+  text += "\n";
+  for (const ResultWarning& warning : report.warnings) {
+    text += "warning   " + WarningText(warning) + "\n";
+  }
+  return text;
 }
 
 }  // namespace cairn

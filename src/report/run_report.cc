@@ -40,6 +40,10 @@ double StageReport::Value(std::string_view key) const {
   return entry == values.end() ? 0 : entry->second;
 }
 
+std::string WarningText(const ResultWarning& warning) {
+  return warning.what + (warning.advice.empty() ? "" : "; " + warning.advice);
+}
+
 std::string ToJson(const RunReport& report) {
   Json json;
   json["program"] = report.program;

@@ -33,6 +33,11 @@ void Stage::Warn(const std::string& message) {
   RecordWarning(message);
 }
 
+void Stage::Warn(const ResultWarning& warning) {
+  Warn(WarningText(warning));
+  report_.warnings.push_back(warning);
+}
+
 void Stage::NoteEach(const std::vector<std::string>& messages) {
   for (const std::string& line : FirstLines(messages)) monitor_.Info(line);
   report_.messages.insert(report_.messages.end(), messages.begin(), messages.end());

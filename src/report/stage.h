@@ -23,6 +23,8 @@ class Stage {
   // A line each for many things: the user sees the first ten, the report keeps all.
   void NoteEach(const std::vector<std::string>& messages);
   void WarnEach(const std::vector<std::string>& messages);
+  // Of the whole run: shown, and kept for RunReport::warnings.
+  void Warn(const ResultWarning& warning);
   // For the report alone. A warning that is recorded is one of the run's (RunReport::warnings),
   // which the user sees at its end.
   void Record(const std::string& message) { report_.messages.push_back(message); }

@@ -156,6 +156,10 @@ TEST(Failure, UnknownFlagsAndKeysSuggestTheNearestName) {
             "matching.max_ratio", "out of range");
   ExpectEnd(RunProgram("global_sfm", {"reconstrukt"}), 2, "reconstrukt", "unknown command");
   ExpectEnd(RunProgram("global_sfm", {"synthesise"}), 2, "synthesise", "'synthesize'");
+  ExpectEnd(RunProgram("global_sfm", {"--database_path", scene.database(), "inspect"}), 2,
+            "options go after the command", "global_sfm inspect --database_path");
+  ExpectEnd(RunProgram("global_sfm", {"--database_path", scene.database()}), 2,
+            "options go after the command", "--help");
 }
 
 }  // namespace

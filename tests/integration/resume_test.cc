@@ -66,6 +66,21 @@ TEST(Determinism, WhatIsNotGivenAgainStaysAsItWas) {
   EXPECT_EQ(again.exit_code, 0) << again.output;
 }
 
+TEST(Determinism, WhatIsComputedAgainKeepsOptionsThatAreNotGiven) {
+  const SceneFiles scene;
+  const std::string database = scene / "again.db";
+  const ProgramResult first = scene.BuildViewGraph(
+      database, {"--camera_model", "PINHOLE", "--single_camera", "--features.type", "sift",
+                 "--matching.max_ratio", "0.7", "--verifier", "five_point"});
+  ASSERT_EQ(first.exit_code, 0) << first.output;
+  const std::string dump = DumpDatabase(database);
+  const ProgramResult again = testing::RunProgram(
+      "build_view_graph", {"--image_path", scene.images(), "--depth_path", scene / "depth",
+                           "--database_path", database, "--recompute", "features"});
+  ASSERT_EQ(again.exit_code, 0) << again.output;
+  EXPECT_TRUE(DumpDatabase(database) == dump);
+}
+
 TEST(Determinism, AnotherSeedOrOptionIsNoticed) {
   const SceneFiles scene;
   const ProgramResult result =

@@ -137,7 +137,8 @@ std::string RetiredValue(std::string_view name);
 std::string DidYouMean(const std::string& name, const std::vector<std::string>& known);
 
 // "'<key>'", with what is to be said about an option that is not `known` by this name: its new
-// name, that it was removed, or which one may be meant. A key may begin with "--".
+// name, that it was removed, or which one may be meant: one of this name in another module, or the
+// nearest. A key may begin with "--".
 std::string DescribeUnknownOption(const std::string& key, const std::vector<std::string>& known);
 
 }  // namespace cairn

@@ -139,6 +139,13 @@ class Database {
   std::optional<StageRecord> ReadStage(const std::string& stage) const;
   void WriteStage(const StageRecord& record);
 
+  // Removes cairn's records of pairs whose rows another program deleted, and, where photographs can
+  // be read again, of images, with what else was made from these: they are to be computed again.
+  struct LostRows {
+    int64_t num_images = 0, num_pairs = 0;
+  };
+  LostRows ForgetLostRows(bool has_photographs);
+
   // Removes the results of a stage, whichever program wrote them, with its jobs, timings and
   // record. (Photographs, images and cameras stay.)
   void ClearStage(const std::string& stage);

@@ -7,6 +7,11 @@
 
 namespace cairn {
 
+// Focal lengths in units of the longer side that a photograph can have: 4 mm to 1100 mm of 35 mm
+// film.
+inline constexpr double kMinFocalFactor = 0.1;
+inline constexpr double kMaxFocalFactor = 30.0;
+
 // What a photograph's EXIF block holds about its camera, and about when and where it was taken.
 struct ExifInfo {
   // In pixels of an image of the size given to ReadExif; absent where EXIF has none.

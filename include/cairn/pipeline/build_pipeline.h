@@ -27,16 +27,23 @@ inline constexpr NamedValue<VerifierChoice> kVerifierChoices[] = {
     {VerifierChoice::kFivePoint, "five_point"},
     {VerifierChoice::kBoth, "both"}};  // one_ac_depth and five_point
 
-// The stages, in order, by the names that they have in the database.
-enum class BuildStage { kNone, kCameras, kFeatures, kDepth, kPairs, kMatching, kVerification };
+// The stages, in order, by the names that they have in the database; before them what --recompute
+// takes beside stages (changed: photographs).
+enum class BuildStage {
+  kNone,
+  kChanged,
+  kCameras,
+  kFeatures,
+  kDepth,
+  kPairs,
+  kMatching,
+  kVerification
+};
 inline constexpr NamedValue<BuildStage> kBuildStages[] = {
-    {BuildStage::kNone, "none"},
-    {BuildStage::kCameras, "cameras"},
-    {BuildStage::kFeatures, "features"},
-    {BuildStage::kDepth, "depth"},
-    {BuildStage::kPairs, "pairs"},
-    {BuildStage::kMatching, "matching"},
-    {BuildStage::kVerification, "verification"}};
+    {BuildStage::kNone, "none"},         {BuildStage::kChanged, "changed"},
+    {BuildStage::kCameras, "cameras"},   {BuildStage::kFeatures, "features"},
+    {BuildStage::kDepth, "depth"},       {BuildStage::kPairs, "pairs"},
+    {BuildStage::kMatching, "matching"}, {BuildStage::kVerification, "verification"}};
 
 // What build_view_graph works on; the options of the modules follow in BuildPipelineOptions.
 struct BuildInputs {
@@ -71,10 +78,11 @@ struct BuildInputs {
     v.String("gps_path", gps_path,
              "file with name,latitude,longitude[,altitude[,sigma]] a line, instead of GPS in EXIF");
     v.Choice("verifier", verifier, kVerifierChoices, "which verifiers are run on every pair");
-    v.Choice("stop_after", stop_after, std::span(kBuildStages).subspan(2),
+    v.Choice("stop_after", stop_after, std::span(kBuildStages).subspan(3),
              "last stage of this run; a later run continues");
     v.Choice("recompute", recompute, kBuildStages,
-             "stage to compute again, with those that depend on it");
+             "stage to compute again, with those that depend on it, or photographs that changed; "
+             "options that are not given stay as they were");
     v.Bool("drop_missing", drop_missing,
            "photographs that image_path no longer has leave the database, with their pairs");
   }
@@ -103,8 +111,9 @@ struct BuildPipelineOptions {
   }
 };
 
-// The options, as TOML text, of the stages that are in the database already and that this run
-// keeps: options that are not given again stay as they were.
+// The options, as TOML text, of the stages that are in the database already: options that are not
+// given again stay as they were, those of stages that are computed again, too. Where features are
+// another program's SIFT, features.type is sift.
 std::vector<std::string> StoredOptions(const BuildInputs& inputs);
 
 // What depth is worth to verification: times of sampled pairs, with it and without, on one thread.

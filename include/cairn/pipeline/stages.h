@@ -54,6 +54,8 @@ struct PhotoSource {
   std::optional<std::vector<Photo>> selection = std::nullopt;  // nullopt: all
   // Images that were imported from a folder (all of it) that no longer has them leave the database.
   bool drop_missing = false;
+  // Images whose photographs changed are forgotten, and the photographs added as new ones.
+  bool recompute_changed = false;
 };
 
 // Adds the photographs of the source that the database does not have, with their cameras, in the
@@ -61,7 +63,8 @@ struct PhotoSource {
 // sub-folder (single_camera_per_folder), else one for all images with equal EXIF make, model, focal
 // length and size, else one an image; photographs that join later share the cameras of those that
 // are there. Throws IoError when the folder cannot be read or neither it nor the database has an
-// image, ConfigError where drop_missing would leave none of the folder's images.
+// image, ConfigError where drop_missing would leave none of the folder's images, or a photograph
+// changed and recompute_changed is not set.
 StageReport ImportPhotos(Database& database, const PhotoSource& source,
                          const CameraOptions& options = {}, const RunContext& run = {});
 

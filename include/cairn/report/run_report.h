@@ -17,6 +17,16 @@ enum class StageStatus : int {
 };
 std::string_view StageStatusName(StageStatus status);
 
+// What is doubtful about a result, or wrong.
+struct ResultWarning {
+  std::string what;
+  std::string advice;  // what the user can try; "": what says it all
+  bool is_wrong = false;
+};
+
+// What, and behind a semicolon the advice.
+std::string WarningText(const ResultWarning& warning);
+
 // What one stage did. `values` are counts in and out and residuals, in the order they were added.
 struct StageReport {
   std::string name;
@@ -24,7 +34,8 @@ struct StageReport {
   double seconds = 0;
   double memory_gib = 0;  // resident size of the program when it ended, 0 if unknown
   std::vector<std::pair<std::string, double>> values;
-  std::vector<std::string> messages;  // reasons, skipped items, what the user can try
+  std::vector<std::string> messages;    // reasons, skipped items, what the user can try
+  std::vector<ResultWarning> warnings;  // of the run, for RunReport
 
   StageReport& Add(const std::string& key, double value) {
     values.emplace_back(key, value);
@@ -37,13 +48,6 @@ struct StageReport {
     messages.push_back("stopped; run again to continue");
   }
   bool WasStopped() const { return status == StageStatus::kStopped; }
-};
-
-// What is doubtful about a result, or wrong.
-struct ResultWarning {
-  std::string what;
-  std::string advice;  // what the user can try; "": what says it all
-  bool is_wrong = false;
 };
 
 // What a program's run did, stage by stage.

@@ -113,7 +113,9 @@ bool PairLoader::LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr
   try {
     is_wanted = ReadPair(task, image);
   } catch (const IoError& error) {
-    stage_.Warn(std::string(error.what()) + "; the pair is left out");
+    const auto [id1, id2] = PairIdToImagePair(task.pair_id);
+    stage_.Warn(std::string(error.what()) + "; the pair of " + Name(id1) + " and " + Name(id2) +
+                " is left out");
   }
   busy_seconds_ += timer.Seconds();
   return is_wanted;

@@ -11,6 +11,7 @@
 #include "features/plane_memory.h"
 #include "pipeline/machines/helpers.h"
 #include "pipeline/stages/camera_maker.h"
+#include "pipeline/stages/foreign_features.h"
 #include "pipeline/stages/masks.h"
 #include "pipeline/stages/stage_ledger.h"
 
@@ -116,6 +117,16 @@ int64_t ExtractAll(const std::string& database_path, const std::string& image_pa
   return num_features;
 }
 
+void RemarkOnForeignSift(const FeatureOptions& options, Stage& stage) {
+  const std::string what = "the database has another program's SIFT features; ";
+  if (options.type == FeatureType::kSift) {
+    stage.Note(what + "new photographs get such features, too (features.type sift)");
+  } else {
+    stage.Warn(ResultWarning{what + "those of new photographs hardly match them",
+                             "use --features.type sift"});
+  }
+}
+
 }  // namespace
 
 StageReport ExtractImageFeatures(Database& database, const FeatureSource& source,
@@ -132,14 +143,15 @@ StageReport ExtractImageFeatures(Database& database, const FeatureSource& source
     if (!source.mask_path.empty()) ForgetChangedFeatures(database, inputs);
     items = FindItems(database, inputs);
   }
-  const size_t num_remarks = stage.NumMessages();
   int64_t num_features = 0;
   if (!items.empty()) {
+    if (HasForeignSift(database)) RemarkOnForeignSift(options, stage);
     ledger.Begin(database);
     run.monitor.BeginStage("extracting features", std::ssize(items));
     num_features = ExtractAll(database.path(), source.image_path, options, run, helpers, items);
     run.monitor.EndStage();
   }
+  const size_t num_remarks = stage.NumMessages();
   for (const FeatureItem& item : items) {
     if (!item.error.empty()) stage.Warn(item.image.name + ": " + item.error + "; skipped");
   }

@@ -14,6 +14,7 @@
 #include "cairn/scene/image.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
+#include "pipeline/stages/given_camera.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -88,6 +89,30 @@ size_t HandleMissing(Database& database, const PhotoSource& source,
   transaction.Commit();
   stage.Warn(what + "; taken out of it, with their pairs");
   return missing.size();
+}
+
+// Forgets images whose photographs are no longer those that they were made from.
+void ForgetChanged(Database& database, const std::vector<Photo>& photos, Stage& stage) {
+  std::map<std::string, uint64_t> hashes;
+  for (const Photo& photo : photos) {
+    if (photo.error.empty()) hashes[photo.name] = photo.file_hash;
+  }
+  std::set<std::string> changed;
+  for (const PhotoRecord& record : database.ReadPhotos()) {
+    const auto hash = hashes.find(record.name);
+    if (!record.error.empty() || hash == hashes.end() || hash->second == record.file_hash) continue;
+    changed.insert(record.name);
+  }
+  std::set<image_t> ids;
+  for (const Image& image : database.ReadImages()) {
+    if (changed.count(image.name) > 0) ids.insert(image.image_id);
+  }
+  if (ids.empty()) return;
+  Database::Transaction transaction(database);
+  database.DeleteImagesAndPairs(ids);
+  transaction.Commit();
+  stage.Note("changed, and computed again: " +
+             FirstNames(std::vector<std::string>(changed.begin(), changed.end())));
 }
 
 // Runs fn, which may throw IoError about the photo's file, and keeps the reason.
@@ -200,8 +225,8 @@ std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos
       continue;
     } else if (record->second.file_hash != photo.file_hash) {
       throw ConfigError("image_path", photo.name +
-                                          " changed since its features were computed; use "
-                                          "--recompute features");
+                                          " changed since its features were computed; --recompute "
+                                          "changed computes such photographs again, and no others");
     } else if (!is_stored || !IsPending(ledger, image->second)) {
       continue;
     }
@@ -253,6 +278,39 @@ std::vector<Camera> AssignCameras(const StoredImages& stored, const CameraOption
   return maker.cameras();
 }
 
+// What is doubtful of the parameters that the user gives; throws ConfigError where no camera has
+// them.
+std::vector<ResultWarning> CheckGivenParams(const CameraOptions& options,
+                                            const std::vector<Camera>& cameras,
+                                            const KnownPhotos& known_photos,
+                                            const std::vector<Photo>& photos) {
+  std::vector<ResultWarning> doubts;
+  if (options.camera_params.empty() || cameras.empty()) return doubts;
+  std::map<camera_t, const Photo*> first;
+  for (const Photo& photo : photos) {
+    if (photo.image) first.emplace(photo.image->camera_id, &photo);
+  }
+  std::set<std::string> sizes, told;
+  for (const auto& [id, photo] : known_photos) sizes.insert(SizeText(photo.size));
+  for (const Camera& camera : cameras) {
+    const auto photo = first.find(camera.camera_id);
+    sizes.insert(SizeText({camera.width, camera.height}));
+    for (const ResultWarning& odd : FindOddities(camera, photo->second->exif.focal_px)) {
+      if (odd.is_wrong) {
+        throw ConfigError("camera_params", photo->second->name + ": " + WarningText(odd));
+      }
+      if (told.insert(odd.what).second) doubts.push_back(odd);
+    }
+  }
+  if (sizes.size() > 1) {
+    doubts.push_back({"the given camera parameters are used for photographs of " +
+                          std::to_string(sizes.size()) + " sizes, and cannot be right for all: " +
+                          FirstNames(std::vector<std::string>(sizes.begin(), sizes.end())),
+                      "give photographs of one size, or leave camera_params out"});
+  }
+  return doubts;
+}
+
 int64_t NumNewImages(const std::vector<Photo>& photos) {
   return std::ranges::count_if(photos, [](const Photo& photo) { return photo.image.has_value(); });
 }
@@ -291,14 +349,17 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
     RemarkOnUnread(image_path, stage);
     num_dropped = HandleMissing(database, source, photos, stage);
   }
-  const StoredImages stored = ReadStored(database);
-  if (photos.empty() && stored.images.empty()) {
+  if (photos.empty() && database.ReadImages().empty()) {
     throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
   }
-  const size_t num_remarks = stage.NumMessages();
   const size_t num_photos = photos.size();
   run.monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));
   HashPhotos(image_path, run, photos);
+  if (source.recompute_changed && !run.monitor.StopRequested()) {
+    ForgetChanged(database, photos, stage);
+  }
+  const size_t num_remarks = stage.NumMessages();
+  const StoredImages stored = ReadStored(database);
   KnownPhotos known_photos;
   if (!run.monitor.StopRequested()) {
     const std::vector<Photo> all = photos;
@@ -313,6 +374,8 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   }
 
   const std::vector<Camera> cameras = AssignCameras(stored, options, ledger, known_photos, photos);
+  const std::vector<ResultWarning> doubts =
+      CheckGivenParams(options, cameras, known_photos, photos);
   if (!photos.empty()) WriteImages(database, cameras, image_path, photos, ledger);
   for (const Photo& photo : photos) {
     if (!photo.error.empty()) stage.Warn(photo.name + ": " + photo.error + "; skipped");
@@ -322,6 +385,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   stage.Add("new_cameras", cameras.size());
   stage.Add("skipped", stage.NumMessages() - num_remarks);
   stage.Add("dropped", num_dropped);
+  for (const ResultWarning& doubt : doubts) stage.Warn(doubt);
   return EndStage(stage, database);
 }
 

@@ -40,6 +40,7 @@ uint64_t HashOf(const Descriptors& descriptors, const Polarities& polarities) {
 // Hashes of the descriptors of these images, as far as they have any. Images whose row cannot be
 // read are reported and left out.
 std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
+                                              const std::map<image_t, std::string>& names,
                                               const Database& database, Stage& stage) {
   std::map<image_t, uint64_t> hashes;
   for (const image_t id : images) {
@@ -48,7 +49,9 @@ std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
         hashes[id] = HashOf(*descriptors, database.ReadPolarities(id, *descriptors));
       }
     } catch (const IoError& error) {
-      stage.Warn(std::string(error.what()) + "; the image is not matched");
+      stage.Warn(std::string(error.what()) + "; " +
+                 (names.count(id) > 0 ? names.at(id) : "image " + std::to_string(id)) +
+                 " is not matched");
     }
   }
   return hashes;
@@ -71,7 +74,7 @@ MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted
   const std::set<image_t>& unrecorded = given.unrecorded();
   std::set<image_t> images = ImagesOf(wanted);
   images.insert(unrecorded.begin(), unrecorded.end());
-  const std::map<image_t, uint64_t> hashes = HashDescriptorsOf(images, database, stage);
+  const std::map<image_t, uint64_t> hashes = HashDescriptorsOf(images, names, database, stage);
   std::erase_if(wanted, [&](image_pair_t pair) {
     const auto [id1, id2] = PairIdToImagePair(pair);
     return hashes.count(id1) == 0 || hashes.count(id2) == 0;

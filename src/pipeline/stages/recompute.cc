@@ -61,16 +61,11 @@ void MarkCamerasAsPending(Database& database, const std::vector<JobRecord>& jobs
 
 }  // namespace
 
-bool ForgetsStage(const std::string& recompute, const std::string& stage) {
-  if (recompute == "none") return false;
-  // Where features are made anew, so are our images (DeleteOurImages).
-  if (recompute == kStageFeatures && stage == kStageCameras) return true;
-  const std::vector<std::string> cleared = StageAndDependents(recompute);
-  return std::find(cleared.begin(), cleared.end(), stage) != cleared.end();
-}
-
 void PrepareRecompute(Database& database, const std::string& stage, const std::string& image_path) {
-  if (stage == "none") return;
+  if (stage == "changed" && image_path.empty()) {
+    throw ConfigError("recompute", "changed needs --image_path, the folder of the photographs");
+  }
+  if (stage == "none" || stage == "changed") return;  // ImportPhotos finds what changed
   const std::vector<JobRecord> our_images = database.ReadJobs(kStageCameras);
   if (stage == kStageFeatures || stage == kStageCameras) {
     CheckPhotographs(database, stage, image_path);

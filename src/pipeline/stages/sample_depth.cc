@@ -100,7 +100,7 @@ std::vector<DepthItem> FindWork(const Database& database, const std::string& ima
     try {
       item.input_hash = InputHash(database, item, source_hash);
     } catch (const IoError& error) {  // Keypoints or a map that cannot be read.
-      stage.Warn(std::string(error.what()) + "; the image has no depth");
+      stage.Warn(std::string(error.what()) + "; " + image.name + " has no depth");
       continue;
     }
     if (job != nullptr && job->input_hash == item.input_hash) continue;

@@ -95,5 +95,34 @@ TEST(Options, NearestNameFindsTyposAndNothingElse) {
   EXPECT_EQ(DidYouMean("x", {}), "");
 }
 
+// COLMAP's flags, and flags whose module was left out.
+TEST(Options, AnOptionOfAnotherModuleIsMeantByItsName) {
+  const std::vector<std::string> known = {"--single_camera",        "--features.max_num_features",
+                                          "--matching.max_ratio",   "--pair_selection.overlap",
+                                          "--a_module.shared_name", "--b_module.shared_name"};
+  const auto describe = [&](const std::string& key) { return DescribeUnknownOption(key, known); };
+  EXPECT_EQ(describe("--SiftExtraction.max_num_features"),
+            "'--SiftExtraction.max_num_features'; did you mean '--features.max_num_features'?");
+  EXPECT_EQ(describe("--ImageReader.single_camera"),
+            "'--ImageReader.single_camera'; did you mean '--single_camera'?");
+  EXPECT_EQ(describe("--max_ratio"), "'--max_ratio'; did you mean '--matching.max_ratio'?");
+  EXPECT_EQ(describe("--overlap"), "'--overlap'; did you mean '--pair_selection.overlap'?");
+  EXPECT_EQ(describe("--shared_name"),
+            "'--shared_name'; did you mean '--a_module.shared_name' or '--b_module.shared_name'?");
+  EXPECT_EQ(describe("--c_module.shared_name"),
+            "'--c_module.shared_name'; did you mean '--a_module.shared_name'?");
+  EXPECT_EQ(describe("--matching.max_rato"),
+            "'--matching.max_rato'; did you mean '--matching.max_ratio'?");
+  EXPECT_EQ(describe("--Mapper.num_threads"), "'--Mapper.num_threads'");
+  EXPECT_EQ(DescribeUnknownOption("overlap", {"pair_selection.overlap"}),
+            "'overlap'; did you mean 'pair_selection.overlap'?");
+}
+
+TEST(Options, AListOfPhotographsIsNoFolder) {
+  EXPECT_EQ(DescribeUnknownOption("--image_list_path", {"--image_path"}),
+            "'--image_list_path': all photographs of image_path and its sub-folders are taken; put "
+            "links to those of the list into a folder of their own");
+}
+
 }  // namespace
 }  // namespace cairn

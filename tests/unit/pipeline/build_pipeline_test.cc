@@ -18,9 +18,11 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::Each;
 using ::testing::ElementsAre;
+using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
@@ -206,6 +208,117 @@ TEST_F(BuildPipelineTest, PositionsOfNoPhotographAreNamedWhateverThePairs) {
   RunBuildPipeline(options, {.monitor = monitor});
   EXPECT_THAT(monitor.warnings(),
               ElementsAre(HasSubstr("gps.csv: 1 of 2 names are of no image: photo1.PNG")));
+}
+
+TEST_F(BuildPipelineTest, ChangedPhotographsAreComputedAlone) {
+  RunBuildPipeline(Options("a.db"));
+  WriteBitmap(Images() + "/photo1.png", testing::WallPhoto(160, 120, 60));
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.recompute = BuildStage::kChanged;
+  TestMonitor monitor;
+  const BuildPipelineReport report = RunBuildPipeline(options, {.monitor = monitor});
+  EXPECT_EQ(report.summary.num_images, 4);
+  EXPECT_EQ(report.summary.num_pairs, 6);
+  EXPECT_THAT(monitor.totals(), ElementsAre(4, 1, 1, 3, 3));
+  options.inputs.image_path = "";
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("changed needs --image_path"));
+}
+
+TEST_F(BuildPipelineTest, DoubtfulCameraParamsAreInTheReportAndAtTheEndOfTheSummary) {
+  BuildPipelineOptions options = Options("a.db");
+  options.cameras.camera_model = CameraModel::kPinhole;
+  options.cameras.camera_params = {190, 190, 120, 60};
+  options.inputs.stop_after = BuildStage::kFeatures;
+  const BuildPipelineReport report = RunBuildPipeline(options);
+  EXPECT_THAT(SummaryText(report.summary, report.run),
+              HasSubstr("\nwarning   the given principal point 120,60 is far from the center"));
+  EXPECT_THAT(ToJson(report.run), HasSubstr("\"advice\": \"are camera_model and the order right?"));
+}
+
+// As `colmap database_cleaner` deletes them, or somebody with SQL.
+TEST_F(BuildPipelineTest, RowsThatAnotherProgramDeletedAreComputedAgain) {
+  RunBuildPipeline(Options("a.db"));
+  const std::string dump = Dump("a.db");
+  for (const std::vector<std::string>& cleaned : std::vector<std::vector<std::string>>{
+           {"matches", "two_view_geometries"},
+           {"keypoints", "descriptors", "matches", "two_view_geometries"},
+           {"keypoints", "descriptors", "matches", "two_view_geometries", "images", "cameras"},
+           {"two_view_geometries WHERE pair_id % 2 = 0"},
+           {"cairn_depth_scales WHERE image_id = 2"}}) {
+    for (const std::string& rows : cleaned) RunSql(folder_ / "a.db", "DELETE FROM " + rows);
+    const BuildPipelineReport report = RunBuildPipeline(Options("a.db"));
+    EXPECT_EQ(report.summary.num_images, 4) << cleaned.back();
+    EXPECT_EQ(report.summary.num_tried + report.summary.num_too_few, 6) << cleaned.back();
+    EXPECT_TRUE(Dump("a.db") == dump) << cleaned.back();
+  }
+  RunSql(folder_ / "a.db", "DELETE FROM images WHERE image_id = 2");
+  EXPECT_THAT(
+      RunBuildPipeline(Options("a.db")).summary,
+      AllOf(Field(&ViewGraphSummary::num_images, 4), Field(&ViewGraphSummary::num_pairs, 6)));
+}
+
+TEST_F(BuildPipelineTest, PairsThatAnotherProgramMatchedAndDeletedAreMatched) {
+  RunBuildPipeline(Options("a.db"));
+  for (const std::string table : {"jobs", "stages", "pair_choices", "pair_metrics"}) {
+    RunSql(folder_ / "a.db", "DELETE FROM cairn_" + table);
+  }
+  AddPhoto(4);
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.depth_path = "";
+  EXPECT_EQ(RunBuildPipeline(options).summary.verified_by.count("given"), 1u);
+  for (const std::string table : {"matches", "two_view_geometries"}) {
+    RunSql(folder_ / "a.db", "DELETE FROM " + table);
+  }
+  const ViewGraphSummary summary = RunBuildPipeline(options).summary;
+  EXPECT_EQ(summary.num_pairs, 10);
+  EXPECT_EQ(summary.num_tried + summary.num_too_few, 10);
+}
+
+TEST_F(BuildPipelineTest, DeletedPairsThatCannotBeHadAgainAreNotCounted) {
+  RunBuildPipeline(Options("a.db"));
+  for (const std::string table : {"matches", "two_view_geometries", "descriptors"}) {
+    RunSql(folder_ / "a.db", "DELETE FROM " + table);
+  }
+  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"));
+  EXPECT_EQ(report.summary.num_verified, 0);
+  EXPECT_THAT(report.run.failure, HasSubstr("none was verified"));
+}
+
+// Keypoints with four columns are COLMAP's.
+TEST_F(BuildPipelineTest, NewPhotographsGetSiftFeaturesWhereOthersHaveThem) {
+  const auto stored = [&] { return StoredOptions(Options("a.db").inputs); };
+  BuildPipelineOptions options = Options("a.db");
+  options.features.type = FeatureType::kSift;
+  RunBuildPipeline(options);
+  EXPECT_THAT(stored(), Not(Contains("features.type = \"sift\"\n")));
+  for (const std::string table : {"jobs", "stages"}) {
+    RunSql(folder_ / "a.db", "DELETE FROM cairn_" + table);
+  }
+  EXPECT_THAT(stored(), ElementsAre("features.type = \"sift\"\n"));
+  AddPhoto(4);
+  options.inputs.depth_path = "";
+  options.inputs.stop_after = BuildStage::kFeatures;
+  TestMonitor sift, affine;
+  RunBuildPipeline(options, {.monitor = sift});
+  EXPECT_THAT(sift.warnings(), ElementsAre());
+  RunSql(folder_ / "a.db", "DELETE FROM cairn_stages WHERE stage = 'features'");
+  AddPhoto(5);
+  options.features.type = FeatureType::kAffineDog;
+  RunBuildPipeline(options, {.monitor = affine});
+  EXPECT_THAT(affine.warnings(), ElementsAre(HasSubstr("use --features.type sift")));
+}
+
+TEST_F(BuildPipelineTest, DepthThatIsNotThereIsFoundBeforeAnyWork) {
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.depth_path = folder_ / "no_depth";
+  EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("no_depth: no such folder"));
+  options.inputs.depth_path = "";
+  options.inputs.depth_model = folder_ / "no.onnx";
+  EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("no.onnx: no such file"));
+  EXPECT_FALSE(fs::exists(folder_ / "a.db"));
 }
 
 TEST_F(BuildPipelineTest, DepthThatComesAfterVerificationIsAnError) {

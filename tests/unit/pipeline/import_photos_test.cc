@@ -21,6 +21,8 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using testing::ThrownMessage;
@@ -219,6 +221,52 @@ TEST_F(ImportPhotosTest, WrongCameraParamsAreNamed) {
   EXPECT_TRUE(database_.ReadImages().empty());
 }
 
+TEST_F(ImportPhotosTest, CameraParamsThatNoCameraHasAreRefused) {
+  AddPhoto("a.png");
+  CameraOptions options;
+  options.camera_model = CameraModel::kPinhole;
+  options.camera_params = {140, 142, 64, 48};
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(options); }),
+              AllOf(HasSubstr("camera_params: a.png: the principal point 64,48 lies outside"),
+                    HasSubstr("Here it is then 70,71,32,24")));
+  EXPECT_TRUE(database_.ReadImages().empty());
+}
+
+TEST_F(ImportPhotosTest, DoubtfulCameraParamsAreToldOnce) {
+  for (const std::string name : {"a.png", "b.png"}) AddPhoto(name);
+  CameraOptions options;
+  options.camera_model = CameraModel::kPinhole;
+  options.camera_params = {35, 35, 16, 12};
+  const StageReport report = Import(options);
+  ASSERT_EQ(report.warnings.size(), 1u);
+  EXPECT_THAT(report.warnings[0].what, HasSubstr("the given principal point 16,12 is far"));
+  EXPECT_THAT(report.messages, ElementsAre(WarningText(report.warnings[0])));
+  EXPECT_EQ(report.Value("skipped"), 0);
+  EXPECT_TRUE(Import(options).warnings.empty());
+}
+
+TEST_F(ImportPhotosTest, CameraParamsForPhotographsOfSeveralSizesAreToldWithTheSizes) {
+  AddPhotoOf(35, "One", "a.jpg");
+  CameraOptions options;
+  options.camera_model = CameraModel::kPinhole;
+  options.camera_params = {65, 65, 32, 24};
+  EXPECT_TRUE(Import(options).warnings.empty());
+  AddPhoto("b.png", 72, 54);  // joins
+  const StageReport report = Import(options);
+  ASSERT_EQ(report.warnings.size(), 1u);
+  EXPECT_THAT(report.warnings[0].what, HasSubstr("cannot be right for all: 64 x 48, 72 x 54"));
+}
+
+TEST_F(ImportPhotosTest, AGivenFocalLengthThatIsNotExifsIsTold) {
+  AddPhotoOf(35, "One", "a.jpg");  // 64.7 pixels
+  CameraOptions options;
+  options.camera_model = CameraModel::kPinhole;
+  options.camera_params = {130, 130, 32, 24};
+  const StageReport report = Import(options);
+  ASSERT_EQ(report.warnings.size(), 1u);
+  EXPECT_THAT(report.warnings[0].what, HasSubstr("focal length of 130 pixels is not EXIF's, 65"));
+}
+
 TEST_F(ImportPhotosTest, EqualExifSharesACamera) {
   AddPhotoOf(35, "One", "a.jpg");
   AddPhotoOf(50, "One", "b.jpg");
@@ -276,7 +324,32 @@ TEST_F(ImportPhotosTest, AChangedPhotographIsNoticed) {
   AddPhoto("a.png");
   Import();
   WriteBitmap(images_ + "/a.png", testing::WallPhoto(64, 48, 5));
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(); }), HasSubstr("a.png changed since"));
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(); }),
+              AllOf(HasSubstr("a.png changed since"), HasSubstr("--recompute changed")));
+}
+
+TEST_F(ImportPhotosTest, ChangedPhotographsAloneAreNewOnRequest) {
+  for (const std::string name : {"a.png", "b.png", "c.png"}) AddPhoto(name);
+  Import();
+  for (const image_t id : {1, 2, 3}) database_.WriteKeypoints(id, std::vector<Keypoint>(3));
+  database_.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
+  database_.WriteMatches(ImagePairToPairId(1, 3), {{0, 0}});
+  WriteBitmap(images_ + "/b.png", testing::WallPhoto(80, 60, 5));
+  AddFile("c.png", "this is not a photograph\n");
+  fs::remove(images_ + "/a.png");
+  TestMonitor monitor;
+  const StageReport report = ImportPhotos(
+      database_, {.image_path = images_, .recompute_changed = true}, {}, {.monitor = monitor});
+  EXPECT_THAT(report.messages, Contains("changed, and computed again: b.png, c.png"));
+  EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
+  EXPECT_EQ(database_.ReadNumKeypoints(), (std::map<image_t, int>{{1, 3}}));
+  EXPECT_TRUE(database_.ReadNumMatches().empty());
+  EXPECT_EQ(database_.ReadCameras().back().width, 80);
+  // Nothing is left to do, and the file that was damaged can come back.
+  EXPECT_EQ(Import().Value("new_images"), 0);
+  AddPhoto("c.png");
+  Import();
+  EXPECT_THAT(Names(), ElementsAre("a.png", "b.png", "c.png"));
 }
 
 TEST_F(ImportPhotosTest, PhotographsOfAnotherSizeDoNotFitTheSingleCamera) {

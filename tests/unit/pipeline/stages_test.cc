@@ -22,6 +22,7 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using testing::ThrownMessage;
@@ -402,8 +403,10 @@ TEST_F(StagesTest, DamagedRowsAreNamedAndTheRestGoesOn) {
                             {.num_threads = 2, .monitor = monitor})
                 .status,
             StageStatus::kWarning);
-  EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("keypoints of image 2: 1 x 6 values"),
-                                              HasSubstr("descriptors of image 2: 1 x 128")));
+  EXPECT_THAT(monitor.warnings(), ElementsAre(AllOf(HasSubstr("keypoints of image 2: 1 x 6 values"),
+                                                    HasSubstr("; photo1.png has no depth")),
+                                              AllOf(HasSubstr("descriptors of image 2: 1 x 128"),
+                                                    HasSubstr("; photo1.png is not matched"))));
   EXPECT_EQ(database_.ReadNumDepthSamples().size(), 3u);
   EXPECT_EQ(database_.ReadNumMatches().size(), 3u);
 }
