@@ -311,6 +311,21 @@ std::vector<ResultWarning> CheckGivenParams(const CameraOptions& options,
   return doubts;
 }
 
+// Photographs twice in the folder tell nothing new, and yet agree with each other.
+std::optional<ResultWarning> WarnOfCopies(const Database& database) {
+  std::map<uint64_t, std::string> first;  // name by hash
+  std::vector<std::string> copies;
+  for (const PhotoRecord& photo : database.ReadPhotos()) {
+    if (!photo.error.empty()) continue;
+    const auto [entry, is_new] = first.try_emplace(photo.file_hash, photo.name);
+    if (!is_new) copies.push_back(photo.name + " (of " + entry->second + ")");
+  }
+  if (copies.empty()) return std::nullopt;
+  return ResultWarning{"photographs that are copies of others (" + std::to_string(copies.size()) +
+                           "): " + FirstNames(copies),
+                       "keep one of each: what copies agree on counts as evidence"};
+}
+
 int64_t NumNewImages(const std::vector<Photo>& photos) {
   return std::ranges::count_if(photos, [](const Photo& photo) { return photo.image.has_value(); });
 }
@@ -386,6 +401,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   stage.Add("skipped", stage.NumMessages() - num_remarks);
   stage.Add("dropped", num_dropped);
   for (const ResultWarning& doubt : doubts) stage.Warn(doubt);
+  if (const auto copies = WarnOfCopies(database)) stage.Warn(*copies);
   return EndStage(stage, database);
 }
 

@@ -458,7 +458,7 @@ TEST(Reconstruct, PosesWithoutMatchesGiveCamerasAlone) {
     database.WritePairMetrics(metrics);
   }
   ReconstructSettings settings;
-  const ReconstructResult result = Reconstruct(database, "nowhere", settings, kOneThread);
+  const ReconstructResult result = Reconstruct(database, "", settings, kOneThread);
   ASSERT_TRUE(result.report.Succeeded()) << ToJson(result.report);
   const Reconstruction& model = result.models.at(0);
   EXPECT_EQ(model.images.size(), 12u);
@@ -468,7 +468,7 @@ TEST(Reconstruct, PosesWithoutMatchesGiveCamerasAlone) {
   EXPECT_LT(difference.angle, 1e-2);
   settings.view_graph.max_rotation_error_deg = 0;
   EXPECT_THAT(
-      Reconstruct(database, "nowhere", settings, kOneThread).report.failure,
+      Reconstruct(database, "", settings, kOneThread).report.failure,
       AllOf(HasSubstr("edges: no edge agrees"), HasSubstr("--view_graph.max_rotation_error_deg")));
   const StageReport* agreement = FindStage(result.report, "agreement");
   ASSERT_NE(agreement, nullptr);

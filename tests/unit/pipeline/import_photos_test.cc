@@ -33,7 +33,7 @@ class ImportPhotosTest : public ::testing::Test {
 
   void AddPhoto(const std::string& name, int width = 64, int height = 48) {
     fs::create_directories(fs::path(images_ + "/" + name).parent_path());
-    WriteBitmap(images_ + "/" + name, testing::WallPhoto(width, height, 0));
+    WriteBitmap(images_ + "/" + name, testing::WallPhoto(width, height, num_photos_++));
   }
   void AddFile(const std::string& name, const std::string& content) {
     std::ofstream(images_ + "/" + name, std::ios::binary) << content;
@@ -56,6 +56,7 @@ class ImportPhotosTest : public ::testing::Test {
     AddPhoto(name);
     WriteExif(images_ + "/" + name, {focal_mm, "Maker", model});
   }
+  int num_photos_ = 0;
   testing::TempFolder folder_;
   const std::string images_ = folder_ / "images";
   Database database_{":memory:"};
@@ -318,6 +319,19 @@ TEST_F(ImportPhotosTest, FilesThatAreNoPhotographsAreSkippedWithOneLineEach) {
   fs::rename(images_ + "/text.png", images_ + "/text.jpg");
   Import();
   EXPECT_THAT(Names(), ElementsAre("good.png", "text.jpg"));
+}
+
+TEST_F(ImportPhotosTest, CopiesOfAPhotographAreNamed) {
+  AddPhoto("a.png");
+  AddPhoto("b.png");
+  EXPECT_THAT(Import().warnings, ::testing::IsEmpty());
+  fs::copy(images_ + "/a.png", images_ + "/a (1).png");
+  for (int run = 0; run < 2; ++run) {
+    const std::vector<ResultWarning> warnings = Import().warnings;
+    ASSERT_EQ(warnings.size(), 1u);
+    EXPECT_THAT(warnings[0].what, HasSubstr("copies of others (1): a.png (of a (1).png)"));
+  }
+  EXPECT_EQ(Names().size(), 3u);
 }
 
 TEST_F(ImportPhotosTest, AChangedPhotographIsNoticed) {
