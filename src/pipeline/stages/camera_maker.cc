@@ -97,7 +97,9 @@ std::optional<camera_t> CameraMaker::CameraOfFolder(const std::string& folder, P
   const SharedCamera& camera = shared->second;
   if (photo.size == camera.size) return camera.camera_id;
   photo.error = "is " + SizeText(photo.size) + " pixels, the single camera " +
-                (folder.empty() ? "" : "of its folder ") + SizeText(camera.size);
+                (folder.empty() ? "" : "of its folder ") + SizeText(camera.size) +
+                " (without --single_camera" + (options_.single_camera ? "" : "_per_folder") +
+                " it has its own)";
   return std::nullopt;
 }
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
+#include "base/text.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/image/exif.h"
 #include "cairn/intrinsics/focal_calibration.h"
@@ -24,9 +24,7 @@ constexpr double kFarSigmas = 3;
 constexpr double kCenterTolerance = 0.05;
 
 std::string Number(double value, int num_digits = 6) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.*g", num_digits, value);
-  return text;
+  return Formatted("%.*g", num_digits, value);
 }
 
 std::string SizeOf(const Camera& camera) { return SizeText({camera.width, camera.height}); }

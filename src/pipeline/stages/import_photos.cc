@@ -392,9 +392,11 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   const std::vector<ResultWarning> doubts =
       CheckGivenParams(options, cameras, known_photos, photos);
   if (!photos.empty()) WriteImages(database, cameras, image_path, photos, ledger);
+  std::vector<std::string> skipped;
   for (const Photo& photo : photos) {
-    if (!photo.error.empty()) stage.Warn(photo.name + ": " + photo.error + "; skipped");
+    if (!photo.error.empty()) skipped.push_back(photo.name + ": " + photo.error + "; skipped");
   }
+  stage.WarnEach(skipped);
   stage.Add("photographs", num_photos);
   stage.Add("new_images", NumNewImages(photos));
   stage.Add("new_cameras", cameras.size());

@@ -202,10 +202,9 @@ TEST_F(ImportPhotosTest, OneCameraASubFolder) {
   TestMonitor monitor;
   Import(options, monitor);
   EXPECT_THAT(CameraIds(), ElementsAre(1, 1, 2, 3, 2));
-  EXPECT_THAT(
-      monitor.warnings(),
-      ElementsAre("right/c.png: is 32 x 32 pixels, the single camera of its folder 64 x 48; "
-                  "skipped"));
+  EXPECT_THAT(monitor.warnings(),
+              ElementsAre("right/c.png: is 32 x 32 pixels, the single camera of its folder 64 x 48 "
+                          "(without --single_camera_per_folder it has its own); skipped"));
   options.single_camera = true;
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(options); }),
               HasSubstr("single_camera_per_folder: single_camera is given, too"));
@@ -375,7 +374,8 @@ TEST_F(ImportPhotosTest, PhotographsOfAnotherSizeDoNotFitTheSingleCamera) {
   Import(options, monitor);
   EXPECT_THAT(Names(), ElementsAre("a.png"));
   EXPECT_THAT(monitor.warnings(),
-              ElementsAre("b.png: is 32 x 32 pixels, the single camera 64 x 48; skipped"));
+              ElementsAre("b.png: is 32 x 32 pixels, the single camera 64 x 48 (without "
+                          "--single_camera it has its own); skipped"));
 }
 
 TEST_F(ImportPhotosTest, OtherCameraOptionsAreAnErrorUnlessCamerasAreRecomputed) {
