@@ -52,9 +52,7 @@ void ListInto(const fs::path& folder, const std::string& prefix, Extensions exte
 }
 
 std::vector<std::string> List(const std::string& folder, Extensions extensions) {
-  std::error_code error;
-  if (!fs::exists(folder, error)) throw IoError(folder, "no such folder");
-  if (!fs::is_directory(folder, error)) throw IoError(folder, "is not a folder");
+  CheckImageFolder(folder);
   std::vector<std::string> names;
   std::set<fs::path> open_folders;
   ListInto(folder, "", extensions, open_folders, names);
@@ -63,6 +61,12 @@ std::vector<std::string> List(const std::string& folder, Extensions extensions) 
 }
 
 }  // namespace
+
+void CheckImageFolder(const std::string& folder) {
+  std::error_code error;
+  if (!fs::exists(folder, error)) throw IoError(folder, "no such folder");
+  if (!fs::is_directory(folder, error)) throw IoError(folder, "is not a folder");
+}
 
 std::vector<std::string> ListImages(const std::string& folder) { return List(folder, kRead); }
 

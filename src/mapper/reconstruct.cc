@@ -1,11 +1,10 @@
 #include "cairn/mapper/reconstruct.h"
 
 #include <algorithm>
-#include <filesystem>
 
 #include "base/memory.h"
-#include "cairn/base/error.h"
 #include "cairn/base/timer.h"
+#include "cairn/image/image_folder.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -75,9 +74,7 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
                               std::span<const Reconstruction> earlier) {
   ReconstructSettings(settings).VisitModules(
       [](const char* module, auto& options) { ValidateOptions(options, module); });
-  if (!image_path.empty() && !std::filesystem::is_directory(image_path)) {
-    throw IoError(image_path, "no such folder");
-  }
+  if (!image_path.empty()) CheckImageFolder(image_path);
   CheckPlaceOptions(settings.places, image_path);
   const Timer timer;
   RunReport read;

@@ -9,6 +9,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
+#include "cairn/image/image_folder.h"
 #include "cairn/image/resample.h"
 #include "cairn/io/colmap_model.h"
 #include "cairn/undistortion/undistort.h"
@@ -230,6 +231,7 @@ UndistortReport UndistortImages(const Reconstruction& model, const UndistortJob&
                                 const UndistortOptions& options, const RunContext& run) {
   ValidateOptions(options, "");
   CheckModelStays(job);
+  CheckImageFolder(job.image_path);
   std::map<camera_t, Camera> targets;
   for (const auto& [id, image] : model.images) {
     const Camera& camera = model.CameraOf(image);

@@ -210,6 +210,12 @@ TEST_F(UndistortImagesTest, ABrokenPhotographIsNamedAndLeftOut) {
   EXPECT_EQ(ReadFile(Dense("stereo/fusion.cfg")), "more/image4.png\nimage5.png\n");
 }
 
+TEST_F(UndistortImagesTest, AFolderThatIsNotThereIsOneError) {
+  job_.image_path = folder_ / "absent";
+  EXPECT_THAT(testing::ThrownMessage<IoError>([&] { Run(); }),
+              ::testing::HasSubstr("absent: no such folder"));
+}
+
 TEST_F(UndistortImagesTest, NothingOfOthersIsReplaced) {
   CreateFolders(Dense("images"));
   std::ofstream(Dense("images/image5.png")) << "mine";
