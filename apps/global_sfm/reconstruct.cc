@@ -59,10 +59,10 @@ int Run(const Command& command, State& state) {
   ReconstructSettings& settings = state.settings;
   if (command.IsSet("refine_intrinsics")) settings.refine_intrinsics = flags.refine_intrinsics;
 
-  // A folder that cannot or must not be written to is noticed before the work, not after it.
-  CheckReconstructOutput(flags.output_path, flags.overwrite);
   ConsoleMonitor monitor;
   const Database database(flags.database_path, Database::Mode::kSnapshot);
+  // A folder that cannot or must not be written to is noticed before the work, not after it.
+  CheckReconstructOutput(flags.output_path, flags.overwrite);
   const RunContext run = flags.run.Run(monitor);
   std::vector<Reconstruction> earlier;
   if (!flags.input_path.empty()) earlier = ReadModels(flags.input_path);

@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "cairn/base/error.h"
 #include "cairn/database/report_bad_rows.h"
+#include "cairn/image/image_folder.h"
 #include "database/stage_names.h"
 #include "intrinsics/wide_focals.h"
 #include "pipeline/depth_gain.h"
@@ -81,8 +82,9 @@ Sources FindSources(const BuildInputs& inputs) {
 }
 
 // Before features are computed for hours.
-void CheckDepthSource(const BuildInputs& inputs) {
+void CheckPaths(const BuildInputs& inputs, const Sources& sources) {
   namespace fs = std::filesystem;
+  if (!sources.image_path.empty()) CheckImageFolder(sources.image_path);
   if (!inputs.depth_path.empty() && !fs::is_directory(inputs.depth_path)) {
     throw IoError(inputs.depth_path, "no such folder");
   }
@@ -297,7 +299,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   report.run.seed = run.seed;
   report.run.num_threads = run.num_threads;
   const Sources sources = FindSources(inputs);
-  CheckDepthSource(inputs);
+  CheckPaths(inputs, sources);
   const FileLock lock(inputs.database_path);
   Database database = OpenDatabase(inputs);
   ForgetLostRows(database, sources, run.monitor);

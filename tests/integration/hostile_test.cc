@@ -206,6 +206,12 @@ TEST(Hostile, AWorkspaceOfColmapIsNotTouched) {
   EXPECT_EQ(std::distance(fs::directory_iterator(workspace), fs::directory_iterator()), 1);
 }
 
+TEST(Hostile, WithoutADatabaseThereIsNoFolderOfResults) {
+  const SceneFiles scene;
+  EXPECT_EQ(Reconstruct(scene / "absent.db", scene / "out").exit_code, 3);
+  EXPECT_FALSE(fs::exists(scene / "out"));
+}
+
 TEST(Hostile, AFailedRunLeavesTheModelOfTheLast) {
   const SceneFiles scene;
   EXPECT_EQ(Reconstruct(scene.database(), scene / "out").exit_code, 0);

@@ -309,8 +309,13 @@ TEST_F(BuildPipelineTest, NewPhotographsGetSiftFeaturesWhereOthersHaveThem) {
   EXPECT_THAT(affine.warnings(), ElementsAre(HasSubstr("use --features.type sift")));
 }
 
-TEST_F(BuildPipelineTest, DepthThatIsNotThereIsFoundBeforeAnyWork) {
+TEST_F(BuildPipelineTest, AFolderThatIsNotThereIsFoundBeforeAnyWork) {
   BuildPipelineOptions options = Options("a.db");
+  options.inputs.image_path = folder_ / "no_images";
+  EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("no_images: no such folder"));
+  EXPECT_FALSE(fs::exists(folder_ / "a.db"));
+  options = Options("a.db");
   options.inputs.depth_path = folder_ / "no_depth";
   EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
               HasSubstr("no_depth: no such folder"));
