@@ -29,8 +29,7 @@ struct ExportFlags {
   void VisitFields(OptionVisitor& v) {
     v.String("model_path", model_path,
              "folder that reconstruct wrote (its largest model is taken), COLMAP model folder "
-             "(binary or "
-             "text), Bundler file (.out) or folder of .camera files");
+             "(binary or text), Bundler file (.out) or folder of .camera files");
     v.String("model_list", model_list,
              "list of a Bundler model's images; default: list.txt beside it");
     v.String("output_path", output_path,

@@ -81,14 +81,13 @@ std::map<std::string, std::string> ReadHashes(const fs::path& file) {
   return hashes;
 }
 
-// Who wrote the list. Early versions did not say; reconstruct's results have a view graph.
-std::string WriterOf(const fs::path& file, const std::map<std::string, std::string>& hashes) {
+// "": there is no list, or it does not tell.
+std::string ReadWriter(const fs::path& file) {
+  if (!fs::exists(file)) return "";
   for (const std::string& line : Lines(ReadFile(file.string()))) {
     if (line.starts_with(kWriter)) return line.substr(kWriter.size());
   }
-  const bool has_graph =
-      hashes.contains("view_graph.json") || hashes.contains("failed/view_graph.json");
-  return has_graph ? "reconstruct" : "undistort";
+  return "";
 }
 
 // Removes a file, and the folders that are empty without it.
@@ -160,10 +159,8 @@ bool OutputFolder::IsOurs(const std::string& name) const {
 }
 
 void OutputFolder::CheckOneWriter() const {
-  const fs::path list = fs::path(path_) / kFiles;
-  if (!fs::exists(list)) return;
-  const std::string writer = WriterOf(list, earlier_);
-  if (writer == writer_) return;
+  const std::string writer = ReadWriter(fs::path(path_) / kFiles);
+  if (writer.empty() || writer == writer_) return;
   throw ConfigError("output_path", path_ + " holds the results of " + writer +
                                        ", which would be lost; give another --output_path");
 }

@@ -170,7 +170,8 @@ std::vector<image_pair_t> Database::ReadTwoViewGeometryPairIds() const {
 
 int64_t Database::CountPairsToVerify() const {
   Query query(*impl_,
-              "SELECT COUNT(*) FROM (SELECT pair_id FROM matches WHERE " CAIRN_SQL_USABLE_PAIR
+              "SELECT COUNT(*) FROM (SELECT pair_id FROM matches"
+              " WHERE EXISTS (SELECT 1 FROM cairn_jobs) AND " CAIRN_SQL_USABLE_PAIR
               " UNION SELECT pair_id FROM cairn_pair_choices)"
               " WHERE pair_id NOT IN (SELECT pair_id FROM two_view_geometries);");
   query.Step();

@@ -27,6 +27,8 @@ std::string Number(double value, int num_digits = 6) {
   return Formatted("%.*g", num_digits, value);
 }
 
+bool IsPanorama(const Camera& camera) { return camera.FocalIndices().empty(); }
+
 std::string SizeOf(const Camera& camera) { return SizeText({camera.width, camera.height}); }
 
 bool IsNear(double ratio, double expected) {
@@ -95,7 +97,7 @@ std::string DistortionFault(const Camera& camera) {
 }
 
 // "" or why there is no such camera.
-std::string Fault(const Camera& camera) {
+std::string FaultText(const Camera& camera) {
   const Eigen::Vector2d center = camera.PrincipalPoint();
   if (!IsInside(center, camera)) {
     return "the principal point " + Number(center.x()) + "," + Number(center.y()) +
@@ -116,29 +118,31 @@ std::string Fault(const Camera& camera) {
 
 }  // namespace
 
-std::vector<ResultWarning> FindOddities(const Camera& camera, std::optional<double> exif_focal_px) {
-  std::vector<ResultWarning> oddities;
-  if (camera.FocalIndices().empty()) return oddities;  // a panorama
-  if (const std::string fault = Fault(camera); !fault.empty()) {
-    oddities.push_back({fault, Advice(camera), true});
-    return oddities;
-  }
+std::optional<ResultWarning> FindFault(const Camera& camera) {
+  if (IsPanorama(camera)) return std::nullopt;
+  const std::string fault = FaultText(camera);
+  if (fault.empty()) return std::nullopt;
+  return ResultWarning{fault, Advice(camera)};
+}
+
+std::vector<ResultWarning> FindDoubts(const Camera& camera, std::optional<double> exif_focal_px) {
+  std::vector<ResultWarning> doubts;
+  if (IsPanorama(camera)) return doubts;
   const Eigen::Vector2d center = camera.PrincipalPoint();
   const Eigen::Vector2d size(camera.width, camera.height);
   if ((center.cwiseQuotient(size).array() - 0.5).abs().maxCoeff() > kMaxOffCenter) {
-    oddities.push_back({"the given principal point " + Number(center.x()) + "," +
-                            Number(center.y()) + " is far from the center of photographs of " +
-                            SizeOf(camera) + " pixels",
-                        Advice(camera)});
+    doubts.push_back({"the given principal point " + Number(center.x()) + "," + Number(center.y()) +
+                          " is far from the center of photographs of " + SizeOf(camera) + " pixels",
+                      Advice(camera)});
   }
   const double max_error = kFarSigmas * FocalCalibrationOptions().exif_sigma;
   if (exif_focal_px && std::abs(std::log(camera.MeanFocal() / *exif_focal_px)) > max_error) {
-    oddities.push_back({"the given focal length of " + Number(camera.MeanFocal()) +
-                            " pixels is not EXIF's, " + Number(std::round(*exif_focal_px)) +
-                            ", for photographs of " + SizeOf(camera) + " pixels",
-                        Advice(camera)});
+    doubts.push_back({"the given focal length of " + Number(camera.MeanFocal()) +
+                          " pixels is not EXIF's, " + Number(std::round(*exif_focal_px)) +
+                          ", for photographs of " + SizeOf(camera) + " pixels",
+                      Advice(camera)});
   }
-  return oddities;
+  return doubts;
 }
 
 }  // namespace cairn

@@ -295,11 +295,11 @@ std::vector<ResultWarning> CheckGivenParams(const CameraOptions& options,
   for (const Camera& camera : cameras) {
     const auto photo = first.find(camera.camera_id);
     sizes.insert(SizeText({camera.width, camera.height}));
-    for (const ResultWarning& odd : FindOddities(camera, photo->second->exif.focal_px)) {
-      if (odd.is_wrong) {
-        throw ConfigError("camera_params", photo->second->name + ": " + WarningText(odd));
-      }
-      if (told.insert(odd.what).second) doubts.push_back(odd);
+    if (const auto fault = FindFault(camera)) {
+      throw ConfigError("camera_params", photo->second->name + ": " + WarningText(*fault));
+    }
+    for (const ResultWarning& doubt : FindDoubts(camera, photo->second->exif.focal_px)) {
+      if (told.insert(doubt.what).second) doubts.push_back(doubt);
     }
   }
   if (sizes.size() > 1) {

@@ -102,16 +102,6 @@ TEST_F(OutputFolderTest, AFolderIsOfOneCommand) {
                           "--output_path"));
   }
   EXPECT_EQ(Content("report"), "1");
-  // Versions before this rule named no writer.
-  const std::string hash = "0 ";
-  for (const auto& [files, writer] : {std::pair("view_graph.json", "reconstruct"),
-                                      std::pair("failed/view_graph.json", "reconstruct"),
-                                      std::pair("sparse/0/images.bin", "undistort")}) {
-    WriteFileAtomically(At(".cairn-files"),
-                        "# Files that cairn wrote here.\n" + hash + files + "\n");
-    EXPECT_NO_THROW(OutputFolder(path_, writer, {"other"}, false)) << files;
-    EXPECT_THROW(OutputFolder(path_, "third", {"other"}, false), ConfigError) << files;
-  }
 }
 
 TEST_F(OutputFolderTest, FilesThatComeDuringTheRunAreNotTouched) {

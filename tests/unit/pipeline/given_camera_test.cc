@@ -11,40 +11,44 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-std::vector<ResultWarning> OdditiesOf(CameraModel model, const std::vector<double>& params,
-                                      std::optional<double> exif_focal_px = std::nullopt) {
-  return FindOddities({1, model, 600, 450, params, true}, exif_focal_px);
+Camera Given(CameraModel model, const std::vector<double>& params) {
+  return {1, model, 600, 450, params, true};
 }
 
-// The one thing that makes it no camera; "" where there is another number of things.
+// "": there is none.
 std::string FaultOf(CameraModel model, const std::vector<double>& params) {
-  const std::vector<ResultWarning> oddities = OdditiesOf(model, params);
-  return oddities.size() == 1 && oddities[0].is_wrong ? WarningText(oddities[0]) : "";
+  const std::optional<ResultWarning> fault = FindFault(Given(model, params));
+  return fault ? WarningText(*fault) : "";
 }
 
+// The one doubt about a camera without a fault; "" where there is another number of things.
 std::string DoubtAbout(CameraModel model, const std::vector<double>& params,
                        std::optional<double> exif_focal_px = std::nullopt) {
-  const std::vector<ResultWarning> oddities = OdditiesOf(model, params, exif_focal_px);
-  return oddities.size() == 1 && !oddities[0].is_wrong ? WarningText(oddities[0]) : "";
+  const Camera camera = Given(model, params);
+  const std::vector<ResultWarning> doubts = FindDoubts(camera, exif_focal_px);
+  return doubts.size() == 1 && !FindFault(camera) ? WarningText(doubts[0]) : "";
+}
+
+void ExpectFine(const Camera& camera, std::optional<double> exif_focal_px) {
+  const std::string model(CameraModelName(camera.model));
+  EXPECT_FALSE(FindFault(camera)) << model;
+  EXPECT_TRUE(FindDoubts(camera, exif_focal_px).empty()) << model;
 }
 
 TEST(GivenCamera, WhatLensesHaveIsNotOdd) {
-  const auto expect_fine = [](CameraModel model, const std::vector<double>& params) {
-    const std::vector<ResultWarning> oddities = OdditiesOf(model, params, 480.0);
-    EXPECT_TRUE(oddities.empty()) << oddities[0].what;
-  };
-  expect_fine(CameraModel::kPinhole, {485, 485, 300, 225});
-  expect_fine(CameraModel::kPinhole, {485, 485, 340, 190});
-  expect_fine(CameraModel::kSimpleRadial, {400, 300, 225, -0.3});
-  expect_fine(CameraModel::kOpenCV, {420, 420, 300, 225, -0.28, 0.07, 0.001, 0.001});
+  for (const Camera& camera :
+       {Given(CameraModel::kPinhole, {485, 485, 300, 225}),
+        Given(CameraModel::kPinhole, {485, 485, 340, 190}),
+        Given(CameraModel::kSimpleRadial, {400, 300, 225, -0.3}),
+        Given(CameraModel::kOpenCV, {420, 420, 300, 225, -0.28, 0.07, 0.001, 0.001})}) {
+    ExpectFine(camera, 480.0);
+  }
   for (const NamedValue<CameraModel>& model : NamedCameraModels()) {
-    const Camera camera = Camera::FromFocal(1, model.value, 485, 600, 450);
-    EXPECT_TRUE(FindOddities(camera, 485.0).empty()) << model.name;
+    ExpectFine(Camera::FromFocal(1, model.value, 485, 600, 450), 485.0);
   }
   // Of 180 degrees and more, to the border and in a circle.
   for (const double focal : {191.0, 143.0, 90.0}) {
-    const Camera fisheye = Camera::FromFocal(1, CameraModel::kOpenCVFisheye, focal, 600, 450);
-    EXPECT_TRUE(FindOddities(fisheye, std::nullopt).empty()) << focal;
+    ExpectFine(Camera::FromFocal(1, CameraModel::kOpenCVFisheye, focal, 600, 450), std::nullopt);
   }
 }
 
