@@ -122,7 +122,7 @@ void RemarkOnForeignSift(const FeatureOptions& options, Stage& stage) {
   if (options.type == FeatureType::kSift) {
     stage.Note(what + "new photographs get such features, too (features.type sift)");
   } else {
-    stage.Warn(ResultWarning{what + "those of new photographs hardly match them",
+    stage.Warn(ResultWarning{what + "those of new photographs match them less",
                              "use --features.type sift"});
   }
 }
