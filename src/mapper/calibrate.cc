@@ -59,8 +59,7 @@ std::optional<FocalPair> MakePair(const SceneData& scene, const ViewEdge& edge,
   return pair;
 }
 
-std::vector<FocalPair> CollectPairs(const SceneData& scene, const GeometryReader& read,
-                                    int max_pairs, int num_threads) {
+std::vector<FocalPair> CollectPairs(const SceneData& scene, int max_pairs, int num_threads) {
   std::vector<FocalPairCount> counts;
   std::vector<const ViewEdge*> edges;
   for (const ViewEdge& edge : scene.edges) {
@@ -79,7 +78,9 @@ std::vector<FocalPair> CollectPairs(const SceneData& scene, const GeometryReader
   }
   const std::vector<size_t> selected = SelectFocalPairs(counts, max_pairs);
   std::vector<TwoViewGeometry> geometries;
-  for (const size_t i : selected) geometries.push_back(read(edges[i]->PairId()));
+  for (const size_t i : selected) {
+    geometries.push_back(scene.stored_geometry(edges[i]->PairId()));
+  }
   std::vector<std::optional<FocalPair>> made(selected.size());
   ParallelFor(
       num_threads, std::ssize(selected),
@@ -263,21 +264,20 @@ std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage
 }  // namespace
 
 std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
-                                                         const SceneData& scene,
-                                                         const GeometryReader& read) {
+                                                         const SceneData& scene) {
   std::map<image_pair_t, TwoViewGeometry> geometries;
   for (const ViewEdge& edge : scene.edges) {
-    if (IsOf(edge, cameras, scene)) geometries[edge.PairId()] = read(edge.PairId());
+    if (IsOf(edge, cameras, scene)) {
+      geometries[edge.PairId()] = scene.stored_geometry(edge.PairId());
+    }
   }
   return geometries;
 }
 
-std::optional<Calibration> CalibrateSceneFocals(const GeometryReader& read,
-                                                const FocalCalibrationOptions& options,
+std::optional<Calibration> CalibrateSceneFocals(const FocalCalibrationOptions& options,
                                                 const RunContext& run, Stage& stage,
                                                 SceneData& scene) {
-  const std::vector<FocalPair> pairs =
-      CollectPairs(scene, read, options.max_pairs, run.num_threads);
+  const std::vector<FocalPair> pairs = CollectPairs(scene, options.max_pairs, run.num_threads);
   std::set<camera_t> trusted = scene.constant_cameras;
   for (const auto& [id, sigma] : scene.held_focals) trusted.insert(id);
   const FocalCalibrationReport report =
@@ -295,7 +295,7 @@ std::optional<Calibration> CalibrateSceneFocals(const GeometryReader& read,
   ImproveRelativePoses(scene.foreign, run, scene);
   if (calibrated.empty()) return std::nullopt;
   const Replaced before =
-      TakeFocals(report.cameras, ReadGeometriesOf(calibrated, scene, read), calibrated, run, scene);
+      TakeFocals(report.cameras, ReadGeometriesOf(calibrated, scene), calibrated, run, scene);
   return TakeBackRejected(before, stage, scene);
 }
 

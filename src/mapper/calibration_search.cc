@@ -15,29 +15,26 @@ constexpr double kModelErrors = 0.005;
 
 // Graph and models by one calibration.
 struct CalibratedResult {
-  ReconstructResult result;
+  PartResult result;
   std::string origin;  // of the calibration, in words
-  double evidence_nats = -1;
   bool shares_camera = false;
   std::set<image_t> left_exif;
 
-  double Score() const { return evidence_nats * (shares_camera ? 1 : 1 - kModelErrors); }
+  double Score() const { return result.evidence_nats * (shares_camera ? 1 : 1 - kModelErrors); }
 };
 
 CalibratedResult ReconstructCalibrated(const SceneData& scene,
                                        std::span<const Reconstruction> earlier,
                                        const ReconstructSettings& settings, const RunContext& run) {
   CalibratedResult calibrated;
-  ReconstructResult& result = calibrated.result;
+  PartResult& result = calibrated.result;
   calibrated.origin = scene.origin;
-  calibrated.evidence_nats = 0;
   calibrated.shares_camera = !scene.stored_cameras.empty();
   ViewGraphResult graph = BuildSceneGraph(scene, settings, run, result.report);
   if (result.report.Succeeded()) {
     StageContext context{scene, settings, run, result.report};
-    SceneModels models = BuildModels(context, graph.report.components, earlier, graph.graph);
-    calibrated.evidence_nats = models.evidence_nats;
-    result.models = std::move(models.models);
+    static_cast<SceneModels&>(result) =
+        BuildModels(context, graph.report.components, earlier, graph.graph);
     for (Reconstruction& model : result.models) UnshareCamera(scene.stored_cameras, model);
     calibrated.left_exif =
         ImagesThatLeftExif(scene, settings.focal_calibration.exif_sigma, result.models);
@@ -47,16 +44,15 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene,
 }
 
 // Finished models, adjusted and grown by the calibration of the scene.
-CalibratedResult AdjustModels(const SceneData& scene, const ReconstructResult& finished,
+CalibratedResult AdjustModels(const SceneData& scene, const PartResult& finished,
                               const ReconstructSettings& settings, const RunContext& run) {
   CalibratedResult adjusted;
-  adjusted.evidence_nats = 0;
   StageContext context{scene, settings, run, adjusted.result.report};
   ViewGraph graph = finished.graph;
   for (Reconstruction model : finished.models) {
     AdjustModel(context, std::numeric_limits<int>::max(), model);
     GrowModel(context, graph, model);
-    adjusted.evidence_nats += EvidenceFor(context, model, graph).nats;
+    adjusted.result.evidence_nats += EvidenceFor(context, model, graph).nats;
     for (const auto& [id, image] : model.images) context.taken.insert(id);
     ++context.model;
   }
@@ -78,9 +74,9 @@ class CalibrationSearch {
     static_cast<Calibration&>(scene_) = std::move(calibration);
     if (!is_first) run_.monitor.Info("once more, with " + scene_.origin);
     CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
-    choice_.messages.push_back(std::to_string(std::llround(result.evidence_nats)) +
+    choice_.messages.push_back(std::to_string(std::llround(result.result.evidence_nats)) +
                                " nats of evidence with " + scene_.origin);
-    if (result.Score() > least_share * best_.Score()) std::swap(result, best_);
+    if (is_first || result.Score() > least_share * best_.Score()) std::swap(result, best_);
     Keep(result);
   }
 
@@ -92,16 +88,16 @@ class CalibrationSearch {
     if (run_.monitor.StopRequested()) return false;
     if (best_.result.models.empty()) return true;
     const CalibratedResult adjusted = AdjustModels(scene_, best_.result, settings_, run_);
-    choice_.messages.push_back(std::to_string(std::llround(adjusted.evidence_nats)) +
+    choice_.messages.push_back(std::to_string(std::llround(adjusted.result.evidence_nats)) +
                                " nats of evidence where these models have " + scene_.origin);
     Keep(adjusted);
     return adjusted.Score() > best_.Score();
   }
 
   // What was tried stays in the report.
-  ReconstructResult Finish() {
+  PartResult Finish() {
     if (choice_.messages.size() > 1) {
-      choice_.Add("evidence_nats", best_.evidence_nats);
+      choice_.Add("evidence_nats", best_.result.evidence_nats);
       choice_.Add("evidence_nats_otherwise", otherwise_);
       choice_.messages.push_back("the models are those with " + best_.origin);
       for (const std::string& message : choice_.messages) run_.monitor.Info(message);
@@ -114,7 +110,7 @@ class CalibrationSearch {
 
  private:
   void Keep(const CalibratedResult& tried) {
-    otherwise_ = std::max(otherwise_, tried.evidence_nats);
+    otherwise_ = std::max(otherwise_, tried.result.evidence_nats);
     const std::vector<StageReport>& stages = tried.result.report.stages;
     tried_.insert(tried_.end(), stages.begin(), stages.end());
   }
@@ -152,13 +148,9 @@ bool HaveExif(const std::set<image_t>& images, const SceneData& scene) {
 // Finds calibrations of the scene.
 class Calibrator {
  public:
-  Calibrator(const Database& database, const ReconstructSettings& settings, const RunContext& run,
-             RunReport& report, SceneData& scene)
-      : settings_(settings), run_(run), report_(report), scene_(scene) {
-    read_ = [&database](image_pair_t pair_id) {
-      return database.ReadTwoViewGeometry(pair_id).value();
-    };
-  }
+  Calibrator(const ReconstructSettings& settings, const RunContext& run, RunReport& report,
+             SceneData& scene)
+      : settings_(settings), run_(run), report_(report), scene_(scene) {}
 
   // Takes the calibration by the pairs out of the scene; where these do not decide, there are two.
   std::vector<Calibration> Calibrate() {
@@ -183,7 +175,7 @@ class Calibrator {
       std::vector<Camera> cameras = CamerasOf(images, cameras_from);
       if (cameras.empty()) continue;
       if (HaveExif(images, scene_)) cameras = CamerasOf(images, scene_);
-      ShareCamera(images, MedianCamera(std::move(cameras)), read_, run_, scene_);
+      ShareCamera(images, MedianCamera(std::move(cameras)), run_, scene_);
       shared += (shared.empty() ? "one camera for " : ", one for ") +
                 std::to_string(images.size()) + " images";
     }
@@ -197,7 +189,7 @@ class Calibrator {
     const FocalCalibrationOptions& options = settings_.focal_calibration;
     if (options.enabled && scene_.constant_cameras.size() < scene_.cameras.size()) {
       RunStage stage(report_, run_.monitor, "focal_calibration");
-      return CalibrateSceneFocals(read_, options, run_, stage, scene_);
+      return CalibrateSceneFocals(options, run_, stage, scene_);
     }
     ImproveRelativePoses(scene_.foreign, run_, scene_);
     return std::nullopt;
@@ -207,14 +199,13 @@ class Calibrator {
   const RunContext& run_;
   RunReport& report_;
   SceneData& scene_;
-  GeometryReader read_;
 };
 
 // Where no earlier model tells the calibration. `of_one`: groups of images, likely of one camera
 // each.
-ReconstructResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
-                                    const ReconstructSettings& settings, const RunContext& run,
-                                    Calibrator& calibrator, SceneData& scene) {
+PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
+                             const ReconstructSettings& settings, const RunContext& run,
+                             Calibrator& calibrator, SceneData& scene) {
   Calibration& calibration = scene;
   std::optional<Calibration> stored;
   const auto refines_exif = [&](const auto& entry) { return RefinesExif(entry.second, scene); };
@@ -241,7 +232,7 @@ ReconstructResult SearchCalibration(const std::vector<std::set<image_t>>& of_one
     calibrator.Share(of_one, scene, "");
     // (An observation of bundle adjustment has two coordinates, a match one.)
     HoldExif(search.best().left_exif, settings.focal_calibration.exif_sigma,
-             2 * kModelErrors * search.best().evidence_nats, scene);
+             2 * kModelErrors * search.best().result.evidence_nats, scene);
     search.Try(std::move(calibrator.Calibrate().front()), 1 - kModelErrors);
   }
   return search.Finish();
@@ -249,22 +240,31 @@ ReconstructResult SearchCalibration(const std::vector<std::set<image_t>>& of_one
 
 }  // namespace
 
-ReconstructResult ReconstructBest(const Database& database, std::span<const Reconstruction> earlier,
-                                  const ReconstructSettings& settings, const RunContext& run,
-                                  RunReport& read, SceneData& scene) {
-  Calibrator calibrator(database, settings, run, read, scene);
+PartResult ReconstructBest(std::span<const Reconstruction> earlier,
+                           const ReconstructSettings& settings, const RunContext& run,
+                           SceneData& scene) {
+  RunReport before;  // the models
+  Calibrator calibrator(settings, run, before, scene);
   std::vector<std::set<image_t>> of_one;
   if (settings.reconstruct.share_camera && !scene.poses_alone) of_one = LikelyOfOneCamera(scene);
   scene.origin = "the cameras of the database";
-  if (earlier.empty()) return SearchCalibration(of_one, settings, run, calibrator, scene);
-  std::erase_if(of_one, [&](const std::set<image_t>& images) {
-    return !AgreeWithOneCamera(earlier, images, scene);
-  });
-  calibrator.Share(of_one, scene, "");
-  static_cast<Calibration&>(scene) = std::move(calibrator.Calibrate().front());
-  const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, read);
-  if (!read.Succeeded()) return {};
-  return ReconstructCalibrated(scene, adopted, settings, run).result;
+  PartResult result;
+  if (earlier.empty()) {
+    result = SearchCalibration(of_one, settings, run, calibrator, scene);
+  } else {
+    std::erase_if(of_one, [&](const std::set<image_t>& images) {
+      return !AgreeWithOneCamera(earlier, images, scene);
+    });
+    calibrator.Share(of_one, scene, "");
+    static_cast<Calibration&>(scene) = std::move(calibrator.Calibrate().front());
+    const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, before);
+    if (before.Succeeded()) result = ReconstructCalibrated(scene, adopted, settings, run).result;
+  }
+  if (!before.Succeeded()) result.report.failure = before.failure;
+  RunReport& report = result.report;
+  report.stages.insert(report.stages.begin(), before.stages.begin(), before.stages.end());
+  report.warnings.insert(report.warnings.begin(), before.warnings.begin(), before.warnings.end());
+  return result;
 }
 
 }  // namespace cairn

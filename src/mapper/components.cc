@@ -79,56 +79,8 @@ std::vector<image_t> NotTaken(const StageContext& context, std::span<const image
   return rest;
 }
 
-// Names what is in no model.
-void ReportLeftOut(StageContext& context, const std::vector<std::vector<image_t>>& small) {
-  RunStage stage(context.report, context.run.monitor, "left_out");
-  std::set<image_t> named = context.taken;
-  for (const std::vector<image_t>& images : small) {
-    stage.Note("no model of " + std::to_string(images.size()) +
-               " connected images (--reconstruct.min_model_images, --reconstruct.max_models): " +
-               Names(context, images));
-    named.insert(images.begin(), images.end());
-  }
-  std::vector<image_t> others;
-  for (const auto& [id, image] : context.scene.images) {
-    if (named.count(id) == 0) others.push_back(id);
-  }
-  if (!others.empty()) {
-    stage.Note(std::string("images in no model (") +
-               (context.settings.reconstruct.register_left_out
-                    ? "too few verified matches with others"
-                    : "--reconstruct.register_left_out 0") +
-               "): " + Names(context, others));
-  }
-  stage.Add("small_components", small.size());
-  stage.Add("images", context.scene.images.size() - context.taken.size());
-}
-
-struct JudgedModel {
-  Reconstruction model;
-  std::vector<ResultWarning> warnings;
-  double evidence_nats = 0;
-};
-
-// The largest model first; their warnings, in the report, name their folders.
-std::vector<Reconstruction> SortBySize(std::vector<JudgedModel> judged, RunReport& report) {
-  std::stable_sort(judged.begin(), judged.end(), [](const JudgedModel& a, const JudgedModel& b) {
-    return a.model.images.size() > b.model.images.size();
-  });
-  std::vector<Reconstruction> models;
-  for (JudgedModel& each : judged) {
-    for (ResultWarning& warning : each.warnings) {
-      warning.what = "sparse/" + std::to_string(models.size()) + " (" +
-                     std::to_string(each.model.images.size()) + " images): " + warning.what;
-      report.warnings.push_back(std::move(warning));
-    }
-    models.push_back(std::move(each.model));
-  }
-  return models;
-}
-
 // Keeps a finished model, with its warnings.
-void TakeIn(StageContext& context, BuiltModel built, std::vector<JudgedModel>& judged) {
+void TakeIn(StageContext& context, BuiltModel built, SceneModels& result) {
   for (const auto& [id, image] : built.model->images) context.taken.insert(id);
   std::vector<ResultWarning> warnings = std::move(built.warnings);
   if (!context.scene.poses_alone) {
@@ -136,23 +88,19 @@ void TakeIn(StageContext& context, BuiltModel built, std::vector<JudgedModel>& j
       warnings.push_back(std::move(each));
     }
   }
-  judged.push_back({std::move(*built.model), std::move(warnings), built.evidence.nats});
+  result.models.push_back(std::move(*built.model));
+  result.warnings.push_back(std::move(warnings));
+  result.evidence_nats += built.evidence.nats;
 }
 
-// Of the components without a model: the images of each, and why the first has none.
-struct Failures {
-  std::vector<std::vector<image_t>> components;
-  std::string first;
-};
-
-// A component that fails leaves the other models as they are.
-void GiveUp(StageContext& context, const ComponentQueue::Component& component, Failures& failures) {
+// A component that fails leaves the other models as they are. `failures`: why.
+void GiveUp(StageContext& context, const ComponentQueue::Component& component, SceneModels& result,
+            std::vector<std::string>& failures) {
   const std::string failure = std::exchange(context.report.failure, "");
   if (context.run.monitor.StopRequested()) return;
-  context.run.monitor.Warning(failure);
-  if (failures.first.empty()) failures.first = failure;
+  failures.push_back(failure);
   if (component.earlier == nullptr) {
-    failures.components.push_back(component.images);
+    result.without_model.push_back(component.images);
   } else {
     context.report.warnings.push_back({"an input model of " +
                                            std::to_string(component.images.size()) +
@@ -167,16 +115,15 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
                         std::span<const Reconstruction> earlier, ViewGraph& graph) {
   const ReconstructOptions& options = context.settings.reconstruct;
   ComponentQueue queue = earlier.empty() ? ComponentQueue(components) : ComponentQueue(earlier);
-  Failures failures;
-  std::vector<JudgedModel> judged;
   SceneModels result;
+  std::vector<std::string> failures;
   for (bool is_first = true; !queue.empty() && !context.run.monitor.StopRequested();
        is_first = false) {
     const ComponentQueue::Component component = queue.Pop();
     const bool is_small = component.earlier == nullptr &&
                           static_cast<int>(component.images.size()) < options.min_model_images;
-    if ((is_small && !is_first) || static_cast<int>(judged.size()) == options.max_models) {
-      failures.components.push_back(component.images);
+    if ((is_small && !is_first) || static_cast<int>(result.models.size()) == options.max_models) {
+      result.without_model.push_back(component.images);
       continue;
     }
     context.reserved = queue.Reserved(options.min_model_images);
@@ -186,25 +133,26 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
     TakeOver(built.graph, graph);
     for (const size_t e : built.duplicate_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {
-      TakeIn(context, std::move(built), judged);
+      TakeIn(context, std::move(built), result);
       if (component.earlier == nullptr) {
         queue.AddPartsOf(NotTaken(context, component.images), component.is_part, graph);
       }
     } else if (!built.duplicate_edges.empty()) {
       queue.AddPartsOf(component.images, true, graph);
     } else {
-      GiveUp(context, component, failures);
+      GiveUp(context, component, result, failures);
     }
-    context.model = static_cast<int>(judged.size());
+    context.model = static_cast<int>(result.models.size());
     // What no earlier model could take.
     if (component.earlier != nullptr && queue.empty() && options.register_left_out) {
       queue.AddPartsOf(NotTaken(context, graph.image_ids), false, graph);
     }
   }
-  if (judged.empty() && context.report.Succeeded()) context.report.failure = failures.first;
-  if (!context.run.monitor.StopRequested()) ReportLeftOut(context, failures.components);
-  for (const JudgedModel& each : judged) result.evidence_nats += each.evidence_nats;
-  result.models = SortBySize(std::move(judged), context.report);
+  if (result.models.empty() && context.report.Succeeded() && !failures.empty()) {
+    context.report.failure = failures.front();
+  } else {
+    for (const std::string& failure : failures) context.run.monitor.Warning(failure);
+  }
   return result;
 }
 

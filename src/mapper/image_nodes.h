@@ -20,8 +20,17 @@ class ImageNodes {
   }
 
   int size() const { return static_cast<int>(ids_.size()); }
-  GraphEdge EdgeOf(const ViewEdge& edge) const {
-    return {IndexIn(ids_, edge.image_id1), IndexIn(ids_, edge.image_id2)};
+  GraphEdge EdgeOf(const ViewEdge& edge) const { return EdgeOf(edge.image_id1, edge.image_id2); }
+  GraphEdge EdgeOf(image_t id1, image_t id2) const {
+    return {IndexIn(ids_, id1), IndexIn(ids_, id2)};
+  }
+  // Images that edges connect, the most first.
+  std::vector<std::set<image_t>> ConnectedBy(std::span<const GraphEdge> edges) const {
+    std::vector<std::set<image_t>> connected;
+    for (const std::vector<int>& nodes : ConnectedComponents(size(), edges).nodes) {
+      connected.push_back(ImagesOf(nodes));
+    }
+    return connected;
   }
   std::set<image_t> ImagesOf(std::span<const int> nodes) const {
     std::set<image_t> images;

@@ -24,9 +24,9 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
   return EvaluateEvidence(model, pairs, context.run, context.scene.constant_cameras);
 }
 
-std::string Names(const StageContext& context, std::span<const image_t> images) {
+std::string Names(const SceneData& scene, std::span<const image_t> images) {
   std::vector<std::string> names;
-  for (const image_t id : images) names.push_back(context.scene.images.at(id).name);
+  for (const image_t id : images) names.push_back(scene.images.at(id).name);
   return FirstNames(names);
 }
 
@@ -56,21 +56,21 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
   if (evidence.inside.IsContradicted()) {
     warn({"it explains only " + percent +
               " % of the verified matches of its images and is probably wrong" +
-              (doubtful.empty() ? "" : "; worst: " + Names(context, doubtful)),
+              (doubtful.empty() ? "" : "; worst: " + Names(context.scene, doubtful)),
           "do not use it; add photos with more overlap, or give the photos of each place to a run "
           "of their own",
           /*is_wrong=*/true});
   } else if (!doubtful.empty()) {
     warn({"probably misplaced, since most of their verified matches contradict their poses (" +
-              std::to_string(doubtful.size()) + "): " + Names(context, doubtful),
+              std::to_string(doubtful.size()) + "): " + Names(context.scene, doubtful),
           kMisplacedAdvice});
   }
   for (const MisplacedGroup& group : groups) {
     warn(
         {"perhaps too small or too large beside the others, or elsewhere, since few points join "
          "them (" +
-             std::to_string(group.images.size()) +
-             "): " + Names(context, std::vector<image_t>(group.images.begin(), group.images.end())),
+             std::to_string(group.images.size()) + "): " +
+             Names(context.scene, std::vector<image_t>(group.images.begin(), group.images.end())),
          "add photos between them and the others"});
   }
   if (symmetry.IsFold()) {
@@ -80,7 +80,7 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
               std::to_string(symmetry.num_active) +
               " pairs agree with the model): equal sides of a building may be shown as one; they "
               "are of " +
-              Names(context, symmetry.images),
+              Names(context.scene, symmetry.images),
           "give the photos of each side to a run of their own, or add photos with more of the "
           "surroundings"});
   }

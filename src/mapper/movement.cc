@@ -128,13 +128,13 @@ std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction
   if (!lost.empty()) {
     warn(std::to_string(lost.size()) +
              " images of the input model see too few points and are left out: " +
-             Names(context, lost),
+             Names(context.scene, lost),
          "add photos that overlap with them");
   }
   if (!replaced.empty()) {
     warn(std::to_string(replaced.size()) +
              " poses of the input model did not fit the matches, and were found anew: " +
-             Names(context, replaced),
+             Names(context.scene, replaced),
          "");
   }
   if (num_far > 0) {
@@ -146,7 +146,7 @@ std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction
     warn(std::to_string(num_far) + " of " + std::to_string(moves.size()) +
              " poses of the input model moved by more than their confidence, by up to " + most +
              ": " + Reasons(model, earlier, confidences, far) + "; these are " +
-             Names(context, named),
+             Names(context.scene, named),
          "");
   }
   return warnings;

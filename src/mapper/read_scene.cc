@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <mutex>
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
@@ -146,6 +148,27 @@ FeatureMatches ReadRawMatches(const Database& database, image_pair_t pair_id) {
   }
 }
 
+// What is read from the database later, on any thread.
+void KeepReaders(const Database& database, std::map<image_t, std::vector<point2D_t>> first_keypoint,
+                 SceneData& scene) {
+  struct Reader {
+    const Database& database;
+    std::map<image_t, std::vector<point2D_t>> first_keypoint;
+    std::mutex mutex = {};
+  };
+  const auto reader = std::make_shared<Reader>(database, std::move(first_keypoint));
+  scene.raw_matches = [reader](const ViewEdge& edge) {
+    const std::lock_guard<std::mutex> lock(reader->mutex);
+    return MergeMatches(ReadRawMatches(reader->database, edge.PairId()),
+                        reader->first_keypoint.at(edge.image_id1),
+                        reader->first_keypoint.at(edge.image_id2));
+  };
+  scene.stored_geometry = [reader](image_pair_t pair_id) {
+    const std::lock_guard<std::mutex> lock(reader->mutex);
+    return reader->database.ReadTwoViewGeometry(pair_id).value();
+  };
+}
+
 // Results of pairs that a run of build_view_graph left for the next one are missed.
 void WarnOfUnfinishedPairs(int64_t num_pairs, Stage& stage, RunReport& report) {
   stage.Add("pairs_to_verify", num_pairs);
@@ -184,10 +207,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     const IntrinsicsMap intrinsics = ReadKnownIntrinsics(database);
     ReadImagesAndKeypoints(database, intrinsics, scene, stage, first_keypoint);
     ReadEdges(database, first_keypoint, run.num_threads, stage, scene);
-    scene.raw_matches = [&database, first_keypoint](const ViewEdge& edge) {
-      return MergeMatches(ReadRawMatches(database, edge.PairId()),
-                          first_keypoint.at(edge.image_id1), first_keypoint.at(edge.image_id2));
-    };
+    KeepReaders(database, std::move(first_keypoint), scene);
     size_t num_matches = 0;
     for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
     scene.poses_alone = scene.poses_imported && num_matches == 0;

@@ -81,7 +81,7 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
   SceneData scene = ReadSceneData(database, settings, run, read);
   scene.places = ReadPlaces(scene, settings.places, image_path, run);
   ReconstructResult result;
-  if (read.Succeeded()) result = ReconstructBest(database, earlier, settings, run, read, scene);
+  if (read.Succeeded()) result = ReconstructParts(earlier, settings, run, scene);
   const bool was_stopped = run.monitor.StopRequested();
   if (read.Succeeded()) {
     PlaceModels(scene, run, result);

@@ -21,11 +21,7 @@ std::vector<std::set<image_t>> ConnectedImages(const SceneData& scene) {
   const ImageNodes images(scene.pixels);
   std::vector<GraphEdge> edges;
   for (const ViewEdge& edge : scene.edges) edges.push_back(images.EdgeOf(edge));
-  std::vector<std::set<image_t>> connected;
-  for (const std::vector<int>& nodes : ConnectedComponents(images.size(), edges).nodes) {
-    connected.push_back(images.ImagesOf(nodes));
-  }
-  return connected;
+  return images.ConnectedBy(edges);
 }
 
 }  // namespace
@@ -38,6 +34,7 @@ std::vector<std::set<image_t>> LikelyOfOneCamera(const SceneData& scene) {
   };
   std::map<CameraKind, Group> groups;
   for (const std::set<image_t>& connected : ConnectedImages(scene)) {
+    if (connected.size() < 2) continue;
     std::map<CameraKind, size_t> num_images;
     for (const image_t id : connected) {
       const camera_t camera_id = scene.CameraIdOf(id);
@@ -86,8 +83,8 @@ Camera MedianCamera(std::vector<Camera> cameras) {
   return *median;
 }
 
-void ShareCamera(const std::set<image_t>& images, Camera camera, const GeometryReader& read,
-                 const RunContext& run, SceneData& scene) {
+void ShareCamera(const std::set<image_t>& images, Camera camera, const RunContext& run,
+                 SceneData& scene) {
   std::set<camera_t> ids;
   for (const image_t id : images) ids.insert(scene.CameraIdOf(id));
   camera.camera_id = *ids.rbegin();  // the last, so that no new camera gets the id of another
@@ -102,7 +99,7 @@ void ShareCamera(const std::set<image_t>& images, Camera camera, const GeometryR
     scene.stored_cameras[id] = std::exchange(scene.images.at(id).camera_id, camera.camera_id);
   }
   if (are_alike) return;
-  ImproveRelativePoses(ReadGeometriesOf({camera.camera_id}, scene, read), run, scene);
+  ImproveRelativePoses(ReadGeometriesOf({camera.camera_id}, scene), run, scene);
 }
 
 void UnshareCamera(const std::map<image_t, camera_t>& stored, Reconstruction& model) {

@@ -42,9 +42,10 @@ struct SceneData : Calibration {
   std::map<image_pair_t, TwoViewGeometry> foreign;
   // Inlier matches of the edges; keypoints at one position are replaced by the first of them.
   std::map<image_pair_t, FeatureMatches> matches;
-  // All matches of a pair, likewise, before verification; none where there are none. Not for
-  // several threads at once; empty: there are none at all.
+  // Of the database, from any thread. All matches of a pair, likewise, before verification; none
+  // where there are none (empty: there are none at all). What verification found.
   std::function<FeatureMatches(const ViewEdge&)> raw_matches;
+  std::function<TwoViewGeometry(image_pair_t)> stored_geometry;
   std::set<camera_t> constant_cameras;  // intrinsics are not refined
   // The relative poses are those of a 1DSfM data set, without counted inliers; without tracks, it
   // has no matches either, and the models have no points.
@@ -118,29 +119,44 @@ bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
 // photographs.
 std::optional<ResultWarning> FindStillParts(const SceneData& scene);
 
+// parts.cc
+// Models of the scene's parts, which share neither pairs nor cameras, each as if it were alone.
+// Earlier models go on as one. Takes the parts out of the scene; images and cameras stay as they
+// are stored.
+ReconstructResult ReconstructParts(std::span<const Reconstruction> earlier,
+                                   const ReconstructSettings& settings, const RunContext& run,
+                                   SceneData& scene);
+
 // calibration_search.cc
+struct SceneModels {
+  std::vector<Reconstruction> models;
+  std::vector<std::vector<ResultWarning>> warnings;  // of each model
+  std::vector<std::vector<image_t>> without_model;   // connected images
+  double evidence_nats = 0;
+};
+struct PartResult : SceneModels {
+  ViewGraph graph;
+  RunReport report;
+};
 // Models and graph by the calibration of the scene whose models have the most evidence: with one
 // camera for likely images or without, with focal lengths by the pairs or as they were. Earlier
-// models tell theirs. `read` gets the stages before. Leaves the scene with what was tried last.
-ReconstructResult ReconstructBest(const Database& database, std::span<const Reconstruction> earlier,
-                                  const ReconstructSettings& settings, const RunContext& run,
-                                  RunReport& read, SceneData& scene);
+// models tell theirs. Leaves the scene with what was tried last.
+PartResult ReconstructBest(std::span<const Reconstruction> earlier,
+                           const ReconstructSettings& settings, const RunContext& run,
+                           SceneData& scene);
 
 // calibrate.cc
-using GeometryReader = std::function<TwoViewGeometry(image_pair_t)>;
 // Gives cameras whose intrinsics are not constant the focal lengths that the pairs' fundamental
 // matrices determine, unless loops of rotations then close worse than before, and reports what
 // became of each camera. Where the pairs do not decide, it returns the scene's calibration with the
 // focal lengths from before.
 // Improves the poses of the scene's `foreign` edges, and of all whose focal lengths changed.
-std::optional<Calibration> CalibrateSceneFocals(const GeometryReader& read,
-                                                const FocalCalibrationOptions& options,
+std::optional<Calibration> CalibrateSceneFocals(const FocalCalibrationOptions& options,
                                                 const RunContext& run, Stage& stage,
                                                 SceneData& scene);
 // The geometries of the edges of these cameras.
 std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
-                                                         const SceneData& scene,
-                                                         const GeometryReader& read);
+                                                         const SceneData& scene);
 
 // shared_camera.cc
 // Groups of images that one camera each may have taken, though they have more cameras than half of
@@ -153,8 +169,8 @@ bool AgreeWithOneCamera(std::span<const Reconstruction> models, const std::set<i
 // The one of the median focal length.
 Camera MedianCamera(std::vector<Camera> cameras);
 // Gives these images one camera, and improves the poses of their pairs where that changes lenses.
-void ShareCamera(const std::set<image_t>& images, Camera camera, const GeometryReader& read,
-                 const RunContext& run, SceneData& scene);
+void ShareCamera(const std::set<image_t>& images, Camera camera, const RunContext& run,
+                 SceneData& scene);
 // Gives images that share a camera by that a camera each again, as they are stored: equal ones.
 void UnshareCamera(const std::map<image_t, camera_t>& stored, Reconstruction& model);
 
@@ -175,10 +191,6 @@ ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSetting
                                 const RunContext& run, RunReport& report);
 
 // components.cc
-struct SceneModels {
-  std::vector<Reconstruction> models;  // the largest first; the report has their warnings
-  double evidence_nats = 0;
-};
 // Models of the graph's components, and of the parts into which they fall. Where there are earlier
 // models, these first, with the images that can be registered in them, then, unless nothing is to
 // be registered, models of the images that are left.
@@ -330,7 +342,7 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
 // Warnings of a model that contradicts its own verified pairs, or parts of it that do.
 std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& built);
 // Of the first twenty images, and how many more there are.
-std::string Names(const StageContext& context, std::span<const image_t> images);
+std::string Names(const SceneData& scene, std::span<const image_t> images);
 
 // grow_model.cc
 // False: there is not enough memory, and the report has the failure.

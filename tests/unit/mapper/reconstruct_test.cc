@@ -104,55 +104,6 @@ TEST(Reconstruct, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
   for (const auto& [id, point] : a.points3D) EXPECT_EQ(point.xyz, b.points3D.at(id).xyz);
 }
 
-TEST(Reconstruct, TwoPlacesGiveTwoModels) {
-  SceneOptions options = SmallScene();
-  options.num_images = 6;
-  const SyntheticScene first = MakeScene(options, 5);
-  options.num_images = 8;
-  const SyntheticScene second = MakeScene(options, 6);
-  Database database = MakeDatabase(first);
-  // The second place under ids from 101.
-  for (auto [id, camera] : second.cameras) {
-    camera.camera_id = id + 100;
-    database.WriteCamera(camera);
-  }
-  for (Image image : second.images) {
-    const image_t id = image.image_id;
-    image.image_id += 100;
-    image.camera_id += 100;
-    image.name = "second/" + image.name;
-    database.WriteImage(image);
-    database.WriteKeypoints(image.image_id, second.keypoints.at(id));
-  }
-  for (image_t i = 1; i <= 8; ++i) {
-    for (image_t j = i + 1; j <= 8; ++j) {
-      const SyntheticMatches matches = MakeMatches(second, i, j);
-      const TwoViewGeometry geometry = TrueTwoViewGeometry(second, i, j, matches);
-      if (geometry.inlier_matches.size() < 20) continue;
-      database.WriteTwoViewGeometry(ImagePairToPairId(i + 100, j + 100), geometry);
-    }
-  }
-  const ReconstructResult result = Reconstruct(database);
-  ASSERT_EQ(result.models.size(), 2u);
-  EXPECT_EQ(result.models[0].images.size(), 8u);
-  EXPECT_EQ(result.models[1].images.size(), 6u) << ToJson(result.report);
-
-  ReconstructSettings settings;
-  settings.reconstruct.max_models = 1;
-  EXPECT_EQ(Reconstruct(database, settings).models.size(), 1u);
-  settings = {};
-  settings.reconstruct.min_model_images = 7;
-  const ReconstructResult one = Reconstruct(database, settings);
-  EXPECT_EQ(one.models.size(), 1u);
-  const StageReport* left_out = FindStage(one.report, "left_out");
-  ASSERT_NE(left_out, nullptr);
-  EXPECT_EQ(Value(*left_out, "small_components"), 1);
-  EXPECT_EQ(Value(*left_out, "images"), 6);
-  ASSERT_EQ(left_out->messages.size(), 1u);
-  EXPECT_THAT(left_out->messages[0], HasSubstr("6 connected images"));
-  EXPECT_THAT(left_out->messages[0], HasSubstr(first.images[0].name));
-}
-
 // Two places whose facades are the same; images of one show none of what surrounds the other.
 TEST(Reconstruct, SeparatesDuplicateStructure) {
   SceneOptions options;

@@ -5,39 +5,11 @@
 #include <set>
 
 #include "mapper/stages.h"
+#include "unit/mapper/camera_each.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
 namespace {
-
-// Twelve images of one camera.
-SyntheticScene SceneOfOneCamera() {
-  SceneOptions options = SmallScene();
-  options.num_images = 12;
-  options.num_cameras = 1;
-  return MakeScene(options, 3);
-}
-
-// A camera for each image, of the scene's focal length times a factor, with nothing known.
-Database WithACameraEach(const SyntheticScene& scene, double factor, bool has_prior = false) {
-  Database database = MakeDatabase(scene);
-  for (Image image : scene.images) {
-    Camera camera = scene.cameras.at(image.camera_id);
-    camera.camera_id = 100 + image.image_id;
-    camera.SetMeanFocal(factor * camera.MeanFocal());
-    camera.has_prior_focal_length = has_prior;
-    database.WriteCamera(camera);
-    image.camera_id = camera.camera_id;
-    database.WriteImage(image);
-  }
-  return database;
-}
-
-std::set<std::vector<double>> IntrinsicsOf(const Reconstruction& model) {
-  std::set<std::vector<double>> intrinsics;
-  for (const auto& [id, camera] : model.cameras) intrinsics.insert(camera.params);
-  return intrinsics;
-}
 
 TEST(SharedCamera, IsFoundThoughEachImageHasItsOwn) {
   const SyntheticScene scene = SceneOfOneCamera();
@@ -73,22 +45,27 @@ TEST(SharedCamera, OfOnePriorFocalLengthIsFound) {
   EXPECT_EQ(IntrinsicsOf(result.models.front()).size(), 1u);
 }
 
+// Photographs of other places do not outvote those that belong together.
+TEST(SharedCamera, IsFoundBesideImagesWithoutPairs) {
+  const SyntheticScene scene = SceneOfOneCamera();
+  Database database = WithACameraEach(scene, 1.4);
+  for (image_t id = 201; id <= 214; ++id) {
+    Camera camera = database.ReadCameras().back();
+    camera.camera_id = id;
+    database.WriteCamera(camera);
+    database.WriteImage({id, "other" + std::to_string(id), id});
+    database.WriteKeypoints(id, scene.keypoints.at(1));
+  }
+  const ReconstructResult result = Reconstruct(database);
+  ASSERT_EQ(result.models.size(), 1u);
+  EXPECT_EQ(IntrinsicsOf(result.models.front()).size(), 1u);
+}
+
 // Every image zoomed by a few percent of its own.
 TEST(SharedCamera, IsNotForcedOnImagesOfSeveral) {
   const SyntheticScene scene = SceneOfOneCamera();
   Database database = WithACameraEach(scene, 1.2);
-  std::map<image_t, double> zoom;
-  const Eigen::Vector2d center = scene.cameras.at(1).PrincipalPoint();
-  for (const Image& image : scene.images) {
-    zoom[image.image_id] = 1 + 0.08 * std::sin(5.0 * image.image_id);
-    std::vector<Keypoint> keypoints = scene.keypoints.at(image.image_id);
-    for (Keypoint& keypoint : keypoints) {
-      const Eigen::Vector2d moved = center + zoom[image.image_id] * (keypoint.Position() - center);
-      keypoint.x = static_cast<float>(moved.x());
-      keypoint.y = static_cast<float>(moved.y());
-    }
-    database.WriteKeypoints(image.image_id, keypoints);
-  }
+  const std::map<image_t, double> zoom = ZoomEach(scene, database);
   const ReconstructResult result = Reconstruct(database);
   ASSERT_EQ(result.models.size(), 1u);
   EXPECT_EQ(result.models.front().images.size(), 12u);
@@ -97,7 +74,7 @@ TEST(SharedCamera, IsNotForcedOnImagesOfSeveral) {
       ::testing::Contains(::testing::HasSubstr("evidence with the cameras of the database")));
   for (const auto& [id, image] : result.models.front().images) {
     const double focal = result.models.front().cameras.at(100 + id).MeanFocal();
-    EXPECT_NEAR(focal / scene.cameras.at(1).MeanFocal(), zoom[id], 0.02);
+    EXPECT_NEAR(focal / scene.cameras.at(1).MeanFocal(), zoom.at(id), 0.02);
   }
 }
 

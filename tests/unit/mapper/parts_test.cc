@@ -1,0 +1,163 @@
+// Places in one database that share neither pairs nor cameras.
+#include <gmock/gmock.h>
+
+#include "support/test_monitor.h"
+#include "unit/mapper/camera_each.h"
+#include "unit/mapper/reconstruct_fixture.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+
+// Adds a place with ids from first_id, and names of its own.
+void AddPlace(const Database& place, image_t first_id, Database& database) {
+  const std::string folder = std::to_string(first_id) + "/";
+  for (Camera camera : place.ReadCameras()) {
+    camera.camera_id += first_id;
+    database.WriteCamera(camera);
+  }
+  for (Image image : place.ReadImages()) {
+    const image_t id = image.image_id;
+    image.image_id += first_id;
+    image.camera_id += first_id;
+    image.name = folder + image.name;
+    database.WriteImage(image);
+    database.WriteKeypoints(image.image_id, *place.ReadKeypoints(id));
+  }
+  for (const auto& [pair_id, num_inliers] : place.ReadNumInliers()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    database.WriteTwoViewGeometry(ImagePairToPairId(id1 + first_id, id2 + first_id),
+                                  *place.ReadTwoViewGeometry(pair_id));
+  }
+}
+
+Database Place(int num_images, uint64_t seed) {
+  SceneOptions options = SmallScene();
+  options.num_images = num_images;
+  return MakeDatabase(MakeScene(options, seed));
+}
+
+Database PlaceOfOneCamera() { return WithACameraEach(SceneOfOneCamera(), 1.4); }
+
+Database PlaceOfZoomedPhotographs() {
+  SceneOptions options = SmallScene();
+  options.num_images = 14;
+  options.num_cameras = 1;
+  const SyntheticScene scene = MakeScene(options, 4);
+  Database database = WithACameraEach(scene, 1.2);
+  ZoomEach(scene, database);
+  return database;
+}
+
+Database Together(const std::vector<const Database*>& places) {
+  Database database(":memory:");
+  for (size_t k = 0; k < places.size(); ++k) {
+    AddPlace(*places[k], static_cast<image_t>(1000 * (k + 1)), database);
+  }
+  return database;
+}
+
+void ExpectEqual(const Reconstruction& a, const Reconstruction& b) {
+  ASSERT_EQ(a.images.size(), b.images.size());
+  ASSERT_EQ(a.points3D.size(), b.points3D.size());
+  for (const auto& [id, image] : a.images) {
+    const RegisteredImage& other = b.images.at(id);
+    EXPECT_EQ(image.cam_from_world.rotation.coeffs(), other.cam_from_world.rotation.coeffs());
+    EXPECT_EQ(image.cam_from_world.translation, other.cam_from_world.translation);
+    EXPECT_EQ(image.point3D_ids, other.point3D_ids);
+  }
+  for (const auto& [id, camera] : a.cameras) EXPECT_EQ(camera.params, b.cameras.at(id).params);
+}
+
+TEST(Parts, GiveAModelEach) {
+  const Database first = Place(6, 5), second = Place(8, 6);
+  const Database database = Together({&first, &second});
+  const ReconstructResult result = Reconstruct(database);
+  ASSERT_EQ(result.models.size(), 2u);
+  EXPECT_EQ(result.models[0].images.size(), 8u);
+  EXPECT_EQ(result.models[1].images.size(), 6u) << ToJson(result.report);
+  EXPECT_EQ(result.graph.image_ids.size(), 14u);
+  EXPECT_EQ(result.graph.edges.size(), database.ReadNumInliers().size());
+}
+
+TEST(Parts, NoMoreThanTheOptionsAllow) {
+  const Database first = Place(6, 5), second = Place(8, 6);
+  const Database database = Together({&first, &second});
+  ReconstructSettings one_model, large_models;
+  one_model.reconstruct.max_models = 1;
+  large_models.reconstruct.min_model_images = 7;
+  for (const ReconstructSettings& settings : {one_model, large_models}) {
+    const ReconstructResult result = Reconstruct(database, settings);
+    ASSERT_EQ(result.models.size(), 1u);
+    EXPECT_EQ(result.models[0].images.size(), 8u);
+    const StageReport* left_out = FindStage(result.report, "left_out");
+    ASSERT_NE(left_out, nullptr);
+    EXPECT_EQ(Value(*left_out, "small_components"), 1);
+    EXPECT_EQ(Value(*left_out, "images"), 6);
+    ASSERT_EQ(left_out->messages.size(), 1u);
+    EXPECT_THAT(left_out->messages[0], HasSubstr("6 connected images"));
+    EXPECT_THAT(left_out->messages[0], HasSubstr("1000/image00000.jpg"));
+  }
+}
+
+// One place is of one camera, the photographs of the other are of many: neither decides for the
+// other.
+TEST(Parts, AreAsIfTheyWereAlone) {
+  const Database one = PlaceOfOneCamera(), zoomed = PlaceOfZoomedPhotographs();
+  const ReconstructResult together = Reconstruct(Together({&one, &zoomed}));
+  ASSERT_EQ(together.models.size(), 2u);
+  EXPECT_EQ(IntrinsicsOf(together.models[0]).size(), 14u);
+  EXPECT_EQ(IntrinsicsOf(together.models[1]).size(), 1u);
+  Database one_alone(":memory:"), zoomed_alone(":memory:");
+  AddPlace(one, 1000, one_alone);
+  AddPlace(zoomed, 2000, zoomed_alone);
+  ExpectEqual(together.models[0], Reconstruct(zoomed_alone).models.at(0));
+  ExpectEqual(together.models[1], Reconstruct(one_alone).models.at(0));
+}
+
+TEST(Parts, AreTheSameSideBySide) {
+  std::vector<Database> places;
+  for (const uint64_t seed : {5, 6, 7, 8}) places.push_back(Place(6, seed));
+  const Database database = Together({&places[0], &places[1], &places[2], &places[3]});
+  const ReconstructResult one = Reconstruct(database);
+  TestMonitor monitor;
+  const ReconstructResult four =
+      Reconstruct(database, "", {}, {.num_threads = 4, .monitor = monitor});
+  ASSERT_EQ(one.models.size(), 4u);
+  ASSERT_EQ(four.models.size(), 4u);
+  for (size_t k = 0; k < 4; ++k) ExpectEqual(one.models[k], four.models[k]);
+  ASSERT_EQ(one.report.stages.size(), four.report.stages.size());
+  for (size_t i = 0; i < one.report.stages.size(); ++i) {
+    EXPECT_EQ(one.report.stages[i].name, four.report.stages[i].name);
+  }
+  EXPECT_THAT(monitor.notes(), Contains("part 4 of 4: 6 images"));
+  EXPECT_THAT(monitor.stages(), Contains("parts"));
+}
+
+// A camera that both places were taken with is calibrated once, by both.
+TEST(Parts, ACameraJoins) {
+  const Database first = Place(6, 5), second = Place(8, 6);
+  Database database = Together({&first, &second});
+  for (Image image : database.ReadImages()) {
+    image.camera_id = 1001;
+    database.WriteImage(image);
+  }
+  TestMonitor monitor;
+  Reconstruct(database, "", {}, {.num_threads = 1, .monitor = monitor});
+  EXPECT_THAT(monitor.stages(), ::testing::Not(Contains("parts")));
+}
+
+TEST(Parts, StopKeepsPairsOfWhatWasNotBegun) {
+  const Database first = Place(6, 5), second = Place(8, 6);
+  const Database database = Together({&first, &second});
+  TestMonitor monitor(0);
+  const ReconstructResult result =
+      Reconstruct(database, "", {}, {.num_threads = 1, .monitor = monitor});
+  EXPECT_TRUE(result.models.empty());
+  EXPECT_EQ(result.graph.edges.size(), database.ReadNumInliers().size());
+}
+
+}  // namespace
+}  // namespace cairn
