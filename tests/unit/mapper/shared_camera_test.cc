@@ -150,11 +150,11 @@ TEST(SharedCamera, OfEveryPlaceInTheFolderIsLikely) {
     return (edge.image_id1 <= 3) != (edge.image_id2 <= 3);
   });
   EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{4, 5}, {1, 2, 3}}));
-  // Half of a kind are single images, which may be of one size by chance.
+  // Images without pairs have no part in it.
   for (const image_t id : {1, 2, 3}) scene.cameras[id].width = 600;
   scene.cameras[1].has_prior_focal_length = true;
   scene.edges.pop_back();
-  EXPECT_EQ(LikelyOfOneCamera(scene), Groups{});
+  EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{2, 3}}));
 }
 
 }  // namespace
