@@ -11,7 +11,8 @@ void CheckImageFolder(const std::string& folder);
 
 // Names of all photographs in a folder and the folders in it, relative to it, with '/', sorted by
 // bytes. A photograph is a file with the extension jpg, jpeg, png, tif, tiff, bmp, ppm or webp, in
-// any case; hidden files and folders are left out. Symbolic links are followed (a link that leads
+// any case; hidden files and folders are left out, and folders in it that hold results of cairn
+// (undistorted photographs). Symbolic links are followed (a link that leads
 // back to a folder it is in is visited once). Throws as CheckImageFolder.
 std::vector<std::string> ListImages(const std::string& folder);
 

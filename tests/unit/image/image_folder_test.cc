@@ -5,6 +5,7 @@
 
 #include <filesystem>
 
+#include "base/output_folder.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "support/temp_folder.h"
@@ -39,6 +40,18 @@ TEST(ImageFolder, FollowsLinksOnceEvenInACycle) {
   std::filesystem::create_symlink(other / "1.jpg", folder / "file.jpg");
   std::filesystem::create_directory_symlink(folder.path(), folder / "a/up");
   EXPECT_THAT(ListImages(folder.path()), ElementsAre("a/linked/1.jpg", "again/1.jpg", "file.jpg"));
+}
+
+// undistort --output_path PHOTOS/dense must not make photographs of the next build_view_graph.
+TEST(ImageFolder, ResultsWithinAreNoPhotographs) {
+  const TempFolder folder;
+  OutputFolder output(folder / "dense", "undistort", {"images"}, /*overwrites=*/false);
+  CreateFolders(output.staging() + "/images");
+  WriteFileAtomically(output.staging() + "/images/1.jpg", "undistorted");
+  output.Commit();
+  WriteFileAtomically(folder / "1.jpg", "");
+  EXPECT_THAT(ListImages(folder.path()), ElementsAre("1.jpg"));
+  EXPECT_THAT(ListImages(folder / "dense"), ElementsAre("images/1.jpg"));
 }
 
 TEST(ImageFolder, EmptyAndAbsent) {
