@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <system_error>
 
 #include "base/file_lock.h"
@@ -68,10 +69,37 @@ std::string ReadFile(const std::string& path, size_t max_bytes) {
   return content;
 }
 
+namespace {
+
+// Of a link whose target is there.
+std::string BehindLinks(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path target = std::filesystem::canonical(path, error);
+  return error ? path : target.string();
+}
+
+bool IsDatabase(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  char begin[16] = {};
+  file.read(begin, sizeof(begin));
+  return std::string_view(begin, sizeof(begin)) == std::string_view("SQLite format 3", 16);
+}
+
+}  // namespace
+
 AtomicFile::AtomicFile(const std::string& path)
-    : path_(path),
-      temporary_path_(path + ".cairn-tmp"),
-      lock_(OpenLocked(temporary_path_, /*waits=*/true)) {
+    : path_(path), target_(BehindLinks(path)), temporary_path_(target_ + ".cairn-tmp") {
+  std::error_code absent;
+  const std::filesystem::file_type type = std::filesystem::status(path, absent).type();
+  if (type == std::filesystem::file_type::regular && IsDatabase(path)) {
+    throw IoError(path, "is a database, which is not replaced: give the file another name");
+  }
+  if (std::filesystem::is_other(std::filesystem::file_status(type))) {
+    file_ = std::fopen(path.c_str(), "wb");
+    if (!file_) Fail("cannot be written");
+    return;
+  }
+  lock_ = OpenLocked(temporary_path_, /*waits=*/true);
   if (lock_ >= 0 && ftruncate(lock_, 0) == 0) {
     if (const int descriptor = dup(lock_); descriptor >= 0) file_ = fdopen(descriptor, "wb");
   }
@@ -79,7 +107,11 @@ AtomicFile::AtomicFile(const std::string& path)
 }
 
 AtomicFile::~AtomicFile() {
-  if (lock_ >= 0) RemoveTemporary();
+  if (lock_ >= 0) {
+    RemoveTemporary();
+  } else if (file_) {
+    std::fclose(file_);
+  }
 }
 
 void AtomicFile::Write(std::string_view bytes) {
@@ -93,7 +125,8 @@ void AtomicFile::Commit() {
   const int closed = std::fclose(file_);
   file_ = nullptr;
   if (closed != 0) Fail("cannot be written");
-  if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0) Fail("cannot be replaced");
+  if (lock_ < 0) return;
+  if (std::rename(temporary_path_.c_str(), target_.c_str()) != 0) Fail("cannot be replaced");
   close(lock_);  // not before: the next writer would begin in what is renamed
   lock_ = -1;
 }

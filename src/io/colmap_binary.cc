@@ -6,7 +6,7 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMinCameraSize = 4 + 4 + 8 + 8 + 3 * 8;
+constexpr size_t kMinCameraSize = 4 + 4 + 8 + 8 + 2 * 8;  // EQUIRECTANGULAR
 constexpr size_t kMinImageSize = 4 + 7 * 8 + 4 + 1 + 8;
 constexpr size_t kPoint2DSize = 3 * 8;
 constexpr size_t kMinPoint3DSize = 8 + 3 * 8 + 3 + 8 + 8;

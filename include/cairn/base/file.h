@@ -34,9 +34,11 @@ std::string ReadFile(const std::string& path,
 // A file that appears under its name complete, or not at all: everything goes to a temporary file
 // in the same folder, `path`.cairn-tmp, which Commit() renames. An interrupted program, a full disk
 // or an exception leave the file that was there before untouched. What a killed process leaves, the
-// next one that writes the file takes; writers of the same file wait for each other. Every method
-// throws IoError with the path of the final file and the system's reason (read-only folder, no
-// space, ...). Not synced to the disk: a power failure is not covered.
+// next one that writes the file takes; writers of the same file wait for each other. Where `path`
+// is a link, the file that it leads to is written; a pipe or a device gets the bytes as they come.
+// A SQLite database is never replaced. Every method throws IoError with the path of the final file
+// and the system's reason (read-only folder, no space, ...). Not synced to the disk: a power
+// failure is not covered.
 class AtomicFile {
  public:
   explicit AtomicFile(const std::string& path);
@@ -51,8 +53,9 @@ class AtomicFile {
   void RemoveTemporary();
   [[noreturn]] void Fail(const std::string& what);
   std::string path_;
+  std::string target_;  // behind links
   std::string temporary_path_;
-  int lock_;  // the temporary file; -1: it is not there
+  int lock_ = -1;  // the temporary file; -1: it is not there
   std::FILE* file_ = nullptr;
 };
 

@@ -1,5 +1,6 @@
 #include "cairn/base/file.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -7,6 +8,7 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <fstream>
 #include <thread>
 #include <vector>
 
@@ -123,6 +125,37 @@ TEST(File, IsWholeHoweverManyWriteIt) {
     }
   }
   EXPECT_EQ(NumFiles(folder), 1u);
+}
+
+TEST(File, LinksStayAndTheirTargetsAreWritten) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "target", "before");
+  std::filesystem::create_symlink("target", folder / "link");
+  WriteFileAtomically(folder / "link", "after");
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "link"));
+  EXPECT_EQ(ReadFile(folder / "target"), "after");
+}
+
+TEST(File, PipesAreWrittenNotReplaced) {
+  const TempFolder folder;
+  ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
+  const int reader = open((folder / "pipe").c_str(), O_RDONLY | O_NONBLOCK);
+  WriteFileAtomically(folder / "pipe", "content");
+  char content[8] = {};
+  EXPECT_EQ(read(reader, content, sizeof(content)), 7);
+  EXPECT_STREQ(content, "content");
+  close(reader);
+  EXPECT_TRUE(std::filesystem::is_fifo(folder / "pipe"));
+  EXPECT_EQ(NumFiles(folder), 1u);
+}
+
+TEST(File, DatabasesAreNotReplaced) {
+  const TempFolder folder;
+  const std::string content = std::string("SQLite format 3\0", 16) + "pages";
+  std::ofstream(folder / "scene.db", std::ios::binary) << content;
+  EXPECT_THAT(ThrownMessage<IoError>([&] { WriteFileAtomically(folder / "scene.db", "a table"); }),
+              HasSubstr("scene.db: is a database"));
+  EXPECT_EQ(ReadFile(folder / "scene.db"), content);
 }
 
 TEST(File, ErrorsNameThePathAndTheReason) {
