@@ -2,6 +2,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 
@@ -50,31 +51,11 @@ struct GeoregisterFlags {
 };
 
 void Describe(const Georegistration& found, ProgressMonitor& monitor) {
-  int num_wrong = 0;
-  for (const GeoregisteredImage& image : found.images) {
-    if (!image.is_wrong) continue;
-    ++num_wrong;
-    const Eigen::Vector3d off = -image.residual;
-    monitor.Warning(
-        image.name + ": its position is " +
-        fmt::format("{:.2f} m east, {:.2f} m north, {:.2f} m up of where the others put it",
-                    off.x(), off.y(), off.z()) +
-        "; it is not used");
-  }
-  if (!found.without_altitude.empty()) {
-    monitor.Warning(std::to_string(found.without_altitude.size()) +
-                    " positions have no altitude, such as that of " +
-                    found.without_altitude.front() + "; they are not used");
-  }
   for (const std::string& line : DescribePoints(found)) monitor.Info(line);
-  if (found.roll_sigma_deg > kLargeRollDeg) {
-    monitor.Warning(
-        fmt::format("the cameras' path is nearly straight: the model may turn about it by "
-                    "{:.0f} degrees",
-                    found.roll_sigma_deg));
-  }
-  const std::string rows = std::to_string(found.images.size() - num_wrong) + " positions agree, " +
-                           std::to_string(num_wrong) + " are wrong";
+  for (const ResultWarning& warning : WarningsOf(found)) monitor.Warning(WarningText(warning));
+  const std::string rows = std::to_string(std::ranges::count_if(
+                               found.images, [](const auto& image) { return !image.is_wrong; })) +
+                           " positions agree";
   monitor.Info((found.by_control_points ? "by control points" : rows) + "; " +
                fmt::format("median residual {:.3g} m, scale {:.6g} m", found.median_residual_m,
                            found.enu_from_world.scale));
@@ -96,10 +77,10 @@ int Run(const GeoregisterFlags& flags) {
   if (has_gps) {
     known.images = ReadPositions(names, flags.gps_path, flags.image_path, run);
   }
-  if (!flags.gcp_path.empty()) known.control_points = ReadGcpFile(flags.gcp_path);
+  if (!flags.gcp_path.empty()) known.control_points = ReadControlPoints(names, flags.gcp_path, run);
   const Georegistration found = Georegister(model, known, run);
-  if (const std::string failure = GeoregistrationFailure(found); !failure.empty()) {
-    monitor.Warning(failure);
+  if (found.status != GeoregistrationStatus::kOk) {
+    for (const ResultWarning& warning : WarningsOf(found)) monitor.Warning(WarningText(warning));
     return kExitNoUsableResult;
   }
   Describe(found, monitor);

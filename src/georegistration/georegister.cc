@@ -11,6 +11,7 @@
 #include "cairn/math/angles.h"
 #include "cairn/math/decompositions.h"
 #include "cairn/triangulation/triangulate_tracks.h"
+#include "georegistration/few_rows.h"
 
 namespace cairn {
 namespace {
@@ -119,14 +120,20 @@ struct LocatedPoint {
 // the model show it, or they contradict each other.
 std::optional<LocatedPoint> LocatePoint(const Reconstruction& model,
                                         const std::map<std::string, image_t>& ids,
-                                        const ControlPoint& point) {
+                                        const ControlPoint& point,
+                                        std::vector<std::string>& outside) {
   Reconstruction views;  // the images that show it, with it as their only keypoint
   Track track;
   for (const auto& [name, pixel] : point.pixels) {
     const auto id = ids.find(name);
     if (id == ids.end()) continue;
     const RegisteredImage& image = model.images.at(id->second);
-    views.cameras[image.image.camera_id] = model.CameraOf(image);
+    const Camera& camera = model.CameraOf(image);
+    if (!(pixel.minCoeff() >= 0 && pixel.x() <= camera.width && pixel.y() <= camera.height)) {
+      outside.push_back(point.name + " in " + name);
+      continue;
+    }
+    views.cameras[image.image.camera_id] = camera;
     views.images[id->second] = {image.image, image.cam_from_world, {pixel}, {kInvalidPoint3DId}};
     track.push_back({id->second, 0});
   }
@@ -149,7 +156,7 @@ Rows FindPoints(const Reconstruction& model, const std::vector<ControlPoint>& po
   for (const auto& [id, image] : model.images) ids[image.image.name] = id;
   Rows rows;
   for (const ControlPoint& point : points) {
-    const auto located = LocatePoint(model, ids, point);
+    const auto located = LocatePoint(model, ids, point, out.outside);
     if (!located) continue;
     GeoregisteredPoint& found = out.points.emplace_back();
     found.name = point.name;
@@ -248,8 +255,22 @@ bool IsByChance(const Rows& rows) {
   return 2 * (std::ssize(Kept(rows)) - 3) <= std::ssize(rows) - 3;
 }
 
-// The similarity by these rows; false: there is none.
+// The similarity by a few rows; false: there is none.
+bool AlignFew(Rows& rows, Georegistration& out) {
+  const std::vector<bool> is_wrong =
+      FindWrongRows(Column(rows, &Row::in_model), Column(rows, &Row::enu),
+                    Column(rows, &Row::sigma_m), kMinSigmaM);
+  for (size_t i = 0; i < rows.size(); ++i) rows[i].is_wrong = is_wrong[i];
+  const std::optional<Sim3d> fit = Fit(rows);
+  if (!fit) return false;
+  out.enu_from_world = *fit;
+  Measure(*fit, rows);
+  return true;
+}
+
+// The same by any number of rows.
 bool Align(uint64_t seed, Rows& rows, Georegistration& out) {
+  if (rows.size() <= kFewRows) return AlignFew(rows, out);
   const std::optional<Sim3d> start = Start(seed, rows);
   if (!start) return false;
   out.enu_from_world = *start;

@@ -2,11 +2,15 @@
 
 #include "base/text.h"
 #include "cairn/georegistration/georegister.h"
+#include "cairn/math/median.h"
 
 namespace cairn {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+// A rotation about the path that is less certain than this is worth a warning.
+constexpr double kLargeRollDeg = 5;
 
 Json ToJson(const Eigen::Vector3d& v) { return Json::array({v.x(), v.y(), v.z()}); }
 
@@ -14,6 +18,26 @@ Json ToJson(const GpsPosition& gps) {
   return Json{{"latitude_deg", gps.latitude_deg},
               {"longitude_deg", gps.longitude_deg},
               {"altitude_m", gps.altitude_m ? Json(*gps.altitude_m) : Json()}};
+}
+
+std::vector<std::string> WrongOf(const Georegistration& found) {
+  std::vector<std::string> names;
+  for (const GeoregisteredImage& image : found.images) {
+    if (image.is_wrong) names.push_back(image.name);
+  }
+  for (const GeoregisteredPoint& point : found.points) {
+    if (point.is_wrong) names.push_back("control point " + point.name);
+  }
+  return names;
+}
+
+// Of the control points that the similarity is by; 0: it is not by any.
+double MedianPointErrorPx(const Georegistration& found) {
+  std::vector<double> errors_px;
+  for (const GeoregisteredPoint& point : found.points) {
+    if (!point.is_check && !point.is_wrong) errors_px.push_back(point.error_px);
+  }
+  return errors_px.empty() ? 0 : UpperMedian(errors_px);
 }
 
 }  // namespace
@@ -37,6 +61,40 @@ std::string GeoregistrationFailure(const Georegistration& georegistration) {
           georegistration.median_residual_m);
   }
   return "";
+}
+
+std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
+  std::vector<ResultWarning> warnings;
+  const auto warn = [&](const std::string& what, const std::vector<std::string>& names,
+                        const std::string& advice) {
+    if (names.empty()) return;
+    warnings.push_back(
+        {what + " (" + std::to_string(names.size()) + "): " + FirstNames(names), advice});
+  };
+  warn("measurements of control points outside of their photographs", found.outside,
+       "are they pixels of photographs of another size?");
+  if (const std::string failure = GeoregistrationFailure(found); !failure.empty()) {
+    warnings.push_back(
+        {"it is not in meters, east, north and up, and no positions were used: " + failure,
+         "see the formats of --gps_path and --gcp_path, and the names in them"});
+    return warnings;
+  }
+  warn("positions far from where the others put them, not used", WrongOf(found),
+       "georegistration.json says how far");
+  warn("positions without an altitude, which others have, not used", found.without_altitude, "");
+  if (const double error_px = MedianPointErrorPx(found); error_px > kDoubtfulErrorPx) {
+    warnings.push_back(
+        {Formatted("the control points do not fit the model: %.1f px and %.3g m (median)", error_px,
+                   found.median_residual_m),
+         "look for one that is wrong, coordinates in another order, or pixels of another size"});
+  }
+  if (found.roll_sigma_deg > kLargeRollDeg) {
+    warnings.push_back(
+        {Formatted("the path is nearly straight: the model may turn about it by %.0f degrees",
+                   found.roll_sigma_deg),
+         ""});
+  }
+  return warnings;
 }
 
 std::vector<std::string> DescribePoints(const Georegistration& georegistration) {

@@ -1,5 +1,6 @@
 #include <filesystem>
 #include <optional>
+#include <set>
 
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
@@ -31,6 +32,19 @@ std::map<std::string, GpsRow> ReadPositions(std::span<const std::string> names,
     if (positions[i]) rows[names[i]].position = *positions[i];
   }
   return rows;
+}
+
+std::vector<ControlPoint> ReadControlPoints(std::span<const std::string> names,
+                                            const std::string& gcp_path, const RunContext& run) {
+  std::vector<ControlPoint> points = ReadGcpFile(gcp_path);
+  std::set<std::string> mentioned;
+  for (const ControlPoint& point : points) {
+    for (const auto& [name, pixel] : point.pixels) mentioned.insert(name);
+  }
+  if (const std::string unknown = UnknownNames(mentioned, names); !unknown.empty()) {
+    run.monitor.Warning(gcp_path + ": " + unknown);
+  }
+  return points;
 }
 
 }  // namespace cairn

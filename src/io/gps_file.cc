@@ -84,16 +84,23 @@ std::map<std::string, GpsRow> ReadGpsFile(const std::string& path) {
   return rows;
 }
 
-std::string UnknownNames(const std::map<std::string, GpsRow>& rows,
+std::string UnknownNames(const std::set<std::string>& mentioned,
                          std::span<const std::string> names) {
   const std::set<std::string> known(names.begin(), names.end());
   std::vector<std::string> unknown;
-  for (const auto& [name, row] : rows) {
+  for (const std::string& name : mentioned) {
     if (!known.contains(name)) unknown.push_back(name);
   }
   if (unknown.empty()) return "";
-  return std::to_string(unknown.size()) + " of " + std::to_string(rows.size()) +
+  return std::to_string(unknown.size()) + " of " + std::to_string(mentioned.size()) +
          " names are of no image: " + FirstNames(unknown);
+}
+
+std::string UnknownNames(const std::map<std::string, GpsRow>& rows,
+                         std::span<const std::string> names) {
+  std::set<std::string> mentioned;
+  for (const auto& [name, row] : rows) mentioned.insert(name);
+  return UnknownNames(mentioned, names);
 }
 
 }  // namespace cairn

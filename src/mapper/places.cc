@@ -1,8 +1,8 @@
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
-#include "base/text.h"
 #include "cairn/base/error.h"
 #include "mapper/stages.h"
 
@@ -36,46 +36,6 @@ CenterPrior PriorInModel(image_t image_id, const PositionPrior& prior,
           axes.transpose() * precision.cwiseAbs2().asDiagonal() * axes};
 }
 
-std::vector<std::string> WrongOf(const Georegistration& found) {
-  std::vector<std::string> names;
-  for (const GeoregisteredImage& image : found.images) {
-    if (image.is_wrong) names.push_back(image.name);
-  }
-  for (const GeoregisteredPoint& point : found.points) {
-    if (point.is_wrong) names.push_back("control point " + point.name);
-  }
-  return names;
-}
-
-// What is doubtful about a model's place.
-std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
-  std::vector<ResultWarning> warnings;
-  if (const std::string failure = GeoregistrationFailure(found); !failure.empty()) {
-    return {{"it is not in meters, east, north and up, and no positions were used: " + failure,
-             "see the formats of --gps_path and --gcp_path, and the names in them"}};
-  }
-  if (const std::vector<std::string> wrong = WrongOf(found); !wrong.empty()) {
-    warnings.push_back(
-        {std::to_string(wrong.size()) +
-             " positions are far from where the others put them, and are not used: " +
-             FirstNames(wrong),
-         "georegistration.json says how far"});
-  }
-  if (!found.without_altitude.empty()) {
-    warnings.push_back({std::to_string(found.without_altitude.size()) +
-                            " positions have no altitude, as others have, and are not used: " +
-                            FirstNames(found.without_altitude),
-                        ""});
-  }
-  if (found.roll_sigma_deg > kLargeRollDeg) {
-    warnings.push_back(
-        {Formatted("the path is nearly straight: the model may turn about it by %.0f degrees",
-                   found.roll_sigma_deg),
-         ""});
-  }
-  return warnings;
-}
-
 void ReportPlace(const Georegistration& found, Stage& stage) {
   double num_checks = 0, squared_m = 0;
   for (const GeoregisteredPoint& point : found.points) {
@@ -84,7 +44,9 @@ void ReportPlace(const Georegistration& found, Stage& stage) {
   }
   stage.Add("positions", static_cast<double>(found.images.size()));
   stage.Add("control_points", static_cast<double>(found.points.size()));
-  stage.Add("wrong", static_cast<double>(WrongOf(found).size()));
+  stage.Add("wrong", static_cast<double>(
+                         std::ranges::count_if(found.images, &GeoregisteredImage::is_wrong) +
+                         std::ranges::count_if(found.points, &GeoregisteredPoint::is_wrong)));
   stage.Add("median_residual_m", found.median_residual_m);
   if (num_checks > 0) stage.Add("check_points_rms_m", std::sqrt(squared_m / num_checks));
   for (const std::string& line : DescribePoints(found)) stage.Note(line);
@@ -110,7 +72,8 @@ std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOpti
   if (places.use_gps) {
     known.images = ReadPositions(names, places.gps_path, image_path, run);
   }
-  if (!places.gcp_path.empty()) known.control_points = ReadGcpFile(places.gcp_path);
+  if (!places.gcp_path.empty())
+    known.control_points = ReadControlPoints(names, places.gcp_path, run);
   return known;
 }
 
@@ -133,6 +96,46 @@ CenterPriors PriorsOfCenters(const StageContext& context) {
   };
 }
 
+namespace {
+
+// Of those in use, the one that fits worst in a model, if it does not fit.
+GeoregisteredPoint* WorstPoint(const std::vector<GeoregisteredPoint>& after,
+                               std::vector<GeoregisteredPoint>& points) {
+  std::map<std::string, double> errors_px;
+  for (const GeoregisteredPoint& point : after) errors_px[point.name] = point.error_px;
+  GeoregisteredPoint* worst = nullptr;
+  for (GeoregisteredPoint& point : points) {
+    if (point.is_check || point.is_wrong) continue;
+    if (!worst || errors_px[point.name] > errors_px[worst->name]) worst = &point;
+  }
+  return worst && errors_px[worst->name] > kDoubtfulErrorPx ? worst : nullptr;
+}
+
+// A model in meters, adjusted to known positions. Where a model bends, right control points at its
+// ends look wrong, too: after an adjustment to all of them, the worst one is taken out while the
+// others do not fit.
+Reconstruction AdjustTo(StageContext& context, const Georegistration& found,
+                        const Reconstruction& placed) {
+  const auto adjusted_to = [&](const Georegistration& places) {
+    Reconstruction adjusted = placed;
+    AdjustWithPriors(context, PriorsOf(places), adjusted);
+    return adjusted;
+  };
+  Georegistration tried = found;
+  for (GeoregisteredPoint& point : tried.points) point.is_wrong = false;
+  const auto num_wrong = std::ranges::count_if(found.points, &GeoregisteredPoint::is_wrong);
+  for (int k = 0; k < num_wrong; ++k) {
+    Reconstruction adjusted = adjusted_to(tried);
+    const Georegistration after = Georegister(adjusted, *context.scene.places, context.run);
+    GeoregisteredPoint* worst = WorstPoint(after.points, tried.points);
+    if (worst == nullptr) return adjusted;
+    worst->is_wrong = true;
+  }
+  return adjusted_to(found);
+}
+
+}  // namespace
+
 void AdjustToPlaces(StageContext& context, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
   if (!context.scene.places || model.points3D.empty()) return;
@@ -145,11 +148,11 @@ void AdjustToPlaces(StageContext& context, Reconstruction& model) {
       return;
     }
     last_residual_m = found.median_residual_m;
-    Reconstruction other = model;
-    other.Transform(found.enu_from_world);
-    AdjustWithPriors(context, PriorsOf(found), other);
-    if (!ReasonToRefuse(other).empty()) return;
-    model = std::move(other);
+    Reconstruction placed = model;
+    placed.Transform(found.enu_from_world);
+    Reconstruction adjusted = AdjustTo(context, found, placed);
+    if (!ReasonToRefuse(adjusted).empty()) return;
+    model = std::move(adjusted);
   }
 }
 

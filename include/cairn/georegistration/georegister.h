@@ -9,6 +9,7 @@
 #include "cairn/base/run_context.h"
 #include "cairn/io/gcp_file.h"
 #include "cairn/io/gps_file.h"
+#include "cairn/report/run_report.h"
 #include "cairn/scene/reconstruction.h"
 
 namespace cairn {
@@ -26,11 +27,17 @@ std::map<std::string, GpsRow> ReadPositions(std::span<const std::string> names,
                                             const std::string& gps_path,
                                             const std::string& image_path, const RunContext& run);
 
+// OpenDroneMap's gcp_list.txt (see ReadGcpFile). Photographs in it that are none of these are a
+// warning.
+std::vector<ControlPoint> ReadControlPoints(std::span<const std::string> names,
+                                            const std::string& gcp_path, const RunContext& run);
+
 // Of a surveyed point, along each axis: no receiver is better (differential GPS, fixed), and few
 // are as good.
 inline constexpr double kControlPointSigmaM = 0.01;
-// A rotation about the path that is less certain than this is worth a warning.
-inline constexpr double kLargeRollDeg = 5;
+// Control points that are farther off, on average over their measurements, do not fit the model:
+// twice what measurements by hand err.
+inline constexpr double kDoubtfulErrorPx = 2;
 
 enum class GeoregistrationStatus {
   kOk,
@@ -72,7 +79,9 @@ struct Georegistration {
   std::vector<GeoregisteredImage> images;     // in the order of their ids
   std::vector<GeoregisteredPoint> points;     // in the order of the file
   std::vector<std::string> without_altitude;  // names; their positions are not used
-  double median_residual_m = 0;               // of what the similarity is by, without wrong rows
+  // "point in photograph": measurements of control points that lie outside of the photograph.
+  std::vector<std::string> outside;
+  double median_residual_m = 0;  // of what the similarity is by, without wrong rows
   // Standard deviation of the rotation about the longest axis of the cameras' path, which their
   // extent across it holds; large for a nearly straight strip.
   double roll_sigma_deg = 0;
@@ -91,6 +100,9 @@ Georegistration Georegister(const Reconstruction& model, const KnownPositions& k
 
 // Why the model has no place on Earth; "": it has one.
 std::string GeoregistrationFailure(const Georegistration& georegistration);
+
+// What is doubtful about a model's place.
+std::vector<ResultWarning> WarningsOf(const Georegistration& georegistration);
 
 // A line a control point: its residuals, in meters and pixels.
 std::vector<std::string> DescribePoints(const Georegistration& georegistration);

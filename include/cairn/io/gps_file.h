@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <span>
 #include <string>
 
@@ -20,8 +21,10 @@ struct GpsRow {
 // the last words, so names may have blanks. Throws IoError with file and line.
 std::map<std::string, GpsRow> ReadGpsFile(const std::string& path);
 
-// "2 of 9 names are of no image: x.jpg, y.jpg", where rows are of none of the images' names; "":
-// there are none.
+// "2 of 9 names are of no image: x.jpg, y.jpg", where some that a file mentions are none of the
+// images' names; "": there are none.
+std::string UnknownNames(const std::set<std::string>& mentioned,
+                         std::span<const std::string> names);
 std::string UnknownNames(const std::map<std::string, GpsRow>& rows,
                          std::span<const std::string> names);
 

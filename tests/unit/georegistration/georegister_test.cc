@@ -270,6 +270,54 @@ TEST_F(ControlPointsTest, AWrongPointIsFoundAndACheckShowsItsError) {
   }
 }
 
+// Few or many, exact to some centimeters: the one that is far off is found.
+TEST_F(GeoregisterTest, AWrongPositionIsFoundAmongAFew) {
+  AddNoise(0.03);
+  for (const size_t num_rows : {5, 6, 8, 12, 13, 16, 20, 30}) {
+    for (const double off_m : {0.0, 5.0, 30.0, 500.0}) {
+      std::map<std::string, GpsRow> rows = rows_;
+      while (rows.size() > num_rows) rows.erase(std::prev(rows.end()));
+      *rows.begin()->second.position.altitude_m += off_m;
+      const Georegistration found = Georegister(model_, {rows});
+      EXPECT_EQ(found.status, GeoregistrationStatus::kOk);
+      const std::set<std::string> wrong = WrongOf(found);
+      EXPECT_EQ(wrong.count(rows.begin()->first), off_m > 0)
+          << num_rows << " rows, " << off_m << " m";
+      EXPECT_LE(wrong.size(), off_m > 0 ? 2u : 0u);
+    }
+  }
+}
+
+// The ends of a model that bends are not wrong, since the others do not agree any better.
+TEST_F(GeoregisterTest, FewPositionsOfABentModelAreKept) {
+  for (const size_t num_rows : {6, 8, 12}) {
+    std::map<std::string, GpsRow> rows;
+    for (const auto& [id, enu] : enu_) {
+      if (rows.size() == num_rows) break;
+      const Eigen::Vector3d bent = enu + Eigen::Vector3d(0, 0, 1e-4 * enu.x() * enu.x());
+      rows[model_.images.at(id).image.name].position = GpsAt(bent);
+    }
+    EXPECT_TRUE(WrongOf(Georegister(model_, {rows})).empty()) << num_rows;
+  }
+}
+
+TEST_F(ControlPointsTest, WhatCannotBeRightIsSaid) {
+  EXPECT_THAT(WarningsOf(Georegister(model_, {rows_, points_})), ::testing::IsEmpty());
+  std::vector<ControlPoint> other_order = points_, larger = points_;
+  for (ControlPoint& point : other_order) {
+    point.position.latitude_deg = 46.2 + (point.position.longitude_deg - 7.1);
+    point.position.longitude_deg = 7.1 + 2 * (points_[0].position.latitude_deg - 46.2);
+  }
+  for (ControlPoint& point : larger) {
+    for (auto& [name, pixel] : point.pixels) pixel *= 10;
+  }
+  const auto first_warning = [&](const std::vector<ControlPoint>& points) {
+    return WarningsOf(Georegister(model_, {rows_, points})).at(0).what;
+  };
+  EXPECT_THAT(first_warning(other_order), ::testing::HasSubstr("do not fit the model"));
+  EXPECT_THAT(first_warning(larger), ::testing::HasSubstr("outside of their photographs ("));
+}
+
 // Below three, the images' positions decide, and the points are checks. Above, these are checked.
 TEST_F(ControlPointsTest, TakeTheImagesPlaceWhenThereAreThree) {
   for (const auto& [id, image] : model_.images) {

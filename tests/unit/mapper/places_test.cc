@@ -4,6 +4,7 @@
 #include <fstream>
 #include <iomanip>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -78,14 +79,18 @@ class PlacesTest : public ::testing::Test {
   }
   // Points of the scene as control points, every second of them a check; exact but for the noise of
   // the keypoints.
-  void WriteControlPoints(int num_points) {
+  // The first is said to be so many meters higher than it is, or (nullopt) left out.
+  void WriteControlPoints(int num_points, std::optional<double> first_up_m = 0) {
     std::ofstream file(folder_ / "gcp_list.txt");
     file << std::setprecision(17) << "EPSG:4326\n";
     const size_t step = scene_.truth.points3D.size() / num_points;
     size_t index = 0;
     for (const auto& [id, point] : scene_.truth.points3D) {
       if (index++ % step != 0 || point.track.size() < 3) continue;
-      const GpsPosition gps = GpsAt(kFrame, kMetersPerUnit * point.xyz);
+      const std::optional<double> up_m = std::exchange(first_up_m, 0);
+      if (!up_m) continue;
+      GpsPosition gps = GpsAt(kFrame, kMetersPerUnit * point.xyz);
+      *gps.altitude_m += *up_m;
       for (const TrackElement& element : point.track) {
         const RegisteredImage& image = scene_.truth.images.at(element.image_id);
         const Eigen::Vector2d pixel = image.points2D[element.point2D];
@@ -155,7 +160,8 @@ TEST_F(PlacesTest, WrongPositionsDoNoHarmAndAreNamed) {
   }
   EXPECT_EQ(named, wrong);
   ASSERT_EQ(result.report.warnings.size(), 2u);
-  EXPECT_THAT(result.report.warnings[0].what, HasSubstr("12 positions are far from where"));
+  EXPECT_THAT(result.report.warnings[0].what,
+              HasSubstr("far from where the others put them, not used (12)"));
 }
 
 TEST_F(PlacesTest, ControlPointsKeepItStraight) {
@@ -173,6 +179,20 @@ TEST_F(PlacesTest, ControlPointsKeepItStraight) {
   }
   EXPECT_GE(num_checks, 4);
   EXPECT_LT(ErrorM(result), 0.8);  // at the ends, beyond the control points
+}
+
+TEST_F(PlacesTest, AWrongControlPointIsNamedThoughTheModelBends) {
+  WriteControlPoints(16, std::nullopt);
+  const double without_m = ErrorM(Run({.gcp_path = folder_ / "gcp_list.txt"}));
+  WriteControlPoints(16, 20);
+  const ReconstructResult result = Run({.gcp_path = folder_ / "gcp_list.txt"});
+  const auto json = nlohmann::json::parse(result.georegistrations.at(0));
+  for (const auto& point : json["control_points"]) {
+    EXPECT_EQ(point["is_wrong"], point == json["control_points"][0]) << point.dump();
+  }
+  EXPECT_LT(ErrorM(result), 1.2 * without_m);
+  ASSERT_EQ(result.report.warnings.size(), 1u);
+  EXPECT_THAT(result.report.warnings[0].what, HasSubstr("control point P-"));
 }
 
 TEST_F(PlacesTest, AModelWithoutAPlaceIsAsWithoutGps) {

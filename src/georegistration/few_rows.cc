@@ -1,0 +1,135 @@
+#include "georegistration/few_rows.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <optional>
+#include <unsupported/Eigen/SpecialFunctions>
+
+#include "cairn/evaluation/alignment.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kChance = 0.01;
+constexpr double kFarOutSigmas = 30;
+constexpr int kSimilarity = 7;  // its degrees of freedom
+
+// How likely a variable of the F distribution is above f.
+double TailOfF(double f, double freedom1, double freedom2) {
+  using Value = Eigen::Array<double, 1, 1>;
+  const Value a(freedom2 / 2), b(freedom1 / 2), x(freedom2 / (freedom2 + freedom1 * f));
+  return Eigen::betainc(a, b, x)(0);
+}
+
+bool IsIn(uint32_t rows, int i) { return (rows >> i & 1) != 0; }
+
+double NumSubsets(int n, int m) {
+  double num = 1;
+  for (int k = 0; k < m; ++k) num *= static_cast<double>(n - k) / (k + 1);
+  return num;
+}
+
+// A set of wrong rows, as bits, and the weighted squares that the others leave.
+struct WrongSet {
+  uint32_t rows = 0;
+  double squares = 0;
+
+  int Size() const { return std::popcount(rows); }
+};
+
+class FewRows {
+ public:
+  FewRows(const std::vector<Eigen::Vector3d>& src, const std::vector<Eigen::Vector3d>& dst,
+          const std::vector<double>& sigmas, double min_sigma)
+      : src_(src), dst_(dst), n_(static_cast<int>(src.size())) {
+    const double largest = *std::ranges::max_element(sigmas);
+    for (const double sigma : sigmas) weights_.push_back(largest * largest / (sigma * sigma));
+    min_variance_ = min_sigma * min_sigma;
+  }
+
+  WrongSet FindWrong() const {
+    WrongSet wrong{0, SquaresWithout(0).value_or(0)};
+    for (int m = 1; Freedom(m) > 0; ++m) {
+      const std::optional<WrongSet> best = BestOfSize(m);
+      if (best && IsBeyondChance(wrong, *best) && IsFarOut(*best)) wrong = *best;
+    }
+    return wrong;
+  }
+
+ private:
+  int Freedom(int num_wrong) const { return 3 * (n_ - num_wrong) - kSimilarity; }
+
+  std::optional<Sim3d> FitWithout(uint32_t wrong) const {
+    std::vector<Eigen::Vector3d> src, dst;
+    std::vector<double> weights;
+    for (int i = 0; i < n_; ++i) {
+      if (IsIn(wrong, i)) continue;
+      src.push_back(src_[i]);
+      dst.push_back(dst_[i]);
+      weights.push_back(weights_[i]);
+    }
+    return AlignSimilarity(src, dst, weights);
+  }
+
+  double Square(const Sim3d& fit, int i) const {
+    return weights_[i] * (fit * src_[i] - dst_[i]).squaredNorm();
+  }
+
+  std::optional<double> SquaresWithout(uint32_t wrong) const {
+    const std::optional<Sim3d> fit = FitWithout(wrong);
+    if (!fit) return std::nullopt;
+    double squares = 0;
+    for (int i = 0; i < n_; ++i) squares += IsIn(wrong, i) ? 0 : Square(*fit, i);
+    return squares;
+  }
+
+  std::optional<WrongSet> BestOfSize(int m) const {
+    std::optional<WrongSet> best;
+    for (uint32_t rows = 0; rows < uint32_t{1} << n_; ++rows) {
+      if (std::popcount(rows) != m) continue;
+      const std::optional<double> squares = SquaresWithout(rows);
+      if (squares && (!best || *squares < best->squares)) best = {rows, *squares};
+    }
+    return best;
+  }
+
+  bool IsBeyondChance(const WrongSet& before, const WrongSet& after) const {
+    const double freedom1 = 3.0 * (after.Size() - before.Size()), freedom2 = Freedom(after.Size());
+    const double f = (before.squares - after.squares) / freedom1 / Variance(after);
+    return f > 0 && NumSubsets(n_, after.Size()) * TailOfF(f, freedom1, freedom2) < kChance;
+  }
+
+  // The standard deviation along an axis of the rows that are not wrong, squared.
+  double Variance(const WrongSet& wrong) const {
+    return std::max(wrong.squares / Freedom(wrong.Size()), min_variance_);
+  }
+
+  bool IsFarOut(const WrongSet& wrong) const {
+    const std::optional<Sim3d> fit = FitWithout(wrong.rows);
+    for (int i = 0; i < n_; ++i) {
+      if (!IsIn(wrong.rows, i)) continue;
+      if (!(Square(*fit, i) > kFarOutSigmas * kFarOutSigmas * Variance(wrong))) return false;
+    }
+    return true;
+  }
+
+  const std::vector<Eigen::Vector3d>& src_;
+  const std::vector<Eigen::Vector3d>& dst_;
+  const int n_;
+  std::vector<double> weights_;
+  double min_variance_ = 0;
+};
+
+}  // namespace
+
+std::vector<bool> FindWrongRows(const std::vector<Eigen::Vector3d>& src,
+                                const std::vector<Eigen::Vector3d>& dst,
+                                const std::vector<double>& sigmas, double min_sigma) {
+  const WrongSet wrong = FewRows(src, dst, sigmas, min_sigma).FindWrong();
+  std::vector<bool> is_wrong;
+  for (size_t i = 0; i < src.size(); ++i) is_wrong.push_back(IsIn(wrong.rows, static_cast<int>(i)));
+  return is_wrong;
+}
+
+}  // namespace cairn
