@@ -74,7 +74,7 @@ void BindAdjustment(py::module_& m) {
   m.def(
       "estimate_pose_confidence",
       [](const Reconstruction& r) {
-        const py::gil_scoped_release release;
+        const Unlocked unlocked;
         return EstimatePoseConfidence(r);
       },
       py::arg("reconstruction"), "PoseConfidence by image id.");

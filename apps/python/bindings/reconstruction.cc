@@ -16,6 +16,7 @@
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "cairn/io/ply.h"
+#include "run.h"
 
 namespace cairn::python {
 namespace {
@@ -173,6 +174,11 @@ std::string SummaryOf(const Reconstruction& model) {
   return text.str();
 }
 
+double MeanError(const Reconstruction& model, int num_threads) {
+  CheckNumThreads(num_threads);
+  return model.MeanReprojectionErrorPx(num_threads);
+}
+
 py::array PointPositions(const Reconstruction& model) {
   return StackMatrices(model.points3D, [](const auto& entry) { return entry.second.xyz; });
 }
@@ -204,8 +210,7 @@ void BindModel(py::module_& m) {
       .def("num_points3D", [](const Reconstruction& r) { return r.points3D.size(); })
       .def("compute_num_observations", &Reconstruction::NumObservations)
       .def("compute_mean_track_length", &Reconstruction::MeanTrackLength)
-      .def("compute_mean_reprojection_error", &Reconstruction::MeanReprojectionErrorPx,
-           py::arg("num_threads") = 1, "Pixels.")
+      .def("compute_mean_reprojection_error", &MeanError, py::arg("num_threads") = 1, "Pixels.")
       .def(
           "write",
           [](const Reconstruction& r, const path& folder) { WriteColmapModel(r, folder.string()); },
@@ -237,7 +242,7 @@ PosedCameras PosesOf(const std::string& name, const py::object& model) {
 PoseEvaluation Evaluate(const py::object& model, const py::object& reference) {
   const PosedCameras estimate = PosesOf("model", model);
   const PosedCameras truth = PosesOf("reference", reference);
-  const py::gil_scoped_release release;
+  const Unlocked unlocked;
   return EvaluatePoses(estimate, truth);
 }
 
