@@ -91,8 +91,8 @@ class Database {
   // Number of (inlier) matches of every pair that has the row, 0 included, ascending by pair.
   std::vector<std::pair<image_pair_t, int>> ReadNumMatches() const;
   std::vector<std::pair<image_pair_t, int>> ReadNumInliers() const;
-  // Pairs that build_view_graph matched, or chose to match, and did not try to verify.
-  int64_t CountPairsToVerify() const;
+  // Pairs that build_view_graph matched, or chose to match, and did not try to verify; ascending.
+  std::vector<image_pair_t> ReadPairsToVerify() const;
 
   // Why pairs were chosen; ascending by pair. A pair keeps the reason that it had first.
   std::vector<PairChoiceRecord> ReadPairChoices() const;
