@@ -125,6 +125,7 @@ def test_pairs_that_are_left_out_are_counted(tmp_path):
     warning, = cairn.build_view_graph(path).warnings
     assert warning.startswith("7 pairs are left out; for example, matches of photo01.jpg and photo02.jpg refer to keypoints")
     assert "extra.jpg" not in warning
+    assert all("not verified yet" not in text for text in cairn.reconstruct(path).warnings)
 
 
 def test_descriptors_of_another_width_are_named(tmp_path):

@@ -72,7 +72,7 @@ void BindRotations(py::module_& m) {
         py::arg("weights") = py::none(), py::arg("options") = py::none(), py::arg("seed") = 0,
         py::arg("num_threads") = 0, py::arg("progress") = py::none(),
         "Global rotations from relative ones. pairs: (n, 2) image ids; rotations: (n, 3, 3) "
-        "matrices cam2_from_cam1; weights: (n,) such as numbers of inliers.");
+        "matrices cam2_from_cam1; weights: (n,) positive, such as numbers of inliers.");
 }
 
 // Row i of the directions of an argument.
