@@ -36,17 +36,17 @@ std::string ReasonAgainstPair(int64_t pair_id) {
   return "there is no such image";
 }
 
-std::string ReasonAgainstImage(const Query& query) {
-  if (query.Int(0) < 0 || query.Int(0) >= static_cast<int64_t>(kMaxNumImages)) {
+}  // namespace
+
+std::string ReasonAgainstImage(int64_t image_id, const std::string& name, int64_t camera_id) {
+  if (image_id < 0 || image_id >= static_cast<int64_t>(kMaxNumImages)) {
     return "the id is out of range";
   }
-  const std::string name = query.Text(1);
   if (name.empty()) return "the name is empty";
   if (!IsImageName(name)) return "the name has a line break or a zero byte";
-  return "the camera's id is out of range";
+  const bool is_camera_id = camera_id >= 0 && camera_id < kInvalidCameraId;
+  return is_camera_id ? "" : "the camera's id is out of range";
 }
-
-}  // namespace
 
 CameraRow ReadCameraRow(const Query& query) {
   CameraRow row;
@@ -99,7 +99,8 @@ std::vector<std::string> Database::FindBadRows() const {
                 "SELECT image_id, name, camera_id FROM images WHERE NOT " CAIRN_SQL_USABLE_IMAGE
                 " ORDER BY image_id;");
     while (query.Step()) {
-      bad.push_back("image " + query.Text(0) + ": " + ReasonAgainstImage(query));
+      bad.push_back("image " + query.Text(0) + ": " +
+                    ReasonAgainstImage(query.Int(0), query.Text(1), query.Int(2)));
     }
   }
   for (const Table& table : kImageTables) {

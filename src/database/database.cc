@@ -66,6 +66,22 @@ void EnsureFrame(Database::Impl& impl, const Image& image) {
       image.image_id, image.camera_id);
 }
 
+// Throws IoError for an image that cannot be written.
+void CheckImageRow(Database::Impl& impl, const Image& image) {
+  std::string reason = ReasonAgainstImage(image.image_id, image.name, image.camera_id);
+  if (reason.empty() &&
+      !Query(impl, "SELECT 1 FROM cameras WHERE camera_id = ?1;", image.camera_id).Step()) {
+    reason = "there is no camera " + std::to_string(image.camera_id);
+  }
+  Query other(impl, "SELECT image_id FROM images WHERE name = ?1 AND image_id <> ?2;", image.name,
+              image.image_id);
+  if (reason.empty() && other.Step()) {
+    reason = "image " + other.Text(0) + " has its name, '" + image.name + "'";
+  }
+  if (reason.empty()) return;
+  throw IoError(impl.path, "image " + std::to_string(image.image_id) + ": " + reason);
+}
+
 }  // namespace
 
 Database::Database(const std::string& path, Mode mode) : impl_(OpenConnection(path, mode)) {}
@@ -110,6 +126,10 @@ std::vector<Image> Database::ReadImages() const {
       });
 }
 
+bool Database::HasImage(image_t image_id) const {
+  return Query(*impl_, "SELECT 1 FROM usable_images WHERE image_id = ?1;", image_id).Step();
+}
+
 void Database::WriteCamera(const Camera& camera) {
   CAIRN_CHECK(camera.camera_id != kInvalidCameraId);
   Run(*impl_,
@@ -123,8 +143,7 @@ void Database::WriteCamera(const Camera& camera) {
 }
 
 void Database::WriteImage(const Image& image) {
-  CAIRN_CHECK(image.image_id != kInvalidImageId);
-  CAIRN_CHECK(image.camera_id != kInvalidCameraId);
+  CheckImageRow(*impl_, image);
   Run(*impl_,
       "INSERT INTO images(image_id, name, camera_id) VALUES(?1, ?2, ?3) "
       "ON CONFLICT(image_id) DO UPDATE SET name = ?2, camera_id = ?3;",

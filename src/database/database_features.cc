@@ -16,6 +16,12 @@ std::string RowName(const char* table, image_t image_id) {
   return std::string(table) + " of image " + std::to_string(image_id);
 }
 
+// Throws IoError unless there is the image that a row is to be written of.
+void CheckImage(const Database& database, const char* table, image_t image_id) {
+  if (database.HasImage(image_id)) return;
+  throw IoError(database.path(), RowName(table, image_id) + ": there is no such image");
+}
+
 // COLMAP's rows: x y | x y scale orientation | x y a11 a12 a21 a22, which is ours.
 Keypoint KeypointFromRow(const float* row, int64_t cols) {
   if (cols == 2) return {row[0], row[1]};
@@ -41,6 +47,8 @@ std::map<image_t, int> ReadNumRows(Query&& query) {
 
 // A stored depth sample: depth, ddepth_dx, ddepth_dy. Valid where depth is positive; 0: missing.
 constexpr int kDepthColumns = 3;
+
+constexpr int kDescriptorColumns = 128;
 
 std::vector<float> DepthRows(const std::vector<DepthSample>& samples) {
   std::vector<float> rows;
@@ -88,9 +96,13 @@ std::optional<std::vector<Keypoint>> Database::ReadKeypoints(image_t image_id) c
 std::optional<Descriptors> Database::ReadDescriptors(image_t image_id) const {
   Query query(*impl_, "SELECT rows, cols, data FROM descriptors WHERE image_id = ?1;", image_id);
   if (!query.Step()) return std::nullopt;
-  const MatrixBlob matrix =
-      ReadMatrixBlob(*impl_, query, sizeof(uint8_t), RowName("descriptors", image_id));
+  const std::string row = RowName("descriptors", image_id);
+  const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, sizeof(uint8_t), row);
   Descriptors descriptors(matrix.rows, matrix.cols);
+  if (descriptors.size() > 0 && matrix.cols != kDescriptorColumns) {
+    throw IoError(path(), row + ": " + std::to_string(matrix.cols) + " columns instead of " +
+                              std::to_string(kDescriptorColumns));
+  }
   if (descriptors.size() > 0) {
     std::memcpy(descriptors.data(), matrix.data, static_cast<size_t>(descriptors.size()));
   }
@@ -137,6 +149,7 @@ std::optional<uint64_t> Database::ReadDepthHash(image_t image_id) const {
 }
 
 void Database::WriteKeypoints(image_t image_id, const std::vector<Keypoint>& keypoints) {
+  CheckImage(*this, "keypoints", image_id);
   Run(*impl_,
       "INSERT OR REPLACE INTO keypoints(image_id, rows, cols, data) VALUES(?1, ?2, ?3, ?4);",
       image_id, keypoints.size(), 6,
@@ -145,6 +158,7 @@ void Database::WriteKeypoints(image_t image_id, const std::vector<Keypoint>& key
 
 void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors,
                                 const Polarities& polarities) {
+  CheckImage(*this, "descriptors", image_id);
   // In COLMAP 4.x descriptors have a type; 0 is SIFT.
   Run(*impl_,
       impl_->has_descriptor_types
@@ -164,12 +178,19 @@ void Database::WriteDescriptors(image_t image_id, const Descriptors& descriptors
 }
 
 void Database::WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples) {
+  CheckImage(*this, "cairn_depth_scales", image_id);
   const std::vector<float> rows = DepthRows(samples);
   Run(*impl_,
       "INSERT OR REPLACE INTO cairn_depth_scales(image_id, scale, hash, rows, cols, data) "
       "VALUES(?1, 0, ?2, ?3, ?4, ?5);",
       image_id, HashValues(rows), samples.size(), kDepthColumns,
       BoundBlob{rows.data(), rows.size() * sizeof(float)});
+}
+
+std::optional<int> Database::ReadNumKeypoints(image_t image_id) const {
+  Query query(*impl_, "SELECT rows FROM keypoints WHERE image_id = ?1;", image_id);
+  if (!query.Step()) return std::nullopt;
+  return query.Int<int>(0);
 }
 
 std::map<image_t, int> Database::ReadNumKeypoints() const {

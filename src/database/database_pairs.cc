@@ -168,14 +168,14 @@ std::vector<image_pair_t> Database::ReadTwoViewGeometryPairIds() const {
   return IdsWithRows(ReadNumInliers());
 }
 
-int64_t Database::CountPairsToVerify() const {
-  Query query(*impl_,
-              "SELECT COUNT(*) FROM (SELECT pair_id FROM matches"
-              " WHERE EXISTS (SELECT 1 FROM cairn_jobs) AND " CAIRN_SQL_USABLE_PAIR
-              " UNION SELECT pair_id FROM cairn_pair_choices)"
-              " WHERE pair_id NOT IN (SELECT pair_id FROM two_view_geometries);");
-  query.Step();
-  return query.Int<int64_t>(0);
+std::vector<image_pair_t> Database::ReadPairsToVerify() const {
+  return ReadRows<std::vector<image_pair_t>>(
+      {*impl_,
+       "SELECT pair_id FROM (SELECT pair_id FROM matches"
+       " WHERE EXISTS (SELECT 1 FROM cairn_jobs) AND " CAIRN_SQL_USABLE_PAIR
+       " UNION SELECT pair_id FROM cairn_pair_choices)"
+       " WHERE pair_id NOT IN (SELECT pair_id FROM two_view_geometries) ORDER BY pair_id;"},
+      [](const Query& row) { return row.Int<image_pair_t>(0); });
 }
 
 std::optional<FeatureMatches> Database::ReadMatches(image_pair_t pair_id) const {

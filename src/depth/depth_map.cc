@@ -1,5 +1,6 @@
 #include "cairn/depth/depth_map.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <filesystem>
@@ -11,6 +12,21 @@
 namespace cairn {
 
 int DepthMap::NumValid() const { return std::accumulate(is_valid.begin(), is_valid.end(), 0); }
+
+std::string FaultOfMapSize(const ImageSize& map, const ImageSize& image) {
+  constexpr double kMaxStretch = 1.1;  // of networks whose sides are multiples of 32
+  if (std::min(map.width, map.height) < 2) {
+    return "a map of " + SizeText(map) + " values has no gradient";
+  }
+  const double image_shape = static_cast<double>(image.width) / image.height;
+  const double map_shape = static_cast<double>(map.width) / map.height;
+  const auto is_like = [&](double shape) {
+    return std::abs(std::log(shape / image_shape)) < std::log(kMaxStretch);
+  };
+  if (is_like(map_shape) || !is_like(1 / map_shape)) return "";
+  return "a map of " + SizeText(map) + " values for an image of " + SizeText(image) +
+         " pixels: it is transposed";
+}
 
 DepthMap DepthMapFromValues(int width, int height, const std::vector<float>& values,
                             const DepthOptions& options) {

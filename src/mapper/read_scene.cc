@@ -169,9 +169,24 @@ void KeepReaders(const Database& database, std::map<image_t, std::vector<point2D
   };
 }
 
-// Results of pairs that a run of build_view_graph left for the next one are missed.
-void WarnOfUnfinishedPairs(int64_t num_pairs, Stage& stage, RunReport& report) {
-  stage.Add("pairs_to_verify", num_pairs);
+// Results of pairs that a run of build_view_graph left for the next one are missed. Those whose
+// matches are not of keypoints that can be read are no work for it.
+void WarnOfUnfinishedPairs(const Database& database, const SceneData& scene, Stage& stage,
+                           RunReport& report) {
+  const auto num_keypoints = [&](image_t id) {
+    const auto pixels = scene.pixels.find(id);
+    return pixels == scene.pixels.end() ? 0 : pixels->second.size();
+  };
+  const auto can_be_verified = [&](image_pair_t pair_id) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    const size_t num1 = num_keypoints(id1), num2 = num_keypoints(id2);
+    return num1 > 0 && num2 > 0 &&
+           std::ranges::all_of(ReadRawMatches(database, pair_id), [&](const FeatureMatch& match) {
+             return match.point1 < num1 && match.point2 < num2;
+           });
+  };
+  const auto num_pairs = std::ranges::count_if(database.ReadPairsToVerify(), can_be_verified);
+  stage.Add("pairs_to_verify", static_cast<double>(num_pairs));
   if (num_pairs == 0) return;
   const std::string pairs = num_pairs == 1 ? " pair of photos is" : " pairs of photos are";
   report.warnings.push_back({std::to_string(num_pairs) + pairs + " not verified yet",
@@ -212,9 +227,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
     scene.poses_alone = scene.poses_imported && num_matches == 0;
     ChooseConstantCameras(intrinsics, settings.refine_intrinsics, stage, scene);
-    if (!scene.poses_imported) {
-      WarnOfUnfinishedPairs(database.CountPairsToVerify(), stage, report);
-    }
+    if (!scene.poses_imported) WarnOfUnfinishedPairs(database, scene, stage, report);
     scene.still_parts = FindStillParts(scene);
     if (scene.still_parts) {
       report.warnings.push_back(*scene.still_parts);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <iterator>
 
 #include "base/file_lock.h"
 #include "base/memory.h"
@@ -120,7 +119,12 @@ void NoteOtherPairs(const Database& database, bool has_list, ProgressMonitor& mo
 
 // Adds a stage to the report; false: the user stopped it.
 bool KeepGoing(RunReport& report, StageReport stage) {
-  std::ranges::move(stage.warnings, std::back_inserter(report.warnings));
+  for (ResultWarning& warning : stage.warnings) {
+    // Rounds of pairs repeat what is wrong with the database.
+    std::erase_if(report.warnings,
+                  [&](const ResultWarning& earlier) { return earlier.what == warning.what; });
+    report.warnings.push_back(std::move(warning));
+  }
   report.stages.push_back(std::move(stage));
   return !report.stages.back().WasStopped();
 }

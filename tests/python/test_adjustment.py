@@ -34,7 +34,7 @@ def test_only_what_is_named_is_adjusted():
     truth_scene = scene.Scene(num_images=6, num_points=300)
     model = perturbed(truth_scene)
     before = {i: image.cam_from_world.matrix() for i, image in model.images.items()}
-    cairn.adjust_bundle(model, fixed_images={2})
+    cairn.adjust_bundle(model, fixed_images=[2])
     np.testing.assert_array_equal(model.images[2].cam_from_world.matrix(), before[2])
     assert not np.allclose(model.images[3].cam_from_world.matrix(), before[3])
     model = truth_scene.truth()
@@ -71,3 +71,19 @@ def test_an_option_out_of_range_is_named():
         cairn.adjust_bundle(scene.Scene(3, 30).truth(), options={"max_iterations": -1})
     with pytest.raises(cairn.ConfigError, match="loss: 'square'"):
         cairn.adjust_bundle(scene.Scene(3, 30).truth(), options={"loss": "square"})
+
+
+def test_unknown_ids_and_impossible_priors_are_named():
+    model, prior = scene.Scene(3, 30).truth(), cairn.IntrinsicsPrior([1, 2], 0.1, 1)
+    for wrong, text in (({"fixed_images": [99]}, "fixed_images: there is no image 99"),
+                        ({"fixed_cameras": {99}}, "fixed_cameras: there is no camera 99"),
+                        ({"fixed_images": "ab"}, "fixed_images: these are not whole numbers"),
+                        ({"priors": {42: prior}}, "priors: there is no camera 42"),
+                        ({"priors": {1: prior}}, r"priors\[1\]: PINHOLE takes 4 parameters, not 2")):
+        with pytest.raises(cairn.ConfigError, match=text):
+            cairn.adjust_bundle(model, focal_lengths=True, **wrong)
+    for sigma in (0, -1, np.nan):
+        with pytest.raises(cairn.ConfigError, match="focal_sigma: is not positive and finite"):
+            cairn.IntrinsicsPrior([1, 2], sigma, 1)
+    with pytest.raises(cairn.ConfigError, match="principal_point_sigma_px: is negative or not finite"):
+        cairn.IntrinsicsPrior([1, 2], 0.1, -1)

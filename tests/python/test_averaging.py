@@ -41,6 +41,9 @@ def test_average_rotations_takes_weights_and_options():
         cairn.average_rotations(pairs, np.eye(3))
     with pytest.raises(cairn.ConfigError, match="pairs: -1 is no index"):
         cairn.average_rotations([[-1, 2]], [np.eye(3)])
+    for weight in (0, -1, np.nan, np.inf):
+        with pytest.raises(cairn.ConfigError, match=r"weights\[1\]: is not positive and finite"):
+            cairn.average_rotations(pairs, rotations, weights=[1, weight] + [1] * (len(pairs) - 2))
     with pytest.raises(cairn.ConfigError, match="pairs: these are not whole numbers"):
         cairn.average_rotations([[1.5, 2]], [np.eye(3)])
 
@@ -84,6 +87,13 @@ def test_rays_fix_what_directions_leave_open():
     assert aligned_errors(report, centers).max() < 1e-3
     with pytest.raises(cairn.ConfigError, match="ray_points"):
         cairn.average_translations(pairs, directions, ray_points=ray_points)
+    rays = {"ray_points": ray_points, "ray_images": ray_images}
+    ray_directions[7] = 0
+    with pytest.raises(cairn.ConfigError, match=r"ray_directions\[7\]: is zero or not finite"):
+        cairn.average_translations(pairs, directions, **rays, ray_directions=ray_directions)
+    ray_images[1] = ray_images[0]
+    with pytest.raises(cairn.ConfigError, match="ray_points: image 1 sees point 0 twice"):
+        cairn.average_translations(pairs, directions, **rays, ray_directions=ray_directions)
     with pytest.raises(cairn.ConfigError, match=r"directions\[0\]: is zero"):
         cairn.average_translations([[1, 2]], [[0, 0, 0]])
 
@@ -110,6 +120,13 @@ def test_calibrate_focals_finds_the_truth():
     assert focal.status == "calibrated" and focal.focal_before_px == 1.4 * scene.FOCAL
     assert abs(focal.focal_px / scene.FOCAL - 1) < 0.02
     assert focal.num_agreeing >= 10 and report.num_pairs == 15
-    assert 1 not in cairn.calibrate_focals(cameras, pairs, trusted={1}).cameras
-    with pytest.raises(cairn.ConfigError, match="pairs: no camera 1"):
+    for trusted in ({1}, [1]):
+        assert 1 not in cairn.calibrate_focals(cameras, pairs, trusted=trusted).cameras
+    with pytest.raises(cairn.ConfigError, match="trusted: there is no camera 99"):
+        cairn.calibrate_focals(cameras, pairs, trusted=[99])
+    with pytest.raises(cairn.ConfigError, match="pairs: there is no camera 1"):
         cairn.calibrate_focals([], pairs)
+
+
+def test_an_empty_list_is_no_pairs():
+    assert cairn.average_rotations([], []).components == []

@@ -55,6 +55,66 @@ def test_pairs_have_the_order_in_which_images_are_named(tmp_path):
         database.write_matches(1, 2, np.zeros((2, 3), int))
 
 
+def test_features_that_cannot_be_are_refused():
+    database, _, (first, _) = make(":memory:")
+    database.write_keypoints(first, np.ones((7, 2)))
+    unit = np.full((7, 128), 128 ** -0.5, np.float32)
+    for descriptors, text in ((unit, r"descriptors: these are float32, not uint8; .*np.rint\(512 \* d\)"),
+                              (np.ones((7, 64), np.uint8), r"its shape is \(7, 64\), not \(n, 128\)"),
+                              (np.ones((6, 128), np.uint8), "descriptors: there are 6, not 7")):
+        with pytest.raises(cairn.ConfigError, match=text):
+            database.write_descriptors(first, descriptors)
+    database.write_descriptors(first, np.rint(512 * unit).clip(0, 255).astype(np.uint8))
+    assert (database.read_descriptors(first) == 45).all()
+    with pytest.raises(cairn.ConfigError, match=r"keypoints\[2\]: is not finite"):
+        database.write_keypoints(first, [[1, 2], [3, 4], [5, np.nan]])
+    samples = np.ones((7, 3))
+    for depth in (-1, np.inf):
+        samples[4, 0] = depth
+        with pytest.raises(cairn.ConfigError, match=r"samples\[4\]: is negative or not finite"):
+            database.write_depth_samples(first, samples)
+    samples[4, 0] = 0
+    database.write_depth_samples(first, samples)
+    assert np.isnan(database.read_depth_samples(first)[4]).all()
+    with pytest.raises(cairn.ConfigError, match="samples: there are 6, not 7"):
+        database.write_depth_samples(first, samples[1:])
+    for write in (database.write_keypoints, database.write_depth_samples, database.write_descriptors):
+        with pytest.raises(cairn.IoError, match="of image 99: there is no such image"):
+            write(99, [])
+
+
+def test_matches_are_of_keypoints_that_are_there():
+    database, _, (first, second) = make(":memory:")
+    database.write_keypoints(second, np.ones((7, 2)))
+    database.write_matches(first, second, [[100, 6]])  # those of the first may come later
+    with pytest.raises(cairn.ConfigError, match="matches: 7 is no index of the 7 keypoints of image 2"):
+        database.write_matches(second, first, [[0, 3], [7, 0]])
+    with pytest.raises(cairn.ConfigError, match="matches: there is no image 99"):
+        database.write_matches(1, 99, [])
+    with pytest.raises(cairn.ConfigError, match="geometry: there is no image 99"):
+        database.write_two_view_geometry(99, 1, cairn.TwoViewGeometry())
+    for call in (database.read_matches, database.read_two_view_geometry, lambda i, j: database.write_matches(i, j, [])):
+        with pytest.raises(cairn.ConfigError, match="image_id1, image_id2: ids are below 2147483647"):
+            call(1, 2 ** 31 + 5)
+    np.testing.assert_array_equal(database.read_matches(first, second), [[100, 6]])
+    database.write_matches(first, second, [])
+    assert database.read_matches(first, second).shape == (0, 2)
+
+
+def test_images_that_cannot_be_are_refused_in_plain_words():
+    database, camera_id, _ = make(":memory:")
+    for arguments, text in ((("a.jpg", camera_id), "image 3: image 1 has its name, 'a.jpg'"),
+                            (("c.jpg", 77), "image 3: there is no camera 77"),
+                            (("", camera_id), "image 3: the name is empty"),
+                            (("n\0ul", camera_id), "image 3: the name has a line break or a zero byte"),
+                            (("two\nlines", camera_id), "image 3: the name has a line break or a zero byte"),
+                            (("c.jpg", camera_id, 2 ** 31), "image 2147483648: the id is out of range")):
+        with pytest.raises(cairn.IoError, match=text):
+            database.write_image(*arguments)
+    database.write_image("d.jpg", camera_id, 1)
+    assert [image.name for image in database.read_images()] == ["d.jpg", "b/c.jpg"]
+
+
 def test_a_transaction_is_all_or_nothing(tmp_path):
     database, camera_id, _ = make(tmp_path / "scene.db")
     with database.transaction():
@@ -72,6 +132,8 @@ def test_a_closed_or_broken_database_says_so(tmp_path):
         transaction.__enter__()
     with pytest.raises(cairn.ConfigError, match="database: is closed"):
         database.read_images()
+    with pytest.raises(cairn.ConfigError, match="path: is empty"):
+        cairn.Database("")
     (tmp_path / "text.db").write_text("no database " * 100)
     with pytest.raises(cairn.IoError, match="text.db: "):
         cairn.Database(tmp_path / "text.db")
@@ -100,3 +162,9 @@ def test_sample_depth_reads_a_plane():
     assert np.isnan(samples[2]).all()
     inverse = cairn.sample_depth(1 / depth, 400, 300, [[200, 150]], options={"kind": "inverse", "value_window": 0.01})
     np.testing.assert_allclose(inverse[0, 0], 2.2, rtol=1e-3)
+    for depth_map, size, text in ((depth.T, (400, 300), "depth_map: a map of 75 x 100 .* it is transposed"),
+                                  (np.zeros((0, 0)), (400, 300), "depth_map: is empty"),
+                                  ([], (400, 300), "depth_map: is empty"),
+                                  (depth, (0, 300), "width, height: must be positive")):
+        with pytest.raises(cairn.ConfigError, match=text):
+            cairn.sample_depth(depth_map, *size, [[200, 150]])

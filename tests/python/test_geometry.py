@@ -48,6 +48,17 @@ def test_camera_projects_as_the_model_says():
     np.testing.assert_array_equal(cairn.Camera.create(1, "PINHOLE", 700, 100, 50).params, [700, 700, 50, 25])
 
 
+def test_a_camera_is_never_changed_to_one_that_cannot_be():
+    camera = cairn.Camera("SIMPLE_RADIAL", 640, 480, [500, 320, 240, 0.1])
+    for name, values in {"width": [-5, 0], "height": [0], "focal_length": [-5, 0, np.nan], "params": [[500]]}.items():
+        for value in values:
+            with pytest.raises(cairn.ConfigError, match="camera: "):
+                setattr(camera, name, value)
+    assert (camera.width, camera.height, camera.focal_length) == (640, 480, 500)
+    camera.width, camera.height = 320, 240
+    assert (camera.width, camera.height) == (320, 240)
+
+
 def test_wrong_values_are_named():
     with pytest.raises(cairn.ConfigError, match="model: 'PINHOL'.*PINHOLE"):
         cairn.Camera("PINHOL", 640, 480, [500])

@@ -114,6 +114,39 @@ def test_warnings_are_texts(tmp_path):
     assert result.succeeded and len(result.warnings) == 1 and "not in meters" in result.warnings[0]
 
 
+def test_pairs_that_are_left_out_are_counted(tmp_path):
+    """Keypoints that were replaced by fewer, and a photograph without any."""
+    path = tmp_path / "scene.db"
+    TRUTH.write(path)
+    with cairn.Database(path) as database:
+        database.write_keypoints(2, database.read_keypoints(2)[:300])
+        extra = database.write_image("extra.jpg", 1)
+        database.write_matches(1, extra, np.tile(np.arange(50)[:, None], 2))
+    warning, = cairn.build_view_graph(path).warnings
+    assert warning.startswith("7 pairs are left out; for example, matches of photo01.jpg and photo02.jpg refer to keypoints")
+    assert "extra.jpg" not in warning
+    assert all("not verified yet" not in text for text in cairn.reconstruct(path).warnings)
+
+
+def test_descriptors_of_another_width_are_named(tmp_path):
+    path = tmp_path / "scene.db"
+    with cairn.Database(path) as database, database.transaction():
+        camera_id = database.write_camera(TRUTH.camera)
+        for i in (1, 2, 3):
+            database.write_image(scene.name_of(i), camera_id, i)
+            database.write_keypoints(i, TRUTH.observe(i)[0])
+            database.write_descriptors(i, np.random.default_rng(i).integers(0, 99, (500, 128), dtype=np.uint8))
+    database = sqlite3.connect(path)
+    database.execute("UPDATE descriptors SET cols = 64, rows = 1000 WHERE image_id = 2")
+    database.commit()
+    database.close()
+    with cairn.Database(path) as database:
+        with pytest.raises(cairn.IoError, match="descriptors of image 2: 64 columns instead of 128"):
+            database.read_descriptors(2)
+    report = cairn.build_view_graph(path)
+    assert report.num_pairs == 1 and "descriptors of image 2: 64 columns instead of 128" in report.warnings[0]
+
+
 def test_expected_failures_are_told_in_the_result(tmp_path):
     path = tmp_path / "scene.db"
     TRUTH.write(path)

@@ -1,3 +1,4 @@
+import copy
 import gc
 
 import numpy as np
@@ -25,6 +26,8 @@ def test_attributes_are_those_of_pycolmap():
     np.testing.assert_allclose(model.point_positions(), truth.points)
     assert (model.point_colors() == [10, 20, 30]).all()
     assert dict(model.cameras.items())[1].model == "PINHOLE"
+    assert model.images.get(2).name == "photo02.jpg" and model.points3D.get(999) is None
+    assert model.cameras.get("no id", 7) == 7
 
 
 def test_values_are_changed_in_place_and_stay_alive():
@@ -41,6 +44,24 @@ def test_values_are_changed_in_place_and_stay_alive():
     gc.collect()
     assert keypoints[0, 0] == 7 and point.xyz.shape == (3,) and len(images) == 4
     assert [image.name for image in images.values()][3] == "photo04.jpg"
+
+
+def test_copies_are_apart():
+    model = scene.Scene(num_images=4, num_points=50).truth()
+    for other in (copy.copy(model), copy.deepcopy(model)):
+        other.points3D[1].xyz = [1, 2, 3]
+        other.images[1].keypoints[0] = [7, 8]
+        assert other.num_points3D() == 50 and not np.allclose(model.points3D[1].xyz, [1, 2, 3])
+        assert not np.allclose(model.images[1].keypoints[0], [7, 8])
+
+
+def test_what_has_no_id_gets_the_next():
+    model = cairn.Reconstruction()
+    camera = cairn.Camera("PINHOLE", 640, 480, [500, 500, 320, 240])
+    assert [model.add_camera(camera) for _ in range(2)] == [1, 2]
+    assert model.add_image(cairn.Image("a.jpg", camera_id=2, image_id=7)) == 7
+    assert model.add_image(cairn.Image("b.jpg", camera_id=2)) == 8
+    assert list(model.cameras) == [1, 2] and model.cameras[2].camera_id == 2 and model.images[8].image_id == 8
 
 
 @pytest.mark.parametrize("write", ["write", "write_text"])
@@ -90,5 +111,11 @@ def test_wrong_values_are_named(tmp_path):
         model.add_image(cairn.Image("a.jpg", camera_id=5, image_id=9))
     with pytest.raises(cairn.ConfigError, match="track: keypoint 3 of image 2 is absent or shows a point"):
         model.add_point3D([0, 0, 0], [(2, 3)])
+    with pytest.raises(cairn.ConfigError, match="xyz: is not finite"):
+        model.add_point3D([0, np.nan, 0], [])
+    with pytest.raises(cairn.ConfigError, match="xyz: is not finite"):
+        model.points3D[1].xyz = [0, np.inf, 0]
+    with pytest.raises(ValueError, match="read-only"):
+        model.images[1].point3D_ids[:] = 3
     with pytest.raises(OSError, match=f"{tmp_path}/none"):
         cairn.Reconstruction(tmp_path / "none")

@@ -66,6 +66,46 @@ def test_ctrl_c_stops_and_the_work_continues(database, tmp_path):
     assert 0 < max(total for name, _, total in done if "verifying" in name) < 66
 
 
+ENDS = {"build": """
+import sys, threading, time, cairn
+threading.Thread(target=cairn.build_view_graph, args=[sys.argv[1]], daemon=True).start()
+time.sleep(1)
+""", "calls": """
+import threading, time, cairn, numpy as np
+camera, (x1, x2) = cairn.Camera.create(1, "PINHOLE", 500, 640, 480), np.random.default_rng(0).uniform(0, 600, (2, 500, 2))
+def verify():
+    while True:
+        cairn.verify_pair(camera, x1, camera, x2, verifier="five_point")
+for _ in range(3):
+    threading.Thread(target=verify, daemon=True).start()
+time.sleep(0.5)
+""", "fork": """
+import os, sys, threading, time, cairn
+threading.Thread(target=cairn.build_view_graph, args=[sys.argv[1]], daemon=True).start()
+time.sleep(0.5)
+child = os.fork()
+if child:
+    sys.exit(os.waitpid(child, 0)[1])
+"""}
+
+
+@pytest.mark.parametrize("case", ENDS)
+def test_the_interpreter_ends_while_threads_are_in_calls(database, tmp_path, case):
+    path = tmp_path / "scene.db"
+    path.write_bytes(database.read_bytes())
+    run = subprocess.run([sys.executable, "-c", ENDS[case], path], capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0 and "terminate" not in run.stderr, run.stderr
+
+
+def test_the_number_of_threads_is_that_of_the_programs(database):
+    model = cairn.Reconstruction()
+    for call in (lambda n: cairn.build_view_graph(database, num_threads=n),
+                 lambda n: cairn.adjust_bundle(model, num_threads=n), model.compute_mean_reprojection_error):
+        for number in (-1, 1025):
+            with pytest.raises(cairn.ConfigError, match=rf"num_threads: {number} is out of range \[0, 1024\]"):
+                call(number)
+
+
 def test_what_a_callback_raises_goes_on(database, tmp_path):
     path = tmp_path / "scene.db"
     path.write_bytes(database.read_bytes())

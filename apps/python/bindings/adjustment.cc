@@ -1,6 +1,9 @@
 #include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 
+#include <cmath>
+#include <map>
+
 #include "arrays.h"
 #include "bindings.h"
 #include "cairn/base/error.h"
@@ -12,11 +15,32 @@
 namespace cairn::python {
 namespace {
 
+using Priors = std::map<camera_t, IntrinsicsPrior>;
+
+IntrinsicsPrior MakePrior(std::vector<double> params, double focal_sigma,
+                          double principal_point_sigma_px) {
+  CheckPositive("focal_sigma", focal_sigma);
+  if (!(principal_point_sigma_px >= 0) || !std::isfinite(principal_point_sigma_px)) {
+    throw ConfigError("principal_point_sigma_px", "is negative or not finite");
+  }
+  return {std::move(params), focal_sigma, principal_point_sigma_px};
+}
+
+// Throws ConfigError unless the cameras are there and may have these parameters.
+void CheckPriors(const Priors& priors, const std::map<camera_t, Camera>& cameras) {
+  for (const auto& [id, prior] : priors) {
+    CheckIsThere("priors", "camera", id, cameras);
+    Camera camera = cameras.at(id);
+    camera.params = prior.params;
+    const std::string reason = camera.Validate();
+    if (!reason.empty()) throw ConfigError("priors[" + std::to_string(id) + "]", reason);
+  }
+}
+
 BundleAdjustmentReport Adjust(Reconstruction& reconstruction, bool rotations, bool positions,
                               bool points, bool focal_lengths, bool distortions,
-                              bool principal_points, const std::set<camera_t>& fixed_cameras,
-                              const std::set<image_t>& fixed_images,
-                              const std::map<camera_t, IntrinsicsPrior>& priors,
+                              bool principal_points, const py::iterable& fixed_cameras,
+                              const py::iterable& fixed_images, const Priors& priors,
                               const py::object& options, int num_threads,
                               const py::object& progress) {
   BundleAdjustmentScope scope;
@@ -26,8 +50,9 @@ BundleAdjustmentReport Adjust(Reconstruction& reconstruction, bool rotations, bo
   scope.focal_lengths = focal_lengths;
   scope.distortions = distortions;
   scope.principal_points = principal_points;
-  scope.fixed_cameras = fixed_cameras;
-  scope.fixed_images = fixed_images;
+  scope.fixed_cameras = ToIds("fixed_cameras", "camera", fixed_cameras, reconstruction.cameras);
+  scope.fixed_images = ToIds("fixed_images", "image", fixed_images, reconstruction.images);
+  CheckPriors(priors, reconstruction.cameras);
   scope.priors = priors;
   const auto settings = ToOptions<BundleAdjustmentOptions>(options);
   return ResultOf({0, num_threads, progress}, [&](const RunContext& run) {
@@ -58,23 +83,25 @@ void BindReports(py::module_& m) {
 
 void BindAdjustment(py::module_& m) {
   py::class_<IntrinsicsPrior>(m, "IntrinsicsPrior", "What is known of a camera beforehand.")
-      .def(py::init<std::vector<double>, double, double>(), py::arg("params"),
-           py::arg("focal_sigma"), py::arg("principal_point_sigma_px"));
+      .def(py::init(&MakePrior), py::arg("params"), py::arg("focal_sigma"),
+           py::arg("principal_point_sigma_px"),
+           "Expected params; standard deviations of the focal length's logarithm and, in pixels, "
+           "of the principal point (0: it is constant).");
   BindReports(m);
   m.def("adjust_bundle", &Adjust, py::arg("reconstruction"), py::kw_only(),
         py::arg("rotations") = true, py::arg("positions") = true, py::arg("points") = true,
         py::arg("focal_lengths") = false, py::arg("distortions") = false,
-        py::arg("principal_points") = false, py::arg("fixed_cameras") = std::set<camera_t>(),
-        py::arg("fixed_images") = std::set<image_t>(),
-        py::arg("priors") = std::map<camera_t, IntrinsicsPrior>(), py::arg("options") = py::none(),
-        py::arg("num_threads") = 0, py::arg("progress") = py::none(),
+        py::arg("principal_points") = false, py::arg("fixed_cameras") = py::set(),
+        py::arg("fixed_images") = py::set(), py::arg("priors") = Priors(),
+        py::arg("options") = py::none(), py::arg("num_threads") = 0,
+        py::arg("progress") = py::none(),
         "Minimizes the robust reprojection error over what is named. Changes the reconstruction in "
         "place; no other thread may use it meanwhile. Principal points are adjusted of cameras "
         "with a prior.");
   m.def(
       "estimate_pose_confidence",
       [](const Reconstruction& r) {
-        const py::gil_scoped_release release;
+        const Unlocked unlocked;
         return EstimatePoseConfidence(r);
       },
       py::arg("reconstruction"), "PoseConfidence by image id.");

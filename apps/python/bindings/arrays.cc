@@ -6,8 +6,6 @@
 #include <cmath>
 #include <limits>
 
-#include "cairn/base/error.h"
-
 namespace cairn::python {
 namespace {
 
@@ -21,6 +19,12 @@ std::string ShapeText(std::span<const py::ssize_t> shape) {
 
 }  // namespace
 
+py::array ToArray(const std::string& name, const py::object& values) {
+  py::array array = py::array::ensure(values);
+  if (!array) throw ConfigError(name, "is no array");
+  return array;
+}
+
 void CheckShape(const std::string& name, const py::array& array,
                 std::initializer_list<py::ssize_t> shape) {
   const std::span<const py::ssize_t> given(array.shape(), static_cast<size_t>(array.ndim()));
@@ -28,8 +32,13 @@ void CheckShape(const std::string& name, const py::array& array,
     return expected < 0 || size == expected;
   };
   if (std::equal(given.begin(), given.end(), shape.begin(), shape.end(), agrees)) return;
+  if (given.size() == 1 && given[0] == 0 && *shape.begin() <= 0) return;
   throw ConfigError(name, "its shape is " + (given.empty() ? std::string("()") : ShapeText(given)) +
                               ", not " + ShapeText({shape.begin(), shape.size()}));
+}
+
+void CheckPositive(const std::string& name, double value) {
+  if (!(value > 0) || !std::isfinite(value)) throw ConfigError(name, "is not positive and finite");
 }
 
 void CheckSize(const std::string& name, size_t size, size_t expected) {
@@ -40,8 +49,7 @@ void CheckSize(const std::string& name, size_t size, size_t expected) {
 
 std::vector<uint32_t> ToIndices(const std::string& name, const py::object& values,
                                 int num_columns) {
-  const py::array array = py::array::ensure(values);
-  if (!array) throw py::error_already_set();
+  const py::array array = ToArray(name, values);
   if (num_columns == 1) {
     CheckShape(name, array, {-1});
   } else {
@@ -114,7 +122,10 @@ std::vector<DepthSample> ToDepthSamples(const std::string& name, const Array<flo
   std::vector<DepthSample> samples(static_cast<size_t>(array.shape(0)));
   for (size_t i = 0; i < samples.size(); ++i) {
     const float* row = array.data() + 3 * i;
-    if (std::isnan(row[0]) || std::isnan(row[1]) || std::isnan(row[2])) continue;
+    if (row[0] == 0 || std::isnan(row[0]) || std::isnan(row[1]) || std::isnan(row[2])) continue;
+    if (row[0] < 0 || std::isinf(row[0]) || std::isinf(row[1]) || std::isinf(row[2])) {
+      throw ConfigError(name + "[" + std::to_string(i) + "]", "is negative or not finite");
+    }
     samples[i] = {row[0], row[1], row[2], true};
   }
   return samples;
@@ -132,10 +143,14 @@ py::array_t<float> FromDepthSamples(const std::vector<DepthSample>& samples) {
 
 std::vector<Keypoint> ToKeypoints(const Array<float>& array) {
   const bool has_frames = array.ndim() == 2 && array.shape(1) == 6;
-  CheckShape("keypoints", array, {-1, has_frames ? 6 : 2});
+  const size_t num_columns = has_frames ? 6 : 2;
+  CheckShape("keypoints", array, {-1, static_cast<py::ssize_t>(num_columns)});
   std::vector<Keypoint> keypoints(static_cast<size_t>(array.shape(0)));
   for (size_t i = 0; i < keypoints.size(); ++i) {
-    const float* row = array.data() + static_cast<py::ssize_t>(i) * array.shape(1);
+    const std::span<const float> row(array.data() + i * num_columns, num_columns);
+    if (!std::ranges::all_of(row, [](float value) { return std::isfinite(value); })) {
+      throw ConfigError("keypoints[" + std::to_string(i) + "]", "is not finite");
+    }
     keypoints[i].x = row[0];
     keypoints[i].y = row[1];
     if (has_frames) keypoints[i] = {row[0], row[1], row[2], row[3], row[4], row[5]};

@@ -9,12 +9,14 @@
 #include <memory>
 #include <optional>
 #include <ranges>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "cairn/base/error.h"
 #include "cairn/scene/features.h"
 
 namespace cairn::python {
@@ -25,16 +27,43 @@ namespace py = pybind11;
 template <class Scalar>
 using Array = py::array_t<Scalar, py::array::c_style | py::array::forcecast>;
 
+// An array, or what NumPy makes one of. Throws ConfigError.
+py::array ToArray(const std::string& name, const py::object& values);
+
 // Throws ConfigError that names the argument and both shapes unless the array has this shape; -1:
-// any number.
+// any number. An empty list may stand for no rows.
 void CheckShape(const std::string& name, const py::array& array,
                 std::initializer_list<py::ssize_t> shape);
+
+// Throws ConfigError unless it is positive and finite.
+void CheckPositive(const std::string& name, double value);
 
 // Throws ConfigError unless there are as many as expected.
 void CheckSize(const std::string& name, size_t size, size_t expected);
 
 // Whole numbers from 0 to 2^32 - 2; n rows of `num_columns` (1: a plain row). Throws ConfigError.
 std::vector<uint32_t> ToIndices(const std::string& name, const py::object& values, int num_columns);
+
+// Throws ConfigError unless `known`, a map or set, has the id of a camera or image (`kind`).
+template <class Known>
+void CheckIsThere(const std::string& name, const std::string& kind, uint32_t id,
+                  const Known& known) {
+  if (!known.contains(id)) {
+    throw ConfigError(name, "there is no " + kind + " " + std::to_string(id));
+  }
+}
+
+// A set, list or other collection of ids of `known`. Throws ConfigError.
+template <class Known>
+std::set<uint32_t> ToIds(const std::string& name, const std::string& kind,
+                         const py::iterable& values, const Known& known) {
+  std::set<uint32_t> ids;
+  for (const uint32_t id : ToIndices(name, py::list(values), 1)) {
+    CheckIsThere(name, kind, id, known);
+    ids.insert(id);
+  }
+  return ids;
+}
 
 // (n, 2) ids of different images.
 std::vector<std::pair<image_t, image_t>> ToPairs(const py::object& values);
@@ -64,11 +93,12 @@ class Points {
   std::span<const Eigen::Vector2d> span_;
 };
 
-// (n, 3): depth and its gradient per pixel; not a number where there is none.
+// (n, 3): depth and its gradient per pixel; 0 or not a number where there is none. Throws
+// ConfigError for others that are no depth.
 std::vector<DepthSample> ToDepthSamples(const std::string& name, const Array<float>& array);
 py::array_t<float> FromDepthSamples(const std::vector<DepthSample>& samples);
 
-// (n, 2): positions alone, or (n, 6): with affine frames, COLMAP's columns.
+// (n, 2): positions alone, or (n, 6): with affine frames, COLMAP's columns. Throws ConfigError.
 std::vector<Keypoint> ToKeypoints(const Array<float>& array);
 
 FeatureMatches ToMatches(const py::object& values);

@@ -1,6 +1,9 @@
 #include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 
+#include <map>
+#include <set>
+
 #include "arrays.h"
 #include "bindings.h"
 #include "cairn/base/error.h"
@@ -29,6 +32,7 @@ std::vector<RotationEdge> ToRotationEdges(const py::object& pairs, const Array<d
   std::vector<RotationEdge> edges(ids.size());
   for (size_t i = 0; i < edges.size(); ++i) {
     edges[i] = {ids[i].first, ids[i].second, relative[i], weights ? weights->data()[i] : 1.0};
+    CheckPositive("weights[" + std::to_string(i) + "]", edges[i].weight);
   }
   return edges;
 }
@@ -68,10 +72,18 @@ void BindRotations(py::module_& m) {
         py::arg("weights") = py::none(), py::arg("options") = py::none(), py::arg("seed") = 0,
         py::arg("num_threads") = 0, py::arg("progress") = py::none(),
         "Global rotations from relative ones. pairs: (n, 2) image ids; rotations: (n, 3, 3) "
-        "matrices cam2_from_cam1; weights: (n,) such as numbers of inliers.");
+        "matrices cam2_from_cam1; weights: (n,) positive, such as numbers of inliers.");
 }
 
-// Rows of one scene point's observations follow each other.
+// Row i of the directions of an argument.
+Eigen::Vector3d DirectionOf(const std::string& name, const Array<double>& directions, size_t i) {
+  const Eigen::Vector3d direction = Row3(directions, i);
+  if (!(direction.norm() > 0) || !direction.allFinite()) {
+    throw ConfigError(name + "[" + std::to_string(i) + "]", "is zero or not finite");
+  }
+  return direction;
+}
+
 std::vector<PointDirections> ToTracks(const std::optional<py::object>& point_ids,
                                       const std::optional<py::object>& image_ids,
                                       const std::optional<Array<double>>& directions) {
@@ -86,10 +98,15 @@ std::vector<PointDirections> ToTracks(const std::optional<py::object>& point_ids
   CheckSize("ray_images", images.size(), points.size());
   CheckShape("ray_directions", *directions, {size, 3});
   std::map<uint32_t, size_t> track_of;
+  std::set<std::pair<uint32_t, image_t>> seen;
   for (size_t i = 0; i < points.size(); ++i) {
+    if (!seen.insert({points[i], images[i]}).second) {
+      throw ConfigError("ray_points", "image " + std::to_string(images[i]) + " sees point " +
+                                          std::to_string(points[i]) + " twice");
+    }
     const size_t track = track_of.try_emplace(points[i], tracks.size()).first->second;
     tracks.resize(std::max(tracks.size(), track + 1));
-    tracks[track].rays.push_back({images[i], Row3(*directions, i)});
+    tracks[track].rays.push_back({images[i], DirectionOf("ray_directions", *directions, i)});
   }
   return tracks;
 }
@@ -104,11 +121,7 @@ TranslationAveragingReport Translations(const py::object& pairs, const Array<dou
   CheckShape("directions", directions, {static_cast<py::ssize_t>(ids.size()), 3});
   std::vector<DirectionEdge> edges(ids.size());
   for (size_t i = 0; i < edges.size(); ++i) {
-    const Eigen::Vector3d direction = Row3(directions, i);
-    if (!(direction.norm() > 0) || !direction.allFinite()) {
-      throw ConfigError("directions[" + std::to_string(i) + "]", "is zero or not finite");
-    }
-    edges[i] = {ids[i].first, ids[i].second, direction};
+    edges[i] = {ids[i].first, ids[i].second, DirectionOf("directions", directions, i)};
   }
   const auto tracks = ToTracks(ray_points, ray_images, ray_directions);
   const auto settings = ToOptions<TranslationAveragingOptions>(options);
@@ -157,19 +170,20 @@ FocalPair MakeFocalPair(camera_t camera_id1, camera_t camera_id2, const Eigen::M
 }
 
 FocalCalibrationReport Focals(const std::vector<Camera>& cameras,
-                              const std::vector<FocalPair>& pairs,
-                              const std::set<camera_t>& trusted, const py::object& options,
-                              uint64_t seed, int num_threads, const py::object& progress) {
+                              const std::vector<FocalPair>& pairs, const py::iterable& trusted,
+                              const py::object& options, uint64_t seed, int num_threads,
+                              const py::object& progress) {
   std::map<camera_t, Camera> by_id;
   for (const Camera& camera : cameras) by_id[camera.camera_id] = camera;
   for (const FocalPair& pair : pairs) {
     for (const camera_t id : {pair.camera_id1, pair.camera_id2}) {
-      if (!by_id.contains(id)) throw ConfigError("pairs", "no camera " + std::to_string(id));
+      CheckIsThere("pairs", "camera", id, by_id);
     }
   }
+  const std::set<camera_t> trusted_ids = ToIds("trusted", "camera", trusted, by_id);
   const auto settings = ToOptions<FocalCalibrationOptions>(options);
   return ResultOf({seed, num_threads, progress}, [&](const RunContext& run) {
-    return CalibrateFocals(by_id, trusted, pairs, settings, run);
+    return CalibrateFocals(by_id, trusted_ids, pairs, settings, run);
   });
 }
 
@@ -190,8 +204,8 @@ void BindFocals(py::module_& m) {
       .def_readonly("num_pairs", &FocalCalibrationReport::num_pairs)
       .def_readonly("num_pairs_agreeing", &FocalCalibrationReport::num_pairs_agreeing);
   m.def("calibrate_focals", &Focals, py::arg("cameras"), py::arg("pairs"), py::kw_only(),
-        py::arg("trusted") = std::set<camera_t>(), py::arg("options") = py::none(),
-        py::arg("seed") = 0, py::arg("num_threads") = 0, py::arg("progress") = py::none(),
+        py::arg("trusted") = py::set(), py::arg("options") = py::none(), py::arg("seed") = 0,
+        py::arg("num_threads") = 0, py::arg("progress") = py::none(),
         "Focal lengths from fundamental matrices (of verify_pair with cameras whose focal lengths "
         "are guesses). Cameras in `trusted` keep theirs.");
 }

@@ -4,8 +4,8 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <algorithm>
 #include <filesystem>
-#include <limits>
 #include <optional>
 
 #include "arrays.h"
@@ -73,7 +73,42 @@ image_t WriteImage(OpenDatabase& self, const std::string& name, camera_t camera_
 
 image_pair_t PairId(image_t image_id1, image_t image_id2) {
   if (image_id1 == image_id2) throw ConfigError("image_id2", "is that of the first image");
+  if (std::max(image_id1, image_id2) >= kMaxNumImages) {
+    throw ConfigError("image_id1, image_id2", "ids are below " + std::to_string(kMaxNumImages));
+  }
   return ImagePairToPairId(image_id1, image_id2);
+}
+
+// Throws ConfigError unless there is the image, and `index`, where its keypoints are there, is
+// below their number.
+void CheckKeypoint(const Database& database, const std::string& name, image_t image_id,
+                   std::optional<point2D_t> index) {
+  if (!database.HasImage(image_id)) {
+    throw ConfigError(name, "there is no image " + std::to_string(image_id));
+  }
+  const std::optional<int> size = database.ReadNumKeypoints(image_id);
+  if (!size || !index || static_cast<int64_t>(*index) < *size) return;
+  throw ConfigError(name, std::to_string(*index) + " is no index of the " + std::to_string(*size) +
+                              " keypoints of image " + std::to_string(image_id));
+}
+
+// The same of both images of a pair.
+void CheckPair(const Database& database, const std::string& name, image_t image_id1,
+               image_t image_id2, const FeatureMatches& matches) {
+  const auto largest = [&](point2D_t FeatureMatch::*point) -> std::optional<point2D_t> {
+    if (matches.empty()) return std::nullopt;
+    return std::ranges::max(matches, {}, point).*point;
+  };
+  CheckKeypoint(database, name, image_id1, largest(&FeatureMatch::point1));
+  CheckKeypoint(database, name, image_id2, largest(&FeatureMatch::point2));
+}
+
+// Throws ConfigError unless an image whose keypoints are there has so many.
+void CheckNumRows(const Database& database, const std::string& name, image_t image_id,
+                  size_t num_rows) {
+  if (const auto num_keypoints = database.ReadNumKeypoints(image_id)) {
+    CheckSize(name, num_rows, static_cast<size_t>(*num_keypoints));
+  }
 }
 
 // Matches are kept for ascending ids; Python has them in the order in which it names the images.
@@ -83,9 +118,11 @@ void Swap(FeatureMatches& matches) {
 
 void WriteMatches(OpenDatabase& self, image_t image_id1, image_t image_id2,
                   const py::object& array) {
+  const image_pair_t pair_id = PairId(image_id1, image_id2);
   FeatureMatches matches = ToMatches(array);
+  CheckPair(In(self), "matches", image_id1, image_id2, matches);
   if (image_id1 > image_id2) Swap(matches);
-  In(self).WriteMatches(PairId(image_id1, image_id2), matches);
+  In(self).WriteMatches(pair_id, matches);
 }
 
 std::optional<py::array_t<uint32_t>> ReadMatches(OpenDatabase& self, image_t image_id1,
@@ -105,8 +142,9 @@ std::optional<TwoViewGeometry> ReadGeometry(OpenDatabase& self, image_t image_id
 
 void WriteGeometry(OpenDatabase& self, image_t image_id1, image_t image_id2,
                    const TwoViewGeometry& geometry) {
-  In(self).WriteTwoViewGeometry(PairId(image_id1, image_id2),
-                                image_id1 > image_id2 ? Inverted(geometry) : geometry);
+  const image_pair_t pair_id = PairId(image_id1, image_id2);
+  CheckPair(In(self), "geometry", image_id1, image_id2, geometry.inlier_matches);
+  In(self).WriteTwoViewGeometry(pair_id, image_id1 > image_id2 ? Inverted(geometry) : geometry);
 }
 
 py::array_t<uint32_t> PairsOf(const std::vector<image_pair_t>& ids) {
@@ -124,6 +162,26 @@ std::optional<py::array_t<float>> ReadKeypoints(OpenDatabase& self, image_t imag
   return MoveToArray<float, 6>(std::move(*keypoints));
 }
 
+void WriteDescriptors(OpenDatabase& self, image_t image_id, const py::object& values) {
+  const py::array array = ToArray("descriptors", values);
+  CheckShape("descriptors", array, {-1, 128});
+  if (array.size() > 0 && !py::isinstance<py::array_t<uint8_t>>(array)) {
+    throw ConfigError("descriptors", "these are " + std::string(py::str(array.dtype())) +
+                                         ", not uint8; those of unit length become so by "
+                                         "np.rint(512 * d).clip(0, 255).astype(np.uint8)");
+  }
+  const Array<uint8_t> rows(array);
+  const auto num_rows = static_cast<size_t>(rows.shape(0));
+  CheckNumRows(In(self), "descriptors", image_id, num_rows);
+  In(self).WriteDescriptors(image_id, Descriptors::Map(rows.data(), num_rows, 128));
+}
+
+void WriteDepth(OpenDatabase& self, image_t image_id, const Array<float>& array) {
+  const std::vector<DepthSample> samples = ToDepthSamples("samples", array);
+  CheckNumRows(In(self), "samples", image_id, samples.size());
+  In(self).WriteDepthSamples(image_id, samples);
+}
+
 std::optional<py::array_t<float>> ReadDepth(OpenDatabase& self, image_t image_id) {
   const auto samples = In(self).ReadDepthSamples(image_id);
   if (!samples) return std::nullopt;
@@ -133,11 +191,15 @@ std::optional<py::array_t<float>> ReadDepth(OpenDatabase& self, image_t image_id
 py::array_t<float> Sample(const Array<float>& depth_map, int width, int height,
                           const Array<float>& keypoints, const py::object& given) {
   CheckShape("depth_map", depth_map, {-1, -1});
+  if (depth_map.size() == 0) throw ConfigError("depth_map", "is empty");
+  const ImageSize size = {static_cast<int>(depth_map.shape(1)),
+                          static_cast<int>(depth_map.shape(0))};
+  if (width <= 0 || height <= 0) throw ConfigError("width, height", "must be positive");
+  const std::string fault = FaultOfMapSize(size, {width, height});
+  if (!fault.empty()) throw ConfigError("depth_map", fault);
   const auto options = ToOptions<DepthOptions>(given);
-  ValidateOptions(options, "depth");
   const std::vector<float> values(depth_map.data(), depth_map.data() + depth_map.size());
-  const DepthMap map = DepthMapFromValues(static_cast<int>(depth_map.shape(1)),
-                                          static_cast<int>(depth_map.shape(0)), values, options);
+  const DepthMap map = DepthMapFromValues(size.width, size.height, values, options);
   return FromDepthSamples(
       SampleDepth(map, width, height, ToKeypoints(keypoints), options.Windows()));
 }
@@ -145,6 +207,7 @@ py::array_t<float> Sample(const Array<float>& depth_map, int width, int height,
 using DatabaseClass = py::class_<OpenDatabase>;
 
 OpenDatabase Open(const std::filesystem::path& path, bool read_only) {
+  if (path.empty()) throw ConfigError("path", "is empty; ':memory:' is a private database");
   OpenDatabase self;
   self.database.emplace(path.string(),
                         read_only ? Database::Mode::kReadOnly : Database::Mode::kCreateOrOpen);
@@ -185,23 +248,14 @@ void BindFeatures(DatabaseClass& c) {
        "(n, 2): x, y in pixels, where the center of the top-left pixel is (0.5, 0.5); or (n, 6): "
        "with affine shapes, x, y, a11, a12, a21, a22.")
       .def("read_keypoints", &ReadKeypoints, py::arg("image_id"), "(n, 6), or None.")
-      .def(
-          "write_descriptors",
-          [](OpenDatabase& self, image_t image_id, const Descriptors& descriptors) {
-            In(self).WriteDescriptors(image_id, descriptors);
-          },
-          py::arg("image_id"), py::arg("descriptors"), "(n, 128) uint8.")
+      .def("write_descriptors", &WriteDescriptors, py::arg("image_id"), py::arg("descriptors"),
+           "(n, 128) uint8, a row a keypoint, such as RootSIFT times 512.")
       .def(
           "read_descriptors",
           [](OpenDatabase& self, image_t image_id) { return In(self).ReadDescriptors(image_id); },
           py::arg("image_id"))
-      .def(
-          "write_depth_samples",
-          [](OpenDatabase& self, image_t image_id, const Array<float>& samples) {
-            In(self).WriteDepthSamples(image_id, ToDepthSamples("samples", samples));
-          },
-          py::arg("image_id"), py::arg("samples"),
-          "(n, 3), a row a keypoint: z-depth and its gradient per pixel, NaN where there is none.")
+      .def("write_depth_samples", &WriteDepth, py::arg("image_id"), py::arg("samples"),
+           "(n, 3), a row a keypoint: z-depth and its gradient per pixel, NaN where there is none.")
       .def("read_depth_samples", &ReadDepth, py::arg("image_id"), "(n, 3), or None.");
 }
 

@@ -112,6 +112,15 @@ Camera CameraFromFocal(camera_t camera_id, const std::string& model, double foca
   return camera;
 }
 
+// Changes a camera, unless it became one that cannot be.
+template <class Change>
+void ChangeCamera(Camera& camera, const Change& change) {
+  Camera changed = camera;
+  change(changed);
+  CheckCamera(changed);
+  camera = std::move(changed);
+}
+
 // Where the model has no value, rows are not numbers.
 template <class Vector>
 Vector OrNaN(const std::optional<Vector>& value) {
@@ -160,25 +169,36 @@ void BindCamera(py::module_& m) {
                   "The principal point at the image center, no distortion.")
       .def_readwrite("camera_id", &Camera::camera_id)
       .def_property_readonly("model", [](const Camera& c) { return CameraModelName(c.model); })
-      .def_readwrite("width", &Camera::width, "Pixels.")
-      .def_readwrite("height", &Camera::height, "Pixels.")
+      .def_property(
+          "width", [](const Camera& c) { return c.width; },
+          [](Camera& camera, int width) {
+            ChangeCamera(camera, [&](Camera& c) { c.width = width; });
+          },
+          "Pixels.")
+      .def_property(
+          "height", [](const Camera& c) { return c.height; },
+          [](Camera& camera, int height) {
+            ChangeCamera(camera, [&](Camera& c) { c.height = height; });
+          },
+          "Pixels.")
       .def_property(
           "params",
           [](const Camera& c) {
             return Eigen::VectorXd(
                 Eigen::VectorXd::Map(c.params.data(), static_cast<Eigen::Index>(c.params.size())));
           },
-          [](Camera& c, std::vector<double> params) {
-            Camera changed = c;
-            changed.params = std::move(params);
-            CheckCamera(changed);
-            c = std::move(changed);
+          [](Camera& camera, const std::vector<double>& params) {
+            ChangeCamera(camera, [&](Camera& c) { c.params = params; });
           },
           "In COLMAP's order. A copy: assign all of them.")
       .def_readwrite("has_prior_focal_length", &Camera::has_prior_focal_length,
                      "The focal length is known, not guessed.")
-      .def_property("focal_length", &Camera::MeanFocal, &Camera::SetMeanFocal,
-                    "Pixels; the mean of both.")
+      .def_property(
+          "focal_length", &Camera::MeanFocal,
+          [](Camera& camera, double focal_px) {
+            ChangeCamera(camera, [&](Camera& c) { c.SetMeanFocal(focal_px); });
+          },
+          "Pixels; the mean of both.")
       .def_property_readonly("focal_length_x", &Camera::FocalX)
       .def_property_readonly("focal_length_y", &Camera::FocalY)
       .def_property_readonly("principal_point", &Camera::PrincipalPoint)

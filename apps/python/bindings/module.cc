@@ -1,5 +1,6 @@
 #include "bindings.h"
 #include "cairn/base/error.h"
+#include "run.h"
 
 namespace cairn::python {
 
@@ -30,4 +31,5 @@ PYBIND11_MODULE(_cairn, m) {
   BindAdjustment(m);
   BindViewGraph(m);
   BindPipeline(m);
+  StopCallsAtExit();
 }

@@ -6,6 +6,7 @@
 #include "cairn/base/error.h"
 #include "cairn/two_view/verify_pair.h"
 #include "options.h"
+#include "run.h"
 
 namespace cairn::python {
 namespace {
@@ -47,7 +48,7 @@ PairReport Verify(const Camera& camera1, const Array<double>& points1, const Cam
   const VerifyPairOptions verify_options{.verifier = VerifierKindFromName(verifier),
                                          .verification = ToOptions<TwoViewOptions>(options),
                                          .are_best_first = are_best_first};
-  const py::gil_scoped_release release;
+  const Unlocked unlocked;
   return VerifyPair(side1.Matched(), side2.Matched(), verify_options, {.seed = seed});
 }
 
@@ -107,7 +108,9 @@ void BindPairs(py::module_& m) {
 Row i of the arrays of both images belongs to match i: points (n, 2) in pixels; frames (n, 2, 2),
 affine shapes whose columns are axes in pixels; depths (n, 3), z-depth in the image's own unit and
 its gradient per pixel, NaN where there is none. Frames and depths may be left out: with both, one
-match gives a hypothesis; depth alone takes three, neither five.)");
+match gives a hypothesis; depth alone takes three, neither five. Unless
+has_prior_focal_length of both cameras is True, a pair is 'uncalibrated' in place of 'calibrated':
+the pose is of focal lengths that are guesses.)");
 }
 
 }  // namespace cairn::python

@@ -16,6 +16,7 @@
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "cairn/io/ply.h"
+#include "run.h"
 
 namespace cairn::python {
 namespace {
@@ -40,6 +41,12 @@ void BindMap(py::module_& m, const char* name) {
       .def("__contains__", [](const Map& map, Key key) { return map.contains(key); })
       .def("__contains__", [](const Map&, const py::object&) { return false; })
       .def("__getitem__", find, py::arg("id"), kInside)
+      .def(
+          "get",
+          [](const py::object& self, const py::object& key, const py::object& other) {
+            return self.contains(key) ? py::object(self[key]) : other;
+          },
+          py::arg("id"), py::arg("default") = py::none())
       .def("__iter__", keys, py::keep_alive<0, 1>())
       .def("keys", keys, py::keep_alive<0, 1>())
       .def(
@@ -71,8 +78,11 @@ py::array KeypointsOf(const py::object& self) {
                              reinterpret_cast<double*>(points.data()), self);
 }
 
+// A copy that cannot be written to, lest it be taken for a view.
 py::array Point3DIdsOf(const RegisteredImage& image) {
-  return MoveToArray<point3D_t, 1>(image.point3D_ids);
+  py::array ids = MoveToArray<point3D_t, 1>(image.point3D_ids);
+  ids.attr("setflags")(py::arg("write") = false);
+  return ids;
 }
 
 RegisteredImage MakeImage(const std::string& name, const Rigid3d& cam_from_world,
@@ -106,6 +116,10 @@ void BindImage(py::module_& m) {
                              "(n,) ids of points; INVALID_POINT3D_ID: none.");
 }
 
+void CheckFinite(const Eigen::Vector3d& xyz) {
+  if (!xyz.allFinite()) throw ConfigError("xyz", "is not finite");
+}
+
 void BindPoint(py::module_& m) {
   py::class_<TrackElement>(m, "TrackElement", "One keypoint of one image.")
       .def(py::init([](image_t image_id, point2D_t index) {
@@ -121,31 +135,41 @@ void BindPoint(py::module_& m) {
       .def_readonly("elements", &TrackView::elements)
       .def("length", [](const TrackView& track) { return track.elements.size(); });
   py::class_<Point3D>(m, "Point3D", "A point of the scene.")
-      .def_readwrite("xyz", &Point3D::xyz)
+      .def_property(
+          "xyz", [](const Point3D& point) -> const Eigen::Vector3d& { return point.xyz; },
+          [](Point3D& point, const Eigen::Vector3d& xyz) {
+            CheckFinite(xyz);
+            point.xyz = xyz;
+          })
       .def_readwrite("color", &Point3D::color, "RGB, from 0 to 255.")
       .def_readonly("error", &Point3D::error_px,
                     "Mean reprojection error, pixels; -1: not computed.")
       .def_property_readonly("track", [](const Point3D& point) { return TrackView{point.track}; });
 }
 
-void AddCamera(Reconstruction& model, const Camera& camera) {
-  if (!model.cameras.try_emplace(camera.camera_id, camera).second) {
-    throw ConfigError("camera_id", std::to_string(camera.camera_id) + " is there already");
-  }
+// Gives an unset id the next of the map. Throws ConfigError for one that is there.
+template <class Map>
+void GiveId(const Map& map, const std::string& name, uint32_t& id) {
+  static_assert(kInvalidCameraId == kInvalidImageId);
+  if (id == kInvalidImageId) id = map.empty() ? 1 : map.rbegin()->first + 1;
+  if (map.contains(id)) throw ConfigError(name, std::to_string(id) + " is there already");
 }
 
-void AddImage(Reconstruction& model, const RegisteredImage& image) {
-  if (!model.cameras.contains(image.image.camera_id)) {
-    throw ConfigError("camera_id", "there is no camera " + std::to_string(image.image.camera_id));
-  }
-  if (!model.images.try_emplace(image.image.image_id, image).second) {
-    throw ConfigError("image_id", std::to_string(image.image.image_id) + " is there already");
-  }
+camera_t AddCamera(Reconstruction& model, Camera camera) {
+  GiveId(model.cameras, "camera_id", camera.camera_id);
+  return model.cameras.emplace(camera.camera_id, camera).first->first;
+}
+
+image_t AddImage(Reconstruction& model, RegisteredImage image) {
+  CheckIsThere("camera_id", "camera", image.image.camera_id, model.cameras);
+  GiveId(model.images, "image_id", image.image.image_id);
+  return model.images.emplace(image.image.image_id, image).first->first;
 }
 
 point3D_t AddPoint(Reconstruction& model, const Eigen::Vector3d& xyz,
                    const std::vector<std::pair<image_t, point2D_t>>& track,
                    const std::array<uint8_t, 3>& color) {
+  CheckFinite(xyz);
   Point3D point;
   point.xyz = xyz;
   point.color = color;
@@ -173,6 +197,11 @@ std::string SummaryOf(const Reconstruction& model) {
   return text.str();
 }
 
+double MeanError(const Reconstruction& model, int num_threads) {
+  CheckNumThreads(num_threads);
+  return model.MeanReprojectionErrorPx(num_threads);
+}
+
 py::array PointPositions(const Reconstruction& model) {
   return StackMatrices(model.points3D, [](const auto& entry) { return entry.second.xyz; });
 }
@@ -193,8 +222,10 @@ void BindModel(py::module_& m) {
       .def_readonly("cameras", &Reconstruction::cameras, kInside)
       .def_readonly("images", &Reconstruction::images, kInside)
       .def_readonly("points3D", &Reconstruction::points3D, kInside)
-      .def("add_camera", &AddCamera, py::arg("camera"))
-      .def("add_image", &AddImage, py::arg("image"))
+      .def("add_camera", &AddCamera, py::arg("camera"),
+           "One without an id gets the next. Returns the id.")
+      .def("add_image", &AddImage, py::arg("image"),
+           "One without an id gets the next. Returns the id.")
       .def("add_point3D", &AddPoint, py::arg("xyz"), py::arg("track"),
            py::arg("color") = std::array<uint8_t, 3>{0, 0, 0},
            "`track`: pairs of an image id and a keypoint's index. Returns the id.")
@@ -204,8 +235,7 @@ void BindModel(py::module_& m) {
       .def("num_points3D", [](const Reconstruction& r) { return r.points3D.size(); })
       .def("compute_num_observations", &Reconstruction::NumObservations)
       .def("compute_mean_track_length", &Reconstruction::MeanTrackLength)
-      .def("compute_mean_reprojection_error", &Reconstruction::MeanReprojectionErrorPx,
-           py::arg("num_threads") = 1, "Pixels.")
+      .def("compute_mean_reprojection_error", &MeanError, py::arg("num_threads") = 1, "Pixels.")
       .def(
           "write",
           [](const Reconstruction& r, const path& folder) { WriteColmapModel(r, folder.string()); },
@@ -220,6 +250,10 @@ void BindModel(py::module_& m) {
           "export_PLY",
           [](const Reconstruction& r, const path& file) { WritePly(r, file.string()); },
           py::arg("path"), "Points and cameras.")
+      .def("__copy__", [](const Reconstruction& r) { return r; })
+      .def(
+          "__deepcopy__", [](const Reconstruction& r, const py::dict&) { return r; },
+          py::arg("memo"))
       .def("__repr__", &SummaryOf);
 }
 
@@ -237,7 +271,7 @@ PosedCameras PosesOf(const std::string& name, const py::object& model) {
 PoseEvaluation Evaluate(const py::object& model, const py::object& reference) {
   const PosedCameras estimate = PosesOf("model", model);
   const PosedCameras truth = PosesOf("reference", reference);
-  const py::gil_scoped_release release;
+  const Unlocked unlocked;
   return EvaluatePoses(estimate, truth);
 }
 

@@ -5,15 +5,37 @@
 #include <exception>
 #include <future>
 #include <mutex>
+#include <stdexcept>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
+
+#include "common/run_flags.h"
 
 namespace cairn::python {
 namespace {
 
 // How often Python is asked for signals: far less than a person notices.
 constexpr std::chrono::milliseconds kPollInterval(50);
+
+// Of all threads; guarded by the interpreter's lock.
+struct LongCalls {
+  int num_running = 0;
+  bool must_stop = false;  // the interpreter ends
+};
+LongCalls& Calls() {
+  static LongCalls calls;
+  return calls;
+}
+
+void StopCalls() {
+  Calls().must_stop = true;
+  while (Calls().num_running > 0) {
+    const py::gil_scoped_release release;
+    std::this_thread::sleep_for(kPollInterval);
+  }
+}
 
 // A message may name a file whose name is no text.
 py::str ToText(const std::string& bytes) {
@@ -77,8 +99,26 @@ class Mailbox : public ProgressMonitor {
 
 }  // namespace
 
+void CheckNumThreads(int num_threads) { ValidateOptions(RunFlags{.num_threads = num_threads}, ""); }
+
+LongCall::LongCall() {
+  if (Calls().must_stop) throw std::runtime_error("the interpreter is ending");
+  ++Calls().num_running;
+}
+
+LongCall::~LongCall() { --Calls().num_running; }
+
+void StopCallsAtExit() {
+  py::module_::import("atexit").attr("register")(py::cpp_function(&StopCalls));
+  // A fork has none of the other threads.
+  py::module_::import("os").attr("register_at_fork")(
+      py::arg("after_in_child") = py::cpp_function([] { Calls().num_running = 0; }));
+}
+
 void RunInterruptibly(const RunArguments& arguments,
                       const std::function<void(const RunContext& context)>& work) {
+  CheckNumThreads(arguments.num_threads);
+  const LongCall call;
   Mailbox mailbox;
   const RunContext context{arguments.seed, arguments.num_threads, mailbox};
   std::future<void> result = std::async(std::launch::async, [&] { work(context); });
@@ -88,6 +128,7 @@ void RunInterruptibly(const RunArguments& arguments,
       const py::gil_scoped_release release;
       is_done = result.wait_for(kPollInterval) == std::future_status::ready;
     }
+    if (Calls().must_stop) mailbox.Stop();
     try {
       if (!raised) mailbox.Deliver(arguments.progress);
       if (PyErr_CheckSignals() != 0) throw py::error_already_set();

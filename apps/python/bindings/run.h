@@ -19,6 +19,28 @@ struct RunArguments {
   py::object progress;  // None, or called as progress(stage, num_done, num_total)
 };
 
+// Throws ConfigError unless the programs take so many threads.
+void CheckNumThreads(int num_threads);
+
+// A call that leaves the interpreter's lock for a while. The end of the interpreter waits for it,
+// since a thread that takes the lock after that is ended amid its work. Made and destroyed with the
+// lock; raises RuntimeError where the end has begun.
+class LongCall {
+ public:
+  LongCall();
+  ~LongCall();
+  LongCall(const LongCall&) = delete;
+};
+
+// A block without the interpreter's lock.
+class Unlocked {
+  const LongCall call_;
+  const py::gil_scoped_release release_;
+};
+
+// Makes the end of the interpreter stop long calls and wait for them.
+void StopCallsAtExit();
+
 // Runs work(context) on a thread of its own, without the interpreter's lock. The calling thread
 // delivers progress, passes messages on to logging.getLogger("cairn"), and lets Python handle
 // signals. Where one of these raises (KeyboardInterrupt), the work is told to stop, and the

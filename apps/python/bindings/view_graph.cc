@@ -20,7 +20,7 @@ namespace {
 ViewGraph Build(std::vector<image_t> image_ids, std::vector<ViewEdge> edges,
                 const py::object& options) {
   const auto settings = ToOptions<ViewGraphBuilderOptions>(options);
-  const py::gil_scoped_release release;
+  const Unlocked unlocked;
   return BuildViewGraph(std::move(image_ids), std::move(edges), settings).graph;
 }
 

@@ -48,8 +48,11 @@ class Database {
   std::vector<Camera> ReadCameras() const;
   std::vector<UnknownCamera> ReadUnknownCameras() const;
   std::vector<Image> ReadImages() const;
+  bool HasImage(image_t image_id) const;
   void WriteCamera(const Camera& camera);  // camera_id must be set; replaces
-  void WriteImage(const Image& image);     // image_id must be set; replaces
+  // Replaces. Throws IoError for ids and names that cannot be used, a name that another image has,
+  // and a camera that is not there.
+  void WriteImage(const Image& image);
   // Removes the image with its features, and its camera if no other image has it.
   void DeleteImage(image_t image_id);
   // Removes what was made from images: features, depth, pairs. The images and their cameras stay.
@@ -59,7 +62,8 @@ class Database {
   // Removes cameras that no image has.
   void DeleteUnusedCameras();
 
-  // Features. A missing row is nullopt; rows with 2, 4 or 6 columns become affine frames.
+  // Features, of images that are there. A missing row is nullopt; rows with 2, 4 or 6 columns
+  // become affine frames. Descriptors have 128 columns.
   std::optional<std::vector<Keypoint>> ReadKeypoints(image_t image_id) const;
   std::optional<Descriptors> ReadDescriptors(image_t image_id) const;
   // Empty unless they were written with these descriptors: another program may have replaced those.
@@ -70,7 +74,8 @@ class Database {
   void WriteDescriptors(image_t image_id, const Descriptors& descriptors,
                         const Polarities& polarities = {});
   void WriteDepthSamples(image_t image_id, const std::vector<DepthSample>& samples);
-  // Number of rows of every image that has the row, without reading the data.
+  // Number of rows of an image, or of every image that has the row, without reading the data.
+  std::optional<int> ReadNumKeypoints(image_t image_id) const;
   std::map<image_t, int> ReadNumKeypoints() const;
   std::map<image_t, int> ReadNumDescriptors() const;
   std::map<image_t, int> ReadNumDepthSamples() const;
@@ -86,8 +91,8 @@ class Database {
   // Number of (inlier) matches of every pair that has the row, 0 included, ascending by pair.
   std::vector<std::pair<image_pair_t, int>> ReadNumMatches() const;
   std::vector<std::pair<image_pair_t, int>> ReadNumInliers() const;
-  // Pairs that build_view_graph matched, or chose to match, and did not try to verify.
-  int64_t CountPairsToVerify() const;
+  // Pairs that build_view_graph matched, or chose to match, and did not try to verify; ascending.
+  std::vector<image_pair_t> ReadPairsToVerify() const;
 
   // Why pairs were chosen; ascending by pair. A pair keeps the reason that it had first.
   std::vector<PairChoiceRecord> ReadPairChoices() const;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cairn/depth/options.h"
+#include "cairn/image/bitmap.h"
 
 namespace cairn {
 
@@ -21,6 +22,10 @@ struct DepthMap {
 
   int NumValid() const;
 };
+
+// Why a map of this size cannot be of an image of that size; "": it can. Maps may be smaller, or
+// stretched, but turned by a right angle they are of another image, or in the wrong order.
+std::string FaultOfMapSize(const ImageSize& map, const ImageSize& image);
 
 // Takes raw values (row-major, width * height) as options.kind and options.scale say. Values that
 // are not finite, depths that are not positive, and inverse depths of exactly 0 become missing.

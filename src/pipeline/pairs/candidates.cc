@@ -28,7 +28,7 @@ std::optional<ImageFeatures> ReadFeatures(const Database& database, image_t id,
     auto keypoints = database.ReadKeypoints(id);
     auto descriptors = database.ReadDescriptors(id);
     if (!keypoints || !descriptors) return std::nullopt;
-    if (std::ssize(*keypoints) != descriptors->rows() || descriptors->cols() != 128) {
+    if (std::ssize(*keypoints) != descriptors->rows()) {
       throw IoError(database.path(), "the keypoints and descriptors of image " +
                                          std::to_string(id) + " do not fit together");
     }

@@ -116,6 +116,7 @@ bool PairLoader::LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr
     const auto [id1, id2] = PairIdToImagePair(task.pair_id);
     stage_.Warn(std::string(error.what()) + "; the pair of " + Name(id1) + " and " + Name(id2) +
                 " is left out");
+    left_out_[task.pair_id] = error.reason();
   }
   busy_seconds_ += timer.Seconds();
   return is_wanted;

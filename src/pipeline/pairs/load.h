@@ -36,7 +36,9 @@ class PairLoader {
   // without images. Throws ConfigError if the pair was done from other inputs.
   bool LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image);
 
-  // To be read when the feed is at its end.
+  // To be read when the feed is at its end. Why pairs were left out, except for those of images
+  // that were.
+  const std::map<image_pair_t, std::string>& left_out() const { return left_out_; }
   double busy_seconds() const { return busy_seconds_; }
 
  private:
@@ -56,6 +58,7 @@ class PairLoader {
   std::map<camera_t, KnownIntrinsics> intrinsics_;
   bool reads_done_ = false;
   std::map<image_t, bool> is_damaged_;  // images that were looked at; reported once
+  std::map<image_pair_t, std::string> left_out_;
   double busy_seconds_ = 0;
 };
 

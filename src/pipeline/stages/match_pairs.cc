@@ -43,6 +43,7 @@ std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
                                               const std::map<image_t, std::string>& names,
                                               const Database& database, Stage& stage) {
   std::map<image_t, uint64_t> hashes;
+  std::vector<std::string> reasons;
   for (const image_t id : images) {
     try {
       if (const auto descriptors = database.ReadDescriptors(id)) {
@@ -52,7 +53,14 @@ std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
       stage.Warn(std::string(error.what()) + "; " +
                  (names.count(id) > 0 ? names.at(id) : "image " + std::to_string(id)) +
                  " is not matched");
+      reasons.push_back(error.reason());
     }
+  }
+  if (!reasons.empty()) {
+    const std::string photos = reasons.size() == 1 ? " photograph is" : " photographs are";
+    stage.Warn(ResultWarning{
+        std::to_string(reasons.size()) + photos + " not matched; for example, " + reasons.front(),
+        "write these descriptors again"});
   }
   return hashes;
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cmath>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -113,25 +112,6 @@ std::vector<DepthItem> FindWork(const Database& database, const std::string& ima
   return work;
 }
 
-// Throws IoError for a map that cannot be the image's. Maps may be smaller, or stretched, but
-// turned by a right angle they are of another image, or in the wrong order.
-void CheckShape(const DepthItem& item, const DepthMap& map) {
-  constexpr double kMaxStretch = 1.1;  // of networks whose sides are multiples of 32
-  const std::string text = SizeText({map.width, map.height});
-  if (std::min(map.width, map.height) < 2) {
-    throw IoError(item.path, "a map of " + text + " values has no gradient");
-  }
-  const double image_shape = static_cast<double>(item.size.width) / item.size.height;
-  const double map_shape = static_cast<double>(map.width) / map.height;
-  const auto is_like = [&](double shape) {
-    return std::abs(std::log(shape / image_shape)) < std::log(kMaxStretch);
-  };
-  if (!is_like(map_shape) && is_like(1 / map_shape)) {
-    throw IoError(item.path, "a map of " + text + " values for an image of " + SizeText(item.size) +
-                                 " pixels: it is transposed");
-  }
-}
-
 // Computes depth maps and samples them; the networks belong to a worker each.
 class DepthSampler {
  public:
@@ -146,7 +126,8 @@ class DepthSampler {
     if (!item.error.empty()) return {};
     try {
       const DepthMap map = Map(worker, item.path);
-      CheckShape(item, map);
+      const std::string fault = FaultOfMapSize({map.width, map.height}, item.size);
+      if (!fault.empty()) throw IoError(item.path, fault);
       return SampleDepth(map, item.size.width, item.size.height, keypoints, options_.Windows());
     } catch (const IoError& error) {
       item.error = error.reason();

@@ -119,6 +119,15 @@ class Rounds {
     stage_.Add("writing_seconds", writing_seconds_);
   }
 
+  void WarnOfLeftOut() const {
+    const auto& left_out = loader_.left_out();
+    if (left_out.empty()) return;
+    const std::string pairs = left_out.size() == 1 ? " pair is" : " pairs are";
+    stage_.Warn(ResultWarning{std::to_string(left_out.size()) + pairs + " left out; for example, " +
+                                  left_out.begin()->second,
+                              "write these matches again, for the keypoints that are there"});
+  }
+
  private:
   // What was found last of a pair.
   struct Finding {
@@ -260,6 +269,7 @@ StageReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& ve
     run.monitor.EndStage();
   }
   rounds.AddValues();
+  rounds.WarnOfLeftOut();
   return EndStage(stage, run, ledger, database);
 }
 

@@ -66,8 +66,32 @@ TEST_F(DatabaseFailureTest, BlobsOfAWrongSizeAreNamed) {
   RunSql(Path(), "UPDATE keypoints SET rows = -1");
   EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadKeypoints(3); }),
               HasSubstr("keypoints of image 3"));
+  RunSql(Path(), "UPDATE descriptors SET rows = 10, cols = 64, data = zeroblob(640)");
+  EXPECT_EQ(ThrownMessage<IoError>([&] { database.ReadDescriptors(3); }),
+            Path() + ": descriptors of image 3: 64 columns instead of 128");
   RunSql(Path(), "UPDATE keypoints SET rows = 10, cols = 3");
   EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadKeypoints(3); }), HasSubstr("3 columns"));
+}
+
+TEST_F(DatabaseFailureTest, RowsThatCannotBeWrittenAreNamed) {
+  Database database(":memory:");
+  WriteImages(database, 2);
+  const auto message = [&](const Image& image) {
+    return ThrownMessage<IoError>([&] { database.WriteImage(image); });
+  };
+  EXPECT_EQ(message({3, "image1.jpg", 1}), ":memory:: image 3: image 1 has its name, 'image1.jpg'");
+  EXPECT_EQ(message({3, "c.jpg", 7}), ":memory:: image 3: there is no camera 7");
+  EXPECT_EQ(message({3, "", 1}), ":memory:: image 3: the name is empty");
+  EXPECT_EQ(message({3, "a\nb", 1}), ":memory:: image 3: the name has a line break or a zero byte");
+  EXPECT_EQ(message({kInvalidImageId, "c.jpg", 1}),
+            ":memory:: image 4294967295: the id is out of range");
+  EXPECT_FALSE(database.HasImage(3));
+  EXPECT_EQ(ThrownMessage<IoError>([&] { database.WriteKeypoints(3, {}); }),
+            ":memory:: keypoints of image 3: there is no such image");
+  EXPECT_EQ(ThrownMessage<IoError>([&] { database.WriteDescriptors(3, {}); }),
+            ":memory:: descriptors of image 3: there is no such image");
+  EXPECT_EQ(ThrownMessage<IoError>([&] { database.WriteDepthSamples(3, {}); }),
+            ":memory:: cairn_depth_scales of image 3: there is no such image");
 }
 
 TEST_F(DatabaseFailureTest, PolaritiesThatAreNotZeroOrOneADescriptorAreNamed) {

@@ -91,6 +91,8 @@ TEST_F(DatabaseTest, FeaturesRoundTrip) {
   EXPECT_TRUE(database.ReadKeypoints(2)->empty());
   EXPECT_EQ(database.ReadDescriptors(2)->rows(), 0);
   EXPECT_EQ(database.ReadNumKeypoints(), (std::map<image_t, int>{{1, 50}, {2, 0}}));
+  EXPECT_EQ(database.ReadNumKeypoints(1), 50);
+  EXPECT_EQ(database.ReadNumKeypoints(3), std::nullopt);
   EXPECT_EQ(database.ReadNumDescriptors(), (std::map<image_t, int>{{1, 50}, {2, 0}}));
   EXPECT_EQ(database.ReadNumDepthSamples(), (std::map<image_t, int>{{1, 50}}));
 }

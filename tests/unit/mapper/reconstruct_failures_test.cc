@@ -58,6 +58,14 @@ TEST(Reconstruct, PairsThatWaitForVerificationAreAWarning) {
   database.DeletePairResults(ImagePairToPairId(1, 5));
   database.WriteMatches(ImagePairToPairId(1, 5), {{0, 0}});
   database.WriteJob(kStageFeatures, {1, 0, ""});
+  // Three that nothing can verify: of an image without keypoints, of one with some that are not
+  // finite, and with matches of others than are there.
+  database.WriteImage({97, "none.jpg", 1});
+  database.WriteImage({98, "damaged.jpg", 1});
+  database.WriteKeypoints(98, {{std::numeric_limits<float>::quiet_NaN(), 0}});
+  for (const image_t id : {97, 98}) database.WriteMatches(ImagePairToPairId(1, id), {{0, 0}});
+  database.DeletePairResults(ImagePairToPairId(1, 6));
+  database.WriteMatches(ImagePairToPairId(1, 6), {{1U << 30, 0}});
   const std::vector<ResultWarning> warnings = Reconstruct(database).report.warnings;
   ASSERT_EQ(warnings.size(), 1u);
   EXPECT_THAT(warnings[0].what, HasSubstr("2 pairs"));

@@ -406,7 +406,8 @@ TEST_F(StagesTest, DamagedRowsAreNamedAndTheRestGoesOn) {
   EXPECT_THAT(monitor.warnings(), ElementsAre(AllOf(HasSubstr("keypoints of image 2: 1 x 6 values"),
                                                     HasSubstr("; photo1.png has no depth")),
                                               AllOf(HasSubstr("descriptors of image 2: 1 x 128"),
-                                                    HasSubstr("; photo1.png is not matched"))));
+                                                    HasSubstr("; photo1.png is not matched")),
+                                              HasSubstr("1 photograph is not matched; for")));
   EXPECT_EQ(database_.ReadNumDepthSamples().size(), 3u);
   EXPECT_EQ(database_.ReadNumMatches().size(), 3u);
 }

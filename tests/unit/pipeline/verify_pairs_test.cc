@@ -318,7 +318,10 @@ TEST_F(PairSchedulerTest, DamagedRowsAreNamedAndTheRestGoesOn) {
                   HasSubstr("40 keypoints of image9, but 5 depth samples; its depth is not used"),
                   AllOf(HasSubstr("(images 10, 11): 1 x 2 values"),
                         HasSubstr("the pair of image10 and image11 is left out")),
-                  HasSubstr("matches of image11 and image12 refer to keypoints")));
+                  HasSubstr("matches of image11 and image12 refer to keypoints"),
+                  AllOf(HasSubstr("2 pairs are left out; for example, matches of pair"),
+                        HasSubstr("(images 10, 11): 1 x 2 values"))));
+  EXPECT_EQ(report.warnings.size(), 1u);
   // All pairs of image 8 that are tried, and two others.
   const int num_left_out = 10 + 2;
   EXPECT_EQ(report.Value("pairs"), kNumPairs - num_left_out);
