@@ -5,6 +5,16 @@
 namespace cairn {
 namespace {
 
+// Have other programs stored what their pairs see, and no geometry of them?
+bool HasNoGeometries(const SceneData& scene) {
+  return !scene.foreign.empty() && std::ranges::all_of(scene.foreign, [](const auto& entry) {
+    const TwoViewGeometry& geometry = entry.second;
+    const bool is_of_two_views = geometry.config == TwoViewConfig::kCalibrated ||
+                                 geometry.config == TwoViewConfig::kUncalibrated;
+    return is_of_two_views && !geometry.cam2_from_cam1 && !geometry.E && !geometry.F && !geometry.H;
+  });
+}
+
 // What to try where the most frequent reason took all pairs out.
 std::string AdviceFor(const SceneData& scene, const std::map<EdgeRemoval, int>& num_removed) {
   const auto most =
@@ -12,6 +22,10 @@ std::string AdviceFor(const SceneData& scene, const std::map<EdgeRemoval, int>& 
                        [](const auto& a, const auto& b) { return a.second < b.second; });
   switch (most == num_removed.end() ? EdgeRemoval::kNone : most->first) {
     case EdgeRemoval::kNoPose:
+      if (HasNoGeometries(scene)) {
+        return "the database has no geometries of its pairs, as COLMAP's of 2017: find them by "
+               "build_view_graph --database_path ... --recompute verification";
+      }
       if (scene.still_parts) return scene.still_parts->what + " " + scene.still_parts->advice;
       return "the camera seems to have turned without moving, or only a plane is seen: add photos "
              "from other places";

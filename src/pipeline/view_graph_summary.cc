@@ -29,11 +29,11 @@ void CountComponents(const std::vector<std::pair<image_pair_t, int>>& pairs,
   }
 }
 
-// What depth brought, or that there was none.
+// What depth brought, or that there is none.
 std::string DepthText(const ViewGraphSummary& s) {
   if (s.num_tried == 0) return "";
   if (s.num_images_with_depth == 0) {
-    return "depth     none was given, so that no pair was decided by 1AC+D (--depth_path, "
+    return "depth     no photograph has any, so that no pair was decided by 1AC+D (--depth_path, "
            "--depth_model)\n";
   }
   std::string text = "decided  ";

@@ -67,7 +67,9 @@ void FindFile(const std::string& image_path, const DepthSource& source, DepthIte
   try {
     if (!source.depth_path.empty()) {
       item.path = FindDepthMap(source.depth_path, item.image.name).value_or("");
-      if (item.path.empty()) item.error = "no depth map";
+      if (item.path.empty()) {
+        item.error = "no depth map in " + source.depth_path + " (" + item.image.name + ".npy, ...)";
+      }
     } else {
       item.path = PathInFolder(image_path, item.image.name);
       if (fs::exists(item.path)) return;
@@ -130,7 +132,7 @@ class DepthSampler {
       if (!fault.empty()) throw IoError(item.path, fault);
       return SampleDepth(map, item.size.width, item.size.height, keypoints, options_.Windows());
     } catch (const IoError& error) {
-      item.error = error.reason();
+      item.error = error.what();
       return {};
     }
   }
@@ -183,6 +185,22 @@ void AddCounts(const Database& database, size_t num_computed, Stage& stage) {
   stage.Add("computed", num_computed);
 }
 
+// Returns the number of images that have no depth.
+size_t WarnOfFailures(const std::vector<DepthItem>& items, Stage& stage) {
+  std::vector<std::string> failures;
+  for (const DepthItem& item : items) {
+    if (item.error.empty()) continue;
+    failures.push_back(item.image.name + ": " + item.error + "; it has no depth");
+  }
+  stage.WarnEach(failures);
+  if (!failures.empty()) {
+    stage.Warn(ResultWarning{std::to_string(failures.size()) + " of " +
+                                 std::to_string(items.size()) + " photos get no depth",
+                             ""});
+  }
+  return failures.size();
+}
+
 }  // namespace
 
 std::string DepthStageOptions(const DepthSource& source, const DepthOptions& options) {
@@ -207,13 +225,7 @@ StageReport SampleImageDepth(Database& database, const std::string& image_path,
     DepthSampler sampler(source, options, EffectiveNumThreads(run.num_threads));
     SampleItems(database, run, sampler, items);
   }
-  size_t num_failed = 0;
-  for (const DepthItem& item : items) {
-    if (item.error.empty()) continue;
-    stage.Warn(item.image.name + ": " + item.error + "; it has no depth");
-    ++num_failed;
-  }
-  AddCounts(database, items.size() - num_failed, stage);
+  AddCounts(database, items.size() - WarnOfFailures(items, stage), stage);
   return EndStage(stage, run, ledger, database);
 }
 

@@ -133,6 +133,17 @@ TEST(Reconstruct, SaysWhichStageFailedAndWhatToTry) {
     EXPECT_THAT(failure_of(database, {}),
                 AllOf(HasSubstr(" no_pose"), HasSubstr("turned without moving")));
   }
+  {
+    // COLMAP of 2017 stored matches alone.
+    Database database = MakeDatabase(scene);
+    for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+      const FeatureMatches matches = database.ReadTwoViewGeometry(pair_id)->inlier_matches;
+      database.WriteTwoViewGeometry(pair_id, {TwoViewConfig::kCalibrated, std::nullopt,
+                                              std::nullopt, std::nullopt, std::nullopt, matches});
+    }
+    EXPECT_THAT(failure_of(database, {}),
+                AllOf(HasSubstr(" no_pose"), HasSubstr("--recompute verification")));
+  }
 }
 
 TEST(ReasonToRefuse, KnowsCollapsedModels) {

@@ -85,7 +85,7 @@ TEST_F(BuildPipelineTest, TellsWhatDepthBrought) {
   without.inputs.depth_path = "";
   const BuildPipelineReport other = RunBuildPipeline(without);
   EXPECT_FALSE(other.summary.depth_gain);
-  EXPECT_THAT(SummaryText(other.summary, other.run), HasSubstr("depth     none was given"));
+  EXPECT_THAT(SummaryText(other.summary, other.run), HasSubstr("depth     no photograph has any"));
 }
 
 TEST_F(BuildPipelineTest, BothVerifiersRunOnEveryPair) {

@@ -245,7 +245,10 @@ TEST_F(StagesTest, AnImageWithoutADepthMapIsNamedOnceAndGetsItLater) {
   TestMonitor monitor;
   EXPECT_EQ(Depth(monitor).status, StageStatus::kWarning);
   EXPECT_THAT(monitor.warnings(),
-              ElementsAre(HasSubstr(Name(2) + ": "), Name(3) + ": no depth map; it has no depth"));
+              ElementsAre(HasSubstr(depth_ + "/" + Name(2) + ".npy: not a .npy file"),
+                          AllOf(HasSubstr(Name(3) + ": no depth map in " + depth_),
+                                HasSubstr("; it has no depth")),
+                          "2 of 4 photos get no depth"));
   EXPECT_EQ(database_.ReadNumDepthSamples().size(), 2u);
   TestMonitor again;
   Depth(again);
@@ -265,7 +268,8 @@ TEST_F(StagesTest, DepthMapsOfAnotherShapeAreRefused) {
   TestMonitor monitor;
   Depth(monitor);
   EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("it is transposed; it has no depth"),
-                                              HasSubstr("a map of 1 x 1 values has no gradient")));
+                                              HasSubstr("a map of 1 x 1 values has no gradient"),
+                                              "2 of 4 photos get no depth"));
   EXPECT_EQ(database_.ReadNumDepthSamples().size(), 2u);
 }
 
