@@ -33,7 +33,9 @@ std::string Names(const SceneData& scene, std::span<const image_t> images) {
 std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& built) {
   const Reconstruction& model = *built.model;
   const ModelEvidence& evidence = built.evidence;
-  const std::vector<MisplacedGroup> groups = FindGroupsOfOwnScale(context, built);
+  std::vector<MisplacedGroup> groups = FindGroupsOfOwnScale(context, built);
+  std::erase_if(groups,
+                [&](const auto& group) { return AreInPlace(context, built, group.images); });
   ModelStage stage(context, "judgement");
   const Symmetry symmetry = FindSymmetry(model, built.graph);
   stage.Add("explained_share", evidence.inside.Share());

@@ -221,6 +221,18 @@ class PlaceSearch {
   const Crossing& crossing_;
 };
 
+// Images that a verified pair joins with one of these.
+std::set<image_t> NeighborsOf(const std::set<image_t>& images, const Reconstruction& model,
+                              const ViewGraph& graph) {
+  std::set<image_t> neighbors;
+  for (const ViewEdge& edge : graph.edges) {
+    const bool has_first = images.count(edge.image_id1) > 0;
+    if (!IsWithin(edge, model) || has_first == (images.count(edge.image_id2) > 0)) continue;
+    neighbors.insert(has_first ? edge.image_id2 : edge.image_id1);
+  }
+  return neighbors;
+}
+
 }  // namespace
 
 Reconstruction PartOf(const Reconstruction& model, const std::set<image_t>& images,
@@ -260,6 +272,21 @@ PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Recon
   stage.Add("agreed_before", place.num_before);
   stage.Add("agree", place.num_agreeing);
   return place;
+}
+
+PartAndRest SplitOff(const BuiltModel& built, const std::set<image_t>& images) {
+  const auto is_of_part = [&](image_t id) { return images.count(id) > 0; };
+  const std::set<image_t> neighbors = NeighborsOf(images, *built.model, built.graph);
+  return {PartOf(*built.model, images, is_of_part),
+          PartOf(*built.model, neighbors, std::not_fn(is_of_part))};
+}
+
+bool AreInPlace(const StageContext& context, const BuiltModel& built,
+                const std::set<image_t>& images) {
+  const PartAndRest split = SplitOff(built, images);
+  const Crossing crossing = FindCrossing(context, built.graph, split.rest, split.part);
+  const PlaceSearch search(context, split.rest, split.part, crossing);
+  return 2 * search.NumAgreeing({}) > static_cast<int64_t>(search.NumSightings());
 }
 
 }  // namespace cairn

@@ -1,4 +1,3 @@
-#include <functional>
 #include <utility>
 
 #include "mapper/stages.h"
@@ -57,26 +56,11 @@ std::optional<BuiltModel> RegisterAnew(StageContext& context, const BuiltModel& 
   return RefineAnew(context, misplaced, built, std::move(other));
 }
 
-// Images that a verified pair joins with one of these.
-std::set<image_t> NeighborsOf(const std::set<image_t>& images, const Reconstruction& model,
-                              const ViewGraph& graph) {
-  std::set<image_t> neighbors;
-  for (const ViewEdge& edge : graph.edges) {
-    const bool has_first = images.count(edge.image_id1) > 0;
-    if (!IsWithin(edge, model) || has_first == (images.count(edge.image_id2) > 0)) continue;
-    neighbors.insert(has_first ? edge.image_id2 : edge.image_id1);
-  }
-  return neighbors;
-}
-
 // The model with a part placed as a whole; none where that explains no more.
 std::optional<BuiltModel> PlaceAnew(StageContext& context, const BuiltModel& built,
                                     const std::set<image_t>& part) {
-  const auto is_of_part = [&](image_t id) { return part.count(id) > 0; };
-  const Reconstruction rest =
-      PartOf(*built.model, NeighborsOf(part, *built.model, built.graph), std::not_fn(is_of_part));
-  const PlaceOfPart place =
-      PlacePart(context, built.graph, rest, PartOf(*built.model, part, is_of_part));
+  const PartAndRest split = SplitOff(built, part);
+  const PlaceOfPart place = PlacePart(context, built.graph, split.rest, split.part);
   if (place.num_agreeing <= place.num_before) return std::nullopt;
   BuiltModel other = built;
   for (const image_t id : part) {

@@ -399,6 +399,15 @@ struct PlaceOfPart {
 // of pairs.
 PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Reconstruction& rest,
                       const Reconstruction& part);
+// Images of a model, and those that pairs join with them.
+struct PartAndRest {
+  Reconstruction part, rest;
+};
+PartAndRest SplitOff(const BuiltModel& built, const std::set<image_t>& images);
+// Whether most points of these images and of the others that matches show in images of the other
+// agree with where the images are.
+bool AreInPlace(const StageContext& context, const BuiltModel& built,
+                const std::set<image_t>& images);
 
 // choose_intrinsics.cc
 // Gives cameras whose lens bends more than one parameter can tell a model of two, where the matches

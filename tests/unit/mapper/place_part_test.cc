@@ -116,6 +116,24 @@ TEST(GroupsOfOwnScale, APartThatSharesNoPointsIsOne) {
             1);
 }
 
+// The points of each are where the images of the other show them, though no point is of both.
+TEST(GroupsOfOwnScale, APartInItsPlaceIsNoWarning) {
+  TwoModels scene(1000);
+  scene.part.Transform(Inverse(kMoved));
+  scene.model.points3D.clear();
+  for (const Reconstruction* model : {&scene.rest, &scene.part}) {
+    for (const auto& [id, image] : model->images) {
+      scene.model.images[id] = image;
+      std::ranges::fill(scene.model.images[id].point3D_ids, kInvalidPoint3DId);
+    }
+  }
+  for (const Reconstruction* model : {&scene.rest, &scene.part}) {
+    for (const auto& [id, point] : model->points3D) scene.model.AddPoint3D(point);
+  }
+  EXPECT_EQ(FindGroupsOfOwnScale(scene.context, scene.Built()).size(), 1u);
+  EXPECT_EQ(NumWarnings(JudgeModel(scene.context, scene.Built()), "since few points join"), 0);
+}
+
 // As after bundle adjustment without a point in common: the part lies anywhere.
 TEST(ReplaceMisplaced, PlacesAPartAsAWhole) {
   TwoModels scene;
