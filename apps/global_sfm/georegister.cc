@@ -51,7 +51,7 @@ struct GeoregisterFlags {
 };
 
 void Describe(const Georegistration& found, ProgressMonitor& monitor) {
-  for (const std::string& line : DescribePoints(found)) monitor.Info(line);
+  for (const std::string& line : DescribeResiduals(found)) monitor.Info(line);
   for (const ResultWarning& warning : WarningsOf(found)) monitor.Warning(WarningText(warning));
   const std::string rows = std::to_string(std::ranges::count_if(
                                found.images, [](const auto& image) { return !image.is_wrong; })) +

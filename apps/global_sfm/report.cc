@@ -47,14 +47,26 @@ ViewGraph GraphOf(const Database& database) {
   return BuildViewGraph(image_ids, ReadViewEdges(database)).graph;
 }
 
+// Takes the flags that are not given from a run of reconstruct in the folder, if there is one.
+void CompleteFlags(const std::string& folder, Command& command, const ReportFlags& flags) {
+  const bool is_given = !flags.database_path.empty();
+  const std::string options = folder + "/effective.toml";
+  if (!folder.empty()) command.SetDefaults(ReadFile(options), options);
+  if (flags.database_path.empty()) {
+    throw ConfigError("--database_path",
+                      "is required for a model that reconstruct did not write: "
+                      "its pairs are in the database");
+  }
+  if (!is_given && !fs::exists(flags.database_path)) {
+    throw IoError(flags.database_path, "no such file, as reconstruct was called with (" + options +
+                                           "): give --database_path");
+  }
+}
+
 int Run(Command& command, ReportFlags& flags) {
   for (const char* key : {"model_path", "output_path"}) command.Require(key);
   const std::string folder = RunFolderOf(flags.model_path);
-  if (!folder.empty()) {
-    const std::string options = folder + "/effective.toml";
-    command.SetDefaults(ReadFile(options), options);
-  }
-  if (flags.database_path.empty()) command.Require("database_path");
+  CompleteFlags(folder, command, flags);
   ConsoleMonitor monitor;
   const Database database(flags.database_path, Database::Mode::kSnapshot);
   RunFolder run;

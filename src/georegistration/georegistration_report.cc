@@ -97,8 +97,15 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
   return warnings;
 }
 
-std::vector<std::string> DescribePoints(const Georegistration& georegistration) {
+std::vector<std::string> DescribeResiduals(const Georegistration& georegistration) {
   std::vector<std::string> lines;
+  for (const GeoregisteredImage& image : georegistration.images) {
+    if (!image.is_wrong) continue;
+    const Eigen::Vector3d off = -image.residual;
+    lines.push_back(image.name + Formatted(": %.2f m east, %.2f m north, %.2f m up of where the "
+                                           "others put it (wrong: not used)",
+                                           off.x(), off.y(), off.z()));
+  }
   for (const GeoregisteredPoint& point : georegistration.points) {
     lines.push_back("control point " + point.name +
                     Formatted(": %.3f m east, %.3f m north, %.3f m up, %.2f px, in %zu images%s",

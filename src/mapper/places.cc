@@ -49,7 +49,7 @@ void ReportPlace(const Georegistration& found, Stage& stage) {
                          std::ranges::count_if(found.points, &GeoregisteredPoint::is_wrong)));
   stage.Add("median_residual_m", found.median_residual_m);
   if (num_checks > 0) stage.Add("check_points_rms_m", std::sqrt(squared_m / num_checks));
-  for (const std::string& line : DescribePoints(found)) stage.Note(line);
+  stage.NoteEach(DescribeResiduals(found));
 }
 
 }  // namespace

@@ -162,5 +162,12 @@ TEST(Failure, UnknownFlagsAndKeysSuggestTheNearestName) {
             "options go after the command", "--help");
 }
 
+TEST(Failure, AReportSaysWhichDatabaseItNeeds) {
+  const SceneFiles scene;
+  ExpectEnd(RunProgram("global_sfm", {"report", "--model_path", SceneFiles::truth(),
+                                      "--output_path", scene / "report.html"}),
+            2, "--database_path", "pairs are in the database");
+}
+
 }  // namespace
 }  // namespace cairn

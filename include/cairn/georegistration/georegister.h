@@ -104,8 +104,8 @@ std::string GeoregistrationFailure(const Georegistration& georegistration);
 // What is doubtful about a model's place.
 std::vector<ResultWarning> WarningsOf(const Georegistration& georegistration);
 
-// A line a control point: its residuals, in meters and pixels.
-std::vector<std::string> DescribePoints(const Georegistration& georegistration);
+// A line a wrong position of an image, and a line a control point: residuals, in meters and pixels.
+std::vector<std::string> DescribeResiduals(const Georegistration& georegistration);
 
 // As JSON: frame, similarity, and each image's and control point's position and residual.
 std::string GeoregistrationToJson(const Georegistration& georegistration);

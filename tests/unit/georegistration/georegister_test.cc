@@ -248,7 +248,7 @@ TEST_F(ControlPointsTest, ExactPointsGiveTheExactFrameAndChecksOfZero) {
   }
   const auto json = nlohmann::json::parse(GeoregistrationToJson(found));
   EXPECT_EQ(json["control_points"][1]["is_check"], true);
-  EXPECT_THAT(DescribePoints(found)[1], ::testing::HasSubstr("(check)"));
+  EXPECT_THAT(DescribeResiduals(found)[1], ::testing::HasSubstr("(check)"));
 }
 
 TEST_F(ControlPointsTest, AWrongPointIsFoundAndACheckShowsItsError) {
