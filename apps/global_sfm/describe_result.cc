@@ -47,18 +47,10 @@ std::string PhotosText(const ReconstructResult& result) {
                      left_out.empty() ? "" : "; left out: ", Few(left_out, 3, ", "));
 }
 
-// How much of their matches the models explain (the last judgements are theirs), and how well the
-// points determine the poses of the largest.
+// How much of their matches the models explain, and how well the points determine the poses of the
+// largest.
 std::string ConfidenceText(const ReconstructResult& result, const RunContext& run) {
-  std::vector<double> shares;
-  for (const StageReport& stage : result.report.stages) {
-    if (stage.name != "judgement") continue;
-    for (const auto& [key, value] : stage.values) {
-      if (key == "explained_share") shares.push_back(value);
-    }
-  }
-  if (shares.size() > result.models.size())
-    shares.erase(shares.begin(), shares.end() - static_cast<std::ptrdiff_t>(result.models.size()));
+  const std::vector<double>& shares = result.explained_shares;
   std::vector<double> sigmas_deg;
   for (const auto& [id, confidence] : EstimatePoseConfidence(result.models.front(), run)) {
     sigmas_deg.push_back(confidence.rotation_sigma_deg);

@@ -102,11 +102,6 @@ void RemoveFile(const fs::path& folder, const std::string& name) {
 
 }  // namespace
 
-bool HoldsResults(const std::string& folder) {
-  std::error_code ignored;
-  return fs::exists(fs::path(folder) / kFiles, ignored);
-}
-
 OutputFolder::OutputFolder(const std::string& path, const std::string& writer,
                            const std::vector<std::string>& names, bool overwrites)
     : path_(path),

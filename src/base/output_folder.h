@@ -6,9 +6,6 @@
 
 namespace cairn {
 
-// Does a folder hold results of a command of cairn?
-bool HoldsResults(const std::string& folder);
-
 // The results of one run in a folder that may hold other things, too. Files are written to a
 // folder beside their places, and appear there together at Commit(): once all are on the disk, one
 // rename decides that they are the results, and what is interrupted after it is finished by the

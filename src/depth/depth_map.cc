@@ -66,15 +66,11 @@ void WriteDepthMap(const std::string& path, const DepthMap& map) {
 }
 
 std::optional<std::string> FindDepthMap(const std::string& folder, const std::string& image_name) {
-  const std::string stem = std::filesystem::path(image_name).replace_extension().string();
-  for (const std::string& name : {image_name, stem}) {
-    for (const char* extension :
-         {".npy", ".pfm", ".png", ".bin", ".geometric.bin", ".photometric.bin"}) {
-      if (name + extension == image_name) continue;  // the photograph itself
-      const std::string path = PathInFolder(folder, name + extension);
-      std::error_code error;
-      if (std::filesystem::exists(path, error)) return path;
-    }
+  for (const char* extension :
+       {".npy", ".pfm", ".png", ".bin", ".geometric.bin", ".photometric.bin"}) {
+    const std::string path = PathInFolder(folder, image_name + extension);
+    std::error_code error;
+    if (std::filesystem::exists(path, error)) return path;
   }
   return std::nullopt;
 }

@@ -30,7 +30,7 @@ double NumSubsets(int n, int m) {
   return num;
 }
 
-// A set of wrong rows, as bits, and the weighted squares that the others leave.
+// A set of wrong rows, as bits, and the squares that the others leave.
 struct WrongSet {
   uint32_t rows = 0;
   double squares = 0;
@@ -41,16 +41,15 @@ struct WrongSet {
 class FewRows {
  public:
   FewRows(const std::vector<Eigen::Vector3d>& src, const std::vector<Eigen::Vector3d>& dst,
-          const std::vector<double>& sigmas, double min_sigma)
-      : src_(src), dst_(dst), n_(static_cast<int>(src.size())) {
-    const double largest = *std::ranges::max_element(sigmas);
-    for (const double sigma : sigmas) weights_.push_back(largest * largest / (sigma * sigma));
-    min_variance_ = min_sigma * min_sigma;
-  }
+          double min_sigma)
+      : src_(src),
+        dst_(dst),
+        n_(static_cast<int>(src.size())),
+        min_variance_(min_sigma * min_sigma) {}
 
   WrongSet FindWrong() const {
     WrongSet wrong{0, SquaresWithout(0).value_or(0)};
-    for (int m = 1; Freedom(m) > 0; ++m) {
+    for (int m = 1; Freedom(m) > 0 && 2 * m < n_; ++m) {
       const std::optional<WrongSet> best = BestOfSize(m);
       if (best && IsBeyondChance(wrong, *best) && IsFarOut(*best)) wrong = *best;
     }
@@ -62,19 +61,15 @@ class FewRows {
 
   std::optional<Sim3d> FitWithout(uint32_t wrong) const {
     std::vector<Eigen::Vector3d> src, dst;
-    std::vector<double> weights;
     for (int i = 0; i < n_; ++i) {
       if (IsIn(wrong, i)) continue;
       src.push_back(src_[i]);
       dst.push_back(dst_[i]);
-      weights.push_back(weights_[i]);
     }
-    return AlignSimilarity(src, dst, weights);
+    return AlignSimilarity(src, dst);
   }
 
-  double Square(const Sim3d& fit, int i) const {
-    return weights_[i] * (fit * src_[i] - dst_[i]).squaredNorm();
-  }
+  double Square(const Sim3d& fit, int i) const { return (fit * src_[i] - dst_[i]).squaredNorm(); }
 
   std::optional<double> SquaresWithout(uint32_t wrong) const {
     const std::optional<Sim3d> fit = FitWithout(wrong);
@@ -117,18 +112,18 @@ class FewRows {
   const std::vector<Eigen::Vector3d>& src_;
   const std::vector<Eigen::Vector3d>& dst_;
   const int n_;
-  std::vector<double> weights_;
-  double min_variance_ = 0;
+  const double min_variance_;
 };
 
 }  // namespace
 
 std::vector<bool> FindWrongRows(const std::vector<Eigen::Vector3d>& src,
-                                const std::vector<Eigen::Vector3d>& dst,
-                                const std::vector<double>& sigmas, double min_sigma) {
-  const WrongSet wrong = FewRows(src, dst, sigmas, min_sigma).FindWrong();
+                                const std::vector<Eigen::Vector3d>& dst, double min_sigma) {
+  const WrongSet wrong = FewRows(src, dst, min_sigma).FindWrong();
   std::vector<bool> is_wrong;
-  for (size_t i = 0; i < src.size(); ++i) is_wrong.push_back(IsIn(wrong.rows, static_cast<int>(i)));
+  for (size_t i = 0; i < src.size(); ++i) {
+    is_wrong.push_back(IsIn(wrong.rows, static_cast<int>(i)));
+  }
   return is_wrong;
 }
 

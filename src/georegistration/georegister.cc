@@ -255,11 +255,10 @@ bool IsByChance(const Rows& rows) {
   return 2 * (std::ssize(Kept(rows)) - 3) <= std::ssize(rows) - 3;
 }
 
-// The similarity by a few rows; false: there is none.
+// The similarity by a few control points; false: there is none.
 bool AlignFew(Rows& rows, Georegistration& out) {
   const std::vector<bool> is_wrong =
-      FindWrongRows(Column(rows, &Row::in_model), Column(rows, &Row::enu),
-                    Column(rows, &Row::sigma_m), kMinSigmaM);
+      FindWrongRows(Column(rows, &Row::in_model), Column(rows, &Row::enu), kMinSigmaM);
   for (size_t i = 0; i < rows.size(); ++i) rows[i].is_wrong = is_wrong[i];
   const std::optional<Sim3d> fit = Fit(rows);
   if (!fit) return false;
@@ -270,7 +269,7 @@ bool AlignFew(Rows& rows, Georegistration& out) {
 
 // The same by any number of rows.
 bool Align(uint64_t seed, Rows& rows, Georegistration& out) {
-  if (rows.size() <= kFewRows) return AlignFew(rows, out);
+  if (out.by_control_points && rows.size() <= kFewRows) return AlignFew(rows, out);
   const std::optional<Sim3d> start = Start(seed, rows);
   if (!start) return false;
   out.enu_from_world = *start;

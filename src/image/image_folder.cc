@@ -7,7 +7,6 @@
 #include <string_view>
 #include <system_error>
 
-#include "base/output_folder.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 
@@ -44,7 +43,7 @@ void ListInto(const fs::path& folder, const std::string& prefix, Extensions exte
     if (name.starts_with('.')) continue;
     std::error_code ignored;  // of broken links: neither a folder nor a file
     if (entry.is_directory(ignored)) {
-      if (HoldsResults(entry.path().string())) continue;
+      if (name == "images" && fs::exists(folder / kUndistortedImages, ignored)) continue;
       ListInto(entry.path(), prefix + name + "/", extensions, open_folders, names);
     } else if (HasExtension(entry.path(), extensions)) {
       names.push_back(prefix + name);

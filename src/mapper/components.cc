@@ -84,6 +84,7 @@ void TakeIn(StageContext& context, BuiltModel built, SceneModels& result) {
   for (const auto& [id, image] : built.model->images) context.taken.insert(id);
   std::vector<ResultWarning> warnings = std::move(built.warnings);
   if (!context.scene.poses_alone) {
+    result.explained_shares.push_back(built.evidence.inside.Share());
     for (ResultWarning& each : JudgeModel(context, built)) {
       warnings.push_back(std::move(each));
     }

@@ -7,6 +7,7 @@
 #include "base/text.h"
 #include "bundle_adjustment/memory_estimate.h"
 #include "bundle_adjustment/schur_bundle.h"
+#include "cairn/base/parallel.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -152,6 +153,16 @@ bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, Ru
                  " needed to find tracks, " + Gib(limit) + " available",
              MemoryAdvice(options));
   return false;
+}
+
+int NumPartsSideBySide(int64_t num_matches, const ReconstructOptions& options, int num_threads) {
+  // Each match may be two observations, and each of these a point; solvers take some 500 bytes
+  // each.
+  constexpr int64_t kBytesOfMatch = 2000;
+  const MemoryUse use = ReadMemoryUse();
+  const int64_t left = MemoryLimit(options, use) - std::max<int64_t>(0, use.resident);
+  const int64_t num = left / std::max<int64_t>(1, kBytesOfMatch * num_matches);
+  return static_cast<int>(std::clamp<int64_t>(num, 1, EffectiveNumThreads(num_threads)));
 }
 
 int64_t EstimateSceneBytes(const SceneCounts& counts) {

@@ -14,7 +14,7 @@ constexpr int64_t kMatchesForAllThreads = 500'000;
 
 // Images that pairs or cameras connect: a camera whose intrinsics are refined is what all of its
 // images tell. (What lies over photographs connects nothing.)
-std::vector<std::set<image_t>> ConnectedImages(const SceneData& scene) {
+std::vector<std::set<image_t>> ImagesThatShare(const SceneData& scene) {
   const ImageNodes nodes(scene.pixels);
   std::vector<GraphEdge> edges;
   for (const ViewEdge& edge : scene.edges) {
@@ -34,7 +34,7 @@ std::vector<std::set<image_t>> ConnectedImages(const SceneData& scene) {
 // The images of each part, the largest first. Those that are too few for a model are with these.
 std::vector<std::set<image_t>> ImagesOfParts(const SceneData& scene, size_t min_images) {
   std::vector<std::set<image_t>> parts;
-  for (std::set<image_t>& images : ConnectedImages(scene)) {
+  for (std::set<image_t>& images : ImagesThatShare(scene)) {
     if (parts.empty() || images.size() >= min_images) {
       parts.push_back(std::move(images));
     } else {
@@ -120,53 +120,77 @@ class PartMonitor : public ProgressMonitor {
   std::vector<std::pair<bool, std::string>> lines_;
 };
 
-// Builds the parts: large ones one after the other, then the others side by side.
+// Builds the parts, the largest first, until there are as many models as there may be: large parts
+// one after the other, then the others side by side.
 class PartBuilder {
  public:
   PartBuilder(std::span<const Reconstruction> earlier, const ReconstructSettings& settings,
               const RunContext& run, std::vector<SceneData> parts)
-      : earlier_(earlier), settings_(settings), run_(run), parts_(std::move(parts)) {}
+      : earlier_(earlier),
+        settings_(settings),
+        run_(run),
+        parts_(std::move(parts)),
+        results_(parts_.size()) {}
 
   std::vector<PartResult> Build(RunReport& report) {
-    results_.resize(parts_.size());
     std::vector<size_t> small;
     for (size_t k = 0; k < parts_.size(); ++k) {
-      if (k == 0 || NumMatches(parts_[k]) > kMatchesForAllThreads) {
-        BuildPart(k, run_.monitor);
-      } else {
+      if (k > 0 && NumMatches(parts_[k]) <= kMatchesForAllThreads) {
         small.push_back(k);
+      } else if (NumMissing() > 0) {
+        BuildPart(k, run_.monitor);
       }
     }
-    if (!small.empty()) BuildSmall(small, report);
+    while (!small.empty() && NumMissing() > 0) {
+      const size_t num = std::min(small.size(), NumMissing());
+      BuildSideBySide(std::span(small).first(num), report);
+      small.erase(small.begin(), small.begin() + static_cast<std::ptrdiff_t>(num));
+    }
+    for (size_t k = 0; k < parts_.size(); ++k) LeaveOut(k);
     return std::move(results_);
   }
 
  private:
+  // Models that there may be.
+  size_t NumMissing() const {
+    const size_t most = static_cast<size_t>(settings_.reconstruct.max_models);
+    size_t num_models = 0;
+    for (const PartResult& result : results_) num_models += result.models.size();
+    return run_.monitor.StopRequested() || num_models >= most ? 0 : most - num_models;
+  }
+
   void BuildPart(size_t k, ProgressMonitor& monitor) {
     SceneData part = std::exchange(parts_[k], {});
     if (parts_.size() > 1) {
       monitor.Info("part " + std::to_string(k + 1) + " of " + std::to_string(parts_.size()) + ": " +
                    std::to_string(part.pixels.size()) + " images");
     }
-    if (run_.monitor.StopRequested()) {
-      for (const auto& [id, pixels] : part.pixels) results_[k].graph.image_ids.push_back(id);
-      results_[k].graph.edges = std::move(part.edges);
-    } else {
-      results_[k] =
-          ReconstructBest(earlier_, settings_, {run_.seed, run_.num_threads, monitor}, part);
-    }
+    results_[k] =
+        ReconstructBest(earlier_, settings_, {run_.seed, run_.num_threads, monitor}, part);
   }
 
-  void BuildSmall(std::span<const size_t> small, RunReport& report) {
-    RunStage stage(report, run_.monitor, "parts", std::ssize(small));
+  void BuildSideBySide(std::span<const size_t> parts, RunReport& report) {
+    RunStage stage(report, run_.monitor, "parts", std::ssize(parts));
+    const int num_threads =
+        NumPartsSideBySide(kMatchesForAllThreads, settings_.reconstruct, run_.num_threads);
     std::mutex mutex;
-    ParallelFor(run_.num_threads, std::ssize(small), [&](int64_t i) {
+    ParallelFor(num_threads, std::ssize(parts), [&](int64_t i) {
       PartMonitor monitor(run_.monitor);
-      BuildPart(small[i], monitor);
+      BuildPart(parts[i], monitor);
+      results_[parts[i]].is_side_by_side = true;
       const std::lock_guard<std::mutex> lock(mutex);
       monitor.Show();
       run_.monitor.Advance(1);
     });
+  }
+
+  // A part that was not built.
+  void LeaveOut(size_t k) {
+    if (parts_[k].pixels.empty()) return;
+    PartResult& result = results_[k];
+    for (const auto& [id, pixels] : parts_[k].pixels) result.graph.image_ids.push_back(id);
+    result.graph.edges = std::move(parts_[k].edges);
+    result.without_model.push_back(result.graph.image_ids);
   }
 
   const std::span<const Reconstruction> earlier_;
@@ -176,110 +200,137 @@ class PartBuilder {
   std::vector<PartResult> results_;
 };
 
-// One graph of all parts, and one report.
-void Merge(std::vector<PartResult>& parts, const SceneData& scene, const RunContext& run,
-           ReconstructResult& result) {
-  result.graph.edges = scene.edges;
-  const bool has_models =
-      std::ranges::any_of(parts, [](const PartResult& part) { return !part.models.empty(); });
-  for (size_t k = 0; k < parts.size(); ++k) {
-    PartResult& part = parts[k];
-    std::ranges::copy(part.graph.image_ids, std::back_inserter(result.graph.image_ids));
-    std::ranges::move(part.graph.edges, std::back_inserter(result.graph.edges));
-    for (StageReport& stage : part.report.stages) {
-      if (parts.size() > 1) stage.Add("part", static_cast<double>(k));
-      result.report.stages.push_back(std::move(stage));
-    }
-    std::ranges::move(part.report.warnings, std::back_inserter(result.report.warnings));
-    const std::string& failure = part.report.failure;
-    if (has_models && !failure.empty()) run.monitor.Warning(failure);
-    if (!has_models && result.report.failure.empty()) result.report.failure = failure;
-  }
-  result.graph.Normalize();
-}
+// One result of all parts.
+class PartMerger {
+ public:
+  PartMerger(const SceneData& scene, const ReconstructOptions& options, const RunContext& run)
+      : scene_(scene), options_(options), run_(run) {}
 
-// The largest models first, with their warnings, which name their folders. Returns the images of
-// models that are one too many.
-std::vector<std::vector<image_t>> TakeModels(std::vector<PartResult>& parts, size_t max_models,
-                                             ReconstructResult& result) {
-  std::vector<std::pair<Reconstruction*, std::vector<ResultWarning>*>> built;
-  for (PartResult& part : parts) {
-    for (size_t i = 0; i < part.models.size(); ++i) {
-      built.emplace_back(&part.models[i], &part.warnings[i]);
+  ReconstructResult Merge(std::vector<PartResult> parts, RunReport report) {
+    result_.report = std::move(report);
+    TakeGraphsAndReports(parts);
+    TakeModels(parts);
+    for (PartResult& part : parts) {
+      std::ranges::move(part.without_model, std::back_inserter(without_model_));
     }
+    if (!run_.monitor.StopRequested()) ReportLeftOut();
+    return std::move(result_);
   }
-  std::ranges::stable_sort(built, std::ranges::greater(),
-                           [](const auto& each) { return each.first->images.size(); });
-  std::vector<std::vector<image_t>> too_many;
-  for (const auto& [model, warnings] : built) {
-    if (result.models.size() == max_models) {
-      std::vector<image_t>& images = too_many.emplace_back();
-      for (const auto& [id, image] : model->images) images.push_back(id);
-      continue;
-    }
-    for (ResultWarning& warning : *warnings) {
-      warning.what = "sparse/" + std::to_string(result.models.size()) + " (" +
-                     std::to_string(model->images.size()) + " images): " + warning.what;
-      result.report.warnings.push_back(std::move(warning));
-    }
-    result.models.push_back(std::move(*model));
-  }
-  return too_many;
-}
 
-// Names what is in no model.
-void ReportLeftOut(const SceneData& scene, const std::vector<std::vector<image_t>>& connected,
-                   bool registers, const RunContext& run, ReconstructResult& result) {
-  RunStage stage(result.report, run.monitor, "left_out");
-  std::set<image_t> named;
-  for (const Reconstruction& model : result.models) {
-    for (const auto& [id, image] : model.images) named.insert(id);
+ private:
+  void TakeGraphsAndReports(std::vector<PartResult>& parts) {
+    result_.graph.edges = scene_.edges;
+    const auto has_models = [](const PartResult& part) { return !part.models.empty(); };
+    const bool succeeds = std::ranges::any_of(parts, has_models);
+    for (size_t k = 0; k < parts.size(); ++k) {
+      PartResult& part = parts[k];
+      std::ranges::copy(part.graph.image_ids, std::back_inserter(result_.graph.image_ids));
+      std::ranges::move(part.graph.edges, std::back_inserter(result_.graph.edges));
+      for (StageReport& stage : part.report.stages) {
+        if (parts.size() > 1) stage.Add("part", static_cast<double>(k + 1));
+        if (part.is_side_by_side) stage.Add("side_by_side", 1);
+        result_.report.stages.push_back(std::move(stage));
+      }
+      std::ranges::move(part.report.warnings, std::back_inserter(result_.report.warnings));
+      if (!part.report.Succeeded()) TakeFailure(part, succeeds);
+    }
+    result_.graph.Normalize();
   }
-  const size_t num_taken = named.size();
-  for (const std::vector<image_t>& images : connected) {
-    stage.Note("no model of " + std::to_string(images.size()) +
-               " connected images (--reconstruct.min_model_images, --reconstruct.max_models): " +
-               Names(scene, images));
-    named.insert(images.begin(), images.end());
+
+  // A part that fails leaves the others as they are.
+  void TakeFailure(const PartResult& part, bool others_succeed) {
+    const std::vector<image_t>& images = part.graph.image_ids;
+    if (others_succeed) {
+      result_.report.warnings.push_back({"no model of " + std::to_string(images.size()) +
+                                             " images (" + Names(scene_, images) +
+                                             "): " + part.report.failure,
+                                         ""});
+      named_.insert(images.begin(), images.end());
+    } else if (result_.report.Succeeded()) {
+      result_.report.failure = part.report.failure;
+    }
   }
-  std::vector<image_t> others;
-  for (const auto& [id, image] : scene.images) {
-    if (named.count(id) == 0) others.push_back(id);
+
+  // The largest first, with their warnings, which name their folders. (Every part builds its
+  // largest component, however small it is.)
+  void TakeModels(std::vector<PartResult>& parts) {
+    std::vector<std::pair<PartResult*, size_t>> built;
+    for (PartResult& part : parts) {
+      for (size_t i = 0; i < part.models.size(); ++i) built.emplace_back(&part, i);
+    }
+    std::ranges::stable_sort(built, std::ranges::greater(), [](const auto& each) {
+      return each.first->models[each.second].images.size();
+    });
+    for (const auto& [part, i] : built) {
+      Reconstruction& model = part->models[i];
+      const bool is_small = parts.size() > 1 && !result_.models.empty() &&
+                            std::ssize(model.images) < options_.min_model_images;
+      const bool are_enough = std::ssize(result_.models) == options_.max_models;
+      if (are_enough || is_small) {
+        std::vector<image_t>& images = without_model_.emplace_back();
+        for (const auto& [id, image] : model.images) images.push_back(id);
+        continue;
+      }
+      for (ResultWarning& warning : part->warnings[i]) {
+        warning.what = "sparse/" + std::to_string(result_.models.size()) + " (" +
+                       std::to_string(model.images.size()) + " images): " + warning.what;
+        result_.report.warnings.push_back(std::move(warning));
+      }
+      if (!scene_.poses_alone) result_.explained_shares.push_back(part->explained_shares[i]);
+      result_.models.push_back(std::move(model));
+    }
   }
-  if (!others.empty()) {
-    stage.Note(
-        std::string("images in no model (") +
-        (registers ? "too few verified matches with others" : "--reconstruct.register_left_out 0") +
-        "): " + Names(scene, others));
+
+  // Names what is in no model.
+  void ReportLeftOut() {
+    RunStage stage(result_.report, run_.monitor, "left_out");
+    std::set<image_t> taken;
+    for (const Reconstruction& model : result_.models) {
+      for (const auto& [id, image] : model.images) taken.insert(id);
+    }
+    for (const std::vector<image_t>& images : without_model_) {
+      stage.Note("no model of " + std::to_string(images.size()) +
+                 " connected images (--reconstruct.min_model_images, --reconstruct.max_models): " +
+                 Names(scene_, images));
+      named_.insert(images.begin(), images.end());
+    }
+    std::vector<image_t> others;
+    for (const auto& [id, image] : scene_.images) {
+      if (taken.count(id) == 0 && named_.count(id) == 0) others.push_back(id);
+    }
+    if (!others.empty()) {
+      stage.Note(std::string("images in no model (") +
+                 (options_.register_left_out ? "too few verified matches with others"
+                                             : "--reconstruct.register_left_out 0") +
+                 "): " + Names(scene_, others));
+    }
+    stage.Add("small_components", without_model_.size());
+    stage.Add("images", scene_.images.size() - taken.size());
   }
-  stage.Add("small_components", connected.size());
-  stage.Add("images", scene.images.size() - num_taken);
-}
+
+  const SceneData& scene_;
+  const ReconstructOptions& options_;
+  const RunContext& run_;
+  ReconstructResult result_;
+  std::vector<std::vector<image_t>> without_model_;
+  std::set<image_t> named_;  // in a warning or a note
+};
 
 }  // namespace
 
 ReconstructResult ReconstructParts(std::span<const Reconstruction> earlier,
                                    const ReconstructSettings& settings, const RunContext& run,
                                    SceneData& scene) {
-  const ReconstructOptions& options = settings.reconstruct;
   std::vector<std::set<image_t>> images(1);
   if (earlier.empty()) {
-    images = ImagesOfParts(scene, options.min_model_images);
+    images = ImagesOfParts(scene, settings.reconstruct.min_model_images);
   } else {
     for (const auto& [id, pixels] : scene.pixels) images.front().insert(id);
   }
-  ReconstructResult result;
+  RunReport report;
   std::vector<PartResult> parts =
-      PartBuilder(earlier, settings, run, TakeParts(images, scene)).Build(result.report);
-  Merge(parts, scene, run, result);
-  std::vector<std::vector<image_t>> connected = TakeModels(parts, options.max_models, result);
-  for (PartResult& part : parts) {
-    std::ranges::move(part.without_model, std::back_inserter(connected));
-  }
-  if (!run.monitor.StopRequested()) {
-    ReportLeftOut(scene, connected, options.register_left_out, run, result);
-  }
-  return result;
+      PartBuilder(earlier, settings, run, TakeParts(images, scene)).Build(report);
+  return PartMerger(scene, settings.reconstruct, run).Merge(std::move(parts), std::move(report));
 }
 
 }  // namespace cairn

@@ -63,9 +63,10 @@ void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path
   }
 }
 
-std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
-                                         const std::string& image_path, const RunContext& run) {
-  if (!places.use_gps && places.gcp_path.empty()) return std::nullopt;
+std::shared_ptr<const KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
+                                                 const std::string& image_path,
+                                                 const RunContext& run) {
+  if (!places.use_gps && places.gcp_path.empty()) return nullptr;
   KnownPositions known;
   std::vector<std::string> names;
   for (const auto& [id, image] : scene.images) names.push_back(image.name);
@@ -74,7 +75,7 @@ std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOpti
   }
   if (!places.gcp_path.empty())
     known.control_points = ReadControlPoints(names, places.gcp_path, run);
-  return known;
+  return std::make_shared<const KnownPositions>(std::move(known));
 }
 
 CenterPriors PriorsOfCenters(const StageContext& context) {
@@ -98,17 +99,30 @@ CenterPriors PriorsOfCenters(const StageContext& context) {
 
 namespace {
 
+// So many wrong control points are looked for one by one.
+constexpr int kFewWrong = 3;
+
 // Of those in use, the one that fits worst in a model, if it does not fit.
-GeoregisteredPoint* WorstPoint(const std::vector<GeoregisteredPoint>& after,
-                               std::vector<GeoregisteredPoint>& points) {
+GeoregisteredPoint* WorstPoint(const Georegistration& after, Georegistration& tried) {
   std::map<std::string, double> errors_px;
-  for (const GeoregisteredPoint& point : after) errors_px[point.name] = point.error_px;
+  for (const GeoregisteredPoint& point : after.points) errors_px[point.name] = point.error_px;
+  // (One whose measurements contradict each other in the model is not there.)
+  const auto error_px = [&](const GeoregisteredPoint& point) {
+    const auto found = errors_px.find(point.name);
+    return found == errors_px.end() ? std::numeric_limits<double>::infinity() : found->second;
+  };
   GeoregisteredPoint* worst = nullptr;
-  for (GeoregisteredPoint& point : points) {
+  for (GeoregisteredPoint& point : tried.points) {
     if (point.is_check || point.is_wrong) continue;
-    if (!worst || errors_px[point.name] > errors_px[worst->name]) worst = &point;
+    if (worst == nullptr || error_px(point) > error_px(*worst)) worst = &point;
   }
-  return worst && errors_px[worst->name] > kDoubtfulErrorPx ? worst : nullptr;
+  return worst != nullptr && error_px(*worst) > kDoubtfulErrorPx ? worst : nullptr;
+}
+
+Reconstruction AdjustedTo(StageContext& context, const Georegistration& found,
+                          Reconstruction placed) {
+  AdjustWithPriors(context, PriorsOf(found), placed);
+  return placed;
 }
 
 // A model in meters, adjusted to known positions. Where a model bends, right control points at its
@@ -116,22 +130,19 @@ GeoregisteredPoint* WorstPoint(const std::vector<GeoregisteredPoint>& after,
 // others do not fit.
 Reconstruction AdjustTo(StageContext& context, const Georegistration& found,
                         const Reconstruction& placed) {
-  const auto adjusted_to = [&](const Georegistration& places) {
-    Reconstruction adjusted = placed;
-    AdjustWithPriors(context, PriorsOf(places), adjusted);
-    return adjusted;
-  };
+  const auto num_wrong = std::ranges::count_if(found.points, &GeoregisteredPoint::is_wrong);
   Georegistration tried = found;
   for (GeoregisteredPoint& point : tried.points) point.is_wrong = false;
-  const auto num_wrong = std::ranges::count_if(found.points, &GeoregisteredPoint::is_wrong);
-  for (int k = 0; k < num_wrong; ++k) {
-    Reconstruction adjusted = adjusted_to(tried);
+  for (int k = 0; k < std::min<int64_t>(num_wrong, kFewWrong); ++k) {
+    if (context.run.monitor.StopRequested()) break;
+    Reconstruction adjusted = AdjustedTo(context, tried, placed);
     const Georegistration after = Georegister(adjusted, *context.scene.places, context.run);
-    GeoregisteredPoint* worst = WorstPoint(after.points, tried.points);
-    if (worst == nullptr) return adjusted;
+    GeoregisteredPoint* worst = WorstPoint(after, tried);
+    if (worst == nullptr && ReasonToRefuse(adjusted).empty()) return adjusted;
+    if (worst == nullptr) break;
     worst->is_wrong = true;
   }
-  return adjusted_to(found);
+  return AdjustedTo(context, found, placed);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <functional>
 #include <map>
+#include <memory>
 #include <set>
 #include <span>
 #include <string>
@@ -51,8 +52,8 @@ struct SceneData : Calibration {
   // has no matches either, and the models have no points.
   bool poses_imported = false;
   bool poses_alone = false;
-  std::optional<KnownPositions> places;      // what is to be used of them
-  std::optional<ResultWarning> still_parts;  // see FindStillParts
+  std::shared_ptr<const KnownPositions> places;  // nullptr: none are to be used
+  std::optional<ResultWarning> still_parts;      // see FindStillParts
 
   camera_t CameraIdOf(image_t id) const { return images.at(id).camera_id; }
   const Camera& CameraOf(image_t id) const { return cameras.at(CameraIdOf(id)); }
@@ -113,6 +114,9 @@ bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, Ru
 bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
                        std::vector<Track>& tracks);
 
+// How many parts of so many matches there is memory for, one for each thread at most, 1 at least.
+int NumPartsSideBySide(int64_t num_matches, const ReconstructOptions& options, int num_threads);
+
 // still_parts.cc
 // What to say where most images have matches that stay where they are in the picture while others
 // move, or mostly pairs that stay still as a whole: a turntable's background, marks over
@@ -131,12 +135,14 @@ ReconstructResult ReconstructParts(std::span<const Reconstruction> earlier,
 struct SceneModels {
   std::vector<Reconstruction> models;
   std::vector<std::vector<ResultWarning>> warnings;  // of each model
+  std::vector<double> explained_shares;              // as in ReconstructResult
   std::vector<std::vector<image_t>> without_model;   // connected images
   double evidence_nats = 0;
 };
 struct PartResult : SceneModels {
   ViewGraph graph;
   RunReport report;
+  bool is_side_by_side = false;  // it was built beside other parts
 };
 // Models and graph by the calibration of the scene whose models have the most evidence: with one
 // camera for likely images or without, with focal lengths by the pairs or as they were. Earlier
@@ -438,9 +444,10 @@ bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
 // places.cc
 // Throws ConfigError.
 void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path);
-// nullopt: none are to be used.
-std::optional<KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
-                                         const std::string& image_path, const RunContext& run);
+// nullptr: none are to be used.
+std::shared_ptr<const KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
+                                                 const std::string& image_path,
+                                                 const RunContext& run);
 // By the images' positions, for translation averaging; nullptr: none are to be used.
 CenterPriors PriorsOfCenters(const StageContext& context);
 // Adjusts a model, moved to where the known positions put it, with these as priors, until they

@@ -22,7 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kWriter[] = "undistort";
-constexpr char kLedger[] = ".cairn-images";
 // Changes with every change of what an image's pixels are.
 constexpr int kPixelsVersion = 1;
 constexpr int kJpegQuality = 95;
@@ -91,7 +90,7 @@ class DenseFolder {
   DenseFolder(const UndistortJob& job)
       : job_(job),
         results_(std::in_place, job.output_path, kWriter, kResultNames, job.overwrites),
-        ledger_((fs::path(job.output_path) / kLedger).string()) {}
+        ledger_((fs::path(job.output_path) / kUndistortedImages).string()) {}
 
   // Throws ConfigError where the item's file is somebody else's.
   void Check(Item& item) const;

@@ -35,7 +35,7 @@ std::string ReadFile(const std::string& path,
 // in the same folder, `path`.cairn-tmp, which Commit() renames. An interrupted program, a full disk
 // or an exception leave the file that was there before untouched. What a killed process leaves, the
 // next one that writes the file takes; writers of the same file wait for each other. Where `path`
-// is a link, the file that it leads to is written; a pipe or a device gets the bytes as they come.
+// is a link to a file, that file is written; a pipe or a device gets the bytes as they come.
 // A SQLite database is never replaced. Every method throws IoError with the path of the final file
 // and the system's reason (read-only folder, no space, ...). Not synced to the disk: a power
 // failure is not covered.

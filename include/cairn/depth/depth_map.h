@@ -41,8 +41,7 @@ DepthMap ReadDepthMap(const std::string& path, const DepthOptions& options);
 void WriteDepthMap(const std::string& path, const DepthMap& map);
 
 // The depth map of an image in a folder: <image name> with .npy, .pfm, .png, .bin,
-// .geometric.bin or .photometric.bin appended, the first that exists; else with one of them in
-// place of the photograph's extension.
+// .geometric.bin or .photometric.bin appended, the first that exists.
 std::optional<std::string> FindDepthMap(const std::string& folder, const std::string& image_name);
 
 }  // namespace cairn

@@ -105,6 +105,9 @@ struct ReconstructResult {
   // Largest first. Where report.failure is not empty: none, or, of a run that the user stopped, as
   // far as they got.
   std::vector<Reconstruction> models;
+  // Of the verified matches of each model's images, how many agree with it; none where pairs have
+  // no matches.
+  std::vector<double> explained_shares;
   std::vector<Image> images;  // all images of the database, by id
   ViewGraph graph;            // all verified pairs, with the reasons of those that were taken out
   RunReport report;

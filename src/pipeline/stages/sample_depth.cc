@@ -194,9 +194,8 @@ size_t WarnOfFailures(const std::vector<DepthItem>& items, Stage& stage) {
   }
   stage.WarnEach(failures);
   if (!failures.empty()) {
-    stage.Warn(ResultWarning{std::to_string(failures.size()) + " of " +
-                                 std::to_string(items.size()) + " photos get no depth",
-                             ""});
+    stage.Warn(
+        ResultWarning{"no depth for " + std::to_string(failures.size()) + " photos", ""});
   }
   return failures.size();
 }

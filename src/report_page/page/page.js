@@ -596,14 +596,25 @@ function stageDetails(stage) {
   return row;
 }
 
-function timeline(report) {
+// When each stage began, taken one after the other. Small parts of a scene are built side by side: their stages are stretched into
+// the time that all of them took (the stage "parts").
+function stagesInTime(report) {
+  const ofParts = (stage) => stage.values?.side_by_side;
+  const seconds = (stages) => stages.reduce((sum, stage) => sum + stage.seconds, 0);
+  const sideBySide = seconds(report.stages.filter((stage) => stage.name === "parts"));
+  const scale = sideBySide > 0 ? Math.min(1, sideBySide / Math.max(1e-9, seconds(report.stages.filter(ofParts)))) : 1;
   const runs = [];
   let begin = 0;
   for (const stage of report.stages) {
+    if (stage.name === "parts") continue;
     runs.push({stage, begin});
-    begin += stage.seconds;
+    begin += stage.seconds * (ofParts(stage) ? scale : 1);
   }
-  const total = Math.max(1e-9, begin);
+  return {runs, total: Math.max(1e-9, begin)};
+}
+
+function timeline(report) {
+  const {runs, total} = stagesInTime(report);
   const names = [...new Set(report.stages.map((stage) => stage.name))];
   const peak = report.values?.peak_memory_gib;
   const warned = report.stages.filter((stage) => stage.status !== "ok" && stage.status !== "skipped" && stage.messages);

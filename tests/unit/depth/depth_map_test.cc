@@ -162,9 +162,6 @@ TEST_F(ReadDepthMapTest, MapsAreFoundByImageName) {
   EXPECT_EQ(FindDepthMap(folder, "0000.jpg"), pfm);
   const std::string npy = Write("0000.jpg.npy", "x");
   EXPECT_EQ(FindDepthMap(folder, "0000.jpg"), npy);
-  const std::string by_stem = Write("0001.png", "x");
-  EXPECT_EQ(FindDepthMap(folder, "0001.jpg"), by_stem);
-  EXPECT_FALSE(FindDepthMap(folder, "0001.png"));  // it is the photograph
 }
 
 TEST(DepthMapFromValues, Kinds) {

@@ -5,7 +5,6 @@
 
 #include <filesystem>
 
-#include "base/output_folder.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "support/temp_folder.h"
@@ -43,15 +42,15 @@ TEST(ImageFolder, FollowsLinksOnceEvenInACycle) {
 }
 
 // undistort --output_path PHOTOS/dense must not make photographs of the next build_view_graph.
-TEST(ImageFolder, ResultsWithinAreNoPhotographs) {
+TEST(ImageFolder, UndistortedImagesAreNoPhotographs) {
   const TempFolder folder;
-  OutputFolder output(folder / "dense", "undistort", {"images"}, /*overwrites=*/false);
-  CreateFolders(output.staging() + "/images");
-  WriteFileAtomically(output.staging() + "/images/1.jpg", "undistorted");
-  output.Commit();
-  WriteFileAtomically(folder / "1.jpg", "");
-  EXPECT_THAT(ListImages(folder.path()), ElementsAre("1.jpg"));
-  EXPECT_THAT(ListImages(folder / "dense"), ElementsAre("images/1.jpg"));
+  for (const char* name : {"dense/images/cam1", "images"}) CreateFolders(folder / name);
+  for (const char* name :
+       {"dense/.cairn-images", "dense/images/cam1/1.jpg", "dense/2.jpg", "images/1.jpg"}) {
+    WriteFileAtomically(folder / name, "");
+  }
+  EXPECT_THAT(ListImages(folder.path()), ElementsAre("dense/2.jpg", "images/1.jpg"));
+  EXPECT_THAT(ListImages(folder / "dense/images"), ElementsAre("cam1/1.jpg"));
 }
 
 TEST(ImageFolder, EmptyAndAbsent) {

@@ -102,6 +102,41 @@ TEST(Parts, NoMoreThanTheOptionsAllow) {
   }
 }
 
+// Three photographs of one camera, of which a pair shows two.
+TEST(Parts, AFewImagesThatACameraJoinsAreNoModel) {
+  const Database first = Place(8, 6);
+  Database second = Place(3, 5);
+  for (Image image : second.ReadImages()) {
+    image.camera_id = 1;
+    second.WriteImage(image);
+  }
+  for (const image_t id : {1, 2}) second.DeletePairResults(ImagePairToPairId(id, 3));
+  const ReconstructResult result = Reconstruct(Together({&first, &second}));
+  ASSERT_EQ(result.models.size(), 1u);
+  EXPECT_EQ(result.explained_shares.size(), 1u);
+  EXPECT_EQ(result.models[0].images.size(), 8u);
+}
+
+TEST(Parts, OneThatFailsIsAWarning) {
+  const Database first = Place(8, 6);
+  Database second = Place(6, 5);
+  for (const image_pair_t pair_id : second.ReadTwoViewGeometryPairIds()) {
+    TwoViewGeometry geometry = *second.ReadTwoViewGeometry(pair_id);
+    geometry.config = TwoViewConfig::kPanoramic;
+    geometry.cam2_from_cam1.reset();
+    geometry.E.reset();
+    geometry.F.reset();
+    second.WriteTwoViewGeometry(pair_id, geometry);
+  }
+  const ReconstructResult result = Reconstruct(Together({&second, &first}));
+  EXPECT_EQ(result.report.failure, "");
+  ASSERT_EQ(result.models.size(), 1u);
+  ASSERT_EQ(result.report.warnings.size(), 1u);
+  EXPECT_THAT(result.report.warnings[0].what,
+              HasSubstr("no model of 6 images (1000/image00000.jpg"));
+  EXPECT_THAT(result.report.warnings[0].what, HasSubstr("turned without moving"));
+}
+
 // One place is of one camera, the photographs of the other are of many: neither decides for the
 // other.
 TEST(Parts, AreAsIfTheyWereAlone) {
@@ -113,8 +148,11 @@ TEST(Parts, AreAsIfTheyWereAlone) {
   Database one_alone(":memory:"), zoomed_alone(":memory:");
   AddPlace(one, 1000, one_alone);
   AddPlace(zoomed, 2000, zoomed_alone);
-  ExpectEqual(together.models[0], Reconstruct(zoomed_alone).models.at(0));
-  ExpectEqual(together.models[1], Reconstruct(one_alone).models.at(0));
+  const ReconstructResult first = Reconstruct(zoomed_alone), second = Reconstruct(one_alone);
+  ExpectEqual(together.models[0], first.models.at(0));
+  ExpectEqual(together.models[1], second.models.at(0));
+  EXPECT_THAT(together.explained_shares,
+              ::testing::ElementsAre(first.explained_shares.at(0), second.explained_shares.at(0)));
 }
 
 TEST(Parts, AreTheSameSideBySide) {

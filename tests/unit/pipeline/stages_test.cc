@@ -248,7 +248,7 @@ TEST_F(StagesTest, AnImageWithoutADepthMapIsNamedOnceAndGetsItLater) {
               ElementsAre(HasSubstr(depth_ + "/" + Name(2) + ".npy: not a .npy file"),
                           AllOf(HasSubstr(Name(3) + ": no depth map in " + depth_),
                                 HasSubstr("; it has no depth")),
-                          "2 of 4 photos get no depth"));
+                          "no depth for 2 photos"));
   EXPECT_EQ(database_.ReadNumDepthSamples().size(), 2u);
   TestMonitor again;
   Depth(again);
@@ -269,7 +269,7 @@ TEST_F(StagesTest, DepthMapsOfAnotherShapeAreRefused) {
   Depth(monitor);
   EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("it is transposed; it has no depth"),
                                               HasSubstr("a map of 1 x 1 values has no gradient"),
-                                              "2 of 4 photos get no depth"));
+                                              "no depth for 2 photos"));
   EXPECT_EQ(database_.ReadNumDepthSamples().size(), 2u);
 }
 
