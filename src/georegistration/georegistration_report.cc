@@ -74,9 +74,8 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
   warn("measurements of control points outside of their photographs", found.outside,
        "are they pixels of photographs of another size?");
   if (const std::string failure = GeoregistrationFailure(found); !failure.empty()) {
-    warnings.push_back(
-        {"it is not in meters, east, north and up, and no positions were used: " + failure,
-         "see the formats of --gps_path and --gcp_path, and the names in them"});
+    warnings.push_back({"not in meters, east, north and up, and no positions were used: " + failure,
+                        "see the formats of --gps_path and --gcp_path, and the names in them"});
     return warnings;
   }
   warn("positions far from where the others put them, not used", WrongOf(found),

@@ -213,7 +213,7 @@ class PartMerger {
     for (PartResult& part : parts) {
       std::ranges::move(part.without_model, std::back_inserter(without_model_));
     }
-    if (!run_.monitor.StopRequested()) ReportLeftOut();
+    if (result_.report.Succeeded() && !run_.monitor.StopRequested()) ReportLeftOut();
     return std::move(result_);
   }
 

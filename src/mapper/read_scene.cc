@@ -139,12 +139,12 @@ SceneCounts CountScene(const Database& database) {
   return counts;
 }
 
-// All matches of a pair; none where their row cannot be read, since the verified ones can.
-FeatureMatches ReadRawMatches(const Database& database, image_pair_t pair_id) {
+// All matches of a pair, none where there is no row; nullopt: the row cannot be read.
+std::optional<FeatureMatches> ReadRawMatches(const Database& database, image_pair_t pair_id) {
   try {
     return database.ReadMatches(pair_id).value_or(FeatureMatches());
   } catch (const IoError&) {
-    return {};
+    return std::nullopt;
   }
 }
 
@@ -159,7 +159,8 @@ void KeepReaders(const Database& database, std::map<image_t, std::vector<point2D
   const auto reader = std::make_shared<Reader>(database, std::move(first_keypoint));
   scene.raw_matches = [reader](const ViewEdge& edge) {
     const std::lock_guard<std::mutex> lock(reader->mutex);
-    return MergeMatches(ReadRawMatches(reader->database, edge.PairId()),
+    // (Verified matches can be read where all of them cannot.)
+    return MergeMatches(ReadRawMatches(reader->database, edge.PairId()).value_or(FeatureMatches()),
                         reader->first_keypoint.at(edge.image_id1),
                         reader->first_keypoint.at(edge.image_id2));
   };
@@ -170,7 +171,7 @@ void KeepReaders(const Database& database, std::map<image_t, std::vector<point2D
 }
 
 // Results of pairs that a run of build_view_graph left for the next one are missed. Those whose
-// matches are not of keypoints that can be read are no work for it.
+// matches cannot be read, or are not of keypoints that can, are no work for it.
 void WarnOfUnfinishedPairs(const Database& database, const SceneData& scene, Stage& stage,
                            RunReport& report) {
   const auto num_keypoints = [&](image_t id) {
@@ -180,8 +181,9 @@ void WarnOfUnfinishedPairs(const Database& database, const SceneData& scene, Sta
   const auto can_be_verified = [&](image_pair_t pair_id) {
     const auto [id1, id2] = PairIdToImagePair(pair_id);
     const size_t num1 = num_keypoints(id1), num2 = num_keypoints(id2);
-    return num1 > 0 && num2 > 0 &&
-           std::ranges::all_of(ReadRawMatches(database, pair_id), [&](const FeatureMatch& match) {
+    if (num1 == 0 || num2 == 0) return false;
+    const std::optional<FeatureMatches> matches = ReadRawMatches(database, pair_id);
+    return matches && std::ranges::all_of(*matches, [&](const FeatureMatch& match) {
              return match.point1 < num1 && match.point2 < num2;
            });
   };

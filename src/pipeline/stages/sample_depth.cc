@@ -194,8 +194,7 @@ size_t WarnOfFailures(const std::vector<DepthItem>& items, Stage& stage) {
   }
   stage.WarnEach(failures);
   if (!failures.empty()) {
-    stage.Warn(
-        ResultWarning{"no depth for " + std::to_string(failures.size()) + " photos", ""});
+    stage.Warn(ResultWarning{"no depth for " + std::to_string(failures.size()) + " photos", ""});
   }
   return failures.size();
 }
