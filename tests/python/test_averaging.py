@@ -30,6 +30,13 @@ def test_average_rotations_finds_the_truth():
     assert report.median_residual_deg < 0.02
 
 
+def test_progress_tells_the_beginning_and_the_end():
+    pairs, rotations, _, _ = relative_rotations(num_wrong=0)
+    told = []
+    cairn.average_rotations(pairs, rotations, progress=lambda *stage: told.append(stage))
+    assert told[-1] == ("average_rotations", 1, 1)
+
+
 def test_average_rotations_takes_weights_and_options():
     pairs, rotations, _, is_wrong = relative_rotations(num_wrong=30)
     weights = np.where(is_wrong, 1, 1000)

@@ -55,7 +55,7 @@ BundleAdjustmentReport Adjust(Reconstruction& reconstruction, bool rotations, bo
   CheckPriors(priors, reconstruction.cameras);
   scope.priors = priors;
   const auto settings = ToOptions<BundleAdjustmentOptions>(options);
-  return ResultOf({0, num_threads, progress}, [&](const RunContext& run) {
+  return ResultOfStep("adjust_bundle", {0, num_threads, progress}, [&](const RunContext& run) {
     const BundleAdjustmentReport report = AdjustBundle(reconstruction, scope, settings, run);
     if (report.status != BundleAdjustmentStatus::kFailed) reconstruction.UpdatePointErrors();
     return report;

@@ -43,8 +43,9 @@ RotationAveragingReport Rotations(const py::object& pairs, const Array<double>& 
                                   const py::object& progress) {
   const std::vector<RotationEdge> edges = ToRotationEdges(pairs, rotations, weights);
   const auto settings = ToOptions<RotationAveragingOptions>(options);
-  return ResultOf({seed, num_threads, progress},
-                  [&](const RunContext& run) { return AverageRotations(edges, settings, run); });
+  return ResultOfStep(
+      "average_rotations", {seed, num_threads, progress},
+      [&](const RunContext& run) { return AverageRotations(edges, settings, run); });
 }
 
 void BindRotations(py::module_& m) {
@@ -125,9 +126,9 @@ TranslationAveragingReport Translations(const py::object& pairs, const Array<dou
   }
   const auto tracks = ToTracks(ray_points, ray_images, ray_directions);
   const auto settings = ToOptions<TranslationAveragingOptions>(options);
-  return ResultOf({seed, num_threads, progress}, [&](const RunContext& run) {
-    return AverageTranslations(edges, tracks, settings, run);
-  });
+  return ResultOfStep(
+      "average_translations", {seed, num_threads, progress},
+      [&](const RunContext& run) { return AverageTranslations(edges, tracks, settings, run); });
 }
 
 void BindTranslations(py::module_& m) {
@@ -182,9 +183,10 @@ FocalCalibrationReport Focals(const std::vector<Camera>& cameras,
   }
   const std::set<camera_t> trusted_ids = ToIds("trusted", "camera", trusted, by_id);
   const auto settings = ToOptions<FocalCalibrationOptions>(options);
-  return ResultOf({seed, num_threads, progress}, [&](const RunContext& run) {
-    return CalibrateFocals(by_id, trusted_ids, pairs, settings, run);
-  });
+  return ResultOfStep("calibrate_focals", {seed, num_threads, progress},
+                      [&](const RunContext& run) {
+                        return CalibrateFocals(by_id, trusted_ids, pairs, settings, run);
+                      });
 }
 
 void BindFocals(py::module_& m) {

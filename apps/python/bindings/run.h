@@ -56,4 +56,16 @@ auto ResultOf(const RunArguments& arguments, const Work& work) {
   return result;
 }
 
+// The same of work that is one step: progress is told its beginning and its end.
+template <class Work>
+auto ResultOfStep(const std::string& name, const RunArguments& arguments, const Work& work) {
+  return ResultOf(arguments, [&](const RunContext& context) {
+    context.monitor.BeginStage(name, 1);
+    auto result = work(context);
+    context.monitor.Advance(1);
+    context.monitor.EndStage();
+    return result;
+  });
+}
+
 }  // namespace cairn::python
