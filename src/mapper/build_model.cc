@@ -141,6 +141,8 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   });
   for (size_t i = 0; i < hypotheses.size(); ++i) {
     if (context.run.monitor.StopRequested()) break;
+    // Others could explain no more than what camera models leave out.
+    if (best.model && best.evidence.all.Share() >= 1 - kModelErrors) break;
     if (best.model && static_cast<double>(num_explainable[i]) < NumWorthAModel(best, num_of_best)) {
       continue;
     }

@@ -8,11 +8,6 @@
 namespace cairn {
 namespace {
 
-// What camera models leave out (a shutter that rolls, focus) may explain as much of the evidence:
-// many cameras must explain more by this share than one camera for all, since it differs from
-// photograph to photograph, and so must focal lengths far from EXIF's.
-constexpr double kModelErrors = 0.005;
-
 // Graph and models by one calibration.
 struct CalibratedResult {
   PartResult result;
@@ -20,6 +15,8 @@ struct CalibratedResult {
   bool shares_camera = false;
   std::set<image_t> left_exif;
 
+  // Many cameras must explain more than one camera for all by kModelErrors, which differ from
+  // photograph to photograph, and so must focal lengths far from EXIF's.
   double Score() const { return result.evidence_nats * (shares_camera ? 1 : 1 - kModelErrors); }
 };
 

@@ -90,6 +90,9 @@ struct BuiltModel {
   std::vector<ResultWarning> warnings{};
 };
 
+// What camera models leave out (a shutter that rolls, focus) may explain as much of the evidence.
+inline constexpr double kModelErrors = 0.005;
+
 // The steps, in the order of README.md.
 
 // read_scene.cc
