@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <unsupported/Eigen/SpecialFunctions>
 
 #include "cairn/evaluation/alignment.h"
+#include "math/log_binomial.h"
 
 namespace cairn {
 namespace {
@@ -23,12 +25,6 @@ double TailOfF(double f, double freedom1, double freedom2) {
 }
 
 bool IsIn(uint32_t rows, int i) { return (rows >> i & 1) != 0; }
-
-double NumSubsets(int n, int m) {
-  double num = 1;
-  for (int k = 0; k < m; ++k) num *= static_cast<double>(n - k) / (k + 1);
-  return num;
-}
 
 // A set of wrong rows, as bits, and the squares that the others leave.
 struct WrongSet {
@@ -92,7 +88,8 @@ class FewRows {
   bool IsBeyondChance(const WrongSet& before, const WrongSet& after) const {
     const double freedom1 = 3.0 * (after.Size() - before.Size()), freedom2 = Freedom(after.Size());
     const double f = (before.squares - after.squares) / freedom1 / Variance(after);
-    return f > 0 && NumSubsets(n_, after.Size()) * TailOfF(f, freedom1, freedom2) < kChance;
+    const double num_sets = std::exp(LogBinomial(n_, after.Size()));
+    return f > 0 && num_sets * TailOfF(f, freedom1, freedom2) < kChance;
   }
 
   // The standard deviation along an axis of the rows that are not wrong, squared.

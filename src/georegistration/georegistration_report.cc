@@ -40,9 +40,8 @@ double MedianPointErrorPx(const Georegistration& found) {
   return errors_px.empty() ? 0 : UpperMedian(errors_px);
 }
 
-}  // namespace
-
-std::string GeoregistrationFailure(const Georegistration& georegistration) {
+// Why the model has no place on Earth; "": it has one.
+std::string FailureOf(const Georegistration& georegistration) {
   switch (georegistration.status) {
     case GeoregistrationStatus::kOk:
       return "";
@@ -63,6 +62,8 @@ std::string GeoregistrationFailure(const Georegistration& georegistration) {
   return "";
 }
 
+}  // namespace
+
 std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
   std::vector<ResultWarning> warnings;
   const auto warn = [&](const std::string& what, const std::vector<std::string>& names,
@@ -73,7 +74,7 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
   };
   warn("measurements of control points outside of their photographs", found.outside,
        "are they pixels of photographs of another size?");
-  if (const std::string failure = GeoregistrationFailure(found); !failure.empty()) {
+  if (const std::string failure = FailureOf(found); !failure.empty()) {
     warnings.push_back({"not in meters, east, north and up, and no positions were used: " + failure,
                         "see the formats of --gps_path and --gcp_path, and the names in them"});
     return warnings;

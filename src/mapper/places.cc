@@ -36,69 +36,6 @@ CenterPrior PriorInModel(image_t image_id, const PositionPrior& prior,
           axes.transpose() * precision.cwiseAbs2().asDiagonal() * axes};
 }
 
-void ReportPlace(const Georegistration& found, Stage& stage) {
-  double num_checks = 0, squared_m = 0;
-  for (const GeoregisteredPoint& point : found.points) {
-    num_checks += point.is_check;
-    if (point.is_check) squared_m += point.residual.squaredNorm();
-  }
-  stage.Add("positions", static_cast<double>(found.images.size()));
-  stage.Add("control_points", static_cast<double>(found.points.size()));
-  stage.Add("wrong", static_cast<double>(
-                         std::ranges::count_if(found.images, &GeoregisteredImage::is_wrong) +
-                         std::ranges::count_if(found.points, &GeoregisteredPoint::is_wrong)));
-  stage.Add("median_residual_m", found.median_residual_m);
-  if (num_checks > 0) stage.Add("check_points_rms_m", std::sqrt(squared_m / num_checks));
-  stage.NoteEach(DescribeResiduals(found));
-}
-
-}  // namespace
-
-void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path) {
-  if (!places.gps_path.empty() && !places.use_gps) {
-    throw ConfigError("gps_path", "is read with --use_gps 1 only");
-  }
-  if (places.use_gps && places.gps_path.empty() && image_path.empty()) {
-    throw ConfigError("use_gps", "needs gps_path, or image_path with photographs that have GPS");
-  }
-}
-
-std::shared_ptr<const KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
-                                                 const std::string& image_path,
-                                                 const RunContext& run) {
-  if (!places.use_gps && places.gcp_path.empty()) return nullptr;
-  KnownPositions known;
-  std::vector<std::string> names;
-  for (const auto& [id, image] : scene.images) names.push_back(image.name);
-  if (places.use_gps) {
-    known.images = ReadPositions(names, places.gps_path, image_path, run);
-  }
-  if (!places.gcp_path.empty())
-    known.control_points = ReadControlPoints(names, places.gcp_path, run);
-  return std::make_shared<const KnownPositions>(std::move(known));
-}
-
-CenterPriors PriorsOfCenters(const StageContext& context) {
-  if (!context.scene.places || context.scene.places->images.empty()) return nullptr;
-  return [&context](const std::map<image_t, Eigen::Vector3d>& centers) {
-    Reconstruction model;
-    for (const auto& [id, center] : centers) {
-      model.images[id].image = context.scene.images.at(id);
-      model.images[id].cam_from_world.translation = -center;
-    }
-    const Georegistration found =
-        Georegister(model, {.images = context.scene.places->images}, context.run);
-    std::vector<CenterPrior> priors;
-    if (found.status != GeoregistrationStatus::kOk) return priors;
-    for (const auto& [id, prior] : PriorsOf(found).images) {
-      priors.push_back(PriorInModel(id, prior, found.enu_from_world));
-    }
-    return priors;
-  };
-}
-
-namespace {
-
 // So many wrong control points are looked for one by one.
 constexpr int kFewWrong = 3;
 
@@ -145,7 +82,67 @@ Reconstruction AdjustTo(StageContext& context, const Georegistration& found,
   return AdjustedTo(context, found, placed);
 }
 
+void ReportPlace(const Georegistration& found, Stage& stage) {
+  double num_checks = 0, squared_m = 0;
+  for (const GeoregisteredPoint& point : found.points) {
+    num_checks += point.is_check;
+    if (point.is_check) squared_m += point.residual.squaredNorm();
+  }
+  stage.Add("positions", static_cast<double>(found.images.size()));
+  stage.Add("control_points", static_cast<double>(found.points.size()));
+  stage.Add("wrong", static_cast<double>(
+                         std::ranges::count_if(found.images, &GeoregisteredImage::is_wrong) +
+                         std::ranges::count_if(found.points, &GeoregisteredPoint::is_wrong)));
+  stage.Add("median_residual_m", found.median_residual_m);
+  if (num_checks > 0) stage.Add("check_points_rms_m", std::sqrt(squared_m / num_checks));
+  stage.NoteEach(DescribeResiduals(found));
+}
+
 }  // namespace
+
+void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path) {
+  if (!places.gps_path.empty() && !places.use_gps) {
+    throw ConfigError("gps_path", "is read with --use_gps 1 only");
+  }
+  if (places.use_gps && places.gps_path.empty() && image_path.empty()) {
+    throw ConfigError("use_gps", "needs gps_path, or image_path with photographs that have GPS");
+  }
+}
+
+std::shared_ptr<const KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
+                                                 const std::string& image_path,
+                                                 const RunContext& run) {
+  if (!places.use_gps && places.gcp_path.empty()) return nullptr;
+  KnownPositions known;
+  std::vector<std::string> names;
+  for (const auto& [id, image] : scene.images) names.push_back(image.name);
+  if (places.use_gps) {
+    known.images = ReadPositions(names, places.gps_path, image_path, run);
+  }
+  if (!places.gcp_path.empty()) {
+    known.control_points = ReadControlPoints(names, places.gcp_path, run);
+  }
+  return std::make_shared<const KnownPositions>(std::move(known));
+}
+
+CenterPriors PriorsOfCenters(const StageContext& context) {
+  if (!context.scene.places || context.scene.places->images.empty()) return nullptr;
+  return [&context](const std::map<image_t, Eigen::Vector3d>& centers) {
+    Reconstruction model;
+    for (const auto& [id, center] : centers) {
+      model.images[id].image = context.scene.images.at(id);
+      model.images[id].cam_from_world.translation = -center;
+    }
+    const Georegistration found =
+        Georegister(model, {.images = context.scene.places->images}, context.run);
+    std::vector<CenterPrior> priors;
+    if (found.status != GeoregistrationStatus::kOk) return priors;
+    for (const auto& [id, prior] : PriorsOf(found).images) {
+      priors.push_back(PriorInModel(id, prior, found.enu_from_world));
+    }
+    return priors;
+  };
+}
 
 void AdjustToPlaces(StageContext& context, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;

@@ -98,10 +98,7 @@ struct Georegistration {
 Georegistration Georegister(const Reconstruction& model, const KnownPositions& known,
                             const RunContext& run = {});
 
-// Why the model has no place on Earth; "": it has one.
-std::string GeoregistrationFailure(const Georegistration& georegistration);
-
-// What is doubtful about a model's place.
+// Why the model has no place on Earth, or what is doubtful about it.
 std::vector<ResultWarning> WarningsOf(const Georegistration& georegistration);
 
 // A line a wrong position of an image, and a line a control point: residuals, in meters and pixels.

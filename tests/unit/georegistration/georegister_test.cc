@@ -172,7 +172,7 @@ TEST_F(GeoregisterTest, PositionsOfAnotherPlaceDoNotAgree) {
   }
   const Georegistration found = Georegister(model_, {rows_});
   EXPECT_EQ(found.status, GeoregistrationStatus::kNoAgreement);
-  EXPECT_THAT(GeoregistrationFailure(found),
+  EXPECT_THAT(WarningsOf(found).at(0).what,
               ::testing::MatchesRegex(".* are [0-9]{3} m off the model .*"));
 }
 
