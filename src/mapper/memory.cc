@@ -155,14 +155,22 @@ bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, Ru
   return false;
 }
 
-int NumPartsSideBySide(int64_t num_matches, const ReconstructOptions& options, int num_threads) {
-  // Each match may be two observations, and each of these a point; solvers take some 500 bytes
-  // each.
-  constexpr int64_t kBytesOfMatch = 2000;
+int64_t EstimatePartBytes(const SceneData& part, const BundleAdjustmentOptions& options) {
+  BundleSize size;
+  size.num_images = std::ssize(part.pixels);
+  for (const auto& [id, pixels] : part.pixels) size.num_keypoints += std::ssize(pixels);
+  // At most: a point for each match, which two images see.
+  for (const auto& [pair_id, matches] : part.matches) size.num_points += std::ssize(matches);
+  size.num_observations = 2 * size.num_points;
+  size.covisibility = 2;
+  size.num_image_pairs = std::ssize(part.edges);
+  return EstimateBundleBytes(options, size);
+}
+
+int NumPartsSideBySide(int64_t bytes, const ReconstructOptions& options, int num_threads) {
   const MemoryUse use = ReadMemoryUse();
   const int64_t left = MemoryLimit(options, use) - std::max<int64_t>(0, use.resident);
-  const int64_t num = left / std::max<int64_t>(1, kBytesOfMatch * num_matches);
-  return static_cast<int>(std::clamp<int64_t>(num, 1, EffectiveNumThreads(num_threads)));
+  return static_cast<int>(std::clamp<int64_t>(left / bytes, 1, EffectiveNumThreads(num_threads)));
 }
 
 int64_t EstimateSceneBytes(const SceneCounts& counts) {

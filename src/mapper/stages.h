@@ -35,25 +35,30 @@ struct Calibration {
   std::string origin;                      // in words
 };
 
-// What the database holds, ready for the stages.
-struct SceneData : Calibration {
-  std::map<image_t, std::vector<Eigen::Vector2d>> pixels;  // of the keypoints
-  KeypointScales scales;
-  // Geometries, without matches, of the pairs that another program verified.
-  std::map<image_pair_t, TwoViewGeometry> foreign;
-  // Inlier matches of the edges; keypoints at one position are replaced by the first of them.
-  std::map<image_pair_t, FeatureMatches> matches;
-  // Of the database, from any thread. All matches of a pair, likewise, before verification; none
-  // where there are none (empty: there are none at all). What verification found.
+// What holds for all images of a database.
+struct SceneFacts {
+  // Of the database, from any thread. All matches of a pair, as in SceneData::matches, but before
+  // verification; none where there are none (empty: there are none at all). What verification
+  // found.
   std::function<FeatureMatches(const ViewEdge&)> raw_matches;
   std::function<TwoViewGeometry(image_pair_t)> stored_geometry;
-  std::set<camera_t> constant_cameras;  // intrinsics are not refined
   // The relative poses are those of a 1DSfM data set, without counted inliers; without tracks, it
   // has no matches either, and the models have no points.
   bool poses_imported = false;
   bool poses_alone = false;
   std::shared_ptr<const KnownPositions> places;  // nullptr: none are to be used
   std::optional<ResultWarning> still_parts;      // see FindStillParts
+};
+
+// What the database holds, ready for the stages.
+struct SceneData : Calibration, SceneFacts {
+  std::map<image_t, std::vector<Eigen::Vector2d>> pixels;  // of the keypoints
+  KeypointScales scales;
+  // Geometries, without matches, of the pairs that another program verified.
+  std::map<image_pair_t, TwoViewGeometry> foreign;
+  // Inlier matches of the edges; keypoints at one position are replaced by the first of them.
+  std::map<image_pair_t, FeatureMatches> matches;
+  std::set<camera_t> constant_cameras;  // intrinsics are not refined
 
   camera_t CameraIdOf(image_t id) const { return images.at(id).camera_id; }
   const Camera& CameraOf(image_t id) const { return cameras.at(CameraIdOf(id)); }
@@ -117,8 +122,10 @@ bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, Ru
 bool FitTracksToMemory(StageContext& context, const Reconstruction& model,
                        std::vector<Track>& tracks);
 
-// How many parts of so many matches there is memory for, one for each thread at most, 1 at least.
-int NumPartsSideBySide(int64_t num_matches, const ReconstructOptions& options, int num_threads);
+// Peak memory, bytes, that a part of the scene takes beside what is read, at most.
+int64_t EstimatePartBytes(const SceneData& part, const BundleAdjustmentOptions& options);
+// How many parts of so many bytes there is memory for, one for each thread at most, 1 at least.
+int NumPartsSideBySide(int64_t bytes, const ReconstructOptions& options, int num_threads);
 
 // still_parts.cc
 // What to say where most images have matches that stay where they are in the picture while others
@@ -134,7 +141,8 @@ ReconstructResult ReconstructParts(std::span<const Reconstruction> earlier,
                                    const ReconstructSettings& settings, const RunContext& run,
                                    SceneData& scene);
 
-// calibration_search.cc
+// merge_parts.cc
+// Finished models of a scene, or of a part of it.
 struct SceneModels {
   std::vector<Reconstruction> models;
   std::vector<std::vector<ResultWarning>> warnings;  // of each model
@@ -142,11 +150,19 @@ struct SceneModels {
   std::vector<std::vector<image_t>> without_model;   // connected images
   double evidence_nats = 0;
 };
+// The same with what became of the pairs, and the report.
 struct PartResult : SceneModels {
   ViewGraph graph;
   RunReport report;
   bool is_side_by_side = false;  // it was built beside other parts
 };
+// One result of all parts: the largest models first, as many as there may be, and one graph. A part
+// that fails leaves the others as they are. `report` has the stages before.
+ReconstructResult MergeParts(std::vector<PartResult> parts, const SceneData& scene,
+                             const ReconstructOptions& options, const RunContext& run,
+                             RunReport report);
+
+// calibration_search.cc
 // Models and graph by the calibration of the scene whose models have the most evidence: with one
 // camera for likely images or without, with focal lengths by the pairs or as they were. Earlier
 // models tell theirs. Leaves the scene with what was tried last.

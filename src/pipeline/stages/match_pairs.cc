@@ -43,19 +43,20 @@ std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
                                               const std::map<image_t, std::string>& names,
                                               const Database& database, Stage& stage) {
   std::map<image_t, uint64_t> hashes;
-  std::vector<std::string> reasons;
+  std::vector<std::string> not_matched, reasons;
   for (const image_t id : images) {
     try {
       if (const auto descriptors = database.ReadDescriptors(id)) {
         hashes[id] = HashOf(*descriptors, database.ReadPolarities(id, *descriptors));
       }
     } catch (const IoError& error) {
-      stage.Warn(std::string(error.what()) + "; " +
-                 (names.count(id) > 0 ? names.at(id) : "image " + std::to_string(id)) +
-                 " is not matched");
+      not_matched.push_back(std::string(error.what()) + "; " +
+                            (names.count(id) > 0 ? names.at(id) : "image " + std::to_string(id)) +
+                            " is not matched");
       reasons.push_back(error.reason());
     }
   }
+  stage.WarnEach(not_matched);
   if (!reasons.empty()) {
     const std::string photos = reasons.size() == 1 ? " photograph is" : " photographs are";
     stage.Warn(ResultWarning{
