@@ -48,8 +48,6 @@ std::map<image_t, int> ReadNumRows(Query&& query) {
 // A stored depth sample: depth, ddepth_dx, ddepth_dy. Valid where depth is positive; 0: missing.
 constexpr int kDepthColumns = 3;
 
-constexpr int kDescriptorColumns = 128;
-
 std::vector<float> DepthRows(const std::vector<DepthSample>& samples) {
   std::vector<float> rows;
   rows.reserve(samples.size() * kDepthColumns);
@@ -99,9 +97,9 @@ std::optional<Descriptors> Database::ReadDescriptors(image_t image_id) const {
   const std::string row = RowName("descriptors", image_id);
   const MatrixBlob matrix = ReadMatrixBlob(*impl_, query, sizeof(uint8_t), row);
   Descriptors descriptors(matrix.rows, matrix.cols);
-  if (descriptors.size() > 0 && matrix.cols != kDescriptorColumns) {
+  if (descriptors.size() > 0 && matrix.cols != kDescriptorSize) {
     throw IoError(path(), row + ": " + std::to_string(matrix.cols) + " columns instead of " +
-                              std::to_string(kDescriptorColumns));
+                              std::to_string(kDescriptorSize));
   }
   if (descriptors.size() > 0) {
     std::memcpy(descriptors.data(), matrix.data, static_cast<size_t>(descriptors.size()));

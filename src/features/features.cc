@@ -19,10 +19,10 @@ constexpr int kMinImageSize = 32;  // px
 // RootSIFT (Arandjelovic and Zisserman 2012): divided by its sum, and square roots, so that the
 // result has unit Euclidean length; stored as min(255, round(512 x)), as COLMAP does. A zero
 // histogram stays zero.
-void WriteRootSift(const std::array<float, kSiftDim>& histogram, uint8_t* descriptor) {
-  const Eigen::Map<const Eigen::Array<float, kSiftDim, 1>> values(histogram.data());
+void WriteRootSift(const std::array<float, kDescriptorSize>& histogram, uint8_t* descriptor) {
+  const Eigen::Map<const Eigen::Array<float, kDescriptorSize, 1>> values(histogram.data());
   const float sum = std::max(values.sum(), 1e-12f);
-  Eigen::Map<Eigen::Array<uint8_t, kSiftDim, 1>>(descriptor, kSiftDim) =
+  Eigen::Map<Eigen::Array<uint8_t, kDescriptorSize, 1>>(descriptor, kDescriptorSize) =
       (512 * (values / sum).sqrt()).round().min(255).cast<uint8_t>();
 }
 
@@ -57,7 +57,7 @@ double LeastResponse(const ScaleSpace& scale_space, const FeatureOptions& option
 // Coarse octaves first: the finest are built only where these have too few features.
 Features Extract(const Bitmap& gray, FeatureOptions options, const Bitmap* mask) {
   Features features;
-  features.descriptors.resize(0, kSiftDim);
+  features.descriptors.resize(0, kDescriptorSize);
   if (std::min(gray.width, gray.height) < kMinImageSize) return features;
   Masked is_masked{mask};
   if (mask != nullptr) {
@@ -73,7 +73,7 @@ Features Extract(const Bitmap& gray, FeatureOptions options, const Bitmap* mask)
     const Octave octave = scale_space.Build(o);
     const std::vector<Frame> frames =
         FindFrames(octave, options, is_masked, max_num_features - begin);
-    features.descriptors.conservativeResize(begin + frames.size(), kSiftDim);
+    features.descriptors.conservativeResize(begin + frames.size(), kDescriptorSize);
     for (size_t i = 0; i < frames.size(); ++i) {
       const Eigen::Vector2f center =
           (frames[i].center * octave.pixel_size).array().cast<float>() + 0.5f;

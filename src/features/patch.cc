@@ -243,10 +243,10 @@ std::array<float, kNumAngles> AngleHistogram(const PatchGradient& gradient) {
   return histogram;
 }
 
-std::array<float, kSiftDim> SiftHistogram(const PatchGradient& gradient) {
-  std::array<float, kSiftDim> histogram;
+std::array<float, kDescriptorSize> SiftHistogram(const PatchGradient& gradient) {
+  std::array<float, kDescriptorSize> histogram;
   HWY_DYNAMIC_DISPATCH(SiftKernel)(gradient, kTables, histogram.data());
-  Eigen::Map<Eigen::Matrix<float, kSiftDim, 1>> vector(histogram.data());
+  Eigen::Map<Eigen::Matrix<float, kDescriptorSize, 1>> vector(histogram.data());
   vector /= std::max(vector.norm(), 1e-12f);
   vector = vector.cwiseMin(0.2f);
   return histogram;

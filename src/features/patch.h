@@ -3,11 +3,10 @@
 #include <Eigen/Core>
 #include <array>
 
+#include "cairn/scene/features.h"
 #include "features/scale_space.h"
 
 namespace cairn {
-
-inline constexpr int kSiftDim = 128;
 
 // The gradient of an image on a grid in the units of a local frame, whose axes are as long as its
 // scale: 32 x 32 points 0.5 apart, which is SIFT's window of 4 x 4 cells of 3 units with half a
@@ -39,6 +38,6 @@ std::array<float, kNumAngles> AngleHistogram(const PatchGradient& gradient);
 // SIFT's histogram (Lowe, IJCV 2004, section 6): 4 x 4 cells, row by row, of 8 angles from the
 // first axis against the second, as in Lowe's binaries and COLMAP; linear in both, under a Gaussian
 // of 6 units. Divided by its norm, then cut off at 0.2.
-std::array<float, kSiftDim> SiftHistogram(const PatchGradient& gradient);
+std::array<float, kDescriptorSize> SiftHistogram(const PatchGradient& gradient);
 
 }  // namespace cairn

@@ -30,7 +30,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 // row (some of its elements) is broadcast and multiplied with that word of a vector of columns.
 using D = hn::ScalableTag<int32_t>;
 using V = hn::Vec<D>;
-constexpr int kDim = 128;
+constexpr int kDim = kDescriptorSize;
 constexpr int kTileVectors = 2;
 #if HWY_TARGET <= HWY_AVX3
 constexpr int kTileRows = 12;  // 24 of 32 registers accumulate
@@ -288,7 +288,7 @@ void FindNearestTwo(const Descriptors& rows, const Descriptors& columns,
                     std::vector<NearestTwo>* column_neighbors,
                     std::vector<NearestTwo>* row_neighbors) {
   for (const Descriptors* descriptors : {&rows, &columns}) {
-    CAIRN_CHECK(descriptors->cols() == 128 || descriptors->rows() == 0);
+    CAIRN_CHECK(descriptors->cols() == kDescriptorSize || descriptors->rows() == 0);
   }
   column_neighbors->assign(columns.rows(), {});
   row_neighbors->assign(rows.rows(), {});

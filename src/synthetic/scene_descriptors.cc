@@ -8,8 +8,6 @@
 namespace cairn {
 namespace {
 
-constexpr int kDescriptorSize = 128;
-
 // Looks like SIFT: few large entries, many small ones, length about 512.
 std::array<double, kDescriptorSize> MakePrototype(Rng rng) {
   std::array<double, kDescriptorSize> prototype;

@@ -164,7 +164,7 @@ std::optional<py::array_t<float>> ReadKeypoints(OpenDatabase& self, image_t imag
 
 void WriteDescriptors(OpenDatabase& self, image_t image_id, const py::object& values) {
   const py::array array = ToArray("descriptors", values);
-  CheckShape("descriptors", array, {-1, 128});
+  CheckShape("descriptors", array, {-1, kDescriptorSize});
   if (array.size() > 0 && !py::isinstance<py::array_t<uint8_t>>(array)) {
     throw ConfigError("descriptors", "these are " + std::string(py::str(array.dtype())) +
                                          ", not uint8; those of unit length become so by "
@@ -173,7 +173,7 @@ void WriteDescriptors(OpenDatabase& self, image_t image_id, const py::object& va
   const Array<uint8_t> rows(array);
   const auto num_rows = static_cast<size_t>(rows.shape(0));
   CheckNumRows(In(self), "descriptors", image_id, num_rows);
-  In(self).WriteDescriptors(image_id, Descriptors::Map(rows.data(), num_rows, 128));
+  In(self).WriteDescriptors(image_id, Descriptors::Map(rows.data(), num_rows, kDescriptorSize));
 }
 
 void WriteDepth(OpenDatabase& self, image_t image_id, const Array<float>& array) {

@@ -30,7 +30,8 @@ struct Keypoint {
 };
 static_assert(sizeof(Keypoint) == 6 * sizeof(float));
 
-// One row a keypoint; SIFT: 128 columns.
+// One row of kDescriptorSize (SIFT's) a keypoint.
+inline constexpr int kDescriptorSize = 128;
 using Descriptors = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // One value a keypoint: 1 where it is brighter inside than around, 0 where it is darker; the sign

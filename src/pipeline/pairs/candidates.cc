@@ -56,7 +56,7 @@ FloatRows SampleAll(const Database& database, std::vector<image_t>& images,
     samples.push_back(SampleDescriptors(features->descriptors, per_image));
     num_rows += samples.back().rows();
   }
-  FloatRows all(num_rows, 128);
+  FloatRows all(num_rows, kDescriptorSize);
   Eigen::Index row = 0;
   for (const FloatRows& rows : samples) {
     all.middleRows(row, rows.rows()) = rows;
@@ -76,7 +76,7 @@ std::map<image_t, std::vector<Candidate>> ReadCandidates(const Database& databas
   if (images.empty() || monitor.StopRequested()) return {};
   const FloatRows words = TrainWords(samples, options.num_words, run.num_threads);
   FloatRows descriptions(static_cast<Eigen::Index>(images.size()), words.size());
-  std::vector<Descriptors> largest(images.size(), Descriptors(0, 128));
+  std::vector<Descriptors> largest(images.size(), Descriptors(0, kDescriptorSize));
   monitor.BeginStage("describing photographs", std::ssize(images));
   for (size_t first = 0; first < images.size() && !monitor.StopRequested(); first += kBlock) {
     std::vector<ImageFeatures> block;

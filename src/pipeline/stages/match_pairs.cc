@@ -18,9 +18,6 @@
 namespace cairn {
 namespace {
 
-// Descriptors, per row.
-constexpr int64_t kBytesPerDescriptor = 128;
-
 // What the stage finds in the database and has to add to it.
 struct MatchingWork {
   std::map<image_t, int> num_descriptors;
@@ -113,7 +110,7 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
                  const MatchingOptions& options, const SchedulerOptions& scheduler,
                  const RunContext& run, Helpers* helpers) {
   std::map<image_t, int64_t> image_bytes;
-  for (const auto& [id, num] : work.num_descriptors) image_bytes[id] = num * kBytesPerDescriptor;
+  for (const auto& [id, num] : work.num_descriptors) image_bytes[id] = num * kDescriptorSize;
   // Half for the present tile; tasks that still hold images of the last one have the rest.
   const int64_t max_bytes = GibToBytes(scheduler.max_memory_gib) / 2;
   Database reader(database_path, Database::Mode::kReadOnly);
