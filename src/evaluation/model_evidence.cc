@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -16,6 +17,12 @@
 
 namespace cairn {
 namespace {
+
+// Tasks that a thread takes at once.
+constexpr int64_t kGrain = 16;            // pairs
+constexpr int64_t kGrainOfPoints = 1024;  // or of keypoints
+
+constexpr size_t kLookahead = 16;  // matches; some ten lookups fit into one wait for memory
 
 // A keypoint's unit bearing, and how that changes with the pixel.
 struct PixelRay {
@@ -107,13 +114,23 @@ Views MakeViews(const Reconstruction& model) {
 
 // Finds the rays of the keypoints of further pairs.
 void FindRays(std::span<const VerifiedPair> pairs, int num_threads, Views& views) {
-  for (const VerifiedPair& pair : pairs) {
-    const auto view1 = views.find(pair.image_id1), view2 = views.find(pair.image_id2);
-    for (const FeatureMatch& match : *pair.matches) {
-      if (view1 != views.end()) view1->second.is_matched[match.point1] = 1;
-      if (view2 != views.end()) view2->second.is_matched[match.point2] = 1;
+  const auto mark = [&](image_t image_id, const FeatureMatches& matches, auto point) {
+    const auto view = views.find(image_id);
+    if (view == views.end()) return;
+    for (const FeatureMatch& match : matches) {
+      std::atomic_ref<char> is_matched(view->second.is_matched[match.*point]);
+      if (!is_matched.load(std::memory_order_relaxed)) {
+        is_matched.store(1, std::memory_order_relaxed);
+      }
     }
-  }
+  };
+  ParallelFor(
+      num_threads, std::ssize(pairs),
+      [&](int64_t i) {
+        mark(pairs[i].image_id1, *pairs[i].matches, &FeatureMatch::point1);
+        mark(pairs[i].image_id2, *pairs[i].matches, &FeatureMatch::point2);
+      },
+      kGrain);
   std::vector<View*> order;
   for (auto& [id, view] : views) order.push_back(&view);
   ParallelFor(num_threads, std::ssize(order), [&](int64_t i) {
@@ -125,30 +142,21 @@ void FindRays(std::span<const VerifiedPair> pairs, int num_threads, Views& views
   });
 }
 
-// The explained matches of so many pairs are held at a time.
-constexpr int64_t kPairsAtATime = 4096;
-constexpr size_t kLookahead = 16;  // matches; some ten lookups fit into one wait for memory
-
-// Visits the pairs in their order. Those with an image that the model lacks have nothing.
+// Calls visit(i, evidence of pair i) on the threads. Pairs with an image that the model lacks have
+// nothing.
 template <typename Visit>
 void EvaluatePairs(const Views& views, std::span<const VerifiedPair> pairs, int num_threads,
                    const Visit& visit) {
-  const auto num_pairs = static_cast<int64_t>(pairs.size());
-  std::vector<PairEvidence> of_pair;
-  for (int64_t begin = 0; begin < num_pairs; begin += kPairsAtATime) {
-    of_pair.assign(std::min(kPairsAtATime, num_pairs - begin), {});
-    ParallelFor(
-        num_threads, std::ssize(of_pair),
-        [&](int64_t i) {
-          const VerifiedPair& pair = pairs[begin + i];
-          const auto view1 = views.find(pair.image_id1);
-          const auto view2 = views.find(pair.image_id2);
-          if (view1 == views.end() || view2 == views.end()) return;
-          of_pair[i] = EvaluatePair(view1->second, view2->second, *pair.matches);
-        },
-        16);
-    for (size_t i = 0; i < of_pair.size(); ++i) visit(pairs[begin + i], std::move(of_pair[i]));
-  }
+  ParallelFor(
+      num_threads, std::ssize(pairs),
+      [&](int64_t i) {
+        const auto view1 = views.find(pairs[i].image_id1);
+        const auto view2 = views.find(pairs[i].image_id2);
+        const bool is_inside = view1 != views.end() && view2 != views.end();
+        visit(i, is_inside ? EvaluatePair(view1->second, view2->second, *pairs[i].matches)
+                           : PairEvidence());
+      },
+      kGrain);
 }
 
 // Is a point as near to a keypoint, and in front, as an explained match to its epipolar line?
@@ -160,7 +168,7 @@ bool IsNear(const View& view, const Eigen::Vector3d& ray, const Eigen::Vector3d&
 }
 
 // Counts matches that do not follow from those before: what joins n keypoints to one track is n - 1
-// of them.
+// of them. Threads may add at once.
 class IndependentMatches {
  public:
   explicit IndependentMatches(const std::map<image_t, size_t>& num_keypoints) {
@@ -177,14 +185,16 @@ class IndependentMatches {
     if (matches.empty()) return;
     const int first1 = first_node_.at(pair.image_id1);
     const int first2 = first_node_.at(pair.image_id2);
+    int num_joined = 0;
     for (size_t i = 0; i < matches.size(); ++i) {
       if (i + kLookahead < matches.size()) {
         tracks_->Prefetch(first1 + static_cast<int>(matches[i + kLookahead].point1));
         tracks_->Prefetch(first2 + static_cast<int>(matches[i + kLookahead].point2));
       }
-      num_ += tracks_->Union(first1 + static_cast<int>(matches[i].point1),
-                             first2 + static_cast<int>(matches[i].point2));
+      num_joined += tracks_->Union(first1 + static_cast<int>(matches[i].point1),
+                                   first2 + static_cast<int>(matches[i].point2));
     }
+    num_ += num_joined;
   }
 
   int64_t Num() const { return num_; }
@@ -193,53 +203,70 @@ class IndependentMatches {
   // one. A keypoint that the model's filters took from its point counts where it lies near it:
   // models are compared whatever their filters were.
   int64_t NumOfPoints(const Reconstruction& model, const Views& views, int num_threads) {
-    const PointsOfTracks points = SortByTracks(model);
+    const PointsOfTracks points = SortByTracks(model, num_threads);
     int64_t num = num_ + points.num_joined;
-    for (size_t track = 0; track + 1 < points.begin.size(); ++track) {
-      if (!points.Of(track).empty()) num -= tracks_->SizeOf(track) - 1;
+    for (size_t node = 0; node < points.track_of.size(); ++node) {
+      const int track = points.track_of[node];
+      if (static_cast<int>(node) != track && !points.Of(track).empty()) --num;
     }
     return num + NumNear(points, views, num_threads);
   }
 
  private:
-  // The points that have keypoints of a track, by the node that represents it.
+  // The points that have keypoints of a track, by its first node.
   struct PointsOfTracks {
-    std::vector<int> track_of;  // node
-    std::vector<size_t> begin;  // of the track's points, and one more
-    std::vector<const Point3D*> points;
-    int64_t num_joined = 0;  // n - 1 for n keypoints of one track in a point
+    std::vector<int> track_of;           // node
+    std::vector<size_t> begin;           // of the track's points, and one more
+    std::vector<const Point3D*> points;  // those of one track in no order
+    int64_t num_joined = 0;              // n - 1 for n keypoints of one track in a point
 
-    std::span<const Point3D* const> Of(size_t track) const {
+    std::span<const Point3D* const> Of(int track) const {
       return std::span(points).subspan(begin[track], begin[track + 1] - begin[track]);
     }
   };
 
-  PointsOfTracks SortByTracks(const Reconstruction& model) {
+  PointsOfTracks SortByTracks(const Reconstruction& model, int num_threads) {
     PointsOfTracks sorted;
     sorted.track_of.resize(tracks_->size());
-    for (int node = 0; node < tracks_->size(); ++node) sorted.track_of[node] = tracks_->Find(node);
-    std::vector<std::pair<int, const Point3D*>> points;
-    std::vector<int> tracks;  // of a point's keypoints
-    for (const auto& [id, point] : model.points3D) {
-      tracks.clear();
+    ParallelFor(
+        num_threads, tracks_->size(),
+        [&](int64_t node) { sorted.track_of[node] = tracks_->Find(static_cast<int>(node)); },
+        kGrainOfPoints);
+    std::vector<const Point3D*> points;
+    for (const auto& [id, point] : model.points3D) points.push_back(&point);
+    // Calls add(track) for the distinct tracks of a point's keypoints. Returns how many those are
+    // more.
+    const auto visit_tracks = [&](const Point3D& point, const auto& add) {
+      std::vector<int> tracks;
       for (const TrackElement& element : point.track) {
         tracks.push_back(sorted.track_of[NodeOf(element.image_id, element.point2D)]);
       }
       std::sort(tracks.begin(), tracks.end());
-      for (size_t i = 0; i < tracks.size(); ++i) {
-        if (i > 0 && tracks[i] == tracks[i - 1]) {
-          ++sorted.num_joined;
-        } else {
-          points.emplace_back(tracks[i], &point);
-        }
-      }
-    }
+      const auto end = std::unique(tracks.begin(), tracks.end());
+      std::for_each(tracks.begin(), end, add);
+      return tracks.end() - end;
+    };
+    std::atomic<int64_t> num_joined = 0;
     sorted.begin.assign(tracks_->size() + 1, 0);
-    for (const auto& [track, point] : points) ++sorted.begin[track + 1];
+    ParallelFor(
+        num_threads, std::ssize(points),
+        [&](int64_t i) {
+          num_joined += visit_tracks(
+              *points[i], [&](int track) { ++std::atomic_ref<size_t>(sorted.begin[track + 1]); });
+        },
+        kGrainOfPoints);
+    sorted.num_joined = num_joined;
     std::partial_sum(sorted.begin.begin(), sorted.begin.end(), sorted.begin.begin());
-    sorted.points.resize(points.size());
+    sorted.points.resize(sorted.begin.back());
     std::vector<size_t> next = sorted.begin;
-    for (const auto& [track, point] : points) sorted.points[next[track]++] = point;
+    ParallelFor(
+        num_threads, std::ssize(points),
+        [&](int64_t i) {
+          visit_tracks(*points[i], [&](int track) {
+            sorted.points[std::atomic_ref<size_t>(next[track])++] = points[i];
+          });
+        },
+        kGrainOfPoints);
     return sorted;
   }
 
@@ -266,7 +293,7 @@ class IndependentMatches {
 
   std::map<image_t, int> first_node_;
   std::optional<UnionFind> tracks_;
-  int64_t num_ = 0;
+  std::atomic<int64_t> num_ = 0;
 };
 
 // Of poses, and of focal lengths and distortions that are not constant.
@@ -296,7 +323,7 @@ Support SupportOf(const VerifiedPair& pair, const PairEvidence& found) {
 
 }  // namespace
 
-int64_t CountIndependent(std::span<const VerifiedPair> pairs) {
+int64_t CountIndependent(std::span<const VerifiedPair> pairs, int num_threads) {
   std::map<image_t, size_t> num_keypoints;
   for (const VerifiedPair& pair : pairs) {
     size_t &num1 = num_keypoints[pair.image_id1], &num2 = num_keypoints[pair.image_id2];
@@ -306,7 +333,9 @@ int64_t CountIndependent(std::span<const VerifiedPair> pairs) {
     }
   }
   IndependentMatches independent(num_keypoints);
-  for (const VerifiedPair& pair : pairs) independent.Add(pair, *pair.matches);
+  ParallelFor(
+      num_threads, std::ssize(pairs),
+      [&](int64_t i) { independent.Add(pairs[i], *pairs[i].matches); }, kGrain);
   return independent.Num();
 }
 
@@ -321,18 +350,21 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
   IndependentMatches independent(num_keypoints);
   Views views = MakeViews(model);
   FindRays(pairs, run.num_threads, views);
-  EvaluatePairs(views, pairs, run.num_threads, [&](const VerifiedPair& pair, PairEvidence found) {
-    const Support support = SupportOf(pair, found);
-    evidence.pairs.push_back(support);
+  evidence.pairs.resize(pairs.size());
+  EvaluatePairs(views, pairs, run.num_threads, [&](int64_t i, const PairEvidence& found) {
+    evidence.pairs[i] = SupportOf(pairs[i], found);
+    independent.Add(pairs[i], found.explained);
+  });
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    const Support& support = evidence.pairs[i];
     evidence.all = evidence.all + support;
-    independent.Add(pair, found.explained);
-    const auto image1 = evidence.images.find(pair.image_id1);
-    const auto image2 = evidence.images.find(pair.image_id2);
-    if (image1 == evidence.images.end() || image2 == evidence.images.end()) return;
+    const auto image1 = evidence.images.find(pairs[i].image_id1);
+    const auto image2 = evidence.images.find(pairs[i].image_id2);
+    if (image1 == evidence.images.end() || image2 == evidence.images.end()) continue;
     ++evidence.num_pairs;
     evidence.num_contradicted += support.IsContradicted();
     for (Support* of : {&evidence.inside, &image1->second, &image2->second}) *of = *of + support;
-  });
+  }
   evidence.num_independent = independent.NumOfPoints(model, views, run.num_threads);
   if (evidence.all.num_explained > 0) {
     evidence.nats = evidence.all.nats * evidence.num_independent / evidence.all.num_explained;
@@ -368,10 +400,11 @@ std::vector<Support> EvaluateSupports(const Reconstruction& model, const PairRea
   std::vector<Support> supports;
   for (std::span<const VerifiedPair> pairs = read(); !pairs.empty(); pairs = read()) {
     FindRays(pairs, run.num_threads, views);
-    EvaluatePairs(views, pairs, run.num_threads,
-                  [&](const VerifiedPair& pair, const PairEvidence& found) {
-                    supports.push_back(SupportOf(pair, found));
-                  });
+    const size_t first = supports.size();
+    supports.resize(first + pairs.size());
+    EvaluatePairs(views, pairs, run.num_threads, [&](int64_t i, const PairEvidence& found) {
+      supports[first + i] = SupportOf(pairs[i], found);
+    });
   }
   return supports;
 }
@@ -381,10 +414,9 @@ std::vector<FeatureMatches> ExplainedMatches(const Reconstruction& model,
                                              const RunContext& run) {
   Views views = MakeViews(model);
   FindRays(pairs, run.num_threads, views);
-  std::vector<FeatureMatches> explained;
-  EvaluatePairs(views, pairs, run.num_threads, [&](const VerifiedPair&, PairEvidence found) {
-    explained.push_back(std::move(found.explained));
-  });
+  std::vector<FeatureMatches> explained(pairs.size());
+  EvaluatePairs(views, pairs, run.num_threads,
+                [&](int64_t i, PairEvidence found) { explained[i] = std::move(found.explained); });
   return explained;
 }
 

@@ -70,7 +70,7 @@ struct ModelEvidence {
 
 // Of all matches, those that do not follow from others: n keypoints that matches join to a track
 // have n - 1.
-int64_t CountIndependent(std::span<const VerifiedPair> pairs);
+int64_t CountIndependent(std::span<const VerifiedPair> pairs, int num_threads = 1);
 
 // The evidence for a model in verified pairs. Pairs with an image that the model lacks have nothing
 // explained; they count in `all`, not in num_pairs. O(number of matches). The result does not

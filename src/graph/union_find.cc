@@ -1,28 +1,34 @@
 #include "graph/union_find.h"
 
+#include <numeric>
 #include <utility>
 
 namespace cairn {
 
-UnionFind::UnionFind(int num_nodes) : parent_(num_nodes, -1) {}
+UnionFind::UnionFind(int num_nodes) : parent_(num_nodes) {
+  std::iota(parent_.begin(), parent_.end(), 0);
+}
 
 int UnionFind::Find(int node) {
-  while (parent_[node] >= 0) {
-    const int parent = parent_[node];
-    if (parent_[parent] < 0) return parent;
-    node = parent_[node] = parent_[parent];
+  for (;;) {
+    const int parent = Parent(node);
+    const int grandparent = Parent(parent);
+    if (parent == grandparent) return parent;
+    // Another thread may have found a nearer one to the root: this one is above the node, too.
+    At(node).store(grandparent, std::memory_order_relaxed);
+    node = grandparent;
   }
-  return node;
 }
 
 bool UnionFind::Union(int a, int b) {
-  a = Find(a);
-  b = Find(b);
-  if (a == b) return false;
-  if (parent_[a] > parent_[b]) std::swap(a, b);  // a's set is the larger one
-  parent_[a] += parent_[b];
-  parent_[b] = a;
-  return true;
+  for (;;) {
+    a = Find(a);
+    b = Find(b);
+    if (a == b) return false;
+    if (a > b) std::swap(a, b);
+    int root = b;
+    if (At(b).compare_exchange_strong(root, a, std::memory_order_relaxed)) return true;
+  }
 }
 
 }  // namespace cairn

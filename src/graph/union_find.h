@@ -1,32 +1,33 @@
 #pragma once
 
+#include <atomic>
 #include <vector>
 
 namespace cairn {
 
-// Disjoint sets over the nodes 0 .. n-1, by size with path halving. Nearly constant time an
-// operation.
+// Disjoint sets over the nodes 0 .. n-1. Threads may join and find at the same time, without locks
+// (Anderson and Woll, "Wait-free parallel algorithms for the union-find problem", STOC 1991): a
+// parent is smaller than its child, and paths are halved.
 class UnionFind {
  public:
   explicit UnionFind(int num_nodes);
 
   int size() const { return static_cast<int>(parent_.size()); }
 
-  // The representative of the node's set. It depends on the order of the unions: use it to compare,
-  // not to name.
+  // The smallest node of the set, whatever the order of the unions; while others join, one of its
+  // nodes.
   int Find(int node);
   // Joins two sets; false if they were one already.
   bool Union(int a, int b);
   bool Connected(int a, int b) { return Find(a) == Find(b); }
-  int SizeOf(int node) { return -parent_[Find(node)]; }
   // Has memory load what Find(node) will read.
-  void Prefetch(int node) const {
-    const int parent = parent_[node];
-    __builtin_prefetch(&parent_[parent < 0 ? node : parent]);
-  }
+  void Prefetch(int node) { __builtin_prefetch(&parent_[Parent(node)]); }
 
  private:
-  std::vector<int> parent_;  // of a representative: -1 times the size of its set
+  std::atomic_ref<int> At(int node) { return std::atomic_ref<int>(parent_[node]); }
+  int Parent(int node) { return At(node).load(std::memory_order_relaxed); }
+
+  std::vector<int> parent_;  // of a representative: itself
 };
 
 }  // namespace cairn

@@ -13,7 +13,7 @@
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
-#include "graph/union_find.h"
+#include "graph/graph.h"
 #include "mapper/stages.h"
 #include "sparse/laplacian_solver.h"
 
@@ -130,14 +130,11 @@ std::vector<Ratio> FindRatios(std::span<const DirectionEdge> directions,
 
 // The pairs of the largest set that ratios join.
 std::vector<char> LargestSet(int num_pairs, std::span<const Ratio> ratios) {
-  UnionFind sets(num_pairs);
-  for (const Ratio& ratio : ratios) sets.Union(ratio.pair1, ratio.pair2);
-  int largest = 0;
-  for (int e = 1; e < num_pairs; ++e) {
-    if (sets.SizeOf(e) > sets.SizeOf(largest)) largest = e;
-  }
+  std::vector<GraphEdge> edges;
+  for (const Ratio& ratio : ratios) edges.push_back({ratio.pair1, ratio.pair2});
+  const GraphComponents sets = ConnectedComponents(num_pairs, edges);
   std::vector<char> is_in(num_pairs);
-  for (int e = 0; e < num_pairs; ++e) is_in[e] = sets.Connected(e, largest);
+  for (int e = 0; e < num_pairs; ++e) is_in[e] = sets.component_of_node[e] == 0;
   return is_in;
 }
 

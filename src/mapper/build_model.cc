@@ -31,13 +31,14 @@ void NormalizeFrame(Reconstruction& model) {
 }
 
 // Ids 1, 2, ... without gaps.
-void RenumberPoints(Reconstruction& model) {
-  std::map<point3D_t, Point3D> points = std::move(model.points3D);
+void RenumberPoints(int num_threads, Reconstruction& model) {
+  std::vector<Point3D> points;
+  for (auto& [id, point] : model.points3D) points.push_back(std::move(point));
   model.points3D.clear();
   for (auto& [id, image] : model.images) {
     std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
   }
-  for (auto& [id, point] : points) model.AddPoint3D(std::move(point));
+  model.AddPoints3D(std::move(points), num_threads);
 }
 
 // Warns of places shown on top of each other, and finds the edges that did it.
@@ -228,7 +229,7 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
     }
   }
   NormalizeFrame(*best.model);
-  RenumberPoints(*best.model);
+  RenumberPoints(context.run.num_threads, *best.model);
   return best;
 }
 
@@ -262,7 +263,7 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   model.UpdatePointErrors(context.run.num_threads);
   const std::vector<ResultWarning> moved = KeepFrame(context, earlier, confidences, model);
   built.warnings.insert(built.warnings.end(), moved.begin(), moved.end());
-  RenumberPoints(model);
+  RenumberPoints(context.run.num_threads, model);
   built.model = std::move(model);
   return built;
 }

@@ -94,7 +94,7 @@ TrackReport TracksOfGraph(const StageContext& context, const ViewGraph& graph,
         found == again.end() ? context.scene.matches.at(edge.PairId()) : found->second;
     pairs.push_back({edge.image_id1, edge.image_id2, matches});
   }
-  return BuildTracks(pairs, context.settings.tracks);
+  return BuildTracks(pairs, context.settings.tracks, context.run);
 }
 
 std::optional<InitialModel> AverageComponent(

@@ -1,6 +1,8 @@
 #include <algorithm>
+#include <functional>
 
 #include "base/text.h"
+#include "cairn/base/parallel.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -76,35 +78,77 @@ ResectionReport Resect(const StageContext& context, const Correspondences& corre
                               Rng(context.run.seed, "resection", image_id));
 }
 
+struct Candidate {
+  image_t image_id;
+  Correspondences correspondences;
+  bool is_done = false;
+  ResectionReport report = {};
+};
+
+// The images outside that see enough points of the model, those with the most first: they are the
+// surest.
+std::vector<Candidate> FindCandidates(const StageContext& context, const ViewGraph& graph,
+                                      const Reconstruction& model) {
+  std::vector<Candidate> found;
+  const auto pairs = FindPairsOfOutsiders(graph, model);
+  for (const auto& [id, edges] : pairs) {
+    if (context.taken.count(id) == 0 && context.reserved.count(id) == 0) found.push_back({id, {}});
+  }
+  ParallelFor(context.run.num_threads, std::ssize(found), [&](int64_t i) {
+    const image_t id = found[i].image_id;
+    found[i].correspondences = FindCorrespondences(context.scene, pairs.at(id), model, id);
+  });
+  std::erase_if(found, [&](const Candidate& candidate) {
+    return std::ssize(candidate.correspondences.points) <
+           context.settings.resection.min_num_inliers;
+  });
+  std::ranges::stable_sort(found, std::greater<>(), [](const Candidate& candidate) {
+    return candidate.correspondences.points.size();
+  });
+  return found;
+}
+
+// The next candidates whose poses do not depend on each other: of those with a camera that the
+// model lacks, the first, which makes it known.
+std::vector<Candidate*> NextOnes(const StageContext& context, const Reconstruction& model,
+                                 std::vector<Candidate>& candidates) {
+  std::vector<Candidate*> next;
+  std::set<camera_t> unknown;
+  for (Candidate& candidate : candidates) {
+    const camera_t camera_id = context.scene.images.at(candidate.image_id).camera_id;
+    if (candidate.is_done) continue;
+    if (model.cameras.count(camera_id) > 0 || unknown.insert(camera_id).second) {
+      next.push_back(&candidate);
+    }
+  }
+  return next;
+}
+
 }  // namespace
 
 int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstruction& model) {
   ModelStage stage(context, "registration");
-  // The images with the most points first: they are the surest, and add nothing that others need.
-  std::vector<std::pair<int64_t, image_t>> candidates;
-  std::map<image_t, Correspondences> correspondences;
-  for (const auto& [id, edges] : FindPairsOfOutsiders(graph, model)) {
-    if (context.taken.count(id) > 0 || context.reserved.count(id) > 0) continue;
-    Correspondences found = FindCorrespondences(context.scene, edges, model, id);
-    if (static_cast<int>(found.points.size()) < context.settings.resection.min_num_inliers) {
-      continue;
+  std::vector<Candidate> candidates = FindCandidates(context, graph, model);
+  for (;;) {
+    const std::vector<Candidate*> next = NextOnes(context, model, candidates);
+    if (next.empty()) break;
+    ParallelFor(context.run.num_threads, std::ssize(next), [&](int64_t i) {
+      next[i]->report = Resect(context, next[i]->correspondences, model, next[i]->image_id);
+      next[i]->is_done = true;
+    });
+    for (const Candidate* candidate : next) {
+      const ResectionReport& report = candidate->report;
+      if (report.status != ResectionStatus::kSuccess) continue;
+      AddImage(context.scene, candidate->image_id, report.cam_from_world, report.camera, model);
     }
-    candidates.emplace_back(-static_cast<int64_t>(found.points.size()), id);
-    correspondences[id] = std::move(found);
   }
-  std::sort(candidates.begin(), candidates.end());
   std::vector<std::string> registered, refused;
-  for (const auto& [negative_count, id] : candidates) {
-    const ResectionReport report = Resect(context, correspondences.at(id), model, id);
-    const std::string what = context.scene.images.at(id).name + " (" +
-                             std::to_string(report.inliers.size()) + " of " +
-                             std::to_string(-negative_count) + " points agree)";
-    if (report.status == ResectionStatus::kSuccess) {
-      AddImage(context.scene, id, report.cam_from_world, report.camera, model);
-      registered.push_back(what);
-    } else {
-      refused.push_back(what);
-    }
+  for (const Candidate& candidate : candidates) {
+    const bool is_registered = candidate.report.status == ResectionStatus::kSuccess;
+    (is_registered ? registered : refused)
+        .push_back(context.scene.images.at(candidate.image_id).name + " (" +
+                   std::to_string(candidate.report.inliers.size()) + " of " +
+                   std::to_string(candidate.correspondences.points.size()) + " points agree)");
   }
   if (!registered.empty()) stage.Record("registered by resection: " + FirstNames(registered));
   if (!refused.empty()) stage.Record("not registered: " + FirstNames(refused));

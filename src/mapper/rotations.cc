@@ -273,7 +273,7 @@ int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
     }
     agreeing.push_back({edge.image_id1, edge.image_id2, &matches->second});
   }
-  return CountIndependent(agreeing);
+  return CountIndependent(agreeing, context.run.num_threads);
 }
 
 std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,

@@ -2,7 +2,6 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <set>
 #include <tuple>
 
 #include "math/sorted_order.h"
@@ -97,13 +96,12 @@ DrawnMatches DrawMatches(const PageScene& scene, const PagePair& pair, int share
   if (auto geometry = scene.database.ReadTwoViewGeometry(pair.pair_id)) {
     inliers = std::move(geometry->inlier_matches);
   }
-  std::set<std::pair<point2D_t, point2D_t>> accepted;
-  for (const FeatureMatch& match : inliers) accepted.insert({match.point1, match.point2});
-  FeatureMatches rejected;
-  for (const FeatureMatch& match :
-       scene.database.ReadMatches(pair.pair_id).value_or(FeatureMatches())) {
-    if (accepted.count({match.point1, match.point2}) == 0) rejected.push_back(match);
-  }
+  FeatureMatches accepted = inliers;
+  std::sort(accepted.begin(), accepted.end());
+  FeatureMatches rejected = scene.database.ReadMatches(pair.pair_id).value_or(FeatureMatches());
+  std::erase_if(rejected, [&](const FeatureMatch& match) {
+    return std::binary_search(accepted.begin(), accepted.end(), match);
+  });
   // In proportion, so that the drawing shows how many were rejected.
   const size_t total = std::max<size_t>(1, inliers.size() + rejected.size());
   const size_t num_inliers = std::min<size_t>(share, (inliers.size() * share + total - 1) / total);

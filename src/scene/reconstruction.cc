@@ -38,14 +38,24 @@ double ReprojectionErrorPx(const Camera& camera, const Rigid3d& cam_from_world,
 }
 
 point3D_t Reconstruction::AddPoint3D(Point3D point) {
-  const point3D_t id = points3D.empty() ? 1 : points3D.rbegin()->first + 1;
-  for (const TrackElement& element : point.track) {
-    point3D_t& shown = images.at(element.image_id).point3D_ids.at(element.point2D);
-    CAIRN_CHECK_EQ(shown, kInvalidPoint3DId);
-    shown = id;
-  }
-  points3D.emplace_hint(points3D.end(), id, std::move(point));
-  return id;
+  AddPoints3D({std::move(point)});
+  return points3D.rbegin()->first;
+}
+
+void Reconstruction::AddPoints3D(std::vector<Point3D> points, int num_threads) {
+  const point3D_t first = points3D.empty() ? 1 : points3D.rbegin()->first + 1;
+  ParallelFor(
+      num_threads, std::ssize(points),
+      [&](int64_t i) {
+        for (const TrackElement& element : points[i].track) {
+          point3D_t& shown = images.at(element.image_id).point3D_ids.at(element.point2D);
+          CAIRN_CHECK_EQ(shown, kInvalidPoint3DId);
+          shown = first + i;
+        }
+      },
+      /*grain=*/1024);
+  point3D_t id = first;
+  for (Point3D& point : points) points3D.emplace_hint(points3D.end(), id++, std::move(point));
 }
 
 void Reconstruction::RemovePoint3D(point3D_t id) {

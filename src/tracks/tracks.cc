@@ -1,37 +1,37 @@
 #include "cairn/tracks/tracks.h"
 
 #include <algorithm>
+#include <atomic>
 #include <limits>
 #include <tuple>
 #include <unordered_map>
 
 #include "cairn/base/check.h"
+#include "cairn/base/parallel.h"
 #include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
 
 constexpr size_t kLookahead = 16;  // matches; some ten lookups fit into one wait for memory
+// Matches that are looked up in parallel before some of them join sets, one after the other.
+constexpr size_t kMatchesAtATime = size_t{1} << 18;
+
+using NodePair = std::pair<int, int>;
 
 // Keypoints that are matched, as consecutive nodes, ordered by (image, keypoint), so that node
 // order is element order.
 class Nodes {
  public:
-  explicit Nodes(std::span<const PairMatches> pairs) {
-    for (const PairMatches& pair : pairs) {
-      CAIRN_CHECK_NE(pair.image_id1, pair.image_id2);
-      if (pair.matches.empty()) continue;
-      std::vector<int>& marks1 = node_of_[pair.image_id1];
-      std::vector<int>& marks2 = node_of_[pair.image_id2];
-      for (const FeatureMatch& match : pair.matches) {
-        Mark(marks1, match.point1);
-        Mark(marks2, match.point2);
-      }
-    }
+  explicit Nodes(std::span<const PairMatches> pairs, int num_threads) {
+    MarkMatched(pairs, num_threads);
+    size_t num = 0;
+    for (const auto& [image_id, marks] : node_of_) num += std::ranges::count(marks, 0);
+    CAIRN_CHECK_LE(num, static_cast<size_t>(std::numeric_limits<int>::max()));
+    elements_.reserve(num);
     for (auto& [image_id, marks] : node_of_) {
       for (size_t point = 0; point < marks.size(); ++point) {
         if (marks[point] < 0) continue;
-        CAIRN_CHECK_LT(elements_.size(), static_cast<size_t>(std::numeric_limits<int>::max()));
         marks[point] = static_cast<int>(elements_.size());
         elements_.push_back({image_id, static_cast<point2D_t>(point)});
       }
@@ -42,21 +42,46 @@ class Nodes {
   const TrackElement& Element(int node) const { return elements_[node]; }
   image_t ImageOf(int node) const { return elements_[node].image_id; }
   // The pair's matches as pairs of nodes, sorted.
-  void MatchesOf(const PairMatches& pair, std::vector<std::pair<int, int>>& matches) const {
-    matches.clear();
-    if (pair.matches.empty()) return;
+  std::vector<NodePair> MatchesOf(const PairMatches& pair) const {
+    std::vector<NodePair> matches;
+    if (pair.matches.empty()) return matches;
     const std::vector<int>& nodes1 = node_of_.at(pair.image_id1);
     const std::vector<int>& nodes2 = node_of_.at(pair.image_id2);
+    matches.reserve(pair.matches.size());
     for (const FeatureMatch& match : pair.matches) {
       matches.emplace_back(std::minmax(nodes1[match.point1], nodes2[match.point2]));
     }
     if (!std::is_sorted(matches.begin(), matches.end())) std::sort(matches.begin(), matches.end());
+    return matches;
   }
 
  private:
-  static void Mark(std::vector<int>& marks, point2D_t point) {
-    if (marks.size() <= point) marks.resize(point + 1, -1);
-    marks[point] = 0;
+  // A pair's matches, of one of its images.
+  struct Side {
+    const PairMatches* pair;
+    point2D_t FeatureMatch::*point;
+  };
+
+  void MarkMatched(std::span<const PairMatches> pairs, int num_threads) {
+    std::map<image_t, std::vector<Side>> sides_of;
+    for (const PairMatches& pair : pairs) {
+      CAIRN_CHECK_NE(pair.image_id1, pair.image_id2);
+      if (pair.matches.empty()) continue;
+      sides_of[pair.image_id1].push_back({&pair, &FeatureMatch::point1});
+      sides_of[pair.image_id2].push_back({&pair, &FeatureMatch::point2});
+    }
+    std::vector<std::pair<std::vector<int>*, std::vector<Side>>> images;
+    for (auto& [id, sides] : sides_of) images.emplace_back(&node_of_[id], std::move(sides));
+    ParallelFor(num_threads, std::ssize(images), [&](int64_t i) {
+      auto& [marks, sides] = images[i];
+      for (const Side& side : sides) {
+        for (const FeatureMatch& match : side.pair->matches) {
+          const point2D_t point = match.*side.point;
+          if (marks->size() <= point) marks->resize(point + 1, -1);
+          (*marks)[point] = 0;
+        }
+      }
+    });
   }
 
   std::vector<TrackElement> elements_;
@@ -80,15 +105,18 @@ class NodeSets {
     }
   }
 
+  // Threads may ask at the same time, while none joins (as in UnionFind).
   int Root(int node) {
-    while (members_[node].parent != node) {
-      members_[node].parent = members_[members_[node].parent].parent;
-      node = members_[node].parent;
+    for (;;) {
+      const int parent = Parent(node);
+      const int grandparent = Parent(parent);
+      if (parent == grandparent) return parent;
+      ParentOf(node).store(grandparent, std::memory_order_relaxed);
+      node = grandparent;
     }
-    return node;
   }
   // Has memory load what Root(node) will read.
-  void Prefetch(int node) const { __builtin_prefetch(&members_[members_[node].parent]); }
+  void Prefetch(int node) { __builtin_prefetch(&members_[Parent(node)]); }
   bool IsRoot(int node) const { return members_[node].parent == node; }
   int Next(int node) const { return members_[node].next; }  // -1: the last one
   // Ascending nodes have ascending images.
@@ -120,8 +148,91 @@ class NodeSets {
     int next;
     image_t image_id;
   };
+  std::atomic_ref<int> ParentOf(int node) { return std::atomic_ref<int>(members_[node].parent); }
+  int Parent(int node) { return ParentOf(node).load(std::memory_order_relaxed); }
+
   std::vector<Member> members_;
 };
+
+// Matches of a pair, as roots, that would join two sets.
+struct OpenMatches {
+  std::vector<NodePair> roots;
+  int64_t num_conflicting = 0;
+};
+
+// Sets that share an image share one for good: only what is open can join sets later.
+OpenMatches FindOpenMatches(NodeSets& sets, const std::vector<NodePair>& matches) {
+  OpenMatches open;
+  for (size_t m = 0; m < matches.size(); ++m) {
+    if (m + kLookahead < matches.size()) {
+      sets.Prefetch(matches[m + kLookahead].first);
+      sets.Prefetch(matches[m + kLookahead].second);
+    }
+    const int root1 = sets.Root(matches[m].first);
+    const int root2 = sets.Root(matches[m].second);
+    if (root1 == root2) continue;
+    if (sets.ShareImage(root1, root2)) {
+      ++open.num_conflicting;
+    } else {
+      open.roots.emplace_back(root1, root2);
+    }
+  }
+  return open;
+}
+
+// Joins the sets of the nodes that are matched, pair by pair in this order. Returns how many
+// matches are left out, since they would join two keypoints of an image.
+int64_t JoinMatches(std::span<const PairMatches> pairs, const std::vector<int>& order,
+                    const Nodes& nodes, int num_threads, NodeSets& sets) {
+  int64_t num_conflicting = 0;
+  for (auto begin = order.begin(), end = begin; begin != order.end(); begin = end) {
+    for (size_t num = 0; end != order.end() && num < kMatchesAtATime; ++end) {
+      num += pairs[*end].matches.size();
+    }
+    std::vector<OpenMatches> open(end - begin);
+    ParallelFor(num_threads, std::ssize(open), [&](int64_t i) {
+      open[i] = FindOpenMatches(sets, nodes.MatchesOf(pairs[begin[i]]));
+    });
+    for (const OpenMatches& of_pair : open) {
+      num_conflicting += of_pair.num_conflicting;
+      for (const auto& [node1, node2] : of_pair.roots) {
+        const int root1 = sets.Root(node1);
+        const int root2 = sets.Root(node2);
+        if (root1 == root2) continue;
+        if (sets.ShareImage(root1, root2)) {
+          ++num_conflicting;
+        } else {
+          sets.Join(root1, root2);
+        }
+      }
+    }
+  }
+  return num_conflicting;
+}
+
+// The sets with enough members, in the order of their first ones.
+std::vector<Track> TracksOf(const NodeSets& sets, const Nodes& nodes, int min_length,
+                            int num_threads) {
+  std::vector<int> roots;  // the smallest members
+  for (int node = 0; node < nodes.Num(); ++node) {
+    if (sets.IsRoot(node)) roots.push_back(node);
+  }
+  std::vector<Track> tracks(roots.size());
+  ParallelFor(
+      num_threads, std::ssize(roots),
+      [&](int64_t i) {
+        int length = 0;
+        for (int node = roots[i]; node >= 0; node = sets.Next(node)) ++length;
+        if (length < min_length) return;
+        tracks[i].reserve(length);
+        for (int node = roots[i]; node >= 0; node = sets.Next(node)) {
+          tracks[i].push_back(nodes.Element(node));
+        }
+      },
+      /*grain=*/1024);
+  std::erase_if(tracks, [](const Track& track) { return track.empty(); });
+  return tracks;
+}
 
 }  // namespace
 
@@ -131,39 +242,15 @@ void TrackOptions::VisitFields(OptionVisitor& v) {
         "long tracks are picked until every image has so many; 0: all tracks");
 }
 
-TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& options) {
+TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& options,
+                        const RunContext& run) {
   ValidateOptions(options, "tracks");
-  const Nodes nodes(pairs);
+  const Nodes nodes(pairs, run.num_threads);
   NodeSets sets(nodes);
   TrackReport report;
-  std::vector<std::pair<int, int>> matches;
-  for (const int i : OrderBySupport(pairs)) {
-    nodes.MatchesOf(pairs[i], matches);
-    report.num_matches += static_cast<int64_t>(matches.size());
-    for (size_t m = 0; m < matches.size(); ++m) {
-      if (m + kLookahead < matches.size()) {
-        sets.Prefetch(matches[m + kLookahead].first);
-        sets.Prefetch(matches[m + kLookahead].second);
-      }
-      const auto [node1, node2] = matches[m];
-      const int root1 = sets.Root(node1);
-      const int root2 = sets.Root(node2);
-      if (root1 == root2) continue;
-      if (sets.ShareImage(root1, root2)) {
-        ++report.num_conflicting;
-      } else {
-        sets.Join(root1, root2);
-      }
-    }
-  }
-  // Roots are the smallest members: their order is that of the tracks.
-  for (int root = 0; root < nodes.Num(); ++root) {
-    if (!sets.IsRoot(root)) continue;
-    Track track;
-    for (int node = root; node >= 0; node = sets.Next(node)) track.push_back(nodes.Element(node));
-    track.shrink_to_fit();
-    if (std::ssize(track) >= options.min_length) report.tracks.push_back(std::move(track));
-  }
+  for (const PairMatches& pair : pairs) report.num_matches += std::ssize(pair.matches);
+  report.num_conflicting = JoinMatches(pairs, OrderBySupport(pairs), nodes, run.num_threads, sets);
+  report.tracks = TracksOf(sets, nodes, options.min_length, run.num_threads);
   if (options.max_per_image > 0) {
     report.tracks = SelectTracks(report.tracks, options.max_per_image);
   }

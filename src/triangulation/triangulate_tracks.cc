@@ -176,6 +176,7 @@ TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
       [&](int64_t i) { outcomes[i] = TriangulateTrack(tracks[i], options, prepared); }, 64);
 
   TriangulateTracksReport report;
+  std::vector<Point3D> points;
   for (TrackOutcome& outcome : outcomes) {
     if (!outcome.has_two_views) continue;
     ++report.num_tracks;
@@ -195,11 +196,12 @@ TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
     }
     if (outcome.points.size() > 1) ++report.num_second_points;
     for (Point3D& point : outcome.points) {
-      ++report.num_points;
       report.num_observations += std::ssize(point.track);
-      reconstruction.AddPoint3D(std::move(point));
+      points.push_back(std::move(point));
     }
   }
+  report.num_points = std::ssize(points);
+  reconstruction.AddPoints3D(std::move(points), run.num_threads);
   return report;
 }
 

@@ -180,12 +180,15 @@ struct Pair {
 
 std::vector<Pair> ComparePairs(const Reconstruction& model, const ViewGraph& graph,
                                int num_threads) {
-  std::vector<View> views;
+  std::vector<const RegisteredImage*> images;
   std::map<image_t, int> index_of;
   for (const auto& [id, image] : model.images) {
-    index_of[id] = static_cast<int>(views.size());
-    views.push_back(MakeView(model, image));
+    index_of[id] = static_cast<int>(images.size());
+    images.push_back(&image);
   }
+  std::vector<View> views(images.size());
+  ParallelFor(num_threads, std::ssize(images),
+              [&](int64_t i) { views[i] = MakeView(model, *images[i]); });
   std::vector<Pair> pairs;
   for (size_t e = 0; e < graph.edges.size(); ++e) {
     const ViewEdge& edge = graph.edges[e];

@@ -56,6 +56,8 @@ struct Reconstruction {
   // Adds a point with a new id, and sets the references of its track's images to it. The track's
   // keypoints must not show another point.
   point3D_t AddPoint3D(Point3D point);
+  // Adds many, with ascending new ids.
+  void AddPoints3D(std::vector<Point3D> points, int num_threads = 1);
   // Removes a point and every reference to it.
   void RemovePoint3D(point3D_t id);
   // Removes one observation; the whole point if fewer than two would remain.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cairn/base/options.h"
+#include "cairn/base/run_context.h"
 #include "cairn/scene/reconstruction.h"
 
 namespace cairn {
@@ -36,9 +37,10 @@ struct TrackReport {
 
 // Joins matches to tracks by union-find, those of the best-supported pairs first. Every track has
 // at most one keypoint of an image: a match that would join two of them is left out. The result
-// does not depend on the order of `pairs` or on the order of the matches within them. Cost: O(m log
-// m) in the number of matches.
-TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& options);
+// does not depend on the order of `pairs`, on the order of the matches within them or on
+// run.num_threads. Cost: O(m log m) in the number of matches.
+TrackReport BuildTracks(std::span<const PairMatches> pairs, const TrackOptions& options,
+                        const RunContext& run = {});
 
 // Some of the tracks, in their order, that give every image enough of them: long tracks come first,
 // a track is taken while one of its images has fewer than `min_per_image` taken tracks.

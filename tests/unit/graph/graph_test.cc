@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <atomic>
 #include <set>
 
+#include "cairn/base/parallel.h"
 #include "cairn/base/rng.h"
 #include "graph/sum_at_nodes.h"
 #include "graph/union_find.h"
@@ -32,8 +34,20 @@ TEST(UnionFind, JoinsSetsOnce) {
   EXPECT_TRUE(sets.Connected(0, 1));
   EXPECT_FALSE(sets.Connected(1, 3));
   EXPECT_TRUE(sets.Union(1, 4));
-  EXPECT_EQ(sets.SizeOf(3), 4);
-  EXPECT_EQ(sets.SizeOf(2), 1);
+  EXPECT_FALSE(sets.Connected(3, 2));
+}
+
+TEST(UnionFind, ThreadsAtOnceMakeTheSetsOfOneThread) {
+  constexpr int kNumNodes = 20000;
+  const std::vector<GraphEdge> edges = RandomEdges(kNumNodes, 15000, 7);
+  UnionFind one(kNumNodes), many(kNumNodes);
+  int num_by_one = 0;
+  for (const GraphEdge& e : edges) num_by_one += one.Union(e.node1, e.node2);
+  std::atomic<int> num_by_many = 0;
+  ParallelFor(8, std::ssize(edges),
+              [&](int64_t e) { num_by_many += many.Union(edges[e].node1, edges[e].node2); });
+  EXPECT_EQ(num_by_one, num_by_many);
+  for (int node = 0; node < kNumNodes; ++node) ASSERT_EQ(one.Find(node), many.Find(node));
 }
 
 TEST(ConnectedComponents, SortsLargestFirstAndKeepsLonelyNodes) {

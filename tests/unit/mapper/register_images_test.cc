@@ -48,6 +48,39 @@ TEST(RegisterLeftOut, FindsAFocalLengthThatIsOnlyAGuess) {
   }
 }
 
+// Poses are found in parallel, but for images of one camera that the model lacks.
+TEST(RegisterLeftOut, TheFirstImageOfACameraMakesItKnownToTheOthers) {
+  const auto make = [](IncompleteModel& incomplete) {
+    const camera_t camera_id = incomplete.scene.images.at(3).camera_id;
+    incomplete.scene.images.at(7).camera_id = camera_id;
+    Camera& camera = incomplete.scene.cameras.at(camera_id);
+    camera.SetMeanFocal(1.3 * camera.MeanFocal());
+    camera.has_prior_focal_length = false;
+    return camera_id;
+  };
+  IncompleteModel both({3, 7});
+  const camera_t camera_id = make(both);
+  ASSERT_EQ(both.Register(), 2);
+  int num_alone = 0;
+  for (const image_t first : {3, 7}) {
+    IncompleteModel alone({3, 7});
+    make(alone);
+    alone.context.taken = {static_cast<image_t>(10 - first)};
+    ASSERT_EQ(alone.Register(), 1);
+    if (alone.model.cameras.at(camera_id).params != both.model.cameras.at(camera_id).params) {
+      continue;
+    }
+    alone.context.taken.clear();
+    ASSERT_EQ(alone.Register(), 1);
+    for (const image_t id : {3, 7}) {
+      EXPECT_EQ(alone.model.images.at(id).cam_from_world.translation,
+                both.model.images.at(id).cam_from_world.translation);
+    }
+    ++num_alone;
+  }
+  EXPECT_EQ(num_alone, 1);
+}
+
 TEST(RegisterLeftOut, PairsOfAnotherPlaceDoNotCount) {
   IncompleteModel incomplete({3, 7});
   int num_ambiguous = 0;

@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <map>
+#include <memory>
+#include <set>
 
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
@@ -42,6 +45,73 @@ TEST(BuildTracks, JoinsMatchesOfSeveralPairs) {
   EXPECT_EQ(report.num_tracks, 3);
   EXPECT_EQ(report.num_observations, 7);
   EXPECT_EQ(report.num_conflicting, 0);
+}
+
+// What the documentation says, one match after the other.
+std::set<Track> TracksByDefinition(std::vector<OwnedPair> pairs) {
+  std::stable_sort(pairs.begin(), pairs.end(), [](const OwnedPair& a, const OwnedPair& b) {
+    return std::make_tuple(-std::ssize(a.matches), a.image_id1, a.image_id2) <
+           std::make_tuple(-std::ssize(b.matches), b.image_id1, b.image_id2);
+  });
+  std::map<TrackElement, std::shared_ptr<Track>> track_of;
+  const auto find = [&](const TrackElement& element) {
+    std::shared_ptr<Track>& track = track_of[element];
+    if (!track) track = std::make_shared<Track>(Track{element});
+    return track;
+  };
+  for (OwnedPair& pair : pairs) {
+    std::ranges::sort(pair.matches, {},
+                      [](const FeatureMatch& m) { return std::make_pair(m.point1, m.point2); });
+    for (const FeatureMatch& match : pair.matches) {
+      const std::shared_ptr<Track> track1 = find({pair.image_id1, match.point1});
+      const std::shared_ptr<Track> track2 = find({pair.image_id2, match.point2});
+      std::set<image_t> images;
+      for (const TrackElement& element : *track1) images.insert(element.image_id);
+      for (const TrackElement& element : *track2) images.insert(element.image_id);
+      if (track1 == track2 || images.size() < track1->size() + track2->size()) continue;
+      track1->insert(track1->end(), track2->begin(), track2->end());
+      for (const TrackElement& element : *track2) track_of[element] = track1;
+    }
+  }
+  std::set<Track> tracks;
+  for (const auto& [element, track] : track_of) {
+    std::sort(track->begin(), track->end());
+    if (track->size() >= 2) tracks.insert(*track);
+  }
+  return tracks;
+}
+
+// More matches than are looked at in parallel at a time; a tenth of them wrong.
+TEST(BuildTracks, OfManyMatchesAreThoseOfOneAfterTheOther) {
+  constexpr int kNumImages = 40, kNumPoints = 1000;
+  Rng rng(5, "tracks");
+  std::vector<OwnedPair> pairs;
+  for (image_t a = 1; a <= kNumImages; ++a) {
+    for (image_t b = a + 1; b <= kNumImages; ++b) {
+      OwnedPair pair{a, b, {}};
+      const uint64_t num = 200 + rng.UniformInt(400);
+      for (uint64_t k = 0; k < num; ++k) {
+        const auto point = static_cast<point2D_t>(rng.UniformInt(kNumPoints));
+        const bool is_wrong = rng.Uniform() < 0.1;
+        pair.matches.push_back(
+            {point, is_wrong ? static_cast<point2D_t>(rng.UniformInt(kNumPoints)) : point});
+      }
+      pairs.push_back(std::move(pair));
+    }
+  }
+  std::vector<PairMatches> views;
+  for (const OwnedPair& pair : pairs) {
+    views.push_back({pair.image_id1, pair.image_id2, pair.matches});
+  }
+  const TrackReport report = BuildTracks(views, {}, {.num_threads = 8});
+  EXPECT_GT(report.num_matches, 300'000);
+  EXPECT_GT(report.num_conflicting, 30'000);
+  const std::set<Track> expected = TracksByDefinition(pairs);
+  ASSERT_EQ(report.tracks.size(), expected.size());
+  EXPECT_TRUE(std::ranges::equal(report.tracks, expected));
+  const TrackReport by_one = BuildTracks(views, {}, {.num_threads = 1});
+  EXPECT_EQ(by_one.tracks, report.tracks);
+  EXPECT_EQ(by_one.num_conflicting, report.num_conflicting);
 }
 
 TEST(BuildTracks, AcceptsImagesInEitherOrder) {
