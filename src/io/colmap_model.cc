@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 
 #include "base/output_folder.h"
 #include "cairn/base/check.h"
@@ -26,7 +27,13 @@ std::string IdText(const char* kind, uint64_t id) {
 }
 
 void CheckImages(const Reconstruction& r, const std::string& folder) {
+  std::map<std::string, image_t> id_of_name;
   for (const auto& [id, image] : r.images) {
+    const auto [other, is_new] = id_of_name.emplace(image.image.name, id);
+    if (!is_new) {
+      throw IoError(folder, IdText("image", other->second) + " and " + IdText("image", id) +
+                                " have one name, " + image.image.name);
+    }
     if (r.cameras.count(image.image.camera_id) == 0) {
       throw IoError(folder, IdText("image", id) + " refers to " +
                                 IdText("camera", image.image.camera_id) + ", which is not there");

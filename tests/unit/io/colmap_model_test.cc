@@ -191,6 +191,9 @@ TEST_P(ColmapModel, FilesThatContradictEachOtherAreErrors) {
   expect_error("no error", [](Reconstruction&) {});
   expect_error("which is not there",
                [](Reconstruction& r) { r.points3D.erase(r.points3D.begin()); });
+  expect_error("have one name", [](Reconstruction& r) {
+    r.images.rbegin()->second.image.name = r.images.begin()->second.image.name;
+  });
   expect_error("does not refer back",
                [](Reconstruction& r) { r.points3D.begin()->second.track[0].image_id = 1000; });
   expect_error("does not refer back",
