@@ -10,7 +10,6 @@
 #include "cairn/image/image_folder.h"
 #include "database/stage_names.h"
 #include "intrinsics/wide_focals.h"
-#include "pipeline/depth_gain.h"
 #include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/choose.h"
 #include "pipeline/stages/foreign_features.h"
@@ -29,11 +28,6 @@ VerificationInput InputOfVerification(const BuildPipelineOptions& options, uint6
                   "\"\nseed = " + std::to_string(seed) + "\n" +
                   DumpQualified("verification", options.verification);
   return input;
-}
-
-std::vector<NamedVerifier> VerifiersOf(const BuildPipelineOptions& options) {
-  return MakeVerifiers(std::string(NameOf(kVerifierChoices, options.inputs.verifier)),
-                       options.verification);
 }
 
 // Options that differ from those of rows that are there are an error at once, not after an hour.
@@ -145,8 +139,10 @@ bool MatchAndVerify(Database& database, const BuildPipelineOptions& options,
   for (const std::string& text : LearnWideFocals(database, options.verification, run)) {
     run.monitor.Info(text);
   }
-  return KeepGoing(
-      report, VerifyPairs(database, VerifiersOf(options), input, options.scheduler, run, helpers));
+  const std::vector<NamedVerifier> verifiers =
+      MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)), options.verification);
+  return KeepGoing(report,
+                   VerifyPairs(database, verifiers, input, options.scheduler, run, helpers));
 }
 
 // Chooses, matches and verifies pairs, round by round.
@@ -216,22 +212,6 @@ std::optional<Helpers> FindHelpers(const BuildPipelineOptions& options, const Ru
                        options.verification};
   // As much as a tile has (MatchAll), so that an image travels once a tile.
   return Helpers(*peers, setup, GibToBytes(options.scheduler.max_memory_gib) / 2, run);
-}
-
-// Of a run that verified pairs, within a share of its time. Not of verifiers that do without depth,
-// or not without it.
-std::optional<DepthGain> DepthGainOf(const RunReport& report, Database& database,
-                                     const BuildPipelineOptions& options) {
-  const VerifierChoice choice = options.inputs.verifier;
-  if (choice != VerifierChoice::kCascade && choice != VerifierChoice::kFast) return std::nullopt;
-  double seconds = 0, num_tried = 0;
-  for (const StageReport& stage : report.stages) {
-    seconds += stage.seconds;
-    if (stage.name == kStageVerification) num_tried += stage.Value("tried");
-  }
-  if (num_tried == 0) return std::nullopt;
-  return MeasureDepthGain(database, InputOfVerification(options, report.seed),
-                          VerifiersOf(options).front(), report.seed, seconds);
 }
 
 // What another program took out of the database is computed again.
@@ -315,7 +295,6 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   report.was_stopped =
       !RunStages(database, options, sources, run, helpers ? &*helpers : nullptr, report.run);
   report.summary = SummarizeDatabase(database);
-  if (!report.was_stopped) report.summary.depth_gain = DepthGainOf(report.run, database, options);
   report.run.values = SummaryValues(report.summary);
   report.run.failure = report.was_stopped ? report.run.stages.back().name + ": " +
                                                 report.run.stages.back().messages.back()

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 #include <map>
 
 #include "base/text.h"
@@ -29,7 +28,7 @@ void CountComponents(const std::vector<std::pair<image_pair_t, int>>& pairs,
   }
 }
 
-// What depth brought, or that there is none.
+// Which steps decided pairs, or that there is no depth.
 std::string DepthText(const ViewGraphSummary& s) {
   if (s.num_tried == 0) return "";
   if (s.num_images_with_depth == 0) {
@@ -42,18 +41,7 @@ std::string DepthText(const ViewGraphSummary& s) {
                       static_cast<long long>(num_pairs),
                       1e3 * seconds / static_cast<double>(num_pairs));
   }
-  text += "\n";
-  if (!s.depth_gain) return text;
-  const DepthGain& gain = *s.depth_gain;
-  const double with = gain.seconds_with / gain.num_sampled;
-  const double without = gain.seconds_without / gain.num_sampled;
-  return text + Formatted(
-                    "depth     %s about %.2g s of processor time on %lld pairs (%.2f ms each, %.2f "
-                    "without it; %d sampled)\n",
-                    with < without ? "saves" : "costs",
-                    std::abs(without - with) * static_cast<double>(gain.num_with_depth),
-                    static_cast<long long>(gain.num_with_depth), 1e3 * with, 1e3 * without,
-                    gain.num_sampled);
+  return text + "\n";
 }
 
 // "12 (a 10, b 2)".
@@ -120,11 +108,6 @@ std::vector<std::pair<std::string, double>> SummaryValues(const ViewGraphSummary
   for (const auto& [step, num_pairs, seconds] : s.decided_by) {
     values.emplace_back("decided_by_" + step, static_cast<double>(num_pairs));
     values.emplace_back("seconds_of_" + step, seconds);
-  }
-  if (s.depth_gain) {
-    values.emplace_back("depth_sampled_pairs", s.depth_gain->num_sampled);
-    values.emplace_back("depth_sampled_seconds", s.depth_gain->seconds_with);
-    values.emplace_back("depth_sampled_seconds_without", s.depth_gain->seconds_without);
   }
   values.emplace_back("components", s.num_components);
   values.emplace_back("images_in_largest_component", s.largest_component);

@@ -116,14 +116,6 @@ struct BuildPipelineOptions {
 // another program's SIFT, features.type is sift.
 std::vector<std::string> StoredOptions(const BuildInputs& inputs);
 
-// What depth is worth to verification: times of sampled pairs, with it and without, on one thread.
-struct DepthGain {
-  int64_t num_with_depth = 0;  // pairs that were tried, whose images both have depth
-  int num_sampled = 0;
-  double seconds_with = 0;  // of the sample
-  double seconds_without = 0;
-};
-
 // What the database has after a run, whoever computed it.
 struct ViewGraphSummary {
   int num_images = 0;
@@ -137,7 +129,6 @@ struct ViewGraphSummary {
   std::map<std::string, int64_t> verified_by;   // verifier -> pairs; "given": by another program
   std::map<std::string, int64_t> rejected_by;   // reason -> pairs
   std::vector<Database::StepTimes> decided_by;  // steps of our verifiers
-  std::optional<DepthGain> depth_gain;          // of a run that verified pairs with depth
   int num_components = 0;                       // of the graph of verified pairs, with >= 2 images
   int largest_component = 0;                    // images in it
 };

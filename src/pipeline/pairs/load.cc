@@ -39,10 +39,9 @@ void PairLoader::BeginRound() {
   reads_done_ = false;
 }
 
-void PairLoader::BeginDoneAgain(Priors priors) {
+void PairLoader::BeginDoneAgain() {
   intrinsics_ = ReadKnownIntrinsics(database_);
   reads_done_ = true;
-  if (priors == Priors::kKnown) return;
   for (auto& [id, known] : intrinsics_) known.judgement.reset();
 }
 

@@ -26,10 +26,8 @@ class PairLoader {
 
   // From now on, pairs that are not done are read, with what is known of cameras now.
   void BeginRound();
-  // From now on, pairs that are done are read again: with what is known of cameras now, or before
-  // any prior focal length was rejected.
-  enum class Priors { kKnown, kUnjudged };
-  void BeginDoneAgain(Priors priors);
+  // From now on, pairs that are done are read again, as before any prior focal length was rejected.
+  void BeginDoneAgain();
 
   PairImage LoadImage(image_t id);
   // False: the pair is none of these, or left out. Pairs with fewer than min_num_matches come

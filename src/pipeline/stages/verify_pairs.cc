@@ -163,7 +163,7 @@ class Rounds {
   void WeighFocals() {
     const std::vector<image_pair_t> missing = WithoutEvidence(database_, to_weigh_);
     if (missing.empty()) return;
-    loader_.BeginDoneAgain(PairLoader::Priors::kUnjudged);
+    loader_.BeginDoneAgain();
     VerifyEach(missing, [](PairOutcome found, DatabaseWriter& writer) {
       writer.Push([outcome = std::make_shared<PairOutcome>(std::move(found))](Database& db) {
         WriteFocalEvidence(db, *outcome);
