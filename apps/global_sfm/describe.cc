@@ -5,33 +5,10 @@
 #include <algorithm>
 #include <map>
 
-#include "cairn/pipeline/verify_pairs.h"
+#include "cairn/pipeline/build_pipeline.h"
 
 namespace cairn {
 namespace {
-
-template <class Counts>
-int64_t Sum(const Counts& counts) {
-  int64_t sum = 0;
-  for (const auto& [key, n] : counts) sum += n;
-  return sum;
-}
-
-std::string CountsLine(const char* name, const std::map<image_t, int>& counts, size_t num_images) {
-  if (counts.empty()) return fmt::format("{:<18} none\n", name);
-  return fmt::format("{:<18} {} in {} of {} images, {:.0f} an image\n", name, Sum(counts),
-                     counts.size(), num_images,
-                     static_cast<double>(Sum(counts)) / static_cast<double>(counts.size()));
-}
-
-std::string PairsLine(const char* name, const std::vector<std::pair<image_pair_t, int>>& counts,
-                      const char* of_what) {
-  if (counts.empty()) return fmt::format("{:<18} none\n", name);
-  const auto is_positive = [](const auto& c) { return c.second > 0; };
-  const auto num_positive = std::count_if(counts.begin(), counts.end(), is_positive);
-  return fmt::format("{:<18} {} of {} tried, {} {}\n", name, num_positive, counts.size(),
-                     Sum(counts), of_what);
-}
 
 std::string CameraLines(const std::vector<Camera>& cameras) {
   std::map<std::string, int> kinds;
@@ -39,33 +16,15 @@ std::string CameraLines(const std::vector<Camera>& cameras) {
     ++kinds[fmt::format("{}, focal length {}", CameraModelName(camera.model),
                         camera.has_prior_focal_length ? "given or from EXIF" : "guessed")];
   }
-  std::string text = fmt::format("{:<18} {}\n", "cameras", cameras.size());
-  for (const auto& [kind, n] : kinds) text += fmt::format("  {:<16} {}\n", n, kind);
-  return text;
-}
-
-std::string VerifierLines(const std::vector<PairMetrics>& metrics) {
-  std::map<std::string, std::map<std::string, int>> statuses;
-  std::map<std::string, int> wins;
-  for (const PairMetrics& m : metrics) {
-    ++statuses[m.verifier][m.status];
-    wins[m.verifier] += m.is_winner;
-  }
-  std::string text;
-  for (const auto& [verifier, counts] : statuses) {
-    text +=
-        fmt::format("verifier {:<9} {} pairs, {} chosen:", verifier, Sum(counts), wins[verifier]);
-    for (const auto& [status, n] : counts) text += fmt::format(" {} {}", n, status);
-    text += "\n";
-  }
+  std::string text = fmt::format("cameras   {}\n", cameras.size());
+  for (const auto& [kind, n] : kinds) text += fmt::format("  {:<8}{}\n", n, kind);
   return text;
 }
 
 std::string SkippedLines(const std::vector<PhotoRecord>& photos) {
   std::string text;
   for (const PhotoRecord& photo : photos) {
-    if (!photo.error.empty())
-      text += fmt::format("skipped            {}: {}\n", photo.name, photo.error);
+    if (!photo.error.empty()) text += fmt::format("skipped   {}: {}\n", photo.name, photo.error);
   }
   return text;
 }
@@ -110,20 +69,13 @@ std::string FirstLines(const std::vector<std::string>& lines, const char* of_wha
 }  // namespace
 
 std::string DescribeDatabase(const Database& database) {
-  const size_t num_images = database.ReadImages().size();
-  std::string text = fmt::format("{:<18} {}\n", "images", num_images);
+  std::string text = SummaryText(SummarizeDatabase(database), {});
   text += SkippedLines(database.ReadPhotos());
   text += CameraLines(database.ReadCameras());
   for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
-    text += fmt::format("{:<18} camera {} is of the unknown model {}; its images are left out\n",
-                        "unknown camera", camera.camera_id, camera.model_id);
+    text += fmt::format("camera {} is of the unknown model {}; its images are left out\n",
+                        camera.camera_id, camera.model_id);
   }
-  text += CountsLine("keypoints", database.ReadNumKeypoints(), num_images);
-  text += CountsLine("descriptors", database.ReadNumDescriptors(), num_images);
-  text += CountsLine("depth samples", database.ReadNumDepthSamples(), num_images);
-  text += PairsLine("matched pairs", database.ReadNumMatches(), "matches");
-  text += PairsLine("verified pairs", database.ReadNumInliers(), "inliers");
-  text += VerifierLines(database.ReadPairMetrics());
   return text;
 }
 
@@ -140,9 +92,8 @@ std::string DescribeViewGraph(const ViewGraph& graph, const ViewGraphReport& rep
   }
   text += "\n";
   if (report.loops.num_loops > 0) {
-    text +=
-        fmt::format("{:<18} {} of {} close, median error {:.3f} deg\n", "loops of three",
-                    report.loops.num_closed, report.loops.num_loops, report.loops.median_error_deg);
+    text += fmt::format("{:<18} {} of {} close\n", "loops of three", report.loops.num_closed,
+                        report.loops.num_loops);
   }
   return text;
 }

@@ -53,7 +53,6 @@ ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSetting
   }
   stage.Add("loops", result.report.loops.num_loops);
   stage.Add("closed_loops", result.report.loops.num_closed);
-  stage.Add("median_loop_error_deg", result.report.loops.median_error_deg);
   stage.Add("components", result.report.components.size());
   if (result.report.components.empty()) {
     std::string reasons;

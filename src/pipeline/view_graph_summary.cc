@@ -130,7 +130,6 @@ std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
   text += "graph     " + std::to_string(s.num_components) + " component" +
           (s.num_components == 1 ? "" : "s") + ", the largest with " +
           std::to_string(s.largest_component) + " images\n";
-  text += "seconds  ";
   std::vector<std::pair<std::string, double>> seconds;  // rounds repeat stages
   for (const StageReport& stage : report.stages) {
     const auto known = std::find_if(seconds.begin(), seconds.end(),
@@ -141,10 +140,9 @@ std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
       known->second += stage.seconds;
     }
   }
-  for (const auto& [name, sum] : seconds) {
-    text += Formatted(" %s %.2f", name.c_str(), sum);
-  }
-  text += "\n";
+  std::string times;
+  for (const auto& [name, sum] : seconds) times += Formatted(" %s %.2f", name.c_str(), sum);
+  if (!times.empty()) text += "seconds  " + times + "\n";
   for (const ResultWarning& warning : report.warnings) {
     text += "warning   " + WarningText(warning) + "\n";
   }

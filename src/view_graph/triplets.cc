@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
-#include <numeric>
 
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/rigid3d.h"
@@ -21,33 +20,6 @@ Eigen::Quaterniond RotationTo(const ViewEdge& edge, image_t image) {
   return edge.image_id2 == image ? R : R.conjugate();
 }
 
-// How often loops close to within so many degrees, for their median: counts do not depend on the
-// order, and take no memory for each loop.
-class ErrorCounts {
- public:
-  ErrorCounts() : counts_(kNumBins, 0) {}
-  void Add(double error_deg) {
-    ++counts_[std::min(kNumBins - 1, static_cast<int>(error_deg / kBinDeg))];
-  }
-  void Add(const ErrorCounts& other) {
-    for (int bin = 0; bin < kNumBins; ++bin) counts_[bin] += other.counts_[bin];
-  }
-  // The lower end of its bin; 0 without any.
-  double MedianDeg() const {
-    const int64_t num = std::accumulate(counts_.begin(), counts_.end(), int64_t{0});
-    if (num == 0) return 0;
-    int bin = 0;
-    for (int64_t below = counts_[0]; below <= num / 2; below += counts_[++bin]) {
-    }
-    return bin * kBinDeg;
-  }
-
- private:
-  static constexpr double kBinDeg = 1e-3;
-  static constexpr int kNumBins = 180000;
-  std::vector<int64_t> counts_;
-};
-
 // The loops of three through each active edge, and which of them close.
 class Triplets {
  public:
@@ -57,7 +29,6 @@ class Triplets {
                  LoopFinder(static_cast<int>(graph.image_ids.size()), active_.edges)),
         num_loops_(active_.edges.size()),
         closes_(active_.edges.size()) {
-    std::vector<ErrorCounts> errors(finders_.size());
     ParallelForWorker(
         num_threads, NumEdges(),
         [&](int worker, int64_t e) {
@@ -67,15 +38,13 @@ class Triplets {
           const auto corners = CornersOf(static_cast<int>(e), worker);
           num_loops_[e] = static_cast<int>(corners.size());
           for (size_t k = 0; k < corners.size(); ++k) {
-            const double error_deg =
-                LoopErrorDeg(edge(e), edge(corners[k].edge1), edge(corners[k].edge2));
-            errors[worker].Add(error_deg);
-            if (error_deg <= max_error_deg) closes_[e] |= uint64_t{1} << k;
+            if (LoopErrorDeg(edge(e), edge(corners[k].edge1), edge(corners[k].edge2)) <=
+                max_error_deg) {
+              closes_[e] |= uint64_t{1} << k;
+            }
           }
         },
         kGrain);
-    for (size_t k = 1; k < errors.size(); ++k) errors[0].Add(errors[k]);
-    median_error_deg_ = errors[0].MedianDeg();
   }
 
   int NumEdges() const { return static_cast<int>(closes_.size()); }
@@ -90,7 +59,6 @@ class Triplets {
   double Agreement(int e) const {
     return num_loops_[e] == 0 ? 0.0 : static_cast<double>(NumClosed(e)) / num_loops_[e];
   }
-  double MedianErrorDeg() const { return median_error_deg_; }
   int GraphIndex(int e) const { return active_.index[e]; }
 
  private:
@@ -98,7 +66,6 @@ class Triplets {
   std::vector<LoopFinder> finders_;  // of each worker
   std::vector<int> num_loops_;
   std::vector<uint64_t> closes_;
-  double median_error_deg_ = 0;
 };
 
 // Should the edge go, and why?
@@ -146,7 +113,6 @@ LoopReport RemoveInconsistentTriplets(ViewGraph& graph, const ViewGraphBuilderOp
   };
   ParallelForWorker(run.num_threads, triplets.NumEdges(), judge, kGrain);
   LoopReport report;
-  report.median_error_deg = triplets.MedianErrorDeg();
   for (int e = 0; e < triplets.NumEdges(); ++e) {
     report.num_loops += triplets.NumLoops(e);
     report.num_closed += triplets.NumClosed(e);

@@ -135,7 +135,7 @@ struct ViewGraphSummary {
 ViewGraphSummary SummarizeDatabase(const Database& database);
 // The same as names and numbers, for the run's report.
 std::vector<std::pair<std::string, double>> SummaryValues(const ViewGraphSummary& summary);
-// A few lines for the terminal.
+// A few lines for the terminal; the report gives times and warnings of a run.
 std::string SummaryText(const ViewGraphSummary& summary, const RunReport& report);
 
 struct BuildPipelineReport {

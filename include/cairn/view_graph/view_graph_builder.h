@@ -18,7 +18,6 @@ namespace cairn {
 struct LoopReport {
   int64_t num_loops = 0;
   int64_t num_closed = 0;
-  double median_error_deg = 0;
 };
 
 // How many edges the filters removed, by reason.
