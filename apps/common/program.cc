@@ -185,9 +185,7 @@ void Command::ReadConfigFile(const std::string& path) {
       is_set_.insert(key);
       return;
     }
-    if (const std::string value = RetiredValue(key); !value.empty()) {
-      if (value == "*" || TomlText(key, node) == value) return;
-    }
+    if (IsRetired(key, TomlText(key, node))) return;
     throw ConfigError(path, "unknown key " + DescribeUnknownOption(key, known));
   };
   ForEachKey(table, set);

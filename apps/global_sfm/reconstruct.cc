@@ -23,7 +23,6 @@ struct ReconstructFlags {
   bool overwrite = false;
   bool refine_intrinsics = true;
   bool report = true;
-  bool verbose = false;
   RunFlags run;
 
   void VisitFields(OptionVisitor& v) {
@@ -39,7 +38,6 @@ struct ReconstructFlags {
            "refine focal lengths and distortions; not given: 0 for cameras given by "
            "--camera_params or calibrated otherwise, else 1");
     v.Bool("report", report, "write report.html, a page for the browser that shows the result");
-    v.Bool("verbose", verbose, "print what every stage did (report.json has it, too)");
     run.VisitFields(v);
   }
 };
@@ -71,7 +69,6 @@ int Run(const Command& command, State& state) {
   if (flags.report) result.page = MakeRunPage(database, flags.image_path, result, run);
   const std::string report_path = WriteReconstructResult(
       result, flags.output_path, command.EffectiveToml(), flags.overwrite, run);
-  if (flags.verbose) std::fputs(Summary(result.report).c_str(), stdout);
   const std::string folder = std::filesystem::path(report_path).parent_path().string();
   std::fputs(DescribeResult(result, folder, run).c_str(), stdout);
   if (result.report.Succeeded()) return kExitSuccess;

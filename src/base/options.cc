@@ -104,6 +104,10 @@ std::string DumpFields(const std::vector<OptionField>& fields) {
   return text;
 }
 
+namespace {
+
+// Of an option of earlier versions that was removed: the value that all runs have today, "*" where
+// it never mattered. "" for other names.
 std::string RetiredValue(std::string_view name) {
   static constexpr std::pair<std::string_view, std::string_view> kRetired[] = {
       {"verification.depth_solver", "proposed"},
@@ -116,14 +120,13 @@ std::string RetiredValue(std::string_view name) {
       {"view_graph.min_bridge_inliers", "*"},
       {"bundle_adjustment.max_dense_images", "*"},  // on cairn's own solver
       {"bundle_adjustment.max_sparse_images", "*"},
+      {"verbose", "*"},
   };
   for (const auto& [retired, value] : kRetired) {
     if (retired == name) return std::string(value);
   }
   return "";
 }
-
-namespace {
 
 // The known name nearest by edit distance; "" where none is near.
 std::string Nearest(const std::string& name, const std::vector<std::string>& known) {
@@ -178,6 +181,11 @@ std::vector<std::string> OfOtherModules(const std::string& key,
 
 }  // namespace
 
+bool IsRetired(std::string_view name, std::string_view value) {
+  const std::string retired = RetiredValue(name);
+  return !retired.empty() && (retired == "*" || retired == value);
+}
+
 std::string DidYouMean(const std::string& name, const std::vector<std::string>& known) {
   const std::string nearest = Nearest(name, known);
   return nearest.empty() ? "" : Question({nearest});
@@ -190,7 +198,7 @@ std::string DescribeUnknownOption(const std::string& key, const std::vector<std:
   }
   if (const std::string value = RetiredValue(key.substr(dashes)); !value.empty()) {
     return "'" + key + "': this option was removed; it " +
-           (value == "*" ? "had no effect" : "is always '" + value + "'");
+           (value == "*" ? "changed no result" : "is always '" + value + "'");
   }
   if (key.substr(dashes) == "image_list_path") {
     return "'" + key +

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "base/text.h"
 #include "cairn/base/named_value.h"
 
 namespace cairn {
@@ -70,22 +69,6 @@ std::string ToJson(const RunReport& report) {
   }
   // Messages may quote file names in any encoding.
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
-std::string Summary(const RunReport& report) {
-  std::string text;
-  for (const StageReport& stage : report.stages) {
-    text += Formatted("%8.2f s  ", stage.seconds) + stage.name;
-    if (stage.status != StageStatus::kOk) {
-      text += " (" + std::string(StageStatusName(stage.status)) + ")";
-    }
-    for (size_t i = 0; i < stage.values.size(); ++i) {
-      const auto& [key, value] = stage.values[i];
-      text += (i == 0 ? ": " : ", ") + key + Formatted(" %.6g", value);
-    }
-    text += "\n";
-  }
-  return text;
 }
 
 }  // namespace cairn

@@ -243,9 +243,6 @@ class ReportTest(unittest.TestCase):
         self.assertLessEqual(len(lines), 10, self.made.stdout)
         for word in ("models", "photos", "points", "error", "confidence", "warnings", "files", "report"):
             self.assertEqual(sum(line.startswith(word) for line in lines), 1, self.made.stdout)
-        made = self.reconstruct(SCENE / "scene.db", "verbose", "--verbose", "--report", 0)
-        self.assertIn("bundle_adjustment: model 0", made.stdout)
-        self.assertNotIn("bundle_adjustment: model 0", self.made.stdout + self.made.stderr)
 
 
 if __name__ == "__main__":

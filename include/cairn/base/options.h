@@ -129,9 +129,9 @@ std::string DumpOptions(Options options) {
   return DumpFields(FieldsOf(options));
 }
 
-// Of an option of earlier versions that was removed: the value that all runs have today, "*"
-// where it never mattered. "" for other names. Files of those versions may name it.
-std::string RetiredValue(std::string_view name);
+// Whether an option of earlier versions that was removed had this value, and all runs have it
+// today. Files of those versions may name it.
+bool IsRetired(std::string_view name, std::string_view value);
 
 // "; did you mean '<nearest>'?", the known name nearest by edit distance, or "" where none is near.
 std::string DidYouMean(const std::string& name, const std::vector<std::string>& known);

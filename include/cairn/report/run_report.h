@@ -66,7 +66,4 @@ struct RunReport {
 // JSON with two blanks of indentation, keys in order, trailing newline.
 std::string ToJson(const RunReport& report);
 
-// A few lines for the terminal: a line a stage.
-std::string Summary(const RunReport& report);
-
 }  // namespace cairn

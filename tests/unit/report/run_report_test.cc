@@ -48,11 +48,5 @@ TEST(RunReport, NamesThatAreNoUnicodeDoNotEndTheRun) {
   EXPECT_THAT(ToJson(report), HasSubstr(".jpg: skipped"));
 }
 
-TEST(RunReport, SummaryHasALineAStage) {
-  const std::string text = Summary(Example());
-  EXPECT_THAT(text, HasSubstr("0.25 s  first: images 3, error_px 0.5\n"));
-  EXPECT_THAT(text, HasSubstr("second (failed)\n"));
-}
-
 }  // namespace
 }  // namespace cairn
