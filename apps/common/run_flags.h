@@ -5,13 +5,24 @@
 
 namespace cairn {
 
-// The flags of a program's RunContext.
-struct RunFlags {
+// The flags of a program's RunContext, where nothing is random.
+struct ThreadFlags {
   int num_threads = 0;
-  int seed = 0;
 
   void VisitFields(OptionVisitor& v) {
     v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
+  }
+  RunContext Run(ProgressMonitor& monitor) const {
+    return {.num_threads = num_threads, .monitor = monitor};
+  }
+};
+
+// The same and the seed.
+struct RunFlags : ThreadFlags {
+  int seed = 0;
+
+  void VisitFields(OptionVisitor& v) {
+    ThreadFlags::VisitFields(v);
     v.Int("seed", seed, {0, 2147483647}, "seed of all random numbers");
   }
   RunContext Run(ProgressMonitor& monitor) const {

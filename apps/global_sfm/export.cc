@@ -8,6 +8,7 @@
 #include "cairn/io/ply.h"
 #include "cairn/io/transforms_json.h"
 #include "common/console_monitor.h"
+#include "common/run_flags.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/image_sizes.h"
 #include "global_sfm/one_dsfm_export.h"
@@ -17,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct ExportFlags {
+struct ExportFlags : ThreadFlags {
   std::string model_path;
   std::string model_list;
   std::string output_path;
@@ -25,7 +26,6 @@ struct ExportFlags {
   std::string image_path;
   std::string database_path;
   bool overwrite = false;
-  int num_threads = 0;
   void VisitFields(OptionVisitor& v) {
     v.String("model_path", model_path,
              "folder that reconstruct wrote (its largest model is taken), COLMAP model folder "
@@ -46,7 +46,7 @@ struct ExportFlags {
     v.Bool("overwrite", overwrite,
            "replace files in output_path that cairn did not write, too (COLMAP models; files of "
            "other types are always replaced)");
-    v.Int("num_threads", num_threads, {0, 1024}, "threads that resample photographs; 0: all");
+    ThreadFlags::VisitFields(v);
   }
 };
 
@@ -82,9 +82,8 @@ void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& f
 void ExportOneDsfmDataset(const Reconstruction& reconstruction, const ExportFlags& flags,
                           ProgressMonitor& monitor) {
   const Database database(flags.database_path, Database::Mode::kSnapshot);
-  const OneDsfmExportReport report =
-      ExportOneDsfm(reconstruction, database, flags.image_path, flags.output_path,
-                    {.num_threads = flags.num_threads, .monitor = monitor});
+  const OneDsfmExportReport report = ExportOneDsfm(reconstruction, database, flags.image_path,
+                                                   flags.output_path, flags.Run(monitor));
   monitor.Info("data set of " + std::to_string(report.num_images) + " images, " +
                std::to_string(report.num_registered) + " in cc.txt, " +
                std::to_string(report.num_edges) + " edges, " + std::to_string(report.num_tracks) +

@@ -11,6 +11,7 @@
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "common/console_monitor.h"
+#include "common/run_flags.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/run_folder.h"
 
@@ -19,15 +20,13 @@ namespace {
 
 constexpr char kJsonName[] = "georegistration.json";
 
-struct GeoregisterFlags {
+struct GeoregisterFlags : RunFlags {
   std::string model_path;
   std::string gps_path;
   std::string image_path;
   std::string gcp_path;
   std::string output_path;
   bool overwrite = false;
-  int seed = 0;
-  int num_threads = 0;
 
   void VisitFields(OptionVisitor& v) {
     v.String(
@@ -45,8 +44,7 @@ struct GeoregisterFlags {
     v.String("output_path", output_path,
              "folder for georegistration.json and the model in east, north, up, meters");
     v.Bool("overwrite", overwrite, "replace files in output_path that cairn did not write, too");
-    v.Int("seed", seed, {0, 1e9}, "seed of the random numbers");
-    v.Int("num_threads", num_threads, {0, 1024}, "threads that read EXIF; 0: all");
+    RunFlags::VisitFields(v);
   }
 };
 
@@ -68,7 +66,7 @@ int Run(const GeoregisterFlags& flags) {
     throw ConfigError("gps_path", "or image_path, one of them, or gcp_path is required");
   }
   ConsoleMonitor monitor;
-  const RunContext run{static_cast<uint64_t>(flags.seed), flags.num_threads, monitor};
+  const RunContext run = flags.Run(monitor);
   const std::string path = LargestModelIn(flags.model_path);
   Reconstruction model = ReadModel(path);
   KnownPositions known;

@@ -10,6 +10,7 @@
 #include "cairn/report_page/report_page.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "common/console_monitor.h"
+#include "common/run_flags.h"
 #include "common/run_page.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/run_folder.h"
@@ -19,13 +20,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct ReportFlags {
+struct ReportFlags : ThreadFlags {
   std::string database_path;
   std::string model_path;
   std::string image_path;
   std::string output_path;
   std::string three_path = kThreeFolder;
-  int num_threads = 0;
 
   void VisitFields(OptionVisitor& v) {
     v.String("database_path", database_path,
@@ -36,7 +36,7 @@ struct ReportFlags {
              "folder of the photographs, for thumbnails; not given: the one of the reconstruction");
     v.String("output_path", output_path, "the HTML file");
     v.String("three_path", three_path, "folder of three.js, which the 3D view needs");
-    v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
+    ThreadFlags::VisitFields(v);
   }
 };
 
@@ -85,8 +85,7 @@ int Run(Command& command, ReportFlags& flags) {
                               .run_json = run.report_json,
                               .build_json = ReadBuildReport(flags.database_path),
                               .three_folder = flags.three_path};
-  const ReportPage page =
-      MakeReportPage(database, input, {.num_threads = flags.num_threads, .monitor = monitor});
+  const ReportPage page = MakeReportPage(database, input, flags.Run(monitor));
   WriteFileAtomically(flags.output_path, page.html);
   for (const std::string& warning : page.warnings) spdlog::warn("{}", warning);
   spdlog::info("{}: {:.1f} MB; open it in a browser", flags.output_path,

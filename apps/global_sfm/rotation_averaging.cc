@@ -3,29 +3,27 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "common/console_monitor.h"
+#include "common/run_flags.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/rotation_files.h"
 
 namespace cairn {
 namespace {
 
-struct RotationAveragingFiles {
+struct RotationAveragingFiles : ThreadFlags {
   std::string edges_path;
   std::string output_path;
-  int num_threads = 0;
   void VisitFields(OptionVisitor& v) {
     v.String("edges_path", edges_path, "relative rotations, a line each: i j R(9), R = R_j R_i^T");
     v.String("output_path", output_path, "global rotations, a line each: i R(9)");
-    v.Int("num_threads", num_threads, {0, 1024},
-          "threads; 0: all. The result does not depend on it");
+    ThreadFlags::VisitFields(v);
   }
 };
 
 int Run(const RotationAveragingFiles& files, const RotationAveragingOptions& options) {
   ConsoleMonitor monitor;
   const std::vector<RotationEdge> edges = ReadRelativeRotations(files.edges_path);
-  const RotationAveragingReport report =
-      AverageRotations(edges, options, {.num_threads = files.num_threads, .monitor = monitor});
+  const RotationAveragingReport report = AverageRotations(edges, options, files.Run(monitor));
   if (report.cam_from_world.empty()) {
     monitor.Warning("rotation averaging: no result (" +
                     std::string(RotationAveragingStatusName(report.status)) + ")");

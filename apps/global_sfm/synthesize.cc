@@ -11,6 +11,7 @@
 #include "cairn/synthetic/scene.h"
 #include "cairn/synthetic/view_graph_problem.h"
 #include "common/console_monitor.h"
+#include "common/run_flags.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/rotation_files.h"
 
@@ -19,12 +20,10 @@ namespace {
 
 const std::vector<std::string> kContents = {"features", "depth", "matches", "two_view_geometries"};
 
-struct SynthesizeOptions {
+struct SynthesizeOptions : RunFlags {
   std::string output_path;
   std::string type = "photos";
   std::string content = "matches";
-  int seed = 0;
-  int num_threads = 0;
   RigOptions rig;
   void VisitFields(OptionVisitor& v) {
     v.String("output_path", output_path, "folder for what is made; created if absent");
@@ -33,9 +32,7 @@ struct SynthesizeOptions {
         "photos: rendered images with depth maps; database: exact keypoints, depth and matches "
         "without images; graph: relative poses only, as a 1DSfM data set");
     v.Choice("content", content, kContents, "of a database: filled up to this stage");
-    v.Int("seed", seed, {0, 2147483647}, "another seed, another scene");
-    v.Int("num_threads", num_threads, {0, 1024},
-          "threads; 0: all. The result does not depend on it");
+    RunFlags::VisitFields(v);
     rig.VisitFields(v);
   }
 };

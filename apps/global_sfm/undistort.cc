@@ -6,19 +6,19 @@
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "common/console_monitor.h"
+#include "common/run_flags.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/image_sizes.h"
 
 namespace cairn {
 namespace {
 
-struct UndistortFlags {
+struct UndistortFlags : ThreadFlags {
   std::string model_path;
   std::string image_path;
   std::string output_path;
   DenseLayout output_type = DenseLayout::kColmap;
   bool overwrite = false;
-  int num_threads = 0;
   UndistortOptions undistort;
 
   void VisitFields(OptionVisitor& v) {
@@ -31,7 +31,7 @@ struct UndistortFlags {
              "colmap: images, sparse and stereo, for COLMAP's dense stereo and OpenMVS; 3dgs: "
              "images and sparse/0, for 3D Gaussian splatting");
     v.Bool("overwrite", overwrite, "replace files in output_path that cairn did not write, too");
-    v.Int("num_threads", num_threads, {0, 1024}, "threads; 0: all");
+    ThreadFlags::VisitFields(v);
     undistort.VisitFields(v);
   }
 };
@@ -60,8 +60,7 @@ int Run(const Command& command, const UndistortFlags& flags) {
                          .layout = flags.output_type,
                          .overwrites = flags.overwrite,
                          .effective_toml = command.EffectiveToml()};
-  const UndistortReport report = UndistortImages(
-      model, job, flags.undistort, {.num_threads = flags.num_threads, .monitor = monitor});
+  const UndistortReport report = UndistortImages(model, job, flags.undistort, flags.Run(monitor));
   for (const auto& [name, reason] : report.failed) {
     monitor.Warning(name + ": " + reason + "; left out");
   }

@@ -3,20 +3,18 @@
 #include <string>
 #include <vector>
 
-#include "cairn/base/options.h"
 #include "cairn/base/progress.h"
 #include "cairn/two_view/options.h"
+#include "common/run_flags.h"
 #include "relative_pose_experiments/real_scene.h"
 #include "relative_pose_experiments/table.h"
 
 namespace cairn::experiments {
 
-struct ExperimentOptions {
+struct ExperimentOptions : RunFlags {
   std::string output_path;
   std::string experiment = "all";
   bool quick = false;
-  int seed = 0;
-  int num_threads = -1;
 
   void VisitFields(OptionVisitor& v) {
     v.String("output_path", output_path, "folder for the tables (CSV) and the checks");
@@ -24,8 +22,7 @@ struct ExperimentOptions {
              {"all", "complexity", "timings", "stability", "noise", "pairs"},
              "one experiment, or all");
     v.Bool("quick", quick, "fewer instances: under two minutes");
-    v.Int("seed", seed, {0, 1e9}, "seed of all random numbers");
-    v.Int("num_threads", num_threads, {-1, 1024}, "threads; -1: all");
+    RunFlags::VisitFields(v);
   }
 };
 

@@ -99,7 +99,7 @@ class Mailbox : public ProgressMonitor {
 
 }  // namespace
 
-void CheckNumThreads(int num_threads) { ValidateOptions(RunFlags{.num_threads = num_threads}, ""); }
+void CheckNumThreads(int num_threads) { ValidateOptions(ThreadFlags{num_threads}, ""); }
 
 LongCall::LongCall() {
   if (Calls().must_stop) throw std::runtime_error("the interpreter is ending");
