@@ -96,12 +96,7 @@ bool IsColmapModel(const std::string& folder) {
 
 Reconstruction ReadColmapModel(const std::string& folder) {
   const bool is_binary = HasFile(folder, "cameras.bin") || !HasFile(folder, "cameras.txt");
-  return ReadColmapModel(folder, is_binary ? ColmapModelFormat::kBinary : ColmapModelFormat::kText);
-}
-
-Reconstruction ReadColmapModel(const std::string& folder, ColmapModelFormat format) {
-  Reconstruction reconstruction =
-      format == ColmapModelFormat::kBinary ? ReadColmapBinary(folder) : ReadColmapText(folder);
+  Reconstruction reconstruction = is_binary ? ReadColmapBinary(folder) : ReadColmapText(folder);
   for (auto& [id, point] : reconstruction.points3D) {
     std::sort(point.track.begin(), point.track.end());
   }

@@ -51,10 +51,8 @@ void AddCamera(const Camera& camera, const Rigid3d& cam_from_world, double depth
 
 Drawing Draw(const Reconstruction& reconstruction, const PlyOptions& options) {
   Drawing drawing;
-  if (options.points) {
-    for (const auto& [id, point] : reconstruction.points3D) {
-      drawing.vertices.push_back({point.xyz, point.color});
-    }
+  for (const auto& [id, point] : reconstruction.points3D) {
+    drawing.vertices.push_back({point.xyz, point.color});
   }
   drawing.num_points = drawing.vertices.size();
   if (!options.cameras) return drawing;

@@ -97,7 +97,6 @@ OneDsfmDataset ReadOneDsfmDataset(const std::string& folder) {
   dataset.has_photographs = std::filesystem::is_directory(folder + "/images", ignored);
   dataset.coords_path = PathIfPresent(folder, "coords.txt");
   dataset.tracks_path = PathIfPresent(folder, "tracks.txt");
-  dataset.gt_bundle_path = PathIfPresent(folder, "gt_bundle.out");
   return dataset;
 }
 

@@ -217,10 +217,6 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, const PixelsOfPoints&
     report.status = ResectionStatus::kTooFewInliers;
     return report;
   }
-  for (const int i : report.inliers) {
-    const auto pixel = report.camera.ImgFromRay(report.cam_from_world * xyz[i]);
-    report.mean_error_px += (pixel.value() - pixels[i]).norm() / num_inliers;
-  }
   report.status = ResectionStatus::kSuccess;
   return report;
 }

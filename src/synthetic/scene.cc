@@ -192,7 +192,6 @@ struct ImageData {
   std::vector<Keypoint> keypoints;
   std::vector<DepthSample> depth_samples;
   std::vector<int> elements;
-  double depth_scale = 1.0;
 };
 
 ImageData MakeImageData(const SceneOptions& options, int image, const Camera& camera,
@@ -200,12 +199,12 @@ ImageData MakeImageData(const SceneOptions& options, int image, const Camera& ca
   const ObservationNoise noise{options.image_noise_px, options.affine_noise, options.depth_noise,
                                options.depth_gradient_noise};
   ImageData data;
-  data.depth_scale = std::exp(0.7 * rng.Gaussian());
+  const double depth_scale = std::exp(0.7 * rng.Gaussian());
   for (const Detection& detection : Detect(options, image, camera, cam_from_world, surface, rng)) {
     const AffineObservation noisy = AddNoise(detection.observation, noise, camera.MeanFocal(), rng);
     data.keypoints.push_back(noisy.ToKeypoint());
     const bool has_depth = rng.Uniform() >= options.missing_depth_ratio;
-    data.depth_samples.push_back(has_depth ? noisy.ToDepthSample(data.depth_scale) : DepthSample{});
+    data.depth_samples.push_back(has_depth ? noisy.ToDepthSample(depth_scale) : DepthSample{});
     data.elements.push_back(detection.element);
   }
   return data;
@@ -311,7 +310,6 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
       image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
       scene.truth.images.emplace(id, std::move(image));
     }
-    scene.depth_scales[id] = data[i].depth_scale;
     scene.keypoints[id] = std::move(data[i].keypoints);
     scene.depth_samples[id] = std::move(data[i].depth_samples);
   }

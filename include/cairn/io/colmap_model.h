@@ -14,7 +14,6 @@ enum class ColmapModelFormat { kBinary, kText };
 // the file (text: and the line) and the reason: absent, truncated, an unknown camera model, a
 // repeated id, a reference to a missing camera, image or keypoint, a number that is not finite.
 Reconstruction ReadColmapModel(const std::string& folder);
-Reconstruction ReadColmapModel(const std::string& folder, ColmapModelFormat format);
 
 // Whether the folder holds such a model.
 bool IsColmapModel(const std::string& folder);

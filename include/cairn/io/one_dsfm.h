@@ -53,7 +53,7 @@ struct OneDsfmDataset {
   std::vector<int> component;            // cc.txt, sorted: the images to reconstruct
   std::vector<OneDsfmEdge> edges;        // EGs.txt, in file order
   bool has_photographs = false;          // folder/images is there
-  std::string coords_path, tracks_path, gt_bundle_path;  // "" where absent
+  std::string coords_path, tracks_path;  // "" where absent
 };
 
 // list.txt, cc.txt and EGs.txt, checked against each other: an index in cc.txt or EGs.txt that

@@ -7,7 +7,6 @@
 namespace cairn {
 
 struct PlyOptions {
-  bool points = true;
   // Camera centers (red) and frusta (edges to the image's four corners, as `edge` elements), as
   // deep as a fifth of the median distance between a camera and its nearest neighbor.
   bool cameras = true;

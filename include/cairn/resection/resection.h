@@ -41,7 +41,6 @@ struct ResectionReport {
   Rigid3d cam_from_world;
   Camera camera;             // as given, or with the focal length found
   std::vector<int> inliers;  // indices of the correspondences, ascending
-  double mean_error_px = 0;  // over the inliers
   int num_iterations = 0;
 };
 

@@ -57,7 +57,6 @@ struct SyntheticScene {
   std::map<camera_t, Camera> cameras;
   std::map<image_t, std::vector<Keypoint>> keypoints;
   std::map<image_t, std::vector<DepthSample>> depth_samples;  // in the image's own unit
-  std::map<image_t, double> depth_scales;                     // depth map units per world unit
   // Exact poses and points of all images but the distractors. points2D are the keypoints (with
   // noise); points have the tracks of all images that show them, at least two.
   Reconstruction truth;

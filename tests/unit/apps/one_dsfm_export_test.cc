@@ -116,7 +116,7 @@ TEST_F(OneDsfmExport, KeysAndReferenceAreThoseOfTheResampledPhotographs) {
   const OneDsfmDataset dataset = ReadOneDsfmDataset(Output());
   const auto coords = ReadOneDsfmCoords(dataset.coords_path, 7);
   const auto tracks = ReadOneDsfmTracks(dataset.tracks_path, 7);
-  const Reconstruction reference = ReadBundler(dataset.gt_bundle_path, Output() + "/list.txt");
+  const Reconstruction reference = ReadBundler(Output() + "/gt_bundle.out", Output() + "/list.txt");
   ASSERT_EQ(reference.images.size(), 6u);
   ASSERT_EQ(coords.size(), 7u);
   EXPECT_EQ(coords[6].keys.size(), 2u);

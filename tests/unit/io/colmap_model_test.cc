@@ -57,8 +57,8 @@ void ExpectEqual(const Reconstruction& a, const Reconstruction& b) {
   }
 }
 
-std::string ReadError(const std::string& folder, ColmapModelFormat format) {
-  return ThrownMessage<IoError>([&] { ReadColmapModel(folder, format); });
+std::string ReadError(const std::string& folder) {
+  return ThrownMessage<IoError>([&] { ReadColmapModel(folder); });
 }
 
 class ColmapModel : public ::testing::TestWithParam<ColmapModelFormat> {};
@@ -90,7 +90,7 @@ TEST_P(ColmapModel, EveryCameraModelComesBackAlone) {
     Reconstruction model;
     model.cameras[1] = Camera::FromFocal(1, *CameraModelFromId(id), 700, 1000, 600);
     WriteColmapModel(model, folder.path(), GetParam());
-    ExpectEqual(model, ReadColmapModel(folder.path(), GetParam()));
+    ExpectEqual(model, ReadColmapModel(folder.path()));
   }
 }
 
@@ -99,7 +99,7 @@ TEST_P(ColmapModel, EveryCameraModelComesBack) {
   const Reconstruction model =
       RandomReconstruction(5, {.num_images = kNumCameraModels, .num_models = kNumCameraModels});
   WriteColmapModel(model, folder / "a", GetParam());
-  ExpectEqual(ReadColmapModel(folder / "a", GetParam()), model);
+  ExpectEqual(ReadColmapModel(folder / "a"), model);
 }
 
 TEST_P(ColmapModel, EmptyModelAndImagesWithoutKeypoints) {
@@ -177,7 +177,7 @@ TEST_P(ColmapModel, AbsentFilesAndFoldersAreNamed) {
   EXPECT_TRUE(IsColmapModel(folder.path()));
   const std::string points = Names(GetParam())[2];
   std::filesystem::remove(folder / points);
-  EXPECT_THAT(ReadError(folder.path(), GetParam()), HasSubstr(points + ": No such file"));
+  EXPECT_THAT(ReadError(folder.path()), HasSubstr(points + ": No such file"));
 }
 
 TEST_P(ColmapModel, FilesThatContradictEachOtherAreErrors) {
@@ -186,7 +186,7 @@ TEST_P(ColmapModel, FilesThatContradictEachOtherAreErrors) {
     Reconstruction r = RandomReconstruction(3);
     change(r);
     WriteColmapModel(r, folder.path(), GetParam());
-    EXPECT_THAT(ReadError(folder.path(), GetParam()), HasSubstr(reason));
+    EXPECT_THAT(ReadError(folder.path()), HasSubstr(reason));
   };
   expect_error("no error", [](Reconstruction&) {});
   expect_error("which is not there",
@@ -263,14 +263,12 @@ TEST(ColmapBinary, UnknownCameraModelsAndTwoOfAKindAreNamed) {
   std::string changed = bytes;
   changed[12] = 99;
   WriteFileAtomically(folder / "cameras.bin", changed);
-  EXPECT_THAT(ReadError(folder.path(), ColmapModelFormat::kBinary),
-              HasSubstr("camera 1 has the model 99"));
+  EXPECT_THAT(ReadError(folder.path()), HasSubstr("camera 1 has the model 99"));
   WriteFileAtomically(folder / "cameras.bin", bytes);
   std::string images = ReadFile(folder / "images.bin");
   images[8] = 2;  // the id of the second image
   WriteFileAtomically(folder / "images.bin", images);
-  EXPECT_THAT(ReadError(folder.path(), ColmapModelFormat::kBinary),
-              HasSubstr("images.bin: image 2 appears twice"));
+  EXPECT_THAT(ReadError(folder.path()), HasSubstr("images.bin: image 2 appears twice"));
 }
 
 TEST(ColmapText, ErrorsNameTheLine) {
@@ -279,7 +277,7 @@ TEST(ColmapText, ErrorsNameTheLine) {
   const auto error_with = [&](const std::string& name, const std::string& text) {
     const std::string good = ReadFile(folder / name);
     WriteFileAtomically(folder / name, text);
-    const std::string error = ReadError(folder.path(), ColmapModelFormat::kText);
+    const std::string error = ReadError(folder.path());
     WriteFileAtomically(folder / name, good);
     return error;
   };

@@ -96,10 +96,8 @@ TEST(OneDsfm, FolderAsAWhole) {
   EXPECT_FALSE(dataset.has_photographs);
   EXPECT_EQ(dataset.coords_path, "");
   CreateFolders(folder / "images");
-  WriteFileAtomically(folder / "gt_bundle.out", "");
   dataset = ReadOneDsfmDataset(folder.path());
   EXPECT_TRUE(dataset.has_photographs);
-  EXPECT_EQ(dataset.gt_bundle_path, folder / "gt_bundle.out");
   EXPECT_THROW(ReadOneDsfmDataset(folder / "absent"), IoError);
 }
 
