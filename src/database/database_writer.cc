@@ -4,7 +4,6 @@
 #include <thread>
 
 #include "base/work_queue.h"
-#include "cairn/base/timer.h"
 
 namespace cairn {
 
@@ -26,16 +25,12 @@ struct DatabaseWriter::Impl {
                            std::chrono::duration<double>(options.seconds_per_transaction));
     Database::Transaction transaction(database);
     for (int num_done = 0; task;) {
-      const Timer timer;
       (*task)(database);
-      busy_seconds += timer.Seconds();
       const bool is_last = ++num_done >= options.tasks_per_transaction || Clock::now() >= deadline;
       task = is_last ? std::nullopt : queue.Next(deadline);
     }
     if (queue.IsStopped()) return;  // The destructor rolls back.
-    const Timer timer;
     transaction.Commit();
-    busy_seconds += timer.Seconds();
   }
 
   void Run() {
@@ -55,7 +50,6 @@ struct DatabaseWriter::Impl {
   Database database;
   WorkQueue<Task> queue;
   std::exception_ptr error;
-  double busy_seconds = 0;
   std::thread thread;
 };
 
@@ -79,7 +73,5 @@ void DatabaseWriter::Finish() {
   impl_->Join();
   if (impl_->error) std::rethrow_exception(impl_->error);
 }
-
-double DatabaseWriter::busy_seconds() const { return impl_->busy_seconds; }
 
 }  // namespace cairn

@@ -28,8 +28,6 @@ class DatabaseWriter {
   // Writes and commits everything, and ends the thread. Throws what a task threw; the transaction
   // in which it happened is rolled back, those before stay.
   void Finish();
-  // Time that the thread spent writing, after Finish: for measuring overhead.
-  double busy_seconds() const;
 
  private:
   struct Impl;

@@ -47,8 +47,7 @@ struct VerificationInput {
 // Values of the report: of the pairs that this run worked on, "pairs", "tried" (those with enough
 // matches), "verified", "verified_by_<verifier>", "rejected_<reason>"; cameras of which it learned
 // a lens ("learned_lenses"), or that a trusted focal length is wrong ("rejected_focals"); and
-// "learning_seconds", "verifying_seconds", "reading_seconds", "writing_seconds", the last three
-// summed over threads.
+// "learning_seconds".
 StageReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
                         const VerificationInput& input, const SchedulerOptions& scheduler = {},
                         const RunContext& run = {}, Helpers* helpers = nullptr);

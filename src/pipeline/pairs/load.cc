@@ -2,7 +2,6 @@
 
 #include "base/hash.h"
 #include "cairn/base/error.h"
-#include "cairn/base/timer.h"
 
 namespace cairn {
 namespace {
@@ -107,18 +106,15 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
 }
 
 bool PairLoader::LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image) {
-  const Timer timer;
-  bool is_wanted = false;
   try {
-    is_wanted = ReadPair(task, image);
+    return ReadPair(task, image);
   } catch (const IoError& error) {
     const auto [id1, id2] = PairIdToImagePair(task.pair_id);
     stage_.Warn(std::string(error.what()) + "; the pair of " + Name(id1) + " and " + Name(id2) +
                 " is left out");
     left_out_[task.pair_id] = error.reason();
+    return false;
   }
-  busy_seconds_ += timer.Seconds();
-  return is_wanted;
 }
 
 bool PairLoader::ReadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image) {

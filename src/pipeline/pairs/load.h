@@ -37,7 +37,6 @@ class PairLoader {
   // To be read when the feed is at its end. Why pairs were left out, except for those of images
   // that were.
   const std::map<image_pair_t, std::string>& left_out() const { return left_out_; }
-  double busy_seconds() const { return busy_seconds_; }
 
  private:
   std::string Name(image_t id) const;
@@ -57,7 +56,6 @@ class PairLoader {
   bool reads_done_ = false;
   std::map<image_t, bool> is_damaged_;  // images that were looked at; reported once
   std::map<image_pair_t, std::string> left_out_;
-  double busy_seconds_ = 0;
 };
 
 }  // namespace cairn

@@ -114,9 +114,6 @@ class Rounds {
     stage_.Add("learned_lenses", num_learned_lenses_);
     stage_.Add("rejected_focals", num_rejected_focals_);
     stage_.Add("learning_seconds", learning_seconds_);
-    stage_.Add("verifying_seconds", verifying_seconds_);
-    stage_.Add("reading_seconds", loader_.busy_seconds());
-    stage_.Add("writing_seconds", writing_seconds_);
   }
 
   void WarnOfLeftOut() const {
@@ -151,7 +148,6 @@ class Rounds {
                                                is_verified ? outcome->runs[outcome->winner].verifier
                                                            : outcome->RejectionReason()})
                      .second;
-        for (const PairOutcome::Run& run : outcome->runs) verifying_seconds_ += run.seconds;
       }
       writer.Push([outcome](Database& db) { WriteOutcome(db, *outcome); });
       if (is_new) run_.monitor.Advance(1);
@@ -192,7 +188,6 @@ class Rounds {
         [&](int worker, const PairTask& task) { return workers[worker].Run(task); },
         [&](PairOutcome outcome, const std::string&) { keep(std::move(outcome), writer); });
     writer.Finish();
-    writing_seconds_ += writer.busy_seconds();
   }
 
   // The pairs of the first round that are undone.
@@ -243,7 +238,7 @@ class Rounds {
   std::vector<image_pair_t> to_weigh_;
   std::unordered_map<image_pair_t, Finding> findings_;
   int64_t num_learned_lenses_ = 0, num_rejected_focals_ = 0;
-  double learning_seconds_ = 0, verifying_seconds_ = 0, writing_seconds_ = 0;
+  double learning_seconds_ = 0;
 };
 
 }  // namespace
