@@ -121,6 +121,9 @@ std::string RetiredValue(std::string_view name) {
       {"bundle_adjustment.max_dense_images", "*"},  // on cairn's own solver
       {"bundle_adjustment.max_sparse_images", "*"},
       {"verbose", "*"},
+      {"view_graph.filter_triplets", "true"},
+      {"translation_averaging.filter_directions", "true"},
+      {"translation_averaging.use_points", "true"},
   };
   for (const auto& [retired, value] : kRetired) {
     if (retired == name) return std::string(value);

@@ -111,8 +111,7 @@ Core CoreOf(const StageContext& context, ViewGraph graph, int min_num_inliers) {
     if (edge.removal == EdgeRemoval::kTripletInconsistent) edge.removal = EdgeRemoval::kNone;
   }
   RemoveWeakEdges(min_num_inliers, graph);
-  const ViewGraphBuilderOptions& options = context.settings.view_graph;
-  if (options.filter_triplets) RemoveInconsistentTriplets(graph, options, context.run);
+  RemoveInconsistentTriplets(graph, context.settings.view_graph, context.run);
   const auto components = ActiveComponents(graph);
   if (components.empty()) return {};
   KeepImages(components.front(), graph);

@@ -227,12 +227,10 @@ std::vector<char> FilterEdges(const DirectionProblem& problem,
                               const TranslationAveragingOptions& options, const RunContext& run,
                               TranslationAveragingReport& report) {
   std::vector<char> is_out(problem.edges.size(), 0);
-  if (options.filter_directions) {
-    const std::vector<double> inconsistency =
-        OneDsfmInconsistency(problem, options.filter_num_axes, run.seed, run.num_threads);
-    for (size_t e = 0; e < is_out.size(); ++e) {
-      is_out[e] = inconsistency[e] > options.filter_max_inconsistency;
-    }
+  const std::vector<double> inconsistency =
+      OneDsfmInconsistency(problem, options.filter_num_axes, run.seed, run.num_threads);
+  for (size_t e = 0; e < is_out.size(); ++e) {
+    is_out[e] = inconsistency[e] > options.filter_max_inconsistency;
   }
   for (const int e : problem.edge_of_input) {
     report.edge_is_filtered.push_back(is_out[e]);
@@ -259,7 +257,6 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
                                                const RunContext& run, const CenterPriors& priors) {
   ValidateOptions(options, "translation_averaging");
   TranslationAveragingReport report;
-  if (!options.use_points) tracks = {};
   const DirectionProblem whole = MakeDirectionProblem(edges, tracks);
   const std::vector<char> edge_is_out = FilterEdges(whole, options, run, report);
 

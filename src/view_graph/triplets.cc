@@ -84,8 +84,7 @@ EdgeRemoval Judge(Triplets& triplets, int e, int worker, const ViewGraphBuilderO
     num_contradicting += support > num_agreeing && agreement > triplets.Agreement(e);
   }
   if (num_agreeing == 0) {
-    const bool removed = options.filter_triplets && is_contradicted;
-    return removed ? EdgeRemoval::kTripletInconsistent : EdgeRemoval::kNone;
+    return is_contradicted ? EdgeRemoval::kTripletInconsistent : EdgeRemoval::kNone;
   }
   const int num_judges = num_agreeing + num_contradicting;
   const bool removed = options.filter_ambiguous &&

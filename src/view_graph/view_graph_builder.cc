@@ -80,9 +80,7 @@ ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewE
   graph.Normalize();
 
   RemoveWeakEdges(options.min_num_inliers, graph);
-  if (options.filter_triplets || options.filter_ambiguous) {
-    report.loops = RemoveInconsistentTriplets(graph, options, run);
-  }
+  report.loops = RemoveInconsistentTriplets(graph, options, run);
 
   report.num_edges = static_cast<int>(graph.edges.size());
   report.num_active_edges = graph.NumActiveEdges();

@@ -7,11 +7,9 @@
 namespace cairn {
 
 struct TranslationAveragingOptions {
-  bool filter_directions = true;
   int filter_num_axes = 48;
   double filter_max_inconsistency = 0.1;
   double huber_deg = 1.0;
-  bool use_points = true;
   double point_weight = 10.0;
   int num_reweightings = 1;
   int max_iterations = 100;
@@ -19,13 +17,12 @@ struct TranslationAveragingOptions {
   double max_median_error_deg = 20.0;
 
   void VisitFields(OptionVisitor& v) {
-    v.Bool("filter_directions", filter_directions, "drop inconsistent directions first (1DSfM)");
     v.Int("filter_num_axes", filter_num_axes, {1, 10000}, "random axes of the 1DSfM filter");
-    v.Double("filter_max_inconsistency", filter_max_inconsistency, {0, 1},
-             "a direction goes whose mean inconsistency over the axes is larger (1DSfM: 0.1)");
+    v.Double(
+        "filter_max_inconsistency", filter_max_inconsistency, {0, 1},
+        "a direction goes whose mean inconsistency over the axes is larger (1DSfM: 0.1); 1: none");
     v.Double("huber_deg", huber_deg, {1e-6, 179},
              "angle from which errors count linearly in the first fit, degrees");
-    v.Bool("use_points", use_points, "fit camera-point directions too");
     v.Double(
         "point_weight", point_weight, {0, 1e6},
         "weight of all rays to points relative to all camera-camera directions in the first fit");

@@ -8,7 +8,6 @@ namespace cairn {
 
 struct ViewGraphBuilderOptions {
   int min_num_inliers = 15;
-  bool filter_triplets = true;
   double max_triplet_error_deg = 5.0;
   bool filter_ambiguous = true;
   int min_contradicting_loops = 5;
@@ -17,10 +16,10 @@ struct ViewGraphBuilderOptions {
 
   void VisitFields(OptionVisitor& v) {
     v.Int("min_num_inliers", min_num_inliers, {0, 1e9}, "pairs with fewer inliers are left out");
-    v.Bool("filter_triplets", filter_triplets,
-           "drop pairs whose rotation closes in no loop of three with trusted pairs");
-    v.Double("max_triplet_error_deg", max_triplet_error_deg, {0, 180},
-             "largest closing error of a consistent loop of three rotations, degrees");
+    v.Double(
+        "max_triplet_error_deg", max_triplet_error_deg, {0, 180},
+        "pairs go whose rotation closes in no loop of three with trusted pairs, to within this "
+        "angle, degrees; 180: none");
     v.Bool("filter_ambiguous", filter_ambiguous,
            "drop pairs that contradict many well-supported loops (repeated structure)");
     v.Int("min_contradicting_loops", min_contradicting_loops, {1, 1e9},

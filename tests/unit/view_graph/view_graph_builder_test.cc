@@ -112,7 +112,7 @@ TEST(ViewGraphBuilder, DropsAnEdgeThatClosesInNoLoop) {
   loose.max_triplet_error_deg = 25;
   EXPECT_EQ(RemovalOf(rig.Build(loose), 1, 2), EdgeRemoval::kNone);
   ViewGraphBuilderOptions off;
-  off.filter_triplets = false;
+  off.max_triplet_error_deg = 180;
   EXPECT_EQ(RemovalOf(rig.Build(off), 1, 2), EdgeRemoval::kNone);
 }
 
