@@ -168,51 +168,41 @@ void Command::Require(const std::string& key) const {
   throw ConfigError("--" + key, "is required; see --help");
 }
 
-void Command::ReadConfigFile(const std::string& path) {
-  toml::table table;
-  try {
-    table = toml::parse(ReadFile(path), path);
-  } catch (const toml::parse_error& error) {
-    throw ConfigError(path + ":" + std::to_string(error.source().begin.line),
-                      std::string(error.description()));
-  }
-  std::vector<std::string> known;
-  for (const auto& field : fields_) known.push_back(field->key);
-  const auto set = [&](const std::string& key, const toml::node& node) {
-    for (const auto& field : fields_) {
-      if (field->key != key) continue;
-      field->set(TomlText(key, node));
-      is_set_.insert(key);
-      return;
-    }
-    if (IsRetired(key, TomlText(key, node))) return;
-    throw ConfigError(path, "unknown key " + DescribeUnknownOption(key, known));
-  };
-  ForEachKey(table, set);
-}
-
-void Command::SetDefaults(const std::string& text, const std::string& origin) {
+void Command::ApplyToml(const std::string& text, const std::string& origin, bool of_earlier_run) {
   toml::table table;
   try {
     table = toml::parse(text);
   } catch (const toml::parse_error& error) {
-    throw IoError(origin, "its options cannot be read: " + std::string(error.description()));
+    const std::string reason(error.description());
+    if (of_earlier_run) throw IoError(origin, "its options cannot be read: " + reason);
+    throw ConfigError(origin + ":" + std::to_string(error.source().begin.line), reason);
   }
-  ForEachKey(table, [&](const std::string& key, const toml::node& value) {
-    const auto field =
-        std::find_if(fields_.begin(), fields_.end(), [&](const auto& f) { return f->key == key; });
-    if (field == fields_.end() || IsSet(key)) return;
+  ForEachKey(table, [&](const std::string& key, const toml::node& node) {
+    const auto field = std::ranges::find(fields_, key, [](const auto& f) { return f->key; });
+    if (field == fields_.end()) {
+      if (of_earlier_run || IsRetired(key, TomlText(key, node))) return;
+      std::vector<std::string> known;
+      for (const auto& other : fields_) known.push_back(other->key);
+      throw ConfigError(origin, "unknown key " + DescribeUnknownOption(key, known));
+    }
+    if (of_earlier_run && IsSet(key)) return;
     try {
-      (*field)->set(TomlText(key, value));
+      (*field)->set(TomlText(key, node));
     } catch (const ConfigError&) {
       // What another version wrote is no value of today; the stage itself says so where it matters.
+      if (!of_earlier_run) throw;
     }
+    if (!of_earlier_run) is_set_.insert(key);
   });
+}
+
+void Command::SetDefaults(const std::string& text, const std::string& origin) {
+  ApplyToml(text, origin, true);
   for (const auto& validate : validators_) validate();
 }
 
 void Command::Apply() {
-  if (!config_path_.empty()) ReadConfigFile(config_path_);
+  if (!config_path_.empty()) ApplyToml(ReadFile(config_path_), config_path_, false);
   for (const auto& field : fields_) {
     if (!field->has_flag) continue;
     field->set(field->flag_text.empty() ? "" : field->flag_text.back());

@@ -53,7 +53,8 @@ class Command {
 
  private:
   void AddFields(const std::string& module, const std::vector<OptionField>& fields);
-  void ReadConfigFile(const std::string& path);
+  // Of an earlier run: names that are not there and values that are none are passed over.
+  void ApplyToml(const std::string& text, const std::string& origin, bool of_earlier_run);
   void Apply();
 
   CLI::App& app_;
