@@ -7,7 +7,6 @@
 #include "cairn/base/file.h"
 #include "cairn/io/model.h"
 #include "cairn/mapper/view_edges.h"
-#include "cairn/report_page/report_page.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "common/console_monitor.h"
 #include "common/run_flags.h"
@@ -77,19 +76,17 @@ int Run(Command& command, ReportFlags& flags) {
   } else {
     run = ReadRunFolder(folder);
   }
-  const ReportPageInput input{.title = fs::path(flags.database_path).stem().string(),
-                              .image_path = flags.image_path,
-                              .models = run.models,
-                              .model_names = run.model_names,
-                              .graph = run.graph,
-                              .run_json = run.report_json,
-                              .build_json = ReadBuildReport(flags.database_path),
-                              .three_folder = flags.three_path};
-  const ReportPage page = MakeReportPage(database, input, flags.Run(monitor));
-  WriteFileAtomically(flags.output_path, page.html);
-  for (const std::string& warning : page.warnings) spdlog::warn("{}", warning);
+  const std::string html = MakePage(database,
+                                    {.image_path = flags.image_path,
+                                     .models = run.models,
+                                     .model_names = run.model_names,
+                                     .graph = run.graph,
+                                     .run_json = run.report_json,
+                                     .three_folder = flags.three_path},
+                                    flags.Run(monitor));
+  WriteFileAtomically(flags.output_path, html);
   spdlog::info("{}: {:.1f} MB; open it in a browser", flags.output_path,
-               1e-6 * static_cast<double>(page.html.size()));
+               1e-6 * static_cast<double>(html.size()));
   return kExitSuccess;
 }
 

@@ -25,15 +25,15 @@ struct ReportPageLimits {
 };
 
 struct ReportPageInput {
-  std::string title;
+  std::string title = {};
   // Folder of the photographs, for thumbnails; "" or photographs that cannot be read: none.
   std::string image_path;
   // Largest first, with image ids and keypoints of the database; none after a failure.
   std::span<const Reconstruction> models;
   std::vector<std::string> model_names;  // one a model: "sparse/0", ...
   const ViewGraph& graph;
-  std::string run_json;    // text of the run's report.json; "": unknown
-  std::string build_json;  // text of build_view_graph's report; "": unknown
+  std::string run_json;         // text of the run's report.json; "": unknown
+  std::string build_json = {};  // text of build_view_graph's report; "": unknown
   std::string three_folder = kThreeFolder;
   ReportPageLimits limits = {};
 };
