@@ -90,20 +90,6 @@ SharedLenses FindSharedLenses(const Lenses& lenses) {
   return shared;
 }
 
-// F of the rays, or nothing.
-std::optional<Eigen::Matrix3d> RayFundamental(const TwoViewGeometry& geometry,
-                                              const Camera& camera1, const Camera& camera2) {
-  std::optional<Eigen::Matrix3d> F;
-  if (geometry.inlier_matches.empty()) return F;
-  if (geometry.E) {
-    F = geometry.E;
-  } else if (geometry.F) {
-    F = camera2.CalibrationMatrix().transpose() * *geometry.F * camera1.CalibrationMatrix();
-  }
-  if (F && !(F->allFinite() && F->norm() > 0)) F.reset();
-  return F;
-}
-
 std::vector<LensPair> ReadLensPairs(const Database& database, const Lenses& lenses,
                                     const std::vector<image_pair_t>& pairs) {
   std::vector<LensPair> lens_pairs;
@@ -115,9 +101,9 @@ std::vector<LensPair> ReadLensPairs(const Database& database, const Lenses& lens
     try {
       const auto geometry = database.ReadTwoViewGeometry(pair);
       const auto matches = database.ReadMatches(pair);
-      if (!geometry || !matches) continue;
-      const auto F = RayFundamental(*geometry, lenses.cameras.at(lens_pair.pair.camera_id1),
-                                    lenses.cameras.at(lens_pair.pair.camera_id2));
+      if (!geometry || !matches || geometry->inlier_matches.empty()) continue;
+      const auto F = EssentialOf(*geometry, lenses.cameras.at(lens_pair.pair.camera_id1),
+                                 lenses.cameras.at(lens_pair.pair.camera_id2));
       if (!F) continue;
       lens_pair.pair.F = *F;
       const size_t step = 1 + matches->size() / kMaxMatches;

@@ -25,14 +25,8 @@ class PoseFinder {
     const Camera* camera1 = FindCamera(id1);
     const Camera* camera2 = FindCamera(id2);
     if (!camera1 || !camera2) return std::nullopt;
-    Eigen::Matrix3d E;
-    if (geometry.E) {
-      E = *geometry.E;
-    } else if (geometry.F && camera1->IsPlanar() && camera2->IsPlanar()) {
-      E = camera2->CalibrationMatrix().transpose() * *geometry.F * camera1->CalibrationMatrix();
-    } else {
-      return std::nullopt;
-    }
+    const std::optional<Eigen::Matrix3d> E = EssentialOf(geometry, *camera1, *camera2);
+    if (!E) return std::nullopt;
     const std::vector<Keypoint>& keypoints1 = Keypoints(id1);
     const std::vector<Keypoint>& keypoints2 = Keypoints(id2);
     std::vector<Eigen::Vector3d> rays1, rays2;
@@ -45,7 +39,7 @@ class PoseFinder {
       rays2.push_back(*ray2);
     }
     if (rays1.empty()) return std::nullopt;
-    const CheiralityResult best = SelectPoseByCheirality(NearestEssential(E), rays1, rays2);
+    const CheiralityResult best = SelectPoseByCheirality(NearestEssential(*E), rays1, rays2);
     if (best.num_in_front == 0) return std::nullopt;
     return best.cam2_from_cam1;
   }

@@ -14,6 +14,16 @@ std::string_view TwoViewConfigName(TwoViewConfig config) {
   return index < std::size(kNames) ? kNames[index] : "unknown";
 }
 
+std::optional<Eigen::Matrix3d> EssentialOf(const TwoViewGeometry& geometry, const Camera& camera1,
+                                           const Camera& camera2) {
+  std::optional<Eigen::Matrix3d> E = geometry.E;
+  if (!E && geometry.F && camera1.IsPlanar() && camera2.IsPlanar()) {
+    E = camera2.CalibrationMatrix().transpose() * *geometry.F * camera1.CalibrationMatrix();
+  }
+  if (E && !(E->allFinite() && E->norm() > 0)) E.reset();
+  return E;
+}
+
 TwoViewGeometry Inverted(const TwoViewGeometry& geometry) {
   TwoViewGeometry out = geometry;
   if (out.cam2_from_cam1) out.cam2_from_cam1 = Inverse(*geometry.cam2_from_cam1);

@@ -54,16 +54,13 @@ PairReport FocalVerifier::LookUnderOverlay(const PairInput& input, PairReport re
   PairInput part = input;
   part.matches = others;
   PairReport under = VerifyMatches(part);
-  const TwoViewGeometry& geometry = under.geometry;
-  if (under.status != PairStatus::kVerified || !(geometry.E || geometry.F)) return report;
+  const auto E = EssentialOf(under.geometry, *input.camera1, *input.camera2);
+  if (under.status != PairStatus::kVerified || !E) return report;
   // What explains the overlay, too, may be more of it.
   part.matches = overlay;
   PreparePair(part, options_, MatchOrder::kGiven, &pair_);
   MatchErrors errors;
-  errors.SetSampson(pair_.points,
-                    geometry.E ? *geometry.E
-                               : Eigen::Matrix3d(input.camera2->CalibrationMatrix().transpose() *
-                                                 *geometry.F * input.camera1->CalibrationMatrix()));
+  errors.SetSampson(pair_.points, *E);
   return 2 * errors.CountBelow(max_error_px) > pair_.size() ? report : under;
 }
 

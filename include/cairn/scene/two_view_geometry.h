@@ -4,6 +4,7 @@
 #include <optional>
 #include <string_view>
 
+#include "cairn/camera/camera.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/scene/features.h"
 
@@ -34,6 +35,10 @@ struct TwoViewGeometry {
   std::optional<Eigen::Matrix3d> H;  // x2 ~ H x1, pixels.
   FeatureMatches inlier_matches;
 };
+
+// E, or what F is for planar cameras; absent where neither is finite and not zero.
+std::optional<Eigen::Matrix3d> EssentialOf(const TwoViewGeometry& geometry, const Camera& camera1,
+                                           const Camera& camera2);
 
 // The same geometry with the images' roles exchanged.
 TwoViewGeometry Inverted(const TwoViewGeometry& geometry);
