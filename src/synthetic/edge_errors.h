@@ -4,6 +4,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/geometry/rigid3d.h"
+#include "cairn/synthetic/poses.h"
 
 namespace cairn {
 
@@ -13,12 +14,7 @@ namespace cairn {
 // photographs have many bad edges and most errors turn around the image's x and y axes.
 class EdgeErrors {
  public:
-  struct Options {
-    double rotation_noise_deg = 0.0;  // medians
-    double direction_noise_deg = 0.0;
-    double heavy_tail = 0.0;
-  };
-  EdgeErrors(const Options& options, int num_images, Rng& rng);
+  EdgeErrors(const EdgeNoise& noise, int num_images, Rng& rng);
 
   // Of the pair of images i and j (indices from 0).
   void Perturb(size_t i, size_t j, Rng& rng, Rigid3d* cam2_from_cam1) const;
@@ -26,7 +22,7 @@ class EdgeErrors {
  private:
   double Angle(double median_deg, double z) const;
 
-  Options options_;
+  EdgeNoise noise_;
   std::vector<double> badness_;
 };
 

@@ -266,12 +266,7 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
         "pairs in a database: those with the most points in common; 0: all");
   v.Double("pair_outlier_ratio", pair_outlier_ratio, {0.0, 1.0},
            "share of verified pairs whose pose and matches are random");
-  v.Double("rotation_noise_deg", rotation_noise_deg, {0.0, 180.0},
-           "median rotation error of a verified pair");
-  v.Double("direction_noise_deg", direction_noise_deg, {0.0, 180.0},
-           "median error of a verified pair's translation direction");
-  v.Double("heavy_tail", heavy_tail, {0.0, 1.0},
-           "of these errors; 0: light; 1: as in real 1DSfM edges");
+  EdgeNoise::VisitFields(v);
   v.Bool("descriptors", descriptors, "write descriptors to a database");
   v.Bool("pair_metrics", pair_metrics,
          "verified pairs as build_view_graph leaves them; 0: as COLMAP does");

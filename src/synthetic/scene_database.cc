@@ -162,12 +162,9 @@ class PairMaker {
  public:
   explicit PairMaker(const SyntheticScene& scene)
       : scene_(scene), visible_(FindAllVisiblePoints(scene)), plan_(PlanPairs(scene, visible_)) {
-    const SceneOptions& options = scene.options;
     Rng rng(scene.seed, "scene_edge_errors");
-    errors_ = std::make_unique<EdgeErrors>(
-        EdgeErrors::Options{options.rotation_noise_deg, options.direction_noise_deg,
-                            options.heavy_tail},
-        static_cast<int>(scene.images.size()), rng);
+    errors_ =
+        std::make_unique<EdgeErrors>(scene.options, static_cast<int>(scene.images.size()), rng);
   }
 
   size_t NumPairs() const { return plan_.pairs.size(); }

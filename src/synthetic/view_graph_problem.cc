@@ -93,12 +93,7 @@ size_t NumEdges(const ViewGraphOptions& options) {
 void ViewGraphOptions::VisitFields(OptionVisitor& v) {
   v.Int("num_edges", num_edges, {0, 2e8},
         "edges of the graph; 0: 20 an image, or all pairs where there are fewer");
-  v.Double("rotation_noise_deg", rotation_noise_deg, {0.0, 180.0},
-           "median rotation error of an edge");
-  v.Double("direction_noise_deg", direction_noise_deg, {0.0, 180.0},
-           "median error of an edge's translation direction");
-  v.Double("heavy_tail", heavy_tail, {0.0, 1.0},
-           "0: light-tailed errors; 1: as in real 1DSfM edges");
+  EdgeNoise::VisitFields(v);
   v.Double("outlier_ratio", outlier_ratio, {0.0, 1.0}, "share of edges that are random");
 }
 
@@ -119,9 +114,7 @@ ViewGraphProblem MakeViewGraphProblem(const ViewGraphOptions& options, uint64_t 
   const std::vector<size_t> chosen = ChoosePairs(poses.size(), candidates, num_edges);
 
   Rng rng(seed, "view_graph_errors");
-  const EdgeErrors errors(
-      {options.rotation_noise_deg, options.direction_noise_deg, options.heavy_tail},
-      options.num_images, rng);
+  const EdgeErrors errors(options, options.num_images, rng);
   std::vector<char> is_outlier(chosen.size(), 0);
   std::fill_n(is_outlier.begin(), std::lround(options.outlier_ratio * chosen.size()), 1);
   rng.Shuffle(is_outlier);

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "cairn/base/named_value.h"
+#include "cairn/base/options.h"
 #include "cairn/base/rng.h"
 #include "cairn/geometry/rigid3d.h"
 
@@ -19,6 +20,15 @@ Rigid3d LookAt(const Eigen::Vector3d& center, const Eigen::Vector3d& target, dou
 Eigen::Quaterniond RandomRotation(Rng& rng);
 // A direction drawn uniformly from the unit sphere.
 Eigen::Vector3d RandomDirection(Rng& rng);
+
+// Errors of relative poses.
+struct EdgeNoise {
+  double rotation_noise_deg = 0.0;   // median angle of the error
+  double direction_noise_deg = 0.0;  // median angle between true and given translation direction
+  double heavy_tail = 0.0;  // 0: Rayleigh-like errors; 1: as real edges (1DSfM's Ellis Island)
+
+  void VisitFields(OptionVisitor& v);
+};
 
 enum class CameraLayout {
   kRing,      // evenly around the scene, at one distance: one long loop

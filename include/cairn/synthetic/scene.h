@@ -15,7 +15,7 @@ namespace cairn {
 
 class Database;
 
-struct SceneOptions : RigOptions {
+struct SceneOptions : RigOptions, EdgeNoise {
   int num_points = 2000;
   int max_keypoints = 1500;     // an image; more visible points than that: a random choice
   double salience = 0.0;        // 0: chosen evenly; 1: by chances that follow Zipf's law
@@ -33,14 +33,11 @@ struct SceneOptions : RigOptions {
   // other.
   bool twin_places = false;
 
-  // Of a database alone: which pairs it has, and how wrong they are.
+  // Of a database alone, as EdgeNoise: which pairs it has, and how wrong they are.
   int num_pairs = 0;  // those with the most points in common; 0: all
   // Share of pairs whose pose and matches mean nothing; of a city, those of places that look alike,
   // wrong in the same way.
   double pair_outlier_ratio = 0.0;
-  double rotation_noise_deg = 0.0;  // errors of verified pairs, as in ViewGraphOptions
-  double direction_noise_deg = 0.0;
-  double heavy_tail = 0.0;
   bool descriptors = true;
   bool pair_metrics = false;  // write the verifier's record of each pair; COLMAP has none
 

@@ -12,16 +12,14 @@
 namespace cairn {
 
 // A view graph without images, like those of the 1DSfM data sets, of any size.
-struct ViewGraphOptions {
+struct ViewGraphOptions : EdgeNoise {
   CameraLayout layout = CameraLayout::kLandmark;  // any but kCity
   int num_images = 200;
-  int num_edges = 0;                 // 0: 20 an image, or all pairs where there are fewer
-  double rotation_noise_deg = 0.5;   // median angle of the error of a correct edge
-  double direction_noise_deg = 1.0;  // median angle between true and given translation direction
-  double heavy_tail = 0.0;  // 0: Rayleigh-like errors; 1: as real edges (1DSfM's Ellis Island)
+  int num_edges = 0;  // 0: 20 an image, or all pairs where there are fewer
   // Share of edges whose pose has nothing to do with the truth.
   double outlier_ratio = 0.0;
 
+  ViewGraphOptions() : EdgeNoise{0.5, 1.0} {}
   // All but layout and num_images, which RigOptions lists.
   void VisitFields(OptionVisitor& v);
 };
