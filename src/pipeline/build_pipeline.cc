@@ -288,8 +288,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   Database database = OpenDatabase(inputs);
   ForgetLostRows(database, sources, run.monitor);
   ReportBadRows(database, report.run, run.monitor);
-  PrepareRecompute(database, std::string(NameOf(kBuildStages, inputs.recompute)),
-                   sources.image_path);
+  PrepareRecompute(database, inputs.recompute, sources.image_path);
   CheckStageOptions(database, options, run.seed);
   std::optional<Helpers> helpers = FindHelpers(options, run, peers);
   report.was_stopped =

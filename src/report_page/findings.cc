@@ -31,12 +31,7 @@ void AddRunFindings(const PageScene& scene, Json& findings) {
   const Json& run = scene.run_report;
   if (!run.is_object()) return;
   const std::string failure = TextOf(run, "failure");
-  if (!failure.empty()) {
-    // "stage: what was there; what to try" (Stage::Fail).
-    const size_t split = std::min(failure.find("; "), failure.size());
-    const std::string advice = split < failure.size() ? failure.substr(split + 2) : "";
-    findings.push_back(Finding("wrong", failure.substr(0, split), advice));
-  }
+  if (!failure.empty()) findings.push_back(Finding("wrong", failure, ""));
   if (!run.contains("warnings") || !run["warnings"].is_array()) return;
   for (const Json& item : run["warnings"]) {
     const std::string what = TextOf(item, "what");

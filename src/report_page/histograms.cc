@@ -76,7 +76,7 @@ Json HistogramsJson(const PageScene& scene) {
     if (pair.InUse()) {
       inliers.push_back(pair.num_inliers);
       if (pair.residual_px > 0) residuals.push_back(pair.residual_px);
-    } else if (!pair.state.starts_with("rejected_")) {
+    } else if (pair.removal) {
       removed_inliers.push_back(pair.num_inliers);
     }
   }

@@ -21,8 +21,9 @@ struct PagePair {
   int image1 = 0;
   int image2 = 0;
   image_pair_t pair_id = 0;
-  std::string state;     // EdgeRemovalName, or rejected_<status> where it is not in the graph
-  std::string verifier;  // "" unknown; with the step that decided
+  std::optional<EdgeRemoval> removal;  // absent where it is not in the graph
+  std::string state;                   // EdgeRemovalName, or rejected_<status>
+  std::string verifier;                // "" unknown; with the step that decided
   int num_matches = 0;
   int num_inliers = 0;
   double residual_px = 0;  // 0: unknown, likewise below
@@ -30,7 +31,7 @@ struct PagePair {
   double milliseconds = 0;
   Support support;  // by the model that has both images; no matches: none has
 
-  bool InUse() const { return state == "in_use"; }
+  bool InUse() const { return removal == EdgeRemoval::kNone; }
 };
 
 // What is known of an image.

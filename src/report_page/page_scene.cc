@@ -134,6 +134,7 @@ void ReadPairs(PageScene& scene) {
   }
   for (const ViewEdge& edge : scene.input.graph.edges) {
     PagePair& pair = pairs[edge.PairId()];
+    pair.removal = edge.removal;
     pair.state = EdgeRemovalName(edge.removal);
     pair.num_inliers = edge.num_inliers;
     pair.residual_px = edge.residual_px;
@@ -213,7 +214,7 @@ void JudgeAllPairs(PageScene& scene) {
 
 void CountPair(const PagePair& pair, const PageImage& other, PageImage& image) {
   image.num_matched += pair.num_matches > 0;
-  if (pair.state.starts_with("rejected_")) return;
+  if (!pair.removal) return;
   ++image.num_verified;
   image.num_pairs += pair.InUse();
   image.num_to_models += pair.InUse() && other.model >= 0;

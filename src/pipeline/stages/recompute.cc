@@ -15,9 +15,11 @@ namespace {
 namespace fs = std::filesystem;
 
 // Features that were made elsewhere from photographs that are not here must not be lost.
-void CheckPhotographs(const Database& database, const std::string& stage,
-                      const std::string& image_path) {
-  if (image_path.empty()) throw ConfigError("recompute", stage + " needs --image_path");
+void CheckPhotographs(const Database& database, BuildStage stage, const std::string& image_path) {
+  if (image_path.empty()) {
+    throw ConfigError("recompute",
+                      std::string(NameOf(kBuildStages, stage)) + " needs --image_path");
+  }
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
   for (const Image& image : database.ReadImages()) {
     if (num_keypoints.count(image.image_id) == 0) continue;
@@ -61,21 +63,29 @@ void MarkCamerasAsPending(Database& database, const std::vector<JobRecord>& jobs
 
 }  // namespace
 
-void PrepareRecompute(Database& database, const std::string& stage, const std::string& image_path) {
-  if (stage == "changed" && image_path.empty()) {
+void PrepareRecompute(Database& database, BuildStage stage, const std::string& image_path) {
+  using enum BuildStage;
+  if (stage == kChanged && image_path.empty()) {
     throw ConfigError("recompute", "changed needs --image_path, the folder of the photographs");
   }
-  if (stage == "none" || stage == "changed") return;  // ImportPhotos finds what changed
+  if (stage == kNone || stage == kChanged) return;  // ImportPhotos finds what changed
   const std::vector<JobRecord> our_images = database.ReadJobs(kStageCameras);
-  if (stage == kStageFeatures || stage == kStageCameras) {
-    CheckPhotographs(database, stage, image_path);
-  }
-  if (stage == kStagePairs || stage == kStageMatching) CheckDescriptors(database);
+  if (stage == kFeatures || stage == kCameras) CheckPhotographs(database, stage, image_path);
+  if (stage == kPairs || stage == kMatching) CheckDescriptors(database);
   Database::Transaction transaction(database);
   ClearStageAndDependents(database, stage);
-  if (stage == kStageFeatures) DeleteOurImages(database);
-  if (stage == kStageCameras) MarkCamerasAsPending(database, our_images);
+  if (stage == kFeatures) DeleteOurImages(database);
+  if (stage == kCameras) MarkCamerasAsPending(database, our_images);
   transaction.Commit();
+}
+
+void ClearStageAndDependents(Database& database, BuildStage stage) {
+  using enum BuildStage;
+  for (const auto& [other, name] : kBuildStages) {
+    const bool depends =
+        other > stage && (other == kVerification || stage == kFeatures || stage == kPairs);
+    if (other == stage || depends) database.ClearStage(std::string(name));
+  }
 }
 
 }  // namespace cairn

@@ -2,13 +2,17 @@
 
 #include <string>
 
-#include "cairn/database/database.h"
+#include "cairn/pipeline/build_pipeline.h"
 
 namespace cairn {
 
 // Prepares the database for --recompute STAGE: removes what the stage and its dependents wrote.
-// "none" and "changed": nothing. Throws ConfigError if something would be lost that cannot be
+// Of none and changed, nothing. Throws ConfigError if something would be lost that cannot be
 // computed again.
-void PrepareRecompute(Database& database, const std::string& stage, const std::string& image_path);
+void PrepareRecompute(Database& database, BuildStage stage, const std::string& image_path);
+
+// Removes what the stage wrote, and those whose results follow from its own (rows of other programs
+// too).
+void ClearStageAndDependents(Database& database, BuildStage stage);
 
 }  // namespace cairn

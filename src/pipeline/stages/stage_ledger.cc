@@ -96,17 +96,4 @@ StageReport EndStage(Stage& stage, Database& database) {
   return report;
 }
 
-std::vector<std::string> StageAndDependents(const std::string& stage) {
-  if (stage == kStageFeatures) {
-    return {kStageFeatures, kStageDepth, kStagePairs, kStageMatching, kStageVerification};
-  }
-  if (stage == kStagePairs) return {kStagePairs, kStageMatching, kStageVerification};
-  if (stage == kStageVerification) return {kStageVerification};
-  return {stage, kStageVerification};
-}
-
-void ClearStageAndDependents(Database& database, const std::string& stage) {
-  for (const std::string& cleared : StageAndDependents(stage)) database.ClearStage(cleared);
-}
-
 }  // namespace cairn

@@ -4,7 +4,6 @@
 #include <string>
 #include <string_view>
 #include <unordered_map>
-#include <vector>
 
 #include "cairn/base/options.h"
 #include "cairn/base/run_context.h"
@@ -59,11 +58,5 @@ class StageLedger {
 StageReport EndStage(Stage& stage, const RunContext& run, StageLedger& ledger, Database& database);
 // Ends a stage whose ledger is written already, or that has none. Its time goes to the database.
 StageReport EndStage(Stage& stage, Database& database);
-
-// The stage, and those whose results follow from its own.
-std::vector<std::string> StageAndDependents(const std::string& stage);
-
-// Removes what these wrote (rows of other programs too).
-void ClearStageAndDependents(Database& database, const std::string& stage);
 
 }  // namespace cairn

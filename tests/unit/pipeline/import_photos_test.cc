@@ -387,7 +387,7 @@ TEST_F(ImportPhotosTest, OtherCameraOptionsAreAnErrorUnlessCamerasAreRecomputed)
   options.camera_model = CameraModel::kPinhole;
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(options); }),
               HasSubstr("camera_model: is \"PINHOLE\""));
-  PrepareRecompute(database_, "cameras", images_);
+  PrepareRecompute(database_, BuildStage::kCameras, images_);
   options.single_camera = true;
   Import(options);
   ASSERT_EQ(database_.ReadCameras().size(), 1u);
@@ -407,7 +407,7 @@ TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
   EXPECT_EQ(database_.ReadImages()[0].camera_id, 5u);
   EXPECT_EQ(database_.ReadImages()[1].image_id, 8u);
   EXPECT_EQ(database_.ReadImages()[1].camera_id, 6u);
-  PrepareRecompute(database_, "cameras", images_);
+  PrepareRecompute(database_, BuildStage::kCameras, images_);
   CameraOptions options;
   options.camera_model = CameraModel::kPinhole;
   Import(options);

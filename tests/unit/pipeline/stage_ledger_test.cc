@@ -6,6 +6,7 @@
 #include "cairn/base/error.h"
 #include "cairn/matching/matching.h"
 #include "database/stage_names.h"
+#include "pipeline/stages/recompute.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
@@ -77,7 +78,7 @@ TEST(StageLedger, AStageThatNeverBeganLeavesNoRecord) {
 }
 
 TEST(StageLedger, ClearingAStageClearsWhatDependsOnIt) {
-  const auto stages_left = [](const std::string& cleared) {
+  const auto stages_left = [](BuildStage cleared) {
     Database database(":memory:");
     database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 10, 10, 10));
     database.WriteImage({1, "a", 1});
@@ -105,12 +106,12 @@ TEST(StageLedger, ClearingAStageClearsWhatDependsOnIt) {
     }
     return left;
   };
-  EXPECT_EQ(stages_left(kStageFeatures), "");
-  EXPECT_EQ(stages_left(kStageDepth), "features pairs matching ");
-  EXPECT_EQ(stages_left(kStagePairs), "features depth ");
-  EXPECT_EQ(stages_left(kStageMatching), "features depth pairs ");
-  EXPECT_EQ(stages_left(kStageVerification), "features depth pairs matching ");
-  EXPECT_EQ(stages_left(kStageCameras), "features depth pairs matching ");
+  EXPECT_EQ(stages_left(BuildStage::kFeatures), "");
+  EXPECT_EQ(stages_left(BuildStage::kDepth), "features pairs matching ");
+  EXPECT_EQ(stages_left(BuildStage::kPairs), "features depth ");
+  EXPECT_EQ(stages_left(BuildStage::kMatching), "features depth pairs ");
+  EXPECT_EQ(stages_left(BuildStage::kVerification), "features depth pairs matching ");
+  EXPECT_EQ(stages_left(BuildStage::kCameras), "features depth pairs matching ");
 }
 
 }  // namespace
