@@ -32,18 +32,10 @@ constexpr int kBandRows = 64;
 Camera AtResolutionOf(const Camera& source, const Camera& target) {
   const double factor = source.MeanFocal() / target.MeanFocal();
   if (factor <= 1.0) return target;
-  Camera fine = target;
   const auto enlarge = [](int side, double by) {
     return std::min(kMaxResampledSide, static_cast<int>(std::lround(side * by)));
   };
-  fine.width = enlarge(target.width, factor);
-  fine.height = enlarge(target.height, factor);
-  fine.model = CameraModel::kPinhole;
-  const double x = static_cast<double>(fine.width) / target.width;
-  const double y = static_cast<double>(fine.height) / target.height;
-  fine.params = {x * target.FocalX(), y * target.FocalY(), x * target.PrincipalPoint().x(),
-                 y * target.PrincipalPoint().y()};
-  return fine;
+  return ResizedPinhole(target, enlarge(target.width, factor), enlarge(target.height, factor));
 }
 
 // Where the source shows the ray of a target pixel, counted as OpenCV does (the center of the
@@ -92,6 +84,18 @@ Camera CenteredPinhole(const Camera& camera) {
                                      camera.MeanFocal(), camera.width, camera.height);
   pinhole.has_prior_focal_length = camera.has_prior_focal_length;
   return pinhole;
+}
+
+Camera ResizedPinhole(const Camera& camera, int width, int height) {
+  const double x = static_cast<double>(width) / camera.width;
+  const double y = static_cast<double>(height) / camera.height;
+  Camera resized = camera;
+  resized.model = CameraModel::kPinhole;
+  resized.width = width;
+  resized.height = height;
+  resized.params = {x * camera.FocalX(), y * camera.FocalY(), x * camera.PrincipalPoint().x(),
+                    y * camera.PrincipalPoint().y()};
+  return resized;
 }
 
 Bitmap ReducedBitmap(const Bitmap& bitmap, int width, int height) {

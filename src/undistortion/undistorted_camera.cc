@@ -57,16 +57,6 @@ double Scale(const Camera& camera, const Camera& pinhole, int axis,
   return std::min(scale, options.max_scale);
 }
 
-// The camera with the image resized to width x height.
-void Resize(int width, int height, Camera& pinhole) {
-  const double x = static_cast<double>(width) / pinhole.width;
-  const double y = static_cast<double>(height) / pinhole.height;
-  pinhole.params = {x * pinhole.params[0], y * pinhole.params[1], x * pinhole.params[2],
-                    y * pinhole.params[3]};
-  pinhole.width = width;
-  pinhole.height = height;
-}
-
 }  // namespace
 
 Camera UndistortedCamera(const Camera& camera, const UndistortOptions& options) {
@@ -94,7 +84,7 @@ Camera UndistortedCamera(const Camera& camera, const UndistortOptions& options) 
     const auto reduced = [&](int side) {
       return std::clamp(static_cast<int>(std::lround(side * factor)), 1, limit);
     };
-    Resize(reduced(pinhole.width), reduced(pinhole.height), pinhole);
+    return ResizedPinhole(pinhole, reduced(pinhole.width), reduced(pinhole.height));
   }
   return pinhole;
 }

@@ -12,6 +12,9 @@ namespace cairn {
 // SIMPLE_PINHOLE of the same size and mean focal length, principal point at the image center.
 Camera CenteredPinhole(const Camera& camera);
 
+// The pinhole camera of the same view in width x height pixels. The camera is planar.
+Camera ResizedPinhole(const Camera& camera, int width, int height);
+
 // The sides of bitmaps that ResampleBitmap takes and gives are at most this, pixels (OpenCV).
 inline constexpr int kMaxResampledSide = 32766;
 
