@@ -6,8 +6,6 @@
 namespace cairn {
 namespace {
 
-constexpr double kFarSigmas = 3;
-
 bool AreFar(double focal1, double focal2, double sigma) {
   return std::abs(std::log(focal1 / focal2)) > kFarSigmas * sigma;
 }

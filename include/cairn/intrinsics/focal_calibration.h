@@ -13,6 +13,9 @@
 
 namespace cairn {
 
+// A focal length is far from another where it is off by more than so many standard deviations.
+inline constexpr double kFarSigmas = 3;
+
 struct FocalCalibrationOptions {
   bool enabled = true;
   // Pairs that a camera needs, and of those a camera has, how many are used (most inliers first).

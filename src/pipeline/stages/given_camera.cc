@@ -18,8 +18,6 @@ constexpr double kMaxOffCenter = 0.2;
 // An equidistant lens of 180 degrees, taken as planar, moves what is half way to the border by a
 // factor of 1.27.
 constexpr double kMaxDistortion = 2.0;
-// As in mapper/exif_focals.cc.
-constexpr double kFarSigmas = 3;
 // Principal points lie within some percent of the center.
 constexpr double kCenterTolerance = 0.05;
 
