@@ -121,6 +121,10 @@ std::string RetiredValue(std::string_view name) {
       {"bundle_adjustment.max_dense_images", "*"},  // on cairn's own solver
       {"bundle_adjustment.max_sparse_images", "*"},
       {"verbose", "*"},
+      {"verification.max_num_refined", "60"},
+      {"reconstruct.coarse_tracks_per_image", "500"},
+      {"reconstruct.coarse_error_factor", "8"},
+      {"reconstruct.min_gain", "0.005"},
       {"view_graph.filter_triplets", "true"},
       {"translation_averaging.filter_directions", "true"},
       {"translation_averaging.use_points", "true"},

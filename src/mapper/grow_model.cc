@@ -15,8 +15,7 @@ std::optional<int> GrowModel(StageContext& context, ViewGraph& graph, Reconstruc
   for (; round < options.max_rounds && !context.run.monitor.StopRequested(); ++round) {
     const int num_new = options.register_left_out ? RegisterLeftOut(context, graph, model) : 0;
     const int64_t num_gained = ReviseEdges(EvidenceFor(context, model, graph), model, graph);
-    if (num_new == 0 &&
-        static_cast<double>(num_gained) < options.min_gain * model.NumObservations()) {
+    if (num_new == 0 && static_cast<double>(num_gained) < kMinGain * model.NumObservations()) {
       break;
     }
     std::vector<Track> tracks = TracksOfGraph(context, graph).tracks;

@@ -152,7 +152,7 @@ void AdjustToPlaces(StageContext& context, Reconstruction& model) {
     const Georegistration found = Georegister(model, *context.scene.places, context.run);
     // A straighter model shows better how good the positions are, and which are wrong.
     if (found.status != GeoregistrationStatus::kOk ||
-        !(found.median_residual_m < (1.0 - options.min_gain) * last_residual_m)) {
+        !(found.median_residual_m < (1.0 - kMinGain) * last_residual_m)) {
       return;
     }
     last_residual_m = found.median_residual_m;

@@ -40,13 +40,8 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
   v.Int("max_models", max_models, {1, 1000000}, "largest number of models");
   v.Int("position_tracks_per_image", position_tracks_per_image, {0, 1000000},
         "tracks an image whose rays join translation averaging");
-  v.Int("coarse_tracks_per_image", coarse_tracks_per_image, {0, 1000000},
-        "tracks an image in the first rounds; 0: all");
-  v.Double("coarse_error_factor", coarse_error_factor, {1, 1000},
-           "how much larger errors may be in the first round");
   v.Int("max_rounds", max_rounds, {1, 1000},
         "rounds of triangulation, adjustment and filtering over all tracks");
-  v.Double("min_gain", min_gain, {0, 1}, "rounds end when one adds relatively fewer observations");
   v.Int("min_image_points", min_image_points, {3, 1000000},
         "an image with fewer points is removed");
   v.Double("max_memory_gib", max_memory_gib, {0, 1e6},

@@ -22,6 +22,10 @@ struct Round {
 // Of rounds that only find a start: what comes next changes the cost by more. Chosen with
 // collections in sight: tests/bench/README.md, "Tried without gain".
 constexpr double kStartTolerance = 1e-3;
+// The first rounds use the longest tracks alone, until every image has this many, and accept errors
+// larger by this factor.
+constexpr int kCoarseTracksPerImage = 500;
+constexpr double kCoarseErrorFactor = 8.0;
 
 // Gives every keypoint the standard deviation of the errors of keypoints like it.
 void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& model) {
@@ -206,16 +210,11 @@ void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstr
 }
 
 void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruction& model) {
-  const ReconstructOptions& options = context.settings.reconstruct;
-  std::vector<Track> selected;
-  if (options.coarse_tracks_per_image > 0) {
-    selected = SelectTracks(tracks, options.coarse_tracks_per_image);
-    tracks = selected;
-  }
+  const std::vector<Track> longest = SelectTracks(tracks, kCoarseTracksPerImage);
   RunRound(context,
            {.name = "coarse",
-            .tracks = tracks,
-            .error_factor = options.coarse_error_factor,
+            .tracks = longest,
+            .error_factor = kCoarseErrorFactor,
             .distortions = false,
             .weigh = false,
             .max_iterations = 20,
@@ -223,8 +222,8 @@ void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruct
            model);
   RunRound(context,
            {.name = "middle",
-            .tracks = tracks,
-            .error_factor = std::max(1.0, 0.25 * options.coarse_error_factor),
+            .tracks = longest,
+            .error_factor = 0.25 * kCoarseErrorFactor,
             .max_iterations = 20,
             .tolerance = kStartTolerance},
            model);
@@ -243,7 +242,7 @@ bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineSta
     Reconstruction candidate = model;
     TriangulateRound(context, round, candidate);
     const int64_t num_observations = candidate.NumObservations();
-    if (static_cast<double>(num_observations) < (1.0 + options.min_gain) * num_known) break;
+    if (static_cast<double>(num_observations) < (1.0 + kMinGain) * num_known) break;
     num_known = num_observations;
     model = std::move(candidate);
     Adjust(context, round, model);

@@ -97,6 +97,8 @@ struct BuiltModel {
 
 // What camera models leave out (a shutter that rolls, focus) may explain as much of the evidence.
 inline constexpr double kModelErrors = 0.005;
+// Rounds end when one gains less than this share: of the observations of a model, say.
+inline constexpr double kMinGain = 0.005;
 
 // The steps, in the order of README.md.
 

@@ -74,10 +74,7 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
 bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
                                Reconstruction& model) {
   const ReverifiedPairs again = VerifyAgain(context, model, graph);
-  if (static_cast<double>(again.num_gained) <=
-      context.settings.reconstruct.min_gain * model.NumObservations()) {
-    return true;
-  }
+  if (static_cast<double>(again.num_gained) <= kMinGain * model.NumObservations()) return true;
   Reconstruction other = model;
   if (!FitAndRefine(context, TracksOfGraph(context, graph, again.matches).tracks,
                     RefineStart::kRefined, other)) {

@@ -11,6 +11,9 @@
 namespace cairn::internal {
 namespace {
 
+// Hypotheses of 1AC+D of a pair that are refined.
+constexpr int kMaxNumRefined = 60;
+
 // The steps of a pair's search and what came of them.
 struct StepsTaken {
   std::string_view winner;  // the step that converged, or all of them
@@ -30,7 +33,7 @@ StepsTaken RunSteps(const PreparedPair& pair, const SearchSteps& steps,
     if (search->HasConverged()) taken.winner = step;
   };
   if (has_depth && has_frames) {
-    taken.num_with_depth = RunOneAcDepthStep(pair, budget(options.max_num_refined), search);
+    taken.num_with_depth = RunOneAcDepthStep(pair, budget(kMaxNumRefined), search);
     end("one_ac_depth");
   }
   if (steps.triangles && has_depth && !search->HasConverged()) {

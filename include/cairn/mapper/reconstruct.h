@@ -36,14 +36,8 @@ struct ReconstructOptions {
   int max_models = 50;
   // Tracks an image that join the camera-camera directions in translation averaging.
   int position_tracks_per_image = 200;
-  // The first rounds use the longest tracks alone, until every image has this many (0: all tracks),
-  // and accept errors larger by this factor.
-  int coarse_tracks_per_image = 500;
-  double coarse_error_factor = 8.0;
-  // Rounds of triangulation, adjustment and filtering over all tracks; they end early when one adds
-  // less than min_gain (relative) to the observations.
+  // Rounds of triangulation, adjustment and filtering over all tracks.
   int max_rounds = 5;
-  double min_gain = 0.005;
   // An image with fewer points is taken out of the model.
   int min_image_points = 15;
   // Memory that the whole program may take; 0: what the machine has left when it is needed. Where

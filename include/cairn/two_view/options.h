@@ -43,9 +43,8 @@ struct TwoViewOptions {
   // Rough hypotheses are ranked by a soft support at this multiple of the threshold, and refined
   // from it down to the threshold.
   double rough_error_ratio = 7.0;
-  // Budgets of a pair: hypotheses of one affine correspondence with depth that are refined, samples
-  // of three matches with depth, of two affine correspondences, and of five points after these.
-  int max_num_refined = 60;
+  // Budgets of a pair: samples of three matches with depth, of two affine correspondences, and of
+  // five points after these.
   int max_depth_triangles = 4096;
   int max_affine_samples = 300;
   int max_fallback_samples = 2000;
@@ -82,8 +81,6 @@ struct TwoViewOptions {
     v.Int("min_iterations", min_iterations, {1, 1e9}, "fewest seven-point samples of a pair");
     v.Double("rough_error_ratio", rough_error_ratio, {1.0, 1000.0},
              "scale at which rough hypotheses are ranked and first refined, in thresholds");
-    v.Int("max_num_refined", max_num_refined, {1, 1e9},
-          "most 1AC+D hypotheses of a pair that are refined");
     v.Int("max_depth_triangles", max_depth_triangles, {1, 1e9},
           "samples of three matches with depth of a pair");
     v.Int("max_affine_samples", max_affine_samples, {1, 1e9},

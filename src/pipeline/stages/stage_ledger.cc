@@ -28,7 +28,7 @@ void CheckOptions(const StageRecord& stored, const std::string& present) {
     }
   }
   for (const auto& [key, value] : old_values) {
-    if (values.count(key) > 0) continue;
+    if (values.count(key) > 0 || IsRetired(key, value)) continue;
     throw ConfigError(
         key, "is " + value + " in " + stage + ", and no longer an option; use " + recompute);
   }

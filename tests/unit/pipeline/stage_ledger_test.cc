@@ -46,6 +46,14 @@ TEST(StageLedger, NamesTheOptionThatDiffers) {
               HasSubstr("no longer an option"));
 }
 
+TEST(StageLedger, AnOptionThatWasTakenOutMayHaveHadTodaysValue) {
+  Database database(":memory:");
+  database.WriteStage({kStageVerification, "verification.max_num_refined = 60\n", true});
+  EXPECT_NO_THROW(StageLedger(database, kStageVerification, ""));
+  database.WriteStage({kStageVerification, "verification.max_num_refined = 6\n", true});
+  EXPECT_THROW(StageLedger(database, kStageVerification, ""), ConfigError);
+}
+
 TEST(StageLedger, KnowsWhatIsDoneFromWhichInputs) {
   Database database(":memory:");
   {
