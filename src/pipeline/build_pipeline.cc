@@ -27,6 +27,7 @@ VerificationInput InputOfVerification(const BuildPipelineOptions& options, uint6
   input.options = "verifier = \"" + std::string(NameOf(kVerifierChoices, options.inputs.verifier)) +
                   "\"\nseed = " + std::to_string(seed) + "\n" +
                   DumpQualified("verification", options.verification);
+  input.scheduler = options.scheduler;
   return input;
 }
 
@@ -111,95 +112,102 @@ void NoteOtherPairs(const Database& database, bool has_list, ProgressMonitor& mo
   }
 }
 
-// Adds a stage to the report; false: the user stopped it.
-bool KeepGoing(RunReport& report, StageReport stage) {
-  for (ResultWarning& warning : stage.warnings) {
-    // Rounds of pairs repeat what is wrong with the database.
-    std::erase_if(report.warnings,
-                  [&](const ResultWarning& earlier) { return earlier.what == warning.what; });
-    report.warnings.push_back(std::move(warning));
-  }
-  report.stages.push_back(std::move(stage));
-  return !report.stages.back().WasStopped();
-}
+// The stages of a run, which end early where the user stops it.
+class BuildRun {
+ public:
+  BuildRun(Database& database, const BuildPipelineOptions& options, const RunContext& run,
+           Helpers* helpers, RunReport& report)
+      : database_(database), options_(options), run_(run), helpers_(helpers), report_(report) {}
 
-// Matches the given pairs; verifies them, or (nullopt) all that have matches.
-bool MatchAndVerify(Database& database, const BuildPipelineOptions& options,
-                    const std::vector<image_pair_t>& pairs,
-                    const std::optional<std::vector<image_pair_t>>& to_verify,
-                    const RunContext& run, Helpers* helpers, RunReport& report) {
-  const BuildInputs& in = options.inputs;
-  if (!KeepGoing(report, MatchImagePairs(database, pairs, options.matching, options.scheduler, run,
-                                         helpers))) {
-    return false;
+  // Runs the stages one after the other; false: the user stopped one.
+  bool Run(const Sources& sources) {
+    const BuildInputs& in = options_.inputs;
+    const BuildStage last = in.stop_after;
+    if (sources.dataset && !sources.dataset->has_photographs) {
+      return KeepGoing(ImportDataset(database_, *sources.dataset, options_.cameras, run_));
+    }
+    PhotoSource photos = {.image_path = sources.image_path,
+                          .drop_missing = in.drop_missing,
+                          .recompute_changed = in.recompute == BuildStage::kChanged};
+    if (sources.dataset) photos.selection = SelectDatasetPhotos(*sources.dataset);
+    if (!KeepGoing(ImportPhotos(database_, photos, options_.cameras, run_))) return false;
+    CheckPositions(in.gps_path, database_.ReadImages(), run_.monitor);
+    const PairChoosing choosing = {in.pairs, options_.pair_selection, sources.image_path,
+                                   in.gps_path};
+    const auto listed = ListedPairs(database_, in, sources, run_.monitor);
+    if (last >= BuildStage::kMatching) NoteOtherPairs(database_, listed.has_value(), run_.monitor);
+    if (!listed && last >= BuildStage::kPairs) CheckPairWays(database_, choosing, run_);
+    if (!KeepGoing(ExtractImageFeatures(database_, {sources.image_path, in.mask_path},
+                                        options_.features, run_, helpers_))) {
+      return false;
+    }
+    if (last >= BuildStage::kDepth &&
+        !KeepGoing(SampleImageDepth(database_, sources.image_path, {in.depth_path, in.depth_model},
+                                    options_.depth, run_))) {
+      return false;
+    }
+    if (last < BuildStage::kPairs) return true;
+    if (listed && last < BuildStage::kMatching) return true;
+    return listed ? MatchAndVerify(*listed, listed) : RunRounds(choosing);
   }
-  if (in.stop_after < BuildStage::kVerification) return true;
-  VerificationInput input = InputOfVerification(options, run.seed);
-  input.pairs = to_verify;
-  for (const std::string& text : LearnWideFocals(database, options.verification, run)) {
-    run.monitor.Info(text);
-  }
-  const std::vector<NamedVerifier> verifiers =
-      MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)), options.verification);
-  return KeepGoing(report,
-                   VerifyPairs(database, verifiers, input, options.scheduler, run, helpers));
-}
 
-// Chooses, matches and verifies pairs, round by round.
-bool RunRounds(Database& database, const BuildPipelineOptions& options,
-               const PairChoosing& choosing, const RunContext& run, Helpers* helpers,
-               RunReport& report) {
-  const BuildInputs& in = options.inputs;
-  const StageLedger matching(database, kStageMatching, DumpQualified("matching", options.matching));
-  PairChooser chooser(database, matching, choosing, run);
-  if (!KeepGoing(report, chooser.ChooseFirst())) return false;
-  if (in.stop_after < BuildStage::kMatching) return true;
-  std::vector<image_pair_t> pairs = chooser.Chosen();
-  do {
-    if (!MatchAndVerify(database, options, pairs, std::nullopt, run, helpers, report)) return false;
+ private:
+  // Adds a stage to the report; false: the user stopped it.
+  bool KeepGoing(StageReport stage) {
+    for (ResultWarning& warning : stage.warnings) {
+      // Rounds of pairs repeat what is wrong with the database.
+      std::erase_if(report_.warnings,
+                    [&](const ResultWarning& earlier) { return earlier.what == warning.what; });
+      report_.warnings.push_back(std::move(warning));
+    }
+    report_.stages.push_back(std::move(stage));
+    return !report_.stages.back().WasStopped();
+  }
+
+  // Matches the given pairs; verifies them, or (nullopt) all that have matches.
+  bool MatchAndVerify(const std::vector<image_pair_t>& pairs,
+                      const std::optional<std::vector<image_pair_t>>& to_verify) {
+    if (!KeepGoing(MatchImagePairs(database_, {pairs, options_.scheduler}, options_.matching, run_,
+                                   helpers_))) {
+      return false;
+    }
+    const BuildInputs& in = options_.inputs;
     if (in.stop_after < BuildStage::kVerification) return true;
-    pairs = chooser.ChooseNext();
-  } while (!pairs.empty());
-  if (!run.monitor.StopRequested()) return true;
-  report.stages.back().MarkStopped();
-  return false;
-}
+    VerificationInput input = InputOfVerification(options_, run_.seed);
+    input.pairs = to_verify;
+    for (const std::string& text : LearnWideFocals(database_, options_.verification, run_)) {
+      run_.monitor.Info(text);
+    }
+    const std::vector<NamedVerifier> verifiers =
+        MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)), options_.verification);
+    return KeepGoing(VerifyPairs(database_, verifiers, input, run_, helpers_));
+  }
 
-// Runs the stages one after the other; false: the user stopped one.
-bool RunStages(Database& database, const BuildPipelineOptions& options, const Sources& sources,
-               const RunContext& run, Helpers* helpers, RunReport& report) {
-  const BuildInputs& in = options.inputs;
-  const BuildStage last = in.stop_after;
-  const auto keep_going = [&report](StageReport stage) {
-    return KeepGoing(report, std::move(stage));
-  };
-  if (sources.dataset && !sources.dataset->has_photographs) {
-    return keep_going(ImportDataset(database, *sources.dataset, options.cameras, run));
-  }
-  PhotoSource photos = {.image_path = sources.image_path,
-                        .drop_missing = in.drop_missing,
-                        .recompute_changed = in.recompute == BuildStage::kChanged};
-  if (sources.dataset) photos.selection = SelectDatasetPhotos(*sources.dataset);
-  if (!keep_going(ImportPhotos(database, photos, options.cameras, run))) return false;
-  CheckPositions(in.gps_path, database.ReadImages(), run.monitor);
-  const PairChoosing choosing = {in.pairs, options.pair_selection, sources.image_path, in.gps_path};
-  const auto listed = ListedPairs(database, in, sources, run.monitor);
-  if (last >= BuildStage::kMatching) NoteOtherPairs(database, listed.has_value(), run.monitor);
-  if (!listed && last >= BuildStage::kPairs) CheckPairWays(database, choosing, run);
-  if (!keep_going(ExtractImageFeatures(database, {sources.image_path, in.mask_path},
-                                       options.features, run, helpers))) {
+  // Chooses, matches and verifies pairs, round by round.
+  bool RunRounds(const PairChoosing& choosing) {
+    const BuildStage last = options_.inputs.stop_after;
+    const StageLedger matching(database_, kStageMatching,
+                               DumpQualified("matching", options_.matching));
+    PairChooser chooser(database_, matching, choosing, run_);
+    if (!KeepGoing(chooser.ChooseFirst())) return false;
+    if (last < BuildStage::kMatching) return true;
+    std::vector<image_pair_t> pairs = chooser.Chosen();
+    do {
+      if (!MatchAndVerify(pairs, std::nullopt)) return false;
+      if (last < BuildStage::kVerification) return true;
+      pairs = chooser.ChooseNext();
+    } while (!pairs.empty());
+    if (!run_.monitor.StopRequested()) return true;
+    report_.stages.back().MarkStopped();
     return false;
   }
-  if (last >= BuildStage::kDepth &&
-      !keep_going(SampleImageDepth(database, sources.image_path, {in.depth_path, in.depth_model},
-                                   options.depth, run))) {
-    return false;
-  }
-  if (last < BuildStage::kPairs) return true;
-  if (listed && last < BuildStage::kMatching) return true;
-  return listed ? MatchAndVerify(database, options, *listed, listed, run, helpers, report)
-                : RunRounds(database, options, choosing, run, helpers, report);
-}
+
+  Database& database_;
+  const BuildPipelineOptions& options_;
+  const RunContext& run_;
+  Helpers* const helpers_;
+  RunReport& report_;
+};
 
 std::optional<Helpers> FindHelpers(const BuildPipelineOptions& options, const RunContext& run,
                                    Peers* peers) {
@@ -291,8 +299,8 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   PrepareRecompute(database, inputs.recompute, sources.image_path);
   CheckStageOptions(database, options, run.seed);
   std::optional<Helpers> helpers = FindHelpers(options, run, peers);
-  report.was_stopped =
-      !RunStages(database, options, sources, run, helpers ? &*helpers : nullptr, report.run);
+  BuildRun build(database, options, run, helpers ? &*helpers : nullptr, report.run);
+  report.was_stopped = !build.Run(sources);
   report.summary = SummarizeDatabase(database);
   report.run.values = SummaryValues(report.summary);
   report.run.failure = report.was_stopped ? report.run.stages.back().name + ": " +

@@ -122,10 +122,14 @@ std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
           std::to_string(s.num_images_with_features) + " with features, " +
           std::to_string(s.num_images_with_depth) + " with depth), " +
           std::to_string(s.num_skipped_photos) + " photographs skipped\n";
-  text += "pairs     " + std::to_string(s.num_pairs) + ", " + std::to_string(s.num_too_few) +
-          " with too few matches, " + std::to_string(s.num_tried) + " tried\n";
-  text += "verified  " + WithParts(s.num_verified, s.verified_by) + "\n";
-  text += "rejected  " + WithParts(num_rejected, s.rejected_by) + "\n";
+  const bool is_ours = s.num_tried + s.num_too_few > 0;
+  text += "pairs     " + std::to_string(s.num_pairs);
+  if (is_ours) {
+    text += ", " + std::to_string(s.num_too_few) + " with too few matches, " +
+            std::to_string(s.num_tried) + " tried";
+  }
+  text += "\nverified  " + WithParts(s.num_verified, s.verified_by) + "\n";
+  if (is_ours) text += "rejected  " + WithParts(num_rejected, s.rejected_by) + "\n";
   text += DepthText(s);
   text += "graph     " + std::to_string(s.num_components) + " component" +
           (s.num_components == 1 ? "" : "s") + ", the largest with " +

@@ -111,11 +111,15 @@ struct SchedulerOptions {
 std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vector<Image>& images,
                                        ProgressMonitor& monitor = NullMonitor());
 
-// Matches of the given pairs (ascending) where they are missing. Images of these pairs whose
-// descriptors changed since they were matched are an error.
-StageReport MatchImagePairs(Database& database, const std::vector<image_pair_t>& pairs,
-                            const MatchingOptions& options = {},
-                            const SchedulerOptions& scheduler = {}, const RunContext& run = {},
+struct PairsToMatch {
+  std::vector<image_pair_t> pairs;  // ascending
+  SchedulerOptions scheduler = {};
+};
+
+// Matches of the given pairs where they are missing. Images of these pairs whose descriptors
+// changed since they were matched are an error.
+StageReport MatchImagePairs(Database& database, const PairsToMatch& wanted,
+                            const MatchingOptions& options = {}, const RunContext& run = {},
                             Helpers* helpers = nullptr);
 
 }  // namespace cairn

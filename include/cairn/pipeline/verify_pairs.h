@@ -26,6 +26,7 @@ struct VerificationInput {
   // "key = value" lines of everything that the verifiers' results depend on, for the stage's
   // record.
   std::string options;
+  SchedulerOptions scheduler;
 };
 
 // Verifies every pair with matches that has no row in two_view_geometries.
@@ -49,8 +50,8 @@ struct VerificationInput {
 // a lens ("learned_lenses"), or that a trusted focal length is wrong ("rejected_focals"); and
 // "learning_seconds".
 StageReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
-                        const VerificationInput& input, const SchedulerOptions& scheduler = {},
-                        const RunContext& run = {}, Helpers* helpers = nullptr);
+                        const VerificationInput& input, const RunContext& run = {},
+                        Helpers* helpers = nullptr);
 
 // The verifiers of --verifier, in the order of precedence. Throws ConfigError.
 std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options);

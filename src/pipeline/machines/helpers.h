@@ -86,10 +86,10 @@ class HelperLoop {
 // thread; helper is "" for this process. Returns early, with what is done, when the monitor wants
 // to stop.
 template <class Result, class Queue, class Compute, class Keep>
-void ForEachTask(TaskKind kind, Queue& queue, Helpers* helpers, const RunContext& run,
-                 const Compute& compute, const Keep& keep) {
+void ForEachTask(Queue& queue, Helpers* helpers, const RunContext& run, const Compute& compute,
+                 const Keep& keep) {
   HelperWork work;
-  work.kind = kind;
+  work.kind = kKindOf<Result>;
   work.num_left = [&queue] { return queue.NumLeft(); };
   work.add_next = [&queue](TaskBatch& batch) {
     const auto task = queue.Next();

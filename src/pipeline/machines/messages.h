@@ -63,6 +63,14 @@ struct MatchResult {
   FeatureMatches matches;
 };
 
+// The kind of the tasks that have such results.
+template <class Result>
+inline constexpr TaskKind kKindOf = TaskKind::kVerify;
+template <>
+inline constexpr TaskKind kKindOf<PhotoResult> = TaskKind::kExtract;
+template <>
+inline constexpr TaskKind kKindOf<MatchResult> = TaskKind::kMatch;
+
 inline MatchResult MatchTask(const PairTask& task, const MatchingOptions& options) {
   const PairImage &image1 = *task.image1, &image2 = *task.image2;
   return {task.pair_id, MatchDescriptors({image1.descriptors, image1.polarities},

@@ -26,6 +26,11 @@ struct FeatureItem {
   std::string error;
 };
 
+struct FeatureWork {
+  std::string image_path;  // the folder
+  std::vector<FeatureItem> items;
+};
+
 // Images without keypoints whose photograph is known.
 std::vector<FeatureItem> FindItems(const Database& database,
                                    const std::map<image_t, FeatureInput>& inputs) {
@@ -57,9 +62,10 @@ void WriteFailure(Database& database, const std::string& folder, const FeatureIt
 }
 
 // Extracts the features of all items, here and by helpers. Returns their number.
-int64_t ExtractAll(const std::string& database_path, const std::string& image_path,
-                   const FeatureOptions& options, const RunContext& run, Helpers* helpers,
-                   std::vector<FeatureItem>& items) {
+int64_t ExtractAll(const std::string& database_path, const FeatureOptions& options,
+                   const RunContext& run, Helpers* helpers, FeatureWork& work) {
+  const std::string& image_path = work.image_path;
+  std::vector<FeatureItem>& items = work.items;
   const PlaneReuse reuse;
   DatabaseWriter writer(database_path, {.max_queue_size = 8});  // an image's features are megabytes
   std::atomic<int64_t> num_features = 0;
@@ -97,8 +103,7 @@ int64_t ExtractAll(const std::string& database_path, const std::string& image_pa
   }
   queue.Finish();
   ForEachTask<PhotoResult>(
-      TaskKind::kExtract, queue, helpers, run,
-      [&](int, const PhotoTask& task) { return extract(task); },
+      queue, helpers, run, [&](int, const PhotoTask& task) { return extract(task); },
       [&](PhotoResult result, const std::string& helper) {
         // A photograph that a helper cannot read may be damaged; but then this process cannot
         // either.
@@ -134,31 +139,31 @@ StageReport ExtractImageFeatures(Database& database, const FeatureSource& source
                                  Helpers* helpers) {
   Stage stage(run.monitor, kStageFeatures);
   StageLedger ledger(database, kStageFeatures, DumpQualified("features", options));
-  std::vector<FeatureItem> items;
+  FeatureWork work{source.image_path, {}};
   if (!source.mask_path.empty() && source.image_path.empty()) {
     throw ConfigError("mask_path", "needs --image_path");
   }
   if (!source.image_path.empty()) {
     const auto inputs = FindFeatureInputs(database, source.mask_path, stage);
     if (!source.mask_path.empty()) ForgetChangedFeatures(database, inputs);
-    items = FindItems(database, inputs);
+    work.items = FindItems(database, inputs);
   }
   int64_t num_features = 0;
-  if (!items.empty()) {
+  if (!work.items.empty()) {
     if (HasForeignSift(database)) RemarkOnForeignSift(options, stage);
     ledger.Begin(database);
-    run.monitor.BeginStage("extracting features", std::ssize(items));
-    num_features = ExtractAll(database.path(), source.image_path, options, run, helpers, items);
+    run.monitor.BeginStage("extracting features", std::ssize(work.items));
+    num_features = ExtractAll(database.path(), options, run, helpers, work);
     run.monitor.EndStage();
   }
   const size_t num_remarks = stage.NumMessages();
-  for (const FeatureItem& item : items) {
+  for (const FeatureItem& item : work.items) {
     if (!item.error.empty()) stage.Warn(item.image.name + ": " + item.error + "; skipped");
   }
   const auto num_failed = static_cast<double>(stage.NumMessages() - num_remarks);
   stage.Add("images", database.ReadImages().size());
   stage.Add("images_with_features", database.ReadNumKeypoints().size());
-  stage.Add("computed", static_cast<double>(items.size()) - num_failed);
+  stage.Add("computed", static_cast<double>(work.items.size()) - num_failed);
   stage.Add("skipped", num_failed);
   stage.Add("new_features", num_features);
   return EndStage(stage, run, ledger, database);

@@ -24,6 +24,7 @@ struct MatchingWork {
   std::vector<image_pair_t> pairs;
   std::vector<JobRecord> new_jobs;  // images that take part for the first time
   size_t num_left_out = 0;          // images without descriptors and without matches
+  int64_t max_bytes = 0;            // of a tile
 };
 
 // Without polarities that of the descriptors alone, as in databases that have none.
@@ -107,16 +108,13 @@ void BeginStage(Database& database, const MatchingWork& work, StageLedger& ledge
 
 // Matches all pairs of the work; returns the number of matches found.
 int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
-                 const MatchingOptions& options, const SchedulerOptions& scheduler,
-                 const RunContext& run, Helpers* helpers) {
+                 const MatchingOptions& options, const RunContext& run, Helpers* helpers) {
   std::map<image_t, int64_t> image_bytes;
   for (const auto& [id, num] : work.num_descriptors) image_bytes[id] = num * kDescriptorSize;
-  // Half for the present tile; tasks that still hold images of the last one have the rest.
-  const int64_t max_bytes = GibToBytes(scheduler.max_memory_gib) / 2;
   Database reader(database_path, Database::Mode::kReadOnly);
   DatabaseWriter writer(database_path);
   PairFeed feed(
-      PlanPairTiles(work.pairs, image_bytes, max_bytes),
+      PlanPairTiles(work.pairs, image_bytes, work.max_bytes),
       [&reader](image_t id) {
         PairImage image;
         image.descriptors = *reader.ReadDescriptors(id);
@@ -129,7 +127,7 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
         task.image2 = image(id2);
         return true;
       },
-      max_bytes / 8);
+      work.max_bytes / 8);
   std::atomic<int64_t> num_matches = 0;
   run.monitor.BeginStage("matching", static_cast<int64_t>(work.pairs.size()));
   const auto keep = [&](MatchResult result, const std::string&) {
@@ -140,7 +138,7 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
     run.monitor.Advance(1);
   };
   const auto match = [&](int, const PairTask& task) { return MatchTask(task, options); };
-  ForEachTask<MatchResult>(TaskKind::kMatch, feed, helpers, run, match, keep);
+  ForEachTask<MatchResult>(feed, helpers, run, match, keep);
   writer.Finish();
   run.monitor.EndStage();
   return num_matches;
@@ -148,16 +146,18 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
 
 }  // namespace
 
-StageReport MatchImagePairs(Database& database, const std::vector<image_pair_t>& pairs,
-                            const MatchingOptions& options, const SchedulerOptions& scheduler,
-                            const RunContext& run, Helpers* helpers) {
+StageReport MatchImagePairs(Database& database, const PairsToMatch& wanted,
+                            const MatchingOptions& options, const RunContext& run,
+                            Helpers* helpers) {
   Stage stage(run.monitor, kStageMatching);
   StageLedger ledger(database, kStageMatching, DumpQualified("matching", options));
-  const MatchingWork work = FindWork(database, pairs, ledger, stage);
+  MatchingWork work = FindWork(database, wanted.pairs, ledger, stage);
+  // Half for the present tile; tasks that still hold images of the last one have the rest.
+  work.max_bytes = GibToBytes(wanted.scheduler.max_memory_gib) / 2;
   int64_t num_matches = 0;
   if (!work.pairs.empty()) {
     BeginStage(database, work, ledger);
-    num_matches = MatchAll(database.path(), work, options, scheduler, run, helpers);
+    num_matches = MatchAll(database.path(), work, options, run, helpers);
   }
   if (work.num_left_out > 0) {
     stage.Warn("images without features (in no pair): " + std::to_string(work.num_left_out));

@@ -57,26 +57,52 @@ std::map<image_t, int64_t> ImageBytes(const Database& database) {
   return bytes;
 }
 
-// The rounds of a run: what they share, and what they leave behind.
-class Rounds {
+// The stage: what its rounds share, and what they leave behind.
+class Verification {
  public:
-  Rounds(Database& database, const std::vector<NamedVerifier>& verifiers,
-         const VerificationInput& input, const SchedulerOptions& scheduler, const RunContext& run,
-         Helpers* helpers, StageLedger& ledger, Stage& stage)
+  Verification(Database& database, const std::vector<NamedVerifier>& verifiers,
+               const VerificationInput& input, const RunContext& run, Helpers* helpers)
       : database_(database),
         verifiers_(verifiers),
+        input_(input),
         run_(run),
         helpers_(helpers),
-        ledger_(ledger),
-        stage_(stage),
+        stage_(run.monitor, kStageVerification),
+        record_(database.ReadStage(kStageVerification)),
+        ledger_(database, kStageVerification, input.options),
         // Half for the present tile; tasks that still hold images of the last one have the rest.
-        max_bytes_(GibToBytes(scheduler.max_memory_gib) / 2),
+        max_bytes_(GibToBytes(input.scheduler.max_memory_gib) / 2),
         image_bytes_(ImageBytes(database)),
-        loader_(database.path(), input.min_num_matches, ledger, stage) {}
+        loader_(database.path(), input.min_num_matches, ledger_, stage_) {}
+
+  StageReport Run() {
+    const auto num_matches = database_.ReadNumMatches();
+    const std::vector<image_pair_t> pairs = FindPairs(database_, num_matches, input_, ledger_);
+    const auto num_new = std::ranges::count_if(
+        pairs, [this](image_pair_t pair) { return ledger_.Find(pair) == nullptr; });
+    if (!pairs.empty()) {
+      if (num_new > 0) ledger_.Begin(database_);
+      run_.monitor.BeginStage("verifying pairs", num_new);
+      // What is complete stays as it is.
+      const bool may_learn = num_new > 0 || (record_ && !record_->is_complete);
+      RunRounds(pairs, num_matches, may_learn);
+      run_.monitor.EndStage();
+    }
+    AddValues();
+    WarnOfLeftOut();
+    return EndStage(stage_, run_, ledger_, database_);
+  }
+
+ private:
+  // What was found last of a pair.
+  struct Finding {
+    bool is_tried = false, is_verified = false;
+    std::string name;  // of the verifier that won, or the reason of the rejection
+  };
 
   // The likely pairs first, then the others.
-  void Run(const std::vector<image_pair_t>& pairs,
-           const std::vector<std::pair<image_pair_t, int>>& num_matches, bool may_learn) {
+  void RunRounds(const std::vector<image_pair_t>& pairs,
+                 const std::vector<std::pair<image_pair_t, int>>& num_matches, bool may_learn) {
     const std::vector<image_pair_t> likely = LikelyPairs(num_matches, kLikelyPairsPerImage);
     std::vector<image_pair_t> first, second;
     for (const image_pair_t pair : pairs) {
@@ -98,7 +124,7 @@ class Rounds {
     if (!run_.monitor.StopRequested()) RunRound(second);
   }
 
-  void AddValues() const {
+  void AddValues() {
     int64_t num_tried = 0, num_verified = 0;
     std::map<std::string, int64_t> rejected_by, verified_by;
     for (const auto& [pair, finding] : findings_) {
@@ -116,7 +142,7 @@ class Rounds {
     stage_.Add("learning_seconds", learning_seconds_);
   }
 
-  void WarnOfLeftOut() const {
+  void WarnOfLeftOut() {
     const auto& left_out = loader_.left_out();
     if (left_out.empty()) return;
     const std::string pairs = left_out.size() == 1 ? " pair is" : " pairs are";
@@ -124,13 +150,6 @@ class Rounds {
                                   left_out.begin()->second,
                               "write these matches again, for the keypoints that are there"});
   }
-
- private:
-  // What was found last of a pair.
-  struct Finding {
-    bool is_tried = false, is_verified = false;
-    std::string name;  // of the verifier that won, or the reason of the rejection
-  };
 
   // Verifies pairs that are not done.
   void RunRound(const std::vector<image_pair_t>& pairs) {
@@ -184,7 +203,7 @@ class Rounds {
       workers.emplace_back(verifiers_, run_.seed);
     }
     ForEachTask<PairOutcome>(
-        TaskKind::kVerify, feed, helpers_, run_,
+        feed, helpers_, run_,
         [&](int worker, const PairTask& task) { return workers[worker].Run(task); },
         [&](PairOutcome outcome, const std::string&) { keep(std::move(outcome), writer); });
     writer.Finish();
@@ -228,10 +247,12 @@ class Rounds {
 
   Database& database_;
   const std::vector<NamedVerifier>& verifiers_;
+  const VerificationInput& input_;
   const RunContext& run_;
   Helpers* const helpers_;
-  StageLedger& ledger_;
-  Stage& stage_;
+  Stage stage_;
+  const std::optional<StageRecord> record_;  // before this run
+  StageLedger ledger_;
   const int64_t max_bytes_;
   const std::map<image_t, int64_t> image_bytes_;
   PairLoader loader_;
@@ -244,28 +265,9 @@ class Rounds {
 }  // namespace
 
 StageReport VerifyPairs(Database& database, const std::vector<NamedVerifier>& verifiers,
-                        const VerificationInput& input, const SchedulerOptions& scheduler,
-                        const RunContext& run, Helpers* helpers) {
+                        const VerificationInput& input, const RunContext& run, Helpers* helpers) {
   CAIRN_CHECK(!verifiers.empty());
-  Stage stage(run.monitor, kStageVerification);
-  const std::optional<StageRecord> record = database.ReadStage(kStageVerification);
-  StageLedger ledger(database, kStageVerification, input.options);
-  const auto num_matches = database.ReadNumMatches();
-  const std::vector<image_pair_t> pairs = FindPairs(database, num_matches, input, ledger);
-  const auto num_new = std::ranges::count_if(
-      pairs, [&ledger](image_pair_t pair) { return ledger.Find(pair) == nullptr; });
-  Rounds rounds(database, verifiers, input, scheduler, run, helpers, ledger, stage);
-  if (!pairs.empty()) {
-    if (num_new > 0) ledger.Begin(database);
-    run.monitor.BeginStage("verifying pairs", num_new);
-    // What is complete stays as it is.
-    const bool may_learn = num_new > 0 || (record && !record->is_complete);
-    rounds.Run(pairs, num_matches, may_learn);
-    run.monitor.EndStage();
-  }
-  rounds.AddValues();
-  rounds.WarnOfLeftOut();
-  return EndStage(stage, run, ledger, database);
+  return Verification(database, verifiers, input, run, helpers).Run();
 }
 
 std::vector<NamedVerifier> MakeVerifiers(const std::string& choice, const TwoViewOptions& options) {

@@ -20,7 +20,7 @@ class LearningTest : public ::testing::Test {
     Database database(path);
     VerificationInput input;
     input.options = "a = 1\n";
-    return VerifyPairs(database, MakeVerifiers("fast", {}), input, {},
+    return VerifyPairs(database, MakeVerifiers("fast", {}), input,
                        {.num_threads = num_threads, .monitor = monitor});
   }
 

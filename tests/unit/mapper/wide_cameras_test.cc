@@ -34,7 +34,7 @@ Camera MakeCamera(CameraModel model, std::vector<double> params) {
 StageReport Verify(Database& database) {
   VerificationInput input;
   input.options = "a = 1\n";
-  return VerifyPairs(database, MakeVerifiers("cascade", {}), input, {}, {.num_threads = 2});
+  return VerifyPairs(database, MakeVerifiers("cascade", {}), input, {.num_threads = 2});
 }
 
 void ExpectNearTruth(const Database& database, const Reconstruction& truth, double max_angle,

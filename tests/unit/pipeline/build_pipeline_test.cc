@@ -77,6 +77,17 @@ TEST_F(BuildPipelineTest, TellsThatThereIsNoDepth) {
               HasSubstr("depth     no photograph has any"));
 }
 
+TEST(SummaryText, OfAnotherProgramsDatabaseTellsNothingOfOurVerification) {
+  ViewGraphSummary summary;
+  summary.num_images = 3;
+  summary.num_pairs = 3;
+  summary.num_verified = 2;
+  summary.verified_by = {{"given", 2}};
+  const std::string text = SummaryText(summary, {});
+  EXPECT_THAT(text, HasSubstr("pairs     3\nverified  2 (given 2)\n"));
+  EXPECT_THAT(text, Not(HasSubstr("rejected")));
+}
+
 TEST_F(BuildPipelineTest, BothVerifiersRunOnEveryPair) {
   BuildPipelineOptions options = Options("both.db");
   options.inputs.verifier = VerifierChoice::kBoth;

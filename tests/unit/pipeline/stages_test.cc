@@ -78,7 +78,7 @@ class StagesTest : public ::testing::Test {
     return ExhaustivePairs(database.ReadNumDescriptors(), GivenImages(database, ledger));
   }
   StageReport Match(const std::vector<image_pair_t>& pairs) {
-    return MatchImagePairs(database_, pairs, {}, {}, {.num_threads = 2});
+    return MatchImagePairs(database_, {pairs}, {}, {.num_threads = 2});
   }
   StageReport Match() { return Match(AllPairs(database_)); }
   testing::TempFolder folder_;
@@ -193,7 +193,7 @@ TEST_F(StagesTest, AChangedMaskRecomputesItsImageAndPairs) {
   Database fresh(folder_ / "fresh.db");
   ImportPhotos(fresh, {images_}, {}, {.num_threads = 2});
   ExtractImageFeatures(fresh, {images_, masks_}, FastFeatures(), {.num_threads = 2});
-  MatchImagePairs(fresh, AllPairs(fresh), {}, {}, {.num_threads = 2});
+  MatchImagePairs(fresh, {AllPairs(fresh)}, {}, {.num_threads = 2});
   EXPECT_EQ(DumpDatabase(folder_ / "scene.db"), DumpDatabase(folder_ / "fresh.db"));
   TestMonitor again;
   Extract(again);
@@ -403,10 +403,10 @@ TEST_F(StagesTest, DamagedRowsAreNamedAndTheRestGoesOn) {
   RunSql(database_.path(), "UPDATE descriptors SET rows = 1 WHERE image_id = 2");
   TestMonitor monitor;
   EXPECT_EQ(Depth(monitor).status, StageStatus::kWarning);
-  EXPECT_EQ(MatchImagePairs(database_, AllPairs(database_), {}, {},
-                            {.num_threads = 2, .monitor = monitor})
-                .status,
-            StageStatus::kWarning);
+  EXPECT_EQ(
+      MatchImagePairs(database_, {AllPairs(database_)}, {}, {.num_threads = 2, .monitor = monitor})
+          .status,
+      StageStatus::kWarning);
   EXPECT_THAT(monitor.warnings(), ElementsAre(AllOf(HasSubstr("keypoints of image 2: 1 x 6 values"),
                                                     HasSubstr("; photo1.png has no depth")),
                                               AllOf(HasSubstr("descriptors of image 2: 1 x 128"),

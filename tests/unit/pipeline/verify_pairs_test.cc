@@ -103,11 +103,10 @@ class PairSchedulerTest : public ::testing::Test {
 
   static StageReport Verify(const std::string& path, int num_threads = 2,
                             ProgressMonitor& monitor = NullMonitor(),
-                            const VerificationInput& input = Input(), uint64_t seed = 3) {
+                            VerificationInput input = Input(), uint64_t seed = 3) {
     Database database(path);
-    SchedulerOptions scheduler;
-    scheduler.max_memory_gib = 1e-5;  // About 10 KB: a tile has few images.
-    return VerifyPairs(database, Mocks(), input, scheduler, {seed, num_threads, monitor});
+    input.scheduler.max_memory_gib = 1e-5;  // About 10 KB: a tile has few images.
+    return VerifyPairs(database, Mocks(), input, {seed, num_threads, monitor});
   }
 
   static VerificationInput Input() {
@@ -339,7 +338,7 @@ TEST_F(PairSchedulerTest, AVerifierThatThrowsEndsTheRunAndKeepsTheDatabaseUsable
   };
   Database database(path);
   EXPECT_THROW(VerifyPairs(database, {{"bad", [] { return std::make_unique<Throwing>(); }}},
-                           Input(), {}, {.num_threads = 2}),
+                           Input(), {.num_threads = 2}),
                BugError);
   EXPECT_EQ(Verify(path).Value("pairs"), kNumPairs);
 }
@@ -386,7 +385,7 @@ TEST_F(PairSchedulerTest, CountsAreExactWhereThreadsFinishTogether) {
   input.min_num_matches = 1;
   const StageReport report =
       VerifyPairs(database, {{"meeting", [] { return std::make_unique<MeetingVerifier>(); }}},
-                  input, {}, {.num_threads = 2});
+                  input, {.num_threads = 2});
   EXPECT_EQ(MeetingVerifier::num_arrived, kNumManyPairs);
   EXPECT_EQ(report.Value("pairs"), kNumManyPairs);
   EXPECT_EQ(report.Value("tried"), kNumManyPairs);
