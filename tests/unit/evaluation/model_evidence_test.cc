@@ -281,10 +281,11 @@ TEST(ModelEvidence, OneSideShownOnTopOfAnotherHasLess) {
 }
 
 TEST(ModelEvidence, DoesNotDependOnTheWorldFrameOrOnThreads) {
-  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.5});
-  const Pairs pairs(scene.truth);
+  const MadeReconstruction scene = MakeSyntheticScene({.num_images = 24, .noise_px = 0.5});
+  const Pairs pairs(scene.truth);  // 276, so that threads have some each
   const double nats = EvaluateEvidence(scene.truth, pairs.views, {.num_threads = 1}).nats;
   EXPECT_EQ(EvaluateEvidence(scene.truth, pairs.views, {.num_threads = 8}).nats, nats);
+  EXPECT_EQ(CountIndependent(pairs.views, 8), CountIndependent(pairs.views, 1));
   Reconstruction moved = scene.truth;
   Sim3d change;
   change.scale = 7;
