@@ -36,7 +36,8 @@ void PoseState::Update() {
   left_jacobian = LeftJacobianSO3(omega);
 }
 
-BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction) {
+BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction)
+    : scope_(scope), reconstruction_(reconstruction) {
   intrinsics_.reserve(reconstruction.cameras.size());
   for (const auto& [id, camera] : reconstruction.cameras) {
     IntrinsicsState state;
@@ -90,7 +91,7 @@ void BundleState::PrepareForEvaluation(bool evaluate_jacobians, bool new_evaluat
   for (PoseState& pose : poses_) pose.Update();
 }
 
-void BundleState::Store(const BundleAdjustmentScope& scope, Reconstruction& reconstruction) const {
+void BundleState::Store(Reconstruction& reconstruction) const {
   size_t i = 0;
   for (auto& [id, camera] : reconstruction.cameras) {
     IntrinsicsState intrinsics = intrinsics_[i++];
@@ -98,14 +99,14 @@ void BundleState::Store(const BundleAdjustmentScope& scope, Reconstruction& reco
     std::copy_n(intrinsics.params.begin(), intrinsics.num_params, camera.params.begin());
   }
   for (auto& [id, image] : reconstruction.images) {
-    if (scope.fixed_images.count(id) > 0) continue;
+    if (scope_.fixed_images.count(id) > 0) continue;
     const PoseState& pose = poses_[pose_index_.at(id)];
     Rigid3d& cam_from_world = image.cam_from_world;
-    if (scope.rotations) {
+    if (scope_.rotations) {
       const Eigen::Vector3d omega(pose.block[0], pose.block[1], pose.block[2]);
       cam_from_world.rotation = (ExpSO3(omega) * cam_from_world.rotation).normalized();
     }
-    if (scope.rotations || scope.positions) {
+    if (scope_.rotations || scope_.positions) {
       cam_from_world.translation = cam_from_world.rotation * -pose.Center();
     }
   }

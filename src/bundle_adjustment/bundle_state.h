@@ -67,10 +67,16 @@ class BundleState : public ceres::EvaluationCallback {
   std::vector<IntrinsicsState>& intrinsics() { return intrinsics_; }
   std::vector<Eigen::Vector3d>& points() { return points_; }
 
+  // What it was made of.
+  const BundleAdjustmentScope& scope() const { return scope_; }
+  const Reconstruction& reconstruction() const { return reconstruction_; }
+
   // Copies what was adjusted back.
-  void Store(const BundleAdjustmentScope& scope, Reconstruction& reconstruction) const;
+  void Store(Reconstruction& reconstruction) const;
 
  private:
+  const BundleAdjustmentScope& scope_;
+  const Reconstruction& reconstruction_;
   std::vector<PoseState> poses_;
   std::vector<IntrinsicsState> intrinsics_;
   std::vector<Eigen::Vector3d> points_;

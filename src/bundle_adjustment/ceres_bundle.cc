@@ -54,7 +54,7 @@ class BundleProblem {
     ordering_ = std::make_shared<ceres::ParameterBlockOrdering>();
     size_t index = 0;
     for (const auto& [id, point] : reconstruction.points3D) {
-      AddPoint(scope, reconstruction, point, state_.Point(index++));
+      AddPoint(point, state_.Point(index++));
     }
     for (const auto& [id, prior] : scope.priors) {
       const auto camera = reconstruction.cameras.find(id);
@@ -62,7 +62,7 @@ class BundleProblem {
       AddPrior(camera->second, prior, state_.Intrinsics(id));
     }
     for (const SurveyedPoint& point : scope.surveyed_points) {
-      AddSurveyedPoint(scope, reconstruction, point, state_.Point(index++));
+      AddSurveyedPoint(point, state_.Point(index++));
     }
     for (const auto& [id, prior] : scope.image_positions) {
       if (!scope.positions || reconstruction.images.count(id) == 0) continue;
@@ -92,23 +92,23 @@ class BundleProblem {
     return options;
   }
 
-  void AddPoint(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
-                const Point3D& point, Eigen::Vector3d& xyz) {
+  void AddPoint(const Point3D& point, Eigen::Vector3d& xyz) {
     int num_used = 0;
     for (const TrackElement& element : point.track) {
-      const RegisteredImage& image = reconstruction.images.at(element.image_id);
+      const RegisteredImage& image = state_.reconstruction().images.at(element.image_id);
       const double sigma_px = image.sigmas_px.empty() ? 1.0 : image.sigmas_px[element.point2D];
-      num_used += AddObservation(scope, reconstruction, element.image_id,
-                                 image.points2D[element.point2D], sigma_px, loss_.get(), xyz);
+      num_used += AddObservation(element.image_id, image.points2D[element.point2D], sigma_px,
+                                 loss_.get(), xyz);
     }
     num_observations_ += num_used;
     num_points_ += num_used > 0;
   }
 
   // False: nothing of it is free, or the point is not in front of the camera.
-  bool AddObservation(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
-                      image_t id, const Eigen::Vector2d& pixel, double sigma_px,
+  bool AddObservation(image_t id, const Eigen::Vector2d& pixel, double sigma_px,
                       ceres::LossFunction* loss, Eigen::Vector3d& xyz) {
+    const BundleAdjustmentScope& scope = state_.scope();
+    const Reconstruction& reconstruction = state_.reconstruction();
     const RegisteredImage& image = reconstruction.images.at(id);
     if (!reconstruction.CameraOf(image).ImgFromRay(image.cam_from_world * xyz)) return false;
     PoseState& pose = state_.Pose(id);
@@ -128,10 +128,9 @@ class BundleProblem {
     return true;
   }
 
-  void AddSurveyedPoint(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
-                        const SurveyedPoint& point, Eigen::Vector3d& xyz) {
+  void AddSurveyedPoint(const SurveyedPoint& point, Eigen::Vector3d& xyz) {
     for (const auto& [id, pixel] : point.pixels) {
-      AddObservation(scope, reconstruction, id, pixel, 1.0, &position_loss_, xyz);
+      AddObservation(id, pixel, 1.0, &position_loss_, xyz);
     }
     AddPositionPrior(point.prior, 0, xyz.data());
   }
@@ -208,7 +207,7 @@ BundleAdjustmentReport AdjustByCeres(const BundleAdjustmentOptions& options,
   SetRmse(2 * summary.initial_cost, 2 * summary.final_cost, report);  // Ceres halves them
   report.status = BundleAdjustmentStatus::kFailed;
   if (!summary.IsSolutionUsable()) return report;
-  problem.state().Store(scope, reconstruction);
+  problem.state().Store(reconstruction);
   report.status = stop.stopped() ? BundleAdjustmentStatus::kStopped
                   : summary.termination_type == ceres::CONVERGENCE
                       ? BundleAdjustmentStatus::kConverged

@@ -27,9 +27,7 @@ std::pair<double, double> RobustCost(const ceres::LossFunction* loss, double squ
 }  // namespace
 
 template <int kIntrinsics>
-LinearBundle<kIntrinsics>::LinearBundle(const BundleAdjustmentScope& scope,
-                                        const Reconstruction& reconstruction,
-                                        const ceres::LossFunction* loss, const RunContext& run,
+LinearBundle<kIntrinsics>::LinearBundle(const ceres::LossFunction* loss, const RunContext& run,
                                         BundleState& bundle, const BundleObservations& observations,
                                         const System& system)
     : loss_(loss),
@@ -42,15 +40,16 @@ LinearBundle<kIntrinsics>::LinearBundle(const BundleAdjustmentScope& scope,
     weights_.resize(observations_.all.size());
     bends_.resize(observations_.all.size());
   }
-  for (const auto& [id, image] : reconstruction.images) {
-    pose_is_free_.push_back(scope.fixed_images.count(id) == 0);
+  for (const auto& [id, image] : bundle.reconstruction().images) {
+    pose_is_free_.push_back(bundle.scope().fixed_images.count(id) == 0);
   }
-  AddPriors(scope, reconstruction);
+  AddPriors();
 }
 
 template <int kIntrinsics>
-void LinearBundle<kIntrinsics>::AddPriors(const BundleAdjustmentScope& scope,
-                                          const Reconstruction& reconstruction) {
+void LinearBundle<kIntrinsics>::AddPriors() {
+  const BundleAdjustmentScope& scope = bundle_.scope();
+  const Reconstruction& reconstruction = bundle_.reconstruction();
   for (const auto& [id, camera] : reconstruction.cameras) {
     const auto prior = scope.priors.find(id);
     const IntrinsicsState& intrinsics = bundle_.Intrinsics(id);

@@ -42,8 +42,7 @@ class LinearBundle {
   // An image's points are far apart: how many observations ahead memory is told to load them.
   static constexpr size_t kNear = 4;
 
-  LinearBundle(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
-               const ceres::LossFunction* loss, const RunContext& run, BundleState& bundle,
+  LinearBundle(const ceres::LossFunction* loss, const RunContext& run, BundleState& bundle,
                const BundleObservations& observations, const System& system);
 
   Eigen::Index PointAt(int64_t p) const { return system_.NumUnknowns() + 3 * p; }
@@ -77,7 +76,7 @@ class LinearBundle {
     const ceres::LossFunction* loss;
   };
 
-  void AddPriors(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction);
+  void AddPriors();
   // Of each parameter block: where it stands in a vector of all, where in the state, and its size.
   void ForEachBlock(const std::function<void(Eigen::Index, double*, int)>& fn);
   Reprojection ReprojectionOf(int k) const;

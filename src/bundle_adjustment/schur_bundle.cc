@@ -42,13 +42,13 @@ class SchurBundle {
     int number = 0;  // of the linearization
   };
 
-  SchurBundle(const BundleAdjustmentScope& scope, const Reconstruction& reconstruction,
-              const ceres::LossFunction* loss, const RunContext& run, BundleState& bundle)
+  SchurBundle(const ceres::LossFunction* loss, const RunContext& run, BundleState& bundle)
       : run_(run),
-        observations_(CollectObservations(scope, reconstruction, run.num_threads)),
+        observations_(
+            CollectObservations(bundle.scope(), bundle.reconstruction(), run.num_threads)),
         system_(ImagesSeenTogether(observations_, run.num_threads), CamerasOfImages(bundle),
                 static_cast<int>(bundle.intrinsics().size()), run.num_threads),
-        linear_(scope, reconstruction, loss, run, bundle, observations_, system_),
+        linear_(loss, run, bundle, observations_, system_),
         inverse_(observations_.NumPoints()) {}
 
   const BundleObservations& observations() const { return observations_; }
@@ -262,7 +262,7 @@ BundleAdjustmentReport Adjust(const BundleAdjustmentOptions& options,
                               const BundleAdjustmentScope& scope, const RunContext& run,
                               Reconstruction& reconstruction, BundleState& state) {
   const std::unique_ptr<ceres::LossFunction> loss = MakeLoss(options);
-  SchurBundle<kIntrinsics> problem(scope, reconstruction, loss.get(), run, state);
+  SchurBundle<kIntrinsics> problem(loss.get(), run, state);
   const BundleObservations& observations = problem.observations();
   BundleAdjustmentReport report;
   report.num_observations = observations.NumUnsurveyed();
@@ -284,7 +284,7 @@ BundleAdjustmentReport Adjust(const BundleAdjustmentOptions& options,
   report.status = BundleAdjustmentStatus::kFailed;
   if (!std::isfinite(solution.cost)) return report;
   problem.SetState(x);
-  state.Store(scope, reconstruction);
+  state.Store(reconstruction);
   report.status = run.monitor.StopRequested() ? BundleAdjustmentStatus::kStopped
                   : report.num_iterations < options.max_iterations
                       ? BundleAdjustmentStatus::kConverged
