@@ -28,13 +28,16 @@ const Camera& CameraOf(const PhotoScene& scene, int index) {
   return scene.truth.cameras.at(scene.images[index].camera_id);
 }
 
-// Rays of one image in the world; their direction has z-depth 1, so that a hit's t is its depth.
+// Rays of one image in its world; their direction has z-depth 1, so that a hit's t is its depth.
 class RayCaster {
  public:
-  RayCaster(const Camera& camera, const Rigid3d& cam_from_world)
-      : camera_(camera),
-        world_from_cam_(cam_from_world.RotationMatrix().transpose()),
-        center_(cam_from_world.Center()) {}
+  RayCaster(const PhotoScene& scene, int index)
+      : world_(MakeWorld(scene, index)),
+        camera_(CameraOf(scene, index)),
+        world_from_cam_(scene.cam_from_world[index].RotationMatrix().transpose()),
+        center_(scene.cam_from_world[index].Center()) {}
+
+  const World& world() const { return world_; }
 
   Ray At(double x, double y) const {
     const auto uv = camera_.CamFromImg({x, y});
@@ -43,8 +46,7 @@ class RayCaster {
   }
 
   // Solids that any ray through the rectangle may hit.
-  std::vector<int> Candidates(const World& world, double x0, double y0, double x1,
-                              double y1) const {
+  std::vector<int> Candidates(double x0, double y0, double x1, double y1) const {
     const Eigen::Vector3d axis = At(0.5 * (x0 + x1), 0.5 * (y0 + y1)).direction.normalized();
     double radius = 0;
     for (const double x : {x0, x1}) {
@@ -52,7 +54,7 @@ class RayCaster {
         radius = std::max(radius, AngleBetween(axis, At(x, y).direction));
       }
     }
-    return world.SolidsInCone(center_, axis, 1.05 * radius);
+    return world_.SolidsInCone(center_, axis, 1.05 * radius);
   }
 
   // Size of a pixel on the surface that was hit, world units.
@@ -62,6 +64,7 @@ class RayCaster {
   }
 
  private:
+  const World world_;
   const Camera& camera_;
   Eigen::Matrix3d world_from_cam_;
   Eigen::Vector3d center_;
@@ -89,10 +92,10 @@ struct SurfacePart {
 
 // Averages over the pixel's rays. Texture is evaluated once a surface, at the rays' mean point: it
 // fades detail below a pixel by itself, and it is what takes the time.
-Eigen::Vector3f PixelColor(const World& world, const RayCaster& caster, int x, int y,
-                           int supersampling, std::span<const int> solids,
-                           std::vector<SurfacePart>& parts) {
-  parts.clear();
+Eigen::Vector3f PixelColor(const RayCaster& caster, int x, int y, int supersampling,
+                           std::span<const int> solids) {
+  const World& world = caster.world();
+  std::vector<SurfacePart> parts;
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   for (int sy = 0; sy < supersampling; ++sy) {
     for (int sx = 0; sx < supersampling; ++sx) {
@@ -168,18 +171,15 @@ PhotoScene MakePhotoScene(const PhotoOptions& options, uint64_t seed) {
 
 Bitmap RenderPhoto(const PhotoScene& scene, int index, int num_threads) {
   const Camera& camera = CameraOf(scene, index);
-  const World world = MakeWorld(scene, index);
-  const RayCaster caster(camera, scene.cam_from_world[index]);
+  const RayCaster caster(scene, index);
   Bitmap bitmap{camera.width, camera.height, 3, {}};
   bitmap.data.resize(static_cast<size_t>(3) * camera.width * camera.height);
   ForEachTile(num_threads, camera.width, camera.height, [&](int x0, int y0, int x1, int y1) {
-    const std::vector<int> solids = caster.Candidates(world, x0, y0, x1, y1);
-    std::vector<SurfacePart> parts;
+    const std::vector<int> solids = caster.Candidates(x0, y0, x1, y1);
     for (int y = y0; y < y1; ++y) {
       Rng noise(scene.seed, "photo_noise", (static_cast<uint64_t>(index) << 32) + (y << 16) + x0);
       for (int x = x0; x < x1; ++x) {
-        const Eigen::Vector3f color =
-            PixelColor(world, caster, x, y, scene.options.supersampling, solids, parts);
+        const Eigen::Vector3f color = PixelColor(caster, x, y, scene.options.supersampling, solids);
         for (int k = 0; k < 3; ++k) {
           const double value = 255.0 * color[k] + scene.options.sensor_noise * noise.Gaussian();
           bitmap.Pixel(x, y)[k] = static_cast<uint8_t>(std::clamp(value + 0.5, 0.0, 255.0));
@@ -192,8 +192,7 @@ Bitmap RenderPhoto(const PhotoScene& scene, int index, int num_threads) {
 
 DepthMap RenderDepthMap(const PhotoScene& scene, int index, int num_threads) {
   const Camera& camera = CameraOf(scene, index);
-  const World world = MakeWorld(scene, index);
-  const RayCaster caster(camera, scene.cam_from_world[index]);
+  const RayCaster caster(scene, index);
   const int step = scene.options.depth_downscale;
   DepthMap map;
   map.width = (camera.width + step - 1) / step;
@@ -205,14 +204,14 @@ DepthMap RenderDepthMap(const PhotoScene& scene, int index, int num_threads) {
   const double unit = scene.depth_units[index];
   const uint64_t error_seed = Rng(scene.seed, "photo_depth_error", index).NextU64();
   ForEachTile(num_threads, map.width, map.height, [&](int x0, int y0, int x1, int y1) {
-    const std::vector<int> solids = caster.Candidates(world, x0 * pixel_width, y0 * pixel_height,
-                                                      x1 * pixel_width, y1 * pixel_height);
+    const std::vector<int> solids =
+        caster.Candidates(x0 * pixel_width, y0 * pixel_height, x1 * pixel_width, y1 * pixel_height);
     for (int y = y0; y < y1; ++y) {
       Rng noise(error_seed, "row", (static_cast<uint64_t>(y) << 32) + x0);
       for (int x = x0; x < x1; ++x) {
         const Ray ray = caster.At((x + 0.5) * pixel_width, (y + 0.5) * pixel_height);
         const double fine = noise.Gaussian();
-        const std::optional<Hit> hit = world.Cast(ray, solids);
+        const std::optional<Hit> hit = caster.world().Cast(ray, solids);
         if (!hit) continue;
         const double smooth =
             SmoothDepthError(error_seed, (x + 0.5) / map.width, (y + 0.5) / map.height);

@@ -40,6 +40,13 @@ std::vector<SurfaceElement> MakeElements(const SceneOptions& options, Rng& rng) 
   return elements;
 }
 
+// An image that is to be made.
+struct Shot {
+  int index;
+  const Camera& camera;
+  const Rigid3d* cam_from_world;  // null: of another place
+};
+
 // A keypoint before it got its place among the others.
 struct Detection {
   AffineObservation observation;
@@ -159,8 +166,9 @@ std::vector<Range> RangesInView(const Surface& surface, int image, const Camera&
   return ranges;
 }
 
-std::vector<Detection> Detect(const SceneOptions& options, int image, const Camera& camera,
-                              const Rigid3d* cam_from_world, const Surface& surface, Rng& rng) {
+std::vector<Detection> Detect(const SceneOptions& options, const Shot& shot, const Surface& surface,
+                              Rng& rng) {
+  const auto& [image, camera, cam_from_world] = shot;
   std::vector<Detection> detections;
   if (cam_from_world) {
     for (const auto& [begin, end] : RangesInView(surface, image, camera, *cam_from_world)) {
@@ -194,14 +202,15 @@ struct ImageData {
   std::vector<int> elements;
 };
 
-ImageData MakeImageData(const SceneOptions& options, int image, const Camera& camera,
-                        const Rigid3d* cam_from_world, const Surface& surface, Rng rng) {
+ImageData MakeImageData(const SceneOptions& options, const Shot& shot, const Surface& surface,
+                        Rng rng) {
   const ObservationNoise noise{options.image_noise_px, options.affine_noise, options.depth_noise,
                                options.depth_gradient_noise};
   ImageData data;
   const double depth_scale = std::exp(0.7 * rng.Gaussian());
-  for (const Detection& detection : Detect(options, image, camera, cam_from_world, surface, rng)) {
-    const AffineObservation noisy = AddNoise(detection.observation, noise, camera.MeanFocal(), rng);
+  for (const Detection& detection : Detect(options, shot, surface, rng)) {
+    const AffineObservation noisy =
+        AddNoise(detection.observation, noise, shot.camera.MeanFocal(), rng);
     data.keypoints.push_back(noisy.ToKeypoint());
     const bool has_depth = rng.Uniform() >= options.missing_depth_ratio;
     data.depth_samples.push_back(has_depth ? noisy.ToDepthSample(depth_scale) : DepthSample{});
@@ -289,9 +298,8 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   std::vector<ImageData> data(num_images);
   ParallelFor(0, num_images, [&](int64_t i) {
     const Rigid3d* pose = i < options.num_images ? &poses[i] : nullptr;
-    data[i] =
-        MakeImageData(options, static_cast<int>(i), scene.cameras.at(scene.images[i].camera_id),
-                      pose, surface, Rng(seed, "scene_image", i + 1));
+    const Shot shot{static_cast<int>(i), scene.cameras.at(scene.images[i].camera_id), pose};
+    data[i] = MakeImageData(options, shot, surface, Rng(seed, "scene_image", i + 1));
   });
 
   scene.truth.cameras = scene.cameras;

@@ -22,8 +22,8 @@ Eigen::Vector3d RotatedZ(const Eigen::Vector3d& v, double angle) {
 }
 
 // Slabs (Kay and Kajiya 1986), in the box's frame.
-void IntersectBox(const Eigen::Vector3d& o, const Eigen::Vector3d& d, const Eigen::Vector3d& half,
-                  double* t, Eigen::Vector3d* normal) {
+void IntersectBox(const Ray& ray, const Eigen::Vector3d& half, double* t, Eigen::Vector3d* normal) {
+  const auto& [o, d] = ray;
   double near = -std::numeric_limits<double>::infinity();
   double far = std::numeric_limits<double>::infinity();
   int axis = 0;
@@ -47,8 +47,9 @@ void IntersectBox(const Eigen::Vector3d& o, const Eigen::Vector3d& d, const Eige
 }
 
 // An upright cylinder with a lid, in its own frame.
-void IntersectCylinder(const Eigen::Vector3d& o, const Eigen::Vector3d& d, double radius,
-                       double half_height, double* t, Eigen::Vector3d* normal) {
+void IntersectCylinder(const Ray& ray, double radius, double half_height, double* t,
+                       Eigen::Vector3d* normal) {
+  const auto& [o, d] = ray;
   const double a = d.head<2>().squaredNorm();
   const double b = o.head<2>().dot(d.head<2>());
   const double c = o.head<2>().squaredNorm() - radius * radius;
@@ -68,15 +69,23 @@ void IntersectCylinder(const Eigen::Vector3d& o, const Eigen::Vector3d& d, doubl
   }
 }
 
-// Something of size `half` on the wall with the outward direction `side` * pi/2.
-Solid OnWall(int side, double along, double up, const Eigen::Vector3d& half,
-             const Eigen::Vector3d& building, int material) {
-  const bool is_front = side % 2 == 0;  // front and back walls run along x
-  const double wall = is_front ? building.y() : building.x();
-  const double angle = side * 0.5 * std::numbers::pi;
-  return {.center = RotatedZ({along, -wall, up}, angle),
+// With the outward direction `angle`.
+struct Wall {
+  double angle, distance, half_width;
+};
+
+// The one with the outward direction `side` * pi/2; front and back walls run along x.
+Wall WallOf(const Eigen::Vector3d& building, int side) {
+  const bool is_front = side % 2 == 0;
+  return {side * 0.5 * std::numbers::pi, is_front ? building.y() : building.x(),
+          is_front ? building.x() : building.y()};
+}
+
+// Something of size `half`.
+Solid OnWall(const Wall& wall, double along, double up, const Eigen::Vector3d& half, int material) {
+  return {.center = RotatedZ({along, -wall.distance, up}, wall.angle),
           .half = half,
-          .angle = angle,
+          .angle = wall.angle,
           .material = material};
 }
 
@@ -91,15 +100,16 @@ void AddBuilding(Rng& rng, std::vector<Solid>* solids) {
   roof.center = {0.1 * rng.Gaussian(), 0, body.center.z() + half.z() + roof.half.z()};
   solids->push_back(roof);
   for (int side = 0; side < 4; ++side) {
-    const double width = side % 2 == 0 ? half.x() : half.y();
+    const Wall wall = WallOf(half, side);
+    const double width = wall.half_width;
     for (int k = 0; k < 9; ++k) {
       const Eigen::Vector3d size(rng.Uniform(0.05, 0.16), rng.Uniform(0.02, 0.13),
                                  rng.Uniform(0.04, 0.2));
-      solids->push_back(OnWall(side, rng.Uniform(-0.85, 0.85) * width, rng.Uniform(-0.6, 0.5), size,
-                               half, body.material + 1 + static_cast<int>(rng.UniformInt(2))));
+      solids->push_back(OnWall(wall, rng.Uniform(-0.85, 0.85) * width, rng.Uniform(-0.6, 0.5), size,
+                               body.material + 1 + static_cast<int>(rng.UniformInt(2))));
     }
     for (int k = 0; k < 3; ++k) {
-      Solid column = OnWall(side, rng.Uniform(-0.9, 0.9) * width, 0, {0.04, 0.04, 0}, half, k);
+      Solid column = OnWall(wall, rng.Uniform(-0.9, 0.9) * width, 0, {0.04, 0.04, 0}, k);
       column.kind = Solid::Kind::kCylinder;
       column.half = {rng.Uniform(0.03, 0.06), 0, rng.Uniform(0.3, 0.6)};
       column.center += RotatedZ({0, -rng.Uniform(0.1, 0.25), 0}, column.angle);
@@ -131,14 +141,13 @@ double Solid::BoundingRadius() const {
 }
 
 void Solid::Intersect(const Ray& ray, Hit* hit) const {
-  const Eigen::Vector3d o = RotatedZ(ray.origin - center, -angle);
-  const Eigen::Vector3d d = RotatedZ(ray.direction, -angle);
+  const Ray own{RotatedZ(ray.origin - center, -angle), RotatedZ(ray.direction, -angle)};
   double t = hit->t;
   Eigen::Vector3d normal;
   if (kind == Kind::kBox) {
-    IntersectBox(o, d, half, &t, &normal);
+    IntersectBox(own, half, &t, &normal);
   } else {
-    IntersectCylinder(o, d, half.x(), half.z(), &t, &normal);
+    IntersectCylinder(own, half.x(), half.z(), &t, &normal);
   }
   if (t < hit->t) *hit = {t, RotatedZ(normal, angle), material, -1};
 }
