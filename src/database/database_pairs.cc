@@ -16,14 +16,20 @@ std::string RowName(const char* table, image_pair_t pair_id) {
   return PairRowName(table, static_cast<int64_t>(pair_id));
 }
 
-FeatureMatches MatchesFromBlob(const Database::Impl& impl, const Query& query,
-                               const std::string& row_name) {
-  const MatrixBlob matrix = ReadMatrixBlob(impl, query, sizeof(uint32_t), row_name);
+// Of a table of pairs: what a query is at, and its name in errors.
+struct PairRow {
+  const Database::Impl& impl;
+  const Query& query;
+  std::string name;
+};
+
+FeatureMatches MatchesOf(const PairRow& row) {
+  const MatrixBlob matrix = ReadMatrixBlob(row.impl, row.query, sizeof(uint32_t), row.name);
   FeatureMatches matches(static_cast<size_t>(matrix.rows));
   if (matches.empty()) return matches;
   if (matrix.cols != 2) {
-    throw IoError(impl.path,
-                  row_name + ": " + std::to_string(matrix.cols) + " columns instead of 2");
+    throw IoError(row.impl.path,
+                  row.name + ": " + std::to_string(matrix.cols) + " columns instead of 2");
   }
   static_assert(sizeof(FeatureMatch) == 2 * sizeof(uint32_t));
   std::memcpy(static_cast<void*>(matches.data()), matrix.data,
@@ -33,28 +39,26 @@ FeatureMatches MatchesFromBlob(const Database::Impl& impl, const Query& query,
 
 // Fills `values` from the column's blob; false where it is NULL or empty.
 template <size_t n>
-bool ReadDoubles(const Database::Impl& impl, const Query& query, int column,
-                 const std::string& row_name, const char* column_name, double (&values)[n]) {
-  const std::span<const std::byte> blob = query.Blob(column);
+bool ReadDoubles(const PairRow& row, int column, const char* column_name, double (&values)[n]) {
+  const std::span<const std::byte> blob = row.query.Blob(column);
   if (blob.empty()) return false;
   if (blob.size() != sizeof(values)) {
-    throw IoError(impl.path, row_name + ": " + column_name + " needs " +
-                                 std::to_string(sizeof(values)) + " bytes, but the blob has " +
-                                 std::to_string(blob.size()));
+    throw IoError(row.impl.path, row.name + ": " + column_name + " needs " +
+                                     std::to_string(sizeof(values)) + " bytes, but the blob has " +
+                                     std::to_string(blob.size()));
   }
   std::memcpy(values, blob.data(), sizeof(values));
   for (const double value : values) {
     if (std::isfinite(value)) continue;
-    throw IoError(impl.path, row_name + ": " + column_name + " has a value that is not finite");
+    throw IoError(row.impl.path, row.name + ": " + column_name + " has a value that is not finite");
   }
   return true;
 }
 
-std::optional<Eigen::Matrix3d> ReadMatrix3d(const Database::Impl& impl, const Query& query,
-                                            int column, const std::string& row_name,
+std::optional<Eigen::Matrix3d> ReadMatrix3d(const PairRow& row, int column,
                                             const char* column_name) {
   double values[9];
-  if (!ReadDoubles(impl, query, column, row_name, column_name, values)) return std::nullopt;
+  if (!ReadDoubles(row, column, column_name, values)) return std::nullopt;
   const Eigen::Matrix3d matrix = Eigen::Map<const RowMajorMatrix3d>(values);
   // COLMAP 3.8 writes zeros for what it did not estimate.
   if (matrix.isZero(0)) return std::nullopt;
@@ -68,17 +72,17 @@ bool HasNorm(const Vector& vector) {
   return squared_norm > 1e-200 && squared_norm < 1e200;
 }
 
-std::optional<Rigid3d> ReadPose(const Database::Impl& impl, const Query& query, int qvec_column,
-                                const std::string& row_name) {
+std::optional<Rigid3d> ReadPose(const PairRow& row, int qvec_column) {
   double q[4];
   double t[3];
-  if (!ReadDoubles(impl, query, qvec_column, row_name, "qvec", q)) return std::nullopt;
-  if (!ReadDoubles(impl, query, qvec_column + 1, row_name, "tvec", t)) return std::nullopt;
+  if (!ReadDoubles(row, qvec_column, "qvec", q)) return std::nullopt;
+  if (!ReadDoubles(row, qvec_column + 1, "tvec", t)) return std::nullopt;
   const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
   const Eigen::Vector3d translation(t[0], t[1], t[2]);
   if (rotation.coeffs().isZero(0)) return std::nullopt;
   if (!HasNorm(rotation.coeffs()) || (!translation.isZero(0) && !HasNorm(translation))) {
-    throw IoError(impl.path, row_name + ": its pose has a number that is too large or too small");
+    throw IoError(row.impl.path,
+                  row.name + ": its pose has a number that is too large or too small");
   }
   // Up to 3.13 COLMAP wrote the identity for a pose that it did not estimate.
   if (rotation.vec().isZero(0) && translation.isZero(0)) return std::nullopt;
@@ -140,7 +144,7 @@ PairMetrics MetricsFromRow(const Database::Impl& impl, const Query& row) {
   m.residual_px = row.Double(9);
   m.triangulation_angle_deg = row.Double(10);
   try {
-    m.cam2_from_cam1 = ReadPose(impl, row, 11, RowName("cairn_pair_metrics", m.pair_id));
+    m.cam2_from_cam1 = ReadPose({impl, row, RowName("cairn_pair_metrics", m.pair_id)}, 11);
   } catch (const IoError&) {  // a figure for people, which the row can do without
   }
   return m;
@@ -181,7 +185,7 @@ std::vector<image_pair_t> Database::ReadPairsToVerify() const {
 std::optional<FeatureMatches> Database::ReadMatches(image_pair_t pair_id) const {
   Query query(*impl_, "SELECT rows, cols, data FROM matches WHERE pair_id = ?1;", pair_id);
   if (!query.Step()) return std::nullopt;
-  return MatchesFromBlob(*impl_, query, RowName("matches", pair_id));
+  return MatchesOf({*impl_, query, RowName("matches", pair_id)});
 }
 
 void Database::WriteMatches(image_pair_t pair_id, const FeatureMatches& matches) {
@@ -195,14 +199,14 @@ std::optional<TwoViewGeometry> Database::ReadTwoViewGeometry(image_pair_t pair_i
               "WHERE pair_id = ?1;",
               pair_id);
   if (!query.Step()) return std::nullopt;
-  const std::string row = RowName("two_view_geometries", pair_id);
+  const PairRow row{*impl_, query, RowName("two_view_geometries", pair_id)};
   TwoViewGeometry geometry;
-  geometry.inlier_matches = MatchesFromBlob(*impl_, query, row);
+  geometry.inlier_matches = MatchesOf(row);
   geometry.config = ConfigFromInt(query.Int(3));
-  geometry.F = ReadMatrix3d(*impl_, query, 4, row, "F");
-  geometry.E = ReadMatrix3d(*impl_, query, 5, row, "E");
-  geometry.H = ReadMatrix3d(*impl_, query, 6, row, "H");
-  geometry.cam2_from_cam1 = ReadPose(*impl_, query, 7, row);
+  geometry.F = ReadMatrix3d(row, 4, "F");
+  geometry.E = ReadMatrix3d(row, 5, "E");
+  geometry.H = ReadMatrix3d(row, 6, "H");
+  geometry.cam2_from_cam1 = ReadPose(row, 7);
   return geometry;
 }
 

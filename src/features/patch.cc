@@ -60,11 +60,13 @@ using internal::kSiftAngles;
 using internal::PatchPlace;
 using internal::PatchTables;
 
-void SampleKernel(const float* data, int width, int height, int stride, const PatchPlace& place,
-                  const PatchTables& tables, float* values) {
+void SampleKernel(const Plane& plane, const PatchPlace& place, const PatchTables& tables,
+                  float* values) {
   const hn::RebindToSigned<Tag> ints;
-  const V zero = Const(0), last_x = Const(static_cast<float>(width) - 1.001f),
-          last_y = Const(static_cast<float>(height) - 1.001f);
+  const float* const data = plane.data.get();
+  const int stride = plane.stride;
+  const V zero = Const(0), last_x = Const(static_cast<float>(plane.width) - 1.001f),
+          last_y = Const(static_cast<float>(plane.height) - 1.001f);
   for (int j = 0; j < kSide; ++j) {
     const V row_x = Const(place.x + place.a12 * tables.units[j]);
     const V row_y = Const(place.y + place.a22 * tables.units[j]);
@@ -212,8 +214,7 @@ PatchGradient SampleGradient(const Plane& below, const Plane& above, double shar
                                       A(1, 0),
                                       A(1, 1)};
   for (const auto& [plane, target] : {std::pair(&below, values), std::pair(&above, values_above)}) {
-    HWY_DYNAMIC_DISPATCH(SampleKernel)
-    (plane->data.get(), plane->width, plane->height, plane->stride, place, kTables, target);
+    HWY_DYNAMIC_DISPATCH(SampleKernel)(*plane, place, kTables, target);
   }
   const auto share = static_cast<float>(share_above);
   for (int i = 0; i < kSide * kSide; ++i) values[i] += share * (values_above[i] - values[i]);

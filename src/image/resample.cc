@@ -54,13 +54,19 @@ std::optional<cv::Vec2f> SourcePosition(const Camera& source, const Camera& targ
                    static_cast<float>(std::clamp(pixel->y(), -8.0, source.height + 8.0) - 0.5));
 }
 
-// Rows [first, first + map.rows) of the target.
-void ResampleBand(const cv::Mat& in, const Camera& source, const Camera& target, int first,
-                  const ResampleOptions& options, cv::Mat out) {
+// Rows of the target from `first` on.
+struct Band {
+  int first;
+  cv::Mat rows;
+};
+
+void ResampleBand(const cv::Mat& in, const Camera& source, const Camera& target,
+                  const ResampleOptions& options, const Band& band) {
+  cv::Mat out = band.rows;
   cv::Mat map(out.rows, out.cols, CV_32FC2), blank(out.rows, out.cols, CV_8UC1, cv::Scalar(0));
   for (int y = 0; y < map.rows; ++y) {
     for (int x = 0; x < map.cols; ++x) {
-      const auto position = SourcePosition(source, target, x, first + y, options.beyond);
+      const auto position = SourcePosition(source, target, x, band.first + y, options.beyond);
       map.at<cv::Vec2f>(y, x) = position.value_or(cv::Vec2f(0, 0));
       if (!position) blank.at<uint8_t>(y, x) = 255;
     }
@@ -124,8 +130,8 @@ Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& 
   try {
     Bitmap out = Blank(fine.width, fine.height, bitmap.channels);
     for (int y = 0; y < fine.height; y += kBandRows) {
-      ResampleBand(View(bitmap), source, fine, y, options,
-                   View(out).rowRange(y, std::min(y + kBandRows, fine.height)));
+      ResampleBand(View(bitmap), source, fine, options,
+                   {y, View(out).rowRange(y, std::min(y + kBandRows, fine.height))});
     }
     if (fine.width == target.width && fine.height == target.height) return out;
     return ReducedBitmap(out, target.width, target.height);

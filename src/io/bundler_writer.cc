@@ -38,21 +38,28 @@ double TangentialOf(const Camera& camera) {
   return largest;
 }
 
+// What the format has no place for.
+struct Omission {
+  std::function<double(const Camera&)> measure;
+  double negligible;
+  std::string what, unit, consequence;
+};
+
 // "<n> of <m> cameras have <what> of up to <largest><unit>: <consequence>", if any has.
-void Warn(const Reconstruction& reconstruction, const std::function<double(const Camera&)>& measure,
-          double negligible, const std::string& what, const std::string& unit,
-          const std::string& consequence, std::vector<std::string>& warnings) {
+void Warn(const Reconstruction& reconstruction, const Omission& omission,
+          std::vector<std::string>& warnings) {
   int count = 0;
   double largest = 0;
   for (const auto& [id, camera] : reconstruction.cameras) {
-    const double value = measure(camera);
-    count += value > negligible;
+    const double value = omission.measure(camera);
+    count += value > omission.negligible;
     largest = std::max(largest, value);
   }
   if (count == 0) return;
   warnings.push_back("Bundler: " + std::to_string(count) + " of " +
-                     std::to_string(reconstruction.cameras.size()) + " cameras have " + what +
-                     " of up to " + Formatted("%.3g", largest) + unit + ": " + consequence);
+                     std::to_string(reconstruction.cameras.size()) + " cameras have " +
+                     omission.what + " of up to " + Formatted("%.3g", largest) + omission.unit +
+                     ": " + omission.consequence);
 }
 
 // Names the camera models that the format cannot hold.
@@ -74,16 +81,19 @@ void WarnOfModels(const Reconstruction& reconstruction, std::vector<std::string>
 std::vector<std::string> Approximations(const Reconstruction& reconstruction,
                                         const std::vector<Image>& images) {
   std::vector<std::string> warnings;
-  Warn(
-      reconstruction,
-      [](const Camera& c) { return 100 * std::abs(c.FocalX() - c.FocalY()) / c.MeanFocal(); }, 1e-9,
-      "a difference between fx and fy", " %", "their mean is written", warnings);
-  Warn(
-      reconstruction, [](const Camera& c) { return (c.PrincipalPoint() - CenterOf(c)).norm(); },
-      1e-6, "a distance between principal point and image center", " px",
-      "the format has none, keys stay relative to the image center", warnings);
+  const auto aspect = [](const Camera& c) {
+    return 100 * std::abs(c.FocalX() - c.FocalY()) / c.MeanFocal();
+  };
+  Warn(reconstruction,
+       {aspect, 1e-9, "a difference between fx and fy", " %", "their mean is written"}, warnings);
+  const auto offset = [](const Camera& c) { return (c.PrincipalPoint() - CenterOf(c)).norm(); };
+  Warn(reconstruction,
+       {offset, 1e-6, "a distance between principal point and image center", " px",
+        "the format has none, keys stay relative to the image center"},
+       warnings);
   WarnOfModels(reconstruction, warnings);
-  Warn(reconstruction, TangentialOf, 0, "a tangential distortion", "", "it is left out", warnings);
+  Warn(reconstruction, {TangentialOf, 0, "a tangential distortion", "", "it is left out"},
+       warnings);
   const auto has_blank = [](const Image& i) {
     return i.name.find_first_of(" \t") != std::string::npos;
   };

@@ -131,16 +131,16 @@ std::vector<double> FocalFactors(bool estimate_focal, int num_guesses) {
   return factors;
 }
 
-// The pose, and focal length, with the most support. False: there is none.
-bool SearchPose(const Camera& camera, const PixelsOfPoints& points,
-                const std::vector<double>& focal_factors, const ResectionOptions& options,
-                const Rng& rng, ResectionReport& report) {
+// The pose, and focal length, with the most support.
+ResectionReport SearchPose(const Camera& camera, const PixelsOfPoints& points,
+                           const std::vector<double>& focal_factors,
+                           const ResectionOptions& options, const Rng& rng) {
+  ResectionReport report;
   RansacOptions ransac_options;
   ransac_options.confidence = options.confidence;
   ransac_options.max_iterations = options.max_iterations;
   ransac_options.min_iterations =
       std::min(ransac_options.min_iterations, ransac_options.max_iterations);
-  bool found = false;
   for (const double factor : focal_factors) {
     Camera candidate = camera;
     candidate.SetMeanFocal(factor * camera.MeanFocal());
@@ -151,7 +151,7 @@ bool SearchPose(const Camera& camera, const PixelsOfPoints& points,
     if (ransac.status == RansacStatus::kNoModel || ransac.status == RansacStatus::kTooFewSamples) {
       continue;
     }
-    found = true;
+    report.status = ResectionStatus::kSuccess;
     ransac_options.initial_score = ransac.score;
     // Another length has to beat this one, so it has at least about as many inliers.
     ransac_options.max_iterations =
@@ -163,7 +163,7 @@ bool SearchPose(const Camera& camera, const PixelsOfPoints& points,
     report.camera = candidate;
     report.cam_from_world = ransac.model;
   }
-  return found;
+  return report;
 }
 
 // With the focal length where it is open; the inliers may become more.
@@ -209,7 +209,8 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, const PixelsOfPoints&
     return report;
   }
   const std::vector<double> factors = FocalFactors(estimate_focal, options.num_focal_guesses);
-  if (!SearchPose(camera, points, factors, options, rng, report)) return report;
+  report = SearchPose(camera, points, factors, options, rng);
+  if (report.status != ResectionStatus::kSuccess) return report;
   RefineOnInliers(points, estimate_focal, options, report);
   const auto num_inliers = static_cast<double>(report.inliers.size());
   if (num_inliers < options.min_num_inliers ||
@@ -217,7 +218,6 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, const PixelsOfPoints&
     report.status = ResectionStatus::kTooFewInliers;
     return report;
   }
-  report.status = ResectionStatus::kSuccess;
   return report;
 }
 

@@ -35,10 +35,10 @@ BRow MakeRow(const double* p, const double* q) {
   return row;
 }
 
-void AddProduct(const Entry& a, int degree_a, const Entry& b, int degree_b, double factor,
-                double* out) {
-  for (int i = 0; i <= degree_a; ++i) {
-    for (int j = 0; j <= degree_b; ++j) out[i + j] += factor * a.c[i] * b.c[j];
+// Of entries of degree 3.
+void AddProduct(const Entry& a, const Entry& b, double factor, double* out) {
+  for (int i = 0; i <= 3; ++i) {
+    for (int j = 0; j <= 3; ++j) out[i + j] += factor * a.c[i] * b.c[j];
   }
 }
 
@@ -49,8 +49,8 @@ void Determinant(const BRow rows[3], double det[11]) {
     const BRow& a = rows[(r + 1) % 3];
     const BRow& b = rows[(r + 2) % 3];
     double minor[7] = {};  // of the columns x and y
-    AddProduct(a.x, 3, b.y, 3, 1.0, minor);
-    AddProduct(a.y, 3, b.x, 3, -1.0, minor);
+    AddProduct(a.x, b.y, 1.0, minor);
+    AddProduct(a.y, b.x, -1.0, minor);
     for (int i = 0; i <= 6; ++i) {
       for (int j = 0; j <= 4; ++j) det[i + j] += minor[i] * rows[r].one.c[j];
     }
