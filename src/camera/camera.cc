@@ -218,7 +218,7 @@ bool ImgFromRay(const CameraParams& params, const double* point, double* pixel, 
     J_extra = {J_params + info.first_extra(), J_params + n + info.first_extra()};
   }
   internal::PlanePoint plane;
-  if (!internal::Project(info, f, params.values + info.first_extra(), point,
+  if (!internal::Project(info, {f, params.values + info.first_extra()}, point,
                          J_params ? &J_extra : nullptr, &plane)) {
     return false;
   }

@@ -91,17 +91,17 @@ bool AngleAxial(const double* x, double T, Axial* out) {
   return true;
 }
 
-bool ProjectFisheye(const Polynomial& p, const double* f, const double* extra, const double* x,
-                    const ExtraRows* J_extra, PlanePoint* out) {
+bool ProjectFisheye(const Polynomial& p, Lens lens, const double* x, const ExtraRows* J_extra,
+                    PlanePoint* out) {
   constexpr double kUnit[2] = {1.0, 1.0};
   Axial axial;
   if (!AngleAxial(x, 1.0, &axial)) return false;
   FromAxial(axial, kUnit, x, out);
-  const PlaneMap map = Distort(p, extra, out->d, J_extra);
+  const PlaneMap map = Distort(p, lens.extra, out->d, J_extra);
   for (int j = 0; j < 3; ++j) {
     const double a = out->J[j], b = out->J[3 + j];
     for (int i = 0; i < 2; ++i) {
-      out->J[3 * i + j] = f[i] * (map.J[2 * i] * a + map.J[2 * i + 1] * b);
+      out->J[3 * i + j] = lens.f[i] * (map.J[2 * i] * a + map.J[2 * i + 1] * b);
     }
   }
   std::copy_n(map.d, 2, out->d);
@@ -113,9 +113,8 @@ constexpr double kSmallOmega = 1e-4;
 
 // Devernay and Faugeras, "Straight lines have to be straight", 2001: the distorted radius is
 // atan(2 tan(omega / 2) r) / omega. It goes on beside and behind the camera.
-bool ProjectFov(const double* f, const double* extra, const double* x, const ExtraRows* J_extra,
-                PlanePoint* out) {
-  const double omega = extra[0], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
+bool ProjectFov(Lens lens, const double* x, const ExtraRows* J_extra, PlanePoint* out) {
+  const double omega = lens.extra[0], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
   Axial axial;
   double ds;  // d(s)/d(omega)
   if (std::abs(omega) < kSmallOmega) {
@@ -132,7 +131,7 @@ bool ProjectFov(const double* f, const double* extra, const double* x, const Ext
     axial = {axial.s / omega, axial.g / omega, axial.h / omega};
     ds = (z * (1.0 + 0.25 * T * T) / (T * T * rho2 + z * z) - angle_over_rho / omega) / omega;
   }
-  FromAxial(axial, f, x, out);
+  FromAxial(axial, lens.f, x, out);
   if (J_extra) {
     (*J_extra)[0][0] = ds * x[0];
     (*J_extra)[1][0] = ds * x[1];
@@ -142,9 +141,8 @@ bool ProjectFov(const double* f, const double* extra, const double* x, const Ext
 
 // Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion", 2001:
 // the ray of a point d of the plane is (d, 1 + k |d|^2).
-bool ProjectDivision(const double* f, const double* extra, const double* x,
-                     const ExtraRows* J_extra, PlanePoint* out) {
-  const double k = extra[0], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
+bool ProjectDivision(Lens lens, const double* x, const ExtraRows* J_extra, PlanePoint* out) {
+  const double k = lens.extra[0], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
   const double discriminant = z * z - 4.0 * k * rho2;
   if (!(discriminant > 0.0)) return false;
   const double root = std::sqrt(discriminant), sum = z + root;
@@ -152,7 +150,7 @@ bool ProjectDivision(const double* f, const double* extra, const double* x,
   const double s = 2.0 / sum;
   // ds = -2 / sum^2 d(sum).
   const double factor = -2.0 / (sum * sum);
-  FromAxial({s, -4.0 * k * factor / root, factor * (1.0 + z / root)}, f, x, out);
+  FromAxial({s, -4.0 * k * factor / root, factor * (1.0 + z / root)}, lens.f, x, out);
   if (J_extra) {
     const double ds = -2.0 * rho2 * factor / root;
     (*J_extra)[0][0] = ds * x[0];
@@ -162,9 +160,9 @@ bool ProjectDivision(const double* f, const double* extra, const double* x,
 }
 
 // Khomutenko, Garcia and Martinet, "An enhanced unified camera model", 2016.
-bool ProjectEucm(const double* f, const double* extra, const double* x, const ExtraRows* J_extra,
-                 PlanePoint* out) {
-  const double alpha = extra[0], beta = extra[1], z = x[2], rho2 = x[0] * x[0] + x[1] * x[1];
+bool ProjectEucm(Lens lens, const double* x, const ExtraRows* J_extra, PlanePoint* out) {
+  const double alpha = lens.extra[0], beta = lens.extra[1], z = x[2],
+               rho2 = x[0] * x[0] + x[1] * x[1];
   const double squared = beta * rho2 + z * z;
   if (!(squared > 0.0)) return false;
   const double d = std::sqrt(squared);
@@ -174,7 +172,7 @@ bool ProjectEucm(const double* f, const double* extra, const double* x, const Ex
   if (!(z > -w * d) || !(m > 1e-12 * d)) return false;
   const double s = 1.0 / m;
   const double factor = -s * s;  // ds = factor dm
-  FromAxial({s, factor * alpha * beta / d, factor * (alpha * z / d + 1.0 - alpha)}, f, x, out);
+  FromAxial({s, factor * alpha * beta / d, factor * (alpha * z / d + 1.0 - alpha)}, lens.f, x, out);
   if (J_extra) {
     const double by_alpha = factor * (d - z), by_beta = factor * alpha * 0.5 * rho2 / d;
     for (int i = 0; i < 2; ++i) {
@@ -185,13 +183,13 @@ bool ProjectEucm(const double* f, const double* extra, const double* x, const Ex
   return true;
 }
 
-bool ProjectPlanar(const Polynomial& p, const double* f, const double* extra, const double* x,
-                   const ExtraRows* J_extra, PlanePoint* out) {
+bool ProjectPlanar(const Polynomial& p, Lens lens, const double* x, const ExtraRows* J_extra,
+                   PlanePoint* out) {
   if (!(x[2] > 0.0)) return false;
   const double q[2] = {x[0] / x[2], x[1] / x[2]};
-  const PlaneMap map = Distort(p, extra, q, J_extra);
+  const PlaneMap map = Distort(p, lens.extra, q, J_extra);
   for (int i = 0; i < 2; ++i) {
-    const double a = f[i] * map.J[2 * i] / x[2], b = f[i] * map.J[2 * i + 1] / x[2];
+    const double a = lens.f[i] * map.J[2 * i] / x[2], b = lens.f[i] * map.J[2 * i + 1] / x[2];
     out->d[i] = map.d[i];
     out->J[3 * i] = a;
     out->J[3 * i + 1] = b;
@@ -238,19 +236,19 @@ std::optional<Eigen::Vector3d> UnprojectEucm(const double* extra, const Eigen::V
 
 const ModelInfo& Info(CameraModel model) { return kModels[static_cast<int>(model)]; }
 
-bool Project(const ModelInfo& info, const double* f, const double* extra, const double* point,
-             const ExtraRows* J_extra, PlanePoint* out) {
+bool Project(const ModelInfo& info, Lens lens, const double* point, const ExtraRows* J_extra,
+             PlanePoint* out) {
   switch (info.family) {
     case Family::kPlanar:
-      return ProjectPlanar(info.polynomial, f, extra, point, J_extra, out);
+      return ProjectPlanar(info.polynomial, lens, point, J_extra, out);
     case Family::kFisheye:
-      return ProjectFisheye(info.polynomial, f, extra, point, J_extra, out);
+      return ProjectFisheye(info.polynomial, lens, point, J_extra, out);
     case Family::kFov:
-      return ProjectFov(f, extra, point, J_extra, out);
+      return ProjectFov(lens, point, J_extra, out);
     case Family::kDivision:
-      return ProjectDivision(f, extra, point, J_extra, out);
+      return ProjectDivision(lens, point, J_extra, out);
     case Family::kEucm:
-      return ProjectEucm(f, extra, point, J_extra, out);
+      return ProjectEucm(lens, point, J_extra, out);
     case Family::kEquirectangular:
       break;
   }

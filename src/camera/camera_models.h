@@ -37,11 +37,16 @@ struct PlanePoint {
   double J[6];  // focal length * d(d)/d(point), 2 x 3 row-major
 };
 
+// Parameters of a model by what they do: focal lengths fx and fy, and the extra ones.
+struct Lens {
+  const double *f, *extra;
+};
+
 // The plane point of a point in the camera's frame, for every family but kEquirectangular. False
-// where the model has none. f: fx and fy. The derivatives of d by the extra parameters are written
-// unless J_extra is null.
-bool Project(const ModelInfo& info, const double* f, const double* extra, const double* point,
-             const ExtraRows* J_extra, PlanePoint* out);
+// where the model has none. The derivatives of d by the extra parameters are written unless J_extra
+// is null.
+bool Project(const ModelInfo& info, Lens lens, const double* point, const ExtraRows* J_extra,
+             PlanePoint* out);
 
 // The inverse: any direction, not normalized.
 std::optional<Eigen::Vector3d> Unproject(const ModelInfo& info, const double* extra,
