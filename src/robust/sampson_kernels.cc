@@ -28,14 +28,16 @@ struct Matrix9f {
 
 // The squared error in units is C^2 / (unit S) = f2 C^2 / S, with the algebraic error C = x2^T E x1
 // and the squared gradient S = a^2 + b^2 + ratio (c^2 + d^2).
-struct SampsonUnits {
-  SampsonUnits(const PointPairs& points, double unit_px) {
+struct SampsonError {
+  SampsonError(const PointPairs& points, const Eigen::Matrix3d& matrix, double unit_px)
+      : E(matrix) {
     auto square = [](float x) { return x * x; };
     const auto unit_float = static_cast<float>(unit_px);
     ratio = square(points.focal2_px() / points.focal1_px());
     unit = square(unit_float / points.focal2_px());
     f2 = square(points.focal2_px() / unit_float);
   }
+  Matrix9f E;
   float ratio, unit, f2;
 };
 
@@ -51,7 +53,7 @@ HWY_BEFORE_NAMESPACE();
 namespace cairn::HWY_NAMESPACE {
 
 using internal::Matrix9f;
-using internal::SampsonUnits;
+using internal::SampsonError;
 using internal::SquaredFocals;
 
 // Algebraic error and squared gradient of 16 / kParts pairs.
@@ -88,11 +90,11 @@ constexpr float kTiny = 1e-30f;
 // and the lanes are looked at a block after they were stored: the processor has too few registers
 // to look ahead over these waits by itself.
 template <bool kIsWide, class Support, class ShouldStop>
-HWY_INLINE bool SumSupports(const PointPairs& points, const Matrix9f& matrix, float ratio_value,
+HWY_INLINE bool SumSupports(const PointPairs& points, const SampsonError& error,
                             const Support& support, const ShouldStop& should_stop, V* sums) {
   V E[9];
-  for (int k = 0; k < 9; ++k) E[k] = Const(matrix.v[k]);
-  const V ratio = Const(ratio_value);
+  for (int k = 0; k < 9; ++k) E[k] = Const(error.E.v[k]);
+  const V ratio = Const(error.ratio);
   EpipolarTerms last[kParts];  // at first those of infinite errors
   for (int k = 0; k < kParts; ++k) {
     sums[k] = Const(0.0f);
@@ -122,10 +124,9 @@ HWY_INLINE bool SumSupports(const PointPairs& points, const Matrix9f& matrix, fl
 }
 
 template <bool kIsWide>
-HWY_INLINE double ScoreSampsonOf(const PointPairs& points, const Matrix9f& matrix,
-                                 const SampsonUnits& units, float bound) {
+HWY_INLINE double ScoreSampsonOf(const PointPairs& points, const SampsonError& error, float bound) {
   // All supports are times `limit`, the quotient C^2 / S at the threshold.
-  const float limit_value = units.unit;
+  const float limit_value = error.unit;
   const V limit = Const(limit_value), zero = Const(0.0f), tiny = Const(kTiny);
   const auto support = [=](const EpipolarTerms& terms) HWY_ATTR {
     return hn::Max(limit - terms.C * terms.C / hn::Max(terms.S, tiny), zero);
@@ -138,42 +139,39 @@ HWY_INLINE double ScoreSampsonOf(const PointPairs& points, const Matrix9f& matri
     return SumLanes(parts) + static_cast<float>(n - num_done) * limit_value <= scaled_bound;
   };
   V sums[kParts];
-  if (!SumSupports<kIsWide>(points, matrix, units.ratio, support, should_stop, sums)) return -1.0;
+  if (!SumSupports<kIsWide>(points, error, support, should_stop, sums)) return -1.0;
   const float score = SumLanes(sums) / limit_value;
   return score <= bound ? -1.0 : score;
 }
 
-double ScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
-                          const SampsonUnits& units, float bound) {
-  if (points.is_wide()) return ScoreSampsonOf<true>(points, matrix, units, bound);
-  return ScoreSampsonOf<false>(points, matrix, units, bound);
+double ScoreSampsonKernel(const PointPairs& points, const SampsonError& error, float bound) {
+  if (points.is_wide()) return ScoreSampsonOf<true>(points, error, bound);
+  return ScoreSampsonOf<false>(points, error, bound);
 }
 
 template <bool kIsWide>
-HWY_INLINE double SoftScoreSampsonOf(const PointPairs& points, const Matrix9f& matrix,
-                                     const SampsonUnits& units) {
-  const V f2 = Const(units.f2), tiny = Const(kTiny);
+HWY_INLINE double SoftScoreSampsonOf(const PointPairs& points, const SampsonError& error) {
+  const V f2 = Const(error.f2), tiny = Const(kTiny);
   const auto support = [=](const EpipolarTerms& terms) HWY_ATTR {
     return terms.S / hn::Max(terms.S + f2 * (terms.C * terms.C), tiny);
   };
   const auto never = [](const float*, int) { return false; };
   V sums[kParts];
-  SumSupports<kIsWide>(points, matrix, units.ratio, support, never, sums);
+  SumSupports<kIsWide>(points, error, support, never, sums);
   return SumLanes(sums);
 }
 
-double SoftScoreSampsonKernel(const PointPairs& points, const Matrix9f& matrix,
-                              const SampsonUnits& units) {
-  if (points.is_wide()) return SoftScoreSampsonOf<true>(points, matrix, units);
-  return SoftScoreSampsonOf<false>(points, matrix, units);
+double SoftScoreSampsonKernel(const PointPairs& points, const SampsonError& error) {
+  if (points.is_wide()) return SoftScoreSampsonOf<true>(points, error);
+  return SoftScoreSampsonOf<false>(points, error);
 }
 
 template <bool kIsWide>
-HWY_INLINE void SampsonErrorsOf(const PointPairs& points, const Matrix9f& matrix,
-                                const SampsonUnits& units, float* errors) {
+HWY_INLINE void SampsonErrorsOf(const PointPairs& points, const SampsonError& error,
+                                float* errors) {
   V E[9];
-  for (int k = 0; k < 9; ++k) E[k] = Const(matrix.v[k]);
-  const V ratio = Const(units.ratio), f2 = Const(units.f2), tiny = Const(kTiny);
+  for (int k = 0; k < 9; ++k) E[k] = Const(error.E.v[k]);
+  const V ratio = Const(error.ratio), f2 = Const(error.f2), tiny = Const(kTiny);
   for (int i = 0; i < points.num_blocks() * 16; i += kLanes) {
     const EpipolarTerms terms = Epipolar<kIsWide>(points, i, E, ratio);
     const V squared = f2 * (terms.C * terms.C) / hn::Max(terms.S, tiny);
@@ -181,34 +179,41 @@ HWY_INLINE void SampsonErrorsOf(const PointPairs& points, const Matrix9f& matrix
   }
 }
 
-void SampsonErrorsKernel(const PointPairs& points, const Matrix9f& matrix,
-                         const SampsonUnits& units, float* errors) {
-  if (points.is_wide()) return SampsonErrorsOf<true>(points, matrix, units, errors);
-  SampsonErrorsOf<false>(points, matrix, units, errors);
+void SampsonErrorsKernel(const PointPairs& points, const SampsonError& error, float* errors) {
+  if (points.is_wide()) return SampsonErrorsOf<true>(points, error, errors);
+  SampsonErrorsOf<false>(points, error, errors);
 }
 
+struct Points {
+  V x, y;
+};
+
 // Squared distance in pixels of the target to M (x, y, 1); huge behind the horizon.
-HWY_INLINE V SquaredTransfer(const V* M, V x, V y, V target_x, V target_y, V squared_focal) {
-  const V u = M[0] * x + M[1] * y + M[2];
-  const V v = M[3] * x + M[4] * y + M[5];
-  const V w = M[6] * x + M[7] * y + M[8];
+HWY_INLINE V SquaredTransfer(const V* M, Points from, Points target, V squared_focal) {
+  const V u = M[0] * from.x + M[1] * from.y + M[2];
+  const V v = M[3] * from.x + M[4] * from.y + M[5];
+  const V w = M[6] * from.x + M[7] * from.y + M[8];
   const auto in_front = w > Const(1e-12f);
   const V inverse = Const(1.0f) / hn::IfThenElse(in_front, w, Const(1.0f));
-  const V du = u * inverse - target_x, dv = v * inverse - target_y;
+  const V du = u * inverse - target.x, dv = v * inverse - target.y;
   return hn::IfThenElse(in_front, (du * du + dv * dv) * squared_focal, Const(1e30f));
 }
 
+// Weights have the signs of the bearings.
+struct Bearings {
+  V x, y, weight;
+};
+
 // The same of bearings: |m x t|^2 / (|m|^2 weight), the sine of the angle in pixels at the target;
-// huge where M turns the bearing away from the target. Weights have the signs of the bearings.
-HWY_INLINE V SquaredRayTransfer(const V* M, V x, V y, V weight, V target_x, V target_y,
-                                V target_weight, V squared_focal) {
-  const V u = M[0] * x + M[1] * y + M[2];
-  const V v = M[3] * x + M[4] * y + M[5];
-  const V w = M[6] * x + M[7] * y + M[8];
-  const V a = v - w * target_y, b = w * target_x - u, c = u * target_y - v * target_x;
-  const V dot = u * target_x + v * target_y + w;
-  const auto agrees = dot * weight * target_weight > Const(0.0f);
-  const V norm = hn::Max((u * u + v * v + w * w) * hn::Abs(target_weight), Const(1e-30f));
+// huge where M turns the bearing away from the target.
+HWY_INLINE V SquaredRayTransfer(const V* M, Bearings from, Bearings target, V squared_focal) {
+  const V u = M[0] * from.x + M[1] * from.y + M[2];
+  const V v = M[3] * from.x + M[4] * from.y + M[5];
+  const V w = M[6] * from.x + M[7] * from.y + M[8];
+  const V a = v - w * target.y, b = w * target.x - u, c = u * target.y - v * target.x;
+  const V dot = u * target.x + v * target.y + w;
+  const auto agrees = dot * from.weight * target.weight > Const(0.0f);
+  const V norm = hn::Max((u * u + v * v + w * w) * hn::Abs(target.weight), Const(1e-30f));
   return hn::IfThenElse(agrees, (a * a + b * b + c * c) * squared_focal / norm, Const(1e30f));
 }
 
@@ -233,16 +238,16 @@ HWY_INLINE Transfers LoadTransfers(const Matrix9f& H, const Matrix9f& inverse,
 
 template <bool kIsWide>
 HWY_INLINE V SquaredHomographyError(const PointPairs& points, int i, const Transfers& transfers) {
-  const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
-  const V x2 = Load(points.x2() + i), y2 = Load(points.y2() + i);
+  const Points p1 = {Load(points.x1() + i), Load(points.y1() + i)};
+  const Points p2 = {Load(points.x2() + i), Load(points.y2() + i)};
   if constexpr (kIsWide) {
-    const V weight1 = Load(points.weight1() + i), weight2 = Load(points.weight2() + i);
-    return Const(0.5f) *
-           (SquaredRayTransfer(transfers.forward, x1, y1, weight1, x2, y2, weight2, transfers.f2) +
-            SquaredRayTransfer(transfers.backward, x2, y2, weight2, x1, y1, weight1, transfers.f1));
+    const Bearings b1 = {p1.x, p1.y, Load(points.weight1() + i)};
+    const Bearings b2 = {p2.x, p2.y, Load(points.weight2() + i)};
+    return Const(0.5f) * (SquaredRayTransfer(transfers.forward, b1, b2, transfers.f2) +
+                          SquaredRayTransfer(transfers.backward, b2, b1, transfers.f1));
   }
-  return Const(0.5f) * (SquaredTransfer(transfers.forward, x1, y1, x2, y2, transfers.f2) +
-                        SquaredTransfer(transfers.backward, x2, y2, x1, y1, transfers.f1));
+  return Const(0.5f) * (SquaredTransfer(transfers.forward, p1, p2, transfers.f2) +
+                        SquaredTransfer(transfers.backward, p2, p1, transfers.f1));
 }
 
 template <bool kIsWide>
@@ -304,7 +309,7 @@ HWY_EXPORT(TargetName);
 namespace {
 
 using internal::Matrix9f;
-using internal::SampsonUnits;
+using internal::SampsonError;
 using internal::SquaredFocals;
 
 // Focal lengths in units of `unit_px`, squared.
@@ -336,18 +341,17 @@ Eigen::Matrix3d WithSignOfPoints(const PointPairs& points, const Eigen::Matrix3d
 
 double ScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double max_error_px,
                     double bound) {
-  return HWY_DYNAMIC_DISPATCH(ScoreSampsonKernel)(
-      points, Matrix9f(E), SampsonUnits(points, max_error_px), static_cast<float>(bound));
+  return HWY_DYNAMIC_DISPATCH(ScoreSampsonKernel)(points, SampsonError(points, E, max_error_px),
+                                                  static_cast<float>(bound));
 }
 
 double SoftScoreSampson(const PointPairs& points, const Eigen::Matrix3d& E, double scale_px) {
-  return HWY_DYNAMIC_DISPATCH(SoftScoreSampsonKernel)(points, Matrix9f(E),
-                                                      SampsonUnits(points, scale_px));
+  return HWY_DYNAMIC_DISPATCH(SoftScoreSampsonKernel)(points, SampsonError(points, E, scale_px));
 }
 
 void SampsonErrors(const PointPairs& points, const Eigen::Matrix3d& E, float* errors_px) {
   HWY_DYNAMIC_DISPATCH(SampsonErrorsKernel)
-  (points, Matrix9f(E), SampsonUnits(points, 1.0), errors_px);
+  (points, SampsonError(points, E, 1.0), errors_px);
 }
 
 void HomographyErrors(const PointPairs& points, const Eigen::Matrix3d& H, float* errors_px) {
