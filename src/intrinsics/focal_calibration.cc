@@ -58,6 +58,11 @@ FocalStatus Judge(const Camera& camera, const CalibratedFocal& focal,
   return FocalStatus::kCalibrated;
 }
 
+// As a share of the focal length.
+double PrincipalPointSigma(const Camera& camera, const FocalCalibrationOptions& options) {
+  return options.principal_point_sigma * std::max(camera.width, camera.height) / camera.MeanFocal();
+}
+
 }  // namespace
 
 void FocalCalibrationOptions::VisitFields(OptionVisitor& v) {
@@ -131,19 +136,14 @@ FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras
     }
     return it->second;
   };
-  const auto principal_point_sigma = [&](camera_t id) {
-    const Camera& camera = cameras.at(id);
-    return options.principal_point_sigma * std::max(camera.width, camera.height) /
-           camera.MeanFocal();
-  };
   std::vector<FocalTerm> terms;
   for (size_t i = 0; i < pairs.size(); ++i) {
     if (!fits[i]) continue;
     FocalTerm term;
     term.camera1 = use(pairs[i].camera_id1);
     term.camera2 = use(pairs[i].camera_id2);
-    term.principal_point_sigmas = {principal_point_sigma(pairs[i].camera_id1),
-                                   principal_point_sigma(pairs[i].camera_id2)};
+    term.principal_point_sigmas = {PrincipalPointSigma(cameras.at(pairs[i].camera_id1), options),
+                                   PrincipalPointSigma(cameras.at(pairs[i].camera_id2), options)};
     term.fit = *fits[i];
     if (term.camera1 >= 0 || term.camera2 >= 0) terms.push_back(std::move(term));
   }

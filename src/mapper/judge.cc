@@ -10,6 +10,30 @@ namespace {
 
 const FeatureMatches kNoMatches;
 
+// Images whose matches contradict their poses, the worst first.
+std::vector<image_t> DoubtfulImages(const ModelEvidence& evidence) {
+  std::vector<image_t> doubtful;
+  for (const auto& [id, support] : evidence.images) {
+    if (support.IsContradicted()) doubtful.push_back(id);
+  }
+  std::stable_sort(doubtful.begin(), doubtful.end(), [&](image_t a, image_t b) {
+    return evidence.images.at(a).Share() < evidence.images.at(b).Share();
+  });
+  return doubtful;
+}
+
+ResultWarning FoldWarning(const SceneData& scene, const Symmetry& symmetry) {
+  return {std::to_string(symmetry.num_pairs) +
+              " pairs that are not in use agree that the scene looks the same when turned by " +
+              std::to_string(std::lround(symmetry.angle_deg)) + " degrees (" +
+              std::to_string(symmetry.num_active) +
+              " pairs agree with the model): equal sides of a building may be shown as one; they "
+              "are of " +
+              Names(scene, symmetry.images),
+          "give the photos of each side to a run of their own, or add photos with more of the "
+          "surroundings"};
+}
+
 }  // namespace
 
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
@@ -47,13 +71,7 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
     stage.RecordWarning(warning.what + "; " + warning.advice);
     warnings.push_back(warning);
   };
-  std::vector<image_t> doubtful;
-  for (const auto& [id, support] : evidence.images) {
-    if (support.IsContradicted()) doubtful.push_back(id);
-  }
-  std::stable_sort(doubtful.begin(), doubtful.end(), [&](image_t a, image_t b) {
-    return evidence.images.at(a).Share() < evidence.images.at(b).Share();
-  });
+  const std::vector<image_t> doubtful = DoubtfulImages(evidence);
   const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
   if (evidence.inside.IsContradicted()) {
     warn({"it explains only " + percent +
@@ -75,17 +93,7 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
              Names(context.scene, std::vector<image_t>(group.images.begin(), group.images.end())),
          "add photos between them and the others"});
   }
-  if (symmetry.IsFold()) {
-    warn({std::to_string(symmetry.num_pairs) +
-              " pairs that are not in use agree that the scene looks the same when turned by " +
-              std::to_string(std::lround(symmetry.angle_deg)) + " degrees (" +
-              std::to_string(symmetry.num_active) +
-              " pairs agree with the model): equal sides of a building may be shown as one; they "
-              "are of " +
-              Names(context.scene, symmetry.images),
-          "give the photos of each side to a run of their own, or add photos with more of the "
-          "surroundings"});
-  }
+  if (symmetry.IsFold()) warn(FoldWarning(context.scene, symmetry));
   return warnings;
 }
 

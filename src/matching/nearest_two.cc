@@ -153,18 +153,16 @@ void PackColumns(const Descriptors& descriptors, int first, int vectors, ColumnB
   }
 }
 
-HWY_INLINE void ProcessTile(const Rows& rows, int row, const ColumnBlock& block, int vector) {
+// Inner products of the descriptors of a tile.
+HWY_INLINE void SumProducts(const int32_t* HWY_RESTRICT row_words,
+                            const int32_t* HWY_RESTRICT words, V (&sums)[kTileRows][kTileVectors]) {
   const D d;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  const int32_t* HWY_RESTRICT words = block.words.get() + vector * kWords * lanes;
-  const int column_state = vector * lanes;
-  V sums[kTileRows][kTileVectors];
 #pragma GCC unroll 16
   for (int r = 0; r < kTileRows; ++r) {
 #pragma GCC unroll 4
     for (int v = 0; v < kTileVectors; ++v) sums[r][v] = hn::Zero(d);
   }
-  const int32_t* HWY_RESTRICT row_words = rows.words.get() + static_cast<size_t>(row) * kWords;
   for (int k = 0; k < kWords; ++k) {
     V column[kTileVectors];
 #pragma GCC unroll 4
@@ -180,6 +178,15 @@ HWY_INLINE void ProcessTile(const Rows& rows, int row, const ColumnBlock& block,
       }
     }
   }
+}
+
+HWY_INLINE void ProcessTile(const Rows& rows, int row, const ColumnBlock& block, int vector) {
+  const D d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const int column_state = vector * lanes;
+  V sums[kTileRows][kTileVectors];
+  SumProducts(rows.words.get() + static_cast<size_t>(row) * kWords,
+              block.words.get() + vector * kWords * lanes, sums);
   V offset[kTileVectors], best[kTileVectors], second[kTileVectors], index[kTileVectors];
 #pragma GCC unroll 4
   for (int v = 0; v < kTileVectors; ++v) {

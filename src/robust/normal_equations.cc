@@ -48,6 +48,13 @@ HWY_INLINE V3 Cross(const V3& a, const V3& b) {
 }
 HWY_INLINE V3 Subtract(const V3& a, const V3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
 
+// R (x, y, 1).
+HWY_INLINE V3 Rotated(const float* R, V x, V y) {
+  return {Const(R[0]) * x + Const(R[1]) * y + Const(R[2]),
+          Const(R[3]) * x + Const(R[4]) * y + Const(R[5]),
+          Const(R[6]) * x + Const(R[7]) * y + Const(R[8])};
+}
+
 // What the derivatives of 16 / kParts pairs are made of; names as in
 // third_party_notes/two_view_refinement.md. k2, k1: k times w2, w1; the weight is divided by S.
 struct SampsonTerms {
@@ -64,6 +71,22 @@ struct WideSampsonTerms : SampsonTerms {
 template <bool kIsWide>
 using TermsOf = std::conditional_t<kIsWide, WideSampsonTerms, SampsonTerms>;
 
+// Of a squared error: the loss in squared pixels, and its derivative.
+struct WeighedLoss {
+  V weight, loss;
+};
+
+template <RobustLoss kLoss>
+HWY_INLINE WeighedLoss LossOf(V squared_error, V s2) {
+  if (kLoss == RobustLoss::kTruncated) {
+    const auto inlier = squared_error < s2;
+    return {hn::IfThenElse(inlier, Const(1.0f), Const(0.0f)),
+            hn::IfThenElse(inlier, squared_error, s2)};
+  }
+  const V ratio = s2 / (s2 + squared_error);
+  return {ratio * ratio, squared_error * ratio};
+}
+
 // Fills the terms of the pairs from i on; returns their losses in squared pixels.
 template <RobustLoss kLoss, bool kIsWide>
 HWY_INLINE V ComputeTerms(const PointPairs& points, int i, const PoseArguments& pose,
@@ -71,14 +94,11 @@ HWY_INLINE V ComputeTerms(const PointPairs& points, int i, const PoseArguments& 
   const float* R = pose.R;
   const V3 t = {Const(pose.t[0]), Const(pose.t[1]), Const(pose.t[2])};
   V w1 = Const(pose.w1), w2 = Const(pose.w2);
-  const V s2 = Const(pose.squared_scale);
-  const V zero = Const(0.0f), one = Const(1.0f);
+  const V one = Const(1.0f);
   const V tiny = Const(1e-30f);  // keeps both points at their epipoles from being 0 / 0
   const V x1 = Load(points.x1() + i), y1 = Load(points.y1() + i);
   const V3 p2 = {Load(points.x2() + i), Load(points.y2() + i), one};
-  const V3 y = {Const(R[0]) * x1 + Const(R[1]) * y1 + Const(R[2]),
-                Const(R[3]) * x1 + Const(R[4]) * y1 + Const(R[5]),
-                Const(R[6]) * x1 + Const(R[7]) * y1 + Const(R[8])};
+  const V3 y = Rotated(R, x1, y1);
   const V a = t.y * y.z - t.z * y.y;  // (a, b): line of x1 in image 2
   const V b = t.z * y.x - t.x * y.z;
   const V3 u = Cross(p2, t);
@@ -99,16 +119,7 @@ HWY_INLINE V ComputeTerms(const PointPairs& points, int i, const PoseArguments& 
   const V inverse_S = one / S;
   const V squared_error = C * C * inverse_S;
 
-  V weight, loss;
-  if (kLoss == RobustLoss::kTruncated) {
-    const auto inlier = squared_error < s2;
-    weight = hn::IfThenElse(inlier, one, zero);
-    loss = hn::IfThenElse(inlier, squared_error, s2);
-  } else {
-    const V ratio = s2 / (s2 + squared_error);
-    weight = ratio * ratio;
-    loss = squared_error * ratio;
-  }
+  auto [weight, loss] = LossOf<kLoss>(squared_error, Const(pose.squared_scale));
   if (i + kLanes > points.size()) {
     const V mask = LaneMask(i, points.size());
     weight = weight * mask;
