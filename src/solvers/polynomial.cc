@@ -203,6 +203,95 @@ int RootsOfQuadratic(double a, double b, double c, double* roots) {
   return 2;
 }
 
+// Of a monic polynomial: Fujiwara's bound on the size of its roots, 2 max |c|^(1 / i), rounded up
+// to a power of two.
+HWY_INLINE double RootBound(const double* c, int degree) {
+  int exponent = -1000;
+  for (int i = 1; i <= degree; ++i) {
+    if (c[degree - i] == 0.0) continue;
+    int e;
+    std::frexp(c[degree - i], &e);  // |c| < 2^e
+    exponent = std::max(exponent, e > 0 ? (e + i - 1) / i : -(-e / i));
+  }
+  return std::ldexp(2.0, exponent);
+}
+
+// An interval that has roots, with the chain's sign changes at its ends.
+struct Interval {
+  double low, high;
+  int changes_low, changes_high;
+  int depth;
+};
+
+// The lowest interval is on top, so that roots come out in increasing order.
+class IntervalStack {
+ public:
+  static constexpr int kParts = SturmChain::kWidth + 1;
+  static constexpr int kMaxSplits = 200;
+
+  // The parts of an interval that is split at kParts - 1 points.
+  void PushParts(const Interval& interval, const double* points, const int* changes) {
+    for (int k = kParts - 1; k >= 0; --k) {
+      const Interval part = {
+          k == 0 ? interval.low : points[k - 1], k == kParts - 1 ? interval.high : points[k],
+          k == 0 ? interval.changes_low : changes[k - 1],
+          k == kParts - 1 ? interval.changes_high : changes[k], interval.depth + 1};
+      if (part.changes_low > part.changes_high) stack_[size_++] = part;
+    }
+  }
+  Interval Pop() { return stack_[--size_]; }
+  int size() const { return size_; }
+
+ private:
+  Interval stack_[kMaxSplits * kParts + kParts];
+  int size_ = 0;
+};
+
+// Brackets of the roots of a monic polynomial, in increasing order.
+HWY_INLINE Brackets IsolateRoots(const double* c, int degree) {
+  Brackets brackets;
+  const double bound = RootBound(c, degree);
+  const SturmChain chain(c, degree);
+  double points[SturmChain::kWidth] = {-bound, bound, 0.0, 0.0};
+  int changes[SturmChain::kWidth];
+  chain.SignChanges(points, changes);
+  const Interval all = {-bound, bound, changes[0], changes[1], 0};
+  if (all.changes_low <= all.changes_high) return brackets;
+  // Roots of well-scaled problems have sizes around one, whatever the bound.
+  for (int k = 0; k < SturmChain::kWidth; ++k) {
+    static constexpr double kFirst[SturmChain::kWidth] = {-1.7, -0.4, 0.4, 1.7};
+    points[k] = bound > 2.0 ? kFirst[k] : bound * (2.0 * (k + 1) / IntervalStack::kParts - 1.0);
+  }
+  chain.SignChanges(points, changes);
+  IntervalStack stack;
+  stack.PushParts(all, points, changes);
+  // Where rounding spoils the chain its counts are no longer monotone, and intervals could breed.
+  for (int num_splits = 0;
+       stack.size() > 0 && brackets.count() < degree && num_splits < IntervalStack::kMaxSplits;) {
+    const Interval interval = stack.Pop();
+    if (interval.changes_low - interval.changes_high == 1) {
+      const bool negative_low = std::signbit(Evaluate(c, degree, interval.low));
+      if (negative_low != std::signbit(Evaluate(c, degree, interval.high))) {
+        brackets.Add(interval.low, interval.high, negative_low);
+        continue;
+      }
+    }
+    const double width = interval.high - interval.low;
+    if (interval.depth >= 25 || !(width > 1e-15 * (1.0 + std::abs(interval.low)))) {
+      // Too close to be told apart: one root at their place.
+      brackets.Add(interval.low, interval.low, false);
+      continue;
+    }
+    for (int k = 0; k < SturmChain::kWidth; ++k) {
+      points[k] = interval.low + width * (k + 1) / IntervalStack::kParts;
+    }
+    chain.SignChanges(points, changes);
+    stack.PushParts(interval, points, changes);
+    ++num_splits;
+  }
+  return brackets;
+}
+
 int RealRootsKernel(const double* coefficients, int degree, double* roots) {
   double largest = 0.0;
   for (int i = 0; i <= degree; ++i) {
@@ -222,73 +311,7 @@ int RealRootsKernel(const double* coefficients, int degree, double* roots) {
 
   double c[kMaxDegree + 1];
   for (int i = 0; i <= degree; ++i) c[i] = coefficients[i] / coefficients[degree];
-  // Fujiwara's bound on the size of the roots, 2 max |c|^(1 / i), rounded up to a power of two.
-  int exponent = -1000;
-  for (int i = 1; i <= degree; ++i) {
-    if (c[degree - i] == 0.0) continue;
-    int e;
-    std::frexp(c[degree - i], &e);  // |c| < 2^e
-    exponent = std::max(exponent, e > 0 ? (e + i - 1) / i : -(-e / i));
-  }
-  const double bound = std::ldexp(2.0, exponent);
-
-  const SturmChain chain(c, degree);
-  struct Interval {
-    double low, high;
-    int changes_low, changes_high;
-    int depth;
-  };
-  constexpr int kParts = SturmChain::kWidth + 1;
-  Interval stack[200 * kParts + kParts];
-  int size = 0;
-  // Splits an interval at kParts - 1 points; the lowest part goes on top of the stack, so that
-  // roots come out in increasing order.
-  auto push_parts = [&](const Interval& interval, const double* points, const int* changes) {
-    for (int k = kParts - 1; k >= 0; --k) {
-      const Interval part = {
-          k == 0 ? interval.low : points[k - 1], k == kParts - 1 ? interval.high : points[k],
-          k == 0 ? interval.changes_low : changes[k - 1],
-          k == kParts - 1 ? interval.changes_high : changes[k], interval.depth + 1};
-      if (part.changes_low > part.changes_high) stack[size++] = part;
-    }
-  };
-  double points[SturmChain::kWidth] = {-bound, bound, 0.0, 0.0};
-  int changes[SturmChain::kWidth];
-  chain.SignChanges(points, changes);
-  const Interval all = {-bound, bound, changes[0], changes[1], 0};
-  if (all.changes_low <= all.changes_high) return 0;
-  // Roots of well-scaled problems have sizes around one, whatever the bound.
-  for (int k = 0; k < SturmChain::kWidth; ++k) {
-    static constexpr double kFirst[SturmChain::kWidth] = {-1.7, -0.4, 0.4, 1.7};
-    points[k] = bound > 2.0 ? kFirst[k] : bound * (2.0 * (k + 1) / kParts - 1.0);
-  }
-  chain.SignChanges(points, changes);
-  push_parts(all, points, changes);
-  Brackets brackets;
-  // Where rounding spoils the chain its counts are no longer monotone, and intervals could breed.
-  constexpr int kMaxSplits = 200;
-  for (int num_splits = 0; size > 0 && brackets.count() < degree && num_splits < kMaxSplits;) {
-    const Interval interval = stack[--size];
-    if (interval.changes_low - interval.changes_high == 1) {
-      const bool negative_low = std::signbit(Evaluate(c, degree, interval.low));
-      if (negative_low != std::signbit(Evaluate(c, degree, interval.high))) {
-        brackets.Add(interval.low, interval.high, negative_low);
-        continue;
-      }
-    }
-    const double width = interval.high - interval.low;
-    if (interval.depth >= 25 || !(width > 1e-15 * (1.0 + std::abs(interval.low)))) {
-      // Too close to be told apart: one root at their place.
-      brackets.Add(interval.low, interval.low, false);
-      continue;
-    }
-    for (int k = 0; k < SturmChain::kWidth; ++k) {
-      points[k] = interval.low + width * (k + 1) / kParts;
-    }
-    chain.SignChanges(points, changes);
-    push_parts(interval, points, changes);
-    ++num_splits;
-  }
+  Brackets brackets = IsolateRoots(c, degree);
   brackets.Refine(c, degree, roots);
   return brackets.count();
 }
