@@ -216,7 +216,6 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, const PixelsOfPoints&
   if (num_inliers < options.min_num_inliers ||
       num_inliers < options.min_inlier_ratio * static_cast<double>(pixels.size())) {
     report.status = ResectionStatus::kTooFewInliers;
-    return report;
   }
   return report;
 }
