@@ -230,7 +230,7 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     scene.poses_alone = scene.poses_imported && num_matches == 0;
     ChooseConstantCameras(intrinsics, settings.refine_intrinsics, stage, scene);
     if (!scene.poses_imported) WarnOfUnfinishedPairs(database, scene, stage, report);
-    scene.still_parts = FindStillParts(scene);
+    scene.still_parts = FindStillParts(scene, run.num_threads);
     if (scene.still_parts) {
       report.warnings.push_back(*scene.still_parts);
       stage.RecordWarning(scene.still_parts->what);

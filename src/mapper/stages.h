@@ -133,7 +133,7 @@ int NumPartsSideBySide(int64_t bytes, const ReconstructOptions& options, int num
 // What to say where most images have matches that stay where they are in the picture while others
 // move, or mostly pairs that stay still as a whole: a turntable's background, marks over
 // photographs.
-std::optional<ResultWarning> FindStillParts(const SceneData& scene);
+std::optional<ResultWarning> FindStillParts(const SceneData& scene, int num_threads);
 
 // parts.cc
 // Models of the scene's parts, which share neither pairs nor cameras, each as if it were alone.

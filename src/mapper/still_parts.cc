@@ -2,6 +2,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "cairn/base/parallel.h"
 #include "mapper/stages.h"
 #include "math/log_binomial.h"
 
@@ -36,11 +37,19 @@ struct ImageMotion {
   bool IsStill() const { return 2 * num_still > num_pairs; }
 };
 
-std::map<image_t, ImageMotion> ImageMotions(const SceneData& scene) {
+std::map<image_t, ImageMotion> ImageMotions(const SceneData& scene, int num_threads) {
+  std::vector<char> edge_moves(scene.edges.size());
+  ParallelFor(
+      num_threads, std::ssize(scene.edges),
+      [&](int64_t e) {
+        edge_moves[e] = scene.edges[e].num_inliers > 0 && Moves(scene, scene.edges[e]);
+      },
+      /*grain=*/64);
   std::map<image_t, ImageMotion> motions;
-  for (const ViewEdge& edge : scene.edges) {
+  for (size_t e = 0; e < scene.edges.size(); ++e) {
+    const ViewEdge& edge = scene.edges[e];
     if (edge.num_inliers == 0) continue;
-    const bool moves = Moves(scene, edge);
+    const bool moves = edge_moves[e];
     for (const image_t id : {edge.image_id1, edge.image_id2}) {
       ImageMotion& motion = motions[id];
       ++motion.num_pairs;
@@ -79,8 +88,8 @@ int CountStrangers(const SceneData& scene, const ViewEdge& edge, size_t num_test
 
 }  // namespace
 
-std::optional<ResultWarning> FindStillParts(const SceneData& scene) {
-  const std::map<image_t, ImageMotion> motions = ImageMotions(scene);
+std::optional<ResultWarning> FindStillParts(const SceneData& scene, int num_threads) {
+  const std::map<image_t, ImageMotion> motions = ImageMotions(scene, num_threads);
   std::map<image_pair_t, int> num_strangers;
   size_t num_still = 0, num_partly = 0;
   int most = 0;

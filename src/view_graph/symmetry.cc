@@ -1,6 +1,7 @@
 #include "view_graph/symmetry.h"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "cairn/math/angles.h"
@@ -22,8 +23,8 @@ Eigen::Quaterniond TurnOf(const Reconstruction& model, const ViewEdge& edge) {
 }
 
 bool IsSameOrBack(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
-  const double max_distance = DegToRad(kMaxSpreadDeg);
-  return a.angularDistance(b) < max_distance || a.angularDistance(b.conjugate()) < max_distance;
+  static const double kMinCosine = std::cos(DegToRad(kMaxSpreadDeg) / 2);
+  return std::abs(a.dot(b)) > kMinCosine || std::abs(a.dot(b.conjugate())) > kMinCosine;
 }
 
 }  // namespace
