@@ -9,17 +9,6 @@ UnionFind::UnionFind(int num_nodes) : parent_(num_nodes) {
   std::iota(parent_.begin(), parent_.end(), 0);
 }
 
-int UnionFind::Find(int node) {
-  for (;;) {
-    const int parent = Parent(node);
-    const int grandparent = Parent(parent);
-    if (parent == grandparent) return parent;
-    // Another thread may have found a nearer one to the root: this one is above the node, too.
-    At(node).store(grandparent, std::memory_order_relaxed);
-    node = grandparent;
-  }
-}
-
 bool UnionFind::Union(int a, int b) {
   for (;;) {
     a = Find(a);

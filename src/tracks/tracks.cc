@@ -8,6 +8,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
+#include "graph/union_find.h"
 #include "math/sorted_order.h"
 
 namespace cairn {
@@ -105,18 +106,14 @@ class NodeSets {
     }
   }
 
-  // Threads may ask at the same time, while none joins (as in UnionFind).
+  // Threads may ask at the same time, while none joins.
   int Root(int node) {
-    for (;;) {
-      const int parent = Parent(node);
-      const int grandparent = Parent(parent);
-      if (parent == grandparent) return parent;
-      ParentOf(node).store(grandparent, std::memory_order_relaxed);
-      node = grandparent;
-    }
+    return FindRoot(node, [this](int n) { return ParentOf(n); });
   }
   // Has memory load what Root(node) will read.
-  void Prefetch(int node) { __builtin_prefetch(&members_[Parent(node)]); }
+  void Prefetch(int node) {
+    __builtin_prefetch(&members_[ParentOf(node).load(std::memory_order_relaxed)]);
+  }
   bool IsRoot(int node) const { return members_[node].parent == node; }
   int Next(int node) const { return members_[node].next; }  // -1: the last one
   // Ascending nodes have ascending images.
@@ -149,7 +146,6 @@ class NodeSets {
     image_t image_id;
   };
   std::atomic_ref<int> ParentOf(int node) { return std::atomic_ref<int>(members_[node].parent); }
-  int Parent(int node) { return ParentOf(node).load(std::memory_order_relaxed); }
 
   std::vector<Member> members_;
 };
