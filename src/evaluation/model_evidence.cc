@@ -215,10 +215,10 @@ class IndependentMatches {
  private:
   // The points that have keypoints of a track, by its first node.
   struct PointsOfTracks {
-    std::vector<int> track_of;           // node
-    std::vector<size_t> begin;           // of the track's points, and one more
-    std::vector<const Point3D*> points;  // those of one track in no order
-    int64_t num_joined = 0;              // n - 1 for n keypoints of one track in a point
+    std::vector<int> track_of;  // node
+    std::vector<size_t> begin;  // of the track's points, and one more
+    std::vector<const Point3D*> points;
+    int64_t num_joined = 0;  // n - 1 for n keypoints of one track in a point
 
     std::span<const Point3D* const> Of(int track) const {
       return std::span(points).subspan(begin[track], begin[track + 1] - begin[track]);
@@ -234,39 +234,29 @@ class IndependentMatches {
         kGrainOfPoints);
     std::vector<const Point3D*> points;
     for (const auto& [id, point] : model.points3D) points.push_back(&point);
-    // Calls add(track) for the distinct tracks of a point's keypoints. Returns how many those are
-    // more.
-    const auto visit_tracks = [&](const Point3D& point, const auto& add) {
-      std::vector<int> tracks;
-      for (const TrackElement& element : point.track) {
-        tracks.push_back(sorted.track_of[NodeOf(element.image_id, element.point2D)]);
-      }
-      std::sort(tracks.begin(), tracks.end());
-      const auto end = std::unique(tracks.begin(), tracks.end());
-      std::for_each(tracks.begin(), end, add);
-      return tracks.end() - end;
-    };
+    std::vector<std::vector<int>> tracks(points.size());  // of a point, distinct
     std::atomic<int64_t> num_joined = 0;
     sorted.begin.assign(tracks_->size() + 1, 0);
     ParallelFor(
         num_threads, std::ssize(points),
         [&](int64_t i) {
-          num_joined += visit_tracks(
-              *points[i], [&](int track) { ++std::atomic_ref<size_t>(sorted.begin[track + 1]); });
+          for (const TrackElement& element : points[i]->track) {
+            tracks[i].push_back(sorted.track_of[NodeOf(element.image_id, element.point2D)]);
+          }
+          std::ranges::sort(tracks[i]);
+          const auto repeated = std::ranges::unique(tracks[i]);
+          num_joined += std::ssize(repeated);
+          tracks[i].erase(repeated.begin(), repeated.end());
+          for (const int track : tracks[i]) ++std::atomic_ref<size_t>(sorted.begin[track + 1]);
         },
         kGrainOfPoints);
     sorted.num_joined = num_joined;
     std::partial_sum(sorted.begin.begin(), sorted.begin.end(), sorted.begin.begin());
     sorted.points.resize(sorted.begin.back());
     std::vector<size_t> next = sorted.begin;
-    ParallelFor(
-        num_threads, std::ssize(points),
-        [&](int64_t i) {
-          visit_tracks(*points[i], [&](int track) {
-            sorted.points[std::atomic_ref<size_t>(next[track])++] = points[i];
-          });
-        },
-        kGrainOfPoints);
+    for (size_t i = 0; i < points.size(); ++i) {
+      for (const int track : tracks[i]) sorted.points[next[track]++] = points[i];
+    }
     return sorted;
   }
 

@@ -38,7 +38,9 @@ double ReprojectionErrorPx(const Camera& camera, const Rigid3d& cam_from_world,
 }
 
 point3D_t Reconstruction::AddPoint3D(Point3D point) {
-  AddPoints3D({std::move(point)});
+  std::vector<Point3D> points;  // (a list of initializers would copy it)
+  points.push_back(std::move(point));
+  AddPoints3D(std::move(points));
   return points3D.rbegin()->first;
 }
 
