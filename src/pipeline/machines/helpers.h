@@ -89,7 +89,7 @@ template <class Result, class Queue, class Compute, class Keep>
 void ForEachTask(Queue& queue, Helpers* helpers, const RunContext& run, const Compute& compute,
                  const Keep& keep) {
   HelperWork work;
-  work.kind = kKindOf<Result>;
+  work.kind = KindOf<Result>();
   work.num_left = [&queue] { return queue.NumLeft(); };
   work.add_next = [&queue](TaskBatch& batch) {
     const auto task = queue.Next();

@@ -65,11 +65,19 @@ struct MatchResult {
 
 // The kind of the tasks that have such results.
 template <class Result>
-inline constexpr TaskKind kKindOf = TaskKind::kVerify;
+constexpr TaskKind KindOf() = delete;
 template <>
-inline constexpr TaskKind kKindOf<PhotoResult> = TaskKind::kExtract;
+constexpr TaskKind KindOf<PhotoResult>() {
+  return TaskKind::kExtract;
+}
 template <>
-inline constexpr TaskKind kKindOf<MatchResult> = TaskKind::kMatch;
+constexpr TaskKind KindOf<MatchResult>() {
+  return TaskKind::kMatch;
+}
+template <>
+constexpr TaskKind KindOf<PairOutcome>() {
+  return TaskKind::kVerify;
+}
 
 inline MatchResult MatchTask(const PairTask& task, const MatchingOptions& options) {
   const PairImage &image1 = *task.image1, &image2 = *task.image2;
