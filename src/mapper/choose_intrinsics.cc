@@ -12,9 +12,11 @@ namespace {
 
 // In few photographs, a principal point is hardly told from their rotations.
 constexpr int kMinImages = 8;
-// Standard errors of a gain beyond doubt: of a lens, whose next term must show; of principal
-// points, which photographs in a row may throw off, by Student's t.
+// Standard errors of a gain beyond doubt: of a lens, whose next term must show.
 constexpr double kDecisiveErrors = 3;
+// Of principal points: a chance of 1 % (the normal deviate; that of Student's t is made one). True
+// ones are hardly ever in the very center.
+constexpr double kPrincipalPointErrors = 2.326;
 // Larger models are not adjusted only to warn that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;
 // Of bundle adjustment; after the first few it is seen whether the matches agree better.
@@ -125,10 +127,10 @@ std::optional<FoundPrincipalPoints> FindPrincipalPoints(StageContext& context,
     AdjustModel(context, iterations, found.model);
     found.errors = NormalDeviate(ErrorsOfGain(before, EvidenceFor(context, found.model, graph)),
                                  static_cast<double>(num_images) - 1);
-    if (found.errors <= kDecisiveErrors) break;
+    if (found.errors <= kPrincipalPointErrors) break;
   }
   context.free_principal_points = kept;
-  const bool is_decisive = found.errors > kDecisiveErrors;
+  const bool is_decisive = found.errors > kPrincipalPointErrors;
   ModelStage stage(context, "principal_points");
   stage.Add("standard_errors_of_gain", found.errors);
   stage.Add("found", is_decisive ? cameras.size() : 0);
