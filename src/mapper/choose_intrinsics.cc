@@ -14,8 +14,8 @@ namespace {
 constexpr int kMinImages = 8;
 // Standard errors of a gain beyond doubt: of a lens, whose next term must show.
 constexpr double kDecisiveErrors = 3;
-// Of principal points: a chance of 1 % (the normal deviate; that of Student's t is made one). True
-// ones are hardly ever in the very center.
+// Of principal points, which are hardly ever in the very center: a chance of 1 %, as a normal
+// deviate. Photographs in a row may throw them off, which Student's t allows for.
 constexpr double kPrincipalPointErrors = 2.326;
 // Larger models are not adjusted only to warn that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;

@@ -65,17 +65,27 @@ Eigen::Vector2d OffsetFromCenter(const ReconstructResult& result) {
   return camera.PrincipalPoint() - Eigen::Vector2d(0.5 * camera.width, 0.5 * camera.height);
 }
 
+double ErrorsOfPrincipalPoints(const ReconstructResult& result) {
+  return Value(*FindStage(result.report, "principal_points"), "standard_errors_of_gain");
+}
+
 TEST(Reconstruct, RefinesPrincipalPointsOfUnknownCamerasWhereTheMatchesTell) {
   const ReconstructResult refined = Reconstruct(MakeDatabaseOffCenter({14, -9}));
   ASSERT_TRUE(refined.report.Succeeded()) << refined.report.failure;
   EXPECT_LT((OffsetFromCenter(refined) - Eigen::Vector2d(14, -9)).norm(), 6);
   EXPECT_TRUE(refined.report.warnings.empty());
 
+  // A chance of 1 % decides, not less.
+  const ReconstructResult barely = Reconstruct(MakeDatabaseOffCenter({2, -1.25}));
+  ASSERT_TRUE(barely.report.Succeeded()) << barely.report.failure;
+  EXPECT_LT((OffsetFromCenter(barely) - Eigen::Vector2d(2, -1.25)).norm(), 2);
+  EXPECT_NE(OffsetFromCenter(barely), Eigen::Vector2d::Zero());
+  EXPECT_LT(ErrorsOfPrincipalPoints(barely), 3);
+
   const ReconstructResult centered = Reconstruct(MakeDatabaseOffCenter({0, 0}));
   ASSERT_TRUE(centered.report.Succeeded()) << centered.report.failure;
   EXPECT_EQ(OffsetFromCenter(centered), Eigen::Vector2d::Zero());
-  EXPECT_LT(Value(*FindStage(centered.report, "principal_points"), "standard_errors_of_gain"),
-            2.326);
+  EXPECT_LT(ErrorsOfPrincipalPoints(centered), 2.326);
 }
 
 // Whose photographs are whole: their principal points are near the centers, where COLMAP has them.
@@ -169,7 +179,7 @@ TEST(Reconstruct, GivesLensesThatBendMuchAModelOfTwoParameters) {
   const ReconstructResult stays = Reconstruct(bent.database);
   ASSERT_TRUE(stays.report.Succeeded()) << stays.report.failure;
   EXPECT_EQ(stays.models.front().cameras.at(1).model, CameraModel::kSimpleRadial);
-  EXPECT_LT(Value(*FindStage(stays.report, "lens_models"), "standard_errors_of_gain"), 2.326);
+  EXPECT_LT(Value(*FindStage(stays.report, "lens_models"), "standard_errors_of_gain"), 3);
   EXPECT_LT(testing_support::CompareAligned(stays.models.front(), bent.scene.truth).angle, 0.002);
 }
 
