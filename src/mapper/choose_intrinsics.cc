@@ -12,11 +12,11 @@ namespace {
 
 // In few photographs, a principal point is hardly told from their rotations.
 constexpr int kMinImages = 8;
-// Standard errors of a gain beyond doubt: of a lens, whose next term must show.
+// Standard errors of a gain beyond doubt: of a lens, whose next term must show, and for a warning.
 constexpr double kDecisiveErrors = 3;
-// Of principal points, which are hardly ever in the very center: a chance of 1 %, as a normal
-// deviate. Photographs in a row may throw them off, which Student's t allows for.
-constexpr double kPrincipalPointErrors = 2.326;
+// Of principal points that are taken, since they are hardly ever in the very center: a chance of
+// 5 %, as a normal deviate. Photographs in a row may throw them off, which Student's t allows for.
+constexpr double kPrincipalPointErrors = 1.645;
 // Larger models are not adjusted only to warn that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;
 // Of bundle adjustment; after the first few it is seen whether the matches agree better.
@@ -111,10 +111,12 @@ ResultWarning OffCenter(const std::set<camera_t>& cameras, const Reconstruction&
           "camera's calibration"};
 }
 
-// Of these cameras, if the matches agree better beyond doubt with what bundle adjustment finds.
+// Of these cameras, if the matches agree better with what bundle adjustment finds, by more than so
+// many standard errors.
 std::optional<FoundPrincipalPoints> FindPrincipalPoints(StageContext& context,
                                                         const ViewGraph& graph,
                                                         const std::set<camera_t>& cameras,
+                                                        double min_errors,
                                                         const Reconstruction& model) {
   if (cameras.empty()) return std::nullopt;
   const ModelEvidence before = EvidenceFor(context, model, graph);
@@ -127,10 +129,10 @@ std::optional<FoundPrincipalPoints> FindPrincipalPoints(StageContext& context,
     AdjustModel(context, iterations, found.model);
     found.errors = NormalDeviate(ErrorsOfGain(before, EvidenceFor(context, found.model, graph)),
                                  static_cast<double>(num_images) - 1);
-    if (found.errors <= kPrincipalPointErrors) break;
+    if (found.errors <= min_errors) break;
   }
   context.free_principal_points = kept;
-  const bool is_decisive = found.errors > kPrincipalPointErrors;
+  const bool is_decisive = found.errors > min_errors;
   ModelStage stage(context, "principal_points");
   stage.Add("standard_errors_of_gain", found.errors);
   stage.Add("found", is_decisive ? cameras.size() : 0);
@@ -187,14 +189,14 @@ bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstr
         context, model);
   };
   const std::set<camera_t> wanted = centered(true), others = centered(false);
-  auto taken = FindPrincipalPoints(context, graph, wanted, model);
+  auto taken = FindPrincipalPoints(context, graph, wanted, kPrincipalPointErrors, model);
   if (taken) {
     for (const camera_t id : wanted) context.run.monitor.Info(FoundText(id, model, *taken));
     context.free_principal_points = wanted;
     model = std::move(taken->model);
   }
   if (model.NumObservations() <= kMaxObservationsToLook) {
-    if (const auto left = FindPrincipalPoints(context, graph, others, model)) {
+    if (const auto left = FindPrincipalPoints(context, graph, others, kDecisiveErrors, model)) {
       warnings.push_back(OffCenter(others, model, *left));
     }
   }

@@ -48,7 +48,7 @@ struct ReconstructOptions {
   bool separate_duplicates = true;
   // Where the matches agree better with them, by more than three standard errors.
   bool choose_lens_models = true;
-  // Where they agree better, by more than chance gives once in a hundred times.
+  // Where they agree better, by more than chance gives once in twenty times.
   PrincipalPointRefinement refine_principal_points = PrincipalPointRefinement::kUnknown;
   bool colors = true;
 
