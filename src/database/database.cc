@@ -215,8 +215,9 @@ void Database::DeleteImagesAndPairs(const std::set<image_t>& images) {
   }
 }
 
-Database::Transaction::Transaction(Database& database) : database_(&database) {
-  database.impl_->Execute("BEGIN IMMEDIATE;");
+Database::Transaction::Transaction(Database& database)
+    : database_(sqlite3_get_autocommit(database.impl_->connection) ? &database : nullptr) {
+  if (database_) database.impl_->Execute("BEGIN IMMEDIATE;");
 }
 
 Database::Transaction::~Transaction() {
@@ -227,8 +228,7 @@ Database::Transaction::~Transaction() {
 }
 
 void Database::Transaction::Commit() {
-  CAIRN_CHECK(database_ != nullptr);
-  database_->impl_->Execute("COMMIT;");
+  if (database_) database_->impl_->Execute("COMMIT;");
   database_ = nullptr;
 }
 

@@ -7,6 +7,7 @@
 #include "base/memory.h"
 #include "cairn/base/error.h"
 #include "cairn/database/report_bad_rows.h"
+#include "cairn/depth/depth_network.h"
 #include "cairn/image/image_folder.h"
 #include "database/stage_names.h"
 #include "intrinsics/wide_focals.h"
@@ -14,6 +15,7 @@
 #include "pipeline/pairs/choose.h"
 #include "pipeline/stages/foreign_features.h"
 #include "pipeline/stages/import_dataset.h"
+#include "pipeline/stages/masks.h"
 #include "pipeline/stages/recompute.h"
 #include "pipeline/stages/stage_ledger.h"
 
@@ -76,14 +78,16 @@ Sources FindSources(const BuildInputs& inputs) {
 }
 
 // Before features are computed for hours.
-void CheckPaths(const BuildInputs& inputs, const Sources& sources) {
+void CheckPaths(const BuildPipelineOptions& options, const Sources& sources) {
   namespace fs = std::filesystem;
+  const BuildInputs& inputs = options.inputs;
   if (!sources.image_path.empty()) CheckImageFolder(sources.image_path);
   if (!inputs.depth_path.empty() && !fs::is_directory(inputs.depth_path)) {
     throw IoError(inputs.depth_path, "no such folder");
   }
-  if (!inputs.depth_model.empty() && !fs::exists(inputs.depth_model)) {
-    throw IoError(inputs.depth_model, "no such file");
+  if (!inputs.depth_model.empty()) DepthNetwork(inputs.depth_model, options.depth);
+  if (!inputs.mask_path.empty() && sources.image_path.empty()) {
+    throw ConfigError("mask_path", "needs --image_path");
   }
 }
 
@@ -112,6 +116,34 @@ void NoteOtherPairs(const Database& database, bool has_list, ProgressMonitor& mo
   }
 }
 
+// What earlier runs had beside the photographs.
+struct EarlierSources {
+  bool has_masks = false;
+  bool has_depth = false;
+};
+
+EarlierSources FindEarlierSources(const Database& database) {
+  return {HasMasks(database), database.ReadStage(kStageDepth).has_value()};
+}
+
+// Folders are not stored, as options are: they may move. Those that are left out may be forgotten.
+void NoteOtherSources(const Database& database, const EarlierSources& earlier,
+                      const BuildInputs& inputs, ProgressMonitor& monitor) {
+  const size_t num_images = database.ReadImages().size();
+  if (earlier.has_masks && inputs.mask_path.empty() &&
+      database.ReadJobs(kStageFeatures).size() < num_images) {
+    monitor.Warning(
+        "earlier runs left out parts of photographs by masks; this one has none, and finds "
+        "features everywhere. Give --mask_path again to leave them out");
+  }
+  if (earlier.has_depth && inputs.stop_after >= BuildStage::kDepth && inputs.depth_path.empty() &&
+      inputs.depth_model.empty() && database.ReadJobs(kStageDepth).size() < num_images) {
+    monitor.Warning(
+        "earlier runs had depth; this one has none, so new photographs get none. Give --depth_path "
+        "or --depth_model again");
+  }
+}
+
 // The stages of a run, which end early where the user stops it.
 class BuildRun {
  public:
@@ -119,11 +151,17 @@ class BuildRun {
            Helpers* helpers, RunReport& report)
       : database_(database), options_(options), run_(run), helpers_(helpers), report_(report) {}
 
-  // Runs the stages one after the other; false: the user stopped one.
+  // Runs the stages one after the other; false: the user stopped one. What --recompute and
+  // --drop_missing take out is gone only once nothing more can be wrong with the command.
   bool Run(const Sources& sources) {
     const BuildInputs& in = options_.inputs;
     const BuildStage last = in.stop_after;
+    const EarlierSources earlier = FindEarlierSources(database_);
+    Database::Transaction transaction(database_);
+    PrepareRecompute(database_, in.recompute, sources.image_path);
+    CheckStageOptions(database_, options_, run_.seed);
     if (sources.dataset && !sources.dataset->has_photographs) {
+      transaction.Commit();
       return KeepGoing(ImportDataset(database_, *sources.dataset, options_.cameras, run_));
     }
     PhotoSource photos = {.image_path = sources.image_path,
@@ -137,6 +175,9 @@ class BuildRun {
     const auto listed = ListedPairs(database_, in, sources, run_.monitor);
     if (last >= BuildStage::kMatching) NoteOtherPairs(database_, listed.has_value(), run_.monitor);
     if (!listed && last >= BuildStage::kPairs) CheckPairWays(database_, choosing, run_);
+    CheckMasks(database_, in.mask_path);
+    transaction.Commit();
+    NoteOtherSources(database_, earlier, in, run_.monitor);
     if (!KeepGoing(ExtractImageFeatures(database_, {sources.image_path, in.mask_path},
                                         options_.features, run_, helpers_))) {
       return false;
@@ -291,13 +332,11 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   report.run.seed = run.seed;
   report.run.num_threads = run.num_threads;
   const Sources sources = FindSources(inputs);
-  CheckPaths(inputs, sources);
+  CheckPaths(options, sources);
   const FileLock lock(inputs.database_path);
   Database database = OpenDatabase(inputs);
   ForgetLostRows(database, sources, run.monitor);
   ReportBadRows(database, report.run, run.monitor);
-  PrepareRecompute(database, inputs.recompute, sources.image_path);
-  CheckStageOptions(database, options, run.seed);
   std::optional<Helpers> helpers = FindHelpers(options, run, peers);
   BuildRun build(database, options, run, helpers ? &*helpers : nullptr, report.run);
   report.was_stopped = !build.Run(sources);

@@ -156,7 +156,7 @@ class Database {
   void ClearStage(const std::string& stage);
 
   // Runs the writes between construction and Commit() as one transaction; rolled back if destroyed
-  // before.
+  // before. One within another is a part of it.
   class Transaction {
    public:
     explicit Transaction(Database& database);
@@ -166,7 +166,7 @@ class Database {
     void Commit();
 
    private:
-    Database* database_;
+    Database* database_;  // nullptr: committed, or part of another
   };
 
   struct Impl;  // defined in src/database/query.h

@@ -1,5 +1,6 @@
 #include "pipeline/stages/masks.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <set>
 
@@ -18,6 +19,21 @@ void CheckSize(const std::string& path, const ImageSize& photo) {
   if (mask == photo) return;
   throw ConfigError("mask_path",
                     path + " is " + SizeText(mask) + " pixels, its photograph " + SizeText(photo));
+}
+
+std::map<std::string, uint64_t> HashesOfPhotos(const Database& database) {
+  std::map<std::string, uint64_t> hashes;
+  for (const PhotoRecord& photo : database.ReadPhotos()) {
+    if (photo.error.empty()) hashes[photo.name] = photo.file_hash;
+  }
+  return hashes;
+}
+
+// "": it has none.
+std::string MaskOf(const std::string& mask_path, const Image& image) {
+  if (mask_path.empty()) return "";
+  const std::string mask = PathInFolder(mask_path, image.name + ".png");
+  return std::filesystem::exists(mask) ? mask : "";
 }
 
 }  // namespace
@@ -40,35 +56,54 @@ uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path) {
   return Hasher().Add(file_hash).Add(HashFile(mask_path)).Digest();
 }
 
+void CheckMasks(const Database& database, const std::string& mask_path) {
+  if (mask_path.empty()) return;
+  const std::map<camera_t, ImageSize> sizes = CameraSizes(database);
+  const std::vector<Image> images = database.ReadImages();
+  bool has_any = images.empty();
+  for (const Image& image : images) {
+    const std::string mask = MaskOf(mask_path, image);
+    if (mask.empty()) continue;
+    has_any = true;
+    const auto size = sizes.find(image.camera_id);
+    if (size != sizes.end()) CheckSize(mask, size->second);
+  }
+  if (has_any) return;
+  throw ConfigError("mask_path", mask_path + " has no mask of any image: there is no " +
+                                     images.front().name + ".png");
+}
+
+bool HasMasks(const Database& database) {
+  const std::map<std::string, uint64_t> file_hashes = HashesOfPhotos(database);
+  std::map<image_t, uint64_t> input_hashes;
+  for (const JobRecord& job : database.ReadJobs(kStageFeatures)) {
+    input_hashes[static_cast<image_t>(job.item)] = job.input_hash;
+  }
+  return std::ranges::any_of(database.ReadImages(), [&](const Image& image) {
+    const auto input = input_hashes.find(image.image_id);
+    const auto file = file_hashes.find(image.name);
+    return input != input_hashes.end() && file != file_hashes.end() &&
+           input->second != file->second;
+  });
+}
+
 std::map<image_t, FeatureInput> FindFeatureInputs(const Database& database,
                                                   const std::string& mask_path, Stage& stage) {
-  std::map<std::string, uint64_t> file_hashes;
-  for (const PhotoRecord& photo : database.ReadPhotos()) {
-    if (photo.error.empty()) file_hashes[photo.name] = photo.file_hash;
-  }
-  std::map<camera_t, ImageSize> sizes = CameraSizes(database);
-  const std::vector<Image> images = database.ReadImages();
+  CheckMasks(database, mask_path);
+  const std::map<std::string, uint64_t> file_hashes = HashesOfPhotos(database);
   std::map<image_t, FeatureInput> inputs;
   std::vector<std::string> without;
-  for (const Image& image : images) {
-    std::string mask;
-    if (!mask_path.empty()) mask = PathInFolder(mask_path, image.name + ".png");
-    if (!mask.empty() && !std::filesystem::exists(mask)) {
-      without.push_back(image.name);
-      mask.clear();
-    }
-    if (!mask.empty() && sizes.count(image.camera_id) > 0) CheckSize(mask, sizes[image.camera_id]);
+  for (const Image& image : database.ReadImages()) {
+    const std::string mask = MaskOf(mask_path, image);
+    if (mask.empty() && !mask_path.empty()) without.push_back(image.name);
     const auto file_hash = file_hashes.find(image.name);
     if (file_hash == file_hashes.end()) continue;
     inputs[image.image_id] = {file_hash->second, mask, FeatureInputHash(file_hash->second, mask)};
   }
-  if (without.empty()) return inputs;
-  if (without.size() == images.size()) {
-    throw ConfigError("mask_path", mask_path + " has no mask of any image: there is no " +
-                                       without.front() + ".png");
+  if (!without.empty()) {
+    stage.Warn("no mask of " + std::to_string(without.size()) + " images, such as " +
+               without.front() + "; features are found everywhere in them");
   }
-  stage.Warn("no mask of " + std::to_string(without.size()) + " images, such as " +
-             without.front() + "; features are found everywhere in them");
   return inputs;
 }
 

@@ -28,9 +28,14 @@ struct FeatureInput {
 // Hash of both; mask_path "": no mask.
 uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path);
 
-// Of every image whose photograph is known. Masks are `<mask_path>/<image name>.png`; the stage
-// warns of images that have none. Throws ConfigError where none has one, or one has not its image's
-// size.
+// Masks are `<mask_path>/<image name>.png`. Throws ConfigError where no image has one, or one has
+// not its image's size.
+void CheckMasks(const Database& database, const std::string& mask_path);
+
+// Whether features were found with a mask.
+bool HasMasks(const Database& database);
+
+// Of every image whose photograph is known. The stage warns of images that have no mask.
 std::map<image_t, FeatureInput> FindFeatureInputs(const Database& database,
                                                   const std::string& mask_path, Stage& stage);
 

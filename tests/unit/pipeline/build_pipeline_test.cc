@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <functional>
+#include <stdexcept>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -198,6 +200,26 @@ TEST_F(BuildPipelineTest, AListOfPairsIsNotLeftOutWithoutAWord) {
               HasSubstr("--pairs cannot be given too"));
 }
 
+TEST_F(BuildPipelineTest, MasksAndDepthAreNotLeftOutWithoutAWord) {
+  fs::create_directories(folder_ / "masks");
+  WriteBitmap(folder_ / "masks/photo0.png.png", testing::WallPhoto(160, 120, 0));
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.mask_path = folder_ / "masks";
+  options.inputs.stop_after = BuildStage::kDepth;
+  RunBuildPipeline(options);
+  options.inputs.mask_path = options.inputs.depth_path = "";
+  const auto warnings_of_run = [&options] {
+    TestMonitor monitor;
+    RunBuildPipeline(options, {.monitor = monitor});
+    return monitor.warnings();
+  };
+  EXPECT_THAT(warnings_of_run(), IsEmpty());  // nothing is new
+  AddPhoto(4);
+  EXPECT_THAT(warnings_of_run(), ElementsAre(HasSubstr("--mask_path"), HasSubstr("--depth_path")));
+  options.inputs.recompute = BuildStage::kFeatures;  // all is found anew
+  EXPECT_THAT(warnings_of_run(), ElementsAre(HasSubstr("--mask_path"), HasSubstr("--depth_path")));
+}
+
 TEST_F(BuildPipelineTest, PositionsOfNoPhotographAreNamedWhateverThePairs) {
   BuildPipelineOptions options = Options("a.db");
   options.inputs.stop_after = BuildStage::kFeatures;
@@ -322,7 +344,7 @@ TEST_F(BuildPipelineTest, AFolderThatIsNotThereIsFoundBeforeAnyWork) {
   options.inputs.depth_path = "";
   options.inputs.depth_model = folder_ / "no.onnx";
   EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
-              HasSubstr("no.onnx: no such file"));
+              HasSubstr("no.onnx: No such file"));
   EXPECT_FALSE(fs::exists(folder_ / "a.db"));
 }
 
@@ -351,6 +373,44 @@ TEST_F(BuildPipelineTest, RecomputeRefusesToLoseWhatItCannotMake) {
   options.inputs.recompute = BuildStage::kMatching;
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
               HasSubstr("no descriptors"));
+}
+
+TEST_F(BuildPipelineTest, ARefusedCommandTakesNothingFromTheDatabase) {
+  RunBuildPipeline(Options("a.db"));
+  const std::string before = Dump("a.db");
+  fs::create_directories(folder_ / "no_masks");
+  WriteFileAtomically(folder_ / "no.onnx", "no network");
+  using Change = std::function<void(BuildPipelineOptions&)>;
+  const std::vector<std::pair<BuildStage, Change>> refused = {
+      {BuildStage::kPairs, [](auto& o) { o.inputs.pairs = "spatial"; }},
+      {BuildStage::kFeatures, [&](auto& o) { o.inputs.mask_path = folder_ / "no_masks"; }},
+      {BuildStage::kFeatures, [](auto& o) { o.inputs.pairs = "spatial"; }},
+      {BuildStage::kMatching, [&](auto& o) { o.inputs.pairs_path = folder_ / "no.txt"; }},
+      {BuildStage::kPairs, [&](auto& o) { o.inputs.gps_path = folder_ / "no.txt"; }},
+      {BuildStage::kMatching, [](auto& o) { o.features.max_num_features = 77; }},
+      {BuildStage::kCameras,
+       [](auto& o) {
+         o.cameras.camera_params = {1, 2};
+       }},
+      {BuildStage::kDepth,
+       [&](auto& o) {
+         o.inputs.depth_path = "";
+         o.inputs.depth_model = folder_ / "no.onnx";
+       }},
+  };
+  for (const auto& [stage, change] : refused) {
+    BuildPipelineOptions options = Options("a.db");
+    options.inputs.recompute = stage;
+    change(options);
+    EXPECT_THROW(RunBuildPipeline(options), std::runtime_error) << NameOf(kBuildStages, stage);
+    EXPECT_EQ(Dump("a.db"), before) << NameOf(kBuildStages, stage);
+  }
+  fs::remove(Images() + "/photo3.png");
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.drop_missing = true;
+  options.inputs.mask_path = folder_ / "no_masks";
+  EXPECT_THROW(RunBuildPipeline(options), ConfigError);
+  EXPECT_EQ(Dump("a.db"), before);
 }
 
 TEST_F(BuildPipelineTest, NothingVerifiedIsNoUsableResult) {
