@@ -6,6 +6,7 @@
 #include <limits>
 #include <opencv2/core/mat.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "cairn/base/error.h"
 #include "image/cv_bitmap.h"
@@ -105,10 +106,13 @@ std::vector<uint8_t> EncodeImage(const std::string& path, const std::string& ext
                                  const Bitmap& bitmap, int jpeg_quality) {
   cv::Mat image(bitmap.height, bitmap.width, CV_8UC(bitmap.channels));
   SwapRedBlue(View(bitmap), image);
+  const bool is_gray_format = extension == ".pgm";
+  if (is_gray_format && bitmap.channels == 3) cv::cvtColor(image, image, cv::COLOR_BGR2GRAY);
   std::vector<uint8_t> bytes;
   try {
     PrepareCodecs();
-    if (cv::imencode(extension, image, bytes, {cv::IMWRITE_JPEG_QUALITY, jpeg_quality})) {
+    if (cv::imencode(extension == ".jfif" ? ".jpg" : extension, image, bytes,
+                     {cv::IMWRITE_JPEG_QUALITY, jpeg_quality})) {
       return bytes;
     }
   } catch (const cv::Exception& exception) {

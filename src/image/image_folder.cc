@@ -17,11 +17,12 @@ namespace fs = std::filesystem;
 
 using Extensions = std::span<const std::string_view>;
 
-constexpr std::string_view kRead[] = {".jpg",  ".jpeg", ".png", ".tif",
-                                      ".tiff", ".bmp",  ".ppm", ".webp"};
-constexpr std::string_view kUnread[] = {".gif", ".heic", ".heif", ".avif", ".jxl", ".jp2", ".exr",
-                                        ".hdr", ".raw",  ".dng",  ".cr2",  ".cr3", ".nef", ".arw",
-                                        ".orf", ".rw2",  ".raf",  ".mp4",  ".mov", ".avi", ".mkv"};
+constexpr std::string_view kRead[] = {".jpg",  ".jpeg", ".jpe", ".jfif", ".png", ".tif",
+                                      ".tiff", ".bmp",  ".ppm", ".pgm",  ".pnm", ".webp"};
+constexpr std::string_view kUnread[] = {
+    ".gif", ".heic", ".heif", ".avif", ".jxl", ".jp2", ".exr", ".hdr", ".tga", ".psd",
+    ".raw", ".dng",  ".cr2",  ".cr3",  ".nef", ".arw", ".orf", ".rw2", ".raf", ".pef",
+    ".srw", ".3fr",  ".insp", ".mp4",  ".m4v", ".mov", ".avi", ".mkv", ".mts", ".webm"};
 
 bool HasExtension(const fs::path& path, Extensions extensions) {
   const std::string extension = LowerCaseExtension(path.string());

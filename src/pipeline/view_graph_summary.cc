@@ -59,7 +59,8 @@ std::string WithParts(int64_t total, const std::map<std::string, int64_t>& parts
 ViewGraphSummary SummarizeDatabase(const Database& database) {
   ViewGraphSummary summary;
   summary.num_images = static_cast<int>(database.ReadImages().size());
-  summary.num_images_with_features = static_cast<int>(database.ReadNumKeypoints().size());
+  for (const auto& [id, num] : database.ReadNumKeypoints())
+    summary.num_images_with_features += num > 0;
   summary.num_images_with_depth = static_cast<int>(database.ReadNumDepthSamples().size());
   for (const PhotoRecord& photo : database.ReadPhotos()) {
     summary.num_skipped_photos += !photo.error.empty();

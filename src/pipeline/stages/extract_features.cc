@@ -1,7 +1,8 @@
-#include <atomic>
+#include <algorithm>
 #include <map>
 #include <set>
 
+#include "base/text.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/image/bitmap.h"
@@ -24,6 +25,7 @@ struct FeatureItem {
   FeatureInput input;
   bool is_ours = false;  // cairn added the image, so cairn may take it out again
   std::string error;
+  int64_t num_features = 0;
 };
 
 struct FeatureWork {
@@ -61,16 +63,15 @@ void WriteFailure(Database& database, const std::string& folder, const FeatureIt
   if (item.is_ours) database.DeleteImage(item.image.image_id);
 }
 
-// Extracts the features of all items, here and by helpers. Returns their number.
-int64_t ExtractAll(const std::string& database_path, const FeatureOptions& options,
-                   const RunContext& run, Helpers* helpers, FeatureWork& work) {
+// Extracts the features of all items, here and by helpers.
+void ExtractAll(const std::string& database_path, const FeatureOptions& options,
+                const RunContext& run, Helpers* helpers, FeatureWork& work) {
   const std::string& image_path = work.image_path;
   std::vector<FeatureItem>& items = work.items;
   const PlaneReuse reuse;
   DatabaseWriter writer(database_path, {.max_queue_size = 8});  // an image's features are megabytes
-  std::atomic<int64_t> num_features = 0;
   const auto finish = [&](FeatureItem& item, Features features) {
-    num_features += std::ssize(features.keypoints);
+    item.num_features = std::ssize(features.keypoints);
     writer.Push([&, features = std::make_shared<Features>(std::move(features))](Database& db) {
       item.error.empty() ? WriteFeatures(db, item, *features) : WriteFailure(db, image_path, item);
     });
@@ -119,7 +120,19 @@ int64_t ExtractAll(const std::string& database_path, const FeatureOptions& optio
         finish(items[result.item], std::move(result.features));
       });
   writer.Finish();
-  return num_features;
+}
+
+void RemarkOnImagesWithoutFeatures(const std::vector<FeatureItem>& items, bool has_masks,
+                                   Stage& stage) {
+  std::vector<std::string> names;
+  for (const FeatureItem& item : items) {
+    if (item.error.empty() && item.num_features == 0) names.push_back(item.image.name);
+  }
+  if (names.empty()) return;
+  stage.Warn(ResultWarning{
+      "no features in " + std::to_string(names.size()) + " photographs: " + FirstNames(names),
+      has_masks ? "look at their masks: black is left out"
+                : "look at them: have they any detail?"});
 }
 
 void RemarkOnForeignSift(const FeatureOptions& options, Stage& stage) {
@@ -148,12 +161,11 @@ StageReport ExtractImageFeatures(Database& database, const FeatureSource& source
     if (!source.mask_path.empty()) ForgetChangedFeatures(database, inputs);
     work.items = FindItems(database, inputs);
   }
-  int64_t num_features = 0;
   if (!work.items.empty()) {
     if (HasForeignSift(database)) RemarkOnForeignSift(options, stage);
     ledger.Begin(database);
     run.monitor.BeginStage("extracting features", std::ssize(work.items));
-    num_features = ExtractAll(database.path(), options, run, helpers, work);
+    ExtractAll(database.path(), options, run, helpers, work);
     run.monitor.EndStage();
   }
   const size_t num_remarks = stage.NumMessages();
@@ -162,10 +174,15 @@ StageReport ExtractImageFeatures(Database& database, const FeatureSource& source
   }
   const auto num_failed = static_cast<double>(stage.NumMessages() - num_remarks);
   stage.Add("images", database.ReadImages().size());
-  stage.Add("images_with_features", database.ReadNumKeypoints().size());
+  stage.Add("images_with_features",
+            std::ranges::count_if(database.ReadNumKeypoints(),
+                                  [](const auto& of) { return of.second > 0; }));
   stage.Add("computed", static_cast<double>(work.items.size()) - num_failed);
   stage.Add("skipped", num_failed);
+  int64_t num_features = 0;
+  for (const FeatureItem& item : work.items) num_features += item.num_features;
   stage.Add("new_features", num_features);
+  RemarkOnImagesWithoutFeatures(work.items, !source.mask_path.empty(), stage);
   return EndStage(stage, run, ledger, database);
 }
 

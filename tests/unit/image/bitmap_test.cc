@@ -8,6 +8,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
+#include "cairn/image/image_folder.h"
 #include "image/codecs.h"
 #include "image/image_container.h"
 #include "support/temp_folder.h"
@@ -59,6 +60,20 @@ TEST(Bitmap, LosslessFormatsKeepEveryByte) {
     WriteBitmap(folder / name, gray);
     EXPECT_EQ(ReadBitmap(folder / name, BitmapColor::kGray).data, gray.data) << name;
   }
+}
+
+// As undistort does, by the names of the photographs.
+TEST(Bitmap, EveryFormatThatIsReadIsWritten) {
+  const TempFolder folder;
+  const Bitmap gray{40, 30, 1, std::vector<uint8_t>(40 * 30, 90)};
+  const Bitmap rgb{40, 30, 3, std::vector<uint8_t>(3 * 40 * 30, 90)};
+  for (const char* extension :
+       {"jpg", "jpeg", "jpe", "jfif", "png", "tif", "tiff", "bmp", "ppm", "pgm", "pnm", "webp"}) {
+    const std::string path = folder / (std::string("a.") + extension);
+    WriteBitmap(path, rgb);
+    EXPECT_EQ(ReadBitmap(path, BitmapColor::kGray).data, gray.data) << extension;
+  }
+  EXPECT_EQ(ListImages(folder.path()).size(), 12u);
 }
 
 TEST(Bitmap, ChannelsAreRedGreenBlue) {

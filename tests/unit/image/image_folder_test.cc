@@ -19,14 +19,14 @@ using testing::TempFolder;
 TEST(ImageFolder, ListsPhotographsRecursivelySorted) {
   const TempFolder folder;
   for (const char* name : {"b", "a/deep", ".hidden"}) CreateFolders(folder / name);
-  for (const char* name :
-       {"z.jpg", "B.JPG", "b/1.jpeg", "b/2.Png", "a/deep/x.tif", "a/deep/y.TIFF", "c.bmp", "d.ppm",
-        "e.webp", "notes.txt", "f.jpg.npy", ".g.jpg", ".hidden/h.jpg", "jpg"}) {
+  for (const char* name : {"z.jpg", "B.JPG", "b/1.jpeg", "b/2.Png", "a/deep/x.tif", "a/deep/y.TIFF",
+                           "c.bmp", "d.ppm", "e.webp", "f.pgm", "g.JFIF", "h.jpe", "notes.txt",
+                           "f.jpg.npy", ".g.jpg", ".hidden/h.jpg", "jpg"}) {
     WriteFileAtomically(folder / name, "");
   }
   EXPECT_THAT(ListImages(folder.path()),
               ElementsAre("B.JPG", "a/deep/x.tif", "a/deep/y.TIFF", "b/1.jpeg", "b/2.Png", "c.bmp",
-                          "d.ppm", "e.webp", "z.jpg"));
+                          "d.ppm", "e.webp", "f.pgm", "g.JFIF", "h.jpe", "z.jpg"));
 }
 
 TEST(ImageFolder, FollowsLinksOnceEvenInACycle) {

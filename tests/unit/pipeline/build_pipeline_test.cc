@@ -421,6 +421,23 @@ TEST_F(BuildPipelineTest, NothingVerifiedIsNoUsableResult) {
   EXPECT_EQ(report.summary.num_too_few, 6);
 }
 
+TEST_F(BuildPipelineTest, PhotographsWithoutFeaturesAreNamed) {
+  fs::create_directories(folder_ / "masks");
+  for (int i = 0; i < 4; ++i) {
+    Bitmap black{160, 120, 1, std::vector<uint8_t>(160 * 120, 0)};
+    WriteBitmap(folder_ / ("masks/photo" + std::to_string(i) + ".png.png"), black);
+  }
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.mask_path = folder_ / "masks";
+  options.inputs.depth_path = "";
+  TestMonitor monitor;
+  const BuildPipelineReport report = RunBuildPipeline(options, {.monitor = monitor});
+  EXPECT_EQ(report.summary.num_images_with_features, 0);
+  EXPECT_THAT(report.run.failure, HasSubstr("no image has features"));
+  EXPECT_THAT(monitor.warnings(),
+              Contains(AllOf(HasSubstr("no features in 4 photographs"), HasSubstr("photo0.png"))));
+}
+
 TEST_F(BuildPipelineTest, WithoutImagesTheDatabaseMustBeThere) {
   BuildPipelineOptions options = Options("absent.db");
   options.inputs.image_path = "";
