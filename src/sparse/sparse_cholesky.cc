@@ -1,6 +1,7 @@
 #include "sparse/sparse_cholesky.h"
 
 #include <cholmod.h>
+#include <sys/mman.h>
 
 #include <algorithm>
 #include <new>
@@ -9,12 +10,34 @@
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
 
-extern "C" void openblas_set_num_threads(int num_threads);
+extern "C" {
+void openblas_set_num_threads(int num_threads);
+void dpotrf_(const char* uplo, const int* n, double* a, const int* lda, int* info);
+}
 
 namespace cairn {
 namespace {
 
 static_assert(sizeof(SuiteSparse_long) == sizeof(int64_t));
+
+// OpenBLAS takes a buffer of 128 MiB where it is first used, and where memory is missing it asks
+// for that for ever. So that much is asked for before, and the buffer is taken at once. Throws
+// std::bad_alloc.
+void PrepareBlas() {
+  openblas_set_num_threads(1);
+  [[maybe_unused]] static const bool is_prepared = [] {
+    constexpr size_t kBytes = 160 << 20;
+    void* room = mmap(nullptr, kBytes, PROT_READ | PROT_WRITE,
+                      MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    if (room == MAP_FAILED) throw std::bad_alloc();
+    munmap(room, kBytes);
+    const int n = 1;
+    double one = 1;
+    int info = 0;
+    dpotrf_("L", &n, &one, &n, &info);
+    return info == 0;
+  }();
+}
 
 void CheckMemory(const cholmod_common& common) {
   if (common.status == CHOLMOD_OUT_OF_MEMORY || common.status == CHOLMOD_TOO_LARGE) {
@@ -107,7 +130,7 @@ struct SparseCholesky::Impl {
 SparseCholesky::SparseCholesky(const SymmetricPattern& pattern) {
   CAIRN_CHECK(!pattern.begin.empty());
   CAIRN_CHECK_EQ(static_cast<size_t>(pattern.begin.back()), pattern.row.size());
-  openblas_set_num_threads(1);
+  PrepareBlas();
   impl_ = std::make_unique<Impl>(pattern);
 }
 

@@ -61,7 +61,7 @@ size_t HandleMissing(Database& database, const PhotoSource& source,
   std::set<image_t> missing;
   bool any_is_there = false;
   for (const Image& image : database.ReadImages()) {
-    if (imported.count(image.name) == 0) continue;
+    if (!source.drop_missing && imported.count(image.name) == 0) continue;
     if (present.count(image.name) > 0) {
       any_is_there = true;
     } else {
@@ -201,20 +201,41 @@ camera_t FirstFreeCameraId(const StoredImages& stored, const StageLedger& ledger
   return first_free;
 }
 
+// What the user gives of cameras does not reach those of another program.
+void RemarkOnForeign(const std::vector<std::string>& names, const CameraOptions& options,
+                     Stage& stage) {
+  if (names.empty()) return;
+  const std::string what = std::to_string(names.size()) +
+                           " photographs have features of another program; these, their cameras "
+                           "and matches stay as they are: " +
+                           FirstNames(names, 3);
+  if (DumpOptions(options) == DumpOptions(CameraOptions())) {
+    stage.Note(what);
+  } else {
+    stage.Warn(ResultWarning{what,
+                             "the cameras that are given are not theirs; give them to that "
+                             "program, or start a new database"});
+  }
+}
+
 // Sorts out which photos are new; throws ConfigError if one changed that has results.
 std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos,
-                             const StoredImages& stored, const StageLedger& ledger, Stage& stage) {
+                             const StoredImages& stored, const StageLedger& ledger,
+                             const CameraOptions& options, Stage& stage) {
   std::map<std::string, PhotoRecord> records;
   for (PhotoRecord& record : database.ReadPhotos()) records[record.name] = record;
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
   std::vector<Photo> fresh;
+  std::vector<std::string> foreign;
   for (Photo& photo : photos) {
     const auto record = records.find(photo.name);
     const auto image = stored.ids.find(photo.name);
     const bool is_stored = image != stored.ids.end();
     if (record == records.end()) {
-      // Another program's image, with features, stays as it is.
-      if (is_stored && num_keypoints.count(image->second) > 0) continue;
+      if (is_stored && num_keypoints.count(image->second) > 0) {
+        foreign.push_back(photo.name);
+        continue;
+      }
     } else if (!record->second.error.empty()) {
       if (record->second.file_hash == photo.file_hash) {
         stage.Warn(photo.name + ": " + record->second.error + "; still skipped");
@@ -232,6 +253,7 @@ std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos
     }
     fresh.push_back(std::move(photo));
   }
+  RemarkOnForeign(foreign, options, stage);
   return fresh;
 }
 
@@ -378,7 +400,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   KnownPhotos known_photos;
   if (!run.monitor.StopRequested()) {
     const std::vector<Photo> all = photos;
-    photos = SelectNew(database, std::move(photos), stored, ledger, stage);
+    photos = SelectNew(database, std::move(photos), stored, ledger, options, stage);
     ReadHeaders(image_path, run, photos);
     if (!photos.empty()) known_photos = FindKnownPhotos(stored, ledger, image_path, all);
   }

@@ -92,17 +92,24 @@ std::map<image_t, FeatureInput> FindFeatureInputs(const Database& database,
   CheckMasks(database, mask_path);
   const std::map<std::string, uint64_t> file_hashes = HashesOfPhotos(database);
   std::map<image_t, FeatureInput> inputs;
-  std::vector<std::string> without;
+  std::vector<std::string> without, unused;
   for (const Image& image : database.ReadImages()) {
     const std::string mask = MaskOf(mask_path, image);
     if (mask.empty() && !mask_path.empty()) without.push_back(image.name);
     const auto file_hash = file_hashes.find(image.name);
-    if (file_hash == file_hashes.end()) continue;
+    if (file_hash == file_hashes.end()) {
+      if (!mask.empty()) unused.push_back(image.name);
+      continue;
+    }
     inputs[image.image_id] = {file_hash->second, mask, FeatureInputHash(file_hash->second, mask)};
   }
   if (!without.empty()) {
     stage.Warn("no mask of " + std::to_string(without.size()) + " images, such as " +
                without.front() + "; features are found everywhere in them");
+  }
+  if (!unused.empty()) {
+    stage.Warn("masks of " + std::to_string(unused.size()) + " images, such as " + unused.front() +
+               ", are not used: their features are another program's");
   }
   return inputs;
 }

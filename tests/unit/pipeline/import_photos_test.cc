@@ -158,6 +158,17 @@ TEST_F(ImportPhotosTest, WhatIsGoneIsTakenOutWhereTold) {
   EXPECT_THAT(Names(), ElementsAre("a.png", "c.png", "b.png"));
 }
 
+TEST_F(ImportPhotosTest, WhatIsGoneIsTakenOutWhoeverAddedIt) {
+  AddPhoto("a.png");
+  database_.WriteCamera(Camera::FromFocal(5, CameraModel::kOpenCV, 99, 64, 48));
+  database_.WriteImage({7, "gone.png", 5});
+  database_.WriteKeypoints(7, std::vector<Keypoint>(3));
+  Import();
+  EXPECT_THAT(Names(), ElementsAre("gone.png", "a.png"));
+  ImportPhotos(database_, {.image_path = images_, .drop_missing = true});
+  EXPECT_THAT(Names(), ElementsAre("a.png"));
+}
+
 TEST_F(ImportPhotosTest, AnotherFolderDoesNotEmptyTheDatabase) {
   AddPhoto("a.png");
   Import();
@@ -410,7 +421,10 @@ TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
   PrepareRecompute(database_, BuildStage::kCameras, images_);
   CameraOptions options;
   options.camera_model = CameraModel::kPinhole;
-  Import(options);
+  TestMonitor monitor;
+  Import(options, monitor);
+  EXPECT_THAT(monitor.warnings(),
+              ElementsAre(HasSubstr("1 photographs have features of another program")));
   EXPECT_EQ(database_.ReadImages()[0].camera_id, 5u);
   EXPECT_EQ(database_.ReadCameras()[0].model, CameraModel::kOpenCV);
   EXPECT_EQ(database_.ReadCameras()[1].model, CameraModel::kPinhole);

@@ -1,7 +1,12 @@
 #include <gmock/gmock.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <Eigen/Dense>
+#include <cstdlib>
 #include <cstring>
+#include <fstream>
+#include <new>
 
 #include "cairn/base/rng.h"
 #include "sparse/block_cholesky.h"
@@ -54,6 +59,39 @@ Eigen::MatrixXd RandomMatrix(int rows, int cols, uint64_t seed) {
   for (int i = 0; i < m.size(); ++i) m(i) = rng.Gaussian();
   return m;
 }
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // these need terabytes
+// Ends this process: 3 where memory is missing, as the programs do.
+[[noreturn]] void FactorizeWithin(int64_t bytes_more) {
+  int64_t num_pages = 0;
+  std::ifstream("/proc/self/statm") >> num_pages;
+  const rlim_t limit = num_pages * sysconf(_SC_PAGESIZE) + bytes_more;
+  const rlimit memory = {limit, limit};
+  setrlimit(RLIMIT_AS, &memory);
+  alarm(20);
+  SymmetricPattern dense;
+  constexpr int kSize = 300;  // BLAS takes part
+  std::vector<double> values;
+  for (int column = 0; column < kSize; ++column) {
+    for (int row = column; row < kSize; ++row) {
+      dense.row.push_back(row);
+      values.push_back(row == column ? kSize : 0.5);
+    }
+    dense.begin.push_back(static_cast<int64_t>(dense.row.size()));
+  }
+  try {
+    std::exit(SparseCholesky(dense).Factorize(values) ? 0 : 1);
+  } catch (const std::bad_alloc&) {
+    std::exit(3);
+  }
+}
+
+TEST(SparseCholeskyDeathTest, TooLittleMemoryForBlasIsAnErrorNotAWaitForEver) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  EXPECT_EXIT(FactorizeWithin(100 << 20), ::testing::ExitedWithCode(3), "");
+  EXPECT_EXIT(FactorizeWithin(400 << 20), ::testing::ExitedWithCode(0), "");
+}
+#endif
 
 TEST(LaplacianSolver, SolvesWithGaugeForSparseAndDenseGraphs) {
   for (const int num_extra : {0, 30, 3000}) {  // simplicial and supernodal
