@@ -8,6 +8,7 @@
 #include <charconv>
 #include <cstdio>
 
+#include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/options.h"
@@ -211,13 +212,16 @@ void Command::Apply() {
   for (const auto& validate : validators_) validate();
 }
 
-std::string Command::EffectiveToml() const {
+std::string Command::EffectiveToml(const std::string& left_out_unless_given) const {
   std::string text = "# " + name_ + ", cairn " CAIRN_VERSION "\n";
   for (const Dumper& dumper : dumpers_) {
     if (!dumper.module.empty()) text += "\n[" + dumper.module + "]\n";
     text += dumper.dump();
   }
-  return text;
+  if (left_out_unless_given.empty() || IsSet(left_out_unless_given)) return text;
+  const size_t begin = text.find("\n" + left_out_unless_given + " = ");
+  CAIRN_CHECK(begin != std::string::npos);
+  return text.erase(begin, text.find('\n', begin + 1) - begin);
 }
 
 Program::Program(std::string name, const std::string& description)

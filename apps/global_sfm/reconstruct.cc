@@ -68,7 +68,7 @@ int Run(const Command& command, State& state) {
   result.report.program = "global_sfm " + state.name;
   if (flags.report) result.page = MakeRunPage(database, flags.image_path, result, run);
   const std::string report_path = WriteReconstructResult(
-      result, flags.output_path, command.EffectiveToml(), flags.overwrite, run);
+      result, flags.output_path, command.EffectiveToml("refine_intrinsics"), flags.overwrite, run);
   const std::string folder = std::filesystem::path(report_path).parent_path().string();
   std::fputs(DescribeResult(result, folder, run).c_str(), stdout);
   if (result.report.Succeeded()) return kExitSuccess;

@@ -65,6 +65,24 @@ TEST(EndToEnd, TheModelIsNearTheTruthAndHasNoDistractor) {
   EXPECT_LT(figures["focal_rel_med"], 0.05);
 }
 
+// Given cameras stay constant, though nobody says so with --refine_intrinsics.
+TEST(EndToEnd, TheOptionsOfARunGiveItsModelAgain) {
+  const SceneFiles scene;
+  const ProgramResult built = scene.BuildViewGraph(
+      scene / "known.db",
+      {"--single_camera", "--camera_model", "PINHOLE", "--camera_params", "499,499,240,180"});
+  ASSERT_EQ(built.exit_code, 0) << built.output;
+  const auto reconstruct = [&](const std::vector<std::string>& options, const std::string& output) {
+    std::vector<std::string> arguments = {"reconstruct", "--output_path", scene / output};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const ProgramResult result = RunProgram("global_sfm", arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    return ReadFile(scene / (output + "/sparse/0/cameras.bin"));
+  };
+  const std::string cameras = reconstruct({"--database_path", scene / "known.db"}, "first");
+  EXPECT_EQ(reconstruct({"--config", scene / "first/effective.toml"}, "again"), cameras);
+}
+
 TEST(EndToEnd, AnyNumberOfThreadsGivesTheSameBytes) {
   const SceneFiles scene;
   for (const std::string threads : {"1", "2", "8"}) {
