@@ -21,6 +21,7 @@ struct BoundOption {
   std::function<void(const std::string& text)> set;
   std::vector<std::string> flag_text;  // values given on the command line
   bool has_flag = false;
+  bool is_list = false;
 };
 
 namespace {
@@ -38,12 +39,13 @@ Number ParseNumber(const std::string& key, const std::string& text, const char* 
 
 std::vector<double> ParseDoubles(const std::string& key, const std::string& text) {
   std::vector<double> values;
+  if (text.empty()) return values;
+  std::string list = text + ',';
+  std::erase(list, ' ');
   size_t begin = 0;
-  while (begin < text.size()) {
-    const size_t end = std::min(text.find(',', begin), text.size());
+  for (size_t end; (end = list.find(',', begin)) != std::string::npos; begin = end + 1) {
     values.push_back(
-        ParseNumber<double>(key, text.substr(begin, end - begin), "a list of numbers (a,b,c)"));
-    begin = end + 1;
+        ParseNumber<double>(key, list.substr(begin, end - begin), "a list of numbers (a,b,c)"));
   }
   return values;
 }
@@ -150,6 +152,7 @@ void Command::AddFields(const std::string& module, const std::vector<OptionField
         ->default_str(help.default_text)
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
     if (std::holds_alternative<bool*>(field.value)) option->expected(0, 1);
+    bound->is_list = std::holds_alternative<std::vector<double>*>(field.value);
     if (!module.empty()) option->group("Options of " + module);
   }
 }
@@ -188,6 +191,7 @@ void Command::ApplyToml(const std::string& text, const std::string& origin, bool
     }
     if (of_earlier_run && IsSet(key)) return;
     try {
+      if (node.is_array() && !(*field)->is_list) throw ConfigError(key, "takes one value, no list");
       (*field)->set(TomlText(key, node));
     } catch (const ConfigError&) {
       // What another version wrote is no value of today; the stage itself says so where it matters.

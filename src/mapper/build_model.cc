@@ -251,7 +251,8 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   }
   AdjustToPlaces(context, model);
   built.evidence = EvidenceFor(context, model, built.graph);
-  if (!CheckModel(context, earlier.images.size(), "an earlier model", built.evidence, model)) {
+  const size_t num_images = std::max(earlier.images.size(), model.images.size());
+  if (!CheckModel(context, num_images, "an earlier model", built.evidence, model)) {
     return built;
   }
   if (context.settings.reconstruct.separate_duplicates &&

@@ -387,7 +387,11 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
     num_dropped = HandleMissing(database, source, photos, stage);
   }
   if (photos.empty() && database.ReadImages().empty()) {
-    throw IoError(image_path.empty() ? database.path() : image_path, "has no photographs");
+    const bool has_undistorted = fs::exists(fs::path(image_path) / kUndistortedImages);
+    throw IoError(image_path.empty() ? database.path() : image_path,
+                  has_undistorted ? "has no photographs: images/ holds undistorted ones, whose "
+                                    "photographs are elsewhere"
+                                  : "has no photographs");
   }
   const size_t num_photos = photos.size();
   run.monitor.BeginStage("reading photographs", static_cast<int64_t>(num_photos));

@@ -94,6 +94,14 @@ TEST_F(ProgramTest, FlagsSetFieldsOfEveryKind) {
   EXPECT_TRUE(seed_is_set_);
 }
 
+TEST_F(ProgramTest, ListsAreOfNumbersAndForOptionsThatTakeThem) {
+  EXPECT_EQ(Run({"--matching.weights", "1, -2.5, 3"}), 0);
+  EXPECT_THAT(matching_.weights, testing::ElementsAre(1, -2.5, 3));
+  EXPECT_EQ(Run({"--matching.weights", "1,2,"}), kExitUsage);
+  EXPECT_EQ(Run({"--config", WriteConfig("seed = [7]\n")}), kExitUsage);
+  EXPECT_THAT(output_, testing::HasSubstr("seed: takes one value, no list"));
+}
+
 TEST_F(ProgramTest, BooleanFlagsAcceptNothingZeroAndOne) {
   matching_.cross_check = false;
   EXPECT_EQ(Run({"--matching.cross_check", "--seed", "1"}), 0);

@@ -430,6 +430,13 @@ TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
   EXPECT_EQ(database_.ReadCameras()[1].model, CameraModel::kPinhole);
 }
 
+TEST_F(ImportPhotosTest, UndistortedImagesAreToldFromNone) {
+  fs::create_directories(images_ + "/images");
+  WriteBitmap(images_ + "/images/a.png", testing::WallPhoto(64, 48, 0));
+  AddFile(".cairn-images", "");
+  EXPECT_THAT(ThrownMessage<IoError>([&] { Import(); }), HasSubstr("images/ holds undistorted"));
+}
+
 TEST_F(ImportPhotosTest, NoPhotographsAtAllIsAnError) {
   EXPECT_THROW(Import(), IoError);
   EXPECT_THROW(ImportPhotos(database_, {folder_ / "no_such_folder"}), IoError);
