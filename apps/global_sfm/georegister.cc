@@ -13,6 +13,7 @@
 #include "common/console_monitor.h"
 #include "common/run_flags.h"
 #include "global_sfm/commands.h"
+#include "global_sfm/image_sizes.h"
 #include "global_sfm/run_folder.h"
 
 namespace cairn {
@@ -36,8 +37,10 @@ struct GeoregisterFlags : RunFlags {
         "gps_path", gps_path,
         "file with a line an image: name latitude longitude altitude [sigma], blanks or commas "
         "between; degrees (WGS84), meters");
-    v.String("image_path", image_path,
-             "folder of the photographs, whose EXIF has GPS, instead of gps_path");
+    v.String(
+        "image_path", image_path,
+        "folder of the photographs: their EXIF has GPS where there is no gps_path, and a Bundler "
+        "model gets its image sizes from them");
     v.String("gcp_path", gcp_path,
              "ground control points, OpenDroneMap's gcp_list.txt: with three that the model has, "
              "they decide, and GPS is checked; names that begin with CHK- are of check points");
@@ -61,14 +64,14 @@ void Describe(const Georegistration& found, ProgressMonitor& monitor) {
 
 int Run(const GeoregisterFlags& flags) {
   const bool has_gps = !flags.gps_path.empty() || !flags.image_path.empty();
-  if ((!flags.gps_path.empty() && !flags.image_path.empty()) ||
-      (!has_gps && flags.gcp_path.empty())) {
-    throw ConfigError("gps_path", "or image_path, one of them, or gcp_path is required");
+  if (!has_gps && flags.gcp_path.empty()) {
+    throw ConfigError("gps_path", "or image_path or gcp_path is required");
   }
   ConsoleMonitor monitor;
   const RunContext run = flags.Run(monitor);
   const std::string path = LargestModelIn(flags.model_path);
   Reconstruction model = ReadModel(path);
+  CompleteImageSizes(flags.image_path, model);
   KnownPositions known;
   std::vector<std::string> names;
   for (const auto& [id, image] : model.images) names.push_back(image.image.name);

@@ -12,8 +12,7 @@ void CompleteImageSizes(const std::string& image_path, Reconstruction& reconstru
     if (camera.width > 0 && camera.height > 0) continue;
     if (image_path.empty()) {
       throw ConfigError("image_path",
-                        "the model has no image sizes, which this format needs; give the folder of "
-                        "the photographs");
+                        "the model has no image sizes; give the folder of the photographs");
     }
     const ImageSize size = ReadImageSize(PathInFolder(image_path, image.image.name));
     camera.width = size.width;

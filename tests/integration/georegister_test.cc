@@ -133,6 +133,30 @@ TEST(Georegister, ControlPointsAreReported) {
   EXPECT_EQ(json["control_points"].size(), 4u);
 }
 
+// A Bundler file has no image sizes: they are those of the photographs, or there is no model.
+TEST(Georegister, BundlerGetsItsSizesFromThePhotographs) {
+  const SceneFiles scene;
+  WritePositions(ReadColmapModel(SceneFiles::truth()), scene / "gps.txt", false);
+  ASSERT_EQ(
+      RunProgram("global_sfm", {"export", "--model_path", SceneFiles::truth(), "--output_path",
+                                scene / "theirs", "--output_type", "bundler"})
+          .exit_code,
+      0);
+  std::vector<std::string> arguments = {
+      "georegister",   "--model_path", scene / "theirs/bundle.out", "--gps_path", scene / "gps.txt",
+      "--output_path", scene / "enu"};
+  const ProgramResult refused = RunProgram("global_sfm", arguments);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.output, HasSubstr("image_path: the model has no image sizes"));
+  EXPECT_FALSE(std::filesystem::exists(scene / "enu"));
+  arguments.insert(arguments.end(), {"--image_path", scene.images()});
+  const ProgramResult result = RunProgram("global_sfm", arguments);
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  const Reconstruction model = ReadColmapModel(scene / "enu");
+  EXPECT_EQ(model.cameras.begin()->second.width, 480);
+  EXPECT_EQ(model.cameras.begin()->second.height, 360);
+}
+
 TEST(Georegister, FailuresSayWhatIsMissing) {
   const SceneFiles scene;
   std::ofstream(scene / "gps.txt") << "other.jpg 47 8 500\n";
