@@ -72,16 +72,29 @@ std::string Undistort(const Item& item) {
   return {bytes.begin(), bytes.end()};
 }
 
+// Is it the folder, or in it, whatever links lead there?
+bool IsIn(const fs::path& path, const fs::path& folder) {
+  const fs::path inner = fs::weakly_canonical(fs::absolute(path));
+  const fs::path outer = fs::weakly_canonical(fs::absolute(folder));
+  return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
+}
+
 // Throws ConfigError where the model that is undistorted would be replaced by its result.
 void CheckModelStays(const UndistortJob& job) {
   if (job.model_path.empty()) return;
-  const fs::path model = fs::weakly_canonical(fs::absolute(job.model_path));
-  const fs::path results = fs::weakly_canonical(fs::absolute(job.output_path) / "sparse");
-  const auto apart = std::mismatch(results.begin(), results.end(), model.begin(), model.end());
-  if (apart.first != results.end()) return;
+  if (!IsIn(job.model_path, fs::path(job.output_path) / "sparse")) return;
   throw ConfigError("output_path", job.output_path +
                                        " holds the model that is undistorted, which would be lost; "
                                        "give another --output_path");
+}
+
+// Throws ConfigError where the photograph is in the folder of the undistorted images: each of these
+// would be taken for another photograph, or replace one.
+void CheckPhotographsStay(const UndistortJob& job, const Item& item) {
+  const fs::path images = fs::path(job.output_path) / "images";
+  if (!IsIn(fs::path(item.photo_path).parent_path(), images)) return;
+  throw ConfigError("output_path", "undistorted images would be among the photographs in " +
+                                       images.string() + "; give another --output_path");
 }
 
 // One run: the images, and the folder they are written to.
@@ -110,13 +123,9 @@ class DenseFolder {
 };
 
 void DenseFolder::Check(Item& item) const {
+  CheckPhotographsStay(job_, item);
   std::error_code ignored;
   if (!fs::exists(fs::symlink_status(item.file_path, ignored))) return;
-  if (fs::equivalent(item.file_path, item.photo_path, ignored)) {
-    throw ConfigError("output_path", item.photo_path +
-                                         " is a photograph, and would be replaced by its own "
-                                         "undistorted image; give another folder");
-  }
   item.present_hash = HashToHex(HashFile(item.file_path));
   if (job_.overwrites || ledger_.IsOurs(item.file_name, item.present_hash)) return;
   throw ConfigError("output_path", item.file_path +

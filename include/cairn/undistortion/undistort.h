@@ -70,8 +70,9 @@ struct UndistortReport {
 // Every file appears complete or not at all. Images that an earlier call finished are kept if the
 // photograph's bytes, both cameras and the image itself are as they were; images that are no longer
 // in the model are removed, and a model is only there while its images are. Nothing that others
-// wrote is replaced (ConfigError), unless job.overwrites; photographs, the model at job.model_path
-// and results of reconstruct never are. Throws IoError where the output cannot be written. Parallel
+// wrote is replaced (ConfigError), unless job.overwrites; the model at job.model_path and results
+// of reconstruct never are. A folder output_path/images with photographs of the model is refused,
+// too (ConfigError). Throws IoError where the output cannot be written. Parallel
 // over images; each takes some three times its decoded size in memory. Bytes do not depend on the
 // number of threads.
 UndistortReport UndistortImages(const Reconstruction& model, const UndistortJob& job,

@@ -224,11 +224,32 @@ TEST_F(UndistortImagesTest, NothingOfOthersIsReplaced) {
   EXPECT_FALSE(fs::exists(Dense("images/image1.png")));
   job_.overwrites = true;
   EXPECT_EQ(Run().num_written, 5);
-  // Photographs in the place of the output are never replaced.
-  fs::remove_all(folder_ / "dense/images");
-  fs::rename(folder_ / "photos", folder_ / "dense/images");
-  job_.image_path = Dense("images");
-  EXPECT_NE(message().find("is a photograph"), std::string::npos);
+}
+
+// Images that are written among photographs would be taken for some.
+TEST_F(UndistortImagesTest, NoImageIsWrittenAmongPhotographs) {
+  CreateFolders(folder_ / "dense");
+  fs::rename(folder_ / "photos", Dense("images"));
+  fs::create_directory_symlink(Dense("images"), folder_ / "link");
+  const auto photos = Files(folder_ / "dense");
+  for (const DenseLayout layout : {DenseLayout::kColmap, DenseLayout::kGaussianSplatting}) {
+    for (const std::string& path : {Dense("images"), folder_ / "link/", folder_ / "dense/."}) {
+      job_ = {.image_path = path, .output_path = folder_ / "dense", .layout = layout};
+      job_.overwrites = true;
+      for (auto& [id, image] : model_.images) {
+        // Names are relative to image_path; a photograph of a folder is renamed for splatting.
+        const std::string name = (id == 4 ? "more/image" : "image") + std::to_string(id) + ".png";
+        image.image.name = (path.ends_with(".") ? "images/" : "") + name;
+      }
+      EXPECT_THROW(Run(), ConfigError) << path;
+    }
+  }
+  std::erase_if(model_.images, [](const auto& image) { return image.first != 4; });
+  model_.points3D.clear();
+  EXPECT_THROW(Run(), ConfigError);
+  EXPECT_TRUE(Files(folder_ / "dense") == photos);
+  job_.output_path = folder_ / "dense/splats";  // beside them is a place of its own
+  EXPECT_EQ(Run().num_written, 1);
 }
 
 TEST_F(UndistortImagesTest, TheModelThatIsReadStays) {
