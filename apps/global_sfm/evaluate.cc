@@ -5,6 +5,7 @@
 #include "cairn/io/model.h"
 #include "common/console_monitor.h"
 #include "global_sfm/commands.h"
+#include "global_sfm/run_folder.h"
 
 namespace cairn {
 namespace {
@@ -37,6 +38,7 @@ PosedCameras ReadPoses(const std::string& path, const std::string& list_path) {
 
 int Run(const EvaluateFlags& flags) {
   ConsoleMonitor monitor;
+  WarnOfUnfinishedModels(flags.model_path, monitor);
   const PosedCameras estimate = ReadPoses(flags.model_path, flags.model_list);
   const PosedCameras reference = ReadPoses(flags.reference_path, flags.reference_list);
   const PoseEvaluation evaluation = EvaluatePoses(estimate, reference);

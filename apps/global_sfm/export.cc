@@ -12,6 +12,7 @@
 #include "global_sfm/commands.h"
 #include "global_sfm/image_sizes.h"
 #include "global_sfm/one_dsfm_export.h"
+#include "global_sfm/run_folder.h"
 
 namespace cairn {
 namespace {
@@ -94,6 +95,7 @@ void ExportOneDsfmDataset(const Reconstruction& reconstruction, const ExportFlag
 
 int Run(const ExportFlags& flags) {
   ConsoleMonitor monitor;
+  WarnOfUnfinishedModels(flags.model_path, monitor);
   Reconstruction reconstruction = ReadModel(flags.model_path, {.list_path = flags.model_list});
   const bool needs_sizes =
       flags.output_type != "bundler" && flags.output_type != "ply" && flags.output_type != "gltf";

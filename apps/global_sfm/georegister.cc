@@ -69,6 +69,7 @@ int Run(const GeoregisterFlags& flags) {
   }
   ConsoleMonitor monitor;
   const RunContext run = flags.Run(monitor);
+  WarnOfUnfinishedModels(flags.model_path, monitor);
   const std::string path = LargestModelIn(flags.model_path);
   Reconstruction model = ReadModel(path);
   CompleteImageSizes(flags.image_path, model);

@@ -10,6 +10,7 @@
 #include "global_sfm/commands.h"
 #include "global_sfm/describe.h"
 #include "global_sfm/pairs_csv.h"
+#include "global_sfm/run_folder.h"
 
 namespace cairn {
 namespace {
@@ -44,9 +45,9 @@ void WritePairs(const Database& database, const InspectFlags& flags) {
                       FormatPairsCsv(ReadPairRows(database, flags.pairs_verifier)));
 }
 
-void InspectDatabase(const InspectFlags& flags, const ViewGraphBuilderOptions& options) {
+void InspectDatabase(const InspectFlags& flags, const ViewGraphBuilderOptions& options,
+                     ProgressMonitor& monitor) {
   const Database database(flags.database_path, Database::Mode::kSnapshot);
-  ConsoleMonitor monitor;
   RunReport rows;
   ReportBadRows(database, rows, monitor);
   if (!flags.pairs_csv.empty()) WritePairs(database, flags);
@@ -69,6 +70,7 @@ void InspectDatabase(const InspectFlags& flags, const ViewGraphBuilderOptions& o
 }
 
 int Run(const InspectFlags& flags, const ViewGraphBuilderOptions& options) {
+  ConsoleMonitor monitor;
   if (flags.database_path.empty()) {
     if (flags.model_path.empty()) {
       throw ConfigError("--database_path", "or --model_path is required; see --help");
@@ -82,9 +84,10 @@ int Run(const InspectFlags& flags, const ViewGraphBuilderOptions& options) {
       if (!value.empty()) throw ConfigError(flag, "needs --database_path");
     }
   } else {
-    InspectDatabase(flags, options);
+    InspectDatabase(flags, options, monitor);
   }
   if (!flags.model_path.empty()) {
+    WarnOfUnfinishedModels(flags.model_path, monitor);
     const Reconstruction model = ReadModel(flags.model_path, {.list_path = flags.model_list});
     std::fputs(DescribeModel(model).c_str(), stdout);
   }

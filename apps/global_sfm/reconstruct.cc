@@ -11,6 +11,7 @@
 #include "common/run_page.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/describe_result.h"
+#include "global_sfm/run_folder.h"
 
 namespace cairn {
 namespace {
@@ -63,7 +64,10 @@ int Run(const Command& command, State& state) {
   CheckReconstructOutput(flags.output_path, flags.overwrite);
   const RunContext run = flags.run.Run(monitor);
   std::vector<Reconstruction> earlier;
-  if (!flags.input_path.empty()) earlier = ReadModels(flags.input_path);
+  if (!flags.input_path.empty()) {
+    WarnOfUnfinishedModels(flags.input_path, monitor);
+    earlier = ReadModels(flags.input_path);
+  }
   ReconstructResult result = Reconstruct(database, flags.image_path, settings, run, earlier);
   result.report.program = "global_sfm " + state.name;
   if (flags.report) result.page = MakeRunPage(database, flags.image_path, result, run);

@@ -98,6 +98,16 @@ std::string RunFolderOf(const std::string& path) {
   return "";
 }
 
+void WarnOfUnfinishedModels(const std::string& model_path, ProgressMonitor& monitor) {
+  const bool is_file = fs::is_regular_file(model_path);  // bundle.out
+  const std::string folder =
+      RunFolderOf(is_file ? fs::absolute(model_path).parent_path().string() : model_path);
+  if (folder.empty()) return;
+  const Json report = Json::parse(ReadFile(folder + "/report.json"), nullptr, false);
+  if (!report.is_object() || report.value("succeeded", Json()) != Json(false)) return;
+  monitor.Warning(folder + ": its models are unfinished, as report.json says; reconstruct again");
+}
+
 RunFolder ReadRunFolder(const std::string& folder) {
   RunFolder run;
   run.report_json = ReadFile(folder + "/report.json");

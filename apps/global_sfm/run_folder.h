@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/base/progress.h"
 #include "cairn/scene/reconstruction.h"
 #include "cairn/scene/view_graph.h"
 
@@ -18,6 +19,8 @@ struct RunFolder {
 
 // The folder of the run that the path is in, as itself or as one of its models; "": of none.
 std::string RunFolderOf(const std::string& path);
+// Warns where the path is of a run that did not finish its models: its folder, or a model in it.
+void WarnOfUnfinishedModels(const std::string& model_path, ProgressMonitor& monitor);
 // Throws IoError where a file cannot be read.
 RunFolder ReadRunFolder(const std::string& folder);
 

@@ -9,6 +9,7 @@
 #include "common/run_flags.h"
 #include "global_sfm/commands.h"
 #include "global_sfm/image_sizes.h"
+#include "global_sfm/run_folder.h"
 
 namespace cairn {
 namespace {
@@ -51,6 +52,7 @@ void NameOthers(const std::string& folder, ProgressMonitor& monitor) {
 
 int Run(const Command& command, const UndistortFlags& flags) {
   ConsoleMonitor monitor;
+  WarnOfUnfinishedModels(flags.model_path, monitor);
   const std::string model_path = LargestModelIn(flags.model_path);
   Reconstruction model = ReadModel(model_path);
   CompleteImageSizes(flags.image_path, model);

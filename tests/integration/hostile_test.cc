@@ -8,6 +8,7 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "cairn/base/file.h"
 #include "cairn/base/types.h"
@@ -225,6 +226,38 @@ TEST(Hostile, AFailedRunLeavesTheModelOfTheLast) {
   EXPECT_EQ(ReadFile(scene / "out/report.json"), report);
   EXPECT_EQ(Reconstruct(scene.database(), scene / "out").exit_code, 0);
   EXPECT_FALSE(fs::exists(scene / "out/failed"));
+}
+
+// Models of a run that was stopped are there, and used when somebody wants them; not unknowingly.
+TEST(Hostile, UnfinishedModelsAreWarnedOf) {
+  const SceneFiles scene;
+  const std::string model = scene / "out";
+  ASSERT_EQ(Reconstruct(scene.database(), model).exit_code, 0);
+  const auto warnings_of = [&](const std::string& path, std::vector<std::string> command) {
+    command.insert(command.end(), {"--model_path", path});
+    const ProgramResult result = RunProgram("global_sfm", command, kMaxSeconds);
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    return LinesWith(result.output, "models are unfinished").size();
+  };
+  const std::vector<std::vector<std::string>> commands = {
+      {"inspect"},
+      {"evaluate", "--reference_path", SceneFiles::truth()},
+      {"export", "--output_path", scene / "exported", "--output_type", "ply"},
+      {"undistort", "--image_path", scene.images(), "--output_path", scene / "dense"}};
+  for (const auto& command : commands) EXPECT_EQ(warnings_of(model, command), 0u) << command[0];
+  nlohmann::json report = nlohmann::json::parse(ReadFile(model + "/report.json"));
+  report["succeeded"] = false;
+  WriteFileAtomically(model + "/report.json", report.dump());
+  for (const auto& command : commands) EXPECT_EQ(warnings_of(model, command), 1u) << command[0];
+  for (const char* path : {"/sparse/0", "/sparse/0/", "/bundle.out"}) {
+    EXPECT_EQ(warnings_of(model + path, {"inspect"}), 1u) << path;
+  }
+  const ProgramResult refined =
+      RunProgram("global_sfm", {"refine", "--input_path", model, "--database_path",
+                                scene.database(), "--output_path", scene / "refined"});
+  EXPECT_THAT(refined.output, HasSubstr("models are unfinished"));
+  WriteFileAtomically(model + "/report.json", "{\"succeeded\": 3");  // says nothing
+  EXPECT_EQ(warnings_of(model, {"inspect"}), 0u);
 }
 
 TEST(Hostile, BundlerGetsItsSizesFromThePhotographs) {
