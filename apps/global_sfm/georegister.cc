@@ -7,7 +7,6 @@
 #include <memory>
 
 #include "cairn/base/error.h"
-#include "cairn/base/file.h"
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "common/console_monitor.h"
@@ -44,8 +43,10 @@ struct GeoregisterFlags : RunFlags {
     v.String("gcp_path", gcp_path,
              "ground control points, OpenDroneMap's gcp_list.txt: with three that the model has, "
              "they decide, and GPS is checked; names that begin with CHK- are of check points");
-    v.String("output_path", output_path,
-             "folder for georegistration.json and the model in east, north, up, meters");
+    v.String(
+        "output_path", output_path,
+        "folder for the model in east, north, up, meters, and georegistration.json (similarity "
+        "and residuals); without it, nothing is written");
     v.Bool("overwrite", overwrite, "replace files in output_path that cairn did not write, too");
     RunFlags::VisitFields(v);
   }
@@ -70,8 +71,7 @@ int Run(const GeoregisterFlags& flags) {
   ConsoleMonitor monitor;
   const RunContext run = flags.Run(monitor);
   WarnOfUnfinishedModels(flags.model_path, monitor);
-  const std::string path = LargestModelIn(flags.model_path);
-  Reconstruction model = ReadModel(path);
+  Reconstruction model = ReadModel(flags.model_path);
   CompleteImageSizes(flags.image_path, model);
   KnownPositions known;
   std::vector<std::string> names;
@@ -86,20 +86,14 @@ int Run(const GeoregisterFlags& flags) {
     return kExitNoUsableResult;
   }
   Describe(found, monitor);
-  std::string folder = RunFolderOf(path);  // its models' own folders are reconstruct's
-  if (folder.empty()) folder = std::filesystem::is_directory(path) ? path : ".";
-  if (!flags.output_path.empty()) folder = flags.output_path;
-  const std::string json = (std::filesystem::path(folder) / kJsonName).string();
-  if (flags.output_path.empty()) {
-    WriteFileAtomically(json, GeoregistrationToJson(found));
-  } else {
-    model.Transform(found.enu_from_world);
-    WriteColmapResult(
-        model, folder,
-        {.command = "georegister", .texts = {{kJsonName, GeoregistrationToJson(found)}}},
-        flags.overwrite);
-  }
-  monitor.Info("origin, similarity and residuals: " + json);
+  if (flags.output_path.empty()) return kExitSuccess;
+  model.Transform(found.enu_from_world);
+  WriteColmapResult(
+      model, flags.output_path,
+      {.command = "georegister", .texts = {{kJsonName, GeoregistrationToJson(found)}}},
+      flags.overwrite);
+  monitor.Info("origin, similarity and residuals: " +
+               (std::filesystem::path(flags.output_path) / kJsonName).string());
   return kExitSuccess;
 }
 

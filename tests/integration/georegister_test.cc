@@ -133,6 +133,27 @@ TEST(Georegister, ControlPointsAreReported) {
   EXPECT_EQ(json["control_points"].size(), 4u);
 }
 
+// What is said of a model is not left beside it, where the next model would be taken for that one.
+TEST(Georegister, WithoutAnOutputPathNothingIsWritten) {
+  const SceneFiles scene;
+  WritePositions(ReadColmapModel(SceneFiles::truth()), scene / "gps.txt", false);
+  WriteColmapModel(ReadColmapModel(SceneFiles::truth()), scene / "model/sparse/0");
+  WriteFileAtomically(scene / "model/report.json", "{}");
+  WriteFileAtomically(scene / "model/effective.toml", "");
+  const auto num_files = [&] {
+    return std::distance(std::filesystem::recursive_directory_iterator(scene / "model"), {});
+  };
+  const auto num_before = num_files();
+  for (const char* model : {"model", "model/sparse/0"}) {
+    const ProgramResult result =
+        RunProgram("global_sfm",
+                   {"georegister", "--model_path", scene / model, "--gps_path", scene / "gps.txt"});
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    EXPECT_THAT(result.output, HasSubstr("8 positions agree"));
+    EXPECT_EQ(num_files(), num_before);
+  }
+}
+
 // A Bundler file has no image sizes: they are those of the photographs, or there is no model.
 TEST(Georegister, BundlerGetsItsSizesFromThePhotographs) {
   const SceneFiles scene;
