@@ -59,28 +59,11 @@ std::vector<double> Residuals(const Sim3d& dst_from_src, const Points& src, cons
   return residuals;
 }
 
-// All triples of n points, or kMaxTriples random ones where there are more.
-std::vector<std::array<uint32_t, 3>> Triples(uint32_t n, uint64_t seed) {
-  std::vector<std::array<uint32_t, 3>> triples;
-  if (uint64_t{n} * (n - 1) * (n - 2) / 6 <= kMaxTriples) {
-    for (uint32_t i = 0; i < n; ++i) {
-      for (uint32_t j = i + 1; j < n; ++j) {
-        for (uint32_t k = j + 1; k < n; ++k) triples.push_back({i, j, k});
-      }
-    }
-    return triples;
-  }
-  Rng rng(seed, "align_similarity");
-  triples.resize(kMaxTriples);
-  for (auto& triple : triples) rng.Sample(n, 3, triple.data());
-  return triples;
-}
-
 std::optional<Sim3d> LeastMedianOfTriples(const Points& src, const Points& dst, uint64_t seed) {
   const std::vector<double> ones(src.size(), 1.0);
   std::optional<Sim3d> best;
   double best_median = std::numeric_limits<double>::infinity();
-  for (const auto& triple : Triples(static_cast<uint32_t>(src.size()), seed)) {
+  for (const auto& triple : SampleTriples(static_cast<uint32_t>(src.size()), seed)) {
     const std::optional<Sim3d> candidate = Align(src, dst, ones, {triple.begin(), triple.end()});
     if (!candidate) continue;
     const double median = Median(Residuals(*candidate, src, dst));
@@ -116,6 +99,22 @@ Eigen::Vector3d WeiszfeldStep(const Eigen::Quaterniond& q,
 }
 
 }  // namespace
+
+std::vector<std::array<uint32_t, 3>> SampleTriples(uint32_t n, uint64_t seed) {
+  std::vector<std::array<uint32_t, 3>> triples;
+  if (uint64_t{n} * (n - 1) * (n - 2) / 6 <= kMaxTriples) {
+    for (uint32_t i = 0; i < n; ++i) {
+      for (uint32_t j = i + 1; j < n; ++j) {
+        for (uint32_t k = j + 1; k < n; ++k) triples.push_back({i, j, k});
+      }
+    }
+    return triples;
+  }
+  Rng rng(seed, "align_similarity");
+  triples.resize(kMaxTriples);
+  for (auto& triple : triples) rng.Sample(n, 3, triple.data());
+  return triples;
+}
 
 std::optional<Sim3d> AlignSimilarity(const Points& src, const Points& dst,
                                      const std::vector<double>& weights) {

@@ -12,12 +12,15 @@
 #include "cairn/math/decompositions.h"
 #include "cairn/triangulation/triangulate_tracks.h"
 #include "georegistration/few_rows.h"
+#include "georegistration/open_heights.h"
 
 namespace cairn {
 namespace {
 
-// The median length of three normal coordinates, in standard deviations of one of them.
-constexpr double kMedianLength = 1.5382;
+// The median length of three normal coordinates, and of two, in standard deviations of one of them.
+constexpr double kMedianLength = 1.5382, kMedianLength2D = 1.1774;
+// What shows that a model is tilted is chance in so many cases where it is level.
+constexpr double kMaxChance = 0.01;
 // Tukey's fence for what is far out (Exploratory Data Analysis, 1977): so many quartile distances
 // beyond the upper quartile. Of three normal coordinates it lies at 4.80 standard deviations, which
 // 1 in 25,000 exceed; tails that are longer, as those of a model that bends, move it outwards.
@@ -35,8 +38,9 @@ constexpr double kMinWidth = 1e-6;
 struct Row {
   Eigen::Vector3d in_model, enu;
   double sigma_m = 0;
+  bool has_height = true;
   bool is_wrong = false;
-  Eigen::Vector3d residual = Eigen::Vector3d::Zero();
+  Eigen::Vector3d residual = Eigen::Vector3d::Zero();  // without a height, z is 0
 };
 using Rows = std::vector<Row>;
 
@@ -105,7 +109,8 @@ Rows FindImages(const Reconstruction& model, const std::map<std::string, GpsRow>
     found.gps = position;
     found.gps_enu = frame.FromGps(position);
     found.sigma_m = sigma_m > 0 ? sigma_m : usual;
-    found_rows.push_back({image.cam_from_world.Center(), found.gps_enu, found.sigma_m});
+    found_rows.push_back({image.cam_from_world.Center(), found.gps_enu, found.sigma_m,
+                          position.altitude_m.has_value()});
   }
   return found_rows;
 }
@@ -170,7 +175,10 @@ Rows FindPoints(const Reconstruction& model, const std::vector<ControlPoint>& po
 }
 
 void Measure(const Sim3d& enu_from_world, Rows& rows) {
-  for (Row& row : rows) row.residual = enu_from_world * row.in_model - row.enu;
+  for (Row& row : rows) {
+    row.residual = enu_from_world * row.in_model - row.enu;
+    if (!row.has_height) row.residual.z() = 0;
+  }
 }
 
 double ResidualM(const Row& row) { return row.residual.norm(); }
@@ -195,23 +203,28 @@ bool Judge(const LimitM& limit_m, Rows& rows) {
   return has_changed;
 }
 
+double Weight(const Row& row) { return 1.0 / (row.sigma_m * row.sigma_m); }
+
 // Least squares over the rows that are not wrong.
 std::optional<Sim3d> Fit(const Rows& rows) {
   const Rows kept = Kept(rows);
-  const auto weight = [](const Row& row) { return 1.0 / (row.sigma_m * row.sigma_m); };
   return AlignSimilarity(Column(kept, &Row::in_model), Column(kept, &Row::enu),
-                         Column(kept, weight));
+                         Column(kept, Weight));
 }
 
-// The first guess, which does not know sigmas: precise rows are not wrong because it is off.
-std::optional<Sim3d> Start(uint64_t seed, Rows& rows) {
-  const std::optional<Sim3d> start =
-      AlignSimilarityRobust(Column(rows, &Row::in_model), Column(rows, &Row::enu), seed);
-  if (!start) return std::nullopt;
-  Measure(*start, rows);
+// The same for rows without heights, from a start on.
+Sim3d FitHorizontally(const Rows& rows, const Sim3d& start) {
+  const Rows kept = Kept(rows);
+  return AlignHorizontally(Column(kept, &Row::in_model), Column(kept, &Row::enu),
+                           Column(kept, Weight), start);
+}
+
+// What the first guess, which does not know sigmas, finds wrong: precise rows are not wrong because
+// it is off.
+void JudgeFirst(const Sim3d& start, Rows& rows) {
+  Measure(start, rows);
   const double median_m = Median(Column(rows, ResidualM));
   Judge([&](const Row&) { return kFirstMedians * median_m; }, rows);
-  return start;
 }
 
 // Standard deviations of the points along their principal axes, the smallest first.
@@ -225,6 +238,10 @@ Eigen::Vector3d Extents(const std::vector<Eigen::Vector3d>& points) {
   return SymmetricEigen(covariance).values.cwiseMax(0).cwiseSqrt();
 }
 
+double MedianLength(const Rows& rows) {
+  return rows.front().has_height ? kMedianLength : kMedianLength2D;
+}
+
 // Fills the figures of the final fit, and its status.
 void Assess(const Rows& rows, Georegistration& out) {
   const Rows kept = Kept(rows);
@@ -235,7 +252,7 @@ void Assess(const Rows& rows, Georegistration& out) {
     out.status = GeoregistrationStatus::kOnALine;
     return;
   }
-  const double sigma_m = out.median_residual_m / kMedianLength;
+  const double sigma_m = out.median_residual_m / MedianLength(kept);
   out.roll_sigma_deg = RadToDeg(std::atan(sigma_m / (std::hypot(extents[0], extents[1]) *
                                                      std::sqrt(static_cast<double>(kept.size())))));
   // A similarity that shrinks the model to a point explains nothing, and leaves the distances.
@@ -267,31 +284,102 @@ bool AlignFew(Rows& rows, Georegistration& out) {
   return true;
 }
 
-// The same by any number of rows.
-bool Align(uint64_t seed, Rows& rows, Georegistration& out) {
-  if (out.by_control_points && rows.size() <= kFewRows) return AlignFew(rows, out);
-  const std::optional<Sim3d> start = Start(seed, rows);
-  if (!start) return false;
-  out.enu_from_world = *start;
+// From a first guess on: fit(rows, last) over the rows that agree, until these stay the same.
+template <class FitRows>
+Sim3d AlignFrom(const Sim3d& start, const FitRows& fit, Rows& rows) {
+  JudgeFirst(start, rows);
+  Sim3d found = start;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const std::optional<Sim3d> fit = Fit(rows);
-    if (!fit) break;
-    out.enu_from_world = *fit;
-    Measure(*fit, rows);
+    const std::optional<Sim3d> next = fit(rows, found);
+    if (!next) break;
+    found = *next;
+    Measure(found, rows);
     const double fence = Fence(rows);
     if (!Judge([&](const Row& row) { return fence * row.sigma_m; }, rows)) break;
   }
-  if (!IsByChance(rows)) return true;
+  if (!IsByChance(rows)) return found;
   for (Row& row : rows) row.is_wrong = false;
-  out.enu_from_world = Fit(rows).value_or(out.enu_from_world);
+  found = fit(rows, found).value_or(found);
+  Measure(found, rows);
+  return found;
+}
+
+// The similarity by any number of rows. Where they have no height, all are at the same one.
+bool AlignMany(uint64_t seed, Rows& rows, Georegistration& out) {
+  const std::optional<Sim3d> start =
+      AlignSimilarityRobust(Column(rows, &Row::in_model), Column(rows, &Row::enu), seed);
+  if (!start) return false;
+  out.enu_from_world = AlignFrom(
+      *start, [](const Rows& some, const Sim3d&) { return Fit(some); }, rows);
+  return true;
+}
+
+// Of the rows that are not wrong: squared horizontal residuals, each with the error that the best
+// receivers have.
+double SumOfSquares(const Sim3d& enu_from_world, const Rows& rows) {
+  Rows kept = Kept(rows);
+  Measure(enu_from_world, kept);
+  double sum = 0;
+  for (const Row& row : kept) {
+    sum += Weight(row) * (row.residual.head<2>().squaredNorm() + 2 * kMinSigmaM * kMinSigmaM);
+  }
+  return sum;
+}
+
+// Does a similarity agree better with the rows than one of another tilt, by more than chance? The F
+// test with 2 and 2 n - 6 degrees of freedom, whose tail is a power.
+bool IsBetter(const Sim3d& tilted, const Sim3d& other, const Rows& rows) {
+  const auto num_spare = static_cast<double>(std::ssize(Kept(rows)) - 3);
+  return std::pow(SumOfSquares(tilted, rows) / SumOfSquares(other, rows), num_spare) < kMaxChance;
+}
+
+// The same cameras seen from above, tilted the other way.
+std::optional<Sim3d> TiltedTheOtherWay(const Sim3d& enu_from_world, const Rows& rows) {
+  const std::vector<Eigen::Vector3d> in_model = Column(Kept(rows), &Row::in_model);
+  std::vector<Eigen::Vector3d> mirrored;
+  for (const Eigen::Vector3d& x : in_model) {
+    mirrored.push_back((enu_from_world * x).cwiseProduct(Eigen::Vector3d(1, 1, -1)));
+  }
+  return AlignSimilarity(in_model, mirrored);
+}
+
+// The similarity by rows without heights, tilted as their places show; false: they show nothing.
+bool AlignTilted(const Reconstruction& model, uint64_t seed, Rows& rows, Georegistration& out) {
+  const std::optional<Sim3d> start =
+      AlignHorizontallyRobust(Column(rows, &Row::in_model), Column(rows, &Row::enu), seed);
+  if (!start) return false;
+  Rows tilted = rows;
+  const Sim3d found = AlignFrom(
+      *start,
+      [](const Rows& some, const Sim3d& last) {
+        return std::optional(FitHorizontally(some, last));
+      },
+      tilted);
+  const std::optional<Sim3d> flat = Fit(tilted), other = TiltedTheOtherWay(found, tilted);
+  if (!flat || !other || !IsBetter(found, *flat, tilted)) return false;
+  rows = std::move(tilted);
+  const bool is_sure = IsBetter(found, *other, rows);
+  out.tilt_source = is_sure ? TiltSource::kPositions : TiltSource::kPhotographs;
+  const bool is_other =
+      !is_sure && OffLevel(model, other->rotation) < OffLevel(model, found.rotation);
+  out.enu_from_world = is_other ? *other : found;
   Measure(out.enu_from_world, rows);
   return true;
+}
+
+// The similarity by rows; false: there is none.
+bool Align(const Reconstruction& model, uint64_t seed, Rows& rows, Georegistration& out) {
+  if (out.by_control_points && rows.size() <= kFewRows) return AlignFew(rows, out);
+  if (rows.front().has_height) return AlignMany(seed, rows, out);
+  if (AlignTilted(model, seed, rows, out)) return true;
+  out.tilt_source = TiltSource::kNothing;
+  return AlignMany(seed, rows, out);
 }
 
 // Residuals of the images, and how good their positions are.
 void FinishImages(const KnownPositions& known, Rows rows, Georegistration& out) {
   Measure(out.enu_from_world, rows);
-  const double factor = Median(Column(Kept(rows), RelativeResidual)) / kMedianLength;
+  const double factor = Median(Column(Kept(rows), RelativeResidual)) / MedianLength(rows);
   for (size_t i = 0; i < rows.size(); ++i) {
     GeoregisteredImage& image = out.images[i];
     image.residual = rows[i].residual;
@@ -334,7 +422,7 @@ Georegistration Georegister(const Reconstruction& model, const KnownPositions& k
   out.by_control_points = control.size() >= 3;
   Rows& rows = out.by_control_points ? control : images;
   if (rows.size() < 3) return out;
-  if (!Align(run.seed, rows, out)) {
+  if (!Align(model, run.seed, rows, out)) {
     out.status = GeoregistrationStatus::kOnALine;
     return out;
   }

@@ -31,6 +31,30 @@ std::vector<std::string> WrongOf(const Georegistration& found) {
   return names;
 }
 
+constexpr NamedValue<TiltSource> kTiltSources[] = {
+    {TiltSource::kAltitudes, "altitudes"},
+    {TiltSource::kPositions, "horizontal positions"},
+    {TiltSource::kPhotographs, "photographs held level"},
+    {TiltSource::kNothing, "nothing"}};
+
+// What a tilt without altitudes is worth; "": it is by altitudes.
+std::string DoubtOf(TiltSource source) {
+  const std::string which = "no position has an altitude: ";
+  switch (source) {
+    case TiltSource::kAltitudes:
+      return "";
+    case TiltSource::kPositions:
+      return which + "up is by the horizontal positions alone, and less exact";
+    case TiltSource::kPhotographs:
+      return which +
+             "the cameras are on a plane that may tilt either way; up is by the way in which more "
+             "photographs are level";
+    case TiltSource::kNothing:
+      return which + "all photographs are taken to be at the same height; the model may be tilted";
+  }
+  return "";
+}
+
 // Of the control points that the similarity is by; 0: it is not by any.
 double MedianPointErrorPx(const Georegistration& found) {
   std::vector<double> errors_px;
@@ -82,6 +106,9 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
   warn("positions far from where the others put them, not used", WrongOf(found),
        "georegistration.json says how far");
   warn("positions without an altitude, which others have, not used", found.without_altitude, "");
+  if (const std::string doubt = DoubtOf(found.tilt_source); !doubt.empty()) {
+    warnings.push_back({doubt, "give altitudes, or ground control points"});
+  }
   if (const double error_px = MedianPointErrorPx(found); error_px > kDoubtfulErrorPx) {
     warnings.push_back(
         {Formatted("the control points do not fit the model: %.1f px and %.3g m (median)", error_px,
@@ -102,9 +129,9 @@ std::vector<std::string> DescribeResiduals(const Georegistration& georegistratio
   for (const GeoregisteredImage& image : georegistration.images) {
     if (!image.is_wrong) continue;
     const Eigen::Vector3d off = -image.residual;
-    lines.push_back(image.name + Formatted(": %.2f m east, %.2f m north, %.2f m up of where the "
-                                           "others put it (wrong: not used)",
-                                           off.x(), off.y(), off.z()));
+    lines.push_back(image.name + Formatted(": %.2f m east, %.2f m north", off.x(), off.y()) +
+                    (image.gps.altitude_m ? Formatted(", %.2f m up", off.z()) : "") +
+                    " of where the others put it (wrong: not used)");
   }
   for (const GeoregisteredPoint& point : georegistration.points) {
     lines.push_back("control point " + point.name +
@@ -128,6 +155,7 @@ std::string GeoregistrationToJson(const Georegistration& georegistration) {
                                 {"rotation_wxyz", Json::array({q.w(), q.x(), q.y(), q.z()})},
                                 {"translation", ToJson(enu_from_world.translation)}};
   root["by_control_points"] = georegistration.by_control_points;
+  root["tilt_by"] = std::string(NameOf(kTiltSources, georegistration.tilt_source));
   root["median_residual_m"] = georegistration.median_residual_m;
   root["roll_sigma_deg"] = georegistration.roll_sigma_deg;
   root["without_altitude"] = georegistration.without_altitude;

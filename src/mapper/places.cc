@@ -125,13 +125,15 @@ std::shared_ptr<const KnownPositions> ReadPlaces(const SceneData& scene, const P
   return std::make_shared<const KnownPositions>(std::move(known));
 }
 
-CenterPriors PriorsOfCenters(const StageContext& context) {
+CenterPriors PriorsOfCenters(const StageContext& context,
+                             const std::map<image_t, Eigen::Quaterniond>& rotations) {
   if (!context.scene.places || context.scene.places->images.empty()) return nullptr;
-  return [&context](const std::map<image_t, Eigen::Vector3d>& centers) {
+  return [&context, &rotations](const std::map<image_t, Eigen::Vector3d>& centers) {
     Reconstruction model;
     for (const auto& [id, center] : centers) {
       model.images[id].image = context.scene.images.at(id);
-      model.images[id].cam_from_world.translation = -center;
+      const Eigen::Quaterniond& rotation = rotations.at(id);
+      model.images[id].cam_from_world = {rotation, -(rotation * center)};
     }
     const Georegistration found =
         Georegister(model, {.images = context.scene.places->images}, context.run);

@@ -46,7 +46,7 @@ std::optional<std::map<image_t, Rigid3d>> AverageComponentTranslations(
                    SelectTracks(tracks, context.settings.reconstruct.position_tracks_per_image));
   const TranslationAveragingReport report =
       AverageTranslations(directions, points, context.settings.translation_averaging, context.run,
-                          PriorsOfCenters(context));
+                          PriorsOfCenters(context, rotations));
   stage.Add("edges_in", directions.size());
   stage.Add("tracks_in", points.size());
   stage.Add("edges_removed", report.num_filtered);

@@ -391,8 +391,10 @@ void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path
 std::shared_ptr<const KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
                                                  const std::string& image_path,
                                                  const RunContext& run);
-// By the images' positions, for translation averaging; nullptr: none are to be used.
-CenterPriors PriorsOfCenters(const StageContext& context);
+// By the images' positions, for translation averaging of images with these rotations (cam from
+// world), which the result refers to; nullptr: none are to be used.
+CenterPriors PriorsOfCenters(const StageContext& context,
+                             const std::map<image_t, Eigen::Quaterniond>& rotations);
 // Adjusts a model, moved to where the known positions put it, with these as priors, until they
 // agree no better. A model whose place they do not tell stays as it is.
 void AdjustToPlaces(StageContext& context, Reconstruction& model);

@@ -46,6 +46,14 @@ enum class GeoregistrationStatus {
   kNoAgreement,   // no similarity explains more than half of the positions
 };
 
+// What decides how a model is tilted.
+enum class TiltSource {
+  kAltitudes,    // of positions or control points
+  kPositions,    // horizontal ones alone: no position has an altitude
+  kPhotographs,  // these leave two tilts: the one by which the photographs are held more level
+  kNothing,      // horizontal positions show none: all photographs are taken at the same height
+};
+
 // An image of the model that has a position.
 struct GeoregisteredImage {
   image_t image_id = kInvalidImageId;
@@ -55,8 +63,9 @@ struct GeoregisteredImage {
   // Standard deviation along each axis: as given, but not less than the residuals show; where none
   // is given, what they show.
   double sigma_m = 0;
-  Eigen::Vector3d residual;  // the camera's center in the model, moved, minus gps_enu; meters
-  bool is_wrong = false;     // the position is too far off to be what the others make of it
+  // The camera's center in the model, moved, minus gps_enu; meters. z is 0 without an altitude.
+  Eigen::Vector3d residual;
+  bool is_wrong = false;  // the position is too far off to be what the others make of it
 };
 
 // A control point that two images of the model or more show.
@@ -76,6 +85,7 @@ struct Georegistration {
   GpsPosition origin;              // of the east-north-up frame: the medians of the positions
   Sim3d enu_from_world;            // meters
   bool by_control_points = false;  // not by the images' positions
+  TiltSource tilt_source = TiltSource::kAltitudes;
   std::vector<GeoregisteredImage> images;     // in the order of their ids
   std::vector<GeoregisteredPoint> points;     // in the order of the file
   std::vector<std::string> without_altitude;  // names; their positions are not used
@@ -93,8 +103,9 @@ struct Georegistration {
 // (AlignSimilarityRobust), then weighted least squares over the rows that agree, until these stay
 // the same. A row is wrong if its residual is far out by Tukey's fence: three quartile distances
 // beyond the upper quartile of the rows that agree, relative to each row's sigma; but never within
-// 5 cm. Where some positions have an altitude, those without are not used. The frame is that of
-// `known`, whatever the model: models of one collection share it.
+// 5 cm. Where some positions have an altitude, those without are not used. Where none has, heights
+// are open: horizontal residuals alone count, and TiltSource says what the tilt is by (F test, 1
+// %). The frame is that of `known`, whatever the model: models of one collection share it.
 Georegistration Georegister(const Reconstruction& model, const KnownPositions& known,
                             const RunContext& run = {});
 
