@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "base/text.h"
@@ -64,16 +65,23 @@ double MedianPointErrorPx(const Georegistration& found) {
   return errors_px.empty() ? 0 : UpperMedian(errors_px);
 }
 
+std::string TooFew(const Georegistration& found) {
+  const auto num_checks = std::ranges::count_if(found.points, &GeoregisteredPoint::is_check);
+  return std::to_string(found.images.size()) + " images of the model have a position, and it has " +
+         std::to_string(std::ssize(found.points) - num_checks) + " control points" +
+         (num_checks > 0 ? ", beside " + std::to_string(num_checks) +
+                               " check points (CHK-), which only measure it"
+                         : "") +
+         "; it takes three of either";
+}
+
 // Why the model has no place on Earth; "": it has one.
 std::string FailureOf(const Georegistration& georegistration) {
   switch (georegistration.status) {
     case GeoregistrationStatus::kOk:
       return "";
     case GeoregistrationStatus::kTooFewImages:
-      return std::to_string(georegistration.images.size()) +
-             " images of the model have a position, and it has " +
-             std::to_string(georegistration.points.size()) +
-             " control points; it takes three of either";
+      return TooFew(georegistration);
     case GeoregistrationStatus::kOnALine:
       return "the positions, or the cameras, lie on a line, about which the model may turn";
     case GeoregistrationStatus::kNoAgreement:

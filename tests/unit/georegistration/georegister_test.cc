@@ -356,6 +356,17 @@ TEST_F(ControlPointsTest, AWrongPointIsFoundAndACheckShowsItsError) {
   }
 }
 
+// What is counted is what is used.
+TEST_F(ControlPointsTest, ChecksAloneAreTooFew) {
+  points_.resize(6);
+  for (ControlPoint& point : points_) point.is_check = true;
+  const Georegistration found = Georegister(model_, {rows_, points_});
+  EXPECT_EQ(found.status, GeoregistrationStatus::kTooFewImages);
+  EXPECT_THAT(WarningsOf(found).at(0).what,
+              ::testing::AllOf(::testing::HasSubstr(" 0 control points"),
+                               ::testing::HasSubstr(" 6 check points")));
+}
+
 // Few or many, exact to some centimeters: the one that is far off is found.
 TEST_F(ControlPointsTest, AWrongOneIsFoundAmongAFew) {
   Rng rng(5);
