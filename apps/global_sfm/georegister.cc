@@ -34,7 +34,7 @@ struct GeoregisterFlags : RunFlags {
         "folder that reconstruct wrote (its largest model is taken), or a model of any format");
     v.String(
         "gps_path", gps_path,
-        "file with a line an image: name latitude longitude altitude [sigma], blanks or commas "
+        "file with a line an image: name latitude longitude [altitude [sigma]], blanks or commas "
         "between; degrees (WGS84), meters");
     v.String(
         "image_path", image_path,
