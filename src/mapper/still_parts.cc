@@ -71,7 +71,7 @@ double LogTail(int k, int n, double chance) {
 // How many matches of a pair that moves are still for another reason than its geometry. Inliers
 // tell how often what moves happens to be still (Laplace's rule of succession). So many rejected
 // ones are to be expected in less than one of num_tests pairs, or the result is 0 (a contrario;
-// Desolneux, Moisan and Morel, "Meaningful alignments", 2000).
+// Desolneux, Moisan and Morel, "Meaningful alignments", 2000). One match is no part of a picture.
 int CountStrangers(const SceneData& scene, const ViewEdge& edge, size_t num_tests) {
   const FeatureMatches& inliers = scene.matches.at(edge.PairId());
   const FeatureMatches all = scene.raw_matches(edge);
@@ -82,7 +82,7 @@ int CountStrangers(const SceneData& scene, const ViewEdge& edge, size_t num_test
   const int k = CountStill(scene, edge, rejected);
   const double chance =
       (CountStill(scene, edge, inliers) + 1.0) / (static_cast<double>(inliers.size()) + 2.0);
-  if (k <= n * chance) return 0;
+  if (k < 2 || k <= n * chance) return 0;
   return std::log(static_cast<double>(num_tests)) + LogTail(k, n, chance) < 0 ? k : 0;
 }
 

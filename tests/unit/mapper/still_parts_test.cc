@@ -17,11 +17,11 @@ constexpr int kNumMarks = 15;
 
 // Ten photographs of a scene; the first num_marked of them show marks at the same pixels, which
 // were matched, and verification rejected.
-Database MakeMarkedDatabase(int num_marked) {
+Database MakeMarkedDatabase(int num_marked, size_t num_marks = kNumMarks) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   Database database = MakeDatabase(scene);
   Rng rng(1);
-  std::vector<Keypoint> marks(kNumMarks);
+  std::vector<Keypoint> marks(num_marks);
   for (Keypoint& mark : marks) {
     mark.x = static_cast<float>(rng.Uniform(20, 600));
     mark.y = static_cast<float>(rng.Uniform(20, 440));
@@ -39,7 +39,7 @@ Database MakeMarkedDatabase(int num_marked) {
     const auto [id1, id2] = PairIdToImagePair(pair_id);
     if (id2 > static_cast<image_t>(num_marked)) continue;
     FeatureMatches matches = database.ReadMatches(pair_id).value();
-    for (size_t k = 0; k < kNumMarks; ++k) {
+    for (size_t k = 0; k < num_marks; ++k) {
       matches.push_back({static_cast<point2D_t>(scene.keypoints.at(id1).size() + k),
                          static_cast<point2D_t>(scene.keypoints.at(id2).size() + k)});
     }
@@ -67,6 +67,19 @@ TEST(StillParts, AreNamedWithTheWayOut) {
 TEST(StillParts, OfFewPhotographsAreNot) {
   EXPECT_EQ(Warnings(Reconstruct(MakeMarkedDatabase(0))), "");
   EXPECT_EQ(Warnings(Reconstruct(MakeMarkedDatabase(4))), "");
+}
+
+// Though all that a pair rejects is still.
+TEST(StillParts, OneMatchOfAPairIsNone) {
+  Database database = MakeMarkedDatabase(10, 1);
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    FeatureMatches matches = database.ReadTwoViewGeometry(pair_id)->inlier_matches;
+    matches.push_back({static_cast<point2D_t>(*database.ReadNumKeypoints(id1) - 1),
+                       static_cast<point2D_t>(*database.ReadNumKeypoints(id2) - 1)});
+    database.WriteMatches(pair_id, matches);
+  }
+  EXPECT_EQ(Warnings(Reconstruct(database)), "");
 }
 
 // As photographs of a video against the next ones: others show that the camera moves.
