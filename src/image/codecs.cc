@@ -22,6 +22,12 @@ void SwapRedBlue(const cv::Mat& from, cv::Mat to) {
   cv::mixChannels(&from, 1, &to, 1, kReversed, 3);
 }
 
+// (The extended header's flags; RFC 9649, 2.7.)
+bool IsAnimatedWebP(std::string_view bytes) {
+  return bytes.size() > 20 && bytes.starts_with("RIFF") && bytes.substr(8, 8) == "WEBPVP8X" &&
+         (bytes[20] & 2) != 0;
+}
+
 // Is it of a format that is read, by the first bytes by which OpenCV's decoder takes a file? OpenCV
 // has decoders of more formats, which are not for files of strangers (src/UNTRUSTED_DATA.md).
 bool IsOfReadFormat(std::string_view bytes) {
@@ -40,12 +46,13 @@ bool IsOfReadFormat(std::string_view bytes) {
   // A WebP file with a damaged header is offered to the other decoders, and GDCM, which ends the
   // program on damaged files, takes all with this mark at byte 128.
   return bytes.starts_with("RIFF") && bytes.size() >= 12 && bytes.substr(8, 4) == "WEBP" &&
-         (bytes.size() < 132 || bytes.substr(128, 4) != "DICM");
+         !IsAnimatedWebP(bytes) && (bytes.size() < 132 || bytes.substr(128, 4) != "DICM");
 }
 
 // A frequent format that is not read, by the first bytes; "": none of them.
 std::string_view UnreadFormat(std::string_view bytes) {
   if (bytes.starts_with("GIF8")) return "GIF";
+  if (IsAnimatedWebP(bytes)) return "animated WebP";
   if (bytes.size() >= 12 && bytes.substr(4, 4) == "ftyp") return "HEIC, AVIF or a video";
   return "";
 }

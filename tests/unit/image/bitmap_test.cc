@@ -184,6 +184,10 @@ TEST(Bitmap, FormatsThatAreNotReadAreNamed) {
   const TempFolder folder;
   WriteFileAtomically(folder / "a.gif", "GIF89a and what follows");
   EXPECT_THAT(ReasonOf(folder / "a.gif"), HasSubstr("GIF is not read"));
+  using namespace std::string_literals;
+  const std::string flags = "\x02\0\0\0"s, size = "\x0F\0\0\x0F\0\0"s;  // an animation, 16 x 16
+  WriteFileAtomically(folder / "a.webp", "RIFF\x16\0\0\0WEBPVP8X\x0A\0\0\0"s + flags + size);
+  EXPECT_THAT(ReasonOf(folder / "a.webp"), HasSubstr("animated WebP is not read"));
   WriteFileAtomically(folder / "a.jpg", std::string("\0\0\0\x18"
                                                     "ftypheic and what follows",
                                                     28));
