@@ -1,6 +1,8 @@
 #include "global_sfm/commands.h"
+#include "mpi/launch.h"
 
 int main(int argc, char** argv) {
+  if (cairn::IsLaunchedBesideTheFirst()) return cairn::kExitSuccess;
   return cairn::RunMain([&] {
     cairn::Program program("global_sfm",
                            "Global structure-from-motion on the view graph of a database.");

@@ -48,7 +48,7 @@ std::vector<Match> MatchNames(const PosedCameras& estimate, const PosedCameras& 
 // in one place in both.
 double DirectionErrorDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   constexpr double kZero = 1e-12;
-  if (a.norm() < kZero || b.norm() < kZero) {
+  if (!(a.norm() >= kZero) || !(b.norm() >= kZero)) {  // or no numbers
     return a.norm() < kZero && b.norm() < kZero ? 0.0 : 180.0;
   }
   return RadToDeg(AngleBetween(a, b));

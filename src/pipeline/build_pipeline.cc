@@ -82,6 +82,13 @@ void CheckPaths(const BuildPipelineOptions& options, const Sources& sources) {
   namespace fs = std::filesystem;
   const BuildInputs& inputs = options.inputs;
   if (!sources.image_path.empty()) CheckImageFolder(sources.image_path);
+  const bool has_depth = !inputs.depth_path.empty() || !inputs.depth_model.empty();
+  if (inputs.recompute == BuildStage::kDepth && !has_depth) {
+    throw ConfigError("recompute", "depth needs --depth_path or --depth_model");
+  }
+  if (!inputs.depth_path.empty() && !inputs.depth_model.empty()) {
+    throw ConfigError("depth_path", "and depth_model cannot be given together");
+  }
   if (!inputs.depth_path.empty() && !fs::is_directory(inputs.depth_path)) {
     throw IoError(inputs.depth_path, "no such folder");
   }
@@ -139,8 +146,8 @@ void NoteOtherSources(const Database& database, const EarlierSources& earlier,
   if (earlier.has_depth && inputs.stop_after >= BuildStage::kDepth && inputs.depth_path.empty() &&
       inputs.depth_model.empty() && database.ReadJobs(kStageDepth).size() < num_images) {
     monitor.Warning(
-        "earlier runs had depth; this one has none, so new photographs get none. Give --depth_path "
-        "or --depth_model again");
+        "earlier runs had depth; this one has none, so photographs whose features it finds get "
+        "none. Give --depth_path or --depth_model again");
   }
 }
 

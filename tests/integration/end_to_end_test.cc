@@ -65,6 +65,19 @@ TEST(EndToEnd, TheModelIsNearTheTruthAndHasNoDistractor) {
   EXPECT_LT(figures["focal_rel_med"], 0.05);
 }
 
+// `mpirun global_sfm` works once, in its first process.
+TEST(EndToEnd, ProcessesBesideTheFirstHaveNothingToDo) {
+  const SceneFiles scene;
+  for (const std::string rank : {"0", "1"}) {
+    const ProgramResult result =
+        testing::RunExecutable("env", {"OMPI_COMM_WORLD_SIZE=2", "OMPI_COMM_WORLD_RANK=" + rank,
+                                       std::string(CAIRN_BINARY_DIR) + "/bin/global_sfm", "inspect",
+                                       "--database_path", scene.database()});
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    EXPECT_EQ(result.output.empty(), rank == "1");
+  }
+}
+
 // Given cameras stay constant, though nobody says so with --refine_intrinsics.
 TEST(EndToEnd, TheOptionsOfARunGiveItsModelAgain) {
   const SceneFiles scene;

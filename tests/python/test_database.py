@@ -115,6 +115,14 @@ def test_images_that_cannot_be_are_refused_in_plain_words():
     assert [image.name for image in database.read_images()] == ["d.jpg", "b/c.jpg"]
 
 
+def test_a_transaction_is_not_closed_away(tmp_path):
+    with cairn.Database(tmp_path / "a.db") as database, database.transaction():
+        database.write_camera(cairn.Camera("PINHOLE", 640, 480, [500, 500, 320, 240]))
+        with pytest.raises(cairn.ConfigError, match="transaction"):
+            database.close()
+    assert len(cairn.Database(tmp_path / "a.db").read_cameras()) == 1
+
+
 def test_a_transaction_is_all_or_nothing(tmp_path):
     database, camera_id, _ = make(tmp_path / "scene.db")
     with database.transaction():

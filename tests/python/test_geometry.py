@@ -19,6 +19,13 @@ def test_rigid3d_is_the_motion_that_its_matrix_says():
     a.translation = [0, 0, 1]
     np.testing.assert_array_equal(a.translation, [0, 0, 1])
     assert "translation=[0, 0, 1]" in repr(a)
+    with pytest.raises(cairn.ConfigError, match="finite"):
+        a.translation = [0, np.nan, 1]
+    with pytest.raises(cairn.ConfigError, match="finite"):
+        cairn.Rigid3d(np.eye(3), [np.inf, 0, 0])
+    for scale in (1e200, 1e-200):
+        np.testing.assert_allclose(cairn.Rotation3d.from_quat([0, 0, scale, scale]).quat,
+                                   np.sqrt([0, 0, 0.5, 0.5]))
 
 
 def test_quaternions_are_xyzw():

@@ -59,6 +59,8 @@ def test_hard_pairs_of_two_columns_have_the_full_budget(tmp_path):
 def test_keypoints_with_frames_and_depth_are_decided_by_one_match(tmp_path):
     path = tmp_path / "scene.db"
     TRUTH.write(path, frames=True, depth=True)
+    with pytest.raises(cairn.ConfigError, match="database_path"):
+        cairn.build_view_graph(path, options={"database_path": "other.db"})
     cairn.build_view_graph(path)
     assert set(cairn.ViewGraph.from_database(path).verifiers) == {"one_ac_depth"}
     check_models(cairn.reconstruct(path))

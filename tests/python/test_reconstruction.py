@@ -28,6 +28,10 @@ def test_attributes_are_those_of_pycolmap():
     assert dict(model.cameras.items())[1].model == "PINHOLE"
     assert model.images.get(2).name == "photo02.jpg" and model.points3D.get(999) is None
     assert model.cameras.get("no id", 7) == 7
+    for integer in (np.uint32, np.int32, np.int64):
+        assert integer(2) in model.images and model.images.get(integer(2)).name == "photo02.jpg"
+        assert integer(999) not in model.images
+    assert -1 not in model.images and 2**70 not in model.images and 2.0 not in model.cameras
 
 
 def test_values_are_changed_in_place_and_stay_alive():

@@ -217,7 +217,11 @@ OpenDatabase Open(const std::filesystem::path& path, bool read_only) {
 void BindOpening(DatabaseClass& c) {
   c.def(py::init(&Open), py::arg("path"), py::arg("read_only") = false,
         "Opens the file, or makes it; ':memory:' is a private database.")
-      .def("close", &Close)
+      .def("close",
+           [](OpenDatabase& self) {
+             if (self.transaction) throw ConfigError("database", "has a transaction that is open");
+             Close(self);
+           })
       .def("__enter__", [](const py::object& self) { return self; })
       .def("__exit__", [](OpenDatabase& self, const py::object&, const py::object&,
                           const py::object&) { Close(self); })

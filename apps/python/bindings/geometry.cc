@@ -24,8 +24,14 @@ Eigen::Quaterniond RotationFromMatrix(const Eigen::Matrix3d& R) {
 
 // x, y, z, w, as pycolmap.
 Eigen::Quaterniond RotationFromQuat(const Eigen::Vector4d& xyzw) {
-  if (!(xyzw.norm() > 0) || !xyzw.allFinite()) throw ConfigError("quat", "not a rotation");
-  return Eigen::Quaterniond(xyzw(3), xyzw(0), xyzw(1), xyzw(2)).normalized();
+  if (xyzw.isZero(0) || !xyzw.allFinite()) throw ConfigError("quat", "not a rotation");
+  const Eigen::Vector4d unit = xyzw.stableNormalized();
+  return Eigen::Quaterniond(unit(3), unit(0), unit(1), unit(2)).normalized();
+}
+
+const Eigen::Vector3d& Finite(const Eigen::Vector3d& translation) {
+  if (!translation.allFinite()) throw ConfigError("translation", "must be finite");
+  return translation;
 }
 
 Eigen::Matrix<double, 3, 4> MatrixOf(const Rigid3d& pose) {
@@ -68,13 +74,19 @@ void BindPoses(py::module_& m) {
 
   py::class_<Rigid3d>(m, "Rigid3d", "A rigid motion b_from_a: x_b = rotation x_a + translation.")
       .def(py::init<>())
-      .def(py::init<Rotation, Eigen::Vector3d>(), py::arg("rotation"), py::arg("translation"))
+      .def(py::init([](const Rotation& rotation, const Eigen::Vector3d& t) {
+             return Rigid3d(rotation, Finite(t));
+           }),
+           py::arg("rotation"), py::arg("translation"))
       .def(py::init([](const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
-             return Rigid3d(RotationFromMatrix(R), t);
+             return Rigid3d(RotationFromMatrix(R), Finite(t));
            }),
            py::arg("rotation"), py::arg("translation"))
       .def_readwrite("rotation", &Rigid3d::rotation)
-      .def_readwrite("translation", &Rigid3d::translation)
+      .def_property(
+          "translation",
+          [](const Rigid3d& pose) -> const Eigen::Vector3d& { return pose.translation; },
+          [](Rigid3d& pose, const Eigen::Vector3d& t) { pose.translation = Finite(t); })
       .def("matrix", &MatrixOf, "3 x 4: rotation and translation.")
       .def("inverse", [](const Rigid3d& pose) { return Inverse(pose); })
       .def("center", &Rigid3d::Center, "Of cam_from_world: the camera's center in the world.")

@@ -36,10 +36,17 @@ void BindMap(py::module_& m, const char* name) {
     if (entry == map.end()) throw py::key_error(std::to_string(key));
     return entry->second;
   };
+  // As of a dict: integers of NumPy are integers, and whatever is none is not in it.
+  const auto contains = [](const Map& map, const py::object& key) {
+    const auto index = py::reinterpret_steal<py::object>(PyNumber_Index(key.ptr()));
+    int is_out_of_range = 0;
+    const long long id = index ? PyLong_AsLongLongAndOverflow(index.ptr(), &is_out_of_range) : -1;
+    PyErr_Clear();
+    return is_out_of_range == 0 && std::in_range<Key>(id) && map.contains(static_cast<Key>(id));
+  };
   py::class_<Map>(m, name, "A dictionary by id, in the order of the ids.")
       .def("__len__", [](const Map& map) { return map.size(); })
-      .def("__contains__", [](const Map& map, Key key) { return map.contains(key); })
-      .def("__contains__", [](const Map&, const py::object&) { return false; })
+      .def("__contains__", contains)
       .def("__getitem__", find, py::arg("id"), kInside)
       .def(
           "get",

@@ -182,7 +182,9 @@ StageReport ExtractImageFeatures(Database& database, const FeatureSource& source
   int64_t num_features = 0;
   for (const FeatureItem& item : work.items) num_features += item.num_features;
   stage.Add("new_features", num_features);
-  RemarkOnImagesWithoutFeatures(work.items, !source.mask_path.empty(), stage);
+  if (!run.monitor.StopRequested()) {
+    RemarkOnImagesWithoutFeatures(work.items, !source.mask_path.empty(), stage);
+  }
   return EndStage(stage, run, ledger, database);
 }
 

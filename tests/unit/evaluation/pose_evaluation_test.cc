@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "cairn/base/rng.h"
@@ -85,6 +86,15 @@ TEST(PoseEvaluation, ImagesThatAreNotRegisteredCountAsInfinite) {
   EXPECT_FALSE(e.images[0].registered);
   EXPECT_FALSE(e.images[0].center);
   EXPECT_THAT(FormatPoseEvaluation(e), HasSubstr("not registered: a/100.jpg"));
+}
+
+TEST(PoseEvaluation, PosesThatAreNoNumbersAreWrong) {
+  Rng rng(1);
+  const PosedCameras reference = RandomCameras(9, rng);
+  PosedCameras estimate = reference;
+  estimate.begin()->second.cam_from_world.translation.x() =
+      std::numeric_limits<double>::quiet_NaN();
+  EXPECT_NEAR(EvaluatePoses(estimate, reference).auc[0], 28.0 / 36, 1e-12);  // pairs of the others
 }
 
 TEST(PoseEvaluation, FewOrNoImages) {

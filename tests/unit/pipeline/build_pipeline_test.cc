@@ -105,6 +105,7 @@ TEST_F(BuildPipelineTest, InterruptedRunsEndInTheSameDump) {
   for (; num_stops < 50; ++num_stops) {
     TestMonitor monitor(5);
     if (!RunBuildPipeline(Options("parts.db"), {.monitor = monitor}).was_stopped) break;
+    EXPECT_THAT(monitor.warnings(), Not(Contains(HasSubstr("no features"))));
   }
   EXPECT_GE(num_stops, 3);
   EXPECT_LT(num_stops, 50);
@@ -346,6 +347,21 @@ TEST_F(BuildPipelineTest, AFolderThatIsNotThereIsFoundBeforeAnyWork) {
   EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
               HasSubstr("no.onnx: No such file"));
   EXPECT_FALSE(fs::exists(folder_ / "a.db"));
+}
+
+TEST_F(BuildPipelineTest, DepthIsNotLostForWantOfASource) {
+  RunBuildPipeline(Options("a.db"));
+  const std::string before = Dump("a.db");
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.recompute = BuildStage::kDepth;
+  options.inputs.depth_path = "";
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("depth needs --depth_path or --depth_model"));
+  options = Options("a.db");
+  options.inputs.depth_model = "network.onnx";
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("cannot be given together"));
+  EXPECT_EQ(Dump("a.db"), before);
 }
 
 TEST_F(BuildPipelineTest, DepthThatComesAfterVerificationIsAnError) {
