@@ -59,6 +59,9 @@ def test_hard_pairs_of_two_columns_have_the_full_budget(tmp_path):
 def test_keypoints_with_frames_and_depth_are_decided_by_one_match(tmp_path):
     path = tmp_path / "scene.db"
     TRUTH.write(path, frames=True, depth=True)
+    for options in ([1], 5, "x"):
+        with pytest.raises(cairn.ConfigError, match="options: .* is not a dictionary"):
+            cairn.build_view_graph(path, options=options)
     with pytest.raises(cairn.ConfigError, match="database_path"):
         cairn.build_view_graph(path, options={"database_path": "other.db"})
     cairn.build_view_graph(path)

@@ -31,6 +31,12 @@ def test_attributes_are_those_of_pycolmap():
     for integer in (np.uint32, np.int32, np.int64):
         assert integer(2) in model.images and model.images.get(integer(2)).name == "photo02.jpg"
         assert integer(999) not in model.images
+    class Anywhere:  # os.PathLike, and no text
+        def __fspath__(self):
+            return "no model"
+
+    with pytest.raises(cairn.IoError, match="no model: "):
+        cairn.evaluate(Anywhere(), model)
     assert -1 not in model.images and 2**70 not in model.images and 2.0 not in model.cameras
 
 

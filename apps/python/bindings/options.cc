@@ -1,8 +1,10 @@
 #include "options.h"
 
 #include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -28,8 +30,9 @@ Value Cast(const std::string& key, py::handle value, const char* what) {
   try {
     return value.cast<Value>();
   } catch (const py::cast_error&) {
-    throw ConfigError(key, "'" + std::string(py::str(value)) + "' is not " + what);
+  } catch (const py::error_already_set&) {  // of Python's own dict()
   }
+  throw ConfigError(key, "'" + std::string(py::str(value)) + "' is not " + what);
 }
 
 void Assign(const std::string& key, bool* value, py::handle given) {
@@ -45,7 +48,7 @@ void Assign(const std::string& key, std::string* value, py::handle given) {
   // Folders may be of pathlib.
   *value = py::isinstance<py::str>(given) || !py::hasattr(given, "__fspath__")
                ? Cast<std::string>(key, given, "a text")
-               : std::string(py::str(given));
+               : given.cast<std::filesystem::path>().string();
 }
 void Assign(const std::string& key, std::vector<double>* value, py::handle given) {
   *value = Cast<std::vector<double>>(key, given, "a list of numbers");

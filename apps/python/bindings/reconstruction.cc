@@ -272,7 +272,7 @@ PosedCameras PosesOf(const std::string& name, const py::object& model) {
   if (!py::isinstance<py::str>(model) && !py::hasattr(model, "__fspath__")) {
     throw ConfigError(name, "neither a Reconstruction nor the path of a model");
   }
-  return PosedCamerasOf(ReadModel(py::str(model), {.read_points = false}));
+  return PosedCamerasOf(ReadModel(model.cast<path>().string(), {.read_points = false}));
 }
 
 PoseEvaluation Evaluate(const py::object& model, const py::object& reference) {
