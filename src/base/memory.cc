@@ -1,7 +1,10 @@
 #include "base/memory.h"
 
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <cstdlib>
+#include <new>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -48,6 +51,13 @@ MemoryUse ReadMemoryUse() {
     use.available = use.available < 0 ? left : std::min(use.available, left);
   }
   return use;
+}
+
+void RequireMemory(int64_t bytes) {
+  void* room = mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
+                    MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (room == MAP_FAILED) throw std::bad_alloc();
+  munmap(room, bytes);
 }
 
 }  // namespace cairn

@@ -13,6 +13,10 @@ struct MemoryUse {
 };
 MemoryUse ReadMemoryUse();
 
+// Throws std::bad_alloc where so many bytes are not to be had. OpenBLAS takes 128 MiB for a thread
+// where it is first used, and where they are missing it asks for them for ever: so ask before.
+void RequireMemory(int64_t bytes);
+
 constexpr int64_t GibToBytes(double gib) { return static_cast<int64_t>(gib * (1 << 30)); }
 constexpr double BytesToGib(int64_t bytes) { return static_cast<double>(bytes) / (1 << 30); }
 

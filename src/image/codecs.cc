@@ -8,6 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "base/memory.h"
 #include "cairn/base/error.h"
 #include "image/cv_bitmap.h"
 #include "image/image_container.h"
@@ -58,12 +59,11 @@ std::string_view UnreadFormat(std::string_view bytes) {
 }
 
 // GDAL, which OpenCV registers among its codecs where they are first used, ends the program where
-// memory is missing, and OpenBLAS's threads take what is left until each has its 128 MiB. So that
-// much is asked for before. Throws cv::Exception where it is not there.
+// memory is missing, and OpenBLAS's threads take what is left until each has its 128 MiB. Throws
+// std::bad_alloc where that much is not there.
 void PrepareCodecs() {
   [[maybe_unused]] static const bool are_prepared = [] {
-    constexpr int kBytes = 192 << 20;
-    const cv::Mat room(1, kBytes, CV_8UC1);
+    RequireMemory(192 << 20);
     return cv::haveImageWriter(".png");
   }();
 }

@@ -1,12 +1,12 @@
 #include "sparse/sparse_cholesky.h"
 
 #include <cholmod.h>
-#include <sys/mman.h>
 
 #include <algorithm>
 #include <new>
 #include <numeric>
 
+#include "base/memory.h"
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
 
@@ -20,17 +20,11 @@ namespace {
 
 static_assert(sizeof(SuiteSparse_long) == sizeof(int64_t));
 
-// OpenBLAS takes a buffer of 128 MiB where it is first used, and where memory is missing it asks
-// for that for ever. So that much is asked for before, and the buffer is taken at once. Throws
-// std::bad_alloc.
+// Takes OpenBLAS's buffer now, where it is known to be there. Throws std::bad_alloc.
 void PrepareBlas() {
   openblas_set_num_threads(1);
   [[maybe_unused]] static const bool is_prepared = [] {
-    constexpr size_t kBytes = 160 << 20;
-    void* room = mmap(nullptr, kBytes, PROT_READ | PROT_WRITE,
-                      MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-    if (room == MAP_FAILED) throw std::bad_alloc();
-    munmap(room, kBytes);
+    RequireMemory(160 << 20);
     const int n = 1;
     double one = 1;
     int info = 0;
