@@ -12,14 +12,12 @@ inline bool IsLaunched() {
   return std::getenv("PMIX_RANK") != nullptr || std::getenv("PMI_RANK") != nullptr;
 }
 
-// Is this process one of several, and not the first? It has nothing to do in a program that runs on
-// one machine.
-inline bool IsLaunchedBesideTheFirst() {
-  if (!IsLaunched()) return false;
+// Of this process, if it IsLaunched.
+inline int LaunchedRank() {
   for (const char* name : {"OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK"}) {
-    if (const char* const rank = std::getenv(name)) return std::string_view(rank) != "0";
+    if (const char* const rank = std::getenv(name)) return std::atoi(rank);
   }
-  return false;
+  return 0;
 }
 
 }  // namespace cairn

@@ -3,16 +3,6 @@
 #include "mpi/launch.h"
 
 namespace cairn {
-namespace {
-
-int LaunchedRank() {
-  for (const char* name : {"OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK"}) {
-    if (const char* const rank = std::getenv(name)) return std::atoi(rank);
-  }
-  return 0;
-}
-
-}  // namespace
 
 std::unique_ptr<Peers> JoinJob() {
   if (IsLaunched() && LaunchedRank() > 0) {
