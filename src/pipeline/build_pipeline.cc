@@ -7,12 +7,12 @@
 #include "base/memory.h"
 #include "cairn/base/error.h"
 #include "cairn/database/report_bad_rows.h"
-#include "cairn/depth/depth_network.h"
 #include "cairn/image/image_folder.h"
 #include "database/stage_names.h"
 #include "intrinsics/wide_focals.h"
 #include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/choose.h"
+#include "pipeline/stages/depth_source.h"
 #include "pipeline/stages/foreign_features.h"
 #include "pipeline/stages/import_dataset.h"
 #include "pipeline/stages/masks.h"
@@ -33,14 +33,20 @@ VerificationInput InputOfVerification(const BuildPipelineOptions& options, uint6
   return input;
 }
 
+DepthSource DepthOf(const BuildInputs& inputs) { return {inputs.depth_path, inputs.depth_model}; }
+
+bool HasDepth(const BuildInputs& inputs) {
+  return !inputs.depth_path.empty() || !inputs.depth_model.empty();
+}
+
 // Options that differ from those of rows that are there are an error at once, not after an hour.
 void CheckStageOptions(Database& database, const BuildPipelineOptions& options, uint64_t seed) {
   const BuildStage last = options.inputs.stop_after;
   StageLedger(database, kStageCameras, DumpOptions(options.cameras));
   StageLedger(database, kStageFeatures, DumpQualified("features", options.features));
-  const DepthSource source = {options.inputs.depth_path, options.inputs.depth_model};
-  if (last >= BuildStage::kDepth && source.depth_path.size() + source.depth_model.size() > 0) {
-    StageLedger(database, kStageDepth, DepthStageOptions(source, options.depth));
+  if (last >= BuildStage::kDepth && HasDepth(options.inputs)) {
+    StageLedger(database, kStageDepth, DepthStageOptions(DepthOf(options.inputs), options.depth));
+    CheckDepthIsInTime(database, DepthOf(options.inputs));
   }
   if (last >= BuildStage::kMatching) {
     StageLedger(database, kStageMatching, DumpQualified("matching", options.matching));
@@ -78,21 +84,13 @@ Sources FindSources(const BuildInputs& inputs) {
 }
 
 // Before features are computed for hours.
-void CheckPaths(const BuildPipelineOptions& options, const Sources& sources) {
-  namespace fs = std::filesystem;
+void CheckSources(const BuildPipelineOptions& options, const Sources& sources) {
   const BuildInputs& inputs = options.inputs;
   if (!sources.image_path.empty()) CheckImageFolder(sources.image_path);
-  const bool has_depth = !inputs.depth_path.empty() || !inputs.depth_model.empty();
-  if (inputs.recompute == BuildStage::kDepth && !has_depth) {
+  CheckDepthSource(sources.image_path, DepthOf(inputs), options.depth);
+  if (inputs.recompute == BuildStage::kDepth && !HasDepth(inputs)) {
     throw ConfigError("recompute", "depth needs --depth_path or --depth_model");
   }
-  if (!inputs.depth_path.empty() && !inputs.depth_model.empty()) {
-    throw ConfigError("depth_path", "and depth_model cannot be given together");
-  }
-  if (!inputs.depth_path.empty() && !fs::is_directory(inputs.depth_path)) {
-    throw IoError(inputs.depth_path, "no such folder");
-  }
-  if (!inputs.depth_model.empty()) DepthNetwork(inputs.depth_model, options.depth);
   if (!inputs.mask_path.empty() && sources.image_path.empty()) {
     throw ConfigError("mask_path", "needs --image_path");
   }
@@ -143,8 +141,8 @@ void NoteOtherSources(const Database& database, const EarlierSources& earlier,
         "earlier runs left out parts of photographs by masks; this one has none, and finds "
         "features everywhere. Give --mask_path again to leave them out");
   }
-  if (earlier.has_depth && inputs.stop_after >= BuildStage::kDepth && inputs.depth_path.empty() &&
-      inputs.depth_model.empty() && database.ReadJobs(kStageDepth).size() < num_images) {
+  if (earlier.has_depth && inputs.stop_after >= BuildStage::kDepth && !HasDepth(inputs) &&
+      database.ReadJobs(kStageDepth).size() < num_images) {
     monitor.Warning(
         "earlier runs had depth; this one has none, so photographs whose features it finds get "
         "none. Give --depth_path or --depth_model again");
@@ -190,8 +188,8 @@ class BuildRun {
       return false;
     }
     if (last >= BuildStage::kDepth &&
-        !KeepGoing(SampleImageDepth(database_, sources.image_path, {in.depth_path, in.depth_model},
-                                    options_.depth, run_))) {
+        !KeepGoing(
+            SampleImageDepth(database_, sources.image_path, DepthOf(in), options_.depth, run_))) {
       return false;
     }
     if (last < BuildStage::kPairs) return true;
@@ -339,7 +337,7 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   report.run.seed = run.seed;
   report.run.num_threads = run.num_threads;
   const Sources sources = FindSources(inputs);
-  CheckPaths(options, sources);
+  CheckSources(options, sources);
   const FileLock lock(inputs.database_path);
   Database database = OpenDatabase(inputs);
   ForgetLostRows(database, sources, run.monitor);

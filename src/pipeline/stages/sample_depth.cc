@@ -18,6 +18,7 @@
 #include "database/database_writer.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
+#include "pipeline/stages/depth_source.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
@@ -32,26 +33,6 @@ struct DepthItem {
   std::string error;        // why the image has no depth
   uint64_t input_hash = 0;  // of what its samples are made from
 };
-
-void CheckSource(const Database& database, const std::string& image_path, const DepthSource& source,
-                 const DepthOptions& options) {
-  ValidateOptions(options, "depth");
-  if (!source.depth_path.empty() && !source.depth_model.empty()) {
-    throw ConfigError("depth_path", "and depth_model cannot be given together");
-  }
-  const char* key = source.depth_path.empty() ? "depth_model" : "depth_path";
-  if (!source.depth_path.empty() && !fs::is_directory(source.depth_path)) {
-    throw IoError(source.depth_path, "no such folder");
-  }
-  if (!source.depth_model.empty() && image_path.empty()) {
-    throw ConfigError(key, "needs --image_path");
-  }
-  if (!database.ReadStage(kStageDepth) && !database.ReadJobs(kStageVerification).empty()) {
-    throw ConfigError(key,
-                      "the pairs in the database were verified without depth; use "
-                      "--recompute verification");
-  }
-}
 
 // Hash of what the image's depth samples are made from.
 uint64_t InputHash(const Database& database, const DepthItem& item, uint64_t source_hash) {
@@ -206,6 +187,28 @@ std::string DepthStageOptions(const DepthSource& source, const DepthOptions& opt
          (source.depth_model.empty() ? "maps" : "network") + "\"\n";
 }
 
+void CheckDepthSource(const std::string& image_path, const DepthSource& source,
+                      const DepthOptions& options) {
+  ValidateOptions(options, "depth");
+  if (!source.depth_path.empty() && !source.depth_model.empty()) {
+    throw ConfigError("depth_path", "and depth_model cannot be given together");
+  }
+  if (!source.depth_path.empty() && !fs::is_directory(source.depth_path)) {
+    throw IoError(source.depth_path, "no such folder");
+  }
+  if (source.depth_model.empty()) return;
+  if (image_path.empty()) throw ConfigError("depth_model", "needs --image_path");
+  DepthNetwork(source.depth_model, options);
+}
+
+void CheckDepthIsInTime(const Database& database, const DepthSource& source) {
+  if (source.depth_path.empty() && source.depth_model.empty()) return;
+  if (database.ReadStage(kStageDepth) || database.ReadJobs(kStageVerification).empty()) return;
+  throw ConfigError(source.depth_path.empty() ? "depth_model" : "depth_path",
+                    "the pairs in the database were verified without depth; use "
+                    "--recompute verification");
+}
+
 StageReport SampleImageDepth(Database& database, const std::string& image_path,
                              const DepthSource& source, const DepthOptions& options,
                              const RunContext& run) {
@@ -215,7 +218,8 @@ StageReport SampleImageDepth(Database& database, const std::string& image_path,
     AddCounts(database, 0, stage);
     return EndStage(stage, database);
   }
-  CheckSource(database, image_path, source, options);
+  CheckDepthSource(image_path, source, options);
+  CheckDepthIsInTime(database, source);
   StageLedger ledger(database, kStageDepth, DepthStageOptions(source, options));
   std::vector<DepthItem> items = FindWork(database, image_path, source, ledger, stage);
   if (!items.empty()) {

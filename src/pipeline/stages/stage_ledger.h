@@ -21,9 +21,6 @@ std::string DumpQualified(std::string_view module, const Options& options) {
   return QualifiedOptions(module, DumpOptions(options));
 }
 
-// Those of the depth stage: where depth comes from decides what the samples are.
-std::string DepthStageOptions(const DepthSource& source, const DepthOptions& options);
-
 // The state of one stage in the database: with which options it ran, and which items it finished
 // from which inputs. Written only once there is something to do, so that rows of other programs
 // need no record.

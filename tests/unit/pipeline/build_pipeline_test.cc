@@ -6,8 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <functional>
-#include <stdexcept>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -22,11 +20,9 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::Contains;
-using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::Field;
 using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 using ::testing::Not;
 using testing::ThrownMessage;
 
@@ -175,64 +171,6 @@ TEST_F(BuildPipelineTest, NewPhotographsJoin) {
   EXPECT_EQ(*Database(folder_ / "a.db").ReadKeypoints(1), keypoints);
 }
 
-TEST_F(BuildPipelineTest, AListOfPairsIsNotLeftOutWithoutAWord) {
-  const auto warnings = [](BuildPipelineOptions options) {
-    options.inputs.depth_path = "";
-    TestMonitor monitor;
-    RunBuildPipeline(options, {.monitor = monitor});
-    return monitor.warnings();
-  };
-  WriteFileAtomically(folder_ / "pairs.txt", "photo0.png photo1.png\n");
-  BuildPipelineOptions listed = Options("a.db");
-  listed.inputs.pairs_path = folder_ / "pairs.txt";
-  EXPECT_THAT(warnings(listed), IsEmpty());
-  EXPECT_THAT(warnings(listed), IsEmpty());
-  EXPECT_THAT(warnings(Options("a.db")), ElementsAre(HasSubstr("earlier runs took the pairs of")));
-  EXPECT_THAT(warnings(Options("a.db")), IsEmpty());
-  EXPECT_THAT(warnings(listed), ElementsAre(HasSubstr("pairs that earlier runs chose stay")));
-  // A way that the database remembers is not one that is given.
-  BuildPipelineOptions sequential = Options("b.db");
-  sequential.inputs.pairs = "sequential";
-  RunBuildPipeline(sequential);
-  EXPECT_THAT(StoredOptions(sequential.inputs), Contains(HasSubstr("pairs = \"sequential\"")));
-  sequential.inputs.pairs_path = listed.inputs.pairs_path;
-  EXPECT_THAT(StoredOptions(sequential.inputs), Each(Not(HasSubstr("pairs = "))));
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(sequential); }),
-              HasSubstr("--pairs cannot be given too"));
-}
-
-TEST_F(BuildPipelineTest, MasksAndDepthAreNotLeftOutWithoutAWord) {
-  fs::create_directories(folder_ / "masks");
-  WriteBitmap(folder_ / "masks/photo0.png.png", testing::WallPhoto(160, 120, 0));
-  BuildPipelineOptions options = Options("a.db");
-  options.inputs.mask_path = folder_ / "masks";
-  options.inputs.stop_after = BuildStage::kDepth;
-  RunBuildPipeline(options);
-  options.inputs.mask_path = options.inputs.depth_path = "";
-  const auto warnings_of_run = [&options] {
-    TestMonitor monitor;
-    RunBuildPipeline(options, {.monitor = monitor});
-    return monitor.warnings();
-  };
-  EXPECT_THAT(warnings_of_run(), IsEmpty());  // nothing is new
-  AddPhoto(4);
-  EXPECT_THAT(warnings_of_run(), ElementsAre(HasSubstr("--mask_path"), HasSubstr("--depth_path")));
-  options.inputs.recompute = BuildStage::kFeatures;  // all is found anew
-  EXPECT_THAT(warnings_of_run(), ElementsAre(HasSubstr("--mask_path"), HasSubstr("--depth_path")));
-}
-
-TEST_F(BuildPipelineTest, PositionsOfNoPhotographAreNamedWhateverThePairs) {
-  BuildPipelineOptions options = Options("a.db");
-  options.inputs.stop_after = BuildStage::kFeatures;
-  options.inputs.gps_path = folder_ / "gps.csv";
-  EXPECT_THROW(RunBuildPipeline(options), IoError);
-  WriteFileAtomically(folder_ / "gps.csv", "name,lat,lon\nphoto0.png,45,7\nphoto1.PNG,45,7\n");
-  TestMonitor monitor;
-  RunBuildPipeline(options, {.monitor = monitor});
-  EXPECT_THAT(monitor.warnings(),
-              ElementsAre(HasSubstr("gps.csv: 1 of 2 names are of no image: photo1.PNG")));
-}
-
 TEST_F(BuildPipelineTest, ChangedPhotographsAreComputedAlone) {
   RunBuildPipeline(Options("a.db"));
   WriteBitmap(Images() + "/photo1.png", testing::WallPhoto(160, 120, 60));
@@ -330,135 +268,6 @@ TEST_F(BuildPipelineTest, NewPhotographsGetSiftFeaturesWhereOthersHaveThem) {
   options.features.type = FeatureType::kAffineDog;
   RunBuildPipeline(options, {.monitor = affine});
   EXPECT_THAT(affine.warnings(), ElementsAre(HasSubstr("use --features.type sift")));
-}
-
-TEST_F(BuildPipelineTest, AFolderThatIsNotThereIsFoundBeforeAnyWork) {
-  BuildPipelineOptions options = Options("a.db");
-  options.inputs.image_path = folder_ / "no_images";
-  EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
-              HasSubstr("no_images: no such folder"));
-  EXPECT_FALSE(fs::exists(folder_ / "a.db"));
-  options = Options("a.db");
-  options.inputs.depth_path = folder_ / "no_depth";
-  EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
-              HasSubstr("no_depth: no such folder"));
-  options.inputs.depth_path = "";
-  options.inputs.depth_model = folder_ / "no.onnx";
-  EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
-              HasSubstr("no.onnx: No such file"));
-  EXPECT_FALSE(fs::exists(folder_ / "a.db"));
-}
-
-TEST_F(BuildPipelineTest, DepthIsNotLostForWantOfASource) {
-  RunBuildPipeline(Options("a.db"));
-  const std::string before = Dump("a.db");
-  BuildPipelineOptions options = Options("a.db");
-  options.inputs.recompute = BuildStage::kDepth;
-  options.inputs.depth_path = "";
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
-              HasSubstr("depth needs --depth_path or --depth_model"));
-  options = Options("a.db");
-  options.inputs.depth_model = "network.onnx";
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
-              HasSubstr("cannot be given together"));
-  EXPECT_EQ(Dump("a.db"), before);
-}
-
-TEST_F(BuildPipelineTest, DepthThatComesAfterVerificationIsAnError) {
-  BuildPipelineOptions options = Options("a.db");
-  options.inputs.depth_path = "";
-  RunBuildPipeline(options);
-  options.inputs.depth_path = folder_ / "depth";
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
-              HasSubstr("without depth"));
-  options.inputs.recompute = BuildStage::kVerification;
-  EXPECT_EQ(RunBuildPipeline(options).summary.num_images_with_depth, 3);
-}
-
-TEST_F(BuildPipelineTest, RecomputeRefusesToLoseWhatItCannotMake) {
-  RunBuildPipeline(Options("a.db"));
-  BuildPipelineOptions options = Options("a.db");
-  options.inputs.recompute = BuildStage::kFeatures;
-  fs::remove(Images() + "/photo1.png");
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
-              HasSubstr("photo1.png"));
-  options.inputs.image_path = "";
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
-              HasSubstr("needs --image_path"));
-  RunSql(folder_ / "a.db", "DELETE FROM descriptors WHERE image_id = 2");
-  options.inputs.recompute = BuildStage::kMatching;
-  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
-              HasSubstr("no descriptors"));
-}
-
-TEST_F(BuildPipelineTest, ARefusedCommandTakesNothingFromTheDatabase) {
-  RunBuildPipeline(Options("a.db"));
-  const std::string before = Dump("a.db");
-  fs::create_directories(folder_ / "no_masks");
-  WriteFileAtomically(folder_ / "no.onnx", "no network");
-  using Change = std::function<void(BuildPipelineOptions&)>;
-  const std::vector<std::pair<BuildStage, Change>> refused = {
-      {BuildStage::kPairs, [](auto& o) { o.inputs.pairs = "spatial"; }},
-      {BuildStage::kFeatures, [&](auto& o) { o.inputs.mask_path = folder_ / "no_masks"; }},
-      {BuildStage::kFeatures, [](auto& o) { o.inputs.pairs = "spatial"; }},
-      {BuildStage::kMatching, [&](auto& o) { o.inputs.pairs_path = folder_ / "no.txt"; }},
-      {BuildStage::kPairs, [&](auto& o) { o.inputs.gps_path = folder_ / "no.txt"; }},
-      {BuildStage::kMatching, [](auto& o) { o.features.max_num_features = 77; }},
-      {BuildStage::kCameras,
-       [](auto& o) {
-         o.cameras.camera_params = {1, 2};
-       }},
-      {BuildStage::kDepth,
-       [&](auto& o) {
-         o.inputs.depth_path = "";
-         o.inputs.depth_model = folder_ / "no.onnx";
-       }},
-  };
-  for (const auto& [stage, change] : refused) {
-    BuildPipelineOptions options = Options("a.db");
-    options.inputs.recompute = stage;
-    change(options);
-    EXPECT_THROW(RunBuildPipeline(options), std::runtime_error) << NameOf(kBuildStages, stage);
-    EXPECT_EQ(Dump("a.db"), before) << NameOf(kBuildStages, stage);
-  }
-  fs::remove(Images() + "/photo3.png");
-  BuildPipelineOptions options = Options("a.db");
-  options.inputs.drop_missing = true;
-  options.inputs.mask_path = folder_ / "no_masks";
-  EXPECT_THROW(RunBuildPipeline(options), ConfigError);
-  EXPECT_EQ(Dump("a.db"), before);
-}
-
-TEST_F(BuildPipelineTest, NothingVerifiedIsNoUsableResult) {
-  BuildPipelineOptions options = Options("a.db");
-  options.verification.min_num_matches = 100000;
-  const BuildPipelineReport report = RunBuildPipeline(options);
-  EXPECT_THAT(report.run.failure, HasSubstr("verification: of 6 pairs none was verified"));
-  EXPECT_EQ(report.summary.num_too_few, 6);
-}
-
-TEST_F(BuildPipelineTest, PhotographsWithoutFeaturesAreNamed) {
-  fs::create_directories(folder_ / "masks");
-  for (int i = 0; i < 4; ++i) {
-    Bitmap black{160, 120, 1, std::vector<uint8_t>(160 * 120, 0)};
-    WriteBitmap(folder_ / ("masks/photo" + std::to_string(i) + ".png.png"), black);
-  }
-  BuildPipelineOptions options = Options("a.db");
-  options.inputs.mask_path = folder_ / "masks";
-  options.inputs.depth_path = "";
-  TestMonitor monitor;
-  const BuildPipelineReport report = RunBuildPipeline(options, {.monitor = monitor});
-  EXPECT_EQ(report.summary.num_images_with_features, 0);
-  EXPECT_THAT(report.run.failure, HasSubstr("no image has features"));
-  EXPECT_THAT(monitor.warnings(),
-              Contains(AllOf(HasSubstr("no features in 4 photographs"), HasSubstr("photo0.png"))));
-}
-
-TEST_F(BuildPipelineTest, WithoutImagesTheDatabaseMustBeThere) {
-  BuildPipelineOptions options = Options("absent.db");
-  options.inputs.image_path = "";
-  EXPECT_THROW(RunBuildPipeline(options), IoError);
-  EXPECT_FALSE(fs::exists(folder_ / "absent.db"));
 }
 
 // A 1DSfM data set of the photographs, with or without them.

@@ -38,6 +38,12 @@ class ImportPhotosTest : public ::testing::Test {
   void AddFile(const std::string& name, const std::string& content) {
     std::ofstream(images_ + "/" + name, std::ios::binary) << content;
   }
+  // As another program does: image 7 of camera 5.
+  void AddForeignImage(const std::string& name) {
+    database_.WriteCamera(Camera::FromFocal(5, CameraModel::kOpenCV, 99, 64, 48));
+    database_.WriteImage({7, name, 5});
+    database_.WriteKeypoints(7, std::vector<Keypoint>(3));
+  }
   StageReport Import(const CameraOptions& options = {}, ProgressMonitor& monitor = NullMonitor()) {
     return ImportPhotos(database_, {images_}, options, {.num_threads = 2, .monitor = monitor});
   }
@@ -160,9 +166,7 @@ TEST_F(ImportPhotosTest, WhatIsGoneIsTakenOutWhereTold) {
 
 TEST_F(ImportPhotosTest, WhatIsGoneIsTakenOutWhoeverAddedIt) {
   AddPhoto("a.png");
-  database_.WriteCamera(Camera::FromFocal(5, CameraModel::kOpenCV, 99, 64, 48));
-  database_.WriteImage({7, "gone.png", 5});
-  database_.WriteKeypoints(7, std::vector<Keypoint>(3));
+  AddForeignImage("gone.png");
   Import();
   EXPECT_THAT(Names(), ElementsAre("gone.png", "a.png"));
   ImportPhotos(database_, {.image_path = images_, .drop_missing = true});
@@ -410,9 +414,7 @@ TEST_F(ImportPhotosTest, OtherCameraOptionsAreAnErrorUnlessCamerasAreRecomputed)
 TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
   AddPhoto("a.png");
   AddPhoto("b.png");
-  database_.WriteCamera(Camera::FromFocal(5, CameraModel::kOpenCV, 99, 64, 48));
-  database_.WriteImage({7, "a.png", 5});
-  database_.WriteKeypoints(7, std::vector<Keypoint>(3));
+  AddForeignImage("a.png");
   Import();
   EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
   EXPECT_EQ(database_.ReadImages()[0].camera_id, 5u);
