@@ -39,13 +39,12 @@ Number ParseNumber(const std::string& key, const std::string& text, const char* 
 
 std::vector<double> ParseDoubles(const std::string& key, const std::string& text) {
   std::vector<double> values;
-  if (text.empty()) return values;
-  std::string list = text + ',';
-  std::erase(list, ' ');
-  size_t begin = 0;
-  for (size_t end; (end = list.find(',', begin)) != std::string::npos; begin = end + 1) {
+  for (size_t begin = 0; !text.empty() && begin <= text.size();) {
+    const size_t end = std::min(text.find(',', begin), text.size());
+    begin = std::min(text.find_first_not_of(' ', begin), end);  // after a comma
     values.push_back(
-        ParseNumber<double>(key, list.substr(begin, end - begin), "a list of numbers (a,b,c)"));
+        ParseNumber<double>(key, text.substr(begin, end - begin), "a list of numbers (a,b,c)"));
+    begin = end + 1;
   }
   return values;
 }

@@ -26,7 +26,7 @@ Eigen::Quaterniond RotationFromMatrix(const Eigen::Matrix3d& R) {
 Eigen::Quaterniond RotationFromQuat(const Eigen::Vector4d& xyzw) {
   if (xyzw.isZero(0) || !xyzw.allFinite()) throw ConfigError("quat", "not a rotation");
   const Eigen::Vector4d unit = xyzw.stableNormalized();
-  return Eigen::Quaterniond(unit(3), unit(0), unit(1), unit(2)).normalized();
+  return {unit(3), unit(0), unit(1), unit(2)};
 }
 
 const Eigen::Vector3d& Finite(const Eigen::Vector3d& translation) {

@@ -387,7 +387,8 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
     num_dropped = HandleMissing(database, source, photos, stage);
   }
   if (photos.empty() && database.ReadImages().empty()) {
-    const bool has_undistorted = fs::exists(fs::path(image_path) / kUndistortedImages);
+    const bool has_undistorted =
+        !image_path.empty() && fs::exists(fs::path(image_path) / kUndistortedImages);
     throw IoError(image_path.empty() ? database.path() : image_path,
                   has_undistorted ? "has no photographs: images/ holds undistorted ones, whose "
                                     "photographs are elsewhere"

@@ -98,6 +98,7 @@ TEST_F(ProgramTest, ListsAreOfNumbersAndForOptionsThatTakeThem) {
   EXPECT_EQ(Run({"--matching.weights", "1, -2.5, 3"}), 0);
   EXPECT_THAT(matching_.weights, testing::ElementsAre(1, -2.5, 3));
   EXPECT_EQ(Run({"--matching.weights", "1,2,"}), kExitUsage);
+  EXPECT_EQ(Run({"--matching.weights", "1 2,3"}), kExitUsage);  // not 12
   EXPECT_EQ(Run({"--config", WriteConfig("seed = [7]\n")}), kExitUsage);
   EXPECT_THAT(output_, testing::HasSubstr("seed: takes one value, no list"));
 }
