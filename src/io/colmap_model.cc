@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <string_view>
 
 #include "base/output_folder.h"
 #include "cairn/base/check.h"
@@ -26,14 +27,18 @@ std::string IdText(const char* kind, uint64_t id) {
   return std::string(kind) + " " + std::to_string(id);
 }
 
-void CheckImages(const Reconstruction& r, const std::string& folder) {
-  std::map<std::string, image_t> id_of_name;
+void CheckNames(const Reconstruction& r, const std::string& folder) {
+  std::map<std::string_view, image_t> id_of_name;
   for (const auto& [id, image] : r.images) {
     const auto [other, is_new] = id_of_name.emplace(image.image.name, id);
-    if (!is_new) {
-      throw IoError(folder, IdText("image", other->second) + " and " + IdText("image", id) +
-                                " have one name, " + image.image.name);
-    }
+    if (is_new) continue;
+    throw IoError(folder, IdText("image", other->second) + " and " + IdText("image", id) +
+                              " have one name, " + image.image.name);
+  }
+}
+
+void CheckReferences(const Reconstruction& r, const std::string& folder) {
+  for (const auto& [id, image] : r.images) {
     if (r.cameras.count(image.image.camera_id) == 0) {
       throw IoError(folder, IdText("image", id) + " refers to " +
                                 IdText("camera", image.image.camera_id) + ", which is not there");
@@ -100,7 +105,8 @@ Reconstruction ReadColmapModel(const std::string& folder) {
   for (auto& [id, point] : reconstruction.points3D) {
     std::sort(point.track.begin(), point.track.end());
   }
-  CheckImages(reconstruction, folder);
+  CheckNames(reconstruction, folder);
+  CheckReferences(reconstruction, folder);
   CheckTracks(reconstruction, folder);
   return reconstruction;
 }
@@ -114,7 +120,11 @@ void WriteColmapModel(const Reconstruction& reconstruction, const std::string& f
     if (!IsImageName(image.image.name)) {
       throw IoError(folder, "'" + image.image.name + "' cannot be an image's name in a model");
     }
+    if (!std::ranges::all_of(image.points2D, [](const auto& p) { return p.allFinite(); })) {
+      throw IoError(folder, "a keypoint of " + image.image.name + " is not finite");
+    }
   }
+  CheckNames(reconstruction, folder);
   if (format == ColmapModelFormat::kText && fs::exists(fs::path(folder) / "cameras.bin")) {
     throw IoError(folder,
                   "has a binary model, which readers take in place of text; give another "

@@ -46,7 +46,7 @@ def test_average_rotations_takes_weights_and_options():
     assert strict.num_rejected < 30
     with pytest.raises(cairn.ConfigError, match=r"rotations: its shape is \(3, 3\), not \(\d+, 3, 3\)"):
         cairn.average_rotations(pairs, np.eye(3))
-    with pytest.raises(cairn.ConfigError, match="pairs: -1 is no index"):
+    with pytest.raises(cairn.ConfigError, match="pairs: -1 is not from 0 to 2147483646"):
         cairn.average_rotations([[-1, 2]], [np.eye(3)])
     for weight in (0, -1, np.nan, np.inf):
         with pytest.raises(cairn.ConfigError, match=r"weights\[1\]: is not positive and finite"):
@@ -133,6 +133,11 @@ def test_calibrate_focals_finds_the_truth():
         cairn.calibrate_focals(cameras, pairs, trusted=[99])
     with pytest.raises(cairn.ConfigError, match="pairs: there is no camera 1"):
         cairn.calibrate_focals([], pairs)
+    points = np.ones((3, 2))
+    with pytest.raises(cairn.ConfigError, match="F: is not finite"):
+        cairn.FocalPair(1, 1, np.full((3, 3), np.nan), points, points)
+    with pytest.raises(cairn.ConfigError, match=r"points2\[0\]: is not finite"):
+        cairn.FocalPair(1, 1, np.eye(3), points, points * np.inf)
 
 
 def test_an_empty_list_is_no_pairs():

@@ -56,6 +56,38 @@ def test_values_are_changed_in_place_and_stay_alive():
     assert [image.name for image in images.values()][3] == "photo04.jpg"
 
 
+def test_what_no_program_would_read_is_not_written(tmp_path):
+    model = scene.Scene(num_images=4, num_points=50).truth()
+    keypoints = model.images[1].keypoints
+    keypoints[0] = np.nan
+    with pytest.raises(cairn.IoError, match="a keypoint of photo01.jpg is not finite"):
+        model.write(tmp_path / "model")
+    keypoints[0] = 0
+    with pytest.raises(cairn.ConfigError, match=r"points2D\[1\]: is not finite"):
+        cairn.Image("photo05.jpg", camera_id=1, points2D=[[1, 2], [3, np.inf]])
+    model.add_image(cairn.Image("photo02.jpg", camera_id=1))
+    with pytest.raises(cairn.IoError, match="have one name, photo02.jpg"):
+        model.write(tmp_path / "model")
+    assert not (tmp_path / "model").exists()
+    model.add_image(cairn.Image("photo06.jpg", camera_id=1, image_id=2**32 - 2))
+    with pytest.raises(cairn.ConfigError, match="image_id: the largest one is taken"):
+        model.add_image(cairn.Image("photo07.jpg", camera_id=1))
+
+
+def test_names_that_are_no_text_are_as_python_has_them(tmp_path):
+    name = b"K\xf6ln.jpg".decode("utf-8", "surrogateescape")  # Latin-1, as os.listdir gives it
+    model = cairn.Reconstruction()
+    model.add_camera(cairn.Camera.create(1, "SIMPLE_RADIAL", 500, 640, 480))
+    model.add_image(cairn.Image(name, camera_id=1))
+    model.write(tmp_path)
+    assert b"K\xf6ln.jpg\0" in (tmp_path / "images.bin").read_bytes()
+    assert cairn.Reconstruction(tmp_path).images[1].name == name
+    with cairn.Database(tmp_path / "scene.db") as database:
+        database.write_camera(model.cameras[1])
+        database.write_image(name, 1)
+        assert [image.name for image in database.read_images()] == [name]
+
+
 def test_copies_are_apart():
     model = scene.Scene(num_images=4, num_points=50).truth()
     for other in (copy.copy(model), copy.deepcopy(model)):

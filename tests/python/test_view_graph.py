@@ -52,6 +52,10 @@ def test_wrong_arrays_are_named():
         twice = pairs.copy()
         twice[1] = twice[3][::-1]
         cairn.ViewGraph.from_edges(twice, rotations, translations, num_inliers)
+    with pytest.raises(cairn.ConfigError, match="num_inliers: 2147483648 is not from 0 to 2147483647"):
+        cairn.ViewGraph.from_edges(pairs, rotations, translations, [2**31] * len(pairs))
+    with pytest.raises(cairn.ConfigError, match="pairs: 2147483647 is not from 0 to 2147483646"):
+        cairn.ViewGraph.from_edges([[1, 2**31 - 1]], rotations[:1], translations[:1], [30])
     with pytest.raises(cairn.ConfigError, match=r"pairs\[2\]: an edge from an image to itself"):
         pairs[2] = [3, 3]
         cairn.ViewGraph.from_edges(pairs, rotations, translations, num_inliers)

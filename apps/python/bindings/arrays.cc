@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 namespace cairn::python {
 namespace {
@@ -47,8 +46,8 @@ void CheckSize(const std::string& name, size_t size, size_t expected) {
                     "there are " + std::to_string(size) + ", not " + std::to_string(expected));
 }
 
-std::vector<uint32_t> ToIndices(const std::string& name, const py::object& values,
-                                int num_columns) {
+std::vector<uint32_t> ToIndices(const std::string& name, const py::object& values, int num_columns,
+                                uint64_t limit) {
   const py::array array = ToArray(name, values);
   if (num_columns == 1) {
     CheckShape(name, array, {-1});
@@ -63,8 +62,9 @@ std::vector<uint32_t> ToIndices(const std::string& name, const py::object& value
   std::vector<uint32_t> indices(static_cast<size_t>(wide.size()));
   for (size_t i = 0; i < indices.size(); ++i) {
     const int64_t value = wide.data()[i];
-    if (value < 0 || value >= std::numeric_limits<uint32_t>::max()) {
-      throw ConfigError(name, std::to_string(value) + " is no index");
+    if (value < 0 || static_cast<uint64_t>(value) >= limit) {
+      throw ConfigError(name, std::to_string(value) + " is not from 0 to " +
+                                  std::to_string(limit - 1));
     }
     indices[i] = static_cast<uint32_t>(value);
   }
@@ -72,7 +72,7 @@ std::vector<uint32_t> ToIndices(const std::string& name, const py::object& value
 }
 
 std::vector<std::pair<image_t, image_t>> ToPairs(const py::object& values) {
-  const std::vector<uint32_t> ids = ToIndices("pairs", values, 2);
+  const std::vector<uint32_t> ids = ToIndices("pairs", values, 2, kMaxNumImages);
   std::vector<std::pair<image_t, image_t>> pairs(ids.size() / 2);
   for (size_t i = 0; i < pairs.size(); ++i) {
     pairs[i] = {ids[2 * i], ids[2 * i + 1]};
@@ -115,6 +115,12 @@ Points::Points(const std::string& name, const Array<double>& array) : array_(arr
     copy_.emplace_back(array.data()[2 * i], array.data()[2 * i + 1]);
   }
   span_ = copy_;
+}
+
+void CheckAllFinite(const std::string& name, std::span<const Eigen::Vector2d> points) {
+  const auto wrong = std::ranges::find_if_not(points, [](const auto& p) { return p.allFinite(); });
+  if (wrong == points.end()) return;
+  throw ConfigError(name + "[" + std::to_string(wrong - points.begin()) + "]", "is not finite");
 }
 
 std::vector<DepthSample> ToDepthSamples(const std::string& name, const Array<float>& array) {
@@ -163,6 +169,21 @@ FeatureMatches ToMatches(const py::object& values) {
   FeatureMatches matches(indices.size() / 2);
   for (size_t i = 0; i < matches.size(); ++i) matches[i] = {indices[2 * i], indices[2 * i + 1]};
   return matches;
+}
+
+py::str ToName(const std::string& name) {
+  return py::reinterpret_steal<py::str>(
+      PyUnicode_DecodeFSDefaultAndSize(name.data(), static_cast<py::ssize_t>(name.size())));
+}
+
+std::string FromName(const py::object& name) {
+  auto bytes = py::reinterpret_steal<py::object>(PyOS_FSPath(name.ptr()));
+  if (!bytes) throw py::error_already_set();
+  if (py::isinstance<py::str>(bytes)) {
+    bytes = py::reinterpret_steal<py::object>(PyUnicode_EncodeFSDefault(bytes.ptr()));
+    if (!bytes) throw py::error_already_set();
+  }
+  return py::bytes(bytes);
 }
 
 }  // namespace cairn::python

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <initializer_list>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <ranges>
@@ -41,8 +42,9 @@ void CheckPositive(const std::string& name, double value);
 // Throws ConfigError unless there are as many as expected.
 void CheckSize(const std::string& name, size_t size, size_t expected);
 
-// Whole numbers from 0 to 2^32 - 2; n rows of `num_columns` (1: a plain row). Throws ConfigError.
-std::vector<uint32_t> ToIndices(const std::string& name, const py::object& values, int num_columns);
+// Whole numbers below `limit`; n rows of `num_columns` (1: a plain row). Throws ConfigError.
+std::vector<uint32_t> ToIndices(const std::string& name, const py::object& values, int num_columns,
+                                uint64_t limit = std::numeric_limits<uint32_t>::max());
 
 // Throws ConfigError unless `known`, a map or set, has the id of a camera or image (`kind`).
 template <class Known>
@@ -92,6 +94,9 @@ class Points {
   std::vector<Eigen::Vector2d> copy_;
   std::span<const Eigen::Vector2d> span_;
 };
+
+// Throws ConfigError for the first that is not finite.
+void CheckAllFinite(const std::string& name, std::span<const Eigen::Vector2d> points);
 
 // (n, 3): depth and its gradient per pixel; 0 or not a number where there is none. Throws
 // ConfigError for others that are no depth.
@@ -147,6 +152,10 @@ template <class Class, class Enum>
 auto EnumName(Enum Class::*field, std::string_view (*name)(Enum)) {
   return [field, name](const Class& object) { return name(object.*field); };
 }
+
+// A file's name as Python has it: of bytes that are no UTF-8, surrogates.
+py::str ToName(const std::string& name);
+std::string FromName(const py::object& name);
 
 // A JSON text as Python's dictionaries and lists.
 inline py::object FromJson(const std::string& text) {

@@ -167,6 +167,9 @@ FocalPair MakeFocalPair(camera_t camera_id1, camera_t camera_id2, const Eigen::M
   if (pair.pixels1.size() != pair.pixels2.size()) {
     throw ConfigError("points2", "not as many as points1");
   }
+  if (!F.allFinite()) throw ConfigError("F", "is not finite");
+  CheckAllFinite("points1", pair.pixels1);
+  CheckAllFinite("points2", pair.pixels2);
   return pair;
 }
 

@@ -60,14 +60,14 @@ camera_t WriteCamera(OpenDatabase& self, Camera camera) {
   return camera.camera_id;
 }
 
-image_t WriteImage(OpenDatabase& self, const std::string& name, camera_t camera_id,
+image_t WriteImage(OpenDatabase& self, const py::object& name, camera_t camera_id,
                    std::optional<image_t> image_id) {
   Database& database = In(self);
   if (!image_id) {
     const std::vector<Image> images = database.ReadImages();
     image_id = images.empty() ? 1 : images.back().image_id + 1;
   }
-  database.WriteImage({*image_id, name, camera_id});
+  database.WriteImage({*image_id, FromName(name), camera_id});
   return *image_id;
 }
 
@@ -285,7 +285,7 @@ void BindPairRows(DatabaseClass& c) {
 void BindDatabase(py::module_& m) {
   py::class_<Image>(m, "DatabaseImage", "A photograph in a database.")
       .def_readonly("image_id", &Image::image_id)
-      .def_readonly("name", &Image::name)
+      .def_property_readonly("name", [](const Image& image) { return ToName(image.name); })
       .def_readonly("camera_id", &Image::camera_id);
   py::class_<TransactionScope>(m, "Transaction", "See Database.transaction.")
       .def("__enter__", &Begin)

@@ -144,8 +144,8 @@ void BindReconstructing(py::module_& m) {
       .def_property_readonly(
           "image_names",
           [](const Result& result) {
-            std::map<image_t, std::string> names;
-            for (const Image& image : result.images) names[image.image_id] = image.name;
+            std::map<image_t, py::str> names;
+            for (const Image& image : result.images) names[image.image_id] = ToName(image.name);
             return names;
           },
           "Of all images of the database, by id.");

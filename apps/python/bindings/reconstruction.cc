@@ -92,12 +92,13 @@ py::array Point3DIdsOf(const RegisteredImage& image) {
   return ids;
 }
 
-RegisteredImage MakeImage(const std::string& name, const Rigid3d& cam_from_world,
+RegisteredImage MakeImage(const py::object& name, const Rigid3d& cam_from_world,
                           camera_t camera_id, image_t image_id, const Array<double>& points2D) {
   RegisteredImage image;
-  image.image = {image_id, name, camera_id};
+  image.image = {image_id, FromName(name), camera_id};
   image.cam_from_world = cam_from_world;
   image.points2D = Points("points2D", points2D).vector();
+  CheckAllFinite("points2D", image.points2D);
   image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
   return image;
 }
@@ -114,7 +115,7 @@ void BindImage(py::module_& m) {
       .def_property_readonly("image_id", [](const RegisteredImage& i) { return i.image.image_id; })
       .def_property_readonly("camera_id",
                              [](const RegisteredImage& i) { return i.image.camera_id; })
-      .def_property_readonly("name", [](const RegisteredImage& i) { return i.image.name; })
+      .def_property_readonly("name", [](const RegisteredImage& i) { return ToName(i.image.name); })
       .def_readwrite("cam_from_world", &RegisteredImage::cam_from_world)
       .def("projection_center", [](const RegisteredImage& i) { return i.cam_from_world.Center(); })
       .def_property_readonly("points2D", &Points2DOf, "A list of Point2D.")
@@ -154,11 +155,13 @@ void BindPoint(py::module_& m) {
       .def_property_readonly("track", [](const Point3D& point) { return TrackView{point.track}; });
 }
 
-// Gives an unset id the next of the map. Throws ConfigError for one that is there.
+// Gives an unset id the next of the map. Throws ConfigError where there is none, and for one that is
+// there.
 template <class Map>
 void GiveId(const Map& map, const std::string& name, uint32_t& id) {
   static_assert(kInvalidCameraId == kInvalidImageId);
   if (id == kInvalidImageId) id = map.empty() ? 1 : map.rbegin()->first + 1;
+  if (id == kInvalidImageId) throw ConfigError(name, "the largest one is taken; give one");
   if (map.contains(id)) throw ConfigError(name, std::to_string(id) + " is there already");
 }
 

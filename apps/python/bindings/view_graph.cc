@@ -30,7 +30,7 @@ std::vector<ViewEdge> ToEdges(const py::object& pairs, const Array<double>& rota
   const auto size = static_cast<py::ssize_t>(ids.size());
   const std::vector<Eigen::Quaterniond> relative = ToRotations(rotations, ids.size());
   CheckShape("translations", translations, {size, 3});
-  const std::vector<uint32_t> inliers = ToIndices("num_inliers", num_inliers, 1);
+  const std::vector<uint32_t> inliers = ToIndices("num_inliers", num_inliers, 1, uint64_t{1} << 31);
   CheckSize("num_inliers", inliers.size(), ids.size());
   std::vector<ViewEdge> edges(ids.size());
   std::set<image_pair_t> seen;

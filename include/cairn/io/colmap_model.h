@@ -23,7 +23,7 @@ bool IsColmapModel(const std::string& folder);
 // equal bytes in both formats. The files replace an older model of the same format (also the rigs
 // and frames that COLMAP 4.x keeps beside them) only when all three are complete. Text files of an
 // older model stay beside binary ones, which programs read first; text is not written beside binary
-// files. Throws IoError.
+// files. Throws IoError, also where names are not unique or keypoints are not finite.
 void WriteColmapModel(const Reconstruction& reconstruction, const std::string& folder,
                       ColmapModelFormat format = ColmapModelFormat::kBinary);
 

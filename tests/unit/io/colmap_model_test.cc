@@ -191,15 +191,28 @@ TEST_P(ColmapModel, FilesThatContradictEachOtherAreErrors) {
   expect_error("no error", [](Reconstruction&) {});
   expect_error("which is not there",
                [](Reconstruction& r) { r.points3D.erase(r.points3D.begin()); });
-  expect_error("have one name", [](Reconstruction& r) {
-    r.images.rbegin()->second.image.name = r.images.begin()->second.image.name;
-  });
   expect_error("does not refer back",
                [](Reconstruction& r) { r.points3D.begin()->second.track[0].image_id = 1000; });
   expect_error("does not refer back",
                [](Reconstruction& r) { r.points3D.begin()->second.track[0].point2D = 1000000; });
   expect_error("do not refer back",
                [](Reconstruction& r) { r.points3D.begin()->second.track.pop_back(); });
+}
+
+TEST_P(ColmapModel, ImagesOfOneNameAreAnError) {
+  const TempFolder folder;
+  Reconstruction r = RandomReconstruction(3);
+  r.images.begin()->second.image.name = "first.jpg";
+  r.images.rbegin()->second.image.name = "other.jpg";
+  WriteColmapModel(r, folder.path(), GetParam());
+  const std::string file =
+      folder / (GetParam() == ColmapModelFormat::kBinary ? "images.bin" : "images.txt");
+  std::string bytes = ReadFile(file);
+  bytes.replace(bytes.find("other.jpg"), 5, "first");
+  WriteFileAtomically(file, bytes);
+  EXPECT_THAT(ReadError(folder.path()), HasSubstr("have one name, first.jpg"));
+  r.images.rbegin()->second.image.name = "first.jpg";
+  EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), IoError);
 }
 
 TEST_P(ColmapModel, BrokenReconstructionsAreNotWritten) {
@@ -209,6 +222,9 @@ TEST_P(ColmapModel, BrokenReconstructionsAreNotWritten) {
   EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), BugError);
   r = RandomReconstruction(3);
   r.images.begin()->second.image.name = "two\nlines";
+  EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), IoError);
+  r = RandomReconstruction(3);
+  r.images.begin()->second.points2D[0].x() = std::nan("");
   EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), IoError);
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
   // A file where the folder should be.
