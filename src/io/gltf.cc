@@ -12,9 +12,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Numbers that glTF 2.0 gives to kinds of values, of primitives, and of chunks.
+// Numbers that glTF 2.0 gives to kinds of values, of primitives, of buffers, and of chunks.
 constexpr int kUnsignedByte = 5121, kUnsignedInt = 5125, kFloat = 5126;
 constexpr int kPoints = 0, kLines = 1;
+constexpr int kArrayBuffer = 34962, kElementArrayBuffer = 34963;
 constexpr uint32_t kJsonChunk = 0x4E4F534A, kBinChunk = 0x004E4942;
 
 // In the order of the file: positions, colors, and the edges' vertices, counted from the first of
@@ -47,9 +48,9 @@ class GltfScene {
     root_["scenes"] = Json::array({Json::object()});
     if (drawing.vertices.empty()) return;
     const size_t n = drawing.vertices.size();
-    AddView(12 * n);
-    AddView(4 * n);
-    if (!drawing.edges.empty()) AddView(8 * drawing.edges.size());
+    AddVertexView(n, 12);
+    AddVertexView(n, 4);
+    if (!drawing.edges.empty()) AddView(8 * drawing.edges.size(), kElementArrayBuffer);
     root_["buffers"] = Json::array({Json{{"byteLength", view_end_}}});
     if (drawing.num_points > 0) AddMesh("points", kPoints, 0, drawing.num_points);
     if (drawing.num_points < n) AddMesh("frusta", kLines, drawing.num_points, n);
@@ -74,10 +75,16 @@ class GltfScene {
   std::string Text() const { return root_.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
  private:
-  void AddView(size_t num_bytes) {
-    root_["bufferViews"].push_back(
-        Json{{"buffer", 0}, {"byteOffset", view_end_}, {"byteLength", num_bytes}});
+  void AddView(size_t num_bytes, int target) {
+    root_["bufferViews"].push_back(Json{
+        {"buffer", 0}, {"byteOffset", view_end_}, {"byteLength", num_bytes}, {"target", target}});
     view_end_ += num_bytes;
+  }
+
+  // Points and frusta share a view, so that its stride has to be told.
+  void AddVertexView(size_t num_vertices, size_t stride) {
+    AddView(num_vertices * stride, kArrayBuffer);
+    root_["bufferViews"].back()["byteStride"] = stride;
   }
 
   int AddAccessor(int view, size_t offset, int kind, size_t count, const char* type) {

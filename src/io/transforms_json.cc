@@ -61,13 +61,15 @@ std::vector<std::string> Approximations(const Reconstruction& reconstruction,
 
 // Intrinsics in the names of nerfstudio's OPENCV and OPENCV_FISHEYE models.
 void AddIntrinsics(const Camera& camera, Json& frame) {
+  const bool is_panorama = camera.model == CameraModel::kEquirectangular;
   frame["w"] = camera.width;
   frame["h"] = camera.height;
-  frame["fl_x"] = camera.FocalX();
-  frame["fl_y"] = camera.FocalY();
+  // Of panoramas nerfstudio wants half the width and the height: pixels for pi of either angle.
+  frame["fl_x"] = is_panorama ? 0.5 * camera.width : camera.FocalX();
+  frame["fl_y"] = is_panorama ? camera.height : camera.FocalY();
   frame["cx"] = camera.PrincipalPoint().x();
   frame["cy"] = camera.PrincipalPoint().y();
-  if (camera.model == CameraModel::kEquirectangular) return;
+  if (is_panorama) return;
   const bool is_fisheye = CameraModelIsFisheye(camera.model);
   const std::array<const char*, 4> names =
       is_fisheye ? std::array{"k1", "k2", "k3", "k4"} : std::array{"k1", "k2", "p1", "p2"};

@@ -104,13 +104,26 @@ Movement Measure(const Reconstruction& model, const Reconstruction& earlier,
   return movement;
 }
 
+// The images that tell the frame: not those whose poses were wrong, and found anew, unless there
+// are no two others.
+std::vector<image_t> ImagesOfFrame(const Reconstruction& model, const Reconstruction& earlier,
+                                   const std::map<image_t, PoseConfidence>& confidences) {
+  std::vector<image_t> all, kept;
+  for (const auto& [id, image] : earlier.images) {
+    if (model.images.count(id) == 0) continue;
+    all.push_back(id);
+    if (confidences.count(id) > 0) kept.push_back(id);
+  }
+  return kept.size() > 1 ? kept : all;
+}
+
 }  // namespace
 
 std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction& earlier,
                                      const std::map<image_t, PoseConfidence>& confidences,
                                      Reconstruction& model) {
   ModelStage stage(context, "movement");
-  model.Transform(FrameOf(earlier, model));
+  model.Transform(FrameOf(earlier, model, ImagesOfFrame(model, earlier, confidences)));
   const auto& [moves, num_far, lost, replaced] = Measure(model, earlier, confidences);
   stage.Add("images", moves.size());
   stage.Add("images_lost", lost.size());

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <limits>
 
 #include "cairn/base/parallel.h"
@@ -29,16 +30,17 @@ double ShiftPx(const Reconstruction& finished, const Sim3d& rough_from_finished,
 
 }  // namespace
 
-Sim3d FrameOf(const Reconstruction& other, const Reconstruction& model) {
+Sim3d FrameOf(const Reconstruction& other, const Reconstruction& model,
+              std::span<const image_t> ids) {
   std::vector<Eigen::Quaterniond> rotations, other_rotations;
   std::vector<Eigen::Vector3d> centers, other_centers;
-  for (const auto& [id, image] : other.images) {
-    const auto now = model.images.find(id);
-    if (now == model.images.end()) continue;
-    rotations.push_back(now->second.cam_from_world.rotation);
-    centers.push_back(now->second.cam_from_world.Center());
-    other_rotations.push_back(image.cam_from_world.rotation);
-    other_centers.push_back(image.cam_from_world.Center());
+  for (const image_t id : ids) {
+    const Rigid3d& pose = model.images.at(id).cam_from_world;
+    const Rigid3d& other_pose = other.images.at(id).cam_from_world;
+    rotations.push_back(pose.rotation);
+    centers.push_back(pose.Center());
+    other_rotations.push_back(other_pose.rotation);
+    other_centers.push_back(other_pose.Center());
   }
   Sim3d frame;
   frame.rotation = AlignRotationsL1(rotations, other_rotations).value_or(frame.rotation);
@@ -69,20 +71,21 @@ Sim3d FrameOf(const Reconstruction& other, const Reconstruction& model) {
     const double floor = std::max(1e-6 * UpperMedian(distances), 1e-300);
     for (size_t i = 0; i < centers.size(); ++i) weights[i] = 1.0 / std::max(distances[i], floor);
   }
-  return frame;
+  const bool is_finite = std::isfinite(frame.scale) && frame.translation.allFinite();
+  return is_finite ? frame : Sim3d();
 }
 
 bool LeadsTo(const StageContext& context, const Reconstruction& finished,
              const Reconstruction& rough) {
-  const Sim3d rough_from_finished = FrameOf(rough, finished);
-  std::vector<const RegisteredImage*> images;
+  std::vector<image_t> ids;
   for (const auto& [id, image] : rough.images) {
     if (finished.images.count(id) == 0) return false;
-    images.push_back(&image);
+    ids.push_back(id);
   }
+  const Sim3d rough_from_finished = FrameOf(rough, finished, ids);
   std::atomic<int> num_apart = 0;
-  ParallelFor(context.run.num_threads, std::ssize(images), [&](int64_t i) {
-    const double shift = ShiftPx(finished, rough_from_finished, rough, *images[i]);
+  ParallelFor(context.run.num_threads, std::ssize(ids), [&](int64_t i) {
+    const double shift = ShiftPx(finished, rough_from_finished, rough, rough.images.at(ids[i]));
     if (!(shift <= context.settings.triangulation.max_error_px)) ++num_apart;
   });
   return num_apart == 0;

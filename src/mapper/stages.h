@@ -110,7 +110,8 @@ std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t
 // shared_camera.cc
 // Groups of images that one camera each may have taken, though they have more cameras than half of
 // their number (as COLMAP stores them): of one size and camera model, with the same prior focal
-// length or without one. Most of a group is where its images are most of those that pairs connect.
+// length or without one. Most of a group is where this kind, together with the same on its side,
+// is frequent among the images that pairs connect: a quarter and more, and such kinds are most.
 std::vector<std::set<image_t>> LikelyOfOneCamera(const SceneData& scene);
 // The models have several of these images, known by their names, and each model equal cameras.
 bool AgreeWithOneCamera(std::span<const Reconstruction> models, const std::set<image_t>& images,
@@ -269,10 +270,11 @@ struct PlacePriors {
 void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstruction& model);
 
 // same_model.cc
-// The similarity that puts the images of a model where they are in another one: the rotation that
-// most of them agree on, then scale and shift with the least sum of distances (20 reweighted
-// rounds).
-Sim3d FrameOf(const Reconstruction& other, const Reconstruction& model);
+// The similarity that puts images of a model (`ids`; both models have them) where they are in
+// another one: the rotation that most of them agree on, then scale and shift with the least sum of
+// distances (20 reweighted rounds). The identity where positions are too large for that.
+Sim3d FrameOf(const Reconstruction& other, const Reconstruction& model,
+              std::span<const image_t> ids);
 // Whether to refine a rough model would find a finished one once more: by the poses of each image,
 // most points that it sees in the finished one lie where triangulation would take them.
 bool LeadsTo(const StageContext& context, const Reconstruction& finished,

@@ -236,8 +236,10 @@ UndistortReport MakeReport(const std::vector<Item>& items, bool was_stopped) {
 }  // namespace
 
 UndistortReport UndistortImages(const Reconstruction& model, const UndistortJob& job,
-                                const UndistortOptions& options, const RunContext& run) {
-  ValidateOptions(options, "");
+                                const UndistortOptions& given, const RunContext& run) {
+  ValidateOptions(given, "");
+  UndistortOptions options = given;
+  if (job.layout == DenseLayout::kGaussianSplatting) options.center_principal_point = true;
   CheckModelStays(job);
   CheckImageFolder(job.image_path);
   std::map<camera_t, Camera> targets;

@@ -44,14 +44,15 @@ double Scale(const Camera& camera, const Camera& pinhole, int axis,
              const UndistortOptions& options) {
   const Side low = MeasureSide(camera, pinhole, axis, false);
   const Side high = MeasureSide(camera, pinhole, axis, true);
-  const double center = pinhole.PrincipalPoint()[axis];
   const double size = axis == 0 ? camera.width : camera.height;
+  // How far an image of scale 1 reaches from its principal point.
+  const double below = options.center_principal_point ? size / 2 : pinhole.PrincipalPoint()[axis];
+  const double above = size - below;
   // A principal point beyond the image: the side behind it limits nothing.
-  const double below = center > 0 ? center : kInfinity;
-  const double above = size - center > 0 ? size - center : kInfinity;
-  const double inner = std::min(center > 0 ? low.nearest / below : kInfinity,
-                                size - center > 0 ? high.nearest / above : kInfinity);
-  const double outer = std::max(low.farthest / below, high.farthest / above);
+  const double inner = std::min(below > 0 ? low.nearest / below : kInfinity,
+                                above > 0 ? high.nearest / above : kInfinity);
+  const double outer =
+      std::max(below > 0 ? low.farthest / below : 0.0, above > 0 ? high.farthest / above : 0.0);
   const double scale = 1.0 / ((1.0 - options.blank_pixels) / inner + options.blank_pixels / outer);
   if (!(inner > 0) || !(scale > options.min_scale)) return options.min_scale;
   return std::min(scale, options.max_scale);
@@ -78,6 +79,10 @@ Camera UndistortedCamera(const Camera& camera, const UndistortOptions& options) 
   pinhole.height = std::max(1, static_cast<int>(y * camera.height + 1e-6));
   pinhole.params[2] *= static_cast<double>(pinhole.width) / camera.width;
   pinhole.params[3] *= static_cast<double>(pinhole.height) / camera.height;
+  if (options.center_principal_point) {
+    pinhole.params[2] = 0.5 * pinhole.width;
+    pinhole.params[3] = 0.5 * pinhole.height;
+  }
   const int limit = options.max_image_size > 0 ? options.max_image_size : kMaxResampledSide;
   const double factor = static_cast<double>(limit) / std::max(pinhole.width, pinhole.height);
   if (factor < 1) {

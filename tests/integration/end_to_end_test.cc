@@ -152,7 +152,8 @@ TEST(EndToEnd, BundlerFilesOfUndistortedImages) {
   const std::string images = scene / "dense/images";
   for (const std::vector<std::string>& arguments :
        {std::vector<std::string>{"undistort", "--model_path", SceneFiles::truth(), "--image_path",
-                                 scene.images(), "--output_path", scene / "dense"},
+                                 scene.images(), "--output_path", scene / "dense",
+                                 "--center_principal_point", "1"},
         {"export", "--model_path", scene / "dense/sparse", "--output_path", images, "--output_type",
          "bundler"}}) {
     const ProgramResult result = RunProgram("global_sfm", arguments);

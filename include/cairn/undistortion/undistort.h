@@ -10,12 +10,14 @@
 
 namespace cairn {
 
-// The size of undistorted images; names and meaning are those of COLMAP's image_undistorter.
+// The size of undistorted images; names and meaning are those of COLMAP's image_undistorter, but
+// for center_principal_point.
 struct UndistortOptions {
   double blank_pixels = 0;
   double min_scale = 0.2;
   double max_scale = 2.0;
   int max_image_size = -1;
+  bool center_principal_point = false;
 
   void VisitFields(OptionVisitor& v) {
     v.Double("blank_pixels", blank_pixels, {0, 1},
@@ -24,15 +26,19 @@ struct UndistortOptions {
     v.Double("min_scale", min_scale, {1e-3, 1e3}, "smallest size, of the photograph's");
     v.Double("max_scale", max_scale, {1e-3, 1e3}, "largest size, of the photograph's");
     v.Int("max_image_size", max_image_size, {-1, 32766},
-          "longer side, px, to which larger images are reduced; -1: no limit");
+          "longer side, px, to which larger images are reduced; -1 or 0: no limit");
+    v.Bool(
+        "center_principal_point", center_principal_point,
+        "undistorted images have their principal point at the center, where Bundler's format has "
+        "it; those of 3dgs always have it there, since trainers of Gaussian splatting assume so");
   }
 };
 
 // The PINHOLE camera that undistorted images of a camera have: its focal lengths (fisheye models:
-// as many pixels a radian at the center), its principal point at the same part of the image, and a
-// size such that the photograph's border is met as `blank_pixels` wants it. Parts of the border
-// that no pinhole image shows (90 degrees and more off axis) are infinitely far; max_scale decides
-// then. Throws ConfigError for a panorama, which no pinhole image holds.
+// as many pixels a radian at the center), its principal point at the same part of the image (or at
+// the center), and a size such that the photograph's border is met as `blank_pixels` wants it.
+// Parts of the border that no pinhole image shows (90 degrees and more off axis) are infinitely
+// far; max_scale decides then. Throws ConfigError for a panorama, which no pinhole image holds.
 Camera UndistortedCamera(const Camera& camera, const UndistortOptions& options);
 
 // The model as undistorted images of the given names see it: PINHOLE cameras with the ids they had,
@@ -66,7 +72,8 @@ struct UndistortReport {
 // - kColmap: sparse/, and stereo/ with patch-match.cfg (all images, 20 sources each, chosen by
 //   COLMAP), fusion.cfg and empty folders: what COLMAP's patch_match_stereo and OpenMVS read;
 // - kGaussianSplatting: sparse/0/: what trainers of 3D Gaussian splatting read; images of folders
-//   are in images/ itself, with "_" in place of "/" in their names.
+//   are in images/ itself, with "_" in place of "/" in their names. Principal points are centered:
+//   the original trainer (Kerbl et al. 2023) reads the focal lengths alone.
 // Every file appears complete or not at all. Images that an earlier call finished are kept if the
 // photograph's bytes, both cameras and the image itself are as they were; images that are no longer
 // in the model are removed, and a model is only there while its images are. Nothing that others

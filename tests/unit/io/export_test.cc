@@ -149,6 +149,12 @@ TEST(TransformsJson, FisheyesAndWhatDoesNotFit) {
   EXPECT_EQ(model, "OPENCV_FISHEYE");
   EXPECT_THAT(write({CameraModel::kEquirectangular}, &model), ::testing::IsEmpty());
   EXPECT_EQ(model, "EQUIRECTANGULAR");
+  // nerfstudio's longitude is pi (x - cx) / fl_x, its latitude pi (y - cy) / fl_y.
+  const auto frame = nlohmann::json::parse(ReadFile(folder / "transforms.json"))["frames"][0];
+  EXPECT_EQ(frame["fl_x"], 400);
+  EXPECT_EQ(frame["fl_y"], 600);
+  EXPECT_EQ(frame["cx"], 400);
+  EXPECT_EQ(frame["cy"], 300);
   EXPECT_THAT(write({CameraModel::kOpenCV, CameraModel::kSimpleFisheye}, &model),
               ::testing::ElementsAre(::testing::AllOf(::testing::HasSubstr("SIMPLE_FISHEYE"),
                                                       ::testing::HasSubstr("one model"))));
@@ -206,6 +212,8 @@ TEST(Gltf, HoldsPointsFrustaAndCameras) {
     EXPECT_LE(item["byteOffset"].get<size_t>() + size * item["count"].get<size_t>(),
               view["byteLength"].get<size_t>());
     EXPECT_LE(view["byteOffset"].get<size_t>() + view["byteLength"].get<size_t>(), file.bin.size());
+    // Two accessors share a view of vertices: glTF then wants its stride.
+    EXPECT_EQ(view.value("byteStride", size_t{0}), item["type"] == "SCALAR" ? 0 : size);
   }
   float xyz[3];
   std::memcpy(xyz, file.bin.data() + accessor(0, "POSITION")["byteOffset"].get<size_t>(), 12);

@@ -210,6 +210,25 @@ TEST_F(EarlierModelsTest, PosesThatMoveByMoreThanTheirConfidenceAreNamed) {
   EXPECT_LT(LargestMoveBut(6, replaced.models.at(0)), 2e-3);
 }
 
+// However wrong some poses are, the others tell the frame.
+TEST_F(EarlierModelsTest, WrongPosesDoNotMoveTheFrame) {
+  for (const double shift : {3.0, 1e15, 1e200}) {
+    Reconstruction earlier = model_;
+    for (const image_t id : {5, 6, 7}) {
+      earlier.images.at(id).cam_from_world.translation += shift * Eigen::Vector3d(id, 2, 1);
+    }
+    const ReconstructResult result = Continue(database_, {earlier});
+    ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
+    for (const auto& [id, image] : result.models[0].images) {
+      if (id >= 5 && id <= 7) continue;
+      const auto before = earlier.images.find(id);
+      if (before == earlier.images.end()) continue;
+      const Eigen::Vector3d center = before->second.cam_from_world.Center();
+      EXPECT_LT((image.cam_from_world.Center() - center).norm(), 2e-3) << shift << " " << id;
+    }
+  }
+}
+
 TEST_F(EarlierModelsTest, GiveEqualBytesWithOneThread) {
   const Reconstruction a = Continue(database_, {model_}).models.at(0);
   const Reconstruction b = Continue(database_, {model_}).models.at(0);

@@ -99,7 +99,8 @@ TEST_F(UndistortImagesTest, WritesImagesModelAndStereoConfiguration) {
 }
 
 // As the loader of "3D Gaussian Splatting for Real-Time Radiance Field Rendering" has it: pinhole
-// cameras alone, images in images/ by the last part of their names, of their cameras' sizes.
+// cameras alone, whose principal points it does not read, images in images/ by the last part of
+// their names, of their cameras' sizes.
 TEST_F(UndistortImagesTest, WritesWhatGaussianSplattingReads) {
   job_.layout = DenseLayout::kGaussianSplatting;
   // Two names that would be one.
@@ -111,6 +112,7 @@ TEST_F(UndistortImagesTest, WritesWhatGaussianSplattingReads) {
   for (const auto& [id, image] : model.images) {
     const Camera& camera = model.CameraOf(image);
     EXPECT_EQ(camera.model, CameraModel::kPinhole);
+    EXPECT_EQ(camera.PrincipalPoint(), Eigen::Vector2d(camera.width, camera.height) / 2);
     const std::string file = fs::path(image.image.name).filename().string();
     const Bitmap bitmap = ReadBitmap(Dense("images/") + file, BitmapColor::kRgb);
     EXPECT_EQ(bitmap.width, camera.width);

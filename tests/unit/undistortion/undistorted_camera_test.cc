@@ -77,6 +77,26 @@ TEST(UndistortedCamera, KeepsTheWholePhotograph) {
   }
 }
 
+TEST(UndistortedCamera, CentersThePrincipalPoint) {
+  // By 20 and 15 px off: the image loses twice as much.
+  const Camera off = MakeCamera(CameraModel::kPinhole, {500, 510, 340, 225});
+  const Camera cropped = UndistortedCamera(off, {.center_principal_point = true});
+  EXPECT_EQ(cropped.params, (std::vector<double>{500, 510, 300, 225}));
+  EXPECT_EQ(cropped.width, 600);
+  EXPECT_EQ(cropped.height, 450);
+  const Camera whole = UndistortedCamera(off, {.blank_pixels = 1, .center_principal_point = true});
+  EXPECT_EQ(whole.params, (std::vector<double>{500, 510, 340, 255}));
+  const Camera barrel = MakeCamera(CameraModel::kSimpleRadial, {500, 335, 230, -0.1});
+  const Camera pinhole = UndistortedCamera(barrel, {.center_principal_point = true});
+  EXPECT_EQ(pinhole.PrincipalPoint(), Eigen::Vector2d(pinhole.width, pinhole.height) / 2);
+  const double margin = Margin(pinhole, barrel);
+  EXPECT_GT(margin, -1e-6);
+  EXPECT_LT(margin, 1.5);
+  const Camera reduced =
+      UndistortedCamera(barrel, {.max_image_size = 100, .center_principal_point = true});
+  EXPECT_EQ(reduced.PrincipalPoint(), Eigen::Vector2d(reduced.width, reduced.height) / 2);
+}
+
 TEST(UndistortedCamera, LimitsHold) {
   const Camera wide = MakeCamera(CameraModel::kFisheye, {150, 150, 320, 240});  // 244 degrees
   const Camera largest = UndistortedCamera(wide, {.blank_pixels = 1, .max_scale = 1.5});
