@@ -128,6 +128,7 @@ std::string RetiredValue(std::string_view name) {
       {"view_graph.filter_triplets", "true"},
       {"translation_averaging.filter_directions", "true"},
       {"translation_averaging.use_points", "true"},
+      {"translation_averaging.min_spread", "0"},
   };
   for (const auto& [retired, value] : kRetired) {
     if (retired == name) return std::string(value);

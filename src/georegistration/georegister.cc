@@ -13,13 +13,15 @@
 #include "cairn/triangulation/triangulate_tracks.h"
 #include "georegistration/few_rows.h"
 #include "georegistration/open_heights.h"
+#include "math/log_binomial.h"
 
 namespace cairn {
 namespace {
 
 // The median length of three normal coordinates, and of two, in standard deviations of one of them.
 constexpr double kMedianLength = 1.5382, kMedianLength2D = 1.1774;
-// What shows that a model is tilted is chance in so many cases where it is level.
+// What shows that a model is tilted is chance in so many cases where it is level; that some rows
+// are wrong, where all are right.
 constexpr double kMaxChance = 0.01;
 // Tukey's fence for what is far out (Exploratory Data Analysis, 1977): so many quartile distances
 // beyond the upper quartile. Of three normal coordinates it lies at 4.80 standard deviations, which
@@ -266,10 +268,22 @@ void Assess(const Rows& rows, Georegistration& out) {
                                                                : GeoregistrationStatus::kOk;
 }
 
-// Three rows agree, whatever they say. Of the others, no more than half do: then a model that bends
-// leaves as much, and nothing tells which rows are wrong.
+// Three rows agree, whatever they say. Where of the others no more than half do, a model that bends
+// may leave as much, unless the wrong ones are so far off that these are hardly ever so near: over
+// all choices of the three, for errors as large as that of the middle wrong row (a contrario).
 bool IsByChance(const Rows& rows) {
-  return 2 * (std::ssize(Kept(rows)) - 3) <= std::ssize(rows) - 3;
+  const Rows kept = Kept(rows);
+  const auto n = static_cast<int>(rows.size()), num_kept = static_cast<int>(kept.size());
+  if (2 * (num_kept - 3) > n - 3) return false;
+  if (2 * num_kept <= n || num_kept == n) return true;
+  Rows wrong;
+  std::ranges::copy_if(rows, std::back_inserter(wrong), &Row::is_wrong);
+  const double ratio =
+      std::ranges::max(Column(kept, RelativeResidual)) / Median(Column(wrong, RelativeResidual));
+  const int num_axes = rows.front().has_height ? 3 : 2;
+  const double log_chance = LogBinomial(n, 3) + LogBinomial(n - 3, num_kept - 3) +
+                            num_axes * (num_kept - 3) * std::log(std::max(ratio, 1e-12));
+  return log_chance > std::log(kMaxChance);
 }
 
 // The similarity by a few control points; false: there is none.

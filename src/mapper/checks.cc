@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "cairn/math/angles.h"
 #include "cairn/math/median.h"
 #include "cairn/triangulation/triangulation.h"
 #include "mapper/stages.h"
@@ -7,10 +8,22 @@
 namespace cairn {
 namespace {
 
-// Half of the cameras within this share of the extent of all of them, or of the distance to the
-// points they see, means that the positions carry nothing.
-constexpr double kMinSpread = 1e-3;
+// Half of the points under smaller angles mean that the positions carry nothing.
+constexpr double kMinAngleRad = 1e-3;
 constexpr size_t kMinPointsPerImage = 5;
+
+// Of the rays to a point, from that of its first image.
+double WidestAngle(const Reconstruction& model, const Point3D& point) {
+  const auto ray = [&](const TrackElement& element) {
+    const Eigen::Vector3d center = model.images.at(element.image_id).cam_from_world.Center();
+    return Eigen::Vector3d(point.xyz - center);
+  };
+  double widest = 0;
+  for (const TrackElement& element : point.track) {
+    widest = std::max(widest, AngleBetween(ray(point.track.front()), ray(element)));
+  }
+  return widest;
+}
 
 }  // namespace
 
@@ -21,29 +34,17 @@ std::string ReasonToRefuse(const Reconstruction& model) {
     return "only " + std::to_string(model.points3D.size()) + " points for " +
            std::to_string(num_images) + " images";
   }
-  std::map<image_t, Eigen::Vector3d> centers;
-  std::vector<double> coordinates[3];
   for (const auto& [id, image] : model.images) {
-    centers[id] = image.cam_from_world.Center();
-    if (!centers[id].allFinite()) return image.image.name + " has no finite position";
-    for (int k = 0; k < 3; ++k) coordinates[k].push_back(centers[id][k]);
+    if (!image.cam_from_world.Center().allFinite()) {
+      return image.image.name + " has no finite position";
+    }
   }
-  // Not the mean: a few cameras far away must not hide that the others are in one place.
-  const Eigen::Vector3d middle(UpperMedian(coordinates[0]), UpperMedian(coordinates[1]),
-                               UpperMedian(coordinates[2]));
-  std::vector<double> from_middle;
-  for (const auto& [id, center] : centers) from_middle.push_back((center - middle).norm());
-  std::vector<double> depths;
-  for (const auto& [id, point] : model.points3D) {
-    depths.push_back((point.xyz - centers.at(point.track.front().image_id)).norm());
-  }
-  const double extent = *std::max_element(from_middle.begin(), from_middle.end());
-  const double spread = UpperMedian(from_middle);
-  if (!(spread > kMinSpread * extent) || !(extent > kMinSpread * UpperMedian(depths))) {
-    return "the camera positions are collapsed: half of them lie within " +
-           std::to_string(spread / std::max(extent, 1e-300)) + " of their extent, which is " +
-           std::to_string(extent / std::max(UpperMedian(depths), 1e-300)) +
-           " of the distance to the points";
+  std::vector<double> angles;
+  for (const auto& [id, point] : model.points3D) angles.push_back(WidestAngle(model, point));
+  const double angle = UpperMedian(angles);
+  if (!(angle > kMinAngleRad)) {
+    return "the camera positions are collapsed: half of the points are seen under angles below " +
+           std::to_string(RadToDeg(angle)) + " degrees";
   }
   return "";
 }

@@ -16,6 +16,34 @@ CameraKind KindOf(const Camera& camera) {
           camera.has_prior_focal_length ? camera.MeanFocal() : 0.0};
 }
 
+// The same, upright or on its side.
+CameraKind Unturned(const CameraKind& kind) {
+  const auto& [model, width, height, focal] = kind;
+  return {model, std::min(width, height), std::max(width, height), focal};
+}
+
+// The kinds with several of these images that are, upright and on their side together, a quarter
+// and more of them; none where such kinds are not most of them.
+std::map<CameraKind, size_t> FrequentKinds(const SceneData& scene,
+                                           const std::set<image_t>& images) {
+  std::map<CameraKind, size_t> num_images, num_unturned;
+  for (const image_t id : images) {
+    const camera_t camera_id = scene.CameraIdOf(id);
+    if (scene.constant_cameras.count(camera_id) > 0) continue;
+    const CameraKind kind = KindOf(scene.cameras.at(camera_id));
+    ++num_images[kind];
+    ++num_unturned[Unturned(kind)];
+  }
+  size_t num_frequent = 0;
+  std::erase_if(num_unturned, [&](const auto& entry) { return 4 * entry.second < images.size(); });
+  for (const auto& [kind, num] : num_unturned) num_frequent += num;
+  if (2 * num_frequent <= images.size()) return {};
+  std::erase_if(num_images, [&](const auto& entry) {
+    return entry.second < 2 || num_unturned.count(Unturned(entry.first)) == 0;
+  });
+  return num_images;
+}
+
 // Images that pairs connect.
 std::vector<std::set<image_t>> ConnectedImages(const SceneData& scene) {
   const ImageNodes images(scene.pixels);
@@ -30,27 +58,25 @@ std::vector<std::set<image_t>> LikelyOfOneCamera(const SceneData& scene) {
   struct Group {
     std::set<image_t> images;
     std::set<camera_t> cameras;
-    size_t num_where_most = 0;
+    size_t num_where_frequent = 0;
   };
   std::map<CameraKind, Group> groups;
   for (const std::set<image_t>& connected : ConnectedImages(scene)) {
     if (connected.size() < 2) continue;
-    std::map<CameraKind, size_t> num_images;
     for (const image_t id : connected) {
       const camera_t camera_id = scene.CameraIdOf(id);
       if (scene.constant_cameras.count(camera_id) > 0) continue;
-      const CameraKind kind = KindOf(scene.cameras.at(camera_id));
-      groups[kind].images.insert(id);
-      groups[kind].cameras.insert(camera_id);
-      ++num_images[kind];
+      Group& group = groups[KindOf(scene.cameras.at(camera_id))];
+      group.images.insert(id);
+      group.cameras.insert(camera_id);
     }
-    for (const auto& [kind, num] : num_images) {
-      if (num >= 2 && 2 * num > connected.size()) groups[kind].num_where_most += num;
+    for (const auto& [kind, num] : FrequentKinds(scene, connected)) {
+      groups[kind].num_where_frequent += num;
     }
   }
   std::vector<std::set<image_t>> likely;
   for (auto& [kind, group] : groups) {
-    const bool is_mostly_there = 2 * group.num_where_most > group.images.size();
+    const bool is_mostly_there = 2 * group.num_where_frequent > group.images.size();
     const bool has_a_camera_each = 2 * group.cameras.size() > group.images.size();
     if (is_mostly_there && has_a_camera_each) likely.push_back(std::move(group.images));
   }

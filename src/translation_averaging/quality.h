@@ -3,16 +3,13 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "translation_averaging/direction_problem.h"
+
 namespace cairn {
 
-// How camera centers are spread, from their distances to the (componentwise) median.
-struct SpreadReport {
-  // The distance within which half of the cameras lie, over that within which 90 % do: tiny when
-  // the solution has folded into a point and a few far cameras.
-  double half_over_most = 1;
-  // Cameras so far out that they can only have been thrown there.
-  std::vector<int> thrown_away;
-};
-SpreadReport AnalyzeSpread(const Eigen::Matrix3Xd& centers, double min_spread);
+// Cameras so far out that they can only have been thrown there: their nearest neighbor is a
+// thousand times as far as neighbors are (the median over the edges). Many cameras in one place,
+// by a tripod, are no reason to leave others out: pairs of theirs have no direction.
+std::vector<int> ThrownAway(const DirectionProblem& problem, const Eigen::Matrix3Xd& centers);
 
 }  // namespace cairn

@@ -202,17 +202,13 @@ Positions PlaceCameras(const DirectionProblem& problem, const TranslationAveragi
 }
 
 // Fills the status; false if the solution must not be used.
-bool Accept(const DirectionProblem& problem, const Positions& x, const SpreadReport& spread,
+bool Accept(const DirectionProblem& problem, const Positions& x,
             const TranslationAveragingOptions& options, TranslationAveragingReport& report) {
   const Errors errors = MeasureErrors(problem, x);
   report.median_edge_error_deg = UpperMedian(errors.edges_deg);
   report.median_ray_error_deg = UpperMedian(errors.rays_deg);
-  if (spread.half_over_most < options.min_spread) {
-    report.status = TranslationAveragingStatus::kCollapsed;
-    report.message = "half of the cameras lie within " + std::to_string(spread.half_over_most) +
-                     " of the extent of the others";
-  } else if (std::max(report.median_edge_error_deg, report.median_ray_error_deg) >
-             options.max_median_error_deg) {
+  if (std::max(report.median_edge_error_deg, report.median_ray_error_deg) >
+      options.max_median_error_deg) {
     report.status = TranslationAveragingStatus::kInconsistent;
     report.message = "the median angle to the measured directions is " +
                      std::to_string(report.median_edge_error_deg) + " deg between cameras and " +
@@ -245,7 +241,6 @@ std::string_view TranslationAveragingStatusName(TranslationAveragingStatus statu
   using enum TranslationAveragingStatus;
   constexpr NamedValue<TranslationAveragingStatus> kNames[] = {{kSuccess, "success"},
                                                                {kNoEdges, "no_edges"},
-                                                               {kCollapsed, "collapsed"},
                                                                {kInconsistent, "inconsistent"},
                                                                {kInterrupted, "interrupted"}};
   return NameOf(kNames, status);
@@ -274,10 +269,9 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
     report.status = TranslationAveragingStatus::kInterrupted;
     return report;
   }
-  const SpreadReport spread = AnalyzeSpread(x.cameras, options.min_spread);
-  if (!Accept(part, x, spread, options, report)) return report;
+  if (!Accept(part, x, options, report)) return report;
   report.centers = CentersOf(part, x);
-  for (const int camera : spread.thrown_away) report.centers.erase(part.image_ids[camera]);
+  for (const int camera : ThrownAway(part, x.cameras)) report.centers.erase(part.image_ids[camera]);
   return report;
 }
 

@@ -63,8 +63,8 @@ std::vector<uint32_t> ToIndices(const std::string& name, const py::object& value
   for (size_t i = 0; i < indices.size(); ++i) {
     const int64_t value = wide.data()[i];
     if (value < 0 || static_cast<uint64_t>(value) >= limit) {
-      throw ConfigError(name, std::to_string(value) + " is not from 0 to " +
-                                  std::to_string(limit - 1));
+      throw ConfigError(name,
+                        std::to_string(value) + " is not from 0 to " + std::to_string(limit - 1));
     }
     indices[i] = static_cast<uint32_t>(value);
   }

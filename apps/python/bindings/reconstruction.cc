@@ -92,8 +92,8 @@ py::array Point3DIdsOf(const RegisteredImage& image) {
   return ids;
 }
 
-RegisteredImage MakeImage(const py::object& name, const Rigid3d& cam_from_world,
-                          camera_t camera_id, image_t image_id, const Array<double>& points2D) {
+RegisteredImage MakeImage(const py::object& name, const Rigid3d& cam_from_world, camera_t camera_id,
+                          image_t image_id, const Array<double>& points2D) {
   RegisteredImage image;
   image.image = {image_id, FromName(name), camera_id};
   image.cam_from_world = cam_from_world;
@@ -155,8 +155,8 @@ void BindPoint(py::module_& m) {
       .def_property_readonly("track", [](const Point3D& point) { return TrackView{point.track}; });
 }
 
-// Gives an unset id the next of the map. Throws ConfigError where there is none, and for one that is
-// there.
+// Gives an unset id the next of the map. Throws ConfigError where there is none, and for one that
+// is there.
 template <class Map>
 void GiveId(const Map& map, const std::string& name, uint32_t& id) {
   static_assert(kInvalidCameraId == kInvalidImageId);

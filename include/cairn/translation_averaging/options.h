@@ -13,7 +13,6 @@ struct TranslationAveragingOptions {
   double point_weight = 10.0;
   int num_reweightings = 1;
   int max_iterations = 100;
-  double min_spread = 1e-3;
   double max_median_error_deg = 20.0;
 
   void VisitFields(OptionVisitor& v) {
@@ -30,8 +29,6 @@ struct TranslationAveragingOptions {
           "further fits with weights from the errors of the one before: inverse variances of "
           "directions and rays, gross errors out");
     v.Int("max_iterations", max_iterations, {1, 10000}, "iterations of each fit");
-    v.Double("min_spread", min_spread, {0, 1},
-             "refuse the result when half of the cameras lie within this share of its extent");
     v.Double("max_median_error_deg", max_median_error_deg, {0, 180},
              "refuse the result when the median angle to the directions is larger, degrees");
   }

@@ -53,7 +53,6 @@ using CenterPriors =
 enum class TranslationAveragingStatus {
   kSuccess,
   kNoEdges,       // no two cameras that directions join (see not_rigid)
-  kCollapsed,     // half of the cameras lie in nearly one point: no centers
   kInconsistent,  // the solution contradicts most of the directions: no centers
   kInterrupted,   // the monitor asked to stop: no centers
 };
@@ -82,7 +81,8 @@ struct TranslationAveragingReport {
 // (Wilson and Snavely 2014); parallel-rigidity check; a deterministic start by least unsquared
 // deviations (Ozyesil and Singer 2015); robust nonlinear fit of the chordal error over
 // camera-camera and camera-point directions; one more fit with `priors`, where it is given; refusal
-// of a collapsed solution. Edge and track order do not matter, nor does the number of threads.
+// of a solution that contradicts the directions. Edge and track order do not matter, nor does the
+// number of threads.
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,
                                                const TranslationAveragingOptions& options = {},

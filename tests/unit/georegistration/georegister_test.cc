@@ -130,6 +130,28 @@ TEST_F(GeoregisterTest, WrongRowsAreFoundInNoise) {
   EXPECT_LT(LargestError(found), 1.5);
 }
 
+// Seven of eleven agree within centimeters: that is not chance, though it is hardly a majority.
+TEST_F(GeoregisterTest, OfFewRowsManyMayBeWrong) {
+  while (model_.images.size() > 11) {
+    const image_t last = model_.images.rbegin()->first;
+    rows_.erase(model_.images.at(last).image.name);
+    enu_.erase(last);
+    model_.images.erase(last);
+  }
+  AddNoise(0.05);
+  std::set<std::string> wrong;
+  Rng rng(11);
+  for (const auto& [id, enu] : enu_) {
+    if (wrong.size() == 4) break;
+    wrong.insert(model_.images.at(id).image.name);
+    const Eigen::Vector3d error(rng.Uniform(3, 6), rng.Uniform(-6, -3), rng.Uniform(-3, 3));
+    rows_[model_.images.at(id).image.name].position = GpsAt(enu + error);
+  }
+  const Georegistration found = Georegister(model_, {rows_});
+  EXPECT_EQ(WrongOf(found), wrong);
+  EXPECT_LT(LargestError(found), 0.3);
+}
+
 TEST_F(GeoregisterTest, SigmasWeigh) {
   AddNoise(20);
   for (const auto& [id, enu] : enu_) {

@@ -154,6 +154,10 @@ TEST(ReasonToRefuse, KnowsCollapsedModels) {
     if (id > 1)
       image.cam_from_world.translation = image.cam_from_world.rotation * Eigen::Vector3d(0, 0, 5);
   }
+  // A tripod, and one photograph from elsewhere: enough to see depth.
+  EXPECT_EQ(ReasonToRefuse(collapsed), "");
+  RegisteredImage& first = collapsed.images.begin()->second;
+  first.cam_from_world.translation = first.cam_from_world.rotation * Eigen::Vector3d(0, 0, 5);
   EXPECT_THAT(ReasonToRefuse(collapsed), HasSubstr("collapsed"));
   Reconstruction far = scene.truth;
   for (auto& [id, point] : far.points3D) point.xyz *= 1e5;

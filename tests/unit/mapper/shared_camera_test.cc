@@ -141,17 +141,33 @@ TEST(SharedCamera, NeedsMostImagesOfOneKind) {
   EXPECT_TRUE(LikelyOfOneCamera(scene).empty());
 }
 
+// By one lens, upright and on its side, or by two phones: a group for each size.
+TEST(SharedCamera, OfEverySizeThatIsFrequentIsLikely) {
+  using Groups = std::vector<std::set<image_t>>;
+  SceneData scene = SceneOfKinds();
+  for (const image_t id : {4, 5}) std::swap(scene.cameras[id].width, scene.cameras[id].height);
+  EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{4, 5}, {1, 2, 3}}));
+  scene.cameras[1].height = 700;  // the only one
+  EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{4, 5}, {2, 3}}));
+  for (const image_t id : {4, 5}) scene.cameras[id].width = 640;
+  EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{4, 5}, {2, 3}}));
+  // Of many sizes none is.
+  scene.cameras[2].height = 500;
+  EXPECT_TRUE(LikelyOfOneCamera(scene).empty());
+}
+
 TEST(SharedCamera, OfEveryPlaceInTheFolderIsLikely) {
   using Groups = std::vector<std::set<image_t>>;
   SceneData scene = SceneOfKinds();
-  for (const image_t id : {4, 5}) scene.cameras[id].width = 600;
+  for (const image_t id : {4, 5}) scene.cameras[id].width = id * 100;
   EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{1, 2, 3}}));
+  for (const image_t id : {4, 5}) scene.cameras[id].width = 640;
   std::erase_if(scene.edges, [](const ViewEdge& edge) {
     return (edge.image_id1 <= 3) != (edge.image_id2 <= 3);
   });
   EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{4, 5}, {1, 2, 3}}));
   // Images without pairs have no part in it.
-  for (const image_t id : {1, 2, 3}) scene.cameras[id].width = 600;
+  for (const image_t id : {1, 2, 3}) scene.cameras[id].width = 640;
   scene.cameras[1].has_prior_focal_length = true;
   scene.edges.pop_back();
   EXPECT_EQ(LikelyOfOneCamera(scene), (Groups{{2, 3}}));
