@@ -1,6 +1,7 @@
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 
 #include "bundle_adjustment/ceres_bundle.h"
+#include "bundle_adjustment/check_bundle.h"
 #include "bundle_adjustment/schur_bundle.h"
 #include "cairn/base/timer.h"
 
@@ -53,6 +54,13 @@ BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentOptions& options, const RunContext& run) {
   ValidateOptions(options, "bundle_adjustment");
   const Timer timer;
+  CheckBundle(reconstruction, scope);
+  if (const std::string fault = FaultOfValues(reconstruction, scope); !fault.empty()) {
+    BundleAdjustmentReport failed;
+    failed.status = BundleAdjustmentStatus::kFailed;
+    failed.fault = fault;
+    return failed;
+  }
   const auto num_images = static_cast<int64_t>(reconstruction.images.size());
   const bool is_ours = SuitsSchurBundle(scope) &&
                        TakesSchurBundle(options, num_images, MeanCovisibility(reconstruction));

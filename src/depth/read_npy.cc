@@ -88,6 +88,16 @@ size_t TypeSize(const std::string& type) {
   return 0;
 }
 
+// Of values column by column, as NumPy writes what was transposed.
+std::vector<float> ByRows(const std::vector<float>& columns, int width, int height) {
+  std::vector<float> rows;
+  rows.reserve(columns.size());
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) rows.push_back(columns[static_cast<size_t>(x) * height + y]);
+  }
+  return rows;
+}
+
 }  // namespace
 
 RawMap ParseNpy(const std::string& path, const std::string& bytes) {
@@ -100,7 +110,6 @@ RawMap ParseNpy(const std::string& path, const std::string& bytes) {
     header.shape.erase(header.shape.begin());
   }
   if (header.shape.size() != 2) throw IoError(path, "the shape is not H x W or 1 x H x W");
-  if (header.fortran_order) throw IoError(path, "in Fortran order; C order is read");
   CheckMapSize(path, header.shape[1], header.shape[0], type_size, bytes.size() - header.data_begin);
 
   RawMap map;
@@ -113,6 +122,7 @@ RawMap ParseNpy(const std::string& path, const std::string& bytes) {
   if (header.type == "<f2") Copy<Eigen::half>(data, &map.values);
   if (header.type == "<f4") Copy<float>(data, &map.values);
   if (header.type == "<f8") Copy<double>(data, &map.values);
+  if (header.fortran_order) map.values = ByRows(map.values, map.width, map.height);
   return map;
 }
 

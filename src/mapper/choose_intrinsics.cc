@@ -10,7 +10,8 @@
 namespace cairn {
 namespace {
 
-// In few photographs, a principal point is hardly told from their rotations.
+// In fewer photographs, a principal point is hardly told from their rotations, and moves with
+// chance.
 constexpr int kMinImages = 8;
 // Standard errors of a gain beyond doubt: of a lens, whose next term must show, and for a warning.
 constexpr double kDecisiveErrors = 3;
@@ -23,14 +24,15 @@ constexpr int64_t kMaxObservationsToLook = 500'000;
 constexpr int kIterations = 100;
 constexpr int kIterationsToLook = 4;
 
-// The cameras of enough images whose intrinsics are not constant.
+// The cameras of so many images and more whose intrinsics are not constant.
 std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& property,
-                               const StageContext& context, const Reconstruction& model) {
+                               const StageContext& context, const Reconstruction& model,
+                               int min_images = kMinImages) {
   std::map<camera_t, int> num_images;
   for (const auto& [id, image] : model.images) ++num_images[image.image.camera_id];
   std::set<camera_t> cameras;
   for (const auto& [id, num] : num_images) {
-    if (num >= kMinImages && context.scene.constant_cameras.count(id) == 0 &&
+    if (num >= min_images && context.scene.constant_cameras.count(id) == 0 &&
         property(model.cameras.at(id))) {
       cameras.insert(id);
     }
@@ -181,14 +183,21 @@ bool ChooseLensModels(StageContext& context, BuiltModel& best) {
 
 bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model,
                          std::vector<ResultWarning>& warnings) {
-  const auto centered = [&](bool may_be_freed) {
+  const auto centered = [&](bool may_be_freed, int min_images = kMinImages) {
     return CamerasWith(
         [&](const Camera& camera) {
           return IsCentered(camera) && MayBeFreed(context, camera) == may_be_freed;
         },
-        context, model);
+        context, model, min_images);
   };
   const std::set<camera_t> wanted = centered(true), others = centered(false);
+  const size_t num_small = centered(true, 1).size() - wanted.size();
+  if (num_small > 0 &&
+      context.settings.reconstruct.refine_principal_points == PrincipalPointRefinement::kAll) {
+    context.run.monitor.Info("principal points of " + std::to_string(num_small) +
+                             " cameras stay at the image centers: fewer than " +
+                             std::to_string(kMinImages) + " photographs hardly tell them");
+  }
   auto taken = FindPrincipalPoints(context, graph, wanted, kPrincipalPointErrors, model);
   if (taken) {
     for (const camera_t id : wanted) context.run.monitor.Info(FoundText(id, model, *taken));

@@ -60,7 +60,8 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
   v.Choice("refine_principal_points", refine_principal_points, kPrincipalPointRefinements,
            "cameras whose principal points, guessed at the image centers, are adjusted where the "
            "matches agree better with that beyond doubt (within some "
-           "focal_calibration.principal_point_sigma); unknown: without a focal length in EXIF");
+           "focal_calibration.principal_point_sigma), of cameras with eight photographs and more; "
+           "unknown: without a focal length in EXIF");
   v.Bool("colors", colors, "color the points from the photographs");
 }
 

@@ -98,7 +98,9 @@ void Adjust(StageContext& context, const Round& round, Reconstruction& model) {
   stage.Add("initial_rmse", report.initial_rmse);
   stage.Add("final_rmse", report.final_rmse);
   if (report.status == BundleAdjustmentStatus::kFailed) {
-    stage.Warn("bundle adjustment failed in round " + round.name + "; poses are as before it");
+    stage.Warn("bundle adjustment failed in round " + round.name +
+               (report.fault.empty() ? "" : ", since " + report.fault) +
+               "; poses are as before it");
   }
 }
 

@@ -33,10 +33,14 @@ class ViewTable {
     }
   }
 
-  const View& Of(image_t id) const {
+  const View* Find(image_t id) const {
     const auto found = views_.find(id);
-    CAIRN_CHECK(found != views_.end());
-    return found->second;
+    return found == views_.end() ? nullptr : &found->second;
+  }
+  const View& Of(image_t id) const {
+    const View* view = Find(id);
+    CAIRN_CHECK(view != nullptr);
+    return *view;
   }
   size_t size() const { return views_.size(); }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "cairn/base/check.h"
+#include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/rng.h"
@@ -121,6 +122,18 @@ Eigen::Vector3f PixelColor(const RayCaster& caster, int x, int y, int supersampl
   return sum / static_cast<float>(supersampling * supersampling);
 }
 
+// Depth is along the axis, so that every pixel has to look ahead.
+void CheckLooksAhead(const Camera& camera) {
+  for (const double x : {0, camera.width}) {
+    for (const double y : {0, camera.height}) {
+      if (camera.CamFromImg({x, y})) continue;
+      throw ConfigError("camera_model",
+                        "photographs are rendered for less than 180 degrees; a "
+                        "longer focal_length, or another model, has less");
+    }
+  }
+}
+
 // Slowly varying relative error of a depth map at (x, y) in [0, 1]^2; deviation about 1.
 double SmoothDepthError(uint64_t seed, double x, double y) {
   double error = 0;
@@ -151,6 +164,7 @@ PhotoScene MakePhotoScene(const PhotoOptions& options, uint64_t seed) {
   scene.seed = seed;
   scene.images = MakeImages(options);
   scene.truth.cameras = MakeCameras(options);
+  for (const auto& [id, camera] : scene.truth.cameras) CheckLooksAhead(camera);
   const CameraLayout layout = options.layout;
   Rng rng(seed, "photo_poses");
   scene.cam_from_world = MakeCameraPoses(layout, options.num_images, options.distance, rng);

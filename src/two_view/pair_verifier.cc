@@ -36,6 +36,7 @@ VerifierKind VerifierKindFromName(std::string_view name) {
 
 std::unique_ptr<PairVerifier> MakePairVerifier(VerifierKind kind, const TwoViewOptions& options) {
   ValidateOptions(options, "verification");
+  VerifierKindFromName(VerifierKindName(kind));  // throws for a number that is none
   const bool is_cascade = kind == VerifierKind::kCascade;
   const bool is_five_point = kind == VerifierKind::kFivePoint;
   internal::SearchSteps steps;

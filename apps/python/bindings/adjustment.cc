@@ -66,6 +66,8 @@ void BindReports(py::module_& m) {
   using Report = BundleAdjustmentReport;
   py::class_<Report>(m, "BundleAdjustmentReport", "The result of adjust_bundle.")
       .def_property_readonly("status", EnumName(&Report::status, BundleAdjustmentStatusName))
+      .def_readonly("fault", &Report::fault,
+                    "Of a failure: the first value that cannot be adjusted.")
       .def_readonly("num_images", &Report::num_images)
       .def_readonly("num_points", &Report::num_points)
       .def_readonly("num_observations", &Report::num_observations)

@@ -13,14 +13,14 @@ class ProgressMonitor {
   virtual ~ProgressMonitor() = default;
 
   // A stage of `total` work items begins (0: unknown); done items are added; the stage ends.
-  virtual void BeginStage(const std::string& name, int64_t total) {}
-  virtual void Advance(int64_t num_done) {}
+  virtual void BeginStage(const std::string& /*name*/, int64_t /*total*/) {}
+  virtual void Advance(int64_t /*num_done*/) {}
   virtual void EndStage() {}
 
   // One line for the user: something was done / something was skipped, with the file or pair and
   // the reason.
-  virtual void Info(const std::string& message) {}
-  virtual void Warning(const std::string& message) {}
+  virtual void Info(const std::string& /*message*/) {}
+  virtual void Warning(const std::string& /*message*/) {}
 
   // True once the user asked to stop (Ctrl-C). Long stages check this between items, keep what is
   // done, and return early.

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <map>
 #include <set>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -89,13 +90,15 @@ enum class BundleAdjustmentStatus : int {
   kConverged = 0,
   kMaxIterations,   // still improving; the result is usable
   kNoObservations,  // nothing to adjust
-  kFailed,          // the solver failed; the reconstruction is unchanged
+  kFailed,          // the solver failed, or has nothing to begin with (see `fault`); the
+                    // reconstruction is unchanged
   kStopped,         // the user asked to stop; the reconstruction is as far as it got
 };
 std::string_view BundleAdjustmentStatusName(BundleAdjustmentStatus status);
 
 struct BundleAdjustmentReport {
   BundleAdjustmentStatus status = BundleAdjustmentStatus::kNoObservations;
+  std::string fault;  // the first value that cannot be adjusted, in words; "": none
   int64_t num_images = 0;
   int64_t num_points = 0;
   int64_t num_observations = 0;
@@ -117,7 +120,9 @@ struct BundleAdjustmentReport {
 // place: it may be large. The result does not depend on run.num_threads, but for Ceres'
 // (BundleSolver; also where there are no points or nothing but points to adjust, or thousands of
 // images see the same points): with several threads, the order of its sums, and so the last digits,
-// differ from run to run. Throws ConfigError for options out of range.
+// differ from run to run. Throws ConfigError for options out of range, and where parts of the
+// reconstruction do not fit together. Ids of the scope that it does not have are ignored, but those
+// of images that show surveyed points.
 BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentScope& scope = {},
                                     const BundleAdjustmentOptions& options = {},

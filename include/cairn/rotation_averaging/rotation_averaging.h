@@ -73,8 +73,7 @@ std::string_view RotationAveragingStatusName(RotationAveragingStatus status);
 
 struct RotationAveragingReport {
   RotationAveragingStatus status = RotationAveragingStatus::kNoEdges;
-  // Of every image that has an edge. Each component has its own gauge: the image that has the most
-  // edges in its spanning tree is the identity.
+  // Of every image that has an edge. Each component has a frame of its own, which means nothing.
   std::map<image_t, Eigen::Quaterniond> cam_from_world;
   // Image ids of each connected component, sorted; the largest component first.
   std::vector<std::vector<image_t>> components;
@@ -105,7 +104,8 @@ class RotationAverager {
   ~RotationAverager();
 
   RotationAveragingReport Average(const RotationAveragingOptions& options = {});
-  // From these rotations of all images that have an edge, without spanning tree and L1.
+  // From these rotations of all images that have an edge (std::out_of_range: one has none), without
+  // spanning tree and L1.
   RotationAveragingReport AverageFrom(const std::map<image_t, Eigen::Quaterniond>& start,
                                       const RotationAveragingOptions& options = {});
 

@@ -81,8 +81,9 @@ struct TranslationAveragingReport {
 // (Wilson and Snavely 2014); parallel-rigidity check; a deterministic start by least unsquared
 // deviations (Ozyesil and Singer 2015); robust nonlinear fit of the chordal error over
 // camera-camera and camera-point directions; one more fit with `priors`, where it is given; refusal
-// of a solution that contradicts the directions. Edge and track order do not matter, nor does the
-// number of threads.
+// of a solution that contradicts the directions. Rigidity is that of cameras in general positions:
+// of cameras on one line, directions without rays to points leave the steps open. Edge and track
+// order do not matter, nor does the number of threads.
 TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> edges,
                                                std::span<const PointDirections> tracks,
                                                const TranslationAveragingOptions& options = {},

@@ -255,6 +255,71 @@ TEST(AdjustBundle, RefusesMeaninglessOptions) {
   EXPECT_THROW(AdjustBundle(model, {}, options, kOneThread), ConfigError);
 }
 
+// A library is called by programs that were written in a hurry.
+TEST(AdjustBundle, RefusesPartsThatDoNotFitTogether) {
+  using Change = std::function<void(Reconstruction&, BundleAdjustmentScope&)>;
+  const std::vector<Change> changes = {
+      [](auto& model, auto&) { model.cameras.clear(); },
+      [](auto& model, auto&) { model.cameras.begin()->second.params.pop_back(); },
+      [](auto& model, auto&) {
+        model.cameras.begin()->second.model = static_cast<CameraModel>(99);
+      },
+      [](auto& model, auto&) { model.images.begin()->second.sigmas_px = {1.0F}; },
+      [](auto& model, auto&) { model.points3D.begin()->second.track[0].image_id = 77; },
+      [](auto& model, auto&) { model.points3D.begin()->second.track[0].point2D = 123456; },
+      [](auto& model, auto& scope) {
+        scope.priors[model.cameras.begin()->first] = {{1.0}, 0.1, 0};
+      },
+      [](auto&, auto& scope) {
+        scope.surveyed_points.push_back({{{0, 0, 0}, {1, 1, 1}}, {{77, {1, 1}}}});
+      },
+  };
+  for (size_t i = 0; i < changes.size(); ++i) {
+    Reconstruction model = MakeSyntheticScene({}).truth;
+    BundleAdjustmentScope scope;
+    changes[i](model, scope);
+    EXPECT_THROW(AdjustBundle(model, scope, Precise(), kOneThread), ConfigError) << i;
+  }
+}
+
+TEST(AdjustBundle, NamesWhatIsNoNumber) {
+  const double nan = std::nan("");
+  using Change = std::function<void(Reconstruction&, BundleAdjustmentScope&)>;
+  const std::vector<std::pair<std::string, Change>> changes = {
+      {"camera 1", [](auto& model, auto&) { model.cameras.at(1).SetMeanFocal(-5); }},
+      {"image 2",
+       [&](auto& model, auto&) { model.images.at(2).cam_from_world.translation.x() = nan; }},
+      {"point ", [&](auto& model, auto&) { model.points3D.begin()->second.xyz.z() = nan; }},
+      {"point ",
+       [&](auto& model, auto&) {
+         const TrackElement& first = model.points3D.begin()->second.track[0];
+         model.images.at(first.image_id).points2D[first.point2D].x() = nan;
+       }},
+      {"point ",
+       [](auto& model, auto&) {
+         RegisteredImage& image = model.images.at(1);
+         image.sigmas_px.assign(image.points2D.size(), 0.0F);
+       }},
+      {"camera 1",
+       [&](auto& model, auto& scope) {
+         scope.focal_lengths = true;
+         scope.priors[1] = {model.cameras.at(1).params, nan, 0};
+       }},
+      {"image 2",
+       [&](auto&, auto& scope) {
+         scope.image_positions[2] = {{0, nan, 0}, {1, 1, 1}};
+       }},
+  };
+  for (const auto& [what, change] : changes) {
+    Reconstruction model = MakeSyntheticScene({}).truth;
+    BundleAdjustmentScope scope;
+    change(model, scope);
+    const BundleAdjustmentReport report = AdjustBundle(model, scope, Precise(), kOneThread);
+    EXPECT_EQ(report.status, BundleAdjustmentStatus::kFailed) << what;
+    EXPECT_NE(report.fault.find(what), std::string::npos) << report.fault;
+  }
+}
+
 TEST(AdjustBundle, StopsWhenAsked) {
   for (const auto& [solver, name] : kBundleSolvers) {
     TestMonitor stopper(0);

@@ -437,6 +437,12 @@ TEST(Camera, IndicesPointAtTheirParameters) {
   EXPECT_EQ(AllCameras()[2].FocalIndices(), (std::vector<int>{0}));
 }
 
+TEST(Camera, OfNoModelIsNone) {
+  Camera camera = Camera::FromFocal(1, CameraModel::kPinhole, 500, 640, 480);
+  camera.model = static_cast<CameraModel>(99);
+  EXPECT_EQ(camera.Validate(), "the model is none");
+}
+
 TEST(Camera, ValidateNamesTheReason) {
   Camera camera = AllCameras()[0];
   EXPECT_EQ(camera.Validate(), "");

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "mapper/stages.h"
+#include "support/test_monitor.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
@@ -114,6 +115,12 @@ TEST(Reconstruct, PrincipalPointsOfCamerasWithExifAreAWarning) {
   ReconstructSettings all;
   all.reconstruct.refine_principal_points = PrincipalPointRefinement::kAll;
   EXPECT_LT((OffsetFromCenter(Reconstruct(database, all)) - Eigen::Vector2d(14, -9)).norm(), 6);
+  database.DeleteImagesAndPairs({8, 9, 10, 11, 12, 13, 14});
+  TestMonitor monitor;
+  const ReconstructResult few =
+      Reconstruct(database, "", all, {.num_threads = 1, .monitor = monitor});
+  EXPECT_EQ(OffsetFromCenter(few), Eigen::Vector2d::Zero());
+  EXPECT_THAT(monitor.notes(), Contains(HasSubstr("of 1 cameras stay at the image centers")));
 }
 
 TEST(Reconstruct, CamerasWithoutExifBesideThemDoNotHideThatWarning) {

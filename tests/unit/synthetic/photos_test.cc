@@ -204,6 +204,18 @@ TEST(Photos, WrittenFilesAreWhatTheProgramsRead) {
   EXPECT_LT(map.NumValid(), map.width * map.height);  // the sky has no depth
 }
 
+TEST(Photos, CamerasThatLookBehindThemselvesAreRefused) {
+  PhotoOptions options;
+  options.num_images = 2;
+  options.camera_model = CameraModel::kEquirectangular;
+  EXPECT_THROW(MakePhotoScene(options, 1), ConfigError);
+  options.camera_model = CameraModel::kOpenCVFisheye;
+  options.focal_length = 0.3;
+  EXPECT_THROW(MakePhotoScene(options, 1), ConfigError);
+  options.focal_length = 0.6;
+  EXPECT_EQ(MakePhotoScene(options, 1).images.size(), 2u);
+}
+
 TEST(Photos, AFileInPlaceOfTheFolderIsAnError) {
   const testing::TempFolder folder;
   WriteFileAtomically(folder / "scene", "a file");

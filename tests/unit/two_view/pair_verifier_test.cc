@@ -277,6 +277,7 @@ TEST(MakePairVerifier, RefusesWrongOptionsAndNames) {
   EXPECT_THROW(MakePairVerifier(VerifierKind::kFivePoint, {.confidence = 2.0}), ConfigError);
   EXPECT_EQ(VerifierKindFromName("five_point"), VerifierKind::kFivePoint);
   EXPECT_THROW(VerifierKindFromName("six_point"), ConfigError);
+  EXPECT_THROW(MakePairVerifier(static_cast<VerifierKind>(77), {}), ConfigError);
 }
 
 TEST(PairStatusName, IsDistinct) {
