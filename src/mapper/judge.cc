@@ -22,6 +22,16 @@ std::vector<image_t> DoubtfulImages(const ModelEvidence& evidence) {
   return doubtful;
 }
 
+// Images that a single pair holds: where it is wrong, no other tells.
+std::vector<image_t> ImagesOfOnePair(const BuiltModel& built) {
+  std::vector<image_t> images;
+  if (built.model->images.size() <= 3) return images;
+  for (const auto& [id, num_pairs] : NumPairsInUse(built.graph, *built.model)) {
+    if (num_pairs == 1) images.push_back(id);
+  }
+  return images;
+}
+
 ResultWarning FoldWarning(const SceneData& scene, const Symmetry& symmetry) {
   return {std::to_string(symmetry.num_pairs) +
               " pairs that are not in use agree that the scene looks the same when turned by " +
@@ -54,6 +64,19 @@ std::string Names(const SceneData& scene, std::span<const image_t> images) {
   return FirstNames(names);
 }
 
+std::map<image_t, int> NumPairsInUse(const ViewGraph& graph, const Reconstruction& model) {
+  std::map<image_t, int> num_pairs;
+  for (const ViewEdge& edge : graph.edges) {
+    if (!edge.IsActive() || !model.images.count(edge.image_id1) ||
+        !model.images.count(edge.image_id2)) {
+      continue;
+    }
+    ++num_pairs[edge.image_id1];
+    ++num_pairs[edge.image_id2];
+  }
+  return num_pairs;
+}
+
 std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& built) {
   const Reconstruction& model = *built.model;
   const ModelEvidence& evidence = built.evidence;
@@ -84,6 +107,11 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
     warn({"probably misplaced, since most of their verified matches contradict their poses (" +
               std::to_string(doubtful.size()) + "): " + Names(context.scene, doubtful),
           kMisplacedAdvice});
+  }
+  if (const std::vector<image_t> held = ImagesOfOnePair(built); !held.empty()) {
+    warn({"held by one pair each, which no other confirms (" + std::to_string(held.size()) +
+              "): " + Names(context.scene, held),
+          "look at these, or add photos that overlap with them"});
   }
   for (const MisplacedGroup& group : groups) {
     warn(

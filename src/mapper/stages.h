@@ -290,7 +290,10 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
 // models' images have no matches.
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
                           const ViewGraph& graph);
-// Warnings of a model that contradicts its own verified pairs, or parts of it that do.
+// Of each image of a model, its pairs in use with others of it.
+std::map<image_t, int> NumPairsInUse(const ViewGraph& graph, const Reconstruction& model);
+// Warnings of a model that contradicts its own verified pairs, or parts of it that do, and of
+// images that a single pair holds.
 std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& built);
 // Of the first twenty images, and how many more there are.
 std::string Names(const SceneData& scene, std::span<const image_t> images);

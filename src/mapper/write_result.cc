@@ -13,6 +13,7 @@
 #include "cairn/io/ply.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/view_graph/view_graph_text.h"
+#include "mapper/stages.h"
 #include "report/stage.h"
 
 namespace cairn {
@@ -32,14 +33,7 @@ std::string ConfidenceCsv(const ReconstructResult& result, const RunContext& run
   std::string text = "image,model,pairs,points,rotation_sigma_deg,position_sigma\n";
   for (size_t k = 0; k < result.models.size(); ++k) {
     const Reconstruction& model = result.models[k];
-    std::map<image_t, int> num_pairs;
-    for (const ViewEdge& edge : result.graph.edges) {
-      const bool is_inside =
-          model.images.count(edge.image_id1) && model.images.count(edge.image_id2);
-      if (!edge.IsActive() || !is_inside) continue;
-      ++num_pairs[edge.image_id1];
-      ++num_pairs[edge.image_id2];
-    }
+    std::map<image_t, int> num_pairs = NumPairsInUse(result.graph, model);
     for (const auto& [id, confidence] : EstimatePoseConfidence(model, run)) {
       text += CsvField(model.images.at(id).image.name) +
               Formatted(",%zu,%d,%d,%.6g,%.6g\n", k, num_pairs[id], confidence.num_points,

@@ -271,6 +271,34 @@ TEST(Reconstruct, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
   EXPECT_GT(num_outside, 100);
 }
 
+// Where its pair is wrong, no other tells.
+TEST(Reconstruct, NamesImagesThatASinglePairHolds) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  Database database = MakeDatabase(scene);
+  const std::string warning =
+      "held by one pair each, which no other confirms (1): " + scene.images.at(3).name;
+  const auto has_warning = [&] {
+    const ReconstructResult result = Reconstruct(database);
+    EXPECT_EQ(result.models.front().images.size(), 10u);
+    return std::ranges::any_of(result.report.warnings,
+                               [&](const ResultWarning& w) { return w.what.ends_with(warning); });
+  };
+  EXPECT_FALSE(has_warning());
+  const image_t held = scene.images.at(3).image_id;
+  std::vector<image_pair_t> pairs;
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    if (id1 == held || id2 == held) pairs.push_back(pair_id);
+  }
+  ASSERT_GT(pairs.size(), 1u);
+  std::ranges::sort(pairs, {}, [&](image_pair_t pair_id) {
+    return database.ReadTwoViewGeometry(pair_id)->inlier_matches.size();
+  });
+  pairs.pop_back();
+  for (const image_pair_t pair_id : pairs) database.DeletePairResults(pair_id);
+  EXPECT_TRUE(has_warning());
+}
+
 // As a 1DSfM data set without photographs and tracks; a twentieth of the poses is wrong.
 TEST(Reconstruct, PosesWithoutMatchesGiveCamerasAlone) {
   SceneOptions options = SmallScene();
