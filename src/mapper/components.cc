@@ -106,7 +106,9 @@ void GiveUp(StageContext& context, const ComponentQueue::Component& component, S
     context.report.warnings.push_back({"an input model of " +
                                            std::to_string(component.images.size()) +
                                            " images was given up: " + failure,
-                                       "reconstruct without --input_path"});
+                                       context.settings.reconstruct.register_left_out
+                                           ? "its images are reconstructed from nothing"
+                                           : "reconstruct from the database alone"});
   }
 }
 
@@ -131,7 +133,8 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
     BuiltModel built = component.earlier != nullptr
                            ? ContinueModel(context, *component.earlier, graph)
                            : BuildModel(context, component.images, graph);
-    TakeOver(built.graph, graph);
+    // What a wrong input model made of the edges tells nothing.
+    if (built.model || component.earlier == nullptr) TakeOver(built.graph, graph);
     for (const size_t e : built.duplicate_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {
       TakeIn(context, std::move(built), result);

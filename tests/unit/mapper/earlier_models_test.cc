@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "cairn/base/rng.h"
+#include "cairn/math/so3.h"
 #include "support/check_consistency.h"
 #include "support/test_monitor.h"
 #include "unit/mapper/reconstruct_fixture.h"
@@ -227,6 +228,20 @@ TEST_F(EarlierModelsTest, WrongPosesDoNotMoveTheFrame) {
       EXPECT_LT((image.cam_from_world.Center() - center).norm(), 2e-3) << shift << " " << id;
     }
   }
+}
+
+// Nothing of it holds: its images are as without it.
+TEST_F(EarlierModelsTest, AWrongModelIsGivenUpAndItsImagesAreReconstructed) {
+  Rng rng(5);
+  for (auto& [id, image] : model_.images) {
+    const Eigen::Vector3d turn(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+    image.cam_from_world.rotation = ExpSO3(0.1 * turn) * image.cam_from_world.rotation;
+  }
+  const ReconstructResult result = Continue(database_, {model_});
+  ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
+  EXPECT_EQ(result.models[0].images.size(), 12u);
+  EXPECT_THAT(WarningsOf(result), Contains(HasSubstr("was given up")));
+  EXPECT_TRUE(result.report.Succeeded());
 }
 
 TEST_F(EarlierModelsTest, GiveEqualBytesWithOneThread) {
