@@ -15,6 +15,7 @@ def test_attributes_are_those_of_pycolmap():
     assert (model.num_images(), model.num_points3D(), len(model.cameras)) == (4, 50, 1)
     image = model.images[2]
     assert (image.name, image.camera_id, image.image_id) == ("photo02.jpg", 1, 2)
+    assert repr(image) == "Image(image_id=2, name='photo02.jpg', num_keypoints=50)"
     np.testing.assert_allclose(image.projection_center(), truth.centers[2])
     np.testing.assert_allclose(image.cam_from_world.rotation.matrix(), truth.rotations[2])
     assert all(p.has_point3D() for p in image.points2D) and len(image.points2D) == 50

@@ -117,6 +117,12 @@ void BindImage(py::module_& m) {
                              [](const RegisteredImage& i) { return i.image.camera_id; })
       .def_property_readonly("name", [](const RegisteredImage& i) { return ToName(i.image.name); })
       .def_readwrite("cam_from_world", &RegisteredImage::cam_from_world)
+      .def("__repr__",
+           [](const RegisteredImage& i) {
+             return "Image(image_id=" + std::to_string(i.image.image_id) +
+                    ", name=" + std::string(py::repr(ToName(i.image.name))) +
+                    ", num_keypoints=" + std::to_string(i.points2D.size()) + ")";
+           })
       .def("projection_center", [](const RegisteredImage& i) { return i.cam_from_world.Center(); })
       .def_property_readonly("points2D", &Points2DOf, "A list of Point2D.")
       .def_property_readonly("keypoints", &KeypointsOf, "(n, 2) pixels; a view, not a copy.")
