@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <filesystem>
 #include <new>
 #include <string_view>
 #include <system_error>
@@ -36,6 +37,8 @@ int ReportException() noexcept {
     return Say(error.what(), kExitIo);
   } catch (const std::bad_alloc&) {
     return Say("out of memory", kExitIo);
+  } catch (const std::filesystem::filesystem_error& error) {
+    return Say(error.path1().string() + ": " + error.code().message(), kExitIo);
   } catch (const std::system_error& error) {
     if (IsShortage(error.code())) return Say("out of memory, or of threads", kExitIo);
     return Say(std::string("internal error: ") + error.what(), kExitBug);
@@ -111,6 +114,7 @@ int RunMain(const std::function<int()>& body) {
   on_exit(EndProcess, nullptr);
 #endif
   std::set_terminate(HandleTerminate);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of writing (EFBIG)
   KeepFreedMemory();
   int exit_code = kExitSuccess;
   try {

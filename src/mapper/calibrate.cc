@@ -261,6 +261,17 @@ std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage
   return other;
 }
 
+// Whether the pairs tell that a camera which images share is more than one: two lenses by which a
+// fifth and more of the photographs are each meet in a third of the pairs and more, and these agree
+// with neither.
+bool IsSharingDisputed(const FocalCalibrationReport& report, const SceneData& scene) {
+  return std::ranges::any_of(scene.stored_cameras, [&](const auto& entry) {
+    const auto focal = report.cameras.find(scene.CameraIdOf(entry.first));
+    return focal != report.cameras.end() &&
+           3 * focal->second.num_agreeing < 2 * focal->second.num_pairs;
+  });
+}
+
 }  // namespace
 
 std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
@@ -292,6 +303,8 @@ std::optional<Calibration> CalibrateSceneFocals(const FocalCalibrationOptions& o
     if (scene.cameras.at(id).has_prior_focal_length) scene.exif_by_pairs[id] = focal;
   }
   Report(report, scene.cameras, stage);
+  scene.is_sharing_disputed = IsSharingDisputed(report, scene);
+  stage.Add("sharing_disputed", scene.is_sharing_disputed);
   ImproveRelativePoses(scene.foreign, run, scene);
   if (calibrated.empty()) return std::nullopt;
   const Replaced before =

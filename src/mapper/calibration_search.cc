@@ -208,18 +208,23 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
   const auto refines_exif = [&](const auto& entry) { return RefinesExif(entry.second, scene); };
   if (std::ranges::any_of(scene.cameras, refines_exif)) stored = scene;
   CalibrationSearch search(settings, run, scene);
+  // Returns whether pairs dispute the cameras that images share.
   const auto try_calibrations = [&] {
-    for (Calibration& each : calibrator.Calibrate()) search.Try(std::move(each));
+    std::vector<Calibration> calibrations = calibrator.Calibrate();
+    const bool is_disputed = calibrations.front().is_sharing_disputed;
+    for (Calibration& each : calibrations) search.Try(std::move(each));
+    return is_disputed;
   };
   std::vector<std::set<image_t>> without_prior = of_one;
   std::erase_if(without_prior, [&](const auto& images) { return HaveExif(images, scene); });
+  bool is_disputed = false;
   if (!without_prior.empty()) {
     Calibration separate = scene;
     calibrator.Share(without_prior, scene, "");
-    try_calibrations();
+    is_disputed = try_calibrations();
     calibration = std::move(separate);
   }
-  if (without_prior.empty() || search.SeparatePays()) try_calibrations();
+  if (without_prior.empty() || is_disputed || search.SeparatePays()) try_calibrations();
   if (!search.best().shares_camera &&
       calibrator.Share(of_one, search.best().result.models, ", by the models")) {
     search.Try(std::move(calibration));

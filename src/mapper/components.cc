@@ -94,6 +94,28 @@ void TakeIn(StageContext& context, BuiltModel built, SceneModels& result) {
   result.evidence_nats += built.evidence.nats;
 }
 
+// Input models stay as they are, also where new photographs join them.
+void WarnOfJoinedModels(StageContext& context, const std::vector<Reconstruction>& models,
+                        const ViewGraph& graph) {
+  std::map<image_t, size_t> model_of;
+  for (size_t k = 0; k < models.size(); ++k) {
+    for (const auto& [id, image] : models[k].images) model_of[id] = k;
+  }
+  const auto joins = [&](const ViewEdge& edge) {
+    const auto one = model_of.find(edge.image_id1), two = model_of.find(edge.image_id2);
+    return edge.IsActive() && one != model_of.end() && two != model_of.end() &&
+           one->second != two->second;
+  };
+  const auto first = std::ranges::find_if(graph.edges, joins);
+  if (first == graph.edges.end()) return;
+  const std::vector<image_t> ends = {first->image_id1, first->image_id2};
+  context.report.warnings.push_back(
+      {std::to_string(std::ranges::count_if(graph.edges, joins)) +
+           " verified pairs join models that stay apart, since they began as input models: " +
+           Names(context.scene, ends) + ", ...",
+       "reconstruct with the largest of them as --input_path, or without, to join them"});
+}
+
 // A component that fails leaves the other models as they are. `failures`: why.
 void GiveUp(StageContext& context, const ComponentQueue::Component& component, SceneModels& result,
             std::vector<std::string>& failures) {
@@ -152,6 +174,7 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
       queue.AddPartsOf(NotTaken(context, graph.image_ids), false, graph);
     }
   }
+  if (!earlier.empty()) WarnOfJoinedModels(context, result.models, graph);
   if (result.models.empty() && context.report.Succeeded() && !failures.empty()) {
     context.report.failure = failures.front();
   } else {

@@ -160,7 +160,7 @@ std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction
              " poses of the input model moved by more than their confidence, by up to " + most +
              ": " + Reasons(model, earlier, confidences, far) + "; these are " +
              Names(context.scene, named),
-         "");
+         "where that is too far, reconstruct without --input_path");
   }
   return warnings;
 }

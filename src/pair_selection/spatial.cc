@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <cstdlib>
+#include <tuple>
 
 #include "cairn/base/parallel.h"
 #include "cairn/pair_selection/pair_selection.h"
@@ -17,15 +19,16 @@ std::vector<image_pair_t> SpatialPairs(const std::map<image_t, GpsPosition>& pos
   const auto num = static_cast<int64_t>(images.size());
   std::vector<std::vector<image_pair_t>> pairs_of(images.size());
   ParallelFor(num_threads, num, [&](int64_t i) {
-    std::vector<std::pair<double, image_t>> near;
+    // Of equally near ones, as indoors, those next in the order of ids, which is that of names.
+    std::vector<std::tuple<double, int64_t, image_t>> near;
     for (int64_t j = 0; j < num; ++j) {
       const double distance = (points[i] - points[j]).norm();
-      if (j != i && distance <= radius_m) near.emplace_back(distance, images[j]);
+      if (j != i && distance <= radius_m) near.emplace_back(distance, std::abs(j - i), images[j]);
     }
     const size_t kept = std::min(near.size(), static_cast<size_t>(neighbors));
     std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(kept), near.end());
     near.resize(kept);
-    for (const auto& [distance, image] : near) {
+    for (const auto& [distance, steps, image] : near) {
       pairs_of[i].push_back(ImagePairToPairId(images[i], image));
     }
   });

@@ -4,6 +4,7 @@
 
 #include "base/hash.h"
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "cairn/base/timer.h"
 #include "database/stage_names.h"
 #include "pipeline/pairs/candidates.h"
@@ -265,7 +266,7 @@ StageReport PairChooser::ChooseFirst() {
   const uint64_t hash = Hasher()
                             .Add(PairStageOptions(choosing_))
                             .Add(IsExhaustive())
-                            .Add(choosing_.gps_path)
+                            .Add(choosing_.gps_path.empty() ? "" : ReadFile(choosing_.gps_path))
                             .Digest();
   std::set<image_t> fresh;
   for (const auto& [id, num] : num_descriptors_) fresh.insert(id);

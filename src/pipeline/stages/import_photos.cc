@@ -86,6 +86,10 @@ size_t HandleMissing(Database& database, const PhotoSource& source,
   }
   Database::Transaction transaction(database);
   database.DeleteImagesAndPairs(missing);
+  // What they joined may need other pairs: these are chosen for all that stay.
+  for (const JobRecord& job : database.ReadJobs(kStagePairs)) {
+    database.DeleteJob(kStagePairs, job.item);
+  }
   transaction.Commit();
   stage.Warn(what + "; taken out of it, with their pairs");
   return missing.size();

@@ -176,6 +176,15 @@ TEST_F(ProgramTest, RenamedOptionsFailWithTheNewName) {
   EXPECT_THAT(output_, testing::HasSubstr("is now 'reconstruct.separate_duplicates'"));
 }
 
+// Wherever a path cannot be looked at.
+TEST(RunMain, APathThatCannotBeIsAnErrorOfInput) {
+  testing::internal::CaptureStderr();
+  const std::string path(300, 'a');
+  EXPECT_EQ(RunMain([&] { return std::filesystem::exists(path) ? 0 : 1; }), kExitIo);
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              testing::HasSubstr(path + ": File name too long"));
+}
+
 TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
   Program program("prog", "test program");
   Command& command = program.MainCommand();

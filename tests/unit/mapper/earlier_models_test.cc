@@ -186,6 +186,8 @@ TEST_F(EarlierModelsTest, SeveralGoOnSideBySide) {
               return two;
             }()));
   EXPECT_THAT(WarningsOf(result), Contains(HasSubstr("that a larger model has")));
+  EXPECT_THAT(WarningsOf(result),
+              Contains(HasSubstr("verified pairs join models that stay apart")));
 }
 
 // A pose that was wrong is found, moved, and named.

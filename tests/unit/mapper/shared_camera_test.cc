@@ -25,6 +25,7 @@ TEST(SharedCamera, IsFoundThoughEachImageHasItsOwn) {
     EXPECT_EQ(model.cameras.at(100 + id).camera_id, 100 + id);
     EXPECT_NEAR(model.cameras.at(100 + id).MeanFocal() / focal, 1.0, 0.01);
   }
+  EXPECT_EQ(Value(*FindStage(result.report, "focal_calibration"), "sharing_disputed"), 0);
   // Separate cameras do not pay in these models, so that none are built for them.
   EXPECT_THAT(FindStage(result.report, "calibration_choice")->messages,
               ::testing::ElementsAre(::testing::HasSubstr("with one camera for 12 images"),
@@ -75,6 +76,30 @@ TEST(SharedCamera, IsNotForcedOnImagesOfSeveral) {
   for (const auto& [id, image] : result.models.front().images) {
     const double focal = result.models.front().cameras.at(100 + id).MeanFocal();
     EXPECT_NEAR(focal / scene.cameras.at(1).MeanFocal(), zoom.at(id), 0.02);
+  }
+}
+
+// By a lens that was zoomed in between, which pairs tell: separate cameras are tried whatever
+// became of the models of one.
+TEST(SharedCamera, IsDisputedByPairsOfTwoLenses) {
+  const SyntheticScene scene = SceneOfOneCamera();
+  Database database = WithACameraEach(scene, 1.2);
+  const Eigen::Vector2d center = scene.cameras.at(1).PrincipalPoint();
+  for (image_t id = 2; id <= 12; id += 2) {
+    std::vector<Keypoint> keypoints = scene.keypoints.at(id);
+    for (Keypoint& keypoint : keypoints) {
+      const Eigen::Vector2d moved = center + 0.6 * (keypoint.Position() - center);
+      keypoint.x = static_cast<float>(moved.x());
+      keypoint.y = static_cast<float>(moved.y());
+    }
+    database.WriteKeypoints(id, keypoints);
+  }
+  const ReconstructResult result = Reconstruct(database);
+  EXPECT_EQ(Value(*FindStage(result.report, "focal_calibration"), "sharing_disputed"), 1);
+  ASSERT_EQ(result.models.size(), 1u);
+  for (const auto& [id, image] : result.models.front().images) {
+    const double focal = result.models.front().cameras.at(100 + id).MeanFocal();
+    EXPECT_NEAR(focal / scene.cameras.at(1).MeanFocal(), id % 2 == 0 ? 0.6 : 1.0, 0.02);
   }
 }
 

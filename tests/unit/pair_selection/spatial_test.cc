@@ -7,6 +7,7 @@ namespace cairn {
 namespace {
 
 using ::testing::ElementsAre;
+using ::testing::IsSupersetOf;
 
 // One minute of latitude is 1852 m within 10 m, wherever it is.
 TEST(Spatial, NearestWithinTheRadius) {
@@ -21,6 +22,16 @@ TEST(Spatial, NearestWithinTheRadius) {
   EXPECT_THAT(SpatialPairs(positions, 3, 1864, 1), ElementsAre(pair(1, 2)));
   EXPECT_THAT(SpatialPairs(positions, 3, 3730, 2), ElementsAre(pair(1, 2), pair(2, 3)));
   EXPECT_EQ(SpatialPairs(positions, 3, 1e6, 2).size(), 6u);
+}
+
+// As all photographs of a room may have them.
+TEST(Spatial, OfEqualPositionsTheNextByNameAreTaken) {
+  std::map<image_t, GpsPosition> positions;
+  for (image_t id = 1; id <= 9; ++id) positions[id] = {48, 11, 0};
+  const auto pair = ImagePairToPairId;
+  EXPECT_THAT(SpatialPairs(positions, 2, 1e6, 1),
+              IsSupersetOf({pair(1, 2), pair(4, 5), pair(5, 6), pair(8, 9)}));
+  EXPECT_EQ(SpatialPairs(positions, 2, 1e6, 1).size(), 8u + 2u);  // and two from the ends
 }
 
 TEST(Spatial, TheDateLineIsNoBorder) {

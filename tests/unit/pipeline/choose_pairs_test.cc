@@ -249,6 +249,37 @@ TEST_F(ChoosePairsOfPhotosTest, PhotographsThatJoinHaveRoundsOfTheirOwn) {
   EXPECT_GE(reasons["two_edges"], 1);
 }
 
+// What a photograph that is gone joined is joined by its neighbors.
+TEST_F(ChoosePairsOfPhotosTest, PairsAreChosenAgainWherePhotographsAreDropped) {
+  BuildPipelineOptions options = Options("drop.db");
+  options.inputs.pairs = "sequential";
+  options.pair_selection.overlap = 1;
+  options.pair_selection.max_rounds = 0;
+  EXPECT_EQ(RunBuildPipeline(options).summary.largest_component, 12);
+  fs::remove(folder_ / ("images/" + Name(5)));
+  options.inputs.drop_missing = true;
+  EXPECT_EQ(RunBuildPipeline(options).summary.largest_component, 11);
+}
+
+TEST_F(ChoosePairsOfPhotosTest, PositionsThatChangeInTheirFileAreNoticed) {
+  BuildPipelineOptions options = Options("spatial.db");
+  options.inputs.pairs = "spatial";
+  options.inputs.gps_path = folder_ / "gps.csv";
+  options.pair_selection.spatial_neighbors = 1;
+  options.pair_selection.spatial_radius_m = 1e5;
+  options.pair_selection.max_rounds = 0;
+  std::string rows;
+  const auto num_pairs_with = [&](int num_rows) {
+    rows.clear();
+    for (int i = 0; i < num_rows; ++i)
+      rows += Name(i) + ",45," + std::to_string(7 + 0.001 * i * i) + "\n";
+    WriteFileAtomically(options.inputs.gps_path, rows);
+    return RunBuildPipeline(options).summary.num_pairs;
+  };
+  EXPECT_EQ(num_pairs_with(4), 3);
+  EXPECT_EQ(num_pairs_with(12), 11);
+}
+
 TEST_F(ChoosePairsOfPhotosTest, TimesAndPlacesComeFromExif) {
   BuildPipelineOptions options = Options("time.db");
   options.inputs.stop_after = BuildStage::kMatching;
