@@ -151,6 +151,13 @@ def test_a_closed_or_broken_database_says_so(tmp_path):
         cairn.Database(tmp_path / "scene.db", read_only=True).write_image("x.jpg", 1)
 
 
+def test_a_path_that_cannot_be_is_an_error_of_input():
+    path = 300 * "a" + ".db"
+    for call in (cairn.Database, cairn.reconstruct, cairn.build_view_graph):
+        with pytest.raises(cairn.IoError, match="File name too long"):
+            call(path)
+
+
 def test_colmap_tables_have_colmap_rows(tmp_path):
     database, _, (first, _) = make(tmp_path / "scene.db")
     database.write_keypoints(first, np.ones((3, 2)))

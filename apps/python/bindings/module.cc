@@ -1,3 +1,5 @@
+#include <filesystem>
+
 #include "bindings.h"
 #include "cairn/base/error.h"
 #include "run.h"
@@ -12,6 +14,14 @@ void BindErrors(py::module_& m) {
       "A wrong argument or option: '<name>: <reason>'.";
   py::register_exception<BugError>(m, "BugError", PyExc_RuntimeError).doc() =
       "A broken precondition: a defect in cairn.";
+  // A path that cannot be looked at; what a translator throws goes to those before it.
+  py::register_exception_translator([](std::exception_ptr exception) {
+    try {
+      std::rethrow_exception(exception);
+    } catch (const std::filesystem::filesystem_error& error) {
+      throw IoError(error.path1().string(), error.code().message());
+    }
+  });
 }
 
 }  // namespace cairn::python
