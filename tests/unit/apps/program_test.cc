@@ -178,11 +178,13 @@ TEST_F(ProgramTest, RenamedOptionsFailWithTheNewName) {
 
 // Wherever a path cannot be looked at.
 TEST(RunMain, APathThatCannotBeIsAnErrorOfInput) {
+  testing::internal::CaptureStdout();
   testing::internal::CaptureStderr();
   const std::string path(300, 'a');
   EXPECT_EQ(RunMain([&] { return std::filesystem::exists(path) ? 0 : 1; }), kExitIo);
-  EXPECT_THAT(testing::internal::GetCapturedStderr(),
-              testing::HasSubstr(path + ": File name too long"));
+  const std::string said =
+      testing::internal::GetCapturedStdout() + testing::internal::GetCapturedStderr();
+  EXPECT_THAT(said, testing::HasSubstr(path + ": File name too long"));
 }
 
 TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
