@@ -54,12 +54,8 @@ BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentOptions& options, const RunContext& run) {
   ValidateOptions(options, "bundle_adjustment");
   const Timer timer;
-  CheckBundle(reconstruction, scope);
-  if (const std::string fault = FaultOfValues(reconstruction, scope); !fault.empty()) {
-    BundleAdjustmentReport failed;
-    failed.status = BundleAdjustmentStatus::kFailed;
-    failed.fault = fault;
-    return failed;
+  if (std::string fault = CheckBundle(reconstruction, scope); !fault.empty()) {
+    return {.status = BundleAdjustmentStatus::kFailed, .fault = std::move(fault)};
   }
   const auto num_images = static_cast<int64_t>(reconstruction.images.size());
   const bool is_ours = SuitsSchurBundle(scope) &&

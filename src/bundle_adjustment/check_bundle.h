@@ -6,12 +6,10 @@
 
 namespace cairn {
 
-// Throws ConfigError where parts of a reconstruction do not fit together: an image without its
-// camera, a track of what is not there, numbers of parameters or of standard deviations.
-void CheckBundle(const Reconstruction& reconstruction, const BundleAdjustmentScope& scope);
-
-// The first value that cannot be adjusted, in words: what is not finite, a camera that is none, a
-// standard deviation that is not positive; "": all can.
-std::string FaultOfValues(const Reconstruction& reconstruction, const BundleAdjustmentScope& scope);
+// The first value that cannot be adjusted, in words: one that is not finite, a camera or a rotation
+// that is none, a standard deviation that is not positive; "": all can. Throws ConfigError where
+// parts of the reconstruction do not fit together: an image without its camera, a track of what is
+// not there, another number of parameters or of standard deviations.
+std::string CheckBundle(const Reconstruction& reconstruction, const BundleAdjustmentScope& scope);
 
 }  // namespace cairn

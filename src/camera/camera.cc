@@ -172,7 +172,7 @@ std::vector<int> Camera::DistortionIndices() const {
 }
 
 std::string Camera::Validate() const {
-  if (!CameraModelFromId(static_cast<int>(model))) return "the model is none";
+  if (!CameraModelFromId(static_cast<int>(model))) return "the model is none that is known";
   if (width <= 0 || height <= 0) return "width and height must be positive";
   if (static_cast<int>(params.size()) != Info(model).num_params()) {
     return std::string(CameraModelName(model)) + " takes " +

@@ -90,11 +90,9 @@ size_t TypeSize(const std::string& type) {
 
 // Of values column by column, as NumPy writes what was transposed.
 std::vector<float> ByRows(const std::vector<float>& columns, int width, int height) {
-  std::vector<float> rows;
-  rows.reserve(columns.size());
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) rows.push_back(columns[static_cast<size_t>(x) * height + y]);
-  }
+  using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  std::vector<float> rows(columns.size());
+  Rows::Map(rows.data(), height, width) = Eigen::MatrixXf::Map(columns.data(), height, width);
   return rows;
 }
 

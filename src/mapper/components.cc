@@ -169,12 +169,14 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
       GiveUp(context, component, result, failures);
     }
     context.model = static_cast<int>(result.models.size());
-    // What no earlier model could take.
-    if (component.earlier != nullptr && queue.empty() && options.register_left_out) {
-      queue.AddPartsOf(NotTaken(context, graph.image_ids), false, graph);
+    if (component.earlier != nullptr && queue.empty()) {
+      WarnOfJoinedModels(context, result.models, graph);
+      // What no earlier model could take.
+      if (options.register_left_out) {
+        queue.AddPartsOf(NotTaken(context, graph.image_ids), false, graph);
+      }
     }
   }
-  if (!earlier.empty()) WarnOfJoinedModels(context, result.models, graph);
   if (result.models.empty() && context.report.Succeeded() && !failures.empty()) {
     context.report.failure = failures.front();
   } else {

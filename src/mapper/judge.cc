@@ -22,7 +22,8 @@ std::vector<image_t> DoubtfulImages(const ModelEvidence& evidence) {
   return doubtful;
 }
 
-// Images that a single pair holds: where it is wrong, no other tells.
+// Images that a single pair holds: where it is wrong, no other tells. Two or three in a row are all
+// that there is.
 std::vector<image_t> ImagesOfOnePair(const BuiltModel& built) {
   std::vector<image_t> images;
   if (built.model->images.size() <= 3) return images;

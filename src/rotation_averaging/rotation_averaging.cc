@@ -83,8 +83,11 @@ RotationAveragingReport RotationAverager::Average(const RotationAveragingOptions
 RotationAveragingReport RotationAverager::AverageFrom(
     const std::map<image_t, Eigen::Quaterniond>& start, const RotationAveragingOptions& options) {
   std::vector<Eigen::Quaterniond> cam_from_world;
-  for (const image_t id : prepared_->graph.problem.image_ids)
-    cam_from_world.push_back(start.at(id));
+  for (const image_t id : prepared_->graph.problem.image_ids) {
+    const auto rotation = start.find(id);
+    CAIRN_CHECK(rotation != start.end());
+    cam_from_world.push_back(rotation->second);
+  }
   return Run(std::move(cam_from_world), false, options);
 }
 

@@ -13,9 +13,9 @@
 #include "translation_averaging/nonlinear_fit.h"
 #include "translation_averaging/one_dsfm_filter.h"
 #include "translation_averaging/position_system.h"
-#include "translation_averaging/quality.h"
 #include "translation_averaging/rigidity.h"
 #include "translation_averaging/start.h"
+#include "translation_averaging/thrown_away.h"
 
 namespace cairn {
 namespace {

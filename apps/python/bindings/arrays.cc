@@ -177,13 +177,7 @@ py::str ToName(const std::string& name) {
 }
 
 std::string FromName(const py::object& name) {
-  auto bytes = py::reinterpret_steal<py::object>(PyOS_FSPath(name.ptr()));
-  if (!bytes) throw py::error_already_set();
-  if (py::isinstance<py::str>(bytes)) {
-    bytes = py::reinterpret_steal<py::object>(PyUnicode_EncodeFSDefault(bytes.ptr()));
-    if (!bytes) throw py::error_already_set();
-  }
-  return py::bytes(bytes);
+  return py::bytes(py::module_::import("os").attr("fsencode")(name));
 }
 
 }  // namespace cairn::python

@@ -104,8 +104,7 @@ class RotationAverager {
   ~RotationAverager();
 
   RotationAveragingReport Average(const RotationAveragingOptions& options = {});
-  // From these rotations of all images that have an edge (std::out_of_range: one has none), without
-  // spanning tree and L1.
+  // From these rotations of all images that have an edge, without spanning tree and L1.
   RotationAveragingReport AverageFrom(const std::map<image_t, Eigen::Quaterniond>& start,
                                       const RotationAveragingOptions& options = {});
 

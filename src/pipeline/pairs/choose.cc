@@ -4,7 +4,6 @@
 
 #include "base/hash.h"
 #include "cairn/base/error.h"
-#include "cairn/base/file.h"
 #include "cairn/base/timer.h"
 #include "database/stage_names.h"
 #include "pipeline/pairs/candidates.h"
@@ -263,11 +262,12 @@ void PairChooser::WriteStage(bool is_complete) {
 
 StageReport PairChooser::ChooseFirst() {
   Stage stage(run_.monitor, kStagePairs);
-  const uint64_t hash = Hasher()
-                            .Add(PairStageOptions(choosing_))
-                            .Add(IsExhaustive())
-                            .Add(choosing_.gps_path.empty() ? "" : ReadFile(choosing_.gps_path))
-                            .Digest();
+  const uint64_t hash =
+      Hasher()
+          .Add(PairStageOptions(choosing_))
+          .Add(IsExhaustive())
+          .Add(choosing_.gps_path.empty() ? uint64_t{0} : HashFile(choosing_.gps_path))
+          .Digest();
   std::set<image_t> fresh;
   for (const auto& [id, num] : num_descriptors_) fresh.insert(id);
   for (const JobRecord& job : database_.ReadJobs(kStagePairs)) {

@@ -440,7 +440,7 @@ TEST(Camera, IndicesPointAtTheirParameters) {
 TEST(Camera, OfNoModelIsNone) {
   Camera camera = Camera::FromFocal(1, CameraModel::kPinhole, 500, 640, 480);
   camera.model = static_cast<CameraModel>(99);
-  EXPECT_EQ(camera.Validate(), "the model is none");
+  EXPECT_EQ(camera.Validate(), "the model is none that is known");
 }
 
 TEST(Camera, ValidateNamesTheReason) {

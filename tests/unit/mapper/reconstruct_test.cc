@@ -5,6 +5,7 @@
 #include <set>
 
 #include "cairn/base/error.h"
+#include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "cairn/synthetic/scene.h"
 #include "database/stage_names.h"
@@ -269,6 +270,36 @@ TEST(Reconstruct, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
     }
   }
   EXPECT_GT(num_outside, 100);
+}
+
+// Of a video that stands still for more than half of its length: pairs of these frames have no
+// pose.
+TEST(Reconstruct, ManyFramesFromOnePlaceAreNoCollapse) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 3);
+  Database database = MakeDatabase(scene);
+  const image_t still = scene.images.at(3).image_id;
+  const auto pairs = database.ReadTwoViewGeometryPairIds();
+  Rng rng(1);
+  for (image_t copy = 101; copy <= 112; ++copy) {
+    database.WriteImage({copy, "still" + std::to_string(copy), scene.images.at(3).camera_id});
+    std::vector<Keypoint> keypoints = scene.keypoints.at(still);
+    for (Keypoint& keypoint : keypoints) {
+      keypoint.x += static_cast<float>(0.1 * rng.Gaussian());
+      keypoint.y += static_cast<float>(0.1 * rng.Gaussian());
+    }
+    database.WriteKeypoints(copy, keypoints);
+    for (const image_pair_t pair_id : pairs) {
+      const auto [id1, id2] = PairIdToImagePair(pair_id);
+      if (id1 != still && id2 != still) continue;
+      const TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+      const image_t other = id1 == still ? id2 : id1;
+      database.WriteTwoViewGeometry(ImagePairToPairId(other, copy),
+                                    id1 == still ? Inverted(geometry) : geometry);
+    }
+  }
+  const ReconstructResult result = Reconstruct(database);
+  ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
+  EXPECT_EQ(result.models[0].images.size(), 22u);
 }
 
 // Where its pair is wrong, no other tells.

@@ -259,6 +259,25 @@ TEST(TranslationAveraging, RefusesDirectionsWithoutASolution) {
   EXPECT_FALSE(report.message.empty());
 }
 
+// Nine photographs by a tripod have no directions between them, and leave the seven others in.
+TEST(TranslationAveraging, ManyCamerasInOnePlaceAreNoReasonToLeaveOthersOut) {
+  DirectionScene scene;
+  std::vector<Eigen::Vector3d> centers = Ring(8);
+  for (int k = 0; k < 8; ++k) centers.push_back(centers[0]);
+  scene.AddCenters(centers);
+  for (const auto& [id1, center1] : scene.truth) {
+    for (const auto& [id2, center2] : scene.truth) {
+      if (id1 < id2 && center1 != center2) {
+        scene.edges.push_back({id1, id2, (center2 - center1).normalized()});
+      }
+    }
+  }
+  const auto report = AverageTranslations(scene.edges, {});
+  EXPECT_EQ(report.status, TranslationAveragingStatus::kSuccess) << report.message;
+  ASSERT_EQ(report.centers.size(), 16u);
+  EXPECT_LT((report.centers.at(1) - report.centers.at(16)).norm(), 1e-4);
+}
+
 TEST(TranslationAveraging, LeavesOutWhatIsThrownFarAway) {
   Rng rng(7);
   DirectionScene scene;

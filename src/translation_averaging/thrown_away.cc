@@ -1,4 +1,4 @@
-#include "translation_averaging/quality.h"
+#include "translation_averaging/thrown_away.h"
 
 #include <algorithm>
 #include <limits>
