@@ -22,6 +22,7 @@ struct BoundOption {
   std::vector<std::string> flag_text;  // values given on the command line
   bool has_flag = false;
   bool is_list = false;
+  bool is_empty = false;  // it was given as ""
 };
 
 namespace {
@@ -137,6 +138,7 @@ void Command::AddFields(const std::string& module, const std::vector<OptionField
     bound->key = OptionKey(module, field.name);
     bound->set = [bound, value = field.value](const std::string& text) {
       std::visit([&](const auto& v) { Set(bound->key, v, text); }, value);
+      bound->is_empty = text.empty();
     };
     CLI::Option* const option = app_.add_option(
         "--" + bound->key,
@@ -165,10 +167,10 @@ void Command::SetRun(std::function<int()> run) {
 }
 
 void Command::Require(const std::string& key) const {
-  for (const auto& field : fields_) {
-    if (field->key == key && is_set_.count(key) > 0) return;
+  const auto field = std::ranges::find(fields_, key, [](const auto& f) { return f->key; });
+  if (field == fields_.end() || !IsSet(key) || (*field)->is_empty) {
+    throw ConfigError("--" + key, "is required; see --help");
   }
-  throw ConfigError("--" + key, "is required; see --help");
 }
 
 void Command::ApplyToml(const std::string& text, const std::string& origin, bool of_earlier_run) {

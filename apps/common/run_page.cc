@@ -23,6 +23,7 @@ std::string MakeRunPage(const Database& database, const std::string& image_path,
                   {.image_path = image_path,
                    .models = result.models,
                    .model_names = names,
+                   .confidences = result.confidences,
                    .graph = result.graph,
                    .run_json = ToJson(result.report)},
                   run);

@@ -9,11 +9,11 @@
 int main(int argc, char** argv) try {
   std::ifstream file(argc == 2 ? argv[1] : "");
   cairn::Camera cameras[2];
-  for (cairn::Camera& camera : cameras) {
-    double w = 0, h = 0, focal_px = 0;
-    file >> w >> h >> focal_px;
-    camera = cairn::Camera::FromFocal(1, cairn::CameraModel::kPinhole, focal_px, int(w), int(h));
-    camera.has_prior_focal_length = true;  // false: a guess, which the matches may overrule
+  for (int k = 0; k < 2; ++k) {
+    double w = 0, h = 0, f = 0;
+    file >> w >> h >> f;
+    cameras[k] = cairn::Camera::FromFocal(k + 1, cairn::CameraModel::kPinhole, f, int(w), int(h));
+    cameras[k].has_prior_focal_length = true;  // false: a guess, which the matches may overrule
   }
   std::vector<Eigen::Vector2d> points[2];
   std::vector<Eigen::Matrix2d> frames[2];

@@ -6,7 +6,7 @@
 #include <set>
 #include <span>
 
-#include "cairn/bundle_adjustment/pose_confidence.h"
+#include "base/text.h"
 #include "cairn/math/median.h"
 #include "common/console_monitor.h"
 
@@ -17,21 +17,12 @@ std::string Line(const char* name, const std::string& text) {
   return fmt::format("{:<12} {}\n", name, text);
 }
 
-// The first few, and how many more there are.
-std::string Few(const std::vector<std::string>& texts, size_t max, const char* separator) {
-  std::string few;
-  for (size_t i = 0; i < std::min(max, texts.size()); ++i)
-    few += (i > 0 ? separator : "") + texts[i];
-  if (texts.size() > max) few += fmt::format("{}and {} more", separator, texts.size() - max);
-  return few;
-}
-
 std::string ModelsText(const ReconstructResult& result) {
   std::vector<std::string> models;
   for (size_t k = 0; k < result.models.size(); ++k) {
     models.push_back(fmt::format("sparse/{} with {} photos", k, result.models[k].images.size()));
   }
-  return fmt::format("{}: {}", models.size(), Few(models, 4, ", "));
+  return fmt::format("{}: {}", models.size(), FirstNames(models, 4));
 }
 
 std::string PhotosText(const ReconstructResult& result) {
@@ -44,15 +35,15 @@ std::string PhotosText(const ReconstructResult& result) {
     if (registered.count(image.image_id) == 0) left_out.push_back(image.name);
   }
   return fmt::format("{} of {} have a pose{}{}", registered.size(), result.images.size(),
-                     left_out.empty() ? "" : "; left out: ", Few(left_out, 3, ", "));
+                     left_out.empty() ? "" : "; left out: ", FirstNames(left_out, 3));
 }
 
 // How much of their matches the models explain, and how well the points determine the poses of the
 // largest.
-std::string ConfidenceText(const ReconstructResult& result, const RunContext& run) {
+std::string ConfidenceText(const ReconstructResult& result) {
   const std::vector<double>& shares = result.explained_shares;
   std::vector<double> sigmas_deg;
-  for (const auto& [id, confidence] : EstimatePoseConfidence(result.models.front(), run)) {
+  for (const auto& [id, confidence] : result.confidences.front()) {
     sigmas_deg.push_back(confidence.rotation_sigma_deg);
   }
   std::string text;
@@ -132,7 +123,7 @@ std::string DescribeResult(const ReconstructResult& result, const std::string& o
                  fmt::format("{:.3f} px (mean reprojection error{}){}",
                              result.models.front().MeanReprojectionErrorPx(run.num_threads),
                              result.models.size() > 1 ? " of sparse/0" : "", PlaceText(report)));
-    text += Line("confidence", ConfidenceText(result, run));
+    if (!result.confidences.empty()) text += Line("confidence", ConfidenceText(result));
   }
   text += WarningLines(report.warnings);
   text += Line("time", TimeText(report));

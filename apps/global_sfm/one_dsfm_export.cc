@@ -110,8 +110,7 @@ PhotoOutcome WritePhotograph(const std::string& source_path, const std::string& 
     const uint8_t* rgb = bitmap.Pixel(x, y);
     entry->colors.push_back({rgb[0], rgb[1], rgb[2]});
   }
-  const Bitmap resampled = ResampleBitmap(bitmap, entry->source, entry->target,
-                                          {Interpolation::kCubic, Beyond::kNearest});
+  const Bitmap resampled = ResampleBitmap(bitmap, entry->source, entry->target, Resampling::kCubic);
   CreateFolders(std::filesystem::path(target_path).parent_path().string());
   if (resampled.data == bitmap.data) {
     WriteFileAtomically(target_path, ReadFile(source_path));

@@ -70,7 +70,10 @@ int Run(const Command& command, State& state) {
   }
   ReconstructResult result = Reconstruct(database, flags.image_path, settings, run, earlier);
   result.report.program = "global_sfm " + state.name;
-  if (flags.report) result.page = MakeRunPage(database, flags.image_path, result, run);
+  // (A run that is stopped has a second to write what there is.)
+  if (flags.report && !monitor.StopRequested()) {
+    result.page = MakeRunPage(database, flags.image_path, result, run);
+  }
   const std::string report_path = WriteReconstructResult(
       result, flags.output_path, command.EffectiveToml("refine_intrinsics"), flags.overwrite, run);
   const std::string folder = std::filesystem::path(report_path).parent_path().string();

@@ -80,6 +80,7 @@ int Run(Command& command, ReportFlags& flags) {
                                     {.image_path = flags.image_path,
                                      .models = run.models,
                                      .model_names = run.model_names,
+                                     .confidences = run.confidences,
                                      .graph = run.graph,
                                      .run_json = run.report_json,
                                      .three_folder = flags.three_path},

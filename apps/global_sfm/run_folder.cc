@@ -1,6 +1,8 @@
 #include "global_sfm/run_folder.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -8,6 +10,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/io/model.h"
+#include "io/text_reader.h"
 
 namespace cairn {
 namespace {
@@ -20,8 +23,10 @@ bool IsRunFolder(const fs::path& folder) {
 }
 
 Json ReadJson(const std::string& path) {
+  // What lies deeper would be copied by recursion.
+  const auto keeps = [](int depth, Json::parse_event_t, const Json&) { return depth < 32; };
   try {
-    return Json::parse(ReadFile(path));
+    return Json::parse(ReadFile(path), keeps);
   } catch (const Json::exception& error) {
     throw IoError(path, error.what());
   }
@@ -85,6 +90,26 @@ int NumModels(const std::string& report_path) {
   }
 }
 
+// A line for each image of each model, in their order; the name is first and may have commas.
+std::vector<std::map<image_t, PoseConfidence>> ReadConfidences(
+    const std::string& path, const std::vector<Reconstruction>& models) {
+  TextReader reader(path);
+  reader.NextLine();  // what the columns are
+  std::vector<std::map<image_t, PoseConfidence>> confidences(models.size());
+  for (size_t k = 0; k < models.size(); ++k) {
+    for (const auto& [id, image] : models[k].images) {
+      if (!reader.NextLine()) reader.Fail("there is no line for " + image.image.name);
+      std::vector<std::string_view> fields = Split(reader.line(), ',');
+      const auto value = [&](size_t from_end) {
+        const size_t at = fields.size() - std::min(fields.size(), from_end);
+        return TextReader::ToDouble(fields[at]).value_or(std::numeric_limits<double>::infinity());
+      };
+      confidences[k][id] = {static_cast<int>(std::min(value(3), 1e9)), value(2), value(1)};
+    }
+  }
+  return confidences;
+}
+
 }  // namespace
 
 std::string RunFolderOf(const std::string& path) {
@@ -116,6 +141,7 @@ RunFolder ReadRunFolder(const std::string& folder) {
     run.model_names.push_back("sparse/" + std::to_string(k));
     run.models.push_back(ReadModel(folder + "/" + run.model_names.back()));
   }
+  run.confidences = ReadConfidences(folder + "/confidence.csv", run.models);
   run.graph = ReadViewGraph(folder + "/view_graph.json");
   return run;
 }

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
 #include "cairn/base/progress.h"
+#include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/scene/reconstruction.h"
 #include "cairn/scene/view_graph.h"
 
@@ -13,6 +15,7 @@ namespace cairn {
 struct RunFolder {
   std::vector<Reconstruction> models;    // largest first; none after a failure
   std::vector<std::string> model_names;  // "sparse/0", ...
+  std::vector<std::map<image_t, PoseConfidence>> confidences;  // of each model's images
   ViewGraph graph;
   std::string report_json;
 };

@@ -1,9 +1,8 @@
 #include <spdlog/fmt/fmt.h>
 
-#include <filesystem>
+#include <algorithm>
 
 #include "cairn/base/file.h"
-#include "cairn/database/database.h"
 #include "cairn/io/bundler.h"
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/one_dsfm_writer.h"
@@ -57,16 +56,12 @@ void MakePhotos(AllOptions& options, ConsoleMonitor& monitor) {
 
 void MakeDatabase(AllOptions& options, ConsoleMonitor& monitor) {
   static_cast<RigOptions&>(options.scene) = options.main.rig;
-  const std::string path = options.main.output_path + "/scene.db";
-  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path + suffix);
   const SyntheticScene scene = MakeScene(options.scene, options.main.seed);
-  Database database(path);
   const auto content = std::find(kContents.begin(), kContents.end(), options.main.content);
-  WriteScene(scene, static_cast<SceneContent>(content - kContents.begin()), database);
-  WriteColmapModel(scene.truth, options.main.output_path + "/truth");
-  monitor.Info(fmt::format("{} images and {} points: {}, the true model in {}/truth",
-                           scene.images.size(), scene.truth.points3D.size(), path,
-                           options.main.output_path));
+  const std::string& folder = options.main.output_path;
+  WriteSceneFolder(scene, static_cast<SceneContent>(content - kContents.begin()), folder);
+  monitor.Info(fmt::format("{} images and {} points: {}/scene.db, the true model in {}/truth",
+                           scene.images.size(), scene.truth.points3D.size(), folder, folder));
 }
 
 void MakeGraph(AllOptions& options, ConsoleMonitor& monitor) {

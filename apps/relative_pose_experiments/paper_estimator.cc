@@ -3,15 +3,14 @@
 #include "cairn/geometry/epipolar.h"
 #include "cairn/solvers/five_point.h"
 #include "cairn/solvers/one_affine_depth.h"
+#include "robust/match_errors.h"
 #include "robust/pose_refinement.h"
 #include "robust/ransac.h"
 #include "robust/sampson_kernels.h"
-#include "two_view/search/match_errors.h"
 
 namespace cairn::experiments {
 namespace {
 
-using internal::MatchErrors;
 using internal::PreparedPair;
 
 // Everything of the estimator but its minimal solver.
@@ -33,7 +32,7 @@ class SampsonEstimator {
       PoseRefinementOptions options;
       options.loss = scale > 1.0 ? RobustLoss::kGemanMcClure : RobustLoss::kTruncated;
       options.scale_px = scale * pair_.max_error_px;
-      pose = RefinePose(pair_.points, pose, options).cam2_from_cam1;
+      pose = RefinePose(pair_.points, pose, options);
       const Model refined = EssentialFromPose(pose);
       const double score = Score(refined, -1.0);
       if (score > best) {
@@ -82,15 +81,13 @@ PairReport Run(const PreparedPair& pair) {
       Ransac(estimator, {.confidence = 0.99, .min_iterations = 20, .max_iterations = 10000}, rng);
   PairReport report;
   report.num_iterations = found.num_iterations;
-  if (found.status != RansacStatus::kConfident && found.status != RansacStatus::kExhausted) {
-    return report;
-  }
+  if (!found.model) return report;
   std::vector<Eigen::Vector3d> rays1, rays2;
-  for (const int32_t i : MatchErrors(pair.points, found.model).Below(pair.max_error_px)) {
+  for (const int32_t i : MatchErrors(pair.points, *found.model).Below(pair.max_error_px)) {
     rays1.push_back(pair.points.Ray1(i));
     rays2.push_back(pair.points.Ray2(i));
   }
-  const CheiralityResult best = SelectPoseByCheirality(found.model, rays1, rays2);
+  const CheiralityResult best = SelectPoseByCheirality(*found.model, rays1, rays2);
   report.status = PairStatus::kVerified;
   report.geometry.cam2_from_cam1 = best.cam2_from_cam1;
   report.num_inliers = best.num_in_front;

@@ -7,7 +7,7 @@
 #include "cairn/database/database.h"
 #include "cairn/io/model.h"
 #include "cairn/pipeline/stages.h"
-#include "database/own_matches.h"
+#include "database/match_origins.h"
 
 namespace cairn::experiments {
 namespace {
@@ -70,7 +70,7 @@ std::map<image_t, RealImage> ReadRealImages(const Database& database) {
   std::map<image_t, RealImage> images;
   for (const Image& image : database.ReadImages()) {
     auto keypoints = database.ReadKeypoints(image.image_id);
-    if (!keypoints) continue;
+    if (!keypoints || !cameras.contains(image.camera_id)) continue;  // (of an unknown model)
     RealImage& out = images[image.image_id];
     out = {image.name, cameras.at(image.camera_id), std::move(*keypoints), {}};
     out.depth = database.ReadDepthSamples(image.image_id).value_or(std::vector<DepthSample>());
@@ -85,7 +85,7 @@ RealScene LoadRealScene(const RealDataOptions& options, int min_num_matches,
   if (options.database_path.empty()) throw ConfigError("database_path", "is needed");
   if (options.reference_path.empty()) throw ConfigError("reference_path", "is needed");
   const Database database(options.database_path, Database::Mode::kReadOnly);
-  const OwnMatches own_matches(database);
+  const MatchOrigins origins(database);
   RealScene scene;
   scene.images = ReadRealImages(database);
   const Reference reference(options.reference_path, scene.images);
@@ -100,7 +100,7 @@ RealScene LoadRealScene(const RealDataOptions& options, int min_num_matches,
     auto matches = database.ReadMatches(pair_id);
     if (!matches || static_cast<int>(matches->size()) < min_num_matches) continue;
     scene.pairs.push_back({pair_id, &scene.images.at(id1), &scene.images.at(id2),
-                           std::move(*matches), own_matches.Contains(pair_id), *pose});
+                           std::move(*matches), origins.AreOurs(pair_id), *pose});
   }
   if (scene.pairs.empty()) {
     throw ConfigError("database_path", "no pair with matches that the reference connects");

@@ -4,7 +4,7 @@
 #include "cairn/geometry/epipolar.h"
 #include "relative_pose_experiments/paper_estimator.h"
 #include "relative_pose_experiments/real_pairs.h"
-#include "two_view/search/match_errors.h"
+#include "robust/match_errors.h"
 
 namespace cairn::experiments {
 namespace {
@@ -16,7 +16,7 @@ struct Hypothesis {
 
 std::vector<Hypothesis> HypothesesOf(const RealPair& pair) {
   const internal::PreparedPair prepared = PrepareAsPaper(InputOf(pair, 0));
-  internal::MatchErrors errors;
+  MatchErrors errors;
   std::vector<Hypothesis> hypotheses;
   for (int i = 0; i < prepared.size(); ++i) {
     const auto pose = PoseFromOne(prepared, i);

@@ -112,10 +112,10 @@ function(cairn_program name)
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endfunction()
 
-# cairn_test(NAME SOURCES ... LIBS ... [LABELS unit|slow|data ...]): one GoogleTest program;
-# every test case is registered with ctest under the labels (default: unit).
+# cairn_test(NAME SOURCES ... LIBS ... [LABELS unit|slow|data ...] [PROPERTIES ...]): one GoogleTest program;
+# every test case is registered with ctest under the labels (default: unit), with these properties.
 function(cairn_test name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;LIBS;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;LIBS;LABELS;PROPERTIES" ${ARGN})
   if(NOT ARG_LABELS)
     set(ARG_LABELS unit)
   endif()
@@ -132,5 +132,5 @@ function(cairn_test name)
     target_precompile_headers(${name} REUSE_FROM cairn_test_headers)
   endif()
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 120
-    PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600)
+    PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600 ${ARG_PROPERTIES})
 endfunction()

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <new>
+#include <sstream>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -31,25 +33,46 @@ int64_t NumberAfter(const std::string& text, const std::string& key, int64_t uni
   return end == begin ? -1 : number * unit;
 }
 
+// What the control groups that this process is in leave it; -1: they have no limit.
+int64_t LeftByGroups(const std::string& root) {
+  int64_t least = -1;
+  std::istringstream lines(ReadIfThere(root + "/proc/self/cgroup"));
+  for (std::string line; std::getline(lines, line);) {  // number:controllers:group
+    const bool is_v1 = line.find(":memory:") != std::string::npos;
+    if (!is_v1 && !line.starts_with("0::")) continue;
+    const std::string mount = root + (is_v1 ? "/sys/fs/cgroup/memory" : "/sys/fs/cgroup");
+    std::filesystem::path group = mount + line.substr(line.find(':', line.find(':') + 1) + 1);
+    for (; group.native().size() >= mount.size(); group = group.parent_path()) {
+      const auto number_in = [&](const char* file) {
+        return NumberAfter(ReadIfThere(group / file), "", 1);
+      };
+      const int64_t limit = number_in(is_v1 ? "memory.limit_in_bytes" : "memory.max");
+      const int64_t used = number_in(is_v1 ? "memory.usage_in_bytes" : "memory.current");
+      if (limit < 0 || used < 0) continue;
+      // Pages of files are given up when memory is asked for.
+      const std::string stat = "\n" + ReadIfThere(group / "memory.stat");
+      int64_t of_files = 0;
+      for (const char* key : {"inactive_file ", "active_file "}) {
+        const std::string line_begin = is_v1 ? "\ntotal_" : "\n";
+        of_files += std::max<int64_t>(0, NumberAfter(stat, line_begin + key, 1));
+      }
+      const int64_t left = std::max<int64_t>(0, limit - std::max<int64_t>(0, used - of_files));
+      least = least < 0 ? left : std::min(least, left);
+    }
+  }
+  return least;
+}
+
 }  // namespace
 
-MemoryUse ReadMemoryUse() {
+MemoryUse ReadMemoryUse(const std::string& root) {
   MemoryUse use;
-  const std::string status = ReadIfThere("/proc/self/status");
+  const std::string status = ReadIfThere(root + "/proc/self/status");
   use.resident = NumberAfter(status, "VmRSS:", 1024);
   use.peak = NumberAfter(status, "VmHWM:", 1024);
-  use.available = NumberAfter(ReadIfThere("/proc/meminfo"), "MemAvailable:", 1024);
-  // Control groups, version 2 ("max": no limit) and 1.
-  for (const auto& [limit_path, used_path] :
-       {std::pair("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
-        std::pair("/sys/fs/cgroup/memory/memory.limit_in_bytes",
-                  "/sys/fs/cgroup/memory/memory.usage_in_bytes")}) {
-    const int64_t limit = NumberAfter(ReadIfThere(limit_path), "", 1);
-    const int64_t used = NumberAfter(ReadIfThere(used_path), "", 1);
-    if (limit < 0 || used < 0) continue;
-    const int64_t left = std::max<int64_t>(0, limit - used);
-    use.available = use.available < 0 ? left : std::min(use.available, left);
-  }
+  use.available = NumberAfter(ReadIfThere(root + "/proc/meminfo"), "MemAvailable:", 1024);
+  const int64_t left = LeftByGroups(root);
+  if (left >= 0) use.available = use.available < 0 ? left : std::min(use.available, left);
   return use;
 }
 

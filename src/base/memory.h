@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 namespace cairn {
 
@@ -8,10 +9,12 @@ namespace cairn {
 struct MemoryUse {
   int64_t resident = -1;
   int64_t peak = -1;  // largest resident size until now
-  // What this process can still allocate: on the machine, or within its control group's limit.
+  // What this process can still allocate: on the machine, and within the limits of its control
+  // groups.
   int64_t available = -1;
 };
-MemoryUse ReadMemoryUse();
+// From the files of the kernel below `root`.
+MemoryUse ReadMemoryUse(const std::string& root = "");
 
 // Throws std::bad_alloc where so many bytes are not to be had. OpenBLAS takes 128 MiB for a thread
 // where it is first used, and where they are missing it asks for them for ever: so ask before.

@@ -43,7 +43,7 @@ BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstructio
     IntrinsicsState state;
     state.model = camera.model;
     state.num_params = static_cast<int>(camera.params.size());
-    CAIRN_CHECK_LE(state.num_params, IntrinsicsState::kMaxParams);
+    CAIRN_CHECK_LE(state.num_params, kMaxCameraParams);
     std::copy(camera.params.begin(), camera.params.end(), state.initial.begin());
     state.params = state.initial;
     if (scope.fixed_cameras.count(id) == 0) {

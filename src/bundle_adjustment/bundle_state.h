@@ -17,16 +17,15 @@ namespace cairn {
 // where there are two, of a factor of their ratio x : y; then distortion coefficients, then the
 // principal point.
 struct IntrinsicsState {
-  static constexpr int kMaxParams = kMaxCameraParams;
   CameraModel model = CameraModel::kPinhole;
   int num_params = 0;
   int num_free = 0;
   int num_free_focal = 0;
   int first_principal_point = 0;  // among the free ones
-  std::array<double, kMaxParams> initial{};
-  std::array<double, kMaxParams> params{};  // in force at the present evaluation
-  std::array<double, kMaxParams> free{};    // the parameter block
-  std::array<int, kMaxParams> free_index{};
+  std::array<double, kMaxCameraParams> initial{};
+  std::array<double, kMaxCameraParams> params{};  // in force at the present evaluation
+  std::array<double, kMaxCameraParams> free{};    // the parameter block
+  std::array<int, kMaxCameraParams> free_index{};
 
   void Update();
 };

@@ -1,8 +1,34 @@
 #include "bundle_adjustment/bundle_terms.h"
 
 #include <cmath>
+#include <vector>
+
+#include "cairn/base/check.h"
 
 namespace cairn {
+namespace {
+
+// Distortion of ordinary lenses at an image's corner, relative to its radius: data sheets of zoom
+// lenses state 1 % to 5 %.
+constexpr double kLensDistortion = 0.03;
+
+// Standard deviation of the logarithm of fx / fy: the calibrated cameras of ../shared/data have
+// square pixels within 0.5 %, and sizes of images are rounded.
+constexpr double kPixelShape = 0.01;
+
+// 1 / standard deviation of a distortion coefficient, as AdjustBundle says.
+double DistortionPrecision(const Camera& camera, int index) {
+  const Eigen::Vector2d corner(0.5 * camera.width / camera.FocalX(),
+                               0.5 * camera.height / camera.FocalY());
+  std::vector<double> J(2 * camera.params.size());
+  Eigen::Matrix2d J_uv;
+  camera.ImgFromCam(corner, &J_uv, J.data());
+  const double r = corner.norm();
+  const double share = std::hypot(kLensDistortion, 1.0 - std::atan(r) / r);
+  return std::hypot(J[index], J[camera.params.size() + index]) / (share * r * camera.MeanFocal());
+}
+
+}  // namespace
 
 std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleAdjustmentOptions& options) {
   switch (options.loss) {
@@ -16,6 +42,31 @@ std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleAdjustmentOptions& opt
       return std::make_unique<ceres::CauchyLoss>(options.loss_scale);
   }
   return nullptr;
+}
+
+FreeIntrinsicsPrior PriorOfFree(const Camera& camera, const IntrinsicsPrior& prior,
+                                const IntrinsicsState& state) {
+  CAIRN_CHECK_EQ(prior.params.size(), camera.params.size());
+  FreeIntrinsicsPrior result{Eigen::VectorXd(state.num_free), Eigen::VectorXd(state.num_free)};
+  const auto log_factor = [&](int i) {
+    return std::log(prior.params[state.free_index[i]] / state.initial[state.free_index[i]]);
+  };
+  if (state.num_free_focal > 0) {
+    result.mean[0] = log_factor(0);
+    result.precision[0] = 1.0 / prior.focal_sigma;
+  }
+  if (state.num_free_focal == 2) {
+    result.mean[0] = 0.5 * (log_factor(0) + log_factor(1));
+    result.mean[1] = log_factor(0) - log_factor(1);
+    result.precision[1] = 1.0 / kPixelShape;
+  }
+  for (int i = state.num_free_focal; i < state.num_free; ++i) {
+    const int k = state.free_index[i];
+    result.mean[i] = prior.params[k];
+    result.precision[i] = i >= state.first_principal_point ? 1.0 / prior.principal_point_sigma_px
+                                                           : DistortionPrecision(camera, k);
+  }
+  return result;
 }
 
 Tempo TempoOf(const BundleAdjustmentOptions& options, const BundleAdjustmentScope& scope,

@@ -2,8 +2,10 @@
 
 #include <ceres/loss_function.h>
 
+#include <Eigen/Core>
 #include <memory>
 
+#include "bundle_adjustment/bundle_state.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 
 namespace cairn {
@@ -16,6 +18,15 @@ std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleAdjustmentOptions& opt
 // The length of the error of a position, in standard deviations, from which its loss is Huber's: 1
 // in 20 vectors of three normal coordinates exceeds it.
 inline constexpr double kPositionLossScale = 2.796;
+
+// What is expected of a camera's free intrinsics, as they stand in its parameter block, and
+// 1 / standard deviation of each.
+struct FreeIntrinsicsPrior {
+  Eigen::VectorXd mean;
+  Eigen::VectorXd precision;
+};
+FreeIntrinsicsPrior PriorOfFree(const Camera& camera, const IntrinsicsPrior& prior,
+                                const IntrinsicsState& state);
 
 // How an adjustment begins and ends.
 struct Tempo {

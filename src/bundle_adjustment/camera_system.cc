@@ -210,6 +210,7 @@ Eigen::VectorXd CameraSystem<kIntrinsics>::SolveByConjugateGradients(
 }
 
 template class CameraSystem<4>;
+template class CameraSystem<8>;
 template class CameraSystem<kMaxCameraParams>;
 
 }  // namespace cairn

@@ -85,6 +85,7 @@ class CameraSystem {
 };
 
 extern template class CameraSystem<4>;
+extern template class CameraSystem<8>;
 extern template class CameraSystem<kMaxCameraParams>;
 
 }  // namespace cairn

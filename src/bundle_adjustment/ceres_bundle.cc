@@ -9,7 +9,6 @@
 
 #include "bundle_adjustment/bundle_state.h"
 #include "bundle_adjustment/bundle_terms.h"
-#include "bundle_adjustment/intrinsics_prior.h"
 #include "bundle_adjustment/reprojection_cost.h"
 #include "bundle_adjustment/schur_bundle.h"
 #include "cairn/base/parallel.h"

@@ -6,7 +6,6 @@
 #include <limits>
 #include <utility>
 
-#include "bundle_adjustment/intrinsics_prior.h"
 #include "cairn/base/parallel.h"
 
 namespace cairn {
@@ -164,7 +163,7 @@ double LinearBundle<kIntrinsics>::EvaluateOne(int k, bool with_derivatives) {
   Eigen::Vector2d residual;
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
   Eigen::Matrix<double, 2, kPose, Eigen::RowMajor> by_pose;
-  std::array<double, 2 * IntrinsicsState::kMaxParams> by_intrinsics;
+  std::array<double, 2 * kMaxCameraParams> by_intrinsics;
   std::array<double*, 3> jacobians{by_point.data(), by_pose.data(), by_intrinsics.data()};
   if (!is_free) jacobians[1] = by_intrinsics.data();
   if (!reprojection.Evaluate(residual.data(), with_derivatives ? jacobians.data() : nullptr)) {
@@ -240,6 +239,7 @@ const std::vector<Eigen::Vector2f>& LinearBundle<kIntrinsics>::FindBends(
 }
 
 template class LinearBundle<4>;
+template class LinearBundle<8>;
 template class LinearBundle<kMaxCameraParams>;
 
 }  // namespace cairn

@@ -100,6 +100,7 @@ class LinearBundle {
 };
 
 extern template class LinearBundle<4>;
+extern template class LinearBundle<8>;
 extern template class LinearBundle<kMaxCameraParams>;
 
 }  // namespace cairn

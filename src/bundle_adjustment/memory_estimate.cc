@@ -2,6 +2,7 @@
 
 #include <limits>
 
+#include "bundle_adjustment/bundle_observations.h"
 #include "bundle_adjustment/bundle_state.h"
 #include "bundle_adjustment/reprojection_cost.h"
 #include "bundle_adjustment/schur_bundle.h"
@@ -34,14 +35,30 @@ constexpr int64_t kCeresBytesPerPoint =
 
 // As far as they are more than the reconstruction's own, of a SchurBundle.
 // A point: position, inverse of its block, and what it has of the state, the next one, their
-// gradients and a step. A pair of images: a block of pose and up to 4 intrinsics, and its column,
-// once more while they are found.
+// gradients and a step.
 constexpr int64_t kSchurBytesPerPoint = (3 + 9 + 7 * 3) * sizeof(double);
-constexpr int64_t kSchurBytesPerImagePair = 10 * 10 * sizeof(double) + 3 * sizeof(int32_t);
-// Where the system is factorized: rows and values of the entries, here and in CHOLMOD, and the
-// factor. A full system of more images is left to conjugate gradients; others have few pairs.
-constexpr int64_t kFactorBytesPerImagePair = kPoseSize * kPoseSize * 5 * sizeof(double);
-constexpr int64_t kMaxFactorizedImages = 555;
+
+// An observation: it as it was, its derivatives by its image's block and by the point, its
+// residual, its place in its image's list, its weight and its second derivative along a step.
+int64_t SchurBytesPerObservation(int64_t block) {
+  return sizeof(BundleObservation) + (2 * block + 2 * kPointSize + 2) * sizeof(float) + 8 + 4 + 8;
+}
+
+// Is the system factorized? A full one of more images is left to conjugate gradients; of many, one
+// with few pairs is not.
+bool IsLikelyFactorized(const BundleSize& size) {
+  constexpr int64_t kMaxImages = 555, kFewPairs = 50;
+  return size.num_images <= kMaxImages || size.num_image_pairs <= kFewPairs * size.num_images;
+}
+
+// A pair of images: its block and its column, once more while they are found; where the system is
+// factorized, rows and values of the entries, here and in CHOLMOD, and the factor.
+int64_t SchurBytesPerImagePair(const BundleSize& size, int64_t block) {
+  const int64_t in_block = block * block * int64_t{sizeof(double)} + 3 * int64_t{sizeof(int32_t)};
+  const int64_t unknowns = size.has_own_cameras ? kPoseSize + size.num_free_intrinsics : kPoseSize;
+  const int64_t in_factor = unknowns * unknowns * 5 * int64_t{sizeof(double)};
+  return in_block + (IsLikelyFactorized(size) ? in_factor : 0);
+}
 
 constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t) + sizeof(float);
 
@@ -52,14 +69,12 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
   const int64_t reconstruction = size.num_keypoints * kBytesPerKeypoint +
                                  size.num_images * static_cast<int64_t>(sizeof(PoseState));
   if (TakesSchurBundle(options, size.num_images, size.covisibility)) {
-    const int64_t per_pair =
-        kSchurBytesPerImagePair +
-        (size.num_images <= kMaxFactorizedImages ? kFactorBytesPerImagePair : 0);
+    const int64_t block = kPoseSize + IntrinsicsOfBlock(size.num_free_intrinsics);
     return reconstruction +
            size.num_observations *
-               (static_cast<int64_t>(sizeof(TrackElement)) + kSchurBundleObservationBytes) +
+               (static_cast<int64_t>(sizeof(TrackElement)) + SchurBytesPerObservation(block)) +
            size.num_points * (kBytesOfPoint + kSchurBytesPerPoint) +
-           size.num_image_pairs * per_pair;
+           size.num_image_pairs * SchurBytesPerImagePair(size, block);
   }
   // The diagonal blocks, or the complement and its factor.
   const bool is_iterative =
@@ -69,11 +84,10 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
          size.num_points * (kBytesOfPoint + kCeresBytesPerPoint) + schur;
 }
 
-int64_t MaxBundleObservations(const BundleAdjustmentOptions& options, const BundleSize& size,
-                              int num_free_intrinsics) {
+int64_t MaxBundleObservations(const BundleAdjustmentOptions& options, const BundleSize& size) {
   const int64_t most = std::numeric_limits<int>::max();
   if (TakesSchurBundle(options, size.num_images, size.covisibility)) return most;
-  return most / (2 * (kPointSize + kPoseSize + num_free_intrinsics));
+  return most / (2 * (kPointSize + kPoseSize + size.num_free_intrinsics));
 }
 
 }  // namespace cairn

@@ -11,8 +11,10 @@ struct BundleSize {
   int64_t num_keypoints = 0;  // of these images
   int64_t num_points = 0;
   int64_t num_observations = 0;
-  double covisibility = 0;      // images that see an observation's point, on average
-  int64_t num_image_pairs = 0;  // that see a point together; only of a SchurBundle
+  double covisibility = 0;       // images that see an observation's point, on average
+  int64_t num_image_pairs = 0;   // that see a point together; only of a SchurBundle
+  int num_free_intrinsics = 0;   // of the camera that has most
+  bool has_own_cameras = false;  // most images have a camera of their own
 };
 
 // Predicted peak memory, bytes, of a reconstruction of this size (points, tracks, keypoints of the
@@ -21,10 +23,8 @@ struct BundleSize {
 // measured. Sparse and dense Schur complements are taken as full, so they are an upper bound.
 int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const BundleSize& size);
 
-// The most observations that can be adjusted with so many free intrinsics of a camera: Ceres counts
-// the entries of the Jacobian (two rows an observation, of point, pose and intrinsics) by int,
-// SchurBundle the observations.
-int64_t MaxBundleObservations(const BundleAdjustmentOptions& options, const BundleSize& size,
-                              int num_free_intrinsics);
+// The most observations that can be adjusted: Ceres counts the entries of the Jacobian (two rows an
+// observation, of point, pose and intrinsics) by int, SchurBundle the observations.
+int64_t MaxBundleObservations(const BundleAdjustmentOptions& options, const BundleSize& size);
 
 }  // namespace cairn

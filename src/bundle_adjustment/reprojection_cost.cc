@@ -17,50 +17,27 @@ ReprojectionCost::ReprojectionCost(const Reprojection& reprojection) : reproject
 bool Reprojection::Evaluate(double* residuals, double** jacobians) const {
   const IntrinsicsState& intrinsics = *pose->intrinsics;
   const Eigen::Vector3d x = pose->cam_from_world * (*point - pose->Center());
-  if (!CameraModelIsPlanar(intrinsics.model)) return EvaluateWide(x, residuals, jacobians);
-  if (x.z() == 0) return false;
-  const double inverse_z = 1.0 / x.z();
-  const double uv[2] = {x.x() * inverse_z, x.y() * inverse_z};
+  // Planar models go on behind the camera, so that a step may cross its plane.
+  const bool is_planar = CameraModelIsPlanar(intrinsics.model);
+  if (is_planar && x.z() == 0) return false;
+  const double inverse_z = is_planar ? 1.0 / x.z() : 1.0;
+  const Eigen::Vector3d ray =
+      is_planar ? Eigen::Vector3d(x.x() * inverse_z, x.y() * inverse_z, 1.0) : x;
   double projected[2];
-  if (!jacobians) {
-    ImgFromCam({intrinsics.model, intrinsics.params.data()}, uv, projected, nullptr, nullptr);
-    residuals[0] = precision * (projected[0] - pixel.x());
-    residuals[1] = precision * (projected[1] - pixel.y());
-    return true;
-  }
-  double J_uv[4];
-  double J_params[2 * IntrinsicsState::kMaxParams];
-  ImgFromCam({intrinsics.model, intrinsics.params.data()}, uv, projected, J_uv,
-             intrinsics.num_free > 0 ? J_params : nullptr);
-  residuals[0] = precision * (projected[0] - pixel.x());
-  residuals[1] = precision * (projected[1] - pixel.y());
-
-  // d(pixel)/d(x_cam), then along the world's axes.
-  RowMajor2<3> J_camera;
-  for (int row = 0; row < 2; ++row) {
-    const double a = precision * J_uv[2 * row] * inverse_z;
-    const double b = precision * J_uv[2 * row + 1] * inverse_z;
-    J_camera.row(row) << a, b, -(a * uv[0] + b * uv[1]);
-  }
-  FillJacobians(x, J_camera, J_params, jacobians);
-  return true;
-}
-
-bool Reprojection::EvaluateWide(const Eigen::Vector3d& x, double* residuals,
-                                double** jacobians) const {
-  const IntrinsicsState& intrinsics = *pose->intrinsics;
-  double projected[2];
-  double J_params[2 * IntrinsicsState::kMaxParams];
-  RowMajor2<3> J_camera;
-  if (!ImgFromRay({intrinsics.model, intrinsics.params.data()}, x.data(), projected,
-                  jacobians ? J_camera.data() : nullptr,
-                  jacobians && intrinsics.num_free > 0 ? J_params : nullptr)) {
+  double J_params[2 * kMaxCameraParams];
+  RowMajor2<3> J_camera;  // d(pixel)/d(ray), then d(residual)/d(x)
+  if (!ImgFromRay({intrinsics.model, intrinsics.params.data()}, ray.data(), projected,
+                  J_camera.data(), jacobians && intrinsics.num_free > 0 ? J_params : nullptr)) {
     return false;
   }
   residuals[0] = precision * (projected[0] - pixel.x());
   residuals[1] = precision * (projected[1] - pixel.y());
   if (!jacobians) return true;
   J_camera *= precision;
+  if (is_planar) {
+    J_camera *= inverse_z;
+    J_camera.col(2) = -(J_camera.col(0) * ray.x() + J_camera.col(1) * ray.y());
+  }
   FillJacobians(x, J_camera, J_params, jacobians);
   return true;
 }

@@ -29,8 +29,6 @@ struct Reprojection {
   template <int kCols>
   using RowMajor2 = Eigen::Matrix<double, 2, kCols, Eigen::RowMajor>;
 
-  // Of a camera that is not planar; x is the point in its frame.
-  bool EvaluateWide(const Eigen::Vector3d& x, double* residuals, double** jacobians) const;
   // From d(residual)/d(x_cam) and d(pixel)/d(params), 2 x num_params.
   void FillJacobians(const Eigen::Vector3d& x, const RowMajor2<3>& J_camera, const double* J_params,
                      double** jacobians) const;

@@ -306,8 +306,14 @@ BundleAdjustmentReport AdjustBySchurBundle(const BundleAdjustmentOptions& option
   for (const IntrinsicsState& intrinsics : state.intrinsics()) {
     num_free = std::max(num_free, intrinsics.num_free);
   }
-  return num_free <= 4 ? Adjust<4>(options, scope, run, reconstruction, state)
-                       : Adjust<kMaxCameraParams>(options, scope, run, reconstruction, state);
+  switch (IntrinsicsOfBlock(num_free)) {
+    case 4:
+      return Adjust<4>(options, scope, run, reconstruction, state);
+    case 8:
+      return Adjust<8>(options, scope, run, reconstruction, state);
+    default:
+      return Adjust<kMaxCameraParams>(options, scope, run, reconstruction, state);
+  }
 }
 
 }  // namespace cairn

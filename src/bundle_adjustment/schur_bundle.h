@@ -7,9 +7,10 @@
 
 namespace cairn {
 
-// What SchurBundle keeps of an observation: it as it was, linearized in single precision, its place
-// in its image's list, its weight and its second derivative along a step.
-inline constexpr int64_t kSchurBundleObservationBytes = 24 + 112 + 8 + 4 + 8;
+// The free intrinsics that a block of SchurBundle has room for, where no camera has more.
+inline constexpr int IntrinsicsOfBlock(int num_free) {
+  return num_free <= 4 ? 4 : num_free <= 8 ? 8 : kMaxCameraParams;
+}
 
 // Poses and points, with or without intrinsics.
 bool SuitsSchurBundle(const BundleAdjustmentScope& scope);

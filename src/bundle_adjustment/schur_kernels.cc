@@ -50,6 +50,9 @@ HWY_INLINE void SubtractAll(const double* J, const SchurPartner* partners, int n
 void Subtract10(const double* J, const SchurPartner* partners, int num_partners) {
   SubtractAll<10>(J, partners, num_partners);
 }
+void Subtract14(const double* J, const SchurPartner* partners, int num_partners) {
+  SubtractAll<14>(J, partners, num_partners);
+}
 void Subtract22(const double* J, const SchurPartner* partners, int num_partners) {
   SubtractAll<22>(J, partners, num_partners);
 }
@@ -61,6 +64,7 @@ HWY_AFTER_NAMESPACE();
 namespace cairn {
 
 HWY_EXPORT(Subtract10);
+HWY_EXPORT(Subtract14);
 HWY_EXPORT(Subtract22);
 
 namespace internal {
@@ -68,6 +72,10 @@ namespace internal {
 template <>
 void SubtractFromBlocks<10>(const double* J, const SchurPartner* partners, int num_partners) {
   HWY_DYNAMIC_DISPATCH(Subtract10)(J, partners, num_partners);
+}
+template <>
+void SubtractFromBlocks<14>(const double* J, const SchurPartner* partners, int num_partners) {
+  HWY_DYNAMIC_DISPATCH(Subtract14)(J, partners, num_partners);
 }
 template <>
 void SubtractFromBlocks<22>(const double* J, const SchurPartner* partners, int num_partners) {

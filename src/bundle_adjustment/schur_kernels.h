@@ -19,6 +19,8 @@ void SubtractFromBlocks(const double* J, const SchurPartner* partners, int num_p
 template <>
 void SubtractFromBlocks<10>(const double* J, const SchurPartner* partners, int num_partners);
 template <>
+void SubtractFromBlocks<14>(const double* J, const SchurPartner* partners, int num_partners);
+template <>
 void SubtractFromBlocks<22>(const double* J, const SchurPartner* partners, int num_partners);
 
 }  // namespace cairn::internal

@@ -191,20 +191,6 @@ std::string Camera::Validate() const {
   return "";
 }
 
-void ImgFromCam(const CameraParams& params, const double* uv, double* pixel, double* J_uv,
-                double* J_params) {
-  const double point[3] = {uv[0], uv[1], 1.0};
-  double J_point[6];
-  if (!ImgFromRay(params, point, pixel, J_point, J_params)) {
-    const double nan = std::numeric_limits<double>::quiet_NaN();
-    std::fill_n(pixel, 2, nan);
-    std::fill_n(J_point, 6, nan);
-    if (J_params) std::fill_n(J_params, 2 * Info(params.model).num_params(), nan);
-  }
-  if (!J_uv) return;
-  for (int i = 0; i < 4; ++i) J_uv[i] = J_point[3 * (i / 2) + i % 2];
-}
-
 bool ImgFromRay(const CameraParams& params, const double* point, double* pixel, double* J_point,
                 double* J_params) {
   const ModelInfo& info = Info(params.model);
@@ -268,10 +254,16 @@ double Camera::RadiansPerPx(const Eigen::Vector3d& point) const {
 Eigen::Vector2d Camera::ImgFromCam(const Eigen::Vector2d& uv, Eigen::Matrix2d* J_uv,
                                    double* J_params) const {
   CAIRN_DCHECK(static_cast<int>(params.size()) == Info(model).num_params());
+  const Eigen::Vector3d point = uv.homogeneous();
   Eigen::Vector2d pixel;
-  Eigen::Matrix<double, 2, 2, Eigen::RowMajor> J;
-  cairn::ImgFromCam({model, params.data()}, uv.data(), pixel.data(), J.data(), J_params);
-  if (J_uv) *J_uv = J;
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J;
+  if (!cairn::ImgFromRay({model, params.data()}, point.data(), pixel.data(), J.data(), J_params)) {
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    pixel.setConstant(nan);
+    J.setConstant(nan);
+    if (J_params) std::fill_n(J_params, 2 * params.size(), nan);
+  }
+  if (J_uv) *J_uv = J.leftCols<2>();
   return pixel;
 }
 

@@ -43,12 +43,15 @@ std::optional<FrameRow> ReadFrame(Database::Impl& impl, image_t image_id) {
   return FrameRow{query.Int(0), query.Int(1)};
 }
 
-// Takes the image out of its frame, which must hold nothing else.
+// Takes the image out of its frame, which goes where it held nothing else.
 void DeleteFrame(Database::Impl& impl, image_t image_id) {
   const std::optional<FrameRow> frame = ReadFrame(impl, image_id);
   if (!frame) return;
-  Run(impl, "DELETE FROM frame_data WHERE frame_id = ?1;", frame->frame_id);
-  Run(impl, "DELETE FROM frames WHERE frame_id = ?1;", frame->frame_id);
+  Run(impl, "DELETE FROM frame_data WHERE data_id = ?1 AND sensor_type = 0;", image_id);
+  Run(impl,
+      "DELETE FROM frames WHERE frame_id = ?1 "
+      "AND NOT EXISTS (SELECT 1 FROM frame_data WHERE frame_id = ?1);",
+      frame->frame_id);
 }
 
 // A frame of its own for the image, unless it has one.
@@ -126,6 +129,22 @@ std::vector<Image> Database::ReadImages() const {
       });
 }
 
+std::vector<camera_t> Database::ReadTakenCameraIds() const {
+  return ReadRows<std::vector<camera_t>>(
+      {*impl_,
+       "SELECT camera_id FROM cameras WHERE camera_id >= 0 AND camera_id < 4294967295 "
+       "ORDER BY camera_id;"},
+      [](const Query& row) { return row.Int<camera_t>(0); });
+}
+
+image_t Database::ReadLargestTakenImageId() const {
+  Query query(*impl_,
+              "SELECT COALESCE(MAX(image_id), 0) FROM images "
+              "WHERE image_id >= 0 AND image_id < 2147483647;");
+  query.Step();
+  return query.Int<image_t>(0);
+}
+
 bool Database::HasImage(image_t image_id) const {
   return Query(*impl_, "SELECT 1 FROM usable_images WHERE image_id = ?1;", image_id).Step();
 }
@@ -181,6 +200,7 @@ void Database::DeleteUnusedCameras() {
 }
 
 void Database::DeleteFeaturesAndPairs(const std::set<image_t>& images) {
+  if (images.empty()) return;
   impl_->Execute("CREATE TEMP TABLE IF NOT EXISTS removed(image_id INTEGER PRIMARY KEY);");
   for (const image_t id : images) Run(*impl_, "INSERT INTO removed VALUES(?1);", id);
   for (const std::string table :

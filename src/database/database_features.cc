@@ -131,6 +131,9 @@ std::optional<std::vector<DepthSample>> Database::ReadDepthSamples(image_t image
     throw IoError(path(), row + ": " + std::to_string(matrix.cols) + " columns instead of 3");
   }
   std::vector<DepthSample> samples(static_cast<size_t>(matrix.rows));
+  if (!AreFinite(matrix.data, samples.size() * kDepthColumns)) {
+    throw IoError(path(), row + ": a value is not finite");
+  }
   for (size_t i = 0; i < samples.size(); ++i) {
     float values[kDepthColumns];
     std::memcpy(values, matrix.data + i * sizeof(values), sizeof(values));

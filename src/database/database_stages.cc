@@ -1,7 +1,7 @@
 #include <sstream>
 
 #include "cairn/database/database.h"
-#include "database/own_matches.h"
+#include "database/match_origins.h"
 #include "database/query.h"
 #include "database/stage_names.h"
 
@@ -117,13 +117,9 @@ Database::LostRows Database::ForgetLostRows(bool has_photographs) {
       "DELETE FROM cairn_jobs WHERE stage = 'depth' AND note = '' "
       "AND item NOT IN (SELECT image_id FROM cairn_depth_scales);"
       "DELETE FROM cairn_jobs WHERE stage = 'dataset' AND NOT EXISTS (SELECT 1 FROM images);");
-  // Images whose pairs another program chose, where its matches are gone.
+  // Where no matches are left, other programs' choices of pairs are gone with them.
   Run(*impl_,
-      "DELETE FROM cairn_jobs WHERE stage = 'pairs' AND NOT EXISTS (SELECT 1 FROM matches) "
-      "AND EXISTS (SELECT 1 FROM cairn_jobs WHERE stage = 'matching' AND note = ?1);",
-      kGivenNote);
-  Run(*impl_,
-      "DELETE FROM cairn_jobs WHERE stage = 'matching' AND note = ?1 "
+      "DELETE FROM cairn_jobs WHERE (stage = 'pairs' OR (stage = 'matching' AND note = ?1)) "
       "AND NOT EXISTS (SELECT 1 FROM matches);",
       kGivenNote);
   if (pairs.front() > 0) {

@@ -1,77 +1,46 @@
 #include "database/database_writer.h"
 
-#include <exception>
-#include <thread>
-
-#include "base/work_queue.h"
+#include <chrono>
 
 namespace cairn {
 
-struct DatabaseWriter::Impl {
-  using Task = std::function<void(Database&)>;
-  using Clock = std::chrono::steady_clock;
-
-  Impl(const std::string& path, const Options& options)
-      : options(options),
-        database(path, Database::Mode::kOpenExisting),
-        queue(static_cast<size_t>(options.max_queue_size)),
-        thread([this] { Run(); }) {}
-
-  // Runs this task and those that come until it is time to commit. The transaction opens with the
-  // first task, so that an idle writer locks nothing.
-  void RunTransaction(std::optional<Task> task) {
-    const auto deadline =
-        Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                           std::chrono::duration<double>(options.seconds_per_transaction));
-    Database::Transaction transaction(database);
-    for (int num_done = 0; task;) {
-      (*task)(database);
-      const bool is_last = ++num_done >= options.tasks_per_transaction || Clock::now() >= deadline;
-      task = is_last ? std::nullopt : queue.Next(deadline);
-    }
-    if (queue.IsStopped()) return;  // The destructor rolls back.
-    transaction.Commit();
-  }
-
-  void Run() {
-    try {
-      while (std::optional<Task> task = queue.Next()) RunTransaction(std::move(task));
-    } catch (...) {
-      error = std::current_exception();
-      queue.Stop(error);
-    }
-  }
-
-  void Join() {
-    if (thread.joinable()) thread.join();
-  }
-
-  const Options options;
-  Database database;
-  WorkQueue<Task> queue;
-  std::exception_ptr error;
-  std::thread thread;
-};
-
-DatabaseWriter::DatabaseWriter(const std::string& database_path)
-    : DatabaseWriter(database_path, Options()) {}
-
-DatabaseWriter::DatabaseWriter(const std::string& database_path, const Options& options)
-    : impl_(std::make_unique<Impl>(database_path, options)) {}
-
-DatabaseWriter::~DatabaseWriter() {
-  impl_->queue.Stop();
-  impl_->Join();
-}
-
-void DatabaseWriter::Push(std::function<void(Database&)> task) {
-  impl_->queue.Push(std::move(task));
-}
+DatabaseWriter::DatabaseWriter(const std::string& database_path,
+                               const DatabaseWriterOptions& options)
+    : options_(options),
+      database_(database_path, Database::Mode::kOpenExisting),
+      queue_(static_cast<size_t>(options.max_queue_size)),
+      thread_([this] { Run(); }) {}
 
 void DatabaseWriter::Finish() {
-  impl_->queue.Finish();
-  impl_->Join();
-  if (impl_->error) std::rethrow_exception(impl_->error);
+  queue_.Finish();
+  if (thread_.joinable()) thread_.join();
+  if (error_) std::rethrow_exception(error_);
+}
+
+void DatabaseWriter::Run() {
+  try {
+    while (std::optional<Task> task = queue_.Next()) RunTransaction(std::move(task));
+  } catch (...) {
+    error_ = std::current_exception();
+    queue_.Stop(error_);
+  }
+}
+
+// Runs this task and those that come until it is time to commit. The transaction opens with the
+// first task, so that an idle writer locks nothing.
+void DatabaseWriter::RunTransaction(std::optional<Task> task) {
+  using Clock = std::chrono::steady_clock;
+  const auto deadline =
+      Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                         std::chrono::duration<double>(options_.seconds_per_transaction));
+  Database::Transaction transaction(database_);
+  for (int num_done = 0; task;) {
+    (*task)(database_);
+    const bool is_last = ++num_done >= options_.tasks_per_transaction || Clock::now() >= deadline;
+    task = is_last ? std::nullopt : queue_.Next(deadline);
+  }
+  if (queue_.IsStopped()) return;  // The destructor rolls back.
+  transaction.Commit();
 }
 
 }  // namespace cairn

@@ -10,7 +10,7 @@ namespace cairn {
 
 std::vector<DepthSample> SampleDepth(const DepthMap& map, int image_width, int image_height,
                                      std::span<const Keypoint> keypoints,
-                                     const DepthWindows& windows) {
+                                     const DepthOptions& options) {
   CAIRN_CHECK(image_width > 0 && image_height > 0);
   const size_t num_pixels = static_cast<size_t>(map.width) * map.height;
   CAIRN_CHECK(num_pixels > 0 && map.values.size() == num_pixels);
@@ -23,8 +23,8 @@ std::vector<DepthSample> SampleDepth(const DepthMap& map, int image_width, int i
   const auto make_planes = [&](double window) {
     return WeightedPlanes(map, window * image_size * scale_x, window * image_size * scale_y);
   };
-  const WeightedPlanes value_planes = make_planes(windows.value);
-  const WeightedPlanes gradient_planes = make_planes(windows.gradient);
+  const WeightedPlanes value_planes = make_planes(options.value_window);
+  const WeightedPlanes gradient_planes = make_planes(options.gradient_window);
 
   std::vector<DepthSample> samples(keypoints.size());
   for (size_t i = 0; i < keypoints.size(); ++i) {

@@ -10,7 +10,7 @@ namespace cairn {
 double RecallAuc(std::vector<double> errors, double threshold) {
   CAIRN_CHECK_GT(threshold, 0.0);
   if (errors.empty()) return 0.0;
-  std::sort(errors.begin(), errors.end());
+  if (!std::is_sorted(errors.begin(), errors.end())) std::sort(errors.begin(), errors.end());
   const double n = static_cast<double>(errors.size());
   double area = 0.0;  // trapezoids through (0, 0) and (k-th error, k / n)
   double last_error = 0.0;

@@ -30,12 +30,18 @@ struct PixelRay {
   Eigen::Matrix<float, 3, 2> change_per_px;
 };
 
-// A posed image, with what its matched keypoints see.
+// A posed image, with what its matched keypoints see: most keypoints are not matched.
 struct View {
+  static constexpr int kNone = -1, kWanted = -2;  // of a keypoint's ray
+
   const RegisteredImage* image = nullptr;
   const Camera* camera = nullptr;
-  std::vector<char> is_matched;
-  std::vector<std::optional<PixelRay>> rays;
+  std::vector<int> index_of_ray;  // of a keypoint
+  std::vector<PixelRay> rays;
+
+  const PixelRay* RayOf(point2D_t k) const {
+    return index_of_ray[k] < 0 ? nullptr : &rays[index_of_ray[k]];
+  }
 };
 using Views = std::map<image_t, View>;
 
@@ -88,9 +94,9 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
   const Eigen::Matrix3d E = EssentialFromPose(cam2_from_cam1);
   const CheiralityTest test(cam2_from_cam1, 2 * sigma_px / focal_px);
   for (const FeatureMatch& match : matches) {
-    const auto& x1 = view1.rays[match.point1];
-    const auto& x2 = view2.rays[match.point2];
-    if (!x1 || !x2) continue;
+    const PixelRay* x1 = view1.RayOf(match.point1);
+    const PixelRay* x2 = view2.RayOf(match.point2);
+    if (x1 == nullptr || x2 == nullptr) continue;
     const double nats = max_nats - 0.5 * SquaredErrorPx(E, *x1, *x2) / (sigma_px * sigma_px);
     if (!(nats > 0)) continue;
     if (!test.IsInFront(x1->ray, x2->ray)) continue;
@@ -106,8 +112,7 @@ Views MakeViews(const Reconstruction& model) {
     View& view = views[id];
     view.image = &image;
     view.camera = &model.CameraOf(image);
-    view.is_matched.resize(image.points2D.size());
-    view.rays.resize(image.points2D.size());
+    view.index_of_ray.assign(image.points2D.size(), View::kNone);
   }
   return views;
 }
@@ -118,9 +123,9 @@ void FindRays(std::span<const VerifiedPair> pairs, int num_threads, Views& views
     const auto view = views.find(image_id);
     if (view == views.end()) return;
     for (const FeatureMatch& match : matches) {
-      std::atomic_ref<char> is_matched(view->second.is_matched[match.*point]);
-      if (!is_matched.load(std::memory_order_relaxed)) {
-        is_matched.store(1, std::memory_order_relaxed);
+      std::atomic_ref<int> index(view->second.index_of_ray[match.*point]);
+      if (index.load(std::memory_order_relaxed) == View::kNone) {
+        index.store(View::kWanted, std::memory_order_relaxed);
       }
     }
   };
@@ -135,9 +140,12 @@ void FindRays(std::span<const VerifiedPair> pairs, int num_threads, Views& views
   for (auto& [id, view] : views) order.push_back(&view);
   ParallelFor(num_threads, std::ssize(order), [&](int64_t i) {
     View& view = *order[i];
-    for (size_t k = 0; k < view.rays.size(); ++k) {
-      if (!view.is_matched[k] || view.rays[k]) continue;
-      view.rays[k] = RayOf(*view.camera, view.image->points2D[k]);
+    view.rays.reserve(view.rays.size() + std::ranges::count(view.index_of_ray, View::kWanted));
+    for (size_t k = 0; k < view.index_of_ray.size(); ++k) {
+      if (view.index_of_ray[k] != View::kWanted) continue;
+      const std::optional<PixelRay> ray = RayOf(*view.camera, view.image->points2D[k]);
+      view.index_of_ray[k] = ray ? static_cast<int>(view.rays.size()) : View::kNone;
+      if (ray) view.rays.push_back(*ray);
     }
   });
 }
@@ -267,11 +275,12 @@ class IndependentMatches {
     std::vector<int64_t> num_of_view(order.size());
     ParallelFor(num_threads, std::ssize(order), [&](int64_t i) {
       const auto& [id, view] = order[i];
-      for (point2D_t k = 0; k < view->rays.size(); ++k) {
-        if (!view->rays[k] || view->image->point3D_ids[k] != kInvalidPoint3DId) continue;
+      for (point2D_t k = 0; k < view->index_of_ray.size(); ++k) {
+        const PixelRay* ray = view->RayOf(k);
+        if (ray == nullptr || view->image->point3D_ids[k] != kInvalidPoint3DId) continue;
         num_of_view[i] += std::ranges::any_of(
             points.Of(points.track_of[NodeOf(id, k)]),
-            [&](const Point3D* point) { return IsNear(*view, view->rays[k]->ray, point->xyz); });
+            [&](const Point3D* point) { return IsNear(*view, ray->ray, point->xyz); });
       }
     });
     return std::accumulate(num_of_view.begin(), num_of_view.end(), int64_t{0});

@@ -23,19 +23,33 @@ struct Match {
   ImageErrors* errors;
 };
 
+// By the last part of their path, those without a counterpart of their name; null: several.
+std::map<std::string, const PosedCamera*> ByBaseName(const PosedCameras& cameras,
+                                                     const PosedCameras& counterparts) {
+  std::map<std::string, const PosedCamera*> by_base_name;
+  for (const auto& [name, camera] : cameras) {
+    if (counterparts.count(name) > 0) continue;
+    const auto [it, is_new] = by_base_name.emplace(BaseName(name), &camera);
+    if (!is_new) it->second = nullptr;
+  }
+  return by_base_name;
+}
+
 // All images of the reference, with a place for their errors.
 std::vector<Match> MatchNames(const PosedCameras& estimate, const PosedCameras& reference,
                               std::vector<ImageErrors>& errors) {
-  std::map<std::string, const PosedCamera*> by_base_name;
-  for (const auto& [name, camera] : estimate) by_base_name[BaseName(name)] = &camera;
+  const auto estimates = ByBaseName(estimate, reference);
+  const auto references = ByBaseName(reference, estimate);
   std::vector<Match> matches;
   errors.resize(reference.size());
   for (const auto& [name, camera] : reference) {
-    const auto exact = estimate.find(name);
-    const auto base = by_base_name.find(BaseName(name));
-    const PosedCamera* found = exact != estimate.end()      ? &exact->second
-                               : base != by_base_name.end() ? base->second
-                                                            : nullptr;
+    const PosedCamera* found = nullptr;
+    if (const auto exact = estimate.find(name); exact != estimate.end()) {
+      found = &exact->second;
+    } else if (references.at(BaseName(name)) == &camera) {
+      const auto other = estimates.find(BaseName(name));
+      if (other != estimates.end()) found = other->second;
+    }
     ImageErrors& of_image = errors[matches.size()];
     of_image.name = name;
     of_image.registered = found != nullptr;
@@ -94,6 +108,7 @@ void EvaluatePairs(const std::vector<Match>& matches, PoseEvaluation& evaluation
                           CenterInFrameOf(*matches[j].estimate, *matches[i].estimate)));
     pose.push_back(std::max(rotation.back(), translation.back()));
   });
+  std::sort(pose.begin(), pose.end());
   for (size_t k = 0; k < kAucThresholdsDeg.size(); ++k) {
     evaluation.auc[k] = RecallAuc(pose, kAucThresholdsDeg[k]);
   }

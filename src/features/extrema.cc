@@ -142,6 +142,11 @@ bool Refine(Neighborhood at, const FeatureOptions& options, Extremum* extremum) 
 
 }  // namespace
 
+bool Extremum::Reaches(double peak_threshold) const {
+  return std::abs(pixel_value) > static_cast<float>(kMinShare * peak_threshold) &&
+         std::abs(value) >= peak_threshold;
+}
+
 std::vector<Extremum> FindExtrema(const Octave& octave, const FeatureOptions& options) {
   std::vector<Extremum> extrema;
   const Plane& plane = octave.levels[0];
@@ -158,7 +163,9 @@ std::vector<Extremum> FindExtrema(const Octave& octave, const FeatureOptions& op
       HWY_DYNAMIC_DISPATCH(FindInRowKernel)(rows, plane.width, threshold, found);
       for (const int x : found) {
         Extremum extremum;
-        if (Refine({octave, x, y, level}, options, &extremum)) extrema.push_back(extremum);
+        if (!Refine({octave, x, y, level}, options, &extremum)) continue;
+        extremum.pixel_value = rows[4][x];
+        extrema.push_back(extremum);
       }
     }
   }

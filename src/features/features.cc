@@ -26,18 +26,27 @@ void WriteRootSift(const std::array<float, kDescriptorSize>& histogram, uint8_t*
       (512 * (values / sum).sqrt()).round().min(255).cast<uint8_t>();
 }
 
+struct SearchedOctave {
+  SearchedOctave(const ScaleSpace& scale_space, int octave_, const FeatureOptions& options)
+      : octave(scale_space.Build(octave_)), extrema(FindExtrema(octave, options)) {}
+
+  Octave octave;
+  std::vector<Extremum> extrema;
+};
+
 // What extrema must reach: peak_threshold, or where fewer than min_num_extrema reach that, what as
-// many do. Coarse octaves first, which tell in most images.
+// many do. Coarse octaves first, which tell in most images; `searched` gets those that it took,
+// with all extrema that may count.
 double LeastResponse(const ScaleSpace& scale_space, const FeatureOptions& options,
-                     const Masked& is_masked) {
+                     const Masked& is_masked, std::vector<SearchedOctave>& searched) {
   FeatureOptions weak = options;
   weak.peak_threshold = std::min(options.min_peak_threshold, options.peak_threshold);
   const int wanted = options.min_num_extrema;
   std::vector<double> below;
   int num_above = 0;
   for (int o = scale_space.last_octave(); o >= options.first_octave && num_above < wanted; --o) {
-    const Octave octave = scale_space.Build(o);
-    for (const Extremum& extremum : FindExtrema(octave, weak)) {
+    const auto& [octave, extrema] = searched.emplace_back(scale_space, o, weak);
+    for (const Extremum& extremum : extrema) {
       if (is_masked(octave.pixel_size * Eigen::Vector2d(extremum.x, extremum.y))) continue;
       const double response = std::abs(extremum.value);
       if (response >= options.peak_threshold) {
@@ -65,14 +74,17 @@ Features Extract(const Bitmap& gray, FeatureOptions options, const Bitmap* mask)
     is_masked.scale_y = static_cast<double>(mask->height) / gray.height;
   }
   const ScaleSpace scale_space(gray);
-  options.peak_threshold = LeastResponse(scale_space, options, is_masked);
+  std::vector<SearchedOctave> searched;
+  options.peak_threshold = LeastResponse(scale_space, options, is_masked, searched);
   const auto max_num_features = static_cast<size_t>(options.max_num_features);
   for (int o = scale_space.last_octave(); o >= options.first_octave; --o) {
     const size_t begin = features.keypoints.size();
     if (begin >= max_num_features) break;
-    const Octave octave = scale_space.Build(o);
+    const auto at = static_cast<size_t>(scale_space.last_octave() - o);
+    if (at == searched.size()) searched.emplace_back(scale_space, o, options);
+    const auto [octave, extrema] = std::move(searched[at]);
     const std::vector<Frame> frames =
-        FindFrames(octave, options, is_masked, max_num_features - begin);
+        FindFrames(octave, extrema, options, is_masked, max_num_features - begin);
     features.descriptors.conservativeResize(begin + frames.size(), kDescriptorSize);
     for (size_t i = 0; i < frames.size(); ++i) {
       const Eigen::Vector2f center =

@@ -106,10 +106,12 @@ bool Masked::operator()(const Eigen::Vector2d& pixel) const {
          0;
 }
 
-std::vector<Frame> FindFrames(const Octave& octave, const FeatureOptions& options,
-                              const Masked& is_masked, size_t max_frames) {
+std::vector<Frame> FindFrames(const Octave& octave, const std::vector<Extremum>& extrema,
+                              const FeatureOptions& options, const Masked& is_masked,
+                              size_t max_frames) {
   std::vector<Frame> detected, frames;
-  for (const Extremum& extremum : FindExtrema(octave, options)) {
+  for (const Extremum& extremum : extrema) {
+    if (!extremum.Reaches(options.peak_threshold)) continue;
     const Eigen::Vector2d pixel(extremum.x, extremum.y);
     if (is_masked(octave.pixel_size * pixel)) continue;
     const double sigma = octave.Sigma(extremum.level);

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "cairn/features/features.h"
+#include "features/extrema.h"
 #include "features/patch.h"
 #include "features/scale_space.h"
 
@@ -27,10 +28,11 @@ struct Masked {
   bool operator()(const Eigen::Vector2d& pixel) const;
 };
 
-// The frames of an octave's extrema, with affine shapes and orientations as the options want them;
-// the larger first, at most max_frames, none of them masked.
-std::vector<Frame> FindFrames(const Octave& octave, const FeatureOptions& options,
-                              const Masked& is_masked, size_t max_frames);
+// The frames of an octave's extrema that reach the peak threshold, with affine shapes and
+// orientations as the options want them; the larger first, at most max_frames, none of them masked.
+std::vector<Frame> FindFrames(const Octave& octave, const std::vector<Extremum>& extrema,
+                              const FeatureOptions& options, const Masked& is_masked,
+                              size_t max_frames);
 
 // The gradient around a frame, read between the two levels of the pyramid whose blur is next to the
 // frame's shorter axis.

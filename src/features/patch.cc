@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
 #undef HWY_TARGET_INCLUDE
@@ -60,13 +59,23 @@ using internal::kSiftAngles;
 using internal::PatchPlace;
 using internal::PatchTables;
 
-void SampleKernel(const Plane& plane, const PatchPlace& place, const PatchTables& tables,
-                  float* values) {
-  const hn::RebindToSigned<Tag> ints;
+inline constexpr hn::RebindToSigned<Tag> kInts;
+
+// Between the four pixels from `at` on.
+HWY_INLINE V Bilinear(const Plane& plane, hn::Vec<decltype(kInts)> at, V fx, V fy) {
   const float* const data = plane.data.get();
   const int stride = plane.stride;
-  const V zero = Const(0), last_x = Const(static_cast<float>(plane.width) - 1.001f),
-          last_y = Const(static_cast<float>(plane.height) - 1.001f);
+  const V v00 = hn::GatherIndex(kTag, data, at), v01 = hn::GatherIndex(kTag, data + 1, at);
+  const V v10 = hn::GatherIndex(kTag, data + stride, at),
+          v11 = hn::GatherIndex(kTag, data + stride + 1, at);
+  const V upper = v00 + fx * (v01 - v00), lower = v10 + fx * (v11 - v10);
+  return upper + fy * (lower - upper);
+}
+
+void SampleKernel(const Plane& below, const Plane& above, float share_above,
+                  const PatchPlace& place, const PatchTables& tables, float* values) {
+  const V zero = Const(0), last_x = Const(static_cast<float>(below.width) - 1.001f),
+          last_y = Const(static_cast<float>(below.height) - 1.001f);
   for (int j = 0; j < kSide; ++j) {
     const V row_x = Const(place.x + place.a12 * tables.units[j]);
     const V row_y = Const(place.y + place.a22 * tables.units[j]);
@@ -74,14 +83,12 @@ void SampleKernel(const Plane& plane, const PatchPlace& place, const PatchTables
       const V u = Load(tables.units + i);
       const V x = hn::Min(hn::Max(row_x + Const(place.a11) * u, zero), last_x);
       const V y = hn::Min(hn::Max(row_y + Const(place.a21) * u, zero), last_y);
-      const auto left = hn::ConvertTo(ints, x), top = hn::ConvertTo(ints, y);
+      const auto left = hn::ConvertTo(kInts, x), top = hn::ConvertTo(kInts, y);
       const V fx = x - hn::ConvertTo(kTag, left), fy = y - hn::ConvertTo(kTag, top);
-      const auto at = top * hn::Set(ints, stride) + left;
-      const V v00 = hn::GatherIndex(kTag, data, at), v01 = hn::GatherIndex(kTag, data + 1, at);
-      const V v10 = hn::GatherIndex(kTag, data + stride, at),
-              v11 = hn::GatherIndex(kTag, data + stride + 1, at);
-      const V upper = v00 + fx * (v01 - v00), lower = v10 + fx * (v11 - v10);
-      hn::Store(upper + fy * (lower - upper), kTag, values + j * kSide + i);
+      const auto at = top * hn::Set(kInts, below.stride) + left;
+      const V value = Bilinear(below, at, fx, fy);
+      const V mixed = value + Const(share_above) * (Bilinear(above, at, fx, fy) - value);
+      hn::Store(mixed, kTag, values + j * kSide + i);
     }
   }
 }
@@ -204,7 +211,6 @@ PatchGradient SampleGradient(const Plane& below, const Plane& above, double shar
                              const Eigen::Vector2d& center, const Eigen::Matrix2d& M) {
   constexpr int kSide = PatchGradient::kSide;
   alignas(64) float padded[kSide * kSide + 32];  // a vector before and after
-  alignas(64) float values_above[kSide * kSide];
   float* const values = padded + 16;
   const Eigen::Matrix2f A = M.cast<float>();
   const internal::PatchPlace place = {static_cast<float>(center.x()),
@@ -213,11 +219,8 @@ PatchGradient SampleGradient(const Plane& below, const Plane& above, double shar
                                       A(0, 1),
                                       A(1, 0),
                                       A(1, 1)};
-  for (const auto& [plane, target] : {std::pair(&below, values), std::pair(&above, values_above)}) {
-    HWY_DYNAMIC_DISPATCH(SampleKernel)(*plane, place, kTables, target);
-  }
-  const auto share = static_cast<float>(share_above);
-  for (int i = 0; i < kSide * kSide; ++i) values[i] += share * (values_above[i] - values[i]);
+  HWY_DYNAMIC_DISPATCH(SampleKernel)
+  (below, above, static_cast<float>(share_above), place, kTables, values);
   PatchGradient gradient;
   HWY_DYNAMIC_DISPATCH(GradientKernel)(values, gradient.x, gradient.y);
   for (float* g : {gradient.x, gradient.y}) {

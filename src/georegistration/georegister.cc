@@ -65,12 +65,14 @@ GpsPosition MedianPosition(const std::vector<GpsPosition>& positions) {
   std::vector<double> latitudes, longitudes, altitudes;
   for (const GpsPosition& position : positions) {
     latitudes.push_back(position.latitude_deg);
-    longitudes.push_back(position.longitude_deg);
+    // Without a jump at the 180th meridian.
+    const double from_first_deg = position.longitude_deg - positions[0].longitude_deg;
+    longitudes.push_back(position.longitude_deg - 360 * std::round(from_first_deg / 360));
     if (position.altitude_m) altitudes.push_back(*position.altitude_m);
   }
   GpsPosition middle;
   if (positions.empty()) return middle;
-  middle = {Median(std::move(latitudes)), Median(std::move(longitudes))};
+  middle = {Median(std::move(latitudes)), std::remainder(Median(std::move(longitudes)), 360)};
   if (!altitudes.empty()) middle.altitude_m = Median(std::move(altitudes));
   return middle;
 }
@@ -85,34 +87,48 @@ GpsPosition OriginOf(const KnownPositions& known) {
   return MedianPosition(points.size() < 3 && !images.empty() ? images : points);
 }
 
-// The images that have positions, and (unless none has) an altitude, as rows. Those without sigma
-// are as good as the middle one of those that have it.
+// Do the altitudes of the model's images decide its heights? Where fewer than half of the positions
+// have one, all horizontal positions tell more; and it takes three.
+bool UsesAltitudes(const Reconstruction& model, const std::map<std::string, GpsRow>& rows) {
+  int num_with = 0, num_without = 0;
+  for (const auto& [id, image] : model.images) {
+    const auto row = rows.find(image.image.name);
+    if (row != rows.end()) ++(row->second.position.altitude_m ? num_with : num_without);
+  }
+  return num_without == 0 || (num_with >= 3 && num_with >= num_without);
+}
+
+// The images that have positions, as rows; all with an altitude, or none. Those without sigma are
+// as good as the middle one of those that have it.
 Rows FindImages(const Reconstruction& model, const std::map<std::string, GpsRow>& rows,
                 const LocalFrame& frame, Georegistration& out) {
   std::vector<double> given;
-  bool need_altitude = false;
   for (const auto& [name, row] : rows) {
     if (row.sigma_m > 0) given.push_back(row.sigma_m);
-    need_altitude |= row.position.altitude_m.has_value();
   }
   const double usual = given.empty() ? 1.0 : Median(given);
+  const bool uses_altitudes = UsesAltitudes(model, rows);
   Rows found_rows;
   for (const auto& [id, image] : model.images) {
     const auto row = rows.find(image.image.name);
     if (row == rows.end()) continue;
-    const auto& [position, sigma_m] = row->second;
-    if (need_altitude && !position.altitude_m) {
+    auto [position, sigma_m] = row->second;
+    if (uses_altitudes && !position.altitude_m) {
       out.without_altitude.push_back(image.image.name);
       continue;
     }
+    if (!uses_altitudes && position.altitude_m) out.unused_altitudes.push_back(image.image.name);
+    if (!uses_altitudes) position.altitude_m.reset();
     GeoregisteredImage& found = out.images.emplace_back();
     found.image_id = id;
     found.name = image.image.name;
     found.gps = position;
-    found.gps_enu = frame.FromGps(position);
+    found.gps_enu =
+        frame.FromGps({position.latitude_deg, position.longitude_deg,
+                       uses_altitudes ? position.altitude_m : frame.origin().altitude_m});
     found.sigma_m = sigma_m > 0 ? sigma_m : usual;
-    found_rows.push_back({image.cam_from_world.Center(), found.gps_enu, found.sigma_m,
-                          position.altitude_m.has_value()});
+    found_rows.push_back(
+        {image.cam_from_world.Center(), found.gps_enu, found.sigma_m, uses_altitudes});
   }
   return found_rows;
 }
@@ -404,17 +420,20 @@ void FinishImages(const KnownPositions& known, Rows rows, Georegistration& out) 
   }
 }
 
-// Residuals of the control points.
+// Residuals of the control points. Where heights are open, that of the model is taken.
 void FinishPoints(const Reconstruction& model, Rows rows, Georegistration& out) {
+  for (Row& row : rows) row.has_height = out.tilt_source == TiltSource::kAltitudes;
   Measure(out.enu_from_world, rows);
   const Sim3d world_from_enu = Inverse(out.enu_from_world);
   for (size_t i = 0; i < rows.size(); ++i) {
     GeoregisteredPoint& point = out.points[i];
     point.residual = rows[i].residual;
+    Eigen::Vector3d enu = point.enu;
+    if (!rows[i].has_height) enu.z() = (out.enu_from_world * rows[i].in_model).z();
     for (const auto& [id, pixel] : point.pixels) {
       const RegisteredImage& image = model.images.at(id);
       point.error_px += ReprojectionErrorPx(model.CameraOf(image), image.cam_from_world,
-                                            world_from_enu * point.enu, pixel) /
+                                            world_from_enu * enu, pixel) /
                         static_cast<double>(point.pixels.size());
     }
   }

@@ -40,7 +40,7 @@ constexpr NamedValue<TiltSource> kTiltSources[] = {
 
 // What a tilt without altitudes is worth; "": it is by altitudes.
 std::string DoubtOf(TiltSource source) {
-  const std::string which = "no position has an altitude: ";
+  const std::string which = "positions without altitudes: ";
   switch (source) {
     case TiltSource::kAltitudes:
       return "";
@@ -106,6 +106,8 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
   };
   warn("measurements of control points outside of their photographs", found.outside,
        "are they pixels of photographs of another size?");
+  warn("positions without an altitude, which most others have, not used", found.without_altitude,
+       "");
   if (const std::string failure = FailureOf(found); !failure.empty()) {
     warnings.push_back({"not in meters, east, north and up, and no positions were used: " + failure,
                         "see the formats of --gps_path and --gcp_path, and the names in them"});
@@ -113,7 +115,7 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
   }
   warn("positions far from where the others put them, not used", WrongOf(found),
        "georegistration.json says how far");
-  warn("positions without an altitude, which others have, not used", found.without_altitude, "");
+  warn("altitudes, which most positions do not have, not used", found.unused_altitudes, "");
   if (const std::string doubt = DoubtOf(found.tilt_source); !doubt.empty()) {
     warnings.push_back({doubt, "give altitudes, or ground control points"});
   }
@@ -142,13 +144,15 @@ std::vector<std::string> DescribeResiduals(const Georegistration& georegistratio
                     " of where the others put it (wrong: not used)");
   }
   for (const GeoregisteredPoint& point : georegistration.points) {
-    lines.push_back("control point " + point.name +
-                    Formatted(": %.3f m east, %.3f m north, %.3f m up, %.2f px, in %zu images%s",
-                              point.residual.x(), point.residual.y(), point.residual.z(),
-                              point.error_px, point.pixels.size(),
-                              point.is_wrong   ? " (wrong: not used)"
-                              : point.is_check ? " (check)"
-                                               : ""));
+    const bool has_height = georegistration.tilt_source == TiltSource::kAltitudes;
+    lines.push_back(
+        "control point " + point.name +
+        Formatted(": %.3f m east, %.3f m north, ", point.residual.x(), point.residual.y()) +
+        (has_height ? Formatted("%.3f m up, ", point.residual.z()) : "") +
+        Formatted("%.2f px, in %zu images%s", point.error_px, point.pixels.size(),
+                  point.is_wrong   ? " (wrong: not used)"
+                  : point.is_check ? " (check)"
+                                   : ""));
   }
   return lines;
 }
@@ -167,6 +171,7 @@ std::string GeoregistrationToJson(const Georegistration& georegistration) {
   root["median_residual_m"] = georegistration.median_residual_m;
   root["roll_sigma_deg"] = georegistration.roll_sigma_deg;
   root["without_altitude"] = georegistration.without_altitude;
+  root["unused_altitudes"] = georegistration.unused_altitudes;
   root["images"] = Json::array();
   for (const GeoregisteredImage& image : georegistration.images) {
     root["images"].push_back(Json{{"name", image.name},

@@ -1,7 +1,9 @@
 #include <filesystem>
 #include <optional>
 #include <set>
+#include <stdexcept>
 
+#include "base/text.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
 #include "cairn/georegistration/georegister.h"
@@ -24,12 +26,23 @@ std::map<std::string, GpsRow> ReadPositions(std::span<const std::string> names,
     return rows;
   }
   std::vector<std::optional<GpsPosition>> positions(names.size());
+  std::vector<char> is_unreadable(names.size(), 0);
   ParallelFor(run.num_threads, std::ssize(names), [&](int64_t i) {
     const std::string path = PathInFolder(image_path, names[i]);
-    if (std::filesystem::exists(path)) positions[i] = ReadExif(path, 1, 1).gps;
+    try {
+      if (std::filesystem::exists(path)) positions[i] = ReadExif(path, 1, 1).gps;
+    } catch (const std::runtime_error&) {
+      is_unreadable[i] = 1;
+    }
   });
+  std::vector<std::string> unreadable;
   for (size_t i = 0; i < names.size(); ++i) {
     if (positions[i]) rows[names[i]].position = *positions[i];
+    if (is_unreadable[i]) unreadable.push_back(names[i]);
+  }
+  if (!unreadable.empty()) {
+    run.monitor.Warning(image_path + ": no positions of photographs that cannot be read (" +
+                        std::to_string(unreadable.size()) + "): " + FirstNames(unreadable));
   }
   return rows;
 }

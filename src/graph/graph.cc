@@ -154,37 +154,52 @@ std::vector<std::vector<int>> HingedParts(int num_nodes, std::span<const GraphEd
   const auto with_below = [&](int v) {
     return std::span(search.node).subspan(search.order[v], search.num_below[v]);
   };
-  std::vector<std::vector<int>> parts;
+  // Visits, in spans, the smaller of the sides that v's parent joins: v's or the other one.
+  const auto visit_part = [&](int v, const auto& visit) {
+    const std::span<const int> all = with_below(search.root[v]), below = with_below(v);
+    if (2 * below.size() < all.size()) {
+      visit(below);
+      return;
+    }
+    // What is above, with what hangs on it as well.
+    const int hinge = search.parent[v];
+    const std::span<const int> of_hinge = with_below(hinge);
+    visit(all.first(of_hinge.data() - all.data()));
+    visit(all.last(all.data() + all.size() - (of_hinge.data() + of_hinge.size())));
+    for (size_t i = 1; i < of_hinge.size(); i += search.num_below[of_hinge[i]]) {
+      if (search.low[of_hinge[i]] < search.order[hinge]) visit(with_below(of_hinge[i]));
+    }
+  };
+  struct Part {
+    int v;
+    int first = -1;
+    size_t size = 0;
+  };
+  std::vector<Part> found;
   for (int v = 0; v < num_nodes; ++v) {
     const int hinge = search.parent[v];
-    if (hinge < 0 || search.low[v] < search.order[hinge]) continue;
     // Without the hinge, v and what is below it are apart from the rest of the component.
-    const std::span<const int> all = with_below(search.root[v]), below = with_below(v);
-    std::vector<int> part;
-    const auto add = [&](std::span<const int> nodes) {
-      part.insert(part.end(), nodes.begin(), nodes.end());
-    };
-    if (2 * below.size() < all.size()) {
-      add(below);
-    } else {  // What is above, with what hangs on it as well.
-      const std::span<const int> of_hinge = with_below(hinge);
-      add(all.first(of_hinge.data() - all.data()));
-      add(all.last(all.data() + all.size() - (of_hinge.data() + of_hinge.size())));
-      for (size_t i = 1; i < of_hinge.size(); i += search.num_below[of_hinge[i]]) {
-        if (search.low[of_hinge[i]] < search.order[hinge]) add(with_below(of_hinge[i]));
-      }
-    }
-    if (part.size() > 1) parts.push_back(std::move(part));
+    if (hinge < 0 || search.low[v] < search.order[hinge]) continue;
+    Part part{v};
+    visit_part(v, [&](std::span<const int> nodes) {
+      if (part.size == 0 && !nodes.empty()) part.first = nodes[0];
+      part.size += nodes.size();
+    });
+    if (part.size > 1) found.push_back(part);
   }
   // Smaller parts lie within larger ones or beside them.
-  std::stable_sort(parts.begin(), parts.end(),
-                   [](const auto& a, const auto& b) { return a.size() > b.size(); });
+  std::stable_sort(found.begin(), found.end(),
+                   [](const Part& a, const Part& b) { return a.size > b.size; });
   std::vector<char> is_taken(num_nodes, 0);
-  std::erase_if(parts, [&](const std::vector<int>& part) {
-    if (is_taken[part.front()]) return true;
-    for (const int v : part) is_taken[v] = 1;
-    return false;
-  });
+  std::vector<std::vector<int>> parts;
+  for (const Part& part : found) {
+    if (is_taken[part.first]) continue;
+    std::vector<int>& nodes = parts.emplace_back();
+    visit_part(part.v, [&](std::span<const int> some) {
+      nodes.insert(nodes.end(), some.begin(), some.end());
+    });
+    for (const int v : nodes) is_taken[v] = 1;
+  }
   return parts;
 }
 

@@ -44,7 +44,7 @@ std::vector<ForestStep> WalkForest(int num_nodes, std::span<const GraphEdge> edg
 
 // Two nodes and more that a single other node joins with the rest of their component: each side of
 // an articulation (Tarjan 1972) that has fewer than half of the nodes, without that node. Parts
-// within others are left out. The largest first. O(n + m), and the sizes of the sides.
+// within others are left out. The largest first. O(n + m).
 std::vector<std::vector<int>> HingedParts(int num_nodes, std::span<const GraphEdge> edges);
 
 // For every node the edges that touch it, in increasing index: edges of node v are

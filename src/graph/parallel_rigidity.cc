@@ -76,18 +76,24 @@ void ParallelRigidity::ReversePath(int end) {
 void ParallelRigidity::FindComponent(int u, int v) {
   if (Free(u) + Free(v) > kGauge || ReachesPebble(u, v)) return;
   const int num_nodes = static_cast<int>(nodes_.size());
-  std::vector<std::vector<int>> incoming(num_nodes);
+  // The edges into a node as a list; edge 3 w + k leaves w.
+  first_into_.assign(num_nodes, -1);
+  next_into_.resize(3 * num_nodes);
   std::vector<int> queue;
   ++stamp_;
   for (int w = 0; w < num_nodes; ++w) {
-    for (int k = 0; k < nodes_[w].num_out; ++k) incoming[nodes_[w].out[k]].push_back(w);
+    for (int k = 0; k < nodes_[w].num_out; ++k) {
+      const int edge = 3 * w + k;
+      next_into_[edge] = std::exchange(first_into_[nodes_[w].out[k]], edge);
+    }
     if (w != u && w != v && Free(w) > 0) {
       nodes_[w].mark = stamp_;
       queue.push_back(w);
     }
   }
   for (size_t k = 0; k < queue.size(); ++k) {
-    for (const int w : incoming[queue[k]]) {
+    for (int edge = first_into_[queue[k]]; edge >= 0; edge = next_into_[edge]) {
+      const int w = edge / 3;
       if (nodes_[w].mark == stamp_) continue;
       nodes_[w].mark = stamp_;
       queue.push_back(w);

@@ -51,6 +51,7 @@ class ParallelRigidity {
   std::vector<std::vector<int>> components_;  // empty: merged into a later one
   int stamp_ = 0;
   std::vector<Step> path_;
+  std::vector<int> first_into_, next_into_;  // of FindComponent
 };
 
 }  // namespace cairn

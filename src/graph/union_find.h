@@ -35,7 +35,6 @@ class UnionFind {
   }
   // Joins two sets; false if they were one already.
   bool Union(int a, int b);
-  bool Connected(int a, int b) { return Find(a) == Find(b); }
   // Has memory load what Find(node) will read.
   void Prefetch(int node) {
     __builtin_prefetch(&parent_[At(node).load(std::memory_order_relaxed)]);

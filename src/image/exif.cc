@@ -77,16 +77,7 @@ std::optional<double> Positive(const Exiv2::ExifData& data, const char* key) {
 double FocalPlaneUnitMm(const Exiv2::ExifData& data) {
   const int unit =
       static_cast<int>(Positive(data, "Exif.Photo.FocalPlaneResolutionUnit").value_or(2));
-  switch (unit) {
-    case 3:
-      return 10.0;
-    case 4:
-      return 1.0;
-    case 5:
-      return 0.001;
-    default:
-      return 25.4;
-  }
+  return unit == 3 ? 10.0 : unit == 4 ? 1.0 : unit == 5 ? 0.001 : 25.4;
 }
 
 // The longer side of the sensor. The resolution is that of the image as it left the camera, whose

@@ -41,7 +41,7 @@ Camera AtResolutionOf(const Camera& source, const Camera& target) {
 // Where the source shows the ray of a target pixel, counted as OpenCV does (the center of the
 // top-left pixel is 0); nullopt beyond the border, and where distortion folds the image over.
 std::optional<cv::Vec2f> SourcePosition(const Camera& source, const Camera& target, int x, int y,
-                                        Beyond beyond) {
+                                        Resampling resampling) {
   const auto uv = target.CamFromImg({x + 0.5, y + 0.5});
   if (!uv) return std::nullopt;
   Eigen::Matrix<double, 2, 3> J;
@@ -49,7 +49,7 @@ std::optional<cv::Vec2f> SourcePosition(const Camera& source, const Camera& targ
   if (!pixel || !(J.leftCols<2>().determinant() > 0)) return std::nullopt;
   const bool is_inside = pixel->x() >= 0 && pixel->x() <= source.width && pixel->y() >= 0 &&
                          pixel->y() <= source.height;
-  if (!is_inside && beyond == Beyond::kBlack) return std::nullopt;
+  if (!is_inside && resampling == Resampling::kLinear) return std::nullopt;
   return cv::Vec2f(static_cast<float>(std::clamp(pixel->x(), -8.0, source.width + 8.0) - 0.5),
                    static_cast<float>(std::clamp(pixel->y(), -8.0, source.height + 8.0) - 0.5));
 }
@@ -61,18 +61,17 @@ struct Band {
 };
 
 void ResampleBand(const cv::Mat& in, const Camera& source, const Camera& target,
-                  const ResampleOptions& options, const Band& band) {
+                  Resampling resampling, const Band& band) {
   cv::Mat out = band.rows;
   cv::Mat map(out.rows, out.cols, CV_32FC2), blank(out.rows, out.cols, CV_8UC1, cv::Scalar(0));
   for (int y = 0; y < map.rows; ++y) {
     for (int x = 0; x < map.cols; ++x) {
-      const auto position = SourcePosition(source, target, x, band.first + y, options.beyond);
+      const auto position = SourcePosition(source, target, x, band.first + y, resampling);
       map.at<cv::Vec2f>(y, x) = position.value_or(cv::Vec2f(0, 0));
       if (!position) blank.at<uint8_t>(y, x) = 255;
     }
   }
-  const int flags =
-      options.interpolation == Interpolation::kLinear ? cv::INTER_LINEAR : cv::INTER_CUBIC;
+  const int flags = resampling == Resampling::kLinear ? cv::INTER_LINEAR : cv::INTER_CUBIC;
   cv::remap(in, out, map, cv::noArray(), flags, cv::BORDER_REPLICATE);
   out.setTo(cv::Scalar::all(0), blank);
 }
@@ -117,7 +116,7 @@ Bitmap ReducedBitmap(const Bitmap& bitmap, int width, int height) {
 }
 
 Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& target,
-                      const ResampleOptions& options) {
+                      Resampling resampling) {
   CAIRN_CHECK_EQ(bitmap.width, source.width);
   CAIRN_CHECK_EQ(bitmap.height, source.height);
   CAIRN_CHECK(bitmap.channels == 1 || bitmap.channels == 3);
@@ -130,7 +129,7 @@ Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& 
   try {
     Bitmap out = Blank(fine.width, fine.height, bitmap.channels);
     for (int y = 0; y < fine.height; y += kBandRows) {
-      ResampleBand(View(bitmap), source, fine, options,
+      ResampleBand(View(bitmap), source, fine, resampling,
                    {y, View(out).rowRange(y, std::min(y + kBandRows, fine.height))});
     }
     if (fine.width == target.width && fine.height == target.height) return out;

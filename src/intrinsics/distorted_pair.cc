@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "cairn/base/check.h"
+#include "cairn/geometry/epipolar.h"
 #include "cairn/math/median.h"
 #include "math/levenberg_marquardt.h"
 
@@ -130,10 +131,6 @@ auto DistortedPair::Linearize(const FundamentalFactors& F, double scale_px) {
   return sums.template Along<kDof + kRest>(directions);
 }
 
-double DistortedPair::Cost(const FundamentalFactors& F, double scale_px) {
-  return Linearize<false>(F, scale_px).cost;
-}
-
 double DistortedPair::Refine(double scale_px, int max_iterations, FundamentalFactors* F) {
   struct Problem {
     using State = FundamentalFactors;
@@ -198,7 +195,7 @@ FocalPair DistortedPair::Explained(const FundamentalFactors& F, double max_error
   pair.camera_id1 = camera_ids_[0];
   pair.camera_id2 = camera_ids_[1];
   const Eigen::Matrix3d K1 = cameras_[0].CalibrationMatrix(), K2 = cameras_[1].CalibrationMatrix();
-  pair.F = K2.inverse().transpose() * F.F() * K1.inverse();
+  pair.F = FundamentalFromEssential(F.F(), K1, K2);
   const int num = NumExplained(F, max_error_px);
   if (num < kMinFundamentalMatches) return pair;
   const int step = 1 + (num - 1) / max_num;

@@ -22,7 +22,6 @@ class DistortedPair {
 
   // Levenberg-Marquardt from F; returns the cost.
   double Refine(double scale_px, int max_iterations, FundamentalFactors* F);
-  double Cost(const FundamentalFactors& F, double scale_px);
 
   // Normal equations over both k, all four elements of the hessian, F having been eliminated: it
   // moves along (Schur complement).

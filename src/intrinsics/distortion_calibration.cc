@@ -296,6 +296,10 @@ DistortionCalibrationReport Problem::TakeSignificant(Distortions at) {
   for (const auto& [id, variable] : variable_of_) {
     if (variable >= 0) report.cameras[id] = found_[variable];
   }
+  for (const auto& [id, first] : shared_) {
+    const auto lens = variable_of_lens_.find(first);
+    if (lens != variable_of_lens_.end()) report.cameras[id] = found_[lens->second];
+  }
   std::vector<FocalPair> pairs(terms_.size());
   ParallelFor(num_threads_, std::ssize(terms_), [&](int64_t i) {
     Term& term = terms_[i];

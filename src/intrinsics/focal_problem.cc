@@ -275,10 +275,11 @@ FocalSolution FocalProblem::Solve(int num_threads) const {
   const SparseNormals model = Linearize(best, AllInformation(best));
   // Where most pairs contradict what their matches promise, the promise is worth less.
   const double excess = std::max(1.0, UpperMedian(squared_errors) / kChiSquareMedian);
-  for (int v = 0; v < n; ++v) {
-    solution.log_focals.push_back(best[v]);
-    solution.sigmas.push_back(std::sqrt(excess * model.LocalVariance(v)));
-  }
+  solution.log_focals.assign(best.data(), best.data() + n);
+  solution.sigmas.resize(n);
+  ParallelFor(num_threads, n, [&](int64_t v) {
+    solution.sigmas[v] = std::sqrt(excess * model.LocalVariance(static_cast<int>(v)));
+  });
   return solution;
 }
 

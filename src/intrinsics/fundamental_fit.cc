@@ -2,12 +2,13 @@
 
 #include <Eigen/LU>
 #include <cmath>
+#include <span>
 #include <vector>
 
 #include "cairn/math/median.h"
 #include "math/positive_definite.h"
 #include "robust/fundamental_refinement.h"
-#include "robust/sampson_kernels.h"
+#include "robust/match_errors.h"
 
 namespace cairn::internal {
 namespace {
@@ -17,10 +18,9 @@ constexpr double kMinScalePx = 0.3;  // of the robust loss
 double ScalePx(double sigma_px) { return std::max(kMinScalePx, 3 * sigma_px); }
 
 double MedianSigma(const PointPairs& points, const Eigen::Matrix3d& F) {
-  std::vector<float> errors(points.num_blocks() * PointPairs::kBlock);
-  SampsonErrors(points, F, errors.data());
-  return UpperMedian(std::vector<double>(errors.begin(), errors.begin() + points.size())) /
-         kNormalMedian;
+  const MatchErrors all(points, F);
+  const std::span<const float> errors = all.values();
+  return UpperMedian(std::vector<double>(errors.begin(), errors.end())) / kNormalMedian;
 }
 
 // What the noise of the matches does, by the inverse Hessian, and what leaving out a tenth of them
@@ -76,8 +76,7 @@ std::optional<FundamentalFit> FitFundamental(std::span<const Eigen::Vector2d> x1
   for (int round = 0; round < kMaxRounds; ++round) {
     const double scale_px = ScalePx(fit.sigma_px);
     static_cast<FundamentalFactors&>(fit) =
-        RefineFundamentalMatrix(points, fit.F(), {.scale_px = scale_px, .min_relative_gain = 1e-9})
-            .factors;
+        RefineFundamentalMatrix(points, fit.F(), {.scale_px = scale_px, .min_relative_gain = 1e-9});
     fit.sigma_px = MedianSigma(points, fit.F());
     if (std::abs(ScalePx(fit.sigma_px) - scale_px) < kSameScale * scale_px) break;
   }

@@ -28,10 +28,9 @@ bool KnownIntrinsics::IsConstant() const {
 
 void ApplyLens(const CameraLens& lens, Camera& camera) {
   if (lens.focal_px > 0) camera.SetMeanFocal(lens.focal_px);
-  if (lens.k == 0) return;
   const std::vector<int> indices = camera.DistortionIndices();
-  CAIRN_CHECK(!indices.empty());
-  camera.params[indices[0]] = lens.k;
+  // (Another program may have stored another model since.)
+  if (lens.k != 0 && !indices.empty()) camera.params[indices[0]] = lens.k;
 }
 
 bool LooksMeasured(const Camera& camera) {

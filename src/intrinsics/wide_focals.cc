@@ -9,7 +9,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/two_view/pair_verifier.h"
-#include "database/own_matches.h"
+#include "database/match_origins.h"
 #include "intrinsics/camera_pairs.h"
 #include "intrinsics/known_intrinsics.h"
 
@@ -111,7 +111,7 @@ class WideFocalFinder {
     std::sort(ranked.begin(), ranked.end());
     ranked.resize(std::min<size_t>(ranked.size(), kMaxWidePairs * kSpread));
     const size_t step = std::max<size_t>(1, ranked.size() / kMaxWidePairs);
-    const OwnMatches own_matches(database_);
+    const MatchOrigins origins(database_);
     std::vector<WidePair> pairs;
     for (size_t i = 0; i < ranked.size() && pairs.size() < kMaxWidePairs; i += step) {
       WidePair pair;
@@ -119,7 +119,7 @@ class WideFocalFinder {
       const auto [image1, image2] = PairIdToImagePair(pair.pair_id);
       pair.camera1 = &cameras_.at(camera_of_.at(image1));
       pair.camera2 = &cameras_.at(camera_of_.at(image2));
-      pair.are_best_first = own_matches.Contains(pair.pair_id);
+      pair.are_best_first = origins.AreOurs(pair.pair_id);
       try {
         pair.keypoints1 = database_.ReadKeypoints(image1).value_or(std::vector<Keypoint>());
         pair.keypoints2 = database_.ReadKeypoints(image2).value_or(std::vector<Keypoint>());

@@ -43,15 +43,10 @@ void CheckReferences(const Reconstruction& r, const std::string& folder) {
       throw IoError(folder, IdText("image", id) + " refers to " +
                                 IdText("camera", image.image.camera_id) + ", which is not there");
     }
-    for (const point3D_t point_id : image.point3D_ids) {
-      if (point_id != kInvalidPoint3DId && r.points3D.count(point_id) == 0) {
-        throw IoError(folder, IdText("image", id) + " refers to " + IdText("point", point_id) +
-                                  ", which is not there");
-      }
-    }
   }
 }
 
+// Of distinct keypoints that refer back, as many as refer to a point.
 void CheckTracks(const Reconstruction& r, const std::string& folder) {
   int64_t num_references = 0;
   for (const auto& [id, image] : r.images) {
@@ -59,6 +54,9 @@ void CheckTracks(const Reconstruction& r, const std::string& folder) {
                                     [](point3D_t p) { return p != kInvalidPoint3DId; });
   }
   for (const auto& [id, point] : r.points3D) {
+    if (std::ranges::adjacent_find(point.track) != point.track.end()) {
+      throw IoError(folder, IdText("point", id) + " refers to a keypoint twice");
+    }
     for (const TrackElement& element : point.track) {
       const auto image = r.images.find(element.image_id);
       if (image == r.images.end() || element.point2D >= image->second.point3D_ids.size() ||
@@ -70,7 +68,7 @@ void CheckTracks(const Reconstruction& r, const std::string& folder) {
     }
   }
   if (num_references != r.NumObservations()) {
-    throw IoError(folder, "images refer to points that do not refer back");
+    throw IoError(folder, "images refer to points that are not there, or do not refer back");
   }
 }
 
@@ -122,6 +120,11 @@ void WriteColmapModel(const Reconstruction& reconstruction, const std::string& f
     }
     if (!std::ranges::all_of(image.points2D, [](const auto& p) { return p.allFinite(); })) {
       throw IoError(folder, "a keypoint of " + image.image.name + " is not finite");
+    }
+  }
+  for (const auto& [id, camera] : reconstruction.cameras) {
+    if (const std::string reason = camera.Validate(); !reason.empty()) {
+      throw IoError(folder, IdText("camera", id) + ": " + reason);
     }
   }
   CheckNames(reconstruction, folder);

@@ -128,7 +128,7 @@ Reconstruction ReadColmapText(const std::string& folder) {
                   AddNew(reader, "image", id, ReadTextImage(reader, id), reconstruction.images));
   }
   for (TextReader reader(folder + "/points3D.txt"); reader.NextDataLine();) {
-    const point3D_t id = reader.Unsigned("3D point id");
+    const auto id = static_cast<point3D_t>(reader.Integer("3D point id", 0));
     AddNew(reader, "point", id, ReadTextPoint(reader), reconstruction.points3D);
   }
   return reconstruction;

@@ -67,7 +67,10 @@ GcpProjection ReadGcpProjection(TextReader& reader) {
 
 std::vector<std::string_view> GcpFields(TextReader& reader) {
   const bool has_tabs = reader.line().find('\t') != std::string_view::npos;
-  return has_tabs ? Split(reader.line(), '\t') : reader.RemainingWords();
+  if (!has_tabs) return reader.RemainingWords();
+  std::vector<std::string_view> fields = Split(reader.line(), '\t');
+  for (std::string_view& field : fields) field = Trimmed(field);
+  return fields;
 }
 
 // A measurement.

@@ -21,7 +21,7 @@ struct GpsFields {
 
 GpsFields SplitAtCommas(std::string_view line) {
   std::vector<std::string_view> numbers = Split(line, ',');
-  const std::string_view name = numbers.front();
+  const std::string_view name = Trimmed(numbers.front());
   numbers.erase(numbers.begin());
   for (std::string_view& number : numbers) number = Trimmed(number);
   return {name, std::move(numbers)};
@@ -79,7 +79,9 @@ std::map<std::string, GpsRow> ReadGpsFile(const std::string& path) {
       reader.Fail("'" + std::string(reader.line()) +
                   "' is not name,latitude,longitude[,altitude[,sigma]]");
     }
-    rows[std::string(fields.name)] = *row;
+    if (!rows.try_emplace(std::string(fields.name), *row).second) {
+      reader.Fail("'" + std::string(fields.name) + "' has a position already");
+    }
   }
   return rows;
 }

@@ -116,13 +116,6 @@ int64_t TextReader::IntegerWithin(std::string_view what, int64_t min, int64_t ma
   return value;
 }
 
-uint64_t TextReader::Unsigned(std::string_view what) {
-  const std::string_view word = Word();
-  uint64_t value = 0;
-  if (!Parse(word, value)) Fail(Expected(what, word));
-  return value;
-}
-
 double TextReader::DoubleOnAnyLine(std::string_view what) {
   if (AtLineEnd()) ExpectDataLine(what);
   return Double(what);

@@ -41,7 +41,6 @@ class TextReader {
             std::type_identity_t<T> max = std::numeric_limits<T>::max()) {
     return static_cast<T>(IntegerWithin(what, min, max));
   }
-  uint64_t Unsigned(std::string_view what);
   // A vector, or a matrix row by row.
   template <class Matrix>
   Matrix Doubles(std::string_view what) {

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -45,26 +46,45 @@ struct PairOfImage {
   std::vector<PointDepth> depths;
 };
 
+// Of the keypoints of each image, along the world's axes; not a number where there is none.
+using Rays = std::map<image_t, std::vector<Eigen::Vector3d>>;
+
+Rays FindRays(const SceneData& scene, const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
+              std::span<const DirectionEdge> directions, int num_threads) {
+  Rays rays;
+  for (const DirectionEdge& edge : directions) {
+    rays[edge.image_id1];
+    rays[edge.image_id2];
+  }
+  std::vector<Rays::value_type*> images;
+  for (auto& entry : rays) images.push_back(&entry);
+  ParallelFor(num_threads, std::ssize(images), [&](int64_t i) {
+    const image_t id = images[i]->first;
+    const Eigen::Quaterniond world_from_cam = cam_from_world.at(id).conjugate();
+    for (const Eigen::Vector2d& pixel : scene.pixels.at(id)) {
+      const auto ray = scene.CameraOf(id).RayFromImg(pixel);
+      images[i]->second.push_back(
+          ray ? Eigen::Vector3d(world_from_cam * *ray)
+              : Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+    }
+  });
+  return rays;
+}
+
 // The points of a pair in each of its images: r1 l1 = d + r2 l2 for rays r and the direction d.
-std::array<PairOfImage, 2> DepthsOf(const SceneData& scene,
-                                    const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
-                                    int pair, const DirectionEdge& edge) {
-  const auto ray_of = [&](image_t id, point2D_t keypoint) -> std::optional<Eigen::Vector3d> {
-    const auto ray = scene.CameraOf(id).RayFromImg(scene.pixels.at(id)[keypoint]);
-    if (!ray) return std::nullopt;
-    return cam_from_world.at(id).conjugate() * *ray;
-  };
+std::array<PairOfImage, 2> DepthsOf(const SceneData& scene, const Rays& rays, int pair,
+                                    const DirectionEdge& edge) {
+  const std::vector<Eigen::Vector3d>& rays1 = rays.at(edge.image_id1);
+  const std::vector<Eigen::Vector3d>& rays2 = rays.at(edge.image_id2);
   const double min_squared_sine = std::pow(std::sin(DegToRad(kMinParallaxDeg)), 2);
   const Eigen::Vector3d direction = edge.direction.normalized();
   std::array<PairOfImage, 2> found = {PairOfImage{pair, {}}, PairOfImage{pair, {}}};
   for (const FeatureMatch& match :
        scene.matches.at(ImagePairToPairId(edge.image_id1, edge.image_id2))) {
-    const auto ray1 = ray_of(edge.image_id1, match.point1);
-    const auto ray2 = ray_of(edge.image_id2, match.point2);
-    if (!ray1 || !ray2) continue;
-    const Eigen::Vector3d normal = ray1->cross(*ray2);
-    const double depth1 = direction.cross(*ray2).dot(normal);
-    const double depth2 = direction.cross(*ray1).dot(normal);
+    const Eigen::Vector3d &ray1 = rays1[match.point1], &ray2 = rays2[match.point2];
+    const Eigen::Vector3d normal = ray1.cross(ray2);
+    const double depth1 = direction.cross(ray2).dot(normal);
+    const double depth2 = direction.cross(ray1).dot(normal);
     const double squared_sine = normal.squaredNorm();
     if (squared_sine < min_squared_sine || !(depth1 > 0) || !(depth2 > 0)) continue;
     found[0].depths.push_back({match.point1, static_cast<float>(std::log(depth1 / squared_sine))});
@@ -145,7 +165,7 @@ Eigen::VectorXd AverageRatios(std::span<const Ratio> ratios, const std::vector<c
   std::vector<char> is_gauge(is_in.size());
   for (size_t e = 0; e < is_in.size(); ++e) is_gauge[e] = !is_in[e];
   *std::ranges::find(is_gauge, 0) = 1;
-  std::vector<LaplacianSolver::Edge> edges;
+  std::vector<GraphEdge> edges;
   std::vector<double> weights;
   for (const Ratio& ratio : ratios) {
     edges.push_back({ratio.pair1, ratio.pair2});
@@ -177,9 +197,10 @@ void FindBaselineLengths(const StageContext& context,
                          std::vector<DirectionEdge>& directions) {
   if (directions.size() > kMostPairs) return;
   const int num_threads = context.run.num_threads;
+  const Rays rays = FindRays(context.scene, cam_from_world, directions, num_threads);
   std::vector<std::array<PairOfImage, 2>> depths(directions.size());
   ParallelFor(num_threads, std::ssize(directions), [&](int64_t e) {
-    depths[e] = DepthsOf(context.scene, cam_from_world, static_cast<int>(e), directions[e]);
+    depths[e] = DepthsOf(context.scene, rays, static_cast<int>(e), directions[e]);
     directions[e].num_points = static_cast<int>(depths[e][0].depths.size());
   });
   const std::vector<Ratio> ratios = FindRatios(directions, depths, num_threads);

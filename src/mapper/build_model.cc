@@ -74,7 +74,7 @@ bool CheckModel(StageContext& context, size_t num_images, const std::string& ori
   stage.Add("observations", model.NumObservations());
   stage.Add("mean_track_length", model.MeanTrackLength());
   stage.Add("mean_reprojection_error_px", model.MeanReprojectionErrorPx(context.run.num_threads));
-  stage.Add("explained_share", evidence.all.Share());
+  stage.Add("explained_share", evidence.inside.Share());
   stage.Add("pairs", evidence.num_pairs);
   stage.Add("contradicted_pairs", evidence.num_contradicted);
   stage.Add("evidence_nats", evidence.nats);
@@ -242,6 +242,7 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   std::vector<Track> tracks = TracksOfModel(context, built.graph, model);
   if (!FitTracksToMemory(context, model, tracks)) return built;
   const auto confidences = TriangulateModel(context, tracks, model);
+  model.cameras.insert(earlier.cameras.begin(), earlier.cameras.end());
   context.free_principal_points.clear();
   if (!GrowEarlier(context, built.graph, model)) return built;
   if (FreePrincipalPoints(context, built.graph, model, built.warnings) &&

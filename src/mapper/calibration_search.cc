@@ -64,17 +64,19 @@ class CalibrationSearch {
     choice_.name = "calibration_choice";
   }
 
-  // It is better than the best so far if its score is more than this share of the best one's.
-  void Try(Calibration calibration, double least_share = 1) {
+  // Whether it is better than the best so far: its score is more than this share of the best one's.
+  bool Try(Calibration calibration, double least_share = 1) {
     const bool is_first = choice_.messages.empty();
-    if (!is_first && run_.monitor.StopRequested()) return;
+    if (!is_first && run_.monitor.StopRequested()) return false;
     static_cast<Calibration&>(scene_) = std::move(calibration);
     if (!is_first) run_.monitor.Info("once more, with " + scene_.origin);
     CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
     choice_.messages.push_back(std::to_string(std::llround(result.result.evidence_nats)) +
                                " nats of evidence with " + scene_.origin);
-    if (is_first || result.Score() > least_share * best_.Score()) std::swap(result, best_);
+    const bool is_best = is_first || result.Score() > least_share * best_.Score();
+    if (is_best) std::swap(result, best_);
     Keep(result);
+    return is_best;
   }
 
   const CalibratedResult& best() const { return best_; }
@@ -208,11 +210,20 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
   const auto refines_exif = [&](const auto& entry) { return RefinesExif(entry.second, scene); };
   if (std::ranges::any_of(scene.cameras, refines_exif)) stored = scene;
   CalibrationSearch search(settings, run, scene);
-  // Returns whether pairs dispute the cameras that images share.
+  // Leaves the scene with the best one. Returns whether pairs dispute the cameras that images
+  // share.
   const auto try_calibrations = [&] {
     std::vector<Calibration> calibrations = calibrator.Calibrate();
     const bool is_disputed = calibrations.front().is_sharing_disputed;
-    for (Calibration& each : calibrations) search.Try(std::move(each));
+    if (calibrations.size() == 1) {
+      search.Try(std::move(calibrations.front()));
+      return is_disputed;
+    }
+    size_t best = 0;
+    for (size_t i = 0; i < calibrations.size(); ++i) {
+      if (search.Try(calibrations[i])) best = i;
+    }
+    calibration = std::move(calibrations[best]);
     return is_disputed;
   };
   std::vector<std::set<image_t>> without_prior = of_one;

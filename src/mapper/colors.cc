@@ -56,7 +56,8 @@ void ColorPoints(StageContext& context, const std::string& image_path, Reconstru
     context.run.monitor.Advance(1);
   });
   // Sums of color and number of views of every point.
-  std::map<point3D_t, std::array<int, 4>> sums;
+  const point3D_t end = model.points3D.empty() ? 0 : model.points3D.rbegin()->first + 1;
+  std::vector<std::array<int, 4>> sums(end);  // by point
   std::vector<std::string> skipped;
   for (const ImageColors& image : colors) {
     if (!image.error.empty()) skipped.push_back(image.error + "; its colors are left out");
@@ -66,14 +67,18 @@ void ColorPoints(StageContext& context, const std::string& image_path, Reconstru
       ++sum[3];
     }
   }
-  for (const auto& [id, sum] : sums) {
+  size_t num_colored = 0;
+  for (auto& [id, point] : model.points3D) {
+    const std::array<int, 4>& sum = sums[id];
+    if (sum[3] == 0) continue;
+    ++num_colored;
     for (int k = 0; k < 3; ++k) {
-      model.points3D.at(id).color[k] = static_cast<uint8_t>((sum[k] + sum[3] / 2) / sum[3]);
+      point.color[k] = static_cast<uint8_t>((sum[k] + sum[3] / 2) / sum[3]);
     }
   }
   stage.WarnEach(skipped);
   stage.Add("images_read", images.size() - skipped.size());
-  stage.Add("points_colored", sums.size());
+  stage.Add("points_colored", num_colored);
 }
 
 }  // namespace cairn

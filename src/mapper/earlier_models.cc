@@ -168,7 +168,14 @@ std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, 
     for (const auto& [id, image] : images) {
       num_other_keypoints += HasOtherKeypoints(*image, scene.pixels.at(id));
     }
-    if (images.size() >= 2) adopted.push_back(adopter.Adopt(*model, images));
+    if (images.size() >= 2) {
+      adopted.push_back(adopter.Adopt(*model, images));
+      continue;
+    }
+    for (const auto& [id, image] : images) {
+      taken.erase(id);
+      left_out["that are alone in their model"].push_back(image->image.name);
+    }
   }
   adopter.AdoptOthers(taken);
   for (const auto& [reason, names] : left_out) {

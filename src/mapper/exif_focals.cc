@@ -27,10 +27,13 @@ std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
       if (!RefinesExif(known, scene)) continue;
       const double focal = model.cameras.at(image.image.camera_id).MeanFocal();
       const auto by_pairs = scene.exif_by_pairs.find(known.camera_id);
-      const bool agrees_with_pairs =
-          by_pairs != scene.exif_by_pairs.end() &&
-          !AreFar(focal, by_pairs->second.focal_px, by_pairs->second.sigma);
-      if (AreFar(focal, known.MeanFocal(), exif_sigma) && !agrees_with_pairs) left.insert(id);
+      double exif = known.MeanFocal();
+      if (by_pairs != scene.exif_by_pairs.end()) {
+        const CalibratedFocal& found = by_pairs->second;
+        exif = found.focal_before_px;
+        if (!AreFar(focal, found.focal_px, found.sigma)) continue;
+      }
+      if (AreFar(focal, exif, exif_sigma)) left.insert(id);
     }
   }
   if (2 * left.size() <= num_images) left.clear();

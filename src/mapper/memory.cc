@@ -43,6 +43,13 @@ int64_t NumImagePairs(const Reconstruction& model, std::span<const Track> tracks
   return std::count(see_together.begin(), see_together.end(), true);
 }
 
+// Of the camera that has most.
+int MostParams(const std::map<camera_t, Camera>& cameras) {
+  size_t most = 0;
+  for (const auto& [id, camera] : cameras) most = std::max(most, camera.params.size());
+  return static_cast<int>(most);
+}
+
 BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks,
                   const BundleAdjustmentOptions& options) {
   BundleSize size;
@@ -50,6 +57,8 @@ BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks,
   for (const auto& [id, image] : model.images) {
     size.num_keypoints += static_cast<int64_t>(image.points2D.size());
   }
+  size.num_free_intrinsics = MostParams(model.cameras);
+  size.has_own_cameras = 2 * model.cameras.size() > model.images.size();
   double num_pairs = 0;
   for (const Track& track : tracks) {
     int64_t num_used = 0;
@@ -66,13 +75,6 @@ BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks,
     size.num_image_pairs = NumImagePairs(model, tracks);
   }
   return size;
-}
-
-// The most free intrinsics that a camera of the model has.
-int NumFreeIntrinsics(const Reconstruction& model) {
-  size_t most = 0;
-  for (const auto& [id, camera] : model.cameras) most = std::max(most, camera.params.size());
-  return static_cast<int>(most);
 }
 
 // What the option allows, or what the machine has left.
@@ -109,7 +111,7 @@ class BundleBudget {
   BundleNeed Need(std::span<const Track> tracks) const {
     const BundleSize size = SizeOf(model_, tracks, options_);
     return {resident_ + EstimateBundleBytes(options_, size), size.num_observations,
-            MaxBundleObservations(options_, size, NumFreeIntrinsics(model_))};
+            MaxBundleObservations(options_, size)};
   }
   bool Allows(const BundleNeed& need) const {
     return need.bytes <= limit_bytes_ && need.observations <= need.max_observations;
@@ -164,6 +166,7 @@ int64_t EstimatePartBytes(const SceneData& part, const BundleAdjustmentOptions& 
   size.num_observations = 2 * size.num_points;
   size.covisibility = 2;
   size.num_image_pairs = std::ssize(part.edges);
+  size.num_free_intrinsics = MostParams(part.cameras);
   return EstimateBundleBytes(options, size);
 }
 

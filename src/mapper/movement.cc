@@ -7,32 +7,6 @@
 namespace cairn {
 namespace {
 
-// The largest angle by which rays of pixels differ, degrees.
-double RayChangeDeg(const Camera& before, const Camera& after) {
-  double change = 0;
-  for (const double u : {0.0, 0.5, 1.0}) {
-    for (const double v : {0.0, 0.5, 1.0}) {
-      const Eigen::Vector2d pixel(u * before.width, v * before.height);
-      const auto ray_before = before.RayFromImg(pixel);
-      const auto ray_after = after.RayFromImg(pixel);
-      if (ray_before && ray_after) {
-        change = std::max(change, RadToDeg(AngleBetween(*ray_before, *ray_after)));
-      }
-    }
-  }
-  return change;
-}
-
-bool SharesPointsWithNew(const Reconstruction& model, const Reconstruction& earlier, image_t id) {
-  for (const point3D_t point_id : model.images.at(id).point3D_ids) {
-    if (point_id == kInvalidPoint3DId) continue;
-    for (const TrackElement& element : model.points3D.at(point_id).track) {
-      if (earlier.images.count(element.image_id) == 0) return true;
-    }
-  }
-  return false;
-}
-
 // An image of the earlier model, and how many times its confidence it moved.
 struct Move {
   image_t image_id;
@@ -48,34 +22,6 @@ Move MoveOf(image_t id, const RegisteredImage& before, const RegisteredImage& af
   move.times = std::max(move.turn_deg / confidence.rotation_sigma_deg,
                         move.shift / confidence.position_sigma);
   return move;
-}
-
-// Why images moved, with the number of those to which each reason applies.
-std::string Reasons(const Reconstruction& model, const Reconstruction& earlier,
-                    const std::map<image_t, PoseConfidence>& confidences,
-                    std::span<const Move> moves) {
-  int num_cameras = 0, num_shared = 0, num_others = 0;
-  double largest_change_deg = 0;
-  for (const Move& move : moves) {
-    const camera_t camera_id = model.images.at(move.image_id).image.camera_id;
-    const double change_deg =
-        RayChangeDeg(earlier.cameras.at(camera_id), model.cameras.at(camera_id));
-    const bool has_other_rays = change_deg > confidences.at(move.image_id).rotation_sigma_deg;
-    largest_change_deg = std::max(largest_change_deg, change_deg);
-    const bool is_shared = SharesPointsWithNew(model, earlier, move.image_id);
-    num_cameras += has_other_rays;
-    num_shared += is_shared;
-    num_others += !has_other_rays && !is_shared;
-  }
-  std::string text;
-  const auto add = [&](int num, const std::string& what) {
-    if (num > 0) text += (text.empty() ? "" : ", ") + std::to_string(num) + " " + what;
-  };
-  add(num_shared, "see points with new images");
-  add(num_cameras,
-      Formatted("have a camera whose rays changed (by up to %.2g degrees)", largest_change_deg));
-  add(num_others, "were refined further, or follow their neighbors");
-  return text;
 }
 
 struct Movement {
@@ -158,8 +104,7 @@ std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction
                                        far[0].turn_deg, far[0].shift);
     warn(std::to_string(num_far) + " of " + std::to_string(moves.size()) +
              " poses of the input model moved by more than their confidence, by up to " + most +
-             ": " + Reasons(model, earlier, confidences, far) + "; these are " +
-             Names(context.scene, named),
+             ": " + Names(context.scene, named),
          "where that is too far, reconstruct without --input_path");
   }
   return warnings;

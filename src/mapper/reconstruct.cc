@@ -75,17 +75,20 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
   const Timer timer;
   RunReport read;
   SceneData scene = ReadSceneData(database, settings, run, read);
-  scene.places = ReadPlaces(scene, settings.places, image_path, run);
   ReconstructResult result;
-  if (read.Succeeded()) result = ReconstructParts(earlier, settings, run, scene);
-  const bool was_stopped = run.monitor.StopRequested();
   if (read.Succeeded()) {
+    scene.places = ReadPlaces(scene, settings.places, image_path, run);
+    result = ReconstructParts(earlier, settings, run, scene);
     PlaceModels(scene, run, result);
-    if (settings.reconstruct.colors && !image_path.empty() && !was_stopped) {
-      ColorModels(scene, image_path, settings, run, result);
-    }
   } else {
     result.report.failure = read.failure;
+  }
+  const bool was_stopped = run.monitor.StopRequested();
+  if (settings.reconstruct.colors && !image_path.empty() && !was_stopped) {
+    ColorModels(scene, image_path, settings, run, result);
+  }
+  for (const Reconstruction& model : result.models) {
+    result.confidences.push_back(EstimatePoseConfidence(model, run));
   }
   if (was_stopped) {
     result.report.failure = "stopped by the user; run again to reconstruct" +

@@ -135,7 +135,7 @@ void TriangulateRound(StageContext& context, const Round& round, Reconstruction&
   stage.Add("points_out", report.num_points);
   stage.Add("observations_out", report.num_observations);
   stage.Add("small_angle", report.num_small_angle);
-  stage.Add("inconsistent", report.num_too_few_views + report.num_ill_posed);
+  stage.Add("inconsistent", report.num_inconsistent);
 }
 
 void FilterRound(StageContext& context, const Round& round, Reconstruction& model) {
@@ -182,7 +182,13 @@ void RemoveImage(image_t id, Reconstruction& model) {
     if (image.point3D_ids[i] == kInvalidPoint3DId) continue;
     model.RemoveObservation(image.point3D_ids[i], {id, static_cast<point2D_t>(i)});
   }
+  const camera_t camera_id = image.image.camera_id;
   model.images.erase(id);
+  if (std::ranges::none_of(model.images, [&](const auto& other) {
+        return other.second.image.camera_id == camera_id;
+      })) {
+    model.cameras.erase(camera_id);
+  }
 }
 
 std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
@@ -241,7 +247,7 @@ bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineSta
   int i = 0;
   for (; i < options.max_rounds && !context.run.monitor.StopRequested(); ++i) {
     round.name = std::to_string(i + 1);
-    Reconstruction candidate = model;
+    Reconstruction candidate{model.cameras, model.images, {}};
     TriangulateRound(context, round, candidate);
     const int64_t num_observations = candidate.NumObservations();
     if (static_cast<double>(num_observations) < (1.0 + kMinGain) * num_known) break;

@@ -67,6 +67,7 @@ ResectionReport Resect(const StageContext& context, const Correspondences& corre
   const Camera& camera =
       known != model.cameras.end() ? known->second : context.scene.cameras.at(image.camera_id);
   const bool is_guess = known == model.cameras.end() && !camera.has_prior_focal_length &&
+                        !camera.FocalIndices().empty() &&
                         context.scene.constant_cameras.count(image.camera_id) == 0;
   std::vector<Eigen::Vector2d> pixels;
   std::vector<Eigen::Vector3d> xyz;

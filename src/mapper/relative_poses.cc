@@ -9,6 +9,7 @@
 #include "cairn/math/median.h"
 #include "cairn/solvers/homography.h"
 #include "mapper/stages.h"
+#include "robust/match_errors.h"
 #include "robust/pose_refinement.h"
 
 namespace cairn {
@@ -42,13 +43,6 @@ PairRays RaysOf(const SceneData& scene, const ViewEdge& edge) {
   }
   rays.points.Truncate(static_cast<int>(rays.rays1.size()));
   return rays;
-}
-
-// Sampson errors of all points, pixels; more values than points.
-std::vector<float> ErrorsOf(const PointPairs& points, const Rigid3d& pose) {
-  std::vector<float> errors(static_cast<size_t>(points.num_blocks()) * PointPairs::kBlock);
-  SampsonErrors(points, EssentialFromPose(pose), errors.data());
-  return errors;
 }
 
 // Poses to start from: what is stored, and what E, F and H decompose to.
@@ -92,12 +86,10 @@ Rigid3d RefineBest(const PointPairs& points, const std::vector<Rigid3d>& candida
   double best_score = -1;
   Rigid3d best;
   for (size_t k = 0; k < std::min<size_t>(2, order.size()); ++k) {
-    PoseRefinementOptions options;
-    options.loss = RobustLoss::kGemanMcClure;
-    options.scale_px = kWidePx;
-    Rigid3d pose = RefinePose(points, candidates[order[k].second], options).cam2_from_cam1;
-    options.scale_px = kFinePx;
-    pose = RefinePose(points, pose, options).cam2_from_cam1;
+    Rigid3d pose = candidates[order[k].second];
+    for (const double scale_px : {kWidePx, kFinePx}) {
+      pose = RefinePose(points, pose, {.loss = RobustLoss::kGemanMcClure, .scale_px = scale_px});
+    }
     const double score = ScoreSampson(points, EssentialFromPose(pose), kFinePx);
     if (score > best_score) {
       best_score = score;
@@ -119,7 +111,7 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
   if (points.size() < 8 || candidates.empty()) return;
 
   const Rigid3d best = RefineBest(points, candidates);
-  const std::vector<float> errors = ErrorsOf(points, best);
+  const MatchErrors errors(points, EssentialFromPose(best));
   std::vector<Eigen::Vector3d> inliers1, inliers2;
   std::vector<double> parallaxes, inlier_errors;
   for (int i = 0; i < points.size(); ++i) {
@@ -172,7 +164,7 @@ Eigen::Vector3d TranslationFor(const Eigen::Matrix3d& R, const PairRays& rays) {
 
 // How many of the pair's matches a pose explains: near their epipolar lines, in front.
 int NumExplained(const PairRays& rays, const Rigid3d& pose) {
-  const std::vector<float> errors = ErrorsOf(rays.points, pose);
+  const MatchErrors errors(rays.points, EssentialFromPose(pose));
   const CheiralityTest test(pose);
   int num_explained = 0;
   for (size_t i = 0; i < rays.rays1.size(); ++i) {
@@ -187,10 +179,8 @@ bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, doubl
   const PairRays rays = RaysOf(scene, edge);
   if (rays.rays1.size() < 8) return false;
   const Rigid3d start(rotation, TranslationFor(rotation.toRotationMatrix(), rays));
-  PoseRefinementOptions options;
-  options.loss = RobustLoss::kGemanMcClure;
-  options.scale_px = kFinePx;
-  Rigid3d pose = RefinePose(rays.points, start, options).cam2_from_cam1;
+  Rigid3d pose =
+      RefinePose(rays.points, start, {.loss = RobustLoss::kGemanMcClure, .scale_px = kFinePx});
   if (RadToDeg(AngleBetween(pose.rotation, rotation)) > max_error_deg) pose = start;
   const Rigid3d back(pose.rotation, Eigen::Vector3d(-pose.translation));
   const int num_pose = NumExplained(rays, pose);

@@ -121,8 +121,9 @@ void ShareCamera(const std::set<image_t>& images, Camera camera, const RunContex
     scene.exif_by_pairs.erase(id);
   }
   scene.cameras[camera.camera_id] = camera;
-  for (const image_t id : images) {
-    scene.stored_cameras[id] = std::exchange(scene.images.at(id).camera_id, camera.camera_id);
+  for (auto& [id, image] : scene.images) {
+    if (ids.count(image.camera_id) == 0) continue;
+    scene.stored_cameras[id] = std::exchange(image.camera_id, camera.camera_id);
   }
   if (are_alike) return;
   ImproveRelativePoses(ReadGeometriesOf({camera.camera_id}, scene), run, scene);

@@ -89,7 +89,7 @@ ReconstructResult MergeParts(std::vector<PartResult> parts, const SceneData& sce
 // calibration_search.cc
 // Models and graph by the calibration of the scene whose models have the most evidence: with one
 // camera for likely images or without, with focal lengths by the pairs or as they were. Earlier
-// models tell theirs. Leaves the scene with what was tried last.
+// models tell theirs. Leaves the scene with a calibration that was tried.
 PartResult ReconstructBest(std::span<const Reconstruction> earlier,
                            const ReconstructSettings& settings, const RunContext& run,
                            SceneData& scene);
@@ -239,7 +239,8 @@ Reconstruction MakeReconstruction(const SceneData& scene,
 // Gives a model an image without points, and its camera where the model does not have it.
 void AddImage(const SceneData& scene, image_t id, const Rigid3d& cam_from_world,
               const Camera& camera, Reconstruction& model);
-// Takes an image out of a model; points that fewer than two others see go with it.
+// Takes an image out of a model; points that fewer than two others see, and a camera that no other
+// has, go with it.
 void RemoveImage(image_t id, Reconstruction& model);
 
 // Coarse rounds over few tracks, from poses of averaging.

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <filesystem>
 #include <functional>
 
@@ -6,7 +7,6 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
-#include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/io/bundler.h"
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/csv.h"
@@ -29,12 +29,12 @@ const std::vector<std::string> kResultNames = {
     "effective.toml", "report.html",     "failed"};
 
 // One line an image: what holds its pose.
-std::string ConfidenceCsv(const ReconstructResult& result, const RunContext& run) {
+std::string ConfidenceCsv(const ReconstructResult& result) {
   std::string text = "image,model,pairs,points,rotation_sigma_deg,position_sigma\n";
-  for (size_t k = 0; k < result.models.size(); ++k) {
+  for (size_t k = 0; k < std::min(result.models.size(), result.confidences.size()); ++k) {
     const Reconstruction& model = result.models[k];
     std::map<image_t, int> num_pairs = NumPairsInUse(result.graph, model);
-    for (const auto& [id, confidence] : EstimatePoseConfidence(model, run)) {
+    for (const auto& [id, confidence] : result.confidences[k]) {
       text += CsvField(model.images.at(id).image.name) +
               Formatted(",%zu,%d,%d,%.6g,%.6g\n", k, num_pairs[id], confidence.num_points,
                         confidence.rotation_sigma_deg, confidence.position_sigma);
@@ -80,8 +80,7 @@ void WriteFiles(ReconstructResult& result, const fs::path& output,
       warnings = WriteBundler(largest, path("bundle.out"), path("list.txt"), result.images);
     });
     tasks.push_back([&] { WriteColmapModels(result, output); });
-    tasks.push_back(
-        [&] { WriteFileAtomically(path("confidence.csv"), ConfidenceCsv(result, run)); });
+    tasks.push_back([&] { WriteFileAtomically(path("confidence.csv"), ConfidenceCsv(result)); });
     tasks.push_back([&] { WritePly(largest, path("points.ply")); });
   }
   ParallelFor(run.num_threads, std::ssize(tasks), [&](int64_t i) { tasks[i](); });

@@ -11,12 +11,11 @@ std::vector<PairWay> ParsePairWays(const std::string& text) {
   std::vector<std::string> names;
   for (const auto& entry : kPairWays) names.emplace_back(entry.name);
   std::vector<PairWay> ways;
-  std::istringstream parts(text);
+  std::istringstream parts(text + ',');
   for (std::string name; std::getline(parts, name, ',');) {
     CheckChoice("pairs", name, names);
     ways.push_back(*ValueOf(kPairWays, name));
   }
-  if (ways.empty()) CheckChoice("pairs", text, names);
   std::sort(ways.begin(), ways.end());
   ways.erase(std::unique(ways.begin(), ways.end()), ways.end());
   for (const PairWay way : {PairWay::kExhaustive, PairWay::kAuto}) {

@@ -45,10 +45,11 @@ std::vector<std::vector<int>> MostSimilarRows(const FloatRows& rows, int num, in
 Descriptors LargestFeatures(const std::vector<Keypoint>& keypoints, const Descriptors& descriptors,
                             int num) {
   CAIRN_CHECK_EQ(static_cast<Eigen::Index>(keypoints.size()), descriptors.rows());
-  std::vector<std::pair<float, Eigen::Index>> ranked;  // larger areas first
+  std::vector<std::pair<double, Eigen::Index>> ranked;  // larger areas first
   for (size_t i = 0; i < keypoints.size(); ++i) {
     const Keypoint& k = keypoints[i];
-    ranked.emplace_back(-std::abs(k.a11 * k.a22 - k.a12 * k.a21), static_cast<Eigen::Index>(i));
+    const double area = std::abs(double{k.a11} * k.a22 - double{k.a12} * k.a21);
+    ranked.emplace_back(-area, static_cast<Eigen::Index>(i));
   }
   std::sort(ranked.begin(), ranked.end());
   ranked.resize(std::min(ranked.size(), static_cast<size_t>(num)));

@@ -40,19 +40,20 @@ bool HasDepth(const BuildInputs& inputs) {
 }
 
 // Options that differ from those of rows that are there are an error at once, not after an hour.
-void CheckStageOptions(Database& database, const BuildPipelineOptions& options, uint64_t seed) {
+void CheckAllOptions(const Database& database, const BuildPipelineOptions& options, uint64_t seed) {
   const BuildStage last = options.inputs.stop_after;
-  StageLedger(database, kStageCameras, DumpOptions(options.cameras));
-  StageLedger(database, kStageFeatures, DumpQualified("features", options.features));
+  CheckStageOptions(database, kStageCameras, DumpOptions(options.cameras));
+  CheckStageOptions(database, kStageFeatures, DumpQualified("features", options.features));
   if (last >= BuildStage::kDepth && HasDepth(options.inputs)) {
-    StageLedger(database, kStageDepth, DepthStageOptions(DepthOf(options.inputs), options.depth));
+    CheckStageOptions(database, kStageDepth,
+                      DepthStageOptions(DepthOf(options.inputs), options.depth));
     CheckDepthIsInTime(database, DepthOf(options.inputs));
   }
   if (last >= BuildStage::kMatching) {
-    StageLedger(database, kStageMatching, DumpQualified("matching", options.matching));
+    CheckStageOptions(database, kStageMatching, DumpQualified("matching", options.matching));
   }
   if (last >= BuildStage::kVerification) {
-    StageLedger(database, kStageVerification, InputOfVerification(options, seed).options);
+    CheckStageOptions(database, kStageVerification, InputOfVerification(options, seed).options);
   }
 }
 
@@ -72,11 +73,15 @@ struct Sources {
 Sources FindSources(const BuildInputs& inputs) {
   Sources sources;
   sources.image_path = inputs.image_path;
+  const bool has_pairs = inputs.pairs != BuildInputs().pairs;
+  if (!inputs.pairs_path.empty() && has_pairs) {
+    throw ConfigError("pairs_path", "names the pairs itself; --pairs cannot be given too");
+  }
   if (inputs.dataset_path.empty()) return sources;
-  if (!inputs.image_path.empty() || !inputs.pairs_path.empty()) {
+  if (!inputs.image_path.empty() || !inputs.pairs_path.empty() || has_pairs) {
     throw ConfigError("dataset_path",
-                      "brings its own photographs and pairs; image_path and "
-                      "pairs_path cannot be given too");
+                      "brings its own photographs and pairs; --image_path, --pairs_path and "
+                      "--pairs cannot be given too");
   }
   sources.dataset = ReadOneDsfmDataset(inputs.dataset_path);
   if (sources.dataset->has_photographs) sources.image_path = inputs.dataset_path + "/images";
@@ -136,7 +141,7 @@ void NoteOtherSources(const Database& database, const EarlierSources& earlier,
                       const BuildInputs& inputs, ProgressMonitor& monitor) {
   const size_t num_images = database.ReadImages().size();
   if (earlier.has_masks && inputs.mask_path.empty() &&
-      database.ReadJobs(kStageFeatures).size() < num_images) {
+      database.ReadNumKeypoints().size() < num_images) {
     monitor.Warning(
         "earlier runs left out parts of photographs by masks; this one has none, and finds "
         "features everywhere. Give --mask_path again to leave them out");
@@ -164,7 +169,7 @@ class BuildRun {
     const EarlierSources earlier = FindEarlierSources(database_);
     Database::Transaction transaction(database_);
     PrepareRecompute(database_, in.recompute, sources.image_path);
-    CheckStageOptions(database_, options_, run_.seed);
+    CheckAllOptions(database_, options_, run_.seed);
     if (sources.dataset && !sources.dataset->has_photographs) {
       transaction.Commit();
       return KeepGoing(ImportDataset(database_, *sources.dataset, options_.cameras, run_));
@@ -232,9 +237,7 @@ class BuildRun {
   // Chooses, matches and verifies pairs, round by round.
   bool RunRounds(const PairChoosing& choosing) {
     const BuildStage last = options_.inputs.stop_after;
-    const StageLedger matching(database_, kStageMatching,
-                               DumpQualified("matching", options_.matching));
-    PairChooser chooser(database_, matching, choosing, run_);
+    PairChooser chooser(database_, choosing, run_);
     if (!KeepGoing(chooser.ChooseFirst())) return false;
     if (last < BuildStage::kMatching) return true;
     std::vector<image_pair_t> pairs = chooser.Chosen();
@@ -282,7 +285,7 @@ std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) 
   if (summary.num_images_with_features == 0) {
     return "features: no image has features; look at the warnings above";
   }
-  if (summary.num_images < 2) {
+  if (inputs.stop_after >= BuildStage::kPairs && summary.num_images < 2) {
     return "matching: there is one photograph alone, and no pair; give two or more of one scene";
   }
   if (inputs.stop_after == BuildStage::kVerification) {
@@ -304,11 +307,12 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
     // Empty, since it was interrupted when it was made; or else RunBuildPipeline says what it is.
     return options;
   }
-  for (const std::string& stage : {kStageCameras, kStageFeatures, kStageDepth, kStagePairs,
-                                   kStageMatching, kStageVerification}) {
+  // A list of pairs comes instead of the way that they were chosen by.
+  const bool has_list = !inputs.pairs_path.empty() || !inputs.dataset_path.empty();
+  for (const std::string& stage : {kStageDataset, kStageCameras, kStageFeatures, kStageDepth,
+                                   kStagePairs, kStageMatching, kStageVerification}) {
     const std::optional<StageRecord> record = database->ReadStage(stage);
-    // A list of pairs comes instead of the way that they were chosen by.
-    if (stage == kStagePairs && !inputs.pairs_path.empty()) continue;
+    if (stage == kStagePairs && has_list) continue;
     if (record) options.push_back(record->options);
   }
   // So that new photographs match those that another program has found features in.
@@ -326,9 +330,6 @@ BuildPipelineReport RunBuildPipeline(const BuildPipelineOptions& options, const 
   BuildPipelineOptions(options).VisitModules(
       [](const char* module, auto& fields) { ValidateOptions(fields, module); });
   ParsePairWays(inputs.pairs);
-  if (!inputs.pairs_path.empty() && inputs.pairs != BuildInputs().pairs) {
-    throw ConfigError("pairs_path", "names the pairs itself; --pairs cannot be given too");
-  }
   if (inputs.drop_missing && inputs.image_path.empty()) {
     throw ConfigError("drop_missing", "needs --image_path, the folder that may lack photographs");
   }

@@ -80,7 +80,7 @@ void AddWeakPoses(const PageScene& scene, Json& findings) {
 void AddLeftOut(const PageScene& scene, Json& findings) {
   std::map<LeftOutReason, std::vector<int>> groups;
   for (const int i : ImagesThat(scene, [](const PageImage& image) { return image.model < 0; })) {
-    groups[WhyLeftOut(scene.images[i])].push_back(i);
+    groups[WhyLeftOut(scene.images[i], scene.has_features)].push_back(i);
   }
   for (const auto& [reason, images] : groups) {
     findings.push_back(Finding("note",
@@ -135,11 +135,14 @@ std::string DoubtAboutCamera(const PageCamera& camera) {
   return "";
 }
 
-LeftOutReason WhyLeftOut(const PageImage& image) {
-  if (image.num_keypoints == 0) {
+LeftOutReason WhyLeftOut(const PageImage& image, bool has_features) {
+  if (image.num_verified == 0 && !has_features) {
+    return {"no relative pose with others is known", "Add pairs that connect them."};
+  }
+  if (image.num_verified == 0 && image.num_keypoints == 0) {
     return {"no features were found", "They may be blurred, dark or empty; take sharper ones."};
   }
-  if (image.num_matched == 0) {
+  if (image.num_verified == 0 && image.num_matched == 0) {
     return {"no photo has matches with them", "Add photos that show how this place continues."};
   }
   if (image.num_verified == 0) {

@@ -12,25 +12,19 @@ namespace {
 Json FiniteOrNull(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 // Distance of the farthest of the middle half of the cameras from their median position.
-struct Extent {
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  double radius = 0;
-};
-Extent CameraExtent(const Reconstruction& model) {
+double CameraSpread(const Reconstruction& model) {
   std::vector<double> coordinates[3];
   for (const auto& [id, image] : model.images) {
     const Eigen::Vector3d center = image.cam_from_world.Center();
     for (int k = 0; k < 3; ++k) coordinates[k].push_back(center[k]);
   }
-  Extent extent;
-  if (model.images.empty()) return extent;
-  for (int k = 0; k < 3; ++k) extent.middle[k] = UpperMedian(coordinates[k]);
+  Eigen::Vector3d middle;
+  for (int k = 0; k < 3; ++k) middle[k] = UpperMedian(coordinates[k]);
   std::vector<double> distances;
   for (const auto& [id, image] : model.images) {
-    distances.push_back((image.cam_from_world.Center() - extent.middle).norm());
+    distances.push_back((image.cam_from_world.Center() - middle).norm());
   }
-  extent.radius = UpperMedian(distances);
-  return extent;
+  return UpperMedian(distances);
 }
 
 // Every so many-th point, so that all models together keep within the limit.
@@ -107,16 +101,14 @@ Json ModelsJson(const PageScene& scene, PageBlocks& blocks) {
   Json models = Json::array();
   for (size_t k = 0; k < scene.input.models.size(); ++k) {
     const Reconstruction& model = scene.input.models[k];
-    const Extent extent = CameraExtent(model);
     Json json;
     json["name"] = scene.input.model_names[k];
     json["images"] = model.images.size();
     json["points"] = model.points3D.size();
     json["observations"] = model.NumObservations();
-    json["track_length"] = model.points3D.empty() ? 0.0 : model.MeanTrackLength();
-    json["error_px"] =
-        model.points3D.empty() ? 0.0 : model.MeanReprojectionErrorPx(scene.run.num_threads);
-    AddConfidence(scene, static_cast<int>(k), extent.radius, json);
+    json["track_length"] = model.MeanTrackLength();
+    json["error_px"] = model.MeanReprojectionErrorPx(scene.run.num_threads);
+    AddConfidence(scene, static_cast<int>(k), CameraSpread(model), json);
     AddPoints(model, step, blocks, json);
     models.push_back(std::move(json));
   }
@@ -151,13 +143,13 @@ Json ImagesJson(const PageScene& scene, PageBlocks& blocks) {
       Eigen::Map<Eigen::Vector3f> center(&poses[kNumPose * i + 9]);
       center = pose.Center().cast<float>();
     } else {
-      json["reason"] = WhyLeftOut(image).what;
+      json["reason"] = WhyLeftOut(image, scene.has_features).what;
     }
     list.push_back(std::move(json));
   }
   std::vector<WeightedEdge> edges;
   for (const PagePair& pair : scene.pairs) {
-    if (pair.InUse()) edges.push_back({pair.image1, pair.image2, std::log1p(pair.num_inliers)});
+    if (pair.InUse()) edges.push_back({pair.image1, pair.image2, std::log(2.0 + pair.num_inliers)});
   }
   return {{"list", std::move(list)},
           {"poses", blocks.Add(poses)},

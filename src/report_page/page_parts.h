@@ -78,6 +78,7 @@ struct PageScene {
   const RunContext& run;
   std::vector<PageImage> images;  // by id
   std::map<image_t, int> index;   // position of an image id
+  bool has_features = false;      // of any image
   std::map<camera_t, PageCamera> cameras;
   std::vector<PagePair> pairs;  // by pair id
   Json run_report;              // null: unknown
@@ -97,7 +98,8 @@ struct LeftOutReason {
   std::string advice;
   auto operator<=>(const LeftOutReason&) const = default;
 };
-LeftOutReason WhyLeftOut(const PageImage& image);
+// has_features: images of the scene have any.
+LeftOutReason WhyLeftOut(const PageImage& image, bool has_features);
 // "" or why a camera's intrinsics are doubtful.
 std::string DoubtAboutCamera(const PageCamera& camera);
 

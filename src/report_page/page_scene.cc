@@ -20,6 +20,7 @@ void ReadImages(PageScene& scene) {
     added.image = image;
     const auto found = num_keypoints.find(image.image_id);
     if (found != num_keypoints.end()) added.num_keypoints = found->second;
+    scene.has_features |= added.num_keypoints > 0;
     ++scene.cameras[image.camera_id].num_images;
   }
   for (auto& [id, known] : ReadKnownIntrinsics(scene.database)) {
@@ -32,10 +33,16 @@ PageImage& ImageOf(PageScene& scene, const RegisteredImage& image) {
   const auto found = scene.index.find(image.image.image_id);
   if (found == scene.index.end() || scene.images[found->second].image.name != image.image.name) {
     throw ConfigError("model_path", "image " + std::to_string(image.image.image_id) + ", " +
-                                        image.image.name + ", is not of the database " +
+                                        image.image.name + ", has no such id in the database " +
                                         scene.database.path());
   }
-  return scene.images[found->second];
+  PageImage& page_image = scene.images[found->second];
+  if (std::ssize(image.points2D) != page_image.num_keypoints && !image.points2D.empty()) {
+    throw ConfigError(
+        "model_path",
+        image.image.name + " has other keypoints than in the database " + scene.database.path());
+  }
+  return page_image;
 }
 
 struct Residual {
@@ -88,13 +95,15 @@ void MeasureModels(PageScene& scene) {
   constexpr size_t kImagesAtATime = 256;  // whose residuals are in memory
   for (size_t k = 0; k < scene.input.models.size(); ++k) {
     const Reconstruction& model = scene.input.models[k];
-    const std::map<image_t, PoseConfidence> confidence = EstimatePoseConfidence(model, scene.run);
+    const std::map<image_t, PoseConfidence> confidences =
+        scene.input.confidences.empty() ? EstimatePoseConfidence(model, scene.run)
+                                        : scene.input.confidences[k];
     std::vector<const RegisteredImage*> images;
     for (const auto& [id, image] : model.images) {
       PageImage& result = ImageOf(scene, image);
       if (result.model >= 0) continue;  // a smaller model of the same image
       result.model = static_cast<int>(k);
-      result.confidence = confidence.at(id);
+      result.confidence = confidences.at(id);
       images.push_back(&image);
     }
     for (size_t begin = 0; begin < images.size(); begin += kImagesAtATime) {
@@ -222,7 +231,9 @@ void CountPair(const PagePair& pair, const PageImage& other, PageImage& image) {
 }
 
 Json ParseReport(const std::string& text) {
-  Json json = text.empty() ? Json() : Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  // What lies deeper would be copied by recursion.
+  const auto keeps = [](int depth, Json::parse_event_t, const Json&) { return depth < 32; };
+  Json json = text.empty() ? Json() : Json::parse(text, keeps, /*allow_exceptions=*/false);
   return json.is_object() ? json : Json();
 }
 

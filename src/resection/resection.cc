@@ -121,11 +121,12 @@ class ResectionEstimator {
   P3pSolver solver_;
 };
 
-// The guess itself, then lengths between a half and twice of it, evenly in the logarithm.
+// The guess itself, then others between a half and twice of it, evenly in the logarithm.
 std::vector<double> FocalFactors(bool estimate_focal, int num_guesses) {
   std::vector<double> factors = {1.0};
   if (!estimate_focal) return factors;
   for (int i = 0; i < num_guesses; ++i) {
+    if (2 * i + 1 == num_guesses) continue;  // the guess itself
     factors.push_back(std::pow(2.0, 2.0 * (i + 0.5) / num_guesses - 1.0));
   }
   return factors;
@@ -148,9 +149,7 @@ ResectionReport SearchPose(const Camera& camera, const PixelsOfPoints& points,
     Rng own_rng = rng;
     const auto ransac = Ransac(estimator, ransac_options, own_rng);
     report.num_iterations += static_cast<int>(ransac.num_iterations);
-    if (ransac.status == RansacStatus::kNoModel || ransac.status == RansacStatus::kTooFewSamples) {
-      continue;
-    }
+    if (!ransac.model) continue;
     report.status = ResectionStatus::kSuccess;
     ransac_options.initial_score = ransac.score;
     // Another length has to beat this one, so it has at least about as many inliers.
@@ -161,7 +160,7 @@ ResectionReport SearchPose(const Camera& camera, const PixelsOfPoints& points,
     ransac_options.min_iterations =
         std::min(ransac_options.min_iterations, ransac_options.max_iterations);
     report.camera = candidate;
-    report.cam_from_world = ransac.model;
+    report.cam_from_world = *ransac.model;
   }
   return report;
 }

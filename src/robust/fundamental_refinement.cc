@@ -53,15 +53,13 @@ NormalEquations<9> LinearizeFundamental(const PointPairs& points, const Eigen::M
   return sums;
 }
 
-FundamentalRefinementReport RefineFundamentalMatrix(const PointPairs& points,
-                                                    const Eigen::Matrix3d& start,
-                                                    const FundamentalRefinementOptions& options) {
+FundamentalFactors RefineFundamentalMatrix(const PointPairs& points, const Eigen::Matrix3d& start,
+                                           const FundamentalRefinementOptions& options) {
   std::optional<FundamentalFactors> factors = FundamentalFactors::Of(start);
   CAIRN_CHECK(factors.has_value());
   FundamentalProblem problem{points, options.scale_px};
-  const auto [cost, num_iterations, num_accepted] =
-      Minimize(problem, {options.max_iterations, options.min_relative_gain}, &*factors);
-  return {*factors, factors->F(), cost, num_iterations};
+  Minimize(problem, {options.max_iterations, options.min_relative_gain}, &*factors);
+  return *factors;
 }
 
 }  // namespace cairn

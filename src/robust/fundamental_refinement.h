@@ -12,20 +12,12 @@ struct FundamentalRefinementOptions {
   double min_relative_gain = 1e-5;  // a step that gains less of the cost is the last
 };
 
-struct FundamentalRefinementReport {
-  FundamentalFactors factors;
-  Eigen::Matrix3d F;  // of rank 2, |F| = 1
-  double cost = 0.0;  // sum of losses, each at most 1
-  int num_iterations = 0;
-};
-
 // Levenberg-Marquardt on the Geman-McClure loss e^2 / (s^2 + e^2) of the Sampson error e over the
 // seven dimensions of F. F of normalized points, as the errors of sampson_kernels.h. Any start but
 // zero will do; its third singular value is dropped. About 0.1 microseconds a correspondence and
 // iteration.
-FundamentalRefinementReport RefineFundamentalMatrix(const PointPairs& points,
-                                                    const Eigen::Matrix3d& start,
-                                                    const FundamentalRefinementOptions& options);
+FundamentalFactors RefineFundamentalMatrix(const PointPairs& points, const Eigen::Matrix3d& start,
+                                           const FundamentalRefinementOptions& options);
 
 // The normal equations of these losses over F's nine elements (columns one after the other), of
 // every `step`th correspondence from `begin` on.

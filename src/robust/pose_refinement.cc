@@ -69,20 +69,19 @@ class PoseProblem {
 
 }  // namespace
 
-PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
-                                const PoseRefinementOptions& options) {
+Rigid3d RefinePose(const PointPairs& points, const Rigid3d& start,
+                   const PoseRefinementOptions& options) {
   const WeightedPoints group{&points, options.scale_px};
   return RefinePose({&group, 1}, start, options);
 }
 
-PoseRefinementReport RefinePose(std::span<const WeightedPoints> groups, const Rigid3d& start,
-                                const PoseRefinementOptions& options) {
+Rigid3d RefinePose(std::span<const WeightedPoints> groups, const Rigid3d& start,
+                   const PoseRefinementOptions& options) {
   CAIRN_CHECK_GT(start.translation.norm(), 0.0);
   PoseProblem::State state(start.rotation, start.translation);
   PoseProblem problem(groups, options.loss);
-  const auto [cost, num_iterations, num_accepted] =
-      Minimize(problem, {options.max_iterations, options.min_relative_gain}, &state);
-  return {state.pose, cost, num_iterations};
+  Minimize(problem, {options.max_iterations, options.min_relative_gain}, &state);
+  return state.pose;
 }
 
 PoseSigmas SigmasOfPose(const PointPairs& points, const Rigid3d& pose, double scale_px) {

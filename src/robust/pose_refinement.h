@@ -14,12 +14,6 @@ struct PoseRefinementOptions {
   double min_relative_gain = 1e-6;  // a step that gains less of the cost is the last
 };
 
-struct PoseRefinementReport {
-  Rigid3d cam2_from_cam1;  // |t| = 1
-  double cost = 0.0;       // sum of losses, each at most 1
-  int num_iterations = 0;
-};
-
 // Points that are refined together with others: their losses have a scale of their own, and this
 // weight (a loss is at most 1).
 struct WeightedPoints {
@@ -28,12 +22,13 @@ struct WeightedPoints {
   double weight = 1.0;
 };
 
-// Levenberg-Marquardt over SO(3) x S2 on the robust Sampson error, no heap. `start` needs t != 0.
-PoseRefinementReport RefinePose(const PointPairs& points, const Rigid3d& start,
-                                const PoseRefinementOptions& options);
+// cam2_from_cam1 with |t| = 1: Levenberg-Marquardt over SO(3) x S2 on the robust Sampson error, no
+// heap. `start` needs t != 0.
+Rigid3d RefinePose(const PointPairs& points, const Rigid3d& start,
+                   const PoseRefinementOptions& options);
 // The same over several groups of points, each at its own scale (options.scale_px has no meaning).
-PoseRefinementReport RefinePose(std::span<const WeightedPoints> groups, const Rigid3d& start,
-                                const PoseRefinementOptions& options);
+Rigid3d RefinePose(std::span<const WeightedPoints> groups, const Rigid3d& start,
+                   const PoseRefinementOptions& options);
 
 // Largest standard deviations, radians, of a pose's rotation and of its direction of translation,
 // for residuals of one pixel: by the Gauss-Newton hessian of the truncated loss. Not finite where

@@ -5,6 +5,7 @@
 #include <concepts>
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "cairn/base/rng.h"
 
@@ -18,17 +19,10 @@ struct RansacOptions {
   double initial_score = 0.0;
 };
 
-enum class RansacStatus {
-  kConfident,      // the wanted confidence was reached
-  kExhausted,      // a model, but the iterations ran out first
-  kNoModel,        // nothing exceeded the initial score
-  kTooFewSamples,  // less data than a sample needs
-};
-
 template <class Model>
 struct RansacReport {
-  RansacStatus status = RansacStatus::kNoModel;
-  Model model{};        // valid for kConfident and kExhausted
+  // Absent: nothing exceeded the initial score, or there is less data than a sample needs.
+  std::optional<Model> model;
   double score = 0.0;   // of the model
   int num_inliers = 0;  // of the model
   int64_t num_iterations = 0;
@@ -70,21 +64,14 @@ RansacReport<typename Estimator::Model> Ransac(Estimator& estimator, const Ransa
   constexpr int kSampleSize = Estimator::kSampleSize;
   RansacReport<Model> report;
   const int num_data = estimator.NumData();
-  if (num_data < kSampleSize) {
-    report.status = RansacStatus::kTooFewSamples;
-    return report;
-  }
+  if (num_data < kSampleSize) return report;
   report.score = options.initial_score;
   double best_minimal_score = options.initial_score;  // before local optimization
   int64_t num_needed = options.max_iterations;
-  bool found = false, confident = false;
   uint32_t sample[kSampleSize];
   Model models[Estimator::kMaxSolutions];
-  while (report.num_iterations < options.max_iterations) {
-    if (report.num_iterations >= num_needed && report.num_iterations >= options.min_iterations) {
-      confident = true;
-      break;
-    }
+  while (report.num_iterations <
+         std::min(options.max_iterations, std::max(options.min_iterations, num_needed))) {
     ++report.num_iterations;
     rng.Sample(static_cast<uint32_t>(num_data), kSampleSize, sample);
     const int num_models = estimator.Solve(sample, models);
@@ -101,14 +88,12 @@ RansacReport<typename Estimator::Model> Ransac(Estimator& estimator, const Ransa
     int num_inliers = 0;
     const double score = estimator.Optimize(model, &num_inliers);
     if (!(score > report.score)) continue;
-    found = true;
     report.score = score;
     report.model = model;
     report.num_inliers = num_inliers;
     num_needed = NumRansacIterations(static_cast<double>(num_inliers) / num_data, kSampleSize,
                                      options.confidence);
   }
-  if (found) report.status = confident ? RansacStatus::kConfident : RansacStatus::kExhausted;
   return report;
 }
 

@@ -291,8 +291,6 @@ double ScoreHomographyKernel(const PointPairs& points, const Matrix9f& H, const 
   return ScoreHomographyOf<false>(points, H, inverse, focals);
 }
 
-const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
-
 }  // namespace cairn::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -304,7 +302,6 @@ HWY_EXPORT(SoftScoreSampsonKernel);
 HWY_EXPORT(SampsonErrorsKernel);
 HWY_EXPORT(HomographyErrorsKernel);
 HWY_EXPORT(ScoreHomographyKernel);
-HWY_EXPORT(TargetName);
 
 namespace {
 
@@ -373,8 +370,6 @@ double ScoreHomography(const PointPairs& points, const Eigen::Matrix3d& H, doubl
   return HWY_DYNAMIC_DISPATCH(ScoreHomographyKernel)(points, Matrix9f(oriented), Matrix9f(inverse),
                                                      FocalsInUnits(points, max_error_px));
 }
-
-const char* KernelTargetName() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }
 
 }  // namespace cairn
 #endif

@@ -55,7 +55,4 @@ NormalEquations<5> AccumulateSampson(const PointPairs& points, const Rigid3d& ca
 double SampsonCost(const PointPairs& points, const Rigid3d& cam2_from_cam1, RobustLoss loss,
                    double scale_px);
 
-// Name of the instruction set in use, for reports.
-const char* KernelTargetName();
-
 }  // namespace cairn

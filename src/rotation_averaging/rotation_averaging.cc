@@ -16,10 +16,7 @@ namespace {
 
 RotationGraph MakeGraph(RotationProblem problem, std::vector<double> num_loops,
                         std::span<const char> is_root, int num_threads) {
-  std::vector<LaplacianSolver::Edge> edges;
-  edges.reserve(problem.edges.size());
-  for (const GraphEdge& edge : problem.edges) edges.push_back({edge.node1, edge.node2});
-  LaplacianSolver solver(problem.NumNodes(), edges, is_root, num_threads);
+  LaplacianSolver solver(problem.NumNodes(), problem.edges, is_root, num_threads);
   return {std::move(problem), std::move(num_loops), std::move(solver)};
 }
 

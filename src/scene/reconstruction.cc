@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-// By point, the mean reprojection error of its observations.
+// By point, the mean reprojection error of its observations, -1 without any.
 std::vector<double> PointErrorsPx(const Reconstruction& model, int num_threads) {
   const ViewTable views(model);
   std::vector<const Point3D*> points;
@@ -20,6 +20,10 @@ std::vector<double> PointErrorsPx(const Reconstruction& model, int num_threads) 
   ParallelFor(
       num_threads, std::ssize(points),
       [&](int64_t i) {
+        if (points[i]->track.empty()) {
+          errors[i] = -1;
+          return;
+        }
         for (const TrackElement& element : points[i]->track) {
           errors[i] += views.Of(element.image_id).ErrorPx(points[i]->xyz, element.point2D);
         }
@@ -95,7 +99,7 @@ double Reconstruction::MeanReprojectionErrorPx(int num_threads) const {
   double sum = 0;
   int64_t n = 0;
   for (const double error : PointErrorsPx(*this, num_threads)) {
-    if (error == std::numeric_limits<double>::infinity()) continue;
+    if (error < 0 || error == std::numeric_limits<double>::infinity()) continue;
     sum += error;
     ++n;
   }

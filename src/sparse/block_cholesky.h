@@ -2,9 +2,12 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
+#include "cairn/base/parallel.h"
 #include "sparse/sparse_cholesky.h"
 
 namespace cairn {
@@ -15,6 +18,26 @@ struct BlockPattern {
   std::vector<int> sizes;
   std::vector<std::vector<int>> columns;
 };
+
+// The columns of a pattern of n nodes: visit(i, use) calls use(j) for the nodes that share a block
+// with node i. Those before i, and repetitions, do not matter.
+template <class Visit>
+std::vector<std::vector<int>> JoinedColumns(int n, int num_threads, const Visit& visit) {
+  std::vector<std::vector<int>> columns(n);
+  std::vector<std::vector<int>> found_for(EffectiveNumThreads(num_threads));  // by worker
+  const auto find = [&](int worker, int64_t column) {
+    const auto i = static_cast<int>(column);
+    std::vector<int>& found = found_for[worker];
+    found.resize(n, -1);
+    columns[i].push_back(i);
+    visit(i, [&](int j) {
+      if (j > i && std::exchange(found[j], i) != i) columns[i].push_back(j);
+    });
+    std::sort(columns[i].begin(), columns[i].end());
+  };
+  ParallelForWorker(num_threads, n, find, /*grain=*/4);
+  return columns;
+}
 
 // Floating-point operations of a factorization, about: as if all nodes had the mean size.
 double EstimateFactorFlops(const BlockPattern& pattern);

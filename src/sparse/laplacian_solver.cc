@@ -17,7 +17,7 @@ constexpr int kGrain = 256;  // rows a task
 
 }  // namespace
 
-LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
+LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const GraphEdge> edges,
                                  std::span<const char> is_gauge, int num_threads,
                                  int max_cholesky_steps)
     : num_nodes_(num_nodes), num_threads_(num_threads), row_of_node_(num_nodes, -1) {
@@ -28,9 +28,8 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const Edge> edges,
   }
   rows_of_edge_.reserve(edges.size());
   for (const auto& [node1, node2] : edges) {
-    const bool is_loop = node1 == node2;
-    rows_of_edge_.push_back(
-        {is_loop ? -1 : row_of_node_[node1], is_loop ? -1 : row_of_node_[node2]});
+    CAIRN_CHECK_NE(node1, node2);
+    rows_of_edge_.push_back({row_of_node_[node1], row_of_node_[node2]});
   }
 
   std::vector<std::vector<int64_t>> columns(num_rows);
@@ -198,17 +197,13 @@ LaplacianSolver::Rows LaplacianSolver::SolveByConjugateGradients(const Rows& B, 
   return X;
 }
 
-bool LaplacianSolver::Factorize(std::span<const double> weights, std::span<const double> diagonal) {
+bool LaplacianSolver::Factorize(std::span<const double> weights) {
   CAIRN_CHECK_EQ(weights.size(), rows_of_edge_.size());
-  CAIRN_CHECK(diagonal.empty() || diagonal.size() == row_of_node_.size());
   diagonal_.setZero(static_cast<Eigen::Index>(diagonal_of_row_.size()));
   for (size_t e = 0; e < weights.size(); ++e) {
     const auto [row1, row2] = rows_of_edge_[e];
     if (row1 >= 0) diagonal_[row1] += weights[e];
     if (row2 >= 0) diagonal_[row2] += weights[e];
-  }
-  for (size_t v = 0; v < diagonal.size(); ++v) {
-    if (row_of_node_[v] >= 0) diagonal_[row_of_node_[v]] += diagonal[v];
   }
   if (!factor_) {
     for (size_t k = 0; k < neighbors_.size(); ++k) {

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "graph/graph.h"
 #include "sparse/sparse_cholesky.h"
 
 namespace cairn {
@@ -22,20 +23,14 @@ namespace cairn {
 // reaches.
 class LaplacianSolver {
  public:
-  struct Edge {
-    int node1 = 0;
-    int node2 = 0;
-  };
-
-  // Nodes 0 .. num_nodes-1; edges may repeat, self-loops are ignored. is_gauge[node] tells the
-  // nodes held at zero.
-  LaplacianSolver(int num_nodes, std::span<const Edge> edges, std::span<const char> is_gauge,
+  // Nodes 0 .. num_nodes-1; edges may repeat, and join two different nodes. is_gauge[node] tells
+  // the nodes held at zero.
+  LaplacianSolver(int num_nodes, std::span<const GraphEdge> edges, std::span<const char> is_gauge,
                   int num_threads = 1, int max_cholesky_steps = 200);
 
-  // Weights >= 0, one an edge; `diagonal`, if not empty, is added to the diagonal (one value >= 0 a
-  // node: a pull towards zero). False if the matrix is not positive definite (weights of zero leave
+  // Weights >= 0, one an edge. False if the matrix is not positive definite (weights of zero leave
   // a part of the graph loose); then Solve must not be called.
-  bool Factorize(std::span<const double> weights, std::span<const double> diagonal = {});
+  bool Factorize(std::span<const double> weights);
 
   // B and the result: num_nodes x k. Rows of gauge nodes are ignored in B and zero in the result.
   // Conjugate gradients begin at `guess`, unless it is empty, and end when the error is this share
@@ -47,7 +42,7 @@ class LaplacianSolver {
   bool UsesCholesky() const { return factor_ != nullptr; }
 
  private:
-  // Of an edge's ends; -1: gauge, or both ends are one node.
+  // Of an edge's ends; -1: gauge.
   struct RowPair {
     int row1;
     int row2;

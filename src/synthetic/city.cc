@@ -39,6 +39,13 @@ int City::TwinOf(int place) const {
   return AreNeighbors(place, twin) ? place : twin;
 }
 
+bool City::HasTwins() const {
+  for (int place = 0; place < num_places_; ++place) {
+    if (TwinOf(place) != place) return true;
+  }
+  return false;
+}
+
 Rigid3d City::Motion(int from, int to) const {
   return WorldFromPlace(to) * Inverse(WorldFromPlace(from));
 }

@@ -24,6 +24,7 @@ class City {
   bool AreNeighbors(int place1, int place2) const;
   // Itself: there is none.
   int TwinOf(int place) const;
+  bool HasTwins() const;
   // Takes a place, in the world, to one that looks like it.
   Rigid3d Motion(int from, int to) const;
 

@@ -36,6 +36,11 @@ void RigOptions::VisitFields(OptionVisitor& v) {
 }
 
 int FocalLength35mm(const RigOptions& options, int camera_index) {
+  if (options.focal_length > 0) {
+    const double larger = std::max(options.image_width, options.image_height);
+    const double diagonal = std::hypot(options.image_width, options.image_height);
+    return static_cast<int>(std::lround(43.27 * options.focal_length * larger / diagonal));
+  }
   constexpr int kNumDifferent = 21;
   if (camera_index >= options.num_cameras) return 36 + (8 * camera_index) % kNumDifferent;
   if (options.num_cameras == 1) return 40;

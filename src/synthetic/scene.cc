@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "cairn/base/check.h"
+#include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/synthetic/poses.h"
 #include "synthetic/city.h"
@@ -284,6 +285,12 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
 SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   ValidateOptions(static_cast<const RigOptions&>(options), "");
   ValidateOptions(options, "scene");
+  if (options.layout == CameraLayout::kCity && options.pair_outlier_ratio > 0 &&
+      (options.num_pairs == 0 || !City(options.num_images).HasTwins())) {
+    throw ConfigError("scene.pair_outlier_ratio",
+                      "of a city takes scene.num_pairs, and 600 images: fewer have no places that "
+                      "look alike");
+  }
   SyntheticScene scene;
   scene.options = options;
   scene.seed = seed;

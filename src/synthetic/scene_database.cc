@@ -177,10 +177,9 @@ class PairMaker {
     const auto [i, j] = plan_.pairs[pair];
     const auto [id1, id2] = PairIdToImagePair(PairId(pair));
     PairRows rows;
-    if (plan_.is_outlier[pair] && IsInCity(i) && IsInCity(j)) {
-      rows = MakeTwinPair(i, j);
-    } else if (plan_.is_outlier[pair]) {
-      rows = MakeOutlierPair(scene_, id1, id2);
+    if (plan_.is_outlier[pair]) {
+      const bool is_city = scene_.options.layout == CameraLayout::kCity;
+      rows = is_city ? MakeTwinPair(i, j) : MakeOutlierPair(scene_, id1, id2);
     } else {
       const SyntheticMatches matches = MakeMatches(scene_, id1, id2, visible_[i], visible_[j]);
       rows.matches = matches.matches;
@@ -194,12 +193,6 @@ class PairMaker {
   }
 
  private:
-  // Distractors are of another place.
-  bool IsInCity(size_t image) const {
-    return scene_.options.layout == CameraLayout::kCity &&
-           std::cmp_less(image, scene_.options.num_images);
-  }
-
   // The second image as if it were of the place that looks the same.
   PairRows MakeTwinPair(int64_t i, int64_t j) const {
     const City city(scene_.options.num_images);

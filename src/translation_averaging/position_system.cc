@@ -29,7 +29,21 @@ PositionSystem::PositionSystem(const DirectionProblem& problem, int num_threads,
       terms_of_[problem.rays[r].camera].rays.push_back({r, k});
     }
   }
-  BuildPattern();
+  std::vector<std::vector<int>> columns =
+      JoinedColumns(problem.NumCameras(), num_threads, [&](int i, const auto& use) {
+        for (const int e : terms_of_[i].edges) {
+          use(problem.edges[e].camera1);
+          use(problem.edges[e].camera2);
+        }
+        for (const CameraTerms::Ray& own : terms_of_[i].rays) {
+          for (const DirectionProblem::Ray& ray : problem.RaysOf(own.track)) use(ray.camera);
+        }
+      });
+  row_begin_ = {0};
+  for (const std::vector<int>& row : columns) {
+    column_.insert(column_.end(), row.begin(), row.end());
+    row_begin_.push_back(static_cast<int>(column_.size()));
+  }
   // The factor has at least the system's own entries.
   double least_flops = 0;
   for (int i = 0; i < problem.NumCameras(); ++i) {
@@ -38,45 +52,15 @@ PositionSystem::PositionSystem(const DirectionProblem& problem, int num_threads,
   }
   const auto num_terms = static_cast<double>(problem.edges.size() + problem.rays.size());
   const double max_flops = max_cholesky_steps * kFlopsOfTerm * num_terms;
-  if (least_flops <= max_flops) BuildCholesky(max_flops);
+  if (least_flops <= max_flops) BuildCholesky(std::move(columns), max_flops);
   if (cholesky_) return;
   row_begin_ = column_ = {};
   iterative_ = std::make_unique<IterativeCameras>(problem, num_threads);
 }
 
-void PositionSystem::BuildPattern() {
-  const int n = problem_.NumCameras();
-  std::vector<std::vector<int>> columns(n);
-  ParallelFor(num_threads_, n, [&](int64_t i) {
-    std::vector<char> is_joined(n, 0);
-    is_joined[i] = 1;
-    for (const int e : terms_of_[i].edges) {
-      is_joined[problem_.edges[e].camera1] = is_joined[problem_.edges[e].camera2] = 1;
-    }
-    for (const CameraTerms::Ray& own : terms_of_[i].rays) {
-      for (const DirectionProblem::Ray& ray : problem_.RaysOf(own.track)) {
-        is_joined[ray.camera] = 1;
-      }
-    }
-    for (int j = static_cast<int>(i); j < n; ++j) {
-      if (is_joined[j]) columns[i].push_back(j);
-    }
-  });
-  row_begin_ = {0};
-  for (const std::vector<int>& row : columns) {
-    column_.insert(column_.end(), row.begin(), row.end());
-    row_begin_.push_back(static_cast<int>(column_.size()));
-  }
-}
-
-void PositionSystem::BuildCholesky(double max_flops) {
-  BlockPattern pattern;
-  for (int i = 0; i < problem_.NumCameras(); ++i) {
-    pattern.sizes.push_back(3);
-    pattern.columns.emplace_back(column_.begin() + row_begin_[i],
-                                 column_.begin() + row_begin_[i + 1]);
-  }
-  cholesky_ = std::make_unique<BlockCholesky>(std::move(pattern));
+void PositionSystem::BuildCholesky(std::vector<std::vector<int>> columns, double max_flops) {
+  cholesky_ = std::make_unique<BlockCholesky>(
+      BlockPattern{std::vector<int>(columns.size(), 3), std::move(columns)});
   if (cholesky_->FactorFlops() > max_flops) {
     cholesky_.reset();
     return;

@@ -32,8 +32,7 @@ class PositionSystem {
   double MinDamping() const { return UsesCholesky() ? 1e-9 : 1e-5; }
 
  private:
-  void BuildPattern();
-  void BuildCholesky(double max_flops);
+  void BuildCholesky(std::vector<std::vector<int>> columns, double max_flops);
   void EliminatePoints(const FitModels& models, double damping);
   void AssembleDiagonal(int camera, const FitModels& models, double damping);
   void AssembleRow(int camera, const FitModels& models, std::vector<Eigen::Matrix3d>& scratch);

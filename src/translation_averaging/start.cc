@@ -22,9 +22,7 @@ Eigen::MatrixXd SolveLud(int num_nodes, const std::vector<GraphEdge>& edges,
                          const std::vector<Eigen::Vector3d>& directions, int num_threads) {
   std::vector<char> is_gauge(num_nodes, 0);
   is_gauge[0] = 1;
-  std::vector<LaplacianSolver::Edge> solver_edges;
-  for (const GraphEdge& edge : edges) solver_edges.push_back({edge.node1, edge.node2});
-  LaplacianSolver solver(num_nodes, solver_edges, is_gauge, num_threads);
+  LaplacianSolver solver(num_nodes, edges, is_gauge, num_threads);
   CAIRN_CHECK(solver.Factorize(std::vector<double>(edges.size(), 1.0)));
 
   std::vector<Eigen::Vector3d> slack(edges.size(), Eigen::Vector3d::Zero());  // allowed errors
@@ -67,23 +65,15 @@ Positions WithPoints(const DirectionProblem& problem, const Eigen::MatrixXd& x) 
   return positions;
 }
 
-bool EdgesConnectAll(const DirectionProblem& problem) {
-  std::vector<GraphEdge> edges;
-  for (const DirectionProblem::Edge& e : problem.edges) edges.push_back({e.camera1, e.camera2});
-  return ConnectedComponents(problem.NumCameras(), edges).Num() == 1;
-}
-
 }  // namespace
 
 std::optional<Positions> StartByLengths(const DirectionProblem& problem, int num_threads) {
   std::vector<GraphEdge> edges;
-  std::vector<LaplacianSolver::Edge> solver_edges;
   std::vector<Eigen::Vector3d> steps;
   std::vector<double> sureness;
   for (const DirectionProblem::Edge& edge : problem.edges) {
     if (!(edge.length > 0)) continue;
     edges.push_back({edge.camera1, edge.camera2});
-    solver_edges.push_back({edge.camera1, edge.camera2});
     steps.push_back(edge.length * edge.direction);
     sureness.push_back(edge.num_points / (edge.length * edge.length));
   }
@@ -91,7 +81,7 @@ std::optional<Positions> StartByLengths(const DirectionProblem& problem, int num
   if (ConnectedComponents(n, edges).Num() != 1) return std::nullopt;
   std::vector<char> is_gauge(n, 0);
   is_gauge[0] = 1;
-  LaplacianSolver solver(n, solver_edges, is_gauge, num_threads);
+  LaplacianSolver solver(n, edges, is_gauge, num_threads);
   std::vector<double> weights = sureness;
   Eigen::MatrixXd x;
   for (int iteration = 0; iteration < kNumReweightings; ++iteration) {
@@ -110,13 +100,13 @@ std::optional<Positions> StartByLengths(const DirectionProblem& problem, int num
 
 Positions LeastUnsquaredDeviations(const DirectionProblem& problem, int num_threads) {
   const int n = problem.NumCameras();
-  const bool cameras_only = EdgesConnectAll(problem);
   std::vector<GraphEdge> edges;
   std::vector<Eigen::Vector3d> directions;
   for (const DirectionProblem::Edge& edge : problem.edges) {
     edges.push_back({edge.camera1, edge.camera2});
     directions.push_back(edge.direction);
   }
+  const bool cameras_only = ConnectedComponents(n, edges).Num() == 1;
   for (int k = 0; k < problem.NumTracks() && !cameras_only; ++k) {
     for (const DirectionProblem::Ray& ray : problem.RaysOf(k)) {
       edges.push_back({ray.camera, n + k});

@@ -180,21 +180,9 @@ TriangulateTracksReport TriangulateTracks(std::span<const Track> tracks,
   for (TrackOutcome& outcome : outcomes) {
     if (!outcome.has_two_views) continue;
     ++report.num_tracks;
-    switch (outcome.status) {
-      case TriangulationStatus::kSuccess:
-        ++report.num_triangulated;
-        break;
-      case TriangulationStatus::kTooFewViews:
-        ++report.num_too_few_views;
-        break;
-      case TriangulationStatus::kSmallAngle:
-        ++report.num_small_angle;
-        break;
-      case TriangulationStatus::kIllPosed:
-        ++report.num_ill_posed;
-        break;
-    }
-    if (outcome.points.size() > 1) ++report.num_second_points;
+    report.num_small_angle += outcome.status == TriangulationStatus::kSmallAngle;
+    report.num_inconsistent += outcome.status == TriangulationStatus::kTooFewViews ||
+                               outcome.status == TriangulationStatus::kIllPosed;
     for (Point3D& point : outcome.points) {
       report.num_observations += std::ssize(point.track);
       points.push_back(std::move(point));

@@ -152,10 +152,11 @@ bool SearchPairs(Views views, const TriangulationOptions& options, Eigen::Vector
 // Smallest cosine of an angle between two rays to the point.
 double MinCosine(const Eigen::Vector3d& xyz, std::span<const Eigen::Vector3d> centers) {
   double min_cosine = 1.0;
+  std::vector<Eigen::Vector3d> directions(centers.size());
   for (size_t i = 0; i < centers.size(); ++i) {
-    const Eigen::Vector3d a = (xyz - centers[i]).normalized();
+    directions[i] = (xyz - centers[i]).normalized();
     for (size_t j = 0; j < i; ++j) {
-      min_cosine = std::min(min_cosine, a.dot((xyz - centers[j]).normalized()));
+      min_cosine = std::min(min_cosine, directions[i].dot(directions[j]));
     }
   }
   return min_cosine;
@@ -214,12 +215,12 @@ TriangulationResult Triangulate(std::span<const TriangulationView> views,
     centers.push_back(Center(views[i]));
     sum_error += std::sqrt(SquaredErrorPx(views[i], xyz));
   }
-  const double max_angle_deg = MaxTriangulationAngleDeg(xyz, centers);
-  if (max_angle_deg < options.min_angle_deg) return fail(TriangulationStatus::kSmallAngle);
+  if (MaxTriangulationAngleDeg(xyz, centers) < options.min_angle_deg) {
+    return fail(TriangulationStatus::kSmallAngle);
+  }
   result.status = TriangulationStatus::kSuccess;
   result.xyz = xyz;
   result.mean_error_px = sum_error / static_cast<double>(inliers.size());
-  result.max_angle_deg = max_angle_deg;
   result.inliers = std::move(inliers);
   return result;
 }

@@ -4,10 +4,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "cairn/geometry/epipolar.h"
+#include "robust/match_errors.h"
 #include "two_view/decide/evidence.h"
 #include "two_view/decide/focal_evidence.h"
 #include "two_view/decide/special_pairs.h"
-#include "two_view/search/match_errors.h"
 
 namespace cairn::internal {
 namespace {
@@ -191,12 +192,13 @@ void FocalVerifier::Fill(const FundamentalModel& model, PairReport* report) cons
     geometry.H.reset();
   } else {
     geometry.config = TwoViewConfig::kUncalibrated;
-    geometry.F = pair_.input.camera2->CalibrationMatrix().inverse().transpose() * model.F *
-                 pair_.input.camera1->CalibrationMatrix().inverse();
+    geometry.F = FundamentalFromEssential(model.F, pair_.input.camera1->CalibrationMatrix(),
+                                          pair_.input.camera2->CalibrationMatrix());
   }
   geometry.inlier_matches = pair_.Matches(model.inliers);
   report->num_inliers = static_cast<int>(model.inliers.size());
   report->score = ScoreSampson(pair_.points, model.F, pair_.max_error_px);
+  report->residual_px = MatchErrors(pair_.points, model.F).MedianOf(model.inliers);
 }
 
 }  // namespace cairn::internal

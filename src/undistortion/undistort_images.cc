@@ -147,7 +147,7 @@ void DenseFolder::Write(Item& item) {
 
 // While images change, no model is there that would not fit them.
 void DenseFolder::RemoveModel() {
-  results_->Commit();
+  if (results_) results_->Commit();  // (Not where a thread before this one ended here.)
   results_.reset();
   results_.emplace(job_.output_path, kWriter, kResultNames, job_.overwrites);
 }
@@ -271,7 +271,7 @@ UndistortReport UndistortImages(const Reconstruction& model, const UndistortJob&
   for (const Item& item : items) {
     if (item.error.empty()) names.insert(item.name);
   }
-  Reconstruction undistorted = UndistortedModel(model, names, options);
+  Reconstruction undistorted = UndistortedModel(model, names, options, run);
   for (const Item& item : items) {
     const auto image = undistorted.images.find(item.image_id);
     if (image != undistorted.images.end()) image->second.image.name = item.file_name;

@@ -25,7 +25,7 @@ RegisteredImage UndistortedImage(const RegisteredImage& image, const Camera& sou
 }  // namespace
 
 Reconstruction UndistortedModel(const Reconstruction& model, const std::set<std::string>& names,
-                                const UndistortOptions& options) {
+                                const UndistortOptions& options, const RunContext& run) {
   Reconstruction out;
   std::map<image_t, std::vector<point2D_t>> new_index;
   for (const auto& [id, image] : model.images) {
@@ -52,7 +52,7 @@ Reconstruction UndistortedModel(const Reconstruction& model, const std::set<std:
     }
     out.points3D[id] = std::move(moved);
   }
-  out.UpdatePointErrors();
+  out.UpdatePointErrors(run.num_threads);
   return out;
 }
 

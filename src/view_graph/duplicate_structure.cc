@@ -94,7 +94,8 @@ double MatchingRate(const std::vector<std::pair<int, int>>& matched) {
     for (const auto& [n, c] : matched) {
       expected += n / std::max(1e-6, 1 - std::pow(1 - rate, n));
     }
-    rate = std::min(0.95, common / expected);
+    const double next = std::min(0.95, common / expected);
+    if (next == std::exchange(rate, next)) break;
   }
   return rate;
 }
@@ -352,18 +353,20 @@ double SplitEvidence(const std::vector<Pair>& pairs, int num_images, int group,
 
 // Dissolves the groups without support, the least supported first.
 void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) {
+  std::set<int> alone;  // no pair leads out of them
   for (;;) {
     const UsualConflict usual(pairs, groups);
     std::map<int, double> evidence;
     for (int i = 0; i < num_images; ++i) {
       const int group = groups.Of(i);
-      if (evidence.count(group) > 0 || groups.SizeOf(group) == num_images) continue;
+      if (evidence.count(group) > 0 || alone.count(group) > 0) continue;
+      if (groups.SizeOf(group) == num_images) return;
       evidence[group] = SplitEvidence(pairs, num_images, group, usual, groups);
     }
     const auto least = std::min_element(evidence.begin(), evidence.end(),
                                         [](auto& a, auto& b) { return a.second < b.second; });
     if (least == evidence.end() || least->second > 0) return;
-    if (!groups.Dissolve(least->first)) return;
+    if (!groups.Dissolve(least->first)) alone.insert(least->first);
   }
 }
 

@@ -9,15 +9,11 @@
 
 namespace cairn {
 
-int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph) {
-  int num_removed = 0;
+void RemoveWeakEdges(int min_num_inliers, ViewGraph& graph) {
   for (ViewEdge& edge : graph.edges) {
     if (!edge.IsActive() || edge.source == EdgeSource::kDataset) continue;
-    if (edge.num_inliers >= min_num_inliers) continue;
-    edge.removal = EdgeRemoval::kTooFewInliers;
-    ++num_removed;
+    if (edge.num_inliers < min_num_inliers) edge.removal = EdgeRemoval::kTooFewInliers;
   }
-  return num_removed;
 }
 
 std::optional<Eigen::Quaterniond> RelativeRotation(
@@ -56,17 +52,14 @@ std::vector<std::vector<image_t>> ActiveComponents(const ViewGraph& graph) {
   return result;
 }
 
-int KeepImages(std::span<const image_t> image_ids, ViewGraph& graph) {
+void KeepImages(std::span<const image_t> image_ids, ViewGraph& graph) {
   std::vector<image_t> kept(image_ids.begin(), image_ids.end());
   std::sort(kept.begin(), kept.end());
   const auto is_kept = [&](image_t id) { return std::binary_search(kept.begin(), kept.end(), id); };
-  int num_removed = 0;
   for (ViewEdge& edge : graph.edges) {
     if (!edge.IsActive() || (is_kept(edge.image_id1) && is_kept(edge.image_id2))) continue;
     edge.removal = EdgeRemoval::kOtherComponent;
-    ++num_removed;
   }
-  return num_removed;
 }
 
 ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewEdge> edges,

@@ -25,7 +25,7 @@ void BM_RotationAveraging(benchmark::State& state) {
   const ViewGraphProblem problem =
       LandmarkProblem(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
   std::vector<RotationEdge> edges;
-  testing::Rotations truth;
+  Rotations truth;
   for (const ViewEdge& e : problem.graph.edges) {
     edges.push_back({e.image_id1, e.image_id2, e.cam2_from_cam1.rotation,
                      static_cast<double>(std::max(1, e.num_inliers))});
@@ -33,8 +33,7 @@ void BM_RotationAveraging(benchmark::State& state) {
   for (const auto& [id, pose] : problem.cam_from_world) truth[id] = pose.rotation;
   RotationAveragingReport report;
   for (auto _ : state) report = AverageRotations(edges);
-  const auto summary =
-      testing::Summarize(testing::AlignedRotationErrorsDeg(report.cam_from_world, truth));
+  const auto summary = Summarize(AlignedRotationErrorsDeg(report.cam_from_world, truth));
   state.counters["median_deg"] = summary.median;
   state.counters["mean_deg"] = summary.mean;
   state.counters["below_5deg"] = summary.FractionBelow(5);
@@ -68,8 +67,7 @@ std::vector<PointDirections> LandmarkTracks(const ViewGraphProblem& problem) {
       PointDirections track;
       for (const image_t camera : seen_by) {
         const Eigen::Vector3d c = problem.cam_from_world.at(camera).Center();
-        const Eigen::Vector3d d =
-            testing::DirectionScene::Disturbed((X - c).normalized(), 0.1, rng);
+        const Eigen::Vector3d d = DirectionScene::Disturbed((X - c).normalized(), 0.1, rng);
         track.rays.push_back({camera, rng.Uniform() < 0.1 ? RandomDirection(rng) : d});
       }
       tracks.push_back(track);
@@ -90,13 +88,13 @@ void BM_TranslationAveraging(benchmark::State& state) {
   if (state.range(2)) tracks = LandmarkTracks(problem);
   TranslationAveragingReport report;
   for (auto _ : state) report = AverageTranslations(edges, tracks);
-  testing::Centers truth;
+  Centers truth;
   for (const auto& [id, pose] : problem.cam_from_world) truth[id] = pose.Center();
   state.counters["cameras"] = static_cast<double>(report.centers.size());
   state.counters["iterations"] = report.num_iterations;
   state.counters["filtered"] = report.num_filtered;
   if (report.centers.size() < 3) return;
-  std::vector<double> errors = testing::RelativeCenterErrors(report.centers, truth);
+  std::vector<double> errors = RelativeCenterErrors(report.centers, truth);
   std::sort(errors.begin(), errors.end());
   state.counters["median_error"] = errors[errors.size() / 2];
   state.counters["error_99"] = errors[errors.size() * 99 / 100];

@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "cairn/evaluation/error_statistics.h"
 #include "cairn/features/features.h"
 
 namespace cairn {
@@ -94,10 +95,8 @@ void CountMatches(const Features& here, const Features& there, const Warp& warp,
   }
 }
 
-double Median(std::vector<double> values) {
-  if (values.empty()) return NAN;
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
+double MedianOrNan(const std::vector<double>& values) {
+  return values.empty() ? NAN : Median(values);
 }
 
 void Run(const std::vector<Bitmap>& photographs) {
@@ -120,8 +119,8 @@ void Run(const std::vector<Bitmap>& photographs) {
       }
     }
     std::printf("| %.1f | %d | %zu | %.2f | %.3f | %.3f | %.0f |\n", tilt, counts.num_matches,
-                counts.errors_px.size(), Median(counts.errors_px), Median(counts.scale_errors),
-                Median(counts.shape_errors),
+                counts.errors_px.size(), MedianOrNan(counts.errors_px),
+                MedianOrNan(counts.scale_errors), MedianOrNan(counts.shape_errors),
                 1e3 * static_cast<double>(clocks) / CLOCKS_PER_SEC /
                     static_cast<double>(2 * std::size(kAngles) * photographs.size()));
   }

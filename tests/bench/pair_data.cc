@@ -5,7 +5,7 @@
 #include "cairn/depth/depth_network.h"
 #include "cairn/depth/sample_depth.h"
 #include "cairn/image/bitmap.h"
-#include "database/own_matches.h"
+#include "database/match_origins.h"
 
 namespace cairn::bench {
 
@@ -39,9 +39,9 @@ PairData ReadPairData(const std::string& database_path) {
     to.camera = cameras.at(image.camera_id);
     to.keypoints = database.ReadKeypoints(image.image_id).value();
   }
-  const OwnMatches own_matches(database);
+  const MatchOrigins origins(database);
   for (const image_pair_t id : database.ReadMatchedPairIds()) {
-    data.are_best_first.push_back(own_matches.Contains(id));
+    data.are_best_first.push_back(origins.AreOurs(id));
     data.pairs.emplace_back(id, database.ReadMatches(id).value());
   }
   return data;
@@ -65,8 +65,8 @@ void ReadDepth(const std::string& source, const std::string& image_path,
       if (!path) continue;
       map = ReadDepthMap(*path, options);
     }
-    image.depth = SampleDepth(map, image.camera.width, image.camera.height, image.keypoints,
-                              options.Windows());
+    image.depth =
+        SampleDepth(map, image.camera.width, image.camera.height, image.keypoints, options);
   }
 }
 

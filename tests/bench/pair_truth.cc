@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "cairn/base/error.h"
+#include "cairn/evaluation/error_statistics.h"
 #include "cairn/io/model.h"
 #include "cairn/math/angles.h"
 
@@ -20,28 +21,6 @@ std::string SceneOf(const std::string& name) {
 std::string SiteOf(const std::string& scene) {
   const std::string site = scene.substr(0, scene.find('-'));
   return site == "entry" || site == "castle" ? "fountain" : site;
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  std::sort(values.begin(), values.end());
-  const size_t n = values.size();
-  return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
-}
-
-// Area under the recall curve up to a threshold, percent.
-double Auc(std::vector<double> errors, double threshold) {
-  if (errors.empty()) return 0.0;
-  std::sort(errors.begin(), errors.end());
-  double area = 0.0, last_error = 0.0, last_recall = 0.0;
-  for (size_t i = 0; i < errors.size() && errors[i] <= threshold; ++i) {
-    const double recall = static_cast<double>(i + 1) / static_cast<double>(errors.size());
-    area += 0.5 * (recall + last_recall) * (errors[i] - last_error);
-    last_error = errors[i];
-    last_recall = recall;
-  }
-  area += last_recall * (threshold - last_error);
-  return 100.0 * area / threshold;
 }
 
 }  // namespace
@@ -91,10 +70,10 @@ Scores ScoreResults(const std::map<std::string, Rigid3d>& truth, int min_inliers
     scores.num_wrong += accepted && result.error_deg > kWrongDeg;
     errors.push_back(result.error_deg);
   }
-  scores.auc1 = Auc(errors, 1.0);
-  scores.auc5 = Auc(errors, 5.0);
-  scores.auc10 = Auc(errors, 10.0);
-  scores.auc20 = Auc(errors, 20.0);
+  scores.auc1 = 100.0 * RecallAuc(errors, 1.0);
+  scores.auc5 = 100.0 * RecallAuc(errors, 5.0);
+  scores.auc10 = 100.0 * RecallAuc(errors, 10.0);
+  scores.auc20 = 100.0 * RecallAuc(errors, 20.0);
   scores.median_ms_true = Median(ms_true);
   scores.median_ms_false = Median(ms_false);
   return scores;

@@ -22,7 +22,7 @@ constexpr int kNumInstances = 10000;
 struct Instance {
   Rigid3d cam2_from_cam1;
   double depth_scale;
-  std::vector<test::Patch> patches;
+  std::vector<Patch> patches;
 };
 
 const std::vector<Instance>& Instances() {
@@ -30,7 +30,7 @@ const std::vector<Instance>& Instances() {
     std::vector<Instance> all;
     Rng rng(1);
     for (int i = 0; i < kNumInstances; ++i) {
-      const test::TwoViewScene scene = test::RandomScene(rng, 8);
+      const TwoViewScene scene = RandomScene(rng, 8);
       all.push_back({scene.cam2_from_cam1, scene.depth_scale, scene.patches});
     }
     return all;
@@ -39,17 +39,17 @@ const std::vector<Instance>& Instances() {
 }
 
 template <class Sample>
-Sample Convert(const test::Patch& patch);
+Sample Convert(const Patch& patch);
 template <>
-PointCorrespondence Convert(const test::Patch& patch) {
+PointCorrespondence Convert(const Patch& patch) {
   return patch.points();
 }
 template <>
-AffineCorrespondence Convert(const test::Patch& patch) {
+AffineCorrespondence Convert(const Patch& patch) {
   return patch.affine;
 }
 template <>
-LiftedCorrespondence Convert(const test::Patch& patch) {
+LiftedCorrespondence Convert(const Patch& patch) {
   return patch.lifted;
 }
 
@@ -93,7 +93,7 @@ void BM_Solver(benchmark::State& state) {
     for (int i = 0; i < count; ++i) {
       const Eigen::Matrix3d M = MatrixOf(models[i]);
       num_valid += IsValid(M, instance, Solver::kSampleSize);
-      error = std::min(error, test::HomogeneousError(M, truth));
+      error = std::min(error, HomogeneousError(M, truth));
     }
     num_solutions += count;
     if (!(error < 1e-6)) continue;

@@ -19,7 +19,10 @@ constexpr const char* kBlobColumns[][2] = {{"keypoints", "data"},
                                            {"two_view_geometries", "E"},
                                            {"two_view_geometries", "H"},
                                            {"two_view_geometries", "qvec"},
-                                           {"two_view_geometries", "tvec"}};
+                                           {"two_view_geometries", "tvec"},
+                                           {"cairn_pair_metrics", "qvec"},
+                                           {"cairn_pair_metrics", "tvec"},
+                                           {"cairn_polarities", "data"}};
 
 // A database of two images and a pair, and beside it the connection that changes it.
 struct SmallDatabase {
@@ -37,6 +40,7 @@ struct SmallDatabase {
     }
     database.WriteMatches(pair, {{0, 0}});
     database.WriteTwoViewGeometry(pair, {});
+    database.WritePairMetrics({.pair_id = pair, .verifier = "five_point"});
     CAIRN_CHECK_EQ(sqlite3_open(database.path().c_str(), &connection), SQLITE_OK);
     sqlite3_exec(connection, "PRAGMA synchronous = OFF;", nullptr, nullptr, nullptr);
   }
@@ -45,7 +49,7 @@ struct SmallDatabase {
   void Change(const char* const (&column)[2], Bytes bytes) {
     const std::string table = column[0];
     const int64_t rows = bytes.Take<int32_t>(), cols = bytes.Take<int8_t>();
-    const bool is_matrix = std::string_view(column[1]) == "data";
+    const bool is_matrix = std::string_view(column[1]) == "data" && table != "cairn_polarities";
     const std::string sql = "UPDATE " + table + " SET " +
                             (is_matrix ? "rows = ?1, cols = ?2, " : "") + column[1] + " = ?3" +
                             (table == "cameras" ? ", model = ?1" : "");
@@ -117,6 +121,7 @@ void FuzzDatabaseBlobs(std::string_view input) {
   } else {
     ReadImageRows(small.database, 1);
     ReadPairRows(small.database, small.pair);
+    ReadOrRefuse([&] { small.database.ReadPairMetrics(); });
   }
 }
 

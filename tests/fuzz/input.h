@@ -33,7 +33,7 @@ class Scratch {
   const std::string& path() const { return folder_.path(); }
 
  private:
-  testing::TempFolder folder_;
+  TempFolder folder_;
 };
 
 // The line between two files of one input.

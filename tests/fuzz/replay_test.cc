@@ -1,6 +1,4 @@
 // Every input of the corpus, and every finding that the fuzzers ever made, through its target.
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <ostream>
@@ -8,10 +6,10 @@
 #include "cairn/base/file.h"
 #include "cairn/base/timer.h"
 #include "fuzz/targets.h"
+#include "support/test.h"
 
 namespace cairn::fuzz {
 namespace {
-
 namespace fs = std::filesystem;
 
 constexpr double kMaxSeconds = 10;  // of one input

@@ -1,7 +1,4 @@
 // Photographs that join a folder, or leave it, after the database and the model were made.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -9,15 +6,11 @@
 #include "cairn/base/file.h"
 #include "cairn/io/colmap_model.h"
 #include "integration/scene_files.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
-using testing::ProgramResult;
-using testing::RunProgram;
-using testing::SceneFiles;
 
 // The value of a stage in a report.json.
 double ValueOf(const std::string& report, const std::string& stage, const std::string& key) {

@@ -1,7 +1,5 @@
 // Photographs to models through the two programs, on every collection of ../shared/data, against
 // the poses that come with it. One thread each, since ctest runs several.
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -14,13 +12,11 @@
 #include "support/run_program.h"
 #include "support/shared_data.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
-using testing::RunProgram;
-using testing::SharedDataPath;
 
 // What is known of the cameras: nothing, that all photographs are of one, or its intrinsics, too.
 enum class Cameras { kUnknown, kOne, kGiven };
@@ -109,7 +105,7 @@ TEST_P(CollectionTest, IsReconstructed) {
   for (const std::string& folder : collection.folders) {
     if (!fs::exists(SharedDataPath(folder))) GTEST_SKIP() << SharedDataPath(folder) << " is absent";
   }
-  const testing::TempFolder work;
+  const TempFolder work;
   const std::vector<PosedCameras> references = LinkPhotos(collection, work / "images");
   std::vector<std::string> build = {"--image_path",
                                     work / "images",
@@ -124,9 +120,9 @@ TEST_P(CollectionTest, IsReconstructed) {
   if (!collection.photos.are_small) build.insert(build.end(), {"--features.first_octave", "0"});
   const std::vector<std::string> cameras = CameraOptions(collection);
   build.insert(build.end(), cameras.begin(), cameras.end());
-  const testing::ProgramResult built = RunProgram("build_view_graph", build);
+  const ProgramResult built = RunProgram("build_view_graph", build);
   ASSERT_EQ(built.exit_code, 0) << built.output;
-  const testing::ProgramResult reconstructed = RunProgram(
+  const ProgramResult reconstructed = RunProgram(
       "global_sfm", {"reconstruct", "--database_path", work / "scene.db", "--output_path",
                      work / "out", "--num_threads", "1", "--reconstruct.colors", "0"});
   ASSERT_EQ(reconstructed.exit_code, 0) << reconstructed.output;

@@ -1,6 +1,4 @@
 // Debian's colmap 3.8 reads what we write. Skipped where it is not installed.
-#include <gtest/gtest.h>
-
 #include <cstdlib>
 #include <regex>
 #include <set>
@@ -8,14 +6,10 @@
 #include "cairn/base/file.h"
 #include "cairn/io/colmap_model.h"
 #include "integration/scene_files.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing::ProgramResult;
-using testing::RunExecutable;
-using testing::RunProgram;
-using testing::SceneFiles;
 
 ProgramResult RunColmap(const std::vector<std::string>& arguments) {
   setenv("QT_QPA_PLATFORM", "offscreen", 1);

@@ -1,15 +1,11 @@
 // The presets in configs/ hold known keys and valid values.
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "integration/scene_files.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing::ProgramResult;
-using testing::SceneFiles;
 
 TEST(Configs, EveryPresetIsAccepted) {
   const SceneFiles scene;
@@ -18,7 +14,7 @@ TEST(Configs, EveryPresetIsAccepted) {
     const std::string name = entry.path().filename();
     const std::string database = scene / (name + ".db");
     // Enough to read the options: they are checked before anything is computed.
-    const ProgramResult result = testing::RunProgram(
+    const ProgramResult result = RunProgram(
         "build_view_graph",
         {"--config", entry.path(), "--image_path", scene / "nowhere", "--database_path", database});
     EXPECT_EQ(result.exit_code, 3) << name << ": " << result.output;

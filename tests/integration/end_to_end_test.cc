@@ -1,23 +1,19 @@
 // The whole road through the programs: rendered photographs with distractors, to a model near the
 // truth.
-#include <gmock/gmock.h>
-
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "cairn/base/file.h"
+#include "cairn/database/database.h"
 #include "cairn/io/colmap_model.h"
 #include "integration/scene_files.h"
 #include "support/check_consistency.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::ProgramResult;
-using testing::RunProgram;
-using testing::SceneFiles;
 
 ProgramResult Reconstruct(const SceneFiles& scene, const std::string& output,
                           const std::vector<std::string>& others = {}) {
@@ -47,7 +43,7 @@ TEST(EndToEnd, TheModelIsNearTheTruthAndHasNoDistractor) {
     EXPECT_TRUE(std::filesystem::exists(output + "/" + file)) << file;
   }
   const Reconstruction model = ReadColmapModel(output + "/sparse/0");
-  testing_support::CheckConsistency(model);
+  CheckConsistency(model);
   EXPECT_EQ(model.images.size(), 8u);
   for (const auto& [id, image] : model.images) {
     EXPECT_EQ(image.image.name.rfind("image", 0), 0u) << image.image.name << " is a distractor";
@@ -70,9 +66,9 @@ TEST(EndToEnd, ProcessesBesideTheFirstHaveNothingToDo) {
   const SceneFiles scene;
   for (const std::string rank : {"0", "1"}) {
     const ProgramResult result =
-        testing::RunExecutable("env", {"OMPI_COMM_WORLD_SIZE=2", "OMPI_COMM_WORLD_RANK=" + rank,
-                                       std::string(CAIRN_BINARY_DIR) + "/bin/global_sfm", "inspect",
-                                       "--database_path", scene.database()});
+        RunExecutable("env", {"OMPI_COMM_WORLD_SIZE=2", "OMPI_COMM_WORLD_RANK=" + rank,
+                              std::string(CAIRN_BINARY_DIR) + "/bin/global_sfm", "inspect",
+                              "--database_path", scene.database()});
     EXPECT_EQ(result.exit_code, 0) << result.output;
     const auto is_said = HasSubstr("rank 1 ends");
     EXPECT_THAT(result.output, rank == "1" ? is_said : HasSubstr("images"));
@@ -144,6 +140,79 @@ TEST(EndToEnd, ExportWritesEveryType) {
   const Reconstruction text = ReadColmapModel(scene / "export_colmap_txt");
   EXPECT_EQ(binary.images.size(), text.images.size());
   EXPECT_EQ(binary.points3D.size(), text.points3D.size());
+}
+
+TEST(EndToEnd, InspectWritesPairsAndTheViewGraph) {
+  const SceneFiles scene;
+  const auto inspect = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"inspect", "--database_path", scene.database()});
+    return RunProgram("global_sfm", arguments);
+  };
+  const ProgramResult result = inspect({"--pairs_csv", scene / "pairs.csv", "--graph_json",
+                                        scene / "graph.json", "--graph_dot", scene / "graph.dot"});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  const nlohmann::json graph = nlohmann::json::parse(ReadFile(scene / "graph.json"));
+  EXPECT_THAT(result.output,
+              HasSubstr("10 images, " + std::to_string(graph["edges"].size()) + " edges, "));
+  EXPECT_EQ(LinesWith(ReadFile(scene / "graph.dot"), " -- ").size(), graph["edges"].size());
+  const std::string pairs = ReadFile(scene / "pairs.csv");
+  // Of all pairs with matches or results.
+  EXPECT_GE(LinesWith(pairs, ".jpg,").size(), graph["edges"].size());
+  EXPECT_LE(LinesWith(pairs, ".jpg,").size(), 45u);
+  // The chosen results are the cascade's, the only verifier here.
+  EXPECT_EQ(inspect({"--pairs_csv", scene / "of.csv", "--pairs_verifier", "cascade"}).exit_code, 0);
+  EXPECT_EQ(LinesWith(ReadFile(scene / "of.csv"), ".jpg,").size(),
+            LinesWith(pairs, ".jpg,").size());
+  const ProgramResult other =
+      inspect({"--pairs_csv", scene / "of.csv", "--pairs_verifier", "five_point"});
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.output, HasSubstr("the database has cascade"));
+}
+
+TEST(EndToEnd, SynthesizeFillsADatabaseUpToAStage) {
+  const TempFolder folder;
+  // Images with depth, pairs with matches, pairs with geometries.
+  const std::pair<std::string, std::vector<bool>> contents[] = {
+      {"features", {false, false, false}},
+      {"depth", {true, false, false}},
+      {"matches", {true, true, false}},
+      {"two_view_geometries", {true, true, true}}};
+  for (const auto& [content, expected] : contents) {
+    const std::string path = folder / content;
+    const ProgramResult result =
+        RunProgram("global_sfm", {"synthesize", "--type", "database", "--content", content,
+                                  "--num_images", "4", "--output_path", path});
+    ASSERT_EQ(result.exit_code, 0) << result.output;
+    const Database database(path + "/scene.db", Database::Mode::kReadOnly);
+    EXPECT_EQ(database.ReadNumKeypoints().size(), 4u);
+    EXPECT_EQ(
+        std::vector<bool>({!database.ReadNumDepthSamples().empty(),
+                           !database.ReadNumMatches().empty(), !database.ReadNumInliers().empty()}),
+        expected)
+        << content;
+  }
+}
+
+// A Bundler file whose list is elsewhere: without it, it cannot be read.
+TEST(EndToEnd, ListsOfBundlerFilesCanBeNamed) {
+  const SceneFiles scene;
+  const std::string bundle = scene.ExportBundler(), list = scene / "names.txt";
+  std::filesystem::rename(scene / "bundler/list.txt", list);
+  for (std::vector<std::string> arguments :
+       {std::vector<std::string>{"inspect", "--model_path", bundle, "--model_list", list},
+        {"export", "--model_path", bundle, "--output_path", scene / "model.ply", "--output_type",
+         "ply", "--model_list", list},
+        {"evaluate", "--model_path", bundle, "--model_list", list, "--reference_path",
+         SceneFiles::truth()},
+        {"evaluate", "--model_path", SceneFiles::truth(), "--reference_path", bundle,
+         "--reference_list", list}}) {
+    const ProgramResult result = RunProgram("global_sfm", arguments);
+    EXPECT_EQ(result.exit_code, 0) << arguments[0] << result.output;
+    const auto flag = std::find_if(arguments.begin(), arguments.end(),
+                                   [](const std::string& a) { return a.ends_with("_list"); });
+    arguments.erase(flag, flag + 2);
+    EXPECT_EQ(RunProgram("global_sfm", arguments).exit_code, 3) << arguments[0];
+  }
 }
 
 // As README has it for MeshLab: the names in list.txt are those of the images beside it.

@@ -1,19 +1,14 @@
 // The programs of apps/examples, on data with known truth.
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <fstream>
 
 #include "cairn/io/colmap_model.h"
 #include "integration/scene_files.h"
+#include "support/test.h"
 #include "support/two_view_problem.h"
 
 namespace cairn {
 namespace {
-
-using testing::ProgramResult;
-using testing::RunExecutable;
-using testing::SceneFiles;
 
 ProgramResult RunExample(const std::string& name, const std::vector<std::string>& arguments) {
   return RunExecutable(CAIRN_BINARY_DIR "/examples/" + name, arguments);
@@ -30,7 +25,7 @@ double Degrees(const Eigen::Matrix3d& R) { return Eigen::AngleAxisd(R).angle() *
 TEST(Examples, VerifyPairFindsThePose) {
   const TwoViewProblem problem =
       MakeTwoViewProblem({.outlier_ratio = 0.4, .noise = {.image_px = 0.3, .affine = 0.05}}, 1);
-  const testing::TempFolder folder;
+  const TempFolder folder;
   std::ofstream file(folder / "pair.txt");
   for (const Camera* camera : {&problem.camera1, &problem.camera2}) {
     file << camera->width << " " << camera->height << " " << camera->FocalX() << "\n";
@@ -50,25 +45,31 @@ TEST(Examples, VerifyPairFindsThePose) {
   EXPECT_EQ(RunExample("verify_pair", {folder / "nothing.txt"}).exit_code, 2);
 }
 
+// The example, and the program's own command.
 TEST(Examples, AverageRotationsAgreesWithTheTruth) {
-  const testing::TempFolder folder;
-  ASSERT_EQ(testing::RunProgram("global_sfm", {"synthesize", "--type", "graph", "--num_images",
-                                               "40", "--output_path", folder / "graph"})
+  const TempFolder folder;
+  ASSERT_EQ(RunProgram("global_sfm", {"synthesize", "--type", "graph", "--num_images", "40",
+                                      "--output_path", folder / "graph"})
                 .exit_code,
             0);
-  const ProgramResult result =
-      RunExample("average_rotations", {folder / "graph/EGs.txt", folder / "rotations.txt"});
-  ASSERT_EQ(result.exit_code, 0) << result.output;
-  std::ifstream file(folder / "rotations.txt"), truth(folder / "graph/reference_rotations.txt");
-  Eigen::Matrix3d world_from_truth;
-  int id = 0, true_id = 0, num_images = 0;
-  while (file >> id && truth >> true_id) {
-    ASSERT_EQ(id, true_id);
-    const Eigen::Matrix3d difference = ReadMatrix(file).transpose() * ReadMatrix(truth);
-    if (num_images++ == 0) world_from_truth = difference;
-    EXPECT_LT(Degrees(world_from_truth.transpose() * difference), 1.0);
+  for (const ProgramResult& result :
+       {RunExample("average_rotations", {folder / "graph/EGs.txt", folder / "0.txt"}),
+        RunProgram("global_sfm", {"rotation_averaging", "--edges_path", folder / "graph/edges.txt",
+                                  "--output_path", folder / "1.txt"})}) {
+    ASSERT_EQ(result.exit_code, 0) << result.output;
   }
-  EXPECT_EQ(num_images, 40);
+  for (const char* name : {"0.txt", "1.txt"}) {
+    std::ifstream file(folder / name), truth(folder / "graph/reference_rotations.txt");
+    Eigen::Matrix3d world_from_truth;
+    int id = 0, true_id = 0, num_images = 0;
+    while (file >> id && truth >> true_id) {
+      ASSERT_EQ(id, true_id);
+      const Eigen::Matrix3d difference = ReadMatrix(file).transpose() * ReadMatrix(truth);
+      if (num_images++ == 0) world_from_truth = difference;
+      EXPECT_LT(Degrees(world_from_truth.transpose() * difference), 1.0) << name;
+    }
+    EXPECT_EQ(num_images, 40) << name;
+  }
 }
 
 TEST(Examples, ReconstructWritesAColmapModel) {

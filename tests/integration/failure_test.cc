@@ -1,24 +1,14 @@
 // Each kind of broken input gives one clear line with the file and the reason, and the rest goes
 // on.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "cairn/database/database.h"
 #include "integration/scene_files.h"
 #include "support/database_dump.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-using testing::LinesWith;
-using testing::ProgramResult;
-using testing::RunProgram;
-using testing::SceneFiles;
-using ::testing::SizeIs;
 
 void WriteText(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;

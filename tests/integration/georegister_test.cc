@@ -1,7 +1,4 @@
 // Where on Earth a model is, by the program.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <Eigen/Core>
 #include <cmath>
 #include <fstream>
@@ -13,14 +10,10 @@
 #include "cairn/io/colmap_model.h"
 #include "cairn/math/angles.h"
 #include "integration/scene_files.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::ProgramResult;
-using testing::RunProgram;
-using testing::SceneFiles;
 
 // Positions around 47 degrees north, 11.12 m for a unit of the true model; the last but one may be
 // wrong.
@@ -158,14 +151,9 @@ TEST(Georegister, WithoutAnOutputPathNothingIsWritten) {
 TEST(Georegister, BundlerGetsItsSizesFromThePhotographs) {
   const SceneFiles scene;
   WritePositions(ReadColmapModel(SceneFiles::truth()), scene / "gps.txt", false);
-  ASSERT_EQ(
-      RunProgram("global_sfm", {"export", "--model_path", SceneFiles::truth(), "--output_path",
-                                scene / "theirs", "--output_type", "bundler"})
-          .exit_code,
-      0);
-  std::vector<std::string> arguments = {
-      "georegister",   "--model_path", scene / "theirs/bundle.out", "--gps_path", scene / "gps.txt",
-      "--output_path", scene / "enu"};
+  std::vector<std::string> arguments = {"georegister", "--model_path",    scene.ExportBundler(),
+                                        "--gps_path",  scene / "gps.txt", "--output_path",
+                                        scene / "enu"};
   const ProgramResult refused = RunProgram("global_sfm", arguments);
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_THAT(refused.output, HasSubstr("image_path: the model has no image sizes"));

@@ -1,7 +1,5 @@
 // build_view_graph under mpirun: the database is the same for any number of ranks, whichever of
 // them were killed before.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -11,15 +9,11 @@
 #include "cairn/base/timer.h"
 #include "integration/scene_files.h"
 #include "support/database_dump.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
-using testing::LinesWith;
-using testing::ProgramResult;
-using testing::SceneFiles;
 
 const char* const kProgram = CAIRN_BINARY_DIR "/bin/build_view_graph";
 
@@ -45,7 +39,7 @@ class Mpi : public ::testing::Test {
     std::vector<std::string> arguments = {"--oversubscribe", "--bind-to", "none", "-n",
                                           std::to_string(num_ranks)};
     arguments.insert(arguments.end(), command.begin(), command.end());
-    return testing::RunExecutable("mpirun", arguments);
+    return RunExecutable("mpirun", arguments);
   }
 
   std::vector<std::string> Command(const std::string& database) const {

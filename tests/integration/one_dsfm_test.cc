@@ -1,7 +1,5 @@
 // 1DSfM data sets through the programs: a scene written as one and read back, with and without its
 // photographs, and what is broken in its files.
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -9,14 +7,10 @@
 #include "cairn/io/colmap_model.h"
 #include "integration/scene_files.h"
 #include "support/shared_data.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing::ProgramResult;
-using testing::RunProgram;
-using testing::SceneFiles;
-using testing::TempFolder;
 
 // Runs a program that has to succeed.
 void Succeed(const std::string& program, const std::vector<std::string>& arguments) {
@@ -127,7 +121,7 @@ TEST_F(OneDsfmFolder, NamesFileAndLineOfWhatIsBroken) {
 
 // What the issue asks of a real scene: at most 2 below the direct reconstruction at 1 degree.
 TEST(OneDsfmData, FountainIsReadBackAsAccurately) {
-  const std::string scene = testing::SharedDataPath("strecha/fountain-P11");
+  const std::string scene = SharedDataPath("strecha/fountain-P11");
   if (!std::filesystem::exists(scene)) GTEST_SKIP() << scene << " is absent";
   std::string intrinsics = ReadFile(scene + "/pinhole_fx_fy_cx_cy.txt");
   intrinsics.erase(intrinsics.find_last_not_of(" \n") + 1);
@@ -155,7 +149,7 @@ TEST(OneDsfmData, FountainIsReadBackAsAccurately) {
 
 // The real relative poses of Madrid_Metropolis, of which three loops of four do not close.
 TEST(OneDsfmData, MadridMetropolisFromItsRelativePosesAlone) {
-  const std::string folder = testing::SharedDataPath("1dsfm/Madrid_Metropolis");
+  const std::string folder = SharedDataPath("1dsfm/Madrid_Metropolis");
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is absent";
   const TempFolder out;
   Succeed("build_view_graph", {"--dataset_path", folder, "--database_path", out / "madrid.db"});

@@ -1,12 +1,11 @@
 // The commands that README gives for one's own photographs, as they stand there.
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <sstream>
 
 #include "cairn/base/file.h"
 #include "cairn/io/colmap_model.h"
 #include "integration/scene_files.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -25,15 +24,15 @@ std::vector<std::string> Commands() {
 
 TEST(Readme, ThreeCommandsLeadFromPhotographsToSplatsAndAReport) {
   namespace fs = std::filesystem;
-  const testing::SceneFiles scene;
+  const SceneFiles scene;
   fs::create_directory_symlink(scene.images(), scene / "photos");
   fs::create_directory_symlink(CAIRN_BINARY_DIR, scene / "build");
   fs::remove(scene.database());
   const std::vector<std::string> commands = Commands();
   ASSERT_EQ(commands.size(), 3u);
   for (const std::string& command : commands) {
-    const testing::ProgramResult result =
-        testing::RunExecutable("sh", {"-c", "cd '" + (scene / "") + "' && " + command});
+    const ProgramResult result =
+        RunExecutable("sh", {"-c", "cd '" + (scene / "") + "' && " + command});
     ASSERT_EQ(result.exit_code, 0) << command << "\n" << result.output;
   }
   EXPECT_TRUE(ReadFile(scene / "model/report.html").starts_with("<!doctype html>"));

@@ -1,15 +1,11 @@
 // The database is the same for any number of threads, and however often the program was killed.
-#include <gtest/gtest.h>
-
 #include "cairn/base/timer.h"
 #include "integration/scene_files.h"
 #include "support/database_dump.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing::ProgramResult;
-using testing::SceneFiles;
 
 TEST(Determinism, EqualDumpsForAnyNumberOfThreads) {
   const SceneFiles scene;
@@ -41,28 +37,17 @@ TEST(Determinism, EqualDumpsAfterKills) {
   EXPECT_TRUE(DumpDatabase(database) == reference);
 }
 
-TEST(Determinism, StoppingAfterEachStageIsTheSameAsOneRun) {
-  const SceneFiles scene;
-  const std::string database = scene / "stages.db";
-  for (const std::string stage : {"features", "depth", "matching", "verification"}) {
-    const ProgramResult result = scene.BuildViewGraph(database, {"--stop_after", stage});
-    ASSERT_EQ(result.exit_code, 0) << result.output;
-  }
-  EXPECT_TRUE(DumpDatabase(database) == DumpDatabase(scene.database()));
-}
-
 TEST(Determinism, WhatIsNotGivenAgainStaysAsItWas) {
   const SceneFiles scene;
   const std::string database = scene / "continued.db";
   ASSERT_EQ(scene.BuildViewGraph(database, {"--stop_after", "matching"}).exit_code, 0);
-  const ProgramResult result =
-      testing::RunProgram("build_view_graph", {"--database_path", database});
+  const ProgramResult result = RunProgram("build_view_graph", {"--database_path", database});
   ASSERT_EQ(result.exit_code, 0) << result.output;
   EXPECT_TRUE(DumpDatabase(database) == DumpDatabase(scene.database()));
   // Stages that are computed again are not bound by it, those before them are.
-  const ProgramResult again = testing::RunProgram(
-      "build_view_graph", {"--database_path", database, "--recompute", "verification",
-                           "--verification.min_num_inliers", "40"});
+  const ProgramResult again =
+      RunProgram("build_view_graph", {"--database_path", database, "--recompute", "verification",
+                                      "--verification.min_num_inliers", "40"});
   EXPECT_EQ(again.exit_code, 0) << again.output;
 }
 
@@ -74,7 +59,7 @@ TEST(Determinism, WhatIsComputedAgainKeepsOptionsThatAreNotGiven) {
                  "--matching.max_ratio", "0.7", "--verifier", "five_point"});
   ASSERT_EQ(first.exit_code, 0) << first.output;
   const std::string dump = DumpDatabase(database);
-  const ProgramResult again = testing::RunProgram(
+  const ProgramResult again = RunProgram(
       "build_view_graph", {"--image_path", scene.images(), "--depth_path", scene / "depth",
                            "--database_path", database, "--recompute", "features"});
   ASSERT_EQ(again.exit_code, 0) << again.output;

@@ -6,8 +6,9 @@
 
 #include "support/run_program.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
-namespace cairn::testing {
+namespace cairn {
 
 // A copy of the rendered scene (8 images and 2 distractors) and of its database, which a test may
 // change: images/, depth/, scene.db. truth() is the original.
@@ -39,6 +40,14 @@ class SceneFiles {
     arguments.insert(arguments.end(), others.begin(), others.end());
     return RunProgram("build_view_graph", arguments, kill_after_seconds);
   }
+  // Writes the true model as a Bundler file and returns its path; list.txt is beside it.
+  std::string ExportBundler() const {
+    const ProgramResult result =
+        RunProgram("global_sfm", {"export", "--model_path", truth(), "--output_path",
+                                  folder_ / "bundler", "--output_type", "bundler"});
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    return folder_ / "bundler/bundle.out";
+  }
 
  private:
   TempFolder folder_;
@@ -56,4 +65,4 @@ inline std::vector<std::string> LinesWith(const std::string& output, const std::
   return lines;
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

@@ -2,7 +2,6 @@
 
 https://www.w3.org/TR/webdriver2/
 """
-import base64
 import json
 import shutil
 import socket
@@ -113,12 +112,3 @@ class Browser:
     def log(self):
         """Messages of the console since the last call."""
         return self._call("POST", self.session + "/se/log", {"type": "browser"})
-
-    def screenshot(self, path, whole_page=False):
-        params = {"format": "png", "captureBeyondViewport": whole_page}
-        if whole_page:
-            width, height = self.run("return [document.documentElement.clientWidth, document.documentElement.scrollHeight]")
-            params["clip"] = {"x": 0, "y": 0, "width": width, "height": height, "scale": 1}
-        shot = self._call("POST", self.session + "/goog/cdp/execute", {"cmd": "Page.captureScreenshot", "params": params})
-        with open(path, "wb") as file:
-            file.write(base64.b64decode(shot["data"]))

@@ -5,7 +5,7 @@
 #include "cairn/base/check.h"
 #include "cairn/scene/reconstruction.h"
 
-namespace cairn::testing_support {
+namespace cairn {
 
 // Points refer to observations that refer back, tracks are sorted and distinct,
 // poses and points are finite, cameras exist. Throws BugError.
@@ -35,4 +35,4 @@ inline void CheckConsistency(const Reconstruction& model) {
   }
 }
 
-}  // namespace cairn::testing_support
+}  // namespace cairn

@@ -9,20 +9,12 @@
 
 namespace cairn {
 
-// The rows of a SQL query on a file, values as SQL literals (blobs as X'..', floats to the bit).
-inline std::vector<std::vector<std::string>> RunSql(const std::string& path,
-                                                    const std::string& sql) {
-  sqlite3* db = nullptr;
-  if (sqlite3_open(path.c_str(), &db) != SQLITE_OK) throw std::runtime_error("open " + path);
-  sqlite3_busy_timeout(db, 10000);
-  sqlite3_stmt* statement = nullptr;
-  if (sqlite3_prepare_v2(db, sql.c_str(), -1, &statement, nullptr) != SQLITE_OK) {
-    const std::string message = sqlite3_errmsg(db);
-    sqlite3_close(db);
-    throw std::runtime_error(sql + ": " + message);
-  }
-  std::vector<std::vector<std::string>> rows;
-  while (sqlite3_step(statement) == SQLITE_ROW) {
+using SqlRows = std::vector<std::vector<std::string>>;
+
+// Runs one statement, adds its rows, and returns what sqlite3_step returned last.
+inline int StepSql(sqlite3_stmt* statement, SqlRows& rows) {
+  int code = SQLITE_DONE;  // of no statement: a comment, or blanks
+  while (statement != nullptr && (code = sqlite3_step(statement)) == SQLITE_ROW) {
     std::vector<std::string>& row = rows.emplace_back();
     for (int i = 0; i < sqlite3_column_count(statement); ++i) {
       const auto* text = static_cast<const char*>(sqlite3_column_blob(statement, i));
@@ -51,8 +43,29 @@ inline std::vector<std::vector<std::string>> RunSql(const std::string& path,
       }
     }
   }
-  sqlite3_finalize(statement);
+  return code;
+}
+
+// Runs SQL statements on a file. Returns their rows, values as SQL literals (blobs as X'..', floats
+// to the bit). Throws std::runtime_error where one fails.
+inline SqlRows RunSql(const std::string& path, const std::string& sql) {
+  sqlite3* db = nullptr;
+  int code = sqlite3_open(path.c_str(), &db);
+  sqlite3_busy_timeout(db, 10000);
+  SqlRows rows;
+  for (const char* rest = sql.c_str(); code == SQLITE_OK && *rest != '\0';) {
+    sqlite3_stmt* statement = nullptr;
+    code = sqlite3_prepare_v2(db, rest, -1, &statement, &rest);
+    if (code == SQLITE_OK && StepSql(statement, rows) != SQLITE_DONE) code = SQLITE_ERROR;
+    const std::string message = sqlite3_errmsg(db);
+    sqlite3_finalize(statement);
+    if (code != SQLITE_OK) {
+      sqlite3_close(db);
+      throw std::runtime_error(path + ": " + sql + ": " + message);
+    }
+  }
   sqlite3_close(db);
+  if (code != SQLITE_OK) throw std::runtime_error("open " + path);
   return rows;
 }
 

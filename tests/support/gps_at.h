@@ -5,7 +5,7 @@
 
 #include "cairn/geometry/gps.h"
 
-namespace cairn::testing {
+namespace cairn {
 
 // The inverse of LocalFrame::FromGps, by Newton's method on differences.
 inline GpsPosition GpsAt(const LocalFrame& frame, const Eigen::Vector3d& enu) {
@@ -24,4 +24,4 @@ inline GpsPosition GpsAt(const LocalFrame& frame, const Eigen::Vector3d& enu) {
   return {gps.x(), gps.y(), gps.z()};
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

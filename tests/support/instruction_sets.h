@@ -1,16 +1,19 @@
 #pragma once
 
+#include <gtest/gtest.h>
 #include <hwy/targets.h>
 
 #include <cstdint>
 
-namespace cairn::test {
+namespace cairn {
 
 // Calls check() once with each instruction set of this machine in use by the SIMD kernels.
 template <class Check>
 void ForEachInstructionSet(const Check& check) {
   for (int64_t remaining = hwy::SupportedTargets(); remaining != 0; remaining &= remaining - 1) {
-    hwy::SetSupportedTargetsForTest(remaining & -remaining);
+    const int64_t target = remaining & -remaining;
+    SCOPED_TRACE(hwy::TargetName(target));
+    hwy::SetSupportedTargetsForTest(target);
     hwy::GetChosenTarget().Update(hwy::SupportedTargets());
     check();
   }
@@ -18,4 +21,4 @@ void ForEachInstructionSet(const Check& check) {
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
-}  // namespace cairn::test
+}  // namespace cairn

@@ -3,7 +3,7 @@
 #include "graph/graph.h"
 #include "graph/parallel_rigidity.h"
 
-namespace cairn::testing_support {
+namespace cairn {
 
 inline std::vector<std::vector<int>> ParallelRigidComponents(int num_nodes,
                                                              std::span<const GraphEdge> edges) {
@@ -12,4 +12,4 @@ inline std::vector<std::vector<int>> ParallelRigidComponents(int num_nodes,
   return rigidity.Components();
 }
 
-}  // namespace cairn::testing_support
+}  // namespace cairn

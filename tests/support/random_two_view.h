@@ -11,12 +11,9 @@
 #include "cairn/solvers/affine_frame.h"
 #include "cairn/solvers/one_affine_depth.h"
 #include "cairn/solvers/point_correspondence.h"
+#include "cairn/synthetic/poses.h"
 
-namespace cairn::test {
-
-inline Eigen::Vector3d RandomDirection(Rng& rng) {
-  return Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()).normalized();
-}
+namespace cairn {
 
 // A patch of a surface seen by two pinhole cameras (normalized coordinates) in exact geometry.
 struct Patch {
@@ -93,4 +90,4 @@ inline double HomogeneousError(const Eigen::Matrix3d& a, const Eigen::Matrix3d& 
   return std::min((na - nb).norm(), (na + nb).norm());
 }
 
-}  // namespace cairn::test
+}  // namespace cairn

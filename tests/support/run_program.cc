@@ -15,7 +15,7 @@
 
 #include "support/temp_folder.h"
 
-namespace cairn::testing {
+namespace cairn {
 namespace {
 
 // In the child: both streams go to `log`, then the program replaces this one.
@@ -68,4 +68,4 @@ ProgramResult RunProgram(const std::string& name, const std::vector<std::string>
                        kill_after_seconds);
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

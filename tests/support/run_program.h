@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-namespace cairn::testing {
+namespace cairn {
 
 struct ProgramResult {
   int exit_code = -1;  // 128 + signal, if a signal ended the program
@@ -20,4 +20,4 @@ ProgramResult RunExecutable(const std::string& executable,
                             const std::vector<std::string>& arguments,
                             double kill_after_seconds = 0);
 
-}  // namespace cairn::testing
+}  // namespace cairn

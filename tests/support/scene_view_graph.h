@@ -10,7 +10,7 @@
 #include "cairn/synthetic/scene.h"
 #include "synthetic/visible_points.h"
 
-namespace cairn::testing {
+namespace cairn {
 
 // The edge of two images with these matches, all of them right.
 inline ViewEdge ExactEdge(const SyntheticScene& scene, const RegisteredImage& image1,
@@ -52,4 +52,4 @@ inline ViewGraph MakeViewGraph(const SyntheticScene& scene, size_t min_num_match
   return graph;
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

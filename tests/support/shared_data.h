@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <string>
 
-namespace cairn::testing {
+namespace cairn {
 
 // The folder of real data (../shared/data beside the project), which may be moved by the
 // environment variable CAIRN_SHARED_DIR. Tests skip where what they need is absent.
@@ -12,4 +12,4 @@ inline std::string SharedDataPath(const std::string& name) {
   return std::string(moved ? moved : CAIRN_SHARED_DIR) + "/data/" + name;
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

@@ -7,7 +7,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 
-namespace cairn::testing_support {
+namespace cairn {
 namespace {
 
 Camera MakeCamera(camera_t id, const SyntheticOptions& options, Rng& rng) {
@@ -100,4 +100,4 @@ PoseDifference CompareAligned(const Reconstruction& estimate, const Reconstructi
   return difference;
 }
 
-}  // namespace cairn::testing_support
+}  // namespace cairn

@@ -6,9 +6,8 @@
 #include "cairn/base/run_context.h"
 #include "cairn/scene/reconstruction.h"
 
-namespace cairn::testing_support {
+namespace cairn {
 
-// Bundle adjustment gives the same bytes every time.
 inline const RunContext kOneThread{.num_threads = 1};
 
 struct SyntheticOptions {
@@ -39,4 +38,4 @@ struct PoseDifference {
 };
 PoseDifference CompareAligned(const Reconstruction& estimate, const Reconstruction& truth);
 
-}  // namespace cairn::testing_support
+}  // namespace cairn

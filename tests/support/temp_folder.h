@@ -2,21 +2,17 @@
 
 #include <unistd.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <string>
 
-namespace cairn::testing {
+namespace cairn {
 
 // A fresh folder, removed with everything in it at the end of the test.
 class TempFolder {
  public:
-  // kMemory: in /dev/shm where that is possible, for thousands of small files.
-  enum class Place { kDisk, kMemory };
-  explicit TempFolder(Place place = Place::kDisk) {
-    const bool in_memory = place == Place::kMemory && access("/dev/shm", W_OK) == 0;
-    const std::filesystem::path parent =
-        in_memory ? "/dev/shm" : std::filesystem::temp_directory_path();
-    std::string name = (parent / "cairn_test_").string() + std::string(6, 'X');
+  TempFolder() {
+    std::string name = (Parent() / "cairn_test_").string() + std::string(6, 'X');
     path_ = mkdtemp(name.data());
   }
   ~TempFolder() {
@@ -30,7 +26,14 @@ class TempFolder {
   std::string operator/(const std::string& name) const { return path_ + "/" + name; }
 
  private:
+  // In memory, where nothing waits for a disk; unless TMPDIR says where, or there is little room.
+  static std::filesystem::path Parent() {
+    std::error_code error;
+    const auto space = std::filesystem::space("/dev/shm", error);
+    const bool has_room = !error && space.available > (1 << 30) && access("/dev/shm", W_OK) == 0;
+    return has_room && !std::getenv("TMPDIR") ? "/dev/shm" : std::filesystem::temp_directory_path();
+  }
   std::string path_;
 };
 
-}  // namespace cairn::testing
+}  // namespace cairn

@@ -9,7 +9,7 @@
 #include "cairn/depth/depth_map.h"
 #include "cairn/image/bitmap.h"
 
-namespace cairn::testing {
+namespace cairn {
 
 // A photograph of a flat wall of random blobs, `shift` pixels to the right of the first: photos
 // with near shifts overlap and have features that match.
@@ -44,4 +44,4 @@ inline void WriteNpy(const std::string& path, int width, int height,
   WriteDepthMap(path, {width, height, false, values, {}});
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

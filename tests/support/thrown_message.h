@@ -2,7 +2,7 @@
 
 #include <string>
 
-namespace cairn::testing {
+namespace cairn {
 
 // What the Error that fn throws says; "no error" where it throws none. Others pass through.
 template <class Error, class Fn>
@@ -15,4 +15,4 @@ std::string ThrownMessage(const Fn& fn) {
   return "no error";
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-namespace cairn::testing {
+namespace cairn {
 
 // While it lives, this process has no right to write into a folder that ReadOnly() closed, even
 // where the tests run as root (in a container).
@@ -35,4 +35,4 @@ inline void ReadOnly(const std::filesystem::path& path) {
   std::filesystem::permissions(path, rights);
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

@@ -200,8 +200,7 @@ py::array_t<float> Sample(const Array<float>& depth_map, int width, int height,
   const auto options = ToOptions<DepthOptions>(given);
   const std::vector<float> values(depth_map.data(), depth_map.data() + depth_map.size());
   const DepthMap map = DepthMapFromValues(size.width, size.height, values, options);
-  return FromDepthSamples(
-      SampleDepth(map, width, height, ToKeypoints(keypoints), options.Windows()));
+  return FromDepthSamples(SampleDepth(map, width, height, ToKeypoints(keypoints), options));
 }
 
 using DatabaseClass = py::class_<OpenDatabase>;

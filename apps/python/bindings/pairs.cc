@@ -90,7 +90,7 @@ void BindReport(py::module_& m) {
       .def_readonly("score", &PairReport::score)
       .def_readonly("residual_px", &PairReport::residual_px, "Median Sampson error of the inliers.")
       .def_readonly("triangulation_angle_deg", &PairReport::triangulation_angle_deg,
-                    "Median over the inliers.");
+                    "Median over what the pose explains.");
 }
 
 }  // namespace

@@ -120,13 +120,9 @@ struct CameraParams {
   const double* values;
 };
 
-// Projection with explicit params (bundle adjustment's inner loop). Same meaning as
-// Camera::ImgFromCam; any Jacobian pointer may be null. No allocation.
-void ImgFromCam(const CameraParams& params, const double* uv, double* pixel, double* J_uv_2x2,
-                double* J_params_2xn);
-
-// The same for a point in the camera's frame; J_point is 2 x 3. False where the model has no pixel;
-// what is written then means nothing.
+// Projection of a point in the camera's frame, with explicit params (bundle adjustment's inner
+// loop). Any Jacobian pointer, d(pixel)/d(point) and d(pixel)/d(params), row-major, may be null.
+// False where the model has no pixel; what is written then means nothing. No allocation.
 bool ImgFromRay(const CameraParams& params, const double* point, double* pixel, double* J_point_2x3,
                 double* J_params_2xn);
 

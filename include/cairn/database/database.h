@@ -48,6 +48,9 @@ class Database {
   std::vector<Camera> ReadCameras() const;
   std::vector<UnknownCamera> ReadUnknownCameras() const;
   std::vector<Image> ReadImages() const;
+  // Ids that new rows must not have: those of rows that cannot be used, too. 0: there is no image.
+  std::vector<camera_t> ReadTakenCameraIds() const;
+  image_t ReadLargestTakenImageId() const;
   bool HasImage(image_t image_id) const;
   void WriteCamera(const Camera& camera);  // camera_id must be set; replaces
   // Replaces. Throws IoError for ids and names that cannot be used, a name that another image has,

@@ -6,20 +6,14 @@
 
 namespace cairn {
 
-// Depth is smoothed over `value` and its gradient taken over `gradient`: standard deviations of a
-// Gaussian, fractions of the larger image side.
-struct DepthWindows {
-  double value = 0.0;
-  double gradient = 0.0;
-};
-
 // What a map or network gives: z-depth, its inverse (of unknown scale and shift), or its natural
 // logarithm.
 enum class DepthKind { kDepth, kInverse, kLog };
 inline constexpr NamedValue<DepthKind> kDepthKinds[] = {
     {DepthKind::kDepth, "depth"}, {DepthKind::kInverse, "inverse"}, {DepthKind::kLog, "log"}};
 
-// The defaults of the network's input are those of FastDepth: RGB in [0, 1], 224 x 224.
+// Windows are standard deviations of a Gaussian. The defaults of the network's input are those of
+// FastDepth: RGB in [0, 1], 224 x 224.
 struct DepthOptions {
   DepthKind kind = DepthKind::kDepth;
   double scale = 1.0;
@@ -28,8 +22,6 @@ struct DepthOptions {
   int input_size = 224;
   std::vector<double> mean = {0.0, 0.0, 0.0};
   std::vector<double> std = {1.0, 1.0, 1.0};
-
-  DepthWindows Windows() const { return {value_window, gradient_window}; }
 
   void VisitFields(OptionVisitor& v) {
     v.Choice("kind", kind, kDepthKinds,

@@ -57,8 +57,8 @@ struct PoseEvaluation {
 };
 
 // Compares camera poses. A reference name is looked up in the estimate as it is, else by the last
-// part of its path (the last such estimate in name order). Deterministic. Cost: quadratic in the
-// number of images.
+// part of its path, where one image of either alone has that and no counterpart of its name.
+// Deterministic. Cost: quadratic in the number of images.
 PoseEvaluation EvaluatePoses(const PosedCameras& estimate, const PosedCameras& reference);
 
 // As a readable table.

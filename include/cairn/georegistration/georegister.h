@@ -21,8 +21,8 @@ struct KnownPositions {
 };
 
 // Of the images with these names: by the file gps_path or, where it is "", by the EXIF of the
-// photographs under image_path. Names of the file that are none of these are a warning. Throws
-// IoError where the file cannot be read.
+// photographs under image_path. Names of the file that are none of these, and photographs that
+// cannot be read, are a warning. Throws IoError where the file cannot be read.
 std::map<std::string, GpsRow> ReadPositions(std::span<const std::string> names,
                                             const std::string& gps_path,
                                             const std::string& image_path, const RunContext& run);
@@ -49,7 +49,7 @@ enum class GeoregistrationStatus {
 // What decides how a model is tilted.
 enum class TiltSource {
   kAltitudes,    // of positions or control points
-  kPositions,    // horizontal ones alone: no position has an altitude
+  kPositions,    // horizontal ones alone: no altitude is used
   kPhotographs,  // these leave two tilts: the one by which the photographs are held more level
   kNothing,      // horizontal positions show none: all photographs are taken at the same height
 };
@@ -58,8 +58,8 @@ enum class TiltSource {
 struct GeoregisteredImage {
   image_t image_id = kInvalidImageId;
   std::string name;
-  GpsPosition gps;
-  Eigen::Vector3d gps_enu;  // meters
+  GpsPosition gps;          // with an altitude if it is used
+  Eigen::Vector3d gps_enu;  // meters; without an altitude, at that of the origin
   // Standard deviation along each axis: as given, but not less than the residuals show; where none
   // is given, what they show.
   double sigma_m = 0;
@@ -74,7 +74,8 @@ struct GeoregisteredPoint {
   GpsPosition position;
   Eigen::Vector3d enu;                        // meters
   std::map<image_t, Eigen::Vector2d> pixels;  // of the images that agree on where it is
-  Eigen::Vector3d residual;                   // where the model has it, moved, minus enu; meters
+  // Where the model has it, moved, minus enu; meters. z is 0 where heights are open.
+  Eigen::Vector3d residual;
   double error_px = 0;    // mean distance of its place, projected, from the measurements
   bool is_check = false;  // or one of too few control points: it has no part in the similarity
   bool is_wrong = false;
@@ -89,6 +90,7 @@ struct Georegistration {
   std::vector<GeoregisteredImage> images;     // in the order of their ids
   std::vector<GeoregisteredPoint> points;     // in the order of the file
   std::vector<std::string> without_altitude;  // names; their positions are not used
+  std::vector<std::string> unused_altitudes;  // names; their horizontal positions are used
   // "point in photograph": measurements of control points that lie outside of the photograph.
   std::vector<std::string> outside;
   double median_residual_m = 0;  // of what the similarity is by, without wrong rows
@@ -103,9 +105,10 @@ struct Georegistration {
 // (AlignSimilarityRobust), then weighted least squares over the rows that agree, until these stay
 // the same. A row is wrong if its residual is far out by Tukey's fence: three quartile distances
 // beyond the upper quartile of the rows that agree, relative to each row's sigma; but never within
-// 5 cm. Where some positions have an altitude, those without are not used. Where none has, heights
-// are open: horizontal residuals alone count, and TiltSource says what the tilt is by (F test, 1
-// %). The frame is that of `known`, whatever the model: models of one collection share it.
+// 5 cm. Where at least three images of the model, and half of those with a position, have an
+// altitude, positions without are not used. Else no altitude is, and heights are open: horizontal
+// residuals alone count, and TiltSource says what the tilt is by (F test, 1 %). The frame is that
+// of `known`, whatever the model: models of one collection share it.
 Georegistration Georegister(const Reconstruction& model, const KnownPositions& known,
                             const RunContext& run = {});
 

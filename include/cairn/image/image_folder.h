@@ -13,10 +13,10 @@ void CheckImageFolder(const std::string& folder);
 inline constexpr char kUndistortedImages[] = ".cairn-images";
 
 // Names of all photographs in a folder and the folders in it, relative to it, with '/', sorted by
-// bytes. A photograph is a file with the extension jpg, jpeg, png, tif, tiff, bmp, ppm or webp, in
-// any case; hidden files and folders are left out, and the images that undistort wrote. Symbolic
-// links are followed (a link that leads back to a folder it is in is visited once). Throws as
-// CheckImageFolder.
+// bytes. A photograph is a file with the extension jpg, jpeg, jpe, jfif, png, tif, tiff, bmp, ppm,
+// pgm, pnm or webp, in any case; hidden files and folders are left out, and the images that
+// undistort wrote. Symbolic links are followed (a link that leads back to a folder it is in is
+// visited once). Throws as CheckImageFolder.
 std::vector<std::string> ListImages(const std::string& folder);
 
 // The same for photographs and videos in formats that are not read: gif, heic, raw files, ...

@@ -18,13 +18,9 @@ Camera ResizedPinhole(const Camera& camera, int width, int height);
 // The sides of bitmaps that ResampleBitmap takes and gives are at most this, pixels (OpenCV).
 inline constexpr int kMaxResampledSide = 32766;
 
-// How ResampleBitmap reads between the pixels of the source, and what it shows beyond its border.
-enum class Interpolation { kLinear, kCubic };
-enum class Beyond { kBlack, kNearest };
-struct ResampleOptions {
-  Interpolation interpolation = Interpolation::kLinear;
-  Beyond beyond = Beyond::kBlack;
-};
+// How ResampleBitmap reads the source: linearly between its pixels, and black beyond its border; or
+// by cubics, and its nearest pixels beyond it.
+enum class Resampling { kLinear, kCubic };
 
 // The image that `target` would have taken from the same place as `source`, by OpenCV's remap: for
 // every target pixel, the source is read where it shows that ray. Any central camera is a source;
@@ -33,7 +29,7 @@ struct ResampleOptions {
 // bitmap's size is the source camera's. Where both cameras are the same, the result is equal to the
 // source to the bit. Single-threaded.
 Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& target,
-                      const ResampleOptions& options = {});
+                      Resampling resampling = Resampling::kLinear);
 
 // A bitmap reduced to a size by averaging over areas, so that nothing aliases and pixel areas map
 // onto each other.

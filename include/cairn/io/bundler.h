@@ -23,9 +23,9 @@ struct BundlerReadOptions {
 // Reads a Bundler file (v0.3): the registered cameras as images with our frame (src/io/FORMATS.md),
 // image id and camera id = line number in the list + 1. A Bundler file has no image sizes, so every
 // camera is RADIAL with width = height = 0, and pixels are relative to the image center: x right, y
-// down, principal point (0, 0). Points keep their order; their keypoints are numbered in the order
-// in which the file mentions them, once per (camera, key) pair; where view lists have no pixel
-// coordinates (1DSfM's references), points have no track. Throws IoError with file and line.
+// down, principal point (0, 0). Points keep their order; keypoints are one for each view, in
+// each image in the order of Bundler's keys; where view lists have no pixel coordinates (1DSfM's
+// references), points have no track. Throws IoError with file and line.
 //
 // The view lists of 1DSfM's gt_bundle.out count valid cameras only, not all: read it without
 // points.

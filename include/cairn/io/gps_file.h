@@ -16,9 +16,9 @@ struct GpsRow {
 };
 
 // Positions by image name: "name,latitude,longitude[,altitude[,sigma]]" a line, or the same with
-// blanks between; degrees and meters; '#' begins a comment. A first line without a number is a
-// header. In lines with blanks the numbers are
-// the last words, so names may have blanks. Throws IoError with file and line.
+// blanks between; degrees and meters. A line that begins with '#' is a comment, and a first line
+// without a number is a header. In lines with blanks the numbers are the last words, so names may
+// have blanks. Throws IoError with file and line, for two rows of one name, too.
 std::map<std::string, GpsRow> ReadGpsFile(const std::string& path);
 
 // "2 of 9 names are of no image: x.jpg, y.jpg", where some that a file mentions are none of the

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -7,6 +8,7 @@
 
 #include "cairn/base/run_context.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
+#include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/database/database.h"
 #include "cairn/intrinsics/focal_calibration.h"
 #include "cairn/report/run_report.h"
@@ -100,6 +102,8 @@ struct ReconstructResult {
   // Largest first. Where report.failure is not empty: none, or, of a run that the user stopped, as
   // far as they got.
   std::vector<Reconstruction> models;
+  // Of the images of each model.
+  std::vector<std::map<image_t, PoseConfidence>> confidences = {};
   // Of the verified matches of each model's images, how many agree with it; none where pairs have
   // no matches.
   std::vector<double> explained_shares;

@@ -77,19 +77,19 @@ struct FeatureSource {
 // Features of every image without keypoints. An image that cannot be decoded leaves the database.
 // No features are where the image's mask is 0 (black); images without a mask are named. An image
 // whose mask changed since cairn found its features, or came, gets new ones; the pairs that it had
-// are forgotten. Throws ConfigError for a mask that has not the size of its photograph, and where
-// no image has a mask.
+// are forgotten. Throws ConfigError for a mask that has not the size of its photograph.
 StageReport ExtractImageFeatures(Database& database, const FeatureSource& source,
                                  const FeatureOptions& options = {}, const RunContext& run = {},
                                  Helpers* helpers = nullptr);
 
-// Where depth comes from; at most one of the two.
+// Where depth comes from; at most one of the two (RunBuildPipeline checks them).
 struct DepthSource {
   std::string depth_path;   // a folder of depth maps, `<image name>.npy` ...
   std::string depth_model;  // an ONNX network, run on the photographs
 };
-// Depth and its gradient at the keypoints of every image without depth samples. Without a source,
-// nothing.
+// Depth and its gradient at the keypoints of every image without depth samples. Where an image had
+// none when its pairs were verified, what verification found of them is forgotten. Without a
+// source, nothing.
 StageReport SampleImageDepth(Database& database, const std::string& image_path,
                              const DepthSource& source, const DepthOptions& options = {},
                              const RunContext& run = {});
@@ -105,9 +105,9 @@ struct SchedulerOptions {
   }
 };
 
-// Pairs of images by name, two a line; '#' begins a comment. Lines with a name that the database
-// does not have are reported by Warning and left out. Ascending by pair id. Throws IoError with
-// file and line.
+// Pairs of images by name, two a line; a line that begins with '#' is a comment. Lines with a name
+// that the database does not have are reported by Warning and left out. Ascending by pair id.
+// Throws IoError with file and line.
 std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vector<Image>& images,
                                        ProgressMonitor& monitor = NullMonitor());
 

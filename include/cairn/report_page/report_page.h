@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "cairn/base/run_context.h"
+#include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/database/database.h"
 #include "cairn/scene/reconstruction.h"
 #include "cairn/scene/view_graph.h"
@@ -31,6 +33,8 @@ struct ReportPageInput {
   // Largest first, with image ids and keypoints of the database; none after a failure.
   std::span<const Reconstruction> models;
   std::vector<std::string> model_names;  // one a model: "sparse/0", ...
+  // Of the images of each model; empty: they are estimated, as if keypoints were all alike.
+  std::span<const std::map<image_t, PoseConfidence>> confidences = {};
   const ViewGraph& graph;
   std::string run_json;         // text of the run's report.json; "": unknown
   std::string build_json = {};  // text of build_view_graph's report; "": unknown

@@ -30,11 +30,11 @@ struct RigOptions {
 };
 
 // The focal length of a camera in 35 mm equivalents: whole numbers from 36 to 56, since EXIF holds
-// no others.
+// no others; or options.focal_length, rounded to one.
 int FocalLength35mm(const RigOptions& options, int camera_index);
 
 // Cameras 1 .. num_cameras, then those of single images, with focal lengths as EXIF would hold
-// them.
+// them, or exactly options.focal_length.
 std::map<camera_t, Camera> MakeCameras(const RigOptions& options);
 
 // Images of the scene, then the distractors, ids from 1: "image00000.jpg", "other00000.jpg".

@@ -35,8 +35,8 @@ struct SceneOptions : RigOptions, EdgeNoise {
 
   // Of a database alone, as EdgeNoise: which pairs it has, and how wrong they are.
   int num_pairs = 0;  // those with the most points in common; 0: all
-  // Share of pairs whose pose and matches mean nothing; of a city, those of places that look alike,
-  // wrong in the same way.
+  // Share of pairs whose pose and matches mean nothing; of a city (with num_pairs, and 600 images),
+  // those of places that look alike, wrong in the same way.
   double pair_outlier_ratio = 0.0;
   bool descriptors = true;
   bool pair_metrics = false;  // write the verifier's record of each pair; COLMAP has none

@@ -9,12 +9,9 @@
 namespace cairn {
 
 struct TriangulateTracksReport {
-  int64_t num_tracks = 0;         // given, with at least two registered images
-  int64_t num_triangulated = 0;   // tracks that gave a point
-  int64_t num_second_points = 0;  // tracks whose remaining observations gave another point
-  int64_t num_too_few_views = 0;  // tracks without a point, by reason
-  int64_t num_small_angle = 0;
-  int64_t num_ill_posed = 0;
+  int64_t num_tracks = 0;        // given, with at least two registered images
+  int64_t num_small_angle = 0;   // tracks without a point, by reason
+  int64_t num_inconsistent = 0;  // no two views agree, or they do not tell where
   int64_t num_points = 0;
   int64_t num_observations = 0;
 };

@@ -50,7 +50,6 @@ struct TriangulationResult {
   Eigen::Vector3d xyz = Eigen::Vector3d::Zero();  // world
   std::vector<int> inliers;                       // indices of the agreeing views, ascending
   double mean_error_px = 0;                       // over the inliers
-  double max_angle_deg = 0;                       // between any two inlier rays
 };
 
 // Robust triangulation: the point nearest to the rays of all views (midpoint method); where not all

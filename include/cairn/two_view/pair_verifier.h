@@ -60,7 +60,7 @@ struct PairReport {
   int64_t num_iterations = 0;  // hypotheses generated
   double score = 0;            // robust support, larger is better; comparable between verifiers
   double residual_px = 0;      // median Sampson error of the inliers
-  double triangulation_angle_deg = 0;  // median over the inliers
+  double triangulation_angle_deg = 0;  // median over what the pose explains
   // Many matches lie just outside the threshold of an accepted model: the focal lengths may be
   // wrong.
   bool may_have_wrong_focal = false;

@@ -12,7 +12,7 @@ namespace cairn {
 // One image's side of the matches of two images: entry i of one corresponds to entry i of the
 // other. What is not known is left empty.
 struct MatchedPoints {
-  const Camera& camera;
+  const Camera& camera;                          // of the same id as the other: one camera
   std::span<const Eigen::Vector2d> points;       // pixels
   std::span<const Eigen::Matrix2d> frames = {};  // affine frames: the columns are axes in pixels
   std::span<const DepthSample> depths = {};      // in the image's own unit, not all need be valid

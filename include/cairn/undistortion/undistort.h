@@ -45,7 +45,7 @@ Camera UndistortedCamera(const Camera& camera, const UndistortOptions& options);
 // poses and points as they were. Keypoints that have no undistorted pixel, images that are not
 // named, cameras without images, and points with fewer than two observations are left out.
 Reconstruction UndistortedModel(const Reconstruction& model, const std::set<std::string>& names,
-                                const UndistortOptions& options);
+                                const UndistortOptions& options, const RunContext& run = {});
 
 enum class DenseLayout { kColmap, kGaussianSplatting };
 inline constexpr NamedValue<DenseLayout> kDenseLayouts[] = {

@@ -43,18 +43,18 @@ ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewE
                                const ViewGraphBuilderOptions& options = {},
                                const RunContext& run = {});
 
-// The single steps. Each looks at active edges only and returns how many it removed.
+// The single steps. Each looks at active edges only.
 
 // Edges with fewer than min_num_inliers inliers (kTooFewInliers), where these were counted (not in
 // EdgeSource::kDataset).
-int RemoveWeakEdges(int min_num_inliers, ViewGraph& graph);
+void RemoveWeakEdges(int min_num_inliers, ViewGraph& graph);
 
 // The relative rotation of an edge's images by global rotations; nullopt: one of them has none.
 std::optional<Eigen::Quaterniond> RelativeRotation(
     const ViewEdge& edge, const std::map<image_t, Eigen::Quaterniond>& cam_from_world);
 
 // Edges that disagree with global rotations by more than max_error_deg, or that have an image
-// without one (kRotationInconsistent).
+// without one (kRotationInconsistent). Returns how many.
 int RemoveRotationOutliers(const std::map<image_t, Eigen::Quaterniond>& cam_from_world,
                            double max_error_deg, ViewGraph& graph);
 
@@ -74,6 +74,6 @@ LoopReport RemoveInconsistentTriplets(ViewGraph& graph, const ViewGraphBuilderOp
 std::vector<std::vector<image_t>> ActiveComponents(const ViewGraph& graph);
 
 // Takes out all edges that do not lie among these images (kOtherComponent).
-int KeepImages(std::span<const image_t> image_ids, ViewGraph& graph);
+void KeepImages(std::span<const image_t> image_ids, ViewGraph& graph);
 
 }  // namespace cairn

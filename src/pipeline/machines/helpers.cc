@@ -49,11 +49,13 @@ Helpers::Helpers(Peers& peers, const HelperSetup& setup, int64_t max_image_bytes
 }
 
 void Helpers::ReceiveHello(const Peers::Message& message, int num_threads) {
+  const std::string rank = "rank " + std::to_string(message.from);
+  if (message.bytes.empty()) throw IoError(rank, "left the job");
   ByteSource source(message.bytes);
   CAIRN_CHECK(source.Get<MessageKind>() == MessageKind::kHello);
   const HelperHello hello = source.Get<HelperHello>();
   Helper& helper = helpers_[message.from - 1];
-  helper.name = "rank " + std::to_string(message.from) + " on " + hello.host;
+  helper.name = rank + " on " + hello.host;
   helper.num_threads = std::max(1, num_threads > 0 ? num_threads : hello.num_threads);
   if (hello.build_hash != build_hash_) wrong_build_ = helper.name;
 }

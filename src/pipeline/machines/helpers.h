@@ -81,15 +81,15 @@ class HelperLoop {
   std::thread thread_;
 };
 
-// Computes all tasks of a queue (PairFeed, WorkQueue), in the threads of this process by
-// compute(worker, task) or by helpers, and gives each result to keep(result, helper), in any
+// Computes all tasks, of one kind, of a queue (PairFeed, WorkQueue), in the threads of this process
+// by compute(worker, task) or by helpers, and gives each result to keep(result, helper), in any
 // thread; helper is "" for this process. Returns early, with what is done, when the monitor wants
 // to stop.
 template <class Result, class Queue, class Compute, class Keep>
-void ForEachTask(Queue& queue, Helpers* helpers, const RunContext& run, const Compute& compute,
-                 const Keep& keep) {
+void ForEachTask(TaskKind kind, Queue& queue, Helpers* helpers, const RunContext& run,
+                 const Compute& compute, const Keep& keep) {
   HelperWork work;
-  work.kind = KindOf<Result>();
+  work.kind = kind;
   work.num_left = [&queue] { return queue.NumLeft(); };
   work.add_next = [&queue](TaskBatch& batch) {
     const auto task = queue.Next();

@@ -63,22 +63,6 @@ struct MatchResult {
   FeatureMatches matches;
 };
 
-// The kind of the tasks that have such results.
-template <class Result>
-constexpr TaskKind KindOf() = delete;
-template <>
-constexpr TaskKind KindOf<PhotoResult>() {
-  return TaskKind::kExtract;
-}
-template <>
-constexpr TaskKind KindOf<MatchResult>() {
-  return TaskKind::kMatch;
-}
-template <>
-constexpr TaskKind KindOf<PairOutcome>() {
-  return TaskKind::kVerify;
-}
-
 inline MatchResult MatchTask(const PairTask& task, const MatchingOptions& options) {
   const PairImage &image1 = *task.image1, &image2 = *task.image2;
   return {task.pair_id, MatchDescriptors({image1.descriptors, image1.polarities},

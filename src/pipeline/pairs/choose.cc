@@ -9,7 +9,6 @@
 #include "pipeline/pairs/candidates.h"
 #include "pipeline/pairs/photo_facts.h"
 #include "pipeline/stages/stage_ledger.h"
-#include "report/stage.h"
 
 namespace cairn {
 namespace {
@@ -71,7 +70,10 @@ PairEvidence ReadEvidence(const Database& database, const std::map<image_t, int>
   for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
     const auto [id1, id2] = PairIdToImagePair(pair);
     if (evidence.images.count(id1) == 0 || evidence.images.count(id2) == 0) continue;
-    evidence.verified[pair] = database.ReadTwoViewGeometry(pair)->inlier_matches;
+    try {
+      evidence.verified[pair] = database.ReadTwoViewGeometry(pair)->inlier_matches;
+    } catch (const IoError&) {  // a damaged row: matched, not verified
+    }
   }
   return evidence;
 }
@@ -128,25 +130,21 @@ void CheckPairWays(const Database& database, const PairChoosing& choosing, const
              images.size(), ways, choosing.options);
 }
 
-PairChooser::PairChooser(Database& database, const StageLedger& matching,
-                         const PairChoosing& choosing, const RunContext& run)
+PairChooser::PairChooser(Database& database, const PairChoosing& choosing, const RunContext& run)
     : database_(database),
       choosing_(choosing),
       run_(run),
-      given_(database, matching),
+      origins_(database),
       images_(database.ReadImages()),
       num_descriptors_(database.ReadNumDescriptors()),
       ways_(ParsePairWays(choosing.ways)) {
   is_auto_ = Uses(PairWay::kAuto);
-  if (is_auto_) ways_ = ResolveAuto();
+  if (!is_auto_) return;
+  const bool is_quick = ExhaustiveSeconds(num_descriptors_, origins_) <= kMaxExhaustiveSeconds;
+  ways_ = {is_quick ? PairWay::kExhaustive : PairWay::kRetrieval};
 }
 
 bool PairChooser::Uses(PairWay way) const { return Contains(ways_, way); }
-
-std::vector<PairWay> PairChooser::ResolveAuto() {
-  const bool is_quick = ExhaustiveSeconds(num_descriptors_, given_) <= kMaxExhaustiveSeconds;
-  return {is_quick ? PairWay::kExhaustive : PairWay::kRetrieval};
-}
 
 const std::map<image_t, std::vector<Candidate>>& PairChooser::Candidates() {
   if (!candidates_) {
@@ -158,7 +156,7 @@ const std::map<image_t, std::vector<Candidate>>& PairChooser::Candidates() {
   return *candidates_;
 }
 
-void PairChooser::AddSequential(const PhotoFacts& facts, Choices& choices) {
+void PairChooser::AddSequential(const PhotoFacts& facts, Stage& stage, Choices& choices) {
   const auto add = [&](const std::vector<std::vector<image_t>>& sequences, int overlap,
                        bool quadratic) {
     for (const image_pair_t pair : SequentialPairs(sequences, overlap, quadratic)) {
@@ -168,6 +166,11 @@ void PairChooser::AddSequential(const PhotoFacts& facts, Choices& choices) {
   const PairSelectionOptions& options = choosing_.options;
   if (!is_auto_) {
     const bool by_time = options.order == PhotoOrder::kTime;
+    const size_t num = facts.taken_at_s.size();
+    if (by_time && num < images_.size()) {
+      stage.Warn("only " + CountOf(num, images_.size()) +
+                 " have a time; the others are in no sequential pair");
+    }
     add(by_time ? SequencesByTime(images_, facts.taken_at_s) : SequencesByName(images_),
         options.overlap, options.quadratic_overlap);
     return;
@@ -179,11 +182,11 @@ void PairChooser::AddSequential(const PhotoFacts& facts, Choices& choices) {
   }
 }
 
-void PairChooser::AddSpatial(const PhotoFacts& facts, Choices& choices) {
+void PairChooser::AddSpatial(const PhotoFacts& facts, Stage& stage, Choices& choices) {
   const size_t num = facts.positions.size();
   if (!is_auto_ && num < images_.size()) {
-    run_.monitor.Warning("only " + CountOf(num, images_.size()) +
-                         " have GPS; the others are in no spatial pair");
+    stage.Warn("only " + CountOf(num, images_.size()) +
+               " have GPS; the others are in no spatial pair");
   }
   const PairSelectionOptions& options = choosing_.options;
   const int neighbors = is_auto_ ? options.retrieval_neighbors : options.spatial_neighbors;
@@ -193,10 +196,10 @@ void PairChooser::AddSpatial(const PhotoFacts& facts, Choices& choices) {
   }
 }
 
-PairChooser::Choices PairChooser::FirstChoices() {
+PairChooser::Choices PairChooser::FirstChoices(Stage& stage) {
   Choices choices;
   if (IsExhaustive()) {
-    for (const image_pair_t pair : ExhaustivePairs(num_descriptors_, given_)) {
+    for (const image_pair_t pair : ExhaustivePairs(num_descriptors_, origins_)) {
       choices.emplace_hint(choices.end(), pair, PairReason::kExhaustive);
     }
     return choices;
@@ -206,8 +209,8 @@ PairChooser::Choices PairChooser::FirstChoices() {
     facts = ReadPhotoFacts(images_, choosing_.image_path, choosing_.gps_path, run_.num_threads);
     CheckFacts(facts, images_.size(), ways_, choosing_.options);
   }
-  if (is_auto_ || Uses(PairWay::kSequential)) AddSequential(facts, choices);
-  if (is_auto_ || Uses(PairWay::kSpatial)) AddSpatial(facts, choices);
+  if (is_auto_ || Uses(PairWay::kSequential)) AddSequential(facts, stage, choices);
+  if (is_auto_ || Uses(PairWay::kSpatial)) AddSpatial(facts, stage, choices);
   for (const image_pair_t pair :
        RetrievalPairs(Candidates(), choosing_.options.retrieval_neighbors)) {
     choices.emplace(pair, PairReason::kRetrieval);
@@ -248,7 +251,7 @@ std::vector<image_pair_t> PairChooser::Write(const Choices& choices, int round) 
     if (num_descriptors_.count(id1) == 0 || num_descriptors_.count(id2) == 0) continue;
     const auto row = std::lower_bound(matched.begin(), matched.end(), std::pair(pair, 0));
     if (row != matched.end() && row->first == pair) continue;
-    if (given_.DecidedAbout(pair)) continue;
+    if (origins_.AreGiven(pair)) continue;
     if (std::binary_search(recorded.begin(), recorded.end(), pair)) continue;
     database_.WritePairChoice({pair, round, std::string(NameOf(kPairReasons, reason))});
     added.push_back(pair);
@@ -275,7 +278,7 @@ StageReport PairChooser::ChooseFirst() {
   }
   size_t num_new = 0;
   if (!fresh.empty()) {
-    Choices choices = FirstChoices();
+    Choices choices = FirstChoices(stage);
     if (run_.monitor.StopRequested()) {
       stage.MarkStopped();
       return stage.Finish();

@@ -11,6 +11,7 @@
 #include "cairn/report/run_report.h"
 #include "pipeline/pairs/exhaustive.h"
 #include "pipeline/pairs/photo_facts.h"
+#include "report/stage.h"
 
 namespace cairn {
 
@@ -36,8 +37,7 @@ void CheckPairWays(const Database& database, const PairChoosing& choosing, const
 // options alone.
 class PairChooser {
  public:
-  PairChooser(Database& database, const StageLedger& matching, const PairChoosing& choosing,
-              const RunContext& run);
+  PairChooser(Database& database, const PairChoosing& choosing, const RunContext& run);
 
   // The first round. Throws ConfigError for a way that the photographs do not allow.
   StageReport ChooseFirst();
@@ -51,11 +51,10 @@ class PairChooser {
 
   bool IsExhaustive() const { return ways_.front() == PairWay::kExhaustive; }
   bool Uses(PairWay way) const;
-  std::vector<PairWay> ResolveAuto();
   const std::map<image_t, std::vector<Candidate>>& Candidates();
-  void AddSequential(const PhotoFacts& facts, Choices& choices);
-  void AddSpatial(const PhotoFacts& facts, Choices& choices);
-  Choices FirstChoices();
+  void AddSequential(const PhotoFacts& facts, Stage& stage, Choices& choices);
+  void AddSpatial(const PhotoFacts& facts, Stage& stage, Choices& choices);
+  Choices FirstChoices(Stage& stage);
   Choices NextChoices(const std::vector<PairChoiceRecord>& records);
   // Writes those that are new, and returns them; ascending.
   std::vector<image_pair_t> Write(const Choices& choices, int round);
@@ -64,7 +63,7 @@ class PairChooser {
   Database& database_;
   const PairChoosing choosing_;
   const RunContext& run_;
-  const GivenImages given_;
+  const MatchOrigins origins_;
   const std::vector<Image> images_;
   std::map<image_t, int> num_descriptors_;
   bool is_auto_ = false;

@@ -1,7 +1,5 @@
 #include "pipeline/pairs/exhaustive.h"
 
-#include "database/own_matches.h"
-
 namespace cairn {
 namespace {
 
@@ -26,43 +24,25 @@ struct FeatureSums {
 
 }  // namespace
 
-GivenImages::GivenImages(const Database& database, const StageLedger& ledger) : ledger_(ledger) {
-  for (const auto& [pair, num] : database.ReadNumMatches()) {
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    // A pair of ours has records for both images.
-    if (ledger.Find(id1) != nullptr && ledger.Find(id2) != nullptr) continue;
-    unrecorded_.insert({id1, id2});
-  }
-}
-
-bool GivenImages::Contains(image_t id) const {
-  const JobRecord* job = ledger_.Find(id);
-  return job != nullptr ? job->note == kGivenNote : unrecorded_.count(id) > 0;
-}
-
-bool GivenImages::DecidedAbout(image_pair_t pair) const {
-  const auto [id1, id2] = PairIdToImagePair(pair);
-  return Contains(id1) && Contains(id2);
-}
-
 std::vector<image_pair_t> ExhaustivePairs(const std::map<image_t, int>& num_descriptors,
-                                          const GivenImages& given) {
+                                          const MatchOrigins& origins) {
   std::vector<image_pair_t> pairs;
   for (auto first = num_descriptors.begin(); first != num_descriptors.end(); ++first) {
-    const bool first_is_given = given.Contains(first->first);
+    const bool first_is_given = origins.IsGiven(first->first);
     for (auto second = std::next(first); second != num_descriptors.end(); ++second) {
-      if (first_is_given && given.Contains(second->first)) continue;
+      if (first_is_given && origins.IsGiven(second->first)) continue;
       pairs.push_back(ImagePairToPairId(first->first, second->first));
     }
   }
   return pairs;
 }
 
-double ExhaustiveSeconds(const std::map<image_t, int>& num_descriptors, const GivenImages& given) {
+double ExhaustiveSeconds(const std::map<image_t, int>& num_descriptors,
+                         const MatchOrigins& origins) {
   FeatureSums all, decided;
   for (const auto& [id, num] : num_descriptors) {
     all.Add(num);
-    if (given.Contains(id)) decided.Add(num);
+    if (origins.IsGiven(id)) decided.Add(num);
   }
   return all.Seconds() - decided.Seconds();
 }

@@ -22,7 +22,7 @@ PairLoader::PairLoader(const std::string& database_path, int min_num_matches,
       min_num_matches_(min_num_matches),
       ledger_(ledger),
       stage_(stage),
-      own_matches_(database_) {
+      origins_(database_) {
   for (Camera& camera : database_.ReadCameras()) {
     const camera_t id = camera.camera_id;
     cameras_[id] = std::move(camera);
@@ -120,7 +120,7 @@ bool PairLoader::LoadPair(PairTask& task, const std::function<PairFeed::ImagePtr
 bool PairLoader::ReadPair(PairTask& task, const std::function<PairFeed::ImagePtr(image_t)>& image) {
   const auto [id1, id2] = PairIdToImagePair(task.pair_id);
   task.matches = *database_.ReadMatches(task.pair_id);
-  task.are_best_first = own_matches_.Contains(task.pair_id);
+  task.are_best_first = origins_.AreOurs(task.pair_id);
   Hasher hasher;
   hasher.Add(HashValues(task.matches));
   if (static_cast<int>(task.matches.size()) >= min_num_matches_) {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "cairn/database/database.h"
-#include "database/own_matches.h"
+#include "database/match_origins.h"
 #include "intrinsics/known_intrinsics.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/stages/stage_ledger.h"
@@ -49,7 +49,7 @@ class PairLoader {
   const int min_num_matches_;
   const StageLedger& ledger_;
   Stage& stage_;
-  const OwnMatches own_matches_;
+  const MatchOrigins origins_;
   std::map<camera_t, Camera> cameras_;
   std::map<image_t, Image> images_;
   std::map<camera_t, KnownIntrinsics> intrinsics_;

@@ -25,7 +25,7 @@ struct FeatureItem {
   FeatureInput input;
   bool is_ours = false;  // cairn added the image, so cairn may take it out again
   std::string error;
-  int64_t num_features = 0;
+  std::optional<int64_t> num_features = {};  // nullopt: the run was stopped before
 };
 
 struct FeatureWork {
@@ -104,7 +104,8 @@ void ExtractAll(const std::string& database_path, const FeatureOptions& options,
   }
   queue.Finish();
   ForEachTask<PhotoResult>(
-      queue, helpers, run, [&](int, const PhotoTask& task) { return extract(task); },
+      TaskKind::kExtract, queue, helpers, run,
+      [&](int, const PhotoTask& task) { return extract(task); },
       [&](PhotoResult result, const std::string& helper) {
         // A photograph that a helper cannot read may be damaged; but then this process cannot
         // either.
@@ -153,9 +154,6 @@ StageReport ExtractImageFeatures(Database& database, const FeatureSource& source
   Stage stage(run.monitor, kStageFeatures);
   StageLedger ledger(database, kStageFeatures, DumpQualified("features", options));
   FeatureWork work{source.image_path, {}};
-  if (!source.mask_path.empty() && source.image_path.empty()) {
-    throw ConfigError("mask_path", "needs --image_path");
-  }
   if (!source.image_path.empty()) {
     const auto inputs = FindFeatureInputs(database, source.mask_path, stage);
     if (!source.mask_path.empty()) ForgetChangedFeatures(database, inputs);
@@ -168,23 +166,25 @@ StageReport ExtractImageFeatures(Database& database, const FeatureSource& source
     ExtractAll(database.path(), options, run, helpers, work);
     run.monitor.EndStage();
   }
-  const size_t num_remarks = stage.NumMessages();
+  std::vector<std::string> skipped;
+  int64_t num_computed = 0, num_features = 0;
   for (const FeatureItem& item : work.items) {
-    if (!item.error.empty()) stage.Warn(item.image.name + ": " + item.error + "; skipped");
+    if (!item.error.empty()) {
+      skipped.push_back(item.image.name + ": " + item.error + "; skipped");
+    } else if (item.num_features) {
+      ++num_computed;
+      num_features += *item.num_features;
+    }
   }
-  const auto num_failed = static_cast<double>(stage.NumMessages() - num_remarks);
+  stage.WarnEach(skipped);
   stage.Add("images", database.ReadImages().size());
   stage.Add("images_with_features",
             std::ranges::count_if(database.ReadNumKeypoints(),
                                   [](const auto& of) { return of.second > 0; }));
-  stage.Add("computed", static_cast<double>(work.items.size()) - num_failed);
-  stage.Add("skipped", num_failed);
-  int64_t num_features = 0;
-  for (const FeatureItem& item : work.items) num_features += item.num_features;
+  stage.Add("computed", num_computed);
+  stage.Add("skipped", skipped.size());
   stage.Add("new_features", num_features);
-  if (!run.monitor.StopRequested()) {
-    RemarkOnImagesWithoutFeatures(work.items, !source.mask_path.empty(), stage);
-  }
+  RemarkOnImagesWithoutFeatures(work.items, !source.mask_path.empty(), stage);
   return EndStage(stage, run, ledger, database);
 }
 

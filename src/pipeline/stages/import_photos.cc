@@ -167,10 +167,16 @@ struct StoredImages {
   std::vector<Image> images;
   std::map<std::string, image_t> ids;
   std::map<camera_t, ImageSize> cameras;
+  std::vector<camera_t> taken_camera_ids;
+  image_t largest_taken_id = 0;
 };
 
 StoredImages ReadStored(const Database& database) {
-  StoredImages stored = {database.ReadImages(), {}, CameraSizes(database)};
+  StoredImages stored = {database.ReadImages(),
+                         {},
+                         CameraSizes(database),
+                         database.ReadTakenCameraIds(),
+                         database.ReadLargestTakenImageId()};
   for (const Image& image : stored.images) stored.ids[image.name] = image.image_id;
   return stored;
 }
@@ -198,7 +204,7 @@ camera_t FirstFreeCameraId(const StoredImages& stored, const StageLedger& ledger
         IsPending(ledger, image.image_id);
   }
   camera_t first_free = 1;
-  for (const auto& [id, size] : stored.cameras) {
+  for (const camera_t id : stored.taken_camera_ids) {
     const auto it = is_pending.find(id);
     if (it == is_pending.end() || !it->second) first_free = id + 1;
   }
@@ -222,10 +228,12 @@ void RemarkOnForeign(const std::vector<std::string>& names, const CameraOptions&
   }
 }
 
-// Sorts out which photos are new; throws ConfigError if one changed that has results.
+// Sorts out which photos are new, and says why others cannot be; throws ConfigError if one changed
+// that has results.
 std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos,
                              const StoredImages& stored, const StageLedger& ledger,
-                             const CameraOptions& options, Stage& stage) {
+                             const CameraOptions& options, Stage& stage,
+                             std::vector<std::string>& skipped) {
   std::map<std::string, PhotoRecord> records;
   for (PhotoRecord& record : database.ReadPhotos()) records[record.name] = record;
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
@@ -242,11 +250,11 @@ std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos
       }
     } else if (!record->second.error.empty()) {
       if (record->second.file_hash == photo.file_hash) {
-        stage.Warn(photo.name + ": " + record->second.error + "; still skipped");
+        skipped.push_back(photo.name + ": " + record->second.error + "; still skipped");
         continue;
       }
     } else if (!photo.error.empty()) {
-      stage.Warn(photo.name + ": " + photo.error + "; what the database has of it stays");
+      skipped.push_back(photo.name + ": " + photo.error + "; what the database has of it stays");
       continue;
     } else if (record->second.file_hash != photo.file_hash) {
       throw ConfigError("image_path", photo.name +
@@ -287,7 +295,7 @@ std::vector<Camera> AssignCameras(const StoredImages& stored, const CameraOption
   CameraMaker maker(options, FirstFreeCameraId(stored, ledger),
                     SharedCameras(options, stored, ledger));
   for (const auto& [camera_id, photo] : known_photos) maker.AddKnown(photo, camera_id);
-  image_t next_id = stored.images.empty() ? 1 : stored.images.back().image_id + 1;
+  image_t next_id = stored.largest_taken_id + 1;
   for (Photo& photo : photos) {
     if (!photo.error.empty()) continue;
     const auto old = stored.ids.find(photo.name);
@@ -404,12 +412,12 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   if (source.recompute_changed && !run.monitor.StopRequested()) {
     ForgetChanged(database, photos, stage);
   }
-  const size_t num_remarks = stage.NumMessages();
+  std::vector<std::string> skipped;
   const StoredImages stored = ReadStored(database);
   KnownPhotos known_photos;
   if (!run.monitor.StopRequested()) {
     const std::vector<Photo> all = photos;
-    photos = SelectNew(database, std::move(photos), stored, ledger, options, stage);
+    photos = SelectNew(database, std::move(photos), stored, ledger, options, stage, skipped);
     ReadHeaders(image_path, run, photos);
     if (!photos.empty()) known_photos = FindKnownPhotos(stored, ledger, image_path, all);
   }
@@ -423,7 +431,6 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   const std::vector<ResultWarning> doubts =
       CheckGivenParams(options, cameras, known_photos, photos);
   if (!photos.empty()) WriteImages(database, cameras, image_path, photos, ledger);
-  std::vector<std::string> skipped;
   for (const Photo& photo : photos) {
     if (!photo.error.empty()) skipped.push_back(photo.name + ": " + photo.error + "; skipped");
   }
@@ -431,7 +438,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   stage.Add("photographs", num_photos);
   stage.Add("new_images", NumNewImages(photos));
   stage.Add("new_cameras", cameras.size());
-  stage.Add("skipped", stage.NumMessages() - num_remarks);
+  stage.Add("skipped", skipped.size());
   stage.Add("dropped", num_dropped);
   for (const ResultWarning& doubt : doubts) stage.Warn(doubt);
   if (const auto copies = WarnOfCopies(database)) stage.Warn(*copies);

@@ -14,8 +14,7 @@
 namespace cairn {
 namespace {
 
-void CheckSize(const std::string& path, const ImageSize& photo) {
-  const ImageSize mask = ReadImageSize(path);
+void CheckSize(const std::string& path, const ImageSize& mask, const ImageSize& photo) {
   if (mask == photo) return;
   throw ConfigError("mask_path",
                     path + " is " + SizeText(mask) + " pixels, its photograph " + SizeText(photo));
@@ -48,6 +47,7 @@ Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
   }
   if (photo.mask_path.empty()) return ExtractFeatures(bitmap, options);
   const Bitmap mask = ReadBitmap(photo.mask_path, BitmapColor::kGray);
+  CheckSize(photo.mask_path, {mask.width, mask.height}, size);
   return ExtractFeatures(bitmap, options, &mask);
 }
 
@@ -66,7 +66,7 @@ void CheckMasks(const Database& database, const std::string& mask_path) {
     if (mask.empty()) continue;
     has_any = true;
     const auto size = sizes.find(image.camera_id);
-    if (size != sizes.end()) CheckSize(mask, size->second);
+    if (size != sizes.end()) CheckSize(mask, ReadImageSize(mask), size->second);
   }
   if (has_any) return;
   throw ConfigError("mask_path", mask_path + " has no mask of any image: there is no " +
@@ -89,7 +89,6 @@ bool HasMasks(const Database& database) {
 
 std::map<image_t, FeatureInput> FindFeatureInputs(const Database& database,
                                                   const std::string& mask_path, Stage& stage) {
-  CheckMasks(database, mask_path);
   const std::map<std::string, uint64_t> file_hashes = HashesOfPhotos(database);
   std::map<image_t, FeatureInput> inputs;
   std::vector<std::string> without, unused;

@@ -15,7 +15,8 @@ struct PhotoPaths {
   std::string path;
   std::string mask_path;
 };
-// Features of a photograph. Throws IoError where it cannot be read, or has not its camera's size.
+// Features of a photograph. Throws IoError where it cannot be read, or has not its camera's size,
+// ConfigError where its mask has not.
 Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
                       const FeatureOptions& options);
 

@@ -8,10 +8,9 @@
 #include "cairn/base/error.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
-#include "database/own_matches.h"
+#include "database/match_origins.h"
 #include "database/stage_names.h"
 #include "pipeline/machines/helpers.h"
-#include "pipeline/pairs/exhaustive.h"
 #include "pipeline/pairs/feed.h"
 #include "pipeline/stages/stage_ledger.h"
 
@@ -21,6 +20,7 @@ namespace {
 // What the stage finds in the database and has to add to it.
 struct MatchingWork {
   std::map<image_t, int> num_descriptors;
+  size_t num_present = 0;  // pairs that are matched already
   std::vector<image_pair_t> pairs;
   std::vector<JobRecord> new_jobs;  // images that take part for the first time
   size_t num_left_out = 0;          // images without descriptors and without matches
@@ -70,6 +70,7 @@ MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted
   work.num_descriptors = database.ReadNumDescriptors();
   std::vector<image_pair_t> present;
   for (const auto& [pair, num] : database.ReadNumMatches()) present.push_back(pair);
+  work.num_present = present.size();
   const std::set<image_t> matched = ImagesOf(present);
   std::map<image_t, std::string> names;
   for (const Image& image : database.ReadImages()) {
@@ -77,8 +78,8 @@ MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted
     names[id] = image.name;
     work.num_left_out += work.num_descriptors.count(id) == 0 && matched.count(id) == 0;
   }
-  const GivenImages given(database, ledger);
-  const std::set<image_t>& unrecorded = given.unrecorded();
+  const MatchOrigins origins(database);
+  const std::set<image_t>& unrecorded = origins.unrecorded();
   std::set<image_t> images = ImagesOf(wanted);
   images.insert(unrecorded.begin(), unrecorded.end());
   const std::map<image_t, uint64_t> hashes = HashDescriptorsOf(images, names, database, stage);
@@ -138,7 +139,7 @@ int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
     run.monitor.Advance(1);
   };
   const auto match = [&](int, const PairTask& task) { return MatchTask(task, options); };
-  ForEachTask<MatchResult>(feed, helpers, run, match, keep);
+  ForEachTask<MatchResult>(TaskKind::kMatch, feed, helpers, run, match, keep);
   writer.Finish();
   run.monitor.EndStage();
   return num_matches;
@@ -162,8 +163,9 @@ StageReport MatchImagePairs(Database& database, const PairsToMatch& wanted,
   if (work.num_left_out > 0) {
     stage.Warn("images without features (in no pair): " + std::to_string(work.num_left_out));
   }
-  stage.Add("pairs", database.ReadNumMatches().size());
-  stage.Add("computed", work.pairs.size());
+  const size_t num_pairs = database.ReadNumMatches().size();
+  stage.Add("pairs", num_pairs);
+  stage.Add("computed", num_pairs - work.num_present);
   stage.Add("new_matches", num_matches);
   return EndStage(stage, run, ledger, database);
 }

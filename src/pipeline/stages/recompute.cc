@@ -6,6 +6,7 @@
 #include <set>
 
 #include "cairn/base/error.h"
+#include "database/match_origins.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/stage_ledger.h"
 
@@ -61,10 +62,32 @@ void MarkCamerasAsPending(Database& database, const std::vector<JobRecord>& jobs
   }
 }
 
+// Which pairs another program matched was its choice: now they are chosen by us.
+void ForgetGivenChoices(Database& database) {
+  const MatchOrigins origins(database);
+  for (const JobRecord& job : database.ReadJobs(kStagePairs)) {
+    if (origins.IsGiven(static_cast<image_t>(job.item))) database.DeleteJob(kStagePairs, job.item);
+  }
+}
+
+// Removes what the stage wrote, and those whose results follow from its own.
+void ClearStageAndDependents(Database& database, BuildStage stage) {
+  using enum BuildStage;
+  for (const auto& [other, name] : kBuildStages) {
+    const bool depends =
+        other > stage && (other == kVerification || stage == kFeatures || stage == kPairs);
+    if (other == stage || depends) database.ClearStage(std::string(name));
+  }
+}
+
 }  // namespace
 
 void PrepareRecompute(Database& database, BuildStage stage, const std::string& image_path) {
   using enum BuildStage;
+  if (stage != kNone && database.ReadStage(kStageDataset)) {
+    throw ConfigError("recompute",
+                      "an imported data set has nothing to compute again; use a new database");
+  }
   if (stage == kChanged && image_path.empty()) {
     throw ConfigError("recompute", "changed needs --image_path, the folder of the photographs");
   }
@@ -73,19 +96,11 @@ void PrepareRecompute(Database& database, BuildStage stage, const std::string& i
   if (stage == kFeatures || stage == kCameras) CheckPhotographs(database, stage, image_path);
   if (stage == kPairs || stage == kMatching) CheckDescriptors(database);
   Database::Transaction transaction(database);
+  if (stage == kMatching) ForgetGivenChoices(database);
   ClearStageAndDependents(database, stage);
   if (stage == kFeatures) DeleteOurImages(database);
   if (stage == kCameras) MarkCamerasAsPending(database, our_images);
   transaction.Commit();
-}
-
-void ClearStageAndDependents(Database& database, BuildStage stage) {
-  using enum BuildStage;
-  for (const auto& [other, name] : kBuildStages) {
-    const bool depends =
-        other > stage && (other == kVerification || stage == kFeatures || stage == kPairs);
-    if (other == stage || depends) database.ClearStage(std::string(name));
-  }
 }
 
 }  // namespace cairn

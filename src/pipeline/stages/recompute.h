@@ -7,12 +7,8 @@
 namespace cairn {
 
 // Prepares the database for --recompute STAGE: removes what the stage and its dependents wrote.
-// Of none and changed, nothing. Throws ConfigError if something would be lost that cannot be
-// computed again.
+// Of none and changed, nothing. Rows of other programs go, too. Throws ConfigError if something
+// would be lost that cannot be computed again.
 void PrepareRecompute(Database& database, BuildStage stage, const std::string& image_path);
-
-// Removes what the stage wrote, and those whose results follow from its own (rows of other programs
-// too).
-void ClearStageAndDependents(Database& database, BuildStage stage);
 
 }  // namespace cairn

@@ -29,9 +29,12 @@ namespace fs = std::filesystem;
 struct DepthItem {
   Image image;
   ImageSize size;
-  std::string path;         // of the map, or of the photograph
-  std::string error;        // why the image has no depth
-  uint64_t input_hash = 0;  // of what its samples are made from
+  std::string path;                               // of the map, or of the photograph
+  std::string error;                              // why the image has no depth
+  uint64_t input_hash = 0;                        // of what its samples are made from
+  bool was_without = false;                       // an earlier run found no depth
+  std::vector<image_pair_t> verified_pairs = {};  // of such an image
+  bool is_sampled = false;
 };
 
 // Hash of what the image's depth samples are made from.
@@ -90,18 +93,45 @@ std::vector<DepthItem> FindWork(const Database& database, const std::string& ima
     if (job != nullptr && job->note.empty()) {
       ledger.ThrowChanged("the depth source or the keypoints of " + image.name);
     }
+    item.was_without = job != nullptr;
     work.push_back(std::move(item));
   }
   return work;
+}
+
+// Pairs that we verified without the depth that an image gets only now.
+void FindVerifiedPairs(const Database& database, std::vector<DepthItem>& items) {
+  std::map<image_t, DepthItem*> late;
+  for (DepthItem& item : items) {
+    if (item.was_without) late[item.image.image_id] = &item;
+  }
+  if (late.empty()) return;
+  for (const JobRecord& job : database.ReadJobs(kStageVerification)) {
+    const auto [id1, id2] = PairIdToImagePair(job.item);
+    for (const image_t id : {id1, id2}) {
+      if (const auto item = late.find(id); item != late.end()) {
+        item->second->verified_pairs.push_back(job.item);
+      }
+    }
+  }
+}
+
+// With the pairs of an image that was without depth: they are verified again, with it.
+void WriteSamples(Database& database, const DepthItem& item,
+                  const std::vector<DepthSample>& samples) {
+  database.WriteDepthSamples(item.image.image_id, samples);
+  for (const image_pair_t pair : item.verified_pairs) {
+    database.DeletePairResults(pair);
+    database.DeleteFocalEvidence(pair);
+    database.DeleteJob(kStageVerification, pair);
+  }
 }
 
 // Computes depth maps and samples them; the networks belong to a worker each.
 class DepthSampler {
  public:
   DepthSampler(const DepthSource& source, const DepthOptions& options, int num_workers)
-      : source_(source), options_(options), networks_(num_workers) {
-    if (!source.depth_model.empty()) Network(0);  // A file that is no network ends the stage here.
-  }
+      : source_(source), options_(options), networks_(num_workers) {}
 
   // None, with item.error set, where the map cannot be had.
   std::vector<DepthSample> Sample(int worker, const std::vector<Keypoint>& keypoints,
@@ -111,7 +141,7 @@ class DepthSampler {
       const DepthMap map = Map(worker, item.path);
       const std::string fault = FaultOfMapSize({map.width, map.height}, item.size);
       if (!fault.empty()) throw IoError(item.path, fault);
-      return SampleDepth(map, item.size.width, item.size.height, keypoints, options_.Windows());
+      return SampleDepth(map, item.size.width, item.size.height, keypoints, options_);
     } catch (const IoError& error) {
       item.error = error.what();
       return {};
@@ -150,8 +180,9 @@ void SampleItems(Database& database, const RunContext& run, DepthSampler& sample
       keypoints = *database.ReadKeypoints(item.image.image_id);
     }
     std::vector<DepthSample> samples = sampler.Sample(worker, keypoints, item);
+    item.is_sampled = item.error.empty();
     writer.Push([&item, samples = std::move(samples)](Database& db) {
-      if (item.error.empty()) db.WriteDepthSamples(item.image.image_id, samples);
+      if (item.is_sampled) WriteSamples(db, item, samples);
       db.WriteJob(kStageDepth, {item.image.image_id, item.input_hash, item.error});
     });
     run.monitor.Advance(1);
@@ -161,23 +192,25 @@ void SampleItems(Database& database, const RunContext& run, DepthSampler& sample
   run.monitor.EndStage();
 }
 
-void AddCounts(const Database& database, size_t num_computed, Stage& stage) {
+void AddCounts(const Database& database, const std::vector<DepthItem>& items, Stage& stage) {
   stage.Add("images_with_depth", database.ReadNumDepthSamples().size());
-  stage.Add("computed", num_computed);
+  stage.Add("computed", std::ranges::count(items, true, &DepthItem::is_sampled));
 }
 
-// Returns the number of images that have no depth.
-size_t WarnOfFailures(const std::vector<DepthItem>& items, Stage& stage) {
-  std::vector<std::string> failures;
+void TellOfEach(const std::vector<DepthItem>& items, Stage& stage) {
+  std::vector<std::string> failures, late;
   for (const DepthItem& item : items) {
-    if (item.error.empty()) continue;
-    failures.push_back(item.image.name + ": " + item.error + "; it has no depth");
+    if (!item.error.empty()) {
+      failures.push_back(item.image.name + ": " + item.error + "; it has no depth");
+    } else if (item.is_sampled && !item.verified_pairs.empty()) {
+      late.push_back(item.image.name + " has depth now; its pairs are verified again");
+    }
   }
+  stage.NoteEach(late);
   stage.WarnEach(failures);
   if (!failures.empty()) {
     stage.Warn(ResultWarning{"no depth for " + std::to_string(failures.size()) + " photos", ""});
   }
-  return failures.size();
 }
 
 }  // namespace
@@ -215,19 +248,19 @@ StageReport SampleImageDepth(Database& database, const std::string& image_path,
   Stage stage(run.monitor, kStageDepth);
   if (source.depth_path.empty() && source.depth_model.empty()) {
     stage.MarkSkipped();
-    AddCounts(database, 0, stage);
+    AddCounts(database, {}, stage);
     return EndStage(stage, database);
   }
-  CheckDepthSource(image_path, source, options);
-  CheckDepthIsInTime(database, source);
   StageLedger ledger(database, kStageDepth, DepthStageOptions(source, options));
   std::vector<DepthItem> items = FindWork(database, image_path, source, ledger, stage);
   if (!items.empty()) {
+    FindVerifiedPairs(database, items);
     ledger.Begin(database);
     DepthSampler sampler(source, options, EffectiveNumThreads(run.num_threads));
     SampleItems(database, run, sampler, items);
   }
-  AddCounts(database, items.size() - WarnOfFailures(items, stage), stage);
+  TellOfEach(items, stage);
+  AddCounts(database, items, stage);
   return EndStage(stage, run, ledger, database);
 }
 

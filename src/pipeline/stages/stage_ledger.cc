@@ -1,7 +1,6 @@
 #include "pipeline/stages/stage_ledger.h"
 
 #include <map>
-#include <sstream>
 
 #include "cairn/base/error.h"
 #include "cairn/base/options.h"
@@ -10,45 +9,42 @@
 namespace cairn {
 namespace {
 
-// Throws ConfigError for the first option, by name, that differs.
-void CheckOptions(const StageRecord& stored, const std::string& present) {
-  const std::map<std::string, std::string> old_values = stored.OptionValues();
-  const std::map<std::string, std::string> values = StageRecord{"", present}.OptionValues();
-  const std::string stage = "the database's stage '" + stored.stage + "'";
-  const std::string recompute = "--recompute " + stored.stage;
-  for (const auto& [key, value] : values) {
-    const auto old_value = old_values.find(key);
-    if (old_value == old_values.end()) {
-      throw ConfigError(key,
-                        stage + " was made by a version without this option; use " + recompute);
-    }
-    if (old_value->second != value) {
-      throw ConfigError(key, "is " + value + ", but " + stage + " was made with " +
-                                 old_value->second + "; use the same, or " + recompute);
-    }
-  }
-  for (const auto& [key, value] : old_values) {
-    if (values.count(key) > 0 || IsRetired(key, value)) continue;
-    throw ConfigError(
-        key, "is " + value + " in " + stage + ", and no longer an option; use " + recompute);
-  }
+// What helps where a stage was made from something else. A data set is imported once.
+std::string Remedy(const std::string& stage) {
+  return stage == kStageDataset ? "a new database" : "--recompute " + stage;
 }
 
 }  // namespace
 
-std::string QualifiedOptions(std::string_view module, const std::string& dumped) {
-  std::string text;
-  std::istringstream lines(dumped);
-  std::string line;
-  while (std::getline(lines, line)) text += std::string(module) + "." + line + "\n";
-  return text;
+void CheckStageOptions(const Database& database, const std::string& name,
+                       const std::string& options) {
+  const std::optional<StageRecord> record = database.ReadStage(name);
+  if (!record) return;
+  const std::map<std::string, std::string> old_values = record->OptionValues();
+  const std::map<std::string, std::string> values = StageRecord{"", options}.OptionValues();
+  const std::string stage = "the database's stage '" + name + "'";
+  const std::string remedy = Remedy(name);
+  for (const auto& [key, value] : values) {
+    const auto old_value = old_values.find(key);
+    if (old_value == old_values.end()) {
+      throw ConfigError(key, stage + " was made by a version without this option; use " + remedy);
+    }
+    if (old_value->second != value) {
+      throw ConfigError(key, "is " + value + ", but " + stage + " was made with " +
+                                 old_value->second + "; use the same, or " + remedy);
+    }
+  }
+  for (const auto& [key, value] : old_values) {
+    if (values.count(key) > 0 || IsRetired(key, value)) continue;
+    throw ConfigError(key,
+                      "is " + value + " in " + stage + ", and no longer an option; use " + remedy);
+  }
 }
 
 StageLedger::StageLedger(Database& database, const std::string& stage, const std::string& options)
     : stage_(stage), options_(options) {
-  const std::optional<StageRecord> record = database.ReadStage(stage);
-  if (record) CheckOptions(*record, options);
-  was_begun_ = record.has_value();
+  CheckStageOptions(database, stage, options);
+  was_begun_ = database.ReadStage(stage).has_value();
   for (JobRecord& job : database.ReadJobs(stage)) {
     const uint64_t item = job.item;
     jobs_.emplace(item, std::move(job));
@@ -69,7 +65,7 @@ bool StageLedger::IsDone(uint64_t item, uint64_t input_hash, const std::string& 
 
 void StageLedger::ThrowChanged(const std::string& what) const {
   throw ConfigError("database", what + " changed since the stage '" + stage_ +
-                                    "' was computed; use --recompute " + stage_);
+                                    "' was computed; use " + Remedy(stage_));
 }
 
 void StageLedger::Begin(Database& database) {

@@ -2,8 +2,8 @@
 
 #include <cstdint>
 #include <string>
-#include <string_view>
 #include <unordered_map>
+#include <vector>
 
 #include "cairn/base/options.h"
 #include "cairn/base/run_context.h"
@@ -14,20 +14,23 @@
 namespace cairn {
 
 // The fields of an options struct as lines "module.field = value", the names of their flags.
-std::string QualifiedOptions(std::string_view module, const std::string& dumped);
-
 template <class Options>
-std::string DumpQualified(std::string_view module, const Options& options) {
-  return QualifiedOptions(module, DumpOptions(options));
+std::string DumpQualified(const std::string& module, Options options) {
+  std::vector<OptionField> fields = FieldsOf(options);
+  for (OptionField& field : fields) field.name = OptionKey(module, field.name);
+  return DumpFields(fields);
 }
+
+// Throws ConfigError, naming the option, if the stage ran with other options.
+void CheckStageOptions(const Database& database, const std::string& stage,
+                       const std::string& options);
 
 // The state of one stage in the database: with which options it ran, and which items it finished
 // from which inputs. Written only once there is something to do, so that rows of other programs
 // need no record.
 class StageLedger {
  public:
-  // Reads the stage's rows. Throws ConfigError, naming the option, if the stage ran with other
-  // options.
+  // Reads the stage's rows. Throws as CheckStageOptions.
   StageLedger(Database& database, const std::string& stage, const std::string& options);
 
   // The item's record, or nullptr.

@@ -203,7 +203,7 @@ class Verification {
       workers.emplace_back(verifiers_, run_.seed);
     }
     ForEachTask<PairOutcome>(
-        feed, helpers_, run_,
+        TaskKind::kVerify, feed, helpers_, run_,
         [&](int worker, const PairTask& task) { return workers[worker].Run(task); },
         [&](PairOutcome outcome, const std::string&) { keep(std::move(outcome), writer); });
     writer.Finish();

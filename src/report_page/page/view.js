@@ -7,11 +7,14 @@
     byId("scene").hidden = true;
     return;
   }
-  if (typeof THREE === "undefined" || !THREE.OrbitControls) {
+  const missing = (text) => {
     byId("scene-body").hidden = true;
     byId("scene-missing").hidden = false;
-    byId("scene-missing").textContent = "The 3D view needs three.js, which was not in " + data.three_folder +
-      " when this report was made. Install Debian's package libjs-three (sudo apt install libjs-three) and run global_sfm report again.";
+    byId("scene-missing").textContent = text;
+  };
+  if (typeof THREE === "undefined" || !THREE.OrbitControls) {
+    missing("The 3D view needs three.js, which was not in " + data.three_folder +
+      " when this report was made. Install Debian's package libjs-three (sudo apt install libjs-three) and run global_sfm report again.");
     return;
   }
 
@@ -21,9 +24,7 @@
   try {
     renderer = new THREE.WebGLRenderer({canvas, antialias: true, preserveDrawingBuffer: true});
   } catch (error) {
-    byId("scene-body").hidden = true;
-    byId("scene-missing").hidden = false;
-    byId("scene-missing").textContent = "This browser has no WebGL, which the 3D view needs.";
+    missing("This browser has no WebGL, which the 3D view needs.");
     return;
   }
   renderer.setPixelRatio(Math.min(2, devicePixelRatio || 1));
@@ -75,6 +76,7 @@
 
   function replace(name, object) {
     if (view[name]) {
+      if (object) object.visible = view[name].visible;
       scene.remove(view[name]);
       view[name].geometry.dispose();
       view[name].material.dispose();
@@ -98,7 +100,7 @@
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
     geometry.setAttribute("color", new THREE.BufferAttribute(rgb, 3, true));
-    const options = {size: view.size, sizeAttenuation: false};
+    const options = {size: view.pointSize || view.size, sizeAttenuation: false};
     if (isBlack) options.color = 0x55606a;
     else options.vertexColors = THREE.VertexColors;
     replace("points", new THREE.Points(geometry, new THREE.PointsMaterial(options)));
@@ -298,7 +300,7 @@
     box.append(
       checkbox("points", true, null, (on) => { view.points.visible = on; draw(); }),
       checkbox("cameras", true, "#bf2a1f", (on) => { view.frusta.visible = on; draw(); }),
-      range("size of points", 0.5, 8, 3, (value) => { view.points.material.size = value; }),
+      range("size of points", 0.5, 8, 3, (value) => { view.points.material.size = view.pointSize = value; }),
       range("size of cameras", 0.1, 4, 1, (value) => { view.scale = value; makeFrusta(); }));
     const total = models.reduce((sum, model) => sum + model.points, 0), inFile = models.reduce((sum, model) => sum + model.shown, 0);
     if (inFile < total) box.append(element("span", {className: "soft"}, whole(inFile) + " of " + whole(total) + " points are in this file"));

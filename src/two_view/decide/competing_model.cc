@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "two_view/search/match_errors.h"
+#include "robust/match_errors.h"
 #include "two_view/search/search_steps.h"
 
 namespace cairn::internal {

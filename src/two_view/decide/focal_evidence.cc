@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <numeric>
 
+#include "robust/match_errors.h"
 #include "two_view/decide/focal_plausibility.h"
 #include "two_view/search/fundamental_search.h"
-#include "two_view/search/match_errors.h"
 
 namespace cairn::internal {
 

@@ -46,10 +46,14 @@ class SingularValues {
 };
 
 bool IsOneCamera(const Camera& camera1, const Camera& camera2) {
-  return camera1.camera_id == camera2.camera_id;
+  return &camera1 == &camera2 ||
+         (camera1.camera_id == camera2.camera_id && camera1.camera_id != kInvalidCameraId);
 }
 
-}  // namespace
+// Focal lengths that a camera may have, in multiples of the one that it is given with.
+struct FocalRange {
+  double smallest, largest;
+};
 
 FocalRange PlausibleFocals(const Camera& camera) {
   if (camera.has_prior_focal_length) return {0.4, 2.5};
@@ -57,6 +61,8 @@ FocalRange PlausibleFocals(const Camera& camera) {
   const double side = std::max(camera.width, camera.height) / camera.MeanFocal();
   return {kSmallest * side, kLargest * side};
 }
+
+}  // namespace
 
 bool HasPlausibleFocals(const Eigen::Matrix3d& F, const Camera& camera1, const Camera& camera2) {
   // The ratio of the singular values changes at most as fast as the focal lengths: half a step from

@@ -11,12 +11,12 @@
 #include "cairn/math/decompositions.h"
 #include "cairn/math/median.h"
 #include "cairn/solvers/homography.h"
+#include "robust/match_errors.h"
 #include "robust/pose_refinement.h"
 #include "two_view/decide/evidence.h"
 #include "two_view/decide/special_pairs.h"
 #include "two_view/search/cheirality.h"
 #include "two_view/search/guided_support.h"
-#include "two_view/search/match_errors.h"
 
 namespace cairn::internal {
 namespace {
@@ -27,14 +27,6 @@ struct Support {
   std::vector<int32_t> inliers;
   double score = 0.0;  // MSAC
 };
-
-template <class ValueOf>
-double MedianOf(std::span<const int32_t> matches, const ValueOf& value_of) {
-  std::vector<double> values;
-  values.reserve(matches.size());
-  for (const int32_t i : matches) values.push_back(value_of(i));
-  return UpperMedian(std::move(values));
-}
 
 class PairFinisher {
  public:
@@ -61,9 +53,11 @@ class PairFinisher {
       support = SupportOf(pose);
       FillSupport(support, report);
     }
-    Eigen::Quaterniond rotation = special.rotation;
+    Eigen::Quaterniond rotation = pose.rotation;
     const double max_sigma = DegToRad(options_.max_pose_sigma_deg);
-    if (config != TwoViewConfig::kPanoramic) {
+    if (config == TwoViewConfig::kPanoramic) {
+      rotation = Eigen::Quaterniond(special.H);
+    } else {
       // For errors of a third of the threshold.
       const double sigma_px = pair_.max_error_px / 3.0;
       const PoseSigmas sigmas = SigmasOfPose(pair_.points, pose, pair_.max_error_px);
@@ -71,10 +65,7 @@ class PairFinisher {
         report->status = PairStatus::kDegenerate;
         return;
       }
-      if (sigma_px * sigmas.translation > max_sigma) {
-        config = TwoViewConfig::kPanoramic;
-        rotation = pose.rotation;
-      }
+      if (sigma_px * sigmas.translation > max_sigma) config = TwoViewConfig::kPanoramic;
     }
     if (config == TwoViewConfig::kPanoramic && PureRotationSigma(support.inliers) > max_sigma) {
       report->status = PairStatus::kDegenerate;
@@ -154,8 +145,7 @@ class PairFinisher {
     for (int k = 0; k < num_motions; ++k) {
       if (motions[k].cam2_from_cam1.translation.norm() < 1e-6) continue;
       const Rigid3d refined =
-          RefinePose(pair_.points, motions[k].cam2_from_cam1, {.scale_px = pair_.max_error_px})
-              .cam2_from_cam1;
+          RefinePose(pair_.points, motions[k].cam2_from_cam1, {.scale_px = pair_.max_error_px});
       const double score = SupportOf(refined).score;
       if (score > best_score) {
         best_score = score;
@@ -185,7 +175,7 @@ class PairFinisher {
   void FillInliers(const Support& support, PairReport* report) const {
     FillSupport(support, report);
     report->geometry.inlier_matches = pair_.Matches(support.inliers);
-    report->residual_px = MedianOf(support.inliers, [&](int32_t i) { return support.errors[i]; });
+    report->residual_px = support.errors.MedianOf(support.inliers);
   }
 
   void FillPose(const Rigid3d& pose, const Support& support, PairReport* report) const {
@@ -201,14 +191,17 @@ class PairFinisher {
     }
     // The median of the angles is that of their squared tangents (below a right angle).
     const Eigen::Matrix3d R = pose.RotationMatrix();
-    const double squared_tangent = MedianOf(support.inliers, [&](int32_t i) {
+    std::vector<double> squared_tangents;
+    for (const int32_t i : support.inliers) {
       const Eigen::Vector3d a = R * pair_.points.Ray1(i);
       const Eigen::Vector3d b = pair_.points.Ray2(i);
       const double dot = a.dot(b);
-      return dot > 0.0 ? static_cast<float>(a.cross(b).squaredNorm() / (dot * dot))
-                       : std::numeric_limits<float>::infinity();
-    });
-    report->triangulation_angle_deg = RadToDeg(std::atan(std::sqrt(squared_tangent)));
+      squared_tangents.push_back(dot > 0.0
+                                     ? static_cast<float>(a.cross(b).squaredNorm() / (dot * dot))
+                                     : std::numeric_limits<float>::infinity());
+    }
+    report->triangulation_angle_deg =
+        RadToDeg(std::atan(std::sqrt(UpperMedian(std::move(squared_tangents)))));
   }
 
   // No translation: inliers are those of the rotation.

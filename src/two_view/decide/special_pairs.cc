@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "cairn/math/so3.h"
-#include "two_view/search/match_errors.h"
+#include "robust/match_errors.h"
 #include "two_view/search/plane_search.h"
 
 namespace cairn::internal {
@@ -49,7 +49,7 @@ bool IsWatermark(const PreparedPair& pair, std::span<const int32_t> inliers, dou
     }
   }
   const double needed = share * static_cast<double>(inliers.size());
-  if (static_cast<double>(shifts.size()) < needed) return false;
+  if (shifts.empty() || static_cast<double>(shifts.size()) < needed) return false;
   // A majority has one shift only if its median is that shift.
   const size_t middle = shifts.size() / 2;
   Eigen::Vector2d median;
@@ -112,7 +112,6 @@ SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inli
   const Eigen::Matrix3d R = FitRotation(points, max_error_px, &errors);
   if (errors.CountBelow(max_error_px) >= needed) {
     special.config = TwoViewConfig::kPanoramic;
-    special.rotation = Eigen::Quaterniond(R);
     special.H = R;
     return special;
   }

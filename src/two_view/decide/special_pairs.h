@@ -11,10 +11,9 @@ namespace cairn::internal {
 // What a pose alone does not show (COLMAP's `config`).
 struct SpecialPair {
   TwoViewConfig config = TwoViewConfig::kCalibrated;
-  // For planar and panoramic pairs: homography of normalized points, and its inliers among all.
+  // For planar and panoramic pairs: the homography of normalized points; of the latter, the
+  // rotation that explains the matches without translation.
   Eigen::Matrix3d H = Eigen::Matrix3d::Identity();
-  // For panoramic pairs: the rotation that explains the matches without translation.
-  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
 };
 
 // Looks at the inliers of a pose, given as indices into pair.points: do they follow a rotation

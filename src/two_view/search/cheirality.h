@@ -3,8 +3,8 @@
 #include <span>
 
 #include "cairn/geometry/epipolar.h"
+#include "robust/match_errors.h"
 #include "two_view/prepare/prepared_pair.h"
-#include "two_view/search/match_errors.h"
 
 namespace cairn::internal {
 

@@ -6,9 +6,9 @@
 #include "cairn/math/so3.h"
 #include "cairn/solvers/seven_point.h"
 #include "robust/fundamental_refinement.h"
+#include "robust/match_errors.h"
 #include "two_view/decide/focal_plausibility.h"
 #include "two_view/search/guided_support.h"
-#include "two_view/search/match_errors.h"
 #include "two_view/search/plane_search.h"
 
 namespace cairn::internal {
@@ -38,14 +38,10 @@ class FundamentalNeighborhood {
     SampleModels<SevenPoint>(pair_, explained_, num_samples, rng,
                              [this](const Eigen::Matrix3d& F) { Add(F); });
     SamplePlaneAndParallax(rng);
-    const auto num_tried = std::min<ptrdiff_t>(kNumSamples, std::ssize(hypotheses_));
-    const auto end = hypotheses_.begin() + num_tried;
-    std::partial_sort(
-        hypotheses_.begin(), end, hypotheses_.end(),
-        [](const Hypothesis& a, const Hypothesis& b) { return a.support > b.support; });
-    std::stable_partition(hypotheses_.begin(), end,
+    const int num_tried = MoveBestToFront(kNumSamples, &hypotheses_);
+    std::stable_partition(hypotheses_.begin(), hypotheses_.begin() + num_tried,
                           [this](const Hypothesis& h) { return IsPlausible(h.F); });
-    return static_cast<int>(std::min<ptrdiff_t>(max_count, num_tried));
+    return std::min(max_count, num_tried);
   }
 
   double Try(int k, double best_support) {
@@ -127,7 +123,7 @@ class FundamentalNeighborhood {
     near.resize((near.size() + step - 1) / step);
     PointPairs points;
     points.SetSubset(pair_.points, near.data(), static_cast<int>(near.size()));
-    return RefineFundamentalMatrix(points, start, options).F;
+    return RefineFundamentalMatrix(points, start, options).F();
   }
 
   const PreparedPair& pair_;

@@ -4,9 +4,9 @@
 
 #include "cairn/solvers/eight_point.h"
 #include "cairn/solvers/seven_point.h"
+#include "robust/match_errors.h"
 #include "two_view/decide/evidence.h"
 #include "two_view/search/fundamental_resampling.h"
-#include "two_view/search/match_errors.h"
 
 namespace cairn::internal {
 namespace {
@@ -85,10 +85,8 @@ std::optional<FundamentalModel> FindFundamental(const PreparedPair& pair,
   SevenPointEstimator estimator(pair, std::min(num_data, pair.size()));
   Rng rng(pair.input.seed, "seven_point", pair.input.pair_id);
   const auto report = Ransac(estimator, options, rng);
-  if (report.status != RansacStatus::kConfident && report.status != RansacStatus::kExhausted) {
-    return std::nullopt;
-  }
-  return Measure(pair, report.model);
+  if (!report.model) return std::nullopt;
+  return Measure(pair, *report.model);
 }
 
 std::optional<FundamentalModel> ImproveFundamental(const PreparedPair& pair,

@@ -82,10 +82,8 @@ double GuidedSupport::Score(const Eigen::Matrix3d& E) const {
 }
 
 Rigid3d GuidedSupport::Refine(const Rigid3d& start) const {
-  PoseRefinementOptions options;
-  options.loss = RobustLoss::kGemanMcClure;
-  options.min_relative_gain = 1e-4;
-  return RefinePose(classes_, start, options).cam2_from_cam1;
+  return RefinePose(classes_, start,
+                    {.loss = RobustLoss::kGemanMcClure, .min_relative_gain = 1e-4});
 }
 
 }  // namespace cairn::internal

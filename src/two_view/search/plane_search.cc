@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "cairn/solvers/homography.h"
-#include "two_view/search/match_errors.h"
+#include "robust/match_errors.h"
 
 namespace cairn::internal {
 

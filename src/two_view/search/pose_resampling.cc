@@ -4,9 +4,9 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/solvers/five_point.h"
+#include "robust/match_errors.h"
 #include "robust/pose_refinement.h"
 #include "two_view/search/guided_support.h"
-#include "two_view/search/match_errors.h"
 
 namespace cairn::internal {
 namespace {
@@ -40,20 +40,12 @@ class PoseNeighborhood {
       best_score = std::max(best_score, score);
       hypotheses_.push_back({E, score});
     });
-    const auto count = std::min<ptrdiff_t>(max_count, std::ssize(hypotheses_));
-    std::partial_sort(hypotheses_.begin(), hypotheses_.begin() + count, hypotheses_.end(),
-                      [](const auto& a, const auto& b) { return a.score > b.score; });
-    return static_cast<int>(count);
+    return MoveBestToFront(max_count, &hypotheses_);
   }
 
   double Try(int k, double best_support) {
-    PoseRefinementOptions options;
-    options.loss = RobustLoss::kGemanMcClure;
-    options.min_relative_gain = 1e-3;
-    options.scale_px = pair_.max_error_px;
-    options.max_iterations = kNumSteps;
     const Rigid3d start = PosesFromEssential(hypotheses_[k].E)[0];
-    const Rigid3d pose = RefinePose(reach_, start, options).cam2_from_cam1;
+    const Rigid3d pose = RefineSmoothly(reach_, start, pair_.max_error_px, kNumSteps);
     const Eigen::Matrix3d E = EssentialFromPose(pose);
     double support = guided_.Score(E);
     if (!(support > best_support)) return best_support;
@@ -74,7 +66,7 @@ class PoseNeighborhood {
  private:
   struct Hypothesis {
     Eigen::Matrix3d E;
-    double score;
+    double support;
   };
 
   const PreparedPair& pair_;

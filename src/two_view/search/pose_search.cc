@@ -6,6 +6,7 @@
 #include "cairn/geometry/epipolar.h"
 #include "robust/pose_refinement.h"
 #include "two_view/decide/evidence.h"
+#include "two_view/search/resampling.h"
 
 namespace cairn::internal {
 namespace {
@@ -21,12 +22,16 @@ double Distance(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
   return std::min((a - b).norm(), (a + b).norm());
 }
 
-template <class T>
-bool BySupport(const T& a, const T& b) {
-  return a.support > b.support;
-}
-
 }  // namespace
+
+Rigid3d RefineSmoothly(const PointPairs& points, const Rigid3d& start, double scale_px,
+                       int max_iterations) {
+  return RefinePose(points, start,
+                    {.loss = RobustLoss::kGemanMcClure,
+                     .scale_px = scale_px,
+                     .max_iterations = max_iterations,
+                     .min_relative_gain = 1e-3});
+}
 
 PoseSearch::PoseSearch(const PreparedPair& pair, const TwoViewOptions& options)
     : pair_(pair), options_(options), cheirality_(pair) {
@@ -35,12 +40,11 @@ PoseSearch::PoseSearch(const PreparedPair& pair, const TwoViewOptions& options)
 
 void PoseSearch::Add(const Eigen::Matrix3d& E) {
   ++num_hypotheses_;
-  hypotheses_.push_back(
-      {E, SoftScoreSampson(subset_, E, options_.rough_error_ratio * pair_.max_error_px)});
+  hypotheses_.push_back({E, SoftScoreSampson(subset_, E, RoughPx())});
 }
 
 void PoseSearch::RefineBest(int max_num_refined) {
-  const int count = MoveBestToFront(max_num_refined);
+  const int count = MoveBestToFront(max_num_refined, &hypotheses_);
   for (int first = 0; first < count && !has_converged_; first += kGroupSize) {
     Started best = Start(hypotheses_[first].E);
     for (int k = first + 1; k < std::min(first + kGroupSize, count); ++k) {
@@ -52,41 +56,29 @@ void PoseSearch::RefineBest(int max_num_refined) {
   hypotheses_.clear();
 }
 
-int PoseSearch::MoveBestToFront(int max_count) {
-  const auto count = std::min<ptrdiff_t>(max_count, std::ssize(hypotheses_));
-  std::partial_sort(hypotheses_.begin(), hypotheses_.begin() + count, hypotheses_.end(),
-                    BySupport<Hypothesis>);
-  return static_cast<int>(count);
-}
-
 PoseSearch::Started PoseSearch::Start(const Eigen::Matrix3d& E) const {
-  const Rigid3d pose =
-      Refine(subset_, PosesFromEssential(E)[0], options_.rough_error_ratio, kNumFirstSteps);
-  return {pose,
-          SoftScoreSampson(subset_, EssentialFromPose(pose), MiddleScale() * pair_.max_error_px)};
+  const Rigid3d pose = RefineSmoothly(subset_, PosesFromEssential(E)[0], RoughPx(), kNumFirstSteps);
+  return {pose, SoftScoreSampson(subset_, EssentialFromPose(pose), MiddlePx())};
 }
 
 void PoseSearch::Finish(const Rigid3d& started) {
-  Rigid3d pose = Refine(subset_, started, options_.rough_error_ratio, kNumSteps - kNumFirstSteps);
-  pose = Refine(subset_, pose, MiddleScale(), kNumSteps);
-  const double score = ScoreSampson(subset_, EssentialFromPose(pose), pair_.max_error_px);
+  const double max_error_px = pair_.max_error_px;
+  Rigid3d pose = RefineSmoothly(subset_, started, RoughPx(), kNumSteps - kNumFirstSteps);
+  pose = RefineSmoothly(subset_, pose, MiddlePx(), kNumSteps);
+  const double score = ScoreSampson(subset_, EssentialFromPose(pose), max_error_px);
   if (score < kEqualSupport * best_subset_score_) return;
   best_subset_score_ = std::max(best_subset_score_, score);
-  pose = Refine(subset_, pose, 1.0, kNumSteps);
-  if (pair_.size() > subset_.size()) pose = Refine(pair_.points, pose, 1.0, kNumSteps);
+  pose = RefineSmoothly(subset_, pose, max_error_px, kNumSteps);
+  if (pair_.size() > subset_.size()) {
+    pose = RefineSmoothly(pair_.points, pose, max_error_px, kNumSteps);
+  }
   AddRefined(pose);
 }
 
-double PoseSearch::MiddleScale() const { return std::sqrt(options_.rough_error_ratio); }
+double PoseSearch::RoughPx() const { return options_.rough_error_ratio * pair_.max_error_px; }
 
-Rigid3d PoseSearch::Refine(const PointPairs& points, const Rigid3d& start, double scale,
-                           int max_iterations) const {
-  PoseRefinementOptions options;
-  options.loss = RobustLoss::kGemanMcClure;
-  options.min_relative_gain = 1e-3;
-  options.scale_px = scale * pair_.max_error_px;
-  options.max_iterations = max_iterations;
-  return RefinePose(points, start, options).cam2_from_cam1;
+double PoseSearch::MiddlePx() const {
+  return std::sqrt(options_.rough_error_ratio) * pair_.max_error_px;
 }
 
 void PoseSearch::AddRefined(const Rigid3d& pose) {

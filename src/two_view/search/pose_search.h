@@ -19,6 +19,10 @@ inline constexpr double kEqualSupport = 0.8;
 // Steps of a refinement at one scale.
 inline constexpr int kNumSteps = 8;
 
+// Refines a pose by a smooth loss, until a step gains less than a thousandth of it.
+Rigid3d RefineSmoothly(const PointPairs& points, const Rigid3d& start, double scale_px,
+                       int max_iterations);
+
 // Looks for the pose of a pair among rough hypotheses, wherever they come from: each is scored
 // softly on a subset of the matches, the best are refined from a wide to the final threshold, and
 // the search ends as soon as the evidence suffices: several independent hypotheses that converge to
@@ -53,14 +57,10 @@ class PoseSearch {
     double support;
   };
 
-  int MoveBestToFront(int max_count);  // returns how many there are
   Started Start(const Eigen::Matrix3d& E) const;
   void Finish(const Rigid3d& started);
-  // Between the rough one and the threshold, in thresholds.
-  double MiddleScale() const;
-  // At a scale in thresholds.
-  Rigid3d Refine(const PointPairs& points, const Rigid3d& start, double scale,
-                 int max_iterations) const;
+  double RoughPx() const;
+  double MiddlePx() const;  // between the rough scale and the threshold
 
   const PreparedPair& pair_;
   const TwoViewOptions& options_;

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <span>
+#include <vector>
 
 #include "cairn/base/rng.h"
 #include "two_view/prepare/prepared_pair.h"
@@ -24,6 +26,15 @@ void SampleModels(const PreparedPair& pair, std::span<const int32_t> indices, in
     const int num_models = Solver::Solve(points, models);
     for (int m = 0; m < num_models; ++m) add(models[m]);
   }
+}
+
+// Moves those of most support to the front, at most `max`; returns how many.
+template <class Hypothesis>
+int MoveBestToFront(int max, std::vector<Hypothesis>* hypotheses) {
+  const auto count = std::min<ptrdiff_t>(max, std::ssize(*hypotheses));
+  std::partial_sort(hypotheses->begin(), hypotheses->begin() + count, hypotheses->end(),
+                    [](const Hypothesis& a, const Hypothesis& b) { return a.support > b.support; });
+  return static_cast<int>(count);
 }
 
 struct ResamplingOptions {

@@ -1,21 +1,17 @@
 #include "global_sfm/describe_result.h"
 
-#include <gmock/gmock.h>
-
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
 
-using ::testing::HasSubstr;
-using ::testing::Not;
-
 std::string Describe(const std::vector<ResultWarning>& warnings) {
   ReconstructResult result;
-  result.models.push_back(testing_support::MakeSyntheticScene({}).truth);
+  result.models.push_back(MakeSyntheticScene({}).truth);
   for (const auto& [id, image] : result.models[0].images) result.images.push_back(image.image);
   result.report.warnings = warnings;
-  return DescribeResult(result, "out", testing_support::kOneThread);
+  return DescribeResult(result, "out", kOneThread);
 }
 
 // What is wrong with a model is said in the last lines, with what to do.

@@ -1,8 +1,5 @@
 #include "global_sfm/one_dsfm_export.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "cairn/base/error.h"
@@ -11,16 +8,12 @@
 #include "cairn/image/exif.h"
 #include "cairn/io/one_dsfm.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 #include "unit/io/random_reconstruction.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::RandomReconstruction;
-using testing::TempFolder;
-using testing::ThrownMessage;
 
 struct Warnings : ProgressMonitor {
   void Warning(const std::string& message) override { text += message + "\n"; }

@@ -1,18 +1,13 @@
 #include "global_sfm/pairs_csv.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
 #include "cairn/math/so3.h"
 #include "global_sfm/describe.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::ThrownMessage;
 
 Rigid3d Pose(double angle) {
   return {ExpSO3(Eigen::Vector3d(0, angle, 0)), Eigen::Vector3d(0.6, 0, 0.8)};

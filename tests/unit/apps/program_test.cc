@@ -1,14 +1,13 @@
 #include "common/program.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <fstream>
 #include <new>
 #include <system_error>
 
 #include "cairn/base/error.h"
+#include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -39,7 +38,7 @@ struct MatchOptions {
   }
 };
 
-class ProgramTest : public testing::Test {
+class ProgramTest : public ::testing::Test {
  protected:
   // Runs the program with the arguments; the options keep what was in force.
   int Run(
@@ -52,30 +51,29 @@ class ProgramTest : public testing::Test {
       ++num_runs_;
       toml_ = command.EffectiveToml();
       seed_is_set_ = command.IsSet("seed");
+      if (!required_.empty()) command.Require(required_);
       return run();
     });
     args.insert(args.begin(), "prog");
     std::vector<char*> argv;
     for (std::string& arg : args) argv.push_back(arg.data());
-    testing::internal::CaptureStderr();
+    ::testing::internal::CaptureStderr();
     const int exit_code =
         RunMain([&] { return program.Run(static_cast<int>(argv.size()), argv.data()); });
-    output_ = testing::internal::GetCapturedStderr();
+    output_ = ::testing::internal::GetCapturedStderr();
     return exit_code;
   }
 
   std::string WriteConfig(const std::string& text) {
-    // A file a test: ctest runs them side by side.
-    const std::string path = testing::TempDir() + "/cairn_program_test_" +
-                             testing::UnitTest::GetInstance()->current_test_info()->name() +
-                             ".toml";
+    const std::string path = folder_ / "config.toml";
     std::ofstream(path) << text;
     return path;
   }
 
+  TempFolder folder_;
   TopOptions top_;
   MatchOptions matching_;
-  std::string output_, toml_;
+  std::string output_, toml_, required_;
   bool seed_is_set_ = false;
   int num_runs_ = 0;
 };
@@ -89,18 +87,27 @@ TEST_F(ProgramTest, FlagsSetFieldsOfEveryKind) {
   EXPECT_EQ(top_.seed, -3);
   EXPECT_EQ(matching_.max_ratio, 0.5);
   EXPECT_FALSE(matching_.cross_check);
-  EXPECT_THAT(matching_.weights, testing::ElementsAre(1, -2.5, 3));
+  EXPECT_THAT(matching_.weights, ElementsAre(1, -2.5, 3));
   EXPECT_EQ(matching_.kind, MatchKind::kSlow);
   EXPECT_TRUE(seed_is_set_);
 }
 
+TEST_F(ProgramTest, WhatIsRequiredIsNotEmpty) {
+  required_ = "image_path";
+  EXPECT_EQ(Run({"--image_path", "a"}), kExitSuccess);
+  EXPECT_EQ(Run({}), kExitUsage);
+  EXPECT_EQ(Run({"--image_path", ""}), kExitUsage);
+  EXPECT_EQ(Run({"--config", WriteConfig("image_path = \"\"\n")}), kExitUsage);
+  EXPECT_THAT(output_, HasSubstr("--image_path: is required"));
+}
+
 TEST_F(ProgramTest, ListsAreOfNumbersAndForOptionsThatTakeThem) {
   EXPECT_EQ(Run({"--matching.weights", "1, -2.5, 3"}), 0);
-  EXPECT_THAT(matching_.weights, testing::ElementsAre(1, -2.5, 3));
+  EXPECT_THAT(matching_.weights, ElementsAre(1, -2.5, 3));
   EXPECT_EQ(Run({"--matching.weights", "1,2,"}), kExitUsage);
   EXPECT_EQ(Run({"--matching.weights", "1 2,3"}), kExitUsage);  // not 12
   EXPECT_EQ(Run({"--config", WriteConfig("seed = [7]\n")}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("seed: takes one value, no list"));
+  EXPECT_THAT(output_, HasSubstr("seed: takes one value, no list"));
 }
 
 TEST_F(ProgramTest, BooleanFlagsAcceptNothingZeroAndOne) {
@@ -121,7 +128,7 @@ TEST_F(ProgramTest, FlagsOverrideTheFileAndTheFileOverridesDefaults) {
   EXPECT_EQ(top_.seed, 7);
   EXPECT_EQ(matching_.max_ratio, 0.9);
   EXPECT_FALSE(matching_.cross_check);
-  EXPECT_THAT(matching_.weights, testing::ElementsAre(1, 2.5));
+  EXPECT_THAT(matching_.weights, ElementsAre(1, 2.5));
 }
 
 TEST_F(ProgramTest, EffectiveTomlReadsBackToTheSameOptions) {
@@ -136,7 +143,7 @@ TEST_F(ProgramTest, EffectiveTomlReadsBackToTheSameOptions) {
 
 TEST_F(ProgramTest, ATomlBooleanIsNoNumber) {
   EXPECT_EQ(Run({"--config", WriteConfig("seed = true\n")}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("seed: 'true' is not an integer"));
+  EXPECT_THAT(output_, HasSubstr("seed: 'true' is not an integer"));
   EXPECT_EQ(Run({"--config", WriteConfig("[matching]\nmax_ratio = false\n")}), kExitUsage);
   EXPECT_EQ(Run({"--config", WriteConfig("[matching]\ncross_check = false\n")}), 0);
   EXPECT_FALSE(matching_.cross_check);
@@ -144,17 +151,16 @@ TEST_F(ProgramTest, ATomlBooleanIsNoNumber) {
 
 TEST_F(ProgramTest, WrongInputIsAUsageErrorThatNamesTheKey) {
   EXPECT_EQ(Run({"--sede", "1"}), kExitUsage);
-  EXPECT_THAT(output_, testing::AllOf(testing::HasSubstr("--sede"),
-                                      testing::HasSubstr("did you mean '--seed'")));
+  EXPECT_THAT(output_, AllOf(HasSubstr("--sede"), HasSubstr("did you mean '--seed'")));
   EXPECT_EQ(Run({"--seed", "x"}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("seed"));
+  EXPECT_THAT(output_, HasSubstr("seed"));
   EXPECT_EQ(Run({"--seed", "101"}), kExitUsage);
   top_ = {};
   EXPECT_EQ(Run({"--matching.kind", "other"}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("fast, slow"));
+  EXPECT_THAT(output_, HasSubstr("fast, slow"));
   matching_ = {};
   EXPECT_EQ(Run({"--config", WriteConfig("[matching]\nmax_ration = 1\n")}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("did you mean 'matching.max_ratio'"));
+  EXPECT_THAT(output_, HasSubstr("did you mean 'matching.max_ratio'"));
   EXPECT_EQ(Run({"--config", WriteConfig("seed = \n")}), kExitUsage);
   EXPECT_EQ(num_runs_, 0);
 }
@@ -164,27 +170,27 @@ TEST_F(ProgramTest, OptionsThatWereTakenOutAreNamed) {
   EXPECT_EQ(Run({"--config", WriteConfig("[tracks]\nconflicts = 'split'\n")}), 0);
   EXPECT_EQ(Run({"--config", WriteConfig("[rotation_averaging]\nnum_threads = 3\n")}), 0);
   EXPECT_EQ(Run({"--config", WriteConfig("[tracks]\nconflicts = 'drop'\n")}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("'tracks.conflicts': this option was removed"));
+  EXPECT_THAT(output_, HasSubstr("'tracks.conflicts': this option was removed"));
   EXPECT_EQ(Run({"--tracks.conflicts", "drop"}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("it is always 'split'"));
+  EXPECT_THAT(output_, HasSubstr("it is always 'split'"));
 }
 
 TEST_F(ProgramTest, RenamedOptionsFailWithTheNewName) {
   EXPECT_EQ(Run({"--reconstruct.separate_twins", "0"}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("is now '--reconstruct.separate_duplicates'"));
+  EXPECT_THAT(output_, HasSubstr("is now '--reconstruct.separate_duplicates'"));
   EXPECT_EQ(Run({"--config", WriteConfig("[reconstruct]\nseparate_twins = false\n")}), kExitUsage);
-  EXPECT_THAT(output_, testing::HasSubstr("is now 'reconstruct.separate_duplicates'"));
+  EXPECT_THAT(output_, HasSubstr("is now 'reconstruct.separate_duplicates'"));
 }
 
 // Wherever a path cannot be looked at.
 TEST(RunMain, APathThatCannotBeIsAnErrorOfInput) {
-  testing::internal::CaptureStdout();
-  testing::internal::CaptureStderr();
+  ::testing::internal::CaptureStdout();
+  ::testing::internal::CaptureStderr();
   const std::string path(300, 'a');
   EXPECT_EQ(RunMain([&] { return std::filesystem::exists(path) ? 0 : 1; }), kExitIo);
   const std::string said =
-      testing::internal::GetCapturedStdout() + testing::internal::GetCapturedStderr();
-  EXPECT_THAT(said, testing::HasSubstr(path + ": File name too long"));
+      ::testing::internal::GetCapturedStdout() + ::testing::internal::GetCapturedStderr();
+  EXPECT_THAT(said, HasSubstr(path + ": File name too long"));
 }
 
 TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
@@ -199,9 +205,9 @@ TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
   });
   std::string name = "prog";
   char* argv[] = {name.data()};
-  testing::internal::CaptureStderr();
+  ::testing::internal::CaptureStderr();
   EXPECT_EQ(RunMain([&] { return program.Run(1, argv); }), kExitIo);  // no TOML
-  EXPECT_THAT(testing::internal::GetCapturedStderr(), testing::HasSubstr("a.db"));
+  EXPECT_THAT(::testing::internal::GetCapturedStderr(), HasSubstr("a.db"));
   command.SetRun([&] {
     command.SetDefaults(
         "seed = 5\nunknown = 1\n[matching]\nmax_ratio = 0.4\nweights = 'x'\nkind = 'old'\n",
@@ -220,12 +226,12 @@ TEST_F(ProgramTest, DefaultsGiveWayToWhatIsGiven) {
 TEST_F(ProgramTest, ErrorsBecomeExitCodes) {
   EXPECT_EQ(Run({}, [] { return int{kExitNoUsableResult}; }), kExitNoUsableResult);
   EXPECT_EQ(Run({}, []() -> int { throw IoError("f.jpg", "is empty"); }), kExitIo);
-  EXPECT_THAT(output_, testing::HasSubstr("f.jpg: is empty"));
+  EXPECT_THAT(output_, HasSubstr("f.jpg: is empty"));
   EXPECT_EQ(Run({}, []() -> int { throw ConfigError("k", "bad"); }), kExitUsage);
   EXPECT_EQ(Run({}, []() -> int { throw BugError("oops"); }), kExitBug);
   EXPECT_EQ(Run({}, []() -> int { throw 1; }), kExitBug);
   EXPECT_EQ(Run({}, []() -> int { throw std::bad_alloc(); }), kExitIo);
-  EXPECT_THAT(output_, testing::HasSubstr("out of memory"));
+  EXPECT_THAT(output_, HasSubstr("out of memory"));
   const auto no_thread = std::make_error_code(std::errc::resource_unavailable_try_again);
   EXPECT_EQ(Run({}, [&]() -> int { throw std::system_error(no_thread); }), kExitIo);
   EXPECT_EQ(Run({"--config", "/nonexistent.toml"}), kExitIo);

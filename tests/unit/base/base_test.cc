@@ -1,16 +1,13 @@
-#include <gtest/gtest.h>
-
 #include "cairn/base/check.h"
-#include "cairn/base/progress.h"
-#include "cairn/base/timer.h"
 #include "cairn/base/types.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
 
 std::string BugMessage(void (*run)()) {
-  return testing::ThrownMessage<BugError>([&] { run(); });
+  return ThrownMessage<BugError>([&] { run(); });
 }
 
 TEST(Check, MessageHasFileLineTextAndValues) {
@@ -68,22 +65,6 @@ TEST(Types, PairIdsAreColmaps) {
       EXPECT_EQ(id2, std::max(a, b));
     }
   }
-}
-
-TEST(Progress, NullMonitorDoesNothing) {
-  NullMonitor().BeginStage("stage", 3);
-  NullMonitor().Advance(1);
-  NullMonitor().EndStage();
-  NullMonitor().Info("info");
-  NullMonitor().Warning("warning");
-  EXPECT_FALSE(NullMonitor().StopRequested());
-}
-
-TEST(Timer, RunsForward) {
-  Timer timer;
-  const double first = timer.Seconds();
-  EXPECT_GE(first, 0);
-  EXPECT_GE(timer.Seconds(), first);
 }
 
 }  // namespace

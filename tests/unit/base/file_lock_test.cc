@@ -1,24 +1,23 @@
 #include "base/file_lock.h"
 
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <optional>
 
 #include "cairn/base/error.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
 
 TEST(FileLock, OneAtATimeAndNoFileRemains) {
-  const testing::TempFolder folder;
+  const TempFolder folder;
   const std::string path = folder / "a.db";
   std::optional<FileLock> lock(path);
   const FileLock another(folder / "b.db");
   for (int i = 0; i < 2; ++i) {
-    EXPECT_EQ(testing::ThrownMessage<IoError>([&] { const FileLock second(path); }),
+    EXPECT_EQ(ThrownMessage<IoError>([&] { const FileLock second(path); }),
               path + ": another run of cairn is writing to it");
   }
   lock.reset();
@@ -27,7 +26,7 @@ TEST(FileLock, OneAtATimeAndNoFileRemains) {
 }
 
 TEST(FileLock, WithoutAFolderThereIsNone) {
-  const testing::TempFolder folder;
+  const TempFolder folder;
   const FileLock lock(folder / "absent/a.db");
   const FileLock second(folder / "absent/a.db");
 }

@@ -1,8 +1,6 @@
 #include "cairn/base/file.h"
 
 #include <fcntl.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -14,15 +12,12 @@
 
 #include "cairn/base/error.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 #include "support/unprivileged.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::TempFolder;
-using testing::ThrownMessage;
 
 size_t NumFiles(const TempFolder& folder) {
   return std::distance(std::filesystem::directory_iterator(folder.path()), {});
@@ -180,9 +175,9 @@ TEST(File, ErrorsNameThePathAndTheReason) {
 
 TEST(File, ReadOnlyFolderIsAnError) {
   const TempFolder folder;
-  testing::ReadOnly(folder.path());
+  ReadOnly(folder.path());
   EXPECT_THAT(ThrownMessage<IoError>([&] {
-                const testing::Unprivileged unprivileged;
+                const Unprivileged unprivileged;
                 WriteFileAtomically(folder / "a", "x");
               }),
               HasSubstr("Permission denied"));

@@ -1,12 +1,12 @@
 #include "base/hash.h"
 
-#include <gtest/gtest.h>
-
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 
 #include "cairn/base/error.h"
+#include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -27,7 +27,8 @@ TEST(Hash, PiecesAreOneStreamButTextsAreSeparated) {
 }
 
 TEST(Hash, FileHashIsThatOfItsBytes) {
-  const std::string path = ::testing::TempDir() + "cairn_hash_test.bin";
+  const TempFolder folder;
+  const std::string path = folder / "file.bin";
   const std::string content(3'000'001, 'x');
   std::ofstream(path, std::ios::binary) << content;
   EXPECT_EQ(HashFile(path), Hasher().AddBytes(content.data(), content.size()).Digest());
@@ -35,7 +36,7 @@ TEST(Hash, FileHashIsThatOfItsBytes) {
   EXPECT_EQ(HashFile(path), Hasher().Digest());
   std::filesystem::remove(path);
   EXPECT_THROW(HashFile(path), IoError);
-  EXPECT_THROW(HashFile(::testing::TempDir()), IoError);
+  EXPECT_THROW(HashFile(folder.path()), IoError);
 }
 
 }  // namespace

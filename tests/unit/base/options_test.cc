@@ -1,10 +1,9 @@
 #include "cairn/base/options.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "cairn/base/error.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
@@ -35,7 +34,7 @@ struct TestOptions {
 };
 
 std::string ValidationError(const TestOptions& options) {
-  return testing::ThrownMessage<ConfigError>([&] { ValidateOptions(options, "test"); });
+  return ThrownMessage<ConfigError>([&] { ValidateOptions(options, "test"); });
 }
 
 TEST(Options, DefaultsAreValidAndDumpAsToml) {

@@ -1,7 +1,5 @@
 #include "base/output_folder.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -9,14 +7,12 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
-using testing::ThrownMessage;
 
 class OutputFolderTest : public ::testing::Test {
  protected:
@@ -38,7 +34,7 @@ class OutputFolderTest : public ::testing::Test {
     return static_cast<int>(std::distance(fs::directory_iterator(path_), fs::directory_iterator()));
   }
 
-  testing::TempFolder temp_;
+  TempFolder temp_;
   const std::string path_ = temp_ / "out";
 };
 

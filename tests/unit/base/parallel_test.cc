@@ -1,13 +1,13 @@
 #include "cairn/base/parallel.h"
 
-#include <gtest/gtest.h>
-
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
 #include <thread>
 #include <vector>
+
+#include "support/test.h"
 
 namespace cairn {
 namespace {

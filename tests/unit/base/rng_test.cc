@@ -1,12 +1,12 @@
 #include "cairn/base/rng.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <set>
 #include <vector>
+
+#include "support/test.h"
 
 namespace cairn {
 namespace {

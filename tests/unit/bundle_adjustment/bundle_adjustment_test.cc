@@ -1,7 +1,5 @@
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,20 +10,12 @@
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/bundle_adjustment/perturbed.h"
 
 namespace cairn {
 namespace {
-
-using testing_support::CompareAligned;
-using testing_support::kOneThread;
-using testing_support::MadeReconstruction;
-using testing_support::MakeSyntheticScene;
-using testing_support::Perturbed;
-using testing_support::PoseDifference;
-using testing_support::Precise;
-using testing_support::SyntheticOptions;
 
 BundleAdjustmentScope Scope(const std::function<void(BundleAdjustmentScope&)>& change) {
   BundleAdjustmentScope scope;
@@ -187,36 +177,6 @@ TEST(AdjustBundle, LossScaleAndIterationsAndToleranceMatter) {
   run(options, &other);
   EXPECT_EQ(other.status, BundleAdjustmentStatus::kConverged);
   EXPECT_LT(other.num_iterations, report.num_iterations);
-}
-
-TEST(AdjustBundle, OneThreadGivesEqualBytesAndMoreThreadsNearlySo) {
-  const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.5, .outlier_share = 0.02});
-  const Reconstruction start = Perturbed(scene.truth, {});
-  const auto run = [&](int num_threads) {
-    Reconstruction model = start;
-    // The gauge is held, so that differences are those of the solution.
-    AdjustBundle(model, Scope([](auto& s) {
-                   s.fixed_images = {1, 6};
-                 }),
-                 Precise(), {.num_threads = num_threads});
-    return model;
-  };
-  const Reconstruction first = run(1);
-  const Reconstruction second = run(1);
-  const Reconstruction third = run(4);
-  ASSERT_EQ(first.images.size(), 6u);
-  ASSERT_GT(first.points3D.size(), 150u);
-  for (const auto& [id, image] : first.images) {
-    EXPECT_EQ(image.cam_from_world.translation, second.images.at(id).cam_from_world.translation);
-    EXPECT_EQ(image.cam_from_world.rotation.coeffs(),
-              second.images.at(id).cam_from_world.rotation.coeffs());
-    EXPECT_LT(
-        (image.cam_from_world.translation - third.images.at(id).cam_from_world.translation).norm(),
-        1e-6 * image.cam_from_world.translation.norm());
-  }
-  for (const auto& [id, point] : first.points3D) {
-    EXPECT_EQ(point.xyz, second.points3D.at(id).xyz);
-  }
 }
 
 TEST(AdjustBundle, TwoImagesAreEnough) {

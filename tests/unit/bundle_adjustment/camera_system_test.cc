@@ -1,11 +1,10 @@
 #include "bundle_adjustment/camera_system.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <algorithm>
 
 #include "cairn/base/rng.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,20 +1,14 @@
 #include "bundle_adjustment/keypoint_noise.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "cairn/base/rng.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing_support::CompareAligned;
-using testing_support::kOneThread;
-using testing_support::MadeReconstruction;
-using testing_support::MakeSyntheticScene;
 
 constexpr double kFloorPx = 0.2;
 constexpr double kPerScale = 0.1;

@@ -1,6 +1,5 @@
 #include "bundle_adjustment/memory_estimate.h"
 
-#include <gtest/gtest.h>
 #include <malloc.h>
 
 #include <cmath>
@@ -9,6 +8,7 @@
 #include "base/memory.h"
 #include "bundle_adjustment/schur_bundle.h"
 #include "cairn/synthetic/scene.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -55,13 +55,27 @@ TEST(ReadMemoryUse, KnowsThisProcess) {
 TEST(MaxBundleObservations, KeepsTheJacobianWithinInt) {
   BundleAdjustmentOptions options;
   options.solver = BundleSolver::kSparseSchur;
-  const int64_t most = MaxBundleObservations(options, {.num_images = 1000}, 2);
+  const int64_t most =
+      MaxBundleObservations(options, {.num_images = 1000, .num_free_intrinsics = 2});
   EXPECT_LE(22 * most, (int64_t{1} << 31) - 1);
   EXPECT_GT(22 * (most + 1), (int64_t{1} << 31) - 1);
   EXPECT_NEAR(static_cast<double>(most), 97.6e6, 0.1e6);
   // Without a Jacobian of all observations at once.
   options.solver = BundleSolver::kAuto;
-  EXPECT_EQ(MaxBundleObservations(options, {.num_images = 1000}, 2), (int64_t{1} << 31) - 1);
+  EXPECT_EQ(MaxBundleObservations(options, {.num_images = 1000, .num_free_intrinsics = 2}),
+            (int64_t{1} << 31) - 1);
+}
+
+// With a camera of this model for all images, or for each.
+Reconstruction WithCameras(Reconstruction model, CameraModel camera_model, bool has_own_cameras) {
+  const Camera before = model.cameras.begin()->second;
+  model.cameras.clear();
+  for (auto& [id, image] : model.images) {
+    image.image.camera_id = has_own_cameras ? id : 1;
+    model.cameras[image.image.camera_id] = Camera::FromFocal(
+        image.image.camera_id, camera_model, before.MeanFocal(), before.width, before.height);
+  }
+  return model;
 }
 
 // The kernel can forget the largest size until now, so that what a few lines take can be measured.
@@ -87,20 +101,34 @@ TEST(EstimateBundleBytes, IsWithinThirtyPercentOfWhatIsTaken) {
                          static_cast<double>(size.num_observations);
   }
   ASSERT_TRUE(TakesSchurBundle({}, scene.num_images, size.covisibility));
-  for (const BundleSolver solver : {BundleSolver::kAuto, BundleSolver::kDenseSchur}) {
+  struct Case {
+    BundleSolver solver = BundleSolver::kAuto;
+    CameraModel camera_model = CameraModel::kSimpleRadial;
+    bool has_own_cameras = false;
+  };
+  for (const auto& [solver, camera_model, has_own_cameras] :
+       {Case{}, Case{.solver = BundleSolver::kDenseSchur},
+        Case{.camera_model = CameraModel::kOpenCV}, Case{.camera_model = CameraModel::kFullOpenCV},
+        Case{.has_own_cameras = true}}) {
+    const Reconstruction start = WithCameras(truth, camera_model, has_own_cameras);
+    size.num_free_intrinsics = static_cast<int>(start.cameras.begin()->second.params.size());
+    size.has_own_cameras = has_own_cameras;
+    BundleAdjustmentScope scope;
+    scope.focal_lengths = scope.distortions = true;
     Reconstruction model;
     malloc_trim(0);
     std::ofstream("/proc/self/clear_refs") << "5";
     const MemoryUse before = ReadMemoryUse();
     if (before.peak > before.resident + (1 << 22)) GTEST_SKIP() << "the peak cannot be reset";
-    model = truth;
+    model = start;
     BundleAdjustmentOptions options;
     options.max_iterations = 3;
     options.solver = solver;
-    AdjustBundle(model, {}, options, {.num_threads = 1});
+    AdjustBundle(model, scope, options, {.num_threads = 1});
     const auto taken = static_cast<double>(ReadMemoryUse().peak - before.resident);
     ASSERT_GT(taken, 3e7);
-    EXPECT_NEAR(static_cast<double>(EstimateBundleBytes(options, size)) / taken, 1.0, 0.3);
+    EXPECT_NEAR(static_cast<double>(EstimateBundleBytes(options, size)) / taken, 1.0, 0.3)
+        << static_cast<int>(solver) << CameraModelName(camera_model) << has_own_cameras;
   }
 }
 

@@ -4,7 +4,7 @@
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 #include "cairn/math/so3.h"
 
-namespace cairn::testing_support {
+namespace cairn {
 
 inline BundleAdjustmentOptions Precise() {
   BundleAdjustmentOptions options;
@@ -38,4 +38,4 @@ inline Reconstruction Perturbed(const Reconstruction& truth, const Perturbation&
   return model;
 }
 
-}  // namespace cairn::testing_support
+}  // namespace cairn

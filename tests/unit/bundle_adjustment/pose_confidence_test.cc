@@ -1,19 +1,15 @@
 #include "cairn/bundle_adjustment/pose_confidence.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "cairn/base/rng.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 #include "cairn/math/angles.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing_support::kOneThread;
-using testing_support::MakeSyntheticScene;
 
 TEST(PoseConfidence, IsTheSpreadOfPosesUnderNoise) {
   Reconstruction truth = MakeSyntheticScene({.num_images = 6, .num_points = 60}).truth;

@@ -1,18 +1,12 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 #include "unit/bundle_adjustment/perturbed.h"
 
 namespace cairn {
 namespace {
-
-using testing_support::kOneThread;
-using testing_support::MakeSyntheticScene;
-using testing_support::Perturbed;
-using testing_support::Precise;
 
 BundleAdjustmentScope IntrinsicsScope(const Reconstruction& model, double focal_sigma) {
   BundleAdjustmentScope scope;

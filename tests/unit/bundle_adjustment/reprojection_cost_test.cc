@@ -1,14 +1,11 @@
 #include "bundle_adjustment/reprojection_cost.h"
 
-#include <gtest/gtest.h>
-
 #include "cairn/math/so3.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing_support::MakeSyntheticScene;
 
 // Moves every parameter block of the first observation by `delta` and evaluates.
 class CostUnderTest {

@@ -1,22 +1,14 @@
-#include <gtest/gtest.h>
-
 #include <functional>
 #include <string>
 #include <vector>
 
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 #include "unit/bundle_adjustment/perturbed.h"
 
 // cairn's own bundle adjustment, which kAuto stands for.
 namespace cairn {
 namespace {
-
-using testing_support::CompareAligned;
-using testing_support::kOneThread;
-using testing_support::MakeSyntheticScene;
-using testing_support::Perturbed;
-using testing_support::Precise;
-using testing_support::SyntheticOptions;
 
 BundleAdjustmentOptions With(BundleSolver solver) {
   BundleAdjustmentOptions options = Precise();

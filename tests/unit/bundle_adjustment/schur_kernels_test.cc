@@ -1,12 +1,11 @@
 #include "bundle_adjustment/schur_kernels.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Core>
 #include <vector>
 
 #include "cairn/base/rng.h"
 #include "support/instruction_sets.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -36,7 +35,7 @@ void ExpectSumsOfProducts() {
     expected[block_of[i]] -= J.transpose() * M[i] * C[i].template cast<double>();
   }
   std::vector<Block> first;
-  test::ForEachInstructionSet([&] {
+  ForEachInstructionSet([&] {
     std::vector<Block> blocks = start;
     std::vector<internal::SchurPartner> partners;
     for (int i = 0; i < 3; ++i) {

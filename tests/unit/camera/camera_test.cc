@@ -1,8 +1,5 @@
 #include "cairn/camera/camera.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
@@ -10,6 +7,7 @@
 #include <numbers>
 
 #include "cairn/base/rng.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -98,9 +96,9 @@ TEST(Camera, EquirectangularHasNothingButItsSize) {
   EXPECT_EQ(CameraModelFromId(17), camera.model);
   EXPECT_EQ(camera.params, (std::vector<double>{2000, 1000}));
   EXPECT_EQ(camera.Validate(), "");
-  EXPECT_THAT(camera.FocalIndices(), testing::IsEmpty());
-  EXPECT_THAT(camera.PrincipalPointIndices(), testing::IsEmpty());
-  EXPECT_THAT(camera.DistortionIndices(), testing::IsEmpty());
+  EXPECT_THAT(camera.FocalIndices(), IsEmpty());
+  EXPECT_THAT(camera.PrincipalPointIndices(), IsEmpty());
+  EXPECT_THAT(camera.DistortionIndices(), IsEmpty());
   camera.SetMeanFocal(500);
   EXPECT_NEAR(camera.MeanFocal(), 1000 / std::numbers::pi, 1e-9);
   EXPECT_EQ(camera.PrincipalPoint(), Eigen::Vector2d(1000, 500));

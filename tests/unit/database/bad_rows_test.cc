@@ -1,32 +1,16 @@
 // Rows that other programs, or damage, left behind; files of old versions of COLMAP.
-#include <gmock/gmock.h>
-#include <sqlite3.h>
-
 #include <cmath>
 #include <limits>
 #include <map>
 
 #include "cairn/base/file.h"
 #include "support/database_dump.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 #include "unit/database/database_fixture.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using testing::ThrownMessage;
-
-// Statements, without results.
-void Execute(const std::string& path, const std::string& sql) {
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(path.c_str(), &db), SQLITE_OK);
-  char* message = nullptr;
-  EXPECT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, &message), SQLITE_OK) << message;
-  sqlite3_close(db);
-}
 
 class BadRowsTest : public DatabaseTest {
  protected:
@@ -40,7 +24,7 @@ class BadRowsTest : public DatabaseTest {
     database.WriteTwoViewGeometry(ImagePairToPairId(2, 3), TestGeometry());
     EXPECT_THAT(database.FindBadRows(), IsEmpty());
   }
-  void Sql(const std::string& sql) { Execute(Path(), sql); }  // without foreign keys
+  void Sql(const std::string& sql) { RunSql(Path(), sql); }  // without foreign keys
 };
 
 TEST_F(BadRowsTest, PairsThatAreNone) {
@@ -57,10 +41,9 @@ TEST_F(BadRowsTest, PairsThatAreNone) {
       Sql("UPDATE " + table + " SET pair_id = " + pair_id + where);
     }
     const Database database(Path(), Database::Mode::kReadOnly);
-    EXPECT_THAT(
-        database.FindBadRows(),
-        ElementsAre(::testing::AllOf(HasSubstr("matches of pair"), HasSubstr(reason)),
-                    ::testing::AllOf(HasSubstr("two_view_geometries of pair"), HasSubstr(reason))));
+    EXPECT_THAT(database.FindBadRows(),
+                ElementsAre(AllOf(HasSubstr("matches of pair"), HasSubstr(reason)),
+                            AllOf(HasSubstr("two_view_geometries of pair"), HasSubstr(reason))));
     EXPECT_THAT(database.ReadMatchedPairIds(), ElementsAre(ImagePairToPairId(1, 2)));
     EXPECT_THAT(database.ReadTwoViewGeometryPairIds(), ElementsAre(ImagePairToPairId(1, 2)));
     Sql("UPDATE matches SET pair_id = 2 * 2147483647 + 3 WHERE pair_id <> 2147483649");
@@ -106,6 +89,18 @@ TEST_F(BadRowsTest, CamerasThatAreNotValid) {
   }
 }
 
+TEST_F(BadRowsTest, DepthThatIsNoNumber) {
+  Database database(Path());
+  std::vector<DepthSample> samples(2, {1, 0, 0, true});
+  for (const float value :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    samples[1].ddepth_dx = value;
+    database.WriteDepthSamples(1, samples);
+    EXPECT_THAT(ThrownMessage<IoError>([&] { database.ReadDepthSamples(1); }),
+                HasSubstr("cairn_depth_scales of image 1: a value is not finite"));
+  }
+}
+
 TEST_F(BadRowsTest, PosesThatAreNoNumbers) {
   const image_pair_t pair = ImagePairToPairId(1, 2);
   const double nan = std::numeric_limits<double>::quiet_NaN();
@@ -129,12 +124,12 @@ TEST_F(BadRowsTest, PosesThatAreNoNumbers) {
 TEST_F(BadRowsTest, OldVersionsOfColmap) {
   const auto make_old = [&](const std::string& name, const std::string& changes) {
     fs::copy_file(Path(), Path(name), fs::copy_options::overwrite_existing);
-    Execute(Path(name),
-            "DROP TABLE cairn_depth_scales; DROP TABLE cairn_pair_metrics; DROP TABLE "
-            "cairn_focal_evidence; DROP TABLE cairn_camera_focals; DROP TABLE cairn_camera_lenses; "
-            "DROP TABLE cairn_photos; DROP TABLE cairn_jobs; DROP TABLE cairn_stages; DROP TABLE "
-            "cairn_timings;" +
-                changes);
+    RunSql(Path(name),
+           "DROP TABLE cairn_depth_scales; DROP TABLE cairn_pair_metrics; DROP TABLE "
+           "cairn_focal_evidence; DROP TABLE cairn_camera_focals; DROP TABLE cairn_camera_lenses; "
+           "DROP TABLE cairn_photos; DROP TABLE cairn_jobs; DROP TABLE cairn_stages; DROP TABLE "
+           "cairn_timings;" +
+               changes);
   };
   const std::string no_pose =
       "ALTER TABLE two_view_geometries DROP COLUMN qvec; "
@@ -168,11 +163,11 @@ TEST_F(BadRowsTest, OldVersionsOfColmap) {
 
 // Nothing is written to a file that is refused.
 TEST_F(BadRowsTest, ARefusedFileStaysAsItIs) {
-  Execute(Path("other.db"),
-          "CREATE TABLE cameras(camera_id, model, width, height, params, prior_focal_length); "
-          "CREATE TABLE images(image_id, name); CREATE TABLE keypoints(image_id); "
-          "CREATE TABLE descriptors(image_id); CREATE TABLE matches(pair_id); "
-          "CREATE TABLE two_view_geometries(pair_id)");
+  RunSql(Path("other.db"),
+         "CREATE TABLE cameras(camera_id, model, width, height, params, prior_focal_length); "
+         "CREATE TABLE images(image_id, name); CREATE TABLE keypoints(image_id); "
+         "CREATE TABLE descriptors(image_id); CREATE TABLE matches(pair_id); "
+         "CREATE TABLE two_view_geometries(pair_id)");
   const std::string before = ReadFile(Path("other.db"));
   EXPECT_THAT(ThrownMessage<IoError>([&] { Database database(Path("other.db")); }),
               HasSubstr("its table 'images' has no column 'camera_id'"));

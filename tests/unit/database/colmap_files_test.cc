@@ -1,7 +1,5 @@
 // Files made by COLMAP are read and extended, ours are read by COLMAP.
 
-#include <gtest/gtest.h>
-
 #include <cstdlib>
 #include <filesystem>
 
@@ -9,15 +7,15 @@
 #include "support/database_dump.h"
 #include "support/shared_data.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
 
 class ColmapFilesTest : public ::testing::Test {
  protected:
-  testing::TempFolder temp_;
+  TempFolder temp_;
   const fs::path folder_ = temp_.path();
 };
 
@@ -38,24 +36,38 @@ CREATE UNIQUE INDEX frame_sensor_assignment ON frame_data(data_id, sensor_type);
 PRAGMA user_version = 4020000;
 )";
 
+TEST_F(ColmapFilesTest, AnImageThatGoesLeavesTheFrameToTheOthersInIt) {
+  const std::string path = folder_ / "v4.db";
+  RunSql(path, kColmap42);
+  Database database(path);
+  for (const image_t id : {1, 2}) {
+    database.WriteCamera(Camera::FromFocal(id, CameraModel::kSimpleRadial, 20, 10, 10));
+    database.WriteImage({id, "image" + std::to_string(id), id});
+  }
+  RunSql(path,
+         "DELETE FROM frames WHERE frame_id = 2; INSERT INTO rig_sensors VALUES(1, 2, 0, X'');"
+         "INSERT OR REPLACE INTO frame_data VALUES(1, 2, 2, 0)");
+  database.DeleteImage(2);
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frame_data"), (SqlRows{{"1", "1", "1", "0"}}));
+  database.DeleteImage(1);
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frame_data"), SqlRows());
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), SqlRows());
+}
+
 TEST_F(ColmapFilesTest, ImagesJoinAColmap4FileWithRigsAndFrames) {
   const std::string path = folder_ / "v4.db";
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(path.c_str(), &db), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(db, kColmap42, nullptr, nullptr, nullptr), SQLITE_OK);
-  sqlite3_exec(db,
-               "INSERT INTO cameras VALUES(4, 0, 10, 10, X'000000000000F03F000000000000F03F"
-               "000000000000F03F', 1);"
-               "INSERT INTO rigs VALUES(9, 4, 0); INSERT INTO frames VALUES(6, 9);"
-               "INSERT INTO images VALUES(2, 'old.jpg', 4);"
-               "INSERT INTO frame_data VALUES(6, 2, 4, 0);"
-               "CREATE TABLE pose_priors(pose_prior_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,"
-               " corr_data_id INTEGER NOT NULL, corr_sensor_id INTEGER NOT NULL,"
-               " corr_sensor_type INTEGER NOT NULL, position BLOB, position_covariance BLOB,"
-               " gravity BLOB, coordinate_system INTEGER NOT NULL);"
-               "INSERT INTO pose_priors VALUES(3, 2, 4, 0, X'01', X'02', X'03', 0);",
-               nullptr, nullptr, nullptr);
-  sqlite3_close(db);
+  RunSql(path, kColmap42);
+  RunSql(path,
+         "INSERT INTO cameras VALUES(4, 0, 10, 10, X'000000000000F03F000000000000F03F"
+         "000000000000F03F', 1);"
+         "INSERT INTO rigs VALUES(9, 4, 0); INSERT INTO frames VALUES(6, 9);"
+         "INSERT INTO images VALUES(2, 'old.jpg', 4);"
+         "INSERT INTO frame_data VALUES(6, 2, 4, 0);"
+         "CREATE TABLE pose_priors(pose_prior_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,"
+         " corr_data_id INTEGER NOT NULL, corr_sensor_id INTEGER NOT NULL,"
+         " corr_sensor_type INTEGER NOT NULL, position BLOB, position_covariance BLOB,"
+         " gravity BLOB, coordinate_system INTEGER NOT NULL);"
+         "INSERT INTO pose_priors VALUES(3, 2, 4, 0, X'01', X'02', X'03', 0);");
   {
     Database database(path);
     database.WriteCamera(Camera::FromFocal(5, CameraModel::kSimpleRadial, 20, 10, 10));
@@ -67,22 +79,21 @@ TEST_F(ColmapFilesTest, ImagesJoinAColmap4FileWithRigsAndFrames) {
     database.WriteTwoViewGeometry(ImagePairToPairId(2, 3), {});
     EXPECT_TRUE(database.ReadTwoViewGeometry(ImagePairToPairId(2, 3)));
   }
-  using Rows = std::vector<std::vector<std::string>>;
-  EXPECT_EQ(RunSql(path, "SELECT * FROM rigs"), (Rows{{"9", "4", "0"}, {"10", "5", "0"}}));
-  EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), (Rows{{"6", "9"}, {"7", "10"}, {"8", "9"}}));
+  EXPECT_EQ(RunSql(path, "SELECT * FROM rigs"), (SqlRows{{"9", "4", "0"}, {"10", "5", "0"}}));
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), (SqlRows{{"6", "9"}, {"7", "10"}, {"8", "9"}}));
   EXPECT_EQ(RunSql(path, "SELECT * FROM frame_data ORDER BY frame_id"),
-            (Rows{{"6", "2", "4", "0"}, {"7", "3", "5", "0"}, {"8", "4", "4", "0"}}));
-  EXPECT_EQ(RunSql(path, "SELECT type FROM descriptors"), (Rows{{"0"}}));
-  EXPECT_EQ(RunSql(path, "PRAGMA user_version"), (Rows{{"4020000"}}));
+            (SqlRows{{"6", "2", "4", "0"}, {"7", "3", "5", "0"}, {"8", "4", "4", "0"}}));
+  EXPECT_EQ(RunSql(path, "SELECT type FROM descriptors"), (SqlRows{{"0"}}));
+  EXPECT_EQ(RunSql(path, "PRAGMA user_version"), (SqlRows{{"4020000"}}));
   {
     Database database(path);
     database.DeleteImage(3);
   }
-  EXPECT_EQ(RunSql(path, "SELECT * FROM rigs"), (Rows{{"9", "4", "0"}}));
-  EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), (Rows{{"6", "9"}, {"8", "9"}}));
-  EXPECT_EQ(RunSql(path, "SELECT frame_id FROM frame_data"), (Rows{{"6"}, {"8"}}));
+  EXPECT_EQ(RunSql(path, "SELECT * FROM rigs"), (SqlRows{{"9", "4", "0"}}));
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), (SqlRows{{"6", "9"}, {"8", "9"}}));
+  EXPECT_EQ(RunSql(path, "SELECT frame_id FROM frame_data"), (SqlRows{{"6"}, {"8"}}));
   EXPECT_EQ(RunSql(path, "SELECT pose_prior_id, corr_data_id, hex(position) FROM pose_priors"),
-            (Rows{{"3", "2", "01"}}));
+            (SqlRows{{"3", "2", "01"}}));
 }
 
 // Debian's COLMAP 3.8 opens our file, reads our rows, and goes on from our matches.
@@ -137,10 +148,9 @@ TEST_F(ColmapFilesTest, Colmap38ReadsOurFile) {
   EXPECT_EQ(DumpDatabase(path), dump);
 }
 
-// The real file of COLMAP 4.2.
 // Files of other people, of COLMAP before 3.0 to 4.x and of other programs.
 TEST_F(ColmapFilesTest, ReadsFilesOfAllVersions) {
-  const fs::path originals = testing::SharedDataPath("colmap_databases");
+  const fs::path originals = SharedDataPath("colmap_databases");
   if (!fs::exists(originals)) GTEST_SKIP() << originals << " is absent";
   for (const fs::directory_entry& original : fs::directory_iterator(originals)) {
     if (original.path().extension() != ".db") continue;  // a log that a reader left
@@ -161,7 +171,7 @@ TEST_F(ColmapFilesTest, ReadsFilesOfAllVersions) {
 }
 
 TEST_F(ColmapFilesTest, ReadsAColmap42File) {
-  const fs::path original = testing::SharedDataPath("strecha_29/colmap_loose_matches.db");
+  const fs::path original = SharedDataPath("strecha_29/colmap_loose_matches.db");
   if (!fs::exists(original)) GTEST_SKIP() << original << " is absent";
   {
     const Database database(original, Database::Mode::kReadOnly);

@@ -1,21 +1,18 @@
 // Databases that are damaged, locked or none at all are named, with the reason.
 #include <fcntl.h>
-#include <gmock/gmock.h>
 #include <sqlite3.h>
 #include <unistd.h>
 
 #include <fstream>
 
 #include "support/database_dump.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 #include "support/unprivileged.h"
 #include "unit/database/database_fixture.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::ThrownMessage;
 
 class DatabaseFailureTest : public DatabaseTest {};
 
@@ -156,9 +153,9 @@ TEST_F(DatabaseFailureTest, ReadOnlyFoldersCanBeReadAndNotWritten) {
     Database database(Path());
     WriteImages(database, 2);
   }
-  testing::ReadOnly(Path());
-  testing::ReadOnly(folder_);
-  const testing::Unprivileged unprivileged;
+  ReadOnly(Path());
+  ReadOnly(folder_);
+  const Unprivileged unprivileged;
   EXPECT_EQ(Database(Path(), Database::Mode::kReadOnly).ReadImages().size(), 2u);
   EXPECT_THAT(ThrownMessage<IoError>([&] { Database database(Path()); }), HasSubstr("read-only"));
   EXPECT_THAT(ThrownMessage<IoError>([&] { Database database(Path("new.db")); }),

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -10,6 +8,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/database/database.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 
@@ -21,7 +20,7 @@ class DatabaseTest : public ::testing::Test {
   }
   std::string Path(const std::string& name = "scene.db") const { return folder_ / name; }
 
-  testing::TempFolder temp_;
+  TempFolder temp_;
   const fs::path folder_ = temp_.path();
 };
 

@@ -1,18 +1,13 @@
 #include "cairn/database/database.h"
 
-#include <gmock/gmock.h>
-#include <sqlite3.h>
-
 #include <regex>
 
 #include "support/database_dump.h"
+#include "support/test.h"
 #include "unit/database/database_fixture.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 void ExpectEqual(const TwoViewGeometry& a, const TwoViewGeometry& b) {
   EXPECT_EQ(a.config, b.config);
@@ -184,21 +179,9 @@ TEST_F(DatabaseTest, KeypointsWithTwoOrFourColumnsBecomeFrames) {
     Database database(Path());
     WriteImages(database, 2);
   }
-  const float two[2] = {10.5f, 20.25f};
-  const float four[4] = {1.0f, 2.0f, 3.0f, static_cast<float>(M_PI / 2)};
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(Path().c_str(), &db), SQLITE_OK);
-  sqlite3_stmt* insert = nullptr;
-  sqlite3_prepare_v2(db, "INSERT INTO keypoints VALUES(?1, 1, ?2, ?3)", -1, &insert, nullptr);
-  for (int i = 1; i <= 2; ++i) {
-    sqlite3_reset(insert);
-    sqlite3_bind_int(insert, 1, i);
-    sqlite3_bind_int(insert, 2, 2 * i);
-    sqlite3_bind_blob(insert, 3, i == 1 ? two : four, 8 * i, SQLITE_STATIC);
-    ASSERT_EQ(sqlite3_step(insert), SQLITE_DONE);
-  }
-  sqlite3_finalize(insert);
-  sqlite3_close(db);
+  RunSql(Path(),  // (10.5, 20.25), and with scale 3 and a quarter turn (1, 2, 3, pi / 2)
+         "INSERT INTO keypoints VALUES(1, 1, 2, X'000028410000A241'),"
+         "(2, 1, 4, X'0000803F0000004000004040DB0FC93F')");
   const Database database(Path(), Database::Mode::kReadOnly);
   EXPECT_EQ((*database.ReadKeypoints(1))[0], (Keypoint{10.5f, 20.25f, 1, 0, 0, 1}));
   const Keypoint k = (*database.ReadKeypoints(2))[0];

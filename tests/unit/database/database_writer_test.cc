@@ -1,6 +1,5 @@
 #include "database/database_writer.h"
 
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -11,6 +10,7 @@
 #include "cairn/base/parallel.h"
 #include "support/database_dump.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -24,12 +24,12 @@ class DatabaseWriterTest : public ::testing::Test {
   }
   size_t NumPairs() { return NumRows("matches"); }
 
-  testing::TempFolder folder_;
+  TempFolder folder_;
   const std::string path_ = folder_ / "scene.db";
 };
 
-DatabaseWriter::Options SmallOptions() {
-  DatabaseWriter::Options options;
+DatabaseWriterOptions SmallOptions() {
+  DatabaseWriterOptions options;
   options.max_queue_size = 2;
   options.tasks_per_transaction = 7;
   return options;
@@ -45,7 +45,7 @@ TEST_F(DatabaseWriterTest, WritesWhatManyThreadsPush) {
 }
 
 TEST_F(DatabaseWriterTest, CommitsWhileItWaitsForMore) {
-  DatabaseWriter::Options options;
+  DatabaseWriterOptions options;
   options.seconds_per_transaction = 0.02;
   DatabaseWriter writer(path_, options);
   writer.Push([](Database& database) { database.WriteMatches(1, {{0, 0}}); });
@@ -55,7 +55,7 @@ TEST_F(DatabaseWriterTest, CommitsWhileItWaitsForMore) {
 
 TEST_F(DatabaseWriterTest, DropsUncommittedWorkWhenNotFinished) {
   {
-    DatabaseWriter::Options options;
+    DatabaseWriterOptions options;
     options.seconds_per_transaction = 100;
     DatabaseWriter writer(path_, options);
     writer.Push([](Database& database) { database.WriteMatches(1, {{0, 0}}); });
@@ -87,7 +87,7 @@ TEST_F(DatabaseWriterTest, ATaskThatThrowsRollsBackItsTransactionAndEndsTheWrite
 TEST_F(DatabaseWriterTest, AKilledProgramLeavesWholeTasks) {
   const pid_t child = fork();
   if (child == 0) {
-    DatabaseWriter::Options options;
+    DatabaseWriterOptions options;
     options.tasks_per_transaction = 10;
     DatabaseWriter writer(path_, options);
     for (uint64_t i = 1;; ++i) {

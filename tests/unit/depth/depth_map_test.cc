@@ -1,7 +1,5 @@
 #include "cairn/depth/depth_map.h"
 
-#include <gmock/gmock.h>
-
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -9,29 +7,21 @@
 #include <fstream>
 
 #include "cairn/base/error.h"
+#include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
-
-class ReadDepthMapTest : public testing::Test {
+class ReadDepthMapTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::path(CAIRN_BINARY_DIR) / "depth_test" /
-              testing::UnitTest::GetInstance()->current_test_info()->name();
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   std::string Write(const std::string& name, const std::string& bytes) {
-    const std::string path = (folder_ / name).string();
+    const std::string path = folder_ / name;
     std::ofstream(path, std::ios::binary) << bytes;
     return path;
   }
 
-  std::filesystem::path folder_;
+  TempFolder folder_;
 };
 
 template <class T>
@@ -136,8 +126,8 @@ TEST_F(ReadDepthMapTest, SixteenBitPngWithScale) {
 TEST_F(ReadDepthMapTest, BrokenFilesAreNamedWithTheReason) {
   const std::string data = Bytes<float>({1, 2, 3, 4});
   const std::string good = Npy("<f4", "(2, 2)", data);
-  EXPECT_EQ(ReasonOf((folder_ / "absent.npy").string()), "No such file or directory");
-  EXPECT_EQ(ReasonOf(folder_.string()), "is a folder, not a file");
+  EXPECT_EQ(ReasonOf(folder_ / "absent.npy"), "No such file or directory");
+  EXPECT_EQ(ReasonOf(folder_.path()), "is a folder, not a file");
   EXPECT_EQ(ReasonOf(Write("empty.npy", "")), "empty file");
   EXPECT_THAT(ReasonOf(Write("a.npy", good.substr(0, good.size() - 1))), HasSubstr("truncated"));
   EXPECT_THAT(ReasonOf(Write("a.npy", good.substr(0, 30))), HasSubstr("truncated"));
@@ -162,7 +152,7 @@ TEST_F(ReadDepthMapTest, NothingValidIsAnError) {
 }
 
 TEST_F(ReadDepthMapTest, MapsAreFoundByImageName) {
-  const std::string folder = folder_.string();
+  const std::string folder = folder_.path();
   EXPECT_FALSE(FindDepthMap(folder, "0000.jpg"));
   EXPECT_FALSE(FindDepthMap(folder + "/absent", "0000.jpg"));
   const std::string pfm = Write("0000.jpg.pfm", "x");

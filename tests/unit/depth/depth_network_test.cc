@@ -1,28 +1,23 @@
 #include "cairn/depth/depth_network.h"
 
-#include <gmock/gmock.h>
-
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
 #include "cairn/base/error.h"
 #include "cairn/depth/sample_depth.h"
+#include "support/shared_data.h"
+#include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
 
-std::string SharedDir() {
-  const char* directory = std::getenv("CAIRN_SHARED_DIR");
-  return directory != nullptr ? directory : CAIRN_SHARED_DIR;
-}
-
-class DepthNetworkTest : public testing::Test {
+class DepthNetworkTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    model_ = SharedDir() + "/data/models/fastdepth_7.onnx";
-    photo_ = SharedDir() + "/data/strecha/fountain-P11/images/0000.jpg";
+    model_ = SharedDataPath("models/fastdepth_7.onnx");
+    photo_ = SharedDataPath("strecha/fountain-P11/images/0000.jpg");
     if (!std::filesystem::exists(model_)) GTEST_SKIP() << model_ << " is absent";
     if (!std::filesystem::exists(photo_)) GTEST_SKIP() << photo_ << " is absent";
   }
@@ -73,7 +68,8 @@ TEST_F(DepthNetworkTest, ASizeThatTheNetworkRefusesIsAnError) {
 
 TEST(DepthNetwork, BrokenModelsAndOptionsAreErrors) {
   EXPECT_THROW(DepthNetwork("/nowhere/net.onnx", {}), IoError);
-  const std::string path = std::string(CAIRN_BINARY_DIR) + "/broken.onnx";
+  const TempFolder folder;
+  const std::string path = folder / "broken.onnx";
   std::ofstream(path) << "this is no network";
   EXPECT_THROW(DepthNetwork(path, {}), IoError);
   DepthOptions options;
@@ -82,7 +78,6 @@ TEST(DepthNetwork, BrokenModelsAndOptionsAreErrors) {
   options = {};
   options.std = {1, 0, 1};
   EXPECT_THROW(DepthNetwork(path, options), ConfigError);
-  std::filesystem::remove(path);
 }
 
 }  // namespace

@@ -1,12 +1,11 @@
 #include "cairn/evaluation/error_statistics.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,6 +1,4 @@
 // Agreement with ../shared/tools/eval_poses.py, the independent script, on real ground truth.
-#include <gtest/gtest.h>
-
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -14,12 +12,10 @@
 #include "cairn/math/so3.h"
 #include "support/shared_data.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing::SharedDataPath;
-using testing::TempFolder;
 
 std::string ScriptPath() { return SharedDataPath("../tools/eval_poses.py"); }
 

@@ -1,7 +1,5 @@
 #include "evaluation/model_evidence.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -9,12 +7,10 @@
 #include "cairn/base/rng.h"
 #include "cairn/geometry/rigid3d.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing_support::MadeReconstruction;
-using testing_support::MakeSyntheticScene;
 
 // All pairs of images, with the matches that their common points give.
 struct Pairs {

@@ -1,19 +1,15 @@
 #include "cairn/evaluation/pose_evaluation.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <limits>
 #include <nlohmann/json.hpp>
 
 #include "cairn/base/rng.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
 
 Eigen::Vector3d RandomCenter(Rng& rng) { return {rng.Gaussian(), rng.Gaussian(), rng.Gaussian()}; }
 
@@ -127,6 +123,30 @@ TEST(PoseEvaluation, NamesAreMatchedByTheLastPartWhereTheWholeFails) {
   const PosedCameras estimate = {{"x/a.jpg", first}, {"z/a.jpg", second}, {"b.jpg", second}};
   const PoseEvaluation e = EvaluatePoses(estimate, reference);
   EXPECT_NEAR(e.auc[0], 1, 1e-12);  // x/a.jpg as it is, not z/a.jpg
+}
+
+TEST(PoseEvaluation, AnImageIsTheCounterpartOfOneAlone) {
+  Rng rng(8);
+  const PosedCameras cameras = RandomCameras(12, rng);
+  PosedCameras rig, left, bare;
+  int i = 0;
+  for (const auto& [name, camera] : cameras) {
+    const std::string frame = std::to_string(i / 2) + ".jpg";
+    rig[(i % 2 == 0 ? "left/" : "right/") + frame] = camera;
+    if (i++ % 2 != 0) continue;
+    left["left/" + frame] = camera;
+    bare[frame] = camera;
+  }
+  const PoseEvaluation e = EvaluatePoses(left, rig);
+  EXPECT_EQ(e.num_registered, 6);
+  EXPECT_EQ(e.num_extra, 0);
+  EXPECT_LT(e.orientation_deg->mean, 1e-9);
+  const PoseEvaluation swapped = EvaluatePoses(rig, left);
+  EXPECT_EQ(swapped.num_registered, 6);
+  EXPECT_EQ(swapped.num_extra, 6);
+  // Of which of the two, nobody knows.
+  EXPECT_EQ(EvaluatePoses(bare, rig).num_registered, 0);
+  EXPECT_EQ(EvaluatePoses(rig, bare).num_registered, 0);
 }
 
 TEST(PoseEvaluation, FocalLengthsOfAnotherImageSizeAreScaled) {

@@ -1,8 +1,6 @@
 // Blobs and textures whose features are known beforehand.
 #include "cairn/features/features.h"
 
-#include <gmock/gmock.h>
-
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
@@ -11,6 +9,7 @@
 #include "cairn/math/decompositions.h"
 #include "features/plane_memory.h"
 #include "support/instruction_sets.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -44,6 +43,19 @@ std::vector<Blob> GridOfBlobs(double sigma, Rng& rng) {
       blobs.push_back({{60.0 * column + 50 + rng.Uniform(), 60.0 * row + 50 + rng.Uniform()},
                        sigma * sigma * Eigen::Matrix2d::Identity()});
     }
+  }
+  return blobs;
+}
+
+// Blobs of many sizes, bright and dark, that overlap.
+std::vector<Blob> RandomBlobs(int size, uint64_t seed) {
+  Rng rng(seed);
+  std::vector<Blob> blobs;
+  for (int k = 0; k < 150; ++k) {
+    const double sigma = rng.Uniform(1.5, 6);
+    blobs.push_back({{rng.Uniform(0, size), rng.Uniform(0, size)},
+                     sigma * sigma * Eigen::Matrix2d::Identity(),
+                     rng.Uniform(-50, 90)});
   }
   return blobs;
 }
@@ -108,17 +120,10 @@ TEST_P(FeaturesOfKind, TellBrightBlobsFromDarkOnes) {
 }
 
 TEST_P(FeaturesOfKind, ComeAgainWhereTheImageIsTurned) {
-  Rng rng(2);
-  std::vector<Blob> blobs, turned;
   constexpr int kSize = 300;
-  for (int k = 0; k < 150; ++k) {
-    const double sigma = rng.Uniform(1.5, 6);
-    blobs.push_back({{rng.Uniform(0, kSize), rng.Uniform(0, kSize)},
-                     sigma * sigma * Eigen::Matrix2d::Identity(),
-                     rng.Uniform(-50, 90)});
-    turned.push_back(blobs.back());  // by 90 degrees
-    turned.back().center = {kSize - blobs.back().center.y(), blobs.back().center.x()};
-  }
+  const std::vector<Blob> blobs = RandomBlobs(kSize, 2);
+  std::vector<Blob> turned = blobs;  // by 90 degrees
+  for (Blob& blob : turned) blob.center = {kSize - blob.center.y(), blob.center.x()};
   const Features first = ExtractFeatures(Draw(kSize, kSize, blobs), Options());
   const Features second = ExtractFeatures(Draw(kSize, kSize, turned), Options());
   ASSERT_GT(first.keypoints.size(), 60u);
@@ -154,13 +159,29 @@ TEST_P(FeaturesOfKind, AreTheSameEveryTimeAndNoneWithoutTexture) {
   EXPECT_TRUE(ExtractFeatures(Draw(100, 100, {}), Options()).keypoints.empty());
 }
 
+TEST_P(FeaturesOfKind, EachLimitLeavesSomeOut) {
+  const Bitmap bitmap = Draw(300, 300, RandomBlobs(300, 2));
+  const size_t num_all = ExtractFeatures(bitmap, Options()).keypoints.size();
+  const auto expect_fewer = [&](auto change) {
+    FeatureOptions options = Options();
+    change(options);
+    const size_t num = ExtractFeatures(bitmap, options).keypoints.size();
+    EXPECT_GT(num, 10u);
+    EXPECT_LT(num, num_all) << DumpOptions(options);
+  };
+  expect_fewer([](FeatureOptions& options) { options.edge_threshold = 1.5; });
+  expect_fewer([](FeatureOptions& options) { options.max_num_orientations = 1; });
+  expect_fewer(
+      [](FeatureOptions& options) { options.min_peak_threshold = options.peak_threshold; });
+}
+
 // Sizes that are no multiples of a vector, an octave that is needed for the last features only.
 TEST_P(FeaturesOfKind, DoNotDependOnTheInstructionSet) {
   Rng rng(4);
   const Bitmap bitmap = Draw(283, 221, GridOfBlobs(2, rng));
   const Features expected = ExtractFeatures(bitmap, Options());
   EXPECT_GT(expected.keypoints.size(), 10u);
-  test::ForEachInstructionSet([&] {
+  ForEachInstructionSet([&] {
     const Features features = ExtractFeatures(bitmap, Options());
     EXPECT_EQ(features.keypoints, expected.keypoints);
     EXPECT_EQ(features.descriptors, expected.descriptors);

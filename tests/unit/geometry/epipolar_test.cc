@@ -1,7 +1,5 @@
 #include "cairn/geometry/epipolar.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -9,6 +7,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,11 +1,10 @@
 #include "cairn/geometry/gps.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Core>
 #include <cmath>
 
 #include "cairn/math/angles.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,12 +1,11 @@
 #include "cairn/geometry/rigid3d.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <numbers>
 
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,8 +1,7 @@
 // Ground control points.
-#include <gmock/gmock.h>
-
 #include <nlohmann/json.hpp>
 
+#include "support/test.h"
 #include "unit/georegistration/georegister_fixture.h"
 
 namespace cairn {
@@ -13,7 +12,7 @@ class ControlPointsTest : public GeoregisterTest {
  protected:
   void SetUp() override {
     GeoregisterTest::SetUp();
-    model_ = testing_support::MakeSyntheticScene({.num_images = 8, .num_points = 40}).truth;
+    model_ = MakeSyntheticScene({.num_images = 8, .num_points = 40}).truth;
     model_.Transform(world_from_enu_);
     for (const auto& [id, point] : model_.points3D) {
       ControlPoint& control = points_.emplace_back();
@@ -46,7 +45,7 @@ TEST_F(ControlPointsTest, ExactPointsGiveTheExactFrameAndChecksOfZero) {
   }
   const auto json = nlohmann::json::parse(GeoregistrationToJson(found));
   EXPECT_EQ(json["control_points"][1]["is_check"], true);
-  EXPECT_THAT(DescribeResiduals(found)[1], ::testing::HasSubstr("(check)"));
+  EXPECT_THAT(DescribeResiduals(found)[1], HasSubstr("(check)"));
 }
 
 TEST_F(ControlPointsTest, AWrongPointIsFoundAndACheckShowsItsError) {
@@ -75,8 +74,7 @@ TEST_F(ControlPointsTest, ChecksAloneAreTooFew) {
   const Georegistration found = Georegister(model_, {rows_, points_});
   EXPECT_EQ(found.status, GeoregistrationStatus::kTooFewImages);
   EXPECT_THAT(WarningsOf(found).at(0).what,
-              ::testing::AllOf(::testing::HasSubstr(" 0 control points"),
-                               ::testing::HasSubstr(" 6 check points")));
+              AllOf(HasSubstr(" 0 control points"), HasSubstr(" 6 check points")));
 }
 
 // Few or many, exact to some centimeters: the one that is far off is found.
@@ -115,7 +113,7 @@ TEST_F(ControlPointsTest, AFewOfABentModelAreKept) {
 
 TEST_F(ControlPointsTest, WhatCannotBeRightIsSaid) {
   points_.resize(8);
-  EXPECT_THAT(WarningsOf(Georegister(model_, {rows_, points_})), ::testing::IsEmpty());
+  EXPECT_THAT(WarningsOf(Georegister(model_, {rows_, points_})), IsEmpty());
   std::vector<ControlPoint> other_order = points_, larger = points_;
   for (ControlPoint& point : other_order) {
     point.position.latitude_deg = 46.2 + (point.position.longitude_deg - 7.1);
@@ -127,8 +125,8 @@ TEST_F(ControlPointsTest, WhatCannotBeRightIsSaid) {
   const auto first_warning = [&](const std::vector<ControlPoint>& points) {
     return WarningsOf(Georegister(model_, {rows_, points})).at(0).what;
   };
-  EXPECT_THAT(first_warning(other_order), ::testing::HasSubstr("do not fit the model"));
-  EXPECT_THAT(first_warning(larger), ::testing::HasSubstr("outside of their photographs ("));
+  EXPECT_THAT(first_warning(other_order), HasSubstr("do not fit the model"));
+  EXPECT_THAT(first_warning(larger), HasSubstr("outside of their photographs ("));
 }
 
 // Below three, the images' positions decide, and the points are checks. Above, these are checked.
@@ -154,6 +152,26 @@ TEST_F(ControlPointsTest, TakeTheImagesPlaceWhenThereAreThree) {
   found = Georegister(model_, {rows_, points_});
   EXPECT_TRUE(found.by_control_points);
   EXPECT_LT((found.images[0].residual + Eigen::Vector3d(5, 0, 0)).norm(), 1e-3);
+}
+
+// Positions without altitudes leave heights open: those of check points are compared with nothing.
+TEST_F(ControlPointsTest, WithoutAltitudesChecksAreHorizontal) {
+  int index = 0;
+  for (const auto& [id, image] : model_.images) {
+    Place(id, truth_ * image.cam_from_world.Center() + Eigen::Vector3d(0, 0, 20 * (++index % 3)));
+    GpsPosition& gps = rows_[image.image.name].position;
+    gps = GpsAt(enu_[id]);
+    gps.altitude_m.reset();
+  }
+  points_.resize(2);
+  const Georegistration found = Georegister(model_, {rows_, points_});
+  ASSERT_EQ(found.tilt_source, TiltSource::kPositions);
+  ASSERT_EQ(found.points.size(), 2u);
+  for (const GeoregisteredPoint& point : found.points) {
+    EXPECT_LT(point.residual.norm(), 0.1);
+    EXPECT_LT(point.error_px, 1);
+  }
+  EXPECT_THAT(DescribeResiduals(found)[0], Not(HasSubstr(" up")));
 }
 
 }  // namespace

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <map>
 #include <set>
@@ -11,18 +9,19 @@
 #include "cairn/georegistration/georegister.h"
 #include "support/gps_at.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 
 namespace cairn {
 
 inline const LocalFrame kFrame({46.2, 7.1, 1200});
 
-inline GpsPosition GpsAt(const Eigen::Vector3d& enu) { return testing::GpsAt(kFrame, enu); }
+inline GpsPosition GpsAt(const Eigen::Vector3d& enu) { return GpsAt(kFrame, enu); }
 
 // A model of 40 images in a frame of its own, and the positions of its cameras in east, north, up.
 class GeoregisterTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    model_ = testing_support::MakeSyntheticScene({.num_images = 40, .num_points = 10}).truth;
+    model_ = MakeSyntheticScene({.num_images = 40, .num_points = 10}).truth;
     Rng rng(3);
     for (auto& [id, image] : model_.images) {
       Eigen::Vector3d enu(rng.Uniform(-300, 300), rng.Uniform(-200, 200), rng.Uniform(40, 90));

@@ -1,11 +1,12 @@
 // Positions of photographs.
-#include <gmock/gmock.h>
-
 #include <nlohmann/json.hpp>
 
 #include "cairn/base/file.h"
+#include "cairn/image/bitmap.h"
+#include "cairn/image/exif.h"
 #include "cairn/math/angles.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/georegistration/georegister_fixture.h"
 
@@ -125,7 +126,57 @@ TEST_F(GeoregisterTest, RowsWithoutAltitudeAreNotMixedIn) {
   rows_.begin()->second.position.altitude_m.reset();
   const Georegistration found = Georegister(model_, {rows_});
   EXPECT_EQ(found.without_altitude, std::vector<std::string>{rows_.begin()->first});
+  EXPECT_THAT(WarningsOf(found).at(0).what, StartsWith("positions without an altitude"));
   EXPECT_LT(LargestError(found), 1e-6);
+}
+
+TEST_F(GeoregisterTest, HalfOfTheAltitudesAreEnough) {
+  std::set<std::string> without;
+  for (auto& [name, row] : rows_) {
+    if (without.size() == 20) break;
+    row.position.altitude_m.reset();
+    without.insert(name);
+  }
+  const Georegistration found = Georegister(model_, {rows_});
+  EXPECT_THAT(found.without_altitude, ::testing::UnorderedElementsAreArray(without));
+  EXPECT_TRUE(found.unused_altitudes.empty());
+  EXPECT_LT(LargestError(found), 1e-6);
+}
+
+// A telephone among cameras without: what it knows does not cost the others their positions.
+TEST_F(GeoregisterTest, AFewAltitudesAreNotUsed) {
+  const std::map<std::string, GpsRow> all = rows_;
+  for (const size_t num_with : {0, 1, 2, 19}) {
+    rows_ = all;
+    size_t left = num_with;
+    for (auto& [name, row] : rows_) {
+      if (left > 0) {
+        --left;
+      } else {
+        row.position.altitude_m.reset();
+      }
+    }
+    rows_["of another model.jpg"].position = GpsAt({0, 0, 65});
+    const Georegistration found = Georegister(model_, {rows_});
+    ASSERT_EQ(found.status, GeoregistrationStatus::kOk) << num_with;
+    EXPECT_EQ(found.tilt_source, TiltSource::kPositions);
+    EXPECT_EQ(found.images.size(), all.size());
+    EXPECT_TRUE(found.without_altitude.empty());
+    EXPECT_EQ(found.unused_altitudes.size(), num_with);
+    EXPECT_EQ(WarningsOf(found).at(0).what.starts_with("altitudes, which most"), num_with > 0);
+    for (const GeoregisteredImage& image : found.images) {
+      EXPECT_FALSE(image.gps.altitude_m);
+      EXPECT_LT(image.residual.norm(), 1e-2);
+    }
+    // At the height that the altitudes have in the middle, in place of sea level.
+    EXPECT_LT(LargestError(found), 50);
+  }
+}
+
+TEST_F(GeoregisterTest, WithTwoAltitudesThreePositionsAreEnough) {
+  while (rows_.size() > 3) rows_.erase(std::prev(rows_.end()));
+  rows_.begin()->second.position.altitude_m.reset();
+  EXPECT_EQ(Georegister(model_, {rows_}).images.size(), 3u);
 }
 
 // A boat: what is above the sea is not all that there is.
@@ -145,6 +196,23 @@ TEST_F(GeoregisterTest, AltitudesOfZeroAreUsed) {
             0.0);
 }
 
+// The middle of longitudes on both sides of the 180th meridian is not on the other side of the
+// Earth.
+TEST_F(GeoregisterTest, UpIsUpAtTheDateLine) {
+  const LocalFrame frame({-16.8, 180, 1200});
+  for (auto& [id, enu] : enu_) {
+    enu.x() = (id % 2 == 0 ? 1 : -1) * (10 + std::abs(enu.x()));
+    Place(id, enu);
+    GpsPosition& gps = rows_[model_.images.at(id).image.name].position;
+    gps = GpsAt(frame, enu);
+    gps.longitude_deg = std::remainder(gps.longitude_deg, 360.0);
+  }
+  const Georegistration found = Georegister(model_, {rows_});
+  EXPECT_NEAR(std::abs(found.origin.longitude_deg), 180, 0.01);
+  const Eigen::Vector3d up_in_model = truth_.rotation.conjugate() * Eigen::Vector3d::UnitZ();
+  EXPECT_GT((found.enu_from_world.rotation * up_in_model).z(), 0.9999);
+}
+
 // A receiver that gives each fix to three photographs: those of one fix agree best, with a scale
 // near zero.
 TEST_F(GeoregisterTest, FixesThatRepeatAreNotWrong) {
@@ -156,7 +224,7 @@ TEST_F(GeoregisterTest, FixesThatRepeatAreNotWrong) {
     if (rows.size() % 3 == 0) fix = row;
     rows[name] = fix;
   }
-  EXPECT_THAT(WrongOf(Georegister(model_, {rows})), ::testing::IsEmpty());
+  EXPECT_THAT(WrongOf(Georegister(model_, {rows})), IsEmpty());
 }
 
 TEST_F(GeoregisterTest, SigmasAreWhatResidualsShow) {
@@ -171,13 +239,26 @@ TEST_F(GeoregisterTest, SigmasAreWhatResidualsShow) {
 }
 
 TEST(ReadPositions, NamesOfNoImageAreAWarning) {
-  const testing::TempFolder folder;
+  const TempFolder folder;
   WriteFileAtomically(folder / "gps.csv", "a.jpg,45,7\nB.jpg,45,7\n");
   const std::vector<std::string> names = {"a.jpg", "b.jpg"};
   TestMonitor monitor;
   EXPECT_EQ(ReadPositions(names, folder / "gps.csv", "", {.monitor = monitor}).size(), 1u);
   EXPECT_THAT(monitor.warnings(),
-              ::testing::ElementsAre(folder / "gps.csv: 1 of 2 names are of no image: B.jpg"));
+              ElementsAre(folder / "gps.csv: 1 of 2 names are of no image: B.jpg"));
+}
+
+TEST(ReadPositions, PhotographsThatCannotBeReadAreAWarning) {
+  const TempFolder folder;
+  WriteBitmap(folder / "a.jpg", {8, 8, 3, std::vector<uint8_t>(192)});
+  WriteExif(folder / "a.jpg", {.gps = GpsPosition{46, 7}});
+  CreateFolders(folder / "b.jpg");
+  const std::vector<std::string> names = {"a.jpg", "b.jpg", "gone.jpg", std::string(300, 'c')};
+  TestMonitor monitor;
+  const auto rows = ReadPositions(names, "", folder.path(), {.monitor = monitor});
+  EXPECT_EQ(rows.size(), 1u);
+  EXPECT_THAT(monitor.warnings(),
+              ElementsAre(AllOf(HasSubstr("b.jpg"), HasSubstr("ccc"), Not(HasSubstr("gone.jpg")))));
 }
 
 TEST_F(GeoregisterTest, JsonHasTheSimilarityAndEveryResidual) {

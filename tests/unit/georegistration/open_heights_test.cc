@@ -1,9 +1,8 @@
 // Positions without altitudes.
-#include <gmock/gmock.h>
-
 #include <nlohmann/json.hpp>
 
 #include "cairn/math/angles.h"
+#include "support/test.h"
 #include "unit/georegistration/georegister_fixture.h"
 
 namespace cairn {
@@ -57,7 +56,7 @@ TEST_F(OpenHeightsTest, SlopesAreFoundAndHeightsAreNotWrong) {
   EXPECT_NEAR(found.enu_from_world.scale, truth_.scale, 1e-3 * truth_.scale);
   for (const GeoregisteredImage& image : found.images) EXPECT_EQ(image.residual.z(), 0);
   for (const std::string& line : DescribeResiduals(found)) {
-    EXPECT_THAT(line, ::testing::Not(::testing::HasSubstr(" up ")));
+    EXPECT_THAT(line, Not(HasSubstr(" up ")));
   }
   EXPECT_EQ(WarningsOf(found).size(), 2u);  // of wrong positions, and of how up is found
 }

@@ -1,7 +1,5 @@
 #include "graph/graph.h"
 
-#include <gmock/gmock.h>
-
 #include <algorithm>
 #include <atomic>
 #include <set>
@@ -10,12 +8,10 @@
 #include "cairn/base/rng.h"
 #include "graph/sum_at_nodes.h"
 #include "graph/union_find.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::IsEmpty;
 
 std::vector<GraphEdge> RandomEdges(int num_nodes, int num_edges, uint64_t seed) {
   Rng rng(seed);
@@ -31,10 +27,10 @@ TEST(UnionFind, JoinsSetsOnce) {
   EXPECT_TRUE(sets.Union(0, 1));
   EXPECT_TRUE(sets.Union(3, 4));
   EXPECT_FALSE(sets.Union(1, 0));
-  EXPECT_TRUE(sets.Connected(0, 1));
-  EXPECT_FALSE(sets.Connected(1, 3));
+  EXPECT_EQ(sets.Find(0), sets.Find(1));
+  EXPECT_NE(sets.Find(1), sets.Find(3));
   EXPECT_TRUE(sets.Union(1, 4));
-  EXPECT_FALSE(sets.Connected(3, 2));
+  EXPECT_NE(sets.Find(3), sets.Find(2));
 }
 
 TEST(UnionFind, ThreadsAtOnceMakeTheSetsOfOneThread) {
@@ -80,7 +76,7 @@ TEST(MaximumSpanningForest, IsMaximalOnRandomGraphs) {
       for (const int f : forest) {
         if (weights[f] >= weights[e]) heavier.Union(edges[f].node1, edges[f].node2);
       }
-      EXPECT_TRUE(heavier.Connected(edges[e].node1, edges[e].node2));
+      EXPECT_EQ(heavier.Find(edges[e].node1), heavier.Find(edges[e].node2));
     }
   }
 }
@@ -143,6 +139,15 @@ TEST(HingedParts, ALongLoopHasNoneAndDoesNotOverflowTheStack) {
   std::vector<GraphEdge> edges;
   for (int v = 0; v < n; ++v) edges.push_back({v, (v + 1) % n});
   EXPECT_THAT(HingedParts(n, edges), IsEmpty());
+}
+
+TEST(HingedParts, OfALongChainAreItsHalves) {
+  const int n = 300000;
+  std::vector<GraphEdge> edges;
+  for (int v = 0; v + 1 < n; ++v) edges.push_back({v, v + 1});
+  const std::vector<std::vector<int>> parts = HingedParts(n, edges);
+  ASSERT_EQ(parts.size(), 2u);
+  for (const std::vector<int>& part : parts) EXPECT_EQ(std::ssize(part), n / 2 - 1);
 }
 
 TEST(BuildAdjacency, ListsEdgesAndNeighbors) {

@@ -1,20 +1,15 @@
 #include "graph/parallel_rigidity.h"
 
-#include <gmock/gmock.h>
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <numeric>
 
 #include "cairn/base/rng.h"
 #include "support/parallel_rigid_components.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::IsEmpty;
-using testing_support::ParallelRigidComponents;
 
 // Are the nodes determined by directions, up to 4 degrees of freedom? By the rank of the rigidity
 // matrix at random positions.

@@ -1,8 +1,5 @@
 #include "cairn/image/bitmap.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "cairn/base/error.h"
@@ -12,12 +9,10 @@
 #include "image/codecs.h"
 #include "image/image_container.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::TempFolder;
 
 // Blocks of color with noise: large enough that every part of a JPEG carries data.
 Bitmap MakeBitmap(int width, int height, int channels) {

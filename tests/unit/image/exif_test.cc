@@ -1,8 +1,5 @@
 #include "cairn/image/exif.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <exiv2/exiv2.hpp>
 
@@ -11,11 +8,10 @@
 #include "cairn/base/parallel.h"
 #include "cairn/image/bitmap.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing::TempFolder;
 
 using Tags = std::vector<std::pair<std::string, std::string>>;
 

@@ -1,20 +1,14 @@
 #include "cairn/image/image_folder.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::IsEmpty;
-using testing::TempFolder;
 
 TEST(ImageFolder, ListsPhotographsRecursivelySorted) {
   const TempFolder folder;

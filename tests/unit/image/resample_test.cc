@@ -1,13 +1,12 @@
 #include "cairn/image/resample.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -57,8 +56,7 @@ TEST(ResampleBitmap, EqualCamerasGiveTheSameBytes) {
 TEST(ResampleBitmap, ShiftsByWholePixelsExactly) {
   const Bitmap bitmap = MakeGradient(120, 90, 1);
   const Camera camera = MakeCamera(CameraModel::kSimplePinhole, {100, 57, 47});
-  const Bitmap out = ResampleBitmap(bitmap, camera, CenteredPinhole(camera),
-                                    {Interpolation::kCubic, Beyond::kNearest});
+  const Bitmap out = ResampleBitmap(bitmap, camera, CenteredPinhole(camera), Resampling::kCubic);
   // Target pixel x shows what the source shows at x - 3, y + 2.
   EXPECT_EQ(*out.Pixel(50, 50), *bitmap.Pixel(47, 52));
   EXPECT_EQ(*out.Pixel(0, 10), *bitmap.Pixel(0, 12));  // beyond the border: its nearest pixel

@@ -1,18 +1,15 @@
 #include "cairn/image/thumbnail.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/image/bitmap.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing::TempFolder;
 
 // Red grows to the right, green downwards.
 Bitmap Gradient(int width, int height) {

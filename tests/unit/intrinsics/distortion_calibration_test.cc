@@ -1,13 +1,12 @@
 #include "intrinsics/distortion_calibration.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "cairn/base/rng.h"
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/so3.h"
 #include "intrinsics/distorted_pair.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

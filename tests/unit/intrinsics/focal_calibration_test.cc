@@ -1,7 +1,5 @@
 #include "cairn/intrinsics/focal_calibration.h"
 
-#include <gmock/gmock.h>
-
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
@@ -15,11 +13,10 @@
 #include "cairn/synthetic/poses.h"
 #include "intrinsics/fundamental_fit.h"
 #include "intrinsics/kruppa.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
 
 constexpr int kFocalTestWidth = 1000;
 constexpr int kFocalTestHeight = 750;

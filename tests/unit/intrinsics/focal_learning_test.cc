@@ -1,18 +1,12 @@
 // Trusted focal lengths that the pairs of their cameras contradict.
 #include "intrinsics/focal_learning.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/synthetic/scene.h"
+#include "support/test.h"
 #include "unit/intrinsics/learning_fixture.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 // Pairs of cameras 1 .. n, each with each; those with a wrong camera contradict.
 std::vector<CameraPairEvidence> AllPairs(camera_t n, const std::set<camera_t>& wrong) {
@@ -107,7 +101,7 @@ TEST_F(FocalLearningTest, RightFocalLengthsStayTrusted) {
   TestMonitor monitor;
   const StageReport report = Verify(path, 2, monitor);
   EXPECT_EQ(report.Value("rejected_focals"), 0);
-  EXPECT_THAT(monitor.warnings(), ::testing::IsEmpty());
+  EXPECT_THAT(monitor.warnings(), IsEmpty());
   const Database database(path);
   EXPECT_EQ(database.ReadCameraFocals().size(), static_cast<size_t>(kNumImages));
   EXPECT_EQ(RejectedCameras(database.ReadCameraFocals()), (std::set<camera_t>{}));

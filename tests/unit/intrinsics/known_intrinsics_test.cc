@@ -1,6 +1,6 @@
 #include "intrinsics/known_intrinsics.h"
 
-#include <gtest/gtest.h>
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -47,6 +47,13 @@ TEST_F(KnownIntrinsicsTest, MeasuredOnesAreConstantUnlessTheirPairsContradictThe
   EXPECT_FALSE(Read().IsConstant());
   EXPECT_FALSE(Read().IsFocalTrusted());
   EXPECT_TRUE(Read().camera.has_prior_focal_length);
+}
+
+// As after another program changed the camera.
+TEST_F(KnownIntrinsicsTest, LearnedDistortionIsNotOfAModelWithoutAny) {
+  database_.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 900, 1001, 800));
+  database_.WriteCameraLens(1, {.focal_px = 1200, .focal_sigma = 0.02, .k = -0.05, .num_pairs = 9});
+  EXPECT_EQ(Read().camera.params, std::vector<double>({1200, 1200, 500.5, 400}));
 }
 
 TEST_F(KnownIntrinsicsTest, LearnedOnesAreNotConstantAndTrustedIfSure) {

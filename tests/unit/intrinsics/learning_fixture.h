@@ -1,13 +1,12 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <functional>
 #include <string>
 
 #include "cairn/pipeline/verify_pairs.h"
 #include "support/database_dump.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 
 namespace cairn {
@@ -49,7 +48,7 @@ class LearningTest : public ::testing::Test {
     return dump;
   }
 
-  testing::TempFolder folder_;
+  TempFolder folder_;
 };
 
 }  // namespace cairn

@@ -1,15 +1,13 @@
 // Distortion and focal lengths that the likely pairs teach.
 #include "intrinsics/lens_learning.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "cairn/synthetic/scene.h"
 #include "intrinsics/known_intrinsics.h"
+#include "support/test.h"
 #include "unit/intrinsics/learning_fixture.h"
 
 namespace cairn {

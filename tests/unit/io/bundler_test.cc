@@ -1,8 +1,5 @@
 #include "cairn/io/bundler.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "cairn/base/error.h"
@@ -11,17 +8,11 @@
 #include "random_reconstruction.h"
 #include "support/check_consistency.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using testing::RandomReconstruction;
-using testing::TempFolder;
-using testing::ThrownMessage;
 
 std::string ErrorOf(const std::string& bundle, const std::string& list) {
   return ThrownMessage<IoError>([&] { ReadBundler(bundle, list); });
@@ -88,7 +79,7 @@ TEST(Bundler, ComesBack) {
   const Reconstruction r = RandomReconstruction(2, {.all_camera_models = false});
   WriteBundler(r, folder / "bundle.out", folder / "list.txt");
   const Reconstruction read = ReadModel(folder / "bundle.out");
-  testing_support::CheckConsistency(read);
+  CheckConsistency(read);
   ASSERT_EQ(read.images.size(), r.images.size());
   for (const auto& [id, image] : r.images) {
     const RegisteredImage& other = read.images.at(id);
@@ -231,7 +222,7 @@ TEST(Bundler, BrokenFilesAreNamedWithTheLine) {
 }
 
 TEST(Bundler, EveryPrefixIsReadOrRefused) {
-  const TempFolder folder(TempFolder::Place::kMemory);
+  const TempFolder folder;
   const Reconstruction r =
       RandomReconstruction(2, {.num_images = 3, .num_points = 4, .all_camera_models = false});
   WriteBundler(r, folder / "bundle.out", folder / "list.txt");

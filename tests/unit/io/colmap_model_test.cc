@@ -1,8 +1,5 @@
 #include "cairn/io/colmap_model.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <array>
 #include <cstring>
 #include <filesystem>
@@ -13,15 +10,11 @@
 #include "random_reconstruction.h"
 #include "support/check_consistency.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::RandomReconstruction;
-using testing::TempFolder;
-using testing::ThrownMessage;
 
 std::array<std::string, 3> Names(ColmapModelFormat format) {
   const std::string extension = format == ColmapModelFormat::kBinary ? ".bin" : ".txt";
@@ -74,7 +67,7 @@ TEST_P(ColmapModel, ComesBackExactlyAndInEqualBytes) {
     const Reconstruction written = RandomReconstruction(seed);
     WriteColmapModel(written, folder / "a", GetParam());
     const Reconstruction read = ReadColmapModel(folder / "a");
-    testing_support::CheckConsistency(read);
+    CheckConsistency(read);
     ExpectEqual(written, read);
     WriteColmapModel(read, folder / "b/c", GetParam());
     for (const std::string& name : Names(GetParam())) {
@@ -120,7 +113,7 @@ TEST_P(ColmapModel, ErrorsThatAreNotFiniteAreWrittenAsUnknown) {
 }
 
 TEST_P(ColmapModel, EveryTruncatedFileIsAnErrorOrASmallerText) {
-  const TempFolder folder(TempFolder::Place::kMemory);
+  const TempFolder folder;
   WriteColmapModel(RandomReconstruction(3, {.num_images = 2, .num_points = 2}), folder.path(),
                    GetParam());
   for (const std::string& name : Names(GetParam())) {
@@ -147,7 +140,7 @@ TEST_P(ColmapModel, EveryTruncatedFileIsAnErrorOrASmallerText) {
 }
 
 TEST_P(ColmapModel, DamagedBytesNeverCrashOrAskForMuchMemory) {
-  const TempFolder folder(TempFolder::Place::kMemory);
+  const TempFolder folder;
   WriteColmapModel(RandomReconstruction(3, {.num_images = 2, .num_points = 2}), folder.path(),
                    GetParam());
   Rng rng(5);
@@ -189,8 +182,11 @@ TEST_P(ColmapModel, FilesThatContradictEachOtherAreErrors) {
     EXPECT_THAT(ReadError(folder.path()), HasSubstr(reason));
   };
   expect_error("no error", [](Reconstruction&) {});
-  expect_error("which is not there",
-               [](Reconstruction& r) { r.points3D.erase(r.points3D.begin()); });
+  expect_error("not there", [](Reconstruction& r) { r.points3D.erase(r.points3D.begin()); });
+  expect_error("refers to a keypoint twice", [](Reconstruction& r) {
+    std::vector<TrackElement>& track = r.points3D.begin()->second.track;
+    track.push_back(track.front());
+  });
   expect_error("does not refer back",
                [](Reconstruction& r) { r.points3D.begin()->second.track[0].image_id = 1000; });
   expect_error("does not refer back",
@@ -242,8 +238,8 @@ TEST(ColmapModelFiles, RigsOfTheReplacedModelGoOthersStay) {
   for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {
     names.push_back(entry.path().filename().string());
   }
-  EXPECT_THAT(names, ::testing::UnorderedElementsAre("cameras.bin", "images.bin", "points3D.bin",
-                                                     "rigs.txt", "notes.txt"));
+  EXPECT_THAT(names, UnorderedElementsAre("cameras.bin", "images.bin", "points3D.bin", "rigs.txt",
+                                          "notes.txt"));
   // Beside a model that is read they change nothing.
   WriteFileAtomically(folder / "rigs.bin", "of COLMAP 4");
   WriteFileAtomically(folder / "frames.bin", "likewise");
@@ -268,7 +264,7 @@ TEST(ColmapBinary, LayoutByHand) {
   ASSERT_EQ(images.size(), 8u + 4 + 7 * 8 + 4 + 6 + 8);
   double pose[7];
   std::memcpy(pose, &images[12], sizeof(pose));
-  EXPECT_THAT(pose, ::testing::ElementsAre(0.5, -0.5, 0.5, -0.5, 1, 2, 3));
+  EXPECT_THAT(pose, ElementsAre(0.5, -0.5, 0.5, -0.5, 1, 2, 3));
   EXPECT_EQ(images.substr(72, 6), std::string("a.jpg\0", 6));
 }
 

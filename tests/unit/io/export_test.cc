@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -14,15 +11,11 @@
 #include "cairn/io/transforms_json.h"
 #include "random_reconstruction.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::RandomReconstruction;
-using testing::TempFolder;
-using testing::ThrownMessage;
 
 struct PlyFile {
   std::string header;
@@ -144,10 +137,9 @@ TEST(TransformsJson, FisheyesAndWhatDoesNotFit) {
     return warnings;
   };
   std::string model;
-  EXPECT_THAT(write({CameraModel::kRadialFisheye, CameraModel::kOpenCVFisheye}, &model),
-              ::testing::IsEmpty());
+  EXPECT_THAT(write({CameraModel::kRadialFisheye, CameraModel::kOpenCVFisheye}, &model), IsEmpty());
   EXPECT_EQ(model, "OPENCV_FISHEYE");
-  EXPECT_THAT(write({CameraModel::kEquirectangular}, &model), ::testing::IsEmpty());
+  EXPECT_THAT(write({CameraModel::kEquirectangular}, &model), IsEmpty());
   EXPECT_EQ(model, "EQUIRECTANGULAR");
   // nerfstudio's longitude is pi (x - cx) / fl_x, its latitude pi (y - cy) / fl_y.
   const auto frame = nlohmann::json::parse(ReadFile(folder / "transforms.json"))["frames"][0];
@@ -156,12 +148,10 @@ TEST(TransformsJson, FisheyesAndWhatDoesNotFit) {
   EXPECT_EQ(frame["cx"], 400);
   EXPECT_EQ(frame["cy"], 300);
   EXPECT_THAT(write({CameraModel::kOpenCV, CameraModel::kSimpleFisheye}, &model),
-              ::testing::ElementsAre(::testing::AllOf(::testing::HasSubstr("SIMPLE_FISHEYE"),
-                                                      ::testing::HasSubstr("one model"))));
+              ElementsAre(AllOf(HasSubstr("SIMPLE_FISHEYE"), HasSubstr("one model"))));
   EXPECT_EQ(model, "OPENCV");
   EXPECT_THAT(write({CameraModel::kFov}, &model),
-              ::testing::ElementsAre(
-                  ::testing::AllOf(::testing::HasSubstr("FOV"), ::testing::HasSubstr("left out"))));
+              ElementsAre(AllOf(HasSubstr("FOV"), HasSubstr("left out"))));
 }
 
 // The chunks of a binary glTF file.

@@ -1,17 +1,13 @@
 #include "cairn/io/gcp_file.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
 
 class GcpFileTest : public ::testing::Test {
  protected:
@@ -20,9 +16,9 @@ class GcpFileTest : public ::testing::Test {
     return ReadGcpFile(folder_ / "gcp_list.txt");
   }
   std::string Message(const std::string& text) {
-    return testing::ThrownMessage<IoError>([&] { Read(text); });
+    return ThrownMessage<IoError>([&] { Read(text); });
   }
-  testing::TempFolder folder_;
+  TempFolder folder_;
 };
 
 TEST_F(GcpFileTest, MeasurementsOfAPointAreOne) {
@@ -46,7 +42,7 @@ TEST_F(GcpFileTest, MeasurementsOfAPointAreOne) {
 }
 
 TEST_F(GcpFileTest, NamesBetweenTabsMayHaveBlanks) {
-  const auto points = Read("WGS84\n8\t47\t5\t1\t2\tday 1/a 2.jpg\tthe corner\n");
+  const auto points = Read("WGS84\n8\t47\t5\t1\t2\tday 1/a 2.jpg \tthe corner \n");
   ASSERT_EQ(points.size(), 1u);
   EXPECT_EQ(points[0].name, "the corner");
   EXPECT_EQ(points[0].pixels.count("day 1/a 2.jpg"), 1u);

@@ -1,11 +1,9 @@
 #include "cairn/io/gps_file.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
@@ -18,14 +16,14 @@ class GpsFileTest : public ::testing::Test {
     return ReadGpsFile(folder_ / "gps.txt");
   }
   std::string Message(const std::string& text) {
-    return testing::ThrownMessage<IoError>([&] { Read(text); });
+    return ThrownMessage<IoError>([&] { Read(text); });
   }
-  testing::TempFolder folder_;
+  TempFolder folder_;
 };
 
 TEST_F(GpsFileTest, CommasAndBlanksSeparate) {
   const auto rows = Read(
-      "# a comment\n\na.jpg,45.5, 7 ,300,2\n"
+      "# a comment\n\na.jpg ,45.5, 7 ,300,2\n"
       "day 1/b 2.jpg 45.5\t-7 300.5 \n  c.jpg -45 7 1.5 0.5\r\nd.jpg,1,2\ne.jpg 1 2\n"
       "sea.jpg,1,2,0\n");
   ASSERT_EQ(rows.size(), 6u);
@@ -34,23 +32,24 @@ TEST_F(GpsFileTest, CommasAndBlanksSeparate) {
     return std::vector<double>{row.position.latitude_deg, row.position.longitude_deg,
                                row.position.altitude_m.value_or(-9999), row.sigma_m};
   };
-  EXPECT_THAT(values("a.jpg"), ::testing::ElementsAre(45.5, 7, 300, 2));
-  EXPECT_THAT(values("day 1/b 2.jpg"), ::testing::ElementsAre(45.5, -7, 300.5, 0));
-  EXPECT_THAT(values("c.jpg"), ::testing::ElementsAre(-45, 7, 1.5, 0.5));
-  EXPECT_THAT(values("d.jpg"), ::testing::ElementsAre(1, 2, -9999, 0));
-  EXPECT_THAT(values("e.jpg"), ::testing::ElementsAre(1, 2, -9999, 0));
-  EXPECT_THAT(values("sea.jpg"), ::testing::ElementsAre(1, 2, 0, 0));
+  EXPECT_THAT(values("a.jpg"), ElementsAre(45.5, 7, 300, 2));
+  EXPECT_THAT(values("day 1/b 2.jpg"), ElementsAre(45.5, -7, 300.5, 0));
+  EXPECT_THAT(values("c.jpg"), ElementsAre(-45, 7, 1.5, 0.5));
+  EXPECT_THAT(values("d.jpg"), ElementsAre(1, 2, -9999, 0));
+  EXPECT_THAT(values("e.jpg"), ElementsAre(1, 2, -9999, 0));
+  EXPECT_THAT(values("sea.jpg"), ElementsAre(1, 2, 0, 0));
 }
 
 TEST_F(GpsFileTest, RowsThatAreNoneAreNamed) {
   EXPECT_THAT(Message("a.jpg,45,7,300\nb.jpg,45\n"),
-              ::testing::HasSubstr("gps.txt:2: 'b.jpg,45' is not name,latitude"));
+              HasSubstr("gps.txt:2: 'b.jpg,45' is not name,latitude"));
   for (const char* line : {"a.jpg 45", "a.jpg 45 x", "a.jpg,91,7", "a.jpg,45,181",
                            "a.jpg,45,7,1,-1", "a.jpg,45,7,1,1,1", "a.jpg,45,,1", "nan nan nan"}) {
-    EXPECT_THAT(Message(std::string("z.jpg,1,2\n") + line),
-                ::testing::HasSubstr("is not name,latitude"))
+    EXPECT_THAT(Message(std::string("z.jpg,1,2\n") + line), HasSubstr("is not name,latitude"))
         << line;
   }
+  EXPECT_THAT(Message("a.jpg,45,7\nb.jpg,45,7\na.jpg 45 8\n"),
+              HasSubstr("gps.txt:3: 'a.jpg' has a position already"));
   EXPECT_THROW(ReadGpsFile(folder_ / "absent.csv"), IoError);
 }
 
@@ -63,7 +62,7 @@ TEST_F(GpsFileTest, AHeaderIsSkipped) {
   }
   // A row that lacks something is none.
   for (const char* line : {"a.jpg", "a.jpg 45", "a.jpg,,", "a.jpg,45,"}) {
-    EXPECT_THAT(Message(line), ::testing::HasSubstr("is not name,latitude")) << line;
+    EXPECT_THAT(Message(line), HasSubstr("is not name,latitude")) << line;
   }
 }
 

@@ -1,7 +1,4 @@
 // Agreement with COLMAP's own program. Skipped where `colmap` is not installed.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cstdlib>
 #include <filesystem>
 
@@ -11,13 +8,10 @@
 #include "random_reconstruction.h"
 #include "support/check_consistency.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::RandomReconstruction;
-using testing::TempFolder;
 
 bool HasColmap() { return std::system("command -v colmap > /dev/null 2>&1") == 0; }
 
@@ -81,7 +75,7 @@ TEST(Colmap, ModelConverterGivesTheSameModel) {
       << ReadFile(folder / "log");
   for (const char* name : {"txt", "bin2"}) {
     const Reconstruction read = ReadColmapModel(folder / name);
-    testing_support::CheckConsistency(read);
+    CheckConsistency(read);
     ASSERT_EQ(read.images.size(), r.images.size());
     ASSERT_EQ(read.points3D.size(), r.points3D.size());
     for (const auto& [id, camera] : r.cameras) EXPECT_EQ(read.cameras.at(id).params, camera.params);

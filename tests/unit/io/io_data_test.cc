@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "cairn/base/file.h"
@@ -10,12 +7,10 @@
 #include "support/check_consistency.h"
 #include "support/shared_data.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing::SharedDataPath;
-using testing::TempFolder;
 
 #define SKIP_WITHOUT(path) \
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is absent"
@@ -40,7 +35,7 @@ TEST(IoData, LundDoorIsConsistentAndItsPointsProject) {
   const Reconstruction r = ReadColmapModel(folder);
   EXPECT_EQ(r.images.size(), 12u);
   EXPECT_EQ(r.points3D.size(), 11384u);
-  testing_support::CheckConsistency(r);
+  CheckConsistency(r);
   double stored = 0;
   for (const auto& [id, point] : r.points3D) stored += point.error_px;
   EXPECT_NEAR(r.MeanReprojectionErrorPx(), stored / static_cast<double>(r.points3D.size()), 0.05);

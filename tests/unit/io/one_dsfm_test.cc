@@ -1,22 +1,15 @@
 #include "cairn/io/one_dsfm.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using testing::TempFolder;
-using testing::ThrownMessage;
 
 Eigen::Matrix3d BundlerFlip() { return Eigen::Vector3d(1, -1, -1).asDiagonal(); }
 

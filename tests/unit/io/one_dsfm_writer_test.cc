@@ -1,21 +1,15 @@
 #include "cairn/io/one_dsfm_writer.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::TempFolder;
-using testing::ThrownMessage;
 
 Eigen::Vector3d RandomVector(Rng& rng) { return {rng.Gaussian(), rng.Gaussian(), rng.Gaussian()}; }
 
@@ -114,7 +108,7 @@ TEST(OneDsfmWriter, RefusesWhatTheFormatCannotHold) {
   OneDsfmFiles files;
   files.images = {{"images/my photo.jpg", {}}};
   EXPECT_THAT(ThrownMessage<IoError>([&] { WriteOneDsfmFiles(folder.path(), files); }),
-              ::testing::AllOf(HasSubstr("list.txt"), HasSubstr("my photo.jpg")));
+              AllOf(HasSubstr("list.txt"), HasSubstr("my photo.jpg")));
   files.images = {{"images/a.jpg", {}}};
   files.component = {1};
   EXPECT_THROW(WriteOneDsfmFiles(folder.path(), files), BugError);

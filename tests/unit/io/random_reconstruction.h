@@ -4,7 +4,7 @@
 #include "cairn/math/so3.h"
 #include "cairn/scene/reconstruction.h"
 
-namespace cairn::testing {
+namespace cairn {
 
 struct RandomReconstructionOptions {
   int num_images = 6;
@@ -71,4 +71,4 @@ inline Reconstruction RandomReconstruction(uint64_t seed,
   return r;
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

@@ -1,20 +1,14 @@
 #include "cairn/io/strecha.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/io/model.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::TempFolder;
-using testing::ThrownMessage;
 
 // Camera to world: x right = world y, y down = world -z, z forward = world -x... as columns.
 constexpr char kCamera[] =
@@ -39,7 +33,7 @@ TEST(Strecha, FrameAndPixelConvention) {
   EXPECT_EQ(camera.model, CameraModel::kPinhole);
   EXPECT_EQ(camera.width, 3072);
   EXPECT_EQ(camera.height, 2048);
-  EXPECT_THAT(camera.params, ::testing::ElementsAre(2759.48, 2764.16, 1521.19, 1007.31));
+  EXPECT_THAT(camera.params, ElementsAre(2759.48, 2764.16, 1521.19, 1007.31));
 }
 
 TEST(Strecha, BrokenFilesAreNamed) {

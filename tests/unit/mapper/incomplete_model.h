@@ -17,7 +17,7 @@ struct IncompleteModel {
     options.num_cameras = options.num_images;
     const SyntheticScene synthetic = MakeScene(options, seed);
     truth = model = synthetic.truth;
-    graph = testing::MakeViewGraph(synthetic);
+    graph = MakeViewGraph(synthetic);
     scene.cameras = synthetic.cameras;
     for (auto& [id, camera] : scene.cameras) camera.has_prior_focal_length = true;
     for (const auto& [id, image] : truth.images) {

@@ -1,5 +1,4 @@
 // The files of a reconstruction, and what it takes from photographs.
-#include <gmock/gmock.h>
 #include <sys/resource.h>
 
 #include <csignal>
@@ -10,6 +9,7 @@
 #include "cairn/image/bitmap.h"
 #include "cairn/io/colmap_model.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "support/thrown_message.h"
 #include "unit/mapper/reconstruct_fixture.h"
@@ -17,21 +17,17 @@
 namespace cairn {
 namespace {
 
-using ::testing::AllOf;
-using ::testing::Contains;
-using ::testing::HasSubstr;
-using ::testing::Not;
-
 class OutputTest : public ::testing::Test {
  protected:
   void SetUp() override { std::filesystem::create_directories(folder_ / "images"); }
-  const testing::TempFolder folder_;
+  const TempFolder folder_;
 };
 
 TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   const SyntheticScene scene = MakeScene(SmallScene(), 10);
   ReconstructResult result = Reconstruct(MakeDatabase(scene));
   result.models.push_back(result.models.front());
+  result.confidences.push_back(result.confidences.front());
   result.models[1].images.at(scene.images[8].image_id).image.name = "a, b.jpg";
   const std::string output = folder_ / "new/out";
   WriteReconstructResult(result, output, "# options\n");
@@ -49,6 +45,7 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   EXPECT_EQ(read.points3D.size(), result.models[0].points3D.size());
 
   result.models.pop_back();
+  result.confidences.pop_back();
   WriteReconstructResult(result, output, "# options\n");
   EXPECT_FALSE(std::filesystem::exists(output + "/sparse/1"));
 
@@ -100,7 +97,7 @@ TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
   EXPECT_NO_THROW(CheckReconstructOutput(output));  // photographs alone, and empty folders
   WriteFileAtomically(output + "/sparse/0/cameras.bin", "COLMAP's");
   EXPECT_NO_THROW(CheckReconstructOutput(output, true));
-  EXPECT_THAT(testing::ThrownMessage<ConfigError>([&] { CheckReconstructOutput(output); }),
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { CheckReconstructOutput(output); }),
               AllOf(HasSubstr(output + "/sparse/0/cameras.bin is not as cairn wrote it"),
                     HasSubstr("--overwrite")));
   // A run that was interrupted, or failed before it wrote anything, makes it nobody else's.
@@ -111,7 +108,7 @@ TEST_F(OutputTest, ModelsOfOtherProgramsAreNotReplaced) {
 
 TEST_F(OutputTest, AFolderOfPhotographsThatIsNotThereEndsTheRunBeforeAnyWork) {
   const Database database = MakeDatabase(MakeScene(SmallScene(), 10));
-  EXPECT_THAT(testing::ThrownMessage<IoError>([&] { Reconstruct(database, folder_ / "absent"); }),
+  EXPECT_THAT(ThrownMessage<IoError>([&] { Reconstruct(database, folder_ / "absent"); }),
               HasSubstr("absent: no such folder"));
 }
 

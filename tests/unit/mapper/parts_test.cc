@@ -1,15 +1,11 @@
 // Places in one database that share neither pairs nor cameras.
-#include <gmock/gmock.h>
-
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/mapper/camera_each.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::Contains;
-using ::testing::HasSubstr;
 
 // Adds a place with ids from first_id, and names of its own.
 void AddPlace(const Database& place, image_t first_id, Database& database) {
@@ -57,18 +53,6 @@ Database Together(const std::vector<const Database*>& places) {
     AddPlace(*places[k], static_cast<image_t>(1000 * (k + 1)), database);
   }
   return database;
-}
-
-void ExpectEqual(const Reconstruction& a, const Reconstruction& b) {
-  ASSERT_EQ(a.images.size(), b.images.size());
-  ASSERT_EQ(a.points3D.size(), b.points3D.size());
-  for (const auto& [id, image] : a.images) {
-    const RegisteredImage& other = b.images.at(id);
-    EXPECT_EQ(image.cam_from_world.rotation.coeffs(), other.cam_from_world.rotation.coeffs());
-    EXPECT_EQ(image.cam_from_world.translation, other.cam_from_world.translation);
-    EXPECT_EQ(image.point3D_ids, other.point3D_ids);
-  }
-  for (const auto& [id, camera] : a.cameras) EXPECT_EQ(camera.params, b.cameras.at(id).params);
 }
 
 TEST(Parts, GiveAModelEach) {
@@ -152,7 +136,7 @@ TEST(Parts, AreAsIfTheyWereAlone) {
   ExpectEqual(together.models[0], first.models.at(0));
   ExpectEqual(together.models[1], second.models.at(0));
   EXPECT_THAT(together.explained_shares,
-              ::testing::ElementsAre(first.explained_shares.at(0), second.explained_shares.at(0)));
+              ElementsAre(first.explained_shares.at(0), second.explained_shares.at(0)));
 }
 
 TEST(Parts, AreTheSameSideBySide) {
@@ -184,7 +168,7 @@ TEST(Parts, ACameraJoins) {
   }
   TestMonitor monitor;
   Reconstruct(database, "", {}, {.num_threads = 1, .monitor = monitor});
-  EXPECT_THAT(monitor.stages(), ::testing::Not(Contains("parts")));
+  EXPECT_THAT(monitor.stages(), Not(Contains("parts")));
 }
 
 TEST(Parts, StopKeepsPairsOfWhatWasNotBegun) {

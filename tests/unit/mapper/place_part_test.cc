@@ -47,7 +47,7 @@ int NumWarnings(const std::vector<ResultWarning>& warnings, const std::string& w
 TEST(PartOf, HasThePointsThatTwoOfItsImagesSee) {
   const IncompleteModel scene({});
   const Reconstruction part = PartOf(scene.model, kPart, IsOfPart);
-  testing_support::CheckConsistency(part);
+  CheckConsistency(part);
   EXPECT_EQ(part.images.size(), kPart.size());
   size_t num_expected = 0;
   for (const auto& [id, point] : scene.model.points3D) {
@@ -108,6 +108,7 @@ TEST(GroupsOfOwnScale, APartThatSharesNoPointsIsOne) {
     std::fill(image.point3D_ids.begin(), image.point3D_ids.end(), kInvalidPoint3DId);
     scene.model.images[id] = image;
   }
+  scene.model.cameras.insert(scene.part.cameras.begin(), scene.part.cameras.end());
   for (const auto& [id, point] : scene.part.points3D) scene.model.AddPoint3D(point);
   const auto groups = FindGroupsOfOwnScale(scene.context, scene.Built());
   ASSERT_EQ(groups.size(), 1u);

@@ -1,6 +1,4 @@
 // Positions of photographs and control points in reconstruction: a street, which bends by itself.
-#include <gmock/gmock.h>
-
 #include <fstream>
 #include <iomanip>
 #include <nlohmann/json.hpp>
@@ -12,15 +10,11 @@
 #include "cairn/geometry/gps.h"
 #include "support/gps_at.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
 namespace {
-
-using testing::GpsAt;
-using ::testing::HasSubstr;
-using testing::TempFolder;
-using testing_support::CompareAligned;
 
 constexpr double kMetersPerUnit = 10;
 const LocalFrame kFrame({46.2, 7.1, 1200});

@@ -1,11 +1,10 @@
 // Pairs that several poses explain, and what global rotations make of them.
-#include <gtest/gtest.h>
-
 #include "cairn/base/rng.h"
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 #include "mapper/stages.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,6 +1,4 @@
 // What a run that cannot go on, or was stopped, says, and models that are refused.
-#include <gmock/gmock.h>
-
 #include <limits>
 
 #include "cairn/base/rng.h"
@@ -11,13 +9,11 @@
 #include "database/stage_names.h"
 #include "mapper/stages.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 
 // Asks to stop when it was asked so often.
 class StopsAfter : public ProgressMonitor {
@@ -42,8 +38,8 @@ TEST(Reconstruct, AStoppedRunSaysSoWhereverItStops) {
     StopsAfter monitor(k);
     const ReconstructResult result =
         Reconstruct(database, "", {}, {.num_threads = 1, .monitor = monitor});
-    EXPECT_THAT(result.report.failure, ::testing::StartsWith("stopped by the user")) << k;
-    EXPECT_THAT(monitor.warnings, ::testing::IsEmpty()) << k;
+    EXPECT_THAT(result.report.failure, StartsWith("stopped by the user")) << k;
+    EXPECT_THAT(monitor.warnings, IsEmpty()) << k;
   }
 }
 
@@ -53,7 +49,7 @@ TEST(Reconstruct, PairsThatWaitForVerificationAreAWarning) {
   for (image_t id = 2; id <= 4; ++id) {
     database.WritePairChoice({ImagePairToPairId(1, id), 0, "exhaustive"});
   }
-  EXPECT_THAT(Reconstruct(database).report.warnings, ::testing::IsEmpty());
+  EXPECT_THAT(Reconstruct(database).report.warnings, IsEmpty());
   database.DeletePairResults(ImagePairToPairId(1, 2));
   database.DeletePairResults(ImagePairToPairId(1, 5));
   database.WriteMatches(ImagePairToPairId(1, 5), {{0, 0}});
@@ -147,7 +143,7 @@ TEST(Reconstruct, SaysWhichStageFailedAndWhatToTry) {
 }
 
 TEST(ReasonToRefuse, KnowsCollapsedModels) {
-  testing_support::MadeReconstruction scene = testing_support::MakeSyntheticScene({});
+  MadeReconstruction scene = MakeSyntheticScene({});
   EXPECT_EQ(ReasonToRefuse(scene.truth), "");
   Reconstruction collapsed = scene.truth;
   for (auto& [id, image] : collapsed.images) {

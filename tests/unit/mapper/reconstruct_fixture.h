@@ -1,13 +1,12 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <string>
 
 #include "cairn/database/database.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/synthetic/scene.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 
 namespace cairn {
 
@@ -27,11 +26,22 @@ inline Database MakeDatabase(const SyntheticScene& scene) {
   return database;
 }
 
-using testing_support::kOneThread;
-
 inline ReconstructResult Reconstruct(const Database& database,
                                      const ReconstructSettings& settings = {}) {
   return Reconstruct(database, "", settings, kOneThread);
+}
+
+inline void ExpectEqual(const Reconstruction& a, const Reconstruction& b) {
+  ASSERT_EQ(a.images.size(), b.images.size());
+  ASSERT_EQ(a.points3D.size(), b.points3D.size());
+  for (const auto& [id, image] : a.images) {
+    const RegisteredImage& other = b.images.at(id);
+    EXPECT_EQ(image.cam_from_world.rotation.coeffs(), other.cam_from_world.rotation.coeffs());
+    EXPECT_EQ(image.cam_from_world.translation, other.cam_from_world.translation);
+    EXPECT_EQ(image.point3D_ids, other.point3D_ids);
+  }
+  for (const auto& [id, point] : a.points3D) EXPECT_EQ(point.xyz, b.points3D.at(id).xyz);
+  for (const auto& [id, camera] : a.cameras) EXPECT_EQ(camera.params, b.cameras.at(id).params);
 }
 
 inline const StageReport* FindStage(const RunReport& report, const std::string& name) {

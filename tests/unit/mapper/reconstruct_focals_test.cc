@@ -1,18 +1,13 @@
-#include <gmock/gmock.h>
-
 #include <map>
 #include <set>
 
 #include "mapper/stages.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::Contains;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 // The scene's database, in which focal lengths are guesses, off by a factor.
 Database MakeDatabaseWithGuesses(const SyntheticScene& scene, double factor) {
@@ -178,10 +173,10 @@ TEST(Reconstruct, GivesLensesThatBendMuchAModelOfTwoParameters) {
   const Reconstruction& model = chosen.models.front();
   EXPECT_EQ(model.cameras.at(1).model, CameraModel::kRadialFisheye);
   ExpectFocals(model, fisheye.scene, 1.0, 0.005);
-  EXPECT_LT(testing_support::CompareAligned(model, fisheye.scene.truth).angle, 0.002);
+  EXPECT_LT(CompareAligned(model, fisheye.scene.truth).angle, 0.002);
   const StageReport* stage = FindStage(chosen.report, "lens_models");
   ASSERT_NE(stage, nullptr);
-  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("RADIAL_FISHEYE of ")));
+  EXPECT_THAT(stage->messages, ElementsAre(HasSubstr("RADIAL_FISHEYE of ")));
 
   ReconstructSettings settings;
   settings.reconstruct.choose_lens_models = false;
@@ -195,7 +190,7 @@ TEST(Reconstruct, GivesLensesThatBendMuchAModelOfTwoParameters) {
   ASSERT_TRUE(stays.report.Succeeded()) << stays.report.failure;
   EXPECT_EQ(stays.models.front().cameras.at(1).model, CameraModel::kSimpleRadial);
   EXPECT_LT(Value(*FindStage(stays.report, "lens_models"), "standard_errors_of_gain"), 3);
-  EXPECT_LT(testing_support::CompareAligned(stays.models.front(), bent.scene.truth).angle, 0.002);
+  EXPECT_LT(CompareAligned(stays.models.front(), bent.scene.truth).angle, 0.002);
 }
 
 TEST(Reconstruct, FocalLengthsStayNearAGuessThatIsSure) {
@@ -221,16 +216,14 @@ TEST(Reconstruct, CalibratesFocalLengthsFromThePairs) {
   ASSERT_NE(stage, nullptr);
   EXPECT_EQ(stage->status, StageStatus::kOk);
   EXPECT_EQ(Value(*stage, "calibrated"), 2);
-  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("camera 1: focal length "),
-                                                      HasSubstr("camera 2: focal length ")));
+  EXPECT_THAT(stage->messages, ElementsAre(HasSubstr("camera 1: focal length "),
+                                           HasSubstr("camera 2: focal length ")));
 
   ReconstructSettings settings;
   settings.focal_calibration.enabled = false;
   EXPECT_EQ(FindStage(Reconstruct(database, settings).report, "focal_calibration"), nullptr);
 }
 
-// What the pairs' matches say must bear out in loops of rotations: here the stored poses, of the
-// true focal lengths, close better than those that noisy matches give.
 // Where loops do not tell which focal lengths are right, both are tried, and the models decide.
 TEST(Reconstruct, TriesBothFocalLengthsThatLoopsDoNotTellApart) {
   SceneOptions options = SmallScene();
@@ -287,7 +280,7 @@ TEST(Reconstruct, RejectedFocalLengthsAreGuesses) {
   const ReconstructResult result = Reconstruct(database);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   const StageReport* stage = FindStage(result.report, "focal_calibration");
-  EXPECT_THAT(stage->messages, ::testing::ElementsAre(HasSubstr("(guessed)"), HasSubstr("(EXIF)")));
+  EXPECT_THAT(stage->messages, ElementsAre(HasSubstr("(guessed)"), HasSubstr("(EXIF)")));
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
 }
 
@@ -311,7 +304,7 @@ TEST(Reconstruct, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
   const RunReport held = Reconstruct(database, settings).report;
   EXPECT_EQ(Value(*FindStage(held, "read"), "cameras_constant"), 2);
   EXPECT_THAT(FindStage(held, "read")->messages,
-              ::testing::Contains(HasSubstr("camera 1 are constant, but 4 of 5 pairs contradict")));
+              Contains(HasSubstr("camera 1 are constant, but 4 of 5 pairs contradict")));
 }
 
 TEST(Reconstruct, OverrulesExifThatIsFarOff) {
@@ -326,9 +319,8 @@ TEST(Reconstruct, OverrulesExifThatIsFarOff) {
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   const StageReport* stage = FindStage(result.report, "focal_calibration");
   EXPECT_EQ(stage->status, StageStatus::kWarning);
-  EXPECT_THAT(stage->messages,
-              ::testing::ElementsAre(HasSubstr("calibrated; EXIF's focal length is rejected"),
-                                     HasSubstr("confirmed")));
+  EXPECT_THAT(stage->messages, ElementsAre(HasSubstr("calibrated; EXIF's focal length is rejected"),
+                                           HasSubstr("confirmed")));
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
 }
 
@@ -393,7 +385,7 @@ TEST(Reconstruct, EvidenceOverrulesExif) {
   const ReconstructResult result = Reconstruct(MakeDatabaseWithExif(scene, 1.15), settings);
   const StageReport* choice = FindStage(result.report, "calibration_choice");
   ASSERT_NE(choice, nullptr);
-  EXPECT_THAT(choice->messages, ::testing::Contains(HasSubstr("focal lengths held at EXIF's")));
+  EXPECT_THAT(choice->messages, Contains(HasSubstr("focal lengths held at EXIF's")));
   ASSERT_EQ(result.models.size(), 1u);
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
 }

@@ -1,15 +1,12 @@
-#include <gmock/gmock.h>
-
 #include <map>
 #include <vector>
 
 #include "mapper/stages.h"
+#include "support/test.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
 
 // 10 images and as many long tracks as need some hundred megabytes.
 struct MemoryFixture {

@@ -1,14 +1,11 @@
 // Images that averaging left out, registered from the points of a model.
-#include <gmock/gmock.h>
-
 #include "cairn/base/rng.h"
 #include "support/check_consistency.h"
+#include "support/test.h"
 #include "unit/mapper/incomplete_model.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
 
 TEST(RegisterLeftOut, GivesImagesTheirPoses) {
   for (const uint64_t seed : {1, 2, 3}) {
@@ -16,7 +13,7 @@ TEST(RegisterLeftOut, GivesImagesTheirPoses) {
     ASSERT_EQ(incomplete.model.images.size(), 8u);
     const auto num_points = incomplete.model.points3D.size();
     EXPECT_EQ(incomplete.Register(), 2);
-    testing_support::CheckConsistency(incomplete.model);
+    CheckConsistency(incomplete.model);
     ASSERT_EQ(incomplete.model.images.size(), 10u);
     EXPECT_EQ(incomplete.model.points3D.size(), num_points);
     for (const image_t id : {3, 7}) {

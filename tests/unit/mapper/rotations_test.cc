@@ -1,6 +1,4 @@
 // Cameras around a thing that looks alike from several sides: most pairs agree on one side.
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <numbers>
 
@@ -8,6 +6,7 @@
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 #include "mapper/stages.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,10 +1,9 @@
 // Images that have a camera each, though one may have taken them all.
-#include <gmock/gmock.h>
-
 #include <cmath>
 #include <set>
 
 #include "mapper/stages.h"
+#include "support/test.h"
 #include "unit/mapper/camera_each.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
@@ -28,9 +27,9 @@ TEST(SharedCamera, IsFoundThoughEachImageHasItsOwn) {
   EXPECT_EQ(Value(*FindStage(result.report, "focal_calibration"), "sharing_disputed"), 0);
   // Separate cameras do not pay in these models, so that none are built for them.
   EXPECT_THAT(FindStage(result.report, "calibration_choice")->messages,
-              ::testing::ElementsAre(::testing::HasSubstr("with one camera for 12 images"),
-                                     ::testing::HasSubstr("where these models have the cameras of"),
-                                     "the models are those with one camera for 12 images"));
+              ElementsAre(HasSubstr("with one camera for 12 images"),
+                          HasSubstr("where these models have the cameras of"),
+                          "the models are those with one camera for 12 images"));
 
   ReconstructSettings settings;
   settings.reconstruct.share_camera = false;
@@ -70,9 +69,8 @@ TEST(SharedCamera, IsNotForcedOnImagesOfSeveral) {
   const ReconstructResult result = Reconstruct(database);
   ASSERT_EQ(result.models.size(), 1u);
   EXPECT_EQ(result.models.front().images.size(), 12u);
-  EXPECT_THAT(
-      FindStage(result.report, "calibration_choice")->messages,
-      ::testing::Contains(::testing::HasSubstr("evidence with the cameras of the database")));
+  EXPECT_THAT(FindStage(result.report, "calibration_choice")->messages,
+              Contains(HasSubstr("evidence with the cameras of the database")));
   for (const auto& [id, image] : result.models.front().images) {
     const double focal = result.models.front().cameras.at(100 + id).MeanFocal();
     EXPECT_NEAR(focal / scene.cameras.at(1).MeanFocal(), zoom.at(id), 0.02);
@@ -114,6 +112,23 @@ TEST(SharedCamera, StaysSharedInAModelThatGrows) {
   ASSERT_EQ(result.models.size(), 1u);
   EXPECT_EQ(result.models.front().images.size(), 12u);
   EXPECT_EQ(IntrinsicsOf(result.models.front()).size(), 1u);
+}
+
+// An image of an earlier model whose pairs are gone has the camera of one that shares its own.
+TEST(SharedCamera, OfAnEarlierModelMayBeThatOfAnImageWithoutPairs) {
+  const SyntheticScene scene = SceneOfOneCamera();
+  Database database = WithACameraEach(scene, 1.4);
+  std::vector<Reconstruction> earlier = Reconstruct(database).models;
+  ASSERT_EQ(earlier.size(), 1u);
+  database.WriteImage({99, "alone.jpg", 105});
+  database.WriteKeypoints(99, scene.keypoints.at(5));
+  RegisteredImage alone = earlier.front().images.at(5);
+  alone.image = {99, "alone.jpg", 105};
+  alone.point3D_ids.assign(alone.point3D_ids.size(), kInvalidPoint3DId);
+  earlier.front().images[99] = alone;
+  const ReconstructResult result = Reconstruct(database, "", {}, kOneThread, earlier);
+  ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
+  EXPECT_EQ(result.models.front().images.size(), 12u);
 }
 
 TEST(SharedCamera, EarlierModelsTellOnlyWhereTheyHaveSeveralOfTheImages) {

@@ -1,17 +1,12 @@
 // Turntables in front of a background that stays, and marks over photographs.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 
 #include "cairn/base/rng.h"
 #include "reconstruct_fixture.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 
 constexpr int kNumMarks = 15;
 

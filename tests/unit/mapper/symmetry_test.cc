@@ -1,7 +1,5 @@
 // A building with four equal facades, photographed from all around: images of different facades
 // agree with each other as if they showed one.
-#include <gmock/gmock.h>
-
 #include <numbers>
 #include <set>
 
@@ -9,12 +7,11 @@
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
+#include "support/test.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
 
 constexpr int kSides = 4;
 

@@ -1,9 +1,8 @@
 #include "cairn/mapper/view_edges.h"
 
-#include <gtest/gtest.h>
-
 #include "cairn/base/rng.h"
 #include "cairn/geometry/epipolar.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

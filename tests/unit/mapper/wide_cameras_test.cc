@@ -1,26 +1,19 @@
 // Lenses that see 180 degrees and more, through verification and reconstruction.
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <sqlite3.h>
-
 #include "cairn/pipeline/verify_pairs.h"
 #include "intrinsics/known_intrinsics.h"
 #include "intrinsics/wide_focals.h"
 #include "support/check_consistency.h"
+#include "support/database_dump.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/mapper/reconstruct_fixture.h"
 #include "unit/mapper/wide_scene.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::Contains;
-using ::testing::HasSubstr;
-using testing::TempFolder;
 
 constexpr int kSize = 1200;
 
@@ -43,9 +36,9 @@ void ExpectNearTruth(const Database& database, const Reconstruction& truth, doub
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   ASSERT_EQ(result.models.size(), 1u);
   const Reconstruction& model = result.models.front();
-  testing_support::CheckConsistency(model);
+  CheckConsistency(model);
   EXPECT_EQ(model.images.size(), truth.images.size());
-  const auto difference = testing_support::CompareAligned(model, truth);
+  const auto difference = CompareAligned(model, truth);
   EXPECT_LT(difference.angle, max_angle);
   EXPECT_LT(difference.center, max_center);
   EXPECT_LT(model.MeanReprojectionErrorPx(), 0.8);
@@ -168,12 +161,7 @@ TEST_F(WideCamerasTest, ACameraOfAnUnknownModelExcludesItsImagesOnly) {
   other.camera_id = 2;
   database_.WriteCamera(other);
   database_.WriteImage({3, "image3.png", 2});
-  sqlite3* connection = nullptr;
-  ASSERT_EQ(sqlite3_open(database_.path().c_str(), &connection), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(connection, "UPDATE cameras SET model = 99 WHERE camera_id = 2", nullptr,
-                         nullptr, nullptr),
-            SQLITE_OK);
-  sqlite3_close(connection);
+  RunSql(database_.path(), "UPDATE cameras SET model = 99 WHERE camera_id = 2");
   ASSERT_EQ(database_.ReadCameras().size(), 1u);
   ASSERT_EQ(database_.ReadUnknownCameras().size(), 1u);
   EXPECT_EQ(database_.ReadUnknownCameras()[0].model_id, 99);

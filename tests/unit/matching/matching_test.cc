@@ -1,7 +1,6 @@
 #include "cairn/matching/matching.h"
 
 #define HWY_WANT_AVX3_DL  // As in nearest_two.cc: it then counts as a target.
-#include <gmock/gmock.h>
 #include <hwy/highway.h>
 
 #include <algorithm>
@@ -12,12 +11,10 @@
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "matching/nearest_two.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using testing::IsEmpty;
-using testing::SizeIs;
 
 Descriptors RandomDescriptors(int n, uint64_t seed, int max_value = 255) {
   Rng rng(seed, "descriptors");
@@ -146,7 +143,7 @@ TEST_F(EveryTarget, MatchesEqualTheNaiveOnes) {
     for (const double max_ratio : {0.5, 0.8, 1.0}) {
       const MatchingOptions options{.max_ratio = max_ratio, .cross_check = cross_check};
       const FeatureMatches expected = NaiveMatches(a, b, options);
-      EXPECT_THAT(expected, testing::Not(IsEmpty()));
+      EXPECT_THAT(expected, Not(IsEmpty()));
       ForEachTarget([&] { EXPECT_EQ(MatchDescriptors(a, b, options), expected); });
     }
   }
@@ -239,7 +236,7 @@ TEST(MatchDescriptors, SwappedImagesGiveSwappedMatchesUnderCrossCheck) {
     std::sort(matches->begin(), matches->end(),
               [](const auto& x, const auto& y) { return x.point1 < y.point1; });
   }
-  EXPECT_THAT(forward, testing::Not(IsEmpty()));
+  EXPECT_THAT(forward, Not(IsEmpty()));
   EXPECT_EQ(forward, backward);
 }
 

@@ -1,13 +1,12 @@
 #include "math/levenberg_marquardt.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <vector>
 
 #include "cairn/base/rng.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <algorithm>
 
@@ -7,6 +5,7 @@
 #include "cairn/math/decompositions.h"
 #include "math/householder.h"
 #include "math/positive_definite.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,13 +1,12 @@
 #include "cairn/math/so3.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <cmath>
 #include <numbers>
 
 #include "cairn/base/rng.h"
 #include "cairn/math/angles.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,8 +1,6 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/base/rng.h"
 #include "cairn/pair_selection/pair_selection.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -64,8 +62,8 @@ TEST(Retrieval, ImagesThatShareMostComeFirst) {
     const auto at = [&](int step) { return (i + step + kNumImages) % kNumImages; };
     EXPECT_NEAR(rows.row(i).norm(), 1, 1e-5);
     EXPECT_THAT(std::vector<int>(similar[i].begin(), similar[i].begin() + 2),
-                ::testing::UnorderedElementsAre(at(1), at(-1)));
-    EXPECT_THAT(similar[i], ::testing::UnorderedElementsAre(at(1), at(-1), at(2), at(-2)));
+                UnorderedElementsAre(at(1), at(-1)));
+    EXPECT_THAT(similar[i], UnorderedElementsAre(at(1), at(-1), at(2), at(-2)));
   }
 }
 

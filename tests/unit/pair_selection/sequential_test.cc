@@ -1,16 +1,10 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
 #include "cairn/pair_selection/pair_selection.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using testing::ThrownMessage;
 
 Image Named(image_t id, const std::string& name) {
   return {.image_id = id, .name = name, .camera_id = 1};
@@ -51,6 +45,7 @@ TEST(PairWays, NamesCombine) {
   };
   EXPECT_THAT(message("vocabulary"), HasSubstr("retrieval"));
   EXPECT_THAT(message(""), HasSubstr("pairs"));
+  EXPECT_THAT(message("spatial,"), HasSubstr("pairs"));
   EXPECT_THAT(message("spatial,exhaustive"), HasSubstr("'exhaustive' stands alone"));
   EXPECT_THAT(message("auto,spatial"), HasSubstr("'auto' stands alone"));
 }

@@ -1,12 +1,9 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/pair_selection/pair_selection.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
 
-using ::testing::ElementsAre;
 using ::testing::IsSupersetOf;
 
 // One minute of latitude is 1852 m within 10 m, wherever it is.

@@ -1,12 +1,9 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/pair_selection/pair_selection.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
 
-using ::testing::ElementsAre;
 using Candidates = std::map<image_t, std::vector<Candidate>>;
 
 const auto pair = ImagePairToPairId;

@@ -2,29 +2,20 @@
 
 #include "cairn/pipeline/build_pipeline.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/io/one_dsfm_writer.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "support/thrown_message.h"
 #include "unit/pipeline/wall_fixture.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
-using ::testing::AllOf;
-using ::testing::Contains;
-using ::testing::ElementsAre;
 using ::testing::Field;
-using ::testing::HasSubstr;
-using ::testing::Not;
-using testing::ThrownMessage;
 
 class BuildPipelineTest : public WallTest {
  protected:
@@ -173,7 +164,7 @@ TEST_F(BuildPipelineTest, NewPhotographsJoin) {
 
 TEST_F(BuildPipelineTest, ChangedPhotographsAreComputedAlone) {
   RunBuildPipeline(Options("a.db"));
-  WriteBitmap(Images() + "/photo1.png", testing::WallPhoto(160, 120, 60));
+  WriteBitmap(Images() + "/photo1.png", WallPhoto(160, 120, 60));
   BuildPipelineOptions options = Options("a.db");
   options.inputs.recompute = BuildStage::kChanged;
   TestMonitor monitor;
@@ -234,6 +225,53 @@ TEST_F(BuildPipelineTest, PairsThatAnotherProgramMatchedAndDeletedAreMatched) {
   const ViewGraphSummary summary = RunBuildPipeline(options).summary;
   EXPECT_EQ(summary.num_pairs, 10);
   EXPECT_EQ(summary.num_tried + summary.num_too_few, 10);
+}
+
+// However often cairn saw them before.
+TEST_F(BuildPipelineTest, MatchesOfAnotherProgramThatAreGoneAreMatchedByOurs) {
+  RunBuildPipeline(Options("ours.db"));
+  for (const std::string table : {"jobs", "stages", "pair_choices", "pair_metrics",
+                                  "focal_evidence", "camera_focals", "camera_lenses"}) {
+    RunSql(folder_ / "ours.db", "DELETE FROM cairn_" + table);
+  }
+  const auto options_of = [this](const std::string& database) {
+    BuildPipelineOptions options = Options(database);
+    options.inputs.depth_path = "";
+    return options;
+  };
+  const auto delete_pairs = [this](const std::string& database) {
+    for (const std::string table : {"matches", "two_view_geometries"}) {
+      RunSql(folder_ / database, "DELETE FROM " + table);
+    }
+  };
+  for (const std::string name : {"fresh.db", "recomputed.db", "deleted.db"}) {
+    fs::copy_file(folder_ / "ours.db", folder_ / name);
+    if (name == "fresh.db") delete_pairs(name);
+    const ViewGraphSummary summary = RunBuildPipeline(options_of(name)).summary;
+    EXPECT_EQ(summary.verified_by.count("given"), name == "fresh.db" ? 0u : 1u);
+  }
+  BuildPipelineOptions recompute = options_of("recomputed.db");
+  recompute.inputs.recompute = BuildStage::kMatching;
+  EXPECT_EQ(RunBuildPipeline(recompute).summary.num_pairs, 6);
+  EXPECT_EQ(Dump("recomputed.db"), Dump("fresh.db"));
+  delete_pairs("deleted.db");
+  EXPECT_EQ(RunBuildPipeline(options_of("deleted.db")).summary.num_pairs, 6);
+  EXPECT_EQ(Dump("deleted.db"), Dump("fresh.db"));
+}
+
+TEST_F(BuildPipelineTest, ADepthMapThatComesLaterIsUsed) {
+  RunBuildPipeline(Options("a.db"));
+  WriteNpy(folder_ / "depth/photo2.png.npy", 16, 12, std::vector<float>(16 * 12, 2.2f));
+  TestMonitor monitor;
+  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"), {.monitor = monitor});
+  EXPECT_EQ(report.summary.num_images_with_depth, 4);
+  EXPECT_THAT(monitor.totals(), ElementsAre(4, 1, 3));  // its pairs are verified again
+  EXPECT_THAT(monitor.notes(), Contains(HasSubstr("photo2.png")));
+  const std::string dump = Dump("a.db");
+  RunBuildPipeline(Options("a.db"));
+  EXPECT_EQ(Dump("a.db"), dump);
+  RunBuildPipeline(Options("fresh.db"));
+  EXPECT_EQ(Dump("fresh.db"), dump);
 }
 
 TEST_F(BuildPipelineTest, DeletedPairsThatCannotBeHadAgainAreNotCounted) {
@@ -324,6 +362,32 @@ TEST_F(BuildPipelineTest, ADatasetWithoutPhotographsIsImported) {
   EXPECT_EQ(Dump("a.db"), dump);
 }
 
+TEST_F(BuildPipelineTest, AnImportedDatasetKeepsItsEdgesAndItsOptions) {
+  WriteOneDsfmFiles(folder_ / "set", Dataset());
+  BuildPipelineOptions options;
+  options.inputs.dataset_path = folder_ / "set";
+  options.inputs.database_path = folder_ / "a.db";
+  options.cameras.camera_model = CameraModel::kPinhole;
+  RunBuildPipeline(options);
+  const std::string dump = Dump("a.db");
+  for (const std::string& dataset_path : {options.inputs.dataset_path, std::string()}) {
+    for (const BuildStage stage : {BuildStage::kChanged, BuildStage::kCameras, BuildStage::kPairs,
+                                   BuildStage::kMatching, BuildStage::kVerification}) {
+      BuildPipelineOptions recompute = options;
+      recompute.inputs.dataset_path = dataset_path;
+      recompute.inputs.recompute = stage;
+      EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(recompute); }),
+                  HasSubstr("use a new database"));
+      EXPECT_EQ(Dump("a.db"), dump) << NameOf(kBuildStages, stage);
+    }
+  }
+  EXPECT_THAT(StoredOptions(options.inputs),
+              ElementsAre(HasSubstr("camera_model = \"PINHOLE\"\n")));
+  options.cameras = {};
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("made with \"PINHOLE\"; use the same, or a new database"));
+}
+
 TEST_F(BuildPipelineTest, ATrackWithoutItsKeyIsNamedWithItsLine) {
   const auto message = [&](const OneDsfmFiles& files) -> std::string {
     WriteOneDsfmFiles(folder_ / "set", files);
@@ -355,6 +419,10 @@ TEST_F(BuildPipelineTest, ADatasetWithPhotographsHasItsPairsMatched) {
   for (const auto& [pair, num] : database.ReadNumMatches()) pairs.push_back(pair);
   EXPECT_THAT(pairs, ElementsAre(ImagePairToPairId(1, 2), ImagePairToPairId(2, 3)));
   EXPECT_EQ(report.summary.num_tried + report.summary.num_too_few, 2);
+  options.inputs.pairs = "exhaustive";
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("--pairs cannot be given too"));
+  options.inputs.pairs = "auto";
   options.inputs.image_path = folder_ / "set/images";
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
               HasSubstr("dataset_path"));

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cstdio>
 #include <filesystem>
 
@@ -8,19 +5,17 @@
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
 #include "database/stage_names.h"
+#include "pipeline/pairs/candidates.h"
 #include "pipeline/pairs/choose.h"
 #include "pipeline/pairs/exhaustive.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "support/thrown_message.h"
 #include "unit/pipeline/wall_fixture.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using testing::ThrownMessage;
 
 constexpr int kPointsPerPlace = 10;
 
@@ -59,8 +54,7 @@ class RingDatabase {
   }
   // Pairs by reason, of a first round.
   std::map<std::string, int> Choose(const PairChoosing& choosing) {
-    const StageLedger matching(database, kStageMatching, "");
-    PairChooser(database, matching, choosing, {.num_threads = 2}).ChooseFirst();
+    PairChooser(database, choosing, {.num_threads = 2}).ChooseFirst();
     std::map<std::string, int> counts;
     for (const PairChoiceRecord& choice : database.ReadPairChoices()) ++counts[choice.reason];
     return counts;
@@ -89,15 +83,13 @@ TEST(ChoosePairs, AutoIsRetrievalForManyImagesWithWhatNamesTell) {
 }
 
 TEST(ChoosePairs, WorkOfAllPairs) {
-  Database database(":memory:");
-  const StageLedger matching(database, kStageMatching, "");
-  const GivenImages given(database, matching);
+  const MatchOrigins none(Database(":memory:"));
   std::map<image_t, int> few, many;
   for (image_t id = 1; id <= 50; ++id) few[id] = 8000;    // 87 s of products, 9 s of pairs
   for (image_t id = 1; id <= 128; ++id) many[id] = 8000;  // 620 s and 57 s
-  EXPECT_NEAR(ExhaustiveSeconds(few, given), 102, 1);
-  EXPECT_NEAR(ExhaustiveSeconds(many, given), 677, 1);
-  EXPECT_EQ(ExhaustivePairs(few, given).size(), 1225u);
+  EXPECT_NEAR(ExhaustiveSeconds(few, none), 102, 1);
+  EXPECT_NEAR(ExhaustiveSeconds(many, none), 677, 1);
+  EXPECT_EQ(ExhaustivePairs(few, none).size(), 1225u);
 }
 
 TEST(ChoosePairs, EachWayAndItsOptions) {
@@ -115,8 +107,17 @@ TEST(ChoosePairs, EachWayAndItsOptions) {
   EXPECT_EQ(ChooseOnRing(both), (Counts{{"retrieval", 1}, {"sequential", 19}}));
 }
 
+TEST(ChoosePairs, FewerWordsFindOtherCandidates) {
+  const RingDatabase ring(60);
+  const auto candidates = [&](int num_words) {
+    return ReadCandidates(ring.database, {.num_words = num_words, .retrieval_neighbors = 2}, {});
+  };
+  EXPECT_EQ(candidates(64), candidates(64));
+  EXPECT_NE(candidates(64), candidates(2));
+}
+
 TEST(ChoosePairs, SpatialByAFileOfPositions) {
-  const testing::TempFolder folder;
+  const TempFolder folder;
   std::string text = "# name,latitude,longitude\n";
   for (int i = 0; i < 19; ++i) text += Name(i) + ",45.0, " + std::to_string(0.001 * i) + "\n";
   WriteFileAtomically(folder / "gps.csv", text);  // 79 m from one to the next; the last has none
@@ -162,7 +163,7 @@ class ChoosePairsOfPhotosTest : public WallTest {
   ChoosePairsOfPhotosTest() : WallTest(0, 20) {
     for (int i = 0; i < 12; ++i) {
       const std::string path = folder_ / ("images/" + Name(i));
-      WriteBitmap(path, testing::WallPhoto(160, 120, 20 * i));
+      WriteBitmap(path, WallPhoto(160, 120, 20 * i));
       char time[20];
       std::snprintf(time, sizeof(time), "2026:11:22 01:16:%02d", 11 - i);
       WriteExif(path, {.taken_at = time, .gps = GpsPosition{45, 7 + 0.001 * i, 0}});
@@ -249,6 +250,15 @@ TEST_F(ChoosePairsOfPhotosTest, PhotographsThatJoinHaveRoundsOfTheirOwn) {
   EXPECT_GE(reasons["two_edges"], 1);
 }
 
+TEST_F(ChoosePairsOfPhotosTest, ADamagedGeometryIsLeftOut) {
+  const ViewGraphSummary summary = RunBuildPipeline(Options("a.db")).summary;
+  RunSql(folder_ / "a.db",
+         "UPDATE two_view_geometries SET F = X'0011' WHERE pair_id = (SELECT pair_id FROM "
+         "two_view_geometries WHERE rows > 0 LIMIT 1);"
+         "UPDATE cairn_stages SET is_complete = 0 WHERE stage = 'pairs'");
+  EXPECT_GE(RunBuildPipeline(Options("a.db")).summary.num_pairs, summary.num_pairs);
+}
+
 // What a photograph that is gone joined is joined by its neighbors.
 TEST_F(ChoosePairsOfPhotosTest, PairsAreChosenAgainWherePhotographsAreDropped) {
   BuildPipelineOptions options = Options("drop.db");
@@ -299,6 +309,18 @@ TEST_F(ChoosePairsOfPhotosTest, TimesAndPlacesComeFromExif) {
   const auto choices = database.ReadPairChoices();
   EXPECT_EQ(choices[2].pair_id, ImagePairToPairId(1, 12));
   EXPECT_EQ(choices[2].reason, "sequential");
+}
+
+TEST_F(ChoosePairsOfPhotosTest, PhotographsThatASequenceOrAPlaceLeavesOutAreCounted) {
+  BuildPipelineOptions options = Options("time.db");
+  options.inputs.stop_after = BuildStage::kPairs;
+  options.inputs.pairs = "sequential,spatial";
+  options.pair_selection.order = PhotoOrder::kTime;
+  WriteBitmap(folder_ / "images/later.jpg", WallPhoto(160, 120, 250));
+  const BuildPipelineReport report = RunBuildPipeline(options);
+  EXPECT_THAT(report.run.stages.back().messages,
+              ElementsAre(HasSubstr("only 12 of 13 photographs have a time"),
+                          HasSubstr("only 12 of 13 photographs have GPS")));
 }
 
 TEST_F(ChoosePairsOfPhotosTest, AutoIsAsExhaustiveForASmallCollection) {

@@ -1,15 +1,10 @@
 // Camera parameters as users mistake them.
 #include "pipeline/stages/given_camera.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-using ::testing::StartsWith;
 
 Camera Given(CameraModel model, const std::vector<double>& params) {
   return {1, model, 600, 450, params, true};

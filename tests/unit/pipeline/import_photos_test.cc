@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <filesystem>
@@ -13,19 +11,14 @@
 #include "support/database_dump.h"
 #include "support/shared_data.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "support/test_photos.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
-using ::testing::AllOf;
-using ::testing::Contains;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using testing::ThrownMessage;
 
 class ImportPhotosTest : public ::testing::Test {
  protected:
@@ -33,7 +26,7 @@ class ImportPhotosTest : public ::testing::Test {
 
   void AddPhoto(const std::string& name, int width = 64, int height = 48) {
     fs::create_directories(fs::path(images_ + "/" + name).parent_path());
-    WriteBitmap(images_ + "/" + name, testing::WallPhoto(width, height, num_photos_++));
+    WriteBitmap(images_ + "/" + name, WallPhoto(width, height, num_photos_++));
   }
   void AddFile(const std::string& name, const std::string& content) {
     std::ofstream(images_ + "/" + name, std::ios::binary) << content;
@@ -63,7 +56,7 @@ class ImportPhotosTest : public ::testing::Test {
     WriteExif(images_ + "/" + name, {focal_mm, "Maker", model});
   }
   int num_photos_ = 0;
-  testing::TempFolder folder_;
+  TempFolder folder_;
   const std::string images_ = folder_ / "images";
   Database database_{":memory:"};
 };
@@ -338,7 +331,7 @@ TEST_F(ImportPhotosTest, FilesThatAreNoPhotographsAreSkippedWithOneLineEach) {
 TEST_F(ImportPhotosTest, CopiesOfAPhotographAreNamed) {
   AddPhoto("a.png");
   AddPhoto("b.png");
-  EXPECT_THAT(Import().warnings, ::testing::IsEmpty());
+  EXPECT_THAT(Import().warnings, IsEmpty());
   fs::copy(images_ + "/a.png", images_ + "/a (1).png");
   for (int run = 0; run < 2; ++run) {
     const std::vector<ResultWarning> warnings = Import().warnings;
@@ -351,7 +344,7 @@ TEST_F(ImportPhotosTest, CopiesOfAPhotographAreNamed) {
 TEST_F(ImportPhotosTest, AChangedPhotographIsNoticed) {
   AddPhoto("a.png");
   Import();
-  WriteBitmap(images_ + "/a.png", testing::WallPhoto(64, 48, 5));
+  WriteBitmap(images_ + "/a.png", WallPhoto(64, 48, 5));
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(); }),
               AllOf(HasSubstr("a.png changed since"), HasSubstr("--recompute changed")));
 }
@@ -362,7 +355,7 @@ TEST_F(ImportPhotosTest, ChangedPhotographsAloneAreNewOnRequest) {
   for (const image_t id : {1, 2, 3}) database_.WriteKeypoints(id, std::vector<Keypoint>(3));
   database_.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
   database_.WriteMatches(ImagePairToPairId(1, 3), {{0, 0}});
-  WriteBitmap(images_ + "/b.png", testing::WallPhoto(80, 60, 5));
+  WriteBitmap(images_ + "/b.png", WallPhoto(80, 60, 5));
   AddFile("c.png", "this is not a photograph\n");
   fs::remove(images_ + "/a.png");
   TestMonitor monitor;
@@ -415,7 +408,7 @@ TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
   AddPhoto("a.png");
   AddPhoto("b.png");
   AddForeignImage("a.png");
-  Import();
+  EXPECT_EQ(Import().Value("skipped"), 0);
   EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
   EXPECT_EQ(database_.ReadImages()[0].camera_id, 5u);
   EXPECT_EQ(database_.ReadImages()[1].image_id, 8u);
@@ -432,9 +425,27 @@ TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
   EXPECT_EQ(database_.ReadCameras()[1].model, CameraModel::kPinhole);
 }
 
+TEST_F(ImportPhotosTest, RowsThatCannotBeUsedAreNotOverwritten) {
+  const std::string path = folder_ / "a.db";
+  Database database(path);
+  for (const camera_t id : {5, 6}) {
+    database.WriteCamera(Camera::FromFocal(id, CameraModel::kOpenCV, 99, 64, 48));
+    database.WriteImage({id + 2, "foreign" + std::to_string(id), id});
+  }
+  RunSql(path,
+         "UPDATE cameras SET params = X'00' WHERE camera_id = 6;"
+         "UPDATE images SET name = '' WHERE image_id = 8");
+  AddPhoto("a.png");
+  EXPECT_EQ(ImportPhotos(database, {images_}).Value("new_images"), 1);
+  EXPECT_EQ(RunSql(path, "SELECT camera_id, hex(params) FROM cameras WHERE camera_id = 6"),
+            (SqlRows{{"6", "00"}}));
+  EXPECT_EQ(RunSql(path, "SELECT image_id, name, camera_id FROM images ORDER BY image_id"),
+            (SqlRows{{"7", "foreign5", "5"}, {"8", "", "6"}, {"9", "a.png", "7"}}));
+}
+
 TEST_F(ImportPhotosTest, UndistortedImagesAreToldFromNone) {
   fs::create_directories(images_ + "/images");
-  WriteBitmap(images_ + "/images/a.png", testing::WallPhoto(64, 48, 0));
+  WriteBitmap(images_ + "/images/a.png", WallPhoto(64, 48, 0));
   AddFile(".cairn-images", "");
   EXPECT_THAT(ThrownMessage<IoError>([&] { Import(); }), HasSubstr("images/ holds undistorted"));
 }
@@ -471,7 +482,7 @@ TEST_F(ImportPhotosTest, EqualExifAndEqualGivenFocalShareACamera) {
 
 // As COLMAP 3.8 does on these photographs of one camera.
 TEST_F(ImportPhotosTest, LundDoorHasOneCameraFromExif) {
-  const std::string photos = testing::SharedDataPath("lund_door/images");
+  const std::string photos = SharedDataPath("lund_door/images");
   if (!fs::exists(photos)) GTEST_SKIP() << photos << " is absent";
   ImportPhotos(database_, {photos});
   EXPECT_EQ(database_.ReadImages().size(), 12u);

@@ -1,7 +1,4 @@
 // A job of several ranks, each a thread of the test.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <chrono>
 #include <condition_variable>
 #include <deque>
@@ -12,16 +9,13 @@
 
 #include "cairn/base/error.h"
 #include "pipeline/machines/batch.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 #include "unit/pipeline/wall_fixture.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using testing::ThrownMessage;
 
 // The ranks' mailboxes. Rank 0 is the test's own thread.
 class ThreadJob {
@@ -172,6 +166,13 @@ TEST_F(MachinesTest, AHelperThatLeavesEndsTheRunWithItsName) {
               HasSubstr("left the job"));
 }
 
+TEST_F(MachinesTest, AHelperThatLeavesAtOnceEndsTheRunWithItsRank) {
+  ThreadJob job(2);
+  const auto help = [](Peers& peers) { peers.Send(0, ""); };
+  EXPECT_THAT(ThrownMessage<IoError>([&] { job.Run(Options("a.db"), {}, help); }),
+              HasSubstr("rank 1: left the job"));
+}
+
 TEST_F(MachinesTest, APhotographThatAHelperAloneCannotReadIsAnError) {
   ThreadJob job(2);
   const auto help = [](Peers& peers) {
@@ -311,7 +312,7 @@ TEST(MachineMessages, OutcomesArriveAsTheyWere) {
   outcome.runs.push_back({"second", "other_step", report, 0.5});
   const auto got = Received(outcome);
 
-  const testing::TempFolder folder;
+  const TempFolder folder;
   const auto write = [&folder](const std::string& name, const PairOutcome& written) {
     Database database(folder / name);
     database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 500, 640, 480));

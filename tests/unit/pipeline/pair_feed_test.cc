@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <atomic>
 #include <set>
@@ -7,6 +5,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "pipeline/pairs/feed.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

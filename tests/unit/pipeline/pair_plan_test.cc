@@ -1,16 +1,12 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <set>
 
 #include "cairn/base/rng.h"
 #include "pipeline/pairs/plan.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
 
 std::vector<image_pair_t> AllPairs(int num_images) {
   std::vector<image_pair_t> pairs;

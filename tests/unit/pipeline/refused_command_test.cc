@@ -1,8 +1,5 @@
 // Commands that cannot be carried out, or that leave something out which earlier ones had.
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <functional>
 #include <stdexcept>
@@ -10,22 +7,15 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/pipeline/build_pipeline.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "support/thrown_message.h"
 #include "unit/pipeline/wall_fixture.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
-using ::testing::AllOf;
-using ::testing::Contains;
 using ::testing::Each;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using ::testing::Not;
-using testing::ThrownMessage;
 
 class RefusedCommandTest : public WallTest {
  protected:
@@ -60,7 +50,7 @@ TEST_F(RefusedCommandTest, AListOfPairsIsNotLeftOutWithoutAWord) {
 
 TEST_F(RefusedCommandTest, MasksAndDepthAreNotLeftOutWithoutAWord) {
   fs::create_directories(folder_ / "masks");
-  WriteBitmap(folder_ / "masks/photo0.png.png", testing::WallPhoto(160, 120, 0));
+  WriteBitmap(folder_ / "masks/photo0.png.png", WallPhoto(160, 120, 0));
   BuildPipelineOptions options = Options("a.db");
   options.inputs.mask_path = folder_ / "masks";
   options.inputs.stop_after = BuildStage::kDepth;
@@ -76,6 +66,54 @@ TEST_F(RefusedCommandTest, MasksAndDepthAreNotLeftOutWithoutAWord) {
   EXPECT_THAT(warnings_of_run(), ElementsAre(HasSubstr("--mask_path"), HasSubstr("--depth_path")));
   options.inputs.recompute = BuildStage::kFeatures;  // all is found anew
   EXPECT_THAT(warnings_of_run(), ElementsAre(HasSubstr("--mask_path"), HasSubstr("--depth_path")));
+}
+
+TEST_F(RefusedCommandTest, MasksThatDoNotFitAreNamedBeforeAnyWork) {
+  const std::string mask = folder_ / "masks/photo3.png.png";
+  fs::create_directories(folder_ / "masks");
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.mask_path = folder_ / "masks";
+  const auto message = [&options]() -> std::string {
+    const std::string error = ThrownMessage<std::runtime_error>([&] { RunBuildPipeline(options); });
+    EXPECT_TRUE(Database(options.inputs.database_path).ReadImages().empty());
+    return error;
+  };
+  EXPECT_THAT(message(), HasSubstr("no mask of any image"));
+  WriteBitmap(mask, Bitmap{20, 10, 1, std::vector<uint8_t>(200)});
+  EXPECT_THAT(message(), HasSubstr("photo3.png.png is 20 x 10 pixels, its photograph 160 x 120"));
+  WriteFileAtomically(mask, "broken");
+  EXPECT_THAT(message(), HasSubstr("photo3.png.png"));
+  options.inputs.image_path = "";
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("mask_path: needs --image_path"));
+}
+
+TEST_F(RefusedCommandTest, ImagesOfAnotherProgramNeedNoMasks) {
+  fs::create_directories(folder_ / "masks");
+  WriteBitmap(folder_ / "masks/photo0.png.png", WallPhoto(160, 120, 0));
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.mask_path = folder_ / "masks";
+  options.inputs.depth_path = "";
+  options.inputs.stop_after = BuildStage::kFeatures;
+  RunBuildPipeline(options);
+  RunSql(folder_ / "a.db",
+         "DELETE FROM cairn_jobs WHERE item = 4; DELETE FROM cairn_photos WHERE name = "
+         "'photo3.png'");
+  options.inputs.mask_path = "";
+  TestMonitor monitor;
+  RunBuildPipeline(options, {.monitor = monitor});
+  EXPECT_THAT(monitor.warnings(), IsEmpty());
+}
+
+TEST_F(RefusedCommandTest, FeaturesOfASinglePhotographAreAResult) {
+  for (int i = 1; i < 4; ++i) fs::remove(Images() + "/photo" + std::to_string(i) + ".png");
+  BuildPipelineOptions options = Options("a.db");
+  for (const BuildStage last : {BuildStage::kFeatures, BuildStage::kDepth}) {
+    options.inputs.stop_after = last;
+    EXPECT_EQ(RunBuildPipeline(options).run.failure, "");
+  }
+  options.inputs.stop_after = BuildStage::kPairs;
+  EXPECT_THAT(RunBuildPipeline(options).run.failure, HasSubstr("one photograph alone"));
 }
 
 TEST_F(RefusedCommandTest, PositionsOfNoPhotographAreNamedWhateverThePairs) {
@@ -104,6 +142,9 @@ TEST_F(RefusedCommandTest, AFolderThatIsNotThereIsFoundBeforeAnyWork) {
   options.inputs.depth_model = folder_ / "no.onnx";
   EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
               HasSubstr("no.onnx: No such file"));
+  options.inputs.image_path = "";
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("depth_model: needs --image_path"));
   EXPECT_FALSE(fs::exists(folder_ / "a.db"));
 }
 

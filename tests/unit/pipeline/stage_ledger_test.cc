@@ -1,19 +1,16 @@
 #include "pipeline/stages/stage_ledger.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "cairn/matching/matching.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/recompute.h"
+#include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::ThrownMessage;
 
 std::string Text(const MatchingOptions& options) { return DumpQualified("matching", options); }
 
@@ -86,7 +83,9 @@ TEST(StageLedger, AStageThatNeverBeganLeavesNoRecord) {
 }
 
 TEST(StageLedger, ClearingAStageClearsWhatDependsOnIt) {
-  const auto stages_left = [](BuildStage cleared) {
+  const TempFolder photos;
+  WriteFileAtomically(photos / "a", "");
+  const auto stages_left = [&photos](BuildStage cleared) {
     Database database(":memory:");
     database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 10, 10, 10));
     database.WriteImage({1, "a", 1});
@@ -100,7 +99,7 @@ TEST(StageLedger, ClearingAStageClearsWhatDependsOnIt) {
                                      kStageMatching, kStageVerification}) {
       database.WriteStage({stage, "", true});
     }
-    ClearStageAndDependents(database, cleared);
+    PrepareRecompute(database, cleared, photos.path());
     std::string left;
     if (database.ReadKeypoints(1)) left += "features ";
     EXPECT_EQ(database.ReadKeypoints(1).has_value(), database.ReadDescriptors(1).has_value());

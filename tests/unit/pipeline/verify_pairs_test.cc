@@ -1,8 +1,5 @@
 #include "cairn/pipeline/verify_pairs.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <atomic>
 #include <chrono>
 
@@ -10,14 +7,11 @@
 #include "cairn/base/rng.h"
 #include "support/database_dump.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-using ::testing::UnorderedElementsAre;
 
 constexpr int kNumImages = 12;
 constexpr int kNumPairs = kNumImages * (kNumImages - 1) / 2;
@@ -115,7 +109,7 @@ class PairSchedulerTest : public ::testing::Test {
     return input;
   }
 
-  testing::TempFolder folder_;
+  TempFolder folder_;
 };
 
 // Pairs (i, j) with i + j < 10 have fewer than 20 matches.

@@ -1,11 +1,10 @@
 #include "relative_pose_experiments/complexity.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "relative_pose_experiments/operation_counter.h"
 #include "relative_pose_experiments/solver_runs.h"
+#include "support/test.h"
 
 namespace cairn::experiments {
 namespace {

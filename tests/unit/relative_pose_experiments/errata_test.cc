@@ -1,7 +1,5 @@
 // The paper's errata (apps/relative_pose_experiments/ERRATA.md): what it prints fails, and the
 // corrected form is exact.
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -14,6 +12,7 @@
 #include "relative_pose_experiments/solver_runs.h"
 #include "relative_pose_experiments/stability.h"
 #include "relative_pose_experiments/statistics.h"
+#include "support/test.h"
 
 namespace cairn::experiments {
 namespace {

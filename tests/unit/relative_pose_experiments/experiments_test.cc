@@ -1,17 +1,13 @@
 #include "relative_pose_experiments/experiments.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "cairn/base/file.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn::experiments {
 namespace {
-
-using cairn::testing::TempFolder;
 
 std::vector<FigureCheck> RunQuickly(const std::string& experiment, const std::string& output_path,
                                     int num_threads = 1) {

@@ -1,8 +1,7 @@
 #include "relative_pose_experiments/paper_setup.h"
 
-#include <gtest/gtest.h>
-
 #include "relative_pose_experiments/solver_runs.h"
+#include "support/test.h"
 
 namespace cairn::experiments {
 namespace {

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -9,11 +7,10 @@
 #include "relative_pose_experiments/real_pairs.h"
 #include "support/shared_data.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn::experiments {
 namespace {
-
-using cairn::testing::SharedDataPath;
 
 // The eight photographs of one scene with loose matches; bounds are wide.
 class RealPairsData : public ::testing::Test {
@@ -35,7 +32,7 @@ class RealPairsData : public ::testing::Test {
     options_.reference_path = folder + "/gt";
     options_.pairs_path = folder_ / "pairs.txt";
   }
-  cairn::testing::TempFolder folder_;
+  TempFolder folder_;
   RealDataOptions options_;
 };
 

@@ -1,20 +1,15 @@
 #include "relative_pose_experiments/real_pairs.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
 #include "cairn/database/database.h"
 #include "cairn/io/colmap_model.h"
 #include "relative_pose_experiments/paper_estimator.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/two_view_problem.h"
 
 namespace cairn::experiments {
 namespace {
-
-using cairn::testing::TempFolder;
-using ::testing::HasSubstr;
 
 // A pair of synthetic images as the experiments see real ones.
 struct ProblemPair {

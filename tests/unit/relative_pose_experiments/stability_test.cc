@@ -1,11 +1,9 @@
 #include "relative_pose_experiments/stability.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 #include "relative_pose_experiments/noise.h"
+#include "support/test.h"
 
 namespace cairn::experiments {
 namespace {

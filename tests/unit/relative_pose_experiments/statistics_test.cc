@@ -1,12 +1,11 @@
 #include "relative_pose_experiments/statistics.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <numeric>
 
 #include "cairn/base/error.h"
 #include "relative_pose_experiments/table.h"
+#include "support/test.h"
 
 namespace cairn::experiments {
 namespace {

@@ -1,12 +1,9 @@
 #include "cairn/report/run_report.h"
 
-#include <gmock/gmock.h>
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 RunReport Example() {
   RunReport report;

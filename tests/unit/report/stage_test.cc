@@ -1,14 +1,10 @@
 #include "report/stage.h"
 
-#include <gmock/gmock.h>
-
+#include "support/test.h"
 #include "support/test_monitor.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::IsEmpty;
 
 TEST(Stage, MessagesAreShownAndKept) {
   TestMonitor monitor;

@@ -1,18 +1,13 @@
 #include "report_page/page_parts.h"
 
-#include <gmock/gmock.h>
-
 #include <algorithm>
 #include <numeric>
 
 #include "cairn/base/rng.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 // Test vectors of RFC 4648, section 10.
 TEST(PageBlocks, Base64IsThatOfTheRfc) {
@@ -98,8 +93,9 @@ TEST(DoubtAboutCamera, NamesWhatSpeaksAgainstIntrinsics) {
 
 TEST(WhyLeftOut, GivesTheFirstThingThatWasMissing) {
   PageImage image;
-  const auto reason = [&] { return WhyLeftOut(image).what; };
+  const auto reason = [&] { return WhyLeftOut(image, true).what; };
   EXPECT_THAT(reason(), HasSubstr("no features"));
+  EXPECT_THAT(WhyLeftOut(image, false).what, HasSubstr("no relative pose"));
   image.num_keypoints = 100;
   EXPECT_THAT(reason(), HasSubstr("no photo has matches"));
   image.num_matched = 5;
@@ -107,6 +103,7 @@ TEST(WhyLeftOut, GivesTheFirstThingThatWasMissing) {
   image.num_verified = 4;
   image.removals = {{"ambiguous", 3}, {"no_pose", 1}};
   EXPECT_THAT(reason(), HasSubstr("mostly: ambiguous"));
+  EXPECT_THAT(WhyLeftOut(image, false).what, HasSubstr("mostly: ambiguous"));
   image.num_pairs = 1;
   EXPECT_THAT(reason(), HasSubstr("with each other only"));
   image.num_to_models = 1;

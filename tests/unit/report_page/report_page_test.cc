@@ -1,7 +1,5 @@
 #include "cairn/report_page/report_page.h"
 
-#include <gmock/gmock.h>
-
 #include <nlohmann/json.hpp>
 
 #include "cairn/base/error.h"
@@ -10,13 +8,12 @@
 #include "cairn/synthetic/scene.h"
 #include "support/scene_view_graph.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
 
-using ::testing::HasSubstr;
-using ::testing::Not;
-using testing::TempFolder;
 using Json = nlohmann::json;
 
 // A database of eight images, of which the model has six.
@@ -31,7 +28,7 @@ class ReportPageTest : public ::testing::Test {
     options.pair_metrics = true;
     const SyntheticScene scene = MakeScene(options, 1);
     WriteScene(scene, SceneContent::kTwoViewGeometries, database_);
-    graph_ = testing::MakeViewGraph(scene);
+    graph_ = MakeViewGraph(scene);
     models_.push_back(scene.truth);
     for (const image_t id : {7, 8}) Remove(id);
   }
@@ -143,7 +140,7 @@ TEST_F(ReportPageTest, AModelWithoutARunIsJudgedByItsMatches) {
   image.cam_from_world = Rigid3d(Eigen::Quaterniond(0, 0, 0, 1), Eigen::Vector3d(9, 9, 9));
   const Json finding = Data(input)["findings"][0];
   EXPECT_THAT(finding["what"].get<std::string>(), HasSubstr("contradict most"));
-  EXPECT_THAT(finding["images"], ::testing::Contains(1));
+  EXPECT_THAT(finding["images"], Contains(1));
 }
 
 TEST_F(ReportPageTest, LimitsHold) {
@@ -173,6 +170,43 @@ TEST_F(ReportPageTest, ThumbnailsKeepWithinTheirLimit) {
     EXPECT_LT(added, limit * 4 / 3 + 200);
     EXPECT_GT(added, limit / 3);
   }
+}
+
+TEST_F(ReportPageTest, OfManyPhotographsSomeHaveThumbnails) {
+  const TempFolder folder;
+  const Bitmap bitmap{64, 48, 3, std::vector<uint8_t>(64 * 48 * 3, 100)};
+  for (const Image& image : database_.ReadImages()) WriteBitmap(folder / image.name, bitmap);
+  ReportPageInput input = Input();
+  input.image_path = folder.path();
+  input.limits.thumbnail_bytes = 4000;  // of four of the eight
+  const Json thumbnails = Data(input)["thumbnails"];
+  EXPECT_EQ(thumbnails["absent"], 0);
+  EXPECT_TRUE(MakeReportPage(database_, input).warnings.empty());
+  EXPECT_GT(MakeReportPage(database_, input).html.size(),
+            MakeReportPage(database_, Input()).html.size() + 1500);
+}
+
+TEST_F(ReportPageTest, KeypointsOfAnotherProgramAreRefused) {
+  models_[0].images.at(1).points2D.pop_back();
+  models_[0].images.at(1).point3D_ids.pop_back();
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { MakeReportPage(database_, Input()); }),
+              HasSubstr("has other keypoints than in the database"));
+}
+
+TEST_F(ReportPageTest, ConfidencesAreThoseOfTheRun) {
+  std::vector<std::map<image_t, PoseConfidence>> confidences(1);
+  for (const auto& [id, image] : models_[0].images) confidences[0][id] = {7, 0.5, 0.25};
+  ReportPageInput input = Input();
+  EXPECT_NE(Data(input)["images"]["list"][0]["rotation_sigma_deg"], 0.5);
+  input.confidences = confidences;
+  EXPECT_EQ(Data(input)["images"]["list"][0]["rotation_sigma_deg"], 0.5);
+}
+
+TEST_F(ReportPageTest, DeeplyNestedReportsAreNoReports) {
+  ReportPageInput input = Input();
+  input.run_json =
+      R"({"succeeded": false, "x": )" + std::string(200'000, '[') + std::string(200'000, ']') + "}";
+  EXPECT_FALSE(MakeReportPage(database_, input).html.empty());
 }
 
 TEST_F(ReportPageTest, PhotographsAndThreeThatAreAbsentAreNamed) {

@@ -1,9 +1,8 @@
 #include "resection/p3p.h"
 
-#include <gtest/gtest.h>
-
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,11 +1,10 @@
 #include "resection/pose_refinement.h"
 
-#include <gtest/gtest.h>
-
 #include <numeric>
 
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,10 +1,9 @@
 #include "cairn/resection/resection.h"
 
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,11 +1,10 @@
-#include <gmock/gmock.h>
-
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "cairn/rotation_averaging/rotation_averaging.h"
 #include "support/shared_data.h"
+#include "support/test.h"
 #include "unit/rotation_averaging/rotation_test_util.h"
 
 namespace cairn {
@@ -29,13 +28,13 @@ void ForEachLine(const std::string& path, int num_ids, const Fn& fn) {
 // Real edges of 1DSfM; COLMAP 4.2: median 0.560, mean 2.79 degrees, 93.4 % within 5
 // (tests/bench/README.md).
 TEST(RotationAveragingData, EllisIslandIsBetterThanThePeers) {
-  const std::string folder = testing::SharedDataPath("1dsfm/Ellis_Island_rotations/");
+  const std::string folder = SharedDataPath("1dsfm/Ellis_Island_rotations/");
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not there";
   std::vector<RotationEdge> edges;
   ForEachLine(folder + "edges.txt", 2, [&](const auto& ids, const Eigen::Quaterniond& q) {
     edges.push_back({ids[0], ids[1], q});
   });
-  testing::Rotations reference;
+  Rotations reference;
   ForEachLine(folder + "reference_rotations.txt", 1,
               [&](const auto& ids, const Eigen::Quaterniond& q) { reference[ids[0]] = q; });
   ASSERT_EQ(edges.size(), 20297u);
@@ -43,9 +42,9 @@ TEST(RotationAveragingData, EllisIslandIsBetterThanThePeers) {
   const RotationAveragingReport report = AverageRotations(edges);
   EXPECT_EQ(report.status, RotationAveragingStatus::kSuccess);
   EXPECT_EQ(report.cam_from_world.size(), 247u);
-  const auto errors = testing::AlignedRotationErrorsDeg(report.cam_from_world, reference);
+  const auto errors = AlignedRotationErrorsDeg(report.cam_from_world, reference);
   EXPECT_EQ(errors.size(), 227u);
-  const testing::ErrorSummary summary = testing::Summarize(errors);
+  const ErrorSummary summary = Summarize(errors);
   EXPECT_LT(summary.median, 0.43);
   EXPECT_LT(summary.mean, 2.2);
   EXPECT_GE(summary.FractionBelow(5.0), 0.938);

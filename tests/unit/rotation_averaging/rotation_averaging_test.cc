@@ -1,7 +1,5 @@
 #include "cairn/rotation_averaging/rotation_averaging.h"
 
-#include <gmock/gmock.h>
-
 #include <cstring>
 #include <set>
 
@@ -9,16 +7,12 @@
 #include "cairn/base/rng.h"
 #include "cairn/synthetic/poses.h"
 #include "cairn/synthetic/view_graph_problem.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/rotation_averaging/rotation_test_util.h"
 
 namespace cairn {
 namespace {
-
-using testing::AlignedRotationErrorsDeg;
-using ::testing::ElementsAre;
-using testing::Rotations;
-using testing::Summarize;
 
 struct Problem {
   std::vector<RotationEdge> edges;

@@ -10,7 +10,7 @@
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 
-namespace cairn::testing {
+namespace cairn {
 
 using Rotations = std::map<image_t, Eigen::Quaterniond>;
 
@@ -79,4 +79,4 @@ inline ErrorSummary Summarize(const std::map<image_t, double>& errors) {
   return s;
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

@@ -1,7 +1,5 @@
 #include "cairn/scene/reconstruction.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -10,6 +8,7 @@
 #include "cairn/math/so3.h"
 #include "cairn/synthetic/scene.h"
 #include "support/check_consistency.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -33,17 +32,17 @@ int64_t NumReferences(const Reconstruction& reconstruction) {
 
 TEST(Reconstruction, AddAndRemovePointsKeepBothSides) {
   Reconstruction r = MakeSmall();
-  testing_support::CheckConsistency(r);
+  CheckConsistency(r);
   EXPECT_EQ(NumReferences(r), r.NumObservations());
   EXPECT_DOUBLE_EQ(r.MeanTrackLength(), double(r.NumObservations()) / r.points3D.size());
 
   const auto [old_id, old_point] = *r.points3D.begin();
   const int64_t before = r.NumObservations();
   r.RemovePoint3D(old_id);
-  testing_support::CheckConsistency(r);
+  CheckConsistency(r);
   EXPECT_EQ(r.NumObservations(), before - static_cast<int64_t>(old_point.track.size()));
   const point3D_t new_id = r.AddPoint3D(old_point);
-  testing_support::CheckConsistency(r);
+  CheckConsistency(r);
   EXPECT_EQ(r.NumObservations(), before);
   EXPECT_EQ(new_id, r.points3D.rbegin()->first);
   EXPECT_EQ(NumReferences(r), before);
@@ -54,7 +53,7 @@ TEST(Reconstruction, AKeypointShowsOnePointOnly) {
   Reconstruction r = MakeSmall();
   const Point3D point = r.points3D.begin()->second;
   EXPECT_THROW(r.AddPoint3D(point), BugError);
-  testing_support::CheckConsistency(r);  // nothing was changed
+  CheckConsistency(r);  // nothing was changed
 }
 
 TEST(Reconstruction, RemoveObservationDropsShortTracks) {
@@ -69,7 +68,7 @@ TEST(Reconstruction, RemoveObservationDropsShortTracks) {
     }
     EXPECT_LE(rest.size(), 1u);
   }
-  testing_support::CheckConsistency(r);
+  CheckConsistency(r);
   EXPECT_EQ(NumReferences(r), 0);
 }
 
@@ -91,6 +90,15 @@ TEST(Reconstruction, ErrorsAreMeansOverObservationsThenOverPoints) {
   EXPECT_NEAR(r.MeanReprojectionErrorPx(), sum / static_cast<double>(r.points3D.size()), 1e-12);
 }
 
+TEST(Reconstruction, APointThatNobodySeesHasNoError) {
+  Reconstruction r = MakeSmall();
+  const double before = r.MeanReprojectionErrorPx();
+  r.points3D[1000].xyz = {1, 2, 3};
+  EXPECT_EQ(r.MeanReprojectionErrorPx(), before);
+  r.UpdatePointErrors();
+  EXPECT_EQ(r.points3D.at(1000).error_px, -1);
+}
+
 TEST(Reconstruction, BehindTheCameraIsInfinite) {
   const Camera camera = Camera::FromFocal(1, CameraModel::kPinhole, 100, 200, 200);
   EXPECT_EQ(ReprojectionErrorPx(camera, {}, {0, 0, -1}, {100, 100}),
@@ -108,7 +116,7 @@ TEST(Reconstruction, ASimilarityChangesNoReprojection) {
   r.Transform(new_from_old);
   EXPECT_NEAR(r.MeanReprojectionErrorPx(), before, 1e-10);
   EXPECT_LT((r.images.at(1).cam_from_world.Center() - new_from_old * center).norm(), 1e-12);
-  testing_support::CheckConsistency(r);
+  CheckConsistency(r);
 }
 
 TEST(Reconstruction, CheckConsistencyFindsEachDefect) {
@@ -132,13 +140,13 @@ TEST(Reconstruction, CheckConsistencyFindsEachDefect) {
   for (size_t i = 0; i < defects.size(); ++i) {
     Reconstruction r = MakeSmall();
     defects[i](r);
-    EXPECT_ANY_THROW(testing_support::CheckConsistency(r)) << "defect " << i;
+    EXPECT_ANY_THROW(CheckConsistency(r)) << "defect " << i;
   }
 }
 
 TEST(Reconstruction, EmptyIsFine) {
   Reconstruction r;
-  testing_support::CheckConsistency(r);
+  CheckConsistency(r);
   EXPECT_EQ(r.MeanTrackLength(), 0);
   EXPECT_EQ(r.MeanReprojectionErrorPx(), 0);
   EXPECT_EQ(r.NumObservations(), 0);

@@ -1,12 +1,11 @@
 #include "cairn/scene/two_view_geometry.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <cmath>
 #include <numbers>
 
 #include "cairn/math/so3.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,10 +1,9 @@
 #include "cairn/scene/view_graph.h"
 
-#include <gtest/gtest.h>
-
 #include <set>
 
 #include "cairn/base/error.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

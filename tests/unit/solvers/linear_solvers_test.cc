@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <vector>
 
@@ -7,13 +5,10 @@
 #include "cairn/solvers/eight_point.h"
 #include "cairn/solvers/homography.h"
 #include "support/random_two_view.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using test::HomogeneousError;
-using test::RandomScene;
-using test::TwoViewScene;
 
 std::vector<PointCorrespondence> PointsOf(const TwoViewScene& scene) {
   std::vector<PointCorrespondence> points;
@@ -35,8 +30,8 @@ struct PlaneScene {
 
 PlaneScene RandomPlane(Rng& rng, int num_points) {
   PlaneScene scene;
-  scene.cam2_from_cam1 = Rigid3d(ExpSO3(rng.Uniform(0.0, 0.5) * test::RandomDirection(rng)),
-                                 rng.Uniform(0.1, 1.0) * test::RandomDirection(rng));
+  scene.cam2_from_cam1 = Rigid3d(ExpSO3(rng.Uniform(0.0, 0.5) * RandomDirection(rng)),
+                                 rng.Uniform(0.1, 1.0) * RandomDirection(rng));
   scene.normal = Eigen::Vector3d(rng.Uniform(-0.4, 0.4), rng.Uniform(-0.4, 0.4), 1.0).normalized();
   scene.distance = rng.Uniform(3.0, 6.0);
   while (static_cast<int>(scene.points.size()) < num_points) {
@@ -106,7 +101,7 @@ TEST(DecomposeHomography, ContainsTheTruth) {
                                      motion.cam2_from_cam1.translation * motion.normal.transpose(),
                                  scene.H()),
                 1e-6);
-      best = std::min(best, test::PoseError(motion.cam2_from_cam1, scene.cam2_from_cam1));
+      best = std::min(best, PoseError(motion.cam2_from_cam1, scene.cam2_from_cam1));
     }
     EXPECT_LT(best, 1e-6);
   }
@@ -114,7 +109,7 @@ TEST(DecomposeHomography, ContainsTheTruth) {
 
 TEST(DecomposeHomography, RecognizesARotation) {
   Rng rng(5);
-  const Eigen::Quaterniond R = ExpSO3(0.3 * test::RandomDirection(rng));
+  const Eigen::Quaterniond R = ExpSO3(0.3 * RandomDirection(rng));
   PlaneMotion motions[4];
   ASSERT_EQ(DecomposeHomography(-3.0 * R.toRotationMatrix(), motions), 1);
   EXPECT_LT(AngleBetween(motions[0].cam2_from_cam1.rotation, R), 1e-9);

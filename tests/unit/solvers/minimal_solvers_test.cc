@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -10,14 +8,10 @@
 #include "cairn/solvers/two_affine.h"
 #include "support/instruction_sets.h"
 #include "support/random_two_view.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using test::HomogeneousError;
-using test::Patch;
-using test::RandomScene;
-using test::TwoViewScene;
 
 // The smallest error over a solver's models, and whether all of them fulfil the constraints of an
 // essential matrix and the equations of the sample.
@@ -94,7 +88,7 @@ TEST(FivePoint, DoesNotDependOnTheInstructionSet) {
   };
   const std::vector<Eigen::Matrix3d> expected = compute();
   EXPECT_GT(expected.size(), 1000u);
-  test::ForEachInstructionSet([&] { EXPECT_EQ(compute(), expected); });
+  ForEachInstructionSet([&] { EXPECT_EQ(compute(), expected); });
 }
 
 TEST(SevenPoint, FindsTheTruth) {

@@ -1,19 +1,14 @@
 #include "cairn/solvers/one_affine_depth.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <vector>
 
 #include "cairn/solvers/one_affine_depth_batch.h"
 #include "support/random_two_view.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using test::PoseError;
-using test::RandomScene;
-using test::TwoViewScene;
 
 template <class Solver>
 class OneAffineDepth : public ::testing::Test {};
@@ -105,7 +100,7 @@ TEST(OneAffineDepthUmeyama, IsTheLeastSquaresFit) {
   const double best = cost(model.cam2_from_cam1.rotation, model.scale);
   for (int i = 0; i < 50; ++i) {
     const Eigen::Quaterniond R =
-        ExpSO3(1e-3 * test::RandomDirection(rng)) * model.cam2_from_cam1.rotation;
+        ExpSO3(1e-3 * RandomDirection(rng)) * model.cam2_from_cam1.rotation;
     EXPECT_GE(cost(R, model.scale * (1.0 + rng.Uniform(-1e-3, 1e-3))), best);
   }
 }

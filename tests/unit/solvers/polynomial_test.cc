@@ -1,13 +1,12 @@
 #include "cairn/solvers/polynomial.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "cairn/base/rng.h"
 #include "support/instruction_sets.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -107,7 +106,7 @@ TEST(RealRoots, DoesNotDependOnTheInstructionSet) {
   };
   const std::vector<double> expected = compute();
   EXPECT_GT(expected.size(), 500u);
-  test::ForEachInstructionSet([&] { EXPECT_EQ(compute(), expected); });
+  ForEachInstructionSet([&] { EXPECT_EQ(compute(), expected); });
 }
 
 }  // namespace

@@ -1,4 +1,3 @@
-#include <gmock/gmock.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -12,28 +11,27 @@
 #include "sparse/block_cholesky.h"
 #include "sparse/laplacian_solver.h"
 #include "sparse/sparse_cholesky.h"
+#include "support/test.h"
 
 extern "C" void openblas_set_num_threads(int num_threads);
 
 namespace cairn {
 namespace {
 
-using Edge = LaplacianSolver::Edge;
-
 struct Problem {
-  std::vector<Edge> edges;
+  std::vector<GraphEdge> edges;
   std::vector<double> weights;
   std::vector<char> is_gauge;
 };
 
-// A connected random graph: a path, and random edges (some parallel, some self-loops).
+// A connected random graph: a path, and random edges (some parallel).
 Problem RandomProblem(int num_nodes, int num_extra, uint64_t seed) {
   Rng rng(seed);
   Problem p;
   for (int v = 1; v < num_nodes; ++v) p.edges.push_back({v - 1, v});
   for (int k = 0; k < num_extra; ++k) {
-    p.edges.push_back(
-        {static_cast<int>(rng.UniformInt(num_nodes)), static_cast<int>(rng.UniformInt(num_nodes))});
+    const auto v = static_cast<int>(rng.UniformInt(num_nodes));
+    p.edges.push_back({v, (v + 1 + static_cast<int>(rng.UniformInt(num_nodes - 1))) % num_nodes});
   }
   for (size_t e = 0; e < p.edges.size(); ++e) p.weights.push_back(rng.Uniform(0.1, 10));
   p.is_gauge.assign(num_nodes, 0);
@@ -138,19 +136,8 @@ TEST(LaplacianSolver, ConjugateGradientsReachFar) {
   }
 }
 
-TEST(LaplacianSolver, DiagonalPullsToZero) {
-  const Problem p = RandomProblem(30, 20, 5);
-  const std::vector<char> no_gauge(30, 0);
-  LaplacianSolver solver(30, p.edges, no_gauge);
-  const std::vector<double> pull(30, 0.5);
-  ASSERT_TRUE(solver.Factorize(p.weights, pull));
-  const Eigen::MatrixXd B = RandomMatrix(30, 2, 2);
-  const Eigen::MatrixXd L = DenseLaplacian(p, p.weights) + 0.5 * Eigen::MatrixXd::Identity(30, 30);
-  EXPECT_LT((L * solver.Solve(B) - B).norm(), 1e-10);
-}
-
 TEST(LaplacianSolver, RefusesALooseGraph) {
-  const std::vector<Edge> edges = {{0, 1}, {2, 3}};
+  const std::vector<GraphEdge> edges = {{0, 1}, {2, 3}};
   const std::vector<char> gauge = {1, 0, 0, 0};
   LaplacianSolver solver(4, edges, gauge);
   EXPECT_FALSE(solver.Factorize(std::vector<double>{1, 1}));
@@ -185,13 +172,10 @@ TEST(LaplacianSolver, ConjugateGradientsAgreeWithCholesky) {
   LaplacianSolver direct(400, p.edges, p.is_gauge), iterative(400, p.edges, p.is_gauge, 1, 0);
   EXPECT_TRUE(direct.UsesCholesky());
   EXPECT_FALSE(iterative.UsesCholesky());
-  const std::vector<double> diagonal(400, 0.1);
-  for (const std::span<const double> pull : {std::span<const double>(), std::span(diagonal)}) {
-    ASSERT_TRUE(direct.Factorize(p.weights, pull));
-    ASSERT_TRUE(iterative.Factorize(p.weights, pull));
-    const Eigen::MatrixXd expected = direct.Solve(B);
-    EXPECT_LT((iterative.Solve(B) - expected).norm(), 1e-3 * expected.norm());
-  }
+  ASSERT_TRUE(direct.Factorize(p.weights));
+  ASSERT_TRUE(iterative.Factorize(p.weights));
+  const Eigen::MatrixXd expected = direct.Solve(B);
+  EXPECT_LT((iterative.Solve(B) - expected).norm(), 1e-3 * expected.norm());
   EXPECT_FALSE(iterative.Factorize(std::vector<double>(p.edges.size(), 0.0)));
 }
 

@@ -1,7 +1,5 @@
 #include "cairn/synthetic/photos.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -13,6 +11,7 @@
 #include "cairn/io/colmap_model.h"
 #include "cairn/math/so3.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -171,7 +170,7 @@ TEST(Photos, EveryOptionHasAnEffect) {
 }
 
 TEST(Photos, WrittenFilesAreWhatTheProgramsRead) {
-  const testing::TempFolder folder;
+  const TempFolder folder;
   PhotoOptions options = SmallOptions();
   options.num_distractor_images = 1;
   const PhotoScene scene = MakePhotoScene(options, 8);
@@ -204,6 +203,21 @@ TEST(Photos, WrittenFilesAreWhatTheProgramsRead) {
   EXPECT_LT(map.NumValid(), map.width * map.height);  // the sky has no depth
 }
 
+// To half a millimeter, which is what EXIF holds.
+TEST(Photos, ExifHasTheFocalLengthThatIsAskedFor) {
+  const TempFolder folder;
+  PhotoOptions options = SmallOptions();
+  options.focal_length = 2;
+  const PhotoScene scene = MakePhotoScene(options, 8);
+  WritePhotoScene(scene, folder / "scene", 0, NullMonitor());
+  for (const Image& image : scene.images) {
+    const Camera& camera = scene.truth.cameras.at(image.camera_id);
+    const ExifInfo exif =
+        ReadExif(folder / ("scene/images/" + image.name), camera.width, camera.height);
+    EXPECT_NEAR(exif.focal_px.value_or(0) / camera.MeanFocal(), 1, 0.01);
+  }
+}
+
 TEST(Photos, CamerasThatLookBehindThemselvesAreRefused) {
   PhotoOptions options;
   options.num_images = 2;
@@ -217,7 +231,7 @@ TEST(Photos, CamerasThatLookBehindThemselvesAreRefused) {
 }
 
 TEST(Photos, AFileInPlaceOfTheFolderIsAnError) {
-  const testing::TempFolder folder;
+  const TempFolder folder;
   WriteFileAtomically(folder / "scene", "a file");
   EXPECT_THROW(
       WritePhotoScene(MakePhotoScene(SmallOptions(), 8), folder / "scene", 0, NullMonitor()),

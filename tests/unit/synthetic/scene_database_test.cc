@@ -1,11 +1,11 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <set>
 
+#include "cairn/base/error.h"
 #include "cairn/database/database.h"
 #include "cairn/math/angles.h"
 #include "cairn/synthetic/scene.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -68,18 +68,45 @@ TEST(SceneDatabase, ContentEndsWhereAskedFor) {
   }
 }
 
-TEST(SceneDatabase, WrongPairsOfACityMayHaveDistractors) {
+TEST(SceneDatabase, WrongPairsOfACityAreOfPlacesThatLookAlike) {
   SceneOptions options;
   options.layout = CameraLayout::kCity;
-  options.num_images = 8;
+  options.num_images = 600;
   options.num_distractor_images = 2;
-  options.num_points = 300;
-  options.pair_outlier_ratio = 1.0;
+  options.num_points = 3000;
+  options.max_keypoints = 400;
+  options.descriptors = false;
+  options.num_pairs = 1500;
+  options.pair_outlier_ratio = 0.2;
+  const SyntheticScene scene = MakeScene(options, 1);
   Database database(":memory:");
-  WriteScene(MakeScene(options, 1), SceneContent::kTwoViewGeometries, database);
-  const auto with_distractor = ImagePairToPairId(1, 10);
-  ASSERT_TRUE(database.ReadTwoViewGeometry(with_distractor).has_value());
-  EXPECT_TRUE(database.ReadTwoViewGeometry(with_distractor)->cam2_from_cam1.has_value());
+  WriteScene(scene, SceneContent::kTwoViewGeometries, database);
+  int num_wrong = 0;
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    const Rigid3d truth = scene.truth.images.at(id2).cam_from_world *
+                          Inverse(scene.truth.images.at(id1).cam_from_world);
+    const TwoViewGeometry geometry = *database.ReadTwoViewGeometry(pair_id);
+    num_wrong += AngleBetween(geometry.cam2_from_cam1->rotation, truth.rotation) > 0.01;
+  }
+  EXPECT_EQ(num_wrong, 300);
+}
+
+// Right ones would be taken for wrong, or be missing.
+TEST(SceneDatabase, ACityWithoutPlacesThatLookAlikeHasNoWrongPairs) {
+  SceneOptions options;
+  options.layout = CameraLayout::kCity;
+  options.num_points = 300;
+  options.num_images = 600;
+  options.pair_outlier_ratio = 0.2;
+  EXPECT_THROW(MakeScene(options, 1), ConfigError);
+  options.num_pairs = 100;
+  for (const int num_images : {8, 300, 500}) {
+    options.num_images = num_images;
+    EXPECT_THROW(MakeScene(options, 1), ConfigError) << num_images;
+  }
+  options.pair_outlier_ratio = 0;
+  EXPECT_EQ(MakeScene(options, 1).images.size(), 500u);
 }
 
 SceneOptions CrowdOptions() {

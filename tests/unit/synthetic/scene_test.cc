@@ -1,7 +1,5 @@
 #include "cairn/synthetic/scene.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -12,6 +10,7 @@
 #include "cairn/geometry/epipolar.h"
 #include "support/check_consistency.h"
 #include "support/scene_view_graph.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -32,7 +31,7 @@ TEST(Scene, ExactReconstructionIsConsistent) {
       options.camera_model = model;
       options.radial_distortion = -0.05;
       const Reconstruction truth = MakeScene(options, 1).truth;
-      EXPECT_NO_THROW(testing_support::CheckConsistency(truth));
+      EXPECT_NO_THROW(CheckConsistency(truth));
       EXPECT_EQ(truth.images.size(), 8u);
       EXPECT_GT(truth.points3D.size(), 100u) << name;
       EXPECT_LT(truth.MeanReprojectionErrorPx(), 1e-4) << "float keypoints";
@@ -141,7 +140,7 @@ TEST(Scene, TrueGeometryFitsItsInliers) {
 
 TEST(Scene, ViewGraphJoinsImagesWithCommonPoints) {
   const SyntheticScene scene = MakeScene(SmallSceneOptions(), 6);
-  const ViewGraph graph = testing::MakeViewGraph(scene, 30);
+  const ViewGraph graph = MakeViewGraph(scene, 30);
   EXPECT_EQ(graph.image_ids.size(), 8u);
   ASSERT_GE(graph.edges.size(), 8u);   // a ring
   EXPECT_LT(graph.edges.size(), 28u);  // opposite sides see nothing in common

@@ -1,10 +1,9 @@
 #include "cairn/synthetic/surface.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 
 #include "cairn/synthetic/poses.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,7 +1,5 @@
 #include "support/two_view_problem.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -9,6 +7,7 @@
 #include <set>
 
 #include "cairn/geometry/epipolar.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,12 +1,11 @@
 #include "cairn/synthetic/view_graph_problem.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <numeric>
 
 #include "cairn/base/error.h"
 #include "cairn/math/angles.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

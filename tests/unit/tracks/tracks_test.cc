@@ -1,7 +1,5 @@
 #include "cairn/tracks/tracks.h"
 
-#include <gmock/gmock.h>
-
 #include <algorithm>
 #include <map>
 #include <memory>
@@ -9,12 +7,10 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::IsEmpty;
 
 Track MakeTrack(std::initializer_list<std::pair<image_t, point2D_t>> elements) {
   Track track;

@@ -11,7 +11,7 @@
 #include "cairn/synthetic/poses.h"
 #include "cairn/translation_averaging/translation_averaging.h"
 
-namespace cairn::testing {
+namespace cairn {
 
 using Centers = std::map<image_t, Eigen::Vector3d>;
 
@@ -93,4 +93,4 @@ inline double MaxError(const std::vector<double>& errors) {
   return *std::max_element(errors.begin(), errors.end());
 }
 
-}  // namespace cairn::testing
+}  // namespace cairn

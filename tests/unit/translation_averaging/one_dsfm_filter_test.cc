@@ -1,15 +1,14 @@
 #include "translation_averaging/one_dsfm_filter.h"
 
-#include <gmock/gmock.h>
-
+#include "support/test.h"
 #include "unit/translation_averaging/direction_test_util.h"
 
 namespace cairn {
 namespace {
 
-testing::DirectionScene Landmark(double outlier_ratio, uint64_t seed) {
+DirectionScene Landmark(double outlier_ratio, uint64_t seed) {
   Rng rng(seed, "filter test");
-  testing::DirectionScene scene;
+  DirectionScene scene;
   std::vector<Eigen::Vector3d> centers;
   for (int k = 0; k < 40; ++k) centers.push_back(3 * rng.Uniform() * RandomDirection(rng));
   scene.AddCenters(centers);
@@ -22,8 +21,8 @@ testing::DirectionScene Landmark(double outlier_ratio, uint64_t seed) {
 }
 
 TEST(OneDsfmFilter, ConsistentDirectionsHaveNoInconsistency) {
-  const testing::DirectionScene scene = Landmark(0, 1);
-  testing::DirectionScene exact = scene;
+  const DirectionScene scene = Landmark(0, 1);
+  DirectionScene exact = scene;
   for (DirectionEdge& e : exact.edges) {
     e.direction = exact.truth[e.image_id2] - exact.truth[e.image_id1];
   }
@@ -32,7 +31,7 @@ TEST(OneDsfmFilter, ConsistentDirectionsHaveNoInconsistency) {
 }
 
 TEST(OneDsfmFilter, SeparatesOutliers) {
-  const testing::DirectionScene scene = Landmark(0.25, 2);
+  const DirectionScene scene = Landmark(0.25, 2);
   const DirectionProblem problem = MakeDirectionProblem(scene.edges, {});
   const std::vector<double> values = OneDsfmInconsistency(problem, 48, 0, 1);
   int caught = 0, lost = 0, num_wrong = 0;

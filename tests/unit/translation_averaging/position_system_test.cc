@@ -1,9 +1,8 @@
 #include "translation_averaging/position_system.h"
 
-#include <gmock/gmock.h>
-
 #include <Eigen/Dense>
 
+#include "support/test.h"
 #include "unit/translation_averaging/direction_test_util.h"
 
 namespace cairn {
@@ -19,7 +18,7 @@ Eigen::Matrix3Xd Line(int num_cameras) {
 struct Fixture {
   explicit Fixture(int num_cameras) {
     Rng rng(4);
-    testing::DirectionScene scene;
+    DirectionScene scene;
     std::vector<Eigen::Vector3d> centers;
     for (int k = 0; k < num_cameras; ++k) centers.push_back(RandomDirection(rng) * 3);
     scene.AddCenters(centers);

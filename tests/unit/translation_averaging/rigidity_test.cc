@@ -1,16 +1,11 @@
 #include "translation_averaging/rigidity.h"
 
-#include <gmock/gmock.h>
-
 #include "cairn/base/rng.h"
 #include "support/parallel_rigid_components.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::IsEmpty;
-using testing_support::ParallelRigidComponents;
 
 std::vector<int> Placeable(const std::vector<std::pair<int, int>>& edges,
                            const std::vector<std::vector<int>>& tracks) {

@@ -1,11 +1,10 @@
 #include "translation_averaging/term_cost.h"
 
-#include <gmock/gmock.h>
-
 #include <cmath>
 
 #include "cairn/base/rng.h"
 #include "cairn/synthetic/poses.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,24 +1,15 @@
 #include "cairn/translation_averaging/translation_averaging.h"
 
-#include <gmock/gmock.h>
-
 #include <cmath>
 #include <numbers>
 
 #include "cairn/base/error.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/translation_averaging/direction_test_util.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::AnyOf;
-using testing::Centers;
-using testing::DirectionScene;
-using ::testing::ElementsAre;
-using ::testing::IsEmpty;
-using testing::MaxError;
-using testing::RelativeCenterErrors;
 
 std::vector<Eigen::Vector3d> Ring(int n) {
   std::vector<Eigen::Vector3d> centers;

@@ -1,17 +1,14 @@
 #include "cairn/triangulation/triangulation.h"
 
-#include <gmock/gmock.h>
-
 #include <Eigen/Geometry>
 
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "cairn/synthetic/poses.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::ElementsAre;
 
 Eigen::Vector3d RandomVector(Rng& rng, double size) {
   return size * Eigen::Vector3d(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1));
@@ -158,7 +155,11 @@ TEST(Triangulate, ThresholdsDecide) {
   options.max_error_px = 12;
   const TriangulationResult result = Triangulate(views, options);
   ASSERT_EQ(result.status, TriangulationStatus::kSuccess);
-  options.min_angle_deg = result.max_angle_deg + 0.1;
+  std::vector<Eigen::Vector3d> centers;
+  for (const int i : result.inliers)
+    centers.push_back(-views[i].cam_from_world_rotation.transpose() *
+                      views[i].cam_from_world_translation);
+  options.min_angle_deg = MaxTriangulationAngleDeg(result.xyz, centers) + 0.1;
   EXPECT_EQ(Triangulate(views, options).status, TriangulationStatus::kSmallAngle);
   options.min_views = 4;
   EXPECT_EQ(Triangulate(views, options).status, TriangulationStatus::kTooFewViews);

@@ -1,16 +1,13 @@
 // Pairs whose focal lengths are unknown or wrong.
-#include <gtest/gtest.h>
-
 #include "cairn/math/angles.h"
+#include "cairn/math/median.h"
+#include "support/test.h"
 #include "support/two_view_problem.h"
 #include "two_view/decide/focal_plausibility.h"
 #include "unit/two_view/pair_fixture.h"
 
 namespace cairn {
 namespace {
-
-using test::MakePair;
-using test::Pair;
 
 // How well F explains the right matches: their largest error in pixels.
 double MedianErrorPx(const Pair& pair, const Eigen::Matrix3d& F) {
@@ -61,7 +58,22 @@ TEST(FocalVerifier, UnknownFocalLengthsGiveAFundamentalMatrix) {
     EXPECT_LT(MedianErrorPx(pair, *report.geometry.F), 0.5);
     EXPECT_EQ(report.num_inliers, static_cast<int>(report.geometry.inlier_matches.size()));
     EXPECT_GE(report.num_inliers, 180);
-    EXPECT_LT(test::PoseErrorDeg(report, pair), 1.0);
+    EXPECT_LT(PoseErrorDeg(report, pair), 1.0);
+  }
+}
+
+TEST(FocalVerifier, TheResidualIsOfTheInliersUnderTheirMatrix) {
+  for (const double factor : {1.0, 0.7}) {
+    const Pair pair = WithFocals(MakePair({.num_inliers = 200}, 1), factor, false);
+    const PairReport report = Verify(pair);
+    ASSERT_TRUE(report.geometry.F.has_value());
+    std::vector<double> errors_px;
+    for (const FeatureMatch& match : report.geometry.inlier_matches) {
+      errors_px.push_back(std::sqrt(SquaredSampsonError(*report.geometry.F,
+                                                        pair.keypoints1[match.point1].Position(),
+                                                        pair.keypoints2[match.point2].Position())));
+    }
+    EXPECT_NEAR(report.residual_px, UpperMedian(errors_px), 1e-3) << factor;
   }
 }
 
@@ -88,7 +100,7 @@ Pair MakePlaneAndMore(int num_on, int num_off, uint64_t seed) {
   const Rigid3d cam2_from_cam1(
       Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d(0.1, 1, 0.2).normalized())),
       Eigen::Vector3d(-1.0, 0.1, 0.3).normalized());
-  Pair pair = test::MakePlanarPair(cam2_from_cam1, false, num_on, 0.3, seed);
+  Pair pair = MakePlanarPair(cam2_from_cam1, false, num_on, 0.3, seed);
   Rng rng(seed, "more");
   while (static_cast<int>(pair.matches.size()) < num_on + num_off) {
     const Eigen::Vector3d X1 = rng.Uniform(1.5, 4.0) *
@@ -233,10 +245,10 @@ TEST(FocalEvidence, IsOfTrustedCamerasThatAskForIt) {
 Pair MakeNearPlanarPair(int num_right, uint64_t seed) {
   Rng rng(seed, "wall");
   Pair pair;
-  pair.camera1 = test::MakeCamera(1, 1000.0, 0.0);
-  pair.camera2 = test::MakeCamera(2, 1000.0, 0.0);
+  pair.camera1 = MakeCamera(1, 1000.0, 0.0);
+  pair.camera2 = MakeCamera(2, 1000.0, 0.0);
   pair.cam2_from_cam1 =
-      Rigid3d(ExpSO3(rng.Uniform(0.1, 0.4) * test::RandomDirection(rng)),
+      Rigid3d(ExpSO3(rng.Uniform(0.1, 0.4) * RandomDirection(rng)),
               Eigen::Vector3d(1.0, rng.Uniform(-0.3, 0.3), rng.Uniform(-0.3, 0.3)).normalized());
   const Eigen::Vector3d normal = Eigen::Vector3d(rng.Uniform(-0.4, 0.4), 0.1, 1.0).normalized();
   constexpr int kNumOnWall = 200, kNumMatches = 300;
@@ -275,7 +287,7 @@ TEST(FocalVerifier, DominantPlanesDoNotHoldTheFundamentalMatrix) {
                               pair.camera1.CalibrationMatrix();
     double error = M_PI;
     for (const Rigid3d& pose : PosesFromEssential(NearestEssential(E))) {
-      error = std::min(error, test::PoseError(pose, pair.cam2_from_cam1));
+      error = std::min(error, PoseError(pose, pair.cam2_from_cam1));
     }
     num_good += error < DegToRad(3.0);
   }
@@ -304,14 +316,16 @@ Eigen::Matrix3d Scaled(const Eigen::Matrix3d& E, double factor1, double factor2)
 }
 
 Eigen::Matrix3d RandomEssential(Rng& rng) {
-  return EssentialFromPose(Rigid3d(ExpSO3(rng.Uniform(0.1, 0.6) * test::RandomDirection(rng)),
-                                   test::RandomDirection(rng)));
+  return EssentialFromPose(
+      Rigid3d(ExpSO3(rng.Uniform(0.1, 0.6) * RandomDirection(rng)), RandomDirection(rng)));
 }
 
 TEST(PlausibleFocals, AreThoseOfLensesOrNearWhatIsTrusted) {
   Rng rng(3);
   const Camera one = MakePlainCamera(1, true), other = MakePlainCamera(2, true);
   const Camera unknown = MakePlainCamera(3, false), unknown2 = MakePlainCamera(4, false);
+  const Camera nameless = MakePlainCamera(kInvalidCameraId, false), nameless2 = nameless;
+  int num_by_one_focal = 0, num_by_one_object = 0;
   for (int trial = 0; trial < 100; ++trial) {
     const Eigen::Matrix3d E = RandomEssential(rng);
     EXPECT_TRUE(internal::HasPlausibleFocals(E, one, one));
@@ -320,8 +334,14 @@ TEST(PlausibleFocals, AreThoseOfLensesOrNearWhatIsTrusted) {
     EXPECT_TRUE(internal::HasPlausibleFocals(Scaled(E, 0.5, 2.0), one, other));
     EXPECT_TRUE(internal::HasPlausibleFocals(Scaled(E, 3.0, 3.0), unknown, unknown));
     EXPECT_TRUE(internal::HasPlausibleFocals(Scaled(E, 0.2, 0.2), unknown, unknown));
-    EXPECT_TRUE(internal::HasPlausibleFocals(Scaled(E, 0.2, 3.0), unknown, unknown2));
+    const Eigen::Matrix3d F = Scaled(E, 0.2, 3.0);
+    EXPECT_TRUE(internal::HasPlausibleFocals(F, unknown, unknown2));
+    EXPECT_TRUE(internal::HasPlausibleFocals(F, nameless, nameless2));
+    num_by_one_focal += internal::HasPlausibleFocals(F, unknown, unknown);
+    num_by_one_object += internal::HasPlausibleFocals(F, nameless, nameless);
   }
+  EXPECT_LT(num_by_one_focal, 50);
+  EXPECT_EQ(num_by_one_object, num_by_one_focal);
   // Singular values 2 and 1 at any focal lengths: forward motion, with pixels twice as wide.
   const Eigen::Matrix3d sideways = CrossMatrix(Eigen::Vector3d::UnitZ());
   const Eigen::Matrix3d F = Eigen::Vector3d(2.0, 1.0, 1.0).asDiagonal() * sideways;

@@ -1,17 +1,14 @@
 // Fundamental matrices of scenes that a plane dominates.
 #include "two_view/search/fundamental_resampling.h"
 
-#include <gtest/gtest.h>
-
 #include "cairn/math/angles.h"
 #include "robust/fundamental_refinement.h"
-#include "robust/sampson_kernels.h"
+#include "robust/match_errors.h"
+#include "support/test.h"
 #include "unit/two_view/pair_fixture.h"
 
 namespace cairn::internal {
 namespace {
-
-using test::Pair;
 
 // 200 points of a plane and 40 in front of it, whose right matches are the scene's only parallax;
 // cameras of 1000 px, to which E is F of normalized points.
@@ -19,9 +16,9 @@ struct NearPlanar {
   explicit NearPlanar(uint64_t seed) {
     Rng rng(seed, "near planar");
     const Rigid3d motion(
-        ExpSO3(rng.Uniform(0.1, 0.3) * test::RandomDirection(rng)),
+        ExpSO3(rng.Uniform(0.1, 0.3) * RandomDirection(rng)),
         Eigen::Vector3d(1.0, rng.Uniform(-0.3, 0.3), rng.Uniform(-0.3, 0.3)).normalized());
-    pair = test::MakePlanarPair(motion, false, 200, kNoisePx, seed);
+    pair = MakePlanarPair(motion, false, 200, kNoisePx, seed);
     const Eigen::Vector3d normal = Eigen::Vector3d(0.2, -0.3, 1.0).normalized();
     while (pair.matches.size() < 240) {
       const Eigen::Vector3d ray(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.6, 0.6), 1.0);
@@ -55,15 +52,12 @@ struct NearPlanar {
   double ErrorDeg(const Eigen::Matrix3d& F) const {
     double error = M_PI;
     for (const Rigid3d& pose : PosesFromEssential(NearestEssential(F))) {
-      error = std::min(error, test::PoseError(pose, pair.cam2_from_cam1));
+      error = std::min(error, PoseError(pose, pair.cam2_from_cam1));
     }
     return RadToDeg(error);
   }
   int NumExplained(const Eigen::Matrix3d& F) const {
-    std::vector<float> errors(prepared.points.num_blocks() * PointPairs::kBlock);
-    SampsonErrors(prepared.points, F, errors.data());
-    return static_cast<int>(std::count_if(errors.begin(), errors.begin() + prepared.size(),
-                                          [](float error) { return error < 4 * kNoisePx; }));
+    return MatchErrors(prepared.points, F).CountBelow(4 * kNoisePx);
   }
 
   static constexpr double kNoisePx = 0.4;
@@ -83,7 +77,7 @@ TEST(FundamentalResampling, LeavesOneThatExplainsThePlaneAlone) {
     ASSERT_GT(scene.ErrorDeg(scene.start), 30);
     // Refinement alone stays near where it begins.
     const Eigen::Matrix3d refined =
-        RefineFundamentalMatrix(scene.prepared.points, scene.start, {.scale_px = 1.0}).F;
+        RefineFundamentalMatrix(scene.prepared.points, scene.start, {.scale_px = 1.0}).F();
     num_refined += scene.ErrorDeg(refined) < 3;
     const Eigen::Matrix3d resampled = scene.Resample(scene.start);
     num_resampled += scene.ErrorDeg(resampled) < 3;
@@ -105,7 +99,7 @@ TEST(FundamentalResampling, IsAFunctionOfItsInputs) {
   const NearPlanar scene(1);
   EXPECT_EQ(scene.Resample(scene.start), scene.Resample(scene.start));
   // The sign and scale of what it begins with mean nothing.
-  EXPECT_LT(test::HomogeneousError(scene.Resample(-7.0 * scene.start), scene.Resample(scene.start)),
+  EXPECT_LT(HomogeneousError(scene.Resample(-7.0 * scene.start), scene.Resample(scene.start)),
             1e-6);
 }
 

@@ -7,7 +7,7 @@
 #include "cairn/two_view/pair_verifier.h"
 #include "support/random_two_view.h"
 
-namespace cairn::test {
+namespace cairn {
 
 // Everything a PairInput points to.
 struct Pair {
@@ -157,4 +157,4 @@ inline double PoseErrorDeg(const PairReport& report, const Pair& pair) {
   return PoseError(*report.geometry.cam2_from_cam1, pair.cam2_from_cam1) * 180.0 / M_PI;
 }
 
-}  // namespace cairn::test
+}  // namespace cairn

@@ -1,20 +1,14 @@
 #include "cairn/two_view/pair_verifier.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <set>
 
 #include "cairn/base/error.h"
+#include "support/test.h"
 #include "two_view/pair_fixture.h"
 
 namespace cairn {
 namespace {
-
-using test::MakePair;
-using test::Pair;
-using test::PairSettings;
-using test::PoseErrorDeg;
 
 class Verifiers : public ::testing::TestWithParam<VerifierKind> {
  protected:
@@ -55,8 +49,7 @@ TEST_P(Verifiers, FindPoseAndInliers) {
     EXPECT_GT(report.num_iterations, 0);
     EXPECT_FALSE(geometry.H.has_value());
     // E and F of the same pose, F in pixels.
-    EXPECT_LT(test::HomogeneousError(*geometry.E, EssentialFromPose(*geometry.cam2_from_cam1)),
-              1e-9);
+    EXPECT_LT(HomogeneousError(*geometry.E, EssentialFromPose(*geometry.cam2_from_cam1)), 1e-9);
     const auto& match = geometry.inlier_matches.front();
     EXPECT_LT(SquaredSampsonError(*geometry.F, pair.keypoints1[match.point1].Position(),
                                   pair.keypoints2[match.point2].Position()),
@@ -72,7 +65,7 @@ TEST_P(Verifiers, SwappedImagesInvertThePose) {
   const PairReport back = verifier->Verify(swapped.Input());
   ASSERT_EQ(there.status, PairStatus::kVerified);
   ASSERT_EQ(back.status, PairStatus::kVerified);
-  EXPECT_LT(test::PoseError(Inverse(*there.geometry.cam2_from_cam1), *back.geometry.cam2_from_cam1),
+  EXPECT_LT(PoseError(Inverse(*there.geometry.cam2_from_cam1), *back.geometry.cam2_from_cam1),
             1e-3);
   EXPECT_EQ(there.num_inliers, back.num_inliers);
 }
@@ -273,8 +266,12 @@ TEST(FivePointVerifier, DrawsFromTheBestMatchesFirst) {
 }
 
 TEST(MakePairVerifier, RefusesWrongOptionsAndNames) {
-  EXPECT_THROW(MakePairVerifier(VerifierKind::kFivePoint, {.confidence = 2.0}), ConfigError);
-  EXPECT_THROW(MakePairVerifier(VerifierKind::kFivePoint, {.confidence = 2.0}), ConfigError);
+  for (const VerifierKind kind :
+       {VerifierKind::kCascade, VerifierKind::kFast, VerifierKind::kOneAcDepth,
+        VerifierKind::kTwoAc, VerifierKind::kFivePoint}) {
+    EXPECT_THROW(MakePairVerifier(kind, {.confidence = 2.0}), ConfigError)
+        << VerifierKindName(kind);
+  }
   EXPECT_EQ(VerifierKindFromName("five_point"), VerifierKind::kFivePoint);
   EXPECT_THROW(VerifierKindFromName("six_point"), ConfigError);
   EXPECT_THROW(MakePairVerifier(static_cast<VerifierKind>(77), {}), ConfigError);

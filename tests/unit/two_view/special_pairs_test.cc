@@ -1,16 +1,10 @@
-#include <gtest/gtest.h>
-
 #include "cairn/two_view/pair_verifier.h"
+#include "support/test.h"
 #include "support/two_view_problem.h"
 #include "two_view/pair_fixture.h"
 
 namespace cairn {
 namespace {
-
-using test::MakePair;
-using test::MakePlanarPair;
-using test::Pair;
-using test::PoseErrorDeg;
 
 PairReport VerifyFivePoint(const Pair& pair, const TwoViewOptions& options = {}) {
   return MakePairVerifier(VerifierKind::kFivePoint, options)->Verify(pair.Input(false));
@@ -126,6 +120,19 @@ Pair MakeOverlay(double focal2_px, uint64_t seed) {
     pair.matches.push_back({k, k});
   }
   return pair;
+}
+
+TEST(SpecialPairs, NoShareOfMarksIsNeededWhereThereAreNone) {
+  Pair pair = MakePair({.num_outliers = 0}, 1);
+  // All matches away from the frame of a larger image.
+  for (Camera* camera : {&pair.camera1, &pair.camera2}) {
+    camera->width = camera->height = 8000;
+    camera->params[1] = camera->params[2] = 4000.0;
+  }
+  for (auto* keypoints : {&pair.keypoints1, &pair.keypoints2}) {
+    for (Keypoint& keypoint : *keypoints) keypoint.x += 3200.0f, keypoint.y += 3200.0f;
+  }
+  EXPECT_EQ(VerifyFivePoint(pair, {.min_special_share = 0.0}).status, PairStatus::kVerified);
 }
 
 TEST(SpecialPairs, MarksAllOverUnrelatedImagesAreNoScene) {

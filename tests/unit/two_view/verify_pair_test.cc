@@ -1,12 +1,10 @@
 #include "cairn/two_view/verify_pair.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "cairn/base/error.h"
+#include "support/test.h"
 #include "support/thrown_message.h"
 #include "two_view/pair_fixture.h"
 
@@ -17,7 +15,7 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // The matches of a pair with known truth, as a user would have them.
 struct Matches {
-  explicit Matches(const test::Pair& pair) : truth(pair) {
+  explicit Matches(const Pair& pair) : truth(pair) {
     for (const FeatureMatch& match : pair.matches) {
       points1.push_back(pair.keypoints1[match.point1].Position());
       points2.push_back(pair.keypoints2[match.point2].Position());
@@ -30,14 +28,14 @@ struct Matches {
   MatchedPoints Image1() const { return {truth.camera1, points1, frames1, depths1}; }
   MatchedPoints Image2() const { return {truth.camera2, points2, frames2, depths2}; }
 
-  test::Pair truth;
+  Pair truth;
   std::vector<Eigen::Vector2d> points1, points2;
   std::vector<Eigen::Matrix2d> frames1, frames2;
   std::vector<DepthSample> depths1, depths2;
 };
 
 // 150 right matches and 50 wrong ones.
-Matches MakeMatches(uint64_t seed = 1) { return Matches(test::MakePair({}, seed)); }
+Matches MakeMatches(uint64_t seed = 1) { return Matches(MakePair({}, seed)); }
 
 TEST(VerifyPair, FindsThePoseWhateverIsKnown) {
   for (uint64_t seed = 0; seed < 20; ++seed) {
@@ -50,7 +48,7 @@ TEST(VerifyPair, FindsThePoseWhateverIsKnown) {
         const PairReport report = VerifyPair(image1, image2);
         ASSERT_EQ(report.status, PairStatus::kVerified) << seed << has_frames << has_depths;
         EXPECT_EQ(report.geometry.config, TwoViewConfig::kCalibrated);
-        EXPECT_LT(test::PoseErrorDeg(report, m.truth), 1.0) << seed << has_frames << has_depths;
+        EXPECT_LT(PoseErrorDeg(report, m.truth), 1.0) << seed << has_frames << has_depths;
         EXPECT_GE(report.num_inliers, 140);
         int num_wrong = 0;
         for (const FeatureMatch& match : report.geometry.inlier_matches) {
@@ -66,7 +64,7 @@ TEST(VerifyPair, FindsThePoseWhateverIsKnown) {
 // Frames and depths arrive as they are given.
 TEST(VerifyPair, GivesWhatThePairVerifierGives) {
   const Matches m = MakeMatches();
-  test::Pair pair = m.truth;
+  Pair pair = m.truth;
   for (point2D_t i = 0; i < pair.matches.size(); ++i) {
     const FeatureMatch match = m.truth.matches[i];
     pair.keypoints1[i] = m.truth.keypoints1[match.point1];
@@ -98,20 +96,20 @@ TEST(VerifyPair, SwappedImagesInvertThePose) {
   const Matches m = MakeMatches();
   const PairReport there = VerifyPair(m.Image1(), m.Image2());
   const PairReport back = VerifyPair(m.Image2(), m.Image1());
-  EXPECT_LT(test::PoseError(Inverse(*there.geometry.cam2_from_cam1), *back.geometry.cam2_from_cam1),
+  EXPECT_LT(PoseError(Inverse(*there.geometry.cam2_from_cam1), *back.geometry.cam2_from_cam1),
             1e-3);
 }
 
 TEST(VerifyPair, SaysWhyThereIsNoPose) {
-  const Matches few(test::MakePair({.num_inliers = 10, .num_outliers = 0}, 1));
+  const Matches few(MakePair({.num_inliers = 10, .num_outliers = 0}, 1));
   EXPECT_EQ(VerifyPair(few.Image1(), few.Image2()).status, PairStatus::kTooFewMatches);
-  const Matches wrong(test::MakePair({.num_inliers = 0, .num_outliers = 300}, 1));
+  const Matches wrong(MakePair({.num_inliers = 0, .num_outliers = 300}, 1));
   const PairReport report = VerifyPair(wrong.Image1(), wrong.Image2());
   EXPECT_EQ(report.status, PairStatus::kTooFewInliers);
   EXPECT_FALSE(report.geometry.cam2_from_cam1.has_value());
   const Rigid3d turn(Eigen::Quaterniond(Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY())),
                      Eigen::Vector3d::Zero());
-  test::Pair panorama = test::MakePlanarPair(turn, true, 200, 0.3, 1);
+  Pair panorama = MakePlanarPair(turn, true, 200, 0.3, 1);
   panorama.depth1.resize(200);
   panorama.depth2.resize(200);
   const Matches turned(panorama);
@@ -136,11 +134,10 @@ std::string ErrorAfter(const Spoil& spoil) {
   Matches m = MakeMatches();
   VerifyPairOptions options;
   spoil(m, options);
-  return testing::ThrownMessage<ConfigError>([&] { VerifyPair(m.Image1(), m.Image2(), options); });
+  return ThrownMessage<ConfigError>([&] { VerifyPair(m.Image1(), m.Image2(), options); });
 }
 
 TEST(VerifyPair, NamesWhatIsWrong) {
-  using ::testing::StartsWith;
   const auto error = [](auto spoil) { return ErrorAfter(spoil); };
   EXPECT_EQ(error([](auto&, auto&) {}), "no error");
   EXPECT_EQ(error([](auto& m, auto&) { m.points2.pop_back(); }),

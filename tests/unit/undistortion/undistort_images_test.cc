@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -12,20 +10,19 @@
 #include "support/check_consistency.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/temp_folder.h"
+#include "support/test.h"
 #include "support/test_monitor.h"
 #include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
-
 namespace fs = std::filesystem;
 
 // A model of five distorted photographs, one in a folder of its own, all of which are there.
 class UndistortImagesTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    model_ = testing_support::MakeSyntheticScene(
-                 {.num_images = 5, .num_points = 40, .model = CameraModel::kOpenCV})
+    model_ = MakeSyntheticScene({.num_images = 5, .num_points = 40, .model = CameraModel::kOpenCV})
                  .truth;
     Camera& camera = model_.cameras.at(1);
     camera.width = 200;
@@ -71,7 +68,7 @@ class UndistortImagesTest : public ::testing::Test {
     return files;
   }
 
-  testing::TempFolder folder_;
+  TempFolder folder_;
   Reconstruction model_;
   UndistortJob job_;
   UndistortOptions options_;
@@ -208,20 +205,19 @@ TEST_F(UndistortImagesTest, ABrokenPhotographIsNamedAndLeftOut) {
   EXPECT_EQ(report.failed.at("image1.png"), "is 100 x 75 pixels, its camera 200 x 150");
   const Reconstruction model = ReadColmapModel(Dense("sparse"));
   EXPECT_EQ(model.images.size(), 2u);
-  testing_support::CheckConsistency(model);
+  CheckConsistency(model);
   EXPECT_EQ(ReadFile(Dense("stereo/fusion.cfg")), "more/image4.png\nimage5.png\n");
 }
 
 TEST_F(UndistortImagesTest, AFolderThatIsNotThereIsOneError) {
   job_.image_path = folder_ / "absent";
-  EXPECT_THAT(testing::ThrownMessage<IoError>([&] { Run(); }),
-              ::testing::HasSubstr("absent: no such folder"));
+  EXPECT_THAT(ThrownMessage<IoError>([&] { Run(); }), HasSubstr("absent: no such folder"));
 }
 
 TEST_F(UndistortImagesTest, NothingOfOthersIsReplaced) {
   CreateFolders(Dense("images"));
   std::ofstream(Dense("images/image5.png")) << "mine";
-  const auto message = [&] { return testing::ThrownMessage<ConfigError>([&] { Run(); }); };
+  const auto message = [&] { return ThrownMessage<ConfigError>([&] { Run(); }); };
   EXPECT_NE(message().find("image5.png is not as cairn wrote it"), std::string::npos);
   EXPECT_FALSE(fs::exists(Dense("images/image1.png")));
   job_.overwrites = true;
@@ -263,7 +259,7 @@ TEST_F(UndistortImagesTest, TheModelThatIsReadStays) {
          {Dense("sparse/0"), Dense("sparse/"), folder_ / "link/sparse/0/"}) {
       job_.overwrites = overwrites;
       job_.model_path = path;
-      EXPECT_NE(testing::ThrownMessage<ConfigError>([&] {
+      EXPECT_NE(ThrownMessage<ConfigError>([&] {
                   Run();
                 }).find(folder_ / "dense holds the model that is undistorted"),
                 std::string::npos)

@@ -1,8 +1,7 @@
-#include <gtest/gtest.h>
-
 #include "cairn/base/error.h"
 #include "cairn/image/resample.h"
 #include "cairn/undistortion/undistort.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,8 +1,7 @@
-#include <gtest/gtest.h>
-
 #include "cairn/undistortion/undistort.h"
 #include "support/check_consistency.h"
 #include "support/synthetic_reconstruction.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -19,9 +18,9 @@ TEST(UndistortedModel, PointsAreWhereTheUndistortedCameraSeesThem) {
     const auto camera_model = static_cast<CameraModel>(id);
     if (camera_model == CameraModel::kEquirectangular) continue;
     const Reconstruction model =
-        testing_support::MakeSyntheticScene({.model = camera_model, .shared_camera = false}).truth;
+        MakeSyntheticScene({.model = camera_model, .shared_camera = false}).truth;
     const Reconstruction out = UndistortedModel(model, NamesOf(model), {});
-    testing_support::CheckConsistency(out);
+    CheckConsistency(out);
     EXPECT_EQ(out.NumObservations(), model.NumObservations());
     double largest = 0;
     for (const auto& [point_id, point] : out.points3D) {
@@ -39,26 +38,25 @@ TEST(UndistortedModel, PointsAreWhereTheUndistortedCameraSeesThem) {
 }
 
 TEST(UndistortedModel, LeavesOutWhatHasNoImage) {
-  Reconstruction model = testing_support::MakeSyntheticScene({.shared_camera = false}).truth;
+  Reconstruction model = MakeSyntheticScene({.shared_camera = false}).truth;
   std::set<std::string> names = NamesOf(model);
   names.erase("image3");
   const Reconstruction out = UndistortedModel(model, names, {});
-  testing_support::CheckConsistency(out);
+  CheckConsistency(out);
   EXPECT_EQ(out.images.size(), 5u);
   EXPECT_EQ(out.cameras.count(3), 0u);
   EXPECT_EQ(out.images.count(3), 0u);
 }
 
 TEST(UndistortedModel, LeavesOutKeypointsWithoutAPinholePixel) {
-  Reconstruction model =
-      testing_support::MakeSyntheticScene({.model = CameraModel::kFisheye}).truth;
+  Reconstruction model = MakeSyntheticScene({.model = CameraModel::kFisheye}).truth;
   const point3D_t id = model.points3D.begin()->first;
   const TrackElement element = model.points3D.at(id).track.front();
   // 103 degrees off axis: behind every pinhole image.
   model.images.at(element.image_id).points2D[element.point2D] =
       model.cameras.at(1).PrincipalPoint() + Eigen::Vector2d(1.8 * model.cameras.at(1).FocalX(), 0);
   const Reconstruction out = UndistortedModel(model, NamesOf(model), {});
-  testing_support::CheckConsistency(out);
+  CheckConsistency(out);
   EXPECT_EQ(out.NumObservations(), model.NumObservations() - 1);
   EXPECT_EQ(out.images.at(element.image_id).points2D.size(),
             model.images.at(element.image_id).points2D.size() - 1);

@@ -1,7 +1,5 @@
 #include "view_graph/duplicate_structure.h"
 
-#include <gtest/gtest.h>
-
 #include <numeric>
 #include <set>
 
@@ -10,6 +8,7 @@
 #include "cairn/synthetic/scene.h"
 #include "support/check_consistency.h"
 #include "support/scene_view_graph.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {
@@ -22,6 +21,7 @@ struct Place {
   Reconstruction model;
   ViewGraph graph;
 
+  Place() = default;
   Place(CameraLayout layout, bool is_twin, uint64_t seed) {
     SceneOptions options;
     options.layout = layout;
@@ -31,7 +31,7 @@ struct Place {
     options.twin_places = is_twin;
     const SyntheticScene scene = MakeScene(options, seed);
     model = scene.truth;
-    graph = testing::MakeViewGraph(scene);
+    graph = MakeViewGraph(scene);
   }
 
   Pairs BetweenDuplicates(int num_threads = 1) const {
@@ -104,6 +104,52 @@ TEST(DuplicateStructure, APlaceThatChangedALittleIsOne) {
   }
 }
 
+// A wall before (16 images) and after (3) half of it was painted, with one pair between them: too
+// few to be proven another place. An image without pairs changes nothing about that.
+TEST(DuplicateStructure, AnImageAloneKeepsNoOthersApart) {
+  constexpr int kBefore = 16, kPaired = 19, kAll = 20;
+  Place wall;
+  wall.model.cameras[1] = Camera::FromFocal(1, CameraModel::kSimplePinhole, 1000, 1000, 1000);
+  for (int i = 1; i <= kAll; ++i) {
+    RegisteredImage& image = wall.model.images[i];
+    image.image = {static_cast<image_t>(i), std::to_string(i), 1};
+    image.cam_from_world.translation.x() = -0.01 * i;
+    wall.graph.image_ids.push_back(i);
+  }
+  const auto add_point = [&](int column, int row, auto is_seen_by) {
+    Point3D point;
+    point.xyz = {(column - 9.5) / 2.1, (row - 9.5) / 2.1, 10};
+    for (auto& [id, image] : wall.model.images) {
+      if (!is_seen_by(static_cast<int>(id))) continue;
+      point.track.push_back({id, static_cast<point2D_t>(image.points2D.size())});
+      image.points2D.push_back(*wall.model.cameras[1].ImgFromRay(image.cam_from_world * point.xyz));
+      image.point3D_ids.push_back(kInvalidPoint3DId);
+    }
+    wall.model.AddPoint3D(point);
+  };
+  const auto is_after = [](int i) { return i > kBefore && i <= kPaired; };
+  for (int k = 0; k < 400; ++k) {
+    if (k % 20 < 10) {
+      add_point(k % 20, k / 20, [](int) { return true; });
+    } else {
+      add_point(k % 20, k / 20, [&](int i) { return !is_after(i); });
+      add_point(k % 20, k / 20, is_after);
+    }
+  }
+  for (int i = 1; i <= kPaired; ++i) {
+    for (int j = i + 1; j <= kPaired; ++j) {
+      if (is_after(i) != is_after(j) && (i != kBefore || j != kBefore + 1)) continue;
+      ViewEdge edge;
+      edge.image_id1 = i;
+      edge.image_id2 = j;
+      edge.num_inliers = 100;
+      wall.graph.edges.push_back(edge);
+    }
+  }
+  wall.graph.Normalize();
+  EXPECT_TRUE(wall.BetweenDuplicates().empty());
+}
+
 TEST(DuplicateStructure, EdgesOutOfUseAreNotJudged) {
   Place place(CameraLayout::kArc, true, 1);
   const Pairs all = place.BetweenDuplicates();
@@ -136,7 +182,7 @@ Place Renumbered(Place place, const std::vector<image_t>& new_id) {
     std::sort(point.track.begin(), point.track.end());
     renumbered.points3D[new_point_id(id)] = point;
   }
-  testing_support::CheckConsistency(renumbered);
+  CheckConsistency(renumbered);
   place.model = std::move(renumbered);
   for (image_t& id : place.graph.image_ids) id = new_id[id];
   for (ViewEdge& edge : place.graph.edges) {

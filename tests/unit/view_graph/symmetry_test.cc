@@ -1,10 +1,9 @@
 #include "view_graph/symmetry.h"
 
-#include <gtest/gtest.h>
-
 #include "cairn/base/rng.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
+#include "support/test.h"
 
 namespace cairn {
 namespace {

@@ -1,13 +1,11 @@
 #include "cairn/view_graph/view_graph_text.h"
 
-#include <gmock/gmock.h>
-
 #include <nlohmann/json.hpp>
+
+#include "support/test.h"
 
 namespace cairn {
 namespace {
-
-using ::testing::HasSubstr;
 
 ViewGraph SmallGraph() {
   ViewGraph graph;

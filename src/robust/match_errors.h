@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
+#include "cairn/math/median.h"
 #include "robust/sampson_kernels.h"
 
-namespace cairn::internal {
+namespace cairn {
 
 // The errors of all matches at a model, pixels, and which of them are small. Memory is used again.
 class MatchErrors {
@@ -37,6 +39,12 @@ class MatchErrors {
     }
     return indices;
   }
+  double MedianOf(std::span<const int32_t> indices) const {
+    std::vector<double> errors;
+    errors.reserve(indices.size());
+    for (const int32_t i : indices) errors.push_back(values_[i]);
+    return UpperMedian(std::move(errors));
+  }
 
  private:
   float* Resize(const PointPairs& points) {
@@ -49,4 +57,4 @@ class MatchErrors {
   int size_ = 0;
 };
 
-}  // namespace cairn::internal
+}  // namespace cairn
