@@ -30,7 +30,8 @@ void BundleAdjustmentOptions::VisitFields(OptionVisitor& v) {
   v.Double("function_tolerance", function_tolerance, {0, 1},
            "stop when the cost changes relatively by less");
   v.Choice("solver", solver, kBundleSolvers,
-           "auto: cairn's own, equal for any number of threads; the others: Ceres, and its solver");
+           "auto: cairn's own, equal for any number of threads (for more than 500 images that "
+           "mostly see the same points, Ceres); the others: Ceres, and its solver");
 }
 
 std::string_view BundleAdjustmentStatusName(BundleAdjustmentStatus status) {

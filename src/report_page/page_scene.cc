@@ -270,7 +270,7 @@ void ResidualMap::Finish() {
 
 PageScene MakePageScene(const Database& database, const ReportPageInput& input,
                         const RunContext& run) {
-  PageScene scene{database, input, run, {}, {}, {}, {}, {}, {}};
+  PageScene scene{database, input, run, {}, {}, {}, {}, {}, {}, {}};
   scene.run_report = ParseReport(input.run_json);
   scene.build_report = ParseReport(input.build_json);
   ReadImages(scene);
