@@ -40,7 +40,10 @@ struct SmallDatabase {
     }
     database.WriteMatches(pair, {{0, 0}});
     database.WriteTwoViewGeometry(pair, {});
-    database.WritePairMetrics({.pair_id = pair, .verifier = "five_point"});
+    PairMetrics metrics;
+    metrics.pair_id = pair;
+    metrics.verifier = "five_point";
+    database.WritePairMetrics(metrics);
     CAIRN_CHECK_EQ(sqlite3_open(database.path().c_str(), &connection), SQLITE_OK);
     sqlite3_exec(connection, "PRAGMA synchronous = OFF;", nullptr, nullptr, nullptr);
   }
