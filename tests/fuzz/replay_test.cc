@@ -49,7 +49,7 @@ std::vector<std::string> FilesIn(const std::string& folder) {
 class Replay : public ::testing::TestWithParam<NamedTarget> {};
 
 TEST_P(Replay, CorpusAndRegressions) {
-  const std::string folder = std::string(CAIRN_SOURCE_DIR) + "/tests/fuzz/";
+  const std::string folder = CAIRN_SOURCE_DIR "/tests/fuzz/";
   const std::vector<std::string> corpus = FilesIn(folder + "corpus/" + GetParam().name);
   EXPECT_FALSE(corpus.empty());
   std::vector<std::string> paths = FilesIn(folder + "regressions/" + GetParam().name);

@@ -67,8 +67,8 @@ TEST(EndToEnd, ProcessesBesideTheFirstHaveNothingToDo) {
   for (const std::string rank : {"0", "1"}) {
     const ProgramResult result =
         RunExecutable("env", {"OMPI_COMM_WORLD_SIZE=2", "OMPI_COMM_WORLD_RANK=" + rank,
-                              std::string(CAIRN_BINARY_DIR) + "/bin/global_sfm", "inspect",
-                              "--database_path", scene.database()});
+                              CAIRN_BINARY_DIR "/bin/global_sfm", "inspect", "--database_path",
+                              scene.database()});
     EXPECT_EQ(result.exit_code, 0) << result.output;
     const auto is_said = HasSubstr("rank 1 ends");
     EXPECT_THAT(result.output, rank == "1" ? is_said : HasSubstr("images"));

@@ -34,9 +34,7 @@ ProgramResult RunShell(const std::string& script, const std::vector<std::string>
   return RunExecutable("bash", all, kMaxSeconds);
 }
 
-std::string Program(const std::string& name) {
-  return std::string(CAIRN_BINARY_DIR) + "/bin/" + name;
-}
+std::string Program(const std::string& name) { return CAIRN_BINARY_DIR "/bin/" + name; }
 
 TEST(Hostile, APipeIsNoPhotograph) {
   const SceneFiles scene;

@@ -17,14 +17,14 @@ class SceneFiles {
   SceneFiles() {
     namespace fs = std::filesystem;
     for (const char* part : {"images", "depth"}) {
-      fs::copy(std::string(CAIRN_SCENE_DIR) + "/" + part, folder_ / part);
+      fs::copy(fs::path(CAIRN_SCENE_DIR) / part, folder_ / part);
     }
-    fs::copy(std::string(CAIRN_SCENE_DIR) + "/scene.db", database());
+    fs::copy(CAIRN_SCENE_DIR "/scene.db", database());
   }
   std::string operator/(const std::string& name) const { return folder_ / name; }
   std::string images() const { return folder_ / "images"; }
   std::string database() const { return folder_ / "scene.db"; }
-  static std::string truth() { return std::string(CAIRN_SCENE_DIR) + "/truth"; }
+  static std::string truth() { return CAIRN_SCENE_DIR "/truth"; }
 
   // build_view_graph with the options that the database was made with, and others.
   ProgramResult BuildViewGraph(const std::string& database, std::vector<std::string> others = {},

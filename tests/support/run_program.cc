@@ -64,8 +64,7 @@ ProgramResult RunExecutable(const std::string& executable,
 
 ProgramResult RunProgram(const std::string& name, const std::vector<std::string>& arguments,
                          double kill_after_seconds) {
-  return RunExecutable(std::string(CAIRN_BINARY_DIR) + "/bin/" + name, arguments,
-                       kill_after_seconds);
+  return RunExecutable(CAIRN_BINARY_DIR "/bin/" + name, arguments, kill_after_seconds);
 }
 
 }  // namespace cairn
