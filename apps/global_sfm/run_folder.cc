@@ -9,6 +9,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/io/csv.h"
 #include "cairn/io/model.h"
 #include "io/text_reader.h"
 
@@ -90,7 +91,7 @@ int NumModels(const std::string& report_path) {
   }
 }
 
-// A line for each image of each model, in their order; the name is first and may have commas.
+// A line for each image of each model, in their order.
 std::vector<std::map<image_t, PoseConfidence>> ReadConfidences(
     const std::string& path, const std::vector<Reconstruction>& models) {
   TextReader reader(path);
@@ -98,13 +99,16 @@ std::vector<std::map<image_t, PoseConfidence>> ReadConfidences(
   std::vector<std::map<image_t, PoseConfidence>> confidences(models.size());
   for (size_t k = 0; k < models.size(); ++k) {
     for (const auto& [id, image] : models[k].images) {
-      if (!reader.NextLine()) reader.Fail("there is no line for " + image.image.name);
-      std::vector<std::string_view> fields = Split(reader.line(), ',');
-      const auto value = [&](size_t from_end) {
-        const size_t at = fields.size() - std::min(fields.size(), from_end);
+      const std::string name = CsvField(image.image.name) + ",";
+      const bool is_there = reader.NextLine() && reader.line().starts_with(name);
+      // model, pairs, points, and two standard deviations, which may be infinite
+      const auto fields = is_there ? Split(reader.line().substr(name.size()), ',')
+                                   : std::vector<std::string_view>();
+      if (fields.size() != 5) reader.Fail("the line of " + image.image.name + " is not here");
+      const auto value = [&](size_t at) {
         return TextReader::ToDouble(fields[at]).value_or(std::numeric_limits<double>::infinity());
       };
-      confidences[k][id] = {static_cast<int>(std::min(value(3), 1e9)), value(2), value(1)};
+      confidences[k][id] = {static_cast<int>(std::min(value(2), 1e9)), value(3), value(4)};
     }
   }
   return confidences;

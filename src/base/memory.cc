@@ -33,7 +33,28 @@ int64_t NumberAfter(const std::string& text, const std::string& key, int64_t uni
   return end == begin ? -1 : number * unit;
 }
 
-// What the control groups that this process is in leave it; -1: they have no limit.
+// What a control group leaves this process; -1: it has no limit.
+int64_t LeftByGroup(const std::filesystem::path& folder, bool is_v1) {
+  const auto number_in = [&](const char* file) {
+    return NumberAfter(ReadIfThere(folder / file), "", 1);
+  };
+  const int64_t limit = number_in(is_v1 ? "memory.limit_in_bytes" : "memory.max");
+  const int64_t used = number_in(is_v1 ? "memory.usage_in_bytes" : "memory.current");
+  if (limit < 0 || used < 0) return -1;
+  // Pages of files are given up when memory is asked for.
+  const std::string stat = "\n" + ReadIfThere(folder / "memory.stat");
+  int64_t of_files = 0;
+  for (const char* key : {"inactive_file ", "active_file "}) {
+    const std::string line_begin = is_v1 ? "\ntotal_" : "\n";
+    of_files += std::max<int64_t>(0, NumberAfter(stat, line_begin + key, 1));
+  }
+  return std::max<int64_t>(0, limit - std::max<int64_t>(0, used - of_files));
+}
+
+// The lesser of two amounts; -1: without limit.
+int64_t Lesser(int64_t a, int64_t b) { return a < 0 ? b : b < 0 ? a : std::min(a, b); }
+
+// What the control groups that this process is in, and those around them, leave it.
 int64_t LeftByGroups(const std::string& root) {
   int64_t least = -1;
   std::istringstream lines(ReadIfThere(root + "/proc/self/cgroup"));
@@ -43,21 +64,7 @@ int64_t LeftByGroups(const std::string& root) {
     const std::string mount = root + (is_v1 ? "/sys/fs/cgroup/memory" : "/sys/fs/cgroup");
     std::filesystem::path group = mount + line.substr(line.find(':', line.find(':') + 1) + 1);
     for (; group.native().size() >= mount.size(); group = group.parent_path()) {
-      const auto number_in = [&](const char* file) {
-        return NumberAfter(ReadIfThere(group / file), "", 1);
-      };
-      const int64_t limit = number_in(is_v1 ? "memory.limit_in_bytes" : "memory.max");
-      const int64_t used = number_in(is_v1 ? "memory.usage_in_bytes" : "memory.current");
-      if (limit < 0 || used < 0) continue;
-      // Pages of files are given up when memory is asked for.
-      const std::string stat = "\n" + ReadIfThere(group / "memory.stat");
-      int64_t of_files = 0;
-      for (const char* key : {"inactive_file ", "active_file "}) {
-        const std::string line_begin = is_v1 ? "\ntotal_" : "\n";
-        of_files += std::max<int64_t>(0, NumberAfter(stat, line_begin + key, 1));
-      }
-      const int64_t left = std::max<int64_t>(0, limit - std::max<int64_t>(0, used - of_files));
-      least = least < 0 ? left : std::min(least, left);
+      least = Lesser(least, LeftByGroup(group, is_v1));
     }
   }
   return least;
@@ -70,9 +77,8 @@ MemoryUse ReadMemoryUse(const std::string& root) {
   const std::string status = ReadIfThere(root + "/proc/self/status");
   use.resident = NumberAfter(status, "VmRSS:", 1024);
   use.peak = NumberAfter(status, "VmHWM:", 1024);
-  use.available = NumberAfter(ReadIfThere(root + "/proc/meminfo"), "MemAvailable:", 1024);
-  const int64_t left = LeftByGroups(root);
-  if (left >= 0) use.available = use.available < 0 ? left : std::min(use.available, left);
+  use.available = Lesser(NumberAfter(ReadIfThere(root + "/proc/meminfo"), "MemAvailable:", 1024),
+                         LeftByGroups(root));
   return use;
 }
 

@@ -17,6 +17,12 @@ constexpr int64_t kPointsPerPart = 1024;  // that one thread looks at
 struct Part {
   std::vector<BundleObservation> all;
   std::vector<int> nums;
+
+  void Add(const ViewTable::View& view, const Eigen::Vector2d& pixel, float sigma_px,
+           const Eigen::Vector3d& xyz) {
+    if (!view.camera->ImgFromRay(view.image->cam_from_world * xyz)) return;
+    all.push_back({pixel, 1.0F / sigma_px, view.index});
+  }
 };
 
 }  // namespace
@@ -30,21 +36,16 @@ BundleObservations CollectObservations(const BundleAdjustmentScope& scope,
   const int64_t num_points = num_unsurveyed + std::ssize(scope.surveyed_points);
   const auto add_point = [&](int64_t p, Part& part) {
     const auto num_before = std::ssize(part.all);
-    const auto add = [&](const ViewTable::View& view, const Eigen::Vector2d& pixel, float sigma_px,
-                         const Eigen::Vector3d& xyz) {
-      if (!view.camera->ImgFromRay(view.image->cam_from_world * xyz)) return;
-      part.all.push_back({pixel, 1.0F / sigma_px, view.index});
-    };
     if (p < num_unsurveyed) {
       for (const TrackElement& element : unsurveyed[p]->track) {
         const ViewTable::View& view = views.Of(element.image_id);
-        add(view, view.Pixel(element.point2D), static_cast<float>(view.SigmaPx(element.point2D)),
-            unsurveyed[p]->xyz);
+        part.Add(view, view.Pixel(element.point2D),
+                 static_cast<float>(view.SigmaPx(element.point2D)), unsurveyed[p]->xyz);
       }
     } else {
       const SurveyedPoint& point = scope.surveyed_points[p - num_unsurveyed];
       for (const auto& [id, pixel] : point.pixels) {
-        add(views.Of(id), pixel, 1.0F, point.prior.position);
+        part.Add(views.Of(id), pixel, 1.0F, point.prior.position);
       }
     }
     std::sort(part.all.begin() + num_before, part.all.end(),

@@ -61,8 +61,9 @@ Rays FindRays(const SceneData& scene, const std::map<image_t, Eigen::Quaterniond
   ParallelFor(num_threads, std::ssize(images), [&](int64_t i) {
     const image_t id = images[i]->first;
     const Eigen::Quaterniond world_from_cam = cam_from_world.at(id).conjugate();
+    const Camera& camera = scene.CameraOf(id);
     for (const Eigen::Vector2d& pixel : scene.pixels.at(id)) {
-      const auto ray = scene.CameraOf(id).RayFromImg(pixel);
+      const auto ray = camera.RayFromImg(pixel);
       images[i]->second.push_back(
           ray ? Eigen::Vector3d(world_from_cam * *ray)
               : Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));

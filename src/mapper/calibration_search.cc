@@ -64,11 +64,11 @@ class CalibrationSearch {
     choice_.name = "calibration_choice";
   }
 
-  // Whether it is better than the best so far: its score is more than this share of the best one's.
-  bool Try(Calibration calibration, double least_share = 1) {
+  // Reconstructs by the scene's calibration. Whether that is better than the best so far: its score
+  // is more than this share of the best one's.
+  bool Try(double least_share = 1) {
     const bool is_first = choice_.messages.empty();
     if (!is_first && run_.monitor.StopRequested()) return false;
-    static_cast<Calibration&>(scene_) = std::move(calibration);
     if (!is_first) run_.monitor.Info("once more, with " + scene_.origin);
     CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
     choice_.messages.push_back(std::to_string(std::llround(result.result.evidence_nats)) +
@@ -215,13 +215,11 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
   const auto try_calibrations = [&] {
     std::vector<Calibration> calibrations = calibrator.Calibrate();
     const bool is_disputed = calibrations.front().is_sharing_disputed;
-    if (calibrations.size() == 1) {
-      search.Try(std::move(calibrations.front()));
-      return is_disputed;
-    }
     size_t best = 0;
     for (size_t i = 0; i < calibrations.size(); ++i) {
-      if (search.Try(calibrations[i])) best = i;
+      std::swap(calibration, calibrations[i]);
+      if (search.Try()) best = i;
+      std::swap(calibration, calibrations[i]);
     }
     calibration = std::move(calibrations[best]);
     return is_disputed;
@@ -238,7 +236,7 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
   if (without_prior.empty() || is_disputed || search.SeparatePays()) try_calibrations();
   if (!search.best().shares_camera &&
       calibrator.Share(of_one, search.best().result.models, ", by the models")) {
-    search.Try(std::move(calibration));
+    search.Try();
   }
   if (!search.best().left_exif.empty()) {
     calibration = std::move(*stored);
@@ -246,7 +244,8 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
     // (An observation of bundle adjustment has two coordinates, a match one.)
     HoldExif(search.best().left_exif, settings.focal_calibration.exif_sigma,
              2 * kModelErrors * search.best().result.evidence_nats, scene);
-    search.Try(std::move(calibrator.Calibrate().front()), 1 - kModelErrors);
+    calibration = std::move(calibrator.Calibrate().front());
+    search.Try(1 - kModelErrors);
   }
   return search.Finish();
 }

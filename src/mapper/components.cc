@@ -62,26 +62,27 @@ class ComponentQueue {
   std::vector<Component> components_;
 };
 
+// The relative pose of an edge that a model uses: the model's, where it uses the matches, although
+// its rotation is another.
+Rigid3d PoseOf(const ViewEdge& edge, const Reconstruction& model, double max_rotation_error_deg) {
+  const auto image1 = model.images.find(edge.image_id1);
+  const auto image2 = model.images.find(edge.image_id2);
+  if (image1 == model.images.end() || image2 == model.images.end()) return edge.cam2_from_cam1;
+  const Rigid3d pose = image2->second.cam_from_world * Inverse(image1->second.cam_from_world);
+  const double error = AngleBetween(pose.rotation, edge.cam2_from_cam1.rotation);
+  if (RadToDeg(error) <= max_rotation_error_deg) return edge.cam2_from_cam1;
+  return {pose.rotation, pose.translation.normalized()};
+}
+
 // Keeps what became of the component's edges. Those between a part that was reconstructed and what
 // was cut off from it stay as they were, and so do those that only a model uses that is gone.
-void TakeOver(const BuiltModel& built, ViewGraph& graph) {
+void TakeOver(const BuiltModel& built, double max_rotation_error_deg, ViewGraph& graph) {
   for (size_t e = 0; e < graph.edges.size(); ++e) {
     const ViewEdge& edge = built.graph.edges[e];
     if (edge.removal == EdgeRemoval::kOtherComponent || (!built.model && edge.IsActive())) continue;
     graph.edges[e] = edge;
-  }
-}
-
-// Edges that a model uses by their matches, although its poses are others, have these.
-void TakePoses(const Reconstruction& model, double max_rotation_error_deg, ViewGraph& graph) {
-  for (ViewEdge& edge : graph.edges) {
-    const auto image1 = model.images.find(edge.image_id1);
-    const auto image2 = model.images.find(edge.image_id2);
-    if (!edge.IsActive() || image1 == model.images.end() || image2 == model.images.end()) continue;
-    const Rigid3d pose = image2->second.cam_from_world * Inverse(image1->second.cam_from_world);
-    const double error = AngleBetween(pose.rotation, edge.cam2_from_cam1.rotation);
-    if (RadToDeg(error) <= max_rotation_error_deg) continue;
-    edge.cam2_from_cam1 = {pose.rotation, pose.translation.normalized()};
+    if (!edge.IsActive()) continue;
+    graph.edges[e].cam2_from_cam1 = PoseOf(edge, *built.model, max_rotation_error_deg);
   }
 }
 
@@ -170,9 +171,8 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
                            ? ContinueModel(context, *component.earlier, graph)
                            : BuildModel(context, component.images, graph);
     // What a wrong input model made of the edges tells nothing.
-    if (built.model || component.earlier == nullptr) TakeOver(built, graph);
-    if (built.model) {
-      TakePoses(*built.model, context.settings.view_graph.max_rotation_error_deg, graph);
+    if (built.model || component.earlier == nullptr) {
+      TakeOver(built, context.settings.view_graph.max_rotation_error_deg, graph);
     }
     for (const size_t e : built.duplicate_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {

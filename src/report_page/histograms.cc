@@ -60,7 +60,7 @@ std::vector<double> TriangulationAngles(const PageScene& scene) {
           for (const TrackElement& element : points[i]->track) {
             centers.push_back(model.images.at(element.image_id).cam_from_world.Center());
           }
-          angles[i] = MaxTriangulationAngleDeg(points[i]->xyz, centers);
+          angles[i] = MaxTriangulationAngleDeg(points[i]->xyz, std::move(centers));
         },
         /*grain=*/1024);
     all.insert(all.end(), angles.begin(), angles.end());

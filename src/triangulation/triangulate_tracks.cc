@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <unordered_map>
+#include <utility>
 
 #include "cairn/base/parallel.h"
 #include "scene/view_table.h"
@@ -153,7 +154,8 @@ Verdict Judge(const Point3D& point, const ViewTable& views,
     }
   }
   if (static_cast<int>(good_centers.size()) < options.min_views) return verdict;
-  verdict.keep = MaxTriangulationAngleDeg(point.xyz, good_centers) >= options.min_angle_deg;
+  verdict.keep =
+      MaxTriangulationAngleDeg(point.xyz, std::move(good_centers)) >= options.min_angle_deg;
   return verdict;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "cairn/math/angles.h"
 #include "math/positive_definite.h"
@@ -149,19 +150,6 @@ bool SearchPairs(Views views, const TriangulationOptions& options, Eigen::Vector
   return found;
 }
 
-// Smallest cosine of an angle between two rays to the point.
-double MinCosine(const Eigen::Vector3d& xyz, std::span<const Eigen::Vector3d> centers) {
-  double min_cosine = 1.0;
-  std::vector<Eigen::Vector3d> directions(centers.size());
-  for (size_t i = 0; i < centers.size(); ++i) {
-    directions[i] = (xyz - centers[i]).normalized();
-    for (size_t j = 0; j < i; ++j) {
-      min_cosine = std::min(min_cosine, directions[i].dot(directions[j]));
-    }
-  }
-  return min_cosine;
-}
-
 }  // namespace
 
 void TriangulationOptions::VisitFields(OptionVisitor& v) {
@@ -215,7 +203,7 @@ TriangulationResult Triangulate(std::span<const TriangulationView> views,
     centers.push_back(Center(views[i]));
     sum_error += std::sqrt(SquaredErrorPx(views[i], xyz));
   }
-  if (MaxTriangulationAngleDeg(xyz, centers) < options.min_angle_deg) {
+  if (MaxTriangulationAngleDeg(xyz, std::move(centers)) < options.min_angle_deg) {
     return fail(TriangulationStatus::kSmallAngle);
   }
   result.status = TriangulationStatus::kSuccess;
@@ -225,9 +213,14 @@ TriangulationResult Triangulate(std::span<const TriangulationView> views,
   return result;
 }
 
-double MaxTriangulationAngleDeg(const Eigen::Vector3d& xyz,
-                                std::span<const Eigen::Vector3d> centers) {
-  return RadToDeg(std::acos(std::clamp(MinCosine(xyz, centers), -1.0, 1.0)));
+double MaxTriangulationAngleDeg(const Eigen::Vector3d& xyz, std::vector<Eigen::Vector3d> centers) {
+  std::vector<Eigen::Vector3d>& rays = centers;  // in their place, one after the other
+  double min_cosine = 1.0;
+  for (size_t i = 0; i < centers.size(); ++i) {
+    rays[i] = (xyz - centers[i]).normalized();
+    for (size_t j = 0; j < i; ++j) min_cosine = std::min(min_cosine, rays[i].dot(rays[j]));
+  }
+  return RadToDeg(std::acos(std::clamp(min_cosine, -1.0, 1.0)));
 }
 
 }  // namespace cairn

@@ -61,7 +61,6 @@ TriangulationResult Triangulate(std::span<const TriangulationView> views,
                                 const TriangulationOptions& options);
 
 // Largest angle (degrees) between the rays from the centers to the point.
-double MaxTriangulationAngleDeg(const Eigen::Vector3d& xyz,
-                                std::span<const Eigen::Vector3d> centers);
+double MaxTriangulationAngleDeg(const Eigen::Vector3d& xyz, std::vector<Eigen::Vector3d> centers);
 
 }  // namespace cairn
