@@ -6,22 +6,6 @@
 #include "cairn/base/timer.h"
 
 namespace cairn {
-namespace {
-
-// Other images that see an observation's point, on average: how many blocks of the cameras' system
-// one observation takes part in.
-double MeanCovisibility(const Reconstruction& reconstruction) {
-  double observations = 0, pairs = 0;
-  for (const auto& [id, point] : reconstruction.points3D) {
-    const auto n = static_cast<double>(point.track.size());
-    observations += n;
-    pairs += n * n;
-  }
-  return observations > 0 ? pairs / observations : 0.0;
-}
-
-}  // namespace
-
 void BundleAdjustmentOptions::VisitFields(OptionVisitor& v) {
   v.Choice("loss", loss, kReprojectionLosses, "robust loss on the reprojection error");
   v.Double("loss_scale", loss_scale, {1e-6, 1e6},
@@ -30,8 +14,7 @@ void BundleAdjustmentOptions::VisitFields(OptionVisitor& v) {
   v.Double("function_tolerance", function_tolerance, {0, 1},
            "stop when the cost changes relatively by less");
   v.Choice("solver", solver, kBundleSolvers,
-           "auto: cairn's own, equal for any number of threads (for more than 500 images that "
-           "mostly see the same points, Ceres); the others: Ceres, and its solver");
+           "auto: cairn's own, equal for any number of threads; the others: Ceres, and its solver");
 }
 
 std::string_view BundleAdjustmentStatusName(BundleAdjustmentStatus status) {
@@ -58,12 +41,10 @@ BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
   if (std::string fault = CheckBundle(reconstruction, scope); !fault.empty()) {
     return {.status = BundleAdjustmentStatus::kFailed, .fault = std::move(fault)};
   }
-  const auto num_images = static_cast<int64_t>(reconstruction.images.size());
-  const bool is_ours = SuitsSchurBundle(scope) &&
-                       TakesSchurBundle(options, num_images, MeanCovisibility(reconstruction));
+  const bool is_ours = options.solver == BundleSolver::kAuto && SuitsSchurBundle(scope);
   BundleAdjustmentReport report = is_ours ? AdjustBySchurBundle(options, scope, run, reconstruction)
                                           : AdjustByCeres(options, scope, run, reconstruction);
-  report.num_images = num_images;
+  report.num_images = static_cast<int64_t>(reconstruction.images.size());
   report.seconds = timer.Seconds();
   return report;
 }

@@ -9,17 +9,21 @@
 namespace cairn {
 namespace {
 
-constexpr int kMaxSteps = 200;
 constexpr double kMinShareOfGain = 0.1;
 // Parts of the product, each with sums of its own: their number must not depend on the threads.
 constexpr int kNumParts = 8;
+
+// Of a positive definite block. One function for all sizes: each takes seconds to compile.
+Eigen::MatrixXd InverseOf(const Eigen::MatrixXd& block) {
+  return block.ldlt().solve(Eigen::MatrixXd::Identity(block.rows(), block.rows()));
+}
 
 }  // namespace
 
 template <int kIntrinsics>
 CameraSystem<kIntrinsics>::CameraSystem(const std::vector<std::vector<int>>& columns,
                                         std::vector<int> camera_of_image, int num_cameras,
-                                        int num_threads)
+                                        int num_threads, double max_factor_flops)
     : camera_of_image_(std::move(camera_of_image)),
       num_cameras_(num_cameras),
       num_threads_(num_threads),
@@ -35,9 +39,9 @@ CameraSystem<kIntrinsics>::CameraSystem(const std::vector<std::vector<int>>& col
     }
   }
   part_begin_.push_back(NumImages());
+  if (!IsFormed()) return;
   BlockPattern pattern = PatternOfNodes();
-  const double flops_of_product = 4.0 * kBlock * kBlock * static_cast<double>(column_.size());
-  if (EstimateFactorFlops(pattern) <= kMaxSteps * flops_of_product) {
+  if (EstimateFactorFlops(pattern) <= max_factor_flops) {
     factor_ = std::make_unique<BlockCholesky>(std::move(pattern));
   }
 }
@@ -108,8 +112,7 @@ void CameraSystem<kIntrinsics>::Gather(const Images& images, Eigen::VectorXd& x)
 }
 
 template <int kIntrinsics>
-Eigen::VectorXd CameraSystem<kIntrinsics>::Multiply(const Eigen::VectorXd& diagonal,
-                                                    const Eigen::VectorXd& x) const {
+Eigen::VectorXd CameraSystem<kIntrinsics>::Multiply(const Eigen::VectorXd& x) const {
   const Images X = Spread(x);
   std::vector<Images> sums(part_begin_.size() - 1);
   ParallelFor(num_threads_, static_cast<int64_t>(sums.size()), [&](int64_t part) {
@@ -124,34 +127,25 @@ Eigen::VectorXd CameraSystem<kIntrinsics>::Multiply(const Eigen::VectorXd& diago
       Y.col(i) += y;
     }
   });
-  Eigen::VectorXd result = diagonal.cwiseProduct(x);
+  Eigen::VectorXd result = Eigen::VectorXd::Zero(x.size());
   for (const Images& Y : sums) Gather(Y, result);
   return result;
 }
 
 template <int kIntrinsics>
-auto CameraSystem<kIntrinsics>::MakePreconditioner(const Eigen::VectorXd& diagonal) const
+auto CameraSystem<kIntrinsics>::MakePreconditioner(std::vector<IntrinsicsBlock> intrinsics,
+                                                   const Eigen::VectorXd& diagonal) const
     -> Preconditioner {
   using PoseBlock = Eigen::Matrix<double, kPose, kPose>;
-  using IntrinsicsBlock = Eigen::Matrix<double, kIntrinsics, kIntrinsics>;
-  Preconditioner inverse;
-  for (int c = 0; c < num_cameras_; ++c) {
-    inverse.intrinsics.push_back(diagonal.segment<kIntrinsics>(IntrinsicsAt(c)).asDiagonal());
-  }
+  Preconditioner inverse{{}, std::move(intrinsics)};
   for (int i = 0; i < NumImages(); ++i) {
     PoseBlock pose = blocks_[RowBegin(i)].template topLeftCorner<kPose, kPose>();
     pose.diagonal() += diagonal.segment<kPose>(PoseAt(i));
-    inverse.poses.push_back(pose.ldlt().solve(PoseBlock::Identity()));
-    for (int64_t k = RowBegin(i); k < RowEnd(i); ++k) {
-      if (camera_of_image_[column_[k]] != camera_of_image_[i]) continue;
-      const IntrinsicsBlock shared =
-          blocks_[k].template bottomRightCorner<kIntrinsics, kIntrinsics>();
-      inverse.intrinsics[camera_of_image_[i]] += shared;
-      if (column_[k] != i) inverse.intrinsics[camera_of_image_[i]] += shared.transpose();
-    }
+    inverse.poses.push_back(InverseOf(pose));
   }
-  for (IntrinsicsBlock& block : inverse.intrinsics) {
-    block = block.ldlt().solve(IntrinsicsBlock::Identity()).eval();
+  for (int c = 0; c < num_cameras_; ++c) {
+    inverse.intrinsics[c].diagonal() += diagonal.segment<kIntrinsics>(IntrinsicsAt(c));
+    inverse.intrinsics[c] = InverseOf(inverse.intrinsics[c]);
   }
   return inverse;
 }
@@ -171,29 +165,24 @@ Eigen::VectorXd CameraSystem<kIntrinsics>::Precondition(const Preconditioner& in
 }
 
 template <int kIntrinsics>
-bool CameraSystem<kIntrinsics>::Solve(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& right,
-                                      Eigen::VectorXd* x) {
-  if (!factor_) {
-    *x = SolveByConjugateGradients(diagonal, right);
-    return true;
-  }
+bool CameraSystem<kIntrinsics>::Factorize(const Eigen::VectorXd& diagonal) {
   FillFactor(diagonal);
-  if (!factor_->Factorize()) return false;
-  *x = factor_->Solve(right);
-  return true;
+  return factor_->Factorize();
 }
 
 template <int kIntrinsics>
-Eigen::VectorXd CameraSystem<kIntrinsics>::SolveByConjugateGradients(
-    const Eigen::VectorXd& diagonal, const Eigen::VectorXd& right) const {
-  const Preconditioner inverse = MakePreconditioner(diagonal);
+Eigen::VectorXd CameraSystem<kIntrinsics>::SolveByProducts(const Product& multiply,
+                                                           std::vector<IntrinsicsBlock> intrinsics,
+                                                           const Eigen::VectorXd& diagonal,
+                                                           const Eigen::VectorXd& right) const {
+  const Preconditioner inverse = MakePreconditioner(std::move(intrinsics), diagonal);
   Eigen::VectorXd x = Eigen::VectorXd::Zero(right.size());
   Eigen::VectorXd residual = right;
   Eigen::VectorXd direction = Precondition(inverse, residual);
   double rho = residual.dot(direction);
   double gain = 0;  // twice what the quadratic model has fallen
   for (int k = 1; k <= kMaxSteps && rho > 0; ++k) {
-    const Eigen::VectorXd image = Multiply(diagonal, direction);
+    const Eigen::VectorXd image = diagonal.cwiseProduct(direction) + multiply(direction);
     const double curvature = direction.dot(image);
     if (!(curvature > 0)) break;
     const double length = rho / curvature;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -23,12 +24,17 @@ class CameraSystem {
   static constexpr int kPose = 6;
   static constexpr int kBlock = kPose + kIntrinsics;
   using Block = Eigen::Matrix<double, kBlock, kBlock, Eigen::RowMajor>;
+  static constexpr int kMaxSteps = 200;  // of conjugate gradients
+  using IntrinsicsBlock = Eigen::Matrix<double, kIntrinsics, kIntrinsics>;
 
-  // columns[i]: the images from i on that see a point together with image i, ascending, i first.
+  // columns[i]: the images from i on that see a point together with image i, ascending, i first; or
+  // i alone, where pairs of images are to have no blocks. max_factor_flops: it is not factorized
+  // where that takes more operations.
   CameraSystem(const std::vector<std::vector<int>>& columns, std::vector<int> camera_of_image,
-               int num_cameras, int num_threads);
+               int num_cameras, int num_threads, double max_factor_flops);
 
   int NumImages() const { return static_cast<int>(camera_of_image_.size()); }
+  int NumCameras() const { return num_cameras_; }
   int NumUnknowns() const { return NumImages() * kPose + num_cameras_ * kIntrinsics; }
   Eigen::Index PoseAt(int image) const { return static_cast<Eigen::Index>(image) * kPose; }
   Eigen::Index IntrinsicsAt(int camera) const {
@@ -48,30 +54,37 @@ class CameraSystem {
   // Adds what images have to the unknowns.
   void Gather(const Images& images, Eigen::VectorXd& x) const;
 
+  // Pairs of images have blocks.
+  bool IsFormed() const { return column_.size() > camera_of_image_.size(); }
   bool IsFactorized() const { return factor_ != nullptr; }
-  // Adds `diagonal`, and solves. False if the system is not positive definite. Equal for any number
-  // of threads.
-  bool Solve(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& right, Eigen::VectorXd* x);
-  // Solves once more, by the factor of the last Solve.
+  // Adds `diagonal`, and factorizes. False if the system is not positive definite.
+  bool Factorize(const Eigen::VectorXd& diagonal);
   Eigen::VectorXd SolveByFactor(const Eigen::VectorXd& right) const {
     return factor_->Solve(right);
   }
+  // Without a factor, `diagonal` added: by conjugate gradients with a preconditioner of the
+  // diagonal blocks, those of the cameras' intrinsics by `intrinsics`. They end when an iteration
+  // promises less than a tenth of the mean one before (Nash and Sofer, "Assessing a search
+  // direction within a truncated-Newton method", 1990). multiply: the product with the system,
+  // without `diagonal`.
+  using Product = std::function<Eigen::VectorXd(const Eigen::VectorXd&)>;
+  Eigen::VectorXd SolveByProducts(const Product& multiply, std::vector<IntrinsicsBlock> intrinsics,
+                                  const Eigen::VectorXd& diagonal,
+                                  const Eigen::VectorXd& right) const;
+  // The product of a system that is formed. Equal for any number of threads.
+  Eigen::VectorXd Multiply(const Eigen::VectorXd& x) const;
 
  private:
   // Nodes are the images, then the cameras.
   BlockPattern PatternOfNodes() const;
   void FillFactor(const Eigen::VectorXd& diagonal);
-  // Ends when an iteration promises less than a tenth of the mean one before (Nash and Sofer,
-  // "Assessing a search direction within a truncated-Newton method", 1990).
-  Eigen::VectorXd SolveByConjugateGradients(const Eigen::VectorXd& diagonal,
-                                            const Eigen::VectorXd& right) const;
-  Eigen::VectorXd Multiply(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& x) const;
   // Inverses of the diagonal blocks, of poses and of intrinsics.
   struct Preconditioner {
     std::vector<Eigen::Matrix<double, kPose, kPose>> poses;
-    std::vector<Eigen::Matrix<double, kIntrinsics, kIntrinsics>> intrinsics;
+    std::vector<IntrinsicsBlock> intrinsics;
   };
-  Preconditioner MakePreconditioner(const Eigen::VectorXd& diagonal) const;
+  Preconditioner MakePreconditioner(std::vector<IntrinsicsBlock> intrinsics,
+                                    const Eigen::VectorXd& diagonal) const;
   Eigen::VectorXd Precondition(const Preconditioner& inverse, const Eigen::VectorXd& x) const;
 
   std::vector<int> camera_of_image_;

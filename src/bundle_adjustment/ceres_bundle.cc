@@ -10,13 +10,12 @@
 #include "bundle_adjustment/bundle_state.h"
 #include "bundle_adjustment/bundle_terms.h"
 #include "bundle_adjustment/reprojection_cost.h"
-#include "bundle_adjustment/schur_bundle.h"
 #include "cairn/base/parallel.h"
 
 namespace cairn {
 namespace {
 
-// kAuto: a scope that does not suit SchurBundle, or a system too large and too full to be formed.
+// kAuto: a scope that does not suit SchurBundle.
 ceres::LinearSolverType LinearSolver(const BundleAdjustmentOptions& options,
                                      const BundleAdjustmentScope& scope) {
   // Without points, or with nothing but points, there is nothing to eliminate.
@@ -24,9 +23,8 @@ ceres::LinearSolverType LinearSolver(const BundleAdjustmentOptions& options,
       scope.rotations || scope.positions || scope.focal_lengths || scope.distortions;
   if (!scope.points || !has_others) return ceres::SPARSE_NORMAL_CHOLESKY;
   if (options.solver == BundleSolver::kDenseSchur) return ceres::DENSE_SCHUR;
-  const bool is_small = options.solver == BundleSolver::kAuto && !SuitsSchurBundle(scope);
-  return is_small || options.solver == BundleSolver::kSparseSchur ? ceres::SPARSE_SCHUR
-                                                                  : ceres::ITERATIVE_SCHUR;
+  return options.solver == BundleSolver::kIterativeSchur ? ceres::ITERATIVE_SCHUR
+                                                         : ceres::SPARSE_SCHUR;
 }
 
 class StopCallback : public ceres::IterationCallback {
@@ -178,8 +176,11 @@ ceres::Solver::Options SolverOptions(const BundleAdjustmentOptions& options,
   ceres_options.parameter_tolerance = 1e-10;
   ceres_options.max_num_consecutive_invalid_steps = 10;
   ceres_options.max_linear_solver_iterations = 200;
-  // Ceres warns when asked for more threads than there are.
-  ceres_options.num_threads = std::min(EffectiveNumThreads(num_threads), EffectiveNumThreads(0));
+  // Ceres sums in the order in which threads come, and warns when asked for more than there are.
+  ceres_options.num_threads =
+      options.solver == BundleSolver::kAuto
+          ? 1
+          : std::min(EffectiveNumThreads(num_threads), EffectiveNumThreads(0));
   ceres_options.logging_type = ceres::SILENT;
   return ceres_options;
 }

@@ -1,5 +1,7 @@
 #include "bundle_adjustment/memory_estimate.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "bundle_adjustment/bundle_observations.h"
@@ -44,20 +46,20 @@ int64_t SchurBytesPerObservation(int64_t block) {
   return sizeof(BundleObservation) + (2 * block + 2 * kPointSize + 2) * sizeof(float) + 8 + 4 + 8;
 }
 
-// Is the system factorized? A full one of more images is left to conjugate gradients; of many, one
-// with few pairs is not.
-bool IsLikelyFactorized(const BundleSize& size) {
-  constexpr int64_t kMaxImages = 555, kFewPairs = 50;
-  return size.num_images <= kMaxImages || size.num_image_pairs <= kFewPairs * size.num_images;
+// Pairs of images that have a block in the cameras' system. (To factorize a full one is the most.)
+int64_t NumFormedPairs(const BundleSize& size, int block) {
+  const SchurFlops flops(block, size.num_observations, size.covisibility);
+  const double factor = std::pow(kPoseSize * size.num_images, 3) / 3;
+  const double least = std::min(flops.ByBlocks(size.num_image_pairs), factor);
+  return flops.form + least <= flops.by_points ? size.num_image_pairs : 0;
 }
 
-// A pair of images: its block and its column, once more while they are found; where the system is
-// factorized, rows and values of the entries, here and in CHOLMOD, and the factor.
+// A pair of images: its block and its column, once more while they are found; rows and values of
+// the entries, here and in CHOLMOD, and the factor, as if there always was one.
 int64_t SchurBytesPerImagePair(const BundleSize& size, int64_t block) {
-  const int64_t in_block = block * block * int64_t{sizeof(double)} + 3 * int64_t{sizeof(int32_t)};
   const int64_t unknowns = size.has_own_cameras ? kPoseSize + size.num_free_intrinsics : kPoseSize;
-  const int64_t in_factor = unknowns * unknowns * 5 * int64_t{sizeof(double)};
-  return in_block + (IsLikelyFactorized(size) ? in_factor : 0);
+  return block * block * int64_t{sizeof(double)} + 3 * int64_t{sizeof(int32_t)} +
+         unknowns * unknowns * 5 * int64_t{sizeof(double)};
 }
 
 constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t) + sizeof(float);
@@ -68,17 +70,16 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
   const int64_t rows = kPoseSize * size.num_images;
   const int64_t reconstruction = size.num_keypoints * kBytesPerKeypoint +
                                  size.num_images * static_cast<int64_t>(sizeof(PoseState));
-  if (TakesSchurBundle(options, size.num_images, size.covisibility)) {
-    const int64_t block = kPoseSize + IntrinsicsOfBlock(size.num_free_intrinsics);
+  if (options.solver == BundleSolver::kAuto) {
+    const int block = kPoseSize + IntrinsicsOfBlock(size.num_free_intrinsics);
     return reconstruction +
            size.num_observations *
                (static_cast<int64_t>(sizeof(TrackElement)) + SchurBytesPerObservation(block)) +
            size.num_points * (kBytesOfPoint + kSchurBytesPerPoint) +
-           size.num_image_pairs * SchurBytesPerImagePair(size, block);
+           NumFormedPairs(size, block) * SchurBytesPerImagePair(size, block);
   }
   // The diagonal blocks, or the complement and its factor.
-  const bool is_iterative =
-      options.solver == BundleSolver::kAuto || options.solver == BundleSolver::kIterativeSchur;
+  const bool is_iterative = options.solver == BundleSolver::kIterativeSchur;
   const int64_t schur = rows * (is_iterative ? kPoseSize : rows) * int64_t{sizeof(double)};
   return reconstruction + size.num_observations * kBytesPerObservation +
          size.num_points * (kBytesOfPoint + kCeresBytesPerPoint) + schur;
@@ -86,7 +87,7 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
 
 int64_t MaxBundleObservations(const BundleAdjustmentOptions& options, const BundleSize& size) {
   const int64_t most = std::numeric_limits<int>::max();
-  if (TakesSchurBundle(options, size.num_images, size.covisibility)) return most;
+  if (options.solver == BundleSolver::kAuto) return most;
   return most / (2 * (kPointSize + kPoseSize + size.num_free_intrinsics));
 }
 

@@ -12,7 +12,7 @@ struct BundleSize {
   int64_t num_points = 0;
   int64_t num_observations = 0;
   double covisibility = 0;       // images that see an observation's point, on average
-  int64_t num_image_pairs = 0;   // that see a point together; only of a SchurBundle
+  int64_t num_image_pairs = 0;   // that see a point together; only for a SchurBundle
   int num_free_intrinsics = 0;   // of the camera that has most
   bool has_own_cameras = false;  // most images have a camera of their own
 };

@@ -12,6 +12,7 @@
 #include "bundle_adjustment/camera_system.h"
 #include "bundle_adjustment/linear_bundle.h"
 #include "bundle_adjustment/schur_kernels.h"
+#include "bundle_adjustment/schur_product.h"
 #include "cairn/base/parallel.h"
 #include "math/levenberg_marquardt.h"
 
@@ -24,6 +25,15 @@ std::vector<int> CamerasOfImages(BundleState& bundle) {
     cameras.push_back(static_cast<int>(pose.intrinsics - bundle.intrinsics().data()));
   }
   return cameras;
+}
+
+// Images that see an observation's point, on average.
+double MeanCovisibility(const BundleObservations& observations) {
+  double pairs = 0;
+  for (int p = 0; p < observations.NumPoints(); ++p) {
+    pairs += std::pow(observations.begin[p + 1] - observations.begin[p], 2);
+  }
+  return pairs / std::max<double>(1, observations.begin.back());
 }
 
 // A problem for Minimize (math/levenberg_marquardt.h): the points are eliminated from the normal
@@ -46,10 +56,10 @@ class SchurBundle {
       : run_(run),
         observations_(
             CollectObservations(bundle.scope(), bundle.reconstruction(), run.num_threads)),
-        system_(ImagesSeenTogether(observations_, run.num_threads), CamerasOfImages(bundle),
-                static_cast<int>(bundle.intrinsics().size()), run.num_threads),
+        system_(MakeSystem(observations_, bundle, run.num_threads)),
         linear_(loss, run, bundle, observations_, system_),
-        inverse_(observations_.NumPoints()) {}
+        inverse_(observations_.NumPoints()),
+        by_points_(observations_, system_, linear_, inverse_, run.num_threads) {}
 
   const BundleObservations& observations() const { return observations_; }
   State Start() { return linear_.State(); }
@@ -74,10 +84,17 @@ class SchurBundle {
     }
     InvertPoints(damping);
     const Eigen::VectorXd right = FormSystem(model.gradient);
-    Eigen::VectorXd cameras;
-    if (!system_.Solve(DampedDiagonal(damping), right, &cameras)) return false;
+    const Eigen::VectorXd diagonal = DampedDiagonal(damping);
     step->resize(model.gradient.size());
-    step->head(cameras.size()) = cameras;
+    if (!system_.IsFactorized()) {
+      step->head(right.size()) =
+          system_.SolveByProducts([&](const auto& x) { return Multiply(x); },
+                                  by_points_.IntrinsicsBlocks(), diagonal, right);
+    } else if (system_.Factorize(diagonal)) {
+      step->head(right.size()) = system_.SolveByFactor(right);
+    } else {
+      return false;
+    }
     FindPoints(model.gradient, *step);
     return step->allFinite();
   }
@@ -103,6 +120,31 @@ class SchurBundle {
   using ByCamera = Eigen::Matrix<double, 2, kBlock, Eigen::RowMajor>;
   using Image = typename Bundle::Image;
   using Images = typename System::Images;
+
+  // The solution of the fewest operations.
+  static System MakeSystem(const BundleObservations& observations, BundleState& bundle,
+                           int num_threads) {
+    const auto make = [&](const std::vector<std::vector<int>>& columns, double max_factor_flops) {
+      return System(columns, CamerasOfImages(bundle), static_cast<int>(bundle.intrinsics().size()),
+                    num_threads, max_factor_flops);
+    };
+    const SchurFlops flops(kBlock, observations.begin.back(), MeanCovisibility(observations));
+    if (flops.form < flops.by_points) {
+      const auto columns = ImagesSeenTogether(observations, num_threads);
+      int64_t num_pairs = 0;
+      for (const std::vector<int>& row : columns) num_pairs += std::ssize(row);
+      const double least = std::min(flops.ByBlocks(num_pairs), flops.by_points - flops.form);
+      System formed = make(columns, least);
+      if (formed.IsFactorized() || flops.ByBlocks(num_pairs) <= least) return formed;
+    }
+    std::vector<std::vector<int>> alone;
+    for (int i = 0; i < std::ssize(bundle.poses()); ++i) alone.push_back({i});
+    return make(alone, 0);
+  }
+
+  Eigen::VectorXd Multiply(const Eigen::VectorXd& x) const {
+    return system_.IsFormed() ? system_.Multiply(x) : by_points_.Multiply(x);
+  }
 
   Eigen::Index PointAt(int64_t p) const { return linear_.PointAt(p); }
 
@@ -161,6 +203,7 @@ class SchurBundle {
       while (b > observations_.begin[p] && observations_.all[b - 1].image == i) --b;
       partners.clear();
       for (; b < observations_.begin[p + 1]; ++b) {
+        if (!system_.IsFormed() && observations_.all[b].image != i) break;
         Eigen::Matrix2d M = Q * linear_[b].by_point.transpose().template cast<double>();
         if (b == a) M -= Eigen::Matrix2d::Identity();
         partners.push_back({{M(0, 0), M(0, 1), M(1, 0), M(1, 1)},
@@ -253,7 +296,8 @@ class SchurBundle {
   System system_;
   Bundle linear_;
   std::vector<Eigen::Matrix3d> inverse_;  // of the points' blocks
-  int number_ = 0;                        // of the linearization in linear_
+  const SchurProduct<kIntrinsics> by_points_;
+  int number_ = 0;  // of the linearization in linear_
   int last_number_ = 0;
 };
 

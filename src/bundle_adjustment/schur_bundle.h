@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "bundle_adjustment/camera_system.h"
 #include "cairn/base/run_context.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 
@@ -15,17 +16,24 @@ inline constexpr int IntrinsicsOfBlock(int num_free) {
 // Poses and points, with or without intrinsics.
 bool SuitsSchurBundle(const BundleAdjustmentScope& scope);
 
-// Does kAuto stand for it, where the scope suits? covisibility: images that see an observation's
-// point, on average. To form the cameras' system takes as long as two or three products by way of
-// the points for every image that sees a point. Of thousands of images that all see the same
-// points, hundreds of products take less.
-inline bool TakesSchurBundle(const BundleAdjustmentOptions& options, int64_t num_images,
-                             double covisibility) {
-  constexpr int64_t kFewImages = 500;
-  constexpr double kMaxCovisibility = 40.0;
-  return options.solver == BundleSolver::kAuto &&
-         (num_images <= kFewImages || covisibility <= kMaxCovisibility);
-}
+// Operations for a cameras' system (camera_system.h) with blocks of so many unknowns.
+struct SchurFlops {
+  // covisibility: images that see an observation's point, on average.
+  SchurFlops(int block, int64_t num_observations, double covisibility)
+      : block(block),
+        form(2.0 * block * block * static_cast<double>(num_observations) * covisibility),
+        by_points(kSteps * (8.0 * block + 24) * static_cast<double>(num_observations)) {}
+
+  // The most conjugate gradients, by products of the blocks of pairs of images.
+  double ByBlocks(int64_t num_pairs) const {
+    return kSteps * 4.0 * block * block * static_cast<double>(num_pairs);
+  }
+
+  static constexpr int kSteps = CameraSystem<4>::kMaxSteps;
+  int block;
+  double form;       // the blocks of pairs of images
+  double by_points;  // the most conjugate gradients, by way of the points (schur_product.h)
+};
 
 // Bundle adjustment by Levenberg-Marquardt: the points eliminated (Schur complement), the cameras'
 // system formed row by row (no two threads write to one block) and solved (camera_system.h). Equal

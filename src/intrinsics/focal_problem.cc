@@ -121,7 +121,8 @@ double FocalProblem::Cost(const State& x) const {
   return cost;
 }
 
-double FocalProblem::FitPrincipalPoint(int camera, State& x) const {
+FocalProblem::Fit FocalProblem::FitPrincipalPoint(int camera, double log_focal, State x) const {
+  x[camera] = log_focal;
   auto point = x.segment<2>(PrincipalPointAt(camera));
   point.setZero();
   struct Linear {
@@ -152,31 +153,25 @@ double FocalProblem::FitPrincipalPoint(int camera, State& x) const {
     }
     point -= hessian.inverse() * gradient;
   }
-  double cost = PriorLoss(x, camera);
-  for (const Linear& term : terms) cost += Loss(Squared(term.ValueAt(point), term.information));
-  return cost;
+  Fit fit{log_focal, point, PriorLoss(x, camera)};
+  for (const Linear& term : terms) fit.cost += Loss(Squared(term.ValueAt(point), term.information));
+  return fit;
 }
 
-void FocalProblem::Search(State& x) const {
+void FocalProblem::Search(int num_threads, State& x) const {
   std::vector<char> is_open(NumCameras(), 1);
   for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
     for (int v = 0; v < NumCameras(); ++v) {
       if (!std::exchange(is_open[v], 0)) continue;
       const double before = x[v];
-      double best = before, best_cost = FitPrincipalPoint(v, x);
-      Eigen::Vector2d best_point = x.segment<2>(PrincipalPointAt(v));
-      // From 0.2 to 7 image sides, if the guess is 1.2.
-      for (int k = 0; k <= 24; ++k) {
-        x[v] = 0.15 * (k - 12);
-        const double cost = FitPrincipalPoint(v, x);
-        if (!(cost < best_cost)) continue;
-        best_cost = cost;
-        best = x[v];
-        best_point = x.segment<2>(PrincipalPointAt(v));
-      }
-      x[v] = best;
-      x.segment<2>(PrincipalPointAt(v)) = best_point;
-      if (best == before) continue;
+      std::array<Fit, 26> fits;  // where it is; from 0.2 to 7 image sides, if the guess is 1.2
+      ParallelFor(num_threads, std::ssize(fits), [&](int64_t k) {
+        fits[k] = FitPrincipalPoint(v, k == 0 ? before : 0.15 * static_cast<double>(k - 13), x);
+      });
+      const Fit& best = *std::ranges::min_element(fits, {}, &Fit::cost);
+      x[v] = best.log_focal;
+      x.segment<2>(PrincipalPointAt(v)) = best.principal_point;
+      if (best.log_focal == before) continue;
       for (const int t : terms_of_[v]) {
         for (const int other : {terms_[t].camera1, terms_[t].camera2}) {
           if (other >= 0 && other != v) is_open[other] = 1;
@@ -256,7 +251,7 @@ FocalSolution FocalProblem::Solve(int num_threads) const {
   const auto solve = [&](int64_t k) {
     found[k] = State::Zero(3 * n);
     found[k].head(n).setConstant(kStarts[k]);
-    Search(found[k]);
+    Search(num_threads, found[k]);
     Refine(found[k]);
     costs[k] = Cost(found[k]);
   };

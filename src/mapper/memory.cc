@@ -6,7 +6,6 @@
 
 #include "base/text.h"
 #include "bundle_adjustment/memory_estimate.h"
-#include "bundle_adjustment/schur_bundle.h"
 #include "cairn/base/parallel.h"
 #include "mapper/stages.h"
 
@@ -71,9 +70,7 @@ BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks,
   if (size.num_observations > 0) {
     size.covisibility = num_pairs / static_cast<double>(size.num_observations);
   }
-  if (TakesSchurBundle(options, size.num_images, size.covisibility)) {
-    size.num_image_pairs = NumImagePairs(model, tracks);
-  }
+  if (options.solver == BundleSolver::kAuto) size.num_image_pairs = NumImagePairs(model, tracks);
   return size;
 }
 

@@ -2,8 +2,7 @@
 
 Arrays are NumPy's. Long calls release the interpreter's lock, stop at Ctrl-C, call
 `progress(stage, num_done, num_total)`, and send messages to `logging.getLogger("cairn")`. The same
-seed gives the same result for any number of threads (0: all; but the last digits of models of more
-than 500 images that mostly see the same points).
+seed gives the same result for any number of threads (0: all).
 """
 from ._cairn import *  # noqa: F403
 from ._cairn import __version__  # noqa: F401

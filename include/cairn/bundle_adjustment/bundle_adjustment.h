@@ -22,8 +22,10 @@ inline constexpr NamedValue<ReprojectionLoss> kReprojectionLosses[] = {
     {ReprojectionLoss::kCauchy, "cauchy"}};
 
 enum class BundleSolver {
-  kAuto,  // cairn's own, equal for any number of threads; Ceres where only some things are adjusted
-  kDenseSchur,  // Ceres, as the following
+  // Equal for any number of threads: cairn's own where rotations, positions and points are
+  // adjusted, else Ceres by one thread.
+  kAuto,
+  kDenseSchur,  // Ceres, as the following; with several threads, last digits differ
   kSparseSchur,
   kIterativeSchur,
 };

@@ -79,35 +79,48 @@ std::vector<ScopeCase> ScopeCases() {
            }}};
 }
 
+void ExpectCeresEndsThere(const ScopeCase& of, SyntheticOptions scene, BundleSolver solver) {
+  scene.model = of.model;
+  const Reconstruction truth = MakeSyntheticScene(scene).truth;
+  BundleAdjustmentScope scope;
+  of.change(truth, scope);
+  scope.fixed_images = {1, 6};  // the gauge
+  const Reconstruction start = Perturbed(truth, {0.005, 0.02, 0.02});
+  Reconstruction ours = start, theirs = start;
+  for (const image_t id : scope.fixed_images) {
+    ours.images.at(id).cam_from_world = theirs.images.at(id).cam_from_world =
+        truth.images.at(id).cam_from_world;
+  }
+  const auto report = AdjustBundle(ours, scope, Precise(), kOneThread);
+  const auto reference = AdjustBundle(theirs, scope, With(solver), kOneThread);
+  EXPECT_EQ(report.status, BundleAdjustmentStatus::kConverged) << of.name;
+  EXPECT_EQ(report.num_observations, reference.num_observations);
+  EXPECT_NEAR(report.initial_rmse, reference.initial_rmse, 1e-9 * reference.initial_rmse);
+  EXPECT_NEAR(report.final_rmse, reference.final_rmse, 1e-7) << of.name;
+  EXPECT_LT(LargestDifference(ours, theirs), 1e-3) << of.name << scene.shared_camera;
+}
+
+constexpr SyntheticOptions kFewImages{
+    .num_images = 12, .num_points = 300, .noise_px = 0.5, .outlier_share = 0.02};
+// So many that pairs of images have no blocks (SchurFlops).
+constexpr SyntheticOptions kManyThatSeeTheSame{.num_images = 502,
+                                               .num_points = 60,
+                                               .noise_px = 0.5,
+                                               .outlier_share = 0.02,
+                                               .visible_share = 0.3};
+
 TEST(SchurBundle, EndsWhereCeresEnds) {
   for (const ScopeCase& of : ScopeCases()) {
     for (const bool shared : {true, false}) {
-      const Reconstruction truth = MakeSyntheticScene({.num_images = 12,
-                                                       .num_points = 300,
-                                                       .noise_px = 0.5,
-                                                       .outlier_share = 0.02,
-                                                       .model = of.model,
-                                                       .shared_camera = shared})
-                                       .truth;
-      BundleAdjustmentScope scope;
-      of.change(truth, scope);
-      scope.fixed_images = {1, 6};  // the gauge
-      const Reconstruction start = Perturbed(truth, {0.005, 0.02, 0.02});
-      Reconstruction ours = start, dense = start;
-      for (const image_t id : scope.fixed_images) {
-        ours.images.at(id).cam_from_world = dense.images.at(id).cam_from_world =
-            truth.images.at(id).cam_from_world;
-      }
-      const auto report = AdjustBundle(ours, scope, Precise(), kOneThread);
-      const auto reference =
-          AdjustBundle(dense, scope, With(BundleSolver::kDenseSchur), kOneThread);
-      EXPECT_EQ(report.status, BundleAdjustmentStatus::kConverged) << of.name;
-      EXPECT_EQ(report.num_observations, reference.num_observations);
-      EXPECT_NEAR(report.initial_rmse, reference.initial_rmse, 1e-9 * reference.initial_rmse);
-      EXPECT_NEAR(report.final_rmse, reference.final_rmse, 1e-7) << of.name;
-      EXPECT_LT(LargestDifference(ours, dense), 1e-3) << of.name << shared;
+      SyntheticOptions scene = kFewImages;
+      scene.shared_camera = shared;
+      ExpectCeresEndsThere(of, scene, BundleSolver::kDenseSchur);
     }
   }
+}
+
+TEST(SchurBundle, EndsThereByWayOfThePoints) {
+  ExpectCeresEndsThere(ScopeCases()[1], kManyThatSeeTheSame, BundleSolver::kIterativeSchur);
 }
 
 // As seen by lenses of a hundred times the focal length from a hundred times as far.
@@ -154,19 +167,22 @@ TEST(SchurBundle, FollowsBentValleysOfLongLenses) {
 }
 
 TEST(SchurBundle, IsEqualForAnyNumberOfThreads) {
-  const Reconstruction truth =
-      MakeSyntheticScene({.num_images = 20, .num_points = 3000, .noise_px = 0.5}).truth;
-  BundleAdjustmentScope scope;
-  scope.focal_lengths = scope.distortions = true;
-  Reconstruction one = Perturbed(truth, {});
-  const Reconstruction start = one;
-  BundleAdjustmentOptions options = Precise();
-  options.max_iterations = 5;
-  AdjustBundle(one, scope, options, kOneThread);
-  for (const int num_threads : {2, 3, 8}) {
-    Reconstruction model = start;
-    AdjustBundle(model, scope, options, {.num_threads = num_threads});
-    EXPECT_EQ(LargestDifference(one, model), 0);
+  for (const SyntheticOptions& scene :
+       {SyntheticOptions{.num_images = 20, .num_points = 3000, .noise_px = 0.5},
+        kManyThatSeeTheSame}) {
+    const Reconstruction truth = MakeSyntheticScene(scene).truth;
+    BundleAdjustmentScope scope;
+    scope.focal_lengths = scope.distortions = true;
+    Reconstruction one = Perturbed(truth, {});
+    const Reconstruction start = one;
+    BundleAdjustmentOptions options = Precise();
+    options.max_iterations = 5;
+    AdjustBundle(one, scope, options, kOneThread);
+    for (const int num_threads : {2, 3, 8}) {
+      Reconstruction model = start;
+      AdjustBundle(model, scope, options, {.num_threads = num_threads});
+      EXPECT_EQ(LargestDifference(one, model), 0);
+    }
   }
 }
 
