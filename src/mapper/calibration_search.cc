@@ -64,19 +64,17 @@ class CalibrationSearch {
     choice_.name = "calibration_choice";
   }
 
-  // Reconstructs by the scene's calibration. Whether that is better than the best so far: its score
-  // is more than this share of the best one's.
-  bool Try(double least_share = 1) {
+  // Reconstructs by the scene's calibration, which is better than the best so far if its score is
+  // more than this share of the best one's.
+  void Try(double least_share = 1) {
     const bool is_first = choice_.messages.empty();
-    if (!is_first && run_.monitor.StopRequested()) return false;
+    if (!is_first && run_.monitor.StopRequested()) return;
     if (!is_first) run_.monitor.Info("once more, with " + scene_.origin);
     CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
     choice_.messages.push_back(std::to_string(std::llround(result.result.evidence_nats)) +
                                " nats of evidence with " + scene_.origin);
-    const bool is_best = is_first || result.Score() > least_share * best_.Score();
-    if (is_best) std::swap(result, best_);
+    if (is_first || result.Score() > least_share * best_.Score()) std::swap(result, best_);
     Keep(result);
-    return is_best;
   }
 
   const CalibratedResult& best() const { return best_; }
@@ -123,27 +121,6 @@ class CalibrationSearch {
   StageReport choice_;  // a message for each calibration
 };
 
-std::vector<Camera> CamerasOf(const std::set<image_t>& images, const SceneData& scene) {
-  std::vector<Camera> cameras;
-  for (const image_t id : images) cameras.push_back(scene.CameraOf(id));
-  return cameras;
-}
-
-std::vector<Camera> CamerasOf(const std::set<image_t>& images,
-                              const std::vector<Reconstruction>& models) {
-  std::vector<Camera> cameras;
-  for (const Reconstruction& model : models) {
-    for (const auto& [id, image] : model.images) {
-      if (images.count(id) > 0) cameras.push_back(model.cameras.at(image.image.camera_id));
-    }
-  }
-  return cameras;
-}
-
-bool HaveExif(const std::set<image_t>& images, const SceneData& scene) {
-  return scene.CameraOf(*images.begin()).has_prior_focal_length;
-}
-
 // Finds calibrations of the scene.
 class Calibrator {
  public:
@@ -164,22 +141,17 @@ class Calibrator {
     return calibrations;
   }
 
-  // Gives the images of each group the median of their cameras in a scene or in models; what is
-  // known by EXIF stays as it is. False: there are none.
-  template <typename Source>
-  bool Share(const std::vector<std::set<image_t>>& groups, const Source& cameras_from,
-             const std::string& origin) {
+  // Gives the images of each group the median of their cameras.
+  void Share(const std::vector<std::set<image_t>>& groups) {
     std::string shared;
     for (const std::set<image_t>& images : groups) {
-      std::vector<Camera> cameras = CamerasOf(images, cameras_from);
-      if (cameras.empty()) continue;
-      if (HaveExif(images, scene_)) cameras = CamerasOf(images, scene_);
+      std::vector<Camera> cameras;
+      for (const image_t id : images) cameras.push_back(scene_.CameraOf(id));
       ShareCamera(images, MedianCamera(std::move(cameras)), run_, scene_);
       shared += (shared.empty() ? "one camera for " : ", one for ") +
                 std::to_string(images.size()) + " images";
     }
-    if (!shared.empty()) scene_.origin = shared + origin;
-    return !shared.empty();
+    if (!shared.empty()) scene_.origin = shared;
   }
 
  private:
@@ -210,37 +182,25 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
   const auto refines_exif = [&](const auto& entry) { return RefinesExif(entry.second, scene); };
   if (std::ranges::any_of(scene.cameras, refines_exif)) stored = scene;
   CalibrationSearch search(settings, run, scene);
-  // Leaves the scene with the best one. Returns whether pairs dispute the cameras that images
-  // share.
+  // Returns whether pairs dispute the cameras that images share.
   const auto try_calibrations = [&] {
-    std::vector<Calibration> calibrations = calibrator.Calibrate();
-    const bool is_disputed = calibrations.front().is_sharing_disputed;
-    size_t best = 0;
-    for (size_t i = 0; i < calibrations.size(); ++i) {
-      std::swap(calibration, calibrations[i]);
-      if (search.Try()) best = i;
-      std::swap(calibration, calibrations[i]);
+    for (Calibration& found : calibrator.Calibrate()) {
+      calibration = std::move(found);
+      search.Try();
     }
-    calibration = std::move(calibrations[best]);
-    return is_disputed;
+    return calibration.is_sharing_disputed;
   };
-  std::vector<std::set<image_t>> without_prior = of_one;
-  std::erase_if(without_prior, [&](const auto& images) { return HaveExif(images, scene); });
   bool is_disputed = false;
-  if (!without_prior.empty()) {
+  if (!of_one.empty()) {
     Calibration separate = scene;
-    calibrator.Share(without_prior, scene, "");
+    calibrator.Share(of_one);
     is_disputed = try_calibrations();
     calibration = std::move(separate);
   }
-  if (without_prior.empty() || is_disputed || search.SeparatePays()) try_calibrations();
-  if (!search.best().shares_camera &&
-      calibrator.Share(of_one, search.best().result.models, ", by the models")) {
-    search.Try();
-  }
+  if (of_one.empty() || is_disputed || search.SeparatePays()) try_calibrations();
   if (!search.best().left_exif.empty()) {
     calibration = std::move(*stored);
-    calibrator.Share(of_one, scene, "");
+    calibrator.Share(of_one);
     // (An observation of bundle adjustment has two coordinates, a match one.)
     HoldExif(search.best().left_exif, settings.focal_calibration.exif_sigma,
              2 * kModelErrors * search.best().result.evidence_nats, scene);
@@ -267,7 +227,7 @@ PartResult ReconstructBest(std::span<const Reconstruction> earlier,
     std::erase_if(of_one, [&](const std::set<image_t>& images) {
       return !AgreeWithOneCamera(earlier, images, scene);
     });
-    calibrator.Share(of_one, scene, "");
+    calibrator.Share(of_one);
     static_cast<Calibration&>(scene) = std::move(calibrator.Calibrate().front());
     const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, before);
     if (before.Succeeded()) result = ReconstructCalibrated(scene, adopted, settings, run).result;
