@@ -39,8 +39,11 @@ class SevenPointEstimator {
   static constexpr int kMaxSolutions = SevenPoint::kMaxSolutions;
   using Model = Eigen::Matrix3d;
 
-  SevenPointEstimator(const PreparedPair& pair, int num_data) : pair_(pair), num_data_(num_data) {}
-  int NumData() const { return num_data_; }
+  // Samples are drawn from the first `num_data`.
+  SevenPointEstimator(const PreparedPair& pair, int num_data) : pair_(pair) {
+    sampled_.SetPrefix(pair.points, num_data);
+  }
+  int NumData() const { return sampled_.size(); }
   int Solve(const uint32_t* sample, Model* models) const {
     PointCorrespondence points[kSampleSize];
     for (int i = 0; i < kSampleSize; ++i) points[i] = pair_.Points(static_cast<int>(sample[i]));
@@ -51,13 +54,14 @@ class SevenPointEstimator {
   }
   double Optimize(Model& F, int* num_inliers) const {
     const double score = Improve(pair_, &F);
-    *num_inliers = static_cast<int>(1.5 * score);  // uniform errors have a mean support of 2/3
+    // Of those that samples are drawn from; uniform errors have a mean support of 2/3.
+    *num_inliers = static_cast<int>(1.5 * ScoreSampson(sampled_, F, pair_.max_error_px));
     return score;
   }
 
  private:
   const PreparedPair& pair_;
-  int num_data_;
+  PointPairs sampled_;
 };
 
 std::optional<FundamentalModel> Measure(const PreparedPair& pair, const Eigen::Matrix3d& F) {

@@ -9,6 +9,7 @@
 #include "two_view/decide/evidence.h"
 #include "two_view/pair_fixture.h"
 #include "two_view/prepare/local_consensus.h"
+#include "two_view/search/fundamental_search.h"
 #include "two_view/search/guided_support.h"
 #include "two_view/search/pose_resampling.h"
 #include "two_view/search/pose_search.h"
@@ -394,6 +395,39 @@ TEST(TriangleDepthStep, ItsBudgetDecidesWhatTheCascadeFinds) {
     return count;
   };
   EXPECT_GT(num_verified(4000), num_verified(1) + 5);
+}
+
+// Samples are drawn from the matches with votes: how many of these are right tells when to stop.
+TEST(FindFundamental, StopsByTheShareOfThoseThatItDrawsFrom) {
+  constexpr int kNumMatches = 2000, kNumVoters = 200;
+  int num_found = 0;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    Rng rng(seed);
+    const TwoViewScene scene = RandomScene(rng, kNumMatches);
+    const Camera camera = MakeCamera(1, 1000.0, 0.0);
+    PreparedPair prepared;
+    prepared.input.seed = seed;
+    prepared.input.camera1 = prepared.input.camera2 = &camera;
+    prepared.consensus_sigmas = 10.0;
+    prepared.vote_class_end = {kNumVoters, kNumVoters, kNumMatches, kNumMatches};
+    prepared.points.Reset(kNumMatches, 1000.0, 1000.0);
+    int num_right = 0;
+    for (int i = 0; i < kNumMatches; ++i) {
+      PointCorrespondence x = scene.patches[i].points();
+      const bool is_right = i % (i < kNumVoters ? 2 : 3) == 0;
+      if (!is_right) x.x2 = {rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5)};
+      for (Eigen::Vector2d* point : {&x.x1, &x.x2}) {
+        *point += 3e-4 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+      }
+      prepared.points.Set(i, x.x1, x.x2);
+      prepared.match_index.push_back(i);
+      num_right += is_right;
+    }
+    const auto model = FindFundamental(
+        prepared, {.confidence = 0.99, .min_iterations = 1, .max_iterations = 2000});
+    num_found += model && static_cast<double>(model->inliers.size()) > 0.85 * num_right;
+  }
+  EXPECT_GE(num_found, 18);
 }
 
 TEST(PairNoise, IsThatOfTheRightMatches) {
