@@ -71,6 +71,26 @@ if(CAIRN_SANITIZE STREQUAL "address")
   set(cairn_no_parser -fno-sanitize-coverage=trace-cmp -fno-sanitize=alignment)
 endif()
 
+# Shared libraries, Python modules among them, can be made of it; functions are inlined as ever.
+function(cairn_compile_as_module target)
+  set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  target_compile_options(${target} PRIVATE -fno-semantic-interposition)
+endfunction()
+
+# Headers that are parsed once, for all targets that reuse them.
+function(cairn_precompile target)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    target_compile_options(${target} PRIVATE -fpch-preprocess)  # ccache asks for it
+  endif()
+  target_precompile_headers(${target} PRIVATE ${ARGN})
+endfunction()
+function(cairn_reuse_precompiled target headers)
+  if(TARGET ${headers})
+    target_compile_options(${target} PRIVATE $<TARGET_PROPERTY:${headers},COMPILE_OPTIONS>)
+    target_precompile_headers(${target} REUSE_FROM ${headers})
+  endif()
+endfunction()
+
 # cairn_module(NAME SOURCES a.cc ... [KERNELS k.cc ...] [APART b.cc ...] [PUBLIC lib ...] [PRIVATE lib ...])
 # One static library cairn_NAME (alias cairn::NAME). Without SOURCES, a header-only library.
 # KERNELS are sources that Highway compiles for every instruction set, each a translation unit. APART are sources that need
@@ -83,9 +103,8 @@ function(cairn_module name)
     set(scope PUBLIC)
     target_link_libraries(cairn_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
     target_include_directories(cairn_${name} PRIVATE ${PROJECT_SOURCE_DIR}/src)
-    # Shared libraries, Python modules among them, can be made of it; functions are inlined as ever.
-    set_target_properties(cairn_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
-    target_compile_options(cairn_${name} PRIVATE -fno-semantic-interposition)
+    cairn_compile_as_module(cairn_${name})
+    cairn_reuse_precompiled(cairn_${name} cairn_module_headers)
     if(NOT name IN_LIST cairn_parsers)
       target_compile_options(cairn_${name} PRIVATE ${cairn_no_parser})
     endif()
@@ -127,10 +146,7 @@ function(cairn_test name)
     CAIRN_BINARY_DIR="${CMAKE_BINARY_DIR}")
   target_compile_options(${name} PRIVATE ${cairn_no_parser})
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gmock_main)
-  if(TARGET cairn_test_headers)  # tests/support
-    target_compile_options(${name} PRIVATE $<TARGET_PROPERTY:cairn_test_headers,COMPILE_OPTIONS>)
-    target_precompile_headers(${name} REUSE_FROM cairn_test_headers)
-  endif()
+  cairn_reuse_precompiled(${name} cairn_test_headers)  # tests/support
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 120
     PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600 ${ARG_PROPERTIES})
 endfunction()

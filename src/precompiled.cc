@@ -1,0 +1,1 @@
+// The headers that CMakeLists.txt names, compiled for all modules.
