@@ -54,12 +54,20 @@ int64_t NumFormedPairs(const BundleSize& size, int block) {
   return flops.form + least <= flops.by_points ? size.num_image_pairs : 0;
 }
 
-// A pair of images: its block and its column, once more while they are found; rows and values of
-// the entries, here and in CHOLMOD, and the factor, as if there always was one.
+// Is the system factorized? That of few images is, and of many, one in which images have few
+// neighbors: a city's with a hundred is not (scripts/measure_scale).
+bool IsLikelyFactorized(const BundleSize& size) {
+  constexpr int64_t kFewImages = 500, kFewNeighbors = 50;
+  return size.num_images <= kFewImages || size.num_image_pairs <= kFewNeighbors * size.num_images;
+}
+
+// A pair of images: its block and its column, once more while they are found; where the system is
+// factorized, rows and values of the entries, here and in CHOLMOD, and the factor.
 int64_t SchurBytesPerImagePair(const BundleSize& size, int64_t block) {
+  const int64_t in_block = block * block * int64_t{sizeof(double)} + 3 * int64_t{sizeof(int32_t)};
   const int64_t unknowns = size.has_own_cameras ? kPoseSize + size.num_free_intrinsics : kPoseSize;
-  return block * block * int64_t{sizeof(double)} + 3 * int64_t{sizeof(int32_t)} +
-         unknowns * unknowns * 5 * int64_t{sizeof(double)};
+  const int64_t in_factor = unknowns * unknowns * 5 * int64_t{sizeof(double)};
+  return in_block + (IsLikelyFactorized(size) ? in_factor : 0);
 }
 
 constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t) + sizeof(float);
