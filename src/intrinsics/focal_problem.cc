@@ -121,8 +121,7 @@ double FocalProblem::Cost(const State& x) const {
   return cost;
 }
 
-FocalProblem::Fit FocalProblem::FitPrincipalPoint(int camera, double log_focal, State x) const {
-  x[camera] = log_focal;
+double FocalProblem::FitPrincipalPoint(int camera, State& x) const {
   auto point = x.segment<2>(PrincipalPointAt(camera));
   point.setZero();
   struct Linear {
@@ -153,25 +152,34 @@ FocalProblem::Fit FocalProblem::FitPrincipalPoint(int camera, double log_focal, 
     }
     point -= hessian.inverse() * gradient;
   }
-  Fit fit{log_focal, point, PriorLoss(x, camera)};
-  for (const Linear& term : terms) fit.cost += Loss(Squared(term.ValueAt(point), term.information));
-  return fit;
+  double cost = PriorLoss(x, camera);
+  for (const Linear& term : terms) cost += Loss(Squared(term.ValueAt(point), term.information));
+  return cost;
 }
 
 void FocalProblem::Search(int num_threads, State& x) const {
   std::vector<char> is_open(NumCameras(), 1);
+  // One for each focal length that is tried: the present one, and from 0.2 to 7 image sides, if the
+  // guess is 1.2.
+  std::array<State, 26> tried;
+  tried.fill(x);
+  std::array<double, tried.size()> costs;
   for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
     for (int v = 0; v < NumCameras(); ++v) {
       if (!std::exchange(is_open[v], 0)) continue;
-      const double before = x[v];
-      std::array<Fit, 26> fits;  // where it is; from 0.2 to 7 image sides, if the guess is 1.2
-      ParallelFor(num_threads, std::ssize(fits), [&](int64_t k) {
-        fits[k] = FitPrincipalPoint(v, k == 0 ? before : 0.15 * static_cast<double>(k - 13), x);
+      const double before = tried[0][v];
+      ParallelFor(num_threads, std::ssize(tried), [&](int64_t k) {
+        if (k > 0) tried[k][v] = 0.15 * static_cast<double>(k - 13);
+        costs[k] = FitPrincipalPoint(v, tried[k]);
       });
-      const Fit& best = *std::ranges::min_element(fits, {}, &Fit::cost);
-      x[v] = best.log_focal;
-      x.segment<2>(PrincipalPointAt(v)) = best.principal_point;
-      if (best.log_focal == before) continue;
+      const State& best = tried[std::ranges::min_element(costs) - costs.begin()];
+      const double focal = best[v];
+      const Eigen::Vector2d point = best.segment<2>(PrincipalPointAt(v));
+      for (State& each : tried) {
+        each[v] = focal;
+        each.segment<2>(PrincipalPointAt(v)) = point;
+      }
+      if (focal == before) continue;
       for (const int t : terms_of_[v]) {
         for (const int other : {terms_[t].camera1, terms_[t].camera2}) {
           if (other >= 0 && other != v) is_open[other] = 1;
@@ -179,6 +187,7 @@ void FocalProblem::Search(int num_threads, State& x) const {
       }
     }
   }
+  x = std::move(tried[0]);
 }
 
 SparseNormals FocalProblem::Linearize(const State& x,

@@ -62,14 +62,9 @@ class FocalProblem {
   double PriorLoss(const State& x, int camera) const;
   // Cost with each term's own Sigma: for comparing starts.
   double Cost(const State& x) const;
-  // A focal length of a camera, the principal point that suits it, to first order, and the cost of
-  // its terms and priors.
-  struct Fit {
-    double log_focal = 0;
-    Eigen::Vector2d principal_point = Eigen::Vector2d::Zero();
-    double cost = 0;
-  };
-  Fit FitPrincipalPoint(int camera, double log_focal, State x) const;
+  // Finds the principal point that suits the camera's focal length, to first order; returns the
+  // cost of its terms and priors.
+  double FitPrincipalPoint(int camera, State& x) const;
   // Every camera in turn goes to its best focal length of a grid.
   void Search(int num_threads, State& x) const;
   // Levenberg-Marquardt with Sigma updated between its rounds.
