@@ -35,7 +35,7 @@ class SchurProduct {
   Eigen::VectorXd Multiply(const Eigen::VectorXd& x) const {
     const Images X = system_.Spread(x);
     std::vector<Images> sums(kNumParts);
-    ForEachPart([&](int64_t part, int64_t begin, int64_t end) {
+    ForEachPart(kNumParts, [&](int64_t part, int64_t begin, int64_t end) {
       Images& Y = sums[part];
       Y.setZero(System::kBlock, system_.NumImages());
       std::vector<Eigen::Vector2d> moved;
@@ -49,12 +49,12 @@ class SchurProduct {
   // The diagonal blocks of the cameras' intrinsics.
   std::vector<IntrinsicsBlock> IntrinsicsBlocks() const {
     const std::vector<IntrinsicsBlock> zero(system_.NumCameras(), IntrinsicsBlock::Zero());
-    std::vector<std::vector<IntrinsicsBlock>> sums(kNumParts, zero);
-    ForEachPart([&](int64_t part, int64_t begin, int64_t end) {
+    std::vector<std::vector<IntrinsicsBlock>> sums(kNumBlockParts, zero);
+    ForEachPart(kNumBlockParts, [&](int64_t part, int64_t begin, int64_t end) {
       std::vector<Slopes> slopes(system_.NumCameras(), Slopes::Zero());
       for (int64_t p = begin; p < end; ++p) AddPoint(p, slopes, sums[part]);
     });
-    for (int part = 1; part < kNumParts; ++part) {
+    for (int part = 1; part < kNumBlockParts; ++part) {
       for (int c = 0; c < system_.NumCameras(); ++c) sums[0][c] += sums[part][c];
     }
     return std::move(sums[0]);
@@ -64,14 +64,15 @@ class SchurProduct {
   using Images = typename System::Images;
   using Slopes = Eigen::Matrix<double, 3, kIntrinsics>;  // a point's gradients by intrinsics
 
-  // Each with sums of its own: their number must not depend on the threads.
-  static constexpr int kNumParts = 32;
+  // Parts of the points, each with sums of its own: their number must not depend on the threads. A
+  // block of each camera takes more than a vector of each image.
+  static constexpr int kNumParts = 32, kNumBlockParts = 8;
 
   template <typename Fn>
-  void ForEachPart(const Fn& fn) const {
+  void ForEachPart(int num_parts, const Fn& fn) const {
     const int64_t num = observations_.NumPoints();
-    ParallelFor(num_threads_, kNumParts, [&](int64_t part) {
-      fn(part, num * part / kNumParts, num * (part + 1) / kNumParts);
+    ParallelFor(num_threads_, num_parts, [&](int64_t part) {
+      fn(part, num * part / num_parts, num * (part + 1) / num_parts);
     });
   }
 
