@@ -181,7 +181,7 @@ Eigen::VectorXd CameraSystem<kIntrinsics>::SolveByProducts(const Product& multip
   Eigen::VectorXd direction = Precondition(inverse, residual);
   double rho = residual.dot(direction);
   double gain = 0;  // twice what the quadratic model has fallen
-  for (int k = 1; k <= kMaxSteps && rho > 0; ++k) {
+  for (int k = 1; k <= kMaxConjugateGradients && rho > 0; ++k) {
     const Eigen::VectorXd image = diagonal.cwiseProduct(direction) + multiply(direction);
     const double curvature = direction.dot(image);
     if (!(curvature > 0)) break;

@@ -11,6 +11,8 @@
 
 namespace cairn {
 
+inline constexpr int kMaxConjugateGradients = 200;  // steps
+
 // The cameras' system of bundle adjustment, the normal equations without the points (Schur
 // complement), as a symmetric block matrix over images, and its solution: by factorization where
 // that takes no more operations than conjugate gradients may, else by these (Agarwal et al.,
@@ -24,7 +26,6 @@ class CameraSystem {
   static constexpr int kPose = 6;
   static constexpr int kBlock = kPose + kIntrinsics;
   using Block = Eigen::Matrix<double, kBlock, kBlock, Eigen::RowMajor>;
-  static constexpr int kMaxSteps = 200;  // of conjugate gradients
   using IntrinsicsBlock = Eigen::Matrix<double, kIntrinsics, kIntrinsics>;
 
   // columns[i]: the images from i on that see a point together with image i, ascending, i first; or

@@ -1,7 +1,5 @@
 #include "bundle_adjustment/memory_estimate.h"
 
-#include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "bundle_adjustment/bundle_observations.h"
@@ -46,28 +44,17 @@ int64_t SchurBytesPerObservation(int64_t block) {
   return sizeof(BundleObservation) + (2 * block + 2 * kPointSize + 2) * sizeof(float) + 8 + 4 + 8;
 }
 
-// Pairs of images that have a block in the cameras' system. (To factorize a full one is the most.)
-int64_t NumFormedPairs(const BundleSize& size, int block) {
+// The cameras' system, as SchurBundle solves it. A pair of images: its block and its column, once
+// more while they are found; where it is factorized, rows and values of the entries, here and in
+// CHOLMOD, and the factor.
+int64_t SystemBytes(const BundleSize& size, int block) {
   const SchurFlops flops(block, size.num_observations, size.covisibility);
-  const double factor = std::pow(kPoseSize * size.num_images, 3) / 3;
-  const double least = std::min(flops.ByBlocks(size.num_image_pairs), factor);
-  return flops.form + least <= flops.by_points ? size.num_image_pairs : 0;
-}
-
-// Is the system factorized? That of few images is, and of many, one in which images have few
-// neighbors: a city's with a hundred is not (scripts/measure_scale).
-bool IsLikelyFactorized(const BundleSize& size) {
-  constexpr int64_t kFewImages = 500, kFewNeighbors = 50;
-  return size.num_images <= kFewImages || size.num_image_pairs <= kFewNeighbors * size.num_images;
-}
-
-// A pair of images: its block and its column, once more while they are found; where the system is
-// factorized, rows and values of the entries, here and in CHOLMOD, and the factor.
-int64_t SchurBytesPerImagePair(const BundleSize& size, int64_t block) {
+  const bool is_factorized = size.factor_flops <= flops.MostOfFactor(size.num_image_pairs);
+  if (!is_factorized && !flops.FormsWithoutFactor(size.num_image_pairs)) return 0;
   const int64_t in_block = block * block * int64_t{sizeof(double)} + 3 * int64_t{sizeof(int32_t)};
   const int64_t unknowns = size.has_own_cameras ? kPoseSize + size.num_free_intrinsics : kPoseSize;
   const int64_t in_factor = unknowns * unknowns * 5 * int64_t{sizeof(double)};
-  return in_block + (IsLikelyFactorized(size) ? in_factor : 0);
+  return size.num_image_pairs * (in_block + (is_factorized ? in_factor : 0));
 }
 
 constexpr int64_t kBytesPerKeypoint = sizeof(Eigen::Vector2d) + sizeof(point3D_t) + sizeof(float);
@@ -83,8 +70,7 @@ int64_t EstimateBundleBytes(const BundleAdjustmentOptions& options, const Bundle
     return reconstruction +
            size.num_observations *
                (static_cast<int64_t>(sizeof(TrackElement)) + SchurBytesPerObservation(block)) +
-           size.num_points * (kBytesOfPoint + kSchurBytesPerPoint) +
-           NumFormedPairs(size, block) * SchurBytesPerImagePair(size, block);
+           size.num_points * (kBytesOfPoint + kSchurBytesPerPoint) + SystemBytes(size, block);
   }
   // The diagonal blocks, or the complement and its factor.
   const bool is_iterative = options.solver == BundleSolver::kIterativeSchur;

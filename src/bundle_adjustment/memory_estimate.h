@@ -11,8 +11,11 @@ struct BundleSize {
   int64_t num_keypoints = 0;  // of these images
   int64_t num_points = 0;
   int64_t num_observations = 0;
-  double covisibility = 0;       // images that see an observation's point, on average
-  int64_t num_image_pairs = 0;   // that see a point together; only for a SchurBundle
+  double covisibility = 0;  // images that see an observation's point, on average
+  // Only for a SchurBundle: pairs of images that see a point together, an image with itself among
+  // them, and the operations of a factorization of their poses' blocks.
+  int64_t num_image_pairs = 0;
+  double factor_flops = 0;
   int num_free_intrinsics = 0;   // of the camera that has most
   bool has_own_cameras = false;  // most images have a camera of their own
 };

@@ -133,9 +133,8 @@ class SchurBundle {
       const auto columns = ImagesSeenTogether(observations, num_threads);
       int64_t num_pairs = 0;
       for (const std::vector<int>& row : columns) num_pairs += std::ssize(row);
-      const double least = std::min(flops.ByBlocks(num_pairs), flops.by_points - flops.form);
-      System formed = make(columns, least);
-      if (formed.IsFactorized() || flops.ByBlocks(num_pairs) <= least) return formed;
+      System formed = make(columns, flops.MostOfFactor(num_pairs));
+      if (formed.IsFactorized() || flops.FormsWithoutFactor(num_pairs)) return formed;
     }
     std::vector<std::vector<int>> alone;
     for (int i = 0; i < std::ssize(bundle.poses()); ++i) alone.push_back({i});

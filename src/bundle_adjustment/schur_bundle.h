@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "bundle_adjustment/camera_system.h"
@@ -16,23 +17,33 @@ inline constexpr int IntrinsicsOfBlock(int num_free) {
 // Poses and points, with or without intrinsics.
 bool SuitsSchurBundle(const BundleAdjustmentScope& scope);
 
-// Operations for a cameras' system (camera_system.h) with blocks of so many unknowns.
+// Operations for a cameras' system (camera_system.h) with blocks of so many unknowns; of conjugate
+// gradients as many as there may be. They decide how it is solved.
 struct SchurFlops {
   // covisibility: images that see an observation's point, on average.
   SchurFlops(int block, int64_t num_observations, double covisibility)
       : block(block),
         form(2.0 * block * block * static_cast<double>(num_observations) * covisibility),
-        by_points(kSteps * (8.0 * block + 24) * static_cast<double>(num_observations)) {}
+        by_points(kMaxConjugateGradients * (8.0 * block + 24) *
+                  static_cast<double>(num_observations)) {}
 
-  // The most conjugate gradients, by products of the blocks of pairs of images.
+  // Conjugate gradients by products of the blocks of pairs of images, an image with itself among
+  // them.
   double ByBlocks(int64_t num_pairs) const {
-    return kSteps * 4.0 * block * block * static_cast<double>(num_pairs);
+    return kMaxConjugateGradients * 4.0 * block * block * static_cast<double>(num_pairs);
+  }
+  // Blocks of pairs are formed, and factorized where that takes no more than this.
+  double MostOfFactor(int64_t num_pairs) const {
+    return std::min(ByBlocks(num_pairs), by_points - form);
+  }
+  // They are formed although they are not factorized.
+  bool FormsWithoutFactor(int64_t num_pairs) const {
+    return ByBlocks(num_pairs) <= by_points - form;
   }
 
-  static constexpr int kSteps = CameraSystem<4>::kMaxSteps;
   int block;
   double form;       // the blocks of pairs of images
-  double by_points;  // the most conjugate gradients, by way of the points (schur_product.h)
+  double by_points;  // conjugate gradients by way of the points (schur_product.h)
 };
 
 // Bundle adjustment by Levenberg-Marquardt: the points eliminated (Schur complement), the cameras'

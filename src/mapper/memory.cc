@@ -8,6 +8,7 @@
 #include "bundle_adjustment/memory_estimate.h"
 #include "cairn/base/parallel.h"
 #include "mapper/stages.h"
+#include "sparse/block_cholesky.h"
 
 namespace cairn {
 namespace {
@@ -20,26 +21,33 @@ constexpr int64_t kBytesWorthALine = int64_t{1} << 30;
 
 std::string Gib(int64_t bytes) { return Formatted("%.2f GiB", BytesToGib(bytes)); }
 
-// Pairs of the model's images that see one of the tracks together.
-int64_t NumImagePairs(const Reconstruction& model, std::span<const Track> tracks) {
-  const auto num_images = static_cast<int64_t>(model.images.size());
-  std::unordered_map<image_t, int64_t> index;
+// Blocks of the poses of the model's images that see one of the tracks together.
+BlockPattern PatternOfPoses(const Reconstruction& model, std::span<const Track> tracks) {
+  constexpr int kPoseSize = 6;
+  const size_t num_images = model.images.size();
+  std::unordered_map<image_t, size_t> index;
   for (const auto& [id, image] : model.images) index.emplace(id, index.size());
-  std::vector<bool> see_together(num_images * num_images, false);
-  std::vector<int64_t> used;
+  std::vector<std::vector<bool>> see_together(num_images, std::vector<bool>(num_images, false));
+  std::vector<size_t> used;
   for (const Track& track : tracks) {
     used.clear();
     for (const TrackElement& element : track) {
       const auto image = index.find(element.image_id);
       if (image != index.end()) used.push_back(image->second);
     }
-    for (const int64_t i : used) {
-      for (const int64_t j : used) {
-        if (i < j) see_together[i * num_images + j] = true;
-      }
+    for (const size_t i : used) {
+      for (const size_t j : used) see_together[i][j] = true;
     }
   }
-  return std::count(see_together.begin(), see_together.end(), true);
+  BlockPattern pattern{std::vector<int>(num_images, kPoseSize),
+                       std::vector<std::vector<int>>(num_images)};
+  for (size_t i = 0; i < num_images; ++i) {
+    pattern.columns[i].push_back(static_cast<int>(i));
+    for (size_t j = i + 1; j < num_images; ++j) {
+      if (see_together[i][j]) pattern.columns[i].push_back(static_cast<int>(j));
+    }
+  }
+  return pattern;
 }
 
 // Of the camera that has most.
@@ -70,7 +78,10 @@ BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks,
   if (size.num_observations > 0) {
     size.covisibility = num_pairs / static_cast<double>(size.num_observations);
   }
-  if (options.solver == BundleSolver::kAuto) size.num_image_pairs = NumImagePairs(model, tracks);
+  if (options.solver != BundleSolver::kAuto || size.num_observations == 0) return size;
+  const BlockPattern pattern = PatternOfPoses(model, tracks);
+  for (const std::vector<int>& column : pattern.columns) size.num_image_pairs += std::ssize(column);
+  size.factor_flops = EstimateFactorFlops(pattern);
   return size;
 }
 
