@@ -13,12 +13,11 @@ namespace {
 
 std::function<PairReport(const PairInput&)> MakeEstimator(const std::string& name,
                                                           const TwoViewOptions& options) {
-  for (const auto& [paper_name, solver] : {std::pair("1AC+D", MinimalSolver::kOneAffineDepth),
-                                           std::pair("5PT", MinimalSolver::kFivePoint)}) {
-    if (name == paper_name) {
-      return [solver](const PairInput& input) { return EstimateAsPaper(input, solver); };
-    }
-  }
+  const auto as_paper = [](MinimalSolver solver) {
+    return [solver](const PairInput& input) { return EstimateAsPaper(input, solver); };
+  };
+  if (name == "1AC+D") return as_paper(MinimalSolver::kOneAffineDepth);
+  if (name == "5PT") return as_paper(MinimalSolver::kFivePoint);
   const std::shared_ptr verifier = MakePairVerifier(VerifierKindFromName(name), options);
   return [verifier](const PairInput& input) { return verifier->Verify(input); };
 }

@@ -45,20 +45,20 @@ add_compile_options(-Wno-maybe-uninitialized)
 if(CAIRN_WERROR)
   add_compile_options(-Werror)
 endif()
+if(CAIRN_SANITIZE AND NOT CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+  message(FATAL_ERROR "CAIRN_SANITIZE needs CXX=clang++; scripts/run_sanitizers sets it")
+endif()
 if(CAIRN_SANITIZE STREQUAL "address")
   # Address and undefined, and the counters of coverage that guide libFuzzer (tests/fuzz); the first finding ends the program.
   # Left out are checks that cost most of the time to compile (a kernel of SIMD ten times as much) and say little: of null (a
   # crash anyway), of objects' sizes and pointers that wrap around (the address sanitizer sees their use), of virtual tables.
   # -O2, since Clang's -O1 inlines nothing of Eigen and takes as long to compile.
-  if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
-    message(FATAL_ERROR "CAIRN_SANITIZE=address needs CXX=clang++; scripts/run_sanitizers sets it")
-  endif()
   add_compile_options(-O2 -fsanitize=fuzzer-no-link,address,undefined,float-cast-overflow
     -fno-sanitize=null,object-size,pointer-overflow,vptr -fno-sanitize-recover=all -fno-omit-frame-pointer
     -Wno-unknown-warning-option)
   add_link_options(-fsanitize=address,undefined,float-cast-overflow)
 elseif(CAIRN_SANITIZE STREQUAL "thread")
-  add_compile_options(-O1 -fsanitize=thread)
+  add_compile_options(-O1 -fsanitize=thread -Wno-unknown-warning-option)
   add_link_options(-fsanitize=thread)
 elseif(CAIRN_SANITIZE)
   message(FATAL_ERROR "CAIRN_SANITIZE is '${CAIRN_SANITIZE}'; use 'address' or 'thread'")
@@ -81,14 +81,14 @@ endfunction()
 function(cairn_precompile target)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     target_compile_options(${target} PRIVATE -fpch-preprocess)  # ccache asks for it
+  else()
+    target_compile_options(${target} PRIVATE "SHELL:-Xclang -fno-pch-timestamp")  # the same
   endif()
   target_precompile_headers(${target} PRIVATE ${ARGN})
 endfunction()
 function(cairn_reuse_precompiled target headers)
-  if(TARGET ${headers})
-    target_compile_options(${target} PRIVATE $<TARGET_PROPERTY:${headers},COMPILE_OPTIONS>)
-    target_precompile_headers(${target} REUSE_FROM ${headers})
-  endif()
+  target_compile_options(${target} PRIVATE $<TARGET_PROPERTY:${headers},COMPILE_OPTIONS>)
+  target_precompile_headers(${target} REUSE_FROM ${headers})
 endfunction()
 
 # cairn_module(NAME SOURCES a.cc ... [KERNELS k.cc ...] [APART b.cc ...] [PUBLIC lib ...] [PRIVATE lib ...])

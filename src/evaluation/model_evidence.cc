@@ -252,9 +252,9 @@ class IndependentMatches {
             tracks[i].push_back(sorted.track_of[NodeOf(element.image_id, element.point2D)]);
           }
           std::ranges::sort(tracks[i]);
-          const auto repeated = std::ranges::unique(tracks[i]);
-          num_joined += std::ssize(repeated);
-          tracks[i].erase(repeated.begin(), repeated.end());
+          const auto repeated = std::unique(tracks[i].begin(), tracks[i].end());
+          num_joined += tracks[i].end() - repeated;
+          tracks[i].erase(repeated, tracks[i].end());
           for (const int track : tracks[i]) ++std::atomic_ref<size_t>(sorted.begin[track + 1]);
         },
         kGrainOfPoints);
@@ -274,13 +274,14 @@ class IndependentMatches {
     for (const auto& [id, view] : views) order.emplace_back(id, &view);
     std::vector<int64_t> num_of_view(order.size());
     ParallelFor(num_threads, std::ssize(order), [&](int64_t i) {
-      const auto& [id, view] = order[i];
-      for (point2D_t k = 0; k < view->index_of_ray.size(); ++k) {
-        const PixelRay* ray = view->RayOf(k);
-        if (ray == nullptr || view->image->point3D_ids[k] != kInvalidPoint3DId) continue;
+      const image_t id = order[i].first;
+      const View& view = *order[i].second;
+      for (point2D_t k = 0; k < view.index_of_ray.size(); ++k) {
+        const PixelRay* ray = view.RayOf(k);
+        if (ray == nullptr || view.image->point3D_ids[k] != kInvalidPoint3DId) continue;
         num_of_view[i] += std::ranges::any_of(
             points.Of(points.track_of[NodeOf(id, k)]),
-            [&](const Point3D* point) { return IsNear(*view, ray->ray, point->xyz); });
+            [&](const Point3D* point) { return IsNear(view, ray->ray, point->xyz); });
       }
     });
     return std::accumulate(num_of_view.begin(), num_of_view.end(), int64_t{0});

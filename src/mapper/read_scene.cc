@@ -156,7 +156,7 @@ void KeepReaders(const Database& database, std::map<image_t, std::vector<point2D
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     std::mutex mutex = {};
   };
-  const auto reader = std::make_shared<Reader>(database, std::move(first_keypoint));
+  const std::shared_ptr<Reader> reader(new Reader{database, std::move(first_keypoint)});
   scene.raw_matches = [reader](const ViewEdge& edge) {
     const std::lock_guard<std::mutex> lock(reader->mutex);
     // (Verified matches can be read where all of them cannot.)

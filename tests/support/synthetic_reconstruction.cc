@@ -1,10 +1,11 @@
 #include "support/synthetic_reconstruction.h"
 
-#include <Eigen/Geometry>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
 #include "cairn/base/rng.h"
+#include "cairn/evaluation/alignment.h"
 #include "cairn/math/so3.h"
 
 namespace cairn {
@@ -44,8 +45,9 @@ MadeReconstruction MakeSyntheticScene(const SyntheticOptions& options) {
     const double angle = 1.5 * (i / std::max(1.0, options.num_images - 1.0) - 0.5);
     const Eigen::Vector3d center =
         Eigen::Vector3d(8 * std::sin(angle), 0, -8 * std::cos(angle)) + random(0.5);
-    const Eigen::Quaterniond look = ExpSO3(random(0.05)) * Eigen::Quaterniond::FromTwoVectors(
-                                                               -center, Eigen::Vector3d::UnitZ());
+    const Eigen::Vector3d axis = (-center).cross(Eigen::Vector3d::UnitZ()).normalized();
+    const Eigen::Quaterniond look =
+        ExpSO3(random(0.05)) * ExpSO3(AngleBetween(-center, Eigen::Vector3d::UnitZ()) * axis);
     image.cam_from_world = Rigid3d(look, look * -center);
     scene.truth.images[image.image.image_id] = image;
   }
@@ -78,24 +80,18 @@ MadeReconstruction MakeSyntheticScene(const SyntheticOptions& options) {
 }
 
 PoseDifference CompareAligned(const Reconstruction& estimate, const Reconstruction& truth) {
-  Eigen::Matrix3Xd src(3, estimate.images.size());
-  Eigen::Matrix3Xd dst(3, estimate.images.size());
-  int column = 0;
+  std::vector<Eigen::Vector3d> src, dst;
   for (const auto& [image_id, image] : estimate.images) {
-    src.col(column) = image.cam_from_world.Center();
-    dst.col(column++) = truth.images.at(image_id).cam_from_world.Center();
+    src.push_back(image.cam_from_world.Center());
+    dst.push_back(truth.images.at(image_id).cam_from_world.Center());
   }
-  const Eigen::Matrix4d similarity = Eigen::umeyama(src, dst, true);
-  const double scale = std::cbrt(similarity.topLeftCorner<3, 3>().determinant());
-  const Eigen::Quaterniond rotation(Eigen::Matrix3d(similarity.topLeftCorner<3, 3>() / scale));
+  const Sim3d truth_from_estimate = AlignSimilarity(src, dst).value();
   PoseDifference difference;
-  column = 0;
   for (const auto& [image_id, image] : estimate.images) {
-    const Eigen::Vector3d center = (similarity * src.col(column).homogeneous()).hnormalized();
-    difference.center = std::max(difference.center, (center - dst.col(column++)).norm());
-    difference.angle = std::max(difference.angle,
-                                AngleBetween(image.cam_from_world.rotation * rotation.conjugate(),
-                                             truth.images.at(image_id).cam_from_world.rotation));
+    const Rigid3d moved = TransformCameraWorld(truth_from_estimate, image.cam_from_world);
+    const Rigid3d& expected = truth.images.at(image_id).cam_from_world;
+    difference.center = std::max(difference.center, (moved.Center() - expected.Center()).norm());
+    difference.angle = std::max(difference.angle, AngleBetween(moved.rotation, expected.rotation));
   }
   return difference;
 }

@@ -61,7 +61,7 @@ TEST(ModelEvidence, AGainThatAllImagesShareIsBeyondDoubtAndOneOfASingleImageIsNo
   };
   const ModelEvidence truth = evidence(scene.truth);
   Reconstruction wrong_lens = scene.truth;
-  for (auto& [id, camera] : wrong_lens.cameras) camera.SetMeanFocal(1.05 * camera.MeanFocal());
+  for (auto& [id, camera] : wrong_lens.cameras) camera.SetMeanFocal(1.1 * camera.MeanFocal());
   EXPECT_GT(StandardErrorsOfGain(evidence(wrong_lens), truth), 3);
   EXPECT_LT(StandardErrorsOfGain(truth, evidence(wrong_lens)), -3);
   const image_t first = scene.truth.images.begin()->first;

@@ -28,7 +28,7 @@ std::string Name(int i) {
 // `num` images without photographs on a ring: image i + 1 has the places i, i + 1, i + 2.
 class RingDatabase {
  public:
-  explicit RingDatabase(int num) : num_(num), points_(num * kPointsPerPlace, 128) {
+  explicit RingDatabase(int num) : points_(num * kPointsPerPlace, 128) {
     Rng rng(1);
     for (Eigen::Index k = 0; k < points_.size(); ++k) {
       const double value = rng.Gaussian();
@@ -63,7 +63,6 @@ class RingDatabase {
   Database database{":memory:"};
 
  private:
-  int num_;
   Descriptors points_;
 };
 

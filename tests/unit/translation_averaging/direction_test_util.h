@@ -1,11 +1,13 @@
 #pragma once
 
-#include <Eigen/Geometry>
+#include <Eigen/Core>
 #include <algorithm>
 #include <map>
+#include <utility>
 #include <vector>
 
 #include "cairn/base/rng.h"
+#include "cairn/evaluation/alignment.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 #include "cairn/synthetic/poses.h"
@@ -69,23 +71,27 @@ struct DirectionScene {
   }
 };
 
+// The centers of the images that `a` has, in `a` and in `b`.
+inline std::pair<std::vector<Eigen::Vector3d>, std::vector<Eigen::Vector3d>> Paired(
+    const Centers& a, const Centers& b) {
+  std::pair<std::vector<Eigen::Vector3d>, std::vector<Eigen::Vector3d>> pairs;
+  for (const auto& [id, center] : a) {
+    pairs.first.push_back(center);
+    pairs.second.push_back(b.at(id));
+  }
+  return pairs;
+}
+
 // Distances to the truth after the best similarity, over the mean distance of the true centers from
 // their mean; images without an estimate are left out.
 inline std::vector<double> RelativeCenterErrors(const Centers& estimate, const Centers& truth) {
-  const Eigen::Index n = static_cast<Eigen::Index>(estimate.size());
-  Eigen::Matrix3Xd a(3, n), b(3, n);
-  Eigen::Index k = 0;
-  for (const auto& [id, c] : estimate) {
-    a.col(k) = c;
-    b.col(k++) = truth.at(id);
-  }
-  const Eigen::Matrix4d T = Eigen::umeyama(a, b);
-  const double extent = (b.colwise() - b.rowwise().mean()).colwise().norm().mean();
+  const auto [a, b] = Paired(estimate, truth);
+  const Sim3d b_from_a = AlignSimilarity(a, b).value();
+  const Eigen::Map<const Eigen::Matrix3Xd> true_centers(b[0].data(), 3, b.size());
+  const double extent =
+      (true_centers.colwise() - true_centers.rowwise().mean()).colwise().norm().mean();
   std::vector<double> errors;
-  for (k = 0; k < n; ++k) {
-    const Eigen::Vector4d moved = T * a.col(k).homogeneous();
-    errors.push_back((moved.head<3>() - b.col(k)).norm() / extent);
-  }
+  for (size_t k = 0; k < a.size(); ++k) errors.push_back((b_from_a * a[k] - b[k]).norm() / extent);
   return errors;
 }
 

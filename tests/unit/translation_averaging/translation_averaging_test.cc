@@ -56,23 +56,17 @@ DirectionScene Road(int n) {
 // Of the truth, with this standard deviation along two axes and nothing known of the third, moved
 // to the frame of `centers`.
 std::vector<CenterPrior> NoisyPriors(const Centers& truth, double sigma, const Centers& centers) {
-  const Eigen::Index n = static_cast<Eigen::Index>(centers.size());
-  Eigen::Matrix3Xd a(3, n), b(3, n);
-  Eigen::Index k = 0;
-  for (const auto& [id, center] : centers) {
-    a.col(k) = truth.at(id);
-    b.col(k++) = center;
-  }
-  const Eigen::Matrix4d moved = Eigen::umeyama(a, b);
-  const Eigen::Matrix3d to_truth = moved.topLeftCorner<3, 3>().inverse() / sigma;
+  const auto [estimated, true_centers] = Paired(centers, truth);
+  const Sim3d moved = AlignSimilarity(true_centers, estimated).value();
+  const Eigen::Matrix3d to_truth =
+      moved.rotation.conjugate().toRotationMatrix() / (moved.scale * sigma);
   const Eigen::Matrix3d known = Eigen::Vector3d(1, 1, 0).asDiagonal();
   Rng rng(3);
   std::vector<CenterPrior> priors;
   for (const auto& [id, center] : truth) {
     const Eigen::Vector3d measured =
         center + Eigen::Vector3d(sigma * rng.Gaussian(), sigma * rng.Gaussian(), 1000);
-    priors.push_back(
-        {id, (moved * measured.homogeneous()).head<3>(), to_truth.transpose() * known * to_truth});
+    priors.push_back({id, moved * measured, to_truth.transpose() * known * to_truth});
   }
   return priors;
 }
