@@ -20,7 +20,9 @@ constexpr double kZeroWeight = 1e-9;  // what subtractions leave of a sum of pro
 Eigen::Vector3d RandomAxis(uint64_t seed, int index) {
   Rng rng(seed, "1dsfm axis", index);
   while (true) {
-    const Eigen::Vector3d axis(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+    // (One after the other: compilers order the arguments of a call as they like.)
+    const double z = rng.Gaussian(), y = rng.Gaussian(), x = rng.Gaussian();
+    const Eigen::Vector3d axis(x, y, z);
     if (axis.norm() > 1e-3) return axis.normalized();
   }
 }
