@@ -156,6 +156,7 @@ void KeepReaders(const Database& database, std::map<image_t, std::vector<point2D
     std::map<image_t, std::vector<point2D_t>> first_keypoint;
     std::mutex mutex = {};
   };
+  // (Not by make_shared, which Clang 14 lacks for types without a constructor.)
   const std::shared_ptr<Reader> reader(new Reader{database, std::move(first_keypoint)});
   scene.raw_matches = [reader](const ViewEdge& edge) {
     const std::lock_guard<std::mutex> lock(reader->mutex);
