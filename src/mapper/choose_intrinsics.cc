@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -13,11 +14,12 @@ namespace {
 // In fewer photographs, a principal point is hardly told from their rotations, and moves with
 // chance.
 constexpr int kMinImages = 8;
-// Standard errors of a gain beyond doubt: of a lens, whose next term must show, and for a warning.
-constexpr double kDecisiveErrors = 3;
-// Of principal points that are taken, since they are hardly ever in the very center: a chance of
-// 5 %, as a normal deviate. Photographs in a row may throw them off, which Student's t allows for.
-constexpr double kPrincipalPointErrors = 1.645;
+// What a gain must exceed, as a normal deviate: a chance of 5 %, since lenses of one parameter and
+// principal points in the very center are rare. Photographs in a row may throw both off, which
+// Student's t allows for.
+constexpr double kMinDeviate = 1.645;
+// Beyond doubt: for a warning.
+constexpr double kDecisiveDeviate = 3;
 // Larger models are not adjusted only to warn that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;
 // Of bundle adjustment; after the first few it is seen whether the matches agree better.
@@ -40,9 +42,32 @@ std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& propert
   return cameras;
 }
 
-// Standard errors of what another model of the same images gains; 0: it has lost images.
-double ErrorsOfGain(const ModelEvidence& before, const ModelEvidence& after) {
-  return after.images.size() == before.images.size() ? StandardErrorsOfGain(before, after) : 0;
+// A model in which the intrinsics of some cameras are freer, and how much better the matches agree
+// with it, as a normal deviate.
+struct FreerModel {
+  Reconstruction model;
+  ModelEvidence evidence;
+  double deviate = 0;
+};
+
+// What bundle adjustment makes of it, unless it is soon seen that the matches do not agree better
+// by more than min_deviate.
+FreerModel Adjusted(StageContext& context, const ViewGraph& graph, const ModelEvidence& before,
+                    const std::set<camera_t>& cameras, double min_deviate, Reconstruction model) {
+  const auto num_images = std::ranges::count_if(model.images, [&](const auto& entry) {
+    return cameras.count(entry.second.image.camera_id) > 0;
+  });
+  FreerModel freer{std::move(model), {}};
+  for (const int iterations : {kIterationsToLook, kIterations}) {
+    AdjustModel(context, iterations, freer.model);
+    freer.evidence = EvidenceFor(context, freer.model, graph);
+    const bool has_all = freer.evidence.images.size() == before.images.size();
+    freer.deviate = has_all ? NormalDeviate(StandardErrorsOfGain(before, freer.evidence),
+                                            static_cast<double>(num_images) - 1)
+                            : 0;
+    if (freer.deviate <= min_deviate) break;
+  }
+  return freer;
 }
 
 bool IsCentered(const Camera& camera) {
@@ -71,8 +96,7 @@ double DistortionOf(const Camera& camera) {
 }
 
 // Whether the next term of a lens's series, about k^2 r^5, would be seen in the image's corner.
-bool MayNeedTwoParameters(const Camera& camera) {
-  if (camera.model != CameraModel::kSimpleRadial) return false;
+bool BendsMuch(const Camera& camera) {
   const double radius = 0.5 * camera.DiagonalPx() / camera.MeanFocal();
   const double next = std::pow(DistortionOf(camera), 2) * std::pow(radius, 5);
   return camera.MeanFocal() * next > DefaultMaxErrorPx(camera, camera);
@@ -89,21 +113,15 @@ Camera WithTwoParameters(const Camera& camera, CameraModel lens) {
   return other;
 }
 
-// A model with other principal points, and by how many standard errors the matches agree better.
-struct FoundPrincipalPoints {
-  Reconstruction model;
-  double errors = 0;
-};
-
-std::string FoundText(camera_t id, const Reconstruction& model, const FoundPrincipalPoints& found) {
+std::string FoundText(camera_t id, const Reconstruction& model, const FreerModel& found) {
   return "camera " + std::to_string(id) + ": principal point " +
          CenterText(found.model.cameras.at(id)) + " in place of " +
-         CenterText(model.cameras.at(id)) + Formatted(", by %.1f standard errors", found.errors);
+         CenterText(model.cameras.at(id)) + Formatted(", by %.1f standard errors", found.deviate);
 }
 
 // That principal points stay where they are, though they are found elsewhere.
 ResultWarning OffCenter(const std::set<camera_t>& cameras, const Reconstruction& model,
-                        const FoundPrincipalPoints& found) {
+                        const FreerModel& found) {
   const size_t num_more = cameras.size() - 1;
   return {"image centers are kept that the photos contradict: " +
               FoundText(*cameras.begin(), model, found) +
@@ -113,35 +131,22 @@ ResultWarning OffCenter(const std::set<camera_t>& cameras, const Reconstruction&
           "camera's calibration"};
 }
 
-// Of these cameras, if the matches agree better with what bundle adjustment finds, by more than so
-// many standard errors.
-std::optional<FoundPrincipalPoints> FindPrincipalPoints(StageContext& context,
-                                                        const ViewGraph& graph,
-                                                        const std::set<camera_t>& cameras,
-                                                        double min_errors,
-                                                        const Reconstruction& model) {
+// Of these cameras, if the matches agree better with what bundle adjustment finds, by more than
+// min_deviate.
+std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewGraph& graph,
+                                              const std::set<camera_t>& cameras, double min_deviate,
+                                              const Reconstruction& model) {
   if (cameras.empty()) return std::nullopt;
   const ModelEvidence before = EvidenceFor(context, model, graph);
-  const auto num_images = std::ranges::count_if(model.images, [&](const auto& entry) {
-    return cameras.count(entry.second.image.camera_id) > 0;
-  });
-  FoundPrincipalPoints found{model};
   const auto kept = std::exchange(context.free_principal_points, cameras);
-  for (const int iterations : {kIterationsToLook, kIterations}) {
-    AdjustModel(context, iterations, found.model);
-    found.errors = NormalDeviate(ErrorsOfGain(before, EvidenceFor(context, found.model, graph)),
-                                 static_cast<double>(num_images) - 1);
-    if (found.errors <= min_errors) break;
-  }
+  FreerModel found = Adjusted(context, graph, before, cameras, min_deviate, model);
   context.free_principal_points = kept;
-  const bool is_decisive = found.errors > min_errors;
+  const bool is_found = found.deviate > min_deviate;
   ModelStage stage(context, "principal_points");
-  stage.Add("standard_errors_of_gain", found.errors);
-  stage.Add("found", is_decisive ? cameras.size() : 0);
-  for (const camera_t id : is_decisive ? cameras : std::set<camera_t>()) {
-    stage.Record(FoundText(id, model, found));
-  }
-  if (!is_decisive) return std::nullopt;
+  stage.Add("standard_errors_of_gain", found.deviate);
+  stage.Add("found", is_found ? cameras.size() : 0);
+  if (!is_found) return std::nullopt;
+  for (const camera_t id : cameras) stage.Record(FoundText(id, model, found));
   return found;
 }
 
@@ -149,34 +154,40 @@ std::optional<FoundPrincipalPoints> FindPrincipalPoints(StageContext& context,
 
 bool ChooseLensModels(StageContext& context, BuiltModel& best) {
   if (!context.settings.reconstruct.choose_lens_models) return false;
-  const std::set<camera_t> bent = CamerasWith(MayNeedTwoParameters, context, *best.model);
-  if (bent.empty()) return false;
-  const Reconstruction before = *best.model;
-  const ModelEvidence evidence_before = best.evidence;
-  double best_errors = 0;
+  const std::set<camera_t> cameras =
+      CamerasWith([](const Camera& camera) { return camera.model == CameraModel::kSimpleRadial; },
+                  context, *best.model);
+  if (cameras.empty()) return false;
+  const std::map<camera_t, Camera> before = best.model->cameras;
+  const bool may_be_fisheye =
+      std::ranges::any_of(cameras, [&](camera_t id) { return BendsMuch(before.at(id)); });
+  std::optional<FreerModel> chosen;
+  double largest_deviate = -std::numeric_limits<double>::infinity();
   for (const CameraModel lens : {CameraModel::kRadial, CameraModel::kRadialFisheye}) {
-    Reconstruction other = before;
-    for (const camera_t id : bent) {
-      other.cameras.at(id) = WithTwoParameters(before.cameras.at(id), lens);
+    if (lens == CameraModel::kRadialFisheye && !may_be_fisheye) continue;
+    Reconstruction other = *best.model;
+    for (const camera_t id : cameras) {
+      other.cameras.at(id) = WithTwoParameters(before.at(id), lens);
     }
-    AdjustModel(context, kIterations, other);
-    ModelEvidence evidence = EvidenceFor(context, other, best.graph);
-    const double errors = ErrorsOfGain(evidence_before, evidence);
-    if (errors < kDecisiveErrors || evidence.nats < best.evidence.nats) continue;
-    best_errors = errors;
-    best.model = std::move(other);
-    best.evidence = std::move(evidence);
+    FreerModel freer =
+        Adjusted(context, best.graph, best.evidence, cameras, kMinDeviate, std::move(other));
+    largest_deviate = std::max(largest_deviate, freer.deviate);
+    if (freer.deviate <= kMinDeviate) continue;
+    if (chosen && freer.evidence.inside.nats <= chosen->evidence.inside.nats) continue;
+    chosen = std::move(freer);
   }
   ModelStage stage(context, "lens_models");
-  stage.Add("cameras", bent.size());
-  stage.Add("standard_errors_of_gain", best_errors);
-  if (best_errors == 0) return false;
-  for (const camera_t id : bent) {
-    const Camera &was = before.cameras.at(id), &is = best.model->cameras.at(id);
+  stage.Add("cameras", cameras.size());
+  stage.Add("standard_errors_of_gain", largest_deviate);
+  if (!chosen) return false;
+  best.model = std::move(chosen->model);
+  best.evidence = std::move(chosen->evidence);
+  for (const camera_t id : cameras) {
+    const Camera &was = before.at(id), &is = best.model->cameras.at(id);
     stage.Note("camera " + std::to_string(id) + ": " + std::string(CameraModelName(is.model)) +
                Formatted(" of %.1f px in place of ", is.MeanFocal()) +
                std::string(CameraModelName(was.model)) +
-               Formatted(" of %.1f px, by %.1f standard errors", was.MeanFocal(), best_errors));
+               Formatted(" of %.1f px, by %.1f standard errors", was.MeanFocal(), chosen->deviate));
   }
   return true;
 }
@@ -198,14 +209,14 @@ bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstr
                              " cameras stay at the image centers: fewer than " +
                              std::to_string(kMinImages) + " photographs hardly tell them");
   }
-  auto taken = FindPrincipalPoints(context, graph, wanted, kPrincipalPointErrors, model);
+  auto taken = FindPrincipalPoints(context, graph, wanted, kMinDeviate, model);
   if (taken) {
     for (const camera_t id : wanted) context.run.monitor.Info(FoundText(id, model, *taken));
     context.free_principal_points = wanted;
     model = std::move(taken->model);
   }
   if (model.NumObservations() <= kMaxObservationsToLook) {
-    if (const auto left = FindPrincipalPoints(context, graph, others, kDecisiveErrors, model)) {
+    if (const auto left = FindPrincipalPoints(context, graph, others, kDecisiveDeviate, model)) {
       warnings.push_back(OffCenter(others, model, *left));
     }
   }

@@ -55,8 +55,9 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
   v.Bool("separate_duplicates", separate_duplicates,
          "detect duplicate structure, places that look alike, and reconstruct them separately");
   v.Bool("choose_lens_models", choose_lens_models,
-         "give SIMPLE_RADIAL cameras that bend more than one parameter can tell the model RADIAL "
-         "or RADIAL_FISHEYE, where the matches agree better with that beyond doubt");
+         "give SIMPLE_RADIAL cameras with eight photographs and more a second parameter of "
+         "distortion, where the matches agree better with it beyond doubt: RADIAL, or "
+         "RADIAL_FISHEYE for a lens that bends much");
   v.Choice("refine_principal_points", refine_principal_points, kPrincipalPointRefinements,
            "cameras whose principal points, guessed at the image centers, are adjusted where the "
            "matches agree better with that beyond doubt (within some "

@@ -365,8 +365,8 @@ bool AreInPlace(const StageContext& context, const BuiltModel& built,
                 const std::set<image_t>& images);
 
 // choose_intrinsics.cc
-// Gives cameras whose lens bends more than one parameter can tell a model of two, where the matches
-// agree better with it beyond doubt. Returns whether there is such a camera.
+// Gives cameras whose distortion has one parameter a second one, where the matches agree better
+// with it beyond doubt. Returns whether they do.
 bool ChooseLensModels(StageContext& context, BuiltModel& best);
 // Frees the principal points of cameras that may be freed, from here on, where the matches agree
 // better with what bundle adjustment then finds, beyond doubt; of the others it warns. Returns

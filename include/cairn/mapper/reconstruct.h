@@ -48,9 +48,8 @@ struct ReconstructOptions {
   bool register_left_out = true;
   bool share_camera = true;
   bool separate_duplicates = true;
-  // Where the matches agree better with them, by more than three standard errors.
+  // Both where the matches agree better, by more than chance gives once in twenty times.
   bool choose_lens_models = true;
-  // Where they agree better, by more than chance gives once in twenty times.
   PrincipalPointRefinement refine_principal_points = PrincipalPointRefinement::kUnknown;
   bool colors = true;
 
