@@ -16,7 +16,7 @@ constexpr double kFocalPx = 600.0;
 constexpr int kImageSize = 600;
 
 Rigid3d RandomCamera(Rng& rng) {
-  const Eigen::Vector3d center = rng.Uniform(1.0, 2.0) * RandomDirection(rng);
+  const Eigen::Vector3d center = RandomOfLength(1.0, 2.0, rng);
   const double x = rng.Uniform(-0.5, 0.5), y = rng.Uniform(-0.5, 0.5), z = rng.Uniform(-0.5, 0.5);
   return LookAt(center, {x, y, z}, rng.Uniform(0.0, 2.0 * std::numbers::pi));
 }

@@ -5,6 +5,7 @@
 
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 
 namespace cairn {
 
@@ -27,9 +28,8 @@ void EdgeErrors::Perturb(size_t i, size_t j, Rng& rng, Rigid3d* cam2_from_cam1) 
                    std::sqrt(0.2 * tail) * (badness_[i] + badness_[j]);
   const double rotation_error = Angle(noise_.rotation_noise_deg, z);
   const double direction_error = Angle(noise_.direction_noise_deg, 0.8 * z + 0.6 * rng.Gaussian());
-  const Eigen::Vector3d axis(rng.Gaussian() * (1.0 - 0.2 * tail),
-                             rng.Gaussian() * (1.0 + 0.2 * tail),
-                             rng.Gaussian() * (1.0 - 0.6 * tail));
+  const Eigen::Vector3d axis = GaussianVector<3>(rng).cwiseProduct(
+      Eigen::Vector3d(1.0 - 0.2 * tail, 1.0 + 0.2 * tail, 1.0 - 0.6 * tail));
   cam2_from_cam1->rotation =
       (ExpSO3(rotation_error * axis.normalized()) * cam2_from_cam1->rotation).normalized();
   const Eigen::Vector3d turn = cam2_from_cam1->translation.cross(RandomDirection(rng)).normalized();

@@ -6,6 +6,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/math/angles.h"
+#include "math/random_vectors.h"
 #include "synthetic/city.h"
 
 namespace cairn {
@@ -33,7 +34,7 @@ Placement Landmark(int num_spots, double distance, Rng& rng) {
   const double d = std::max(1.5, distance * std::exp(0.3 * rng.Gaussian()));
   const double height = distance * 0.08 * std::abs(rng.Gaussian());
   Placement placement{FrontCenter(d, angle, height)};
-  placement.target = 0.2 * Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+  placement.target = 0.2 * GaussianVector<3>(rng);
   return placement;
 }
 
@@ -71,12 +72,15 @@ Rigid3d LookAt(const Eigen::Vector3d& center, const Eigen::Vector3d& target, dou
 }
 
 Eigen::Quaterniond RandomRotation(Rng& rng) {
-  Eigen::Quaterniond q(rng.Gaussian(), rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
-  return q.normalized();
+  const auto q = GaussianVector<4>(rng);
+  return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized();
 }
 
-Eigen::Vector3d RandomDirection(Rng& rng) {
-  return Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()).normalized();
+Eigen::Vector3d RandomDirection(Rng& rng) { return GaussianVector<3>(rng).normalized(); }
+
+Eigen::Vector3d RandomOfLength(double min, double max, Rng& rng) {
+  const Eigen::Vector3d direction = RandomDirection(rng);
+  return rng.Uniform(min, max) * direction;
 }
 
 std::vector<Rigid3d> MakeCameraPoses(CameraLayout layout, int num_cameras, double distance,

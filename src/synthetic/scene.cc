@@ -8,6 +8,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/synthetic/poses.h"
+#include "math/random_vectors.h"
 #include "synthetic/city.h"
 #include "synthetic/relief.h"
 
@@ -73,8 +74,8 @@ Detection MakeClutter(const Camera& camera, double distance, Rng& rng) {
   view.shape = size * Eigen::Rotation2Dd(angle).toRotationMatrix();
   view.shape.row(1) *= rng.Uniform(0.5, 1.0);
   view.depth = distance * rng.Uniform(0.7, 1.3);
-  view.depth_gradient = view.depth / camera.MeanFocal() *
-                        Eigen::RowVector2d(0.5 * rng.Gaussian(), 0.5 * rng.Gaussian());
+  view.depth_gradient =
+      view.depth / camera.MeanFocal() * (0.5 * GaussianVector<2>(rng)).transpose();
   return detection;
 }
 

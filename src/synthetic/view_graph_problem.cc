@@ -34,8 +34,9 @@ double MaxUnlikeness(const std::vector<Eigen::Vector3d>& centers, size_t num_edg
   Rng rng(seed, "view_graph_unlikeness");
   std::vector<double> sample(1'000'000);
   for (double& unlikeness : sample) {
-    unlikeness = Unlikeness(centers[rng.UniformInt(centers.size())],
-                            centers[rng.UniformInt(centers.size())]);
+    const uint32_t view2 = rng.UniformInt(centers.size());
+    const uint32_t view1 = rng.UniformInt(centers.size());
+    unlikeness = Unlikeness(centers[view1], centers[view2]);
   }
   const double share = kCandidatesPerEdge * static_cast<double>(num_edges) / num_pairs;
   const auto bound = sample.begin() + static_cast<int64_t>(std::min(share, 0.999) *

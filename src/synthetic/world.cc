@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "cairn/base/rng.h"
+#include "math/random_vectors.h"
 
 namespace cairn {
 namespace {
@@ -90,7 +91,8 @@ Solid OnWall(const Wall& wall, double along, double up, const Eigen::Vector3d& h
 }
 
 void AddBuilding(Rng& rng, std::vector<Solid>* solids) {
-  const Eigen::Vector3d half(rng.Uniform(0.7, 0.8), rng.Uniform(0.45, 0.6), 0.65);
+  const Eigen::Vector2d ground = UniformVector({{0.7, 0.8}, {0.45, 0.6}}, rng);
+  const Eigen::Vector3d half(ground.x(), ground.y(), 0.65);
   const Solid body{.center = {0, 0, kGroundHeight + half.z()},
                    .half = half,
                    .material = static_cast<int>(rng.UniformInt(3))};
@@ -103,10 +105,10 @@ void AddBuilding(Rng& rng, std::vector<Solid>* solids) {
     const Wall wall = WallOf(half, side);
     const double width = wall.half_width;
     for (int k = 0; k < 9; ++k) {
-      const Eigen::Vector3d size(rng.Uniform(0.05, 0.16), rng.Uniform(0.02, 0.13),
-                                 rng.Uniform(0.04, 0.2));
-      solids->push_back(OnWall(wall, rng.Uniform(-0.85, 0.85) * width, rng.Uniform(-0.6, 0.5), size,
-                               body.material + 1 + static_cast<int>(rng.UniformInt(2))));
+      const Eigen::Vector3d size = UniformVector({{0.05, 0.16}, {0.02, 0.13}, {0.04, 0.2}}, rng);
+      const int material = body.material + 1 + static_cast<int>(rng.UniformInt(2));
+      const Eigen::Vector2d at = UniformVector({{-0.85, 0.85}, {-0.6, 0.5}}, rng);
+      solids->push_back(OnWall(wall, at.x() * width, at.y(), size, material));
     }
     for (int k = 0; k < 3; ++k) {
       Solid column = OnWall(wall, rng.Uniform(-0.9, 0.9) * width, 0, {0.04, 0.04, 0}, k);

@@ -11,6 +11,7 @@
 #include "cairn/base/parallel.h"
 #include "cairn/base/rng.h"
 #include "graph/graph.h"
+#include "math/random_vectors.h"
 
 namespace cairn {
 namespace {
@@ -20,9 +21,7 @@ constexpr double kZeroWeight = 1e-9;  // what subtractions leave of a sum of pro
 Eigen::Vector3d RandomAxis(uint64_t seed, int index) {
   Rng rng(seed, "1dsfm axis", index);
   while (true) {
-    // (One after the other: compilers order the arguments of a call as they like.)
-    const double z = rng.Gaussian(), y = rng.Gaussian(), x = rng.Gaussian();
-    const Eigen::Vector3d axis(x, y, z);
+    const Eigen::Vector3d axis = GaussianVector<3>(rng);
     if (axis.norm() > 1e-3) return axis.normalized();
   }
 }

@@ -59,7 +59,7 @@ std::vector<PointDirections> LandmarkTracks(const ViewGraphProblem& problem) {
   std::vector<PointDirections> tracks;
   for (const auto& [id, others] : neighbors) {
     for (int k = 0; k < 17; ++k) {
-      const Eigen::Vector3d X = rng.Uniform() * RandomDirection(rng);
+      const Eigen::Vector3d X = RandomOfLength(0, 1, rng);
       std::vector<image_t> seen_by = others;
       rng.Shuffle(seen_by);
       seen_by.resize(std::min<size_t>(5, seen_by.size()));

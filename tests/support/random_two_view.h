@@ -12,6 +12,7 @@
 #include "cairn/solvers/one_affine_depth.h"
 #include "cairn/solvers/point_correspondence.h"
 #include "cairn/synthetic/poses.h"
+#include "math/random_vectors.h"
 
 namespace cairn {
 
@@ -43,13 +44,13 @@ inline TwoViewScene RandomScene(Rng& rng, int num_patches, double max_rotation =
   TwoViewScene scene;
   for (bool complete = false; !complete;) {
     scene.patches.clear();
-    const Eigen::Quaterniond R = ExpSO3(rng.Uniform(0.0, max_rotation) * RandomDirection(rng));
-    scene.cam2_from_cam1 = Rigid3d(R, rng.Uniform(0.3, 1.5) * RandomDirection(rng));
+    const Eigen::Quaterniond R = ExpSO3(RandomOfLength(0.0, max_rotation, rng));
+    scene.cam2_from_cam1 = Rigid3d(R, RandomOfLength(0.3, 1.5, rng));
     scene.depth_scale = rng.Uniform(0.3, 3.0);
     for (int attempt = 0; attempt < 100 * num_patches; ++attempt) {
       Patch patch;
       const double depth = rng.Uniform(2.0, 8.0);
-      patch.point1 = depth * Eigen::Vector3d(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.6, 0.6), 1.0);
+      patch.point1 = depth * UniformVector({{-0.6, 0.6}, {-0.6, 0.6}}, rng).homogeneous();
       const Eigen::Vector3d X2 = scene.cam2_from_cam1 * patch.point1;
       if (X2.z() < 1.0 || X2.head<2>().cwiseAbs().maxCoeff() > X2.z()) continue;
       patch.normal1 = RandomDirection(rng);

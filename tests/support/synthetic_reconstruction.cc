@@ -7,6 +7,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/evaluation/alignment.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 
 namespace cairn {
 namespace {
@@ -30,8 +31,7 @@ MadeReconstruction MakeSyntheticScene(const SyntheticOptions& options) {
   Rng rng(options.seed, "synthetic scene");
   MadeReconstruction scene;
   const auto random = [&](double size) {
-    return Eigen::Vector3d(
-        size * Eigen::Vector3d(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1)));
+    return Eigen::Vector3d(size * UniformVector({{-1, 1}, {-1, 1}, {-1, 1}}, rng));
   };
   for (int i = 0; i < options.num_images; ++i) {
     const camera_t camera_id = options.shared_camera ? 1 : static_cast<camera_t>(i + 1);
@@ -58,7 +58,7 @@ MadeReconstruction MakeSyntheticScene(const SyntheticOptions& options) {
     for (const auto& [image_id, image] : scene.truth.images) {
       const Camera& camera = scene.truth.CameraOf(image);
       Eigen::Vector2d pixel = camera.ImgFromCam((image.cam_from_world * point.xyz).hnormalized());
-      pixel += options.noise_px * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+      pixel += options.noise_px * GaussianVector<2>(rng);
       const bool visible = rng.Uniform() < options.visible_share;
       if (rng.Uniform() < options.outlier_share) {
         const double direction = rng.Uniform(0, 6.28);

@@ -8,6 +8,7 @@
 #include "cairn/base/check.h"
 #include "cairn/math/angles.h"
 #include "cairn/synthetic/poses.h"
+#include "math/random_vectors.h"
 #include "synthetic/relief.h"
 
 namespace cairn {
@@ -33,9 +34,8 @@ void PlaceCameras(const TwoViewProblemOptions& options, Rng& rng, TwoViewProblem
     problem->camera1 = MakePinhole(1, 600.0, 600, 600);
     problem->camera2 = MakePinhole(2, 600.0, 600, 600);
     for (Rigid3d* pose : {&problem->cam1_from_world, &problem->cam2_from_world}) {
-      const Eigen::Vector3d center = rng.Uniform(1.0, 2.0) * RandomDirection(rng);
-      const Eigen::Vector3d target(rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5),
-                                   rng.Uniform(-0.5, 0.5));
+      const Eigen::Vector3d center = RandomOfLength(1.0, 2.0, rng);
+      const Eigen::Vector3d target = UniformVector({{-0.5, 0.5}, {-0.5, 0.5}, {-0.5, 0.5}}, rng);
       *pose = LookAt(center, target, rng.Uniform(0.0, 2.0 * std::numbers::pi));
     }
     return;
@@ -49,9 +49,6 @@ void PlaceCameras(const TwoViewProblemOptions& options, Rng& rng, TwoViewProblem
                            -kDistance * std::cos(angle),
                            kDistance * std::sin(angle) * std::sin(tilt));
   };
-  const auto target = [&] {
-    return Eigen::Vector3d(0.1 * rng.Gaussian(), 0.1 * rng.Gaussian(), 0.1 * rng.Gaussian());
-  };
   Eigen::Vector3d center1 = center(-half);
   Eigen::Vector3d center2 = center(half);
   if (options.layout == TwoViewLayout::kForward) {
@@ -60,16 +57,21 @@ void PlaceCameras(const TwoViewProblemOptions& options, Rng& rng, TwoViewProblem
   } else if (options.layout == TwoViewLayout::kRotation) {
     center2 = center1;
   }
-  problem->cam1_from_world = LookAt(center1, target(), DegToRad(5.0) * rng.Gaussian());
-  problem->cam2_from_world = LookAt(center2, target(), DegToRad(5.0) * rng.Gaussian());
+  const auto look_from = [&](const Eigen::Vector3d& center) {
+    const double roll = DegToRad(5.0) * rng.Gaussian();
+    const Eigen::Vector3d target = 0.1 * GaussianVector<3>(rng);
+    return LookAt(center, target, roll);
+  };
+  problem->cam1_from_world = look_from(center1);
+  problem->cam2_from_world = look_from(center2);
 }
 
 SurfaceElement SampleElement(TwoViewLayout layout, const Relief& relief, Rng& rng) {
   const double size = 0.005 * std::exp(rng.Uniform(0.0, 1.8));  // 2 to 12 px
   if (layout == TwoViewLayout::kPaper) {
-    const Eigen::Vector3d point(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
-    return MakeSurfaceElement(point, RandomDirection(rng), size,
-                              rng.Uniform(0.0, 2.0 * std::numbers::pi));
+    const Eigen::Vector3d point = GaussianVector<3>(rng);
+    const double angle = rng.Uniform(0.0, 2.0 * std::numbers::pi);
+    return MakeSurfaceElement(point, RandomDirection(rng), size, angle);
   }
   return SampleWall(relief, layout == TwoViewLayout::kPlane ? 0.0 : 0.2, 1.0, size, rng);
 }

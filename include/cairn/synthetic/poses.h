@@ -20,6 +20,8 @@ Rigid3d LookAt(const Eigen::Vector3d& center, const Eigen::Vector3d& target, dou
 Eigen::Quaterniond RandomRotation(Rng& rng);
 // A direction drawn uniformly from the unit sphere.
 Eigen::Vector3d RandomDirection(Rng& rng);
+// Such a direction times a length, drawn after it.
+Eigen::Vector3d RandomOfLength(double min, double max, Rng& rng);
 
 // Errors of relative poses.
 struct EdgeNoise {

@@ -4,6 +4,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
+#include "math/random_vectors.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/test.h"
 
@@ -26,7 +27,7 @@ NoisyScene MakeNoisyScene(int num_points, uint64_t seed = 0) {
     for (Eigen::Vector2d& pixel : image.points2D) {
       const double scale = std::exp(rng.Uniform(0.0, 3.0));
       const double sigma = std::hypot(kFloorPx, kPerScale * scale);
-      pixel += sigma * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+      pixel += sigma * GaussianVector<2>(rng);
       scene.scales[id].push_back(static_cast<float>(scale));
     }
   }

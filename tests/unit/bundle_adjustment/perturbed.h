@@ -3,6 +3,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 
 namespace cairn {
 
@@ -22,9 +23,7 @@ struct Perturbation {
 
 inline Reconstruction Perturbed(const Reconstruction& truth, const Perturbation& by) {
   Rng rng(7);
-  const auto random = [&](double size) {
-    return Eigen::Vector3d(size * Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()));
-  };
+  const auto random = [&](double size) { return Eigen::Vector3d(size * GaussianVector<3>(rng)); };
   Reconstruction model = truth;
   for (auto& [id, image] : model.images) {
     const Eigen::Vector3d center = image.cam_from_world.Center() + random(by.position);

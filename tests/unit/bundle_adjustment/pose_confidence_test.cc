@@ -5,6 +5,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
 #include "cairn/math/angles.h"
+#include "math/random_vectors.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/test.h"
 
@@ -25,7 +26,7 @@ TEST(PoseConfidence, IsTheSpreadOfPosesUnderNoise) {
     Reconstruction model = truth;
     for (auto& [id, image] : model.images) {
       for (Eigen::Vector2d& pixel : image.points2D) {
-        pixel += 0.5 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+        pixel += 0.5 * GaussianVector<2>(rng);
       }
     }
     AdjustBundle(model, scope, {.loss = ReprojectionLoss::kNone}, kOneThread);

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/random_vectors.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/test.h"
 #include "unit/bundle_adjustment/perturbed.h"
@@ -47,7 +48,7 @@ Reconstruction SceneWithAPlaneInImage3(uint64_t seed,
       RegisteredImage& image = model.images.at(element.image_id);
       image.points2D[element.point2D] =
           model.CameraOf(image).ImgFromCam((image.cam_from_world * xyz).hnormalized()) +
-          kNoisePx * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+          kNoisePx * GaussianVector<2>(rng);
     }
   }
   return model;

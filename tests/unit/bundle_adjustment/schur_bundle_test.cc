@@ -2,6 +2,7 @@
 #include <string>
 #include <vector>
 
+#include "math/random_vectors.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/test.h"
 #include "unit/bundle_adjustment/perturbed.h"
@@ -151,7 +152,7 @@ TEST(SchurBundle, FollowsBentValleysOfLongLenses) {
     Reconstruction model = Perturbed(truth, {0, 1, 0.3});
     Rng rng(5);
     for (auto& [id, image] : model.images) {
-      const Eigen::Vector3d axis(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+      const Eigen::Vector3d axis = GaussianVector<3>(rng);
       image.cam_from_world.rotation = image.cam_from_world.rotation * ExpSO3(of.turn * axis);
     }
     BundleAdjustmentScope scope;

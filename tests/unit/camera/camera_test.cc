@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "cairn/base/rng.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -127,7 +128,7 @@ TEST(Camera, JacobiansAreCentralDifferences) {
   for (const Camera& camera : AllCameras()) {
     const int n = CameraModelNumParams(camera.model);
     for (int trial = 0; trial < 50; ++trial) {
-      const Eigen::Vector2d uv(rng.Uniform(-0.55, 0.55), rng.Uniform(-0.42, 0.42));
+      const Eigen::Vector2d uv = UniformVector({{-0.55, 0.55}, {-0.42, 0.42}}, rng);
       Eigen::Matrix2d J_uv;
       std::vector<double> J_params(2 * n);
       camera.ImgFromCam(uv, &J_uv, J_params.data());

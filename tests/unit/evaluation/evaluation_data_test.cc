@@ -10,6 +10,7 @@
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 #include "support/shared_data.h"
 #include "support/temp_folder.h"
 #include "support/test.h"
@@ -35,9 +36,7 @@ Reconstruction Perturbed(const Reconstruction& reference, double angle_rad, doub
   r.cameras = reference.cameras;
   r.images = reference.images;
   Rng rng(seed);
-  const auto random = [&] {
-    return Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
-  };
+  const auto random = [&] { return GaussianVector<3>(rng); };
   for (int i = 0; i < num_left_out; ++i) r.images.erase(std::prev(r.images.end()));
   for (auto& [id, image] : r.images) {
     const double factor = image.image.image_id == 2 ? 100 : 1;

@@ -6,6 +6,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/geometry/rigid3d.h"
+#include "math/random_vectors.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/test.h"
 
@@ -92,13 +93,12 @@ struct TwoPhotographs {
     model.images.at(2).cam_from_world = {ExpSO3(Eigen::Vector3d(0.1, -0.3, 0.2)),
                                          Eigen::Vector3d(-0.8, 0.1, 0.3)};
     while (matches.size() < 200) {
-      const Eigen::Vector3d xyz(rng.Uniform(-4, 4), rng.Uniform(-3, 3), rng.Uniform(2, 5));
+      const Eigen::Vector3d xyz = UniformVector({{-4, 4}, {-3, 3}, {2, 5}}, rng);
       std::vector<Eigen::Vector2d> pixels;
       for (const auto& [id, image] : model.images) {
         const auto pixel = camera.ImgFromRay(image.cam_from_world * xyz);
         if (!pixel) break;
-        const Eigen::Vector2d noisy =
-            *pixel + 0.5 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+        const Eigen::Vector2d noisy = *pixel + 0.5 * GaussianVector<2>(rng);
         const bool is_inside = (noisy.array() > 0).all() && noisy.x() < camera.width &&
                                noisy.y() < camera.height && camera.RayFromImg(noisy);
         if (is_inside) pixels.push_back(noisy);
@@ -226,8 +226,9 @@ TEST(ModelEvidence, OneSideShownOnTopOfAnotherHasLess) {
   const auto draw = [&](int num, double width) {
     std::vector<Eigen::Vector3d> points;
     for (int k = 0; k < num; ++k) {
-      points.emplace_back(width * (rng.Uniform() - 0.5), width * (rng.Uniform() - 0.5),
-                          0.5 * rng.Uniform());
+      const double z = 0.5 * rng.Uniform();
+      const double y = width * (rng.Uniform() - 0.5);
+      points.emplace_back(width * (rng.Uniform() - 0.5), y, z);
     }
     return points;
   };

@@ -16,8 +16,9 @@ Eigen::Vector3d RandomCenter(Rng& rng) { return {rng.Gaussian(), rng.Gaussian(),
 PosedCameras RandomCameras(int n, Rng& rng) {
   PosedCameras cameras;
   for (int i = 0; i < n; ++i) {
+    const Eigen::Vector3d translation = RandomCenter(rng);
     cameras["a/" + std::to_string(100 + i) + ".jpg"] = {
-        Rigid3d(ExpSO3(RandomCenter(rng)), RandomCenter(rng)), 500.0 + i, 1000};
+        Rigid3d(ExpSO3(RandomCenter(rng)), translation), 500.0 + i, 1000};
   }
   return cameras;
 }

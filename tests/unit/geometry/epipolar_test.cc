@@ -7,6 +7,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -90,8 +91,8 @@ TEST(Epipolar, SampsonErrorIsTheDistanceToTheNearestExactPair) {
   for (int seed = 0; seed < 50; ++seed) {
     const Problem p(seed);
     const Eigen::Matrix3d E = EssentialFromPose(p.cam2_from_cam1);
-    const Eigen::Vector2d x1 = p.x1[0] + 1e-4 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
-    const Eigen::Vector2d x2 = p.x2[0] + 1e-4 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    const Eigen::Vector2d x1 = p.x1[0] + 1e-4 * GaussianVector<2>(rng);
+    const Eigen::Vector2d x2 = p.x2[0] + 1e-4 * GaussianVector<2>(rng);
     // Gradient of the constraint over (x1, x2): the exact pair lies along it.
     Eigen::Vector4d gradient;
     gradient << (E.transpose() * x2.homogeneous()).head<2>(), (E * x1.homogeneous()).head<2>();
@@ -129,8 +130,8 @@ TEST(Rays, Cheirality) {
   const Eigen::Matrix3d E = EssentialFromPose(pose);
   std::vector<Eigen::Vector3d> rays1, rays2;
   for (int i = 0; i < 100; ++i) {
-    const Eigen::Vector3d x1 =
-        Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()) * rng.Uniform(2, 5);
+    const double scale = rng.Uniform(2, 5);
+    const Eigen::Vector3d x1 = scale * GaussianVector<3>(rng);
     const Eigen::Vector3d x2 = pose * x1;
     rays1.push_back(x1.normalized());
     rays2.push_back(x2.normalized());

@@ -1,6 +1,7 @@
 // Ground control points.
 #include <nlohmann/json.hpp>
 
+#include "math/random_vectors.h"
 #include "support/test.h"
 #include "unit/georegistration/georegister_fixture.h"
 
@@ -81,7 +82,7 @@ TEST_F(ControlPointsTest, ChecksAloneAreTooFew) {
 TEST_F(ControlPointsTest, AWrongOneIsFoundAmongAFew) {
   Rng rng(5);
   for (ControlPoint& point : points_) {
-    const Eigen::Vector3d noise(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+    const Eigen::Vector3d noise = GaussianVector<3>(rng);
     point.position = GpsAt(kFrame.FromGps(point.position) + 0.03 * noise);
   }
   for (const size_t num_points : {5, 6, 8, 12, 20, 40}) {

@@ -7,6 +7,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/georegistration/georegister.h"
+#include "math/random_vectors.h"
 #include "support/gps_at.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/test.h"
@@ -24,7 +25,7 @@ class GeoregisterTest : public ::testing::Test {
     model_ = MakeSyntheticScene({.num_images = 40, .num_points = 10}).truth;
     Rng rng(3);
     for (auto& [id, image] : model_.images) {
-      Eigen::Vector3d enu(rng.Uniform(-300, 300), rng.Uniform(-200, 200), rng.Uniform(40, 90));
+      Eigen::Vector3d enu = UniformVector({{-300, 300}, {-200, 200}, {40, 90}}, rng);
       Place(id, enu);
       rows_[image.image.name].position = GpsAt(enu);
     }
@@ -39,7 +40,7 @@ class GeoregisterTest : public ::testing::Test {
   void AddNoise(double sigma_m) {
     Rng rng(5);
     for (const auto& [id, enu] : enu_) {
-      const Eigen::Vector3d noise(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+      const Eigen::Vector3d noise = GaussianVector<3>(rng);
       rows_[model_.images.at(id).image.name].position = GpsAt(enu + sigma_m * noise);
     }
   }
@@ -50,8 +51,8 @@ class GeoregisterTest : public ::testing::Test {
     for (const auto& [id, enu] : enu_) {
       if (id % 5 != 0) continue;
       const std::string name = model_.images.at(id).image.name;
-      rows_[name].position =
-          GpsAt(enu + Eigen::Vector3d(rng.Uniform(20, 300), rng.Uniform(-300, 300), 5));
+      const Eigen::Vector2d error = UniformVector({{20, 300}, {-300, 300}}, rng);
+      rows_[name].position = GpsAt(enu + Eigen::Vector3d(error.x(), error.y(), 5));
       wrong.insert(name);
     }
     return wrong;

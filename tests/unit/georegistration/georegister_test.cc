@@ -5,6 +5,7 @@
 #include "cairn/image/bitmap.h"
 #include "cairn/image/exif.h"
 #include "cairn/math/angles.h"
+#include "math/random_vectors.h"
 #include "support/temp_folder.h"
 #include "support/test.h"
 #include "support/test_monitor.h"
@@ -68,7 +69,7 @@ TEST_F(GeoregisterTest, OfFewRowsManyMayBeWrong) {
   for (const auto& [id, enu] : enu_) {
     if (wrong.size() == 4) break;
     wrong.insert(model_.images.at(id).image.name);
-    const Eigen::Vector3d error(rng.Uniform(3, 6), rng.Uniform(-6, -3), rng.Uniform(-3, 3));
+    const Eigen::Vector3d error = UniformVector({{3, 6}, {-6, -3}, {-3, 3}}, rng);
     rows_[model_.images.at(id).image.name].position = GpsAt(enu + error);
   }
   const Georegistration found = Georegister(model_, {rows_});

@@ -6,6 +6,7 @@
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/so3.h"
 #include "intrinsics/distorted_pair.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -38,8 +39,8 @@ DistortionPair MakePair(camera_t id1, const Lens& lens1, camera_t id2, const Len
   const Camera camera1 = MakeCamera(id1, lens1.focal_px, lens1.k);
   const Camera camera2 = MakeCamera(id2, lens2.focal_px, lens2.k);
   const auto small = [&] { return rng.Uniform(-0.2, 0.2); };
-  Rigid3d pose(ExpSO3({small(), small(), small()}),
-               Eigen::Vector3d(rng.Uniform(0.5, 1.0), small(), small()));
+  const Eigen::Vector3d translation = UniformVector({{0.5, 1.0}, {-0.2, 0.2}, {-0.2, 0.2}}, rng);
+  Rigid3d pose(ExpSO3({small(), small(), small()}), translation);
   if (options.is_forward) pose = Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, -1});
   DistortionPair pair;
   pair.camera_id1 = id1;
@@ -48,10 +49,10 @@ DistortionPair MakePair(camera_t id1, const Lens& lens1, camera_t id2, const Len
     return p.x() > 0 && p.y() > 0 && p.x() < kWidth && p.y() < kHeight;
   };
   const auto noisy = [&](const Eigen::Vector2d& p) -> Eigen::Vector2d {
-    return p + options.noise_px * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    return p + options.noise_px * GaussianVector<2>(rng);
   };
   for (int tries = 0; std::ssize(pair.pixels1) < options.num_right && tries < 100000; ++tries) {
-    const Eigen::Vector2d pixel(rng.Uniform(0, kWidth), rng.Uniform(0, kHeight));
+    const Eigen::Vector2d pixel = UniformVector({{0, kWidth}, {0, kHeight}}, rng);
     const auto ray = camera1.CamFromImg(pixel);
     if (!ray) continue;
     const Eigen::Vector3d x2 = pose * Eigen::Vector3d(rng.Uniform(2.0, 6.0) * lens1.focal_px /
@@ -64,8 +65,8 @@ DistortionPair MakePair(camera_t id1, const Lens& lens1, camera_t id2, const Len
     pair.pixels2.push_back(noisy(pixel2));
   }
   for (int i = 0; i < options.num_wrong; ++i) {
-    pair.pixels1.emplace_back(rng.Uniform(0, kWidth), rng.Uniform(0, kHeight));
-    pair.pixels2.emplace_back(rng.Uniform(0, kWidth), rng.Uniform(0, kHeight));
+    pair.pixels1.push_back(UniformVector({{0, kWidth}, {0, kHeight}}, rng));
+    pair.pixels2.push_back(UniformVector({{0, kWidth}, {0, kHeight}}, rng));
   }
   pair.F = EssentialFromPose(pose);
   // By the focal lengths that are nominal: 1.2 widths.

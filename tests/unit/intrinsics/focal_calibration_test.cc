@@ -13,6 +13,7 @@
 #include "cairn/synthetic/poses.h"
 #include "intrinsics/fundamental_fit.h"
 #include "intrinsics/kruppa.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -40,8 +41,7 @@ struct Rig {
       const double angle = 2 * std::numbers::pi * i / num_images + rng.Uniform(-0.1, 0.1);
       const double distance = 1.1 * focals[i % focals.size()] / (0.4 * kFocalTestHeight);
       // Optical axes that all meet in one point would leave one of the two equations.
-      const Eigen::Vector3d target(rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5),
-                                   rng.Uniform(-0.5, 0.5));
+      const Eigen::Vector3d target = UniformVector({{-0.5, 0.5}, {-0.5, 0.5}, {-0.5, 0.5}}, rng);
       const Eigen::Vector3d center(distance * std::sin(angle), rng.Uniform(-0.3, 0.3) * distance,
                                    -distance * std::cos(angle));
       Eigen::Matrix3d R;
@@ -217,9 +217,8 @@ TEST(FocalCalibration, DegenerateMotionsAreRefused) {
     refused(parallel, "parallel axes");
     Rig rotations({900}, 6, seed);
     for (Rigid3d& pose : rotations.poses) {
-      const Eigen::Vector3d small(rotations.rng.Uniform(-0.1, 0.1),
-                                  rotations.rng.Uniform(-0.1, 0.1), 0.1);
-      pose = Rigid3d(ExpSO3(small), Eigen::Vector3d(0, 0, 4));
+      const Eigen::Vector2d small = UniformVector({{-0.1, 0.1}, {-0.1, 0.1}}, rotations.rng);
+      pose = Rigid3d(ExpSO3({small.x(), small.y(), 0.1}), Eigen::Vector3d(0, 0, 4));
     }
     refused(rotations, "pure rotations");
     Rig plane({900}, 6, seed);

@@ -4,6 +4,7 @@
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 #include "support/temp_folder.h"
 #include "support/test.h"
 #include "support/thrown_message.h"
@@ -27,10 +28,7 @@ std::string EdgeLine(int i, int j, const Rigid3d& cam_i, const Rigid3d& cam_j) {
   return line.str();
 }
 
-Rigid3d RandomPose(Rng& rng) {
-  return {ExpSO3(Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian())),
-          Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian())};
-}
+Rigid3d RandomPose(Rng& rng) { return {ExpSO3(GaussianVector<3>(rng)), GaussianVector<3>(rng)}; }
 
 TEST(OneDsfm, EdgesInOurFrame) {
   const TempFolder folder;

@@ -22,7 +22,8 @@ OneDsfmFiles MakeFiles() {
     OneDsfmEdge edge;
     edge.i = i;
     edge.j = (i + 1) % 3;
-    edge.cam_j_from_cam_i = Rigid3d(ExpSO3(RandomVector(rng)), RandomVector(rng).normalized());
+    const Eigen::Vector3d direction = RandomVector(rng).normalized();
+    edge.cam_j_from_cam_i = Rigid3d(ExpSO3(RandomVector(rng)), direction);
     files.edges.push_back(edge);
     OneDsfmImageKeys keys;
     keys.index = i;

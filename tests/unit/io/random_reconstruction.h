@@ -3,6 +3,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "cairn/scene/reconstruction.h"
+#include "math/random_vectors.h"
 
 namespace cairn {
 
@@ -43,8 +44,8 @@ inline Reconstruction RandomReconstruction(uint64_t seed,
       r.cameras[camera_id] =
           RandomCamera(camera_id, options.all_camera_models ? options.num_models : 0, rng);
     }
-    const Eigen::Quaterniond around = ExpSO3(Eigen::Vector3d(
-        rng.Uniform(-0.1, 0.1), 6.0 * i / options.num_images, rng.Uniform(-0.1, 0.1)));
+    const Eigen::Vector2d tilt = UniformVector({{-0.1, 0.1}, {-0.1, 0.1}}, rng);
+    const Eigen::Quaterniond around = ExpSO3({tilt.x(), 6.0 * i / options.num_images, tilt.y()});
     RegisteredImage& image = r.images[id];
     image.image = {id, "folder/image " + std::to_string(i) + ".jpg", camera_id};
     image.cam_from_world = Rigid3d(around.normalized(), Eigen::Vector3d(0.1, -0.2, 5 + 0.1 * i));
@@ -56,7 +57,7 @@ inline Reconstruction RandomReconstruction(uint64_t seed,
     for (auto& [id, image] : r.images) {
       if (point.track.size() >= 2 && rng.Uniform() < 0.3) continue;
       const Eigen::Vector3d x = image.cam_from_world * point.xyz;
-      const Eigen::Vector2d noise(rng.Gaussian(), rng.Gaussian());
+      const Eigen::Vector2d noise = GaussianVector<2>(rng);
       image.points2D.push_back(r.CameraOf(image).ImgFromCam(x.head<2>() / x.z()) +
                                options.pixel_noise * noise);
       image.point3D_ids.push_back(kInvalidPoint3DId);
@@ -64,7 +65,7 @@ inline Reconstruction RandomReconstruction(uint64_t seed,
     }
     r.AddPoint3D(point);
     auto& first = r.images.begin()->second;  // a keypoint without a point
-    first.points2D.emplace_back(rng.Uniform(0, 800), rng.Uniform(0, 600));
+    first.points2D.push_back(UniformVector({{0, 800}, {0, 600}}, rng));
     first.point3D_ids.push_back(kInvalidPoint3DId);
   }
   r.UpdatePointErrors();

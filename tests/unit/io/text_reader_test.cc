@@ -64,8 +64,10 @@ TEST(TextWriter, NumbersReadBackExactly) {
   const TempFolder folder;
   Rng rng(1);
   std::vector<double> values = {0.0, -0.0, 1e-310, 1e300, 0.1, 123456789.0};
-  for (int i = 0; i < 1000; ++i)
-    values.push_back(rng.Gaussian() * std::pow(10, rng.Uniform(-20, 20)));
+  for (int i = 0; i < 1000; ++i) {
+    values.push_back(rng.Gaussian());
+    values.back() *= std::pow(10, rng.Uniform(-20, 20));
+  }
   TextWriter writer(folder / "a");
   writer << values << "\n" << 7 << " " << uint64_t{18446744073709551615u} << "\n";
   writer.Commit();

@@ -1,6 +1,7 @@
 // Reconstruction that goes on from models that are there.
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 #include "support/check_consistency.h"
 #include "support/test.h"
 #include "support/test_monitor.h"
@@ -89,7 +90,7 @@ TEST_F(EarlierModelsTest, RegisterNewImagesAndStayWhereTheyAre) {
 TEST_F(EarlierModelsTest, AreRefinedAloneWhereNothingIsRegistered) {
   Rng rng(1);
   for (auto& [id, image] : model_.images) {
-    image.cam_from_world.translation += 0.02 * Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), 0);
+    image.cam_from_world.translation.head<2>() += 0.02 * GaussianVector<2>(rng);
   }
   ReconstructSettings settings;
   settings.reconstruct.register_left_out = false;
@@ -241,7 +242,7 @@ TEST_F(EarlierModelsTest, WrongPosesDoNotMoveTheFrame) {
 TEST_F(EarlierModelsTest, AWrongModelIsGivenUpAndItsImagesAreReconstructed) {
   Rng rng(5);
   for (auto& [id, image] : model_.images) {
-    const Eigen::Vector3d turn(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+    const Eigen::Vector3d turn = GaussianVector<3>(rng);
     image.cam_from_world.rotation = ExpSO3(0.1 * turn) * image.cam_from_world.rotation;
   }
   const ReconstructResult result = Continue(database_, {model_});

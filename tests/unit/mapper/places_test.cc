@@ -8,6 +8,7 @@
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
 #include "cairn/geometry/gps.h"
+#include "math/random_vectors.h"
 #include "support/gps_at.h"
 #include "support/temp_folder.h"
 #include "support/test.h"
@@ -59,10 +60,9 @@ class PlacesTest : public ::testing::Test {
     for (const image_t id : order) {
       const RegisteredImage& image = scene_.truth.images.at(id);
       Eigen::Vector3d enu =
-          kMetersPerUnit * image.cam_from_world.Center() +
-          sigma_m * Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+          kMetersPerUnit * image.cam_from_world.Center() + sigma_m * GaussianVector<3>(rng);
       if (static_cast<int>(wrong.size()) < num_wrong) {
-        enu += rng.Uniform(20, 200) * RandomDirection(rng);
+        enu += RandomOfLength(20, 200, rng);
         wrong.insert(image.image.name);
       }
       const GpsPosition gps = GpsAt(kFrame, enu);

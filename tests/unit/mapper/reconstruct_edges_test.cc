@@ -4,6 +4,7 @@
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 #include "mapper/stages.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -25,12 +26,10 @@ struct TwoImages {
     if (motion == Motion::kTurn) truth.translation.setZero();
     FeatureMatches& matches = scene.matches[ImagePairToPairId(1, 2)];
     for (point2D_t i = 0; i < 150; ++i) {
-      const Eigen::Vector3d x =
-          middle +
-          0.5 * Eigen::Vector3d(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1));
+      const Eigen::Vector3d x = middle + 0.5 * UniformVector({{-1, 1}, {-1, 1}, {-1, 1}}, rng);
       const auto pixel = [&](const Eigen::Vector3d& point) {
         return Eigen::Vector2d(camera.ImgFromCam(point.hnormalized()) +
-                               noise_px * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian()));
+                               noise_px * GaussianVector<2>(rng));
       };
       scene.pixels[1].push_back(pixel(x));
       scene.pixels[2].push_back(pixel(truth * x));

@@ -7,6 +7,7 @@
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 #include "unit/mapper/reconstruct_fixture.h"
 
@@ -65,8 +66,8 @@ struct SymmetricBuilding {
   }
 
   void AddImage(double angle, Rng& rng) {
-    const Eigen::Vector3d center =
-        Turn(angle) * Eigen::Vector3d(0, rng.Uniform(-0.3, 0.3), -3.5 + rng.Uniform(-0.2, 0.2));
+    const Eigen::Vector2d off = UniformVector({{-0.3, 0.3}, {-0.2, 0.2}}, rng);
+    const Eigen::Vector3d center = Turn(angle) * Eigen::Vector3d(0, off.x(), -3.5 + off.y());
     const Eigen::Quaterniond rotation =
         ExpSO3({rng.Uniform(-0.03, 0.03), rng.Uniform(-0.03, 0.03), 0}) * Turn(angle).conjugate();
     poses.emplace_back(rotation, Eigen::Vector3d(rotation * -center));

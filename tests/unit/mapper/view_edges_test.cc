@@ -2,6 +2,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/geometry/epipolar.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -16,7 +17,7 @@ class ViewEdgesTest : public ::testing::Test {
     Rng rng(1);
     std::vector<Keypoint> keypoints[2];
     for (point2D_t i = 0; i < 40; ++i) {
-      const Eigen::Vector3d x1(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(4, 6));
+      const Eigen::Vector3d x1 = UniformVector({{-1, 1}, {-1, 1}, {4, 6}}, rng);
       const Eigen::Vector3d x2 = pose_ * x1;
       const Eigen::Vector2d p1 = camera.ImgFromCam(x1.hnormalized());
       const Eigen::Vector2d p2 = camera.ImgFromCam(x2.hnormalized());

@@ -13,6 +13,7 @@
 #include "cairn/math/so3.h"
 #include "cairn/scene/reconstruction.h"
 #include "cairn/synthetic/surface.h"
+#include "math/random_vectors.h"
 
 namespace cairn {
 
@@ -34,13 +35,13 @@ inline Reconstruction WriteWideScene(const Camera& camera, const Camera& known_c
   const Eigen::Vector3d half(5, 3, 4);
   std::vector<SurfaceElement> elements;
   for (int i = 0; i < options.num_points; ++i) {
-    Eigen::Vector3d point(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1));
+    Eigen::Vector3d point = UniformVector({{-1, 1}, {-1, 1}, {-1, 1}}, rng);
     const int axis = static_cast<int>(rng.UniformInt(3));
     point[axis] = std::copysign(1.0, point[axis]);
     const Eigen::Vector3d normal = -point[axis] * Eigen::Vector3d::Unit(axis);
-    elements.push_back(
-        MakeSurfaceElement(Eigen::Vector3d(point.cwiseProduct(half) + 0.3 * rng.Uniform() * normal),
-                           normal, 0.02, rng.Uniform(0, 6)));
+    const double angle = rng.Uniform(0, 6);
+    const Eigen::Vector3d xyz = point.cwiseProduct(half) + 0.3 * rng.Uniform() * normal;
+    elements.push_back(MakeSurfaceElement(xyz, normal, 0.02, angle));
   }
   Reconstruction truth;
   truth.cameras[camera.camera_id] = camera;
@@ -53,8 +54,8 @@ inline Reconstruction WriteWideScene(const Camera& camera, const Camera& known_c
     const double angle = 2 * std::numbers::pi * i / options.num_images;
     const Eigen::Vector3d center(1.5 * std::cos(angle), rng.Uniform(-0.4, 0.4),
                                  1.5 * std::sin(angle));
-    const Eigen::Quaterniond rotation =
-        ExpSO3(Eigen::Vector3d(rng.Uniform(-0.2, 0.2), 0.5 * angle, rng.Uniform(-0.3, 0.3)));
+    const Eigen::Vector2d tilt = UniformVector({{-0.2, 0.2}, {-0.3, 0.3}}, rng);
+    const Eigen::Quaterniond rotation = ExpSO3({tilt.x(), 0.5 * angle, tilt.y()});
     RegisteredImage image;
     image.image = {id, "image" + std::to_string(id) + ".png", camera.camera_id};
     image.cam_from_world = Rigid3d(rotation, rotation * -center);
@@ -65,7 +66,7 @@ inline Reconstruction WriteWideScene(const Camera& camera, const Camera& known_c
       if (x.normalized().z() < min_cosine) continue;
       auto view = Observe(camera, image.cam_from_world, elements[k]);
       if (!view || !IsInImage(camera, view->pixel)) continue;
-      view->pixel += options.noise_px * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+      view->pixel += options.noise_px * GaussianVector<2>(rng);
       seen[i].emplace_back(k, static_cast<point2D_t>(keypoints.size()));
       keypoints.push_back(view->ToKeypoint());
     }

@@ -2,6 +2,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -9,13 +10,16 @@ namespace {
 
 Eigen::Vector3d RandomVector(Rng& rng) { return {rng.Gaussian(), rng.Gaussian(), rng.Gaussian()}; }
 
-Rigid3d RandomPose(Rng& rng) { return Rigid3d(ExpSO3(1.5 * RandomVector(rng)), RandomVector(rng)); }
+Rigid3d RandomPose(Rng& rng) {
+  const Eigen::Vector3d translation = RandomVector(rng);
+  return Rigid3d(ExpSO3(1.5 * RandomVector(rng)), translation);
+}
 
 std::array<P3pSample, 3> RandomSamples(Rng& rng, const Rigid3d& pose) {
   std::array<P3pSample, 3> samples;
   for (P3pSample& sample : samples) {
     const Eigen::Vector3d ray =
-        Eigen::Vector3d(rng.Uniform(-1, 1), rng.Uniform(-1, 1), 1.0).normalized();
+        Eigen::Vector3d(UniformVector({{-1, 1}, {-1, 1}}, rng).homogeneous()).normalized();
     sample.ray = ray;
     sample.xyz = Inverse(pose) * Eigen::Vector3d(rng.Uniform(1, 10) * ray);
   }

@@ -4,6 +4,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -27,7 +28,7 @@ Problem MakeProblem(CameraModel model, uint64_t seed) {
   }
   problem.pose = Rigid3d(ExpSO3(Eigen::Vector3d(0.3, -2, 0.5)), Eigen::Vector3d(0.5, 0.2, 1));
   while (problem.pixels.size() < 40) {
-    const Eigen::Vector2d pixel(rng.Uniform(0, 1200), rng.Uniform(0, 800));
+    const Eigen::Vector2d pixel = UniformVector({{0, 1200}, {0, 800}}, rng);
     const auto ray = problem.camera.RayFromImg(pixel);
     if (!ray) continue;  // beyond the fold of a fisheye
     problem.xyz.push_back(Inverse(problem.pose) * Eigen::Vector3d(rng.Uniform(2, 8) * *ray));

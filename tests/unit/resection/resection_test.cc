@@ -3,6 +3,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -21,14 +22,14 @@ ResectionProblem MakeProblem(int n, double outlier_share, double noise_px, uint6
   problem.camera =
       Camera::FromFocal(1, CameraModel::kSimpleRadial, rng.Uniform(700, 1200), 1200, 800);
   problem.camera.params[3] = -0.03;
-  problem.pose = Rigid3d(ExpSO3(Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian())),
-                         Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()));
+  const Eigen::Vector3d translation = GaussianVector<3>(rng);
+  problem.pose = Rigid3d(ExpSO3(GaussianVector<3>(rng)), translation);
   for (int i = 0; i < n; ++i) {
-    Eigen::Vector2d pixel(rng.Uniform(0, 1200), rng.Uniform(0, 800));
+    Eigen::Vector2d pixel = UniformVector({{0, 1200}, {0, 800}}, rng);
     const Eigen::Vector3d x =
         rng.Uniform(2, 8) * problem.camera.CamFromImg(pixel).value().homogeneous();
     problem.xyz.push_back(Inverse(problem.pose) * x);
-    pixel += noise_px * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    pixel += noise_px * GaussianVector<2>(rng);
     if (rng.Uniform() < outlier_share) pixel = {rng.Uniform(0, 1200), rng.Uniform(0, 800)};
     problem.pixels.push_back(pixel);
   }
@@ -60,11 +61,12 @@ TEST(EstimateAbsolutePose, IsExactForLensesThatSeeAllAround) {
     ResectionProblem problem;
     problem.camera = Camera::FromFocal(1, CameraModel::kOpenCVFisheye, 350, 1500, 1500);
     problem.camera.params[4] = 0.02;
-    problem.pose = Rigid3d(ExpSO3(Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), 0.3)),
-                           Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()));
+    const Eigen::Vector3d translation = GaussianVector<3>(rng);
+    const Eigen::Vector2d turn = GaussianVector<2>(rng);
+    problem.pose = Rigid3d(ExpSO3({turn.x(), turn.y(), 0.3}), translation);
     int num_behind = 0;
     while (problem.pixels.size() < 100) {
-      Eigen::Vector2d pixel(rng.Uniform(0, 1500), rng.Uniform(0, 1500));
+      Eigen::Vector2d pixel = UniformVector({{0, 1500}, {0, 1500}}, rng);
       const auto ray = problem.camera.RayFromImg(pixel);
       if (!ray) continue;
       num_behind += ray->z() < 0;

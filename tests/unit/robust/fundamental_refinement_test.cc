@@ -4,6 +4,7 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/decompositions.h"
+#include "math/random_vectors.h"
 #include "support/random_two_view.h"
 #include "support/test.h"
 
@@ -14,12 +15,14 @@ PointPairs MakePoints(const TwoViewScene& scene, double noise_px, int num_outlie
   PointPairs points;
   points.Reset(static_cast<int>(scene.patches.size()), 900.0, 1300.0);
   auto noise = [&](double focal) -> Eigen::Vector2d {
-    return noise_px / focal * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    return noise_px / focal * GaussianVector<2>(rng);
   };
   for (int i = 0; i < points.size(); ++i) {
     PointCorrespondence p = scene.patches[i].points();
     if (i < num_outliers) p.x2 = {rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5)};
-    points.Set(i, p.x1 + noise(900.0), p.x2 + noise(1300.0));
+    p.x2 += noise(1300.0);
+    p.x1 += noise(900.0);
+    points.Set(i, p.x1, p.x2);
   }
   return points;
 }

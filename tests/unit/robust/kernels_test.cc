@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "cairn/geometry/epipolar.h"
+#include "math/random_vectors.h"
 #include "robust/pose_refinement.h"
 #include "robust/sampson_kernels.h"
 #include "support/instruction_sets.h"
@@ -21,8 +22,8 @@ PointPairs MakePoints(const TwoViewScene& scene, double focal1, double focal2, d
   for (int i = 0; i < points.size(); ++i) {
     PointCorrespondence p = scene.patches[i].points();
     if (i < num_outliers) p.x2 = {rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5)};
-    p.x1 += noise_px / focal1 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
-    p.x2 += noise_px / focal2 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+    p.x1 += noise_px / focal1 * GaussianVector<2>(rng);
+    p.x2 += noise_px / focal2 * GaussianVector<2>(rng);
     points.Set(i, p.x1, p.x2);
   }
   return points;
@@ -89,9 +90,9 @@ TEST(HomographyErrors, AgreeWithTheDefinition) {
   PointPairs points;
   points.Reset(30, 800.0, 1100.0);
   for (int i = 0; i < 30; ++i) {
-    const Eigen::Vector2d x1(rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5));
+    const Eigen::Vector2d x1 = UniformVector({{-0.5, 0.5}, {-0.5, 0.5}}, rng);
     const Eigen::Vector2d x2 = (H * x1.homogeneous()).hnormalized();
-    points.Set(i, x1, x2 + 1e-3 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian()));
+    points.Set(i, x1, x2 + 1e-3 * GaussianVector<2>(rng));
   }
   std::vector<float> errors(32), flipped(32);
   HomographyErrors(points, H, errors.data());
@@ -118,14 +119,13 @@ PointPairs MakeWidePoints(const Rigid3d& cam2_from_cam1, int n, double noise_px,
   PointPairs points;
   points.Reset(n, 300.0, 500.0, true);
   for (int i = 0; i < n; ++i) {
-    const Eigen::Vector3d x1 = rng.Uniform(2, 8) * RandomDirection(rng);
+    const Eigen::Vector3d x1 = RandomOfLength(2, 8, rng);
     const Eigen::Vector3d x2 = cam2_from_cam1 * x1;
     const auto moved = [&](const Eigen::Vector3d& x, double focal) {
-      return Eigen::Vector3d(x.normalized() +
-                             noise_px / focal *
-                                 Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian()));
+      return Eigen::Vector3d(x.normalized() + noise_px / focal * GaussianVector<3>(rng));
     };
-    points.SetRays(i, moved(x1, 300.0), 1.0 / 300.0, moved(x2, 500.0), 1.0 / 500.0);
+    const Eigen::Vector3d moved2 = moved(x2, 500.0);
+    points.SetRays(i, moved(x1, 300.0), 1.0 / 300.0, moved2, 1.0 / 500.0);
   }
   return points;
 }
@@ -182,7 +182,7 @@ TEST(WideSampsonKernels, AgreeWithPlanarOnesNearTheAxis) {
   planar.Reset(50, 700, 900);
   wide.Reset(50, 700, 900, true);
   for (int i = 0; i < 50; ++i) {
-    const Eigen::Vector3d x1(rng.Uniform(-0.3, 0.3), rng.Uniform(-0.3, 0.3), rng.Uniform(5, 9));
+    const Eigen::Vector3d x1 = UniformVector({{-0.3, 0.3}, {-0.3, 0.3}, {5, 9}}, rng);
     const Eigen::Vector3d x2 = pose * x1 + 0.01 * RandomDirection(rng);
     planar.Set(i, x1.hnormalized(), x2.hnormalized());
     wide.SetRays(i, x1, 1.0 / 700, x2, 1.0 / 900);
@@ -350,8 +350,10 @@ TEST(RefinePose, RecoversTheTruthFromARoughStart) {
   for (int trial = 0; trial < 200; ++trial) {
     const TwoViewScene scene = RandomScene(rng, 100);
     const PointPairs points = MakePoints(scene, 1000.0, 1000.0, 0.0, 0, rng);
+    const Eigen::Vector3d translation =
+        scene.cam2_from_cam1.translation.normalized() + 0.1 * RandomDirection(rng);
     const Rigid3d start(ExpSO3(0.05 * RandomDirection(rng)) * scene.cam2_from_cam1.rotation,
-                        scene.cam2_from_cam1.translation.normalized() + 0.1 * RandomDirection(rng));
+                        translation);
     PoseRefinementOptions options;
     options.loss = RobustLoss::kGemanMcClure;
     options.scale_px = 20.0;

@@ -7,6 +7,7 @@
 #include "cairn/base/rng.h"
 #include "cairn/synthetic/poses.h"
 #include "cairn/synthetic/view_graph_problem.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/rotation_averaging/rotation_test_util.h"
@@ -33,7 +34,7 @@ Problem MakeProblem(int n, int num_edges, double noise_deg, double outlier_ratio
     if (a < b) pairs.insert({a, b});
   }
   for (const auto& [a, b] : pairs) {
-    const Eigen::Vector3d noise(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+    const Eigen::Vector3d noise = GaussianVector<3>(rng);
     Eigen::Quaterniond q = p.truth[b] * p.truth[a].conjugate();
     q = ExpSO3(DegToRad(noise_deg) * noise) * q;
     const bool is_outlier = rng.Uniform() < outlier_ratio;
@@ -152,7 +153,7 @@ Problem MakeLookAlikePlaces(const LookAlikes& options, uint64_t seed) {
   }
   const auto add = [&](int i, int j, double share, double weight, bool is_outlier) {
     if (rng.Uniform() > share) return;
-    const Eigen::Vector3d noise(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+    const Eigen::Vector3d noise = GaussianVector<3>(rng);
     const Eigen::Quaterniond q = is_outlier ? cam_from_place[j] * cam_from_place[i].conjugate()
                                             : p.truth[j + 1] * p.truth[i + 1].conjugate();
     p.edges.push_back({static_cast<image_t>(i + 1), static_cast<image_t>(j + 1),

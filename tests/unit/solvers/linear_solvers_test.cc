@@ -4,6 +4,7 @@
 #include "cairn/geometry/epipolar.h"
 #include "cairn/solvers/eight_point.h"
 #include "cairn/solvers/homography.h"
+#include "math/random_vectors.h"
 #include "support/random_two_view.h"
 #include "support/test.h"
 
@@ -30,12 +31,13 @@ struct PlaneScene {
 
 PlaneScene RandomPlane(Rng& rng, int num_points) {
   PlaneScene scene;
-  scene.cam2_from_cam1 = Rigid3d(ExpSO3(rng.Uniform(0.0, 0.5) * RandomDirection(rng)),
-                                 rng.Uniform(0.1, 1.0) * RandomDirection(rng));
-  scene.normal = Eigen::Vector3d(rng.Uniform(-0.4, 0.4), rng.Uniform(-0.4, 0.4), 1.0).normalized();
+  const Eigen::Vector3d translation = RandomOfLength(0.1, 1.0, rng);
+  scene.cam2_from_cam1 = Rigid3d(ExpSO3(RandomOfLength(0.0, 0.5, rng)), translation);
+  scene.normal =
+      Eigen::Vector3d(UniformVector({{-0.4, 0.4}, {-0.4, 0.4}}, rng).homogeneous()).normalized();
   scene.distance = rng.Uniform(3.0, 6.0);
   while (static_cast<int>(scene.points.size()) < num_points) {
-    const Eigen::Vector3d ray(rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5), 1.0);
+    const Eigen::Vector3d ray = UniformVector({{-0.5, 0.5}, {-0.5, 0.5}}, rng).homogeneous();
     const Eigen::Vector3d X2 =
         scene.cam2_from_cam1 * Eigen::Vector3d(ray * (scene.distance / scene.normal.dot(ray)));
     scene.points.push_back({ray.hnormalized(), X2.hnormalized()});

@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 
 #include "cairn/synthetic/poses.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -15,9 +16,9 @@ Camera MakeCamera() {
 }
 
 SurfaceElement RandomElement(Rng& rng) {
-  const Eigen::Vector3d point(rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5),
-                              rng.Uniform(-0.5, 0.5));
-  const Eigen::Vector3d normal(0.5 * rng.Gaussian(), -1, 0.5 * rng.Gaussian());
+  const Eigen::Vector3d point = UniformVector({{-0.5, 0.5}, {-0.5, 0.5}, {-0.5, 0.5}}, rng);
+  const Eigen::Vector2d slope = 0.5 * GaussianVector<2>(rng);
+  const Eigen::Vector3d normal(slope.x(), -1, slope.y());
   return MakeSurfaceElement(point, normal, 0.01, rng.Uniform(0, 6));
 }
 

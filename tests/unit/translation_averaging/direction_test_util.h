@@ -12,6 +12,7 @@
 #include "cairn/math/so3.h"
 #include "cairn/synthetic/poses.h"
 #include "cairn/translation_averaging/translation_averaging.h"
+#include "math/random_vectors.h"
 
 namespace cairn {
 
@@ -53,8 +54,9 @@ struct DirectionScene {
     for (int k = 0; k < num_points; ++k) {
       const int first = 1 + static_cast<int>(rng.UniformInt(n - std::min(n, length) + 1));
       const int last = std::min(n, first + length - 1);
+      const Eigen::Vector3d direction = RandomDirection(rng);
       const Eigen::Vector3d X =
-          truth[(first + last) / 2] + distance * rng.Uniform(0.6, 1.6) * RandomDirection(rng);
+          truth[(first + last) / 2] + distance * rng.Uniform(0.6, 1.6) * direction;
       PointDirections track;
       for (int i = first; i <= last; ++i) {
         const bool is_wrong = rng.Uniform() < outlier_ratio;
@@ -66,7 +68,7 @@ struct DirectionScene {
     }
   }
   static Eigen::Vector3d Disturbed(const Eigen::Vector3d& d, double noise_deg, Rng& rng) {
-    const Eigen::Vector3d w(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
+    const Eigen::Vector3d w = GaussianVector<3>(rng);
     return ExpSO3(DegToRad(noise_deg) * w) * d;
   }
 };

@@ -10,7 +10,7 @@ DirectionScene Landmark(double outlier_ratio, uint64_t seed) {
   Rng rng(seed, "filter test");
   DirectionScene scene;
   std::vector<Eigen::Vector3d> centers;
-  for (int k = 0; k < 40; ++k) centers.push_back(3 * rng.Uniform() * RandomDirection(rng));
+  for (int k = 0; k < 40; ++k) centers.push_back(RandomOfLength(0, 3, rng));
   scene.AddCenters(centers);
   for (image_t a = 1; a <= 40; ++a) {
     for (image_t b = a + 1; b <= 40; ++b) {

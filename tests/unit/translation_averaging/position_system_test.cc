@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 
+#include "math/random_vectors.h"
 #include "support/test.h"
 #include "unit/translation_averaging/direction_test_util.h"
 
@@ -25,9 +26,7 @@ struct Fixture {
     scene.AddChain(3, 1, 0, rng);
     scene.AddPoints(30, 4, 2, 1, 0, rng);
     problem = MakeDirectionProblem(scene.edges, scene.tracks);
-    const auto random = [&rng] {
-      return Eigen::Vector3d(rng.Gaussian(), rng.Gaussian(), rng.Gaussian());
-    };
+    const auto random = [&rng] { return GaussianVector<3>(rng); };
     const auto random_models = [&](size_t num) {
       std::vector<DirectionModel> result(num);
       for (DirectionModel& m : result) m = {random(), random()};

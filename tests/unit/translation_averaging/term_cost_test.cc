@@ -32,7 +32,7 @@ TEST(TermCost, GradientsEqualCentralDifferences) {
   Rng rng(1);
   for (int trial = 0; trial < 200; ++trial) {
     const Eigen::Vector3d v = RandomDirection(rng);
-    const Eigen::Vector3d D = rng.Uniform(0.5, 3) * RandomDirection(rng);
+    const Eigen::Vector3d D = RandomOfLength(0.5, 3, rng);
     const double huber = trial % 2 == 0 ? 0.3 : 10.0;
     const auto chordal = [&](const Eigen::Vector3d& x) { return ChordalCost(v, x, huber); };
     EXPECT_LT((ChordalModel(v, D, huber).gradient - NumericGradient(chordal, D)).norm(), 1e-8);
@@ -43,7 +43,7 @@ TEST(TermCost, GradientsEqualCentralDifferences) {
 TEST(TermCost, CurvatureIsTheHessianAtAPerfectFit) {
   Rng rng(2);
   for (int trial = 0; trial < 100; ++trial) {
-    const Eigen::Vector3d D = rng.Uniform(0.5, 3) * RandomDirection(rng);
+    const Eigen::Vector3d D = RandomOfLength(0.5, 3, rng);
     const Eigen::Vector3d v = D.normalized();
     const Eigen::Matrix3d chordal = ChordalModel(v, D, 1).Curvature();
     Eigen::Matrix3d numeric;

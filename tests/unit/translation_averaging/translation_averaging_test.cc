@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "cairn/base/error.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/translation_averaging/direction_test_util.h"
@@ -64,8 +65,8 @@ std::vector<CenterPrior> NoisyPriors(const Centers& truth, double sigma, const C
   Rng rng(3);
   std::vector<CenterPrior> priors;
   for (const auto& [id, center] : truth) {
-    const Eigen::Vector3d measured =
-        center + Eigen::Vector3d(sigma * rng.Gaussian(), sigma * rng.Gaussian(), 1000);
+    const Eigen::Vector2d error = sigma * GaussianVector<2>(rng);
+    const Eigen::Vector3d measured = center + Eigen::Vector3d(error.x(), error.y(), 1000);
     priors.push_back({id, moved * measured, to_truth.transpose() * known * to_truth});
   }
   return priors;

@@ -5,13 +5,14 @@
 #include "cairn/base/rng.h"
 #include "cairn/math/so3.h"
 #include "cairn/synthetic/poses.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
 namespace {
 
 Eigen::Vector3d RandomVector(Rng& rng, double size) {
-  return size * Eigen::Vector3d(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1));
+  return size * UniformVector({{-1, 1}, {-1, 1}, {-1, 1}}, rng);
 }
 
 // A camera near `center` that looks at the origin from about ten units away.
@@ -35,7 +36,7 @@ std::vector<TriangulationView> RandomViews(Rng& rng, int n, const Eigen::Vector3
   std::vector<TriangulationView> views;
   for (int i = 0; i < n; ++i) {
     views.push_back(RandomView(rng));
-    Observe(xyz, noise_px * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian()), views.back());
+    Observe(xyz, noise_px * GaussianVector<2>(rng), views.back());
   }
   return views;
 }

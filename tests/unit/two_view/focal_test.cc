@@ -1,6 +1,7 @@
 // Pairs whose focal lengths are unknown or wrong.
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 #include "support/two_view_problem.h"
 #include "two_view/decide/focal_plausibility.h"
@@ -103,8 +104,8 @@ Pair MakePlaneAndMore(int num_on, int num_off, uint64_t seed) {
   Pair pair = MakePlanarPair(cam2_from_cam1, false, num_on, 0.3, seed);
   Rng rng(seed, "more");
   while (static_cast<int>(pair.matches.size()) < num_on + num_off) {
-    const Eigen::Vector3d X1 = rng.Uniform(1.5, 4.0) *
-                               Eigen::Vector3d(rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5), 1.0);
+    const Eigen::Vector2d x1 = UniformVector({{-0.5, 0.5}, {-0.5, 0.5}}, rng);
+    const Eigen::Vector3d X1 = rng.Uniform(1.5, 4.0) * x1.homogeneous();
     const Eigen::Vector3d X2 = cam2_from_cam1 * X1;
     if (X2.z() < 0.5 || (X2.head<2>() / X2.z()).cwiseAbs().maxCoeff() > 0.75) continue;
     const auto i = static_cast<point2D_t>(pair.matches.size());
@@ -112,9 +113,7 @@ Pair MakePlaneAndMore(int num_on, int num_off, uint64_t seed) {
       const bool is_first = keypoints == &pair.keypoints1;
       const Eigen::Vector2d pixel =
           (is_first ? pair.camera1 : pair.camera2).ImgFromCam((is_first ? X1 : X2).hnormalized());
-      keypoints->push_back(Keypoint::FromScaleOrientation(
-          static_cast<float>(pixel.x() + 0.3 * rng.Gaussian()),
-          static_cast<float>(pixel.y() + 0.3 * rng.Gaussian()), 3.0f, 0.0f));
+      keypoints->push_back(RoundKeypoint(pixel + 0.3 * GaussianVector<2>(rng)));
     }
     pair.matches.push_back({i, i});
     pair.is_inlier.push_back(true);
@@ -247,20 +246,18 @@ Pair MakeNearPlanarPair(int num_right, uint64_t seed) {
   Pair pair;
   pair.camera1 = MakeCamera(1, 1000.0, 0.0);
   pair.camera2 = MakeCamera(2, 1000.0, 0.0);
-  pair.cam2_from_cam1 =
-      Rigid3d(ExpSO3(rng.Uniform(0.1, 0.4) * RandomDirection(rng)),
-              Eigen::Vector3d(1.0, rng.Uniform(-0.3, 0.3), rng.Uniform(-0.3, 0.3)).normalized());
+  const Eigen::Vector2d aside = UniformVector({{-0.3, 0.3}, {-0.3, 0.3}}, rng);
+  pair.cam2_from_cam1 = Rigid3d(ExpSO3(RandomOfLength(0.1, 0.4, rng)),
+                                Eigen::Vector3d(1.0, aside.x(), aside.y()).normalized());
   const Eigen::Vector3d normal = Eigen::Vector3d(rng.Uniform(-0.4, 0.4), 0.1, 1.0).normalized();
   constexpr int kNumOnWall = 200, kNumMatches = 300;
   constexpr double kNoisePx = 0.4;
-  auto add = [&](Eigen::Vector2d pixel, std::vector<Keypoint>* keypoints) {
-    pixel += kNoisePx * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
-    keypoints->push_back(Keypoint::FromScaleOrientation(static_cast<float>(pixel.x()),
-                                                        static_cast<float>(pixel.y()), 3.0f, 0.0f));
+  auto add = [&](const Eigen::Vector2d& pixel, std::vector<Keypoint>* keypoints) {
+    keypoints->push_back(RoundKeypoint(pixel + kNoisePx * GaussianVector<2>(rng)));
   };
   while (static_cast<int>(pair.matches.size()) < kNumMatches) {
     const auto i = static_cast<point2D_t>(pair.matches.size());
-    const Eigen::Vector3d ray(rng.Uniform(-0.7, 0.7), rng.Uniform(-0.7, 0.7), 1.0);
+    const Eigen::Vector3d ray = UniformVector({{-0.7, 0.7}, {-0.7, 0.7}}, rng).homogeneous();
     double depth = 5.0 / normal.dot(ray);
     if (i >= kNumOnWall) depth *= rng.Uniform(0.5, 0.9);
     const Eigen::Vector3d X2 = pair.cam2_from_cam1 * Eigen::Vector3d(depth * ray);
@@ -316,8 +313,8 @@ Eigen::Matrix3d Scaled(const Eigen::Matrix3d& E, double factor1, double factor2)
 }
 
 Eigen::Matrix3d RandomEssential(Rng& rng) {
-  return EssentialFromPose(
-      Rigid3d(ExpSO3(rng.Uniform(0.1, 0.6) * RandomDirection(rng)), RandomDirection(rng)));
+  const Eigen::Vector3d translation = RandomDirection(rng);
+  return EssentialFromPose(Rigid3d(ExpSO3(RandomOfLength(0.1, 0.6, rng)), translation));
 }
 
 TEST(PlausibleFocals, AreThoseOfLensesOrNearWhatIsTrusted) {

@@ -2,6 +2,7 @@
 #include "two_view/search/fundamental_resampling.h"
 
 #include "cairn/math/angles.h"
+#include "math/random_vectors.h"
 #include "robust/fundamental_refinement.h"
 #include "robust/match_errors.h"
 #include "support/test.h"
@@ -15,13 +16,13 @@ namespace {
 struct NearPlanar {
   explicit NearPlanar(uint64_t seed) {
     Rng rng(seed, "near planar");
-    const Rigid3d motion(
-        ExpSO3(rng.Uniform(0.1, 0.3) * RandomDirection(rng)),
-        Eigen::Vector3d(1.0, rng.Uniform(-0.3, 0.3), rng.Uniform(-0.3, 0.3)).normalized());
+    const Eigen::Vector2d aside = UniformVector({{-0.3, 0.3}, {-0.3, 0.3}}, rng);
+    const Rigid3d motion(ExpSO3(RandomOfLength(0.1, 0.3, rng)),
+                         Eigen::Vector3d(1.0, aside.x(), aside.y()).normalized());
     pair = MakePlanarPair(motion, false, 200, kNoisePx, seed);
     const Eigen::Vector3d normal = Eigen::Vector3d(0.2, -0.3, 1.0).normalized();
     while (pair.matches.size() < 240) {
-      const Eigen::Vector3d ray(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.6, 0.6), 1.0);
+      const Eigen::Vector3d ray = UniformVector({{-0.6, 0.6}, {-0.6, 0.6}}, rng).homogeneous();
       const double depth = rng.Uniform(0.5, 0.9) * 4.0 / normal.dot(ray);
       const Eigen::Vector3d X2 = motion * Eigen::Vector3d(depth * ray);
       if (X2.z() <= 0.5 || (X2.head<2>() / X2.z()).cwiseAbs().maxCoeff() > 0.75) continue;
@@ -39,10 +40,8 @@ struct NearPlanar {
     start = CrossMatrix(motion.translation.cross(Eigen::Vector3d::UnitZ()).normalized()) * H;
   }
 
-  static void Add(Eigen::Vector2d pixel, Rng& rng, std::vector<Keypoint>* keypoints) {
-    pixel += kNoisePx * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
-    keypoints->push_back(Keypoint::FromScaleOrientation(static_cast<float>(pixel.x()),
-                                                        static_cast<float>(pixel.y()), 3.0f, 0.0f));
+  static void Add(const Eigen::Vector2d& pixel, Rng& rng, std::vector<Keypoint>* keypoints) {
+    keypoints->push_back(RoundKeypoint(pixel + kNoisePx * GaussianVector<2>(rng)));
   }
 
   Eigen::Matrix3d Resample(const Eigen::Matrix3d& from) const {

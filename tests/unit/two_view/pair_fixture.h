@@ -5,9 +5,15 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/two_view/pair_verifier.h"
+#include "math/random_vectors.h"
 #include "support/random_two_view.h"
 
 namespace cairn {
+
+inline Keypoint RoundKeypoint(const Eigen::Vector2d& pixel) {
+  return Keypoint::FromScaleOrientation(static_cast<float>(pixel.x()),
+                                        static_cast<float>(pixel.y()), 3.0f, 0.0f);
+}
 
 // Everything a PairInput points to.
 struct Pair {
@@ -67,8 +73,8 @@ inline void AddView(const Camera& camera, const NormalizedFrame& frame, const Li
                     const PairSettings& settings, Rng& rng, std::vector<Keypoint>* keypoints,
                     std::vector<DepthSample>* depth) {
   Eigen::Matrix2d J;
-  const Eigen::Vector2d pixel = camera.ImgFromCam(frame.point, &J) +
-                                settings.noise_px * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+  const Eigen::Vector2d pixel =
+      camera.ImgFromCam(frame.point, &J) + settings.noise_px * GaussianVector<2>(rng);
   const Eigen::Matrix2d shape = J * frame.shape;
   Keypoint keypoint;
   keypoint.x = static_cast<float>(pixel.x());
@@ -135,12 +141,10 @@ inline Pair MakePlanarPair(const Rigid3d& cam2_from_cam1, bool rotation_only, in
   if (rotation_only) pair.cam2_from_cam1.translation.setZero();
   const Eigen::Vector3d normal = Eigen::Vector3d(0.2, -0.3, 1.0).normalized();
   auto add = [&](const Eigen::Vector2d& pixel, std::vector<Keypoint>* keypoints) {
-    keypoints->push_back(Keypoint::FromScaleOrientation(
-        static_cast<float>(pixel.x() + noise_px * rng.Gaussian()),
-        static_cast<float>(pixel.y() + noise_px * rng.Gaussian()), 3.0f, 0.0f));
+    keypoints->push_back(RoundKeypoint(pixel + noise_px * GaussianVector<2>(rng)));
   };
   while (static_cast<int>(pair.matches.size()) < num_points) {
-    const Eigen::Vector3d ray(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.6, 0.6), 1.0);
+    const Eigen::Vector3d ray = UniformVector({{-0.6, 0.6}, {-0.6, 0.6}}, rng).homogeneous();
     const Eigen::Vector3d X2 = pair.cam2_from_cam1 * Eigen::Vector3d(ray * (4.0 / normal.dot(ray)));
     if (X2.z() <= 0.5 || (X2.head<2>() / X2.z()).cwiseAbs().maxCoeff() > 0.75) continue;
     const auto i = static_cast<point2D_t>(pair.matches.size());

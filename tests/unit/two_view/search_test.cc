@@ -3,6 +3,7 @@
 
 #include "cairn/geometry/epipolar.h"
 #include "cairn/math/angles.h"
+#include "math/random_vectors.h"
 #include "robust/match_errors.h"
 #include "support/random_two_view.h"
 #include "support/test.h"
@@ -209,8 +210,10 @@ TEST_F(SearchTest, ConvergesFromARoughHypothesis) {
   EXPECT_FALSE(search.HasModel());
   Rng rng(7);
   for (int k = 0; k < 10; ++k) {
+    const Eigen::Vector3d translation =
+        pair.cam2_from_cam1.translation + 0.15 * RandomDirection(rng);
     const Rigid3d rough(ExpSO3(0.06 * RandomDirection(rng)) * pair.cam2_from_cam1.rotation,
-                        pair.cam2_from_cam1.translation + 0.15 * RandomDirection(rng));
+                        translation);
     search.Add(EssentialFromPose(rough));
   }
   search.RefineBest(10);
@@ -284,7 +287,7 @@ TEST(PoseSearch, OnlyPointsInFrontOfBothCamerasSpeakForAPose) {
     int num_points = 0;
     auto add = [&](const Rigid3d& pose, bool in_front, int count) {
       while (count > 0) {
-        const Eigen::Vector2d x1(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.6, 0.6));
+        const Eigen::Vector2d x1 = UniformVector({{-0.6, 0.6}, {-0.6, 0.6}}, rng);
         const Eigen::Vector3d X2 =
             pose * Eigen::Vector3d(rng.Uniform(-0.7, 4.0) * x1.homogeneous());
         const Eigen::Vector3d X1 = Inverse(pose) * X2;
@@ -417,7 +420,7 @@ TEST(FindFundamental, StopsByTheShareOfThoseThatItDrawsFrom) {
       const bool is_right = i % (i < kNumVoters ? 2 : 3) == 0;
       if (!is_right) x.x2 = {rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5)};
       for (Eigen::Vector2d* point : {&x.x1, &x.x2}) {
-        *point += 3e-4 * Eigen::Vector2d(rng.Gaussian(), rng.Gaussian());
+        *point += 3e-4 * GaussianVector<2>(rng);
       }
       prepared.points.Set(i, x.x1, x.x2);
       prepared.match_index.push_back(i);

@@ -1,4 +1,5 @@
 #include "cairn/two_view/pair_verifier.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 #include "support/two_view_problem.h"
 #include "two_view/pair_fixture.h"
@@ -37,13 +38,12 @@ TEST(SpecialPairs, SomePointsOffThePlaneDecideBetweenItsMotions) {
     plane.cam2_from_cam1.translation.normalize();
     Rng rng(seed);
     for (int i = 0; i < 25; ++i) {
-      Eigen::Vector3d X(rng.Uniform(-1.0, 1.0), rng.Uniform(-1.0, 1.0), rng.Uniform(2.5, 3.5));
+      Eigen::Vector3d X = UniformVector({{-1.0, 1.0}, {-1.0, 1.0}, {2.5, 3.5}}, rng);
       const Eigen::Vector3d X2 = SomeMotion() * X;
       const auto k = static_cast<point2D_t>(plane.matches.size());
       auto add = [](const Camera& camera, const Eigen::Vector3d& Y, std::vector<Keypoint>* out) {
         const Eigen::Vector2d pixel = camera.ImgFromCam(Y.hnormalized());
-        out->push_back(Keypoint::FromScaleOrientation(static_cast<float>(pixel.x()),
-                                                      static_cast<float>(pixel.y()), 3.0f, 0.0f));
+        out->push_back(RoundKeypoint(pixel));
       };
       add(plane.camera1, X, &plane.keypoints1);
       add(plane.camera2, X2, &plane.keypoints2);
@@ -83,12 +83,10 @@ TEST(SpecialPairs, Watermark) {
   Pair pair = MakePair({.num_inliers = 0, .num_outliers = 60}, 3);
   Rng rng(3);
   for (int i = 0; i < 80; ++i) {
-    const Eigen::Vector2d pixel(rng.Uniform(1000.0, 1590.0), rng.Uniform(1480.0, 1590.0));
+    const Eigen::Vector2d pixel = UniformVector({{1000.0, 1590.0}, {1480.0, 1590.0}}, rng);
     const auto k = static_cast<point2D_t>(pair.keypoints1.size());
     for (auto* keypoints : {&pair.keypoints1, &pair.keypoints2}) {
-      keypoints->push_back(Keypoint::FromScaleOrientation(
-          static_cast<float>(pixel.x() + 0.1 * rng.Gaussian()),
-          static_cast<float>(pixel.y() + 0.1 * rng.Gaussian()), 3.0f, 0.0f));
+      keypoints->push_back(RoundKeypoint(pixel + 0.1 * GaussianVector<2>(rng)));
     }
     pair.matches.push_back({k, k});
   }
@@ -106,17 +104,16 @@ Pair MakeOverlay(double focal2_px, uint64_t seed) {
   Pair pair = MakePair({.num_inliers = 0, .num_outliers = 60, .focal2_px = focal2_px}, seed);
   Rng rng(seed);
   for (int i = 0; i < 150; ++i) {
-    const Eigen::Vector2d letter(rng.Uniform(0.0, 100.0), rng.Uniform(0.0, 30.0));
-    const Eigen::Vector2d mark(300.0 * rng.UniformInt(5), 200.0 * rng.UniformInt(8));
+    const Eigen::Vector2d letter = UniformVector({{0.0, 100.0}, {0.0, 30.0}}, rng);
+    const double mark_y = 200.0 * rng.UniformInt(8);
+    const Eigen::Vector2d mark(300.0 * rng.UniformInt(5), mark_y);
     const double moved = i % 3 == 0 ? 300.0 * (1.0 + rng.UniformInt(3)) : 0.0;
     const auto k = static_cast<point2D_t>(pair.keypoints1.size());
-    auto add = [&](double x, double y, std::vector<Keypoint>* keypoints) {
-      keypoints->push_back(
-          Keypoint::FromScaleOrientation(static_cast<float>(x + 0.2 * rng.Gaussian()),
-                                         static_cast<float>(y + 0.2 * rng.Gaussian()), 3.0f, 0.0f));
+    auto add = [&](const Eigen::Vector2d& pixel, std::vector<Keypoint>* keypoints) {
+      keypoints->push_back(RoundKeypoint(pixel + 0.2 * GaussianVector<2>(rng)));
     };
-    add(letter.x() + mark.x(), letter.y() + mark.y(), &pair.keypoints1);
-    add(letter.x() + mark.x() + moved, letter.y() + mark.y(), &pair.keypoints2);
+    add(letter + mark, &pair.keypoints1);
+    add(letter + mark + Eigen::Vector2d(moved, 0.0), &pair.keypoints2);
     pair.matches.push_back({k, k});
   }
   return pair;
@@ -186,11 +183,10 @@ TEST(SpecialPairs, ATinyPatchFixesNoPose) {
   Rng rng(4);
   for (int i = 0; i < 60; ++i) {
     const auto k = static_cast<point2D_t>(pair.keypoints1.size());
-    const Eigen::Vector2d offset(rng.Uniform(-4.0, 4.0), rng.Uniform(-4.0, 4.0));
+    const Eigen::Vector2d offset = UniformVector({{-4.0, 4.0}, {-4.0, 4.0}}, rng);
     for (auto* keypoints : {&pair.keypoints1, &pair.keypoints2}) {
-      keypoints->push_back(Keypoint::FromScaleOrientation(
-          static_cast<float>(800.0 + offset.x() + 0.2 * rng.Gaussian()),
-          static_cast<float>(700.0 + offset.y() + 0.2 * rng.Gaussian()), 3.0f, 0.0f));
+      const Eigen::Vector2d pixel = Eigen::Vector2d(800.0, 700.0) + offset;
+      keypoints->push_back(RoundKeypoint(pixel + 0.2 * GaussianVector<2>(rng)));
     }
     pair.matches.push_back({k, k});
   }
@@ -253,7 +249,7 @@ PairReport VerifyPieces(int num_pieces, const TwoViewOptions& options = {}) {
   const double width = problem.camera1.width / static_cast<double>(num_pieces);
   std::vector<Eigen::Vector2d> shifts;
   for (int i = 0; i < num_pieces * num_pieces; ++i) {
-    const Eigen::Vector2d shift(rng.Uniform(-300.0, 300.0), rng.Uniform(-300.0, 300.0));
+    const Eigen::Vector2d shift = UniformVector({{-300.0, 300.0}, {-300.0, 300.0}}, rng);
     shifts.push_back(num_pieces > 1 ? shift : Eigen::Vector2d(0.0, 0.0));
   }
   for (const FeatureMatch& match : problem.matches) {

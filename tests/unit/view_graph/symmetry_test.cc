@@ -3,6 +3,8 @@
 #include "cairn/base/rng.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
+#include "cairn/synthetic/poses.h"
+#include "math/random_vectors.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -19,9 +21,9 @@ struct FoldedModel {
     Rng rng(seed);
     for (image_t id = 1; id <= kNumImages; ++id) {
       graph.image_ids.push_back(id);
+      const Eigen::Vector2d tilt = 3 * UniformVector({{-1, 1}, {-1, 1}}, rng);
       model.images[id].cam_from_world =
-          Rigid3d(ExpSO3(3 * Eigen::Vector3d(rng.Uniform(-1, 1), rng.Uniform(-1, 1), 0)),
-                  Eigen::Vector3d::Zero());
+          Rigid3d(ExpSO3({tilt.x(), tilt.y(), 0}), Eigen::Vector3d::Zero());
     }
     for (image_t id = 1; id < kNumImages; ++id) {
       AddPair(id, id + 1, Eigen::Quaterniond::Identity(), EdgeRemoval::kNone);
@@ -108,11 +110,7 @@ TEST(Symmetry, WrongPairsThatDisagreeAreNone) {
   Rng rng(4);
   for (image_t id1 = 1; id1 <= kNumImages; ++id1) {
     for (image_t id2 = id1 + 2; id2 <= std::min(kNumImages, id1 + 5); ++id2) {
-      folded.AddPair(
-          id1, id2,
-          Eigen::Quaterniond(rng.Gaussian(), rng.Gaussian(), rng.Gaussian(), rng.Gaussian())
-              .normalized(),
-          EdgeRemoval::kRotationInconsistent);
+      folded.AddPair(id1, id2, RandomRotation(rng), EdgeRemoval::kRotationInconsistent);
     }
   }
   ASSERT_GT(folded.graph.edges.size(), 80u);
