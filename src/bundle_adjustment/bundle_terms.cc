@@ -74,6 +74,9 @@ Tempo TempoOf(const BundleAdjustmentOptions& options, const BundleAdjustmentScop
   const auto num_positions =
       static_cast<double>(scope.image_positions.size() + scope.surveyed_points.size());
   Tempo tempo{.tolerance = options.function_tolerance};
+  // Rotations nearly undo what principal points do: the initial damping would be stiffer than what
+  // is left.
+  if (scope.principal_points) tempo.initial_damping = 1e-6;
   if (num_positions > 0) {
     // Positions hold the world frame, and the initial damping would be stiffer than they are. What
     // they still bring is small beside the cost of all observations.

@@ -132,6 +132,41 @@ TEST(AdjustBundle, PixelsThatAreNotSquareAreFoundInSpiteOfThePrior) {
   }
 }
 
+// A long lens far away, whose photographs are cropped off the center: rotations nearly undo that.
+Reconstruction LongLensOffCenter(const Eigen::Vector2d& offset_px) {
+  Reconstruction model = MakeSyntheticScene({.num_images = 12, .num_points = 500}).truth;
+  for (auto& [id, camera] : model.cameras) camera.SetMeanFocal(6 * camera.MeanFocal());
+  for (auto& [id, image] : model.images) image.cam_from_world.translation.z() *= 6;
+  for (const auto& [id, point] : model.points3D) {
+    for (const TrackElement& element : point.track) {
+      RegisteredImage& image = model.images.at(element.image_id);
+      image.points2D[element.point2D] =
+          model.CameraOf(image).ImgFromCam((image.cam_from_world * point.xyz).hnormalized()) +
+          offset_px;
+    }
+  }
+  AdjustBundle(model, {}, Precise(), kOneThread);
+  return model;
+}
+
+TEST(AdjustBundle, PrincipalPointsOfLongLensesMoveWithinAFewIterations) {
+  const Reconstruction start = LongLensOffCenter({30, -20});
+  const Camera& camera = start.cameras.at(1);
+  BundleAdjustmentScope scope;
+  scope.principal_points = true;
+  scope.priors[1] = {.params = camera.params, .principal_point_sigma_px = 100};
+  const auto found = [&](int max_iterations) {
+    Reconstruction model = start;
+    BundleAdjustmentOptions options = Precise();
+    options.max_iterations = max_iterations;
+    AdjustBundle(model, scope, options, kOneThread);
+    return model.cameras.at(1).PrincipalPoint();
+  };
+  const Eigen::Vector2d end = found(200);
+  EXPECT_GT((end - camera.PrincipalPoint()).norm(), 20);
+  EXPECT_LT((found(4) - end).norm(), 0.2 * (end - camera.PrincipalPoint()).norm());
+}
+
 TEST(AdjustBundle, APriorDoesNotMoveACameraThatItsPointsDetermine) {
   constexpr int kNumScenes = 5;
   double squared_error[2] = {}, shift[2] = {};  // of log focal length and distortion

@@ -78,9 +78,9 @@ TEST(Reconstruct, RefinesPrincipalPointsOfUnknownCamerasWhereTheMatchesTell) {
   // A chance of 5 % decides, not less.
   const ReconstructResult barely = Reconstruct(MakeDatabaseOffCenter(kHardlyOff));
   ASSERT_TRUE(barely.report.Succeeded()) << barely.report.failure;
-  EXPECT_LT((OffsetFromCenter(barely) - kHardlyOff.cast<double>()).norm(), 2);
+  EXPECT_LT((OffsetFromCenter(barely) - kHardlyOff.cast<double>()).norm(), 6);
   EXPECT_NE(OffsetFromCenter(barely), Eigen::Vector2d::Zero());
-  EXPECT_LT(ErrorsOfPrincipalPoints(barely), 2.3);
+  EXPECT_LT(ErrorsOfPrincipalPoints(barely), 3);
 
   const ReconstructResult centered = Reconstruct(MakeDatabaseOffCenter({0, 0}));
   ASSERT_TRUE(centered.report.Succeeded()) << centered.report.failure;
