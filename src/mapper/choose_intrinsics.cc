@@ -18,7 +18,7 @@ constexpr int kMinImages = 8;
 // principal points in the very center are rare. Photographs in a row may throw both off, which
 // Student's t allows for.
 constexpr double kMinDeviate = 1.645;
-// Beyond doubt: for a warning.
+// Beyond doubt: for lenses of photographs with EXIF, which have COLMAP's model else, and a warning.
 constexpr double kDecisiveDeviate = 3;
 // Larger models are not adjusted only to warn that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;
@@ -79,12 +79,16 @@ std::string CenterText(const Camera& camera) {
   return Formatted("(%.1f, %.1f)", center.x(), center.y());
 }
 
+bool HasExif(const StageContext& context, camera_t id) {
+  return context.scene.cameras.at(id).has_prior_focal_length;
+}
+
 bool MayBeFreed(const StageContext& context, const Camera& camera) {
   switch (context.settings.reconstruct.refine_principal_points) {
     case PrincipalPointRefinement::kNone:
       return false;
     case PrincipalPointRefinement::kUnknown:
-      return !context.scene.cameras.at(camera.camera_id).has_prior_focal_length;
+      return !HasExif(context, camera.camera_id);
     case PrincipalPointRefinement::kAll:
       return true;
   }
@@ -150,15 +154,20 @@ std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewG
   return found;
 }
 
-}  // namespace
+std::string LensText(const Camera& was, const Camera& is, double deviate) {
+  const auto text = [](const Camera& camera) {
+    return std::string(CameraModelName(camera.model)) +
+           Formatted(" of %.1f px", camera.MeanFocal());
+  };
+  return "camera " + std::to_string(is.camera_id) + ": " + text(is) + " in place of " + text(was) +
+         Formatted(", by %.1f standard errors", deviate);
+}
 
-bool ChooseLensModels(StageContext& context, BuiltModel& best) {
-  if (!context.settings.reconstruct.choose_lens_models) return false;
-  const std::set<camera_t> cameras =
-      CamerasWith([](const Camera& camera) { return camera.model == CameraModel::kSimpleRadial; },
-                  context, *best.model);
-  if (cameras.empty()) return false;
-  const std::map<camera_t, Camera> before = best.model->cameras;
+// These SIMPLE_RADIAL cameras by the lens of two parameters with which the matches agree best, if
+// they agree better by more than min_deviate.
+std::optional<FreerModel> FindLens(StageContext& context, const BuiltModel& best,
+                                   const std::set<camera_t>& cameras, double min_deviate) {
+  const std::map<camera_t, Camera>& before = best.model->cameras;
   const bool may_be_fisheye =
       std::ranges::any_of(cameras, [&](camera_t id) { return BendsMuch(before.at(id)); });
   std::optional<FreerModel> chosen;
@@ -170,25 +179,36 @@ bool ChooseLensModels(StageContext& context, BuiltModel& best) {
       other.cameras.at(id) = WithTwoParameters(before.at(id), lens);
     }
     FreerModel freer =
-        Adjusted(context, best.graph, best.evidence, cameras, kMinDeviate, std::move(other));
+        Adjusted(context, best.graph, best.evidence, cameras, min_deviate, std::move(other));
     largest_deviate = std::max(largest_deviate, freer.deviate);
-    if (freer.deviate <= kMinDeviate) continue;
+    if (freer.deviate <= min_deviate) continue;
     if (chosen && freer.evidence.inside.nats <= chosen->evidence.inside.nats) continue;
     chosen = std::move(freer);
   }
   ModelStage stage(context, "lens_models");
   stage.Add("cameras", cameras.size());
   stage.Add("standard_errors_of_gain", largest_deviate);
-  if (!chosen) return false;
-  best.model = std::move(chosen->model);
-  best.evidence = std::move(chosen->evidence);
+  if (!chosen) return std::nullopt;
   for (const camera_t id : cameras) {
-    const Camera &was = before.at(id), &is = best.model->cameras.at(id);
-    stage.Note("camera " + std::to_string(id) + ": " + std::string(CameraModelName(is.model)) +
-               Formatted(" of %.1f px in place of ", is.MeanFocal()) +
-               std::string(CameraModelName(was.model)) +
-               Formatted(" of %.1f px, by %.1f standard errors", was.MeanFocal(), chosen->deviate));
+    stage.Note(LensText(before.at(id), chosen->model.cameras.at(id), chosen->deviate));
   }
+  return chosen;
+}
+
+}  // namespace
+
+bool ChooseLensModels(StageContext& context, BuiltModel& best) {
+  if (!context.settings.reconstruct.choose_lens_models) return false;
+  const std::set<camera_t> cameras =
+      CamerasWith([](const Camera& camera) { return camera.model == CameraModel::kSimpleRadial; },
+                  context, *best.model);
+  if (cameras.empty()) return false;
+  const bool has_exif =
+      std::ranges::any_of(cameras, [&](camera_t id) { return HasExif(context, id); });
+  auto found = FindLens(context, best, cameras, has_exif ? kDecisiveDeviate : kMinDeviate);
+  if (!found) return false;
+  best.model = std::move(found->model);
+  best.evidence = std::move(found->evidence);
   return true;
 }
 

@@ -193,14 +193,14 @@ TEST(Reconstruct, GivesLensesThatBendMuchAModelOfTwoParameters) {
   EXPECT_LT(CompareAligned(stays.models.front(), bent.scene.truth).angle, 0.002);
 }
 
-// As those of phones: near the border the second parameter takes back what the first one does.
-TEST(Reconstruct, FindsBothParametersOfALensThatHardlyBends) {
+// Near the border the second parameter takes back what the first one does, as with phones.
+LensScene MakePhoneScene(double k1, double k2) {
   LensScene phone = MakeLensScene(CameraModel::kSimpleRadial, 0);
   const Camera& straight = phone.scene.cameras.at(1);
   Camera lens = straight;
   lens.model = CameraModel::kRadial;
   lens.params = {straight.MeanFocal(), straight.PrincipalPoint().x(), straight.PrincipalPoint().y(),
-                 0.06, -0.08};
+                 k1, k2};
   for (auto& [id, keypoints] : phone.scene.keypoints) {
     for (Keypoint& keypoint : keypoints) {
       const auto pixel = lens.ImgFromRay(*straight.RayFromImg(keypoint.Position()));
@@ -208,7 +208,13 @@ TEST(Reconstruct, FindsBothParametersOfALensThatHardlyBends) {
       keypoint.y = static_cast<float>(pixel->y());
     }
   }
-  const ReconstructResult result = Reconstruct(MakeDatabaseWithGuesses(phone.scene, 1.02));
+  phone.database = MakeDatabaseWithGuesses(phone.scene, 1.02);
+  return phone;
+}
+
+TEST(Reconstruct, FindsBothParametersOfALensThatHardlyBends) {
+  const LensScene phone = MakePhoneScene(0.06, -0.08);
+  const ReconstructResult result = Reconstruct(phone.database);
   ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
   const Camera& found = result.models.front().cameras.at(1);
   ASSERT_EQ(found.model, CameraModel::kRadial);
@@ -216,6 +222,25 @@ TEST(Reconstruct, FindsBothParametersOfALensThatHardlyBends) {
   EXPECT_NEAR(found.params[4], -0.08, 0.008);
   ExpectFocals(result.models.front(), phone.scene, 1.0, 0.002);
   EXPECT_LT(CompareAligned(result.models.front(), phone.scene.truth).angle, 0.001);
+}
+
+// A chance of 5 % decides; with EXIF, what is beyond doubt.
+TEST(Reconstruct, LensesOfPhotographsWithExifNeedMoreEvidence) {
+  for (const bool has_exif : {false, true}) {
+    LensScene phone = MakePhoneScene(0.006, -0.008);
+    for (Camera camera : phone.database.ReadCameras()) {
+      camera.has_prior_focal_length = has_exif;
+      phone.database.WriteCamera(camera);
+    }
+    const ReconstructResult result = Reconstruct(phone.database);
+    ASSERT_TRUE(result.report.Succeeded()) << result.report.failure;
+    EXPECT_EQ(result.models.front().cameras.at(1).model,
+              has_exif ? CameraModel::kSimpleRadial : CameraModel::kRadial);
+    const double errors =
+        Value(*FindStage(result.report, "lens_models"), "standard_errors_of_gain");
+    EXPECT_GT(errors, 1.645);
+    EXPECT_LT(errors, 3);
+  }
 }
 
 TEST(Reconstruct, FocalLengthsStayNearAGuessThatIsSure) {
