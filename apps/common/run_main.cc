@@ -12,6 +12,7 @@
 #include <string_view>
 #include <system_error>
 
+#include "base/sanitized.h"
 #include "cairn/base/error.h"
 #include "common/program.h"
 
@@ -80,7 +81,7 @@ bool main_has_returned = false;
   raise(signal);
 }
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if !CAIRN_SANITIZED
 
 // The constructors of libraries fail for want of memory alone.
 void CatchEarlyFailures(int, char**, char**) {
@@ -110,7 +111,7 @@ void KeepFreedMemory() {
 }  // namespace
 
 int RunMain(const std::function<int()>& body) {
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they report at exit
+#if !CAIRN_SANITIZED  // sanitizers report at exit
   on_exit(EndProcess, nullptr);
 #endif
   std::set_terminate(HandleTerminate);

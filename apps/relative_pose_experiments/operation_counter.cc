@@ -1,7 +1,8 @@
 #include "relative_pose_experiments/operation_counter.h"
 
-#if defined(__x86_64__) && defined(__linux__) && !defined(__SANITIZE_ADDRESS__) && \
-    !defined(__SANITIZE_THREAD__)
+#include "base/sanitized.h"
+
+#if defined(__x86_64__) && defined(__linux__) && !CAIRN_SANITIZED
 #define CAIRN_CAN_COUNT 1
 #include <signal.h>
 #include <ucontext.h>

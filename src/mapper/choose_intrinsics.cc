@@ -167,6 +167,7 @@ std::string LensText(const Camera& was, const Camera& is, double deviate) {
 // they agree better by more than min_deviate.
 std::optional<FreerModel> FindLens(StageContext& context, const BuiltModel& best,
                                    const std::set<camera_t>& cameras, double min_deviate) {
+  if (cameras.empty()) return std::nullopt;
   const std::map<camera_t, Camera>& before = best.model->cameras;
   const bool may_be_fisheye =
       std::ranges::any_of(cameras, [&](camera_t id) { return BendsMuch(before.at(id)); });
@@ -199,17 +200,20 @@ std::optional<FreerModel> FindLens(StageContext& context, const BuiltModel& best
 
 bool ChooseLensModels(StageContext& context, BuiltModel& best) {
   if (!context.settings.reconstruct.choose_lens_models) return false;
-  const std::set<camera_t> cameras =
-      CamerasWith([](const Camera& camera) { return camera.model == CameraModel::kSimpleRadial; },
-                  context, *best.model);
-  if (cameras.empty()) return false;
-  const bool has_exif =
-      std::ranges::any_of(cameras, [&](camera_t id) { return HasExif(context, id); });
-  auto found = FindLens(context, best, cameras, has_exif ? kDecisiveDeviate : kMinDeviate);
-  if (!found) return false;
-  best.model = std::move(found->model);
-  best.evidence = std::move(found->evidence);
-  return true;
+  bool has_chosen = false;
+  for (const bool has_exif : {false, true}) {
+    const auto may_change = [&](const Camera& camera) {
+      return camera.model == CameraModel::kSimpleRadial &&
+             HasExif(context, camera.camera_id) == has_exif;
+    };
+    auto found = FindLens(context, best, CamerasWith(may_change, context, *best.model),
+                          has_exif ? kDecisiveDeviate : kMinDeviate);
+    if (!found) continue;
+    has_chosen = true;
+    best.model = std::move(found->model);
+    best.evidence = std::move(found->evidence);
+  }
+  return has_chosen;
 }
 
 bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model,

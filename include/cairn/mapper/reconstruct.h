@@ -48,7 +48,8 @@ struct ReconstructOptions {
   bool register_left_out = true;
   bool share_camera = true;
   bool separate_duplicates = true;
-  // Both where the matches agree better, by more than chance gives once in twenty times.
+  // Both where the matches agree better, by more than chance gives once in twenty times; lenses of
+  // cameras with EXIF by three standard errors.
   bool choose_lens_models = true;
   PrincipalPointRefinement refine_principal_points = PrincipalPointRefinement::kUnknown;
   bool colors = true;

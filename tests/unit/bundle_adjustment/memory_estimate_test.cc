@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "base/memory.h"
+#include "base/sanitized.h"
 #include "cairn/synthetic/scene.h"
 #include "support/test.h"
 
@@ -79,11 +80,7 @@ Reconstruction WithCameras(Reconstruction model, CameraModel camera_model, bool 
 
 // The kernel can forget the largest size until now, so that what a few lines take can be measured.
 TEST(EstimateBundleBytes, IsWithinThirtyPercentOfWhatIsTaken) {
-#ifdef __has_feature  // by Clang alone, as sanitizers are
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-  GTEST_SKIP() << "sanitizers take memory of their own";
-#endif
-#endif
+  if (CAIRN_SANITIZED) GTEST_SKIP() << "sanitizers take memory of their own";
   SceneOptions scene;
   scene.num_images = 40;
   scene.num_points = 30000;
