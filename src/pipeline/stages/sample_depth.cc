@@ -32,8 +32,7 @@ struct DepthItem {
   std::string path;                               // of the map, or of the photograph
   std::string error;                              // why the image has no depth
   uint64_t input_hash = 0;                        // of what its samples are made from
-  bool was_without = false;                       // an earlier run found no depth
-  std::vector<image_pair_t> verified_pairs = {};  // of such an image
+  std::vector<image_pair_t> verified_pairs = {};  // without its depth
   bool is_sampled = false;
 };
 
@@ -93,7 +92,6 @@ std::vector<DepthItem> FindWork(const Database& database, const std::string& ima
     if (job != nullptr && job->note.empty()) {
       ledger.ThrowChanged("the depth source or the keypoints of " + image.name);
     }
-    item.was_without = job != nullptr;
     work.push_back(std::move(item));
   }
   return work;
@@ -102,10 +100,7 @@ std::vector<DepthItem> FindWork(const Database& database, const std::string& ima
 // Pairs that we verified without the depth that an image gets only now.
 void FindVerifiedPairs(const Database& database, std::vector<DepthItem>& items) {
   std::map<image_t, DepthItem*> late;
-  for (DepthItem& item : items) {
-    if (item.was_without) late[item.image.image_id] = &item;
-  }
-  if (late.empty()) return;
+  for (DepthItem& item : items) late[item.image.image_id] = &item;
   for (const JobRecord& job : database.ReadJobs(kStageVerification)) {
     const auto [id1, id2] = PairIdToImagePair(job.item);
     for (const image_t id : {id1, id2}) {

@@ -274,6 +274,18 @@ TEST_F(BuildPipelineTest, ADepthMapThatComesLaterIsUsed) {
   EXPECT_EQ(Dump("fresh.db"), dump);
 }
 
+TEST_F(BuildPipelineTest, DepthThatWasLeftOutOnceIsUsedLater) {
+  RunBuildPipeline(Options("a.db"));
+  AddPhoto(4);
+  BuildPipelineOptions without = Options("a.db");
+  without.inputs.depth_path = "";
+  EXPECT_EQ(RunBuildPipeline(without).summary.num_images_with_depth, 3);
+  TestMonitor monitor;
+  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"), {.monitor = monitor});
+  EXPECT_EQ(report.summary.num_images_with_depth, 4);
+  EXPECT_THAT(monitor.totals(), ElementsAre(5, 1, 4));
+}
+
 TEST_F(BuildPipelineTest, DeletedPairsThatCannotBeHadAgainAreNotCounted) {
   RunBuildPipeline(Options("a.db"));
   for (const std::string table : {"matches", "two_view_geometries", "descriptors"}) {
