@@ -215,7 +215,8 @@ class BuildRun {
     return !report_.stages.back().WasStopped();
   }
 
-  // Matches the given pairs; verifies them, or (nullopt) all that have matches.
+  // Matches the given pairs; verifies these and all that we matched, or (nullopt) all that have
+  // matches.
   bool MatchAndVerify(const std::vector<image_pair_t>& pairs,
                       const std::optional<std::vector<image_pair_t>>& to_verify) {
     if (!KeepGoing(MatchImagePairs(database_, {pairs, options_.scheduler}, options_.matching, run_,

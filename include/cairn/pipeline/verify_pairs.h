@@ -19,7 +19,7 @@ struct NamedVerifier {
 };
 
 struct VerificationInput {
-  // Which pairs; nullopt: all that have matches.
+  // Which pairs, beside those that our matching stage matched; nullopt: all that have matches.
   std::optional<std::vector<image_pair_t>> pairs;
   // Pairs with fewer matches are not tried.
   int min_num_matches = 20;

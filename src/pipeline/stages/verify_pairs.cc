@@ -13,6 +13,7 @@
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
 #include "database/database_writer.h"
+#include "database/match_origins.h"
 #include "database/stage_names.h"
 #include "intrinsics/focal_learning.h"
 #include "intrinsics/lens_learning.h"
@@ -33,7 +34,8 @@ constexpr int64_t kBytesPerKeypoint = sizeof(Keypoint) + sizeof(DepthSample);
 constexpr int kLikelyPairsPerImage = 5;
 
 // Pairs that are given to the reading thread: those with matches, but not those that another
-// program verified.
+// program verified. Of pairs that are not listed, those of earlier runs: what was found of them may
+// have been undone.
 std::vector<image_pair_t> FindPairs(const Database& database,
                                     const std::vector<std::pair<image_pair_t, int>>& num_matches,
                                     const VerificationInput& input, const StageLedger& ledger) {
@@ -41,12 +43,14 @@ std::vector<image_pair_t> FindPairs(const Database& database,
   for (const auto& [pair, num] : database.ReadNumInliers()) {
     if (ledger.Find(pair) == nullptr) given.push_back(pair);
   }
+  const MatchOrigins origins(database);
+  const auto is_listed = [&](image_pair_t pair) {
+    return !input.pairs || std::binary_search(input.pairs->begin(), input.pairs->end(), pair);
+  };
   std::vector<image_pair_t> pairs;
   for (const auto& [pair, num] : num_matches) {
     if (std::binary_search(given.begin(), given.end(), pair)) continue;
-    if (input.pairs && !std::binary_search(input.pairs->begin(), input.pairs->end(), pair))
-      continue;
-    pairs.push_back(pair);
+    if (is_listed(pair) || origins.AreOurs(pair)) pairs.push_back(pair);
   }
   return pairs;
 }

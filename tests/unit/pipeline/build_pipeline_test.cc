@@ -286,6 +286,19 @@ TEST_F(BuildPipelineTest, DepthThatWasLeftOutOnceIsUsedLater) {
   EXPECT_THAT(monitor.totals(), ElementsAre(5, 1, 4));
 }
 
+TEST_F(BuildPipelineTest, PairsOfAnEarlierListAreVerifiedAgain) {
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.pairs_path = folder_ / "pairs.txt";
+  WriteFileAtomically(options.inputs.pairs_path, "photo0.png photo2.png\n");
+  RunBuildPipeline(options);
+  WriteNpy(folder_ / "depth/photo2.png.npy", 16, 12, std::vector<float>(16 * 12, 2.2f));
+  WriteFileAtomically(options.inputs.pairs_path, "photo0.png photo1.png\n");
+  RunBuildPipeline(options);
+  EXPECT_THAT(Database(folder_ / "a.db").ReadNumInliers(),
+              ElementsAre(Field(&std::pair<image_pair_t, int>::first, ImagePairToPairId(1, 2)),
+                          Field(&std::pair<image_pair_t, int>::first, ImagePairToPairId(1, 3))));
+}
+
 TEST_F(BuildPipelineTest, DeletedPairsThatCannotBeHadAgainAreNotCounted) {
   RunBuildPipeline(Options("a.db"));
   for (const std::string table : {"matches", "two_view_geometries", "descriptors"}) {
