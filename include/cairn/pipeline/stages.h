@@ -88,8 +88,8 @@ struct DepthSource {
   std::string depth_model;  // an ONNX network, run on the photographs
 };
 // Depth and its gradient at the keypoints of every image without depth samples. Where an image had
-// none when its pairs were verified, what verification found of them is forgotten. Without a
-// source, nothing.
+// none when its pairs were verified, what verification found of them is forgotten. Samples stay
+// where their map or photograph is gone. Without a source, nothing.
 StageReport SampleImageDepth(Database& database, const std::string& image_path,
                              const DepthSource& source, const DepthOptions& options = {},
                              const RunContext& run = {});

@@ -81,6 +81,7 @@ std::vector<DepthItem> FindWork(const Database& database, const std::string& ima
     item.image = image;
     item.size = sizes[image.camera_id];
     FindFile(image_path, source, item);
+    if (!item.error.empty() && num_samples.count(image.image_id) > 0) continue;  // They stay.
     try {
       item.input_hash = InputHash(database, item, source_hash);
     } catch (const IoError& error) {  // Keypoints or a map that cannot be read.

@@ -277,6 +277,17 @@ TEST_F(StagesTest, ChangedDepthAndChangedDepthOptionsAreNoticed) {
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { Depth(); }), HasSubstr(Name(1)));
 }
 
+TEST_F(StagesTest, DepthStaysWhereItsMapIsGone) {
+  Extract();
+  for (int i = 0; i < 4; ++i) AddDepth(i);
+  Depth();
+  fs::remove(depth_ + "/" + Name(1) + ".npy");
+  TestMonitor monitor;
+  EXPECT_EQ(Depth(monitor).status, StageStatus::kOk);
+  EXPECT_EQ(monitor.num_done(), 0);
+  EXPECT_EQ(database_.ReadNumDepthSamples().size(), 4u);
+}
+
 TEST_F(StagesTest, NoDepthSourceIsFine) {
   Extract();
   const StageReport report = SampleImageDepth(database_, images_, {}, {}, {.num_threads = 2});
