@@ -70,11 +70,11 @@ class KeypointReader {
     points_[image].emplace();
     const Image& of = scene_.images[image].image;
     const Camera& camera = scene_.cameras.at(of.camera_id).known.camera;
-    const auto keypoints = scene_.database.ReadKeypoints(of.image_id);
+    const auto keypoints = ReadOrEmpty([&] { return scene_.database.ReadKeypoints(of.image_id); });
     const auto fraction = [](double x, int size) {
       return static_cast<uint16_t>(std::clamp(65535.0 * x / std::max(1, size), 0.0, 65535.0));
     };
-    for (const Keypoint& k : keypoints.value_or(std::vector<Keypoint>())) {
+    for (const Keypoint& k : keypoints) {
       points_[image]->push_back({fraction(k.x, camera.width), fraction(k.y, camera.height)});
     }
     return *points_[image];
@@ -92,13 +92,11 @@ struct DrawnMatches {
 };
 DrawnMatches DrawMatches(const PageScene& scene, const PagePair& pair, int share,
                          KeypointReader& keypoints) {
-  FeatureMatches inliers;
-  if (auto geometry = scene.database.ReadTwoViewGeometry(pair.pair_id)) {
-    inliers = std::move(geometry->inlier_matches);
-  }
+  const FeatureMatches inliers =
+      ReadOrEmpty([&] { return scene.database.ReadTwoViewGeometry(pair.pair_id); }).inlier_matches;
   FeatureMatches accepted = inliers;
   std::sort(accepted.begin(), accepted.end());
-  FeatureMatches rejected = scene.database.ReadMatches(pair.pair_id).value_or(FeatureMatches());
+  FeatureMatches rejected = ReadOrEmpty([&] { return scene.database.ReadMatches(pair.pair_id); });
   std::erase_if(rejected, [&](const FeatureMatch& match) {
     return std::binary_search(accepted.begin(), accepted.end(), match);
   });

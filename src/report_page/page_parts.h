@@ -4,8 +4,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
+#include "cairn/base/error.h"
 #include "cairn/bundle_adjustment/pose_confidence.h"
 #include "cairn/report_page/report_page.h"
 #include "evaluation/model_evidence.h"
@@ -15,6 +17,17 @@
 namespace cairn {
 
 using Json = nlohmann::ordered_json;
+
+// The row that `read` returns; an empty one where there is none, or where it cannot be read.
+template <class Read>
+auto ReadOrEmpty(const Read& read) {
+  using Row = typename std::invoke_result_t<Read>::value_type;
+  try {
+    return read().value_or(Row());
+  } catch (const IoError&) {
+    return Row();
+  }
+}
 
 // A pair that was tried, by the positions of its images in PageScene::images.
 struct PagePair {

@@ -179,10 +179,11 @@ struct Chunk {
     pairs.clear();
     for (size_t i = 0; i < of.size(); ++i) {
       const auto [id1, id2] = PairIdToImagePair(of[i]->pair_id);
-      auto geometry = database.ReadTwoViewGeometry(of[i]->pair_id);
-      if (geometry && AreInside(geometry->inlier_matches, model.images.at(id1).points2D.size(),
-                                model.images.at(id2).points2D.size())) {
-        matches[i] = std::move(geometry->inlier_matches);
+      TwoViewGeometry geometry =
+          ReadOrEmpty([&] { return database.ReadTwoViewGeometry(of[i]->pair_id); });
+      if (AreInside(geometry.inlier_matches, model.images.at(id1).points2D.size(),
+                    model.images.at(id2).points2D.size())) {
+        matches[i] = std::move(geometry.inlier_matches);
       }
       pairs.push_back({id1, id2, &matches[i]});
     }

@@ -6,6 +6,7 @@
 #include "cairn/base/file.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/synthetic/scene.h"
+#include "support/database_dump.h"
 #include "support/scene_view_graph.h"
 #include "support/temp_folder.h"
 #include "support/test.h"
@@ -59,7 +60,8 @@ class ReportPageTest : public ::testing::Test {
   }
   Json Data(const ReportPageInput& input) const { return DataOf(MakeReportPage(database_, input)); }
 
-  Database database_{":memory:"};
+  TempFolder folder_;
+  Database database_{folder_ / "scene.db"};
   ViewGraph graph_;
   std::vector<Reconstruction> models_;
 };
@@ -83,6 +85,13 @@ TEST_F(ReportPageTest, SaysWhatBecameOfEveryImageAndPair) {
     names_left_out |= finding["images"] == Json({6, 7});
   }
   EXPECT_TRUE(names_left_out) << data["findings"].dump(1);
+}
+
+TEST_F(ReportPageTest, RowsThatCannotBeReadAreEmpty) {
+  for (const std::string table : {"matches", "two_view_geometries", "keypoints"}) {
+    RunSql(database_.path(), "UPDATE " + table + " SET data = x'00'");
+    EXPECT_EQ(Data(Input())["pairs"]["total"], 16) << table;
+  }
 }
 
 TEST_F(ReportPageTest, ThreadsDoNotChangeAByte) {
