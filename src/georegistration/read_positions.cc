@@ -28,8 +28,8 @@ std::map<std::string, GpsRow> ReadPositions(std::span<const std::string> names,
   std::vector<std::optional<GpsPosition>> positions(names.size());
   std::vector<char> is_unreadable(names.size(), 0);
   ParallelFor(run.num_threads, std::ssize(names), [&](int64_t i) {
-    const std::string path = PathInFolder(image_path, names[i]);
     try {
+      const std::string path = PathInFolder(image_path, names[i]);
       if (std::filesystem::exists(path)) positions[i] = ReadExif(path, 1, 1).gps;
     } catch (const std::runtime_error&) {
       is_unreadable[i] = 1;

@@ -254,12 +254,14 @@ TEST(ReadPositions, PhotographsThatCannotBeReadAreAWarning) {
   WriteBitmap(folder / "a.jpg", {8, 8, 3, std::vector<uint8_t>(192)});
   WriteExif(folder / "a.jpg", {.gps = GpsPosition{46, 7}});
   CreateFolders(folder / "b.jpg");
-  const std::vector<std::string> names = {"a.jpg", "b.jpg", "gone.jpg", std::string(300, 'c')};
+  const std::vector<std::string> names = {"a.jpg", "b.jpg", "gone.jpg", std::string(300, 'c'),
+                                          "../d.jpg"};
   TestMonitor monitor;
   const auto rows = ReadPositions(names, "", folder.path(), {.monitor = monitor});
   EXPECT_EQ(rows.size(), 1u);
   EXPECT_THAT(monitor.warnings(),
-              ElementsAre(AllOf(HasSubstr("b.jpg"), HasSubstr("ccc"), Not(HasSubstr("gone.jpg")))));
+              ElementsAre(AllOf(HasSubstr("b.jpg"), HasSubstr("ccc"), HasSubstr("../d.jpg"),
+                                Not(HasSubstr("gone.jpg")))));
 }
 
 TEST_F(GeoregisterTest, JsonHasTheSimilarityAndEveryResidual) {
