@@ -196,17 +196,22 @@ std::map<std::string, SharedCamera> SharedCameras(const CameraOptions& options,
   return shared;
 }
 
-// After all cameras but those that only images waiting for a new one have.
-camera_t FirstFreeCameraId(const StoredImages& stored, const StageLedger& ledger) {
-  std::map<camera_t, bool> is_pending;
+// After all cameras but those that only images have which get a new one now.
+camera_t FirstFreeCameraId(const StoredImages& stored, const StageLedger& ledger,
+                           const std::vector<Photo>& photos) {
+  std::set<std::string> readable;
+  for (const Photo& photo : photos) {
+    if (photo.error.empty()) readable.insert(photo.name);
+  }
+  std::map<camera_t, bool> is_free;
   for (const Image& image : stored.images) {
-    is_pending.try_emplace(image.camera_id, true).first->second &=
-        IsPending(ledger, image.image_id);
+    is_free.try_emplace(image.camera_id, true).first->second &=
+        readable.contains(image.name) && IsPending(ledger, image.image_id);
   }
   camera_t first_free = 1;
   for (const camera_t id : stored.taken_camera_ids) {
-    const auto it = is_pending.find(id);
-    if (it == is_pending.end() || !it->second) first_free = id + 1;
+    const auto it = is_free.find(id);
+    if (it == is_free.end() || !it->second) first_free = id + 1;
   }
   return first_free;
 }
@@ -292,7 +297,7 @@ KnownPhotos FindKnownPhotos(const StoredImages& stored, const StageLedger& ledge
 std::vector<Camera> AssignCameras(const StoredImages& stored, const CameraOptions& options,
                                   const StageLedger& ledger, const KnownPhotos& known_photos,
                                   std::vector<Photo>& photos) {
-  CameraMaker maker(options, FirstFreeCameraId(stored, ledger),
+  CameraMaker maker(options, FirstFreeCameraId(stored, ledger, photos),
                     SharedCameras(options, stored, ledger));
   for (const auto& [camera_id, photo] : known_photos) maker.AddKnown(photo, camera_id);
   image_t next_id = stored.largest_taken_id + 1;

@@ -404,6 +404,23 @@ TEST_F(ImportPhotosTest, OtherCameraOptionsAreAnErrorUnlessCamerasAreRecomputed)
   EXPECT_EQ(database_.ReadKeypoints(1)->size(), 3u);
 }
 
+TEST_F(ImportPhotosTest, RecomputedCamerasSpareThoseOfPhotographsThatCannotBeReadForNow) {
+  AddPhoto("a.png");
+  AddPhoto("b.png", 32, 32);
+  Import();
+  PrepareRecompute(database_, BuildStage::kCameras, images_);
+  fs::remove(images_ + "/b.png");
+  ASSERT_EQ(mkfifo((images_ + "/b.png").c_str(), 0600), 0);
+  Import();
+  EXPECT_THAT(CameraIds(), ElementsAre(3, 2));
+  EXPECT_EQ(database_.ReadCameras()[0].width, 32);
+  fs::remove(images_ + "/b.png");
+  AddPhoto("c.png");
+  PrepareRecompute(database_, BuildStage::kCameras, images_);
+  ImportPhotos(database_, {images_, std::vector<PhotoSource::Photo>{{"a.png", std::nullopt}}});
+  EXPECT_EQ(CameraIds()[1], 2u);
+}
+
 TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
   AddPhoto("a.png");
   AddPhoto("b.png");
