@@ -11,9 +11,9 @@ namespace cairn {
 int OpenLocked(const std::string& path, bool waits);
 
 // While it lives, no other FileLock of the same path can be made, in this process or another: its
-// constructor throws IoError. The lock is that of a file `path`.lock, which it removes; the system
-// gives it up when a process is killed. Where no such file can be made, or the file system has no
-// locks, there is none.
+// constructor throws IoError. The lock is that of a file `path`.lock (of the path that links lead
+// to), which it removes; the system gives it up when a process is killed. Where no such file can be
+// made, or the file system has no locks, there is none.
 class FileLock {
  public:
   explicit FileLock(const std::string& path);

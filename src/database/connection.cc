@@ -37,11 +37,11 @@ bool TableExists(Database::Impl& impl, const char* table) {
 
 // A file in write-ahead mode needs a file beside it even for reading. Where the folder does not
 // allow that, the database is opened as immutable, which is right as long as no log is
-// left beside it.
+// left beside it. Both are beside the file that links lead to.
 bool MustOpenImmutable(const std::string& path) {
-  const fs::path folder = fs::absolute(path).parent_path();
-  const bool is_writable = faccessat(AT_FDCWD, folder.c_str(), W_OK, AT_EACCESS) == 0;
-  return !is_writable && !fs::exists(path + "-wal");
+  const fs::path file = fs::weakly_canonical(path);
+  const bool is_writable = faccessat(AT_FDCWD, file.parent_path().c_str(), W_OK, AT_EACCESS) == 0;
+  return !is_writable && !fs::exists(file.string() + "-wal");
 }
 
 // "file:" URI of a path.

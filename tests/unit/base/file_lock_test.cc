@@ -1,6 +1,7 @@
 #include "base/file_lock.h"
 
 #include <filesystem>
+#include <fstream>
 #include <optional>
 
 #include "cairn/base/error.h"
@@ -23,6 +24,14 @@ TEST(FileLock, OneAtATimeAndNoFileRemains) {
   lock.reset();
   EXPECT_FALSE(std::filesystem::exists(path + ".lock"));
   lock.emplace(path);
+}
+
+TEST(FileLock, ALinkIsItsFile) {
+  const TempFolder folder;
+  std::ofstream(folder / "a.db") << "";
+  std::filesystem::create_symlink("a.db", folder / "link.db");
+  const FileLock lock(folder / "link.db");
+  EXPECT_THROW(FileLock(folder / "a.db"), IoError);
 }
 
 TEST(FileLock, WithoutAFolderThereIsNone) {

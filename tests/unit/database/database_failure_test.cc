@@ -162,5 +162,15 @@ TEST_F(DatabaseFailureTest, ReadOnlyFoldersCanBeReadAndNotWritten) {
               HasSubstr("cannot be opened"));
 }
 
+TEST_F(DatabaseFailureTest, ALinkIsReadWithTheLogOfItsFile) {
+  fs::create_directory(folder_ / "data");
+  fs::create_symlink("data/scene.db", Path());
+  Database database(Path("data/scene.db"));
+  WriteImages(database, 2);  // which are in the log
+  ReadOnly(folder_);
+  const Unprivileged unprivileged;
+  EXPECT_EQ(Database(Path(), Database::Mode::kReadOnly).ReadImages().size(), 2u);
+}
+
 }  // namespace
 }  // namespace cairn
