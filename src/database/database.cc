@@ -54,6 +54,21 @@ void DeleteFrame(Database::Impl& impl, image_t image_id) {
       frame->frame_id);
 }
 
+#define CAIRN_SQL_OF_RIGS_OF_CAMERA                                                             \
+  " WHERE rig_id IN (SELECT rig_id FROM rigs WHERE ref_sensor_id = ?1 AND ref_sensor_type = 0 " \
+  "UNION SELECT rig_id FROM rig_sensors WHERE sensor_id = ?1 AND sensor_type = 0);"
+
+// Removes a camera that no image has, with its rig, unless a frame of that is left: then other
+// images need the rig, and the rig its cameras.
+void DeleteUnusedCamera(Database::Impl& impl, camera_t camera_id) {
+  if (impl.has_rigs) {
+    Query frame(impl, "SELECT 1 FROM frames" CAIRN_SQL_OF_RIGS_OF_CAMERA, camera_id);
+    if (frame.Step()) return;
+    Run(impl, "DELETE FROM rigs" CAIRN_SQL_OF_RIGS_OF_CAMERA, camera_id);
+  }
+  Run(impl, "DELETE FROM cameras WHERE camera_id = ?1;", camera_id);
+}
+
 // A frame of its own for the image, unless it has one.
 void EnsureFrame(Database::Impl& impl, const Image& image) {
   const std::optional<FrameRow> frame = ReadFrame(impl, image.image_id);
@@ -177,26 +192,17 @@ void Database::DeleteImage(image_t image_id) {
   if (impl_->has_rigs) DeleteFrame(*impl_, image_id);
   Run(*impl_, "DELETE FROM images WHERE image_id = ?1;", image_id);
   for (const camera_t camera_id : cameras) {
-    if (impl_->has_rigs) {
-      Run(*impl_,
-          "DELETE FROM rigs WHERE ref_sensor_id = ?1 AND ref_sensor_type = 0 "
-          "AND ref_sensor_id NOT IN (SELECT camera_id FROM images);",
-          camera_id);
-    }
-    Run(*impl_,
-        "DELETE FROM cameras WHERE camera_id = ?1 "
-        "AND camera_id NOT IN (SELECT camera_id FROM images);",
-        camera_id);
+    Query other(*impl_, "SELECT 1 FROM images WHERE camera_id = ?1;", camera_id);
+    if (!other.Step()) DeleteUnusedCamera(*impl_, camera_id);
   }
 }
 
 void Database::DeleteUnusedCameras() {
-  if (impl_->has_rigs) {
-    impl_->Execute(
-        "DELETE FROM rigs WHERE ref_sensor_type = 0 AND ref_sensor_id IN (SELECT camera_id FROM "
-        "cameras WHERE camera_id NOT IN (SELECT camera_id FROM images));");
-  }
-  impl_->Execute("DELETE FROM cameras WHERE camera_id NOT IN (SELECT camera_id FROM images);");
+  const auto unused = ReadRows<std::vector<camera_t>>(
+      {*impl_,
+       "SELECT camera_id FROM cameras WHERE camera_id NOT IN (SELECT camera_id FROM images);"},
+      [](const Query& row) { return row.Int<camera_t>(0); });
+  for (const camera_t camera_id : unused) DeleteUnusedCamera(*impl_, camera_id);
 }
 
 void Database::DeleteFeaturesAndPairs(const std::set<image_t>& images) {

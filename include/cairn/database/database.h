@@ -56,13 +56,14 @@ class Database {
   // Replaces. Throws IoError for ids and names that cannot be used, a name that another image has,
   // and a camera that is not there.
   void WriteImage(const Image& image);
-  // Removes the image with its features, and its camera if no other image has it.
+  // Removes the image with its features, and its camera if neither another image nor a rig with
+  // images has it.
   void DeleteImage(image_t image_id);
   // Removes what was made from images: features, depth, pairs. The images and their cameras stay.
   void DeleteFeaturesAndPairs(const std::set<image_t>& images);
   // Removes images with all that was made from them, their pairs and photographs included.
   void DeleteImagesAndPairs(const std::set<image_t>& images);
-  // Removes cameras that no image has.
+  // Removes cameras that neither an image nor a rig with images has.
   void DeleteUnusedCameras();
 
   // Features, of images that are there. A missing row is nullopt; rows with 2, 4 or 6 columns

@@ -54,6 +54,30 @@ TEST_F(ColmapFilesTest, AnImageThatGoesLeavesTheFrameToTheOthersInIt) {
   EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), SqlRows());
 }
 
+TEST_F(ColmapFilesTest, ARigStaysAsLongAsItHasAFrame) {
+  const std::string path = folder_ / "v4.db";
+  RunSql(path, kColmap42);
+  Database database(path);
+  for (const image_t id : {1, 2}) {
+    database.WriteCamera(Camera::FromFocal(id, CameraModel::kSimpleRadial, 20, 10, 10));
+    database.WriteImage({id, "image" + std::to_string(id), id});
+  }
+  RunSql(path,
+         "DELETE FROM rigs WHERE rig_id = 2; DELETE FROM frames WHERE frame_id = 2;"
+         "INSERT INTO rig_sensors VALUES(1, 2, 0, X'');"
+         "INSERT OR REPLACE INTO frame_data VALUES(1, 2, 2, 0)");
+  database.DeleteImage(1);
+  database.DeleteUnusedCameras();
+  EXPECT_EQ(RunSql(path, "SELECT * FROM rigs"), (SqlRows{{"1", "1", "0"}}));
+  EXPECT_EQ(RunSql(path, "SELECT sensor_id FROM rig_sensors"), (SqlRows{{"2"}}));
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frame_data"), (SqlRows{{"1", "2", "2", "0"}}));
+  EXPECT_EQ(database.ReadCameras().size(), 2u);  // the rig has both
+  database.DeleteImage(2);
+  database.DeleteUnusedCameras();
+  EXPECT_EQ(RunSql(path, "SELECT * FROM rigs"), SqlRows());
+  EXPECT_THAT(database.ReadCameras(), IsEmpty());
+}
+
 TEST_F(ColmapFilesTest, ImagesJoinAColmap4FileWithRigsAndFrames) {
   const std::string path = folder_ / "v4.db";
   RunSql(path, kColmap42);
