@@ -176,9 +176,9 @@ std::vector<image_pair_t> Database::ReadPairsToVerify() const {
   return ReadRows<std::vector<image_pair_t>>(
       {*impl_,
        "SELECT pair_id FROM (SELECT pair_id FROM matches"
-       " WHERE EXISTS (SELECT 1 FROM cairn_jobs) AND " CAIRN_SQL_USABLE_PAIR
-       " UNION SELECT pair_id FROM cairn_pair_choices)"
-       " WHERE pair_id NOT IN (SELECT pair_id FROM two_view_geometries) ORDER BY pair_id;"},
+       " WHERE EXISTS (SELECT 1 FROM cairn_jobs) UNION SELECT pair_id FROM cairn_pair_choices)"
+       " WHERE pair_id NOT IN (SELECT pair_id FROM two_view_geometries)"
+       " AND " CAIRN_SQL_USABLE_PAIR " ORDER BY pair_id;"},
       [](const Query& row) { return row.Int<image_pair_t>(0); });
 }
 
@@ -223,7 +223,8 @@ void Database::WriteTwoViewGeometry(image_pair_t pair_id, const TwoViewGeometry&
 
 std::vector<PairChoiceRecord> Database::ReadPairChoices() const {
   return ReadRows<std::vector<PairChoiceRecord>>(
-      {*impl_, "SELECT pair_id, round, reason FROM cairn_pair_choices ORDER BY pair_id;"},
+      {*impl_, "SELECT pair_id, round, reason FROM cairn_pair_choices WHERE " CAIRN_SQL_USABLE_PAIR
+               " ORDER BY pair_id;"},
       [](const Query& row) {
         return PairChoiceRecord{row.Int<image_pair_t>(0), row.Int<int>(1), row.Text(2)};
       });
@@ -258,7 +259,17 @@ void Database::WritePairMetrics(const PairMetrics& metrics) {
 std::map<std::string, int64_t> Database::CountWinners() const {
   return ReadRows<std::map<std::string, int64_t>>(
       {*impl_,
-       "SELECT verifier, COUNT(*) FROM cairn_pair_metrics WHERE is_winner GROUP BY verifier;"},
+       "SELECT verifier, COUNT(*) FROM cairn_pair_metrics WHERE is_winner "
+       "AND " CAIRN_SQL_USABLE_PAIR " GROUP BY verifier;"},
+      [](const Query& row) { return std::pair(row.Text(0), row.Int(1)); });
+}
+
+std::map<std::string, int64_t> Database::CountRejections() const {
+  return ReadRows<std::map<std::string, int64_t>>(
+      {*impl_,
+       "SELECT note, COUNT(*) FROM (SELECT item AS pair_id, note FROM cairn_jobs "
+       "WHERE stage = 'verification' AND note <> '') WHERE " CAIRN_SQL_USABLE_PAIR
+       " GROUP BY note;"},
       [](const Query& row) { return std::pair(row.Text(0), row.Int(1)); });
 }
 
@@ -267,7 +278,8 @@ std::vector<Database::StepTimes> Database::ReadStepTimes() const {
       {*impl_,
        "SELECT m.step, COUNT(*), TOTAL(t.seconds) FROM cairn_pair_metrics AS m LEFT JOIN "
        "cairn_timings AS t ON t.stage = 'verification' AND t.item = m.pair_id AND t.label = "
-       "m.verifier WHERE m.step <> '' GROUP BY m.step ORDER BY COUNT(*) DESC, m.step;"},
+       "m.verifier WHERE m.step <> '' AND " CAIRN_SQL_USABLE_PAIR
+       " GROUP BY m.step ORDER BY COUNT(*) DESC, m.step;"},
       [](const Query& row) {
         return StepTimes{row.Text(0), row.Int(1), row.Double(2)};
       });

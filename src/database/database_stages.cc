@@ -64,12 +64,6 @@ void Database::DeleteJob(const std::string& stage, uint64_t item) {
   Run(*impl_, "DELETE FROM cairn_jobs WHERE stage = ?1 AND item = ?2;", stage, item);
 }
 
-std::map<std::string, int64_t> Database::CountJobNotes(const std::string& stage) const {
-  return ReadRows<std::map<std::string, int64_t>>(
-      {*impl_, "SELECT note, COUNT(*) FROM cairn_jobs WHERE stage = ?1 GROUP BY note;", stage},
-      [](const Query& row) { return std::pair(row.Text(0), row.Int(1)); });
-}
-
 std::map<std::string, std::string> StageRecord::OptionValues() const {
   std::map<std::string, std::string> values;
   std::istringstream lines(options);

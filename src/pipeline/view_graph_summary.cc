@@ -77,8 +77,7 @@ ViewGraphSummary SummarizeDatabase(const Database& database) {
     summary.verified_by["given"] = summary.num_verified - num_ours;
   }
   if (summary.verified_by.count(kImportedVerifier) == 0) summary.num_tried = num_ours;
-  for (const auto& [reason, num] : database.CountJobNotes(kStageVerification)) {
-    if (reason.empty()) continue;
+  for (const auto& [reason, num] : database.CountRejections()) {
     if (reason == PairStatusName(PairStatus::kTooFewMatches)) {
       summary.num_too_few = num;
     } else {

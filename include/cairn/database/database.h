@@ -116,8 +116,9 @@ class Database {
   void WriteCameraLens(camera_t camera_id, const CameraLens& lens);
   // Removes what verification found for a pair; its job and its focal evidence stay.
   void DeletePairResults(image_pair_t pair_id);
-  // Pairs won by each verifier.
+  // Pairs won by each verifier, and pairs rejected for each reason.
   std::map<std::string, int64_t> CountWinners() const;
+  std::map<std::string, int64_t> CountRejections() const;
   // For each step of verifiers: the pairs that it decided, accepted or not, and their time in all.
   // The most frequent step first.
   struct StepTimes {
@@ -143,8 +144,6 @@ class Database {
   std::vector<JobRecord> ReadJobs(const std::string& stage) const;  // ascending by item
   void WriteJob(const std::string& stage, const JobRecord& job);
   void DeleteJob(const std::string& stage, uint64_t item);
-  // Jobs of the stage with each note.
-  std::map<std::string, int64_t> CountJobNotes(const std::string& stage) const;
   std::optional<StageRecord> ReadStage(const std::string& stage) const;
   void WriteStage(const StageRecord& record);
 

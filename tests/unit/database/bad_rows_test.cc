@@ -75,6 +75,26 @@ TEST_F(BadRowsTest, ARowOfAnImageThatIsGone) {
   EXPECT_EQ(database.ReadNumKeypoints().size(), 3u);
 }
 
+TEST_F(BadRowsTest, PairsOfAnImageThatIsGoneAreNotCounted) {
+  Database database(Path());
+  for (const image_pair_t pair : {ImagePairToPairId(1, 2), ImagePairToPairId(2, 3)}) {
+    PairMetrics metrics;
+    metrics.pair_id = pair;
+    metrics.verifier = metrics.step = "a";
+    metrics.is_winner = true;
+    database.WritePairMetrics(metrics);
+    database.WriteJob("verification", {pair, 0, "rejected"});
+    database.WritePairChoice({pair, 1, "exhaustive"});
+  }
+  Sql("DELETE FROM images WHERE image_id = 3");
+  EXPECT_EQ(database.CountWinners().at("a"), 1);
+  EXPECT_EQ(database.ReadStepTimes().at(0).num_pairs, 1);
+  EXPECT_EQ(database.CountRejections().at("rejected"), 1);
+  EXPECT_EQ(database.ReadPairChoices().size(), 1u);
+  Sql("DELETE FROM two_view_geometries");
+  EXPECT_THAT(database.ReadPairsToVerify(), ElementsAre(ImagePairToPairId(1, 2)));
+}
+
 TEST_F(BadRowsTest, CamerasThatAreNotValid) {
   for (const std::string change :
        {"params = zeroblob(64)", "params = x'00'", "params = NULL", "width = 0", "height = -1",

@@ -311,6 +311,7 @@ TEST_F(DatabaseTest, CairnTablesRoundTrip) {
 
 TEST_F(DatabaseTest, APairKeepsTheReasonThatItHadFirst) {
   Database database(":memory:");
+  WriteImages(database, 3);
   const PairChoiceRecord first = {ImagePairToPairId(1, 3), 0, "spatial"};
   database.WritePairChoice(first);
   database.WritePairChoice({ImagePairToPairId(1, 2), 2, "two_edges"});

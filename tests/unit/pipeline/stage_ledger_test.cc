@@ -89,8 +89,9 @@ TEST(StageLedger, ClearingAStageClearsWhatDependsOnIt) {
     Database database(":memory:");
     database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 10, 10, 10));
     database.WriteImage({1, "a", 1});
+    database.WriteImage({2, "b", 1});
     database.WriteKeypoints(1, std::vector<Keypoint>(1));
-    database.WriteDescriptors(1, Descriptors::Random(1, 128));
+    for (const image_t id : {1, 2}) database.WriteDescriptors(id, Descriptors::Random(1, 128));
     database.WriteDepthSamples(1, std::vector<DepthSample>(1));
     database.WritePairChoice({ImagePairToPairId(1, 2), 0, "spatial"});
     database.WriteMatches(ImagePairToPairId(1, 2), {{0, 0}});
