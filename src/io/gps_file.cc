@@ -42,9 +42,10 @@ GpsFields SplitAtBlanks(std::string_view line) {
 }
 
 // "name,latitude,longitude": what a spreadsheet has above its rows.
-bool IsHeader(std::string_view line) {
-  const char separator = line.find(',') != std::string_view::npos ? ',' : ' ';
-  std::vector<std::string_view> words = Split(line, separator);
+bool IsHeader(TextReader& reader) {
+  const bool has_commas = reader.line().find(',') != std::string_view::npos;
+  std::vector<std::string_view> words =
+      has_commas ? Split(reader.line(), ',') : reader.RemainingWords();
   std::erase_if(words, [](std::string_view word) { return Trimmed(word).empty(); });
   return words.size() > 2 &&
          std::none_of(words.begin() + 1, words.end(), [](std::string_view word) {
@@ -70,7 +71,7 @@ std::map<std::string, GpsRow> ReadGpsFile(const std::string& path) {
   std::map<std::string, GpsRow> rows;
   TextReader reader(path);
   for (bool is_first = true; reader.NextDataLine(); is_first = false) {
-    if (is_first && IsHeader(reader.line())) continue;
+    if (is_first && IsHeader(reader)) continue;
     const bool has_commas = reader.line().find(',') != std::string_view::npos;
     const GpsFields fields =
         has_commas ? SplitAtCommas(reader.line()) : SplitAtBlanks(reader.line());

@@ -54,9 +54,9 @@ TEST_F(GpsFileTest, RowsThatAreNoneAreNamed) {
 }
 
 TEST_F(GpsFileTest, AHeaderIsSkipped) {
-  for (const char* header :
-       {"name,latitude,longitude,altitude", "\xEF\xBB\xBFname, latitude, longitude",
-        "# from a spreadsheet\nImage GPSLatitude  GPSLongitude\tsigma"}) {
+  for (const char* header : {"name,latitude,longitude,altitude",
+                             "\xEF\xBB\xBFname, latitude, longitude", "name\tlatitude\tlongitude",
+                             "# from a spreadsheet\nImage GPSLatitude  GPSLongitude\tsigma"}) {
     EXPECT_EQ(Read(std::string(header) + "\na.jpg,45,7,300\n").count("a.jpg"), 1u) << header;
     EXPECT_EQ(Read(std::string(header) + "\na.jpg,45,7,300\n").size(), 1u) << header;
   }
