@@ -421,6 +421,14 @@ TEST_F(ImportPhotosTest, RecomputedCamerasSpareThoseOfPhotographsThatCannotBeRea
   EXPECT_EQ(CameraIds()[1], 2u);
 }
 
+TEST_F(ImportPhotosTest, NoCameraIdIsLeft) {
+  AddPhoto("a.png");
+  database_.WriteCamera(Camera::FromFocal(kInvalidCameraId - 1, CameraModel::kOpenCV, 99, 64, 48));
+  EXPECT_THAT(ThrownMessage<IoError>([&] { Import(); }),
+              HasSubstr("no camera id is left above 4294967294"));
+  EXPECT_THAT(Names(), IsEmpty());
+}
+
 TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
   AddPhoto("a.png");
   AddPhoto("b.png");
