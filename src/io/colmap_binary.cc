@@ -1,4 +1,6 @@
 // The layout is documented in COLMAP's code only; see third_party_notes/colmap-model-format.md.
+#include <cmath>
+
 #include "io/byte_reader.h"
 #include "io/colmap_files.h"
 #include "io/writers.h"
@@ -55,6 +57,9 @@ RegisteredImage ReadBinaryImage(ByteReader& reader, image_t id) {
     image.points2D[i].x() = reader.Read<double>();
     image.points2D[i].y() = reader.Read<double>();
     image.point3D_ids[i] = reader.Read<uint64_t>();
+    if (!image.points2D[i].allFinite()) {
+      reader.Fail("image " + std::to_string(id) + " has a keypoint that is not finite");
+    }
   }
   return image;
 }
@@ -64,7 +69,9 @@ Point3D ReadBinaryPoint(ByteReader& reader, point3D_t id) {
   for (double& value : point.xyz) value = reader.Read<double>();
   for (uint8_t& channel : point.color) channel = reader.Read<uint8_t>();
   point.error_px = reader.Read<double>();
-  if (!point.xyz.allFinite()) reader.Fail("point " + std::to_string(id) + " is not finite");
+  if (!point.xyz.allFinite() || !std::isfinite(point.error_px)) {
+    reader.Fail("point " + std::to_string(id) + " is not finite");
+  }
   point.track.resize(reader.ReadCount(kTrackElementSize));
   for (TrackElement& element : point.track) {
     element.image_id = reader.Read<uint32_t>();

@@ -268,6 +268,24 @@ TEST(ColmapBinary, LayoutByHand) {
   EXPECT_EQ(images.substr(72, 6), std::string("a.jpg\0", 6));
 }
 
+TEST(ColmapBinary, NumbersThatAreNotFiniteAreNamed) {
+  const TempFolder folder;
+  WriteColmapModel(RandomReconstruction(3), folder.path());
+  const auto expect_error = [&](const std::string& name, size_t offset, const char* reason) {
+    const std::string bytes = ReadFile(folder / name);
+    std::string changed = bytes;
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    std::memcpy(&changed[offset], &nan, sizeof(nan));
+    WriteFileAtomically(folder / name, changed);
+    EXPECT_THAT(ReadError(folder.path()), HasSubstr(reason));
+    WriteFileAtomically(folder / name, bytes);
+  };
+  const size_t name_size = RandomReconstruction(3).images.begin()->second.image.name.size() + 1;
+  expect_error("images.bin", 8 + 4 + 7 * 8 + 4 + name_size + 8 + 8, "image 1 has a keypoint that");
+  expect_error("points3D.bin", 8 + 8, "point 1 is not finite");
+  expect_error("points3D.bin", 8 + 8 + 3 * 8 + 3, "point 1 is not finite");
+}
+
 TEST(ColmapBinary, UnknownCameraModelsAndTwoOfAKindAreNamed) {
   const TempFolder folder;
   WriteColmapModel(RandomReconstruction(3), folder.path());
