@@ -8,7 +8,6 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
-#include "cairn/io/text_file.h"
 
 namespace cairn {
 namespace {
@@ -20,6 +19,14 @@ bool IsBlank(char c) { return c == ' ' || c == '\t'; }
 std::string Expected(std::string_view what, std::string_view word) {
   if (word.empty()) return "the line is too short: " + std::string(what) + " is missing";
   return std::string(what) + " expected, not '" + std::string(word.substr(0, 40)) + "'";
+}
+
+// Without the byte order mark that some programs begin UTF-8 with.
+std::string ReadTextFile(const std::string& path) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  std::string text = ReadFile(path);
+  if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
+  return text;
 }
 
 // Reads all of `word`; false if it is no number of this type.
@@ -49,13 +56,6 @@ std::vector<std::string_view> Split(std::string_view text, char separator) {
     parts.push_back(text.substr(begin, text.find(separator, begin) - begin));
   }
   return parts;
-}
-
-std::string ReadTextFile(const std::string& path) {
-  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
-  std::string text = ReadFile(path);
-  if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
-  return text;
 }
 
 TextReader::TextReader(const std::string& path) : path_(path), text_(ReadTextFile(path)) {}
