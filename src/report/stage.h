@@ -32,7 +32,6 @@ class Stage {
   // The user asked to stop, or there is nothing to do.
   void MarkStopped() { report_.MarkStopped(); }
   void MarkSkipped() { report_.status = StageStatus::kSkipped; }
-  size_t NumMessages() const { return report_.messages.size(); }
   // The report, with the time until now. The stage is over.
   StageReport Finish();
 
