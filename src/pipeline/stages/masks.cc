@@ -31,8 +31,12 @@ std::map<std::string, uint64_t> HashesOfPhotos(const Database& database) {
 // "": it has none.
 std::string MaskOf(const std::string& mask_path, const Image& image) {
   if (mask_path.empty()) return "";
-  const std::string mask = PathInFolder(mask_path, image.name + ".png");
-  return std::filesystem::exists(mask) ? mask : "";
+  try {
+    const std::string mask = PathInFolder(mask_path, image.name + ".png");
+    return std::filesystem::exists(mask) ? mask : "";
+  } catch (const IoError&) {  // The name leads out of the folder.
+    return "";
+  }
 }
 
 }  // namespace

@@ -208,6 +208,17 @@ TEST_F(StagesTest, MasksThatComeLaterRecomputeTheirImages) {
   for (const Keypoint& keypoint : keypoints) EXPECT_GE(keypoint.x, 60);
 }
 
+TEST_F(StagesTest, AnImageThatIsNotInTheFolderHasNoMask) {
+  Extract();
+  database_.WriteImage({9, "../a.png", 1});
+  database_.WriteKeypoints(9, {});
+  masks_ = folder_ / "masks";
+  AddMask(1, 0);
+  TestMonitor monitor;
+  Extract(monitor);
+  EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("no mask of 4 images")));
+}
+
 TEST_F(StagesTest, AMaskOfAnotherSizeEndsTheStage) {
   masks_ = folder_ / "masks";
   fs::create_directories(masks_);
