@@ -248,6 +248,10 @@ OneDsfmFiles MakeFiles(const Database& database, const std::vector<Entry>& entri
 OneDsfmExportReport ExportOneDsfm(const Reconstruction& model, const Database& database,
                                   const std::string& image_path, const std::string& output_path,
                                   const RunContext& run) {
+  if (!image_path.empty() && IsInFolder(image_path, output_path + "/images")) {
+    throw ConfigError("output_path", "photographs would be replaced in " + output_path +
+                                         "/images; give another --output_path");
+  }
   OneDsfmExportReport report;
   std::vector<Entry> entries = MakeEntries(model, database, output_path);
   for (Entry& entry : entries) PlaceKeys(database, &entry);

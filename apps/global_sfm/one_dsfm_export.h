@@ -29,7 +29,8 @@ struct OneDsfmExportReport {
 // expressed (a key where the distortion has no inverse) is left out. The list knows no shared
 // cameras, so resampled photographs of one camera get equal EXIF make and model. Model and database
 // meet by the images' names. Throws IoError: a model image that the database does not have, a name
-// with a blank, a folder that cannot be written.
+// with a blank, a folder that cannot be written. Throws ConfigError where photographs would replace
+// those of image_path.
 OneDsfmExportReport ExportOneDsfm(const Reconstruction& model, const Database& database,
                                   const std::string& image_path, const std::string& output_path,
                                   const RunContext& run);

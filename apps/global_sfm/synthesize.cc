@@ -43,20 +43,26 @@ struct AllOptions {
   ViewGraphOptions graph;
 };
 
-void MakePhotos(AllOptions& options, ConsoleMonitor& monitor) {
+int MakePhotos(AllOptions& options, ConsoleMonitor& monitor) {
   static_cast<RigOptions&>(options.photos) = options.main.rig;
   const std::string& folder = options.main.output_path;
   WritePhotoScene(MakePhotoScene(options.photos, options.main.seed), folder,
                   options.main.num_threads, monitor);
+  if (monitor.StopRequested()) {
+    monitor.Warning("stopped before all photographs were made");
+    return kExitNoUsableResult;
+  }
   monitor.Info(fmt::format(
       "{} photographs in {}/images, their depth maps in {}/depth, the true cameras in {}/truth",
       options.main.rig.num_images + options.main.rig.num_distractor_images, folder, folder,
       folder));
+  return kExitSuccess;
 }
 
 void MakeDatabase(AllOptions& options, ConsoleMonitor& monitor) {
   static_cast<RigOptions&>(options.scene) = options.main.rig;
-  const SyntheticScene scene = MakeScene(options.scene, options.main.seed);
+  const SyntheticScene scene =
+      MakeScene(options.scene, options.main.seed, options.main.num_threads);
   const auto content = std::find(kContents.begin(), kContents.end(), options.main.content);
   const std::string& folder = options.main.output_path;
   WriteSceneFolder(scene, static_cast<SceneContent>(content - kContents.begin()), folder);
@@ -67,6 +73,7 @@ void MakeDatabase(AllOptions& options, ConsoleMonitor& monitor) {
 void MakeGraph(AllOptions& options, ConsoleMonitor& monitor) {
   options.graph.layout = options.main.rig.layout;
   options.graph.num_images = options.main.rig.num_images;
+  options.graph.distance = options.main.rig.distance;
   const std::string& folder = options.main.output_path;
   const ViewGraphProblem problem = MakeViewGraphProblem(options.graph, options.main.seed);
 
@@ -113,9 +120,8 @@ int Run(const Command& command, AllOptions& options) {
   ConsoleMonitor monitor;
   CreateFolders(options.main.output_path);
   WriteFileAtomically(options.main.output_path + "/effective.toml", command.EffectiveToml());
-  if (options.main.type == "photos") {
-    MakePhotos(options, monitor);
-  } else if (options.main.type == "database") {
+  if (options.main.type == "photos") return MakePhotos(options, monitor);
+  if (options.main.type == "database") {
     MakeDatabase(options, monitor);
   } else {
     MakeGraph(options, monitor);

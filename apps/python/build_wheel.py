@@ -1,7 +1,7 @@
 """Makes the wheel that `pip install .` installs (PEP 517), with CMake and the standard library alone.
 
 The module is built into ../../build, as scripts/build builds all else there, or into the folder that the environment
-variable CAIRN_BUILD names, if that was configured before.
+variable CAIRN_BUILD names.
 """
 import base64
 import hashlib

@@ -106,6 +106,7 @@ std::vector<FigureCheck> RunExperiments(const ExperimentOptions& options,
   }
   if (wanted("noise")) keep(RunNoise(instances, seed, options.num_threads, monitor));
   if (wanted("pairs")) keep(RunPairExperiment(options, real, monitor));
+  if (monitor.StopRequested()) return checks;
   const std::string checks_path = folder + "checks." + options.experiment;
   WriteChecks(checks, checks_path + ".json");
   if (wanted("timings")) {  // in a file of their own: they are not deterministic

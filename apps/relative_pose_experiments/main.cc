@@ -23,6 +23,10 @@ int Main(int argc, char** argv) {
     CreateFolders(options.output_path);
     WriteFileAtomically(options.output_path + "/effective.toml", command.EffectiveToml());
     const auto checks = experiments::RunExperiments(options, real, monitor);
+    if (monitor.StopRequested()) {
+      monitor.Warning("stopped before all tables were made");
+      return int{kExitNoUsableResult};
+    }
     int num_failed = 0;
     for (const experiments::FigureCheck& check : checks) {
       if (check.Holds()) continue;

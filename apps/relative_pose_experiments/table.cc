@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "cairn/base/check.h"
+#include "cairn/io/csv.h"
 
 namespace cairn::experiments {
 namespace {
@@ -11,8 +12,7 @@ namespace {
 std::string Line(const std::vector<Table::Cell>& cells, std::string Table::Cell::*part) {
   std::string line;
   for (const Table::Cell& cell : cells) {
-    CAIRN_CHECK((cell.*part).find_first_of(",\"\n") == std::string::npos);
-    line += (&cell == &cells.front() ? "" : ",") + cell.*part;
+    line += (&cell == &cells.front() ? "" : ",") + CsvField(cell.*part);
   }
   return line + '\n';
 }

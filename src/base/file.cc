@@ -163,6 +163,13 @@ bool StaysInFolder(const std::string& name) {
          std::none_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
 }
 
+bool IsInFolder(const std::string& path, const std::string& folder) {
+  namespace fs = std::filesystem;
+  const fs::path inner = fs::weakly_canonical(fs::absolute(path));
+  const fs::path outer = fs::weakly_canonical(fs::absolute(folder));
+  return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
+}
+
 std::string PathInFolder(const std::string& folder, const std::string& name) {
   if (!StaysInFolder(name)) throw IoError(name, "the name leads out of the folder " + folder);
   return (std::filesystem::path(folder) / name).string();

@@ -3,6 +3,7 @@
 #include "bundle_adjustment/ceres_bundle.h"
 #include "bundle_adjustment/check_bundle.h"
 #include "bundle_adjustment/schur_bundle.h"
+#include "cairn/base/named_value.h"
 #include "cairn/base/timer.h"
 
 namespace cairn {
@@ -18,19 +19,13 @@ void BundleAdjustmentOptions::VisitFields(OptionVisitor& v) {
 }
 
 std::string_view BundleAdjustmentStatusName(BundleAdjustmentStatus status) {
-  switch (status) {
-    case BundleAdjustmentStatus::kConverged:
-      return "converged";
-    case BundleAdjustmentStatus::kMaxIterations:
-      return "max_iterations";
-    case BundleAdjustmentStatus::kNoObservations:
-      return "no_observations";
-    case BundleAdjustmentStatus::kFailed:
-      return "failed";
-    case BundleAdjustmentStatus::kStopped:
-      return "stopped";
-  }
-  return "unknown";
+  using enum BundleAdjustmentStatus;
+  constexpr NamedValue<BundleAdjustmentStatus> kNames[] = {{kConverged, "converged"},
+                                                           {kMaxIterations, "max_iterations"},
+                                                           {kNoObservations, "no_observations"},
+                                                           {kFailed, "failed"},
+                                                           {kStopped, "stopped"}};
+  return NameOf(kNames, status);
 }
 
 BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,

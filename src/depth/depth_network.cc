@@ -14,14 +14,11 @@ namespace cairn {
 namespace {
 
 // OpenCV writes to the terminal when a model is not to its liking; the exception says it as well.
-class QuietOpenCv {
- public:
-  QuietOpenCv() : level_(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)) {}
-  ~QuietOpenCv() { cv::utils::logging::setLogLevel(level_); }
-
- private:
-  cv::utils::logging::LogLevel level_;
-};
+// (The level is the process's: once, since networks run side by side.)
+void QuietOpenCv() {
+  [[maybe_unused]] static const auto before =
+      cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+}
 
 void CheckNormalization(const DepthOptions& options) {
   if (options.mean.size() != 3) throw ConfigError("depth.mean", "needs three values");
@@ -67,7 +64,7 @@ DepthNetwork::DepthNetwork(const std::string& path, const DepthOptions& options)
   KeepOpenCvToTheCallersThread();
   impl_->path = path;
   impl_->options = options;
-  const QuietOpenCv quiet;
+  QuietOpenCv();
   try {
     impl_->net = cv::dnn::readNetFromONNX(path);
   } catch (const cv::Exception& error) {
@@ -84,7 +81,6 @@ DepthMap DepthNetwork::Compute(const Bitmap& rgb) {
   CAIRN_CHECK_EQ(rgb.channels, 3);
   CAIRN_CHECK(rgb.width > 0 && rgb.height > 0);
   cv::Mat output;
-  const QuietOpenCv quiet;
   try {
     impl_->net.setInput(impl_->MakeInput(rgb));
     output = impl_->net.forward();

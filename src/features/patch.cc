@@ -74,8 +74,12 @@ HWY_INLINE V Bilinear(const Plane& plane, hn::Vec<decltype(kInts)> at, V fx, V f
 
 void SampleKernel(const Plane& below, const Plane& above, float share_above,
                   const PatchPlace& place, const PatchTables& tables, float* values) {
-  const V zero = Const(0), last_x = Const(static_cast<float>(below.width) - 1.001f),
-          last_y = Const(static_cast<float>(below.height) - 1.001f);
+  // From where the next pixel is within the plane (of large ones 0.001 is nothing).
+  const auto last = [](int size) {
+    const auto end = static_cast<float>(size);
+    return Const(std::min(end - 1.001f, std::nextafter(end - 1, 0.0f)));
+  };
+  const V zero = Const(0), last_x = last(below.width), last_y = last(below.height);
   for (int j = 0; j < kSide; ++j) {
     const V row_x = Const(place.x + place.a12 * tables.units[j]);
     const V row_y = Const(place.y + place.a22 * tables.units[j]);

@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-// A gray image of floats. Rows are padded with zeros to whole blocks of 16, so that kernels need no
-// tails; the values themselves are not set.
+// A gray image of floats. Rows are padded to whole blocks of 16, so that kernels need no tails; no
+// value is set.
 struct Plane {
   Plane() = default;
   Plane(int width, int height);

@@ -62,6 +62,7 @@ std::string_view UnreadFormat(std::string_view bytes) {
 // memory is missing, and OpenBLAS's threads take what is left until each has its 128 MiB. Throws
 // std::bad_alloc where that much is not there.
 void PrepareCodecs() {
+  KeepOpenCvToTheCallersThread();
   [[maybe_unused]] static const bool are_prepared = [] {
     RequireMemory(192 << 20);
     return cv::haveImageWriter(".png");

@@ -14,8 +14,8 @@ inline void ThrowIfOutOfMemory(const cv::Exception& exception) {
   if (exception.code == cv::Error::StsNoMem) throw std::bad_alloc();
 }
 
-// Callers have an image a thread; OpenCV would add its own to each. Once only: setNumThreads
-// crashes while another thread is inside OpenCV.
+// Before each call of OpenCV that may use threads: callers have an image a thread, and OpenCV would
+// add its own to each. Once only: setNumThreads crashes while another thread is inside OpenCV.
 inline void KeepOpenCvToTheCallersThread() {
   [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
 }

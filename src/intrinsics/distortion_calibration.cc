@@ -247,7 +247,7 @@ void Problem::Judge(Distortions at) {
     Term& term = terms_[i];
     num_explained[i] = term.pair.NumExplained(at.F[i], kNoiseScale * term.sigma_px);
     const bool is_one = term.variable1 == term.variable2;
-    for (int side = 0; side < 2; ++side) {
+    for (int side = 0; side < (is_one ? 1 : 2); ++side) {
       SetDistortion(term, side == 0 || is_one ? 0.0 : At(at.x, term.variable1),
                     side == 1 || is_one ? 0.0 : At(at.x, term.variable2));
       double cost = INFINITY;

@@ -278,9 +278,9 @@ std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t
                                                          const SceneData& scene) {
   std::map<image_pair_t, TwoViewGeometry> geometries;
   for (const ViewEdge& edge : scene.edges) {
-    if (IsOf(edge, cameras, scene)) {
-      geometries[edge.PairId()] = scene.stored_geometry(edge.PairId());
-    }
+    if (!IsOf(edge, cameras, scene)) continue;
+    TwoViewGeometry& geometry = geometries[edge.PairId()] = scene.stored_geometry(edge.PairId());
+    geometry.inlier_matches = {};  // the scene has them
   }
   return geometries;
 }

@@ -138,7 +138,7 @@ void GiveUp(StageContext& context, const ComponentQueue::Component& component, S
   if (context.run.monitor.StopRequested()) return;
   failures.push_back(failure);
   if (component.earlier == nullptr) {
-    result.without_model.push_back(component.images);
+    result.without_model.push_back({component.images, failure});
   } else {
     context.report.warnings.push_back({"an input model of " +
                                            std::to_string(component.images.size()) +
@@ -160,10 +160,16 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
   for (bool is_first = true; !queue.empty() && !context.run.monitor.StopRequested();
        is_first = false) {
     const ComponentQueue::Component component = queue.Pop();
+    const std::vector<image_t> rest = NotTaken(context, component.images);
+    if (component.earlier == nullptr && rest.size() < component.images.size()) {
+      // A model has registered the others by matches of pairs that join no components.
+      queue.AddPartsOf(rest, component.is_part, graph);
+      continue;
+    }
     const bool is_small = component.earlier == nullptr &&
                           static_cast<int>(component.images.size()) < options.min_model_images;
     if ((is_small && !is_first) || static_cast<int>(result.models.size()) == options.max_models) {
-      result.without_model.push_back(component.images);
+      result.without_model.push_back({component.images});
       continue;
     }
     context.reserved = queue.Reserved(options.min_model_images);

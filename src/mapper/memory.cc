@@ -175,6 +175,7 @@ int64_t EstimatePartBytes(const SceneData& part, const BundleAdjustmentOptions& 
   size.covisibility = 2;
   size.num_image_pairs = std::ssize(part.edges);
   size.num_free_intrinsics = MostParams(part.cameras);
+  size.has_own_cameras = 2 * part.cameras.size() > part.pixels.size();
   return EstimateBundleBytes(options, size);
 }
 

@@ -16,6 +16,7 @@ class PartMerger {
     TakeGraphsAndReports(parts);
     TakeModels(parts);
     for (PartResult& part : parts) {
+      if (!part.report.Succeeded()) continue;  // which a warning names
       std::ranges::move(part.without_model, std::back_inserter(without_model_));
     }
     if (result_.report.Succeeded() && !run_.monitor.StopRequested()) ReportLeftOut();
@@ -72,7 +73,7 @@ class PartMerger {
                             std::ssize(model.images) < options_.min_model_images;
       const bool are_enough = std::ssize(result_.models) == options_.max_models;
       if (are_enough || is_small) {
-        std::vector<image_t>& images = without_model_.emplace_back();
+        std::vector<image_t>& images = without_model_.emplace_back().images;
         for (const auto& [id, image] : model.images) images.push_back(id);
         continue;
       }
@@ -93,10 +94,9 @@ class PartMerger {
     for (const Reconstruction& model : result_.models) {
       for (const auto& [id, image] : model.images) taken.insert(id);
     }
-    for (const std::vector<image_t>& images : without_model_) {
-      stage.Note("no model of " + std::to_string(images.size()) +
-                 " connected images (--reconstruct.min_model_images, --reconstruct.max_models): " +
-                 Names(scene_, images));
+    for (const auto& [images, reason] : without_model_) {
+      stage.Note("no model of " + std::to_string(images.size()) + " connected images (" + reason +
+                 "): " + Names(scene_, images));
       named_.insert(images.begin(), images.end());
     }
     std::vector<image_t> others;
@@ -117,7 +117,7 @@ class PartMerger {
   const ReconstructOptions& options_;
   const RunContext& run_;
   ReconstructResult result_;
-  std::vector<std::vector<image_t>> without_model_;
+  std::vector<WithoutModel> without_model_;
   std::set<image_t> named_;  // in a warning or a note
 };
 

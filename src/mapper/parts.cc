@@ -189,7 +189,7 @@ class PartBuilder {
     PartResult& result = results_[k];
     for (const auto& [id, pixels] : parts_[k].pixels) result.graph.image_ids.push_back(id);
     result.graph.edges = std::move(parts_[k].edges);
-    result.without_model.push_back(result.graph.image_ids);
+    result.without_model.push_back({result.graph.image_ids});
   }
 
   const std::span<const Reconstruction> earlier_;

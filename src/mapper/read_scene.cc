@@ -13,13 +13,17 @@
 namespace cairn {
 namespace {
 
+// Of a frame, px: more than any image has.
+constexpr double kLongestAxis = 1e6;
+
 // The smaller singular value of the frame.
 float ShorterAxis(const Keypoint& k) {
   const double squares = k.a11 * k.a11 + k.a12 * k.a12 + k.a21 * k.a21 + k.a22 * k.a22;
   const double det = std::abs(k.a11 * k.a22 - k.a12 * k.a21);
   const double sum = std::sqrt(squares + 2 * det);  // of the singular values
   const double difference = std::sqrt(std::max(0.0, squares - 2 * det));
-  return static_cast<float>(0.5 * (sum - difference));
+  const double axis = 0.5 * (sum - difference);  // no number where frames of strangers overflow
+  return static_cast<float>(axis < kLongestAxis ? axis : kLongestAxis);
 }
 
 using IntrinsicsMap = std::map<camera_t, KnownIntrinsics>;
@@ -246,7 +250,11 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
                  std::to_string(scene.cameras.size()) +
                  " cameras are constant (--refine_intrinsics)");
     }
-    if (scene.pixels.empty()) {
+    const bool has_keypoints =
+        std::ranges::any_of(scene.pixels, [](const auto& entry) { return !entry.second.empty(); });
+    if (scene.pixels.empty() && !scene.images.empty()) {
+      stage.Fail("the database has no image that can be used", "look at the warnings above");
+    } else if (scene.pixels.empty() || (scene.edges.empty() && !has_keypoints)) {
       stage.Fail("the database has no image with keypoints",
                  "run build_view_graph with --image_path first");
     } else if (scene.edges.empty()) {

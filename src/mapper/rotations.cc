@@ -54,8 +54,9 @@ double Coverage(const SceneData& scene, const ViewEdge& edge) {
     cells1.set(cell(edge.image_id1, match.point1));
     cells2.set(cell(edge.image_id2, match.point2));
   }
+  const double num_inliers = std::max(1, edge.num_inliers);
   return static_cast<double>(std::min(cells1.count(), cells2.count())) +
-         edge.num_inliers / (1.0 + edge.num_inliers);
+         num_inliers / (1.0 + num_inliers);
 }
 
 // How far a pair's rotation is from the hypothesis; nullopt: it has no pose, or its images none.
@@ -104,12 +105,14 @@ struct Core {
   int min_num_inliers = 0;
 };
 
-// The largest component of the edges with so many inliers and more: of pairs that are all surer,
-// loops reject other ones than among all pairs.
-Core CoreOf(const StageContext& context, ViewGraph graph, int min_num_inliers) {
+// The largest component of the component's edges with so many inliers and more: of pairs that are
+// all surer, loops reject other ones than among all pairs.
+Core CoreOf(const StageContext& context, std::span<const image_t> component, ViewGraph graph,
+            int min_num_inliers) {
   for (ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kTripletInconsistent) edge.removal = EdgeRemoval::kNone;
   }
+  KeepImages(component, graph);
   RemoveWeakEdges(min_num_inliers, graph);
   RemoveInconsistentTriplets(graph, context.settings.view_graph, context.run);
   const auto components = ActiveComponents(graph);
@@ -150,13 +153,15 @@ std::vector<RotationAveragingReport> AverageByPowers(std::span<const RotationEdg
 // Tries ways to average a component's rotations.
 class Averager {
  public:
-  Averager(StageContext& context, RunStage& stage, const ViewGraph& component, size_t num_images)
-      : context_(context), stage_(stage), component_(component), num_images_(num_images) {}
+  // own: the graph of the component alone.
+  Averager(StageContext& context, RunStage& stage, std::span<const image_t> component,
+           const ViewGraph& own)
+      : context_(context), stage_(stage), component_(component), own_(own) {}
 
   // From all edges. False: it fails.
   bool AddAll() {
     const RotationAveragingOptions& options = context_.settings.rotation_averaging;
-    return Add(AverageByPowers(EdgesOf(component_), options, context_.run), 0);
+    return Add(AverageByPowers(EdgesOf(own_), options, context_.run), 0);
   }
 
   // From the edges with more and more inliers, as long as they join more than half of the images;
@@ -165,8 +170,8 @@ class Averager {
     const int least = std::max(1, context_.settings.view_graph.min_num_inliers);
     std::vector<Core> cores;
     for (int n = 2 * least; n < (1 << 20); n *= 2) {
-      Core core = CoreOf(context_, component_, n);
-      if (2 * core.num_images <= num_images_) break;
+      Core core = CoreOf(context_, component_, own_, n);
+      if (2 * core.num_images <= component_.size()) break;
       cores.push_back(std::move(core));
     }
     const RotationAveragingOptions& options = context_.settings.rotation_averaging;
@@ -181,11 +186,11 @@ class Averager {
 
   // From the tree of the surest pairs, and what agrees with it: pairs of things that look alike may
   // outvote neighbors, but have fewer inliers, or share the things alone.
-  void AddTrees(const ViewGraph& graph) {
-    std::vector<RotationEdge> edges = EdgesOf(graph);
+  void AddTrees() {
+    std::vector<RotationEdge> edges = EdgesOf(own_);
     AddTree(edges);
     size_t k = 0;
-    for (const ViewEdge& edge : graph.edges) {
+    for (const ViewEdge& edge : own_.edges) {
       if (edge.IsActive()) edges[k++].weight = Coverage(context_.scene, edge);
     }
     AddTree(edges);
@@ -239,22 +244,22 @@ class Averager {
     if (!HasRotations(report)) {
       if (all_.empty()) {
         stage_.Fail(std::string(RotationAveragingStatusName(report.status)) + " on " +
-                        std::to_string(component_.NumActiveEdges()) + " edges",
+                        std::to_string(own_.NumActiveEdges()) + " edges",
                     "look at the view graph with global_sfm inspect");
       }
       return false;
     }
     all_.push_back({min_num_inliers, weight_power, std::move(report.cam_from_world),
-                    report.median_residual_deg});
-    SetSupport(component_, context_.settings.rotation_averaging.sigma_start_deg,
+                    report.median_residual_deg, report.num_rejected});
+    SetSupport(own_, context_.settings.rotation_averaging.sigma_start_deg,
                context_.settings.view_graph.max_rotation_error_deg, all_.back());
     return true;
   }
 
   StageContext& context_;
   RunStage& stage_;
-  const ViewGraph& component_;
-  const size_t num_images_;  // of the component
+  const std::span<const image_t> component_;
+  const ViewGraph& own_;
   std::vector<RotationHypothesis> all_;
 };
 
@@ -282,10 +287,10 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   ViewGraph own = graph;
   KeepImages(component, own);
   stage.Add("edges_in", own.NumActiveEdges());
-  Averager averager(context, stage, own, component.size());
+  Averager averager(context, stage, component, own);
   // Of a data set's pairs, inliers were not counted.
   if (averager.AddAll() && !context.scene.poses_imported) {
-    if (own.NumActiveEdges() <= kMaxFreshEdges) averager.AddTrees(own);
+    if (own.NumActiveEdges() <= kMaxFreshEdges) averager.AddTrees();
     if (!averager.IsClear()) averager.AddCores();
   }
   const std::vector<RotationHypothesis> distinct = averager.Distinct();
@@ -294,6 +299,7 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   if (!distinct.empty()) {
     stage.Add("images_out", distinct.front().cam_from_world.size());
     stage.Add("median_residual_deg", distinct.front().median_residual_deg);
+    stage.Add("edges_rejected", distinct.front().num_rejected);
     stage.Add("support", distinct.front().support / distinct.front().possible_support);
   }
   return distinct;

@@ -66,12 +66,17 @@ ReconstructResult ReconstructParts(std::span<const Reconstruction> earlier,
                                    SceneData& scene);
 
 // merge_parts.cc
+// Connected images that have no model, and why.
+struct WithoutModel {
+  std::vector<image_t> images;
+  std::string reason = "--reconstruct.min_model_images, --reconstruct.max_models";
+};
 // Finished models of a scene, or of a part of it.
 struct SceneModels {
   std::vector<Reconstruction> models;
   std::vector<std::vector<ResultWarning>> warnings;  // of each model
   std::vector<double> explained_shares;              // as in ReconstructResult
-  std::vector<std::vector<image_t>> without_model;   // connected images
+  std::vector<WithoutModel> without_model;
   double evidence_nats = 0;
 };
 // The same with what became of the pairs, and the report.
@@ -163,6 +168,7 @@ struct RotationHypothesis {
   double weight_power = 0;  // of the numbers of inliers that its edges are weighed by
   std::map<image_t, Eigen::Quaterniond> cam_from_world;
   double median_residual_deg = 0;
+  int num_rejected = 0;         // edges that are further off (rotation_averaging.max_error_deg)
   double support = 0;           // inliers of the pairs, by how well they agree with it
   double possible_support = 0;  // of all pairs between its images
   int64_t num_agreeing = 0;     // of these, of pairs within the largest rotation error

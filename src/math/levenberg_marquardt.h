@@ -79,9 +79,8 @@ class Damping {
 // Levenberg and Marquardt's method from `state` on, which is never made worse. A problem gives
 //   State                       what is sought
 //   Linearize(state) -> Model   with members cost (squared errors) and gradient (half the cost's),
-//   as
-//                               NormalEquations; it may complete what of the state follows from the
-//                               rest
+//                               as NormalEquations; it may complete what of the state follows from
+//                               the rest
 //   Moved(state, step) -> State
 // and, where it has its own,
 //   Solve(model, damping, &step) -> bool   in place of DampedStep

@@ -69,7 +69,7 @@ void ComplementKernel(int n, double* columns, double* basis) {
 }
 
 // Polynomials in x, y, z of which some coefficients are vectors: linear (x y z 1), quadratic
-// (x2 xy xz y2 yz z2 x y z 1), cubic (essential_constraints.h).
+// (x2 xy xz y2 yz z2 x y z 1), cubic (EssentialConstraints).
 
 // out += factor a b.
 template <class A>

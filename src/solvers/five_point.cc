@@ -8,8 +8,7 @@
 
 #include "cairn/solvers/polynomial.h"
 #include "math/positive_definite.h"
-#include "solvers/complement.h"
-#include "solvers/essential_constraints.h"
+#include "solvers/essential_kernels.h"
 
 namespace cairn {
 namespace {

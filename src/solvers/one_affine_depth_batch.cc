@@ -92,7 +92,8 @@ void SolveKernel(float* columns, int stride, int n) {
     const V3 t = {v2.point.x - scale * rotated.x, v2.point.y - scale * rotated.y,
                   v2.point.z - scale * rotated.z};
     const V squared_t = Dot(t, t);
-    is_good = hn::And(is_good, squared_t > Const(1e-12f) * Dot(v2.point, v2.point));
+    is_good = hn::And(is_good, hn::And(squared_t > Const(1e-12f) * Dot(v2.point, v2.point),
+                                       squared_t < Const(1e38f)));
     const V3 unit_t = Scale(t, one / hn::Sqrt(hn::IfThenElse(is_good, squared_t, one)));
     const V values[internal::kNumOutputs] = {R.rows[0].x,
                                              R.rows[0].y,

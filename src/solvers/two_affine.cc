@@ -6,8 +6,7 @@
 
 #include "cairn/solvers/five_point.h"
 #include "math/householder.h"
-#include "solvers/complement.h"
-#include "solvers/essential_constraints.h"
+#include "solvers/essential_kernels.h"
 
 namespace cairn {
 namespace {

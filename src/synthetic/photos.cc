@@ -243,6 +243,7 @@ void WritePhotoScene(const PhotoScene& scene, const std::string& folder, int num
                      ProgressMonitor& monitor) {
   CreateFolders(folder + "/images");
   CreateFolders(folder + "/depth");
+  WriteColmapModel(scene.truth, folder + "/truth", ColmapModelFormat::kText);
   monitor.BeginStage("render photographs", static_cast<int64_t>(scene.images.size()));
   for (size_t i = 0; i < scene.images.size() && !monitor.StopRequested(); ++i) {
     const Image& image = scene.images[i];
@@ -256,7 +257,6 @@ void WritePhotoScene(const PhotoScene& scene, const std::string& folder, int num
     monitor.Advance(1);
   }
   monitor.EndStage();
-  WriteColmapModel(scene.truth, folder + "/truth", ColmapModelFormat::kText);
 }
 
 }  // namespace cairn

@@ -283,7 +283,7 @@ void SceneOptions::VisitFields(OptionVisitor& v) {
          "verified pairs as build_view_graph leaves them; 0: as COLMAP does");
 }
 
-SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
+SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed, int num_threads) {
   ValidateOptions(static_cast<const RigOptions&>(options), "");
   ValidateOptions(options, "scene");
   if (options.layout == CameraLayout::kCity && options.pair_outlier_ratio > 0 &&
@@ -295,6 +295,7 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
   SyntheticScene scene;
   scene.options = options;
   scene.seed = seed;
+  scene.num_threads = num_threads;
   scene.cameras = MakeCameras(options);
   scene.images = MakeImages(options);
   const Surface surface = MakeSurface(options, seed);
@@ -304,7 +305,7 @@ SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed) {
 
   const int num_images = static_cast<int>(scene.images.size());
   std::vector<ImageData> data(num_images);
-  ParallelFor(0, num_images, [&](int64_t i) {
+  ParallelFor(num_threads, num_images, [&](int64_t i) {
     const Rigid3d* pose = i < options.num_images ? &poses[i] : nullptr;
     const Shot shot{static_cast<int>(i), scene.cameras.at(scene.images[i].camera_id), pose};
     data[i] = MakeImageData(options, shot, surface, Rng(seed, "scene_image", i + 1));

@@ -37,7 +37,7 @@ struct PairPlan {
 
 std::vector<VisiblePoints> FindAllVisiblePoints(const SyntheticScene& scene) {
   std::vector<VisiblePoints> visible(scene.images.size());
-  ParallelFor(0, static_cast<int64_t>(visible.size()),
+  ParallelFor(scene.num_threads, std::ssize(visible),
               [&](int64_t i) { visible[i] = FindVisiblePoints(scene, scene.images[i].image_id); });
   return visible;
 }
@@ -68,7 +68,7 @@ PairPlan PlanCityPairs(const SyntheticScene& scene, const std::vector<VisiblePoi
   const City city(scene.options.num_images);
   std::vector<std::vector<CandidatePair>> of_image[2];  // true and wrong ones
   for (auto& candidates : of_image) candidates.resize(n);
-  ParallelFor(0, n, [&](int64_t i) {
+  ParallelFor(scene.num_threads, n, [&](int64_t i) {
     const int place = city.PlaceOf(i);
     for (int64_t j = i + 1; j < n; ++j) {
       const bool is_wrong = !city.AreNeighbors(place, city.PlaceOf(j));
@@ -112,7 +112,7 @@ PairPlan PlanPairs(const SyntheticScene& scene, const std::vector<VisiblePoints>
   }
   PairPlan plan;
   if (wanted > 0 && wanted < candidates.size()) {
-    ParallelFor(0, std::ssize(candidates), [&](int64_t k) {
+    ParallelFor(scene.num_threads, std::ssize(candidates), [&](int64_t k) {
       CandidatePair& pair = candidates[k];
       pair.cost =
           -static_cast<float>(CommonPoints(visible[pair.item1], visible[pair.item2]).size());
@@ -237,7 +237,7 @@ void WritePairs(const SyntheticScene& scene, bool with_geometries, Database& dat
   const PairMaker maker(scene);
   for (size_t begin = 0; begin < maker.NumPairs(); begin += kPairsPerTransaction) {
     std::vector<PairRows> rows(std::min(kPairsPerTransaction, maker.NumPairs() - begin));
-    ParallelFor(0, static_cast<int64_t>(rows.size()),
+    ParallelFor(scene.num_threads, std::ssize(rows),
                 [&](int64_t k) { rows[k] = maker.Make(begin + k, with_geometries); });
     Database::Transaction transaction(database);
     for (size_t k = 0; k < rows.size(); ++k) {

@@ -110,7 +110,7 @@ ViewGraphProblem MakeViewGraphProblem(const ViewGraphOptions& options, uint64_t 
   const size_t num_edges = NumEdges(options);
   Rng pose_rng(seed, "view_graph_poses");
   const std::vector<Rigid3d> poses =
-      MakeCameraPoses(options.layout, options.num_images, 3.0, pose_rng);
+      MakeCameraPoses(options.layout, options.num_images, options.distance, pose_rng);
   const std::vector<CandidatePair> candidates = MakeCandidates(poses, num_edges, seed);
   const std::vector<size_t> chosen = ChoosePairs(poses.size(), candidates, num_edges);
 

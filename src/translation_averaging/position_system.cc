@@ -29,43 +29,31 @@ PositionSystem::PositionSystem(const DirectionProblem& problem, int num_threads,
       terms_of_[problem.rays[r].camera].rays.push_back({r, k});
     }
   }
-  std::vector<std::vector<int>> columns =
-      JoinedColumns(problem.NumCameras(), num_threads, [&](int i, const auto& use) {
-        for (const int e : terms_of_[i].edges) {
-          use(problem.edges[e].camera1);
-          use(problem.edges[e].camera2);
-        }
-        for (const CameraTerms::Ray& own : terms_of_[i].rays) {
-          for (const DirectionProblem::Ray& ray : problem.RaysOf(own.track)) use(ray.camera);
-        }
-      });
-  row_begin_ = {0};
-  for (const std::vector<int>& row : columns) {
-    column_.insert(column_.end(), row.begin(), row.end());
-    row_begin_.push_back(static_cast<int>(column_.size()));
-  }
+  columns_ = JoinedColumns(problem.NumCameras(), num_threads, [&](int i, const auto& use) {
+    for (const int e : terms_of_[i].edges) {
+      use(problem.edges[e].camera1);
+      use(problem.edges[e].camera2);
+    }
+    for (const CameraTerms::Ray& own : terms_of_[i].rays) {
+      for (const DirectionProblem::Ray& ray : problem.RaysOf(own.track)) use(ray.camera);
+    }
+  });
   // The factor has at least the system's own entries.
   double least_flops = 0;
-  for (int i = 0; i < problem.NumCameras(); ++i) {
-    const double num_blocks = row_begin_[i + 1] - row_begin_[i];
+  for (const std::vector<int>& row : columns_) {
+    const auto num_blocks = static_cast<double>(row.size());
     least_flops += 27 * num_blocks * num_blocks;
   }
   const auto num_terms = static_cast<double>(problem.edges.size() + problem.rays.size());
   const double max_flops = max_cholesky_steps * kFlopsOfTerm * num_terms;
-  if (least_flops <= max_flops) BuildCholesky(std::move(columns), max_flops);
-  if (cholesky_) return;
-  row_begin_ = column_ = {};
-  iterative_ = std::make_unique<IterativeCameras>(problem, num_threads);
-}
-
-void PositionSystem::BuildCholesky(std::vector<std::vector<int>> columns, double max_flops) {
-  cholesky_ = std::make_unique<BlockCholesky>(
-      BlockPattern{std::vector<int>(columns.size(), 3), std::move(columns)});
-  if (cholesky_->FactorFlops() > max_flops) {
-    cholesky_.reset();
-    return;
+  if (least_flops <= max_flops) {
+    cholesky_ = std::make_unique<BlockCholesky>(
+        BlockPattern{std::vector<int>(columns_.size(), 3), columns_});
+    if (cholesky_->FactorFlops() <= max_flops) return;
   }
-  blocks_.resize(column_.size());
+  cholesky_.reset();
+  columns_ = std::vector<std::vector<int>>();
+  iterative_ = std::make_unique<IterativeCameras>(problem, num_threads);
 }
 
 void PositionSystem::Restart(const Eigen::Matrix3Xd& positions) {
@@ -141,7 +129,7 @@ void PositionSystem::AssembleDiagonal(int camera, const FitModels& models, doubl
 void PositionSystem::AssembleRow(int camera, const FitModels& models,
                                  std::vector<Eigen::Matrix3d>& scratch) {
   scratch.resize(problem_.NumCameras());
-  for (int k = row_begin_[camera]; k < row_begin_[camera + 1]; ++k) scratch[column_[k]].setZero();
+  for (const int column : columns_[camera]) scratch[column].setZero();
   for (const int e : terms_of_[camera].edges) {
     const bool is_first = problem_.edges[e].camera1 == camera;
     const int other = is_first ? problem_.edges[e].camera2 : problem_.edges[e].camera1;
@@ -154,8 +142,8 @@ void PositionSystem::AssembleRow(int camera, const FitModels& models,
     }
   }
   scratch[camera] = diagonal_[camera];
-  for (int k = row_begin_[camera]; k < row_begin_[camera + 1]; ++k) {
-    blocks_[k] = scratch[column_[k]];
+  for (const int column : columns_[camera]) {
+    cholesky_->Add(column, camera, scratch[column].transpose());
   }
 }
 
@@ -166,16 +154,11 @@ bool PositionSystem::SolveByCholesky(const FitModels& models, double damping,
   ParallelFor(
       num_threads_, problem_.NumCameras(),
       [&](int64_t i) { AssembleDiagonal(static_cast<int>(i), models, damping); }, kGrain);
+  cholesky_->SetZero();
   std::vector<std::vector<Eigen::Matrix3d>> scratch(EffectiveNumThreads(num_threads_));
   ParallelForWorker(num_threads_, problem_.NumCameras(), [&](int worker, int64_t i) {
     AssembleRow(static_cast<int>(i), models, scratch[worker]);
   });
-  cholesky_->SetZero();
-  for (int i = 0; i < problem_.NumCameras(); ++i) {
-    for (int k = row_begin_[i]; k < row_begin_[i + 1]; ++k) {
-      cholesky_->Add(column_[k], i, blocks_[k].transpose());
-    }
-  }
   if (!cholesky_->Factorize()) return false;
   const Eigen::VectorXd solution =
       cholesky_->Solve(Eigen::Map<const Eigen::VectorXd>(rhs_.data(), rhs_.size()));

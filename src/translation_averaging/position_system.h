@@ -32,7 +32,6 @@ class PositionSystem {
   double MinDamping() const { return UsesCholesky() ? 1e-9 : 1e-5; }
 
  private:
-  void BuildCholesky(std::vector<std::vector<int>> columns, double max_flops);
   void EliminatePoints(const FitModels& models, double damping);
   void AssembleDiagonal(int camera, const FitModels& models, double damping);
   void AssembleRow(int camera, const FitModels& models, std::vector<Eigen::Matrix3d>& scratch);
@@ -42,11 +41,9 @@ class PositionSystem {
   int num_threads_;
   std::vector<CameraTerms> terms_of_;  // each camera
   EliminatedPoints points_;
-  // Upper triangle of the reduced system by rows of blocks: row i holds column_[k] for k in
-  // [row_begin_[i], row_begin_[i + 1]), increasing, the first one i itself.
-  std::vector<int> row_begin_;
-  std::vector<int> column_;
-  std::vector<Eigen::Matrix3d> blocks_;
+  // Of the blocks in each row of the reduced system's upper triangle, increasing, the first one the
+  // diagonal's.
+  std::vector<std::vector<int>> columns_;
   std::vector<Eigen::Matrix3d> diagonal_;
   Eigen::Matrix3Xd rhs_;
   std::unique_ptr<BlockCholesky> cholesky_;      // null: conjugate gradients

@@ -121,7 +121,7 @@ std::vector<int> Agreeing(Views views, const Eigen::Vector3d& xyz,
 // them.
 bool SearchPairs(Views views, const TriangulationOptions& options, Eigen::Vector3d* best) {
   const int n = static_cast<int>(views.size());
-  const int num_pairs = n * (n - 1) / 2;
+  const int64_t num_pairs = int64_t{n} * (n - 1) / 2;
   std::vector<double> units;
   for (const TriangulationView& view : views) {
     const double max_error_px = MaxErrorPx(view, options);
@@ -130,11 +130,11 @@ bool SearchPairs(Views views, const TriangulationOptions& options, Eigen::Vector
   // Worse than this, fewer than min_views agree.
   double best_score = n - options.min_views + 1;
   bool found = false;
-  int pair = 0;
+  int64_t pair = 0;
   for (int i = 0; i < n; ++i) {
     for (int j = i + 1; j < n; ++j, ++pair) {
       const auto slot = [&](int64_t p) { return p * options.max_pairs / num_pairs; };
-      if (num_pairs > options.max_pairs && slot(pair) == slot(pair + int64_t{1})) continue;
+      if (num_pairs > options.max_pairs && slot(pair) == slot(pair + 1)) continue;
       Eigen::Vector3d xyz;
       if (!Midpoint(views, std::array<int, 2>{i, j}, &xyz)) continue;
       double score = 0;

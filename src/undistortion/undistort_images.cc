@@ -72,17 +72,10 @@ std::string Undistort(const Item& item) {
   return {bytes.begin(), bytes.end()};
 }
 
-// Is it the folder, or in it, whatever links lead there?
-bool IsIn(const fs::path& path, const fs::path& folder) {
-  const fs::path inner = fs::weakly_canonical(fs::absolute(path));
-  const fs::path outer = fs::weakly_canonical(fs::absolute(folder));
-  return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
-}
-
 // Throws ConfigError where the model that is undistorted would be replaced by its result.
 void CheckModelStays(const UndistortJob& job) {
   if (job.model_path.empty()) return;
-  if (!IsIn(job.model_path, fs::path(job.output_path) / "sparse")) return;
+  if (!IsInFolder(job.model_path, job.output_path + "/sparse")) return;
   throw ConfigError("output_path", job.output_path +
                                        " holds the model that is undistorted, which would be lost; "
                                        "give another --output_path");
@@ -91,10 +84,10 @@ void CheckModelStays(const UndistortJob& job) {
 // Throws ConfigError where the photograph is in the folder of the undistorted images: each of these
 // would be taken for another photograph, or replace one.
 void CheckPhotographsStay(const UndistortJob& job, const Item& item) {
-  const fs::path images = fs::path(job.output_path) / "images";
-  if (!IsIn(fs::path(item.photo_path).parent_path(), images)) return;
+  const std::string images = job.output_path + "/images";
+  if (!IsInFolder(fs::path(item.photo_path).parent_path().string(), images)) return;
   throw ConfigError("output_path", "undistorted images would be among the photographs in " +
-                                       images.string() + "; give another --output_path");
+                                       images + "; give another --output_path");
 }
 
 // One run: the images, and the folder they are written to.

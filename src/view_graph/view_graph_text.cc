@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/text.h"
+#include "cairn/base/named_value.h"
 #include "cairn/view_graph/view_graph_builder.h"
 #include "view_graph/active_edges.h"
 
@@ -47,28 +48,18 @@ Json EdgeToJson(const ViewEdge& edge) {
           {"tvec", {t.x(), t.y(), t.z()}}};
 }
 
-const char* Color(EdgeRemoval removal) {
-  switch (removal) {
-    case EdgeRemoval::kNone:
-      return "black";
-    case EdgeRemoval::kTooFewInliers:
-      return "gray80";
-    case EdgeRemoval::kNoPose:
-      return "gray60";
-    case EdgeRemoval::kTripletInconsistent:
-      return "orange";
-    case EdgeRemoval::kRotationInconsistent:
-      return "red";
-    case EdgeRemoval::kDirectionInconsistent:
-      return "magenta";
-    case EdgeRemoval::kOtherComponent:
-      return "lightblue";
-    case EdgeRemoval::kAmbiguous:
-      return "purple";
-    case EdgeRemoval::kModelInconsistent:
-      return "brown";
-  }
-  return "black";
+std::string_view Color(EdgeRemoval removal) {
+  using enum EdgeRemoval;
+  constexpr NamedValue<EdgeRemoval> kColors[] = {{kNone, "black"},
+                                                 {kTooFewInliers, "gray80"},
+                                                 {kNoPose, "gray60"},
+                                                 {kTripletInconsistent, "orange"},
+                                                 {kRotationInconsistent, "red"},
+                                                 {kDirectionInconsistent, "magenta"},
+                                                 {kOtherComponent, "lightblue"},
+                                                 {kAmbiguous, "purple"},
+                                                 {kModelInconsistent, "brown"}};
+  return NameOf(kColors, removal);
 }
 
 }  // namespace
@@ -115,7 +106,7 @@ std::string ViewGraphToDot(const ViewGraph& graph, const std::map<image_t, std::
     // Line width grows with the logarithm of the inliers: 15 give 1, 1500 give 3.
     const double width = std::max(0.5, std::log10(std::max(1, edge.num_inliers)) - 0.2);
     const std::string style =
-        Formatted("color=%s, penwidth=%.2f%s, tooltip=\"%d %s\"", Color(edge.removal), width,
+        Formatted("color=%s, penwidth=%.2f%s, tooltip=\"%d %s\"", Color(edge.removal).data(), width,
                   edge.IsActive() ? "" : ", style=dashed", edge.num_inliers,
                   std::string(EdgeRemovalName(edge.removal)).c_str());
     text += "  " + std::to_string(edge.image_id1) + " -- " + std::to_string(edge.image_id2) + " [" +

@@ -80,6 +80,13 @@ TEST(Hostile, ASignalEndsEveryStage) {
     stop_after(delay / 2, {Program("global_sfm"), "reconstruct", "--database_path",
                            scene.database(), "--output_path", name, "--num_threads", "1"});
   }
+  // What takes minutes is not done.
+  EXPECT_NE(stop_after(0.3, {Program("global_sfm"), "synthesize", "--num_images", "1000",
+                             "--output_path", scene / "photos"}),
+            0);
+  EXPECT_NE(stop_after(0.3, {Program("relative_pose_experiments"), "--output_path",
+                             scene / "tables", "--experiment", "noise"}),
+            0);
 }
 
 // From where the programs begin at all to where they have enough.

@@ -33,6 +33,35 @@ def test_rows_are_read_as_they_were_written(tmp_path):
     assert database.read_depth_samples(second) is None and database.read_descriptors(second) is None
 
 
+def test_new_rows_replace_none_that_cannot_be_read(tmp_path):
+    path = tmp_path / "scene.db"
+    make(path)[0].close()
+    rows = sqlite3.connect(path)
+    rows.execute("INSERT INTO cameras VALUES (7, 99, 640, 480, x'00', 0)")  # a model of tomorrow
+    rows.execute("INSERT INTO images(image_id, name, camera_id) VALUES (9, 'a' || char(10) || 'b.jpg', 7)")
+    rows.commit()
+    rows.close()
+    database = cairn.Database(path)
+    assert database.write_camera(cairn.Camera("PINHOLE", 640, 480, [500, 500, 320, 240])) == 8
+    assert database.write_image("c.jpg", 8) == 10
+    database.write_camera(cairn.Camera("PINHOLE", 640, 480, [500, 500, 320, 240], camera_id=2**32 - 2))
+    with pytest.raises(cairn.ConfigError, match="camera_id: none is left"):
+        database.write_camera(cairn.Camera("PINHOLE", 640, 480, [500, 500, 320, 240]))
+
+
+def test_names_that_are_no_utf8(tmp_path):
+    folder = tmp_path / "K\udcf6ln"
+    folder.mkdir()
+    database = make(folder / "scene.db")[0]
+    assert database.path == str(folder / "scene.db")
+    with pytest.raises(cairn.IoError, match=r"K\ufffdln/absent.*: "):
+        cairn.Reconstruction(folder / "absent")
+    with pytest.raises(cairn.IoError, match=r"K\ufffdln/pairs.txt: "):
+        cairn.build_view_graph(folder / "scene.db", options={"pairs_path": str(folder / "pairs.txt")})
+    with pytest.raises(cairn.ConfigError, match=r"verifier: .*K\udcf6ln"):
+        cairn.build_view_graph(folder / "scene.db", options={"verifier": "K\udcf6ln"})
+
+
 def test_pairs_have_the_order_in_which_images_are_named(tmp_path):
     database, _, (first, second) = make(":memory:")
     matches = np.array([[0, 5], [1, 6]])

@@ -84,12 +84,23 @@ def test_runs_continue_and_give_the_same_for_any_number_of_threads(tmp_path):
         cairn.build_view_graph(path, options={"verification.min_num_inliers": 40})
 
 
+def test_the_seed_of_the_first_run_stays(tmp_path):
+    path = tmp_path / "scene.db"
+    TRUTH.write(path)
+    assert cairn.build_view_graph(path, seed=5).num_verified == 28
+    assert cairn.build_view_graph(path).to_dict()["seed"] == 5
+    with pytest.raises(cairn.ConfigError, match="seed"):
+        cairn.build_view_graph(path, seed=0)
+    with pytest.raises(cairn.ConfigError, match="seed: "):
+        cairn.build_view_graph(path, seed=-1)
+
+
 def test_reconstruct_writes_what_the_program_writes(tmp_path):
     path, output = tmp_path / "scene.db", tmp_path / "model"
     TRUTH.write(path)
     cairn.build_view_graph(path)
     stages = []
-    result = cairn.reconstruct(path, output_path=output, num_threads=1, progress=lambda *stage: stages.append(stage),
+    result = cairn.reconstruct(path, output_path=output, seed=4, num_threads=1, refine_intrinsics=True, progress=lambda *stage: stages.append(stage),
                                options={"reconstruct.min_image_points": 10})
     check_models(result)
     assert cairn.evaluate(output / "sparse/0", result.models[0]).auc[1] > 0.9999
@@ -97,7 +108,8 @@ def test_reconstruct_writes_what_the_program_writes(tmp_path):
     assert page.startswith("<!doctype html>") and "photo03.jpg" in page and "sparse/0" in page
     assert f'database_path = "{path}"' in (output / "effective.toml").read_text()
     assert {"report.json", "view_graph.json", "confidence.csv"} <= {file.name for file in output.iterdir()}
-    assert "min_image_points = 10" in (output / "effective.toml").read_text()
+    lines = (output / "effective.toml").read_text().splitlines()
+    assert {"min_image_points = 10", "seed = 4", "num_threads = 1", "refine_intrinsics = true"} <= set(lines)
     assert len({name for name, done, total in stages}) > 2 and all(0 <= done for _, done, _ in stages)
     assert result.image_names[3] == "photo03.jpg" and len(result.view_graph) == 28
     assert {stage["name"] for stage in result.to_dict()["stages"]} >= {"view_graph", "rotation_averaging"}

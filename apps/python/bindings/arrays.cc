@@ -176,6 +176,11 @@ py::str ToName(const std::string& name) {
       PyUnicode_DecodeFSDefaultAndSize(name.data(), static_cast<py::ssize_t>(name.size())));
 }
 
+py::str ToText(const std::string& bytes) {
+  const auto size = static_cast<py::ssize_t>(bytes.size());
+  return py::reinterpret_steal<py::str>(PyUnicode_DecodeUTF8(bytes.data(), size, "replace"));
+}
+
 std::string FromName(const py::object& name) {
   return py::bytes(py::module_::import("os").attr("fsencode")(name));
 }

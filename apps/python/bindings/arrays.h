@@ -157,6 +157,9 @@ auto EnumName(Enum Class::*field, std::string_view (*name)(Enum)) {
 py::str ToName(const std::string& name);
 std::string FromName(const py::object& name);
 
+// A message, which may name a file whose name is no UTF-8.
+py::str ToText(const std::string& bytes);
+
 // A JSON text as Python's dictionaries and lists.
 inline py::object FromJson(const std::string& text) {
   return py::module_::import("json").attr("loads")(text);

@@ -53,8 +53,9 @@ void End(TransactionScope& scope, const py::object& type, const py::object&, con
 camera_t WriteCamera(OpenDatabase& self, Camera camera) {
   Database& database = In(self);
   if (camera.camera_id == kInvalidCameraId) {
-    const std::vector<Camera> cameras = database.ReadCameras();
-    camera.camera_id = cameras.empty() ? 1 : cameras.back().camera_id + 1;
+    const std::vector<camera_t> taken = database.ReadTakenCameraIds();
+    camera.camera_id = taken.empty() ? 1 : taken.back() + 1;
+    if (camera.camera_id == kInvalidCameraId) throw ConfigError("camera_id", "none is left above");
   }
   database.WriteCamera(camera);
   return camera.camera_id;
@@ -63,10 +64,7 @@ camera_t WriteCamera(OpenDatabase& self, Camera camera) {
 image_t WriteImage(OpenDatabase& self, const py::object& name, camera_t camera_id,
                    std::optional<image_t> image_id) {
   Database& database = In(self);
-  if (!image_id) {
-    const std::vector<Image> images = database.ReadImages();
-    image_id = images.empty() ? 1 : images.back().image_id + 1;
-  }
+  if (!image_id) image_id = database.ReadLargestTakenImageId() + 1;
   database.WriteImage({*image_id, FromName(name), camera_id});
   return *image_id;
 }
@@ -224,7 +222,7 @@ void BindOpening(DatabaseClass& c) {
       .def("__enter__", [](const py::object& self) { return self; })
       .def("__exit__", [](OpenDatabase& self, const py::object&, const py::object&,
                           const py::object&) { Close(self); })
-      .def_property_readonly("path", [](OpenDatabase& self) { return In(self).path(); })
+      .def_property_readonly("path", [](OpenDatabase& self) { return ToName(In(self).path()); })
       .def(
           "transaction", [](OpenDatabase& self) { return TransactionScope{self}; },
           py::keep_alive<0, 1>(),

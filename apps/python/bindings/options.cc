@@ -10,6 +10,7 @@
 #include <memory>
 #include <utility>
 
+#include "arrays.h"
 #include "bindings.h"
 #include "cairn/base/error.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
@@ -32,7 +33,7 @@ Value Cast(const std::string& key, py::handle value, const char* what) {
   } catch (const py::cast_error&) {
   } catch (const py::error_already_set&) {  // of Python's own dict()
   }
-  throw ConfigError(key, "'" + std::string(py::str(value)) + "' is not " + what);
+  throw ConfigError(key, "'" + FromName(py::str(value)) + "' is not " + what);
 }
 
 void Assign(const std::string& key, bool* value, py::handle given) {
@@ -45,10 +46,10 @@ void Assign(const std::string& key, double* value, py::handle given) {
   *value = Cast<double>(key, given, "a number");
 }
 void Assign(const std::string& key, std::string* value, py::handle given) {
-  // Folders may be of pathlib.
-  *value = py::isinstance<py::str>(given) || !py::hasattr(given, "__fspath__")
-               ? Cast<std::string>(key, given, "a text")
-               : given.cast<std::filesystem::path>().string();
+  // Folders may be of pathlib, and have names that are no UTF-8.
+  const bool is_name = py::isinstance<py::str>(given) || py::hasattr(given, "__fspath__");
+  *value = is_name ? FromName(py::reinterpret_borrow<py::object>(given))
+                   : Cast<std::string>(key, given, "a text");
 }
 void Assign(const std::string& key, std::vector<double>* value, py::handle given) {
   *value = Cast<std::vector<double>>(key, given, "a list of numbers");

@@ -9,6 +9,7 @@
 #include "cairn/base/error.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/pipeline/build_pipeline.h"
+#include "common/run_flags.h"
 #include "common/run_page.h"
 #include "options.h"
 #include "run.h"
@@ -22,10 +23,14 @@ using std::filesystem::path;
 struct ReconstructInputs {
   std::string database_path;
   std::string image_path;
+  std::optional<bool> refine_intrinsics;
+  RunFlags run;
 
   void VisitFields(OptionVisitor& v) {
     v.String("database_path", database_path, "");
     v.String("image_path", image_path, "");
+    if (refine_intrinsics) v.Bool("refine_intrinsics", *refine_intrinsics, "");
+    run.VisitFields(v);
   }
 };
 
@@ -52,9 +57,12 @@ std::vector<std::string> WarningTexts(const RunReport& report) {
 
 BuildPipelineReport BuildGraph(const path& database_path, const std::optional<path>& image_path,
                                const std::optional<path>& depth_path, const py::object& given,
-                               uint64_t seed, int num_threads, const py::object& progress) {
+                               std::optional<int> seed, int num_threads,
+                               const py::object& progress) {
   BuildPipelineOptions options;
-  OptionTable table;
+  RunFlags flags;
+  OptionTable table, flag_table;
+  flag_table.Add("", flags);
   table.Add("", options.inputs);
   table.AddModules(options);
   table.Set(given);
@@ -65,25 +73,33 @@ BuildPipelineReport BuildGraph(const path& database_path, const std::optional<pa
   if (image_path) options.inputs.image_path = image_path->string();
   if (depth_path) options.inputs.depth_path = depth_path->string();
   // What an earlier run was told stays as it was.
-  for (const std::string& toml : StoredOptions(options.inputs)) table.SetStored(toml, given);
-  return ResultOf({seed, num_threads, progress},
+  for (const std::string& toml : StoredOptions(options.inputs)) {
+    table.SetStored(toml, given);
+    flag_table.SetStored(toml, given);
+  }
+  if (seed) flags.seed = *seed;
+  ValidateOptions(flags, "");
+  return ResultOf({static_cast<uint64_t>(flags.seed), num_threads, progress},
                   [&](const RunContext& run) { return RunBuildPipeline(options, run); });
 }
 
 ReconstructResult MakeModels(const path& database_path, const std::optional<path>& image_path,
                              const std::optional<path>& output_path, bool overwrite, bool report,
                              std::optional<bool> refine_intrinsics, const py::object& given,
-                             uint64_t seed, int num_threads, const py::object& progress) {
+                             int seed, int num_threads, const py::object& progress) {
+  const ReconstructInputs inputs = {database_path.string(),
+                                    image_path ? image_path->string() : "",
+                                    refine_intrinsics,
+                                    {{num_threads}, seed}};
+  ValidateOptions(inputs, "");
   ReconstructSettings settings;
   OptionTable table;
   table.AddModules(settings);
   table.Set(given);
   settings.refine_intrinsics = refine_intrinsics;
   if (output_path) CheckReconstructOutput(output_path->string(), overwrite);
-  return ResultOf({seed, num_threads, progress}, [&](const RunContext& run) {
-    const Database database(database_path.string(), Database::Mode::kSnapshot);
-    const ReconstructInputs inputs = {database_path.string(),
-                                      image_path ? image_path->string() : ""};
+  return ResultOf({static_cast<uint64_t>(seed), num_threads, progress}, [&](const RunContext& run) {
+    const Database database(inputs.database_path, Database::Mode::kSnapshot);
     ReconstructResult result = Reconstruct(database, inputs.image_path, settings, run);
     if (!output_path || run.monitor.StopRequested()) return result;
     if (report) result.page = MakeRunPage(database, inputs.image_path, result, run);
@@ -124,12 +140,12 @@ void BindBuilding(py::module_& m) {
       .def("__str__", [](const Report& r) { return SummaryText(r.summary, r.run); });
   m.def("build_view_graph", &BuildGraph, py::arg("database_path"),
         py::arg("image_path") = py::none(), py::arg("depth_path") = py::none(), py::kw_only(),
-        py::arg("options") = py::none(), py::arg("seed") = 0, py::arg("num_threads") = 0,
+        py::arg("options") = py::none(), py::arg("seed") = py::none(), py::arg("num_threads") = 0,
         py::arg("progress") = py::none(),
         R"(Photographs to features, depth, matches and verified pairs, all in one database.
 
 What the database has is kept: features and matches that were written to it, and the results of an
-earlier run, which may have been interrupted. options: as the flags of the program of this name,
+earlier run, which may have been interrupted; without a seed, that of it goes on. options: as the flags of the program of this name,
 such as {"verifier": "five_point", "matching.max_ratio": 0.9}. See ViewGraph.from_database.)");
 }
 

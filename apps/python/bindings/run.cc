@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "arrays.h"
 #include "common/run_flags.h"
 
 namespace cairn::python {
@@ -35,12 +36,6 @@ void StopCalls() {
     const py::gil_scoped_release release;
     std::this_thread::sleep_for(kPollInterval);
   }
-}
-
-// A message may name a file whose name is no text.
-py::str ToText(const std::string& bytes) {
-  const auto size = static_cast<py::ssize_t>(bytes.size());
-  return py::reinterpret_steal<py::str>(PyUnicode_DecodeUTF8(bytes.data(), size, "replace"));
 }
 
 // Gathers on any thread what Python is told on its own.

@@ -447,7 +447,7 @@ class BuildReport:
     def to_dict(self) -> dict[str, Any]: ...
 
 def build_view_graph(database_path: Path, image_path: Path | None = None, depth_path: Path | None = None, *,
-                     options: Options = None, seed: int = 0, num_threads: int = 0,
+                     options: Options = None, seed: int | None = None, num_threads: int = 0,
                      progress: Progress = None) -> BuildReport: ...
 
 class ReconstructResult:

@@ -70,6 +70,9 @@ std::string LowerCaseExtension(const std::string& path);
 // A relative path without a part "..".
 bool StaysInFolder(const std::string& name);
 
+// Is it the folder, or in it, whatever links lead there? Neither needs to exist.
+bool IsInFolder(const std::string& path, const std::string& folder);
+
 // folder/name. Names of images come from databases and models, which may be a stranger's: throws
 // IoError where the name would lead out of the folder.
 std::string PathInFolder(const std::string& folder, const std::string& name);

@@ -119,12 +119,11 @@ struct BundleAdjustmentReport {
 // A prior's distortion coefficients have the standard deviation with which each alone would move a
 // corner of the image as far as lenses differ: from the pinhole's projection to the equidistant one
 // (a fisheye's), and by 3 % of the radius at any field of view. The reconstruction is changed in
-// place: it may be large. The result does not depend on run.num_threads, but for Ceres'
-// (BundleSolver; also where there are no points or nothing but points to adjust, or thousands of
-// images see the same points): with several threads, the order of its sums, and so the last digits,
-// differ from run to run. Throws ConfigError for options out of range, and where parts of the
-// reconstruction do not fit together. Ids of the scope that it does not have are ignored, but those
-// of images that show surveyed points.
+// place: it may be large. The result does not depend on run.num_threads, but with a solver of Ceres
+// that the user chose (BundleSolver): with several threads, the order of its sums, and so the last
+// digits, differ from run to run. Throws ConfigError for options out of range, and where parts of
+// the reconstruction do not fit together. Ids of the scope that it does not have are ignored, but
+// those of images that show surveyed points.
 BundleAdjustmentReport AdjustBundle(Reconstruction& reconstruction,
                                     const BundleAdjustmentScope& scope = {},
                                     const BundleAdjustmentOptions& options = {},

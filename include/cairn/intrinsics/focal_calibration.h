@@ -18,20 +18,13 @@ inline constexpr double kFarSigmas = 3;
 
 struct FocalCalibrationOptions {
   bool enabled = true;
-  // Pairs that a camera needs, and of those a camera has, how many are used (most inliers first).
   int min_pairs = 2;
   int max_pairs = 100;
-  // Largest relative standard deviation of a focal length that is taken over.
   double max_sigma = 0.1;
-  // Prior standard deviations of the logarithm of a guessed focal length and of one from EXIF.
-  // Bundle adjustment uses them, too.
-  double guess_sigma = 0.7;
+  double guess_sigma = 0.7;  // bundle adjustment has these two as priors, too
   double exif_sigma = 0.1;
-  // EXIF is overruled only where it is off by more than this share.
   double min_exif_error = 0.15;
-  // Standard deviation of principal points, as a share of the image's larger side.
   double principal_point_sigma = 0.01;
-  // Field of view along the larger side of a plausible camera.
   double min_fov_deg = 5.0;
   double max_fov_deg = 140.0;
 

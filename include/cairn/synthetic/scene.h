@@ -49,6 +49,7 @@ struct SceneOptions : RigOptions, EdgeNoise {
 struct SyntheticScene {
   SceneOptions options;
   uint64_t seed = 0;
+  int num_threads = 0;  // that make it, and fill databases; 0: all
   // All images, distractors last. Ids start with 1.
   std::vector<Image> images;
   std::map<camera_t, Camera> cameras;
@@ -59,7 +60,7 @@ struct SyntheticScene {
   Reconstruction truth;
 };
 
-SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed);
+SyntheticScene MakeScene(const SceneOptions& options, uint64_t seed, int num_threads = 0);
 
 // Matches of a pair, image_id1 < image_id2: all correct ones that there are, outlier_ratio of wrong
 // ones among them (or num_chance_matches, if there are fewer than two correct ones), each keypoint

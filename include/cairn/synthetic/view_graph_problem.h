@@ -15,12 +15,13 @@ namespace cairn {
 struct ViewGraphOptions : EdgeNoise {
   CameraLayout layout = CameraLayout::kLandmark;  // any but kCity
   int num_images = 200;
-  int num_edges = 0;  // 0: 20 an image, or all pairs where there are fewer
+  double distance = 3.0;  // as in RigOptions
+  int num_edges = 0;      // 0: 20 an image, or all pairs where there are fewer
   // Share of edges whose pose has nothing to do with the truth.
   double outlier_ratio = 0.0;
 
   ViewGraphOptions() : EdgeNoise{0.5, 1.0} {}
-  // All but layout and num_images, which RigOptions lists.
+  // All but layout, num_images and distance, which RigOptions lists.
   void VisitFields(OptionVisitor& v);
 };
 

@@ -41,7 +41,7 @@ enum class TriangulationStatus : int {
   kSuccess = 0,
   kTooFewViews,  // fewer views than min_views given, or agreeing with any hypothesis
   kSmallAngle,   // the agreeing rays are nearly parallel
-  kIllPosed,     // no finite point in front of the cameras (parallel or diverging rays)
+  kIllPosed,     // no finite point: the rays are parallel
 };
 
 struct TriangulationResult {

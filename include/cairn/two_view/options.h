@@ -8,50 +8,24 @@ namespace cairn {
 
 // Options of two-view verification: `verification.*` in files and flags.
 struct TwoViewOptions {
-  // Inlier threshold on the Sampson error, pixels; 0: 0.05 % of the mean image diagonal, as in the
-  // paper, but at least 1 px, the precision of a keypoint's position.
-  double max_error_px = 0.0;
-  // Chance that the best model was found before sampling stops.
+  double max_error_px = 0.0;  // the paper has 0.05 % of the diagonal
   double confidence = 0.99;
-  // Pairs with fewer matches are not tried.
   int min_num_matches = 20;
-  // A pair with fewer inliers is never accepted, however unlikely they are by chance.
   int min_num_inliers = 15;
-  // Acceptance needs a number of false alarms below 10^-this: how often unrelated images give as
-  // good a model (a-contrario test; Moisan and Stival, 2004).
-  double min_log10_evidence = 6.0;
-  // Pairs whose inliers leave the rotation more uncertain than this (degrees, one standard
-  // deviation along the worst axis, for errors of a third of the threshold) are degenerate; where
-  // only the translation is, the pair is panoramic.
+  double min_log10_evidence = 6.0;  // a contrario (Moisan and Stival, 2004)
+  // One standard deviation along the worst axis, for errors of a third of the threshold.
   double max_pose_sigma_deg = 15.0;
-  // Share of the inliers that must follow one homography, rotation or shift for a planar, panoramic
-  // or watermark pair.
   double min_special_share = 0.8;
-  // An essential matrix that explains less than this share of what a fundamental matrix explains
-  // has wrong focal lengths (COLMAP's ratio is 0.95).
-  double min_calibrated_share = 0.8;
-  // A second model of other matches with this share of the first one's support competes with it:
-  // duplicate structure, and no pose.
+  double min_calibrated_share = 0.8;  // COLMAP has 0.95
   double min_competing_share = 0.5;
-  // Look under an overlay (marks along the border of the images, or text all over them): pairs of
-  // which other matches show no scene are watermarks, without a pose.
   bool detect_watermark = true;
-  // Most five-point samples of a pair without affine frames and of the five-point verifier, and
-  // fewest samples of the search for a fundamental matrix.
   int max_iterations = 10000;
   int min_iterations = 100;
-  // Rough hypotheses are ranked by a soft support at this multiple of the threshold, and refined
-  // from it down to the threshold.
   double rough_error_ratio = 7.0;
-  // Budgets of a pair: samples of three matches with depth, of two affine correspondences, and of
-  // five points after these.
   int max_depth_triangles = 4096;
   int max_affine_samples = 300;
   int max_fallback_samples = 2000;
-  // The share of these budgets for a pair whose affine frames do not predict each other's matches,
-  // as in unrelated images.
-  double unsupported_budget = 0.1;
-  // Five-point samples a round among what the final model explains, against local optima.
+  double unsupported_budget = 0.1;  // of affine and five-point samples
   int num_resamples = 10;
 
   void VisitFields(OptionVisitor& v) {

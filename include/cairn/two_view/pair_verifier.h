@@ -81,7 +81,7 @@ enum class VerifierKind {
   // is missing; without frames (all shapes are the identity) the second and the last, by the full
   // budget.
   kCascade,
-  kFast,        // the cascade without five points
+  kFast,        // 1AC+D, then two affine frames
   kOneAcDepth,  // one affine correspondence with depth a hypothesis: every match gives one
   kTwoAc,       // two affine correspondences without depth
   kFivePoint,   // five points a sample, locally optimized

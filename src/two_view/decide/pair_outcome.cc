@@ -67,17 +67,21 @@ class PairFinisher {
       }
       if (sigma_px * sigmas.translation > max_sigma) config = TwoViewConfig::kPanoramic;
     }
-    if (config == TwoViewConfig::kPanoramic && PureRotationSigma(support.inliers) > max_sigma) {
-      report->status = PairStatus::kDegenerate;
-      return;
-    }
-    report->geometry.config = config;
     if (config == TwoViewConfig::kPanoramic) {
-      FillPanoramic(rotation, report);
+      const Support turned = SupportOfRotation(rotation);
+      if (PureRotationSigma(support.inliers) > max_sigma ||
+          std::ssize(turned.inliers) < options_.min_num_inliers) {
+        report->status = PairStatus::kDegenerate;
+        return;
+      }
+      report->geometry.cam2_from_cam1 = Rigid3d(rotation.normalized(), Eigen::Vector3d::Zero());
+      FillHomography(rotation.toRotationMatrix(), report);
+      FillInliers(turned, report);
     } else {
       FillPose(pose, support, report);
       if (config == TwoViewConfig::kPlanar) FillHomography(special.H, report);
     }
+    report->geometry.config = config;
   }
 
  private:
@@ -107,6 +111,15 @@ class PairFinisher {
     std::erase_if(support.inliers, [&](int32_t i) {
       return !test.IsInFront(pair_.points.Ray1(i), pair_.points.Ray2(i));
     });
+    support.score = Msac(support);
+    return support;
+  }
+
+  // What a rotation explains without a translation.
+  Support SupportOfRotation(const Eigen::Quaterniond& rotation) const {
+    Support support;
+    support.errors.SetHomography(pair_.points, rotation.toRotationMatrix());
+    support.inliers = support.errors.Below(std::sqrt(2.0) * pair_.max_error_px);
     support.score = Msac(support);
     return support;
   }
@@ -202,17 +215,6 @@ class PairFinisher {
     }
     report->triangulation_angle_deg =
         RadToDeg(std::atan(std::sqrt(UpperMedian(std::move(squared_tangents)))));
-  }
-
-  // No translation: inliers are those of the rotation.
-  void FillPanoramic(const Eigen::Quaterniond& rotation, PairReport* report) const {
-    report->geometry.cam2_from_cam1 = Rigid3d(rotation.normalized(), Eigen::Vector3d::Zero());
-    FillHomography(rotation.toRotationMatrix(), report);
-    Support support;
-    support.errors.SetHomography(pair_.points, rotation.toRotationMatrix());
-    support.inliers = support.errors.Below(std::sqrt(2.0) * pair_.max_error_px);
-    support.score = Msac(support);
-    FillInliers(support, report);
   }
 
   void FillHomography(const Eigen::Matrix3d& H, PairReport* report) const {

@@ -21,11 +21,11 @@ namespace {
 NormalizedFrame NormalizeFrame(const Camera& camera, const Keypoint& keypoint,
                                const Eigen::Vector3d& ray) {
   const Eigen::Vector2d x = ray.z() * ray.head<2>();
-  Eigen::Matrix2d dpixel_dx;
+  Eigen::Matrix2d dpixel_dx = Eigen::Matrix2d::Zero();  // at a lens's very limit: no shape
   if (camera.IsPlanar()) {
     camera.ImgFromCam(x, &dpixel_dx);
   } else {
-    Eigen::Matrix<double, 2, 3> dpixel_dray;
+    Eigen::Matrix<double, 2, 3> dpixel_dray = Eigen::Matrix<double, 2, 3>::Zero();
     camera.ImgFromRay(ray, &dpixel_dray);
     dpixel_dx = ray.z() * dpixel_dray.leftCols<2>();
   }

@@ -178,6 +178,18 @@ TEST_F(OneDsfmExport, NamesBrokenPhotographsAndGoesOn) {
   EXPECT_EQ(ReadOneDsfmDataset(Output()).images.size(), 7u);
 }
 
+TEST_F(OneDsfmExport, NeverReplacesThePhotographsThatItReads) {
+  std::filesystem::create_directory(Output());
+  std::filesystem::rename(Photos(), Output() + "/images");
+  std::filesystem::create_symlink(Output() + "/images", Photos());
+  const std::string before = ReadFile(Photos() + "/other.png");
+  const std::string message = ThrownMessage<ConfigError>([&] { Export(); });
+  EXPECT_NE(message.find("photographs would be replaced in " + Output() + "/images"),
+            std::string::npos)
+      << message;
+  EXPECT_EQ(ReadFile(Photos() + "/other.png"), before);
+}
+
 TEST_F(OneDsfmExport, RefusesAModelOfAnotherDatabase) {
   model_.images.at(2).image.name = "elsewhere.png";
   EXPECT_THAT(ThrownMessage<IoError>([&] { Export(); }), HasSubstr("elsewhere.png"));

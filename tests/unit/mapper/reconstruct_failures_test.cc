@@ -73,6 +73,15 @@ TEST(Reconstruct, SaysWhatIsMissing) {
   const ReconstructResult nothing = Reconstruct(empty);
   EXPECT_TRUE(nothing.models.empty());
   EXPECT_THAT(nothing.report.failure, HasSubstr("no image with keypoints"));
+  Database without_features(":memory:");
+  Camera camera = Camera::FromFocal(1, CameraModel::kPinhole, 800, 640, 480);
+  without_features.WriteCamera(camera);
+  without_features.WriteImage({1, "a.jpg", 1});
+  EXPECT_THAT(Reconstruct(without_features).report.failure, HasSubstr("no image with keypoints"));
+  camera.params[0] = -1;
+  without_features.WriteCamera(camera);
+  EXPECT_THAT(Reconstruct(without_features).report.failure,
+              HasSubstr("no image that can be used; look at the warnings above"));
 
   const SyntheticScene scene = MakeScene(SmallScene(), 8);
   Database unverified(":memory:");

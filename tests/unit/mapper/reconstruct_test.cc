@@ -187,7 +187,28 @@ TEST(Reconstruct, ImagesWithoutRelativePoseAreRegisteredByResection) {
   EXPECT_LT(CompareAligned(result.models[0], scene.truth).center, 5e-3 * Extent(scene.truth));
 }
 
-// All pairs of image 10 say only by how much it is turned: points give its position.
+// Images 8 to 10 are a component of their own, which matches join with the others.
+TEST(Reconstruct, AnImageIsInOneModel) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 7);
+  Database database = MakeDatabase(scene);
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    if ((id1 < 8) == (id2 < 8)) continue;
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    geometry.cam2_from_cam1.reset();
+    geometry.E = geometry.F = std::nullopt;
+    geometry.config = TwoViewConfig::kPanoramic;
+    database.WriteTwoViewGeometry(pair_id, geometry);
+  }
+  ReconstructSettings settings;
+  settings.reconstruct.register_left_out = false;
+  EXPECT_EQ(Reconstruct(database, settings).models.size(), 2u);
+  const ReconstructResult result = Reconstruct(database);
+  ASSERT_EQ(result.models.size(), 1u);
+  EXPECT_EQ(result.models[0].images.size(), 10u);
+  EXPECT_EQ(Value(*FindStage(result.report, "left_out"), "images"), 0);
+}
+
 // The model uses a pair by its matches, also one whose relative pose was wrong.
 TEST(Reconstruct, PairsInUseHavePosesLikeThoseOfTheModel) {
   const SyntheticScene scene = MakeScene(SmallScene(), 1);
@@ -213,6 +234,26 @@ TEST(Reconstruct, PairsInUseHavePosesLikeThoseOfTheModel) {
   EXPECT_TRUE(uses_wrong);
 }
 
+// Frames of a stranger's keypoints that no float can square.
+TEST(Reconstruct, HugeFramesHaveNoWeight) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 7);
+  Database database = MakeDatabase(scene);
+  for (image_t id = 1; id <= 10; ++id) {
+    std::vector<Keypoint> keypoints = scene.keypoints.at(id);
+    for (size_t k = 0; k < keypoints.size(); k += 4) {
+      keypoints[k].a11 = 1e20f;
+      keypoints[k].a12 = keypoints[k].a21 = 0;
+      keypoints[k].a22 = k % 8 == 0 ? 1e20f : 1;
+    }
+    database.WriteKeypoints(id, keypoints);
+  }
+  const ReconstructResult result = Reconstruct(database);
+  ASSERT_EQ(result.models.size(), 1u);
+  ASSERT_EQ(result.models[0].images.size(), 10u);
+  EXPECT_LT(CompareAligned(result.models[0], scene.truth).center, 5e-3 * Extent(scene.truth));
+}
+
+// All pairs of image 10 say only by how much it is turned: points give its position.
 TEST(Reconstruct, PairsWithARotationAloneTakePart) {
   const SyntheticScene scene = MakeScene(SmallScene(), 7);
   Database database = MakeDatabase(scene);

@@ -1,6 +1,7 @@
 // Cameras around a thing that looks alike from several sides: most pairs agree on one side.
 #include <algorithm>
 #include <numbers>
+#include <numeric>
 
 #include "cairn/base/rng.h"
 #include "cairn/math/angles.h"
@@ -60,12 +61,15 @@ struct ThingOfThreeSides {
     graph.edges.push_back(edge);
   }
 
-  std::vector<RotationHypothesis> Hypotheses() {
+  // By default without surer sets of edges.
+  std::vector<RotationHypothesis> Hypotheses(int min_num_inliers = 1000) {
     ReconstructSettings settings;
-    settings.view_graph.min_num_inliers = 1000;  // no surer sets of edges
+    settings.view_graph.min_num_inliers = min_num_inliers;
     RunReport report;
     StageContext context{scene, settings, {.num_threads = 1}, report};
-    return HypothesizeRotations(context, graph.image_ids, graph);
+    std::vector<image_t> images(kNumImages);
+    std::iota(images.begin(), images.end(), 1);
+    return HypothesizeRotations(context, images, graph);
   }
 
   SceneData scene;
@@ -87,6 +91,21 @@ TEST(HypothesizeRotations, TriesWhatPairsOfWholePicturesSayAgainstTheVotesOfMany
   ASSERT_GT(found.size(), 1u);
   EXPECT_FALSE(IsTruth(found.front()));
   EXPECT_TRUE(std::any_of(found.begin(), found.end(), IsTruth));
+}
+
+TEST(HypothesizeRotations, SurerSetsOfEdgesAreOfTheComponent) {
+  ThingOfThreeSides thing(true);
+  for (image_t id = 101; id < 200; ++id) {  // another, larger one, whose loops did not close
+    ViewEdge edge;
+    edge.image_id1 = id;
+    edge.image_id2 = id + 1;
+    edge.num_inliers = 10000;
+    edge.removal = EdgeRemoval::kTripletInconsistent;
+    thing.graph.edges.push_back(edge);
+  }
+  for (const RotationHypothesis& hypothesis : thing.Hypotheses(15)) {
+    EXPECT_LE(hypothesis.cam_from_world.rbegin()->first, kNumImages);
+  }
 }
 
 TEST(HypothesizeRotations, HasOneWhereAllAgree) {

@@ -135,6 +135,22 @@ TEST(OneAffineDepthBatch, AgreesWithTheSolverOneByOne) {
   }
 }
 
+TEST(OneAffineDepthBatch, HasNoPoseWhereFloatsOverflow) {
+  Rng rng(7);
+  LiftedCorrespondence sample = RandomScene(rng, 1, 3.1).patches[0].lifted;
+  OneAffineDepthBatch batch;
+  batch.Reset(2);
+  batch.Set(0, sample.frame1, sample.frame2);
+  sample.frame1.point *= 1e12;  // far away, and of no size
+  sample.frame1.derivative *= 1e-9;
+  batch.Set(1, sample.frame1, sample.frame2);
+  batch.Solve();
+  Eigen::Matrix3d R;
+  Eigen::Vector3d t;
+  EXPECT_TRUE(batch.Get(0, &R, &t));
+  EXPECT_FALSE(batch.Get(1, &R, &t)) << t;
+}
+
 // Lifting through a camera with distortion, against a surface and numeric derivatives.
 TEST(LiftFrame, AgreesWithASurface) {
   Camera camera;

@@ -42,6 +42,15 @@ bool IsConnected(const ViewGraph& graph) {
   return true;
 }
 
+TEST(ViewGraphProblem, CamerasAreAtTheDistance) {
+  ViewGraphOptions options;
+  options.layout = CameraLayout::kRing;
+  options.distance = 7;
+  for (const auto& [id, pose] : MakeViewGraphProblem(options, 1).cam_from_world) {
+    EXPECT_NEAR(pose.Center().norm(), 7, 1.5);
+  }
+}
+
 TEST(ViewGraphProblem, NoiseFreeEdgesAreExact) {
   for (const auto& [layout, name] : kCameraLayouts) {
     if (layout == CameraLayout::kCity) continue;  // of scenes

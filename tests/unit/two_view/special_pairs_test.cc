@@ -129,7 +129,8 @@ TEST(SpecialPairs, NoShareOfMarksIsNeededWhereThereAreNone) {
   for (auto* keypoints : {&pair.keypoints1, &pair.keypoints2}) {
     for (Keypoint& keypoint : *keypoints) keypoint.x += 3200.0f, keypoint.y += 3200.0f;
   }
-  EXPECT_EQ(VerifyFivePoint(pair, {.min_special_share = 0.0}).status, PairStatus::kVerified);
+  const PairReport report = VerifyFivePoint(pair, {.min_special_share = 0.0});
+  EXPECT_NE(report.geometry.config, TwoViewConfig::kWatermark);
 }
 
 TEST(SpecialPairs, MarksAllOverUnrelatedImagesAreNoScene) {
@@ -195,6 +196,38 @@ TEST(SpecialPairs, ATinyPatchFixesNoPose) {
               report.geometry.config == TwoViewConfig::kPanoramic ||
               report.status == PairStatus::kTooFewInliers)
       << PairStatusName(report.status) << TwoViewConfigName(report.geometry.config);
+}
+
+// Their rotation alone, in which the translation had a part, explains few of the matches.
+TEST(SpecialPairs, SmallPatchesWithReliefAreNeverVerifiedByFewMatches) {
+  const TwoViewOptions options;
+  int num_panoramic = 0, num_degenerate = 0;
+  for (int seed = 0; seed < 300; ++seed) {
+    Pair pair = MakePair({.num_inliers = 0, .num_outliers = 0}, seed);
+    Rng rng(seed, "patch");
+    const int num_points = 25 + static_cast<int>(rng.UniformInt(36));
+    const double size = rng.Uniform(0.01, 0.05);
+    const Eigen::Vector3d middle(rng.Uniform(-1, 1), rng.Uniform(-1, 1), 5);
+    const Rigid3d motion(ExpSO3(0.1 * GaussianVector<3>(rng)), 0.5 * GaussianVector<3>(rng));
+    for (int i = 0; i < num_points; ++i) {
+      const Eigen::Vector3d X = middle + 5 * size * GaussianVector<3>(rng);
+      const auto add = [&](const Camera& camera, const Eigen::Vector3d& in_camera,
+                           auto& keypoints) {
+        const Eigen::Vector2d pixel = camera.ImgFromCam(in_camera.hnormalized());
+        keypoints.push_back(RoundKeypoint(pixel + 0.4 * GaussianVector<2>(rng)));
+      };
+      add(pair.camera1, X, pair.keypoints1);
+      add(pair.camera2, motion * X, pair.keypoints2);
+      pair.matches.push_back({static_cast<point2D_t>(i), static_cast<point2D_t>(i)});
+    }
+    const PairReport report = VerifyFivePoint(pair, options);
+    num_degenerate += report.status == PairStatus::kDegenerate;
+    if (report.status != PairStatus::kVerified) continue;
+    num_panoramic += report.geometry.config == TwoViewConfig::kPanoramic;
+    EXPECT_GE(std::ssize(report.geometry.inlier_matches), options.min_num_inliers) << seed;
+  }
+  EXPECT_GT(num_panoramic, 10);
+  EXPECT_GT(num_degenerate, 0);
 }
 
 // A wall seen twice in one pair, as two identical facades are: `num_second` matches tell of another
