@@ -1,5 +1,6 @@
 #include "cairn/mapper/reconstruct.h"
 
+#include <algorithm>
 #include <set>
 
 #include "cairn/base/error.h"
@@ -46,7 +47,10 @@ TEST(Reconstruct, RecoversAScene) {
 
 TEST(Reconstruct, ReportsEveryStage) {
   const SyntheticScene scene = MakeScene(SmallScene(), 2);
-  const ReconstructResult result = Reconstruct(MakeDatabase(scene));
+  const ReconstructResult result =
+      Reconstruct(MakeDatabase(scene), "", {}, {.seed = 11, .num_threads = 1});
+  EXPECT_EQ(result.report.seed, 11u);
+  EXPECT_EQ(result.report.num_threads, 1);
   for (const char* name :
        {"read", "view_graph", "rotation_averaging", "tracks", "translation_averaging",
         "triangulation", "bundle_adjustment", "filter", "checks"}) {
@@ -69,6 +73,48 @@ TEST(Reconstruct, PositionsComeOfSomeTracksOfEachImage) {
   };
   EXPECT_LE(num_tracks(1), 10);  // of ten images
   EXPECT_GT(num_tracks(20), 20);
+}
+
+TEST(Reconstruct, OptionsReachTheirStages) {
+  const Database database = MakeDatabase(MakeScene(SmallScene(), 2));
+  // Of the last stage with this name.
+  const auto value = [&](const std::string& name, const std::string& key, const auto& change) {
+    ReconstructSettings settings;
+    change(settings);
+    RunReport report = Reconstruct(database, settings).report;
+    std::ranges::reverse(report.stages);
+    return Value(*FindStage(report, name), key);
+  };
+  const auto with = [&](const std::string& name, const std::string& key, const auto& change) {
+    return value(name, key, change) / value(name, key, [](ReconstructSettings&) {});
+  };
+  EXPECT_LT(with("tracks", "tracks_out", [](auto& s) { s.tracks.min_length = 4; }), 0.5);
+  EXPECT_LT(with("triangulation", "observations_out",
+                 [](auto& s) { s.triangulation.max_error_px = 0.3; }),
+            0.9);
+  EXPECT_EQ(value("bundle_adjustment", "iterations",
+                  [](auto& s) { s.bundle_adjustment.max_iterations = 1; }),
+            1);
+  EXPECT_LT(with("translation_averaging", "iterations",
+                 [](auto& s) { s.translation_averaging.max_iterations = 1; }),
+            0.5);
+  // Trees of pairs as they are, not averaged.
+  EXPECT_GT(with("rotation_averaging", "median_residual_deg",
+                 [](auto& s) {
+                   RotationAveragingOptions& options = s.rotation_averaging;
+                   options.max_l1_iterations = options.max_irls_iterations = 0;
+                   options.max_consensus_rounds = options.max_region_rounds = 0;
+                 }),
+            1.3);
+  // All edges and those with more and more inliers, by two or three powers, and two trees.
+  const auto num_averaged = [&](double weight_power) {
+    return value("rotation_averaging", "averaged", [=](auto& s) {
+      s.view_graph.max_rotation_error_deg = 0.05;  // no rotations are clearly right
+      s.rotation_averaging.weight_power = weight_power;
+    });
+  };
+  EXPECT_GT(num_averaged(0), 2 * 2 + 2);
+  EXPECT_EQ(num_averaged(0.5) - 2, (num_averaged(0) - 2) * 3 / 2);
 }
 
 TEST(Reconstruct, RefusesOptionsOfAnyStageBeforeAnyWork) {

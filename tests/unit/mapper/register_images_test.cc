@@ -30,6 +30,17 @@ TEST(RegisterLeftOut, GivesImagesTheirPoses) {
   }
 }
 
+TEST(RegisterLeftOut, ImagesWithTooFewPointsOrInliersStayOut) {
+  const auto registers = [](const auto& change) {
+    IncompleteModel incomplete({5});
+    change(incomplete.settings.resection);
+    return incomplete.Register();
+  };
+  EXPECT_EQ(registers([](ResectionOptions&) {}), 1);
+  EXPECT_EQ(registers([](ResectionOptions& options) { options.min_num_inliers = 100000; }), 0);
+  EXPECT_EQ(registers([](ResectionOptions& options) { options.max_error_px = 1e-3; }), 0);
+}
+
 // A wrong guess of a focal length is found with the pose; a known one is not touched.
 TEST(RegisterLeftOut, FindsAFocalLengthThatIsOnlyAGuess) {
   for (const bool is_known : {false, true}) {

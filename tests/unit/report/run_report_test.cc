@@ -27,6 +27,9 @@ TEST(RunReport, JsonHoldsEverythingInOrder) {
   RunReport report = Example();
   const std::string json = ToJson(report);
   EXPECT_THAT(json, HasSubstr("\"program\": \"program\""));
+  EXPECT_THAT(json, HasSubstr("\"seed\": 7,"));
+  EXPECT_THAT(json, HasSubstr("\"num_threads\": 2,"));
+  EXPECT_THAT(json, HasSubstr("\"seconds\": 0.25"));
   EXPECT_THAT(json, HasSubstr("\"images\": 3,"));
   EXPECT_THAT(json, HasSubstr("\"error_px\": 0.5"));
   EXPECT_THAT(json, HasSubstr("\"status\": \"failed\""));
