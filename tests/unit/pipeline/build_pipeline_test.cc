@@ -116,14 +116,20 @@ TEST_F(BuildPipelineTest, StopAfterAndContinue) {
 
 TEST_F(BuildPipelineTest, OptionsThatDifferAreNamedAndRecomputedOnRequest) {
   RunBuildPipeline(Options("a.db"));
-  const auto expect = [&](BuildStage stage, const std::string& option, auto change,
-                          uint64_t seed = 0) {
+  const auto rows = [&](const std::string& table) {
+    return RunSql(folder_ / "a.db", "SELECT * FROM " + table);
+  };
+  // table: of what the stage computes.
+  const auto expect = [&](BuildStage stage, const std::string& table, const std::string& option,
+                          auto change, uint64_t seed = 0) {
+    const SqlRows default_rows = rows(table);
     BuildPipelineOptions options = Options("a.db");
     change(options);
     EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options, {.seed = seed}); }),
                 HasSubstr(option + ": is"));
     options.inputs.recompute = stage;
     RunBuildPipeline(options, {.seed = seed});
+    EXPECT_TRUE(rows(table) != default_rows) << option;
     BuildPipelineOptions fresh = options;
     fresh.inputs.recompute = BuildStage::kNone;
     fresh.inputs.database_path = folder_ / "fresh.db";
@@ -133,19 +139,21 @@ TEST_F(BuildPipelineTest, OptionsThatDifferAreNamedAndRecomputedOnRequest) {
     options = Options("a.db");
     options.inputs.recompute = stage;
     RunBuildPipeline(options);
+    EXPECT_TRUE(rows(table) == default_rows) << option;
   };
-  expect(BuildStage::kFeatures, "features.max_num_features",
+  expect(BuildStage::kFeatures, "keypoints", "features.max_num_features",
          [](BuildPipelineOptions& o) { o.features.max_num_features = 60; });
-  expect(BuildStage::kDepth, "depth.scale", [](BuildPipelineOptions& o) { o.depth.scale = 2; });
-  expect(BuildStage::kMatching, "matching.max_ratio",
+  expect(BuildStage::kDepth, "cairn_depth_scales", "depth.scale",
+         [](BuildPipelineOptions& o) { o.depth.scale = 2; });
+  expect(BuildStage::kMatching, "matches", "matching.max_ratio",
          [](BuildPipelineOptions& o) { o.matching.max_ratio = 0.6; });
-  expect(BuildStage::kVerification, "verification.min_num_inliers",
-         [](BuildPipelineOptions& o) { o.verification.min_num_inliers = 30; });
+  expect(BuildStage::kVerification, "two_view_geometries", "verification.min_num_inliers",
+         [](BuildPipelineOptions& o) { o.verification.min_num_inliers = 1000; });
   expect(
-      BuildStage::kVerification, "seed", [](BuildPipelineOptions&) {}, 1);
-  expect(BuildStage::kVerification, "verifier",
+      BuildStage::kVerification, "cairn_pair_metrics", "seed", [](BuildPipelineOptions&) {}, 1);
+  expect(BuildStage::kVerification, "two_view_geometries", "verifier",
          [](BuildPipelineOptions& o) { o.inputs.verifier = VerifierChoice::kFivePoint; });
-  expect(BuildStage::kCameras, "camera_model",
+  expect(BuildStage::kCameras, "cameras", "camera_model",
          [](BuildPipelineOptions& o) { o.cameras.camera_model = CameraModel::kPinhole; });
 }
 

@@ -83,6 +83,7 @@ class MachinesTest : public WallTest {
   BuildPipelineOptions Options(const std::string& database) const {
     BuildPipelineOptions options = WallTest::Options(database);
     options.inputs.verifier = VerifierChoice::kBoth;
+    options.matching.max_ratio = 0.7;  // not the default: helpers have to be told
     return options;
   }
 };
