@@ -89,6 +89,7 @@ TEST(Bundler, ComesBack) {
     EXPECT_EQ(read.CameraOf(other).MeanFocal(), r.CameraOf(image).MeanFocal());
   }
   ASSERT_EQ(read.points3D.size(), r.points3D.size());
+  for (const auto& [id, point] : r.points3D) EXPECT_EQ(read.points3D.at(id).color, point.color);
   EXPECT_EQ(read.NumObservations(), r.NumObservations());
   EXPECT_NEAR(read.MeanReprojectionErrorPx(), r.MeanReprojectionErrorPx(), 1e-9);
 }

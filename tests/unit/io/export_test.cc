@@ -1,6 +1,8 @@
+#include <array>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -16,6 +18,33 @@
 
 namespace cairn {
 namespace {
+
+using Color = std::array<uint8_t, 3>;
+constexpr Color kOrange = {255, 128, 0};  // of a frustum
+
+Color ColorAt(const std::string& bytes, size_t at) {
+  Color color;
+  std::memcpy(color.data(), bytes.substr(at, 3).data(), 3);
+  return color;
+}
+
+template <class T>
+std::pair<T, T> EdgeAt(const std::string& bytes, size_t at) {
+  T ends[2];
+  std::memcpy(ends, bytes.substr(at, sizeof(ends)).data(), sizeof(ends));
+  return {ends[0], ends[1]};
+}
+
+// Of a camera whose center is the first of five vertices.
+template <class T>
+std::set<std::pair<T, T>> FrustumEdges(T center) {
+  std::set<std::pair<T, T>> edges;
+  for (T corner = 0; corner < 4; ++corner) {
+    edges.insert({center, center + 1 + corner});
+    edges.insert({center + 1 + corner, center + 1 + (corner + 1) % 4});
+  }
+  return edges;
+}
 
 struct PlyFile {
   std::string header;
@@ -42,6 +71,17 @@ TEST(Ply, PointsAndFrusta) {
   EXPECT_THAT(ply.header, HasSubstr("element edge 16\n"));
   ASSERT_EQ(ply.body.size(), 20u * 15 + 16 * 11);
   EXPECT_EQ(ply.Vertex(3), r.points3D.at(4).xyz.cast<float>());
+  EXPECT_EQ(ColorAt(ply.body, 15 * 3 + 12), r.points3D.at(4).color);
+  EXPECT_EQ(ColorAt(ply.body, 15 * 10 + 12), (Color{255, 0, 0}));  // a center
+  EXPECT_EQ(ColorAt(ply.body, 15 * 11 + 12), kOrange);
+  std::set<std::pair<int32_t, int32_t>> edges;
+  for (size_t at = 20 * 15; at < ply.body.size(); at += 11) {
+    edges.insert(EdgeAt<int32_t>(ply.body, at));
+    EXPECT_EQ(ColorAt(ply.body, at + 8), kOrange);
+  }
+  auto expected = FrustumEdges<int32_t>(10);
+  expected.merge(FrustumEdges<int32_t>(15));
+  EXPECT_EQ(edges, expected);
   const RegisteredImage& image = r.images.at(1);
   const double baseline =
       (image.cam_from_world.Center() - r.images.at(2).cam_from_world.Center()).norm();
@@ -212,6 +252,21 @@ TEST(Gltf, HoldsPointsFrustaAndCameras) {
     EXPECT_LE(accessor(0, "POSITION")["min"][i].get<float>(), xyz[i]);
     EXPECT_GE(accessor(0, "POSITION")["max"][i].get<float>(), xyz[i]);
   }
+  const auto offset = [&](const auto& item) {  // in the buffer
+    const auto& view = file.json["bufferViews"][item["bufferView"].template get<int>()];
+    return view["byteOffset"].template get<size_t>() + item["byteOffset"].template get<size_t>();
+  };
+  EXPECT_EQ(ColorAt(file.bin, offset(accessor(0, "COLOR_0")) + 4), r.points3D.at(2).color);
+  EXPECT_EQ(ColorAt(file.bin, offset(accessor(1, "COLOR_0")) + 4), kOrange);
+  const auto& primitive = file.json["meshes"][1]["primitives"][0];
+  const auto& ends = file.json["accessors"][primitive["indices"].get<int>()];
+  EXPECT_EQ(ends["count"], 3 * 16);
+  std::set<std::pair<uint32_t, uint32_t>> edges, expected;
+  for (uint32_t i = 0; i < 24; ++i) {
+    edges.insert(EdgeAt<uint32_t>(file.bin, offset(ends) + 8 * i));
+    if (i % 8 == 0) expected.merge(FrustumEdges<uint32_t>(i / 8 * 5));
+  }
+  EXPECT_EQ(edges, expected);
   // Two nodes for the meshes, then the cameras, which look along -z with y up.
   ASSERT_EQ(file.json["nodes"].size(), 2u + 3);
   const auto& node = file.json["nodes"][2];
