@@ -55,6 +55,15 @@ def test_average_rotations_takes_weights_and_options():
         cairn.average_rotations([[1.5, 2]], [np.eye(3)])
 
 
+def test_average_rotations_leaves_misses_to_pairs_of_little_weight():
+    turn = np.radians(3)  # by which the loop misses
+    turned = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    report = cairn.average_rotations([(1, 2), (2, 3), (1, 3)], [np.eye(3), np.eye(3), turned],
+                                     weights=[1, 1, 1000], options={"weight_power": 1})
+    first, second, sure = report.edge_residuals_deg
+    assert sure < 0.05 * first and first + second == pytest.approx(3, abs=0.05)
+
+
 def aligned_errors(report, centers):
     """Distances of centers from the truth after the similarity that fits them best, in extents of the scene."""
     a = np.array([centers[i] for i in report.image_ids])
