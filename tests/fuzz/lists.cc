@@ -1,4 +1,5 @@
-// Text files that users write: pairs of images, positions, relative rotations.
+// Text files that users write: pairs of images, positions, control points, relative rotations.
+#include "cairn/io/gcp_file.h"
 #include "cairn/io/gps_file.h"
 #include "cairn/pipeline/stages.h"
 #include "fuzz/input.h"
@@ -13,6 +14,7 @@ void FuzzLists(std::string_view input) {
   const std::string path = scratch.Write("list.txt", input);
   ReadOrRefuse([&] { ReadPairList(path, images, NullMonitor()); });
   ReadOrRefuse([&] { ReadGpsFile(path); });
+  ReadOrRefuse([&] { ReadGcpFile(path); });
   ReadOrRefuse([&] { ReadRelativeRotations(path); });
 }
 
