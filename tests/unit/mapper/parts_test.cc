@@ -1,4 +1,6 @@
 // Places in one database that share neither pairs nor cameras.
+#include <algorithm>
+
 #include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/mapper/camera_each.h"
@@ -29,8 +31,9 @@ void AddPlace(const Database& place, image_t first_id, Database& database) {
   }
 }
 
-Database Place(int num_images, uint64_t seed) {
+Database Place(int num_images, uint64_t seed, int num_cameras = 2) {
   SceneOptions options = SmallScene();
+  options.num_cameras = num_cameras;
   options.num_images = num_images;
   return MakeDatabase(MakeScene(options, seed));
 }
@@ -160,15 +163,23 @@ TEST(Parts, AreTheSameSideBySide) {
 
 // A camera that both places were taken with is calibrated once, by both.
 TEST(Parts, ACameraJoins) {
-  const Database first = Place(6, 5), second = Place(8, 6);
+  const Database first = Place(6, 5, 1), second = Place(8, 6, 1);
   Database database = Together({&first, &second});
   for (Image image : database.ReadImages()) {
     image.camera_id = 1001;
     database.WriteImage(image);
   }
   TestMonitor monitor;
-  Reconstruct(database, "", {}, {.num_threads = 1, .monitor = monitor});
+  const ReconstructResult result =
+      Reconstruct(database, "", {}, {.num_threads = 1, .monitor = monitor});
   EXPECT_THAT(monitor.stages(), Not(Contains("parts")));
+  EXPECT_EQ(std::ranges::count(result.report.stages, "focal_calibration", &StageReport::name), 1);
+  ASSERT_EQ(result.models.size(), 2u);
+  const double focal_px = database.ReadCameras()[0].MeanFocal();
+  for (const Reconstruction& model : result.models) {
+    ASSERT_EQ(model.cameras.size(), 1u);
+    EXPECT_NEAR(model.cameras.at(1001).MeanFocal() / focal_px, 1, 2e-3);
+  }
 }
 
 TEST(Parts, StopKeepsPairsOfWhatWasNotBegun) {

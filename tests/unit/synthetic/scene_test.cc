@@ -190,6 +190,7 @@ TEST(Scene, EveryOptionHasAnEffect) {
       [](SceneOptions& o) { o.num_points = 601; },
       [](SceneOptions& o) { o.max_keypoints = 50; },
       [](SceneOptions& o) { o.num_cameras = 3; },
+      [](SceneOptions& o) { o.own_camera_share = 0.5; },
       [](SceneOptions& o) { o.radial_distortion = 0.1; },
       [](SceneOptions& o) { o.image_width = 900; },
       [](SceneOptions& o) { o.image_height = 900; },

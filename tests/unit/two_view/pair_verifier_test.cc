@@ -278,6 +278,10 @@ TEST(MakePairVerifier, RefusesWrongOptionsAndNames) {
 }
 
 TEST(PairStatusName, IsDistinct) {
+  std::set<std::string_view> names;
+  for (int i = 0; i <= static_cast<int>(PairStatus::kDegenerate); ++i) {
+    EXPECT_TRUE(names.insert(PairStatusName(static_cast<PairStatus>(i))).second) << i;
+  }
   EXPECT_EQ(PairStatusName(PairStatus::kVerified), "verified");
   EXPECT_EQ(PairStatusName(PairStatus::kDegenerate), "degenerate");
 }
