@@ -49,21 +49,13 @@ void PlaceCameras(const TwoViewProblemOptions& options, Rng& rng, TwoViewProblem
                            -kDistance * std::cos(angle),
                            kDistance * std::sin(angle) * std::sin(tilt));
   };
-  Eigen::Vector3d center1 = center(-half);
-  Eigen::Vector3d center2 = center(half);
-  if (options.layout == TwoViewLayout::kForward) {
-    center1 = Eigen::Vector3d(0, -1.2 * kDistance, 0);
-    center2 = Eigen::Vector3d(0, -0.9 * kDistance, 0);
-  } else if (options.layout == TwoViewLayout::kRotation) {
-    center2 = center1;
-  }
   const auto look_from = [&](const Eigen::Vector3d& center) {
     const double roll = DegToRad(5.0) * rng.Gaussian();
     const Eigen::Vector3d target = 0.1 * GaussianVector<3>(rng);
     return LookAt(center, target, roll);
   };
-  problem->cam1_from_world = look_from(center1);
-  problem->cam2_from_world = look_from(center2);
+  problem->cam1_from_world = look_from(center(-half));
+  problem->cam2_from_world = look_from(center(half));
 }
 
 SurfaceElement SampleElement(TwoViewLayout layout, const Relief& relief, Rng& rng) {

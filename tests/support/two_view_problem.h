@@ -11,19 +11,17 @@
 namespace cairn {
 
 enum class TwoViewLayout {
-  kPaper,    // the paper's setup: f = 600, 600 x 600 px, cameras at distance 1-2 around the origin,
-             // points from N(0, I) with random normals; points may lie outside the images
-  kRelief,   // a rough wall, all points within both images
-  kPlane,    // the same wall without relief
-  kForward,  // as kRelief, the second camera straight ahead of the first
-  kRotation,  // as kRelief, both cameras in one place (no baseline, directions differ)
+  kPaper,   // the paper's setup: f = 600, 600 x 600 px, cameras at distance 1-2 around the origin,
+            // points from N(0, I) with random normals; points may lie outside the images
+  kRelief,  // a rough wall, all points within both images
+  kPlane,   // the same wall without relief
 };
 
 struct TwoViewProblemOptions {
   TwoViewLayout layout = TwoViewLayout::kRelief;
   int num_matches = 500;
   double outlier_ratio = 0;        // share of wrong matches, [0, 1]
-  double baseline_angle_deg = 15;  // at the wall's center (not kPaper, kForward, kRotation)
+  double baseline_angle_deg = 15;  // at the wall's center (not kPaper)
   ObservationNoise noise = {};
   double missing_depth_ratio = 0;  // share of keypoints without depth
   double depth1_scale = 1.0;       // units of the first depth map per world unit

@@ -11,6 +11,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "matching/nearest_two.h"
+#include "support/instruction_sets.h"
 #include "support/test.h"
 
 namespace cairn {
@@ -89,27 +90,7 @@ FeatureMatches NaiveMatches(const Descriptors& a, const Descriptors& b,
   return matches;
 }
 
-// Runs every SIMD target of this machine in turn.
-class EveryTarget : public testing::Test {
- protected:
-  template <class Function>
-  void ForEachTarget(Function function) {
-    const auto supported = hwy::SupportedTargets();
-    int num_targets = 0;
-    for (auto left = supported; left != 0; left &= left - 1) {
-      const auto target = left & -left;
-      if ((target & HWY_TARGETS) == 0) continue;
-      hwy::SetSupportedTargetsForTest(target);
-      SCOPED_TRACE(hwy::TargetName(target));
-      function();
-      ++num_targets;
-    }
-    hwy::SetSupportedTargetsForTest(0);
-    EXPECT_GE(num_targets, 1);
-  }
-};
-
-TEST_F(EveryTarget, NearestTwoEqualTheNaiveSearch) {
+TEST(EveryTarget, NearestTwoEqualTheNaiveSearch) {
   // Sizes around tiles and blocks; few distinct values, so that many distances tie; the extremes.
   for (const auto& [n1, n2] :
        {std::pair{1, 1}, {1, 40}, {40, 1}, {5, 7}, {12, 32}, {13, 33}, {100, 257}, {259, 140}}) {
@@ -117,7 +98,7 @@ TEST_F(EveryTarget, NearestTwoEqualTheNaiveSearch) {
       const Descriptors a = RandomDescriptors(n1, n1, max_value);
       Descriptors b = RandomDescriptors(n2, 1000 + n2, max_value);
       if (max_value == 255) b.row(0).setConstant(255);
-      ForEachTarget([&, n1 = n1, n2 = n2] {
+      ForEachInstructionSet([&, n1 = n1, n2 = n2] {
         std::vector<NearestTwo> of_columns, of_rows;
         FindNearestTwo(a, b, &of_columns, &of_rows);
         ASSERT_EQ(of_columns.size(), static_cast<size_t>(n2));
@@ -133,7 +114,7 @@ TEST_F(EveryTarget, NearestTwoEqualTheNaiveSearch) {
   }
 }
 
-TEST_F(EveryTarget, MatchesEqualTheNaiveOnes) {
+TEST(EveryTarget, MatchesEqualTheNaiveOnes) {
   const Descriptors a = RandomDescriptors(150, 1, 120);
   std::vector<int> order;
   for (int i = 149; i >= 0; i -= 2) order.push_back(i);
@@ -144,7 +125,7 @@ TEST_F(EveryTarget, MatchesEqualTheNaiveOnes) {
       const MatchingOptions options{.max_ratio = max_ratio, .cross_check = cross_check};
       const FeatureMatches expected = NaiveMatches(a, b, options);
       EXPECT_THAT(expected, Not(IsEmpty()));
-      ForEachTarget([&] { EXPECT_EQ(MatchDescriptors(a, b, options), expected); });
+      ForEachInstructionSet([&] { EXPECT_EQ(MatchDescriptors(a, b, options), expected); });
     }
   }
 }
@@ -169,7 +150,7 @@ FeatureMatches NaiveMatchesOf(uint8_t polarity, const MatchInput& a, const Match
   return matches;
 }
 
-TEST_F(EveryTarget, FeaturesMatchWithinTheirPolarityWhereBothImagesHaveIt) {
+TEST(EveryTarget, FeaturesMatchWithinTheirPolarityWhereBothImagesHaveIt) {
   const Descriptors a = RandomDescriptors(120, 1, 60);
   std::vector<int> order;
   for (int i = 119; i >= 20; --i) order.push_back(i);
@@ -188,7 +169,7 @@ TEST_F(EveryTarget, FeaturesMatchWithinTheirPolarityWhereBothImagesHaveIt) {
     const FeatureMatches bright = NaiveMatchesOf(1, {a, of_a}, {b, of_b}, options);
     expected.insert(expected.end(), bright.begin(), bright.end());
     EXPECT_GT(expected.size(), 60u);
-    ForEachTarget([&] {
+    ForEachInstructionSet([&] {
       EXPECT_EQ(sorted(MatchDescriptors({a, of_a}, {b, of_b}, options)), sorted(expected));
       EXPECT_EQ(MatchDescriptors({a, {}}, {b, of_b}, options), MatchDescriptors(a, b, options));
       EXPECT_EQ(MatchDescriptors({a, of_a}, {b, {}}, options), MatchDescriptors(a, b, options));
