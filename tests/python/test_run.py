@@ -18,8 +18,8 @@ import scene
 @pytest.fixture(scope="module")
 def database(tmp_path_factory):
     path = tmp_path_factory.mktemp("run") / "scene.db"
-    # All matches are wrong: two seconds of five points.
-    scene.Scene(num_images=8, num_points=400).write(path, num_wrong=400)
+    # All matches are wrong: some seconds of five points.
+    scene.Scene(num_images=10, num_points=400).write(path, num_wrong=400)
     return path
 
 
@@ -75,8 +75,8 @@ def test_ctrl_c_stops_and_the_work_continues(database, tmp_path):
     assert process.returncode == 0 and output.endswith("interrupted\n")
     done = []
     report = cairn.build_view_graph(path, progress=lambda *stage: done.append(stage))
-    assert sum(report.rejected_by.values()) == 28
-    assert 0 < max(total for name, _, total in done if "verifying" in name) < 28
+    assert sum(report.rejected_by.values()) == 45
+    assert 0 < max(total for name, _, total in done if "verifying" in name) < 45
 
 
 ENDS = {"build": """
