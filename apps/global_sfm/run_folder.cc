@@ -108,7 +108,7 @@ std::vector<std::map<image_t, PoseConfidence>> ReadConfidences(
       const auto value = [&](size_t at) {
         return TextReader::ToDouble(fields[at]).value_or(std::numeric_limits<double>::infinity());
       };
-      confidences[k][id] = {static_cast<int>(std::min(value(2), 1e9)), value(3), value(4)};
+      confidences[k][id] = {static_cast<int>(std::clamp(value(2), 0.0, 1e9)), value(3), value(4)};
     }
   }
   return confidences;

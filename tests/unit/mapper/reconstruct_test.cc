@@ -106,6 +106,9 @@ TEST(Reconstruct, OptionsReachTheirStages) {
                    options.max_consensus_rounds = options.max_region_rounds = 0;
                  }),
             1.3);
+  EXPECT_GT(with("rotation_averaging", "edges_rejected",
+                 [](auto& s) { s.rotation_averaging.max_error_deg = 1e-3; }),
+            1);
   // All edges and those with more and more inliers, by two or three powers, and two trees.
   const auto num_averaged = [&](double weight_power) {
     return value("rotation_averaging", "averaged", [=](auto& s) {
