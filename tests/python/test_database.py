@@ -58,7 +58,7 @@ def test_names_that_are_no_utf8(tmp_path):
         cairn.Reconstruction(folder / "absent")
     with pytest.raises(cairn.IoError, match=r"K\ufffdln/pairs.txt: "):
         cairn.build_view_graph(folder / "scene.db", options={"pairs_path": str(folder / "pairs.txt")})
-    with pytest.raises(cairn.ConfigError, match=r"verifier: .*K\udcf6ln"):
+    with pytest.raises(cairn.ConfigError, match=r"verifier: .*K\ufffdln"):
         cairn.build_view_graph(folder / "scene.db", options={"verifier": "K\udcf6ln"})
 
 

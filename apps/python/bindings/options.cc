@@ -45,17 +45,20 @@ void Assign(const std::string& key, int* value, py::handle given) {
 void Assign(const std::string& key, double* value, py::handle given) {
   *value = Cast<double>(key, given, "a number");
 }
-void Assign(const std::string& key, std::string* value, py::handle given) {
-  // Folders may be of pathlib, and have names that are no UTF-8.
+// Folders may be of pathlib, and have names that are no UTF-8.
+std::string CastText(const std::string& key, py::handle given) {
   const bool is_name = py::isinstance<py::str>(given) || py::hasattr(given, "__fspath__");
-  *value = is_name ? FromName(py::reinterpret_borrow<py::object>(given))
-                   : Cast<std::string>(key, given, "a text");
+  return is_name ? FromName(py::reinterpret_borrow<py::object>(given))
+                 : Cast<std::string>(key, given, "a text");
+}
+void Assign(const std::string& key, std::string* value, py::handle given) {
+  *value = CastText(key, given);
 }
 void Assign(const std::string& key, std::vector<double>* value, py::handle given) {
   *value = Cast<std::vector<double>>(key, given, "a list of numbers");
 }
 void Assign(const std::string& key, const ChoiceField& field, py::handle given) {
-  const auto text = Cast<std::string>(key, given, "a text");
+  const std::string text = CastText(key, given);
   CheckChoice(key, text, field.names);
   field.set(text);
 }
