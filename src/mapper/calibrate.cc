@@ -196,7 +196,7 @@ void Report(const FocalCalibrationReport& report, const std::map<camera_t, Camer
 struct Replaced {
   std::map<camera_t, double> focals_px;
   std::vector<ViewEdge> edges;
-  std::vector<ViewEdge> guessed_edges;  // the same with poses at these focal lengths
+  std::vector<ViewEdge> guessed_edges;  // with poses at these focal lengths
 };
 
 // Gives the cameras the focal lengths that the pairs found, and their edges poses by these.
@@ -249,7 +249,7 @@ std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage
   const auto take_back = [&](const std::set<camera_t>& cameras, auto& of_scene, auto& edges) {
     for (const camera_t id : cameras) of_scene.at(id).SetMeanFocal(before.focals_px.at(id));
     for (size_t i = 0; i < edges.size(); ++i) {
-      if (IsOf(before.edges[i], cameras, scene)) edges[i] = before.edges[i];
+      if (IsOf(edges[i], cameras, scene)) edges[i] = before.guessed_edges[i];
     }
   };
   take_back(rejected, scene.cameras, scene.edges);

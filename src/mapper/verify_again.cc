@@ -44,7 +44,7 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
     return image != model.images.end() && moved.count(image->second.image.camera_id) > 0;
   };
   for (const ViewEdge& edge : graph.edges) {
-    if (edge.IsActive() && is_moved(edge.image_id1) && is_moved(edge.image_id2)) {
+    if (edge.IsActive() && (is_moved(edge.image_id1) || is_moved(edge.image_id2))) {
       edges.push_back(&edge);
     }
   }
