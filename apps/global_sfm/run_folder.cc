@@ -145,7 +145,9 @@ RunFolder ReadRunFolder(const std::string& folder) {
     run.model_names.push_back("sparse/" + std::to_string(k));
     run.models.push_back(ReadModel(folder + "/" + run.model_names.back()));
   }
-  run.confidences = ReadConfidences(folder + "/confidence.csv", run.models);
+  if (num_models > 0) {
+    run.confidences = ReadConfidences(folder + "/confidence.csv", run.models);
+  }
   run.graph = ReadViewGraph(folder + "/view_graph.json");
   return run;
 }
