@@ -60,7 +60,9 @@ void WriteFeatures(Database& database, const FeatureItem& item, const Features& 
 // The image leaves the database, with the reason in its photograph's record.
 void WriteFailure(Database& database, const std::string& folder, const FeatureItem& item) {
   database.WritePhoto(FailedPhoto(folder, {item.image.name, item.input.file_hash, item.error}));
-  if (item.is_ours) database.DeleteImage(item.image.image_id);
+  if (!item.is_ours) return;
+  database.DeleteJob(kStageCameras, item.image.image_id);
+  database.DeleteImage(item.image.image_id);
 }
 
 // Extracts the features of all items, here and by helpers.

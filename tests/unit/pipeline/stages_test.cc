@@ -100,6 +100,7 @@ TEST_F(StagesTest, ATruncatedPhotographLeavesTheDatabaseAndTheRestGoesOn) {
   EXPECT_EQ(database_.ReadImages().size(), 3u);
   EXPECT_EQ(database_.ReadCameras().size(), 3u);
   EXPECT_EQ(database_.ReadNumKeypoints().size(), 3u);
+  EXPECT_EQ(database_.ForgetLostRows(true).num_images, 0);  // no other program deleted it
   // Repaired, it joins.
   AddPhoto(1);
   EXPECT_EQ(Extract().status, StageStatus::kOk);
