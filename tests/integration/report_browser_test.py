@@ -89,6 +89,7 @@ class ReportTest(unittest.TestCase):
         self.assertIn("8 of 10 photos in 1 model", self.text("#lead"))
         self.assertIn("2 photos are in no model", self.text("#findings"))
         self.assertIn("other", self.text("#findings"))
+        self.assertNotIn("No problem was found", self.text("#findings"))
         self.browser.wait_for("return document.querySelector('#pair-canvas').dataset.drawn !== undefined")
         for canvas, least in (("#view-canvas", 0.001), ("#matrix", 0.2), ("#pair-canvas", 0.5), ("#lenses canvas", 0.1)):
             self.assertGreater(self.ink(canvas), least, canvas)

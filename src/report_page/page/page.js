@@ -147,8 +147,7 @@ function writeLead() {
 
 function writeFindings() {
   const list = byId("findings");
-  const isGood = data.models.length > 0 && !data.findings.some((finding) => finding.level !== "note");
-  if (isGood) {
+  if (data.models.length > 0 && data.findings.length === 0) {
     list.append(element("li", {className: "good"}, element("p", {}, "No problem was found.")));
   }
   const titles = {wrong: "Wrong: ", doubtful: "Doubtful: ", note: ""};
