@@ -65,7 +65,8 @@ ViewGraphSummary SummarizeDatabase(const Database& database) {
   for (const PhotoRecord& photo : database.ReadPhotos()) {
     summary.num_skipped_photos += !photo.error.empty();
   }
-  summary.num_pairs = static_cast<int64_t>(database.ReadNumMatches().size());
+  summary.num_pairs = std::ssize(database.ReadNumMatches());
+  if (summary.num_pairs == 0) summary.num_pairs = std::ssize(database.ReadPairChoices());
   const auto num_inliers = database.ReadNumInliers();
   for (const auto& [pair, num] : num_inliers) summary.num_verified += num > 0;
   summary.verified_by = database.CountWinners();

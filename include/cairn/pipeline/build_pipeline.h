@@ -122,7 +122,7 @@ struct ViewGraphSummary {
   int num_images_with_features = 0;
   int num_images_with_depth = 0;
   int num_skipped_photos = 0;
-  int64_t num_pairs = 0;                        // with a row in matches
+  int64_t num_pairs = 0;                        // with a row in matches; if none, the chosen ones
   int64_t num_tried = 0;                        // by us
   int64_t num_too_few = 0;                      // not tried: too few matches
   int64_t num_verified = 0;                     // with inliers, or with an imported pose

@@ -109,7 +109,9 @@ TEST_F(BuildPipelineTest, StopAfterAndContinue) {
   for (const auto& [stage, num] : num_stages) {
     BuildPipelineOptions options = Options("parts.db");
     options.inputs.stop_after = stage;
-    EXPECT_EQ(RunBuildPipeline(options).run.stages.size(), num);
+    const BuildPipelineReport report = RunBuildPipeline(options);
+    EXPECT_EQ(report.run.stages.size(), num);
+    EXPECT_EQ(report.summary.num_pairs, stage < BuildStage::kPairs ? 0 : 6);
   }
   EXPECT_EQ(Dump("parts.db"), Dump("whole.db"));
 }
