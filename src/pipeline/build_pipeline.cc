@@ -99,6 +99,9 @@ void CheckSources(const BuildPipelineOptions& options, const Sources& sources) {
   if (!inputs.mask_path.empty() && sources.image_path.empty()) {
     throw ConfigError("mask_path", "needs --image_path");
   }
+  if (!inputs.mask_path.empty() && !std::filesystem::is_directory(inputs.mask_path)) {
+    throw IoError(inputs.mask_path, "no such folder");
+  }
 }
 
 // Pairs that the user or the data set names, if they do.
@@ -186,6 +189,7 @@ class BuildRun {
     if (last >= BuildStage::kMatching) NoteOtherPairs(database_, listed.has_value(), run_.monitor);
     if (!listed && last >= BuildStage::kPairs) CheckPairWays(database_, choosing, run_);
     CheckMasks(database_, in.mask_path);
+    if (last >= BuildStage::kDepth) CheckDepthMaps(database_, in.depth_path);
     transaction.Commit();
     NoteOtherSources(database_, earlier, in, run_.monitor);
     if (!KeepGoing(ExtractImageFeatures(database_, {sources.image_path, in.mask_path},

@@ -17,4 +17,7 @@ void CheckDepthSource(const std::string& image_path, const DepthSource& source,
 // Throws ConfigError where there is a source, and pairs were verified without depth.
 void CheckDepthIsInTime(const Database& database, const DepthSource& source);
 
+// Throws ConfigError where the folder has a depth map of no image, and no earlier run had depth.
+void CheckDepthMaps(const Database& database, const std::string& depth_path);
+
 }  // namespace cairn

@@ -88,6 +88,16 @@ TEST_F(RefusedCommandTest, MasksThatDoNotFitAreNamedBeforeAnyWork) {
               HasSubstr("mask_path: needs --image_path"));
 }
 
+TEST_F(RefusedCommandTest, DepthMapsOfNoImageAreToldBeforeAnyWork) {
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.depth_path = Images();
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("images has no depth map of any image: there is no photo0.png.npy"));
+  EXPECT_TRUE(Database(options.inputs.database_path).ReadImages().empty());
+  RunBuildPipeline(Options("a.db"));
+  EXPECT_EQ(RunBuildPipeline(options).summary.num_images_with_depth, 3);  // of an earlier run
+}
+
 TEST_F(RefusedCommandTest, ImagesOfAnotherProgramNeedNoMasks) {
   fs::create_directories(folder_ / "masks");
   WriteBitmap(folder_ / "masks/photo0.png.png", WallPhoto(160, 120, 0));
@@ -139,6 +149,10 @@ TEST_F(RefusedCommandTest, AFolderThatIsNotThereIsFoundBeforeAnyWork) {
   EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
               HasSubstr("no_depth: no such folder"));
   options.inputs.depth_path = "";
+  options.inputs.mask_path = folder_ / "no_masks";
+  EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("no_masks: no such folder"));
+  options.inputs.mask_path = "";
   options.inputs.depth_model = folder_ / "no.onnx";
   EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
               HasSubstr("no.onnx: No such file"));
