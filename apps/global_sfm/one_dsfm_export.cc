@@ -254,6 +254,8 @@ OneDsfmExportReport ExportOneDsfm(const Reconstruction& model, const Database& d
   }
   OneDsfmExportReport report;
   std::vector<Entry> entries = MakeEntries(model, database, output_path);
+  // Before photographs are resampled for long.
+  for (const Entry& entry : entries) CheckOneDsfmName(ListName(entry), output_path + "/list.txt");
   for (Entry& entry : entries) PlaceKeys(database, &entry);
   WritePhotographs(image_path, output_path, run, &entries, &report);
 

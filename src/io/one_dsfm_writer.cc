@@ -16,9 +16,7 @@ void CheckIndex(int index, const OneDsfmFiles& files) {
 void WriteList(const OneDsfmFiles& files, const std::string& path) {
   TextWriter out(path);
   for (const BundlerListEntry& image : files.images) {
-    if (image.name.empty() || image.name.find_first_of(" \t\r\n") != std::string::npos) {
-      throw IoError(path, "'" + image.name + "' cannot be a name in list.txt: it holds a blank");
-    }
+    CheckOneDsfmName(image.name, path);
     out << image.name;
     if (image.focal_px) out << " 0 " << *image.focal_px;
     out << "\n";
@@ -82,6 +80,11 @@ void WriteTracks(const OneDsfmFiles& files, const std::string& path) {
 }
 
 }  // namespace
+
+void CheckOneDsfmName(const std::string& name, const std::string& list_path) {
+  if (!name.empty() && name.find_first_of(" \t\r\n") == std::string::npos) return;
+  throw IoError(list_path, "'" + name + "' cannot be a name in list.txt: it holds a blank");
+}
 
 void WriteOneDsfmFiles(const std::string& folder, const OneDsfmFiles& files) {
   CreateFolders(folder);

@@ -21,4 +21,7 @@ struct OneDsfmFiles {
 // a name that the format cannot hold (empty, or with a blank in it).
 void WriteOneDsfmFiles(const std::string& folder, const OneDsfmFiles& files);
 
+// Throws IoError, which names the list, for a name that the format cannot hold.
+void CheckOneDsfmName(const std::string& name, const std::string& list_path);
+
 }  // namespace cairn

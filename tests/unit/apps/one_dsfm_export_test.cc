@@ -190,6 +190,12 @@ TEST_F(OneDsfmExport, NeverReplacesThePhotographsThatItReads) {
   EXPECT_EQ(ReadFile(Photos() + "/other.png"), before);
 }
 
+TEST_F(OneDsfmExport, RefusesABlankInANameBeforeAnyWork) {
+  database_.WriteImage({10, "with blank.png", 9});
+  EXPECT_THAT(ThrownMessage<IoError>([&] { Export(); }), HasSubstr("'images/with blank.png'"));
+  EXPECT_FALSE(std::filesystem::exists(Output()));
+}
+
 TEST_F(OneDsfmExport, RefusesAModelOfAnotherDatabase) {
   model_.images.at(2).image.name = "elsewhere.png";
   EXPECT_THAT(ThrownMessage<IoError>([&] { Export(); }), HasSubstr("elsewhere.png"));
