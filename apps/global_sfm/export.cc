@@ -1,5 +1,6 @@
 #include <filesystem>
 
+#include "base/output_folder.h"
 #include "cairn/base/file.h"
 #include "cairn/io/bundler.h"
 #include "cairn/io/colmap_model.h"
@@ -45,26 +46,33 @@ struct ExportFlags : ThreadFlags {
              "1dsfm resamples; a Bundler model gets its image sizes from them");
     v.String("database_path", database_path, "database of the model, whose pairs 1dsfm writes");
     v.Bool("overwrite", overwrite,
-           "replace files in output_path that cairn did not write, too (COLMAP models; files of "
-           "other types are always replaced)");
+           "replace files in output_path that cairn did not write, too (COLMAP models; other types "
+           "always replace these, and by this flag results of other commands)");
     ThreadFlags::VisitFields(v);
   }
 };
 
+// Files in a folder that are to be written.
+void CheckReplaced(const ExportFlags& flags, const std::string& folder,
+                   const std::vector<std::string>& files) {
+  if (!flags.overwrite) CheckNotOfAnother(folder, "export", files);
+}
+
 // `path` itself if it ends in the extension, else `name` in the folder `path`.
-std::string FileIn(const std::string& path, const std::string& extension, const std::string& name) {
-  if (path.ends_with(extension)) {
-    const fs::path folder = fs::path(path).parent_path();
-    if (!folder.empty()) CreateFolders(folder.string());
-    return path;
-  }
-  CreateFolders(path);
-  return (fs::path(path) / name).string();
+std::string FileIn(const ExportFlags& flags, const std::string& extension,
+                   const std::string& name) {
+  const fs::path path = flags.output_path;
+  const bool is_file = flags.output_path.ends_with(extension);
+  const fs::path file = is_file ? path : path / name;
+  const std::string folder = file.parent_path().string();
+  if (!folder.empty()) CreateFolders(folder);
+  CheckReplaced(flags, folder, {file.filename().string()});
+  return file.string();
 }
 
 void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& flags,
                       ProgressMonitor& monitor) {
-  const std::string path = FileIn(flags.output_path, ".json", "transforms.json");
+  const std::string path = FileIn(flags, ".json", "transforms.json");
   const fs::path folder = fs::absolute(path).parent_path();
   const std::string images =
       flags.image_path.empty()
@@ -73,6 +81,7 @@ void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& f
   std::string points;
   if (!reconstruction.points3D.empty()) {
     points = "points.ply";
+    CheckReplaced(flags, folder.string(), {points});
     WritePly(reconstruction, (folder / points).string(), {.cameras = false});
   }
   for (const std::string& warning : WriteTransformsJson(reconstruction, path, images, points)) {
@@ -82,6 +91,7 @@ void ExportNerfstudio(const Reconstruction& reconstruction, const ExportFlags& f
 
 void ExportOneDsfmDataset(const Reconstruction& reconstruction, const ExportFlags& flags,
                           ProgressMonitor& monitor) {
+  CheckReplaced(flags, flags.output_path, {"list.txt"});
   const Database database(flags.database_path, Database::Mode::kSnapshot);
   const OneDsfmExportReport report = ExportOneDsfm(reconstruction, database, flags.image_path,
                                                    flags.output_path, flags.Run(monitor));
@@ -111,15 +121,16 @@ int Run(const ExportFlags& flags) {
                       {.command = "export", .format = ColmapModelFormat::kText}, flags.overwrite);
   } else if (flags.output_type == "bundler") {
     CreateFolders(flags.output_path);
+    CheckReplaced(flags, flags.output_path, {"bundle.out", "list.txt"});
     const std::string folder = flags.output_path + "/";
     for (const std::string& warning :
          WriteBundler(reconstruction, folder + "bundle.out", folder + "list.txt")) {
       monitor.Warning(warning);
     }
   } else if (flags.output_type == "ply") {
-    WritePly(reconstruction, FileIn(flags.output_path, ".ply", "points.ply"));
+    WritePly(reconstruction, FileIn(flags, ".ply", "points.ply"));
   } else if (flags.output_type == "gltf") {
-    WriteGltf(reconstruction, FileIn(flags.output_path, ".glb", "model.glb"));
+    WriteGltf(reconstruction, FileIn(flags, ".glb", "model.glb"));
   } else {
     ExportNerfstudio(reconstruction, flags, monitor);
   }

@@ -227,4 +227,18 @@ void OutputFolder::Apply() {
   Sync(folder);
 }
 
+void CheckNotOfAnother(const std::string& folder, const std::string& writer,
+                       const std::vector<std::string>& files) {
+  const fs::path list = fs::path(folder) / kFiles;
+  const std::string other = ReadWriter(list);
+  if (other.empty() || other == writer) return;
+  const std::map<std::string, std::string> hashes = ReadHashes(list);
+  for (const std::string& file : files) {
+    if (!hashes.contains(file)) continue;
+    throw ConfigError("output_path", (fs::path(folder) / file).string() + " is a result of " +
+                                         other + ", which would be lost; give another " +
+                                         "--output_path, or --overwrite");
+  }
+}
+
 }  // namespace cairn

@@ -48,4 +48,8 @@ class OutputFolder {
   Hashes earlier_;
 };
 
+// Throws ConfigError where one of the files in the folder is a result of another command.
+void CheckNotOfAnother(const std::string& folder, const std::string& writer,
+                       const std::vector<std::string>& files);
+
 }  // namespace cairn

@@ -130,6 +130,14 @@ TEST(EndToEnd, ExportWritesEveryType) {
     EXPECT_EQ(result.exit_code, 0) << result.output;
   }
   EXPECT_EQ(ReadFile(scene / "export_ply.ply"), with_frusta);
+  // Results of reconstruct are not replaced unasked.
+  for (const std::string type : {"bundler", "ply", "nerfstudio"}) {
+    const ProgramResult refused =
+        RunProgram("global_sfm", {"export", "--model_path", scene / "out", "--output_path",
+                                  scene / "out", "--output_type", type});
+    EXPECT_EQ(refused.exit_code, 2) << refused.output;
+    EXPECT_THAT(refused.output, HasSubstr("is a result of reconstruct, which would be lost"));
+  }
   // A model of another program is not replaced unasked.
   std::vector<std::string> over = {"export", "--model_path", scene / "out", "--output_path",
                                    scene / "out/sparse/0"};

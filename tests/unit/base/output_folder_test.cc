@@ -100,6 +100,17 @@ TEST_F(OutputFolderTest, AFolderIsOfOneCommand) {
   EXPECT_EQ(Content("report"), "1");
 }
 
+TEST_F(OutputFolderTest, AResultOfAnotherCommandIsNamed) {
+  CheckNotOfAnother(path_, "export", {"report"});  // no such folder
+  Run({{"report", "1"}});
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] {
+                CheckNotOfAnother(path_, "export", {"sparse", "report"});
+              }),
+              HasSubstr("out/report is a result of test, which would be lost"));
+  CheckNotOfAnother(path_, "export", {"sparse"});  // replaces nothing
+  CheckNotOfAnother(path_, "test", {"report"});
+}
+
 TEST_F(OutputFolderTest, FilesThatComeDuringTheRunAreNotTouched) {
   OutputFolder output(path_, "test", {"report"}, false);
   Write(output, "report", "1");
