@@ -1,6 +1,7 @@
 #include "cairn/undistortion/undistort.h"
 
 #include <filesystem>
+#include <map>
 #include <memory>
 
 #include "cairn/io/colmap_model.h"
@@ -50,6 +51,21 @@ void NameOthers(const std::string& folder, ProgressMonitor& monitor) {
   }
 }
 
+// Photographs that are left out, by name, with the reasons: a line for each of the first.
+void WarnOfFailed(const std::map<std::string, std::string>& failed, ProgressMonitor& monitor) {
+  constexpr size_t kMaxShown = 10;
+  size_t num_shown = 0;
+  for (const auto& [name, reason] : failed) {
+    if (num_shown == kMaxShown) break;
+    monitor.Warning(name + ": " + reason + "; left out");
+    ++num_shown;
+  }
+  const size_t num_more = failed.size() - num_shown;
+  if (num_more > 0) {
+    monitor.Warning("... and " + std::to_string(num_more) + " more photographs; left out");
+  }
+}
+
 int Run(const Command& command, const UndistortFlags& flags) {
   ConsoleMonitor monitor;
   WarnOfUnfinishedModels(flags.model_path, monitor);
@@ -63,9 +79,7 @@ int Run(const Command& command, const UndistortFlags& flags) {
                          .overwrites = flags.overwrite,
                          .effective_toml = command.EffectiveToml()};
   const UndistortReport report = UndistortImages(model, job, flags.undistort, flags.Run(monitor));
-  for (const auto& [name, reason] : report.failed) {
-    monitor.Warning(name + ": " + reason + "; left out");
-  }
+  WarnOfFailed(report.failed, monitor);
   const int num_images = report.num_written + report.num_kept;
   monitor.Info(std::to_string(num_images) + " of " + std::to_string(model.images.size()) +
                " images undistorted in " + flags.output_path + ", " +

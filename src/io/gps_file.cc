@@ -60,9 +60,11 @@ std::optional<GpsRow> ParseRow(const GpsFields& fields) {
   GpsRow row{{values->at(0), values->at(1)}};
   if (values->size() > 2) row.position.altitude_m = values->at(2);
   if (values->size() > 3) row.sigma_m = values->at(3);
-  const bool is_on_earth =
-      std::abs(row.position.latitude_deg) <= 90 && std::abs(row.position.longitude_deg) <= 180;
-  return is_on_earth && row.sigma_m >= 0 ? std::optional(row) : std::nullopt;
+  return row.sigma_m >= 0 ? std::optional(row) : std::nullopt;
+}
+
+bool IsOnEarth(const GpsPosition& position) {
+  return std::abs(position.latitude_deg) <= 90 && std::abs(position.longitude_deg) <= 180;
 }
 
 }  // namespace
@@ -79,6 +81,10 @@ std::map<std::string, GpsRow> ReadGpsFile(const std::string& path) {
     if (!row) {
       reader.Fail("'" + std::string(reader.line()) +
                   "' is not name,latitude,longitude[,altitude[,sigma]]");
+    }
+    if (!IsOnEarth(row->position)) {
+      reader.Fail("'" + std::string(reader.line()) +
+                  "': its latitude or longitude is out of range");
     }
     if (!rows.try_emplace(std::string(fields.name), *row).second) {
       reader.Fail("'" + std::string(fields.name) + "' has a position already");

@@ -105,7 +105,7 @@ std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction
     warn(std::to_string(num_far) + " of " + std::to_string(moves.size()) +
              " poses of the input model moved by more than their confidence, by up to " + most +
              ": " + Names(context.scene, named),
-         "where that is too far, reconstruct without --input_path");
+         "where that is too far, use the command reconstruct, without --input_path");
   }
   return warnings;
 }

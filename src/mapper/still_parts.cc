@@ -113,9 +113,9 @@ std::optional<ResultWarning> FindStillParts(const SceneData& scene, int num_thre
                                     std::to_string(num_partly) + photos + example
                               : "what most pairs of photos share stays still in the picture (" +
                                     std::to_string(num_still) + photos + ")") +
-          ": a background that does not turn with the object?",
-      "Leave out by masks (--mask_path of build_view_graph) what does not turn, or lies over the "
-      "photos; if the camera did not move, add photos from other places."};
+          ", maybe a background that does not turn with the object",
+      "leave out by masks (--mask_path of build_view_graph) what does not turn, or lies over the "
+      "photos; if the camera did not move, add photos from other places"};
 }
 
 }  // namespace cairn

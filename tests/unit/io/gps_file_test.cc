@@ -43,8 +43,12 @@ TEST_F(GpsFileTest, CommasAndBlanksSeparate) {
 TEST_F(GpsFileTest, RowsThatAreNoneAreNamed) {
   EXPECT_THAT(Message("a.jpg,45,7,300\nb.jpg,45\n"),
               HasSubstr("gps.txt:2: 'b.jpg,45' is not name,latitude"));
-  for (const char* line : {"a.jpg 45", "a.jpg 45 x", "a.jpg,91,7", "a.jpg,45,181",
-                           "a.jpg,45,7,1,-1", "a.jpg,45,7,1,1,1", "a.jpg,45,,1", "nan nan nan"}) {
+  for (const char* line : {"a.jpg,91,7", "a.jpg,45,181", "a.jpg -98.1 7"}) {
+    EXPECT_THAT(Message(line), HasSubstr("'" + std::string(line) +
+                                         "': its latitude or longitude is out of range"));
+  }
+  for (const char* line : {"a.jpg 45", "a.jpg 45 x", "a.jpg,45,7,1,-1", "a.jpg,45,7,1,1,1",
+                           "a.jpg,45,,1", "nan nan nan"}) {
     EXPECT_THAT(Message(std::string("z.jpg,1,2\n") + line), HasSubstr("is not name,latitude"))
         << line;
   }
