@@ -200,10 +200,12 @@ TEST(SpecialPairs, ATinyPatchFixesNoPose) {
 
 // Their rotation alone, in which the translation had a part, explains few of the matches.
 TEST(SpecialPairs, SmallPatchesWithReliefAreNeverVerifiedByFewMatches) {
-  const TwoViewOptions options;
+  const TwoViewOptions options{.max_iterations = 300};
   int num_panoramic = 0, num_degenerate = 0;
-  for (int seed = 0; seed < 300; ++seed) {
-    Pair pair = MakePair({.num_inliers = 0, .num_outliers = 0}, seed);
+  for (int seed = 0; seed < 1000; ++seed) {
+    Pair pair;
+    pair.camera1 = MakeCamera(1, 1000.0, 0.0);
+    pair.camera2 = MakeCamera(2, 1200.0, 0.0);
     Rng rng(seed, "patch");
     const int num_points = 25 + static_cast<int>(rng.UniformInt(36));
     const double size = rng.Uniform(0.01, 0.05);
