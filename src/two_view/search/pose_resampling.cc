@@ -25,7 +25,7 @@ class PoseNeighborhood {
     // Models near each other differ in how closely they fit, which only the noise's own scale
     // tells.
     guided_.Learn(pair_, errors_.values(), kReach * pair_.max_error_px);
-    return guided_.Score(best_.E) * cheirality_.WeightOf(best_.pose);
+    return guided_.Score(best_.E) * cheirality_.Choose(best_.pose, explained_).share;
   }
 
   int Sample(int num_samples, int max_count, Rng* rng) {

@@ -312,6 +312,39 @@ TEST(PoseSearch, OnlyPointsInFrontOfBothCamerasSpeakForAPose) {
   }
 }
 
+// The same of resampling: most matches are on the epipolar lines of both motions.
+TEST(ResamplePose, LeavesAPoseThatHasMostPointsBehindACamera) {
+  const Rigid3d true_pose(ExpSO3(Eigen::Vector3d(0.1, -0.2, 0.1)), Eigen::Vector3d(0.8, 0.6, 0.0));
+  const Rigid3d wrong_pose(ExpSO3(Eigen::Vector3d(-0.2, 0.1, 0.3)), Eigen::Vector3d(0.0, 0.6, 0.8));
+  const Eigen::Matrix3d wrong_E = EssentialFromPose(wrong_pose);
+  constexpr int kNumBoth = 90, kNumWrong = 10;
+  Rng rng(5);
+  PreparedPair pair;
+  pair.points.Reset(kNumBoth + kNumWrong, 1000.0, 1000.0);
+  pair.vote_class_end.fill(kNumBoth + kNumWrong);
+  for (int i = 0; i < kNumBoth + kNumWrong;) {
+    const Eigen::Vector3d x1 = UniformVector({{-0.6, 0.6}, {-0.6, 0.6}}, rng).homogeneous();
+    const bool is_of_both = i < kNumBoth;
+    const Rigid3d& pose = is_of_both ? true_pose : wrong_pose;
+    const Eigen::Vector3d line = wrong_E * x1;
+    // Where the true motion meets the wrong one's epipolar line.
+    const double depth = is_of_both
+                             ? -line.dot(true_pose.translation) / line.dot(true_pose.rotation * x1)
+                             : rng.Uniform(1.0, 4.0);
+    const Eigen::Vector3d X2 = pose * Eigen::Vector3d(depth * x1);
+    if (!(depth > 0.5 && depth < 10.0 && X2.z() > 0.1)) continue;
+    const Eigen::Vector2d x2 = X2.hnormalized();
+    if (!(x2.cwiseAbs().maxCoeff() < 0.8)) continue;
+    if (is_of_both && CheiralityTest(wrong_pose).IsInFront(x1, x2.homogeneous())) continue;
+    pair.points.Set(i++, x1.head<2>(), x2);
+  }
+  int64_t num_hypotheses = 0;
+  const FoundPose start{wrong_pose, wrong_E, kNumBoth + kNumWrong};
+  // All hypotheses are tried: of exact matches, those of the wrong motion have more support.
+  const FoundPose found = ResamplePose(pair, start, {.effort = 100}, &num_hypotheses);
+  EXPECT_LT(HomogeneousError(found.E, EssentialFromPose(true_pose)), 1e-3);
+}
+
 TEST(Evidence, GrowsWithInliersAndFallsWithMatches) {
   const double chance = 0.0012;
   auto nfa = [&](int n, int k) { return Log10NumFalseAlarms(n, k, kEssential, chance); };
