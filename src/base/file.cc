@@ -71,13 +71,6 @@ std::string ReadFile(const std::string& path, size_t max_bytes) {
 
 namespace {
 
-// Of a link whose target is there.
-std::string BehindLinks(const std::string& path) {
-  std::error_code error;
-  const std::filesystem::path target = std::filesystem::canonical(path, error);
-  return error ? path : target.string();
-}
-
 bool IsDatabase(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   char begin[16] = {};
@@ -161,6 +154,12 @@ bool StaysInFolder(const std::string& name) {
   const std::filesystem::path path(name);
   return !path.is_absolute() &&
          std::none_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
+}
+
+std::string BehindLinks(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path target = std::filesystem::canonical(path, error);
+  return error ? path : target.string();
 }
 
 bool IsInFolder(const std::string& path, const std::string& folder) {

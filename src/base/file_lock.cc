@@ -6,10 +6,9 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <filesystem>
-#include <system_error>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 
 namespace cairn {
 namespace {
@@ -19,13 +18,6 @@ bool IsNamed(int descriptor, const std::string& path) {
   struct stat open_file, named;
   return fstat(descriptor, &open_file) == 0 && stat(path.c_str(), &named) == 0 &&
          open_file.st_ino == named.st_ino && open_file.st_dev == named.st_dev;
-}
-
-// The file that links lead to, if there is one.
-std::string Resolved(const std::string& path) {
-  std::error_code error;
-  const std::filesystem::path file = std::filesystem::canonical(path, error);
-  return error ? path : file.string();
 }
 
 }  // namespace
@@ -49,7 +41,7 @@ int OpenLocked(const std::string& path, bool waits) {
 }
 
 FileLock::FileLock(const std::string& path)
-    : lock_path_(Resolved(path) + ".lock"), descriptor_(OpenLocked(lock_path_, false)) {
+    : lock_path_(BehindLinks(path) + ".lock"), descriptor_(OpenLocked(lock_path_, false)) {
   if (descriptor_ < 0 && errno == EWOULDBLOCK) {
     throw IoError(path, "another run of cairn is writing to it");
   }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
 #include "database/query.h"
 #include "database/sql.h"
 
@@ -39,7 +40,7 @@ bool TableExists(Database::Impl& impl, const char* table) {
 // allow that, the database is opened as immutable, which is right as long as no log is
 // left beside it. Both are beside the file that links lead to.
 bool MustOpenImmutable(const std::string& path) {
-  const fs::path file = fs::weakly_canonical(path);
+  const fs::path file = fs::absolute(BehindLinks(path));
   const bool is_writable = faccessat(AT_FDCWD, file.parent_path().c_str(), W_OK, AT_EACCESS) == 0;
   return !is_writable && !fs::exists(file.string() + "-wal");
 }

@@ -70,6 +70,9 @@ std::string LowerCaseExtension(const std::string& path);
 // A relative path without a part "..".
 bool StaysInFolder(const std::string& name);
 
+// The file that links lead to, absolute; the path as it is where there is none.
+std::string BehindLinks(const std::string& path);
+
 // Is it the folder, or in it, whatever links lead there? Neither needs to exist.
 bool IsInFolder(const std::string& path, const std::string& folder);
 
