@@ -1,6 +1,5 @@
 #include "cairn/database/database.h"
 
-#include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "database/bad_rows.h"
 #include "database/query.h"
@@ -165,7 +164,9 @@ bool Database::HasImage(image_t image_id) const {
 }
 
 void Database::WriteCamera(const Camera& camera) {
-  CAIRN_CHECK(camera.camera_id != kInvalidCameraId);
+  if (camera.camera_id == kInvalidCameraId) {
+    throw IoError(path(), "cameras have ids below " + std::to_string(kInvalidCameraId));
+  }
   Run(*impl_,
       "INSERT INTO cameras(camera_id, model, width, height, params, prior_focal_length) "
       "VALUES(?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT(camera_id) DO UPDATE SET model = ?2, width = ?3, "

@@ -55,7 +55,6 @@ camera_t WriteCamera(OpenDatabase& self, Camera camera) {
   if (camera.camera_id == kInvalidCameraId) {
     const std::vector<camera_t> taken = database.ReadTakenCameraIds();
     camera.camera_id = taken.empty() ? 1 : taken.back() + 1;
-    if (camera.camera_id == kInvalidCameraId) throw ConfigError("camera_id", "none is left above");
   }
   database.WriteCamera(camera);
   return camera.camera_id;

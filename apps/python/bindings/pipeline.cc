@@ -145,8 +145,9 @@ void BindBuilding(py::module_& m) {
         R"(Photographs to features, depth, matches and verified pairs, all in one database.
 
 What the database has is kept: features and matches that were written to it, and the results of an
-earlier run, which may have been interrupted; without a seed, that of it goes on. options: as the flags of the program of this name,
-such as {"verifier": "five_point", "matching.max_ratio": 0.9}. See ViewGraph.from_database.)");
+earlier run, which may have been interrupted, with its seed where none is given. options: as the
+flags of the program of this name, such as {"verifier": "five_point", "matching.max_ratio": 0.9}.
+See ViewGraph.from_database.)");
 }
 
 void BindReconstructing(py::module_& m) {

@@ -52,7 +52,8 @@ class Database {
   std::vector<camera_t> ReadTakenCameraIds() const;
   image_t ReadLargestTakenImageId() const;
   bool HasImage(image_t image_id) const;
-  void WriteCamera(const Camera& camera);  // camera_id must be set; replaces
+  // Replaces. Throws IoError unless camera_id is set.
+  void WriteCamera(const Camera& camera);
   // Replaces. Throws IoError for ids and names that cannot be used, a name that another image has,
   // and a camera that is not there.
   void WriteImage(const Image& image);

@@ -375,13 +375,7 @@ void WriteImages(Database& database, const std::vector<Camera>& cameras,
   Database::Transaction transaction(database);
   if (NumNewImages(photos) > 0) ledger.Begin(database);
   bool has_reassigned = false;  // old images with new cameras
-  for (const Camera& camera : cameras) {
-    if (camera.camera_id == kInvalidCameraId) {
-      throw IoError(database.path(),
-                    "no camera id is left above " + std::to_string(kInvalidCameraId - 1));
-    }
-    database.WriteCamera(camera);
-  }
+  for (const Camera& camera : cameras) database.WriteCamera(camera);
   for (const Photo& photo : photos) {
     const PhotoRecord record = {photo.name, photo.file_hash, photo.error};
     database.WritePhoto(photo.error.empty() ? record : FailedPhoto(image_path, record));

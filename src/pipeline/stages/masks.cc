@@ -30,13 +30,9 @@ std::map<std::string, uint64_t> HashesOfPhotos(const Database& database) {
 
 // "": it has none.
 std::string MaskOf(const std::string& mask_path, const Image& image) {
-  if (mask_path.empty()) return "";
-  try {
-    const std::string mask = PathInFolder(mask_path, image.name + ".png");
-    return std::filesystem::exists(mask) ? mask : "";
-  } catch (const IoError&) {  // The name leads out of the folder.
-    return "";
-  }
+  if (mask_path.empty() || !StaysInFolder(image.name)) return "";
+  const std::string mask = PathInFolder(mask_path, image.name + ".png");
+  return std::filesystem::exists(mask) ? mask : "";
 }
 
 }  // namespace

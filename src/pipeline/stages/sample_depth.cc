@@ -242,11 +242,7 @@ void CheckDepthMaps(const Database& database, const std::string& depth_path) {
   const std::vector<Image> images = database.ReadImages();
   if (depth_path.empty() || images.empty() || !database.ReadNumDepthSamples().empty()) return;
   const bool has_any = std::ranges::any_of(images, [&](const Image& image) {
-    try {
-      return FindDepthMap(depth_path, image.name).has_value();
-    } catch (const IoError&) {  // The name leads out of the folder.
-      return false;
-    }
+    return StaysInFolder(image.name) && FindDepthMap(depth_path, image.name);
   });
   if (has_any) return;
   throw ConfigError("depth_path", depth_path + " has no depth map of any image: there is no " +

@@ -36,26 +36,8 @@ CREATE UNIQUE INDEX frame_sensor_assignment ON frame_data(data_id, sensor_type);
 PRAGMA user_version = 4020000;
 )";
 
-TEST_F(ColmapFilesTest, AnImageThatGoesLeavesTheFrameToTheOthersInIt) {
-  const std::string path = folder_ / "v4.db";
-  RunSql(path, kColmap42);
-  Database database(path);
-  for (const image_t id : {1, 2}) {
-    database.WriteCamera(Camera::FromFocal(id, CameraModel::kSimpleRadial, 20, 10, 10));
-    database.WriteImage({id, "image" + std::to_string(id), id});
-  }
-  RunSql(path,
-         "DELETE FROM frames WHERE frame_id = 2; INSERT INTO rig_sensors VALUES(1, 2, 0, X'');"
-         "INSERT OR REPLACE INTO frame_data VALUES(1, 2, 2, 0)");
-  database.DeleteImage(2);
-  EXPECT_EQ(RunSql(path, "SELECT * FROM frame_data"), (SqlRows{{"1", "1", "1", "0"}}));
-  database.DeleteImage(1);
-  EXPECT_EQ(RunSql(path, "SELECT * FROM frame_data"), SqlRows());
-  EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), SqlRows());
-}
-
-TEST_F(ColmapFilesTest, ARigStaysAsLongAsItHasAFrame) {
-  const std::string path = folder_ / "v4.db";
+// Both cameras are of rig 1, and both images of its frame 1.
+Database OneRigOfTwoCameras(const std::string& path) {
   RunSql(path, kColmap42);
   Database database(path);
   for (const image_t id : {1, 2}) {
@@ -66,6 +48,22 @@ TEST_F(ColmapFilesTest, ARigStaysAsLongAsItHasAFrame) {
          "DELETE FROM rigs WHERE rig_id = 2; DELETE FROM frames WHERE frame_id = 2;"
          "INSERT INTO rig_sensors VALUES(1, 2, 0, X'');"
          "INSERT OR REPLACE INTO frame_data VALUES(1, 2, 2, 0)");
+  return database;
+}
+
+TEST_F(ColmapFilesTest, AnImageThatGoesLeavesTheFrameToTheOthersInIt) {
+  const std::string path = folder_ / "v4.db";
+  Database database = OneRigOfTwoCameras(path);
+  database.DeleteImage(2);
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frame_data"), (SqlRows{{"1", "1", "1", "0"}}));
+  database.DeleteImage(1);
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frame_data"), SqlRows());
+  EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), SqlRows());
+}
+
+TEST_F(ColmapFilesTest, ARigStaysAsLongAsItHasAFrame) {
+  const std::string path = folder_ / "v4.db";
+  Database database = OneRigOfTwoCameras(path);
   database.DeleteImage(1);
   database.DeleteUnusedCameras();
   EXPECT_EQ(RunSql(path, "SELECT * FROM rigs"), (SqlRows{{"1", "1", "0"}}));
