@@ -31,6 +31,17 @@ inline ReconstructResult Reconstruct(const Database& database,
   return Reconstruct(database, "", settings, kOneThread);
 }
 
+// Largest distance of a camera from the first.
+inline double Extent(const Reconstruction& model) {
+  double extent = 0;
+  for (const auto& [id, image] : model.images) {
+    extent = std::max(extent, (image.cam_from_world.Center() -
+                               model.images.begin()->second.cam_from_world.Center())
+                                  .norm());
+  }
+  return extent;
+}
+
 inline void ExpectEqual(const Reconstruction& a, const Reconstruction& b) {
   ASSERT_EQ(a.images.size(), b.images.size());
   ASSERT_EQ(a.points3D.size(), b.points3D.size());
