@@ -18,12 +18,17 @@ namespace cairn {
 namespace {
 namespace fs = std::filesystem;
 
+CameraOptions GivenPinhole(const std::vector<double>& params) {
+  CameraOptions options;
+  options.camera_model = CameraModel::kPinhole;
+  options.camera_params = params;
+  return options;
+}
+
 TEST_F(ImportPhotosTest, CameraParamsAndSingleCamera) {
   AddPhoto("a.png");
   AddPhoto("b.png");
-  CameraOptions options;
-  options.camera_model = CameraModel::kPinhole;
-  options.camera_params = {70, 71, 32, 24};
+  CameraOptions options = GivenPinhole({70, 71, 32, 24});
   options.single_camera = true;
   Import(options);
   const std::vector<Camera> cameras = database_.ReadCameras();
@@ -72,9 +77,7 @@ TEST_F(ImportPhotosTest, WrongCameraParamsAreNamed) {
 
 TEST_F(ImportPhotosTest, CameraParamsThatNoCameraHasAreRefused) {
   AddPhoto("a.png");
-  CameraOptions options;
-  options.camera_model = CameraModel::kPinhole;
-  options.camera_params = {140, 142, 64, 48};
+  const CameraOptions options = GivenPinhole({140, 142, 64, 48});
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(options); }),
               AllOf(HasSubstr("camera_params: a.png: the principal point 64,48 lies outside"),
                     HasSubstr("Here it is then 70,71,32,24")));
@@ -83,9 +86,7 @@ TEST_F(ImportPhotosTest, CameraParamsThatNoCameraHasAreRefused) {
 
 TEST_F(ImportPhotosTest, DoubtfulCameraParamsAreToldOnce) {
   for (const std::string name : {"a.png", "b.png"}) AddPhoto(name);
-  CameraOptions options;
-  options.camera_model = CameraModel::kPinhole;
-  options.camera_params = {35, 35, 16, 12};
+  const CameraOptions options = GivenPinhole({35, 35, 16, 12});
   const StageReport report = Import(options);
   ASSERT_EQ(report.warnings.size(), 1u);
   EXPECT_THAT(report.warnings[0].what, HasSubstr("the given principal point 16,12 is far"));
@@ -96,9 +97,7 @@ TEST_F(ImportPhotosTest, DoubtfulCameraParamsAreToldOnce) {
 
 TEST_F(ImportPhotosTest, CameraParamsForPhotographsOfSeveralSizesAreToldWithTheSizes) {
   AddPhotoOf(35, "One", "a.jpg");
-  CameraOptions options;
-  options.camera_model = CameraModel::kPinhole;
-  options.camera_params = {65, 65, 32, 24};
+  const CameraOptions options = GivenPinhole({65, 65, 32, 24});
   EXPECT_TRUE(Import(options).warnings.empty());
   AddPhoto("b.png", 72, 54);  // joins
   const StageReport report = Import(options);
@@ -108,9 +107,7 @@ TEST_F(ImportPhotosTest, CameraParamsForPhotographsOfSeveralSizesAreToldWithTheS
 
 TEST_F(ImportPhotosTest, AGivenFocalLengthThatIsNotExifsIsTold) {
   AddPhotoOf(35, "One", "a.jpg");  // 64.7 pixels
-  CameraOptions options;
-  options.camera_model = CameraModel::kPinhole;
-  options.camera_params = {130, 130, 32, 24};
+  const CameraOptions options = GivenPinhole({130, 130, 32, 24});
   const StageReport report = Import(options);
   ASSERT_EQ(report.warnings.size(), 1u);
   EXPECT_THAT(report.warnings[0].what, HasSubstr("focal length of 130 pixels is not EXIF's, 65"));
