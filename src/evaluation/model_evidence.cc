@@ -22,6 +22,10 @@ namespace {
 constexpr int64_t kGrain = 16;            // pairs
 constexpr int64_t kGrainOfPoints = 1024;  // or of keypoints
 
+// A match's standard deviation, thresholds of two-view verification: more than remains of them in
+// a finished model, for errors of the model itself must not count as contradictions.
+constexpr double kNoise = 0.5;
+
 constexpr size_t kLookahead = 16;  // matches; some ten lookups fit into one wait for memory
 
 // A keypoint's unit bearing, and how that changes with the pixel.
@@ -81,12 +85,11 @@ struct PairEvidence {
   double nats = 0;
 };
 
-PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMatches& matches) {
+PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMatches& matches,
+                          double noise) {
   const Rigid3d cam2_from_cam1 = view2.image->cam_from_world * Inverse(view1.image->cam_from_world);
   const double focal_px = 0.5 * (view1.camera->MeanFocal() + view2.camera->MeanFocal());
-  // Two-view verification's threshold is taken as the standard deviation: what remains of it in a
-  // finished model is less, and errors of the model itself must not count as contradictions.
-  const double sigma_px = DefaultMaxErrorPx(*view1.camera, *view2.camera);
+  const double sigma_px = noise * DefaultMaxErrorPx(*view1.camera, *view2.camera);
   const double max_nats =
       MaxNats(0.5 * (WidthPx(*view1.camera) + WidthPx(*view2.camera)), sigma_px);
   PairEvidence evidence;
@@ -154,14 +157,14 @@ void FindRays(std::span<const VerifiedPair> pairs, int num_threads, Views& views
 // nothing.
 template <typename Visit>
 void EvaluatePairs(const Views& views, std::span<const VerifiedPair> pairs, int num_threads,
-                   const Visit& visit) {
+                   const Visit& visit, double noise = kNoise) {
   ParallelFor(
       num_threads, std::ssize(pairs),
       [&](int64_t i) {
         const auto view1 = views.find(pairs[i].image_id1);
         const auto view2 = views.find(pairs[i].image_id2);
         const bool is_inside = view1 != views.end() && view2 != views.end();
-        visit(i, is_inside ? EvaluatePair(view1->second, view2->second, *pairs[i].matches)
+        visit(i, is_inside ? EvaluatePair(view1->second, view2->second, *pairs[i].matches, noise)
                            : PairEvidence());
       },
       kGrain);
@@ -169,7 +172,7 @@ void EvaluatePairs(const Views& views, std::span<const VerifiedPair> pairs, int 
 
 // Is a point as near to a keypoint, and in front, as an explained match to its epipolar line?
 bool IsNear(const View& view, const Eigen::Vector3d& ray, const Eigen::Vector3d& xyz) {
-  const double sigma_px = DefaultMaxErrorPx(*view.camera, *view.camera);
+  const double sigma_px = kNoise * DefaultMaxErrorPx(*view.camera, *view.camera);
   const double max_error_px = sigma_px * std::sqrt(2 * MaxNats(WidthPx(*view.camera), sigma_px));
   const Eigen::Vector3d x = (view.image->cam_from_world * xyz).normalized();
   return x.dot(ray) > 0 && view.camera->MeanFocal() * x.cross(ray).norm() < max_error_px;
@@ -373,13 +376,32 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
   return evidence;
 }
 
-double StandardErrorsOfGain(const ModelEvidence& model1, const ModelEvidence& model2) {
+SupportOfImages EvaluateImages(const Reconstruction& model, std::span<const VerifiedPair> pairs,
+                               double noise, const RunContext& run) {
+  Views views = MakeViews(model);
+  FindRays(pairs, run.num_threads, views);
+  std::vector<double> nats(pairs.size());
+  EvaluatePairs(
+      views, pairs, run.num_threads,
+      [&](int64_t i, const PairEvidence& found) { nats[i] = found.nats; }, noise);
+  SupportOfImages support;
+  for (const auto& [id, image] : model.images) support.images[id] = 0;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    const auto image1 = support.images.find(pairs[i].image_id1);
+    const auto image2 = support.images.find(pairs[i].image_id2);
+    if (image1 == support.images.end() || image2 == support.images.end()) continue;
+    for (double* of : {&support.nats, &image1->second, &image2->second}) *of += nats[i];
+  }
+  return support;
+}
+
+double StandardErrorsOfGain(const SupportOfImages& model1, const SupportOfImages& model2) {
   const double num_images = static_cast<double>(model2.images.size());
-  const double gain = model2.inside.nats - model1.inside.nats;
+  const double gain = model2.nats - model1.nats;
   std::vector<double> without;  // each image
   double mean = 0;
-  for (const auto& [id, support] : model2.images) {
-    without.push_back(gain - (support.nats - model1.images.at(id).nats));
+  for (const auto& [id, nats] : model2.images) {
+    without.push_back(gain - (nats - model1.images.at(id)));
     mean += without.back() / num_images;
   }
   double sum = 0;

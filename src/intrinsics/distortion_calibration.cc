@@ -21,7 +21,8 @@ using internal::SparseNormals;
 constexpr std::array kScan = {0.0,  -0.02, -0.05, -0.09, -0.13, -0.18, -0.25,
                               0.02, 0.06,  0.12,  0.22,  0.4,   0.7};
 constexpr size_t kFirstPositive = 7;
-constexpr double kScanScale = 3.0;     // of the loss while scanning, thresholds of verification
+constexpr double kErrorScale = 0.5;    // of errors, thresholds of verification
+constexpr double kScanScale = 3.0;     // of the loss while scanning, scales of errors
 constexpr double kNoiseScale = 3.0;    // of the loss afterwards, standard deviations of the noise
 constexpr int kScanIterations = 12;    // of F, from one value of the scan to the next
 constexpr int kRefineIterations = 10;  // of F, from one step of k to the next
@@ -51,7 +52,7 @@ struct Term {
   DistortedPair pair;
   FundamentalFactors F;
   int variable1 = -1, variable2 = -1;
-  double threshold_px = 1.0;
+  double error_px = 1.0;
   double sigma_px = 1.0;
   std::array<double, kScan.size()> scan_costs = {};  // each match at most 1
   std::array<FundamentalFactors, kScan.size()> scan_fits;
@@ -131,7 +132,7 @@ Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camer
     Term& term = terms_.emplace_back(DistortedPair(pair, camera1, camera2), std::move(*F));
     term.variable1 = Variable(pair.camera_id1);
     term.variable2 = Variable(pair.camera_id2);
-    term.threshold_px = DefaultMaxErrorPx(camera1, camera2);
+    term.error_px = kErrorScale * DefaultMaxErrorPx(camera1, camera2);
   }
   found_.resize(cameras_.size());
 }
@@ -151,7 +152,7 @@ int Problem::Variable(camera_t id) {
 
 // Both cameras together, from no distortion outwards, so that each F begins near its end.
 void Problem::ScanTerm(Term& term) const {
-  const double scale_px = kScanScale * term.threshold_px;
+  const double scale_px = kScanScale * term.error_px;
   FundamentalFactors F = term.F;
   for (size_t i = 0; i < kScan.size(); ++i) {
     if (i == kFirstPositive) F = term.scan_fits[0];
@@ -186,7 +187,7 @@ Distortions Problem::StartFrom(Eigen::VectorXd x) {
     const double value = At(x, term.variable1 >= 0 ? term.variable1 : term.variable2);
     const auto index = std::find(kScan.begin(), kScan.end(), value) - kScan.begin();
     term.F = term.scan_fits[index];
-    const double scale_px = kScanScale * term.threshold_px;
+    const double scale_px = kScanScale * term.error_px;
     SetDistortion(term, At(x, term.variable1), At(x, term.variable2));
     term.pair.Refine(scale_px, kRefineIterations, &term.F);
     term.sigma_px = scale_px / kNoiseScale;
@@ -321,7 +322,7 @@ DistortionCalibrationReport Problem::Solve() {
   Distortions at = StartFrom(BestOfScan());
   Minimize(*this, kOptions, &at);
   for (size_t i = 0; i < terms_.size(); ++i) {
-    terms_[i].sigma_px = terms_[i].pair.NoisePx(at.F[i], terms_[i].threshold_px);
+    terms_[i].sigma_px = terms_[i].pair.NoisePx(at.F[i], terms_[i].error_px);
   }
   Minimize(*this, kOptions, &at);
   Judge(at);

@@ -46,13 +46,13 @@ std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& propert
 // with it, as a normal deviate.
 struct FreerModel {
   Reconstruction model;
-  ModelEvidence evidence;
+  SupportOfImages support;
   double deviate = 0;
 };
 
 // What bundle adjustment makes of it, unless it is soon seen that the matches do not agree better
 // by more than min_deviate.
-FreerModel Adjusted(StageContext& context, const ViewGraph& graph, const ModelEvidence& before,
+FreerModel Adjusted(StageContext& context, const ViewGraph& graph, const SupportOfImages& before,
                     const std::set<camera_t>& cameras, double min_deviate, Reconstruction model) {
   const auto num_images = std::ranges::count_if(model.images, [&](const auto& entry) {
     return cameras.count(entry.second.image.camera_id) > 0;
@@ -60,9 +60,9 @@ FreerModel Adjusted(StageContext& context, const ViewGraph& graph, const ModelEv
   FreerModel freer{std::move(model), {}};
   for (const int iterations : {kIterationsToLook, kIterations}) {
     AdjustModel(context, iterations, freer.model);
-    freer.evidence = EvidenceFor(context, freer.model, graph);
-    const bool has_all = freer.evidence.images.size() == before.images.size();
-    freer.deviate = has_all ? NormalDeviate(StandardErrorsOfGain(before, freer.evidence),
+    freer.support = SharpSupportFor(context, freer.model, graph);
+    const bool has_all = freer.support.images.size() == before.images.size();
+    freer.deviate = has_all ? NormalDeviate(StandardErrorsOfGain(before, freer.support),
                                             static_cast<double>(num_images) - 1)
                             : 0;
     if (freer.deviate <= min_deviate) break;
@@ -141,7 +141,7 @@ std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewG
                                               const std::set<camera_t>& cameras, double min_deviate,
                                               const Reconstruction& model) {
   if (cameras.empty()) return std::nullopt;
-  const ModelEvidence before = EvidenceFor(context, model, graph);
+  const SupportOfImages before = SharpSupportFor(context, model, graph);
   const auto kept = std::exchange(context.free_principal_points, cameras);
   FreerModel found = Adjusted(context, graph, before, cameras, min_deviate, model);
   context.free_principal_points = kept;
@@ -171,6 +171,7 @@ std::optional<FreerModel> FindLens(StageContext& context, const BuiltModel& best
   const std::map<camera_t, Camera>& before = best.model->cameras;
   const bool may_be_fisheye =
       std::ranges::any_of(cameras, [&](camera_t id) { return BendsMuch(before.at(id)); });
+  const SupportOfImages support = SharpSupportFor(context, *best.model, best.graph);
   std::optional<FreerModel> chosen;
   double largest_deviate = -std::numeric_limits<double>::infinity();
   for (const CameraModel lens : {CameraModel::kRadial, CameraModel::kRadialFisheye}) {
@@ -180,10 +181,10 @@ std::optional<FreerModel> FindLens(StageContext& context, const BuiltModel& best
       other.cameras.at(id) = WithTwoParameters(before.at(id), lens);
     }
     FreerModel freer =
-        Adjusted(context, best.graph, best.evidence, cameras, min_deviate, std::move(other));
+        Adjusted(context, best.graph, support, cameras, min_deviate, std::move(other));
     largest_deviate = std::max(largest_deviate, freer.deviate);
     if (freer.deviate <= min_deviate) continue;
-    if (chosen && freer.evidence.inside.nats <= chosen->evidence.inside.nats) continue;
+    if (chosen && freer.support.nats <= chosen->support.nats) continue;
     chosen = std::move(freer);
   }
   ModelStage stage(context, "lens_models");
@@ -211,7 +212,6 @@ bool ChooseLensModels(StageContext& context, BuiltModel& best) {
     if (!found) continue;
     has_chosen = true;
     best.model = std::move(found->model);
-    best.evidence = std::move(found->evidence);
   }
   return has_chosen;
 }

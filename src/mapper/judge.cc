@@ -45,10 +45,8 @@ ResultWarning FoldWarning(const SceneData& scene, const Symmetry& symmetry) {
           "surroundings"};
 }
 
-}  // namespace
-
-ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
-                          const ViewGraph& graph) {
+// All pairs of the graph, in its order.
+std::vector<VerifiedPair> PairsOf(const StageContext& context, const ViewGraph& graph) {
   std::vector<VerifiedPair> pairs;
   for (const ViewEdge& edge : graph.edges) {
     const bool is_of_others =
@@ -56,7 +54,22 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
     pairs.push_back({edge.image_id1, edge.image_id2,
                      is_of_others ? &kNoMatches : &context.scene.matches.at(edge.PairId())});
   }
-  return EvaluateEvidence(model, pairs, context.run, context.scene.constant_cameras);
+  return pairs;
+}
+
+}  // namespace
+
+ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
+                          const ViewGraph& graph) {
+  return EvaluateEvidence(model, PairsOf(context, graph), context.run,
+                          context.scene.constant_cameras);
+}
+
+SupportOfImages SharpSupportFor(const StageContext& context, const Reconstruction& model,
+                                const ViewGraph& graph) {
+  // What matches of photographs in focus have.
+  constexpr double kNoise = 0.125;  // thresholds
+  return EvaluateImages(model, PairsOf(context, graph), kNoise, context.run);
 }
 
 std::string Names(const SceneData& scene, std::span<const image_t> images) {

@@ -8,7 +8,7 @@ namespace cairn {
 
 // Options of two-view verification: `verification.*` in files and flags.
 struct TwoViewOptions {
-  double max_error_px = 0.0;  // the paper has 0.05 % of the diagonal
+  double max_error_px = 0.0;  // DefaultMaxErrorPx
   double confidence = 0.99;
   int min_num_matches = 20;
   int min_num_inliers = 15;
@@ -21,7 +21,7 @@ struct TwoViewOptions {
   bool detect_watermark = true;
   int max_iterations = 10000;
   int min_iterations = 100;
-  double rough_error_ratio = 7.0;
+  double rough_error_ratio = 3.5;
   int max_depth_triangles = 4096;
   int max_affine_samples = 300;
   int max_fallback_samples = 2000;
@@ -31,7 +31,7 @@ struct TwoViewOptions {
   void VisitFields(OptionVisitor& v) {
     v.Double(
         "max_error_px", max_error_px, {0.0, 1000.0},
-        "inlier threshold on the Sampson error, px; 0: 0.05 % of the image diagonal, at least 1");
+        "inlier threshold on the Sampson error, px; 0: 0.1 % of the image diagonal, at least 2");
     v.Double("confidence", confidence, {0.0, 0.999999999},
              "chance that the best model was found before seven-point sampling stops");
     v.Int("min_num_matches", min_num_matches, {5, 1e9}, "pairs with fewer matches are not tried");

@@ -21,6 +21,9 @@
 namespace cairn::internal {
 namespace {
 
+// The standard deviation of matches that tells how well a pair determines its motion, thresholds.
+constexpr double kNoise = 1.0 / 3.0;
+
 // Matches that a model explains.
 struct Support {
   MatchErrors errors;  // of all matches
@@ -58,8 +61,7 @@ class PairFinisher {
     if (config == TwoViewConfig::kPanoramic) {
       rotation = Eigen::Quaterniond(special.H);
     } else {
-      // For errors of a third of the threshold.
-      const double sigma_px = pair_.max_error_px / 3.0;
+      const double sigma_px = kNoise * pair_.max_error_px;
       const PoseSigmas sigmas = SigmasOfPose(pair_.points, pose, pair_.max_error_px);
       if (sigma_px * sigmas.rotation > max_sigma) {
         report->status = PairStatus::kDegenerate;
@@ -176,7 +178,7 @@ class PairFinisher {
       information += Eigen::Matrix3d::Identity() - ray * ray.transpose();
     }
     const double smallest = SymmetricEigen(information).values[0];
-    const double sigma = pair_.max_error_px / 3.0 / pair_.points.focal2_px();
+    const double sigma = kNoise * pair_.max_error_px / pair_.points.focal2_px();
     return smallest > 0.0 ? sigma / std::sqrt(smallest) : std::numeric_limits<double>::infinity();
   }
 

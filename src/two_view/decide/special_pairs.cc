@@ -21,7 +21,7 @@ Eigen::Matrix3d FitRotation(const PointPairs& points, double max_error_px, Match
     Eigen::Matrix3d M = Eigen::Matrix3d::Zero();
     for (int i = 0; i < points.size(); ++i) {
       // The reach shrinks: rays that disagree by far, then by the threshold, are left out.
-      if (round > 0 && !((*errors)[i] < max_error_px * (round == 1 ? kOutside : kNearby))) continue;
+      if (round > 0 && !((*errors)[i] < max_error_px * (round == 1 ? kOutside : 1.0))) continue;
       M += points.Ray2(i).normalized() * points.Ray1(i).normalized().transpose();
     }
     R = NearestRotation(M);
@@ -58,10 +58,9 @@ bool IsWatermark(const PreparedPair& pair, std::span<const int32_t> inliers, dou
                      [k](const auto& a, const auto& b) { return a[k] < b[k]; });
     median[k] = shifts[middle][k];
   }
-  const auto num_equal =
-      std::count_if(shifts.begin(), shifts.end(), [&](const Eigen::Vector2d& shift) {
-        return (shift - median).norm() < kNearby * pair.max_error_px;
-      });
+  const auto num_equal = std::count_if(
+      shifts.begin(), shifts.end(),
+      [&](const Eigen::Vector2d& shift) { return (shift - median).norm() < pair.max_error_px; });
   return static_cast<double>(num_equal) >= needed;
 }
 
@@ -82,7 +81,7 @@ std::optional<Eigen::Vector2d> OverlayShift(const PairInput& input,
       const Eigen::Vector2d shift = Eigen::Vector2d(x, y).cwiseProduct(size2 - size1);
       const auto num_equal =
           std::count_if(matches.begin(), matches.end(), [&](const FeatureMatch& match) {
-            return (ShiftOf(input, match) - shift).norm() < kNearby * max_error_px;
+            return (ShiftOf(input, match) - shift).norm() < max_error_px;
           });
       if (2 * num_equal > std::ssize(matches)) return shift;
     }

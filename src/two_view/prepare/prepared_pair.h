@@ -10,11 +10,10 @@
 
 namespace cairn::internal {
 
-// Scales of errors in thresholds. The threshold separates inliers; what a slightly better model
-// might explain lies within kNearby, what is no mere noise of this one beyond kOutside. In the
-// smooth loss e^2 / (s^2 + e^2) a match at kReach scales pulls less than 1 % of one at a scale's
-// half.
-inline constexpr double kNearby = 2.0, kOutside = 4.0, kReach = 16.0;
+// Scales of errors in thresholds. The threshold separates inliers; what is no mere noise of a model
+// lies beyond kOutside. In the smooth loss e^2 / (s^2 + e^2) a match at kReach scales pulls less
+// than 1 % of one at a scale's half.
+inline constexpr double kOutside = 4.0, kReach = 16.0;
 
 // Where a share of many matches is asked for, so many tell it: its standard error is below 1 / (2
 // sqrt(256)), 3 %.

@@ -27,7 +27,7 @@ class FundamentalNeighborhood {
 
   double Begin() {
     const MatchErrors errors(pair_.points, best_);
-    explained_ = errors.Below(kNearby * pair_.max_error_px);
+    explained_ = errors.Below(pair_.max_error_px);
     sigma_px_ = NoiseScalePx(pair_, errors.values(), kSigmaOfMedian);
     return SupportOf(best_);
   }
@@ -84,7 +84,7 @@ class FundamentalNeighborhood {
 
   void SamplePlaneAndParallax(Rng* rng) {
     constexpr int kNumPairs = 5 * kNumSamples;
-    const double max_error_px = kNearby * pair_.max_error_px;
+    const double max_error_px = pair_.max_error_px;
     const std::optional<Eigen::Matrix3d> H = FindPlane(pair_, explained_, max_error_px, rng);
     if (!H) return;
     // Of all matches: what F does not explain may be right.

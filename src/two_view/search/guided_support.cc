@@ -20,7 +20,9 @@ double ShareOfRight(double num_near, double num, double chance, double expected)
 double NoiseScalePx(const PreparedPair& pair, std::span<const float> errors_px, double factor) {
   constexpr double kNumParameters = 5.0;  // of a pose
   constexpr double kPriorWeight = 10.0;   // matches
-  constexpr double kMaxNoise = 3.0;       // thresholds
+  constexpr double kPriorNoise = 0.5;     // thresholds
+  constexpr double kMaxNoise = 1.5;       // thresholds
+  const double prior_noise_px = kPriorNoise * pair.max_error_px;
   const double max_noise_px = kMaxNoise * pair.max_error_px;
   std::vector<float> small;
   small.reserve(errors_px.size());
@@ -29,12 +31,12 @@ double NoiseScalePx(const PreparedPair& pair, std::span<const float> errors_px, 
   }
   const double by_chance = pair.chance_per_px * max_noise_px * pair.size();
   const double num_right = static_cast<double>(small.size()) - by_chance;
-  if (!(num_right > 2.0 * kNumParameters)) return pair.max_error_px;
+  if (!(num_right > 2.0 * kNumParameters)) return prior_noise_px;
   const auto middle = small.begin() + static_cast<ptrdiff_t>(0.5 * num_right);
   std::nth_element(small.begin(), middle, small.end());
   const double noise_px = factor * (1.0 + 5.0 / (num_right - kNumParameters)) * *middle;
   const double mean_square =
-      (kPriorWeight * pair.max_error_px * pair.max_error_px + num_right * noise_px * noise_px) /
+      (kPriorWeight * prior_noise_px * prior_noise_px + num_right * noise_px * noise_px) /
       (kPriorWeight + num_right);
   return std::min(std::sqrt(mean_square), max_noise_px);
 }
@@ -42,8 +44,8 @@ double NoiseScalePx(const PreparedPair& pair, std::span<const float> errors_px, 
 void GuidedSupport::Learn(const PreparedPair& pair, std::span<const float> errors_px,
                           double reach_px) {
   constexpr double kNear = 3.0;  // sigmas: 99.7 % of normal errors
-  const double sigma_px = NoiseScalePx(pair, errors_px, kSigmaOfMedian);
-  const double near_px = kNear * sigma_px;
+  sigma_px_ = NoiseScalePx(pair, errors_px, kSigmaOfMedian);
+  const double near_px = kNear * sigma_px_;
   const double chance = std::min(0.5, pair.chance_per_px * near_px);
   auto count_near = [&](int begin, int end) {
     return std::count_if(errors_px.begin() + begin, errors_px.begin() + end,
@@ -52,7 +54,7 @@ void GuidedSupport::Learn(const PreparedPair& pair, std::span<const float> error
   const double share_of_all =
       ShareOfRight(static_cast<double>(count_near(0, pair.size())), pair.size(), chance, 0.0);
   // Densities of right and of wrong matches at no error.
-  const double peak = std::sqrt(2.0 / M_PI) / sigma_px / pair.chance_per_px;
+  const double peak = std::sqrt(2.0 / M_PI) / sigma_px_ / pair.chance_per_px;
   classes_.clear();
   std::vector<int32_t> indices;
   int begin = 0;
@@ -66,8 +68,7 @@ void GuidedSupport::Learn(const PreparedPair& pair, std::span<const float> error
       const double share = ShareOfRight(static_cast<double>(count_near(begin, end)), end - begin,
                                         chance, share_of_all);
       points_[c].SetSubset(pair.points, indices.data(), static_cast<int>(indices.size()));
-      classes_.push_back(
-          {&points_[c], kLossSigmas * sigma_px, std::log1p(share / (1.0 - share) * peak)});
+      classes_.push_back({&points_[c], scale_px(), std::log1p(share / (1.0 - share) * peak)});
     }
     begin = end;
   }

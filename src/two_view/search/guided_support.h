@@ -10,10 +10,10 @@
 namespace cairn::internal {
 
 // `factor` times the median error of right matches, pixels, by the errors of all matches at a pose
-// that was fitted to them: of those within three thresholds, less as many as chance puts there,
-// evenly. A fit to few matches is closer than their noise, which is allowed for (Rousseeuw and
-// Leroy, 1987: 1 + 5 / (n - p)); that it is the threshold weighs as much as ten matches. At most
-// three thresholds.
+// that was fitted to them: of those within one and a half thresholds, less as many as chance puts
+// there, evenly. A fit to few matches is closer than their noise, which is allowed for (Rousseeuw
+// and Leroy, 1987: 1 + 5 / (n - p)); that it is half of the threshold weighs as much as ten
+// matches. At most one and a half thresholds.
 double NoiseScalePx(const PreparedPair& pair, std::span<const float> errors_px, double factor);
 
 // Of normal errors; and the scale of the smooth loss that fits a pair's noise, in sigmas.
@@ -32,8 +32,10 @@ class GuidedSupport {
 
   double Score(const Eigen::Matrix3d& E) const;  // larger is better
   Rigid3d Refine(const Rigid3d& start) const;
+  double scale_px() const { return kLossSigmas * sigma_px_; }  // of the smooth loss
 
  private:
+  double sigma_px_ = 0.0;  // of the pair's noise
   std::array<PointPairs, PreparedPair::kNumVoteClasses> points_;
   std::vector<WeightedPoints> classes_;  // those that have points
 };

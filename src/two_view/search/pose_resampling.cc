@@ -45,7 +45,7 @@ class PoseNeighborhood {
 
   double Try(int k, double best_support) {
     const Rigid3d start = PosesFromEssential(hypotheses_[k].E)[0];
-    const Rigid3d pose = RefineSmoothly(reach_, start, pair_.max_error_px, kNumSteps);
+    const Rigid3d pose = RefineSmoothly(reach_, start, guided_.scale_px(), kNumSteps);
     const Eigen::Matrix3d E = EssentialFromPose(pose);
     double support = guided_.Score(E);
     if (!(support > best_support)) return best_support;

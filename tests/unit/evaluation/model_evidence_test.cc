@@ -58,9 +58,9 @@ TEST(ModelEvidence, AGainThatAllImagesShareIsBeyondDoubtAndOneOfASingleImageIsNo
   const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.3});
   const Pairs pairs(scene.truth);
   const auto evidence = [&](const Reconstruction& model) {
-    return EvaluateEvidence(model, pairs.views, {.num_threads = 1});
+    return EvaluateImages(model, pairs.views, 1, {.num_threads = 1});
   };
-  const ModelEvidence truth = evidence(scene.truth);
+  const SupportOfImages truth = evidence(scene.truth);
   Reconstruction wrong_lens = scene.truth;
   for (auto& [id, camera] : wrong_lens.cameras) camera.SetMeanFocal(1.1 * camera.MeanFocal());
   EXPECT_GT(StandardErrorsOfGain(evidence(wrong_lens), truth), 3);
@@ -143,7 +143,7 @@ TEST(ModelEvidence, ErrorsArePixelsWhateverTheLens) {
     const TwoPhotographs pair(camera);
     const VerifiedPair verified = {1, 2, &pair.matches};
     const ModelEvidence evidence = EvaluateEvidence(pair.model, {&verified, 1}, {});
-    const double sigma_px = DefaultMaxErrorPx(camera, camera);
+    const double sigma_px = 0.5 * DefaultMaxErrorPx(camera, camera);
     const double width_px = 900 * 700 / camera.DiagonalPx();
     double nats = 0;
     for (size_t k = 0; k < pair.matches.size(); ++k) {
