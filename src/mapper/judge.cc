@@ -65,11 +65,9 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
                           context.scene.constant_cameras);
 }
 
-SupportOfImages SharpSupportFor(const StageContext& context, const Reconstruction& model,
-                                const ViewGraph& graph) {
-  // What matches of photographs in focus have.
-  constexpr double kNoise = 0.125;  // thresholds
-  return EvaluateImages(model, PairsOf(context, graph), kNoise, context.run);
+SupportOfImages SupportFor(const StageContext& context, const Reconstruction& model,
+                           const ViewGraph& graph, double noise) {
+  return EvaluateImages(model, PairsOf(context, graph), noise, context.run);
 }
 
 std::string Names(const SceneData& scene, std::span<const image_t> images) {

@@ -297,10 +297,9 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
 // models' images have no matches.
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
                           const ViewGraph& graph);
-// Of each image, by the noise that matches have where the model is right: models are told apart
-// that differ by less than verification's threshold.
-SupportOfImages SharpSupportFor(const StageContext& context, const Reconstruction& model,
-                                const ViewGraph& graph);
+// Of each image, by errors of this standard deviation (EvaluateImages).
+SupportOfImages SupportFor(const StageContext& context, const Reconstruction& model,
+                           const ViewGraph& graph, double noise);
 // Of each image of a model, its pairs in use with others of it.
 std::map<image_t, int> NumPairsInUse(const ViewGraph& graph, const Reconstruction& model);
 // Warnings of a model that contradicts its own verified pairs, or parts of it that do, and of
