@@ -151,7 +151,7 @@ void Camera::SetMeanFocal(double focal_px) {
 double Camera::DiagonalPx() const { return std::hypot(width, height); }
 
 double DefaultMaxErrorPx(const Camera& camera1, const Camera& camera2) {
-  return std::max(2.0, 0.001 * 0.5 * (camera1.DiagonalPx() + camera2.DiagonalPx()));
+  return std::max(1.0, 0.001 * 0.5 * (camera1.DiagonalPx() + camera2.DiagonalPx()));
 }
 
 std::vector<int> Camera::FocalIndices() const {

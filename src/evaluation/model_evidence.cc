@@ -22,10 +22,6 @@ namespace {
 constexpr int64_t kGrain = 16;            // pairs
 constexpr int64_t kGrainOfPoints = 1024;  // or of keypoints
 
-// A match's standard deviation, thresholds of two-view verification: more than remains of them in
-// a finished model, for errors of the model itself must not count as contradictions.
-constexpr double kNoise = 0.5;
-
 constexpr size_t kLookahead = 16;  // matches; some ten lookups fit into one wait for memory
 
 // A keypoint's unit bearing, and how that changes with the pixel.
@@ -70,6 +66,13 @@ double SquaredErrorPx(const Eigen::Matrix3d& E, const PixelRay& x1, const PixelR
           (x2.change_per_px.cast<double>().transpose() * normal2).squaredNorm());
 }
 
+// A match's standard deviation: half of two-view verification's threshold, but at least 1 px. More
+// than remains in a finished model, for errors of the model itself must not count as
+// contradictions.
+double SigmaPx(const Camera& camera1, const Camera& camera2) {
+  return std::max(1.0, 0.5 * DefaultMaxErrorPx(camera1, camera2));
+}
+
 // Mean width of an image across its epipolar lines, pixels.
 double WidthPx(const Camera& camera) {
   return static_cast<double>(camera.width) * camera.height / camera.DiagonalPx();
@@ -89,7 +92,7 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
                           double noise) {
   const Rigid3d cam2_from_cam1 = view2.image->cam_from_world * Inverse(view1.image->cam_from_world);
   const double focal_px = 0.5 * (view1.camera->MeanFocal() + view2.camera->MeanFocal());
-  const double sigma_px = noise * DefaultMaxErrorPx(*view1.camera, *view2.camera);
+  const double sigma_px = noise * SigmaPx(*view1.camera, *view2.camera);
   const double max_nats =
       MaxNats(0.5 * (WidthPx(*view1.camera) + WidthPx(*view2.camera)), sigma_px);
   PairEvidence evidence;
@@ -157,7 +160,7 @@ void FindRays(std::span<const VerifiedPair> pairs, int num_threads, Views& views
 // nothing.
 template <typename Visit>
 void EvaluatePairs(const Views& views, std::span<const VerifiedPair> pairs, int num_threads,
-                   const Visit& visit, double noise = kNoise) {
+                   const Visit& visit, double noise = 1) {
   ParallelFor(
       num_threads, std::ssize(pairs),
       [&](int64_t i) {
@@ -172,7 +175,7 @@ void EvaluatePairs(const Views& views, std::span<const VerifiedPair> pairs, int 
 
 // Is a point as near to a keypoint, and in front, as an explained match to its epipolar line?
 bool IsNear(const View& view, const Eigen::Vector3d& ray, const Eigen::Vector3d& xyz) {
-  const double sigma_px = kNoise * DefaultMaxErrorPx(*view.camera, *view.camera);
+  const double sigma_px = SigmaPx(*view.camera, *view.camera);
   const double max_error_px = sigma_px * std::sqrt(2 * MaxNats(WidthPx(*view.camera), sigma_px));
   const Eigen::Vector3d x = (view.image->cam_from_world * xyz).normalized();
   return x.dot(ray) > 0 && view.camera->MeanFocal() * x.cross(ray).norm() < max_error_px;

@@ -91,8 +91,7 @@ struct SupportOfImages {
   double nats = 0;
   std::map<image_t, double> images;  // a match counts for both of its images
 };
-// `noise`: a match's standard deviation, thresholds of two-view verification (ModelEvidence has
-// half of one).
+// `noise`: a match's standard deviation, in those of ModelEvidence.
 SupportOfImages EvaluateImages(const Reconstruction& model, std::span<const VerifiedPair> pairs,
                                double noise, const RunContext& run = {});
 // How many more nats the matches of each image save in model 2 than in model 1, of the same images,

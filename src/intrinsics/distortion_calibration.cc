@@ -21,8 +21,8 @@ using internal::SparseNormals;
 constexpr std::array kScan = {0.0,  -0.02, -0.05, -0.09, -0.13, -0.18, -0.25,
                               0.02, 0.06,  0.12,  0.22,  0.4,   0.7};
 constexpr size_t kFirstPositive = 7;
-constexpr double kErrorScale = 0.5;    // of errors, thresholds of verification
-constexpr double kScanScale = 3.0;     // of the loss while scanning, scales of errors
+constexpr double kScanScale = 3.0;     // of the loss while scanning, scales of errors: halves of
+                                       // verification's threshold, but at least 1 px
 constexpr double kNoiseScale = 3.0;    // of the loss afterwards, standard deviations of the noise
 constexpr int kScanIterations = 12;    // of F, from one value of the scan to the next
 constexpr int kRefineIterations = 10;  // of F, from one step of k to the next
@@ -132,7 +132,7 @@ Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camer
     Term& term = terms_.emplace_back(DistortedPair(pair, camera1, camera2), std::move(*F));
     term.variable1 = Variable(pair.camera_id1);
     term.variable2 = Variable(pair.camera_id2);
-    term.error_px = kErrorScale * DefaultMaxErrorPx(camera1, camera2);
+    term.error_px = std::max(1.0, 0.5 * DefaultMaxErrorPx(camera1, camera2));
   }
   found_.resize(cameras_.size());
 }

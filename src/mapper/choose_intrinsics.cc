@@ -42,9 +42,9 @@ std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& propert
   return cameras;
 }
 
-// How well the matches agree with a model: by the noise of sharp photographs, which tells models
-// apart that differ by less than verification's threshold; and by half of that threshold, for what
-// a sharp eye does not see, a shape that bends until its loops fall apart.
+// How well the matches agree with a model: by the noise of sharp photographs, a quarter of what
+// ModelEvidence has, which tells models apart that differ by less; and by the whole, for what a
+// sharp eye does not see, a shape that bends until its loops fall apart.
 struct Agreement {
   SupportOfImages sharp;
   double wide_nats = 0;
@@ -52,7 +52,7 @@ struct Agreement {
 
 Agreement AgreementWith(const StageContext& context, const Reconstruction& model,
                         const ViewGraph& graph) {
-  constexpr double kSharp = 0.125, kWide = 0.5;  // thresholds
+  constexpr double kSharp = 0.25, kWide = 1;
   return {SupportFor(context, model, graph, kSharp), SupportFor(context, model, graph, kWide).nats};
 }
 

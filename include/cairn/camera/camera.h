@@ -111,8 +111,8 @@ struct Camera {
 };
 
 // The default inlier threshold of a match, pixels from its epipolar line: 0.1 % of the diagonal,
-// but at least 2. (Eichhardt and Barath 2020 have half of it, which is too little where lenses are
-// known roughly.)
+// but at least 1, the precision of a keypoint's position. (Eichhardt and Barath 2020 have 0.05 %,
+// which is too little where lenses are known roughly.)
 double DefaultMaxErrorPx(const Camera& camera1, const Camera& camera2);
 
 // A model and its parameters, wherever they are kept.

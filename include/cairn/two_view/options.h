@@ -31,7 +31,7 @@ struct TwoViewOptions {
   void VisitFields(OptionVisitor& v) {
     v.Double(
         "max_error_px", max_error_px, {0.0, 1000.0},
-        "inlier threshold on the Sampson error, px; 0: 0.1 % of the image diagonal, at least 2");
+        "inlier threshold on the Sampson error, px; 0: 0.1 % of the image diagonal, at least 1");
     v.Double("confidence", confidence, {0.0, 0.999999999},
              "chance that the best model was found before seven-point sampling stops");
     v.Int("min_num_matches", min_num_matches, {5, 1e9}, "pairs with fewer matches are not tried");

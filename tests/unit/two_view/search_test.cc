@@ -189,7 +189,7 @@ TEST(PreparePair, ThresholdFollowsTheImageSize) {
   pair.camera1.width = pair.camera2.width = 320;
   pair.camera1.height = pair.camera2.height = 240;
   PreparePair(pair.Input(), {}, MatchOrder::kGiven, &prepared);
-  EXPECT_EQ(prepared.max_error_px, 2.0);
+  EXPECT_EQ(prepared.max_error_px, 1.0);
   PreparePair(pair.Input(), {.max_error_px = 2.5}, MatchOrder::kGiven, &prepared);
   EXPECT_EQ(prepared.max_error_px, 2.5);
 }
