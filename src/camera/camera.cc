@@ -154,6 +154,10 @@ double DefaultMaxErrorPx(const Camera& camera1, const Camera& camera2) {
   return std::max(1.0, 0.001 * 0.5 * (camera1.DiagonalPx() + camera2.DiagonalPx()));
 }
 
+double DefaultSigmaPx(const Camera& camera1, const Camera& camera2) {
+  return std::max(1.0, 0.5 * DefaultMaxErrorPx(camera1, camera2));
+}
+
 std::vector<int> Camera::FocalIndices() const {
   std::vector<int> indices(Info(model).num_focals);
   std::iota(indices.begin(), indices.end(), 0);

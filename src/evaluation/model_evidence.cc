@@ -66,12 +66,8 @@ double SquaredErrorPx(const Eigen::Matrix3d& E, const PixelRay& x1, const PixelR
           (x2.change_per_px.cast<double>().transpose() * normal2).squaredNorm());
 }
 
-// A match's standard deviation: half of two-view verification's threshold, but at least 1 px. More
-// than remains in a finished model, for errors of the model itself must not count as
-// contradictions.
-double SigmaPx(const Camera& camera1, const Camera& camera2) {
-  return std::max(1.0, 0.5 * DefaultMaxErrorPx(camera1, camera2));
-}
+// Of DefaultSigmaPx, what matches of photographs in focus have.
+constexpr double kSharp = 0.25;
 
 // Mean width of an image across its epipolar lines, pixels.
 double WidthPx(const Camera& camera) {
@@ -86,15 +82,16 @@ double MaxNats(double width_px, double sigma_px) {
 struct PairEvidence {
   FeatureMatches explained;
   double nats = 0;
+  double sharp_nats = 0;  // by kSharp
 };
 
-PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMatches& matches,
-                          double noise) {
+PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMatches& matches) {
   const Rigid3d cam2_from_cam1 = view2.image->cam_from_world * Inverse(view1.image->cam_from_world);
   const double focal_px = 0.5 * (view1.camera->MeanFocal() + view2.camera->MeanFocal());
-  const double sigma_px = noise * SigmaPx(*view1.camera, *view2.camera);
-  const double max_nats =
-      MaxNats(0.5 * (WidthPx(*view1.camera) + WidthPx(*view2.camera)), sigma_px);
+  const double sigma_px = DefaultSigmaPx(*view1.camera, *view2.camera);
+  const double width_px = 0.5 * (WidthPx(*view1.camera) + WidthPx(*view2.camera));
+  const double max_nats = MaxNats(width_px, sigma_px);
+  const double max_sharp_nats = MaxNats(width_px, kSharp * sigma_px);
   PairEvidence evidence;
   if (!(cam2_from_cam1.translation.norm() > 0)) return evidence;
   const Eigen::Matrix3d E = EssentialFromPose(cam2_from_cam1);
@@ -103,10 +100,11 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
     const PixelRay* x1 = view1.RayOf(match.point1);
     const PixelRay* x2 = view2.RayOf(match.point2);
     if (x1 == nullptr || x2 == nullptr) continue;
-    const double nats = max_nats - 0.5 * SquaredErrorPx(E, *x1, *x2) / (sigma_px * sigma_px);
-    if (!(nats > 0)) continue;
+    const double lost = 0.5 * SquaredErrorPx(E, *x1, *x2) / (sigma_px * sigma_px);
+    if (!(lost < max_nats)) continue;
     if (!test.IsInFront(x1->ray, x2->ray)) continue;
-    evidence.nats += nats;
+    evidence.nats += max_nats - lost;
+    evidence.sharp_nats += std::max(0.0, max_sharp_nats - lost / (kSharp * kSharp));
     evidence.explained.push_back(match);
   }
   return evidence;
@@ -160,14 +158,14 @@ void FindRays(std::span<const VerifiedPair> pairs, int num_threads, Views& views
 // nothing.
 template <typename Visit>
 void EvaluatePairs(const Views& views, std::span<const VerifiedPair> pairs, int num_threads,
-                   const Visit& visit, double noise = 1) {
+                   const Visit& visit) {
   ParallelFor(
       num_threads, std::ssize(pairs),
       [&](int64_t i) {
         const auto view1 = views.find(pairs[i].image_id1);
         const auto view2 = views.find(pairs[i].image_id2);
         const bool is_inside = view1 != views.end() && view2 != views.end();
-        visit(i, is_inside ? EvaluatePair(view1->second, view2->second, *pairs[i].matches, noise)
+        visit(i, is_inside ? EvaluatePair(view1->second, view2->second, *pairs[i].matches)
                            : PairEvidence());
       },
       kGrain);
@@ -175,7 +173,7 @@ void EvaluatePairs(const Views& views, std::span<const VerifiedPair> pairs, int 
 
 // Is a point as near to a keypoint, and in front, as an explained match to its epipolar line?
 bool IsNear(const View& view, const Eigen::Vector3d& ray, const Eigen::Vector3d& xyz) {
-  const double sigma_px = SigmaPx(*view.camera, *view.camera);
+  const double sigma_px = DefaultSigmaPx(*view.camera, *view.camera);
   const double max_error_px = sigma_px * std::sqrt(2 * MaxNats(WidthPx(*view.camera), sigma_px));
   const Eigen::Vector3d x = (view.image->cam_from_world * xyz).normalized();
   return x.dot(ray) > 0 && view.camera->MeanFocal() * x.cross(ray).norm() < max_error_px;
@@ -379,32 +377,40 @@ ModelEvidence EvaluateEvidence(const Reconstruction& model, std::span<const Veri
   return evidence;
 }
 
-SupportOfImages EvaluateImages(const Reconstruction& model, std::span<const VerifiedPair> pairs,
-                               double noise, const RunContext& run) {
+Agreement EvaluateAgreement(const Reconstruction& model, std::span<const VerifiedPair> pairs,
+                            const RunContext& run) {
   Views views = MakeViews(model);
   FindRays(pairs, run.num_threads, views);
-  std::vector<double> nats(pairs.size());
-  EvaluatePairs(
-      views, pairs, run.num_threads,
-      [&](int64_t i, const PairEvidence& found) { nats[i] = found.nats; }, noise);
-  SupportOfImages support;
-  for (const auto& [id, image] : model.images) support.images[id] = 0;
+  struct Nats {
+    double sharp = 0, whole = 0;
+  };
+  std::vector<Nats> nats(pairs.size());
+  EvaluatePairs(views, pairs, run.num_threads, [&](int64_t i, const PairEvidence& found) {
+    nats[i] = {found.sharp_nats, found.nats};
+  });
+  Agreement agreement;
+  std::map<image_t, double>& images = agreement.sharp_nats_of_images;
+  for (const auto& [id, image] : model.images) images[id] = 0;
   for (size_t i = 0; i < pairs.size(); ++i) {
-    const auto image1 = support.images.find(pairs[i].image_id1);
-    const auto image2 = support.images.find(pairs[i].image_id2);
-    if (image1 == support.images.end() || image2 == support.images.end()) continue;
-    for (double* of : {&support.nats, &image1->second, &image2->second}) *of += nats[i];
+    const auto image1 = images.find(pairs[i].image_id1);
+    const auto image2 = images.find(pairs[i].image_id2);
+    if (image1 == images.end() || image2 == images.end()) continue;
+    agreement.whole_nats += nats[i].whole;
+    for (double* of : {&agreement.sharp_nats, &image1->second, &image2->second}) {
+      *of += nats[i].sharp;
+    }
   }
-  return support;
+  return agreement;
 }
 
-double StandardErrorsOfGain(const SupportOfImages& model1, const SupportOfImages& model2) {
-  const double num_images = static_cast<double>(model2.images.size());
-  const double gain = model2.nats - model1.nats;
+double StandardErrorsOfGain(const Agreement& model1, const Agreement& model2) {
+  const double gain = model2.sharp_nats - model1.sharp_nats;
+  if (gain > 0 && !(model2.whole_nats > model1.whole_nats)) return 0;
+  const auto num_images = static_cast<double>(model2.sharp_nats_of_images.size());
   std::vector<double> without;  // each image
   double mean = 0;
-  for (const auto& [id, nats] : model2.images) {
-    without.push_back(gain - (nats - model1.images.at(id)));
+  for (const auto& [id, nats] : model2.sharp_nats_of_images) {
+    without.push_back(gain - (nats - model1.sharp_nats_of_images.at(id)));
     mean += without.back() / num_images;
   }
   double sum = 0;

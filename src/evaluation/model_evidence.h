@@ -85,20 +85,23 @@ using PairReader = std::function<std::span<const VerifiedPair>()>;
 std::vector<Support> EvaluateSupports(const Reconstruction& model, const PairReader& read,
                                       const RunContext& run = {});
 
-// What the matches of pairs between images of a model save, nats, without regard to which of them
-// are independent, and to parameters.
-struct SupportOfImages {
-  double nats = 0;
-  std::map<image_t, double> images;  // a match counts for both of its images
+// How well the matches of pairs between images of a model agree with it: what they save, nats,
+// without regard to which of them are independent, and to parameters. `sharp` is by a quarter of
+// ModelEvidence's standard deviation, the noise of photographs in focus: it tells models apart that
+// differ by less. The whole standard deviation tells what a sharp eye does not see, a shape that
+// bends until its loops fall apart.
+struct Agreement {
+  double sharp_nats = 0;
+  double whole_nats = 0;
+  std::map<image_t, double> sharp_nats_of_images;  // a match counts for both of its images
 };
-// `noise`: a match's standard deviation, in those of ModelEvidence.
-SupportOfImages EvaluateImages(const Reconstruction& model, std::span<const VerifiedPair> pairs,
-                               double noise, const RunContext& run = {});
+Agreement EvaluateAgreement(const Reconstruction& model, std::span<const VerifiedPair> pairs,
+                            const RunContext& run = {});
 // How many more nats the matches of each image save in model 2 than in model 1, of the same images,
 // together, in standard errors of that sum: how far it depends on which images there are (the
 // jackknife; as in Vuong, "Likelihood ratio tests for model selection", 1989, without the number of
-// parameters, which are few).
-double StandardErrorsOfGain(const SupportOfImages& model1, const SupportOfImages& model2);
+// parameters, which are few). By sharp nats, but no gain where whole ones are not gained.
+double StandardErrorsOfGain(const Agreement& model1, const Agreement& model2);
 // The deviate of the normal distribution that is as unlikely as t of Student's with so many degrees
 // of freedom: few images tell a standard error badly (Wallace, "Bounds on normal approximations to
 // Student's and the chi-square distributions", 1959).

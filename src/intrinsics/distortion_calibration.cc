@@ -132,7 +132,7 @@ Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camer
     Term& term = terms_.emplace_back(DistortedPair(pair, camera1, camera2), std::move(*F));
     term.variable1 = Variable(pair.camera_id1);
     term.variable2 = Variable(pair.camera_id2);
-    term.error_px = std::max(1.0, 0.5 * DefaultMaxErrorPx(camera1, camera2));
+    term.error_px = DefaultSigmaPx(camera1, camera2);
   }
   found_.resize(cameras_.size());
 }

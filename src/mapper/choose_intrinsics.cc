@@ -42,20 +42,6 @@ std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& propert
   return cameras;
 }
 
-// How well the matches agree with a model: by the noise of sharp photographs, a quarter of what
-// ModelEvidence has, which tells models apart that differ by less; and by the whole, for what a
-// sharp eye does not see, a shape that bends until its loops fall apart.
-struct Agreement {
-  SupportOfImages sharp;
-  double wide_nats = 0;
-};
-
-Agreement AgreementWith(const StageContext& context, const Reconstruction& model,
-                        const ViewGraph& graph) {
-  constexpr double kSharp = 0.25, kWide = 1;
-  return {SupportFor(context, model, graph, kSharp), SupportFor(context, model, graph, kWide).nats};
-}
-
 // A model in which the intrinsics of some cameras are freer, and how much better the matches agree
 // with it, as a normal deviate.
 struct FreerModel {
@@ -74,13 +60,11 @@ FreerModel Adjusted(StageContext& context, const ViewGraph& graph, const Agreeme
   FreerModel freer{std::move(model), {}};
   for (const int iterations : {kIterationsToLook, kIterations}) {
     AdjustModel(context, iterations, freer.model);
-    freer.agreement = AgreementWith(context, freer.model, graph);
-    const SupportOfImages &sharp_before = before.sharp, &sharp = freer.agreement.sharp;
-    const bool may_be_better = sharp.images.size() == sharp_before.images.size() &&
-                               freer.agreement.wide_nats > before.wide_nats;
-    freer.deviate = may_be_better ? NormalDeviate(StandardErrorsOfGain(sharp_before, sharp),
-                                                  static_cast<double>(num_images) - 1)
-                                  : 0;
+    freer.agreement = AgreementFor(context, freer.model, graph);
+    const bool has_all = freer.model.images.size() == before.sharp_nats_of_images.size();
+    freer.deviate = has_all ? NormalDeviate(StandardErrorsOfGain(before, freer.agreement),
+                                            static_cast<double>(num_images) - 1)
+                            : 0;
     if (freer.deviate <= min_deviate) break;
   }
   return freer;
@@ -157,7 +141,7 @@ std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewG
                                               const std::set<camera_t>& cameras, double min_deviate,
                                               const Reconstruction& model) {
   if (cameras.empty()) return std::nullopt;
-  const Agreement before = AgreementWith(context, model, graph);
+  const Agreement before = AgreementFor(context, model, graph);
   const auto kept = std::exchange(context.free_principal_points, cameras);
   FreerModel found = Adjusted(context, graph, before, cameras, min_deviate, model);
   context.free_principal_points = kept;
@@ -187,7 +171,7 @@ std::optional<FreerModel> FindLens(StageContext& context, const BuiltModel& best
   const std::map<camera_t, Camera>& before = best.model->cameras;
   const bool may_be_fisheye =
       std::ranges::any_of(cameras, [&](camera_t id) { return BendsMuch(before.at(id)); });
-  const Agreement agreement = AgreementWith(context, *best.model, best.graph);
+  const Agreement agreement = AgreementFor(context, *best.model, best.graph);
   std::optional<FreerModel> chosen;
   double largest_deviate = -std::numeric_limits<double>::infinity();
   for (const CameraModel lens : {CameraModel::kRadial, CameraModel::kRadialFisheye}) {
@@ -200,7 +184,7 @@ std::optional<FreerModel> FindLens(StageContext& context, const BuiltModel& best
         Adjusted(context, best.graph, agreement, cameras, min_deviate, std::move(other));
     largest_deviate = std::max(largest_deviate, freer.deviate);
     if (freer.deviate <= min_deviate) continue;
-    if (chosen && freer.agreement.sharp.nats <= chosen->agreement.sharp.nats) continue;
+    if (chosen && freer.agreement.sharp_nats <= chosen->agreement.sharp_nats) continue;
     chosen = std::move(freer);
   }
   ModelStage stage(context, "lens_models");

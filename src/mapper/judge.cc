@@ -65,9 +65,9 @@ ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& mod
                           context.scene.constant_cameras);
 }
 
-SupportOfImages SupportFor(const StageContext& context, const Reconstruction& model,
-                           const ViewGraph& graph, double noise) {
-  return EvaluateImages(model, PairsOf(context, graph), noise, context.run);
+Agreement AgreementFor(const StageContext& context, const Reconstruction& model,
+                       const ViewGraph& graph) {
+  return EvaluateAgreement(model, PairsOf(context, graph), context.run);
 }
 
 std::string Names(const SceneData& scene, std::span<const image_t> images) {

@@ -297,9 +297,8 @@ int RegisterLeftOut(StageContext& context, const ViewGraph& graph, Reconstructio
 // models' images have no matches.
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
                           const ViewGraph& graph);
-// Of each image, by errors of this standard deviation (EvaluateImages).
-SupportOfImages SupportFor(const StageContext& context, const Reconstruction& model,
-                           const ViewGraph& graph, double noise);
+Agreement AgreementFor(const StageContext& context, const Reconstruction& model,
+                       const ViewGraph& graph);
 // Of each image of a model, its pairs in use with others of it.
 std::map<image_t, int> NumPairsInUse(const ViewGraph& graph, const Reconstruction& model);
 // Warnings of a model that contradicts its own verified pairs, or parts of it that do, and of

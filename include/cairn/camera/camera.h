@@ -114,6 +114,8 @@ struct Camera {
 // but at least 1, the precision of a keypoint's position. (Eichhardt and Barath 2020 have 0.05 %,
 // which is too little where lenses are known roughly.)
 double DefaultMaxErrorPx(const Camera& camera1, const Camera& camera2);
+// The standard deviation of a match, by default: half of that, but at least 1.
+double DefaultSigmaPx(const Camera& camera1, const Camera& camera2);
 
 // A model and its parameters, wherever they are kept.
 struct CameraParams {

@@ -58,9 +58,9 @@ TEST(ModelEvidence, AGainThatAllImagesShareIsBeyondDoubtAndOneOfASingleImageIsNo
   const MadeReconstruction scene = MakeSyntheticScene({.noise_px = 0.3});
   const Pairs pairs(scene.truth);
   const auto evidence = [&](const Reconstruction& model) {
-    return EvaluateImages(model, pairs.views, 1, {.num_threads = 1});
+    return EvaluateAgreement(model, pairs.views, {.num_threads = 1});
   };
-  const SupportOfImages truth = evidence(scene.truth);
+  const Agreement truth = evidence(scene.truth);
   Reconstruction wrong_lens = scene.truth;
   for (auto& [id, camera] : wrong_lens.cameras) camera.SetMeanFocal(1.1 * camera.MeanFocal());
   EXPECT_GT(StandardErrorsOfGain(evidence(wrong_lens), truth), 3);
@@ -70,6 +70,25 @@ TEST(ModelEvidence, AGainThatAllImagesShareIsBeyondDoubtAndOneOfASingleImageIsNo
   EXPECT_GT(of_one, 0.5);
   EXPECT_LT(of_one, 2);
   EXPECT_EQ(StandardErrorsOfGain(truth, truth), 0);
+}
+
+// All images agree a little less with a wrong lens, by errors that only a sharp eye sees. In the
+// other model, one image is turned, and its pairs fall apart.
+TEST(ModelEvidence, NoGainIsSharpWhereTheWholeFallsApart) {
+  const MadeReconstruction scene = MakeSyntheticScene({.num_images = 12, .noise_px = 0.1});
+  const Pairs pairs(scene.truth);
+  const auto evidence = [&](const Reconstruction& model) {
+    return EvaluateAgreement(model, pairs.views, {.num_threads = 1});
+  };
+  Reconstruction lens = scene.truth;
+  for (auto& [id, camera] : lens.cameras) camera.SetMeanFocal(1.02 * camera.MeanFocal());
+  const Agreement wrong_lens = evidence(lens);
+  Agreement turned = evidence(Turned(scene.truth, scene.truth.images.begin()->first, 0.3));
+  EXPECT_GT(turned.sharp_nats, wrong_lens.sharp_nats);
+  EXPECT_LT(turned.whole_nats, wrong_lens.whole_nats);
+  EXPECT_EQ(StandardErrorsOfGain(wrong_lens, turned), 0);
+  turned.whole_nats = wrong_lens.whole_nats + 1;
+  EXPECT_GT(StandardErrorsOfGain(wrong_lens, turned), 1);
 }
 
 // Student's t of one in a thousand is 4.297 with 9 degrees of freedom, and 3.174 with 99; the
