@@ -47,6 +47,9 @@ void WritePairs(const Database& database, const InspectFlags& flags) {
 
 void InspectDatabase(const InspectFlags& flags, const ViewGraphBuilderOptions& options,
                      ProgressMonitor& monitor) {
+  if (!flags.pairs_verifier.empty() && flags.pairs_csv.empty()) {
+    throw ConfigError("--pairs_verifier", "needs --pairs_csv");
+  }
   const Database database(flags.database_path, Database::Mode::kSnapshot);
   RunReport rows;
   ReportBadRows(database, rows, monitor);

@@ -15,6 +15,7 @@
 #include "cairn/image/resample.h"
 #include "cairn/io/bundler.h"
 #include "cairn/io/one_dsfm_writer.h"
+#include "cairn/mapper/view_edges.h"
 
 namespace cairn {
 namespace {
@@ -170,18 +171,14 @@ OneDsfmImageKeys KeysOf(const Entry& entry, int index) {
   return keys;
 }
 
-std::vector<OneDsfmEdge> EdgesOf(const Database& database, const std::map<image_t, int>& index) {
+// Pairs without a direction, which EGs.txt needs, are left out.
+std::vector<OneDsfmEdge> EdgesOf(const Database& database, const std::map<image_t, int>& index,
+                                 ProgressMonitor& monitor) {
   std::vector<OneDsfmEdge> edges;
-  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-    const auto geometry = database.ReadTwoViewGeometry(pair_id);
-    if (!geometry || !geometry->cam2_from_cam1) continue;
-    if (geometry->cam2_from_cam1->translation.norm() == 0) continue;  // EGs.txt needs a direction
-    const auto [id1, id2] = PairIdToImagePair(pair_id);
-    OneDsfmEdge edge;
-    edge.i = index.at(id1);
-    edge.j = index.at(id2);
-    edge.cam_j_from_cam_i = *geometry->cam2_from_cam1;
-    edges.push_back(edge);
+  const auto warn = [&](const std::string& message) { monitor.Warning(message); };
+  for (const ViewEdge& edge : ReadViewEdges(database, warn)) {
+    if (!edge.IsActive() || !edge.HasTranslation()) continue;
+    edges.push_back({index.at(edge.image_id1), index.at(edge.image_id2), edge.cam2_from_cam1});
   }
   return edges;
 }
@@ -220,7 +217,7 @@ Reconstruction ResampledModel(const Reconstruction& model, const std::vector<Ent
 }
 
 OneDsfmFiles MakeFiles(const Database& database, const std::vector<Entry>& entries,
-                       const Reconstruction& resampled) {
+                       const Reconstruction& resampled, ProgressMonitor& monitor) {
   OneDsfmFiles files;
   std::map<image_t, int> index;
   for (const Entry& entry : entries) {
@@ -233,7 +230,7 @@ OneDsfmFiles MakeFiles(const Database& database, const std::vector<Entry>& entri
     if (entry.registered) files.component.push_back(i);
     files.coords.push_back(KeysOf(entry, i));
   }
-  files.edges = EdgesOf(database, index);
+  files.edges = EdgesOf(database, index, monitor);
   for (const auto& [id, point] : resampled.points3D) {
     auto& track = files.tracks.emplace_back();
     for (const TrackElement& element : point.track) {
@@ -269,7 +266,7 @@ OneDsfmExportReport ExportOneDsfm(const Reconstruction& model, const Database& d
        WriteBundler(resampled, output_path + "/gt_bundle.out", output_path + "/list.txt", listed)) {
     run.monitor.Warning(warning);
   }
-  const OneDsfmFiles files = MakeFiles(database, entries, resampled);
+  const OneDsfmFiles files = MakeFiles(database, entries, resampled, run.monitor);
   WriteOneDsfmFiles(output_path, files);
 
   report.num_images = static_cast<int>(files.images.size());

@@ -7,6 +7,7 @@
 #include "cairn/base/error.h"
 #include "cairn/io/csv.h"
 #include "cairn/mapper/view_edges.h"
+#include "cairn/two_view/pair_verifier.h"
 
 namespace cairn {
 namespace {
@@ -77,9 +78,9 @@ std::vector<PairRow> ReadPairRows(const Database& database, const std::string& v
       row.num_iterations += m.num_iterations;
       row.milliseconds +=
           1e3 * database.ReadTiming(kVerificationStage, pair_id, m.verifier).value_or(0.0);
-      if (verifier.empty() || !m.cam2_from_cam1) continue;
+      if (verifier.empty() || m.status != PairStatusName(PairStatus::kVerified)) continue;
       row.num_inliers = m.num_inliers;
-      row.cam2_from_cam1 = *m.cam2_from_cam1;
+      if (m.cam2_from_cam1) row.cam2_from_cam1 = *m.cam2_from_cam1;
     }
   }
   return rows;

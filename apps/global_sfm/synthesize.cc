@@ -96,7 +96,7 @@ void MakeGraph(AllOptions& options, ConsoleMonitor& monitor) {
   for (const ViewEdge& edge : problem.graph.edges) {
     const int i = static_cast<int>(edge.image_id1) - 1;
     const int j = static_cast<int>(edge.image_id2) - 1;
-    files.edges.push_back({i, j, edge.cam2_from_cam1, 0});
+    files.edges.push_back({i, j, edge.cam2_from_cam1});
     edges += fmt::format("{} {}", i, j);
     const Eigen::Matrix3d R = edge.cam2_from_cam1.RotationMatrix();
     for (int k = 0; k < 9; ++k) edges += fmt::format(" {:.9g}", R(k / 3, k % 3));

@@ -201,8 +201,13 @@ std::string DidYouMean(const std::string& name, const std::vector<std::string>& 
 
 std::string DescribeUnknownOption(const std::string& key, const std::vector<std::string>& known) {
   const size_t dashes = key.starts_with("--") ? 2 : 0;
-  if (key.substr(dashes) == "reconstruct.separate_twins") {
-    return "'" + key + "' is now '" + key.substr(0, dashes) + "reconstruct.separate_duplicates'";
+  constexpr std::pair<std::string_view, std::string_view> kRenamed[] = {
+      {"reconstruct.separate_twins", "reconstruct.separate_duplicates"},
+      // Of thresholds twice as large, so that stages of before do not go on with another threshold.
+      {"verification.rough_error_ratio", "verification.rough_error_factor"}};
+  for (const auto& [old_name, name] : kRenamed) {
+    if (key.substr(dashes) != old_name) continue;
+    return "'" + key + "' is now '" + key.substr(0, dashes) + std::string(name) + "'";
   }
   if (const std::string value = RetiredValue(key.substr(dashes)); !value.empty()) {
     return "'" + key + "': this option was removed; it " +

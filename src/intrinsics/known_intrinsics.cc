@@ -33,17 +33,19 @@ void ApplyLens(const CameraLens& lens, Camera& camera) {
   if (lens.k != 0 && !indices.empty()) camera.params[indices[0]] = lens.k;
 }
 
-bool LooksMeasured(const Camera& camera) {
+bool IsCentered(const Camera& camera) {
   const Eigen::Vector2d center(0.5 * camera.width, 0.5 * camera.height);
-  // COLMAP rounds the center of an odd size down in some versions.
-  const bool off_center = (camera.PrincipalPoint() - center).cwiseAbs().maxCoeff() > 0.5 + 1e-9;
+  return (camera.PrincipalPoint() - center).cwiseAbs().maxCoeff() <= 0.5 + 1e-9;
+}
+
+bool LooksMeasured(const Camera& camera) {
   const Camera plain = Camera::FromFocal(camera.camera_id, camera.model, camera.MeanFocal(),
                                          camera.width, camera.height);
   bool is_distorted = false;
   for (const int k : camera.DistortionIndices()) {
     is_distorted |= camera.params[k] != plain.params[k];
   }
-  return off_center || camera.FocalX() != camera.FocalY() || is_distorted;
+  return !IsCentered(camera) || camera.FocalX() != camera.FocalY() || is_distorted;
 }
 
 std::map<camera_t, KnownIntrinsics> ReadKnownIntrinsics(const Database& database) {

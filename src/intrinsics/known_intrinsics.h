@@ -32,6 +32,8 @@ struct KnownIntrinsics {
 // The camera with the focal length and the distortion that were learned.
 void ApplyLens(const CameraLens& lens, Camera& camera);
 
+// COLMAP rounds the center of an odd size down in some versions.
+bool IsCentered(const Camera& camera);
 // A principal point off the image's center, two different focal lengths, or distortion: neither
 // EXIF nor a guess gives these.
 bool LooksMeasured(const Camera& camera);

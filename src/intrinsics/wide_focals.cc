@@ -110,7 +110,7 @@ class WideFocalFinder {
     }
     std::sort(ranked.begin(), ranked.end());
     ranked.resize(std::min<size_t>(ranked.size(), kMaxWidePairs * kSpread));
-    const size_t step = std::max<size_t>(1, ranked.size() / kMaxWidePairs);
+    const size_t step = (ranked.size() + kMaxWidePairs - 1) / kMaxWidePairs;
     const MatchOrigins origins(database_);
     std::vector<WidePair> pairs;
     for (size_t i = 0; i < ranked.size() && pairs.size() < kMaxWidePairs; i += step) {

@@ -22,7 +22,6 @@ int ReadIndex(TextReader& reader, std::string_view what, int num_images) {
 
 OneDsfmEdge ReadEdge(TextReader& reader, int num_images) {
   OneDsfmEdge edge;
-  edge.line = reader.line_number();
   edge.i = ReadIndex(reader, "image index", num_images);
   edge.j = ReadIndex(reader, "image index", num_images);
   if (edge.i == edge.j) reader.Fail("an edge from image " + std::to_string(edge.i) + " to itself");

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <unordered_set>
 
 #include "cairn/io/one_dsfm.h"
 #include "io/text_reader.h"
@@ -79,12 +80,15 @@ std::vector<OneDsfmImageKeys> ReadOneDsfmCoords(const std::string& path, int num
       reader.Fail("image index " + std::to_string(image.index) + " appears twice");
     }
     is_present[image.index] = true;
+    std::unordered_set<int> keys;
     for (int64_t i = 0; i < num_keys; ++i) {
       if (!reader.NextLine()) {
         reader.Fail("the file ends after " + std::to_string(i) + " of " + std::to_string(num_keys) +
                     " keys");
       }
       image.keys.push_back(ReadKey(reader));
+      const int key = image.keys.back().key;
+      if (!keys.insert(key).second) reader.Fail("key " + std::to_string(key) + " appears twice");
     }
     images.push_back(std::move(image));
   }

@@ -40,15 +40,17 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene,
   return calibrated;
 }
 
-// Finished models, adjusted and grown by the calibration of the scene.
-CalibratedResult AdjustModels(const SceneData& scene, const PartResult& finished,
-                              const ReconstructSettings& settings, const RunContext& run) {
+// Finished models, adjusted and grown by the calibration of the scene. nullopt: there is not enough
+// memory.
+std::optional<CalibratedResult> AdjustModels(const SceneData& scene, const PartResult& finished,
+                                             const ReconstructSettings& settings,
+                                             const RunContext& run) {
   CalibratedResult adjusted;
   StageContext context{scene, settings, run, adjusted.result.report};
   ViewGraph graph = finished.graph;
   for (Reconstruction model : finished.models) {
     AdjustModel(context, std::numeric_limits<int>::max(), model);
-    GrowModel(context, graph, model);
+    if (!GrowModel(context, graph, model)) return std::nullopt;
     adjusted.result.evidence_nats += EvidenceFor(context, model, graph).nats;
     for (const auto& [id, image] : model.images) context.taken.insert(id);
     ++context.model;
@@ -84,11 +86,15 @@ class CalibrationSearch {
   bool SeparatePays() {
     if (run_.monitor.StopRequested()) return false;
     if (best_.result.models.empty()) return true;
-    const CalibratedResult adjusted = AdjustModels(scene_, best_.result, settings_, run_);
-    choice_.messages.push_back(std::to_string(std::llround(adjusted.result.evidence_nats)) +
-                               " nats of evidence where these models have " + scene_.origin);
-    Keep(adjusted);
-    return adjusted.Score() > best_.Score();
+    const auto adjusted = AdjustModels(scene_, best_.result, settings_, run_);
+    choice_.messages.push_back(
+        (adjusted
+             ? std::to_string(std::llround(adjusted->result.evidence_nats)) + " nats of evidence"
+             : "not enough memory to look") +
+        " where these models have " + scene_.origin);
+    if (!adjusted) return false;
+    Keep(*adjusted);
+    return adjusted->Score() > best_.Score();
   }
 
   // What was tried stays in the report.
@@ -230,7 +236,12 @@ PartResult ReconstructBest(std::span<const Reconstruction> earlier,
     calibrator.Share(of_one);
     static_cast<Calibration&>(scene) = std::move(calibrator.Calibrate().front());
     const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, before);
-    if (before.Succeeded()) result = ReconstructCalibrated(scene, adopted, settings, run).result;
+    if (before.Succeeded()) {
+      result = ReconstructCalibrated(scene, adopted, settings, run).result;
+    } else {
+      for (const auto& [id, pixels] : scene.pixels) result.graph.image_ids.push_back(id);
+      result.graph.edges = scene.edges;
+    }
   }
   if (!before.Succeeded()) result.report.failure = before.failure;
   RunReport& report = result.report;

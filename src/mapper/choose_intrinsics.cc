@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/text.h"
+#include "intrinsics/known_intrinsics.h"
 #include "mapper/stages.h"
 
 namespace cairn {
@@ -70,10 +71,6 @@ FreerModel Adjusted(StageContext& context, const ViewGraph& graph, const Agreeme
   return freer;
 }
 
-bool IsCentered(const Camera& camera) {
-  return camera.PrincipalPoint() == Eigen::Vector2d(0.5 * camera.width, 0.5 * camera.height);
-}
-
 std::string CenterText(const Camera& camera) {
   const Eigen::Vector2d center = camera.PrincipalPoint();
   return Formatted("(%.1f, %.1f)", center.x(), center.y());
@@ -136,10 +133,10 @@ ResultWarning OffCenter(const std::set<camera_t>& cameras, const Reconstruction&
 }
 
 // Of these cameras, if the matches agree better with what bundle adjustment finds, by more than
-// min_deviate.
+// min_deviate. takes: they are taken, not warned of.
 std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewGraph& graph,
                                               const std::set<camera_t>& cameras, double min_deviate,
-                                              const Reconstruction& model) {
+                                              bool takes, const Reconstruction& model) {
   if (cameras.empty()) return std::nullopt;
   const Agreement before = AgreementFor(context, model, graph);
   const auto kept = std::exchange(context.free_principal_points, cameras);
@@ -148,9 +145,11 @@ std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewG
   const bool is_found = found.deviate > min_deviate;
   ModelStage stage(context, "principal_points");
   stage.Add("standard_errors_of_gain", found.deviate);
-  stage.Add("found", is_found ? cameras.size() : 0);
+  stage.Add(takes ? "found" : "off_center", is_found ? cameras.size() : 0);
   if (!is_found) return std::nullopt;
-  for (const camera_t id : cameras) stage.Record(FoundText(id, model, found));
+  if (takes) {
+    for (const camera_t id : cameras) stage.Record(FoundText(id, model, found));
+  }
   return found;
 }
 
@@ -233,14 +232,15 @@ bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstr
                              " cameras stay at the image centers: fewer than " +
                              std::to_string(kMinImages) + " photographs hardly tell them");
   }
-  auto taken = FindPrincipalPoints(context, graph, wanted, kMinDeviate, model);
+  auto taken = FindPrincipalPoints(context, graph, wanted, kMinDeviate, true, model);
   if (taken) {
     for (const camera_t id : wanted) context.run.monitor.Info(FoundText(id, model, *taken));
     context.free_principal_points = wanted;
     model = std::move(taken->model);
   }
   if (model.NumObservations() <= kMaxObservationsToLook) {
-    if (const auto left = FindPrincipalPoints(context, graph, others, kDecisiveDeviate, model)) {
+    if (const auto left =
+            FindPrincipalPoints(context, graph, others, kDecisiveDeviate, false, model)) {
       warnings.push_back(OffCenter(others, model, *left));
     }
   }

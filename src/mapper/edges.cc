@@ -8,6 +8,10 @@ std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
     ViewGraph& graph) {
   ModelStage stage(context, "edges");
   const double max_error_deg = context.settings.view_graph.max_rotation_error_deg;
+  // A core of the component (HypothesizeRotations) tells nothing of the pairs outside.
+  std::vector<image_t> ids;
+  for (const auto& [id, rotation] : cam_from_world) ids.push_back(id);
+  KeepImages(ids, graph);
   stage.Add("edges_in", graph.NumActiveEdges());
   stage.Add("refitted", context.scene.poses_imported
                             ? 0
@@ -38,7 +42,8 @@ int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, 
     const Support& support = evidence.pairs[e];
     if (support.num_matches == 0 || !IsWithin(edge, model)) continue;
     if (support.IsContradicted()) {
-      if (edge.IsActive()) edge.removal = EdgeRemoval::kModelInconsistent;
+      const bool was_outside = edge.removal == EdgeRemoval::kOtherComponent;
+      if (edge.IsActive() || was_outside) edge.removal = EdgeRemoval::kModelInconsistent;
     } else if (!edge.IsActive()) {
       edge.removal = EdgeRemoval::kNone;
       num_gained += support.num_explained;

@@ -56,13 +56,13 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
          "detect duplicate structure, places that look alike, and reconstruct them separately");
   v.Bool("choose_lens_models", choose_lens_models,
          "give SIMPLE_RADIAL cameras with eight photographs and more a second parameter of "
-         "distortion, where the matches agree better with it beyond doubt: RADIAL, or "
-         "RADIAL_FISHEYE for a lens that bends much");
+         "distortion, where the matches agree better with it by more than chance gives once in "
+         "twenty times: RADIAL, or RADIAL_FISHEYE for a lens that bends much");
   v.Choice("refine_principal_points", refine_principal_points, kPrincipalPointRefinements,
            "cameras whose principal points, guessed at the image centers, are adjusted where the "
-           "matches agree better with that beyond doubt (within some "
-           "focal_calibration.principal_point_sigma), of cameras with eight photographs and more; "
-           "unknown: without a focal length in EXIF");
+           "matches agree better with that by more than chance gives once in twenty times (within "
+           "some focal_calibration.principal_point_sigma), of cameras with eight photographs and "
+           "more; unknown: without a focal length in EXIF");
   v.Bool("colors", colors, "color the points from the photographs");
 }
 

@@ -374,12 +374,12 @@ bool AreInPlace(const StageContext& context, const BuiltModel& built,
 
 // choose_intrinsics.cc
 // Gives cameras whose distortion has one parameter a second one, where the matches agree better
-// with it beyond doubt. Returns whether they do.
+// with it by more than chance gives once in twenty times. Returns whether they do.
 bool ChooseLensModels(StageContext& context, BuiltModel& best);
 // Frees the principal points of cameras that may be freed, from here on, where the matches agree
-// better with what bundle adjustment then finds, beyond doubt; of the others it warns. Returns
-// whether there are some. Forward motion, or a lens that the camera model does not describe, throws
-// others off.
+// better with what bundle adjustment then finds, by as much; of the others it warns, where they do
+// beyond doubt. Returns whether there are some. Forward motion, or a lens that the camera model
+// does not describe, throws others off.
 bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model,
                          std::vector<ResultWarning>& warnings);
 

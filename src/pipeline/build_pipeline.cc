@@ -92,6 +92,12 @@ Sources FindSources(const BuildInputs& inputs) {
 void CheckSources(const BuildPipelineOptions& options, const Sources& sources) {
   const BuildInputs& inputs = options.inputs;
   if (!sources.image_path.empty()) CheckImageFolder(sources.image_path);
+  if (sources.dataset && sources.image_path.empty()) {
+    for (const auto& [option, path] :
+         {std::pair("depth_path", &inputs.depth_path), std::pair("gps_path", &inputs.gps_path)}) {
+      if (!path->empty()) throw ConfigError(option, "the data set has no photographs");
+    }
+  }
   CheckDepthSource(sources.image_path, DepthOf(inputs), options.depth);
   if (inputs.recompute == BuildStage::kDepth && !HasDepth(inputs)) {
     throw ConfigError("recompute", "depth needs --depth_path or --depth_model");

@@ -23,8 +23,7 @@ template <class Model>
 struct RansacReport {
   // Absent: nothing exceeded the initial score, or there is less data than a sample needs.
   std::optional<Model> model;
-  double score = 0.0;   // of the model
-  int num_inliers = 0;  // of the model
+  double score = 0.0;  // of the model
   int64_t num_iterations = 0;
 };
 
@@ -90,7 +89,6 @@ RansacReport<typename Estimator::Model> Ransac(Estimator& estimator, const Ransa
     if (!(score > report.score)) continue;
     report.score = score;
     report.model = model;
-    report.num_inliers = num_inliers;
     num_needed = NumRansacIterations(static_cast<double>(num_inliers) / num_data, kSampleSize,
                                      options.confidence);
   }

@@ -81,13 +81,13 @@ PairReport VerifyCalibrated(const PreparedPair& pair, const SearchSteps& steps,
         only_depth && taken.num_with_depth == 0 ? PairStatus::kNoDepth : PairStatus::kNoModel;
     return report;
   }
-  FoundPose found = search.best();
+  Rigid3d pose = search.best().pose;
   if (search.HasEvidence() && options.num_resamples > 0) {
     const ResamplingOptions resampling{.num_samples = options.num_resamples,
                                        .effort = steps.five_point ? 4 : 2};
-    found = ResamplePose(pair, found, resampling, &report.num_iterations);
+    pose = ResamplePose(pair, search.best(), resampling, &report.num_iterations);
   }
-  FinishPair(pair, options, found.pose, &report);
+  FinishPair(pair, options, pose, &report);
   if (report.geometry.config == TwoViewConfig::kCalibrated) MarkCompeting(pair, options, &report);
   return report;
 }

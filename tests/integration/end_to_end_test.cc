@@ -175,6 +175,9 @@ TEST(EndToEnd, InspectWritesPairsAndTheViewGraph) {
       inspect({"--pairs_csv", scene / "of.csv", "--pairs_verifier", "five_point"});
   EXPECT_EQ(other.exit_code, 2);
   EXPECT_THAT(other.output, HasSubstr("the database has cascade"));
+  const ProgramResult no_file = inspect({"--pairs_verifier", "five_point"});
+  EXPECT_EQ(no_file.exit_code, 2);
+  EXPECT_THAT(no_file.output, HasSubstr("--pairs_verifier: needs --pairs_csv"));
 }
 
 TEST(EndToEnd, SynthesizeFillsADatabaseUpToAStage) {

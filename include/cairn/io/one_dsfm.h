@@ -23,7 +23,6 @@ struct OneDsfmEdge {
   int i = 0;
   int j = 0;
   Rigid3d cam_j_from_cam_i;  // |translation| = 1; rotation projected to the nearest one
-  int line = 0;              // in EGs.txt, from 1
 };
 
 struct OneDsfmKey {

@@ -21,7 +21,7 @@ struct TwoViewOptions {
   bool detect_watermark = true;
   int max_iterations = 10000;
   int min_iterations = 100;
-  double rough_error_ratio = 3.5;
+  double rough_error_factor = 3.5;
   int max_depth_triangles = 4096;
   int max_affine_samples = 300;
   int max_fallback_samples = 2000;
@@ -53,7 +53,7 @@ struct TwoViewOptions {
     v.Int("max_iterations", max_iterations, {1, 1e9},
           "most five-point samples of a pair without affine frames, or by five_point");
     v.Int("min_iterations", min_iterations, {1, 1e9}, "fewest seven-point samples of a pair");
-    v.Double("rough_error_ratio", rough_error_ratio, {1.0, 1000.0},
+    v.Double("rough_error_factor", rough_error_factor, {1.0, 1000.0},
              "scale at which rough hypotheses are ranked and first refined, in thresholds");
     v.Int("max_depth_triangles", max_depth_triangles, {1, 1e9},
           "samples of three matches with depth of a pair");

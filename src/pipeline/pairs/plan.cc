@@ -82,7 +82,7 @@ std::vector<PairTile> PlanPairTiles(const std::vector<image_pair_t>& pairs,
 
 std::vector<image_pair_t> LikelyPairs(const std::vector<std::pair<image_pair_t, int>>& num_matches,
                                       int per_image) {
-  // (fewer matches first, larger pair id first) of each image's best pairs so far.
+  // (more matches first, smaller pair id first) of each image's best pairs so far.
   std::map<image_t, std::set<std::pair<int, image_pair_t>, std::greater<>>> best;
   const auto offer = [&best, per_image](image_t image, int matches, image_pair_t pair) {
     auto& ranked = best[image];

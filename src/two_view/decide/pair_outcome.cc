@@ -88,7 +88,7 @@ class PairFinisher {
 
  private:
   // The most accurate pose near one refined at the threshold: a smooth robust loss whose scale
-  // follows the noise of this pair. The threshold that separates inliers is several times the
+  // follows the noise of this pair. The threshold that separates inliers is some twice the
   // noise, and at that scale the loss would let their far ones pull.
   Rigid3d RefineToNoise(const Rigid3d& start) const {
     // Matches farther away have no weight.
@@ -113,7 +113,7 @@ class PairFinisher {
     std::erase_if(support.inliers, [&](int32_t i) {
       return !test.IsInFront(pair_.points.Ray1(i), pair_.points.Ray2(i));
     });
-    support.score = Msac(support);
+    support.score = Msac(support, pair_.max_error_px);
     return support;
   }
 
@@ -121,15 +121,16 @@ class PairFinisher {
   Support SupportOfRotation(const Eigen::Quaterniond& rotation) const {
     Support support;
     support.errors.SetHomography(pair_.points, rotation.toRotationMatrix());
-    support.inliers = support.errors.Below(std::sqrt(2.0) * pair_.max_error_px);
-    support.score = Msac(support);
+    const double max_error_px = std::sqrt(2.0) * pair_.max_error_px;  // of two coordinates
+    support.inliers = support.errors.Below(max_error_px);
+    support.score = Msac(support, max_error_px);
     return support;
   }
 
-  double Msac(const Support& support) const {
+  static double Msac(const Support& support, double max_error_px) {
     double score = 0.0;
     for (const int32_t i : support.inliers) {
-      const double e = support.errors[i] / pair_.max_error_px;
+      const double e = support.errors[i] / max_error_px;
       score += 1.0 - e * e;
     }
     return score;

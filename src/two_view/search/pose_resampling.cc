@@ -57,9 +57,7 @@ class PoseNeighborhood {
     return support;
   }
 
-  FoundPose Best() const {
-    return {best_.pose, best_.E, ScoreSampson(pair_.points, best_.E, pair_.max_error_px)};
-  }
+  const Rigid3d& Best() const { return best_.pose; }
 
   int64_t num_hypotheses = 0;
 
@@ -81,8 +79,8 @@ class PoseNeighborhood {
 
 }  // namespace
 
-FoundPose ResamplePose(const PreparedPair& pair, const FoundPose& start,
-                       const ResamplingOptions& options, int64_t* num_hypotheses) {
+Rigid3d ResamplePose(const PreparedPair& pair, const FoundPose& start,
+                     const ResamplingOptions& options, int64_t* num_hypotheses) {
   PoseNeighborhood neighborhood(pair, start);
   Rng rng(pair.input.seed, "resample", pair.input.pair_id);
   Resample(options, &rng, &neighborhood);

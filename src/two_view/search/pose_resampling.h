@@ -6,9 +6,9 @@
 namespace cairn::internal {
 
 // Rounds of five-point samples drawn from what the best model explains; the best of them are
-// refined on all matches and compared at the scale of the pair's noise (resampling.h). Adds the
-// number of hypotheses.
-FoundPose ResamplePose(const PreparedPair& pair, const FoundPose& start,
-                       const ResamplingOptions& options, int64_t* num_hypotheses);
+// refined on the matches near it and compared at the scale of the pair's noise (resampling.h). Adds
+// the number of hypotheses.
+Rigid3d ResamplePose(const PreparedPair& pair, const FoundPose& start,
+                     const ResamplingOptions& options, int64_t* num_hypotheses);
 
 }  // namespace cairn::internal

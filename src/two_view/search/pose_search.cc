@@ -75,10 +75,10 @@ void PoseSearch::Finish(const Rigid3d& started) {
   AddRefined(pose);
 }
 
-double PoseSearch::RoughPx() const { return options_.rough_error_ratio * pair_.max_error_px; }
+double PoseSearch::RoughPx() const { return options_.rough_error_factor * pair_.max_error_px; }
 
 double PoseSearch::MiddlePx() const {
-  return std::sqrt(options_.rough_error_ratio) * pair_.max_error_px;
+  return std::sqrt(options_.rough_error_factor) * pair_.max_error_px;
 }
 
 void PoseSearch::AddRefined(const Rigid3d& pose) {

@@ -4,6 +4,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/geometry/epipolar.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/image/exif.h"
 #include "cairn/io/one_dsfm.h"
@@ -35,6 +36,7 @@ class OneDsfmExport : public ::testing::Test {
     database_.WriteCamera(guessed);
     database_.WriteImage({9, "other.png", 9});
     database_.WriteKeypoints(9, {{100, 200, 1, 0, 0, 1}, {300, 400, 1, 0, 0, 1}});
+    for (const auto& [id, image] : model_.images) WriteKeypointsOf(image);
     WriteEdge(1, 2);
     WriteEdge(2, 5);
     for (const Image& image : database_.ReadImages()) WritePhoto(image.name);
@@ -49,6 +51,14 @@ class OneDsfmExport : public ::testing::Test {
     geometry.cam2_from_cam1 = pose;
     geometry.inlier_matches = {{0, 0}};
     database_.WriteTwoViewGeometry(ImagePairToPairId(id1, id2), geometry);
+  }
+
+  void WriteKeypointsOf(const RegisteredImage& image) {
+    std::vector<Keypoint> keypoints;
+    for (const Eigen::Vector2d& pixel : image.points2D) {
+      keypoints.push_back({static_cast<float>(pixel.x()), static_cast<float>(pixel.y())});
+    }
+    database_.WriteKeypoints(image.image.image_id, keypoints);
   }
 
   void WritePhoto(const std::string& name) {
@@ -102,6 +112,23 @@ TEST_F(OneDsfmExport, HoldsTheReconstructionAndTheVerifiedPairs) {
   const Rigid3d& edge = dataset.edges[1].cam_j_from_cam_i;
   EXPECT_LT(AngleBetween(edge.rotation, truth.rotation), 1e-12);
   EXPECT_LT(AngleBetween(edge.translation, truth.translation), 1e-7);
+}
+
+// As of COLMAP up to 3.13.
+TEST_F(OneDsfmExport, PairsWithoutAStoredPoseHaveTheirEssentialMatrixs) {
+  const RegisteredImage &image1 = model_.images.at(3), &image2 = model_.images.at(4);
+  const Rigid3d pose = image2.cam_from_world * Inverse(image1.cam_from_world);
+  TwoViewGeometry geometry;
+  geometry.config = TwoViewConfig::kCalibrated;
+  geometry.E = EssentialFromPose(pose);
+  for (point2D_t k = 0; k < image1.points2D.size(); ++k) {
+    if (image1.point3D_ids[k] == kInvalidPoint3DId) continue;
+    for (const TrackElement& other : model_.points3D.at(image1.point3D_ids[k]).track) {
+      if (other.image_id == 4) geometry.inlier_matches.push_back({k, other.point2D});
+    }
+  }
+  database_.WriteTwoViewGeometry(ImagePairToPairId(3, 4), geometry);
+  EXPECT_EQ(Export().num_edges, 3);
 }
 
 TEST_F(OneDsfmExport, KeysAndReferenceAreThoseOfTheResampledPhotographs) {

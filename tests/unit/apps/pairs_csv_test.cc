@@ -89,6 +89,16 @@ TEST_F(PairsCsv, ResultsOfOneVerifier) {
                         "one_ac_depth"));
 }
 
+// A pair that F alone explains is not one that was rejected.
+TEST_F(PairsCsv, AVerifiedPairNeedsNoPose) {
+  PairMetrics of_f = Metrics(p13_, "five_point", 25, false);
+  of_f.cam2_from_cam1.reset();
+  database_.WritePairMetrics(of_f);
+  const std::vector<PairRow> rows = ReadPairRows(database_, "five_point");
+  EXPECT_EQ(rows[1].num_inliers, 25);
+  EXPECT_TRUE(rows[1].cam2_from_cam1.translation.isZero());
+}
+
 TEST_F(PairsCsv, TextIsWhatOthersExpect) {
   const std::string csv = FormatPairsCsv(ReadPairRows(database_, "five_point"));
   EXPECT_THAT(csv, HasSubstr("name1,name2,matches,inliers,iterations,ms,qw,qx,qy,qz,tx,ty,tz\n"

@@ -180,6 +180,8 @@ TEST_F(ProgramTest, RenamedOptionsFailWithTheNewName) {
   EXPECT_THAT(output_, HasSubstr("is now '--reconstruct.separate_duplicates'"));
   EXPECT_EQ(Run({"--config", WriteConfig("[reconstruct]\nseparate_twins = false\n")}), kExitUsage);
   EXPECT_THAT(output_, HasSubstr("is now 'reconstruct.separate_duplicates'"));
+  EXPECT_EQ(Run({"--verification.rough_error_ratio", "7"}), kExitUsage);
+  EXPECT_THAT(output_, HasSubstr("is now '--verification.rough_error_factor'"));
 }
 
 // Wherever a path cannot be looked at.

@@ -18,6 +18,16 @@ TEST(LooksMeasured, IfNeitherExifNorAGuessGivesTheIntrinsics) {
   }
 }
 
+TEST(IsCentered, WhereTheCenterOfAnOddSizeIsRoundedDown) {
+  Camera camera = GuessedCamera(1);
+  EXPECT_TRUE(IsCentered(camera));
+  camera.params[2] = 500;  // of 1001
+  EXPECT_TRUE(IsCentered(camera));
+  EXPECT_FALSE(LooksMeasured(camera));
+  camera.params[2] = 501.5;
+  EXPECT_FALSE(IsCentered(camera));
+}
+
 class KnownIntrinsicsTest : public ::testing::Test {
  protected:
   KnownIntrinsics Read() const { return ReadKnownIntrinsics(database_).at(1); }

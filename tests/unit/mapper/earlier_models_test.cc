@@ -154,6 +154,7 @@ TEST_F(EarlierModelsTest, OfOtherPhotographsAreRefused) {
   const ReconstructResult result = Continue(database_, {model_});
   EXPECT_TRUE(result.models.empty());
   EXPECT_THAT(result.report.failure, HasSubstr("fewer than two images of the input model"));
+  EXPECT_GT(result.graph.NumActiveEdges(), 10);  // which do not go with it
 }
 
 TEST_F(EarlierModelsTest, OfAnotherSizeAreRefused) {

@@ -1,5 +1,6 @@
 // Images that averaging left out, registered from the points of a model.
 #include "cairn/base/rng.h"
+#include "cairn/math/so3.h"
 #include "support/check_consistency.h"
 #include "support/test.h"
 #include "unit/mapper/incomplete_model.h"
@@ -39,6 +40,46 @@ TEST(RegisterLeftOut, ImagesWithTooFewPointsOrInliersStayOut) {
   EXPECT_EQ(registers([](ResectionOptions&) {}), 1);
   EXPECT_EQ(registers([](ResectionOptions& options) { options.min_num_inliers = 100000; }), 0);
   EXPECT_EQ(registers([](ResectionOptions& options) { options.max_error_px = 1e-3; }), 0);
+}
+
+// Where rotations are those of a core, the images outside keep their pairs.
+TEST(ChooseEdges, PairsOfImagesWithoutRotationsStayForOtherModels) {
+  IncompleteModel incomplete({});
+  std::map<image_t, Eigen::Quaterniond> core;
+  for (const auto& [id, image] : incomplete.truth.images) {
+    if (id <= 6) core[id] = image.cam_from_world.rotation;
+  }
+  const auto chosen = ChooseEdges(incomplete.context, core, incomplete.graph);
+  ASSERT_TRUE(chosen.has_value());
+  EXPECT_EQ(chosen->size(), 6u);
+  int num_outside = 0;
+  for (const ViewEdge& edge : incomplete.graph.edges) {
+    if (edge.image_id2 <= 6) continue;
+    ++num_outside;
+    EXPECT_EQ(edge.removal, EdgeRemoval::kOtherComponent);
+  }
+  EXPECT_GT(num_outside, 10);
+}
+
+// An image that resection brought in has pairs that averaging had cut off.
+TEST(ReviseEdges, PairsThatTheModelContradictsAreOutWhateverTheyWere) {
+  IncompleteModel incomplete({});
+  Rigid3d& pose = incomplete.model.images.at(3).cam_from_world;
+  pose.rotation = ExpSO3(Eigen::Vector3d(0, 0.5, 0)) * pose.rotation;
+  for (ViewEdge& edge : incomplete.graph.edges) {
+    if (edge.image_id1 == 3) edge.removal = EdgeRemoval::kOtherComponent;
+  }
+  const ModelEvidence evidence =
+      EvidenceFor(incomplete.context, incomplete.model, incomplete.graph);
+  ReviseEdges(evidence, incomplete.model, incomplete.graph);
+  int num_contradicted = 0;
+  for (size_t e = 0; e < incomplete.graph.edges.size(); ++e) {
+    const ViewEdge& edge = incomplete.graph.edges[e];
+    if (edge.image_id1 != 3 || !evidence.pairs[e].IsContradicted()) continue;
+    ++num_contradicted;
+    EXPECT_EQ(edge.removal, EdgeRemoval::kModelInconsistent);
+  }
+  EXPECT_GT(num_contradicted, 2);
 }
 
 // A wrong guess of a focal length is found with the pose; a known one is not touched.

@@ -357,7 +357,7 @@ OneDsfmFiles Dataset() {
   }
   files.component = {0, 1, 3};
   const Rigid3d pose(Eigen::Quaterniond(0.8, 0.6, 0, 0), {0, 0.6, 0.8});
-  files.edges = {{0, 1, pose, 0}, {3, 1, pose, 0}, {0, 2, pose, 0}};
+  files.edges = {{0, 1, pose}, {3, 1, pose}, {0, 2, pose}};
   for (int k = 0; k < 25; ++k) files.tracks.push_back({{0, 2 * k}, {1, 2 * k}, {2, 0}});
   return files;
 }
@@ -395,6 +395,13 @@ TEST_F(BuildPipelineTest, ADatasetWithoutPhotographsIsImported) {
   const std::string dump = Dump("a.db");
   RunBuildPipeline(options);
   EXPECT_EQ(Dump("a.db"), dump);
+  for (std::string BuildInputs::*of_photographs :
+       {&BuildInputs::depth_path, &BuildInputs::gps_path}) {
+    BuildPipelineOptions other = options;
+    other.inputs.*of_photographs = folder_ / "set";
+    EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(other); }),
+                HasSubstr("_path: the data set has no photographs"));
+  }
 }
 
 TEST_F(BuildPipelineTest, AnImportedDatasetKeepsItsEdgesAndItsOptions) {

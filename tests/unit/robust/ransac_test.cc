@@ -75,7 +75,6 @@ TEST(Ransac, FindsTheModelAmongOutliers) {
     ASSERT_TRUE(report.model.has_value());
     EXPECT_NEAR(report.model->a, 2.0, 0.02);
     EXPECT_NEAR(report.model->b, -7.0, 0.5);
-    EXPECT_GE(report.num_inliers, 48);
     EXPECT_LT(report.num_iterations, 1000);
   }
 }
