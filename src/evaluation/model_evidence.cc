@@ -96,6 +96,7 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
   if (!(cam2_from_cam1.translation.norm() > 0)) return evidence;
   const Eigen::Matrix3d E = EssentialFromPose(cam2_from_cam1);
   const CheiralityTest test(cam2_from_cam1, 2 * sigma_px / focal_px);
+  const CheiralityTest sharp_test(cam2_from_cam1, 2 * kSharp * sigma_px / focal_px);
   for (const FeatureMatch& match : matches) {
     const PixelRay* x1 = view1.RayOf(match.point1);
     const PixelRay* x2 = view2.RayOf(match.point2);
@@ -104,7 +105,8 @@ PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMat
     if (!(lost < max_nats)) continue;
     if (!test.IsInFront(x1->ray, x2->ray)) continue;
     evidence.nats += max_nats - lost;
-    evidence.sharp_nats += std::max(0.0, max_sharp_nats - lost / (kSharp * kSharp));
+    const double sharp_nats = max_sharp_nats - lost / (kSharp * kSharp);
+    if (sharp_nats > 0 && sharp_test.IsInFront(x1->ray, x2->ray)) evidence.sharp_nats += sharp_nats;
     evidence.explained.push_back(match);
   }
   return evidence;
