@@ -91,6 +91,32 @@ TEST(ModelEvidence, NoGainIsSharpWhereTheWholeFallsApart) {
   EXPECT_GT(StandardErrorsOfGain(wrong_lens, turned), 1);
 }
 
+// Points so far away that a pixel puts them behind the cameras: what the whole standard deviation
+// leaves open, the sharp one tells.
+TEST(ModelEvidence, ASharpEyeSeesFarPointsBehindTheCameras) {
+  const auto agreement = [](double shift_px) {
+    Reconstruction model;
+    model.cameras[1] = Camera::FromFocal(1, CameraModel::kSimplePinhole, 400, 900, 700);
+    FeatureMatches matches;
+    for (const image_t id : {1, 2}) {
+      RegisteredImage& image = model.images[id];
+      image.image.image_id = id;
+      image.image.camera_id = 1;
+      for (point2D_t k = 0; k < 50; ++k) {
+        image.points2D.emplace_back(100 + 10 * k + (id == 2 ? shift_px : 0), 150 + 7 * k);
+        image.point3D_ids.push_back(kInvalidPoint3DId);
+        if (id == 1) matches.push_back({k, k});
+      }
+    }
+    model.images.at(2).cam_from_world.translation = Eigen::Vector3d(-1, 0, 0);
+    const VerifiedPair pair{1, 2, &matches};
+    return EvaluateAgreement(model, {&pair, 1}, {.num_threads = 1});
+  };
+  EXPECT_GT(agreement(-1).sharp_nats, agreement(-1).whole_nats);
+  EXPECT_GT(agreement(1).whole_nats, 100);
+  EXPECT_EQ(agreement(1).sharp_nats, 0);
+}
+
 // Student's t of one in a thousand is 4.297 with 9 degrees of freedom, and 3.174 with 99; the
 // normal distribution's is 3.090.
 TEST(NormalDeviate, IsAsUnlikelyAsStudentsT) {
