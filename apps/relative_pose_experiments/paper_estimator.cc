@@ -103,15 +103,11 @@ std::optional<LiftedFrame> Lift(const Camera& camera, const Keypoint& keypoint,
 
 }  // namespace
 
-double PaperThresholdPx(const PairInput& input) {
-  return 0.0005 * 0.5 * (input.camera1->DiagonalPx() + input.camera2->DiagonalPx());
-}
-
 PreparedPair PrepareAsPaper(PairInput input) {
   input.are_best_first = true;  // PreparePair keeps their order then
+  const double diagonal_px = 0.5 * (input.camera1->DiagonalPx() + input.camera2->DiagonalPx());
   PreparedPair pair;
-  PreparePair(input, {.max_error_px = PaperThresholdPx(input)}, internal::MatchOrder::kGiven,
-              &pair);
+  PreparePair(input, {.max_error_px = 0.0005 * diagonal_px}, internal::MatchOrder::kGiven, &pair);
   return pair;
 }
 

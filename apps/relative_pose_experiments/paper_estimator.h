@@ -17,10 +17,8 @@ enum class MinimalSolver { kFivePoint, kOneAffineDepth };
 // iterations.
 PairReport EstimateAsPaper(const PairInput& input, MinimalSolver solver);
 
-// The paper's threshold: 0.05 % of the mean image diagonal.
-double PaperThresholdPx(const PairInput& input);
-
-// The matches in normalized coordinates, in their own order, with the paper's threshold.
+// The matches in normalized coordinates, in their own order, with the paper's threshold: 0.05 % of
+// the mean image diagonal.
 internal::PreparedPair PrepareAsPaper(PairInput input);
 
 // By 1AC+D from match i of the prepared pair, |t| = 1; absent without depth, or if the solver

@@ -23,9 +23,8 @@ std::function<PairReport(const PairInput&)> MakeEstimator(const std::string& nam
 }
 
 PairResult RunEstimator(const std::string& name, const RealPair& pair, uint64_t seed,
-                        TwoViewOptions options) {
+                        const TwoViewOptions& options) {
   const PairInput input = InputOf(pair, seed);
-  if (options.max_error_px == 0) options.max_error_px = PaperThresholdPx(input);
   const auto estimate = MakeEstimator(name, options);
   PairReport report;
   double least_seconds = std::numeric_limits<double>::infinity();
