@@ -71,6 +71,14 @@ TEST(SpecialPairs, PureRotationHasNoTranslation) {
   EXPECT_EQ(report.triangulation_angle_deg, 0.0);
 }
 
+// Inliers may be as far off as two coordinates may be, and the score is by that.
+TEST(SpecialPairs, EveryInlierOfARotationSpeaksForIt) {
+  const Pair pair = MakePlanarPair(SomeMotion(), true, 150, 0.6, 2);
+  const PairReport report = VerifyFivePoint(pair);
+  ASSERT_EQ(report.geometry.config, TwoViewConfig::kPanoramic);
+  EXPECT_GT(report.score, 0.75 * report.num_inliers);
+}
+
 TEST(SpecialPairs, AGeneralSceneIsNone) {
   const PairReport report = VerifyFivePoint(MakePair({}, 1));
   EXPECT_EQ(report.geometry.config, TwoViewConfig::kCalibrated);
