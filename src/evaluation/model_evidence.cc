@@ -88,6 +88,7 @@ struct PairEvidence {
 PairEvidence EvaluatePair(const View& view1, const View& view2, const FeatureMatches& matches) {
   const Rigid3d cam2_from_cam1 = view2.image->cam_from_world * Inverse(view1.image->cam_from_world);
   const double focal_px = 0.5 * (view1.camera->MeanFocal() + view2.camera->MeanFocal());
+  // (More than remains in a finished model, whose own errors must not count as contradictions.)
   const double sigma_px = DefaultSigmaPx(*view1.camera, *view2.camera);
   const double width_px = 0.5 * (WidthPx(*view1.camera) + WidthPx(*view2.camera));
   const double max_nats = MaxNats(width_px, sigma_px);
