@@ -8,6 +8,7 @@
 
 #include "cairn/camera/camera.h"
 #include "cairn/intrinsics/focal_calibration.h"
+#include "intrinsics/shared_lenses.h"
 
 namespace cairn {
 
@@ -43,10 +44,6 @@ struct DistortionCalibrationReport {
 // Whether k can be estimated: a model with radial coefficients of the pinhole family, all of them
 // 0.
 bool CanCalibrateDistortion(const Camera& camera);
-
-// Cameras that have one lens: the camera that stands for it. Their models, sizes and focal lengths
-// are equal. Cameras that the map lacks have a lens each.
-using SharedLenses = std::map<camera_t, camera_t>;
 
 // One radial distortion parameter a lens from fundamental matrices, without any focal length: the
 // matches of all pairs of a camera must lie on epipolar lines when they are undistorted

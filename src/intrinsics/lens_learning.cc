@@ -13,6 +13,7 @@
 #include "intrinsics/camera_pairs.h"
 #include "intrinsics/distortion_calibration.h"
 #include "intrinsics/known_intrinsics.h"
+#include "intrinsics/shared_lenses.h"
 
 namespace cairn {
 namespace {
@@ -65,29 +66,6 @@ Lenses ReadLenses(const Database& database, const std::vector<image_pair_t>& lik
     lenses.open.insert(id);
   }
   return lenses;
-}
-
-// Few pairs of one photograph do not tell its lens: where most images have a camera of their own
-// and the same model, size and focal length, as those without EXIF have, they are of one lens.
-// (Focal lengths stay their own: the mapper decides whether the cameras are one.)
-SharedLenses FindSharedLenses(const Lenses& lenses) {
-  std::map<camera_t, int> num_images;
-  for (const auto& [image, id] : lenses.camera_of) ++num_images[id];
-  using Kind = std::tuple<CameraModel, int, int, bool, double>;
-  std::map<Kind, std::vector<camera_t>> kinds;
-  for (const camera_t id : lenses.open) {
-    const Camera& camera = lenses.cameras.at(id);
-    if (num_images[id] != 1) continue;
-    kinds[{camera.model, camera.width, camera.height, camera.has_prior_focal_length,
-           camera.MeanFocal()}]
-        .push_back(id);
-  }
-  SharedLenses shared;
-  for (const auto& [kind, cameras] : kinds) {
-    if (2 * cameras.size() <= lenses.camera_of.size()) continue;
-    for (const camera_t id : cameras) shared[id] = cameras.front();
-  }
-  return shared;
 }
 
 std::vector<LensPair> ReadLensPairs(const Database& database, const Lenses& lenses,
@@ -226,8 +204,10 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
   for (const auto& [id, camera] : known.cameras) {
     if (known.open.count(id) == 0) constant.insert(id);
   }
+  SharedLenses shared = FindSharedLenses(database);
+  std::erase_if(shared, [&](const auto& entry) { return known.open.count(entry.first) == 0; });
   const DistortionCalibrationReport report =
-      CalibrateDistortion(known.cameras, constant, FindSharedLenses(known), pairs, run);
+      CalibrateDistortion(known.cameras, constant, shared, pairs, run);
   const std::map<camera_t, CalibratedFocal> focals = LearnGuessedFocals(known, report.pairs, run);
   std::map<camera_t, CameraLens> lenses;
   for (const camera_t id : known.open) {
@@ -237,6 +217,7 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
     if (!lens.IsEmpty()) learned.texts.push_back(Describe(id, lens));
   }
   learned.undone = Store(database, known, lenses);
+  AdoptLenses(database);
   return learned;
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 
 #include "base/text.h"
 #include "cairn/base/error.h"
@@ -12,6 +11,7 @@
 #include "database/match_origins.h"
 #include "intrinsics/camera_pairs.h"
 #include "intrinsics/known_intrinsics.h"
+#include "intrinsics/shared_lenses.h"
 
 namespace cairn {
 namespace {
@@ -39,36 +39,45 @@ class WideFocalFinder {
       : database_(database), options_(options), run_(run) {}
 
   std::vector<std::string> Run() {
-    std::vector<camera_t> open;
+    std::map<camera_t, std::vector<camera_t>> open;  // by the camera that stands for the lens
+    const SharedLenses shared = FindSharedLenses(database_);
     for (const auto& [id, known] : ReadKnownIntrinsics(database_)) {
       const Camera& camera = cameras_[id] = known.camera;
+      const auto lens = shared.find(id);
+      lens_of_[id] = lens == shared.end() ? id : lens->second;
+      if (known.lens) num_pairs_[lens_of_[id]] = known.lens->num_pairs;
       const bool is_open = !camera.IsPlanar() && !camera.has_prior_focal_length &&
-                           !camera.FocalIndices().empty() && !known.lens;
-      if (is_open) open.push_back(id);
+                           !camera.FocalIndices().empty() && !known.HasLearned();
+      if (is_open) open[lens_of_[id]].push_back(id);
     }
     if (open.empty()) return {};
     camera_of_ = CamerasOfImages(database_);
     num_matches_ = database_.ReadNumMatches();
     std::vector<std::string> texts;
-    for (const camera_t id : open) {
+    for (const auto& [lens, cameras] : open) {
       if (run_.monitor.StopRequested()) break;
-      texts.push_back(Find(id));
+      const std::vector<image_pair_t> usable = FindPairs(lens);
+      // (More pairs may determine what fewer could not.)
+      const auto before = num_pairs_.find(lens);
+      if (before != num_pairs_.end() && before->second == std::ssize(usable)) continue;
+      texts.push_back(Find(lens, cameras, usable));
     }
     return texts;
   }
 
  private:
-  std::string Find(camera_t id) {
-    Camera& camera = cameras_.at(id);
-    const double guess = camera.MeanFocal();
-    const std::vector<WidePair> pairs = ReadPairs(id);
+  // Of the cameras of one lens, by these pairs, those with the most matches first.
+  std::string Find(camera_t lens, const std::vector<camera_t>& cameras,
+                   const std::vector<image_pair_t>& usable) {
+    const double guess = cameras_.at(cameras.front()).MeanFocal();
+    const std::vector<WidePair> pairs = ReadPairs(usable);
     double best = 0.0, best_support = 0.0;
     const auto try_around = [&](double center, double reach, double step) {
       std::vector<double> powers;
       for (double power = center - reach; power <= center + reach + 1e-9; power += step) {
         powers.push_back(power);
       }
-      const std::vector<double> supports = Supports(id, pairs, guess, powers);
+      const std::vector<double> supports = Supports(lens, pairs, guess, powers);
       for (size_t k = 0; k < powers.size(); ++k) {
         if (!(supports[k] > best_support)) continue;
         best_support = supports[k];
@@ -79,43 +88,65 @@ class WideFocalFinder {
       try_around(0.0, kReach, kCoarseStep);
       if (best_support > 0.0) try_around(best, kCoarseStep - kFineStep, kFineStep);
     }
-    std::string text;
-    CameraLens lens{.num_pairs = static_cast<int>(pairs.size())};
-    if (best_support > 0.0) {
-      lens.focal_px = guess * std::exp2(best);
-      ApplyLens(lens, camera);
-      text = Formatted("camera %u: focal length %.1f px by %zu pairs (guessed %.1f)", id,
-                       camera.MeanFocal(), pairs.size(), guess);
-    } else {
-      text =
-          Formatted("camera %u: no pair determines the focal length; the guess of %.1f px is kept",
-                    id, guess);
-    }
-    database_.WriteCameraLens(id, lens);
-    return text;
+    CameraLens found{.num_pairs = static_cast<int>(usable.size())};
+    if (best_support > 0.0) found.focal_px = guess * std::exp2(best);
+    Store(cameras, found);
+    std::string text = "camera " + std::to_string(cameras.front());
+    if (cameras.size() > 1) text += Formatted(" and %zu of its kind", cameras.size() - 1);
+    return best_support > 0.0
+               ? text + Formatted(": focal length %.1f px by %zu pairs (guessed %.1f)",
+                                  found.focal_px, pairs.size(), guess)
+               : text + Formatted(
+                            ": no pair determines the focal length; the guess of %.1f px is "
+                            "kept",
+                            guess);
   }
 
-  std::vector<WidePair> ReadPairs(camera_t id) const {
+  // Pairs that were verified with the guess are to be verified again.
+  void Store(const std::vector<camera_t>& cameras, const CameraLens& lens) {
+    Database::Transaction transaction(database_);
+    for (const camera_t id : cameras) {
+      database_.WriteCameraLens(id, lens);
+      ApplyLens(lens, cameras_.at(id));
+    }
+    if (!lens.IsEmpty()) {
+      UndoVerification(database_, camera_of_, {cameras.begin(), cameras.end()});
+    }
+    transaction.Commit();
+  }
+
+  // Of images that both have the lens, or one of them and the other a camera that is known.
+  std::vector<image_pair_t> FindPairs(camera_t lens) const {
     std::vector<std::pair<int, image_pair_t>> ranked;
     for (const auto& [pair_id, count] : num_matches_) {
       const auto [image1, image2] = PairIdToImagePair(pair_id);
       const auto camera1 = camera_of_.find(image1), camera2 = camera_of_.find(image2);
       if (camera1 == camera_of_.end() || camera2 == camera_of_.end()) continue;
-      if (camera1->second != id && camera2->second != id) continue;
-      const camera_t other = camera1->second == id ? camera2->second : camera1->second;
-      const auto known = cameras_.find(other);
-      if (known == cameras_.end()) continue;
-      if (other != id && !known->second.has_prior_focal_length) continue;
+      const auto is_of_lens = [&](camera_t id) {
+        const auto of = lens_of_.find(id);
+        return of != lens_of_.end() && of->second == lens;
+      };
+      const bool is_first = is_of_lens(camera1->second), is_second = is_of_lens(camera2->second);
+      if (!is_first && !is_second) continue;
+      const auto other = cameras_.find(is_first ? camera2->second : camera1->second);
+      if (other == cameras_.end()) continue;
+      if (is_first != is_second && !other->second.has_prior_focal_length) continue;
       if (count >= options_.min_num_matches) ranked.emplace_back(-count, pair_id);
     }
     std::sort(ranked.begin(), ranked.end());
+    std::vector<image_pair_t> pairs;
+    for (const auto& [count, pair] : ranked) pairs.push_back(pair);
+    return pairs;
+  }
+
+  std::vector<WidePair> ReadPairs(std::vector<image_pair_t> ranked) const {
     ranked.resize(std::min<size_t>(ranked.size(), kMaxWidePairs * kSpread));
     const size_t step = (ranked.size() + kMaxWidePairs - 1) / kMaxWidePairs;
     const MatchOrigins origins(database_);
     std::vector<WidePair> pairs;
     for (size_t i = 0; i < ranked.size() && pairs.size() < kMaxWidePairs; i += step) {
       WidePair pair;
-      pair.pair_id = ranked[i].second;
+      pair.pair_id = ranked[i];
       const auto [image1, image2] = PairIdToImagePair(pair.pair_id);
       pair.camera1 = &cameras_.at(camera_of_.at(image1));
       pair.camera2 = &cameras_.at(camera_of_.at(image2));
@@ -136,15 +167,16 @@ class WideFocalFinder {
   }
 
   // The support of all pairs at each power of two of the guess.
-  std::vector<double> Supports(camera_t id, const std::vector<WidePair>& pairs, double guess,
+  std::vector<double> Supports(camera_t lens, const std::vector<WidePair>& pairs, double guess,
                                const std::vector<double>& powers) const {
     std::vector<double> of_task(pairs.size() * powers.size());
     ParallelFor(run_.num_threads, static_cast<int64_t>(of_task.size()), [&](int64_t task) {
       const WidePair& pair = pairs[task % pairs.size()];
       const double focal = guess * std::exp2(powers[task / pairs.size()]);
       Camera camera1 = *pair.camera1, camera2 = *pair.camera2;
-      if (camera1.camera_id == id) camera1.SetMeanFocal(focal);
-      if (camera2.camera_id == id) camera2.SetMeanFocal(focal);
+      for (Camera* camera : {&camera1, &camera2}) {
+        if (lens_of_.at(camera->camera_id) == lens) camera->SetMeanFocal(focal);
+      }
       PairInput input;
       input.pair_id = pair.pair_id;
       input.seed = run_.seed;
@@ -170,6 +202,8 @@ class WideFocalFinder {
   const TwoViewOptions& options_;
   const RunContext& run_;
   std::map<camera_t, Camera> cameras_;
+  std::map<camera_t, camera_t> lens_of_;  // the camera that stands for it
+  std::map<camera_t, int> num_pairs_;     // of a lens, when it was looked at
   std::map<image_t, camera_t> camera_of_;
   std::vector<std::pair<image_pair_t, int>> num_matches_;
 };

@@ -11,11 +11,11 @@ namespace cairn {
 
 // Finds the focal lengths of cameras that are not planar (CameraModelIsPlanar) and have only a
 // guessed one: without it, their rays are no linear map of the right ones, so that verification
-// cannot fall back on fundamental matrices. Each camera's pairs (with itself, or with a camera that
-// is known), some of those with many matches, are verified at focal lengths around the guess; the
-// one with the largest support of all is kept in cairn_camera_lenses. It stays a guess, for bundle
-// adjustment to refine. A camera that was looked at once (it has a row there) is not looked at
-// again. Returns one line a camera. Random numbers: those of verification.
+// cannot fall back on fundamental matrices. Each lens' pairs (with itself, or with a camera that is
+// known), some of those with many matches, are verified at focal lengths around the guess; the one
+// with the largest support of all is kept in cairn_camera_lenses. It stays a guess, for bundle
+// adjustment to refine. Where none is found, it is looked for again when there are other pairs.
+// Returns one line a lens. Random numbers: those of verification.
 std::vector<std::string> LearnWideFocals(Database& database, const TwoViewOptions& options,
                                          const RunContext& run = {});
 

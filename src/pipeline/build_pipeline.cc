@@ -9,6 +9,7 @@
 #include "cairn/database/report_bad_rows.h"
 #include "cairn/image/image_folder.h"
 #include "database/stage_names.h"
+#include "intrinsics/shared_lenses.h"
 #include "intrinsics/wide_focals.h"
 #include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/choose.h"
@@ -237,6 +238,7 @@ class BuildRun {
     if (in.stop_after < BuildStage::kVerification) return true;
     VerificationInput input = InputOfVerification(options_, run_.seed);
     input.pairs = to_verify;
+    AdoptLenses(database_);
     for (const std::string& text : LearnWideFocals(database_, options_.verification, run_)) {
       run_.monitor.Info(text);
     }

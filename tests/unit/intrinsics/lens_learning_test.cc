@@ -7,6 +7,7 @@
 
 #include "cairn/synthetic/scene.h"
 #include "intrinsics/known_intrinsics.h"
+#include "intrinsics/shared_lenses.h"
 #include "support/test.h"
 #include "unit/intrinsics/learning_fixture.h"
 
@@ -163,6 +164,37 @@ TEST_F(LensLearningTest, CamerasOfOneKindShareTheirDistortion) {
     EXPECT_NEAR(k, distortions.begin()->second.front(), 1e-9);
     EXPECT_NEAR(k, 1.3 * 1.3 * -0.2, 0.1);
   }
+}
+
+// Photographs that join later begin with the lens that the others have learned.
+TEST_F(LensLearningTest, LaterCamerasOfTheKindHaveItsLens) {
+  const std::string path = MakeDatabase(
+      "one.db",
+      {.k = -0.2, .focal_factor = 1.3, .has_prior = false, .own_cameras = true, .num_kinds = 1});
+  Verify(path);
+  Database database(path);
+  const std::map<camera_t, CameraLens> before = database.ReadCameraLenses();
+  Camera camera = database.ReadCameras().front();
+  for (const auto& [id, factor] : {std::pair(201, 1.0), std::pair(202, 1.1)}) {
+    camera.camera_id = id;
+    camera.SetMeanFocal(factor * camera.MeanFocal());
+    database.WriteCamera(camera);
+    database.WriteImage(
+        {camera.camera_id, "later" + std::to_string(id) + ".jpg", camera.camera_id});
+  }
+  AdoptLenses(database);
+  std::map<camera_t, CameraLens> after = database.ReadCameraLenses();
+  EXPECT_EQ(after.count(202), 0u);  // of another kind
+  ASSERT_EQ(after.count(201), 1u);
+  const CameraLens later = after.at(201);
+  after.erase(201);
+  EXPECT_EQ(after, before);
+  int num_shorter = 0;
+  for (const auto& [id, lens] : before) {
+    EXPECT_NEAR(lens.k / std::pow(lens.focal_px, 2), later.k / std::pow(later.focal_px, 2), 1e-12);
+    num_shorter += lens.focal_px < later.focal_px;
+  }
+  EXPECT_EQ(num_shorter, 4);  // of nine
 }
 
 // Those that are not alike are told apart: the kind that most images have shares its distortion,

@@ -145,6 +145,43 @@ TEST_F(WideCamerasTest, UnknownFocalLengthsAreFound) {
   }
 }
 
+// Photographs without EXIF have a camera each.
+TEST_F(WideCamerasTest, CamerasOfOneKindAreAskedTogether) {
+  const Camera camera = MakeCamera(CameraModel::kSimpleRadialFisheye, {400, 600, 600, -0.04});
+  Camera guessed = Camera::FromFocal(1, camera.model, 600, kSize, kSize);
+  WriteWideScene(camera, guessed, {.field_deg = 150}, 2, database_);
+  const std::vector<std::string> of_one = LearnWideFocals(database_, {}, {.num_threads = 2});
+  database_.ClearStage("verification");
+  for (Image image : database_.ReadImages()) {
+    guessed.camera_id = image.camera_id = 100 + image.image_id;
+    database_.WriteCamera(guessed);
+    database_.WriteImage(image);
+  }
+  const std::vector<std::string> texts = LearnWideFocals(database_, {}, {.num_threads = 2});
+  ASSERT_EQ(texts.size(), 2u);  // Camera 1 has no photograph now.
+  EXPECT_THAT(texts[1], HasSubstr("camera 101 and 9 of its kind: focal length"));
+  EXPECT_THAT(of_one, ElementsAre(HasSubstr(texts[1].substr(texts[1].find(':')))));
+  for (const Image& image : database_.ReadImages()) {
+    EXPECT_LT(ReadKnownIntrinsics(database_).at(image.camera_id).camera.MeanFocal(), 410);
+  }
+}
+
+// Pairs with too few matches determine nothing; others may come later.
+TEST_F(WideCamerasTest, FocalLengthsThatWereNotFoundAreLookedForAgain) {
+  const Camera camera = MakeCamera(CameraModel::kSimpleRadialFisheye, {400, 600, 600, -0.04});
+  WriteWideScene(camera, Camera::FromFocal(1, camera.model, 600, kSize, kSize), {.field_deg = 150},
+                 2, database_);
+  const auto learn = [&](int min_num_matches) {
+    return LearnWideFocals(database_, {.min_num_matches = min_num_matches}, {.num_threads = 2});
+  };
+  EXPECT_THAT(learn(100000), ElementsAre(HasSubstr("no pair determines the focal length")));
+  EXPECT_THAT(learn(100000), IsEmpty());
+  Verify(database_);  // with the guess
+  EXPECT_THAT(learn(15), ElementsAre(HasSubstr("camera 1: focal length ")));
+  EXPECT_THAT(database_.ReadTwoViewGeometryPairIds(), IsEmpty());
+  EXPECT_THAT(learn(15), IsEmpty());
+}
+
 TEST_F(WideCamerasTest, CamerasThatAreKnownOrPlanarAreNotAsked) {
   const Camera known = MakeCamera(CameraModel::kSimpleFisheye, {380, 600, 600});
   WriteWideScene(known, known, {.num_images = 3, .num_points = 200}, 3, database_);

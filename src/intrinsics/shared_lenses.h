@@ -1,0 +1,23 @@
+#pragma once
+
+#include <map>
+
+#include "cairn/base/types.h"
+#include "cairn/database/database.h"
+
+namespace cairn {
+
+// Cameras that have one lens: the camera that stands for it. Their models, sizes and focal lengths
+// are equal. Cameras that the map lacks have a lens each.
+using SharedLenses = std::map<camera_t, camera_t>;
+
+// Few pairs of one photograph do not tell its lens: where most images have a camera of their own
+// and the same model, size and focal length, as those without EXIF have, they are of one lens.
+// (Focal lengths stay their own: the mapper decides whether the cameras are one.)
+SharedLenses FindSharedLenses(const Database& database);
+
+// Cameras that were never looked at begin with what others of their lens have learned, the one of
+// the median focal length: photographs that join later.
+void AdoptLenses(Database& database);
+
+}  // namespace cairn
