@@ -110,10 +110,7 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   if (!GrowModel(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
   const std::string origin =
-      (rotations.min_num_inliers == 0
-           ? "all pairs"
-           : "pairs of " + std::to_string(rotations.min_num_inliers) + " inliers and more") +
-      (rotations.weight_power == 0 ? ", weighed alike," : ", weighed by inliers,");
+      rotations.weight_power == 0 ? "pairs weighed alike" : "pairs weighed by inliers";
   if (!CheckModel(context, component.size(), origin, built.evidence, model)) return built;
   built.model = std::move(model);
   return built;

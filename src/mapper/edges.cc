@@ -8,10 +8,6 @@ std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
     ViewGraph& graph) {
   ModelStage stage(context, "edges");
   const double max_error_deg = context.settings.view_graph.max_rotation_error_deg;
-  // A core of the component (HypothesizeRotations) tells nothing of the pairs outside.
-  std::vector<image_t> ids;
-  for (const auto& [id, rotation] : cam_from_world) ids.push_back(id);
-  KeepImages(ids, graph);
   stage.Add("edges_in", graph.NumActiveEdges());
   stage.Add("refitted", context.scene.poses_imported
                             ? 0

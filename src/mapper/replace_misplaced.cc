@@ -71,8 +71,8 @@ std::optional<BuiltModel> PlaceAnew(StageContext& context, const BuiltModel& bui
 }
 
 // Places a group whose scale may be wrong as a whole, or registers anew what may be misplaced: all
-// groups that the matches contradict, else the worst of them alone, else those whose scale beside
-// the others the model does not know.
+// groups that the matches contradict, else those whose scale beside the others the model does not
+// know.
 std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltModel& built) {
   for (const MisplacedGroup& group : FindGroupsOfOwnScale(context, built)) {
     if (auto other = PlaceAnew(context, built, group.images)) return other;
@@ -81,7 +81,6 @@ std::optional<BuiltModel> RegisterMisplaced(StageContext& context, const BuiltMo
   std::set<image_t> all;
   for (const MisplacedGroup& group : groups) all.insert(group.images.begin(), group.images.end());
   auto other = RegisterAnew(context, built, all);
-  if (!other && groups.size() > 1) other = RegisterAnew(context, built, groups.front().images);
   if (!other) other = RegisterAnew(context, built, FindHinged(context, built.graph, *built.model));
   return other;
 }

@@ -4,7 +4,6 @@
 #include <optional>
 #include <utility>
 
-#include "cairn/base/parallel.h"
 #include "cairn/evaluation/alignment.h"
 #include "cairn/geometry/rigid3d.h"
 #include "cairn/math/angles.h"
@@ -18,9 +17,6 @@ namespace {
 constexpr double kTurnedDeg = 5.0;
 // Fewer turned images do not make another model: resection puts single images right.
 constexpr double kMinTurnedShare = 0.05;
-// Where pairs with this share of all inliers agree with the rotations, weighed or not, other sets
-// of edges are not tried.
-constexpr double kClearShare = 0.75;
 // Of more edges, where each start takes seconds, an average by other powers of the same weights
 // goes on from the one before: regions that turn as one leave wrong minima.
 constexpr int kMaxFreshEdges = 100000;
@@ -68,14 +64,12 @@ std::optional<double> ErrorDeg(const ViewEdge& edge, const RotationHypothesis& h
 
 // Inliers of all pairs that have a pose, those that were taken out among them, by how well they
 // agree with the rotations.
-void SetSupport(const ViewGraph& graph, double scale_deg, double max_error_deg,
-                RotationHypothesis& hypothesis) {
+void SetSupport(const ViewGraph& graph, double scale_deg, RotationHypothesis& hypothesis) {
   for (const ViewEdge& edge : graph.edges) {
     const std::optional<double> error = ErrorDeg(edge, hypothesis);
     if (!error) continue;
     hypothesis.possible_support += std::max(1, edge.num_inliers);
     hypothesis.support += std::max(1, edge.num_inliers) / (1.0 + std::pow(*error / scale_deg, 2));
-    if (*error <= max_error_deg) hypothesis.num_agreeing += edge.num_inliers;
   }
 }
 
@@ -96,29 +90,6 @@ bool IsAnother(const RotationHypothesis& a, const RotationHypothesis& b) {
     num_turned += RadToDeg(error) > kTurnedDeg;
   }
   return num_turned > kMinTurnedShare * static_cast<double>(rotations_a.size());
-}
-
-// A connected set of a component's edges.
-struct Core {
-  std::vector<RotationEdge> edges;
-  size_t num_images = 0;
-  int min_num_inliers = 0;
-};
-
-// The largest component of the component's edges with so many inliers and more: of pairs that are
-// all surer, loops reject other ones than among all pairs.
-Core CoreOf(const StageContext& context, std::span<const image_t> component, ViewGraph graph,
-            int min_num_inliers) {
-  for (ViewEdge& edge : graph.edges) {
-    if (edge.removal == EdgeRemoval::kTripletInconsistent) edge.removal = EdgeRemoval::kNone;
-  }
-  KeepImages(component, graph);
-  RemoveWeakEdges(min_num_inliers, graph);
-  RemoveInconsistentTriplets(graph, context.settings.view_graph, context.run);
-  const auto components = ActiveComponents(graph);
-  if (components.empty()) return {};
-  KeepImages(components.front(), graph);
-  return {EdgesOf(graph), components.front().size(), min_num_inliers};
 }
 
 bool HasRotations(const RotationAveragingReport& report) {
@@ -154,34 +125,13 @@ std::vector<RotationAveragingReport> AverageByPowers(std::span<const RotationEdg
 class Averager {
  public:
   // own: the graph of the component alone.
-  Averager(StageContext& context, RunStage& stage, std::span<const image_t> component,
-           const ViewGraph& own)
-      : context_(context), stage_(stage), component_(component), own_(own) {}
+  Averager(StageContext& context, RunStage& stage, const ViewGraph& own)
+      : context_(context), stage_(stage), own_(own) {}
 
   // From all edges. False: it fails.
   bool AddAll() {
     const RotationAveragingOptions& options = context_.settings.rotation_averaging;
-    return Add(AverageByPowers(EdgesOf(own_), options, context_.run), 0);
-  }
-
-  // From the edges with more and more inliers, as long as they join more than half of the images;
-  // side by side.
-  void AddCores() {
-    const int least = std::max(1, context_.settings.view_graph.min_num_inliers);
-    std::vector<Core> cores;
-    for (int n = 2 * least; n < (1 << 20); n *= 2) {
-      Core core = CoreOf(context_, component_, own_, n);
-      if (2 * core.num_images <= component_.size()) break;
-      cores.push_back(std::move(core));
-    }
-    const RotationAveragingOptions& options = context_.settings.rotation_averaging;
-    std::vector<std::vector<RotationAveragingReport>> reports(cores.size());
-    ParallelFor(context_.run.num_threads, std::ssize(cores), [&](int64_t i) {
-      reports[i] = AverageByPowers(cores[i].edges, options, context_.run);
-    });
-    for (size_t i = 0; i < cores.size(); ++i) {
-      if (!Add(std::move(reports[i]), cores[i].min_num_inliers)) return;
-    }
+    return Add(AverageByPowers(EdgesOf(own_), options, context_.run));
   }
 
   // From the tree of the surest pairs, and what agrees with it: pairs of things that look alike may
@@ -194,16 +144,6 @@ class Averager {
       if (edge.IsActive()) edges[k++].weight = Coverage(context_.scene, edge);
     }
     AddTree(edges);
-  }
-
-  // Of one average at least.
-  bool IsClear() const {
-    const auto differs = [&](const RotationHypothesis& other) {
-      return IsAnother(all_.front(), other);
-    };
-    return std::none_of(all_.begin(), all_.end(), differs) &&
-           static_cast<double>(all_.front().num_agreeing) >
-               kClearShare * all_.front().possible_support;
   }
 
   size_t NumTried() const { return all_.size(); }
@@ -229,18 +169,18 @@ class Averager {
     RotationAveragingOptions options = context_.settings.rotation_averaging;
     options.max_l1_iterations = options.max_consensus_rounds = options.max_region_rounds = 0;
     options.weight_power = 1;
-    Add(AverageRotations(edges, options, context_.run), 0, 1);
+    Add(AverageRotations(edges, options, context_.run), 1);
   }
 
-  bool Add(std::vector<RotationAveragingReport> by_powers, int min_num_inliers) {
+  bool Add(std::vector<RotationAveragingReport> by_powers) {
     const std::vector<double> powers = PowersOf(context_.settings.rotation_averaging);
     for (size_t i = 0; i < by_powers.size(); ++i) {
-      if (!Add(std::move(by_powers[i]), min_num_inliers, powers[i])) return false;
+      if (!Add(std::move(by_powers[i]), powers[i])) return false;
     }
     return true;
   }
 
-  bool Add(RotationAveragingReport report, int min_num_inliers, double weight_power) {
+  bool Add(RotationAveragingReport report, double weight_power) {
     if (!HasRotations(report)) {
       if (all_.empty()) {
         stage_.Fail(std::string(RotationAveragingStatusName(report.status)) + " on " +
@@ -249,16 +189,14 @@ class Averager {
       }
       return false;
     }
-    all_.push_back({min_num_inliers, weight_power, std::move(report.cam_from_world),
+    all_.push_back({weight_power, std::move(report.cam_from_world),
                     report.median_residual_deg, report.num_rejected});
-    SetSupport(own_, context_.settings.rotation_averaging.sigma_start_deg,
-               context_.settings.view_graph.max_rotation_error_deg, all_.back());
+    SetSupport(own_, context_.settings.rotation_averaging.sigma_start_deg, all_.back());
     return true;
   }
 
   StageContext& context_;
   RunStage& stage_;
-  const std::span<const image_t> component_;
   const ViewGraph& own_;
   std::vector<RotationHypothesis> all_;
 };
@@ -287,11 +225,11 @@ std::vector<RotationHypothesis> HypothesizeRotations(StageContext& context,
   ViewGraph own = graph;
   KeepImages(component, own);
   stage.Add("edges_in", own.NumActiveEdges());
-  Averager averager(context, stage, component, own);
+  Averager averager(context, stage, own);
   // Of a data set's pairs, inliers were not counted.
-  if (averager.AddAll() && !context.scene.poses_imported) {
-    if (own.NumActiveEdges() <= kMaxFreshEdges) averager.AddTrees();
-    if (!averager.IsClear()) averager.AddCores();
+  if (averager.AddAll() && !context.scene.poses_imported &&
+      own.NumActiveEdges() <= kMaxFreshEdges) {
+    averager.AddTrees();
   }
   const std::vector<RotationHypothesis> distinct = averager.Distinct();
   stage.Add("averaged", averager.NumTried());

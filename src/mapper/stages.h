@@ -164,14 +164,12 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
 // rotations.cc
 // Global rotations of a component, by one choice of edges and weights.
 struct RotationHypothesis {
-  int min_num_inliers = 0;  // of the edges it comes from
   double weight_power = 0;  // of the numbers of inliers that its edges are weighed by
   std::map<image_t, Eigen::Quaterniond> cam_from_world;
   double median_residual_deg = 0;
   int num_rejected = 0;         // edges that are further off (rotation_averaging.max_error_deg)
   double support = 0;           // inliers of the pairs, by how well they agree with it
   double possible_support = 0;  // of all pairs between its images
-  int64_t num_agreeing = 0;     // of these, of pairs within the largest rotation error
 };
 // A model of so few observations that it is built and adjusted in some seconds, whatever may come
 // of it.
@@ -180,8 +178,7 @@ inline bool IsQuick(const Reconstruction& model) { return model.NumObservations(
 // Independent matches of the pairs that a model with these rotations can keep.
 int64_t NumExplainable(const StageContext& context, const ViewGraph& graph,
                        const RotationHypothesis& hypothesis);
-// Global rotations of the component, averaged from all of its edges and from those with more and
-// more inliers while they join more than half of the images, weighed by inliers, and alike; and
+// Global rotations of the component, averaged from its edges, weighed by inliers, and alike; and
 // from the trees of those with the most inliers, and whose inliers cover the pictures best. Where
 // these agree there is one hypothesis, else those that differ, the best supported first. Empty: the
 // report has the failure.

@@ -42,25 +42,6 @@ TEST(RegisterLeftOut, ImagesWithTooFewPointsOrInliersStayOut) {
   EXPECT_EQ(registers([](ResectionOptions& options) { options.max_error_px = 1e-3; }), 0);
 }
 
-// Where rotations are those of a core, the images outside keep their pairs.
-TEST(ChooseEdges, PairsOfImagesWithoutRotationsStayForOtherModels) {
-  IncompleteModel incomplete({});
-  std::map<image_t, Eigen::Quaterniond> core;
-  for (const auto& [id, image] : incomplete.truth.images) {
-    if (id <= 6) core[id] = image.cam_from_world.rotation;
-  }
-  const auto chosen = ChooseEdges(incomplete.context, core, incomplete.graph);
-  ASSERT_TRUE(chosen.has_value());
-  EXPECT_EQ(chosen->size(), 6u);
-  int num_outside = 0;
-  for (const ViewEdge& edge : incomplete.graph.edges) {
-    if (edge.image_id2 <= 6) continue;
-    ++num_outside;
-    EXPECT_EQ(edge.removal, EdgeRemoval::kOtherComponent);
-  }
-  EXPECT_GT(num_outside, 10);
-}
-
 // An image that resection brought in has pairs that averaging had cut off.
 TEST(ReviseEdges, PairsThatTheModelContradictsAreOutWhateverTheyWere) {
   IncompleteModel incomplete({});
