@@ -172,6 +172,20 @@ TEST_F(BuildPipelineTest, NewPhotographsJoin) {
   EXPECT_EQ(*Database(folder_ / "a.db").ReadKeypoints(1), keypoints);
 }
 
+TEST_F(BuildPipelineTest, NewPhotographsBeginWithTheLensOfTheirKind) {
+  RunBuildPipeline(Options("a.db"));
+  const CameraLens lens{.focal_px = 150, .k = -0.01, .num_pairs = 5};
+  {
+    Database database(folder_ / "a.db");
+    for (camera_t id = 1; id <= 4; ++id) database.WriteCameraLens(id, lens);
+  }
+  AddPhoto(4);
+  RunBuildPipeline(Options("a.db"));
+  const CameraLens later = Database(folder_ / "a.db").ReadCameraLenses().at(5);
+  EXPECT_EQ(later.focal_px, lens.focal_px);
+  EXPECT_EQ(later.k, lens.k);
+}
+
 TEST_F(BuildPipelineTest, ChangedPhotographsAreComputedAlone) {
   RunBuildPipeline(Options("a.db"));
   WriteBitmap(Images() + "/photo1.png", WallPhoto(160, 120, 60));
