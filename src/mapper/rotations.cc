@@ -189,8 +189,8 @@ class Averager {
       }
       return false;
     }
-    all_.push_back({weight_power, std::move(report.cam_from_world),
-                    report.median_residual_deg, report.num_rejected});
+    all_.push_back({weight_power, std::move(report.cam_from_world), report.median_residual_deg,
+                    report.num_rejected});
     SetSupport(own_, context_.settings.rotation_averaging.sigma_start_deg, all_.back());
     return true;
   }
