@@ -223,42 +223,29 @@ Replaced TakeFocals(const std::map<camera_t, CalibratedFocal>& focals,
 
 // Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
 // by those of the focal lengths before. Where they close worse, the cameras and their edges are
-// taken back; where loops do not decide, or would decide between pairs and EXIF, both ways are
-// kept: the model decides.
-std::optional<Calibration> TakeBackRejected(const Replaced& before, Stage& stage,
-                                            SceneData& scene) {
-  std::set<camera_t> rejected, undecided;
+// taken back, but for cameras whose EXIF pairs contradict: the stored poses are by EXIF.
+void TakeBackRejected(const Replaced& before, Stage& stage, SceneData& scene) {
+  std::set<camera_t> rejected;
   for (const LoopErrors& loops : CompareLoops(scene, before.guessed_edges, scene.edges)) {
     std::set<camera_t> cameras;
     for (const camera_t id : loops.cameras) {
       if (before.focals_px.count(id) > 0) cameras.insert(id);
     }
-    const double improvement = loops.Improvement();
-    if (cameras.empty() || improvement >= kDecisive) continue;
     const bool overrules_exif = std::ranges::any_of(
         cameras, [&](camera_t id) { return scene.cameras.at(id).has_prior_focal_length; });
-    const bool is_rejected = improvement <= -kDecisive && !overrules_exif;
-    (is_rejected ? rejected : undecided).insert(cameras.begin(), cameras.end());
-    const std::string text = Formatted(
+    if (cameras.empty() || loops.Improvement() > -kDecisive || overrules_exif) continue;
+    rejected.insert(cameras.begin(), cameras.end());
+    stage.Note(Formatted(
         "%zu loops of rotations close to %.2f deg (median) with calibrated focal lengths, "
-        "to %.2f deg without: the calibrated focal lengths of %zu cameras are %s",
+        "to %.2f deg without: the calibrated focal lengths of %zu cameras are rejected",
         loops.before_deg.size(), UpperMedian(loops.after_deg), UpperMedian(loops.before_deg),
-        cameras.size(), is_rejected ? "rejected" : "undecided; both are tried");
-    stage.Note(text);
+        cameras.size()));
   }
-  const auto take_back = [&](const std::set<camera_t>& cameras, auto& of_scene, auto& edges) {
-    for (const camera_t id : cameras) of_scene.at(id).SetMeanFocal(before.focals_px.at(id));
-    for (size_t i = 0; i < edges.size(); ++i) {
-      if (IsOf(edges[i], cameras, scene)) edges[i] = before.guessed_edges[i];
-    }
-  };
-  take_back(rejected, scene.cameras, scene.edges);
+  for (const camera_t id : rejected) scene.cameras.at(id).SetMeanFocal(before.focals_px.at(id));
+  for (size_t i = 0; i < scene.edges.size(); ++i) {
+    if (IsOf(scene.edges[i], rejected, scene)) scene.edges[i] = before.guessed_edges[i];
+  }
   stage.Add("rejected_by_loops", rejected.size());
-  stage.Add("undecided_by_loops", undecided.size());
-  if (undecided.empty()) return std::nullopt;
-  Calibration other = scene;
-  take_back(undecided, other.cameras, other.edges);
-  return other;
 }
 
 // Whether the pairs tell that a camera which images share is more than one: two lenses by which a
@@ -285,9 +272,8 @@ std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t
   return geometries;
 }
 
-std::optional<Calibration> CalibrateSceneFocals(const FocalCalibrationOptions& options,
-                                                const RunContext& run, Stage& stage,
-                                                SceneData& scene) {
+void CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunContext& run,
+                          Stage& stage, SceneData& scene) {
   const std::vector<FocalPair> pairs = CollectPairs(scene, options.max_pairs, run.num_threads);
   std::set<camera_t> trusted = scene.constant_cameras;
   for (const auto& [id, sigma] : scene.held_focals) trusted.insert(id);
@@ -306,10 +292,10 @@ std::optional<Calibration> CalibrateSceneFocals(const FocalCalibrationOptions& o
   scene.is_sharing_disputed = IsSharingDisputed(report, scene);
   stage.Add("sharing_disputed", scene.is_sharing_disputed);
   ImproveRelativePoses(scene.foreign, run, scene);
-  if (calibrated.empty()) return std::nullopt;
+  if (calibrated.empty()) return;
   const Replaced before =
       TakeFocals(report.cameras, ReadGeometriesOf(calibrated, scene), calibrated, run, scene);
-  return TakeBackRejected(before, stage, scene);
+  TakeBackRejected(before, stage, scene);
 }
 
 }  // namespace cairn

@@ -134,17 +134,16 @@ class Calibrator {
              SceneData& scene)
       : settings_(settings), run_(run), report_(report), scene_(scene) {}
 
-  // Takes the calibration by the pairs out of the scene; where these do not decide, there are two.
-  std::vector<Calibration> Calibrate() {
-    std::optional<Calibration> other;
-    if (!scene_.poses_alone) other = CalibrateByPairs();
-    std::vector<Calibration> calibrations;
-    calibrations.push_back(std::move<Calibration&>(scene_));
-    if (other) {
-      other->origin += ", focal lengths from before calibration";
-      calibrations.push_back(std::move(*other));
+  // By the pairs.
+  void Calibrate() {
+    if (scene_.poses_alone) return;
+    const FocalCalibrationOptions& options = settings_.focal_calibration;
+    if (options.enabled && scene_.constant_cameras.size() < scene_.cameras.size()) {
+      RunStage stage(report_, run_.monitor, "focal_calibration");
+      CalibrateSceneFocals(options, run_, stage, scene_);
+    } else {
+      ImproveRelativePoses(scene_.foreign, run_, scene_);
     }
-    return calibrations;
   }
 
   // Gives the images of each group the median of their cameras.
@@ -161,17 +160,6 @@ class Calibrator {
   }
 
  private:
-  // Returns the other calibration where pairs do not decide.
-  std::optional<Calibration> CalibrateByPairs() {
-    const FocalCalibrationOptions& options = settings_.focal_calibration;
-    if (options.enabled && scene_.constant_cameras.size() < scene_.cameras.size()) {
-      RunStage stage(report_, run_.monitor, "focal_calibration");
-      return CalibrateSceneFocals(options, run_, stage, scene_);
-    }
-    ImproveRelativePoses(scene_.foreign, run_, scene_);
-    return std::nullopt;
-  }
-
   const ReconstructSettings& settings_;
   const RunContext& run_;
   RunReport& report_;
@@ -188,29 +176,27 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
   const auto refines_exif = [&](const auto& entry) { return RefinesExif(entry.second, scene); };
   if (std::ranges::any_of(scene.cameras, refines_exif)) stored = scene;
   CalibrationSearch search(settings, run, scene);
-  // Returns whether pairs dispute the cameras that images share.
-  const auto try_calibrations = [&] {
-    for (Calibration& found : calibrator.Calibrate()) {
-      calibration = std::move(found);
-      search.Try();
-    }
-    return calibration.is_sharing_disputed;
+  const auto calibrate_and_try = [&] {
+    calibrator.Calibrate();
+    search.Try();
   };
-  bool is_disputed = false;
   if (!of_one.empty()) {
     Calibration separate = scene;
     calibrator.Share(of_one);
-    is_disputed = try_calibrations();
+    calibrate_and_try();
+    const bool is_disputed = scene.is_sharing_disputed;
     calibration = std::move(separate);
+    if (is_disputed || search.SeparatePays()) calibrate_and_try();
+  } else {
+    calibrate_and_try();
   }
-  if (of_one.empty() || is_disputed || search.SeparatePays()) try_calibrations();
   if (!search.best().left_exif.empty()) {
     calibration = std::move(*stored);
     calibrator.Share(of_one);
     // (An observation of bundle adjustment has two coordinates, a match one.)
     HoldExif(search.best().left_exif, settings.focal_calibration.exif_sigma,
              2 * kModelErrors * search.best().result.evidence_nats, scene);
-    calibration = std::move(calibrator.Calibrate().front());
+    calibrator.Calibrate();
     search.Try(1 - kModelErrors);
   }
   return search.Finish();
@@ -234,7 +220,7 @@ PartResult ReconstructBest(std::span<const Reconstruction> earlier,
       return !AgreeWithOneCamera(earlier, images, scene);
     });
     calibrator.Share(of_one);
-    static_cast<Calibration&>(scene) = std::move(calibrator.Calibrate().front());
+    calibrator.Calibrate();
     const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, before);
     if (before.Succeeded()) {
       result = ReconstructCalibrated(scene, adopted, settings, run).result;

@@ -93,8 +93,8 @@ ReconstructResult MergeParts(std::vector<PartResult> parts, const SceneData& sce
 
 // calibration_search.cc
 // Models and graph by the calibration of the scene whose models have the most evidence: with one
-// camera for likely images or without, with focal lengths by the pairs or as they were. Earlier
-// models tell theirs. Leaves the scene with a calibration that was tried.
+// camera for likely images or without. Earlier models tell theirs. Leaves the scene with a
+// calibration that was tried.
 PartResult ReconstructBest(std::span<const Reconstruction> earlier,
                            const ReconstructSettings& settings, const RunContext& run,
                            SceneData& scene);
@@ -102,12 +102,10 @@ PartResult ReconstructBest(std::span<const Reconstruction> earlier,
 // calibrate.cc
 // Gives cameras whose intrinsics are not constant the focal lengths that the pairs' fundamental
 // matrices determine, unless loops of rotations then close worse than before, and reports what
-// became of each camera. Where the pairs do not decide, it returns the scene's calibration with the
-// focal lengths from before.
+// became of each camera.
 // Improves the poses of the scene's `foreign` edges, and of all whose focal lengths changed.
-std::optional<Calibration> CalibrateSceneFocals(const FocalCalibrationOptions& options,
-                                                const RunContext& run, Stage& stage,
-                                                SceneData& scene);
+void CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunContext& run,
+                          Stage& stage, SceneData& scene);
 // The geometries of the edges of these cameras.
 std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
                                                          const SceneData& scene);
