@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "base/output_folder.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/io/model.h"
@@ -86,6 +87,7 @@ int Run(Command& command, ReportFlags& flags) {
                                      .three_folder = flags.three_path},
                                     flags.Run(monitor));
   WriteFileAtomically(flags.output_path, html);
+  RecordRewritten(flags.output_path);
   spdlog::info("{}: {:.1f} MB; open it in a browser", flags.output_path,
                1e-6 * static_cast<double>(html.size()));
   return kExitSuccess;

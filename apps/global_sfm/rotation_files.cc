@@ -1,12 +1,11 @@
 #include "global_sfm/rotation_files.h"
 
+#include "cairn/math/so3.h"
 #include "io/text_reader.h"
 #include "io/writers.h"
 
 namespace cairn {
 namespace {
-
-constexpr double kMaxNonOrthogonality = 1e-2;
 
 RotationEdge ReadEdge(TextReader& reader) {
   RotationEdge edge;
@@ -15,11 +14,9 @@ RotationEdge ReadEdge(TextReader& reader) {
   const auto R = reader.Doubles<Eigen::Matrix3d>("number of a rotation");
   reader.ExpectLineEnd();
   if (edge.image_id1 == edge.image_id2) reader.Fail("an edge from an image to itself");
-  const double defect = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(defect < kMaxNonOrthogonality) || R.determinant() < 0) {
-    reader.Fail("not a rotation matrix");
-  }
-  edge.cam2_from_cam1 = Eigen::Quaterniond(R).normalized();
+  const auto rotation = ToRotation(R);
+  if (!rotation) reader.Fail("not a rotation matrix");
+  edge.cam2_from_cam1 = *rotation;
   return edge;
 }
 

@@ -19,6 +19,10 @@ int Main(int argc, char** argv) {
   command.AddOptions("verification", real.verification);
   command.SetRun([&] {
     command.Require("output_path");
+    if (command.IsSet("database_path")) command.Require("reference_path");
+    for (const char* key : {"reference_path", "pairs_path", "scene", "depth_name"}) {
+      if (command.IsSet(key)) command.Require("database_path");
+    }
     ConsoleMonitor monitor;
     CreateFolders(options.output_path);
     WriteFileAtomically(options.output_path + "/effective.toml", command.EffectiveToml());

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <utility>
 
 #include "base/hash.h"
 #include "cairn/base/error.h"
@@ -90,6 +91,26 @@ std::string ReadWriter(const fs::path& file) {
   return "";
 }
 
+std::string ListText(const std::string& writer, const std::map<std::string, std::string>& hashes) {
+  std::string list = "# Files that cairn wrote here, and may replace, each after its hash.\n";
+  list += std::string(kWriter) + writer + "\n";
+  for (const auto& [name, hash] : hashes) list += hash + " " + name + "\n";
+  return list;
+}
+
+// The folders that may list results in `path`, itself first, with its name in each.
+std::vector<std::pair<fs::path, fs::path>> FoldersAbove(const std::string& path) {
+  std::vector<std::pair<fs::path, fs::path>> folders;
+  fs::path folder = fs::absolute(path).lexically_normal(), name;
+  if (!folder.has_filename()) folder = folder.parent_path();
+  for (int level = 0; level < 3; ++level) {  // as deep as failed/sparse/0
+    folders.emplace_back(folder, name);
+    name = folder.filename() / name;
+    folder = folder.parent_path();
+  }
+  return folders;
+}
+
 // Removes a file, and the folders that are empty without it.
 void RemoveFile(const fs::path& folder, const std::string& name) {
   Do(folder / name, [&](std::error_code& error) { fs::remove(folder / name, error); });
@@ -159,10 +180,16 @@ bool OutputFolder::IsOurs(const std::string& name) const {
 }
 
 void OutputFolder::CheckOneWriter() const {
-  const std::string writer = ReadWriter(fs::path(path_) / kFiles);
-  if (writer.empty() || writer == writer_) return;
-  throw ConfigError("output_path", path_ + " holds the results of " + writer +
-                                       ", which would be lost; give another --output_path");
+  for (const auto& [folder, within] : FoldersAbove(path_)) {
+    const std::string writer = ReadWriter(folder / kFiles);
+    if (writer.empty() || writer == writer_) continue;
+    const auto is_here = [&, &within = within](const auto& entry) {
+      return entry.first.starts_with(within.generic_string());
+    };
+    if (!within.empty() && std::ranges::none_of(ReadHashes(folder / kFiles), is_here)) continue;
+    throw ConfigError("output_path", path_ + " holds the results of " + writer +
+                                         ", which would be lost; give another --output_path");
+  }
 }
 
 void OutputFolder::CheckNobodyElses() const {
@@ -176,7 +203,7 @@ void OutputFolder::CheckNobodyElses() const {
   }
 }
 
-void OutputFolder::Commit(bool keeps_earlier) {
+void OutputFolder::Commit(const std::string& within) {
   CheckNobodyElses();  // they may have come since
   std::vector<std::string> files;
   for (const std::string& name : names_) ListFiles(staging_, name, files);
@@ -187,14 +214,13 @@ void OutputFolder::Commit(bool keeps_earlier) {
     hashes[name] = HashToHex(HashFile(file.string()));
     Sync(file);
   }
-  if (keeps_earlier) hashes.insert(earlier_.begin(), earlier_.end());
+  for (const auto& [name, hash] : earlier_) {
+    if (!within.empty() && !name.starts_with(within + "/")) hashes.insert({name, hash});
+  }
   for (const std::string& name : FilesInTheWay()) {
     if (hashes.count(name) == 0) removed += name + "\n";
   }
-  std::string list = "# Files that cairn wrote here, and may replace, each after its hash.\n";
-  list += std::string(kWriter) + writer_ + "\n";
-  for (const auto& [name, hash] : hashes) list += hash + " " + name + "\n";
-  WriteFileAtomically(staging_ + "/" + kFiles, list);
+  WriteFileAtomically(staging_ + "/" + kFiles, ListText(writer_, hashes));
   WriteFileAtomically(staging_ + "/" + kRemove, removed);
   Sync(staging_ + "/" + kFiles);
   Sync(staging_ + "/" + kRemove);
@@ -238,6 +264,18 @@ void CheckNotOfAnother(const std::string& folder, const std::string& writer,
     throw ConfigError("output_path", (fs::path(folder) / file).string() + " is a result of " +
                                          other + ", which would be lost; give another " +
                                          "--output_path, or --overwrite");
+  }
+}
+
+void RecordRewritten(const std::string& file) {
+  for (const auto& [folder, name] : FoldersAbove(file)) {
+    std::map<std::string, std::string> hashes;
+    if (fs::is_directory(folder)) hashes = ReadHashes(folder / kFiles);
+    const auto entry = hashes.find((name / "").parent_path().generic_string());
+    if (entry == hashes.end()) continue;
+    entry->second = HashToHex(HashFile(file));
+    const std::string list = (folder / kFiles).string();
+    WriteFileAtomically(list, ListText(ReadWriter(list), hashes));
   }
 }
 

@@ -29,8 +29,9 @@ class OutputFolder {
   // Is a file whose name begins like this among the results of an earlier run?
   bool Has(const std::string& name) const;
   // Puts the results in place. Those of earlier runs, and with `overwrites` all else that has one
-  // of the names, are removed; or they stay, where they have other names, if `keeps_earlier`.
-  void Commit(bool keeps_earlier = false);
+  // of the names, are removed; earlier results outside of the folder `within`, one of the names,
+  // stay.
+  void Commit(const std::string& within = "");
 
  private:
   using Hashes = std::map<std::string, std::string>;  // hash of each file, by path in the folder
@@ -51,5 +52,9 @@ class OutputFolder {
 // Throws ConfigError where one of the files in the folder is a result of another command.
 void CheckNotOfAnother(const std::string& folder, const std::string& writer,
                        const std::vector<std::string>& files);
+
+// A file that a command has written to a folder of results, again: if it is one of these, it stays
+// one.
+void RecordRewritten(const std::string& file);
 
 }  // namespace cairn

@@ -25,10 +25,11 @@ ThreadPool& ThreadPool::Get() {
 int ThreadPool::Grow(int num_helpers) {
   const std::lock_guard<std::mutex> lock(mutex_);
   try {
-    while (static_cast<int>(helpers_.size()) < num_helpers) {
+    while (!is_full_ && static_cast<int>(helpers_.size()) < num_helpers) {
       helpers_.emplace_back([this] { Help(); });
     }
   } catch (const std::exception&) {  // std::system_error or std::bad_alloc: these are all
+    is_full_ = true;  // for good: loops have as many slots as the first call told them
   }
   return static_cast<int>(helpers_.size());
 }

@@ -42,6 +42,7 @@ class ThreadPool {
   std::deque<Loop*> open_;  // loops that want more helpers
   std::atomic<int> num_open_ = 0;
   std::vector<std::thread> helpers_;
+  bool is_full_ = false;  // the system lets no more start
 };
 
 }  // namespace cairn

@@ -18,11 +18,14 @@ constexpr double kPixelShape = 0.01;
 
 // 1 / standard deviation of a distortion coefficient, as AdjustBundle says.
 double DistortionPrecision(const Camera& camera, int index) {
-  const Eigen::Vector2d corner(0.5 * camera.width / camera.FocalX(),
-                               0.5 * camera.height / camera.FocalY());
+  Eigen::Vector2d corner(0.5 * camera.width / camera.FocalX(),
+                         0.5 * camera.height / camera.FocalY());
   std::vector<double> J(2 * camera.params.size());
   Eigen::Matrix2d J_uv;
-  camera.ImgFromCam(corner, &J_uv, J.data());
+  // (Nearer to the center where the corner without distortion is beyond the model's field.)
+  for (; corner.norm() > 1e-3; corner *= 0.5) {
+    if (camera.ImgFromCam(corner, &J_uv, J.data()).allFinite()) break;
+  }
   const double r = corner.norm();
   const double share = std::hypot(kLensDistortion, 1.0 - std::atan(r) / r);
   return std::hypot(J[index], J[camera.params.size() + index]) / (share * r * camera.MeanFocal());

@@ -53,13 +53,13 @@ class BundleProblem {
     for (const auto& [id, point] : reconstruction.points3D) {
       AddPoint(point, state_.Point(index++));
     }
+    for (const SurveyedPoint& point : scope.surveyed_points) {
+      AddSurveyedPoint(point, state_.Point(index++));
+    }
     for (const auto& [id, prior] : scope.priors) {
       const auto camera = reconstruction.cameras.find(id);
       if (camera == reconstruction.cameras.end()) continue;
       AddPrior(camera->second, prior, state_.Intrinsics(id));
-    }
-    for (const SurveyedPoint& point : scope.surveyed_points) {
-      AddSurveyedPoint(point, state_.Point(index++));
     }
     for (const auto& [id, prior] : scope.image_positions) {
       if (!scope.positions || reconstruction.images.count(id) == 0) continue;
@@ -203,7 +203,8 @@ BundleAdjustmentReport AdjustByCeres(const BundleAdjustmentOptions& options,
   StopCallback stop(run.monitor);
   solver_options.callbacks.push_back(&stop);
   const ceres::Solver::Summary summary = problem.Solve(solver_options);
-  report.num_iterations = static_cast<int>(summary.iterations.size());
+  report.num_iterations =
+      std::max(0, static_cast<int>(summary.iterations.size()) - 1);   // less the start
   SetRmse(2 * summary.initial_cost, 2 * summary.final_cost, report);  // Ceres halves them
   report.status = BundleAdjustmentStatus::kFailed;
   if (!summary.IsSolutionUsable()) return report;

@@ -23,15 +23,15 @@ bool Reprojection::Evaluate(double* residuals, double** jacobians) const {
   const double inverse_z = is_planar ? 1.0 / x.z() : 1.0;
   const Eigen::Vector3d ray =
       is_planar ? Eigen::Vector3d(x.x() * inverse_z, x.y() * inverse_z, 1.0) : x;
-  double projected[2];
+  Eigen::Vector2d projected;
   double J_params[2 * kMaxCameraParams];
   RowMajor2<3> J_camera;  // d(pixel)/d(ray), then d(residual)/d(x)
-  if (!ImgFromRay({intrinsics.model, intrinsics.params.data()}, ray.data(), projected,
-                  J_camera.data(), jacobians && intrinsics.num_free > 0 ? J_params : nullptr)) {
+  const CameraParams params = {intrinsics.model, intrinsics.params.data()};
+  if (!ImgFromRay(params, ray.data(), projected.data(), J_camera.data(),
+                  jacobians && intrinsics.num_free > 0 ? J_params : nullptr)) {
     return false;
   }
-  residuals[0] = precision * (projected[0] - pixel.x());
-  residuals[1] = precision * (projected[1] - pixel.y());
+  Eigen::Map<Eigen::Vector2d>(residuals, 2) = precision * PixelDifference(params, projected, pixel);
   if (!jacobians) return true;
   J_camera *= precision;
   if (is_planar) {

@@ -75,7 +75,6 @@ DepthNetwork::DepthNetwork(const std::string& path, const DepthOptions& options)
 }
 
 DepthNetwork::~DepthNetwork() = default;
-DepthNetwork::DepthNetwork(DepthNetwork&&) noexcept = default;
 
 DepthMap DepthNetwork::Compute(const Bitmap& rgb) {
   CAIRN_CHECK_EQ(rgb.channels, 3);

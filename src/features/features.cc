@@ -4,12 +4,11 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
 
 #include "cairn/base/check.h"
 #include "cairn/image/resample.h"
-#include "features/extrema.h"
 #include "features/frames.h"
-#include "image/cv_bitmap.h"
 
 namespace cairn {
 namespace {
@@ -68,6 +67,9 @@ Features Extract(const Bitmap& gray, FeatureOptions options, const Bitmap* mask)
   Features features;
   features.descriptors.resize(0, kDescriptorSize);
   if (std::min(gray.width, gray.height) < kMinImageSize) return features;
+  // (Kernels count pixels by 32 bits.)
+  const bool can_double = 4.0 * gray.width * gray.height < std::numeric_limits<int32_t>::max();
+  if (!can_double) options.first_octave = std::max(0, options.first_octave);
   Masked is_masked{mask};
   if (mask != nullptr) {
     is_masked.scale_x = static_cast<double>(mask->width) / gray.width;
@@ -110,7 +112,6 @@ Features ExtractFeatures(const Bitmap& gray, const FeatureOptions& options, cons
     CAIRN_CHECK_EQ(mask->width, gray.width);
     CAIRN_CHECK_EQ(mask->height, gray.height);
   }
-  KeepOpenCvToTheCallersThread();
   const int size = std::max(gray.width, gray.height);
   if (size <= options.max_image_size) return Extract(gray, options, mask);
 

@@ -49,7 +49,8 @@ GpsPosition GpsFromUtm(int zone, bool is_south, double easting_m, double northin
     sine = std::tanh(isometric + eccentricity * std::atanh(eccentricity * sine));
   }
   const double from_meridian = std::atan2(std::sinh(east), std::cos(north));
-  return {RadToDeg(std::asin(sine)), 6.0 * zone - 183.0 + RadToDeg(from_meridian)};
+  const double longitude_deg = 6.0 * zone - 183.0 + RadToDeg(from_meridian);
+  return {RadToDeg(std::asin(sine)), std::remainder(longitude_deg, 360.0)};
 }
 
 LocalFrame::LocalFrame(const GpsPosition& origin)

@@ -140,11 +140,10 @@ struct LocatedPoint {
 };
 
 // Triangulated from its measurements (with the usual thresholds); nullopt: fewer than two images of
-// the model show it, or they contradict each other.
+// the model show it, or they contradict each other (it is named in `out`).
 std::optional<LocatedPoint> LocatePoint(const Reconstruction& model,
                                         const std::map<std::string, image_t>& ids,
-                                        const ControlPoint& point,
-                                        std::vector<std::string>& outside) {
+                                        const ControlPoint& point, Georegistration& out) {
   Reconstruction views;  // the images that show it, with it as their only keypoint
   Track track;
   for (const auto& [name, pixel] : point.pixels) {
@@ -153,7 +152,7 @@ std::optional<LocatedPoint> LocatePoint(const Reconstruction& model,
     const RegisteredImage& image = model.images.at(id->second);
     const Camera& camera = model.CameraOf(image);
     if (!(pixel.minCoeff() >= 0 && pixel.x() <= camera.width && pixel.y() <= camera.height)) {
-      outside.push_back(point.name + " in " + name);
+      out.outside.push_back(point.name + " in " + name);
       continue;
     }
     views.cameras[image.image.camera_id] = camera;
@@ -163,7 +162,10 @@ std::optional<LocatedPoint> LocatePoint(const Reconstruction& model,
   if (track.size() < 2) return std::nullopt;
   std::sort(track.begin(), track.end());
   TriangulateTracks({&track, 1}, views, {}, {.num_threads = 1});
-  if (views.points3D.empty()) return std::nullopt;
+  if (views.points3D.empty()) {
+    out.unlocated.push_back(point.name);
+    return std::nullopt;
+  }
   const Point3D& found = views.points3D.begin()->second;
   LocatedPoint located{found.xyz, {}};
   for (const TrackElement& element : found.track) {
@@ -179,7 +181,7 @@ Rows FindPoints(const Reconstruction& model, const std::vector<ControlPoint>& po
   for (const auto& [id, image] : model.images) ids[image.image.name] = id;
   Rows rows;
   for (const ControlPoint& point : points) {
-    const auto located = LocatePoint(model, ids, point, out.outside);
+    const auto located = LocatePoint(model, ids, point, out);
     if (!located) continue;
     GeoregisteredPoint& found = out.points.emplace_back();
     found.name = point.name;

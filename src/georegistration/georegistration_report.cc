@@ -106,8 +106,12 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
   };
   warn("measurements of control points outside of their photographs", found.outside,
        "are they pixels of photographs of another size?");
-  warn("positions without an altitude, which most others have, not used", found.without_altitude,
-       "");
+  warn("control points whose measurements do not meet in the model, not used", found.unlocated,
+       "is one of their photographs another point's?");
+  if (!found.by_control_points) {
+    warn("positions without an altitude, which most others have, not used", found.without_altitude,
+         "");
+  }
   if (const std::string failure = FailureOf(found); !failure.empty()) {
     warnings.push_back({"not in meters, east, north and up, and no positions were used: " + failure,
                         "see the formats of --gps_path and --gcp_path, and the names in them"});
@@ -115,7 +119,9 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
   }
   warn("positions far from where the others put them, not used", WrongOf(found),
        "georegistration.json says how far");
-  warn("altitudes, which most positions do not have, not used", found.unused_altitudes, "");
+  if (!found.by_control_points) {
+    warn("altitudes, which most positions do not have, not used", found.unused_altitudes, "");
+  }
   if (const std::string doubt = DoubtOf(found.tilt_source); !doubt.empty()) {
     warnings.push_back({doubt, "give altitudes, or ground control points"});
   }

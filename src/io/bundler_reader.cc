@@ -3,6 +3,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/io/bundler.h"
+#include "cairn/math/so3.h"
 #include "io/bundler_frame.h"
 #include "io/text_reader.h"
 

@@ -17,7 +17,7 @@ std::string LargestModelIn(const std::string& path) {
 Reconstruction ReadModel(const std::string& path, const ReadModelOptions& options) {
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored)) throw IoError(path, "no such file or folder");
-  if (path.ends_with(".out")) {
+  if (path.ends_with(".out") && !std::filesystem::is_directory(path, ignored)) {
     const std::string beside = (std::filesystem::path(path).parent_path() / "list.txt").string();
     return ReadBundler(path, options.list_path.empty() ? beside : options.list_path,
                        {.read_points = options.read_points});

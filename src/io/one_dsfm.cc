@@ -5,6 +5,7 @@
 #include <set>
 
 #include "cairn/base/error.h"
+#include "cairn/math/so3.h"
 #include "io/bundler_frame.h"
 #include "io/text_reader.h"
 

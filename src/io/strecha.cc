@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "cairn/base/error.h"
-#include "io/bundler_frame.h"
+#include "cairn/math/so3.h"
 #include "io/text_reader.h"
 
 namespace cairn {

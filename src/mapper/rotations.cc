@@ -101,7 +101,8 @@ bool HasRotations(const RotationAveragingReport& report) {
 // the number of inliers; but a few pairs with very many, all neighbors, must not decide alone.
 std::vector<double> PowersOf(const RotationAveragingOptions& options) {
   std::vector<double> powers = {1, 0};
-  if (options.weight_power != 0) powers.push_back(options.weight_power);
+  if (options.weight_power != 0 && options.weight_power != 1)
+    powers.push_back(options.weight_power);
   return powers;
 }
 

@@ -21,9 +21,8 @@ double ShiftPx(const Reconstruction& finished, const Sim3d& rough_from_finished,
     if (seen.point3D_ids[i] == kInvalidPoint3DId) continue;
     const Eigen::Vector3d point =
         rough_from_finished * finished.points3D.at(seen.point3D_ids[i]).xyz;
-    const auto pixel = rough.CameraOf(image).ImgFromRay(image.cam_from_world * point);
-    shifts.push_back(pixel ? (*pixel - seen.points2D[i]).norm()
-                           : std::numeric_limits<double>::infinity());
+    shifts.push_back(
+        ReprojectionErrorPx(rough.CameraOf(image), image.cam_from_world, point, seen.points2D[i]));
   }
   return shifts.empty() ? std::numeric_limits<double>::infinity() : UpperMedian(shifts);
 }

@@ -104,11 +104,11 @@ std::string WriteReconstructResult(ReconstructResult& result, const std::string&
                                    const RunContext& run) {
   OutputFolder output(output_path, kWriter, kResultNames, overwrites);
   const bool keeps_earlier = !result.report.Succeeded() && output.Has("sparse/");
-  const fs::path folder = keeps_earlier ? "failed" : "";
-  const fs::path staging = output.staging() / folder;
+  const std::string folder = keeps_earlier ? "failed" : "";
+  const fs::path staging = fs::path(output.staging()) / folder;
   CreateFolders(staging.string());
   WriteFiles(result, staging, effective_toml, run);
-  output.Commit(keeps_earlier);
+  output.Commit(folder);
   return (fs::path(output_path) / folder / "report.json").string();
 }
 

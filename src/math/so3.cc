@@ -39,4 +39,11 @@ Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix) {
   return U * d.asDiagonal() * V.transpose();
 }
 
+std::optional<Eigen::Quaterniond> ToRotation(const Eigen::Matrix3d& R, double max_defect) {
+  constexpr double kExact = 1e-13;
+  const double error = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(error < max_defect) || !(R.row(0).cross(R.row(1)).dot(R.row(2)) > 0)) return std::nullopt;
+  return Eigen::Quaterniond(error < kExact ? R : NearestRotation(R)).normalized();
+}
+
 }  // namespace cairn

@@ -95,7 +95,9 @@ void CheckSources(const BuildPipelineOptions& options, const Sources& sources) {
   if (!sources.image_path.empty()) CheckImageFolder(sources.image_path);
   if (sources.dataset && sources.image_path.empty()) {
     for (const auto& [option, path] :
-         {std::pair("depth_path", &inputs.depth_path), std::pair("gps_path", &inputs.gps_path)}) {
+         {std::pair("depth_path", &inputs.depth_path),
+          std::pair("depth_model", &inputs.depth_model), std::pair("mask_path", &inputs.mask_path),
+          std::pair("gps_path", &inputs.gps_path)}) {
       if (!path->empty()) throw ConfigError(option, "the data set has no photographs");
     }
   }
@@ -134,6 +136,12 @@ void NoteOtherPairs(const Database& database, bool has_list, ProgressMonitor& mo
         "earlier runs took the pairs of a list; this one has none, and chooses pairs "
         "by --pairs. Give --pairs_path again to add no others");
   }
+}
+
+void NoteUnusedPositions(const BuildInputs& inputs, bool has_list, ProgressMonitor& monitor) {
+  const bool may_use = inputs.pairs == "auto" || inputs.pairs.find("spatial") != std::string::npos;
+  if (inputs.gps_path.empty() || (may_use && !has_list)) return;
+  monitor.Warning("--gps_path is not used: it serves --pairs spatial and auto alone");
 }
 
 // What earlier runs had beside the photographs.
@@ -193,6 +201,7 @@ class BuildRun {
     const PairChoosing choosing = {in.pairs, options_.pair_selection, sources.image_path,
                                    in.gps_path};
     const auto listed = ListedPairs(database_, in, sources, run_.monitor);
+    NoteUnusedPositions(in, listed.has_value(), run_.monitor);
     if (last >= BuildStage::kMatching) NoteOtherPairs(database_, listed.has_value(), run_.monitor);
     if (!listed && last >= BuildStage::kPairs) CheckPairWays(database_, choosing, run_);
     CheckMasks(database_, in.mask_path);
@@ -308,6 +317,20 @@ std::string Failure(const BuildInputs& inputs, const ViewGraphSummary& summary) 
   return "";
 }
 
+// Those that decide what a stage computes. A database from elsewhere does not name files, and asks
+// for nothing to be computed again or dropped.
+std::string OptionsOfStage(const StageRecord& record) {
+  const auto inputs = StageRecord{"", DumpOptions(BuildInputs())}.OptionValues();
+  std::string options;
+  for (const auto& [key, value] : record.OptionValues()) {
+    const bool is_plain =
+        key.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_.") == std::string::npos;
+    const bool is_input = inputs.count(key) > 0 && key != "pairs" && key != "verifier";
+    if (is_plain && !is_input) options += key + " = " + value + "\n";
+  }
+  return options;
+}
+
 }  // namespace
 
 std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
@@ -326,7 +349,7 @@ std::vector<std::string> StoredOptions(const BuildInputs& inputs) {
                                    kStagePairs, kStageMatching, kStageVerification}) {
     const std::optional<StageRecord> record = database->ReadStage(stage);
     if (stage == kStagePairs && has_list) continue;
-    if (record) options.push_back(record->options);
+    if (record) options.push_back(OptionsOfStage(*record));
   }
   // So that new photographs match those that another program has found features in.
   if (inputs.recompute != BuildStage::kFeatures && !database->ReadStage(kStageFeatures) &&

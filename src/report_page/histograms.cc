@@ -22,13 +22,14 @@ double RoundUp(double value) {
 // Whole numbers get bins of whole width.
 Json Histogram(const char* name, const char* title, const char* unit, std::vector<double> values,
                bool are_whole = false) {
+  std::erase_if(values, [](double value) { return !std::isfinite(value); });
   if (values.empty()) return Json();
   std::sort(values.begin(), values.end());
   const double high = values[static_cast<size_t>(0.98 * static_cast<double>(values.size() - 1))];
   const double lowest = are_whole ? std::floor(values.front()) : 0.0;
   double width = RoundUp(std::max(high - lowest, 1e-9) / 30);
   if (are_whole) width = std::max(1.0, width);
-  const int num_bins = std::max(1, static_cast<int>((high - lowest) / width) + 1);
+  const int num_bins = static_cast<int>(std::clamp((high - lowest) / width, 0.0, 1000.0)) + 1;
   std::vector<int64_t> counts(num_bins, 0);
   for (const double value : values) {
     const double bin = std::clamp((value - lowest) / width, 0.0, num_bins - 1.0);

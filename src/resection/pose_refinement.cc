@@ -42,12 +42,12 @@ NormalEquations<7> PoseProblem::Linearize(const State& at) const {
     const Eigen::Vector3d x = rotated + pose.translation;
     Eigen::Vector2d pixel;
     Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_x;
-    if (!ImgFromRay({camera.model, camera.params.data()}, x.data(), pixel.data(), J_x.data(),
-                    J_params.data())) {
+    const CameraParams params = {camera.model, camera.params.data()};
+    if (!ImgFromRay(params, x.data(), pixel.data(), J_x.data(), J_params.data())) {
       sums.cost = std::numeric_limits<double>::infinity();
       return sums;
     }
-    const Eigen::Vector2d residual = pixel - points.pixels[i];
+    const Eigen::Vector2d residual = PixelDifference(params, pixel, points.pixels[i]);
     const double squared = residual.squaredNorm();
     sums.cost += RobustCost(squared, squared_scale);
     const double weight = 1.0 / (1.0 + squared / squared_scale);

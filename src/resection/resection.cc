@@ -109,7 +109,9 @@ class ResectionEstimator {
     }
     const auto pixel = camera_.ImgFromRay(x);
     if (!pixel) return std::numeric_limits<double>::infinity();
-    return (*pixel - points_.pixels[usable_[i]]).squaredNorm() / std::pow(camera_.MeanFocal(), 2);
+    const CameraParams params = {camera_.model, camera_.params.data()};
+    return PixelDifference(params, *pixel, points_.pixels[usable_[i]]).squaredNorm() /
+           std::pow(camera_.MeanFocal(), 2);
   }
 
   Camera camera_;

@@ -34,7 +34,11 @@ void RotationProblem::SetTrust(double weight_power) {
   trust.assign(weights.size(), 1.0);
   if (weight_power == 0 || weights.empty()) return;
   const double median = UpperMedian(weights);
-  for (size_t e = 0; e < trust.size(); ++e) trust[e] = std::pow(weights[e] / median, weight_power);
+  // (Beyond kMaxTrust, sums of weights lose the small ones, and a system its rank.)
+  constexpr double kMaxTrust = 1e5;
+  for (size_t e = 0; e < trust.size(); ++e) {
+    trust[e] = std::clamp(std::pow(weights[e] / median, weight_power), 1 / kMaxTrust, kMaxTrust);
+  }
 }
 
 RotationProblem MakeRotationProblem(std::span<const RotationEdge> input) {

@@ -38,7 +38,8 @@ std::vector<double> PointErrorsPx(const Reconstruction& model, int num_threads) 
 double ReprojectionErrorPx(const Camera& camera, const Rigid3d& cam_from_world,
                            const Eigen::Vector3d& xyz, const Eigen::Vector2d& pixel) {
   const auto projected = camera.ImgFromRay(cam_from_world * xyz);
-  return projected ? (*projected - pixel).norm() : std::numeric_limits<double>::infinity();
+  if (!projected) return std::numeric_limits<double>::infinity();
+  return PixelDifference({camera.model, camera.params.data()}, *projected, pixel).norm();
 }
 
 point3D_t Reconstruction::AddPoint3D(Point3D point) {
@@ -103,7 +104,8 @@ double Reconstruction::MeanReprojectionErrorPx(int num_threads) const {
     sum += error;
     ++n;
   }
-  return n == 0 ? 0.0 : sum / static_cast<double>(n);
+  if (n == 0) return points3D.empty() ? 0.0 : std::numeric_limits<double>::infinity();
+  return sum / static_cast<double>(n);
 }
 
 void Reconstruction::UpdatePointErrors(int num_threads) {

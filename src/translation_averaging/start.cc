@@ -75,7 +75,7 @@ std::optional<Positions> StartByLengths(const DirectionProblem& problem, int num
     if (!(edge.length > 0)) continue;
     edges.push_back({edge.camera1, edge.camera2});
     steps.push_back(edge.length * edge.direction);
-    sureness.push_back(edge.num_points / (edge.length * edge.length));
+    sureness.push_back(std::max(1, edge.num_points) / (edge.length * edge.length));
   }
   const int n = problem.NumCameras();
   if (ConnectedComponents(n, edges).Num() != 1) return std::nullopt;

@@ -102,7 +102,7 @@ class DenseFolder {
   void Check(Item& item) const;
   // Fills the item's entry, and writes the image unless it is there.
   void Write(Item& item);
-  // Removes images that are not the result any more, and puts the model in place.
+  // Puts the model in place, and removes images that are not the result any more.
   void Finish(const std::vector<Item>& items, const Reconstruction& model);
 
  private:
@@ -162,6 +162,14 @@ void DenseFolder::WriteStereo(const Reconstruction& model) const {
 }
 
 void DenseFolder::Finish(const std::vector<Item>& items, const Reconstruction& model) {
+  const std::string staging = results_->staging();
+  const bool is_colmap = job_.layout == DenseLayout::kColmap;
+  WriteColmapModel(model, staging + (is_colmap ? "/sparse" : "/sparse/0"));
+  if (is_colmap) WriteStereo(model);
+  if (!job_.effective_toml.empty()) {
+    WriteFileAtomically(staging + "/effective.toml", job_.effective_toml);
+  }
+  results_->Commit();
   std::map<std::string, ImageLedger::Entry> entries;
   for (const Item& item : items) {
     if (item.error.empty()) entries[item.file_name] = item.entry;
@@ -172,14 +180,6 @@ void DenseFolder::Finish(const std::vector<Item>& items, const Reconstruction& m
     if (ledger_.IsOurs(name, HashToHex(HashFile(file.string())))) fs::remove(file);
   }
   ledger_.Keep(entries);
-  const std::string staging = results_->staging();
-  const bool is_colmap = job_.layout == DenseLayout::kColmap;
-  WriteColmapModel(model, staging + (is_colmap ? "/sparse" : "/sparse/0"));
-  if (is_colmap) WriteStereo(model);
-  if (!job_.effective_toml.empty()) {
-    WriteFileAtomically(staging + "/effective.toml", job_.effective_toml);
-  }
-  results_->Commit();
 }
 
 // Trainers of Gaussian splatting take the last part of a name alone, so that images of folders of
@@ -239,7 +239,9 @@ UndistortReport UndistortImages(const Reconstruction& model, const UndistortJob&
   for (const auto& [id, image] : model.images) {
     const Camera& camera = model.CameraOf(image);
     if (targets.count(camera.camera_id) > 0) continue;
-    targets[camera.camera_id] = UndistortedCamera(camera, options);
+    // (Of a larger one, Undistort says so.)
+    const bool is_too_large = std::max(camera.width, camera.height) > kMaxResampledSide;
+    targets[camera.camera_id] = is_too_large ? camera : UndistortedCamera(camera, options);
   }
   std::vector<Item> items = MakeItems(model, job, targets);
   const auto num_items = static_cast<int64_t>(items.size());

@@ -109,6 +109,13 @@ double ChanceOfNone(double rate, int n) {
   return chance;
 }
 
+// Distortion models fold what lies beyond their field back into the picture: there the pixel is
+// another direction's.
+bool Sees(const Camera& camera, const Eigen::Vector3d& in_camera, const Eigen::Vector2d& pixel) {
+  const auto ray = camera.RayFromImg(pixel);
+  return ray && AngleBetween(*ray, in_camera) < DegToRad(1.0);
+}
+
 // Points of `a` that `b` should see as well, against those that it does, cell by cell. A pair that
 // matches badly misses points everywhere; one of two places that look alike matches in some cells
 // as well as any, and in others, where both have points, not at all.
@@ -126,10 +133,11 @@ Comparison CompareInto(const View& a, const View& b) {
     if (from_a.dot(from_b) < kMinCosine * distance_a * distance_b) continue;
     if (distance_a > kMaxDistanceRatio * distance_b) continue;
     if (distance_b > kMaxDistanceRatio * distance_a) continue;
-    const auto pixel = b.camera->ImgFromRay(b.image->cam_from_world * xyz);
+    const Eigen::Vector3d in_b = b.image->cam_from_world * xyz;
+    const auto pixel = b.camera->ImgFromRay(in_b);
     if (!pixel) continue;
     const int cell = b.CellOf(*pixel);
-    if (cell < 0) continue;
+    if (cell < 0 || !Sees(*b.camera, in_b, *pixel)) continue;
     ++cells[cell].expected;
     cells[cell].common += std::binary_search(b.seen.begin(), b.seen.end(), id);
   }

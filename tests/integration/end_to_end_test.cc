@@ -138,12 +138,14 @@ TEST(EndToEnd, ExportWritesEveryType) {
     EXPECT_EQ(refused.exit_code, 2) << refused.output;
     EXPECT_THAT(refused.output, HasSubstr("is a result of reconstruct, which would be lost"));
   }
-  // A model of another program is not replaced unasked.
-  std::vector<std::string> over = {"export", "--model_path", scene / "out", "--output_path",
-                                   scene / "out/sparse/0"};
-  const ProgramResult refused = RunProgram("global_sfm", over);
-  EXPECT_EQ(refused.exit_code, 2) << refused.output;
-  EXPECT_THAT(refused.output, HasSubstr("is not as cairn wrote it"));
+  // Nor is its model in a folder of it, whatever is asked.
+  for (const std::string overwrite : {"0", "1"}) {
+    const ProgramResult refused =
+        RunProgram("global_sfm", {"export", "--model_path", scene / "out", "--output_path",
+                                  scene / "out/sparse/0", "--overwrite", overwrite});
+    EXPECT_EQ(refused.exit_code, 2) << refused.output;
+    EXPECT_THAT(refused.output, HasSubstr("holds the results of reconstruct"));
+  }
   const Reconstruction binary = ReadColmapModel(scene / "out/sparse/0");
   const Reconstruction text = ReadColmapModel(scene / "export_colmap_txt");
   EXPECT_EQ(binary.images.size(), text.images.size());

@@ -1,9 +1,10 @@
 #include "arrays.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
+
+#include "cairn/math/so3.h"
 
 namespace cairn::python {
 namespace {
@@ -83,19 +84,12 @@ std::vector<std::pair<image_t, image_t>> ToPairs(const py::object& values) {
   return pairs;
 }
 
-std::optional<Eigen::Quaterniond> ToRotation(const Eigen::Matrix3d& R, double max_defect) {
-  const double defect = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(defect < max_defect) || R.determinant() < 0) return std::nullopt;
-  return Eigen::Quaterniond(R).normalized();
-}
-
 std::vector<Eigen::Quaterniond> ToRotations(const Array<double>& array, size_t size) {
-  constexpr double kMaxDefect = 1e-2;  // as of files with few digits
   CheckShape("rotations", array, {static_cast<py::ssize_t>(size), 3, 3});
   std::vector<Eigen::Quaterniond> rotations;
   for (size_t i = 0; i < size; ++i) {
     using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-    const auto rotation = ToRotation(RowMajor::Map(array.data() + 9 * i), kMaxDefect);
+    const auto rotation = ToRotation(RowMajor::Map(array.data() + 9 * i));
     if (!rotation) {
       throw ConfigError("rotations[" + std::to_string(i) + "]", "not a rotation matrix");
     }

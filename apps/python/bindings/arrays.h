@@ -70,9 +70,6 @@ std::set<uint32_t> ToIds(const std::string& name, const std::string& kind,
 // (n, 2) ids of different images.
 std::vector<std::pair<image_t, image_t>> ToPairs(const py::object& values);
 
-// The rotation that a matrix means; nullopt where R R^T is not the identity up to max_defect.
-std::optional<Eigen::Quaterniond> ToRotation(const Eigen::Matrix3d& R, double max_defect);
-
 // Of (size, 3, 3) matrices. Throws ConfigError.
 std::vector<Eigen::Quaterniond> ToRotations(const Array<double>& array, size_t size);
 

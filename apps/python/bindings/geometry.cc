@@ -11,6 +11,7 @@
 #include "cairn/base/options.h"
 #include "cairn/camera/camera.h"
 #include "cairn/geometry/rigid3d.h"
+#include "cairn/math/so3.h"
 
 namespace cairn::python {
 namespace {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <optional>
 #include <span>
 #include <string>
@@ -128,5 +129,15 @@ struct CameraParams {
 // False where the model has no pixel; what is written then means nothing. No allocation.
 bool ImgFromRay(const CameraParams& params, const double* point, double* pixel, double* J_point_2x3,
                 double* J_params_2xn);
+
+// From one pixel to another, the short way around where the picture closes (panoramas).
+inline Eigen::Vector2d PixelDifference(const CameraParams& params, const Eigen::Vector2d& to,
+                                       const Eigen::Vector2d& from) {
+  Eigen::Vector2d difference = to - from;
+  if (params.model == CameraModel::kEquirectangular) {
+    difference.x() = std::remainder(difference.x(), params.values[0]);
+  }
+  return difference;
+}
 
 }  // namespace cairn

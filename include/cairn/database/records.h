@@ -80,7 +80,7 @@ struct PhotoRecord {
 struct PairChoiceRecord {
   image_pair_t pair_id = 0;
   int round = 0;       // rounds count on where photographs join later
-  std::string reason;  // PairReasonName (pair_selection): "sequential", "retrieval", ...
+  std::string reason;  // kPairReasons (pair_selection): "sequential", "retrieval", ...
   bool operator==(const PairChoiceRecord&) const = default;
 };
 

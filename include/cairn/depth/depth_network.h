@@ -16,7 +16,6 @@ class DepthNetwork {
   // Throws IoError when the file cannot be read as a network, ConfigError on wrong mean or std.
   DepthNetwork(const std::string& path, const DepthOptions& options);
   ~DepthNetwork();
-  DepthNetwork(DepthNetwork&&) noexcept;
 
   // rgb has 3 channels. Throws IoError, naming the model, when the network cannot run on its input
   // or does not return one map.

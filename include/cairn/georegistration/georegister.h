@@ -93,6 +93,8 @@ struct Georegistration {
   std::vector<std::string> unused_altitudes;  // names; their horizontal positions are used
   // "point in photograph": measurements of control points that lie outside of the photograph.
   std::vector<std::string> outside;
+  // Control points whose measurements contradict each other, or meet at too small an angle.
+  std::vector<std::string> unlocated;
   double median_residual_m = 0;  // of what the similarity is by, without wrong rows
   // Standard deviation of the rotation about the longest axis of the cameras' path, which their
   // extent across it holds; large for a nearly straight strip.

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <optional>
 
 namespace cairn {
 
@@ -15,5 +16,9 @@ Eigen::Vector3d LogSO3(const Eigen::Quaterniond& rotation);
 
 // The rotation nearest to a 3x3 matrix in Frobenius norm (SVD).
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix);
+
+// The rotation that a matrix of a few digits means, as of a file: as it is where it is exact, else
+// the nearest one; nullopt if it is none up to `max_defect` of R R^T.
+std::optional<Eigen::Quaterniond> ToRotation(const Eigen::Matrix3d& R, double max_defect = 1e-2);
 
 }  // namespace cairn

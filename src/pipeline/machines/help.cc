@@ -9,6 +9,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/pipeline/build_pipeline.h"
+#include "features/plane_memory.h"
 #include "pipeline/machines/messages.h"
 
 namespace cairn {
@@ -22,8 +23,12 @@ class TaskThreads {
 
   explicit TaskThreads(const HelperSetup& setup)
       : verifiers_(MakeVerifiers(setup.verifier, setup.verification)), seed_(setup.seed) {
-    const int num_threads = EffectiveNumThreads(setup.num_threads);
-    for (int i = 0; i < num_threads; ++i) threads_.emplace_back([this] { Run(); });
+    try {
+      const int num_threads = EffectiveNumThreads(setup.num_threads);
+      while (std::ssize(threads_) < num_threads) threads_.emplace_back([this] { Run(); });
+    } catch (const std::system_error&) {  // These are all that the system lets start.
+      if (threads_.empty()) throw;
+    }
   }
 
   // What is waiting is dropped.
@@ -152,6 +157,11 @@ class Helper {
       return;
     }
     const auto kind = source.Get<TaskKind>();
+    if (kind != TaskKind::kExtract) {
+      reuse_.reset();
+    } else if (!reuse_) {
+      reuse_.emplace();
+    }
     for (const image_t id : source.Get<std::vector<image_t>>()) images_.erase(id);
     for (auto num = source.Get<int64_t>(); num > 0; --num) {
       const auto id = source.Get<image_t>();
@@ -188,6 +198,7 @@ class Helper {
   Peers& peers_;
   HelperSetup setup_;
   std::map<image_t, std::shared_ptr<const PairImage>> images_;
+  std::optional<PlaneReuse> reuse_;
   std::unique_ptr<TaskThreads> threads_;  // last: its tasks use the rest
 };
 

@@ -81,7 +81,8 @@ std::map<image_t, std::vector<Candidate>> ReadCandidates(const Database& databas
   for (size_t first = 0; first < images.size() && !monitor.StopRequested(); first += kBlock) {
     std::vector<ImageFeatures> block;
     for (size_t i = first; i < std::min(first + kBlock, images.size()); ++i) {
-      block.push_back(*ReadFeatures(database, images[i], monitor));
+      block.push_back(ReadFeatures(database, images[i], monitor)
+                          .value_or(ImageFeatures{{}, Descriptors(0, kDescriptorSize)}));
     }
     ParallelFor(run.num_threads, std::ssize(block), [&](int64_t k) {
       const size_t i = first + static_cast<size_t>(k);

@@ -2,9 +2,11 @@
 #include <map>
 #include <set>
 
+#include "base/memory.h"
 #include "base/text.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/base/parallel.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/pipeline/stages.h"
 #include "database/database_writer.h"
@@ -65,11 +67,34 @@ void WriteFailure(Database& database, const std::string& folder, const FeatureIt
   database.DeleteImage(item.image.image_id);
 }
 
+// Threads for whose photographs there is memory: scale spaces of the largest ones side by side.
+int NumExtractingThreads(const FeatureOptions& options, const std::vector<FeatureItem>& items,
+                         const RunContext& run) {
+  // Measured: a level and its copies while they are made, and the doubled octave below them.
+  const double bytes_per_px = options.first_octave < 0 ? 120 : 40;
+  double most_px = 1;
+  for (const FeatureItem& item : items) {
+    const double width = item.camera_size.width, height = item.camera_size.height;
+    const double scale = std::min(1.0, options.max_image_size / std::max({1.0, width, height}));
+    most_px = std::max(most_px, width * height * scale * scale);
+  }
+  const int num_threads = EffectiveNumThreads(run.num_threads);
+  const int64_t available = ReadMemoryUse().available;
+  if (available < 0) return num_threads;
+  const double num = std::clamp(available / (bytes_per_px * most_px), 1.0, 1.0 * num_threads);
+  if (num < num_threads) {
+    run.monitor.Info(Formatted("features by %d of %d threads: there is no memory for more",
+                               static_cast<int>(num), num_threads));
+  }
+  return static_cast<int>(num);
+}
+
 // Extracts the features of all items, here and by helpers.
-void ExtractAll(const std::string& database_path, const FeatureOptions& options,
-                const RunContext& run, Helpers* helpers, FeatureWork& work) {
+void ExtractAll(const std::string& database_path, const FeatureOptions& options, RunContext run,
+                Helpers* helpers, FeatureWork& work) {
   const std::string& image_path = work.image_path;
   std::vector<FeatureItem>& items = work.items;
+  run.num_threads = NumExtractingThreads(options, items, run);
   const PlaneReuse reuse;
   DatabaseWriter writer(database_path, {.max_queue_size = 8});  // an image's features are megabytes
   const auto finish = [&](FeatureItem& item, Features features) {

@@ -138,12 +138,15 @@ void HashPhotos(const std::string& image_path, const RunContext& run, std::vecto
   });
 }
 
-void ReadHeader(const std::string& image_path, Photo& photo) {
+// Of a photo whose size is known.
+void ReadExifOf(const std::string& image_path, Photo& photo) {
   const std::string path = fs::path(image_path) / photo.name;
-  KeepError(photo, [&] {
-    photo.size = ReadImageSize(path);
-    photo.exif = ReadExif(path, photo.size.width, photo.size.height);
-  });
+  KeepError(photo, [&] { photo.exif = ReadExif(path, photo.size.width, photo.size.height); });
+}
+
+void ReadHeader(const std::string& image_path, Photo& photo) {
+  KeepError(photo, [&] { photo.size = ReadImageSize(fs::path(image_path) / photo.name); });
+  if (photo.error.empty()) ReadExifOf(image_path, photo);
 }
 
 void ReadHeaders(const std::string& image_path, const RunContext& run, std::vector<Photo>& photos) {
@@ -278,18 +281,26 @@ std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos
 using KnownPhotos = std::map<camera_t, Photo>;
 
 KnownPhotos FindKnownPhotos(const StoredImages& stored, const StageLedger& ledger,
-                            const std::string& image_path, const std::vector<Photo>& photos) {
+                            const std::string& image_path, const std::vector<Photo>& photos,
+                            const RunContext& run) {
   std::map<std::string, const Photo*> by_name;
   for (const Photo& photo : photos) by_name[photo.name] = &photo;
   KnownPhotos known;
   for (const Image& image : stored.images) {
     const auto photo = by_name.find(image.name);
-    if (photo == by_name.end() || known.count(image.camera_id) > 0) continue;
-    if (!HasOurCamera(ledger, image.image_id)) continue;
-    Photo read = *photo->second;
-    ReadHeader(image_path, read);
-    if (read.error.empty()) known.emplace(image.camera_id, std::move(read));
+    const auto size = stored.cameras.find(image.camera_id);
+    if (photo == by_name.end() || size == stored.cameras.end() || known.count(size->first) > 0 ||
+        !HasOurCamera(ledger, image.image_id)) {
+      continue;
+    }
+    known.emplace(size->first, *photo->second).first->second.size = size->second;
   }
+  std::vector<Photo*> read;
+  for (auto& [id, photo] : known) read.push_back(&photo);
+  ParallelFor(run.num_threads, std::ssize(read), [&](int64_t i) {
+    if (!run.monitor.StopRequested()) ReadExifOf(image_path, *read[i]);
+  });
+  std::erase_if(known, [](const auto& entry) { return !entry.second.error.empty(); });
   return known;
 }
 
@@ -424,7 +435,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
     const std::vector<Photo> all = photos;
     photos = SelectNew(database, std::move(photos), stored, ledger, options, stage, skipped);
     ReadHeaders(image_path, run, photos);
-    if (!photos.empty()) known_photos = FindKnownPhotos(stored, ledger, image_path, all);
+    if (!photos.empty()) known_photos = FindKnownPhotos(stored, ledger, image_path, all, run);
   }
   run.monitor.EndStage();
   if (run.monitor.StopRequested()) {

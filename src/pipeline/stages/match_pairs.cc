@@ -111,7 +111,8 @@ void BeginStage(Database& database, const MatchingWork& work, StageLedger& ledge
 int64_t MatchAll(const std::string& database_path, const MatchingWork& work,
                  const MatchingOptions& options, const RunContext& run, Helpers* helpers) {
   std::map<image_t, int64_t> image_bytes;
-  for (const auto& [id, num] : work.num_descriptors) image_bytes[id] = num * kDescriptorSize;
+  for (const auto& [id, num] : work.num_descriptors)
+    image_bytes[id] = int64_t{num} * kDescriptorSize;
   Database reader(database_path, Database::Mode::kReadOnly);
   DatabaseWriter writer(database_path);
   PairFeed feed(

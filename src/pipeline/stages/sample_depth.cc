@@ -139,6 +139,7 @@ class DepthSampler {
       if (!fault.empty()) throw IoError(item.path, fault);
       return SampleDepth(map, item.size.width, item.size.height, keypoints, options_);
     } catch (const IoError& error) {
+      if (error.path() == source_.depth_model) throw;  // It runs on no photograph.
       item.error = error.what();
       return {};
     }
@@ -162,6 +163,15 @@ class DepthSampler {
   std::vector<std::unique_ptr<DepthNetwork>> networks_;
 };
 
+bool CanBeRead(const std::string& path) {
+  try {
+    HashFile(path);
+    return true;
+  } catch (const IoError&) {
+    return false;
+  }
+}
+
 void SampleItems(Database& database, const RunContext& run, DepthSampler& sampler,
                  std::vector<DepthItem>& items) {
   DatabaseWriter writer(database.path());
@@ -179,7 +189,9 @@ void SampleItems(Database& database, const RunContext& run, DepthSampler& sample
     item.is_sampled = item.error.empty();
     writer.Push([&item, samples = std::move(samples)](Database& db) {
       if (item.is_sampled) WriteSamples(db, item, samples);
-      db.WriteJob(kStageDepth, {item.image.image_id, item.input_hash, item.error});
+      // What cannot be read may be there again the next time.
+      const bool is_gone = !item.path.empty() && !item.is_sampled && !CanBeRead(item.path);
+      if (!is_gone) db.WriteJob(kStageDepth, {item.image.image_id, item.input_hash, item.error});
     });
     run.monitor.Advance(1);
   };
@@ -227,7 +239,8 @@ void CheckDepthSource(const std::string& image_path, const DepthSource& source,
   }
   if (source.depth_model.empty()) return;
   if (image_path.empty()) throw ConfigError("depth_model", "needs --image_path");
-  DepthNetwork(source.depth_model, options);
+  // (Only a run tells whether it takes this size.)
+  DepthNetwork(source.depth_model, options).Compute({32, 32, 3, std::vector<uint8_t>(32 * 32 * 3)});
 }
 
 void CheckDepthIsInTime(const Database& database, const DepthSource& source) {

@@ -25,10 +25,10 @@ class OutputFolderTest : public ::testing::Test {
     WriteFileAtomically(output.staging() + "/" + name, text);
   }
   void Run(const std::map<std::string, std::string>& files, bool overwrites = false,
-           bool keeps_earlier = false) {
+           const std::string& within = "") {
     OutputFolder output(path_, "test", {"sparse", "report", "failed"}, overwrites);
     for (const auto& [name, text] : files) Write(output, name, text);
-    output.Commit(keeps_earlier);
+    output.Commit(within);
   }
   int NumEntries() const {
     return static_cast<int>(std::distance(fs::directory_iterator(path_), fs::directory_iterator()));
@@ -100,6 +100,28 @@ TEST_F(OutputFolderTest, AFolderIsOfOneCommand) {
   EXPECT_EQ(Content("report"), "1");
 }
 
+TEST_F(OutputFolderTest, AFolderWithinIsOfTheSameCommand) {
+  Run({{"sparse/0/a", "1"}});
+  for (const std::string within : {"sparse", "sparse/0", "sparse/0/"}) {
+    EXPECT_THAT(
+        ThrownMessage<ConfigError>([&] { OutputFolder(At(within), "another", {"a"}, true); }),
+        HasSubstr("holds the results of test"));
+  }
+  OutputFolder(At("more"), "another", {"a"}, false);
+}
+
+TEST_F(OutputFolderTest, WhatACommandWritesAgainStaysAResult) {
+  Run({{"report", "1"}, {"failed/report", "1"}});
+  for (const std::string name : {"report", "failed/report", "notes"}) {
+    WriteFileAtomically(At(name), "2");
+    RecordRewritten(At(name));
+  }
+  Run({{"report", "3"}});
+  EXPECT_EQ(Content("report"), "3");
+  EXPECT_EQ(Content("notes"), "2");
+  EXPECT_FALSE(fs::exists(At("failed")));
+}
+
 TEST_F(OutputFolderTest, AResultOfAnotherCommandIsNamed) {
   CheckNotOfAnother(path_, "export", {"report"});  // no such folder
   Run({{"report", "1"}});
@@ -121,10 +143,14 @@ TEST_F(OutputFolderTest, FilesThatComeDuringTheRunAreNotTouched) {
 
 TEST_F(OutputFolderTest, AFailedRunLeavesTheEarlierResults) {
   Run({{"sparse/0/a", "1"}, {"report", "1"}});
-  Run({{"failed/report", "2"}}, false, true);
+  Run({{"failed/report", "2"}, {"failed/sparse/0/a", "2"}}, false, "failed");
   EXPECT_EQ(Content("sparse/0/a"), "1");
   EXPECT_EQ(Content("report"), "1");
   EXPECT_EQ(Content("failed/report"), "2");
+  Run({{"failed/report", "3"}}, false, "failed");
+  EXPECT_EQ(Content("report"), "1");
+  EXPECT_EQ(Content("failed/report"), "3");
+  EXPECT_FALSE(fs::exists(At("failed/sparse")));  // of the run before
   Run({{"sparse/0/a", "3"}, {"report", "3"}});
   EXPECT_FALSE(fs::exists(At("failed")));
 }

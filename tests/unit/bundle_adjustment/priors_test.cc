@@ -54,6 +54,17 @@ Reconstruction SceneWithAPlaneInImage3(uint64_t seed,
   return model;
 }
 
+// The corner of the pinhole picture is beyond the field of this lens, whose own corner has a ray.
+TEST(AdjustBundle, DistortionsOfWideLensesHaveAPrior) {
+  Reconstruction model = MakeSyntheticScene({.model = CameraModel::kSimpleDivision}).truth;
+  for (auto& [id, camera] : model.cameras) {
+    camera.SetMeanFocal(0.3 * camera.width);
+    camera.params.back() = 0.2;
+  }
+  const BundleAdjustmentScope scope = IntrinsicsScope(model, 0.1);
+  EXPECT_NE(AdjustBundle(model, scope, {}).status, BundleAdjustmentStatus::kFailed);
+}
+
 TEST(AdjustBundle, APriorHoldsACameraThatItsPointsDoNotDetermine) {
   double without_prior = 0;
   for (uint64_t seed = 0; seed < 10; ++seed) {

@@ -61,6 +61,17 @@ TEST_F(ColmapFilesTest, AnImageThatGoesLeavesTheFrameToTheOthersInIt) {
   EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), SqlRows());
 }
 
+TEST_F(ColmapFilesTest, AnImageThatGoesTakesItsPositionWithIt) {
+  const std::string path = folder_ / "v4.db";
+  Database database = OneRigOfTwoCameras(path);
+  RunSql(path,
+         "DROP TABLE IF EXISTS pose_priors; CREATE TABLE pose_priors(pose_prior_id INTEGER PRIMARY "
+         "KEY, corr_data_id INTEGER, corr_sensor_id INTEGER, corr_sensor_type INTEGER);"
+         "INSERT INTO pose_priors VALUES(1, 1, 1, 0), (2, 2, 2, 0), (3, 2, 2, 1)");
+  database.DeleteImage(2);
+  EXPECT_EQ(RunSql(path, "SELECT pose_prior_id FROM pose_priors"), (SqlRows{{"1"}, {"3"}}));
+}
+
 TEST_F(ColmapFilesTest, ARigStaysAsLongAsItHasAFrame) {
   const std::string path = folder_ / "v4.db";
   Database database = OneRigOfTwoCameras(path);

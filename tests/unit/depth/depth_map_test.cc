@@ -93,6 +93,8 @@ TEST_F(ReadDepthMapTest, NpyInFortranOrder) {
 TEST_F(ReadDepthMapTest, PfmOfBothByteOrders) {
   const std::string little = "Pf\n2 2\n-1.0\n" + Bytes<float>({3, 4, 1, 2});
   EXPECT_THAT(ReadDepthMap(Write("a.pfm", little), {}).values, ElementsAre(1, 2, 3, 4));
+  const std::string windows = "Pf\r\n2 2\r\n-1.0\r\n" + Bytes<float>({3, 4, 1, 2});
+  EXPECT_THAT(ReadDepthMap(Write("c.pfm", windows), {}).values, ElementsAre(1, 2, 3, 4));
   std::string big = "Pf\n2 1\n1.0\n";
   for (const float value : {5.f, 6.f}) {
     big += Bytes<uint32_t>({__builtin_bswap32(std::bit_cast<uint32_t>(value))});

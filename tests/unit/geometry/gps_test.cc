@@ -36,6 +36,11 @@ TEST(Utm, IsExactOnTheCentralMeridian) {
   }
 }
 
+TEST(Utm, LongitudesStayBelow180Degrees) {
+  EXPECT_NEAR(GpsFromUtm(60, true, 830e3, 8140e3).longitude_deg, -179.904, 1e-3);
+  EXPECT_NEAR(GpsFromUtm(1, true, 170e3, 8140e3).longitude_deg, 179.904, 1e-3);
+}
+
 // A conformal map is known by its values along one line: that it is one is all that remains.
 TEST(Utm, IsConformal) {
   for (const double easting : {200e3, 350e3, 731234.5}) {

@@ -130,6 +130,16 @@ TEST_F(ControlPointsTest, WhatCannotBeRightIsSaid) {
   EXPECT_THAT(first_warning(larger), HasSubstr("outside of their photographs ("));
 }
 
+TEST_F(ControlPointsTest, MeasurementsThatDoNotMeetAreNamed) {
+  points_.resize(8);
+  std::vector<ControlPoint> points = points_;
+  points[3].pixels = {*points[3].pixels.begin(), *points[4].pixels.rbegin()};
+  const Georegistration found = Georegister(model_, {rows_, points});
+  EXPECT_EQ(found.points.size(), 7u);
+  EXPECT_THAT(WarningsOf(found).at(0).what,
+              HasSubstr("do not meet in the model, not used (1): " + points[3].name));
+}
+
 // Below three, the images' positions decide, and the points are checks. Above, these are checked.
 TEST_F(ControlPointsTest, TakeTheImagesPlaceWhenThereAreThree) {
   for (const auto& [id, image] : model_.images) {

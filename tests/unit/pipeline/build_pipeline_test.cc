@@ -333,6 +333,18 @@ TEST_F(BuildPipelineTest, DeletedPairsThatCannotBeHadAgainAreNotCounted) {
   EXPECT_THAT(report.run.failure, HasSubstr("none was verified"));
 }
 
+// Else it could have any file of this machine read into it.
+TEST_F(BuildPipelineTest, ADatabaseFromElsewhereNamesNoFilesAndAsksForNoWork) {
+  RunBuildPipeline(Options("a.db"));
+  Database database(folder_ / "a.db");
+  database.WriteStage({"dataset",
+                       "image_path = \"/secret\"\n\"mask_path\" = \"/secret\"\n[depth]\nmodel = 1\n"
+                       "drop_missing = true\nrecompute = \"cameras\"\nverifier = \"two_ac\"\n",
+                       true});
+  EXPECT_THAT(StoredOptions(Options("a.db").inputs),
+              Contains("model = 1\nverifier = \"two_ac\"\n"));
+}
+
 // Keypoints with four columns are COLMAP's.
 TEST_F(BuildPipelineTest, NewPhotographsGetSiftFeaturesWhereOthersHaveThem) {
   const auto stored = [&] { return StoredOptions(Options("a.db").inputs); };
@@ -410,11 +422,12 @@ TEST_F(BuildPipelineTest, ADatasetWithoutPhotographsIsImported) {
   RunBuildPipeline(options);
   EXPECT_EQ(Dump("a.db"), dump);
   for (std::string BuildInputs::*of_photographs :
-       {&BuildInputs::depth_path, &BuildInputs::gps_path}) {
+       {&BuildInputs::depth_path, &BuildInputs::gps_path, &BuildInputs::depth_model,
+        &BuildInputs::mask_path}) {
     BuildPipelineOptions other = options;
     other.inputs.*of_photographs = folder_ / "set";
     EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(other); }),
-                HasSubstr("_path: the data set has no photographs"));
+                HasSubstr(": the data set has no photographs"));
   }
 }
 

@@ -336,6 +336,23 @@ TEST_F(ChoosePairsOfPhotosTest, AutoIsAsExhaustiveForASmallCollection) {
   }
 }
 
+TEST_F(ChoosePairsOfPhotosTest, PositionsThatNoWayUsesAreAWarning) {
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.stop_after = BuildStage::kPairs;
+  options.inputs.gps_path = folder_ / "gps.csv";
+  WriteFileAtomically(options.inputs.gps_path, "photo0.png,45,7\n");
+  for (const std::string pairs : {"exhaustive", "auto"}) {
+    options.inputs.pairs = pairs;
+    TestMonitor monitor;
+    RunBuildPipeline(options, {.monitor = monitor});
+    const auto is_it = [](const std::string& text) {
+      return text.find("is not used") != text.npos;
+    };
+    EXPECT_EQ(std::ranges::any_of(monitor.warnings(), is_it), pairs == "exhaustive");
+    std::filesystem::remove(options.inputs.database_path);
+  }
+}
+
 TEST_F(ChoosePairsOfPhotosTest, WaysThatCannotWorkAreToldBeforeFeaturesAreExtracted) {
   BuildPipelineOptions options = Options("spatial.db");
   options.inputs.pairs = "spatial";

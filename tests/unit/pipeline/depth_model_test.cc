@@ -2,9 +2,11 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "cairn/base/error.h"
 #include "cairn/depth/depth_network.h"
 #include "cairn/depth/sample_depth.h"
 #include "support/shared_data.h"
+#include "support/thrown_message.h"
 #include "unit/pipeline/wall_fixture.h"
 
 namespace cairn {
@@ -50,6 +52,17 @@ TEST_F(DepthModelTest, EachPhotographGetsItsDepthOnce) {
   const std::string dump = Dump("a.db");
   EXPECT_EQ(NumComputed(RunBuildPipeline(options)), 0);
   EXPECT_TRUE(Dump("a.db") == dump);
+}
+
+// Before anything else is computed.
+TEST_F(DepthModelTest, ASizeThatTheNetworkDoesNotTakeIsAnError) {
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.depth_path = "";
+  options.inputs.depth_model = model_;
+  options.depth.input_size = 230;
+  EXPECT_THAT(ThrownMessage<IoError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("does not run on a 230 px input"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "a.db"));
 }
 
 }  // namespace

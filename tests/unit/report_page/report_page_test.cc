@@ -1,5 +1,6 @@
 #include "cairn/report_page/report_page.h"
 
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "cairn/base/error.h"
@@ -65,6 +66,13 @@ class ReportPageTest : public ::testing::Test {
   ViewGraph graph_;
   std::vector<Reconstruction> models_;
 };
+
+// Of a database or a model from elsewhere: the page has the others, and the run its result.
+TEST_F(ReportPageTest, ValuesThatAreNoNumbersEndNothing) {
+  for (ViewEdge& edge : graph_.edges) edge.residual_px = std::numeric_limits<double>::infinity();
+  for (auto& [id, camera] : models_[0].cameras) camera.params.back() = 1e308;
+  EXPECT_EQ(Data(Input())["images"]["list"].size(), 8u);
+}
 
 TEST_F(ReportPageTest, SaysWhatBecameOfEveryImageAndPair) {
   const Json data = Data(Input());

@@ -319,6 +319,19 @@ TEST(RotationAveraging, ContradictingParallelEdges) {
   EXPECT_EQ(report.num_rejected, 1);
 }
 
+TEST(AverageRotations, WeightsThatDifferByManyPowersOfTenAreNoBug) {
+  RotationAveragingOptions options;
+  options.weight_power = 1;
+  const auto edge = [](image_t id1, image_t id2, double weight) {
+    return RotationEdge{id1, id2, ExpSO3({0, 0.1, 0}), weight};
+  };
+  const std::vector<RotationEdge> edges = {edge(1, 2, 1e-6), edge(2, 3, 1e12), edge(1, 4, 1),
+                                           edge(1, 5, 1)};
+  const RotationAveragingReport report = AverageRotations(edges, options);
+  EXPECT_EQ(report.status, RotationAveragingStatus::kSuccess);
+  EXPECT_EQ(report.cam_from_world.size(), 5u);
+}
+
 // Two measurements of one rotation, in the reweighted stage alone: their weighted mean.
 TEST(RotationAveraging, ASurerEdgePullsMore) {
   RotationAveragingOptions options;

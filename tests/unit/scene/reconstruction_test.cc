@@ -108,6 +108,25 @@ TEST(Reconstruction, BehindTheCameraIsInfinite) {
   EXPECT_NEAR(ReprojectionErrorPx(camera, {}, {0.3, 0.4, 10}, {100, 100}), 5, 1e-12);
 }
 
+// A model whose points nobody sees is not perfect.
+TEST(Reconstruction, WhereNothingReprojectsTheMeanIsInfinite) {
+  Reconstruction r = MakeSmall();
+  EXPECT_LT(r.MeanReprojectionErrorPx(), 2);
+  for (auto& [id, image] : r.images) {
+    image.cam_from_world = Rigid3d(ExpSO3({0, M_PI, 0}), {0, 0, 0}) * image.cam_from_world;
+  }
+  EXPECT_EQ(r.MeanReprojectionErrorPx(), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(Reconstruction().MeanReprojectionErrorPx(), 0);
+}
+
+// A panorama closes where its picture ends.
+TEST(Reconstruction, ErrorsGoTheShortWayAcrossTheSeamOfAPanorama) {
+  const Camera camera = Camera::FromFocal(1, CameraModel::kEquirectangular, 1, 4000, 2000);
+  const Eigen::Vector3d point = camera.RayFromImg({3999.7, 900}).value();
+  EXPECT_NEAR(ReprojectionErrorPx(camera, Rigid3d(), point, {0.4, 900}), 0.7, 1e-6);
+  EXPECT_NEAR(ReprojectionErrorPx(camera, Rigid3d(), point, {3999, 900}), 0.7, 1e-6);
+}
+
 TEST(Reconstruction, ASimilarityChangesNoReprojection) {
   Reconstruction r = MakeSmall();
   const double before = r.MeanReprojectionErrorPx();

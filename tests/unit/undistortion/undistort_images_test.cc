@@ -209,6 +209,16 @@ TEST_F(UndistortImagesTest, ABrokenPhotographIsNamedAndLeftOut) {
   EXPECT_EQ(ReadFile(Dense("stereo/fusion.cfg")), "more/image4.png\nimage5.png\n");
 }
 
+// A size that no photograph has costs no time.
+TEST_F(UndistortImagesTest, ACameraThatIsTooLargeIsNamed) {
+  for (auto& [id, camera] : model_.cameras) camera.width = std::numeric_limits<int>::max();
+  const UndistortReport report = Run();
+  EXPECT_EQ(report.num_written, 0);
+  ASSERT_EQ(report.failed.size(), 5u);
+  EXPECT_THAT(report.failed.at("image1.png"),
+              HasSubstr("is 200 x 150 pixels, its camera 2147483647"));
+}
+
 TEST_F(UndistortImagesTest, AFolderThatIsNotThereIsOneError) {
   job_.image_path = folder_ / "absent";
   EXPECT_THAT(ThrownMessage<IoError>([&] { Run(); }), HasSubstr("absent: no such folder"));
