@@ -87,7 +87,9 @@ std::optional<GcpRow> ParseGcpRow(const std::vector<std::string_view>& fields,
   const auto numbers = TextReader::ToDoubles(std::span(fields).first(5));
   if (!numbers) return std::nullopt;
   const std::vector<double>& values = *numbers;
-  GcpRow row{"", {values[1], values[0]}, {values[3], values[4]}, std::string(fields[5])};
+  // (To OpenDroneMap the center of the top-left pixel is (0, 0).)
+  const Eigen::Vector2d pixel(values[3] + 0.5, values[4] + 0.5);
+  GcpRow row{"", {values[1], values[0]}, pixel, std::string(fields[5])};
   if (projection.utm_zone > 0) {
     row.position = GpsFromUtm(projection.utm_zone, projection.is_south, values[0], values[1]);
   }

@@ -110,8 +110,8 @@ TEST(Georegister, ControlPointsAreReported) {
       const auto pixel = truth.CameraOf(image).ImgFromRay(image.cam_from_world * xyz);
       ASSERT_TRUE(pixel);
       file << 8 + 1e-4 / std::cos(DegToRad(47)) * xyz.x() << " " << 47 + 1e-4 * xyz.y() << " "
-           << 11.12 * xyz.z() << " " << pixel->x() << " " << pixel->y() << " " << image.image.name
-           << " " << (index == 4 ? "CHK-" : "P") << index << "\n";
+           << 11.12 * xyz.z() << " " << pixel->x() - 0.5 << " " << pixel->y() - 0.5 << " "
+           << image.image.name << " " << (index == 4 ? "CHK-" : "P") << index << "\n";
     }
   }
   file.close();

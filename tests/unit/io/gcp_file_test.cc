@@ -34,7 +34,7 @@ TEST_F(GcpFileTest, MeasurementsOfAPointAreOne) {
   EXPECT_EQ(points[0].position.altitude_m, 0.0);
   EXPECT_FALSE(points[0].is_check);
   ASSERT_EQ(points[0].pixels.size(), 2u);
-  EXPECT_EQ(points[0].pixels.at("b.jpg"), Eigen::Vector2d(10, 20.5));
+  EXPECT_EQ(points[0].pixels.at("b.jpg"), Eigen::Vector2d(10.5, 21));  // as everywhere in cairn
   EXPECT_TRUE(points[1].is_check);
   EXPECT_EQ(points[1].position.latitude_deg, -47.25);
   EXPECT_EQ(points[2].name, "8.6 47.25 300");

@@ -85,7 +85,7 @@ class PlacesTest : public ::testing::Test {
       *gps.altitude_m += std::exchange(first_up_m, 0);
       for (const TrackElement& element : point.track) {
         const RegisteredImage& image = scene_.truth.images.at(element.image_id);
-        const Eigen::Vector2d pixel = image.points2D[element.point2D];
+        const Eigen::Vector2d pixel = image.points2D[element.point2D].array() - 0.5;  // ODM's
         file << gps.longitude_deg << " " << gps.latitude_deg << " " << *gps.altitude_m << " "
              << pixel.x() << " " << pixel.y() << " " << image.image.name << " "
              << ((index / step) % 2 ? "CHK-" : "P-") << id << "\n";
