@@ -1,7 +1,6 @@
 #include "global_sfm/one_dsfm_export.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <map>

@@ -1,7 +1,6 @@
 #include "bundle_adjustment/bundle_observations.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "cairn/base/parallel.h"
 #include "scene/view_table.h"

@@ -1,7 +1,6 @@
 #include "database/query.h"
 
 #include "cairn/base/error.h"
-#include "database/sql.h"
 
 namespace cairn {
 

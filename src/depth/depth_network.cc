@@ -1,6 +1,5 @@
 #include "cairn/depth/depth_network.h"
 
-#include <cmath>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
 #include <opencv2/imgproc.hpp>

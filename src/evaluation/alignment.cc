@@ -1,6 +1,5 @@
 #include "cairn/evaluation/alignment.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -8,7 +8,6 @@
 #include <tuple>
 
 #include "cairn/math/decompositions.h"
-#include "features/extrema.h"
 
 namespace cairn {
 namespace {

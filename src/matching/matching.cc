@@ -1,11 +1,9 @@
 #include "cairn/matching/matching.h"
 
 #include <algorithm>
-#include <cmath>
 #include <tuple>
 #include <utility>
 
-#include "cairn/base/check.h"
 #include "matching/nearest_two.h"
 
 namespace cairn {

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 
 #include "cairn/base/parallel.h"
 #include "cairn/base/rng.h"

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "cairn/base/check.h"
 #include "resection/p3p.h"

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 
 #include "cairn/base/check.h"
 #include "cairn/math/angles.h"

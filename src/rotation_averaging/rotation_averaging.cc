@@ -1,6 +1,5 @@
 #include "cairn/rotation_averaging/rotation_averaging.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "cairn/base/check.h"

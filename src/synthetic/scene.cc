@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/synthetic/poses.h"

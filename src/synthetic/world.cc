@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <numeric>
 
 #include "cairn/base/rng.h"
 #include "math/random_vectors.h"

@@ -1,7 +1,6 @@
 #include "translation_averaging/direction_problem.h"
 
 #include <algorithm>
-#include <cmath>
 #include <tuple>
 
 #include "cairn/base/check.h"

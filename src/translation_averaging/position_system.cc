@@ -1,8 +1,6 @@
 #include "translation_averaging/position_system.h"
 
 #include <Eigen/LU>
-#include <algorithm>
-#include <utility>
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
-#include <optional>
 
 #include "cairn/base/named_value.h"
 #include "cairn/geometry/rigid3d.h"

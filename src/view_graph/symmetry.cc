@@ -1,6 +1,5 @@
 #include "view_graph/symmetry.h"
 
-#include <algorithm>
 #include <cmath>
 #include <set>
 

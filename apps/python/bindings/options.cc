@@ -4,10 +4,8 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <functional>
 #include <map>
-#include <memory>
 #include <utility>
 
 #include "arrays.h"

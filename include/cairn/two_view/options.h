@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include "cairn/base/options.h"
 
 namespace cairn {

@@ -1,14 +1,11 @@
 #include "pipeline/stages/recompute.h"
 
-#include <algorithm>
 #include <filesystem>
 #include <map>
-#include <set>
 
 #include "cairn/base/error.h"
 #include "database/match_origins.h"
 #include "database/stage_names.h"
-#include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {
 namespace {

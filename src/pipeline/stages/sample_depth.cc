@@ -1,7 +1,6 @@
 #include "cairn/depth/sample_depth.h"
 
 #include <algorithm>
-#include <atomic>
 #include <filesystem>
 #include <map>
 #include <memory>

@@ -9,7 +9,6 @@
 
 #include "base/memory.h"
 #include "cairn/base/check.h"
-#include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/base/timer.h"
 #include "database/database_writer.h"
