@@ -12,7 +12,11 @@ RotationEdge ReadEdge(TextReader& reader) {
   edge.image_id1 = reader.Integer<image_t>("first image");
   edge.image_id2 = reader.Integer<image_t>("second image");
   const auto R = reader.Doubles<Eigen::Matrix3d>("number of a rotation");
-  reader.ExpectLineEnd();
+  if (!reader.AtLineEnd()) {
+    edge.weight = reader.Double("weight");
+    if (!(edge.weight > 0)) reader.Fail("a weight that is not positive");
+    reader.ExpectLineEnd();
+  }
   if (edge.image_id1 == edge.image_id2) reader.Fail("an edge from an image to itself");
   const auto rotation = ToRotation(R);
   if (!rotation) reader.Fail("not a rotation matrix");

@@ -9,9 +9,9 @@
 
 namespace cairn {
 
-// Relative rotations, a line each: `i j R(9, row-major)` with R = R_j R_i^T, separated by blanks;
-// empty lines and lines that begin with # are skipped. Throws IoError with file and line: too few
-// or too many numbers, not a rotation (to 1e-2), i = j.
+// Relative rotations, a line each: `i j R(9, row-major) [weight]` with R = R_j R_i^T, separated by
+// blanks; empty lines and lines that begin with # are skipped. Throws IoError with file and line:
+// too few or too many numbers, not a rotation (to 1e-2), i = j, a weight that is not positive.
 std::vector<RotationEdge> ReadRelativeRotations(const std::string& path);
 
 // Global rotations, a line each in the order of the ids: `i R(9, row-major)`, cam_from_world.

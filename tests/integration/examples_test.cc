@@ -72,6 +72,30 @@ TEST(Examples, AverageRotationsAgreesWithTheTruth) {
   }
 }
 
+// Of two measurements that are 2 degrees apart, the one with more inliers.
+TEST(RotationAveraging, TakesTheWeightsOfItsFile) {
+  const TempFolder folder;
+  std::ofstream(folder / "edges.txt")
+      << "1 2 1 0 0 0 1 0 0 0 1 1\n1 2 0.99939083 -0.03489950 0 0.03489950 0.99939083 0 0 0 1 99\n";
+  for (const std::string power : {"0", "1"}) {
+    const ProgramResult result = RunProgram(
+        "global_sfm", {"rotation_averaging", "--edges_path", folder / "edges.txt", "--output_path",
+                       folder / power, "--rotation_averaging.weight_power", power});
+    ASSERT_EQ(result.exit_code, 0) << result.output;
+    std::ifstream file(folder / power);
+    int id = 0;
+    file >> id;
+    const Eigen::Matrix3d R1 = ReadMatrix(file);
+    file >> id;
+    EXPECT_NEAR(Degrees(ReadMatrix(file) * R1.transpose()), power == "1" ? 1.98 : 1, 0.05);
+  }
+  std::ofstream(folder / "edges.txt") << "1 2 1 0 0 0 1 0 0 0 1 0\n";
+  EXPECT_EQ(RunProgram("global_sfm", {"rotation_averaging", "--edges_path", folder / "edges.txt",
+                                      "--output_path", folder / "none"})
+                .exit_code,
+            3);
+}
+
 TEST(Examples, ReconstructWritesAColmapModel) {
   const SceneFiles scene;
   const ProgramResult result = RunExample("reconstruct", {scene.database(), scene / "model"});
