@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <set>
 
 #include "cairn/base/parallel.h"
@@ -331,31 +332,44 @@ class UsualConflict {
   std::array<double, kNumBins> median_;
 };
 
+// The pairs that lead out of a group.
+struct Border {
+  std::set<int> inside, outside;  // images
+  double surprise = 0;
+  int num_pairs = 0;
+
+  void Add(int image_inside, int image_outside, double surprise_of_pair) {
+    inside.insert(image_inside);
+    outside.insert(image_outside);
+    surprise += surprise_of_pair;
+    ++num_pairs;
+  }
+};
+
+std::map<int, Border> BordersOf(const std::vector<Pair>& pairs, const Groups& groups) {
+  const UsualConflict usual(pairs, groups);
+  std::map<int, Border> borders;
+  for (const Pair& pair : pairs) {
+    const int group1 = groups.Of(pair.image1), group2 = groups.Of(pair.image2);
+    if (!pair.CanTell() || group1 == group2) continue;
+    const double surprise = usual.Surprise(pair);
+    borders[group1].Add(pair.image1, pair.image2, surprise);
+    borders[group2].Add(pair.image2, pair.image1, surprise);
+  }
+  return borders;
+}
+
 // The evidence, nats, that a group of images shows another place than those it has pairs with, less
 // what it takes to name the group among all others of its size. Under one place, the surprises of
 // its pairs with others are exponential with mean 1; under two, with the mean that they have. Pairs
 // of one image hang together: no more of them count than there are images, twice for the two sides.
-double SplitEvidence(const std::vector<Pair>& pairs, int num_images, int group,
-                     const UsualConflict& usual, const Groups& groups) {
-  std::set<int> inside, outside;
-  double sum = 0;
-  int num_pairs = 0;
-  for (const Pair& pair : pairs) {
-    const bool is_inside1 = groups.Of(pair.image1) == group;
-    const bool is_inside2 = groups.Of(pair.image2) == group;
-    if (!pair.CanTell() || is_inside1 == is_inside2) continue;
-    inside.insert(is_inside1 ? pair.image1 : pair.image2);
-    outside.insert(is_inside1 ? pair.image2 : pair.image1);
-    sum += usual.Surprise(pair);
-    ++num_pairs;
-  }
-  const int size = groups.SizeOf(group);
+double SplitEvidence(const Border& border, int size, int num_images) {
   double cost = 0;
   for (int k = 1; k <= size; ++k) cost += std::log(double(num_images - size + k) / k);
-  const double mean = num_pairs > 0 ? sum / num_pairs : 0;
+  const double mean = border.num_pairs > 0 ? border.surprise / border.num_pairs : 0;
   if (mean <= 1) return -cost;
   const size_t num_independent =
-      std::min<size_t>(num_pairs, 2 * std::min(inside.size(), outside.size()));
+      std::min<size_t>(border.num_pairs, 2 * std::min(border.inside.size(), border.outside.size()));
   return static_cast<double>(num_independent) * (mean - 1 - std::log(mean)) - cost;
 }
 
@@ -363,13 +377,13 @@ double SplitEvidence(const std::vector<Pair>& pairs, int num_images, int group,
 void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) {
   std::set<int> alone;  // no pair leads out of them
   for (;;) {
-    const UsualConflict usual(pairs, groups);
+    std::map<int, Border> borders = BordersOf(pairs, groups);
     std::map<int, double> evidence;
     for (int i = 0; i < num_images; ++i) {
       const int group = groups.Of(i);
       if (evidence.count(group) > 0 || alone.count(group) > 0) continue;
       if (groups.SizeOf(group) == num_images) return;
-      evidence[group] = SplitEvidence(pairs, num_images, group, usual, groups);
+      evidence[group] = SplitEvidence(borders[group], groups.SizeOf(group), num_images);
     }
     const auto least = std::min_element(evidence.begin(), evidence.end(),
                                         [](auto& a, auto& b) { return a.second < b.second; });
