@@ -25,7 +25,7 @@ struct ViewGraphBuilderOptions {
     v.Double("min_loop_agreement", min_loop_agreement, {0, 1},
              "a pair of which a smaller share of such loops agrees is ambiguous");
     v.Double("max_rotation_error_deg", max_rotation_error_deg, {0, 180},
-             "largest angle between a pair and the global rotations, degrees");
+             "in a reconstruction: largest angle between a pair and the global rotations, degrees");
   }
 };
 
