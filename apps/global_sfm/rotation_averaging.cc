@@ -14,7 +14,8 @@ struct RotationAveragingFiles : ThreadFlags {
   std::string edges_path;
   std::string output_path;
   void VisitFields(OptionVisitor& v) {
-    v.String("edges_path", edges_path, "relative rotations, a line each: i j R(9), R = R_j R_i^T");
+    v.String("edges_path", edges_path,
+             "relative rotations, a line each: i j R(9) [weight], R = R_j R_i^T");
     v.String("output_path", output_path, "global rotations, a line each: i R(9)");
     ThreadFlags::VisitFields(v);
   }

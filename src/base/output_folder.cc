@@ -98,6 +98,15 @@ std::string ListText(const std::string& writer, const std::map<std::string, std:
   return list;
 }
 
+// Of a folder above, which may be anybody's: nothing where its list cannot be read.
+std::map<std::string, std::string> ReadHashesAbove(const fs::path& file) {
+  try {
+    return ReadHashes(file);
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
 // The folders that may list results in `path`, itself first, with its name in each.
 std::vector<std::pair<fs::path, fs::path>> FoldersAbove(const std::string& path) {
   std::vector<std::pair<fs::path, fs::path>> folders;
@@ -181,12 +190,14 @@ bool OutputFolder::IsOurs(const std::string& name) const {
 
 void OutputFolder::CheckOneWriter() const {
   for (const auto& [folder, within] : FoldersAbove(path_)) {
-    const std::string writer = ReadWriter(folder / kFiles);
-    if (writer.empty() || writer == writer_) continue;
     const auto is_here = [&, &within = within](const auto& entry) {
       return entry.first.starts_with(within.generic_string());
     };
-    if (!within.empty() && std::ranges::none_of(ReadHashes(folder / kFiles), is_here)) continue;
+    if (!within.empty() && std::ranges::none_of(ReadHashesAbove(folder / kFiles), is_here)) {
+      continue;
+    }
+    const std::string writer = ReadWriter(folder / kFiles);
+    if (writer.empty() || writer == writer_) continue;
     throw ConfigError("output_path", path_ + " holds the results of " + writer +
                                          ", which would be lost; give another --output_path");
   }
@@ -218,7 +229,8 @@ void OutputFolder::Commit(const std::string& within) {
     if (!within.empty() && !name.starts_with(within + "/")) hashes.insert({name, hash});
   }
   for (const std::string& name : FilesInTheWay()) {
-    if (hashes.count(name) == 0) removed += name + "\n";
+    const bool may_go = within.empty() || name.starts_with(within + "/");
+    if (may_go && hashes.count(name) == 0) removed += name + "\n";
   }
   WriteFileAtomically(staging_ + "/" + kFiles, ListText(writer_, hashes));
   WriteFileAtomically(staging_ + "/" + kRemove, removed);
@@ -269,8 +281,7 @@ void CheckNotOfAnother(const std::string& folder, const std::string& writer,
 
 void RecordRewritten(const std::string& file) {
   for (const auto& [folder, name] : FoldersAbove(file)) {
-    std::map<std::string, std::string> hashes;
-    if (fs::is_directory(folder)) hashes = ReadHashes(folder / kFiles);
+    std::map<std::string, std::string> hashes = ReadHashesAbove(folder / kFiles);
     const auto entry = hashes.find((name / "").parent_path().generic_string());
     if (entry == hashes.end()) continue;
     entry->second = HashToHex(HashFile(file));

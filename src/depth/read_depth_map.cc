@@ -48,8 +48,10 @@ RawMap ParsePfm(const std::string& path, const std::string& bytes) {
   if (!(stream >> map.width >> map.height >> scale) || scale == 0) {
     throw IoError(path, "wrong .pfm header");
   }
-  size_t begin = static_cast<size_t>(stream.tellg()) + 1;  // One white space ends the header,
-  if (bytes.substr(begin - 1, 2) == "\r\n") ++begin;       // or two.
+  if (stream.eof()) throw IoError(path, "wrong .pfm header");
+  // One white space ends the header, or two.
+  size_t begin = static_cast<size_t>(stream.tellg()) + 1;
+  if (bytes.compare(begin - 1, 2, "\r\n") == 0) ++begin;
   CheckMapSize(path, map.width, map.height, 4, bytes.size() - std::min(begin, bytes.size()));
   map.values.resize(static_cast<size_t>(map.width) * map.height);
   for (int y = 0; y < map.height; ++y) {  // The bottom row comes first.

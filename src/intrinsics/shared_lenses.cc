@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "intrinsics/camera_pairs.h"
+#include "intrinsics/known_intrinsics.h"
 
 namespace cairn {
 
@@ -14,8 +15,12 @@ SharedLenses FindSharedLenses(const Database& database) {
   for (const auto& [image, id] : camera_of) ++num_images[id];
   using Kind = std::tuple<CameraModel, int, int, bool, double>;
   std::map<Kind, std::vector<camera_t>> kinds;
+  const auto known = ReadKnownIntrinsics(database);
   for (const Camera& camera : database.ReadCameras()) {
-    if (num_images[camera.camera_id] != 1) continue;
+    if (num_images[camera.camera_id] != 1 || known.at(camera.camera_id).is_given ||
+        LooksMeasured(camera)) {
+      continue;
+    }
     kinds[{camera.model, camera.width, camera.height, camera.has_prior_focal_length,
            camera.MeanFocal()}]
         .push_back(camera.camera_id);
@@ -45,6 +50,7 @@ void AdoptLenses(Database& database) {
     if (lenses.count(id) > 0 || learned.count(first) == 0) continue;
     CameraLens lens = learned[first][learned[first].size() / 2];
     lens.num_pairs = 0;
+    lens.is_focal_known = false;  // of this camera
     database.WriteCameraLens(id, lens);
   }
   transaction.Commit();

@@ -7,8 +7,8 @@
 
 namespace cairn {
 
-// Cameras that have one lens: the camera that stands for it. Their models, sizes and focal lengths
-// are equal. Cameras that the map lacks have a lens each.
+// Cameras that have one lens: the camera that stands for it. Their models, sizes and focal lengths,
+// as the database has them, are equal. Cameras that the map lacks have a lens each.
 using SharedLenses = std::map<camera_t, camera_t>;
 
 // Few pairs of one photograph do not tell its lens: where most images have a camera of their own
@@ -17,7 +17,7 @@ using SharedLenses = std::map<camera_t, camera_t>;
 SharedLenses FindSharedLenses(const Database& database);
 
 // Cameras that were never looked at begin with what others of their lens have learned, the one of
-// the median focal length: photographs that join later.
+// the median focal length, as a guess: photographs that join later.
 void AdoptLenses(Database& database);
 
 }  // namespace cairn

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "base/text.h"
 #include "cairn/base/error.h"
@@ -45,18 +46,24 @@ class WideFocalFinder {
       const Camera& camera = cameras_[id] = known.camera;
       const auto lens = shared.find(id);
       lens_of_[id] = lens == shared.end() ? id : lens->second;
-      if (known.lens) num_pairs_[lens_of_[id]] = known.lens->num_pairs;
+      if (known.HasLearned()) {
+        learned_.insert(id);
+      } else if (known.lens) {
+        num_pairs_[lens_of_[id]] = known.lens->num_pairs;
+      }
       const bool is_open = !camera.IsPlanar() && !camera.has_prior_focal_length &&
                            !camera.FocalIndices().empty() && !known.HasLearned();
       if (is_open) open[lens_of_[id]].push_back(id);
     }
     if (open.empty()) return {};
     camera_of_ = CamerasOfImages(database_);
-    num_matches_ = database_.ReadNumMatches();
+    const std::map<camera_t, std::vector<image_pair_t>> pairs_of = FindPairs();
     std::vector<std::string> texts;
     for (const auto& [lens, cameras] : open) {
       if (run_.monitor.StopRequested()) break;
-      const std::vector<image_pair_t> usable = FindPairs(lens);
+      const auto of_lens = pairs_of.find(lens);
+      const std::vector<image_pair_t> usable =
+          of_lens == pairs_of.end() ? std::vector<image_pair_t>() : of_lens->second;
       // (More pairs may determine what fewer could not.)
       const auto before = num_pairs_.find(lens);
       if (before != num_pairs_.end() && before->second == std::ssize(usable)) continue;
@@ -115,27 +122,28 @@ class WideFocalFinder {
     transaction.Commit();
   }
 
-  // Of images that both have the lens, or one of them and the other a camera that is known.
-  std::vector<image_pair_t> FindPairs(camera_t lens) const {
+  // Of each lens, the pairs of images that both have it, or one of them and the other a camera that
+  // is known; those with the most matches first.
+  std::map<camera_t, std::vector<image_pair_t>> FindPairs() const {
     std::vector<std::pair<int, image_pair_t>> ranked;
-    for (const auto& [pair_id, count] : num_matches_) {
-      const auto [image1, image2] = PairIdToImagePair(pair_id);
-      const auto camera1 = camera_of_.find(image1), camera2 = camera_of_.find(image2);
-      if (camera1 == camera_of_.end() || camera2 == camera_of_.end()) continue;
-      const auto is_of_lens = [&](camera_t id) {
-        const auto of = lens_of_.find(id);
-        return of != lens_of_.end() && of->second == lens;
-      };
-      const bool is_first = is_of_lens(camera1->second), is_second = is_of_lens(camera2->second);
-      if (!is_first && !is_second) continue;
-      const auto other = cameras_.find(is_first ? camera2->second : camera1->second);
-      if (other == cameras_.end()) continue;
-      if (is_first != is_second && !other->second.has_prior_focal_length) continue;
+    for (const auto& [pair_id, count] : database_.ReadNumMatches()) {
       if (count >= options_.min_num_matches) ranked.emplace_back(-count, pair_id);
     }
     std::sort(ranked.begin(), ranked.end());
-    std::vector<image_pair_t> pairs;
-    for (const auto& [count, pair] : ranked) pairs.push_back(pair);
+    std::map<camera_t, std::vector<image_pair_t>> pairs;
+    const auto is_known = [&](camera_t id) {
+      return cameras_.at(id).has_prior_focal_length || learned_.count(id) > 0;
+    };
+    for (const auto& [count, pair_id] : ranked) {
+      const auto [image1, image2] = PairIdToImagePair(pair_id);
+      const auto camera1 = camera_of_.find(image1), camera2 = camera_of_.find(image2);
+      if (camera1 == camera_of_.end() || camera2 == camera_of_.end()) continue;
+      const auto lens1 = lens_of_.find(camera1->second), lens2 = lens_of_.find(camera2->second);
+      if (lens1 == lens_of_.end() || lens2 == lens_of_.end()) continue;  // of unknown models
+      const bool is_one = lens1->second == lens2->second;
+      if (is_one || is_known(camera2->second)) pairs[lens1->second].push_back(pair_id);
+      if (!is_one && is_known(camera1->second)) pairs[lens2->second].push_back(pair_id);
+    }
     return pairs;
   }
 
@@ -205,7 +213,7 @@ class WideFocalFinder {
   std::map<camera_t, camera_t> lens_of_;  // the camera that stands for it
   std::map<camera_t, int> num_pairs_;     // of a lens, when it was looked at
   std::map<image_t, camera_t> camera_of_;
-  std::vector<std::pair<image_pair_t, int>> num_matches_;
+  std::set<camera_t> learned_;
 };
 
 }  // namespace

@@ -55,8 +55,8 @@ std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& 
 }
 
 // False: the model is not fit to be written, and the report has the failure.
-bool CheckModel(StageContext& context, size_t num_images, const std::string& origin,
-                const ModelEvidence& evidence, Reconstruction& model) {
+bool CheckModel(StageContext& context, size_t num_images, const ModelEvidence& evidence,
+                Reconstruction& model) {
   ModelStage stage(context, "checks");
   if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
     stage.Fail("the model was refused: " + reason,
@@ -65,7 +65,7 @@ bool CheckModel(StageContext& context, size_t num_images, const std::string& ori
   }
   const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
   stage.Note("a model of " + std::to_string(model.images.size()) + " of " +
-             std::to_string(num_images) + " images from " + origin + " explains " + percent +
+             std::to_string(num_images) + " images explains " + percent +
              " % of their verified matches (" + std::to_string(std::llround(evidence.nats)) +
              " nats of evidence)");
   stage.Add("images", model.images.size());
@@ -109,9 +109,7 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   RefineModel(context, initial->tracks, RefineStart::kChanged, model);
   if (!GrowModel(context, built.graph, model)) return built;
   built.evidence = EvidenceFor(context, model, built.graph);
-  const std::string origin =
-      rotations.weight_power == 0 ? "pairs weighed alike" : "pairs weighed by inliers";
-  if (!CheckModel(context, component.size(), origin, built.evidence, model)) return built;
+  if (!CheckModel(context, component.size(), built.evidence, model)) return built;
   built.model = std::move(model);
   return built;
 }
@@ -250,7 +248,7 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   AdjustToPlaces(context, model);
   built.evidence = EvidenceFor(context, model, built.graph);
   const size_t num_images = std::max(earlier.images.size(), model.images.size());
-  if (!CheckModel(context, num_images, "an earlier model", built.evidence, model)) {
+  if (!CheckModel(context, num_images, built.evidence, model)) {
     return built;
   }
   if (context.settings.reconstruct.separate_duplicates &&

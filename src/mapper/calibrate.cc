@@ -233,13 +233,13 @@ void TakeBackRejected(const Replaced& before, Stage& stage, SceneData& scene) {
     }
     const bool overrules_exif = std::ranges::any_of(
         cameras, [&](camera_t id) { return scene.cameras.at(id).has_prior_focal_length; });
-    if (cameras.empty() || loops.Improvement() > -kDecisive || overrules_exif) continue;
-    rejected.insert(cameras.begin(), cameras.end());
+    if (cameras.empty() || loops.Improvement() > -kDecisive) continue;
+    if (!overrules_exif) rejected.insert(cameras.begin(), cameras.end());
     stage.Note(Formatted(
         "%zu loops of rotations close to %.2f deg (median) with calibrated focal lengths, "
-        "to %.2f deg without: the calibrated focal lengths of %zu cameras are rejected",
+        "to %.2f deg without: the calibrated focal lengths of %zu cameras are %s",
         loops.before_deg.size(), UpperMedian(loops.after_deg), UpperMedian(loops.before_deg),
-        cameras.size()));
+        cameras.size(), overrules_exif ? "kept, since pairs contradict EXIF" : "rejected"));
   }
   for (const camera_t id : rejected) scene.cameras.at(id).SetMeanFocal(before.focals_px.at(id));
   for (size_t i = 0; i < scene.edges.size(); ++i) {

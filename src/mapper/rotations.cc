@@ -170,18 +170,14 @@ class Averager {
     RotationAveragingOptions options = context_.settings.rotation_averaging;
     options.max_l1_iterations = options.max_consensus_rounds = options.max_region_rounds = 0;
     options.weight_power = 1;
-    Add(AverageRotations(edges, options, context_.run), 1);
+    Add(AverageRotations(edges, options, context_.run));
   }
 
-  bool Add(std::vector<RotationAveragingReport> by_powers) {
-    const std::vector<double> powers = PowersOf(context_.settings.rotation_averaging);
-    for (size_t i = 0; i < by_powers.size(); ++i) {
-      if (!Add(std::move(by_powers[i]), powers[i])) return false;
-    }
-    return true;
+  bool Add(std::vector<RotationAveragingReport> reports) {
+    return std::ranges::all_of(reports, [this](auto& report) { return Add(std::move(report)); });
   }
 
-  bool Add(RotationAveragingReport report, double weight_power) {
+  bool Add(RotationAveragingReport report) {
     if (!HasRotations(report)) {
       if (all_.empty()) {
         stage_.Fail(std::string(RotationAveragingStatusName(report.status)) + " on " +
@@ -190,8 +186,8 @@ class Averager {
       }
       return false;
     }
-    all_.push_back({weight_power, std::move(report.cam_from_world), report.median_residual_deg,
-                    report.num_rejected});
+    all_.push_back(
+        {std::move(report.cam_from_world), report.median_residual_deg, report.num_rejected});
     SetSupport(own_, context_.settings.rotation_averaging.sigma_start_deg, all_.back());
     return true;
   }

@@ -162,7 +162,6 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
 // rotations.cc
 // Global rotations of a component, by one choice of edges and weights.
 struct RotationHypothesis {
-  double weight_power = 0;  // of the numbers of inliers that its edges are weighed by
   std::map<image_t, Eigen::Quaterniond> cam_from_world;
   double median_residual_deg = 0;
   int num_rejected = 0;         // edges that are further off (rotation_averaging.max_error_deg)

@@ -103,7 +103,8 @@ std::string WriteReconstructResult(ReconstructResult& result, const std::string&
                                    const std::string& effective_toml, bool overwrites,
                                    const RunContext& run) {
   OutputFolder output(output_path, kWriter, kResultNames, overwrites);
-  const bool keeps_earlier = !result.report.Succeeded() && output.Has("sparse/");
+  const bool keeps_earlier =
+      !result.report.Succeeded() && fs::exists(fs::path(output_path) / "sparse");
   const std::string folder = keeps_earlier ? "failed" : "";
   const fs::path staging = fs::path(output.staging()) / folder;
   CreateFolders(staging.string());

@@ -56,7 +56,9 @@ std::vector<Residual> ResidualsOf(const RegisteredImage& image, const Reconstruc
     if (image.point3D_ids[i] == kInvalidPoint3DId) continue;
     const Eigen::Vector3d& xyz = model.points3D.at(image.point3D_ids[i]).xyz;
     const auto predicted = camera.ImgFromRay(image.cam_from_world * xyz);
-    if (predicted) residuals.push_back({image.points2D[i], image.points2D[i] - *predicted});
+    if (!predicted) continue;
+    residuals.push_back({image.points2D[i], PixelDifference({camera.model, camera.params.data()},
+                                                            image.points2D[i], *predicted)});
   }
   return residuals;
 }

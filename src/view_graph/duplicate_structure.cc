@@ -113,6 +113,7 @@ double ChanceOfNone(double rate, int n) {
 // Distortion models fold what lies beyond their field back into the picture: there the pixel is
 // another direction's.
 bool Sees(const Camera& camera, const Eigen::Vector3d& in_camera, const Eigen::Vector2d& pixel) {
+  if (camera.DistortionIndices().empty()) return true;
   const auto ray = camera.RayFromImg(pixel);
   return ray && AngleBetween(*ray, in_camera) < DegToRad(1.0);
 }

@@ -290,7 +290,7 @@ KnownPhotos FindKnownPhotos(const StoredImages& stored, const StageLedger& ledge
     const auto photo = by_name.find(image.name);
     const auto size = stored.cameras.find(image.camera_id);
     if (photo == by_name.end() || size == stored.cameras.end() || known.count(size->first) > 0 ||
-        !HasOurCamera(ledger, image.image_id)) {
+        !HasOurCamera(ledger, image.image_id) || !photo->second->error.empty()) {
       continue;
     }
     known.emplace(size->first, *photo->second).first->second.size = size->second;

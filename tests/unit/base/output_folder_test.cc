@@ -155,6 +155,14 @@ TEST_F(OutputFolderTest, AFailedRunLeavesTheEarlierResults) {
   EXPECT_FALSE(fs::exists(At("failed")));
 }
 
+TEST_F(OutputFolderTest, AFailedRunLeavesWhatOthersWrote) {
+  CreateFolders(At("sparse/0"));
+  WriteFileAtomically(At("sparse/0/a"), "COLMAP's");
+  Run({{"failed/report", "1"}}, true, "failed");
+  EXPECT_EQ(Content("sparse/0/a"), "COLMAP's");
+  EXPECT_EQ(Content("failed/report"), "1");
+}
+
 TEST_F(OutputFolderTest, RemainsOfAKilledRunAreRemoved) {
   Run({{"report", "1"}});
   CreateFolders(At(".cairn-new/sparse"));

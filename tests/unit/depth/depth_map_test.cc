@@ -142,6 +142,7 @@ TEST_F(ReadDepthMapTest, BrokenFilesAreNamedWithTheReason) {
   EXPECT_THAT(ReasonOf(Write("a.pfm", "PF\n2 2\n-1\n" + data)), HasSubstr("one channel"));
   EXPECT_THAT(ReasonOf(Write("a.pfm", "Pf\n2 2\n-1\n" + data.substr(1))), HasSubstr("truncated"));
   EXPECT_THAT(ReasonOf(Write("a.pfm", "Pf\n2 2\n")), HasSubstr("header"));
+  EXPECT_THAT(ReasonOf(Write("a.pfm", "Pf\n2 2\n-1.0")), HasSubstr("header"));
   EXPECT_THAT(ReasonOf(Write("a.bin", "2&2&3&" + data)), HasSubstr("COLMAP"));
   EXPECT_THAT(ReasonOf(Write("a.bin", "2&3&1&" + data)), HasSubstr("truncated"));
   EXPECT_THAT(ReasonOf(Write("a.png", "no picture")), HasSubstr("decoded"));

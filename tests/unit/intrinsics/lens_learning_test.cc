@@ -204,6 +204,14 @@ TEST_F(LensLearningTest, LaterCamerasOfTheKindHaveItsLens) {
   database.WriteImage({203, "last.jpg", 203});
   AdoptLenses(database);
   EXPECT_EQ(database.ReadCameraLenses().at(203).focal_px, 1050);  // of ten: 201 has none
+  EXPECT_FALSE(database.ReadCameraLenses().at(203).is_focal_known);
+
+  another.camera_id = 204;
+  another.params.back() = -0.3;  // measured
+  database.WriteCamera(another);
+  database.WriteImage({204, "measured.jpg", 204});
+  AdoptLenses(database);
+  EXPECT_EQ(database.ReadCameraLenses().count(204), 0u);
 }
 
 // Those that are not alike are told apart: the kind that most images have shares its distortion,

@@ -65,6 +65,14 @@ TEST_F(OutputTest, WritesAndReplacesAllFiles) {
   EXPECT_TRUE(std::filesystem::exists(output + "/sparse/0/images.bin"));
   EXPECT_THAT(ReadFile(output + "/report.json"), Not(HasSubstr("stopped by the user")));
   EXPECT_TRUE(std::filesystem::exists(output + "/failed/sparse/0/images.bin"));
+
+  // And another program's model, even where it may be replaced.
+  const std::string others = output + "/others";
+  CreateFolders(others + "/sparse/0");
+  WriteFileAtomically(others + "/sparse/0/images.bin", "COLMAP's");
+  WriteReconstructResult(result, others, "# options\n", true);
+  EXPECT_EQ(ReadFile(others + "/sparse/0/images.bin"), "COLMAP's");
+  EXPECT_TRUE(std::filesystem::exists(others + "/failed/report.json"));
 }
 
 // The page comes last: what it lacks room for is not the models'.
