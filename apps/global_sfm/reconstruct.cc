@@ -2,9 +2,12 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
+#include <set>
 
+#include "cairn/base/file.h"
 #include "cairn/io/model.h"
 #include "common/console_monitor.h"
 #include "common/run_flags.h"
@@ -51,6 +54,27 @@ struct State {
   ReconstructSettings settings{};
 };
 
+// A model that goes on from an earlier one keeps its frame, and so its place on Earth.
+void KeepPlaces(const std::string& input_path, const std::vector<Reconstruction>& earlier,
+                ReconstructResult& result) {
+  const std::vector<std::string> folders = ModelsIn(input_path);
+  result.georegistrations.resize(result.models.size());
+  for (size_t k = 0; k < result.models.size(); ++k) {
+    std::set<std::string> names;
+    for (const auto& [id, image] : result.models[k].images) names.insert(image.image.name);
+    const auto goes_on = [&](const Reconstruction& model) {
+      return std::ranges::any_of(
+          model.images, [&](const auto& entry) { return names.contains(entry.second.image.name); });
+    };
+    for (size_t i = 0; i < earlier.size() && result.georegistrations[k].empty(); ++i) {
+      const std::string place = folders[i] + "/georegistration.json";
+      if (goes_on(earlier[i]) && std::filesystem::exists(place)) {
+        result.georegistrations[k] = ReadFile(place);
+      }
+    }
+  }
+}
+
 int Run(const Command& command, State& state) {
   for (const char* key : {"database_path", "output_path"}) command.Require(key);
   if (state.needs_input) command.Require("input_path");
@@ -69,6 +93,7 @@ int Run(const Command& command, State& state) {
     earlier = ReadModels(flags.input_path);
   }
   ReconstructResult result = Reconstruct(database, flags.image_path, settings, run, earlier);
+  if (!earlier.empty()) KeepPlaces(flags.input_path, earlier, result);
   result.report.program = "global_sfm " + state.name;
   // (A run that is stopped has a second to write what there is.)
   if (flags.report && !monitor.StopRequested()) {

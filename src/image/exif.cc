@@ -57,13 +57,22 @@ std::string Text(const Exiv2::ExifData& data, const char* key) {
   return text;
 }
 
+// (Exiv2 gives numbers without a sign as if they had one.)
+std::optional<double> Ratio(const Exiv2::Exifdatum& datum, long k) {
+  const Exiv2::Rational ratio = datum.toRational(k);
+  if (ratio.second == 0) return std::nullopt;
+  if (datum.typeId() != Exiv2::unsignedRational) {
+    return static_cast<double>(ratio.first) / ratio.second;
+  }
+  return static_cast<double>(static_cast<uint32_t>(ratio.first)) /
+         static_cast<uint32_t>(ratio.second);
+}
+
 // A finite number, or nothing.
 std::optional<double> Number(const Exiv2::ExifData& data, const char* key) {
   const auto it = data.findKey(Exiv2::ExifKey(key));
   if (it == data.end() || it->count() == 0) return std::nullopt;
-  const Exiv2::Rational ratio = it->toRational();
-  if (ratio.second == 0) return std::nullopt;
-  return static_cast<double>(ratio.first) / ratio.second;
+  return Ratio(*it, 0);
 }
 
 // A positive number, or nothing.
@@ -139,12 +148,15 @@ std::optional<double> Degrees(const Exiv2::ExifData& data, const char* key) {
   if (it == data.end() || it->count() == 0) return std::nullopt;
   double degrees = 0, unit = 1;
   for (long k = 0; k < std::min<long>(3, it->count()); ++k, unit /= 60) {
-    const Exiv2::Rational part = it->toRational(k);
-    if (part.second == 0) return std::nullopt;
-    degrees += unit * part.first / part.second;
+    const std::optional<double> part = Ratio(*it, k);
+    if (!part) return std::nullopt;
+    degrees += unit * *part;
   }
   return degrees;
 }
+
+// Higher ones, such as 4294967295, stand for none. (Balloons reach 50 km.)
+constexpr double kMaxAltitudeM = 1e5;
 
 // Cameras without a fix write zeros: 0 degrees north, 0 east is taken as absent.
 std::optional<GpsPosition> Gps(const Exiv2::ExifData& data) {
@@ -152,6 +164,7 @@ std::optional<GpsPosition> Gps(const Exiv2::ExifData& data) {
   const auto longitude = Degrees(data, "Exif.GPSInfo.GPSLongitude");
   if (!latitude || !longitude || (*latitude == 0 && *longitude == 0)) return std::nullopt;
   GpsPosition gps{*latitude, *longitude, Number(data, "Exif.GPSInfo.GPSAltitude")};
+  if (gps.altitude_m && *gps.altitude_m > kMaxAltitudeM) gps.altitude_m.reset();
   if (Text(data, "Exif.GPSInfo.GPSLatitudeRef") == "S") gps.latitude_deg *= -1;
   if (Text(data, "Exif.GPSInfo.GPSLongitudeRef") == "W") gps.longitude_deg *= -1;
   const bool is_below = Text(data, "Exif.GPSInfo.GPSAltitudeRef") == "1";

@@ -36,12 +36,16 @@ struct Lenses {
   std::map<image_t, camera_t> camera_of;
   std::map<camera_t, int> num_pairs;  // likely ones
   std::set<camera_t> open;
+  std::set<camera_t> trusted;  // whose focal lengths are known
 };
 
 Lenses ReadLenses(const Database& database, const std::vector<image_pair_t>& likely) {
   Lenses lenses;
   const std::map<camera_t, KnownIntrinsics> known = ReadKnownIntrinsics(database);
-  for (const auto& [id, intrinsics] : known) lenses.cameras[id] = intrinsics.camera;
+  for (const auto& [id, intrinsics] : known) {
+    lenses.cameras[id] = intrinsics.camera;
+    if (intrinsics.IsFocalTrusted() || intrinsics.IsConstant()) lenses.trusted.insert(id);
+  }
   lenses.camera_of = CamerasOfImages(database);
   std::erase_if(lenses.camera_of,
                 [&](const auto& entry) { return lenses.cameras.count(entry.second) == 0; });
@@ -122,15 +126,11 @@ void ReadPixels(const Database& database, std::vector<LensPair>& lens_pairs) {
   });
 }
 
-// The focal lengths of open cameras that are only guessed.
+// The focal lengths of cameras that are only guessed; those that told nothing before stay unknown.
 std::map<camera_t, CalibratedFocal> LearnGuessedFocals(const Lenses& lenses,
                                                        const std::vector<FocalPair>& pairs,
                                                        const RunContext& run) {
-  std::set<camera_t> trusted;
-  for (const auto& [id, camera] : lenses.cameras) {
-    if (lenses.open.count(id) == 0 || camera.has_prior_focal_length) trusted.insert(id);
-  }
-  return CalibrateFocals(lenses.cameras, trusted, pairs, {}, run).cameras;
+  return CalibrateFocals(lenses.cameras, lenses.trusted, pairs, {}, run).cameras;
 }
 
 CameraLens MakeLens(const Camera& camera, const CalibratedDistortion* distortion,

@@ -30,16 +30,21 @@ Reconstruction ReadModel(const std::string& path, const ReadModelOptions& option
                 "files, nor a Bundler file (.out)");
 }
 
-std::vector<Reconstruction> ReadModels(const std::string& path) {
-  std::vector<Reconstruction> models;
+std::vector<std::string> ModelsIn(const std::string& path) {
+  std::vector<std::string> models;
   for (const std::string& folder : {path, path + "/sparse"}) {
     if (IsColmapModel(path)) break;
     for (int k = 0; IsColmapModel(folder + "/" + std::to_string(k)); ++k) {
-      models.push_back(ReadColmapModel(folder + "/" + std::to_string(k)));
+      models.push_back(folder + "/" + std::to_string(k));
     }
     if (!models.empty()) return models;
   }
-  models.push_back(ReadModel(path));
+  return {path};
+}
+
+std::vector<Reconstruction> ReadModels(const std::string& path) {
+  std::vector<Reconstruction> models;
+  for (const std::string& model : ModelsIn(path)) models.push_back(ReadModel(model));
   return models;
 }
 

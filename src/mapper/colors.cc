@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -11,6 +12,8 @@ namespace {
 
 // Of a photograph whose colors are read: a keypoint has several pixels of the whole one.
 constexpr int kMinLongerSide = 1500;
+// Relative difference of the sides' ratio: sizes are rounded.
+constexpr double kMaxShape = 0.02;
 
 // RGB at every keypoint of an image that shows a point.
 struct ImageColors {
@@ -32,6 +35,12 @@ ImageColors ReadColors(const std::string& folder, const Camera& camera,
   // The file may be stored at another size than the one that was matched, too.
   const double scale_x = static_cast<double>(bitmap.width) / camera.width;
   const double scale_y = static_cast<double>(bitmap.height) / camera.height;
+  if (std::abs(std::log(scale_x / scale_y)) > kMaxShape) {
+    result.error = PathInFolder(folder, image.image.name) +
+                   ": has another shape than its camera, " + std::to_string(camera.width) + " x " +
+                   std::to_string(camera.height);
+    return result;
+  }
   for (size_t i = 0; i < image.points2D.size(); ++i) {
     if (image.point3D_ids[i] == kInvalidPoint3DId) continue;
     const int x =

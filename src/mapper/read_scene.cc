@@ -205,15 +205,21 @@ void WarnOfUnfinishedPairs(const Database& database, const SceneData& scene, Sta
 void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
                            const std::optional<bool>& refine_intrinsics, Stage& stage,
                            SceneData& scene) {
+  int num_guessed = 0;
   for (const auto& [id, known] : intrinsics) {
     if (refine_intrinsics ? *refine_intrinsics : !known.IsConstant()) continue;
     scene.constant_cameras.insert(id);
+    num_guessed += !known.HasPriorFocal() && !known.IsConstant();
     if (!known.IsRejected()) continue;
     stage.Warn("the intrinsics of camera " + std::to_string(id) + " are constant, but " +
                std::to_string(known.judgement->num_contradicting) + " of " +
                std::to_string(known.judgement->num_pairs) +
                " pairs contradict its focal length: try --refine_intrinsics 1");
   }
+  if (num_guessed == 0) return;
+  stage.Warn(ResultWarning{"the focal lengths of " + std::to_string(num_guessed) +
+                               " cameras are guesses, and constant: models are as wrong as they",
+                           "leave out --refine_intrinsics 0, or give --camera_params"});
 }
 
 }  // namespace

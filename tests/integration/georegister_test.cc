@@ -95,6 +95,13 @@ TEST(Georegister, ReconstructPutsModelsInTheFrame) {
       EXPECT_LT((image.cam_from_world.Center() - gps).norm(), 1);
     }
   }
+  // What goes on from it stays there.
+  const std::string place = ReadFile(scene / "model/sparse/0/georegistration.json");
+  const ProgramResult again = RunProgram(
+      "global_sfm", {"reconstruct", "--database_path", scene.database(), "--input_path",
+                     scene / "model", "--output_path", scene / "model", "--report", "0"});
+  ASSERT_EQ(again.exit_code, 0) << again.output;
+  EXPECT_EQ(ReadFile(scene / "model/sparse/0/georegistration.json"), place);
 }
 
 TEST(Georegister, ControlPointsAreReported) {

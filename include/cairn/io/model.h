@@ -24,8 +24,10 @@ std::string LargestModelIn(const std::string& path);
 // largest (LargestModelIn). Throws IoError.
 Reconstruction ReadModel(const std::string& path, const ReadModelOptions& options = {});
 
-// The model at a path; or else, of a folder, the COLMAP models 0, 1, ... in it or in its folder
-// sparse. Throws IoError.
+// The path itself where it is a model; or else, of a folder, the COLMAP models 0, 1, ... in it or
+// in its folder sparse.
+std::vector<std::string> ModelsIn(const std::string& path);
+// These, read. Throws IoError.
 std::vector<Reconstruction> ReadModels(const std::string& path);
 
 }  // namespace cairn

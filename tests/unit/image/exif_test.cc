@@ -141,6 +141,9 @@ TEST(Exif, GpsPosition) {
   EXPECT_FALSE(gps({{tags[0].first, "0/1 0/1 0/1"}, {tags[2].first, "0/1 0/1 0/1"}}));
   EXPECT_FALSE(gps({{tags[0].first, "1/0 0/1 0/1"}, tags[2]}));
   EXPECT_FALSE(gps({{tags[0].first, "91/1 0/1 0/1"}, tags[2]}));
+  // All bits set, as some write what they do not know.
+  EXPECT_FALSE(gps({{tags[0].first, "4294967295/1 0/1 0/1"}, tags[2]}));
+  EXPECT_FALSE(gps({tags[0], tags[2], {"Exif.GPSInfo.GPSAltitude", "4294967295/1"}})->altitude_m);
 }
 
 TEST(Exif, WrittenTimeAndPlaceAreRead) {

@@ -150,6 +150,29 @@ TEST_F(LensLearningTest, GuessedFocalLengthsAreLearned) {
   }
 }
 
+// What a camera's pairs did not tell the last time is still a guess, for its pairs with others,
+// too.
+TEST_F(LensLearningTest, GuessesThatWereKeptAreNotTrusted) {
+  const std::string path =
+      MakeDatabase("a.db", {.focal_factor = 1.3, .has_prior = false, .own_cameras = true});
+  Verify(path);
+  Database database(path);
+  const std::vector<image_pair_t> likely = database.ReadMatchedPairIds();
+  for (const Image& image : database.ReadImages()) {
+    const auto num_pairs = std::ranges::count_if(likely, [&](image_pair_t pair) {
+      const auto [id1, id2] = PairIdToImagePair(pair);
+      return id1 == image.image_id || id2 == image.image_id;
+    });
+    const bool is_kept = image.image_id != 1;
+    database.WriteCameraLens(image.camera_id, {.num_pairs = is_kept ? int(num_pairs) : 0});
+  }
+  LearnLenses(database, likely);
+  for (const auto& [id, lens] : database.ReadCameraLenses()) {
+    if (id != 101) EXPECT_TRUE(lens.IsEmpty());
+    if (lens.focal_px > 0) EXPECT_NEAR(lens.focal_px / true_focals_.at(id), 1.0, 0.1);
+  }
+}
+
 // Photographs with a camera each, all of one lens, which the few pairs of one photograph do not
 // tell.
 TEST_F(LensLearningTest, CamerasOfOneKindShareTheirDistortion) {

@@ -353,6 +353,21 @@ TEST(Reconstruct, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
               Contains(HasSubstr("camera 1 are constant, but 4 of 5 pairs contradict")));
 }
 
+TEST(Reconstruct, GuessesThatAreConstantAreAWarning) {
+  ReconstructSettings settings;
+  settings.refine_intrinsics = false;
+  for (const bool has_exif : {false, true}) {
+    Database database = MakeDatabaseWithGuesses(MakeScene(SmallScene(), 3), 1.0);
+    for (Camera camera : database.ReadCameras()) {
+      camera.has_prior_focal_length = has_exif;
+      database.WriteCamera(camera);
+    }
+    const RunReport report = Reconstruct(database, settings).report;
+    const StageReport* read = FindStage(report, "read");
+    EXPECT_EQ(read->status, has_exif ? StageStatus::kOk : StageStatus::kWarning);
+  }
+}
+
 TEST(Reconstruct, OverrulesExifThatIsFarOff) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   Database database = MakeDatabase(scene);
