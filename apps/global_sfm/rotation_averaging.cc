@@ -2,6 +2,9 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <filesystem>
+
+#include "cairn/base/error.h"
 #include "common/console_monitor.h"
 #include "common/run_flags.h"
 #include "global_sfm/commands.h"
@@ -22,6 +25,10 @@ struct RotationAveragingFiles : ThreadFlags {
 };
 
 int Run(const RotationAveragingFiles& files, const RotationAveragingOptions& options) {
+  std::error_code ignored;
+  if (std::filesystem::equivalent(files.edges_path, files.output_path, ignored)) {
+    throw ConfigError("output_path", "is the file of the edges, which would be lost");
+  }
   ConsoleMonitor monitor;
   const std::vector<RotationEdge> edges = ReadRelativeRotations(files.edges_path);
   const RotationAveragingReport report = AverageRotations(edges, options, files.Run(monitor));

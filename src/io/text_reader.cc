@@ -26,6 +26,10 @@ std::string ReadTextFile(const std::string& path) {
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
   std::string text = ReadFile(path);
   if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
+  // (UTF-16, as spreadsheets write it, has a byte order mark.)
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")) {
+    throw IoError(path, "is UTF-16; save it as UTF-8");
+  }
   return text;
 }
 

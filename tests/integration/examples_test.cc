@@ -89,6 +89,10 @@ TEST(RotationAveraging, TakesTheWeightsOfItsFile) {
     file >> id;
     EXPECT_NEAR(Degrees(ReadMatrix(file) * R1.transpose()), power == "1" ? 1.98 : 1, 0.05);
   }
+  EXPECT_EQ(RunProgram("global_sfm", {"rotation_averaging", "--edges_path", folder / "edges.txt",
+                                      "--output_path", folder / "edges.txt"})
+                .exit_code,
+            2);  // it would be lost
   std::ofstream(folder / "edges.txt") << "1 2 1 0 0 0 1 0 0 0 1 0\n";
   EXPECT_EQ(RunProgram("global_sfm", {"rotation_averaging", "--edges_path", folder / "edges.txt",
                                       "--output_path", folder / "none"})

@@ -6,6 +6,7 @@
 #include "io/writers.h"
 #include "support/temp_folder.h"
 #include "support/test.h"
+#include "support/thrown_message.h"
 
 namespace cairn {
 namespace {
@@ -35,6 +36,14 @@ TEST(TextReader, AByteOrderMarkIsNoPartOfTheText) {
   EXPECT_EQ(reader.line(), "name");
   reader.NextLine();
   EXPECT_EQ(reader.line(), "\xEF\xBB\xBFsecond");
+}
+
+TEST(TextReader, Utf16IsNamed) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a", std::string("\xFF\xFE"
+                                                "a\0",
+                                                4));
+  EXPECT_THAT(ThrownMessage<IoError>([&] { TextReader(folder / "a"); }), HasSubstr("is UTF-16"));
 }
 
 TEST(TextReader, ErrorsNameFileLineAndWord) {
