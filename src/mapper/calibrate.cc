@@ -2,6 +2,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "base/text.h"
@@ -192,19 +193,13 @@ void Report(const FocalCalibrationReport& report, const std::map<camera_t, Camer
   for (const auto& [status, count] : num_of) stage.Add(std::string(FocalStatusName(status)), count);
 }
 
-// What calibration replaces.
-struct Replaced {
-  std::map<camera_t, double> focals_px;
-  std::vector<ViewEdge> edges;
-  std::vector<ViewEdge> guessed_edges;  // with poses at these focal lengths
-};
-
-// Gives the cameras the focal lengths that the pairs found, and their edges poses by these.
-Replaced TakeFocals(const std::map<camera_t, CalibratedFocal>& focals,
-                    const std::map<image_pair_t, TwoViewGeometry>& geometries,
-                    const std::set<camera_t>& cameras, const RunContext& run, SceneData& scene) {
-  Replaced before;
-  before.edges = scene.edges;
+// Gives the cameras the focal lengths that the pairs found, and their edges poses by these. Returns
+// the edges with poses at the focal lengths before.
+std::vector<ViewEdge> TakeFocals(const std::map<camera_t, CalibratedFocal>& focals,
+                                 const std::map<image_pair_t, TwoViewGeometry>& geometries,
+                                 const std::set<camera_t>& cameras, const RunContext& run,
+                                 SceneData& scene) {
+  const std::vector<ViewEdge> stored = scene.edges;
   // The stored pose of an uncalibrated pair may be that of other focal lengths than the guessed
   // ones.
   std::map<image_pair_t, TwoViewGeometry> uncalibrated;
@@ -212,11 +207,8 @@ Replaced TakeFocals(const std::map<camera_t, CalibratedFocal>& focals,
     if (geometry.config == TwoViewConfig::kUncalibrated) uncalibrated[pair_id] = geometry;
   }
   ImproveRelativePoses(uncalibrated, run, scene);
-  before.guessed_edges = std::exchange(scene.edges, before.edges);
-  for (const camera_t id : cameras) {
-    before.focals_px[id] = focals.at(id).focal_before_px;
-    scene.cameras.at(id).SetMeanFocal(focals.at(id).focal_px);
-  }
+  std::vector<ViewEdge> before = std::exchange(scene.edges, stored);
+  for (const camera_t id : cameras) scene.cameras.at(id).SetMeanFocal(focals.at(id).focal_px);
   ImproveRelativePoses(geometries, run, scene);
   return before;
 }
@@ -224,13 +216,13 @@ Replaced TakeFocals(const std::map<camera_t, CalibratedFocal>& focals,
 // Loops of rotations judge the focal lengths that the pairs gave, for connected cameras together,
 // by those of the focal lengths before. Where they close worse, the cameras and their edges are
 // taken back, but for cameras whose EXIF pairs contradict: the stored poses are by EXIF.
-void TakeBackRejected(const Replaced& before, Stage& stage, SceneData& scene) {
+void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
+                      const std::set<camera_t>& calibrated, const std::vector<ViewEdge>& before,
+                      Stage& stage, SceneData& scene) {
   std::set<camera_t> rejected;
-  for (const LoopErrors& loops : CompareLoops(scene, before.guessed_edges, scene.edges)) {
+  for (const LoopErrors& loops : CompareLoops(scene, before, scene.edges)) {
     std::set<camera_t> cameras;
-    for (const camera_t id : loops.cameras) {
-      if (before.focals_px.count(id) > 0) cameras.insert(id);
-    }
+    std::ranges::set_intersection(loops.cameras, calibrated, std::inserter(cameras, cameras.end()));
     const bool overrules_exif = std::ranges::any_of(
         cameras, [&](camera_t id) { return scene.cameras.at(id).has_prior_focal_length; });
     if (cameras.empty() || loops.Improvement() > -kDecisive) continue;
@@ -241,9 +233,11 @@ void TakeBackRejected(const Replaced& before, Stage& stage, SceneData& scene) {
         loops.before_deg.size(), UpperMedian(loops.after_deg), UpperMedian(loops.before_deg),
         cameras.size(), overrules_exif ? "kept, since pairs contradict EXIF" : "rejected"));
   }
-  for (const camera_t id : rejected) scene.cameras.at(id).SetMeanFocal(before.focals_px.at(id));
+  for (const camera_t id : rejected) {
+    scene.cameras.at(id).SetMeanFocal(focals.at(id).focal_before_px);
+  }
   for (size_t i = 0; i < scene.edges.size(); ++i) {
-    if (IsOf(scene.edges[i], rejected, scene)) scene.edges[i] = before.guessed_edges[i];
+    if (IsOf(scene.edges[i], rejected, scene)) scene.edges[i] = before[i];
   }
   stage.Add("rejected_by_loops", rejected.size());
 }
@@ -293,9 +287,9 @@ void CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunConte
   stage.Add("sharing_disputed", scene.is_sharing_disputed);
   ImproveRelativePoses(scene.foreign, run, scene);
   if (calibrated.empty()) return;
-  const Replaced before =
+  const std::vector<ViewEdge> before =
       TakeFocals(report.cameras, ReadGeometriesOf(calibrated, scene), calibrated, run, scene);
-  TakeBackRejected(before, stage, scene);
+  TakeBackRejected(report.cameras, calibrated, before, stage, scene);
 }
 
 }  // namespace cairn
