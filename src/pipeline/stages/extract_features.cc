@@ -70,7 +70,7 @@ void WriteFailure(Database& database, const std::string& folder, const FeatureIt
 // Threads for whose photographs there is memory: scale spaces of the largest ones side by side.
 int NumExtractingThreads(const FeatureOptions& options, const std::vector<FeatureItem>& items,
                          const RunContext& run) {
-  // Measured: a level and its copies while they are made, and the doubled octave below them.
+  // Most of it is the doubled octave, of four times as many pixels.
   const double bytes_per_px = options.first_octave < 0 ? 120 : 40;
   double most_px = 1;
   for (const FeatureItem& item : items) {
