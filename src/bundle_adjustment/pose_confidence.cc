@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "bundle_adjustment/check_bundle.h"
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/decompositions.h"
@@ -118,6 +119,7 @@ PoseSums SumUpPoints(const Reconstruction& reconstruction, int num_threads) {
 
 std::map<image_t, PoseConfidence> EstimatePoseConfidence(const Reconstruction& reconstruction,
                                                          const RunContext& run) {
+  CheckBundle(reconstruction, {});
   const PoseSums sums = SumUpPoints(reconstruction, run.num_threads);
   std::map<image_t, PoseConfidence> result;
   size_t next = 0;

@@ -156,7 +156,15 @@ image_t Database::ReadLargestTakenImageId() const {
               "SELECT COALESCE(MAX(image_id), 0) FROM images "
               "WHERE image_id >= 0 AND image_id < 2147483647;");
   query.Step();
-  return query.Int<image_t>(0);
+  const auto largest = query.Int<image_t>(0);
+  if (!Query(*impl_, "SELECT 1 FROM sqlite_master WHERE name = 'sqlite_sequence';").Step()) {
+    return largest;
+  }
+  Query sequence(*impl_,
+                 "SELECT COALESCE(MAX(seq), 0) FROM sqlite_sequence "
+                 "WHERE name = 'images' AND seq >= 0 AND seq < 2147483647;");
+  sequence.Step();
+  return std::max(largest, sequence.Int<image_t>(0));
 }
 
 bool Database::HasImage(image_t image_id) const {

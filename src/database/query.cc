@@ -15,7 +15,7 @@ void Database::Impl::Throw(const std::string& what, int code) const {
       throw IoError(path, "is not an SQLite database");
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
-      throw IoError(path, "is locked by another program");
+      throw IoError(path, "is locked by another program, or elsewhere in this one");
     case SQLITE_CORRUPT:
       throw IoError(path, "is a damaged SQLite database");
     case SQLITE_READONLY:

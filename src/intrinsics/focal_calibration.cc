@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <string>
 
 #include "cairn/base/check.h"
+#include "cairn/base/error.h"
 #include "cairn/base/named_value.h"
 #include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
@@ -58,6 +60,21 @@ FocalStatus Judge(const Camera& camera, const CalibratedFocal& focal,
   return FocalStatus::kCalibrated;
 }
 
+// Throws ConfigError unless the pairs' cameras are there and have pixels for which there is an F.
+void CheckPairs(const std::map<camera_t, Camera>& cameras, std::span<const FocalPair> pairs) {
+  for (const FocalPair& pair : pairs) {
+    for (const camera_t id : {pair.camera_id1, pair.camera_id2}) {
+      const std::string name = "camera " + std::to_string(id);
+      const auto camera = cameras.find(id);
+      if (camera == cameras.end()) throw ConfigError("pairs", "there is no " + name);
+      if (camera->second.IsPlanar()) continue;
+      throw ConfigError("pairs", name + " is " +
+                                     std::string(CameraModelName(camera->second.model)) +
+                                     ", whose pixels have no fundamental matrix");
+    }
+  }
+}
+
 // As a share of the focal length.
 double PrincipalPointSigma(const Camera& camera, const FocalCalibrationOptions& options) {
   return options.principal_point_sigma * std::max(camera.width, camera.height) / camera.MeanFocal();
@@ -67,9 +84,11 @@ double PrincipalPointSigma(const Camera& camera, const FocalCalibrationOptions& 
 
 void FocalCalibrationOptions::VisitFields(OptionVisitor& v) {
   v.Bool("enabled", enabled,
-         "find focal lengths that are only guessed, or wrong in EXIF, from the pairs");
+         "in a reconstruction: find focal lengths that are only guessed, or wrong in EXIF, from "
+         "the pairs");
   v.Int("min_pairs", min_pairs, {1, 1000000}, "pairs that must agree with a camera's focal length");
-  v.Int("max_pairs", max_pairs, {1, 1000000}, "pairs used for a camera, most inliers first");
+  v.Int("max_pairs", max_pairs, {1, 1000000},
+        "in a reconstruction: pairs used for a camera, most inliers first");
   v.Double("max_sigma", max_sigma, {1e-6, 10},
            "largest relative standard deviation of a focal length that is taken over");
   v.Double("guess_sigma", guess_sigma, {1e-3, 100},
@@ -117,6 +136,7 @@ FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras
                                        const FocalCalibrationOptions& options,
                                        const RunContext& run) {
   ValidateOptions(options, "focal_calibration");
+  CheckPairs(cameras, pairs);
   std::vector<std::optional<FundamentalFit>> fits(pairs.size());
   ParallelFor(run.num_threads, static_cast<int64_t>(pairs.size()), [&](int64_t i) {
     fits[i] = FitPair(pairs[i], cameras.at(pairs[i].camera_id1), cameras.at(pairs[i].camera_id2));

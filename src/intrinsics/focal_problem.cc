@@ -245,6 +245,24 @@ void FocalProblem::Refine(State& x) const {
   }
 }
 
+double FocalProblem::ProfileSigma(int camera, const State& best, double excess) const {
+  constexpr double kSigmas = 3;
+  constexpr double kStep = 0.075;
+  constexpr int kNumSteps = 26;  // to a seventh and to seven times the nominal focal length
+  const auto cost_at = [&](double log_focal) {
+    State x = best;
+    x[camera] = log_focal;
+    return FitPrincipalPoint(camera, x);
+  };
+  const double largest = cost_at(best[camera]) + kSigmas * kSigmas * excess;
+  double farthest = 0;
+  for (int k = -kNumSteps; k <= kNumSteps; ++k) {
+    const double distance = std::abs(kStep * k - best[camera]);
+    if (distance > farthest && cost_at(kStep * k) <= largest) farthest = distance;
+  }
+  return farthest / kSigmas;
+}
+
 FocalSolution FocalProblem::Solve(int num_threads) const {
   FocalSolution solution;
   const int n = NumCameras();
@@ -282,7 +300,9 @@ FocalSolution FocalProblem::Solve(int num_threads) const {
   solution.log_focals.assign(best.data(), best.data() + n);
   solution.sigmas.resize(n);
   ParallelFor(num_threads, n, [&](int64_t v) {
-    solution.sigmas[v] = std::sqrt(excess * model.LocalVariance(static_cast<int>(v)));
+    const auto camera = static_cast<int>(v);
+    solution.sigmas[v] = std::max(std::sqrt(excess * model.LocalVariance(camera)),
+                                  ProfileSigma(camera, best, excess));
   });
   return solution;
 }

@@ -20,7 +20,7 @@ struct FocalTerm {
 
 struct FocalSolution {
   std::vector<double> log_focals;    // of true over nominal focal lengths, by camera
-  std::vector<double> sigmas;        // of these
+  std::vector<double> sigmas;        // of these, at least as wide as their profile
   std::vector<int> num_terms_of;     // terms of a camera
   std::vector<int> num_agreeing_of;  // terms of a camera that agree with the solution
   int num_terms = 0;
@@ -69,6 +69,11 @@ class FocalProblem {
   void Search(int num_threads, State& x) const;
   // Levenberg-Marquardt with Sigma updated between its rounds.
   void Refine(State& x) const;
+  // Of the camera's log focal length, by how far off one may be before it costs three standard
+  // deviations more than the best (profile likelihood: Venzon and Moolgavkar 1988). The curvature
+  // at the best does not see that a long lens costs hardly more elsewhere. `excess`: of squared
+  // errors.
+  double ProfileSigma(int camera, const State& best, double excess) const;
   // Gauss-Newton normal equations with given inverse covariances of the terms.
   SparseNormals Linearize(const State& x, const std::vector<Eigen::Matrix2d>& information) const;
 

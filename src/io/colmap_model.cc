@@ -114,13 +114,21 @@ void WriteColmapModel(const Reconstruction& reconstruction, const std::string& f
   for (const auto& [id, image] : reconstruction.images) {
     CAIRN_CHECK_EQ(id, image.image.image_id);
     CAIRN_CHECK_EQ(image.points2D.size(), image.point3D_ids.size());
-    CAIRN_CHECK(reconstruction.cameras.count(image.image.camera_id) == 1);
     if (!IsImageName(image.image.name)) {
       throw IoError(folder, "'" + image.image.name + "' cannot be an image's name in a model");
     }
     if (!std::ranges::all_of(image.points2D, [](const auto& p) { return p.allFinite(); })) {
       throw IoError(folder, "a keypoint of " + image.image.name + " is not finite");
     }
+    const Rigid3d& pose = image.cam_from_world;
+    const Eigen::Quaterniond& q = pose.rotation;
+    if (!pose.translation.allFinite() ||
+        UnitQuaternion({q.w(), q.x(), q.y(), q.z()}).squaredNorm() == 0) {
+      throw IoError(folder, IdText("image", id) + " has an impossible pose");
+    }
+  }
+  for (const auto& [id, point] : reconstruction.points3D) {
+    if (!point.xyz.allFinite()) throw IoError(folder, IdText("point", id) + " is not finite");
   }
   for (const auto& [id, camera] : reconstruction.cameras) {
     if (const std::string reason = camera.Validate(); !reason.empty()) {
@@ -128,6 +136,8 @@ void WriteColmapModel(const Reconstruction& reconstruction, const std::string& f
     }
   }
   CheckNames(reconstruction, folder);
+  CheckReferences(reconstruction, folder);
+  CheckTracks(reconstruction, folder);
   if (format == ColmapModelFormat::kText && fs::exists(fs::path(folder) / "cameras.bin")) {
     throw IoError(folder,
                   "has a binary model, which readers take in place of text; give another "

@@ -164,7 +164,7 @@ bool ImproveBest(StageContext& context, BuiltModel& best) {
     best.evidence = EvidenceFor(context, *best.model, best.graph);
   }
   ReplaceMisplaced(context, best);
-  if (FreePrincipalPoints(context, best.graph, *best.model, best.warnings) &&
+  if (FreePrincipalPoints(context, best.graph, false, *best.model, best.warnings) &&
       !FitAndRefine(context, TracksOfGraph(context, best.graph).tracks, RefineStart::kRefined,
                     *best.model)) {
     return false;
@@ -240,7 +240,7 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   model.cameras.insert(earlier.cameras.begin(), earlier.cameras.end());
   context.free_principal_points.clear();
   if (!GrowEarlier(context, built.graph, model)) return built;
-  if (FreePrincipalPoints(context, built.graph, model, built.warnings) &&
+  if (FreePrincipalPoints(context, built.graph, true, model, built.warnings) &&
       !FitAndRefine(context, TracksOfGraph(context, built.graph).tracks, RefineStart::kRefined,
                     model)) {
     return built;

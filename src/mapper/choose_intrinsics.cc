@@ -19,7 +19,8 @@ constexpr int kMinImages = 8;
 // principal points in the very center are rare. Photographs in a row may throw both off, which
 // Student's t allows for.
 constexpr double kMinDeviate = 1.645;
-// Beyond doubt: for lenses of photographs with EXIF, which have COLMAP's model else, and a warning.
+// Beyond doubt: for lenses of photographs with EXIF, which have COLMAP's model else, for image
+// centers that an earlier model has kept, and for a warning.
 constexpr double kDecisiveDeviate = 3;
 // Larger models are not adjusted only to warn that principal points are off.
 constexpr int64_t kMaxObservationsToLook = 500'000;
@@ -215,8 +216,8 @@ bool ChooseLensModels(StageContext& context, BuiltModel& best) {
   return has_chosen;
 }
 
-bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model,
-                         std::vector<ResultWarning>& warnings) {
+bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, bool is_earlier,
+                         Reconstruction& model, std::vector<ResultWarning>& warnings) {
   const auto centered = [&](bool may_be_freed, int min_images = kMinImages) {
     return CamerasWith(
         [&](const Camera& camera) {
@@ -232,7 +233,8 @@ bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstr
                              " cameras stay at the image centers: fewer than " +
                              std::to_string(kMinImages) + " photographs hardly tell them");
   }
-  auto taken = FindPrincipalPoints(context, graph, wanted, kMinDeviate, true, model);
+  auto taken = FindPrincipalPoints(context, graph, wanted,
+                                   is_earlier ? kDecisiveDeviate : kMinDeviate, true, model);
   if (taken) {
     for (const camera_t id : wanted) context.run.monitor.Info(FoundText(id, model, *taken));
     context.free_principal_points = wanted;

@@ -128,15 +128,11 @@ class CameraAdopter {
     return new_ids;
   }
 
-  // What the database knows of a camera holds, unless the model describes it otherwise.
+  // What the database knows of a camera holds, by the model's lens.
   void Store(const Camera& camera, camera_t stored_id, camera_t id) {
     const auto [entry, is_new] = scene_.cameras.try_emplace(id, scene_.cameras.at(stored_id));
     if (is_new && scene_.constant_cameras.count(stored_id) > 0) scene_.constant_cameras.insert(id);
-    if (entry->second.model != camera.model) {
-      const bool has_prior = entry->second.has_prior_focal_length;
-      entry->second = camera;
-      entry->second.has_prior_focal_length = has_prior;
-    }
+    entry->second = ByLens(entry->second, camera.model);
     entry->second.camera_id = id;
   }
 

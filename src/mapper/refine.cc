@@ -41,18 +41,6 @@ void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& m
   }
 }
 
-// What the scene has of a camera, whatever its lens model in a model (ChooseLensModels).
-Camera PriorCamera(const Camera& camera, CameraModel model) {
-  if (camera.model == model) return camera;
-  Camera prior =
-      Camera::FromFocal(camera.camera_id, model, camera.MeanFocal(), camera.width, camera.height);
-  prior.has_prior_focal_length = camera.has_prior_focal_length;
-  for (int i = 0; i < 2; ++i) {
-    prior.params[prior.PrincipalPointIndices()[i]] = camera.PrincipalPoint()[i];
-  }
-  return prior;
-}
-
 IntrinsicsPrior PriorOf(const StageContext& context, camera_t id, const Camera& camera) {
   const FocalCalibrationOptions& options = context.settings.focal_calibration;
   IntrinsicsPrior prior{camera.params};
@@ -83,7 +71,7 @@ void Adjust(StageContext& context, const Round& round, Reconstruction& model) {
   for (const auto& [id, camera] : context.scene.cameras) {
     const auto adjusted = model.cameras.find(id);
     if (adjusted == model.cameras.end()) continue;
-    scope.priors[id] = PriorOf(context, id, PriorCamera(camera, adjusted->second.model));
+    scope.priors[id] = PriorOf(context, id, ByLens(camera, adjusted->second.model));
   }
   if (round.places != nullptr) {
     scope.image_positions = round.places->images;
@@ -155,6 +143,17 @@ void RunRound(StageContext& context, const Round& round, Reconstruction& model) 
 }
 
 }  // namespace
+
+Camera ByLens(const Camera& camera, CameraModel lens) {
+  if (camera.model == lens) return camera;
+  Camera other =
+      Camera::FromFocal(camera.camera_id, lens, camera.MeanFocal(), camera.width, camera.height);
+  other.has_prior_focal_length = camera.has_prior_focal_length;
+  for (int i = 0; i < 2; ++i) {
+    other.params[other.PrincipalPointIndices()[i]] = camera.PrincipalPoint()[i];
+  }
+  return other;
+}
 
 Reconstruction MakeReconstruction(const SceneData& scene,
                                   const std::map<image_t, Rigid3d>& cam_from_world) {

@@ -243,6 +243,10 @@ void AddImage(const SceneData& scene, image_t id, const Rigid3d& cam_from_world,
 // has, go with it.
 void RemoveImage(image_t id, Reconstruction& model);
 
+// What the scene has of a camera, by the lens of its camera in a model, without distortion unless
+// that is the same.
+Camera ByLens(const Camera& camera, CameraModel lens);
+
 // Coarse rounds over few tracks, from poses of averaging.
 void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruction& model);
 
@@ -371,11 +375,12 @@ bool AreInPlace(const StageContext& context, const BuiltModel& built,
 // with it by more than chance gives once in twenty times. Returns whether they do.
 bool ChooseLensModels(StageContext& context, BuiltModel& best);
 // Frees the principal points of cameras that may be freed, from here on, where the matches agree
-// better with what bundle adjustment then finds, by as much; of the others it warns, where they do
-// beyond doubt. Returns whether there are some. Forward motion, or a lens that the camera model
-// does not describe, throws others off.
-bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, Reconstruction& model,
-                         std::vector<ResultWarning>& warnings);
+// better with what bundle adjustment then finds, by as much, or, in an earlier model, which has
+// kept the image centers, beyond doubt; of the others it warns, where they do beyond doubt. Returns
+// whether there are some. Forward motion, or a lens that the camera model does not describe, throws
+// others off.
+bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, bool is_earlier,
+                         Reconstruction& model, std::vector<ResultWarning>& warnings);
 
 // verify_again.cc
 // Where bundle adjustment has moved the rays of cameras by more than verification's threshold: of

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <iterator>
 #include <unordered_map>
 
 #include "cairn/base/check.h"
@@ -29,7 +30,9 @@ class ViewTable {
     views_.reserve(model.images.size());
     int index = 0;
     for (const auto& [id, image] : model.images) {
-      views_[id] = {&image, &model.CameraOf(image), index++};
+      const Camera& camera = model.CameraOf(image);
+      CAIRN_CHECK_EQ(std::ssize(camera.params), CameraModelNumParams(camera.model));
+      views_[id] = {&image, &camera, index++};
     }
   }
 

@@ -259,7 +259,10 @@ TranslationAveragingReport AverageTranslations(std::span<const DirectionEdge> ed
       report.not_rigid.push_back(whole.image_ids[i]);
     }
   }
-  if (placeable.empty()) return report;
+  if (placeable.empty()) {
+    report.message = "the directions fix no two cameras";
+    return report;
+  }
 
   const DirectionProblem part = Restrict(whole, placeable, edge_is_out);
   const Positions x = PlaceCameras(part, options, priors, run, report);

@@ -1,7 +1,9 @@
 #include "cairn/two_view/pair_verifier.h"
 
+#include <string>
+#include <vector>
+
 #include "cairn/base/check.h"
-#include "cairn/base/error.h"
 #include "cairn/base/named_value.h"
 #include "two_view/focal_verifier.h"
 
@@ -30,8 +32,10 @@ std::string_view PairStatusName(PairStatus status) { return NameOf(kPairStatuses
 std::string_view VerifierKindName(VerifierKind kind) { return NameOf(kVerifierKinds, kind); }
 
 VerifierKind VerifierKindFromName(std::string_view name) {
-  if (const auto kind = ValueOf(kVerifierKinds, name)) return *kind;
-  throw ConfigError("verifier", "unknown name '" + std::string(name) + "'");
+  std::vector<std::string> names;
+  for (const auto& kind : kVerifierKinds) names.emplace_back(kind.name);
+  CheckChoice("verifier", std::string(name), names);
+  return *ValueOf(kVerifierKinds, name);
 }
 
 std::unique_ptr<PairVerifier> MakePairVerifier(VerifierKind kind, const TwoViewOptions& options) {

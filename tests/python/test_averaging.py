@@ -140,6 +140,11 @@ def test_calibrate_focals_finds_the_truth():
         assert 1 not in cairn.calibrate_focals(cameras, pairs, trusted=trusted).cameras
     with pytest.raises(cairn.ConfigError, match="trusted: there is no camera 99"):
         cairn.calibrate_focals(cameras, pairs, trusted=[99])
+    with pytest.raises(cairn.ConfigError, match="cameras: two have the id 1"):
+        cairn.calibrate_focals([*cameras, *cameras], pairs)
+    panorama = cairn.Camera("EQUIRECTANGULAR", 640, 320, [640, 320], camera_id=1)
+    with pytest.raises(cairn.ConfigError, match="pairs: camera 1 is EQUIRECTANGULAR"):
+        cairn.calibrate_focals([panorama, *cameras[1:]], pairs)
     with pytest.raises(cairn.ConfigError, match="pairs: there is no camera 1"):
         cairn.calibrate_focals([], pairs)
     points = np.ones((3, 2))

@@ -1,4 +1,6 @@
 import sqlite3
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -71,8 +73,8 @@ def test_pairs_have_the_order_in_which_images_are_named(tmp_path):
     np.testing.assert_array_equal(database.matched_pairs(), [[first, second]])
     truth = scene.Scene(num_images=2)
     right, _ = truth.matches(1, 2)
-    x1, x2 = truth.observe(1)[0][right[:, 0]], truth.observe(2)[0][right[:, 1]]
-    geometry = cairn.verify_pair(truth.camera, x1, truth.camera, x2).geometry
+    x1, x2 = truth.observe(1)[0], truth.observe(2)[0]
+    geometry = cairn.verify_pair(truth.camera, x1, truth.camera, x2, right).geometry
     database.write_two_view_geometry(second, first, geometry)
     back = database.read_two_view_geometry(first, second)
     np.testing.assert_allclose(back.cam2_from_cam1.matrix()[:, :3], geometry.cam2_from_cam1.inverse().matrix()[:, :3],
@@ -212,3 +214,47 @@ def test_sample_depth_reads_a_plane():
                                   (depth, (0, 300), "width, height: must be positive")):
         with pytest.raises(cairn.ConfigError, match=text):
             cairn.sample_depth(depth_map, *size, [[200, 150]])
+
+
+def in_thread(call):
+    """What a call of another thread raises, and how long it takes."""
+    raised, start = [], time.monotonic()
+
+    def run():
+        try:
+            call()
+        except Exception as error:
+            raised.append(error)
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    return raised, time.monotonic() - start
+
+
+def test_a_database_belongs_to_its_thread():
+    """Writes of another would end with this one's transaction."""
+    database, camera, _ = make(":memory:")
+    raised, _ = in_thread(lambda: database.write_image("other.jpg", camera))
+    assert len(raised) == 1 and "another thread" in str(raised[0])
+
+
+def test_who_waits_for_a_lock_lets_the_others_go_on(tmp_path):
+    path = tmp_path / "scene.db"
+    with cairn.Database(path) as database:
+        camera = database.write_camera(cairn.Camera.create(1, "PINHOLE", 500, 640, 480))
+    is_writing = threading.Event()
+
+    def hold():
+        with cairn.Database(path) as first, first.transaction():
+            first.write_image("first.jpg", camera)
+            is_writing.set()
+            time.sleep(0.3)
+    holder = threading.Thread(target=hold)
+    holder.start()
+    is_writing.wait()
+    start = time.monotonic()
+    with cairn.Database(path) as second:
+        second.write_image("second.jpg", camera)
+        assert len(second.read_images()) == 2
+    holder.join()
+    assert time.monotonic() - start < 5

@@ -34,6 +34,7 @@ def test_quaternions_are_xyzw():
     expected = [[np.cos(2 * half), -0.5], [0.5, np.cos(2 * half)]]
     np.testing.assert_allclose(rotation.matrix()[:2, :2], expected, atol=1e-12)
     np.testing.assert_allclose(rotation.quat, [0, 0, np.sin(half), np.cos(half)])
+    np.testing.assert_allclose(cairn.Rotation3d.from_quat([1e308] * 4).quat, [0.5] * 4)
     assert np.isclose((rotation * rotation).angle_to(rotation.inverse()), np.radians(90))
 
 
@@ -64,6 +65,8 @@ def test_a_camera_is_never_changed_to_one_that_cannot_be():
     assert (camera.width, camera.height, camera.focal_length) == (640, 480, 500)
     camera.width, camera.height = 320, 240
     assert (camera.width, camera.height) == (320, 240)
+    with pytest.raises(cairn.ConfigError, match="focal_length: an EQUIRECTANGULAR camera has none"):
+        cairn.Camera("EQUIRECTANGULAR", 640, 320, [640, 320]).focal_length = 77
 
 
 def test_wrong_values_are_named():

@@ -125,6 +125,20 @@ def test_models_are_read_as_they_were_written(tmp_path, write):
     assert (tmp_path / "model.ply").read_bytes().startswith(b"ply")
 
 
+def test_a_bundler_model_gets_its_sizes(tmp_path):
+    """Its file has none, without which no program takes the model."""
+    (tmp_path / "bundle.out").write_text("# Bundle file v0.3\n1 0\n500 0 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n")
+    (tmp_path / "list.txt").write_text("a.jpg\n")
+    model = cairn.Reconstruction(tmp_path / "bundle.out")
+    camera = next(iter(model.cameras.values()))
+    assert (camera.width, camera.height) == (0, 0)
+    camera.width = 640
+    camera.height = 480
+    model.write(tmp_path / "model")
+    with pytest.raises(cairn.ConfigError, match="camera: "):
+        camera.width = 0
+
+
 def test_evaluate_measures_known_errors(tmp_path):
     truth_scene = scene.Scene(num_images=5, num_points=50)
     truth, model = truth_scene.truth(), truth_scene.truth()
@@ -158,6 +172,8 @@ def test_wrong_values_are_named(tmp_path):
         model.add_point3D([0, np.nan, 0], [])
     with pytest.raises(cairn.ConfigError, match="xyz: is not finite"):
         model.points3D[1].xyz = [0, np.inf, 0]
+    model.points3D[1].xyz = [0, 0, 0]
+    assert model.points3D[1].error == -1
     with pytest.raises(ValueError, match="read-only"):
         model.images[1].point3D_ids[:] = 3
     with pytest.raises(OSError, match=f"{tmp_path}/none"):

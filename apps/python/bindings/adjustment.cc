@@ -40,7 +40,7 @@ void CheckPriors(const Priors& priors, const std::map<camera_t, Camera>& cameras
 BundleAdjustmentReport Adjust(Reconstruction& reconstruction, bool rotations, bool positions,
                               bool points, bool focal_lengths, bool distortions,
                               bool principal_points, const py::iterable& fixed_cameras,
-                              const py::iterable& fixed_images, const Priors& priors,
+                              const py::iterable& fixed_images, const py::object& given_priors,
                               const py::object& options, int num_threads,
                               const py::object& progress) {
   BundleAdjustmentScope scope;
@@ -52,8 +52,8 @@ BundleAdjustmentReport Adjust(Reconstruction& reconstruction, bool rotations, bo
   scope.principal_points = principal_points;
   scope.fixed_cameras = ToIds("fixed_cameras", "camera", fixed_cameras, reconstruction.cameras);
   scope.fixed_images = ToIds("fixed_images", "image", fixed_images, reconstruction.images);
-  CheckPriors(priors, reconstruction.cameras);
-  scope.priors = priors;
+  scope.priors = py::dict(given_priors).cast<Priors>();
+  CheckPriors(scope.priors, reconstruction.cameras);
   const auto settings = ToOptions<BundleAdjustmentOptions>(options);
   return ResultOfStep("adjust_bundle", {0, num_threads, progress}, [&](const RunContext& run) {
     const BundleAdjustmentReport report = AdjustBundle(reconstruction, scope, settings, run);
@@ -72,8 +72,8 @@ void BindReports(py::module_& m) {
       .def_readonly("num_points", &Report::num_points)
       .def_readonly("num_observations", &Report::num_observations)
       .def_readonly("num_iterations", &Report::num_iterations)
-      .def_readonly("initial_rmse", &Report::initial_rmse, "Standard deviations.")
-      .def_readonly("final_rmse", &Report::final_rmse, "Standard deviations.")
+      .def_readonly("initial_rmse", &Report::initial_rmse, "Standard deviations of keypoints.")
+      .def_readonly("final_rmse", &Report::final_rmse, "Standard deviations of keypoints.")
       .def_readonly("seconds", &Report::seconds);
   py::class_<PoseConfidence>(m, "PoseConfidence", "How well its points determine a pose.")
       .def_readonly("num_points", &PoseConfidence::num_points)
@@ -94,19 +94,22 @@ void BindAdjustment(py::module_& m) {
         py::arg("rotations") = true, py::arg("positions") = true, py::arg("points") = true,
         py::arg("focal_lengths") = false, py::arg("distortions") = false,
         py::arg("principal_points") = false, py::arg("fixed_cameras") = py::set(),
-        py::arg("fixed_images") = py::set(), py::arg("priors") = Priors(),
+        py::arg("fixed_images") = py::set(), py::arg("priors") = py::dict(),
         py::arg("options") = py::none(), py::arg("num_threads") = 0,
         py::arg("progress") = py::none(),
         "Minimizes the robust reprojection error over what is named. Changes the reconstruction in "
         "place; no other thread may use it meanwhile. Principal points are adjusted of cameras "
-        "with a prior.");
+        "with a prior. Keypoints of reconstruct's models have standard deviations by their size; "
+        "a model from files has none, and 1 px is assumed.");
   m.def(
       "estimate_pose_confidence",
-      [](const Reconstruction& r) {
+      [](const Reconstruction& r, int num_threads) {
+        CheckNumThreads(num_threads);
         const Unlocked unlocked;
-        return EstimatePoseConfidence(r);
+        return EstimatePoseConfidence(r, {.num_threads = num_threads});
       },
-      py::arg("reconstruction"), "PoseConfidence by image id.");
+      py::arg("reconstruction"), py::kw_only(), py::arg("num_threads") = 0,
+      "PoseConfidence by image id. See adjust_bundle on models from files.");
 }
 
 }  // namespace cairn::python

@@ -39,13 +39,13 @@ std::vector<RotationEdge> ToRotationEdges(const py::object& pairs, const Array<d
 
 RotationAveragingReport Rotations(const py::object& pairs, const Array<double>& rotations,
                                   const std::optional<Array<double>>& weights,
-                                  const py::object& options, uint64_t seed, int num_threads,
+                                  const py::object& options, int num_threads,
                                   const py::object& progress) {
   const std::vector<RotationEdge> edges = ToRotationEdges(pairs, rotations, weights);
   const auto settings = ToOptions<RotationAveragingOptions>(options);
-  return ResultOfStep(
-      "average_rotations", {seed, num_threads, progress},
-      [&](const RunContext& run) { return AverageRotations(edges, settings, run); });
+  return ResultOfStep("average_rotations", {0, num_threads, progress}, [&](const RunContext& run) {
+    return AverageRotations(edges, settings, run);
+  });
 }
 
 void BindRotations(py::module_& m) {
@@ -70,10 +70,11 @@ void BindRotations(py::module_& m) {
       .def_readonly("num_rejected", &Report::num_rejected)
       .def_readonly("median_residual_deg", &Report::median_residual_deg);
   m.def("average_rotations", &Rotations, py::arg("pairs"), py::arg("rotations"), py::kw_only(),
-        py::arg("weights") = py::none(), py::arg("options") = py::none(), py::arg("seed") = 0,
+        py::arg("weights") = py::none(), py::arg("options") = py::none(),
         py::arg("num_threads") = 0, py::arg("progress") = py::none(),
         "Global rotations from relative ones. pairs: (n, 2) image ids; rotations: (n, 3, 3) "
-        "matrices cam2_from_cam1; weights: (n,) positive, such as numbers of inliers.");
+        "matrices cam2_from_cam1; weights: (n,) positive, such as numbers of inliers, which choose "
+        "the first spanning tree, and weigh the pairs by the option weight_power.");
 }
 
 // Row i of the directions of an argument.
@@ -142,7 +143,8 @@ void BindTranslations(py::module_& m) {
           [](const Report& r) {
             return StackMatrices(r.centers, [](const auto& entry) { return entry.second; });
           },
-          "(n, 3) in the order of image_ids: the mean is zero, the median distance from it 1.")
+          "(n, 3) in the order of image_ids: the mean is zero, the (upper) median distance from it "
+          "1.")
       .def_readonly("not_rigid", &Report::not_rigid, "Images that the directions do not fix.")
       .def_property_readonly(
           "edge_is_filtered",
@@ -175,10 +177,13 @@ FocalPair MakeFocalPair(camera_t camera_id1, camera_t camera_id2, const Eigen::M
 
 FocalCalibrationReport Focals(const std::vector<Camera>& cameras,
                               const std::vector<FocalPair>& pairs, const py::iterable& trusted,
-                              const py::object& options, uint64_t seed, int num_threads,
+                              const py::object& options, int num_threads,
                               const py::object& progress) {
   std::map<camera_t, Camera> by_id;
-  for (const Camera& camera : cameras) by_id[camera.camera_id] = camera;
+  for (const Camera& camera : cameras) {
+    if (by_id.emplace(camera.camera_id, camera).second) continue;
+    throw ConfigError("cameras", "two have the id " + std::to_string(camera.camera_id));
+  }
   for (const FocalPair& pair : pairs) {
     for (const camera_t id : {pair.camera_id1, pair.camera_id2}) {
       CheckIsThere("pairs", "camera", id, by_id);
@@ -186,10 +191,9 @@ FocalCalibrationReport Focals(const std::vector<Camera>& cameras,
   }
   const std::set<camera_t> trusted_ids = ToIds("trusted", "camera", trusted, by_id);
   const auto settings = ToOptions<FocalCalibrationOptions>(options);
-  return ResultOfStep("calibrate_focals", {seed, num_threads, progress},
-                      [&](const RunContext& run) {
-                        return CalibrateFocals(by_id, trusted_ids, pairs, settings, run);
-                      });
+  return ResultOfStep("calibrate_focals", {0, num_threads, progress}, [&](const RunContext& run) {
+    return CalibrateFocals(by_id, trusted_ids, pairs, settings, run);
+  });
 }
 
 void BindFocals(py::module_& m) {
@@ -209,8 +213,8 @@ void BindFocals(py::module_& m) {
       .def_readonly("num_pairs", &FocalCalibrationReport::num_pairs)
       .def_readonly("num_pairs_agreeing", &FocalCalibrationReport::num_pairs_agreeing);
   m.def("calibrate_focals", &Focals, py::arg("cameras"), py::arg("pairs"), py::kw_only(),
-        py::arg("trusted") = py::set(), py::arg("options") = py::none(), py::arg("seed") = 0,
-        py::arg("num_threads") = 0, py::arg("progress") = py::none(),
+        py::arg("trusted") = py::set(), py::arg("options") = py::none(), py::arg("num_threads") = 0,
+        py::arg("progress") = py::none(),
         "Focal lengths from fundamental matrices (of verify_pair with cameras whose focal lengths "
         "are guesses). Cameras in `trusted` keep theirs.");
 }

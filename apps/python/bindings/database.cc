@@ -7,25 +7,32 @@
 #include <algorithm>
 #include <filesystem>
 #include <optional>
+#include <thread>
 
 #include "arrays.h"
 #include "bindings.h"
 #include "cairn/base/error.h"
 #include "cairn/depth/sample_depth.h"
 #include "options.h"
+#include "run.h"
 
 namespace cairn::python {
 namespace {
 
-// A database that `with` closes, and a transaction that is open. Calls keep the interpreter's lock,
-// so that no two threads are in one database.
+// A database that `with` closes, and a transaction that is open, both of one thread: writes of
+// another would be part of the transaction. What may wait for a lock waits without the
+// interpreter's, which the thread that holds it may need.
 struct OpenDatabase {
   std::optional<Database> database;
   std::unique_ptr<Database::Transaction> transaction;
+  std::thread::id thread = std::this_thread::get_id();
 };
 
 Database& In(OpenDatabase& self) {
   if (!self.database) throw ConfigError("database", "is closed");
+  if (self.thread != std::this_thread::get_id()) {
+    throw ConfigError("database", "was opened by another thread; each opens the file for itself");
+  }
   return *self.database;
 }
 
@@ -42,29 +49,45 @@ struct TransactionScope {
 void Begin(TransactionScope& scope) {
   Database& database = In(scope.self);
   if (scope.self.transaction) throw ConfigError("transaction", "one is open already");
+  const Unlocked unlocked;
   scope.self.transaction = std::make_unique<Database::Transaction>(database);
 }
 
 void End(TransactionScope& scope, const py::object& type, const py::object&, const py::object&) {
+  const bool is_complete = type.is_none();
+  const Unlocked unlocked;
   const auto transaction = std::move(scope.self.transaction);
-  if (transaction && type.is_none()) transaction->Commit();
+  if (transaction && is_complete) transaction->Commit();
+}
+
+// A transaction, unless one is open: the largest id that is read is the largest one until the end.
+std::unique_ptr<Database::Transaction> OwnTransaction(OpenDatabase& self) {
+  if (self.transaction) return nullptr;
+  return std::make_unique<Database::Transaction>(In(self));
 }
 
 camera_t WriteCamera(OpenDatabase& self, Camera camera) {
   Database& database = In(self);
+  const Unlocked unlocked;
+  const auto transaction = OwnTransaction(self);
   if (camera.camera_id == kInvalidCameraId) {
     const std::vector<camera_t> taken = database.ReadTakenCameraIds();
     camera.camera_id = taken.empty() ? 1 : taken.back() + 1;
   }
   database.WriteCamera(camera);
+  if (transaction) transaction->Commit();
   return camera.camera_id;
 }
 
 image_t WriteImage(OpenDatabase& self, const py::object& name, camera_t camera_id,
                    std::optional<image_t> image_id) {
   Database& database = In(self);
+  const std::string text = FromName(name);
+  const Unlocked unlocked;
+  const auto transaction = OwnTransaction(self);
   if (!image_id) image_id = database.ReadLargestTakenImageId() + 1;
-  database.WriteImage({*image_id, FromName(name), camera_id});
+  database.WriteImage({*image_id, text, camera_id});
+  if (transaction) transaction->Commit();
   return *image_id;
 }
 
@@ -117,9 +140,11 @@ void WriteMatches(OpenDatabase& self, image_t image_id1, image_t image_id2,
                   const py::object& array) {
   const image_pair_t pair_id = PairId(image_id1, image_id2);
   FeatureMatches matches = ToMatches(array);
-  CheckPair(In(self), "matches", image_id1, image_id2, matches);
+  Database& database = In(self);
+  const Unlocked unlocked;
+  CheckPair(database, "matches", image_id1, image_id2, matches);
   if (image_id1 > image_id2) Swap(matches);
-  In(self).WriteMatches(pair_id, matches);
+  database.WriteMatches(pair_id, matches);
 }
 
 std::optional<py::array_t<uint32_t>> ReadMatches(OpenDatabase& self, image_t image_id1,
@@ -140,8 +165,10 @@ std::optional<TwoViewGeometry> ReadGeometry(OpenDatabase& self, image_t image_id
 void WriteGeometry(OpenDatabase& self, image_t image_id1, image_t image_id2,
                    const TwoViewGeometry& geometry) {
   const image_pair_t pair_id = PairId(image_id1, image_id2);
-  CheckPair(In(self), "geometry", image_id1, image_id2, geometry.inlier_matches);
-  In(self).WriteTwoViewGeometry(pair_id, image_id1 > image_id2 ? Inverted(geometry) : geometry);
+  Database& database = In(self);
+  const Unlocked unlocked;
+  CheckPair(database, "geometry", image_id1, image_id2, geometry.inlier_matches);
+  database.WriteTwoViewGeometry(pair_id, image_id1 > image_id2 ? Inverted(geometry) : geometry);
 }
 
 py::array_t<uint32_t> PairsOf(const std::vector<image_pair_t>& ids) {
@@ -169,14 +196,18 @@ void WriteDescriptors(OpenDatabase& self, image_t image_id, const py::object& va
   }
   const Array<uint8_t> rows(array);
   const auto num_rows = static_cast<size_t>(rows.shape(0));
-  CheckNumRows(In(self), "descriptors", image_id, num_rows);
-  In(self).WriteDescriptors(image_id, Descriptors::Map(rows.data(), num_rows, kDescriptorSize));
+  Database& database = In(self);
+  const Unlocked unlocked;
+  CheckNumRows(database, "descriptors", image_id, num_rows);
+  database.WriteDescriptors(image_id, Descriptors::Map(rows.data(), num_rows, kDescriptorSize));
 }
 
 void WriteDepth(OpenDatabase& self, image_t image_id, const Array<float>& array) {
   const std::vector<DepthSample> samples = ToDepthSamples("samples", array);
-  CheckNumRows(In(self), "samples", image_id, samples.size());
-  In(self).WriteDepthSamples(image_id, samples);
+  Database& database = In(self);
+  const Unlocked unlocked;
+  CheckNumRows(database, "samples", image_id, samples.size());
+  database.WriteDepthSamples(image_id, samples);
 }
 
 std::optional<py::array_t<float>> ReadDepth(OpenDatabase& self, image_t image_id) {
@@ -205,6 +236,7 @@ using DatabaseClass = py::class_<OpenDatabase>;
 OpenDatabase Open(const std::filesystem::path& path, bool read_only) {
   if (path.empty()) throw ConfigError("path", "is empty; ':memory:' is a private database");
   OpenDatabase self;
+  const Unlocked unlocked;
   self.database.emplace(path.string(),
                         read_only ? Database::Mode::kReadOnly : Database::Mode::kCreateOrOpen);
   return self;
@@ -212,7 +244,8 @@ OpenDatabase Open(const std::filesystem::path& path, bool read_only) {
 
 void BindOpening(DatabaseClass& c) {
   c.def(py::init(&Open), py::arg("path"), py::arg("read_only") = false,
-        "Opens the file, or makes it; ':memory:' is a private database.")
+        "Opens the file, or makes it; ':memory:' is a private database. It belongs to the thread "
+        "that opened it.")
       .def("close",
            [](OpenDatabase& self) {
              if (self.transaction) throw ConfigError("database", "has a transaction that is open");
@@ -242,7 +275,10 @@ void BindFeatures(DatabaseClass& c) {
   c.def(
        "write_keypoints",
        [](OpenDatabase& self, image_t image_id, const Array<float>& keypoints) {
-         In(self).WriteKeypoints(image_id, ToKeypoints(keypoints));
+         const std::vector<Keypoint> rows = ToKeypoints(keypoints);
+         Database& database = In(self);
+         const Unlocked unlocked;
+         database.WriteKeypoints(image_id, rows);
        },
        py::arg("image_id"), py::arg("keypoints"),
        "(n, 2): x, y in pixels, where the center of the top-left pixel is (0.5, 0.5); or (n, 6): "

@@ -26,7 +26,7 @@ Eigen::Quaterniond RotationFromMatrix(const Eigen::Matrix3d& R) {
 // x, y, z, w, as pycolmap.
 Eigen::Quaterniond RotationFromQuat(const Eigen::Vector4d& xyzw) {
   if (xyzw.isZero(0) || !xyzw.allFinite()) throw ConfigError("quat", "not a rotation");
-  const Eigen::Vector4d unit = xyzw.stableNormalized();
+  const Eigen::Vector4d unit = (xyzw / xyzw.cwiseAbs().maxCoeff()).normalized();
   return {unit(3), unit(0), unit(1), unit(2)};
 }
 
@@ -125,12 +125,13 @@ Camera CameraFromFocal(camera_t camera_id, const std::string& model, double foca
   return camera;
 }
 
-// Changes a camera, unless it became one that cannot be.
+// Changes a camera, unless it became one that cannot be. One that cannot be, such as those without
+// a size of a Bundler file, is mended value by value.
 template <class Change>
 void ChangeCamera(Camera& camera, const Change& change) {
   Camera changed = camera;
   change(changed);
-  CheckCamera(changed);
+  if (camera.Validate().empty()) CheckCamera(changed);
   camera = std::move(changed);
 }
 
@@ -209,6 +210,9 @@ void BindCamera(py::module_& m) {
       .def_property(
           "focal_length", &Camera::MeanFocal,
           [](Camera& camera, double focal_px) {
+            if (camera.model == CameraModel::kEquirectangular) {
+              throw ConfigError("focal_length", "an EQUIRECTANGULAR camera has none");
+            }
             ChangeCamera(camera, [&](Camera& c) { c.SetMeanFocal(focal_px); });
           },
           "Pixels; the mean of both.")

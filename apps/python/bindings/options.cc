@@ -35,7 +35,10 @@ Value Cast(const std::string& key, py::handle value, const char* what) {
 }
 
 void Assign(const std::string& key, bool* value, py::handle given) {
-  *value = Cast<bool>(key, given, "a boolean");
+  const bool is_boolean = py::isinstance<py::bool_>(given) ||
+                          py::isinstance(given, py::module_::import("numpy").attr("bool_"));
+  if (!is_boolean) throw ConfigError(key, "'" + FromName(py::str(given)) + "' is not a boolean");
+  *value = given.cast<bool>();
 }
 void Assign(const std::string& key, int* value, py::handle given) {
   *value = Cast<int>(key, given, "an integer");

@@ -11,18 +11,40 @@
 namespace cairn::python {
 namespace {
 
+using Rows = std::vector<point2D_t>;
+
+// The named rows of an argument, of which there may be none.
+template <class Row>
+void TakeRows(const std::string& name, const Rows& indices, std::vector<Row>& rows) {
+  if (rows.empty()) return;
+  std::vector<Row> taken;
+  for (const point2D_t index : indices) {
+    if (index >= rows.size()) {
+      throw ConfigError("matches", "there is no row " + std::to_string(index) + " of " + name +
+                                       ", which has " + std::to_string(rows.size()));
+    }
+    taken.push_back(rows[index]);
+  }
+  rows = std::move(taken);
+}
+
 // One image's side of the matches, as Python gives it.
 struct Side {
   Side(const std::string& number, const Camera& camera, const Array<double>& points,
-       const std::optional<Array<double>>& frames, const std::optional<Array<float>>& depths)
-      : camera(camera), points("points" + number, points) {
+       const std::optional<Array<double>>& frames, const std::optional<Array<float>>& depths,
+       const std::optional<Rows>& matched)
+      : camera(camera), points(Points("points" + number, points).vector()) {
     if (frames) SetFrames("frames" + number, *frames);
     if (depths) this->depths = ToDepthSamples("depths" + number, *depths);
+    if (!matched) return;
+    TakeRows("points" + number, *matched, this->points);
+    TakeRows("frames" + number, *matched, this->frames);
+    TakeRows("depths" + number, *matched, this->depths);
   }
-  MatchedPoints Matched() const { return {camera, points.span(), frames, depths}; }
+  MatchedPoints Matched() const { return {camera, points, frames, depths}; }
 
   const Camera& camera;
-  Points points;
+  std::vector<Eigen::Vector2d> points;
   std::vector<Eigen::Matrix2d> frames;
   std::vector<DepthSample> depths;
 
@@ -36,26 +58,40 @@ struct Side {
   }
 };
 
-// With keypoints as COLMAP's six columns, frames are in the same array.
-PairReport Verify(const Camera& camera1, const Array<double>& points1, const Camera& camera2,
-                  const Array<double>& points2, const std::optional<Array<double>>& frames1,
-                  const std::optional<Array<double>>& frames2,
-                  const std::optional<Array<float>>& depths1,
-                  const std::optional<Array<float>>& depths2, const std::string& verifier,
-                  bool are_best_first, const py::object& options, uint64_t seed) {
-  const Side side1("1", camera1, points1, frames1, depths1);
-  const Side side2("2", camera2, points2, frames2, depths2);
+struct VerifiedPair : PairReport {
+  std::vector<uint32_t> inliers;  // indices of matches
+};
+
+VerifiedPair Verify(const Camera& camera1, const Array<double>& points1, const Camera& camera2,
+                    const Array<double>& points2, const py::object& given_matches,
+                    const std::optional<Array<double>>& frames1,
+                    const std::optional<Array<double>>& frames2,
+                    const std::optional<Array<float>>& depths1,
+                    const std::optional<Array<float>>& depths2, const std::string& verifier,
+                    bool are_best_first, const py::object& options, uint64_t seed) {
+  std::optional<Rows> rows1, rows2;
+  const bool has_matches = !given_matches.is_none();
+  const FeatureMatches matches = has_matches ? ToMatches(given_matches) : FeatureMatches();
+  if (has_matches) {
+    for (std::optional<Rows>* rows : {&rows1, &rows2}) rows->emplace();
+    for (const auto& [point1, point2] : matches) {
+      rows1->push_back(point1);
+      rows2->push_back(point2);
+    }
+  }
+  const Side side1("1", camera1, points1, frames1, depths1, rows1);
+  const Side side2("2", camera2, points2, frames2, depths2, rows2);
   const VerifyPairOptions verify_options{.verifier = VerifierKindFromName(verifier),
                                          .verification = ToOptions<TwoViewOptions>(options),
                                          .are_best_first = are_best_first};
   const Unlocked unlocked;
-  return VerifyPair(side1.Matched(), side2.Matched(), verify_options, {.seed = seed});
-}
-
-py::array_t<uint32_t> InliersOf(const PairReport& report) {
-  std::vector<uint32_t> inliers;
-  for (const FeatureMatch& match : report.geometry.inlier_matches) inliers.push_back(match.point1);
-  return MoveToArray<uint32_t, 1>(std::move(inliers));
+  VerifiedPair result{VerifyPair(side1.Matched(), side2.Matched(), verify_options, {.seed = seed}),
+                      {}};
+  for (FeatureMatch& match : result.geometry.inlier_matches) {
+    result.inliers.push_back(match.point1);
+    if (has_matches) match = matches[match.point1];
+  }
+  return result;
 }
 
 void BindGeometries(py::module_& m) {
@@ -67,29 +103,35 @@ void BindGeometries(py::module_& m) {
       .def_readonly("cam2_from_cam1", &TwoViewGeometry::cam2_from_cam1,
                     "x2 = R x1 + t with |t| = 1, or None.")
       .def_readonly("E", &TwoViewGeometry::E, "x2^T E x1 = 0 for points at depth 1, or None.")
-      .def_readonly("F", &TwoViewGeometry::F, "x2^T F x1 = 0 for pixels, or None.")
-      .def_readonly("H", &TwoViewGeometry::H, "x2 ~ H x1 for pixels, or None.")
+      .def_readonly(
+          "F", &TwoViewGeometry::F,
+          "x2^T F x1 = 0 for pixels freed from the distortion that the cameras know, or None.")
+      .def_readonly("H", &TwoViewGeometry::H, "x2 ~ H x1 for such pixels, or None.")
       .def_property_readonly(
           "inlier_matches", [](const TwoViewGeometry& g) { return FromMatches(g.inlier_matches); },
-          "(n, 2) indices of keypoints.");
+          "(n, 2) indices of keypoints: rows of points1 and points2 of verify_pair.");
 }
 
 void BindReport(py::module_& m) {
-  py::class_<PairReport>(m, "PairReport", "The result of verify_pair.")
-      .def_property_readonly("status", EnumName(&PairReport::status, PairStatusName),
-                             "'verified', or why there is no result.")
-      .def_readonly("geometry", &PairReport::geometry)
+  py::class_<VerifiedPair>(m, "PairReport", "The result of verify_pair.")
       .def_property_readonly(
-          "cam2_from_cam1", [](const PairReport& r) { return r.geometry.cam2_from_cam1; },
+          "status", [](const VerifiedPair& r) { return PairStatusName(r.status); },
+          "'verified', or why there is no result.")
+      .def_readonly("geometry", &VerifiedPair::geometry)
+      .def_property_readonly(
+          "cam2_from_cam1", [](const VerifiedPair& r) { return r.geometry.cam2_from_cam1; },
           "x2 = R x1 + t with |t| = 1, or None.")
-      .def_property_readonly("inliers", &InliersOf, "(n,) indices of matches.")
       .def_property_readonly(
-          "verifier", [](const PairReport& r) { return r.verifier; }, "The step that found it.")
-      .def_readonly("num_inliers", &PairReport::num_inliers)
-      .def_readonly("num_iterations", &PairReport::num_iterations, "Hypotheses generated.")
-      .def_readonly("score", &PairReport::score)
-      .def_readonly("residual_px", &PairReport::residual_px, "Median Sampson error of the inliers.")
-      .def_readonly("triangulation_angle_deg", &PairReport::triangulation_angle_deg,
+          "inliers", [](const VerifiedPair& r) { return MoveToArray<uint32_t, 1>(r.inliers); },
+          "(n,) indices of matches.")
+      .def_property_readonly(
+          "verifier", [](const VerifiedPair& r) { return r.verifier; }, "The step that found it.")
+      .def_readonly("num_inliers", &VerifiedPair::num_inliers)
+      .def_readonly("num_iterations", &VerifiedPair::num_iterations, "Hypotheses generated.")
+      .def_readonly("score", &VerifiedPair::score)
+      .def_readonly("residual_px", &VerifiedPair::residual_px,
+                    "Median Sampson error of the inliers.")
+      .def_readonly("triangulation_angle_deg", &VerifiedPair::triangulation_angle_deg,
                     "Median over what the pose explains.");
 }
 
@@ -99,16 +141,18 @@ void BindPairs(py::module_& m) {
   BindGeometries(m);
   BindReport(m);
   m.def("verify_pair", &Verify, py::arg("camera1"), py::arg("points1"), py::arg("camera2"),
-        py::arg("points2"), py::kw_only(), py::arg("frames1") = py::none(),
-        py::arg("frames2") = py::none(), py::arg("depths1") = py::none(),
-        py::arg("depths2") = py::none(), py::arg("verifier") = "cascade",
-        py::arg("are_best_first") = false, py::arg("options") = py::none(), py::arg("seed") = 0,
+        py::arg("points2"), py::arg("matches") = py::none(), py::kw_only(),
+        py::arg("frames1") = py::none(), py::arg("frames2") = py::none(),
+        py::arg("depths1") = py::none(), py::arg("depths2") = py::none(),
+        py::arg("verifier") = "cascade", py::arg("are_best_first") = false,
+        py::arg("options") = py::none(), py::arg("seed") = 0,
         R"(The relative pose of two images from their matches, many of which may be wrong.
 
-Row i of the arrays of both images belongs to match i: points (n, 2) in pixels; frames (n, 2, 2),
-affine shapes whose columns are axes in pixels; depths (n, 3), z-depth in the image's own unit and
-its gradient per pixel, NaN where there is none. Frames and depths may be left out: with both, one
-match gives a hypothesis; depth alone takes three, neither five. Unless
+Of keypoints: points (n, 2) in pixels; frames (n, 2, 2), affine shapes whose columns are axes in
+pixels; depths (n, 3), z-depth in the image's own unit and its gradient per pixel, NaN where there
+is none. matches: (m, 2) rows of the first and the second image's arrays; without it, row i of one
+belongs to row i of the other. Frames and depths may be left out: with both, one match gives a
+hypothesis; depth alone takes three, neither five. Unless
 has_prior_focal_length of both cameras is True, a pair is 'uncalibrated' in place of 'calibrated':
 the pose is of focal lengths that are guesses.)");
 }

@@ -66,8 +66,10 @@ BuildPipelineReport BuildGraph(const path& database_path, const std::optional<pa
   table.Add("", options.inputs);
   table.AddModules(options);
   table.Set(given);
-  if (!options.inputs.database_path.empty()) {
-    throw ConfigError("database_path", "is the first argument, and no option");
+  for (const std::string* path :
+       {&options.inputs.database_path, &options.inputs.image_path, &options.inputs.depth_path}) {
+    if (!path->empty())
+      throw ConfigError("options", "'" + *path + "' is an argument, not an option");
   }
   options.inputs.database_path = database_path.string();
   if (image_path) options.inputs.image_path = image_path->string();

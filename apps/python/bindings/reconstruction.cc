@@ -153,10 +153,11 @@ void BindPoint(py::module_& m) {
           [](Point3D& point, const Eigen::Vector3d& xyz) {
             CheckFinite(xyz);
             point.xyz = xyz;
+            point.error_px = -1;
           })
       .def_readwrite("color", &Point3D::color, "RGB, from 0 to 255.")
       .def_readonly("error", &Point3D::error_px,
-                    "Mean reprojection error, pixels; -1: not computed.")
+                    "Mean reprojection error, pixels; -1: not computed, inf: behind a camera.")
       .def_property_readonly("track", [](const Point3D& point) { return TrackView{point.track}; });
 }
 
@@ -181,14 +182,21 @@ image_t AddImage(Reconstruction& model, RegisteredImage image) {
   return model.images.emplace(image.image.image_id, image).first->first;
 }
 
-point3D_t AddPoint(Reconstruction& model, const Eigen::Vector3d& xyz,
-                   const std::vector<std::pair<image_t, point2D_t>>& track,
+// A TrackElement, or a pair.
+TrackElement ToElement(py::handle given) {
+  if (py::isinstance<TrackElement>(given)) return given.cast<TrackElement>();
+  const auto [image_id, index] = given.cast<std::pair<image_t, point2D_t>>();
+  return {image_id, index};
+}
+
+point3D_t AddPoint(Reconstruction& model, const Eigen::Vector3d& xyz, const py::iterable& track,
                    const std::array<uint8_t, 3>& color) {
   CheckFinite(xyz);
   Point3D point;
   point.xyz = xyz;
   point.color = color;
-  for (const auto& [image_id, index] : track) {
+  for (const py::handle given : track) {
+    const auto [image_id, index] = ToElement(given);
     const auto image = model.images.find(image_id);
     if (image == model.images.end() || index >= image->second.points2D.size() ||
         image->second.point3D_ids[index] != kInvalidPoint3DId) {
@@ -214,6 +222,7 @@ std::string SummaryOf(const Reconstruction& model) {
 
 double MeanError(const Reconstruction& model, int num_threads) {
   CheckNumThreads(num_threads);
+  const Unlocked unlocked;
   return model.MeanReprojectionErrorPx(num_threads);
 }
 
@@ -232,7 +241,11 @@ void BindModel(py::module_& m) {
   py::class_<Reconstruction>(m, "Reconstruction",
                              "Cameras, images with poses, and points; names as in pycolmap.")
       .def(py::init<>())
-      .def(py::init([](const path& folder) { return ReadModel(folder.string()); }), py::arg("path"),
+      .def(py::init([](const path& folder) {
+             const Unlocked unlocked;
+             return ReadModel(folder.string());
+           }),
+           py::arg("path"),
            "Reads a COLMAP model, a Bundler file (*.out) or Strecha's .camera files.")
       .def_readonly("cameras", &Reconstruction::cameras, kInside)
       .def_readonly("images", &Reconstruction::images, kInside)
@@ -241,9 +254,10 @@ void BindModel(py::module_& m) {
            "One without an id gets the next. Returns the id.")
       .def("add_image", &AddImage, py::arg("image"),
            "One without an id gets the next. Returns the id.")
-      .def("add_point3D", &AddPoint, py::arg("xyz"), py::arg("track"),
-           py::arg("color") = std::array<uint8_t, 3>{0, 0, 0},
-           "`track`: pairs of an image id and a keypoint's index. Returns the id.")
+      .def(
+          "add_point3D", &AddPoint, py::arg("xyz"), py::arg("track"),
+          py::arg("color") = std::array<uint8_t, 3>{0, 0, 0},
+          "`track`: pairs of an image id and a keypoint's index, or TrackElements. Returns the id.")
       .def("point_positions", &PointPositions, "(n, 3), in the order of points3D.")
       .def("point_colors", &PointColors, "(n, 3) RGB, in the order of points3D.")
       .def("num_images", [](const Reconstruction& r) { return r.images.size(); })
@@ -253,17 +267,24 @@ void BindModel(py::module_& m) {
       .def("compute_mean_reprojection_error", &MeanError, py::arg("num_threads") = 1, "Pixels.")
       .def(
           "write",
-          [](const Reconstruction& r, const path& folder) { WriteColmapModel(r, folder.string()); },
+          [](const Reconstruction& r, const path& folder) {
+            const Unlocked unlocked;
+            WriteColmapModel(r, folder.string());
+          },
           py::arg("path"), "COLMAP's binary files; makes the folder.")
       .def(
           "write_text",
           [](const Reconstruction& r, const path& folder) {
+            const Unlocked unlocked;
             WriteColmapModel(r, folder.string(), ColmapModelFormat::kText);
           },
           py::arg("path"), "COLMAP's text files; makes the folder.")
       .def(
           "export_PLY",
-          [](const Reconstruction& r, const path& file) { WritePly(r, file.string()); },
+          [](const Reconstruction& r, const path& file) {
+            const Unlocked unlocked;
+            WritePly(r, file.string());
+          },
           py::arg("path"), "Points and cameras.")
       .def("__copy__", [](const Reconstruction& r) { return r; })
       .def(
@@ -280,7 +301,9 @@ PosedCameras PosesOf(const std::string& name, const py::object& model) {
   if (!py::isinstance<py::str>(model) && !py::hasattr(model, "__fspath__")) {
     throw ConfigError(name, "neither a Reconstruction nor the path of a model");
   }
-  return PosedCamerasOf(ReadModel(model.cast<path>().string(), {.read_points = false}));
+  const std::string file = model.cast<path>().string();
+  const Unlocked unlocked;
+  return PosedCamerasOf(ReadModel(file, {.read_points = false}));
 }
 
 PoseEvaluation Evaluate(const py::object& model, const py::object& reference) {

@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-// Identifiers, as in COLMAP's database. 0 is never a valid camera, image or pair id.
+// Identifiers, as in COLMAP's database, which counts from 1.
 using camera_t = uint32_t;
 using image_t = uint32_t;
 using image_pair_t = uint64_t;

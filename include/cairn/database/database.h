@@ -48,7 +48,8 @@ class Database {
   std::vector<Camera> ReadCameras() const;
   std::vector<UnknownCamera> ReadUnknownCameras() const;
   std::vector<Image> ReadImages() const;
-  // Ids that new rows must not have: those of rows that cannot be used, too. 0: there is no image.
+  // Ids that new rows must not have: those of rows that cannot be used, too, and of images that are
+  // gone, which models may still have. 0: there was no image.
   std::vector<camera_t> ReadTakenCameraIds() const;
   image_t ReadLargestTakenImageId() const;
   bool HasImage(image_t image_id) const;

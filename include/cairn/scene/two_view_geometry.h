@@ -31,8 +31,9 @@ struct TwoViewGeometry {
   // x_2 = R x_1 + t, |t| = 1 (t = 0 for a pure rotation). Absent where no pose is known.
   std::optional<Rigid3d> cam2_from_cam1;
   std::optional<Eigen::Matrix3d> E;  // x2^T E x1 = 0, normalized points.
-  std::optional<Eigen::Matrix3d> F;  // x2^T F x1 = 0, pixels.
-  std::optional<Eigen::Matrix3d> H;  // x2 ~ H x1, pixels.
+  // For pixels freed from what the cameras know of distortion.
+  std::optional<Eigen::Matrix3d> F;  // x2^T F x1 = 0
+  std::optional<Eigen::Matrix3d> H;  // x2 ~ H x1
   FeatureMatches inlier_matches;
 };
 

@@ -231,8 +231,8 @@ void RemarkOnForeign(const std::vector<std::string>& names, const CameraOptions&
     stage.Note(what);
   } else {
     stage.Warn(ResultWarning{what,
-                             "the cameras that are given are not theirs; give them to that "
-                             "program, or start a new database"});
+                             "options of cameras do not change theirs; give them to that program, "
+                             "or start a new database"});
   }
 }
 

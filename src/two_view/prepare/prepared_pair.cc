@@ -115,6 +115,8 @@ PreparedPair PreparedPair::Subset(std::span<const int32_t> indices) const {
 void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrder match_order,
                  PreparedPair* pair) {
   CAIRN_CHECK(input.camera1 != nullptr && input.camera2 != nullptr);
+  CAIRN_CHECK(input.depth1.empty() || input.depth1.size() == input.keypoints1.size());
+  CAIRN_CHECK(input.depth2.empty() || input.depth2.size() == input.keypoints2.size());
   const Camera& camera1 = *input.camera1;
   const Camera& camera2 = *input.camera2;
   pair->input = input;

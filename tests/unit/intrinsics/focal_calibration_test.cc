@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "cairn/base/error.h"
@@ -162,7 +163,7 @@ TEST(FocalCalibration, OneCameraOfAllImages) {
 
 TEST(FocalCalibration, FindsWideAngleAndTelephotoLenses) {
   for (const double focal_px : {400.0, 3000.0, 6000.0}) {
-    Rig rig({focal_px}, 8);
+    Rig rig({focal_px}, 12);
     const auto focal = Calibrate(rig.Guesses(1200), rig.AllPairs(0.2)).cameras.at(1);
     EXPECT_EQ(focal.status, FocalStatus::kCalibrated) << focal_px;
     EXPECT_NEAR(focal.focal_px / focal_px, 1.0, 0.1);
@@ -258,6 +259,47 @@ TEST(FocalCalibration, PrincipalPointsOfFixatingCamerasMisleadNobody) {
         << focal.focal_px << " sigma " << focal.sigma;
     EXPECT_EQ(focal.status, FocalStatus::kUndetermined);
   }
+}
+
+// Twelve images along a sixth of a circle, whose optical axes nearly meet. By how many standard
+// deviations the focal length is off, over ten seeds, and the smallest deviation.
+struct ArcResult {
+  double worst = 0;
+  double smallest_sigma = std::numeric_limits<double>::infinity();
+};
+ArcResult CalibrateArcs(double focal_px) {
+  ArcResult result;
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
+    Rig rig({focal_px}, 12, seed);
+    const double distance = 1.1 * focal_px / (0.4 * kFocalTestHeight);
+    for (int i = 0; i < 12; ++i) {
+      const double angle = DegToRad(5.0 * i);
+      const Eigen::Vector3d target =
+          UniformVector({{-0.3, 0.3}, {-0.3, 0.3}, {-0.3, 0.3}}, rig.rng);
+      const Eigen::Vector3d center(distance * std::sin(angle), 0.2 * distance,
+                                   -distance * std::cos(angle));
+      Eigen::Matrix3d R;
+      R.row(2) = (target - center).normalized();
+      R.row(0) = Eigen::Vector3d::UnitY().cross(Eigen::Vector3d(R.row(2))).normalized();
+      R.row(1) = R.row(2).cross(R.row(0));
+      rig.poses[i] = Rigid3d(Eigen::Quaterniond(R), Eigen::Vector3d(-R * center));
+    }
+    const CalibratedFocal focal = Calibrate(rig.Guesses(1200), rig.AllPairs()).cameras.at(1);
+    result.worst =
+        std::max(result.worst, std::abs(std::log(focal.focal_px / focal_px)) / focal.sigma);
+    result.smallest_sigma = std::min(result.smallest_sigma, focal.sigma);
+  }
+  return result;
+}
+
+TEST(FocalCalibration, StandardDeviationsAreThoseOfTheErrors) {
+  const ArcResult wide = CalibrateArcs(1000);
+  EXPECT_LT(wide.worst, 3);
+  EXPECT_LT(wide.smallest_sigma, 0.02);
+  // Of a long lens, focal lengths far off cost hardly more, though the best one lies in a narrow
+  // valley.
+  const ArcResult tele = CalibrateArcs(3000);
+  EXPECT_LT(tele.worst, 3);
 }
 
 TEST(FocalCalibration, PairsThatContradictEachOtherAreRefused) {
