@@ -41,6 +41,7 @@ struct Row {
   Eigen::Vector3d in_model, enu;
   double sigma_m = 0;
   bool has_height = true;
+  double given_sigma_m = 0;  // 0: it is not given
   bool is_wrong = false;
   Eigen::Vector3d residual = Eigen::Vector3d::Zero();  // without a height, z is 0
 };
@@ -126,9 +127,10 @@ Rows FindImages(const Reconstruction& model, const std::map<std::string, GpsRow>
     found.gps_enu =
         frame.FromGps({position.latitude_deg, position.longitude_deg,
                        uses_altitudes ? position.altitude_m : frame.origin().altitude_m});
-    found.sigma_m = sigma_m > 0 ? sigma_m : usual;
-    found_rows.push_back(
-        {image.cam_from_world.Center(), found.gps_enu, found.sigma_m, uses_altitudes});
+    found.is_sigma_given = sigma_m > 0;
+    found.sigma_m = found.is_sigma_given ? sigma_m : usual;
+    found_rows.push_back({image.cam_from_world.Center(), found.gps_enu, found.sigma_m,
+                          uses_altitudes, std::max(sigma_m, 0.0)});
   }
   return found_rows;
 }
@@ -217,7 +219,8 @@ template <class LimitM>
 bool Judge(const LimitM& limit_m, Rows& rows) {
   bool has_changed = false;
   for (Row& row : rows) {
-    const bool is_wrong = ResidualM(row) > std::max(limit_m(row), kNormalFence * kMinSigmaM);
+    const double least_m = kNormalFence * std::max(row.given_sigma_m, kMinSigmaM);
+    const bool is_wrong = ResidualM(row) > std::max(limit_m(row), least_m);
     has_changed |= std::exchange(row.is_wrong, is_wrong) != is_wrong;
   }
   return has_changed;
@@ -409,16 +412,15 @@ bool Align(const Reconstruction& model, uint64_t seed, Rows& rows, Georegistrati
 }
 
 // Residuals of the images, and how good their positions are.
-void FinishImages(const KnownPositions& known, Rows rows, Georegistration& out) {
+void FinishImages(Rows rows, Georegistration& out) {
   Measure(out.enu_from_world, rows);
   const double factor = Median(Column(Kept(rows), RelativeResidual)) / MedianLength(rows);
   for (size_t i = 0; i < rows.size(); ++i) {
     GeoregisteredImage& image = out.images[i];
     image.residual = rows[i].residual;
     image.is_wrong = rows[i].is_wrong;
-    const bool is_given = known.images.at(image.name).sigma_m > 0;
-    image.sigma_m =
-        std::max(image.sigma_m * (is_given ? std::max(1.0, factor) : factor), kMinSigmaM);
+    const double scale = image.is_sigma_given ? std::max(1.0, factor) : factor;
+    image.sigma_m = std::max(image.sigma_m * scale, kMinSigmaM);
   }
 }
 
@@ -462,7 +464,7 @@ Georegistration Georegister(const Reconstruction& model, const KnownPositions& k
     return out;
   }
   Assess(rows, out);
-  if (!images.empty()) FinishImages(known, std::move(images), out);
+  if (!images.empty()) FinishImages(std::move(images), out);
   FinishPoints(model, points, out);
   size_t next = 0;
   for (GeoregisteredPoint& point : out.points) {

@@ -4,12 +4,16 @@
 #include <utility>
 
 #include "cairn/base/error.h"
+#include "cairn/math/median.h"
 #include "mapper/stages.h"
 
 namespace cairn {
 namespace {
 
-PlacePriors PriorsOf(const Georegistration& found) {
+// Wrong positions of images are only nearly so where the model bends: `with_wrong`, they count as
+// good as they are. That pulls the ends of a strip straight, and nothing else by more than a
+// standard deviation.
+PlacePriors PriorsOf(const Georegistration& found, bool with_wrong) {
   PlacePriors priors;
   for (const GeoregisteredPoint& point : found.points) {
     if (point.is_check || point.is_wrong) continue;
@@ -19,8 +23,10 @@ PlacePriors PriorsOf(const Georegistration& found) {
   // The images' positions err together, by meters: control points need no help of theirs.
   if (found.by_control_points) return priors;
   for (const GeoregisteredImage& image : found.images) {
-    if (image.is_wrong) continue;
-    Eigen::Vector3d precision = Eigen::Vector3d::Constant(1.0 / image.sigma_m);
+    if (image.is_wrong && !with_wrong) continue;
+    const double sigma_m =
+        image.is_wrong ? std::max(image.sigma_m, image.residual.norm() / 3.0) : image.sigma_m;
+    Eigen::Vector3d precision = Eigen::Vector3d::Constant(1.0 / sigma_m);
     if (!image.gps.altitude_m) precision.z() = 0;
     priors.images[image.image_id] = {image.gps_enu, precision};
   }
@@ -58,8 +64,33 @@ GeoregisteredPoint* WorstPoint(const Georegistration& after, Georegistration& tr
 
 Reconstruction AdjustedTo(StageContext& context, const Georegistration& found,
                           Reconstruction placed) {
-  AdjustWithPriors(context, PriorsOf(found), placed);
+  AdjustWithPriors(context, PriorsOf(found, true), placed);
   return placed;
+}
+
+// How good positions are whose precision nobody states: as good as they agree with a model that is
+// adjusted to every second one alone. With one that is adjusted to all, they agree too well.
+double HeldOutSigmaM(StageContext& context, const Georegistration& found, Reconstruction placed) {
+  PlacePriors priors = PriorsOf(found, true);
+  std::vector<const GeoregisteredImage*> held_out;
+  for (size_t i = 0; i < found.images.size(); i += 2) {
+    if (found.images[i].is_wrong || found.images[i].is_sigma_given) continue;
+    held_out.push_back(&found.images[i]);
+    priors.images.erase(found.images[i].image_id);
+  }
+  AdjustWithPriors(context, priors, placed);
+  // Medians of the squared length of three normal coordinates, and of two.
+  constexpr double kMedian3D = 2.366, kMedian2D = 1.386;
+  std::vector<double> variances;
+  for (const GeoregisteredImage* image : held_out) {
+    const auto adjusted = placed.images.find(image->image_id);
+    if (adjusted == placed.images.end()) continue;
+    Eigen::Vector3d residual = adjusted->second.cam_from_world.Center() - image->gps_enu;
+    if (!image->gps.altitude_m) residual.z() = 0;
+    variances.push_back(residual.squaredNorm() / (image->gps.altitude_m ? kMedian3D : kMedian2D));
+  }
+  return variances.empty() ? std::numeric_limits<double>::infinity()
+                           : std::sqrt(UpperMedian(std::move(variances)));
 }
 
 // A model in meters, adjusted to known positions. Where a model bends, right control points at its
@@ -80,6 +111,21 @@ Reconstruction AdjustTo(StageContext& context, const Georegistration& found,
     worst->is_wrong = true;
   }
   return AdjustedTo(context, found, placed);
+}
+
+// Gives positions without a stated precision what held-out ones show, by the one of the last round.
+void SetUnstatedSigmas(StageContext& context, const Reconstruction& placed, double& sigma_m,
+                       Georegistration& found) {
+  const auto is_unstated = [](const auto& image) { return !image.is_sigma_given; };
+  if (found.by_control_points || std::ranges::none_of(found.images, is_unstated)) return;
+  const auto set = [&] {
+    for (GeoregisteredImage& image : found.images) {
+      if (is_unstated(image) && std::isfinite(sigma_m)) image.sigma_m = sigma_m;
+    }
+  };
+  set();
+  sigma_m = std::max(std::min(sigma_m, HeldOutSigmaM(context, found, placed)), kControlPointSigmaM);
+  set();
 }
 
 void ReportPlace(const Georegistration& found, Stage& stage) {
@@ -139,7 +185,7 @@ CenterPriors PriorsOfCenters(const StageContext& context,
         Georegister(model, {.images = context.scene.places->images}, context.run);
     std::vector<CenterPrior> priors;
     if (found.status != GeoregistrationStatus::kOk) return priors;
-    for (const auto& [id, prior] : PriorsOf(found).images) {
+    for (const auto& [id, prior] : PriorsOf(found, false).images) {
       priors.push_back(PriorInModel(id, prior, found.enu_from_world));
     }
     return priors;
@@ -150,16 +196,21 @@ void AdjustToPlaces(StageContext& context, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
   if (!context.scene.places || model.points3D.empty()) return;
   double last_residual_m = std::numeric_limits<double>::infinity();
+  double sigma_m = std::numeric_limits<double>::infinity();  // of positions without one
+  int64_t last_num_wrong = std::numeric_limits<int64_t>::max();
   for (int i = 0; i < options.max_rounds && !context.run.monitor.StopRequested(); ++i) {
-    const Georegistration found = Georegister(model, *context.scene.places, context.run);
+    Georegistration found = Georegister(model, *context.scene.places, context.run);
     // A straighter model shows better how good the positions are, and which are wrong.
-    if (found.status != GeoregistrationStatus::kOk ||
-        !(found.median_residual_m < (1.0 - kMinGain) * last_residual_m)) {
+    const int64_t num_wrong = std::ranges::count_if(found.images, &GeoregisteredImage::is_wrong);
+    const bool is_nearer = found.median_residual_m < (1.0 - kMinGain) * last_residual_m;
+    if (found.status != GeoregistrationStatus::kOk || !(is_nearer || num_wrong < last_num_wrong)) {
       return;
     }
     last_residual_m = found.median_residual_m;
+    last_num_wrong = num_wrong;
     Reconstruction placed = model;
     placed.Transform(found.enu_from_world);
+    SetUnstatedSigmas(context, placed, sigma_m, found);
     Reconstruction adjusted = AdjustTo(context, found, placed);
     if (!ReasonToRefuse(adjusted).empty()) return;
     model = std::move(adjusted);

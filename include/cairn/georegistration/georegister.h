@@ -63,6 +63,7 @@ struct GeoregisteredImage {
   // Standard deviation along each axis: as given, but not less than the residuals show; where none
   // is given, what they show.
   double sigma_m = 0;
+  bool is_sigma_given = false;
   // The camera's center in the model, moved, minus gps_enu; meters. z is 0 without an altitude.
   Eigen::Vector3d residual;
   bool is_wrong = false;  // the position is too far off to be what the others make of it
@@ -107,7 +108,7 @@ struct Georegistration {
 // (AlignSimilarityRobust), then weighted least squares over the rows that agree, until these stay
 // the same. A row is wrong if its residual is far out by Tukey's fence: three quartile distances
 // beyond the upper quartile of the rows that agree, relative to each row's sigma; but never within
-// 5 cm. Where at least three images of the model, and half of those with a position, have an
+// 5 cm, nor within 4.8 of the standard deviations that are given. Where at least three images of the model, and half of those with a position, have an
 // altitude, positions without are not used. Else no altitude is, and heights are open: horizontal
 // residuals alone count, and TiltSource says what the tilt is by (F test, 1 %). The frame is that
 // of `known`, whatever the model: models of one collection share it.

@@ -1,4 +1,5 @@
 // Positions of photographs and control points in reconstruction: a street, which bends by itself.
+#include <algorithm>
 #include <fstream>
 #include <iomanip>
 #include <nlohmann/json.hpp>
@@ -37,7 +38,8 @@ SceneOptions Street() {
 // the street.
 class PlacesTest : public ::testing::Test {
  protected:
-  PlacesTest() : scene_(MakeScene(Street(), 1)), database_(MakeUnknownLens(scene_)) {}
+  explicit PlacesTest(const SceneOptions& options = Street())
+      : scene_(MakeScene(options, 1)), database_(MakeUnknownLens(scene_)) {}
 
   static Database MakeUnknownLens(const SyntheticScene& scene) {
     Database database = MakeDatabase(scene);
@@ -49,7 +51,7 @@ class PlacesTest : public ::testing::Test {
     return database;
   }
   // Of every image, with noise; the first num_wrong of a shuffled order are off by 20 m to 200 m.
-  std::set<std::string> WriteGps(double sigma_m, int num_wrong) {
+  std::set<std::string> WriteGps(double sigma_m, int num_wrong, bool states_sigma = false) {
     Rng rng(4);
     std::vector<image_t> order;
     for (const auto& [id, image] : scene_.truth.images) order.push_back(id);
@@ -67,7 +69,9 @@ class PlacesTest : public ::testing::Test {
       }
       const GpsPosition gps = GpsAt(kFrame, enu);
       file << image.image.name << " " << gps.latitude_deg << " " << gps.longitude_deg << " "
-           << *gps.altitude_m << "\n";
+           << *gps.altitude_m;
+      if (states_sigma) file << " " << sigma_m;
+      file << "\n";
     }
     return wrong;
   }
@@ -137,6 +141,41 @@ TEST_F(PlacesTest, GpsKeepsAStreetStraight) {
   EXPECT_EQ(json["enu_from_world"]["scale"], 1.0);  // the model is in the frame
   ASSERT_EQ(result.report.warnings.size(), 1u);
   EXPECT_THAT(result.report.warnings[0].what, HasSubstr("the path is nearly straight"));
+}
+
+// What bends comes back, though at first the ends look wrong.
+TEST_F(PlacesTest, PrecisePositionsAtTheEndsAreUsed) {
+  WriteGps(0.02, 0, true);
+  const ReconstructResult result = Run(Gps());
+  const auto json = nlohmann::json::parse(result.georegistrations.at(0));
+  const auto& images = json["images"];
+  EXPECT_LE(std::ranges::count_if(images, [](const auto& i) { return i["is_wrong"]; }), 3);
+  EXPECT_LT(ErrorM(result), 0.3);
+}
+
+// Half of the street, by a lens without distortion.
+class ShortStreetTest : public PlacesTest {
+ protected:
+  ShortStreetTest() : PlacesTest(Short()) {}
+  static SceneOptions Short() {
+    SceneOptions options = Street();
+    options.num_images = 30;
+    options.image_noise_px = 1;
+    options.radial_distortion = 0;
+    return options;
+  }
+};
+
+// A model that is adjusted to noisy positions again and again comes as near to them as one likes.
+TEST_F(ShortStreetTest, PositionsAreAsGoodAsHeldOutOnesShow) {
+  constexpr double kSigmaM = 0.05, kMedianLength = 1.54;  // of three normal coordinates
+  WriteGps(kSigmaM, 0);
+  const ReconstructResult result = Run(Gps());
+  EXPECT_GT(Value(*FindStage(result.report, "georegistration"), "median_residual_m"),
+            0.9 * kSigmaM * kMedianLength);
+  const double unstated_m = BendM(result);
+  WriteGps(kSigmaM, 0, true);
+  EXPECT_LT(unstated_m, 1.2 * BendM(Run(Gps())));
 }
 
 TEST_F(PlacesTest, WrongPositionsDoNoHarmAndAreNamed) {
