@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <filesystem>
 
 #include "base/output_folder.h"
@@ -103,9 +104,21 @@ void ExportOneDsfmDataset(const Reconstruction& reconstruction, const ExportFlag
                std::to_string(report.num_without_photo) + " missing");
 }
 
+// COLMAP's text files end a name at its first blank.
+void WarnOfBlanks(const Reconstruction& reconstruction, ProgressMonitor& monitor) {
+  const auto num = std::ranges::count_if(reconstruction.images, [](const auto& entry) {
+    return entry.second.image.name.find_first_of(" \t") != std::string::npos;
+  });
+  if (num == 0) return;
+  monitor.Warning(std::to_string(num) +
+                  " image names contain blanks, after which COLMAP reads no more of a text file; "
+                  "colmap_bin keeps them");
+}
+
 int Run(const ExportFlags& flags) {
   ConsoleMonitor monitor;
   WarnOfUnfinishedModels(flags.model_path, monitor);
+  WarnOfOtherModels(flags.model_path, "exported", monitor);
   Reconstruction reconstruction = ReadModel(flags.model_path, {.list_path = flags.model_list});
   const bool needs_sizes =
       flags.output_type != "bundler" && flags.output_type != "ply" && flags.output_type != "gltf";
@@ -117,6 +130,7 @@ int Run(const ExportFlags& flags) {
   } else if (flags.output_type == "colmap_bin") {
     WriteColmapResult(reconstruction, flags.output_path, {.command = "export"}, flags.overwrite);
   } else if (flags.output_type == "colmap_txt") {
+    WarnOfBlanks(reconstruction, monitor);
     WriteColmapResult(reconstruction, flags.output_path,
                       {.command = "export", .format = ColmapModelFormat::kText}, flags.overwrite);
   } else if (flags.output_type == "bundler") {

@@ -103,6 +103,10 @@ int Run(const Command& command, State& state) {
       result, flags.output_path, command.EffectiveToml("refine_intrinsics"), flags.overwrite, run);
   const std::string folder = std::filesystem::path(report_path).parent_path().string();
   std::fputs(DescribeResult(result, folder, run).c_str(), stdout);
+  if (result.report.Succeeded() && flags.report && result.page.empty()) {
+    spdlog::error("stopped by the user before report.html was made; global_sfm report makes it");
+    return kExitNoUsableResult;
+  }
   if (result.report.Succeeded()) return kExitSuccess;
   spdlog::error("{}", result.report.failure);
   return kExitNoUsableResult;

@@ -9,6 +9,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/io/colmap_model.h"
 #include "cairn/io/csv.h"
 #include "cairn/io/model.h"
 #include "io/text_reader.h"
@@ -135,6 +136,19 @@ void WarnOfUnfinishedModels(const std::string& model_path, ProgressMonitor& moni
   const Json report = Json::parse(ReadFile(folder + "/report.json"), nullptr, false);
   if (!report.is_object() || report.value("succeeded", Json()) != Json(false)) return;
   monitor.Warning(folder + ": its models are unfinished, as report.json says; reconstruct again");
+}
+
+void WarnOfOtherModels(const std::string& model_path, const std::string& done,
+                       ProgressMonitor& monitor) {
+  if (LargestModelIn(model_path) == model_path) return;
+  for (int k = 1;; ++k) {
+    const std::string name = "sparse/" + std::to_string(k);
+    const std::string path = (fs::path(model_path) / name).string();
+    if (!IsColmapModel(path)) return;
+    monitor.Warning(name + " with " + std::to_string(ReadColmapModel(path).images.size()) +
+                    " more photographs is not " + done + ": --model_path " + path +
+                    ", with another --output_path");
+  }
 }
 
 RunFolder ReadRunFolder(const std::string& folder) {

@@ -24,6 +24,9 @@ struct RunFolder {
 std::string RunFolderOf(const std::string& path);
 // Warns where the path is of a run that did not finish its models: its folder, or a model in it.
 void WarnOfUnfinishedModels(const std::string& model_path, ProgressMonitor& monitor);
+// Warns of the models beside the largest, which alone is `done` where the path is a run's folder.
+void WarnOfOtherModels(const std::string& model_path, const std::string& done,
+                       ProgressMonitor& monitor);
 // Throws IoError where a file cannot be read.
 RunFolder ReadRunFolder(const std::string& folder);
 

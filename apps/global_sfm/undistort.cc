@@ -1,6 +1,5 @@
 #include "cairn/undistortion/undistort.h"
 
-#include <filesystem>
 #include <map>
 #include <memory>
 
@@ -38,19 +37,6 @@ struct UndistortFlags : ThreadFlags {
   }
 };
 
-// The models beside the largest, which alone is undistorted.
-void NameOthers(const std::string& folder, ProgressMonitor& monitor) {
-  if (LargestModelIn(folder) == folder) return;
-  for (int k = 1;; ++k) {
-    const std::string name = "sparse/" + std::to_string(k);
-    const std::string path = (std::filesystem::path(folder) / name).string();
-    if (!IsColmapModel(path)) return;
-    monitor.Warning(name + " with " + std::to_string(ReadColmapModel(path).images.size()) +
-                    " more photographs is not undistorted: --model_path " + path +
-                    ", with another --output_path");
-  }
-}
-
 // Photographs that are left out, by name, with the reasons: a line for each of the first.
 void WarnOfFailed(const std::map<std::string, std::string>& failed, ProgressMonitor& monitor) {
   constexpr size_t kMaxShown = 10;
@@ -84,7 +70,7 @@ int Run(const Command& command, const UndistortFlags& flags) {
   monitor.Info(std::to_string(num_images) + " of " + std::to_string(model.images.size()) +
                " images undistorted in " + flags.output_path + ", " +
                std::to_string(report.num_kept) + " of them by an earlier run");
-  NameOthers(flags.model_path, monitor);
+  WarnOfOtherModels(flags.model_path, "undistorted", monitor);
   if (report.was_stopped) monitor.Info("stopped; the same command continues");
   return report.was_stopped || num_images == 0 ? kExitNoUsableResult : kExitSuccess;
 }

@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -13,6 +12,7 @@
 #include <system_error>
 
 #include "base/file_lock.h"
+#include "base/text.h"
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 
@@ -145,9 +145,7 @@ void WriteFileAtomically(const std::string& path, std::string_view content) {
 }
 
 std::string LowerCaseExtension(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return extension;
+  return Lowercase(std::filesystem::path(path).extension().string());
 }
 
 bool StaysInFolder(const std::string& name) {

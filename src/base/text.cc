@@ -1,6 +1,7 @@
 #include "base/text.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cstdarg>
 #include <cstdio>
 
@@ -24,6 +25,11 @@ std::string FirstNames(std::span<const std::string> names, size_t max_named) {
   }
   if (names.size() > max_named)
     text += " and " + std::to_string(names.size() - max_named) + " more";
+  return text;
+}
+
+std::string Lowercase(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   return text;
 }
 

@@ -157,7 +157,8 @@ image_t Database::ReadLargestTakenImageId() const {
               "WHERE image_id >= 0 AND image_id < 2147483647;");
   query.Step();
   const auto largest = query.Int<image_t>(0);
-  if (!Query(*impl_, "SELECT 1 FROM sqlite_master WHERE name = 'sqlite_sequence';").Step()) {
+  if (largest == 0 ||
+      !Query(*impl_, "SELECT 1 FROM sqlite_master WHERE name = 'sqlite_sequence';").Step()) {
     return largest;
   }
   Query sequence(*impl_,

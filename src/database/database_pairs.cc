@@ -172,6 +172,15 @@ std::vector<image_pair_t> Database::ReadTwoViewGeometryPairIds() const {
   return IdsWithRows(ReadNumInliers());
 }
 
+std::vector<image_pair_t> Database::ReadPairsWithoutGeometry() const {
+  return ReadRows<std::vector<image_pair_t>>(
+      {*impl_,
+       "SELECT pair_id FROM two_view_geometries WHERE rows > 0"
+       " AND COALESCE(length(F), length(E), length(H), length(qvec), 0) = 0"
+       " AND " CAIRN_SQL_USABLE_PAIR " ORDER BY pair_id;"},
+      [](const Query& row) { return row.Int<image_pair_t>(0); });
+}
+
 std::vector<image_pair_t> Database::ReadPairsToVerify() const {
   return ReadRows<std::vector<image_pair_t>>(
       {*impl_,

@@ -3,9 +3,10 @@
 #include <lensfun/lensfun.h>
 
 #include <algorithm>
-#include <cctype>
 #include <map>
 #include <utility>
+
+#include "base/text.h"
 
 namespace cairn {
 namespace {
@@ -15,12 +16,8 @@ using CameraName = std::pair<std::string, std::string>;  // make and model in lo
 // Crop factors of one camera that differ by less are one: they were measured to two digits.
 constexpr double kSameCrop = 1.02;
 
-CameraName MakeName(std::string make, std::string model) {
-  for (std::string* text : {&make, &model}) {
-    std::transform(text->begin(), text->end(), text->begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  }
-  return {make, model};
+CameraName MakeName(const std::string& make, const std::string& model) {
+  return {Lowercase(make), Lowercase(model)};
 }
 
 // The package's own files only: what a user keeps at home must not change a result.

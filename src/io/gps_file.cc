@@ -41,16 +41,25 @@ GpsFields SplitAtBlanks(std::string_view line) {
   return fields;
 }
 
-// "name,latitude,longitude": what a spreadsheet has above its rows.
+// "name,latitude,longitude": what a spreadsheet has above its rows. Throws IoError where it names
+// another order.
 bool IsHeader(TextReader& reader) {
   const bool has_commas = reader.line().find(',') != std::string_view::npos;
   std::vector<std::string_view> words =
       has_commas ? Split(reader.line(), ',') : reader.RemainingWords();
   std::erase_if(words, [](std::string_view word) { return Trimmed(word).empty(); });
-  return words.size() > 2 &&
-         std::none_of(words.begin() + 1, words.end(), [](std::string_view word) {
-           return TextReader::ToDouble(Trimmed(word)).has_value();
-         });
+  const bool is_header =
+      words.size() > 2 && std::none_of(words.begin() + 1, words.end(), [](std::string_view word) {
+        return TextReader::ToDouble(Trimmed(word)).has_value();
+      });
+  if (!is_header) return false;
+  const auto begins = [&](size_t k, std::string_view name) {
+    return Lowercase(std::string(Trimmed(words[k]))).starts_with(name);
+  };
+  if (begins(0, "lat") || begins(0, "lon") || begins(1, "lon") || begins(2, "lat")) {
+    reader.Fail("its columns are in another order than name,latitude,longitude");
+  }
+  return true;
 }
 
 std::optional<GpsRow> ParseRow(const GpsFields& fields) {

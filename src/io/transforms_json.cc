@@ -1,5 +1,6 @@
 #include "cairn/io/transforms_json.h"
 
+#include <algorithm>
 #include <array>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -56,6 +57,15 @@ std::vector<std::string> Approximations(const Reconstruction& reconstruction,
   warn(lost, ", which the format does not have: their distortion is left out");
   warn(other,
        ", but a file holds one model, here " + std::string(model) + ": their rays are wrong there");
+  const auto num_no_text = std::ranges::count_if(reconstruction.images, [](const auto& entry) {
+    return Json(entry.second.image.name).dump(-1, ' ', false, Json::error_handler_t::ignore) !=
+           Json(entry.second.image.name).dump(-1, ' ', false, Json::error_handler_t::replace);
+  });
+  if (num_no_text > 0) {
+    warnings.push_back("nerfstudio: " + std::to_string(num_no_text) +
+                       " image names are no UTF-8, which JSON cannot hold: their photographs will "
+                       "not be found");
+  }
   return warnings;
 }
 

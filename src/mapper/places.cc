@@ -113,19 +113,22 @@ Reconstruction AdjustTo(StageContext& context, const Georegistration& found,
   return AdjustedTo(context, found, placed);
 }
 
-// Gives positions without a stated precision what held-out ones show, by the one of the last round.
+// Gives positions without a stated precision what held-out ones show, unless their residuals, or
+// the last round (sigma_m), show less.
 void SetUnstatedSigmas(StageContext& context, const Reconstruction& placed, double& sigma_m,
                        Georegistration& found) {
-  const auto is_unstated = [](const auto& image) { return !image.is_sigma_given; };
-  if (found.by_control_points || std::ranges::none_of(found.images, is_unstated)) return;
-  const auto set = [&] {
-    for (GeoregisteredImage& image : found.images) {
-      if (is_unstated(image) && std::isfinite(sigma_m)) image.sigma_m = sigma_m;
-    }
+  if (found.by_control_points) return;
+  std::vector<GeoregisteredImage*> unstated;
+  for (GeoregisteredImage& image : found.images) {
+    if (!image.is_sigma_given) unstated.push_back(&image);
+  }
+  if (unstated.empty()) return;
+  const auto set = [&](double new_sigma_m) {
+    sigma_m = std::min(sigma_m, new_sigma_m);
+    for (GeoregisteredImage* image : unstated) image->sigma_m = sigma_m;
   };
-  set();
-  sigma_m = std::max(std::min(sigma_m, HeldOutSigmaM(context, found, placed)), kControlPointSigmaM);
-  set();
+  set(unstated.front()->sigma_m);
+  set(std::max(HeldOutSigmaM(context, found, placed), kControlPointSigmaM));
 }
 
 void ReportPlace(const Georegistration& found, Stage& stage) {

@@ -277,7 +277,7 @@ TEST(EndToEnd, ReconstructAndUndistortHaveFoldersOfTheirOwn) {
   EXPECT_EQ(Reconstruct(scene, scene / "out").exit_code, 0);
 }
 
-TEST(EndToEnd, UndistortNamesTheModelsThatItLeaves) {
+TEST(EndToEnd, UndistortAndExportNameTheModelsThatTheyLeave) {
   const SceneFiles scene;
   for (const char* model : {"two/sparse/0", "two/sparse/1"}) {
     std::filesystem::create_directories(scene / model);
@@ -290,6 +290,10 @@ TEST(EndToEnd, UndistortNamesTheModelsThatItLeaves) {
   EXPECT_THAT(result.output, HasSubstr("sparse/1 with 8 more photographs is not undistorted: "
                                        "--model_path " +
                                        (scene / "two/sparse/1")));
+  EXPECT_THAT(RunProgram("global_sfm", {"export", "--model_path", scene / "two", "--output_type",
+                                        "ply", "--output_path", scene / "two.ply"})
+                  .output,
+              HasSubstr("sparse/1 with 8 more photographs is not exported"));
 }
 
 TEST(EndToEnd, NothingToReconstructIsExitCodeOne) {

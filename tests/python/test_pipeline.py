@@ -62,8 +62,9 @@ def test_keypoints_with_frames_and_depth_are_decided_by_one_match(tmp_path):
     for options in ([1], 5, "x"):
         with pytest.raises(cairn.ConfigError, match="options: .* is not a dictionary"):
             cairn.build_view_graph(path, options=options)
-    with pytest.raises(cairn.ConfigError, match="database_path"):
-        cairn.build_view_graph(path, options={"database_path": "other.db"})
+    for name in ("database_path", "image_path", "depth_path"):
+        with pytest.raises(cairn.ConfigError, match=f"{name}: is an argument, and no option"):
+            cairn.build_view_graph(path, options={name: "other"})
     cairn.build_view_graph(path)
     assert set(cairn.ViewGraph.from_database(path).verifiers) == {"one_ac_depth"}
     check_models(cairn.reconstruct(path))

@@ -66,10 +66,11 @@ BuildPipelineReport BuildGraph(const path& database_path, const std::optional<pa
   table.Add("", options.inputs);
   table.AddModules(options);
   table.Set(given);
-  for (const std::string* path :
-       {&options.inputs.database_path, &options.inputs.image_path, &options.inputs.depth_path}) {
-    if (!path->empty())
-      throw ConfigError("options", "'" + *path + "' is an argument, not an option");
+  const BuildInputs& inputs = options.inputs;
+  for (const auto& [name, value] :
+       {std::pair("database_path", inputs.database_path),
+        std::pair("image_path", inputs.image_path), std::pair("depth_path", inputs.depth_path)}) {
+    if (!value.empty()) throw ConfigError(name, "is an argument, and no option");
   }
   options.inputs.database_path = database_path.string();
   if (image_path) options.inputs.image_path = image_path->string();

@@ -49,7 +49,7 @@ class Database {
   std::vector<UnknownCamera> ReadUnknownCameras() const;
   std::vector<Image> ReadImages() const;
   // Ids that new rows must not have: those of rows that cannot be used, too, and of images that are
-  // gone, which models may still have. 0: there was no image.
+  // gone, which models may still have. 0: there is no image.
   std::vector<camera_t> ReadTakenCameraIds() const;
   image_t ReadLargestTakenImageId() const;
   bool HasImage(image_t image_id) const;
@@ -92,6 +92,8 @@ class Database {
   std::optional<FeatureMatches> ReadMatches(image_pair_t pair_id) const;
   void WriteMatches(image_pair_t pair_id, const FeatureMatches& matches);
   std::vector<image_pair_t> ReadTwoViewGeometryPairIds() const;  // ascending, rows with > 0 inliers
+  // Of COLMAP of 2017: inliers, but neither a matrix nor a pose. Ascending.
+  std::vector<image_pair_t> ReadPairsWithoutGeometry() const;
   std::optional<TwoViewGeometry> ReadTwoViewGeometry(image_pair_t pair_id) const;
   void WriteTwoViewGeometry(image_pair_t pair_id, const TwoViewGeometry& geometry);
   // Number of (inlier) matches of every pair that has the row, 0 included, ascending by pair.

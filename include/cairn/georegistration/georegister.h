@@ -108,10 +108,11 @@ struct Georegistration {
 // (AlignSimilarityRobust), then weighted least squares over the rows that agree, until these stay
 // the same. A row is wrong if its residual is far out by Tukey's fence: three quartile distances
 // beyond the upper quartile of the rows that agree, relative to each row's sigma; but never within
-// 5 cm, nor within 4.8 of the standard deviations that are given. Where at least three images of the model, and half of those with a position, have an
-// altitude, positions without are not used. Else no altitude is, and heights are open: horizontal
-// residuals alone count, and TiltSource says what the tilt is by (F test, 1 %). The frame is that
-// of `known`, whatever the model: models of one collection share it.
+// 5 cm, nor within 4.8 of the standard deviations that are given. Where at least three images of
+// the model, and half of those with a position, have an altitude, positions without are not used.
+// Else no altitude is, and heights are open: horizontal residuals alone count, and TiltSource says
+// what the tilt is by (F test, 1 %). The frame is that of `known`, whatever the model: models of
+// one collection share it.
 Georegistration Georegister(const Reconstruction& model, const KnownPositions& known,
                             const RunContext& run = {});
 

@@ -33,14 +33,16 @@ constexpr int64_t kBytesPerKeypoint = sizeof(Keypoint) + sizeof(DepthSample);
 constexpr int kLikelyPairsPerImage = 5;
 
 // Pairs that are given to the reading thread: those with matches, but not those that another
-// program verified. Of pairs that are not listed, those of earlier runs: what was found of them may
-// have been undone.
+// program verified, and told how. Of pairs that are not listed, those of earlier runs: what was
+// found of them may have been undone.
 std::vector<image_pair_t> FindPairs(const Database& database,
                                     const std::vector<std::pair<image_pair_t, int>>& num_matches,
                                     const VerificationInput& input, const StageLedger& ledger) {
   std::vector<image_pair_t> given;
+  const std::vector<image_pair_t> untold = database.ReadPairsWithoutGeometry();
   for (const auto& [pair, num] : database.ReadNumInliers()) {
-    if (ledger.Find(pair) == nullptr) given.push_back(pair);
+    const bool is_told = !std::binary_search(untold.begin(), untold.end(), pair);
+    if (is_told && ledger.Find(pair) == nullptr) given.push_back(pair);
   }
   const MatchOrigins origins(database);
   const auto is_listed = [&](image_pair_t pair) {

@@ -113,9 +113,9 @@ TEST_F(DatabaseFailureTest, AnotherProgramsLockIsNamed) {
   ASSERT_EQ(sqlite3_open(Path().c_str(), &other), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(other, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
   EXPECT_EQ(ThrownMessage<IoError>([&] { WriteImages(database, 1); }),
-            Path() + ": is locked by another program");
+            Path() + ": is locked by another program, or elsewhere in this one");
   EXPECT_EQ(ThrownMessage<IoError>([&] { Database::Transaction transaction(database); }),
-            Path() + ": is locked by another program");
+            Path() + ": is locked by another program, or elsewhere in this one");
   sqlite3_close(other);
   WriteImages(database, 1);  // Goes on when the lock is gone.
 }

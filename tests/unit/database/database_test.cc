@@ -338,6 +338,30 @@ TEST_F(DatabaseTest, DeleteImageTakesItsFeaturesAndItsUnusedCamera) {
   ASSERT_EQ(database.ReadCameras().size(), 1u);
 }
 
+TEST_F(DatabaseTest, IdsOfDeletedImagesAreTaken) {
+  Database database(":memory:");
+  EXPECT_EQ(database.ReadLargestTakenImageId(), 0u);
+  WriteImages(database, 3);
+  database.DeleteImage(3);
+  EXPECT_EQ(database.ReadLargestTakenImageId(), 3u);  // models may still have it
+  database.DeleteImage(2);
+  database.DeleteImage(1);
+  EXPECT_EQ(database.ReadLargestTakenImageId(), 0u);  // all begins anew
+}
+
+TEST_F(DatabaseTest, PairsWithoutGeometryAreNamed) {
+  Database database(":memory:");
+  WriteImages(database, 3);
+  const image_pair_t told = ImagePairToPairId(1, 2), untold = ImagePairToPairId(1, 3);
+  database.WriteTwoViewGeometry(told, TestGeometry());
+  TwoViewGeometry inliers_alone;
+  inliers_alone.config = TwoViewConfig::kUncalibrated;
+  inliers_alone.inlier_matches = {{1, 2}};
+  database.WriteTwoViewGeometry(untold, inliers_alone);
+  database.WriteTwoViewGeometry(ImagePairToPairId(2, 3), {});  // tried without success
+  EXPECT_THAT(database.ReadPairsWithoutGeometry(), ElementsAre(untold));
+}
+
 TEST_F(DatabaseTest, DeletedFeaturesTakeTheirPairsAndLeaveImagesAndCameras) {
   Database database(":memory:");
   WriteImages(database, 4);

@@ -354,6 +354,16 @@ TEST(FocalCalibration, NoPairsNoCameras) {
   EXPECT_TRUE(Calibrate({{1, MakeCamera(1, 1000)}}, {}).cameras.empty());
 }
 
+TEST(FocalCalibration, RefusesCamerasThatHaveNoFundamentalMatrix) {
+  Rig rig({850}, 3);
+  const std::vector<FocalPair> pairs = rig.AllPairs();
+  EXPECT_THROW(Calibrate({}, pairs), ConfigError);
+  std::map<camera_t, Camera> cameras = rig.Guesses(1200);
+  cameras[1].model = CameraModel::kEquirectangular;
+  cameras[1].params = {kFocalTestWidth, kFocalTestHeight};
+  EXPECT_THROW(Calibrate(cameras, pairs), ConfigError);
+}
+
 TEST(FocalCalibration, RefusesMeaninglessOptions) {
   EXPECT_THROW(CalibrateFocals({}, {}, {}, {.max_sigma = 0}), ConfigError);
 }

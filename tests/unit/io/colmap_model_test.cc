@@ -7,6 +7,7 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "io/colmap_files.h"
 #include "random_reconstruction.h"
 #include "support/check_consistency.h"
 #include "support/temp_folder.h"
@@ -178,7 +179,8 @@ TEST_P(ColmapModel, FilesThatContradictEachOtherAreErrors) {
   const auto expect_error = [&](const char* reason, auto change) {
     Reconstruction r = RandomReconstruction(3);
     change(r);
-    WriteColmapModel(r, folder.path(), GetParam());
+    const bool is_binary = GetParam() == ColmapModelFormat::kBinary;
+    (is_binary ? WriteColmapBinary : WriteColmapText)(r, folder.path());
     EXPECT_THAT(ReadError(folder.path()), HasSubstr(reason));
   };
   expect_error("no error", [](Reconstruction&) {});
@@ -215,7 +217,19 @@ TEST_P(ColmapModel, BrokenReconstructionsAreNotWritten) {
   const TempFolder folder;
   Reconstruction r = RandomReconstruction(3);
   r.images.begin()->second.image.camera_id = 77;
-  EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), BugError);
+  EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), IoError);
+  r = RandomReconstruction(3);
+  r.images.begin()->second.cam_from_world.translation[0] = std::nan("");
+  EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), IoError);
+  r = RandomReconstruction(3);
+  r.images.begin()->second.cam_from_world.rotation.coeffs().setZero();
+  EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), IoError);
+  r = RandomReconstruction(3);
+  r.points3D.begin()->second.xyz[1] = std::nan("");
+  EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), IoError);
+  r = RandomReconstruction(3);
+  r.points3D.erase(r.points3D.begin());
+  EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), IoError);
   r = RandomReconstruction(3);
   r.images.begin()->second.image.name = "two\nlines";
   EXPECT_THROW(WriteColmapModel(r, folder / "a", GetParam()), IoError);

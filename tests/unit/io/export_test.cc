@@ -298,6 +298,16 @@ TEST(Export, UnwritablePlacesAreErrorsAndLeaveNothing) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
+TEST(TransformsJson, NamesThatAreNoTextAreAWarning) {
+  const TempFolder folder;
+  Reconstruction r = RandomReconstruction(3);
+  const size_t num_warnings = WriteTransformsJson(r, folder / "a.json", "").size();
+  r.images.begin()->second.image.name = "a\xff.jpg";
+  const auto warnings = WriteTransformsJson(r, folder / "a.json", "");
+  ASSERT_EQ(warnings.size(), num_warnings + 1);
+  EXPECT_THAT(warnings.back(), HasSubstr("1 image names are no UTF-8"));
+}
+
 TEST(ReadModel, TakesTheLargestModelOfAFolder) {
   const TempFolder folder;
   WriteColmapModel(RandomReconstruction(4), folder / "sparse/0");

@@ -64,6 +64,11 @@ TEST_F(GpsFileTest, AHeaderIsSkipped) {
     EXPECT_EQ(Read(std::string(header) + "\na.jpg,45,7,300\n").count("a.jpg"), 1u) << header;
     EXPECT_EQ(Read(std::string(header) + "\na.jpg,45,7,300\n").size(), 1u) << header;
   }
+  for (const char* header :
+       {"name,longitude,latitude,altitude", "Latitude,Longitude,Image", "name\tLong\tLat"}) {
+    EXPECT_THAT(Message(std::string(header) + "\na.jpg,45,7,300\n"),
+                HasSubstr("gps.txt:1: its columns are in another order"));
+  }
   // A row that lacks something is none.
   for (const char* line : {"a.jpg", "a.jpg 45", "a.jpg,,", "a.jpg,45,"}) {
     EXPECT_THAT(Message(line), HasSubstr("is not name,latitude")) << line;

@@ -266,6 +266,8 @@ TEST_F(PairSchedulerTest, PairsVerifiedByAnotherProgramAreLeftAlone) {
     TwoViewGeometry geometry;
     geometry.config = TwoViewConfig::kPlanar;
     geometry.inlier_matches = {{1, 1}};
+    database.WriteTwoViewGeometry(ImagePairToPairId(9, 10), geometry);  // it tells nothing
+    geometry.H = Eigen::Matrix3d::Identity();
     database.WriteTwoViewGeometry(pair, geometry);
   }
   EXPECT_EQ(Verify(path).Value("pairs"), kNumPairs - 1);
