@@ -113,8 +113,8 @@ Reconstruction AdjustTo(StageContext& context, const Georegistration& found,
   return AdjustedTo(context, found, placed);
 }
 
-// Gives positions without a stated precision what held-out ones show, unless their residuals, or
-// the last round (sigma_m), show less.
+// Gives positions without a stated precision what held-out ones show, unless the last round
+// (sigma_m), or, in the first, the residuals show less.
 void SetUnstatedSigmas(StageContext& context, const Reconstruction& placed, double& sigma_m,
                        Georegistration& found) {
   if (found.by_control_points) return;
@@ -127,7 +127,7 @@ void SetUnstatedSigmas(StageContext& context, const Reconstruction& placed, doub
     sigma_m = std::min(sigma_m, new_sigma_m);
     for (GeoregisteredImage* image : unstated) image->sigma_m = sigma_m;
   };
-  set(unstated.front()->sigma_m);
+  set(std::isfinite(sigma_m) ? sigma_m : unstated.front()->sigma_m);
   set(std::max(HeldOutSigmaM(context, found, placed), kControlPointSigmaM));
 }
 
