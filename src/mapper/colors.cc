@@ -76,12 +76,6 @@ void ColorPoints(StageContext& context, const std::string& image_path, Reconstru
       ++sum[3];
     }
   }
-  if (!skipped.empty()) {
-    context.report.warnings.push_back(
-        {std::to_string(skipped.size()) + " of " + std::to_string(images.size()) +
-             " photographs gave no colors: " + skipped.front(),
-         "is --image_path the folder of the database's photographs?"});
-  }
   size_t num_colored = 0;
   for (auto& [id, point] : model.points3D) {
     const std::array<int, 4>& sum = sums[id];
@@ -92,6 +86,12 @@ void ColorPoints(StageContext& context, const std::string& image_path, Reconstru
     }
   }
   stage.WarnEach(skipped);
+  if (!skipped.empty()) {
+    stage.RecordWarning(ResultWarning{std::to_string(skipped.size()) + " of " +
+                                          std::to_string(images.size()) +
+                                          " photographs gave no colors: " + skipped.front(),
+                                      "is --image_path the folder of the database's photographs?"});
+  }
   stage.Add("images_read", images.size() - skipped.size());
   stage.Add("points_colored", num_colored);
 }

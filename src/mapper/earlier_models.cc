@@ -175,10 +175,9 @@ std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, 
   }
   adopter.AdoptOthers(taken);
   for (const auto& [reason, names] : left_out) {
-    report.warnings.push_back({std::to_string(names.size()) + " images of the input model " +
-                                   reason + ": " + FirstNames(names),
-                               ""});
-    stage.RecordWarning(report.warnings.back().what);
+    stage.RecordWarning(ResultWarning{std::to_string(names.size()) + " images of the input model " +
+                                          reason + ": " + FirstNames(names),
+                                      ""});
   }
   if (num_other_keypoints > 0) {
     stage.Note("keypoints of " + std::to_string(num_other_keypoints) +

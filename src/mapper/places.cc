@@ -149,24 +149,34 @@ void ReportPlace(const Georegistration& found, Stage& stage) {
 
 }  // namespace
 
-void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path) {
+void CheckPlaceOptions(const PlaceOptions& places) {
   if (!places.gps_path.empty() && !places.use_gps) {
     throw ConfigError("gps_path", "is read with --use_gps 1 only");
   }
-  if (places.use_gps && places.gps_path.empty() && image_path.empty()) {
-    throw ConfigError("use_gps", "needs gps_path, or image_path with photographs that have GPS");
-  }
 }
 
-std::shared_ptr<const KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
+std::shared_ptr<const KnownPositions> ReadPlaces(const Database& database, const SceneData& scene,
+                                                 const PlaceOptions& places,
                                                  const std::string& image_path,
                                                  const RunContext& run) {
   if (!places.use_gps && places.gcp_path.empty()) return nullptr;
   KnownPositions known;
   std::vector<std::string> names;
   for (const auto& [id, image] : scene.images) names.push_back(image.name);
-  if (places.use_gps) {
+  if (places.use_gps && (!places.gps_path.empty() || !image_path.empty())) {
     known.images = ReadPositions(names, places.gps_path, image_path, run);
+  }
+  if (places.use_gps && places.gps_path.empty()) {
+    for (const auto& [id, position] : database.ReadGpsPriors()) {
+      const auto image = scene.images.find(id);
+      if (image != scene.images.end())
+        known.images.try_emplace(image->second.name).first->second.position = position;
+    }
+    if (known.images.empty() && image_path.empty()) {
+      throw ConfigError("use_gps",
+                        "needs gps_path, image_path with photographs that have GPS, or a database "
+                        "with their positions");
+    }
   }
   if (!places.gcp_path.empty()) {
     known.control_points = ReadControlPoints(names, places.gcp_path, run);

@@ -129,8 +129,15 @@ void ReadEdges(const Database& database,
   std::erase_if(scene.edges, [&](const ViewEdge& edge) { return !is_used(edge); });
   scene.poses_imported = std::ranges::any_of(
       scene.edges, [](const ViewEdge& edge) { return edge.source == EdgeSource::kDataset; });
-  if (!bad.empty()) stage.Add("bad_pairs", static_cast<double>(bad.size()));
+  if (bad.empty()) return;
+  stage.Add("bad_pairs", static_cast<double>(bad.size()));
   stage.WarnEach(bad);
+  stage.RecordWarning(
+      ResultWarning{std::to_string(bad.size()) +
+                        " pairs are left out, since their rows in the database cannot be "
+                        "used: " +
+                        bad.front(),
+                    "was something written there after the pairs were verified?"});
 }
 
 SceneCounts CountScene(const Database& database) {
@@ -177,8 +184,7 @@ void KeepReaders(const Database& database, std::map<image_t, std::vector<point2D
 
 // Results of pairs that a run of build_view_graph left for the next one are missed. Those whose
 // matches cannot be read, or are not of keypoints that can, are no work for it.
-void WarnOfUnfinishedPairs(const Database& database, const SceneData& scene, Stage& stage,
-                           RunReport& report) {
+void WarnOfUnfinishedPairs(const Database& database, const SceneData& scene, Stage& stage) {
   const auto num_keypoints = [&](image_t id) {
     const auto pixels = scene.pixels.find(id);
     return pixels == scene.pixels.end() ? 0 : pixels->second.size();
@@ -196,9 +202,8 @@ void WarnOfUnfinishedPairs(const Database& database, const SceneData& scene, Sta
   stage.Add("pairs_to_verify", static_cast<double>(num_pairs));
   if (num_pairs == 0) return;
   const std::string pairs = num_pairs == 1 ? " pair of photos is" : " pairs of photos are";
-  report.warnings.push_back({std::to_string(num_pairs) + pairs + " not verified yet",
-                             "run build_view_graph to the end, then reconstruct"});
-  stage.RecordWarning(report.warnings.back().what);
+  stage.RecordWarning(ResultWarning{std::to_string(num_pairs) + pairs + " not verified yet",
+                                    "run build_view_graph to the end, then reconstruct"});
 }
 
 // By the user's option, or by what is known of each camera; warns where the two contradict.
@@ -240,12 +245,9 @@ SceneData ReadSceneData(const Database& database, const ReconstructSettings& set
     for (const auto& [pair_id, matches] : scene.matches) num_matches += matches.size();
     scene.poses_alone = scene.poses_imported && num_matches == 0;
     ChooseConstantCameras(intrinsics, settings.refine_intrinsics, stage, scene);
-    if (!scene.poses_imported) WarnOfUnfinishedPairs(database, scene, stage, report);
+    if (!scene.poses_imported) WarnOfUnfinishedPairs(database, scene, stage);
     scene.still_parts = FindStillParts(scene, run.num_threads);
-    if (scene.still_parts) {
-      report.warnings.push_back(*scene.still_parts);
-      stage.RecordWarning(scene.still_parts->what);
-    }
+    if (scene.still_parts) stage.RecordWarning(*scene.still_parts);
     stage.Add("cameras", scene.cameras.size());
     stage.Add("cameras_constant", scene.constant_cameras.size());
     stage.Add("images", scene.pixels.size());

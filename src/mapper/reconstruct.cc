@@ -24,9 +24,9 @@ void ColorModels(const SceneData& scene, const std::string& image_path,
 
 void PlaceOptions::VisitFields(OptionVisitor& v) {
   v.Bool("use_gps", use_gps,
-         "positions of the photographs, of gps_path or of the EXIF at image_path, are weak priors "
-         "of translation averaging and bundle adjustment, so that long strips do not bend; models "
-         "are in east, north, up, meters");
+         "positions of the photographs, of gps_path, or else of the EXIF at image_path and of the "
+         "database, are weak priors of translation averaging and bundle adjustment, so that long "
+         "strips do not bend; models are in east, north, up, meters");
   v.String("gps_path", gps_path,
            "file with name,latitude,longitude[,altitude[,sigma]] a line, instead of GPS in EXIF");
   v.String("gcp_path", gcp_path,
@@ -72,13 +72,13 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
   ReconstructSettings(settings).VisitModules(
       [](const char* module, auto& options) { ValidateOptions(options, module); });
   if (!image_path.empty()) CheckImageFolder(image_path);
-  CheckPlaceOptions(settings.places, image_path);
+  CheckPlaceOptions(settings.places);
   const Timer timer;
   RunReport read;
   SceneData scene = ReadSceneData(database, settings, run, read);
   ReconstructResult result;
   if (read.Succeeded()) {
-    scene.places = ReadPlaces(scene, settings.places, image_path, run);
+    scene.places = ReadPlaces(database, scene, settings.places, image_path, run);
     result = ReconstructParts(earlier, settings, run, scene);
     PlaceModels(scene, run, result);
   } else {

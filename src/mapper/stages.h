@@ -399,9 +399,10 @@ bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
 
 // places.cc
 // Throws ConfigError.
-void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path);
-// nullptr: none are to be used.
-std::shared_ptr<const KnownPositions> ReadPlaces(const SceneData& scene, const PlaceOptions& places,
+void CheckPlaceOptions(const PlaceOptions& places);
+// nullptr: none are to be used. Throws ConfigError where nothing can have positions.
+std::shared_ptr<const KnownPositions> ReadPlaces(const Database& database, const SceneData& scene,
+                                                 const PlaceOptions& places,
                                                  const std::string& image_path,
                                                  const RunContext& run);
 // By the images' positions, for translation averaging of images with these rotations (cam from

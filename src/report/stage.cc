@@ -1,6 +1,7 @@
 #include "report/stage.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "base/memory.h"
 
@@ -34,7 +35,12 @@ void Stage::Warn(const std::string& message) {
 }
 
 void Stage::Warn(const ResultWarning& warning) {
-  Warn(WarningText(warning));
+  monitor_.Warning(WarningText(warning));
+  RecordWarning(warning);
+}
+
+void Stage::RecordWarning(const ResultWarning& warning) {
+  RecordWarning(WarningText(warning));
   report_.warnings.push_back(warning);
 }
 
@@ -66,6 +72,8 @@ RunStage::RunStage(RunReport& run, ProgressMonitor& monitor, const std::string& 
 
 RunStage::~RunStage() {
   monitor_.EndStage();
+  std::ranges::move(report_.warnings, std::back_inserter(run_.warnings));
+  report_.warnings.clear();
   run_.stages.push_back(Finish());
 }
 

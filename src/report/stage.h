@@ -25,10 +25,10 @@ class Stage {
   void WarnEach(const std::vector<std::string>& messages);
   // Of the whole run: shown, and kept for RunReport::warnings.
   void Warn(const ResultWarning& warning);
-  // For the report alone. A warning that is recorded is one of the run's (RunReport::warnings),
-  // which the user sees at its end.
+  // For the report alone. The user sees warnings of the whole run at its end.
   void Record(const std::string& message) { report_.messages.push_back(message); }
   void RecordWarning(const std::string& message);
+  void RecordWarning(const ResultWarning& warning);
   // The user asked to stop, or there is nothing to do.
   void MarkStopped() { report_.MarkStopped(); }
   void MarkSkipped() { report_.status = StageStatus::kSkipped; }

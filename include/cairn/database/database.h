@@ -10,6 +10,7 @@
 
 #include "cairn/camera/camera.h"
 #include "cairn/database/records.h"
+#include "cairn/geometry/gps.h"
 #include "cairn/scene/features.h"
 #include "cairn/scene/image.h"
 #include "cairn/scene/two_view_geometry.h"
@@ -58,6 +59,11 @@ class Database {
   // Replaces. Throws IoError for ids and names that cannot be used, a name that another image has,
   // and a camera that is not there.
   void WriteImage(const Image& image);
+  // COLMAP's prior positions of images, those that are on Earth (WGS84).
+  std::map<image_t, GpsPosition> ReadGpsPriors() const;
+  // For COLMAP's spatial matcher and model aligner. Only with an altitude, without which COLMAP has
+  // none, and in the schema of COLMAP up to 3.9, which new databases have.
+  void WriteGpsPrior(image_t image_id, const GpsPosition& position);
   // Removes the image with its features, and its camera if neither another image nor a rig with
   // images has it.
   void DeleteImage(image_t image_id);

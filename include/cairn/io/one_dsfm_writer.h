@@ -11,7 +11,7 @@ namespace cairn {
 struct OneDsfmFiles {
   std::vector<BundlerListEntry> images;  // list.txt: names as there ("images/<file>")
   std::vector<int> component;            // cc.txt
-  std::vector<OneDsfmEdge> edges;        // EGs.txt; `line` is not used
+  std::vector<OneDsfmEdge> edges;        // EGs.txt
   std::vector<OneDsfmImageKeys> coords;  // coords.txt
   std::vector<std::vector<OneDsfmObservation>> tracks;  // tracks.txt
 };

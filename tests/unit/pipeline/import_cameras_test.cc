@@ -113,6 +113,18 @@ TEST_F(ImportPhotosTest, AGivenFocalLengthThatIsNotExifsIsTold) {
   EXPECT_THAT(report.warnings[0].what, HasSubstr("focal length of 130 pixels is not EXIF's, 65"));
 }
 
+TEST_F(ImportPhotosTest, GpsOfExifIsWhereColmapHasIt) {
+  AddPhoto("a.jpg");
+  WriteExif(images_ + "/a.jpg", {.gps = GpsPosition{45.5, 7.25, 300}});
+  AddPhoto("b.jpg");
+  Import();
+  const std::map<image_t, GpsPosition> positions = database_.ReadGpsPriors();
+  ASSERT_EQ(positions.size(), 1u);
+  EXPECT_NEAR(positions.at(1).latitude_deg, 45.5, 1e-6);
+  EXPECT_NEAR(positions.at(1).longitude_deg, 7.25, 1e-6);
+  EXPECT_EQ(positions.at(1).altitude_m, 300);
+}
+
 TEST_F(ImportPhotosTest, EqualExifSharesACamera) {
   AddPhotoOf(35, "One", "a.jpg");
   AddPhotoOf(50, "One", "b.jpg");
