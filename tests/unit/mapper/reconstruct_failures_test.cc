@@ -68,6 +68,15 @@ TEST(Reconstruct, PairsThatWaitForVerificationAreAWarning) {
   EXPECT_THAT(warnings[0].advice, HasSubstr("build_view_graph"));
 }
 
+TEST(Reconstruct, PairsWhoseKeypointsAreGoneAreAWarning) {
+  Database database = MakeDatabase(MakeScene(SmallScene(), 10));
+  std::vector<Keypoint> keypoints = *database.ReadKeypoints(1);
+  keypoints.resize(5);
+  database.WriteKeypoints(1, keypoints);
+  const ResultWarning warning = Reconstruct(database).report.warnings.at(0);
+  EXPECT_THAT(warning.what, HasSubstr(" pairs are left out, since their rows in the database"));
+}
+
 TEST(Reconstruct, SaysWhatIsMissing) {
   Database empty(":memory:");
   const ReconstructResult nothing = Reconstruct(empty);

@@ -188,6 +188,17 @@ TEST(Reconstruct, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
       }
     }
     EXPECT_GT(num_outside, 100);
+    // So does a model that goes on, whatever its lens is called.
+    Reconstruction earlier = result.models[0];
+    for (auto& [id, camera] : earlier.cameras) {
+      if (camera.model != CameraModel::kSimpleRadial) continue;
+      camera.model = CameraModel::kRadial;
+      camera.params.push_back(0);
+    }
+    const ReconstructResult again =
+        Reconstruct(database, "", {}, kOneThread, std::vector<Reconstruction>{earlier});
+    ASSERT_EQ(again.models.size(), 1u);
+    EXPECT_GT(again.models[0].NumObservations(), 0.99 * result.models[0].NumObservations());
   }
 }
 
