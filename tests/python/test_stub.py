@@ -97,11 +97,14 @@ def test_methods_and_attributes_are_the_classes():
     for node in (n for n in STUB.body if isinstance(n, ast.ClassDef)):
         given = getattr(cairn, node.name)
         functions = stub_functions(node.body)
-        fields = {n.target.id for n in node.body if isinstance(n, ast.AnnAssign)}
+        fields = {n.target.id: ast.unparse(n.annotation) for n in node.body if isinstance(n, ast.AnnAssign)}
+        for name, annotation in fields.items():
+            is_final = inspect.getattr_static(given, name).fset is None
+            assert annotation.startswith("Final[") == is_final, f"{node.name}.{name}"
         if not issubclass(given, Exception):
             own = {name for name in vars(given) if not name.startswith("_") or name not in OF_OBJECT}
             own -= {name for name in own if name.startswith("_pybind")}
-            assert own - {"__getstate__"} == (set(functions) | fields) - OF_OBJECT, node.name
+            assert own - {"__getstate__"} == (set(functions) | set(fields)) - OF_OBJECT, node.name
         for name, nodes in functions.items():
             value = inspect.getattr_static(given, name)
             if isinstance(value, property):
