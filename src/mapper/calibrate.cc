@@ -266,7 +266,7 @@ std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t
   return geometries;
 }
 
-void CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunContext& run,
+bool CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunContext& run,
                           Stage& stage, SceneData& scene) {
   const std::vector<FocalPair> pairs = CollectPairs(scene, options.max_pairs, run.num_threads);
   std::set<camera_t> trusted = scene.constant_cameras;
@@ -283,13 +283,14 @@ void CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunConte
     if (scene.cameras.at(id).has_prior_focal_length) scene.exif_by_pairs[id] = focal;
   }
   Report(report, scene.cameras, stage);
-  scene.is_sharing_disputed = IsSharingDisputed(report, scene);
-  stage.Add("sharing_disputed", scene.is_sharing_disputed);
+  const bool is_sharing_disputed = IsSharingDisputed(report, scene);
+  stage.Add("sharing_disputed", is_sharing_disputed);
   ImproveRelativePoses(scene.foreign, run, scene);
-  if (calibrated.empty()) return;
+  if (calibrated.empty()) return is_sharing_disputed;
   const std::vector<ViewEdge> before =
       TakeFocals(report.cameras, ReadGeometriesOf(calibrated, scene), calibrated, run, scene);
   TakeBackRejected(report.cameras, calibrated, before, stage, scene);
+  return is_sharing_disputed;
 }
 
 }  // namespace cairn

@@ -127,64 +127,50 @@ class CalibrationSearch {
   StageReport choice_;  // a message for each calibration
 };
 
-// Finds calibrations of the scene.
-class Calibrator {
- public:
-  Calibrator(const ReconstructSettings& settings, const RunContext& run, RunReport& report,
-             SceneData& scene)
-      : settings_(settings), run_(run), report_(report), scene_(scene) {}
-
-  // By the pairs.
-  void Calibrate() {
-    if (scene_.poses_alone) return;
-    const FocalCalibrationOptions& options = settings_.focal_calibration;
-    if (options.enabled && scene_.constant_cameras.size() < scene_.cameras.size()) {
-      RunStage stage(report_, run_.monitor, "focal_calibration");
-      CalibrateSceneFocals(options, run_, stage, scene_);
-    } else {
-      ImproveRelativePoses(scene_.foreign, run_, scene_);
-    }
+// Calibrates the scene by its pairs. Returns whether these dispute the cameras that images share.
+bool Calibrate(const FocalCalibrationOptions& options, const RunContext& run, RunReport& report,
+               SceneData& scene) {
+  if (scene.poses_alone) return false;
+  if (options.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
+    RunStage stage(report, run.monitor, "focal_calibration");
+    return CalibrateSceneFocals(options, run, stage, scene);
   }
+  ImproveRelativePoses(scene.foreign, run, scene);
+  return false;
+}
 
-  // Gives the images of each group the median of their cameras.
-  void Share(const std::vector<std::set<image_t>>& groups) {
-    std::string shared;
-    for (const std::set<image_t>& images : groups) {
-      std::vector<Camera> cameras;
-      for (const image_t id : images) cameras.push_back(scene_.CameraOf(id));
-      ShareCamera(images, MedianCamera(std::move(cameras)), run_, scene_);
-      shared += (shared.empty() ? "one camera for " : ", one for ") +
-                std::to_string(images.size()) + " images";
-    }
-    if (!shared.empty()) scene_.origin = shared;
+// Gives the images of each group the median of their cameras.
+void Share(const std::vector<std::set<image_t>>& groups, const RunContext& run, SceneData& scene) {
+  std::string shared;
+  for (const std::set<image_t>& images : groups) {
+    std::vector<Camera> cameras;
+    for (const image_t id : images) cameras.push_back(scene.CameraOf(id));
+    ShareCamera(images, MedianCamera(std::move(cameras)), run, scene);
+    shared += (shared.empty() ? "one camera for " : ", one for ") + std::to_string(images.size()) +
+              " images";
   }
-
- private:
-  const ReconstructSettings& settings_;
-  const RunContext& run_;
-  RunReport& report_;
-  SceneData& scene_;
-};
+  if (!shared.empty()) scene.origin = shared;
+}
 
 // Where no earlier model tells the calibration. `of_one`: groups of images, likely of one camera
 // each.
 PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
                              const ReconstructSettings& settings, const RunContext& run,
-                             Calibrator& calibrator, SceneData& scene) {
+                             RunReport& report, SceneData& scene) {
   Calibration& calibration = scene;
   std::optional<Calibration> stored;
   const auto refines_exif = [&](const auto& entry) { return RefinesExif(entry.second, scene); };
   if (std::ranges::any_of(scene.cameras, refines_exif)) stored = scene;
   CalibrationSearch search(settings, run, scene);
   const auto calibrate_and_try = [&] {
-    calibrator.Calibrate();
+    const bool is_disputed = Calibrate(settings.focal_calibration, run, report, scene);
     search.Try();
+    return is_disputed;
   };
   if (!of_one.empty()) {
     Calibration separate = scene;
-    calibrator.Share(of_one);
-    calibrate_and_try();
-    const bool is_disputed = scene.is_sharing_disputed;
+    Share(of_one, run, scene);
+    const bool is_disputed = calibrate_and_try();
     calibration = std::move(separate);
     if (is_disputed || search.SeparatePays()) calibrate_and_try();
   } else {
@@ -192,11 +178,11 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
   }
   if (!search.best().left_exif.empty()) {
     calibration = std::move(*stored);
-    calibrator.Share(of_one);
+    Share(of_one, run, scene);
     // (An observation of bundle adjustment has two coordinates, a match one.)
     HoldExif(search.best().left_exif, settings.focal_calibration.exif_sigma,
              2 * kModelErrors * search.best().result.evidence_nats, scene);
-    calibrator.Calibrate();
+    Calibrate(settings.focal_calibration, run, report, scene);
     search.Try(1 - kModelErrors);
   }
   return search.Finish();
@@ -208,19 +194,18 @@ PartResult ReconstructBest(std::span<const Reconstruction> earlier,
                            const ReconstructSettings& settings, const RunContext& run,
                            SceneData& scene) {
   RunReport before;  // the models
-  Calibrator calibrator(settings, run, before, scene);
   std::vector<std::set<image_t>> of_one;
   if (settings.reconstruct.share_camera && !scene.poses_alone) of_one = LikelyOfOneCamera(scene);
   scene.origin = "the cameras of the database";
   PartResult result;
   if (earlier.empty()) {
-    result = SearchCalibration(of_one, settings, run, calibrator, scene);
+    result = SearchCalibration(of_one, settings, run, before, scene);
   } else {
     std::erase_if(of_one, [&](const std::set<image_t>& images) {
       return !AgreeWithOneCamera(earlier, images, scene);
     });
-    calibrator.Share(of_one);
-    calibrator.Calibrate();
+    Share(of_one, run, scene);
+    Calibrate(settings.focal_calibration, run, before, scene);
     const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, before);
     if (before.Succeeded()) {
       result = ReconstructCalibrated(scene, adopted, settings, run).result;

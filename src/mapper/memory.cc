@@ -149,6 +149,18 @@ class BundleBudget {
   int64_t limit_bytes_ = 0;
 };
 
+// Peak memory, bytes, from reading such a database until there are tracks.
+int64_t EstimateSceneBytes(const SceneCounts& counts) {
+  // A keypoint: pixel, scale, the first one at its position; of tracks its node, element, parent
+  // and next one; again in the model with the point it shows.
+  constexpr int64_t kKeypoint = 16 + 4 + 4 + 4 + 8 + 4 + 4 + 16 + 8;
+  // An edge in the scene, before calibration, in the graph, and copies of a component and of its
+  // model; in the map of matches.
+  constexpr int64_t kPair = 5 * sizeof(ViewEdge) + 96;
+  return counts.num_keypoints * kKeypoint + counts.num_pairs * kPair +
+         counts.num_matches * static_cast<int64_t>(sizeof(FeatureMatch));
+}
+
 }  // namespace
 
 bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, RunStage& stage) {
@@ -183,17 +195,6 @@ int NumPartsSideBySide(int64_t bytes, const ReconstructOptions& options, int num
   const MemoryUse use = ReadMemoryUse();
   const int64_t left = MemoryLimit(options, use) - std::max<int64_t>(0, use.resident);
   return static_cast<int>(std::clamp<int64_t>(left / bytes, 1, EffectiveNumThreads(num_threads)));
-}
-
-int64_t EstimateSceneBytes(const SceneCounts& counts) {
-  // A keypoint: pixel, scale, the first one at its position; of tracks its node, element, parent
-  // and next one; again in the model with the point it shows.
-  constexpr int64_t kKeypoint = 16 + 4 + 4 + 4 + 8 + 4 + 4 + 16 + 8;
-  // An edge in the scene, before calibration, in the graph, and copies of a component and of its
-  // model; in the map of matches.
-  constexpr int64_t kPair = 5 * sizeof(ViewEdge) + 96;
-  return counts.num_keypoints * kKeypoint + counts.num_pairs * kPair +
-         counts.num_matches * static_cast<int64_t>(sizeof(FeatureMatch));
 }
 
 bool FitTracksToMemory(StageContext& context, const Reconstruction& model,

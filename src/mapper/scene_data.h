@@ -24,8 +24,7 @@ struct Calibration {
   std::map<camera_t, Camera> cameras;
   std::map<image_t, Image> images;
   std::vector<ViewEdge> edges;
-  std::map<image_t, camera_t> stored_cameras;  // of images that share one by ShareCamera
-  bool is_sharing_disputed = false;  // pairs do not agree on the focal length of such a camera
+  std::map<image_t, camera_t> stored_cameras;         // of images that share one by ShareCamera
   std::map<camera_t, CalibratedFocal> exif_by_pairs;  // what pairs found in place of EXIF's
   std::map<camera_t, double> held_focals;  // standard deviations, as logarithms (HoldExif)
   std::string origin;                      // in words

@@ -35,8 +35,6 @@ struct SceneCounts {
   int64_t num_pairs = 0;
   int64_t num_matches = 0;  // inliers
 };
-// Peak memory, bytes, from reading such a database until there are tracks.
-int64_t EstimateSceneBytes(const SceneCounts& counts);
 // False: there is not so much memory, and the report has the failure, before anything is read.
 bool FitsToRead(const SceneCounts& counts, const ReconstructOptions& options, RunStage& stage);
 // Predicts the peak memory of RefineModel with these tracks. Where it is more than there is
@@ -104,7 +102,8 @@ PartResult ReconstructBest(std::span<const Reconstruction> earlier,
 // matrices determine, unless loops of rotations then close worse than before, and reports what
 // became of each camera.
 // Improves the poses of the scene's `foreign` edges, and of all whose focal lengths changed.
-void CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunContext& run,
+// Returns whether the pairs tell that a camera which images share is more than one.
+bool CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunContext& run,
                           Stage& stage, SceneData& scene);
 // The geometries of the edges of these cameras.
 std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,

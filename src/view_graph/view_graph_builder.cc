@@ -8,13 +8,17 @@
 #include "view_graph/active_edges.h"
 
 namespace cairn {
+namespace {
 
+// Where inliers were counted, not in EdgeSource::kDataset (kTooFewInliers).
 void RemoveWeakEdges(int min_num_inliers, ViewGraph& graph) {
   for (ViewEdge& edge : graph.edges) {
     if (!edge.IsActive() || edge.source == EdgeSource::kDataset) continue;
     if (edge.num_inliers < min_num_inliers) edge.removal = EdgeRemoval::kTooFewInliers;
   }
 }
+
+}  // namespace
 
 std::optional<Eigen::Quaterniond> RelativeRotation(
     const ViewEdge& edge, const std::map<image_t, Eigen::Quaterniond>& cam_from_world) {

@@ -45,10 +45,6 @@ ViewGraphResult BuildViewGraph(std::vector<image_t> image_ids, std::vector<ViewE
 
 // The single steps. Each looks at active edges only.
 
-// Edges with fewer than min_num_inliers inliers (kTooFewInliers), where these were counted (not in
-// EdgeSource::kDataset).
-void RemoveWeakEdges(int min_num_inliers, ViewGraph& graph);
-
 // The relative rotation of an edge's images by global rotations; nullopt: one of them has none.
 std::optional<Eigen::Quaterniond> RelativeRotation(
     const ViewEdge& edge, const std::map<image_t, Eigen::Quaterniond>& cam_from_world);
