@@ -118,7 +118,6 @@ void WarnOfBlanks(const Reconstruction& reconstruction, ProgressMonitor& monitor
 int Run(const ExportFlags& flags) {
   ConsoleMonitor monitor;
   WarnOfUnfinishedModels(flags.model_path, monitor);
-  WarnOfOtherModels(flags.model_path, "exported", monitor);
   Reconstruction reconstruction = ReadModel(flags.model_path, {.list_path = flags.model_list});
   const bool needs_sizes =
       flags.output_type != "bundler" && flags.output_type != "ply" && flags.output_type != "gltf";
@@ -151,6 +150,7 @@ int Run(const ExportFlags& flags) {
   monitor.Info(std::to_string(reconstruction.images.size()) + " images and " +
                std::to_string(reconstruction.points3D.size()) + " points written as " +
                flags.output_type + " to " + flags.output_path);
+  WarnOfOtherModels(flags.model_path, "exported", monitor);
   return kExitSuccess;
 }
 

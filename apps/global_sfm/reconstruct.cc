@@ -96,14 +96,15 @@ int Run(const Command& command, State& state) {
   if (!earlier.empty()) KeepPlaces(flags.input_path, earlier, result);
   result.report.program = "global_sfm " + state.name;
   // (A run that is stopped has a second to write what there is.)
-  if (flags.report && !monitor.StopRequested()) {
+  const bool leaves_page_out = flags.report && monitor.StopRequested();
+  if (flags.report && !leaves_page_out) {
     result.page = MakeRunPage(database, flags.image_path, result, run);
   }
   const std::string report_path = WriteReconstructResult(
       result, flags.output_path, command.EffectiveToml("refine_intrinsics"), flags.overwrite, run);
   const std::string folder = std::filesystem::path(report_path).parent_path().string();
   std::fputs(DescribeResult(result, folder, run).c_str(), stdout);
-  if (result.report.Succeeded() && flags.report && result.page.empty()) {
+  if (result.report.Succeeded() && leaves_page_out) {
     spdlog::error("stopped by the user before report.html was made; global_sfm report makes it");
     return kExitNoUsableResult;
   }

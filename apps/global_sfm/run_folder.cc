@@ -145,8 +145,13 @@ void WarnOfOtherModels(const std::string& model_path, const std::string& done,
     const std::string name = "sparse/" + std::to_string(k);
     const std::string path = (fs::path(model_path) / name).string();
     if (!IsColmapModel(path)) return;
-    monitor.Warning(name + " with " + std::to_string(ReadColmapModel(path).images.size()) +
-                    " more photographs is not " + done + ": --model_path " + path +
+    std::string photos;
+    try {
+      const size_t num = ReadModel(path, {.read_points = false}).images.size();
+      photos = " with " + std::to_string(num) + " more photographs";
+    } catch (const IoError&) {  // who wants it will hear why
+    }
+    monitor.Warning(name + photos + " is not " + done + ": --model_path " + path +
                     ", with another --output_path");
   }
 }

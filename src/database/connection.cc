@@ -90,10 +90,6 @@ void CreateColmapTables(Database::Impl& impl) {
                    .c_str());
 }
 
-bool ColumnExists(Database::Impl& impl, std::string_view table, std::string_view column) {
-  return Query(impl, "SELECT 1 FROM pragma_table_info(?1) WHERE name = ?2;", table, column).Step();
-}
-
 // The table of two-view geometries, under the name that it has in this file.
 const char* GeometryTable(Database::Impl& impl) {
   constexpr const char* kOldName = "inlier_matches";

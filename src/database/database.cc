@@ -201,8 +201,7 @@ void Database::DeleteImage(image_t image_id) {
       [](const Query& row) { return row.Int<camera_t>(0); });
   if (impl_->has_rigs) DeleteFrame(*impl_, image_id);
   // COLMAP 4.x: positions hang on no row of images, and would be those of the next with this id.
-  if (Query(*impl_, "SELECT 1 FROM pragma_table_info('pose_priors') WHERE name = 'corr_data_id';")
-          .Step()) {
+  if (ColumnExists(*impl_, "pose_priors", "corr_data_id")) {
     Run(*impl_, "DELETE FROM pose_priors WHERE corr_data_id = ?1 AND corr_sensor_type = 0;",
         image_id);
   }

@@ -172,13 +172,13 @@ std::vector<image_pair_t> Database::ReadTwoViewGeometryPairIds() const {
   return IdsWithRows(ReadNumInliers());
 }
 
-std::vector<image_pair_t> Database::ReadPairsWithoutGeometry() const {
-  return ReadRows<std::vector<image_pair_t>>(
-      {*impl_,
-       "SELECT pair_id FROM two_view_geometries WHERE rows > 0"
-       " AND COALESCE(length(F), length(E), length(H), length(qvec), 0) = 0"
-       " AND " CAIRN_SQL_USABLE_PAIR " ORDER BY pair_id;"},
-      [](const Query& row) { return row.Int<image_pair_t>(0); });
+bool Database::HasGeometry(image_pair_t pair_id) const {
+  Query query(*impl_, "SELECT F, E, H, qvec, tvec FROM two_view_geometries WHERE pair_id = ?1;",
+              pair_id);
+  if (!query.Step()) return false;
+  const PairRow row{*impl_, query, RowName("two_view_geometries", pair_id)};
+  return ReadMatrix3d(row, 0, "F") || ReadMatrix3d(row, 1, "E") || ReadMatrix3d(row, 2, "H") ||
+         ReadPose(row, 3);
 }
 
 std::vector<image_pair_t> Database::ReadPairsToVerify() const {

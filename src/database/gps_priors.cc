@@ -8,15 +8,11 @@
 namespace cairn {
 namespace {
 
-bool HasColumn(Database::Impl& impl, const char* table, const char* column) {
-  return Query(impl, "SELECT 1 FROM pragma_table_info(?1) WHERE name = ?2;",
-               std::string_view(table), std::string_view(column))
-      .Step();
-}
-
-// Absent unless the numbers can be a place on Earth; COLMAP writes NaN for what it does not know.
+// Absent unless the numbers can be a place on Earth. COLMAP writes NaN for what it does not know,
+// its script database.py zeros.
 std::optional<GpsPosition> PositionOf(double latitude, double longitude, double altitude) {
-  if (!(std::abs(latitude) <= 90) || !(std::abs(longitude) <= 180)) return std::nullopt;
+  const bool is_on_earth = std::abs(latitude) <= 90 && std::abs(longitude) <= 180;
+  if (!is_on_earth || (latitude == 0 && longitude == 0)) return std::nullopt;
   GpsPosition position{latitude, longitude};
   if (std::isfinite(altitude)) position.altitude_m = altitude;
   return position;
@@ -29,7 +25,7 @@ std::map<image_t, GpsPosition> Database::ReadGpsPriors() const {
   const auto add = [&](image_t id, const std::optional<GpsPosition>& position) {
     if (position) positions.insert_or_assign(id, *position);
   };
-  if (HasColumn(*impl_, "images", "prior_tx")) {
+  if (ColumnExists(*impl_, "images", "prior_tx")) {
     Query query(*impl_,
                 "SELECT image_id, prior_tx, prior_ty, prior_tz FROM usable_images "
                 "JOIN images USING (image_id) WHERE prior_tx NOT NULL AND prior_ty NOT NULL AND "
@@ -38,9 +34,9 @@ std::map<image_t, GpsPosition> Database::ReadGpsPriors() const {
       add(query.Int<image_t>(0), PositionOf(query.Double(1), query.Double(2), query.Double(3)));
     }
   }
-  if (!HasColumn(*impl_, "pose_priors", "coordinate_system")) return positions;
+  if (!ColumnExists(*impl_, "pose_priors", "coordinate_system")) return positions;
   // 4.x: of any sensor; 0 is a camera. Coordinate system 0 is WGS84.
-  const bool has_sensors = HasColumn(*impl_, "pose_priors", "corr_data_id");
+  const bool has_sensors = ColumnExists(*impl_, "pose_priors", "corr_data_id");
   Query query(*impl_, has_sensors ? "SELECT corr_data_id, position FROM pose_priors WHERE "
                                     "coordinate_system = 0 AND corr_sensor_type = 0;"
                                   : "SELECT image_id, position FROM pose_priors WHERE "
@@ -55,10 +51,17 @@ std::map<image_t, GpsPosition> Database::ReadGpsPriors() const {
   return positions;
 }
 
-void Database::WriteGpsPrior(image_t image_id, const GpsPosition& position) {
-  if (!position.altitude_m || !HasColumn(*impl_, "images", "prior_tx")) return;
+void Database::WriteGpsPrior(image_t image_id, const std::optional<GpsPosition>& position) {
+  if (!ColumnExists(*impl_, "images", "prior_tx")) return;
+  if (!position || !position->altitude_m) {
+    Run(*impl_,
+        "UPDATE images SET prior_tx = NULL, prior_ty = NULL, prior_tz = NULL "
+        "WHERE image_id = ?1;",
+        image_id);
+    return;
+  }
   Run(*impl_, "UPDATE images SET prior_tx = ?2, prior_ty = ?3, prior_tz = ?4 WHERE image_id = ?1;",
-      image_id, position.latitude_deg, position.longitude_deg, *position.altitude_m);
+      image_id, position->latitude_deg, position->longitude_deg, *position->altitude_m);
 }
 
 }  // namespace cairn

@@ -112,4 +112,8 @@ MatrixBlob ReadMatrixBlob(const Database::Impl& impl, const Query& query, size_t
   return matrix;
 }
 
+bool ColumnExists(Database::Impl& impl, std::string_view table, std::string_view column) {
+  return Query(impl, "SELECT 1 FROM pragma_table_info(?1) WHERE name = ?2;", table, column).Step();
+}
+
 }  // namespace cairn

@@ -85,6 +85,8 @@ class Query {
   sqlite3_stmt* statement_;
 };
 
+bool ColumnExists(Database::Impl& impl, std::string_view table, std::string_view column);
+
 // A statement that gives no rows.
 template <class... Values>
 void Run(Database::Impl& impl, const char* sql, const Values&... values) {

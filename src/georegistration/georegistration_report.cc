@@ -117,7 +117,7 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
                         "see the formats of --gps_path and --gcp_path, and the names in them"});
     return warnings;
   }
-  warn("positions far from where the others put them, not used", WrongOf(found),
+  warn("positions far from where the others put them, which hardly count", WrongOf(found),
        "georegistration.json says how far");
   if (!found.by_control_points) {
     warn("altitudes, which most positions do not have, not used", found.unused_altitudes, "");
@@ -147,7 +147,7 @@ std::vector<std::string> DescribeResiduals(const Georegistration& georegistratio
     const Eigen::Vector3d off = -image.residual;
     lines.push_back(image.name + Formatted(": %.2f m east, %.2f m north", off.x(), off.y()) +
                     (image.gps.altitude_m ? Formatted(", %.2f m up", off.z()) : "") +
-                    " of where the others put it (wrong: not used)");
+                    " of where the others put it (wrong: it hardly counts)");
   }
   for (const GeoregisteredPoint& point : georegistration.points) {
     const bool has_height = georegistration.tilt_source == TiltSource::kAltitudes;

@@ -249,8 +249,8 @@ double FocalProblem::ProfileSigma(int camera, const State& best, double excess) 
   constexpr double kSigmas = 3;
   constexpr double kStep = 0.075;
   constexpr int kNumSteps = 26;  // to a seventh and to seven times the nominal focal length
+  State x = best;
   const auto cost_at = [&](double log_focal) {
-    State x = best;
     x[camera] = log_focal;
     return FitPrincipalPoint(camera, x);
   };
@@ -260,7 +260,8 @@ double FocalProblem::ProfileSigma(int camera, const State& best, double excess) 
     const double distance = std::abs(kStep * k - best[camera]);
     if (distance > farthest && cost_at(kStep * k) <= largest) farthest = distance;
   }
-  return farthest / kSigmas;
+  // (The prior's loss is robust.)
+  return std::min(farthest / kSigmas, prior_sigmas_[camera]);
 }
 
 FocalSolution FocalProblem::Solve(int num_threads) const {

@@ -69,10 +69,10 @@ class FocalProblem {
   void Search(int num_threads, State& x) const;
   // Levenberg-Marquardt with Sigma updated between its rounds.
   void Refine(State& x) const;
-  // Of the camera's log focal length, by how far off one may be before it costs three standard
-  // deviations more than the best (profile likelihood: Venzon and Moolgavkar 1988). The curvature
-  // at the best does not see that a long lens costs hardly more elsewhere. `excess`: of squared
-  // errors.
+  // Of the camera's log focal length, by how far off one may be, with the principal point that
+  // suits it and the other cameras as they are, before it costs three standard deviations more than
+  // the best (profile likelihood: Venzon and Moolgavkar 1988). The curvature at the best does not
+  // see that a long lens costs hardly more elsewhere. `excess`: of squared errors.
   double ProfileSigma(int camera, const State& best, double excess) const;
   // Gauss-Newton normal equations with given inverse covariances of the terms.
   SparseNormals Linearize(const State& x, const std::vector<Eigen::Matrix2d>& information) const;

@@ -53,10 +53,16 @@ bool IsHeader(TextReader& reader) {
         return TextReader::ToDouble(Trimmed(word)).has_value();
       });
   if (!is_header) return false;
-  const auto begins = [&](size_t k, std::string_view name) {
-    return Lowercase(std::string(Trimmed(words[k]))).starts_with(name);
+  const auto begins = [&](std::string_view word, std::string_view name) {
+    word = Trimmed(word);
+    if (word.starts_with('"')) word.remove_prefix(1);
+    return Lowercase(std::string(word)).starts_with(name);
   };
-  if (begins(0, "lat") || begins(0, "lon") || begins(1, "lon") || begins(2, "lat")) {
+  const auto names_axis = [&](std::string_view word) {
+    return begins(word, "lat") || begins(word, "lon");
+  };
+  if (std::ranges::any_of(words, names_axis) &&
+      !(begins(words[1], "lat") && begins(words[2], "lon"))) {
     reader.Fail("its columns are in another order than name,latitude,longitude");
   }
   return true;

@@ -55,7 +55,8 @@ ImageColors ReadColors(const std::string& folder, const Camera& camera,
 
 }  // namespace
 
-void ColorPoints(StageContext& context, const std::string& image_path, Reconstruction& model) {
+std::vector<std::string> ColorPoints(StageContext& context, const std::string& image_path,
+                                     Reconstruction& model) {
   ModelStage stage(context, "colors", static_cast<int64_t>(model.images.size()));
   std::vector<const RegisteredImage*> images;
   for (const auto& [id, image] : model.images) images.push_back(&image);
@@ -86,14 +87,9 @@ void ColorPoints(StageContext& context, const std::string& image_path, Reconstru
     }
   }
   stage.WarnEach(skipped);
-  if (!skipped.empty()) {
-    stage.RecordWarning(ResultWarning{std::to_string(skipped.size()) + " of " +
-                                          std::to_string(images.size()) +
-                                          " photographs gave no colors: " + skipped.front(),
-                                      "is --image_path the folder of the database's photographs?"});
-  }
   stage.Add("images_read", images.size() - skipped.size());
   stage.Add("points_colored", num_colored);
+  return skipped;
 }
 
 }  // namespace cairn

@@ -10,9 +10,9 @@
 namespace cairn {
 namespace {
 
-// Wrong positions of images are only nearly so where the model bends: `with_wrong`, they count as
-// good as they are. That pulls the ends of a strip straight, and nothing else by more than a
-// standard deviation.
+// Positions of images look wrong, too, where the model bends: `with_wrong`, those count with a
+// third of their residual for a standard deviation. That pulls the ends of a strip straight, and
+// moves nothing that the photographs hold.
 PlacePriors PriorsOf(const Georegistration& found, bool with_wrong) {
   PlacePriors priors;
   for (const GeoregisteredPoint& point : found.points) {
@@ -69,18 +69,26 @@ Reconstruction AdjustedTo(StageContext& context, const Georegistration& found,
 }
 
 // How good positions are whose precision nobody states: as good as they agree with a model that is
-// adjusted to every second one alone. With one that is adjusted to all, they agree too well.
-double HeldOutSigmaM(StageContext& context, const Georegistration& found, Reconstruction placed) {
-  PlacePriors priors = PriorsOf(found, true);
-  std::vector<const GeoregisteredImage*> held_out;
-  for (size_t i = 0; i < found.images.size(); i += 2) {
-    if (found.images[i].is_wrong || found.images[i].is_sigma_given) continue;
-    held_out.push_back(&found.images[i]);
-    priors.images.erase(found.images[i].image_id);
-  }
-  AdjustWithPriors(context, priors, placed);
+// adjusted to the others and to every second of them alone. With one that is adjusted to all, they
+// agree too well. nullopt: too few would be left for either.
+std::optional<double> HeldOutSigmaM(StageContext& context, const Georegistration& found,
+                                    Reconstruction placed) {
+  constexpr size_t kMinNum = 3;
   // Medians of the squared length of three normal coordinates, and of two.
   constexpr double kMedian3D = 2.366, kMedian2D = 1.386;
+  PlacePriors priors = PriorsOf(found, true);
+  std::vector<const GeoregisteredImage*> held_out;
+  size_t num_right = 0;
+  bool holds_out = false;
+  for (const GeoregisteredImage& image : found.images) {
+    if (image.is_wrong) continue;
+    ++num_right;
+    if (image.is_sigma_given || !(holds_out = !holds_out)) continue;
+    held_out.push_back(&image);
+    priors.images.erase(image.image_id);
+  }
+  if (held_out.size() < kMinNum || num_right - held_out.size() < kMinNum) return std::nullopt;
+  AdjustWithPriors(context, priors, placed);
   std::vector<double> variances;
   for (const GeoregisteredImage* image : held_out) {
     const auto adjusted = placed.images.find(image->image_id);
@@ -89,8 +97,8 @@ double HeldOutSigmaM(StageContext& context, const Georegistration& found, Recons
     if (!image->gps.altitude_m) residual.z() = 0;
     variances.push_back(residual.squaredNorm() / (image->gps.altitude_m ? kMedian3D : kMedian2D));
   }
-  return variances.empty() ? std::numeric_limits<double>::infinity()
-                           : std::sqrt(UpperMedian(std::move(variances)));
+  if (variances.empty()) return std::nullopt;
+  return std::max(std::sqrt(UpperMedian(std::move(variances))), kControlPointSigmaM);
 }
 
 // A model in meters, adjusted to known positions. Where a model bends, right control points at its
@@ -113,22 +121,20 @@ Reconstruction AdjustTo(StageContext& context, const Georegistration& found,
   return AdjustedTo(context, found, placed);
 }
 
-// Gives positions without a stated precision what held-out ones show, unless the last round
-// (sigma_m), or, in the first, the residuals show less.
-void SetUnstatedSigmas(StageContext& context, const Reconstruction& placed, double& sigma_m,
-                       Georegistration& found) {
-  if (found.by_control_points) return;
-  std::vector<GeoregisteredImage*> unstated;
-  for (GeoregisteredImage& image : found.images) {
-    if (!image.is_sigma_given) unstated.push_back(&image);
-  }
-  if (unstated.empty()) return;
-  const auto set = [&](double new_sigma_m) {
-    sigma_m = std::min(sigma_m, new_sigma_m);
-    for (GeoregisteredImage* image : unstated) image->sigma_m = sigma_m;
+// Gives positions without a stated precision what held-out ones show, but not more than in the last
+// round (sigma_m).
+void SetUnstatedSigmas(StageContext& context, const Reconstruction& placed,
+                       std::optional<double>& sigma_m, Georegistration& found) {
+  const auto set = [&] {
+    for (GeoregisteredImage& image : found.images) {
+      if (!image.is_sigma_given && sigma_m) image.sigma_m = *sigma_m;
+    }
   };
-  set(std::isfinite(sigma_m) ? sigma_m : unstated.front()->sigma_m);
-  set(std::max(HeldOutSigmaM(context, found, placed), kControlPointSigmaM));
+  if (found.by_control_points) return;
+  set();
+  const std::optional<double> shown_m = HeldOutSigmaM(context, found, placed);
+  if (shown_m) sigma_m = std::min(sigma_m.value_or(*shown_m), *shown_m);
+  set();
 }
 
 void ReportPlace(const Georegistration& found, Stage& stage) {
@@ -149,9 +155,16 @@ void ReportPlace(const Georegistration& found, Stage& stage) {
 
 }  // namespace
 
-void CheckPlaceOptions(const PlaceOptions& places) {
+void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path,
+                       const Database& database) {
   if (!places.gps_path.empty() && !places.use_gps) {
     throw ConfigError("gps_path", "is read with --use_gps 1 only");
+  }
+  if (places.use_gps && places.gps_path.empty() && image_path.empty() &&
+      database.ReadGpsPriors().empty()) {
+    throw ConfigError("use_gps",
+                      "needs gps_path, image_path with photographs that have GPS, or a database "
+                      "with their positions");
   }
 }
 
@@ -170,12 +183,7 @@ std::shared_ptr<const KnownPositions> ReadPlaces(const Database& database, const
     for (const auto& [id, position] : database.ReadGpsPriors()) {
       const auto image = scene.images.find(id);
       if (image != scene.images.end())
-        known.images.try_emplace(image->second.name).first->second.position = position;
-    }
-    if (known.images.empty() && image_path.empty()) {
-      throw ConfigError("use_gps",
-                        "needs gps_path, image_path with photographs that have GPS, or a database "
-                        "with their positions");
+        known.images.try_emplace(image->second.name, GpsRow{position});
     }
   }
   if (!places.gcp_path.empty()) {
@@ -209,7 +217,7 @@ void AdjustToPlaces(StageContext& context, Reconstruction& model) {
   const ReconstructOptions& options = context.settings.reconstruct;
   if (!context.scene.places || model.points3D.empty()) return;
   double last_residual_m = std::numeric_limits<double>::infinity();
-  double sigma_m = std::numeric_limits<double>::infinity();  // of positions without one
+  std::optional<double> sigma_m;  // of positions without one
   int64_t last_num_wrong = std::numeric_limits<int64_t>::max();
   for (int i = 0; i < options.max_rounds && !context.run.monitor.StopRequested(); ++i) {
     Georegistration found = Georegister(model, *context.scene.places, context.run);
@@ -240,8 +248,7 @@ void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResul
     for (ResultWarning& warning : WarningsOf(found)) {
       warning.what = "sparse/" + std::to_string(k) + " (" + std::to_string(model.images.size()) +
                      " images): " + warning.what;
-      stage.RecordWarning(warning.what);
-      result.report.warnings.push_back(std::move(warning));
+      stage.RecordWarning(warning);
     }
     const bool is_placed = found.status == GeoregistrationStatus::kOk;
     if (is_placed) {

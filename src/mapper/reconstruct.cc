@@ -1,6 +1,7 @@
 #include "cairn/mapper/reconstruct.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "base/memory.h"
 #include "cairn/base/timer.h"
@@ -14,10 +15,17 @@ void ColorModels(const SceneData& scene, const std::string& image_path,
                  const ReconstructSettings& settings, const RunContext& run,
                  ReconstructResult& result) {
   StageContext context{scene, settings, run, result.report};
+  std::vector<std::string> skipped;
   for (Reconstruction& model : result.models) {
-    if (!model.points3D.empty()) ColorPoints(context, image_path, model);
+    if (!model.points3D.empty()) {
+      std::ranges::move(ColorPoints(context, image_path, model), std::back_inserter(skipped));
+    }
     ++context.model;
   }
+  if (skipped.empty()) return;
+  result.report.warnings.push_back(
+      {std::to_string(skipped.size()) + " photographs gave no colors: " + skipped.front(),
+       "is --image_path the folder of the database's photographs?"});
 }
 
 }  // namespace
@@ -72,7 +80,7 @@ ReconstructResult Reconstruct(const Database& database, const std::string& image
   ReconstructSettings(settings).VisitModules(
       [](const char* module, auto& options) { ValidateOptions(options, module); });
   if (!image_path.empty()) CheckImageFolder(image_path);
-  CheckPlaceOptions(settings.places);
+  CheckPlaceOptions(settings.places, image_path, database);
   const Timer timer;
   RunReport read;
   SceneData scene = ReadSceneData(database, settings, run, read);

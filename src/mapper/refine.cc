@@ -149,8 +149,9 @@ Camera ByLens(const Camera& camera, CameraModel lens) {
   Camera other =
       Camera::FromFocal(camera.camera_id, lens, camera.MeanFocal(), camera.width, camera.height);
   other.has_prior_focal_length = camera.has_prior_focal_length;
-  for (int i = 0; i < 2; ++i) {
-    other.params[other.PrincipalPointIndices()[i]] = camera.PrincipalPoint()[i];
+  const std::vector<int> indices = other.PrincipalPointIndices();  // EQUIRECTANGULAR: none
+  for (size_t i = 0; i < indices.size(); ++i) {
+    other.params[indices[i]] = camera.PrincipalPoint()[static_cast<Eigen::Index>(i)];
   }
   return other;
 }

@@ -398,8 +398,9 @@ bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,
 
 // places.cc
 // Throws ConfigError.
-void CheckPlaceOptions(const PlaceOptions& places);
-// nullptr: none are to be used. Throws ConfigError where nothing can have positions.
+void CheckPlaceOptions(const PlaceOptions& places, const std::string& image_path,
+                       const Database& database);
+// nullptr: none are to be used.
 std::shared_ptr<const KnownPositions> ReadPlaces(const Database& database, const SceneData& scene,
                                                  const PlaceOptions& places,
                                                  const std::string& image_path,
@@ -437,6 +438,8 @@ std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction
                                      Reconstruction& model);
 
 // colors.cc
-void ColorPoints(StageContext& context, const std::string& image_path, Reconstruction& model);
+// From the photographs. Returns why some gave none, a line each.
+std::vector<std::string> ColorPoints(StageContext& context, const std::string& image_path,
+                                     Reconstruction& model);
 
 }  // namespace cairn

@@ -51,6 +51,8 @@ def test_matches_name_rows_of_keypoints():
     np.testing.assert_array_equal(report.geometry.inlier_matches, matches[report.inliers])
     with pytest.raises(cairn.ConfigError, match="matches: there is no row 400 of points1, which has 400"):
         cairn.verify_pair(**keypoints, matches=[[400, 0]])
+    with pytest.raises(cairn.ConfigError, match="depths1: "):
+        cairn.verify_pair(**{**keypoints, "depths1": keypoints["depths1"][:7]}, matches=matches)
     assert cairn.verify_pair(**keypoints, matches=np.zeros((0, 2), int)).status == "too_few_matches"
 
 

@@ -168,6 +168,10 @@ def test_wrong_values_are_named(tmp_path):
         model.add_image(cairn.Image("a.jpg", camera_id=5, image_id=9))
     with pytest.raises(cairn.ConfigError, match="track: keypoint 3 of image 2 is absent or shows a point"):
         model.add_point3D([0, 0, 0], [(2, 3)])
+    with pytest.raises(cairn.ConfigError, match=r"track: \(1, 2, 3\) is no pair"):
+        model.add_point3D([0, 0, 0], [(1, 2, 3)])
+    with pytest.raises(cairn.ConfigError, match="priors: "):
+        cairn.adjust_bundle(model, priors={1: 5})
     with pytest.raises(cairn.ConfigError, match="xyz: is not finite"):
         model.add_point3D([0, np.nan, 0], [])
     with pytest.raises(cairn.ConfigError, match="xyz: is not finite"):

@@ -52,7 +52,11 @@ BundleAdjustmentReport Adjust(Reconstruction& reconstruction, bool rotations, bo
   scope.principal_points = principal_points;
   scope.fixed_cameras = ToIds("fixed_cameras", "camera", fixed_cameras, reconstruction.cameras);
   scope.fixed_images = ToIds("fixed_images", "image", fixed_images, reconstruction.images);
-  scope.priors = py::dict(given_priors).cast<Priors>();
+  try {
+    scope.priors = py::dict(given_priors).cast<Priors>();
+  } catch (const py::cast_error&) {
+    throw ConfigError("priors", "not all are an IntrinsicsPrior by camera id");
+  }
   CheckPriors(scope.priors, reconstruction.cameras);
   const auto settings = ToOptions<BundleAdjustmentOptions>(options);
   return ResultOfStep("adjust_bundle", {0, num_threads, progress}, [&](const RunContext& run) {

@@ -184,11 +184,6 @@ FocalCalibrationReport Focals(const std::vector<Camera>& cameras,
     if (by_id.emplace(camera.camera_id, camera).second) continue;
     throw ConfigError("cameras", "two have the id " + std::to_string(camera.camera_id));
   }
-  for (const FocalPair& pair : pairs) {
-    for (const camera_t id : {pair.camera_id1, pair.camera_id2}) {
-      CheckIsThere("pairs", "camera", id, by_id);
-    }
-  }
   const std::set<camera_t> trusted_ids = ToIds("trusted", "camera", trusted, by_id);
   const auto settings = ToOptions<FocalCalibrationOptions>(options);
   return ResultOfStep("calibrate_focals", {0, num_threads, progress}, [&](const RunContext& run) {

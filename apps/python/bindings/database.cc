@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <thread>
 
@@ -20,25 +21,37 @@ namespace cairn::python {
 namespace {
 
 // A database that `with` closes, and a transaction that is open, both of one thread: writes of
-// another would be part of the transaction. What may wait for a lock waits without the
-// interpreter's, which the thread that holds it may need.
+// another would be part of the transaction. Calls wait for locks of the file without the
+// interpreter's, which the thread that holds one may need.
 struct OpenDatabase {
   std::optional<Database> database;
   std::unique_ptr<Database::Transaction> transaction;
   std::thread::id thread = std::this_thread::get_id();
 };
 
+void CheckThread(const OpenDatabase& self) {
+  if (self.thread == std::this_thread::get_id()) return;
+  throw ConfigError("database", "was opened by another thread; each opens the file for itself");
+}
+
 Database& In(OpenDatabase& self) {
+  CheckThread(self);
   if (!self.database) throw ConfigError("database", "is closed");
-  if (self.thread != std::this_thread::get_id()) {
-    throw ConfigError("database", "was opened by another thread; each opens the file for itself");
-  }
   return *self.database;
 }
 
 void Close(OpenDatabase& self) {
+  CheckThread(self);
   self.transaction.reset();
   self.database.reset();
+}
+
+// What a function reads.
+template <class Read>
+auto ReadFrom(OpenDatabase& self, const Read& read) {
+  Database& database = In(self);
+  const UnlockedUnlessEnding unlocked;
+  return read(database);
 }
 
 // The writes within `with database.transaction():`.
@@ -49,13 +62,14 @@ struct TransactionScope {
 void Begin(TransactionScope& scope) {
   Database& database = In(scope.self);
   if (scope.self.transaction) throw ConfigError("transaction", "one is open already");
-  const Unlocked unlocked;
+  const UnlockedUnlessEnding unlocked;
   scope.self.transaction = std::make_unique<Database::Transaction>(database);
 }
 
 void End(TransactionScope& scope, const py::object& type, const py::object&, const py::object&) {
+  CheckThread(scope.self);
   const bool is_complete = type.is_none();
-  const Unlocked unlocked;
+  const UnlockedUnlessEnding unlocked;
   const auto transaction = std::move(scope.self.transaction);
   if (transaction && is_complete) transaction->Commit();
 }
@@ -68,7 +82,7 @@ std::unique_ptr<Database::Transaction> OwnTransaction(OpenDatabase& self) {
 
 camera_t WriteCamera(OpenDatabase& self, Camera camera) {
   Database& database = In(self);
-  const Unlocked unlocked;
+  const UnlockedUnlessEnding unlocked;
   const auto transaction = OwnTransaction(self);
   if (camera.camera_id == kInvalidCameraId) {
     const std::vector<camera_t> taken = database.ReadTakenCameraIds();
@@ -83,7 +97,7 @@ image_t WriteImage(OpenDatabase& self, const py::object& name, camera_t camera_i
                    std::optional<image_t> image_id) {
   Database& database = In(self);
   const std::string text = FromName(name);
-  const Unlocked unlocked;
+  const UnlockedUnlessEnding unlocked;
   const auto transaction = OwnTransaction(self);
   if (!image_id) image_id = database.ReadLargestTakenImageId() + 1;
   database.WriteImage({*image_id, text, camera_id});
@@ -141,7 +155,7 @@ void WriteMatches(OpenDatabase& self, image_t image_id1, image_t image_id2,
   const image_pair_t pair_id = PairId(image_id1, image_id2);
   FeatureMatches matches = ToMatches(array);
   Database& database = In(self);
-  const Unlocked unlocked;
+  const UnlockedUnlessEnding unlocked;
   CheckPair(database, "matches", image_id1, image_id2, matches);
   if (image_id1 > image_id2) Swap(matches);
   database.WriteMatches(pair_id, matches);
@@ -149,7 +163,8 @@ void WriteMatches(OpenDatabase& self, image_t image_id1, image_t image_id2,
 
 std::optional<py::array_t<uint32_t>> ReadMatches(OpenDatabase& self, image_t image_id1,
                                                  image_t image_id2) {
-  auto matches = In(self).ReadMatches(PairId(image_id1, image_id2));
+  const image_pair_t pair_id = PairId(image_id1, image_id2);
+  auto matches = ReadFrom(self, [&](Database& database) { return database.ReadMatches(pair_id); });
   if (!matches) return std::nullopt;
   if (image_id1 > image_id2) Swap(*matches);
   return FromMatches(std::move(*matches));
@@ -157,7 +172,9 @@ std::optional<py::array_t<uint32_t>> ReadMatches(OpenDatabase& self, image_t ima
 
 std::optional<TwoViewGeometry> ReadGeometry(OpenDatabase& self, image_t image_id1,
                                             image_t image_id2) {
-  auto geometry = In(self).ReadTwoViewGeometry(PairId(image_id1, image_id2));
+  const image_pair_t pair_id = PairId(image_id1, image_id2);
+  auto geometry =
+      ReadFrom(self, [&](Database& database) { return database.ReadTwoViewGeometry(pair_id); });
   if (geometry && image_id1 > image_id2) geometry = Inverted(*geometry);
   return geometry;
 }
@@ -166,7 +183,7 @@ void WriteGeometry(OpenDatabase& self, image_t image_id1, image_t image_id2,
                    const TwoViewGeometry& geometry) {
   const image_pair_t pair_id = PairId(image_id1, image_id2);
   Database& database = In(self);
-  const Unlocked unlocked;
+  const UnlockedUnlessEnding unlocked;
   CheckPair(database, "geometry", image_id1, image_id2, geometry.inlier_matches);
   database.WriteTwoViewGeometry(pair_id, image_id1 > image_id2 ? Inverted(geometry) : geometry);
 }
@@ -181,7 +198,8 @@ py::array_t<uint32_t> PairsOf(const std::vector<image_pair_t>& ids) {
 }
 
 std::optional<py::array_t<float>> ReadKeypoints(OpenDatabase& self, image_t image_id) {
-  auto keypoints = In(self).ReadKeypoints(image_id);
+  auto keypoints =
+      ReadFrom(self, [&](Database& database) { return database.ReadKeypoints(image_id); });
   if (!keypoints) return std::nullopt;
   return MoveToArray<float, 6>(std::move(*keypoints));
 }
@@ -197,7 +215,7 @@ void WriteDescriptors(OpenDatabase& self, image_t image_id, const py::object& va
   const Array<uint8_t> rows(array);
   const auto num_rows = static_cast<size_t>(rows.shape(0));
   Database& database = In(self);
-  const Unlocked unlocked;
+  const UnlockedUnlessEnding unlocked;
   CheckNumRows(database, "descriptors", image_id, num_rows);
   database.WriteDescriptors(image_id, Descriptors::Map(rows.data(), num_rows, kDescriptorSize));
 }
@@ -205,13 +223,14 @@ void WriteDescriptors(OpenDatabase& self, image_t image_id, const py::object& va
 void WriteDepth(OpenDatabase& self, image_t image_id, const Array<float>& array) {
   const std::vector<DepthSample> samples = ToDepthSamples("samples", array);
   Database& database = In(self);
-  const Unlocked unlocked;
+  const UnlockedUnlessEnding unlocked;
   CheckNumRows(database, "samples", image_id, samples.size());
   database.WriteDepthSamples(image_id, samples);
 }
 
 std::optional<py::array_t<float>> ReadDepth(OpenDatabase& self, image_t image_id) {
-  const auto samples = In(self).ReadDepthSamples(image_id);
+  const auto samples =
+      ReadFrom(self, [&](Database& database) { return database.ReadDepthSamples(image_id); });
   if (!samples) return std::nullopt;
   return FromDepthSamples(*samples);
 }
@@ -236,7 +255,7 @@ using DatabaseClass = py::class_<OpenDatabase>;
 OpenDatabase Open(const std::filesystem::path& path, bool read_only) {
   if (path.empty()) throw ConfigError("path", "is empty; ':memory:' is a private database");
   OpenDatabase self;
-  const Unlocked unlocked;
+  const UnlockedUnlessEnding unlocked;
   self.database.emplace(path.string(),
                         read_only ? Database::Mode::kReadOnly : Database::Mode::kCreateOrOpen);
   return self;
@@ -264,11 +283,13 @@ void BindOpening(DatabaseClass& c) {
 void BindImages(DatabaseClass& c) {
   c.def("write_camera", &WriteCamera, py::arg("camera"),
         "Adds or replaces it; one without an id gets the next. Returns the id.")
-      .def("read_cameras", [](OpenDatabase& self) { return In(self).ReadCameras(); })
+      .def("read_cameras",
+           [](OpenDatabase& self) { return ReadFrom(self, std::mem_fn(&Database::ReadCameras)); })
       .def("write_image", &WriteImage, py::arg("name"), py::arg("camera_id"),
            py::arg("image_id") = py::none(),
            "`name`: the path relative to the folder of photographs. Returns the id.")
-      .def("read_images", [](OpenDatabase& self) { return In(self).ReadImages(); });
+      .def("read_images",
+           [](OpenDatabase& self) { return ReadFrom(self, std::mem_fn(&Database::ReadImages)); });
 }
 
 void BindFeatures(DatabaseClass& c) {
@@ -277,7 +298,7 @@ void BindFeatures(DatabaseClass& c) {
        [](OpenDatabase& self, image_t image_id, const Array<float>& keypoints) {
          const std::vector<Keypoint> rows = ToKeypoints(keypoints);
          Database& database = In(self);
-         const Unlocked unlocked;
+         const UnlockedUnlessEnding unlocked;
          database.WriteKeypoints(image_id, rows);
        },
        py::arg("image_id"), py::arg("keypoints"),
@@ -288,7 +309,10 @@ void BindFeatures(DatabaseClass& c) {
            "(n, 128) uint8, a row a keypoint, such as RootSIFT times 512.")
       .def(
           "read_descriptors",
-          [](OpenDatabase& self, image_t image_id) { return In(self).ReadDescriptors(image_id); },
+          [](OpenDatabase& self, image_t image_id) {
+            return ReadFrom(self,
+                            [&](Database& database) { return database.ReadDescriptors(image_id); });
+          },
           py::arg("image_id"))
       .def("write_depth_samples", &WriteDepth, py::arg("image_id"), py::arg("samples"),
            "(n, 3), a row a keypoint: z-depth and its gradient per pixel, NaN where there is none.")
@@ -301,14 +325,18 @@ void BindPairRows(DatabaseClass& c) {
       .def("read_matches", &ReadMatches, py::arg("image_id1"), py::arg("image_id2"))
       .def(
           "matched_pairs",
-          [](OpenDatabase& self) { return PairsOf(In(self).ReadMatchedPairIds()); },
+          [](OpenDatabase& self) {
+            return PairsOf(ReadFrom(self, std::mem_fn(&Database::ReadMatchedPairIds)));
+          },
           "(n, 2) image ids.")
       .def("write_two_view_geometry", &WriteGeometry, py::arg("image_id1"), py::arg("image_id2"),
            py::arg("geometry"))
       .def("read_two_view_geometry", &ReadGeometry, py::arg("image_id1"), py::arg("image_id2"))
       .def(
           "verified_pairs",
-          [](OpenDatabase& self) { return PairsOf(In(self).ReadTwoViewGeometryPairIds()); },
+          [](OpenDatabase& self) {
+            return PairsOf(ReadFrom(self, std::mem_fn(&Database::ReadTwoViewGeometryPairIds)));
+          },
           "(n, 2) image ids.");
 }
 

@@ -13,10 +13,9 @@ namespace {
 
 using Rows = std::vector<point2D_t>;
 
-// The named rows of an argument, of which there may be none.
+// The named rows of an argument.
 template <class Row>
 void TakeRows(const std::string& name, const Rows& indices, std::vector<Row>& rows) {
-  if (rows.empty()) return;
   std::vector<Row> taken;
   for (const point2D_t index : indices) {
     if (index >= rows.size()) {
@@ -37,9 +36,12 @@ struct Side {
     if (frames) SetFrames("frames" + number, *frames);
     if (depths) this->depths = ToDepthSamples("depths" + number, *depths);
     if (!matched) return;
+    const size_t size = this->points.size();
+    if (frames) CheckSize("frames" + number, this->frames.size(), size);
+    if (depths) CheckSize("depths" + number, this->depths.size(), size);
     TakeRows("points" + number, *matched, this->points);
-    TakeRows("frames" + number, *matched, this->frames);
-    TakeRows("depths" + number, *matched, this->depths);
+    if (frames) TakeRows("frames" + number, *matched, this->frames);
+    if (depths) TakeRows("depths" + number, *matched, this->depths);
   }
   MatchedPoints Matched() const { return {camera, points, frames, depths}; }
 

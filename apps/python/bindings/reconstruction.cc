@@ -185,8 +185,13 @@ image_t AddImage(Reconstruction& model, RegisteredImage image) {
 // A TrackElement, or a pair.
 TrackElement ToElement(py::handle given) {
   if (py::isinstance<TrackElement>(given)) return given.cast<TrackElement>();
-  const auto [image_id, index] = given.cast<std::pair<image_t, point2D_t>>();
-  return {image_id, index};
+  try {
+    const auto [image_id, index] = given.cast<std::pair<image_t, point2D_t>>();
+    return {image_id, index};
+  } catch (const py::cast_error&) {
+    throw ConfigError("track", std::string(py::repr(given)) +
+                                   " is no pair of an image id and a keypoint's index");
+  }
 }
 
 point3D_t AddPoint(Reconstruction& model, const Eigen::Vector3d& xyz, const py::iterable& track,

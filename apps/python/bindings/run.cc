@@ -103,6 +103,10 @@ LongCall::LongCall() {
 
 LongCall::~LongCall() { --Calls().num_running; }
 
+UnlockedUnlessEnding::UnlockedUnlessEnding() {
+  if (!Calls().must_stop) unlocked_.emplace();
+}
+
 void StopCallsAtExit() {
   py::module_::import("atexit").attr("register")(py::cpp_function(&StopCalls));
   // A fork has none of the other threads.

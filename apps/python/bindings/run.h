@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <type_traits>
 
 #include "cairn/base/run_context.h"
@@ -36,6 +37,16 @@ class LongCall {
 class Unlocked {
   const LongCall call_;
   const py::gil_scoped_release release_;
+};
+
+// The same of what may wait for another thread, but not for long: it keeps the lock where the end
+// of the interpreter has begun.
+class UnlockedUnlessEnding {
+ public:
+  UnlockedUnlessEnding();
+
+ private:
+  std::optional<Unlocked> unlocked_;
 };
 
 // Makes the end of the interpreter stop long calls and wait for them.

@@ -61,9 +61,9 @@ class Database {
   void WriteImage(const Image& image);
   // COLMAP's prior positions of images, those that are on Earth (WGS84).
   std::map<image_t, GpsPosition> ReadGpsPriors() const;
-  // For COLMAP's spatial matcher and model aligner. Only with an altitude, without which COLMAP has
-  // none, and in the schema of COLMAP up to 3.9, which new databases have.
-  void WriteGpsPrior(image_t image_id, const GpsPosition& position);
+  // For COLMAP's spatial matcher and model aligner: in the schema of COLMAP up to 3.9, which new
+  // databases have. Without an altitude COLMAP has no position.
+  void WriteGpsPrior(image_t image_id, const std::optional<GpsPosition>& position);
   // Removes the image with its features, and its camera if neither another image nor a rig with
   // images has it.
   void DeleteImage(image_t image_id);
@@ -98,8 +98,8 @@ class Database {
   std::optional<FeatureMatches> ReadMatches(image_pair_t pair_id) const;
   void WriteMatches(image_pair_t pair_id, const FeatureMatches& matches);
   std::vector<image_pair_t> ReadTwoViewGeometryPairIds() const;  // ascending, rows with > 0 inliers
-  // Of COLMAP of 2017: inliers, but neither a matrix nor a pose. Ascending.
-  std::vector<image_pair_t> ReadPairsWithoutGeometry() const;
+  // Does its row have a matrix or a pose? Those of COLMAP of 2017 have inliers alone.
+  bool HasGeometry(image_pair_t pair_id) const;
   std::optional<TwoViewGeometry> ReadTwoViewGeometry(image_pair_t pair_id) const;
   void WriteTwoViewGeometry(image_pair_t pair_id, const TwoViewGeometry& geometry);
   // Number of (inlier) matches of every pair that has the row, 0 included, ascending by pair.

@@ -32,6 +32,15 @@ constexpr int64_t kBytesPerKeypoint = sizeof(Keypoint) + sizeof(DepthSample);
 // So many of an image's most-matched pairs are in the first round.
 constexpr int kLikelyPairsPerImage = 5;
 
+// Did the program that verified the pair tell more than its inliers? A damaged row stays.
+bool IsTold(const Database& database, image_pair_t pair) {
+  try {
+    return database.HasGeometry(pair);
+  } catch (const IoError&) {
+    return true;
+  }
+}
+
 // Pairs that are given to the reading thread: those with matches, but not those that another
 // program verified, and told how. Of pairs that are not listed, those of earlier runs: what was
 // found of them may have been undone.
@@ -39,10 +48,8 @@ std::vector<image_pair_t> FindPairs(const Database& database,
                                     const std::vector<std::pair<image_pair_t, int>>& num_matches,
                                     const VerificationInput& input, const StageLedger& ledger) {
   std::vector<image_pair_t> given;
-  const std::vector<image_pair_t> untold = database.ReadPairsWithoutGeometry();
   for (const auto& [pair, num] : database.ReadNumInliers()) {
-    const bool is_told = !std::binary_search(untold.begin(), untold.end(), pair);
-    if (is_told && ledger.Find(pair) == nullptr) given.push_back(pair);
+    if (ledger.Find(pair) == nullptr && (num == 0 || IsTold(database, pair))) given.push_back(pair);
   }
   const MatchOrigins origins(database);
   const auto is_listed = [&](image_pair_t pair) {

@@ -352,13 +352,17 @@ TEST_F(DatabaseTest, IdsOfDeletedImagesAreTaken) {
 TEST_F(DatabaseTest, GpsPriorsAreThoseOfEveryColmap) {
   Database database(Path());
   WriteImages(database, 5);
-  database.WriteGpsPrior(1, {46.5, 7.25, 500.5});
-  database.WriteGpsPrior(2, {46.5, 7.25, {}});  // COLMAP has none without an altitude
+  database.WriteGpsPrior(1, GpsPosition{46.5, 7.25, 500.5});
+  database.WriteGpsPrior(2, GpsPosition{46.5, 7.25, {}});  // COLMAP has none without an altitude
   RunSql(Path(),
-         "UPDATE images SET prior_tx = 1000, prior_ty = 2, prior_tz = 3 WHERE image_id = 3");
+         "UPDATE images SET prior_tx = 1000, prior_ty = 2, prior_tz = 3 WHERE image_id = 3; "
+         "UPDATE images SET prior_tx = 0, prior_ty = 0, prior_tz = 0 WHERE image_id = 4");
   ASSERT_EQ(database.ReadGpsPriors().size(), 1u);
   EXPECT_EQ(database.ReadGpsPriors().at(1).longitude_deg, 7.25);
   EXPECT_EQ(database.ReadGpsPriors().at(1).altitude_m, 500.5);
+  database.WriteGpsPrior(2, GpsPosition{46.5, 7.25, 1});
+  database.WriteGpsPrior(2, std::nullopt);
+  ASSERT_EQ(database.ReadGpsPriors().size(), 1u);
   // 3.10 and 4.x: little-endian doubles 45, 8 and 300; those in meters are of no place on Earth.
   const std::string position = "x'000000000080464000000000000020400000000000C07240'";
   RunSql(Path(),
@@ -376,17 +380,22 @@ TEST_F(DatabaseTest, GpsPriorsAreThoseOfEveryColmap) {
   EXPECT_EQ(database.ReadGpsPriors().at(5).altitude_m, 300);
 }
 
-TEST_F(DatabaseTest, PairsWithoutGeometryAreNamed) {
+TEST_F(DatabaseTest, APairMayHaveInliersAlone) {
   Database database(":memory:");
   WriteImages(database, 3);
   const image_pair_t told = ImagePairToPairId(1, 2), untold = ImagePairToPairId(1, 3);
   database.WriteTwoViewGeometry(told, TestGeometry());
-  TwoViewGeometry inliers_alone;
-  inliers_alone.config = TwoViewConfig::kUncalibrated;
-  inliers_alone.inlier_matches = {{1, 2}};
+  EXPECT_TRUE(database.HasGeometry(told));
+  TwoViewGeometry pose_alone = TestGeometry();
+  for (auto* matrix : {&pose_alone.E, &pose_alone.F, &pose_alone.H}) *matrix = {};
+  database.WriteTwoViewGeometry(told, pose_alone);
+  EXPECT_TRUE(database.HasGeometry(told));
+  TwoViewGeometry inliers_alone = pose_alone;
+  inliers_alone.cam2_from_cam1 = {};
+  inliers_alone.F = Eigen::Matrix3d::Zero();  // as COLMAP 3.8 writes what it does not have
   database.WriteTwoViewGeometry(untold, inliers_alone);
-  database.WriteTwoViewGeometry(ImagePairToPairId(2, 3), {});  // tried without success
-  EXPECT_THAT(database.ReadPairsWithoutGeometry(), ElementsAre(untold));
+  EXPECT_FALSE(database.HasGeometry(untold));
+  EXPECT_FALSE(database.HasGeometry(ImagePairToPairId(2, 3)));
 }
 
 TEST_F(DatabaseTest, DeletedFeaturesTakeTheirPairsAndLeaveImagesAndCameras) {

@@ -168,6 +168,11 @@ TEST(FocalCalibration, FindsWideAngleAndTelephotoLenses) {
     EXPECT_EQ(focal.status, FocalStatus::kCalibrated) << focal_px;
     EXPECT_NEAR(focal.focal_px / focal_px, 1.0, 0.1);
   }
+  // Eight images of the longest are too few.
+  Rig rig({6000}, 8);
+  const auto few = Calibrate(rig.Guesses(1200), rig.AllPairs(0.2)).cameras.at(1);
+  EXPECT_EQ(few.status, FocalStatus::kUndetermined);
+  EXPECT_LT(few.sigma, 0.25);
 }
 
 TEST(FocalCalibration, ExactWithoutNoise) {
@@ -262,10 +267,11 @@ TEST(FocalCalibration, PrincipalPointsOfFixatingCamerasMisleadNobody) {
 }
 
 // Twelve images along a sixth of a circle, whose optical axes nearly meet. By how many standard
-// deviations the focal length is off, over ten seeds, and the smallest deviation.
+// deviations the focal length is off, over ten seeds, and the least and the largest deviation.
 struct ArcResult {
   double worst = 0;
   double smallest_sigma = std::numeric_limits<double>::infinity();
+  double largest_sigma = 0;
 };
 ArcResult CalibrateArcs(double focal_px) {
   ArcResult result;
@@ -288,6 +294,7 @@ ArcResult CalibrateArcs(double focal_px) {
     result.worst =
         std::max(result.worst, std::abs(std::log(focal.focal_px / focal_px)) / focal.sigma);
     result.smallest_sigma = std::min(result.smallest_sigma, focal.sigma);
+    result.largest_sigma = std::max(result.largest_sigma, focal.sigma);
   }
   return result;
 }
@@ -300,6 +307,7 @@ TEST(FocalCalibration, StandardDeviationsAreThoseOfTheErrors) {
   // valley.
   const ArcResult tele = CalibrateArcs(3000);
   EXPECT_LT(tele.worst, 3);
+  EXPECT_LT(tele.largest_sigma, 0.2);
 }
 
 TEST(FocalCalibration, PairsThatContradictEachOtherAreRefused) {

@@ -65,7 +65,8 @@ TEST_F(GpsFileTest, AHeaderIsSkipped) {
     EXPECT_EQ(Read(std::string(header) + "\na.jpg,45,7,300\n").size(), 1u) << header;
   }
   for (const char* header :
-       {"name,longitude,latitude,altitude", "Latitude,Longitude,Image", "name\tLong\tLat"}) {
+       {"name,longitude,latitude,altitude", "Latitude,Longitude,Image", "name\tLong\tLat",
+        "name,altitude,longitude,latitude", "\"name\",\"longitude\",\"latitude\""}) {
     EXPECT_THAT(Message(std::string(header) + "\na.jpg,45,7,300\n"),
                 HasSubstr("gps.txt:1: its columns are in another order"));
   }

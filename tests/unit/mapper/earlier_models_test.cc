@@ -101,6 +101,15 @@ TEST_F(EarlierModelsTest, AreRefinedAloneWhereNothingIsRegistered) {
   EXPECT_LT(difference.angle, 2e-3);
 }
 
+TEST_F(EarlierModelsTest, APanoramaForAPhotographIsNoModel) {
+  for (auto& [id, camera] : model_.cameras) {
+    camera.params = {static_cast<double>(camera.width), static_cast<double>(camera.height)};
+    camera.model = CameraModel::kEquirectangular;
+  }
+  const ReconstructResult result = Continue(database_, {model_});
+  EXPECT_TRUE(result.report.Succeeded()) << result.report.failure;
+}
+
 // Another program numbers images, cameras and keypoints as it likes.
 TEST_F(EarlierModelsTest, AreToldByNameAndBringTheirCameras) {
   Reconstruction other;

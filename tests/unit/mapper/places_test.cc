@@ -178,6 +178,16 @@ TEST_F(ShortStreetTest, PositionsAreAsGoodAsHeldOutOnesShow) {
   EXPECT_LT(unstated_m, 1.2 * BendM(Run(Gps())));
 }
 
+TEST_F(PlacesTest, PositionsOfTheDatabaseCount) {
+  Database database = MakeUnknownLens(scene_);
+  for (const auto& [id, image] : scene_.truth.images) {
+    database.WriteGpsPrior(id, GpsAt(kFrame, kMetersPerUnit * image.cam_from_world.Center()));
+  }
+  ReconstructSettings settings;
+  settings.places.use_gps = true;
+  EXPECT_LT(ErrorM(Reconstruct(database, settings)), 0.5);
+}
+
 TEST_F(PlacesTest, WrongPositionsDoNoHarmAndAreNamed) {
   const std::set<std::string> wrong = WriteGps(1.0, 12);
   const ReconstructResult result = Run(Gps());
@@ -190,7 +200,7 @@ TEST_F(PlacesTest, WrongPositionsDoNoHarmAndAreNamed) {
   EXPECT_EQ(named, wrong);
   ASSERT_EQ(result.report.warnings.size(), 2u);
   EXPECT_THAT(result.report.warnings[0].what,
-              HasSubstr("far from where the others put them, not used (12)"));
+              HasSubstr("far from where the others put them, which hardly count (12)"));
 }
 
 TEST_F(PlacesTest, ControlPointsKeepItStraight) {
