@@ -88,6 +88,18 @@ TEST_F(GeoregisterTest, SigmasWeigh) {
   EXPECT_LT(LargestError(Georegister(model_, {rows_})), 0.5);
 }
 
+// Most are better than they say; the others are as good.
+TEST_F(GeoregisterTest, NothingIsWrongWithinWhatIsStated) {
+  for (const auto& [id, enu] : enu_) {
+    const Eigen::Vector3d error =
+        id % 5 == 0 ? Eigen::Vector3d(0.6, -0.6, 0.6) : Eigen::Vector3d::Zero();
+    rows_[model_.images.at(id).image.name] = {GpsAt(enu + error), 0.5};
+  }
+  EXPECT_THAT(WrongOf(Georegister(model_, {rows_})), IsEmpty());
+  for (auto& [name, row] : rows_) row.sigma_m = 0;
+  EXPECT_THAT(WrongOf(Georegister(model_, {rows_})), Not(IsEmpty()));
+}
+
 TEST_F(GeoregisterTest, TooFewPositionsAreNoResult) {
   while (rows_.size() > 2) rows_.erase(rows_.begin());
   rows_["other.jpg"] = {};
