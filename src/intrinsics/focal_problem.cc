@@ -1,5 +1,6 @@
 #include "intrinsics/focal_problem.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -20,8 +21,7 @@ constexpr double kMaxSquaredError = 9.21;
 constexpr double kModelSigma = 0.005;
 constexpr int kMaxSweeps = 3;
 constexpr int kPointIterations = 3;
-constexpr int kMaxRounds = 4;
-constexpr int kMaxIterations = 30;
+constexpr int kMaxIterations = 100;
 constexpr double kMinRelativeGain = 1e-10;
 // A step that doubles a focal length leaves where the linearization holds.
 constexpr double kMaxStep = 0.7;
@@ -71,16 +71,9 @@ Eigen::Vector4d FocalProblem::PrincipalPoints(const FocalTerm& term, const State
 FocalProblem::Residual FocalProblem::Evaluate(const FocalTerm& term, const State& x) const {
   const KruppaResidual kruppa =
       EvaluateKruppa(term.fit, LogFocals(term, x), PrincipalPoints(term, x));
-  Residual residual{kruppa.value, {}, {term.camera1, term.camera2}};
-  residual.by.leftCols<2>() = kruppa.by_log_focals;
-  for (int k = 0; k < 2; ++k) {
-    const int camera = k == 0 ? term.camera1 : term.camera2;
-    residual.by.middleCols<2>(2 + 2 * k) =
-        term.principal_point_sigmas[k] * kruppa.by_principal_points.middleCols<2>(2 * k);
-    for (int axis = 0; axis < 2; ++axis) {
-      residual.variables[2 + 2 * k + axis] = camera < 0 ? -1 : PrincipalPointAt(camera) + axis;
-    }
-  }
+  Residual residual{kruppa.value, kruppa.by_principal_points};
+  residual.by.leftCols<2>() *= term.principal_point_sigmas[0];
+  residual.by.rightCols<2>() *= term.principal_point_sigmas[1];
   return residual;
 }
 
@@ -89,24 +82,19 @@ Eigen::Matrix2d FocalProblem::Covariance(const FocalTerm& term, const Residual& 
   Eigen::Matrix2d covariance =
       KruppaCovariance(term.fit, LogFocals(term, x), PrincipalPoints(term, x));
   covariance.diagonal().array() += kModelSigma * kModelSigma;
-  for (int k = 2; k < 6; ++k) {
-    if (residual.variables[k] >= 0) continue;
-    covariance += residual.by.col(k) * residual.by.col(k).transpose();
-  }
+  const auto add = [&](const Eigen::Matrix2d& by) { covariance += by * by.transpose(); };
+  if (term.camera1 < 0) add(residual.by.leftCols<2>());
+  if (term.camera2 < 0) add(residual.by.rightCols<2>());
   return covariance;
 }
 
-std::vector<Eigen::Matrix2d> FocalProblem::AllInformation(const State& x) const {
-  std::vector<Eigen::Matrix2d> information;
-  for (const FocalTerm& term : terms_) {
-    information.push_back(Covariance(term, Evaluate(term, x), x).inverse());
-  }
-  return information;
+Eigen::Vector2d FocalProblem::Whitened(const FocalTerm& term, const State& x) const {
+  const Residual residual = Evaluate(term, x);
+  return Covariance(term, residual, x).llt().matrixL().solve(residual.value);
 }
 
 double FocalProblem::SquaredError(const FocalTerm& term, const State& x) const {
-  const Residual residual = Evaluate(term, x);
-  return Squared(residual.value, Covariance(term, residual, x).inverse());
+  return Whitened(term, x).squaredNorm();
 }
 
 double FocalProblem::PriorLoss(const State& x, int camera) const {
@@ -135,8 +123,8 @@ double FocalProblem::FitPrincipalPoint(int camera, State& x) const {
     const Residual residual = Evaluate(terms_[t], x);
     const Eigen::Matrix2d covariance = Covariance(terms_[t], residual, x);
     Eigen::Matrix2d by = Eigen::Matrix2d::Zero();
-    if (terms_[t].camera1 == camera) by += residual.by.middleCols<2>(2);
-    if (terms_[t].camera2 == camera) by += residual.by.middleCols<2>(4);
+    if (terms_[t].camera1 == camera) by += residual.by.leftCols<2>();
+    if (terms_[t].camera2 == camera) by += residual.by.rightCols<2>();
     terms.push_back(
         {residual.value, by, covariance.inverse(), (covariance + by * by.transpose()).inverse()});
   }
@@ -190,23 +178,47 @@ void FocalProblem::Search(int num_threads, State& x) const {
   x = std::move(tried[0]);
 }
 
-SparseNormals FocalProblem::Linearize(const State& x,
-                                      const std::vector<Eigen::Matrix2d>& information) const {
+std::vector<int> FocalProblem::VariablesOf(const FocalTerm& term) const {
+  std::vector<int> variables;
+  for (const int camera : {term.camera1, term.camera2}) {
+    if (camera < 0 || (!variables.empty() && variables.front() == camera)) continue;
+    const int point = PrincipalPointAt(camera);
+    variables.insert(variables.end(), {camera, point, point + 1});
+  }
+  return variables;
+}
+
+Eigen::Matrix2Xd FocalProblem::WhitenedBy(const FocalTerm& term, std::span<const int> variables,
+                                          State& x) const {
+  constexpr double kStep = 1e-5;
+  Eigen::Matrix2Xd by(2, std::ssize(variables));
+  for (Eigen::Index k = 0; k < by.cols(); ++k) {
+    double& variable = x[variables[k]];
+    const double before = std::exchange(variable, variable + kStep);
+    by.col(k) = Whitened(term, x);
+    variable = before - kStep;
+    by.col(k) = (by.col(k) - Whitened(term, x)) / (2 * kStep);
+    variable = before;
+  }
+  return by;
+}
+
+SparseNormals FocalProblem::Linearize(State x) const {
   std::vector<Eigen::Triplet<double>> entries;
   SparseNormals model;
   model.gradient.setZero(x.size());
-  for (size_t i = 0; i < terms_.size(); ++i) {
-    const Residual residual = Evaluate(terms_[i], x);
-    const double squared = Squared(residual.value, information[i]);
+  for (const FocalTerm& term : terms_) {
+    const std::vector<int> variables = VariablesOf(term);
+    const Eigen::Vector2d value = Whitened(term, x);
+    const double squared = value.squaredNorm();
     model.cost += Loss(squared);
-    const Eigen::Matrix<double, 2, 6> weighted = LossWeight(squared) * information[i] * residual.by;
-    for (int a = 0; a < 6; ++a) {
-      if (residual.variables[a] < 0) continue;
-      model.gradient[residual.variables[a]] += weighted.col(a).dot(residual.value);
-      for (int b = 0; b < 6; ++b) {
-        if (residual.variables[b] < 0) continue;
-        entries.emplace_back(residual.variables[a], residual.variables[b],
-                             weighted.col(a).dot(residual.by.col(b)));
+    const Eigen::Matrix2Xd by = WhitenedBy(term, variables, x);
+    const Eigen::MatrixXd hessian = LossWeight(squared) * by.transpose() * by;
+    const Eigen::VectorXd gradient = LossWeight(squared) * by.transpose() * value;
+    for (Eigen::Index a = 0; a < by.cols(); ++a) {
+      model.gradient[variables[a]] += gradient[a];
+      for (Eigen::Index b = 0; b < by.cols(); ++b) {
+        entries.emplace_back(variables[a], variables[b], hessian(a, b));
       }
     }
   }
@@ -229,20 +241,15 @@ SparseNormals FocalProblem::Linearize(const State& x,
 void FocalProblem::Refine(State& x) const {
   struct Problem {
     using State = Eigen::VectorXd;
-    SparseNormals Linearize(const State& at) const { return all.Linearize(at, information); }
+    SparseNormals Linearize(const State& at) const { return all.Linearize(at); }
     State Moved(const State& from, const Eigen::VectorXd& step) const { return from + step; }
     bool Solve(const SparseNormals& model, double damping, Eigen::VectorXd* step) const {
       return model.DampedStep(damping, kMaxStep, step);
     }
     const FocalProblem& all;
-    std::vector<Eigen::Matrix2d> information;
   };
-  for (int round = 0; round < kMaxRounds; ++round) {
-    Problem problem{*this, AllInformation(x)};
-    const State before = x;
-    Minimize(problem, {kMaxIterations, kMinRelativeGain}, &x);
-    if ((x - before).cwiseAbs().maxCoeff() < 1e-4) break;
-  }
+  Problem problem{*this};
+  Minimize(problem, {kMaxIterations, kMinRelativeGain}, &x);
 }
 
 double FocalProblem::ProfileSigma(int camera, const State& best, double excess) const {
@@ -295,7 +302,7 @@ FocalSolution FocalProblem::Solve(int num_threads) const {
       ++solution.num_agreeing_of[term.camera2];
     }
   }
-  const SparseNormals model = Linearize(best, AllInformation(best));
+  const SparseNormals model = Linearize(best);
   // Where most pairs contradict what their matches promise, the promise is worth less.
   const double excess = std::max(1.0, UpperMedian(squared_errors) / kChiSquareMedian);
   solution.log_focals.assign(best.data(), best.data() + n);

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
+#include <span>
 #include <vector>
 
 #include "intrinsics/kruppa.h"
@@ -41,11 +41,10 @@ class FocalProblem {
  private:
   // Of camera v: its log focal length at v, its principal point, in its sigmas, from n + 2 v on.
   using State = Eigen::VectorXd;
-  // A term's residual and its changes with the variables (-1: a constant).
+  // A term's residual, and its changes with the principal points, in their sigmas.
   struct Residual {
     Eigen::Vector2d value;
-    Eigen::Matrix<double, 2, 6> by;
-    std::array<int, 6> variables;
+    Eigen::Matrix<double, 2, 4> by;
   };
 
   int NumCameras() const { return static_cast<int>(prior_sigmas_.size()); }
@@ -55,8 +54,8 @@ class FocalProblem {
   Residual Evaluate(const FocalTerm& term, const State& x) const;
   // Sigma.
   Eigen::Matrix2d Covariance(const FocalTerm& term, const Residual& residual, const State& x) const;
-  // Its inverses.
-  std::vector<Eigen::Matrix2d> AllInformation(const State& x) const;
+  // The residual in its standard deviations.
+  Eigen::Vector2d Whitened(const FocalTerm& term, const State& x) const;
   // Squared residual of one term, with the Sigma of its own intrinsics.
   double SquaredError(const FocalTerm& term, const State& x) const;
   double PriorLoss(const State& x, int camera) const;
@@ -67,15 +66,20 @@ class FocalProblem {
   double FitPrincipalPoint(int camera, State& x) const;
   // Every camera in turn goes to its best focal length of a grid.
   void Search(int num_threads, State& x) const;
-  // Levenberg-Marquardt with Sigma updated between its rounds.
+  // Levenberg-Marquardt.
   void Refine(State& x) const;
   // Of the camera's log focal length, by how far off one may be, with the principal point that
   // suits it and the other cameras as they are, before it costs three standard deviations more than
   // the best (profile likelihood: Venzon and Moolgavkar 1988). The curvature at the best does not
   // see that a long lens costs hardly more elsewhere. `excess`: of squared errors.
   double ProfileSigma(int camera, const State& best, double excess) const;
-  // Gauss-Newton normal equations with given inverse covariances of the terms.
-  SparseNormals Linearize(const State& x, const std::vector<Eigen::Matrix2d>& information) const;
+  std::vector<int> VariablesOf(const FocalTerm& term) const;
+  // The change of Whitened with these variables, by differences; x is the same afterwards.
+  Eigen::Matrix2Xd WhitenedBy(const FocalTerm& term, std::span<const int> variables,
+                              State& x) const;
+  // Gauss-Newton normal equations. Sigma changes with the intrinsics: one that is held makes focal
+  // lengths too short, since the noise of F is in the residual and in its slope.
+  SparseNormals Linearize(State x) const;
 
   std::vector<FocalTerm> terms_;
   std::vector<double> prior_sigmas_;

@@ -14,11 +14,9 @@ using Basis = Eigen::Matrix<double, 3, 2>;
 // center center^T.
 struct Side {
   Side(const Eigen::Matrix3d& rotation, double log_focal, const Eigen::Vector2d& principal_point)
-      : basis(rotation.leftCols<2>()),
-        focal_squares(std::exp(2 * log_focal) * Eigen::Vector3d(1, 1, 0)),
-        center(principal_point.homogeneous()) {
+      : basis(rotation.leftCols<2>()), center(principal_point.homogeneous()) {
     omega = center * center.transpose();
-    omega.diagonal() += focal_squares;
+    omega.diagonal().head<2>().array() += std::exp(2 * log_focal);
     const Eigen::Matrix2d C = basis.transpose() * omega * basis;
     L(0, 0) = std::sqrt(C(0, 0));
     L(1, 0) = C(1, 0) / L(0, 0);
@@ -33,9 +31,6 @@ struct Side {
     change(0, 1) = 0;
     return L * change;
   }
-  Eigen::Matrix2d ByLogFocal() const {
-    return FactorChange(basis.transpose() * (2 * focal_squares).asDiagonal() * basis);
-  }
   Eigen::Matrix2d ByRotation(const Eigen::Matrix3d& rotation, int axis) const {
     const Basis moved = (rotation * CrossMatrix(Eigen::Vector3d::Unit(axis))).leftCols<2>();
     const Eigen::Matrix2d half = moved.transpose() * omega * basis;
@@ -47,7 +42,6 @@ struct Side {
   }
 
   Basis basis;
-  Eigen::Vector3d focal_squares;
   Eigen::Vector3d center;
   Eigen::Matrix3d omega;  // K K^T
   Eigen::Matrix2d L;
@@ -80,8 +74,6 @@ KruppaResidual EvaluateKruppa(const FundamentalFit& fit, const Eigen::Vector2d& 
   };
   KruppaResidual residual;
   residual.value = split.Value();
-  residual.by_log_focals.col(0) = by_side1(side1.ByLogFocal());
-  residual.by_log_focals.col(1) = by_side2(side2.ByLogFocal());
   for (int k = 0; k < 2; ++k) {
     residual.by_principal_points.col(k) = by_side1(side1.ByPrincipalPoint(k));
     residual.by_principal_points.col(2 + k) = by_side2(side2.ByPrincipalPoint(k));

@@ -15,7 +15,6 @@ namespace cairn::internal {
 // Kruppa's.
 struct KruppaResidual {
   Eigen::Vector2d value;
-  Eigen::Matrix2d by_log_focals;                    // d value / d (log a1, log a2)
   Eigen::Matrix<double, 2, 4> by_principal_points;  // d value / d (x1, y1, x2, y2)
 };
 KruppaResidual EvaluateKruppa(const FundamentalFit& fit, const Eigen::Vector2d& log_focals,

@@ -272,6 +272,7 @@ struct ArcResult {
   double worst = 0;
   double smallest_sigma = std::numeric_limits<double>::infinity();
   double largest_sigma = 0;
+  double mean_error = 0;  // of the logarithm
 };
 ArcResult CalibrateArcs(double focal_px) {
   ArcResult result;
@@ -291,8 +292,9 @@ ArcResult CalibrateArcs(double focal_px) {
       rig.poses[i] = Rigid3d(Eigen::Quaterniond(R), Eigen::Vector3d(-R * center));
     }
     const CalibratedFocal focal = Calibrate(rig.Guesses(1200), rig.AllPairs()).cameras.at(1);
-    result.worst =
-        std::max(result.worst, std::abs(std::log(focal.focal_px / focal_px)) / focal.sigma);
+    const double error = std::log(focal.focal_px / focal_px);
+    result.mean_error += error / 10;
+    result.worst = std::max(result.worst, std::abs(error) / focal.sigma);
     result.smallest_sigma = std::min(result.smallest_sigma, focal.sigma);
     result.largest_sigma = std::max(result.largest_sigma, focal.sigma);
   }
@@ -308,6 +310,12 @@ TEST(FocalCalibration, StandardDeviationsAreThoseOfTheErrors) {
   const ArcResult tele = CalibrateArcs(3000);
   EXPECT_LT(tele.worst, 3);
   EXPECT_LT(tele.largest_sigma, 0.2);
+}
+
+// With weights that do not follow the focal length, noise makes it short: by 3 and 17 %.
+TEST(FocalCalibration, LongLensesAreHardlyTooShort) {
+  EXPECT_GT(CalibrateArcs(1800).mean_error, -0.02);
+  EXPECT_GT(CalibrateArcs(3000).mean_error, -0.1);
 }
 
 TEST(FocalCalibration, PairsThatContradictEachOtherAreRefused) {
@@ -413,13 +421,6 @@ TEST(Kruppa, JacobianAndCovarianceMatchDifferences) {
   const double h = 1e-6;
   const Eigen::Vector4d points(0.02, -0.01, 0.03, 0.015);
   const auto residual = internal::EvaluateKruppa(fit, at, points);
-  for (int k = 0; k < 2; ++k) {
-    const Eigen::Vector2d step = h * Eigen::Vector2d::Unit(k);
-    const Eigen::Vector2d difference = (internal::EvaluateKruppa(fit, at + step, points).value -
-                                        internal::EvaluateKruppa(fit, at - step, points).value) /
-                                       (2 * h);
-    EXPECT_LT((residual.by_log_focals.col(k) - difference).norm(), 1e-7);
-  }
   for (int k = 0; k < 4; ++k) {
     const Eigen::Vector4d step = h * Eigen::Vector4d::Unit(k);
     const Eigen::Vector2d difference = (internal::EvaluateKruppa(fit, at, points + step).value -
