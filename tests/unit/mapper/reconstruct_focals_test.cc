@@ -397,7 +397,7 @@ Database MakeDatabaseWithExif(SyntheticScene scene, double factor) {
 // The stored poses close loops better than those of noisy matches, and yet EXIF is wrong.
 TEST(Reconstruct, LoopsAloneDoNotDecideBetweenPairsAndExif) {
   SceneOptions options = SmallScene();
-  options.image_noise_px = 2.0;
+  options.image_noise_px = 1.2;
   options.pair_metrics = true;  // verified by us, so that the stored poses count
   const SyntheticScene scene = MakeScene(options, 3);
   ReconstructSettings settings;
