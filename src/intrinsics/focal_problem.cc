@@ -39,6 +39,62 @@ double Squared(const Eigen::Vector2d& r, const Eigen::Matrix2d& information) {
   return r.dot(information * r);
 }
 
+KruppaEquations EquationsAt(const FocalTerm& term, const Eigen::Matrix<double, 6, 1>& x) {
+  Eigen::Vector4d points;
+  points << term.principal_point_sigmas[0] * x.segment<2>(1),
+      term.principal_point_sigmas[1] * x.segment<2>(4);
+  return {term.fit, {x[0], x[3]}, points};
+}
+
+// Changes of the residual with the principal points, in their sigmas.
+Eigen::Matrix<double, 2, 4> ByPrincipalPoints(const FocalTerm& term,
+                                              const KruppaEquations& equations) {
+  Eigen::Matrix<double, 2, 4> by = equations.ByPrincipalPoints();
+  by.leftCols<2>() *= term.principal_point_sigmas[0];
+  by.rightCols<2>() *= term.principal_point_sigmas[1];
+  return by;
+}
+
+// Sigma: principal points of trusted cameras are unknown in it.
+Eigen::Matrix2d Covariance(const FocalTerm& term, const KruppaEquations& equations) {
+  Eigen::Matrix2d covariance = equations.Covariance();
+  covariance.diagonal().array() += kModelSigma * kModelSigma;
+  if (term.camera1 >= 0 && term.camera2 >= 0) return covariance;
+  const Eigen::Matrix<double, 2, 4> by = ByPrincipalPoints(term, equations);
+  const auto add = [&](const Eigen::Matrix2d& by_one) {
+    covariance += by_one * by_one.transpose();
+  };
+  if (term.camera1 < 0) add(by.leftCols<2>());
+  if (term.camera2 < 0) add(by.rightCols<2>());
+  return covariance;
+}
+
+Eigen::Vector2d WhitenedAt(const FocalTerm& term, const Eigen::Matrix<double, 6, 1>& x) {
+  const KruppaEquations equations = EquationsAt(term, x);
+  return Covariance(term, equations).llt().matrixL().solve(equations.Residual());
+}
+
+struct LinearResidual {
+  Eigen::Vector2d value;
+  Eigen::Matrix<double, 2, 6> by;
+};
+
+// WhitenedAt, and its changes with the term's share of the state, by differences. One camera's, of
+// a term with itself, are in the first columns.
+LinearResidual LinearizeAt(const FocalTerm& term, const Eigen::Matrix<double, 6, 1>& x) {
+  constexpr double kStep = 1e-6;
+  LinearResidual linear = {WhitenedAt(term, x), Eigen::Matrix<double, 2, 6>::Zero()};
+  const bool is_one_camera = term.camera1 == term.camera2;
+  for (int k = 0; k < (is_one_camera ? 3 : 6); ++k) {
+    if ((k < 3 ? term.camera1 : term.camera2) < 0) continue;
+    Eigen::Matrix<double, 6, 1> moved = x;
+    moved[k] += kStep;
+    if (is_one_camera) moved[k + 3] += kStep;
+    linear.by.col(k) = (WhitenedAt(term, moved) - linear.value) / kStep;
+  }
+  return linear;
+}
+
 }  // namespace
 
 FocalProblem::FocalProblem(std::vector<FocalTerm> terms, std::vector<double> prior_sigmas)
@@ -52,49 +108,27 @@ FocalProblem::FocalProblem(std::vector<FocalTerm> terms, std::vector<double> pri
   }
 }
 
-Eigen::Vector2d FocalProblem::LogFocals(const FocalTerm& term, const State& x) const {
-  const auto log_focal = [&](int camera) { return camera < 0 ? 0.0 : x[camera]; };
-  return {log_focal(term.camera1), log_focal(term.camera2)};
-}
-
-Eigen::Vector4d FocalProblem::PrincipalPoints(const FocalTerm& term, const State& x) const {
-  Eigen::Vector4d points = Eigen::Vector4d::Zero();
+std::array<int, FocalProblem::kNumLocal> FocalProblem::VariablesOf(const FocalTerm& term) const {
+  std::array<int, kNumLocal> variables;
+  variables.fill(-1);
   const int cameras[] = {term.camera1, term.camera2};
   for (int k = 0; k < 2; ++k) {
     if (cameras[k] < 0) continue;
-    points.segment<2>(2 * k) =
-        term.principal_point_sigmas[k] * x.segment<2>(PrincipalPointAt(cameras[k]));
+    const int point = PrincipalPointAt(cameras[k]);
+    std::ranges::copy(std::array{cameras[k], point, point + 1}, variables.begin() + 3 * k);
   }
-  return points;
+  return variables;
 }
 
-FocalProblem::Residual FocalProblem::Evaluate(const FocalTerm& term, const State& x) const {
-  const KruppaResidual kruppa =
-      EvaluateKruppa(term.fit, LogFocals(term, x), PrincipalPoints(term, x));
-  Residual residual{kruppa.value, kruppa.by_principal_points};
-  residual.by.leftCols<2>() *= term.principal_point_sigmas[0];
-  residual.by.rightCols<2>() *= term.principal_point_sigmas[1];
-  return residual;
-}
-
-Eigen::Matrix2d FocalProblem::Covariance(const FocalTerm& term, const Residual& residual,
-                                         const State& x) const {
-  Eigen::Matrix2d covariance =
-      KruppaCovariance(term.fit, LogFocals(term, x), PrincipalPoints(term, x));
-  covariance.diagonal().array() += kModelSigma * kModelSigma;
-  const auto add = [&](const Eigen::Matrix2d& by) { covariance += by * by.transpose(); };
-  if (term.camera1 < 0) add(residual.by.leftCols<2>());
-  if (term.camera2 < 0) add(residual.by.rightCols<2>());
-  return covariance;
+FocalProblem::Local FocalProblem::LocalOf(const FocalTerm& term, const State& x) const {
+  const std::array<int, kNumLocal> variables = VariablesOf(term);
+  Local local;
+  for (int k = 0; k < kNumLocal; ++k) local[k] = variables[k] < 0 ? 0.0 : x[variables[k]];
+  return local;
 }
 
 Eigen::Vector2d FocalProblem::Whitened(const FocalTerm& term, const State& x) const {
-  const Residual residual = Evaluate(term, x);
-  return Covariance(term, residual, x).llt().matrixL().solve(residual.value);
-}
-
-double FocalProblem::SquaredError(const FocalTerm& term, const State& x) const {
-  return Whitened(term, x).squaredNorm();
+  return WhitenedAt(term, LocalOf(term, x));
 }
 
 double FocalProblem::PriorLoss(const State& x, int camera) const {
@@ -104,7 +138,7 @@ double FocalProblem::PriorLoss(const State& x, int camera) const {
 
 double FocalProblem::Cost(const State& x) const {
   double cost = 0;
-  for (const FocalTerm& term : terms_) cost += Loss(SquaredError(term, x));
+  for (const FocalTerm& term : terms_) cost += Loss(Whitened(term, x).squaredNorm());
   for (int v = 0; v < NumCameras(); ++v) cost += PriorLoss(x, v);
   return cost;
 }
@@ -120,13 +154,14 @@ double FocalProblem::FitPrincipalPoint(int camera, State& x) const {
   };
   std::vector<Linear> terms;
   for (const int t : terms_of_[camera]) {
-    const Residual residual = Evaluate(terms_[t], x);
-    const Eigen::Matrix2d covariance = Covariance(terms_[t], residual, x);
+    const KruppaEquations equations = EquationsAt(terms_[t], LocalOf(terms_[t], x));
+    const Eigen::Matrix2d covariance = Covariance(terms_[t], equations);
+    const Eigen::Matrix<double, 2, 4> by_points = ByPrincipalPoints(terms_[t], equations);
     Eigen::Matrix2d by = Eigen::Matrix2d::Zero();
-    if (terms_[t].camera1 == camera) by += residual.by.leftCols<2>();
-    if (terms_[t].camera2 == camera) by += residual.by.rightCols<2>();
-    terms.push_back(
-        {residual.value, by, covariance.inverse(), (covariance + by * by.transpose()).inverse()});
+    if (terms_[t].camera1 == camera) by += by_points.leftCols<2>();
+    if (terms_[t].camera2 == camera) by += by_points.rightCols<2>();
+    terms.push_back({equations.Residual(), by, covariance.inverse(),
+                     (covariance + by * by.transpose()).inverse()});
   }
   for (int k = 0; k < kPointIterations; ++k) {
     Eigen::Matrix2d hessian = Eigen::Matrix2d::Identity();
@@ -178,47 +213,28 @@ void FocalProblem::Search(int num_threads, State& x) const {
   x = std::move(tried[0]);
 }
 
-std::vector<int> FocalProblem::VariablesOf(const FocalTerm& term) const {
-  std::vector<int> variables;
-  for (const int camera : {term.camera1, term.camera2}) {
-    if (camera < 0 || (!variables.empty() && variables.front() == camera)) continue;
-    const int point = PrincipalPointAt(camera);
-    variables.insert(variables.end(), {camera, point, point + 1});
-  }
-  return variables;
-}
-
-Eigen::Matrix2Xd FocalProblem::WhitenedBy(const FocalTerm& term, std::span<const int> variables,
-                                          State& x) const {
-  constexpr double kStep = 1e-5;
-  Eigen::Matrix2Xd by(2, std::ssize(variables));
-  for (Eigen::Index k = 0; k < by.cols(); ++k) {
-    double& variable = x[variables[k]];
-    const double before = std::exchange(variable, variable + kStep);
-    by.col(k) = Whitened(term, x);
-    variable = before - kStep;
-    by.col(k) = (by.col(k) - Whitened(term, x)) / (2 * kStep);
-    variable = before;
-  }
-  return by;
-}
-
-SparseNormals FocalProblem::Linearize(State x) const {
+SparseNormals FocalProblem::Linearize(int num_threads, const State& x) const {
+  std::vector<LinearResidual> linear(terms_.size());
+  constexpr int kGrain = 64;
+  ParallelFor(
+      num_threads, std::ssize(terms_),
+      [&](int64_t i) { linear[i] = LinearizeAt(terms_[i], LocalOf(terms_[i], x)); }, kGrain);
   std::vector<Eigen::Triplet<double>> entries;
   SparseNormals model;
   model.gradient.setZero(x.size());
-  for (const FocalTerm& term : terms_) {
-    const std::vector<int> variables = VariablesOf(term);
-    const Eigen::Vector2d value = Whitened(term, x);
+  for (size_t i = 0; i < terms_.size(); ++i) {
+    const auto& [value, by] = linear[i];
     const double squared = value.squaredNorm();
     model.cost += Loss(squared);
-    const Eigen::Matrix2Xd by = WhitenedBy(term, variables, x);
-    const Eigen::MatrixXd hessian = LossWeight(squared) * by.transpose() * by;
-    const Eigen::VectorXd gradient = LossWeight(squared) * by.transpose() * value;
-    for (Eigen::Index a = 0; a < by.cols(); ++a) {
+    const Eigen::Matrix<double, kNumLocal, kNumLocal> hessian =
+        LossWeight(squared) * by.transpose() * by;
+    const Local gradient = LossWeight(squared) * by.transpose() * value;
+    const std::array<int, kNumLocal> variables = VariablesOf(terms_[i]);
+    for (int a = 0; a < kNumLocal; ++a) {
+      if (variables[a] < 0) continue;
       model.gradient[variables[a]] += gradient[a];
-      for (Eigen::Index b = 0; b < by.cols(); ++b) {
-        entries.emplace_back(variables[a], variables[b], hessian(a, b));
+      for (int b = 0; b < kNumLocal; ++b) {
+        if (variables[b] >= 0) entries.emplace_back(variables[a], variables[b], hessian(a, b));
       }
     }
   }
@@ -238,17 +254,18 @@ SparseNormals FocalProblem::Linearize(State x) const {
   return model;
 }
 
-void FocalProblem::Refine(State& x) const {
+void FocalProblem::Refine(int num_threads, State& x) const {
   struct Problem {
     using State = Eigen::VectorXd;
-    SparseNormals Linearize(const State& at) const { return all.Linearize(at); }
+    SparseNormals Linearize(const State& at) const { return all.Linearize(num_threads, at); }
     State Moved(const State& from, const Eigen::VectorXd& step) const { return from + step; }
     bool Solve(const SparseNormals& model, double damping, Eigen::VectorXd* step) const {
       return model.DampedStep(damping, kMaxStep, step);
     }
     const FocalProblem& all;
+    int num_threads;
   };
-  Problem problem{*this};
+  Problem problem{*this, num_threads};
   Minimize(problem, {kMaxIterations, kMinRelativeGain}, &x);
 }
 
@@ -287,14 +304,14 @@ FocalSolution FocalProblem::Solve(int num_threads) const {
     found[k] = State::Zero(3 * n);
     found[k].head(n).setConstant(kStarts[k]);
     Search(num_threads, found[k]);
-    Refine(found[k]);
+    Refine(num_threads, found[k]);
     costs[k] = Cost(found[k]);
   };
   ParallelFor(num_threads, std::ssize(kStarts), solve, 1);
   const State& best = found[std::ranges::min_element(costs) - costs.begin()];
   std::vector<double> squared_errors;
   for (const FocalTerm& term : terms_) {
-    squared_errors.push_back(SquaredError(term, best));
+    squared_errors.push_back(Whitened(term, best).squaredNorm());
     if (squared_errors.back() > kMaxSquaredError) continue;
     ++solution.num_agreeing;
     if (term.camera1 >= 0) ++solution.num_agreeing_of[term.camera1];
@@ -302,7 +319,7 @@ FocalSolution FocalProblem::Solve(int num_threads) const {
       ++solution.num_agreeing_of[term.camera2];
     }
   }
-  const SparseNormals model = Linearize(best);
+  const SparseNormals model = Linearize(num_threads, best);
   // Where most pairs contradict what their matches promise, the promise is worth less.
   const double excess = std::max(1.0, UpperMedian(squared_errors) / kChiSquareMedian);
   solution.log_focals.assign(best.data(), best.data() + n);

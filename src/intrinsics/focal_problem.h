@@ -1,7 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <span>
+#include <array>
 #include <vector>
 
 #include "intrinsics/kruppa.h"
@@ -41,23 +41,17 @@ class FocalProblem {
  private:
   // Of camera v: its log focal length at v, its principal point, in its sigmas, from n + 2 v on.
   using State = Eigen::VectorXd;
-  // A term's residual, and its changes with the principal points, in their sigmas.
-  struct Residual {
-    Eigen::Vector2d value;
-    Eigen::Matrix<double, 2, 4> by;
-  };
+  // A term's share of it: log focal length and principal point of either camera.
+  static constexpr int kNumLocal = 6;
+  using Local = Eigen::Matrix<double, kNumLocal, 1>;
 
   int NumCameras() const { return static_cast<int>(prior_sigmas_.size()); }
   int PrincipalPointAt(int camera) const { return NumCameras() + 2 * camera; }
-  Eigen::Vector2d LogFocals(const FocalTerm& term, const State& x) const;
-  Eigen::Vector4d PrincipalPoints(const FocalTerm& term, const State& x) const;
-  Residual Evaluate(const FocalTerm& term, const State& x) const;
-  // Sigma.
-  Eigen::Matrix2d Covariance(const FocalTerm& term, const Residual& residual, const State& x) const;
-  // The residual in its standard deviations.
+  // Where the term's share is in the state; -1 of a trusted camera.
+  std::array<int, kNumLocal> VariablesOf(const FocalTerm& term) const;
+  Local LocalOf(const FocalTerm& term, const State& x) const;
+  // The residual in its standard deviations, with the Sigma of its own intrinsics.
   Eigen::Vector2d Whitened(const FocalTerm& term, const State& x) const;
-  // Squared residual of one term, with the Sigma of its own intrinsics.
-  double SquaredError(const FocalTerm& term, const State& x) const;
   double PriorLoss(const State& x, int camera) const;
   // Cost with each term's own Sigma: for comparing starts.
   double Cost(const State& x) const;
@@ -67,19 +61,15 @@ class FocalProblem {
   // Every camera in turn goes to its best focal length of a grid.
   void Search(int num_threads, State& x) const;
   // Levenberg-Marquardt.
-  void Refine(State& x) const;
+  void Refine(int num_threads, State& x) const;
   // Of the camera's log focal length, by how far off one may be, with the principal point that
   // suits it and the other cameras as they are, before it costs three standard deviations more than
   // the best (profile likelihood: Venzon and Moolgavkar 1988). The curvature at the best does not
   // see that a long lens costs hardly more elsewhere. `excess`: of squared errors.
   double ProfileSigma(int camera, const State& best, double excess) const;
-  std::vector<int> VariablesOf(const FocalTerm& term) const;
-  // The change of Whitened with these variables, by differences; x is the same afterwards.
-  Eigen::Matrix2Xd WhitenedBy(const FocalTerm& term, std::span<const int> variables,
-                              State& x) const;
   // Gauss-Newton normal equations. Sigma changes with the intrinsics: one that is held makes focal
   // lengths too short, since the noise of F is in the residual and in its slope.
-  SparseNormals Linearize(State x) const;
+  SparseNormals Linearize(int num_threads, const State& x) const;
 
   std::vector<FocalTerm> terms_;
   std::vector<double> prior_sigmas_;

@@ -404,13 +404,13 @@ internal::FundamentalFit FitOf(const FocalPair& pair, double nominal_px) {
 TEST(Kruppa, VanishesAtTheTruthAlone) {
   Rig rig({1000, 1400}, 4);
   const internal::FundamentalFit fit = FitOf(rig.MakePair(0, 1, 0), 1000);
-  EXPECT_LT(internal::EvaluateKruppa(fit, {0, std::log(1.4)}).value.norm(), 1e-6);
-  EXPECT_GT(internal::EvaluateKruppa(fit, {0.1, std::log(1.4)}).value.norm(), 1e-3);
-  EXPECT_GT(internal::EvaluateKruppa(fit, {0, 0}).value.norm(), 1e-3);
+  EXPECT_LT(internal::KruppaEquations(fit, {0, std::log(1.4)}).Residual().norm(), 1e-6);
+  EXPECT_GT(internal::KruppaEquations(fit, {0.1, std::log(1.4)}).Residual().norm(), 1e-3);
+  EXPECT_GT(internal::KruppaEquations(fit, {0, 0}).Residual().norm(), 1e-3);
   // The length is that of the singular values.
   const Eigen::Matrix3d E = Eigen::Vector3d(1.2, 1.2, 1).asDiagonal() * fit.F();
   const Eigen::Vector3d s = SingularValues(E).s;
-  EXPECT_NEAR(internal::EvaluateKruppa(fit, {0, std::log(1.2)}).value.norm(),
+  EXPECT_NEAR(internal::KruppaEquations(fit, {0, std::log(1.2)}).Residual().norm(),
               (s[0] - s[1]) / (s[0] + s[1]), 1e-9);
 }
 
@@ -420,13 +420,14 @@ TEST(Kruppa, JacobianAndCovarianceMatchDifferences) {
   const Eigen::Vector2d at(0.15, -0.1);
   const double h = 1e-6;
   const Eigen::Vector4d points(0.02, -0.01, 0.03, 0.015);
-  const auto residual = internal::EvaluateKruppa(fit, at, points);
+  const internal::KruppaEquations equations(fit, at, points);
   for (int k = 0; k < 4; ++k) {
     const Eigen::Vector4d step = h * Eigen::Vector4d::Unit(k);
-    const Eigen::Vector2d difference = (internal::EvaluateKruppa(fit, at, points + step).value -
-                                        internal::EvaluateKruppa(fit, at, points - step).value) /
-                                       (2 * h);
-    EXPECT_LT((residual.by_principal_points.col(k) - difference).norm(), 1e-7);
+    const Eigen::Vector2d difference =
+        (internal::KruppaEquations(fit, at, points + step).Residual() -
+         internal::KruppaEquations(fit, at, points - step).Residual()) /
+        (2 * h);
+    EXPECT_LT((equations.ByPrincipalPoints().col(k) - difference).norm(), 1e-7);
   }
   // Along the directions of the fit.
   Eigen::Matrix<double, 2, 7> by_fit;
@@ -438,12 +439,12 @@ TEST(Kruppa, JacobianAndCovarianceMatchDifferences) {
       if (k < 2) moved.U = fit.U * ExpSO3(turn).toRotationMatrix();
       if (k == 2 || k == 3) moved.V = fit.V * ExpSO3(turn).toRotationMatrix();
       if (k >= 4) moved.B += sign * h * fit.Direction(k - 4);
-      values[sign > 0] = internal::EvaluateKruppa(moved, at, points).value;
+      values[sign > 0] = internal::KruppaEquations(moved, at, points).Residual();
     }
     by_fit.col(k) = (values[1] - values[0]) / (2 * h);
   }
   const Eigen::Matrix2d expected = by_fit * fit.covariance * by_fit.transpose();
-  const Eigen::Matrix2d covariance = internal::KruppaCovariance(fit, at, points);
+  const Eigen::Matrix2d covariance = equations.Covariance();
   EXPECT_LT((covariance - expected).norm(), 1e-4 * expected.norm());
 }
 
@@ -460,9 +461,10 @@ TEST(FundamentalFit, FindsTheMatrixAndKnowsHowSureItIs) {
     EXPECT_NEAR(fit.sigma_px, 0.5, 0.2);
     const double sign = fit.F().cwiseProduct(exact).sum() > 0 ? 1 : -1;
     num_within += (sign * fit.F() - exact).norm() < 0.05;
-    const Eigen::Vector2d r = internal::EvaluateKruppa(fit, {0, 0}).value;
+    const internal::KruppaEquations equations(fit, {0, 0});
+    const Eigen::Vector2d r = equations.Residual();
     spread += r * r.transpose() / 60;
-    predicted += internal::KruppaCovariance(fit, {0, 0}) / 60;
+    predicted += equations.Covariance() / 60;
   }
   EXPECT_EQ(num_within, 60);
   // Noise and jackknife together: twice the variance that there is.
